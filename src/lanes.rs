@@ -1,0 +1,240 @@
+//! SIMD lanes as [`Real`] numbers, and their choice at run time.
+//!
+//! The width is that of the machine the program runs on (AVX-512, AVX2 with FMA, NEON, or one lane), found by
+//! [`pulp`]. A lane's result does not depend on the width: all of them fuse `mul_add`.
+
+use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
+
+use pulp::{Simd, WithSimd};
+
+use crate::real::{Real, Scalar};
+
+/// The capability token of an instruction set.
+///
+/// Lane types have no room for it in a static function such as `splat`, so it is made out of nothing.
+#[inline(always)]
+fn token<S: Simd>() -> S {
+    const { assert!(size_of::<S>() == 0) };
+    // SAFETY: `S` has no size, so no bytes are invented. Its meaning, that the processor has the instructions, holds
+    // because lane types are private to the crate and named only inside `LaneTask::run`, which `dispatch` reaches
+    // after it has asked the processor.
+    unsafe { std::mem::MaybeUninit::<S>::uninit().assume_init() }
+}
+
+macro_rules! lane_type {
+    ($lanes:ident, $scalar:ident, $vector:ident, $mask_name:ident, $mask:ident,
+     $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $neg:ident, $mul_add:ident,
+     $sqrt:ident, $abs:ident, $min:ident, $max:ident, $less_than:ident, $select:ident,
+     $and:ident, $or:ident, $not:ident) => {
+        #[derive(Clone, Copy, Debug)]
+        pub(crate) struct $lanes<S: Simd>(S::$vector);
+
+        #[derive(Clone, Copy, Debug)]
+        pub(crate) struct $mask_name<S: Simd>(S::$mask);
+
+        impl<S: Simd> BitAnd for $mask_name<S> {
+            type Output = Self;
+            #[inline(always)]
+            fn bitand(self, other: Self) -> Self {
+                Self(token::<S>().$and(self.0, other.0))
+            }
+        }
+        impl<S: Simd> BitOr for $mask_name<S> {
+            type Output = Self;
+            #[inline(always)]
+            fn bitor(self, other: Self) -> Self {
+                Self(token::<S>().$or(self.0, other.0))
+            }
+        }
+        impl<S: Simd> Not for $mask_name<S> {
+            type Output = Self;
+            #[inline(always)]
+            fn not(self) -> Self {
+                Self(token::<S>().$not(self.0))
+            }
+        }
+        impl<S: Simd> Add for $lanes<S> {
+            type Output = Self;
+            #[inline(always)]
+            fn add(self, other: Self) -> Self {
+                Self(token::<S>().$add(self.0, other.0))
+            }
+        }
+        impl<S: Simd> Sub for $lanes<S> {
+            type Output = Self;
+            #[inline(always)]
+            fn sub(self, other: Self) -> Self {
+                Self(token::<S>().$sub(self.0, other.0))
+            }
+        }
+        impl<S: Simd> Mul for $lanes<S> {
+            type Output = Self;
+            #[inline(always)]
+            fn mul(self, other: Self) -> Self {
+                Self(token::<S>().$mul(self.0, other.0))
+            }
+        }
+        impl<S: Simd> Div for $lanes<S> {
+            type Output = Self;
+            #[inline(always)]
+            fn div(self, other: Self) -> Self {
+                Self(token::<S>().$div(self.0, other.0))
+            }
+        }
+        impl<S: Simd> Neg for $lanes<S> {
+            type Output = Self;
+            #[inline(always)]
+            fn neg(self) -> Self {
+                Self(token::<S>().$neg(self.0))
+            }
+        }
+
+        impl<S: Simd> Real for $lanes<S> {
+            type Scalar = $scalar;
+            type Mask = $mask_name<S>;
+            const LANES: usize = size_of::<S::$vector>() / size_of::<$scalar>();
+
+            #[inline(always)]
+            fn splat(x: f64) -> Self {
+                Self(token::<S>().$splat(x as $scalar))
+            }
+            #[inline(always)]
+            fn load(column: &[$scalar]) -> Self {
+                Self(bytemuck::pod_read_unaligned(bytemuck::cast_slice(&column[..Self::LANES])))
+            }
+            #[inline(always)]
+            fn store(self, column: &mut [$scalar]) {
+                column[..Self::LANES].copy_from_slice(bytemuck::cast_slice(bytemuck::bytes_of(&self.0)));
+            }
+            #[inline(always)]
+            fn mul_add(self, factor: Self, addend: Self) -> Self {
+                Self(token::<S>().$mul_add(self.0, factor.0, addend.0))
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                Self(token::<S>().$sqrt(self.0))
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                Self(token::<S>().$abs(self.0))
+            }
+            #[inline(always)]
+            fn min(self, other: Self) -> Self {
+                Self(token::<S>().$min(self.0, other.0))
+            }
+            #[inline(always)]
+            fn max(self, other: Self) -> Self {
+                Self(token::<S>().$max(self.0, other.0))
+            }
+            #[inline(always)]
+            fn less_than(self, other: Self) -> Self::Mask {
+                $mask_name(token::<S>().$less_than(self.0, other.0))
+            }
+            #[inline(always)]
+            fn select(mask: Self::Mask, if_true: Self, if_false: Self) -> Self {
+                Self(token::<S>().$select(mask.0, if_true.0, if_false.0))
+            }
+        }
+    };
+}
+
+lane_type!(
+    F32Lanes,
+    f32,
+    f32s,
+    F32Mask,
+    m32s,
+    splat_f32s,
+    add_f32s,
+    sub_f32s,
+    mul_f32s,
+    div_f32s,
+    neg_f32s,
+    mul_add_f32s,
+    sqrt_f32s,
+    abs_f32s,
+    min_f32s,
+    max_f32s,
+    less_than_f32s,
+    select_f32s,
+    and_m32s,
+    or_m32s,
+    not_m32s
+);
+lane_type!(
+    F64Lanes,
+    f64,
+    f64s,
+    F64Mask,
+    m64s,
+    splat_f64s,
+    add_f64s,
+    sub_f64s,
+    mul_f64s,
+    div_f64s,
+    neg_f64s,
+    mul_add_f64s,
+    sqrt_f64s,
+    abs_f64s,
+    min_f64s,
+    max_f64s,
+    less_than_f64s,
+    select_f64s,
+    and_m64s,
+    or_m64s,
+    not_m64s
+);
+
+/// Work that is written once for any lane type of an element type.
+pub(crate) trait LaneTask<T: Scalar> {
+    /// What the work returns.
+    type Output;
+    /// Does the work. Must be `#[inline(always)]` and call nothing that is not, or the lanes degrade to calls.
+    fn run<R: Real<Scalar = T>>(self) -> Self::Output;
+}
+
+/// An element type that has lanes.
+pub(crate) trait LaneScalar: Scalar {
+    /// Runs `task` with the widest lanes that this processor has.
+    fn dispatch<K: LaneTask<Self>>(task: K) -> K::Output;
+    /// The width that [`LaneScalar::dispatch`] uses here.
+    fn lane_count() -> usize {
+        struct Count;
+        impl<T: Scalar> LaneTask<T> for Count {
+            type Output = usize;
+            #[inline(always)]
+            fn run<R: Real<Scalar = T>>(self) -> usize {
+                R::LANES
+            }
+        }
+        Self::dispatch(Count)
+    }
+}
+
+struct InF32Lanes<K>(K);
+impl<K: LaneTask<f32>> WithSimd for InF32Lanes<K> {
+    type Output = K::Output;
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> K::Output {
+        self.0.run::<F32Lanes<S>>()
+    }
+}
+impl LaneScalar for f32 {
+    fn dispatch<K: LaneTask<f32>>(task: K) -> K::Output {
+        pulp::Arch::new().dispatch(InF32Lanes(task))
+    }
+}
+
+struct InF64Lanes<K>(K);
+impl<K: LaneTask<f64>> WithSimd for InF64Lanes<K> {
+    type Output = K::Output;
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> K::Output {
+        self.0.run::<F64Lanes<S>>()
+    }
+}
+impl LaneScalar for f64 {
+    fn dispatch<K: LaneTask<f64>>(task: K) -> K::Output {
+        pulp::Arch::new().dispatch(InF64Lanes(task))
+    }
+}
