@@ -36,6 +36,58 @@ pub enum Error {
         /// Rows needed.
         expected: usize,
     },
+    /// More bodies than there is memory for.
+    #[error("{bodies} bodies: {purpose} needs {needed} bytes, {available} are free; take fewer bodies, or f32")]
+    TooManyBodies {
+        /// Number of bodies asked for.
+        bodies: usize,
+        /// What the memory is for.
+        purpose: &'static str,
+        /// Bytes needed.
+        needed: u64,
+        /// Bytes free.
+        available: u64,
+    },
+    /// The adapter has no arithmetic of the precision asked for.
+    #[error("{adapter} has no {precision}: take precision f32, or the CPU engine, which has both")]
+    PrecisionUnavailable {
+        /// Name of the adapter.
+        adapter: String,
+        /// The precision asked for.
+        precision: crate::batch::Precision,
+    },
+    /// No adapter fits what was asked for.
+    #[error("no GPU adapter {wanted}: {found} found; `polhode devices` lists them, the CPU engine needs none")]
+    NoAdapter {
+        /// What was asked for.
+        wanted: String,
+        /// How many adapters there are.
+        found: usize,
+    },
+    /// The device refused to be opened or was lost.
+    #[error("device {adapter}: {reason}")]
+    Device {
+        /// Name of the adapter.
+        adapter: String,
+        /// The driver's words.
+        reason: String,
+    },
+    /// An assembled shader is not valid; this is a bug of ours.
+    #[error("{file}:{line}: {message}")]
+    Shader {
+        /// The shader file under `shaders/`.
+        file: &'static str,
+        /// The line in that file, from 1.
+        line: usize,
+        /// The compiler's words.
+        message: String,
+    },
+    /// The caller asked to stop.
+    #[error("stopped after {steps} steps")]
+    Interrupted {
+        /// Steps done of the current interval.
+        steps: u64,
+    },
 }
 
 /// `Result` with this crate's [`Error`].

@@ -1,0 +1,370 @@
+//! Bodies as the kernels see them: principal axes, scaled, by column.
+//!
+//! # Scaling
+//!
+//! Moments from 1e-46 to 1e38 kg m² and spins from 1e-9 to 1e15 rad/s must work in `f32`. Each body is measured in
+//! its own units, both powers of two, so that no digit changes: 2^k kg m², the power of two below its middle moment,
+//! and 2^r rad/s, the power of two below its spin rate. Angular momentum is in units of 2^(k+r), and the step size
+//! becomes dt · 2^r, formed in the kernel from the column `rate`.
+//!
+//! # Layout
+//!
+//! Component c of body i is at `c * stride + i`. A number that is carried in two words has its residue `residue`
+//! columns further on; in `f64` there are no residue columns.
+
+use glam::{DQuat, DVec3};
+use rayon::prelude::*;
+
+use crate::ensemble::Ensemble;
+use crate::error::Result;
+use crate::inertia::principal_axes;
+use crate::memory;
+use crate::quaternion::Quaternion;
+use crate::real::{Real, Scalar};
+use crate::rigid_body::{Body, State};
+use crate::vector::{TwoWords, Vector};
+
+/// The arithmetic that a batch is integrated in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Precision {
+    /// 32-bit floating point, states and parameters carried in two words.
+    F32,
+    /// 64-bit floating point.
+    F64,
+}
+
+impl Precision {
+    /// Both, narrow first.
+    pub const ALL: [Precision; 2] = [Precision::F32, Precision::F64];
+
+    /// The name in study files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Precision::F32 => "f32",
+            Precision::F64 => "f64",
+        }
+    }
+}
+
+impl std::fmt::Display for Precision {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(self.name())
+    }
+}
+
+/// Columns of the state: orientation x, y, z, w, then angular momentum x, y, z.
+pub const STATE_COMPONENTS: usize = 7;
+/// Columns of the parameters: 1/I₁, 1/I₂, 1/I₃, then the reference rate; residues of 1/I follow in `f32`.
+pub const PARAMETER_COMPONENTS: usize = 4;
+
+/// Number of state columns of an element type.
+pub const fn state_columns<T: Scalar>() -> usize {
+    STATE_COMPONENTS * T::WORDS
+}
+
+/// Number of parameter columns of an element type.
+pub const fn parameter_columns<T: Scalar>() -> usize {
+    PARAMETER_COMPONENTS + 3 * (T::WORDS - 1)
+}
+
+/// Bodies a stride is rounded up to: a multiple of every lane count and of the workgroup size.
+pub const STRIDE_UNIT: usize = 64;
+
+/// The scaled bodies of an ensemble as columns of one element type, ready for an engine.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Batch<T> {
+    /// Number of bodies.
+    pub body_count: usize,
+    /// Distance between the starts of two columns; at least `body_count`. The rows between are bodies at rest.
+    pub stride: usize,
+    /// Parameters, shape `[parameter_columns, stride]`.
+    pub parameters: Vec<T>,
+    /// State, shape `[state_columns, stride]`.
+    pub state: Vec<T>,
+}
+
+/// A batch of either precision.
+#[derive(Clone, Debug, PartialEq)]
+pub enum AnyBatch {
+    /// In `f32`.
+    F32(Batch<f32>),
+    /// In `f64`.
+    F64(Batch<f64>),
+}
+
+impl AnyBatch {
+    /// Number of bodies.
+    pub fn body_count(&self) -> usize {
+        match self {
+            AnyBatch::F32(batch) => batch.body_count,
+            AnyBatch::F64(batch) => batch.body_count,
+        }
+    }
+
+    /// The precision.
+    pub fn precision(&self) -> Precision {
+        match self {
+            AnyBatch::F32(_) => Precision::F32,
+            AnyBatch::F64(_) => Precision::F64,
+        }
+    }
+}
+
+/// What leads from a scaled state back to the user's axes and units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BodyFrame {
+    /// Principal moments in units of 2^`moment_exponent` kg m², ascending.
+    pub scaled_moments: DVec3,
+    /// Rotates principal coordinates to body coordinates.
+    pub principal_to_body: DQuat,
+    /// k: moments are in units of 2^k kg m².
+    pub moment_exponent: i32,
+    /// r: rates are in units of 2^r rad/s.
+    pub rate_exponent: i32,
+}
+
+/// One body's state in the user's axes and units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BodyState {
+    /// Unit quaternion that rotates body coordinates to world.
+    pub orientation: DQuat,
+    /// Angular velocity in body axes, rad/s.
+    pub angular_velocity_body: DVec3,
+    /// Angular momentum in world axes, N m s.
+    pub angular_momentum_world: DVec3,
+    /// Rotational kinetic energy, J.
+    pub kinetic_energy: f64,
+    /// |q| − 1 of the orientation as it was integrated, before it was normalised for output.
+    pub norm_error: f64,
+}
+
+/// The raw state of some bodies as an engine holds it, exactly, in `f64`.
+///
+/// Columns as in [`Batch::state`], one row a body: x, y, z, w of the orientation (principal axes to world), then the
+/// angular momentum in principal axes, scaled.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StateWords {
+    /// First words.
+    pub value: Vec<[f64; STATE_COMPONENTS]>,
+    /// Second words; zero in `f64`.
+    pub residue: Vec<[f64; STATE_COMPONENTS]>,
+}
+
+impl StateWords {
+    /// Number of bodies.
+    pub fn len(&self) -> usize {
+        self.value.len()
+    }
+
+    /// Whether there are no bodies.
+    pub fn is_empty(&self) -> bool {
+        self.value.is_empty()
+    }
+
+    /// The state of one body, both words added.
+    pub fn combined(&self, body: usize) -> [f64; STATE_COMPONENTS] {
+        std::array::from_fn(|component| self.value[body][component] + self.residue[body][component])
+    }
+}
+
+/// x · 2^n, exactly as long as the result is a normal number.
+pub(crate) fn scaled_by_power_of_two(x: f64, n: i32) -> f64 {
+    let power = |n: i32| f64::from_bits(((1023 + n) as u64) << 52);
+    let half = (n / 2).clamp(-1000, 1000);
+    x * power(half) * power((n - half).clamp(-1000, 1000))
+}
+
+/// ⌊log₂ x⌋ for x > 0, 0 for x = 0.
+fn binary_exponent(x: f64) -> i32 {
+    if x == 0.0 {
+        return 0;
+    }
+    let exponent = |x: f64| ((x.to_bits() >> 52) & 0x7ff) as i32 - 1023;
+    if x >= f64::MIN_POSITIVE { exponent(x) } else { exponent(scaled_by_power_of_two(x, 200)) - 200 }
+}
+
+/// The frame of one body and its initial state in it.
+fn prepare_body(ensemble: &Ensemble, body: usize) -> (BodyFrame, [f64; STATE_COMPONENTS]) {
+    let axes = principal_axes(&ensemble.inertia()[body]);
+    let moment_exponent = binary_exponent(axes.moments.y);
+    let scaled_moments =
+        DVec3::from_array(axes.moments.to_array().map(|i| scaled_by_power_of_two(i, -moment_exponent)));
+    let omega_body = ensemble.angular_velocity_body()[body];
+    let rate_exponent = binary_exponent(omega_body.abs().max_element());
+    let omega_body = DVec3::from_array(omega_body.to_array().map(|w| scaled_by_power_of_two(w, -rate_exponent)));
+    let omega = axes.principal_to_body.conjugate() * omega_body;
+    let m = scaled_moments * omega;
+    let q = (ensemble.orientation()[body] * axes.principal_to_body).normalize();
+    let frame = BodyFrame { scaled_moments, principal_to_body: axes.principal_to_body, moment_exponent, rate_exponent };
+    (frame, [q.x, q.y, q.z, q.w, m.x, m.y, m.z])
+}
+
+impl BodyFrame {
+    /// The scaled parameters: 1/I₁, 1/I₂, 1/I₃ and 2^r.
+    fn parameters(&self) -> [f64; PARAMETER_COMPONENTS] {
+        let inverse = self.scaled_moments.recip();
+        [inverse.x, inverse.y, inverse.z, scaled_by_power_of_two(1.0, self.rate_exponent)]
+    }
+
+    /// The state in the user's axes and units from a scaled one (`[q x, y, z, w, m x, y, z]`, see [`StateWords`]).
+    pub fn body_state(&self, scaled: [f64; STATE_COMPONENTS]) -> BodyState {
+        let q = DQuat::from_xyzw(scaled[0], scaled[1], scaled[2], scaled[3]);
+        let m = DVec3::new(scaled[4], scaled[5], scaled[6]);
+        let norm = q.length();
+        let unit = q * (1.0 / norm);
+        let omega = m / self.scaled_moments;
+        let scale = |v: DVec3, n: i32| DVec3::from_array(v.to_array().map(|x| scaled_by_power_of_two(x, n)));
+        BodyState {
+            orientation: (unit * self.principal_to_body.conjugate()).normalize(),
+            angular_velocity_body: scale(self.principal_to_body * omega, self.rate_exponent),
+            angular_momentum_world: scale(unit * m, self.moment_exponent + self.rate_exponent),
+            kinetic_energy: scaled_by_power_of_two(0.5 * m.dot(omega), self.moment_exponent + 2 * self.rate_exponent),
+            norm_error: norm - 1.0,
+        }
+    }
+}
+
+/// Brings an ensemble into principal axes and scales it, in `f64`, and writes it as columns of `precision`.
+///
+/// # Errors
+///
+/// [`crate::Error::TooManyBodies`] where the memory does not suffice.
+pub fn prepare(ensemble: &Ensemble, precision: Precision) -> Result<(Vec<BodyFrame>, AnyBatch)> {
+    Ok(match precision {
+        Precision::F32 => {
+            let (frames, batch) = prepare_columns::<f32>(ensemble)?;
+            (frames, AnyBatch::F32(batch))
+        }
+        Precision::F64 => {
+            let (frames, batch) = prepare_columns::<f64>(ensemble)?;
+            (frames, AnyBatch::F64(batch))
+        }
+    })
+}
+
+/// Bytes that [`prepare`] takes for one body, frames included.
+pub fn bytes_per_body(precision: Precision) -> usize {
+    let columns = match precision {
+        Precision::F32 => (state_columns::<f32>() + parameter_columns::<f32>()) * size_of::<f32>(),
+        Precision::F64 => (state_columns::<f64>() + parameter_columns::<f64>()) * size_of::<f64>(),
+    };
+    columns + size_of::<BodyFrame>()
+}
+
+/// Bodies that one task prepares; small enough to balance, large enough to stream.
+const BLOCK: usize = 4096;
+
+fn prepare_columns<T: Scalar>(ensemble: &Ensemble) -> Result<(Vec<BodyFrame>, Batch<T>)> {
+    let body_count = ensemble.len();
+    let precision = if T::WORDS == 1 { Precision::F64 } else { Precision::F32 };
+    memory::require(body_count, body_count.saturating_mul(bytes_per_body(precision)), "the columns of the kernels")?;
+    let mut batch = Batch::<T>::at_rest(body_count);
+    let mut frames = Vec::with_capacity(body_count);
+    for start in (0..body_count).step_by(BLOCK) {
+        let end = (start + BLOCK).min(body_count);
+        let rows: Vec<_> = (start..end).into_par_iter().map(|body| prepare_body(ensemble, body)).collect();
+        for (offset, (frame, state)) in rows.into_iter().enumerate() {
+            batch.set_row(start + offset, &frame.parameters(), &state);
+            frames.push(frame);
+        }
+    }
+    Ok((frames, batch))
+}
+
+impl<T: Scalar> Batch<T> {
+    /// A batch of spherical bodies at rest.
+    pub fn at_rest(body_count: usize) -> Self {
+        let stride = body_count.next_multiple_of(STRIDE_UNIT);
+        let mut batch = Self {
+            body_count,
+            stride,
+            parameters: vec![T::default(); parameter_columns::<T>() * stride],
+            state: vec![T::default(); state_columns::<T>() * stride],
+        };
+        batch.parameters[..3 * stride].fill(T::from_f64(1.0));
+        batch.state[3 * stride..4 * stride].fill(T::from_f64(1.0));
+        batch
+    }
+
+    /// Sets one body: `[1/I₁, 1/I₂, 1/I₃, rate]` and `[q x, y, z, w, m x, y, z]`, all scaled.
+    pub fn set_row(&mut self, body: usize, parameters: &[f64; PARAMETER_COMPONENTS], state: &[f64; STATE_COMPONENTS]) {
+        let stride = self.stride;
+        for (component, &number) in parameters.iter().enumerate() {
+            let (value, residue) = T::two_words(number);
+            self.parameters[component * stride + body] = value;
+            if T::WORDS == 2 && component < 3 {
+                self.parameters[(PARAMETER_COMPONENTS + component) * stride + body] = residue;
+            }
+        }
+        for (component, &number) in state.iter().enumerate() {
+            let (value, residue) = T::two_words(number);
+            self.state[component * stride + body] = value;
+            if T::WORDS == 2 {
+                self.state[(STATE_COMPONENTS + component) * stride + body] = residue;
+            }
+        }
+    }
+
+    /// The raw state of a range of bodies.
+    pub fn read(&self, bodies: std::ops::Range<usize>) -> StateWords {
+        let value = |body: usize, component: usize| self.state[component * self.stride + body].to_f64();
+        StateWords {
+            value: bodies.clone().map(|body| std::array::from_fn(|c| value(body, c))).collect(),
+            residue: bodies
+                .map(|body| {
+                    std::array::from_fn(|c| if T::WORDS == 2 { value(body, STATE_COMPONENTS + c) } else { 0.0 })
+                })
+                .collect(),
+        }
+    }
+}
+
+/// A step size in the two words of an element type.
+pub(crate) fn two_words<T: Scalar>(dt: f64) -> TwoWords<T> {
+    let (value, residue) = T::two_words(dt);
+    TwoWords { value, residue }
+}
+
+/// The constants of a lane group and its reference rates; `column` loads a parameter column.
+#[inline(always)]
+pub(crate) fn load_body<R: Real>(column: impl Fn(usize) -> R) -> (Body<R>, R) {
+    let value = Vector::new(column(0), column(1), column(2));
+    let residue = if R::Scalar::WORDS == 2 { Vector::new(column(4), column(5), column(6)) } else { Vector::zero() };
+    (Body::new(TwoWords { value, residue }), column(3))
+}
+
+/// The state of a lane group; `column` loads a state column.
+#[inline(always)]
+pub(crate) fn load_state<R: Real>(column: impl Fn(usize) -> R) -> State<R> {
+    let words = |first: usize| {
+        (
+            Quaternion::new(column(first), column(first + 1), column(first + 2), column(first + 3)),
+            Vector::new(column(first + 4), column(first + 5), column(first + 6)),
+        )
+    };
+    let (q, m) = words(0);
+    let (q_residue, m_residue) = if R::Scalar::WORDS == 2 {
+        words(STATE_COMPONENTS)
+    } else {
+        let zero = R::splat(0.0);
+        (Quaternion::new(zero, zero, zero, zero), Vector::zero())
+    };
+    State {
+        orientation: TwoWords { value: q, residue: q_residue },
+        angular_momentum_principal: TwoWords { value: m, residue: m_residue },
+    }
+}
+
+/// Gives every state column of a lane group to `store`.
+#[inline(always)]
+pub(crate) fn store_state<R: Real>(state: &State<R>, mut store: impl FnMut(usize, R)) {
+    let mut words = |first: usize, q: Quaternion<R>, m: Vector<R>| {
+        for (column, number) in [q.x, q.y, q.z, q.w, m.x, m.y, m.z].into_iter().enumerate() {
+            store(first + column, number);
+        }
+    };
+    words(0, state.orientation.value, state.angular_momentum_principal.value);
+    if R::Scalar::WORDS == 2 {
+        words(STATE_COMPONENTS, state.orientation.residue, state.angular_momentum_principal.residue);
+    }
+}
