@@ -1,0 +1,47 @@
+// rk4: the classical Runge-Kutta method on (q, m). Twin: src/method/rk4.rs, where the method is described.
+
+struct Rates {
+    q: quaternion,
+    m: vector,
+}
+
+fn rates(body: Body, correction: Correction, q: quaternion, m: vector) -> Rates {
+    return Rates(
+        orientation_rate(q, angular_velocity(body, m, correction)),
+        gyroscopic_term(body, m, correction),
+    );
+}
+
+fn step(body: Body, dt: TwoWordsReal, state: State) -> State {
+    let half = dt.value * 0.5;
+    let sixth = sixth_of(dt);
+    let q = state.orientation.value;
+    let m = state.angular_momentum_principal.value;
+    let c = correction(body, state);
+
+    let k1 = rates(body, c, q, m);
+    let k2 = rates(body, c, axpy_quaternion(k1.q, half, q), axpy_vector(k1.m, half, m));
+    let k3 = rates(body, c, axpy_quaternion(k2.q, half, q), axpy_vector(k2.m, half, m));
+    let k4 = rates(body, c, axpy_quaternion(k3.q, dt.value, q), axpy_vector(k3.m, dt.value, m));
+
+    let q_sum = axpy_quaternion(k2.q + k3.q, 2.0, k1.q + k4.q);
+    let m_sum = axpy_vector(k2.m + k3.m, 2.0, k1.m + k4.m);
+    let q_increment = axpy_quaternion(
+        q_sum, sixth.value, axpy_quaternion(k2.q, sixth.residue, norm_correction(q)));
+    let m_increment = axpy_vector(m_sum, sixth.value, k2.m * sixth.residue);
+
+    return State(
+        accumulate_quaternion(state.orientation, q_increment),
+        accumulate_vector(state.angular_momentum_principal, m_increment),
+    );
+}
+
+// dt/6 rounded, and what six times it lacks of dt. Both subtractions are exact.
+fn sixth_of(dt: TwoWordsReal) -> TwoWordsReal {
+    let sixth = rounded(dt.value * (1.0 / 6.0));
+    if (WORDS == 1u) {
+        return TwoWordsReal(sixth, 0.0);
+    }
+    let lacking = rounded(dt.value - 4.0 * sixth) - 2.0 * sixth;
+    return TwoWordsReal(sixth, lacking + dt.residue);
+}

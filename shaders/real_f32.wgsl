@@ -1,0 +1,88 @@
+// The number type of the kernels, in 32 bits. Twin: src/real.rs and src/vector.rs for f32.
+// This file and real_f64.wgsl define the same names; no other file knows the precision.
+
+alias real = f32;
+alias vector = vec3<f32>;
+alias quaternion = vec4<f32>; // x, y, z, then the scalar part
+
+// Words that a state and a parameter are carried in.
+const WORDS: u32 = 2u;
+
+// A quantity in two words, value + residue, the residue below half an ulp of the value.
+struct TwoWordsReal {
+    value: real,
+    residue: real,
+}
+struct TwoWordsVector {
+    value: vector,
+    residue: vector,
+}
+struct TwoWordsQuaternion {
+    value: quaternion,
+    residue: quaternion,
+}
+
+// x itself, rounded. Drivers may contract and re-associate sums and then a sum's rounding error comes out as zero;
+// no compiler can see through an exclusive-or with a zero that it reads at run time.
+fn rounded(x: real) -> real {
+    return bitcast<f32>(bitcast<u32>(x) ^ settings.zero);
+}
+fn rounded_vector(x: vector) -> vector {
+    return bitcast<vec3<f32>>(bitcast<vec3<u32>>(x) ^ vec3<u32>(settings.zero));
+}
+fn rounded_quaternion(x: quaternion) -> quaternion {
+    return bitcast<vec4<f32>>(bitcast<vec4<u32>>(x) ^ vec4<u32>(settings.zero));
+}
+
+fn mul_add(a: real, b: real, c: real) -> real {
+    return fma(a, b, c);
+}
+
+// Adds to a sum carried in two words (Kahan 1965).
+fn accumulate_vector(sum: TwoWordsVector, increment: vector) -> TwoWordsVector {
+    let corrected = rounded_vector(increment + sum.residue);
+    let value = rounded_vector(sum.value + corrected);
+    let taken = rounded_vector(value - sum.value);
+    return TwoWordsVector(value, corrected - taken);
+}
+fn accumulate_quaternion(sum: TwoWordsQuaternion, increment: quaternion) -> TwoWordsQuaternion {
+    let corrected = rounded_quaternion(increment + sum.residue);
+    let value = rounded_quaternion(sum.value + corrected);
+    let taken = rounded_quaternion(value - sum.value);
+    return TwoWordsQuaternion(value, corrected - taken);
+}
+
+// a - b and what its rounding loses, exactly (Knuth, TAOCP vol. 2, 4.2.2, theorem B).
+fn two_difference(a: vector, b: vector) -> TwoWordsVector {
+    let difference = rounded_vector(a - b);
+    let b_taken = rounded_vector(a - difference);
+    let a_taken = rounded_vector(difference + b_taken);
+    return TwoWordsVector(difference, rounded_vector(a - a_taken) - rounded_vector(b - b_taken));
+}
+
+// 2/pi and pi/2 in words with trailing zeros, so that a product by a small integer is exact.
+const TWO_OVER_PI: real = 0.63661977236758134308;
+const HALF_PI_1: real = 1.5703125;
+const HALF_PI_2: real = 4.837512969970703125e-4;
+const HALF_PI_3: real = 7.549789954892e-8;
+
+// x less n quarter turns.
+fn reduced_by_quarters(x: real, n: real) -> real {
+    return mul_add(n, -HALF_PI_3, mul_add(n, -HALF_PI_2, mul_add(n, -HALF_PI_1, x)));
+}
+
+// Sine and cosine on |x| <= pi/4: Moshier, Cephes 2.8, sinf.c; below 2^-27 of the result before rounding.
+fn sin_eighth(x: real) -> real {
+    let x2 = x * x;
+    var p: real = -1.9515295891e-4;
+    p = mul_add(p, x2, 8.3321608736e-3);
+    p = mul_add(p, x2, -1.6666654611e-1);
+    return mul_add(p * x2, x, x);
+}
+fn cos_eighth(x: real) -> real {
+    let x2 = x * x;
+    var p: real = 2.443315711809948e-5;
+    p = mul_add(p, x2, -1.388731625493765e-3);
+    p = mul_add(p, x2, 4.166664568298827e-2);
+    return mul_add(p * x2, x2, 1.0 - 0.5 * x2);
+}

@@ -1,0 +1,69 @@
+// Euler's equations of a rigid body in its principal axes. Twin: src/rigid_body.rs.
+
+struct Body {
+    // 1/I1, 1/I2, 1/I3 in units of the body's own scale.
+    inverse_moments: TwoWordsVector,
+    // 1/I3 - 1/I2, 1/I1 - 1/I3, 1/I2 - 1/I1: the coefficients of the gyroscopic term.
+    gyroscopic: TwoWordsVector,
+}
+
+struct State {
+    // Principal axes to world.
+    orientation: TwoWordsQuaternion,
+    // m = I omega, in units of the body's own scale.
+    angular_momentum_principal: TwoWordsVector,
+}
+
+// What the second words of parameters and state add to the rates, formed once a step.
+struct Correction {
+    angular_velocity: vector,
+    gyroscopic_term: vector,
+}
+
+fn body_new(inverse_moments: TwoWordsVector) -> Body {
+    let a = inverse_moments.value;
+    let b = inverse_moments.residue;
+    let difference = two_difference(a.zxy, a.yzx);
+    return Body(inverse_moments, TwoWordsVector(difference.value, difference.residue + (b.zxy - b.yzx)));
+}
+
+fn correction(body: Body, state: State) -> Correction {
+    if (WORDS == 1u) {
+        return Correction(vector(0.0, 0.0, 0.0), vector(0.0, 0.0, 0.0));
+    }
+    let m = state.angular_momentum_principal;
+    return Correction(
+        fma(body.inverse_moments.value, m.residue, body.inverse_moments.residue * m.value),
+        body.gyroscopic.residue * pair_products(m.value),
+    );
+}
+
+// omega = m / I.
+fn angular_velocity(body: Body, m: vector, correction: Correction) -> vector {
+    return fma(body.inverse_moments.value, m, correction.angular_velocity);
+}
+
+// m x omega.
+fn gyroscopic_term(body: Body, m: vector, correction: Correction) -> vector {
+    return fma(body.gyroscopic.value, pair_products(m), correction.gyroscopic_term);
+}
+
+// m . omega / 2.
+fn kinetic_energy(body: Body, m: vector) -> real {
+    return 0.5 * dot_vector(m, body.inverse_moments.value * m);
+}
+
+// (m2 m3, m3 m1, m1 m2).
+fn pair_products(m: vector) -> vector {
+    return m.yzx * m.zxy;
+}
+
+// dq/dt = q omega / 2.
+fn orientation_rate(q: quaternion, angular_velocity: vector) -> quaternion {
+    return product_vector(q, angular_velocity * 0.5);
+}
+
+// L = R m, the angular momentum in world axes.
+fn angular_momentum_world(q: quaternion, m: vector) -> vector {
+    return rotate(q, m);
+}
