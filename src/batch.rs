@@ -199,6 +199,12 @@ fn prepare_body(ensemble: &Ensemble, body: usize) -> (BodyFrame, [f64; STATE_COM
     (frame, [q.x, q.y, q.z, q.w, m.x, m.y, m.z])
 }
 
+/// The state of one body at the start, by the same route as every later one.
+pub(crate) fn initial_state(ensemble: &Ensemble, body: usize) -> BodyState {
+    let (frame, scaled) = prepare_body(ensemble, body);
+    frame.body_state(scaled)
+}
+
 impl BodyFrame {
     /// The scaled parameters: 1/I₁, 1/I₂, 1/I₃ and 2^r.
     fn parameters(&self) -> [f64; PARAMETER_COMPONENTS] {

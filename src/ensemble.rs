@@ -18,6 +18,18 @@ pub struct Ensemble {
     inertia: Vec<InertiaTensor>,
     orientation: Vec<DQuat>,
     angular_velocity_body: Vec<DVec3>,
+    translation: Option<Translation>,
+}
+
+/// The columns of bodies that also move through space, shape `[body_count]` each.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Translation {
+    /// Mass, kg, above zero.
+    pub mass: Vec<f64>,
+    /// Position of the centre of mass at t = 0, m, world axes.
+    pub position: Vec<DVec3>,
+    /// Velocity of the centre of mass at t = 0, m/s, world axes.
+    pub velocity: Vec<DVec3>,
 }
 
 impl Ensemble {
@@ -86,6 +98,48 @@ impl Ensemble {
             });
         ensemble.validate()?;
         Ok(ensemble)
+    }
+
+    /// The same bodies, moving through space.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::ColumnLength`] where a column has not one row a body; [`Error::Body`] for the first body with a value
+    /// that is not finite or a mass that is not above zero.
+    pub fn with_translation(mut self, translation: Translation) -> Result<Self> {
+        let expected = self.len();
+        for (column, found) in [
+            ("mass", translation.mass.len()),
+            ("position", translation.position.len()),
+            ("velocity", translation.velocity.len()),
+        ] {
+            if found != expected {
+                return Err(Error::ColumnLength { column, found, expected });
+            }
+        }
+        for (body, &mass) in translation.mass.iter().enumerate() {
+            if !(mass.is_finite() && mass > 0.0) {
+                return Err(Error::Body {
+                    body,
+                    field: "mass",
+                    value: mass,
+                    expected: "a finite mass above zero is needed (kg)",
+                });
+            }
+            let vectors = [("x", translation.position[body]), ("vx", translation.velocity[body])];
+            for (field, vector) in vectors {
+                if let Some(value) = vector.to_array().into_iter().find(|x| !x.is_finite()) {
+                    return Err(Error::Body { body, field, value, expected: "finite components are needed" });
+                }
+            }
+        }
+        self.translation = Some(translation);
+        Ok(self)
+    }
+
+    /// Masses, positions and velocities, where the bodies move through space.
+    pub fn translation(&self) -> Option<&Translation> {
+        self.translation.as_ref()
     }
 
     fn with_capacity(count: usize) -> Result<Self> {

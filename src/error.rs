@@ -48,6 +48,9 @@ pub enum Error {
         /// Bytes free.
         available: u64,
     },
+    /// A force acts on bodies that have no mass.
+    #[error("a force needs masses: give the bodies mass, position and velocity (kg, m, m/s)")]
+    MissingMass,
     /// The adapter has no arithmetic of the precision asked for.
     #[error("{adapter} has no {precision}: take precision f32, or the CPU engine, which has both")]
     PrecisionUnavailable {

@@ -1,0 +1,215 @@
+//! What a run leaves behind.
+
+use glam::{DQuat, DVec3};
+
+use crate::batch::{BodyState, Precision};
+use crate::engine::Description;
+use crate::error::Result;
+use crate::method::Method;
+
+mod drift;
+
+pub(crate) use drift::DriftGatherer;
+pub use drift::{Drift, Quantiles};
+
+/// Takes the states of a run as they come, some bodies at a time, so that memory stays bounded.
+pub trait Sink {
+    /// Whether the sink wants output `index` of `count`, at `time` seconds; the last output is always computed.
+    fn wants(&mut self, index: usize, count: usize, time: f64) -> bool;
+
+    /// The states of the bodies from `first_body` on at output `index`. Called in the order of outputs and bodies.
+    ///
+    /// # Errors
+    ///
+    /// Whatever hinders the sink; the run ends with it.
+    fn bodies(&mut self, index: usize, time: f64, first_body: usize, states: &[OutputState]) -> Result<()>;
+}
+
+/// One body at an output time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OutputState {
+    /// Attitude and rotation.
+    pub rotation: BodyState,
+    /// Position [m] and velocity [m/s] of the centre of mass, world axes, where the ensemble translates.
+    pub translation: Option<(DVec3, DVec3)>,
+}
+
+/// The states of all bodies at one time, by column.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Snapshot {
+    time: f64,
+    orientation: Vec<DQuat>,
+    angular_velocity_body: Vec<DVec3>,
+    position: Vec<DVec3>,
+    velocity: Vec<DVec3>,
+}
+
+impl Snapshot {
+    /// The time, s.
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
+    /// Number of bodies.
+    pub fn len(&self) -> usize {
+        self.orientation.len()
+    }
+
+    /// Whether there are no bodies.
+    pub fn is_empty(&self) -> bool {
+        self.orientation.is_empty()
+    }
+
+    /// Unit quaternion that rotates body `body`'s coordinates to world.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such body.
+    pub fn orientation(&self, body: usize) -> DQuat {
+        self.orientation[body]
+    }
+
+    /// Angular velocity of body `body` in body axes, rad/s.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such body.
+    pub fn angular_velocity_body(&self, body: usize) -> DVec3 {
+        self.angular_velocity_body[body]
+    }
+
+    /// Orientations, shape `[body_count]`.
+    pub fn orientations(&self) -> &[DQuat] {
+        &self.orientation
+    }
+
+    /// Angular velocities in body axes, rad/s, shape `[body_count]`.
+    pub fn angular_velocities_body(&self) -> &[DVec3] {
+        &self.angular_velocity_body
+    }
+
+    /// Positions of the centres of mass, m, world axes; empty where the ensemble does not translate.
+    pub fn positions(&self) -> &[DVec3] {
+        &self.position
+    }
+
+    /// Velocities of the centres of mass, m/s, world axes; empty where the ensemble does not translate.
+    pub fn velocities(&self) -> &[DVec3] {
+        &self.velocity
+    }
+
+    fn push(&mut self, state: &OutputState) {
+        self.orientation.push(state.rotation.orientation);
+        self.angular_velocity_body.push(state.rotation.angular_velocity_body);
+        if let Some((position, velocity)) = state.translation {
+            self.position.push(position);
+            self.velocity.push(velocity);
+        }
+    }
+}
+
+/// Wall time of a run by phase, s.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WallTime {
+    /// Principal axes, scaling, columns.
+    pub prepare: f64,
+    /// Opening the session: upload and shader compilation.
+    pub start: f64,
+    /// Integration.
+    pub compute: f64,
+    /// Reading states back and bringing them to the user's axes and units.
+    pub read: f64,
+    /// Handing states to the sink.
+    pub write: f64,
+}
+
+/// What a run did and how well.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trust {
+    /// The engine.
+    pub engine: Description,
+    /// The integrator.
+    pub method: Method,
+    /// The arithmetic.
+    pub precision: Precision,
+    /// The longest step, s.
+    pub longest_step: f64,
+    /// Steps of all bodies together.
+    pub body_steps: u64,
+    /// Drift of the invariants at the end.
+    pub drift: Drift,
+    /// Bodies whose state is no longer finite, ascending.
+    pub failed_bodies: Vec<usize>,
+    /// Wall time by phase.
+    pub wall_time: WallTime,
+}
+
+impl std::fmt::Display for Trust {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            formatter,
+            "{} in {} on {}: energy drift {}, angular momentum drift {}, | |q| - 1 | {}, {} failed",
+            self.method,
+            self.precision,
+            self.engine.name,
+            self.drift.kinetic_energy,
+            self.drift.angular_momentum_world,
+            self.drift.norm,
+            self.failed_bodies.len()
+        )
+    }
+}
+
+/// The states that a run was asked for, in memory, and its trust figures.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Record {
+    snapshots: Vec<Snapshot>,
+    trust: Trust,
+}
+
+impl Record {
+    pub(crate) fn new(snapshots: Vec<Snapshot>, trust: Trust) -> Self {
+        Self { snapshots, trust }
+    }
+
+    /// All bodies at all output times, in order; the last one is the end.
+    pub fn snapshots(&self) -> &[Snapshot] {
+        &self.snapshots
+    }
+
+    /// All bodies at the end.
+    ///
+    /// # Panics
+    ///
+    /// Never: a run records its end.
+    pub fn final_state(&self) -> &Snapshot {
+        &self.snapshots[self.snapshots.len() - 1]
+    }
+
+    /// What was done and how well.
+    pub fn trust(&self) -> &Trust {
+        &self.trust
+    }
+}
+
+/// Keeps every output in memory.
+#[derive(Debug, Default)]
+pub(crate) struct Memory {
+    pub(crate) snapshots: Vec<Snapshot>,
+}
+
+impl Sink for Memory {
+    fn wants(&mut self, _: usize, _: usize, _: f64) -> bool {
+        true
+    }
+
+    fn bodies(&mut self, index: usize, time: f64, _: usize, states: &[OutputState]) -> Result<()> {
+        while self.snapshots.len() <= index {
+            self.snapshots.push(Snapshot { time, ..Snapshot::default() });
+        }
+        for state in states {
+            self.snapshots[index].push(state);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,147 @@
+//! What is to be simulated: an ensemble, a span, output times and how accurately.
+
+use glam::DVec3;
+
+use crate::batch::Precision;
+use crate::ensemble::Ensemble;
+use crate::method::Method;
+
+/// An ensemble with what happens to it and what is asked of it.
+///
+/// ```
+/// use glam::{DQuat, DVec3};
+/// use polhode::{Accuracy, Ensemble, Scene};
+///
+/// let ensemble = Ensemble::from_columns(
+///     &[DVec3::new(1.0, 2.0, 2.5)],
+///     &[DQuat::IDENTITY],
+///     &[DVec3::new(0.1, 2.0, 0.1)],
+/// )?;
+/// let scene = Scene::new(ensemble).until(60.0).accuracy(Accuracy::attitude(1e-6));
+/// assert_eq!(scene.end(), 60.0);
+/// # Ok::<(), polhode::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    ensemble: Ensemble,
+    end: f64,
+    outputs: Outputs,
+    stepping: Stepping,
+    force_world: DVec3,
+}
+
+/// When the state is recorded.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Outputs {
+    /// At the end only.
+    #[default]
+    End,
+    /// At multiples of an interval, s, from the first to the end; the end itself is always recorded.
+    Every(f64),
+    /// At these times, s, increasing, none beyond the end; the end itself is always recorded.
+    Times(Vec<f64>),
+}
+
+/// The error that is asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Accuracy {
+    /// 99th percentile over the bodies of the attitude error at the end, rad, in (0, π].
+    pub attitude: f64,
+}
+
+impl Accuracy {
+    /// An attitude error of `angle` rad.
+    pub fn attitude(angle: f64) -> Self {
+        Self { attitude: angle }
+    }
+}
+
+/// How steps are chosen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Stepping {
+    /// From an error asked for; method, step and precision follow.
+    Accuracy(Accuracy),
+    /// By the user.
+    Pinned {
+        /// The integrator.
+        method: Method,
+        /// Step size, s, above zero. Shortened where needed so that output times are hit exactly.
+        dt: f64,
+        /// The arithmetic; `None` takes `f64` where the engine has it.
+        precision: Option<Precision>,
+    },
+}
+
+impl Scene {
+    /// The scene of free bodies over no time at all, to be filled in by the methods below.
+    pub fn new(ensemble: Ensemble) -> Self {
+        Self {
+            ensemble,
+            end: 0.0,
+            outputs: Outputs::End,
+            stepping: Stepping::Accuracy(Accuracy::attitude(1e-6)),
+            force_world: DVec3::ZERO,
+        }
+    }
+
+    /// Simulates from 0 to `end` seconds; `end` is finite and not negative.
+    #[must_use]
+    pub fn until(mut self, end: f64) -> Self {
+        self.end = end;
+        self
+    }
+
+    /// Records the state at these times.
+    #[must_use]
+    pub fn outputs(mut self, outputs: Outputs) -> Self {
+        self.outputs = outputs;
+        self
+    }
+
+    /// Asks for an error, from which method, step and precision follow.
+    #[must_use]
+    pub fn accuracy(mut self, accuracy: Accuracy) -> Self {
+        self.stepping = Stepping::Accuracy(accuracy);
+        self
+    }
+
+    /// Pins method, step [s] and precision.
+    #[must_use]
+    pub fn pinned(mut self, method: Method, dt: f64, precision: Option<Precision>) -> Self {
+        self.stepping = Stepping::Pinned { method, dt, precision };
+        self
+    }
+
+    /// A constant force on every body's centre of mass, N, world axes. Needs bodies with masses
+    /// ([`Ensemble::with_translation`]).
+    #[must_use]
+    pub fn force_world(mut self, force: DVec3) -> Self {
+        self.force_world = force;
+        self
+    }
+
+    /// The bodies.
+    pub fn ensemble(&self) -> &Ensemble {
+        &self.ensemble
+    }
+
+    /// The end of the simulated span, s.
+    pub fn end(&self) -> f64 {
+        self.end
+    }
+
+    /// When the state is recorded.
+    pub fn output_times(&self) -> &Outputs {
+        &self.outputs
+    }
+
+    /// How steps are chosen.
+    pub fn stepping(&self) -> Stepping {
+        self.stepping
+    }
+
+    /// The constant force on every body, N, world axes.
+    pub fn constant_force_world(&self) -> DVec3 {
+        self.force_world
+    }
+}
