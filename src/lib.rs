@@ -15,6 +15,7 @@ pub mod rigid_body;
 pub mod run;
 pub mod scene;
 pub mod vector;
+pub mod verify;
 
 pub use batch::Precision;
 pub use ensemble::Ensemble;
