@@ -1,0 +1,23 @@
+//! What several test files share: golden cases, attitude errors.
+#![allow(dead_code)] // each test file uses a part of it
+
+use glam::{DMat3, DQuat, DVec3};
+
+pub mod golden;
+
+/// The angle of the rotation between two orientations, rad, in [0, π]; both are unit quaternions.
+pub fn attitude_error(a: DQuat, b: DQuat) -> f64 {
+    let between = a.conjugate() * b;
+    2.0 * between.xyz().length().atan2(between.w.abs())
+}
+
+/// |a − b| / |b|, or |a − b| where b vanishes.
+pub fn relative_error(a: DVec3, b: DVec3) -> f64 {
+    let length = b.length();
+    (a - b).length() / if length > 0.0 { length } else { 1.0 }
+}
+
+/// The matrix with these rows.
+pub fn from_rows(rows: [[f64; 3]; 3]) -> DMat3 {
+    DMat3::from_cols_array_2d(&rows).transpose()
+}
