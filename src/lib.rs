@@ -14,6 +14,8 @@ pub mod record;
 pub mod rigid_body;
 pub mod run;
 pub mod scene;
+#[cfg(feature = "study")]
+pub mod study;
 pub mod vector;
 pub mod verify;
 

@@ -1,0 +1,51 @@
+//! Generated ensembles on which engines are compared and measured.
+
+use glam::{DQuat, DVec3};
+
+use super::draw::{Column, Draw};
+use crate::ensemble::Ensemble;
+use crate::error::Result;
+
+/// Simulated time of the free problem, s.
+pub const FREE_SPAN: f64 = 10.0;
+
+/// Simulated time of the separatrix problem, s.
+pub const SEPARATRIX_SPAN: f64 = 100.0;
+
+/// Free asymmetric bodies: moments I₁ = b + c, I₂ = c + a, I₃ = a + b (kg m², along the body axes, in no order) with a,
+/// b, c uniform in [0.2, 1], angular velocity components standard normal (rad/s), orientation uniform on SO(3).
+///
+/// Every body is a function of `seed` and its index alone: a smaller ensemble is the beginning of a larger one.
+///
+/// # Errors
+///
+/// [`crate::Error::TooManyBodies`] where the memory does not suffice.
+pub fn free(body_count: usize, seed: u64) -> Result<Ensemble> {
+    let draw = Draw::new(seed);
+    Ensemble::from_fn(body_count, |body| {
+        let [a, b, c] = [0, 1, 2].map(|component| 0.2 + 0.8 * draw.uniform(body, Column::Inertia, component));
+        (
+            DVec3::new(b + c, c + a, a + b),
+            draw.rotation(body, Column::Orientation),
+            draw.normal_vector(body, Column::AngularVelocity),
+        )
+    })
+}
+
+/// Bodies near the separatrix: moments (1, 2, 3) kg m², angular velocity 5 (ε, 1, ε) rad/s, orientation uniform on
+/// SO(3), with ε from 1e-1 (first body) to 1e-6 (last body) in equal ratios.
+///
+/// Rotation about the intermediate axis is unstable: a body flips again and again, at times that depend on ln ε.
+///
+/// # Errors
+///
+/// [`crate::Error::TooManyBodies`] where the memory does not suffice.
+pub fn separatrix(body_count: usize, seed: u64) -> Result<Ensemble> {
+    let draw = Draw::new(seed);
+    Ensemble::from_fn(body_count, |body| {
+        let fraction = if body_count > 1 { body as f64 / (body_count - 1) as f64 } else { 0.0 };
+        let epsilon = libm::exp10(-1.0 - 5.0 * fraction);
+        let orientation: DQuat = draw.rotation(body, Column::Orientation);
+        (DVec3::new(1.0, 2.0, 3.0), orientation, 5.0 * DVec3::new(epsilon, 1.0, epsilon))
+    })
+}
