@@ -1,14 +1,26 @@
 // dlm: splitting into rotations about the principal axes. Twin: src/method/dlm.rs, where the method is described.
 
-fn step(body: Body, dt: TwoWordsReal, initial: State) -> State {
+fn step(body: Body, step_index: u32, dt: TwoWordsReal, initial: State) -> State {
     let half = TwoWordsReal(dt.value * 0.5, dt.residue * 0.5);
-    var state = rotate_x(body, half, initial);
+    var state = kick(body, epoch(step_index, 0.0), half, initial);
+    state = rotate_x(body, half, state);
     state = rotate_y(body, half, state);
     state = rotate_z(body, dt, state);
     state = rotate_y(body, half, state);
     state = rotate_x(body, half, state);
     state.orientation = accumulate_quaternion(state.orientation, norm_correction(state.orientation.value));
-    return state;
+    return kick(body, epoch(step_index, 1.0), half, state);
+}
+
+// Adds h torque to m, at frozen attitude.
+fn kick(body: Body, epoch: Epoch, h: TwoWordsReal, state: State) -> State {
+    if (FREE) {
+        return state;
+    }
+    let omega = angular_velocity(body, state.angular_momentum_principal.value, correction(body, state));
+    let kicking = torque(epoch, body, state.orientation.value, omega);
+    let increment = axpy_vector(kicking, h.value, kicking * h.residue);
+    return State(state.orientation, accumulate_vector(state.angular_momentum_principal, increment));
 }
 
 // sin t, 1 - cos t, sin t/2 and 1 - cos t/2, all from one sine and cosine of t/4.

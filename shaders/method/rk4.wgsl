@@ -5,24 +5,29 @@ struct Rates {
     m: vector,
 }
 
-fn rates(body: Body, correction: Correction, q: quaternion, m: vector) -> Rates {
-    return Rates(
-        orientation_rate(q, angular_velocity(body, m, correction)),
-        gyroscopic_term(body, m, correction),
-    );
+fn rates(body: Body, epoch: Epoch, correction: Correction, q: quaternion, m: vector) -> Rates {
+    let omega = angular_velocity(body, m, correction);
+    var m_rate = gyroscopic_term(body, m, correction);
+    if (!FREE) {
+        m_rate = m_rate + torque(epoch, body, q, omega);
+    }
+    return Rates(orientation_rate(q, omega), m_rate);
 }
 
-fn step(body: Body, dt: TwoWordsReal, state: State) -> State {
+fn step(body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> State {
     let half = dt.value * 0.5;
     let sixth = sixth_of(dt);
     let q = state.orientation.value;
     let m = state.angular_momentum_principal.value;
     let c = correction(body, state);
+    let start = epoch(step_index, 0.0);
+    let middle = epoch(step_index, 0.5);
+    let end = epoch(step_index, 1.0);
 
-    let k1 = rates(body, c, q, m);
-    let k2 = rates(body, c, axpy_quaternion(k1.q, half, q), axpy_vector(k1.m, half, m));
-    let k3 = rates(body, c, axpy_quaternion(k2.q, half, q), axpy_vector(k2.m, half, m));
-    let k4 = rates(body, c, axpy_quaternion(k3.q, dt.value, q), axpy_vector(k3.m, dt.value, m));
+    let k1 = rates(body, start, c, q, m);
+    let k2 = rates(body, middle, c, axpy_quaternion(k1.q, half, q), axpy_vector(k1.m, half, m));
+    let k3 = rates(body, middle, c, axpy_quaternion(k2.q, half, q), axpy_vector(k2.m, half, m));
+    let k4 = rates(body, end, c, axpy_quaternion(k3.q, dt.value, q), axpy_vector(k3.m, dt.value, m));
 
     let q_sum = axpy_quaternion(k2.q + k3.q, 2.0, k1.q + k4.q);
     let m_sum = axpy_vector(k2.m + k3.m, 2.0, k1.m + k4.m);

@@ -13,6 +13,7 @@ use crate::error::{Error, Result};
 use crate::lanes::{LaneScalar, LaneTask};
 use crate::method::{Method, Step, dlm::Dlm, rk4::Rk4};
 use crate::real::{Real, Scalar};
+use crate::torque::Free;
 use crate::vector::TwoWords;
 
 /// Whether the CPU engine runs in SIMD lanes or one body at a time.
@@ -117,6 +118,7 @@ impl<T: LaneScalar> CpuSession<T> {
                         start,
                         state: &mut columns,
                         dt,
+                        first_step: steps - left,
                         steps: slice,
                         method: std::marker::PhantomData,
                     };
@@ -176,6 +178,7 @@ struct AdvanceBlock<'a, 'b, T, M> {
     start: usize,
     state: &'a mut [&'b mut [T]],
     dt: TwoWords<T>,
+    first_step: u64,
     steps: u64,
     method: std::marker::PhantomData<M>,
 }
@@ -193,8 +196,8 @@ impl<T: Scalar, M: Step> LaneTask<T> for AdvanceBlock<'_, '_, T, M> {
                 residue: R::splat(self.dt.residue.to_f64()) * rate,
             };
             let mut state = load_state(|column| R::load(&self.state[column][offset..]));
-            for _ in 0..self.steps {
-                state = M::step(&body, dt, state);
+            for step in 0..self.steps {
+                state = M::step(&body, &Free, self.first_step + step, dt, state);
             }
             store_state(&state, |column, number: R| number.store(&mut self.state[column][offset..]));
         }

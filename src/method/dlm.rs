@@ -4,7 +4,8 @@
 //! rounding; the energy error is bounded and of order dt². Stable for any step; accurate only where ω dt is small.
 //!
 //! Source: A. Dullweber, B. Leimkuhler, R. McLachlan, J. Chem. Phys. 107 (1997) 5840, equations (15) to (20): the free
-//! flow R₁(h/2) R₂(h/2) R₃(h) R₂(h/2) R₁(h/2), where Rᵢ(h) is the exact flow of the Hamiltonian mᵢ²/2Iᵢ.
+//! flow R₁(h/2) R₂(h/2) R₃(h) R₂(h/2) R₁(h/2), where Rᵢ(h) is the exact flow of the Hamiltonian mᵢ²/2Iᵢ; a torque kicks
+//! for half a step before and after it.
 //!
 //! Difference from the source: each rotation is formed as a small increment (from sine and 1 − cosine, never cosine)
 //! that is added to a state carried in two words. cos² + sin² of rounded values is biased, and repeated it makes |m|
@@ -14,6 +15,7 @@ use crate::method::Step;
 use crate::quaternion::{Quaternion, norm_correction};
 use crate::real::{Real, sin_cos};
 use crate::rigid_body::{Body, State};
+use crate::torque::Environment;
 use crate::vector::{TwoWords, Vector, accumulate};
 
 /// The method as a type.
@@ -21,22 +23,53 @@ pub struct Dlm;
 
 impl Step for Dlm {
     #[inline(always)]
-    fn step<R: Real>(body: &Body<R>, dt: TwoWords<R>, state: State<R>) -> State<R> {
-        step(body, dt, state)
+    fn step<R: Real, E: Environment<R>>(
+        body: &Body<R>,
+        environment: &E,
+        step_index: u64,
+        dt: TwoWords<R>,
+        state: State<R>,
+    ) -> State<R> {
+        step(body, environment, step_index, dt, state)
     }
 }
 
-/// One step.
+/// One step: half a kick by the torque, the free rotations, half a kick.
 #[inline(always)]
-pub fn step<R: Real>(body: &Body<R>, dt: TwoWords<R>, state: State<R>) -> State<R> {
+pub fn step<R: Real, E: Environment<R>>(
+    body: &Body<R>,
+    environment: &E,
+    step_index: u64,
+    dt: TwoWords<R>,
+    state: State<R>,
+) -> State<R> {
     let half = TwoWords { value: dt.value * R::splat(0.5), residue: dt.residue * R::splat(0.5) };
+    let state = kick(body, environment, &environment.epoch(step_index, 0.0), half, state);
     let state = rotate_x(body, half, state);
     let state = rotate_y(body, half, state);
     let state = rotate_z(body, dt, state);
     let state = rotate_y(body, half, state);
     let mut state = rotate_x(body, half, state);
     state.orientation = accumulate::<R, _>(state.orientation, norm_correction(state.orientation.value));
-    state
+    kick(body, environment, &environment.epoch(step_index, 1.0), half, state)
+}
+
+/// Adds h τ to m, at frozen attitude.
+#[inline(always)]
+fn kick<R: Real, E: Environment<R>>(
+    body: &Body<R>,
+    environment: &E,
+    epoch: &E::Epoch,
+    h: TwoWords<R>,
+    state: State<R>,
+) -> State<R> {
+    if E::FREE {
+        return state;
+    }
+    let omega = body.angular_velocity(state.angular_momentum_principal.value, &body.correction(&state));
+    let torque = environment.torque(epoch, body, state.orientation.value, omega);
+    let increment = torque.axpy(h.value, torque * h.residue);
+    State { angular_momentum_principal: accumulate::<R, _>(state.angular_momentum_principal, increment), ..state }
 }
 
 /// sin θ, 1 − cos θ, sin θ/2 and 1 − cos θ/2, all from one sine and cosine of θ/4.

@@ -5,6 +5,7 @@
 
 use crate::real::Real;
 use crate::rigid_body::{Body, State};
+use crate::torque::Environment;
 use crate::vector::TwoWords;
 
 pub mod dlm;
@@ -49,6 +50,12 @@ impl std::fmt::Display for Method {
 
 /// A method's step, as a type, so that each method is compiled into a loop of its own.
 pub trait Step {
-    /// Advances `state` by `dt` (in units of the body's own scale).
-    fn step<R: Real>(body: &Body<R>, dt: TwoWords<R>, state: State<R>) -> State<R>;
+    /// Advances `state` by one step of `dt` (in units of the body's own scale), the `step`-th of its interval, from 0.
+    fn step<R: Real, E: Environment<R>>(
+        body: &Body<R>,
+        environment: &E,
+        step: u64,
+        dt: TwoWords<R>,
+        state: State<R>,
+    ) -> State<R>;
 }

@@ -14,6 +14,7 @@ use crate::method::Step;
 use crate::quaternion::{Quaternion, norm_correction};
 use crate::real::{Real, Scalar};
 use crate::rigid_body::{Body, Correction, State, orientation_rate};
+use crate::torque::Environment;
 use crate::vector::{TwoWords, Vector, accumulate};
 
 /// The method as a type.
@@ -21,35 +22,57 @@ pub struct Rk4;
 
 impl Step for Rk4 {
     #[inline(always)]
-    fn step<R: Real>(body: &Body<R>, dt: TwoWords<R>, state: State<R>) -> State<R> {
-        step(body, dt, state)
+    fn step<R: Real, E: Environment<R>>(
+        body: &Body<R>,
+        environment: &E,
+        step_index: u64,
+        dt: TwoWords<R>,
+        state: State<R>,
+    ) -> State<R> {
+        step(body, environment, step_index, dt, state)
     }
 }
 
 /// dq/dt and dm/dt.
 #[inline(always)]
-fn rates<R: Real>(
+fn rates<R: Real, E: Environment<R>>(
     body: &Body<R>,
+    environment: &E,
+    epoch: &E::Epoch,
     correction: &Correction<R>,
     q: Quaternion<R>,
     m: Vector<R>,
 ) -> (Quaternion<R>, Vector<R>) {
-    (orientation_rate(q, body.angular_velocity(m, correction)), body.gyroscopic_term(m, correction))
+    let omega = body.angular_velocity(m, correction);
+    let mut m_rate = body.gyroscopic_term(m, correction);
+    if !E::FREE {
+        m_rate = m_rate + environment.torque(epoch, body, q, omega);
+    }
+    (orientation_rate(q, omega), m_rate)
 }
 
 /// One step.
 #[inline(always)]
-pub fn step<R: Real>(body: &Body<R>, dt: TwoWords<R>, state: State<R>) -> State<R> {
+pub fn step<R: Real, E: Environment<R>>(
+    body: &Body<R>,
+    environment: &E,
+    step_index: u64,
+    dt: TwoWords<R>,
+    state: State<R>,
+) -> State<R> {
     let half = dt.value * R::splat(0.5);
     let (sixth, sixth_tail) = sixth_of(dt);
     let q = state.orientation.value;
     let m = state.angular_momentum_principal.value;
     let correction = body.correction(&state);
+    let start = environment.epoch(step_index, 0.0);
+    let middle = environment.epoch(step_index, 0.5);
+    let end = environment.epoch(step_index, 1.0);
 
-    let (q1, m1) = rates(body, &correction, q, m);
-    let (q2, m2) = rates(body, &correction, q1.axpy(half, q), m1.axpy(half, m));
-    let (q3, m3) = rates(body, &correction, q2.axpy(half, q), m2.axpy(half, m));
-    let (q4, m4) = rates(body, &correction, q3.axpy(dt.value, q), m3.axpy(dt.value, m));
+    let (q1, m1) = rates(body, environment, &start, &correction, q, m);
+    let (q2, m2) = rates(body, environment, &middle, &correction, q1.axpy(half, q), m1.axpy(half, m));
+    let (q3, m3) = rates(body, environment, &middle, &correction, q2.axpy(half, q), m2.axpy(half, m));
+    let (q4, m4) = rates(body, environment, &end, &correction, q3.axpy(dt.value, q), m3.axpy(dt.value, m));
 
     let two = R::splat(2.0);
     let q_sum = (q2 + q3).axpy(two, q1 + q4);
