@@ -18,7 +18,7 @@ fn token<S: Simd>() -> S {
     // SAFETY: `S` has no size, so no bytes are invented. Its meaning, that the processor has the instructions, holds
     // because lane types are private to the crate and named only inside `LaneTask::run`, which `dispatch` reaches
     // after it has asked the processor.
-    unsafe { std::mem::MaybeUninit::<S>::uninit().assume_init() }
+    unsafe { std::mem::zeroed() }
 }
 
 macro_rules! lane_type {
