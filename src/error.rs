@@ -51,6 +51,26 @@ pub enum Error {
     /// A force acts on bodies that have no mass.
     #[error("a force needs masses: give the bodies mass, position and velocity (kg, m, m/s)")]
     MissingMass,
+    /// The driver gave less device memory than the bodies need.
+    #[error("{bodies} bodies: {adapter} has no {needed} bytes free; take fewer bodies, f32, or the CPU engine")]
+    DeviceMemory {
+        /// Name of the adapter.
+        adapter: String,
+        /// Number of bodies asked for.
+        bodies: usize,
+        /// Bytes needed on the device.
+        needed: u64,
+    },
+    /// The adapter computes, but not as the kernels need it; found by the probe at start-up.
+    #[error("{adapter} cannot be used in {precision}: {fault}; take another precision, or the CPU engine")]
+    Arithmetic {
+        /// Name of the adapter.
+        adapter: String,
+        /// The precision that the fault concerns.
+        precision: crate::batch::Precision,
+        /// What the adapter gets wrong.
+        fault: crate::engine::gpu::ArithmeticFault,
+    },
     /// The adapter has no arithmetic of the precision asked for.
     #[error("{adapter} has no {precision}: take precision f32, or the CPU engine, which has both")]
     PrecisionUnavailable {
@@ -85,6 +105,14 @@ pub enum Error {
         /// The compiler's words.
         message: String,
     },
+    /// The text that a patch is to replace does not occur in its shader file.
+    #[error("{file}: the text to be replaced does not occur: {text}")]
+    Patch {
+        /// The shader file under `shaders/`.
+        file: &'static str,
+        /// The text looked for.
+        text: String,
+    },
     /// The caller asked to stop.
     #[error("stopped after {steps} steps")]
     Interrupted {
@@ -94,4 +122,4 @@ pub enum Error {
 }
 
 /// `Result` with this crate's [`Error`].
-pub type Result<T> = std::result::Result<T, Error>;
+pub type Result<T, E = Error> = std::result::Result<T, E>;

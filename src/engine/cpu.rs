@@ -49,6 +49,7 @@ impl Backend for Cpu {
             name: format!("CPU, {} threads, {lanes}", rayon::current_num_threads()),
             driver: String::new(),
             software: false,
+            arithmetic: None,
         }
     }
 

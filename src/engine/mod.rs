@@ -4,13 +4,22 @@
 //! raw state. Both engines hold the same columns and run the same kernels, so a session of one can be compared with a
 //! session of the other step by step ([`crate::verify`]).
 
+use std::fmt;
 use std::ops::{ControlFlow, Range};
+use std::sync::Arc;
 
 use crate::batch::{AnyBatch, Precision, StateWords};
 use crate::error::Result;
 use crate::method::Method;
 
 pub mod cpu;
+mod devices;
+pub mod gpu;
+
+pub use devices::{Adapter, AdapterLimits, Choice, Devices, devices, devices_async};
+
+use cpu::{Cpu, Width};
+use gpu::{Arithmetic, Gpu, GpuOptions, wgpu};
 
 /// Whether an engine computes on a GPU or on the processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,6 +41,106 @@ pub struct Description {
     pub driver: String,
     /// Whether a software adapter plays the GPU.
     pub software: bool,
+    /// What the probe of the adapter's arithmetic found; `None` on the CPU, whose arithmetic is that of IEEE 754.
+    pub arithmetic: Option<Arithmetic>,
+}
+
+/// An engine that is ready for work; copies share it.
+///
+/// ```
+/// use polhode::engine::{Engine, EngineKind};
+///
+/// let engine = Engine::cpu();
+/// assert_eq!(engine.description().kind, EngineKind::Cpu);
+/// ```
+#[derive(Clone)]
+pub struct Engine {
+    backend: Arc<dyn Backend>,
+}
+
+impl Engine {
+    /// The CPU engine: all cores, the widest SIMD lanes of this processor.
+    pub fn cpu() -> Self {
+        Self { backend: Arc::new(Cpu::new(Width::Lanes)) }
+    }
+
+    /// The reference: the CPU, one body at a time, without fused multiply-add.
+    pub fn cpu_scalar() -> Self {
+        Self { backend: Arc::new(Cpu::new(Width::Scalar)) }
+    }
+
+    /// A GPU.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::NoAdapter`] where there is none such; [`crate::Error::Device`] where it cannot be opened;
+    /// [`crate::Error::Arithmetic`] where its arithmetic fits no kernel.
+    pub fn gpu(options: GpuOptions) -> Result<Self> {
+        pollster::block_on(Self::gpu_async(options))
+    }
+
+    /// As [`Engine::gpu`], for programs with an executor of their own.
+    ///
+    /// # Errors
+    ///
+    /// As [`Engine::gpu`].
+    pub async fn gpu_async(options: GpuOptions) -> Result<Self> {
+        Ok(Self { backend: Arc::new(Gpu::open(options).await?) })
+    }
+
+    /// A device and queue of the caller's; see [`Gpu::on`].
+    ///
+    /// # Errors
+    ///
+    /// As [`Engine::gpu`].
+    pub fn gpu_on(device: wgpu::Device, queue: wgpu::Queue, options: GpuOptions) -> Result<Self> {
+        Ok(Self { backend: Arc::new(Gpu::on(device, queue, options)?) })
+    }
+
+    /// The best real GPU that can be used, else the CPU engine; [`devices`] says which and why. A software adapter is
+    /// slower than the CPU engine and never taken.
+    ///
+    /// # Errors
+    ///
+    /// None at present: a GPU that fails to open gives way to the CPU engine.
+    pub fn auto() -> Result<Self> {
+        pollster::block_on(Self::auto_async())
+    }
+
+    /// As [`Engine::auto`], for programs with an executor of their own.
+    ///
+    /// # Errors
+    ///
+    /// As [`Engine::auto`].
+    pub async fn auto_async() -> Result<Self> {
+        let (_, backend) = devices::open_auto().await;
+        Ok(Self { backend: backend.into() })
+    }
+
+    /// What it is.
+    pub fn description(&self) -> Description {
+        self.backend.description()
+    }
+
+    /// Precisions that it can compute in.
+    pub fn precisions(&self) -> &[Precision] {
+        self.backend.precisions()
+    }
+
+    /// Takes a batch and stands ready to advance it by `method`.
+    ///
+    /// # Errors
+    ///
+    /// As [`Backend::start`].
+    pub fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+        self.backend.start(batch, method)
+    }
+}
+
+impl fmt::Debug for Engine {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_tuple("Engine").field(&self.description()).finish()
+    }
 }
 
 /// What carries an engine out: one implementation for the CPU, one for wgpu.
@@ -46,8 +155,9 @@ pub trait Backend: Send + Sync {
     ///
     /// # Errors
     ///
-    /// [`crate::Error::PrecisionUnavailable`], [`crate::Error::TooManyBodies`], [`crate::Error::Device`]; nothing
-    /// is left allocated then.
+    /// [`crate::Error::PrecisionUnavailable`] or [`crate::Error::Arithmetic`] where the precision is not among
+    /// [`Backend::precisions`]; [`crate::Error::TooManyBodies`] or [`crate::Error::DeviceMemory`] where memory does
+    /// not suffice; [`crate::Error::Device`] where the device fails. Nothing is left allocated then.
     fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>>;
 }
 

@@ -1,0 +1,338 @@
+//! Columns on the device, in chunks that fit its limits.
+
+use std::ops::Range;
+
+use super::device::{Device, Refusal};
+use crate::batch::{Batch, STATE_COMPONENTS, STRIDE_UNIT, StateWords, parameter_columns, state_columns};
+use crate::error::{Error, Result};
+use crate::memory;
+use crate::real::Scalar;
+
+/// Bounds of one chunk. What is not given is the device's own limit; what is given can only lower it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ChunkLimits {
+    /// Bytes of one storage binding.
+    pub binding_bytes: Option<u64>,
+    /// Bytes of one buffer.
+    pub buffer_bytes: Option<u64>,
+    /// Workgroups of one dispatch.
+    pub workgroups: Option<u32>,
+}
+
+/// Bodies that one workgroup advances, and the unit that chunks are cut by.
+pub(super) const WORKGROUP_SIZE: u32 = STRIDE_UNIT as u32;
+
+/// The most bodies in one chunk and in one submission.
+///
+/// It bounds the one thing that slicing cannot make shorter, a single step: at 1e7 body-steps/s, far below any GPU,
+/// this many take 100 ms. One dispatch of them fills any GPU there is.
+pub(super) const GROUP_BODIES: usize = 1 << 20;
+
+/// Bytes that are in flight between host and device at a time; also the size of the buffer for reading.
+const STAGING_BYTES: usize = 4 << 20;
+
+/// The uniform block of `advance.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct SettingsF32 {
+    body_count: u32,
+    stride: u32,
+    steps: u32,
+    zero: u32,
+    dt: [f32; 2],
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct SettingsF64 {
+    body_count: u32,
+    stride: u32,
+    steps: u32,
+    zero: u32,
+    dt: [f64; 2],
+}
+
+/// A number that the shaders know, with the layout of its uniform block.
+pub(super) trait DeviceScalar: Scalar {
+    const SETTINGS_BYTES: u64;
+    fn settings(body_count: u32, stride: u32, steps: u32, dt: (Self, Self)) -> Vec<u8>;
+}
+
+macro_rules! device_scalar {
+    ($scalar:ident, $settings:ident) => {
+        impl DeviceScalar for $scalar {
+            const SETTINGS_BYTES: u64 = size_of::<$settings>() as u64;
+            fn settings(body_count: u32, stride: u32, steps: u32, dt: (Self, Self)) -> Vec<u8> {
+                bytemuck::bytes_of(&$settings { body_count, stride, steps, zero: 0, dt: [dt.0, dt.1] }).to_vec()
+            }
+        }
+    };
+}
+
+device_scalar!(f32, SettingsF32);
+device_scalar!(f64, SettingsF64);
+
+/// Some bodies in buffers of their own.
+pub(super) struct Chunk {
+    /// Index of the first body.
+    pub first: usize,
+    /// Number of bodies.
+    pub bodies: usize,
+    stride: usize,
+    parameters: wgpu::Buffer,
+    state: wgpu::Buffer,
+    settings: wgpu::Buffer,
+    bind_group: wgpu::BindGroup,
+}
+
+impl Chunk {
+    /// Sets the uniform block for the next submission.
+    pub fn set<T: DeviceScalar>(&self, queue: &wgpu::Queue, steps: u32, dt: (T, T)) {
+        queue.write_buffer(&self.settings, 0, &T::settings(self.bodies as u32, self.stride as u32, steps, dt));
+    }
+
+    /// Adds the chunk's dispatch to a pass.
+    pub fn dispatch(&self, pass: &mut wgpu::ComputePass<'_>) {
+        pass.set_bind_group(0, &self.bind_group, &[]);
+        pass.dispatch_workgroups((self.bodies as u32).div_ceil(WORKGROUP_SIZE), 1, 1);
+    }
+}
+
+/// Bodies that one chunk can hold.
+fn chunk_capacity<T: DeviceScalar>(device: &Device, limits: &ChunkLimits) -> Result<usize> {
+    let own = device.device.limits();
+    let binding = own.max_storage_buffer_binding_size.min(limits.binding_bytes.unwrap_or(u64::MAX));
+    let buffer = own.max_buffer_size.min(limits.buffer_bytes.unwrap_or(u64::MAX));
+    let workgroups = own.max_compute_workgroups_per_dimension.min(limits.workgroups.unwrap_or(u32::MAX));
+    let row = (widest_columns::<T>() * size_of::<T>()) as u64;
+    let unit = STRIDE_UNIT as u64;
+    let units = (binding.min(buffer) / (row * unit)).min(u64::from(workgroups)).min(GROUP_BODIES as u64 / unit);
+    if units == 0 {
+        let expected = "room for the columns of 64 bodies and one workgroup are needed";
+        return Err(Error::Setting { field: "chunk bytes", value: binding.min(buffer) as f64, expected });
+    }
+    Ok((units * unit) as usize)
+}
+
+fn widest_columns<T: Scalar>() -> usize {
+    state_columns::<T>().max(parameter_columns::<T>())
+}
+
+/// A batch on the device.
+pub(super) struct Columns {
+    pub chunks: Vec<Chunk>,
+    staging: Option<wgpu::Buffer>,
+}
+
+impl Columns {
+    /// Allocates and uploads; on an error nothing is left allocated.
+    ///
+    /// Whatever is not a body, the rows between a chunk's last body and its stride, is NaN, so that a result that
+    /// depends on it cannot pass.
+    pub fn upload<T: DeviceScalar>(
+        device: &Device,
+        layout: &wgpu::BindGroupLayout,
+        batch: &Batch<T>,
+        limits: &ChunkLimits,
+        memory: Option<u64>,
+    ) -> Result<Self> {
+        let capacity = chunk_capacity::<T>(device, limits)?;
+        require::<T>(device, batch.body_count, memory)?;
+        let mut columns = Self { chunks: Vec::new(), staging: None };
+        let filled = columns.fill(device, layout, batch, capacity);
+        if let Err(refusal) = filled {
+            columns.release(device);
+            return Err(match refusal {
+                UploadError::Buffers(Refusal::OutOfMemory) => Error::DeviceMemory {
+                    adapter: device.info.name.clone(),
+                    bodies: batch.body_count,
+                    needed: device_bytes::<T>(batch.body_count),
+                },
+                UploadError::Buffers(other) => device.refused(other),
+                UploadError::Copy(error) => error,
+            });
+        }
+        Ok(columns)
+    }
+
+    fn fill<T: DeviceScalar>(
+        &mut self,
+        device: &Device,
+        layout: &wgpu::BindGroupLayout,
+        batch: &Batch<T>,
+        capacity: usize,
+    ) -> Result<(), UploadError> {
+        if batch.body_count == 0 {
+            return Ok(());
+        }
+        let row = state_columns::<T>() * size_of::<T>();
+        // Rows are staged in whole numbers of the unit, and no more than there are.
+        let rows = (STAGING_BYTES / row / STRIDE_UNIT * STRIDE_UNIT).min(batch.stride);
+        let staging =
+            buffer(device, "staging", (rows * row) as u64, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
+        self.staging = Some(staging.map_err(UploadError::Buffers)?);
+        for first in (0..batch.body_count).step_by(capacity) {
+            let bodies = capacity.min(batch.body_count - first);
+            let chunk = new_chunk::<T>(device, layout, first, bodies).map_err(UploadError::Buffers)?;
+            self.chunks.push(chunk);
+        }
+        for chunk in &self.chunks {
+            let rows = chunk.first..chunk.first + chunk.bodies;
+            write_columns(device, &chunk.parameters, chunk.stride, &batch.parameters, batch.stride, rows.clone())
+                .map_err(UploadError::Copy)?;
+            write_columns(device, &chunk.state, chunk.stride, &batch.state, batch.stride, rows)
+                .map_err(UploadError::Copy)?;
+        }
+        Ok(())
+    }
+
+    /// The raw state of a range of bodies, through the staging buffer block by block.
+    pub fn read<T: DeviceScalar>(&self, device: &Device, bodies: Range<usize>) -> Result<StateWords> {
+        let mut words = StateWords::default();
+        words.value.reserve_exact(bodies.len());
+        words.residue.reserve_exact(bodies.len());
+        let Some(staging) = &self.staging else { return Ok(words) };
+        let block = staging.size() as usize / (state_columns::<T>() * size_of::<T>());
+        for chunk in &self.chunks {
+            let start = bodies.start.max(chunk.first);
+            let end = bodies.end.min(chunk.first + chunk.bodies);
+            for first in (start..end.max(start)).step_by(block) {
+                let rows = first - chunk.first..block.min(end - first) + first - chunk.first;
+                read_block::<T>(device, chunk, staging, rows, &mut words)?;
+            }
+        }
+        Ok(words)
+    }
+
+    /// Gives the memory back at once rather than when wgpu next looks.
+    pub fn release(&mut self, device: &Device) {
+        for chunk in self.chunks.drain(..) {
+            for buffer in [&chunk.parameters, &chunk.state, &chunk.settings] {
+                buffer.destroy();
+            }
+        }
+        if let Some(staging) = self.staging.take() {
+            staging.destroy();
+        }
+        device.release();
+    }
+}
+
+enum UploadError {
+    Buffers(Refusal),
+    Copy(Error),
+}
+
+/// Bytes that a number of bodies takes on the device.
+fn device_bytes<T: Scalar>(bodies: usize) -> u64 {
+    let row = (state_columns::<T>() + parameter_columns::<T>()) * size_of::<T>();
+    (bodies as u64).saturating_mul(row as u64).saturating_add(STAGING_BYTES as u64)
+}
+
+/// Refuses more bodies than the caller's bound allows, or, where the device's memory is the host's, than it holds.
+fn require<T: Scalar>(device: &Device, bodies: usize, bound: Option<u64>) -> Result<()> {
+    let needed = device_bytes::<T>(bodies);
+    if let Some(available) = bound.filter(|&bound| needed > bound) {
+        return Err(Error::TooManyBodies { bodies, purpose: "the columns on the device", needed, available });
+    }
+    if device.kind() == super::AdapterKind::Software {
+        memory::require(bodies, usize::try_from(needed).unwrap_or(usize::MAX), "the columns on the device")?;
+    }
+    Ok(())
+}
+
+fn buffer(device: &Device, label: &str, size: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, Refusal> {
+    device.scoped(|| {
+        device.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size,
+            usage,
+            mapped_at_creation: false,
+        })
+    })
+}
+
+fn new_chunk<T: DeviceScalar>(
+    device: &Device,
+    layout: &wgpu::BindGroupLayout,
+    first: usize,
+    bodies: usize,
+) -> Result<Chunk, Refusal> {
+    let stride = bodies.next_multiple_of(STRIDE_UNIT);
+    let bytes = |columns: usize| (columns * stride * size_of::<T>()) as u64;
+    let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+    let parameters = buffer(device, "parameters", bytes(parameter_columns::<T>()), storage)?;
+    let state = buffer(device, "state", bytes(state_columns::<T>()), storage | wgpu::BufferUsages::COPY_SRC)?;
+    let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+    let settings = buffer(device, "settings", T::SETTINGS_BYTES, uniform)?;
+    let bind_group = device.scoped(|| {
+        device.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("chunk"),
+            layout,
+            entries: &super::entries([&settings, &parameters, &state]),
+        })
+    })?;
+    Ok(Chunk { first, bodies, stride, parameters, state, settings, bind_group })
+}
+
+/// Writes every column's rows and NaN up to the stride, a bounded number of bytes at a time.
+fn write_columns<T: Scalar>(
+    device: &Device,
+    target: &wgpu::Buffer,
+    stride: usize,
+    source: &[T],
+    source_stride: usize,
+    rows: Range<usize>,
+) -> Result<()> {
+    let (size, part) = (size_of::<T>(), STAGING_BYTES / size_of::<T>());
+    let pad = vec![T::from_f64(f64::NAN); stride - rows.len()];
+    let mut in_flight = 0;
+    for (column, numbers) in source.chunks_exact(source_stride).enumerate() {
+        let mut row = column * stride;
+        for piece in numbers[rows.clone()].chunks(part).chain(std::iter::once(pad.as_slice())) {
+            if piece.is_empty() {
+                continue;
+            }
+            let offset = (row * size) as u64;
+            device
+                .scoped(|| device.queue.write_buffer(target, offset, bytemuck::cast_slice(piece)))
+                .map_err(|refusal| device.refused(refusal))?;
+            row += piece.len();
+            in_flight += size_of_val(piece);
+            if in_flight >= STAGING_BYTES {
+                device.submit(None)?;
+                in_flight = 0;
+            }
+        }
+    }
+    device.submit(None)
+}
+
+/// Copies some rows of a chunk's state to the host and appends them to `words`.
+fn read_block<T: Scalar>(
+    device: &Device,
+    chunk: &Chunk,
+    staging: &wgpu::Buffer,
+    rows: Range<usize>,
+    words: &mut StateWords,
+) -> Result<()> {
+    let size = size_of::<T>();
+    let bytes = (rows.len() * size) as u64;
+    let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("read") });
+    for column in 0..state_columns::<T>() {
+        let from = ((column * chunk.stride + rows.start) * size) as u64;
+        encoder.copy_buffer_to_buffer(&chunk.state, from, staging, column as u64 * bytes, bytes);
+    }
+    let range = 0..state_columns::<T>() as u64 * bytes;
+    let commands = device.scoped(|| encoder.finish()).map_err(|refusal| device.refused(refusal))?;
+    device.read(commands, staging, range, |view| {
+        let numbers: &[T] = bytemuck::cast_slice(view);
+        let at = |row: usize, first: usize| -> [f64; STATE_COMPONENTS] {
+            std::array::from_fn(|component| numbers[(first + component) * rows.len() + row].to_f64())
+        };
+        for row in 0..rows.len() {
+            words.value.push(at(row, 0));
+            words.residue.push(if T::WORDS == 2 { at(row, STATE_COMPONENTS) } else { [0.0; STATE_COMPONENTS] });
+        }
+    })
+}

@@ -1,0 +1,240 @@
+//! Adapters, and an open device: errors typed, waiting that survives a lost device.
+
+use std::ops::Range;
+use std::panic::AssertUnwindSafe;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::error::{Error, Result};
+
+/// What kind of hardware an adapter is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum AdapterKind {
+    /// A graphics card with memory of its own.
+    Discrete,
+    /// A GPU that shares the processor's memory.
+    Integrated,
+    /// A GPU of the host, lent to a virtual machine.
+    Virtual,
+    /// A program on the processor that plays a GPU.
+    Software,
+    /// None of these, or not known.
+    Other,
+}
+
+impl AdapterKind {
+    /// Whether the adapter is a GPU in hardware.
+    pub fn is_real(self) -> bool {
+        matches!(self, AdapterKind::Discrete | AdapterKind::Integrated | AdapterKind::Virtual)
+    }
+
+    /// Order in which adapters are tried: most likely the fastest first.
+    pub(crate) fn rank(self) -> u32 {
+        match self {
+            AdapterKind::Discrete => 0,
+            AdapterKind::Integrated => 1,
+            AdapterKind::Virtual => 2,
+            AdapterKind::Software => 3,
+            AdapterKind::Other => 4,
+        }
+    }
+}
+
+impl From<wgpu::DeviceType> for AdapterKind {
+    fn from(kind: wgpu::DeviceType) -> Self {
+        match kind {
+            wgpu::DeviceType::DiscreteGpu => AdapterKind::Discrete,
+            wgpu::DeviceType::IntegratedGpu => AdapterKind::Integrated,
+            wgpu::DeviceType::VirtualGpu => AdapterKind::Virtual,
+            wgpu::DeviceType::Cpu => AdapterKind::Software,
+            wgpu::DeviceType::Other => AdapterKind::Other,
+        }
+    }
+}
+
+impl std::fmt::Display for AdapterKind {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(match self {
+            AdapterKind::Discrete => "discrete GPU",
+            AdapterKind::Integrated => "integrated GPU",
+            AdapterKind::Virtual => "virtual GPU",
+            AdapterKind::Software => "software adapter",
+            AdapterKind::Other => "adapter of unknown kind",
+        })
+    }
+}
+
+/// The adapters of all native back ends, in the order in which they are numbered.
+pub(crate) async fn adapters() -> Vec<wgpu::Adapter> {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    // No debug layers: they are for the development of wgpu itself and several times slower.
+    descriptor.flags = wgpu::InstanceFlags::empty();
+    // An allocation beyond what the driver says is free is refused at once, not when the memory is touched.
+    descriptor.memory_budget_thresholds.for_resource_creation = Some(MEMORY_BUDGET_PERCENT);
+    wgpu::Instance::new(descriptor).enumerate_adapters(wgpu::Backends::all()).await
+}
+
+/// Share of the driver's memory budget that may be taken: the rest is for what else is on the screen.
+const MEMORY_BUDGET_PERCENT: u8 = 95;
+
+/// Features that kernels or the probe use where the adapter has them.
+const USED_FEATURES: wgpu::Features = wgpu::Features::SHADER_F64.union(wgpu::Features::SHADER_INT64);
+
+/// Why the driver refused to make something.
+pub(crate) enum Refusal {
+    /// No memory left.
+    OutOfMemory,
+    /// Anything else, in the driver's words.
+    Other(String),
+}
+
+/// An open device with its queue.
+#[derive(Debug)]
+pub(crate) struct Device {
+    pub device: wgpu::Device,
+    pub queue: wgpu::Queue,
+    pub info: wgpu::AdapterInfo,
+    /// What was said when the device was lost, or when an error came outside of any scope.
+    fault: Arc<Mutex<Option<String>>>,
+}
+
+impl Device {
+    /// Opens an adapter with its own limits.
+    pub async fn open(adapter: &wgpu::Adapter) -> Result<Self> {
+        let info = adapter.get_info();
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("polhode"),
+            required_features: adapter.features() & USED_FEATURES,
+            required_limits: adapter.limits(),
+            // Small blocks: an ensemble is a few large buffers, which get memory of their own anyhow.
+            memory_hints: wgpu::MemoryHints::MemoryUsage,
+            ..Default::default()
+        };
+        let (device, queue) = adapter
+            .request_device(&descriptor)
+            .await
+            .map_err(|error| Error::Device { adapter: info.name.clone(), reason: error.to_string() })?;
+        let opened = Self { device, queue, info, fault: Arc::default() };
+        let fault = Arc::clone(&opened.fault);
+        opened.device.set_device_lost_callback(move |reason, message| {
+            remember(&fault, format!("lost ({reason:?}): {message}"));
+        });
+        let fault = Arc::clone(&opened.fault);
+        // The default handler panics; whatever comes past the scopes is reported by the next wait instead.
+        opened.device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| remember(&fault, error.to_string())));
+        Ok(opened)
+    }
+
+    /// Takes a device of the caller's, whose callbacks are left alone.
+    pub fn borrowed(device: wgpu::Device, queue: wgpu::Queue) -> Self {
+        let info = device.adapter_info();
+        Self { device, queue, info, fault: Arc::default() }
+    }
+
+    pub fn has(&self, feature: wgpu::Features) -> bool {
+        self.device.features().contains(feature)
+    }
+
+    pub fn kind(&self) -> AdapterKind {
+        self.info.device_type.into()
+    }
+
+    /// Driver and version, as far as the driver gives them.
+    pub fn driver(&self) -> String {
+        driver_of(&self.info)
+    }
+
+    /// A typed error about this device.
+    pub fn error(&self, reason: impl ToString) -> Error {
+        let fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        Error::Device { adapter: self.info.name.clone(), reason: fault.unwrap_or_else(|| reason.to_string()) }
+    }
+
+    /// Runs `work` and gives back what the driver refused in it.
+    pub fn scoped<T>(&self, work: impl FnOnce() -> T) -> Result<T, Refusal> {
+        let internal = self.device.push_error_scope(wgpu::ErrorFilter::Internal);
+        let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let done = work();
+        // The futures are ready at once on native back ends.
+        let memory = pollster::block_on(memory.pop());
+        let errors = [pollster::block_on(validation.pop()), pollster::block_on(internal.pop())];
+        if memory.is_some() {
+            return Err(Refusal::OutOfMemory);
+        }
+        match errors.into_iter().flatten().next() {
+            Some(error) => Err(Refusal::Other(error.to_string())),
+            None => Ok(done),
+        }
+    }
+
+    /// Submits commands (or, with none, the writes so far) and waits until they are done.
+    pub fn submit(&self, commands: Option<wgpu::CommandBuffer>) -> Result<()> {
+        let index = self.scoped(|| self.queue.submit(commands)).map_err(|refusal| self.refused(refusal))?;
+        self.poll(wgpu::PollType::Wait { submission_index: Some(index), timeout: None })
+    }
+
+    /// Submits commands that fill a range of `staging`, waits, and shows the bytes to `look`.
+    pub fn read<T>(
+        &self,
+        commands: wgpu::CommandBuffer,
+        staging: &wgpu::Buffer,
+        range: Range<u64>,
+        look: impl FnOnce(&[u8]) -> T,
+    ) -> Result<T> {
+        let (sender, mapped) = std::sync::mpsc::channel();
+        let index = self.scoped(|| {
+            let index = self.queue.submit([commands]);
+            staging.map_async(wgpu::MapMode::Read, range.clone(), move |result| {
+                // The receiver is gone only where the wait has failed, and then nobody asks.
+                let _ = sender.send(result);
+            });
+            index
+        });
+        let index = index.map_err(|refusal| self.refused(refusal))?;
+        self.poll(wgpu::PollType::Wait { submission_index: Some(index), timeout: None })?;
+        match mapped.try_recv() {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => return Err(self.error(error)),
+            Err(_) => return Err(self.error("gave no answer to a request to read")),
+        }
+        let view = staging.get_mapped_range(range).map_err(|error| self.error(error))?;
+        let seen = look(&view);
+        drop(view);
+        staging.unmap();
+        Ok(seen)
+    }
+
+    /// Frees what was dropped and is no longer in use.
+    pub fn release(&self) {
+        // A lost device has nothing left to free.
+        let _ = self.poll(wgpu::PollType::Poll);
+    }
+
+    /// wgpu panics where the device is lost during a wait, and a refused submission shows only in the wait for it.
+    fn poll(&self, poll_type: wgpu::PollType) -> Result<()> {
+        match std::panic::catch_unwind(AssertUnwindSafe(|| self.device.poll(poll_type))) {
+            Ok(Ok(_)) => Ok(()),
+            Ok(Err(error)) => Err(self.error(error)),
+            Err(_) => Err(self.error("lost while waiting")),
+        }
+    }
+
+    /// The error for a refusal where no buffers were asked for.
+    pub fn refused(&self, refusal: Refusal) -> Error {
+        match refusal {
+            Refusal::OutOfMemory => self.error("out of memory"),
+            Refusal::Other(reason) => self.error(reason),
+        }
+    }
+}
+
+/// Driver and version of an adapter, as far as the driver gives them.
+pub(crate) fn driver_of(info: &wgpu::AdapterInfo) -> String {
+    format!("{} {}", info.driver, info.driver_info).trim().to_owned()
+}
+
+/// Keeps the first fault: what follows is its consequence.
+fn remember(fault: &Mutex<Option<String>>, message: String) {
+    fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(message);
+}

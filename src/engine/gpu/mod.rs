@@ -1,0 +1,236 @@
+//! The GPU engine: compute shaders through wgpu.
+//!
+//! All steps between two reads run in as few dispatches as their length allows ([`SliceLimits`]); an ensemble larger
+//! than a binding or a dispatch is cut into chunks ([`ChunkLimits`]). Cuts fall between steps and between bodies, and
+//! both words of the state stay on the device, so results do not depend on them. An adapter's arithmetic is probed when
+//! it is opened ([`Arithmetic`]), and a precision whose kernels would go wrong there is refused.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// The graphics library, for programs that bring their own device.
+pub use wgpu;
+
+mod buffers;
+mod device;
+mod dispatch;
+mod probe;
+mod session;
+pub mod shader;
+
+pub use buffers::ChunkLimits;
+pub use device::AdapterKind;
+pub use dispatch::SliceLimits;
+pub use probe::{Arithmetic, ArithmeticFault, Fusing, Probe};
+pub use shader::Patch;
+
+pub(crate) use device::{adapters, driver_of};
+
+use super::{Backend, Description, EngineKind, Session};
+use crate::batch::{AnyBatch, Batch, Precision};
+use crate::error::{Error, Result};
+use crate::method::Method;
+use buffers::{Columns, DeviceScalar, WORKGROUP_SIZE};
+use device::Device;
+use dispatch::Slicer;
+use session::GpuSession;
+use shader::Source;
+
+/// What to open, and within which bounds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GpuOptions {
+    /// Index of the adapter as [`crate::engine::devices`] lists them, of whatever kind; `None`: the best real GPU.
+    pub adapter: Option<usize>,
+    /// Whether a software adapter will do where no index is given and there is no real GPU.
+    pub software: bool,
+    /// The most bytes of device memory that one session may take; `None`: what the driver gives.
+    pub memory: Option<u64>,
+    /// Bounds of one chunk.
+    pub chunk: ChunkLimits,
+    /// Bounds of one submission.
+    pub slice: SliceLimits,
+    /// Changes of shader text: planted faults, by which checks prove that they find faults.
+    pub patches: Vec<Patch>,
+}
+
+/// Integrates on a GPU.
+#[derive(Debug)]
+pub struct Gpu {
+    device: Arc<Device>,
+    arithmetic: Arithmetic,
+    precisions: Vec<Precision>,
+    options: GpuOptions,
+    layout: wgpu::BindGroupLayout,
+    pipeline_layout: wgpu::PipelineLayout,
+    pipelines: Mutex<HashMap<(Precision, Method), wgpu::ComputePipeline>>,
+}
+
+impl Gpu {
+    /// Opens the adapter that `options` ask for and probes its arithmetic.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::NoAdapter`] where there is none such; [`Error::Device`] where it cannot be opened;
+    /// [`Error::Arithmetic`] where its arithmetic fits no kernel.
+    pub async fn open(options: GpuOptions) -> Result<Self> {
+        let adapters = adapters().await;
+        let found = adapters.len();
+        let adapter = match options.adapter {
+            Some(index) => adapters.into_iter().nth(index),
+            None => {
+                let kind = |adapter: &wgpu::Adapter| AdapterKind::from(adapter.get_info().device_type);
+                adapters
+                    .into_iter()
+                    .filter(|adapter| kind(adapter).is_real() || options.software)
+                    .min_by_key(|adapter| kind(adapter).rank())
+            }
+        };
+        let Some(adapter) = adapter else {
+            let wanted = match options.adapter {
+                Some(index) => format!("with index {index}"),
+                None if options.software => "of any kind".to_owned(),
+                None => "in hardware".to_owned(),
+            };
+            return Err(Error::NoAdapter { wanted, found });
+        };
+        Self::open_adapter(&adapter, options).await
+    }
+
+    pub(crate) async fn open_adapter(adapter: &wgpu::Adapter, options: GpuOptions) -> Result<Self> {
+        Self::new(Device::open(adapter).await?, options)
+    }
+
+    /// Uses a device of the caller's. `f64` needs its feature [`wgpu::Features::SHADER_F64`]; the device's limits
+    /// hold. Its callbacks are left alone, and `options.adapter` and `options.software` are not read.
+    ///
+    /// # Errors
+    ///
+    /// As [`Gpu::open`].
+    pub fn on(device: wgpu::Device, queue: wgpu::Queue, options: GpuOptions) -> Result<Self> {
+        Self::new(Device::borrowed(device, queue), options)
+    }
+
+    fn new(device: Device, options: GpuOptions) -> Result<Self> {
+        let arithmetic = probe::probe(&device)?;
+        let precisions = arithmetic.precisions();
+        if precisions.is_empty() {
+            // Every adapter has f32, so it is f32 that has a fault.
+            return Err(unavailable(&device, &arithmetic, Precision::F32));
+        }
+        let layout = bind_group_layout(&device.device);
+        let pipeline_layout = pipeline_layout(&device.device, &layout);
+        Ok(Self {
+            device: Arc::new(device),
+            arithmetic,
+            precisions,
+            options,
+            layout,
+            pipeline_layout,
+            pipelines: Mutex::default(),
+        })
+    }
+
+    /// What the probe found.
+    pub fn arithmetic(&self) -> &Arithmetic {
+        &self.arithmetic
+    }
+
+    /// The compiled kernel, compiled on first use.
+    fn pipeline(&self, precision: Precision, method: Method) -> Result<wgpu::ComputePipeline> {
+        let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(pipeline) = pipelines.get(&(precision, method)) {
+            return Ok(pipeline.clone());
+        }
+        let source = Source::advance(precision, method).patched(&self.options.patches)?;
+        let pipeline = source.compile(&self.device.device, &self.pipeline_layout, Some(WORKGROUP_SIZE))?;
+        pipelines.insert((precision, method), pipeline.clone());
+        Ok(pipeline)
+    }
+
+    fn start_batch<T: DeviceScalar>(
+        &self,
+        batch: &Batch<T>,
+        pipeline: wgpu::ComputePipeline,
+    ) -> Result<Box<dyn Session>> {
+        let columns = Columns::upload(&self.device, &self.layout, batch, &self.options.chunk, self.options.memory)?;
+        Ok(Box::new(GpuSession::<T> {
+            device: Arc::clone(&self.device),
+            pipeline,
+            columns,
+            body_count: batch.body_count,
+            slicer: Slicer::new(self.options.slice),
+            scalar: std::marker::PhantomData,
+        }))
+    }
+}
+
+impl Backend for Gpu {
+    fn description(&self) -> Description {
+        Description {
+            kind: EngineKind::Gpu,
+            name: self.device.info.name.clone(),
+            driver: self.device.driver(),
+            software: self.device.kind() == AdapterKind::Software,
+            arithmetic: Some(self.arithmetic),
+        }
+    }
+
+    fn precisions(&self) -> &[Precision] {
+        &self.precisions
+    }
+
+    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+        let precision = batch.precision();
+        if !self.precisions.contains(&precision) {
+            return Err(unavailable(&self.device, &self.arithmetic, precision));
+        }
+        let pipeline = self.pipeline(precision, method)?;
+        match batch {
+            AnyBatch::F32(batch) => self.start_batch(&batch, pipeline),
+            AnyBatch::F64(batch) => self.start_batch(&batch, pipeline),
+        }
+    }
+}
+
+/// Why a precision is not offered.
+fn unavailable(device: &Device, arithmetic: &Arithmetic, precision: Precision) -> Error {
+    let adapter = device.info.name.clone();
+    match arithmetic.probe(precision).and_then(|probe| probe.fault(precision)) {
+        Some(fault) => Error::Arithmetic { adapter, precision, fault },
+        None => Error::PrecisionUnavailable { adapter, precision },
+    }
+}
+
+/// The bindings that every kernel has: a uniform block, columns that are read, columns that are written.
+fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
+        count: None,
+    };
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: Some("columns"),
+        entries: &[
+            entry(0, wgpu::BufferBindingType::Uniform),
+            entry(1, wgpu::BufferBindingType::Storage { read_only: true }),
+            entry(2, wgpu::BufferBindingType::Storage { read_only: false }),
+        ],
+    })
+}
+
+/// Whole buffers for the bindings of [`bind_group_layout`].
+fn entries(buffers: [&wgpu::Buffer; 3]) -> [wgpu::BindGroupEntry<'_>; 3] {
+    std::array::from_fn(|binding| wgpu::BindGroupEntry {
+        binding: binding as u32,
+        resource: buffers[binding].as_entire_binding(),
+    })
+}
+
+fn pipeline_layout(device: &wgpu::Device, layout: &wgpu::BindGroupLayout) -> wgpu::PipelineLayout {
+    device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some("columns"),
+        bind_group_layouts: &[Some(layout)],
+        ..Default::default()
+    })
+}

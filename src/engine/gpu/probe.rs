@@ -1,0 +1,309 @@
+//! What an adapter's arithmetic does, found by computing a table of sums, products, quotients and roots on it.
+//!
+//! Nothing here is promised by the graphics interfaces: drivers may contract and re-associate, flush subnormal
+//! numbers, and round `f64` quotients and roots as they like. The result decides which precisions an engine offers.
+
+use super::device::{Device, Refusal};
+use super::shader::Source;
+use crate::batch::Precision;
+use crate::error::Result;
+use crate::real::Scalar;
+
+/// Whether a product and a sum are rounded once or twice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fusing {
+    /// Once, everywhere in the table.
+    Fused,
+    /// Twice, everywhere in the table.
+    Separate,
+    /// Now once, now twice, or neither.
+    Mixed,
+}
+
+impl std::fmt::Display for Fusing {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(match self {
+            Fusing::Fused => "fused",
+            Fusing::Separate => "not fused",
+            Fusing::Mixed => "mixed",
+        })
+    }
+}
+
+/// Why an adapter cannot be used in a precision.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ArithmeticFault {
+    /// Sums or products of normal numbers are not correctly rounded.
+    Rounding,
+    /// The rounding error of a sum comes out wrong in spite of the barrier, so that no state can be carried in two
+    /// words.
+    TwoSum,
+}
+
+impl std::fmt::Display for ArithmeticFault {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(match self {
+            ArithmeticFault::Rounding => "its sums or products are not correctly rounded",
+            ArithmeticFault::TwoSum => "its compiler re-associates sums, so that their rounding errors are lost",
+        })
+    }
+}
+
+/// The arithmetic of one precision.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Probe {
+    /// Rows of the table that it was found on.
+    pub rows: usize,
+    /// Whether sums and products of normal numbers are correctly rounded.
+    pub correctly_rounded: bool,
+    /// Whether a textbook two-sum gives the rounding error of a sum.
+    pub two_sum_plain: bool,
+    /// Whether it does behind the barrier; `None` in `f64` on adapters without 64-bit integers, which have none.
+    pub two_sum_barrier: Option<bool>,
+    /// Largest distance of a quotient from the correctly rounded one, in ulps; `u64::MAX` where one is not a number.
+    pub division_ulps: u64,
+    /// Largest distance of a square root from the correctly rounded one, in ulps; `u64::MAX` as above.
+    pub square_root_ulps: u64,
+    /// Whether subnormal numbers are kept; else they are taken for zero.
+    pub subnormals: bool,
+    /// How `fma` is carried out.
+    pub fma: Fusing,
+    /// How a product followed by a sum is carried out.
+    pub product_and_sum: Fusing,
+}
+
+impl Probe {
+    /// What keeps the kernels of a precision from being used: they need exact two-sums in `f32`, correct rounding in
+    /// both, and neither quotients nor roots.
+    pub fn fault(&self, precision: Precision) -> Option<ArithmeticFault> {
+        if !self.correctly_rounded {
+            return Some(ArithmeticFault::Rounding);
+        }
+        match precision {
+            Precision::F32 if self.two_sum_barrier != Some(true) => Some(ArithmeticFault::TwoSum),
+            _ => None,
+        }
+    }
+}
+
+/// The arithmetic of an adapter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Arithmetic {
+    /// In 32 bits.
+    pub f32: Probe,
+    /// In 64 bits, where the adapter has them.
+    pub f64: Option<Probe>,
+}
+
+impl Arithmetic {
+    /// The probe of a precision.
+    pub fn probe(&self, precision: Precision) -> Option<&Probe> {
+        match precision {
+            Precision::F32 => Some(&self.f32),
+            Precision::F64 => self.f64.as_ref(),
+        }
+    }
+
+    /// The precisions that the kernels can be used in.
+    pub fn precisions(&self) -> Vec<Precision> {
+        let usable =
+            |precision: &Precision| self.probe(*precision).is_some_and(|probe| probe.fault(*precision).is_none());
+        Precision::ALL.into_iter().filter(usable).collect()
+    }
+}
+
+/// Probes a device in every precision that it has.
+pub(super) fn probe(device: &Device) -> Result<Arithmetic> {
+    let f64 = device.has(wgpu::Features::SHADER_F64).then(|| {
+        let int64 = device.has(wgpu::Features::SHADER_INT64);
+        probe_precision::<f64>(device, int64)
+    });
+    Ok(Arithmetic { f32: probe_precision::<f32>(device, false)?, f64: f64.transpose()? })
+}
+
+/// An element type with the host's arithmetic, which is that of IEEE 754, to compare with.
+trait ProbedScalar: Scalar {
+    const PRECISION: Precision;
+    /// A subnormal number, and a normal one whose half is subnormal.
+    const SUBNORMAL: Self;
+    const LEAST_NORMAL: Self;
+    fn fused(self, factor: Self, addend: Self) -> Self;
+    /// Distance in units of the last place, over the line of all finite numbers.
+    fn ulps(self, other: Self) -> u64;
+    fn same(self, other: Self) -> bool {
+        self.ulps(other) == 0
+    }
+}
+
+macro_rules! probed_scalar {
+    ($scalar:ident, $signed:ident, $precision:expr) => {
+        impl ProbedScalar for $scalar {
+            const PRECISION: Precision = $precision;
+            const SUBNORMAL: Self = $scalar::MIN_POSITIVE * 0.25;
+            const LEAST_NORMAL: Self = $scalar::MIN_POSITIVE;
+            fn fused(self, factor: Self, addend: Self) -> Self {
+                <$scalar>::mul_add(self, factor, addend)
+            }
+            fn ulps(self, other: Self) -> u64 {
+                if self.is_nan() || other.is_nan() {
+                    return u64::MAX;
+                }
+                // Ordered integers: both zeros become 0, negative numbers count downwards from there.
+                let ordered = |x: $scalar| {
+                    let bits = x.to_bits() as $signed;
+                    i128::from(if bits < 0 { $signed::MIN - bits } else { bits })
+                };
+                (ordered(self) - ordered(other)).unsigned_abs() as u64
+            }
+        }
+    };
+}
+
+probed_scalar!(f32, i32, Precision::F32);
+probed_scalar!(f64, i64, Precision::F64);
+
+/// Rows of normal numbers.
+const NORMAL_ROWS: usize = 1021;
+/// Columns of `results` in `probe.wgsl`.
+const RESULTS: usize = 8;
+
+/// Operands a, b, c of each row: a few by hand, then a fixed sequence over sixty binary orders of magnitude; the last
+/// two rows have subnormal operands and results.
+fn operands<T: ProbedScalar>() -> Vec<[T; 3]> {
+    let mut rows: Vec<[T; 3]> = [
+        // Sums that lose the whole of b, half of it, and nothing; a tie; a cancellation.
+        [1.0, T::UNIT_ROUNDOFF * 0.5, -1.0],
+        [1.0, T::UNIT_ROUNDOFF, 1.0],
+        [1.0, T::UNIT_ROUNDOFF * 3.0, 1.0],
+        [3.0, -1.0 / 3.0, 1.0],
+        [1.0, 3.0, -1.0 / 3.0],
+        [-7.0, 7.0, 49.0],
+        [1e10, 1.0, -1e10],
+        [2.0, 3.0, -6.0],
+    ]
+    .map(|row: [f64; 3]| row.map(T::from_f64))
+    .to_vec();
+    // SplitMix64 (Steele, Lea, Flood, OOPSLA 2014) with a fixed seed.
+    let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut draw = || {
+        seed = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = seed;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    };
+    while rows.len() < NORMAL_ROWS {
+        let mut number = |orders: u64| {
+            let mantissa = 1.0 + (draw() >> 12) as f64 / 2f64.powi(52);
+            let exponent = (draw() % (2 * orders + 1)) as i32 - orders as i32;
+            let sign = if draw() & 1 == 0 { 1.0 } else { -1.0 };
+            sign * mantissa * 2f64.powi(exponent)
+        };
+        let (a, b) = (T::from_f64(number(15)), T::from_f64(number(15)));
+        // The addend is of the size of the product, where fused and separate rounding part most often.
+        let c = T::from_f64((a * b).to_f64() * number(2));
+        rows.push([a, b, c]);
+    }
+    let (zero, half) = (T::from_f64(0.0), T::from_f64(0.5));
+    rows.push([T::SUBNORMAL, zero, zero]);
+    rows.push([T::LEAST_NORMAL, half, zero]);
+    rows
+}
+
+/// a + b and what its rounding loses (Knuth, TAOCP vol. 2, 4.2.2, theorem B).
+fn two_sum<T: Scalar>(a: T, b: T) -> (T, T) {
+    let sum = a + b;
+    let b_taken = sum - a;
+    let a_taken = sum - b_taken;
+    (sum, (a - a_taken) + (b - b_taken))
+}
+
+fn probe_precision<T: ProbedScalar>(device: &Device, int64: bool) -> Result<Probe> {
+    let table = operands::<T>();
+    let results = compute(device, &Source::probe(T::PRECISION, int64), &table)?;
+    Ok(judge(&table, &results, T::PRECISION == Precision::F32 || int64))
+}
+
+/// Compares the device's results, `RESULTS` columns, with the host's.
+fn judge<T: ProbedScalar>(table: &[[T; 3]], results: &[T], barrier: bool) -> Probe {
+    let rows = table.len();
+    let normal = 0..NORMAL_ROWS;
+    let result = |column: usize, row: usize| results[column * rows + row];
+    let all = |matches: &dyn Fn(usize, [T; 3]) -> bool| normal.clone().all(|row| matches(row, table[row]));
+    let largest = |column: usize, expected: &dyn Fn([T; 3]) -> T| {
+        normal.clone().map(|row| result(column, row).ulps(expected(table[row]))).max().unwrap_or(u64::MAX)
+    };
+    let fusing = |column: usize| {
+        if all(&|row, [a, b, c]| result(column, row).same(a.fused(b, c))) {
+            Fusing::Fused
+        } else if all(&|row, [a, b, c]| result(column, row).same(a * b + c)) {
+            Fusing::Separate
+        } else {
+            Fusing::Mixed
+        }
+    };
+    let exact_two_sum = |column: usize| all(&|row, [a, b, _]| result(column, row).same(two_sum(a, b).1));
+    Probe {
+        rows,
+        correctly_rounded: all(&|row, [a, b, _]| result(0, row).same(a + b) && result(1, row).same(a * b)),
+        two_sum_plain: exact_two_sum(2),
+        two_sum_barrier: barrier.then(|| exact_two_sum(3)),
+        division_ulps: largest(4, &|[a, b, _]| a / b),
+        square_root_ulps: largest(5, &|[a, _, _]| a.abs().sqrt()),
+        subnormals: (NORMAL_ROWS..rows).all(|row| {
+            let [a, b, _] = table[row];
+            result(0, row).same(a + b) && result(1, row).same(a * b)
+        }),
+        fma: fusing(6),
+        product_and_sum: fusing(7),
+    }
+}
+
+/// Runs the probe's shader over the table.
+fn compute<T: ProbedScalar>(device: &Device, source: &Source, table: &[[T; 3]]) -> Result<Vec<T>> {
+    let rows = table.len();
+    let columns: Vec<T> = (0..3).flat_map(|column| table.iter().map(move |row| row[column])).collect();
+    // What the shader does not write must not pass for a result.
+    let unwritten = vec![T::from_f64(f64::NAN); RESULTS * rows];
+    let layout = super::bind_group_layout(&device.device);
+    let pipeline = source.compile(&device.device, &super::pipeline_layout(&device.device, &layout), None)?;
+    let bytes = size_of_val(unwritten.as_slice()) as u64;
+    let usages = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+    let make = |label, size, usage| {
+        let made = device.scoped(|| {
+            let label = Some(label);
+            device.device.create_buffer(&wgpu::BufferDescriptor { label, size, usage, mapped_at_creation: false })
+        });
+        made.map_err(|refusal: Refusal| device.refused(refusal))
+    };
+    let settings = make("probe settings", 8, wgpu::BufferUsages::UNIFORM | usages)?;
+    let input = make("operands", size_of_val(columns.as_slice()) as u64, wgpu::BufferUsages::STORAGE | usages)?;
+    let output = make("results", bytes, wgpu::BufferUsages::STORAGE | usages)?;
+    let staging = make("probe staging", bytes, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)?;
+    let commands = device.scoped(|| {
+        device.queue.write_buffer(&settings, 0, bytemuck::bytes_of(&[rows as u32, 0]));
+        device.queue.write_buffer(&input, 0, bytemuck::cast_slice(&columns));
+        device.queue.write_buffer(&output, 0, bytemuck::cast_slice(&unwritten));
+        let group = device.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("probe"),
+            layout: &layout,
+            entries: &super::entries([&settings, &input, &output]),
+        });
+        let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        pass.dispatch_workgroups((rows as u32).div_ceil(64), 1, 1);
+        drop(pass);
+        encoder.copy_buffer_to_buffer(&output, 0, &staging, 0, bytes);
+        encoder.finish()
+    });
+    let commands = commands.map_err(|refusal| device.refused(refusal))?;
+    let results = device.read(commands, &staging, 0..bytes, |view| bytemuck::cast_slice(view).to_vec())?;
+    for buffer in [&settings, &input, &output, &staging] {
+        buffer.destroy();
+    }
+    device.release();
+    Ok(results)
+}

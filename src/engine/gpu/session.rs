@@ -1,0 +1,100 @@
+//! A batch on a device, advanced slice by slice.
+
+use std::ops::Range;
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::buffers::{Chunk, Columns, DeviceScalar, GROUP_BODIES};
+use super::device::Device;
+use super::dispatch::Slicer;
+use crate::batch::{Precision, StateWords};
+use crate::engine::{Observer, Progress, Session, check_step};
+use crate::error::{Error, Result};
+
+pub(super) struct GpuSession<T> {
+    pub device: Arc<Device>,
+    pub pipeline: wgpu::ComputePipeline,
+    pub columns: Columns,
+    pub body_count: usize,
+    pub slicer: Slicer,
+    pub scalar: std::marker::PhantomData<T>,
+}
+
+impl<T: DeviceScalar> Session for GpuSession<T> {
+    fn body_count(&self) -> usize {
+        self.body_count
+    }
+
+    fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
+        check_step(dt, if T::WORDS == 2 { Precision::F32 } else { Precision::F64 })?;
+        let dt = T::two_words(dt);
+        let total = steps.saturating_mul(self.body_count as u64);
+        let mut done = 0_u64;
+        for group in groups(&self.columns.chunks) {
+            let bodies: usize = group.iter().map(|chunk| chunk.bodies).sum();
+            let mut left = steps;
+            while left > 0 {
+                let slice = self.slicer.steps(bodies, left);
+                let start = Instant::now();
+                run(&self.device, &self.pipeline, group, slice, dt)?;
+                self.slicer.record(bodies, slice, start.elapsed());
+                left -= u64::from(slice);
+                done += u64::from(slice) * bodies as u64;
+                if done < total && observer(Progress { done, total }).is_break() {
+                    return Err(Error::Interrupted { steps: done / self.body_count as u64 });
+                }
+            }
+        }
+        // All is done, so there is nothing left to break off.
+        let _ = observer(Progress { done, total });
+        Ok(())
+    }
+
+    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
+        self.columns.read::<T>(&self.device, bodies)
+    }
+}
+
+impl<T> Drop for GpuSession<T> {
+    fn drop(&mut self) {
+        self.columns.release(&self.device);
+    }
+}
+
+/// Neighbouring chunks that share a submission: as many as together stay below the bound on bodies.
+fn groups(chunks: &[Chunk]) -> impl Iterator<Item = &[Chunk]> {
+    let mut left = chunks;
+    std::iter::from_fn(move || {
+        let mut bodies = 0;
+        let count = left.iter().take_while(|chunk| {
+            bodies += chunk.bodies;
+            bodies <= GROUP_BODIES
+        });
+        let (group, rest) = left.split_at(count.count());
+        left = rest;
+        (!group.is_empty()).then_some(group)
+    })
+}
+
+/// One submission: `steps` steps of every chunk of a group.
+fn run<T: DeviceScalar>(
+    device: &Device,
+    pipeline: &wgpu::ComputePipeline,
+    group: &[Chunk],
+    steps: u32,
+    dt: (T, T),
+) -> Result<()> {
+    let commands = device.scoped(|| {
+        let mut encoder =
+            device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("advance") });
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(pipeline);
+        for chunk in group {
+            chunk.set::<T>(&device.queue, steps, dt);
+            chunk.dispatch(&mut pass);
+        }
+        drop(pass);
+        encoder.finish()
+    });
+    device.submit(Some(commands.map_err(|refusal| device.refused(refusal))?))
+}

@@ -1,0 +1,215 @@
+//! Shader text: chunks under `shaders/`, concatenated by precision and method, and compiled with errors that name the
+//! original file and line.
+
+use std::borrow::Cow;
+use std::error::Error as _;
+
+use wgpu::naga;
+
+use crate::batch::Precision;
+use crate::error::{Error, Result};
+use crate::method::Method;
+
+/// One file under `shaders/`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Chunk {
+    /// Path below `shaders/`.
+    pub file: &'static str,
+    /// The file's text.
+    pub text: Cow<'static, str>,
+}
+
+macro_rules! chunk {
+    ($file:literal) => {
+        Chunk { file: $file, text: Cow::Borrowed(include_str!(concat!("../../../shaders/", $file))) }
+    };
+}
+
+/// A change of a shader's text: a planted fault, by which a check proves that it finds faults.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Patch {
+    /// Path of the chunk below `shaders/`.
+    pub file: String,
+    /// Text that is replaced; it must occur in the chunk.
+    pub from: String,
+    /// What takes its place.
+    pub to: String,
+}
+
+/// The text of a compute shader with one entry point, as a sequence of chunks; the entry point is in the last one.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Source {
+    chunks: Vec<Chunk>,
+    entry_point: &'static str,
+}
+
+fn real_chunk(precision: Precision) -> Chunk {
+    match precision {
+        Precision::F32 => chunk!("real_f32.wgsl"),
+        Precision::F64 => chunk!("real_f64.wgsl"),
+    }
+}
+
+impl Source {
+    /// The kernel that advances bodies by `method`.
+    pub fn advance(precision: Precision, method: Method) -> Self {
+        let mut chunks = Self::functions(precision);
+        chunks.push(match method {
+            Method::Rk4 => chunk!("method/rk4.wgsl"),
+            Method::Dlm => chunk!("method/dlm.wgsl"),
+        });
+        chunks.push(chunk!("advance.wgsl"));
+        Self { chunks, entry_point: "advance" }
+    }
+
+    /// The kernel that probes an adapter's arithmetic; `int64`: whether the adapter has 64-bit integers.
+    pub fn probe(precision: Precision, int64: bool) -> Self {
+        let barrier = match precision {
+            Precision::F64 if int64 => chunk!("probe/int64.wgsl"),
+            _ => chunk!("probe/rounded.wgsl"),
+        };
+        Self { chunks: vec![real_chunk(precision), barrier, chunk!("probe.wgsl")], entry_point: "probe" }
+    }
+
+    /// The chunks that every kernel shares: numbers, algebra, Euler's equations. They read `settings.zero`, which the
+    /// entry point's chunk declares.
+    pub fn functions(precision: Precision) -> Vec<Chunk> {
+        vec![real_chunk(precision), chunk!("trigonometry.wgsl"), chunk!("quaternion.wgsl"), chunk!("rigid_body.wgsl")]
+    }
+
+    /// The source with patches applied, in order.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Patch`] where a patch's text does not occur in the chunk that it names. A patch of a chunk that this
+    /// source does not contain is passed over.
+    pub fn patched(mut self, patches: &[Patch]) -> Result<Self> {
+        for patch in patches {
+            for chunk in self.chunks.iter_mut().filter(|chunk| chunk.file == patch.file) {
+                if !chunk.text.contains(&patch.from) {
+                    return Err(Error::Patch { file: chunk.file, text: patch.from.clone() });
+                }
+                chunk.text = Cow::Owned(chunk.text.replace(&patch.from, &patch.to));
+            }
+        }
+        Ok(self)
+    }
+
+    /// The chunks in order.
+    pub fn chunks(&self) -> &[Chunk] {
+        &self.chunks
+    }
+
+    /// Name of the entry point.
+    pub fn entry_point(&self) -> &'static str {
+        self.entry_point
+    }
+
+    /// The whole text.
+    pub fn text(&self) -> String {
+        let mut text = String::with_capacity(self.chunks.iter().map(|chunk| chunk.text.len() + 1).sum());
+        for chunk in &self.chunks {
+            text.push_str(&chunk.text);
+            if !chunk.text.ends_with('\n') {
+                text.push('\n');
+            }
+        }
+        text
+    }
+
+    /// File and line (from 1) of a line of the whole text (from 1).
+    pub fn locate(&self, line: usize) -> (&'static str, usize) {
+        let mut left = line.max(1);
+        for chunk in &self.chunks {
+            let lines = chunk.text.lines().count();
+            if left <= lines {
+                return (chunk.file, left);
+            }
+            left -= lines;
+        }
+        // Past the end, where an unclosed brace is found missing: the last line there is.
+        let last = self.last();
+        (last.file, last.text.lines().count())
+    }
+
+    /// Checks the text without a device.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Shader`] with the original file and line.
+    pub fn validate(&self) -> Result<()> {
+        let text = self.text();
+        let module = naga::front::wgsl::parse_str(&text).map_err(|error| {
+            let line = error.location(&text).map(|location| location.line_number as usize);
+            self.error(line, error.message().to_owned())
+        })?;
+        let mut validator =
+            naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::all());
+        validator.validate(&module).map_err(|error| {
+            let line = error.location(&text).map(|location| location.line_number as usize);
+            let mut message = error.as_inner().to_string();
+            let mut cause = error.as_inner().source();
+            while let Some(error) = cause {
+                message = format!("{message}: {error}");
+                cause = error.source();
+            }
+            self.error(line, message)
+        })?;
+        Ok(())
+    }
+
+    /// The compiled pipeline; `workgroup_size` sets the override of that name where it is given.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Shader`] with the original file and line.
+    pub fn compile(
+        &self,
+        device: &wgpu::Device,
+        layout: &wgpu::PipelineLayout,
+        workgroup_size: Option<u32>,
+    ) -> Result<wgpu::ComputePipeline> {
+        let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let internal = device.push_error_scope(wgpu::ErrorFilter::Internal);
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(self.entry_point),
+            source: wgpu::ShaderSource::Wgsl(self.text().into()),
+        });
+        let constants: Vec<_> = workgroup_size.map(|size| ("workgroup_size", f64::from(size))).into_iter().collect();
+        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(self.entry_point),
+            layout: Some(layout),
+            module: &module,
+            entry_point: Some(self.entry_point),
+            compilation_options: wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() },
+            cache: None,
+        });
+        // Both futures are ready at once on native back ends.
+        let errors = [pollster::block_on(internal.pop()), pollster::block_on(scope.pop())];
+        match errors.into_iter().flatten().next() {
+            None => Ok(pipeline),
+            Some(error) => {
+                self.validate()?;
+                Err(self.error(None, error.to_string()))
+            }
+        }
+    }
+
+    fn last(&self) -> &Chunk {
+        self.chunks.last().expect("a source has chunks")
+    }
+
+    /// An error at a line of the whole text, or at the entry point where the compiler names none.
+    fn error(&self, line: Option<usize>, message: String) -> Error {
+        let (file, line) = match line {
+            Some(line) => self.locate(line),
+            None => {
+                let last = self.last();
+                let entry_point = format!("fn {}(", self.entry_point);
+                let line = last.text.lines().position(|line| line.contains(&entry_point)).unwrap_or(0) + 1;
+                (last.file, line)
+            }
+        };
+        Error::Shader { file, line, message }
+    }
+}
