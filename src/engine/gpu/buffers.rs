@@ -22,11 +22,9 @@ pub struct ChunkLimits {
 /// Bodies that one workgroup advances, and the unit that chunks are cut by.
 pub(super) const WORKGROUP_SIZE: u32 = STRIDE_UNIT as u32;
 
-/// The most bodies in one chunk and in one submission.
-///
-/// It bounds the one thing that slicing cannot make shorter, a single step: at 1e7 body-steps/s, far below any GPU,
-/// this many take 100 ms. One dispatch of them fills any GPU there is.
-pub(super) const GROUP_BODIES: usize = 1 << 20;
+/// The most bodies in one chunk: few enough that a slow adapter can take chunks one by one, and that sixteen of them,
+/// dispatched in one submission without barriers between, fill any GPU.
+const CHUNK_BODIES: usize = 1 << 16;
 
 /// Bytes that are in flight between host and device at a time; also the size of the buffer for reading.
 const STAGING_BYTES: usize = 4 << 20;
@@ -106,7 +104,7 @@ fn chunk_capacity<T: DeviceScalar>(device: &Device, limits: &ChunkLimits) -> Res
     let workgroups = own.max_compute_workgroups_per_dimension.min(limits.workgroups.unwrap_or(u32::MAX));
     let row = (widest_columns::<T>() * size_of::<T>()) as u64;
     let unit = STRIDE_UNIT as u64;
-    let units = (binding.min(buffer) / (row * unit)).min(u64::from(workgroups)).min(GROUP_BODIES as u64 / unit);
+    let units = (binding.min(buffer) / (row * unit)).min(u64::from(workgroups)).min(CHUNK_BODIES as u64 / unit);
     if units == 0 {
         let expected = "room for the columns of 64 bodies and one workgroup are needed";
         return Err(Error::Setting { field: "chunk bytes", value: binding.min(buffer) as f64, expected });

@@ -4,9 +4,9 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::buffers::{Chunk, Columns, DeviceScalar, GROUP_BODIES};
+use super::buffers::{Chunk, Columns, DeviceScalar};
 use super::device::Device;
-use super::dispatch::Slicer;
+use super::dispatch::{Slicer, next_group};
 use crate::batch::{Precision, StateWords};
 use crate::engine::{Observer, Progress, Session, check_step};
 use crate::error::{Error, Result};
@@ -30,19 +30,18 @@ impl<T: DeviceScalar> Session for GpuSession<T> {
         let dt = T::two_words(dt);
         let total = steps.saturating_mul(self.body_count as u64);
         let mut done = 0_u64;
-        for group in groups(&self.columns.chunks) {
-            let bodies: usize = group.iter().map(|chunk| chunk.bodies).sum();
-            let mut left = steps;
-            while left > 0 {
-                let slice = self.slicer.steps(bodies, left);
-                let start = Instant::now();
-                run(&self.device, &self.pipeline, group, slice, dt)?;
-                self.slicer.record(bodies, slice, start.elapsed());
-                left -= u64::from(slice);
-                done += u64::from(slice) * bodies as u64;
-                if done < total && observer(Progress { done, total }).is_break() {
-                    return Err(Error::Interrupted { steps: done / self.body_count as u64 });
-                }
+        let sizes: Vec<usize> = self.columns.chunks.iter().map(|chunk| chunk.bodies).collect();
+        let mut left = vec![steps; sizes.len()];
+        while let Some(group) = next_group(&sizes, &left, self.slicer.group_bodies()) {
+            let bodies: usize = sizes[group.clone()].iter().sum();
+            let slice = self.slicer.steps(bodies, left[group.start]);
+            let start = Instant::now();
+            run(&self.device, &self.pipeline, &self.columns.chunks[group.clone()], slice, dt)?;
+            self.slicer.record(bodies, slice, start.elapsed());
+            left[group].iter_mut().for_each(|left| *left -= u64::from(slice));
+            done += u64::from(slice) * bodies as u64;
+            if done < total && observer(Progress { done, total }).is_break() {
+                return Err(Error::Interrupted { steps: done / self.body_count as u64 });
             }
         }
         // All is done, so there is nothing left to break off.
@@ -59,21 +58,6 @@ impl<T> Drop for GpuSession<T> {
     fn drop(&mut self) {
         self.columns.release(&self.device);
     }
-}
-
-/// Neighbouring chunks that share a submission: as many as together stay below the bound on bodies.
-fn groups(chunks: &[Chunk]) -> impl Iterator<Item = &[Chunk]> {
-    let mut left = chunks;
-    std::iter::from_fn(move || {
-        let mut bodies = 0;
-        let count = left.iter().take_while(|chunk| {
-            bodies += chunk.bodies;
-            bodies <= GROUP_BODIES
-        });
-        let (group, rest) = left.split_at(count.count());
-        left = rest;
-        (!group.is_empty()).then_some(group)
-    })
 }
 
 /// One submission: `steps` steps of every chunk of a group.

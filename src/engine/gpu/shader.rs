@@ -36,6 +36,11 @@ pub struct Patch {
     pub to: String,
 }
 
+/// The line (from 1) of the first place that a compiler error names; some of its labels point nowhere.
+fn line_of(text: &str, mut spans: impl Iterator<Item = naga::Span>) -> Option<usize> {
+    spans.find(naga::Span::is_defined).map(|span| span.location(text).line_number as usize)
+}
+
 /// The text of a compute shader with one entry point, as a sequence of chunks; the entry point is in the last one.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Source {
@@ -140,13 +145,12 @@ impl Source {
     pub fn validate(&self) -> Result<()> {
         let text = self.text();
         let module = naga::front::wgsl::parse_str(&text).map_err(|error| {
-            let line = error.location(&text).map(|location| location.line_number as usize);
-            self.error(line, error.message().to_owned())
+            self.error(line_of(&text, error.labels().map(|(span, _)| span)), error.message().to_owned())
         })?;
         let mut validator =
             naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::all());
         validator.validate(&module).map_err(|error| {
-            let line = error.location(&text).map(|location| location.line_number as usize);
+            let line = line_of(&text, error.spans().map(|&(span, _)| span));
             let mut message = error.as_inner().to_string();
             let mut cause = error.as_inner().source();
             while let Some(error) = cause {

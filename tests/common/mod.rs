@@ -1,0 +1,73 @@
+//! What the test files share: engines, ensembles, one-line kernels on the GPU, and the comparator.
+#![allow(dead_code, reason = "each test file uses its part")]
+
+pub mod compare;
+pub mod kernel;
+pub mod random;
+
+use glam::{DQuat, DVec3};
+use polhode::batch::{AnyBatch, Precision, prepare};
+use polhode::engine::gpu::{ChunkLimits, GpuOptions, SliceLimits};
+use polhode::engine::{Engine, unobserved};
+use polhode::ensemble::Ensemble;
+use polhode::method::Method;
+use random::Random;
+
+/// The options by which tests open an adapter: any kind will do, and none is a failure of the test.
+pub fn any_adapter() -> GpuOptions {
+    GpuOptions { software: true, ..GpuOptions::default() }
+}
+
+/// The GPU engine on the best adapter there is.
+pub fn gpu() -> Engine {
+    gpu_with(any_adapter())
+}
+
+/// The GPU engine with options.
+pub fn gpu_with(options: GpuOptions) -> Engine {
+    Engine::gpu(options).unwrap_or_else(|error| panic!("tests need a Vulkan driver (Mesa's lavapipe will do): {error}"))
+}
+
+/// Options under which a chunk holds `bodies` bodies and a dispatch takes at most `steps` steps.
+pub fn cut_options(bodies: u32, steps: u32) -> GpuOptions {
+    GpuOptions {
+        chunk: ChunkLimits { workgroups: Some(bodies / 64), ..ChunkLimits::default() },
+        slice: SliceLimits { steps, ..SliceLimits::default() },
+        ..any_adapter()
+    }
+}
+
+/// Whether an engine rounds products and sums separately, as the scalar twins do: then both agree to the bit.
+pub fn rounds_like_scalar_twin(engine: &Engine, precision: Precision) -> bool {
+    use polhode::engine::gpu::Fusing::Separate;
+    let arithmetic = engine.description().arithmetic.expect("a GPU has been probed");
+    let probe = arithmetic.probe(precision).expect("the precision is there");
+    probe.fma == Separate && probe.product_and_sum == Separate && probe.subnormals
+}
+
+/// Asymmetric bodies whose tensors, orientations and spins are drawn from `seed`: moments b + c, c + a, a + b with
+/// a, b, c uniform in [0.2, 1], orientation uniform, spin normal, scaled by ten to a power drawn from −3 to 3.
+pub fn asymmetric_ensemble(count: usize, seed: u64) -> Ensemble {
+    Ensemble::from_fn(count, |body| {
+        let mut random = Random::new(seed.wrapping_mul(0x2545_f491_4f6c_dd1d).wrapping_add(body as u64));
+        let [a, b, c] = [(); 3].map(|()| random.between(0.2, 1.0));
+        let scale = 10f64.powf(random.between(-3.0, 3.0));
+        let q = DQuat::from_array([(); 4].map(|()| random.normal()));
+        let omega = DVec3::from_array([(); 3].map(|()| random.normal()));
+        (DVec3::new(b + c, c + a, a + b) * scale, q.normalize(), omega)
+    })
+    .expect("valid bodies")
+}
+
+/// The batch of [`asymmetric_ensemble`].
+pub fn asymmetric_batch(count: usize, seed: u64, precision: Precision) -> AnyBatch {
+    prepare(&asymmetric_ensemble(count, seed), precision).expect("enough memory").1
+}
+
+/// The state of all bodies after `steps` steps.
+pub fn advanced(engine: &Engine, batch: &AnyBatch, method: Method, dt: f64, steps: u64) -> polhode::batch::StateWords {
+    let count = batch.body_count();
+    let mut session = engine.start(batch.clone(), method).expect("started");
+    session.advance(dt, steps, &mut unobserved).expect("advanced");
+    session.read(0..count).expect("read")
+}
