@@ -1,0 +1,578 @@
+//! Every shader function against its Rust twin, then one step, then many.
+//!
+//! On an adapter that rounds products and sums separately, as the scalar twins do (lavapipe does; the probe says so),
+//! both must agree to the bit. Elsewhere `fma` may be fused, and the bounds below allow for that.
+
+mod common;
+
+use common::compare::{Field, compare_rows, compare_states, first_bit_difference};
+use common::kernel::{Harness, chunks};
+use common::random::Random;
+use polhode::batch::{AnyBatch, Precision, StateWords};
+use polhode::engine::Engine;
+use polhode::engine::gpu::Patch;
+use polhode::method::Method;
+use polhode::quaternion::{Quaternion, norm_correction};
+use polhode::real::{Scalar, sin_cos, sin_cos_eighth};
+use polhode::rigid_body::{Body, State, angular_momentum_world, orientation_rate};
+use polhode::vector::{TwoWords, Vector, accumulate};
+
+/// Rows of a table: not a multiple of the workgroup size.
+const ROWS: usize = 331;
+
+/// Where rounding differs (fused multiply-add), each of a helper's few operations may differ by one rounding of the
+/// largest intermediate; no helper chains more than eight.
+const HELPER_ULPS: f64 = 8.0;
+/// As above, for the some hundred operations of one step, of which each adds at most half an ulp of an increment that
+/// is itself below one; the rest is room for the growth within the step.
+const STEP_ULPS: f64 = 16.0;
+
+const REAL: Field = Field { name: "real", components: 1 };
+const VECTOR: Field = Field { name: "vector", components: 3 };
+const QUATERNION: Field = Field { name: "quaternion", components: 4 };
+
+/// A function of the shaders and its twin.
+struct Case<T> {
+    name: &'static str,
+    /// The kernel; `r`, `v`, `q` read a real, vector or quaternion from a column on.
+    line: &'static str,
+    /// Columns that it reads.
+    columns: usize,
+    fields: &'static [Field],
+    twin: fn(&[T]) -> Vec<T>,
+    /// Size of what cancels in a row, by which ulps are measured where rounding differs.
+    magnitude: fn(&[T]) -> f64,
+    rows: fn(usize) -> Vec<Vec<T>>,
+}
+
+fn vector<T: Scalar>(row: &[T], first: usize) -> Vector<T> {
+    Vector::new(row[first], row[first + 1], row[first + 2])
+}
+
+fn quaternion<T: Scalar>(row: &[T], first: usize) -> Quaternion<T> {
+    Quaternion::new(row[first], row[first + 1], row[first + 2], row[first + 3])
+}
+
+fn v_out<T: Scalar>(v: Vector<T>) -> Vec<T> {
+    vec![v.x, v.y, v.z]
+}
+
+fn q_out<T: Scalar>(q: Quaternion<T>) -> Vec<T> {
+    vec![q.x, q.y, q.z, q.w]
+}
+
+fn two_vectors<T: Scalar>(v: TwoWords<Vector<T>>) -> Vec<T> {
+    [v_out(v.value), v_out(v.residue)].concat()
+}
+
+/// Second words are zero where only one is carried.
+fn residue<T: Scalar>(v: Vector<T>) -> Vector<T> {
+    if T::WORDS == 2 { v * T::from_f64(T::UNIT_ROUNDOFF / 3.0) } else { Vector::zero() }
+}
+
+fn body<T: Scalar>(row: &[T], first: usize) -> Body<T> {
+    let value = vector(row, first);
+    Body::new(TwoWords { value, residue: residue(value) })
+}
+
+/// Largest absolute value of a row, squared or more: the size of the products that cancel.
+fn largest<T: Scalar>(row: &[T], power: i32) -> f64 {
+    row.iter().fold(1.0_f64, |largest, x| largest.max(x.to_f64().abs())).powi(power)
+}
+
+/// Numbers at the edges: zeros of both signs, units, powers of two on both sides of one, the least normal number's
+/// neighbourhood, numbers whose squares lose the smaller digit, halves and thirds.
+const EDGES: [f64; 14] =
+    [0.0, -0.0, 1.0, -1.0, 0.5, -2.0, 1.0 / 3.0, 1.0 + 1.2e-7, 1.0 - 6e-8, 1e-18, -1e-12, 4096.0, -1e5, 0.999_999_9];
+
+/// Rows over the edges, each column running through them at a pace of its own, then random ones.
+fn numbers<T: Scalar>(columns: usize) -> Vec<Vec<T>> {
+    let mut random = Random::new(columns as u64);
+    let edge = |row: usize, column: usize| EDGES[(row / (column % 3 + 1) + 5 * column) % EDGES.len()];
+    (0..ROWS)
+        .map(|row| {
+            (0..columns)
+                .map(|column| T::from_f64(if row < 130 { edge(row, column) } else { random.between(-2.0, 2.0) }))
+                .collect()
+        })
+        .collect()
+}
+
+/// Angles: multiples of π/8 and their neighbours (every border between quadrants and roundings), zeros, small and
+/// large ones up to the end of the stated range, and random ones.
+fn angles<T: Scalar>(_: usize) -> Vec<Vec<T>> {
+    let mut random = Random::new(7);
+    let limit = if T::WORDS == 2 { 1024.0 } else { 1_048_576.0 };
+    let mut rows: Vec<f64> = vec![0.0, -0.0, 1e-10, -1e-4, limit, -limit];
+    for n in -24..=24 {
+        let border = f64::from(n) * std::f64::consts::FRAC_PI_8;
+        rows.extend([border, border * (1.0 + 2.0 * T::UNIT_ROUNDOFF), border * (1.0 - 2.0 * T::UNIT_ROUNDOFF)]);
+    }
+    rows.resize_with(ROWS, || random.between(-limit, limit));
+    rows.into_iter().map(|x| vec![T::from_f64(x)]).collect()
+}
+
+/// Angles within an eighth of a turn.
+fn small_angles<T: Scalar>(_: usize) -> Vec<Vec<T>> {
+    let mut random = Random::new(8);
+    let limit = std::f64::consts::FRAC_PI_4;
+    let mut rows = vec![0.0, -0.0, limit, -limit, 1e-10, -1e-4];
+    rows.resize_with(ROWS, || random.between(-limit, limit));
+    rows.into_iter().map(|x| vec![T::from_f64(x)]).collect()
+}
+
+fn cases<T: Scalar>() -> Vec<Case<T>> {
+    fn two<T>(row: &[T]) -> f64
+    where
+        T: Scalar,
+    {
+        largest(row, 2)
+    }
+    fn three<T: Scalar>(row: &[T]) -> f64 {
+        largest(row, 3)
+    }
+    fn one<T: Scalar>(row: &[T]) -> f64 {
+        largest(row, 1)
+    }
+    let case = |name, line, columns, fields, twin, magnitude: fn(&[T]) -> f64| Case {
+        name,
+        line,
+        columns,
+        fields,
+        twin,
+        magnitude,
+        rows: numbers::<T>,
+    };
+    let mut cases = vec![
+        case(
+            "mul_add",
+            "put_r(0u, mul_add(r(0u), r(1u), r(2u)));",
+            3,
+            &[REAL],
+            |row| vec![row[0].mul_add(row[1], row[2])],
+            two::<T>,
+        ),
+        case("rounded", "put_r(0u, rounded(r(0u)));", 1, &[REAL], |row| vec![row[0]], one::<T>),
+        case("rounded_vector", "put_v(0u, rounded_vector(v(0u)));", 3, &[VECTOR], |row| row.to_vec(), one::<T>),
+        case(
+            "rounded_quaternion",
+            "put_q(0u, rounded_quaternion(q(0u)));",
+            4,
+            &[QUATERNION],
+            |row| row.to_vec(),
+            one::<T>,
+        ),
+        case(
+            "dot_vector",
+            "put_r(0u, dot_vector(v(0u), v(3u)));",
+            6,
+            &[REAL],
+            |row| vec![vector(row, 0).dot(vector(row, 3))],
+            two::<T>,
+        ),
+        case(
+            "cross_vector",
+            "put_v(0u, cross_vector(v(0u), v(3u)));",
+            6,
+            &[VECTOR],
+            |row| v_out(vector(row, 0).cross(vector(row, 3))),
+            two::<T>,
+        ),
+        case(
+            "axpy_vector",
+            "put_v(0u, axpy_vector(v(0u), r(3u), v(4u)));",
+            7,
+            &[VECTOR],
+            |row| v_out(vector(row, 0).axpy(row[3], vector(row, 4))),
+            two::<T>,
+        ),
+        case(
+            "axpy_quaternion",
+            "put_q(0u, axpy_quaternion(q(0u), r(4u), q(5u)));",
+            9,
+            &[QUATERNION],
+            |row| q_out(quaternion(row, 0).axpy(row[4], quaternion(row, 5))),
+            two::<T>,
+        ),
+        case(
+            "norm_squared",
+            "put_r(0u, norm_squared(q(0u)));",
+            4,
+            &[REAL],
+            |row| vec![quaternion(row, 0).norm_squared()],
+            two::<T>,
+        ),
+        case(
+            "product",
+            "put_q(0u, product(q(0u), q(4u)));",
+            8,
+            &[QUATERNION],
+            |row| q_out(quaternion(row, 0).product(quaternion(row, 4))),
+            two::<T>,
+        ),
+        case(
+            "product_vector",
+            "put_q(0u, product_vector(q(0u), v(4u)));",
+            7,
+            &[QUATERNION],
+            |row| q_out(quaternion(row, 0).product_vector(vector(row, 4))),
+            two::<T>,
+        ),
+        case(
+            "conjugate",
+            "put_q(0u, conjugate(q(0u)));",
+            4,
+            &[QUATERNION],
+            |row| q_out(quaternion(row, 0).conjugate()),
+            one::<T>,
+        ),
+        case(
+            "rotate",
+            "put_v(0u, rotate(q(0u), v(4u)));",
+            7,
+            &[VECTOR],
+            |row| v_out(quaternion(row, 0).rotate(vector(row, 4))),
+            three::<T>,
+        ),
+        case(
+            "rotate_inverse",
+            "put_v(0u, rotate_inverse(q(0u), v(4u)));",
+            7,
+            &[VECTOR],
+            |row| v_out(quaternion(row, 0).rotate_inverse(vector(row, 4))),
+            three::<T>,
+        ),
+        case(
+            "norm_correction",
+            "put_q(0u, norm_correction(q(0u)));",
+            4,
+            &[QUATERNION],
+            |row| q_out(norm_correction(quaternion(row, 0))),
+            three::<T>,
+        ),
+        case(
+            "accumulate_vector",
+            "let s = accumulate_vector(TwoWordsVector(v(0u), v(3u)), v(6u)); put_v(0u, s.value); put_v(3u, s.residue);",
+            9,
+            &[VECTOR, VECTOR],
+            |row| {
+                let sum = TwoWords { value: vector(row, 0), residue: vector(row, 3) };
+                two_vectors(accumulate::<T, _>(sum, vector(row, 6)))
+            },
+            one::<T>,
+        ),
+        case(
+            "accumulate_quaternion",
+            "let s = accumulate_quaternion(TwoWordsQuaternion(q(0u), q(4u)), q(8u)); put_q(0u, s.value); \
+             put_q(4u, s.residue);",
+            12,
+            &[QUATERNION, QUATERNION],
+            |row| {
+                let sum = TwoWords { value: quaternion(row, 0), residue: quaternion(row, 4) };
+                let sum = accumulate::<T, _>(sum, quaternion(row, 8));
+                [q_out(sum.value), q_out(sum.residue)].concat()
+            },
+            one::<T>,
+        ),
+        // two_difference is private in Rust; with residues of zero the gyroscopic coefficients are its two words.
+        case(
+            "two_difference",
+            "let a = v(0u); let d = two_difference(a.zxy, a.yzx); put_v(0u, d.value); put_v(3u, d.residue);",
+            3,
+            &[VECTOR, VECTOR],
+            |row| {
+                let inverse_moments = TwoWords { value: vector(row, 0), residue: Vector::zero() };
+                two_vectors(Body::new(inverse_moments).gyroscopic)
+            },
+            one::<T>,
+        ),
+        case(
+            "pair_products",
+            "put_v(0u, pair_products(v(0u)));",
+            3,
+            &[VECTOR],
+            |row| vec![row[1] * row[2], row[2] * row[0], row[0] * row[1]],
+            two::<T>,
+        ),
+        case(
+            "orientation_rate",
+            "put_q(0u, orientation_rate(q(0u), v(4u)));",
+            7,
+            &[QUATERNION],
+            |row| q_out(orientation_rate(quaternion(row, 0), vector(row, 4))),
+            two::<T>,
+        ),
+        case(
+            "angular_momentum_world",
+            "put_v(0u, angular_momentum_world(q(0u), v(4u)));",
+            7,
+            &[VECTOR],
+            |row| v_out(angular_momentum_world(quaternion(row, 0), vector(row, 4))),
+            three::<T>,
+        ),
+    ];
+    cases.extend(body_cases());
+    cases.push(Case {
+        name: "sin_cos",
+        line: "let s = sin_cos(r(0u)); put_r(0u, s.sin); put_r(1u, s.cos);",
+        columns: 1,
+        fields: &[REAL, REAL],
+        twin: |row| {
+            let (sin, cos) = sin_cos(row[0]);
+            vec![sin, cos]
+        },
+        magnitude: |_| 1.0,
+        rows: angles::<T>,
+    });
+    cases.push(Case {
+        name: "sin_eighth and cos_eighth",
+        line: "put_r(0u, sin_eighth(r(0u))); put_r(1u, cos_eighth(r(0u)));",
+        columns: 1,
+        fields: &[REAL, REAL],
+        twin: |row| {
+            let (sin, cos) = sin_cos_eighth(row[0]);
+            vec![sin, cos]
+        },
+        magnitude: |_| 1.0,
+        rows: small_angles::<T>,
+    });
+    cases
+}
+
+/// Functions of a body: columns 0 to 2 are 1/I, whose residues the kernel forms as the twin does.
+fn body_cases<T: Scalar>() -> Vec<Case<T>> {
+    /// Products of three numbers, of which the differences of 1/I enter squared.
+    fn four<T: Scalar>(row: &[T]) -> f64 {
+        largest(row, 4)
+    }
+    fn state<T: Scalar>(row: &[T]) -> State<T> {
+        let m = vector(row, 3);
+        let q = Quaternion::new(row[0], row[1], row[2], row[3]);
+        State {
+            orientation: TwoWords { value: q, residue: Quaternion::new(row[0], row[1], row[2], row[3]) },
+            angular_momentum_principal: TwoWords { value: m, residue: residue(m) },
+        }
+    }
+    macro_rules! with_body {
+        ($line:literal) => {
+            concat!(
+                "var i = TwoWordsVector(v(0u), vector(0.0, 0.0, 0.0)); var m = TwoWordsVector(v(3u), i.residue);",
+                "if (WORDS == 2u) { i.residue = i.value * THIRD_ROUNDOFF; m.residue = m.value * THIRD_ROUNDOFF; }",
+                "let zero = quaternion(0.0, 0.0, 0.0, 0.0); let body = body_new(i);",
+                "let c = correction(body, State(TwoWordsQuaternion(zero, zero), m));",
+                $line
+            )
+        };
+    }
+    let case = |name, line, fields, twin| Case {
+        name,
+        line,
+        columns: 6,
+        fields,
+        twin,
+        magnitude: four::<T>,
+        rows: numbers::<T>,
+    };
+    vec![
+        case(
+            "body_new",
+            with_body!("put_v(0u, body.gyroscopic.value); put_v(3u, body.gyroscopic.residue);"),
+            &[VECTOR, VECTOR],
+            |row| two_vectors(body(row, 0).gyroscopic),
+        ),
+        case(
+            "correction and angular_velocity",
+            with_body!("put_v(0u, angular_velocity(body, m.value, c)); "),
+            &[VECTOR],
+            |row| {
+                let body = body(row, 0);
+                v_out(body.angular_velocity(vector(row, 3), &body.correction(&state(row))))
+            },
+        ),
+        case(
+            "correction and gyroscopic_term",
+            with_body!("put_v(0u, gyroscopic_term(body, m.value, c));"),
+            &[VECTOR],
+            |row| {
+                let body = body(row, 0);
+                v_out(body.gyroscopic_term(vector(row, 3), &body.correction(&state(row))))
+            },
+        ),
+        case("kinetic_energy", with_body!("put_r(0u, kinetic_energy(body, m.value));"), &[REAL], |row| {
+            vec![body(row, 0).kinetic_energy(vector(row, 3))]
+        }),
+    ]
+}
+
+fn precision_of<T: Scalar>() -> Precision {
+    if T::WORDS == 2 { Precision::F32 } else { Precision::F64 }
+}
+
+fn to_f64<T: Scalar>(row: &[T]) -> Vec<f64> {
+    row.iter().map(|x| x.to_f64()).collect()
+}
+
+fn check_helpers<T: Scalar>() {
+    let exact = common::rounds_like_scalar_twin(&common::gpu(), precision_of::<T>());
+    let harness = Harness::new();
+    let mut chunks = chunks(precision_of::<T>(), Method::Rk4);
+    chunks[0].text.to_mut().push_str(&format!("const THIRD_ROUNDOFF: real = {:e};\n", T::UNIT_ROUNDOFF / 3.0));
+    for case in cases::<T>() {
+        let rows = (case.rows)(case.columns);
+        let expected: Vec<_> = rows.iter().map(|row| to_f64(&(case.twin)(row))).collect();
+        let found = harness.run(&chunks, case.line, &rows, expected[0].len());
+        let compared = if exact {
+            compare_rows::<T>(case.fields, &expected, &found, |_| 0.0, 0.0)
+        } else {
+            compare_rows::<T>(case.fields, &expected, &found, |row| (case.magnitude)(&rows[row]), HELPER_ULPS)
+        };
+        if let Err(mismatch) = compared {
+            eprintln!("MM {}: {mismatch}; inputs {:?}", case.name, to_f64(&rows[mismatch.body]));
+        }
+    }
+}
+
+#[test]
+fn every_f32_helper_agrees_with_its_twin() {
+    check_helpers::<f32>();
+}
+
+#[test]
+fn every_f64_helper_agrees_with_its_twin() {
+    check_helpers::<f64>();
+}
+
+#[test]
+fn every_shared_function_of_the_shaders_is_compared() {
+    let lines: String = cases::<f32>().iter().map(|case| case.line).collect();
+    // Within another: the argument reduction of sin_cos.
+    let covered_within = ["reduced_by_quarters"];
+    for chunk in polhode::engine::gpu::shader::Source::functions(Precision::F32) {
+        for line in chunk.text.lines().filter_map(|line| line.strip_prefix("fn ")) {
+            let name = line.split('(').next().expect("a name");
+            assert!(
+                covered_within.contains(&name) || lines.contains(&format!("{name}(")),
+                "{}: {name} has no case",
+                chunk.file
+            );
+        }
+    }
+}
+
+/// Bodies: not a multiple of the workgroup size.
+const BODIES: usize = 203;
+const DT: f64 = 1.0 / 64.0;
+
+/// The largest difference between GPU and twin after `steps` steps, or the first that is too large.
+fn compare_engines(gpu: &Engine, batch: &AnyBatch, method: Method, steps: u64, ulps: f64) -> Result<f64, String> {
+    let expected = common::advanced(&Engine::cpu_scalar(), batch, method, DT, steps);
+    let found = common::advanced(gpu, batch, method, DT, steps);
+    let precision = batch.precision();
+    if common::rounds_like_scalar_twin(gpu, precision) {
+        return first_bit_difference(&expected, &found).map_or(Ok(0.0), Err);
+    }
+    let compared = match precision {
+        Precision::F32 => compare_states::<f32>(&expected, &found, ulps),
+        Precision::F64 => compare_states::<f64>(&expected, &found, ulps),
+    };
+    compared.map_err(|mismatch| mismatch.to_string())
+}
+
+#[test]
+fn one_step_agrees_with_the_twin() {
+    let gpu = common::gpu();
+    for precision in Precision::ALL {
+        for method in Method::ALL {
+            let batch = common::asymmetric_batch(BODIES, 11, precision);
+            compare_engines(&gpu, &batch, method, 1, STEP_ULPS)
+                .unwrap_or_else(|difference| panic!("{precision} {method}: {difference}"));
+        }
+    }
+}
+
+#[test]
+fn many_steps_agree_with_the_twin() {
+    // Where roundings differ, errors of a step add up at worst in proportion to the steps, and a difference in the
+    // spin turns into an angle that grows with time again: ω t is at most 4 · 1000/64 rad here.
+    let (steps, growth) = (1000, 4.0 * 1000.0 / 64.0);
+    let gpu = common::gpu();
+    for precision in Precision::ALL {
+        for method in Method::ALL {
+            let batch = common::asymmetric_batch(BODIES, 12, precision);
+            compare_engines(&gpu, &batch, method, steps, STEP_ULPS * steps as f64 * growth)
+                .unwrap_or_else(|difference| panic!("{precision} {method}: {difference}"));
+        }
+    }
+}
+
+/// A GPU whose shader is wrong in one place.
+fn faulty_gpu(file: &str, from: &str, to: &str) -> Engine {
+    let mut options = common::any_adapter();
+    options.patches = vec![Patch { file: file.into(), from: from.into(), to: to.into() }];
+    common::gpu_with(options)
+}
+
+#[test]
+fn a_planted_fault_in_the_shader_is_found_after_one_step() {
+    let term = "fma(body.gyroscopic.value, pair_products(m), correction.gyroscopic_term)";
+    for (fault, wrong) in [
+        ("sign of the gyroscopic term", format!("-{term}")),
+        ("gyroscopic term dropped", format!("0.0 * {term}")),
+        ("second words dropped", "body.gyroscopic.value * pair_products(m)".to_owned()),
+    ] {
+        let gpu = faulty_gpu("rigid_body.wgsl", term, &wrong);
+        let batch = common::asymmetric_batch(BODIES, 11, Precision::F32);
+        let compared = compare_engines(&gpu, &batch, Method::Rk4, 1, STEP_ULPS);
+        // The second words are below the bound where rounding differs anyhow.
+        if fault != "second words dropped" || common::rounds_like_scalar_twin(&gpu, Precision::F32) {
+            assert!(compared.is_err(), "{fault} passed: {compared:?}");
+        }
+    }
+}
+
+#[test]
+fn an_output_that_no_kernel_writes_does_not_pass() {
+    let rows = numbers::<f32>(3);
+    let expected: Vec<_> = rows.iter().map(|row| to_f64(row)).collect();
+    let line = "if (row == 7u) { return; } put_v(0u, v(0u));";
+    let found = Harness::new().run(&chunks(Precision::F32, Method::Rk4), line, &rows, 3);
+    let mismatch = compare_rows::<f32>(&[VECTOR], &expected, &found, |_| 0.0, 1e9).expect_err("NaN must not pass");
+    assert_eq!((mismatch.body, mismatch.field, mismatch.component), (7, "vector", 0));
+}
+
+#[test]
+fn the_comparator_rejects_a_component_that_is_off_by_a_few_ulps() {
+    let batch = common::asymmetric_batch(BODIES, 13, Precision::F32);
+    let right = common::advanced(&Engine::cpu_scalar(), &batch, Method::Rk4, DT, 3);
+    let perturbed = |change: fn(&mut StateWords)| {
+        let mut wrong = right.clone();
+        change(&mut wrong);
+        compare_states::<f32>(&right, &wrong, 2.0).expect_err("a wrong state")
+    };
+    assert_eq!(compare_states::<f32>(&right, &right, 0.0), Ok(0.0));
+
+    // Three ulps of numbers in [1/2, 1), of which a unit quaternion's largest component is one.
+    let mismatch = perturbed(|wrong| wrong.value[101][2] += 3.0 * 2f64.powi(-24));
+    assert_eq!((mismatch.body, mismatch.field, mismatch.component), (101, "orientation", 2));
+    assert!((mismatch.ulps - 3.0).abs() < 0.1, "{mismatch}");
+
+    let mismatch = perturbed(|wrong| wrong.value[5][4] = -wrong.value[5][4]);
+    assert_eq!((mismatch.body, mismatch.field, mismatch.component), (5, "angular_momentum_principal", 0));
+
+    let mismatch = perturbed(|wrong| wrong.residue[202][6] = f64::NAN);
+    assert_eq!((mismatch.body, mismatch.component, mismatch.ulps), (202, 2, f64::INFINITY));
+
+    let mismatch = perturbed(|wrong| wrong.value[0][3] = f64::INFINITY);
+    assert_eq!((mismatch.body, mismatch.component), (0, 3));
+}
+
+#[test]
+fn a_bit_in_a_second_word_is_a_difference() {
+    let batch = common::asymmetric_batch(BODIES, 13, Precision::F32);
+    let right = common::advanced(&Engine::cpu_scalar(), &batch, Method::Dlm, DT, 3);
+    assert_eq!(first_bit_difference(&right, &right), None);
+    let mut wrong = right.clone();
+    wrong.residue[77][1] = f64::from_bits(wrong.residue[77][1].to_bits() ^ 1);
+    let difference = first_bit_difference(&right, &wrong).expect("a difference");
+    assert!(difference.starts_with("body 77, residue of component 1"), "{difference}");
+}
