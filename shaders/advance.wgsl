@@ -12,6 +12,9 @@ struct Settings {
     // Step size in seconds, in two words.
     dt_value: real,
     dt_residue: real,
+    // Index within the interval of the first of these steps, modulo 2^32.
+    first_step: u32,
+    padding: u32,
 }
 
 @group(0) @binding(0) var<uniform> settings: Settings;
@@ -86,7 +89,7 @@ fn advance(@builtin(global_invocation_id) id: vec3<u32>) {
     let dt = TwoWordsReal(settings.dt_value * rate, settings.dt_residue * rate);
     var state = load_state(i);
     for (var n = 0u; n < settings.steps; n += 1u) {
-        state = step(body, dt, state);
+        state = step(body, settings.first_step + n, dt, state);
     }
     store_state(state, i);
 }

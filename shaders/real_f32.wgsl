@@ -43,13 +43,13 @@ fn accumulate_vector(sum: TwoWordsVector, increment: vector) -> TwoWordsVector {
     let corrected = rounded_vector(increment + sum.residue);
     let value = rounded_vector(sum.value + corrected);
     let taken = rounded_vector(value - sum.value);
-    return TwoWordsVector(value, corrected - taken);
+    return TwoWordsVector(value, rounded_vector(corrected - taken));
 }
 fn accumulate_quaternion(sum: TwoWordsQuaternion, increment: quaternion) -> TwoWordsQuaternion {
     let corrected = rounded_quaternion(increment + sum.residue);
     let value = rounded_quaternion(sum.value + corrected);
     let taken = rounded_quaternion(value - sum.value);
-    return TwoWordsQuaternion(value, corrected - taken);
+    return TwoWordsQuaternion(value, rounded_quaternion(corrected - taken));
 }
 
 // a - b and what its rounding loses, exactly (Knuth, TAOCP vol. 2, 4.2.2, theorem B).
@@ -68,7 +68,8 @@ const HALF_PI_3: real = 7.549789954892e-8;
 
 // x less n quarter turns.
 fn reduced_by_quarters(x: real, n: real) -> real {
-    return mul_add(n, -HALF_PI_3, mul_add(n, -HALF_PI_2, mul_add(n, -HALF_PI_1, x)));
+    let first = rounded(mul_add(n, -HALF_PI_1, x));
+    return mul_add(n, -HALF_PI_3, rounded(mul_add(n, -HALF_PI_2, first)));
 }
 
 // Sine and cosine on |x| <= pi/4: Moshier, Cephes 2.8, sinf.c; below 2^-27 of the result before rounding.

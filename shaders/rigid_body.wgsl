@@ -27,14 +27,16 @@ fn body_new(inverse_moments: TwoWordsVector) -> Body {
     return Body(inverse_moments, TwoWordsVector(difference.value, difference.residue + (b.zxy - b.yzx)));
 }
 
+// Rounded: else drivers draw the factor that value and residue share before the sum, value + residue rounds to value,
+// and the correction is lost.
 fn correction(body: Body, state: State) -> Correction {
     if (WORDS == 1u) {
         return Correction(vector(0.0, 0.0, 0.0), vector(0.0, 0.0, 0.0));
     }
     let m = state.angular_momentum_principal;
     return Correction(
-        fma(body.inverse_moments.value, m.residue, body.inverse_moments.residue * m.value),
-        body.gyroscopic.residue * pair_products(m.value),
+        rounded_vector(fma(body.inverse_moments.value, m.residue, body.inverse_moments.residue * m.value)),
+        rounded_vector(body.gyroscopic.residue * pair_products(m.value)),
     );
 }
 

@@ -137,6 +137,20 @@ impl Engine {
     }
 }
 
+impl Backend for Engine {
+    fn description(&self) -> Description {
+        self.backend.description()
+    }
+
+    fn precisions(&self) -> &[Precision] {
+        self.backend.precisions()
+    }
+
+    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+        self.backend.start(batch, method)
+    }
+}
+
 impl fmt::Debug for Engine {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.debug_tuple("Engine").field(&self.description()).finish()

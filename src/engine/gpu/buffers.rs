@@ -38,6 +38,8 @@ struct SettingsF32 {
     steps: u32,
     zero: u32,
     dt: [f32; 2],
+    first_step: u32,
+    padding: u32,
 }
 
 #[repr(C)]
@@ -48,20 +50,35 @@ struct SettingsF64 {
     steps: u32,
     zero: u32,
     dt: [f64; 2],
+    first_step: u32,
+    padding: u32,
+}
+
+/// The steps of one submission.
+pub(super) struct Slice<T> {
+    /// Index within the interval of the first step.
+    pub first_step: u64,
+    /// Number of steps.
+    pub steps: u32,
+    /// Step size in seconds, in two words.
+    pub dt: (T, T),
 }
 
 /// A number that the shaders know, with the layout of its uniform block.
 pub(super) trait DeviceScalar: Scalar {
     const SETTINGS_BYTES: u64;
-    fn settings(body_count: u32, stride: u32, steps: u32, dt: (Self, Self)) -> Vec<u8>;
+    fn settings(body_count: u32, stride: u32, slice: &Slice<Self>) -> Vec<u8>;
 }
 
 macro_rules! device_scalar {
     ($scalar:ident, $settings:ident) => {
         impl DeviceScalar for $scalar {
             const SETTINGS_BYTES: u64 = size_of::<$settings>() as u64;
-            fn settings(body_count: u32, stride: u32, steps: u32, dt: (Self, Self)) -> Vec<u8> {
-                bytemuck::bytes_of(&$settings { body_count, stride, steps, zero: 0, dt: [dt.0, dt.1] }).to_vec()
+            fn settings(body_count: u32, stride: u32, slice: &Slice<Self>) -> Vec<u8> {
+                let (steps, dt) = (slice.steps, [slice.dt.0, slice.dt.1]);
+                let first_step = slice.first_step as u32;
+                let settings = $settings { body_count, stride, steps, zero: 0, dt, first_step, padding: 0 };
+                bytemuck::bytes_of(&settings).to_vec()
             }
         }
     };
@@ -85,8 +102,8 @@ pub(super) struct Chunk {
 
 impl Chunk {
     /// Sets the uniform block for the next submission.
-    pub fn set<T: DeviceScalar>(&self, queue: &wgpu::Queue, steps: u32, dt: (T, T)) {
-        queue.write_buffer(&self.settings, 0, &T::settings(self.bodies as u32, self.stride as u32, steps, dt));
+    pub fn set<T: DeviceScalar>(&self, queue: &wgpu::Queue, slice: &Slice<T>) {
+        queue.write_buffer(&self.settings, 0, &T::settings(self.bodies as u32, self.stride as u32, slice));
     }
 
     /// Adds the chunk's dispatch to a pass.

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::buffers::{Chunk, Columns, DeviceScalar};
+use super::buffers::{Chunk, Columns, DeviceScalar, Slice};
 use super::device::Device;
 use super::dispatch::{Slicer, next_group};
 use crate::batch::{Precision, StateWords};
@@ -34,12 +34,14 @@ impl<T: DeviceScalar> Session for GpuSession<T> {
         let mut left = vec![steps; sizes.len()];
         while let Some(group) = next_group(&sizes, &left, self.slicer.group_bodies()) {
             let bodies: usize = sizes[group.clone()].iter().sum();
-            let slice = self.slicer.steps(bodies, left[group.start]);
+            let first_step = steps - left[group.start];
+            let count = self.slicer.steps(bodies, left[group.start]);
+            let slice = Slice { first_step, steps: count, dt };
             let start = Instant::now();
-            run(&self.device, &self.pipeline, &self.columns.chunks[group.clone()], slice, dt)?;
-            self.slicer.record(bodies, slice, start.elapsed());
-            left[group].iter_mut().for_each(|left| *left -= u64::from(slice));
-            done += u64::from(slice) * bodies as u64;
+            run(&self.device, &self.pipeline, &self.columns.chunks[group.clone()], &slice)?;
+            self.slicer.record(bodies, count, start.elapsed());
+            left[group].iter_mut().for_each(|left| *left -= u64::from(count));
+            done += u64::from(count) * bodies as u64;
             if done < total && observer(Progress { done, total }).is_break() {
                 return Err(Error::Interrupted { steps: done / self.body_count as u64 });
             }
@@ -60,13 +62,12 @@ impl<T> Drop for GpuSession<T> {
     }
 }
 
-/// One submission: `steps` steps of every chunk of a group.
+/// One submission: the steps of a slice for every chunk of a group.
 fn run<T: DeviceScalar>(
     device: &Device,
     pipeline: &wgpu::ComputePipeline,
     group: &[Chunk],
-    steps: u32,
-    dt: (T, T),
+    slice: &Slice<T>,
 ) -> Result<()> {
     let commands = device.scoped(|| {
         let mut encoder =
@@ -74,7 +75,7 @@ fn run<T: DeviceScalar>(
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(pipeline);
         for chunk in group {
-            chunk.set::<T>(&device.queue, steps, dt);
+            chunk.set(&device.queue, slice);
             chunk.dispatch(&mut pass);
         }
         drop(pass);

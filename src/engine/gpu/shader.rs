@@ -59,6 +59,7 @@ impl Source {
     /// The kernel that advances bodies by `method`.
     pub fn advance(precision: Precision, method: Method) -> Self {
         let mut chunks = Self::functions(precision);
+        chunks.push(chunk!("torque/none.wgsl"));
         chunks.push(match method {
             Method::Rk4 => chunk!("method/rk4.wgsl"),
             Method::Dlm => chunk!("method/dlm.wgsl"),
