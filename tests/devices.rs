@@ -120,16 +120,11 @@ fn more_bodies_than_the_memory_allowed_are_refused_and_nothing_is_left_allocated
 }
 
 #[test]
-fn memory_that_the_driver_refuses_is_an_error_and_nothing_is_left_allocated() {
-    // A device whose limits promise larger buffers than it makes: the second chunk of two is refused.
+fn no_bodies_take_no_memory() {
     let (device, queue) = open_device(wgpu::Features::empty());
     let engine = Engine::gpu_on(device.clone(), queue, GpuOptions::default()).expect("opened");
     let before = allocated(&device);
-    let mut batch = common::asymmetric_batch(1000, 1, Precision::F32);
-    if let polhode::batch::AnyBatch::F32(batch) = &mut batch {
-        batch.body_count = 0;
-    }
-    // No bodies: nothing to allocate, and every call still works.
+    let batch = common::asymmetric_batch(0, 1, Precision::F32);
     let mut session = engine.start(batch, Method::Rk4).expect("started");
     session.advance(0.01, 5, &mut unobserved).expect("advanced");
     assert!(session.read(0..0).expect("read").is_empty());

@@ -351,3 +351,44 @@ fn read_block<T: Scalar>(
         }
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::ops::ControlFlow;
+
+    use super::super::{Gpu, GpuOptions, shader::Source};
+    use super::*;
+    use crate::batch::Precision;
+    use crate::engine::Session;
+    use crate::method::Method;
+
+    #[test]
+    fn rows_that_are_no_bodies_stay_nan_and_touch_nothing() {
+        let options = GpuOptions { software: true, ..GpuOptions::default() };
+        let gpu = pollster::block_on(Gpu::open(options)).expect("tests need a Vulkan driver");
+        let device = &gpu.device;
+        let bodies = 67;
+        let batch = Batch::<f32>::at_rest(bodies);
+        let columns = Columns::upload(device, &gpu.layout, &batch, &ChunkLimits::default(), None).expect("uploaded");
+        let source = Source::advance(Precision::F32, Method::Rk4);
+        let pipeline = source.compile(&device.device, &gpu.pipeline_layout, Some(WORKGROUP_SIZE)).expect("compiled");
+        let mut session = super::super::session::GpuSession::<f32> {
+            device: device.clone(),
+            pipeline,
+            columns,
+            body_count: bodies,
+            slicer: super::super::dispatch::Slicer::new(Default::default()),
+            scalar: std::marker::PhantomData,
+        };
+        session.advance(0.01, 3, &mut |_| ControlFlow::Continue(())).expect("advanced");
+        // The same buffers, read as if the rows up to the stride were bodies too.
+        let chunk = &mut session.columns.chunks[0];
+        assert_eq!(chunk.stride, 128);
+        chunk.bodies = chunk.stride;
+        let words = session.columns.read::<f32>(device, 0..128).expect("read");
+        for (body, (value, residue)) in words.value.iter().zip(&words.residue).enumerate() {
+            let unwritten = value.iter().chain(residue).filter(|x| x.to_bits() & !(1 << 63) > f64::INFINITY.to_bits());
+            assert_eq!(unwritten.count(), if body < bodies { 0 } else { 14 }, "row {body}");
+        }
+    }
+}
