@@ -1,4 +1,55 @@
-//! polhode
+//! Rotation of large ensembles of independent rigid bodies, on the GPU and on all cores of the CPU.
+//!
+//! Each body has its own inertia tensor; its rotation follows Euler's equations with their gyroscopic term
+//! ([`rigid_body`]). The GPU engine runs WGSL compute shaders through wgpu, the CPU engine runs the same kernels in SIMD
+//! lanes, and [`verify`] steps both side by side.
+//!
+//! # Five lines
+//!
+//! ```
+//! use glam::{DQuat, DVec3};
+//! use polhode::{Accuracy, Engine, Ensemble, Plan, Scene};
+//!
+//! # fn main() -> polhode::Result<()> {
+//! let ensemble = Ensemble::from_columns(
+//!     &[DVec3::new(1.0, 2.0, 2.5)],       // principal moments, kg m² (or full tensors)
+//!     &[DQuat::IDENTITY],                 // body to world
+//!     &[DVec3::new(0.01, 2.0, 0.0)],      // rad/s, body axes
+//! )?;
+//! let scene = Scene::new(ensemble).until(60.0).accuracy(Accuracy::attitude(1e-6));
+//! let engine = Engine::cpu();
+//! let record = engine.run(&Plan::new(&scene, &engine)?)?;
+//! println!("{:?} {}", record.final_state().orientation(0), record.trust());
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # How it is built
+//!
+//! Data flows one way, and each arrow is a plain value:
+//!
+//! ```text
+//! study file ─▶ Ensemble ─▶ Plan ─▶ Engine (cpu | gpu) ─▶ Record ─▶ files, report
+//! ```
+//!
+//! * [`ensemble`], [`inertia`], [`scene`]: what the user describes, in SI units and the body's own axes.
+//! * [`batch`]: the same bodies in principal axes, scaled by powers of two, as columns.
+//! * [`plan`]: a scene resolved for an engine.
+//! * [`engine`]: the trait [`engine::Backend`] and its two implementations. The kernels themselves are generic over
+//!   [`real::Real`] ([`vector`], [`quaternion`], [`rigid_body`], [`method`], [`torque`]) and each has a twin of the same
+//!   stem under `shaders/`: `f64` is the reference, `f32` is compared with the shader, SIMD lanes of either are the fast
+//!   CPU engine.
+//! * [`run`], [`record`]: the loop over output times, and what it leaves behind.
+//! * [`verify`]: two engines stepped side by side.
+//!
+//! # Conventions
+//!
+//! * Frames are *body* (the user's own axes, origin at the centre of mass), *principal* (the body turned so that its
+//!   tensor is diagonal) and *world* (inertial); a vector's name ends in its frame.
+//! * An orientation is a unit quaternion that rotates body coordinates to world, x, y, z, w as `glam` writes it.
+//! * SI units throughout.
+//! * An attitude error is the angle of the rotation between two orientations, in [0, π].
+
 pub mod batch;
 pub mod engine;
 pub mod ensemble;
@@ -21,6 +72,7 @@ pub mod vector;
 pub mod verify;
 
 pub use batch::Precision;
+pub use engine::Engine;
 pub use ensemble::Ensemble;
 pub use error::{Error, Result};
 pub use method::Method;

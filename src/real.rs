@@ -1,7 +1,7 @@
 //! The one number type that the kernels are written in, and its scalar instantiations.
 //!
 //! Every kernel is generic over [`Real`]. `f64` is the reference, `f32` is compared step by step with the shader, and
-//! the lanes of [`crate::lanes`] are the fast CPU engine. The WGSL twins are `shaders/real_f32.wgsl` and
+//! the lanes of `lanes.rs` are the fast CPU engine. The WGSL twins are `shaders/real_f32.wgsl` and
 //! `shaders/real_f64.wgsl`.
 
 use std::fmt::Debug;

@@ -105,7 +105,7 @@ impl Scene {
         self
     }
 
-    /// Pins method, step [s] and precision.
+    /// Pins method, step (s) and precision.
     #[must_use]
     pub fn pinned(mut self, method: Method, dt: f64, precision: Option<Precision>) -> Self {
         self.stepping = Stepping::Pinned { method, dt, precision };

@@ -1,5 +1,6 @@
 //! Stepped integrators against the golden cases of torque-free bodies, up to 60 rad of rotation.
 
+mod common;
 mod support;
 
 use glam::{DQuat, DVec3};
@@ -141,4 +142,14 @@ fn scalar_f64_follows_the_golden_free_bodies() {
 #[test]
 fn cpu_f32_follows_the_golden_free_bodies() {
     check(&Cpu::new(Width::Lanes), Precision::F32);
+}
+
+#[test]
+fn gpu_f32_follows_the_golden_free_bodies() {
+    check(&common::gpu(), Precision::F32);
+}
+
+#[test]
+fn gpu_f64_follows_the_golden_free_bodies() {
+    check(&common::gpu(), Precision::F64);
 }

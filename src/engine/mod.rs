@@ -11,6 +11,8 @@ use std::sync::Arc;
 use crate::batch::{AnyBatch, Precision, StateWords};
 use crate::error::Result;
 use crate::method::Method;
+use crate::plan::Plan;
+use crate::record::Record;
 
 pub mod cpu;
 mod devices;
@@ -134,6 +136,15 @@ impl Engine {
     /// As [`Backend::start`].
     pub fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         self.backend.start(batch, method)
+    }
+
+    /// Runs a plan and keeps every output in memory.
+    ///
+    /// # Errors
+    ///
+    /// As [`crate::run::run_into`], which hands outputs on instead of keeping them.
+    pub fn run(&self, plan: &Plan<'_>) -> Result<Record> {
+        crate::run::run(self, plan)
     }
 }
 

@@ -30,7 +30,7 @@ pub trait Sink {
 pub struct OutputState {
     /// Attitude and rotation.
     pub rotation: BodyState,
-    /// Position [m] and velocity [m/s] of the centre of mass, world axes, where the ensemble translates.
+    /// Position (m) and velocity (m/s) of the centre of mass, world axes, where the ensemble translates.
     pub translation: Option<(DVec3, DVec3)>,
 }
 
