@@ -1,0 +1,5 @@
+use crate::arguments::DevicesArguments;
+use crate::output::Failure;
+pub fn devices(_: &DevicesArguments) -> Result<(), Failure> {
+    Ok(())
+}
