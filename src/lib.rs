@@ -21,6 +21,7 @@ pub mod vector;
 pub mod verify;
 
 pub use batch::Precision;
+pub use engine::Engine;
 pub use ensemble::Ensemble;
 pub use error::{Error, Result};
 pub use method::Method;

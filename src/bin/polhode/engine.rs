@@ -1,20 +1,45 @@
 //! The engine that the arguments ask for.
 
 use polhode::Precision;
-use polhode::engine::Backend;
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::engine::gpu::GpuOptions;
+use polhode::engine::{Engine, EngineKind};
 
-use crate::arguments::{EngineArguments, PrecisionName};
-use crate::output::Failure;
+use crate::arguments::{EngineArguments, EngineName, PrecisionName};
+use crate::output::{self, Failure};
 
-/// Opens the engine that the arguments ask for.
-pub fn open(_arguments: &EngineArguments, _quiet: bool) -> Result<Box<dyn Backend>, Failure> {
-    Ok(Box::new(Cpu::new(Width::Lanes)))
+/// Opens the engine that the arguments ask for; where a choice was left and fell on the CPU, says so unless `quiet`.
+pub fn open(arguments: &EngineArguments, quiet: bool) -> Result<Engine, Failure> {
+    match (arguments.engine, arguments.adapter) {
+        (EngineName::Cpu, Some(_)) => Err(Failure::Arguments("--adapter excludes --engine cpu: give one of them")),
+        (EngineName::Cpu, None) => Ok(Engine::cpu()),
+        (EngineName::Auto, None) => {
+            let engine = Engine::auto()?;
+            if engine.description().kind == EngineKind::Cpu && !quiet {
+                output::note("no GPU to use: the CPU engine computes (`polhode devices` says why)");
+            }
+            Ok(engine)
+        }
+        (EngineName::Auto | EngineName::Gpu, adapter) => Ok(gpu(adapter)?),
+    }
 }
 
-/// Opens the engine that the arguments ask for.
-pub fn open_for_verify(_arguments: &EngineArguments) -> Result<Box<dyn Backend>, Failure> {
-    Ok(Box::new(Cpu::new(Width::Lanes)))
+/// As [`open`], but where a choice is left a software adapter is better than none: it is the shaders that are checked.
+pub fn open_for_verify(arguments: &EngineArguments) -> Result<Engine, Failure> {
+    if arguments.engine != EngineName::Auto || arguments.adapter.is_some() {
+        return open(arguments, false);
+    }
+    match gpu(None) {
+        Ok(engine) => Ok(engine),
+        Err(polhode::Error::NoAdapter { .. }) => {
+            output::note("no GPU adapter, not even in software: the CPU engine's lanes are checked, no shader is");
+            Ok(Engine::cpu())
+        }
+        Err(error) => Err(error.into()),
+    }
+}
+
+fn gpu(adapter: Option<usize>) -> polhode::Result<Engine> {
+    Engine::gpu(GpuOptions { adapter, software: true, ..GpuOptions::default() })
 }
 
 /// The arithmetic that the arguments ask for.

@@ -23,6 +23,7 @@ const FAILED: u8 = 1;
 const WRONG_INPUT: u8 = 2;
 
 fn main() -> ExitCode {
+    quieten_graphics();
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
         Err(error) => return refuse_arguments(&error),
@@ -45,6 +46,16 @@ fn main() -> ExitCode {
             output::error(message);
             ExitCode::from(WRONG_INPUT)
         }
+    }
+}
+
+/// Some drivers look for a Wayland display and write to standard error where its folder is not set; a folder that does
+/// not exist keeps them quiet.
+fn quieten_graphics() {
+    const FOLDER: &str = "XDG_RUNTIME_DIR";
+    if cfg!(target_os = "linux") && std::env::var_os(FOLDER).is_none() {
+        // SAFETY: no other thread runs yet.
+        unsafe { std::env::set_var(FOLDER, "/nonexistent") };
     }
 }
 

@@ -24,10 +24,10 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let folder = OutputFolder::create(&path, arguments.force)?;
     let scene = study.scene()?;
     let engine = crate::engine::open(&arguments.engine, arguments.quiet)?;
-    let plan = Plan::new(&scene, engine.as_ref()).map_err(|error| study.located(error))?;
+    let plan = Plan::new(&scene, &engine).map_err(|error| study.located(error))?;
 
     let mut watch = Watch::new(arguments.quiet);
-    let done = run_to_folder(engine.as_ref(), &plan, Some(&study), study.output(), folder, since, &mut |progress| {
+    let done = run_to_folder(&engine, &plan, Some(&study), study.output(), folder, since, &mut |progress| {
         watch.observe(progress)
     });
     watch.finish();

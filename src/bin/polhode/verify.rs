@@ -26,11 +26,11 @@ pub fn verify(arguments: &VerifyArguments) -> Result<(), Failure> {
                 study = study.with_precision(precision);
             }
             let scene = study.scene()?;
-            let plan = Plan::new(&scene, engine.as_ref()).map_err(|error| study.located(error))?;
+            let plan = Plan::new(&scene, &engine).map_err(|error| study.located(error))?;
             (scene.ensemble().clone(), plan.method(), plan.precision(), plan.longest_step())
         }
     };
-    let report = verify_engine(engine.as_ref(), &ensemble, method, precision, dt, arguments.steps)?;
+    let report = verify_engine(&engine, &ensemble, method, precision, dt, arguments.steps)?;
     output::print(&if arguments.json { json_text(&report) } else { table(&report) });
     if report.agrees() { Ok(()) } else { Err(Failure::Disagreement) }
 }
