@@ -28,7 +28,7 @@ impl std::fmt::Display for FileAction {
 #[non_exhaustive]
 pub enum Error {
     /// A value of one body is not valid.
-    #[error("body {body}: {field} = {value}: {expected}")]
+    #[error("body {body}: {field} = {value:?}: {expected}")]
     Body {
         /// Index of the body, from 0.
         body: usize,
@@ -40,7 +40,7 @@ pub enum Error {
         expected: &'static str,
     },
     /// A setting is not valid.
-    #[error("{field} = {value}: {expected}")]
+    #[error("{field} = {value:?}: {expected}")]
     Setting {
         /// Name of the setting.
         field: &'static str,

@@ -6,8 +6,8 @@ use crate::error::{Error, Result};
 use crate::method::Method;
 use crate::scene::{Outputs, Scene, Stepping};
 
-/// More output times than this are refused: nobody reads them, and the list alone would fill the memory.
-pub const MOST_OUTPUTS: usize = 100_000_000;
+/// More output times than this are refused: nobody reads them, and the list alone would take 80 MB.
+pub const MOST_OUTPUTS: usize = 10_000_000;
 
 /// A scene resolved for an engine: the integrator, its arithmetic, its step and the output times.
 #[derive(Clone, Debug)]
@@ -190,7 +190,7 @@ fn output_times(scene: &Scene) -> Result<Vec<f64>> {
                 return Err(Error::Setting {
                     field: "time.outputs.every",
                     value: *interval,
-                    expected: "more than 1e8 outputs would follow: a longer interval is needed (s)",
+                    expected: "more than 1e7 outputs would follow: a longer interval is needed (s)",
                 });
             }
             let whole = steps_over(end, *interval).steps as usize;

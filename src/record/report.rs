@@ -210,8 +210,14 @@ impl fmt::Display for Report {
         let plan = &self.plan;
         writeln!(
             formatter,
-            "  work     {} bodies, {} s, {} in {}, {} steps of {:.3e} s or less",
-            self.bodies, self.span, plan.method, plan.precision, plan.steps, plan.longest_step
+            "  work     {} {}, {} s, {} in {}, {} steps of {:.3e} s or less",
+            self.bodies,
+            if self.bodies == 1 { "body" } else { "bodies" },
+            self.span,
+            plan.method,
+            plan.precision,
+            plan.steps,
+            plan.longest_step
         )?;
         let time = &self.wall_time;
         writeln!(

@@ -102,7 +102,7 @@ impl std::fmt::Display for InputError {
                 write!(formatter, "the row has {found} fields: {expected} are needed, one a column of the header")
             }
             Fault::Body { body, field, value, expected } => {
-                write!(formatter, "{key}: body {body}: {field} = {value}: {expected}")
+                write!(formatter, "{key}: body {body}: {field} = {value:?}: {expected}")
             }
         }
     }

@@ -69,7 +69,7 @@ pub use input::{Fault, InputError};
 pub use table::BodyTable;
 
 use draw::Draw;
-use reader::{Node, Table, Text};
+use reader::{Node, Place, Table, Text};
 
 /// The attitude error asked for where a study names none, rad.
 pub const DEFAULT_ATTITUDE: f64 = 1e-6;
@@ -78,8 +78,8 @@ pub const DEFAULT_ATTITUDE: f64 = 1e-6;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Study {
     file: PathBuf,
-    /// The line of every key, for messages about values that turn out to be wrong later.
-    lines: BTreeMap<String, usize>,
+    /// The place of every key, for messages about values that turn out to be wrong later.
+    places: BTreeMap<String, Place>,
     title: Option<String>,
     seed: u64,
     bodies: Bodies,
@@ -150,8 +150,8 @@ impl Study {
 
     fn from_root(file: &Path, root: &Table<'_>) -> Result<Self> {
         root.only(&["title", "seed", "bodies", "force", "time", "accuracy", "output"])?;
-        let mut lines = BTreeMap::new();
-        root.lines(&mut lines);
+        let mut places = BTreeMap::new();
+        root.places(&mut places);
 
         let title = root.find("title").map(|node| node.string("a text is needed")).transpose()?.map(str::to_owned);
         let seed = root.find("seed").map(|node| node.whole("a whole number is needed")).transpose()?.unwrap_or(0);
@@ -166,7 +166,7 @@ impl Study {
         let stepping = stepping.unwrap_or(StudyStepping::Attitude { angle: DEFAULT_ATTITUDE, precision: None });
         let output = root.find("output").map(|node| output(&node)).transpose()?;
         let output = output.unwrap_or(Output { final_state: true, snapshots: false, format: Format::Csv });
-        Ok(Self { file: file.to_owned(), lines, title, seed, bodies, force_world, end, outputs, stepping, output })
+        Ok(Self { file: file.to_owned(), places, title, seed, bodies, force_world, end, outputs, stepping, output })
     }
 
     /// The file's name as it was given.
@@ -242,15 +242,15 @@ impl Study {
         match error {
             Error::Setting { field, value, expected } => {
                 let key = if field == "dt" { "accuracy.dt" } else { field };
-                match self.line(key) {
-                    Some((key, line)) => self.input(line, key, Fault::Value { value: value.to_string(), expected }),
+                match self.places.get(key) {
+                    Some(place) => self.input(place.line, key, Fault::Value { value: place.value.clone(), expected }),
                     None => Error::Setting { field, value, expected },
                 }
             }
-            Error::MissingMass => match self.line("force") {
-                Some((key, line)) => {
-                    let expected = "a force needs masses: give bodies.mass, or a column mass";
-                    self.input(line, key, Fault::Missing { expected })
+            Error::MissingMass => match self.places.get("force") {
+                Some(place) => {
+                    let expected = "the force needs masses, here or as a column of the table of bodies (kg)";
+                    self.input(place.line, "bodies.mass", Fault::Missing { expected })
                 }
                 None => Error::MissingMass,
             },
@@ -274,18 +274,13 @@ impl Study {
         if let Some(table) = self.bodies.table.as_ref().filter(|table| in_table(table)) {
             return table.located(error);
         }
-        // A shape carries the mass within `inertia`.
         let key = format!("bodies.{key}");
-        let found = self.line(&key).or_else(|| self.line("bodies.inertia"));
-        match found {
-            Some((key, line)) => self.input(line, key, Fault::Body { body, field, value, expected }),
+        // A shape carries the mass within `inertia`.
+        let key = if self.places.contains_key(&key) { key.as_str() } else { "bodies.inertia" };
+        match self.places.get(key) {
+            Some(place) => self.input(place.line, key, Fault::Body { body, field, value, expected }),
             None => error,
         }
-    }
-
-    /// The line of a key, or of the table that it would stand in.
-    fn line<'k>(&self, key: &'k str) -> Option<(&'k str, usize)> {
-        self.lines.get(key).map(|&line| (key, line))
     }
 
     fn input(&self, line: usize, key: &str, fault: Fault) -> Error {

@@ -27,8 +27,13 @@ impl<'a> Text<'a> {
     /// Parses the text and hands its root table to `read`.
     pub(super) fn parse<T>(&self, read: impl FnOnce(Table<'_>) -> Result<T>) -> Result<T> {
         let root = DeTable::parse(self.text).map_err(|error| {
-            let start = error.span().map_or(0, |span| span.start);
-            let reason = error.message().lines().collect::<Vec<_>>().join(", ");
+            let span = error.span().unwrap_or(0..0);
+            let start = span.start;
+            let mut reason = error.message().lines().collect::<Vec<_>>().join(", ");
+            let found = self.excerpt(span);
+            if !found.is_empty() {
+                reason += &format!(" at {found}");
+            }
             self.error(start, String::new(), Fault::Syntax { reason })
         })?;
         // A missing key of the root is reported at the file's first line.
@@ -52,6 +57,13 @@ impl<'a> Text<'a> {
         }
         text.chars().take(LONGEST_EXCERPT - 3).chain("...".chars()).collect()
     }
+}
+
+/// Where a key stands, and its value as it stands there.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Place {
+    pub(super) line: usize,
+    pub(super) value: String,
 }
 
 /// A table of the tree.
@@ -109,13 +121,14 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// The line of every key below, by its dotted path.
-    pub(super) fn lines(&self, lines: &mut BTreeMap<String, usize>) {
+    /// The place of every key below, by its dotted path.
+    pub(super) fn places(&self, places: &mut BTreeMap<String, Place>) {
         for (key, value) in self.table {
             let path = self.path_of(key.get_ref());
-            lines.insert(path.clone(), self.source.line(key.span().start));
+            let line = self.source.line(key.span().start);
+            places.insert(path.clone(), Place { line, value: self.source.excerpt(value.span()) });
             if let DeValue::Table(table) = value.get_ref() {
-                Table { source: self.source, path, table, start: key.span().start }.lines(lines);
+                Table { source: self.source, path, table, start: key.span().start }.places(places);
             }
         }
     }

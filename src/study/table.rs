@@ -67,6 +67,10 @@ impl BodyTable {
         let header = reader.headers().map_err(|error| csv_error(path, error))?.clone();
         // The header's own position is not kept by the reader: it is the first line that is no comment.
         let header_line = header.position().map_or(1, Position::line);
+        if header.is_empty() {
+            let reason = "a header with the names of the columns is needed".to_owned();
+            return Err(input_error(path, header_line, "", Fault::Syntax { reason }));
+        }
         let places = header_places(path, &header, header_line)?;
 
         let mut table = Self { file: path.to_owned(), columns: Default::default(), lines: Vec::new() };
@@ -181,7 +185,7 @@ impl BodyTable {
     pub(super) fn located(&self, error: Error) -> Error {
         match error {
             Error::Body { body, field, value, expected } if body < self.len() => {
-                input_error(&self.file, self.lines[body], field, Fault::Value { value: value.to_string(), expected })
+                input_error(&self.file, self.lines[body], field, Fault::Value { value: format!("{value:?}"), expected })
             }
             other => other,
         }
@@ -239,6 +243,6 @@ fn csv_error(path: &Path, error: csv::Error) -> Error {
         ErrorKind::Utf8 { .. } => {
             input_error(path, line, "", Fault::Syntax { reason: "text in UTF-8 is needed".to_owned() })
         }
-        other => input_error(path, line, "", Fault::Syntax { reason: format!("{other:?}") }),
+        _ => input_error(path, line, "", Fault::Syntax { reason: "comma-separated values are needed".to_owned() }),
     }
 }
