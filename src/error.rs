@@ -1,11 +1,34 @@
 //! The one error type.
 
+use std::path::{Path, PathBuf};
+
+/// What was to be done with a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FileAction {
+    /// To read it.
+    Read,
+    /// To make it.
+    Create,
+    /// To write to it.
+    Write,
+}
+
+impl std::fmt::Display for FileAction {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(match self {
+            FileAction::Read => "read",
+            FileAction::Create => "made",
+            FileAction::Write => "written",
+        })
+    }
+}
+
 /// Why something could not be done. Every variant names what was found and what would be valid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// A value of one body is not valid.
-    #[error("body {body}: {field} = {value}: {expected}")]
+    #[error("body {body}: {field} = {value:?}: {expected}")]
     Body {
         /// Index of the body, from 0.
         body: usize,
@@ -17,7 +40,7 @@ pub enum Error {
         expected: &'static str,
     },
     /// A setting is not valid.
-    #[error("{field} = {value}: {expected}")]
+    #[error("{field} = {value:?}: {expected}")]
     Setting {
         /// Name of the setting.
         field: &'static str,
@@ -113,12 +136,65 @@ pub enum Error {
         /// The text looked for.
         text: String,
     },
+    /// A study file or a table of bodies is not valid.
+    #[cfg(feature = "study")]
+    #[error(transparent)]
+    Input(Box<crate::study::InputError>),
+    /// A file or folder could not be read or written.
+    #[error("{}: cannot be {action}: {}", path.display(), file_reason(*kind, reason))]
+    File {
+        /// The file or folder.
+        path: PathBuf,
+        /// What was attempted.
+        action: FileAction,
+        /// The kind of failure.
+        kind: std::io::ErrorKind,
+        /// The system's words.
+        reason: String,
+    },
+    /// A folder for output already holds something.
+    #[error("{}: the output folder is not empty: name another with --out, or replace its results with --force", path.display())]
+    FolderNotEmpty {
+        /// The folder.
+        path: PathBuf,
+    },
     /// The caller asked to stop.
     #[error("stopped after {steps} steps")]
     Interrupted {
         /// Steps done of the current interval.
         steps: u64,
     },
+}
+
+impl Error {
+    /// The failure of `action` on `path`.
+    pub fn file(path: &Path, action: FileAction, error: &std::io::Error) -> Self {
+        Error::File { path: path.to_owned(), action, kind: error.kind(), reason: error.to_string() }
+    }
+
+    /// Whether what was asked for is wrong, rather than that something failed while running.
+    pub fn is_input(&self) -> bool {
+        match self {
+            Error::Device { .. } | Error::Shader { .. } | Error::Interrupted { .. } => false,
+            Error::File { action, .. } => *action != FileAction::Write,
+            _ => true,
+        }
+    }
+}
+
+#[cfg(feature = "study")]
+impl From<crate::study::InputError> for Error {
+    fn from(error: crate::study::InputError) -> Self {
+        Error::Input(Box::new(error))
+    }
+}
+
+/// What to do about a failure, where that is known, after the system's words.
+fn file_reason(kind: std::io::ErrorKind, reason: &str) -> String {
+    match kind {
+        std::io::ErrorKind::StorageFull => format!("{reason}; free some space, or write fewer snapshots"),
+        _ => reason.to_owned(),
+    }
 }
 
 /// `Result` with this crate's [`Error`].

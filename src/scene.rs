@@ -27,6 +27,7 @@ pub struct Scene {
     end: f64,
     outputs: Outputs,
     stepping: Stepping,
+    precision: Option<Precision>,
     force_world: DVec3,
 }
 
@@ -80,6 +81,7 @@ impl Scene {
             end: 0.0,
             outputs: Outputs::End,
             stepping: Stepping::Accuracy(Accuracy::attitude(1e-6)),
+            precision: None,
             force_world: DVec3::ZERO,
         }
     }
@@ -112,6 +114,13 @@ impl Scene {
         self
     }
 
+    /// Pins the arithmetic and leaves the rest as it is; `None` leaves the choice to the plan.
+    #[must_use]
+    pub fn precision(mut self, precision: Option<Precision>) -> Self {
+        self.precision = precision;
+        self
+    }
+
     /// A constant force on every body's centre of mass, N, world axes. Needs bodies with masses
     /// ([`Ensemble::with_translation`]).
     #[must_use]
@@ -138,6 +147,14 @@ impl Scene {
     /// How steps are chosen.
     pub fn stepping(&self) -> Stepping {
         self.stepping
+    }
+
+    /// The arithmetic that was asked for, by [`Scene::precision`] or else by [`Scene::pinned`].
+    pub fn wanted_precision(&self) -> Option<Precision> {
+        match self.stepping {
+            Stepping::Pinned { precision, .. } => self.precision.or(precision),
+            Stepping::Accuracy(_) => self.precision,
+        }
     }
 
     /// The constant force on every body, N, world axes.

@@ -6,8 +6,8 @@ use crate::error::{Error, Result};
 use crate::method::Method;
 use crate::scene::{Outputs, Scene, Stepping};
 
-/// More output times than this are refused: nobody reads them, and the list alone would fill the memory.
-pub const MOST_OUTPUTS: usize = 100_000_000;
+/// More output times than this are refused: nobody reads them, and the list alone would take 80 MB.
+pub const MOST_OUTPUTS: usize = 10_000_000;
 
 /// A scene resolved for an engine: the integrator, its arithmetic, its step and the output times.
 #[derive(Clone, Debug)]
@@ -52,8 +52,8 @@ impl<'a> Plan<'a> {
             return Err(Error::MissingMass);
         }
         let (method, precision, longest_step) = match scene.stepping() {
-            Stepping::Pinned { method, dt, precision } => {
-                let precision = precision.unwrap_or(widest(engine));
+            Stepping::Pinned { method, dt, .. } => {
+                let precision = scene.wanted_precision().unwrap_or(widest(engine));
                 crate::engine::check_step(dt, precision)?;
                 (method, precision, dt)
             }
@@ -69,7 +69,15 @@ impl<'a> Plan<'a> {
                 let rate = fastest_rate(scene);
                 let angle = rate * scene.end();
                 let floor_f32 = 1e-6 + 3e-8 * angle;
-                let precision = if target >= floor_f32 { Precision::F32 } else { Precision::F64 };
+                let narrowest = if target >= floor_f32 { Precision::F32 } else { Precision::F64 };
+                let precision = scene.wanted_precision().unwrap_or(narrowest);
+                if precision == Precision::F32 && narrowest == Precision::F64 {
+                    return Err(Error::Setting {
+                        field: "accuracy.attitude",
+                        value: target,
+                        expected: "f32 does not reach this: precision f64, or more than 1e-6 rad and 3e-8 of the angle turned, is needed (rad)",
+                    });
+                }
                 let dt =
                     if angle > 0.0 { (target / (1e-3 * angle)).sqrt().sqrt().min(0.5) / rate } else { scene.end() };
                 (Method::Rk4, precision, dt.min(scene.end()).max(f64::MIN_POSITIVE))
@@ -182,7 +190,7 @@ fn output_times(scene: &Scene) -> Result<Vec<f64>> {
                 return Err(Error::Setting {
                     field: "time.outputs.every",
                     value: *interval,
-                    expected: "more than 1e8 outputs would follow: a longer interval is needed (s)",
+                    expected: "more than 1e7 outputs would follow: a longer interval is needed (s)",
                 });
             }
             let whole = steps_over(end, *interval).steps as usize;

@@ -7,10 +7,30 @@ use crate::engine::Description;
 use crate::error::Result;
 use crate::method::Method;
 
+#[cfg(feature = "study")]
+mod column;
+#[cfg(feature = "study")]
+mod csv_file;
 mod drift;
+#[cfg(feature = "study")]
+mod files;
+#[cfg(feature = "study")]
+mod folder;
+#[cfg(feature = "study")]
+mod npz_file;
+#[cfg(feature = "study")]
+pub mod report;
 
+#[cfg(feature = "study")]
+pub use column::{ROTATION_COLUMNS, TRANSLATION_COLUMNS};
 pub(crate) use drift::DriftGatherer;
 pub use drift::{Drift, Quantiles};
+#[cfg(feature = "study")]
+pub use files::run_to_folder;
+#[cfg(feature = "study")]
+pub use folder::{OutputFolder, REPORT};
+#[cfg(feature = "study")]
+pub use report::Report;
 
 /// Takes the states of a run as they come, some bodies at a time, so that memory stays bounded.
 pub trait Sink {

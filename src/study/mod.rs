@@ -1,4 +1,370 @@
 //! Studies: scenes described in files, and ensembles drawn from distributions.
+//!
+//! # Study files
+//!
+//! A study is a TOML file. Everything is in SI units. Only `[bodies]` and `[time]` are required.
+//!
+//! ```toml
+//! title = "Tumbling upper stages"     # for reports
+//! seed = 42                           # default 0; the same seed gives the same bodies, on every machine
+//!
+//! [bodies]
+//! count = 1000                        # or: file = "bodies.csv", a table of bodies beside the study
+//! inertia = { shape = "cylinder", mass = 1400.0, radius = 1.2, height = 6.5 }
+//! orientation = { distribution = "uniform" }
+//! angular_velocity = { distribution = "normal", mean = [0, 0, 0.1], sigma = [0.02, 0.02, 0.05] }
+//!
+//! [time]
+//! end = 600.0
+//! outputs = { every = 60.0 }          # or { times = [0.1, 1.0] }; none: the end only
+//!
+//! [accuracy]
+//! attitude = 1e-6                     # or: method = "rk4", dt = 0.01, precision = "f32"
+//!
+//! [output]
+//! final = true                        # final.csv: all bodies at the end (the default)
+//! snapshots = true                    # snapshots.csv: all bodies at all output times
+//! format = "csv"                      # or "npz"
+//! ```
+//!
+//! * `inertia`: a solid of constant density (`sphere`: `radius`; `cylinder` about z: `radius`, `height`; `box`: `edges`;
+//!   `ellipsoid`: `semi_axes`; each with `mass`), moments along the body axes `[ixx, iyy, izz]`, `{ moments = ... }` drawn
+//!   from a distribution, or a tensor `{ ixx = ..., iyy = ..., izz = ..., ixy = ..., ixz = ..., iyz = ... }`, where `ixy` is
+//!   the tensor's element −∫ρxy.
+//! * `orientation`: a quaternion `[x, y, z, w]`, `{ axis = [x, y, z], angle = radians }`, or uniform on SO(3);
+//!   default: body axes along world axes. `angular_velocity`: body axes, rad/s.
+//! * `position`, `velocity` (world axes) and `mass`: for bodies that move through space. `[force]` with
+//!   `constant = [fx, fy, fz]` is a force on every body's centre of mass in world axes, N.
+//! * A number may be a distribution: `constant` (`value`), `uniform` (`low`, `high`), `normal` (`mean`, `sigma`),
+//!   `log-normal` (`median`, `sigma` of the logarithm). So may a vector, where one number stands for three; and
+//!   `direction` (`magnitude`) is uniform on the sphere.
+//! * A table of bodies is described in [`table`]; what it does not hold may be drawn.
+//!
+//! Every draw is a function of seed, body and column alone ([`draw`]), so a study with fewer bodies holds the first of
+//! those of a larger one.
 
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
+
+use glam::DVec3;
+
+use crate::batch::Precision;
+use crate::ensemble::Ensemble;
+use crate::error::{Error, FileAction, Result};
+use crate::method::Method;
+use crate::scene::{Accuracy, Outputs, Scene};
+
+mod bodies;
+mod distribution;
 pub mod draw;
+mod input;
 pub mod problem;
+mod reader;
+pub mod table;
+
+pub use bodies::{Bodies, Inertia, Solid};
+pub use distribution::{Orientation, Scalar, Vector};
+pub use input::{Fault, InputError};
+pub use table::BodyTable;
+
+use draw::Draw;
+use reader::{Node, Place, Table, Text};
+
+/// The attitude error asked for where a study names none, rad.
+pub const DEFAULT_ATTITUDE: f64 = 1e-6;
+
+/// A study file, read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Study {
+    file: PathBuf,
+    /// The place of every key, for messages about values that turn out to be wrong later.
+    places: BTreeMap<String, Place>,
+    title: Option<String>,
+    seed: u64,
+    bodies: Bodies,
+    force_world: Option<DVec3>,
+    end: f64,
+    outputs: Outputs,
+    stepping: StudyStepping,
+    output: Output,
+}
+
+/// `[accuracy]`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum StudyStepping {
+    Attitude { angle: f64, precision: Option<Precision> },
+    Pinned { method: Method, dt: f64, precision: Option<Precision> },
+}
+
+/// `[output]`: which files a run writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Output {
+    /// All bodies at the end.
+    pub final_state: bool,
+    /// All bodies at all output times.
+    pub snapshots: bool,
+    /// The format of both.
+    pub format: Format,
+}
+
+/// A format of output tables.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Comma-separated values, one row a body and output time.
+    Csv,
+    /// An archive of NumPy arrays, one a column.
+    Npz,
+}
+
+impl Format {
+    /// The name in study files and the ending of files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Format::Csv => "csv",
+            Format::Npz => "npz",
+        }
+    }
+}
+
+impl Study {
+    /// Reads a study file, and the table of bodies that it names.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`] where a file cannot be read; [`Error::Input`] with file, line, key and value where it does not
+    /// describe a study.
+    pub fn read(file: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(file).map_err(|error| Error::file(file, FileAction::Read, &error))?;
+        Self::parse(file, &text)
+    }
+
+    /// Reads a study from its text; `file` is what messages call it, and tables of bodies are looked for beside it.
+    ///
+    /// # Errors
+    ///
+    /// As [`Study::read`].
+    pub fn parse(file: &Path, text: &str) -> Result<Self> {
+        Text::new(file, text).parse(|root| Self::from_root(file, &root))
+    }
+
+    fn from_root(file: &Path, root: &Table<'_>) -> Result<Self> {
+        root.only(&["title", "seed", "bodies", "force", "time", "accuracy", "output"])?;
+        let mut places = BTreeMap::new();
+        root.places(&mut places);
+
+        let title = root.find("title").map(|node| node.string("a text is needed")).transpose()?.map(str::to_owned);
+        let seed = root.find("seed").map(|node| node.whole("a whole number is needed")).transpose()?.unwrap_or(0);
+        let bodies = root.need("bodies", "a table that describes the bodies is needed")?;
+        let bodies = Bodies::read(&bodies, |_, name| {
+            let folder = file.parent().unwrap_or(Path::new(""));
+            BodyTable::read(&folder.join(name), usize::MAX)
+        })?;
+        let force_world = root.find("force").map(|node| force(&node)).transpose()?;
+        let (end, outputs) = time(&root.need("time", "a table with the end of the simulated span is needed")?)?;
+        let stepping = root.find("accuracy").map(|node| accuracy(&node)).transpose()?;
+        let stepping = stepping.unwrap_or(StudyStepping::Attitude { angle: DEFAULT_ATTITUDE, precision: None });
+        let output = root.find("output").map(|node| output(&node)).transpose()?;
+        let output = output.unwrap_or(Output { final_state: true, snapshots: false, format: Format::Csv });
+        Ok(Self { file: file.to_owned(), places, title, seed, bodies, force_world, end, outputs, stepping, output })
+    }
+
+    /// The file's name as it was given.
+    pub fn file(&self) -> &Path {
+        &self.file
+    }
+
+    /// The title, where the study has one.
+    pub fn title(&self) -> Option<&str> {
+        self.title.as_deref()
+    }
+
+    /// The seed of all draws.
+    pub fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    /// Which files a run writes.
+    pub fn output(&self) -> Output {
+        self.output
+    }
+
+    /// The same study with the first `most` of its bodies.
+    #[must_use]
+    pub fn truncated(mut self, most: usize) -> Self {
+        self.bodies = self.bodies.truncated(most);
+        self
+    }
+
+    /// The same study in this arithmetic, whatever the file says.
+    #[must_use]
+    pub fn with_precision(mut self, wanted: Precision) -> Self {
+        match &mut self.stepping {
+            StudyStepping::Attitude { precision, .. } | StudyStepping::Pinned { precision, .. } => {
+                *precision = Some(wanted);
+            }
+        }
+        self
+    }
+
+    /// Draws and reads the bodies.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] for the first body that is not valid, with the line that it came from;
+    /// [`Error::TooManyBodies`]; [`Error::MissingMass`].
+    pub fn ensemble(&self) -> Result<Ensemble> {
+        let ensemble = self.bodies.ensemble(Draw::new(self.seed), self.force_world.is_some());
+        ensemble.map_err(|error| self.located(error))
+    }
+
+    /// The scene that the study describes.
+    ///
+    /// # Errors
+    ///
+    /// As [`Study::ensemble`].
+    pub fn scene(&self) -> Result<Scene> {
+        let mut scene = Scene::new(self.ensemble()?).until(self.end).outputs(self.outputs.clone());
+        if let Some(force) = self.force_world {
+            scene = scene.force_world(force);
+        }
+        Ok(match self.stepping {
+            StudyStepping::Attitude { angle, precision } => {
+                scene.accuracy(Accuracy::attitude(angle)).precision(precision)
+            }
+            StudyStepping::Pinned { method, dt, precision } => scene.pinned(method, dt, precision),
+        })
+    }
+
+    /// `error` with the file and line that it stems from, where it stems from one.
+    #[must_use]
+    pub fn located(&self, error: Error) -> Error {
+        match error {
+            Error::Setting { field, value, expected } => {
+                let key = if field == "dt" { "accuracy.dt" } else { field };
+                match self.places.get(key) {
+                    Some(place) => self.input(place.line, key, Fault::Value { value: place.value.clone(), expected }),
+                    None => Error::Setting { field, value, expected },
+                }
+            }
+            Error::MissingMass => match self.places.get("force") {
+                Some(place) => {
+                    let expected = "the force needs masses, here or as a column of the table of bodies (kg)";
+                    self.input(place.line, "bodies.mass", Fault::Missing { expected })
+                }
+                None => Error::MissingMass,
+            },
+            Error::Body { body, field, value, expected } => self.located_body(body, field, value, expected),
+            other => other,
+        }
+    }
+
+    fn located_body(&self, body: usize, field: &'static str, value: f64, expected: &'static str) -> Error {
+        let (key, in_table): (_, fn(&BodyTable) -> bool) = match field {
+            "mass" => ("mass", BodyTable::has_mass),
+            "x" => ("position", BodyTable::has_position),
+            "vx" => ("velocity", BodyTable::has_velocity),
+            "wx" | "wy" | "wz" => ("angular_velocity", BodyTable::has_angular_velocity),
+            _ if field.starts_with('q') || field.starts_with("orientation") => {
+                ("orientation", BodyTable::has_orientation)
+            }
+            _ => ("inertia", BodyTable::has_inertia),
+        };
+        let error = Error::Body { body, field, value, expected };
+        if let Some(table) = self.bodies.table.as_ref().filter(|table| in_table(table)) {
+            return table.located(error);
+        }
+        let key = format!("bodies.{key}");
+        // A shape carries the mass within `inertia`.
+        let key = if self.places.contains_key(&key) { key.as_str() } else { "bodies.inertia" };
+        match self.places.get(key) {
+            Some(place) => self.input(place.line, key, Fault::Body { body, field, value, expected }),
+            None => error,
+        }
+    }
+
+    fn input(&self, line: usize, key: &str, fault: Fault) -> Error {
+        InputError { file: self.file.clone(), line, key: key.to_owned(), fault }.into()
+    }
+}
+
+fn force(node: &Node<'_>) -> Result<DVec3> {
+    let table = node.table("a table [force] is needed", &["constant"])?;
+    let constant = table.need("constant", "a vector in world axes is needed (N)")?;
+    constant.vector("three finite components in world axes are needed (N)")
+}
+
+fn time(node: &Node<'_>) -> Result<(f64, Outputs)> {
+    let table = node.table("a table [time] is needed", &["end", "outputs"])?;
+    let end = table.need("end", "the end of the simulated span is needed (s)")?;
+    let end = end.number("a finite number is needed (s)")?;
+    let Some(outputs) = table.find("outputs") else {
+        return Ok((end, Outputs::End));
+    };
+    const EXPECTED: &str = "{ every = seconds } or { times = [seconds, ...] } is needed";
+    let table = outputs.table(EXPECTED, &["every", "times"])?;
+    table.exclusive("every", "times")?;
+    if let Some(every) = table.find("every") {
+        return Ok((end, Outputs::Every(every.positive("an interval above zero is needed (s)")?)));
+    }
+    let Some(times) = table.find("times") else {
+        return Err(outputs.refuse(EXPECTED));
+    };
+    const TIMES: &str = "a list of finite numbers is needed (s)";
+    let elements = times.elements().ok_or_else(|| times.refuse(TIMES))?;
+    let mut list: Vec<f64> = Vec::with_capacity(elements.len());
+    for element in elements {
+        let time = element.number(TIMES)?;
+        if list.last().is_some_and(|last| time <= *last) {
+            return Err(element.refuse("increasing times are needed: this one is not after the one before it (s)"));
+        }
+        if !(0.0..=end).contains(&time) {
+            return Err(element.refuse("times from 0 to time.end are needed (s)"));
+        }
+        list.push(time);
+    }
+    Ok((end, Outputs::Times(list)))
+}
+
+/// Names of all methods.
+static METHODS: LazyLock<Vec<&'static str>> = LazyLock::new(|| Method::ALL.map(Method::name).to_vec());
+
+fn accuracy(node: &Node<'_>) -> Result<StudyStepping> {
+    let table = node.table("a table [accuracy] is needed", &["attitude", "method", "dt", "precision"])?;
+    table.exclusive("attitude", "method")?;
+    table.exclusive("attitude", "dt")?;
+    let precision = match table.find("precision").map(|node| node.choice(&["auto", "f32", "f64"])).transpose()? {
+        Some("f32") => Some(Precision::F32),
+        Some("f64") => Some(Precision::F64),
+        _ => None,
+    };
+    if table.find("method").is_none() && table.find("dt").is_none() {
+        let angle = match table.find("attitude") {
+            Some(node) => node.positive("an angle above 0 and up to pi is needed (rad)")?,
+            None => DEFAULT_ATTITUDE,
+        };
+        return Ok(StudyStepping::Attitude { angle, precision });
+    }
+    let method = table.need("method", "a step that is given needs a method beside it: \"rk4\" or \"dlm\"")?;
+    let chosen = method.choice(&METHODS)?;
+    let dt = table.need("dt", "a method that is given needs a step beside it (s)")?;
+    let dt = dt.positive("a step above zero is needed (s)")?;
+    let method = Method::ALL.into_iter().find(|method| method.name() == chosen).unwrap_or(Method::Rk4);
+    Ok(StudyStepping::Pinned { method, dt, precision })
+}
+
+fn output(node: &Node<'_>) -> Result<Output> {
+    let table = node.table("a table [output] is needed", &["final", "snapshots", "format"])?;
+    let flag = |key: &str, default: bool| {
+        table
+            .find(key)
+            .map(|node| node.boolean("true or false is needed"))
+            .transpose()
+            .map(|flag| flag.unwrap_or(default))
+    };
+    let format = match table.find("format").map(|node| node.choice(&["csv", "npz"])).transpose()? {
+        Some("npz") => Format::Npz,
+        _ => Format::Csv,
+    };
+    Ok(Output { final_state: flag("final", true)?, snapshots: flag("snapshots", false)?, format })
+}

@@ -1,0 +1,178 @@
+//! The command line's grammar and its help.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// Integrates the rotation of large ensembles of independent rigid bodies.
+#[derive(Debug, Parser)]
+#[command(
+    name = "polhode",
+    version,
+    arg_required_else_help = true,
+    subcommand_required = true,
+    after_help = "Begin with `polhode run examples/studies/tumbling.toml`; \
+                  `polhode run --help` shows what a study file looks like.\n\
+                  Exit status: 0 done, 1 the run failed, 2 the input is wrong."
+)]
+pub struct Arguments {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Run a study and write its results.
+    Run(RunArguments),
+    /// Step the GPU and the CPU side by side and compare every step.
+    Verify(VerifyArguments),
+    /// List the engines of this machine and which one is taken.
+    Devices(DevicesArguments),
+    /// Print a completion script for a shell.
+    #[command(after_help = "Example: polhode completions bash > ~/.local/share/bash-completion/completions/polhode")]
+    Completions(CompletionsArguments),
+    /// Print the manual page.
+    #[command(after_help = "Example: polhode man > ~/.local/share/man/man1/polhode.1")]
+    Man,
+}
+
+/// Which engine computes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum EngineName {
+    /// A real GPU where there is one, else the CPU.
+    Auto,
+    /// A GPU, a software adapter where there is no real one.
+    Gpu,
+    /// All cores of the processor.
+    Cpu,
+}
+
+/// Which arithmetic is used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum PrecisionName {
+    /// What the study says, else what its accuracy needs.
+    Auto,
+    /// 32-bit floating point with compensated states.
+    F32,
+    /// 64-bit floating point.
+    F64,
+}
+
+/// The choice of an engine, for every command that computes.
+#[derive(Debug, Args)]
+pub struct EngineArguments {
+    /// Engine that computes.
+    #[arg(long, value_enum, default_value = "auto", value_name = "ENGINE")]
+    pub engine: EngineName,
+    /// GPU adapter, by its index in `polhode devices`.
+    #[arg(long, value_name = "INDEX")]
+    pub adapter: Option<usize>,
+    /// Arithmetic.
+    #[arg(long, value_enum, default_value = "auto", value_name = "PRECISION")]
+    pub precision: PrecisionName,
+}
+
+const RUN_HELP: &str = "\
+A study file in TOML describes the bodies, the time and what is written:
+
+    seed = 42                         # the same seed draws the same bodies
+    [bodies]
+    count = 1000                      # or: file = \"bodies.csv\"
+    inertia = { shape = \"cylinder\", mass = 1400.0, radius = 1.2, height = 6.5 }
+    orientation = { distribution = \"uniform\" }
+    angular_velocity = { distribution = \"normal\", mean = [0, 0, 0.1], sigma = 0.02 }
+    [time]
+    end = 600.0                       # seconds
+    outputs = { every = 60.0 }        # or { times = [1.0, 10.0] }; none: the end only
+    [accuracy]
+    attitude = 1e-6                   # rad; or: method = \"rk4\", dt = 0.01
+    [output]
+    snapshots = true                  # all output times, not the end alone
+    format = \"csv\"                    # or \"npz\" for NumPy
+
+Examples:
+    polhode run study.toml                        results in study.out/
+    polhode run study.toml --out results --force  replace those of a former run
+    polhode run study.toml --engine gpu --precision f32
+    polhode run study.toml --quiet --json | jq .drift
+
+Results: final.csv (or .npz) with body, t, orientation qx qy qz qw (body to world), angular
+velocity wx wy wz (body axes), angular momentum lx ly lz (world axes) and kinetic_energy;
+snapshots.csv with the same at all output times; report.json with engine, method, wall times and
+the drift of what a free body conserves. They appear when all are complete; Ctrl-C leaves nothing.";
+
+/// Arguments of `polhode run`.
+#[derive(Debug, Args)]
+#[command(after_long_help = RUN_HELP, after_help = "`polhode run --help` shows a study file and examples.")]
+pub struct RunArguments {
+    /// Study file.
+    #[arg(value_name = "STUDY.toml")]
+    pub study: PathBuf,
+    /// Folder for the results [default: the study's name with the ending .out, in the current folder].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Write into a folder that is not empty; results of a former run in it are replaced.
+    #[arg(long)]
+    pub force: bool,
+    #[command(flatten)]
+    pub engine: EngineArguments,
+    /// No progress bar and no summary.
+    #[arg(long, short)]
+    pub quiet: bool,
+    /// Print the report as JSON instead of the summary.
+    #[arg(long)]
+    pub json: bool,
+}
+
+const VERIFY_HELP: &str = "\
+Every kernel exists twice, as a shader and as Rust. After each step three states are compared: the
+engine's, its scalar twin's in the same arithmetic, and the scalar f64 reference's. Differences are
+given in ulps, units in the last place of the vector's largest component.
+
+Examples:
+    polhode verify                                 1,000 generated bodies, 100 steps
+    polhode verify --bodies 4097 --steps 1000 --seed 7
+    polhode verify study.toml --bodies 100         the first 100 bodies of a study
+    polhode verify --engine cpu --precision f64    SIMD lanes against one body at a time";
+
+/// Arguments of `polhode verify`.
+#[derive(Debug, Args)]
+#[command(after_long_help = VERIFY_HELP, after_help = "`polhode verify --help` gives examples.")]
+pub struct VerifyArguments {
+    /// Study file [default: a generated ensemble of asymmetric bodies].
+    #[arg(value_name = "STUDY.toml")]
+    pub study: Option<PathBuf>,
+    /// Number of bodies, the first ones of a study.
+    #[arg(long, default_value_t = 1000, value_name = "K")]
+    pub bodies: usize,
+    /// Number of steps.
+    #[arg(long, default_value_t = 100, value_name = "N")]
+    pub steps: u64,
+    /// Seed of the generated ensemble.
+    #[arg(long, default_value_t = 0, value_name = "S", conflicts_with = "study")]
+    pub seed: u64,
+    #[command(flatten)]
+    pub engine: EngineArguments,
+    /// Print what was found as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `polhode devices`.
+#[derive(Debug, Args)]
+#[command(after_help = "The index in the first column is what --adapter takes.")]
+pub struct DevicesArguments {
+    /// Print the list as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `polhode completions`.
+#[derive(Debug, Args)]
+pub struct CompletionsArguments {
+    /// The shell.
+    #[arg(value_enum)]
+    pub shell: clap_complete::Shell,
+}

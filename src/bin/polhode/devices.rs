@@ -1,0 +1,129 @@
+//! `polhode devices`.
+
+use polhode::engine::gpu::{Fusing, Probe};
+use polhode::engine::{Adapter, Devices, devices as list_devices};
+use serde_json::{Value, json};
+
+use crate::arguments::DevicesArguments;
+use crate::output::{self, Failure};
+
+/// Lists the engines of this machine.
+pub fn devices(arguments: &DevicesArguments) -> Result<(), Failure> {
+    let devices = list_devices();
+    output::print(&if arguments.json { format!("{:#}\n", json_value(&devices)) } else { table(&devices) });
+    Ok(())
+}
+
+fn table(devices: &Devices) -> String {
+    let mut text = String::new();
+    for adapter in &devices.adapters {
+        text += &adapter_lines(adapter);
+    }
+    if devices.adapters.is_empty() {
+        text += "no GPU adapter\n";
+    }
+    text += &format!("cpu  {}\n", devices.cpu.name);
+    text += &format!("\n--engine auto takes: {}\n", devices.auto);
+    text
+}
+
+fn adapter_lines(adapter: &Adapter) -> String {
+    const MEBIBYTE: u64 = 1 << 20;
+    let limits = &adapter.limits;
+    let mut text = format!("{:<4} {} ({}, {})\n", adapter.index, adapter.name, adapter.kind, adapter.backend);
+    text += &format!("       driver   {}\n", adapter.driver);
+    text += &format!(
+        "       limits   {} MiB a binding, {} MiB a buffer, {} workgroups of {} invocations\n",
+        limits.binding_bytes / MEBIBYTE,
+        limits.buffer_bytes / MEBIBYTE,
+        limits.workgroups,
+        limits.workgroup_invocations
+    );
+    let yes_no = |flag: bool| if flag { "yes" } else { "no" };
+    text += &format!("       f64 {}, 64-bit integers {}\n", yes_no(adapter.float64), yes_no(adapter.int64));
+    match &adapter.arithmetic {
+        Err(error) => text += &format!("       unusable {error}\n"),
+        Ok(arithmetic) => {
+            text += &format!("       f32      {}\n", probe_words(&arithmetic.f32));
+            if let Some(probe) = &arithmetic.f64 {
+                text += &format!("       f64      {}\n", probe_words(probe));
+            }
+            let precisions: Vec<_> = adapter.precisions().iter().map(|precision| precision.name()).collect();
+            text += &format!("       usable   {}\n", precisions.join(", "));
+        }
+    }
+    text
+}
+
+/// A probe in one line.
+fn probe_words(probe: &Probe) -> String {
+    let two_sum = match (probe.two_sum_plain, probe.two_sum_barrier) {
+        (true, _) => "two-sum exact",
+        (false, Some(true)) => "two-sum exact behind the barrier only",
+        (false, Some(false)) => "two-sum lost",
+        (false, None) => "two-sum not protected",
+    };
+    let ulps = |ulps: u64| if ulps == u64::MAX { "not a number".to_owned() } else { format!("{ulps} ulp") };
+    let rounding = if probe.correctly_rounded { "sums and products exact to rounding" } else { "ROUNDING WRONG" };
+    format!(
+        "{rounding}, {two_sum}, division {}, square root {}, subnormals {}, fma {}",
+        ulps(probe.division_ulps),
+        ulps(probe.square_root_ulps),
+        if probe.subnormals { "kept" } else { "flushed" },
+        probe.fma
+    )
+}
+
+fn json_value(devices: &Devices) -> Value {
+    let adapters: Vec<_> = devices.adapters.iter().map(adapter_value).collect();
+    json!({
+        "adapters": adapters,
+        "cpu": devices.cpu.name,
+        "auto": devices.auto.to_string(),
+    })
+}
+
+fn adapter_value(adapter: &Adapter) -> Value {
+    let precisions: Vec<_> = adapter.precisions().iter().map(|precision| precision.name()).collect();
+    let (probes, unusable) = match &adapter.arithmetic {
+        Ok(arithmetic) => {
+            (json!({ "f32": probe_value(&arithmetic.f32), "f64": arithmetic.f64.as_ref().map(probe_value) }), None)
+        }
+        Err(error) => (Value::Null, Some(error.to_string())),
+    };
+    json!({
+        "index": adapter.index,
+        "name": adapter.name,
+        "kind": adapter.kind.to_string(),
+        "backend": adapter.backend,
+        "driver": adapter.driver,
+        "limits": {
+            "binding_bytes": adapter.limits.binding_bytes,
+            "buffer_bytes": adapter.limits.buffer_bytes,
+            "workgroups": adapter.limits.workgroups,
+            "workgroup_invocations": adapter.limits.workgroup_invocations,
+        },
+        "float64": adapter.float64,
+        "int64": adapter.int64,
+        "probes": probes,
+        "unusable": unusable,
+        "precisions": precisions,
+    })
+}
+
+fn probe_value(probe: &Probe) -> Value {
+    let fusing = |fusing: Fusing| fusing.to_string();
+    // A distance that is no number becomes null.
+    let ulps = |ulps: u64| (ulps != u64::MAX).then_some(ulps);
+    json!({
+        "rows": probe.rows,
+        "correctly_rounded": probe.correctly_rounded,
+        "two_sum_plain": probe.two_sum_plain,
+        "two_sum_barrier": probe.two_sum_barrier,
+        "division_ulps": ulps(probe.division_ulps),
+        "square_root_ulps": ulps(probe.square_root_ulps),
+        "subnormals": probe.subnormals,
+        "fma": fusing(probe.fma),
+        "product_and_sum": fusing(probe.product_and_sum),
+    })
+}

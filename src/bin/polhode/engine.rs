@@ -1,0 +1,52 @@
+//! The engine that the arguments ask for.
+
+use polhode::Precision;
+use polhode::engine::gpu::GpuOptions;
+use polhode::engine::{Engine, EngineKind};
+
+use crate::arguments::{EngineArguments, EngineName, PrecisionName};
+use crate::output::{self, Failure};
+
+/// Opens the engine that the arguments ask for; where a choice was left and fell on the CPU, says so unless `quiet`.
+pub fn open(arguments: &EngineArguments, quiet: bool) -> Result<Engine, Failure> {
+    match (arguments.engine, arguments.adapter) {
+        (EngineName::Cpu, Some(_)) => Err(Failure::Arguments("--adapter excludes --engine cpu: give one of them")),
+        (EngineName::Cpu, None) => Ok(Engine::cpu()),
+        (EngineName::Auto, None) => {
+            let engine = Engine::auto()?;
+            if engine.description().kind == EngineKind::Cpu && !quiet {
+                output::note("no GPU to use: the CPU engine computes (`polhode devices` says why)");
+            }
+            Ok(engine)
+        }
+        (EngineName::Auto | EngineName::Gpu, adapter) => Ok(gpu(adapter)?),
+    }
+}
+
+/// As [`open`], but where a choice is left a software adapter is better than none: it is the shaders that are checked.
+pub fn open_for_verify(arguments: &EngineArguments) -> Result<Engine, Failure> {
+    if arguments.engine != EngineName::Auto || arguments.adapter.is_some() {
+        return open(arguments, false);
+    }
+    match gpu(None) {
+        Ok(engine) => Ok(engine),
+        Err(polhode::Error::NoAdapter { .. }) => {
+            output::note("no GPU adapter, not even in software: the CPU engine's lanes are checked, no shader is");
+            Ok(Engine::cpu())
+        }
+        Err(error) => Err(error.into()),
+    }
+}
+
+fn gpu(adapter: Option<usize>) -> polhode::Result<Engine> {
+    Engine::gpu(GpuOptions { adapter, software: true, ..GpuOptions::default() })
+}
+
+/// The arithmetic that the arguments ask for.
+pub fn precision(arguments: &EngineArguments) -> Option<Precision> {
+    match arguments.precision {
+        PrecisionName::Auto => None,
+        PrecisionName::F32 => Some(Precision::F32),
+        PrecisionName::F64 => Some(Precision::F64),
+    }
+}

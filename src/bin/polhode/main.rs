@@ -1,0 +1,88 @@
+//! The `polhode` command: a thin client of the library.
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+mod arguments;
+mod completions;
+mod devices;
+mod engine;
+mod man;
+mod output;
+mod progress;
+mod run;
+mod verify;
+
+use arguments::{Arguments, Command};
+use output::Failure;
+
+/// The run failed.
+const FAILED: u8 = 1;
+/// What was asked for is wrong.
+const WRONG_INPUT: u8 = 2;
+
+fn main() -> ExitCode {
+    quieten_graphics();
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => return refuse_arguments(&error),
+    };
+    let done = match &arguments.command {
+        Command::Run(arguments) => run::run(arguments),
+        Command::Verify(arguments) => verify::verify(arguments),
+        Command::Devices(arguments) => devices::devices(arguments),
+        Command::Completions(arguments) => completions::completions(arguments),
+        Command::Man => man::man(),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(Failure::Disagreement) => ExitCode::from(FAILED),
+        Err(Failure::Library(error)) => {
+            output::error(&error.to_string());
+            ExitCode::from(if error.is_input() { WRONG_INPUT } else { FAILED })
+        }
+        Err(Failure::Arguments(message)) => {
+            output::error(message);
+            ExitCode::from(WRONG_INPUT)
+        }
+    }
+}
+
+/// Some drivers look for a Wayland display and write to standard error where its folder is not set; a folder that does
+/// not exist keeps them quiet.
+fn quieten_graphics() {
+    const FOLDER: &str = "XDG_RUNTIME_DIR";
+    if cfg!(target_os = "linux") && std::env::var_os(FOLDER).is_none() {
+        // SAFETY: no other thread runs yet.
+        unsafe { std::env::set_var(FOLDER, "/nonexistent") };
+    }
+}
+
+/// Help and version go to standard output in full; a wrong argument becomes one line.
+fn refuse_arguments(error: &clap::Error) -> ExitCode {
+    use clap::error::ErrorKind;
+    match error.kind() {
+        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
+            output::print(&error.render().to_string());
+            return ExitCode::SUCCESS;
+        }
+        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
+            output::error(
+                "a command is needed: polhode run, verify, devices, completions or man; `polhode --help` teaches them",
+            );
+            return ExitCode::from(WRONG_INPUT);
+        }
+        _ => {}
+    }
+    let text = error.render().to_string();
+    let lines: Vec<&str> = text
+        .lines()
+        .map(str::trim)
+        .take_while(|line| !line.starts_with("Usage:"))
+        .filter(|line| !line.is_empty())
+        .collect();
+    let message = lines.join(" ");
+    output::error(message.strip_prefix("error: ").unwrap_or(&message));
+    ExitCode::from(WRONG_INPUT)
+}

@@ -1,0 +1,35 @@
+//! What goes to the terminal.
+
+use std::io::Write;
+
+/// Why a command did not succeed.
+#[derive(Debug)]
+pub enum Failure {
+    /// The library refused or failed.
+    Library(polhode::Error),
+    /// Arguments that do not go together.
+    Arguments(&'static str),
+    /// `verify` found a difference, and has said so.
+    Disagreement,
+}
+
+impl From<polhode::Error> for Failure {
+    fn from(error: polhode::Error) -> Self {
+        Failure::Library(error)
+    }
+}
+
+/// Writes to standard output; a reader that has gone away is no error.
+pub fn print(text: &str) {
+    let _ = std::io::stdout().lock().write_all(text.as_bytes());
+}
+
+/// Writes one line to standard error.
+pub fn note(message: &str) {
+    let _ = writeln!(std::io::stderr().lock(), "{message}");
+}
+
+/// Writes an error of one line to standard error.
+pub fn error(message: &str) {
+    note(&format!("error: {}", message.replace('\n', " ")));
+}

@@ -1,0 +1,67 @@
+//! The progress bar and Ctrl-C.
+
+use std::io::IsTerminal;
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use polhode::engine::Progress;
+
+/// Whether the user has asked to stop.
+static STOP: AtomicBool = AtomicBool::new(false);
+
+/// A run shorter than this shows no bar: it would only flash.
+const QUIET_START: Duration = Duration::from_millis(300);
+
+/// Lets Ctrl-C (and a request to terminate) end the run in good order; a second one ends it at once.
+pub fn catch_interrupts() {
+    // Where the handler cannot be set, Ctrl-C ends the process as it does by default.
+    let _ = ctrlc::set_handler(|| {
+        if STOP.swap(true, Ordering::SeqCst) {
+            std::process::exit(crate::FAILED.into());
+        }
+    });
+}
+
+/// Shows how far a run is, and tells it to stop when the user asks for it.
+pub struct Watch {
+    bar: Option<ProgressBar>,
+    shown: bool,
+    start: Instant,
+}
+
+impl Watch {
+    /// With a bar on standard error, if that is a terminal and `quiet` is not asked for.
+    pub fn new(quiet: bool) -> Self {
+        let shown = !quiet && std::io::stderr().is_terminal();
+        Self { bar: None, shown, start: Instant::now() }
+    }
+
+    /// Takes note of progress.
+    pub fn observe(&mut self, progress: Progress) -> ControlFlow<()> {
+        if self.shown && self.start.elapsed() > QUIET_START {
+            self.bar.get_or_insert_with(|| bar(progress.total)).set_position(progress.done);
+        }
+        if STOP.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    /// Removes the bar.
+    pub fn finish(self) {
+        if let Some(bar) = self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+fn bar(total: u64) -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr());
+    let template = "{bar:32} {percent:>3}%  {per_sec}  {eta} left";
+    bar.set_style(ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()).with_key(
+        "per_sec",
+        |state: &indicatif::ProgressState, text: &mut dyn std::fmt::Write| {
+            let _ = write!(text, "{:.2e} body-steps/s", state.per_sec());
+        },
+    ));
+    bar
+}

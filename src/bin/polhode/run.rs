@@ -1,0 +1,62 @@
+//! `polhode run`.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use polhode::Plan;
+use polhode::record::{OutputFolder, Report, run_to_folder};
+use polhode::study::Study;
+
+use crate::arguments::RunArguments;
+use crate::output::{self, Failure};
+use crate::progress::{Watch, catch_interrupts};
+
+/// Runs a study into a folder.
+pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
+    let since = Instant::now();
+    catch_interrupts();
+    let mut study = Study::read(&arguments.study)?;
+    if let Some(precision) = crate::engine::precision(&arguments.engine) {
+        study = study.with_precision(precision);
+    }
+    // The folder is tried before anything that takes long.
+    let path = arguments.out.clone().unwrap_or_else(|| default_folder(&arguments.study));
+    let folder = OutputFolder::create(&path, arguments.force)?;
+    let scene = study.scene()?;
+    let engine = crate::engine::open(&arguments.engine, arguments.quiet)?;
+    let plan = Plan::new(&scene, &engine).map_err(|error| study.located(error))?;
+
+    let mut watch = Watch::new(arguments.quiet);
+    let done = run_to_folder(&engine, &plan, Some(&study), study.output(), folder, since, &mut |progress| {
+        watch.observe(progress)
+    });
+    watch.finish();
+    let report = done?;
+    if !report.failed_bodies.is_empty() {
+        output::note(&format!(
+            "warning: {} of {} bodies are no longer finite; report.json lists them",
+            report.failed_bodies.len(),
+            report.bodies
+        ));
+    }
+    if arguments.json {
+        output::print(&report.to_json());
+    } else if !arguments.quiet {
+        output::print(&summary(&report, &path));
+    }
+    Ok(())
+}
+
+/// The study's name with the ending `.out`, in the current folder.
+fn default_folder(study: &Path) -> PathBuf {
+    let stem = study.file_stem().unwrap_or(study.as_os_str());
+    let mut name = stem.to_owned();
+    name.push(".out");
+    PathBuf::from(name)
+}
+
+fn summary(report: &Report, folder: &Path) -> String {
+    let mut files = report.files.clone();
+    files.push(polhode::record::REPORT.to_owned());
+    format!("{report}\n  results  {} in {}\n", files.join(", "), folder.display())
+}

@@ -1,0 +1,27 @@
+//! The columns of output tables.
+
+use super::OutputState;
+
+/// Columns of every table after `body` and `t`: orientation (body to world), angular velocity (body axes, rad/s), angular
+/// momentum (world axes, N m s), rotational kinetic energy (J).
+pub const ROTATION_COLUMNS: [&str; 11] = ["qx", "qy", "qz", "qw", "wx", "wy", "wz", "lx", "ly", "lz", "kinetic_energy"];
+
+/// Columns that follow where the ensemble translates: position (m) and velocity (m/s), world axes.
+pub const TRANSLATION_COLUMNS: [&str; 6] = ["x", "y", "z", "vx", "vy", "vz"];
+
+/// The most columns of numbers.
+pub(super) const MOST_COLUMNS: usize = ROTATION_COLUMNS.len() + TRANSLATION_COLUMNS.len();
+
+/// The names of a table's columns after `body` and `t`.
+pub(super) fn names(translates: bool) -> impl Iterator<Item = &'static str> {
+    let translation: &[&str] = if translates { &TRANSLATION_COLUMNS } else { &[] };
+    ROTATION_COLUMNS.iter().chain(translation).copied()
+}
+
+/// One row; columns of translation are zero where there is none.
+pub(super) fn values(state: &OutputState) -> [f64; MOST_COLUMNS] {
+    let rotation = &state.rotation;
+    let (q, w, l) = (rotation.orientation, rotation.angular_velocity_body, rotation.angular_momentum_world);
+    let (x, v) = state.translation.unwrap_or_default();
+    [q.x, q.y, q.z, q.w, w.x, w.y, w.z, l.x, l.y, l.z, rotation.kinetic_energy, x.x, x.y, x.z, v.x, v.y, v.z]
+}

@@ -1,0 +1,65 @@
+//! Tables of states as comma-separated values.
+
+use rayon::prelude::*;
+
+use super::OutputState;
+use super::column;
+use super::folder::OutputFile;
+use crate::error::Result;
+
+/// Rows that one task formats.
+const ROWS_PER_TASK: usize = 1024;
+
+/// Bytes that are reserved for one number: most need 17 digits, sign, point, exponent and comma.
+const BYTES_PER_NUMBER: usize = 24;
+
+/// A table under way: one row a body and output time, in that order.
+#[derive(Debug)]
+pub(super) struct CsvFile {
+    file: OutputFile,
+    columns: usize,
+}
+
+impl CsvFile {
+    pub(super) fn begin(mut file: OutputFile, translates: bool) -> Result<Self> {
+        let mut header = "body,t".to_owned();
+        for name in column::names(translates) {
+            header.push(',');
+            header.push_str(name);
+        }
+        header.push('\n');
+        file.write(header.as_bytes())?;
+        Ok(Self { file, columns: column::names(translates).count() })
+    }
+
+    /// The rows as text, formatted on all cores.
+    pub(super) fn format(&self, time: f64, first_body: usize, states: &[OutputState]) -> Vec<Vec<u8>> {
+        states
+            .par_chunks(ROWS_PER_TASK)
+            .enumerate()
+            .map(|(task, states)| format_rows(self.columns, time, first_body + task * ROWS_PER_TASK, states))
+            .collect()
+    }
+
+    pub(super) fn write(&mut self, rows: &[Vec<u8>]) -> Result<()> {
+        rows.iter().try_for_each(|rows| self.file.write(rows))
+    }
+}
+
+/// Rows as text. Every number has the fewest digits that read back to the same bits.
+fn format_rows(columns: usize, time: f64, first_body: usize, states: &[OutputState]) -> Vec<u8> {
+    let mut text = Vec::with_capacity(states.len() * (columns + 2) * BYTES_PER_NUMBER);
+    let (mut index, mut number) = (itoa::Buffer::new(), zmij::Buffer::new());
+    let time = zmij::Buffer::new().format(time).to_owned();
+    for (offset, state) in states.iter().enumerate() {
+        text.extend_from_slice(index.format(first_body + offset).as_bytes());
+        text.push(b',');
+        text.extend_from_slice(time.as_bytes());
+        for value in &column::values(state)[..columns] {
+            text.push(b',');
+            text.extend_from_slice(number.format(*value).as_bytes());
+        }
+        text.push(b'\n');
+    }
+    text
+}

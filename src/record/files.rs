@@ -1,0 +1,141 @@
+//! A run whose outputs go to files.
+
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+use super::csv_file::CsvFile;
+use super::folder::{OutputFolder, REPORT};
+use super::npz_file::{NpzFile, Times};
+use super::report::{Report, StudyReport};
+use super::{OutputState, Sink};
+use crate::engine::{Backend, Progress};
+use crate::error::Result;
+use crate::plan::Plan;
+use crate::run::run_into;
+use crate::study::{Format, Output, Study};
+
+/// A table under way in either format.
+#[derive(Debug)]
+enum TableFile {
+    Csv(CsvFile),
+    Npz(NpzFile),
+}
+
+impl TableFile {
+    fn begin(folder: &mut OutputFolder, stem: &str, format: Format, plan: &Plan<'_>, times: Times<'_>) -> Result<Self> {
+        let file = folder.begin(&format!("{stem}.{}", format.name()))?;
+        let ensemble = plan.scene().ensemble();
+        let translates = ensemble.translation().is_some();
+        Ok(match format {
+            Format::Csv => TableFile::Csv(CsvFile::begin(file, translates)?),
+            Format::Npz => TableFile::Npz(NpzFile::begin(file, ensemble.len(), times, translates)?),
+        })
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        match self {
+            TableFile::Csv(_) => Ok(()),
+            TableFile::Npz(file) => file.finish(),
+        }
+    }
+}
+
+/// Writes the states that a study asks for as they come.
+#[derive(Debug)]
+struct FileSink {
+    final_state: Option<TableFile>,
+    snapshots: Option<TableFile>,
+    last: usize,
+    format_seconds: f64,
+    disk_seconds: f64,
+}
+
+impl FileSink {
+    fn begin(folder: &mut OutputFolder, output: Output, plan: &Plan<'_>) -> Result<Self> {
+        let times = plan.times();
+        let mut table = |wanted: bool, stem: &str, times: Times<'_>| {
+            wanted.then(|| TableFile::begin(folder, stem, output.format, plan, times)).transpose()
+        };
+        Ok(Self {
+            final_state: table(output.final_state, "final", Times::One(plan.scene().end()))?,
+            snapshots: table(output.snapshots, "snapshots", Times::Many(times))?,
+            last: times.len() - 1,
+            format_seconds: 0.0,
+            disk_seconds: 0.0,
+        })
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        let clock = Instant::now();
+        self.final_state.iter_mut().chain(&mut self.snapshots).try_for_each(TableFile::finish)?;
+        self.disk_seconds += clock.elapsed().as_secs_f64();
+        Ok(())
+    }
+}
+
+impl Sink for FileSink {
+    fn wants(&mut self, index: usize, _: usize, _: f64) -> bool {
+        self.snapshots.is_some() || (index == self.last && self.final_state.is_some())
+    }
+
+    fn bodies(&mut self, index: usize, time: f64, first_body: usize, states: &[OutputState]) -> Result<()> {
+        let at_end = index == self.last;
+        let tables = self.snapshots.iter_mut().chain(self.final_state.iter_mut().filter(|_| at_end));
+        for table in tables {
+            let clock = Instant::now();
+            match table {
+                TableFile::Csv(file) => {
+                    let rows = file.format(time, first_body, states);
+                    self.format_seconds += clock.elapsed().as_secs_f64();
+                    let clock = Instant::now();
+                    file.write(&rows)?;
+                    self.disk_seconds += clock.elapsed().as_secs_f64();
+                }
+                TableFile::Npz(file) => {
+                    file.write(states)?;
+                    self.disk_seconds += clock.elapsed().as_secs_f64();
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Runs `plan` on `engine` and writes the tables that `output` asks for, and `report.json`, into `folder`.
+///
+/// All files appear when all are complete, the report last; where anything fails or `observer` breaks, none appears.
+/// Memory does not grow with the number of output times. `since` is when the work on the study began, for the report.
+///
+/// # Errors
+///
+/// As [`run_into`], and [`crate::Error::File`] where a file cannot be written.
+pub fn run_to_folder(
+    engine: &dyn Backend,
+    plan: &Plan<'_>,
+    study: Option<&Study>,
+    output: Output,
+    mut folder: OutputFolder,
+    since: Instant,
+    observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+) -> Result<Report> {
+    let study_seconds = since.elapsed().as_secs_f64();
+    let mut sink = FileSink::begin(&mut folder, output, plan)?;
+    let trust = run_into(engine, plan, &mut sink, observer)?;
+    sink.finish()?;
+
+    let study = study.map(|study| StudyReport {
+        file: study.file().display().to_string(),
+        title: study.title().map(str::to_owned),
+        seed: study.seed(),
+    });
+    let mut report = Report::new(study, plan, trust);
+    report.files = folder.names().to_vec();
+    report.wall_time.study = study_seconds;
+    report.wall_time.format = sink.format_seconds;
+    report.wall_time.disk = sink.disk_seconds;
+    report.wall_time.total = since.elapsed().as_secs_f64();
+    let text = report.to_json();
+    folder.begin(REPORT)?.write(text.as_bytes())?;
+    folder.commit()?;
+    Ok(report)
+}

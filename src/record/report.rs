@@ -1,0 +1,245 @@
+//! What `report.json` holds.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use super::{Quantiles, Trust};
+use crate::engine::EngineKind;
+use crate::plan::Plan;
+
+/// A run in figures, as it stands in `report.json`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// The study, where the run had one.
+    pub study: Option<StudyReport>,
+    /// Number of bodies.
+    pub bodies: usize,
+    /// Simulated time, s.
+    pub span: f64,
+    /// Number of output times.
+    pub outputs: usize,
+    /// What computed.
+    pub engine: EngineReport,
+    /// What was computed.
+    pub plan: PlanReport,
+    /// Steps of all bodies together.
+    pub body_steps: u64,
+    /// Body-steps a second of integration; 0 where nothing was integrated.
+    pub body_steps_per_second: f64,
+    /// Wall time by phase.
+    pub wall_time: WallTimeReport,
+    /// Drift of what a free body conserves, from start to end.
+    pub drift: DriftReport,
+    /// Bodies whose state is no longer finite, ascending; their rows hold NaN or infinity.
+    pub failed_bodies: Vec<usize>,
+    /// Files beside this one.
+    pub files: Vec<String>,
+    /// Versions of what made the results.
+    pub versions: Versions,
+}
+
+/// Which study was run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StudyReport {
+    /// The file as it was named.
+    pub file: String,
+    /// Its title.
+    pub title: Option<String>,
+    /// The seed of its draws.
+    pub seed: u64,
+}
+
+/// Which engine computed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct EngineReport {
+    /// `gpu` or `cpu`.
+    pub kind: &'static str,
+    /// Adapter, or lanes and threads.
+    pub adapter: String,
+    /// Driver and version; empty on the CPU.
+    pub driver: String,
+    /// Whether a software adapter played the GPU.
+    pub software: bool,
+}
+
+/// What was computed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PlanReport {
+    /// The integrator.
+    pub method: &'static str,
+    /// The arithmetic.
+    pub precision: &'static str,
+    /// The longest step, s.
+    pub longest_step: f64,
+    /// Steps of one body.
+    pub steps: u64,
+}
+
+/// Wall time by phase, s.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct WallTimeReport {
+    /// Reading the study and drawing the bodies.
+    pub study: f64,
+    /// Principal axes, scaling, columns.
+    pub prepare: f64,
+    /// Upload and shader compilation.
+    pub start: f64,
+    /// Integration.
+    pub compute: f64,
+    /// Reading states back and bringing them to the user's axes and units.
+    pub read: f64,
+    /// Numbers to text or bytes.
+    pub format: f64,
+    /// Handing bytes to the file system.
+    pub disk: f64,
+    /// From the study to the last file.
+    pub total: f64,
+}
+
+/// Drift of what a free body conserves, over the bodies that did not fail.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct DriftReport {
+    /// |T − T₀| / T₀ of the rotational kinetic energy.
+    pub kinetic_energy: QuantilesReport,
+    /// |L − L₀| / |L₀| of the angular momentum in world axes.
+    pub angular_momentum_world: QuantilesReport,
+    /// | |q| − 1 | of the orientation as integrated.
+    pub norm: QuantilesReport,
+}
+
+/// Median, 99th percentile and maximum.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct QuantilesReport {
+    /// Half of the bodies are at or below.
+    pub median: f64,
+    /// 99 in 100 are at or below.
+    pub p99: f64,
+    /// All are at or below.
+    pub max: f64,
+}
+
+/// Versions of what made the results.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Versions {
+    /// This crate.
+    pub polhode: &'static str,
+    /// The graphics library.
+    pub wgpu: &'static str,
+    /// Operating system and processor.
+    pub platform: String,
+}
+
+/// The release of wgpu that this crate is built with; a test compares it with the lock file.
+pub const WGPU_VERSION: &str = "30.0.1";
+
+impl From<Quantiles> for QuantilesReport {
+    fn from(quantiles: Quantiles) -> Self {
+        Self { median: quantiles.median, p99: quantiles.p99, max: quantiles.max }
+    }
+}
+
+impl Report {
+    pub(super) fn new(study: Option<StudyReport>, plan: &Plan<'_>, trust: Trust) -> Self {
+        let compute = trust.wall_time.compute;
+        let rate = trust.body_steps as f64 / compute;
+        Self {
+            study,
+            bodies: plan.scene().ensemble().len(),
+            span: plan.scene().end(),
+            outputs: plan.times().len(),
+            engine: EngineReport {
+                kind: match trust.engine.kind {
+                    EngineKind::Gpu => "gpu",
+                    EngineKind::Cpu => "cpu",
+                },
+                adapter: trust.engine.name,
+                driver: trust.engine.driver,
+                software: trust.engine.software,
+            },
+            plan: PlanReport {
+                method: trust.method.name(),
+                precision: trust.precision.name(),
+                longest_step: trust.longest_step,
+                steps: plan.steps(),
+            },
+            body_steps: trust.body_steps,
+            body_steps_per_second: if trust.body_steps > 0 && rate.is_finite() { rate } else { 0.0 },
+            wall_time: WallTimeReport {
+                prepare: trust.wall_time.prepare,
+                start: trust.wall_time.start,
+                compute,
+                read: trust.wall_time.read,
+                ..WallTimeReport::default()
+            },
+            drift: DriftReport {
+                kinetic_energy: trust.drift.kinetic_energy.into(),
+                angular_momentum_world: trust.drift.angular_momentum_world.into(),
+                norm: trust.drift.norm.into(),
+            },
+            failed_bodies: trust.failed_bodies,
+            files: Vec::new(),
+            versions: Versions {
+                polhode: env!("CARGO_PKG_VERSION"),
+                wgpu: WGPU_VERSION,
+                platform: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
+            },
+        }
+    }
+}
+
+impl Report {
+    /// The report as it stands in `report.json`; a number that is not finite becomes `null`.
+    pub fn to_json(&self) -> String {
+        // Keys are fixed strings and values plain numbers and strings, so there is nothing to fail on.
+        let mut text = serde_json::to_string_pretty(self).unwrap_or_default();
+        text.push('\n');
+        text
+    }
+}
+
+impl fmt::Display for Report {
+    /// A summary of some lines for people.
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(title) = self.study.as_ref().and_then(|study| study.title.as_ref()) {
+            writeln!(formatter, "{title}")?;
+        }
+        let engine = &self.engine;
+        let software = if engine.software { ", a software adapter" } else { "" };
+        writeln!(formatter, "  engine   {} ({}{software})", engine.adapter, engine.kind)?;
+        let plan = &self.plan;
+        writeln!(
+            formatter,
+            "  work     {} {}, {} s, {} in {}, {} steps of {:.3e} s or less",
+            self.bodies,
+            if self.bodies == 1 { "body" } else { "bodies" },
+            self.span,
+            plan.method,
+            plan.precision,
+            plan.steps,
+            plan.longest_step
+        )?;
+        let time = &self.wall_time;
+        writeln!(
+            formatter,
+            "  time     {:.2} s: {:.2} computing, {:.2} reading back, {:.2} writing; {:.2e} body-steps/s",
+            time.total,
+            time.compute,
+            time.read,
+            time.format + time.disk,
+            self.body_steps_per_second
+        )?;
+        let drift = |name: &str, drift: &QuantilesReport| {
+            format!("  {name} median {:.1e}, p99 {:.1e}, max {:.1e}", drift.median, drift.p99, drift.max)
+        };
+        writeln!(formatter, "{}", drift("drift    kinetic energy  ", &self.drift.kinetic_energy))?;
+        writeln!(formatter, "{}", drift("         angular momentum", &self.drift.angular_momentum_world))?;
+        writeln!(formatter, "{}", drift("         |q| - 1         ", &self.drift.norm))?;
+        match self.failed_bodies.first() {
+            None => write!(formatter, "  failed   none"),
+            Some(first) => {
+                write!(formatter, "  failed   {} bodies, the first is body {first}", self.failed_bodies.len())
+            }
+        }
+    }
+}

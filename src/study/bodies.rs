@@ -1,0 +1,317 @@
+//! The bodies of a study: drawn from distributions, read from a table, or both.
+
+use glam::{DQuat, DVec3};
+use rayon::prelude::*;
+
+use super::distribution::{Orientation, Scalar, Vector};
+use super::draw::{Column, Draw};
+use super::reader::{Node, Table};
+use super::table::BodyTable;
+use crate::ensemble::{Ensemble, Translation};
+use crate::error::{Error, Result};
+use crate::inertia::InertiaTensor;
+
+/// What a body's inertia tensor comes from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Inertia {
+    /// Moments along the body axes, kg m².
+    Moments(Vector),
+    /// One tensor in body axes for all bodies, kg m².
+    Tensor(InertiaTensor),
+    /// A homogeneous solid about its centre.
+    Solid {
+        /// Mass, kg.
+        mass: Scalar,
+        /// The solid.
+        solid: Solid,
+    },
+}
+
+/// A homogeneous solid with its centre at the origin, lengths in m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Solid {
+    /// A sphere.
+    Sphere {
+        /// Radius.
+        radius: Scalar,
+    },
+    /// A cylinder about z.
+    Cylinder {
+        /// Radius.
+        radius: Scalar,
+        /// Length along z.
+        height: Scalar,
+    },
+    /// A box with its edges along x, y, z.
+    Box {
+        /// Whole edges.
+        edges: Vector,
+    },
+    /// An ellipsoid with its axes along x, y, z.
+    Ellipsoid {
+        /// Half the axes.
+        semi_axes: Vector,
+    },
+}
+
+impl Solid {
+    /// ∫x², ∫y², ∫z² over 1 kg of `body`'s solid, m² (any handbook, e.g. E. Madelung, *Die mathematischen Hilfsmittel
+    /// des Physikers*, part II.3).
+    fn second_moments(&self, draw: Draw, body: usize) -> DVec3 {
+        let scalar = |scalar: &Scalar, component| scalar.sample(draw, body, Column::Inertia, component);
+        match self {
+            Solid::Sphere { radius } => DVec3::splat(scalar(radius, 0)).powf(2.0) / 5.0,
+            Solid::Cylinder { radius, height } => {
+                let (r, h) = (scalar(radius, 0), scalar(height, 1));
+                DVec3::new(r * r / 4.0, r * r / 4.0, h * h / 12.0)
+            }
+            Solid::Box { edges } => {
+                let edges = edges.sample(draw, body, Column::Inertia);
+                edges * edges / 12.0
+            }
+            Solid::Ellipsoid { semi_axes } => {
+                let semi_axes = semi_axes.sample(draw, body, Column::Inertia);
+                semi_axes * semi_axes / 5.0
+            }
+        }
+    }
+}
+
+impl Inertia {
+    fn sample(&self, draw: Draw, body: usize) -> InertiaTensor {
+        match self {
+            Inertia::Moments(moments) => moments.sample(draw, body, Column::Inertia).into(),
+            Inertia::Tensor(tensor) => *tensor,
+            Inertia::Solid { mass, solid } => {
+                let second = solid.second_moments(draw, body) * mass.sample(draw, body, Column::Mass, 0);
+                DVec3::new(second.y + second.z, second.z + second.x, second.x + second.y).into()
+            }
+        }
+    }
+
+    fn read(node: &Node<'_>) -> Result<Self> {
+        const EXPECTED: &str = "{ shape = \"box\", mass = 10.0, edges = [1, 2, 3] }, moments [ixx, iyy, izz], { moments = ... } or { ixx = ..., iyy = ..., izz = ..., ixy = ..., ixz = ..., iyz = ... } is needed";
+        if node.elements().is_some() {
+            return node
+                .vector("three finite moments along the body axes are needed (kg m²)")
+                .map(|moments| Inertia::Tensor(InertiaTensor::from_principal_moments(moments)));
+        }
+        let table = node.any_table().ok_or_else(|| node.refuse(EXPECTED))?;
+        if let Some(shape) = table.find("shape") {
+            return solid(&table, &shape);
+        }
+        if let Some(moments) = table.find("moments") {
+            table.only(&["moments"])?;
+            return Vector::read(&moments).map(Inertia::Moments);
+        }
+        table.only(&["shape", "moments", "ixx", "iyy", "izz", "ixy", "ixz", "iyz"])?;
+        if table.find("ixx").is_none() {
+            return Err(node.refuse(EXPECTED));
+        }
+        let diagonal = |key: &str| {
+            table
+                .need(key, "the tensor's diagonal element is needed (kg m²)")?
+                .number("a finite number is needed (kg m²)")
+        };
+        let product = |key: &str| match table.find(key) {
+            Some(node) => node.number("a finite number is needed (kg m²)"),
+            None => Ok(0.0),
+        };
+        Ok(Inertia::Tensor(InertiaTensor {
+            xx: diagonal("ixx")?,
+            yy: diagonal("iyy")?,
+            zz: diagonal("izz")?,
+            xy: product("ixy")?,
+            xz: product("ixz")?,
+            yz: product("iyz")?,
+        }))
+    }
+}
+
+fn solid(table: &Table<'_>, shape: &Node<'_>) -> Result<Inertia> {
+    let length = |key: &str| table.need(key, "a length is needed (m)").and_then(|node| Scalar::read(&node));
+    let lengths = |key: &str| table.need(key, "three lengths are needed (m)").and_then(|node| Vector::read(&node));
+    let solid = match shape.choice(&["sphere", "cylinder", "box", "ellipsoid"])? {
+        "sphere" => {
+            table.only(&["shape", "mass", "radius"])?;
+            Solid::Sphere { radius: length("radius")? }
+        }
+        "cylinder" => {
+            table.only(&["shape", "mass", "radius", "height"])?;
+            Solid::Cylinder { radius: length("radius")?, height: length("height")? }
+        }
+        "box" => {
+            table.only(&["shape", "mass", "edges"])?;
+            Solid::Box { edges: lengths("edges")? }
+        }
+        _ => {
+            table.only(&["shape", "mass", "semi_axes"])?;
+            Solid::Ellipsoid { semi_axes: lengths("semi_axes")? }
+        }
+    };
+    let mass = Scalar::read(&table.need("mass", "the mass is needed (kg)")?)?;
+    Ok(Inertia::Solid { mass, solid })
+}
+
+/// The bodies of a study.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bodies {
+    /// How many.
+    pub count: usize,
+    /// Rows read from a file; a column that it has is taken from it.
+    pub table: Option<BodyTable>,
+    /// Inertia tensors, where the table has none.
+    pub inertia: Option<Inertia>,
+    /// Orientations, where the table has none.
+    pub orientation: Orientation,
+    /// Angular velocities in body axes, rad/s, where the table has none.
+    pub angular_velocity: Option<Vector>,
+    /// Masses, kg, where neither table nor shape has them.
+    pub mass: Option<Scalar>,
+    /// Positions at t = 0 in world axes, m, where the table has none.
+    pub position: Option<Vector>,
+    /// Velocities at t = 0 in world axes, m/s, where the table has none.
+    pub velocity: Option<Vector>,
+}
+
+impl Bodies {
+    /// Reads the table `[bodies]`; `open` reads the table of bodies of that name.
+    pub(super) fn read(node: &Node<'_>, open: impl FnOnce(&Node<'_>, &str) -> Result<BodyTable>) -> Result<Self> {
+        let known = &["count", "file", "inertia", "orientation", "angular_velocity", "mass", "position", "velocity"];
+        let table = node.table("a table [bodies] is needed", known)?;
+        table.exclusive("file", "count")?;
+        let body_table = match table.find("file") {
+            Some(file) => Some(open(&file, file.string("the name of a CSV file is needed")?)?),
+            None => None,
+        };
+        let count = match &body_table {
+            Some(rows) => rows.len(),
+            None => {
+                let count = table.need("count", "the number of bodies (or `file`, a table of bodies) is needed")?;
+                const EXPECTED: &str = "a whole number of bodies is needed";
+                usize::try_from(count.whole(EXPECTED)?).map_err(|_| count.refuse(EXPECTED))?
+            }
+        };
+        // A column comes from one place only.
+        let given = |key: &str, in_table: fn(&BodyTable) -> bool| match (table.find(key), &body_table) {
+            (Some(node), Some(rows)) if in_table(rows) => {
+                Err(node.refuse("the table of bodies has these columns already: leave them out of one of the two"))
+            }
+            (node, _) => Ok(node),
+        };
+        let inertia = given("inertia", BodyTable::has_inertia)?.map(|node| Inertia::read(&node)).transpose()?;
+        let orientation = match given("orientation", BodyTable::has_orientation)? {
+            Some(node) => Orientation::read(&node)?,
+            None => Orientation::Constant(DQuat::IDENTITY),
+        };
+        let vector = |key: &str, in_table: fn(&BodyTable) -> bool| {
+            given(key, in_table)?.map(|node| Vector::read(&node)).transpose()
+        };
+        let angular_velocity = vector("angular_velocity", BodyTable::has_angular_velocity)?;
+        let position = vector("position", BodyTable::has_position)?;
+        let velocity = vector("velocity", BodyTable::has_velocity)?;
+        let mass = given("mass", BodyTable::has_mass)?;
+        if let (Some(Inertia::Solid { .. }), Some(mass)) = (&inertia, &mass) {
+            return Err(mass.refuse("the shape has the mass: leave it out here"));
+        }
+        let mass = mass.map(|node| Scalar::read(&node)).transpose()?;
+
+        let has = |in_table: fn(&BodyTable) -> bool| body_table.as_ref().is_some_and(in_table);
+        if inertia.is_none() && !has(BodyTable::has_inertia) {
+            table.need("inertia", "a shape, moments or a tensor is needed (kg m²)")?;
+        }
+        if angular_velocity.is_none() && !has(BodyTable::has_angular_velocity) {
+            table.need("angular_velocity", "a vector in body axes, or a distribution, is needed (rad/s)")?;
+        }
+        Ok(Self { count, table: body_table, inertia, orientation, angular_velocity, mass, position, velocity })
+    }
+
+    /// The first `most` of the bodies: the same bodies, fewer of them.
+    #[must_use]
+    pub fn truncated(mut self, most: usize) -> Self {
+        self.count = self.count.min(most);
+        self
+    }
+
+    /// Whether the bodies move through space, with or without a force.
+    fn translates(&self) -> bool {
+        let in_table = self.table.as_ref().is_some_and(|table| table.has_position() || table.has_velocity());
+        in_table || self.position.is_some() || self.velocity.is_some()
+    }
+
+    /// The ensemble; `forced` says whether a force acts, so that masses are needed.
+    pub(super) fn ensemble(&self, draw: Draw, forced: bool) -> Result<Ensemble> {
+        let rows = |has: fn(&BodyTable) -> bool| self.table.as_ref().filter(|table| has(table));
+        let inertia_rows = rows(BodyTable::has_inertia);
+        let orientation_rows = rows(BodyTable::has_orientation);
+        let angular_velocity_rows = rows(BodyTable::has_angular_velocity);
+        let ensemble = Ensemble::from_fn(self.count, |body| {
+            let inertia = match (inertia_rows, &self.inertia) {
+                (Some(table), _) => table.inertia(body),
+                (None, Some(inertia)) => inertia.sample(draw, body),
+                (None, None) => InertiaTensor::default(),
+            };
+            let orientation = match orientation_rows {
+                Some(table) => table.orientation(body),
+                None => self.orientation.sample(draw, body),
+            };
+            (
+                inertia,
+                orientation,
+                sampled(
+                    angular_velocity_rows,
+                    BodyTable::angular_velocity,
+                    &self.angular_velocity,
+                    draw,
+                    body,
+                    Column::AngularVelocity,
+                ),
+            )
+        })?;
+        if !(forced || self.translates()) {
+            return Ok(ensemble);
+        }
+        ensemble.with_translation(self.translation(draw, forced)?)
+    }
+
+    fn translation(&self, draw: Draw, forced: bool) -> Result<Translation> {
+        let rows = |has: fn(&BodyTable) -> bool| self.table.as_ref().filter(|table| has(table));
+        let mass: Vec<f64> = match (rows(BodyTable::has_mass), &self.mass, &self.inertia) {
+            (Some(table), _, _) => (0..self.count).map(|body| table.mass(body)).collect(),
+            (None, Some(mass), _) | (None, None, Some(Inertia::Solid { mass, .. })) => {
+                (0..self.count).into_par_iter().map(|body| mass.sample(draw, body, Column::Mass, 0)).collect()
+            }
+            (None, None, _) if forced => return Err(Error::MissingMass),
+            // Without a force the mass does not enter the motion.
+            (None, None, _) => vec![1.0; self.count],
+        };
+        let column = |has: fn(&BodyTable) -> bool,
+                      of_row: fn(&BodyTable, usize) -> DVec3,
+                      vector: &Option<Vector>,
+                      column: Column| {
+            let table = rows(has);
+            (0..self.count).into_par_iter().map(|body| sampled(table, of_row, vector, draw, body, column)).collect()
+        };
+        Ok(Translation {
+            mass,
+            position: column(BodyTable::has_position, BodyTable::position, &self.position, Column::Position),
+            velocity: column(BodyTable::has_velocity, BodyTable::velocity, &self.velocity, Column::Velocity),
+        })
+    }
+}
+
+/// A vector of a body from the table, else from its distribution, else zero.
+fn sampled(
+    table: Option<&BodyTable>,
+    of_row: fn(&BodyTable, usize) -> DVec3,
+    vector: &Option<Vector>,
+    draw: Draw,
+    body: usize,
+    column: Column,
+) -> DVec3 {
+    match (table, vector) {
+        (Some(table), _) => of_row(table, body),
+        (None, Some(vector)) => vector.sample(draw, body, column),
+        (None, None) => DVec3::ZERO,
+    }
+}

@@ -1,0 +1,255 @@
+//! A TOML tree whose every node knows its line and its key, so that every refusal can name both.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::Path;
+
+use glam::DVec3;
+use toml::de::{DeTable, DeValue};
+
+use super::input::{Fault, InputError, nearest};
+use crate::error::{Error, Result};
+
+/// The longest excerpt of the file that a message repeats, characters.
+const LONGEST_EXCERPT: usize = 60;
+
+/// A file's text and where its lines begin.
+pub(super) struct Text<'a> {
+    file: &'a Path,
+    text: &'a str,
+}
+
+impl<'a> Text<'a> {
+    pub(super) fn new(file: &'a Path, text: &'a str) -> Self {
+        Self { file, text }
+    }
+
+    /// Parses the text and hands its root table to `read`.
+    pub(super) fn parse<T>(&self, read: impl FnOnce(Table<'_>) -> Result<T>) -> Result<T> {
+        let root = DeTable::parse(self.text).map_err(|error| {
+            let span = error.span().unwrap_or(0..0);
+            let start = span.start;
+            let mut reason = error.message().lines().collect::<Vec<_>>().join(", ");
+            let found = self.excerpt(span);
+            if !found.is_empty() {
+                reason += &format!(" at {found}");
+            }
+            self.error(start, String::new(), Fault::Syntax { reason })
+        })?;
+        // A missing key of the root is reported at the file's first line.
+        read(Table { source: self, path: String::new(), table: root.get_ref(), start: 0 })
+    }
+
+    fn line(&self, offset: usize) -> usize {
+        1 + self.text[..offset.min(self.text.len())].matches('\n').count()
+    }
+
+    fn error(&self, offset: usize, key: String, fault: Fault) -> Error {
+        InputError { file: self.file.to_owned(), line: self.line(offset), key, fault }.into()
+    }
+
+    /// What stands at `span`, on one line and not too long.
+    fn excerpt(&self, span: Range<usize>) -> String {
+        let words: Vec<&str> = self.text[span].split_whitespace().collect();
+        let text = words.join(" ");
+        if text.chars().count() <= LONGEST_EXCERPT {
+            return text;
+        }
+        text.chars().take(LONGEST_EXCERPT - 3).chain("...".chars()).collect()
+    }
+}
+
+/// Where a key stands, and its value as it stands there.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Place {
+    pub(super) line: usize,
+    pub(super) value: String,
+}
+
+/// A table of the tree.
+#[derive(Clone)]
+pub(super) struct Table<'a> {
+    source: &'a Text<'a>,
+    path: String,
+    table: &'a DeTable<'a>,
+    start: usize,
+}
+
+/// A value of the tree.
+#[derive(Clone)]
+pub(super) struct Node<'a> {
+    source: &'a Text<'a>,
+    /// Dotted path from the root.
+    pub(super) path: String,
+    value: &'a DeValue<'a>,
+    span: Range<usize>,
+}
+
+impl<'a> Table<'a> {
+    fn path_of(&self, key: &str) -> String {
+        if self.path.is_empty() { key.to_owned() } else { format!("{}.{key}", self.path) }
+    }
+
+    /// The value of `key`, if there is one.
+    pub(super) fn find(&self, key: &str) -> Option<Node<'a>> {
+        let (_, value) = self.table.iter().find(|(name, _)| name.get_ref() == key)?;
+        Some(Node { source: self.source, path: self.path_of(key), value: value.get_ref(), span: value.span() })
+    }
+
+    /// The value of `key`, which must be there.
+    pub(super) fn need(&self, key: &str, expected: &'static str) -> Result<Node<'a>> {
+        self.find(key).ok_or_else(|| self.source.error(self.start, self.path_of(key), Fault::Missing { expected }))
+    }
+
+    /// Refuses keys that are not among `known`; the first in the file is reported.
+    pub(super) fn only(&self, known: &'static [&'static str]) -> Result<()> {
+        let unknown = self.table.keys().filter(|key| !known.contains(&key.get_ref().as_ref()));
+        match unknown.min_by_key(|key| key.span().start) {
+            None => Ok(()),
+            Some(key) => {
+                let fault = Fault::Unknown { nearest: nearest(key.get_ref(), known), known };
+                Err(self.source.error(key.span().start, self.path_of(key.get_ref()), fault))
+            }
+        }
+    }
+
+    /// Refuses two keys at once.
+    pub(super) fn exclusive(&self, key: &str, other: &'static str) -> Result<()> {
+        match (self.find(key), self.find(other)) {
+            (Some(node), Some(_)) => Err(node.fault(Fault::Conflict { other })),
+            _ => Ok(()),
+        }
+    }
+
+    /// The place of every key below, by its dotted path.
+    pub(super) fn places(&self, places: &mut BTreeMap<String, Place>) {
+        for (key, value) in self.table {
+            let path = self.path_of(key.get_ref());
+            let line = self.source.line(key.span().start);
+            places.insert(path.clone(), Place { line, value: self.source.excerpt(value.span()) });
+            if let DeValue::Table(table) = value.get_ref() {
+                Table { source: self.source, path, table, start: key.span().start }.places(places);
+            }
+        }
+    }
+}
+
+impl<'a> Node<'a> {
+    /// The error `fault` at this value.
+    pub(super) fn fault(&self, fault: Fault) -> Error {
+        self.source.error(self.span.start, self.path.clone(), fault)
+    }
+
+    /// The error for a value that is not `expected`.
+    pub(super) fn refuse(&self, expected: &'static str) -> Error {
+        self.fault(Fault::Value { value: self.source.excerpt(self.span.clone()), expected })
+    }
+
+    /// The table that the value is, with only `known` keys in it.
+    pub(super) fn table(&self, expected: &'static str, known: &'static [&'static str]) -> Result<Table<'a>> {
+        let table = self.any_table().ok_or_else(|| self.refuse(expected))?;
+        table.only(known)?;
+        Ok(table)
+    }
+
+    /// The table that the value is, if it is one.
+    pub(super) fn any_table(&self) -> Option<Table<'a>> {
+        match self.value {
+            DeValue::Table(table) => {
+                Some(Table { source: self.source, path: self.path.clone(), table, start: self.span.start })
+            }
+            _ => None,
+        }
+    }
+
+    /// The elements of the array that the value is, if it is one.
+    pub(super) fn elements(&self) -> Option<Vec<Node<'a>>> {
+        match self.value {
+            DeValue::Array(array) => Some(
+                array
+                    .iter()
+                    .map(|value| Node {
+                        source: self.source,
+                        path: self.path.clone(),
+                        value: value.get_ref(),
+                        span: value.span(),
+                    })
+                    .collect(),
+            ),
+            _ => None,
+        }
+    }
+
+    /// The number that the value is, if it is one, integer or not.
+    fn any_number(&self) -> Option<f64> {
+        match self.value {
+            DeValue::Float(float) => float.as_str().parse().ok(),
+            DeValue::Integer(integer) => i128::from_str_radix(integer.as_str(), integer.radix()).ok().map(|n| n as f64),
+            _ => None,
+        }
+    }
+
+    /// A finite number.
+    pub(super) fn number(&self, expected: &'static str) -> Result<f64> {
+        self.any_number().filter(|x| x.is_finite()).ok_or_else(|| self.refuse(expected))
+    }
+
+    /// A finite number above zero.
+    pub(super) fn positive(&self, expected: &'static str) -> Result<f64> {
+        self.any_number().filter(|x| x.is_finite() && *x > 0.0).ok_or_else(|| self.refuse(expected))
+    }
+
+    /// Whether the value is a number.
+    pub(super) fn is_number(&self) -> bool {
+        self.any_number().is_some()
+    }
+
+    /// A whole number, not negative.
+    pub(super) fn whole(&self, expected: &'static str) -> Result<u64> {
+        match self.value {
+            DeValue::Integer(integer) => u64::from_str_radix(integer.as_str(), integer.radix()).ok(),
+            _ => None,
+        }
+        .ok_or_else(|| self.refuse(expected))
+    }
+
+    /// `true` or `false`.
+    pub(super) fn boolean(&self, expected: &'static str) -> Result<bool> {
+        match self.value {
+            DeValue::Boolean(value) => Ok(*value),
+            _ => Err(self.refuse(expected)),
+        }
+    }
+
+    /// A string.
+    pub(super) fn string(&self, expected: &'static str) -> Result<&'a str> {
+        match self.value {
+            DeValue::String(text) => Ok(text.as_ref()),
+            _ => Err(self.refuse(expected)),
+        }
+    }
+
+    /// One of a few words.
+    pub(super) fn choice(&self, choices: &'static [&'static str]) -> Result<&'static str> {
+        let found = match self.value {
+            DeValue::String(text) => text.as_ref(),
+            _ => "",
+        };
+        choices.iter().copied().find(|choice| *choice == found).ok_or_else(|| {
+            let value = self.source.excerpt(self.span.clone());
+            self.fault(Fault::Choice { value, nearest: nearest(found, choices), choices })
+        })
+    }
+
+    /// `N` finite numbers.
+    pub(super) fn numbers<const N: usize>(&self, expected: &'static str) -> Result<[f64; N]> {
+        let elements = self.elements().ok_or_else(|| self.refuse(expected))?;
+        let numbers: Vec<f64> = elements.iter().map(|element| element.number(expected)).collect::<Result<_>>()?;
+        numbers.try_into().map_err(|_| self.refuse(expected))
+    }
+
+    /// Three finite numbers.
+    pub(super) fn vector(&self, expected: &'static str) -> Result<DVec3> {
+        self.numbers(expected).map(DVec3::from_array)
+    }
+}

@@ -1,0 +1,248 @@
+//! Tables of bodies in CSV files: a header, then one row a body.
+//!
+//! Columns (SI; body frame, positions and velocities in world axes), in any order:
+//! `mass`, `ixx iyy izz ixy ixz iyz`, `qx qy qz qw`, `wx wy wz`, `x y z`, `vx vy vz`. `ixy` is the tensor's off-diagonal
+//! *element* −∫ρxy; off-diagonal columns that are missing are zero. A column `name` is for the reader's use. Lines that
+//! begin with `#` are comments.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use csv::{ErrorKind, Position, ReaderBuilder, StringRecord, Trim};
+use glam::{DQuat, DVec3};
+
+use super::input::{Fault, InputError, nearest};
+use crate::error::{Error, FileAction, Result};
+use crate::inertia::InertiaTensor;
+
+/// The columns of numbers, in the order in which a row is kept.
+pub const NUMBERS: [&str; 20] = [
+    "mass", "ixx", "iyy", "izz", "ixy", "ixz", "iyz", "qx", "qy", "qz", "qw", "wx", "wy", "wz", "x", "y", "z", "vx",
+    "vy", "vz",
+];
+
+/// All columns that a table may have.
+const KNOWN: &[&str] = &[
+    "name", "mass", "ixx", "iyy", "izz", "ixy", "ixz", "iyz", "qx", "qy", "qz", "qw", "wx", "wy", "wz", "x", "y", "z",
+    "vx", "vy", "vz",
+];
+
+const MASS: usize = 0;
+const INERTIA: usize = 1;
+const PRODUCTS: usize = 4;
+const ORIENTATION: usize = 7;
+const ANGULAR_VELOCITY: usize = 11;
+const POSITION: usize = 14;
+const VELOCITY: usize = 17;
+
+/// A table of bodies as it stands in its file, by column.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BodyTable {
+    file: PathBuf,
+    columns: [Option<Vec<f64>>; NUMBERS.len()],
+    /// The line of each row, from 1.
+    lines: Vec<u64>,
+}
+
+impl BodyTable {
+    /// Reads the first `most` rows of a file.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`] where the file cannot be read; [`Error::Input`] with line and column where it is not a table of
+    /// bodies.
+    pub fn read(path: &Path, most: usize) -> Result<Self> {
+        let file = File::open(path).map_err(|error| Error::file(path, FileAction::Read, &error))?;
+        Self::from_reader(path, file, most)
+    }
+
+    /// Reads the first `most` rows of `source`, which messages call `path`.
+    ///
+    /// # Errors
+    ///
+    /// As [`BodyTable::read`].
+    pub fn from_reader(path: &Path, source: impl Read, most: usize) -> Result<Self> {
+        let mut reader = ReaderBuilder::new().trim(Trim::All).comment(Some(b'#')).flexible(true).from_reader(source);
+        let header = reader.headers().map_err(|error| csv_error(path, error))?.clone();
+        // The header's own position is not kept by the reader: it is the first line that is no comment.
+        let header_line = header.position().map_or(1, Position::line);
+        if header.is_empty() {
+            let reason = "a header with the names of the columns is needed".to_owned();
+            return Err(input_error(path, header_line, "", Fault::Syntax { reason }));
+        }
+        let places = header_places(path, &header, header_line)?;
+
+        let mut table = Self { file: path.to_owned(), columns: Default::default(), lines: Vec::new() };
+        for &column in places.iter().flatten() {
+            table.columns[column] = Some(Vec::new());
+        }
+        let mut record = StringRecord::new();
+        while table.lines.len() < most && reader.read_record(&mut record).map_err(|error| csv_error(path, error))? {
+            let line = record.position().map_or(0, Position::line);
+            if record.len() != header.len() {
+                let fault = Fault::RowLength { found: record.len(), expected: header.len() };
+                return Err(input_error(path, line, "", fault));
+            }
+            for (field, column) in record.iter().zip(&places) {
+                let Some(column) = *column else { continue };
+                let number = field.parse().ok().filter(|x: &f64| x.is_finite()).ok_or_else(|| {
+                    let value = if field.is_empty() { "(empty)".to_owned() } else { field.to_owned() };
+                    let fault = Fault::Value { value, expected: "a finite number is needed" };
+                    input_error(path, line, NUMBERS[column], fault)
+                })?;
+                if let Some(numbers) = &mut table.columns[column] {
+                    numbers.push(number);
+                }
+            }
+            table.lines.push(line);
+        }
+        Ok(table)
+    }
+
+    /// Number of rows.
+    pub fn len(&self) -> usize {
+        self.lines.len()
+    }
+
+    /// Whether there are no rows.
+    pub fn is_empty(&self) -> bool {
+        self.lines.is_empty()
+    }
+
+    /// Whether the table has inertia tensors.
+    pub fn has_inertia(&self) -> bool {
+        self.columns[INERTIA].is_some()
+    }
+
+    /// Whether the table has orientations.
+    pub fn has_orientation(&self) -> bool {
+        self.columns[ORIENTATION].is_some()
+    }
+
+    /// Whether the table has angular velocities.
+    pub fn has_angular_velocity(&self) -> bool {
+        self.columns[ANGULAR_VELOCITY].is_some()
+    }
+
+    /// Whether the table has masses.
+    pub fn has_mass(&self) -> bool {
+        self.columns[MASS].is_some()
+    }
+
+    /// Whether the table has positions.
+    pub fn has_position(&self) -> bool {
+        self.columns[POSITION].is_some()
+    }
+
+    /// Whether the table has velocities.
+    pub fn has_velocity(&self) -> bool {
+        self.columns[VELOCITY].is_some()
+    }
+
+    /// One number; 0 where the table lacks the column.
+    fn number(&self, row: usize, column: usize) -> f64 {
+        self.columns[column].as_ref().map_or(0.0, |numbers| numbers[row])
+    }
+
+    fn vector(&self, row: usize, column: usize) -> DVec3 {
+        DVec3::new(self.number(row, column), self.number(row, column + 1), self.number(row, column + 2))
+    }
+
+    /// Mass of a row, kg.
+    pub fn mass(&self, row: usize) -> f64 {
+        self.number(row, MASS)
+    }
+
+    /// Inertia tensor of a row, body axes, kg m².
+    pub fn inertia(&self, row: usize) -> InertiaTensor {
+        let element = |index: usize| self.number(row, INERTIA + index);
+        InertiaTensor { xx: element(0), yy: element(1), zz: element(2), xy: element(3), xz: element(4), yz: element(5) }
+    }
+
+    /// Orientation of a row, as it stands there.
+    pub fn orientation(&self, row: usize) -> DQuat {
+        let [x, y, z, w] = [0, 1, 2, 3].map(|index| self.number(row, ORIENTATION + index));
+        DQuat::from_xyzw(x, y, z, w)
+    }
+
+    /// Angular velocity of a row, body axes, rad/s.
+    pub fn angular_velocity(&self, row: usize) -> DVec3 {
+        self.vector(row, ANGULAR_VELOCITY)
+    }
+
+    /// Position of a row, world axes, m.
+    pub fn position(&self, row: usize) -> DVec3 {
+        self.vector(row, POSITION)
+    }
+
+    /// Velocity of a row, world axes, m/s.
+    pub fn velocity(&self, row: usize) -> DVec3 {
+        self.vector(row, VELOCITY)
+    }
+
+    /// The error of a row's value, where `error` is one of a body made from the row.
+    pub(super) fn located(&self, error: Error) -> Error {
+        match error {
+            Error::Body { body, field, value, expected } if body < self.len() => {
+                input_error(&self.file, self.lines[body], field, Fault::Value { value: format!("{value:?}"), expected })
+            }
+            other => other,
+        }
+    }
+}
+
+/// The kept column of every field of a row, `None` for names.
+fn header_places(path: &Path, header: &StringRecord, line: u64) -> Result<Vec<Option<usize>>> {
+    let mut places = Vec::with_capacity(header.len());
+    for name in header {
+        if !KNOWN.contains(&name) {
+            let key = if name.is_empty() { "(empty)" } else { name };
+            let fault = Fault::Unknown { nearest: nearest(name, KNOWN), known: KNOWN };
+            return Err(input_error(path, line, key, fault));
+        }
+        let place = NUMBERS.iter().position(|known| *known == name);
+        if place.is_some() && places.contains(&place) {
+            let fault = Fault::Syntax { reason: "this column stands twice in the header".to_owned() };
+            return Err(input_error(path, line, name, fault));
+        }
+        places.push(place);
+    }
+    // Columns that make up one value stand together or not at all; off-diagonal elements may be left out.
+    let groups = [
+        (INERTIA..PRODUCTS, "ixx, iyy and izz belong together"),
+        (ORIENTATION..ANGULAR_VELOCITY, "qx, qy, qz and qw belong together"),
+        (ANGULAR_VELOCITY..POSITION, "wx, wy and wz belong together"),
+        (POSITION..VELOCITY, "x, y and z belong together"),
+        (VELOCITY..NUMBERS.len(), "vx, vy and vz belong together"),
+    ];
+    let has = |column: usize| places.contains(&Some(column));
+    for (group, expected) in groups {
+        if let Some(missing) = group.clone().find(|&column| !has(column))
+            && group.clone().any(has)
+        {
+            return Err(input_error(path, line, NUMBERS[missing], Fault::Missing { expected }));
+        }
+    }
+    if (PRODUCTS..ORIENTATION).any(has) && !has(INERTIA) {
+        let expected = "off-diagonal elements need ixx, iyy and izz beside them";
+        return Err(input_error(path, line, NUMBERS[INERTIA], Fault::Missing { expected }));
+    }
+    Ok(places)
+}
+
+fn input_error(path: &Path, line: u64, key: &str, fault: Fault) -> Error {
+    InputError { file: path.to_owned(), line: line as usize, key: key.to_owned(), fault }.into()
+}
+
+/// What the CSV reader refuses: bytes that are not text, or the file system's errors.
+fn csv_error(path: &Path, error: csv::Error) -> Error {
+    let line = error.position().map_or(1, Position::line);
+    match error.into_kind() {
+        ErrorKind::Io(error) => Error::file(path, FileAction::Read, &error),
+        ErrorKind::Utf8 { .. } => {
+            input_error(path, line, "", Fault::Syntax { reason: "text in UTF-8 is needed".to_owned() })
+        }
+        _ => input_error(path, line, "", Fault::Syntax { reason: "comma-separated values are needed".to_owned() }),
+    }
+}

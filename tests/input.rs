@@ -1,0 +1,184 @@
+//! What wrong input gets: one line that names file, line or row, key, value and what would be valid.
+//!
+//! Every message is held as it stands, so that a change of words is seen.
+
+#![cfg(feature = "study")]
+
+use std::path::Path;
+
+use polhode::record::OutputFolder;
+use polhode::study::{BodyTable, Study};
+use polhode::{Engine, Error, Plan};
+
+/// A study without fault, into which faults are planted.
+const SOUND: &str = r#"seed = 1
+[bodies]
+count = 10
+inertia = { shape = "cylinder", mass = 2.0, radius = 0.5, height = 2.0 }
+orientation = { distribution = "uniform" }
+angular_velocity = { distribution = "normal", mean = [0, 0, 1], sigma = 0.1 }
+[time]
+end = 10.0
+outputs = { every = 2.5 }
+[accuracy]
+attitude = 1e-6
+[output]
+snapshots = true
+"#;
+
+/// The study, its bodies and its plan on the CPU engine.
+fn accept(text: &str) -> Result<(), Error> {
+    let study = Study::parse(Path::new("study.toml"), text)?;
+    let scene = study.scene()?;
+    Plan::new(&scene, &Engine::cpu()).map_err(|error| study.located(error))?;
+    Ok(())
+}
+
+/// The message that a study gets; it must count as wrong input and have one line.
+fn refusal(text: &str) -> String {
+    let error = accept(text).expect_err("the study should be refused");
+    assert!(error.is_input(), "{error}");
+    let message = error.to_string();
+    assert!(!message.contains('\n'), "more than one line: {message}");
+    message
+}
+
+/// The message for the sound study with one text replaced.
+fn refusal_with(from: &str, to: &str) -> String {
+    assert_eq!(SOUND.matches(from).count(), 1, "{from}");
+    refusal(&SOUND.replace(from, to))
+}
+
+/// The message that a table of bodies gets, in a study that takes everything from it.
+fn table_refusal(table: &str) -> String {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    std::fs::write(folder.path().join("bodies.csv"), table).expect("a file is written");
+    let file = folder.path().join("study.toml");
+    let text = "[bodies]\nfile = \"bodies.csv\"\n[time]\nend = 1.0\n";
+    let error = Study::parse(&file, text).and_then(|study| study.scene()).expect_err("the table should be refused");
+    assert!(error.is_input(), "{error}");
+    // The folder's name differs from run to run.
+    let message = error.to_string().replace(&format!("{}/", folder.path().display()), "");
+    assert!(!message.contains('\n'), "more than one line: {message}");
+    message
+}
+
+macro_rules! refuses {
+    ($($name:ident: $message:expr => @$expected:literal;)*) => {
+        $(#[test]
+        fn $name() {
+            insta::assert_snapshot!($message, @$expected);
+        })*
+    };
+}
+
+#[test]
+fn the_sound_study_is_accepted() {
+    accept(SOUND).unwrap();
+}
+
+refuses! {
+    a_file_that_is_not_toml: refusal("[bodies\ncount = 1\n") => @"study.toml:1: unclosed table, expected `]`";
+    a_key_that_stands_twice: refusal_with("count = 10", "count = 10\ncount = 11") => @"study.toml:4: duplicate key";
+    an_unknown_table: refusal_with("[accuracy]", "[acuracy]") => @"study.toml:10: acuracy is not known: did you mean accuracy? known here: title, seed, bodies, force, time, accuracy, output";
+    an_unknown_key_with_the_nearest: refusal_with("outputs =", "output =") => @"study.toml:9: time.output is not known: did you mean outputs? known here: end, outputs";
+    an_unknown_key_with_no_near_one: refusal_with("seed", "colour") => @"study.toml:1: colour is not known: known here: title, seed, bodies, force, time, accuracy, output";
+    an_unknown_parameter_of_a_shape: refusal_with("radius = 0.5", "raduis = 0.5") => @"study.toml:4: bodies.inertia.raduis is not known: did you mean radius? known here: shape, mass, radius, height";
+    a_missing_table: refusal("[time]\nend = 1.0\n") => @"study.toml:1: bodies is missing: a table that describes the bodies is needed";
+    a_missing_time: refusal("[bodies]\ncount = 1\ninertia = [1, 1, 1]\nangular_velocity = [0, 0, 1]\n") => @"study.toml:1: time is missing: a table with the end of the simulated span is needed";
+    a_missing_key: refusal_with("radius = 0.5, ", "") => @"study.toml:4: bodies.inertia.radius is missing: a length is needed (m)";
+    a_missing_inertia: refusal_with("inertia = { shape = \"cylinder\", mass = 2.0, radius = 0.5, height = 2.0 }\n", "") => @"study.toml:2: bodies.inertia is missing: a shape, moments or a tensor is needed (kg m²)";
+    a_text_for_a_number: refusal_with("end = 10.0", "end = \"ten\"") => @r#"study.toml:8: time.end = "ten": a finite number is needed (s)"#;
+    a_number_for_a_table: refusal_with("outputs = { every = 2.5 }", "outputs = 2.5") => @"study.toml:9: time.outputs = 2.5: { every = seconds } or { times = [seconds, ...] } is needed";
+    a_fraction_of_a_body: refusal_with("count = 10", "count = 10.5") => @"study.toml:3: bodies.count = 10.5: a whole number of bodies is needed";
+    a_negative_count: refusal_with("count = 10", "count = -10") => @"study.toml:3: bodies.count = -10: a whole number of bodies is needed";
+    a_negative_seed: refusal_with("seed = 1", "seed = -1") => @"study.toml:1: seed = -1: a whole number is needed";
+    an_unknown_shape: refusal_with("\"cylinder\"", "\"cilinder\"") => @r#"study.toml:4: bodies.inertia.shape = "cilinder": did you mean cylinder? possible: sphere, cylinder, box, ellipsoid"#;
+    an_unknown_distribution: refusal_with("\"normal\"", "\"gaussian\"") => @r#"study.toml:6: bodies.angular_velocity.distribution = "gaussian": possible: constant, uniform, normal, log-normal, direction"#;
+    a_vector_of_two: refusal_with("mean = [0, 0, 1]", "mean = [0, 1]") => @"study.toml:6: bodies.angular_velocity.mean = [0, 1]: a finite number, or three, is needed";
+    a_negative_deviation: refusal_with("sigma = 0.1", "sigma = -0.1") => @"study.toml:6: bodies.angular_velocity.sigma = -0.1: standard deviations that are not negative are needed";
+    an_interval_upside_down: refusal_with("radius = 0.5", "radius = { distribution = \"uniform\", low = 2, high = 1 }") => @"study.toml:4: bodies.inertia.radius.high = 1: a number not below `low` is needed";
+    a_zero_quaternion: refusal_with("{ distribution = \"uniform\" }", "[0, 0, 0, 0]") => @"study.toml:5: bodies.orientation = [0, 0, 0, 0]: a quaternion that is not zero is needed";
+    a_zero_axis: refusal_with("{ distribution = \"uniform\" }", "{ axis = [0, 0, 0], angle = 1 }") => @"study.toml:5: bodies.orientation.axis = [0, 0, 0]: an axis that is not zero is needed";
+    an_inertia_that_is_no_mass: refusal_with("{ shape = \"cylinder\", mass = 2.0, radius = 0.5, height = 2.0 }", "[1.0, 1.0, 3.0]") => @"study.toml:4: bodies.inertia: body 0: I1 + I2 - I3 = -1: no mass distribution has this tensor: I1 + I2 >= I3 is needed (principal moments, kg m²)";
+    an_inertia_below_zero: refusal_with("{ shape = \"cylinder\", mass = 2.0, radius = 0.5, height = 2.0 }", "{ ixx = 1, iyy = 1, izz = 1, ixy = 2 }") => @"study.toml:4: bodies.inertia: body 0: the least principal moment of inertia = -1: a positive definite tensor is needed (kg m²)";
+    a_drawn_mass_below_zero: refusal_with("mass = 2.0", "mass = { distribution = \"normal\", mean = 0.1, sigma = 5 }") => @"study.toml:4: bodies.inertia: body 0: the least principal moment of inertia = -1.0602222079889514: a positive definite tensor is needed (kg m²)";
+    a_number_that_is_not_finite: refusal_with("mean = [0, 0, 1]", "mean = [0, 0, inf]") => @"study.toml:6: bodies.angular_velocity.mean = inf: a finite number, or three, is needed";
+    an_end_before_the_start: refusal_with("end = 10.0", "end = -10.0") => @"study.toml:8: time.end = -10: a finite time that is not negative is needed (s)";
+    a_billion_outputs: refusal_with("every = 2.5", "every = 1e-8") => @"study.toml:9: time.outputs.every = 0.00000001: more than 1e8 outputs would follow: a longer interval is needed (s)";
+    an_interval_of_zero: refusal_with("every = 2.5", "every = 0") => @"study.toml:9: time.outputs.every = 0: an interval above zero is needed (s)";
+    times_that_do_not_increase: refusal_with("every = 2.5", "times = [1.0, 3.0, 2.0]") => @"study.toml:9: time.outputs.times = 2.0: increasing times are needed: this one is not after the one before it (s)";
+    a_time_beyond_the_end: refusal_with("every = 2.5", "times = [1.0, 30.0]") => @"study.toml:9: time.outputs.times = 30.0: times from 0 to time.end are needed (s)";
+    an_interval_and_times: refusal_with("every = 2.5", "every = 2.5, times = [1.0]") => @"study.toml:9: time.outputs.every excludes times: give one of them";
+    an_accuracy_and_a_step: refusal_with("attitude = 1e-6", "attitude = 1e-6\nmethod = \"rk4\"\ndt = 0.1") => @"study.toml:11: accuracy.attitude excludes method: give one of them";
+    an_accuracy_of_zero: refusal_with("attitude = 1e-6", "attitude = 0") => @"study.toml:11: accuracy.attitude = 0: an angle above 0 and up to pi is needed (rad)";
+    an_accuracy_beyond_pi: refusal_with("attitude = 1e-6", "attitude = 4") => @"study.toml:11: accuracy.attitude = 4: an angle above 0 and up to pi is needed (rad)";
+    an_accuracy_that_f32_does_not_reach: refusal_with("attitude = 1e-6", "attitude = 1e-9\nprecision = \"f32\"") => @"study.toml:11: accuracy.attitude = 0.000000001: f32 does not reach this: precision f64, or more than 1e-6 rad and 3e-8 of the angle turned, is needed (rad)";
+    a_method_without_a_step: refusal_with("attitude = 1e-6", "method = \"rk4\"") => @"study.toml:10: accuracy.dt is missing: a method that is given needs a step beside it (s)";
+    a_step_without_a_method: refusal_with("attitude = 1e-6", "dt = 0.1") => @r#"study.toml:10: accuracy.method is missing: a step that is given needs a method beside it: "rk4" or "dlm""#;
+    an_unknown_method: refusal_with("attitude = 1e-6", "method = \"rk5\"\ndt = 0.1") => @r#"study.toml:11: accuracy.method = "rk5": did you mean rk4? possible: rk4, dlm"#;
+    a_step_below_zero: refusal_with("attitude = 1e-6", "method = \"rk4\"\ndt = -0.1") => @"study.toml:12: accuracy.dt = -0.1: a step above zero is needed (s)";
+    a_step_too_small_to_finish: refusal_with("attitude = 1e-6", "method = \"rk4\"\ndt = 1e-20") => @"study.toml:12: accuracy.dt = 0.00000000000000000001: more than 1e15 steps would be needed: a longer step or a shorter span is needed (s)";
+    an_unknown_precision: refusal_with("attitude = 1e-6", "precision = \"f16\"") => @r#"study.toml:11: accuracy.precision = "f16": possible: auto, f32, f64"#;
+    an_unknown_format: refusal_with("snapshots = true", "format = \"xlsx\"") => @r#"study.toml:13: output.format = "xlsx": possible: csv, npz"#;
+    a_flag_that_is_a_text: refusal_with("snapshots = true", "snapshots = \"yes\"") => @r#"study.toml:13: output.snapshots = "yes": true or false is needed"#;
+    a_force_without_a_mass: refusal("[bodies]\ncount = 1\ninertia = [1, 1, 1]\nangular_velocity = [0, 0, 1]\n[force]\nconstant = [0, 0, 1]\n[time]\nend = 1.0\n") => @"study.toml:5: force is missing: a force needs masses: give bodies.mass, or a column mass";
+    a_count_and_a_file: refusal_with("count = 10", "count = 10\nfile = \"bodies.csv\"") => @"study.toml:4: bodies.file excludes count: give one of them";
+    a_table_that_is_not_there: refusal_with("count = 10", "file = \"missing.csv\"") => @"missing.csv: cannot be read: No such file or directory (os error 2)";
+    more_bodies_than_memory: refusal_with("count = 10", "count = 1_000_000_000_000_000").split(", ").next().unwrap_or_default().to_owned() => @"1000000000000000 bodies: the table of bodies needs 104000000000000000 bytes";
+}
+
+/// A table without fault.
+const TABLE: &str = "\
+ixx,iyy,izz,wx,wy,wz
+1.0,2.0,2.5,0.1,0.2,0.3
+# a comment
+1.0,2.0,2.5,0.1,0.2,0.3
+";
+
+#[test]
+fn the_sound_table_is_accepted() {
+    let table = BodyTable::from_reader(Path::new("bodies.csv"), TABLE.as_bytes(), usize::MAX).unwrap();
+    assert_eq!(table.len(), 2);
+}
+
+refuses! {
+    a_cell_that_is_no_number: table_refusal(&TABLE.replace("1.0,2.0,2.5,0.1,0.2,0.3\n#", "1.0,2.0,2.5,fast,0.2,0.3\n#")) => @"bodies.csv:2: wx = fast: a finite number is needed";
+    an_empty_cell: table_refusal(&TABLE.replace("0.3\n#", "\n#")) => @"bodies.csv:2: wz = (empty): a finite number is needed";
+    a_cell_that_is_not_finite: table_refusal(&TABLE.replace("0.3\n#", "nan\n#")) => @"bodies.csv:2: wz = nan: a finite number is needed";
+    a_row_that_is_too_short: table_refusal(&TABLE.replace(",0.3\n#", "\n#")) => @"bodies.csv:2: the row has 5 fields: 6 are needed, one a column of the header";
+    a_row_that_is_no_body: table_refusal(&(TABLE.to_owned() + "1.0,1.0,3.0,0,0,0\n")) => @"bodies.csv:5: I1 + I2 - I3 = -1: no mass distribution has this tensor: I1 + I2 >= I3 is needed (principal moments, kg m²)";
+    an_unknown_column: table_refusal(&TABLE.replace("wz", "omega_z")) => @"bodies.csv:1: omega_z is not known: known here: name, mass, ixx, iyy, izz, ixy, ixz, iyz, qx, qy, qz, qw, wx, wy, wz, x, y, z, vx, vy, vz";
+    a_column_that_stands_twice: table_refusal(&TABLE.replace("iyy", "ixx")) => @"bodies.csv:1: ixx: this column stands twice in the header";
+    a_column_that_is_missing: table_refusal("ixx,iyy,izz,wx,wy\n1,2,2.5,0,0\n") => @"bodies.csv:1: wz is missing: wx, wy and wz belong together";
+    a_table_without_inertia: table_refusal("wx,wy,wz\n0,0,1\n") => @"study.toml:1: bodies.inertia is missing: a shape, moments or a tensor is needed (kg m²)";
+    a_table_that_is_empty: table_refusal("") => @"study.toml:1: bodies.inertia is missing: a shape, moments or a tensor is needed (kg m²)";
+    a_table_that_is_not_text: table_refusal_of_bytes(b"ixx,iyy,izz\n\xff\xfe,1,1\n") => @"bodies.csv:2: text in UTF-8 is needed";
+}
+
+/// The message for a table of any bytes.
+fn table_refusal_of_bytes(bytes: &[u8]) -> String {
+    BodyTable::from_reader(Path::new("bodies.csv"), bytes, usize::MAX).expect_err("refused").to_string()
+}
+
+#[test]
+fn a_folder_that_is_not_empty_is_refused_and_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("precious"), "x").unwrap();
+    let error = OutputFolder::create(folder.path(), false).unwrap_err();
+    assert!(error.is_input());
+    let message = error.to_string().replace(&folder.path().display().to_string(), "out");
+    insta::assert_snapshot!(message, @"out: the output folder is not empty: name another with --out, or replace its results with --force");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+#[test]
+fn a_file_in_the_place_of_the_folder_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("out");
+    std::fs::write(&path, "x").unwrap();
+    let error = OutputFolder::create(&path, false).unwrap_err();
+    assert!(error.is_input());
+    let message = error.to_string().replace(&path.display().to_string(), "out");
+    insta::assert_snapshot!(message, @"out: cannot be made: Not a directory (os error 20)");
+}
