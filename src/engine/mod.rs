@@ -148,17 +148,6 @@ impl Engine {
     }
 }
 
-impl Engine {
-    /// Runs a plan and keeps every output in memory.
-    ///
-    /// # Errors
-    ///
-    /// As [`crate::run::run_into`].
-    pub fn run(&self, plan: &crate::plan::Plan<'_>) -> Result<crate::record::Record> {
-        crate::run::run(self, plan)
-    }
-}
-
 impl Backend for Engine {
     fn description(&self) -> Description {
         self.backend.description()
