@@ -1,7 +1,8 @@
-//! Mass properties: from a tensor to the principal frame.
-
+//! x
 mod principal;
+mod refined;
 mod tensor;
-
+mod two_word;
 pub use principal::{PrincipalAxes, principal_axes};
+pub use refined::{RefinedPrincipalAxes, principal_axes_refined};
 pub use tensor::InertiaTensor;
