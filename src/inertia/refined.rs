@@ -100,11 +100,8 @@ fn tangent_of(difference: TwoWord, element: TwoWord) -> (TwoWord, TwoWord) {
     let theta = difference.divided_by(element.times_power_of_two(2.0));
     // Beyond, θ² overflows or its quotient has no second word; 1/(2θ) is then exact to more than both words hold.
     if theta.high.abs() > 1e100 || !theta.high.is_finite() {
-        let tangent = if theta.high.is_finite() {
-            TwoWord::ONE.divided_by(theta.times_power_of_two(2.0))
-        } else {
-            TwoWord::ZERO
-        };
+        let tangent =
+            if theta.high.is_finite() { TwoWord::ONE.divided_by(theta.times_power_of_two(2.0)) } else { TwoWord::ZERO };
         return (tangent, tangent * element);
     }
     let magnitude = TwoWord::ONE.divided_by(theta.abs() + (theta * theta + TwoWord::ONE).square_root());
@@ -132,11 +129,8 @@ fn in_frame(tensor: &InertiaTensor, quaternion: &[TwoWord; 4]) -> ([TwoWord; 3],
     let (xy, yz, zx) = (twice(x * y), twice(y * z), twice(z * x));
     let (wx, wy, wz) = (twice(w * x), twice(w * y), twice(w * z));
     let one = TwoWord::ONE;
-    let columns = [
-        [one - (yy + zz), xy + wz, zx - wy],
-        [xy - wz, one - (zz + xx), yz + wx],
-        [zx + wy, yz - wx, one - (xx + yy)],
-    ];
+    let columns =
+        [[one - (yy + zz), xy + wz, zx - wy], [xy - wz, one - (zz + xx), yz + wx], [zx + wy, yz - wx, one - (xx + yy)]];
     let rows = [
         [tensor.xx, tensor.xy, tensor.xz].map(TwoWord::from),
         [tensor.xy, tensor.yy, tensor.yz].map(TwoWord::from),
