@@ -17,6 +17,7 @@ pub mod scene;
 #[cfg(feature = "study")]
 pub mod study;
 pub mod torque;
+pub mod toolkit;
 pub mod vector;
 pub mod verify;
 
