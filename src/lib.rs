@@ -16,8 +16,8 @@ pub mod run;
 pub mod scene;
 #[cfg(feature = "study")]
 pub mod study;
-pub mod torque;
 pub mod toolkit;
+pub mod torque;
 pub mod vector;
 pub mod verify;
 

@@ -46,7 +46,9 @@ proptest! {
     }
 
     #[test]
-    fn section_2_1_the_cross_product_matrix_is_skew_anticommutative_and_of_lie_type(w in vector(3.0), p in vector(3.0)) {
+    fn section_2_1_the_cross_product_matrix_is_skew_anticommutative_and_of_lie_type(
+        w in vector(3.0), p in vector(3.0),
+    ) {
         let (w_cross, p_cross) = (cross_product_matrix(w), cross_product_matrix(p));
         close_matrix(w_cross.transpose(), -w_cross, 0.0)?;
         close(w_cross * p, -(p_cross * w), 0.0)?;
@@ -61,13 +63,17 @@ proptest! {
     }
 
     #[test]
-    fn equation_2_the_derivative_of_a_cross_product_is_its_matrix(w in vector(3.0), v in vector(3.0), step in vector(1.0)) {
+    fn equation_2_the_derivative_of_a_cross_product_is_its_matrix(
+        w in vector(3.0), v in vector(3.0), step in vector(1.0),
+    ) {
         let difference = (w.cross(v + step * STEP) - w.cross(v - step * STEP)) / (2.0 * STEP);
         close(difference, cross_product_matrix(w) * step, DIFFERENCE)?;
     }
 
     #[test]
-    fn section_2_2_body_and_world_rates_compose_from_either_side(q in orientation(), omega in vector(3.0), t in 0.0..3.0_f64) {
+    fn section_2_2_body_and_world_rates_compose_from_either_side(
+        q in orientation(), omega in vector(3.0), t in 0.0..3.0_f64,
+    ) {
         let body = rotated_body(q, omega, t);
         let world = rotated_world(q, q * omega, t);
         prop_assert!(attitude_error(body, world) < ROUNDING);
@@ -79,7 +85,12 @@ proptest! {
 
     #[test]
     fn equation_3_a_point_moves_by_translation_and_rotation(
-        q in orientation(), omega in vector(2.0), alpha in vector(1.0), v in vector(2.0), a in vector(1.0), r in vector(1.0),
+        q in orientation(),
+        omega in vector(2.0),
+        alpha in vector(1.0),
+        v in vector(2.0),
+        a in vector(1.0),
+        r in vector(1.0),
     ) {
         // A motion with these rates at t = 0, told in world axes.
         let place = |t: f64| {
@@ -96,7 +107,10 @@ proptest! {
 
     #[test]
     fn equation_3_points_of_the_instantaneous_axis_slide_along_it(
-        centre in vector(2.0), v in vector(2.0), omega in vector(2.0).prop_filter("turning", |w| w.length() > 0.1), s in -2.0..2.0_f64,
+        centre in vector(2.0),
+        v in vector(2.0),
+        omega in vector(2.0).prop_filter("turning", |w| w.length() > 0.1),
+        s in -2.0..2.0_f64,
     ) {
         let axis = instantaneous_axis(centre, v, omega).expect("the body turns");
         let point = axis.point + axis.direction * s;
@@ -109,7 +123,8 @@ proptest! {
     ) {
         let body = point_masses(&points).expect("a cloud is a body");
         let direct: f64 = points.iter()
-            .map(|&(mass, place)| 0.5 * mass * velocity_of_point(v, omega, place - body.centre_of_mass).length_squared())
+            .map(|&(mass, place)| (mass, velocity_of_point(v, omega, place - body.centre_of_mass)))
+            .map(|(mass, velocity)| 0.5 * mass * velocity.length_squared())
             .sum();
         let reference_velocity = velocity_of_point(v, omega, reference - body.centre_of_mass);
         let from_reference = kinetic_energy_from(reference, &body, reference_velocity, omega);
@@ -134,7 +149,9 @@ proptest! {
     }
 
     #[test]
-    fn section_2_3_momentum_is_the_gradient_and_inertia_the_hessian_of_energy(body in body(), omega in vector(3.0), v in vector(3.0)) {
+    fn section_2_3_momentum_is_the_gradient_and_inertia_the_hessian_of_energy(
+        body in body(), omega in vector(3.0), v in vector(3.0),
+    ) {
         // Central differences of a quadratic are exact but for rounding, whatever the step: a large one is best.
         let h = 0.5;
         let gradient = |energy: &dyn Fn(DVec3) -> f64, at: DVec3| {
@@ -155,11 +172,17 @@ proptest! {
 
     #[test]
     fn equations_6_and_7_forces_are_the_rates_of_the_momenta(
-        body in body(), q in orientation(), omega in vector(2.0), alpha in vector(1.0), v in vector(2.0), a in vector(1.0),
+        body in body(),
+        q in orientation(),
+        omega in vector(2.0),
+        alpha in vector(1.0),
+        v in vector(2.0),
+        a in vector(1.0),
     ) {
         let momentum = |t: f64| {
             let turned = exponential(omega * t + alpha * (0.5 * t * t)) * q;
-            // The rate of turning of this motion, to second order: ω + α t (+ terms of t² that a central difference drops).
+            // The rate of turning of this motion, to second order: ω + α t (+ terms of t² that a central difference
+            // drops).
             angular_momentum(&body.inertia.rotated(turned), omega + alpha * t)
         };
         let rate = (momentum(STEP) - momentum(-STEP)) / (2.0 * STEP);
@@ -183,9 +206,12 @@ proptest! {
     }
 
     #[test]
-    fn equation_9_with_the_corrected_sign_keeps_the_momentum_in_the_world(body in body(), q in orientation(), omega in vector(2.0)) {
+    fn equation_9_with_the_corrected_sign_keeps_the_momentum_in_the_world(
+        body in body(), q in orientation(), omega in vector(2.0),
+    ) {
         // dL/dt in the world of a motion with these rates at t = 0: R (ω × I ω + I ω̇).
-        let rate_of_momentum = |acceleration: DVec3| q * (omega.cross(body.inertia * omega) + body.inertia * acceleration);
+        let turning = omega.cross(body.inertia * omega);
+        let rate_of_momentum = |acceleration: DVec3| q * (turning + body.inertia * acceleration);
         let corrected = angular_acceleration_body(&body.inertia, omega, DVec3::ZERO);
         close(rate_of_momentum(corrected), DVec3::ZERO, 1e2 * ROUNDING)?;
         // Planted fault: the sign as printed doubles the gyroscopic term instead of cancelling it.
@@ -211,7 +237,9 @@ proptest! {
     }
 
     #[test]
-    fn section_3_eigenvectors_and_only_they_do_not_precess(body in body(), rate in 0.1..5.0_f64, away in 0.01..0.5_f64) {
+    fn section_3_eigenvectors_and_only_they_do_not_precess(
+        body in body(), rate in 0.1..5.0_f64, away in 0.01..0.5_f64,
+    ) {
         let axes = body.principal_axes();
         for i in 0..3 {
             let omega = axes.axis_body(i) * rate;
@@ -244,10 +272,13 @@ proptest! {
     }
 
     #[test]
-    fn momentum_about_a_point_is_that_of_the_points(points in cloud(), point in vector(2.0), omega in vector(2.0), v in vector(2.0)) {
+    fn momentum_about_a_point_is_that_of_the_points(
+        points in cloud(), point in vector(2.0), omega in vector(2.0), v in vector(2.0),
+    ) {
         let body = point_masses(&points).expect("a cloud is a body");
         let direct: DVec3 = points.iter()
-            .map(|&(mass, place)| mass * (place - point).cross(velocity_of_point(v, omega, place - body.centre_of_mass)))
+            .map(|&(mass, place)| (mass, place - point, velocity_of_point(v, omega, place - body.centre_of_mass)))
+            .map(|(mass, arm, velocity)| mass * arm.cross(velocity))
             .sum();
         close(angular_momentum_about(point, &body, v, omega), direct, 1e2 * ROUNDING)?;
     }
@@ -264,7 +295,8 @@ mod earth {
     pub const HEIGHT: f64 = 175.0;
     /// cos² of the latitude of the lake, 30.5°.
     pub const LAKE: f64 = 0.7424;
-    /// Mean of cos² of the latitude over the oceans: 2/3 − 2/3 (a₂/5a₀) with a₂ = −0.134, a₀ = 0.714 (Munk and MacDonald 1960).
+    /// Mean of cos² of the latitude over the oceans: 2/3 − 2/3 (a₂/5a₀) with a₂ = −0.134, a₀ = 0.714 (Munk and
+    /// MacDonald 1960).
     pub const OCEANS: f64 = 0.6917;
     /// Load Love number of degree two: what the elastic Earth undoes.
     pub const YIELDING: f64 = 0.3075;

@@ -447,7 +447,9 @@ proptest! {
     }
 
     #[test]
-    fn a_repair_is_the_nearest_valid_tensor_and_says_what_it_did(plate in (0.1..1.0_f64, 0.1..1.0_f64), excess in 1e-9..0.02_f64, q in orientation()) {
+    fn a_repair_is_the_nearest_valid_tensor_and_says_what_it_did(
+        plate in (0.1..1.0_f64, 0.1..1.0_f64), excess in 1e-9..0.02_f64, q in orientation(),
+    ) {
         let moments = DVec3::new(plate.0, plate.1, (plate.0 + plate.1) * (1.0 + excess));
         let measured = InertiaTensor::from_principal_moments(moments).rotated(q);
         prop_assert!(validated_principal_axes(&measured).is_err());

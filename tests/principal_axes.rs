@@ -95,11 +95,12 @@ fn axes_of_nearly_spherical_tensors_are_right_to_rounding() {
     for quaternion in RATIONAL {
         let (tensor, _) = exact_tensor(quaternion, [1 << 30, (1 << 30) + 1, (1 << 30) + 2]);
         let norm = quaternion.iter().map(|c| c * c).sum::<i64>() as f64;
-        let columns = rational_rotation(quaternion);
+        let [x, y, z] = rational_rotation(quaternion).map(|row| row.map(|element| element as f64 / norm));
+        let columns = DMat3::from_rows(x.into(), y.into(), z.into());
         let axes = principal_axes(&tensor);
         let refined = principal_axes_refined(&tensor).principal_to_body;
         for k in 0..3 {
-            let exact = DVec3::from_array([0, 1, 2].map(|row| columns[row][k] as f64 / norm));
+            let exact = columns.col(k);
             let found = axes.axis_body(k);
             let error = found.cross(exact).length();
             assert!(error <= AXIS_ERROR, "{quaternion:?}, axis {k}: {found} instead of {exact}, {error:e}");
@@ -235,7 +236,8 @@ proptest! {
     ) {
         // 1 + a deviation of any size: I = 1 + ε R diag(−1, 2r − 1, 1) Rᵀ, with ε above the rounding of its elements.
         let size = 10.0_f64.powf(exponent);
-        let deviation = InertiaTensor::from_principal_moments(DVec3::new(-1.0, 2.0 * ratio - 1.0, 1.0) * size).rotated(q);
+        let moments = DVec3::new(-1.0, 2.0 * ratio - 1.0, 1.0) * size;
+        let deviation = InertiaTensor::from_principal_moments(moments).rotated(q);
         let rounded = InertiaTensor::from_principal_moments(DVec3::ONE) + deviation;
         // What is left of the deviation after rounding is known exactly, and has the same axes.
         let left = rounded - InertiaTensor::from_principal_moments(DVec3::ONE);

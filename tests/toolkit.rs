@@ -163,7 +163,9 @@ proptest! {
     }
 
     #[test]
-    fn gimbal_lock_is_reported_and_still_the_same_attitude(first in -3.1..3.1_f64, last in -3.1..3.1_f64, high in any::<bool>()) {
+    fn gimbal_lock_is_reported_and_still_the_same_attitude(
+        first in -3.1..3.1_f64, last in -3.1..3.1_f64, high in any::<bool>(),
+    ) {
         for sequence in EulerSequence::all() {
             let returns = sequence.axes()[0] == sequence.axes()[2];
             let middle = match (returns, high) {
@@ -228,7 +230,7 @@ fn exponential_and_logarithm_take_the_smallest_and_largest_vectors() {
         let v = DVec3::new(1.0, -2.0, 0.5) * size;
         assert!((logarithm(exponential(v)) - v).length() <= ROUNDING * v.length(), "{size:e}");
         assert!((exponential(v).length() - 1.0).abs() <= f64::EPSILON);
-        assert_eq!(left_jacobian(v).is_finite() && left_jacobian_inverse(v).is_finite(), true, "{size:e}");
+        assert!(left_jacobian(v).is_finite() && left_jacobian_inverse(v).is_finite(), "{size:e}");
     }
     let half_turn = DQuat::from_xyzw(0.6, 0.0, -0.8, 0.0);
     assert!((logarithm(half_turn) - DVec3::new(0.6, 0.0, -0.8) * PI).length() < ROUNDING);

@@ -24,8 +24,8 @@ pub enum InertiaClass {
     Asymmetric,
 }
 
-/// The class of principal `moments` (ascending, kg m²); moments that differ by at most `relative_tolerance` of the largest
-/// count as equal, and a moment of at most that as vanished.
+/// The class of principal `moments` (ascending, kg m²); moments that differ by at most `relative_tolerance` of the
+/// largest count as equal, and a moment of at most that as vanished.
 pub fn classify(moments: DVec3, relative_tolerance: f64) -> InertiaClass {
     let bound = relative_tolerance * moments.z;
     if moments.z == 0.0 {

@@ -47,8 +47,8 @@ const UNIT_TOLERANCE: f64 = 1e-6;
 
 /// The body that consists of `parts`, holes taken away, in the body's frame.
 ///
-/// The centre of mass is found first, and every part's tensor is moved there by the parallel-axis theorem. Whether parts
-/// overlap, or holes lie within matter, is not examined beyond this: the result must itself be a body.
+/// The centre of mass is found first, and every part's tensor is moved there by the parallel-axis theorem. Whether
+/// parts overlap, or holes lie within matter, is not examined beyond this: the result must itself be a body.
 ///
 /// # Errors
 /// [`Error::Body`] with the number of the part whose mass is not positive, whose position is not finite or whose
@@ -76,7 +76,9 @@ pub fn compose(parts: &[Part]) -> Result<MassProperties> {
             return Err(Error::Body { body, field: "mass of the part", value: mass, expected });
         }
         let norm = part.orientation.length();
-        if !((norm - 1.0).abs() <= UNIT_TOLERANCE) {
+        // False for NaN.
+        let is_unit = (norm - 1.0).abs() <= UNIT_TOLERANCE;
+        if !is_unit {
             return Err(Error::Body { body, field: "orientation", value: norm, expected: "a unit quaternion" });
         }
         finite("position of a part", part.position)?;

@@ -34,10 +34,10 @@ impl fmt::Display for FlatArrangement {
 /// The surface of the convex hull of `points` (m), as a closed mesh whose vertices are those points that are corners of
 /// it (and, where more than three lie in one of its faces, perhaps some of these).
 ///
-/// Quickhull (C. B. Barber, D. P. Dobkin, H. Huhdanpaa, ACM Trans. Math. Softw. 22 (1996) 469), with the side of a plane
-/// on which a point lies decided exactly by J. R. Shewchuk's adaptive predicates (Discrete Comput. Geom. 18 (1997) 305). As a
-/// face is replaced only where a point lies strictly above it, coplanar and repeated points need no tolerance: after every step the
-/// surface is that of the exact hull of the points taken in so far.
+/// Quickhull (C. B. Barber, D. P. Dobkin, H. Huhdanpaa, ACM Trans. Math. Softw. 22 (1996) 469), with the side of a
+/// plane on which a point lies decided exactly by J. R. Shewchuk's adaptive predicates (Discrete Comput. Geom. 18
+/// (1997) 305). As a face is replaced only where a point lies strictly above it, coplanar and repeated points need no
+/// tolerance: after every step the surface is that of the exact hull of the points taken in so far.
 ///
 /// # Errors
 /// [`Error::Setting`] where a coordinate is not finite, [`Error::FlatHull`] where the points all lie in one plane (or
@@ -141,7 +141,8 @@ impl Hull {
         height_sign(a, b, c, points[point]) > 0.0
     }
 
-    /// Gives each of `candidates` to the first face from number `first_face` on that it lies above; the others are within.
+    /// Gives each of `candidates` to the first face from number `first_face` on that it lies above; the others are
+    /// within.
     fn distribute(&mut self, points: &[DVec3], candidates: impl Iterator<Item = usize>, first_face: usize) {
         for point in candidates {
             if let Some(face) = (first_face..self.faces.len()).find(|&face| self.is_above(points, point, face)) {

@@ -38,8 +38,8 @@ impl MassProperties {
         principal_axes(&self.inertia)
     }
 
-    /// The inertia tensor about `point` (own frame, m) by the parallel-axis theorem: I + m [d]×ᵀ[d]×, d from the centre
-    /// of mass to the point (J. Steiner; C. Huygens, *Horologium oscillatorium*, 1673).
+    /// The inertia tensor about `point` (own frame, m) by the parallel-axis theorem: I + m \[d\]×ᵀ\[d\]×, d from the
+    /// centre of mass to the point (J. Steiner; C. Huygens, *Horologium oscillatorium*, 1673).
     ///
     /// [`from_inertia_about`](Self::from_inertia_about) is the way back.
     pub fn inertia_about(&self, point: DVec3) -> InertiaTensor {
@@ -96,8 +96,8 @@ impl MassProperties {
         self.with_mass(density * self.volume)
     }
 
-    /// The body with all lengths multiplied by `factor` at the same density: mass and volume grow by its cube, moments by
-    /// its fifth power.
+    /// The body with all lengths multiplied by `factor` at the same density: mass and volume grow by its cube,
+    /// moments by its fifth power.
     ///
     /// # Errors
     /// [`Error::Setting`] where `factor` is not positive and finite.

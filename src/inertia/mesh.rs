@@ -134,7 +134,8 @@ impl fmt::Display for MeshDefect {
 const FLAT_VOLUME: f64 = 1e-14;
 
 impl TriangleMesh {
-    /// The mesh of `vertices` (m) and `triangles` (three numbers of vertices each, counter-clockwise seen from outside).
+    /// The mesh of `vertices` (m) and `triangles` (three numbers of vertices each, counter-clockwise seen from
+    /// outside).
     ///
     /// Triangles that name a vertex twice have neither area nor volume and are left out.
     ///
@@ -266,9 +267,9 @@ impl TriangleMesh {
 
     /// The mass properties of a homogeneous body of `mass` kg with this surface.
     ///
-    /// The integrals over the enclosed volume are exact for the mesh: by the divergence theorem they are sums over the
-    /// triangles, each standing for the tetrahedron between it and a fixed point (B. Mirtich, J. Graphics Tools 1 (1996) 2;
-    /// the form used here is that of D. Eberly, "Polyhedral Mass Properties (Revisited)", 2002).
+    /// The integrals over the enclosed volume are exact for the mesh: by the divergence theorem they are sums over
+    /// the triangles, each standing for the tetrahedron between it and a fixed point (B. Mirtich, J. Graphics Tools 1
+    /// (1996) 2; the form used here is that of D. Eberly, "Polyhedral Mass Properties (Revisited)", 2002).
     ///
     /// # Errors
     /// [`Error::Mesh`] where the mesh is open (with how open), turned against itself, inside out or without volume,
@@ -304,7 +305,7 @@ impl TriangleMesh {
             moments.add(corner_moments([a, b, c], area, 3.0, 12.0));
         }
         let total = moments.total();
-        if !(total[0] > 0.0) {
+        if total[0] <= 0.0 {
             return Err(Error::Mesh(MeshDefect::NoArea));
         }
         mass_properties(total, 0.0, reference).with_mass(mass)

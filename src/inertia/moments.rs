@@ -20,8 +20,8 @@ pub(super) fn monomials(r: DVec3) -> [f64; MOMENTS] {
 }
 
 impl Moments {
-    /// Adds a term (A. Neumaier, Z. angew. Math. Mech. 54 (1974) 39): the error of the sum does not grow with the number of
-    /// terms, which for a mesh is a million.
+    /// Adds a term (A. Neumaier, Z. angew. Math. Mech. 54 (1974) 39): the error of the sum does not grow with the
+    /// number of terms, which for a mesh is a million.
     pub fn add(&mut self, term: [f64; MOMENTS]) {
         for ((sum, lost), term) in self.sum.iter_mut().zip(&mut self.lost).zip(term) {
             let total = *sum + term;

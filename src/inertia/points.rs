@@ -7,8 +7,8 @@ use crate::error::{Error, Result};
 
 /// The mass properties of points, each a mass in kg and a position in m.
 ///
-/// I = Σ m [r]×ᵀ[r]× about the centre of mass (the derivation's equation (5) with the integral a sum). The centre of
-/// mass is found first and the tensor is summed about it, so that a far origin costs no digits.
+/// I = Σ m \[r\]×ᵀ\[r\]× about the centre of mass (the derivation's equation (5) with the integral a sum). The centre
+/// of mass is found first and the tensor is summed about it, so that a far origin costs no digits.
 ///
 /// # Errors
 /// [`Error::Body`] with the number of the first point whose mass is negative or not finite or whose position is not

@@ -54,15 +54,16 @@ impl DensityQuadrature {
 
     /// Mass properties of `density` (kg/m³ at a place in m).
     ///
-    /// The rule of degree 7 with an embedded one of degree 5 (A. C. Genz, A. A. Malik, J. Comput. Appl. Math. 6 (1980)
-    /// 295), on boxes that are halved where the estimate is worst, along the axis with the largest fourth
-    /// difference. The ten moments up to the second are integrated at the same nodes. Smooth densities converge fast; at
-    /// a jump inside the box the error falls like the inverse of the number of evaluations to the power 1/3 to 2/3, so known
-    /// boundaries belong on the faces of the box, or in the parts of a composition.
+    /// The rule of degree 7 with an embedded one of degree 5 (A. C. Genz, A. A. Malik, J. Comput. Appl. Math. 6
+    /// (1980) 295), on boxes that are halved where the estimate is worst, along the axis with the largest fourth
+    /// difference. The ten moments up to the second are integrated at the same nodes. Smooth densities converge fast;
+    /// at a jump inside the box the error falls like the inverse of the number of evaluations to the power 1/3 to
+    /// 2/3, so known boundaries belong on the faces of the box, or in the parts of a composition.
     ///
     /// # Errors
-    /// [`Error::Setting`] where the box is not of positive, finite size, the tolerance is not positive, or the density is
-    /// negative or not finite somewhere; [`Error::Quadrature`] where the limit of evaluations is reached first.
+    /// [`Error::Setting`] where the box is not of positive, finite size, the tolerance is not positive, or the
+    /// density is negative or not finite somewhere; [`Error::Quadrature`] where the limit of evaluations is reached
+    /// first.
     ///
     /// ```
     /// use glam::DVec3;

@@ -30,10 +30,10 @@ const NEGLIGIBLE_TANGENT: f64 = 1e-33;
 /// Principal moments, ascending, and axes of `tensor` in two words; the six elements count as exact.
 ///
 /// The phase of a torque-free motion over thousands of radians needs moments better than one word holds: their
-/// rounding alone costs 1e-16 of the angle turned. [`principal_axes`] gives the start; Jacobi's method goes on from there in
-/// two words, on the tensor turned by the start, so that equal and nearly equal moments need no special care. The
-/// moments' error is a few units of 2⁻¹⁰² of the largest moment. Order and choice among the equivalent frames are those of
-/// [`principal_axes`].
+/// rounding alone costs 1e-16 of the angle turned. [`principal_axes`] gives the start; Jacobi's method goes on from
+/// there in two words, on the tensor turned by the start, so that equal and nearly equal moments need no special
+/// care. The moments' error is a few units of 2⁻¹⁰² of the largest moment. Order and choice among the equivalent
+/// frames are those of [`principal_axes`].
 ///
 /// ```
 /// use polhode::inertia::{InertiaTensor, principal_axes_refined};
@@ -95,7 +95,8 @@ pub fn principal_axes_refined(tensor: &InertiaTensor) -> RefinedPrincipalAxes {
     }
 }
 
-/// The tangent t of the angle of Jacobi's rotation, and t times the element: t² + 2 t θ = 1, θ = difference / (2 element).
+/// The tangent t of the angle of Jacobi's rotation, and t times the element: t² + 2 t θ = 1, θ = difference / (2
+/// element).
 fn tangent_of(difference: TwoWord, element: TwoWord) -> (TwoWord, TwoWord) {
     let theta = difference.divided_by(element.times_power_of_two(2.0));
     // Beyond, θ² overflows or its quotient has no second word; 1/(2θ) is then exact to more than both words hold.

@@ -114,8 +114,8 @@ impl Shape {
     /// Whether all lengths are valid.
     ///
     /// # Errors
-    /// [`Error::Setting`] with the first length that is not positive and finite (or breaks the condition noted beside it),
-    /// or where a tetrahedron's corners are not finite or lie in a plane.
+    /// [`Error::Setting`] with the first length that is not positive and finite (or breaks the condition noted beside
+    /// it), or where a tetrahedron's corners are not finite or lie in a plane.
     pub fn validate(&self) -> Result<()> {
         match *self {
             Self::Point => Ok(()),
@@ -201,8 +201,8 @@ impl Shape {
     /// The mass properties at `density` kg/m³.
     ///
     /// # Errors
-    /// As [`validate`](Self::validate), or [`Error::Setting`] where `density` is not positive and finite or the shape has
-    /// no volume.
+    /// As [`validate`](Self::validate), or [`Error::Setting`] where `density` is not positive and finite or the shape
+    /// has no volume.
     pub fn mass_properties_of_density(&self, density: f64) -> Result<MassProperties> {
         positive("density", density)?;
         self.validate()?;
@@ -272,7 +272,8 @@ impl Shape {
                 diagonal(across, across, 0.25 * section)
             }
             Self::Tetrahedron { corners } => {
-                // About the centre of mass: (Σ r rᵀ)/20 over the corners (D. Eberly, "Polyhedral Mass Properties", 2002).
+                // About the centre of mass: (Σ r rᵀ)/20 over the corners (D. Eberly, "Polyhedral Mass Properties",
+                // 2002).
                 let centre = self.centre_of_mass();
                 corners.into_iter().fold(InertiaTensor::default(), |sum, corner| {
                     sum + InertiaTensor::of_point_mass(0.05, corner - centre)

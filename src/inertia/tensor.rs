@@ -44,7 +44,7 @@ impl InertiaTensor {
         Self { xx, yy, zz, xy, xz, yz }
     }
 
-    /// m [r]×ᵀ[r]×: what a point of `mass` kg at `position` m adds to the tensor about the origin.
+    /// m \[r\]×ᵀ\[r\]×: what a point of `mass` kg at `position` m adds to the tensor about the origin.
     pub fn of_point_mass(mass: f64, position: DVec3) -> Self {
         let r = position;
         Self {

@@ -13,8 +13,8 @@ impl Shape {
     /// 1/segments².
     ///
     /// # Errors
-    /// [`Error::Setting`] where `segments` is less than 3, a length is not valid, or the shape has no surface to enclose a
-    /// volume (points, rods and plates).
+    /// [`Error::Setting`] where `segments` is less than 3, a length is not valid, or the shape has no surface to
+    /// enclose a volume (points, rods and plates).
     ///
     /// ```
     /// use polhode::inertia::Shape;

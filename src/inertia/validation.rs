@@ -184,9 +184,9 @@ pub struct Repair {
 /// The nearest tensor to a measured one (in the Frobenius norm) that fulfils the triangle inequality.
 ///
 /// Measured tensors of flat bodies break I₁ + I₂ ≥ I₃ by the errors of their moments. With e = I₃ − I₁ − I₂ > 0 the
-/// nearest tensor of the set has the same axes and the moments I₁ + e/3, I₂ + e/3, I₃ − e/3 (projection onto the plane
-/// I₁ + I₂ = I₃). Nothing else in this crate calls this: a repair is asked for by name, and says what it has changed. A tensor that is valid
-/// comes back as it is.
+/// nearest tensor of the set has the same axes and the moments I₁ + e/3, I₂ + e/3, I₃ − e/3 (projection onto the
+/// plane I₁ + I₂ = I₃). Nothing else in this crate calls this: a repair is asked for by name, and says what it has
+/// changed. A tensor that is valid comes back as it is.
 ///
 /// # Errors
 /// [`Error::Inertia`] where the tensor has another defect, or would change by more than `largest_relative_change`:

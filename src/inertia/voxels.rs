@@ -20,13 +20,13 @@ pub struct VoxelGrid<'a> {
 }
 
 impl VoxelGrid<'_> {
-    /// The mass properties of the grid, exact for the boxes (their own inertia ρV h²/12 included). The volume is that of
-    /// the voxels whose density is not zero.
+    /// The mass properties of the grid, exact for the boxes (their own inertia ρV h²/12 included). The volume is that
+    /// of the voxels whose density is not zero.
     ///
     /// # Errors
-    /// [`Error::ColumnLength`] where the number of densities is not nx ny nz, [`Error::Body`] with the number of the first
-    /// voxel whose density is negative or not finite, [`Error::Setting`] where spacing is not positive, the corner is not
-    /// finite or all densities are zero.
+    /// [`Error::ColumnLength`] where the number of densities is not nx ny nz, [`Error::Body`] with the number of the
+    /// first voxel whose density is negative or not finite, [`Error::Setting`] where spacing is not positive, the
+    /// corner is not finite or all densities are zero.
     ///
     /// ```
     /// use glam::DVec3;

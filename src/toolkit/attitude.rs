@@ -52,11 +52,11 @@ pub fn orientation_of_matrix(rotation: DMat3) -> DQuat {
     if q.w < 0.0 { -q } else { q }
 }
 
-/// Modified Rodrigues parameters σ = n tan(θ/4), n the axis and θ the angle (T. F. Wiener 1962; H. Schaub, J. L. Junkins,
-/// *Analytical Mechanics of Space Systems*, 4th ed., section 3.6).
+/// Modified Rodrigues parameters σ = n tan(θ/4), n the axis and θ the angle (T. F. Wiener 1962; H. Schaub, J. L.
+/// Junkins, *Analytical Mechanics of Space Systems*, 4th ed., section 3.6).
 ///
-/// Each attitude has two sets, σ and its shadow −σ/|σ|², one within the unit sphere and one outside; the parameters are singular at a
-/// full turn only, and changing to the shadow set at |σ| = 1 avoids that.
+/// Each attitude has two sets, σ and its shadow −σ/|σ|², one within the unit sphere and one outside; the parameters
+/// are singular at a full turn only, and changing to the shadow set at |σ| = 1 avoids that.
 ///
 /// ```
 /// use glam::DQuat;
@@ -84,7 +84,7 @@ impl ModifiedRodrigues {
         if self.vector.length_squared() > 1.0 { self.shadow() } else { self }
     }
 
-    /// dσ/dt = ¼ [(1 − σ²) 1 + 2 [σ]× + 2 σ σᵀ] ω_body (Schaub and Junkins, section 3.6).
+    /// dσ/dt = ¼ [(1 − σ²) 1 + 2 \[σ\]× + 2 σ σᵀ] ω_body (Schaub and Junkins, section 3.6).
     pub fn rate(self, angular_velocity_body: DVec3) -> DVec3 {
         let (s, w) = (self.vector, angular_velocity_body);
         0.25 * ((1.0 - s.length_squared()) * w + 2.0 * s.cross(w) + 2.0 * s * s.dot(w))

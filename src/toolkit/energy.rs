@@ -21,10 +21,11 @@ pub fn linear_momentum(mass: f64, velocity: DVec3) -> DVec3 {
 
 /// ∂K_ω/∂ω = I ω, kg m²/s, about the centre of mass; tensor and angular velocity in the same axes.
 ///
-/// What is conserved when a free body changes its shape is this, and not the energy. The water behind the Three Gorges dam
-/// lengthens the day by about 0.06 µs: 39.3 km³ were taken from the oceans, where cos² of the latitude is 0.692 in the
-/// mean (the ocean function's second degree, W. Munk, G. MacDonald, *The Rotation of the Earth*, 1960), to 30.5° north, where it is 0.742.
-/// The elastic Earth yields under the load and undoes 0.3075 of that (the load Love number k₂').
+/// What is conserved when a free body changes its shape is this, and not the energy. The water behind the Three
+/// Gorges dam lengthens the day by about 0.06 µs: 39.3 km³ were taken from the oceans, where cos² of the latitude is
+/// 0.692 in the mean (the ocean function's second degree, W. Munk, G. MacDonald, *The Rotation of the Earth*, 1960),
+/// to 30.5° north, where it is 0.742. The elastic Earth yields under the load and undoes 0.3075 of that (the load
+/// Love number k₂').
 ///
 /// ```
 /// use glam::DVec3;
@@ -43,7 +44,7 @@ pub fn linear_momentum(mass: f64, velocity: DVec3) -> DVec3 {
 /// let slower = after.solve(momentum);
 /// let longer_day = std::f64::consts::TAU / slower.z - day;
 /// assert!((longer_day * 1e6 - 0.06).abs() < 0.005, "{} µs", longer_day * 1e6);
-/// // The energy L²/2I does not stay: it falls in the same ratio as the spin, as the water was moved outwards by forces within.
+/// // The energy L²/2I does not stay: it falls in the same ratio as the spin, as forces within moved the water outwards.
 /// let (k, k_after) = (rotational_kinetic_energy(&before, omega), rotational_kinetic_energy(&after, slower));
 /// assert!(((k - k_after) / k - longer_day / day).abs() < 1e-15);
 /// ```
@@ -55,8 +56,8 @@ pub fn angular_momentum(inertia: &InertiaTensor, angular_velocity: DVec3) -> DVe
     *inertia * angular_velocity
 }
 
-/// I ω + m (x − p) × v, kg m²/s: the angular momentum about the point p of a body whose centre of mass is at x and moves
-/// with v. All vectors and the tensor in the same axes.
+/// I ω + m (x − p) × v, kg m²/s: the angular momentum about the point p of a body whose centre of mass is at x and
+/// moves with v. All vectors and the tensor in the same axes.
 pub fn angular_momentum_about(
     point: DVec3,
     body: &MassProperties,
@@ -85,8 +86,8 @@ impl KineticEnergyTerms {
     }
 }
 
-/// The kinetic energy of `body` from the `reference` point (of the body, m), which moves with `reference_velocity`: the derivation's
-/// equation (4), cross term included. All vectors and the tensor in the same axes.
+/// The kinetic energy of `body` from the `reference` point (of the body, m), which moves with `reference_velocity`:
+/// the derivation's equation (4), cross term included. All vectors and the tensor in the same axes.
 ///
 /// ```
 /// use glam::DVec3;

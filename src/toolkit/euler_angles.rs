@@ -39,8 +39,8 @@ pub struct EulerAngles {
     /// The angles in the order of the turns: the outer ones in (−π, π], the middle one in [0, π] where the first axis
     /// returns and in [−π/2, π/2] where all three differ.
     pub angles: [f64; 3],
-    /// Whether the first and third axis coincide, so that only a combination of their angles is determined; the angle of
-    /// the turn made last is then given as 0.
+    /// Whether the first and third axis coincide, so that only a combination of their angles is determined; the angle
+    /// of the turn made last is then given as 0.
     pub is_gimbal_locked: bool,
 }
 
@@ -112,9 +112,9 @@ impl EulerSequence {
 
     /// The angles of a unit quaternion.
     ///
-    /// One formula for all sequences (E. Bernardes, S. Viollet, PLoS ONE 17 (2022) e0276302): a sequence of three different axes
-    /// becomes one whose first axis returns by a quarter turn about the middle axis, and that one's half sum and half difference
-    /// of the outer angles are two arc tangents of the quaternion's components.
+    /// One formula for all sequences (E. Bernardes, S. Viollet, PLoS ONE 17 (2022) e0276302): a sequence of three
+    /// different axes becomes one whose first axis returns by a quarter turn about the middle axis, and that one's
+    /// half sum and half difference of the outer angles are two arc tangents of the quaternion's components.
     pub fn angles(self, orientation: DQuat) -> EulerAngles {
         // About world axes in the order i, j, k; turns about body axes are the same in reverse order.
         let [mut i, j, mut k] = self.axes.map(|axis| axis as usize);

@@ -9,7 +9,7 @@ const SERIES_BELOW: f64 = 0.5;
 
 /// The left Jacobian J of SO(3): exp(v + δ) ≈ exp(J δ) exp(v).
 ///
-/// J = 1 + (1 − cos θ)/θ² [v]× + (θ − sin θ)/θ³ [v]×² (J. Solà, J. Deray, D. Atchuthan, "A micro Lie
+/// J = 1 + (1 − cos θ)/θ² \[v\]× + (θ − sin θ)/θ³ \[v\]×² (J. Solà, J. Deray, D. Atchuthan, "A micro Lie
 /// theory for state estimation in robotics", arXiv:1812.01537, equation (145)).
 /// Equivalently ω_W = J v̇ for a rotation vector that changes in time.
 ///
@@ -30,7 +30,7 @@ pub fn right_jacobian(rotation_vector: DVec3) -> DMat3 {
     jacobian(rotation_vector, -1.0)
 }
 
-/// The inverse of the [`left_jacobian`]: 1 − ½ [v]× + (1 − ½θ cot ½θ)/θ² [v]×² (Solà, Deray and
+/// The inverse of the [`left_jacobian`]: 1 − ½ \[v\]× + (1 − ½θ cot ½θ)/θ² \[v\]×² (Solà, Deray and
 /// Atchuthan, equation (146)).
 ///
 /// It exists for |v| < 2π; at 2π, where full turns make v ambiguous, its elements are no longer finite.

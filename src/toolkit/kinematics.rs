@@ -2,8 +2,8 @@
 
 use glam::{DQuat, DVec3};
 
-/// v(r) = ω × r + ẋ, m/s (the derivation's equation (3)): the velocity of the point at `offset` m from the centre of mass, which moves with
-/// `centre_velocity`. All vectors in the same axes.
+/// v(r) = ω × r + ẋ, m/s (the derivation's equation (3)): the velocity of the point at `offset` m from the centre of
+/// mass, which moves with `centre_velocity`. All vectors in the same axes.
 pub fn velocity_of_point(centre_velocity: DVec3, angular_velocity: DVec3, offset: DVec3) -> DVec3 {
     angular_velocity.cross(offset) + centre_velocity
 }
@@ -56,8 +56,8 @@ pub struct InstantaneousAxis {
     pub slide: f64,
 }
 
-/// The instantaneous axis of a body whose centre of mass is at `centre` and moves with `centre_velocity`, all in the same
-/// axes; `None` for a body that does not turn.
+/// The instantaneous axis of a body whose centre of mass is at `centre` and moves with `centre_velocity`, all in the
+/// same axes; `None` for a body that does not turn.
 ///
 /// ```
 /// use glam::DVec3;

@@ -1,7 +1,7 @@
 //! The statements of "A Complete Derivation of the Newton-Euler Equations", each as something that can be called.
 //!
-//! Everything is `f64` and of the types of `glam`, in SI units; orientations are unit quaternions that turn body coordinates to world.
-//! `tests/derivation.rs` checks the derivation's identities in its order, over random inputs.
+//! Everything is `f64` and of the types of `glam`, in SI units; orientations are unit quaternions that turn body
+//! coordinates to world. `tests/derivation.rs` checks the derivation's identities in its order, over random inputs.
 //!
 //! | in the derivation | here |
 //! | --- | --- |
@@ -13,12 +13,13 @@
 //! | (5): rotational energy and inertia | [`rotational_kinetic_energy`], [`crate::inertia`] |
 //! | 2.3: momentum | [`linear_momentum`], [`angular_momentum`], [`angular_momentum_about`] |
 //! | (6), (7), (8): generalized forces | [`force_of_motion`], [`torque_of_motion`] |
-//! | (9), with its sign corrected | [`angular_acceleration_body`], [`angular_acceleration_world`], [`newton_euler_body`], [`newton_euler_world`] |
+//! | (9), with its sign corrected | [`angular_acceleration_body`], [`angular_acceleration_world`] |
+//! | (7) and (9) together | [`newton_euler_body`], [`newton_euler_world`] |
 //! | end of 3: no precession of eigenvectors | [`momentum_angle`], [`is_without_precession`], [`polhode`](fn@polhode) |
 //!
-//! Inertia about another point is [`MassProperties::inertia_about`](crate::inertia::MassProperties::inertia_about), in another frame
-//! [`InertiaTensor::rotated`](crate::inertia::InertiaTensor::rotated). Attitudes are converted by [`AxisAngle`], [`orientation_of_matrix`],
-//! [`EulerSequence`] and [`ModifiedRodrigues`].
+//! Inertia about another point is [`MassProperties::inertia_about`](crate::inertia::MassProperties::inertia_about),
+//! in another frame [`InertiaTensor::rotated`](crate::inertia::InertiaTensor::rotated). Attitudes are converted by
+//! [`AxisAngle`], [`orientation_of_matrix`], [`EulerSequence`] and [`ModifiedRodrigues`].
 
 mod attitude;
 mod cross_product;

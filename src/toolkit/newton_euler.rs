@@ -6,8 +6,9 @@ use crate::inertia::{InertiaTensor, MassProperties};
 
 /// dω/dt = I⁻¹ (τ − ω × I ω), rad/s², everything in body axes.
 ///
-/// Without torque this is the derivation's equation (9) with the sign corrected: **ω̇ = −I⁻¹ (ω × I ω)**. Equation (8), ω × I ω + I ω̇ = τ,
-/// leaves no other; with the sign as printed in (9), the angular momentum in the world would not be conserved.
+/// Without torque this is the derivation's equation (9) with the sign corrected: **ω̇ = −I⁻¹ (ω × I ω)**. Equation
+/// (8), ω × I ω + I ω̇ = τ, leaves no other; with the sign as printed in (9), the angular momentum in the world would
+/// not be conserved.
 ///
 /// ```
 /// use glam::DVec3;
@@ -29,9 +30,11 @@ pub fn angular_acceleration_body(
     inertia_body.solve(torque_body - gyroscopic_term(inertia_body, angular_velocity_body))
 }
 
-/// dω/dt in world axes, rad/s², of a body with the tensor `inertia_body` in its own axes: I_W⁻¹ (τ − ω × I_W ω), I_W = R I Rᵀ.
+/// dω/dt in world axes, rad/s², of a body with the tensor `inertia_body` in its own axes: I_W⁻¹ (τ − ω × I_W ω), I_W
+/// = R I Rᵀ.
 ///
-/// It is the body-axes one turned to the world, R ω̇_B: the derivative of ω is the same vector in both frames, as ω × ω = 0.
+/// It is the body-axes one turned to the world, R ω̇_B: the derivative of ω is the same vector in both frames, as ω ×
+/// ω = 0.
 pub fn angular_acceleration_world(
     inertia_body: &InertiaTensor,
     orientation: DQuat,
@@ -48,8 +51,9 @@ pub fn gyroscopic_term(inertia: &InertiaTensor, angular_velocity: DVec3) -> DVec
     angular_velocity.cross(*inertia * angular_velocity)
 }
 
-/// τ = ω × I ω + I ω̇, N m: the torque about the centre of mass that a given motion takes (the derivation's equation (8)), all in
-/// the same axes. In world axes this is the rate of the angular momentum: the generalized force of rotation, equation (6).
+/// τ = ω × I ω + I ω̇, N m: the torque about the centre of mass that a given motion takes (the derivation's equation
+/// (8)), all in the same axes. In world axes this is the rate of the angular momentum: the generalized force of
+/// rotation, equation (6).
 pub fn torque_of_motion(inertia: &InertiaTensor, angular_velocity: DVec3, angular_acceleration: DVec3) -> DVec3 {
     gyroscopic_term(inertia, angular_velocity) + *inertia * angular_acceleration
 }
@@ -93,8 +97,8 @@ pub struct Accelerations {
 
 /// The right-hand side of the Newton-Euler equations with all vectors along the body's axes.
 ///
-/// `linear` is the acceleration of the centre of mass against an inertial frame, F/m, in components along the body axes; the rate of
-/// the components of the velocity along body axes is that less ω × v.
+/// `linear` is the acceleration of the centre of mass against an inertial frame, F/m, in components along the body
+/// axes; the rate of the components of the velocity along body axes is that less ω × v.
 pub fn newton_euler_body(body: &MassProperties, angular_velocity_body: DVec3, wrench_body: Wrench) -> Accelerations {
     Accelerations {
         linear: wrench_body.force / body.mass,
@@ -102,7 +106,8 @@ pub fn newton_euler_body(body: &MassProperties, angular_velocity_body: DVec3, wr
     }
 }
 
-/// The right-hand side of the Newton-Euler equations with all vectors in world axes; the tensor of `body` is in body axes.
+/// The right-hand side of the Newton-Euler equations with all vectors in world axes; the tensor of `body` is in body
+/// axes.
 ///
 /// ```
 /// use glam::{DQuat, DVec3};

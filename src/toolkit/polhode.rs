@@ -24,8 +24,8 @@ pub fn momentum_angle(inertia: &InertiaTensor, angular_velocity: DVec3) -> f64 {
     direction.cross(momentum).length().atan2(direction.dot(momentum))
 }
 
-/// Whether ω is an eigenvector of the tensor, so that a torque-free body does not precess: [`momentum_angle`] of at most
-/// `tolerance` rad. A body at rest does not precess.
+/// Whether ω is an eigenvector of the tensor, so that a torque-free body does not precess: [`momentum_angle`] of at
+/// most `tolerance` rad. A body at rest does not precess.
 pub fn is_without_precession(inertia: &InertiaTensor, angular_velocity: DVec3, tolerance: f64) -> bool {
     momentum_angle(inertia, angular_velocity) <= tolerance
 }
@@ -58,11 +58,13 @@ pub struct Polhode {
     pub discriminant: f64,
 }
 
-/// The polhode of a torque-free body with principal `moments` (ascending, kg m²) and angular velocity along the principal axes, rad/s.
+/// The polhode of a torque-free body with principal `moments` (ascending, kg m²) and angular velocity along the
+/// principal axes, rad/s.
 ///
-/// With D = L² − 2 T I₂ = I₃(I₃ − I₂) ω₃² − I₁(I₂ − I₁) ω₁²: the motion circles about axis 3 where D > 0, about
-/// axis 1 where D < 0. Two moments count as equal where they differ by at most `tolerance` of the largest, |D| as 0 where it is at most
-/// `tolerance` of the sum of its two terms, and the motion as steady where ω lies within `tolerance` rad of I ω.
+/// With D = L² − 2 T I₂ = I₃(I₃ − I₂) ω₃² − I₁(I₂ − I₁) ω₁²: the motion circles about axis 3 where D > 0, about axis
+/// 1 where D < 0. Two moments count as equal where they differ by at most `tolerance` of the largest, |D| as 0 where
+/// it is at most `tolerance` of the sum of its two terms, and the motion as steady where ω lies within `tolerance`
+/// rad of I ω.
 ///
 /// ```
 /// use glam::DVec3;

@@ -30,7 +30,7 @@ pub fn exponential(rotation_vector: DVec3) -> DQuat {
 }
 
 /// exp: the matrix of the rotation by |v| rad about v/|v|, by the formula of O. Rodrigues (J. Math. Pures Appl. 5
-/// (1840) 380): 1 + sin θ/θ [v]× + (1 − cos θ)/θ² [v]×².
+/// (1840) 380): 1 + sin θ/θ \[v\]× + (1 − cos θ)/θ² \[v\]×².
 pub fn exponential_matrix(rotation_vector: DVec3) -> DMat3 {
     let angle = rotation_vector.length();
     let cross = cross_product_matrix(rotation_vector);
@@ -42,7 +42,8 @@ pub fn exponential_matrix(rotation_vector: DVec3) -> DMat3 {
     DMat3::IDENTITY + cross * (angle.sin() / angle) + cross * cross * (0.5 * half * half)
 }
 
-/// log: the rotation vector of a quaternion (a unit quaternion; a positive factor does not matter), of length in [0, π].
+/// log: the rotation vector of a quaternion (a unit quaternion; a positive factor does not matter), of length in [0,
+/// π].
 ///
 /// Accurate near 0, where the angle comes from the vector part, and near π, where arc cosines of the scalar part
 /// would lose half the digits. At π itself both signs are right; the one of the quaternion's vector part is taken.
