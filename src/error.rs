@@ -113,6 +113,20 @@ pub enum Error {
         /// The text looked for.
         text: String,
     },
+    /// A value of one item of a list (a point, a part, a voxel) is not valid.
+    #[error("{item} {index}: {field} = {value}: {expected}")]
+    Item {
+        /// What the list is of.
+        item: &'static str,
+        /// Number of the item, from 0.
+        index: usize,
+        /// Name of the field.
+        field: &'static str,
+        /// The value found.
+        value: f64,
+        /// What would be valid.
+        expected: &'static str,
+    },
     /// An inertia tensor is not that of a rigid body.
     #[error("inertia tensor: {0}")]
     Inertia(crate::inertia::InertiaDefect),

@@ -339,7 +339,7 @@ fn voxels_of_a_box_are_the_box_and_of_a_ball_nearly_the_ball() {
     negative[7] = -1.0;
     assert!(matches!(
         VoxelGrid { densities: &negative, ..grid }.mass_properties(),
-        Err(Error::Body { body: 7, field: "density", .. })
+        Err(Error::Item { item: "voxel", index: 7, field: "density", .. })
     ));
 }
 
@@ -472,4 +472,21 @@ proptest! {
         let second = InertiaTensor::from_second_moments(body.inertia.second_moments());
         prop_assert!((second - body.inertia).norm() < ROUNDING);
     }
+}
+
+#[test]
+fn points_and_parts_that_are_not_valid_are_named_by_number() {
+    let good = (1.0, DVec3::X);
+    let bad_mass = point_masses(&[good, (-1.0, DVec3::Y)]);
+    assert!(matches!(bad_mass, Err(Error::Item { item: "point", index: 1, field: "mass", value: -1.0, .. })));
+    let bad_place = point_masses(&[good, good, (1.0, DVec3::NAN)]);
+    assert!(matches!(bad_place, Err(Error::Item { item: "point", index: 2, field: "position", .. })));
+    assert!(matches!(point_masses(&[]), Err(Error::Setting { field: "total mass", .. })));
+    let ball = Part::new(Shape::Sphere { radius: 1.0 }.mass_properties(1.0).unwrap());
+    let askew = ball.oriented(DQuat::from_xyzw(1.0, 1.0, 0.0, 0.0));
+    let Err(error) = compose(&[ball, askew]) else { panic!("a quaternion of length √2 passed") };
+    assert_eq!(error.to_string(), "part 1: length of the orientation = 1.4142135623730951: a unit quaternion");
+    assert!(matches!(compose(&[ball, ball.at(DVec3::INFINITY)]), Err(Error::Item { field: "position", .. })));
+    assert!(matches!(compose(&[]), Err(Error::Setting { field: "mass of all parts", .. })));
+    assert!(matches!(compose(&[ball, ball.as_hole()]), Err(Error::Setting { field: "mass of all parts", .. })));
 }

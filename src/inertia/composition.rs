@@ -2,7 +2,6 @@
 
 use glam::{DQuat, DVec3};
 
-use super::mass_properties::finite;
 use super::validation::{InertiaDefect, Validity};
 use super::{InertiaTensor, MassProperties};
 use crate::error::{Error, Result};
@@ -51,7 +50,7 @@ const UNIT_TOLERANCE: f64 = 1e-6;
 /// parts overlap, or holes lie within matter, is not examined beyond this: the result must itself be a body.
 ///
 /// # Errors
-/// [`Error::Body`] with the number of the part whose mass is not positive, whose position is not finite or whose
+/// [`Error::Item`] with the number of the part whose mass is not positive, whose position is not finite or whose
 /// orientation is not a unit quaternion; [`Error::Setting`] where the masses' sum is not positive;
 /// [`Error::Inertia`] where the holes leave a tensor that no body has.
 ///
@@ -68,21 +67,25 @@ const UNIT_TOLERANCE: f64 = 1e-6;
 /// # Ok::<(), polhode::Error>(())
 /// ```
 pub fn compose(parts: &[Part]) -> Result<MassProperties> {
+    let invalid = |index, field, value, expected| Err(Error::Item { item: "part", index, field, value, expected });
     let mut placed = Vec::with_capacity(parts.len());
-    for (body, part) in parts.iter().enumerate() {
+    for (index, part) in parts.iter().enumerate() {
         let mass = part.properties.mass;
         if !(mass > 0.0 && mass.is_finite()) {
             let expected = "positive and finite (a hole has the mass of what is missing)";
-            return Err(Error::Body { body, field: "mass of the part", value: mass, expected });
+            return invalid(index, "mass", mass, expected);
         }
         let norm = part.orientation.length();
         // False for NaN.
         let is_unit = (norm - 1.0).abs() <= UNIT_TOLERANCE;
         if !is_unit {
-            return Err(Error::Body { body, field: "orientation", value: norm, expected: "a unit quaternion" });
+            return invalid(index, "length of the orientation", norm, "a unit quaternion");
         }
-        finite("position of a part", part.position)?;
-        finite("centre of mass of a part", part.properties.centre_of_mass)?;
+        for (field, place) in [("position", part.position), ("centre of mass", part.properties.centre_of_mass)] {
+            if let Some(value) = place.to_array().into_iter().find(|c| !c.is_finite()) {
+                return invalid(index, field, value, "finite components");
+            }
+        }
         let sign = if part.is_hole { -1.0 } else { 1.0 };
         placed.push((sign, part.properties.placed(part.orientation.normalize(), part.position)));
     }

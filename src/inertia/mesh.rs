@@ -116,7 +116,8 @@ impl fmt::Display for MeshDefect {
             Self::Inconsistent { edges } => {
                 write!(
                     f,
-                    "triangles turned against their neighbours at {edges} edges: all must be counter-clockwise seen from outside"
+                    "triangles turned against their neighbours at {edges} edges: all must be counter-clockwise seen from \
+                     outside"
                 )
             }
             Self::InsideOut { signed_volume } => write!(

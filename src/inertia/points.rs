@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 /// of mass is found first and the tensor is summed about it, so that a far origin costs no digits.
 ///
 /// # Errors
-/// [`Error::Body`] with the number of the first point whose mass is negative or not finite or whose position is not
+/// [`Error::Item`] with the number of the first point whose mass is negative or not finite or whose position is not
 /// finite, and [`Error::Setting`] where the total mass is zero.
 ///
 /// ```
@@ -28,12 +28,13 @@ use crate::error::{Error, Result};
 /// ```
 pub fn point_masses(points: &[(f64, DVec3)]) -> Result<MassProperties> {
     let mut mass = 0.0;
-    for (body, &(m, position)) in points.iter().enumerate() {
+    let invalid = |index, field, value, expected| Err(Error::Item { item: "point", index, field, value, expected });
+    for (index, &(m, position)) in points.iter().enumerate() {
         if !(m >= 0.0 && m.is_finite()) {
-            return Err(Error::Body { body, field: "mass", value: m, expected: "at least 0 and finite" });
+            return invalid(index, "mass", m, "at least 0 and finite");
         }
         if let Some(value) = position.to_array().into_iter().find(|c| !c.is_finite()) {
-            return Err(Error::Body { body, field: "position", value, expected: "finite components" });
+            return invalid(index, "position", value, "finite components");
         }
         mass += m;
     }

@@ -70,18 +70,18 @@ impl fmt::Display for InertiaDefect {
             }
             Self::NegativeMoment { moment, relative } => write!(
                 f,
-                "least principal moment = {moment} kg m² ({relative:e} of the largest): all must be positive; off-diagonal \
-                 elements are −∫ρxy, and with the opposite sign the moments can come out negative"
+                "least principal moment = {moment} kg m² ({relative:e} of the largest): all must be positive; \
+                 off-diagonal elements are −∫ρxy, and with the opposite sign the moments can come out negative"
             ),
             Self::VanishingMoment { moment, relative } => write!(
                 f,
-                "least principal moment = {moment} kg m² ({relative:e} of the largest): zero to rounding, as for a linear \
-                 rotor, which cannot spin about its axis"
+                "least principal moment = {moment} kg m² ({relative:e} of the largest): zero to rounding, as for a \
+                 linear rotor, which cannot spin about its axis"
             ),
             Self::TriangleInequality { moments, relative_excess } => write!(
                 f,
-                "principal moments {}, {}, {} kg m²: the largest exceeds the sum of the others by {relative_excess:e} of \
-                 itself; at most {TRIANGLE_TOLERANCE:e} is rounding",
+                "principal moments {}, {}, {} kg m²: the largest exceeds the sum of the others by {relative_excess:e} \
+                 of itself; at most {TRIANGLE_TOLERANCE:e} is rounding",
                 moments.x, moments.y, moments.z
             ),
             Self::NotLinear { moments, relative_tolerance } => write!(

@@ -24,7 +24,7 @@ impl VoxelGrid<'_> {
     /// of the voxels whose density is not zero.
     ///
     /// # Errors
-    /// [`Error::ColumnLength`] where the number of densities is not nx ny nz, [`Error::Body`] with the number of the
+    /// [`Error::ColumnLength`] where the number of densities is not nx ny nz, [`Error::Item`] with the number of the
     /// first voxel whose density is negative or not finite, [`Error::Setting`] where spacing is not positive, the
     /// corner is not finite or all densities are zero.
     ///
@@ -40,7 +40,7 @@ impl VoxelGrid<'_> {
     /// ```
     pub fn mass_properties(&self) -> Result<MassProperties> {
         let [nx, ny, nz] = self.counts;
-        let expected = nx * ny * nz;
+        let expected = nx.saturating_mul(ny).saturating_mul(nz);
         if self.densities.len() != expected {
             return Err(Error::ColumnLength { column: "densities", found: self.densities.len(), expected });
         }
@@ -55,7 +55,7 @@ impl VoxelGrid<'_> {
         for (voxel, &density) in self.densities.iter().enumerate() {
             if !(density >= 0.0 && density.is_finite()) {
                 let expected = "at least 0 and finite";
-                return Err(Error::Body { body: voxel, field: "density", value: density, expected });
+                return Err(Error::Item { item: "voxel", index: voxel, field: "density", value: density, expected });
             }
             if density == 0.0 {
                 continue;

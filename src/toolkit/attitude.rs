@@ -17,10 +17,10 @@ impl From<DQuat> for AxisAngle {
     /// With the angle in [0, π]; the axis of no rotation is x.
     fn from(orientation: DQuat) -> Self {
         let vector = logarithm(orientation);
-        let angle = vector.length();
-        // The axis comes from the quaternion, whose vector part does not underflow where the angle's square does.
-        let axis = orientation.xyz().try_normalize().unwrap_or(DVec3::X);
-        Self { axis: if orientation.w < 0.0 { -axis } else { axis }, angle }
+        let angle = 2.0 * orientation.xyz().length().atan2(orientation.w.abs());
+        // In units of its largest component, as the squares of a tiny angle underflow.
+        let axis = (vector / vector.abs().max_element()).try_normalize().unwrap_or(DVec3::X);
+        Self { axis, angle }
     }
 }
 

@@ -44,7 +44,7 @@ pub fn linear_momentum(mass: f64, velocity: DVec3) -> DVec3 {
 /// let slower = after.solve(momentum);
 /// let longer_day = std::f64::consts::TAU / slower.z - day;
 /// assert!((longer_day * 1e6 - 0.06).abs() < 0.005, "{} µs", longer_day * 1e6);
-/// // The energy L²/2I does not stay: it falls in the same ratio as the spin, as forces within moved the water outwards.
+/// // The energy L²/2I does not stay: it falls in the ratio of the spin, as forces within moved the water outwards.
 /// let (k, k_after) = (rotational_kinetic_energy(&before, omega), rotational_kinetic_energy(&after, slower));
 /// assert!(((k - k_after) / k - longer_day / day).abs() < 1e-15);
 /// ```

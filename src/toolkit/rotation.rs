@@ -9,7 +9,8 @@ const TINY_ANGLE: f64 = 1e-9;
 
 /// exp: the unit quaternion of the rotation by |v| rad about v/|v|, v being a rotation vector.
 ///
-/// Accurate to rounding for every finite vector, the null vector included.
+/// Accurate to rounding for all vectors up to |v| of order 1, the null vector included; the rounding of a larger |v|
+/// itself turns the result by as much. |v|² must not overflow.
 ///
 /// ```
 /// use glam::DVec3;
