@@ -158,6 +158,57 @@ pub enum Error {
         /// The folder.
         path: PathBuf,
     },
+    /// A value of one item of a list (a point, a part, a voxel) is not valid.
+    #[error("{item} {index}: {field} = {value}: {expected}")]
+    Item {
+        /// What the list is of.
+        item: &'static str,
+        /// Number of the item, from 0.
+        index: usize,
+        /// Name of the field.
+        field: &'static str,
+        /// The value found.
+        value: f64,
+        /// What would be valid.
+        expected: &'static str,
+    },
+    /// An inertia tensor is not that of a rigid body.
+    #[error("inertia tensor: {0}")]
+    Inertia(crate::inertia::InertiaDefect),
+    /// A triangle mesh does not enclose a volume.
+    #[error("mesh: {0}")]
+    Mesh(crate::inertia::MeshDefect),
+    /// A mesh file could not be read.
+    #[cfg(feature = "mesh")]
+    #[error("{}: {problem}", path.display())]
+    MeshFile {
+        /// The file.
+        path: std::path::PathBuf,
+        /// What is wrong with it.
+        problem: crate::inertia::MeshFileProblem,
+    },
+    /// Points have no convex hull with a volume.
+    #[cfg(feature = "mesh")]
+    #[error("convex hull: the {points} points {arrangement}; four points that do not lie in a plane are needed")]
+    FlatHull {
+        /// Number of points given.
+        points: usize,
+        /// How they lie.
+        arrangement: crate::inertia::FlatArrangement,
+    },
+    /// A quadrature ended at its limit before it was accurate enough.
+    #[error(
+        "quadrature of the density: relative error {relative_error:e} after {evaluations} evaluations, \
+         {relative_tolerance:e} was asked for; raise the limit, or put jumps of the density on faces of the box"
+    )]
+    Quadrature {
+        /// Evaluations done.
+        evaluations: usize,
+        /// The estimated relative error reached.
+        relative_error: f64,
+        /// The relative error asked for.
+        relative_tolerance: f64,
+    },
     /// The caller asked to stop.
     #[error("stopped after {steps} steps")]
     Interrupted {

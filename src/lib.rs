@@ -67,6 +67,7 @@ pub mod run;
 pub mod scene;
 #[cfg(feature = "study")]
 pub mod study;
+pub mod toolkit;
 pub mod torque;
 pub mod vector;
 pub mod verify;

@@ -1,6 +1,6 @@
 //! Principal moments and axes of a tensor.
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DQuat, DVec3};
 
 use super::InertiaTensor;
 
@@ -13,67 +13,186 @@ pub struct PrincipalAxes {
     pub principal_to_body: DQuat,
 }
 
-/// Sweeps of Jacobi's method after which a 3×3 matrix is diagonal to rounding; convergence is quadratic, five suffice.
-const SWEEPS: usize = 8;
-
-/// Principal moments, ascending, and axes of `tensor`.
-///
-/// Jacobi's method (C. G. J. Jacobi 1846; G. H. Golub, C. F. Van Loan, *Matrix Computations*, 4th ed., section 8.5), which
-/// finds small eigenvalues of a positive definite matrix to high relative accuracy. A diagonal tensor gives a
-/// permutation of its own entries, exactly. The entries are not validated here.
-pub fn principal_axes(tensor: &InertiaTensor) -> PrincipalAxes {
-    let mut a =
-        [[tensor.xx, tensor.xy, tensor.xz], [tensor.xy, tensor.yy, tensor.yz], [tensor.xz, tensor.yz, tensor.zz]];
-    let mut axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    for _ in 0..SWEEPS {
-        if a[0][1] == 0.0 && a[0][2] == 0.0 && a[1][2] == 0.0 {
-            break;
-        }
-        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
-            rotate(&mut a, &mut axes, p, q);
-        }
+impl PrincipalAxes {
+    /// The tensor in body axes that has these moments and axes.
+    pub fn tensor(&self) -> InertiaTensor {
+        InertiaTensor::from_principal_moments(self.moments).rotated(self.principal_to_body)
     }
-    let mut order = [0, 1, 2];
-    order.sort_by(|&i, &j| a[i][i].total_cmp(&a[j][j]));
-    let column = |i: usize| DVec3::new(axes[0][i], axes[1][i], axes[2][i]);
-    let (x, y) = (column(order[0]), column(order[1]));
-    // The third axis is completed rather than copied, so that the frame is right-handed.
-    let frame = DMat3::from_cols(x, y, x.cross(y));
-    PrincipalAxes {
-        moments: DVec3::new(a[order[0]][order[0]], a[order[1]][order[1]], a[order[2]][order[2]]),
-        principal_to_body: DQuat::from_mat3(&frame).normalize(),
+
+    /// The axis of moment I₁, I₂ or I₃ (`index` 0, 1 or 2) as a unit vector in body axes.
+    pub fn axis_body(&self, index: usize) -> DVec3 {
+        self.principal_to_body * DVec3::AXES[index]
     }
 }
 
-/// One Jacobi rotation, which makes a[p][q] vanish.
-fn rotate(a: &mut [[f64; 3]; 3], axes: &mut [[f64; 3]; 3], p: usize, q: usize) {
-    let off = a[p][q];
-    if off == 0.0 {
-        return;
+/// Sweeps after which the iteration ends in any case; convergence is quadratic, and six have always been enough.
+const SWEEP_LIMIT: usize = 16;
+
+/// Tangent of a rotation angle below which the rotation no longer changes an axis: a quarter of an ulp of 1.
+const NEGLIGIBLE_TANGENT: f64 = 5.551115123125783e-17;
+
+/// The three positions of a symmetric matrix's off-diagonal elements: `(k, p, q)` cyclic, the element in row p and
+/// column q being stored as number k.
+pub(super) const PLANES: [(usize, usize, usize); 3] = [(0, 1, 2), (1, 2, 0), (2, 0, 1)];
+
+/// Principal moments, ascending, and axes of `tensor`.
+///
+/// Jacobi's method (C. G. J. Jacobi, J. reine angew. Math. 30 (1846) 51; G. H. Golub, C. F. Van Loan, *Matrix
+/// Computations*, 4th ed., section 8.5), which finds small eigenvalues of a positive definite matrix to high relative
+/// accuracy. The axes are accumulated as a quaternion, so that they are a right-handed frame by construction.
+///
+/// Of the four right-handed frames that have the same axes, the one turned least from the body axes is given, and
+/// equal moments keep the order of the body axes; the result depends on the six elements alone. A diagonal tensor
+/// gives a permutation of its own entries, exactly. Where all diagonal elements lie within a factor of two of one
+/// another, one of them is taken off first (without rounding), so that the axes of a nearly spherical body are as
+/// accurate as its tensor's deviation from a multiple of 1 allows. The elements are not validated here.
+///
+/// ```
+/// use glam::DVec3;
+/// use polhode::inertia::{InertiaTensor, principal_axes};
+///
+/// let tensor = InertiaTensor { xx: 2.0, yy: 2.0, zz: 3.5, xy: -1.0, xz: 0.0, yz: 0.0 };
+/// let axes = principal_axes(&tensor);
+/// assert!((axes.moments - DVec3::new(1.0, 3.0, 3.5)).abs().max_element() < 1e-15);
+/// assert!((axes.axis_body(0).dot(DVec3::new(1.0, 1.0, 0.0).normalize()).abs() - 1.0).abs() < 1e-15);
+/// ```
+pub fn principal_axes(tensor: &InertiaTensor) -> PrincipalAxes {
+    let mut diagonal = [tensor.xx, tensor.yy, tensor.zz];
+    let mut off = [tensor.yz, tensor.xz, tensor.xy];
+    if off == [0.0; 3] && diagonal[0] <= diagonal[1] && diagonal[1] <= diagonal[2] {
+        return PrincipalAxes { moments: DVec3::from_array(diagonal), principal_to_body: DQuat::IDENTITY };
     }
-    // An off-diagonal element that no longer changes either diagonal element is zero to rounding.
-    if a[p][p].abs() + off.abs() == a[p][p].abs() && a[q][q].abs() + off.abs() == a[q][q].abs() {
-        a[p][q] = 0.0;
-        a[q][p] = 0.0;
-        return;
+    let smallest = diagonal[0].min(diagonal[1]).min(diagonal[2]);
+    let largest = diagonal[0].max(diagonal[1]).max(diagonal[2]);
+    // Differences of numbers within a factor of two are exact (P. H. Sterbenz, Floating-Point Computation, 1974).
+    let shift = if smallest > 0.0 && largest <= 2.0 * smallest { diagonal[0] } else { 0.0 };
+    diagonal = diagonal.map(|d| d - shift);
+
+    let mut turned = [0.0, 0.0, 0.0, 1.0];
+    let mut is_turned = false;
+    for _ in 0..SWEEP_LIMIT {
+        if off == [0.0; 3] {
+            break;
+        }
+        for (k, p, q) in PLANES {
+            let element = off[k];
+            if element == 0.0 {
+                continue;
+            }
+            let theta = (diagonal[q] - diagonal[p]) / (2.0 * element);
+            let tangent = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+            let moved = tangent * element;
+            diagonal[p] -= moved;
+            diagonal[q] += moved;
+            off[k] = 0.0;
+            if tangent.abs() < NEGLIGIBLE_TANGENT {
+                continue;
+            }
+            is_turned = true;
+            let cosine = 1.0 / (tangent * tangent + 1.0).sqrt();
+            let sine = tangent * cosine;
+            (off[q], off[p]) = (cosine * off[q] - sine * off[p], sine * off[q] + cosine * off[p]);
+            let half_cosine = (0.5 + 0.5 * cosine).sqrt();
+            turn(&mut turned, (k, p, q), -0.5 * sine / half_cosine, half_cosine);
+        }
     }
-    let theta = (a[q][q] - a[p][p]) / (2.0 * off);
-    let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
-    let c = 1.0 / (t * t + 1.0).sqrt();
-    let s = t * c;
-    a[p][p] -= t * off;
-    a[q][q] += t * off;
-    a[p][q] = 0.0;
-    a[q][p] = 0.0;
-    let r = 3 - p - q;
-    let (rp, rq) = (a[r][p], a[r][q]);
-    a[r][p] = c * rp - s * rq;
-    a[p][r] = a[r][p];
-    a[r][q] = s * rp + c * rq;
-    a[q][r] = a[r][q];
-    for row in axes.iter_mut() {
-        let (x, y) = (row[p], row[q]);
-        row[p] = c * x - s * y;
-        row[q] = s * x + c * y;
+    let order = ascending(|i, j| diagonal[i].total_cmp(&diagonal[j]));
+    let mut quaternion = permuted(turned, order);
+    if is_turned {
+        let norm_squared = quaternion.iter().map(|c| c * c).sum::<f64>();
+        let factor = 1.5 - 0.5 * norm_squared;
+        quaternion = quaternion.map(|c| c * factor);
     }
+    let nearest = nearest_to_identity(quaternion.map(f64::abs));
+    let quaternion = half_turned(quaternion, nearest, |c| -c);
+    let sign = if quaternion[3] < 0.0 { -1.0 } else { 1.0 };
+    PrincipalAxes {
+        moments: DVec3::from_array(order.map(|i| diagonal[i] + shift)),
+        principal_to_body: DQuat::from_array(quaternion.map(|c| sign * c)),
+    }
+}
+
+/// q ← q (sine e_k, cosine): a turn about axis k, with `sine` and `cosine` of half its angle.
+fn turn(quaternion: &mut [f64; 4], (k, p, q): (usize, usize, usize), sine: f64, cosine: f64) {
+    let c = *quaternion;
+    quaternion[k] = c[k] * cosine + c[3] * sine;
+    quaternion[p] = c[p] * cosine + c[q] * sine;
+    quaternion[q] = c[q] * cosine - c[p] * sine;
+    quaternion[3] = c[3] * cosine - c[k] * sine;
+}
+
+/// The indices 0, 1, 2 in ascending order of what they stand for; equals keep their order.
+pub(super) fn ascending(mut compare: impl FnMut(usize, usize) -> std::cmp::Ordering) -> [usize; 3] {
+    let mut order = [0, 1, 2];
+    order.sort_by(|&i, &j| compare(i, j));
+    order
+}
+
+/// The quaternion (x, y, z, w) of the turn that takes the axes 0, 1, 2 to `order` (the sign of an axis left free).
+pub(super) fn permutation(order: [usize; 3]) -> [PermutationEntry; 4] {
+    use PermutationEntry::{Half, MinusHalf, RootHalf, Zero};
+    match order {
+        [0, 1, 2] => [Zero, Zero, Zero, PermutationEntry::One],
+        [1, 2, 0] => [Half, Half, Half, Half],
+        [2, 0, 1] => [MinusHalf, MinusHalf, MinusHalf, Half],
+        [1, 0, 2] => [RootHalf, RootHalf, Zero, Zero],
+        [0, 2, 1] => [Zero, RootHalf, RootHalf, Zero],
+        _ => [RootHalf, Zero, RootHalf, Zero],
+    }
+}
+
+/// A component of the quaternion of a permutation of the axes, named so that each precision can supply its own √½.
+#[derive(Clone, Copy)]
+pub(super) enum PermutationEntry {
+    Zero,
+    One,
+    Half,
+    MinusHalf,
+    RootHalf,
+}
+
+fn permuted(turned: [f64; 4], order: [usize; 3]) -> [f64; 4] {
+    if order == [0, 1, 2] {
+        return turned;
+    }
+    let step = permutation(order).map(|entry| match entry {
+        PermutationEntry::Zero => 0.0,
+        PermutationEntry::One => 1.0,
+        PermutationEntry::Half => 0.5,
+        PermutationEntry::MinusHalf => -0.5,
+        PermutationEntry::RootHalf => std::f64::consts::FRAC_1_SQRT_2,
+    });
+    let ([ax, ay, az, aw], [bx, by, bz, bw]) = (turned, step);
+    [
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by + ay * bw + az * bx - ax * bz,
+        aw * bz + az * bw + ax * by - ay * bx,
+        aw * bw - ax * bx - ay * by - az * bz,
+    ]
+}
+
+/// Which half turn about a principal axis (0, 1, 2; 3 for none) brings a frame nearest to the body axes: the one that
+/// makes the largest component the scalar part. Among equals the scalar part itself comes first.
+pub(super) fn nearest_to_identity(magnitudes: [f64; 4]) -> usize {
+    let mut best = 3;
+    for k in 0..3 {
+        if magnitudes[k] > magnitudes[best] {
+            best = k;
+        }
+    }
+    best
+}
+
+/// The quaternion after a half turn about principal axis `k` (3 for none), which only moves its components about.
+pub(super) fn half_turned<T: Copy>(c: [T; 4], k: usize, minus: impl Fn(T) -> T) -> [T; 4] {
+    if k == 3 {
+        return c;
+    }
+    let (k, p, q) = PLANES[k];
+    let mut turned = c;
+    turned[3] = c[k];
+    turned[k] = minus(c[3]);
+    turned[p] = minus(c[q]);
+    turned[q] = c[p];
+    turned
 }

@@ -1,0 +1,111 @@
+//! Triangle meshes from OBJ and STL files.
+
+use std::ffi::OsStr;
+use std::fmt;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+use glam::DVec3;
+
+use super::TriangleMesh;
+use crate::error::{Error, Result};
+
+/// What is wrong with a mesh file.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum MeshFileProblem {
+    /// The name ends in neither .obj nor .stl.
+    UnknownFormat,
+    /// The operating system could not open or read it.
+    Io(std::io::ErrorKind),
+    /// It is not an STL file, or is cut short.
+    Stl {
+        /// The reader's words.
+        message: String,
+    },
+    /// It is not a valid OBJ file.
+    Obj(tobj::LoadError),
+    /// It has no triangles.
+    Empty,
+}
+
+impl fmt::Display for MeshFileProblem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::UnknownFormat => write!(f, "the name must end in .obj or .stl"),
+            Self::Io(kind) => write!(f, "{kind}"),
+            Self::Stl { message } => write!(f, "not a complete STL file ({message})"),
+            Self::Obj(error) => write!(f, "not a valid OBJ file ({error})"),
+            Self::Empty => write!(f, "no triangles in the file"),
+        }
+    }
+}
+
+/// Reads a mesh from an OBJ file (polygons are cut into triangles, all objects and groups belong to one surface) or
+/// an STL file (binary or text), told apart by the ending of the name.
+///
+/// Corners with equal coordinates become one vertex, so that an STL file, or an OBJ file cut into groups, can be
+/// closed. Coordinates are taken as metres; [`TriangleMesh::scaled`] makes metres of other units. STL coordinates have
+/// the precision of `f32`.
+///
+/// # Errors
+/// [`Error::MeshFile`] with the path and what is wrong, [`Error::Mesh`] where a coordinate is not finite. That the
+/// surface is closed is examined by [`TriangleMesh::mass_properties`], not here.
+///
+/// ```
+/// use polhode::inertia::read_mesh;
+///
+/// let path = std::env::temp_dir().join(format!("polhode-doc-{}.obj", std::process::id()));
+/// std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")?;
+/// let body = read_mesh(&path)?.mass_properties_of_density(6000.0)?;
+/// std::fs::remove_file(&path)?;
+/// assert!((body.mass - 1000.0).abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn read_mesh(path: impl AsRef<Path>) -> Result<TriangleMesh> {
+    let path = path.as_ref();
+    let failed = |problem| Error::MeshFile { path: path.to_owned(), problem };
+    let ending = path.extension().and_then(OsStr::to_str).map(str::to_ascii_lowercase);
+    let is_stl = match ending.as_deref() {
+        Some("stl") => true,
+        Some("obj") => false,
+        _ => return Err(failed(MeshFileProblem::UnknownFormat)),
+    };
+    let file = File::open(path).map_err(|error| failed(MeshFileProblem::Io(error.kind())))?;
+    let mut reader = BufReader::new(file);
+    let corners = if is_stl { stl_corners(&mut reader) } else { obj_corners(&mut reader) }.map_err(failed)?;
+    if corners.is_empty() {
+        return Err(failed(MeshFileProblem::Empty));
+    }
+    TriangleMesh::from_corners(corners)
+}
+
+type Corners = std::result::Result<Vec<[DVec3; 3]>, MeshFileProblem>;
+
+fn stl_corners(reader: &mut BufReader<File>) -> Corners {
+    let problem = |error: std::io::Error| MeshFileProblem::Stl { message: error.to_string() };
+    stl_io::create_stl_reader(reader)
+        .map_err(problem)?
+        .map(|triangle| {
+            let triangle = triangle.map_err(problem)?;
+            Ok(triangle.vertices.map(|v| DVec3::new(v[0].into(), v[1].into(), v[2].into())))
+        })
+        .collect()
+}
+
+fn obj_corners(reader: &mut BufReader<File>) -> Corners {
+    let options =
+        tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
+    // Materials have nothing to do with the surface, so their files are not opened.
+    let (models, _) = tobj::load_obj_buf(reader, &options, |_| Ok(Default::default())).map_err(MeshFileProblem::Obj)?;
+    let mut corners = Vec::new();
+    for model in models {
+        let at = |index: u32| {
+            let first = 3 * index as usize;
+            DVec3::from_slice(&model.mesh.positions[first..first + 3])
+        };
+        corners.extend(model.mesh.indices.chunks_exact(3).map(|t| [at(t[0]), at(t[1]), at(t[2])]));
+    }
+    Ok(corners)
+}

@@ -1,0 +1,240 @@
+//! Convex hulls, and meshes read from files.
+#![cfg(feature = "mesh")]
+
+use std::path::PathBuf;
+
+use glam::DVec3;
+use polhode::Error;
+use polhode::inertia::*;
+use proptest::prelude::*;
+
+/// Six times the volume of the tetrahedron a, b, c, p: exact for coordinates that are integers below 2¹⁵.
+fn height(mesh: &TriangleMesh, [a, b, c]: [usize; 3], p: DVec3) -> f64 {
+    let [a, b, c] = [a, b, c].map(|v| mesh.vertices()[v]);
+    (b - a).cross(c - a).dot(p - a)
+}
+
+/// A hull is closed, of one piece, convex, and holds all points.
+fn assert_hull(points: &[DVec3], hull: &TriangleMesh) {
+    let report = hull.report();
+    assert_eq!(hull.defect(), None, "{report:?}");
+    assert_eq!((report.flat_triangles, report.shared_edges), (0, 0), "{report:?}");
+    // Euler: F = 2V − 4 for triangles around one piece without holes.
+    assert_eq!(report.triangles, 2 * hull.vertices().len() - 4);
+    for &triangle in hull.triangles() {
+        for &point in points {
+            let above = height(hull, triangle, point);
+            assert!(above <= 0.0, "{point} lies above the face {triangle:?} by {above}");
+        }
+    }
+    assert!(hull.vertices().iter().all(|v| points.contains(v)));
+}
+
+/// A point with integer coordinates of at most `size`.
+fn lattice(size: i32) -> impl Strategy<Value = DVec3> {
+    [-size..=size, -size..=size, -size..=size].prop_map(|c| DVec3::from_array(c.map(f64::from)))
+}
+
+proptest! {
+    #[test]
+    fn hulls_of_points_hold_all_points(points in prop::collection::vec(lattice(1000), 4..80)) {
+        match convex_hull(&points) {
+            Ok(hull) => assert_hull(&points, &hull),
+            Err(error) => prop_assert!(points.len() < 6, "{error}"),
+        }
+    }
+
+    #[test]
+    fn hulls_of_points_that_share_planes_hold_all_points(points in prop::collection::vec(lattice(2), 4..60)) {
+        // In a lattice of 125 points most faces hold many, and points repeat.
+        match convex_hull(&points) {
+            Ok(hull) => assert_hull(&points, &hull),
+            Err(Error::FlatHull { points: count, .. }) => {
+                prop_assert_eq!(count, points.len());
+                let first = points[0];
+                let volume = |a: DVec3, b: DVec3, c: DVec3| (a - first).cross(b - first).dot(c - first);
+                for &a in &points { for &b in &points { for &c in &points {
+                    prop_assert_eq!(volume(a, b, c), 0.0, "{} {} {} {} span a volume", first, a, b, c);
+                } } }
+            }
+            Err(error) => prop_assert!(false, "{error}"),
+        }
+    }
+}
+
+#[test]
+fn a_lattice_has_the_hull_of_its_cube() {
+    let points: Vec<DVec3> =
+        (0..512).map(|i| DVec3::new((i % 8) as f64, (i / 8 % 8) as f64, (i / 64) as f64)).collect();
+    let hull = convex_hull(&points).unwrap();
+    assert_hull(&points, &hull);
+    let body = hull.mass_properties(2.0).unwrap();
+    let cube = Shape::Box { edges: DVec3::splat(7.0) }.mass_properties(2.0).unwrap();
+    assert!((body.volume - 343.0).abs() < 1e-10);
+    assert!((body.inertia - cube.inertia).norm() < 1e-13 * cube.inertia.norm());
+    assert!(body.centre_of_mass.distance(DVec3::splat(3.5)) < 1e-13);
+}
+
+#[test]
+fn points_on_a_sphere_are_all_corners_of_their_hull() {
+    // Fibonacci's lattice.
+    let count = 5000;
+    let points: Vec<DVec3> = (0..count)
+        .map(|i| {
+            let z = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
+            let (sine, cosine) = (i as f64 * 2.399963229728653).sin_cos();
+            DVec3::new((1.0 - z * z).sqrt() * cosine, (1.0 - z * z).sqrt() * sine, z)
+        })
+        .collect();
+    let hull = convex_hull(&points).unwrap();
+    assert_eq!(hull.vertices().len(), count);
+    assert_eq!(hull.defect(), None);
+    let body = hull.mass_properties(1.0).unwrap();
+    assert!((body.inertia.zz / 0.4 - 1.0).abs() < 2e-3);
+}
+
+#[test]
+fn hulls_of_molecules_and_moons_are_the_same_shape() {
+    let points = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z, DVec3::ONE, DVec3::new(0.3, 0.2, 0.4)];
+    let hull = convex_hull(&points).unwrap();
+    for scale in [1e-10, 1e7] {
+        let scaled = convex_hull(&points.map(|p| p * scale)).unwrap();
+        assert_eq!(scaled.triangles().len(), hull.triangles().len());
+        let volume = scaled.mass_properties(1.0).unwrap().volume / scale.powi(3);
+        assert!((volume / hull.mass_properties(1.0).unwrap().volume - 1.0).abs() < 1e-13);
+    }
+}
+
+#[test]
+fn points_without_a_hull_are_named_by_how_they_lie() {
+    let arrangement = |points: &[DVec3]| match convex_hull(points) {
+        Err(Error::FlatHull { arrangement, points: count }) => {
+            assert_eq!(count, points.len());
+            arrangement
+        }
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(arrangement(&[]), FlatArrangement::Coincide);
+    assert_eq!(arrangement(&[DVec3::ONE; 5]), FlatArrangement::Coincide);
+    let line: Vec<_> = (0..6).map(|i| DVec3::new(1.0, 2.0, -0.5) * i as f64).collect();
+    assert_eq!(arrangement(&line), FlatArrangement::OnALine);
+    let plane: Vec<_> = (0..9).map(|i| DVec3::new((i % 3) as f64, (i / 3) as f64, (i % 3 + i / 3) as f64)).collect();
+    assert_eq!(arrangement(&plane), FlatArrangement::InAPlane);
+    // One point off the plane by the least that f64 knows there: a hull, if a thin one.
+    let mut nearly = plane;
+    nearly[4].z = nearly[4].z.next_up();
+    assert!(convex_hull(&nearly).is_ok());
+    assert!(matches!(convex_hull(&[DVec3::NAN]), Err(Error::Setting { field: "points", .. })));
+}
+
+/// A file that is removed again.
+struct File(PathBuf);
+
+impl File {
+    fn new(name: &str, contents: impl AsRef<[u8]>) -> Self {
+        let path = std::env::temp_dir().join(format!("polhode-{}-{name}", std::process::id()));
+        std::fs::write(&path, contents).unwrap();
+        Self(path)
+    }
+}
+
+impl Drop for File {
+    fn drop(&mut self) {
+        // A file that stays behind in the temporary folder does no harm.
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
+fn torus() -> TriangleMesh {
+    Shape::Torus { major_radius: 2.0, minor_radius: 0.5 }.mesh(24).unwrap()
+}
+
+fn obj_text(mesh: &TriangleMesh) -> String {
+    let vertices = mesh.vertices().iter().map(|v| format!("v {:?} {:?} {:?}\n", v.x, v.y, v.z));
+    let faces = mesh.triangles().iter().map(|[a, b, c]| format!("f {} {} {}\n", a + 1, b + 1, c + 1));
+    vertices.chain(faces).collect()
+}
+
+fn stl_text(mesh: &TriangleMesh) -> String {
+    let facets = mesh.triangles().iter().map(|triangle| {
+        let corners = triangle.map(|v| mesh.vertices()[v].as_vec3());
+        let lines: String = corners.iter().map(|c| format!("vertex {:?} {:?} {:?}\n", c.x, c.y, c.z)).collect();
+        format!("facet normal 0 0 0\nouter loop\n{lines}endloop\nendfacet\n")
+    });
+    format!("solid torus\n{}endsolid torus\n", facets.collect::<String>())
+}
+
+fn stl_bytes(mesh: &TriangleMesh) -> Vec<u8> {
+    let mut bytes = vec![0; 80];
+    bytes.extend((mesh.triangles().len() as u32).to_le_bytes());
+    for triangle in mesh.triangles() {
+        bytes.extend([0; 12]);
+        for vertex in triangle.map(|v| mesh.vertices()[v].as_vec3()) {
+            bytes.extend(vertex.to_array().iter().flat_map(|c| c.to_le_bytes()));
+        }
+        bytes.extend([0; 2]);
+    }
+    bytes
+}
+
+#[test]
+fn obj_files_keep_all_digits() {
+    let mesh = torus();
+    let file = File::new("torus.obj", obj_text(&mesh));
+    let read = read_mesh(&file.0).unwrap();
+    assert_eq!(read.triangles().len(), mesh.triangles().len());
+    let (found, expected) = (read.mass_properties(1.0).unwrap(), mesh.mass_properties(1.0).unwrap());
+    assert!((found.inertia - expected.inertia).norm() < 1e-15 * expected.inertia.norm());
+}
+
+#[test]
+fn obj_files_of_quads_and_several_groups_are_one_surface() {
+    // A cube of quads in two objects, the second with negative indices.
+    let text = "o bottom\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n\
+                f 1 4 3 2\nf 1 2 6 5\nf 2 3 7 6\no top\nusemtl nowhere\nf 3 4 8 7\nf 4 1 5 8\nf -4 -3 -2 -1\n";
+    let file = File::new("cube.OBJ", text);
+    let body = read_mesh(&file.0).unwrap().mass_properties_of_density(2.0).unwrap();
+    assert!((body.mass - 2.0).abs() < 1e-15 && body.centre_of_mass.distance(DVec3::splat(0.5)) < 1e-15);
+    // In millimetres.
+    let small = read_mesh(&file.0).unwrap().scaled(1e-3).unwrap().mass_properties_of_density(2.0).unwrap();
+    assert!((small.mass / 2e-9 - 1.0).abs() < 1e-14);
+}
+
+#[test]
+fn stl_files_of_both_kinds_are_closed_and_right_to_single_precision() {
+    let mesh = torus();
+    let expected = mesh.mass_properties(1.0).unwrap();
+    let files = [File::new("text.stl", stl_text(&mesh)), File::new("binary.stl", stl_bytes(&mesh))];
+    let read: Vec<_> = files.iter().map(|file| read_mesh(&file.0).unwrap()).collect();
+    assert_eq!(read[0], read[1]);
+    assert_eq!(read[0].vertices().len(), mesh.vertices().len());
+    let found = read[0].mass_properties(1.0).unwrap();
+    assert!((found.inertia - expected.inertia).norm() < 1e-6 * expected.inertia.norm());
+}
+
+#[test]
+fn files_that_hold_no_mesh_are_named_with_what_is_wrong() {
+    let problem = |name: &str, contents: &[u8]| {
+        let file = File::new(name, contents);
+        match read_mesh(&file.0) {
+            Err(Error::MeshFile { path, problem }) => {
+                assert_eq!(path, file.0);
+                problem
+            }
+            other => panic!("{name}: {other:?}"),
+        }
+    };
+    assert_eq!(problem("mesh.ply", b"ply"), MeshFileProblem::UnknownFormat);
+    assert!(matches!(problem("bad.obj", b"v 1 2 three\n"), MeshFileProblem::Obj(_)));
+    assert!(matches!(problem("beyond.obj", b"v 1 2 3\nf 1 2 3\n"), MeshFileProblem::Obj(_)));
+    assert_eq!(problem("empty.obj", b"# nothing\n"), MeshFileProblem::Empty);
+    let cut = stl_bytes(&torus());
+    assert!(matches!(problem("cut.stl", &cut[..cut.len() - 20]), MeshFileProblem::Stl { .. }));
+    assert!(matches!(problem("short.stl", b"no"), MeshFileProblem::Stl { .. }));
+    assert_eq!(problem("empty.stl", &[0; 84]), MeshFileProblem::Empty);
+    let missing = std::env::temp_dir().join("polhode-there-is-no-such-file.stl");
+    assert!(matches!(
+        read_mesh(&missing),
+        Err(Error::MeshFile { problem: MeshFileProblem::Io(std::io::ErrorKind::NotFound), .. })
+    ));
+}
