@@ -75,6 +75,28 @@ use reader::{Node, Place, Table, Text};
 pub const DEFAULT_ATTITUDE: f64 = 1e-6;
 
 /// A study file, read.
+///
+/// ```
+/// use std::path::Path;
+///
+/// use polhode::study::Study;
+/// use polhode::{Engine, Plan};
+///
+/// let text = "
+///     [bodies]
+///     count = 3
+///     inertia = [1.0, 2.0, 2.5]
+///     angular_velocity = { distribution = 'direction', magnitude = 0.1 }
+///     [time]
+///     end = 10.0
+/// ";
+/// let study = Study::parse(Path::new("study.toml"), text)?;
+/// let scene = study.scene()?;
+/// let engine = Engine::cpu();
+/// let record = engine.run(&Plan::new(&scene, &engine)?)?;
+/// assert_eq!(record.final_state().len(), 3);
+/// # Ok::<(), polhode::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Study {
     file: PathBuf,
