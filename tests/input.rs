@@ -77,13 +77,35 @@ fn the_sound_study_is_accepted() {
     accept(SOUND).unwrap();
 }
 
+#[test]
+fn every_shape_is_accepted() {
+    let shapes = [
+        ("sphere", "density", "radius = 1"),
+        ("spherical-shell", "mass", "radius = 1"),
+        ("ellipsoid", "density", "semi_axes = [1, 2, 3]"),
+        ("box", "density", "edges = { distribution = \"uniform\", low = 1, high = 2 }"),
+        ("cylinder", "mass", "radius = 1, height = { distribution = \"log-normal\", median = 1, sigma = 0.3 }"),
+        ("tube", "density", "inner_radius = 1, outer_radius = 2, height = 1"),
+        ("capsule", "density", "radius = 1, length = 2"),
+        ("cone", "density", "radius = 1, height = 2"),
+        ("torus", "density", "major_radius = 2, minor_radius = 1"),
+        ("rectangular-plate", "mass", "width = 1, depth = 2"),
+        ("circular-plate", "mass", "radius = 1"),
+    ];
+    for (shape, matter, lengths) in shapes {
+        let from = "shape = \"cylinder\", mass = 2.0, radius = 0.5, height = 2.0";
+        let text = SOUND.replace(from, &format!("shape = \"{shape}\", {matter} = 3.0, {lengths}"));
+        accept(&text).unwrap_or_else(|error| panic!("{shape}: {error}"));
+    }
+}
+
 refuses! {
     a_file_that_is_not_toml: refusal("[bodies\ncount = 1\n") => @"study.toml:1: unclosed table, expected `]`";
     a_key_that_stands_twice: refusal_with("count = 10", "count = 10\ncount = 11") => @"study.toml:4: duplicate key at count";
     an_unknown_table: refusal_with("[accuracy]", "[acuracy]") => @"study.toml:10: acuracy is not known: did you mean accuracy? known here: title, seed, bodies, force, time, accuracy, output";
     an_unknown_key_with_the_nearest: refusal_with("outputs =", "output =") => @"study.toml:9: time.output is not known: did you mean outputs? known here: end, outputs";
     an_unknown_key_with_no_near_one: refusal_with("seed", "colour") => @"study.toml:1: colour is not known: known here: title, seed, bodies, force, time, accuracy, output";
-    an_unknown_parameter_of_a_shape: refusal_with("radius = 0.5", "raduis = 0.5") => @"study.toml:4: bodies.inertia.raduis is not known: did you mean radius? known here: shape, mass, radius, height";
+    an_unknown_parameter_of_a_shape: refusal_with("radius = 0.5", "raduis = 0.5") => @"study.toml:4: bodies.inertia.raduis is not known: did you mean radius? known here: shape, mass, density, radius, height";
     a_missing_table: refusal("[time]\nend = 1.0\n") => @"study.toml:1: bodies is missing: a table that describes the bodies is needed";
     a_missing_time: refusal("[bodies]\ncount = 1\ninertia = [1, 1, 1]\nangular_velocity = [0, 0, 1]\n") => @"study.toml:1: time is missing: a table with the end of the simulated span is needed";
     a_missing_key: refusal_with("radius = 0.5, ", "") => @"study.toml:4: bodies.inertia.radius is missing: a length is needed (m)";
@@ -93,7 +115,7 @@ refuses! {
     a_fraction_of_a_body: refusal_with("count = 10", "count = 10.5") => @"study.toml:3: bodies.count = 10.5: a whole number of bodies is needed";
     a_negative_count: refusal_with("count = 10", "count = -10") => @"study.toml:3: bodies.count = -10: a whole number of bodies is needed";
     a_negative_seed: refusal_with("seed = 1", "seed = -1") => @"study.toml:1: seed = -1: a whole number is needed";
-    an_unknown_shape: refusal_with("\"cylinder\"", "\"cilinder\"") => @r#"study.toml:4: bodies.inertia.shape = "cilinder": did you mean cylinder? possible: sphere, cylinder, box, ellipsoid"#;
+    an_unknown_shape: refusal_with("\"cylinder\"", "\"cilinder\"") => @r#"study.toml:4: bodies.inertia.shape = "cilinder": did you mean cylinder? possible: sphere, spherical-shell, ellipsoid, box, cylinder, tube, capsule, cone, torus, rectangular-plate, circular-plate"#;
     an_unknown_distribution: refusal_with("\"normal\"", "\"gaussian\"") => @r#"study.toml:6: bodies.angular_velocity.distribution = "gaussian": possible: constant, uniform, normal, log-normal, direction"#;
     a_vector_of_two: refusal_with("mean = [0, 0, 1]", "mean = [0, 1]") => @"study.toml:6: bodies.angular_velocity.mean = [0, 1]: a finite number, or three, is needed";
     a_negative_deviation: refusal_with("sigma = 0.1", "sigma = -0.1") => @"study.toml:6: bodies.angular_velocity.sigma = -0.1: standard deviations that are not negative are needed";
@@ -102,7 +124,13 @@ refuses! {
     a_zero_axis: refusal_with("{ distribution = \"uniform\" }", "{ axis = [0, 0, 0], angle = 1 }") => @"study.toml:5: bodies.orientation.axis = [0, 0, 0]: an axis that is not zero is needed";
     an_inertia_that_is_no_mass: refusal_with("{ shape = \"cylinder\", mass = 2.0, radius = 0.5, height = 2.0 }", "[1.0, 1.0, 3.0]") => @"study.toml:4: bodies.inertia: body 0: I1 + I2 - I3 = -1.0: no mass distribution has this tensor: I1 + I2 >= I3 is needed (principal moments, kg m²)";
     an_inertia_below_zero: refusal_with("{ shape = \"cylinder\", mass = 2.0, radius = 0.5, height = 2.0 }", "{ ixx = 1, iyy = 1, izz = 1, ixy = 2 }") => @"study.toml:4: bodies.inertia: body 0: the least principal moment of inertia = -1.0: a positive definite tensor is needed (kg m²)";
-    a_drawn_mass_below_zero: refusal_with("mass = 2.0", "mass = { distribution = \"normal\", mean = 0.1, sigma = 5 }") => @"study.toml:4: bodies.inertia: body 0: the least principal moment of inertia = -1.0602222079889514: a positive definite tensor is needed (kg m²)";
+    a_drawn_mass_below_zero: refusal_with("mass = 2.0", "mass = { distribution = \"normal\", mean = 0.1, sigma = 5 }") => @"study.toml:4: bodies.inertia.mass: body 0: mass = -2.6784561043931405: a positive, finite number";
+    a_drawn_length_below_zero: refusal_with("height = 2.0", "height = { distribution = \"normal\", mean = 0.1, sigma = 5 }") => @"study.toml:4: bodies.inertia.height: body 0: height = -6.454693540894965: a positive, finite number";
+    a_bore_wider_than_its_tube: refusal_with("shape = \"cylinder\", mass = 2.0, radius = 0.5, height = 2.0", "shape = \"tube\", mass = 2.0, inner_radius = 2, outer_radius = 1, height = 2.0") => @"study.toml:4: bodies.inertia.inner_radius: body 0: inner_radius = 2.0: at least 0 and less than outer_radius";
+    a_density_of_a_plate: refusal_with("shape = \"cylinder\", mass = 2.0, radius = 0.5, height = 2.0", "shape = \"circular-plate\", density = 2.0, radius = 0.5") => @"study.toml:4: bodies.inertia.density = 2.0: this shape has no volume: a mass is needed instead (kg)";
+    a_mass_and_a_density: refusal_with("mass = 2.0", "mass = 2.0, density = 1.0") => @"study.toml:4: bodies.inertia.density excludes mass: give one of them";
+    neither_mass_nor_density: refusal_with("mass = 2.0, ", "") => @"study.toml:4: bodies.inertia.mass is missing: the mass (kg), or a density (kg/m³), is needed";
+    a_mass_beside_a_shape: refusal_with("count = 10", "count = 10\nmass = 2.0") => @"study.toml:4: bodies.mass = 2.0: the shape has the mass: leave it out here";
     a_number_that_is_not_finite: refusal_with("mean = [0, 0, 1]", "mean = [0, 0, inf]") => @"study.toml:6: bodies.angular_velocity.mean = inf: a finite number, or three, is needed";
     an_end_before_the_start: refusal_with("end = 10.0", "end = -10.0") => @"study.toml:8: time.end = -10.0: a finite time that is not negative is needed (s)";
     a_billion_outputs: refusal_with("every = 2.5", "every = 1e-8") => @"study.toml:9: time.outputs.every = 1e-8: more than 1e7 outputs would follow: a longer interval is needed (s)";
