@@ -276,3 +276,72 @@ impl Times<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::io::Read;
+
+    use super::super::folder::OutputFolder;
+    use super::*;
+
+    /// Writes two files of some hundred bytes in turns, with ZIP64 fields from `wide` bytes on, and reads them back.
+    fn round_trip(wide: u64) {
+        let folder = tempfile::tempdir().unwrap();
+        let mut output = OutputFolder::create(folder.path(), false).unwrap();
+        let mut archive = Archive::new(output.begin("a.npz").unwrap());
+        archive.wide = wide;
+        let contents: Vec<Vec<u8>> =
+            (0..3_u8).map(|file| (0..300_u16).map(|n| (n as u8).wrapping_mul(file + 3)).collect()).collect();
+        for (file, bytes) in contents.iter().enumerate() {
+            archive.reserve(format!("{file}.npy"), bytes.len() as u64);
+        }
+        for start in (0..300).step_by(100) {
+            for (file, bytes) in contents.iter().enumerate() {
+                archive.append(file, &bytes[start..start + 100]).unwrap();
+            }
+        }
+        archive.finish().unwrap();
+        drop(archive);
+        output.commit().unwrap();
+
+        let mut read = zip::ZipArchive::new(std::fs::File::open(folder.path().join("a.npz")).unwrap()).unwrap();
+        assert_eq!(read.len(), contents.len());
+        for (file, bytes) in contents.iter().enumerate() {
+            let mut found = Vec::new();
+            // Reading to the end checks size and checksum.
+            read.by_name(&format!("{file}.npy")).unwrap().read_to_end(&mut found).unwrap();
+            assert!(found == *bytes, "file {file}");
+        }
+    }
+
+    #[test]
+    fn an_archive_reads_back() {
+        round_trip(WIDE);
+    }
+
+    #[test]
+    fn an_archive_of_wide_files_reads_back() {
+        round_trip(200);
+    }
+
+    #[test]
+    fn an_archive_with_far_files_reads_back() {
+        // The first file is narrow and near; the later ones and the directory lie beyond the limit.
+        round_trip(301);
+    }
+
+    #[test]
+    fn array_headers_are_those_that_numpy_writes() {
+        for (shape, text) in [(&[] as &[usize], "()"), (&[7], "(7,)"), (&[3, 10], "(3, 10)")] {
+            let header = npy_header("<f8", shape);
+            assert_eq!(header.len() % 64, 0);
+            assert_eq!(&header[..8], b"\x93NUMPY\x01\x00");
+            let found = String::from_utf8(header[10..].to_vec()).unwrap();
+            assert!(
+                found.starts_with(&format!("{{'descr': '<f8', 'fortran_order': False, 'shape': {text}, }}")),
+                "{found}"
+            );
+            assert!(found.ends_with('\n'));
+        }
+    }
+}

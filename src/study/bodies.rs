@@ -5,7 +5,8 @@ use rayon::prelude::*;
 
 use super::distribution::{Orientation, Scalar, Vector};
 use super::draw::{Column, Draw};
-use super::reader::{Node, Table};
+use super::reader::Node;
+use super::solid::Solid;
 use super::table::BodyTable;
 use crate::ensemble::{Ensemble, Translation};
 use crate::error::{Error, Result};
@@ -18,63 +19,8 @@ pub enum Inertia {
     Moments(Vector),
     /// One tensor in body axes for all bodies, kg m².
     Tensor(InertiaTensor),
-    /// A homogeneous solid about its centre.
-    Solid {
-        /// Mass, kg.
-        mass: Scalar,
-        /// The solid.
-        solid: Solid,
-    },
-}
-
-/// A homogeneous solid with its centre at the origin, lengths in m.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Solid {
-    /// A sphere.
-    Sphere {
-        /// Radius.
-        radius: Scalar,
-    },
-    /// A cylinder about z.
-    Cylinder {
-        /// Radius.
-        radius: Scalar,
-        /// Length along z.
-        height: Scalar,
-    },
-    /// A box with its edges along x, y, z.
-    Box {
-        /// Whole edges.
-        edges: Vector,
-    },
-    /// An ellipsoid with its axes along x, y, z.
-    Ellipsoid {
-        /// Half the axes.
-        semi_axes: Vector,
-    },
-}
-
-impl Solid {
-    /// ∫x², ∫y², ∫z² over 1 kg of `body`'s solid, m² (any handbook, e.g. E. Madelung, *Die mathematischen Hilfsmittel
-    /// des Physikers*, part II.3).
-    fn second_moments(&self, draw: Draw, body: usize) -> DVec3 {
-        let scalar = |scalar: &Scalar, component| scalar.sample(draw, body, Column::Inertia, component);
-        match self {
-            Solid::Sphere { radius } => DVec3::splat(scalar(radius, 0)).powf(2.0) / 5.0,
-            Solid::Cylinder { radius, height } => {
-                let (r, h) = (scalar(radius, 0), scalar(height, 1));
-                DVec3::new(r * r / 4.0, r * r / 4.0, h * h / 12.0)
-            }
-            Solid::Box { edges } => {
-                let edges = edges.sample(draw, body, Column::Inertia);
-                edges * edges / 12.0
-            }
-            Solid::Ellipsoid { semi_axes } => {
-                let semi_axes = semi_axes.sample(draw, body, Column::Inertia);
-                semi_axes * semi_axes / 5.0
-            }
-        }
-    }
+    /// A homogeneous solid about its centre of mass.
+    Solid(Solid),
 }
 
 impl Inertia {
@@ -82,10 +28,8 @@ impl Inertia {
         match self {
             Inertia::Moments(moments) => moments.sample(draw, body, Column::Inertia).into(),
             Inertia::Tensor(tensor) => *tensor,
-            Inertia::Solid { mass, solid } => {
-                let second = solid.second_moments(draw, body) * mass.sample(draw, body, Column::Mass, 0);
-                DVec3::new(second.y + second.z, second.z + second.x, second.x + second.y).into()
-            }
+            // A size that is not valid makes a tensor that is not; the reason is found when the body is refused.
+            Inertia::Solid(solid) => solid.sample(draw, body).map_or(NO_TENSOR, |properties| properties.inertia),
         }
     }
 
@@ -98,7 +42,7 @@ impl Inertia {
         }
         let table = node.any_table().ok_or_else(|| node.refuse(EXPECTED))?;
         if let Some(shape) = table.find("shape") {
-            return solid(&table, &shape);
+            return Solid::read(&table, &shape).map(Inertia::Solid);
         }
         if let Some(moments) = table.find("moments") {
             table.only(&["moments"])?;
@@ -128,30 +72,8 @@ impl Inertia {
     }
 }
 
-fn solid(table: &Table<'_>, shape: &Node<'_>) -> Result<Inertia> {
-    let length = |key: &str| table.need(key, "a length is needed (m)").and_then(|node| Scalar::read(&node));
-    let lengths = |key: &str| table.need(key, "three lengths are needed (m)").and_then(|node| Vector::read(&node));
-    let solid = match shape.choice(&["sphere", "cylinder", "box", "ellipsoid"])? {
-        "sphere" => {
-            table.only(&["shape", "mass", "radius"])?;
-            Solid::Sphere { radius: length("radius")? }
-        }
-        "cylinder" => {
-            table.only(&["shape", "mass", "radius", "height"])?;
-            Solid::Cylinder { radius: length("radius")?, height: length("height")? }
-        }
-        "box" => {
-            table.only(&["shape", "mass", "edges"])?;
-            Solid::Box { edges: lengths("edges")? }
-        }
-        _ => {
-            table.only(&["shape", "mass", "semi_axes"])?;
-            Solid::Ellipsoid { semi_axes: lengths("semi_axes")? }
-        }
-    };
-    let mass = Scalar::read(&table.need("mass", "the mass is needed (kg)")?)?;
-    Ok(Inertia::Solid { mass, solid })
-}
+/// No body has this tensor, so none passes with it.
+const NO_TENSOR: InertiaTensor = InertiaTensor { xx: f64::NAN, yy: f64::NAN, zz: f64::NAN, xy: 0.0, xz: 0.0, yz: 0.0 };
 
 /// The bodies of a study.
 #[derive(Clone, Debug, PartialEq)]
@@ -211,7 +133,7 @@ impl Bodies {
         let position = vector("position", BodyTable::has_position)?;
         let velocity = vector("velocity", BodyTable::has_velocity)?;
         let mass = given("mass", BodyTable::has_mass)?;
-        if let (Some(Inertia::Solid { .. }), Some(mass)) = (&inertia, &mass) {
+        if let (Some(Inertia::Solid(_)), Some(mass)) = (&inertia, &mass) {
             return Err(mass.refuse("the shape has the mass: leave it out here"));
         }
         let mass = mass.map(|node| Scalar::read(&node)).transpose()?;
@@ -267,19 +189,34 @@ impl Bodies {
                     Column::AngularVelocity,
                 ),
             )
-        })?;
+        });
+        let ensemble = ensemble.map_err(|error| self.reason(error, draw))?;
         if !(forced || self.translates()) {
             return Ok(ensemble);
         }
         ensemble.with_translation(self.translation(draw, forced)?)
     }
 
+    /// The error of a body with the size that made it invalid, where that is the reason.
+    fn reason(&self, error: Error, draw: Draw) -> Error {
+        if let (Error::Body { body, .. }, Some(Inertia::Solid(solid))) = (&error, &self.inertia)
+            && let Err(Error::Setting { field, value, expected }) = solid.sample(draw, *body)
+        {
+            return Error::Body { body: *body, field, value, expected };
+        }
+        error
+    }
+
     fn translation(&self, draw: Draw, forced: bool) -> Result<Translation> {
         let rows = |has: fn(&BodyTable) -> bool| self.table.as_ref().filter(|table| has(table));
         let mass: Vec<f64> = match (rows(BodyTable::has_mass), &self.mass, &self.inertia) {
             (Some(table), _, _) => (0..self.count).map(|body| table.mass(body)).collect(),
-            (None, Some(mass), _) | (None, None, Some(Inertia::Solid { mass, .. })) => {
+            (None, Some(mass), _) => {
                 (0..self.count).into_par_iter().map(|body| mass.sample(draw, body, Column::Mass, 0)).collect()
+            }
+            (None, None, Some(Inertia::Solid(solid))) => {
+                let mass = |body| solid.sample(draw, body).map_or(f64::NAN, |properties| properties.mass);
+                (0..self.count).into_par_iter().map(mass).collect()
             }
             (None, None, _) if forced => return Err(Error::MissingMass),
             // Without a force the mass does not enter the motion.

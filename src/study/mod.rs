@@ -27,8 +27,10 @@
 //! format = "csv"                      # or "npz"
 //! ```
 //!
-//! * `inertia`: a solid of constant density (`sphere`: `radius`; `cylinder` about z: `radius`, `height`; `box`: `edges`;
-//!   `ellipsoid`: `semi_axes`; each with `mass`), moments along the body axes `[ixx, iyy, izz]`, `{ moments = ... }` drawn
+//! * `inertia`: a shape of constant density with `mass` (kg) or `density` (kg/m³): `sphere`, `spherical-shell`,
+//!   `circular-plate` (`radius`), `ellipsoid` (`semi_axes`), `box` (`edges`), `cylinder`, `cone` (`radius`, `height`), `tube`
+//!   (`inner_radius`, `outer_radius`, `height`), `capsule` (`radius`, `length`), `torus` (`major_radius`, `minor_radius`),
+//!   `rectangular-plate` (`width`, `depth`), all about z and as in [`crate::inertia::Shape`]; moments along the body axes `[ixx, iyy, izz]`, `{ moments = ... }` drawn
 //!   from a distribution, or a tensor `{ ixx = ..., iyy = ..., izz = ..., ixy = ..., ixz = ..., iyz = ... }`, where `ixy` is
 //!   the tensor's element −∫ρxy.
 //! * `orientation`: a quaternion `[x, y, z, w]`, `{ axis = [x, y, z], angle = radians }`, or uniform on SO(3);
@@ -61,11 +63,13 @@ pub mod draw;
 mod input;
 pub mod problem;
 mod reader;
+mod solid;
 pub mod table;
 
-pub use bodies::{Bodies, Inertia, Solid};
+pub use bodies::{Bodies, Inertia};
 pub use distribution::{Orientation, Scalar, Vector};
 pub use input::{Fault, InputError};
+pub use solid::{Matter, ShapeKind, Solid};
 pub use table::BodyTable;
 
 use draw::Draw;
@@ -75,6 +79,28 @@ use reader::{Node, Place, Table, Text};
 pub const DEFAULT_ATTITUDE: f64 = 1e-6;
 
 /// A study file, read.
+///
+/// ```
+/// use std::path::Path;
+///
+/// use polhode::study::Study;
+/// use polhode::{Engine, Plan};
+///
+/// let text = "
+///     [bodies]
+///     count = 3
+///     inertia = [1.0, 2.0, 2.5]
+///     angular_velocity = { distribution = 'direction', magnitude = 0.1 }
+///     [time]
+///     end = 10.0
+/// ";
+/// let study = Study::parse(Path::new("study.toml"), text)?;
+/// let scene = study.scene()?;
+/// let engine = Engine::cpu();
+/// let record = engine.run(&Plan::new(&scene, &engine)?)?;
+/// assert_eq!(record.final_state().len(), 3);
+/// # Ok::<(), polhode::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Study {
     file: PathBuf,
@@ -274,9 +300,9 @@ impl Study {
         if let Some(table) = self.bodies.table.as_ref().filter(|table| in_table(table)) {
             return table.located(error);
         }
-        let key = format!("bodies.{key}");
-        // A shape carries the mass within `inertia`.
-        let key = if self.places.contains_key(&key) { key.as_str() } else { "bodies.inertia" };
+        // A shape's sizes, its mass among them, stand within `inertia`.
+        let keys = [format!("bodies.inertia.{field}"), format!("bodies.{key}"), "bodies.inertia".to_owned()];
+        let key = keys.iter().find(|key| self.places.contains_key(*key)).map_or("bodies", String::as_str);
         match self.places.get(key) {
             Some(place) => self.input(place.line, key, Fault::Body { body, field, value, expected }),
             None => error,

@@ -38,6 +38,10 @@ fn main() -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure::Disagreement) => ExitCode::from(FAILED),
+        Err(Failure::Library(polhode::Error::Interrupted { .. })) => {
+            output::error("stopped by the user: nothing was written");
+            ExitCode::from(FAILED)
+        }
         Err(Failure::Library(error)) => {
             output::error(&error.to_string());
             ExitCode::from(if error.is_input() { WRONG_INPUT } else { FAILED })

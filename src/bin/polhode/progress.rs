@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use polhode::engine::Progress;
 
 /// Whether the user has asked to stop.
@@ -41,7 +41,7 @@ impl Watch {
     /// Takes note of progress.
     pub fn observe(&mut self, progress: Progress) -> ControlFlow<()> {
         if self.shown && self.start.elapsed() > QUIET_START {
-            self.bar.get_or_insert_with(|| bar(progress.total)).set_position(progress.done);
+            self.bar.get_or_insert_with(|| bar(progress.total, self.start)).set_position(progress.done);
         }
         if STOP.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
@@ -54,14 +54,22 @@ impl Watch {
     }
 }
 
-fn bar(total: u64) -> ProgressBar {
+/// A bar whose rate and remaining time are means since the start: the work is the same all the way.
+fn bar(total: u64, start: Instant) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr());
-    let template = "{bar:32} {percent:>3}%  {per_sec}  {eta} left";
-    bar.set_style(ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()).with_key(
-        "per_sec",
-        |state: &indicatif::ProgressState, text: &mut dyn std::fmt::Write| {
-            let _ = write!(text, "{:.2e} body-steps/s", state.per_sec());
-        },
-    ));
+    let rate = move |state: &ProgressState| state.pos() as f64 / start.elapsed().as_secs_f64();
+    let style = ProgressStyle::with_template("{bar:32} {percent:>3}%  {rate} body-steps/s  {remaining} left")
+        .unwrap_or_else(|_| ProgressStyle::default_bar())
+        .with_key("rate", move |state: &ProgressState, text: &mut dyn std::fmt::Write| {
+            let _ = write!(text, "{:.2e}", rate(state));
+        })
+        .with_key("remaining", move |state: &ProgressState, text: &mut dyn std::fmt::Write| {
+            let seconds = total.saturating_sub(state.pos()) as f64 / rate(state);
+            // A rate of zero leaves an infinite time, which is not shown.
+            if let Ok(left) = Duration::try_from_secs_f64(seconds) {
+                let _ = write!(text, "{:#}", HumanDuration(left));
+            }
+        });
+    bar.set_style(style);
     bar
 }

@@ -1,0 +1,337 @@
+//! The command as a user meets it: files in, files out, exit status, one line where something is wrong.
+
+#![cfg(feature = "cli")]
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use assert_cmd::cargo::cargo_bin;
+
+#[path = "support/desk.rs"]
+mod desk;
+
+use desk::{Desk, States, report, words};
+
+/// A study with ten asymmetric bodies that takes no time to speak of.
+const SMALL: &str = r#"
+title = "Ten"
+seed = 5
+[bodies]
+count = 10
+inertia = { shape = "box", mass = 3.0, edges = [1.0, 2.0, 3.0] }
+orientation = { distribution = "uniform" }
+angular_velocity = { distribution = "normal", mean = 0, sigma = 1 }
+[time]
+end = 4.0
+outputs = { times = [0.0, 0.1, 1.0] }
+[accuracy]
+method = "rk4"
+dt = 0.015625
+[output]
+snapshots = true
+"#;
+
+// --- results ---
+
+#[test]
+fn a_run_writes_what_the_study_asks_for_and_says_so() {
+    let desk = Desk::new(SMALL);
+    let summary = desk.done(&["run", "study.toml", "--engine", "cpu"]);
+    assert!(summary.starts_with("Ten\n"), "{summary}");
+    assert!(summary.contains("final.csv, snapshots.csv, report.json in study.out"), "{summary}");
+    assert_eq!(desk.names("study.out"), ["final.csv", "report.json", "snapshots.csv"]);
+
+    let states = States::read(&desk.path("study.out/snapshots.csv"));
+    assert_eq!(states.rows(), 40);
+    let times: Vec<f64> = states.of_body(3).into_iter().map(|row| states.column("t")[row]).collect();
+    assert_eq!(times, [0.0, 0.1, 1.0, 4.0], "output times are hit exactly, and the end is among them");
+    for row in 0..states.rows() {
+        assert!((states.orientation(row).length() - 1.0).abs() < 4.0 * f64::EPSILON, "row {row}");
+    }
+
+    let report = report(&desk, "study.out");
+    assert_eq!(report["bodies"], 10);
+    assert_eq!(report["engine"]["kind"], "cpu");
+    assert_eq!(report["plan"]["method"], "rk4");
+    assert_eq!(report["plan"]["precision"], "f64");
+    assert_eq!(report["study"]["seed"], 5);
+    assert_eq!(report["failed_bodies"], serde_json::json!([]));
+    assert!(report["drift"]["kinetic_energy"]["max"].as_f64().expect("a number") < 1e-8, "{report}");
+    assert!(report["body_steps"].as_u64().expect("a number") >= 2560, "{report}");
+}
+
+#[test]
+fn numbers_read_back_to_the_same_bits_from_both_formats() {
+    let desk = Desk::new(SMALL);
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "text"]);
+    fs::write(desk.path("study.toml"), format!("{SMALL}format = \"npz\"\n")).unwrap();
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "binary"]);
+
+    for (stem, outputs) in [("final", None), ("snapshots", Some(4))] {
+        let states = States::read(&desk.path(&format!("text/{stem}.csv")));
+        let file = fs::File::open(desk.path(&format!("binary/{stem}.npz"))).unwrap();
+        let mut archive = zip::ZipArchive::new(file).expect("a ZIP archive");
+        assert_eq!(archive.len(), states.columns.len(), "{stem}");
+        for index in 0..archive.len() {
+            // Reading an entry to its end checks its checksum.
+            let mut entry = archive.by_index(index).expect("an entry");
+            let name = entry.name().expect("a name").strip_suffix(".npy").expect("an array").to_owned();
+            let mut bytes = Vec::new();
+            std::io::Read::read_to_end(&mut entry, &mut bytes).expect("a checksum that fits");
+            let array = npyz::NpyFile::new(&bytes[..]).expect("an array");
+            let shape = array.shape().to_vec();
+            let text = states.column(&name);
+            match name.as_str() {
+                "body" => {
+                    assert_eq!(shape, [10]);
+                    assert_eq!(array.into_vec::<u64>().unwrap(), (0..10).collect::<Vec<u64>>());
+                }
+                "t" => {
+                    assert_eq!(shape, outputs.map(|count| vec![count]).unwrap_or_default());
+                    let times = array.into_vec::<f64>().unwrap();
+                    assert_eq!(times, text.iter().copied().step_by(10).collect::<Vec<_>>());
+                }
+                _ => {
+                    assert_eq!(shape, outputs.map(|count| vec![count, 10]).unwrap_or(vec![10]));
+                    let bits = |numbers: &[f64]| numbers.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+                    assert_eq!(bits(&array.into_vec::<f64>().unwrap()), bits(text), "{stem}, column {name}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_seed_gives_the_same_bytes_again_and_another_seed_other_bodies() {
+    let desk = Desk::new(SMALL);
+    for out in ["one", "two"] {
+        desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", out]);
+    }
+    for name in ["final.csv", "snapshots.csv"] {
+        assert!(
+            fs::read(desk.path("one").join(name)).unwrap() == fs::read(desk.path("two").join(name)).unwrap(),
+            "{name}"
+        );
+    }
+    fs::write(desk.path("study.toml"), SMALL.replace("seed = 5", "seed = 6")).unwrap();
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "three"]);
+    let (one, three) = (States::read(&desk.path("one/final.csv")), States::read(&desk.path("three/final.csv")));
+    assert!((0..10).all(|row| one.orientation(row) != three.orientation(row)));
+}
+
+#[test]
+fn a_smaller_study_holds_the_first_bodies_of_a_larger_one() {
+    let desk = Desk::new(SMALL);
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "ten"]);
+    fs::write(desk.path("study.toml"), SMALL.replace("count = 10", "count = 3")).unwrap();
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "three"]);
+    let (ten, three) =
+        (fs::read_to_string(desk.path("ten/final.csv")), fs::read_to_string(desk.path("three/final.csv")));
+    assert!(ten.unwrap().starts_with(&three.unwrap()));
+}
+
+/// Both engines run the same operations in f64; the CPU's lanes fuse multiply and add, the shader may. Steps differ by an
+/// ulp or so each, which adds up over 256 steps, and neighbouring motions part linearly with time.
+const ENGINES_AGREE: f64 = 256.0 * 8.0 * f64::EPSILON;
+
+#[test]
+fn cpu_and_gpu_give_the_same_states_and_each_the_same_bytes_again() {
+    let desk = Desk::new(SMALL);
+    for (out, engine) in [("cpu", "cpu"), ("gpu", "gpu"), ("gpu again", "gpu")] {
+        desk.done(&["run", "study.toml", "--engine", engine, "--precision", "f64", "--quiet", "--out", out]);
+    }
+    assert_eq!(report(&desk, "gpu")["engine"]["kind"], "gpu");
+    let bytes = |folder: &str| fs::read(desk.path(folder).join("snapshots.csv")).unwrap();
+    assert!(bytes("gpu") == bytes("gpu again"));
+    let (cpu, gpu) = (States::read(&desk.path("cpu/final.csv")), States::read(&desk.path("gpu/final.csv")));
+    for row in 0..10 {
+        let (a, b) = (cpu.orientation(row), gpu.orientation(row));
+        let error = 2.0 * (a.conjugate() * b).xyz().length().asin();
+        assert!(error < ENGINES_AGREE, "body {row}: attitudes differ by {error:e} rad");
+        let (a, b) = (cpu.vector(["wx", "wy", "wz"], row), gpu.vector(["wx", "wy", "wz"], row));
+        assert!((a - b).length() < ENGINES_AGREE * a.length(), "body {row}: {a} and {b}");
+    }
+}
+
+// --- refusals and failures ---
+
+#[test]
+fn wrong_input_is_one_line_and_status_2() {
+    let desk = Desk::new(&SMALL.replace("count = 10", "cuont = 10"));
+    let line = desk.refused(&["run", "study.toml"], 2);
+    assert_eq!(
+        line,
+        "error: study.toml:5: bodies.cuont is not known: did you mean count? known here: count, file, inertia, \
+         orientation, angular_velocity, mass, position, velocity\n"
+    );
+    assert_eq!(desk.names("."), ["study.toml"], "nothing was made");
+    desk.refused(&["run", "absent.toml"], 2);
+    desk.refused(&["verify", "absent.toml"], 2);
+    let line = desk.refused(&["verfy"], 2);
+    assert_eq!(line, "error: unrecognized subcommand 'verfy' tip: a similar subcommand exists: 'verify'\n");
+    desk.refused(&["run"], 2);
+    desk.refused(&[], 2);
+    desk.refused(&["run", "study.toml", "--engine", "abacus"], 2);
+    desk.refused(&["run", "study.toml", "--engine", "cpu", "--adapter", "0"], 2);
+    desk.refused(&["verify", "--seed", "-1"], 2);
+}
+
+#[test]
+fn an_adapter_that_is_not_there_is_wrong_input() {
+    let desk = Desk::new(SMALL);
+    let line = desk.refused(&["run", "study.toml", "--adapter", "99"], 2);
+    assert!(line.contains("with index 99") && line.contains("polhode devices"), "{line}");
+    assert_eq!(desk.names("."), ["study.toml"], "nothing was made");
+}
+
+#[test]
+fn results_are_replaced_only_by_force_and_then_all_of_them() {
+    let desk = Desk::new(SMALL);
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
+    let line = desk.refused(&["run", "study.toml", "--engine", "cpu"], 2);
+    assert_eq!(
+        line,
+        "error: study.out: the output folder is not empty: name another with --out, or replace its results with --force\n"
+    );
+    fs::write(desk.path("study.out/notes.txt"), "mine").unwrap();
+    fs::write(desk.path("study.toml"), SMALL.replace("snapshots = true", "snapshots = false")).unwrap();
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--force"]);
+    // The snapshots belonged to the former run.
+    assert_eq!(desk.names("study.out"), ["final.csv", "notes.txt", "report.json"]);
+}
+
+#[test]
+fn quiet_is_quiet_and_json_is_the_report() {
+    let desk = Desk::new(SMALL);
+    assert_eq!(desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]), "");
+    let text = desk.done(&["run", "study.toml", "--engine", "cpu", "--json", "--force"]);
+    let value: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    assert_eq!(value, report(&desk, "study.out"));
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_ends_the_run_and_leaves_nothing() {
+    // Work for hours.
+    let long = SMALL.replace("count = 10", "count = 100_000").replace("end = 4.0", "end = 1e6");
+    let desk = Desk::new(&long);
+    let run = Command::new(cargo_bin!("polhode"))
+        .current_dir(desk.folder())
+        .args(["run", "study.toml", "--engine", "cpu"])
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .expect("the command starts");
+    // The first snapshots are being written when the temporary file is there.
+    let begun = || desk.path("study.out").read_dir().is_ok_and(|entries| entries.count() > 0);
+    for _ in 0..600 {
+        if begun() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+    assert!(begun(), "the run does not begin");
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    let killed = Command::new("kill").args(["-INT", &run.id().to_string()]).status().expect("kill starts");
+    assert!(killed.success());
+    let output = run.wait_with_output().expect("the run ends");
+    let errors = words(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{errors}");
+    assert_eq!(errors, "error: stopped by the user: nothing was written\n");
+    assert_eq!(desk.names("."), ["study.toml"], "nothing is left");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_disk_that_is_full_is_a_failure_that_leaves_nothing() {
+    // A limit on the size of files stands for a disk that fills up: the write fails half-way in the same place.
+    let desk = Desk::new(&SMALL.replace("count = 10", "count = 10_000"));
+    let script =
+        format!("trap '' XFSZ; ulimit -f 64; exec '{}' run study.toml --engine cpu", cargo_bin!("polhode").display());
+    let output = Command::new("bash").current_dir(desk.folder()).args(["-c", &script]).output().expect("bash starts");
+    let errors = words(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{errors}");
+    assert_eq!(errors, "error: study.out/snapshots.csv: cannot be written: File too large (os error 27)\n");
+    assert_eq!(desk.names("."), ["study.toml"], "nothing is left");
+}
+
+#[test]
+fn a_full_disk_says_what_to_do() {
+    let error = std::io::Error::from(std::io::ErrorKind::StorageFull);
+    let error = polhode::Error::file(Path::new("out/final.csv"), polhode::error::FileAction::Write, &error);
+    assert_eq!(
+        error.to_string(),
+        "out/final.csv: cannot be written: no storage space; free some space, or write fewer snapshots"
+    );
+    assert!(!error.is_input());
+}
+
+// --- the other commands ---
+
+#[test]
+fn verify_agrees_on_generated_bodies_and_on_a_study() {
+    let desk = Desk::new(SMALL);
+    for arguments in [
+        &["verify", "--bodies", "65", "--steps", "20"] as &[&str],
+        &["verify", "--bodies", "65", "--steps", "20", "--precision", "f64", "--seed", "9"],
+        &["verify", "study.toml", "--steps", "20"],
+        &["verify", "study.toml", "--bodies", "4", "--steps", "20", "--engine", "cpu"],
+    ] {
+        let text = desk.done(arguments);
+        assert!(text.contains("verdict: they agree"), "{arguments:?}: {text}");
+    }
+    let text = desk.done(&["verify", "--bodies", "7", "--steps", "3", "--json"]);
+    let value: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    assert_eq!(value["agrees"], true);
+    assert_eq!(value["bodies"], 7);
+}
+
+#[test]
+fn devices_lists_the_cpu_and_what_auto_takes() {
+    let desk = Desk::new("");
+    let text = desk.done(&["devices"]);
+    assert!(text.contains("cpu ") && text.contains("--engine auto takes:"), "{text}");
+    let value: serde_json::Value = serde_json::from_str(&desk.done(&["devices", "--json"])).expect("JSON");
+    assert!(value["adapters"].is_array() && value["cpu"].is_string(), "{value}");
+}
+
+#[test]
+fn help_teaches_with_a_study_and_examples() {
+    let desk = Desk::new("");
+    assert!(desk.done(&["--help"]).contains("polhode run examples/studies/tumbling.toml"));
+    let help = desk.done(&["run", "--help"]);
+    for part in ["[bodies]", "--precision", "polhode run study.toml --out results --force", "report.json"] {
+        assert!(help.contains(part), "{part} is missing in {help}");
+    }
+    assert!(desk.done(&["verify", "--help"]).contains("polhode verify --bodies 4097"));
+    assert!(desk.done(&["--version"]).starts_with("polhode "));
+}
+
+/// The study that `polhode run --help` shows must run.
+#[test]
+fn the_study_in_the_help_runs() {
+    let help = Desk::new("").done(&["run", "--help"]);
+    let lines = help.lines().skip_while(|line| !line.contains("seed = 42")).take_while(|line| !line.is_empty());
+    let study: String = lines.flat_map(|line| [line.trim_start(), "\n"]).collect();
+    let desk = Desk::new(&study);
+    desk.done(&["run", "study.toml", "--engine", "cpu"]);
+    assert_eq!(desk.names("study.out"), ["final.csv", "report.json", "snapshots.csv"]);
+}
+
+#[test]
+fn completions_and_the_manual_page_come_from_the_grammar() {
+    let desk = Desk::new("");
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        assert!(desk.done(&["completions", shell]).contains("precision"), "{shell}");
+    }
+    let page = desk.done(&["man"]);
+    assert!(page.contains(".TH polhode") && page.contains("polhode\\-run") && page.contains("STUDY.toml"), "{page}");
+}
+
+#[test]
+fn versions_in_reports_are_those_of_the_lock_file() {
+    let lock = fs::read_to_string(format!("{}/Cargo.lock", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    let expected = format!("name = \"wgpu\"\nversion = \"{}\"", polhode::record::report::WGPU_VERSION);
+    assert!(lock.contains(&expected), "{expected}");
+}

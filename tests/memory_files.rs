@@ -1,0 +1,40 @@
+//! Memory does not grow with the number of output times; a test file of its own, since the peak is that of the process.
+
+#![cfg(all(feature = "study", target_os = "linux"))]
+
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+use polhode::record::{OutputFolder, run_to_folder};
+use polhode::study::{Format, Output, problem};
+use polhode::{Engine, Method, Outputs, Plan, Scene};
+
+const BODIES: usize = 20_000;
+const OUTPUTS: usize = 100;
+
+/// Less than half of what the states alone would take if they were kept: 20,000 × 100 × 14 numbers of 8 bytes, 224 MB.
+const LIMIT: u64 = 100_000_000;
+
+#[test]
+fn a_hundred_output_times_take_no_more_memory_than_one() {
+    let engine = Engine::cpu();
+    let scene = Scene::new(problem::free(BODIES, 0).expect("valid"))
+        .until(OUTPUTS as f64)
+        .outputs(Outputs::Every(1.0))
+        .pinned(Method::Rk4, 0.125, None);
+    let plan = Plan::new(&scene, &engine).expect("valid");
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let output = Output { final_state: true, snapshots: true, format: Format::Npz };
+    let target = OutputFolder::create(&folder.path().join("out"), false).expect("an empty folder");
+    run_to_folder(&engine, &plan, None, output, target, Instant::now(), &mut |_| ControlFlow::Continue(()))
+        .expect("runs");
+
+    let written = std::fs::metadata(folder.path().join("out/snapshots.npz")).expect("snapshots").len();
+    assert!(written > 2 * LIMIT, "{written} bytes written");
+    let status = std::fs::read_to_string("/proc/self/status").expect("a system with /proc");
+    let line = status.lines().find(|line| line.starts_with("VmHWM:")).expect("the peak of the resident set");
+    let kibibytes: u64 = line.split_whitespace().nth(1).and_then(|x| x.parse().ok()).expect("a number");
+    let peak = kibibytes * 1024;
+    println!("peak {peak} bytes");
+    assert!(peak < LIMIT, "peak {peak} bytes, more than {LIMIT}");
+}
