@@ -175,7 +175,7 @@ pub(crate) fn scaled_by_power_of_two(x: f64, n: i32) -> f64 {
 }
 
 /// ⌊log₂ x⌋ for x > 0, 0 for x = 0.
-fn binary_exponent(x: f64) -> i32 {
+pub(crate) fn binary_exponent(x: f64) -> i32 {
     if x == 0.0 {
         return 0;
     }

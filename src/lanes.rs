@@ -134,6 +134,15 @@ macro_rules! lane_type {
             fn select(mask: Self::Mask, if_true: Self, if_false: Self) -> Self {
                 Self(token::<S>().$select(mask.0, if_true.0, if_false.0))
             }
+            #[inline(always)]
+            fn any(mask: Self::Mask) -> bool {
+                bytemuck::bytes_of(&mask.0).iter().any(|&byte| byte != 0)
+            }
+            #[inline(always)]
+            fn two_product(self, other: Self) -> (Self, Self) {
+                let product = self * other;
+                (product, self.mul_add(other, -product))
+            }
         }
     };
 }

@@ -1,0 +1,119 @@
+//! Phases as integers of a turn: exact multiplication of a 128-bit rate by a time.
+//!
+//! A phase rate · t formed in floating point is wrong by half an ulp of itself, which after 10⁹ turns is 10⁻⁷ turn. Here a
+//! rate is a fixed-point fraction of 128 bits and a time an integer times a power of two, as every `f64` is; of their
+//! product, modulo one turn, the 64 bits behind the point are kept. Neither error nor cost grows with the time.
+//!
+//! Twin: `shaders/phase.wgsl`, where the same numbers are words of 32 bits; both give the same bits.
+
+use crate::elementary::{Turns, power_of_two};
+use crate::real::Scalar;
+
+/// A time as `sign · mantissa · 2^exponent`, s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Time {
+    /// Below 2⁶⁴.
+    pub mantissa: u64,
+    /// Power of two of the mantissa's unit.
+    pub exponent: i32,
+    /// Whether the time lies before the initial state.
+    pub negative: bool,
+}
+
+impl Time {
+    /// Exactly `seconds`, which must be finite.
+    pub fn from_seconds(seconds: f64) -> Self {
+        let bits = seconds.to_bits();
+        let (field, fraction) = ((bits >> 52) & 0x7ff, bits & ((1 << 52) - 1));
+        let (mantissa, exponent) =
+            if field == 0 { (fraction, -1074) } else { (fraction | (1 << 52), field as i32 - 1075) };
+        Self { mantissa, exponent, negative: bits >> 63 == 1 }
+    }
+
+    /// The time of step `index` of size `dt`, exactly where the product has no more than 64 bits and else rounded to
+    /// 64 bits. `dt` must be finite.
+    pub fn of_step(index: u64, dt: f64) -> Self {
+        let step = Self::from_seconds(dt);
+        let product = u128::from(step.mantissa) * u128::from(index);
+        let excess = (128 - product.leading_zeros()).saturating_sub(64);
+        let rounded = if excess == 0 { product } else { (product + (1 << (excess - 1))) >> excess };
+        // Rounding up can reach 2⁶⁴ itself.
+        let carry = u32::from(rounded >> 64 != 0);
+        Self {
+            mantissa: (rounded >> carry) as u64,
+            exponent: step.exponent + (excess + carry) as i32,
+            negative: step.negative,
+        }
+    }
+}
+
+/// A rate of a phase: `fraction · 2^−128` turns per unit of time, and the unit as a power of two of 1/s.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rate {
+    /// Size in units of 2⁻¹²⁸ turn.
+    pub fraction: u128,
+    /// The rate is `fraction · 2^(exponent − 128)` turns per second.
+    pub exponent: i32,
+    /// Whether the phase decreases with time.
+    pub negative: bool,
+}
+
+/// The phase at `time` in units of 2⁻⁶⁴ turn, modulo one turn.
+///
+/// The product is truncated, not rounded: the error is less than 2⁻⁶⁴ turn, and |t| · 2⁻¹²⁸ of the rate's unit.
+#[inline(always)]
+pub fn phase_at(start: u64, rate: Rate, time: Time) -> u64 {
+    let advanced = fraction_of_turn(rate.fraction, time.mantissa, time.exponent + rate.exponent);
+    if time.negative == rate.negative { start.wrapping_add(advanced) } else { start.wrapping_sub(advanced) }
+}
+
+/// `fraction · mantissa · 2^(exponent − 64)` modulo 2⁶⁴, rounded down.
+#[inline(always)]
+pub fn fraction_of_turn(fraction: u128, mantissa: u64, exponent: i32) -> u64 {
+    // The product as three words of 64 bits.
+    let low = (fraction & u128::from(u64::MAX)) * u128::from(mantissa);
+    let middle = (fraction >> 64) * u128::from(mantissa) + (low >> 64);
+    let words = [low as u64, middle as u64, (middle >> 64) as u64];
+    let shift = 64 - exponent;
+    if shift <= 0 {
+        return if shift > -64 { words[0] << -shift } else { 0 };
+    }
+    let word = |index: usize| if index < 3 { words[index] } else { 0 };
+    let (index, bits) = ((shift / 64) as usize, shift % 64);
+    let lower = word(index) >> bits;
+    if bits == 0 { lower } else { lower | (word(index + 1) << (64 - bits)) }
+}
+
+/// A phase in units of 2⁻⁶⁴ turn as the nearest quarter turn and what is left of it.
+#[inline(always)]
+pub fn turns<T: Scalar>(phase: u64) -> Turns<T> {
+    let quadrant = phase.wrapping_add(1 << 61) >> 62;
+    let residual = phase.wrapping_sub(quadrant << 62) as i64;
+    Turns { quadrant: T::from_f64(quadrant as f64), residual: residual_turns(residual) }
+}
+
+/// `residual · 2⁻⁶⁴` turns: rounded from all bits in `f64`, from the upper 32 in `f32`, as in the shader.
+#[inline(always)]
+fn residual_turns<T: Scalar>(residual: i64) -> T {
+    if T::WORDS == 1 {
+        T::from_f64(residual as f64 * power_of_two(-64))
+    } else {
+        T::from_f64(f64::from((residual >> 32) as i32)) * T::splat(power_of_two(-32))
+    }
+}
+
+/// A phase of `turns` (modulo one turn) given in two words, |turns| ≤ 1, in units of 2⁻⁶⁴ turn.
+pub(crate) fn phase_from_turns(high: f64, low: f64) -> u64 {
+    let unit = power_of_two(64);
+    // Both words are integers or round to the nearest; |high| · 2^64 fits an i128.
+    ((high * unit) as i128).wrapping_add((low * unit).round() as i128) as u64
+}
+
+/// The size of a rate of `turns` per unit in two words, |turns| < 1, in units of 2⁻¹²⁸ turn, and its sign.
+pub(crate) fn fraction_from_turns(high: f64, low: f64) -> (u128, bool) {
+    let unit = power_of_two(127);
+    let negative = high < 0.0;
+    let (high, low) = if negative { (-high, -low) } else { (high, low) };
+    let size = (high * unit) as i128 + (low * unit) as i128;
+    ((size.max(0) as u128) << 1, negative)
+}
