@@ -195,7 +195,7 @@ lane_type!(
 );
 
 /// Work that is written once for any lane type of an element type.
-pub(crate) trait LaneTask<T: Scalar> {
+pub trait LaneTask<T: Scalar> {
     /// What the work returns.
     type Output;
     /// Does the work. Must be `#[inline(always)]` and call nothing that is not, or the lanes degrade to calls.
@@ -203,7 +203,7 @@ pub(crate) trait LaneTask<T: Scalar> {
 }
 
 /// An element type that has lanes.
-pub(crate) trait LaneScalar: Scalar {
+pub trait LaneScalar: Scalar {
     /// Runs `task` with the widest lanes that this processor has.
     fn dispatch<K: LaneTask<Self>>(task: K) -> K::Output;
     /// The width that [`LaneScalar::dispatch`] uses here.

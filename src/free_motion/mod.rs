@@ -2,7 +2,9 @@
 mod elliptic;
 pub mod evaluation;
 mod frame;
+mod rows;
 mod setup;
 mod solution;
 
+pub use rows::{FreeMotionRows, WORD_COLUMNS};
 pub use solution::FreeMotion;

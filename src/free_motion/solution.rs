@@ -2,11 +2,14 @@
 
 use glam::{DQuat, DVec3};
 
-use crate::batch::{BodyFrame, BodyState, scaled_by_power_of_two};
+use crate::batch::{BodyFrame, BodyState};
+use crate::double_double::DoubleDouble;
+use crate::elementary::power_of_two;
 use crate::ensemble::Ensemble;
 use crate::error::Result;
 use crate::free_motion::evaluation::{Instant, Row, evaluate};
 use crate::free_motion::frame::scaled_body;
+use crate::free_motion::rows::scaled_time;
 use crate::free_motion::setup::{Constants, Theory, separatrix_row, set_up};
 use crate::inertia::InertiaTensor;
 use crate::phase::{Rate, Time, fraction_from_turns, phase_at, phase_from_turns, turns};
@@ -36,15 +39,30 @@ pub(crate) struct Phases {
 impl Phases {
     /// The integers of a set-up, for rates in units of 2^`rate_exponent` per second.
     pub fn new(constants: &Constants<f64>, rate_exponent: i32) -> Self {
-        let rate = |turns: crate::double_double::DoubleDouble| {
-            let scale = crate::elementary::power_of_two(-HEADROOM);
+        Self::from_turns(
+            constants.polhode_rate,
+            constants.precession_rate,
+            constants.polhode_start,
+            rate_exponent,
+        )
+    }
+
+    /// The integers of two rates, turns per 2^−`rate_exponent` s, and a phase in turns.
+    pub fn from_turns(
+        polhode_rate: DoubleDouble,
+        precession_rate: DoubleDouble,
+        polhode_start: DoubleDouble,
+        rate_exponent: i32,
+    ) -> Self {
+        let rate = |turns: DoubleDouble| {
+            let scale = power_of_two(-HEADROOM);
             let (fraction, negative) = fraction_from_turns(turns.high * scale, turns.low * scale);
             Rate { fraction, exponent: rate_exponent + HEADROOM, negative }
         };
         Self {
-            polhode_rate: rate(constants.polhode_rate),
-            polhode_start: phase_from_turns(constants.polhode_start.high, constants.polhode_start.low),
-            precession_rate: rate(constants.precession_rate),
+            polhode_rate: rate(polhode_rate),
+            polhode_start: phase_from_turns(polhode_start.high, polhode_start.low),
+            precession_rate: rate(precession_rate),
         }
     }
 }
@@ -94,7 +112,7 @@ impl FreeMotion {
         let instant = Instant {
             polhode: turns(phase_at(self.phases.polhode_start, self.phases.polhode_rate, exact)),
             precession: turns(phase_at(0, self.phases.precession_rate, exact)),
-            time: scaled_by_power_of_two(time, self.frame.rate_exponent).clamp(-1e30, 1e30),
+            time: scaled_time(time, self.frame.rate_exponent),
         };
         let state = evaluate(&self.row, &instant);
         let (q, m) = (state.orientation, state.angular_momentum_principal);
