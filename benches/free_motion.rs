@@ -83,13 +83,14 @@ fn main() {
             }
             println!(
                 "evaluation, f64, {label}, t = {time} s: {:.3e} bodies/s, {:.1} GB/s, attitude error against the scalar {worst:.1e} rad",
-                (repeats * count) as f64 / seconds, (repeats*count) as f64 * (27.0+7.0)*8.0/seconds/1e9
+                (repeats * count) as f64 / seconds,
+                (repeats * count) as f64 * (27.0 + 7.0) * 8.0 / seconds / 1e9
             );
             let (frames, rows) = FreeMotionRows::<f32>::prepare(&ensemble).expect("there is memory");
             let mut state = vec![0.0_f32; 14 * rows.stride];
             let seconds = least_time(5, || {
                 for _ in 0..repeats {
-                    rows.evaluate(black_box(time), &mut state[..7*rows.stride]);
+                    rows.evaluate(black_box(time), &mut state[..7 * rows.stride]);
                 }
             });
             let mut worst = 0.0_f64;
@@ -102,7 +103,8 @@ fn main() {
             }
             println!(
                 "evaluation, f32, {label}, t = {time} s: {:.3e} bodies/s, {:.1} GB/s, attitude error against the scalar f64 {worst:.1e} rad",
-                (repeats * count) as f64 / seconds, (repeats*count) as f64 * (48.0+28.0*4.0)/seconds/1e9
+                (repeats * count) as f64 / seconds,
+                (repeats * count) as f64 * (48.0 + 28.0 * 4.0) / seconds / 1e9
             );
         }
     }

@@ -207,12 +207,8 @@ pub(crate) fn initial_state(ensemble: &Ensemble, body: usize) -> BodyState {
 
 impl BodyFrame {
     /// The frame of a body that is already scaled and in its principal axes.
-    pub(crate) const UNIT: Self = Self {
-        scaled_moments: DVec3::ONE,
-        principal_to_body: DQuat::IDENTITY,
-        moment_exponent: 0,
-        rate_exponent: 0,
-    };
+    pub(crate) const UNIT: Self =
+        Self { scaled_moments: DVec3::ONE, principal_to_body: DQuat::IDENTITY, moment_exponent: 0, rate_exponent: 0 };
 
     /// The scaled parameters: 1/I₁, 1/I₂, 1/I₃ and 2^r.
     fn parameters(&self) -> [f64; PARAMETER_COMPONENTS] {

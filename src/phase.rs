@@ -75,13 +75,16 @@ pub fn fraction_of_turn(fraction: u128, mantissa: u64, exponent: i32) -> u64 {
     let middle = (fraction >> 64) * u128::from(mantissa) + (low >> 64);
     let words = [low as u64, middle as u64, (middle >> 64) as u64];
     let shift = 64 - exponent;
-    if shift <= 0 {
-        return if shift > -64 { words[0] << -shift } else { 0 };
+    if !(0..192).contains(&shift) {
+        // Beyond the product's top there is nothing; below its last bit, nothing is known of a turn's fraction.
+        return if shift > -64 && shift < 0 { words[0] << -shift } else { 0 };
     }
-    let word = |index: usize| if index < 3 { words[index] } else { 0 };
-    let (index, bits) = ((shift / 64) as usize, shift % 64);
-    let lower = word(index) >> bits;
-    if bits == 0 { lower } else { lower | (word(index + 1) << (64 - bits)) }
+    let (lower, upper) = match shift / 64 {
+        0 => (words[0], words[1]),
+        1 => (words[1], words[2]),
+        _ => (words[2], 0),
+    };
+    (((u128::from(upper) << 64) | u128::from(lower)) >> (shift % 64)) as u64
 }
 
 /// A phase in units of 2⁻⁶⁴ turn as the nearest quarter turn and what is left of it.
@@ -89,16 +92,9 @@ pub fn fraction_of_turn(fraction: u128, mantissa: u64, exponent: i32) -> u64 {
 pub fn turns<T: Scalar>(phase: u64) -> Turns<T> {
     let quadrant = phase.wrapping_add(1 << 61) >> 62;
     let residual = phase.wrapping_sub(quadrant << 62) as i64;
-    Turns { quadrant: T::from_f64(quadrant as f64), residual: residual_turns(residual) }
-}
-
-/// `residual · 2⁻⁶⁴` turns: rounded from all bits in `f64`, from the upper 32 in `f32`, as in the shader.
-#[inline(always)]
-fn residual_turns<T: Scalar>(residual: i64) -> T {
-    if T::WORDS == 1 {
-        T::from_f64(residual as f64 * power_of_two(-64))
-    } else {
-        T::from_f64(f64::from((residual >> 32) as i32)) * T::splat(power_of_two(-32))
+    Turns {
+        quadrant: T::from_fixed_point((quadrant << 32) as i64) * T::splat(power_of_two(32)),
+        residual: T::from_fixed_point(residual),
     }
 }
 

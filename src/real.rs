@@ -95,6 +95,10 @@ pub trait Scalar: Real<Scalar = Self, Mask = bool> + PartialOrd + Default + byte
     const COS: &'static [f64];
     /// π/2 in words, each with trailing zeros, so that a product by a small integer is exact.
     const HALF_PI: &'static [f64];
+    /// What vanishes next to 1.
+    const NEGLIGIBLE: f64;
+    /// A number whose fourth power vanishes next to 1.
+    const FOURTH_POWER_NEGLIGIBLE: f64;
     /// 1/n! from the highest n down to 2, for [`crate::elementary::exp`].
     const EXP: &'static [f64];
     /// ln 2 in two words, the first with trailing zeros, so that a product by a small integer is exact.
@@ -102,6 +106,8 @@ pub trait Scalar: Real<Scalar = Self, Mask = bool> + PartialOrd + Default + byte
 
     /// The nearest number to `x`.
     fn from_f64(x: f64) -> Self;
+    /// `x` · 2⁻⁶⁴: rounded from all bits in `f64`, from the upper 32 in `f32`.
+    fn from_fixed_point(x: i64) -> Self;
     /// The same number in `f64`, exactly.
     fn to_f64(self) -> f64;
     /// The two words of `x`: the nearest number, and what is left of `x` (0 where one word is carried).
@@ -184,6 +190,8 @@ impl Scalar for f32 {
     const SIN: &'static [f64] = &[-1.9515295891e-4, 8.3321608736e-3, -1.6666654611e-1];
     const COS: &'static [f64] = &[2.443315711809948e-5, -1.388731625493765e-3, 4.166664568298827e-2];
     const HALF_PI: &'static [f64] = &[1.5703125, 4.837512969970703125e-4, 7.549789954892e-8];
+    const NEGLIGIBLE: f64 = 1.0 / 2_147_483_648.0;
+    const FOURTH_POWER_NEGLIGIBLE: f64 = 1.0 / 256.0;
     // The first term left out is below 2^-27 of the result on |x| <= ln(2)/2.
     const EXP: &'static [f64] = &[1.0 / 5040.0, 1.0 / 720.0, 1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5];
     const LN_2: [f64; 2] = [0.693359375, -2.121944400546905827679e-4];
@@ -191,6 +199,10 @@ impl Scalar for f32 {
     #[inline(always)]
     fn from_f64(x: f64) -> f32 {
         x as f32
+    }
+    #[inline(always)]
+    fn from_fixed_point(x: i64) -> f32 {
+        (x >> 32) as i32 as f32 * (1.0 / 4_294_967_296.0)
     }
     #[inline(always)]
     fn to_f64(self) -> f64 {
@@ -221,6 +233,8 @@ impl Scalar for f64 {
     // Cody and Waite words of 33, 33 and 53 bits, as in fdlibm's e_rem_pio2.c (Sun Microsystems, 1993).
     const HALF_PI: &'static [f64] =
         &[1.57079632673412561417e+00, 6.07710050630396597660e-11, 2.02226624879595063154e-21];
+    const NEGLIGIBLE: f64 = 1.0 / 1_152_921_504_606_846_976.0;
+    const FOURTH_POWER_NEGLIGIBLE: f64 = 1.0 / 16_384.0;
     // The first term left out is below 2^-57 of the result on |x| <= ln(2)/2.
     const EXP: &'static [f64] = &[
         1.0 / 6_227_020_800.0,
@@ -242,6 +256,10 @@ impl Scalar for f64 {
     #[inline(always)]
     fn from_f64(x: f64) -> f64 {
         x
+    }
+    #[inline(always)]
+    fn from_fixed_point(x: i64) -> f64 {
+        x as f64 * (1.0 / 18_446_744_073_709_551_616.0)
     }
     #[inline(always)]
     fn to_f64(self) -> f64 {

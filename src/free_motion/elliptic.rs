@@ -30,8 +30,7 @@ const ATAN_SERIES: [(f64, f64); 6] = [
 ];
 
 /// The further terms, whose sum is below 2⁻⁵¹ of the whole; the first one left out is below 2⁻¹⁰⁸.
-const ATAN_TAIL: [f64; 7] =
-    [1.0 / 13.0, -1.0 / 15.0, 1.0 / 17.0, -1.0 / 19.0, 1.0 / 21.0, -1.0 / 23.0, 1.0 / 25.0];
+const ATAN_TAIL: [f64; 7] = [1.0 / 13.0, -1.0 / 15.0, 1.0 / 17.0, -1.0 / 19.0, 1.0 / 21.0, -1.0 / 23.0, 1.0 / 25.0];
 
 /// The angle of the point (x, y) with y > 0 from the x axis, in turns, in (0, 1/2); relative error some 2⁻¹⁰⁰.
 ///
@@ -92,11 +91,7 @@ const LEAST_COTANGENT: f64 = 1e-100;
 /// φ is followed by the sign of y. Z = Σ ½ (a − b) sin φ′. Lanes that have converged are left alone, so that a result
 /// does not depend on its neighbours.
 #[inline(always)]
-pub(crate) fn landen<R: Real>(
-    complement: DoubleDouble<R>,
-    cotangent: DoubleDouble<R>,
-    with_zeta: bool,
-) -> Landen<R> {
+pub(crate) fn landen<R: Real>(complement: DoubleDouble<R>, cotangent: DoubleDouble<R>, with_zeta: bool) -> Landen<R> {
     let zero = R::splat(0.0);
     let least = DoubleDouble::splat(LEAST_COTANGENT, 0.0);
     let (mut a, mut b) = (DoubleDouble::splat(1.0, 0.0), complement);

@@ -54,10 +54,10 @@ pub(crate) fn scaled_body(
         refined(&scaled, axes.principal_to_body)
     };
     let second = binary_exponent(moments[1].high);
-    let moments = moments.map(|i| Dd::new(scaled_by_power_of_two(i.high, -second), scaled_by_power_of_two(i.low, -second)));
-    let angular_velocity: [Dd; 3] = std::array::from_fn(|axis| {
-        (0..3).fold(ZERO, |sum, body| sum + frame[body][axis].times_word(omega[body]))
-    });
+    let moments =
+        moments.map(|i| Dd::new(scaled_by_power_of_two(i.high, -second), scaled_by_power_of_two(i.low, -second)));
+    let angular_velocity: [Dd; 3] =
+        std::array::from_fn(|axis| (0..3).fold(ZERO, |sum, body| sum + frame[body][axis].times_word(omega[body])));
     let q = (orientation * principal_to_body).normalize();
     let body_frame = BodyFrame {
         scaled_moments: DVec3::from_array(moments.map(|i| i.high)),

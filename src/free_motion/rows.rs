@@ -2,8 +2,9 @@
 
 use rayon::prelude::*;
 
-use crate::batch::{BodyFrame, STATE_COMPONENTS, STRIDE_UNIT, scaled_by_power_of_two};
+use crate::batch::{BodyFrame, STATE_COMPONENTS, STRIDE_UNIT};
 use crate::double_double::DoubleDouble;
+use crate::elementary::{Turns, power_of_two};
 use crate::ensemble::Ensemble;
 use crate::error::Result;
 use crate::free_motion::evaluation::{Instant, ROW_COLUMNS, Row, SHAPE_COLUMNS, evaluate};
@@ -11,7 +12,6 @@ use crate::free_motion::frame::scaled_body;
 use crate::free_motion::setup::{Constants, Initial, separatrix_row, set_up};
 use crate::free_motion::solution::{HEADROOM, Phases};
 use crate::lanes::{LaneScalar, LaneTask};
-use crate::elementary::Turns;
 use crate::phase::{Rate, Time, phase_at, turns};
 use crate::quaternion::Quaternion;
 use crate::real::{Real, Scalar};
@@ -26,8 +26,11 @@ const POLHODE_NEGATIVE: u64 = 1 << 32;
 /// Bit of the last integer column: the precession's phase decreases with time.
 const PRECESSION_NEGATIVE: u64 = 1 << 33;
 
-/// Bodies that one task sets up or evaluates: a multiple of every lane count.
+/// Bodies whose phases are formed at once: a multiple of every lane count.
 const BLOCK: usize = STRIDE_UNIT;
+
+/// Bodies that one task sets up or evaluates: some microseconds of evaluation.
+const TASK: usize = 8 * BLOCK;
 
 /// The torque-free motion of many bodies: a row of constants each, from which the state at any time follows.
 ///
@@ -59,24 +62,29 @@ impl<T: LaneScalar> FreeMotionRows<T> {
         let mut rows = Self::at_rest(body_count);
         let stride = rows.stride;
         let mut frames = vec![BodyFrame::UNIT; stride];
-        let words = column_blocks(&mut rows.words, stride);
-        let constants = column_blocks(&mut rows.constants, stride);
-        frames.par_chunks_mut(BLOCK).zip(words).zip(constants).enumerate().for_each(
-            |(block, ((frames, words), constants))| {
-                let start = block * BLOCK;
-                let count = BLOCK.min(body_count - start);
+        let words = column_parts(&mut rows.words, stride);
+        let constants = column_parts(&mut rows.constants, stride);
+        frames.par_chunks_mut(TASK).zip(words).zip(constants).enumerate().for_each(
+            |(task, ((frames, mut words), mut constants))| {
                 let mut initial = InitialBlock::at_rest();
-                for (offset, frame) in frames[..count].iter_mut().enumerate() {
-                    let body = start + offset;
-                    let (body_frame, row) = scaled_body(
-                        &ensemble.inertia()[body],
-                        ensemble.orientation()[body],
-                        ensemble.angular_velocity_body()[body],
-                    );
-                    *frame = body_frame;
-                    initial.set(offset, &row);
+                for block in (0..frames.len()).step_by(BLOCK) {
+                    let start = task * TASK + block;
+                    let frames = &mut frames[block..block + BLOCK];
+                    let count = BLOCK.min(body_count - start);
+                    for (offset, frame) in frames[..count].iter_mut().enumerate() {
+                        let body = start + offset;
+                        let (body_frame, row) = scaled_body(
+                            &ensemble.inertia()[body],
+                            ensemble.orientation()[body],
+                            ensemble.angular_velocity_body()[body],
+                        );
+                        *frame = body_frame;
+                        initial.set(offset, &row);
+                    }
+                    // Behind the last body the row before is repeated; nothing reads it.
+                    let (words, constants) = (&mut words, &mut constants);
+                    f64::dispatch(SetUpBlock { initial: &initial, frames, words, constants, first: block });
                 }
-                f64::dispatch(SetUpBlock { initial: &initial, frames, words, constants });
             },
         );
         frames.truncate(body_count);
@@ -102,32 +110,32 @@ impl<T: LaneScalar> FreeMotionRows<T> {
     /// Where `state` has not whole columns of [`FreeMotionRows::stride`].
     pub fn evaluate(&self, time: f64, state: &mut [T]) {
         assert!(self.stride == 0 || state.len().is_multiple_of(self.stride), "whole columns are needed");
-        let blocks = column_blocks(state, self.stride);
-        blocks.into_par_iter().enumerate().for_each(|(block, mut columns)| {
-            T::dispatch(EvaluateBlock { rows: self, start: block * BLOCK, time, state: &mut columns });
+        column_parts(state, self.stride).into_par_iter().enumerate().for_each(|(task, mut columns)| {
+            T::dispatch(EvaluatePart { rows: self, start: task * TASK, time, state: &mut columns });
         });
     }
 
     /// As [`FreeMotionRows::evaluate`], one body after the other without fused multiply-add: the shader's twin.
     pub fn evaluate_one_by_one(&self, time: f64, state: &mut [T]) {
         assert!(self.stride == 0 || state.len().is_multiple_of(self.stride), "whole columns are needed");
-        for (block, mut columns) in column_blocks(state, self.stride).into_iter().enumerate() {
-            EvaluateBlock { rows: self, start: block * BLOCK, time, state: &mut columns }.run::<T>();
+        for (task, mut columns) in column_parts(state, self.stride).into_iter().enumerate() {
+            EvaluatePart { rows: self, start: task * TASK, time, state: &mut columns }.run::<T>();
         }
     }
 }
 
-/// The parts of every column that belong to one block, for all blocks.
-fn column_blocks<T>(table: &mut [T], stride: usize) -> Vec<Vec<&mut [T]>> {
-    let mut blocks: Vec<Vec<&mut [T]>> = (0..stride / BLOCK).map(|_| Vec::new()).collect();
+/// The parts of every column that belong to one task, for all tasks.
+fn column_parts<T>(table: &mut [T], stride: usize) -> Vec<Vec<&mut [T]>> {
+    let columns = table.len().checked_div(stride).unwrap_or(0);
+    let mut parts: Vec<Vec<&mut [T]>> = (0..stride.div_ceil(TASK)).map(|_| Vec::with_capacity(columns)).collect();
     if stride > 0 {
         for column in table.chunks_exact_mut(stride) {
-            for (block, part) in blocks.iter_mut().zip(column.chunks_exact_mut(BLOCK)) {
-                block.push(part);
+            for (part, columns) in column.chunks_mut(TASK).zip(&mut parts) {
+                columns.push(part);
             }
         }
     }
-    blocks
+    parts
 }
 
 /// Columns of the set-up's input: moments and angular velocity in two words each, and the orientation.
@@ -175,15 +183,17 @@ impl InitialBlock {
 struct SetUpBlock<'a, 'b, T> {
     initial: &'a InitialBlock,
     frames: &'a [BodyFrame],
-    words: Vec<&'b mut [u64]>,
-    constants: Vec<&'b mut [T]>,
+    words: &'a mut [&'b mut [u64]],
+    constants: &'a mut [&'b mut [T]],
+    /// Offset of the block in the columns.
+    first: usize,
 }
 
 impl<T: Scalar> LaneTask<f64> for SetUpBlock<'_, '_, T> {
     type Output = ();
 
     #[inline(always)]
-    fn run<R: Real<Scalar = f64>>(mut self) {
+    fn run<R: Real<Scalar = f64>>(self) {
         // The widest lanes hold eight numbers.
         let mut lanes = [0.0_f64; 8];
         for offset in (0..BLOCK).step_by(R::LANES) {
@@ -193,7 +203,7 @@ impl<T: Scalar> LaneTask<f64> for SetUpBlock<'_, '_, T> {
             for (column, number) in columns.into_iter().enumerate() {
                 number.store(&mut lanes);
                 for lane in 0..R::LANES {
-                    self.constants[column][offset + lane] = T::from_f64(lanes[lane]);
+                    self.constants[column][self.first + offset + lane] = T::from_f64(lanes[lane]);
                 }
             }
             let separatrix = R::select(found.separatrix, R::splat(1.0), R::splat(0.0));
@@ -213,17 +223,16 @@ impl<T: Scalar> LaneTask<f64> for SetUpBlock<'_, '_, T> {
             for lane in 0..R::LANES {
                 let body = offset + lane;
                 let two = |c: usize| DoubleDouble { high: integers[c][lane], low: integers[c + 1][lane] };
-                let mut phases =
-                    Phases::from_turns(two(0), two(2), two(4), self.frames[body].rate_exponent);
+                let mut phases = Phases::from_turns(two(0), two(2), two(4), self.frames[body].rate_exponent);
                 if integers[6][lane] > 0.5 {
                     let (row, start) = separatrix_body(&self.initial.load::<f64>(body));
                     phases.polhode_start = start;
                     for (column, number) in row_columns(&row).into_iter().enumerate() {
-                        self.constants[column][body] = T::from_f64(number);
+                        self.constants[column][self.first + body] = T::from_f64(number);
                     }
                 }
                 for (column, word) in phases.to_words().into_iter().enumerate() {
-                    self.words[column][body] = word;
+                    self.words[column][self.first + body] = word;
                 }
             }
         }
@@ -284,75 +293,112 @@ impl Phases {
 
     /// From the columns of the table.
     #[inline(always)]
-    fn from_words(word: impl Fn(usize) -> u64) -> Self {
-        let unit = word(5);
-        let fraction = |low: usize| u128::from(word(low)) | (u128::from(word(low + 1)) << 64);
-        let rate = |low: usize, sign: u64| Rate {
-            fraction: fraction(low),
+    fn from_words(words: [u64; WORD_COLUMNS]) -> Self {
+        let unit = words[5];
+        let rate = |low: u64, high: u64, sign: u64| Rate {
+            fraction: u128::from(low) | (u128::from(high) << 64),
             exponent: unit as u32 as i32,
             negative: unit & sign != 0,
         };
         Self {
-            polhode_rate: rate(0, POLHODE_NEGATIVE),
-            polhode_start: word(4),
-            precession_rate: rate(2, PRECESSION_NEGATIVE),
+            polhode_rate: rate(words[0], words[1], POLHODE_NEGATIVE),
+            polhode_start: words[4],
+            precession_rate: rate(words[2], words[3], PRECESSION_NEGATIVE),
         }
     }
 }
 
-/// Evaluates one block, lane group by lane group.
-struct EvaluateBlock<'a, 'b, T> {
+/// Evaluates the bodies of one task, lane group by lane group.
+struct EvaluatePart<'a, 'b, T> {
     rows: &'a FreeMotionRows<T>,
     start: usize,
     time: f64,
     state: &'a mut [&'b mut [T]],
 }
 
-impl<T: Scalar> LaneTask<T> for EvaluateBlock<'_, '_, T> {
+impl<T: Scalar> LaneTask<T> for EvaluatePart<'_, '_, T> {
     type Output = ();
 
     #[inline(always)]
     fn run<R: Real<Scalar = T>>(self) {
         let stride = self.rows.stride;
         let exact = Time::from_seconds(self.time);
-        let zero = T::default();
-        let mut polhode = ([zero; BLOCK], [zero; BLOCK]);
-        let mut precession = ([zero; BLOCK], [zero; BLOCK]);
-        let mut times = [zero; BLOCK];
-        // Integer arithmetic, body by body, then the series in lanes.
-        for offset in 0..BLOCK {
-            let phases = Phases::from_words(|column| self.rows.words[column * stride + self.start + offset]);
-            let v = turns::<T>(phase_at(phases.polhode_start, phases.polhode_rate, exact));
-            let psi = turns::<T>(phase_at(0, phases.precession_rate, exact));
-            (polhode.0[offset], polhode.1[offset]) = (v.quadrant, v.residual);
-            (precession.0[offset], precession.1[offset]) = (psi.quadrant, psi.residual);
-            times[offset] = T::from_f64(scaled_time(self.time, phases.polhode_rate.exponent - HEADROOM));
-        }
-        for offset in (0..BLOCK).step_by(R::LANES) {
-            let row = load_row(|column| R::load(&self.rows.constants[column * stride + self.start + offset..]));
-            let angle = |turns: &([T; BLOCK], [T; BLOCK])| Turns {
-                quadrant: R::load(&turns.0[offset..]),
-                residual: R::load(&turns.1[offset..]),
-            };
-            let instant = Instant {
-                polhode: angle(&polhode),
-                precession: angle(&precession),
-                time: R::load(&times[offset..]),
-            };
-            let state = evaluate(&row, &instant);
-            let (q, m) = (state.orientation, state.angular_momentum_principal);
-            for (column, number) in [q.x, q.y, q.z, q.w, m.x, m.y, m.z].into_iter().enumerate() {
-                number.store(&mut self.state[column][offset..]);
+        let (state, residues) = self.state.split_at_mut(STATE_COMPONENTS);
+        let count = state[0].len();
+        for block in (0..count).step_by(BLOCK) {
+            let start = self.start + block;
+            let words: [&[u64]; WORD_COLUMNS] = [
+                &self.rows.words[start..][..BLOCK],
+                &self.rows.words[stride + start..][..BLOCK],
+                &self.rows.words[2 * stride + start..][..BLOCK],
+                &self.rows.words[3 * stride + start..][..BLOCK],
+                &self.rows.words[4 * stride + start..][..BLOCK],
+                &self.rows.words[5 * stride + start..][..BLOCK],
+            ];
+            // Integer arithmetic, body by body.
+            let (mut polhode, mut precession) = ([0_u64; BLOCK], [0_u64; BLOCK]);
+            let mut times = [T::default(); BLOCK];
+            for offset in 0..BLOCK {
+                let phases = Phases::from_words([
+                    words[0][offset],
+                    words[1][offset],
+                    words[2][offset],
+                    words[3][offset],
+                    words[4][offset],
+                    words[5][offset],
+                ]);
+                polhode[offset] = phase_at(phases.polhode_start, phases.polhode_rate, exact);
+                precession[offset] = phase_at(0, phases.precession_rate, exact);
+                times[offset] = T::from_f64(scaled_time(self.time, phases.polhode_rate.exponent - HEADROOM));
+            }
+            let (polhode, precession) = (TurnsBlock::new(&polhode), TurnsBlock::new(&precession));
+            // The series, in lanes.
+            for offset in (0..BLOCK).step_by(R::LANES) {
+                let row = load_row(|column| R::load(&self.rows.constants[column * stride + start + offset..]));
+                let instant = Instant {
+                    polhode: polhode.load(offset),
+                    precession: precession.load(offset),
+                    time: R::load(&times[offset..]),
+                };
+                let found = evaluate(&row, &instant);
+                let (q, m) = (found.orientation, found.angular_momentum_principal);
+                for (column, number) in [q.x, q.y, q.z, q.w, m.x, m.y, m.z].into_iter().enumerate() {
+                    number.store(&mut state[column][block + offset..]);
+                }
             }
         }
-        for residue in &mut self.state[STATE_COMPONENTS..] {
-            residue.fill(zero);
+        for residue in residues {
+            residue.fill(T::default());
         }
+    }
+}
+
+/// Reduced angles of one block.
+struct TurnsBlock<T> {
+    quadrant: [T; BLOCK],
+    residual: [T; BLOCK],
+}
+
+impl<T: Scalar> TurnsBlock<T> {
+    #[inline(always)]
+    fn new(phases: &[u64; BLOCK]) -> Self {
+        let mut block = Self { quadrant: [T::default(); BLOCK], residual: [T::default(); BLOCK] };
+        for (offset, &phase) in phases.iter().enumerate() {
+            let angle = turns::<T>(phase);
+            block.quadrant[offset] = angle.quadrant;
+            block.residual[offset] = angle.residual;
+        }
+        block
+    }
+
+    #[inline(always)]
+    fn load<R: Real<Scalar = T>>(&self, offset: usize) -> Turns<R> {
+        Turns { quadrant: R::load(&self.quadrant[offset..]), residual: R::load(&self.residual[offset..]) }
     }
 }
 
 /// `time · 2^rate_exponent`, held within ±1e30, where every motion on a separatrix has long ended.
 #[inline(always)]
 pub(crate) fn scaled_time(time: f64, rate_exponent: i32) -> f64 {
-    scaled_by_power_of_two(time, rate_exponent).clamp(-1e30, 1e30)
+    (time * power_of_two(rate_exponent.clamp(-1000, 1000))).clamp(-1e30, 1e30)
 }

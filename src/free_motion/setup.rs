@@ -80,6 +80,10 @@ const LEAST_COMPLEMENT: f64 = power_of_two(-236);
 /// k² below this is zero.
 const LEAST_MODULUS: f64 = power_of_two(-200);
 
+/// Coefficients below this part of the leading one are zero: they change nothing in `f64`, and their products would
+/// be subnormal numbers in `f32`.
+const VANISHING: f64 = power_of_two(-60);
+
 const INVERSE_TAU: (f64, f64) = (0.15915494309189535, -9.839338337591243e-18);
 
 #[inline(always)]
@@ -155,8 +159,7 @@ pub(crate) fn set_up<R: Real>(initial: &Initial<R>) -> Constants<R> {
         & !circular
         & !steady;
     let lambda = amplitude_d * (d2 * i31 / (ia * i2)).sqrt();
-    let momentum_squared =
-        (i1 * w1).squared() + (i2 * w2).squared() + (i3 * w3).squared();
+    let momentum_squared = (i1 * w1).squared() + (i2 * w2).squared() + (i3 * w3).squared();
     let momentum = momentum_squared.sqrt();
 
     // Step 4: periods and the argument at the start.
@@ -219,10 +222,10 @@ pub(crate) fn set_up<R: Real>(initial: &Initial<R>) -> Constants<R> {
         let mut other = unit;
         other.shape = transformed_constants(ratio_of_periods, bracket.high, sense);
         let nome = other.shape[TRANSFORMED_NOME];
-        let before = transformed_series(&other, one, nome, one, one);
+        let before = transformed_series(&other, nome, one, nome, one, one);
         other.shape[BETA_FACTOR] = -(ia_aa / length) * (before.alpha.0 / before.beta.1);
-        let other_at_0 = transformed_series(&other, one, nome, one, one);
-        let other_at_half = transformed_series(&other, nome, one, one, one);
+        let other_at_0 = transformed_series(&other, nome, one, nome, one, one);
+        let other_at_half = transformed_series(&other, nome, nome, one, one, one);
         for column in 0..SHAPE_COLUMNS {
             row.shape[column] = R::select(transformed, other.shape[column], row.shape[column]);
         }
@@ -241,11 +244,8 @@ pub(crate) fn set_up<R: Real>(initial: &Initial<R>) -> Constants<R> {
     row.amplitude.x = R::select(steady, zero, row.amplitude.x);
     row.amplitude.y = R::select(steady, steady_2, row.amplitude.y);
     row.amplitude.z = R::select(steady, zero, row.amplitude.z);
-    let code = R::select(
-        about_third | steady,
-        R::splat(CIRCULATES_ABOUT_THIRD),
-        R::splat(CIRCULATES_ABOUT_FIRST),
-    ) + R::select(transformed, R::splat(TRANSFORMED), zero);
+    let code = R::select(about_third | steady, R::splat(CIRCULATES_ABOUT_THIRD), R::splat(CIRCULATES_ABOUT_FIRST))
+        + R::select(transformed, R::splat(TRANSFORMED), zero);
     row.axes = R::select(steady, one, code * sign_d);
 
     // Step 8: the frame in which L is along z, from the row's own value at t = 0.
@@ -290,8 +290,9 @@ fn frame_at_start<R: Real>(
     let shape = shape(row, transformed, start, x, time);
     let (q, _) = in_principal_axes(row, transformed, &shape);
     let unit = q * (R::splat(1.0) / q.norm_squared().sqrt());
-    let turned = turned_about_z(Quaternion::new(zero, zero, zero, R::splat(1.0)), sin_cos_turns(turned_by(nothing, extra)))
-        .product(unit);
+    let turned =
+        turned_about_z(Quaternion::new(zero, zero, zero, R::splat(1.0)), sin_cos_turns(turned_by(nothing, extra)))
+            .product(unit);
     orientation.product(turned.conjugate())
 }
 
@@ -399,6 +400,12 @@ fn direct_constants<R: Real>(
     shape[BETA_IMAGINARY + 1] = -(sense * (two * (d1 - d2)));
     shape[BETA_IMAGINARY + 2] = -(sense * (four * d2));
     shape[NOME] = nome;
+    for column in [ALPHA_REAL, ALPHA_IMAGINARY, BETA_REAL + 1, BETA_IMAGINARY + 1] {
+        let last = if column <= ALPHA_IMAGINARY { column + 3 } else { column + 2 };
+        for coefficient in &mut shape[column..last] {
+            *coefficient = R::select(coefficient.abs().less_than(R::splat(VANISHING)), zero, *coefficient);
+        }
+    }
     shape
 }
 
@@ -417,6 +424,7 @@ fn transformed_constants<R: Real>(ratio_of_periods: R, bracket: R, sense: R) -> 
     let nome_4 = nome_2 * nome_2;
     let mut angle = (sin, cos);
     for (n, factor) in [R::splat(1.0), nome, nome_4, nome_4 * nome_4 * nome].into_iter().enumerate() {
+        let factor = R::select(factor.less_than(R::splat(VANISHING)), zero, factor);
         shape[COSINES + n] = factor * angle.1;
         shape[SINES + n] = -(sense * (factor * angle.0));
         angle = next(angle);
@@ -452,11 +460,10 @@ pub(crate) fn separatrix_row(constants: &mut Constants<f64>, orientation: Quater
     row.shape[SLOPE] = 0.5 * theory.lambda;
     row.shape[OFFSET] = 0.5 * (sn / cn).asinh();
     row.shape[BETA_FACTOR] = 1.0;
-    let before = transformed_series(&row, 1.0, 0.0, 1.0, 1.0);
-    row.shape[BETA_FACTOR] =
-        -(momenta.x / (theory.angular_momentum + momenta.z)) * (before.alpha.0 / before.beta.1);
-    let at_0 = transformed_series(&row, 1.0, 0.0, 1.0, 1.0);
-    let at_half = transformed_series(&row, 0.0, 0.0, 1.0, 1.0);
+    let before = transformed_series(&row, 0.0, 1.0, 0.0, 1.0, 1.0);
+    row.shape[BETA_FACTOR] = -(momenta.x / (theory.angular_momentum + momenta.z)) * (before.alpha.0 / before.beta.1);
+    let at_0 = transformed_series(&row, 0.0, 1.0, 0.0, 1.0, 1.0);
+    let at_half = transformed_series(&row, 0.0, 0.0, 0.0, 1.0, 1.0);
     let (norm_0, norm_half) = (norm_squared(&at_0), norm_squared(&at_half));
     row.amplitude = Vector::new(
         momenta.x * (norm_0 / at_0.numerators.x),

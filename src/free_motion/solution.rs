@@ -39,12 +39,7 @@ pub(crate) struct Phases {
 impl Phases {
     /// The integers of a set-up, for rates in units of 2^`rate_exponent` per second.
     pub fn new(constants: &Constants<f64>, rate_exponent: i32) -> Self {
-        Self::from_turns(
-            constants.polhode_rate,
-            constants.precession_rate,
-            constants.polhode_start,
-            rate_exponent,
-        )
+        Self::from_turns(constants.polhode_rate, constants.precession_rate, constants.polhode_start, rate_exponent)
     }
 
     /// The integers of two rates, turns per 2^−`rate_exponent` s, and a phase in turns.
@@ -73,11 +68,7 @@ impl FreeMotion {
     /// # Errors
     ///
     /// As [`Ensemble::from_columns`].
-    pub fn new(
-        inertia: impl Into<InertiaTensor>,
-        orientation: DQuat,
-        angular_velocity_body: DVec3,
-    ) -> Result<Self> {
+    pub fn new(inertia: impl Into<InertiaTensor>, orientation: DQuat, angular_velocity_body: DVec3) -> Result<Self> {
         let ensemble = Ensemble::from_columns(&[inertia.into()], &[orientation], &[angular_velocity_body])?;
         Ok(Self::of_body(&ensemble, 0))
     }
