@@ -62,7 +62,7 @@ fn main() {
     });
     println!("set-up and one evaluation, f64: {:.3e} bodies/s", count as f64 / seconds);
 
-    for (label, count) in [("in cache", 1 << 11), ("streamed", 1 << 20)] {
+    for (label, count) in [("in cache", 1 << 12), ("streamed", 1 << 20)] {
         let ensemble = bodies(count);
         for time in [10.0, 1e6] {
             let (frames, rows) = FreeMotionRows::<f64>::prepare(&ensemble).expect("there is memory");

@@ -63,28 +63,61 @@ pub struct Rate {
 /// The product is truncated, not rounded: the error is less than 2⁻⁶⁴ turn, and |t| · 2⁻¹²⁸ of the rate's unit.
 #[inline(always)]
 pub fn phase_at(start: u64, rate: Rate, time: Time) -> u64 {
-    let advanced = fraction_of_turn(rate.fraction, time.mantissa, time.exponent + rate.exponent);
-    if time.negative == rate.negative { start.wrapping_add(advanced) } else { start.wrapping_sub(advanced) }
+    let advanced = fraction_of_turn(rate.fraction, time.mantissa, i64::from(time.exponent) + i64::from(rate.exponent));
+    let backward = u64::from(time.negative != rate.negative).wrapping_neg();
+    start.wrapping_add((advanced ^ backward).wrapping_sub(backward))
 }
 
 /// `fraction · mantissa · 2^(exponent − 64)` modulo 2⁶⁴, rounded down.
+///
+/// In words of 32 bits, like the shader, and without a branch: a loop over bodies then runs in SIMD lanes, which
+/// 64-bit multiplication would not.
 #[inline(always)]
-pub fn fraction_of_turn(fraction: u128, mantissa: u64, exponent: i32) -> u64 {
-    // The product as three words of 64 bits.
-    let low = (fraction & u128::from(u64::MAX)) * u128::from(mantissa);
-    let middle = (fraction >> 64) * u128::from(mantissa) + (low >> 64);
-    let words = [low as u64, middle as u64, (middle >> 64) as u64];
+pub fn fraction_of_turn(fraction: u128, mantissa: u64, exponent: i64) -> u64 {
+    const WORD: u64 = 0xffff_ffff;
+    let (low, high) = (fraction as u64, (fraction >> 64) as u64);
+    let rate = [low & WORD, low >> 32, high & WORD, high >> 32];
+    let (m0, m1) = (mantissa & WORD, mantissa >> 32);
+    // Schoolbook multiplication; no sum exceeds (2^32 - 1)^2 + 2 (2^32 - 1) = 2^64 - 1.
+    let t0 = rate[0] * m0;
+    let t1 = rate[1] * m0 + (t0 >> 32);
+    let t2 = rate[2] * m0 + (t1 >> 32);
+    let t3 = rate[3] * m0 + (t2 >> 32);
+    let u1 = rate[0] * m1 + (t1 & WORD);
+    let u2 = rate[1] * m1 + (t2 & WORD) + (u1 >> 32);
+    let u3 = rate[2] * m1 + (t3 & WORD) + (u2 >> 32);
+    let u4 = rate[3] * m1 + (t3 >> 32) + (u3 >> 32);
+    let product = [(t0 & WORD) | (u1 << 32), (u2 & WORD) | (u3 << 32), u4];
+    // The 64 bits from bit `shift` upwards. Beyond the product's top there is nothing; below its last bit nothing is
+    // known of a turn's fraction.
     let shift = 64 - exponent;
-    if !(0..192).contains(&shift) {
-        // Beyond the product's top there is nothing; below its last bit, nothing is known of a turn's fraction.
-        return if shift > -64 && shift < 0 { words[0] << -shift } else { 0 };
+    let right = shift as u64;
+    let (lower, upper) = (
+        if right < 64 {
+            product[0]
+        } else if right < 128 {
+            product[1]
+        } else {
+            product[2]
+        },
+        if right < 64 {
+            product[1]
+        } else if right < 128 {
+            product[2]
+        } else {
+            0
+        },
+    );
+    let bits = right & 63;
+    let window = (lower >> bits) | ((upper << 1) << (63 - bits));
+    let left = (exponent - 64) as u64;
+    if right < 192 {
+        window
+    } else if left < 64 {
+        product[0] << left
+    } else {
+        0
     }
-    let (lower, upper) = match shift / 64 {
-        0 => (words[0], words[1]),
-        1 => (words[1], words[2]),
-        _ => (words[2], 0),
-    };
-    (((u128::from(upper) << 64) | u128::from(lower)) >> (shift % 64)) as u64
 }
 
 /// A phase in units of 2⁻⁶⁴ turn as the nearest quarter turn and what is left of it.
