@@ -46,15 +46,15 @@ pub fn turned_by<R: Real>(angle: Turns<R>, turns: R) -> Turns<R> {
     Turns { quadrant: quadrant + wrap, residual }
 }
 
-/// Least argument of [`exp`].
-pub const EXP_LEAST: f64 = -44.0;
+/// Least argument of [`exp_negative`].
+pub const EXP_LEAST: f64 = -86.0;
 
-/// e^x for x ≤ 0; below [`EXP_LEAST`] the value there, 7.8e-20.
+/// e^x for x ≤ 0; below [`EXP_LEAST`] the value there, 4.5e-38, which is still a normal number in `f32`.
 ///
 /// The relative error is at most 2 units of roundoff (1.2e-7 in `f32`, 2.2e-16 in `f64`).
 #[inline(always)]
-pub fn exp<R: Real>(x: R) -> R {
-    exp_with_bits(x.max(R::splat(EXP_LEAST)), 6)
+pub fn exp_negative<R: Real>(x: R) -> R {
+    exp_with_bits(x.max(R::splat(EXP_LEAST)), 7)
 }
 
 /// 2^n for −1022 ≤ n ≤ 1023.
@@ -63,22 +63,40 @@ pub(crate) const fn power_of_two(n: i32) -> f64 {
     f64::from_bits(((1023 + n) as u64) << 52)
 }
 
-/// e^x for −2^`bits` ln 2 < x ≤ 0: x = r − n ln 2 with n of that many bits, Taylor's sum for e^r, and 2^−n as a
-/// product of its binary digits' powers, which costs no integer arithmetic and is exact.
+/// e^x for −2^`bits` ln 2 < x ≤ 0, as 2^−n e^r with |r| ≤ ln(2)/2, and Taylor's sum for e^r.
+///
+/// n is found digit by digit. Each subtraction of a multiple of ln 2 is exact (P. H. Sterbenz 1974: neither number is
+/// more than twice the other), so that a compiler that re-associates products with sums, as those of graphics drivers
+/// do, finds no product here; and 2^−n is a product of its digits' powers, which costs no integer arithmetic.
 #[inline(always)]
 pub(crate) fn exp_with_bits<R: Real>(x: R, bits: u32) -> R {
     let one = R::splat(1.0);
-    let halvings = (x * R::splat(-std::f64::consts::LOG2_E)).round();
-    let [high, low] = R::Scalar::LN_2;
-    let reduced = halvings.mul_add(R::splat(low), halvings.mul_add(R::splat(high), x));
-    let tail = polynomial(R::Scalar::EXP, reduced);
-    let mut result = one + (tail * reduced).mul_add(reduced, reduced);
-    let mut left = halvings;
+    let mut x = Reduction { high: x, low: R::splat(0.0), power: one };
     for bit in (0..bits).rev() {
-        let weight = f64::from(1_u32 << bit);
-        let set = R::splat(weight - 0.5).less_than(left);
-        result = result * R::select(set, R::splat(power_of_two(-(1 << bit))), one);
-        left = left - R::select(set, R::splat(weight), R::splat(0.0));
+        x = halved(x, f64::from(1_u32 << bit), power_of_two(-(1 << bit)));
     }
-    result
+    let reduced = x.high + x.low;
+    let tail = polynomial(R::Scalar::EXP, reduced);
+    (one + (tail * reduced).mul_add(reduced, reduced)) * x.power
+}
+
+/// A number as `high + low` + log(`power`).
+#[derive(Clone, Copy)]
+struct Reduction<R> {
+    high: R,
+    low: R,
+    power: R,
+}
+
+/// One binary digit of n: where `high` is below (1/2 − `weight`) ln 2, `weight` halvings are taken out of it.
+#[inline(always)]
+fn halved<R: Real>(x: Reduction<R>, weight: f64, power: f64) -> Reduction<R> {
+    let [high, low] = R::Scalar::LN_2;
+    let zero = R::splat(0.0);
+    let set = x.high.less_than(R::splat((0.5 - weight) * high));
+    Reduction {
+        high: x.high + R::select(set, R::splat(weight * high), zero),
+        low: x.low + R::select(set, R::splat(weight * low), zero),
+        power: x.power * R::select(set, R::splat(power), R::splat(1.0)),
+    }
 }

@@ -20,6 +20,9 @@ pub struct Time {
     pub negative: bool,
 }
 
+/// Bits of the mantissa of an `f64`.
+const MANTISSA_BITS: i32 = 53;
+
 impl Time {
     /// Exactly `seconds`, which must be finite.
     pub fn from_seconds(seconds: f64) -> Self {
@@ -28,6 +31,21 @@ impl Time {
         let (mantissa, exponent) =
             if field == 0 { (fraction, -1074) } else { (fraction | (1 << 52), field as i32 - 1075) };
         Self { mantissa, exponent, negative: bits >> 63 == 1 }
+    }
+
+    /// The time as a fraction of 2^(exponent + 53) s, in (−1, 1) for a time that was an `f64`.
+    #[inline(always)]
+    pub fn signed_fraction(self) -> f64 {
+        let fraction = self.mantissa as f64 * power_of_two(-MANTISSA_BITS);
+        if self.negative { -fraction } else { fraction }
+    }
+
+    /// The time in units of 2^−`rate_exponent` s as a floating-point number, held within 2^±60, beyond which no motion
+    /// tells one time from another.
+    #[inline(always)]
+    pub fn scaled<T: Scalar>(self, rate_exponent: i32) -> T {
+        let exponent = self.exponent.saturating_add(MANTISSA_BITS).saturating_add(rate_exponent).clamp(-60, 60);
+        T::from_f64(self.signed_fraction()) * T::from_f64(power_of_two(exponent))
     }
 
     /// The time of step `index` of size `dt`, exactly where the product has no more than 64 bits and else rounded to
@@ -122,7 +140,7 @@ pub fn fraction_of_turn(fraction: u128, mantissa: u64, exponent: i64) -> u64 {
 
 /// A phase in units of 2⁻⁶⁴ turn as the nearest quarter turn and what is left of it.
 #[inline(always)]
-pub fn turns<T: Scalar>(phase: u64) -> Turns<T> {
+pub fn phase_turns<T: Scalar>(phase: u64) -> Turns<T> {
     let quadrant = phase.wrapping_add(1 << 61) >> 62;
     let residual = phase.wrapping_sub(quadrant << 62) as i64;
     Turns {

@@ -99,7 +99,7 @@ pub trait Scalar: Real<Scalar = Self, Mask = bool> + PartialOrd + Default + byte
     const NEGLIGIBLE: f64;
     /// A number whose fourth power vanishes next to 1.
     const FOURTH_POWER_NEGLIGIBLE: f64;
-    /// 1/n! from the highest n down to 2, for [`crate::elementary::exp`].
+    /// 1/n! from the highest n down to 2, for [`crate::elementary::exp_negative`].
     const EXP: &'static [f64];
     /// ln 2 in two words, the first with trailing zeros, so that a product by a small integer is exact.
     const LN_2: [f64; 2];

@@ -2,7 +2,7 @@
 //!
 //! Twin: `shaders/free_motion.wgsl`. The formulas and their sources stand in [`crate::free_motion`].
 
-use crate::elementary::{Turns, exp, sin_cos_turns, turned_by};
+use crate::elementary::{Turns, exp_negative, sin_cos_turns, turned_by};
 use crate::quaternion::Quaternion;
 use crate::real::{Real, Scalar};
 use crate::vector::Vector;
@@ -262,7 +262,7 @@ pub(crate) fn transformed_shape<R: Real>(
     let periodic = zero.less_than(nome);
     let y = s[SLOPE].mul_add(R::select(periodic, x, time), s[OFFSET]);
     let backward = y.less_than(zero);
-    let decay = exp(R::splat(-2.0) * y.abs());
+    let decay = exp_negative(R::splat(-2.0) * y.abs());
     let growth = nome / decay;
     let direction = R::select(backward, R::splat(-1.0), R::splat(1.0));
     transformed_series(row, nome, decay, growth, direction, half_turn_sign)

@@ -6,5 +6,6 @@ mod rows;
 mod setup;
 mod solution;
 
-pub use rows::{FreeMotionRows, WORD_COLUMNS};
+pub use evaluation::ROW_COLUMNS;
+pub use rows::{AnyRows, FreeMotionRows, WORD_COLUMNS};
 pub use solution::FreeMotion;

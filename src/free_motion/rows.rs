@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use crate::batch::{BodyFrame, STATE_COMPONENTS, STRIDE_UNIT};
+use crate::batch::{BodyFrame, Precision, STATE_COMPONENTS, STRIDE_UNIT};
 use crate::double_double::DoubleDouble;
-use crate::elementary::{Turns, power_of_two};
+use crate::elementary::Turns;
 use crate::ensemble::Ensemble;
 use crate::error::Result;
 use crate::free_motion::evaluation::{Instant, ROW_COLUMNS, Row, SHAPE_COLUMNS, evaluate};
@@ -12,7 +12,7 @@ use crate::free_motion::frame::scaled_body;
 use crate::free_motion::setup::{Constants, Initial, separatrix_row, set_up};
 use crate::free_motion::solution::{HEADROOM, Phases};
 use crate::lanes::{LaneScalar, LaneTask};
-use crate::phase::{Rate, Time, phase_at, turns};
+use crate::phase::{Rate, Time, phase_at, phase_turns};
 use crate::quaternion::Quaternion;
 use crate::real::{Real, Scalar};
 use crate::vector::Vector;
@@ -45,6 +45,51 @@ pub struct FreeMotionRows<T> {
     pub words: Vec<u64>,
     /// Constants of the series, shape `[ROW_COLUMNS, stride]`.
     pub constants: Vec<T>,
+}
+
+/// Rows of either precision.
+#[derive(Clone, Debug, PartialEq)]
+pub enum AnyRows {
+    /// In `f32`.
+    F32(FreeMotionRows<f32>),
+    /// In `f64`.
+    F64(FreeMotionRows<f64>),
+}
+
+impl AnyRows {
+    /// Sets up every body of an ensemble, on all cores, and gives the frames that lead back to the user's axes.
+    ///
+    /// # Errors
+    ///
+    /// As [`FreeMotionRows::prepare`].
+    pub fn prepare(ensemble: &Ensemble, precision: Precision) -> Result<(Vec<BodyFrame>, Self)> {
+        Ok(match precision {
+            Precision::F32 => {
+                let (frames, rows) = FreeMotionRows::prepare(ensemble)?;
+                (frames, Self::F32(rows))
+            }
+            Precision::F64 => {
+                let (frames, rows) = FreeMotionRows::prepare(ensemble)?;
+                (frames, Self::F64(rows))
+            }
+        })
+    }
+
+    /// Number of bodies.
+    pub fn body_count(&self) -> usize {
+        match self {
+            Self::F32(rows) => rows.body_count,
+            Self::F64(rows) => rows.body_count,
+        }
+    }
+
+    /// The precision.
+    pub fn precision(&self) -> Precision {
+        match self {
+            Self::F32(_) => Precision::F32,
+            Self::F64(_) => Precision::F64,
+        }
+    }
 }
 
 impl<T: LaneScalar> FreeMotionRows<T> {
@@ -349,7 +394,7 @@ impl<T: Scalar> LaneTask<T> for EvaluatePart<'_, '_, T> {
                 ]);
                 polhode[offset] = phase_at(phases.polhode_start, phases.polhode_rate, exact);
                 precession[offset] = phase_at(0, phases.precession_rate, exact);
-                times[offset] = T::from_f64(scaled_time(self.time, phases.polhode_rate.exponent - HEADROOM));
+                times[offset] = exact.scaled(phases.polhode_rate.exponent - HEADROOM);
             }
             let (polhode, precession) = (TurnsBlock::new(&polhode), TurnsBlock::new(&precession));
             // The series, in lanes.
@@ -384,7 +429,7 @@ impl<T: Scalar> TurnsBlock<T> {
     fn new(phases: &[u64; BLOCK]) -> Self {
         let mut block = Self { quadrant: [T::default(); BLOCK], residual: [T::default(); BLOCK] };
         for (offset, &phase) in phases.iter().enumerate() {
-            let angle = turns::<T>(phase);
+            let angle = phase_turns::<T>(phase);
             block.quadrant[offset] = angle.quadrant;
             block.residual[offset] = angle.residual;
         }
@@ -395,10 +440,4 @@ impl<T: Scalar> TurnsBlock<T> {
     fn load<R: Real<Scalar = T>>(&self, offset: usize) -> Turns<R> {
         Turns { quadrant: R::load(&self.quadrant[offset..]), residual: R::load(&self.residual[offset..]) }
     }
-}
-
-/// `time · 2^rate_exponent`, held within ±1e30, where every motion on a separatrix has long ended.
-#[inline(always)]
-pub(crate) fn scaled_time(time: f64, rate_exponent: i32) -> f64 {
-    (time * power_of_two(rate_exponent.clamp(-1000, 1000))).clamp(-1e30, 1e30)
 }

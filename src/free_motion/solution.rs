@@ -9,10 +9,9 @@ use crate::ensemble::Ensemble;
 use crate::error::Result;
 use crate::free_motion::evaluation::{Instant, Row, evaluate};
 use crate::free_motion::frame::scaled_body;
-use crate::free_motion::rows::scaled_time;
 use crate::free_motion::setup::{Constants, Theory, separatrix_row, set_up};
 use crate::inertia::InertiaTensor;
-use crate::phase::{Rate, Time, fraction_from_turns, phase_at, phase_from_turns, turns};
+use crate::phase::{Rate, Time, fraction_from_turns, phase_at, phase_from_turns, phase_turns};
 
 /// Binary places by which rates are held below one turn per unit of time; the unit is 2^−r s with the largest
 /// component of ω in [1, 2) · 2^r rad/s, and no rate exceeds half a turn in it.
@@ -101,9 +100,9 @@ impl FreeMotion {
     pub fn at(&self, time: f64) -> BodyState {
         let exact = Time::from_seconds(time);
         let instant = Instant {
-            polhode: turns(phase_at(self.phases.polhode_start, self.phases.polhode_rate, exact)),
-            precession: turns(phase_at(0, self.phases.precession_rate, exact)),
-            time: scaled_time(time, self.frame.rate_exponent),
+            polhode: phase_turns(phase_at(self.phases.polhode_start, self.phases.polhode_rate, exact)),
+            precession: phase_turns(phase_at(0, self.phases.precession_rate, exact)),
+            time: exact.scaled(self.frame.rate_exponent),
         };
         let state = evaluate(&self.row, &instant);
         let (q, m) = (state.orientation, state.angular_momentum_principal);
