@@ -1,16 +1,14 @@
 //! The closed form's shader against its Rust twin: phases to the bit, functions in ulps, states through the engines.
 
 mod common;
-mod support;
 
 use common::compare::{Field, compare_rows, compare_states};
-use common::kernel::{Harness, open_device};
+use common::kernel::Harness;
 use common::random::Random;
 use polhode::Ensemble;
 use polhode::batch::{Precision, StateWords};
 use polhode::elementary::{Turns, exp_negative, sin_cos_turns, turned_by};
 use polhode::engine::gpu::shader::{Chunk, Source};
-use polhode::engine::gpu::{GpuOptions, Patch};
 use polhode::engine::{Backend, Engine};
 use polhode::free_motion::AnyRows;
 use polhode::phase::{Rate, Time, phase_at, phase_turns};
@@ -25,9 +23,10 @@ const ROWS: usize = 331;
 const SIN_COS_ULPS: f64 = 2.0;
 /// Each side is within 2 units of roundoff, one ulp, of the truth.
 const EXP_ULPS: f64 = 2.0;
-/// One body's evaluation is some thirty operations deep; both sides round each of them, and drivers may fuse some. The
-/// golden tests hold either side to 1e-6 rad in f32, of which this is a quarter in a component.
-const STATE_ULPS: f64 = 4.0;
+/// On the way from the phases to a component there are, one after the other, sine and cosine (2 ulps of 1 at most),
+/// the two series, the norm, and two quaternion products: some eight roundings of half an ulp on either side, where
+/// drivers and lanes may fuse.
+const STATE_ULPS: f64 = 8.0;
 
 fn chunks(precision: Precision) -> Vec<Chunk> {
     [Source::functions(precision), Source::free_motion_functions(precision)].concat()

@@ -50,8 +50,6 @@ pub(crate) struct Theory<R> {
     pub complement_squared: R,
     /// λ.
     pub lambda: R,
-    /// arithmetic-geometric mean of 1 and k′.
-    pub mean: R,
     /// |L|.
     pub angular_momentum: R,
     pub moments: Vector<R>,
@@ -261,7 +259,6 @@ pub(crate) fn set_up<R: Real>(initial: &Initial<R>) -> Constants<R> {
             modulus_squared: modulus_squared.high,
             complement_squared: complement_squared.high,
             lambda: lambda.high,
-            mean: start.mean.high,
             angular_momentum: momentum.high,
             moments: Vector::new(ia.high, i2.high, id.high),
             amplitudes: Vector::new(amplitude_a.high, amplitude_2.high, amplitude_d.high),
