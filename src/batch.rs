@@ -175,7 +175,7 @@ pub(crate) fn scaled_by_power_of_two(x: f64, n: i32) -> f64 {
 }
 
 /// ⌊log₂ x⌋ for x > 0, 0 for x = 0.
-fn binary_exponent(x: f64) -> i32 {
+pub(crate) fn binary_exponent(x: f64) -> i32 {
     if x == 0.0 {
         return 0;
     }
@@ -206,6 +206,10 @@ pub(crate) fn initial_state(ensemble: &Ensemble, body: usize) -> BodyState {
 }
 
 impl BodyFrame {
+    /// The frame of a body that is already scaled and in its principal axes.
+    pub(crate) const UNIT: Self =
+        Self { scaled_moments: DVec3::ONE, principal_to_body: DQuat::IDENTITY, moment_exponent: 0, rate_exponent: 0 };
+
     /// The scaled parameters: 1/I₁, 1/I₂, 1/I₃ and 2^r.
     fn parameters(&self) -> [f64; PARAMETER_COMPONENTS] {
         let inverse = self.scaled_moments.recip();

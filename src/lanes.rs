@@ -134,6 +134,15 @@ macro_rules! lane_type {
             fn select(mask: Self::Mask, if_true: Self, if_false: Self) -> Self {
                 Self(token::<S>().$select(mask.0, if_true.0, if_false.0))
             }
+            #[inline(always)]
+            fn any(mask: Self::Mask) -> bool {
+                bytemuck::bytes_of(&mask.0).iter().any(|&byte| byte != 0)
+            }
+            #[inline(always)]
+            fn two_product(self, other: Self) -> (Self, Self) {
+                let product = self * other;
+                (product, self.mul_add(other, -product))
+            }
         }
     };
 }
@@ -186,7 +195,7 @@ lane_type!(
 );
 
 /// Work that is written once for any lane type of an element type.
-pub(crate) trait LaneTask<T: Scalar> {
+pub trait LaneTask<T: Scalar> {
     /// What the work returns.
     type Output;
     /// Does the work. Must be `#[inline(always)]` and call nothing that is not, or the lanes degrade to calls.
@@ -194,7 +203,7 @@ pub(crate) trait LaneTask<T: Scalar> {
 }
 
 /// An element type that has lanes.
-pub(crate) trait LaneScalar: Scalar {
+pub trait LaneScalar: Scalar {
     /// Runs `task` with the widest lanes that this processor has.
     fn dispatch<K: LaneTask<Self>>(task: K) -> K::Output;
     /// The width that [`LaneScalar::dispatch`] uses here.

@@ -51,13 +51,17 @@
 //! * An attitude error is the angle of the rotation between two orientations, in [0, π].
 
 pub mod batch;
+pub mod double_double;
+pub mod elementary;
 pub mod engine;
 pub mod ensemble;
 pub mod error;
+pub mod free_motion;
 pub mod inertia;
 mod lanes;
 pub mod memory;
 pub mod method;
+pub mod phase;
 pub mod plan;
 pub mod quaternion;
 pub mod real;

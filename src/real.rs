@@ -53,6 +53,11 @@ pub trait Real:
     fn less_than(self, other: Self) -> Self::Mask;
     /// Lane by lane, `if_true` where the mask is set and `if_false` elsewhere.
     fn select(mask: Self::Mask, if_true: Self, if_false: Self) -> Self;
+    /// Whether the mask is set in any lane.
+    fn any(mask: Self::Mask) -> bool;
+    /// `self * other` and what its rounding loses, exactly (as long as the latter is a normal number); by a fused
+    /// multiply-add in every instantiation. A kernel with a twin in a shader must not use it.
+    fn two_product(self, other: Self) -> (Self, Self);
 
     /// The nearest integer, ties to even.
     ///
@@ -90,9 +95,19 @@ pub trait Scalar: Real<Scalar = Self, Mask = bool> + PartialOrd + Default + byte
     const COS: &'static [f64];
     /// π/2 in words, each with trailing zeros, so that a product by a small integer is exact.
     const HALF_PI: &'static [f64];
+    /// What vanishes next to 1.
+    const NEGLIGIBLE: f64;
+    /// A number whose fourth power vanishes next to 1.
+    const FOURTH_POWER_NEGLIGIBLE: f64;
+    /// 1/n! from the highest n down to 2, for [`crate::elementary::exp_negative`].
+    const EXP: &'static [f64];
+    /// ln 2 in two words, the first with trailing zeros, so that a product by a small integer is exact.
+    const LN_2: [f64; 2];
 
     /// The nearest number to `x`.
     fn from_f64(x: f64) -> Self;
+    /// `x` · 2⁻⁶⁴: rounded from all bits in `f64`, from the upper 32 in `f32`.
+    fn from_fixed_point(x: i64) -> Self;
     /// The same number in `f64`, exactly.
     fn to_f64(self) -> f64;
     /// The two words of `x`: the nearest number, and what is left of `x` (0 where one word is carried).
@@ -150,6 +165,15 @@ macro_rules! impl_real_for_scalar {
             fn select(mask: bool, if_true: Self, if_false: Self) -> Self {
                 if mask { if_true } else { if_false }
             }
+            #[inline(always)]
+            fn any(mask: bool) -> bool {
+                mask
+            }
+            #[inline(always)]
+            fn two_product(self, other: Self) -> (Self, Self) {
+                let product = self * other;
+                (product, <$scalar>::mul_add(self, other, -product))
+            }
         }
     };
 }
@@ -166,10 +190,19 @@ impl Scalar for f32 {
     const SIN: &'static [f64] = &[-1.9515295891e-4, 8.3321608736e-3, -1.6666654611e-1];
     const COS: &'static [f64] = &[2.443315711809948e-5, -1.388731625493765e-3, 4.166664568298827e-2];
     const HALF_PI: &'static [f64] = &[1.5703125, 4.837512969970703125e-4, 7.549789954892e-8];
+    const NEGLIGIBLE: f64 = 1.0 / 2_147_483_648.0;
+    const FOURTH_POWER_NEGLIGIBLE: f64 = 1.0 / 256.0;
+    // The first term left out is below 2^-27 of the result on |x| <= ln(2)/2.
+    const EXP: &'static [f64] = &[1.0 / 5040.0, 1.0 / 720.0, 1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5];
+    const LN_2: [f64; 2] = [0.693359375, -2.121944400546905827679e-4];
 
     #[inline(always)]
     fn from_f64(x: f64) -> f32 {
         x as f32
+    }
+    #[inline(always)]
+    fn from_fixed_point(x: i64) -> f32 {
+        (x >> 32) as i32 as f32 * (1.0 / 4_294_967_296.0)
     }
     #[inline(always)]
     fn to_f64(self) -> f64 {
@@ -200,10 +233,33 @@ impl Scalar for f64 {
     // Cody and Waite words of 33, 33 and 53 bits, as in fdlibm's e_rem_pio2.c (Sun Microsystems, 1993).
     const HALF_PI: &'static [f64] =
         &[1.57079632673412561417e+00, 6.07710050630396597660e-11, 2.02226624879595063154e-21];
+    const NEGLIGIBLE: f64 = 1.0 / 1_152_921_504_606_846_976.0;
+    const FOURTH_POWER_NEGLIGIBLE: f64 = 1.0 / 16_384.0;
+    // The first term left out is below 2^-57 of the result on |x| <= ln(2)/2.
+    const EXP: &'static [f64] = &[
+        1.0 / 6_227_020_800.0,
+        1.0 / 479_001_600.0,
+        1.0 / 39_916_800.0,
+        1.0 / 3_628_800.0,
+        1.0 / 362_880.0,
+        1.0 / 40_320.0,
+        1.0 / 5040.0,
+        1.0 / 720.0,
+        1.0 / 120.0,
+        1.0 / 24.0,
+        1.0 / 6.0,
+        0.5,
+    ];
+    // Words of 33 and 53 bits, as in fdlibm's e_exp.c (Sun Microsystems, 1993).
+    const LN_2: [f64; 2] = [6.93147180369123816490e-01, 1.90821492927058770002e-10];
 
     #[inline(always)]
     fn from_f64(x: f64) -> f64 {
         x
+    }
+    #[inline(always)]
+    fn from_fixed_point(x: i64) -> f64 {
+        x as f64 * (1.0 / 18_446_744_073_709_551_616.0)
     }
     #[inline(always)]
     fn to_f64(self) -> f64 {
@@ -248,7 +304,7 @@ pub fn sin_cos_eighth<R: Real>(x: R) -> (R, R) {
 
 /// Horner's scheme, highest coefficient first.
 #[inline(always)]
-fn polynomial<R: Real>(coefficients: &[f64], x: R) -> R {
+pub(crate) fn polynomial<R: Real>(coefficients: &[f64], x: R) -> R {
     let mut sum = R::splat(coefficients[0]);
     for &coefficient in &coefficients[1..] {
         sum = sum.mul_add(x, R::splat(coefficient));

@@ -12,6 +12,7 @@ fn variants() -> Vec<Source> {
     let mut variants = Vec::new();
     for precision in Precision::ALL {
         variants.extend(Method::ALL.map(|method| Source::advance(precision, method)));
+        variants.push(Source::free_motion(precision));
         variants.extend([false, true].map(|int64| Source::probe(precision, int64)));
     }
     variants

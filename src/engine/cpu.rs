@@ -5,11 +5,12 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
-use super::{Backend, Description, EngineKind, Observer, Progress, Session, check_step};
+use super::{Backend, Description, EngineKind, FreeSession, Observer, Progress, Session, check_step, check_time};
 use crate::batch::{
     AnyBatch, Batch, Precision, StateWords, load_body, load_state, state_columns, store_state, two_words,
 };
 use crate::error::{Error, Result};
+use crate::free_motion::{AnyRows, FreeMotionRows};
 use crate::lanes::{LaneScalar, LaneTask};
 use crate::method::{Method, Step, dlm::Dlm, rk4::Rk4};
 use crate::real::{Real, Scalar};
@@ -62,6 +63,47 @@ impl Backend for Cpu {
             AnyBatch::F32(batch) => Box::new(CpuSession { batch, method, width: self.width }),
             AnyBatch::F64(batch) => Box::new(CpuSession { batch, method, width: self.width }),
         })
+    }
+
+    fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
+        Ok(match rows {
+            AnyRows::F32(rows) => CpuFreeSession::start(rows, self.width),
+            AnyRows::F64(rows) => CpuFreeSession::start(rows, self.width),
+        })
+    }
+}
+
+/// Rows of constants and the columns of the state that they were last evaluated to.
+struct CpuFreeSession<T> {
+    rows: FreeMotionRows<T>,
+    columns: Batch<T>,
+    width: Width,
+}
+
+impl<T: LaneScalar> CpuFreeSession<T> {
+    fn start(rows: FreeMotionRows<T>, width: Width) -> Box<dyn FreeSession> {
+        let state = vec![T::from_f64(f64::NAN); state_columns::<T>() * rows.stride];
+        let columns = Batch { body_count: rows.body_count, stride: rows.stride, parameters: Vec::new(), state };
+        Box::new(Self { rows, columns, width })
+    }
+}
+
+impl<T: LaneScalar> FreeSession for CpuFreeSession<T> {
+    fn body_count(&self) -> usize {
+        self.rows.body_count
+    }
+
+    fn evaluate(&mut self, time: f64) -> Result<()> {
+        check_time(time)?;
+        match self.width {
+            Width::Lanes => self.rows.evaluate(time, &mut self.columns.state),
+            Width::Scalar => self.rows.evaluate_one_by_one(time, &mut self.columns.state),
+        }
+        Ok(())
+    }
+
+    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
+        Ok(self.columns.read(bodies))
     }
 }
 

@@ -10,6 +10,7 @@ use std::sync::Arc;
 
 use crate::batch::{AnyBatch, Precision, StateWords};
 use crate::error::Result;
+use crate::free_motion::AnyRows;
 use crate::method::Method;
 use crate::plan::Plan;
 use crate::record::Record;
@@ -146,6 +147,15 @@ impl Engine {
     pub fn run(&self, plan: &Plan<'_>) -> Result<Record> {
         crate::run::run(self, plan)
     }
+
+    /// Takes the closed forms of torque-free bodies and stands ready to evaluate them at any time.
+    ///
+    /// # Errors
+    ///
+    /// As [`Backend::start_free`].
+    pub fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
+        self.backend.start_free(rows)
+    }
 }
 
 impl Backend for Engine {
@@ -159,6 +169,10 @@ impl Backend for Engine {
 
     fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         self.backend.start(batch, method)
+    }
+
+    fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
+        self.backend.start_free(rows)
     }
 }
 
@@ -184,6 +198,13 @@ pub trait Backend: Send + Sync {
     /// [`Backend::precisions`]; [`crate::Error::TooManyBodies`] or [`crate::Error::DeviceMemory`] where memory does
     /// not suffice; [`crate::Error::Device`] where the device fails. Nothing is left allocated then.
     fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>>;
+
+    /// Takes the closed forms of torque-free bodies and stands ready to evaluate them at any time.
+    ///
+    /// # Errors
+    ///
+    /// As [`Backend::start`].
+    fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>>;
 }
 
 /// How far an [`Session::advance`] has come.
@@ -220,6 +241,33 @@ pub trait Session {
     ///
     /// [`crate::Error::Device`] where the device is lost.
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords>;
+}
+
+/// Torque-free bodies on an engine, at a time that the caller chooses.
+pub trait FreeSession {
+    /// Number of bodies.
+    fn body_count(&self) -> usize;
+
+    /// Brings every body to `time` seconds after its initial state, forwards or backwards from wherever it is. Before
+    /// the first call the bodies have no state.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Setting`] where `time` is not finite; [`crate::Error::Device`] where the device is lost.
+    fn evaluate(&mut self, time: f64) -> Result<()>;
+
+    /// The raw state of a range of bodies.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device is lost.
+    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords>;
+}
+
+/// The times at which a closed form can be evaluated.
+pub(crate) fn check_time(time: f64) -> Result<()> {
+    let expected = "a finite time is needed (s)";
+    if time.is_finite() { Ok(()) } else { Err(crate::Error::Setting { field: "time", value: time, expected }) }
 }
 
 /// Goes on whatever happens; for callers that do not watch.

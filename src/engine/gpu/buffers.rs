@@ -24,10 +24,10 @@ pub(super) const WORKGROUP_SIZE: u32 = STRIDE_UNIT as u32;
 
 /// The most bodies in one chunk: few enough that a slow adapter can take chunks one by one, and that sixteen of them,
 /// dispatched in one submission without barriers between, fill any GPU.
-const CHUNK_BODIES: usize = 1 << 16;
+pub(super) const CHUNK_BODIES: usize = 1 << 16;
 
 /// Bytes that are in flight between host and device at a time; also the size of the buffer for reading.
-const STAGING_BYTES: usize = 4 << 20;
+pub(super) const STAGING_BYTES: usize = 4 << 20;
 
 /// The uniform block of `advance.wgsl`.
 #[repr(C)]
@@ -114,12 +114,14 @@ impl Chunk {
 }
 
 /// Bodies that one chunk can hold.
-fn chunk_capacity<T: DeviceScalar>(device: &Device, limits: &ChunkLimits) -> Result<usize> {
+///
+/// `row`: bytes of a body in the widest buffer.
+pub(super) fn chunk_capacity(device: &Device, limits: &ChunkLimits, row: usize) -> Result<usize> {
     let own = device.device.limits();
     let binding = own.max_storage_buffer_binding_size.min(limits.binding_bytes.unwrap_or(u64::MAX));
     let buffer = own.max_buffer_size.min(limits.buffer_bytes.unwrap_or(u64::MAX));
     let workgroups = own.max_compute_workgroups_per_dimension.min(limits.workgroups.unwrap_or(u32::MAX));
-    let row = (widest_columns::<T>() * size_of::<T>()) as u64;
+    let row = row as u64;
     let unit = STRIDE_UNIT as u64;
     let units = (binding.min(buffer) / (row * unit)).min(u64::from(workgroups)).min(CHUNK_BODIES as u64 / unit);
     if units == 0 {
@@ -151,8 +153,8 @@ impl Columns {
         limits: &ChunkLimits,
         memory: Option<u64>,
     ) -> Result<Self> {
-        let capacity = chunk_capacity::<T>(device, limits)?;
-        require::<T>(device, batch.body_count, memory)?;
+        let capacity = chunk_capacity(device, limits, widest_columns::<T>() * size_of::<T>())?;
+        require(device, batch.body_count, device_bytes::<T>(batch.body_count), memory)?;
         let mut columns = Self { chunks: Vec::new(), staging: None };
         let filled = columns.fill(device, layout, batch, capacity);
         if let Err(refusal) = filled {
@@ -193,9 +195,11 @@ impl Columns {
         }
         for chunk in &self.chunks {
             let rows = chunk.first..chunk.first + chunk.bodies;
-            write_columns(device, &chunk.parameters, chunk.stride, &batch.parameters, batch.stride, rows.clone())
+            let nan = T::from_f64(f64::NAN);
+            let (parameters, state) = (&batch.parameters, &batch.state);
+            write_columns(device, &chunk.parameters, chunk.stride, parameters, batch.stride, rows.clone(), nan)
                 .map_err(UploadError::Copy)?;
-            write_columns(device, &chunk.state, chunk.stride, &batch.state, batch.stride, rows)
+            write_columns(device, &chunk.state, chunk.stride, state, batch.stride, rows, nan)
                 .map_err(UploadError::Copy)?;
         }
         Ok(())
@@ -213,7 +217,7 @@ impl Columns {
             let end = bodies.end.min(chunk.first + chunk.bodies);
             for first in (start..end.max(start)).step_by(block) {
                 let rows = first - chunk.first..block.min(end - first) + first - chunk.first;
-                read_block::<T>(device, chunk, staging, rows, &mut words)?;
+                read_block::<T>(device, &chunk.state, chunk.stride, staging, rows, &mut words)?;
             }
         }
         Ok(words)
@@ -245,8 +249,7 @@ fn device_bytes<T: Scalar>(bodies: usize) -> u64 {
 }
 
 /// Refuses more bodies than the caller's bound allows, or, where the device's memory is the host's, than it holds.
-fn require<T: Scalar>(device: &Device, bodies: usize, bound: Option<u64>) -> Result<()> {
-    let needed = device_bytes::<T>(bodies);
+pub(super) fn require(device: &Device, bodies: usize, needed: u64, bound: Option<u64>) -> Result<()> {
     if let Some(available) = bound.filter(|&bound| needed > bound) {
         return Err(Error::TooManyBodies { bodies, purpose: "the columns on the device", needed, available });
     }
@@ -256,7 +259,12 @@ fn require<T: Scalar>(device: &Device, bodies: usize, bound: Option<u64>) -> Res
     Ok(())
 }
 
-fn buffer(device: &Device, label: &str, size: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, Refusal> {
+pub(super) fn buffer(
+    device: &Device,
+    label: &str,
+    size: u64,
+    usage: wgpu::BufferUsages,
+) -> Result<wgpu::Buffer, Refusal> {
     device.scoped(|| {
         device.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(label),
@@ -290,17 +298,18 @@ fn new_chunk<T: DeviceScalar>(
     Ok(Chunk { first, bodies, stride, parameters, state, settings, bind_group })
 }
 
-/// Writes every column's rows and NaN up to the stride, a bounded number of bytes at a time.
-fn write_columns<T: Scalar>(
+/// Writes every column's rows and `pad` up to the stride, a bounded number of bytes at a time.
+pub(super) fn write_columns<T: bytemuck::Pod>(
     device: &Device,
     target: &wgpu::Buffer,
     stride: usize,
     source: &[T],
     source_stride: usize,
     rows: Range<usize>,
+    pad: T,
 ) -> Result<()> {
     let (size, part) = (size_of::<T>(), STAGING_BYTES / size_of::<T>());
-    let pad = vec![T::from_f64(f64::NAN); stride - rows.len()];
+    let pad = vec![pad; stride - rows.len()];
     let mut in_flight = 0;
     for (column, numbers) in source.chunks_exact(source_stride).enumerate() {
         let mut row = column * stride;
@@ -324,9 +333,10 @@ fn write_columns<T: Scalar>(
 }
 
 /// Copies some rows of a chunk's state to the host and appends them to `words`.
-fn read_block<T: Scalar>(
+pub(super) fn read_block<T: Scalar>(
     device: &Device,
-    chunk: &Chunk,
+    state: &wgpu::Buffer,
+    stride: usize,
     staging: &wgpu::Buffer,
     rows: Range<usize>,
     words: &mut StateWords,
@@ -335,8 +345,8 @@ fn read_block<T: Scalar>(
     let bytes = (rows.len() * size) as u64;
     let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("read") });
     for column in 0..state_columns::<T>() {
-        let from = ((column * chunk.stride + rows.start) * size) as u64;
-        encoder.copy_buffer_to_buffer(&chunk.state, from, staging, column as u64 * bytes, bytes);
+        let from = ((column * stride + rows.start) * size) as u64;
+        encoder.copy_buffer_to_buffer(state, from, staging, column as u64 * bytes, bytes);
     }
     let range = 0..state_columns::<T>() as u64 * bytes;
     let commands = device.scoped(|| encoder.finish()).map_err(|refusal| device.refused(refusal))?;

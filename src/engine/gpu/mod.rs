@@ -14,6 +14,7 @@ pub use wgpu;
 mod buffers;
 mod device;
 mod dispatch;
+mod free_motion;
 mod probe;
 mod session;
 pub mod shader;
@@ -26,13 +27,15 @@ pub use shader::Patch;
 
 pub(crate) use device::{adapters, driver_of};
 
-use super::{Backend, Description, EngineKind, Session};
+use super::{Backend, Description, EngineKind, FreeSession, Session};
 use crate::batch::{AnyBatch, Batch, Precision};
 use crate::error::{Error, Result};
+use crate::free_motion::AnyRows;
 use crate::method::Method;
 use buffers::{Columns, DeviceScalar, WORKGROUP_SIZE};
 use device::Device;
 use dispatch::Slicer;
+use free_motion::FreeMotionKernels;
 use session::GpuSession;
 use shader::Source;
 
@@ -63,6 +66,7 @@ pub struct Gpu {
     layout: wgpu::BindGroupLayout,
     pipeline_layout: wgpu::PipelineLayout,
     pipelines: Mutex<HashMap<(Precision, Method), wgpu::ComputePipeline>>,
+    free_motion: FreeMotionKernels,
 }
 
 impl Gpu {
@@ -127,6 +131,7 @@ impl Gpu {
             layout,
             pipeline_layout,
             pipelines: Mutex::default(),
+            free_motion: FreeMotionKernels::default(),
         })
     }
 
@@ -188,6 +193,17 @@ impl Backend for Gpu {
         match batch {
             AnyBatch::F32(batch) => self.start_batch(&batch, pipeline),
             AnyBatch::F64(batch) => self.start_batch(&batch, pipeline),
+        }
+    }
+
+    fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
+        let precision = rows.precision();
+        if !self.precisions.contains(&precision) {
+            return Err(unavailable(&self.device, &self.arithmetic, precision));
+        }
+        match rows {
+            AnyRows::F32(rows) => self.free_motion.start(&self.device, &rows, &self.options),
+            AnyRows::F64(rows) => self.free_motion.start(&self.device, &rows, &self.options),
         }
     }
 }

@@ -68,6 +68,23 @@ impl Source {
         Self { chunks, entry_point: "advance" }
     }
 
+    /// The kernel that evaluates torque-free motions in closed form.
+    pub fn free_motion(precision: Precision) -> Self {
+        let mut chunks = Self::functions(precision);
+        chunks.extend(Self::free_motion_functions(precision));
+        chunks.push(chunk!("free_motion.wgsl"));
+        Self { chunks, entry_point: "free_motion" }
+    }
+
+    /// The chunks that the closed form adds to [`Source::functions`].
+    pub fn free_motion_functions(precision: Precision) -> Vec<Chunk> {
+        let numbers = match precision {
+            Precision::F32 => chunk!("elementary_f32.wgsl"),
+            Precision::F64 => chunk!("elementary_f64.wgsl"),
+        };
+        vec![numbers, chunk!("elementary.wgsl"), chunk!("phase.wgsl"), chunk!("free_motion/evaluation.wgsl")]
+    }
+
     /// The kernel that probes an adapter's arithmetic; `int64`: whether the adapter has 64-bit integers.
     pub fn probe(precision: Precision, int64: bool) -> Self {
         let barrier = match precision {

@@ -1,0 +1,258 @@
+//! Torque-free bodies on a device, evaluated at any time.
+
+use std::ops::Range;
+use std::sync::{Arc, OnceLock};
+
+use super::GpuOptions;
+use super::buffers::{
+    DeviceScalar, STAGING_BYTES, WORKGROUP_SIZE, buffer, chunk_capacity, read_block, require, write_columns,
+};
+use super::device::{Device, Refusal};
+use super::shader::Source;
+use crate::batch::{Precision, STRIDE_UNIT, StateWords, state_columns};
+use crate::engine::{FreeSession, check_time};
+use crate::error::{Error, Result};
+use crate::free_motion::{FreeMotionRows, ROW_COLUMNS, WORD_COLUMNS};
+use crate::phase::Time;
+
+/// The kernels' bindings, and their pipelines by precision, made on first use.
+#[derive(Debug, Default)]
+pub(super) struct FreeMotionKernels {
+    layout: OnceLock<wgpu::BindGroupLayout>,
+    f32: OnceLock<wgpu::ComputePipeline>,
+    f64: OnceLock<wgpu::ComputePipeline>,
+}
+
+/// The uniform block of `free_motion.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct Settings {
+    body_count: u32,
+    stride: u32,
+    zero: u32,
+    padding: u32,
+    mantissa: [u32; 2],
+    exponent: i32,
+    negative: u32,
+    /// A `real`, in its first bytes.
+    fraction: [u32; 2],
+}
+
+/// Some bodies in buffers of their own.
+struct Chunk {
+    first: usize,
+    bodies: usize,
+    stride: usize,
+    words: wgpu::Buffer,
+    constants: wgpu::Buffer,
+    state: wgpu::Buffer,
+    settings: wgpu::Buffer,
+    bind_group: wgpu::BindGroup,
+}
+
+struct GpuFreeSession<T> {
+    device: Arc<Device>,
+    pipeline: wgpu::ComputePipeline,
+    chunks: Vec<Chunk>,
+    staging: Option<wgpu::Buffer>,
+    body_count: usize,
+    scalar: std::marker::PhantomData<T>,
+}
+
+/// Bytes of a body's row in each of the three tables.
+fn row_bytes<T: DeviceScalar>() -> [usize; 3] {
+    [WORD_COLUMNS * size_of::<u64>(), ROW_COLUMNS * size_of::<T>(), state_columns::<T>() * size_of::<T>()]
+}
+
+impl FreeMotionKernels {
+    /// Uploads rows; on an error nothing is left allocated.
+    pub fn start<T: DeviceScalar>(
+        &self,
+        device: &Arc<Device>,
+        rows: &FreeMotionRows<T>,
+        options: &GpuOptions,
+    ) -> Result<Box<dyn FreeSession>> {
+        let layout = self.layout.get_or_init(|| bind_group_layout(&device.device));
+        let pipeline = self.pipeline::<T>(device, layout, options)?;
+        let bytes = row_bytes::<T>();
+        let capacity = chunk_capacity(device, &options.chunk, bytes.into_iter().max().unwrap_or(0))?;
+        let needed = (rows.body_count as u64).saturating_mul(bytes.iter().sum::<usize>() as u64);
+        require(device, rows.body_count, needed.saturating_add(STAGING_BYTES as u64), options.memory)?;
+        let mut session = GpuFreeSession {
+            device: Arc::clone(device),
+            pipeline,
+            chunks: Vec::new(),
+            staging: None,
+            body_count: rows.body_count,
+            scalar: std::marker::PhantomData,
+        };
+        // Dropped on an error, the session releases what it has.
+        session.allocate(layout, rows, capacity).map_err(|refusal| match refusal {
+            Refusal::OutOfMemory => {
+                Error::DeviceMemory { adapter: device.info.name.clone(), bodies: rows.body_count, needed }
+            }
+            other => device.refused(other),
+        })?;
+        session.upload(rows)?;
+        Ok(Box::new(session))
+    }
+
+    fn pipeline<T: DeviceScalar>(
+        &self,
+        device: &Device,
+        layout: &wgpu::BindGroupLayout,
+        options: &GpuOptions,
+    ) -> Result<wgpu::ComputePipeline> {
+        let (cell, precision) = if T::WORDS == 2 { (&self.f32, Precision::F32) } else { (&self.f64, Precision::F64) };
+        if let Some(pipeline) = cell.get() {
+            return Ok(pipeline.clone());
+        }
+        let source = Source::free_motion(precision).patched(&options.patches)?;
+        let pipeline_layout = super::pipeline_layout(&device.device, layout);
+        let pipeline = source.compile(&device.device, &pipeline_layout, Some(WORKGROUP_SIZE))?;
+        Ok(cell.get_or_init(|| pipeline).clone())
+    }
+}
+
+/// A uniform block, two tables that are read, columns that are written.
+fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
+        count: None,
+    };
+    let storage = |read_only| wgpu::BufferBindingType::Storage { read_only };
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: Some("free motion"),
+        entries: &[
+            entry(0, wgpu::BufferBindingType::Uniform),
+            entry(1, storage(true)),
+            entry(2, storage(true)),
+            entry(3, storage(false)),
+        ],
+    })
+}
+
+impl<T: DeviceScalar> GpuFreeSession<T> {
+    fn allocate(
+        &mut self,
+        layout: &wgpu::BindGroupLayout,
+        rows: &FreeMotionRows<T>,
+        capacity: usize,
+    ) -> Result<(), Refusal> {
+        if rows.body_count == 0 {
+            return Ok(());
+        }
+        let device = Arc::clone(&self.device);
+        let row = row_bytes::<T>()[2];
+        let block = (STAGING_BYTES / row / STRIDE_UNIT * STRIDE_UNIT).min(rows.stride);
+        let read = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+        self.staging = Some(buffer(&device, "staging", (block * row) as u64, read)?);
+        for first in (0..rows.body_count).step_by(capacity) {
+            let bodies = capacity.min(rows.body_count - first);
+            let stride = bodies.next_multiple_of(STRIDE_UNIT);
+            let [words, constants, state] = row_bytes::<T>().map(|row| (row * stride) as u64);
+            let input = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+            let output = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+            let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+            let words = buffer(&device, "words", words, input)?;
+            let constants = buffer(&device, "constants", constants, input)?;
+            let state = buffer(&device, "state", state, output)?;
+            let settings = buffer(&device, "settings", size_of::<Settings>() as u64, uniform)?;
+            let buffers = [&settings, &words, &constants, &state];
+            let entries: [_; 4] = std::array::from_fn(|binding| wgpu::BindGroupEntry {
+                binding: binding as u32,
+                resource: buffers[binding].as_entire_binding(),
+            });
+            let bind_group = device.scoped(|| {
+                device.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                    label: Some("free motion"),
+                    layout,
+                    entries: &entries,
+                })
+            })?;
+            self.chunks.push(Chunk { first, bodies, stride, words, constants, state, settings, bind_group });
+        }
+        Ok(())
+    }
+
+    fn upload(&self, rows: &FreeMotionRows<T>) -> Result<()> {
+        for chunk in &self.chunks {
+            let bodies = chunk.first..chunk.first + chunk.bodies;
+            let (device, stride) = (&self.device, chunk.stride);
+            write_columns(device, &chunk.words, stride, &rows.words, rows.stride, bodies.clone(), u64::MAX)?;
+            let nan = T::from_f64(f64::NAN);
+            write_columns(device, &chunk.constants, stride, &rows.constants, rows.stride, bodies, nan)?;
+        }
+        Ok(())
+    }
+}
+
+impl<T: DeviceScalar> FreeSession for GpuFreeSession<T> {
+    fn body_count(&self) -> usize {
+        self.body_count
+    }
+
+    fn evaluate(&mut self, time: f64) -> Result<()> {
+        check_time(time)?;
+        let exact = Time::from_seconds(time);
+        let fraction = T::from_f64(exact.signed_fraction());
+        let mut bytes = [0_u8; 8];
+        bytes[..size_of::<T>()].copy_from_slice(bytemuck::bytes_of(&fraction));
+        let device = &self.device;
+        let commands = device.scoped(|| {
+            let label = Some("free motion");
+            let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label });
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_pipeline(&self.pipeline);
+            for chunk in &self.chunks {
+                let settings = Settings {
+                    body_count: chunk.bodies as u32,
+                    stride: chunk.stride as u32,
+                    zero: 0,
+                    padding: 0,
+                    mantissa: [exact.mantissa as u32, (exact.mantissa >> 32) as u32],
+                    exponent: exact.exponent,
+                    negative: u32::from(exact.negative),
+                    fraction: bytemuck::cast(bytes),
+                };
+                device.queue.write_buffer(&chunk.settings, 0, bytemuck::bytes_of(&settings));
+                pass.set_bind_group(0, &chunk.bind_group, &[]);
+                pass.dispatch_workgroups((chunk.bodies as u32).div_ceil(WORKGROUP_SIZE), 1, 1);
+            }
+            drop(pass);
+            encoder.finish()
+        });
+        device.submit(Some(commands.map_err(|refusal| device.refused(refusal))?))
+    }
+
+    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
+        let mut words = StateWords::default();
+        let Some(staging) = &self.staging else { return Ok(words) };
+        let block = staging.size() as usize / row_bytes::<T>()[2];
+        for chunk in &self.chunks {
+            let start = bodies.start.max(chunk.first);
+            let end = bodies.end.min(chunk.first + chunk.bodies);
+            for first in (start..end.max(start)).step_by(block) {
+                let rows = first - chunk.first..block.min(end - first) + first - chunk.first;
+                read_block::<T>(&self.device, &chunk.state, chunk.stride, staging, rows, &mut words)?;
+            }
+        }
+        Ok(words)
+    }
+}
+
+impl<T> Drop for GpuFreeSession<T> {
+    fn drop(&mut self) {
+        for chunk in self.chunks.drain(..) {
+            for buffer in [&chunk.words, &chunk.constants, &chunk.state, &chunk.settings] {
+                buffer.destroy();
+            }
+        }
+        if let Some(staging) = self.staging.take() {
+            staging.destroy();
+        }
+        self.device.release();
+    }
+}

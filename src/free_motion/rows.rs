@@ -1,0 +1,443 @@
+//! Rows of constants for many bodies, by column, and their evaluation in SIMD lanes.
+
+use rayon::prelude::*;
+
+use crate::batch::{BodyFrame, Precision, STATE_COMPONENTS, STRIDE_UNIT};
+use crate::double_double::DoubleDouble;
+use crate::elementary::Turns;
+use crate::ensemble::Ensemble;
+use crate::error::Result;
+use crate::free_motion::evaluation::{Instant, ROW_COLUMNS, Row, SHAPE_COLUMNS, evaluate};
+use crate::free_motion::frame::scaled_body;
+use crate::free_motion::setup::{Constants, Initial, separatrix_row, set_up};
+use crate::free_motion::solution::{HEADROOM, Phases};
+use crate::lanes::{LaneScalar, LaneTask};
+use crate::phase::{Rate, Time, phase_at, phase_turns};
+use crate::quaternion::Quaternion;
+use crate::real::{Real, Scalar};
+use crate::vector::Vector;
+
+/// Columns of the table of integers: low and high word of the polhode's rate, of the precession's, the polhode's phase
+/// at the start, and the rates' unit with their signs.
+pub const WORD_COLUMNS: usize = 6;
+
+/// Bit of the last integer column: the polhode's phase decreases with time.
+const POLHODE_NEGATIVE: u64 = 1 << 32;
+/// Bit of the last integer column: the precession's phase decreases with time.
+const PRECESSION_NEGATIVE: u64 = 1 << 33;
+
+/// Bodies whose phases are formed at once: a multiple of every lane count.
+const BLOCK: usize = STRIDE_UNIT;
+
+/// Bodies that one task sets up or evaluates: some microseconds of evaluation.
+const TASK: usize = 8 * BLOCK;
+
+/// The torque-free motion of many bodies: a row of constants each, from which the state at any time follows.
+///
+/// Column c of body i is at `c * stride + i` in both tables. Rows behind the last body are bodies at rest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FreeMotionRows<T> {
+    /// Number of bodies.
+    pub body_count: usize,
+    /// Distance between the starts of two columns; at least `body_count`.
+    pub stride: usize,
+    /// Phases and their rates, shape `[WORD_COLUMNS, stride]`.
+    pub words: Vec<u64>,
+    /// Constants of the series, shape `[ROW_COLUMNS, stride]`.
+    pub constants: Vec<T>,
+}
+
+/// Rows of either precision.
+#[derive(Clone, Debug, PartialEq)]
+pub enum AnyRows {
+    /// In `f32`.
+    F32(FreeMotionRows<f32>),
+    /// In `f64`.
+    F64(FreeMotionRows<f64>),
+}
+
+impl AnyRows {
+    /// Sets up every body of an ensemble, on all cores, and gives the frames that lead back to the user's axes.
+    ///
+    /// # Errors
+    ///
+    /// As [`FreeMotionRows::prepare`].
+    pub fn prepare(ensemble: &Ensemble, precision: Precision) -> Result<(Vec<BodyFrame>, Self)> {
+        Ok(match precision {
+            Precision::F32 => {
+                let (frames, rows) = FreeMotionRows::prepare(ensemble)?;
+                (frames, Self::F32(rows))
+            }
+            Precision::F64 => {
+                let (frames, rows) = FreeMotionRows::prepare(ensemble)?;
+                (frames, Self::F64(rows))
+            }
+        })
+    }
+
+    /// Number of bodies.
+    pub fn body_count(&self) -> usize {
+        match self {
+            Self::F32(rows) => rows.body_count,
+            Self::F64(rows) => rows.body_count,
+        }
+    }
+
+    /// The precision.
+    pub fn precision(&self) -> Precision {
+        match self {
+            Self::F32(_) => Precision::F32,
+            Self::F64(_) => Precision::F64,
+        }
+    }
+}
+
+impl<T: LaneScalar> FreeMotionRows<T> {
+    /// Sets up every body of an ensemble, on all cores.
+    ///
+    /// The set-up is in `f64` and double-double arithmetic whatever `T` is; only its result is rounded.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::TooManyBodies`] where the memory does not suffice.
+    pub fn prepare(ensemble: &Ensemble) -> Result<(Vec<BodyFrame>, Self)> {
+        let body_count = ensemble.len();
+        let row_bytes = WORD_COLUMNS * size_of::<u64>() + ROW_COLUMNS * size_of::<T>() + size_of::<BodyFrame>();
+        crate::memory::require(body_count, body_count.saturating_mul(row_bytes), "the rows of the closed form")?;
+        let mut rows = Self::at_rest(body_count);
+        let stride = rows.stride;
+        let mut frames = vec![BodyFrame::UNIT; stride];
+        let words = column_parts(&mut rows.words, stride);
+        let constants = column_parts(&mut rows.constants, stride);
+        frames.par_chunks_mut(TASK).zip(words).zip(constants).enumerate().for_each(
+            |(task, ((frames, mut words), mut constants))| {
+                let mut initial = InitialBlock::at_rest();
+                for block in (0..frames.len()).step_by(BLOCK) {
+                    let start = task * TASK + block;
+                    let frames = &mut frames[block..block + BLOCK];
+                    let count = BLOCK.min(body_count - start);
+                    for (offset, frame) in frames[..count].iter_mut().enumerate() {
+                        let body = start + offset;
+                        let (body_frame, row) = scaled_body(
+                            &ensemble.inertia()[body],
+                            ensemble.orientation()[body],
+                            ensemble.angular_velocity_body()[body],
+                        );
+                        *frame = body_frame;
+                        initial.set(offset, &row);
+                    }
+                    // Behind the last body the row before is repeated; nothing reads it.
+                    let (words, constants) = (&mut words, &mut constants);
+                    f64::dispatch(SetUpBlock { initial: &initial, frames, words, constants, first: block });
+                }
+            },
+        );
+        frames.truncate(body_count);
+        Ok((frames, rows))
+    }
+
+    /// The rows of bodies at rest.
+    fn at_rest(body_count: usize) -> Self {
+        let stride = body_count.next_multiple_of(STRIDE_UNIT);
+        Self {
+            body_count,
+            stride,
+            words: vec![0; WORD_COLUMNS * stride],
+            constants: vec![T::default(); ROW_COLUMNS * stride],
+        }
+    }
+
+    /// Writes the state at `time` seconds to the columns of [`crate::batch::Batch::state`] (orientation x, y, z, w,
+    /// angular momentum x, y, z, scaled), on all cores. Residue columns, if any, become zero.
+    ///
+    /// # Panics
+    ///
+    /// Where `state` has not whole columns of [`FreeMotionRows::stride`].
+    pub fn evaluate(&self, time: f64, state: &mut [T]) {
+        assert!(self.stride == 0 || state.len().is_multiple_of(self.stride), "whole columns are needed");
+        column_parts(state, self.stride).into_par_iter().enumerate().for_each(|(task, mut columns)| {
+            T::dispatch(EvaluatePart { rows: self, start: task * TASK, time, state: &mut columns });
+        });
+    }
+
+    /// As [`FreeMotionRows::evaluate`], one body after the other without fused multiply-add: the shader's twin.
+    pub fn evaluate_one_by_one(&self, time: f64, state: &mut [T]) {
+        assert!(self.stride == 0 || state.len().is_multiple_of(self.stride), "whole columns are needed");
+        for (task, mut columns) in column_parts(state, self.stride).into_iter().enumerate() {
+            EvaluatePart { rows: self, start: task * TASK, time, state: &mut columns }.run::<T>();
+        }
+    }
+}
+
+/// The parts of every column that belong to one task, for all tasks.
+fn column_parts<T>(table: &mut [T], stride: usize) -> Vec<Vec<&mut [T]>> {
+    let columns = table.len().checked_div(stride).unwrap_or(0);
+    let mut parts: Vec<Vec<&mut [T]>> = (0..stride.div_ceil(TASK)).map(|_| Vec::with_capacity(columns)).collect();
+    if stride > 0 {
+        for column in table.chunks_exact_mut(stride) {
+            for (part, columns) in column.chunks_mut(TASK).zip(&mut parts) {
+                columns.push(part);
+            }
+        }
+    }
+    parts
+}
+
+/// Columns of the set-up's input: moments and angular velocity in two words each, and the orientation.
+const INITIAL_COLUMNS: usize = 16;
+
+/// What the set-up of one block reads.
+struct InitialBlock([[f64; BLOCK]; INITIAL_COLUMNS]);
+
+impl InitialBlock {
+    fn at_rest() -> Self {
+        let mut columns = [[0.0; BLOCK]; INITIAL_COLUMNS];
+        for moment in 0..3 {
+            columns[2 * moment].fill(1.0);
+        }
+        columns[INITIAL_COLUMNS - 1].fill(1.0);
+        Self(columns)
+    }
+
+    fn set(&mut self, offset: usize, body: &Initial<f64>) {
+        for axis in 0..3 {
+            self.0[2 * axis][offset] = body.moments[axis].high;
+            self.0[2 * axis + 1][offset] = body.moments[axis].low;
+            self.0[6 + 2 * axis][offset] = body.angular_velocity[axis].high;
+            self.0[7 + 2 * axis][offset] = body.angular_velocity[axis].low;
+        }
+        let q = body.orientation;
+        for (column, component) in [q.x, q.y, q.z, q.w].into_iter().enumerate() {
+            self.0[12 + column][offset] = component;
+        }
+    }
+
+    #[inline(always)]
+    fn load<R: Real<Scalar = f64>>(&self, offset: usize) -> Initial<R> {
+        let column = |c: usize| R::load(&self.0[c][offset..]);
+        let two = |c: usize| DoubleDouble { high: column(c), low: column(c + 1) };
+        Initial {
+            moments: [two(0), two(2), two(4)],
+            angular_velocity: [two(6), two(8), two(10)],
+            orientation: Quaternion::new(column(12), column(13), column(14), column(15)),
+        }
+    }
+}
+
+/// Sets one block up, lane group by lane group.
+struct SetUpBlock<'a, 'b, T> {
+    initial: &'a InitialBlock,
+    frames: &'a [BodyFrame],
+    words: &'a mut [&'b mut [u64]],
+    constants: &'a mut [&'b mut [T]],
+    /// Offset of the block in the columns.
+    first: usize,
+}
+
+impl<T: Scalar> LaneTask<f64> for SetUpBlock<'_, '_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<R: Real<Scalar = f64>>(self) {
+        // The widest lanes hold eight numbers.
+        let mut lanes = [0.0_f64; 8];
+        for offset in (0..BLOCK).step_by(R::LANES) {
+            let found = set_up::<R>(&self.initial.load(offset));
+            let row = &found.row;
+            let columns = row_columns(row);
+            for (column, number) in columns.into_iter().enumerate() {
+                number.store(&mut lanes);
+                for lane in 0..R::LANES {
+                    self.constants[column][self.first + offset + lane] = T::from_f64(lanes[lane]);
+                }
+            }
+            let separatrix = R::select(found.separatrix, R::splat(1.0), R::splat(0.0));
+            let mut integers = [[0.0_f64; 8]; 7];
+            let numbers = [
+                found.polhode_rate.high,
+                found.polhode_rate.low,
+                found.precession_rate.high,
+                found.precession_rate.low,
+                found.polhode_start.high,
+                found.polhode_start.low,
+                separatrix,
+            ];
+            for (number, lanes) in numbers.into_iter().zip(&mut integers) {
+                number.store(lanes);
+            }
+            for lane in 0..R::LANES {
+                let body = offset + lane;
+                let two = |c: usize| DoubleDouble { high: integers[c][lane], low: integers[c + 1][lane] };
+                let mut phases = Phases::from_turns(two(0), two(2), two(4), self.frames[body].rate_exponent);
+                if integers[6][lane] > 0.5 {
+                    let (row, start) = separatrix_body(&self.initial.load::<f64>(body));
+                    phases.polhode_start = start;
+                    for (column, number) in row_columns(&row).into_iter().enumerate() {
+                        self.constants[column][self.first + body] = T::from_f64(number);
+                    }
+                }
+                for (column, word) in phases.to_words().into_iter().enumerate() {
+                    self.words[column][self.first + body] = word;
+                }
+            }
+        }
+    }
+}
+
+/// The row of a body on the separatrix and its phase at the start. Out of line: it is rare.
+#[cold]
+#[inline(never)]
+fn separatrix_body(initial: &Initial<f64>) -> (Row<f64>, u64) {
+    let mut constants: Constants<f64> = set_up(initial);
+    separatrix_row(&mut constants, initial.orientation);
+    (constants.row, Phases::new(&constants, 0).polhode_start)
+}
+
+/// The columns of a row, in the order of the table.
+#[inline(always)]
+fn row_columns<R: Real>(row: &Row<R>) -> [R; ROW_COLUMNS] {
+    let (q, m) = (row.frame, row.amplitude);
+    let mut columns = [row.axes; ROW_COLUMNS];
+    columns[..SHAPE_COLUMNS].copy_from_slice(&row.shape);
+    columns[SHAPE_COLUMNS..ROW_COLUMNS - 1].copy_from_slice(&[q.x, q.y, q.z, q.w, m.x, m.y, m.z]);
+    columns
+}
+
+/// The row whose columns `column` loads.
+#[inline(always)]
+pub(crate) fn load_row<R: Real>(column: impl Fn(usize) -> R) -> Row<R> {
+    const F: usize = SHAPE_COLUMNS;
+    Row {
+        shape: std::array::from_fn(&column),
+        frame: Quaternion::new(column(F), column(F + 1), column(F + 2), column(F + 3)),
+        amplitude: Vector::new(column(F + 4), column(F + 5), column(F + 6)),
+        axes: column(F + 7),
+    }
+}
+
+impl Phases {
+    /// The integers as columns of the table.
+    fn to_words(self) -> [u64; WORD_COLUMNS] {
+        let (polhode, precession) = (self.polhode_rate, self.precession_rate);
+        let mut unit = u64::from(polhode.exponent as u32);
+        if polhode.negative {
+            unit |= POLHODE_NEGATIVE;
+        }
+        if precession.negative {
+            unit |= PRECESSION_NEGATIVE;
+        }
+        [
+            polhode.fraction as u64,
+            (polhode.fraction >> 64) as u64,
+            precession.fraction as u64,
+            (precession.fraction >> 64) as u64,
+            self.polhode_start,
+            unit,
+        ]
+    }
+
+    /// From the columns of the table.
+    #[inline(always)]
+    fn from_words(words: [u64; WORD_COLUMNS]) -> Self {
+        let unit = words[5];
+        let rate = |low: u64, high: u64, sign: u64| Rate {
+            fraction: u128::from(low) | (u128::from(high) << 64),
+            exponent: unit as u32 as i32,
+            negative: unit & sign != 0,
+        };
+        Self {
+            polhode_rate: rate(words[0], words[1], POLHODE_NEGATIVE),
+            polhode_start: words[4],
+            precession_rate: rate(words[2], words[3], PRECESSION_NEGATIVE),
+        }
+    }
+}
+
+/// Evaluates the bodies of one task, lane group by lane group.
+struct EvaluatePart<'a, 'b, T> {
+    rows: &'a FreeMotionRows<T>,
+    start: usize,
+    time: f64,
+    state: &'a mut [&'b mut [T]],
+}
+
+impl<T: Scalar> LaneTask<T> for EvaluatePart<'_, '_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<R: Real<Scalar = T>>(self) {
+        let stride = self.rows.stride;
+        let exact = Time::from_seconds(self.time);
+        let (state, residues) = self.state.split_at_mut(STATE_COMPONENTS);
+        let count = state[0].len();
+        for block in (0..count).step_by(BLOCK) {
+            let start = self.start + block;
+            let words: [&[u64]; WORD_COLUMNS] = [
+                &self.rows.words[start..][..BLOCK],
+                &self.rows.words[stride + start..][..BLOCK],
+                &self.rows.words[2 * stride + start..][..BLOCK],
+                &self.rows.words[3 * stride + start..][..BLOCK],
+                &self.rows.words[4 * stride + start..][..BLOCK],
+                &self.rows.words[5 * stride + start..][..BLOCK],
+            ];
+            // Integer arithmetic, body by body.
+            let (mut polhode, mut precession) = ([0_u64; BLOCK], [0_u64; BLOCK]);
+            let mut times = [T::default(); BLOCK];
+            for offset in 0..BLOCK {
+                let phases = Phases::from_words([
+                    words[0][offset],
+                    words[1][offset],
+                    words[2][offset],
+                    words[3][offset],
+                    words[4][offset],
+                    words[5][offset],
+                ]);
+                polhode[offset] = phase_at(phases.polhode_start, phases.polhode_rate, exact);
+                precession[offset] = phase_at(0, phases.precession_rate, exact);
+                times[offset] = exact.scaled(phases.polhode_rate.exponent - HEADROOM);
+            }
+            let (polhode, precession) = (TurnsBlock::new(&polhode), TurnsBlock::new(&precession));
+            // The series, in lanes.
+            for offset in (0..BLOCK).step_by(R::LANES) {
+                let row = load_row(|column| R::load(&self.rows.constants[column * stride + start + offset..]));
+                let instant = Instant {
+                    polhode: polhode.load(offset),
+                    precession: precession.load(offset),
+                    time: R::load(&times[offset..]),
+                };
+                let found = evaluate(&row, &instant);
+                let (q, m) = (found.orientation, found.angular_momentum_principal);
+                for (column, number) in [q.x, q.y, q.z, q.w, m.x, m.y, m.z].into_iter().enumerate() {
+                    number.store(&mut state[column][block + offset..]);
+                }
+            }
+        }
+        for residue in residues {
+            residue.fill(T::default());
+        }
+    }
+}
+
+/// Reduced angles of one block.
+struct TurnsBlock<T> {
+    quadrant: [T; BLOCK],
+    residual: [T; BLOCK],
+}
+
+impl<T: Scalar> TurnsBlock<T> {
+    #[inline(always)]
+    fn new(phases: &[u64; BLOCK]) -> Self {
+        let mut block = Self { quadrant: [T::default(); BLOCK], residual: [T::default(); BLOCK] };
+        for (offset, &phase) in phases.iter().enumerate() {
+            let angle = phase_turns::<T>(phase);
+            block.quadrant[offset] = angle.quadrant;
+            block.residual[offset] = angle.residual;
+        }
+        block
+    }
+
+    #[inline(always)]
+    fn load<R: Real<Scalar = T>>(&self, offset: usize) -> Turns<R> {
+        Turns { quadrant: R::load(&self.quadrant[offset..]), residual: R::load(&self.residual[offset..]) }
+    }
+}
