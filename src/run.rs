@@ -6,10 +6,11 @@ use std::time::Instant;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::batch::{BodyFrame, initial_state, prepare};
-use crate::engine::{Backend, Progress, Session};
+use crate::batch::{BodyFrame, StateWords, initial_state, prepare};
+use crate::engine::{Backend, FreeSession, Progress, Session};
 use crate::ensemble::Ensemble;
 use crate::error::{Error, Result};
+use crate::free_motion::AnyRows;
 use crate::plan::Plan;
 use crate::record::{DriftGatherer, Memory, OutputState, Record, Sink, Trust, WallTime};
 use crate::scene::Scene;
@@ -50,37 +51,49 @@ pub fn run_into(
     let mut wall_time = WallTime::default();
 
     let clock = Instant::now();
-    let (frames, batch) = prepare(scene.ensemble(), plan.precision())?;
-    wall_time.prepare = clock.elapsed().as_secs_f64();
+    let (frames, mut road) = Road::prepare(plan, engine, &mut wall_time)?;
+    debug_assert_eq!(frames.len(), body_count);
+    wall_time.start = clock.elapsed().as_secs_f64() - wall_time.prepare;
 
-    let clock = Instant::now();
-    let mut session = engine.start(batch, plan.method())?;
-    wall_time.start = clock.elapsed().as_secs_f64();
-
-    let total = plan.steps().saturating_mul(body_count as u64);
+    // In closed form a time is a body's only work.
+    let work = if plan.is_closed_form() { plan.times().len() as u64 } else { plan.steps() };
+    let total = work.saturating_mul(body_count as u64);
     let mut done = 0_u64;
     let mut drift = DriftGatherer::default();
     let mut failed_bodies = Vec::new();
     let count = plan.times().len();
     for (index, &time) in plan.times().iter().enumerate() {
-        let interval = plan.interval(index);
-        let clock = Instant::now();
-        let before = done;
-        session.advance(interval.dt, interval.steps, &mut |progress| {
-            observer(Progress { done: before.saturating_add(progress.done), total })
-        })?;
-        done = done.saturating_add(interval.steps.saturating_mul(body_count as u64));
-        wall_time.compute += clock.elapsed().as_secs_f64();
-
         let last = index + 1 == count;
         let wanted = sink.wants(index, count, time);
+        let clock = Instant::now();
+        let before = done;
+        match &mut road {
+            Road::Stepped(session) => {
+                let interval = plan.interval(index);
+                session.advance(interval.dt, interval.steps, &mut |progress| {
+                    observer(Progress { done: before.saturating_add(progress.done), total })
+                })?;
+                done = done.saturating_add(interval.steps.saturating_mul(body_count as u64));
+            }
+            Road::ClosedForm(session) => {
+                if wanted || last {
+                    session.evaluate(time)?;
+                }
+                done = done.saturating_add(body_count as u64);
+                if observer(Progress { done, total }).is_break() {
+                    return Err(Error::Interrupted { steps: 0 });
+                }
+            }
+        }
+        wall_time.compute += clock.elapsed().as_secs_f64();
+
         if !(wanted || last) {
             continue;
         }
         for start in (0..body_count).step_by(READ_BLOCK) {
             let range = start..(start + READ_BLOCK).min(body_count);
             let clock = Instant::now();
-            let states = read_states(session.as_mut(), scene, &frames, range.clone(), time)?;
+            let states = read_states(&mut road, scene, &frames, range.clone(), time)?;
             if last {
                 gather_trust(scene.ensemble(), &states, range, &mut drift, &mut failed_bodies);
             }
@@ -91,7 +104,8 @@ pub fn run_into(
                 wall_time.write += clock.elapsed().as_secs_f64();
             }
             if observer(Progress { done, total }).is_break() {
-                return Err(Error::Interrupted { steps: done / (body_count as u64).max(1) });
+                let steps = if plan.is_closed_form() { 0 } else { done / (body_count as u64).max(1) };
+                return Err(Error::Interrupted { steps });
             }
         }
     }
@@ -100,22 +114,54 @@ pub fn run_into(
         method: plan.method(),
         precision: plan.precision(),
         longest_step: plan.longest_step(),
-        body_steps: done,
+        closed_form: plan.is_closed_form(),
+        body_steps: if plan.is_closed_form() { 0 } else { done },
         drift: drift.finish(),
         failed_bodies,
         wall_time,
     })
 }
 
+/// How bodies come from one output time to the next.
+enum Road {
+    /// Step by step.
+    Stepped(Box<dyn Session>),
+    /// By the closed form of torque-free motion.
+    ClosedForm(Box<dyn FreeSession>),
+}
+
+impl Road {
+    /// Scales the bodies and opens a session; `wall_time.prepare` takes the time of the former.
+    fn prepare(plan: &Plan<'_>, engine: &dyn Backend, wall_time: &mut WallTime) -> Result<(Vec<BodyFrame>, Self)> {
+        let ensemble = plan.scene().ensemble();
+        let clock = Instant::now();
+        if plan.is_closed_form() {
+            let (frames, rows) = AnyRows::prepare(ensemble, plan.precision())?;
+            wall_time.prepare = clock.elapsed().as_secs_f64();
+            return Ok((frames, Self::ClosedForm(engine.start_free(rows)?)));
+        }
+        let (frames, batch) = prepare(ensemble, plan.precision())?;
+        wall_time.prepare = clock.elapsed().as_secs_f64();
+        Ok((frames, Self::Stepped(engine.start(batch, plan.method())?)))
+    }
+
+    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
+        match self {
+            Self::Stepped(session) => session.read(bodies),
+            Self::ClosedForm(session) => session.read(bodies),
+        }
+    }
+}
+
 /// Some bodies in the user's axes and units.
 fn read_states(
-    session: &mut dyn Session,
+    road: &mut Road,
     scene: &Scene,
     frames: &[BodyFrame],
     bodies: Range<usize>,
     time: f64,
 ) -> Result<Vec<OutputState>> {
-    let words = session.read(bodies.clone())?;
+    let words = road.read(bodies.clone())?;
     Ok(bodies
         .clone()
         .into_par_iter()

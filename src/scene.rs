@@ -29,6 +29,7 @@ pub struct Scene {
     stepping: Stepping,
     precision: Option<Precision>,
     force_world: DVec3,
+    skipping: bool,
 }
 
 /// When the state is recorded.
@@ -83,6 +84,7 @@ impl Scene {
             stepping: Stepping::Accuracy(Accuracy::attitude(1e-6)),
             precision: None,
             force_world: DVec3::ZERO,
+            skipping: true,
         }
     }
 
@@ -119,6 +121,19 @@ impl Scene {
     pub fn precision(mut self, precision: Option<Precision>) -> Self {
         self.precision = precision;
         self
+    }
+
+    /// Whether work that the scene does not need may be skipped (it is, unless this says no): free bodies are then
+    /// brought to their output times in closed form ([`crate::free_motion`]) rather than step by step.
+    #[must_use]
+    pub fn skipping(mut self, skipping: bool) -> Self {
+        self.skipping = skipping;
+        self
+    }
+
+    /// Whether work that the scene does not need may be skipped.
+    pub fn may_skip(&self) -> bool {
+        self.skipping
     }
 
     /// A constant force on every body's centre of mass, N, world axes. Needs bodies with masses

@@ -41,8 +41,8 @@ const BRANCHES: [(&str, [f64; 3], [f64; 3], Polhode); 22] = [
     ("around the first axis, reversed", [1.0, 1.5, 2.0], [-1.0, -0.3, 0.2], Polhode::AboutFirst),
     ("transformed series, third axis", [1.0, 2.0, 3.0], [1e-4, 5.0, 1e-3], Polhode::AboutThird),
     ("transformed series, first axis", [1.0, 2.0, 3.0], [1e-3, -5.0, 1e-4], Polhode::AboutFirst),
-    ("separatrix", [1.0, 2.0, 2.25], [1.5, 1.0, -1.0], Polhode::Separatrix),
-    ("separatrix, behind its middle", [1.0, 2.0, 2.25], [-1.5, 7.0, 1.0], Polhode::Separatrix),
+    ("separatrix", [1.0, 2.0, 2.25], [0.75, 1.0, -1.0], Polhode::Separatrix),
+    ("separatrix, behind its middle", [1.0, 2.0, 2.25], [-0.75, 7.0, 1.0], Polhode::Separatrix),
     ("oblate", [1.0, 1.0, 1.5], [0.3, -0.2, 1.0], Polhode::AboutThird),
     ("oblate, transverse", [1.0, 1.0, 1.5], [0.3, -0.2, 0.0], Polhode::Point),
     ("prolate", [1.0, 2.5, 2.5], [0.3, -0.2, 1.0], Polhode::AboutFirst),
@@ -149,10 +149,12 @@ fn the_two_series_agree_at_the_switch() {
         }
         a
     };
-    for (moments, direction) in [([1.0, 2.0, 3.0], 1.0), ([1.0, 2.0, 3.0], -1.0), ([1.0, 1.2, 2.1], 1.0)] {
+    for (moments, direction) in [([1.0_f64, 2.0, 3.0], 1.0), ([1.0, 2.0, 3.0], -1.0), ([1.0, 1.2, 2.1], 1.0)] {
         let body = |third: f64| motion(moments, [0.3, direction, third]);
         let ratio = |third: f64| mean(1.0, body(third).complementary_modulus()) / mean(1.0, body(third).modulus());
-        let (mut low, mut high) = (0.5_f64, 5.0_f64);
+        // From next to the separatrix, where L^2 = 2 T I_2, to a nearly steady spin.
+        let [i1, i2, i3] = moments;
+        let (mut low, mut high) = (0.315 * (i1 * (i2 - i1) / (i3 * (i3 - i2))).sqrt(), 5.0_f64);
         assert!(ratio(low) < 0.6 && ratio(high) > 0.6, "the switch lies between");
         while low.next_up() < high {
             let middle = 0.5 * (low + high);
@@ -169,10 +171,10 @@ fn the_two_series_agree_at_the_switch() {
 
 #[test]
 fn the_regimes_meet_at_the_separatrix() {
-    // omega_1 = 1.5 (1 +- delta) beside the exact separatrix: neighbouring orbits part as e^(lambda t) with
+    // omega_1 = 3/4 (1 +- delta) beside the exact separatrix: neighbouring orbits part as e^(lambda t) with
     // lambda = |L|/I_2 sqrt((I_2 - I_1)(I_3 - I_2)/(I_1 I_3)).
     let moments = [1.0, 2.0, 2.25];
-    let omega = |delta: f64| [1.5 * (1.0 + delta), 1.0, -1.0];
+    let omega = |delta: f64| [0.75 * (1.0 + delta), 1.0, -1.0];
     let exact = motion(moments, omega(0.0));
     assert_eq!(exact.polhode(), Polhode::Separatrix);
     let length = (DVec3::from_array(moments) * DVec3::from_array(omega(0.0))).length();
@@ -194,19 +196,29 @@ fn the_regimes_meet_at_the_separatrix() {
 
 #[test]
 fn a_spin_ever_closer_to_the_middle_axis_ends_on_the_separatrix() {
-    // Below 2^-118 of the spin the next flip but one is no longer followed; the first one is.
-    for exponent in [100, 115, 117, 118, 119, 120, 140] {
+    for exponent in [20, 60, 100, 115, 116, 117, 118, 119, 120, 140, 400] {
         let small = (-f64::from(exponent)).exp2();
         let body = motion([1.0, 2.0, 3.0], [small, 1.0, small]);
-        let flip = body.flips(0.0, 1e6).next().expect("it flips");
-        // u runs from about -ln(4/epsilon) to 0 at the rate lambda = 1/sqrt(3).
-        let expected = (4.0 / small).ln() * 3.0_f64.sqrt();
-        assert!((flip - expected).abs() < 3.0, "2^-{exponent}: flip at {flip} s, about {expected} s expected");
-        assert!(body.at(flip - 20.0).angular_velocity_body.y > 0.99, "2^-{exponent} before");
-        assert!(body.at(flip + 20.0).angular_velocity_body.y < -0.99, "2^-{exponent} after");
-        let energy = body.at(0.0).kinetic_energy;
-        for time in [0.0, 0.5 * flip, flip, flip + 1.0] {
-            assert!((body.at(time).kinetic_energy / energy - 1.0).abs() <= ENERGY, "2^-{exponent} at {time} s");
+        let (energy, momentum) = (body.at(0.0).kinetic_energy, body.at(0.0).angular_momentum_world);
+        let mut times = vec![-500.0, -1.0, 1.0, 30.0, 500.0];
+        if exponent <= 116 {
+            assert_eq!(body.polhode(), Polhode::AboutThird, "2^-{exponent}");
+            let flip = body.flips(0.0, 1e6).next().expect("it flips");
+            // u runs from about -ln(4/epsilon) to 0 at the rate lambda = 1/sqrt(3).
+            let expected = (4.0 / small).ln() * 3.0_f64.sqrt();
+            assert!((flip - expected).abs() < 3.0, "2^-{exponent}: flip at {flip} s, about {expected} s expected");
+            assert!(body.at(flip - 20.0).angular_velocity_body.y > 0.99, "2^-{exponent} before");
+            assert!(body.at(flip + 20.0).angular_velocity_body.y < -0.99, "2^-{exponent} after");
+            times.extend([0.5 * flip, flip, flip + 1.0]);
+        } else {
+            // Below 2^-117 of the spin only one flip is left, in the past or in the future.
+            assert_eq!(body.flips(-1e6, 1e6).count(), 1, "2^-{exponent}");
+        }
+        for time in times {
+            let state = body.at(time);
+            assert!((state.kinetic_energy / energy - 1.0).abs() <= ENERGY, "2^-{exponent} at {time} s");
+            let off = relative_error(state.angular_momentum_world, momentum);
+            assert!(off <= MOMENTUM, "2^-{exponent} at {time} s: {off:.2e}");
         }
     }
     // Steady about the middle axis: no flip at all.
@@ -289,9 +301,10 @@ fn a_tensor_in_turned_axes_moves_as_the_diagonal_one() {
     let turn = DQuat::from_array([0.2, -0.5, 0.4, 0.7]).normalize();
     let matrix = DMat3::from_quat(turn);
     for (name, moments, omega, polhode) in BRANCHES {
-        // The turned tensor is rounded, so its moments differ by an ulp of the largest; what that does to rods and to
-        // orbits next to or on the separatrix is not at issue here.
-        if name.contains("rod") || name.contains("transformed") || polhode == Polhode::Separatrix {
+        // The turned tensor is rounded, so its moments differ by an ulp of the largest; what that does to rods, to orbits
+        // next to or on the separatrix and to the unstable rotation is not at issue here.
+        let unstable = name.contains("transformed") || name.contains("middle") || polhode == Polhode::Separatrix;
+        if name.contains("rod") || unstable {
             continue;
         }
         let straight = motion(moments, omega);
@@ -422,7 +435,7 @@ fn rk4_converges_to_the_closed_form_at_order_four() {
         ([1.0, 1.5, 2.0], [1.0, -0.3, 0.2]),
         ([1.0, 2.0, 3.0], [0.1, 1.0, 0.1]),
         ([1.0, 1.0, 1.5], [0.3, -0.2, 1.0]),
-        ([1.0, 2.0, 2.25], [1.5, 1.0, -1.0]),
+        ([1.0, 2.0, 2.25], [0.75, 1.0, -1.0]),
     ];
     let end = 10.0;
     let engine = Engine::cpu();

@@ -66,7 +66,7 @@
 //!
 //! The motion itself may magnify errors of its *input*: on the separatrix by e^(λt). The set-up resolves
 //! L² − 2TI₂ to 2⁻⁹⁸ of its two terms, and moments to 2⁻⁹⁶ of the middle one; differences below are zero. A spin whose distance from
-//! the middle axis is below 1e-36 of it flips once, as on the separatrix, and not again.
+//! the middle axis is below 1e-35 of it is taken to be on the separatrix, and so has one flip, before or after, rather than many.
 
 mod elliptic;
 pub mod evaluation;

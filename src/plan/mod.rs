@@ -16,6 +16,7 @@ pub struct Plan<'a> {
     method: Method,
     precision: Precision,
     longest_step: f64,
+    closed_form: bool,
     times: Vec<f64>,
 }
 
@@ -31,7 +32,10 @@ pub struct Interval {
 impl<'a> Plan<'a> {
     /// Resolves `scene` for `engine`.
     ///
-    /// An attitude error that is asked for is met by `rk4`: its error over a span t of a body that spins at ω grows
+    /// Free bodies are brought to their output times in closed form ([`crate::free_motion`]), unless the step is pinned
+    /// or the scene says not to skip; in `f32` where the error asked for is above [`CLOSED_FORM_F32`].
+    ///
+    /// Stepping meets an attitude error that is asked for by `rk4`: its error over a span t of a body that spins at ω grows
     /// as 1e-3 (ω dt)⁴ ω t (measured on the free ensemble of `benches/`, 99th percentile, with a margin of two), from which
     /// dt follows for the fastest body. `f32` is taken where its own floor, 1e-6 rad and 3e-8 of the angle turned, is
     /// below the error asked for, and `f64` elsewhere.
@@ -51,6 +55,7 @@ impl<'a> Plan<'a> {
         if force != glam::DVec3::ZERO && scene.ensemble().translation().is_none() {
             return Err(Error::MissingMass);
         }
+        let closed_form = scene.may_skip() && matches!(scene.stepping(), Stepping::Accuracy(_));
         let (method, precision, longest_step) = match scene.stepping() {
             Stepping::Pinned { method, dt, .. } => {
                 let precision = scene.wanted_precision().unwrap_or(widest(engine));
@@ -68,7 +73,7 @@ impl<'a> Plan<'a> {
                 }
                 let rate = fastest_rate(scene);
                 let angle = rate * scene.end();
-                let floor_f32 = 1e-6 + 3e-8 * angle;
+                let floor_f32 = if closed_form { CLOSED_FORM_F32 } else { 1e-6 + 3e-8 * angle };
                 let narrowest = if target >= floor_f32 { Precision::F32 } else { Precision::F64 };
                 let precision = scene.wanted_precision().unwrap_or(narrowest);
                 if precision == Precision::F32 && narrowest == Precision::F64 {
@@ -86,7 +91,7 @@ impl<'a> Plan<'a> {
         if !engine.precisions().contains(&precision) {
             return Err(Error::PrecisionUnavailable { adapter: engine.description().name, precision });
         }
-        let plan = Self { scene, method, precision, longest_step, times };
+        let plan = Self { scene, method, precision, longest_step, closed_form, times };
         plan.check_steps()?;
         Ok(plan)
     }
@@ -96,7 +101,12 @@ impl<'a> Plan<'a> {
         self.scene
     }
 
-    /// The integrator.
+    /// Whether bodies are brought to their output times in closed form, so that no step is taken.
+    pub fn is_closed_form(&self) -> bool {
+        self.closed_form
+    }
+
+    /// The integrator; that of the long way where the plan is in closed form.
     pub fn method(&self) -> Method {
         self.method
     }
@@ -122,8 +132,11 @@ impl<'a> Plan<'a> {
         steps_over(self.times[index] - start, self.longest_step)
     }
 
-    /// Steps of each body over the whole span.
+    /// Steps of each body over the whole span; none in closed form.
     pub fn steps(&self) -> u64 {
+        if self.closed_form {
+            return 0;
+        }
         (0..self.times.len()).map(|index| self.interval(index).steps).fold(0, u64::saturating_add)
     }
 
@@ -139,6 +152,9 @@ impl<'a> Plan<'a> {
         Ok(())
     }
 }
+
+/// The attitude error of the closed form in `f32`, rad, at any time (`tests/golden_free_motion.rs`).
+pub const CLOSED_FORM_F32: f64 = 1e-6;
 
 /// The most steps a body may need.
 const MOST_STEPS: u64 = 1_000_000_000_000_000;

@@ -143,6 +143,9 @@ pub struct WallTime {
     pub write: f64,
 }
 
+/// What a report calls the closed form, where it otherwise names a method.
+pub(crate) const CLOSED_FORM: &str = "closed form";
+
 /// What a run did and how well.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trust {
@@ -154,6 +157,8 @@ pub struct Trust {
     pub precision: Precision,
     /// The longest step, s.
     pub longest_step: f64,
+    /// Whether bodies were brought to their output times in closed form; method and step are then those of the long way.
+    pub closed_form: bool,
     /// Steps of all bodies together.
     pub body_steps: u64,
     /// Drift of the invariants at the end.
@@ -169,7 +174,7 @@ impl std::fmt::Display for Trust {
         write!(
             formatter,
             "{} in {} on {}: energy drift {}, angular momentum drift {}, | |q| - 1 | {}, {} failed",
-            self.method,
+            if self.closed_form { CLOSED_FORM } else { self.method.name() },
             self.precision,
             self.engine.name,
             self.drift.kinetic_energy,

@@ -66,13 +66,13 @@ pub struct EngineReport {
 /// What was computed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PlanReport {
-    /// The integrator.
+    /// The integrator, or `closed form`.
     pub method: &'static str,
     /// The arithmetic.
     pub precision: &'static str,
-    /// The longest step, s.
+    /// The longest step, s; 0 in closed form.
     pub longest_step: f64,
-    /// Steps of one body.
+    /// Steps of one body; 0 in closed form.
     pub steps: u64,
 }
 
@@ -158,9 +158,9 @@ impl Report {
                 software: trust.engine.software,
             },
             plan: PlanReport {
-                method: trust.method.name(),
+                method: if trust.closed_form { super::CLOSED_FORM } else { trust.method.name() },
                 precision: trust.precision.name(),
-                longest_step: trust.longest_step,
+                longest_step: if trust.closed_form { 0.0 } else { trust.longest_step },
                 steps: plan.steps(),
             },
             body_steps: trust.body_steps,
@@ -208,17 +208,19 @@ impl fmt::Display for Report {
         let software = if engine.software { ", a software adapter" } else { "" };
         writeln!(formatter, "  engine   {} ({}{software})", engine.adapter, engine.kind)?;
         let plan = &self.plan;
-        writeln!(
+        write!(
             formatter,
-            "  work     {} {}, {} s, {} in {}, {} steps of {:.3e} s or less",
+            "  work     {} {}, {} s, {} in {}",
             self.bodies,
             if self.bodies == 1 { "body" } else { "bodies" },
             self.span,
             plan.method,
-            plan.precision,
-            plan.steps,
-            plan.longest_step
+            plan.precision
         )?;
+        if plan.steps > 0 {
+            write!(formatter, ", {} steps of {:.3e} s or less", plan.steps, plan.longest_step)?;
+        }
+        writeln!(formatter)?;
         let time = &self.wall_time;
         writeln!(
             formatter,

@@ -116,6 +116,9 @@ pub struct RunArguments {
     /// Write into a folder that is not empty; results of a former run in it are replaced.
     #[arg(long)]
     pub force: bool,
+    /// Go the long way: step free bodies too, which have a closed form.
+    #[arg(long)]
+    pub no_skip: bool,
     #[command(flatten)]
     pub engine: EngineArguments,
     /// No progress bar and no summary.

@@ -22,7 +22,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     // The folder is tried before anything that takes long.
     let path = arguments.out.clone().unwrap_or_else(|| default_folder(&arguments.study));
     let folder = OutputFolder::create(&path, arguments.force)?;
-    let scene = study.scene()?;
+    let scene = study.scene()?.skipping(!arguments.no_skip);
     let engine = crate::engine::open(&arguments.engine, arguments.quiet)?;
     let plan = Plan::new(&scene, &engine).map_err(|error| study.located(error))?;
 

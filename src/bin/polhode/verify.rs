@@ -25,7 +25,7 @@ pub fn verify(arguments: &VerifyArguments) -> Result<(), Failure> {
             if let Some(precision) = wanted {
                 study = study.with_precision(precision);
             }
-            let scene = study.scene()?;
+            let scene = study.scene()?.skipping(false);
             let plan = Plan::new(&scene, &engine).map_err(|error| study.located(error))?;
             (scene.ensemble().clone(), plan.method(), plan.precision(), plan.longest_step())
         }
