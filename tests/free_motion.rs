@@ -34,7 +34,7 @@ fn difference(a: &BodyState, b: &BodyState) -> f64 {
 }
 
 /// A body for every branch, and the curve it follows.
-const BRANCHES: [(&str, [f64; 3], [f64; 3], Polhode); 22] = [
+const BRANCHES: [(&str, [f64; 3], [f64; 3], Polhode); 23] = [
     ("around the third axis", [1.0, 1.5, 2.0], [0.2, -0.3, 1.0], Polhode::AboutThird),
     ("around the third axis, reversed", [1.0, 1.5, 2.0], [0.2, 0.3, -1.0], Polhode::AboutThird),
     ("around the first axis", [1.0, 1.5, 2.0], [1.0, -0.3, 0.2], Polhode::AboutFirst),
@@ -54,7 +54,8 @@ const BRANCHES: [(&str, [f64; 3], [f64; 3], Polhode); 22] = [
     ("steady about the middle axis", [1.0, 2.0, 3.0], [0.0, -2.0, 0.0], Polhode::Point),
     ("steady about the third axis", [1.0, 2.0, 3.0], [0.0, 0.0, 2.0], Polhode::Point),
     ("at rest", [1.0, 2.0, 3.0], [0.0, 0.0, 0.0], Polhode::Point),
-    ("thin rod", [1e-6, 1.0, 1.0 + 5e-7], [10.0, 0.5, 0.2], Polhode::AboutThird),
+    ("thin rod", [1e-6, 1.0, 1.0 + 5e-7], [0.05, 0.5, 2.0], Polhode::AboutThird),
+    ("thin rod, tumbling", [1e-6, 1.0, 1.0 + 5e-7], [10.0, 0.5, 0.2], Polhode::AboutFirst),
     ("thin rod, spinning", [1e-6, 1.0, 1.0 + 5e-7], [100.0, 1e-5, 1e-5], Polhode::AboutFirst),
     ("plate", [1.0, 1.5, 2.5], [0.1, 1.0, 0.9], Polhode::AboutThird),
 ];
@@ -164,7 +165,9 @@ fn the_two_series_agree_at_the_switch() {
         for step in 1..16 {
             let by = 1.0 + f64::from(step) * f64::EPSILON;
             let off = apart(&body(low / by), &body(high * by), &[0.0, 0.4, 3.0, -9.0, 20.0]);
-            assert!(off <= BOUND, "{moments:?}: {off:.2e} across the switch");
+            // The rates change by no more than twice the spin's part of 2 step ulps, and |omega| t is below 22.
+            let bound = BOUND + 4.0 * f64::from(step) * f64::EPSILON * 22.0;
+            assert!(off <= bound, "{moments:?}: {off:.2e} across the switch, {bound:.2e} allowed");
         }
     }
 }
@@ -201,7 +204,7 @@ fn a_spin_ever_closer_to_the_middle_axis_ends_on_the_separatrix() {
         let body = motion([1.0, 2.0, 3.0], [small, 1.0, small]);
         let (energy, momentum) = (body.at(0.0).kinetic_energy, body.at(0.0).angular_momentum_world);
         let mut times = vec![-500.0, -1.0, 1.0, 30.0, 500.0];
-        if exponent <= 116 {
+        if exponent <= 118 {
             assert_eq!(body.polhode(), Polhode::AboutThird, "2^-{exponent}");
             let flip = body.flips(0.0, 1e6).next().expect("it flips");
             // u runs from about -ln(4/epsilon) to 0 at the rate lambda = 1/sqrt(3).
@@ -211,7 +214,7 @@ fn a_spin_ever_closer_to_the_middle_axis_ends_on_the_separatrix() {
             assert!(body.at(flip + 20.0).angular_velocity_body.y < -0.99, "2^-{exponent} after");
             times.extend([0.5 * flip, flip, flip + 1.0]);
         } else {
-            // Below 2^-117 of the spin only one flip is left, in the past or in the future.
+            // Below 2^-118 of the spin only one flip is left, in the past or in the future.
             assert_eq!(body.flips(-1e6, 1e6).count(), 1, "2^-{exponent}");
         }
         for time in times {
