@@ -264,6 +264,9 @@ pub fn bytes_per_body(precision: Precision) -> usize {
 /// Bodies that one task prepares; small enough to balance, large enough to stream.
 const BLOCK: usize = 4096;
 
+/// The fewest bodies that are worth a task of their own when states are read.
+const READ_TASK: usize = 1024;
+
 fn prepare_columns<T: Scalar>(ensemble: &Ensemble) -> Result<(Vec<BodyFrame>, Batch<T>)> {
     let body_count = ensemble.len();
     let precision = if T::WORDS == 1 { Precision::F64 } else { Precision::F32 };
@@ -318,13 +321,13 @@ impl<T: Scalar> Batch<T> {
     /// The raw state of a range of bodies.
     pub fn read(&self, bodies: std::ops::Range<usize>) -> StateWords {
         let value = |body: usize, component: usize| self.state[component * self.stride + body].to_f64();
+        let words = |first: usize| -> Vec<[f64; STATE_COMPONENTS]> {
+            let rows = bodies.clone().into_par_iter().with_min_len(READ_TASK);
+            rows.map(|body| std::array::from_fn(|component| value(body, first + component))).collect()
+        };
         StateWords {
-            value: bodies.clone().map(|body| std::array::from_fn(|c| value(body, c))).collect(),
-            residue: bodies
-                .map(|body| {
-                    std::array::from_fn(|c| if T::WORDS == 2 { value(body, STATE_COMPONENTS + c) } else { 0.0 })
-                })
-                .collect(),
+            value: words(0),
+            residue: if T::WORDS == 2 { words(STATE_COMPONENTS) } else { vec![[0.0; STATE_COMPONENTS]; bodies.len()] },
         }
     }
 }

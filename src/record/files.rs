@@ -14,6 +14,21 @@ use crate::plan::Plan;
 use crate::run::run_into;
 use crate::study::{Format, Output, Study};
 
+/// Wall time of writing tables, s.
+#[derive(Clone, Copy, Debug, Default)]
+struct WriteTime {
+    format: f64,
+    disk: f64,
+}
+
+/// What `work` returns; the time that it takes is added to `seconds`.
+fn timed<T>(seconds: &mut f64, work: impl FnOnce() -> T) -> T {
+    let clock = Instant::now();
+    let done = work();
+    *seconds += clock.elapsed().as_secs_f64();
+    done
+}
+
 /// A table under way in either format.
 #[derive(Debug)]
 enum TableFile {
@@ -32,6 +47,20 @@ impl TableFile {
         })
     }
 
+    /// Appends the states of the bodies from `first_body` on.
+    fn append(&mut self, time: f64, first_body: usize, states: &[OutputState], spent: &mut WriteTime) -> Result<()> {
+        match self {
+            TableFile::Csv(file) => {
+                let rows = timed(&mut spent.format, || file.format(time, first_body, states));
+                timed(&mut spent.disk, || file.write(&rows))
+            }
+            TableFile::Npz(file) => {
+                let columns = timed(&mut spent.format, || file.format(states));
+                timed(&mut spent.disk, || file.write(&columns))
+            }
+        }
+    }
+
     fn finish(&mut self) -> Result<()> {
         match self {
             TableFile::Csv(_) => Ok(()),
@@ -46,8 +75,7 @@ struct FileSink {
     final_state: Option<TableFile>,
     snapshots: Option<TableFile>,
     last: usize,
-    format_seconds: f64,
-    disk_seconds: f64,
+    spent: WriteTime,
 }
 
 impl FileSink {
@@ -60,16 +88,13 @@ impl FileSink {
             final_state: table(output.final_state, "final", Times::One(plan.scene().end()))?,
             snapshots: table(output.snapshots, "snapshots", Times::Many(times))?,
             last: times.len() - 1,
-            format_seconds: 0.0,
-            disk_seconds: 0.0,
+            spent: WriteTime::default(),
         })
     }
 
     fn finish(&mut self) -> Result<()> {
-        let clock = Instant::now();
-        self.final_state.iter_mut().chain(&mut self.snapshots).try_for_each(TableFile::finish)?;
-        self.disk_seconds += clock.elapsed().as_secs_f64();
-        Ok(())
+        let mut tables = self.final_state.iter_mut().chain(&mut self.snapshots);
+        timed(&mut self.spent.disk, || tables.try_for_each(TableFile::finish))
     }
 }
 
@@ -82,20 +107,7 @@ impl Sink for FileSink {
         let at_end = index == self.last;
         let tables = self.snapshots.iter_mut().chain(self.final_state.iter_mut().filter(|_| at_end));
         for table in tables {
-            let clock = Instant::now();
-            match table {
-                TableFile::Csv(file) => {
-                    let rows = file.format(time, first_body, states);
-                    self.format_seconds += clock.elapsed().as_secs_f64();
-                    let clock = Instant::now();
-                    file.write(&rows)?;
-                    self.disk_seconds += clock.elapsed().as_secs_f64();
-                }
-                TableFile::Npz(file) => {
-                    file.write(states)?;
-                    self.disk_seconds += clock.elapsed().as_secs_f64();
-                }
-            }
+            table.append(time, first_body, states, &mut self.spent)?;
         }
         Ok(())
     }
@@ -131,8 +143,8 @@ pub fn run_to_folder(
     let mut report = Report::new(study, plan, trust);
     report.files = folder.names().to_vec();
     report.wall_time.study = study_seconds;
-    report.wall_time.format = sink.format_seconds;
-    report.wall_time.disk = sink.disk_seconds;
+    report.wall_time.format = sink.spent.format;
+    report.wall_time.disk = sink.spent.disk;
     report.wall_time.total = since.elapsed().as_secs_f64();
     let text = report.to_json();
     folder.begin(REPORT)?.write(text.as_bytes())?;

@@ -8,6 +8,8 @@
 //! Sources: PKWARE, *APPNOTE.TXT*, version 6.3.10, sections 4.3 and 4.5.3 (ZIP64); NumPy enhancement proposal 1,
 //! *A Simple File Format for NumPy Arrays*, format version 1.0.
 
+use rayon::prelude::*;
+
 use super::OutputState;
 use super::column;
 use super::folder::OutputFile;
@@ -201,8 +203,6 @@ fn npy_header(element: &str, shape: &[usize]) -> Vec<u8> {
 pub(super) struct NpzFile {
     archive: Archive,
     columns: usize,
-    /// One column of the states at hand, as bytes.
-    buffer: Vec<u8>,
 }
 
 /// Entries before those of the states: `body` and `t`.
@@ -240,18 +240,23 @@ impl NpzFile {
             let bytes: Vec<u8> = times.iter().flat_map(|time| time.to_le_bytes()).collect();
             archive.append(1, &bytes)?;
         }
-        Ok(Self { archive, columns: headers.len() - LEADING_ENTRIES, buffer: Vec::new() })
+        Ok(Self { archive, columns: headers.len() - LEADING_ENTRIES })
     }
 
-    /// Appends some bodies' states, in the order of outputs and bodies.
-    pub(super) fn write(&mut self, states: &[OutputState]) -> Result<()> {
-        let rows: Vec<_> = states.iter().map(column::values).collect();
-        for column in 0..self.columns {
-            self.buffer.clear();
-            self.buffer.extend(rows.iter().flat_map(|row| row[column].to_le_bytes()));
-            self.archive.append(LEADING_ENTRIES + column, &self.buffer)?;
-        }
-        Ok(())
+    /// Some bodies' states by column, in the byte order of the file, gathered on all cores.
+    pub(super) fn format(&self, states: &[OutputState]) -> Vec<Vec<f64>> {
+        let little_endian = |number: f64| f64::from_bits(number.to_bits().to_le());
+        (0..self.columns)
+            .into_par_iter()
+            .map(|column| states.iter().map(|state| little_endian(column::values(state)[column])).collect())
+            .collect()
+    }
+
+    /// Appends what [`NpzFile::format`] gave, in the order of outputs and bodies.
+    pub(super) fn write(&mut self, columns: &[Vec<f64>]) -> Result<()> {
+        columns.iter().enumerate().try_for_each(|(column, numbers)| {
+            self.archive.append(LEADING_ENTRIES + column, bytemuck::cast_slice(numbers))
+        })
     }
 
     pub(super) fn finish(&mut self) -> Result<()> {
