@@ -6,7 +6,7 @@ use std::time::Instant;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::batch::{BodyFrame, initial_state, prepare};
+use crate::batch::{BodyFrame, initial_state, prepare_with};
 use crate::engine::{Backend, Progress, Session};
 use crate::ensemble::Ensemble;
 use crate::error::{Error, Result};
@@ -50,7 +50,7 @@ pub fn run_into(
     let mut wall_time = WallTime::default();
 
     let clock = Instant::now();
-    let (frames, batch) = prepare(scene.ensemble(), plan.precision())?;
+    let (frames, batch) = prepare_with(scene.ensemble(), scene.torques(), scene.end(), plan.precision())?;
     wall_time.prepare = clock.elapsed().as_secs_f64();
 
     let clock = Instant::now();

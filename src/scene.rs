@@ -5,6 +5,7 @@ use glam::DVec3;
 use crate::batch::Precision;
 use crate::ensemble::Ensemble;
 use crate::method::Method;
+use crate::torque::Torque;
 
 /// An ensemble with what happens to it and what is asked of it.
 ///
@@ -29,6 +30,7 @@ pub struct Scene {
     stepping: Stepping,
     precision: Option<Precision>,
     force_world: DVec3,
+    torques: Vec<Torque>,
 }
 
 /// When the state is recorded.
@@ -83,6 +85,7 @@ impl Scene {
             stepping: Stepping::Accuracy(Accuracy::attitude(1e-6)),
             precision: None,
             force_world: DVec3::ZERO,
+            torques: Vec::new(),
         }
     }
 
@@ -129,6 +132,13 @@ impl Scene {
         self
     }
 
+    /// Adds a torque. Any number of them act together, also several of one model; parameters are checked when a plan is made.
+    #[must_use]
+    pub fn torque(mut self, torque: Torque) -> Self {
+        self.torques.push(torque);
+        self
+    }
+
     /// The bodies.
     pub fn ensemble(&self) -> &Ensemble {
         &self.ensemble
@@ -160,5 +170,10 @@ impl Scene {
     /// The constant force on every body, N, world axes.
     pub fn constant_force_world(&self) -> DVec3 {
         self.force_world
+    }
+
+    /// The torques, in the order in which they were added.
+    pub fn torques(&self) -> &[Torque] {
+        &self.torques
     }
 }

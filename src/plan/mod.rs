@@ -40,9 +40,12 @@ impl<'a> Plan<'a> {
     ///
     /// [`Error::Setting`] for a span, step, output time or accuracy out of range; [`Error::PrecisionUnavailable`]
     /// where the engine lacks the precision pinned or needed; [`Error::MissingMass`] where a force acts on bodies
-    /// without mass.
+    /// without mass; [`Error::Torque`] and [`Error::ColumnLength`] for a torque's parameters.
     pub fn new(scene: &'a Scene, engine: &dyn Backend) -> Result<Self> {
         let times = output_times(scene)?;
+        for (index, torque) in scene.torques().iter().enumerate() {
+            torque.validate(index, scene.ensemble().len())?;
+        }
         let force = scene.constant_force_world();
         if !force.is_finite() {
             let value = force.to_array().into_iter().find(|x| !x.is_finite()).unwrap_or(f64::NAN);
