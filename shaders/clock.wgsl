@@ -6,8 +6,6 @@ const RATE_DIGITS: u32 = 8u;
 struct Instant {
     // Whole ticks from the initial state to the start of the step, low word first.
     ticks: vec2<u32>,
-    // The step since the initial state, low word first.
-    step: vec2<u32>,
     // Time since the start of the step, s.
     elapsed: real,
 }

@@ -105,6 +105,14 @@ impl AnyBatch {
         }
     }
 
+    /// The torques.
+    pub fn torques(&self) -> &TorqueTable {
+        match self {
+            AnyBatch::F32(batch) => &batch.torques,
+            AnyBatch::F64(batch) => &batch.torques,
+        }
+    }
+
     /// The precision.
     pub fn precision(&self) -> Precision {
         match self {
@@ -366,6 +374,11 @@ impl<T: Scalar> Batch<T> {
                 self.state[(STATE_COMPONENTS + component) * stride + body] = residue;
             }
         }
+    }
+
+    /// Number of parameter columns, those of the torques included.
+    pub fn parameter_columns(&self) -> usize {
+        parameter_columns::<T>() + self.torques.columns()
     }
 
     /// The raw state of a range of bodies.

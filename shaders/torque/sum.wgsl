@@ -3,6 +3,9 @@
 
 const FREE: bool = false;
 
+// Whether there is nothing but a constant torque in body axes and linear drag.
+override torques_are_common: bool = false;
+
 override constant_body_count: u32 = 0u;
 override constant_body_first: u32 = 0u;
 override linear_drag_count: u32 = 0u;
@@ -84,11 +87,13 @@ struct Epoch {
 }
 
 fn epoch(step: u32, fraction: real) -> Epoch {
-    let now = sum_128(settings.clock, product_128(settings.clock_step, step));
-    let low = settings.first_step.x + step;
-    let step_index = vec2<u32>(low, settings.first_step.y + select(0u, 1u, low < step));
+    // Steps since the dispatch's first one, whose time is in the settings.
+    let steps = step - settings.first_step;
+    let now = sum_128(settings.clock, product_128(settings.clock_step, steps));
+    let low = settings.run_step.x + steps;
+    let run_step = vec2<u32>(low, settings.run_step.y + select(0u, 1u, low < steps));
     let elapsed = fraction * settings.dt_value;
-    return Epoch(Instant(vec2<u32>(now.z, now.w), elapsed), noise(step_index));
+    return Epoch(Instant(now.zw, elapsed), noise(run_step));
 }
 
 // The torque of all instances of white noise over a step.
@@ -122,7 +127,7 @@ fn torque(epoch: Epoch, body: Body, orientation: quaternion, angular_velocity_pr
     let q = orientation;
     let omega = angular_velocity_principal;
     let instant = epoch.instant;
-    if (COMMON) {
+    if (torques_are_common) {
         return axpy_vector(omega, -torque_drag, torque_constant);
     }
     var sum = epoch.noise;

@@ -197,6 +197,26 @@ impl Torque {
         Self::MagneticDipole(MagneticDipole { moment_body: moment_body.into(), field_world: field_world.into() })
     }
 
+    /// A magnetic moment in body axes [A m²] in a planet's dipole field along an orbit: strength [T m³], tilt and azimuth
+    /// of the dipole [rad], rate of the planet's rotation [rad/s]; see [`OrbitingDipole`].
+    pub fn orbiting_dipole(
+        moment_body: impl Into<Parameter<DVec3>>,
+        orbit: Orbit,
+        strength: impl Into<Parameter<f64>>,
+        tilt: impl Into<Parameter<f64>>,
+        azimuth: impl Into<Parameter<f64>>,
+        rotation: impl Into<Parameter<f64>>,
+    ) -> Self {
+        Self::OrbitingDipole(OrbitingDipole {
+            moment_body: moment_body.into(),
+            orbit,
+            strength: strength.into(),
+            tilt: tilt.into(),
+            azimuth: azimuth.into(),
+            rotation: rotation.into(),
+        })
+    }
+
     /// τ = k (ω × B) × B, k in N m s/T², B in world axes [T]; see [`EddyCurrent`].
     pub fn eddy_current(coefficient: impl Into<Parameter<f64>>, field_world: impl Into<Parameter<DVec3>>) -> Self {
         Self::EddyCurrent(EddyCurrent { coefficient: coefficient.into(), field_world: field_world.into() })

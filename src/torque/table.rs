@@ -220,7 +220,7 @@ impl TorqueTable {
     }
 
     /// Whether there is nothing but torques that are constant in body axes and linear drag.
-    pub(crate) fn is_common(&self) -> bool {
+    pub fn is_common(&self) -> bool {
         Kind::ALL
             .iter()
             .all(|&kind| self.instances(kind).count == 0 || matches!(kind, Kind::ConstantBody | Kind::LinearDrag))
