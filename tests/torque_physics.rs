@@ -128,7 +128,7 @@ fn a_heavy_symmetric_top_precesses_steadily_at_both_rates() {
 #[test]
 fn a_gravity_gradient_satellite_librates_at_the_frequency_of_linear_theory() {
     // P. C. Hughes, Spacecraft Attitude Dynamics, 9.2: pitch n √(3 (I_roll − I_yaw)/I_pitch).
-    let (yaw, pitch, roll) = (1.0, 3.0, 2.5);
+    let (yaw, pitch, roll) = (1.0_f64, 3.0_f64, 2.5_f64);
     let orbit = Orbit::circular(4.0, 2.0);
     let n = (4.0_f64 / 8.0).sqrt();
     let frequency = n * (3.0 * (roll - yaw) / pitch).sqrt();
@@ -241,9 +241,9 @@ fn a_body_at_rest_is_spun_up_alike_in_all_units() {
             let state = (record.final_state().orientation(0), record.final_state().angular_velocity_body(0) / rate);
             let (q, omega) = *reference.get_or_insert(state);
             // Numbers that are not powers of two are rounded differently in each unit.
-            let bound = if precision == Precision::F32 { 3e-6 } else { 1e-13 };
+            let bound: f64 = if precision == Precision::F32 { 3e-6 } else { 1e-13 };
             assert!(state.0.angle_between(q) < bound.max(3e-8), "{precision} {moment:e} {rate:e}: {:?}", state.0);
-            assert!((state.1 - omega).length() < bound, "{precision} {moment:e} {rate:e}: {:e}", state.1 - omega);
+            assert!((state.1 - omega).length() < bound, "{precision} {moment:e} {rate:e}: {}", state.1 - omega);
             assert!(omega.length() > 0.5, "{omega}");
         }
     }
