@@ -15,6 +15,13 @@ struct Settings {
     // Index within the interval of the first of these steps, modulo 2^32.
     first_step: u32,
     padding: u32,
+    // Time at that step, and a step, in units of 2^-64 tick, low word first; see src/clock.rs.
+    clock: vec4<u32>,
+    clock_step: vec4<u32>,
+    // That step counted from the initial state, low word first.
+    run_step: vec2<u32>,
+    // 1 / sqrt(dt), 1/sqrt(s).
+    inverse_root_dt: real,
 }
 
 @group(0) @binding(0) var<uniform> settings: Settings;
@@ -84,6 +91,7 @@ fn advance(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let body = load_body(i);
+    load_torques(i);
     // In units of the body's own scale: the rate is a power of two, so that both products are exact.
     let rate = parameter_at(3u, i);
     let dt = TwoWordsReal(settings.dt_value * rate, settings.dt_residue * rate);

@@ -4,7 +4,8 @@
 //!
 //! Moments from 1e-46 to 1e38 kg m² and spins from 1e-9 to 1e15 rad/s must work in `f32`. Each body is measured in
 //! its own units, both powers of two, so that no digit changes: 2^k kg m², the power of two below its middle moment,
-//! and 2^r rad/s, the power of two below its spin rate. Angular momentum is in units of 2^(k+r), and the step size
+//! and 2^r rad/s, the power of two below its spin rate or, where that is greater, below the rate to which the scene's torques
+//! bring it within about a radian. Angular momentum is in units of 2^(k+r), and the step size
 //! becomes dt · 2^r, formed in the kernel from the column `rate`.
 //!
 //! # Layout
@@ -22,6 +23,7 @@ use crate::memory;
 use crate::quaternion::Quaternion;
 use crate::real::{Real, Scalar};
 use crate::rigid_body::{Body, State};
+use crate::torque::{self, Torque, TorqueTable};
 use crate::vector::{TwoWords, Vector};
 
 /// The arithmetic that a batch is integrated in.
@@ -77,10 +79,12 @@ pub struct Batch<T> {
     pub body_count: usize,
     /// Distance between the starts of two columns; at least `body_count`. The rows between are bodies at rest.
     pub stride: usize,
-    /// Parameters, shape `[parameter_columns, stride]`.
+    /// Parameters, shape `[parameter_columns + torques.columns(), stride]`.
     pub parameters: Vec<T>,
     /// State, shape `[state_columns, stride]`.
     pub state: Vec<T>,
+    /// The torques; their columns stand behind the bodies' own parameters.
+    pub torques: TorqueTable,
 }
 
 /// A batch of either precision.
@@ -98,6 +102,14 @@ impl AnyBatch {
         match self {
             AnyBatch::F32(batch) => batch.body_count,
             AnyBatch::F64(batch) => batch.body_count,
+        }
+    }
+
+    /// The torques.
+    pub fn torques(&self) -> &TorqueTable {
+        match self {
+            AnyBatch::F32(batch) => &batch.torques,
+            AnyBatch::F64(batch) => &batch.torques,
         }
     }
 
@@ -184,13 +196,14 @@ pub(crate) fn binary_exponent(x: f64) -> i32 {
 }
 
 /// The frame of one body and its initial state in it.
-fn prepare_body(ensemble: &Ensemble, body: usize) -> (BodyFrame, [f64; STATE_COMPONENTS]) {
+fn prepare_body(ensemble: &Ensemble, torques: &[Torque], body: usize) -> (BodyFrame, [f64; STATE_COMPONENTS]) {
     let axes = principal_axes(&ensemble.inertia()[body]);
     let moment_exponent = binary_exponent(axes.moments.y);
     let scaled_moments =
         DVec3::from_array(axes.moments.to_array().map(|i| scaled_by_power_of_two(i, -moment_exponent)));
     let omega_body = ensemble.angular_velocity_body()[body];
-    let rate_exponent = binary_exponent(omega_body.abs().max_element());
+    let rate = omega_body.abs().max_element().max(torque::rate_of(torques, body, axes.moments.y));
+    let rate_exponent = binary_exponent(rate);
     let omega_body = DVec3::from_array(omega_body.to_array().map(|w| scaled_by_power_of_two(w, -rate_exponent)));
     let omega = axes.principal_to_body.conjugate() * omega_body;
     let m = scaled_moments * omega;
@@ -201,7 +214,7 @@ fn prepare_body(ensemble: &Ensemble, body: usize) -> (BodyFrame, [f64; STATE_COM
 
 /// The state of one body at the start, by the same route as every later one.
 pub(crate) fn initial_state(ensemble: &Ensemble, body: usize) -> BodyState {
-    let (frame, scaled) = prepare_body(ensemble, body);
+    let (frame, scaled) = prepare_body(ensemble, &[], body);
     frame.body_state(scaled)
 }
 
@@ -214,6 +227,21 @@ impl BodyFrame {
     fn parameters(&self) -> [f64; PARAMETER_COMPONENTS] {
         let inverse = self.scaled_moments.recip();
         [inverse.x, inverse.y, inverse.z, scaled_by_power_of_two(1.0, self.rate_exponent)]
+    }
+
+    /// Body coordinates to principal.
+    pub(crate) fn to_principal(self, vector_body: DVec3) -> DVec3 {
+        self.principal_to_body.conjugate() * vector_body
+    }
+
+    /// `x` in SI units, whose dimension is (kg m²)^`moments` · s^−`rates`, in the body's own units.
+    pub(crate) fn scaled(&self, x: f64, moments: i32, rates: i32) -> f64 {
+        scaled_by_power_of_two(x, -(self.moment_exponent * moments + self.rate_exponent * rates))
+    }
+
+    /// A torque [N m] in the body's own units, component by component.
+    pub(crate) fn scaled_torque(&self, torque: DVec3) -> DVec3 {
+        DVec3::from_array(torque.to_array().map(|x| self.scaled(x, 1, 2)))
     }
 
     /// The state in the user's axes and units from a scaled one (`[q x, y, z, w, m x, y, z]`, see [`StateWords`]).
@@ -234,19 +262,34 @@ impl BodyFrame {
     }
 }
 
-/// Brings an ensemble into principal axes and scales it, in `f64`, and writes it as columns of `precision`.
+/// Brings an ensemble without torques into principal axes and scales it, in `f64`, and writes it as columns of
+/// `precision`.
 ///
 /// # Errors
 ///
 /// [`crate::Error::TooManyBodies`] where the memory does not suffice.
 pub fn prepare(ensemble: &Ensemble, precision: Precision) -> Result<(Vec<BodyFrame>, AnyBatch)> {
+    prepare_with(ensemble, &[], 0.0, precision)
+}
+
+/// As [`prepare`], with torques that act over a span of `span` seconds. The torques' parameters must be valid.
+///
+/// # Errors
+///
+/// As [`prepare`].
+pub fn prepare_with(
+    ensemble: &Ensemble,
+    torques: &[Torque],
+    span: f64,
+    precision: Precision,
+) -> Result<(Vec<BodyFrame>, AnyBatch)> {
     Ok(match precision {
         Precision::F32 => {
-            let (frames, batch) = prepare_columns::<f32>(ensemble)?;
+            let (frames, batch) = prepare_columns::<f32>(ensemble, torques, span)?;
             (frames, AnyBatch::F32(batch))
         }
         Precision::F64 => {
-            let (frames, batch) = prepare_columns::<f64>(ensemble)?;
+            let (frames, batch) = prepare_columns::<f64>(ensemble, torques, span)?;
             (frames, AnyBatch::F64(batch))
         }
     })
@@ -267,17 +310,29 @@ const BLOCK: usize = 4096;
 /// The fewest bodies that are worth a task of their own when states are read.
 const READ_TASK: usize = 1024;
 
-fn prepare_columns<T: Scalar>(ensemble: &Ensemble) -> Result<(Vec<BodyFrame>, Batch<T>)> {
+fn prepare_columns<T: Scalar>(
+    ensemble: &Ensemble,
+    torques: &[Torque],
+    span: f64,
+) -> Result<(Vec<BodyFrame>, Batch<T>)> {
     let body_count = ensemble.len();
     let precision = if T::WORDS == 1 { Precision::F64 } else { Precision::F32 };
-    memory::require(body_count, body_count.saturating_mul(bytes_per_body(precision)), "the columns of the kernels")?;
-    let mut batch = Batch::<T>::at_rest(body_count);
+    let table = TorqueTable::new(torques, parameter_columns::<T>(), body_count.next_multiple_of(STRIDE_UNIT), span);
+    let row = bytes_per_body(precision) + torque::bytes_per_body::<T>(&table);
+    memory::require(body_count, body_count.saturating_mul(row), "the columns of the kernels")?;
+    let mut batch = Batch::<T>::at_rest_with(body_count, table);
     let mut frames = Vec::with_capacity(body_count);
     for start in (0..body_count).step_by(BLOCK) {
         let end = (start + BLOCK).min(body_count);
-        let rows: Vec<_> = (start..end).into_par_iter().map(|body| prepare_body(ensemble, body)).collect();
+        let rows: Vec<_> = (start..end).into_par_iter().map(|body| prepare_body(ensemble, torques, body)).collect();
         for (offset, (frame, state)) in rows.into_iter().enumerate() {
-            batch.set_row(start + offset, &frame.parameters(), &state);
+            let body = start + offset;
+            batch.set_row(body, &frame.parameters(), &state);
+            let Batch { stride, parameters, torques: table, .. } = &mut batch;
+            let orientation = DQuat::from_xyzw(state[0], state[1], state[2], state[3]);
+            table.write_body(torques, body, &frame, orientation, |column, number| {
+                parameters[column * *stride + body] = T::from_f64(number);
+            });
             frames.push(frame);
         }
     }
@@ -285,14 +340,20 @@ fn prepare_columns<T: Scalar>(ensemble: &Ensemble) -> Result<(Vec<BodyFrame>, Ba
 }
 
 impl<T: Scalar> Batch<T> {
-    /// A batch of spherical bodies at rest.
+    /// A batch of spherical bodies at rest, without torques.
     pub fn at_rest(body_count: usize) -> Self {
+        Self::at_rest_with(body_count, TorqueTable::none(0.0))
+    }
+
+    fn at_rest_with(body_count: usize, torques: TorqueTable) -> Self {
         let stride = body_count.next_multiple_of(STRIDE_UNIT);
+        let columns = parameter_columns::<T>() + torques.columns();
         let mut batch = Self {
             body_count,
             stride,
-            parameters: vec![T::default(); parameter_columns::<T>() * stride],
+            parameters: vec![T::default(); columns * stride],
             state: vec![T::default(); state_columns::<T>() * stride],
+            torques,
         };
         batch.parameters[..3 * stride].fill(T::from_f64(1.0));
         batch.state[3 * stride..4 * stride].fill(T::from_f64(1.0));
@@ -316,6 +377,11 @@ impl<T: Scalar> Batch<T> {
                 self.state[(STATE_COMPONENTS + component) * stride + body] = residue;
             }
         }
+    }
+
+    /// Number of parameter columns, those of the torques included.
+    pub fn parameter_columns(&self) -> usize {
+        parameter_columns::<T>() + self.torques.columns()
     }
 
     /// The raw state of a range of bodies.

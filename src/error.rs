@@ -49,6 +49,22 @@ pub enum Error {
         /// What would be valid.
         expected: &'static str,
     },
+    /// A parameter of a torque or force is not valid.
+    #[error("torque {} ({model}){}: {field} = {value}: {expected}", torque + 1, of_body(*body))]
+    Torque {
+        /// Index of the torque in its scene, from 0.
+        torque: usize,
+        /// The model's name.
+        model: &'static str,
+        /// Index of the body, from 0, where the parameter is a column.
+        body: Option<usize>,
+        /// Name of the parameter.
+        field: &'static str,
+        /// The value found.
+        value: f64,
+        /// What would be valid.
+        expected: &'static str,
+    },
     /// Columns that belong together differ in length.
     #[error("column {column} has {found} rows: {expected} are needed, one a body")]
     ColumnLength {
@@ -246,6 +262,11 @@ fn file_reason(kind: std::io::ErrorKind, reason: &str) -> String {
         std::io::ErrorKind::StorageFull => format!("{reason}; free some space, or write fewer snapshots"),
         _ => reason.to_owned(),
     }
+}
+
+/// The words for the body of a column's value.
+fn of_body(body: Option<usize>) -> String {
+    body.map_or_else(String::new, |body| format!(", body {body}"))
 }
 
 /// `Result` with this crate's [`Error`].

@@ -21,6 +21,20 @@ fn token<S: Simd>() -> S {
     unsafe { std::mem::zeroed() }
 }
 
+/// Bytes of the widest vector that any instruction set has here.
+const WIDEST_BYTES: usize = 64;
+
+/// Work that [`pulp`] compiles as a function for the instruction set in use.
+struct Outlined<F>(F);
+
+impl<T, F: FnOnce() -> T> WithSimd for Outlined<F> {
+    type Output = T;
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> T {
+        self.0()
+    }
+}
+
 macro_rules! lane_type {
     ($lanes:ident, $scalar:ident, $vector:ident, $mask_name:ident, $mask:ident,
      $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $neg:ident, $mul_add:ident,
@@ -99,6 +113,14 @@ macro_rules! lane_type {
                 Self(token::<S>().$splat(x as $scalar))
             }
             #[inline(always)]
+            fn from_lanes(mut lane: impl FnMut(usize) -> $scalar) -> Self {
+                let mut numbers = [$scalar::default(); WIDEST_BYTES / size_of::<$scalar>()];
+                for (index, number) in numbers[..Self::LANES].iter_mut().enumerate() {
+                    *number = lane(index);
+                }
+                Self::load(&numbers)
+            }
+            #[inline(always)]
             fn load(column: &[$scalar]) -> Self {
                 Self(bytemuck::pod_read_unaligned(bytemuck::cast_slice(&column[..Self::LANES])))
             }
@@ -142,6 +164,10 @@ macro_rules! lane_type {
             fn two_product(self, other: Self) -> (Self, Self) {
                 let product = self * other;
                 (product, self.mul_add(other, -product))
+            }
+            #[inline(always)]
+            fn outlined<T>(work: impl FnOnce() -> T) -> T {
+                token::<S>().vectorize(Outlined(work))
             }
         }
     };

@@ -51,6 +51,7 @@
 //! * An attitude error is the angle of the rotation between two orientations, in [0, π].
 
 pub mod batch;
+pub mod clock;
 pub mod double_double;
 pub mod elementary;
 pub mod engine;
@@ -84,3 +85,4 @@ pub use method::Method;
 pub use plan::Plan;
 pub use record::Record;
 pub use scene::{Accuracy, Outputs, Scene};
+pub use torque::Torque;

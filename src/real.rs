@@ -33,6 +33,8 @@ pub trait Real:
 
     /// All lanes equal to `x`, rounded to the nearest representable number.
     fn splat(x: f64) -> Self;
+    /// The number whose lane `i` is `lane(i)`.
+    fn from_lanes(lane: impl FnMut(usize) -> Self::Scalar) -> Self;
     /// Reads the first [`Real::LANES`] elements of `column`.
     fn load(column: &[Self::Scalar]) -> Self;
     /// Writes the lanes to the first [`Real::LANES`] elements of `column`.
@@ -58,6 +60,12 @@ pub trait Real:
     /// `self * other` and what its rounding loses, exactly (as long as the latter is a normal number); by a fused
     /// multiply-add in every instantiation. A kernel with a twin in a shader must not use it.
     fn two_product(self, other: Self) -> (Self, Self);
+
+    /// Runs `work` as a function of its own that is compiled for the same instruction set.
+    ///
+    /// Kernels are inlined into their loops as a whole. What is long and called from many places in a step goes
+    /// through here, or every integrator's code would grow by a copy at each of its stages.
+    fn outlined<T>(work: impl FnOnce() -> T) -> T;
 
     /// The nearest integer, ties to even.
     ///
@@ -93,6 +101,10 @@ pub trait Scalar: Real<Scalar = Self, Mask = bool> + PartialOrd + Default + byte
     const SIN: &'static [f64];
     /// Coefficients of x⁴, x⁶, … of cos x on |x| ≤ π/4, highest first, without the leading 1 − x²/2.
     const COS: &'static [f64];
+    /// The last n of Σ (−x²)ⁿ/(2n + 1) that is summed for an arctangent of |x| ≤ 0.199.
+    const ARCTANGENT_TERMS: u32;
+    /// The last n of Σ z²ⁿ/(2n + 1) that is summed for a logarithm, |z| ≤ 0.172.
+    const ARTANH_TERMS: u32;
     /// π/2 in words, each with trailing zeros, so that a product by a small integer is exact.
     const HALF_PI: &'static [f64];
     /// What vanishes next to 1.
@@ -128,6 +140,10 @@ macro_rules! impl_real_for_scalar {
             #[inline(always)]
             fn splat(x: f64) -> Self {
                 x as $scalar
+            }
+            #[inline(always)]
+            fn from_lanes(mut lane: impl FnMut(usize) -> $scalar) -> Self {
+                lane(0)
             }
             #[inline(always)]
             fn load(column: &[$scalar]) -> Self {
@@ -174,6 +190,10 @@ macro_rules! impl_real_for_scalar {
                 let product = self * other;
                 (product, <$scalar>::mul_add(self, other, -product))
             }
+            #[inline(never)]
+            fn outlined<T>(work: impl FnOnce() -> T) -> T {
+                work()
+            }
         }
     };
 }
@@ -189,6 +209,8 @@ impl Scalar for f32 {
     const ROUND_SHIFT: f64 = 12_582_912.0;
     const SIN: &'static [f64] = &[-1.9515295891e-4, 8.3321608736e-3, -1.6666654611e-1];
     const COS: &'static [f64] = &[2.443315711809948e-5, -1.388731625493765e-3, 4.166664568298827e-2];
+    const ARCTANGENT_TERMS: u32 = 4;
+    const ARTANH_TERMS: u32 = 4;
     const HALF_PI: &'static [f64] = &[1.5703125, 4.837512969970703125e-4, 7.549789954892e-8];
     const NEGLIGIBLE: f64 = 1.0 / 2_147_483_648.0;
     const FOURTH_POWER_NEGLIGIBLE: f64 = 1.0 / 256.0;
@@ -230,6 +252,8 @@ impl Scalar for f64 {
         -1.38888888888730564116e-3,
         4.16666666666665929218e-2,
     ];
+    const ARCTANGENT_TERMS: u32 = 10;
+    const ARTANH_TERMS: u32 = 9;
     // Cody and Waite words of 33, 33 and 53 bits, as in fdlibm's e_rem_pio2.c (Sun Microsystems, 1993).
     const HALF_PI: &'static [f64] =
         &[1.57079632673412561417e+00, 6.07710050630396597660e-11, 2.02226624879595063154e-21];

@@ -6,7 +6,7 @@ use std::time::Instant;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::batch::{BodyFrame, StateWords, initial_state, prepare};
+use crate::batch::{BodyFrame, StateWords, initial_state, prepare_with};
 use crate::engine::{Backend, FreeSession, Progress, Session};
 use crate::ensemble::Ensemble;
 use crate::error::{Error, Result};
@@ -140,7 +140,8 @@ impl Road {
             wall_time.prepare = clock.elapsed().as_secs_f64();
             return Ok((frames, Self::ClosedForm(engine.start_free(rows)?)));
         }
-        let (frames, batch) = prepare(ensemble, plan.precision())?;
+        let scene = plan.scene();
+        let (frames, batch) = prepare_with(ensemble, scene.torques(), scene.end(), plan.precision())?;
         wall_time.prepare = clock.elapsed().as_secs_f64();
         Ok((frames, Self::Stepped(engine.start(batch, plan.method())?)))
     }

@@ -5,6 +5,7 @@ use glam::DVec3;
 use crate::batch::Precision;
 use crate::ensemble::Ensemble;
 use crate::method::Method;
+use crate::torque::Torque;
 
 /// An ensemble with what happens to it and what is asked of it.
 ///
@@ -30,6 +31,7 @@ pub struct Scene {
     precision: Option<Precision>,
     force_world: DVec3,
     skipping: bool,
+    torques: Vec<Torque>,
 }
 
 /// When the state is recorded.
@@ -85,6 +87,7 @@ impl Scene {
             precision: None,
             force_world: DVec3::ZERO,
             skipping: true,
+            torques: Vec::new(),
         }
     }
 
@@ -144,6 +147,13 @@ impl Scene {
         self
     }
 
+    /// Adds a torque. Any number of them act together, also several of one model; parameters are checked when a plan is made.
+    #[must_use]
+    pub fn torque(mut self, torque: Torque) -> Self {
+        self.torques.push(torque);
+        self
+    }
+
     /// The bodies.
     pub fn ensemble(&self) -> &Ensemble {
         &self.ensemble
@@ -175,5 +185,10 @@ impl Scene {
     /// The constant force on every body, N, world axes.
     pub fn constant_force_world(&self) -> DVec3 {
         self.force_world
+    }
+
+    /// The torques, in the order in which they were added.
+    pub fn torques(&self) -> &[Torque] {
+        &self.torques
     }
 }

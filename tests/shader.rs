@@ -3,16 +3,28 @@
 mod common;
 
 use polhode::Error;
-use polhode::batch::Precision;
+use polhode::batch::{AnyBatch, Precision};
 use polhode::engine::gpu::Patch;
 use polhode::engine::gpu::shader::Source;
 use polhode::method::Method;
+use polhode::torque::TorqueTable;
+
+/// A body under every kind of torque.
+fn under_every_torque(precision: Precision) -> AnyBatch {
+    common::torques::batch_under(1, 1, &common::torques::every_torque(&[1.0]), precision)
+}
+
+/// The table of a scene with every kind of torque.
+fn every_torque(precision: Precision) -> TorqueTable {
+    under_every_torque(precision).torques().clone()
+}
 
 fn variants() -> Vec<Source> {
     let mut variants = Vec::new();
     for precision in Precision::ALL {
         variants.extend(Method::ALL.map(|method| Source::advance(precision, method)));
         variants.push(Source::free_motion(precision));
+        variants.extend(Method::ALL.map(|method| Source::advance_under(precision, method, &every_torque(precision))));
         variants.extend([false, true].map(|int64| Source::probe(precision, int64)));
     }
     variants
@@ -35,6 +47,9 @@ fn every_variant_compiles_on_the_device() {
             engine
                 .start(common::asymmetric_batch(1, 1, precision), method)
                 .unwrap_or_else(|error| panic!("{precision} {method}: {error}"));
+            engine
+                .start(under_every_torque(precision), method)
+                .unwrap_or_else(|error| panic!("{precision} {method} under torques: {error}"));
         }
     }
 }

@@ -6,12 +6,12 @@ struct Rates {
 }
 
 fn rates(body: Body, epoch: Epoch, correction: Correction, q: quaternion, m: vector) -> Rates {
-    let omega = angular_velocity(body, m, correction);
-    var m_rate = gyroscopic_term(body, m, correction);
+    let motion = motion(epoch, body, correction, m);
+    var m_rate = motion.gyroscopic_term;
     if (!FREE) {
-        m_rate = m_rate + torque(epoch, body, q, omega);
+        m_rate = m_rate + torque(epoch, body, q, motion.angular_velocity);
     }
-    return Rates(orientation_rate(q, omega), m_rate);
+    return Rates(orientation_rate(q, motion.angular_velocity), m_rate);
 }
 
 fn step(body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> State {

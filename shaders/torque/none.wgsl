@@ -6,10 +6,25 @@ struct Epoch {
     unused: u32,
 }
 
+fn load_torques(i: u32) {
+}
+
 fn epoch(step: u32, fraction: real) -> Epoch {
     return Epoch(0u);
 }
 
 fn torque(epoch: Epoch, body: Body, orientation: quaternion, angular_velocity_principal: vector) -> vector {
     return vector(0.0, 0.0, 0.0);
+}
+
+// How a body turns at an angular momentum m.
+struct Motion {
+    // The rate at which its axes turn, in principal axes.
+    angular_velocity: vector,
+    // m x that rate.
+    gyroscopic_term: vector,
+}
+
+fn motion(epoch: Epoch, body: Body, correction: Correction, m: vector) -> Motion {
+    return Motion(angular_velocity(body, m, correction), gyroscopic_term(body, m, correction));
 }

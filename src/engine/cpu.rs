@@ -9,12 +9,14 @@ use super::{Backend, Description, EngineKind, FreeSession, Observer, Progress, S
 use crate::batch::{
     AnyBatch, Batch, Precision, StateWords, load_body, load_state, state_columns, store_state, two_words,
 };
+use crate::clock::Clock;
 use crate::error::{Error, Result};
 use crate::free_motion::{AnyRows, FreeMotionRows};
 use crate::lanes::{LaneScalar, LaneTask};
 use crate::method::{Method, Step, dlm::Dlm, rk4::Rk4};
 use crate::real::{Real, Scalar};
-use crate::torque::Free;
+use crate::torque::sum::{Common, Torques};
+use crate::torque::{Environment, Free, TorqueTable};
 use crate::vector::TwoWords;
 
 /// Whether the CPU engine runs in SIMD lanes or one body at a time.
@@ -60,8 +62,8 @@ impl Backend for Cpu {
 
     fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         Ok(match batch {
-            AnyBatch::F32(batch) => Box::new(CpuSession { batch, method, width: self.width }),
-            AnyBatch::F64(batch) => Box::new(CpuSession { batch, method, width: self.width }),
+            AnyBatch::F32(batch) => Box::new(CpuSession::new(batch, method, self.width)),
+            AnyBatch::F64(batch) => Box::new(CpuSession::new(batch, method, self.width)),
         })
     }
 
@@ -83,7 +85,13 @@ struct CpuFreeSession<T> {
 impl<T: LaneScalar> CpuFreeSession<T> {
     fn start(rows: FreeMotionRows<T>, width: Width) -> Box<dyn FreeSession> {
         let state = vec![T::from_f64(f64::NAN); state_columns::<T>() * rows.stride];
-        let columns = Batch { body_count: rows.body_count, stride: rows.stride, parameters: Vec::new(), state };
+        let columns = Batch {
+            body_count: rows.body_count,
+            stride: rows.stride,
+            parameters: Vec::new(),
+            state,
+            torques: TorqueTable::none(0.0),
+        };
         Box::new(Self { rows, columns, width })
     }
 }
@@ -111,6 +119,8 @@ struct CpuSession<T> {
     batch: Batch<T>,
     method: Method,
     width: Width,
+    /// The time that the state stands at.
+    clock: Clock,
 }
 
 /// Bodies that one task advances: a multiple of every lane count.
@@ -138,39 +148,61 @@ impl<T: LaneScalar> Session for CpuSession<T> {
 }
 
 impl<T: LaneScalar> CpuSession<T> {
+    fn new(batch: Batch<T>, method: Method, width: Width) -> Self {
+        let clock = batch.torques.clock();
+        Self { batch, method, width, clock }
+    }
+
+    /// Compiles a method's loop for each kind of surroundings: what a scene does not have is not in its loop.
+    fn advance_by<M: Step>(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
+        if self.batch.torques.is_empty() {
+            self.advance_in::<M, Nothing>(dt, steps, observer)
+        } else if self.batch.torques.is_common() {
+            self.advance_in::<M, CommonTorques>(dt, steps, observer)
+        } else {
+            self.advance_in::<M, AllTorques>(dt, steps, observer)
+        }
+    }
+
     /// Blocks are independent, so each runs all its steps before the next begins and stays in registers meanwhile.
     /// The calling thread only watches: progress is a count that the workers raise.
-    fn advance_by<M: Step>(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
-        let Batch { body_count, stride, parameters, state } = &mut self.batch;
+    fn advance_in<M: Step, S: Surroundings>(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
+        let start = self.clock;
+        let Batch { body_count, stride, parameters, state, torques } = &mut self.batch;
         let (body_count, stride, width) = (*body_count, *stride, self.width);
+        let torques = &*torques;
         let (done, stop) = (AtomicU64::new(0), AtomicBool::new(false));
         let total = steps.saturating_mul(body_count as u64);
-        let dt = two_words::<T>(dt);
+        let dt_words = two_words::<T>(dt);
         let blocks = split_columns(state, stride, state_columns::<T>());
         let parameters = &*parameters;
         let work = || {
             blocks.into_par_iter().enumerate().for_each(|(index, mut columns)| {
-                let start = index * BLOCK;
-                let bodies = BLOCK.min(body_count.saturating_sub(start)) as u64;
+                let first = index * BLOCK;
+                let bodies = BLOCK.min(body_count.saturating_sub(first));
                 let mut left = steps;
                 while left > 0 && !stop.load(Ordering::Relaxed) {
                     let slice = left.min(SLICE);
-                    let task = AdvanceBlock::<T, M> {
+                    let task = AdvanceBlock::<T, M, S> {
                         parameters,
+                        torques,
                         stride,
-                        start,
+                        first,
                         state: &mut columns,
+                        clock: start,
                         dt,
+                        dt_words,
+                        bodies,
                         first_step: steps - left,
                         steps: slice,
-                        method: std::marker::PhantomData,
+                        kinds: std::marker::PhantomData,
                     };
                     match width {
                         Width::Lanes => T::dispatch(task),
                         Width::Scalar => task.run::<T>(),
                     }
                     left -= slice;
-                    done.fetch_add(slice * bodies, Ordering::Relaxed);
+                    done.fetch_add(slice * bodies as u64, Ordering::Relaxed);
                 }
             });
         };
@@ -178,6 +210,7 @@ impl<T: LaneScalar> CpuSession<T> {
         if stop.into_inner() {
             return Err(Error::Interrupted { steps: done.into_inner() / (body_count as u64).max(1) });
         }
+        self.clock = start.after(dt, steps);
         Ok(())
     }
 }
@@ -214,33 +247,98 @@ fn split_columns<T>(state: &mut [T], stride: usize, columns: usize) -> Vec<Vec<&
     blocks
 }
 
-/// Advances one block, lane group by lane group.
-struct AdvanceBlock<'a, 'b, T, M> {
-    parameters: &'a [T],
-    stride: usize,
-    start: usize,
-    state: &'a mut [&'b mut [T]],
-    dt: TwoWords<T>,
-    first_step: u64,
-    steps: u64,
-    method: std::marker::PhantomData<M>,
+/// What acts on bodies, as a type, so that each kind is compiled into a loop of its own.
+trait Surroundings {
+    /// What acts on one lane group.
+    type At<'a, R: Real>: Environment<R>;
+    /// What acts on the lane group from body `first` on.
+    fn at<R: Real>(place: Place<'_, R>) -> Self::At<'_, R>;
 }
 
-impl<T: Scalar, M: Step> LaneTask<T> for AdvanceBlock<'_, '_, T, M> {
+/// Where a lane group finds its torques.
+struct Place<'a, R: Real> {
+    torques: &'a TorqueTable,
+    parameters: &'a [R::Scalar],
+    stride: usize,
+    first: usize,
+    clock: Clock,
+    dt: f64,
+}
+
+/// No torque.
+struct Nothing;
+
+impl Surroundings for Nothing {
+    type At<'a, R: Real> = Free;
+    #[inline(always)]
+    fn at<R: Real>(_: Place<'_, R>) -> Free {
+        Free
+    }
+}
+
+/// A constant torque in body axes and linear drag.
+struct CommonTorques;
+
+impl Surroundings for CommonTorques {
+    type At<'a, R: Real> = Common<R>;
+    #[inline(always)]
+    fn at<R: Real>(place: Place<'_, R>) -> Common<R> {
+        Common::load(place.torques, |column| R::load(&place.parameters[column * place.stride + place.first..]))
+    }
+}
+
+/// Whatever the scene has.
+struct AllTorques;
+
+impl Surroundings for AllTorques {
+    type At<'a, R: Real> = Torques<'a, R>;
+    #[inline(always)]
+    fn at<R: Real>(place: Place<'_, R>) -> Torques<'_, R> {
+        Torques::new(place.torques, place.parameters, place.stride, place.first, place.clock, place.dt)
+    }
+}
+
+/// Advances one block, lane group by lane group.
+struct AdvanceBlock<'a, 'b, T, M, S> {
+    parameters: &'a [T],
+    torques: &'a TorqueTable,
+    stride: usize,
+    first: usize,
+    state: &'a mut [&'b mut [T]],
+    /// At step 0 of the interval.
+    clock: Clock,
+    dt: f64,
+    dt_words: TwoWords<T>,
+    /// Bodies in the block; lane groups without any are left alone.
+    bodies: usize,
+    first_step: u64,
+    steps: u64,
+    kinds: std::marker::PhantomData<(M, S)>,
+}
+
+impl<T: Scalar, M: Step, S: Surroundings> LaneTask<T> for AdvanceBlock<'_, '_, T, M, S> {
     type Output = ();
 
     #[inline(always)]
     fn run<R: Real<Scalar = T>>(self) {
-        for offset in (0..BLOCK).step_by(R::LANES) {
-            let (body, rate) =
-                load_body(|column| R::load(&self.parameters[column * self.stride + self.start + offset..]));
+        for offset in (0..self.bodies).step_by(R::LANES) {
+            let first = self.first + offset;
+            let (body, rate) = load_body(|column| R::load(&self.parameters[column * self.stride + first..]));
+            let environment = S::at(Place::<R> {
+                torques: self.torques,
+                parameters: self.parameters,
+                stride: self.stride,
+                first,
+                clock: self.clock,
+                dt: self.dt,
+            });
             let dt = TwoWords {
-                value: R::splat(self.dt.value.to_f64()) * rate,
-                residue: R::splat(self.dt.residue.to_f64()) * rate,
+                value: R::splat(self.dt_words.value.to_f64()) * rate,
+                residue: R::splat(self.dt_words.residue.to_f64()) * rate,
             };
             let mut state = load_state(|column| R::load(&self.state[column][offset..]));
             for step in 0..self.steps {
-                state = M::step(&body, &Free, self.first_step + step, dt, state);
+                state = M::step(&body, &environment, self.first_step + step, dt, state);
             }
             store_state(&state, |column, number: R| number.store(&mut self.state[column][offset..]));
         }

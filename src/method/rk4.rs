@@ -43,12 +43,12 @@ fn rates<R: Real, E: Environment<R>>(
     q: Quaternion<R>,
     m: Vector<R>,
 ) -> (Quaternion<R>, Vector<R>) {
-    let omega = body.angular_velocity(m, correction);
-    let mut m_rate = body.gyroscopic_term(m, correction);
+    let motion = environment.motion(epoch, body, correction, m);
+    let mut m_rate = motion.gyroscopic_term;
     if !E::FREE {
-        m_rate = m_rate + environment.torque(epoch, body, q, omega);
+        m_rate = m_rate + environment.torque(epoch, body, q, motion.angular_velocity);
     }
-    (orientation_rate(q, omega), m_rate)
+    (orientation_rate(q, motion.angular_velocity), m_rate)
 }
 
 /// One step.

@@ -44,9 +44,12 @@ impl<'a> Plan<'a> {
     ///
     /// [`Error::Setting`] for a span, step, output time or accuracy out of range; [`Error::PrecisionUnavailable`]
     /// where the engine lacks the precision pinned or needed; [`Error::MissingMass`] where a force acts on bodies
-    /// without mass.
+    /// without mass; [`Error::Torque`] and [`Error::ColumnLength`] for a torque's parameters.
     pub fn new(scene: &'a Scene, engine: &dyn Backend) -> Result<Self> {
         let times = output_times(scene)?;
+        for (index, torque) in scene.torques().iter().enumerate() {
+            torque.validate(index, scene.ensemble().len())?;
+        }
         let force = scene.constant_force_world();
         if !force.is_finite() {
             let value = force.to_array().into_iter().find(|x| !x.is_finite()).unwrap_or(f64::NAN);
@@ -55,7 +58,8 @@ impl<'a> Plan<'a> {
         if force != glam::DVec3::ZERO && scene.ensemble().translation().is_none() {
             return Err(Error::MissingMass);
         }
-        let closed_form = scene.may_skip() && matches!(scene.stepping(), Stepping::Accuracy(_));
+        let closed_form =
+            scene.may_skip() && scene.torques().is_empty() && matches!(scene.stepping(), Stepping::Accuracy(_));
         let (method, precision, longest_step) = match scene.stepping() {
             Stepping::Pinned { method, dt, .. } => {
                 let precision = scene.wanted_precision().unwrap_or(widest(engine));

@@ -1,12 +1,50 @@
 //! Torques: what acts on a body besides its own inertia.
 //!
-//! Integrators are generic over an [`Environment`]; [`Free`] is the one without torques, and with it no torque code is
-//! compiled into a kernel. The WGSL twin of an environment is one chunk that defines `torque` (`shaders/torque/`).
+//! A scene holds any number of [`Torque`]s; each is described by the type of its own file, which also has the kernel's
+//! function, the same as in the WGSL file of the same stem. A plan turns them into columns beside the bodies' own
+//! ([`TorqueTable`]), in principal axes and in the units of each body's scale.
+//!
+//! Integrators are generic over an [`Environment`], which is the sum of what acts. [`Free`] is the one without torques, and
+//! with it no torque code is compiled into a kernel. The WGSL twin of an environment is one chunk that defines `torque`
+//! (`shaders/torque/none.wgsl` or `sum.wgsl`).
+//!
+//! A new model is a file here with its type and function, its twin, an entry in [`Torque`] and [`Kind`], and a line in
+//! `sum.rs` and `sum.wgsl`.
 
 use crate::quaternion::Quaternion;
 use crate::real::Real;
-use crate::rigid_body::Body;
+use crate::rigid_body::{Body, Correction};
 use crate::vector::Vector;
+
+pub mod constant_body;
+pub mod constant_world;
+mod description;
+pub mod eddy_current;
+pub mod gravity_gradient;
+pub mod gravity_gradient_kepler;
+pub mod heavy_top;
+pub mod internal_dissipation;
+pub mod linear_drag;
+pub mod log_spring;
+pub mod magnetic_dipole;
+pub mod matrix_drag;
+pub mod orbit;
+pub mod orbiting_dipole;
+mod parameter;
+pub mod quadratic_drag;
+pub mod sine_spring;
+pub mod sinusoidal;
+pub(crate) mod sum;
+mod table;
+pub mod white_noise;
+
+pub(crate) use description::Model;
+pub use description::{Needs, Torque};
+pub use orbit::Orbit;
+pub(crate) use parameter::Border;
+pub use parameter::Parameter;
+pub use table::{Instances, Kind, TorqueTable};
+pub(crate) use table::{bytes_per_body, rate_of};
 
 /// All torques of a scene as one body (or lane group) feels them.
 pub trait Environment<R: Real>: Copy {
@@ -27,6 +65,26 @@ pub trait Environment<R: Real>: Copy {
         orientation: Quaternion<R>,
         angular_velocity_principal: Vector<R>,
     ) -> Vector<R>;
+
+    /// The rate at which the body's axes turn, and m × that rate, at an angular momentum m in principal axes.
+    ///
+    /// Of a rigid body the first is ω = I⁻¹ m. A method that does not ask for it can integrate rigid bodies only.
+    #[inline(always)]
+    fn motion(&self, _: &Self::Epoch, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
+        Motion {
+            angular_velocity: body.angular_velocity(m, correction),
+            gyroscopic_term: body.gyroscopic_term(m, correction),
+        }
+    }
+}
+
+/// How a body turns at an angular momentum m.
+#[derive(Clone, Copy, Debug)]
+pub struct Motion<R> {
+    /// The rate at which its axes turn, in principal axes.
+    pub angular_velocity: Vector<R>,
+    /// m × that rate.
+    pub gyroscopic_term: Vector<R>,
 }
 
 /// No torque.

@@ -4,6 +4,7 @@
 pub mod compare;
 pub mod kernel;
 pub mod random;
+pub mod torques;
 
 use glam::{DQuat, DVec3};
 use polhode::batch::{AnyBatch, Precision, prepare};

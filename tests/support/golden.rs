@@ -14,6 +14,13 @@ pub struct Case {
     pub record: Value,
 }
 
+impl Case {
+    /// The times of the states, from 0 on.
+    pub fn times(&self) -> Vec<f64> {
+        self.states.iter().map(|state| state.time).collect()
+    }
+}
+
 /// The reference state at one time.
 pub struct State {
     pub time: f64,

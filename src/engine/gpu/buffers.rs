@@ -3,7 +3,8 @@
 use std::ops::Range;
 
 use super::device::{Device, Refusal};
-use crate::batch::{Batch, STATE_COMPONENTS, STRIDE_UNIT, StateWords, parameter_columns, state_columns};
+use crate::batch::{Batch, STATE_COMPONENTS, STRIDE_UNIT, StateWords, state_columns};
+use crate::clock::Clock;
 use crate::error::{Error, Result};
 use crate::memory;
 use crate::real::Scalar;
@@ -40,6 +41,11 @@ struct SettingsF32 {
     dt: [f32; 2],
     first_step: u32,
     padding: u32,
+    clock: [u32; 4],
+    clock_step: [u32; 4],
+    run_step: [u32; 2],
+    inverse_root_dt: f32,
+    tail: u32,
 }
 
 #[repr(C)]
@@ -51,7 +57,12 @@ struct SettingsF64 {
     zero: u32,
     dt: [f64; 2],
     first_step: u32,
-    padding: u32,
+    // The block's vectors of four words are aligned to 16 bytes.
+    padding: [u32; 3],
+    clock: [u32; 4],
+    clock_step: [u32; 4],
+    run_step: [u32; 2],
+    inverse_root_dt: f64,
 }
 
 /// The steps of one submission.
@@ -62,6 +73,15 @@ pub(super) struct Slice<T> {
     pub steps: u32,
     /// Step size in seconds, in two words.
     pub dt: (T, T),
+    /// The time at the first step.
+    pub clock: Clock,
+    /// A step in the clock's units.
+    pub units: u128,
+}
+
+/// The words of a number, lowest first.
+fn words(x: u128) -> [u32; 4] {
+    std::array::from_fn(|word| (x >> (32 * word)) as u32)
 }
 
 /// A number that the shaders know, with the layout of its uniform block.
@@ -77,7 +97,20 @@ macro_rules! device_scalar {
             fn settings(body_count: u32, stride: u32, slice: &Slice<Self>) -> Vec<u8> {
                 let (steps, dt) = (slice.steps, [slice.dt.0, slice.dt.1]);
                 let first_step = slice.first_step as u32;
-                let settings = $settings { body_count, stride, steps, zero: 0, dt, first_step, padding: 0 };
+                let step = slice.clock.step();
+                let settings = $settings {
+                    body_count,
+                    stride,
+                    steps,
+                    zero: 0,
+                    dt,
+                    first_step,
+                    clock: words(slice.clock.now()),
+                    clock_step: words(slice.units),
+                    run_step: [step as u32, (step >> 32) as u32],
+                    inverse_root_dt: $scalar::from_f64(1.0 / slice.dt.0.to_f64().sqrt()),
+                    ..bytemuck::Zeroable::zeroed()
+                };
                 bytemuck::bytes_of(&settings).to_vec()
             }
         }
@@ -131,10 +164,6 @@ pub(super) fn chunk_capacity(device: &Device, limits: &ChunkLimits, row: usize) 
     Ok((units * unit) as usize)
 }
 
-fn widest_columns<T: Scalar>() -> usize {
-    state_columns::<T>().max(parameter_columns::<T>())
-}
-
 /// A batch on the device.
 pub(super) struct Columns {
     pub chunks: Vec<Chunk>,
@@ -153,8 +182,10 @@ impl Columns {
         limits: &ChunkLimits,
         memory: Option<u64>,
     ) -> Result<Self> {
-        let capacity = chunk_capacity(device, limits, widest_columns::<T>() * size_of::<T>())?;
-        require(device, batch.body_count, device_bytes::<T>(batch.body_count), memory)?;
+        let parameters = batch.parameter_columns();
+        let widest = state_columns::<T>().max(parameters);
+        let capacity = chunk_capacity(device, limits, widest * size_of::<T>())?;
+        require(device, batch.body_count, device_bytes::<T>(batch.body_count, parameters), memory)?;
         let mut columns = Self { chunks: Vec::new(), staging: None };
         let filled = columns.fill(device, layout, batch, capacity);
         if let Err(refusal) = filled {
@@ -163,7 +194,7 @@ impl Columns {
                 UploadError::Buffers(Refusal::OutOfMemory) => Error::DeviceMemory {
                     adapter: device.info.name.clone(),
                     bodies: batch.body_count,
-                    needed: device_bytes::<T>(batch.body_count),
+                    needed: device_bytes::<T>(batch.body_count, parameters),
                 },
                 UploadError::Buffers(other) => device.refused(other),
                 UploadError::Copy(error) => error,
@@ -190,7 +221,8 @@ impl Columns {
         self.staging = Some(staging.map_err(UploadError::Buffers)?);
         for first in (0..batch.body_count).step_by(capacity) {
             let bodies = capacity.min(batch.body_count - first);
-            let chunk = new_chunk::<T>(device, layout, first, bodies).map_err(UploadError::Buffers)?;
+            let chunk = new_chunk::<T>(device, layout, first, bodies, batch.parameter_columns())
+                .map_err(UploadError::Buffers)?;
             self.chunks.push(chunk);
         }
         for chunk in &self.chunks {
@@ -243,8 +275,8 @@ enum UploadError {
 }
 
 /// Bytes that a number of bodies takes on the device.
-fn device_bytes<T: Scalar>(bodies: usize) -> u64 {
-    let row = (state_columns::<T>() + parameter_columns::<T>()) * size_of::<T>();
+fn device_bytes<T: Scalar>(bodies: usize, parameters: usize) -> u64 {
+    let row = (state_columns::<T>() + parameters) * size_of::<T>();
     (bodies as u64).saturating_mul(row as u64).saturating_add(STAGING_BYTES as u64)
 }
 
@@ -280,11 +312,12 @@ fn new_chunk<T: DeviceScalar>(
     layout: &wgpu::BindGroupLayout,
     first: usize,
     bodies: usize,
+    parameter_columns: usize,
 ) -> Result<Chunk, Refusal> {
     let stride = bodies.next_multiple_of(STRIDE_UNIT);
     let bytes = |columns: usize| (columns * stride * size_of::<T>()) as u64;
     let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-    let parameters = buffer(device, "parameters", bytes(parameter_columns::<T>()), storage)?;
+    let parameters = buffer(device, "parameters", bytes(parameter_columns), storage)?;
     let state = buffer(device, "state", bytes(state_columns::<T>()), storage | wgpu::BufferUsages::COPY_SRC)?;
     let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
     let settings = buffer(device, "settings", T::SETTINGS_BYTES, uniform)?;
@@ -387,6 +420,7 @@ mod tests {
             pipeline,
             columns,
             body_count: bodies,
+            clock: batch.torques.clock(),
             slicer: super::super::dispatch::Slicer::new(Default::default()),
             scalar: std::marker::PhantomData,
         };

@@ -32,6 +32,7 @@ use crate::batch::{AnyBatch, Batch, Precision};
 use crate::error::{Error, Result};
 use crate::free_motion::AnyRows;
 use crate::method::Method;
+use crate::torque::TorqueTable;
 use buffers::{Columns, DeviceScalar, WORKGROUP_SIZE};
 use device::Device;
 use dispatch::Slicer;
@@ -65,7 +66,7 @@ pub struct Gpu {
     options: GpuOptions,
     layout: wgpu::BindGroupLayout,
     pipeline_layout: wgpu::PipelineLayout,
-    pipelines: Mutex<HashMap<(Precision, Method), wgpu::ComputePipeline>>,
+    pipelines: Mutex<HashMap<(Precision, Method, shader::Constants), wgpu::ComputePipeline>>,
     free_motion: FreeMotionKernels,
 }
 
@@ -141,14 +142,15 @@ impl Gpu {
     }
 
     /// The compiled kernel, compiled on first use.
-    fn pipeline(&self, precision: Precision, method: Method) -> Result<wgpu::ComputePipeline> {
+    fn pipeline(&self, precision: Precision, method: Method, torques: &TorqueTable) -> Result<wgpu::ComputePipeline> {
+        let constants = if torques.is_empty() { Vec::new() } else { shader::torque_constants(torques) };
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(pipeline) = pipelines.get(&(precision, method)) {
+        if let Some(pipeline) = pipelines.get(&(precision, method, constants.clone())) {
             return Ok(pipeline.clone());
         }
-        let source = Source::advance(precision, method).patched(&self.options.patches)?;
+        let source = Source::advance_under(precision, method, torques).patched(&self.options.patches)?;
         let pipeline = source.compile(&self.device.device, &self.pipeline_layout, Some(WORKGROUP_SIZE))?;
-        pipelines.insert((precision, method), pipeline.clone());
+        pipelines.insert((precision, method, constants), pipeline.clone());
         Ok(pipeline)
     }
 
@@ -163,6 +165,7 @@ impl Gpu {
             pipeline,
             columns,
             body_count: batch.body_count,
+            clock: batch.torques.clock(),
             slicer: Slicer::new(self.options.slice),
             scalar: std::marker::PhantomData,
         }))
@@ -189,7 +192,7 @@ impl Backend for Gpu {
         if !self.precisions.contains(&precision) {
             return Err(unavailable(&self.device, &self.arithmetic, precision));
         }
-        let pipeline = self.pipeline(precision, method)?;
+        let pipeline = self.pipeline(precision, method, batch.torques())?;
         match batch {
             AnyBatch::F32(batch) => self.start_batch(&batch, pipeline),
             AnyBatch::F64(batch) => self.start_batch(&batch, pipeline),

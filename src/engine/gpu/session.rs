@@ -8,6 +8,7 @@ use super::buffers::{Chunk, Columns, DeviceScalar, Slice};
 use super::device::Device;
 use super::dispatch::{Slicer, next_group};
 use crate::batch::{Precision, StateWords};
+use crate::clock::Clock;
 use crate::engine::{Observer, Progress, Session, check_step};
 use crate::error::{Error, Result};
 
@@ -16,6 +17,8 @@ pub(super) struct GpuSession<T> {
     pub pipeline: wgpu::ComputePipeline,
     pub columns: Columns,
     pub body_count: usize,
+    /// The time that the state stands at.
+    pub clock: Clock,
     pub slicer: Slicer,
     pub scalar: std::marker::PhantomData<T>,
 }
@@ -27,7 +30,8 @@ impl<T: DeviceScalar> Session for GpuSession<T> {
 
     fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
         check_step(dt, if T::WORDS == 2 { Precision::F32 } else { Precision::F64 })?;
-        let dt = T::two_words(dt);
+        let start_clock = self.clock;
+        let dt_words = T::two_words(dt);
         let total = steps.saturating_mul(self.body_count as u64);
         let mut done = 0_u64;
         let sizes: Vec<usize> = self.columns.chunks.iter().map(|chunk| chunk.bodies).collect();
@@ -36,7 +40,8 @@ impl<T: DeviceScalar> Session for GpuSession<T> {
             let bodies: usize = sizes[group.clone()].iter().sum();
             let first_step = steps - left[group.start];
             let count = self.slicer.steps(bodies, left[group.start]);
-            let slice = Slice { first_step, steps: count, dt };
+            let clock = start_clock.after(dt, first_step);
+            let slice = Slice { first_step, steps: count, dt: dt_words, clock, units: clock.units(dt) };
             let start = Instant::now();
             run(&self.device, &self.pipeline, &self.columns.chunks[group.clone()], &slice)?;
             self.slicer.record(bodies, count, start.elapsed());
@@ -46,6 +51,7 @@ impl<T: DeviceScalar> Session for GpuSession<T> {
                 return Err(Error::Interrupted { steps: done / self.body_count as u64 });
             }
         }
+        self.clock = start_clock.after(dt, steps);
         // All is done, so there is nothing left to break off.
         let _ = observer(Progress { done, total });
         Ok(())

@@ -9,6 +9,7 @@ use wgpu::naga;
 use crate::batch::Precision;
 use crate::error::{Error, Result};
 use crate::method::Method;
+use crate::torque::{Kind, TorqueTable};
 
 /// One file under `shaders/`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -46,6 +47,23 @@ fn line_of(text: &str, mut spans: impl Iterator<Item = naga::Span>) -> Option<us
 pub struct Source {
     chunks: Vec<Chunk>,
     entry_point: &'static str,
+    constants: Constants,
+}
+
+/// Values of the `override` constants of a shader, by name.
+pub type Constants = Vec<(String, u32)>;
+
+/// The `override` constants of `torque/sum.wgsl` for a table of torques.
+pub fn torque_constants(torques: &TorqueTable) -> Constants {
+    let mut constants = vec![("torques_are_common".to_owned(), u32::from(torques.is_common()))];
+    for kind in Kind::ALL {
+        let instances = torques.instances(kind);
+        if instances.count > 0 {
+            constants.push((format!("{}_count", kind.stem()), instances.count as u32));
+            constants.push((format!("{}_first", kind.stem()), instances.first as u32));
+        }
+    }
+    constants
 }
 
 fn real_chunk(precision: Precision) -> Chunk {
@@ -56,16 +74,60 @@ fn real_chunk(precision: Precision) -> Chunk {
 }
 
 impl Source {
-    /// The kernel that advances bodies by `method`.
+    /// The kernel that advances torque-free bodies by `method`.
     pub fn advance(precision: Precision, method: Method) -> Self {
+        Self::advance_among(precision, method, vec![chunk!("torque/none.wgsl")], Vec::new())
+    }
+
+    /// The kernel that advances bodies under torques by `method`; what the table does not have is folded away when the
+    /// pipeline is made. With an empty table it is [`Source::advance`].
+    pub fn advance_under(precision: Precision, method: Method, torques: &TorqueTable) -> Self {
+        if torques.is_empty() {
+            return Self::advance(precision, method);
+        }
+        Self::advance_among(precision, method, Self::torques(precision), torque_constants(torques))
+    }
+
+    fn advance_among(precision: Precision, method: Method, torques: Vec<Chunk>, constants: Constants) -> Self {
         let mut chunks = Self::functions(precision);
-        chunks.push(chunk!("torque/none.wgsl"));
+        chunks.extend(torques);
         chunks.push(match method {
             Method::Rk4 => chunk!("method/rk4.wgsl"),
             Method::Dlm => chunk!("method/dlm.wgsl"),
         });
         chunks.push(chunk!("advance.wgsl"));
-        Self { chunks, entry_point: "advance" }
+        Self { chunks, entry_point: "advance", constants }
+    }
+
+    /// The chunks of all torques and their sum. They read columns by `parameter_at` and the time from `settings`, which
+    /// the entry point's chunk declares.
+    pub fn torques(precision: Precision) -> Vec<Chunk> {
+        let series = match precision {
+            Precision::F32 => chunk!("torque/series_f32.wgsl"),
+            Precision::F64 => chunk!("torque/series_f64.wgsl"),
+        };
+        vec![
+            chunk!("clock.wgsl"),
+            series,
+            chunk!("torque/orbit.wgsl"),
+            chunk!("torque/constant_body.wgsl"),
+            chunk!("torque/linear_drag.wgsl"),
+            chunk!("torque/constant_world.wgsl"),
+            chunk!("torque/matrix_drag.wgsl"),
+            chunk!("torque/quadratic_drag.wgsl"),
+            chunk!("torque/sinusoidal.wgsl"),
+            chunk!("torque/gravity_gradient.wgsl"),
+            chunk!("torque/gravity_gradient_kepler.wgsl"),
+            chunk!("torque/heavy_top.wgsl"),
+            chunk!("torque/magnetic_dipole.wgsl"),
+            chunk!("torque/orbiting_dipole.wgsl"),
+            chunk!("torque/eddy_current.wgsl"),
+            chunk!("torque/sine_spring.wgsl"),
+            chunk!("torque/log_spring.wgsl"),
+            chunk!("torque/white_noise.wgsl"),
+            chunk!("torque/internal_dissipation.wgsl"),
+            chunk!("torque/sum.wgsl"),
+        ]
     }
 
     /// The kernel that evaluates torque-free motions in closed form.
@@ -73,7 +135,7 @@ impl Source {
         let mut chunks = Self::functions(precision);
         chunks.extend(Self::free_motion_functions(precision));
         chunks.push(chunk!("free_motion.wgsl"));
-        Self { chunks, entry_point: "free_motion" }
+        Self { chunks, entry_point: "free_motion", constants: Vec::new() }
     }
 
     /// The chunks that the closed form adds to [`Source::functions`].
@@ -91,7 +153,8 @@ impl Source {
             Precision::F64 if int64 => chunk!("probe/int64.wgsl"),
             _ => chunk!("probe/rounded.wgsl"),
         };
-        Self { chunks: vec![real_chunk(precision), barrier, chunk!("probe.wgsl")], entry_point: "probe" }
+        let chunks = vec![real_chunk(precision), barrier, chunk!("probe.wgsl")];
+        Self { chunks, entry_point: "probe", constants: Vec::new() }
     }
 
     /// The chunks that every kernel shares: numbers, algebra, Euler's equations. They read `settings.zero`, which the
@@ -197,7 +260,8 @@ impl Source {
             label: Some(self.entry_point),
             source: wgpu::ShaderSource::Wgsl(self.text().into()),
         });
-        let constants: Vec<_> = workgroup_size.map(|size| ("workgroup_size", f64::from(size))).into_iter().collect();
+        let own = self.constants.iter().map(|(name, value)| (name.as_str(), f64::from(*value)));
+        let constants: Vec<_> = own.chain(workgroup_size.map(|size| ("workgroup_size", f64::from(size)))).collect();
         let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(self.entry_point),
             layout: Some(layout),

@@ -1,0 +1,47 @@
+//! `constant-body`: a torque that is constant in body axes, such as a thruster pair's.
+
+use glam::{DQuat, DVec3};
+
+use super::{Border, Kind, Model, Needs, Parameter};
+use crate::batch::BodyFrame;
+use crate::error::Result;
+use crate::real::Real;
+use crate::vector::Vector;
+
+/// τ = const in body axes. Several add up to one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ConstantBody {
+    /// Torque in body axes, N m.
+    pub torque_body: Parameter<DVec3>,
+}
+
+impl Model for ConstantBody {
+    fn kind(&self) -> Kind {
+        Kind::ConstantBody
+    }
+
+    fn validate(&self, border: &Border) -> Result<()> {
+        border.finite("torque_body", &self.torque_body)
+    }
+
+    fn needs(&self) -> Needs {
+        Needs::NOTHING
+    }
+
+    fn rate(&self, body: usize, middle_moment: f64) -> f64 {
+        (self.torque_body.at(body).length() / middle_moment).sqrt()
+    }
+
+    fn columns(&self, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
+        let torque = frame.scaled_torque(frame.to_principal(self.torque_body.at(body)));
+        for (column, component) in out.iter_mut().zip(torque.to_array()) {
+            *column += component;
+        }
+    }
+}
+
+/// τ, in principal axes.
+#[inline(always)]
+pub fn constant_body<R: Real>(torque_principal: Vector<R>) -> Vector<R> {
+    torque_principal
+}

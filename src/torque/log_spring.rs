@@ -1,0 +1,94 @@
+//! `log-spring`: a torsion spring towards an attitude whose torque is the angle itself.
+
+use glam::DQuat;
+
+use super::{Border, Kind, Model, Needs, Parameter};
+use crate::batch::BodyFrame;
+use crate::error::Result;
+use crate::quaternion::Quaternion;
+use crate::real::{Real, Scalar};
+use crate::vector::Vector;
+
+/// τ = −k θ n, with (n sin θ/2, cos θ/2) = conj(q_target) q and θ in [0, π] (F. Bullo, R. M. Murray, *Proportional
+/// derivative control on the Euclidean group*, ECC 1995, the logarithm on SO(3)). Potential energy ½ k θ².
+///
+/// At θ = π the torque jumps from one side to the other; a motion through it is not smooth and every integrator drops to
+/// order 1 there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LogSpring {
+    /// k, N m, not negative.
+    pub stiffness: Parameter<f64>,
+    /// The attitude at rest: rotates body coordinates to world; normalised here.
+    pub target: Parameter<DQuat>,
+}
+
+impl Model for LogSpring {
+    fn kind(&self) -> Kind {
+        Kind::LogSpring
+    }
+
+    fn validate(&self, border: &Border) -> Result<()> {
+        border.not_negative("stiffness", &self.stiffness)?;
+        border.rotation("target", &self.target)
+    }
+
+    fn needs(&self) -> Needs {
+        Needs { attitude: true, ..Needs::NOTHING }
+    }
+
+    fn rate(&self, body: usize, middle_moment: f64) -> f64 {
+        (std::f64::consts::PI * self.stiffness.at(body) / middle_moment).sqrt()
+    }
+
+    fn columns(&self, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
+        out[0] = frame.scaled(self.stiffness.at(body), 1, 2);
+        let target = (self.target.at(body).normalize() * frame.principal_to_body).normalize();
+        out[1..5].copy_from_slice(&target.to_array());
+    }
+
+    fn potential_energy(&self, body: usize, orientation: DQuat) -> Option<f64> {
+        let between = self.target.at(body).normalize().conjugate() * orientation;
+        let angle = 2.0 * between.xyz().length().atan2(between.w.abs());
+        Some(0.5 * self.stiffness.at(body) * angle * angle)
+    }
+}
+
+/// −k θ n, in principal axes.
+#[inline(always)]
+pub fn log_spring<R: Real>(stiffness: R, target: Quaternion<R>, orientation: Quaternion<R>) -> Vector<R> {
+    let between = target.conjugate().product(orientation);
+    between.vector() * (-(stiffness * angle_ratio(between)))
+}
+
+/// θ n = `angle_ratio` · v for the rotation (v, s), with the sign of s.
+///
+/// θ = 2 atan(|v|/|s|). The tangent is halved twice, a/(1 + √(1 + a²)), which brings it below tan π/8 · ½ = 0.199 and
+/// leaves |v| as a factor, so that nothing is divided by a vanishing |v|; then atan x = x Σ (−x²)ⁿ/(2n + 1), whose first
+/// term left out is below 2⁻²⁶ (`f32`) or 2⁻⁵⁵ (`f64`) of the result.
+#[inline(always)]
+pub fn angle_ratio<R: Real>(between: Quaternion<R>) -> R {
+    let one = R::splat(1.0);
+    let v2 = between.vector().dot(between.vector());
+    // Halved once: |v| / (|q| + |s|), the tangent of θ/4, at most 1.
+    let norm = between.norm_squared().sqrt();
+    let divisor = norm + between.w.abs();
+    let quarter_squared = v2 / (divisor * divisor);
+    // Twice: the tangent of θ/8, at most 0.415; three times: of θ/16, at most 0.199.
+    let eighth_divisor = one + (one + quarter_squared).sqrt();
+    let eighth_squared = quarter_squared / (eighth_divisor * eighth_divisor);
+    let sixteenth_divisor = one + (one + eighth_squared).sqrt();
+    let x2 = eighth_squared / (sixteenth_divisor * sixteenth_divisor);
+    let terms = R::Scalar::ARCTANGENT_TERMS;
+    let mut sum = R::splat(series_term(terms));
+    for term in (0..terms).rev() {
+        sum = sum.mul_add(x2, R::splat(series_term(term)));
+    }
+    let ratio = R::splat(16.0) * sum / (divisor * eighth_divisor * sixteenth_divisor);
+    R::select(between.w.less_than(R::splat(0.0)), -ratio, ratio)
+}
+
+/// (−1)ⁿ/(2n + 1).
+#[inline(always)]
+fn series_term(n: u32) -> f64 {
+    (if n.is_multiple_of(2) { 1.0 } else { -1.0 }) / f64::from(2 * n + 1)
+}

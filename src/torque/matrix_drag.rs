@@ -1,0 +1,71 @@
+//! `matrix-drag`: a torque that is linear in the angular velocity, with a symmetric matrix.
+
+use glam::{DMat3, DQuat};
+
+use super::{Border, Kind, Model, Needs, Parameter};
+use crate::batch::BodyFrame;
+use crate::error::Result;
+use crate::real::Real;
+use crate::vector::Vector;
+
+/// τ = −C ω with C symmetric and without negative eigenvalues (J. Happel, H. Brenner, *Low Reynolds Number
+/// Hydrodynamics*, 1965, section 5.2: the rotation tensor of a body of any shape). Several add up to one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MatrixDrag {
+    /// C in body axes, N m s.
+    pub matrix_body: Parameter<DMat3>,
+}
+
+impl Model for MatrixDrag {
+    fn kind(&self) -> Kind {
+        Kind::MatrixDrag
+    }
+
+    fn validate(&self, border: &Border) -> Result<()> {
+        border.positive_semidefinite("matrix_body", &self.matrix_body)
+    }
+
+    fn needs(&self) -> Needs {
+        Needs { angular_velocity: true, ..Needs::NOTHING }
+    }
+
+    fn dissipative(&self) -> bool {
+        true
+    }
+
+    fn rate(&self, _: usize, _: f64) -> f64 {
+        0.0
+    }
+
+    fn columns(&self, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
+        let to_body = DMat3::from_quat(frame.principal_to_body);
+        let matrix = to_body.transpose() * self.matrix_body.at(body) * to_body;
+        let mean = |a: f64, b: f64| 0.5 * (a + b);
+        let elements = [
+            matrix.x_axis.x,
+            matrix.y_axis.y,
+            matrix.z_axis.z,
+            mean(matrix.x_axis.y, matrix.y_axis.x),
+            mean(matrix.x_axis.z, matrix.z_axis.x),
+            mean(matrix.y_axis.z, matrix.z_axis.y),
+        ];
+        for (column, element) in out.iter_mut().zip(elements) {
+            *column += frame.scaled(element, 1, 1);
+        }
+    }
+}
+
+/// −C ω, in principal axes; C by its diagonal and its elements yx, zx, zy.
+#[inline(always)]
+pub fn matrix_drag<R: Real>(
+    diagonal: Vector<R>,
+    off_diagonal: Vector<R>,
+    angular_velocity_principal: Vector<R>,
+) -> Vector<R> {
+    let (d, o, w) = (diagonal, off_diagonal, angular_velocity_principal);
+    -Vector::new(
+        d.x.mul_add(w.x, o.x.mul_add(w.y, o.y * w.z)),
+        o.x.mul_add(w.x, d.y.mul_add(w.y, o.z * w.z)),
+        o.y.mul_add(w.x, o.z.mul_add(w.y, d.z * w.z)),
+    )
+}

@@ -1,0 +1,279 @@
+//! The sum of a scene's torques. Twin: `shaders/torque/sum.wgsl`.
+
+use super::constant_body::constant_body;
+use super::constant_world::constant_world;
+use super::eddy_current::eddy_current;
+use super::gravity_gradient::gravity_gradient;
+use super::gravity_gradient_kepler::gravity_gradient_kepler;
+use super::heavy_top::heavy_top;
+use super::internal_dissipation::internal_dissipation;
+use super::linear_drag::linear_drag;
+use super::log_spring::log_spring;
+use super::magnetic_dipole::magnetic_dipole;
+use super::matrix_drag::matrix_drag;
+use super::orbiting_dipole::{DipoleField, orbiting_dipole};
+use super::quadratic_drag::quadratic_drag;
+use super::sine_spring::sine_spring;
+use super::sinusoidal::sinusoidal;
+use super::white_noise::{NoiseKey, minus_log, noise_words, normal_vector, uniform_parts, uniform_turns};
+use super::{Environment, Kind, Motion, TorqueTable};
+use crate::clock::{Clock, Instant, phase};
+use crate::quaternion::Quaternion;
+use crate::real::{Real, Scalar};
+use crate::rigid_body::{Body, Correction};
+use crate::vector::Vector;
+
+/// A torque that is constant in body axes, and linear drag: the set that most scenes have, held in registers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Common<R> {
+    constant: Vector<R>,
+    drag: R,
+}
+
+impl<R: Real> Common<R> {
+    /// The parameters of a lane group; `column` loads a parameter column.
+    #[inline(always)]
+    pub(crate) fn load(table: &TorqueTable, column: impl Fn(usize) -> R) -> Self {
+        let constant = table.instances(Kind::ConstantBody);
+        let drag = table.instances(Kind::LinearDrag);
+        Self {
+            constant: if constant.count == 0 {
+                Vector::zero()
+            } else {
+                Vector::new(column(constant.first), column(constant.first + 1), column(constant.first + 2))
+            },
+            drag: if drag.count == 0 { R::splat(0.0) } else { column(drag.first) },
+        }
+    }
+}
+
+impl<R: Real> Environment<R> for Common<R> {
+    type Epoch = ();
+    const FREE: bool = false;
+
+    #[inline(always)]
+    fn epoch(&self, _: u64, _: f64) {}
+
+    #[inline(always)]
+    fn torque(&self, _: &(), _: &Body<R>, _: Quaternion<R>, angular_velocity_principal: Vector<R>) -> Vector<R> {
+        angular_velocity_principal.axpy(-self.drag, self.constant)
+    }
+}
+
+/// Any number of torques of any kind, read from columns. The counts are the same for all bodies, so that each branch goes
+/// one way for a whole run.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Torques<'a, R: Real> {
+    table: &'a TorqueTable,
+    parameters: &'a [R::Scalar],
+    stride: usize,
+    /// First body of the lane group.
+    first: usize,
+    /// At step 0 of the current interval.
+    clock: Clock,
+    /// A step in the clock's units.
+    units: u128,
+    /// A step in seconds.
+    dt: f64,
+}
+
+/// A time, and the random torque that is constant over the step that it belongs to.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Epoch<R> {
+    instant: Instant<R>,
+    noise: Vector<R>,
+}
+
+impl<'a, R: Real> Torques<'a, R> {
+    /// The torques on the lane group from body `first` on, in steps of `dt` seconds from `clock` on.
+    #[inline(always)]
+    pub(crate) fn new(
+        table: &'a TorqueTable,
+        parameters: &'a [R::Scalar],
+        stride: usize,
+        first: usize,
+        clock: Clock,
+        dt: f64,
+    ) -> Self {
+        Self { table, parameters, stride, first, clock, units: clock.units(dt), dt }
+    }
+
+    #[inline(always)]
+    fn column(&self, column: usize) -> R {
+        R::load(&self.parameters[column * self.stride + self.first..])
+    }
+
+    #[inline(always)]
+    fn vector(&self, column: usize) -> Vector<R> {
+        Vector::new(self.column(column), self.column(column + 1), self.column(column + 2))
+    }
+
+    #[inline(always)]
+    fn quaternion(&self, column: usize) -> Quaternion<R> {
+        Quaternion::new(self.column(column), self.column(column + 1), self.column(column + 2), self.column(column + 3))
+    }
+
+    /// The first columns of all instances of a kind.
+    #[inline(always)]
+    fn firsts(&self, kind: Kind) -> impl Iterator<Item = (usize, usize)> + use<R> {
+        let instances = self.table.instances(kind);
+        (0..instances.count).map(move |index| (index, instances.first + index * kind.columns()))
+    }
+
+    #[inline(always)]
+    fn phase(&self, kind: Kind, instance: usize, phase_index: usize, instant: &Instant<R>) -> R {
+        phase(self.table.rate(kind, instance, phase_index, self.first, |column| self.column(column)), instant)
+    }
+
+    /// The torque of all instances of white noise over the step of an instant.
+    #[inline(always)]
+    fn noise(&self, step: u64) -> Vector<R> {
+        let mut sum = Vector::zero();
+        let inverse_root = R::splat(1.0 / self.dt.sqrt());
+        for (_, first) in self.firsts(Kind::WhiteNoise) {
+            let draws = self.parameters[(first + 1) * self.stride + self.first].to_f64() as u64;
+            let mut draw_sum = Vector::zero();
+            for draw in 0..draws {
+                draw_sum = draw_sum + self.normal_vector(first, step.wrapping_mul(draws).wrapping_add(draw));
+            }
+            sum = draw_sum.axpy(self.column(first) * inverse_root, sum);
+        }
+        sum
+    }
+
+    /// One draw of every lane.
+    #[inline(always)]
+    fn normal_vector(&self, first: usize, draw: u64) -> Vector<R> {
+        let word = |lane: usize, word: usize| {
+            let digit = |column: usize| {
+                self.parameters[(first + 2 + 2 * word + column) * self.stride + self.first + lane].to_f64() as u32
+            };
+            digit(0) | (digit(1) << 16)
+        };
+        let mut words = [[0_u32; 4]; MOST_LANES];
+        for (lane, words) in words[..R::LANES].iter_mut().enumerate() {
+            let key = NoiseKey { body: [word(lane, 0), word(lane, 1)], seed: [word(lane, 2), word(lane, 3)] };
+            *words = noise_words(key, draw);
+        }
+        let logarithm = |index: usize| {
+            minus_log(
+                R::from_lanes(|lane| uniform_parts(words[lane][index]).0),
+                R::from_lanes(|lane| uniform_parts(words[lane][index]).1),
+            )
+        };
+        let angle = |index: usize| R::from_lanes(|lane| uniform_turns(words[lane][index]));
+        normal_vector([logarithm(0), logarithm(2)], [angle(1), angle(3)])
+    }
+
+    #[inline(always)]
+    fn sum(&self, epoch: &Epoch<R>, orientation: Quaternion<R>, angular_velocity_principal: Vector<R>) -> Vector<R> {
+        let (q, omega, instant) = (orientation, angular_velocity_principal, &epoch.instant);
+        let mut sum = epoch.noise;
+        for (_, c) in self.firsts(Kind::ConstantBody) {
+            sum = sum + constant_body(self.vector(c));
+        }
+        for (_, c) in self.firsts(Kind::LinearDrag) {
+            sum = sum + linear_drag(self.column(c), omega);
+        }
+        for (_, c) in self.firsts(Kind::ConstantWorld) {
+            sum = sum + constant_world(self.vector(c), q);
+        }
+        for (_, c) in self.firsts(Kind::MatrixDrag) {
+            sum = sum + matrix_drag(self.vector(c), self.vector(c + 3), omega);
+        }
+        for (_, c) in self.firsts(Kind::QuadraticDrag) {
+            sum = sum + quadratic_drag(self.column(c), omega);
+        }
+        for (index, c) in self.firsts(Kind::Sinusoidal) {
+            let phase = self.phase(Kind::Sinusoidal, index, 0, instant);
+            sum = sum + sinusoidal(self.vector(c), self.vector(c + 3), phase);
+        }
+        for (index, c) in self.firsts(Kind::GravityGradient) {
+            let phase = self.phase(Kind::GravityGradient, index, 0, instant);
+            sum = sum + gravity_gradient(self.vector(c), self.vector(c + 3), self.vector(c + 6), phase, q);
+        }
+        for (index, c) in self.firsts(Kind::GravityGradientKepler) {
+            let phase = self.phase(Kind::GravityGradientKepler, index, 0, instant);
+            let (x, y) = (self.vector(c + 3), self.vector(c + 6));
+            let (eccentricity, start) = (self.column(c + 9), self.column(c + 10));
+            sum = sum + gravity_gradient_kepler(self.vector(c), x, y, eccentricity, start, phase, q);
+        }
+        for (_, c) in self.firsts(Kind::HeavyTop) {
+            sum = sum + heavy_top(self.vector(c), self.vector(c + 3), q);
+        }
+        for (_, c) in self.firsts(Kind::MagneticDipole) {
+            sum = sum + magnetic_dipole(self.vector(c), self.vector(c + 3), q);
+        }
+        for (index, c) in self.firsts(Kind::OrbitingDipole) {
+            let field = DipoleField {
+                x_world: self.vector(c + 3),
+                y_world: self.vector(c + 6),
+                eccentricity: self.column(c + 9),
+                start: self.column(c + 10),
+                sin_tilt: self.column(c + 11),
+                cos_tilt: self.column(c + 12),
+                azimuth: self.column(c + 13),
+            };
+            let orbit_phase = self.phase(Kind::OrbitingDipole, index, 0, instant);
+            let rotation_phase = self.phase(Kind::OrbitingDipole, index, 1, instant);
+            sum = sum + orbiting_dipole(self.vector(c), &field, orbit_phase, rotation_phase, q);
+        }
+        for (_, c) in self.firsts(Kind::EddyCurrent) {
+            sum = sum + eddy_current(self.column(c), self.vector(c + 1), q, omega);
+        }
+        for (_, c) in self.firsts(Kind::SineSpring) {
+            sum = sum + sine_spring(self.column(c), self.quaternion(c + 1), q);
+        }
+        for (_, c) in self.firsts(Kind::LogSpring) {
+            sum = sum + log_spring(self.column(c), self.quaternion(c + 1), q);
+        }
+        sum
+    }
+}
+
+/// Lanes of the widest vector.
+const MOST_LANES: usize = 16;
+
+impl<R: Real> Environment<R> for Torques<'_, R> {
+    type Epoch = Epoch<R>;
+    const FREE: bool = false;
+
+    #[inline(always)]
+    fn epoch(&self, step: u64, fraction: f64) -> Epoch<R> {
+        let now = self.clock.now().wrapping_add(self.units.wrapping_mul(u128::from(step)));
+        let step = self.clock.step().wrapping_add(step);
+        let instant = Instant { ticks: (now >> 64) as u64, elapsed: R::splat(fraction * self.dt) };
+        let noise = if self.table.instances(Kind::WhiteNoise).count == 0 {
+            Vector::zero()
+        } else {
+            R::outlined(|| self.noise(step))
+        };
+        Epoch { instant, noise }
+    }
+
+    #[inline(always)]
+    fn torque(
+        &self,
+        epoch: &Epoch<R>,
+        _: &Body<R>,
+        orientation: Quaternion<R>,
+        angular_velocity_principal: Vector<R>,
+    ) -> Vector<R> {
+        R::outlined(|| self.sum(epoch, orientation, angular_velocity_principal))
+    }
+
+    #[inline(always)]
+    fn motion(&self, _: &Epoch<R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
+        let omega = body.angular_velocity(m, correction);
+        let gyroscopic_term = body.gyroscopic_term(m, correction);
+        let mut motion = Motion { angular_velocity: omega, gyroscopic_term };
+        for (_, c) in self.firsts(Kind::InternalDissipation) {
+            let slip = internal_dissipation(self.column(c), m, omega);
+            motion = Motion {
+                angular_velocity: motion.angular_velocity + slip,
+                gyroscopic_term: motion.gyroscopic_term + m.cross(slip),
+            };
+        }
+        motion
+    }
+}

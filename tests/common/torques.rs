@@ -1,0 +1,65 @@
+//! One torque of every kind, and how a batch under them is prepared.
+
+use glam::{DMat3, DQuat, DVec3};
+use polhode::batch::{AnyBatch, Precision, prepare_with};
+use polhode::torque::{Orbit, Torque};
+
+use super::asymmetric_ensemble;
+use super::random::Random;
+
+/// Every kind of torque, several instances of some, with parameters of each body's own where `body_count` is not zero.
+///
+/// Amplitudes are in proportion to the bodies' moments (`scale`), so that all of them turn by about a radian a second.
+pub fn every_torque(scale: &[f64]) -> Vec<Torque> {
+    let count = scale.len();
+    let mut random = Random::new(77);
+    let mut column = |size: f64| -> Vec<f64> { scale.iter().map(|s| s * size * random.between(0.5, 1.0)).collect() };
+    let (drag, quadratic, stiffness, noise, slip) =
+        (column(0.05), column(0.03), column(0.3), column(0.02), scale.iter().map(|s| 0.02 / s).collect::<Vec<_>>());
+    let eddy = column(0.1);
+    let matrix: Vec<DMat3> = drag
+        .iter()
+        .map(|d| DMat3::from_diagonal(DVec3::new(1.0, 2.0, 3.0)) * *d + DMat3::IDENTITY * (0.1 * d))
+        .collect();
+    let mut random = Random::new(78);
+    let mut vectors = |size: f64| -> Vec<DVec3> {
+        scale.iter().map(|s| DVec3::from_array([(); 3].map(|()| random.between(-1.0, 1.0))) * (s * size)).collect()
+    };
+    let (constant, world, sine, cosine, second_sine) =
+        (vectors(0.2), vectors(0.2), vectors(0.3), vectors(0.3), vectors(0.1));
+    let (centre, moment, orbiting) = (vectors(0.3), vectors(0.3), vectors(0.3));
+    let rates: Vec<f64> = (0..count).map(|_| random.between(-5.0, 5.0)).collect();
+    let eccentricity: Vec<f64> = (0..count).map(|_| random.between(0.0, 0.9)).collect();
+    let target = DQuat::from_xyzw(0.3, -0.2, 0.5, 0.7);
+    vec![
+        Torque::constant_body(constant),
+        Torque::constant_body(DVec3::ZERO),
+        Torque::constant_world(world),
+        Torque::linear_drag(drag),
+        Torque::matrix_drag(matrix),
+        Torque::quadratic_drag(quadratic),
+        Torque::sinusoidal(sine, cosine, 1.75),
+        Torque::sinusoidal(second_sine, DVec3::ZERO, rates),
+        Torque::gravity_gradient(Orbit::circular(1.0, 1.3).inclined(0.7).with_mean_anomaly(0.4)),
+        Torque::gravity_gradient(Orbit::kepler(1.0, 2.0, eccentricity).with_pericentre(0.3).with_mean_anomaly(-2.0)),
+        Torque::heavy_top(1.5, centre, DVec3::new(0.1, 0.2, -1.0)),
+        Torque::magnetic_dipole(moment, DVec3::new(0.3, 0.1, 0.5)),
+        Torque::orbiting_dipole(orbiting, Orbit::kepler(1.0, 1.5, 0.3), 1.0, 2.97, 0.2, 0.5),
+        Torque::eddy_current(eddy, DVec3::new(0.6, 0.1, 0.4)),
+        Torque::sine_spring(stiffness.clone(), target),
+        Torque::log_spring(stiffness, target),
+        Torque::white_noise(noise, 1_234_567_890_123),
+        Torque::internal_dissipation(slip),
+    ]
+}
+
+/// The middle moments of [`asymmetric_ensemble`]'s bodies.
+pub fn middle_moments(count: usize, seed: u64) -> Vec<f64> {
+    let ensemble = asymmetric_ensemble(count, seed);
+    ensemble.inertia().iter().map(|tensor| polhode::inertia::principal_axes(tensor).moments.y).collect()
+}
+
+/// The batch of [`asymmetric_ensemble`] under some torques, for a span of 100 s.
+pub fn batch_under(count: usize, seed: u64, torques: &[Torque], precision: Precision) -> AnyBatch {
+    prepare_with(&asymmetric_ensemble(count, seed), torques, 100.0, precision).expect("enough memory").1
+}

@@ -1,0 +1,448 @@
+//! Every torque of the shaders against its Rust twin: the function alone, then in steps.
+
+mod common;
+
+use common::compare::{Field, compare_rows, compare_states};
+use common::kernel::{Harness, chunks};
+use common::random::Random;
+use common::torques::{batch_under, every_torque, middle_moments};
+use polhode::batch::Precision;
+use polhode::clock::{Clock, Fraction, Instant, Rate, digits, phase};
+use polhode::engine::Engine;
+use polhode::engine::gpu::Patch;
+use polhode::engine::gpu::shader::{Chunk, Source};
+use polhode::method::Method;
+use polhode::quaternion::Quaternion;
+use polhode::real::Scalar;
+use polhode::torque::Torque;
+use polhode::torque::white_noise::{minus_log, normal_vector, philox, uniform_parts, uniform_turns};
+use polhode::torque::{
+    constant_body, constant_world, eddy_current, gravity_gradient, gravity_gradient_kepler, heavy_top,
+    internal_dissipation, linear_drag, log_spring, magnetic_dipole, matrix_drag, orbit, orbiting_dipole,
+    quadratic_drag, sine_spring, sinusoidal,
+};
+use polhode::vector::Vector;
+
+/// Rows of a table: not a multiple of the workgroup size.
+const ROWS: usize = 331;
+
+/// A product and a sum or two, each of which may be rounded at another place.
+const FEW_ROUNDINGS: f64 = 4.0;
+/// A rotation, then a product of vectors.
+const MORE_ROUNDINGS: f64 = 12.0;
+/// With a sine and a cosine before, each within one ulp of 1 of the truth.
+const TRIGONOMETRIC: f64 = 16.0;
+/// With Kepler's equation before: its own error is a few ulps of π over 1 − e, here 1/10; a direction of it enters a
+/// rotation and the cube of the distance, which has three times the relative error over 1 − e again.
+const KEPLER: f64 = 16.0 * 10.0 * 4.0;
+
+const REAL: Field = Field { name: "real", components: 1 };
+const VECTOR: Field = Field { name: "vector", components: 3 };
+
+/// What the torques' chunks read besides the columns of a one-line kernel.
+const COLUMNS: &str = "fn parameter_at(column: u32, i: u32) -> real { return inputs[column * settings.count + i]; }\n";
+
+fn vector<T: Scalar>(row: &[T], first: usize) -> Vector<T> {
+    Vector::new(row[first], row[first + 1], row[first + 2])
+}
+
+fn quaternion<T: Scalar>(row: &[T], first: usize) -> Quaternion<T> {
+    Quaternion::new(row[first], row[first + 1], row[first + 2], row[first + 3])
+}
+
+fn v_out<T: Scalar>(v: Vector<T>) -> Vec<T> {
+    vec![v.x, v.y, v.z]
+}
+
+/// A function of the shaders and its twin. Columns 0 to 3 are a unit quaternion, 4 to 6 an angular velocity, 7 a number
+/// in [−½, ½], 8 one in [0, 0.9], 9 to 14 numbers in [−1, 1], 15 to 17 and 18 to 20 orthogonal unit vectors.
+struct Case<T> {
+    name: &'static str,
+    line: &'static str,
+    fields: &'static [Field],
+    twin: fn(&[T]) -> Vec<T>,
+    ulps: f64,
+}
+
+const COLUMN_COUNT: usize = 21;
+
+fn rows<T: Scalar>() -> Vec<Vec<T>> {
+    let mut random = Random::new(5);
+    (0..ROWS)
+        .map(|row| {
+            let mut numbers = vec![0.0; COLUMN_COUNT];
+            let q = glam::DQuat::from_array([(); 4].map(|()| random.normal())).normalize();
+            // The identity, half turns and their neighbours, where springs have their limits.
+            let q = match row {
+                0 => glam::DQuat::IDENTITY,
+                1 => glam::DQuat::from_xyzw(1.0, 0.0, 0.0, 0.0),
+                2 => glam::DQuat::from_xyzw(1e-12, 0.0, 0.0, 1.0),
+                3 => glam::DQuat::from_xyzw(0.0, 1.0, 0.0, -1e-9).normalize(),
+                _ => q,
+            };
+            numbers[..4].copy_from_slice(&q.to_array());
+            (4..7).for_each(|column| numbers[column] = random.between(-2.0, 2.0));
+            // Phases at the borders of quarter turns among them.
+            numbers[7] = if row < 17 { row as f64 / 16.0 - 0.5 } else { random.between(-0.5, 0.5) };
+            numbers[8] = if row.is_multiple_of(5) { 0.0 } else { random.between(0.0, 0.9) };
+            (9..15).for_each(|column| numbers[column] = random.between(-1.0, 1.0));
+            let axes = glam::DMat3::from_quat(glam::DQuat::from_array([(); 4].map(|()| random.normal())).normalize());
+            numbers[15..18].copy_from_slice(&axes.x_axis.to_array());
+            numbers[18..21].copy_from_slice(&axes.y_axis.to_array());
+            numbers.into_iter().map(T::from_f64).collect()
+        })
+        .collect()
+}
+
+fn cases<T: Scalar>() -> Vec<Case<T>> {
+    let case = |name, line, ulps, twin| Case { name, line, fields: &[VECTOR], twin, ulps };
+    vec![
+        case("constant_body", "put_v(0u, constant_body(v(9u)));", 0.0, |row| {
+            v_out(constant_body::constant_body(vector(row, 9)))
+        }),
+        case("constant_world", "put_v(0u, constant_world(v(9u), q(0u)));", MORE_ROUNDINGS, |row| {
+            v_out(constant_world::constant_world(vector(row, 9), quaternion(row, 0)))
+        }),
+        case("linear_drag", "put_v(0u, linear_drag(r(9u), v(4u)));", 0.0, |row| {
+            v_out(linear_drag::linear_drag(row[9], vector(row, 4)))
+        }),
+        case("matrix_drag", "put_v(0u, matrix_drag(v(9u), v(12u), v(4u)));", FEW_ROUNDINGS, |row| {
+            v_out(matrix_drag::matrix_drag(vector(row, 9), vector(row, 12), vector(row, 4)))
+        }),
+        case("quadratic_drag", "put_v(0u, quadratic_drag(r(9u), v(4u)));", FEW_ROUNDINGS, |row| {
+            v_out(quadratic_drag::quadratic_drag(row[9], vector(row, 4)))
+        }),
+        case("sinusoidal", "put_v(0u, sinusoidal(v(9u), v(12u), r(7u)));", TRIGONOMETRIC, |row| {
+            v_out(sinusoidal::sinusoidal(vector(row, 9), vector(row, 12), row[7]))
+        }),
+        case(
+            "gravity_gradient",
+            "put_v(0u, gravity_gradient(v(9u), v(15u), v(18u), r(7u), q(0u)));",
+            TRIGONOMETRIC + MORE_ROUNDINGS,
+            |row| {
+                v_out(gravity_gradient::gravity_gradient(
+                    vector(row, 9),
+                    vector(row, 15),
+                    vector(row, 18),
+                    row[7],
+                    quaternion(row, 0),
+                ))
+            },
+        ),
+        case(
+            "gravity_gradient_kepler",
+            "put_v(0u, gravity_gradient_kepler(v(9u), v(15u), v(18u), r(8u), r(12u), r(7u), q(0u)));",
+            KEPLER,
+            |row| {
+                v_out(gravity_gradient_kepler::gravity_gradient_kepler(
+                    vector(row, 9),
+                    vector(row, 15),
+                    vector(row, 18),
+                    row[8],
+                    row[12],
+                    row[7],
+                    quaternion(row, 0),
+                ))
+            },
+        ),
+        case("heavy_top", "put_v(0u, heavy_top(v(9u), v(15u), q(0u)));", MORE_ROUNDINGS, |row| {
+            v_out(heavy_top::heavy_top(vector(row, 9), vector(row, 15), quaternion(row, 0)))
+        }),
+        case("magnetic_dipole", "put_v(0u, magnetic_dipole(v(9u), v(15u), q(0u)));", MORE_ROUNDINGS, |row| {
+            v_out(magnetic_dipole::magnetic_dipole(vector(row, 9), vector(row, 15), quaternion(row, 0)))
+        }),
+        case(
+            "orbiting_dipole",
+            "let field = DipoleField(v(15u), v(18u), r(8u), r(12u), r(13u), r(14u), r(12u));
+             put_v(0u, orbiting_dipole(v(9u), field, r(7u), r(13u), q(0u)));",
+            KEPLER,
+            |row| {
+                let field = orbiting_dipole::DipoleField {
+                    x_world: vector(row, 15),
+                    y_world: vector(row, 18),
+                    eccentricity: row[8],
+                    start: row[12],
+                    sin_tilt: row[13],
+                    cos_tilt: row[14],
+                    azimuth: row[12],
+                };
+                v_out(orbiting_dipole::orbiting_dipole(vector(row, 9), &field, row[7], row[13], quaternion(row, 0)))
+            },
+        ),
+        case("eddy_current", "put_v(0u, eddy_current(r(9u), v(15u), q(0u), v(4u)));", MORE_ROUNDINGS, |row| {
+            v_out(eddy_current::eddy_current(row[9], vector(row, 15), quaternion(row, 0), vector(row, 4)))
+        }),
+        case("sine_spring", "put_v(0u, sine_spring(r(9u), q(9u), q(0u)));", MORE_ROUNDINGS, |row| {
+            v_out(sine_spring::sine_spring(row[9], quaternion(row, 9), quaternion(row, 0)))
+        }),
+        case(
+            "log_spring",
+            "put_v(0u, log_spring(r(9u), quaternion(0.0, 0.0, 0.0, 1.0), q(0u)));",
+            MORE_ROUNDINGS,
+            |row| {
+                let zero = T::from_f64(0.0);
+                let identity = Quaternion::new(zero, zero, zero, T::from_f64(1.0));
+                v_out(log_spring::log_spring(row[9], identity, quaternion(row, 0)))
+            },
+        ),
+        case("internal_dissipation", "put_v(0u, internal_dissipation(r(9u), v(10u), v(4u)));", FEW_ROUNDINGS, |row| {
+            v_out(internal_dissipation::internal_dissipation(row[9], vector(row, 10), vector(row, 4)))
+        }),
+        Case {
+            name: "eccentric_anomaly",
+            line: "let e = eccentric_anomaly(r(7u) * TAU, r(8u)); put_r(0u, e.sin); put_r(1u, e.cos);",
+            fields: &[Field { name: "sine and cosine", components: 2 }],
+            twin: |row| {
+                let (_, sin, cos) = orbit::eccentric_anomaly(row[7] * T::splat(std::f64::consts::TAU), row[8]);
+                vec![sin, cos]
+            },
+            ulps: TRIGONOMETRIC * 10.0,
+        },
+    ]
+}
+
+fn precision_of<T: Scalar>() -> Precision {
+    if T::WORDS == 2 { Precision::F32 } else { Precision::F64 }
+}
+
+fn to_f64<T: Scalar>(row: &[T]) -> Vec<f64> {
+    row.iter().map(|x| x.to_f64()).collect()
+}
+
+/// The chunks of the torques without their sum, which reads what only the stepping kernel has.
+fn torque_chunks(precision: Precision) -> Vec<Chunk> {
+    let mut all: Vec<Chunk> =
+        chunks(precision, Method::Rk4).into_iter().filter(|chunk| !chunk.file.starts_with("torque/")).collect();
+    all.retain(|chunk| !chunk.file.starts_with("method/"));
+    all.extend(Source::torques(precision).into_iter().filter(|chunk| chunk.file != "torque/sum.wgsl"));
+    all.push(Chunk { file: "columns", text: COLUMNS.into() });
+    all
+}
+
+fn check_functions<T: Scalar>() {
+    let harness = Harness::new();
+    let chunks = torque_chunks(precision_of::<T>());
+    let rows = rows::<T>();
+    for case in cases::<T>() {
+        let expected: Vec<_> = rows.iter().map(|row| to_f64(&(case.twin)(row))).collect();
+        let found = harness.run(&chunks, case.line, &rows, expected[0].len());
+        // Parameters are at most 1, rates 2.
+        let compared = compare_rows::<T>(case.fields, &expected, &found, |_| 1.0, case.ulps);
+        match compared {
+            Ok(largest) => println!("{}: {largest:.2} ulps of {}", case.name, case.ulps),
+            Err(mismatch) => panic!("{}: {mismatch}; inputs {:?}", case.name, to_f64(&rows[mismatch.body])),
+        }
+    }
+}
+
+#[test]
+fn every_f32_torque_agrees_with_its_twin() {
+    check_functions::<f32>();
+}
+
+#[test]
+fn every_f64_torque_agrees_with_its_twin() {
+    check_functions::<f64>();
+}
+
+#[test]
+fn every_torque_of_the_shaders_is_compared() {
+    let lines: String = cases::<f32>().iter().map(|case| case.line).collect();
+    // Compared by whole phases and draws below, or within another.
+    let elsewhere = [
+        "wide_product",
+        "add_product",
+        "product_128",
+        "sum_128",
+        "rate_at",
+        "turns",
+        "phase",
+        "philox",
+        "normal_vector",
+        "minus_log",
+        "uniform_parts",
+        "uniform_turns",
+        "arctangent_series",
+        "artanh_series",
+        "fraction_of_word",
+        "angle_ratio",
+        "circular_place",
+        "kepler_place",
+        "gradient_torque",
+    ];
+    for chunk in Source::torques(Precision::F32).into_iter().filter(|chunk| chunk.file != "torque/sum.wgsl") {
+        for line in chunk.text.lines().filter_map(|line| line.strip_prefix("fn ")) {
+            let name = line.split('(').next().expect("a name");
+            assert!(
+                elsewhere.contains(&name) || lines.contains(&format!("{name}(")),
+                "{}: {name} has no case",
+                chunk.file
+            );
+        }
+    }
+}
+
+/// Words in columns of 16 bits, as the torques' columns hold them.
+fn halves<T: Scalar>(words: &[u32]) -> Vec<T> {
+    words.iter().flat_map(|word| [T::from_f64(f64::from(word & 0xffff)), T::from_f64(f64::from(word >> 16))]).collect()
+}
+
+/// Phases are integers until they are a fraction of a turn: both sides must agree to the bit at any time.
+fn check_phases<T: Scalar>() {
+    let mut random = Random::new(3);
+    let clock = Clock::new(1e5);
+    let mut rows = Vec::new();
+    let mut expected = Vec::new();
+    for row in 0..ROWS {
+        let rate = clock.rate(random.between(-100.0, 100.0), random.between(-1e-15, 1e-15));
+        let ticks = match row {
+            0 => 0,
+            1 => u64::MAX,
+            2 => 1 << 32,
+            _ => random.bits() >> (row % 64),
+        };
+        let instant = Instant { ticks, elapsed: T::from_f64(0.0) };
+        let rate_of_lane = Rate { fraction: Fraction::Shared(rate), turns_per_second: T::from_f64(1.0) };
+        expected.push(vec![phase(rate_of_lane, &instant).to_f64()]);
+        let mut columns: Vec<T> = digits(rate).into_iter().map(T::from_f64).collect();
+        columns.push(T::from_f64(1.0));
+        columns.extend(halves::<T>(&[ticks as u32, (ticks >> 32) as u32]));
+        rows.push(columns);
+    }
+    let line = "let low = u32(r(9u)) | (u32(r(10u)) << 16u);
+        let high = u32(r(11u)) | (u32(r(12u)) << 16u);
+        put_r(0u, phase(0u, row, Instant(vec2<u32>(low, high), 0.0)));";
+    let found = Harness::new().run(&torque_chunks(precision_of::<T>()), line, &rows, 1);
+    // In f64 the two words of the phase meet in one rounded sum, which may be fused; in f32 all is exact.
+    let bound = if T::WORDS == 1 { 1.0 } else { 0.0 };
+    compare_rows::<T>(&[REAL], &expected, &found, |_| 0.5, bound).unwrap_or_else(|mismatch| panic!("{mismatch}"));
+}
+
+#[test]
+fn phases_agree_to_the_bit() {
+    check_phases::<f32>();
+    check_phases::<f64>();
+}
+
+/// Draws' words are integers and must agree to the bit; the normal numbers made of them within roundings.
+fn check_noise<T: Scalar>() {
+    let mut random = Random::new(4);
+    let mut rows = Vec::new();
+    let mut expected = Vec::new();
+    for row in 0..ROWS {
+        let mut words = [(); 6].map(|()| random.bits() as u32);
+        if row < 3 {
+            words = [[0; 6], [u32::MAX; 6], [1, 0, 0, 0, 0, 0]][row];
+        }
+        let [a, b, c, d, e, f] = words;
+        let drawn = philox([a, b, c, d], [e, f]);
+        let logarithm = |word| {
+            let (mantissa, exponent) = uniform_parts::<T>(word);
+            minus_log(mantissa, exponent)
+        };
+        // The third word of the row itself too, so that the least and greatest uniform numbers are among them.
+        let numbers =
+            normal_vector([logarithm(drawn[0]), logarithm(c)], [uniform_turns(drawn[1]), uniform_turns(drawn[3])]);
+        let mut numbers = to_f64(&v_out(numbers));
+        numbers.extend(halves::<T>(&drawn).iter().map(|x| x.to_f64()));
+        expected.push(numbers);
+        rows.push(halves::<T>(&words));
+    }
+    let line = "var w = array<u32, 6>(0u, 0u, 0u, 0u, 0u, 0u);
+        for (var k = 0u; k < 6u; k += 1u) { w[k] = u32(r(2u * k)) | (u32(r(2u * k + 1u)) << 16u); }
+        let drawn = philox(vec4<u32>(w[0], w[1], w[2], w[3]), vec2<u32>(w[4], w[5]));
+        put_v(0u, normal_vector(vec4<u32>(drawn.x, drawn.y, w[2], drawn.w)));
+        for (var k = 0u; k < 4u; k += 1u) {
+            put_r(3u + 2u * k, real(drawn[k] & 0xffffu));
+            put_r(4u + 2u * k, real(drawn[k] >> 16u));
+        }";
+    let found = Harness::new().run(&torque_chunks(precision_of::<T>()), line, &rows, 11);
+    let integers = |rows: &[Vec<f64>]| rows.iter().map(|row| row[3..].to_vec()).collect::<Vec<_>>();
+    assert_eq!(integers(&expected), integers(&found), "random words");
+    let normals = |rows: &[Vec<f64>]| rows.iter().map(|row| row[..3].to_vec()).collect::<Vec<_>>();
+    compare_rows::<T>(&[VECTOR], &normals(&expected), &normals(&found), |_| 1.0, TRIGONOMETRIC)
+        .unwrap_or_else(|mismatch| panic!("{mismatch}"));
+}
+
+#[test]
+fn draws_agree() {
+    check_noise::<f32>();
+    check_noise::<f64>();
+}
+
+#[test]
+fn the_block_function_gives_the_published_words() {
+    // Random123, kat_vectors: philox4x32 10.
+    assert_eq!(philox([0; 4], [0; 2]), [0x6627_e8d5, 0xe169_c58d, 0xbc57_ac4c, 0x9b00_dbd8]);
+    assert_eq!(philox([u32::MAX; 4], [u32::MAX; 2]), [0x408f_276d, 0x41c8_3b0e, 0xa20b_c7c6, 0x6d54_51fd]);
+}
+
+const BODIES: usize = 203;
+const DT: f64 = 1.0 / 64.0;
+
+/// The bound after `steps` steps, in ulps of a vector's largest component: as in `parity.rs`, a few roundings of each
+/// step's increment, of which a torque adds as many as the motion itself has.
+fn bound(precision: Precision, steps: u64) -> f64 {
+    match precision {
+        Precision::F32 => 2.0 * steps as f64,
+        Precision::F64 => 12.0 * steps as f64,
+    }
+}
+
+/// The largest difference of GPU and twin under some torques.
+fn compared(gpu: &Engine, torques: &[Torque], precision: Precision, steps: u64) -> Result<f64, String> {
+    let batch = batch_under(BODIES, 12, torques, precision);
+    let expected = common::advanced(&Engine::cpu_scalar(), &batch, Method::Rk4, DT, steps);
+    let found = common::advanced(gpu, &batch, Method::Rk4, DT, steps);
+    let bound = bound(precision, steps);
+    match precision {
+        Precision::F32 => compare_states::<f32>(&expected, &found, bound),
+        Precision::F64 => compare_states::<f64>(&expected, &found, bound),
+    }
+    .map_err(|mismatch| mismatch.to_string())
+}
+
+#[test]
+fn steps_under_each_torque_and_under_all_of_them_agree_with_the_twin() {
+    let gpu = common::gpu();
+    let all = every_torque(&middle_moments(BODIES, 12));
+    let mut scenes: Vec<(&str, Vec<Torque>)> = all.iter().map(|torque| (torque.name(), vec![torque.clone()])).collect();
+    scenes.push(("all", all.clone()));
+    scenes.push(("all twice", [all.clone(), all].concat()));
+    for precision in Precision::ALL {
+        for (name, torques) in &scenes {
+            for steps in [1, 50] {
+                match compared(&gpu, torques, precision, steps) {
+                    Ok(largest) => println!("{precision} {name}, {steps} steps: {largest:.3} ulps"),
+                    Err(mismatch) => panic!("{precision} {name}, {steps} steps: {mismatch}"),
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn lanes_agree_with_the_scalar_twin_under_every_torque() {
+    let all = every_torque(&middle_moments(BODIES, 12));
+    for precision in Precision::ALL {
+        compared(&Engine::cpu(), &all, precision, 50).unwrap_or_else(|mismatch| panic!("{precision}: {mismatch}"));
+    }
+}
+
+#[test]
+fn a_planted_fault_in_a_torque_is_found_after_one_step() {
+    let all = every_torque(&middle_moments(BODIES, 12));
+    for (file, from, to) in [
+        ("torque/heavy_top.wgsl", "return cross_vector", "return -cross_vector"),
+        ("torque/linear_drag.wgsl", "return -(", "return 1.01 * -("),
+        ("clock.wgsl", "phase.w", "(phase.w ^ 65536u)"),
+        ("torque/white_noise.wgsl", "0x9e3779b9u", "0x9e3779b8u"),
+        ("torque/orbit.wgsl", "iteration < 4u", "iteration < 1u"),
+    ] {
+        let mut options = common::any_adapter();
+        options.patches = vec![Patch { file: file.into(), from: from.into(), to: to.into() }];
+        let gpu = common::gpu_with(options);
+        let result = compared(&gpu, &all, Precision::F64, 1);
+        assert!(result.is_err(), "{file}: {to} passed: {result:?}");
+    }
+}
