@@ -92,6 +92,27 @@ A study file in TOML describes the bodies, the time and what is written:
     snapshots = true                  # all output times, not the end alone
     format = \"csv\"                    # or \"npz\" for NumPy
 
+Keys (SI units):
+    title, seed           a text; a whole number, default 0
+    bodies.count, .file   how many; or a CSV table: ixx iyy izz [ixy ixz iyz] wx wy wz [mass]
+                          [qx qy qz qw] [x y z] [vx vy vz] [name]; what it lacks is drawn
+    bodies.inertia        { shape, mass or density, lengths }: sphere, spherical-shell,
+                          circular-plate (radius), ellipsoid (semi_axes), box (edges), cylinder,
+                          cone (radius, height), tube (inner_radius, outer_radius, height), capsule
+                          (radius, length), torus (major_radius, minor_radius), rectangular-plate
+                          (width, depth); moments [ixx, iyy, izz]; { moments = distribution };
+                          or a tensor { ixx, iyy, izz, ixy, ixz, iyz }, ixy = -(integral of xy dm)
+    bodies.orientation    [x, y, z, w], { axis, angle }, or { distribution = \"uniform\" }
+    bodies.angular_velocity, .position, .velocity, .mass
+                          the first in body axes, the next two in world axes
+    force.constant        [x, y, z] on every body, world axes; the bodies need masses
+    time.end, .outputs    { every } or { times = [...] }
+    accuracy              attitude [precision]; or method (rk4, dlm), dt [precision: f32, f64]
+    output                final, snapshots (true or false), format (csv, npz)
+Any number or vector of a body may be a distribution: constant (value), uniform (low, high),
+normal (mean, sigma), log-normal (median, sigma of the logarithm); a vector also direction
+(magnitude), uniform on the sphere. Every draw depends on seed, body and column alone.
+
 Examples:
     polhode run study.toml                        results in study.out/
     polhode run study.toml --out results --force  replace those of a former run
