@@ -11,7 +11,7 @@ struct Turns {
     residual: real,
 }
 
-// sin and cos of an angle in turns; error at most 1 ulp of 1.
+// sin and cos of an angle in turns; error at most 1.25e-7 (f32) or 2.2e-16 (f64), absolute.
 fn sin_cos_turns(angle: Turns) -> SinCos {
     let x = angle.residual * TAU;
     let sin = sin_eighth(x);

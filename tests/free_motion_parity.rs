@@ -56,7 +56,7 @@ fn phases_agree<T: Scalar>(precision: Precision) {
     let mut rows = Vec::new();
     let mut expected = Vec::new();
     for row in 0..4 * ROWS {
-        let edge = |x: u64| if row % 7 == 0 { if x % 2 == 0 { u64::MAX } else { 1 << (x % 64) } } else { x };
+        let edge = |x: u64| if row % 7 == 0 { if x.is_multiple_of(2) { u64::MAX } else { 1 << (x % 64) } } else { x };
         let fraction = (u128::from(edge(random.bits())) << 64) | u128::from(edge(random.bits()));
         let mantissa = edge(random.bits()) >> (row % 12);
         let start = random.bits();

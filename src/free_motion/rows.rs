@@ -247,12 +247,12 @@ impl<T: Scalar> LaneTask<f64> for SetUpBlock<'_, '_, T> {
             let columns = row_columns(row);
             for (column, number) in columns.into_iter().enumerate() {
                 number.store(&mut lanes);
-                for lane in 0..R::LANES {
-                    self.constants[column][self.first + offset + lane] = T::from_f64(lanes[lane]);
+                let target = &mut self.constants[column][self.first + offset..][..R::LANES];
+                for (target, &lane) in target.iter_mut().zip(&lanes) {
+                    *target = T::from_f64(lane);
                 }
             }
             let separatrix = R::select(found.separatrix, R::splat(1.0), R::splat(0.0));
-            let mut integers = [[0.0_f64; 8]; 7];
             let numbers = [
                 found.polhode_rate.high,
                 found.polhode_rate.low,
@@ -262,14 +262,19 @@ impl<T: Scalar> LaneTask<f64> for SetUpBlock<'_, '_, T> {
                 found.polhode_start.low,
                 separatrix,
             ];
-            for (number, lanes) in numbers.into_iter().zip(&mut integers) {
-                number.store(lanes);
+            // One row a lane.
+            let mut integers = [[0.0_f64; 7]; 8];
+            for (column, number) in numbers.into_iter().enumerate() {
+                number.store(&mut lanes);
+                for (row, &lane) in integers.iter_mut().zip(&lanes) {
+                    row[column] = lane;
+                }
             }
-            for lane in 0..R::LANES {
+            for (lane, row) in integers[..R::LANES].iter().enumerate() {
                 let body = offset + lane;
-                let two = |c: usize| DoubleDouble { high: integers[c][lane], low: integers[c + 1][lane] };
+                let two = |c: usize| DoubleDouble { high: row[c], low: row[c + 1] };
                 let mut phases = Phases::from_turns(two(0), two(2), two(4), self.frames[body].rate_exponent);
-                if integers[6][lane] > 0.5 {
+                if row[6] > 0.5 {
                     let (row, start) = separatrix_body(&self.initial.load::<f64>(body));
                     phases.polhode_start = start;
                     for (column, number) in row_columns(&row).into_iter().enumerate() {
