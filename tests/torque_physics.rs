@@ -283,7 +283,7 @@ fn time_is_exact_over_a_quarter_of_a_million_periods() {
     let amplitude = 1.0 / rate;
     for precision in Precision::ALL {
         let end = 2_097_152.0 + 2.0;
-        let record = run(&[row], &[torque.clone()], &[end], 0.25, precision);
+        let record = run(&[row], std::slice::from_ref(&torque), &[end], 0.25, precision);
         let found = record.final_state().angular_velocity_body(0).z;
         // ω = sin Ωt / Ω = 1/Ω at a quarter period. TAU/8 in f64 puts the phase off by 2e-10 rad by then; rk4's error
         // (Ω dt)⁴/2880 of the amplitude is 5e-7; what f32 rounds off each of 3e7 increments, 6e-8 of a quarter, adds up
