@@ -13,22 +13,44 @@ use glam::{DQuat, DVec3};
 
 /// What is drawn: the column's number enters the counter, so it must never change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u32)]
 pub enum Column {
     /// Inertia tensor, or principal moments.
-    Inertia = 1,
+    Inertia,
     /// Orientation.
-    Orientation = 2,
+    Orientation,
     /// Angular velocity.
-    AngularVelocity = 3,
+    AngularVelocity,
     /// Mass.
-    Mass = 4,
+    Mass,
     /// Position of the centre of mass.
-    Position = 5,
+    Position,
     /// Velocity of the centre of mass.
-    Velocity = 6,
+    Velocity,
     /// Magnitude of the angular velocity, where direction and magnitude are drawn apart.
-    SpinRate = 7,
+    SpinRate,
+    /// A parameter of a torque.
+    Torque {
+        /// Index of the torque in its study.
+        torque: u16,
+        /// Index of the parameter in its model.
+        parameter: u8,
+    },
+}
+
+impl Column {
+    /// The column's number in the counter.
+    fn number(self) -> u32 {
+        match self {
+            Column::Inertia => 1,
+            Column::Orientation => 2,
+            Column::AngularVelocity => 3,
+            Column::Mass => 4,
+            Column::Position => 5,
+            Column::Velocity => 6,
+            Column::SpinRate => 7,
+            Column::Torque { torque, parameter } => 0x100_0000 | u32::from(torque) << 8 | u32::from(parameter),
+        }
+    }
 }
 
 /// The source of all draws of one seed.
@@ -47,7 +69,7 @@ impl Draw {
     fn block(self, body: usize, column: Column, block: u32) -> [u32; 4] {
         let (seed, body) = (self.seed, body as u64);
         rand_philox::philox4x32_10(
-            [body as u32, (body >> 32) as u32, column as u32, block],
+            [body as u32, (body >> 32) as u32, column.number(), block],
             [seed as u32, (seed >> 32) as u32],
         )
     }

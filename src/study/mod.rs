@@ -37,6 +37,16 @@
 //!   default: body axes along world axes. `angular_velocity`: body axes, rad/s.
 //! * `position`, `velocity` (world axes) and `mass`: for bodies that move through space. `[force]` with
 //!   `constant = [fx, fy, fz]` is a force on every body's centre of mass in world axes, N.
+//! * `[[torque]]`, any number of them: a `model` and its parameters ([`crate::torque`] has the equations):
+//!   `constant-body` and `constant-world` (`torque`), `viscous` or `linear-drag` (`coefficient`), `matrix-drag` (`matrix`, three
+//!   rows), `quadratic-drag` (`coefficient`), `sinusoidal` (`sine`, `cosine`, `rate`), `gravity-gradient` (`mu`, `orbit`),
+//!   `heavy-top` (`mass`, `centre`, `gravity`), `magnetic-dipole` (`moment`, `field`), `orbiting-dipole` (`moment`, `mu`,
+//!   `orbit`, `strength`, `tilt`, `azimuth`, `rotation`), `eddy-current` (`coefficient`, `field`), `sine-spring` and
+//!   `log-spring` (`stiffness`, `target`), `internal-dissipation` (`coefficient`), `white-noise` (`intensity`, `seed`,
+//!   `draws_per_step`). An `orbit` is `{ radius = ... }` or `{ semi_major_axis = ..., eccentricity = ... }`, each with
+//!   `inclination`, `ascending_node`, `pericentre` and `mean_anomaly` where they are not zero. A parameter is a number or
+//!   vector for all bodies, a distribution, or a column of the table of bodies: `{ column = "drag" }`, or
+//!   `{ columns = ["tx", "ty", "tz"] }` for a vector.
 //! * A number may be a distribution: `constant` (`value`), `uniform` (`low`, `high`), `normal` (`mean`, `sigma`),
 //!   `log-normal` (`median`, `sigma` of the logarithm). So may a vector, where one number stands for three; and
 //!   `direction` (`magnitude`) is uniform on the sphere.
@@ -45,7 +55,7 @@
 //! Every draw is a function of seed, body and column alone ([`draw`]), so a study with fewer bodies holds the first of
 //! those of a larger one.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
@@ -65,6 +75,7 @@ pub mod problem;
 mod reader;
 mod solid;
 pub mod table;
+mod torque;
 
 pub use bodies::{Bodies, Inertia};
 pub use distribution::{Orientation, Scalar, Vector};
@@ -74,6 +85,7 @@ pub use table::BodyTable;
 
 use draw::Draw;
 use reader::{Node, Place, Table, Text};
+use torque::StudyTorque;
 
 /// The attitude error asked for where a study names none, rad.
 pub const DEFAULT_ATTITUDE: f64 = 1e-6;
@@ -109,6 +121,7 @@ pub struct Study {
     title: Option<String>,
     seed: u64,
     bodies: Bodies,
+    torques: Vec<StudyTorque>,
     force_world: Option<DVec3>,
     end: f64,
     outputs: Outputs,
@@ -175,24 +188,47 @@ impl Study {
     }
 
     fn from_root(file: &Path, root: &Table<'_>) -> Result<Self> {
-        root.only(&["title", "seed", "bodies", "force", "time", "accuracy", "output"])?;
+        root.only(&["title", "seed", "bodies", "torque", "force", "time", "accuracy", "output"])?;
         let mut places = BTreeMap::new();
         root.places(&mut places);
 
         let title = root.find("title").map(|node| node.string("a text is needed")).transpose()?.map(str::to_owned);
         let seed = root.find("seed").map(|node| node.whole("a whole number is needed")).transpose()?.unwrap_or(0);
+        let torques = root.find("torque").map(|node| torque::read(&node)).transpose()?.unwrap_or_default();
+        let mut columns = BTreeSet::new();
+        torques.iter().for_each(|torque| torque.columns(&mut columns));
         let bodies = root.need("bodies", "a table that describes the bodies is needed")?;
         let bodies = Bodies::read(&bodies, |_, name| {
             let folder = file.parent().unwrap_or(Path::new(""));
-            BodyTable::read(&folder.join(name), usize::MAX)
+            BodyTable::read_with(&folder.join(name), usize::MAX, &columns)
         })?;
+        if bodies.table.is_none()
+            && let Some(name) = columns.first()
+        {
+            let expected = "torques read columns of the table of bodies: name its file here";
+            let key = format!("bodies.file (column {name})");
+            let line = places.get("bodies").map_or(1, |place| place.line);
+            return Err(InputError { file: file.to_owned(), line, key, fault: Fault::Missing { expected } }.into());
+        }
         let force_world = root.find("force").map(|node| force(&node)).transpose()?;
         let (end, outputs) = time(&root.need("time", "a table with the end of the simulated span is needed")?)?;
         let stepping = root.find("accuracy").map(|node| accuracy(&node)).transpose()?;
         let stepping = stepping.unwrap_or(StudyStepping::Attitude { angle: DEFAULT_ATTITUDE, precision: None });
         let output = root.find("output").map(|node| output(&node)).transpose()?;
         let output = output.unwrap_or(Output { final_state: true, snapshots: false, format: Format::Csv });
-        Ok(Self { file: file.to_owned(), places, title, seed, bodies, force_world, end, outputs, stepping, output })
+        Ok(Self {
+            file: file.to_owned(),
+            places,
+            title,
+            seed,
+            bodies,
+            torques,
+            force_world,
+            end,
+            outputs,
+            stepping,
+            output,
+        })
     }
 
     /// The file's name as it was given.
@@ -254,6 +290,10 @@ impl Study {
         if let Some(force) = self.force_world {
             scene = scene.force_world(force);
         }
+        for torque in &self.torques {
+            let (count, table) = (self.bodies.count, self.bodies.table.as_ref());
+            scene = scene.torque(torque.torque(Draw::new(self.seed), self.seed, count, table));
+        }
         Ok(match self.stepping {
             StudyStepping::Attitude { angle, precision } => {
                 scene.accuracy(Accuracy::attitude(angle)).precision(precision)
@@ -281,6 +321,21 @@ impl Study {
                 None => Error::MissingMass,
             },
             Error::Body { body, field, value, expected } => self.located_body(body, field, value, expected),
+            Error::Torque { torque, model, body, field, value, expected } => {
+                let key = self.torques.get(torque).map_or_else(String::new, |torque| torque.key(field));
+                let error = Error::Torque { torque, model, body, field, value, expected };
+                // A parameter may stand under another name (`orbit.radius`): then the torque's own line is named.
+                match self.places.get(&key).or_else(|| self.places.get(&torque::place(torque))) {
+                    Some(place) => {
+                        let fault = match body {
+                            Some(body) => Fault::Body { body, field, value, expected },
+                            None => Fault::Value { value: format!("{value:?}"), expected },
+                        };
+                        self.input(place.line, &key, fault)
+                    }
+                    None => error,
+                }
+            }
             other => other,
         }
     }

@@ -127,8 +127,21 @@ impl<'a> Table<'a> {
             let path = self.path_of(key.get_ref());
             let line = self.source.line(key.span().start);
             places.insert(path.clone(), Place { line, value: self.source.excerpt(value.span()) });
-            if let DeValue::Table(table) = value.get_ref() {
-                Table { source: self.source, path, table, start: key.span().start }.places(places);
+            match value.get_ref() {
+                DeValue::Table(table) => {
+                    Table { source: self.source, path, table, start: key.span().start }.places(places);
+                }
+                // Tables of a list are counted from 1: `torque[1].coefficient`.
+                DeValue::Array(array) => {
+                    for (index, element) in array.iter().enumerate() {
+                        let DeValue::Table(table) = element.get_ref() else { continue };
+                        let path = format!("{path}[{}]", index + 1);
+                        let (start, line) = (element.span().start, self.source.line(element.span().start));
+                        places.insert(path.clone(), Place { line, value: String::new() });
+                        Table { source: self.source, path, table, start }.places(places);
+                    }
+                }
+                _ => {}
             }
         }
     }

@@ -3,8 +3,9 @@
 //! Columns (SI; body frame, positions and velocities in world axes), in any order:
 //! `mass`, `ixx iyy izz ixy ixz iyz`, `qx qy qz qw`, `wx wy wz`, `x y z`, `vx vy vz`. `ixy` is the tensor's off-diagonal
 //! *element* −∫ρxy; off-diagonal columns that are missing are zero. A column `name` is for the reader's use. Lines that
-//! begin with `#` are comments.
+//! begin with `#` are comments. A study's torques may name further columns of numbers.
 
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -41,6 +42,8 @@ const VELOCITY: usize = 17;
 pub struct BodyTable {
     file: PathBuf,
     columns: [Option<Vec<f64>>; NUMBERS.len()],
+    /// Columns that a study's torques name, beside those that describe bodies.
+    extra: Vec<(String, Vec<f64>)>,
     /// The line of each row, from 1.
     lines: Vec<u64>,
 }
@@ -53,8 +56,17 @@ impl BodyTable {
     /// [`Error::File`] where the file cannot be read; [`Error::Input`] with line and column where it is not a table of
     /// bodies.
     pub fn read(path: &Path, most: usize) -> Result<Self> {
+        Self::read_with(path, most, &BTreeSet::new())
+    }
+
+    /// As [`BodyTable::read`], with further columns of numbers of these names, each of which must be there.
+    ///
+    /// # Errors
+    ///
+    /// As [`BodyTable::read`].
+    pub fn read_with(path: &Path, most: usize, extra: &BTreeSet<String>) -> Result<Self> {
         let file = File::open(path).map_err(|error| Error::file(path, FileAction::Read, &error))?;
-        Self::from_reader(path, file, most)
+        Self::from_reader_with(path, file, most, extra)
     }
 
     /// Reads the first `most` rows of `source`, which messages call `path`.
@@ -63,6 +75,10 @@ impl BodyTable {
     ///
     /// As [`BodyTable::read`].
     pub fn from_reader(path: &Path, source: impl Read, most: usize) -> Result<Self> {
+        Self::from_reader_with(path, source, most, &BTreeSet::new())
+    }
+
+    fn from_reader_with(path: &Path, source: impl Read, most: usize, extra: &BTreeSet<String>) -> Result<Self> {
         let mut reader = ReaderBuilder::new().trim(Trim::All).comment(Some(b'#')).flexible(true).from_reader(source);
         let header = reader.headers().map_err(|error| csv_error(path, error))?.clone();
         // The header's own position is not kept by the reader: it is the first line that is no comment.
@@ -71,10 +87,12 @@ impl BodyTable {
             let reason = "a header with the names of the columns is needed".to_owned();
             return Err(input_error(path, header_line, "", Fault::Syntax { reason }));
         }
-        let places = header_places(path, &header, header_line)?;
+        let places = header_places(path, &header, header_line, extra)?;
 
-        let mut table = Self { file: path.to_owned(), columns: Default::default(), lines: Vec::new() };
-        for &column in places.iter().flatten() {
+        let mut table =
+            Self { file: path.to_owned(), columns: Default::default(), extra: Vec::new(), lines: Vec::new() };
+        table.extra.extend(extra.iter().map(|name| (name.clone(), Vec::new())));
+        for &column in places.iter().flatten().filter(|&&column| column < NUMBERS.len()) {
             table.columns[column] = Some(Vec::new());
         }
         let mut record = StringRecord::new();
@@ -89,9 +107,12 @@ impl BodyTable {
                 let number = field.parse().ok().filter(|x: &f64| x.is_finite()).ok_or_else(|| {
                     let value = if field.is_empty() { "(empty)".to_owned() } else { field.to_owned() };
                     let fault = Fault::Value { value, expected: "a finite number is needed" };
-                    input_error(path, line, NUMBERS[column], fault)
+                    let name = NUMBERS.get(column).copied();
+                    input_error(path, line, name.unwrap_or_else(|| &table.extra[column - NUMBERS.len()].0), fault)
                 })?;
-                if let Some(numbers) = &mut table.columns[column] {
+                if column >= NUMBERS.len() {
+                    table.extra[column - NUMBERS.len()].1.push(number);
+                } else if let Some(numbers) = &mut table.columns[column] {
                     numbers.push(number);
                 }
             }
@@ -108,6 +129,14 @@ impl BodyTable {
     /// Whether there are no rows.
     pub fn is_empty(&self) -> bool {
         self.lines.is_empty()
+    }
+
+    /// The numbers of a further column that was asked for by name.
+    pub fn extra(&self, name: &str) -> Option<&[f64]> {
+        match NUMBERS.iter().position(|known| *known == name) {
+            Some(column) => self.columns[column].as_deref(),
+            None => self.extra.iter().find(|(known, _)| known == name).map(|(_, numbers)| numbers.as_slice()),
+        }
     }
 
     /// Whether the table has inertia tensors.
@@ -193,20 +222,34 @@ impl BodyTable {
 }
 
 /// The kept column of every field of a row, `None` for names.
-fn header_places(path: &Path, header: &StringRecord, line: u64) -> Result<Vec<Option<usize>>> {
+///
+/// Columns of `extra` follow those of [`NUMBERS`], in its order.
+fn header_places(
+    path: &Path,
+    header: &StringRecord,
+    line: u64,
+    extra: &BTreeSet<String>,
+) -> Result<Vec<Option<usize>>> {
     let mut places = Vec::with_capacity(header.len());
     for name in header {
-        if !KNOWN.contains(&name) {
+        if !KNOWN.contains(&name) && !extra.contains(name) {
             let key = if name.is_empty() { "(empty)" } else { name };
             let fault = Fault::Unknown { nearest: nearest(name, KNOWN), known: KNOWN };
             return Err(input_error(path, line, key, fault));
         }
-        let place = NUMBERS.iter().position(|known| *known == name);
+        let known = NUMBERS.iter().position(|known| *known == name);
+        let place = known.or_else(|| Some(NUMBERS.len() + extra.iter().position(|wanted| wanted == name)?));
         if place.is_some() && places.contains(&place) {
             let fault = Fault::Syntax { reason: "this column stands twice in the header".to_owned() };
             return Err(input_error(path, line, name, fault));
         }
         places.push(place);
+    }
+    for name in extra {
+        if !header.iter().any(|found| found == name) {
+            let expected = "a torque of the study reads this column";
+            return Err(input_error(path, line, name, Fault::Missing { expected }));
+        }
     }
     // Columns that make up one value stand together or not at all; off-diagonal elements may be left out.
     let groups = [

@@ -1,0 +1,497 @@
+//! `[[torque]]` in study files.
+
+use std::collections::BTreeSet;
+
+use glam::{DMat3, DQuat, DVec3};
+use rayon::prelude::*;
+
+use super::distribution::{Orientation, Scalar, Vector};
+use super::draw::{Column, Draw};
+use super::reader::{Node, Table};
+use super::table::BodyTable;
+use crate::error::Result;
+use crate::torque::white_noise::WhiteNoise;
+use crate::torque::{Orbit, Parameter, Torque};
+
+/// A torque of a study: parameters not yet drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct StudyTorque {
+    model: Model,
+    /// Index among the study's torques, from 0; enters the draws.
+    index: usize,
+}
+
+/// A number of each body: drawn, or a column of the table of bodies.
+#[derive(Clone, Debug, PartialEq)]
+enum Number {
+    Drawn(Scalar),
+    Column(String),
+}
+
+/// A vector of each body: drawn, or three columns of the table of bodies.
+#[derive(Clone, Debug, PartialEq)]
+enum Triple {
+    Drawn(Vector),
+    Columns([String; 3]),
+}
+
+/// What a model reads.
+#[derive(Clone, Debug, PartialEq)]
+enum Model {
+    ConstantBody {
+        torque: Triple,
+    },
+    ConstantWorld {
+        torque: Triple,
+    },
+    LinearDrag {
+        coefficient: Number,
+    },
+    MatrixDrag {
+        matrix: DMat3,
+    },
+    QuadraticDrag {
+        coefficient: Number,
+    },
+    Sinusoidal {
+        sine: Triple,
+        cosine: Triple,
+        rate: Number,
+    },
+    GravityGradient {
+        orbit: StudyOrbit,
+    },
+    HeavyTop {
+        mass: Number,
+        centre: Triple,
+        gravity: Triple,
+    },
+    MagneticDipole {
+        moment: Triple,
+        field: Triple,
+    },
+    OrbitingDipole {
+        moment: Triple,
+        orbit: StudyOrbit,
+        strength: Number,
+        tilt: Number,
+        azimuth: Number,
+        rotation: Number,
+    },
+    EddyCurrent {
+        coefficient: Number,
+        field: Triple,
+    },
+    SineSpring {
+        stiffness: Number,
+        target: Orientation,
+    },
+    LogSpring {
+        stiffness: Number,
+        target: Orientation,
+    },
+    InternalDissipation {
+        coefficient: Number,
+    },
+    WhiteNoise {
+        intensity: Number,
+        seed: Option<u64>,
+        draws_per_step: u16,
+    },
+}
+
+/// An orbit's elements.
+#[derive(Clone, Debug, PartialEq)]
+struct StudyOrbit {
+    mu: Number,
+    semi_major_axis: Number,
+    eccentricity: Number,
+    inclination: Number,
+    ascending_node: Number,
+    pericentre: Number,
+    mean_anomaly: Number,
+}
+
+/// The names of the models; `viscous` is another name of `linear-drag`.
+const MODELS: &[&str] = &[
+    "constant-body",
+    "constant-world",
+    "viscous",
+    "linear-drag",
+    "matrix-drag",
+    "quadratic-drag",
+    "sinusoidal",
+    "gravity-gradient",
+    "heavy-top",
+    "magnetic-dipole",
+    "orbiting-dipole",
+    "eddy-current",
+    "sine-spring",
+    "log-spring",
+    "internal-dissipation",
+    "white-noise",
+];
+
+/// Reads the list `[[torque]]`.
+pub(super) fn read(node: &Node<'_>) -> Result<Vec<StudyTorque>> {
+    const EXPECTED: &str = "tables [[torque]] are needed";
+    let elements = node.elements().ok_or_else(|| node.refuse(EXPECTED))?;
+    elements
+        .into_iter()
+        .enumerate()
+        .map(|(index, mut element)| {
+            element.path = place(index);
+            let table = element.any_table().ok_or_else(|| element.refuse(EXPECTED))?;
+            Ok(StudyTorque { model: model(&table)?, index })
+        })
+        .collect()
+}
+
+/// What messages call a torque of the list.
+pub(super) fn place(index: usize) -> String {
+    format!("torque[{}]", index + 1)
+}
+
+fn model(table: &Table<'_>) -> Result<Model> {
+    let name = table.need("model", "the name of a torque's model is needed")?.choice(MODELS)?;
+    let number = |key: &str, expected: &'static str| table.need(key, expected).and_then(|node| Number::read(&node));
+    let number_or = |key: &str, default: f64| match table.find(key) {
+        Some(node) => Number::read(&node),
+        None => Ok(Number::Drawn(Scalar::Constant(default))),
+    };
+    let vector = |key: &str, expected: &'static str| table.need(key, expected).and_then(|node| Triple::read(&node));
+    let vector_or_zero = |key: &str| match table.find(key) {
+        Some(node) => Triple::read(&node),
+        None => Ok(Triple::Drawn(Vector::constant(DVec3::ZERO))),
+    };
+    const COEFFICIENT: &str = "the coefficient is needed";
+    Ok(match name {
+        "constant-body" | "constant-world" => {
+            table.only(&["model", "torque"])?;
+            let torque = vector("torque", "a vector is needed (N m)")?;
+            if name == "constant-body" { Model::ConstantBody { torque } } else { Model::ConstantWorld { torque } }
+        }
+        "viscous" | "linear-drag" => {
+            table.only(&["model", "coefficient"])?;
+            Model::LinearDrag { coefficient: number("coefficient", "the coefficient is needed (N m s)")? }
+        }
+        "matrix-drag" => {
+            table.only(&["model", "matrix"])?;
+            const ROWS: &str = "three rows of three finite numbers are needed (N m s, body axes)";
+            let node = table.need("matrix", ROWS)?;
+            let rows = node.elements().filter(|rows| rows.len() == 3).ok_or_else(|| node.refuse(ROWS))?;
+            let rows: Vec<DVec3> = rows.iter().map(|row| row.vector(ROWS)).collect::<Result<_>>()?;
+            Model::MatrixDrag { matrix: DMat3::from_cols(rows[0], rows[1], rows[2]).transpose() }
+        }
+        "quadratic-drag" => {
+            table.only(&["model", "coefficient"])?;
+            Model::QuadraticDrag { coefficient: number("coefficient", "the coefficient is needed (N m s²)")? }
+        }
+        "sinusoidal" => {
+            table.only(&["model", "sine", "cosine", "rate"])?;
+            Model::Sinusoidal {
+                sine: vector_or_zero("sine")?,
+                cosine: vector_or_zero("cosine")?,
+                rate: number("rate", "the angular frequency is needed (rad/s)")?,
+            }
+        }
+        "gravity-gradient" => {
+            table.only(&["model", "mu", "orbit"])?;
+            Model::GravityGradient { orbit: orbit(table)? }
+        }
+        "heavy-top" => {
+            table.only(&["model", "mass", "centre", "gravity"])?;
+            Model::HeavyTop {
+                mass: number("mass", "the mass is needed (kg)")?,
+                centre: vector("centre", "the centre of mass from the pivot, in body axes, is needed (m)")?,
+                gravity: vector("gravity", "gravity in world axes is needed (m/s²)")?,
+            }
+        }
+        "magnetic-dipole" => {
+            table.only(&["model", "moment", "field"])?;
+            Model::MagneticDipole {
+                moment: vector("moment", "the magnetic moment in body axes is needed (A m²)")?,
+                field: vector("field", "the field in world axes is needed (T)")?,
+            }
+        }
+        "orbiting-dipole" => {
+            table.only(&["model", "moment", "mu", "orbit", "strength", "tilt", "azimuth", "rotation"])?;
+            Model::OrbitingDipole {
+                moment: vector("moment", "the magnetic moment in body axes is needed (A m²)")?,
+                orbit: orbit(table)?,
+                strength: number("strength", "the planet's dipole moment times μ0/4π is needed (T m³)")?,
+                tilt: number_or("tilt", 0.0)?,
+                azimuth: number_or("azimuth", 0.0)?,
+                rotation: number_or("rotation", 0.0)?,
+            }
+        }
+        "eddy-current" => {
+            table.only(&["model", "coefficient", "field"])?;
+            Model::EddyCurrent {
+                coefficient: number("coefficient", "the coefficient is needed (N m s/T²)")?,
+                field: vector("field", "the field in world axes is needed (T)")?,
+            }
+        }
+        "sine-spring" | "log-spring" => {
+            table.only(&["model", "stiffness", "target"])?;
+            let stiffness = number("stiffness", "the stiffness is needed (N m)")?;
+            let target = table.need("target", "the attitude at rest is needed")?;
+            let target = Orientation::read(&target)?;
+            if name == "sine-spring" {
+                Model::SineSpring { stiffness, target }
+            } else {
+                Model::LogSpring { stiffness, target }
+            }
+        }
+        "internal-dissipation" => {
+            table.only(&["model", "coefficient"])?;
+            Model::InternalDissipation { coefficient: number("coefficient", COEFFICIENT)? }
+        }
+        _ => {
+            table.only(&["model", "intensity", "seed", "draws_per_step"])?;
+            const DRAWS: &str = "a whole number from 1 to 65535 is needed";
+            let draws_per_step = match table.find("draws_per_step") {
+                None => 1,
+                Some(node) => {
+                    let draws = u16::try_from(node.whole(DRAWS)?).ok();
+                    draws.filter(|draws| *draws > 0).ok_or_else(|| node.refuse(DRAWS))?
+                }
+            };
+            Model::WhiteNoise {
+                intensity: number("intensity", "the intensity is needed (N m √s)")?,
+                seed: table.find("seed").map(|node| node.whole("a whole number is needed")).transpose()?,
+                draws_per_step,
+            }
+        }
+    })
+}
+
+/// `mu` and `orbit` of a torque's table.
+fn orbit(table: &Table<'_>) -> Result<StudyOrbit> {
+    let mu = table.need("mu", "the centre's gravitational parameter is needed (m³/s²)")?;
+    const EXPECTED: &str = "{ radius = metres } or { semi_major_axis = metres, eccentricity = ... } is needed";
+    let node = table.need("orbit", EXPECTED)?;
+    let known =
+        &["radius", "semi_major_axis", "eccentricity", "inclination", "ascending_node", "pericentre", "mean_anomaly"];
+    let elements = node.table(EXPECTED, known)?;
+    elements.exclusive("radius", "semi_major_axis")?;
+    elements.exclusive("radius", "eccentricity")?;
+    let size = elements.find("radius").or_else(|| elements.find("semi_major_axis"));
+    let size = size.ok_or_else(|| node.refuse(EXPECTED))?;
+    let element = |key: &str| match elements.find(key) {
+        Some(node) => Number::read(&node),
+        None => Ok(Number::Drawn(Scalar::Constant(0.0))),
+    };
+    Ok(StudyOrbit {
+        mu: Number::read(&mu)?,
+        semi_major_axis: Number::read(&size)?,
+        eccentricity: element("eccentricity")?,
+        inclination: element("inclination")?,
+        ascending_node: element("ascending_node")?,
+        pericentre: element("pericentre")?,
+        mean_anomaly: element("mean_anomaly")?,
+    })
+}
+
+impl Number {
+    fn read(node: &Node<'_>) -> Result<Self> {
+        if let Some(table) = node.any_table()
+            && let Some(column) = table.find("column")
+        {
+            table.only(&["column"])?;
+            let name = column.string("the name of a column of the table of bodies is needed")?;
+            return Ok(Number::Column(name.to_owned()));
+        }
+        Scalar::read(node).map(Number::Drawn)
+    }
+}
+
+impl Triple {
+    fn read(node: &Node<'_>) -> Result<Self> {
+        if let Some(table) = node.any_table()
+            && let Some(columns) = table.find("columns")
+        {
+            table.only(&["columns"])?;
+            const EXPECTED: &str = "the names of three columns of the table of bodies are needed";
+            let names = columns.elements().ok_or_else(|| columns.refuse(EXPECTED))?;
+            let names: Vec<String> =
+                names.iter().map(|name| Ok(name.string(EXPECTED)?.to_owned())).collect::<Result<_>>()?;
+            return Ok(Triple::Columns(names.try_into().map_err(|_| columns.refuse(EXPECTED))?));
+        }
+        Vector::read(node).map(Triple::Drawn)
+    }
+}
+
+/// What parameters are drawn from or read from.
+struct Source<'a> {
+    draw: Draw,
+    count: usize,
+    table: Option<&'a BodyTable>,
+    torque: usize,
+}
+
+impl Source<'_> {
+    /// The number of the `parameter`-th parameter of the torque, for all bodies.
+    fn number(&self, number: &Number, parameter: usize) -> Parameter<f64> {
+        match number {
+            Number::Drawn(Scalar::Constant(value)) => Parameter::Shared(*value),
+            Number::Drawn(scalar) => {
+                let column = self.column(parameter);
+                let bodies = (0..self.count).into_par_iter();
+                Parameter::PerBody(bodies.map(|body| scalar.sample(self.draw, body, column, 0)).collect())
+            }
+            Number::Column(name) => Parameter::PerBody(self.rows(name).to_vec()),
+        }
+    }
+
+    fn vector(&self, vector: &Triple, parameter: usize) -> Parameter<DVec3> {
+        match vector {
+            Triple::Drawn(Vector::Components([Scalar::Constant(x), Scalar::Constant(y), Scalar::Constant(z)])) => {
+                Parameter::Shared(DVec3::new(*x, *y, *z))
+            }
+            Triple::Drawn(vector) => {
+                let column = self.column(parameter);
+                let bodies = (0..self.count).into_par_iter();
+                Parameter::PerBody(bodies.map(|body| vector.sample(self.draw, body, column)).collect())
+            }
+            Triple::Columns(names) => {
+                let [x, y, z] = names.each_ref().map(|name| self.rows(name));
+                let rows = x.iter().zip(y).zip(z);
+                Parameter::PerBody(rows.map(|((&x, &y), &z)| DVec3::new(x, y, z)).collect())
+            }
+        }
+    }
+
+    fn orientation(&self, orientation: &Orientation, parameter: usize) -> Parameter<DQuat> {
+        match orientation {
+            Orientation::Constant(orientation) => Parameter::Shared(*orientation),
+            Orientation::Uniform => {
+                let column = self.column(parameter);
+                let bodies = (0..self.count).into_par_iter();
+                Parameter::PerBody(bodies.map(|body| self.draw.rotation(body, column)).collect())
+            }
+        }
+    }
+
+    fn orbit(&self, orbit: &StudyOrbit, first: usize) -> Orbit {
+        Orbit {
+            mu: self.number(&orbit.mu, first),
+            semi_major_axis: self.number(&orbit.semi_major_axis, first + 1),
+            eccentricity: self.number(&orbit.eccentricity, first + 2),
+            inclination: self.number(&orbit.inclination, first + 3),
+            ascending_node: self.number(&orbit.ascending_node, first + 4),
+            pericentre: self.number(&orbit.pericentre, first + 5),
+            mean_anomaly: self.number(&orbit.mean_anomaly, first + 6),
+        }
+    }
+
+    fn column(&self, parameter: usize) -> Column {
+        Column::Torque { torque: self.torque as u16, parameter: parameter as u8 }
+    }
+
+    /// The rows of a column; the table was read with all columns that torques name.
+    fn rows(&self, name: &str) -> &[f64] {
+        self.table.and_then(|table| table.extra(name)).map_or(&[], |rows| &rows[..self.count.min(rows.len())])
+    }
+}
+
+impl StudyTorque {
+    /// The names of the columns of the table of bodies that the torque reads.
+    pub(super) fn columns(&self, names: &mut BTreeSet<String>) {
+        let mut number = |number: &Number| {
+            if let Number::Column(name) = number {
+                names.insert(name.clone());
+            }
+        };
+        let orbit_numbers = |orbit: &StudyOrbit| {
+            let StudyOrbit { mu, semi_major_axis, eccentricity, inclination, ascending_node, pericentre, mean_anomaly } =
+                orbit.clone();
+            [mu, semi_major_axis, eccentricity, inclination, ascending_node, pericentre, mean_anomaly]
+        };
+        let mut triples: Vec<&Triple> = Vec::new();
+        match &self.model {
+            Model::ConstantBody { torque } | Model::ConstantWorld { torque } => triples.push(torque),
+            Model::LinearDrag { coefficient }
+            | Model::QuadraticDrag { coefficient }
+            | Model::InternalDissipation { coefficient } => number(coefficient),
+            Model::MatrixDrag { .. } => {}
+            Model::Sinusoidal { sine, cosine, rate } => {
+                triples.extend([sine, cosine]);
+                number(rate);
+            }
+            Model::GravityGradient { orbit } => orbit_numbers(orbit).iter().for_each(number),
+            Model::HeavyTop { mass, centre, gravity } => {
+                triples.extend([centre, gravity]);
+                number(mass);
+            }
+            Model::MagneticDipole { moment, field } => triples.extend([moment, field]),
+            Model::OrbitingDipole { moment, orbit, strength, tilt, azimuth, rotation } => {
+                triples.push(moment);
+                orbit_numbers(orbit).iter().chain([strength, tilt, azimuth, rotation]).for_each(number);
+            }
+            Model::EddyCurrent { coefficient, field } => {
+                triples.push(field);
+                number(coefficient);
+            }
+            Model::SineSpring { stiffness, .. } | Model::LogSpring { stiffness, .. } => number(stiffness),
+            Model::WhiteNoise { intensity, .. } => number(intensity),
+        }
+        for triple in triples {
+            if let Triple::Columns(columns) = triple {
+                names.extend(columns.iter().cloned());
+            }
+        }
+    }
+
+    /// The torque, its parameters drawn.
+    pub(super) fn torque(&self, draw: Draw, seed: u64, count: usize, table: Option<&BodyTable>) -> Torque {
+        let source = Source { draw, count, table, torque: self.index };
+        let (number, vector) = (|n: &Number, p: usize| source.number(n, p), |v: &Triple, p: usize| source.vector(v, p));
+        match &self.model {
+            Model::ConstantBody { torque } => Torque::constant_body(vector(torque, 0)),
+            Model::ConstantWorld { torque } => Torque::constant_world(vector(torque, 0)),
+            Model::LinearDrag { coefficient } => Torque::linear_drag(number(coefficient, 0)),
+            Model::MatrixDrag { matrix } => Torque::matrix_drag(*matrix),
+            Model::QuadraticDrag { coefficient } => Torque::quadratic_drag(number(coefficient, 0)),
+            Model::Sinusoidal { sine, cosine, rate } => {
+                Torque::sinusoidal(vector(sine, 0), vector(cosine, 1), number(rate, 2))
+            }
+            Model::GravityGradient { orbit } => Torque::gravity_gradient(source.orbit(orbit, 0)),
+            Model::HeavyTop { mass, centre, gravity } => {
+                Torque::heavy_top(number(mass, 0), vector(centre, 1), vector(gravity, 2))
+            }
+            Model::MagneticDipole { moment, field } => Torque::magnetic_dipole(vector(moment, 0), vector(field, 1)),
+            Model::OrbitingDipole { moment, orbit, strength, tilt, azimuth, rotation } => Torque::orbiting_dipole(
+                vector(moment, 7),
+                source.orbit(orbit, 0),
+                number(strength, 8),
+                number(tilt, 9),
+                number(azimuth, 10),
+                number(rotation, 11),
+            ),
+            Model::EddyCurrent { coefficient, field } => Torque::eddy_current(number(coefficient, 0), vector(field, 1)),
+            Model::SineSpring { stiffness, target } => {
+                Torque::sine_spring(number(stiffness, 0), source.orientation(target, 1))
+            }
+            Model::LogSpring { stiffness, target } => {
+                Torque::log_spring(number(stiffness, 0), source.orientation(target, 1))
+            }
+            Model::InternalDissipation { coefficient } => Torque::internal_dissipation(number(coefficient, 0)),
+            Model::WhiteNoise { intensity, seed: own, draws_per_step } => Torque::WhiteNoise(WhiteNoise {
+                intensity: number(intensity, 0),
+                seed: own.unwrap_or(seed),
+                draws_per_step: *draws_per_step,
+            }),
+        }
+    }
+
+    /// The key in the file of a parameter that turned out not to be valid.
+    pub(super) fn key(&self, field: &str) -> String {
+        let name = match field {
+            "orbit.mu" => "mu",
+            "matrix_body" => "matrix",
+            other => other.strip_suffix("_body").or_else(|| other.strip_suffix("_world")).unwrap_or(other),
+        };
+        format!("{}.{name}", place(self.index))
+    }
+}
