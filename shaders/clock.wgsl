@@ -22,60 +22,45 @@ fn wide_product(a: u32, b: u32) -> vec2<u32> {
     return vec2<u32>((cross << 16u) | (low & 0xffffu), a1 * b1 + (middle >> 16u) + (cross >> 16u));
 }
 
-// sum + a b 2^(32 word), modulo 2^128.
-fn add_product(sum: vec4<u32>, a: u32, b: u32, word: u32) -> vec4<u32> {
-    let product = wide_product(a, b);
-    var result = sum;
-    let low = result[word] + product.x;
-    var carry = select(0u, 1u, low < product.x);
-    result[word] = low;
-    var addend = product.y;
-    for (var next = word + 1u; next < 4u; next += 1u) {
-        // addend + carry cannot overflow: a product's high word is at most 2^32 - 2.
-        let add = addend + carry;
-        let total = result[next] + add;
-        carry = select(0u, 1u, total < add);
-        result[next] = total;
-        addend = 0u;
-    }
-    return result;
-}
+// No loops here: see the bound on iterations in src/engine/gpu/dispatch.rs.
 
-// a n modulo 2^128.
-fn product_128(a: vec4<u32>, n: u32) -> vec4<u32> {
-    var sum = vec4<u32>(0u, 0u, 0u, 0u);
-    for (var word = 0u; word < 4u; word += 1u) {
-        sum = add_product(sum, a[word], n, word);
-    }
-    return sum;
+// a + b with a carry in, as sum and carry out.
+fn add_with_carry(a: u32, b: u32, carry: u32) -> vec2<u32> {
+    let partial = a + b;
+    let sum = partial + carry;
+    return vec2<u32>(sum, select(0u, 1u, partial < a) + select(0u, 1u, sum < partial));
 }
 
 // a + b modulo 2^128.
 fn sum_128(a: vec4<u32>, b: vec4<u32>) -> vec4<u32> {
-    var sum = a;
-    for (var word = 0u; word < 4u; word += 1u) {
-        sum = add_product(sum, b[word], 1u, word);
-    }
-    return sum;
+    let x = add_with_carry(a.x, b.x, 0u);
+    let y = add_with_carry(a.y, b.y, x.y);
+    let z = add_with_carry(a.z, b.z, y.y);
+    return vec4<u32>(x.x, y.x, z.x, a.w + b.w + z.y);
+}
+
+// a n modulo 2^128.
+fn product_128(a: vec4<u32>, n: u32) -> vec4<u32> {
+    let x = wide_product(a.x, n);
+    let y = wide_product(a.y, n);
+    let z = wide_product(a.z, n);
+    return sum_128(vec4<u32>(x.x, y.x, z.x, a.w * n), vec4<u32>(0u, x.y, y.y, z.y));
 }
 
 // The rate in columns `first` to `first` + 7 of body i, in units of 2^-128 turn per tick.
 fn rate_at(first: u32, i: u32) -> vec4<u32> {
-    var rate = vec4<u32>(0u, 0u, 0u, 0u);
-    for (var word = 0u; word < 4u; word += 1u) {
-        let low = u32(parameter_at(first + 2u * word, i));
-        let high = u32(parameter_at(first + 2u * word + 1u, i));
-        rate[word] = low | (high << 16u);
-    }
-    return rate;
+    return vec4<u32>(
+        rate_word(first, i), rate_word(first + 2u, i), rate_word(first + 4u, i), rate_word(first + 6u, i));
+}
+
+fn rate_word(first: u32, i: u32) -> u32 {
+    return u32(parameter_at(first, i)) | (u32(parameter_at(first + 1u, i)) << 16u);
 }
 
 // The phase after `ticks`, in turns in [-1/2, 1/2].
 fn turns(rate: vec4<u32>, ticks: vec2<u32>) -> real {
-    var phase = product_128(rate, ticks.x);
-    phase = add_product(phase, rate.x, ticks.y, 1u);
-    phase = add_product(phase, rate.y, ticks.y, 2u);
-    phase = add_product(phase, rate.z, ticks.y, 3u);
+    let high = product_128(rate, ticks.y);
+    let phase = sum_128(product_128(rate, ticks.x), vec4<u32>(0u, high.xyz));
     let upper = real(bitcast<i32>(phase.w)) * (1.0 / 4294967296.0);
     if (WORDS == 2u) {
         return upper;

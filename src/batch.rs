@@ -23,7 +23,7 @@ use crate::memory;
 use crate::quaternion::Quaternion;
 use crate::real::{Real, Scalar};
 use crate::rigid_body::{Body, State};
-use crate::torque::{self, Torque, TorqueTable};
+use crate::torque::{self, Kind, Torque, TorqueTable};
 use crate::vector::{TwoWords, Vector};
 
 /// The arithmetic that a batch is integrated in.
@@ -68,6 +68,9 @@ pub const fn state_columns<T: Scalar>() -> usize {
 pub const fn parameter_columns<T: Scalar>() -> usize {
     PARAMETER_COMPONENTS + 3 * (T::WORDS - 1)
 }
+
+/// Evaluations of the torques that any method has in a step, at most.
+const MOST_EVALUATIONS: f64 = 24.0;
 
 /// Bodies a stride is rounded up to: a multiple of every lane count and of the workgroup size.
 pub const STRIDE_UNIT: usize = 64;
@@ -382,6 +385,20 @@ impl<T: Scalar> Batch<T> {
     /// Number of parameter columns, those of the torques included.
     pub fn parameter_columns(&self) -> usize {
         parameter_columns::<T>() + self.torques.columns()
+    }
+
+    /// The most iterations of loops that the torques have in one step, whatever the method: [`MOST_EVALUATIONS`] of each
+    /// instance, and as many times the draws of noise.
+    pub fn loops_of_a_step(&self) -> u32 {
+        let instances: usize = Kind::ALL.iter().map(|&kind| self.torques.instances(kind).count).sum();
+        let noise = self.torques.instances(Kind::WhiteNoise);
+        let draws: f64 = (0..noise.count)
+            .map(|instance| {
+                let column = noise.first + instance * Kind::WhiteNoise.columns() + 1;
+                self.parameters.get(column * self.stride).map_or(0.0, |draws| draws.to_f64())
+            })
+            .sum();
+        (MOST_EVALUATIONS * (instances as f64 + draws)).min(f64::from(u32::MAX)) as u32
     }
 
     /// The raw state of a range of bodies.

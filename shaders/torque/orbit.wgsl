@@ -21,23 +21,30 @@ fn kepler_place(x_world: vector, y_world: vector, eccentricity: real, phase: rea
     return Place(axpy_vector(x_world, x, y_world * y), inverse_distance);
 }
 
-// Sine and cosine of E with E - e sin E = M.
+// Sine and cosine of E with E - e sin E = M; the iterations are written out for the bound on loops in
+// src/engine/gpu/dispatch.rs.
 fn eccentric_anomaly(mean_anomaly: real, eccentricity: real) -> SinCos {
     let start = 0.85 * eccentricity;
     var anomaly = mean_anomaly + select(start, -start, mean_anomaly < 0.0);
-    for (var iteration = 0u; iteration < 4u; iteration += 1u) {
-        let angle = sin_cos(anomaly);
-        let e_sin = eccentricity * angle.sin;
-        let e_cos = eccentricity * angle.cos;
-        let excess = (anomaly - mean_anomaly) - e_sin;
-        let slope = 1.0 - e_cos;
-        let first = -(excess / slope);
-        let second = -(excess / mul_add(0.5 * first, e_sin, slope));
-        let sixth = real(1.0 / 6.0);
-        let third = -(excess / mul_add(sixth * second * second, e_cos, mul_add(0.5 * second, e_sin, slope)));
-        anomaly = anomaly + third;
-    }
+    anomaly = nearer_anomaly(anomaly, mean_anomaly, eccentricity);
+    anomaly = nearer_anomaly(anomaly, mean_anomaly, eccentricity);
+    anomaly = nearer_anomaly(anomaly, mean_anomaly, eccentricity);
+    anomaly = nearer_anomaly(anomaly, mean_anomaly, eccentricity);
     return sin_cos(anomaly);
+}
+
+// One iteration.
+fn nearer_anomaly(anomaly: real, mean_anomaly: real, eccentricity: real) -> real {
+    let angle = sin_cos(anomaly);
+    let e_sin = eccentricity * angle.sin;
+    let e_cos = eccentricity * angle.cos;
+    let excess = (anomaly - mean_anomaly) - e_sin;
+    let slope = 1.0 - e_cos;
+    let first = -(excess / slope);
+    let second = -(excess / mul_add(0.5 * first, e_sin, slope));
+    let sixth = real(1.0 / 6.0);
+    let third = -(excess / mul_add(sixth * second * second, e_cos, mul_add(0.5 * second, e_sin, slope)));
+    return anomaly + third;
 }
 
 // u x I u with u = R^T direction_world; the coefficients hold the differences of the moments.

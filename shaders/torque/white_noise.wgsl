@@ -1,16 +1,25 @@
 // white-noise: a random torque without memory. Twin: src/torque/white_noise.rs, where it is described.
 
-// Philox4x32-10 (Salmon, Moraes, Dror, Shaw 2011).
-fn philox(initial_counter: vec4<u32>, initial_key: vec2<u32>) -> vec4<u32> {
-    var counter = initial_counter;
-    var key = initial_key;
-    for (var round_index = 0u; round_index < 10u; round_index += 1u) {
-        let first = wide_product(counter.x, 0xd2511f53u);
-        let second = wide_product(counter.z, 0xcd9e8d57u);
-        counter = vec4<u32>(second.y ^ counter.y ^ key.x, second.x, first.y ^ counter.w ^ key.y, first.x);
-        key = vec2<u32>(key.x + 0x9e3779b9u, key.y + 0xbb67ae85u);
-    }
-    return counter;
+// Philox4x32-10 (Salmon, Moraes, Dror, Shaw 2011), its rounds written out for the bound on loops in
+// src/engine/gpu/dispatch.rs.
+fn philox(counter: vec4<u32>, key: vec2<u32>) -> vec4<u32> {
+    var words = philox_round(counter, key, 0u);
+    words = philox_round(words, key, 1u);
+    words = philox_round(words, key, 2u);
+    words = philox_round(words, key, 3u);
+    words = philox_round(words, key, 4u);
+    words = philox_round(words, key, 5u);
+    words = philox_round(words, key, 6u);
+    words = philox_round(words, key, 7u);
+    words = philox_round(words, key, 8u);
+    return philox_round(words, key, 9u);
+}
+
+fn philox_round(counter: vec4<u32>, key: vec2<u32>, round_index: u32) -> vec4<u32> {
+    let first = wide_product(counter.x, 0xd2511f53u);
+    let second = wide_product(counter.z, 0xcd9e8d57u);
+    let round_key = key + round_index * vec2<u32>(0x9e3779b9u, 0xbb67ae85u);
+    return vec4<u32>(second.y ^ counter.y ^ round_key.x, second.x, first.y ^ counter.w ^ round_key.y, first.x);
 }
 
 // Three standard normal numbers from four random words (Box, Muller 1958).

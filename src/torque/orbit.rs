@@ -201,21 +201,27 @@ const ITERATIONS: usize = 4;
 /// 4 units of roundoff of π, divided by 1 − e.
 #[inline(always)]
 pub fn eccentric_anomaly<R: Real>(mean_anomaly: R, eccentricity: R) -> (R, R, R) {
-    let (one, half, sixth) = (R::splat(1.0), R::splat(0.5), R::splat(1.0 / 6.0));
     let start = R::splat(0.85) * eccentricity;
     let mut anomaly = mean_anomaly + R::select(mean_anomaly.less_than(R::splat(0.0)), -start, start);
     for _ in 0..ITERATIONS {
-        let (sin, cos) = sin_cos(anomaly);
-        let (e_sin, e_cos) = (eccentricity * sin, eccentricity * cos);
-        let excess = (anomaly - mean_anomaly) - e_sin;
-        let slope = one - e_cos;
-        let first = -(excess / slope);
-        let second = -(excess / (half * first).mul_add(e_sin, slope));
-        let third = -(excess / (sixth * second * second).mul_add(e_cos, (half * second).mul_add(e_sin, slope)));
-        anomaly = anomaly + third;
+        anomaly = nearer_anomaly(anomaly, mean_anomaly, eccentricity);
     }
     let (sin, cos) = sin_cos(anomaly);
     (anomaly, sin, cos)
+}
+
+/// One iteration of [`eccentric_anomaly`].
+#[inline(always)]
+fn nearer_anomaly<R: Real>(anomaly: R, mean_anomaly: R, eccentricity: R) -> R {
+    let (one, half, sixth) = (R::splat(1.0), R::splat(0.5), R::splat(1.0 / 6.0));
+    let (sin, cos) = sin_cos(anomaly);
+    let (e_sin, e_cos) = (eccentricity * sin, eccentricity * cos);
+    let excess = (anomaly - mean_anomaly) - e_sin;
+    let slope = one - e_cos;
+    let first = -(excess / slope);
+    let second = -(excess / (half * first).mul_add(e_sin, slope));
+    let third = -(excess / (sixth * second * second).mul_add(e_cos, (half * second).mul_add(e_sin, slope)));
+    anomaly + third
 }
 
 /// u × (I u) · c with u = Rᵀ `direction_world`: `coefficients` are c (I₃ − I₂), c (I₁ − I₃), c (I₂ − I₁).

@@ -140,7 +140,7 @@ pub fn uniform_parts<T: Scalar>(word: u32) -> (T, T) {
     let zeros = wide.leading_zeros() - 31;
     let fraction = (wide << (zeros + 31) << 1) >> 32;
     let kept = if T::WORDS == 2 { fraction & 0xffff_fe00 } else { fraction };
-    (T::from_f64(1.0 + kept as f64 / 4_294_967_296.0), T::from_f64(f64::from(zeros)))
+    (T::from_f64(1.0 + kept as f64 / 4_294_967_296.0), T::from_f64(f64::from(zeros + 1)))
 }
 
 /// A random word as an angle in turns, in [−½, ½).

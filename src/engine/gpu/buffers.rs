@@ -421,7 +421,7 @@ mod tests {
             columns,
             body_count: bodies,
             clock: batch.torques.clock(),
-            slicer: super::super::dispatch::Slicer::new(Default::default()),
+            slicer: super::super::dispatch::Slicer::new(Default::default(), 0),
             scalar: std::marker::PhantomData,
         };
         session.advance(0.01, 3, &mut |_| ControlFlow::Continue(())).expect("advanced");

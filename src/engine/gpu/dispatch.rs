@@ -29,6 +29,13 @@ const GROWTH: u64 = 16;
 /// this many take 100 ms. One submission of them fills any GPU there is.
 const GROUP_BODIES: usize = 1 << 20;
 
+/// The iterations of all loops of a shader together after which a dispatch ends.
+///
+/// Mesa's llvmpipe, which lavapipe computes with, leaves a shader's loops after 65,535 iterations in all and says nothing
+/// (`LP_MAX_TGSI_LOOP_ITERATIONS`, gallivm/lp_bld_limits.h): what is left of the steps is lost. On a GPU the bound costs
+/// nothing, as so many steps take long.
+const LOOP_ITERATIONS: u32 = 60_000;
+
 /// Steps over which the cost of loading and storing a body is spread thinly enough.
 const ENOUGH_STEPS: u32 = 64;
 
@@ -48,7 +55,11 @@ pub(super) struct Slicer {
 }
 
 impl Slicer {
-    pub fn new(limits: SliceLimits) -> Self {
+    /// For a kernel whose steps have at most `loops` iterations of loops within each.
+    pub fn new(limits: SliceLimits, loops: u32) -> Self {
+        // One more for the step itself, one for the comparison that ends its loops.
+        let most = (LOOP_ITERATIONS / loops.saturating_add(2)).max(1);
+        let limits = SliceLimits { steps: limits.steps.min(most), ..limits };
         Self { limits, group_bodies: GROUP_BODIES, measured: None }
     }
 
@@ -131,7 +142,7 @@ mod tests {
 
     impl Device {
         fn run(&self, bodies: usize, steps: u64) -> Run {
-            let mut slicer = Slicer::new(SliceLimits::default());
+            let mut slicer = Slicer::new(SliceLimits::default(), 0);
             let mut run = Run { longest: 0.0, total: 0.0, submissions: 0 };
             let sizes: Vec<usize> = (0..bodies).step_by(CHUNK).map(|first| CHUNK.min(bodies - first)).collect();
             let mut left = vec![steps; sizes.len()];
@@ -181,7 +192,7 @@ mod tests {
 
     #[test]
     fn a_full_group_stays_whole_where_steps_are_short() {
-        let mut slicer = Slicer::new(SliceLimits::default());
+        let mut slicer = Slicer::new(SliceLimits::default(), 0);
         for steps in [1, 16, 256, 4096] {
             slicer.record(1 << 20, steps, Duration::from_secs_f64(1e-3 + 1e-6 * f64::from(steps)));
         }
@@ -190,7 +201,7 @@ mod tests {
 
     #[test]
     fn a_short_rest_does_not_spoil_the_calibration() {
-        let mut slicer = Slicer::new(SliceLimits::default());
+        let mut slicer = Slicer::new(SliceLimits::default(), 0);
         slicer.record(64, 1000, Duration::from_millis(10));
         slicer.record(64, 1, Duration::from_micros(150));
         assert_eq!(slicer.steps(64, 3000), 3000);
