@@ -242,14 +242,14 @@ const FAULTS: [(&str, &str, &str); 6] = [
     ("free_motion/evaluation.wgsl", "mul_add(four_c2 - 1.0, q6, 1.0 - q2)", "mul_add(four_c2 - 1.0, q6, 1.0)"),
     ("free_motion/evaluation.wgsl", "* half_turn_sign;", ";"),
     ("free_motion.wgsl", "load_rate(2u, exponent", "load_rate(0u, exponent"),
-    ("phase.wgsl", "wide_product(rate.x, mantissa.x)", "wide_product(rate.x, mantissa.x & 0xfffffff0u)"),
+    ("phase.wgsl", "wide_product(rate.z, mantissa.x)", "wide_product(rate.z, mantissa.x & 0xfffffff0u)"),
     ("elementary.wgsl", "3.5 < quadrant", "3.5 > quadrant"),
 ];
 
 #[test]
 fn the_comparison_rejects_planted_faults() {
     let twin = Engine::cpu_scalar();
-    // 1/3 s, so that no bit of the mantissa is zero by chance, and so long that each of them matters.
+    // A third, so that the bits of the mantissa are mixed, and so long a time that each of them matters.
     let time = 2e18 / 3.0;
     let expected = states(&twin, Precision::F64, time);
     for (file, from, to) in FAULTS {
