@@ -9,6 +9,7 @@ use polhode::Ensemble;
 use polhode::batch::{Precision, StateWords};
 use polhode::elementary::{Turns, exp_negative, sin_cos_turns, turned_by};
 use polhode::engine::gpu::shader::{Chunk, Source};
+use polhode::engine::gpu::{GpuOptions, Patch};
 use polhode::engine::{Backend, Engine};
 use polhode::free_motion::AnyRows;
 use polhode::phase::{Rate, Time, phase_at, phase_turns};
@@ -232,5 +233,30 @@ fn lanes_agree_with_the_scalar_twin() {
             let largest = compared.unwrap_or_else(|mismatch| panic!("{precision} at {time} s: {mismatch}"));
             println!("{precision} at {time} s: {largest} ulps");
         }
+    }
+}
+
+/// Planted faults: a wrong sign, a dropped term, a rate that is used for the other phase, a last bit of the time.
+const FAULTS: [(&str, &str, &str); 6] = [
+    ("free_motion/evaluation.wgsl", "cos_d - cos_d_odd)", "cos_d + cos_d_odd)"),
+    ("free_motion/evaluation.wgsl", "mul_add(four_c2 - 1.0, q6, 1.0 - q2)", "mul_add(four_c2 - 1.0, q6, 1.0)"),
+    ("free_motion/evaluation.wgsl", "* half_turn_sign;", ";"),
+    ("free_motion.wgsl", "load_rate(2u, exponent", "load_rate(0u, exponent"),
+    ("phase.wgsl", "wide_product(rate.z, mantissa.x)", "wide_product(rate.z, mantissa.x & 0xfffffff0u)"),
+    ("elementary.wgsl", "3.5 < quadrant", "3.5 > quadrant"),
+];
+
+#[test]
+fn the_comparison_rejects_planted_faults() {
+    let twin = Engine::cpu_scalar();
+    // A third, so that the bits of the mantissa are mixed, and so long a time that each of them matters.
+    let time = 2e18 / 3.0;
+    let expected = states(&twin, Precision::F64, time);
+    for (file, from, to) in FAULTS {
+        let patch = Patch { file: file.to_owned(), from: from.to_owned(), to: to.to_owned() };
+        let options = GpuOptions { patches: vec![patch], ..common::any_adapter() };
+        let found = states(&common::gpu_with(options), Precision::F64, time);
+        let compared = compare_states::<f64>(&expected, &found, STATE_ULPS);
+        assert!(compared.is_err(), "{file}: {from} -> {to} passes: {compared:?}");
     }
 }
