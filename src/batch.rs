@@ -20,6 +20,7 @@ use crate::ensemble::Ensemble;
 use crate::error::Result;
 use crate::inertia::principal_axes;
 use crate::memory;
+use crate::plan::group::Members;
 use crate::quaternion::Quaternion;
 use crate::real::{Real, Scalar};
 use crate::rigid_body::{Body, State};
@@ -153,6 +154,17 @@ pub struct BodyState {
     pub norm_error: f64,
 }
 
+impl BodyState {
+    /// Not a number in every place, so that a state that was never written cannot pass for one.
+    pub(crate) const UNKNOWN: Self = Self {
+        orientation: DQuat::NAN,
+        angular_velocity_body: DVec3::NAN,
+        angular_momentum_world: DVec3::NAN,
+        kinetic_energy: f64::NAN,
+        norm_error: f64::NAN,
+    };
+}
+
 /// The raw state of some bodies as an engine holds it, exactly, in `f64`.
 ///
 /// Columns as in [`Batch::state`], one row a body: x, y, z, w of the orientation (principal axes to world), then the
@@ -199,7 +211,11 @@ pub(crate) fn binary_exponent(x: f64) -> i32 {
 }
 
 /// The frame of one body and its initial state in it.
-fn prepare_body(ensemble: &Ensemble, torques: &[Torque], body: usize) -> (BodyFrame, [f64; STATE_COMPONENTS]) {
+pub(crate) fn prepare_body(
+    ensemble: &Ensemble,
+    torques: &[Torque],
+    body: usize,
+) -> (BodyFrame, [f64; STATE_COMPONENTS]) {
     let axes = principal_axes(&ensemble.inertia()[body]);
     let moment_exponent = binary_exponent(axes.moments.y);
     let scaled_moments =
@@ -286,13 +302,28 @@ pub fn prepare_with(
     span: f64,
     precision: Precision,
 ) -> Result<(Vec<BodyFrame>, AnyBatch)> {
+    prepare_members(ensemble, torques, span, &Members::All(ensemble.len()), precision)
+}
+
+/// As [`prepare_with`], of some bodies of the ensemble, one a row. A body's row does not depend on the others.
+///
+/// # Errors
+///
+/// As [`prepare`].
+pub fn prepare_members(
+    ensemble: &Ensemble,
+    torques: &[Torque],
+    span: f64,
+    members: &Members,
+    precision: Precision,
+) -> Result<(Vec<BodyFrame>, AnyBatch)> {
     Ok(match precision {
         Precision::F32 => {
-            let (frames, batch) = prepare_columns::<f32>(ensemble, torques, span)?;
+            let (frames, batch) = prepare_columns::<f32>(ensemble, torques, span, members)?;
             (frames, AnyBatch::F32(batch))
         }
         Precision::F64 => {
-            let (frames, batch) = prepare_columns::<f64>(ensemble, torques, span)?;
+            let (frames, batch) = prepare_columns::<f64>(ensemble, torques, span, members)?;
             (frames, AnyBatch::F64(batch))
         }
     })
@@ -317,8 +348,9 @@ fn prepare_columns<T: Scalar>(
     ensemble: &Ensemble,
     torques: &[Torque],
     span: f64,
+    members: &Members,
 ) -> Result<(Vec<BodyFrame>, Batch<T>)> {
-    let body_count = ensemble.len();
+    let body_count = members.len();
     let precision = if T::WORDS == 1 { Precision::F64 } else { Precision::F32 };
     let table = TorqueTable::new(torques, parameter_columns::<T>(), body_count.next_multiple_of(STRIDE_UNIT), span);
     let row = bytes_per_body(precision) + torque::bytes_per_body::<T>(&table);
@@ -327,14 +359,15 @@ fn prepare_columns<T: Scalar>(
     let mut frames = Vec::with_capacity(body_count);
     for start in (0..body_count).step_by(BLOCK) {
         let end = (start + BLOCK).min(body_count);
-        let rows: Vec<_> = (start..end).into_par_iter().map(|body| prepare_body(ensemble, torques, body)).collect();
+        let rows: Vec<_> =
+            (start..end).into_par_iter().map(|row| prepare_body(ensemble, torques, members.body(row))).collect();
         for (offset, (frame, state)) in rows.into_iter().enumerate() {
-            let body = start + offset;
-            batch.set_row(body, &frame.parameters(), &state);
+            let row = start + offset;
+            batch.set_row(row, &frame.parameters(), &state);
             let Batch { stride, parameters, torques: table, .. } = &mut batch;
             let orientation = DQuat::from_xyzw(state[0], state[1], state[2], state[3]);
-            table.write_body(torques, body, &frame, orientation, |column, number| {
-                parameters[column * *stride + body] = T::from_f64(number);
+            table.write_body(torques, members.body(row), row, &frame, orientation, |column, number| {
+                parameters[column * *stride + row] = T::from_f64(number);
             });
             frames.push(frame);
         }

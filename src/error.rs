@@ -118,6 +118,22 @@ pub enum Error {
         /// The precision asked for.
         precision: crate::batch::Precision,
     },
+    /// No method, step and precision that the engine has meets the accuracy asked for.
+    #[error(
+        "accuracy: {target:e} rad is asked for, the best here is about {reached:e} rad ({method}, {precision}): {remedy}"
+    )]
+    AccuracyOutOfReach {
+        /// The least of the errors asked for.
+        target: f64,
+        /// The error of the best candidate in its pilot, as the same multiple of `target` as of the error that fails.
+        reached: f64,
+        /// That candidate.
+        method: crate::method::Method,
+        /// Its arithmetic.
+        precision: crate::batch::Precision,
+        /// What would reach it.
+        remedy: &'static str,
+    },
     /// No adapter fits what was asked for.
     #[error("no GPU adapter {wanted}: {found} found; `polhode devices` lists them, the CPU engine needs none")]
     NoAdapter {

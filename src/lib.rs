@@ -67,6 +67,7 @@ pub mod plan;
 pub mod quaternion;
 pub mod real;
 pub mod record;
+pub mod regular_precession;
 pub mod rigid_body;
 pub mod run;
 pub mod scene;

@@ -32,6 +32,7 @@ pub struct Scene {
     force_world: DVec3,
     skipping: bool,
     torques: Vec<Torque>,
+    pilot: bool,
 }
 
 /// When the state is recorded.
@@ -46,17 +47,36 @@ pub enum Outputs {
     Times(Vec<f64>),
 }
 
-/// The error that is asked for.
+/// The errors that are asked for, each as a percentile over the bodies at the end.
+///
+/// ```
+/// use polhode::Accuracy;
+///
+/// let both = Accuracy { energy: Some(1e-9), ..Accuracy::attitude(1e-6) };
+/// assert_eq!(both.percentile, 99.0);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Accuracy {
-    /// 99th percentile over the bodies of the attitude error at the end, rad, in (0, π].
-    pub attitude: f64,
+    /// Attitude error, rad, in (0, π].
+    pub attitude: Option<f64>,
+    /// Error of the angular velocity in body axes relative to its magnitude, above 0.
+    pub angular_velocity: Option<f64>,
+    /// Error of the rotational kinetic energy, relative, above 0.
+    pub energy: Option<f64>,
+    /// The percentile, in (0, 100].
+    pub percentile: f64,
 }
 
 impl Accuracy {
-    /// An attitude error of `angle` rad.
+    /// An attitude error of `angle` rad in the 99th percentile.
     pub fn attitude(angle: f64) -> Self {
-        Self { attitude: angle }
+        Self { attitude: Some(angle), angular_velocity: None, energy: None, percentile: 99.0 }
+    }
+
+    /// The least of the errors asked for: an attitude error of that size comes with relative errors of about that
+    /// size. π where none is asked for.
+    pub(crate) fn strictest(&self) -> f64 {
+        [self.attitude, self.angular_velocity, self.energy].into_iter().flatten().fold(std::f64::consts::PI, f64::min)
     }
 }
 
@@ -88,6 +108,7 @@ impl Scene {
             force_world: DVec3::ZERO,
             skipping: true,
             torques: Vec::new(),
+            pilot: true,
         }
     }
 
@@ -126,8 +147,8 @@ impl Scene {
         self
     }
 
-    /// Whether work that the scene does not need may be skipped (it is, unless this says no): free bodies are then
-    /// brought to their output times in closed form ([`crate::free_motion`]) rather than step by step.
+    /// Whether work that the scene does not need may be skipped ([`crate::plan::SkipName`] lists what may). It is, unless
+    /// this says no: every body is then stepped with all torques, and all take the steps that the fastest needs.
     #[must_use]
     pub fn skipping(mut self, skipping: bool) -> Self {
         self.skipping = skipping;
@@ -152,6 +173,18 @@ impl Scene {
     pub fn torque(mut self, torque: Torque) -> Self {
         self.torques.push(torque);
         self
+    }
+
+    /// Takes methods and steps from the shipped table ([`crate::plan::cost`]) instead of trying them on a few bodies first.
+    #[must_use]
+    pub fn without_pilot(mut self) -> Self {
+        self.pilot = false;
+        self
+    }
+
+    /// Whether methods and steps are tried on a few bodies first.
+    pub fn has_pilot(&self) -> bool {
+        self.pilot
     }
 
     /// The bodies.

@@ -76,5 +76,6 @@ mod setup;
 mod solution;
 
 pub use evaluation::ROW_COLUMNS;
+pub(crate) use frame::scaled_body;
 pub use rows::{AnyRows, FreeMotionRows, WORD_COLUMNS};
 pub use solution::{FreeMotion, Polhode};

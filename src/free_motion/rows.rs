@@ -13,6 +13,7 @@ use crate::free_motion::setup::{Constants, Initial, separatrix_row, set_up};
 use crate::free_motion::solution::{HEADROOM, Phases};
 use crate::lanes::{LaneScalar, LaneTask};
 use crate::phase::{Rate, Time, phase_at, phase_turns};
+use crate::plan::Members;
 use crate::quaternion::Quaternion;
 use crate::real::{Real, Scalar};
 use crate::vector::Vector;
@@ -63,13 +64,26 @@ impl AnyRows {
     ///
     /// As [`FreeMotionRows::prepare`].
     pub fn prepare(ensemble: &Ensemble, precision: Precision) -> Result<(Vec<BodyFrame>, Self)> {
+        Self::prepare_members(ensemble, &Members::All(ensemble.len()), precision)
+    }
+
+    /// As [`AnyRows::prepare`], of some bodies of the ensemble, one a row.
+    ///
+    /// # Errors
+    ///
+    /// As [`FreeMotionRows::prepare`].
+    pub fn prepare_members(
+        ensemble: &Ensemble,
+        members: &Members,
+        precision: Precision,
+    ) -> Result<(Vec<BodyFrame>, Self)> {
         Ok(match precision {
             Precision::F32 => {
-                let (frames, rows) = FreeMotionRows::prepare(ensemble)?;
+                let (frames, rows) = FreeMotionRows::prepare_members(ensemble, members)?;
                 (frames, Self::F32(rows))
             }
             Precision::F64 => {
-                let (frames, rows) = FreeMotionRows::prepare(ensemble)?;
+                let (frames, rows) = FreeMotionRows::prepare_members(ensemble, members)?;
                 (frames, Self::F64(rows))
             }
         })
@@ -101,7 +115,16 @@ impl<T: LaneScalar> FreeMotionRows<T> {
     ///
     /// [`crate::Error::TooManyBodies`] where the memory does not suffice.
     pub fn prepare(ensemble: &Ensemble) -> Result<(Vec<BodyFrame>, Self)> {
-        let body_count = ensemble.len();
+        Self::prepare_members(ensemble, &Members::All(ensemble.len()))
+    }
+
+    /// As [`FreeMotionRows::prepare`], of some bodies of the ensemble, one a row.
+    ///
+    /// # Errors
+    ///
+    /// As [`FreeMotionRows::prepare`].
+    pub fn prepare_members(ensemble: &Ensemble, members: &Members) -> Result<(Vec<BodyFrame>, Self)> {
+        let body_count = members.len();
         let row_bytes = WORD_COLUMNS * size_of::<u64>() + ROW_COLUMNS * size_of::<T>() + size_of::<BodyFrame>();
         crate::memory::require(body_count, body_count.saturating_mul(row_bytes), "the rows of the closed form")?;
         let mut rows = Self::at_rest(body_count);
@@ -117,7 +140,7 @@ impl<T: LaneScalar> FreeMotionRows<T> {
                     let frames = &mut frames[block..block + BLOCK];
                     let count = BLOCK.min(body_count - start);
                     for (offset, frame) in frames[..count].iter_mut().enumerate() {
-                        let body = start + offset;
+                        let body = members.body(start + offset);
                         let (body_frame, row) = scaled_body(
                             &ensemble.inertia()[body],
                             ensemble.orientation()[body],

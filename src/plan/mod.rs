@@ -1,4 +1,12 @@
 //! What will run: a scene resolved for an engine.
+//!
+//! A plan puts every body into a [`class`](class::Class), with tolerances that follow from the error asked for, and bodies
+//! that are treated alike into [groups](group::Group). Within a group bodies keep the ensemble's order, so that outputs are
+//! put together block by block in bounded memory; a body's group, and so its result, depends on the body, the scene and
+//! the settings alone and not on the bodies beside it. What is left out is listed as [skips](skip::Skip), each with its
+//! reason and the bound that makes it safe.
+
+use std::collections::BTreeMap;
 
 use crate::batch::Precision;
 use crate::engine::Backend;
@@ -6,45 +14,55 @@ use crate::error::{Error, Result};
 use crate::method::Method;
 use crate::scene::{Outputs, Scene, Stepping};
 
-/// More output times than this are refused: nobody reads them, and the list alone would take 80 MB.
-pub const MOST_OUTPUTS: usize = 10_000_000;
+pub mod choice;
+pub mod class;
+pub mod cost;
+mod driven;
+pub mod group;
+mod pilot;
+mod resolution;
+pub mod skip;
+mod times;
 
-/// A scene resolved for an engine: the integrator, its arithmetic, its step and the output times.
+pub use choice::{CLOSED_FORM_F32, Rule};
+pub use class::{Bound, Class, Shape};
+pub use driven::TorqueSet;
+pub use group::{Group, Members, Treatment};
+pub use pilot::Found;
+pub use resolution::{Resolution, Stepped};
+pub use skip::{Skip, SkipName};
+pub use times::{Interval, MOST_OUTPUTS};
+
+use times::{output_times, steps_over};
+
+/// A scene resolved for an engine: which bodies are treated how, and the output times.
 #[derive(Clone, Debug)]
 pub struct Plan<'a> {
     scene: &'a Scene,
     method: Method,
     precision: Precision,
     longest_step: f64,
-    closed_form: bool,
     times: Vec<f64>,
-}
-
-/// Steps of equal size from one output time to the next.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Interval {
-    /// Number of steps.
-    pub steps: u64,
-    /// Size of each, s.
-    pub dt: f64,
+    resolution: Resolution,
+    groups: Vec<Group>,
+    skips: Vec<Skip>,
 }
 
 impl<'a> Plan<'a> {
     /// Resolves `scene` for `engine`.
     ///
-    /// Free bodies are brought to their output times in closed form ([`crate::free_motion`]), unless the step is pinned
-    /// or the scene says not to skip; in `f32` where the error asked for is above [`CLOSED_FORM_F32`].
-    ///
-    /// Stepping meets an attitude error that is asked for by `rk4`: its error over a span t of a body that spins at ω grows
-    /// as 1e-3 (ω dt)⁴ ω t (measured on the free ensemble of `benches/`, 99th percentile, with a margin of two), from which
-    /// dt follows for the fastest body. `f32` is taken where its own floor, 1e-6 rad and 3e-8 of the angle turned, is
-    /// below the error asked for, and `f64` elsewhere.
+    /// Where method and step are pinned, every body is stepped that way; only bodies at rest without torque are not.
+    /// Where an error is asked for, torque-free bodies are not stepped, and for each set of torques that act on a body a
+    /// [`pilot`](Scene::without_pilot) on a few of the bodies finds method and step; each body's step follows its own
+    /// rate. `f32` is taken for bodies for which its own floor, 1e-6 rad and 3e-8 of the angle turned, is below the error
+    /// asked for, and `f64` for the others.
     ///
     /// # Errors
     ///
     /// [`Error::Setting`] for a span, step, output time or accuracy out of range; [`Error::PrecisionUnavailable`]
     /// where the engine lacks the precision pinned or needed; [`Error::MissingMass`] where a force acts on bodies
-    /// without mass; [`Error::Torque`] and [`Error::ColumnLength`] for a torque's parameters.
+    /// without mass; [`Error::Torque`] and [`Error::ColumnLength`] for a torque's parameters;
+    /// [`Error::AccuracyOutOfReach`] where no candidate meets what is asked for.
     pub fn new(scene: &'a Scene, engine: &dyn Backend) -> Result<Self> {
         let times = output_times(scene)?;
         for (index, torque) in scene.torques().iter().enumerate() {
@@ -58,44 +76,21 @@ impl<'a> Plan<'a> {
         if force != glam::DVec3::ZERO && scene.ensemble().translation().is_none() {
             return Err(Error::MissingMass);
         }
-        let closed_form =
-            scene.may_skip() && scene.torques().is_empty() && matches!(scene.stepping(), Stepping::Accuracy(_));
-        let (method, precision, longest_step) = match scene.stepping() {
-            Stepping::Pinned { method, dt, .. } => {
-                let precision = scene.wanted_precision().unwrap_or(widest(engine));
-                crate::engine::check_step(dt, precision)?;
-                (method, precision, dt)
+        let resolution = Resolution::new(scene, engine, &times)?;
+        Self::resolved(scene, engine, resolution, times)
+    }
+
+    /// The plan that follows from what was resolved before, on the same scene.
+    fn resolved(scene: &'a Scene, engine: &dyn Backend, resolution: Resolution, times: Vec<f64>) -> Result<Self> {
+        let groups = resolution.groups(scene);
+        for precision in groups.iter().filter_map(|group| group.treatment.precision_of_steps()) {
+            if !engine.precisions().contains(&precision) {
+                return Err(Error::PrecisionUnavailable { adapter: engine.description().name, precision });
             }
-            Stepping::Accuracy(accuracy) => {
-                let target = accuracy.attitude;
-                if !(target > 0.0 && target <= std::f64::consts::PI) {
-                    return Err(Error::Setting {
-                        field: "accuracy.attitude",
-                        value: target,
-                        expected: "an angle above 0 and up to pi is needed (rad)",
-                    });
-                }
-                let rate = fastest_rate(scene);
-                let angle = rate * scene.end();
-                let floor_f32 = if closed_form { CLOSED_FORM_F32 } else { 1e-6 + 3e-8 * angle };
-                let narrowest = if target >= floor_f32 { Precision::F32 } else { Precision::F64 };
-                let precision = scene.wanted_precision().unwrap_or(narrowest);
-                if precision == Precision::F32 && narrowest == Precision::F64 {
-                    return Err(Error::Setting {
-                        field: "accuracy.attitude",
-                        value: target,
-                        expected: "f32 does not reach this: precision f64, or more than 1e-6 rad and 3e-8 of the angle turned, is needed (rad)",
-                    });
-                }
-                let dt =
-                    if angle > 0.0 { (target / (1e-3 * angle)).sqrt().sqrt().min(0.5) / rate } else { scene.end() };
-                (Method::Rk4, precision, dt.min(scene.end()).max(f64::MIN_POSITIVE))
-            }
-        };
-        if !engine.precisions().contains(&precision) {
-            return Err(Error::PrecisionUnavailable { adapter: engine.description().name, precision });
         }
-        let plan = Self { scene, method, precision, longest_step, closed_form, times };
+        let skips = skips(scene, &groups);
+        let (method, precision, longest_step) = main_treatment(&groups, scene, engine);
+        let plan = Self { scene, method, precision, longest_step, times, resolution, groups, skips };
         plan.check_steps()?;
         Ok(plan)
     }
@@ -105,22 +100,17 @@ impl<'a> Plan<'a> {
         self.scene
     }
 
-    /// Whether bodies are brought to their output times in closed form, so that no step is taken.
-    pub fn is_closed_form(&self) -> bool {
-        self.closed_form
-    }
-
-    /// The integrator; that of the long way where the plan is in closed form.
+    /// The integrator of the bodies that are stepped (of most of them where there are several).
     pub fn method(&self) -> Method {
         self.method
     }
 
-    /// The arithmetic.
+    /// The arithmetic of the bodies that are stepped (of most of them where it differs).
     pub fn precision(&self) -> Precision {
         self.precision
     }
 
-    /// The longest step, s; steps are shortened so that output times are hit exactly.
+    /// The longest step that any body takes, s; steps are shortened so that output times are hit exactly.
     pub fn longest_step(&self) -> f64 {
         self.longest_step
     }
@@ -130,18 +120,64 @@ impl<'a> Plan<'a> {
         &self.times
     }
 
-    /// The steps that lead to output `index` from the one before (from 0 for the first).
-    pub fn interval(&self, index: usize) -> Interval {
-        let start = if index == 0 { 0.0 } else { self.times[index - 1] };
-        steps_over(self.times[index] - start, self.longest_step)
+    /// Bodies that are treated alike; each body is in one group.
+    pub fn groups(&self) -> &[Group] {
+        &self.groups
     }
 
-    /// Steps of each body over the whole span; none in closed form.
+    /// Whether no body is stepped.
+    pub fn is_closed_form(&self) -> bool {
+        self.groups.iter().all(|group| group.treatment.precision_of_steps().is_none())
+    }
+
+    /// What the groups follow from.
+    pub fn resolution(&self) -> &Resolution {
+        &self.resolution
+    }
+
+    /// What is left out.
+    pub fn skips(&self) -> &[Skip] {
+        &self.skips
+    }
+
+    /// The time from output `index`'s predecessor (the start for the first) to output `index`, s.
+    pub fn span_before(&self, index: usize) -> f64 {
+        self.times[index] - if index == 0 { 0.0 } else { self.times[index - 1] }
+    }
+
+    /// The steps that lead to output `index` from the one before (from 0 for the first), of a body with the longest step.
+    pub fn interval(&self, index: usize) -> Interval {
+        steps_over(self.span_before(index), self.longest_step)
+    }
+
+    /// Steps of a body of `group` over the whole span.
+    pub fn steps_of(&self, group: &Group) -> u64 {
+        (0..self.times.len())
+            .map(|index| group.treatment.interval(self.span_before(index)).steps)
+            .fold(0, u64::saturating_add)
+    }
+
+    /// The work that a group takes, as progress counts it: body-steps, or output times of its bodies where they are not
+    /// stepped.
+    pub fn work_of(&self, group: &Group) -> u64 {
+        let of_body = match group.treatment {
+            Treatment::Stepped { .. } => self.steps_of(group),
+            Treatment::RegularPrecession | Treatment::ClosedForm { .. } => self.times.len() as u64,
+        };
+        of_body.saturating_mul(group.members.len() as u64)
+    }
+
+    /// The most steps that any body takes over the whole span.
     pub fn steps(&self) -> u64 {
-        if self.closed_form {
-            return 0;
-        }
-        (0..self.times.len()).map(|index| self.interval(index).steps).fold(0, u64::saturating_add)
+        self.groups.iter().map(|group| self.steps_of(group)).max().unwrap_or(0)
+    }
+
+    /// Steps of all bodies together.
+    pub fn body_steps(&self) -> u64 {
+        self.groups
+            .iter()
+            .map(|group| self.steps_of(group).saturating_mul(group.members.len() as u64))
+            .fold(0, u64::saturating_add)
     }
 
     /// A number of steps that no machine finishes is a mistake in the input.
@@ -157,9 +193,6 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// The attitude error of the closed form in `f32`, rad, at any time (`tests/golden_free_motion.rs`).
-pub const CLOSED_FORM_F32: f64 = 1e-6;
-
 /// The most steps a body may need.
 const MOST_STEPS: u64 = 1_000_000_000_000_000;
 
@@ -168,82 +201,73 @@ fn widest(engine: &dyn Backend) -> Precision {
     if engine.precisions().contains(&Precision::F64) { Precision::F64 } else { Precision::F32 }
 }
 
-/// The largest |ω| of the scene, rad/s.
-fn fastest_rate(scene: &Scene) -> f64 {
-    scene.ensemble().angular_velocity_body().iter().map(|w| w.length()).fold(0.0, f64::max)
+/// Method and arithmetic of most of the stepped bodies, and the longest step; of a scene in which nothing is stepped, what
+/// would be used.
+fn main_treatment(groups: &[Group], scene: &Scene, engine: &dyn Backend) -> (Method, Precision, f64) {
+    let mut most: Option<(usize, Method, Precision)> = None;
+    let mut longest: f64 = 0.0;
+    for group in groups {
+        if let Treatment::Stepped { method, precision, longest_step } = group.treatment {
+            longest = longest.max(longest_step);
+            if most.is_none_or(|(count, ..)| group.members.len() > count) {
+                most = Some((group.members.len(), method, precision));
+            }
+        }
+    }
+    match most {
+        Some((_, method, precision)) => (method, precision, longest),
+        None => {
+            let closed_form = groups.iter().find_map(|group| match group.treatment {
+                Treatment::ClosedForm { precision } => Some(precision),
+                _ => None,
+            });
+            let precision = closed_form.or(scene.wanted_precision()).unwrap_or(widest(engine));
+            match scene.stepping() {
+                Stepping::Pinned { method, dt, .. } => (method, precision, dt),
+                Stepping::Accuracy(_) => (Method::Rk4, precision, scene.end().max(f64::MIN_POSITIVE)),
+            }
+        }
+    }
 }
 
-/// The fewest equal steps of at most `longest` that make up `span`; a step count within 1e-9 of a whole number is
-/// taken as that number, so that 10 s in steps of 0.1 s are 100 steps although 0.1 is not a machine number.
-fn steps_over(span: f64, longest: f64) -> Interval {
-    if span <= 0.0 {
-        return Interval { steps: 0, dt: longest };
+/// What the groups leave out.
+fn skips(scene: &Scene, groups: &[Group]) -> Vec<Skip> {
+    let mut found: BTreeMap<SkipName, Skip> = BTreeMap::new();
+    let mut add = |name: SkipName, bodies: usize, bound: Bound| {
+        let skip = found.entry(name).or_insert(Skip { name, bodies: 0, bound: Bound::default() });
+        skip.bodies += bodies;
+        skip.bound = skip.bound.or(bound);
+    };
+    let longest = groups.iter().filter_map(step_if_stepped).fold(f64::INFINITY, f64::min);
+    for group in groups {
+        let count = group.members.len();
+        if let Some(name) = SkipName::of_shape(group.class.shape) {
+            add(name, count, group.bound);
+        }
+        if let Treatment::ClosedForm { .. } = group.treatment {
+            add(SkipName::Free, count, Bound::default());
+        }
+        if !scene.torques().is_empty() && !group.class.is_driven() {
+            add(SkipName::Torque, count, Bound::default());
+        }
+        if step_if_stepped(group).is_some_and(|step| step > longest) {
+            add(SkipName::Steps, count, Bound::default());
+        }
     }
-    let ratio = span / longest;
-    let nearest = ratio.round();
-    let steps = if (ratio - nearest).abs() <= 1e-9 * nearest { nearest } else { ratio.ceil() }.max(1.0);
-    Interval { steps: steps as u64, dt: span / steps }
+    let body_count = scene.ensemble().len();
+    match scene.ensemble().translation() {
+        None => add(SkipName::Translation, body_count, Bound::default()),
+        Some(_) => add(SkipName::TranslationSteps, body_count, Bound::default()),
+    }
+    if matches!(scene.output_times(), Outputs::End) {
+        add(SkipName::Outputs, body_count, Bound::default());
+    }
+    found.into_values().filter(|skip| skip.bodies > 0).collect()
 }
 
-/// The output times of a scene, checked.
-fn output_times(scene: &Scene) -> Result<Vec<f64>> {
-    let end = scene.end();
-    if !(end.is_finite() && end >= 0.0) {
-        return Err(Error::Setting {
-            field: "time.end",
-            value: end,
-            expected: "a finite time that is not negative is needed (s)",
-        });
-    }
-    match scene.output_times() {
-        Outputs::End => Ok(vec![end]),
-        Outputs::Every(interval) => {
-            if !(interval.is_finite() && *interval > 0.0) {
-                return Err(Error::Setting {
-                    field: "time.outputs.every",
-                    value: *interval,
-                    expected: "a finite interval above zero is needed (s)",
-                });
-            }
-            let count = end / interval;
-            if count > MOST_OUTPUTS as f64 {
-                return Err(Error::Setting {
-                    field: "time.outputs.every",
-                    value: *interval,
-                    expected: "more than 1e7 outputs would follow: a longer interval is needed (s)",
-                });
-            }
-            let whole = steps_over(end, *interval).steps as usize;
-            let mut times: Vec<f64> =
-                (1..=whole).map(|n| n as f64 * interval).take_while(|&t| t < end * (1.0 - 1e-12)).collect();
-            times.push(end);
-            Ok(times)
-        }
-        Outputs::Times(list) => {
-            let mut times = Vec::with_capacity(list.len() + 1);
-            let mut last = -1.0;
-            for &time in list {
-                if !(time.is_finite() && time >= 0.0 && time <= end) {
-                    return Err(Error::Setting {
-                        field: "time.outputs.times",
-                        value: time,
-                        expected: "times from 0 to the end are needed (s)",
-                    });
-                }
-                if time <= last {
-                    return Err(Error::Setting {
-                        field: "time.outputs.times",
-                        value: time,
-                        expected: "increasing times are needed (s)",
-                    });
-                }
-                last = time;
-                times.push(time);
-            }
-            if last != end {
-                times.push(end);
-            }
-            Ok(times)
-        }
+fn step_if_stepped(group: &Group) -> Option<f64> {
+    match group.treatment {
+        Treatment::Stepped { longest_step, .. } => Some(longest_step),
+        Treatment::RegularPrecession | Treatment::ClosedForm { .. } => None,
     }
 }

@@ -16,16 +16,17 @@ pub struct Quantiles {
 impl Quantiles {
     /// The quantiles of `values`, which are reordered; 0 where there are none. No value may be NaN.
     pub fn of(values: &mut [f64]) -> Self {
+        Self { median: Self::rank(values, 0.5), p99: Self::rank(values, 0.99), max: Self::rank(values, 1.0) }
+    }
+
+    /// The smallest of `values`, which are reordered, with at least `part` of all at or below it; 0 where there are none.
+    pub(crate) fn rank(values: &mut [f64], part: f64) -> f64 {
         let count = values.len();
         if count == 0 {
-            return Self::default();
+            return 0.0;
         }
-        // The smallest value with at least the given part of all values at or below it.
-        let mut rank = |part: f64| {
-            let index = ((part * count as f64).ceil() as usize).clamp(1, count) - 1;
-            *values.select_nth_unstable_by(index, f64::total_cmp).1
-        };
-        Self { median: rank(0.5), p99: rank(0.99), max: rank(1.0) }
+        let index = ((part * count as f64).ceil() as usize).clamp(1, count) - 1;
+        *values.select_nth_unstable_by(index, f64::total_cmp).1
     }
 }
 

@@ -6,6 +6,7 @@ use crate::batch::{BodyState, Precision};
 use crate::engine::Description;
 use crate::error::Result;
 use crate::method::Method;
+use crate::scene::Accuracy;
 
 #[cfg(feature = "study")]
 mod column;
@@ -141,6 +142,37 @@ pub struct WallTime {
     pub read: f64,
     /// Handing states to the sink.
     pub write: f64,
+    /// Recomputing the sample of bodies.
+    pub shadow: f64,
+}
+
+/// How far a run's states at the end are from those of a sample of its bodies that was recomputed on the CPU in `f64`
+/// with steps of half the size.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Shadow {
+    /// Bodies behind the figures; those that failed are left out.
+    pub bodies: usize,
+    /// Attitude error, rad.
+    pub attitude: Quantiles,
+    /// Error of the angular velocity in body axes, relative to its magnitude.
+    pub angular_velocity: Quantiles,
+    /// Error of the rotational kinetic energy, relative.
+    pub kinetic_energy: Quantiles,
+    /// The errors that were asked for; `None` where method and step were pinned.
+    pub target: Option<Accuracy>,
+    /// Whether the sample meets them, at their percentile.
+    pub met: Option<bool>,
+}
+
+impl std::fmt::Display for Shadow {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(formatter, "attitude error {} rad in {} bodies", self.attitude, self.bodies)?;
+        match self.met {
+            Some(true) => write!(formatter, ", as asked for"),
+            Some(false) => write!(formatter, ", MORE THAN ASKED FOR"),
+            None => Ok(()),
+        }
+    }
 }
 
 /// What a report calls the closed form, where it otherwise names a method.
@@ -163,6 +195,8 @@ pub struct Trust {
     pub body_steps: u64,
     /// Drift of the invariants at the end.
     pub drift: Drift,
+    /// Errors estimated from a sample of bodies.
+    pub shadow: Shadow,
     /// Bodies whose state is no longer finite, ascending.
     pub failed_bodies: Vec<usize>,
     /// Wall time by phase.
@@ -173,10 +207,11 @@ impl std::fmt::Display for Trust {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(
             formatter,
-            "{} in {} on {}: energy drift {}, angular momentum drift {}, | |q| - 1 | {}, {} failed",
+            "{} in {} on {}: {}, energy drift {}, angular momentum drift {}, | |q| - 1 | {}, {} failed",
             if self.closed_form { CLOSED_FORM } else { self.method.name() },
             self.precision,
             self.engine.name,
+            self.shadow,
             self.drift.kinetic_energy,
             self.drift.angular_momentum_world,
             self.drift.norm,

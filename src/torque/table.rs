@@ -226,11 +226,12 @@ impl TorqueTable {
             .all(|&kind| self.instances(kind).count == 0 || matches!(kind, Kind::ConstantBody | Kind::LinearDrag))
     }
 
-    /// Writes one body's rows: `store(column, number)` for every column of the table.
+    /// Writes one body's row: `store(column, number)` for every column of the table. `body` is its index in the scene.
     pub(crate) fn write_body(
         &mut self,
         torques: &[Torque],
         body: usize,
+        row_index: usize,
         frame: &BodyFrame,
         orientation: DQuat,
         mut store: impl FnMut(usize, f64),
@@ -251,7 +252,7 @@ impl TorqueTable {
                     if let PhaseRates::PerBody(column) =
                         &mut self.phases[instances.first_phase + index * kind.phases() + phase]
                     {
-                        column[body] = rate;
+                        column[row_index] = rate;
                     }
                     let columns = &mut own[kind.parameters() + phase * (RATE_DIGITS + 1)..];
                     columns[..RATE_DIGITS].copy_from_slice(&digits(rate));

@@ -6,17 +6,25 @@ use std::time::Instant;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::batch::{BodyFrame, StateWords, initial_state, prepare_with};
-use crate::engine::{Backend, FreeSession, Progress, Session};
+use crate::batch::{BodyState, initial_state};
+use crate::engine::{Backend, Progress};
 use crate::ensemble::Ensemble;
 use crate::error::{Error, Result};
-use crate::free_motion::AnyRows;
 use crate::plan::Plan;
 use crate::record::{DriftGatherer, Memory, OutputState, Record, Sink, Trust, WallTime};
-use crate::scene::Scene;
+use crate::scene::{Scene, Stepping};
+
+pub(crate) mod alone;
+pub(crate) mod shadow;
+mod unit;
+
+use unit::Unit;
 
 /// Bodies that are read and handed on at once: some megabytes.
 const READ_BLOCK: usize = 1 << 15;
+
+/// Selects the bodies whose motion is recomputed; fixed, so that two runs of a plan are checked on the same bodies.
+const SHADOW_SEED: u64 = 0;
 
 /// Runs `plan` on `engine` and keeps every output in memory.
 ///
@@ -49,52 +57,43 @@ pub fn run_into(
     let scene = plan.scene();
     let body_count = scene.ensemble().len();
     let mut wall_time = WallTime::default();
+    let units = plan.groups().iter().map(|group| Unit::start(engine, scene, group, &mut wall_time));
+    let mut units = units.collect::<Result<Vec<_>>>()?;
 
-    let clock = Instant::now();
-    let (frames, mut road) = Road::prepare(plan, engine, &mut wall_time)?;
-    wall_time.start = clock.elapsed().as_secs_f64() - wall_time.prepare;
-
-    // In closed form a time is a body's only work.
-    let work = if plan.is_closed_form() { plan.times().len() as u64 } else { plan.steps() };
-    let total = work.saturating_mul(body_count as u64);
+    // A body that is not stepped has an output time as its only work.
+    let total = plan.groups().iter().map(|group| plan.work_of(group)).fold(0, u64::saturating_add);
     let mut done = 0_u64;
     let mut drift = DriftGatherer::default();
     let mut failed_bodies = Vec::new();
+    let sample = shadow::sample(body_count, shadow::shadow_size(body_count), SHADOW_SEED);
+    let mut sampled = Vec::with_capacity(sample.len());
     let count = plan.times().len();
     for (index, &time) in plan.times().iter().enumerate() {
         let last = index + 1 == count;
         let wanted = sink.wants(index, count, time);
         let clock = Instant::now();
-        let before = done;
-        match &mut road {
-            Road::Stepped(session) => {
-                let interval = plan.interval(index);
-                session.advance(interval.dt, interval.steps, &mut |progress| {
-                    observer(Progress { done: before.saturating_add(progress.done), total })
-                })?;
-                done = done.saturating_add(interval.steps.saturating_mul(body_count as u64));
-            }
-            Road::ClosedForm(session) => {
-                if wanted || last {
-                    session.evaluate(time)?;
-                }
-                done = done.saturating_add(body_count as u64);
-                if observer(Progress { done, total }).is_break() {
-                    return Err(Error::Interrupted { steps: 0 });
-                }
-            }
+        for unit in &mut units {
+            let before = done;
+            let work = unit.advance(time, plan.span_before(index), wanted || last, &mut |progress| {
+                observer(Progress { done: before.saturating_add(progress.done), total })
+            })?;
+            done = done.saturating_add(work);
         }
         wall_time.compute += clock.elapsed().as_secs_f64();
-
+        if plan.is_closed_form() && observer(Progress { done, total }).is_break() {
+            return Err(Error::Interrupted { steps: 0 });
+        }
         if !(wanted || last) {
             continue;
         }
         for start in (0..body_count).step_by(READ_BLOCK) {
             let range = start..(start + READ_BLOCK).min(body_count);
             let clock = Instant::now();
-            let states = read_states(&mut road, scene, &frames, range.clone(), time)?;
+            let states = read_states(&mut units, scene, range.clone(), time)?;
             if last {
-                gather_trust(scene.ensemble(), &states, range, &mut drift, &mut failed_bodies);
+                gather_trust(scene.ensemble(), &states, range.clone(), &mut drift, &mut failed_bodies);
+                let of_block = |body: &&u32| range.contains(&(**body as usize));
+                sampled.extend(sample.iter().filter(of_block).map(|&body| states[body as usize - start].rotation));
             }
             wall_time.read += clock.elapsed().as_secs_f64();
             if wanted {
@@ -108,67 +107,46 @@ pub fn run_into(
             }
         }
     }
+    drop(units);
+
+    let clock = Instant::now();
+    let recomputed = shadow::recomputed(plan, &sample, &mut |_| observer(Progress { done, total }))?;
+    let mut errors = shadow::Errors::default();
+    for (state, (_, reference)) in sampled.iter().zip(&recomputed) {
+        if state.orientation.is_finite() && state.angular_velocity_body.is_finite() {
+            errors.push(state, reference);
+        }
+    }
+    let target = match scene.stepping() {
+        Stepping::Accuracy(accuracy) => Some(accuracy),
+        Stepping::Pinned { .. } => None,
+    };
+    let shadow = errors.shadow(target.as_ref());
+    wall_time.shadow = clock.elapsed().as_secs_f64();
     Ok(Trust {
         engine: engine.description(),
         method: plan.method(),
         precision: plan.precision(),
         longest_step: plan.longest_step(),
         closed_form: plan.is_closed_form(),
-        body_steps: if plan.is_closed_form() { 0 } else { done },
+        body_steps: plan.body_steps(),
         drift: drift.finish(),
+        shadow,
         failed_bodies,
         wall_time,
     })
 }
 
-/// How bodies come from one output time to the next.
-enum Road {
-    /// Step by step.
-    Stepped(Box<dyn Session>),
-    /// By the closed form of torque-free motion.
-    ClosedForm(Box<dyn FreeSession>),
-}
-
-impl Road {
-    /// Scales the bodies and opens a session; `wall_time.prepare` takes the time of the former.
-    fn prepare(plan: &Plan<'_>, engine: &dyn Backend, wall_time: &mut WallTime) -> Result<(Vec<BodyFrame>, Self)> {
-        let ensemble = plan.scene().ensemble();
-        let clock = Instant::now();
-        if plan.is_closed_form() {
-            let (frames, rows) = AnyRows::prepare(ensemble, plan.precision())?;
-            wall_time.prepare = clock.elapsed().as_secs_f64();
-            return Ok((frames, Self::ClosedForm(engine.start_free(rows)?)));
-        }
-        let scene = plan.scene();
-        let (frames, batch) = prepare_with(ensemble, scene.torques(), scene.end(), plan.precision())?;
-        wall_time.prepare = clock.elapsed().as_secs_f64();
-        Ok((frames, Self::Stepped(engine.start(batch, plan.method())?)))
-    }
-
-    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
-        match self {
-            Self::Stepped(session) => session.read(bodies),
-            Self::ClosedForm(session) => session.read(bodies),
-        }
-    }
-}
-
 /// Some bodies in the user's axes and units.
-fn read_states(
-    road: &mut Road,
-    scene: &Scene,
-    frames: &[BodyFrame],
-    bodies: Range<usize>,
-    time: f64,
-) -> Result<Vec<OutputState>> {
-    let words = road.read(bodies.clone())?;
-    Ok(bodies
-        .clone()
+fn read_states(units: &mut [Unit<'_>], scene: &Scene, bodies: Range<usize>, time: f64) -> Result<Vec<OutputState>> {
+    let mut states = vec![BodyState::UNKNOWN; bodies.len()];
+    for unit in units {
+        unit.read(bodies.clone(), &mut states)?;
+    }
+    Ok(states
         .into_par_iter()
-        .map(|body| OutputState {
-            rotation: frames[body].body_state(words.combined(body - bodies.start)),
-            translation: translation_at(scene, body, time),
-        })
+        .zip(bodies)
+        .map(|(rotation, body)| OutputState { rotation, translation: translation_at(scene, body, time) })
         .collect())
 }
 

@@ -1,0 +1,241 @@
+//! Classes of bodies: what of the equations of motion a body needs.
+//!
+//! A class is simpler than the general one where treating the body as its member costs less than a tolerance. Each bound
+//! below is rigorous: the angle between two rotations whose rates in body axes are ω(t) and ω̃(t) grows no faster than
+//! |ω − ω̃|, so the attitude error is at most ∫|ω − ω̃| dt. With m the angular momentum in principal axes, L = |m| (which
+//! a free body keeps), t the span and 1/I the inverse moments, every simpler motion below is a *regular precession*
+//!
+//! ```text
+//! ω̃ = a m̃ + λ e_k,   m̃(t) = R_k(−λ t) m(0)
+//! ```
+//!
+//! that keeps the angular momentum exactly; classes differ in a, λ and k ([`crate::regular_precession`]).
+
+use glam::DVec3;
+
+use super::driven::TorqueSet;
+
+/// What a body's inertia and spin make of its free motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Shape {
+    /// It hardly turns over the span: nothing is computed.
+    AtRest,
+    /// Three equal moments: no gyroscopic term.
+    Spherical,
+    /// Spin about a principal axis: a plain rotation.
+    Steady,
+    /// Two equal moments: two uniform rotations.
+    Axisymmetric,
+    /// The general case: elliptic functions or steps.
+    Asymmetric,
+}
+
+impl Shape {
+    /// All shapes, the simplest first.
+    pub const ALL: [Shape; 5] =
+        [Shape::AtRest, Shape::Spherical, Shape::Steady, Shape::Axisymmetric, Shape::Asymmetric];
+
+    /// The name in tables and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Shape::AtRest => "at rest",
+            Shape::Spherical => "spherical",
+            Shape::Steady => "steady",
+            Shape::Axisymmetric => "axisymmetric",
+            Shape::Asymmetric => "asymmetric",
+        }
+    }
+}
+
+/// The class of a body.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Class {
+    /// Its free motion.
+    pub shape: Shape,
+    /// The torques that act on it. A driven body's shape is not looked at and is [`Shape::Asymmetric`].
+    pub torques: TorqueSet,
+    /// Whether its centre of mass moves too, which a constant force lets it do in closed form.
+    pub translates: bool,
+}
+
+impl Class {
+    /// Whether a torque acts.
+    pub fn is_driven(&self) -> bool {
+        !self.torques.is_empty()
+    }
+}
+
+/// The error that a simpler class can cause over a span.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Bound {
+    /// Attitude error, rad.
+    pub attitude: f64,
+    /// Error of the angular velocity, relative to the greatest spin rate that the motion can have.
+    pub angular_velocity: f64,
+    /// Error of the kinetic energy, relative.
+    pub energy: f64,
+}
+
+impl Bound {
+    /// A bound that is never met.
+    pub const NONE: Self = Self { attitude: f64::INFINITY, angular_velocity: f64::INFINITY, energy: f64::INFINITY };
+
+    /// Whether no component exceeds that of `tolerance`.
+    pub fn within(&self, tolerance: &Self) -> bool {
+        self.attitude <= tolerance.attitude
+            && self.angular_velocity <= tolerance.angular_velocity
+            && self.energy <= tolerance.energy
+    }
+
+    /// The greater of both, component by component.
+    #[must_use]
+    pub fn or(self, other: Self) -> Self {
+        Self {
+            attitude: self.attitude.max(other.attitude),
+            angular_velocity: self.angular_velocity.max(other.angular_velocity),
+            energy: self.energy.max(other.energy),
+        }
+    }
+}
+
+/// The axis of a regular precession, from 0: the one along which a steady body spins, or that of symmetry.
+pub type Axis = usize;
+
+/// A free body and a span, in units of the body's own scale.
+#[derive(Clone, Copy, Debug)]
+pub struct FreeBody {
+    /// I₁ ≤ I₂ ≤ I₃.
+    pub moments: DVec3,
+    /// m at the start, principal axes.
+    pub angular_momentum_principal: DVec3,
+    /// t.
+    pub span: f64,
+}
+
+/// A class, the axis that it has, and what it can cost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Verdict {
+    /// The class.
+    pub shape: Shape,
+    /// The axis of a steady or axisymmetric body.
+    pub axis: Axis,
+    /// The bound; zero for [`Shape::Asymmetric`].
+    pub bound: Bound,
+}
+
+impl FreeBody {
+    /// The simplest class whose bound is within `tolerance`.
+    pub fn verdict(&self, tolerance: &Bound) -> Verdict {
+        let simpler = Shape::ALL[..4].iter().map(|&shape| self.bound(shape));
+        simpler.into_iter().find(|verdict| verdict.bound.within(tolerance)).unwrap_or(Verdict {
+            shape: Shape::Asymmetric,
+            axis: 0,
+            bound: Bound::default(),
+        })
+    }
+
+    /// What treating the body as a member of `shape` can cost, with the axis that makes it least.
+    pub fn bound(&self, shape: Shape) -> Verdict {
+        let (axis, bound) = match shape {
+            Shape::AtRest => (0, self.rest_bound()),
+            Shape::Spherical => (1, self.spherical_bound()),
+            Shape::Steady => least((0..3).map(|axis| (axis, self.steady_bound(axis)))),
+            Shape::Axisymmetric => least([0, 2].map(|axis| (axis, self.axisymmetric_bound(axis))).into_iter()),
+            Shape::Asymmetric => (0, Bound::default()),
+        };
+        Verdict { shape, axis, bound }
+    }
+
+    /// The greatest |ω| that the motion can reach: 2T ≥ I₁ ω².
+    pub fn greatest_rate(&self) -> f64 {
+        (self.twice_energy() / self.moments.x).sqrt()
+    }
+
+    fn twice_energy(&self) -> f64 {
+        (self.angular_momentum_principal / self.moments).dot(self.angular_momentum_principal)
+    }
+
+    /// `attitude` and the rate's error in units of the greatest rate.
+    fn relative(&self, attitude: f64, rate: f64, energy: f64) -> Bound {
+        let greatest = self.greatest_rate();
+        let ratio = |x: f64, scale: f64| if x == 0.0 { 0.0 } else { x / scale };
+        // What overflowed is no bound.
+        let sound = |x: f64| if x.is_nan() { f64::INFINITY } else { x };
+        Bound {
+            attitude: sound(attitude),
+            angular_velocity: sound(ratio(rate, greatest)),
+            energy: sound(ratio(energy, self.twice_energy())),
+        }
+    }
+
+    /// The body is left as it is: it turns by at most the greatest rate times the span. The angular velocity is kept in
+    /// body axes, where |ω̇| ≤ κ L²/I₁ with κ the spread of the inverse moments.
+    fn rest_bound(&self) -> Bound {
+        let rate = self.greatest_rate();
+        let (first, third) = (self.moments.x.recip(), self.moments.z.recip());
+        let change = (first - third) * self.angular_momentum_principal.length_squared() * first * self.span;
+        self.relative(rate * self.span, change.min(2.0 * rate), 0.0)
+    }
+
+    /// a = 1/I₂, λ = 0. With κ = max |1/I_i − 1/I₂|, |ṁ| = |m × (I⁻¹ − a) m| ≤ κ L², so
+    /// |ω − ω̃| ≤ κ L + a κ L² t.
+    fn spherical_bound(&self) -> Bound {
+        let inverse = self.moments.recip();
+        let (a, l, t) = (inverse.y, self.angular_momentum_principal.length(), self.span);
+        let kappa = (inverse.x - a).max(a - inverse.z);
+        let rate = kappa * l * (1.0 + a * l * t);
+        self.relative(kappa * l * t * (1.0 + 0.5 * a * l * t), rate, 0.0)
+    }
+
+    /// a = 1/I_k, λ = 0. With p the part of m across the axis, |ω − ω̃| ≤ c p + (p + p₀ + |Δm_k|)/I_k, where
+    /// c = max |1/I_i − 1/I_k|. About an outer axis Σ |1/I_i − 1/I_k| m_i² is kept and bounds p; about any axis
+    /// |ṗ| ≤ L c p does. |ṁ_k| ≤ |1/I_i − 1/I_j| p²/2, and from L² = m_k² + p² it changes by at most p²/(√2 L) as long as
+    /// p² ≤ L²/2.
+    fn steady_bound(&self, axis: Axis) -> Bound {
+        let inverse = self.moments.recip().to_array();
+        let m = self.angular_momentum_principal.to_array();
+        let (l, t) = (self.angular_momentum_principal.length(), self.span);
+        let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
+        let p0 = m[i].hypot(m[j]);
+        if p0 == 0.0 {
+            return Bound::default();
+        }
+        let (ci, cj) = ((inverse[i] - inverse[axis]).abs(), (inverse[j] - inverse[axis]).abs());
+        let c = ci.max(cj);
+        let grown = p0 * (l * c * t).exp();
+        let kept = if axis == 1 || ci.min(cj) == 0.0 {
+            f64::INFINITY
+        } else {
+            ((ci * m[i] * m[i] + cj * m[j] * m[j]) / ci.min(cj)).sqrt()
+        };
+        let p = grown.min(kept).min(l);
+        let turned = if p * p <= 0.5 * l * l { p * p / (std::f64::consts::SQRT_2 * l) } else { 2.0 * l };
+        let along = turned.min(0.5 * (inverse[i] - inverse[j]).abs() * p * p * t);
+        let rate = c * p + (p + p0 + along) * inverse[axis];
+        self.relative(rate * t, rate, 0.0)
+    }
+
+    /// a = (1/I_i + 1/I_j)/2, λ = (1/I_k − a) m_k(0). With κ = |1/I_i − 1/I_j| and g = |1/I_k − a|, |ṁ_k| ≤ κ L²/2, and
+    /// in axes that turn with m̃ the part of m across the axis departs by at most g κ L³ t²/4 + κ L² t/4, as that
+    /// rotation keeps lengths; |ω − ω̃| ≤ κ L/2 + a (that) + κ L² t/(2 I_k).
+    fn axisymmetric_bound(&self, axis: Axis) -> Bound {
+        let inverse = self.moments.recip().to_array();
+        let (l, t) = (self.angular_momentum_principal.length(), self.span);
+        let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
+        let a = 0.5 * (inverse[i] + inverse[j]);
+        let (kappa, g) = ((inverse[i] - inverse[j]).abs(), (inverse[axis] - a).abs());
+        if kappa == 0.0 {
+            return Bound::default();
+        }
+        let angle = l * t;
+        let attitude =
+            kappa * angle * (0.5 + a * (g * angle * angle / 12.0 + angle / 8.0) + 0.25 * inverse[axis] * angle);
+        let rate = kappa * l * (0.5 + a * (g * angle * angle / 4.0 + angle / 4.0) + 0.5 * inverse[axis] * angle);
+        self.relative(attitude, rate, kappa * l * l)
+    }
+}
+
+/// The axis with the least bound on the attitude.
+fn least(bounds: impl Iterator<Item = (Axis, Bound)>) -> (Axis, Bound) {
+    bounds.fold((0, Bound::NONE), |best, next| if next.1.attitude < best.1.attitude { next } else { best })
+}

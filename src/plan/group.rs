@@ -1,0 +1,131 @@
+//! Bodies that are treated alike.
+
+use std::ops::Range;
+
+use super::class::{Bound, Class};
+use super::times::{Interval, steps_over};
+use crate::batch::Precision;
+use crate::method::Method;
+
+/// How the motion of a group's bodies is found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Treatment {
+    /// As two uniform rotations, in `f64` on the host, at the output times alone ([`crate::regular_precession`]).
+    RegularPrecession,
+    /// By elliptic functions, at the output times alone ([`crate::free_motion`]); on the host where the engine has not
+    /// the arithmetic.
+    ClosedForm {
+        /// The arithmetic.
+        precision: Precision,
+    },
+    /// In steps, on the engine.
+    Stepped {
+        /// The integrator.
+        method: Method,
+        /// The arithmetic.
+        precision: Precision,
+        /// The longest step, s; steps are shortened so that output times are hit exactly.
+        longest_step: f64,
+    },
+}
+
+impl Treatment {
+    /// The arithmetic of a body that is stepped.
+    pub(crate) fn precision_of_steps(&self) -> Option<Precision> {
+        match *self {
+            Treatment::Stepped { precision, .. } => Some(precision),
+            Treatment::RegularPrecession | Treatment::ClosedForm { .. } => None,
+        }
+    }
+
+    /// The steps that lead over `span` seconds; none where nothing is stepped.
+    pub fn interval(&self, span: f64) -> Interval {
+        match *self {
+            Treatment::RegularPrecession | Treatment::ClosedForm { .. } => Interval { steps: 0, dt: span },
+            Treatment::Stepped { longest_step, .. } => steps_over(span, longest_step),
+        }
+    }
+}
+
+/// The bodies of a group, ascending: all of an ensemble, or a list.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Members {
+    /// Every body.
+    All(usize),
+    /// Some bodies, ascending.
+    Some(Vec<u32>),
+}
+
+impl Members {
+    /// Number of bodies.
+    pub fn len(&self) -> usize {
+        match self {
+            Members::All(count) => *count,
+            Members::Some(list) => list.len(),
+        }
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The body in a row of the group.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such row.
+    pub fn body(&self, row: usize) -> usize {
+        match self {
+            Members::All(_) => row,
+            Members::Some(list) => list[row] as usize,
+        }
+    }
+
+    /// The rows of the bodies that lie in a range of the ensemble's. As rows keep the ensemble's order they are
+    /// contiguous, so outputs are read block by block in that order and memory stays bounded.
+    pub fn rows(&self, bodies: Range<usize>) -> Range<usize> {
+        match self {
+            Members::All(count) => bodies.start.min(*count)..bodies.end.min(*count),
+            Members::Some(list) => {
+                let row = |body: usize| list.partition_point(|&member| (member as usize) < body);
+                row(bodies.start)..row(bodies.end)
+            }
+        }
+    }
+}
+
+/// Bodies of one class that are treated alike; a step of its own for each power of 2^(1/4), so that each body takes the
+/// steps that it needs whatever stands beside it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Group {
+    /// The class.
+    pub class: Class,
+    /// How their motion is found.
+    pub treatment: Treatment,
+    /// The bodies.
+    pub members: Members,
+    /// The most that the class can cost any of them.
+    pub bound: Bound,
+}
+
+/// Steps a factor of two apart have this many between them.
+const LEVELS_PER_OCTAVE: i32 = 4;
+
+/// 2^(0/4) … 2^(3/4).
+const FRACTIONS: [f64; LEVELS_PER_OCTAVE as usize] =
+    [1.0, 1.189_207_115_002_721, 1.414_213_562_373_095_1, 1.681_792_830_507_429];
+
+/// The level of the longest step that is no longer than `dt` s (finite, above zero).
+pub(crate) fn level_of(dt: f64) -> i32 {
+    let exponent = crate::batch::binary_exponent(dt);
+    let mantissa = crate::batch::scaled_by_power_of_two(dt, -exponent);
+    let fraction = FRACTIONS.iter().rposition(|&fraction| fraction <= mantissa).unwrap_or(0);
+    exponent * LEVELS_PER_OCTAVE + fraction as i32
+}
+
+/// The step of a level, s.
+pub(crate) fn step_of(level: i32) -> f64 {
+    let (exponent, fraction) = (level.div_euclid(LEVELS_PER_OCTAVE), level.rem_euclid(LEVELS_PER_OCTAVE));
+    crate::batch::scaled_by_power_of_two(FRACTIONS[fraction as usize], exponent)
+}

@@ -1,0 +1,345 @@
+//! What a plan's groups follow from: the few numbers that were chosen, rather than the many bodies they apply to.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+
+use super::choice::{CLOSED_FORM_F32, Look, Rule, look_at, narrowest, skip_tolerance};
+use super::class::{Bound, Class, Shape};
+use super::cost::COSTS;
+use super::driven::TorqueSet;
+use super::group::{Group, Members, Treatment, level_of, step_of};
+use super::pilot::{Found, Pilot, pilot_sample};
+use crate::batch::Precision;
+use crate::engine::Backend;
+use crate::error::{Error, Result};
+use crate::method::Method;
+use crate::scene::{Accuracy, Scene, Stepping};
+
+/// Everything from which, with the scene, a plan's groups follow, to the bit.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Resolution {
+    /// Method and step were given.
+    Pinned {
+        /// The integrator.
+        method: Method,
+        /// The arithmetic.
+        precision: Precision,
+        /// The longest step, s.
+        longest_step: f64,
+    },
+    /// An error was asked for.
+    Accuracy {
+        /// What a simpler class may cost a body.
+        tolerance: Bound,
+        /// The arithmetic of the closed form.
+        closed_form: Precision,
+        /// The rate, rad/s, by which all bodies are stepped alike, where nothing is to be left out.
+        uniform_rate: Option<f64>,
+        /// How bodies are stepped, by the torques that act on them.
+        stepped: Vec<Stepped>,
+    },
+}
+
+/// How the bodies on which some torques act are stepped.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stepped {
+    /// The torques.
+    pub torques: TorqueSet,
+    /// The rule, and what is known of its error.
+    pub found: Found,
+}
+
+/// Bodies that are looked at before they are sorted into groups; bounds the memory of sorting.
+const LOOK_BLOCK: usize = 1 << 16;
+
+/// Selects the pilots' bodies; fixed, so that a plan made again is the same.
+const PILOT_SEED: u64 = 1;
+
+/// What `f32` needs.
+const F32_MISSES: &str =
+    "f32 does not reach this: precision f64, or more than 1e-6 rad and 3e-8 of the angle turned, is needed (rad)";
+
+impl Resolution {
+    /// Resolves `scene` for `engine`; `times` are its output times.
+    pub(super) fn new(scene: &Scene, engine: &dyn Backend, times: &[f64]) -> Result<Self> {
+        let has_f64 = engine.precisions().contains(&Precision::F64);
+        match scene.stepping() {
+            Stepping::Pinned { method, dt, .. } => {
+                let widest = if has_f64 { Precision::F64 } else { Precision::F32 };
+                let precision = scene.wanted_precision().unwrap_or(widest);
+                crate::engine::check_step(dt, precision)?;
+                if !engine.precisions().contains(&precision) {
+                    return Err(Error::PrecisionUnavailable { adapter: engine.description().name, precision });
+                }
+                Ok(Self::Pinned { method, precision, longest_step: dt })
+            }
+            Stepping::Accuracy(accuracy) => {
+                check_accuracy(&accuracy)?;
+                let wanted = scene.wanted_precision();
+                let attitude = accuracy.strictest();
+                let narrow = wanted == Some(Precision::F32) || (wanted.is_none() && attitude >= CLOSED_FORM_F32);
+                // Nothing is within a negative tolerance.
+                let nothing = Bound { attitude: -1.0, ..Bound::NONE };
+                let tolerance = if !scene.may_skip() { nothing } else { skip_tolerance(&accuracy) };
+                let mut resolution = Self::Accuracy {
+                    tolerance,
+                    closed_form: if narrow { Precision::F32 } else { Precision::F64 },
+                    uniform_rate: (!scene.may_skip()).then(|| fastest_rate(scene, &tolerance)),
+                    stepped: Vec::new(),
+                };
+                resolution.choose_steps(scene, &accuracy, wanted, has_f64, times)?;
+                if wanted == Some(Precision::F32) {
+                    resolution.check_f32(scene, attitude)?;
+                }
+                Ok(resolution)
+            }
+        }
+    }
+
+    /// Finds a rule for each set of torques.
+    fn choose_steps(
+        &mut self,
+        scene: &Scene,
+        accuracy: &Accuracy,
+        wanted: Option<Precision>,
+        has_f64: bool,
+        times: &[f64],
+    ) -> Result<()> {
+        let Self::Accuracy { tolerance, uniform_rate, stepped, .. } = self else { return Ok(()) };
+        let precision = if has_f64 { wanted } else { Some(Precision::F32) };
+        for (torques, bodies) in stepped_bodies(scene) {
+            let rule = Rule {
+                method: COSTS[0].method,
+                coefficient: COSTS[0].coefficient,
+                attitude: accuracy.strictest(),
+                precision,
+            };
+            let found = if scene.has_pilot() && scene.end() > 0.0 {
+                let pilot = Pilot {
+                    scene,
+                    accuracy,
+                    times,
+                    torques: &torques.of(scene.torques()),
+                    precision,
+                    bodies: pilot_sample(&bodies, PILOT_SEED)
+                        .into_iter()
+                        .map(|body| (body, at_rate(look_at(scene, body as usize, tolerance), *uniform_rate)))
+                        .collect(),
+                };
+                pilot.fly()?
+            } else {
+                Found { rule, part: 1.0, bodies: 0 }
+            };
+            if found.part > 1.0 {
+                return Err(out_of_reach(&found, has_f64));
+            }
+            stepped.push(Stepped { torques, found });
+        }
+        Ok(())
+    }
+
+    /// Refuses `f32` where the closed form or a stepped body would miss the target for its rounding alone.
+    fn check_f32(&self, scene: &Scene, attitude: f64) -> Result<()> {
+        let Self::Accuracy { tolerance, uniform_rate, .. } = self else { return Ok(()) };
+        let misses = |body: usize| {
+            let look = at_rate(look_at(scene, body, tolerance), *uniform_rate);
+            if look.torques.is_empty() && scene.may_skip() {
+                look.verdict.shape == Shape::Asymmetric && attitude < CLOSED_FORM_F32
+            } else {
+                narrowest(attitude, look.rate * scene.end()) == Precision::F64
+            }
+        };
+        if (0..scene.ensemble().len()).into_par_iter().any(misses) {
+            return Err(Error::Setting { field: "accuracy.attitude", value: attitude, expected: F32_MISSES });
+        }
+        Ok(())
+    }
+
+    /// The groups of a scene's bodies.
+    pub(super) fn groups(&self, scene: &Scene) -> Vec<Group> {
+        let span = scene.end();
+        let exact = Bound::default();
+        let tolerance = match self {
+            Self::Pinned { .. } => &exact,
+            Self::Accuracy { tolerance, .. } => tolerance,
+        };
+        sorted(scene, tolerance, |look| self.place(scene, look))
+            .into_iter()
+            .map(|((class, way), (members, bound))| {
+                let treatment = match way {
+                    Way::Precession => Treatment::RegularPrecession,
+                    Way::ClosedForm { wide } => Treatment::ClosedForm { precision: precision(wide) },
+                    Way::Level { wide, level } => self.stepped(&class, wide, step_of(level)),
+                    Way::Longest { wide } => self.stepped(&class, wide, span.max(f64::MIN_POSITIVE)),
+                };
+                Group { class, treatment, members, bound }
+            })
+            .collect()
+    }
+
+    fn stepped(&self, class: &Class, wide: bool, step: f64) -> Treatment {
+        match self {
+            Self::Pinned { method, precision, longest_step } => {
+                Treatment::Stepped { method: *method, precision: *precision, longest_step: *longest_step }
+            }
+            Self::Accuracy { .. } => {
+                let method = self.rule(class.torques).map_or(COSTS[0].method, |rule| rule.method);
+                Treatment::Stepped { method, precision: precision(wide), longest_step: step }
+            }
+        }
+    }
+
+    /// The rule by which bodies are stepped on which `torques` act.
+    pub fn rule(&self, torques: TorqueSet) -> Option<&Rule> {
+        match self {
+            Self::Pinned { .. } => None,
+            Self::Accuracy { stepped, .. } => {
+                stepped.iter().find(|entry| entry.torques == torques).map(|entry| &entry.found.rule)
+            }
+        }
+    }
+
+    /// Where a body belongs.
+    fn place(&self, scene: &Scene, look: &Look) -> (Shape, Way) {
+        let free = look.torques.is_empty() && scene.may_skip();
+        match self {
+            Self::Pinned { .. } if free && look.verdict.shape == Shape::AtRest => (Shape::AtRest, Way::Precession),
+            Self::Pinned { .. } => (Shape::Asymmetric, Way::Longest { wide: false }),
+            Self::Accuracy { closed_form, uniform_rate, .. } => {
+                if free && look.verdict.shape != Shape::Asymmetric {
+                    return (look.verdict.shape, Way::Precession);
+                }
+                if free {
+                    return (Shape::Asymmetric, Way::ClosedForm { wide: *closed_form == Precision::F64 });
+                }
+                let torques = torques_for(scene, look);
+                let (rate, span) = (at_rate(*look, *uniform_rate).rate, scene.end());
+                let Some(rule) = self.rule(torques) else { return (Shape::Asymmetric, Way::Longest { wide: true }) };
+                let (step, wide) = (rule.longest_step(rate, span), rule.is_wide(rate * span));
+                let way = if step < span { Way::Level { wide, level: level_of(step) } } else { Way::Longest { wide } };
+                (Shape::Asymmetric, way)
+            }
+        }
+    }
+}
+
+/// How a body's motion is found. Orders groups.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Way {
+    Precession,
+    ClosedForm {
+        wide: bool,
+    },
+    Level {
+        wide: bool,
+        level: i32,
+    },
+    /// In steps as long as anything allows.
+    Longest {
+        wide: bool,
+    },
+}
+
+fn precision(wide: bool) -> Precision {
+    if wide { Precision::F64 } else { Precision::F32 }
+}
+
+/// The torques that a body's kernel has.
+fn torques_for(scene: &Scene, look: &Look) -> TorqueSet {
+    if !scene.may_skip() { TorqueSet::all(scene.torques().len()) } else { look.torques }
+}
+
+fn at_rate(look: Look, uniform: Option<f64>) -> Look {
+    Look { rate: uniform.unwrap_or(look.rate), ..look }
+}
+
+fn fastest_rate(scene: &Scene, tolerance: &Bound) -> f64 {
+    let rate = |body| look_at(scene, body, tolerance).rate;
+    (0..scene.ensemble().len()).into_par_iter().map(rate).reduce(|| 0.0, f64::max)
+}
+
+/// The bodies that are stepped where an error is asked for, by the torques that act.
+fn stepped_bodies(scene: &Scene) -> BTreeMap<TorqueSet, Vec<u32>> {
+    let mut found: BTreeMap<TorqueSet, Vec<u32>> = BTreeMap::new();
+    let bodies = 0..scene.ensemble().len() as u32;
+    if !scene.may_skip() {
+        if !bodies.is_empty() {
+            found.insert(TorqueSet::all(scene.torques().len()), bodies.collect());
+        }
+    } else if !scene.torques().is_empty() {
+        for body in bodies {
+            let torques = TorqueSet::acting_on(scene.torques(), body as usize);
+            if !torques.is_empty() {
+                found.entry(torques).or_default().push(body);
+            }
+        }
+    }
+    found
+}
+
+/// Sorts the bodies by class and by how `place` says that they are treated. Bodies keep their order within a group.
+fn sorted(
+    scene: &Scene,
+    tolerance: &Bound,
+    place: impl Fn(&Look) -> (Shape, Way) + Sync,
+) -> BTreeMap<(Class, Way), (Members, Bound)> {
+    let body_count = scene.ensemble().len();
+    let translates = scene.ensemble().translation().is_some();
+    let mut lists: BTreeMap<(Class, Way), (Vec<u32>, Bound)> = BTreeMap::new();
+    for start in (0..body_count).step_by(LOOK_BLOCK) {
+        let end = (start + LOOK_BLOCK).min(body_count);
+        let looks: Vec<((Class, Way), Bound)> = (start..end)
+            .into_par_iter()
+            .map(|body| {
+                let look = look_at(scene, body, tolerance);
+                let (shape, way) = place(&look);
+                let bound = if shape == look.verdict.shape { look.verdict.bound } else { Bound::default() };
+                ((Class { shape, torques: torques_for(scene, &look), translates }, way), bound)
+            })
+            .collect();
+        for (offset, (key, bound)) in looks.into_iter().enumerate() {
+            let entry = lists.entry(key).or_default();
+            entry.0.push((start + offset) as u32);
+            entry.1 = entry.1.or(bound);
+        }
+    }
+    let members =
+        |list: Vec<u32>| if list.len() == body_count { Members::All(body_count) } else { Members::Some(list) };
+    lists.into_iter().map(|(key, (list, bound))| (key, (members(list), bound))).collect()
+}
+
+fn out_of_reach(found: &Found, has_f64: bool) -> Error {
+    let narrow = found.rule.precision == Some(Precision::F32);
+    let remedy = match (narrow, has_f64) {
+        (true, true) => "precision f64 is needed, or a larger error",
+        (true, false) => "an adapter with f64 or the CPU engine is needed, or a larger error",
+        (false, _) => "rounding in f64 is in the way: a shorter span is needed, or a larger error",
+    };
+    Error::AccuracyOutOfReach {
+        target: found.rule.attitude,
+        reached: found.part * found.rule.attitude,
+        method: found.rule.method,
+        precision: found.rule.precision.unwrap_or(Precision::F64),
+        remedy,
+    }
+}
+
+/// Refuses targets that are no errors.
+fn check_accuracy(accuracy: &Accuracy) -> Result<()> {
+    let wrong = |field, value, expected| Err(Error::Setting { field, value, expected });
+    if let Some(value) = accuracy.attitude.filter(|target| !(*target > 0.0 && *target <= std::f64::consts::PI)) {
+        return wrong("accuracy.attitude", value, "an angle above 0 and up to pi is needed (rad)");
+    }
+    let relative = [("accuracy.angular_velocity", accuracy.angular_velocity), ("accuracy.energy", accuracy.energy)];
+    for (field, target) in relative {
+        if let Some(value) = target.filter(|target| !(*target > 0.0 && target.is_finite())) {
+            return wrong(field, value, "a relative error above 0 is needed");
+        }
+    }
+    if !(accuracy.percentile > 0.0 && accuracy.percentile <= 100.0) {
+        let expected = "a percentile above 0 and up to 100 is needed";
+        return wrong("accuracy.percentile", accuracy.percentile, expected);
+    }
+    Ok(())
+}

@@ -1,0 +1,91 @@
+//! What a plan does not do, and why that is safe.
+
+use super::class::{Bound, Shape};
+
+/// One kind of work that a plan leaves out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Skip {
+    /// Its name.
+    pub name: SkipName,
+    /// Bodies that it concerns.
+    pub bodies: usize,
+    /// The most that it can change any of them, beside rounding.
+    pub bound: Bound,
+}
+
+/// The names of all skips.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
+pub enum SkipName {
+    /// Bodies that hardly turn are not integrated.
+    AtRest,
+    /// Bodies with three equal moments are rotated.
+    Spherical,
+    /// Bodies that spin about a principal axis are rotated.
+    Steady,
+    /// Bodies with two equal moments are rotated twice.
+    Axisymmetric,
+    /// Torque-free bodies are not stepped.
+    Free,
+    /// Without a torque there is no torque code.
+    Torque,
+    /// Positions are not advanced where there are none.
+    Translation,
+    /// Positions under a constant force are not stepped.
+    TranslationSteps,
+    /// Slow bodies do not take the fastest body's steps.
+    Steps,
+    /// Times that are not recorded are not read back.
+    Outputs,
+}
+
+impl SkipName {
+    /// The name in tables and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            SkipName::AtRest => "at-rest",
+            SkipName::Spherical => "spherical",
+            SkipName::Steady => "steady",
+            SkipName::Axisymmetric => "axisymmetric",
+            SkipName::Free => "free",
+            SkipName::Torque => "torque",
+            SkipName::Translation => "translation",
+            SkipName::TranslationSteps => "translation-steps",
+            SkipName::Steps => "steps",
+            SkipName::Outputs => "outputs",
+        }
+    }
+
+    /// Why it is safe.
+    pub fn reason(self) -> &'static str {
+        match self {
+            SkipName::AtRest => "no torque and hardly any spin: the state stays as it is",
+            SkipName::Spherical => "three equal moments: a uniform rotation about the angular momentum",
+            SkipName::Steady => "spin about a principal axis: a uniform rotation about it",
+            SkipName::Axisymmetric => "two equal moments: a uniform precession and a uniform spin",
+            SkipName::Free => "no torque acts: the state at any time follows in closed form",
+            SkipName::Torque => "no torque acts: its code is not in the kernel",
+            SkipName::Translation => "no masses, positions and velocities are given: there is nothing to move",
+            SkipName::TranslationSteps => "the force is constant: positions follow in closed form at output times",
+            SkipName::Steps => "each body takes the steps that its own rate needs",
+            SkipName::Outputs => "states between output times leave neither registers nor device",
+        }
+    }
+
+    /// The skip of a shape; none for the general one.
+    pub(crate) fn of_shape(shape: Shape) -> Option<Self> {
+        match shape {
+            Shape::AtRest => Some(SkipName::AtRest),
+            Shape::Spherical => Some(SkipName::Spherical),
+            Shape::Steady => Some(SkipName::Steady),
+            Shape::Axisymmetric => Some(SkipName::Axisymmetric),
+            Shape::Asymmetric => None,
+        }
+    }
+}
+
+impl std::fmt::Display for SkipName {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(self.name())
+    }
+}

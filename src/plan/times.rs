@@ -1,0 +1,91 @@
+//! Output times, and steps that hit them.
+
+use crate::error::{Error, Result};
+use crate::scene::{Outputs, Scene};
+
+/// More output times than this are refused: nobody reads them, and the list alone would take 80 MB.
+pub const MOST_OUTPUTS: usize = 10_000_000;
+
+/// Steps of equal size from one output time to the next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interval {
+    /// Number of steps.
+    pub steps: u64,
+    /// Size of each, s.
+    pub dt: f64,
+}
+
+/// The fewest equal steps of at most `longest` that make up `span`; a step count within 1e-9 of a whole number is
+/// taken as that number, so that 10 s in steps of 0.1 s are 100 steps although 0.1 is not a machine number.
+pub(crate) fn steps_over(span: f64, longest: f64) -> Interval {
+    if span <= 0.0 {
+        return Interval { steps: 0, dt: longest };
+    }
+    let ratio = span / longest;
+    let nearest = ratio.round();
+    let steps = if (ratio - nearest).abs() <= 1e-9 * nearest { nearest } else { ratio.ceil() }.max(1.0);
+    Interval { steps: steps as u64, dt: span / steps }
+}
+
+/// The output times of a scene, checked.
+pub(crate) fn output_times(scene: &Scene) -> Result<Vec<f64>> {
+    let end = scene.end();
+    if !(end.is_finite() && end >= 0.0) {
+        return Err(Error::Setting {
+            field: "time.end",
+            value: end,
+            expected: "a finite time that is not negative is needed (s)",
+        });
+    }
+    match scene.output_times() {
+        Outputs::End => Ok(vec![end]),
+        Outputs::Every(interval) => {
+            if !(interval.is_finite() && *interval > 0.0) {
+                return Err(Error::Setting {
+                    field: "time.outputs.every",
+                    value: *interval,
+                    expected: "a finite interval above zero is needed (s)",
+                });
+            }
+            let count = end / interval;
+            if count > MOST_OUTPUTS as f64 {
+                return Err(Error::Setting {
+                    field: "time.outputs.every",
+                    value: *interval,
+                    expected: "more than 1e7 outputs would follow: a longer interval is needed (s)",
+                });
+            }
+            let whole = steps_over(end, *interval).steps as usize;
+            let mut times: Vec<f64> =
+                (1..=whole).map(|n| n as f64 * interval).take_while(|&t| t < end * (1.0 - 1e-12)).collect();
+            times.push(end);
+            Ok(times)
+        }
+        Outputs::Times(list) => {
+            let mut times = Vec::with_capacity(list.len() + 1);
+            let mut last = -1.0;
+            for &time in list {
+                if !(time.is_finite() && time >= 0.0 && time <= end) {
+                    return Err(Error::Setting {
+                        field: "time.outputs.times",
+                        value: time,
+                        expected: "times from 0 to the end are needed (s)",
+                    });
+                }
+                if time <= last {
+                    return Err(Error::Setting {
+                        field: "time.outputs.times",
+                        value: time,
+                        expected: "increasing times are needed (s)",
+                    });
+                }
+                last = time;
+                times.push(time);
+            }
+            if last != end {
+                times.push(end);
+            }
+            Ok(times)
+        }
+    }
+}

@@ -1,0 +1,32 @@
+//! Some bodies of a scene by themselves, on the CPU.
+
+use crate::batch::{BodyState, prepare_members};
+use crate::engine::cpu::{Cpu, Width};
+use crate::engine::{Backend, Observer};
+use crate::error::Result;
+use crate::plan::{Members, Treatment};
+use crate::scene::Scene;
+use crate::torque::Torque;
+
+/// The states of some bodies after the last of `times`, stepped on all cores as `treatment` says, which must be
+/// [`Treatment::Stepped`]; other treatments give none.
+pub(crate) fn states_at_end(
+    scene: &Scene,
+    times: &[f64],
+    torques: &[Torque],
+    members: &Members,
+    treatment: &Treatment,
+    observer: &mut Observer<'_>,
+) -> Result<Vec<(usize, BodyState)>> {
+    let Treatment::Stepped { method, precision, .. } = *treatment else { return Ok(Vec::new()) };
+    let (frames, batch) = prepare_members(scene.ensemble(), torques, scene.end(), members, precision)?;
+    let mut session = Cpu::new(Width::Lanes).start(batch, method)?;
+    let mut last = 0.0;
+    for &time in times {
+        let interval = treatment.interval(time - last);
+        session.advance(interval.dt, interval.steps, observer)?;
+        last = time;
+    }
+    let words = session.read(0..members.len())?;
+    Ok((0..members.len()).map(|row| (members.body(row), frames[row].body_state(words.combined(row)))).collect())
+}

@@ -1,0 +1,116 @@
+//! One group of a plan under way.
+
+use std::ops::Range;
+use std::time::Instant;
+
+use rayon::prelude::*;
+
+use crate::batch::{BodyFrame, BodyState, StateWords, prepare_members};
+use crate::engine::cpu::{Cpu, Width};
+use crate::engine::{Backend, FreeSession, Observer, Session};
+use crate::error::Result;
+use crate::free_motion::AnyRows;
+use crate::plan::{Group, Members, Treatment};
+use crate::record::WallTime;
+use crate::regular_precession::RegularPrecession;
+use crate::scene::Scene;
+
+/// The bodies of one group on their way through time.
+pub(super) struct Unit<'p> {
+    members: &'p Members,
+    motion: Motion,
+}
+
+enum Motion {
+    Stepped { session: Box<dyn Session>, frames: Vec<BodyFrame>, treatment: Treatment },
+    ClosedForm { session: Box<dyn FreeSession>, frames: Vec<BodyFrame> },
+    Precession { bodies: Vec<RegularPrecession>, time: f64 },
+}
+
+impl<'p> Unit<'p> {
+    pub fn start(engine: &dyn Backend, scene: &Scene, group: &'p Group, wall_time: &mut WallTime) -> Result<Self> {
+        let clock = Instant::now();
+        let members = &group.members;
+        let motion = match group.treatment {
+            Treatment::RegularPrecession => {
+                let bytes = members.len().saturating_mul(size_of::<RegularPrecession>());
+                crate::memory::require(members.len(), bytes, "the constants of regular precessions")?;
+                let bodies = (0..members.len())
+                    .into_par_iter()
+                    .map(|row| {
+                        let (body, shape) = (members.body(row), group.class.shape);
+                        RegularPrecession::of_body(scene.ensemble(), body, shape, scene.end())
+                    })
+                    .collect();
+                wall_time.prepare += clock.elapsed().as_secs_f64();
+                Motion::Precession { bodies, time: 0.0 }
+            }
+            Treatment::ClosedForm { precision } => {
+                let (frames, rows) = AnyRows::prepare_members(scene.ensemble(), members, precision)?;
+                wall_time.prepare += clock.elapsed().as_secs_f64();
+                let clock = Instant::now();
+                let session = if engine.precisions().contains(&precision) {
+                    engine.start_free(rows)?
+                } else {
+                    Cpu::new(Width::Lanes).start_free(rows)?
+                };
+                wall_time.start += clock.elapsed().as_secs_f64();
+                Motion::ClosedForm { session, frames }
+            }
+            Treatment::Stepped { method, precision, .. } => {
+                let torques = group.class.torques.of(scene.torques());
+                let (frames, batch) = prepare_members(scene.ensemble(), &torques, scene.end(), members, precision)?;
+                wall_time.prepare += clock.elapsed().as_secs_f64();
+                let clock = Instant::now();
+                let session = engine.start(batch, method)?;
+                wall_time.start += clock.elapsed().as_secs_f64();
+                Motion::Stepped { session, frames, treatment: group.treatment }
+            }
+        };
+        Ok(Self { members, motion })
+    }
+
+    /// Brings the bodies from `time − span` to `time`, s; gives the work done ([`crate::plan::Plan::work_of`]). What is not
+    /// stepped is formed only where it is `wanted`.
+    pub fn advance(&mut self, time: f64, span: f64, wanted: bool, observer: &mut Observer<'_>) -> Result<u64> {
+        let bodies = self.members.len() as u64;
+        match &mut self.motion {
+            Motion::Stepped { session, treatment, .. } => {
+                let interval = treatment.interval(span);
+                session.advance(interval.dt, interval.steps, observer)?;
+                Ok(interval.steps.saturating_mul(bodies))
+            }
+            Motion::ClosedForm { session, .. } => {
+                if wanted {
+                    session.evaluate(time)?;
+                }
+                Ok(bodies)
+            }
+            Motion::Precession { time: now, .. } => {
+                *now = time;
+                Ok(bodies)
+            }
+        }
+    }
+
+    /// Writes the states of those of its bodies that are in `bodies` to their places in `states`.
+    pub fn read(&mut self, bodies: Range<usize>, states: &mut [BodyState]) -> Result<()> {
+        let rows = self.members.rows(bodies.clone());
+        if rows.is_empty() {
+            return Ok(());
+        }
+        let found: Vec<BodyState> = match &mut self.motion {
+            Motion::Stepped { session, frames, .. } => in_users_units(&session.read(rows.clone())?, frames, &rows),
+            Motion::ClosedForm { session, frames } => in_users_units(&session.read(rows.clone())?, frames, &rows),
+            Motion::Precession { bodies, time } => bodies[rows.clone()].par_iter().map(|body| body.at(*time)).collect(),
+        };
+        for (row, state) in rows.zip(found) {
+            states[self.members.body(row) - bodies.start] = state;
+        }
+        Ok(())
+    }
+}
+
+fn in_users_units(words: &StateWords, frames: &[BodyFrame], rows: &Range<usize>) -> Vec<BodyState> {
+    rows.clone().into_par_iter().map(|row| frames[row].body_state(words.combined(row - rows.start))).collect()
+}
