@@ -5,6 +5,7 @@ use glam::{DQuat, DVec3};
 use super::draw::{Column, Draw};
 use crate::ensemble::Ensemble;
 use crate::error::Result;
+use crate::torque::Torque;
 
 /// Simulated time of the free problem, s.
 pub const FREE_SPAN: f64 = 10.0;
@@ -30,6 +31,22 @@ pub fn free(body_count: usize, seed: u64) -> Result<Ensemble> {
             draw.normal_vector(body, Column::AngularVelocity),
         )
     })
+}
+
+/// The bodies of [`free`] under a constant torque in body axes, components uniform in [−1, 1] N m, and linear drag with a
+/// coefficient uniform in [0.01, 0.1] N m s.
+///
+/// # Errors
+///
+/// [`crate::Error::TooManyBodies`] where the memory does not suffice.
+pub fn forced(body_count: usize, seed: u64) -> Result<(Ensemble, [Torque; 2])> {
+    let ensemble = free(body_count, seed)?;
+    let draw = Draw::new(seed);
+    let uniform = |body, torque, component| draw.uniform(body, Column::Torque { torque, parameter: 0 }, component);
+    let torque: Vec<DVec3> =
+        (0..body_count).map(|body| DVec3::from_array([0, 1, 2].map(|c| 2.0 * uniform(body, 0, c) - 1.0))).collect();
+    let drag: Vec<f64> = (0..body_count).map(|body| 0.01 + 0.09 * uniform(body, 1, 0)).collect();
+    Ok((ensemble, [Torque::constant_body(torque), Torque::linear_drag(drag)]))
 }
 
 /// Bodies near the separatrix: moments (1, 2, 3) kg m², angular velocity 5 (ε, 1, ε) rad/s, orientation uniform on
