@@ -49,12 +49,28 @@ pub enum Error {
         /// What would be valid.
         expected: &'static str,
     },
-    /// A parameter of a torque or force is not valid.
+    /// A parameter of a torque is not valid.
     #[error("torque {} ({model}){}: {field} = {value}: {expected}", torque + 1, of_body(*body))]
     Torque {
         /// Index of the torque in its scene, from 0.
         torque: usize,
         /// The model's name.
+        model: &'static str,
+        /// Index of the body, from 0, where the parameter is a column.
+        body: Option<usize>,
+        /// Name of the parameter.
+        field: &'static str,
+        /// The value found.
+        value: f64,
+        /// What would be valid.
+        expected: &'static str,
+    },
+    /// A parameter of a force is not valid.
+    #[error("force {} ({model}){}: {field} = {value}: {expected}", force + 1, of_body(*body))]
+    Force {
+        /// Index of the force in its scene, from 0.
+        force: usize,
+        /// The force's name.
         model: &'static str,
         /// Index of the body, from 0, where the parameter is a column.
         body: Option<usize>,

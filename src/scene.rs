@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use crate::batch::Precision;
 use crate::ensemble::Ensemble;
+use crate::force::Force;
 use crate::method::Method;
 use crate::torque::Torque;
 
@@ -29,7 +30,7 @@ pub struct Scene {
     outputs: Outputs,
     stepping: Stepping,
     precision: Option<Precision>,
-    force_world: DVec3,
+    forces: Vec<Force>,
     skipping: bool,
     torques: Vec<Torque>,
     pilot: bool,
@@ -105,7 +106,7 @@ impl Scene {
             outputs: Outputs::End,
             stepping: Stepping::Accuracy(Accuracy::attitude(1e-6)),
             precision: None,
-            force_world: DVec3::ZERO,
+            forces: Vec::new(),
             skipping: true,
             torques: Vec::new(),
             pilot: true,
@@ -163,8 +164,15 @@ impl Scene {
     /// A constant force on every body's centre of mass, N, world axes. Needs bodies with masses
     /// ([`Ensemble::with_translation`]).
     #[must_use]
-    pub fn force_world(mut self, force: DVec3) -> Self {
-        self.force_world = force;
+    pub fn force_world(self, force: DVec3) -> Self {
+        self.force(Force::constant(force))
+    }
+
+    /// Adds a force on the bodies' centres of mass. Any number of them act together; parameters are checked when a plan is
+    /// made. Needs bodies with masses ([`Ensemble::with_translation`]).
+    #[must_use]
+    pub fn force(mut self, force: Force) -> Self {
+        self.forces.push(force);
         self
     }
 
@@ -215,9 +223,9 @@ impl Scene {
         }
     }
 
-    /// The constant force on every body, N, world axes.
-    pub fn constant_force_world(&self) -> DVec3 {
-        self.force_world
+    /// The forces, in the order in which they were added.
+    pub fn forces(&self) -> &[Force] {
+        &self.forces
     }
 
     /// The torques, in the order in which they were added.

@@ -10,7 +10,7 @@ use polhode::batch::Precision;
 use polhode::engine::Backend;
 use polhode::engine::cpu::{Cpu, Width};
 use polhode::torque::Orbit;
-use polhode::{Ensemble, Method, Outputs, Plan, Scene, Torque};
+use polhode::{Ensemble, Force, Method, Outputs, Plan, Scene, Torque};
 use serde_json::Value;
 use support::attitude_error;
 use support::golden::{self, Case, number, quaternion, vector};
@@ -229,4 +229,40 @@ fn gpu_f64_follows_the_golden_forced_bodies() {
 #[test]
 fn gpu_f32_follows_the_golden_forced_bodies() {
     check(&common::gpu(), Precision::F32);
+}
+
+/// Positions and velocities under gravity and linear drag are a closed form: nothing but rounding parts it from the
+/// golden case, whose terms are up to g t²/2 = 1.2e4 m of which drag leaves 4.5e3 m.
+#[test]
+fn gravity_and_linear_drag_move_bodies_as_the_golden_case_says() {
+    let cases = golden::load("forced_trans");
+    let case = cases.iter().find(|case| case.name == "gravity_drag_p").expect("the case is there");
+    let (model, initial) = (&case.record["model"], &case.record["initial"]);
+    let ensemble = Ensemble::from_columns(&[case.inertia], &[case.orientation], &[case.angular_velocity_body])
+        .and_then(|ensemble| {
+            ensemble.with_translation(polhode::ensemble::Translation {
+                mass: vec![number(&model["mass"])],
+                position: vec![vector(&initial["x"])],
+                velocity: vec![vector(&initial["v"])],
+            })
+        })
+        .expect("valid bodies");
+    let scene = Scene::new(ensemble)
+        .until(50.0)
+        .outputs(Outputs::Times(case.times()))
+        .pinned(Method::Rk4, 0.01, Some(Precision::F64))
+        .force(Force::gravity(vector(&model["g"])))
+        .force(Force::linear_drag(number(&model["c"])));
+    let engine = Cpu::new(Width::Lanes);
+    let plan = Plan::new(&scene, &engine).expect("the plan is valid");
+    let record = polhode::run::run(&engine, &plan).expect("the run succeeds");
+    let states = case.record["states"].as_array().expect("states");
+    assert_eq!(record.snapshots().len(), states.len());
+    for (snapshot, state) in record.snapshots().iter().zip(states) {
+        let (x, v) = (vector(&state["x"]), vector(&state["v"]));
+        let (x_error, v_error) = ((snapshot.positions()[0] - x).length(), (snapshot.velocities()[0] - v).length());
+        let unit = 8.0 * f64::EPSILON;
+        assert!(x_error <= unit * (x.length() + 100.0), "t = {}: x off by {x_error:e} m", snapshot.time());
+        assert!(v_error <= unit * (v.length() + 10.0), "t = {}: v off by {v_error:e} m/s", snapshot.time());
+    }
 }

@@ -61,19 +61,17 @@ impl<'a> Plan<'a> {
     ///
     /// [`Error::Setting`] for a span, step, output time or accuracy out of range; [`Error::PrecisionUnavailable`]
     /// where the engine lacks the precision pinned or needed; [`Error::MissingMass`] where a force acts on bodies
-    /// without mass; [`Error::Torque`] and [`Error::ColumnLength`] for a torque's parameters;
+    /// without mass; [`Error::Torque`], [`Error::Force`] and [`Error::ColumnLength`] for parameters of torques and forces;
     /// [`Error::AccuracyOutOfReach`] where no candidate meets what is asked for.
     pub fn new(scene: &'a Scene, engine: &dyn Backend) -> Result<Self> {
         let times = output_times(scene)?;
         for (index, torque) in scene.torques().iter().enumerate() {
             torque.validate(index, scene.ensemble().len())?;
         }
-        let force = scene.constant_force_world();
-        if !force.is_finite() {
-            let value = force.to_array().into_iter().find(|x| !x.is_finite()).unwrap_or(f64::NAN);
-            return Err(Error::Setting { field: "force", value, expected: "finite components are needed (N)" });
+        for (index, force) in scene.forces().iter().enumerate() {
+            force.validate(index, scene.ensemble().len())?;
         }
-        if force != glam::DVec3::ZERO && scene.ensemble().translation().is_none() {
+        if scene.forces().iter().any(|force| !force.is_zero()) && scene.ensemble().translation().is_none() {
             return Err(Error::MissingMass);
         }
         let resolution = Resolution::new(scene, engine, &times)?;

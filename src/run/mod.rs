@@ -10,6 +10,7 @@ use crate::batch::{BodyState, initial_state};
 use crate::engine::{Backend, Progress};
 use crate::ensemble::Ensemble;
 use crate::error::{Error, Result};
+use crate::force::{accelerations, closed_form};
 use crate::plan::Plan;
 use crate::record::{DriftGatherer, Memory, OutputState, Record, Sink, Trust, WallTime};
 use crate::scene::{Scene, Stepping};
@@ -150,12 +151,11 @@ fn read_states(units: &mut [Unit<'_>], scene: &Scene, bodies: Range<usize>, time
         .collect())
 }
 
-/// x = x₀ + v₀ t + ½ (F/M) t² and v = v₀ + (F/M) t: a constant force needs no stepping.
+/// Position and velocity of the centre of mass, in closed form.
 fn translation_at(scene: &Scene, body: usize, time: f64) -> Option<(DVec3, DVec3)> {
     let translation = scene.ensemble().translation()?;
-    let acceleration = scene.constant_force_world() / translation.mass[body];
-    let velocity = translation.velocity[body];
-    Some((translation.position[body] + (velocity + acceleration * (0.5 * time)) * time, velocity + acceleration * time))
+    let forces = accelerations(scene.forces(), body, translation.mass[body]);
+    Some(closed_form(&forces, translation.position[body], translation.velocity[body], time))
 }
 
 /// Compares the end with the start, body by body, and lists the bodies that are no longer finite.

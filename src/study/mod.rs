@@ -35,8 +35,9 @@
 //!   the tensor's element −∫ρxy.
 //! * `orientation`: a quaternion `[x, y, z, w]`, `{ axis = [x, y, z], angle = radians }`, or uniform on SO(3);
 //!   default: body axes along world axes. `angular_velocity`: body axes, rad/s.
-//! * `position`, `velocity` (world axes) and `mass`: for bodies that move through space. `[force]` with
-//!   `constant = [fx, fy, fz]` is a force on every body's centre of mass in world axes, N.
+//! * `position`, `velocity` (world axes) and `mass`: for bodies that move through space. `[force]` acts on every body's
+//!   centre of mass: `constant = [fx, fy, fz]` in world axes (N), `gravity = [gx, gy, gz]` in world axes (m/s²),
+//!   `linear_drag` against the velocity (N s/m).
 //! * `[[torque]]`, any number of them: a `model` and its parameters ([`crate::torque`] has the equations):
 //!   `constant-body` and `constant-world` (`torque`), `viscous` or `linear-drag` (`coefficient`), `matrix-drag` (`matrix`, three
 //!   rows), `quadratic-drag` (`coefficient`), `sinusoidal` (`sine`, `cosine`, `rate`), `gravity-gradient` (`mu`, `orbit`),
@@ -59,11 +60,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use glam::DVec3;
-
 use crate::batch::Precision;
 use crate::ensemble::Ensemble;
 use crate::error::{Error, FileAction, Result};
+use crate::force::Force;
 use crate::method::Method;
 use crate::scene::{Accuracy, Outputs, Scene};
 
@@ -122,7 +122,7 @@ pub struct Study {
     seed: u64,
     bodies: Bodies,
     torques: Vec<StudyTorque>,
-    force_world: Option<DVec3>,
+    forces: Vec<Force>,
     end: f64,
     outputs: Outputs,
     stepping: StudyStepping,
@@ -210,25 +210,13 @@ impl Study {
             let line = places.get("bodies").map_or(1, |place| place.line);
             return Err(InputError { file: file.to_owned(), line, key, fault: Fault::Missing { expected } }.into());
         }
-        let force_world = root.find("force").map(|node| force(&node)).transpose()?;
+        let forces = root.find("force").map(|node| forces(&node)).transpose()?.unwrap_or_default();
         let (end, outputs) = time(&root.need("time", "a table with the end of the simulated span is needed")?)?;
         let stepping = root.find("accuracy").map(|node| accuracy(&node)).transpose()?;
         let stepping = stepping.unwrap_or(StudyStepping::Attitude { angle: DEFAULT_ATTITUDE, precision: None });
         let output = root.find("output").map(|node| output(&node)).transpose()?;
         let output = output.unwrap_or(Output { final_state: true, snapshots: false, format: Format::Csv });
-        Ok(Self {
-            file: file.to_owned(),
-            places,
-            title,
-            seed,
-            bodies,
-            torques,
-            force_world,
-            end,
-            outputs,
-            stepping,
-            output,
-        })
+        Ok(Self { file: file.to_owned(), places, title, seed, bodies, torques, forces, end, outputs, stepping, output })
     }
 
     /// The file's name as it was given.
@@ -276,7 +264,7 @@ impl Study {
     /// [`Error::Input`] for the first body that is not valid, with the line that it came from;
     /// [`Error::TooManyBodies`]; [`Error::MissingMass`].
     pub fn ensemble(&self) -> Result<Ensemble> {
-        let ensemble = self.bodies.ensemble(Draw::new(self.seed), self.force_world.is_some());
+        let ensemble = self.bodies.ensemble(Draw::new(self.seed), !self.forces.is_empty());
         ensemble.map_err(|error| self.located(error))
     }
 
@@ -287,8 +275,8 @@ impl Study {
     /// As [`Study::ensemble`].
     pub fn scene(&self) -> Result<Scene> {
         let mut scene = Scene::new(self.ensemble()?).until(self.end).outputs(self.outputs.clone());
-        if let Some(force) = self.force_world {
-            scene = scene.force_world(force);
+        for force in &self.forces {
+            scene = scene.force(force.clone());
         }
         for torque in &self.torques {
             let (count, table) = (self.bodies.count, self.bodies.table.as_ref());
@@ -369,10 +357,27 @@ impl Study {
     }
 }
 
-fn force(node: &Node<'_>) -> Result<DVec3> {
-    let table = node.table("a table [force] is needed", &["constant"])?;
-    let constant = table.need("constant", "a vector in world axes is needed (N)")?;
-    constant.vector("three finite components in world axes are needed (N)")
+fn forces(node: &Node<'_>) -> Result<Vec<Force>> {
+    let table = node.table("a table [force] is needed", &["constant", "gravity", "linear_drag"])?;
+    let mut forces = Vec::new();
+    if let Some(constant) = table.find("constant") {
+        forces.push(Force::constant(constant.vector("three finite components in world axes are needed (N)")?));
+    }
+    if let Some(gravity) = table.find("gravity") {
+        forces.push(Force::gravity(gravity.vector("three finite components in world axes are needed (m/s²)")?));
+    }
+    if let Some(drag) = table.find("linear_drag") {
+        const EXPECTED: &str = "a finite number that is not negative is needed (N s/m)";
+        let coefficient = drag.number(EXPECTED)?;
+        if coefficient < 0.0 {
+            return Err(drag.refuse(EXPECTED));
+        }
+        forces.push(Force::linear_drag(coefficient));
+    }
+    if forces.is_empty() {
+        table.need("constant", "a vector in world axes is needed (N), or `gravity` or `linear_drag`")?;
+    }
+    Ok(forces)
 }
 
 fn time(node: &Node<'_>) -> Result<(f64, Outputs)> {

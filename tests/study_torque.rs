@@ -1,0 +1,200 @@
+//! Torques and forces in study files.
+#![cfg(feature = "study")]
+
+use std::path::Path;
+
+use glam::DVec3;
+use polhode::Error;
+use polhode::study::Study;
+use polhode::torque::{Orbit, Parameter, Torque};
+
+const BODIES: &str = "
+seed = 5
+[bodies]
+count = 3
+inertia = [1.0, 2.0, 2.5]
+angular_velocity = [0.1, 0.2, 0.3]
+[time]
+end = 1.0
+";
+
+fn study(torques: &str) -> polhode::Result<Study> {
+    Study::parse(Path::new("study.toml"), &format!("{BODIES}{torques}"))
+}
+
+fn refusal(torques: &str) -> String {
+    match study(torques) {
+        Err(error @ Error::Input(_)) => error.to_string(),
+        other => panic!("{torques}: {other:?}"),
+    }
+}
+
+#[test]
+fn every_model_is_read_as_the_library_makes_it() {
+    let text = r#"
+[[torque]]
+model = "constant-body"
+torque = [1, 2, 3]
+[[torque]]
+model = "constant-world"
+torque = [0.5, 0, 0]
+[[torque]]
+model = "viscous"
+coefficient = 1.0e-3
+[[torque]]
+model = "linear-drag"
+coefficient = 2.0e-3
+[[torque]]
+model = "matrix-drag"
+matrix = [[1, 0, 0], [0, 2, 0], [0, 0, 3]]
+[[torque]]
+model = "quadratic-drag"
+coefficient = 0.5
+[[torque]]
+model = "sinusoidal"
+sine = [1, 0, 0]
+rate = 1.5
+[[torque]]
+model = "gravity-gradient"
+mu = 3.986004418e14
+orbit = { radius = 7.0e6, inclination = 0.9 }
+[[torque]]
+model = "gravity-gradient"
+mu = 3.986004418e14
+orbit = { semi_major_axis = 8.0e6, eccentricity = 0.1, mean_anomaly = 0.3 }
+[[torque]]
+model = "heavy-top"
+mass = 2.0
+centre = [0, 0, 0.5]
+gravity = [0, 0, -9.81]
+[[torque]]
+model = "magnetic-dipole"
+moment = [0, 0, 1]
+field = [3e-5, 0, 0]
+[[torque]]
+model = "orbiting-dipole"
+moment = [0, 0, 1]
+mu = 3.986004418e14
+orbit = { radius = 7.0e6 }
+strength = 7.8e15
+tilt = 2.97
+rotation = 7.29e-5
+[[torque]]
+model = "eddy-current"
+coefficient = 1e3
+field = [3e-5, 0, 0]
+[[torque]]
+model = "sine-spring"
+stiffness = 1.0
+target = [0, 0, 0, 1]
+[[torque]]
+model = "internal-dissipation"
+coefficient = 0.1
+[[torque]]
+model = "white-noise"
+intensity = 0.1
+"#;
+    let scene = study(text).and_then(|study| study.scene()).expect("a study");
+    let gravity = 3.986004418e14;
+    let expected = [
+        Torque::constant_body(DVec3::new(1.0, 2.0, 3.0)),
+        Torque::constant_world(DVec3::new(0.5, 0.0, 0.0)),
+        Torque::linear_drag(1e-3),
+        Torque::linear_drag(2e-3),
+        Torque::matrix_drag(glam::DMat3::from_diagonal(DVec3::new(1.0, 2.0, 3.0))),
+        Torque::quadratic_drag(0.5),
+        Torque::sinusoidal(DVec3::X, DVec3::ZERO, 1.5),
+        Torque::gravity_gradient(Orbit::circular(gravity, 7e6).inclined(0.9)),
+        Torque::gravity_gradient(Orbit::kepler(gravity, 8e6, 0.1).with_mean_anomaly(0.3)),
+        Torque::heavy_top(2.0, DVec3::new(0.0, 0.0, 0.5), DVec3::new(0.0, 0.0, -9.81)),
+        Torque::magnetic_dipole(DVec3::Z, DVec3::new(3e-5, 0.0, 0.0)),
+        Torque::orbiting_dipole(DVec3::Z, Orbit::circular(gravity, 7e6), 7.8e15, 2.97, 0.0, 7.29e-5),
+        Torque::eddy_current(1e3, DVec3::new(3e-5, 0.0, 0.0)),
+        Torque::sine_spring(1.0, glam::DQuat::IDENTITY),
+        Torque::internal_dissipation(0.1),
+        Torque::white_noise(0.1, 5),
+    ];
+    assert_eq!(scene.torques(), expected);
+}
+
+#[test]
+fn parameters_are_drawn_for_each_body_whatever_stands_beside_it() {
+    let text = r#"
+[[torque]]
+model = "constant-body"
+torque = { distribution = "uniform", low = -1, high = 1 }
+[[torque]]
+model = "viscous"
+coefficient = { distribution = "uniform", low = 0.01, high = 0.1 }
+"#;
+    let scene = |most: usize| study(text).expect("a study").truncated(most).scene().expect("a scene");
+    let (all, fewer) = (scene(3), scene(2));
+    let [Torque::ConstantBody(torque), Torque::LinearDrag(drag)] = all.torques() else { panic!("{all:?}") };
+    let [Torque::ConstantBody(few_torque), Torque::LinearDrag(few_drag)] = fewer.torques() else { panic!() };
+    assert_eq!(few_torque.torque_body, Parameter::PerBody((0..2).map(|body| torque.torque_body.at(body)).collect()));
+    assert_eq!(few_drag.coefficient, Parameter::PerBody((0..2).map(|body| drag.coefficient.at(body)).collect()));
+    assert!((0..3).all(|body| (0.01..0.1).contains(&drag.coefficient.at(body))));
+    assert_ne!(torque.torque_body.at(0), torque.torque_body.at(1));
+}
+
+#[test]
+fn parameters_are_read_from_columns_of_the_table_of_bodies() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let table = "wx,wy,wz,drag,tx,ty,tz\n1,0,0,0.5,1,2,3\n0,1,0,0.25,4,5,6\n";
+    std::fs::write(folder.path().join("bodies.csv"), table).expect("written");
+    let text = |coefficient: &str| {
+        format!(
+            "[bodies]\nfile = \"bodies.csv\"\ninertia = [1.0, 2.0, 2.5]\n[time]\nend = 1.0\n\
+             [[torque]]\nmodel = \"viscous\"\ncoefficient = {{ column = \"{coefficient}\" }}\n\
+             [[torque]]\nmodel = \"constant-body\"\ntorque = {{ columns = [\"tx\", \"ty\", \"tz\"] }}\n"
+        )
+    };
+    let file = folder.path().join("study.toml");
+    let scene = Study::parse(&file, &text("drag")).and_then(|study| study.scene()).expect("a study");
+    let expected = [
+        Torque::linear_drag(vec![0.5, 0.25]),
+        Torque::constant_body(vec![DVec3::new(1.0, 2.0, 3.0), DVec3::new(4.0, 5.0, 6.0)]),
+    ];
+    assert_eq!(scene.torques(), expected);
+
+    // A column that no torque names is as unknown as before, and one that is named must be there.
+    let message = Study::parse(&file, &text("friction")).expect_err("no such column").to_string();
+    assert!(message.contains("bodies.csv:1: drag is not known"), "{message}");
+    let without = table.replace("drag,", "").replace("0.5,", "").replace("0.25,", "");
+    std::fs::write(folder.path().join("bodies.csv"), without).expect("written");
+    let message = Study::parse(&file, &text("drag")).expect_err("no such column").to_string();
+    assert!(message.contains("bodies.csv:1: drag is missing"), "{message}");
+}
+
+#[test]
+fn wrong_torques_are_refused_at_their_line() {
+    for (text, expected) in [
+        ("[[torque]]\nmodel = \"viscos\"\n", "study.toml:10: torque[1].model = \"viscos\": did you mean viscous?"),
+        ("[[torque]]\ncoefficient = 1\n", "torque[1].model is missing"),
+        ("[[torque]]\nmodel = \"viscous\"\n", "torque[1].coefficient is missing"),
+        (
+            "[[torque]]\nmodel = \"viscous\"\ncoefficient = 1\nfactor = 2\n",
+            "study.toml:12: torque[1].factor is not known",
+        ),
+        ("[[torque]]\nmodel = \"gravity-gradient\"\nmu = 1\norbit = { }\n", "study.toml:12: torque[1].orbit = "),
+        (
+            "[[torque]]\nmodel = \"white-noise\"\nintensity = 1\ndraws_per_step = 0\n",
+            "study.toml:12: torque[1].draws_per_step",
+        ),
+        ("[[torque]]\nmodel = \"viscous\"\ncoefficient = { column = \"drag\" }\n", "name its file here"),
+    ] {
+        let message = refusal(text);
+        assert!(message.contains(expected), "{message}: {expected}");
+    }
+}
+
+#[test]
+fn values_out_of_range_are_located_when_the_plan_is_made() {
+    let text = "[[torque]]\nmodel = \"constant-body\"\ntorque = [1, 0, 0]\n[[torque]]\nmodel = \"viscous\"\ncoefficient = -1.0\n";
+    let study = study(text).expect("readable");
+    let scene = study.scene().expect("drawn");
+    let engine = polhode::engine::Engine::cpu();
+    let error = polhode::Plan::new(&scene, &engine).expect_err("negative");
+    let message = study.located(error).to_string();
+    assert!(message.starts_with("study.toml:14: torque[2].coefficient = -1.0: "), "{message}");
+}
