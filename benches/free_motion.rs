@@ -5,7 +5,9 @@ use std::time::Instant;
 
 use glam::{DQuat, DVec3};
 use polhode::Ensemble;
-use polhode::free_motion::{FreeMotion, FreeMotionRows};
+use polhode::batch::{BodyFrame, STATE_COMPONENTS};
+use polhode::free_motion::{FreeMotion, FreeMotionRows, ROW_COLUMNS, WORD_COLUMNS};
+use polhode::real::Scalar;
 
 /// splitmix64 (G. L. Steele, D. Lea, C. H. Flood 2014), as numbers in [0, 1).
 struct Draws(u64);
@@ -50,62 +52,84 @@ fn least_time(runs: usize, mut work: impl FnMut()) -> f64 {
         .fold(f64::INFINITY, f64::min)
 }
 
+/// Bytes per second that all cores read and write together when they copy arrays that fit no cache.
+fn memory_bandwidth() -> f64 {
+    let threads = std::thread::available_parallelism().map_or(1, |threads| threads.get());
+    let words = (1 << 25) / threads;
+    let mut arrays: Vec<_> = (0..threads).map(|_| (vec![1.0_f64; words], vec![0.0_f64; words])).collect();
+    let seconds = least_time(8, || {
+        std::thread::scope(|scope| {
+            for (from, to) in &mut arrays {
+                scope.spawn(|| black_box(to).copy_from_slice(black_box(from)));
+            }
+        });
+    });
+    (2 * threads * words * size_of::<f64>()) as f64 / seconds
+}
+
+/// The largest attitude error of some bodies, rad, against the scalar closed form in `f64`, which the golden tests hold
+/// to 2e-14 rad.
+fn largest_error<T: Scalar>(ensemble: &Ensemble, frames: &[BodyFrame], columns: &[T], stride: usize, time: f64) -> f64 {
+    let error = |body: usize| {
+        let row = std::array::from_fn(|column: usize| columns[column * stride + body].to_f64());
+        let expected = FreeMotion::of_body(ensemble, body).at(time).orientation;
+        let between = frames[body].body_state(row).orientation.conjugate() * expected;
+        2.0 * between.xyz().length().atan2(between.w.abs())
+    };
+    (0..ensemble.len()).step_by(97).map(error).fold(0.0, f64::max)
+}
+
+macro_rules! evaluations {
+    ($scalar:ident, $label:expr, $ensemble:expr, $time:expr, $bandwidth:expr) => {{
+        let (frames, rows) = FreeMotionRows::<$scalar>::prepare($ensemble).expect("there is memory");
+        let mut columns = vec![0.0; STATE_COMPONENTS * rows.stride];
+        let repeats = (1 << 22) / rows.body_count;
+        let seconds = least_time(9, || {
+            for _ in 0..repeats {
+                rows.evaluate(black_box($time), black_box(&mut columns));
+            }
+        });
+        let evaluations = (repeats * rows.body_count) as f64;
+        let bytes = WORD_COLUMNS * size_of::<u64>() + (ROW_COLUMNS + STATE_COMPONENTS) * size_of::<$scalar>();
+        let rate = evaluations * bytes as f64 / seconds;
+        println!(
+            "evaluation, {}, {:>9}, t = {:>7} s: {:.2e} bodies/s, {:>5.1} GB/s ({:.2} of a copy), attitude error {:.1e} rad",
+            stringify!($scalar),
+            $label,
+            $time,
+            evaluations / seconds,
+            rate / 1e9,
+            rate / $bandwidth,
+            largest_error($ensemble, &frames, &columns, rows.stride, $time)
+        );
+    }};
+}
+
 fn main() {
     let count = 1 << 17;
     let ensemble = bodies(count);
-    let mut rows = None;
-    let seconds = least_time(5, || {
-        let (_, made) = FreeMotionRows::<f64>::prepare(&ensemble).expect("there is memory");
-        let mut state = vec![0.0; 7 * made.stride];
-        made.evaluate(10.0, &mut state);
-        rows = Some(black_box((made, state)));
-    });
-    println!("set-up and one evaluation, f64: {:.3e} bodies/s", count as f64 / seconds);
-
+    for time in [10.0, 1e6] {
+        let mut error = 0.0;
+        let seconds = least_time(9, || {
+            let (frames, rows) = FreeMotionRows::<f64>::prepare(&ensemble).expect("there is memory");
+            let mut columns = vec![0.0; STATE_COMPONENTS * rows.stride];
+            rows.evaluate(time, &mut columns);
+            if error == 0.0 {
+                error = largest_error(&ensemble, &frames, &columns, rows.stride, time);
+            }
+        });
+        println!(
+            "set-up and one evaluation, f64, t = {time:>7} s: {:.2e} bodies/s, attitude error {error:.1e} rad",
+            count as f64 / seconds
+        );
+    }
+    let bandwidth = memory_bandwidth();
+    println!("copying memory: {:.1} GB/s", bandwidth / 1e9);
     for (label, count) in [("in cache", 1 << 12), ("streamed", 1 << 20)] {
         let ensemble = bodies(count);
         for time in [10.0, 1e6] {
-            let (frames, rows) = FreeMotionRows::<f64>::prepare(&ensemble).expect("there is memory");
-            let mut state = vec![0.0; 7 * rows.stride];
-            let repeats = (1 << 22) / count;
-            let seconds = least_time(5, || {
-                for _ in 0..repeats {
-                    rows.evaluate(black_box(time), &mut state);
-                }
-            });
-            let mut worst = 0.0_f64;
-            for body in (0..count).step_by(97) {
-                let words: [f64; 7] = std::array::from_fn(|c| state[c * rows.stride + body]);
-                let found = frames[body].body_state(words);
-                let exact = FreeMotion::of_body(&ensemble, body).at(time);
-                let between = found.orientation.conjugate() * exact.orientation;
-                worst = worst.max(2.0 * between.xyz().length());
-            }
-            println!(
-                "evaluation, f64, {label}, t = {time} s: {:.3e} bodies/s, {:.1} GB/s, attitude error against the scalar {worst:.1e} rad",
-                (repeats * count) as f64 / seconds,
-                (repeats * count) as f64 * (27.0 + 7.0) * 8.0 / seconds / 1e9
-            );
-            let (frames, rows) = FreeMotionRows::<f32>::prepare(&ensemble).expect("there is memory");
-            let mut state = vec![0.0_f32; 14 * rows.stride];
-            let seconds = least_time(5, || {
-                for _ in 0..repeats {
-                    rows.evaluate(black_box(time), &mut state[..7 * rows.stride]);
-                }
-            });
-            let mut worst = 0.0_f64;
-            for body in (0..count).step_by(97) {
-                let words: [f64; 7] = std::array::from_fn(|c| f64::from(state[c * rows.stride + body]));
-                let found = frames[body].body_state(words);
-                let exact = FreeMotion::of_body(&ensemble, body).at(time);
-                let between = found.orientation.conjugate() * exact.orientation;
-                worst = worst.max(2.0 * between.xyz().length());
-            }
-            println!(
-                "evaluation, f32, {label}, t = {time} s: {:.3e} bodies/s, {:.1} GB/s, attitude error against the scalar f64 {worst:.1e} rad",
-                (repeats * count) as f64 / seconds,
-                (repeats * count) as f64 * (48.0 + 28.0 * 4.0) / seconds / 1e9
-            );
+            evaluations!(f64, label, &ensemble, time, bandwidth);
+            evaluations!(f32, label, &ensemble, time, bandwidth);
         }
     }
 }

@@ -39,7 +39,7 @@ macro_rules! lane_type {
     ($lanes:ident, $scalar:ident, $vector:ident, $mask_name:ident, $mask:ident,
      $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $neg:ident, $mul_add:ident,
      $sqrt:ident, $abs:ident, $min:ident, $max:ident, $less_than:ident, $select:ident,
-     $and:ident, $or:ident, $not:ident) => {
+     $and:ident, $or:ident, $not:ident, $first_true:ident) => {
         #[derive(Clone, Copy, Debug)]
         pub(crate) struct $lanes<S: Simd>(S::$vector);
 
@@ -158,7 +158,13 @@ macro_rules! lane_type {
             }
             #[inline(always)]
             fn any(mask: Self::Mask) -> bool {
-                bytemuck::bytes_of(&mask.0).iter().any(|&byte| byte != 0)
+                // Where masks are single bits the position of a bit that is not there is that behind their last.
+                let none = match size_of::<S::$mask>() {
+                    1 if Self::LANES > 1 => 8,
+                    2 => 16,
+                    _ => Self::LANES,
+                };
+                token::<S>().$first_true(mask.0) < none
             }
             #[inline(always)]
             fn two_product(self, other: Self) -> (Self, Self) {
@@ -194,7 +200,8 @@ lane_type!(
     select_f32s,
     and_m32s,
     or_m32s,
-    not_m32s
+    not_m32s,
+    first_true_m32s
 );
 lane_type!(
     F64Lanes,
@@ -217,7 +224,8 @@ lane_type!(
     select_f64s,
     and_m64s,
     or_m64s,
-    not_m64s
+    not_m64s,
+    first_true_m64s
 );
 
 /// Work that is written once for any lane type of an element type.
@@ -271,5 +279,34 @@ impl<K: LaneTask<f64>> WithSimd for InF64Lanes<K> {
 impl LaneScalar for f64 {
     fn dispatch<K: LaneTask<f64>>(task: K) -> K::Output {
         pulp::Arch::new().dispatch(InF64Lanes(task))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whether `any` finds each single lane, and none where there is none.
+    struct AnyFindsEveryLane;
+    impl<T: Scalar> LaneTask<T> for AnyFindsEveryLane {
+        type Output = ();
+        #[inline(always)]
+        fn run<R: Real<Scalar = T>>(self) {
+            let zero = R::splat(0.0);
+            assert!(!R::any(zero.less_than(zero)));
+            for lane in 0..R::LANES {
+                let mut numbers = vec![T::from_f64(0.0); R::LANES];
+                numbers[lane] = T::from_f64(1.0);
+                assert!(R::any(zero.less_than(R::load(&numbers))), "lane {lane} of {}", R::LANES);
+            }
+        }
+    }
+
+    #[test]
+    fn any_finds_every_lane() {
+        f32::dispatch(AnyFindsEveryLane);
+        f64::dispatch(AnyFindsEveryLane);
+        InF32Lanes(AnyFindsEveryLane).with_simd(pulp::Scalar::new());
+        InF64Lanes(AnyFindsEveryLane).with_simd(pulp::Scalar::new());
     }
 }

@@ -530,3 +530,52 @@ fn the_long_way_gives_the_same_answer() {
     let pinned = Scene::new(bodies).until(5.0).pinned(Method::Rk4, 0.01, None);
     assert!(!Plan::new(&pinned, &engine).expect("a plan").is_closed_form());
 }
+
+/// The states of all bodies of an ensemble, as an engine holds them.
+fn states(engine: &Engine, bodies: &Ensemble, precision: Precision, time: f64) -> Vec<[f64; 7]> {
+    let (_, rows) = polhode::free_motion::AnyRows::prepare(bodies, precision).expect("enough memory");
+    let mut session = engine.start_free(rows).expect("started");
+    session.evaluate(-3.0).expect("evaluated elsewhere first");
+    session.evaluate(time).expect("evaluated");
+    session.read(0..bodies.len()).expect("read").value
+}
+
+#[test]
+fn a_body_does_not_depend_on_its_neighbours() {
+    let options = polhode::engine::gpu::GpuOptions { software: true, ..Default::default() };
+    for engine in [Engine::cpu(), Engine::cpu_scalar(), Engine::gpu(options).expect("tests need a Vulkan driver")] {
+        for precision in Precision::ALL {
+            let many = ensemble(331);
+            let together = states(&engine, &many, precision, 12.5);
+            // Another place, another lane, other neighbours: every seventh body alone, backwards.
+            let places: Vec<usize> = (0..331).rev().step_by(7).collect();
+            let few = Ensemble::from_fn(places.len(), |body| {
+                (
+                    many.inertia()[places[body]],
+                    many.orientation()[places[body]],
+                    many.angular_velocity_body()[places[body]],
+                )
+            })
+            .expect("valid bodies");
+            for (found, &place) in states(&engine, &few, precision, 12.5).iter().zip(&places) {
+                assert_eq!(found, &together[place], "{engine:?} in {precision}, body {place}");
+            }
+        }
+    }
+}
+
+#[test]
+fn no_bodies_and_no_number_are_handled() {
+    let options = polhode::engine::gpu::GpuOptions { software: true, ..Default::default() };
+    for engine in [Engine::cpu(), Engine::gpu(options).expect("tests need a Vulkan driver")] {
+        for precision in Precision::ALL {
+            assert_eq!(states(&engine, &Ensemble::new(), precision, 1.0), Vec::<[f64; 7]>::new());
+            let (_, rows) = polhode::free_motion::AnyRows::prepare(&ensemble(3), precision).expect("enough memory");
+            let mut session = engine.start_free(rows).expect("started");
+            for time in [f64::NAN, f64::INFINITY] {
+                let refused = session.evaluate(time);
+                assert!(matches!(refused, Err(polhode::Error::Setting { field: "time", .. })), "{time}: {refused:?}");
+            }
+        }
+    }
+}
