@@ -166,7 +166,7 @@ impl Gpu {
             columns,
             body_count: batch.body_count,
             clock: batch.torques.clock(),
-            slicer: Slicer::new(self.options.slice, batch.loops_of_a_step()),
+            slicer: Slicer::new(self.options.slice, batch.loops_of_a_step(method)),
             scalar: std::marker::PhantomData,
         }))
     }
