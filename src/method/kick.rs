@@ -67,14 +67,15 @@ pub fn relative_growth<R: Real>(y: R) -> R {
     let one = R::splat(1.0);
     let half = R::splat(0.5);
     let steep = y.less_than(R::splat(-32.0));
-    let mut x = R::select(steep, R::splat(-32.0), y) * R::splat(1.0 / 64.0);
+    let x = R::select(steep, R::splat(-32.0), y) * R::splat(1.0 / 64.0);
     let mut e = one;
     for n in (2..=12).rev() {
         e = e.mul_add(x * R::splat(1.0 / f64::from(n)), one);
     }
-    for _ in 0..6 {
-        e = e * (x * half).mul_add(e, one);
-        x = x + x;
+    // E(2y) from E(y).
+    let doubled = |y: R, e: R| e * (y * half).mul_add(e, one);
+    for times in [1.0, 2.0, 4.0, 8.0, 16.0, 32.0] {
+        e = doubled(x * R::splat(times), e);
     }
     R::select(steep, -one / y, e)
 }

@@ -122,6 +122,12 @@ impl Real for DoubleDouble {
     fn two_product(self, other: Self) -> (Self, Self) {
         (self * other, Self::default())
     }
+    fn from_lanes(mut of_lane: impl FnMut(usize) -> Self) -> Self {
+        of_lane(0)
+    }
+    fn outlined<T>(work: impl FnOnce() -> T) -> T {
+        work()
+    }
 }
 
 impl Scalar for DoubleDouble {
@@ -135,6 +141,8 @@ impl Scalar for DoubleDouble {
     const FOURTH_POWER_NEGLIGIBLE: f64 = f64::FOURTH_POWER_NEGLIGIBLE;
     const EXP: &'static [f64] = f64::EXP;
     const LN_2: [f64; 2] = f64::LN_2;
+    const ARCTANGENT_TERMS: u32 = f64::ARCTANGENT_TERMS;
+    const ARTANH_TERMS: u32 = f64::ARTANH_TERMS;
 
     fn from_f64(x: f64) -> Self {
         Self::from(x)
