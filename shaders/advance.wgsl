@@ -45,6 +45,15 @@ fn load_body(i: u32) -> Body {
     return body_new(TwoWordsVector(value, residue));
 }
 
+// The invariants of a torque-free body, where the method has columns for them.
+fn load_invariants(i: u32) -> Invariants {
+    let first = 4u + 3u * (WORDS - 1u);
+    if (!FREE || arrayLength(&parameters) <= first * settings.stride) {
+        return Invariants(0.0, 0.0);
+    }
+    return Invariants(parameter_at(first, i), parameter_at(first + 1u, i));
+}
+
 fn load_orientation(first: u32, i: u32) -> quaternion {
     return quaternion(state_at(first, i), state_at(first + 1u, i), state_at(first + 2u, i), state_at(first + 3u, i));
 }
@@ -63,6 +72,7 @@ fn load_state(i: u32) -> State {
     return State(
         TwoWordsQuaternion(load_orientation(0u, i), q_residue),
         TwoWordsVector(load_angular_momentum(0u, i), m_residue),
+        state_at(7u * WORDS, i),
     );
 }
 
@@ -82,6 +92,7 @@ fn store_state(state: State, i: u32) {
     if (WORDS == 2u) {
         store_words(7u, i, state.orientation.residue, state.angular_momentum_principal.residue);
     }
+    state_columns[7u * WORDS * settings.stride + i] = state.status;
 }
 
 @compute @workgroup_size(workgroup_size)
@@ -95,9 +106,10 @@ fn advance(@builtin(global_invocation_id) id: vec3<u32>) {
     // In units of the body's own scale: the rate is a power of two, so that both products are exact.
     let rate = parameter_at(3u, i);
     let dt = TwoWordsReal(settings.dt_value * rate, settings.dt_residue * rate);
+    let prepared = prepare(body, load_invariants(i), dt);
     var state = load_state(i);
     for (var n = 0u; n < settings.steps; n += 1u) {
-        state = step(body, settings.first_step + n, dt, state);
+        state = step(body, prepared, settings.first_step + n, dt, state);
     }
     store_state(state, i);
 }

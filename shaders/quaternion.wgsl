@@ -64,3 +64,21 @@ fn axpy_vector(v: vector, factor: real, addend: vector) -> vector {
 fn norm_correction(q: quaternion) -> quaternion {
     return q * (0.5 * (1.0 - norm_squared(q)));
 }
+
+// The quaternion of a rotation vector less 1: (sin t/2 axis, cos t/2 - 1), t its length.
+fn exponential_less_one(rotation_vector: vector) -> quaternion {
+    let angle = sqrt(max(dot_vector(rotation_vector, rotation_vector), 1e-36));
+    let quarter = sin_cos(angle * 0.25);
+    let v = rotation_vector * (2.0 * quarter.sin * quarter.cos / angle);
+    return quaternion(v.x, v.y, v.z, -2.0 * quarter.sin * quarter.sin);
+}
+
+// A vector in one word, as programs that do not compensate carry it.
+fn plain_vector(value: vector) -> TwoWordsVector {
+    return TwoWordsVector(value, vector(0.0, 0.0, 0.0));
+}
+
+// q/|q| in one word, as programs that do not compensate carry it.
+fn plainly_normalised(q: quaternion) -> TwoWordsQuaternion {
+    return TwoWordsQuaternion(q * (1.0 / sqrt(norm_squared(q))), quaternion(0.0, 0.0, 0.0, 0.0));
+}

@@ -12,6 +12,16 @@ struct State {
     orientation: TwoWordsQuaternion,
     // m = I omega, in units of the body's own scale.
     angular_momentum_principal: TwoWordsVector,
+    // 0 until a step fails on this body, then the number of what failed first (src/method/status.rs).
+    status: real,
+}
+
+// What a torque-free body keeps, from its state at the start.
+struct Invariants {
+    // |m|^2.
+    angular_momentum_squared: real,
+    // m . omega / 2.
+    kinetic_energy: real,
 }
 
 // What the second words of parameters and state add to the rates, formed once a step.

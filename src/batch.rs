@@ -20,10 +20,11 @@ use crate::ensemble::Ensemble;
 use crate::error::Result;
 use crate::inertia::principal_axes;
 use crate::memory;
+use crate::method::{Method, Status};
 use crate::plan::group::Members;
 use crate::quaternion::Quaternion;
 use crate::real::{Real, Scalar};
-use crate::rigid_body::{Body, State};
+use crate::rigid_body::{Body, Invariants, State};
 use crate::torque::{self, Kind, Torque, TorqueTable};
 use crate::vector::{TwoWords, Vector};
 
@@ -60,18 +61,23 @@ pub const STATE_COMPONENTS: usize = 7;
 /// Columns of the parameters: 1/I₁, 1/I₂, 1/I₃, then the reference rate; residues of 1/I follow in `f32`.
 pub const PARAMETER_COMPONENTS: usize = 4;
 
-/// Number of state columns of an element type.
+/// Number of state columns of an element type: the components' words, then the status.
 pub const fn state_columns<T: Scalar>() -> usize {
+    STATE_COMPONENTS * T::WORDS + 1
+}
+
+/// The state column that holds the number of a [`Status`].
+pub const fn status_column<T: Scalar>() -> usize {
     STATE_COMPONENTS * T::WORDS
 }
+
+/// Columns that [`Batch::append_invariants`] adds to the parameters: |m|² and the kinetic energy at the start.
+pub const INVARIANT_COLUMNS: usize = 2;
 
 /// Number of parameter columns of an element type.
 pub const fn parameter_columns<T: Scalar>() -> usize {
     PARAMETER_COMPONENTS + 3 * (T::WORDS - 1)
 }
-
-/// Evaluations of the torques that any method has in a step, at most.
-const MOST_EVALUATIONS: f64 = 24.0;
 
 /// Bodies a stride is rounded up to: a multiple of every lane count and of the workgroup size.
 pub const STRIDE_UNIT: usize = 64;
@@ -83,7 +89,8 @@ pub struct Batch<T> {
     pub body_count: usize,
     /// Distance between the starts of two columns; at least `body_count`. The rows between are bodies at rest.
     pub stride: usize,
-    /// Parameters, shape `[parameter_columns + torques.columns(), stride]`.
+    /// Parameters, shape `[parameter_columns + torques.columns(), stride]`; [`INVARIANT_COLUMNS`] more after
+    /// [`Batch::append_invariants`].
     pub parameters: Vec<T>,
     /// State, shape `[state_columns, stride]`.
     pub state: Vec<T>,
@@ -152,6 +159,8 @@ pub struct BodyState {
     pub kinetic_energy: f64,
     /// |q| − 1 of the orientation as it was integrated, before it was normalised for output.
     pub norm_error: f64,
+    /// What the integrator had to say of this body.
+    pub status: Status,
 }
 
 impl BodyState {
@@ -162,6 +171,7 @@ impl BodyState {
         angular_momentum_world: DVec3::NAN,
         kinetic_energy: f64::NAN,
         norm_error: f64::NAN,
+        status: Status::Valid,
     };
 }
 
@@ -175,6 +185,8 @@ pub struct StateWords {
     pub value: Vec<[f64; STATE_COMPONENTS]>,
     /// Second words; zero in `f64`.
     pub residue: Vec<[f64; STATE_COMPONENTS]>,
+    /// What the steps so far had to say of each body.
+    pub status: Vec<Status>,
 }
 
 impl StateWords {
@@ -277,6 +289,7 @@ impl BodyFrame {
             angular_momentum_world: scale(unit * m, self.moment_exponent + self.rate_exponent),
             kinetic_energy: scaled_by_power_of_two(0.5 * m.dot(omega), self.moment_exponent + 2 * self.rate_exponent),
             norm_error: norm - 1.0,
+            status: Status::Valid,
         }
     }
 }
@@ -415,14 +428,37 @@ impl<T: Scalar> Batch<T> {
         }
     }
 
-    /// Number of parameter columns, those of the torques included.
+    /// Number of parameter columns.
     pub fn parameter_columns(&self) -> usize {
-        parameter_columns::<T>() + self.torques.columns()
+        self.parameters.len().checked_div(self.stride).unwrap_or(parameter_columns::<T>())
     }
 
-    /// The most iterations of loops that the torques have in one step, whatever the method: [`MOST_EVALUATIONS`] of each
-    /// instance, and as many times the draws of noise.
-    pub fn loops_of_a_step(&self) -> u32 {
+    /// Adds the columns of [`Invariants`], from the state as it stands.
+    ///
+    /// Only a method that reads them asks for them ([`crate::method::Step::INVARIANTS`]).
+    pub fn append_invariants(&mut self) {
+        let stride = self.stride;
+        let mut columns = vec![T::default(); INVARIANT_COLUMNS * stride];
+        let words = |columns: &[T], column: usize, residue: usize, body: usize| {
+            let value = columns[column * stride + body].to_f64();
+            if T::WORDS == 2 { value + columns[(column + residue) * stride + body].to_f64() } else { value }
+        };
+        for body in 0..self.body_count {
+            let (mut squared, mut twice_energy) = (0.0, 0.0);
+            for axis in 0..3 {
+                let m = words(&self.state, 4 + axis, STATE_COMPONENTS, body);
+                squared += m * m;
+                twice_energy += words(&self.parameters, axis, PARAMETER_COMPONENTS, body) * m * m;
+            }
+            columns[body] = T::from_f64(squared);
+            columns[stride + body] = T::from_f64(0.5 * twice_energy);
+        }
+        self.parameters.extend_from_slice(&columns);
+    }
+
+    /// The most iterations of loops in one step of `method`: its own, and in each evaluation of the torques one for each
+    /// instance and as many more as there are draws of noise.
+    pub fn loops_of_a_step(&self, method: Method) -> u32 {
         let instances: usize = Kind::ALL.iter().map(|&kind| self.torques.instances(kind).count).sum();
         let noise = self.torques.instances(Kind::WhiteNoise);
         let draws: f64 = (0..noise.count)
@@ -431,7 +467,8 @@ impl<T: Scalar> Batch<T> {
                 self.parameters.get(column * self.stride).map_or(0.0, |draws| draws.to_f64())
             })
             .sum();
-        (MOST_EVALUATIONS * (instances as f64 + draws)).min(f64::from(u32::MAX)) as u32
+        let own = f64::from(method.most_loops(self.torques.is_empty()));
+        (own + f64::from(method.most_evaluations()) * (instances as f64 + draws)).min(f64::from(u32::MAX)) as u32
     }
 
     /// The raw state of a range of bodies.
@@ -444,6 +481,7 @@ impl<T: Scalar> Batch<T> {
         StateWords {
             value: words(0),
             residue: if T::WORDS == 2 { words(STATE_COMPONENTS) } else { vec![[0.0; STATE_COMPONENTS]; bodies.len()] },
+            status: bodies.clone().map(|body| Status::from_code(value(body, status_column::<T>()))).collect(),
         }
     }
 }
@@ -460,6 +498,16 @@ pub(crate) fn load_body<R: Real>(column: impl Fn(usize) -> R) -> (Body<R>, R) {
     let value = Vector::new(column(0), column(1), column(2));
     let residue = if R::Scalar::WORDS == 2 { Vector::new(column(4), column(5), column(6)) } else { Vector::zero() };
     (Body::new(TwoWords { value, residue }), column(3))
+}
+
+/// The invariants of a lane group, or zeros where the method does not read them.
+#[inline(always)]
+pub(crate) fn load_invariants<R: Real>(wanted: bool, column: impl Fn(usize) -> R) -> Invariants<R> {
+    if !wanted {
+        return Invariants { angular_momentum_squared: R::splat(0.0), kinetic_energy: R::splat(0.0) };
+    }
+    let first = parameter_columns::<R::Scalar>();
+    Invariants { angular_momentum_squared: column(first), kinetic_energy: column(first + 1) }
 }
 
 /// The state of a lane group; `column` loads a state column.
@@ -481,6 +529,7 @@ pub(crate) fn load_state<R: Real>(column: impl Fn(usize) -> R) -> State<R> {
     State {
         orientation: TwoWords { value: q, residue: q_residue },
         angular_momentum_principal: TwoWords { value: m, residue: m_residue },
+        status: column(status_column::<R::Scalar>()),
     }
 }
 
@@ -496,4 +545,5 @@ pub(crate) fn store_state<R: Real>(state: &State<R>, mut store: impl FnMut(usize
     if R::Scalar::WORDS == 2 {
         words(STATE_COMPONENTS, state.orientation.residue, state.angular_momentum_principal.residue);
     }
+    store(status_column::<R::Scalar>(), state.status);
 }

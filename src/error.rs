@@ -81,6 +81,16 @@ pub enum Error {
         /// What would be valid.
         expected: &'static str,
     },
+    /// An integrator of rigid bodies is asked to follow one whose axes do not turn at I⁻¹ m.
+    #[error("torque {torque} ({model}): {method} integrates rigid bodies only; take rk4, rk8 or cf4")]
+    RigidOnly {
+        /// Index of the torque in its scene, from 0.
+        torque: usize,
+        /// The model's name.
+        model: &'static str,
+        /// The integrator.
+        method: crate::method::Method,
+    },
     /// Columns that belong together differ in length.
     #[error("column {column} has {found} rows: {expected} are needed, one a body")]
     ColumnLength {

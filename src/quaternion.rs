@@ -2,8 +2,8 @@
 
 use std::ops::{Add, Mul, Sub};
 
-use crate::real::Real;
-use crate::vector::Vector;
+use crate::real::{Real, sin_cos};
+use crate::vector::{TwoWords, Vector};
 
 /// The quaternion x i + y j + z k + w (Hamilton's product, scalar part last as in `glam`).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -80,6 +80,17 @@ impl<R: Real> Quaternion<R> {
         self.conjugate().rotate(v)
     }
 
+    /// Lane by lane, `if_true` where the mask is set and `if_false` elsewhere.
+    #[inline(always)]
+    pub fn select(mask: R::Mask, if_true: Self, if_false: Self) -> Self {
+        Self::new(
+            R::select(mask, if_true.x, if_false.x),
+            R::select(mask, if_true.y, if_false.y),
+            R::select(mask, if_true.z, if_false.z),
+            R::select(mask, if_true.w, if_false.w),
+        )
+    }
+
     /// `self * factor + addend`, component by component.
     #[inline(always)]
     pub fn axpy(self, factor: R, addend: Self) -> Self {
@@ -123,4 +134,25 @@ impl<R: Real> Mul<R> for Quaternion<R> {
 #[inline(always)]
 pub fn norm_correction<R: Real>(q: Quaternion<R>) -> Quaternion<R> {
     q * (R::splat(0.5) * (R::splat(1.0) - q.norm_squared()))
+}
+
+/// The quaternion of the rotation vector θ (an angle times an axis) less 1: (sin ½θ · axis, cos ½θ − 1).
+///
+/// Formed from the sine of a quarter of the angle alone, so that the small number cos ½θ − 1 keeps its digits. The
+/// range is that of [`sin_cos`] for |θ|/4.
+#[inline(always)]
+pub fn exponential_less_one<R: Real>(rotation_vector: Vector<R>) -> Quaternion<R> {
+    // Where the angle vanishes, sin ½θ / θ is formed at a tiny angle instead, and is ½.
+    let angle = rotation_vector.dot(rotation_vector).max(R::splat(1e-36)).sqrt();
+    let (sin, cos) = sin_cos(angle * R::splat(0.25));
+    let v = rotation_vector * (R::splat(2.0) * sin * cos / angle);
+    Quaternion::new(v.x, v.y, v.z, R::splat(-2.0) * sin * sin)
+}
+
+/// q/|q| in one word, as programs that do not compensate carry it.
+#[inline(always)]
+pub fn plainly_normalised<R: Real>(q: Quaternion<R>) -> TwoWords<Quaternion<R>> {
+    let zero = R::splat(0.0);
+    let value = q * (R::splat(1.0) / q.norm_squared().sqrt());
+    TwoWords { value, residue: Quaternion::new(zero, zero, zero, zero) }
 }

@@ -18,7 +18,7 @@
 
 use crate::quaternion::Quaternion;
 use crate::real::{Real, Scalar};
-use crate::vector::{TwoWords, Vector};
+use crate::vector::{TwoWords, Vector, two_difference};
 
 /// What does not change while a body is integrated.
 #[derive(Clone, Copy, Debug)]
@@ -36,6 +36,42 @@ pub struct State<R> {
     pub orientation: TwoWords<Quaternion<R>>,
     /// m = I ω, in units of the body's own scale.
     pub angular_momentum_principal: TwoWords<Vector<R>>,
+    /// The number of a [`crate::method::Status`]: 0 until a step fails on this body, then what failed first.
+    pub status: R,
+}
+
+impl<R: Real> State<R> {
+    /// Lane by lane, `if_true` where the mask is set and `if_false` elsewhere.
+    #[inline(always)]
+    pub fn select(mask: R::Mask, if_true: Self, if_false: Self) -> Self {
+        let (a, b) = (if_true, if_false);
+        Self {
+            orientation: TwoWords {
+                value: Quaternion::select(mask, a.orientation.value, b.orientation.value),
+                residue: Quaternion::select(mask, a.orientation.residue, b.orientation.residue),
+            },
+            angular_momentum_principal: TwoWords {
+                value: Vector::select(mask, a.angular_momentum_principal.value, b.angular_momentum_principal.value),
+                residue: Vector::select(
+                    mask,
+                    a.angular_momentum_principal.residue,
+                    b.angular_momentum_principal.residue,
+                ),
+            },
+            status: R::select(mask, a.status, b.status),
+        }
+    }
+}
+
+/// What a torque-free body keeps, from its state at the start, in units of the body's own scale.
+///
+/// Formed once on the host rather than in each dispatch, so that the result does not depend on how a run is cut.
+#[derive(Clone, Copy, Debug)]
+pub struct Invariants<R> {
+    /// |m|².
+    pub angular_momentum_squared: R,
+    /// ½ m · ω.
+    pub kinetic_energy: R,
 }
 
 /// What the second words of parameters and state add to the rates, formed once a step.
@@ -103,15 +139,6 @@ impl<R: Real> Body<R> {
 #[inline(always)]
 fn pair_products<R: Real>(m: Vector<R>) -> Vector<R> {
     Vector::new(m.y * m.z, m.z * m.x, m.x * m.y)
-}
-
-/// a − b and what its rounding loses, exactly (D. E. Knuth, TAOCP vol. 2, section 4.2.2, theorem B).
-#[inline(always)]
-fn two_difference<R: Real>(a: R, b: R) -> (R, R) {
-    let difference = a - b;
-    let b_taken = a - difference;
-    let a_taken = difference + b_taken;
-    (difference, (a - a_taken) - (b - b_taken))
 }
 
 /// dq/dt = ½ q ω.

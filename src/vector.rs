@@ -66,6 +66,22 @@ impl<R: Real> Vector<R> {
     pub fn axpy(self, factor: R, addend: Self) -> Self {
         self.mul_add(Self::new(factor, factor, factor), addend)
     }
+
+    /// The largest magnitude of a component.
+    #[inline(always)]
+    pub fn largest(self) -> R {
+        self.x.abs().max(self.y.abs()).max(self.z.abs())
+    }
+
+    /// Lane by lane, `if_true` where the mask is set and `if_false` elsewhere.
+    #[inline(always)]
+    pub fn select(mask: R::Mask, if_true: Self, if_false: Self) -> Self {
+        Self::new(
+            R::select(mask, if_true.x, if_false.x),
+            R::select(mask, if_true.y, if_false.y),
+            R::select(mask, if_true.z, if_false.z),
+        )
+    }
 }
 
 impl<R: Real> Add for Vector<R> {
@@ -111,6 +127,15 @@ pub struct TwoWords<V> {
     pub residue: V,
 }
 
+/// a − b and what its rounding loses, exactly (D. E. Knuth, TAOCP vol. 2, section 4.2.2, theorem B).
+#[inline(always)]
+pub fn two_difference<R: Real>(a: R, b: R) -> (R, R) {
+    let difference = a - b;
+    let b_taken = a - difference;
+    let a_taken = difference + b_taken;
+    (difference, (a - a_taken) - (b - b_taken))
+}
+
 /// Adds `increment` to a sum carried in two words (W. Kahan, "Further remarks on reducing truncation errors",
 /// Comm. ACM 8 (1965) 40).
 ///
@@ -128,4 +153,12 @@ where
     let value = sum.value + corrected;
     let taken = value - sum.value;
     TwoWords { value, residue: corrected - taken }
+}
+
+impl<R: Real> TwoWords<Vector<R>> {
+    /// A vector in one word, as programs that do not compensate carry it.
+    #[inline(always)]
+    pub fn plain(value: Vector<R>) -> Self {
+        Self { value, residue: Vector::zero() }
+    }
 }

@@ -64,7 +64,11 @@ fn picked_any(batch: &AnyBatch, bodies: std::ops::Range<usize>) -> AnyBatch {
 }
 
 fn part(words: &StateWords, bodies: std::ops::Range<usize>) -> StateWords {
-    StateWords { value: words.value[bodies.clone()].to_vec(), residue: words.residue[bodies].to_vec() }
+    StateWords {
+        value: words.value[bodies.clone()].to_vec(),
+        residue: words.residue[bodies.clone()].to_vec(),
+        status: words.status[bodies].to_vec(),
+    }
 }
 
 #[test]

@@ -394,6 +394,7 @@ fn body_cases<T: Scalar>() -> Vec<Case<T>> {
         State {
             orientation: TwoWords { value: q, residue: q },
             angular_momentum_principal: TwoWords { value: vector(row, 6), residue: vector(row, 9) },
+            status: zero,
         }
     }
     macro_rules! with_body {
@@ -401,7 +402,7 @@ fn body_cases<T: Scalar>() -> Vec<Case<T>> {
             concat!(
                 "let body = body_new(TwoWordsVector(v(0u), v(3u))); let m = TwoWordsVector(v(6u), v(9u));",
                 "let zero = quaternion(0.0, 0.0, 0.0, 0.0);",
-                "let c = correction(body, State(TwoWordsQuaternion(zero, zero), m));",
+                "let c = correction(body, State(TwoWordsQuaternion(zero, zero), m, 0.0));",
                 $line
             )
         };

@@ -1,26 +1,15 @@
 // dlm: splitting into rotations about the principal axes. Twin: src/method/dlm.rs, where the method is described.
 
-fn step(body: Body, step_index: u32, dt: TwoWordsReal, initial: State) -> State {
+fn step(body: Body, prepared: Prepared, step_index: u32, dt: TwoWordsReal, initial: State) -> State {
     let half = TwoWordsReal(dt.value * 0.5, dt.residue * 0.5);
-    var state = kick(body, epoch(step_index, 0.0), half, initial);
+    var state = kick(body, epoch(step_index, 0.0), half, initial, 2u);
     state = rotate_x(body, half, state);
     state = rotate_y(body, half, state);
     state = rotate_z(body, dt, state);
     state = rotate_y(body, half, state);
     state = rotate_x(body, half, state);
     state.orientation = accumulate_quaternion(state.orientation, norm_correction(state.orientation.value));
-    return kick(body, epoch(step_index, 1.0), half, state);
-}
-
-// Adds h torque to m, at frozen attitude.
-fn kick(body: Body, epoch: Epoch, h: TwoWordsReal, state: State) -> State {
-    if (FREE) {
-        return state;
-    }
-    let omega = angular_velocity(body, state.angular_momentum_principal.value, correction(body, state));
-    let kicking = torque(epoch, body, state.orientation.value, omega);
-    let increment = axpy_vector(kicking, h.value, kicking * h.residue);
-    return State(state.orientation, accumulate_vector(state.angular_momentum_principal, increment));
+    return kick(body, epoch(step_index, 1.0), half, state, 2u);
 }
 
 // sin t, 1 - cos t, sin t/2 and 1 - cos t/2, all from one sine and cosine of t/4.
@@ -94,5 +83,6 @@ fn apply(state: State, turn: quaternion, angles: Angles, m_increment: vector) ->
     return State(
         accumulate_quaternion(state.orientation, q_increment),
         accumulate_vector(state.angular_momentum_principal, m_increment),
+        state.status,
     );
 }

@@ -1,20 +1,6 @@
 // rk4: the classical Runge-Kutta method on (q, m). Twin: src/method/rk4.rs, where the method is described.
 
-struct Rates {
-    q: quaternion,
-    m: vector,
-}
-
-fn rates(body: Body, epoch: Epoch, correction: Correction, q: quaternion, m: vector) -> Rates {
-    let motion = motion(epoch, body, correction, m);
-    var m_rate = motion.gyroscopic_term;
-    if (!FREE) {
-        m_rate = m_rate + torque(epoch, body, q, motion.angular_velocity);
-    }
-    return Rates(orientation_rate(q, motion.angular_velocity), m_rate);
-}
-
-fn step(body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> State {
+fn step(body: Body, prepared: Prepared, step_index: u32, dt: TwoWordsReal, state: State) -> State {
     let half = dt.value * 0.5;
     let sixth = sixth_of(dt);
     let q = state.orientation.value;
@@ -38,15 +24,6 @@ fn step(body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> State {
     return State(
         accumulate_quaternion(state.orientation, q_increment),
         accumulate_vector(state.angular_momentum_principal, m_increment),
+        state.status,
     );
-}
-
-// dt/6 rounded, and what six times it lacks of dt. Both subtractions are exact.
-fn sixth_of(dt: TwoWordsReal) -> TwoWordsReal {
-    let sixth = rounded(dt.value * (1.0 / 6.0));
-    if (WORDS == 1u) {
-        return TwoWordsReal(sixth, 0.0);
-    }
-    let lacking = rounded(dt.value - 4.0 * sixth) - 2.0 * sixth;
-    return TwoWordsReal(sixth, lacking + dt.residue);
 }

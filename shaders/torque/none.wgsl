@@ -2,6 +2,20 @@
 
 const FREE: bool = true;
 
+// VelocityDependence in src/torque/mod.rs.
+const NO_DEPENDENCE: u32 = 0u;
+const LINEAR_DRAG: u32 = 1u;
+const GENERAL_DEPENDENCE: u32 = 2u;
+
+fn velocity_dependence() -> u32 {
+    return NO_DEPENDENCE;
+}
+
+// The coefficient c of the part -c omega; asked for with LINEAR_DRAG only.
+fn drag_coefficient() -> real {
+    return 0.0;
+}
+
 struct Epoch {
     unused: u32,
 }

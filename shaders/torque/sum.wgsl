@@ -39,6 +39,23 @@ override white_noise_first: u32 = 0u;
 override internal_dissipation_count: u32 = 0u;
 override internal_dissipation_first: u32 = 0u;
 
+// VelocityDependence in src/torque/mod.rs.
+const NO_DEPENDENCE: u32 = 0u;
+const LINEAR_DRAG: u32 = 1u;
+const GENERAL_DEPENDENCE: u32 = 2u;
+
+fn velocity_dependence() -> u32 {
+    if (matrix_drag_count + quadratic_drag_count + eddy_current_count > 0u) {
+        return GENERAL_DEPENDENCE;
+    }
+    return select(NO_DEPENDENCE, LINEAR_DRAG, linear_drag_count > 0u);
+}
+
+// The coefficient c of the part -c omega; asked for with LINEAR_DRAG only.
+fn drag_coefficient() -> real {
+    return torque_drag;
+}
+
 // Columns of one instance, phases included.
 const SINUSOIDAL_COLUMNS: u32 = 15u;
 const GRAVITY_GRADIENT_COLUMNS: u32 = 18u;

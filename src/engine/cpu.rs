@@ -7,13 +7,18 @@ use rayon::prelude::*;
 
 use super::{Backend, Description, EngineKind, FreeSession, Observer, Progress, Session, check_step, check_time};
 use crate::batch::{
-    AnyBatch, Batch, Precision, StateWords, load_body, load_state, state_columns, store_state, two_words,
+    AnyBatch, Batch, Precision, StateWords, load_body, load_invariants, load_state, state_columns, store_state,
+    two_words,
 };
 use crate::clock::Clock;
 use crate::error::{Error, Result};
 use crate::free_motion::{AnyRows, FreeMotionRows};
 use crate::lanes::{LaneScalar, LaneTask};
-use crate::method::{Method, Step, dlm::Dlm, rk4::Rk4};
+use crate::method::{
+    Method, Step, cf4::Cf4, clamped_euler::ClampedEuler, dlm::Dlm, explicit_euler::ExplicitEuler,
+    gyro_newton::GyroNewton, implicit_midpoint::ImplicitMidpoint, rk4::Rk4, rk8::Rk8, spiral::Spiral,
+    splitting::Splitting,
+};
 use crate::real::{Real, Scalar};
 use crate::torque::sum::{Common, Torques};
 use crate::torque::{Environment, Free, TorqueTable};
@@ -138,7 +143,21 @@ impl<T: LaneScalar> Session for CpuSession<T> {
         check_step(dt, if T::WORDS == 2 { Precision::F32 } else { Precision::F64 })?;
         match self.method {
             Method::Rk4 => self.advance_by::<Rk4>(dt, steps, observer),
+            Method::Rk8 => self.advance_by::<Rk8>(dt, steps, observer),
+            Method::Cf4 => self.advance_by::<Cf4>(dt, steps, observer),
+            // Without torque the three are one free flow, so one kernel serves them.
+            Method::Splitting2 | Method::Splitting4 | Method::Splitting6 if self.batch.torques.is_empty() => {
+                self.advance_in::<Splitting<2>, Nothing>(dt, steps, observer)
+            }
+            Method::Splitting2 => self.advance_forced_by::<Splitting<2>>(dt, steps, observer),
+            Method::Splitting4 => self.advance_forced_by::<Splitting<4>>(dt, steps, observer),
+            Method::Splitting6 => self.advance_forced_by::<Splitting<6>>(dt, steps, observer),
+            Method::ImplicitMidpoint => self.advance_by::<ImplicitMidpoint>(dt, steps, observer),
             Method::Dlm => self.advance_by::<Dlm>(dt, steps, observer),
+            Method::ExplicitEuler => self.advance_singly_by::<ExplicitEuler>(dt, steps, observer),
+            Method::GyroNewton => self.advance_singly_by::<GyroNewton>(dt, steps, observer),
+            Method::ClampedEuler => self.advance_singly_by::<ClampedEuler>(dt, steps, observer),
+            Method::Spiral => self.advance_singly_by::<Spiral>(dt, steps, observer),
         }
     }
 
@@ -148,7 +167,10 @@ impl<T: LaneScalar> Session for CpuSession<T> {
 }
 
 impl<T: LaneScalar> CpuSession<T> {
-    fn new(batch: Batch<T>, method: Method, width: Width) -> Self {
+    fn new(mut batch: Batch<T>, method: Method, width: Width) -> Self {
+        if method.reads_invariants() && batch.torques.is_empty() {
+            batch.append_invariants();
+        }
         let clock = batch.torques.clock();
         Self { batch, method, width, clock }
     }
@@ -157,19 +179,51 @@ impl<T: LaneScalar> CpuSession<T> {
     fn advance_by<M: Step>(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
         if self.batch.torques.is_empty() {
             self.advance_in::<M, Nothing>(dt, steps, observer)
-        } else if self.batch.torques.is_common() {
+        } else {
+            self.advance_forced_by::<M>(dt, steps, observer)
+        }
+    }
+
+    /// The same for bodies on which torques act.
+    fn advance_forced_by<M: Step>(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
+        if self.batch.torques.is_common() {
             self.advance_in::<M, CommonTorques>(dt, steps, observer)
         } else {
             self.advance_in::<M, AllTorques>(dt, steps, observer)
         }
     }
 
+    /// One body at a time, always: for what other programs do, where speed is not the point and a kernel for each
+    /// instruction set would only make the library larger.
+    fn advance_singly_by<M: Step>(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
+        if self.batch.torques.is_empty() {
+            self.advance_blocks::<M, Nothing>(dt, steps, observer, |task| task.run::<T>())
+        } else {
+            self.advance_blocks::<M, AllTorques>(dt, steps, observer, |task| task.run::<T>())
+        }
+    }
+
+    /// In lanes or singly, as the session was opened.
+    fn advance_in<M: Step, S: Surroundings>(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
+        let width = self.width;
+        self.advance_blocks::<M, S>(dt, steps, observer, |task| match width {
+            Width::Lanes => T::dispatch(task),
+            Width::Scalar => task.run::<T>(),
+        })
+    }
+
     /// Blocks are independent, so each runs all its steps before the next begins and stays in registers meanwhile.
     /// The calling thread only watches: progress is a count that the workers raise.
-    fn advance_in<M: Step, S: Surroundings>(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
+    fn advance_blocks<M: Step, S: Surroundings>(
+        &mut self,
+        dt: f64,
+        steps: u64,
+        observer: &mut Observer<'_>,
+        run: impl Fn(AdvanceBlock<'_, '_, T, M, S>) + Sync,
+    ) -> Result<()> {
         let start = self.clock;
         let Batch { body_count, stride, parameters, state, torques } = &mut self.batch;
-        let (body_count, stride, width) = (*body_count, *stride, self.width);
+        let (body_count, stride) = (*body_count, *stride);
         let torques = &*torques;
         let (done, stop) = (AtomicU64::new(0), AtomicBool::new(false));
         let total = steps.saturating_mul(body_count as u64);
@@ -197,10 +251,7 @@ impl<T: LaneScalar> CpuSession<T> {
                         steps: slice,
                         kinds: std::marker::PhantomData,
                     };
-                    match width {
-                        Width::Lanes => T::dispatch(task),
-                        Width::Scalar => task.run::<T>(),
-                    }
+                    run(task);
                     left -= slice;
                     done.fetch_add(slice * bodies as u64, Ordering::Relaxed);
                 }
@@ -336,9 +387,13 @@ impl<T: Scalar, M: Step, S: Surroundings> LaneTask<T> for AdvanceBlock<'_, '_, T
                 value: R::splat(self.dt_words.value.to_f64()) * rate,
                 residue: R::splat(self.dt_words.residue.to_f64()) * rate,
             };
+            let wanted = M::INVARIANTS && <S::At<'_, R> as Environment<R>>::FREE;
+            let invariants =
+                load_invariants(wanted, |column| R::load(&self.parameters[column * self.stride + first..]));
             let mut state = load_state(|column| R::load(&self.state[column][offset..]));
+            let prepared = M::prepare::<R, S::At<'_, R>>(&body, &invariants, dt);
             for step in 0..self.steps {
-                state = M::step(&body, &environment, self.first_step + step, dt, state);
+                state = M::step(&body, &prepared, &environment, self.first_step + step, dt, state);
             }
             store_state(&state, |column, number: R| number.store(&mut self.state[column][offset..]));
         }

@@ -12,9 +12,10 @@
 //! and |q| drift by 1e-2 in 1e6 steps of plain `f32`.
 
 use crate::method::Step;
+use crate::method::kick::kick;
 use crate::quaternion::{Quaternion, norm_correction};
 use crate::real::{Real, sin_cos};
-use crate::rigid_body::{Body, State};
+use crate::rigid_body::{Body, Invariants, State};
 use crate::torque::Environment;
 use crate::vector::{TwoWords, Vector, accumulate};
 
@@ -22,9 +23,15 @@ use crate::vector::{TwoWords, Vector, accumulate};
 pub struct Dlm;
 
 impl Step for Dlm {
+    type Prepared<R: Real> = ();
+
+    #[inline(always)]
+    fn prepare<R: Real, E: Environment<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
+
     #[inline(always)]
     fn step<R: Real, E: Environment<R>>(
         body: &Body<R>,
+        (): &(),
         environment: &E,
         step_index: u64,
         dt: TwoWords<R>,
@@ -44,32 +51,14 @@ pub fn step<R: Real, E: Environment<R>>(
     state: State<R>,
 ) -> State<R> {
     let half = TwoWords { value: dt.value * R::splat(0.5), residue: dt.residue * R::splat(0.5) };
-    let state = kick(body, environment, &environment.epoch(step_index, 0.0), half, state);
+    let state = kick::<R, E, 2>(body, environment, &environment.epoch(step_index, 0.0), half, state);
     let state = rotate_x(body, half, state);
     let state = rotate_y(body, half, state);
     let state = rotate_z(body, dt, state);
     let state = rotate_y(body, half, state);
     let mut state = rotate_x(body, half, state);
     state.orientation = accumulate::<R, _>(state.orientation, norm_correction(state.orientation.value));
-    kick(body, environment, &environment.epoch(step_index, 1.0), half, state)
-}
-
-/// Adds h τ to m, at frozen attitude.
-#[inline(always)]
-fn kick<R: Real, E: Environment<R>>(
-    body: &Body<R>,
-    environment: &E,
-    epoch: &E::Epoch,
-    h: TwoWords<R>,
-    state: State<R>,
-) -> State<R> {
-    if E::FREE {
-        return state;
-    }
-    let omega = body.angular_velocity(state.angular_momentum_principal.value, &body.correction(&state));
-    let torque = environment.torque(epoch, body, state.orientation.value, omega);
-    let increment = torque.axpy(h.value, torque * h.residue);
-    State { angular_momentum_principal: accumulate::<R, _>(state.angular_momentum_principal, increment), ..state }
+    kick::<R, E, 2>(body, environment, &environment.epoch(step_index, 1.0), half, state)
 }
 
 /// sin θ, 1 − cos θ, sin θ/2 and 1 − cos θ/2, all from one sine and cosine of θ/4.
@@ -155,5 +144,6 @@ fn apply<R: Real>(state: State<R>, turn: Quaternion<R>, angles: &Angles<R>, m_in
     State {
         orientation: accumulate::<R, _>(state.orientation, q_increment),
         angular_momentum_principal: accumulate::<R, _>(state.angular_momentum_principal, m_increment),
+        status: state.status,
     }
 }

@@ -1,15 +1,34 @@
 //! Integrators: one file each, with the same stem and function names as in `shaders/method/`.
 //!
-//! Each module defines `step`, which advances one body by one step. A new integrator is a file here, its twin in
-//! `shaders/method/`, and one entry in [`Method`].
+//! Each module defines a type that implements [`Step`]. A new integrator is a file here, its twin in
+//! `shaders/method/`, one entry in [`Method`] and its row in `properties`.
 
 use crate::real::Real;
-use crate::rigid_body::{Body, State};
+use crate::rigid_body::{Body, Invariants, State};
 use crate::torque::Environment;
 use crate::vector::TwoWords;
 
+pub mod cf4;
+pub mod clamped_euler;
 pub mod dlm;
+pub mod explicit_euler;
+pub mod gyro_newton;
+pub mod implicit_midpoint;
+pub mod kick;
+pub mod midpoint;
+pub mod moser_veselov;
+mod properties;
 pub mod rk4;
+pub mod rk8;
+pub mod rk8_adaptive;
+pub mod slope;
+pub mod spiral;
+pub mod splitting;
+mod status;
+pub mod work;
+
+pub use properties::{Conserved, Properties, TorqueKind};
+pub use status::{Status, flagged};
 
 /// How a body is advanced in time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -17,28 +36,57 @@ pub mod rk4;
 pub enum Method {
     /// The classical Runge-Kutta method of order 4; see [`rk4`].
     Rk4,
+    /// Dormand and Prince's Runge-Kutta method of order 8; see [`rk8`].
+    Rk8,
+    /// Commutator-free Lie-group method of order 4; see [`cf4`].
+    Cf4,
+    /// Torque kicks around a discrete free flow, order 2; see [`splitting`].
+    Splitting2,
+    /// Torque kicks between discrete free flows, order 4; see [`splitting`].
+    Splitting4,
+    /// Torque kicks between discrete free flows, order 6; see [`splitting`].
+    Splitting6,
+    /// The implicit midpoint rule on the rotation group, order 2; see [`implicit_midpoint`].
+    ImplicitMidpoint,
     /// Splitting into rotations about the three principal axes, order 2; see [`dlm`].
     Dlm,
+    /// Euler's explicit method, order 1; see [`explicit_euler`].
+    ExplicitEuler,
+    /// One Newton step on the implicit gyroscopic term, order 1; see [`gyro_newton`].
+    GyroNewton,
+    /// Euler's explicit method with |m| restored, order 1; see [`clamped_euler`].
+    ClampedEuler,
+    /// Two rotations a step and a third-order angular velocity; see [`spiral`].
+    Spiral,
 }
 
 impl Method {
     /// All methods, in the order in which they are listed to users.
-    pub const ALL: [Method; 2] = [Method::Rk4, Method::Dlm];
+    pub const ALL: [Method; 12] = [
+        Method::Rk4,
+        Method::Rk8,
+        Method::Cf4,
+        Method::Splitting2,
+        Method::Splitting4,
+        Method::Splitting6,
+        Method::ImplicitMidpoint,
+        Method::Dlm,
+        Method::ExplicitEuler,
+        Method::GyroNewton,
+        Method::ClampedEuler,
+        Method::Spiral,
+    ];
 
     /// The name in study files, on the command line and of the source files.
     pub fn name(self) -> &'static str {
-        match self {
-            Method::Rk4 => "rk4",
-            Method::Dlm => "dlm",
-        }
+        self.properties().name
     }
 
-    /// The order of the attitude error in the step size.
+    /// The order of the attitude error in the step size under the torques that suit the method best.
+    ///
+    /// [`Properties::order_under`] says where it loses order.
     pub fn order(self) -> u32 {
-        match self {
-            Method::Rk4 => 4,
-            Method::Dlm => 2,
-        }
+        self.properties().order
     }
 }
 
@@ -50,11 +98,29 @@ impl std::fmt::Display for Method {
 
 /// A method's step, as a type, so that each method is compiled into a loop of its own.
 pub trait Step {
-    /// Advances `state` by one step of `dt` (in units of the body's own scale), the `step`-th of its interval, from 0.
+    /// What is formed once a body and step size rather than at every step.
+    type Prepared<R: Real>: Copy;
+
+    /// Whether [`Step::prepare`] reads the invariants of a torque-free body, so that their columns are needed.
+    const INVARIANTS: bool = false;
+
+    /// Forms what all steps of `dt` have in common.
+    ///
+    /// It may depend on the body, on `dt` and on the invariants at the start of the run but not on the state, so that
+    /// the result does not depend on how a run is cut.
+    fn prepare<R: Real, E: Environment<R>>(
+        body: &Body<R>,
+        invariants: &Invariants<R>,
+        dt: TwoWords<R>,
+    ) -> Self::Prepared<R>;
+
+    /// Advances `state` by one step of `dt` (in units of the body's own scale), the `step_index`-th of its interval,
+    /// from 0.
     fn step<R: Real, E: Environment<R>>(
         body: &Body<R>,
+        prepared: &Self::Prepared<R>,
         environment: &E,
-        step: u64,
+        step_index: u64,
         dt: TwoWords<R>,
         state: State<R>,
     ) -> State<R>;

@@ -11,19 +11,26 @@
 //! ½ (1 − |q|²) q is added to the quaternion's.
 
 use crate::method::Step;
-use crate::quaternion::{Quaternion, norm_correction};
-use crate::real::{Real, Scalar};
-use crate::rigid_body::{Body, Correction, State, orientation_rate};
+use crate::method::slope::{rates, sixth_of};
+use crate::quaternion::norm_correction;
+use crate::real::Real;
+use crate::rigid_body::{Body, Invariants, State};
 use crate::torque::Environment;
-use crate::vector::{TwoWords, Vector, accumulate};
+use crate::vector::{TwoWords, accumulate};
 
 /// The method as a type.
 pub struct Rk4;
 
 impl Step for Rk4 {
+    type Prepared<R: Real> = ();
+
+    #[inline(always)]
+    fn prepare<R: Real, E: Environment<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
+
     #[inline(always)]
     fn step<R: Real, E: Environment<R>>(
         body: &Body<R>,
+        (): &(),
         environment: &E,
         step_index: u64,
         dt: TwoWords<R>,
@@ -31,24 +38,6 @@ impl Step for Rk4 {
     ) -> State<R> {
         step(body, environment, step_index, dt, state)
     }
-}
-
-/// dq/dt and dm/dt.
-#[inline(always)]
-fn rates<R: Real, E: Environment<R>>(
-    body: &Body<R>,
-    environment: &E,
-    epoch: &E::Epoch,
-    correction: &Correction<R>,
-    q: Quaternion<R>,
-    m: Vector<R>,
-) -> (Quaternion<R>, Vector<R>) {
-    let motion = environment.motion(epoch, body, correction, m);
-    let mut m_rate = motion.gyroscopic_term;
-    if !E::FREE {
-        m_rate = m_rate + environment.torque(epoch, body, q, motion.angular_velocity);
-    }
-    (orientation_rate(q, motion.angular_velocity), m_rate)
 }
 
 /// One step.
@@ -61,7 +50,7 @@ pub fn step<R: Real, E: Environment<R>>(
     state: State<R>,
 ) -> State<R> {
     let half = dt.value * R::splat(0.5);
-    let (sixth, sixth_tail) = sixth_of(dt);
+    let sixth = sixth_of(dt);
     let q = state.orientation.value;
     let m = state.angular_momentum_principal.value;
     let correction = body.correction(&state);
@@ -69,33 +58,20 @@ pub fn step<R: Real, E: Environment<R>>(
     let middle = environment.epoch(step_index, 0.5);
     let end = environment.epoch(step_index, 1.0);
 
-    let (q1, m1) = rates(body, environment, &start, &correction, q, m);
-    let (q2, m2) = rates(body, environment, &middle, &correction, q1.axpy(half, q), m1.axpy(half, m));
-    let (q3, m3) = rates(body, environment, &middle, &correction, q2.axpy(half, q), m2.axpy(half, m));
-    let (q4, m4) = rates(body, environment, &end, &correction, q3.axpy(dt.value, q), m3.axpy(dt.value, m));
+    let k1 = rates(body, environment, &start, &correction, q, m);
+    let k2 = rates(body, environment, &middle, &correction, k1.q.axpy(half, q), k1.m.axpy(half, m));
+    let k3 = rates(body, environment, &middle, &correction, k2.q.axpy(half, q), k2.m.axpy(half, m));
+    let k4 = rates(body, environment, &end, &correction, k3.q.axpy(dt.value, q), k3.m.axpy(dt.value, m));
 
     let two = R::splat(2.0);
-    let q_sum = (q2 + q3).axpy(two, q1 + q4);
-    let m_sum = (m2 + m3).axpy(two, m1 + m4);
-    let q_increment = q_sum.axpy(sixth, q2.axpy(sixth_tail, norm_correction(q)));
-    let m_increment = m_sum.axpy(sixth, m2 * sixth_tail);
+    let q_sum = (k2.q + k3.q).axpy(two, k1.q + k4.q);
+    let m_sum = (k2.m + k3.m).axpy(two, k1.m + k4.m);
+    let q_increment = q_sum.axpy(sixth.value, k2.q.axpy(sixth.residue, norm_correction(q)));
+    let m_increment = m_sum.axpy(sixth.value, k2.m * sixth.residue);
 
     State {
         orientation: accumulate::<R, _>(state.orientation, q_increment),
         angular_momentum_principal: accumulate::<R, _>(state.angular_momentum_principal, m_increment),
+        status: state.status,
     }
-}
-
-/// dt/6 rounded, and what six times it lacks of dt.
-///
-/// dt/6 is never a machine number. Weighted by the sum of four slopes its rounding would stretch time by up to 6e-8;
-/// what is lacking is instead added once, with the slope at the middle of the step. Both subtractions are exact.
-#[inline(always)]
-fn sixth_of<R: Real>(dt: TwoWords<R>) -> (R, R) {
-    let sixth = dt.value * R::splat(1.0 / 6.0);
-    if R::Scalar::WORDS == 1 {
-        return (sixth, R::splat(0.0));
-    }
-    let lacking = (dt.value - R::splat(4.0) * sixth) - R::splat(2.0) * sixth;
-    (sixth, lacking + dt.residue)
 }

@@ -62,7 +62,8 @@ impl<'a> Plan<'a> {
     /// [`Error::Setting`] for a span, step, output time or accuracy out of range; [`Error::PrecisionUnavailable`]
     /// where the engine lacks the precision pinned or needed; [`Error::MissingMass`] where a force acts on bodies
     /// without mass; [`Error::Torque`], [`Error::Force`] and [`Error::ColumnLength`] for parameters of torques and forces;
-    /// [`Error::AccuracyOutOfReach`] where no candidate meets what is asked for.
+    /// [`Error::AccuracyOutOfReach`] where no candidate meets what is asked for; [`Error::RigidOnly`] where internal
+    /// dissipation acts and the method pinned cannot follow it.
     pub fn new(scene: &'a Scene, engine: &dyn Backend) -> Result<Self> {
         let times = output_times(scene)?;
         for (index, torque) in scene.torques().iter().enumerate() {

@@ -15,6 +15,7 @@ use crate::engine::Backend;
 use crate::error::{Error, Result};
 use crate::method::Method;
 use crate::scene::{Accuracy, Scene, Stepping};
+use crate::torque::Torque;
 
 /// Everything from which, with the scene, a plan's groups follow, to the bit.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,6 +70,12 @@ impl Resolution {
                 let widest = if has_f64 { Precision::F64 } else { Precision::F32 };
                 let precision = scene.wanted_precision().unwrap_or(widest);
                 crate::engine::check_step(dt, precision)?;
+                if method.properties().rigid_only {
+                    let slipping = |torque: &Torque| matches!(torque, Torque::InternalDissipation(_));
+                    if let Some(torque) = scene.torques().iter().position(slipping) {
+                        return Err(Error::RigidOnly { torque, model: scene.torques()[torque].name(), method });
+                    }
+                }
                 if !engine.precisions().contains(&precision) {
                     return Err(Error::PrecisionUnavailable { adapter: engine.description().name, precision });
                 }

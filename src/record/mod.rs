@@ -197,7 +197,7 @@ pub struct Trust {
     pub drift: Drift,
     /// Errors estimated from a sample of bodies.
     pub shadow: Shadow,
-    /// Bodies whose state is no longer finite, ascending.
+    /// Bodies whose state is no longer finite, or of which a step said that it failed, ascending.
     pub failed_bodies: Vec<usize>,
     /// Wall time by phase.
     pub wall_time: WallTime,

@@ -11,6 +11,7 @@ use crate::engine::{Backend, Progress};
 use crate::ensemble::Ensemble;
 use crate::error::{Error, Result};
 use crate::force::{accelerations, closed_form};
+use crate::method::Status;
 use crate::plan::Plan;
 use crate::record::{DriftGatherer, Memory, OutputState, Record, Sink, Trust, WallTime};
 use crate::scene::{Scene, Stepping};
@@ -158,7 +159,7 @@ fn translation_at(scene: &Scene, body: usize, time: f64) -> Option<(DVec3, DVec3
     Some(closed_form(&forces, translation.position[body], translation.velocity[body], time))
 }
 
-/// Compares the end with the start, body by body, and lists the bodies that are no longer finite.
+/// Compares the end with the start, body by body, and lists the bodies that failed.
 fn gather_trust(
     ensemble: &Ensemble,
     states: &[OutputState],
@@ -169,9 +170,11 @@ fn gather_trust(
     let initial: Vec<_> = bodies.clone().into_par_iter().map(|body| initial_state(ensemble, body)).collect();
     for ((body, initial), state) in bodies.zip(&initial).zip(states) {
         let rotation = &state.rotation;
-        if rotation.orientation.is_finite() && rotation.angular_velocity_body.is_finite() {
+        let finite = rotation.orientation.is_finite() && rotation.angular_velocity_body.is_finite();
+        if finite {
             drift.push(initial, rotation);
-        } else {
+        }
+        if !finite || rotation.status != Status::Valid {
             failed_bodies.push(body);
         }
     }

@@ -112,5 +112,9 @@ impl<'p> Unit<'p> {
 }
 
 fn in_users_units(words: &StateWords, frames: &[BodyFrame], rows: &Range<usize>) -> Vec<BodyState> {
-    rows.clone().into_par_iter().map(|row| frames[row].body_state(words.combined(row - rows.start))).collect()
+    let state = |row: usize| BodyState {
+        status: words.status[row - rows.start],
+        ..frames[row].body_state(words.combined(row - rows.start))
+    };
+    rows.clone().into_par_iter().map(state).collect()
 }

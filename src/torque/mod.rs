@@ -16,6 +16,16 @@ use crate::real::Real;
 use crate::rigid_body::{Body, Correction};
 use crate::vector::Vector;
 
+/// How a torque depends on the angular velocity, which decides how a splitting kicks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum VelocityDependence {
+    /// Not at all: at a frozen attitude the torque is constant.
+    None,
+    /// As τ₀ − c ω with one coefficient c ≥ 0 for all axes: the flow at a frozen attitude is an exponential.
+    LinearDrag,
+    /// In any other way: the flow at a frozen attitude is integrated.
+    General,
+}
 pub mod constant_body;
 pub mod constant_world;
 mod description;
@@ -66,6 +76,18 @@ pub trait Environment<R: Real>: Copy {
         angular_velocity_principal: Vector<R>,
     ) -> Vector<R>;
 
+    /// How the torque depends on the angular velocity. `General` is right for every torque and costs the most.
+    #[inline(always)]
+    fn velocity_dependence(&self) -> VelocityDependence {
+        VelocityDependence::General
+    }
+
+    /// The coefficient c of the part −c ω, in units of the body's own scale; asked for with
+    /// [`VelocityDependence::LinearDrag`] only.
+    #[inline(always)]
+    fn drag_coefficient(&self) -> R {
+        R::splat(0.0)
+    }
     /// The rate at which the body's axes turn, and m × that rate, at an angular momentum m in principal axes.
     ///
     /// Of a rigid body the first is ω = I⁻¹ m. A method that does not ask for it can integrate rigid bodies only.
@@ -101,5 +123,10 @@ impl<R: Real> Environment<R> for Free {
     #[inline(always)]
     fn torque(&self, _: &(), _: &Body<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
         Vector::zero()
+    }
+
+    #[inline(always)]
+    fn velocity_dependence(&self) -> VelocityDependence {
+        VelocityDependence::None
     }
 }

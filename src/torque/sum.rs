@@ -16,7 +16,7 @@ use super::quadratic_drag::quadratic_drag;
 use super::sine_spring::sine_spring;
 use super::sinusoidal::sinusoidal;
 use super::white_noise::{NoiseKey, minus_log, noise_words, normal_vector, uniform_parts, uniform_turns};
-use super::{Environment, Kind, Motion, TorqueTable};
+use super::{Environment, Kind, Motion, TorqueTable, VelocityDependence};
 use crate::clock::{Clock, Instant, phase};
 use crate::quaternion::Quaternion;
 use crate::real::{Real, Scalar};
@@ -57,6 +57,16 @@ impl<R: Real> Environment<R> for Common<R> {
     #[inline(always)]
     fn torque(&self, _: &(), _: &Body<R>, _: Quaternion<R>, angular_velocity_principal: Vector<R>) -> Vector<R> {
         angular_velocity_principal.axpy(-self.drag, self.constant)
+    }
+
+    #[inline(always)]
+    fn velocity_dependence(&self) -> VelocityDependence {
+        VelocityDependence::LinearDrag
+    }
+
+    #[inline(always)]
+    fn drag_coefficient(&self) -> R {
+        self.drag
     }
 }
 
@@ -260,6 +270,20 @@ impl<R: Real> Environment<R> for Torques<'_, R> {
         angular_velocity_principal: Vector<R>,
     ) -> Vector<R> {
         R::outlined(|| self.sum(epoch, orientation, angular_velocity_principal))
+    }
+
+    #[inline(always)]
+    fn velocity_dependence(&self) -> VelocityDependence {
+        self.table.velocity_dependence()
+    }
+
+    #[inline(always)]
+    fn drag_coefficient(&self) -> R {
+        let mut sum = R::splat(0.0);
+        for (_, c) in self.firsts(Kind::LinearDrag) {
+            sum = sum + self.column(c);
+        }
+        sum
     }
 
     #[inline(always)]

@@ -2,7 +2,7 @@
 
 use glam::DQuat;
 
-use super::Torque;
+use super::{Torque, VelocityDependence};
 use crate::batch::BodyFrame;
 use crate::clock::{Clock, Fraction, RATE_DIGITS, Rate, digits};
 use crate::real::{Real, Scalar};
@@ -224,6 +224,18 @@ impl TorqueTable {
         Kind::ALL
             .iter()
             .all(|&kind| self.instances(kind).count == 0 || matches!(kind, Kind::ConstantBody | Kind::LinearDrag))
+    }
+
+    /// How the torques together depend on the angular velocity.
+    pub fn velocity_dependence(&self) -> VelocityDependence {
+        let has = |kind| self.instances(kind).count > 0;
+        if [Kind::MatrixDrag, Kind::QuadraticDrag, Kind::EddyCurrent].into_iter().any(has) {
+            VelocityDependence::General
+        } else if has(Kind::LinearDrag) {
+            VelocityDependence::LinearDrag
+        } else {
+            VelocityDependence::None
+        }
     }
 
     /// Writes one body's row: `store(column, number)` for every column of the table. `body` is its index in the scene.

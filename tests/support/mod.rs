@@ -3,6 +3,8 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
+pub mod double_double;
+pub mod environment;
 pub mod golden;
 
 /// The angle of the rotation between two orientations, rad, in [0, π]; both are unit quaternions.

@@ -3,10 +3,11 @@
 use std::ops::Range;
 
 use super::device::{Device, Refusal};
-use crate::batch::{Batch, STATE_COMPONENTS, STRIDE_UNIT, StateWords, state_columns};
+use crate::batch::{Batch, STATE_COMPONENTS, STRIDE_UNIT, StateWords, state_columns, status_column};
 use crate::clock::Clock;
 use crate::error::{Error, Result};
 use crate::memory;
+use crate::method::Status;
 use crate::real::Scalar;
 
 /// Bounds of one chunk. What is not given is the device's own limit; what is given can only lower it.
@@ -242,6 +243,7 @@ impl Columns {
         let mut words = StateWords::default();
         words.value.reserve_exact(bodies.len());
         words.residue.reserve_exact(bodies.len());
+        words.status.reserve_exact(bodies.len());
         let Some(staging) = &self.staging else { return Ok(words) };
         let block = staging.size() as usize / (state_columns::<T>() * size_of::<T>());
         for chunk in &self.chunks {
@@ -391,6 +393,7 @@ pub(super) fn read_block<T: Scalar>(
         for row in 0..rows.len() {
             words.value.push(at(row, 0));
             words.residue.push(if T::WORDS == 2 { at(row, STATE_COMPONENTS) } else { [0.0; STATE_COMPONENTS] });
+            words.status.push(Status::from_code(numbers[status_column::<T>() * rows.len() + row].to_f64()));
         }
     })
 }

@@ -156,17 +156,21 @@ impl Gpu {
 
     fn start_batch<T: DeviceScalar>(
         &self,
-        batch: &Batch<T>,
+        mut batch: Batch<T>,
+        method: Method,
         pipeline: wgpu::ComputePipeline,
     ) -> Result<Box<dyn Session>> {
-        let columns = Columns::upload(&self.device, &self.layout, batch, &self.options.chunk, self.options.memory)?;
+        if method.reads_invariants() && batch.torques.is_empty() {
+            batch.append_invariants();
+        }
+        let columns = Columns::upload(&self.device, &self.layout, &batch, &self.options.chunk, self.options.memory)?;
         Ok(Box::new(GpuSession::<T> {
             device: Arc::clone(&self.device),
             pipeline,
             columns,
             body_count: batch.body_count,
             clock: batch.torques.clock(),
-            slicer: Slicer::new(self.options.slice, batch.loops_of_a_step()),
+            slicer: Slicer::new(self.options.slice, batch.loops_of_a_step(method)),
             scalar: std::marker::PhantomData,
         }))
     }
@@ -194,8 +198,8 @@ impl Backend for Gpu {
         }
         let pipeline = self.pipeline(precision, method, batch.torques())?;
         match batch {
-            AnyBatch::F32(batch) => self.start_batch(&batch, pipeline),
-            AnyBatch::F64(batch) => self.start_batch(&batch, pipeline),
+            AnyBatch::F32(batch) => self.start_batch(batch, method, pipeline),
+            AnyBatch::F64(batch) => self.start_batch(batch, method, pipeline),
         }
     }
 

@@ -73,6 +73,44 @@ fn real_chunk(precision: Precision) -> Chunk {
     }
 }
 
+/// The chunks that make up a method, in the order of their use.
+fn method_chunks(method: Method) -> Vec<Chunk> {
+    let unprepared = || chunk!("method/unprepared.wgsl");
+    let slope = || chunk!("method/slope.wgsl");
+    let kick = || [slope(), chunk!("method/kick.wgsl")];
+    let midpoint = || chunk!("method/midpoint.wgsl");
+    let status = || chunk!("method/status.wgsl");
+    let splitting = |order: Chunk| {
+        let [slope, kick] = kick();
+        vec![
+            slope,
+            kick,
+            midpoint(),
+            status(),
+            chunk!("method/moser_veselov.wgsl"),
+            order,
+            chunk!("method/splitting.wgsl"),
+        ]
+    };
+    match method {
+        Method::Rk4 => vec![unprepared(), slope(), chunk!("method/rk4.wgsl")],
+        Method::Rk8 => vec![unprepared(), slope(), chunk!("method/rk8.wgsl")],
+        Method::Cf4 => vec![unprepared(), slope(), chunk!("method/cf4.wgsl")],
+        Method::Splitting2 => splitting(chunk!("method/splitting2.wgsl")),
+        Method::Splitting4 => splitting(chunk!("method/splitting4.wgsl")),
+        Method::Splitting6 => splitting(chunk!("method/splitting6.wgsl")),
+        Method::ImplicitMidpoint => vec![unprepared(), midpoint(), status(), chunk!("method/implicit_midpoint.wgsl")],
+        Method::Dlm => {
+            let [slope, kick] = kick();
+            vec![unprepared(), slope, kick, chunk!("method/dlm.wgsl")]
+        }
+        Method::ExplicitEuler => vec![unprepared(), chunk!("method/explicit_euler.wgsl")],
+        Method::GyroNewton => vec![unprepared(), midpoint(), chunk!("method/gyro_newton.wgsl")],
+        Method::ClampedEuler => vec![unprepared(), chunk!("method/clamped_euler.wgsl")],
+        Method::Spiral => vec![unprepared(), chunk!("method/spiral.wgsl")],
+    }
+}
+
 impl Source {
     /// The kernel that advances torque-free bodies by `method`.
     pub fn advance(precision: Precision, method: Method) -> Self {
@@ -91,10 +129,7 @@ impl Source {
     fn advance_among(precision: Precision, method: Method, torques: Vec<Chunk>, constants: Constants) -> Self {
         let mut chunks = Self::functions(precision);
         chunks.extend(torques);
-        chunks.push(match method {
-            Method::Rk4 => chunk!("method/rk4.wgsl"),
-            Method::Dlm => chunk!("method/dlm.wgsl"),
-        });
+        chunks.extend(method_chunks(method));
         chunks.push(chunk!("advance.wgsl"));
         Self { chunks, entry_point: "advance", constants }
     }

@@ -1,0 +1,60 @@
+//! What a step has to say of a body: a number in a column of the state, 0 as long as all is well.
+
+use crate::real::Real;
+
+/// Why a body's state is not to be trusted from some step on; the first reason is kept.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Status {
+    /// Every step so far did what it promises.
+    #[default]
+    Valid,
+    /// An implicit equation was not solved to the precision of the arithmetic within the cap on iterations.
+    NotConverged,
+    /// The step is too long for the discrete free flow: a modified moment is not positive, or no rotation solves it.
+    StepTooLong,
+    /// The error asked for needs a step below the limit.
+    StepBelowLimit,
+}
+
+impl Status {
+    /// All values; the index of each is its number in the column.
+    pub const ALL: [Status; 4] = [Status::Valid, Status::NotConverged, Status::StepTooLong, Status::StepBelowLimit];
+
+    /// The number in the column.
+    pub const fn code(self) -> f64 {
+        match self {
+            Status::Valid => 0.0,
+            Status::NotConverged => 1.0,
+            Status::StepTooLong => 2.0,
+            Status::StepBelowLimit => 3.0,
+        }
+    }
+
+    /// The value whose number stands in the column.
+    ///
+    /// # Panics
+    ///
+    /// If no kernel writes that number.
+    pub fn from_code(code: f64) -> Self {
+        *Self::ALL.iter().find(|status| status.code() == code).expect("a kernel writes the numbers of `Status` only")
+    }
+}
+
+impl std::fmt::Display for Status {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(match self {
+            Status::Valid => "valid",
+            Status::NotConverged => "an implicit step was not solved",
+            Status::StepTooLong => "the step is too long for the discrete free flow",
+            Status::StepBelowLimit => "the error asked for needs a step below the limit",
+        })
+    }
+}
+
+/// `status` with `reason` entered where the mask is set and nothing stands there yet.
+#[inline(always)]
+pub fn flagged<R: Real>(status: R, fault: R::Mask, reason: Status) -> R {
+    let unset = status.less_than(R::splat(0.5));
+    R::select(fault & unset, R::splat(reason.code()), status)
+}

@@ -1,0 +1,28 @@
+//! Order of bodies by expected work, and how well the work of neighbours is balanced.
+//!
+//! Bodies that are integrated side by side, in the lanes of a register or the invocations of a workgroup, all wait for the
+//! slowest of them.
+
+/// The bodies' indices by expected work, most first, so that neighbours finish together and the long ones start first.
+///
+/// `expected`: any measure of work by body, finite; of equals the lower index comes first, so that the order is one.
+pub fn order(expected: &[f64]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..expected.len()).collect();
+    order.sort_by(|&a, &b| expected[b].total_cmp(&expected[a]).then(a.cmp(&b)));
+    order
+}
+
+/// Work that groups of `group` neighbours take together, as a multiple of the work of all bodies: 1 where every group is
+/// balanced, `group` where one body works and the others wait.
+///
+/// # Panics
+///
+/// If `group` is 0.
+pub fn imbalance(work: &[u64], group: usize) -> f64 {
+    let total: u64 = work.iter().sum();
+    if total == 0 {
+        return 1.0;
+    }
+    let taken: u64 = work.chunks(group).map(|chunk| chunk.iter().max().unwrap_or(&0) * chunk.len() as u64).sum();
+    taken as f64 / total as f64
+}
