@@ -32,13 +32,17 @@ fn a_step_too_long_for_the_free_flow_is_flagged_and_its_neighbours_are_untouched
 
 #[test]
 fn the_implicit_midpoint_rule_is_solved_up_to_three_radians_a_step_and_never_silently_wrong_beyond() {
-    // Rounding of 100 steps, u per operation of about fifty in each, as a random walk.
-    for (precision, bound) in [(Precision::F64, 1e-13), (Precision::F32, 1e-6)] {
+    // Rounding of 100 steps, u per operation of about fifty in each, as a random walk: 71 u, 4.2e-6 in f32. In f64 the
+    // solution itself is left at 1e-13.
+    for (precision, bound) in [(Precision::F64, 1e-13), (Precision::F32, 4.2e-6)] {
         for angle in [1e-3, 0.1, 1.0, 3.0, 10.0, 30.0] {
             let record = run(&[angle, 0.9 * angle, 0.7 * angle], Method::ImplicitMidpoint, precision, 1.0, 100);
             let failed = &record.trust().failed_bodies;
             assert!(failed.is_empty() || angle > 3.0, "{precision}, omega dt = {angle}: {failed:?}");
-            // Over the bodies that are not flagged.
+            if !failed.is_empty() {
+                // Drift is taken over all finite bodies, the flagged ones too.
+                continue;
+            }
             let drift = record.trust().drift;
             assert!(drift.kinetic_energy.max <= bound, "{precision}, {angle}: {:e}", drift.kinetic_energy.max);
             assert!(drift.angular_momentum_world.max <= bound, "{angle}: {:e}", drift.angular_momentum_world.max);

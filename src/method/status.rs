@@ -31,13 +31,10 @@ impl Status {
         }
     }
 
-    /// The value whose number stands in the column.
-    ///
-    /// # Panics
-    ///
-    /// If no kernel writes that number.
+    /// The value whose number stands in the column; a number that no kernel writes, as in a row that none has reached, is
+    /// a body that has not been solved.
     pub fn from_code(code: f64) -> Self {
-        *Self::ALL.iter().find(|status| status.code() == code).expect("a kernel writes the numbers of `Status` only")
+        Self::ALL.iter().copied().find(|status| status.code() == code).unwrap_or(Status::NotConverged)
     }
 }
 

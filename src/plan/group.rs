@@ -114,7 +114,7 @@ const LEVELS_PER_OCTAVE: i32 = 4;
 
 /// 2^(0/4) … 2^(3/4).
 const FRACTIONS: [f64; LEVELS_PER_OCTAVE as usize] =
-    [1.0, 1.189_207_115_002_721, 1.414_213_562_373_095_1, 1.681_792_830_507_429];
+    [1.0, 1.189_207_115_002_721, std::f64::consts::SQRT_2, 1.681_792_830_507_429];
 
 /// The level of the longest step that is no longer than `dt` s (finite, above zero).
 pub(crate) fn level_of(dt: f64) -> i32 {

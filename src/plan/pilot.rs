@@ -85,7 +85,7 @@ impl Pilot<'_> {
             let seconds = self.seconds(&found.rule, cost);
             let better = best.is_none_or(|(other, other_seconds)| match (found.part <= 1.0, other.part <= 1.0) {
                 (true, true) => seconds < other_seconds,
-                (met, other_met) => met && !other_met || (!met && !other_met && found.part < other.part),
+                (met, other_met) => !other_met && (met || found.part < other.part),
             });
             if better {
                 best = Some((found, seconds));
@@ -117,7 +117,7 @@ impl Pilot<'_> {
                 rule = Rule { precision: Some(Precision::F64), ..start };
                 continue;
             }
-            if part <= ENOUGH && part >= 0.1 * AIM || (part < AIM && rule.takes_longest(self)) {
+            if (0.1 * AIM..=ENOUGH).contains(&part) || (part < AIM && rule.takes_longest(self)) {
                 break;
             }
             // A sample without any error would make the coefficient vanish.

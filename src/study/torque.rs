@@ -36,6 +36,8 @@ enum Triple {
 }
 
 /// What a model reads.
+// A scene has a handful of these, so the room that the smaller ones leave unused does not matter.
+#[allow(clippy::large_enum_variant)]
 #[derive(Clone, Debug, PartialEq)]
 enum Model {
     ConstantBody {
