@@ -191,7 +191,7 @@ fn check(engine: &dyn Backend, precision: Precision) {
             checked += 1;
             let bound = truncation + noise;
             let error = difference(tested[index][0], (state.orientation, state.angular_velocity_body), *rate);
-            if !(error <= bound) {
+            if error.is_nan() || error > bound {
                 failures.push(format!(
                     "{} at t = {}: error {error:.2e}, bound {bound:.2e} (truncation {truncation:.1e}, conditioning {to_state:.1e} to the state, {to_torque:.1e} to the torque)",
                     case.name, state.time
