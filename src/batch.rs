@@ -270,7 +270,7 @@ impl BodyFrame {
         scaled_by_power_of_two(x, -(self.moment_exponent * moments + self.rate_exponent * rates))
     }
 
-    /// A torque [N m] in the body's own units, component by component.
+    /// A torque (N m) in the body's own units, component by component.
     pub(crate) fn scaled_torque(&self, torque: DVec3) -> DVec3 {
         DVec3::from_array(torque.to_array().map(|x| self.scaled(x, 1, 2)))
     }

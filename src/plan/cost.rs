@@ -1,6 +1,6 @@
 //! What a step costs and how accurate it is: the table that choices start from.
 //!
-//! A pilot ([`super::pilot`]) replaces the coefficients by those of the scene at hand; the times only rank the candidates.
+//! A pilot (`pilot.rs`) replaces the coefficients by those of the scene at hand; the times only rank the candidates.
 
 use crate::batch::Precision;
 use crate::method::Method;

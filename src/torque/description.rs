@@ -113,7 +113,7 @@ pub(crate) trait Model {
         false
     }
 
-    /// The rate [rad/s] to which it brings a body with this middle moment [kg m²] within about a radian, from rest; 0 where it
+    /// The rate (rad/s) to which it brings a body with this middle moment (kg m²) within about a radian, from rest; 0 where it
     /// does nothing to a body at rest. The body's units follow from it.
     fn rate(&self, body: usize, middle_moment: f64) -> f64;
 
@@ -131,7 +131,7 @@ pub(crate) trait Model {
         true
     }
 
-    /// The potential energy [J] of a body at an orientation (body to world), where its torque has one that does not depend
+    /// The potential energy (J) of a body at an orientation (body to world), where its torque has one that does not depend
     /// on time.
     fn potential_energy(&self, _: usize, _: DQuat) -> Option<f64> {
         None
@@ -139,12 +139,12 @@ pub(crate) trait Model {
 }
 
 impl Torque {
-    /// τ constant in body axes [N m]; see [`ConstantBody`].
+    /// τ constant in body axes (N m); see [`ConstantBody`].
     pub fn constant_body(torque_body: impl Into<Parameter<DVec3>>) -> Self {
         Self::ConstantBody(ConstantBody { torque_body: torque_body.into() })
     }
 
-    /// τ constant in world axes [N m]; see [`ConstantWorld`].
+    /// τ constant in world axes (N m); see [`ConstantWorld`].
     pub fn constant_world(torque_world: impl Into<Parameter<DVec3>>) -> Self {
         Self::ConstantWorld(ConstantWorld { torque_world: torque_world.into() })
     }
@@ -164,7 +164,7 @@ impl Torque {
         Self::QuadraticDrag(QuadraticDrag { coefficient: coefficient.into() })
     }
 
-    /// τ = τ_sin sin Ωt + τ_cos cos Ωt in body axes [N m], Ω in rad/s; see [`Sinusoidal`].
+    /// τ = τ_sin sin Ωt + τ_cos cos Ωt in body axes (N m), Ω in rad/s; see [`Sinusoidal`].
     pub fn sinusoidal(
         sine_body: impl Into<Parameter<DVec3>>,
         cosine_body: impl Into<Parameter<DVec3>>,
@@ -178,7 +178,7 @@ impl Torque {
         Self::GravityGradient(GravityGradient { orbit })
     }
 
-    /// Gravity about a fixed pivot: mass [kg], centre of mass from the pivot in body axes [m], gravity in world axes
+    /// Gravity about a fixed pivot: mass (kg), centre of mass from the pivot in body axes (m), gravity in world axes
     /// [m/s²]; see [`HeavyTop`].
     pub fn heavy_top(
         mass: impl Into<Parameter<f64>>,
@@ -192,13 +192,13 @@ impl Torque {
         })
     }
 
-    /// A magnetic moment in body axes [A m²] in a uniform field in world axes [T]; see [`MagneticDipole`].
+    /// A magnetic moment in body axes (A m²) in a uniform field in world axes (T); see [`MagneticDipole`].
     pub fn magnetic_dipole(moment_body: impl Into<Parameter<DVec3>>, field_world: impl Into<Parameter<DVec3>>) -> Self {
         Self::MagneticDipole(MagneticDipole { moment_body: moment_body.into(), field_world: field_world.into() })
     }
 
-    /// A magnetic moment in body axes [A m²] in a planet's dipole field along an orbit: strength [T m³], tilt and azimuth
-    /// of the dipole [rad], rate of the planet's rotation [rad/s]; see [`OrbitingDipole`].
+    /// A magnetic moment in body axes (A m²) in a planet's dipole field along an orbit: strength [T m³], tilt and azimuth
+    /// of the dipole (rad), rate of the planet's rotation (rad/s); see [`OrbitingDipole`].
     pub fn orbiting_dipole(
         moment_body: impl Into<Parameter<DVec3>>,
         orbit: Orbit,
@@ -217,7 +217,7 @@ impl Torque {
         })
     }
 
-    /// τ = k (ω × B) × B, k in N m s/T², B in world axes [T]; see [`EddyCurrent`].
+    /// τ = k (ω × B) × B, k in N m s/T², B in world axes (T); see [`EddyCurrent`].
     pub fn eddy_current(coefficient: impl Into<Parameter<f64>>, field_world: impl Into<Parameter<DVec3>>) -> Self {
         Self::EddyCurrent(EddyCurrent { coefficient: coefficient.into(), field_world: field_world.into() })
     }
@@ -293,7 +293,7 @@ impl Torque {
         self.model().dissipative()
     }
 
-    /// The potential energy [J] of a body at an orientation (body to world), where the torque has one that does not
+    /// The potential energy (J) of a body at an orientation (body to world), where the torque has one that does not
     /// depend on time.
     pub fn potential_energy(&self, body: usize, orientation: DQuat) -> Option<f64> {
         self.model().potential_energy(body, orientation)

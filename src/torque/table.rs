@@ -298,7 +298,7 @@ impl TorqueTable {
     }
 }
 
-/// The rate [rad/s] to which the torques bring a body from rest, in about a radian; 0 without torques.
+/// The rate (rad/s) to which the torques bring a body from rest, in about a radian; 0 without torques.
 pub(crate) fn rate_of(torques: &[Torque], body: usize, middle_moment: f64) -> f64 {
     torques
         .iter()
