@@ -24,7 +24,7 @@ fn verified(patches: &[(&str, &str, &str)], method: Method, precision: Precision
 }
 
 #[test]
-fn shader_and_twins_agree_for_every_method_and_precision() {
+fn shader_and_twins_agree_in_every_precision() {
     // The bound is that of a compensated state; the other methods are compared in tests/parity.rs.
     for method in [Method::Rk4, Method::Dlm] {
         for precision in Precision::ALL {
