@@ -55,7 +55,7 @@ fn a_flipped_sign_of_the_gyroscopic_term_is_found_at_the_first_step() {
 #[test]
 fn a_dropped_gyroscopic_term_is_found_at_the_first_step() {
     is_found(
-        &[("method/rk4.wgsl", "var m_rate = motion.gyroscopic_term", "var m_rate = vector(0.0, 0.0, 0.0)")],
+        &[("method/slope.wgsl", "var m_rate = motion.gyroscopic_term", "var m_rate = vector(0.0, 0.0, 0.0)")],
         Method::Rk4,
         Precision::F32,
     );
