@@ -7,7 +7,7 @@ use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
 use pulp::{Simd, WithSimd};
 
-use crate::real::{Real, Scalar};
+use crate::real::{Outlined, Real, Scalar};
 
 /// The capability token of an instruction set.
 ///
@@ -25,13 +25,13 @@ fn token<S: Simd>() -> S {
 const WIDEST_BYTES: usize = 64;
 
 /// Work that [`pulp`] compiles as a function for the instruction set in use.
-struct Outlined<F>(F);
+struct ForSimd<W>(W);
 
-impl<T, F: FnOnce() -> T> WithSimd for Outlined<F> {
-    type Output = T;
+impl<W: Outlined> WithSimd for ForSimd<W> {
+    type Output = W::Output;
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> T {
-        self.0()
+    fn with_simd<S: Simd>(self, _: S) -> W::Output {
+        self.0.run()
     }
 }
 
@@ -172,8 +172,8 @@ macro_rules! lane_type {
                 (product, self.mul_add(other, -product))
             }
             #[inline(always)]
-            fn outlined<T>(work: impl FnOnce() -> T) -> T {
-                token::<S>().vectorize(Outlined(work))
+            fn outlined<W: Outlined>(work: W) -> W::Output {
+                token::<S>().vectorize(ForSimd(work))
             }
         }
     };

@@ -65,7 +65,7 @@ pub trait Real:
     ///
     /// Kernels are inlined into their loops as a whole. What is long and called from many places in a step goes
     /// through here, or every integrator's code would grow by a copy at each of its stages.
-    fn outlined<T>(work: impl FnOnce() -> T) -> T;
+    fn outlined<W: Outlined>(work: W) -> W::Output;
 
     /// The nearest integer, ties to even.
     ///
@@ -81,6 +81,17 @@ pub trait Real:
     fn squared(self) -> Self {
         self * self
     }
+}
+
+/// Work for [`Real::outlined`].
+///
+/// It is a trait and not a closure because a closure cannot be made to be inlined: left as a function of its own it is
+/// compiled for the least processor, and each operation on lanes in it becomes a call.
+pub trait Outlined {
+    /// What the work returns.
+    type Output;
+    /// Does the work. Must be `#[inline(always)]`, as all that it calls.
+    fn run(self) -> Self::Output;
 }
 
 /// The element type of a column: `f32` or `f64`.
@@ -191,8 +202,8 @@ macro_rules! impl_real_for_scalar {
                 (product, <$scalar>::mul_add(self, other, -product))
             }
             #[inline(never)]
-            fn outlined<T>(work: impl FnOnce() -> T) -> T {
-                work()
+            fn outlined<W: Outlined>(work: W) -> W::Output {
+                work.run()
             }
         }
     };

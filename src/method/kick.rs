@@ -13,8 +13,9 @@
 //! 179). A kick of lower order would hold the whole splitting down to its own.
 
 use crate::method::slope::sixth_of;
+use crate::quaternion::Quaternion;
 use crate::real::Real;
-use crate::rigid_body::{Body, State};
+use crate::rigid_body::{Body, Correction, State};
 use crate::torque::{Environment, VelocityDependence};
 use crate::vector::{TwoWords, Vector, accumulate};
 
@@ -33,16 +34,33 @@ pub fn kick<R: Real, E: Environment<R>, const ORDER: u32>(
     let correction = body.correction(&state);
     let q = state.orientation.value;
     let m = state.angular_momentum_principal.value;
-    let acting = |m: Vector<R>| environment.torque(epoch, body, q, body.angular_velocity(m, &correction));
+    let acting = Acting { body, environment, epoch, correction: &correction, q };
     let increment = match environment.velocity_dependence() {
-        VelocityDependence::None => timed(acting(m), h),
+        VelocityDependence::None => timed(acting.at(m), h),
         VelocityDependence::LinearDrag => {
-            timed(acting(m), h).scaled_by(damping(body, environment.drag_coefficient(), h))
+            timed(acting.at(m), h).scaled_by(damping(body, environment.drag_coefficient(), h))
         }
-        VelocityDependence::General if ORDER <= 4 => increment_of_order_4(h, m, acting),
-        VelocityDependence::General => increment_of_order_6(h, m, acting),
+        VelocityDependence::General if ORDER <= 4 => increment_of_order_4(h, m, &acting),
+        VelocityDependence::General => increment_of_order_6(h, m, &acting),
     };
     State { angular_momentum_principal: accumulate::<R, _>(state.angular_momentum_principal, increment), ..state }
+}
+
+/// The torque at a frozen attitude and time.
+struct Acting<'a, R: Real, E: Environment<R>> {
+    body: &'a Body<R>,
+    environment: &'a E,
+    epoch: &'a E::Epoch,
+    correction: &'a Correction<R>,
+    q: Quaternion<R>,
+}
+
+impl<R: Real, E: Environment<R>> Acting<'_, R, E> {
+    /// At an angular momentum m.
+    #[inline(always)]
+    fn at(&self, m: Vector<R>) -> Vector<R> {
+        self.environment.torque(self.epoch, self.body, self.q, self.body.angular_velocity(m, self.correction))
+    }
 }
 
 /// v h, both words of h.
@@ -82,13 +100,17 @@ pub fn relative_growth<R: Real>(y: R) -> R {
 
 /// The classical Runge-Kutta method on dm/dt = τ(m).
 #[inline(always)]
-fn increment_of_order_4<R: Real>(h: TwoWords<R>, m: Vector<R>, acting: impl Fn(Vector<R>) -> Vector<R>) -> Vector<R> {
+fn increment_of_order_4<R: Real, E: Environment<R>>(
+    h: TwoWords<R>,
+    m: Vector<R>,
+    acting: &Acting<'_, R, E>,
+) -> Vector<R> {
     let half = h.value * R::splat(0.5);
     let sixth = sixth_of(h);
-    let k1 = acting(m);
-    let k2 = acting(k1.axpy(half, m));
-    let k3 = acting(k2.axpy(half, m));
-    let k4 = acting(k3.axpy(h.value, m));
+    let k1 = acting.at(m);
+    let k2 = acting.at(k1.axpy(half, m));
+    let k3 = acting.at(k2.axpy(half, m));
+    let k4 = acting.at(k3.axpy(h.value, m));
     (k2 + k3).axpy(R::splat(2.0), k1 + k4).axpy(sixth.value, k2 * sixth.residue)
 }
 
@@ -96,24 +118,27 @@ fn increment_of_order_4<R: Real>(h: TwoWords<R>, m: Vector<R>, acting: impl Fn(V
 ///
 /// The weights multiply differences to the fifth slope, so that their roundings do not change the sum of all, 1.
 #[inline(always)]
-fn increment_of_order_6<R: Real>(h: TwoWords<R>, m: Vector<R>, acting: impl Fn(Vector<R>) -> Vector<R>) -> Vector<R> {
+fn increment_of_order_6<R: Real, E: Environment<R>>(
+    h: TwoWords<R>,
+    m: Vector<R>,
+    acting: &Acting<'_, R, E>,
+) -> Vector<R> {
     let by = |numerator: f64, denominator: f64| R::splat(numerator / denominator);
     let dt = h.value;
-    let k1 = acting(m);
-    let k2 = acting((k1 * by(1.0, 3.0)).axpy(dt, m));
-    let k3 = acting((k2 * by(2.0, 3.0)).axpy(dt, m));
-    let k4 = acting(k1.axpy(by(1.0, 12.0), k2.axpy(by(1.0, 3.0), k3 * by(-1.0, 12.0))).axpy(dt, m));
-    let k5 =
-        acting(k1.axpy(by(-1.0, 16.0), k2.axpy(by(9.0, 8.0), k3.axpy(by(-3.0, 16.0), k4 * by(-3.0, 8.0)))).axpy(dt, m));
+    let k1 = acting.at(m);
+    let k2 = acting.at((k1 * by(1.0, 3.0)).axpy(dt, m));
+    let k3 = acting.at((k2 * by(2.0, 3.0)).axpy(dt, m));
+    let k4 = acting.at(k1.axpy(by(1.0, 12.0), k2.axpy(by(1.0, 3.0), k3 * by(-1.0, 12.0))).axpy(dt, m));
+    let k5 = acting
+        .at(k1.axpy(by(-1.0, 16.0), k2.axpy(by(9.0, 8.0), k3.axpy(by(-3.0, 16.0), k4 * by(-3.0, 8.0)))).axpy(dt, m));
     let k6 =
-        acting(k2.axpy(by(9.0, 8.0), k3.axpy(by(-3.0, 8.0), k4.axpy(by(-3.0, 4.0), k5 * by(1.0, 2.0)))).axpy(dt, m));
-    let k7 = acting(
-        k1.axpy(
+        acting.at(k2.axpy(by(9.0, 8.0), k3.axpy(by(-3.0, 8.0), k4.axpy(by(-3.0, 4.0), k5 * by(1.0, 2.0)))).axpy(dt, m));
+    let k7 = acting.at(k1
+        .axpy(
             by(9.0, 44.0),
             k2.axpy(by(-9.0, 11.0), k3.axpy(by(63.0, 44.0), k4.axpy(by(18.0, 11.0), k6 * by(-16.0, 11.0)))),
         )
-        .axpy(dt, m),
-    );
+        .axpy(dt, m));
     let ends = (k1 - k5) + (k7 - k5);
     let thirds = (k3 - k5) + (k4 - k5);
     let slope = k5 + ends.axpy(by(11.0, 120.0), thirds.axpy(by(27.0, 40.0), (k6 - k5) * by(-4.0, 15.0)));

@@ -19,7 +19,7 @@ use super::white_noise::{NoiseKey, minus_log, noise_words, normal_vector, unifor
 use super::{Environment, Kind, Motion, TorqueTable, VelocityDependence};
 use crate::clock::{Clock, Instant, phase};
 use crate::quaternion::Quaternion;
-use crate::real::{Real, Scalar};
+use crate::real::{Outlined, Real, Scalar};
 use crate::rigid_body::{Body, Correction};
 use crate::vector::Vector;
 
@@ -241,6 +241,36 @@ impl<'a, R: Real> Torques<'a, R> {
     }
 }
 
+/// [`Torques::sum`] as a function of its own.
+struct Sum<'a, R: Real> {
+    torques: Torques<'a, R>,
+    epoch: Epoch<R>,
+    orientation: Quaternion<R>,
+    angular_velocity_principal: Vector<R>,
+}
+
+impl<R: Real> Outlined for Sum<'_, R> {
+    type Output = Vector<R>;
+    #[inline(always)]
+    fn run(self) -> Vector<R> {
+        self.torques.sum(&self.epoch, self.orientation, self.angular_velocity_principal)
+    }
+}
+
+/// [`Torques::noise`] as a function of its own.
+struct Noise<'a, R: Real> {
+    torques: Torques<'a, R>,
+    step: u64,
+}
+
+impl<R: Real> Outlined for Noise<'_, R> {
+    type Output = Vector<R>;
+    #[inline(always)]
+    fn run(self) -> Vector<R> {
+        self.torques.noise(self.step)
+    }
+}
+
 /// Lanes of the widest vector.
 const MOST_LANES: usize = 16;
 
@@ -256,7 +286,7 @@ impl<R: Real> Environment<R> for Torques<'_, R> {
         let noise = if self.table.instances(Kind::WhiteNoise).count == 0 {
             Vector::zero()
         } else {
-            R::outlined(|| self.noise(step))
+            R::outlined(Noise { torques: *self, step })
         };
         Epoch { instant, noise }
     }
@@ -269,7 +299,7 @@ impl<R: Real> Environment<R> for Torques<'_, R> {
         orientation: Quaternion<R>,
         angular_velocity_principal: Vector<R>,
     ) -> Vector<R> {
-        R::outlined(|| self.sum(epoch, orientation, angular_velocity_principal))
+        R::outlined(Sum { torques: *self, epoch: *epoch, orientation, angular_velocity_principal })
     }
 
     #[inline(always)]
