@@ -15,6 +15,7 @@ use super::orbiting_dipole::{DipoleField, orbiting_dipole};
 use super::quadratic_drag::quadratic_drag;
 use super::sine_spring::sine_spring;
 use super::sinusoidal::sinusoidal;
+use super::table::Instance;
 use super::white_noise::{NoiseKey, minus_log, noise_words, normal_vector, uniform_parts, uniform_turns};
 use super::{Environment, Kind, Motion, TorqueTable, VelocityDependence};
 use crate::clock::{Clock, Instant, phase};
@@ -179,63 +180,47 @@ impl<'a, R: Real> Torques<'a, R> {
     fn sum(&self, epoch: &Epoch<R>, orientation: Quaternion<R>, angular_velocity_principal: Vector<R>) -> Vector<R> {
         let (q, omega, instant) = (orientation, angular_velocity_principal, &epoch.instant);
         let mut sum = epoch.noise;
-        for (_, c) in self.firsts(Kind::ConstantBody) {
-            sum = sum + constant_body(self.vector(c));
-        }
-        for (_, c) in self.firsts(Kind::LinearDrag) {
-            sum = sum + linear_drag(self.column(c), omega);
-        }
-        for (_, c) in self.firsts(Kind::ConstantWorld) {
-            sum = sum + constant_world(self.vector(c), q);
-        }
-        for (_, c) in self.firsts(Kind::MatrixDrag) {
-            sum = sum + matrix_drag(self.vector(c), self.vector(c + 3), omega);
-        }
-        for (_, c) in self.firsts(Kind::QuadraticDrag) {
-            sum = sum + quadratic_drag(self.column(c), omega);
-        }
-        for (index, c) in self.firsts(Kind::Sinusoidal) {
-            let phase = self.phase(Kind::Sinusoidal, index, 0, instant);
-            sum = sum + sinusoidal(self.vector(c), self.vector(c + 3), phase);
-        }
-        for (index, c) in self.firsts(Kind::GravityGradient) {
-            let phase = self.phase(Kind::GravityGradient, index, 0, instant);
-            sum = sum + gravity_gradient(self.vector(c), self.vector(c + 3), self.vector(c + 6), phase, q);
-        }
-        for (index, c) in self.firsts(Kind::GravityGradientKepler) {
-            let phase = self.phase(Kind::GravityGradientKepler, index, 0, instant);
-            let (x, y) = (self.vector(c + 3), self.vector(c + 6));
-            let (eccentricity, start) = (self.column(c + 9), self.column(c + 10));
-            sum = sum + gravity_gradient_kepler(self.vector(c), x, y, eccentricity, start, phase, q);
-        }
-        for (_, c) in self.firsts(Kind::HeavyTop) {
-            sum = sum + heavy_top(self.vector(c), self.vector(c + 3), q);
-        }
-        for (_, c) in self.firsts(Kind::MagneticDipole) {
-            sum = sum + magnetic_dipole(self.vector(c), self.vector(c + 3), q);
-        }
-        for (index, c) in self.firsts(Kind::OrbitingDipole) {
-            let field = DipoleField {
-                x_world: self.vector(c + 3),
-                y_world: self.vector(c + 6),
-                eccentricity: self.column(c + 9),
-                start: self.column(c + 10),
-                sin_tilt: self.column(c + 11),
-                cos_tilt: self.column(c + 12),
-                azimuth: self.column(c + 13),
+        for &Instance { kind, index, first: c } in self.table.list() {
+            let torque = match kind {
+                Kind::ConstantBody => constant_body(self.vector(c)),
+                Kind::LinearDrag => linear_drag(self.column(c), omega),
+                Kind::ConstantWorld => constant_world(self.vector(c), q),
+                Kind::MatrixDrag => matrix_drag(self.vector(c), self.vector(c + 3), omega),
+                Kind::QuadraticDrag => quadratic_drag(self.column(c), omega),
+                Kind::Sinusoidal => sinusoidal(self.vector(c), self.vector(c + 3), self.phase(kind, index, 0, instant)),
+                Kind::GravityGradient => {
+                    let phase = self.phase(kind, index, 0, instant);
+                    gravity_gradient(self.vector(c), self.vector(c + 3), self.vector(c + 6), phase, q)
+                }
+                Kind::GravityGradientKepler => {
+                    let phase = self.phase(kind, index, 0, instant);
+                    let (x, y) = (self.vector(c + 3), self.vector(c + 6));
+                    let (eccentricity, start) = (self.column(c + 9), self.column(c + 10));
+                    gravity_gradient_kepler(self.vector(c), x, y, eccentricity, start, phase, q)
+                }
+                Kind::HeavyTop => heavy_top(self.vector(c), self.vector(c + 3), q),
+                Kind::MagneticDipole => magnetic_dipole(self.vector(c), self.vector(c + 3), q),
+                Kind::OrbitingDipole => {
+                    let field = DipoleField {
+                        x_world: self.vector(c + 3),
+                        y_world: self.vector(c + 6),
+                        eccentricity: self.column(c + 9),
+                        start: self.column(c + 10),
+                        sin_tilt: self.column(c + 11),
+                        cos_tilt: self.column(c + 12),
+                        azimuth: self.column(c + 13),
+                    };
+                    let orbit_phase = self.phase(kind, index, 0, instant);
+                    let rotation_phase = self.phase(kind, index, 1, instant);
+                    orbiting_dipole(self.vector(c), &field, orbit_phase, rotation_phase, q)
+                }
+                Kind::EddyCurrent => eddy_current(self.column(c), self.vector(c + 1), q, omega),
+                Kind::SineSpring => sine_spring(self.column(c), self.quaternion(c + 1), q),
+                Kind::LogSpring => log_spring(self.column(c), self.quaternion(c + 1), q),
+                // White noise belongs to the epoch, dissipation to the motion.
+                Kind::WhiteNoise | Kind::InternalDissipation => continue,
             };
-            let orbit_phase = self.phase(Kind::OrbitingDipole, index, 0, instant);
-            let rotation_phase = self.phase(Kind::OrbitingDipole, index, 1, instant);
-            sum = sum + orbiting_dipole(self.vector(c), &field, orbit_phase, rotation_phase, q);
-        }
-        for (_, c) in self.firsts(Kind::EddyCurrent) {
-            sum = sum + eddy_current(self.column(c), self.vector(c + 1), q, omega);
-        }
-        for (_, c) in self.firsts(Kind::SineSpring) {
-            sum = sum + sine_spring(self.column(c), self.quaternion(c + 1), q);
-        }
-        for (_, c) in self.firsts(Kind::LogSpring) {
-            sum = sum + log_spring(self.column(c), self.quaternion(c + 1), q);
+            sum = sum + torque;
         }
         sum
     }

@@ -143,6 +143,16 @@ pub struct Instances {
     first_phase: usize,
 }
 
+/// One instance, for a loop over what there is rather than over all that there could be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Instance {
+    pub kind: Kind,
+    /// Its number among those of its kind.
+    pub index: usize,
+    /// Its first parameter column.
+    pub first: usize,
+}
+
 /// The torques of a scene as a kernel sees them: how many of each kind, and where their columns are.
 ///
 /// The columns stand behind the bodies' own in [`crate::batch::Batch::parameters`].
@@ -152,6 +162,8 @@ pub struct TorqueTable {
     kinds: [Instances; Kind::ALL.len()],
     columns: usize,
     phases: Vec<PhaseRates>,
+    /// All instances, in the order of their kinds.
+    list: Vec<Instance>,
 }
 
 /// The exact rate of one phase of one instance.
@@ -174,6 +186,7 @@ impl TorqueTable {
             kinds: [Instances::default(); Kind::ALL.len()],
             columns: 0,
             phases: Vec::new(),
+            list: Vec::new(),
         };
         for torque in torques {
             let kind = torque.model().kind();
@@ -185,6 +198,9 @@ impl TorqueTable {
             instances.first = first_column + table.columns;
             instances.first_phase = table.phases.len();
             table.columns += instances.count * kind.columns();
+            let first = instances.first;
+            let instance = |index| Instance { kind, index, first: first + index * kind.columns() };
+            table.list.extend((0..instances.count).map(instance));
             for torque in torques.iter().filter(|torque| torque.model().kind() == kind && kind.phases() > 0) {
                 for phase in 0..kind.phases() {
                     table.phases.push(if torque.model().phase_rates_are_shared() {
@@ -207,6 +223,11 @@ impl TorqueTable {
     /// Where the instances of a kind have their columns.
     pub fn instances(&self, kind: Kind) -> Instances {
         self.kinds[kind as usize]
+    }
+
+    /// All instances, in the order of their kinds.
+    pub(crate) fn list(&self) -> &[Instance] {
+        &self.list
     }
 
     /// Number of columns.

@@ -125,8 +125,8 @@ impl Real for DoubleDouble {
     fn from_lanes(mut of_lane: impl FnMut(usize) -> Self) -> Self {
         of_lane(0)
     }
-    fn outlined<T>(work: impl FnOnce() -> T) -> T {
-        work()
+    fn outlined<W: polhode::real::Outlined>(work: W) -> W::Output {
+        work.run()
     }
 }
 
