@@ -109,12 +109,12 @@ pub struct Phase {
 }
 
 impl Acting {
-    fn at(&self, time: f64) -> Phase {
+    fn at(&self, time: DoubleDouble) -> Phase {
         let rate = match self.torque {
             Torque::Sinusoidal { rate, .. } | Torque::GravityGradient { rate, .. } => rate,
             _ => 0.0,
         };
-        let (sin, cos) = sin_cos(DoubleDouble::from(rate) * DoubleDouble::from(time));
+        let (sin, cos) = sin_cos(DoubleDouble::from(rate) * time);
         Phase { sin, cos }
     }
 }
@@ -126,7 +126,8 @@ fn wide<R: Real>(x: DoubleDouble) -> R {
 
 impl<R: Real<Scalar = R> + polhode::real::Scalar> Timed<R> for Acting {
     fn epoch_at(&self, time: TwoWords<R>) -> Phase {
-        self.at(self.start + time.value.to_f64() + time.residue.to_f64())
+        let [start, value, residue] = [self.start, time.value.to_f64(), time.residue.to_f64()].map(DoubleDouble::from);
+        self.at(start + value + residue)
     }
 }
 
@@ -140,7 +141,8 @@ impl<R: Real> Environment<R> for Acting {
     const FREE: bool = false;
 
     fn epoch(&self, step: u64, fraction: f64) -> Phase {
-        self.at(self.start + (step as f64 + fraction) * self.dt)
+        let [start, step, fraction, dt] = [self.start, step as f64, fraction, self.dt].map(DoubleDouble::from);
+        self.at(start + (step + fraction) * dt)
     }
 
     fn torque(&self, phase: &Phase, _: &Body<R>, orientation: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
