@@ -57,66 +57,48 @@ fn drift_and_oscillation(errors: &[f64]) -> (f64, f64) {
     ((slope * count).abs(), residual)
 }
 
-#[test]
-fn compensated_f32_rk4_keeps_energy_and_momentum_for_100_000_steps() {
-    // METHODS 3.2 measures 1.7e-7 and 7.0e-7 after ten times as many steps of a compensated rk4.
-    const ENERGY: f64 = 1.7e-7;
-    const MOMENTUM: f64 = 7.0e-7;
-    let record = long_run(Method::Rk4, Precision::F32, 100_000, 1);
-    let drift = record.trust().drift;
-    assert!(drift.kinetic_energy.max <= ENERGY, "energy {:e}", drift.kinetic_energy.max);
-    assert!(drift.angular_momentum_world.max <= MOMENTUM, "momentum {:e}", drift.angular_momentum_world.max);
-    assert!(drift.norm.max <= 2e-7, "norm {:e}", drift.norm.max);
-}
+/// Steps of the table of drifts in `src/method/mod.rs`.
+const STEPS: u64 = 1_000_000;
 
-#[test]
-fn f64_rk4_keeps_energy_and_momentum_for_100_000_steps() {
-    // METHODS 3.2: energy 1.8e-12 (3.2e-13 in the first tenth), momentum 1.2e-11, after a million steps.
-    let record = long_run(Method::Rk4, Precision::F64, 100_000, 1);
-    let drift = record.trust().drift;
-    assert!(drift.kinetic_energy.max <= 1.8e-12, "energy {:e}", drift.kinetic_energy.max);
-    assert!(drift.angular_momentum_world.max <= 1.2e-11, "momentum {:e}", drift.angular_momentum_world.max);
-}
-
-#[test]
-#[ignore = "a million steps: cargo test --test conservation -- --ignored"]
-fn rk4_keeps_energy_and_momentum_for_a_million_steps() {
-    for (precision, energy, momentum) in [(Precision::F32, 1.7e-7, 7.0e-7), (Precision::F64, 1.8e-12, 1.3e-11)] {
-        let drift = long_run(Method::Rk4, precision, 1_000_000, 1).trust().drift;
-        assert!(drift.kinetic_energy.max <= energy, "{precision} energy {:e}", drift.kinetic_energy.max);
-        assert!(
-            drift.angular_momentum_world.max <= momentum,
-            "{precision} momentum {:e}",
-            drift.angular_momentum_world.max
-        );
-    }
-}
-
-/// Largest relative drift of energy and of the world angular momentum, f64 and f32, after a million steps of 0.01 s of the
+/// Largest relative drift of energy and of the world angular momentum, f64 and f32, after [`STEPS`] steps of 0.01 s of the
 /// body of METHODS' table, by methods that are not baselines. The splittings are one free flow here.
 ///
-/// For rk4, cf4, implicit_midpoint and splitting6 the f64 bounds are the rows of METHODS 3.2 (rk4, cf4,
-/// implicit-midpoint, dmv6), the f32 bounds those of its compensated rk4 and dmv6. rk8 has no row: in f64 it rounds as
-/// rk4 does and has no truncation error here, in f32 its weights make a step's rounding about four times that of rk4.
+/// For rk4, cf4, implicit_midpoint and splitting6 the f64 bounds are the rows of METHODS 3.2 (rk4, cf4, implicit-midpoint,
+/// dmv6), the f32 bounds those of its compensated rk4 and dmv6. rk8 has no row: in f64 it rounds as rk4 does; in f32 the
+/// roundings of its coefficients, 6e-8, violate the order conditions, which costs up to that times (ω dt)² a step.
 const DRIFTS: [(Method, [f64; 2], [f64; 2]); 5] = [
     (Method::Rk4, [1.8e-12, 1.3e-11], [1.7e-7, 7.0e-7]),
-    (Method::Rk8, [1.8e-12, 1.3e-11], [7.0e-7, 2.8e-6]),
+    (Method::Rk8, [0.0, 1.3e-11], [6e-6, 6e-6]),
     (Method::Cf4, [1.8e-12, 5.2e-12], [1.7e-7, 7.0e-7]),
     (Method::ImplicitMidpoint, [1.6e-13, 1.8e-13], [1.8e-7, 7.0e-7]),
     (Method::Splitting6, [1.3e-13, 1.2e-13], [1.8e-7, 4.9e-7]),
 ];
 
-/// Runs every row of [`DRIFTS`] over `steps` steps and lists what is above its bound.
-fn check_drifts(steps: u64) {
+/// How far the roundings of f64 bring an invariant in [`STEPS`] steps: a random walk of 2⁻⁵³ a step, three deviations. The
+/// bounds of DRIFTS hold the walk of another program, of which no two are alike.
+fn random_walk(precision: Precision) -> f64 {
+    if precision == Precision::F64 { 3.0 * 1.1e-16 * (STEPS as f64).sqrt() } else { 0.0 }
+}
+
+#[test]
+fn drifts_of_a_million_steps() {
     let mut failures = Vec::new();
-    for (method, f64_bounds, f32_bounds) in DRIFTS {
-        for (precision, [energy, momentum]) in [(Precision::F64, f64_bounds), (Precision::F32, f32_bounds)] {
-            let record = long_run(method, precision, steps, 1);
+    for method in Method::ALL {
+        // f64 for the baselines: plain f32 is what they show on the GPU only.
+        for precision in Precision::ALL.into_iter().filter(|p| *p == Precision::F64 || !method.properties().baseline) {
+            let record = long_run(method, precision, STEPS, 1);
             let drift = record.trust().drift;
             let (e, l) = (drift.kinetic_energy.max, drift.angular_momentum_world.max);
-            println!("{method:18} {precision} energy {e:.1e} angular momentum {l:.1e} |q| {:.1e}", drift.norm.max);
+            if record.trust().failed_bodies.is_empty() {
+                println!("| `{method}` | {precision} | {e:.1e} | {l:.1e} | {:.1e} |", drift.norm.max);
+            } else {
+                println!("| `{method}` | {precision} | not a number | | |");
+            }
+            let Some((_, f64_bounds, f32_bounds)) = DRIFTS.iter().find(|row| row.0 == method) else { continue };
             assert_eq!(record.trust().failed_bodies, Vec::<usize>::new());
-            if !(e <= energy && l <= momentum) {
+            let [energy, momentum] = if precision == Precision::F64 { f64_bounds } else { f32_bounds };
+            let walk = random_walk(precision);
+            if !(e <= energy + walk && l <= momentum + walk && drift.norm.max <= 2e-7) {
                 failures.push(format!(
                     "{method} {precision}: energy {e:.2e} ({energy:.1e}), momentum {l:.2e} ({momentum:.1e})"
                 ));
@@ -124,17 +106,6 @@ fn check_drifts(steps: u64) {
         }
     }
     assert!(failures.is_empty(), "{}", failures.join("\n"));
-}
-
-#[test]
-fn methods_that_are_no_baselines_keep_energy_and_momentum_for_100_000_steps() {
-    check_drifts(100_000);
-}
-
-#[test]
-#[ignore = "ten runs of a million steps: cargo test --test conservation -- --ignored --nocapture"]
-fn methods_that_are_no_baselines_keep_energy_and_momentum_for_a_million_steps() {
-    check_drifts(1_000_000);
 }
 
 #[test]

@@ -2,6 +2,31 @@
 //!
 //! Each module defines a type that implements [`Step`]. A new integrator is a file here, its twin in
 //! `shaders/method/`, one entry in [`Method`] and its row in `properties`.
+//!
+//! # Drift over a million steps
+//!
+//! Relative change of kinetic energy and of the angular momentum in the world, and | |q| − 1 |, after 10⁶ steps of 0.01 s of
+//! one free asymmetric body (`asym_p01` of the golden data; ω dt ≈ 0.01), on the CPU engine. Methods other than baselines
+//! carry their state in two words in `f32`. The three splittings are one free flow where there is no torque.
+//! `cargo test --test conservation drifts -- --nocapture` prints the table and holds it.
+//!
+//! | method | precision | energy | angular momentum | norm |
+//! | --- | --- | --- | --- | --- |
+//! | `rk4` | f32 | 1.3e-7 | 3.1e-7 | 1.7e-8 |
+//! | `rk4` | f64 | 1.9e-12 | 3.6e-12 | 0 |
+//! | `rk8` | f32 | 1.2e-6 | 2.2e-6 | 7.2e-9 |
+//! | `rk8` | f64 | 1.1e-15 | 5.1e-14 | 0 |
+//! | `cf4` | f32 | 1.3e-7 | 5.0e-7 | 1.1e-8 |
+//! | `cf4` | f64 | 1.9e-12 | 1.3e-12 | 0 |
+//! | `splitting2`, `splitting4`, `splitting6` | f32 | 2.9e-8 | 3.3e-7 | 2.3e-8 |
+//! | `splitting2`, `splitting4`, `splitting6` | f64 | 1.8e-14 | 4.0e-14 | 0 |
+//! | `implicit_midpoint` | f32 | 1.6e-7 | 3.5e-7 | 1.7e-8 |
+//! | `implicit_midpoint` | f64 | 1.3e-14 | 2.5e-14 | 0 |
+//! | `dlm` | f64 | 2.9e-7 | 7.2e-14 | 0 |
+//! | `explicit_euler` | f64 | not a number | | |
+//! | `gyro_newton` | f64 | 1.5e-1 | 1.1e-1 | 1.1e-16 |
+//! | `clamped_euler` | f64 | 1.8e-1 | 9.2e-4 | 0 |
+//! | `spiral` | f64 | 1.1e-6 | 2.0e-6 | 0 |
 
 use crate::real::Real;
 use crate::rigid_body::{Body, Invariants, State};
