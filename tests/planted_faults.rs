@@ -1,0 +1,270 @@
+//! The faults that this suite must catch, each planted in a shader and run through the suite's own checks: it must be
+//! caught by the check that is named beside it, and no check may fail on the shaders as they are.
+
+mod common;
+
+use common::compare::{compare_states, first_bit_difference};
+use common::torques::{batch_under, every_torque, middle_moments};
+use polhode::batch::{AnyBatch, Precision, StateWords};
+use polhode::engine::Engine;
+use polhode::engine::gpu::{GpuOptions, Patch};
+use polhode::free_motion::AnyRows;
+use polhode::study::problem;
+use polhode::torque::Torque;
+use polhode::verify::verify;
+use polhode::{Ensemble, Method};
+
+/// A fault: what is wrong, where, what stands there and what is put in its place, and which check must catch it.
+struct Fault {
+    name: &'static str,
+    file: &'static str,
+    from: &'static str,
+    to: &'static str,
+    check: Check,
+}
+
+/// A check of the suite, by the test file whose comparison it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Check {
+    /// tests/parity.rs: one step of a method against the scalar twin.
+    Step(Method, Precision),
+    /// tests/torque_parity.rs: one step under every torque against the scalar twin.
+    Torques,
+    /// tests/determinism.rs: bodies up to the last, of ensembles that fill no workgroup, against the CPU engine.
+    Sizes,
+    /// tests/determinism.rs: a run under a torque that depends on time, cut into chunks and slices, against the whole.
+    Cuts,
+    /// tests/verify.rs: many short steps against both references.
+    ManySteps,
+    /// tests/free_motion_parity.rs: the closed form at a distant time against the scalar twin.
+    ClosedForm(Precision),
+}
+
+const FAULTS: [Fault; 16] = [
+    Fault {
+        name: "gyroscopic sign",
+        file: "rigid_body.wgsl",
+        from: "a.zxy, a.yzx",
+        to: "a.yzx, a.zxy",
+        check: Check::Step(Method::Rk4, Precision::F32),
+    },
+    Fault {
+        name: "dropped term",
+        file: "method/slope.wgsl",
+        from: "var m_rate = motion.gyroscopic_term",
+        to: "var m_rate = vector(0.0, 0.0, 0.0)",
+        check: Check::Step(Method::Rk4, Precision::F32),
+    },
+    Fault {
+        name: "transposed tensor",
+        file: "torque/eddy_current.wgsl",
+        from: "rotate_inverse(",
+        to: "rotate(",
+        check: Check::Torques,
+    },
+    Fault {
+        name: "quaternion order",
+        file: "quaternion.wgsl",
+        from: "mul_add(q.w, v.x, mul_add(q.y, v.z, -(q.z * v.y)))",
+        to: "mul_add(q.w, v.x, mul_add(q.z, v.y, -(q.y * v.z)))",
+        check: Check::Step(Method::Rk4, Precision::F32),
+    },
+    Fault {
+        name: "wrong half-angle",
+        file: "method/dlm.wgsl",
+        from: "sin_cos(angle * 0.25)",
+        to: "sin_cos(angle * 0.5)",
+        check: Check::Step(Method::Dlm, Precision::F32),
+    },
+    Fault {
+        name: "compensation of the angular momentum removed",
+        file: "real_f32.wgsl",
+        from: "TwoWordsVector(value, rounded_vector(corrected - taken))",
+        to: "TwoWordsVector(value, vector(0.0, 0.0, 0.0))",
+        check: Check::ManySteps,
+    },
+    Fault {
+        name: "compensation of the orientation removed",
+        file: "real_f32.wgsl",
+        from: "TwoWordsQuaternion(value, rounded_quaternion(corrected - taken))",
+        to: "TwoWordsQuaternion(value, quaternion(0.0, 0.0, 0.0, 0.0))",
+        check: Check::ManySteps,
+    },
+    Fault {
+        name: "off-by-one step count",
+        file: "advance.wgsl",
+        from: "n < settings.steps",
+        to: "n + 1u < settings.steps",
+        check: Check::Step(Method::Rk4, Precision::F64),
+    },
+    Fault {
+        name: "stale uniform: the time of the first dispatch in every later one",
+        file: "torque/sum.wgsl",
+        from: "sum_128(settings.clock, ",
+        to: "sum_128(vec4<u32>(0u, 0u, 0u, 0u), ",
+        check: Check::Cuts,
+    },
+    Fault {
+        name: "swapped columns",
+        file: "advance.wgsl",
+        from: "state_at(first + 4u, i), state_at(first + 5u, i)",
+        to: "state_at(first + 5u, i), state_at(first + 4u, i)",
+        check: Check::Step(Method::Rk4, Precision::F32),
+    },
+    Fault {
+        name: "last partial workgroup skipped",
+        file: "advance.wgsl",
+        from: "i >= settings.body_count",
+        to: "i >= settings.body_count / workgroup_size * workgroup_size",
+        check: Check::Sizes,
+    },
+    Fault {
+        name: "chunk border off by one",
+        file: "advance.wgsl",
+        from: "i >= settings.body_count",
+        to: "i + 1u >= settings.body_count",
+        check: Check::Sizes,
+    },
+    Fault {
+        name: "unwritten output",
+        file: "advance.wgsl",
+        from: "state_columns[7u * WORDS * settings.stride + i] = state.status;",
+        to: "if (i == 7u) { state_columns[i] = real(2.0); }",
+        check: Check::Sizes,
+    },
+    Fault {
+        name: "truncated series in f32",
+        file: "real_f32.wgsl",
+        from: "var p: real = -1.9515295891e-4;",
+        to: "var p: real = 0.0;",
+        check: Check::ClosedForm(Precision::F32),
+    },
+    Fault {
+        name: "truncated series in f64",
+        file: "real_f64.wgsl",
+        from: "var p: real = 1.58962301576546568060e-10;",
+        to: "var p: real = 0.0;",
+        check: Check::ClosedForm(Precision::F64),
+    },
+    Fault {
+        name: "a phase rounded to f32",
+        file: "phase.wgsl",
+        from: "return wide_sum(start, select(advanced, wide_negative(advanced), backward));",
+        to: "return wide_sum(start, select(advanced, wide_negative(advanced), backward)) & vec2<u32>(0u, 0xffffff00u);",
+        check: Check::ClosedForm(Precision::F64),
+    },
+];
+
+const DT: f64 = 1.0 / 64.0;
+const BODIES: usize = 203;
+const SEED: u64 = 12;
+
+/// Largest difference of a step of the shader from its twin, ulps of the largest component: a few roundings each
+/// (tests/parity.rs measures 0.9 and derives its bounds).
+const STEP_ULPS: f64 = 4.0;
+/// The same under all torques together, whose sums round more often (tests/torque_parity.rs).
+const TORQUE_ULPS: f64 = 64.0;
+/// Of the closed form at 1e5 s: the series of tests/free_motion_parity.rs.
+const CLOSED_FORM_ULPS: f64 = 32.0;
+
+fn compared(expected: &StateWords, found: &StateWords, precision: Precision, bound: f64) -> Result<(), String> {
+    match precision {
+        Precision::F32 => compare_states::<f32>(expected, found, bound),
+        Precision::F64 => compare_states::<f64>(expected, found, bound),
+    }
+    .map(|_| ())
+    .map_err(|mismatch| mismatch.to_string())
+}
+
+fn against_twin(gpu: &Engine, batch: &AnyBatch, method: Method, steps: u64, bound: f64) -> Result<(), String> {
+    let expected = common::advanced(&Engine::cpu_scalar(), batch, method, DT, steps);
+    compared(&expected, &common::advanced(gpu, batch, method, DT, steps), batch.precision(), bound)
+}
+
+fn evaluated(engine: &Engine, ensemble: &Ensemble, precision: Precision, time: f64) -> StateWords {
+    let (_, rows) = AnyRows::prepare(ensemble, precision).expect("enough memory");
+    let mut session = engine.start_free(rows).expect("started");
+    session.evaluate(time).expect("evaluated");
+    session.read(0..ensemble.len()).expect("read")
+}
+
+impl Check {
+    const ALL: [Check; 9] = [
+        Check::Step(Method::Rk4, Precision::F32),
+        Check::Step(Method::Rk4, Precision::F64),
+        Check::Step(Method::Dlm, Precision::F32),
+        Check::Torques,
+        Check::Sizes,
+        Check::Cuts,
+        Check::ManySteps,
+        Check::ClosedForm(Precision::F32),
+        Check::ClosedForm(Precision::F64),
+    ];
+
+    /// Runs the check on the GPU with the shaders changed; the error says what it found.
+    fn run(self, patches: &[Patch]) -> Result<(), String> {
+        let options = || GpuOptions { patches: patches.to_vec(), ..common::any_adapter() };
+        let gpu = common::gpu_with(options());
+        match self {
+            Check::Step(method, precision) => {
+                against_twin(&gpu, &common::asymmetric_batch(BODIES, SEED, precision), method, 1, STEP_ULPS)
+            }
+            Check::Torques => {
+                let torques = every_torque(&middle_moments(BODIES, SEED));
+                let batch = batch_under(BODIES, SEED, &torques, Precision::F64);
+                against_twin(&gpu, &batch, Method::Rk4, 1, TORQUE_ULPS)
+            }
+            Check::Sizes => [1, 63, 64, 65, 130].into_iter().try_for_each(|count| {
+                let batch = common::asymmetric_batch(count, SEED, Precision::F32);
+                against_twin(&gpu, &batch, Method::Rk4, 3, 3.0 * STEP_ULPS)
+            }),
+            Check::Cuts => {
+                let moments = middle_moments(BODIES, SEED);
+                let torque = moments.iter().map(|moment| glam::DVec3::X * *moment).collect::<Vec<_>>();
+                let torques = [Torque::sinusoidal(torque.clone(), torque, 1.75)];
+                let batch = batch_under(BODIES, SEED, &torques, Precision::F32);
+                let whole = common::advanced(&gpu, &batch, Method::Rk4, DT, 40);
+                let cut = common::cut_options(64, 7);
+                let cut = common::gpu_with(GpuOptions { patches: patches.to_vec(), ..cut });
+                let found = common::advanced(&cut, &batch, Method::Rk4, DT, 40);
+                first_bit_difference(&whole, &found).map_or(Ok(()), Err)
+            }
+            Check::ManySteps => {
+                let ensemble = problem::free(67, 7).expect("valid");
+                let report =
+                    verify(&gpu, &ensemble, Method::Rk4, Precision::F32, DT / 256.0, 4000).expect("both engines run");
+                let parted = report.comparisons[..2].iter().find_map(|comparison| comparison.parting);
+                parted.map_or(Ok(()), |parting| Err(format!("{parting:?}")))
+            }
+            Check::ClosedForm(precision) => {
+                let ensemble = common::asymmetric_ensemble(BODIES, SEED);
+                let expected = evaluated(&Engine::cpu_scalar(), &ensemble, precision, 1e5);
+                let found = evaluated(&gpu, &ensemble, precision, 1e5);
+                compared(&expected, &found, precision, CLOSED_FORM_ULPS)
+            }
+        }
+    }
+}
+
+#[test]
+fn no_check_fails_on_the_shaders_as_they_are() {
+    for check in Check::ALL {
+        if let Err(found) = check.run(&[]) {
+            panic!("{check:?}: {found}");
+        }
+    }
+}
+
+#[test]
+fn every_planted_fault_is_caught_by_the_check_beside_it() {
+    let mut uncaught = Vec::new();
+    for Fault { name, file, from, to, check } in FAULTS {
+        assert!(Check::ALL.contains(&check), "{check:?} is not held on the shaders as they are");
+        let patch = Patch { file: file.to_owned(), from: from.to_owned(), to: to.to_owned() };
+        match check.run(&[patch]) {
+            Err(found) => println!("| {name} | {check:?} | {found} |"),
+            Ok(()) => uncaught.push(format!("{name} passes {check:?}")),
+        }
+    }
+    assert!(uncaught.is_empty(), "{}", uncaught.join("\n"));
+}
