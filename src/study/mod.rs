@@ -70,17 +70,23 @@ use crate::scene::{Accuracy, Outputs, Scene};
 mod bodies;
 mod distribution;
 pub mod draw;
+mod inertia;
 mod input;
+mod parts;
+mod points;
 pub mod problem;
 mod reader;
+mod shape_kind;
 mod solid;
 pub mod table;
 mod torque;
 
-pub use bodies::{Bodies, Inertia};
+pub use bodies::Bodies;
 pub use distribution::{Orientation, Scalar, Vector};
+pub use inertia::Inertia;
 pub use input::{Fault, InputError};
-pub use solid::{Matter, ShapeKind, Solid};
+pub use points::read_points;
+pub use solid::Solid;
 pub use table::BodyTable;
 
 use draw::Draw;
@@ -333,7 +339,9 @@ impl Study {
             "mass" => ("mass", BodyTable::has_mass),
             "x" => ("position", BodyTable::has_position),
             "vx" => ("velocity", BodyTable::has_velocity),
-            "wx" | "wy" | "wz" => ("angular_velocity", BodyTable::has_angular_velocity),
+            "wx" | "wy" | "wz" | "angular velocity along the axis" => {
+                ("angular_velocity", BodyTable::has_angular_velocity)
+            }
             _ if field.starts_with('q') || field.starts_with("orientation") => {
                 ("orientation", BodyTable::has_orientation)
             }
@@ -344,7 +352,14 @@ impl Study {
             return table.located(error);
         }
         // A shape's sizes, its mass among them, stand within `inertia`.
-        let keys = [format!("bodies.inertia.{field}"), format!("bodies.{key}"), "bodies.inertia".to_owned()];
+        let part = self.bodies.faulty_part(Draw::new(self.seed), body);
+        let part = part.map_or(String::new(), |index| format!(".parts[{}]", index + 1));
+        let keys = [
+            format!("bodies.inertia{part}.{field}"),
+            format!("bodies.inertia{part}"),
+            format!("bodies.{key}"),
+            "bodies.inertia".to_owned(),
+        ];
         let key = keys.iter().find(|key| self.places.contains_key(*key)).map_or("bodies", String::as_str);
         match self.places.get(key) {
             Some(place) => self.input(place.line, key, Fault::Body { body, field, value, expected }),
