@@ -275,7 +275,7 @@ fn hull(node: &Node<'_>, scale: f64) -> Result<MassProperties> {
 
 /// What a build without meshes says.
 #[cfg(not(feature = "mesh"))]
-const NO_MESHES: &str = "this build of polhode reads no meshes: one with the feature `mesh` is needed";
+pub(super) const NO_MESHES: &str = "this build of polhode reads no meshes: one with the feature `mesh` is needed";
 
 #[cfg(not(feature = "mesh"))]
 fn mesh(node: &Node<'_>, _: f64, _: bool) -> Result<MassProperties> {
