@@ -39,7 +39,6 @@ mod scatter;
 mod shape;
 mod tensor;
 mod tessellation;
-mod two_word;
 mod validation;
 mod voxels;
 
