@@ -136,8 +136,11 @@ impl AnyBatch {
 /// What leads from a scaled state back to the user's axes and units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodyFrame {
-    /// Principal moments in units of 2^`moment_exponent` kg m², ascending.
+    /// Principal moments in units of 2^`moment_exponent` kg m², ascending; of a linear rotor those that it is integrated
+    /// with, I, I, I ([`crate::torque::linear_rotor`]).
     pub scaled_moments: DVec3,
+    /// Whether the body is a linear rotor, whose axis is the first principal one.
+    pub is_linear_rotor: bool,
     /// Rotates principal coordinates to body coordinates.
     pub principal_to_body: DQuat,
     /// k: moments are in units of 2^k kg m².
@@ -228,7 +231,11 @@ pub(crate) fn prepare_body(
     torques: &[Torque],
     body: usize,
 ) -> (BodyFrame, [f64; STATE_COMPONENTS]) {
-    let axes = principal_axes(&ensemble.inertia()[body]);
+    let mut axes = principal_axes(&ensemble.inertia()[body]);
+    let is_linear_rotor = ensemble.is_linear_rotor(body);
+    if is_linear_rotor {
+        axes.moments = DVec3::splat(0.5 * axes.moments.y + 0.5 * axes.moments.z);
+    }
     let moment_exponent = binary_exponent(axes.moments.y);
     let scaled_moments =
         DVec3::from_array(axes.moments.to_array().map(|i| scaled_by_power_of_two(i, -moment_exponent)));
@@ -236,10 +243,14 @@ pub(crate) fn prepare_body(
     let rate = omega_body.abs().max_element().max(torque::rate_of(torques, body, axes.moments.y));
     let rate_exponent = binary_exponent(rate);
     let omega_body = DVec3::from_array(omega_body.to_array().map(|w| scaled_by_power_of_two(w, -rate_exponent)));
-    let omega = axes.principal_to_body.conjugate() * omega_body;
+    let mut omega = axes.principal_to_body.conjugate() * omega_body;
+    if is_linear_rotor {
+        omega.x = 0.0;
+    }
     let m = scaled_moments * omega;
     let q = (ensemble.orientation()[body] * axes.principal_to_body).normalize();
-    let frame = BodyFrame { scaled_moments, principal_to_body: axes.principal_to_body, moment_exponent, rate_exponent };
+    let principal_to_body = axes.principal_to_body;
+    let frame = BodyFrame { scaled_moments, is_linear_rotor, principal_to_body, moment_exponent, rate_exponent };
     (frame, [q.x, q.y, q.z, q.w, m.x, m.y, m.z])
 }
 
@@ -251,8 +262,18 @@ pub(crate) fn initial_state(ensemble: &Ensemble, body: usize) -> BodyState {
 
 impl BodyFrame {
     /// The frame of a body that is already scaled and in its principal axes.
-    pub(crate) const UNIT: Self =
-        Self { scaled_moments: DVec3::ONE, principal_to_body: DQuat::IDENTITY, moment_exponent: 0, rate_exponent: 0 };
+    pub(crate) const UNIT: Self = Self {
+        scaled_moments: DVec3::ONE,
+        is_linear_rotor: false,
+        principal_to_body: DQuat::IDENTITY,
+        moment_exponent: 0,
+        rate_exponent: 0,
+    };
+
+    /// The principal moments of the body's tensor, in units of 2^`moment_exponent` kg m², ascending.
+    pub(crate) fn tensor_moments(&self) -> DVec3 {
+        if self.is_linear_rotor { self.scaled_moments * DVec3::new(0.0, 1.0, 1.0) } else { self.scaled_moments }
+    }
 
     /// The scaled parameters: 1/I₁, 1/I₂, 1/I₃ and 2^r.
     fn parameters(&self) -> [f64; PARAMETER_COMPONENTS] {
@@ -278,7 +299,9 @@ impl BodyFrame {
     /// The state in the user's axes and units from a scaled one (`[q x, y, z, w, m x, y, z]`, see [`StateWords`]).
     pub fn body_state(&self, scaled: [f64; STATE_COMPONENTS]) -> BodyState {
         let q = DQuat::from_xyzw(scaled[0], scaled[1], scaled[2], scaled[3]);
-        let m = DVec3::new(scaled[4], scaled[5], scaled[6]);
+        // A linear rotor has no spin; a method that turns about one axis after another makes some, of its own error.
+        let along = if self.is_linear_rotor { 0.0 } else { scaled[4] };
+        let m = DVec3::new(along, scaled[5], scaled[6]);
         let norm = q.length();
         let unit = q * (1.0 / norm);
         let omega = m / self.scaled_moments;
@@ -365,7 +388,10 @@ fn prepare_columns<T: Scalar>(
 ) -> Result<(Vec<BodyFrame>, Batch<T>)> {
     let body_count = members.len();
     let precision = if T::WORDS == 1 { Precision::F64 } else { Precision::F32 };
-    let table = TorqueTable::new(torques, parameter_columns::<T>(), body_count.next_multiple_of(STRIDE_UNIT), span);
+    let has_linear_rotors =
+        ensemble.has_linear_rotors() && (0..body_count).any(|row| ensemble.is_linear_rotor(members.body(row)));
+    let stride = body_count.next_multiple_of(STRIDE_UNIT);
+    let table = TorqueTable::new(torques, parameter_columns::<T>(), stride, span, has_linear_rotors);
     let row = bytes_per_body(precision) + torque::bytes_per_body::<T>(&table);
     memory::require(body_count, body_count.saturating_mul(row), "the columns of the kernels")?;
     let mut batch = Batch::<T>::at_rest_with(body_count, table);

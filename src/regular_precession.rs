@@ -51,11 +51,7 @@ impl RegularPrecession {
     /// Where the ensemble has no such body.
     pub fn of_body(ensemble: &Ensemble, body: usize, shape: Shape, span: f64) -> Self {
         type Dd = DoubleDouble;
-        let (frame, initial) = scaled_body(
-            &ensemble.inertia()[body],
-            ensemble.orientation()[body],
-            ensemble.angular_velocity_body()[body],
-        );
+        let (frame, initial) = scaled_body(ensemble, body);
         let momentum: [Dd; 3] = std::array::from_fn(|axis| initial.moments[axis] * initial.angular_velocity[axis]);
         let m = DVec3::from_array(momentum.map(Dd::to_f64));
         let length = (momentum[0].squared() + momentum[1].squared() + momentum[2].squared()).sqrt();

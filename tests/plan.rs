@@ -276,6 +276,6 @@ fn members_find_their_rows() {
     assert_eq!(members.rows(8..100), 3..4);
     assert_eq!(Members::All(5).rows(3..100), 3..5);
     assert_eq!(Members::All(5).rows(7..100), 5..5);
-    let free = Class { shape: Shape::Steady, torques: TorqueSet::default(), translates: false };
+    let free = Class { shape: Shape::Steady, torques: TorqueSet::default(), is_linear_rotor: false, translates: false };
     assert!(!free.is_driven());
 }

@@ -38,6 +38,8 @@ override white_noise_count: u32 = 0u;
 override white_noise_first: u32 = 0u;
 override internal_dissipation_count: u32 = 0u;
 override internal_dissipation_first: u32 = 0u;
+override linear_rotor_count: u32 = 0u;
+override linear_rotor_first: u32 = 0u;
 
 // VelocityDependence in src/torque/mod.rs.
 const NO_DEPENDENCE: u32 = 0u;
@@ -217,6 +219,9 @@ fn torque(epoch: Epoch, body: Body, orientation: quaternion, angular_velocity_pr
     for (var k = 0u; k < log_spring_count; k += 1u) {
         let c = log_spring_first + k * SPRING_COLUMNS;
         sum = sum + log_spring(torque_column(c), torque_quaternion(c + 1u), q);
+    }
+    if (linear_rotor_count > 0u) {
+        sum = across_axis(torque_column(linear_rotor_first), sum);
     }
     return sum;
 }

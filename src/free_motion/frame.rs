@@ -8,6 +8,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use crate::batch::{BodyFrame, binary_exponent, scaled_by_power_of_two};
 use crate::double_double::DoubleDouble;
+use crate::ensemble::Ensemble;
 use crate::free_motion::setup::Initial;
 use crate::inertia::{InertiaTensor, principal_axes};
 use crate::quaternion::Quaternion;
@@ -24,12 +25,12 @@ const SWEEPS: usize = 4;
 /// An element below this part of its two diagonal elements is zero to the precision of the arithmetic.
 const NEGLIGIBLE: f64 = 1e-33;
 
-/// A body in its principal axes, scaled, and what leads back.
-pub(crate) fn scaled_body(
-    inertia: &InertiaTensor,
-    orientation: DQuat,
-    angular_velocity_body: DVec3,
-) -> (BodyFrame, Initial<f64>) {
+/// A body of an ensemble in its principal axes, scaled, and what leads back. A linear rotor is given the moments that it
+/// is integrated with, I, I, I ([`crate::torque::linear_rotor`]).
+pub(crate) fn scaled_body(ensemble: &Ensemble, body: usize) -> (BodyFrame, Initial<f64>) {
+    let inertia = &ensemble.inertia()[body];
+    let (orientation, angular_velocity_body) = (ensemble.orientation()[body], ensemble.angular_velocity_body()[body]);
+    let is_linear_rotor = ensemble.is_linear_rotor(body);
     let largest = inertia.xx.max(inertia.yy).max(inertia.zz);
     let first = binary_exponent(largest);
     let entry = |x: f64| scaled_by_power_of_two(x, -first);
@@ -53,14 +54,19 @@ pub(crate) fn scaled_body(
     } else {
         refined(&scaled, axes.principal_to_body)
     };
+    let moments = if is_linear_rotor { [(moments[1] + moments[2]).scaled(0.5); 3] } else { moments };
     let second = binary_exponent(moments[1].high);
     let moments =
         moments.map(|i| Dd::new(scaled_by_power_of_two(i.high, -second), scaled_by_power_of_two(i.low, -second)));
-    let angular_velocity: [Dd; 3] =
+    let mut angular_velocity: [Dd; 3] =
         std::array::from_fn(|axis| (0..3).fold(ZERO, |sum, body| sum + frame[body][axis].times_word(omega[body])));
+    if is_linear_rotor {
+        angular_velocity[0] = ZERO;
+    }
     let q = (orientation * principal_to_body).normalize();
     let body_frame = BodyFrame {
         scaled_moments: DVec3::from_array(moments.map(|i| i.high)),
+        is_linear_rotor,
         principal_to_body,
         moment_exponent: first + second,
         rate_exponent,

@@ -141,11 +141,7 @@ impl<T: LaneScalar> FreeMotionRows<T> {
                     let count = BLOCK.min(body_count - start);
                     for (offset, frame) in frames[..count].iter_mut().enumerate() {
                         let body = members.body(start + offset);
-                        let (body_frame, row) = scaled_body(
-                            &ensemble.inertia()[body],
-                            ensemble.orientation()[body],
-                            ensemble.angular_velocity_body()[body],
-                        );
+                        let (body_frame, row) = scaled_body(ensemble, body);
                         *frame = body_frame;
                         initial.set(offset, &row);
                     }

@@ -114,11 +114,7 @@ impl FreeMotion {
     ///
     /// Where the ensemble has no such body.
     pub fn of_body(ensemble: &Ensemble, body: usize) -> Self {
-        let (frame, initial) = scaled_body(
-            &ensemble.inertia()[body],
-            ensemble.orientation()[body],
-            ensemble.angular_velocity_body()[body],
-        );
+        let (frame, initial) = scaled_body(ensemble, body);
         let mut constants = set_up(&initial);
         if constants.separatrix {
             separatrix_row(&mut constants, initial.orientation);

@@ -39,7 +39,6 @@ mod scatter;
 mod shape;
 mod tensor;
 mod tessellation;
-mod two_word;
 mod validation;
 mod voxels;
 
@@ -56,6 +55,8 @@ pub use principal::{PrincipalAxes, principal_axes};
 pub use quadrature::{DensityIntegral, DensityQuadrature};
 pub use refined::{RefinedPrincipalAxes, principal_axes_refined};
 pub use scatter::scattered_moments;
+#[cfg(feature = "study")]
+pub(crate) use scatter::{check_scatter, scaled_second_moments};
 pub use shape::Shape;
 pub use tensor::InertiaTensor;
 pub use validation::{

@@ -6,7 +6,7 @@ use super::InertiaTensor;
 use super::principal::{
     PLANES, PermutationEntry, ascending, half_turned, nearest_to_identity, permutation, principal_axes,
 };
-use super::two_word::TwoWord;
+use crate::double_double::DoubleDouble;
 use crate::vector::TwoWords;
 
 /// The frame in which an inertia tensor is diagonal, to about 30 decimal digits.
@@ -18,8 +18,13 @@ pub struct RefinedPrincipalAxes {
     pub principal_to_body: TwoWords<DQuat>,
 }
 
+type Dd = DoubleDouble;
+
+const ZERO: Dd = Dd { high: 0.0, low: 0.0 };
+const ONE: Dd = Dd { high: 1.0, low: 0.0 };
+
 /// √½, first and second word.
-const ROOT_HALF: TwoWord = TwoWord { high: std::f64::consts::FRAC_1_SQRT_2, low: -4.833646656726457e-17 };
+const ROOT_HALF: Dd = Dd { high: std::f64::consts::FRAC_1_SQRT_2, low: -4.833646656726457e-17 };
 
 /// Sweeps after which the iteration ends in any case: the start is diagonal to 1e-15, and convergence is quadratic.
 const SWEEP_LIMIT: usize = 12;
@@ -46,29 +51,29 @@ const NEGLIGIBLE_TANGENT: f64 = 1e-33;
 /// ```
 pub fn principal_axes_refined(tensor: &InertiaTensor) -> RefinedPrincipalAxes {
     let start = principal_axes(tensor);
-    let mut turned = normalised(start.principal_to_body.to_array().map(TwoWord::from));
+    let mut turned = normalised(start.principal_to_body.to_array().map(Dd::from));
     let (mut diagonal, mut off) = in_frame(tensor, &turned);
     for _ in 0..SWEEP_LIMIT {
-        if off == [TwoWord::ZERO; 3] {
+        if off == [ZERO; 3] {
             break;
         }
         for (k, p, q) in PLANES {
             let element = off[k];
-            if element == TwoWord::ZERO {
+            if element == ZERO {
                 continue;
             }
             let (tangent, moved) = tangent_of(diagonal[q] - diagonal[p], element);
             diagonal[p] = diagonal[p] - moved;
             diagonal[q] = diagonal[q] + moved;
-            off[k] = TwoWord::ZERO;
+            off[k] = ZERO;
             if tangent.high.abs() < NEGLIGIBLE_TANGENT {
                 continue;
             }
-            let cosine = TwoWord::ONE.divided_by((tangent * tangent + TwoWord::ONE).square_root());
+            let cosine = ONE / (tangent.squared() + ONE).sqrt();
             let sine = tangent * cosine;
             (off[q], off[p]) = (cosine * off[q] - sine * off[p], sine * off[q] + cosine * off[p]);
-            let half_cosine = (TwoWord::ONE + cosine).times_power_of_two(0.5).square_root();
-            let half_sine = -sine.times_power_of_two(0.5).divided_by(half_cosine);
+            let half_cosine = (ONE + cosine).scaled(0.5).sqrt();
+            let half_sine = -(sine.scaled(0.5) / half_cosine);
             turn(&mut turned, (k, p, q), half_sine, half_cosine);
         }
     }
@@ -76,7 +81,7 @@ pub fn principal_axes_refined(tensor: &InertiaTensor) -> RefinedPrincipalAxes {
         diagonal[i].high.total_cmp(&diagonal[j].high).then(diagonal[i].low.total_cmp(&diagonal[j].low))
     });
     if order != [0, 1, 2] {
-        turned = product(turned, permutation(order).map(TwoWord::from));
+        turned = product(turned, permutation(order).map(number));
     }
     let turned = normalised(turned);
     let nearest = nearest_to_identity(turned.map(|c| c.abs().high));
@@ -97,53 +102,50 @@ pub fn principal_axes_refined(tensor: &InertiaTensor) -> RefinedPrincipalAxes {
 
 /// The tangent t of the angle of Jacobi's rotation, and t times the element: t² + 2 t θ = 1, θ = difference / (2
 /// element).
-fn tangent_of(difference: TwoWord, element: TwoWord) -> (TwoWord, TwoWord) {
-    let theta = difference.divided_by(element.times_power_of_two(2.0));
+fn tangent_of(difference: Dd, element: Dd) -> (Dd, Dd) {
+    let theta = difference / element.scaled(2.0);
     // Beyond, θ² overflows or its quotient has no second word; 1/(2θ) is then exact to more than both words hold.
     if theta.high.abs() > 1e100 || !theta.high.is_finite() {
-        let tangent =
-            if theta.high.is_finite() { TwoWord::ONE.divided_by(theta.times_power_of_two(2.0)) } else { TwoWord::ZERO };
+        let tangent = if theta.high.is_finite() { ONE / theta.scaled(2.0) } else { ZERO };
         return (tangent, tangent * element);
     }
-    let magnitude = TwoWord::ONE.divided_by(theta.abs() + (theta * theta + TwoWord::ONE).square_root());
+    let magnitude = ONE / (theta.abs() + (theta.squared() + ONE).sqrt());
     let tangent = if theta.high.is_sign_negative() { -magnitude } else { magnitude };
     (tangent, tangent * element)
 }
 
-impl From<PermutationEntry> for TwoWord {
-    fn from(entry: PermutationEntry) -> Self {
-        match entry {
-            PermutationEntry::Zero => TwoWord::ZERO,
-            PermutationEntry::One => TwoWord::ONE,
-            PermutationEntry::Half => TwoWord::from(0.5),
-            PermutationEntry::MinusHalf => TwoWord::from(-0.5),
-            PermutationEntry::RootHalf => ROOT_HALF,
-        }
+fn number(entry: PermutationEntry) -> Dd {
+    match entry {
+        PermutationEntry::Zero => ZERO,
+        PermutationEntry::One => ONE,
+        PermutationEntry::Half => Dd::from(0.5),
+        PermutationEntry::MinusHalf => Dd::from(-0.5),
+        PermutationEntry::RootHalf => ROOT_HALF,
     }
 }
 
 /// Diagonal and off-diagonal elements (as in [`PLANES`]) of Rᵀ I R, R the matrix of a unit quaternion.
-fn in_frame(tensor: &InertiaTensor, quaternion: &[TwoWord; 4]) -> ([TwoWord; 3], [TwoWord; 3]) {
+fn in_frame(tensor: &InertiaTensor, quaternion: &[Dd; 4]) -> ([Dd; 3], [Dd; 3]) {
     let [x, y, z, w] = *quaternion;
-    let twice = |a: TwoWord| a.times_power_of_two(2.0);
+    let twice = |a: Dd| a.scaled(2.0);
     let (xx, yy, zz) = (twice(x * x), twice(y * y), twice(z * z));
     let (xy, yz, zx) = (twice(x * y), twice(y * z), twice(z * x));
     let (wx, wy, wz) = (twice(w * x), twice(w * y), twice(w * z));
-    let one = TwoWord::ONE;
+    let one = ONE;
     let columns =
         [[one - (yy + zz), xy + wz, zx - wy], [xy - wz, one - (zz + xx), yz + wx], [zx + wy, yz - wx, one - (xx + yy)]];
     let rows = [
-        [tensor.xx, tensor.xy, tensor.xz].map(TwoWord::from),
-        [tensor.xy, tensor.yy, tensor.yz].map(TwoWord::from),
-        [tensor.xz, tensor.yz, tensor.zz].map(TwoWord::from),
+        [tensor.xx, tensor.xy, tensor.xz].map(Dd::from),
+        [tensor.xy, tensor.yy, tensor.yz].map(Dd::from),
+        [tensor.xz, tensor.yz, tensor.zz].map(Dd::from),
     ];
-    let dot = |a: &[TwoWord; 3], b: &[TwoWord; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let dot = |a: &[Dd; 3], b: &[Dd; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let images = columns.map(|column| rows.map(|row| dot(&row, &column)));
     (std::array::from_fn(|i| dot(&columns[i], &images[i])), PLANES.map(|(_, p, q)| dot(&columns[p], &images[q])))
 }
 
 /// q ← q (sine e_k, cosine).
-fn turn(quaternion: &mut [TwoWord; 4], (k, p, q): (usize, usize, usize), sine: TwoWord, cosine: TwoWord) {
+fn turn(quaternion: &mut [Dd; 4], (k, p, q): (usize, usize, usize), sine: Dd, cosine: Dd) {
     let c = *quaternion;
     quaternion[k] = c[k] * cosine + c[3] * sine;
     quaternion[p] = c[p] * cosine + c[q] * sine;
@@ -151,7 +153,7 @@ fn turn(quaternion: &mut [TwoWord; 4], (k, p, q): (usize, usize, usize), sine: T
     quaternion[3] = c[3] * cosine - c[k] * sine;
 }
 
-fn product([ax, ay, az, aw]: [TwoWord; 4], [bx, by, bz, bw]: [TwoWord; 4]) -> [TwoWord; 4] {
+fn product([ax, ay, az, aw]: [Dd; 4], [bx, by, bz, bw]: [Dd; 4]) -> [Dd; 4] {
     [
         aw * bx + ax * bw + ay * bz - az * by,
         aw * by + ay * bw + az * bx - ax * bz,
@@ -160,7 +162,7 @@ fn product([ax, ay, az, aw]: [TwoWord; 4], [bx, by, bz, bw]: [TwoWord; 4]) -> [T
     ]
 }
 
-fn normalised(c: [TwoWord; 4]) -> [TwoWord; 4] {
-    let norm = (c[0] * c[0] + c[1] * c[1] + c[2] * c[2] + c[3] * c[3]).square_root();
-    c.map(|component| component.divided_by(norm))
+fn normalised(c: [Dd; 4]) -> [Dd; 4] {
+    let norm = (c[0] * c[0] + c[1] * c[1] + c[2] * c[2] + c[3] * c[3]).sqrt();
+    c.map(|component| component / norm)
 }

@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use super::mass_properties::{finite, positive};
-use super::validation::{InertiaDefect, TRIANGLE_TOLERANCE};
+use super::mass_properties::finite;
+use super::validation::{InertiaDefect, Validity};
 use crate::error::{Error, Result};
 
 /// One draw of principal moments (kg m²) around `nominal`, from three independent standard normal numbers.
@@ -15,8 +15,8 @@ use crate::error::{Error, Result};
 /// not be ascending.
 ///
 /// # Errors
-/// [`Error::Setting`] where `relative_sigma` is negative or not finite, a moment is not positive or a normal number is
-/// not finite, [`Error::Inertia`] where `nominal` breaks the triangle inequality.
+/// [`Error::Setting`] where `relative_sigma` is negative or not finite or a normal number is not finite,
+/// [`Error::Inertia`] where no body has the moments `nominal`. Those of a linear rotor, of which one is 0, stay so.
 ///
 /// ```
 /// use glam::DVec3;
@@ -27,25 +27,28 @@ use crate::error::{Error, Result};
 /// # Ok::<(), polhode::Error>(())
 /// ```
 pub fn scattered_moments(nominal: DVec3, relative_sigma: f64, standard_normals: DVec3) -> Result<DVec3> {
+    check_scatter(nominal, relative_sigma)?;
+    finite("standard normal numbers", standard_normals)?;
+    let factor =
+        standard_normals.to_array().map(|z| (relative_sigma * z - 0.5 * relative_sigma * relative_sigma).exp());
+    Ok(scaled_second_moments(nominal, DVec3::from_array(factor)))
+}
+
+/// Refuses what [`scattered_moments`] cannot draw from.
+pub(crate) fn check_scatter(nominal: DVec3, relative_sigma: f64) -> Result<()> {
     if !(relative_sigma >= 0.0 && relative_sigma.is_finite()) {
         let expected = "at least 0 and finite";
         return Err(Error::Setting { field: "relative_sigma", value: relative_sigma, expected });
     }
-    for moment in nominal.to_array() {
-        positive("principal moment", moment)?;
+    match Validity::of(&nominal.into()).defect() {
+        None | Some(InertiaDefect::VanishingMoment { .. }) => Ok(()),
+        Some(defect) => Err(Error::Inertia(defect)),
     }
-    finite("standard normal numbers", standard_normals)?;
-    let half_trace = 0.5 * nominal.element_sum();
-    let second = DVec3::splat(half_trace) - nominal;
-    let excess = -2.0 * second.min_element() / nominal.max_element();
-    if excess > TRIANGLE_TOLERANCE {
-        let mut sorted = nominal.to_array();
-        sorted.sort_by(f64::total_cmp);
-        let moments = DVec3::from_array(sorted);
-        return Err(Error::Inertia(InertiaDefect::TriangleInequality { moments, relative_excess: excess }));
-    }
-    let factor =
-        standard_normals.to_array().map(|z| (relative_sigma * z - 0.5 * relative_sigma * relative_sigma).exp());
-    let drawn = second.max(DVec3::ZERO) * DVec3::from_array(factor);
-    Ok(DVec3::new(drawn.y + drawn.z, drawn.z + drawn.x, drawn.x + drawn.y))
+}
+
+/// The moments of a body whose second moments along the axes of `nominal` are multiplied by `factors`.
+pub(crate) fn scaled_second_moments(nominal: DVec3, factors: DVec3) -> DVec3 {
+    let second = DVec3::splat(0.5 * nominal.element_sum()) - nominal;
+    let drawn = second.max(DVec3::ZERO) * factors;
+    DVec3::new(drawn.y + drawn.z, drawn.z + drawn.x, drawn.x + drawn.y)
 }

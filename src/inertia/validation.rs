@@ -16,6 +16,9 @@ pub const TRIANGLE_TOLERANCE: f64 = 1e-12;
 pub const VANISHING_MOMENT: f64 = 1e-14;
 
 /// What keeps a tensor from being that of a rigid body that can spin about every axis.
+///
+/// This is the one rule by which tensors are judged, wherever they come from: ensembles, study files and tables, and
+/// [`validated_principal_axes`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum InertiaDefect {
@@ -38,7 +41,8 @@ pub enum InertiaDefect {
         /// It over the largest.
         relative: f64,
     },
-    /// A principal moment is zero to rounding: a linear rotor or a point on its axis, which has no spin about it.
+    /// A principal moment is zero to rounding while the triangle inequality holds, so that the other two are equal: a linear
+    /// rotor, which has no spin about its axis. An [`crate::Ensemble`] takes it as such.
     VanishingMoment {
         /// The least principal moment, kg m².
         moment: f64,
@@ -59,6 +63,27 @@ pub enum InertiaDefect {
         /// The difference, relative to I₃, up to which moments count as equal.
         relative_tolerance: f64,
     },
+}
+
+impl InertiaDefect {
+    /// The error of the body of an ensemble that has it.
+    pub(crate) fn of_body(&self, body: usize) -> Error {
+        let (field, value, expected) = match *self {
+            Self::NotFinite { element, value } => (element, value, "a finite number is needed"),
+            Self::NoInertia { largest } => {
+                ("the greatest principal moment of inertia", largest, "a positive number is needed (kg m²)")
+            }
+            Self::NegativeMoment { moment, .. } | Self::VanishingMoment { moment, .. } => {
+                ("the least principal moment of inertia", moment, "a positive definite tensor is needed (kg m²)")
+            }
+            Self::TriangleInequality { moments, .. } | Self::NotLinear { moments, .. } => (
+                "I1 + I2 - I3",
+                moments.x + moments.y - moments.z,
+                "no mass distribution has this tensor: I1 + I2 >= I3 is needed (principal moments, kg m²)",
+            ),
+        };
+        Error::Body { body, field, value, expected }
+    }
 }
 
 impl fmt::Display for InertiaDefect {

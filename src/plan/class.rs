@@ -20,7 +20,7 @@ use super::driven::TorqueSet;
 pub enum Shape {
     /// It hardly turns over the span: nothing is computed.
     AtRest,
-    /// Three equal moments: no gyroscopic term.
+    /// Three equal moments, or a linear rotor: no gyroscopic term.
     Spherical,
     /// Spin about a principal axis: a plain rotation.
     Steady,
@@ -54,6 +54,8 @@ pub struct Class {
     pub shape: Shape,
     /// The torques that act on it. A driven body's shape is not looked at and is [`Shape::Asymmetric`].
     pub torques: TorqueSet,
+    /// Whether it is a linear rotor, which takes no torque about its axis.
+    pub is_linear_rotor: bool,
     /// Whether its centre of mass moves too, which a constant force lets it do in closed form.
     pub translates: bool,
 }

@@ -302,7 +302,9 @@ fn sorted(
                 let look = look_at(scene, body, tolerance);
                 let (shape, way) = place(&look);
                 let bound = if shape == look.verdict.shape { look.verdict.bound } else { Bound::default() };
-                ((Class { shape, torques: torques_for(scene, &look), translates }, way), bound)
+                let torques = torques_for(scene, &look);
+                let is_linear_rotor = scene.ensemble().is_linear_rotor(body);
+                ((Class { shape, torques, is_linear_rotor, translates }, way), bound)
             })
             .collect();
         for (offset, (key, bound)) in looks.into_iter().enumerate() {

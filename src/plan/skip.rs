@@ -19,7 +19,7 @@ pub struct Skip {
 pub enum SkipName {
     /// Bodies that hardly turn are not integrated.
     AtRest,
-    /// Bodies with three equal moments are rotated.
+    /// Bodies with three equal moments, and linear rotors, are rotated.
     Spherical,
     /// Bodies that spin about a principal axis are rotated.
     Steady,
@@ -60,7 +60,9 @@ impl SkipName {
     pub fn reason(self) -> &'static str {
         match self {
             SkipName::AtRest => "no torque and hardly any spin: the state stays as it is",
-            SkipName::Spherical => "three equal moments: a uniform rotation about the angular momentum",
+            SkipName::Spherical => {
+                "three equal moments, or a linear rotor: a uniform rotation about the angular momentum"
+            }
             SkipName::Steady => "spin about a principal axis: a uniform rotation about it",
             SkipName::Axisymmetric => "two equal moments: a uniform precession and a uniform spin",
             SkipName::Free => "no torque acts: the state at any time follows in closed form",

@@ -29,6 +29,8 @@ pub struct Report {
     pub body_steps_per_second: f64,
     /// Wall time by phase.
     pub wall_time: WallTimeReport,
+    /// Inertia tensors that were repaired before the run, where the study asks for that.
+    pub repairs: Option<RepairReport>,
     /// Drift of what a free body conserves, from start to end.
     pub drift: DriftReport,
     /// Bodies whose state is no longer finite, ascending; their rows hold NaN or infinity.
@@ -95,6 +97,17 @@ pub struct WallTimeReport {
     pub disk: f64,
     /// From the study to the last file.
     pub total: f64,
+}
+
+/// Measured inertia tensors that broke the triangle inequality and were replaced by the nearest that do not.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct RepairReport {
+    /// How many.
+    pub bodies: usize,
+    /// The greatest |change of a tensor| / |tensor| in the Frobenius norm; 0 where none was repaired.
+    pub largest_relative_change: f64,
+    /// The greatest that the study allows.
+    pub limit: f64,
 }
 
 /// Drift of what a free body conserves, over the bodies that did not fail.
@@ -172,6 +185,11 @@ impl Report {
                 read: trust.wall_time.read,
                 ..WallTimeReport::default()
             },
+            repairs: plan.scene().ensemble().repairs().map(|repairs| RepairReport {
+                bodies: repairs.bodies,
+                largest_relative_change: repairs.largest_relative_change,
+                limit: repairs.limit,
+            }),
             drift: DriftReport {
                 kinetic_energy: trust.drift.kinetic_energy.into(),
                 angular_momentum_world: trust.drift.angular_momentum_world.into(),
@@ -221,6 +239,13 @@ impl fmt::Display for Report {
             write!(formatter, ", {} steps of {:.3e} s or less", plan.steps, plan.longest_step)?;
         }
         writeln!(formatter)?;
+        if let Some(repairs) = &self.repairs {
+            writeln!(
+                formatter,
+                "  repaired {} inertia tensors that broke the triangle inequality, by up to {:.1e} of themselves",
+                repairs.bodies, repairs.largest_relative_change
+            )?;
+        }
         let time = &self.wall_time;
         writeln!(
             formatter,

@@ -5,75 +5,16 @@ use rayon::prelude::*;
 
 use super::distribution::{Orientation, Scalar, Vector};
 use super::draw::{Column, Draw};
+use super::inertia::Inertia;
 use super::reader::Node;
-use super::solid::Solid;
+use super::solid::SolidFault;
 use super::table::BodyTable;
 use crate::ensemble::{Ensemble, Translation};
 use crate::error::{Error, Result};
 use crate::inertia::InertiaTensor;
 
-/// What a body's inertia tensor comes from.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Inertia {
-    /// Moments along the body axes, kg m².
-    Moments(Vector),
-    /// One tensor in body axes for all bodies, kg m².
-    Tensor(InertiaTensor),
-    /// A homogeneous solid about its centre of mass.
-    Solid(Solid),
-}
-
-impl Inertia {
-    fn sample(&self, draw: Draw, body: usize) -> InertiaTensor {
-        match self {
-            Inertia::Moments(moments) => moments.sample(draw, body, Column::Inertia).into(),
-            Inertia::Tensor(tensor) => *tensor,
-            // A size that is not valid makes a tensor that is not; the reason is found when the body is refused.
-            Inertia::Solid(solid) => solid.sample(draw, body).map_or(NO_TENSOR, |properties| properties.inertia),
-        }
-    }
-
-    fn read(node: &Node<'_>) -> Result<Self> {
-        const EXPECTED: &str = "{ shape = \"box\", mass = 10.0, edges = [1, 2, 3] }, moments [ixx, iyy, izz], { moments = ... } or { ixx = ..., iyy = ..., izz = ..., ixy = ..., ixz = ..., iyz = ... } is needed";
-        if node.elements().is_some() {
-            return node
-                .vector("three finite moments along the body axes are needed (kg m²)")
-                .map(|moments| Inertia::Tensor(InertiaTensor::from_principal_moments(moments)));
-        }
-        let table = node.any_table().ok_or_else(|| node.refuse(EXPECTED))?;
-        if let Some(shape) = table.find("shape") {
-            return Solid::read(&table, &shape).map(Inertia::Solid);
-        }
-        if let Some(moments) = table.find("moments") {
-            table.only(&["moments"])?;
-            return Vector::read(&moments).map(Inertia::Moments);
-        }
-        table.only(&["shape", "moments", "ixx", "iyy", "izz", "ixy", "ixz", "iyz"])?;
-        if table.find("ixx").is_none() {
-            return Err(node.refuse(EXPECTED));
-        }
-        let diagonal = |key: &str| {
-            table
-                .need(key, "the tensor's diagonal element is needed (kg m²)")?
-                .number("a finite number is needed (kg m²)")
-        };
-        let product = |key: &str| match table.find(key) {
-            Some(node) => node.number("a finite number is needed (kg m²)"),
-            None => Ok(0.0),
-        };
-        Ok(Inertia::Tensor(InertiaTensor {
-            xx: diagonal("ixx")?,
-            yy: diagonal("iyy")?,
-            zz: diagonal("izz")?,
-            xy: product("ixy")?,
-            xz: product("ixz")?,
-            yz: product("iyz")?,
-        }))
-    }
-}
-
-/// No body has this tensor, so none passes with it.
-const NO_TENSOR: InertiaTensor = InertiaTensor { xx: f64::NAN, yy: f64::NAN, zz: f64::NAN, xy: 0.0, xz: 0.0, yz: 0.0 };
+/// A tensor that is wrong by more than a tenth is wrong rather than measured imprecisely.
+const MOST_REPAIR: f64 = 0.1;
 
 /// The bodies of a study.
 #[derive(Clone, Debug, PartialEq)]
@@ -84,6 +25,8 @@ pub struct Bodies {
     pub table: Option<BodyTable>,
     /// Inertia tensors, where the table has none.
     pub inertia: Option<Inertia>,
+    /// The greatest relative change by which a tensor that breaks the triangle inequality is repaired; none is without it.
+    pub repair_triangle_inequality: Option<f64>,
     /// Orientations, where the table has none.
     pub orientation: Orientation,
     /// Angular velocities in body axes, rad/s, where the table has none.
@@ -99,7 +42,17 @@ pub struct Bodies {
 impl Bodies {
     /// Reads the table `[bodies]`; `open` reads the table of bodies of that name.
     pub(super) fn read(node: &Node<'_>, open: impl FnOnce(&Node<'_>, &str) -> Result<BodyTable>) -> Result<Self> {
-        let known = &["count", "file", "inertia", "orientation", "angular_velocity", "mass", "position", "velocity"];
+        let known = &[
+            "count",
+            "file",
+            "inertia",
+            "repair_triangle_inequality",
+            "orientation",
+            "angular_velocity",
+            "mass",
+            "position",
+            "velocity",
+        ];
         let table = node.table("a table [bodies] is needed", known)?;
         table.exclusive("file", "count")?;
         let body_table = match table.find("file") {
@@ -122,6 +75,17 @@ impl Bodies {
             (node, _) => Ok(node),
         };
         let inertia = given("inertia", BodyTable::has_inertia)?.map(|node| Inertia::read(&node)).transpose()?;
+        const LARGEST_CHANGE: &str = "the greatest relative change of a tensor, above 0 and up to 0.1, is needed";
+        let repair_triangle_inequality = match table.find("repair_triangle_inequality") {
+            Some(node) => {
+                let limit = node.positive(LARGEST_CHANGE)?;
+                if limit > MOST_REPAIR {
+                    return Err(node.refuse(LARGEST_CHANGE));
+                }
+                Some(limit)
+            }
+            None => None,
+        };
         let orientation = match given("orientation", BodyTable::has_orientation)? {
             Some(node) => Orientation::read(&node)?,
             None => Orientation::Constant(DQuat::IDENTITY),
@@ -145,7 +109,17 @@ impl Bodies {
         if angular_velocity.is_none() && !has(BodyTable::has_angular_velocity) {
             table.need("angular_velocity", "a vector in body axes, or a distribution, is needed (rad/s)")?;
         }
-        Ok(Self { count, table: body_table, inertia, orientation, angular_velocity, mass, position, velocity })
+        Ok(Self {
+            count,
+            table: body_table,
+            inertia,
+            repair_triangle_inequality,
+            orientation,
+            angular_velocity,
+            mass,
+            position,
+            velocity,
+        })
     }
 
     /// The first `most` of the bodies: the same bodies, fewer of them.
@@ -167,7 +141,7 @@ impl Bodies {
         let inertia_rows = rows(BodyTable::has_inertia);
         let orientation_rows = rows(BodyTable::has_orientation);
         let angular_velocity_rows = rows(BodyTable::has_angular_velocity);
-        let ensemble = Ensemble::from_fn(self.count, |body| {
+        let row = |body| {
             let inertia = match (inertia_rows, &self.inertia) {
                 (Some(table), _) => table.inertia(body),
                 (None, Some(inertia)) => inertia.sample(draw, body),
@@ -189,7 +163,11 @@ impl Bodies {
                     Column::AngularVelocity,
                 ),
             )
-        });
+        };
+        let ensemble = match self.repair_triangle_inequality {
+            Some(limit) => Ensemble::from_fn_repaired(self.count, limit, row),
+            None => Ensemble::from_fn(self.count, row),
+        };
         let ensemble = ensemble.map_err(|error| self.reason(error, draw))?;
         if !(forced || self.translates()) {
             return Ok(ensemble);
@@ -197,14 +175,29 @@ impl Bodies {
         ensemble.with_translation(self.translation(draw, forced)?)
     }
 
-    /// The error of a body with the size that made it invalid, where that is the reason.
+    /// The error of a body with what made it invalid, where that lies in the description of its matter.
     fn reason(&self, error: Error, draw: Draw) -> Error {
-        if let (Error::Body { body, .. }, Some(Inertia::Solid(solid))) = (&error, &self.inertia)
-            && let Err(Error::Setting { field, value, expected }) = solid.sample(draw, *body)
-        {
-            return Error::Body { body: *body, field, value, expected };
+        let Error::Body { body, .. } = error else { return error };
+        match self.fault_of(draw, body).map(|fault| fault.error) {
+            Some(Error::Setting { field, value, expected } | Error::Item { field, value, expected, .. }) => {
+                Error::Body { body, field, value, expected }
+            }
+            Some(Error::Inertia(defect)) => defect.of_body(body),
+            _ => error,
         }
-        error
+    }
+
+    /// Why the matter that is described for a body makes none.
+    fn fault_of(&self, draw: Draw, body: usize) -> Option<SolidFault> {
+        match &self.inertia {
+            Some(Inertia::Solid(solid)) => solid.sample_or_fault(draw, body).err(),
+            _ => None,
+        }
+    }
+
+    /// Index of the part that makes a body invalid.
+    pub(super) fn faulty_part(&self, draw: Draw, body: usize) -> Option<usize> {
+        self.fault_of(draw, body)?.part
     }
 
     fn translation(&self, draw: Draw, forced: bool) -> Result<Translation> {

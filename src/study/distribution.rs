@@ -45,6 +45,11 @@ impl Scalar {
         }
     }
 
+    /// Whether all bodies have the same number.
+    pub(super) fn is_constant(&self) -> bool {
+        matches!(self, Scalar::Constant(_))
+    }
+
     pub(super) fn read(node: &Node<'_>) -> Result<Self> {
         const EXPECTED: &str =
             "a number, or a distribution such as { distribution = \"normal\", mean = 1.0, sigma = 0.1 }, is needed";
@@ -105,6 +110,11 @@ impl Vector {
         }
     }
 
+    /// Whether all bodies have the same vector.
+    pub(super) fn is_constant(&self) -> bool {
+        matches!(self, Vector::Components(components) if components.iter().all(Scalar::is_constant))
+    }
+
     pub(super) fn read(node: &Node<'_>) -> Result<Self> {
         const EXPECTED: &str = "a vector [x, y, z], or a distribution such as { distribution = \"normal\", mean = [0, 0, 0.1], sigma = 0.02 }, is needed";
         const CHOICES: &[&str] = &["constant", "uniform", "normal", "log-normal", "direction"];
@@ -158,10 +168,20 @@ pub enum Orientation {
 impl Orientation {
     /// The orientation of `body`.
     pub fn sample(&self, draw: Draw, body: usize) -> DQuat {
+        self.sample_as(draw, body, Column::Orientation)
+    }
+
+    /// An orientation that `body` has beside its own, drawn under `column`.
+    pub(super) fn sample_as(&self, draw: Draw, body: usize, column: Column) -> DQuat {
         match *self {
             Orientation::Constant(orientation) => orientation,
-            Orientation::Uniform => draw.rotation(body, Column::Orientation),
+            Orientation::Uniform => draw.rotation(body, column),
         }
+    }
+
+    /// Whether all bodies have the same orientation.
+    pub(super) fn is_constant(&self) -> bool {
+        matches!(self, Orientation::Constant(_))
     }
 
     pub(super) fn read(node: &Node<'_>) -> Result<Self> {

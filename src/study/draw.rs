@@ -35,6 +35,27 @@ pub enum Column {
         /// Index of the parameter in its model.
         parameter: u8,
     },
+    /// A value of one part of a body that is put together from parts.
+    Part {
+        /// Index of the part.
+        part: u16,
+        /// Which value.
+        of: PartColumn,
+    },
+}
+
+/// What is drawn of a part; the number enters the counter, so it must never change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum PartColumn {
+    /// Lengths of its shape.
+    Size = 0,
+    /// Mass or density.
+    Matter = 1,
+    /// Position in the body.
+    Position = 2,
+    /// Orientation in the body.
+    Orientation = 3,
 }
 
 impl Column {
@@ -48,6 +69,7 @@ impl Column {
             Column::Position => 5,
             Column::Velocity => 6,
             Column::SpinRate => 7,
+            Column::Part { part, of } => 0x200_0000 | u32::from(part) << 2 | of as u32,
             Column::Torque { torque, parameter } => 0x100_0000 | u32::from(torque) << 8 | u32::from(parameter),
         }
     }

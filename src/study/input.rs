@@ -29,7 +29,7 @@ pub enum Fault {
         /// The known name that is spelt most nearly so.
         nearest: Option<&'static str>,
         /// All known names.
-        known: &'static [&'static str],
+        known: Vec<&'static str>,
     },
     /// A key or column that is needed is missing.
     Missing {
@@ -56,6 +56,13 @@ pub enum Fault {
     Conflict {
         /// The other key.
         other: &'static str,
+    },
+    /// A value that is well formed but leads to an error: a mesh that is open, parts that are no body.
+    Cause {
+        /// As it stands in the file.
+        value: String,
+        /// The error.
+        cause: Box<crate::error::Error>,
     },
     /// A row with too few or too many fields.
     RowLength {
@@ -98,6 +105,7 @@ impl std::fmt::Display for InputError {
                 write!(formatter, "{key} = {value}: {}possible: {}", suggestion(*nearest), choices.join(", "))
             }
             Fault::Conflict { other } => write!(formatter, "{key} excludes {other}: give one of them"),
+            Fault::Cause { value, cause } => write!(formatter, "{key} = {value}: {cause}"),
             Fault::RowLength { found, expected } => {
                 write!(formatter, "the row has {found} fields: {expected} are needed, one a column of the header")
             }
@@ -111,7 +119,7 @@ impl std::fmt::Display for InputError {
 impl std::error::Error for InputError {}
 
 /// The name among `known` that differs least from `name`, if it differs by little.
-pub(super) fn nearest(name: &str, known: &'static [&'static str]) -> Option<&'static str> {
+pub(super) fn nearest(name: &str, known: &[&'static str]) -> Option<&'static str> {
     let distance = |candidate: &str| strsim::damerau_levenshtein(name, candidate);
     let best = known.iter().copied().min_by_key(|candidate| distance(candidate))?;
     // A third of the letters may be wrong; beyond that a suggestion confuses more than it helps.

@@ -27,12 +27,33 @@
 //! format = "csv"                      # or "npz"
 //! ```
 //!
-//! * `inertia`: a shape of constant density with `mass` (kg) or `density` (kg/m³): `sphere`, `spherical-shell`,
-//!   `circular-plate` (`radius`), `ellipsoid` (`semi_axes`), `box` (`edges`), `cylinder`, `cone` (`radius`, `height`), `tube`
-//!   (`inner_radius`, `outer_radius`, `height`), `capsule` (`radius`, `length`), `torus` (`major_radius`, `minor_radius`),
-//!   `rectangular-plate` (`width`, `depth`), all about z and as in [`crate::inertia::Shape`]; moments along the body axes `[ixx, iyy, izz]`, `{ moments = ... }` drawn
-//!   from a distribution, or a tensor `{ ixx = ..., iyy = ..., izz = ..., ixy = ..., ixz = ..., iyz = ... }`, where `ixy` is
-//!   the tensor's element −∫ρxy.
+//! * `inertia`, one of
+//!   * a shape of constant density with `mass` (kg) or `density` (kg/m³): `sphere`, `spherical-shell`, `circular-plate`
+//!     (`radius`), `ellipsoid` (`semi_axes`), `box` (`edges`), `cylinder`, `cone` (`radius`, `height`), `tube` (`inner_radius`,
+//!     `outer_radius`, `height`), `capsule` (`radius`, `length`), `torus` (`major_radius`, `minor_radius`), `rectangular-plate`
+//!     (`width`, `depth`), `rod` (`length`), `point`, all about z and as in [`crate::inertia::Shape`], or `tetrahedron`
+//!     (`corners`, four places);
+//!   * a closed surface `{ mesh = "hull.stl", mass = ... }` (STL or OBJ, beside the study; or `density`), with `scale = 0.001`
+//!     where the file is in millimetres, and `shell = true` for a thin skin of that mass, which may be open;
+//!   * the convex hull of points `{ hull = "corners.csv", mass = ... }` (or `density`; columns `x`, `y`, `z`), with `scale`;
+//!   * point masses `{ points = "atoms.csv" }` (columns `mass`, `x`, `y`, `z`), with `scale`, and `mass` to scale them to;
+//!   * parts `{ parts = [{ shape = ..., mass = ..., position = [x, y, z], orientation = [x, y, z, w] }, ...] }`, each a
+//!     shape, mesh, hull or points as above, turned by its orientation about its own origin and put at its position;
+//!     `hole = true` takes a part away; `mass` or `density` beside `parts` scales the whole;
+//!   * moments along the body axes `[ixx, iyy, izz]`; `{ moments = ... }` with each drawn from a distribution, which may break
+//!     the triangle inequality and is then refused; `{ moments = [...], scatter = 0.05 }`, whose every draw is a valid tensor with
+//!     that relative deviation ([`crate::inertia::scattered_moments`]);
+//!   * a tensor `{ ixx = ..., iyy = ..., izz = ..., ixy = ..., ixz = ..., iyz = ... }`, where `ixy` is the tensor's element
+//!     −∫ρxy, also with `scatter`, which leaves its principal axes as they are.
+//!
+//!   Matter may lie anywhere in the frame in which it is described. The body's frame has the axes of that frame and its origin
+//!   at the centre of mass: the offset is taken off, and `position` and `velocity` are those of the centre of mass (a point p of
+//!   the description is at `position` + R (p − centre) in the world). `polhode inertia` prints the centre.
+//!
+//!   A body whose least moment vanishes (`rod`, two points) is a linear rotor: it has no spin about its axis, and an angular
+//!   velocity along it is refused; a torque along it has no effect.
+//! * `repair_triangle_inequality = 0.01`: replaces a tensor that breaks I₁ + I₂ ≥ I₃ by the nearest that does not, where that
+//!   changes it by at most this part of itself; `report.json` and the terminal say how many were repaired.
 //! * `orientation`: a quaternion `[x, y, z, w]`, `{ axis = [x, y, z], angle = radians }`, or uniform on SO(3);
 //!   default: body axes along world axes. `angular_velocity`: body axes, rad/s.
 //! * `position`, `velocity` (world axes) and `mass`: for bodies that move through space. `[force]` acts on every body's
@@ -70,17 +91,25 @@ use crate::scene::{Accuracy, Outputs, Scene};
 mod bodies;
 mod distribution;
 pub mod draw;
+mod inertia;
 mod input;
+mod mass_file;
+mod parts;
+mod points;
 pub mod problem;
 mod reader;
+mod shape_kind;
 mod solid;
 pub mod table;
 mod torque;
 
-pub use bodies::{Bodies, Inertia};
+pub use bodies::Bodies;
 pub use distribution::{Orientation, Scalar, Vector};
+pub use inertia::Inertia;
 pub use input::{Fault, InputError};
-pub use solid::{Matter, ShapeKind, Solid};
+pub use mass_file::{CLASS_TOLERANCE, MassFileOptions, MassReport, TensorAbout};
+pub use points::read_points;
+pub use solid::Solid;
 pub use table::BodyTable;
 
 use draw::Draw;
@@ -234,6 +263,11 @@ impl Study {
         self.seed
     }
 
+    /// The bodies, not yet drawn.
+    pub fn bodies(&self) -> &Bodies {
+        &self.bodies
+    }
+
     /// Which files a run writes.
     pub fn output(&self) -> Output {
         self.output
@@ -333,7 +367,9 @@ impl Study {
             "mass" => ("mass", BodyTable::has_mass),
             "x" => ("position", BodyTable::has_position),
             "vx" => ("velocity", BodyTable::has_velocity),
-            "wx" | "wy" | "wz" => ("angular_velocity", BodyTable::has_angular_velocity),
+            "wx" | "wy" | "wz" | "angular velocity along the axis" => {
+                ("angular_velocity", BodyTable::has_angular_velocity)
+            }
             _ if field.starts_with('q') || field.starts_with("orientation") => {
                 ("orientation", BodyTable::has_orientation)
             }
@@ -344,7 +380,14 @@ impl Study {
             return table.located(error);
         }
         // A shape's sizes, its mass among them, stand within `inertia`.
-        let keys = [format!("bodies.inertia.{field}"), format!("bodies.{key}"), "bodies.inertia".to_owned()];
+        let part = self.bodies.faulty_part(Draw::new(self.seed), body);
+        let part = part.map_or(String::new(), |index| format!(".parts[{}]", index + 1));
+        let keys = [
+            format!("bodies.inertia{part}.{field}"),
+            format!("bodies.inertia{part}"),
+            format!("bodies.{key}"),
+            "bodies.inertia".to_owned(),
+        ];
         let key = keys.iter().find(|key| self.places.contains_key(*key)).map_or("bodies", String::as_str);
         match self.places.get(key) {
             Some(place) => self.input(place.line, key, Fault::Body { body, field, value, expected }),

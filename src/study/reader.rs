@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use toml::de::{DeTable, DeValue};
@@ -102,12 +102,12 @@ impl<'a> Table<'a> {
     }
 
     /// Refuses keys that are not among `known`; the first in the file is reported.
-    pub(super) fn only(&self, known: &'static [&'static str]) -> Result<()> {
+    pub(super) fn only(&self, known: &[&'static str]) -> Result<()> {
         let unknown = self.table.keys().filter(|key| !known.contains(&key.get_ref().as_ref()));
         match unknown.min_by_key(|key| key.span().start) {
             None => Ok(()),
             Some(key) => {
-                let fault = Fault::Unknown { nearest: nearest(key.get_ref(), known), known };
+                let fault = Fault::Unknown { nearest: nearest(key.get_ref(), known), known: known.to_vec() };
                 Err(self.source.error(key.span().start, self.path_of(key.get_ref()), fault))
             }
         }
@@ -155,7 +155,17 @@ impl<'a> Node<'a> {
 
     /// The error for a value that is not `expected`.
     pub(super) fn refuse(&self, expected: &'static str) -> Error {
-        self.fault(Fault::Value { value: self.source.excerpt(self.span.clone()), expected })
+        self.fault(Fault::Value { value: self.text(), expected })
+    }
+
+    /// The value as it stands in the file.
+    pub(super) fn text(&self) -> String {
+        self.source.excerpt(self.span.clone())
+    }
+
+    /// The path of a file that is named relative to this one.
+    pub(super) fn beside(&self, name: &str) -> PathBuf {
+        self.source.file.parent().unwrap_or(Path::new("")).join(name)
     }
 
     /// The table that the value is, with only `known` keys in it.
@@ -248,10 +258,11 @@ impl<'a> Node<'a> {
             DeValue::String(text) => text.as_ref(),
             _ => "",
         };
-        choices.iter().copied().find(|choice| *choice == found).ok_or_else(|| {
-            let value = self.source.excerpt(self.span.clone());
-            self.fault(Fault::Choice { value, nearest: nearest(found, choices), choices })
-        })
+        choices
+            .iter()
+            .copied()
+            .find(|choice| *choice == found)
+            .ok_or_else(|| self.fault(Fault::Choice { value: self.text(), nearest: nearest(found, choices), choices }))
     }
 
     /// `N` finite numbers.

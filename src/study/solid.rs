@@ -1,173 +1,309 @@
-//! Homogeneous bodies whose sizes are drawn.
+//! Bodies described by their matter: shapes whose sizes are drawn, meshes, point masses and parts.
 
 use glam::DVec3;
 
 use super::distribution::{Scalar, Vector};
 use super::draw::{Column, Draw};
+use super::input::Fault;
+use super::parts::{self, StudyPart};
+use super::points::read_points;
 use super::reader::{Node, Table};
-use crate::error::Result;
-use crate::inertia::{MassProperties, Shape};
+use super::shape_kind::{NAMES, ShapeKind, TETRAHEDRON};
+use crate::error::{Error, Result};
+use crate::inertia::{MassProperties, Part, Shape, compose, point_masses};
 
-/// A shape that a study can name. Points, rods and tetrahedra are left out: the first two cannot spin about every axis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ShapeKind {
-    /// [`Shape::Sphere`].
-    Sphere,
-    /// [`Shape::SphericalShell`].
-    SphericalShell,
-    /// [`Shape::Ellipsoid`].
-    Ellipsoid,
-    /// [`Shape::Box`].
-    Box,
-    /// [`Shape::Cylinder`].
-    Cylinder,
-    /// [`Shape::Tube`].
-    Tube,
-    /// [`Shape::Capsule`].
-    Capsule,
-    /// [`Shape::Cone`].
-    Cone,
-    /// [`Shape::Torus`].
-    Torus,
-    /// [`Shape::RectangularPlate`].
-    RectangularPlate,
-    /// [`Shape::CircularPlate`].
-    CircularPlate,
+/// A body whose matter is described.
+///
+/// Its centre of mass may lie anywhere in the frame in which it is described; the body's own frame has the same axes and
+/// its origin at the centre of mass.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Solid {
+    form: Form,
+    matter: Matter,
 }
 
-/// Names in study files, in the order of [`ShapeKind`].
-const NAMES: &[&str] = &[
-    "sphere",
-    "spherical-shell",
-    "ellipsoid",
-    "box",
-    "cylinder",
-    "tube",
-    "capsule",
-    "cone",
-    "torus",
-    "rectangular-plate",
-    "circular-plate",
-];
-
-/// All kinds, in the order of [`NAMES`].
-const KINDS: [ShapeKind; NAMES.len()] = [
-    ShapeKind::Sphere,
-    ShapeKind::SphericalShell,
-    ShapeKind::Ellipsoid,
-    ShapeKind::Box,
-    ShapeKind::Cylinder,
-    ShapeKind::Tube,
-    ShapeKind::Capsule,
-    ShapeKind::Cone,
-    ShapeKind::Torus,
-    ShapeKind::RectangularPlate,
-    ShapeKind::CircularPlate,
-];
-
-impl ShapeKind {
-    /// The keys of a shape: three that all have, then its lengths. A draw's component is a length's place here.
-    fn keys(self) -> &'static [&'static str] {
-        match self {
-            ShapeKind::Sphere | ShapeKind::SphericalShell | ShapeKind::CircularPlate => {
-                &["shape", "mass", "density", "radius"]
-            }
-            ShapeKind::Ellipsoid => &["shape", "mass", "density", "semi_axes"],
-            ShapeKind::Box => &["shape", "mass", "density", "edges"],
-            ShapeKind::Cylinder | ShapeKind::Cone => &["shape", "mass", "density", "radius", "height"],
-            ShapeKind::Tube => &["shape", "mass", "density", "inner_radius", "outer_radius", "height"],
-            ShapeKind::Capsule => &["shape", "mass", "density", "radius", "length"],
-            ShapeKind::Torus => &["shape", "mass", "density", "major_radius", "minor_radius"],
-            ShapeKind::RectangularPlate => &["shape", "mass", "density", "width", "depth"],
-        }
-    }
-
-    /// Whether the shape's one length is a vector.
-    fn takes_vector(self) -> bool {
-        matches!(self, ShapeKind::Ellipsoid | ShapeKind::Box)
-    }
-
-    /// Whether a density makes sense.
-    fn has_volume(self) -> bool {
-        !matches!(self, ShapeKind::SphericalShell | ShapeKind::RectangularPlate | ShapeKind::CircularPlate)
-    }
-
-    fn shape(self, [a, b, c]: [f64; 3]) -> Shape {
-        match self {
-            ShapeKind::Sphere => Shape::Sphere { radius: a },
-            ShapeKind::SphericalShell => Shape::SphericalShell { radius: a },
-            ShapeKind::Ellipsoid => Shape::Ellipsoid { semi_axes: DVec3::new(a, b, c) },
-            ShapeKind::Box => Shape::Box { edges: DVec3::new(a, b, c) },
-            ShapeKind::Cylinder => Shape::Cylinder { radius: a, height: b },
-            ShapeKind::Tube => Shape::Tube { inner_radius: a, outer_radius: b, height: c },
-            ShapeKind::Capsule => Shape::Capsule { radius: a, length: b },
-            ShapeKind::Cone => Shape::Cone { radius: a, height: b },
-            ShapeKind::Torus => Shape::Torus { major_radius: a, minor_radius: b },
-            ShapeKind::RectangularPlate => Shape::RectangularPlate { width: a, depth: b },
-            ShapeKind::CircularPlate => Shape::CircularPlate { radius: a },
-        }
-    }
+/// How the matter is distributed.
+#[derive(Clone, Debug, PartialEq)]
+enum Form {
+    /// Evenly, in a shape with lengths (m) in the order in which [`Shape`] has them.
+    Shape { kind: ShapeKind, lengths: Vector },
+    /// As in this body, which all bodies are like: read from a file, or put together from parts that are not drawn.
+    Fixed(MassProperties),
+    /// In parts.
+    Parts(Vec<StudyPart>),
 }
 
-/// How much matter a solid holds.
+/// How much matter there is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Matter {
+enum Matter {
     /// Mass, kg.
     Mass(Scalar),
     /// Density, kg/m³.
     Density(Scalar),
+    /// What points and parts bring with them.
+    Own,
 }
 
-/// A homogeneous body whose sizes are drawn; its centre of mass is the body's origin.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Solid {
-    /// The shape.
-    pub kind: ShapeKind,
-    /// Its lengths, m, in the order in which [`crate::inertia::Shape`] has them.
-    pub lengths: Vector,
-    /// What it holds.
-    pub matter: Matter,
+/// The columns under which a body, or a part of one, is drawn.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct DrawnUnder {
+    pub(super) size: Column,
+    pub(super) matter: Column,
 }
+
+/// Of a whole body.
+const WHOLE: DrawnUnder = DrawnUnder { size: Column::Inertia, matter: Column::Mass };
+
+/// Why a draw is no body, and in which part where it is made of parts.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct SolidFault {
+    pub(super) part: Option<usize>,
+    pub(super) error: Error,
+}
+
+impl From<Error> for SolidFault {
+    fn from(error: Error) -> Self {
+        Self { part: None, error }
+    }
+}
+
+/// The keys of which each names a way to describe matter.
+pub(super) const FORMS: [&str; 5] = ["shape", "mesh", "hull", "points", "parts"];
 
 impl Solid {
-    /// Mass and inertia of `body`.
+    /// Mass and inertia of `body`. The centre of mass is in the frame in which the body is described.
     ///
     /// # Errors
     ///
-    /// [`crate::Error::Setting`] where a length, mass or density that was drawn is not valid.
+    /// [`Error::Setting`] where a length, mass or density that was drawn is not valid, [`Error::Item`] for one of a part,
+    /// [`Error::Inertia`] where holes leave nothing that could be a body.
     pub fn sample(&self, draw: Draw, body: usize) -> Result<MassProperties> {
-        let shape = self.kind.shape(self.lengths.sample(draw, body, Column::Inertia).to_array());
-        match &self.matter {
-            Matter::Mass(mass) => shape.mass_properties(mass.sample(draw, body, Column::Mass, 0)),
-            Matter::Density(density) => shape.mass_properties_of_density(density.sample(draw, body, Column::Mass, 0)),
+        self.sample_or_fault(draw, body).map_err(|fault| fault.error)
+    }
+
+    pub(super) fn sample_or_fault(&self, draw: Draw, body: usize) -> Result<MassProperties, SolidFault> {
+        self.sample_under(WHOLE, draw, body)
+    }
+
+    pub(super) fn sample_under(
+        &self,
+        columns: DrawnUnder,
+        draw: Draw,
+        body: usize,
+    ) -> Result<MassProperties, SolidFault> {
+        let amount = |scalar: &Scalar| scalar.sample(draw, body, columns.matter, 0);
+        let properties = match &self.form {
+            Form::Shape { kind, lengths } => {
+                let shape = kind.shape(lengths.sample(draw, body, columns.size).to_array());
+                return Ok(match &self.matter {
+                    Matter::Mass(mass) => shape.mass_properties(amount(mass))?,
+                    Matter::Density(density) => shape.mass_properties_of_density(amount(density))?,
+                    Matter::Own => shape.mass_properties(1.0)?,
+                });
+            }
+            Form::Fixed(properties) => *properties,
+            Form::Parts(parts) => {
+                let mut placed: Vec<Part> = Vec::with_capacity(parts.len());
+                for (index, part) in parts.iter().enumerate() {
+                    let of_part = |fault: SolidFault| SolidFault { part: Some(index), error: fault.error };
+                    placed.push(part.sample(draw, body).map_err(of_part)?);
+                }
+                compose(&placed).map_err(|error| match error {
+                    Error::Item { index, .. } => SolidFault { part: Some(index), error },
+                    error => error.into(),
+                })?
+            }
+        };
+        Ok(match &self.matter {
+            Matter::Mass(mass) => properties.with_mass(amount(mass))?,
+            Matter::Density(density) => properties.with_density(amount(density))?,
+            Matter::Own => properties,
+        })
+    }
+
+    /// Whether nothing about it is drawn.
+    pub(super) fn is_constant(&self) -> bool {
+        let form = match &self.form {
+            Form::Shape { lengths, .. } => lengths.is_constant(),
+            Form::Fixed(_) => true,
+            Form::Parts(parts) => parts.iter().all(StudyPart::is_constant),
+        };
+        form && match &self.matter {
+            Matter::Mass(amount) | Matter::Density(amount) => amount.is_constant(),
+            Matter::Own => true,
         }
     }
 
-    /// Reads `table`, whose key `shape` is `name`.
-    pub(super) fn read(table: &Table<'_>, name: &Node<'_>) -> Result<Self> {
+    /// Reads the table `node`, of which `key` is one of [`FORMS`]; `others` are keys that it may have beside those of a
+    /// body.
+    pub(super) fn read(node: &Node<'_>, table: &Table<'_>, key: &str, others: &[&'static str]) -> Result<Self> {
+        let only = |known: &[&'static str]| table.only(&[known, others].concat());
+        let form = table.need(key, "a description of the body's matter is needed")?;
+        table.exclusive("density", "mass")?;
+        let solid = match key {
+            "shape" => return Self::read_shape(table, &form, only),
+            "mesh" => {
+                only(&["mesh", "mass", "density", "scale", "shell"])?;
+                let is_shell = match table.find("shell") {
+                    Some(shell) => shell.boolean("true or false is needed")?,
+                    None => false,
+                };
+                let unit = mesh(&form, scale(table)?, is_shell)?;
+                Self { form: Form::Fixed(unit), matter: matter(table, unit.volume > 0.0)? }
+            }
+            "hull" => {
+                only(&["hull", "mass", "density", "scale"])?;
+                let unit = hull(&form, scale(table)?)?;
+                Self { form: Form::Fixed(unit), matter: matter(table, true)? }
+            }
+            "points" => {
+                only(&["points", "mass", "scale"])?;
+                let mut points = read_points(&file(&form)?)?;
+                let factor = scale(table)?;
+                points.iter_mut().for_each(|(_, position)| *position *= factor);
+                let body = point_masses(&points).map_err(|error| form.caused_by(error))?;
+                Self { form: Form::Fixed(body), matter: own_matter(table, false)? }
+            }
+            _ => {
+                only(&["parts", "mass", "density"])?;
+                Self { form: Form::Parts(parts::read(&form)?), matter: own_matter(table, true)? }
+            }
+        };
+        solid.settled(node, table)
+    }
+
+    fn read_shape(table: &Table<'_>, name: &Node<'_>, only: impl Fn(&[&'static str]) -> Result<()>) -> Result<Self> {
         let chosen = name.choice(NAMES)?;
-        let place = NAMES.iter().position(|known| *known == chosen).unwrap_or_default();
-        let kind = KINDS[place];
-        let keys = kind.keys();
-        table.only(keys)?;
-        let lengths = &keys[3..];
+        let Some(kind) = ShapeKind::named(chosen) else {
+            only(&["shape", "mass", "density", "corners"])?;
+            debug_assert_eq!(chosen, TETRAHEDRON);
+            let unit = tetrahedron(table)?;
+            return Self { form: Form::Fixed(unit), matter: matter(table, true)? }.settled(name, table);
+        };
+        let keys = kind.lengths();
+        only(&[&["shape", "mass", "density"], keys].concat())?;
         let lengths = if kind.takes_vector() {
-            Vector::read(&table.need(lengths[0], "three lengths are needed (m)")?)?
+            Vector::read(&table.need(keys[0], "three lengths are needed (m)")?)?
         } else {
             let mut components = [Scalar::Constant(0.0); 3];
-            for (component, key) in components.iter_mut().zip(lengths) {
+            for (component, key) in components.iter_mut().zip(keys) {
                 *component = Scalar::read(&table.need(key, "a length is needed (m)")?)?;
             }
             Vector::Components(components)
         };
-        table.exclusive("density", "mass")?;
-        let matter = match table.find("density") {
-            Some(density) if !kind.has_volume() => {
-                return Err(density.refuse("this shape has no volume: a mass is needed instead (kg)"));
-            }
-            Some(density) => Matter::Density(Scalar::read(&density)?),
-            None => Matter::Mass(Scalar::read(&table.need("mass", "the mass (kg), or a density (kg/m³), is needed")?)?),
-        };
-        Ok(Self { kind, lengths, matter })
+        Ok(Self { form: Form::Shape { kind, lengths }, matter: matter(table, kind.has_volume())? })
+    }
+
+    /// The same body, with what is not drawn worked out once and refused where it stands.
+    fn settled(self, node: &Node<'_>, table: &Table<'_>) -> Result<Self> {
+        if !self.is_constant() {
+            return Ok(self);
+        }
+        match self.sample_or_fault(Draw::new(0), 0) {
+            Ok(properties) => Ok(Self { form: Form::Fixed(properties), matter: Matter::Own }),
+            Err(SolidFault { part: Some(part), error }) => Err(parts::refusal(table, part, error)),
+            Err(SolidFault { part: None, error }) => Err(refusal(node, table, error)),
+        }
+    }
+}
+
+/// `error` at the key of `table` that it concerns, or at `node`.
+pub(super) fn refusal(node: &Node<'_>, table: &Table<'_>, error: Error) -> Error {
+    match error {
+        Error::Setting { field, expected, .. } | Error::Item { field, expected, .. } => match table.find(field) {
+            Some(key) => key.refuse(expected),
+            None => node.caused_by(error),
+        },
+        error => node.caused_by(error),
+    }
+}
+
+/// `mass` or `density`, one of which is needed.
+fn matter(table: &Table<'_>, has_volume: bool) -> Result<Matter> {
+    match own_matter(table, has_volume)? {
+        Matter::Own => {
+            let expected = "the mass (kg), or a density (kg/m³), is needed";
+            Ok(Matter::Mass(Scalar::read(&table.need("mass", expected)?)?))
+        }
+        matter => Ok(matter),
+    }
+}
+
+/// `mass` or `density`, if one is there.
+fn own_matter(table: &Table<'_>, has_volume: bool) -> Result<Matter> {
+    match (table.find("density"), table.find("mass")) {
+        (Some(density), _) if !has_volume => {
+            Err(density.refuse("this shape has no volume: a mass is needed instead (kg)"))
+        }
+        (Some(density), _) => Ok(Matter::Density(Scalar::read(&density)?)),
+        (None, Some(mass)) => Ok(Matter::Mass(Scalar::read(&mass)?)),
+        (None, None) => Ok(Matter::Own),
+    }
+}
+
+/// The factor that makes metres of a file's lengths.
+fn scale(table: &Table<'_>) -> Result<f64> {
+    match table.find("scale") {
+        Some(node) => node.positive("the length of the file's unit, above zero, is needed (m): 0.001 for millimetres"),
+        None => Ok(1.0),
+    }
+}
+
+fn file(node: &Node<'_>) -> Result<std::path::PathBuf> {
+    node.string("the name of a file is needed").map(|name| node.beside(name))
+}
+
+/// A body of density 1 kg/m³ (or, as a shell, of 1 kg) with a mesh as its surface.
+#[cfg(feature = "mesh")]
+fn mesh(node: &Node<'_>, scale: f64, is_shell: bool) -> Result<MassProperties> {
+    let path = file(node)?;
+    let read = || {
+        let mesh = crate::inertia::read_mesh(&path)?.scaled(scale)?;
+        if is_shell { mesh.shell_mass_properties(1.0) } else { mesh.mass_properties_of_density(1.0) }
+    };
+    read().map_err(|error| node.caused_by(error))
+}
+
+/// A body of density 1 kg/m³ that is the convex hull of points.
+#[cfg(feature = "mesh")]
+fn hull(node: &Node<'_>, scale: f64) -> Result<MassProperties> {
+    let points: Vec<DVec3> = read_points(&file(node)?)?.into_iter().map(|(_, position)| position * scale).collect();
+    crate::inertia::convex_hull(&points)
+        .and_then(|mesh| mesh.mass_properties_of_density(1.0))
+        .map_err(|error| node.caused_by(error))
+}
+
+/// What a build without meshes says.
+#[cfg(not(feature = "mesh"))]
+pub(super) const NO_MESHES: &str = "this build of polhode reads no meshes: one with the feature `mesh` is needed";
+
+#[cfg(not(feature = "mesh"))]
+fn mesh(node: &Node<'_>, _: f64, _: bool) -> Result<MassProperties> {
+    Err(node.refuse(NO_MESHES))
+}
+
+#[cfg(not(feature = "mesh"))]
+fn hull(node: &Node<'_>, _: f64) -> Result<MassProperties> {
+    Err(node.refuse(NO_MESHES))
+}
+
+/// A tetrahedron of density 1 kg/m³.
+fn tetrahedron(table: &Table<'_>) -> Result<MassProperties> {
+    const EXPECTED: &str = "four corners [x, y, z] are needed (m)";
+    let node = table.need("corners", EXPECTED)?;
+    let elements = node.elements().ok_or_else(|| node.refuse(EXPECTED))?;
+    let corners = elements.iter().map(|corner| corner.vector(EXPECTED)).collect::<Result<Vec<DVec3>>>()?;
+    let corners = <[DVec3; 4]>::try_from(corners).map_err(|_| node.refuse(EXPECTED))?;
+    let properties = Shape::Tetrahedron { corners }.mass_properties_of_density(1.0);
+    properties.map_err(|_| node.refuse("four corners that do not lie in a plane are needed (m)"))
+}
+
+impl Node<'_> {
+    /// The error for a value that is well formed but leads to `cause`; errors that name a file's line stay as they are.
+    pub(super) fn caused_by(&self, cause: Error) -> Error {
+        match cause {
+            Error::Input(_) => cause,
+            cause => self.fault(Fault::Cause { value: self.text(), cause: Box::new(cause) }),
+        }
     }
 }

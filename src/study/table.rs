@@ -234,7 +234,7 @@ fn header_places(
     for name in header {
         if !KNOWN.contains(&name) && !extra.contains(name) {
             let key = if name.is_empty() { "(empty)" } else { name };
-            let fault = Fault::Unknown { nearest: nearest(name, KNOWN), known: KNOWN };
+            let fault = Fault::Unknown { nearest: nearest(name, KNOWN), known: KNOWN.to_vec() };
             return Err(input_error(path, line, key, fault));
         }
         let known = NUMBERS.iter().position(|known| *known == name);
@@ -274,12 +274,12 @@ fn header_places(
     Ok(places)
 }
 
-fn input_error(path: &Path, line: u64, key: &str, fault: Fault) -> Error {
+pub(super) fn input_error(path: &Path, line: u64, key: &str, fault: Fault) -> Error {
     InputError { file: path.to_owned(), line: line as usize, key: key.to_owned(), fault }.into()
 }
 
 /// What the CSV reader refuses: bytes that are not text, or the file system's errors.
-fn csv_error(path: &Path, error: csv::Error) -> Error {
+pub(super) fn csv_error(path: &Path, error: csv::Error) -> Error {
     let line = error.position().map_or(1, Position::line);
     match error.into_kind() {
         ErrorKind::Io(error) => Error::file(path, FileAction::Read, &error),

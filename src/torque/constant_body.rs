@@ -33,7 +33,11 @@ impl Model for ConstantBody {
     }
 
     fn columns(&self, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
-        let torque = frame.scaled_torque(frame.to_principal(self.torque_body.at(body)));
+        let mut torque = frame.scaled_torque(frame.to_principal(self.torque_body.at(body)));
+        if frame.is_linear_rotor {
+            // Its axis has nothing for a torque to act upon (see `linear_rotor`).
+            torque.x = 0.0;
+        }
         for (column, component) in out.iter_mut().zip(torque.to_array()) {
             *column += component;
         }

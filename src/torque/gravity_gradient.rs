@@ -38,7 +38,7 @@ impl Model for GravityGradient {
     fn columns(&self, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
         let (rate, _) = self.orbit.mean_motion(body);
         let scaled_rate = frame.scaled(rate, 0, 1);
-        let i = frame.scaled_moments;
+        let i = frame.tensor_moments();
         let factor = 3.0 * scaled_rate * scaled_rate;
         let coefficients = [factor * (i.z - i.y), factor * (i.x - i.z), factor * (i.y - i.x)];
         let circular = self.orbit.is_circular();

@@ -35,6 +35,7 @@ pub mod gravity_gradient_kepler;
 pub mod heavy_top;
 pub mod internal_dissipation;
 pub mod linear_drag;
+pub mod linear_rotor;
 pub mod log_spring;
 pub mod magnetic_dipole;
 pub mod matrix_drag;

@@ -8,6 +8,7 @@ use super::gravity_gradient_kepler::gravity_gradient_kepler;
 use super::heavy_top::heavy_top;
 use super::internal_dissipation::internal_dissipation;
 use super::linear_drag::linear_drag;
+use super::linear_rotor::across_axis;
 use super::log_spring::log_spring;
 use super::magnetic_dipole::magnetic_dipole;
 use super::matrix_drag::matrix_drag;
@@ -221,6 +222,9 @@ impl<'a, R: Real> Torques<'a, R> {
                 Kind::WhiteNoise | Kind::InternalDissipation => continue,
             };
             sum = sum + torque;
+        }
+        for (_, c) in self.firsts(Kind::LinearRotor) {
+            sum = across_axis(self.column(c), sum);
         }
         sum
     }

@@ -45,11 +45,13 @@ pub enum Kind {
     WhiteNoise,
     /// [`super::internal_dissipation`].
     InternalDissipation,
+    /// [`super::linear_rotor`], which no [`Torque`] is: last, as it changes the sum of all others.
+    LinearRotor,
 }
 
 impl Kind {
     /// All kinds, in order.
-    pub const ALL: [Kind; 16] = [
+    pub const ALL: [Kind; 17] = [
         Kind::ConstantBody,
         Kind::LinearDrag,
         Kind::ConstantWorld,
@@ -66,6 +68,7 @@ impl Kind {
         Kind::LogSpring,
         Kind::WhiteNoise,
         Kind::InternalDissipation,
+        Kind::LinearRotor,
     ];
 
     /// The stem of its files, and of the `override` constants in `shaders/torque/sum.wgsl`.
@@ -87,13 +90,14 @@ impl Kind {
             Kind::LogSpring => "log_spring",
             Kind::WhiteNoise => "white_noise",
             Kind::InternalDissipation => "internal_dissipation",
+            Kind::LinearRotor => "linear_rotor",
         }
     }
 
     /// Columns of one instance, without its phases.
     pub const fn parameters(self) -> usize {
         match self {
-            Kind::LinearDrag | Kind::QuadraticDrag | Kind::InternalDissipation => 1,
+            Kind::LinearDrag | Kind::QuadraticDrag | Kind::InternalDissipation | Kind::LinearRotor => 1,
             Kind::ConstantBody | Kind::ConstantWorld => 3,
             Kind::EddyCurrent => 4,
             Kind::SineSpring | Kind::LogSpring => 5,
@@ -176,11 +180,18 @@ enum PhaseRates {
 impl TorqueTable {
     /// The table of no torque, over a span of `span` seconds.
     pub fn none(span: f64) -> Self {
-        Self::new(&[], 0, 0, span)
+        Self::new(&[], 0, 0, span, false)
     }
 
-    /// The layout of `torques` with columns from `first_column` on, for bodies of which there are `stride` rows.
-    pub(crate) fn new(torques: &[Torque], first_column: usize, stride: usize, span: f64) -> Self {
+    /// The layout of `torques` with columns from `first_column` on, for bodies of which there are `stride` rows;
+    /// `has_linear_rotors` says whether one of them is a linear rotor.
+    pub(crate) fn new(
+        torques: &[Torque],
+        first_column: usize,
+        stride: usize,
+        span: f64,
+        has_linear_rotors: bool,
+    ) -> Self {
         let mut table = Self {
             clock: Clock::new(span),
             kinds: [Instances::default(); Kind::ALL.len()],
@@ -193,6 +204,8 @@ impl TorqueTable {
             let instances = &mut table.kinds[kind as usize];
             instances.count = if kind.merges() { 1 } else { instances.count + 1 };
         }
+        // A constant torque is projected in its columns, and drag has no part along an axis without spin.
+        table.kinds[Kind::LinearRotor as usize].count = usize::from(has_linear_rotors && !table.is_common());
         for kind in Kind::ALL {
             let instances = &mut table.kinds[kind as usize];
             instances.first = first_column + table.columns;
@@ -291,6 +304,9 @@ impl TorqueTable {
                     columns[..RATE_DIGITS].copy_from_slice(&digits(rate));
                     columns[RATE_DIGITS] = high / std::f64::consts::TAU;
                 }
+            }
+            if kind == Kind::LinearRotor {
+                row.fill(if frame.is_linear_rotor { 0.0 } else { 1.0 });
             }
             for (column, &number) in row.iter().enumerate() {
                 store(instances.first + column, number);

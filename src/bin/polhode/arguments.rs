@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use glam::DVec3;
 
 /// Integrates the rotation of large ensembles of independent rigid bodies.
 #[derive(Debug, Parser)]
@@ -28,6 +29,8 @@ pub enum Command {
     Run(RunArguments),
     /// Step the GPU and the CPU side by side and compare every step.
     Verify(VerifyArguments),
+    /// Print mass, centre of mass, inertia tensor and principal axes of what a file describes.
+    Inertia(InertiaArguments),
     /// List the engines of this machine and which one is taken.
     Devices(DevicesArguments),
     /// Print a completion script for a shell.
@@ -100,8 +103,18 @@ Keys (SI units):
                           circular-plate (radius), ellipsoid (semi_axes), box (edges), cylinder,
                           cone (radius, height), tube (inner_radius, outer_radius, height), capsule
                           (radius, length), torus (major_radius, minor_radius), rectangular-plate
-                          (width, depth); moments [ixx, iyy, izz]; { moments = distribution };
-                          or a tensor { ixx, iyy, izz, ixy, ixz, iyz }, ixy = -(integral of xy dm)
+                          (width, depth), tetrahedron (corners), rod (length), point;
+                          { mesh = \"hull.stl\", mass or density [scale, shell] } (STL or OBJ);
+                          { hull = \"corners.csv\", mass or density [scale] } (x y z);
+                          { points = \"atoms.csv\" [scale, mass] } (mass x y z);
+                          { parts = [{ shape, mesh, hull or points as above, position, orientation,
+                          hole }, ...] [mass or density] }; moments [ixx, iyy, izz];
+                          { moments = distribution }; { moments, scatter = relative deviation };
+                          or a tensor { ixx, iyy, izz, ixy, ixz, iyz [scatter] },
+                          ixy = -(integral of xy dm); `polhode inertia` prints what follows.
+                          Origin and position of a body are its centre of mass, wherever that lies
+    bodies.repair_triangle_inequality
+                          largest relative change by which measured tensors are mended
     bodies.orientation    [x, y, z, w], { axis, angle }, or { distribution = \"uniform\" }
     bodies.angular_velocity, .position, .velocity, .mass
                           the first in body axes, the next two in world axes
@@ -182,6 +195,60 @@ pub struct VerifyArguments {
     /// Print what was found as JSON.
     #[arg(long)]
     pub json: bool,
+}
+
+const INERTIA_HELP: &str = "\
+FILE is a closed surface (.stl, .obj) with --mass or --density, point masses (.csv with the columns
+mass,x,y,z), or a TOML file with `inertia = { ... }` as in a study, or a study itself. Units are SI:
+m, kg, m³, kg m². Frame: the one of the file. The tensor's off-diagonal elements are -(integral of
+xy dm).
+
+Examples:
+    polhode inertia hull.stl --mass 900               a mesh in metres
+    polhode inertia hull.obj --density 2700 --scale 0.001
+                                                      aluminium, file in millimetres
+    polhode inertia atoms.csv --scale 1e-10           lengths in ångström
+    polhode inertia study.toml --body 3 --json        the fourth body that a study draws
+    polhode inertia hull.stl --mass 900 --about 0,0,-1.5";
+
+/// Arguments of `polhode inertia`.
+#[derive(Debug, Args)]
+#[command(after_long_help = INERTIA_HELP, after_help = "`polhode inertia --help` gives units and examples.")]
+pub struct InertiaArguments {
+    /// Mesh (.stl, .obj), point masses (.csv) or study (.toml).
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    /// Mass of the mesh, or of all points, kg.
+    #[arg(long, value_name = "KG", conflicts_with = "density")]
+    pub mass: Option<f64>,
+    /// Density of the mesh, kg/m³.
+    #[arg(long, value_name = "KG/M3")]
+    pub density: Option<f64>,
+    /// Length of the file's unit, m.
+    #[arg(long, value_name = "M")]
+    pub scale: Option<f64>,
+    /// The mesh is a thin skin, which may be open.
+    #[arg(long)]
+    pub shell: bool,
+    /// Give the tensor about this point too, m.
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = point)]
+    pub about: Option<DVec3>,
+    /// Which of a study's bodies, from 0.
+    #[arg(long, value_name = "INDEX", default_value_t = 0)]
+    pub body: usize,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Three numbers with commas between them.
+fn point(text: &str) -> Result<DVec3, String> {
+    let numbers: Option<Vec<f64>> =
+        text.split(',').map(|number| number.trim().parse().ok().filter(|x: &f64| x.is_finite())).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, z]) => Ok(DVec3::new(x, y, z)),
+        _ => Err("three finite numbers X,Y,Z are needed (m)".to_owned()),
+    }
 }
 
 /// Arguments of `polhode devices`.

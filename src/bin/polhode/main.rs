@@ -8,6 +8,7 @@ mod arguments;
 mod completions;
 mod devices;
 mod engine;
+mod inertia;
 mod man;
 mod output;
 mod progress;
@@ -32,6 +33,7 @@ fn main() -> ExitCode {
         Command::Run(arguments) => run::run(arguments),
         Command::Verify(arguments) => verify::verify(arguments),
         Command::Devices(arguments) => devices::devices(arguments),
+        Command::Inertia(arguments) => inertia::inertia(arguments),
         Command::Completions(arguments) => completions::completions(arguments),
         Command::Man => man::man(),
     };
@@ -73,7 +75,7 @@ fn refuse_arguments(error: &clap::Error) -> ExitCode {
         }
         ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
             output::error(
-                "a command is needed: polhode run, verify, devices, completions or man; `polhode --help` teaches them",
+                "a command is needed: polhode run, verify, inertia, devices, completions or man; `polhode --help` teaches them",
             );
             return ExitCode::from(WRONG_INPUT);
         }

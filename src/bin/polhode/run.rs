@@ -39,6 +39,12 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
             report.bodies
         ));
     }
+    if let Some(repairs) = report.repairs.filter(|repairs| arguments.quiet && repairs.bodies > 0) {
+        output::note(&format!(
+            "note: {} of {} inertia tensors were repaired, by up to {:.1e} of themselves",
+            repairs.bodies, report.bodies, repairs.largest_relative_change
+        ));
+    }
     if arguments.json {
         output::print(&report.to_json());
     } else if !arguments.quiet {

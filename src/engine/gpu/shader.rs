@@ -146,6 +146,7 @@ impl Source {
             series,
             chunk!("torque/orbit.wgsl"),
             chunk!("torque/constant_body.wgsl"),
+            chunk!("torque/linear_rotor.wgsl"),
             chunk!("torque/linear_drag.wgsl"),
             chunk!("torque/constant_world.wgsl"),
             chunk!("torque/matrix_drag.wgsl"),

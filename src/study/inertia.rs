@@ -1,0 +1,122 @@
+//! `bodies.inertia` in study files.
+
+use glam::{DQuat, DVec3};
+
+use super::distribution::Vector;
+use super::draw::{Column, Draw};
+use super::reader::{Node, Table};
+use super::solid::{FORMS, Solid};
+use crate::error::Result;
+use crate::inertia::{InertiaTensor, check_scatter, principal_axes, scaled_second_moments};
+
+/// What a body's inertia tensor comes from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Inertia {
+    /// Moments along the body axes, kg m², each drawn by itself.
+    Moments(Vector),
+    /// One tensor in body axes for all bodies, kg m².
+    Tensor(InertiaTensor),
+    /// Moments about axes that all bodies share, scattered such that every draw is a valid tensor
+    /// ([`crate::inertia::scattered_moments`]).
+    Scattered {
+        /// Mean of the moments, kg m².
+        nominal: DVec3,
+        /// Rotates the axes of the moments to body axes.
+        axes: DQuat,
+        /// Relative standard deviation of each second moment.
+        relative_sigma: f64,
+    },
+    /// Matter that is described, about its centre of mass.
+    Solid(Solid),
+}
+
+/// No body has this tensor, so none passes with it.
+const NO_TENSOR: InertiaTensor = InertiaTensor { xx: f64::NAN, yy: f64::NAN, zz: f64::NAN, xy: 0.0, xz: 0.0, yz: 0.0 };
+
+const EXPECTED: &str = "{ shape = \"box\", mass = 10.0, edges = [1, 2, 3] }, { mesh = \"hull.stl\", mass = 10.0 }, { points = \"atoms.csv\" }, { parts = [...] }, moments [ixx, iyy, izz], { moments = ... } or { ixx = ..., iyy = ..., izz = ..., ixy = ..., ixz = ..., iyz = ... } is needed";
+
+impl Inertia {
+    /// The tensor of `body` about its centre of mass, body axes, kg m². A solid that is not valid makes a tensor that is
+    /// not; the reason is found when the body is refused.
+    pub fn sample(&self, draw: Draw, body: usize) -> InertiaTensor {
+        match self {
+            Inertia::Moments(moments) => moments.sample(draw, body, Column::Inertia).into(),
+            Inertia::Tensor(tensor) => *tensor,
+            Inertia::Scattered { nominal, axes, relative_sigma: sigma } => {
+                // The exponential of `libm`, so that draws have the same bits on every platform.
+                let factor = |z: f64| libm::exp(sigma * z - 0.5 * sigma * sigma);
+                let normals = draw.normal_vector(body, Column::Inertia);
+                let factors = DVec3::from_array(normals.to_array().map(factor));
+                let tensor = InertiaTensor::from_principal_moments(scaled_second_moments(*nominal, factors));
+                if *axes == DQuat::IDENTITY { tensor } else { tensor.rotated(*axes) }
+            }
+            Inertia::Solid(solid) => solid.sample(draw, body).map_or(NO_TENSOR, |properties| properties.inertia),
+        }
+    }
+
+    pub(super) fn read(node: &Node<'_>) -> Result<Self> {
+        if node.elements().is_some() {
+            return node
+                .vector("three finite moments along the body axes are needed (kg m²)")
+                .map(|moments| Inertia::Tensor(InertiaTensor::from_principal_moments(moments)));
+        }
+        let table = node.any_table().ok_or_else(|| node.refuse(EXPECTED))?;
+        if let Some(form) = FORMS.into_iter().find(|form| table.find(form).is_some()) {
+            return Solid::read(node, &table, form, &[]).map(Inertia::Solid);
+        }
+        let scatter = table.find("scatter");
+        if let Some(moments) = table.find("moments") {
+            table.only(&["moments", "scatter"])?;
+            return match scatter {
+                None => Vector::read(&moments).map(Inertia::Moments),
+                Some(scatter) => {
+                    let expected = "three moments are needed beside `scatter`, which draws from them (kg m²)";
+                    scattered(&scatter, &moments, moments.vector(expected)?, DQuat::IDENTITY)
+                }
+            };
+        }
+        let tensor = tensor(node, &table)?;
+        match scatter {
+            None => Ok(Inertia::Tensor(tensor)),
+            Some(scatter) => {
+                let axes = principal_axes(&tensor);
+                scattered(&scatter, node, axes.moments, axes.principal_to_body)
+            }
+        }
+    }
+}
+
+/// Moments about `axes`, given at `node`, scattered by the number at `scatter`.
+fn scattered(scatter: &Node<'_>, node: &Node<'_>, nominal: DVec3, axes: DQuat) -> Result<Inertia> {
+    const EXPECTED: &str = "a relative standard deviation that is not negative is needed";
+    let relative_sigma = scatter.number(EXPECTED)?;
+    if relative_sigma < 0.0 {
+        return Err(scatter.refuse(EXPECTED));
+    }
+    check_scatter(nominal, relative_sigma).map_err(|error| node.caused_by(error))?;
+    Ok(Inertia::Scattered { nominal, axes, relative_sigma })
+}
+
+/// The six elements of a tensor, of which the off-diagonal ones may be left out.
+fn tensor(node: &Node<'_>, table: &Table<'_>) -> Result<InertiaTensor> {
+    let elements = ["ixx", "iyy", "izz", "ixy", "ixz", "iyz"];
+    table.only(&[&FORMS[..], &["moments"], &elements, &["scatter"]].concat())?;
+    if table.find("ixx").is_none() {
+        return Err(node.refuse(EXPECTED));
+    }
+    let diagonal = |key: &str| {
+        table.need(key, "the tensor's diagonal element is needed (kg m²)")?.number("a finite number is needed (kg m²)")
+    };
+    let product = |key: &str| match table.find(key) {
+        Some(node) => node.number("a finite number is needed (kg m²)"),
+        None => Ok(0.0),
+    };
+    Ok(InertiaTensor {
+        xx: diagonal("ixx")?,
+        yy: diagonal("iyy")?,
+        zz: diagonal("izz")?,
+        xy: product("ixy")?,
+        xz: product("ixz")?,
+        yz: product("iyz")?,
+    })
+}

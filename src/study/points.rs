@@ -1,0 +1,83 @@
+//! Point masses in CSV files: a header, then one row a point.
+//!
+//! Columns, in any order: `mass` (kg), `x`, `y`, `z` (m). A column `name` is for the reader's use. Lines that begin with
+//! `#` are comments. Where only places matter, as for a convex hull, `mass` may be left out.
+
+use std::fs::File;
+use std::path::Path;
+
+use csv::{Position, ReaderBuilder, StringRecord, Trim};
+use glam::DVec3;
+
+use super::input::{Fault, nearest};
+use super::table::{csv_error, input_error};
+use crate::error::{Error, FileAction, Result};
+
+/// All columns that a file may have.
+const KNOWN: [&str; 5] = ["name", "mass", "x", "y", "z"];
+
+/// The points of a file: mass (kg; 1 where the file has no masses) and position (m).
+///
+/// ```
+/// use polhode::inertia::point_masses;
+/// use polhode::study::read_points;
+///
+/// let path = std::env::temp_dir().join(format!("polhode-points-{}.csv", std::process::id()));
+/// std::fs::write(&path, "name,mass,x,y,z\nO,2.66e-26,0,0,0\nC,1.99e-26,1.128e-10,0,0\n")?;
+/// let molecule = point_masses(&read_points(&path)?)?;
+/// std::fs::remove_file(&path)?;
+/// assert!((molecule.inertia.zz / 1.448e-46 - 1.0).abs() < 1e-3);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+///
+/// [`Error::File`] where the file cannot be read; [`Error::Input`] with line and column where a number is missing or not
+/// finite, a mass is negative, or there are no points.
+pub fn read_points(path: &Path) -> Result<Vec<(f64, DVec3)>> {
+    let file = File::open(path).map_err(|error| Error::file(path, FileAction::Read, &error))?;
+    let mut reader = ReaderBuilder::new().trim(Trim::All).comment(Some(b'#')).flexible(true).from_reader(file);
+    let header = reader.headers().map_err(|error| csv_error(path, error))?.clone();
+    let header_line = header.position().map_or(1, Position::line);
+    for name in &header {
+        if !KNOWN.contains(&name) {
+            let key = if name.is_empty() { "(empty)" } else { name };
+            let fault = Fault::Unknown { nearest: nearest(name, &KNOWN), known: KNOWN.to_vec() };
+            return Err(input_error(path, header_line, key, fault));
+        }
+    }
+    let place = |name: &str| header.iter().position(|found| found == name);
+    let need = |name: &'static str| {
+        let fault = Fault::Missing { expected: "the columns mass, x, y and z are needed (kg, m)" };
+        place(name).ok_or_else(|| input_error(path, header_line, name, fault))
+    };
+    let (mass, places) = (place("mass"), [need("x")?, need("y")?, need("z")?]);
+
+    let mut points = Vec::new();
+    let mut record = StringRecord::new();
+    while reader.read_record(&mut record).map_err(|error| csv_error(path, error))? {
+        let line = record.position().map_or(0, Position::line);
+        if record.len() != header.len() {
+            let fault = Fault::RowLength { found: record.len(), expected: header.len() };
+            return Err(input_error(path, line, "", fault));
+        }
+        let number = |column: usize, least: f64, expected: &'static str| {
+            let field = &record[column];
+            field.parse().ok().filter(|x: &f64| x.is_finite() && *x >= least).ok_or_else(|| {
+                let value = if field.is_empty() { "(empty)".to_owned() } else { field.to_owned() };
+                input_error(path, line, &header[column], Fault::Value { value, expected })
+            })
+        };
+        let mass = match mass {
+            Some(column) => number(column, 0.0, "a finite mass that is not negative is needed (kg)")?,
+            None => 1.0,
+        };
+        let coordinate = |axis: usize| number(places[axis], f64::NEG_INFINITY, "a finite number is needed (m)");
+        points.push((mass, DVec3::new(coordinate(0)?, coordinate(1)?, coordinate(2)?)));
+    }
+    if points.is_empty() {
+        let fault = Fault::Missing { expected: "at least one row, a point, is needed" };
+        return Err(input_error(path, header_line, "mass", fault));
+    }
+    Ok(points)
+}

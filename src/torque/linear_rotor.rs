@@ -1,0 +1,19 @@
+//! What a linear rotor does not take of a torque. Twin: `shaders/torque/linear_rotor.wgsl`.
+//!
+//! A linear rotor (moments 0, I, I) has no spin about its axis and nothing for a torque about it to act upon. The kernels
+//! integrate it as a body with the moments I, I, I and no spin about the axis: m × ω vanishes for both, and as long as no
+//! torque acts about the axis none arises. The sum of the torques is therefore projected across the axis, which is the first
+//! principal one. That takes no power from the rotor, as ω has no part along the axis. Torques that follow from
+//! the tensor (the gravity gradient) read the true one.
+//!
+//! This is no model that a scene names: a table has its column where one of its bodies is a linear rotor.
+
+use crate::real::Real;
+use crate::vector::Vector;
+
+/// The torque in principal axes with its part along the first one multiplied by `factor`: 0 for a linear rotor, 1 for
+/// another body.
+#[inline(always)]
+pub fn across_axis<R: Real>(factor: R, torque: Vector<R>) -> Vector<R> {
+    Vector::new(factor * torque.x, torque.y, torque.z)
+}
