@@ -9,7 +9,7 @@
 use std::collections::BTreeMap;
 
 use crate::batch::Precision;
-use crate::engine::Backend;
+use crate::engine::{Backend, Description};
 use crate::error::{Error, Result};
 use crate::method::Method;
 use crate::scene::{Outputs, Scene, Stepping};
@@ -18,6 +18,7 @@ pub mod choice;
 pub mod class;
 pub mod cost;
 mod driven;
+pub mod explain;
 pub mod group;
 mod pilot;
 mod resolution;
@@ -27,6 +28,7 @@ mod times;
 pub use choice::{CLOSED_FORM_F32, Rule};
 pub use class::{Bound, Class, Shape};
 pub use driven::TorqueSet;
+pub use explain::Explanation;
 pub use group::{Group, Members, Treatment};
 pub use pilot::Found;
 pub use resolution::{Resolution, Stepped};
@@ -39,6 +41,7 @@ use times::{output_times, steps_over};
 #[derive(Clone, Debug)]
 pub struct Plan<'a> {
     scene: &'a Scene,
+    engine: Description,
     method: Method,
     precision: Precision,
     longest_step: f64,
@@ -89,7 +92,8 @@ impl<'a> Plan<'a> {
         }
         let skips = skips(scene, &groups);
         let (method, precision, longest_step) = main_treatment(&groups, scene, engine);
-        let plan = Self { scene, method, precision, longest_step, times, resolution, groups, skips };
+        let engine = engine.description();
+        let plan = Self { scene, engine, method, precision, longest_step, times, resolution, groups, skips };
         plan.check_steps()?;
         Ok(plan)
     }

@@ -99,6 +99,7 @@ impl Pilot<'_> {
         Rule {
             method: cost.method,
             coefficient: cost.coefficient,
+            longest_angle: cost.longest_angle,
             attitude: self.accuracy.strictest(),
             precision: self.precision,
         }
@@ -176,7 +177,8 @@ impl Pilot<'_> {
         let body = |look: &Look| {
             let wide = rule.is_wide(look.rate * span);
             let steps = (span / rule.longest_step(look.rate, span)).ceil();
-            steps * cost.step_seconds(if wide { Precision::F64 } else { Precision::F32 })
+            let precision = if wide { Precision::F64 } else { Precision::F32 };
+            steps * cost.step_seconds(precision, self.torques.is_empty())
         };
         self.bodies.iter().map(|(_, look)| body(look)).sum()
     }

@@ -119,6 +119,7 @@ impl Resolution {
             let rule = Rule {
                 method: COSTS[0].method,
                 coefficient: COSTS[0].coefficient,
+                longest_angle: COSTS[0].longest_angle,
                 attitude: accuracy.strictest(),
                 precision,
             };
