@@ -236,6 +236,17 @@ fn skip_row(skip: &super::Skip) -> SkipRow {
     }
 }
 
+#[cfg(feature = "study")]
+impl Explanation {
+    /// The table as JSON.
+    pub fn to_json(&self) -> String {
+        // Keys are fixed strings and values plain numbers and strings, so there is nothing to fail on.
+        let mut text = serde_json::to_string_pretty(self).unwrap_or_default();
+        text.push('\n');
+        text
+    }
+}
+
 impl fmt::Display for ClassRow {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let torques = if self.torques.is_empty() { "free".to_owned() } else { self.torques.join(" + ") };

@@ -8,6 +8,7 @@ mod arguments;
 mod completions;
 mod devices;
 mod engine;
+mod explain;
 mod man;
 mod output;
 mod progress;
@@ -30,6 +31,7 @@ fn main() -> ExitCode {
     };
     let done = match &arguments.command {
         Command::Run(arguments) => run::run(arguments),
+        Command::Explain(arguments) => explain::explain(arguments),
         Command::Verify(arguments) => verify::verify(arguments),
         Command::Devices(arguments) => devices::devices(arguments),
         Command::Completions(arguments) => completions::completions(arguments),
@@ -73,7 +75,7 @@ fn refuse_arguments(error: &clap::Error) -> ExitCode {
         }
         ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
             output::error(
-                "a command is needed: polhode run, verify, devices, completions or man; `polhode --help` teaches them",
+                "a command is needed: polhode run, explain, verify, devices, completions or man; `polhode --help` teaches them",
             );
             return ExitCode::from(WRONG_INPUT);
         }
