@@ -42,7 +42,10 @@ fn main() -> Result<()> {
     let forced = [Torque::constant_body(push), Torque::linear_drag(drag)];
     for (name, torques, rates) in [("free", &[] as &[Torque], &spin), ("driven", &forced, &driven_rate)] {
         let exact = states(&ensemble, torques, Method::Rk8, Precision::F64, 256)?.0;
-        println!("\n{name:<16} {:>5} {:>11} {:>11} {:>13} {:>13}", "1/dt", "c p99", "error p99", "f32 s/step", "f64 s/step");
+        println!(
+            "\n{name:<16} {:>5} {:>11} {:>11} {:>13} {:>13}",
+            "1/dt", "c p99", "error p99", "f32 s/step", "f64 s/step"
+        );
         for method in METHODS {
             for steps_per_second in STEPS_PER_SECOND {
                 let (orientation, wide) = states(&ensemble, torques, method, Precision::F64, steps_per_second)?;

@@ -50,10 +50,7 @@ fn fast_spinner() -> Result<()> {
         let mut omega = slow.angular_velocity_body().to_vec();
         omega[777] = DVec3::new(0.3, 0.2, 1.0) * fast;
         let ensemble = Ensemble::from_columns(slow.inertia(), slow.orientation(), &omega)?;
-        Ok(Scene::new(ensemble)
-            .until(SPAN)
-            .accuracy(Accuracy::attitude(TARGET))
-            .torque(Torque::linear_drag(1e-4)))
+        Ok(Scene::new(ensemble).until(SPAN).accuracy(Accuracy::attitude(TARGET)).torque(Torque::linear_drag(1e-4)))
     };
     println!("{BODIES} driven bodies, {SPAN} s, {TARGET:e} rad");
     let slow = report("slow bodies", &scene(1.0)?)?;

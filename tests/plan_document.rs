@@ -135,10 +135,8 @@ fn a_run_leaves_its_plan_and_the_plan_repeats_the_run() {
     assert_eq!(report["accuracy"]["target"]["attitude"], 1e-5);
 
     fs::write(desk.path("study.toml"), STUDY.replace("seed = 5", "seed = 6")).unwrap();
-    let line = desk.refused(
-        &["run", "study.toml", "--engine", "cpu", "--plan", "study.out/plan.json", "--out", "third"],
-        2,
-    );
+    let line =
+        desk.refused(&["run", "study.toml", "--engine", "cpu", "--plan", "study.out/plan.json", "--out", "third"], 2);
     assert!(line.starts_with("error: study.out/plan.json: the fingerprint of bodies and parameters is "), "{line}");
     desk.refused(&["run", "study.toml", "--engine", "cpu", "--plan", "absent.json", "--out", "third"], 2);
     assert_eq!(desk.names("."), ["again", "study.out", "study.toml"], "nothing was made");

@@ -2,12 +2,16 @@
 //!
 //! The classes of free bodies are in `plan.rs`.
 
+use std::ops::ControlFlow;
+
 use glam::{DQuat, DVec3};
+use polhode::engine::gpu::GpuOptions;
 use polhode::ensemble::Translation;
 use polhode::plan::{Plan, SkipName};
-use polhode::record::Record;
+use polhode::record::{OutputState, Record, Sink};
+use polhode::run::run_into;
 use polhode::torque::Torque;
-use polhode::{Accuracy, Engine, Ensemble, Force, Method, Outputs, Precision, Scene};
+use polhode::{Accuracy, Engine, Ensemble, Force, Method, Outputs, Precision, Result, Scene};
 
 const BODIES: usize = 70;
 const SPAN: f64 = 3.0;
@@ -130,6 +134,40 @@ fn times_that_nobody_asks_for_are_not_recorded_and_change_nothing() {
     assert_eq!((a.snapshots().len(), b.snapshots().len()), (1, 2));
     assert_eq!(a.final_state(), b.final_state());
     assert_eq!(a.final_state(), c.final_state());
+}
+
+/// Takes some of the outputs and does nothing with them.
+struct Wanting(fn(usize, usize) -> bool);
+
+impl Sink for Wanting {
+    fn wants(&mut self, index: usize, count: usize, _: f64) -> bool {
+        self.0(index, count)
+    }
+    fn bodies(&mut self, _: usize, _: f64, _: usize, _: &[OutputState]) -> Result<()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn outputs_that_nobody_wants_do_not_leave_the_device() {
+    let options = GpuOptions { software: true, ..GpuOptions::default() };
+    let engine = Engine::gpu(options).expect("tests need a Vulkan driver");
+    let outputs = Outputs::Every(0.5);
+    // One table: seven components in two words each and a status, of f32.
+    let table = (BODIES * 15 * size_of::<f32>()) as u64;
+    let pinned = scene(ensemble()).pinned(Method::Rk4, 0.125, Some(Precision::F32)).outputs(outputs.clone());
+    let closed_form = scene(ensemble()).accuracy(Accuracy::attitude(1e-5)).outputs(outputs);
+    for scene in [pinned, closed_form] {
+        let plan = Plan::new(&scene, &engine).expect("valid");
+        let bytes = |wants: fn(usize, usize) -> bool| {
+            let mut sink = Wanting(wants);
+            run_into(&engine, &plan, &mut sink, &mut |_| ControlFlow::Continue(())).expect("runs").bytes_read
+        };
+        assert_eq!(plan.times().len(), 6);
+        assert_eq!(bytes(|_, _| true), 6 * table);
+        assert_eq!(bytes(|index, count| index + 1 == count || index == 2), 2 * table);
+        assert_eq!(bytes(|index, count| index + 1 == count), table);
+    }
 }
 
 /// Two kinds of bodies, one `ratio` times as fast as the other, all driven.

@@ -44,17 +44,8 @@ struct PlanFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum ResolutionEntry {
-    Pinned {
-        method: String,
-        precision: String,
-        longest_step: f64,
-    },
-    Accuracy {
-        tolerance: Tolerance,
-        closed_form: String,
-        uniform_rate: Option<f64>,
-        stepped: Vec<SteppedEntry>,
-    },
+    Pinned { method: String, precision: String, longest_step: f64 },
+    Accuracy { tolerance: Tolerance, closed_form: String, uniform_rate: Option<f64>, stepped: Vec<SteppedEntry> },
 }
 
 /// A bound whose infinite parts are left out, as JSON has no infinity.

@@ -202,7 +202,8 @@ impl Plan<'_> {
         let of_body = match group.treatment {
             Treatment::RegularPrecession => size_of::<RegularPrecession>(),
             Treatment::ClosedForm { precision } => {
-                let numbers = ROW_COLUMNS * if precision == Precision::F32 { size_of::<f32>() } else { size_of::<f64>() };
+                let numbers =
+                    ROW_COLUMNS * if precision == Precision::F32 { size_of::<f32>() } else { size_of::<f64>() };
                 WORD_COLUMNS * size_of::<u64>() + numbers + size_of::<BodyFrame>()
             }
             Treatment::Stepped { precision, .. } => {
@@ -301,8 +302,12 @@ impl fmt::Display for Explanation {
         for row in &self.classes {
             writeln!(formatter, "{row}")?;
         }
-        writeln!(formatter, "
-{:<18} {:>10}  {:>9}  why", "skipped", "bodies", "bound rad")?;
+        writeln!(
+            formatter,
+            "
+{:<18} {:>10}  {:>9}  why",
+            "skipped", "bodies", "bound rad"
+        )?;
         for skip in &self.skips {
             writeln!(formatter, "{:<18} {:>10}  {:>9.1e}  {}", skip.name, skip.bodies, skip.attitude, skip.reason)?;
         }

@@ -36,12 +36,15 @@ const ENOUGH: f64 = 0.8;
 const TOO_GOOD: f64 = 0.05;
 /// How often a coefficient is corrected.
 const CORRECTIONS: usize = 6;
+/// The most by which a coefficient grows at once: where rounding is in the way, steps must not become countless before that
+/// shows.
+const MOST_CORRECTION: f64 = 1e4;
 /// Output times beyond which the pilot goes to the end in one go.
 const MOST_TIMES: usize = 1000;
 /// The angle, rad, over which methods are compared where no bodies are looked at.
 const NOMINAL_ANGLE: f64 = 10.0;
 /// A candidate that is this much dearer before its pilot is not tried.
-const HOPELESS: f64 = 8.0;
+const HOPELESS: f64 = 4.0;
 
 /// What a pilot found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,8 +85,10 @@ impl Pilot<'_> {
         let reference = reference::states(self)?;
         let mut best: Option<(Found, f64)> = None;
         for (start, cost) in self.candidates() {
+            // With the coefficient of the kinder problem: the other's would rule out what its own pilot might favour.
+            let hoped = Rule { coefficient: cost.free.coefficient.min(cost.driven.coefficient), ..start };
             let hopeless = best
-                .is_some_and(|(found, seconds)| found.part <= 1.0 && self.seconds(&start, cost) > HOPELESS * seconds);
+                .is_some_and(|(found, seconds)| found.part <= 1.0 && self.seconds(&hoped, cost) > HOPELESS * seconds);
             if hopeless {
                 continue;
             }
@@ -161,7 +166,7 @@ impl Pilot<'_> {
                 break;
             }
             // A sample without any error would make the coefficient vanish.
-            rule.coefficient *= (part / AIM).clamp(1e-4, 1e6);
+            rule.coefficient *= (part / AIM).clamp(1e-4, MOST_CORRECTION);
         }
         Ok(best)
     }

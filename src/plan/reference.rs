@@ -12,6 +12,8 @@ use crate::method::Method;
 const SETTLED: f64 = 0.02;
 /// The error that the first reference aims at, as a part of the target.
 const AIM: f64 = 1e-2;
+/// The least that it aims at, rad: rounding in `f64`.
+const LEAST: f64 = 1e-15;
 /// How often its steps are halved.
 const HALVINGS: usize = 6;
 
@@ -19,18 +21,21 @@ const HALVINGS: usize = 6;
 pub(super) fn states(pilot: &Pilot<'_>) -> Result<States> {
     let cost: &Cost = COSTS.iter().find(|cost| cost.method == Method::Rk8).unwrap_or(&COSTS[0]);
     let rule = pilot.rule(cost, Some(Precision::F64));
-    let mut rule = Rule { attitude: AIM * rule.attitude, ..rule };
+    let mut rule = Rule { attitude: (AIM * rule.attitude).max(LEAST), ..rule };
     let order = rule.method.order() as i32;
     let mut states = pilot.stepped(&rule)?;
+    let mut last = f64::INFINITY;
     for _ in 0..HALVINGS {
         rule.coefficient *= 2.0_f64.powi(order);
         rule.longest_angle *= 0.5;
         let finer = pilot.stepped(&rule)?;
         let change = pilot.part(&states, &finer);
         states = finer;
-        if change <= SETTLED {
+        // What halving does not lessen is rounding.
+        if change <= SETTLED || change > 0.5 * last {
             break;
         }
+        last = change;
     }
     Ok(states)
 }

@@ -194,6 +194,8 @@ pub struct Trust {
     pub closed_form: bool,
     /// Steps of all bodies together.
     pub body_steps: u64,
+    /// Bytes that were read back from the device; 0 on the CPU.
+    pub bytes_read: u64,
     /// Drift of the invariants at the end.
     pub drift: Drift,
     /// Errors estimated from a sample of bodies.

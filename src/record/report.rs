@@ -28,6 +28,8 @@ pub struct Report {
     pub body_steps: u64,
     /// Body-steps a second of integration; 0 where nothing was integrated.
     pub body_steps_per_second: f64,
+    /// Bytes that were read back from the device; 0 on the CPU.
+    pub bytes_read: u64,
     /// Wall time by phase.
     pub wall_time: WallTimeReport,
     /// Drift of what a free body conserves, from start to end.
@@ -206,6 +208,7 @@ impl Report {
                 skips: explanation.skips,
             },
             body_steps: trust.body_steps,
+            bytes_read: trust.bytes_read,
             body_steps_per_second: if trust.body_steps > 0 && rate.is_finite() { rate } else { 0.0 },
             wall_time: WallTimeReport {
                 prepare: trust.wall_time.prepare,

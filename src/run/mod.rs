@@ -114,6 +114,7 @@ pub fn run_into(
             }
         }
     }
+    let bytes_read = units.iter().map(Unit::bytes_read).sum();
     drop(units);
 
     let clock = Instant::now();
@@ -137,6 +138,7 @@ pub fn run_into(
         longest_step: plan.longest_step(),
         closed_form: plan.is_closed_form(),
         body_steps: plan.body_steps(),
+        bytes_read,
         drift: drift.finish(),
         shadow,
         failed_bodies,

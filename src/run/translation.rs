@@ -69,8 +69,5 @@ fn stepped(forces: &Accelerations, (position, velocity): (DVec3, DVec3), dt: f64
     let k2 = acceleration(velocity + k1 * (0.5 * dt));
     let k3 = acceleration(velocity + k2 * (0.5 * dt));
     let k4 = acceleration(velocity + k3 * dt);
-    (
-        position + (velocity + (k1 + k2 + k3) * (dt / 6.0)) * dt,
-        velocity + (k1 + (k2 + k3) * 2.0 + k4) * (dt / 6.0),
-    )
+    (position + (velocity + (k1 + k2 + k3) * (dt / 6.0)) * dt, velocity + (k1 + (k2 + k3) * 2.0 + k4) * (dt / 6.0))
 }
