@@ -374,6 +374,15 @@ pub fn bytes_per_body(precision: Precision) -> usize {
     columns + size_of::<BodyFrame>()
 }
 
+/// Bytes that [`prepare_with`] takes for one body under some torques, frames included.
+pub(crate) fn bytes_per_body_under(precision: Precision, torques: &[Torque], span: f64) -> usize {
+    let of_torques = match precision {
+        Precision::F32 => torque::bytes_per_body::<f32>(&TorqueTable::new(torques, 0, STRIDE_UNIT, span, false)),
+        Precision::F64 => torque::bytes_per_body::<f64>(&TorqueTable::new(torques, 0, STRIDE_UNIT, span, false)),
+    };
+    bytes_per_body(precision) + of_torques
+}
+
 /// Bodies that one task prepares; small enough to balance, large enough to stream.
 const BLOCK: usize = 4096;
 

@@ -116,6 +116,33 @@ pub enum Error {
     /// A force acts on bodies that have no mass.
     #[error("a force needs masses: give the bodies mass, position and velocity (kg, m, m/s)")]
     MissingMass,
+    /// A plan was made for another scene.
+    #[cfg(feature = "study")]
+    #[error(
+        "{}: {field} is {planned} in the plan, {found} in the study: run the study that it was made for, or run without --plan",
+        path.display()
+    )]
+    PlanMismatch {
+        /// The plan's file.
+        path: PathBuf,
+        /// What differs.
+        field: &'static str,
+        /// What the plan holds.
+        planned: String,
+        /// What the study has.
+        found: String,
+    },
+    /// A file is no plan of this release.
+    #[cfg(feature = "study")]
+    #[error("{}:{line}: {reason}: a plan.json that a run of this release has left is needed", path.display())]
+    PlanFormat {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What is wrong with it.
+        reason: String,
+    },
     /// The driver gave less device memory than the bodies need.
     #[error("{bodies} bodies: {adapter} has no {needed} bytes free; take fewer bodies, f32, or the CPU engine")]
     DeviceMemory {

@@ -39,8 +39,8 @@ fn a_run_writes_what_the_study_asks_for_and_says_so() {
     let desk = Desk::new(SMALL);
     let summary = desk.done(&["run", "study.toml", "--engine", "cpu"]);
     assert!(summary.starts_with("Ten\n"), "{summary}");
-    assert!(summary.contains("final.csv, snapshots.csv, report.json in study.out"), "{summary}");
-    assert_eq!(desk.names("study.out"), ["final.csv", "report.json", "snapshots.csv"]);
+    assert!(summary.contains("final.csv, snapshots.csv, plan.json, report.json in study.out"), "{summary}");
+    assert_eq!(desk.names("study.out"), ["final.csv", "plan.json", "report.json", "snapshots.csv"]);
 
     let states = States::read(&desk.path("study.out/snapshots.csv"));
     assert_eq!(states.rows(), 40);
@@ -198,7 +198,7 @@ fn results_are_replaced_only_by_force_and_then_all_of_them() {
     fs::write(desk.path("study.toml"), SMALL.replace("snapshots = true", "snapshots = false")).unwrap();
     desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--force"]);
     // The snapshots belonged to the former run.
-    assert_eq!(desk.names("study.out"), ["final.csv", "notes.txt", "report.json"]);
+    assert_eq!(desk.names("study.out"), ["final.csv", "notes.txt", "plan.json", "report.json"]);
 }
 
 #[test]
@@ -316,7 +316,7 @@ fn the_study_in_the_help_runs() {
     let study: String = lines.flat_map(|line| [line.trim_start(), "\n"]).collect();
     let desk = Desk::new(&study);
     desk.done(&["run", "study.toml", "--engine", "cpu"]);
-    assert_eq!(desk.names("study.out"), ["final.csv", "report.json", "snapshots.csv"]);
+    assert_eq!(desk.names("study.out"), ["final.csv", "plan.json", "report.json", "snapshots.csv"]);
 }
 
 #[test]

@@ -72,7 +72,7 @@ fn the_disc_wobbles_twice_as_fast_as_it_turns() {
 
 #[test]
 fn the_wobbling_disc_as_it_stands_writes_arrays() {
-    assert_eq!(run_example("wobbling_disc").names("out"), ["final.npz", "report.json", "snapshots.npz"]);
+    assert_eq!(run_example("wobbling_disc").names("out"), ["final.npz", "plan.json", "report.json", "snapshots.npz"]);
 }
 
 #[test]

@@ -241,6 +241,11 @@ pub trait Session {
     ///
     /// [`crate::Error::Device`] where the device is lost.
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords>;
+
+    /// Bytes that reads have moved from the device's memory to the host's so far; 0 where the state is in the host's.
+    fn bytes_read(&self) -> u64 {
+        0
+    }
 }
 
 /// Torque-free bodies on an engine, at a time that the caller chooses.
@@ -262,6 +267,11 @@ pub trait FreeSession {
     ///
     /// [`crate::Error::Device`] where the device is lost.
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords>;
+
+    /// Bytes that reads have moved from the device's memory to the host's so far; 0 where the state is in the host's.
+    fn bytes_read(&self) -> u64 {
+        0
+    }
 }
 
 /// The times at which a closed form can be evaluated.

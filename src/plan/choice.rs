@@ -15,14 +15,13 @@ pub struct Rule {
     pub method: Method,
     /// The coefficient.
     pub coefficient: f64,
+    /// No step turns a body further than this, rad.
+    pub longest_angle: f64,
     /// The error, rad.
     pub attitude: f64,
     /// The arithmetic; `None` takes `f32` for each body for which [`floor_f32`] is below the error.
     pub precision: Option<Precision>,
 }
-
-/// No step turns a body further than this, rad: beyond it no method's error behaves as its order says.
-const LONGEST_ANGLE: f64 = 0.5;
 
 impl Rule {
     /// The longest step, s, of a body that turns at up to `rate` rad/s over `span` s.
@@ -32,7 +31,7 @@ impl Rule {
             return span;
         }
         let order = f64::from(self.method.order());
-        let theta = (self.attitude / (self.coefficient * angle)).powf(order.recip()).min(LONGEST_ANGLE);
+        let theta = (self.attitude / (self.coefficient * angle)).powf(order.recip()).min(self.longest_angle);
         (theta / rate).min(span)
     }
 }

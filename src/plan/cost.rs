@@ -10,20 +10,84 @@ use crate::method::Method;
 pub struct Cost {
     /// The integrator.
     pub method: Method,
-    /// c in the attitude error c θ^order α of a body that turns by α rad in steps of θ rad; 99th percentile, with a margin of
-    /// two, of the free problem of `study::problem`.
+    /// No step turns a body further than this, rad: beyond it the error does not behave as the order says.
+    pub longest_angle: f64,
+    /// Of free bodies.
+    pub free: Figures,
+    /// Under a constant torque and linear drag.
+    pub driven: Figures,
+}
+
+/// What was measured of one method.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Figures {
+    /// c in the attitude error c θ^order α of a body that turns by α rad in steps of θ rad: twice the 99th percentile over the
+    /// bodies.
     pub coefficient: f64,
     /// Time of a step, s, of one core with AVX-512, in `f32` and `f64`.
     pub seconds: [f64; 2],
 }
 
-/// The methods that a plan chooses among, the most accurate first.
-pub const COSTS: &[Cost] = &[Cost { method: Method::Rk4, coefficient: 1e-3, seconds: [2.6e-9, 4.6e-9] }];
+/// The methods that a plan chooses among, the one first that most scenes end with, so that hopeless ones are known early.
+///
+/// Measured with `RAYON_NUM_THREADS=1 cargo bench --bench costs` (`--profile dev`, a busy machine, the least of six). On both
+/// problems `rk4` is the cheapest above about 1e-3 rad and `rk8` below.
+pub const COSTS: &[Cost] = &[
+    Cost {
+        method: Method::Rk8,
+        longest_angle: 2.5,
+        free: Figures { coefficient: 6e-9, seconds: [2.7e-8, 5.1e-8] },
+        driven: Figures { coefficient: 0.13, seconds: [2.8e-8, 5.6e-8] },
+    },
+    Cost {
+        method: Method::Rk4,
+        longest_angle: 1.0,
+        free: Figures { coefficient: 1.5e-3, seconds: [3.9e-9, 7.3e-9] },
+        driven: Figures { coefficient: 16.0, seconds: [4.2e-9, 8.3e-9] },
+    },
+    Cost {
+        method: Method::Cf4,
+        longest_angle: 1.0,
+        free: Figures { coefficient: 7e-4, seconds: [1.2e-8, 2.4e-8] },
+        driven: Figures { coefficient: 0.8, seconds: [2.6e-8, 7.9e-8] },
+    },
+    Cost {
+        method: Method::Splitting4,
+        longest_angle: 0.5,
+        free: Figures { coefficient: 4e-4, seconds: [1.1e-8, 4.2e-8] },
+        driven: Figures { coefficient: 0.5, seconds: [1.2e-7, 2.8e-7] },
+    },
+    Cost {
+        method: Method::Splitting6,
+        longest_angle: 0.5,
+        free: Figures { coefficient: 6e-4, seconds: [1.6e-8, 3.2e-8] },
+        driven: Figures { coefficient: 3.0, seconds: [2.0e-7, 7.0e-7] },
+    },
+];
+
+/// Time of one evaluation of a torque-free motion at an output time, read and brought to the user's axes, s, of one core: by elliptic functions in an
+/// arithmetic, or, without one, as a regular precession (`cargo bench --bench costs`).
+pub fn evaluation_seconds(closed_form: Option<Precision>) -> f64 {
+    match closed_form {
+        None => 2.2e-7,
+        Some(Precision::F32) => 2.5e-7,
+        Some(Precision::F64) => 2.7e-7,
+    }
+}
 
 impl Cost {
     /// Time of a step, s.
-    pub fn step_seconds(&self, precision: Precision) -> f64 {
-        self.seconds[usize::from(precision == Precision::F64)]
+    pub fn step_seconds(&self, precision: Precision, free: bool) -> f64 {
+        self.figures(free).seconds[usize::from(precision == Precision::F64)]
+    }
+
+    /// c of bodies that are free or driven.
+    pub fn coefficient(&self, free: bool) -> f64 {
+        self.figures(free).coefficient
+    }
+
+    fn figures(&self, free: bool) -> &Figures {
+        if free { &self.free } else { &self.driven }
     }
 }
 

@@ -35,6 +35,18 @@ impl TorqueSet {
         self.0 & (1 << index.min(OWN_BITS)) != 0
     }
 
+    /// The set of some indices.
+    #[cfg(feature = "study")]
+    pub(crate) fn of_indices(indices: &[usize]) -> Self {
+        Self(indices.iter().fold(0, |set, &index| set | 1 << index.min(OWN_BITS)))
+    }
+
+    /// The indices of the members; the last one stands for all that follow.
+    #[cfg(feature = "study")]
+    pub(crate) fn indices(self) -> Vec<usize> {
+        (0..=OWN_BITS).filter(|&index| self.contains(index)).collect()
+    }
+
     /// The members, in the scene's order.
     pub fn of(self, torques: &[Torque]) -> Vec<Torque> {
         torques

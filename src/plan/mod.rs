@@ -9,7 +9,7 @@
 use std::collections::BTreeMap;
 
 use crate::batch::Precision;
-use crate::engine::Backend;
+use crate::engine::{Backend, Description};
 use crate::error::{Error, Result};
 use crate::method::Method;
 use crate::scene::{Outputs, Scene, Stepping};
@@ -17,16 +17,25 @@ use crate::scene::{Outputs, Scene, Stepping};
 pub mod choice;
 pub mod class;
 pub mod cost;
+#[cfg(feature = "study")]
+mod document;
 mod driven;
+pub mod explain;
 pub mod group;
+#[cfg(feature = "study")]
+mod marks;
 mod pilot;
+mod reference;
 mod resolution;
 pub mod skip;
 mod times;
 
 pub use choice::{CLOSED_FORM_F32, Rule};
 pub use class::{Bound, Class, Shape};
+#[cfg(feature = "study")]
+pub use document::PlanDocument;
 pub use driven::TorqueSet;
+pub use explain::Explanation;
 pub use group::{Group, Members, Treatment};
 pub use pilot::Found;
 pub use resolution::{Resolution, Stepped};
@@ -39,6 +48,7 @@ use times::{output_times, steps_over};
 #[derive(Clone, Debug)]
 pub struct Plan<'a> {
     scene: &'a Scene,
+    engine: Description,
     method: Method,
     precision: Precision,
     longest_step: f64,
@@ -65,6 +75,13 @@ impl<'a> Plan<'a> {
     /// [`Error::AccuracyOutOfReach`] where no candidate meets what is asked for; [`Error::RigidOnly`] where internal
     /// dissipation acts and the method pinned cannot follow it.
     pub fn new(scene: &'a Scene, engine: &dyn Backend) -> Result<Self> {
+        let times = Self::checked(scene)?;
+        let resolution = Resolution::new(scene, engine, &times)?;
+        Self::resolved(scene, engine, resolution, times)
+    }
+
+    /// Checks what does not depend on what is chosen, and gives the output times.
+    fn checked(scene: &Scene) -> Result<Vec<f64>> {
         let times = output_times(scene)?;
         for (index, torque) in scene.torques().iter().enumerate() {
             torque.validate(index, scene.ensemble().len())?;
@@ -75,8 +92,7 @@ impl<'a> Plan<'a> {
         if scene.forces().iter().any(|force| !force.is_zero()) && scene.ensemble().translation().is_none() {
             return Err(Error::MissingMass);
         }
-        let resolution = Resolution::new(scene, engine, &times)?;
-        Self::resolved(scene, engine, resolution, times)
+        Ok(times)
     }
 
     /// The plan that follows from what was resolved before, on the same scene.
@@ -89,7 +105,8 @@ impl<'a> Plan<'a> {
         }
         let skips = skips(scene, &groups);
         let (method, precision, longest_step) = main_treatment(&groups, scene, engine);
-        let plan = Self { scene, method, precision, longest_step, times, resolution, groups, skips };
+        let engine = engine.description();
+        let plan = Self { scene, engine, method, precision, longest_step, times, resolution, groups, skips };
         plan.check_steps()?;
         Ok(plan)
     }
@@ -256,6 +273,7 @@ fn skips(scene: &Scene, groups: &[Group]) -> Vec<Skip> {
     let body_count = scene.ensemble().len();
     match scene.ensemble().translation() {
         None => add(SkipName::Translation, body_count, Bound::default()),
+        Some(_) if !scene.may_skip() => {}
         Some(_) => add(SkipName::TranslationSteps, body_count, Bound::default()),
     }
     if matches!(scene.output_times(), Outputs::End) {

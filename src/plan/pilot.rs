@@ -11,6 +11,7 @@ use std::ops::ControlFlow;
 use super::choice::{Look, Rule, narrowest};
 use super::cost::{COSTS, Cost};
 use super::group::{Members, Treatment, level_of, step_of};
+use super::reference;
 use crate::batch::{BodyState, Precision};
 use crate::error::Result;
 use crate::run::alone::states_at_end;
@@ -19,27 +20,31 @@ use crate::scene::{Accuracy, Scene};
 use crate::torque::Torque;
 
 /// The most bodies of a class in its pilot.
-const MOST_BODIES: usize = 128;
-/// The least, as far as there are so many.
-const LEAST_BODIES: usize = 32;
+const MOST_BODIES: usize = 1000;
+/// The least, as far as there are so many: the greatest error of 299 bodies bounds the 99th percentile of all with a
+/// probability of 95 %.
+const LEAST_BODIES: usize = 300;
 /// At most every so many-th body, so that the pilot stays small beside the run.
 const ONE_IN: usize = 16;
 
-/// What part of the target the sample's error is brought to. The percentile of the sample is not that of the class: among
-/// 128 bodies the 99th percentile is the second largest error, which scatters by a factor of two.
-const AIM: f64 = 0.25;
-/// What part of the target is good enough.
-const ENOUGH: f64 = 0.5;
+/// What part of the target the bound on the sample's error is brought to: as the steps' levels are apart, an error of order
+/// 8 comes out between this and a quarter of it.
+const AIM: f64 = 0.4;
+/// What part of the target is good enough; the rest is the margin.
+const ENOUGH: f64 = 0.8;
+/// Below this part a longer step is tried.
+const TOO_GOOD: f64 = 0.05;
 /// How often a coefficient is corrected.
-const CORRECTIONS: usize = 5;
-/// The reference's error as a part of the target.
-const REFERENCE: f64 = 1e-3;
-/// The least error that a reference in `f64` is asked for, rad.
-const LEAST_REFERENCE: f64 = 1e-14;
+const CORRECTIONS: usize = 6;
+/// The most by which a coefficient grows at once: where rounding is in the way, steps must not become countless before that
+/// shows.
+const MOST_CORRECTION: f64 = 1e4;
 /// Output times beyond which the pilot goes to the end in one go.
 const MOST_TIMES: usize = 1000;
+/// The angle, rad, over which methods are compared where no bodies are looked at.
+const NOMINAL_ANGLE: f64 = 10.0;
 /// A candidate that is this much dearer before its pilot is not tried.
-const HOPELESS: f64 = 30.0;
+const HOPELESS: f64 = 4.0;
 
 /// What a pilot found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,9 +64,14 @@ pub(super) struct Pilot<'a> {
     pub times: &'a [f64],
     pub torques: &'a [Torque],
     pub precision: Option<Precision>,
+    /// Bodies of the class.
+    pub all: usize,
     /// The sample with the looks at them.
     pub bodies: Vec<(u32, Look)>,
 }
+
+/// States of some bodies at the end.
+pub(super) type States = BTreeMap<usize, BodyState>;
 
 /// The bodies of a pilot among those of a class.
 pub(super) fn pilot_sample(class: &[u32], seed: u64) -> Vec<u32> {
@@ -72,12 +82,13 @@ pub(super) fn pilot_sample(class: &[u32], seed: u64) -> Vec<u32> {
 impl Pilot<'_> {
     /// The cheapest rule that meets the target in the sample; the most accurate where none does.
     pub fn fly(&self) -> Result<Found> {
-        let reference = self.reference()?;
+        let reference = reference::states(self)?;
         let mut best: Option<(Found, f64)> = None;
-        for cost in COSTS {
-            let start = self.rule(cost);
+        for (start, cost) in self.candidates() {
+            // With the coefficient of the kinder problem: the other's would rule out what its own pilot might favour.
+            let hoped = Rule { coefficient: cost.free.coefficient.min(cost.driven.coefficient), ..start };
             let hopeless = best
-                .is_some_and(|(found, seconds)| found.part <= 1.0 && self.seconds(&start, cost) > HOPELESS * seconds);
+                .is_some_and(|(found, seconds)| found.part <= 1.0 && self.seconds(&hoped, cost) > HOPELESS * seconds);
             if hopeless {
                 continue;
             }
@@ -91,57 +102,79 @@ impl Pilot<'_> {
                 best = Some((found, seconds));
             }
         }
-        let fallback = Found { rule: self.rule(&COSTS[0]), part: 1.0, bodies: 0 };
-        Ok(best.map_or(fallback, |(found, _)| found))
+        Ok(best.map_or_else(|| self.from_table(), |(found, _)| found))
     }
 
-    fn rule(&self, cost: &Cost) -> Rule {
+    /// The rule that the shipped table takes for the cheapest. It depends on the target and the torques alone, not on the bodies.
+    pub fn from_table(&self) -> Found {
+        let seconds = |(rule, cost): &(Rule, &Cost)| {
+            let precision = rule.precision.unwrap_or_else(|| narrowest(rule.attitude, NOMINAL_ANGLE));
+            cost.step_seconds(precision, self.torques.is_empty()) / rule.longest_step(1.0, NOMINAL_ANGLE)
+        };
+        let cheapest = self.candidates().into_iter().min_by(|a, b| seconds(a).total_cmp(&seconds(b)));
+        let rule = cheapest.map_or_else(|| self.rule(&COSTS[0], self.precision), |(rule, _)| rule);
+        Found { rule, part: 1.0, bodies: 0 }
+    }
+
+    /// Every method that can follow the torques, in `f32` where its floor allows and in `f64`.
+    fn candidates(&self) -> Vec<(Rule, &'static Cost)> {
+        let slipping = self.torques.iter().any(|torque| matches!(torque, Torque::InternalDissipation(_)));
+        let mut candidates = Vec::new();
+        for cost in COSTS.iter().filter(|cost| !(slipping && cost.method.properties().rigid_only)) {
+            let rule = self.rule(cost, self.precision);
+            candidates.push((rule, cost));
+            let span = self.scene.end();
+            let narrow = |(_, look): &(u32, Look)| !rule.is_wide(look.rate * span);
+            if self.precision.is_none() && self.bodies.iter().any(narrow) {
+                candidates.push((self.rule(cost, Some(Precision::F64)), cost));
+            }
+        }
+        candidates
+    }
+
+    pub fn rule(&self, cost: &Cost, precision: Option<Precision>) -> Rule {
         Rule {
             method: cost.method,
-            coefficient: cost.coefficient,
+            coefficient: cost.coefficient(self.torques.is_empty()),
+            longest_angle: cost.longest_angle,
             attitude: self.accuracy.strictest(),
-            precision: self.precision,
+            precision,
         }
     }
 
     /// The rule with the coefficient that the sample needs.
-    fn calibrated(&self, start: Rule, reference: &BTreeMap<usize, BodyState>) -> Result<Found> {
+    fn calibrated(&self, start: Rule, reference: &States) -> Result<Found> {
         let mut rule = start;
-        let mut found = Found { rule, part: f64::INFINITY, bodies: self.bodies.len() };
+        let mut best = Found { rule, part: f64::INFINITY, bodies: self.bodies.len() };
         for _ in 0..=CORRECTIONS {
             let part = self.part(&self.stepped(&rule)?, reference);
-            if part < found.part {
-                found = Found { rule, part, bodies: self.bodies.len() };
-            } else if rule.precision.is_none() && part > 1.0 {
-                // Finer steps did not help: rounding in f32 does not.
-                rule = Rule { precision: Some(Precision::F64), ..start };
-                continue;
+            let found = Found { rule, part, bodies: self.bodies.len() };
+            // Of two that are good enough the one with longer steps, else the more accurate.
+            let improves = match (part <= ENOUGH, best.part <= ENOUGH) {
+                (true, true) => rule.coefficient < best.rule.coefficient,
+                _ => part < best.part,
+            };
+            let before = best.part;
+            if improves {
+                best = found;
             }
-            if (0.1 * AIM..=ENOUGH).contains(&part) || (part < AIM && rule.takes_longest(self)) {
+            if (TOO_GOOD..=ENOUGH).contains(&part) || (part <= ENOUGH && rule.takes_longest(self)) {
+                break;
+            }
+            // Finer steps that do not help meet rounding, or a motion that no step resolves.
+            if part > 1.0 && part > 0.5 * before && before > 1.0 && before.is_finite() {
                 break;
             }
             // A sample without any error would make the coefficient vanish.
-            rule.coefficient *= (part / AIM).clamp(1e-4, 1e6);
+            rule.coefficient *= (part / AIM).clamp(1e-4, MOST_CORRECTION);
         }
-        Ok(found)
+        Ok(best)
     }
 
     /// The states of the sample under a rule.
-    fn stepped(&self, rule: &Rule) -> Result<BTreeMap<usize, BodyState>> {
-        let span = self.scene.end();
-        let mut groups: BTreeMap<(Option<i32>, bool), Vec<u32>> = BTreeMap::new();
-        for (body, look) in &self.bodies {
-            let step = rule.longest_step(look.rate, span);
-            let level = (step < span).then(|| level_of(step));
-            groups.entry((level, rule.is_wide(look.rate * span))).or_default().push(*body);
-        }
+    pub fn stepped(&self, rule: &Rule) -> Result<States> {
         let mut states = BTreeMap::new();
-        for ((level, wide), members) in groups {
-            let treatment = Treatment::Stepped {
-                method: rule.method,
-                precision: if wide { Precision::F64 } else { Precision::F32 },
-                longest_step: level.map_or(span, step_of),
-            };
+        for (treatment, members) in self.treatments(rule) {
             let members = Members::Some(members);
             let mut go_on = |_| ControlFlow::Continue(());
             states.extend(states_at_end(self.scene, &self.times(), self.torques, &members, &treatment, &mut go_on)?);
@@ -149,36 +182,53 @@ impl Pilot<'_> {
         Ok(states)
     }
 
+    /// The sample's bodies by how a rule steps them.
+    fn treatments(&self, rule: &Rule) -> Vec<(Treatment, Vec<u32>)> {
+        let span = self.scene.end();
+        let mut groups: BTreeMap<(Option<i32>, bool), Vec<u32>> = BTreeMap::new();
+        for (body, look) in &self.bodies {
+            let step = rule.longest_step(look.rate, span);
+            let level = (step < span).then(|| level_of(step));
+            groups.entry((level, rule.is_wide(look.rate * span))).or_default().push(*body);
+        }
+        let treatment = |(level, wide): (Option<i32>, bool)| Treatment::Stepped {
+            method: rule.method,
+            precision: if wide { Precision::F64 } else { Precision::F32 },
+            longest_step: level.map_or(span, step_of),
+        };
+        groups.into_iter().map(|(key, members)| (treatment(key), members)).collect()
+    }
+
     fn times(&self) -> Vec<f64> {
         if self.times.len() <= MOST_TIMES { self.times.to_vec() } else { vec![self.scene.end()] }
     }
 
-    fn reference(&self) -> Result<BTreeMap<usize, BodyState>> {
-        let rule = self.rule(&COSTS[0]);
-        let attitude = (REFERENCE * rule.attitude).max(LEAST_REFERENCE);
-        self.stepped(&Rule { attitude, precision: Some(Precision::F64), ..rule })
-    }
-
     /// The error at the percentile asked for, as a part of the target; the greatest of those asked for.
-    fn part(&self, states: &BTreeMap<usize, BodyState>, reference: &BTreeMap<usize, BodyState>) -> f64 {
+    pub fn part(&self, states: &States, reference: &States) -> f64 {
         let mut errors = Errors::default();
         for (body, state) in states {
             if let Some(reference) = reference.get(body) {
                 errors.push(state, reference);
             }
         }
-        errors.part_of(self.accuracy)
+        errors.part_of(self.accuracy, self.all)
     }
 
     /// Time that the sample's steps take, s.
     fn seconds(&self, rule: &Rule, cost: &Cost) -> f64 {
-        let span = self.scene.end();
-        let body = |look: &Look| {
-            let wide = rule.is_wide(look.rate * span);
-            let steps = (span / rule.longest_step(look.rate, span)).ceil();
-            steps * cost.step_seconds(if wide { Precision::F64 } else { Precision::F32 })
+        let times = self.times();
+        let steps = |treatment: &Treatment| {
+            let mut last = 0.0;
+            times
+                .iter()
+                .map(|&time| treatment.interval(time - std::mem::replace(&mut last, time)).steps as f64)
+                .sum::<f64>()
         };
-        self.bodies.iter().map(|(_, look)| body(look)).sum()
+        let of_group = |(treatment, members): &(Treatment, Vec<u32>)| {
+            let precision = treatment.precision_of_steps().unwrap_or(Precision::F64);
+            members.len() as f64 * steps(treatment) * cost.step_seconds(precision, self.torques.is_empty())
+        };
+        self.treatments(rule).iter().map(of_group).sum()
     }
 }
 

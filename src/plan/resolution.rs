@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use super::choice::{CLOSED_FORM_F32, Look, Rule, look_at, narrowest, skip_tolerance};
+use super::choice::{CLOSED_FORM_F32, Look, Rule, floor_f32, look_at, skip_tolerance};
 use super::class::{Bound, Class, Shape};
 use super::cost::COSTS;
 use super::driven::TorqueSet;
@@ -61,6 +61,9 @@ const PILOT_SEED: u64 = 1;
 const F32_MISSES: &str =
     "f32 does not reach this: precision f64, or more than 1e-6 rad and 3e-8 of the angle turned, is needed (rad)";
 
+/// What an engine without `f64` needs.
+const F64_ELSEWHERE: &str = "an adapter with f64 or the CPU engine is needed, or a larger error";
+
 impl Resolution {
     /// Resolves `scene` for `engine`; `times` are its output times.
     pub(super) fn new(scene: &Scene, engine: &dyn Backend, times: &[f64]) -> Result<Self> {
@@ -95,10 +98,11 @@ impl Resolution {
                     uniform_rate: (!scene.may_skip()).then(|| fastest_rate(scene, &tolerance)),
                     stepped: Vec::new(),
                 };
-                resolution.choose_steps(scene, &accuracy, wanted, has_f64, times)?;
-                if wanted == Some(Precision::F32) {
-                    resolution.check_f32(scene, attitude)?;
+                // Before the pilot, which would look for a step that does not exist.
+                if wanted == Some(Precision::F32) || !has_f64 {
+                    resolution.check_f32(scene, &accuracy, wanted)?;
                 }
+                resolution.choose_steps(scene, &accuracy, wanted, has_f64, times)?;
                 Ok(resolution)
             }
         }
@@ -116,28 +120,22 @@ impl Resolution {
         let Self::Accuracy { tolerance, uniform_rate, stepped, .. } = self else { return Ok(()) };
         let precision = if has_f64 { wanted } else { Some(Precision::F32) };
         for (torques, bodies) in stepped_bodies(scene) {
-            let rule = Rule {
-                method: COSTS[0].method,
-                coefficient: COSTS[0].coefficient,
-                attitude: accuracy.strictest(),
+            let acting = torques.of(scene.torques());
+            let flies = scene.has_pilot() && scene.end() > 0.0;
+            let sample = if flies { pilot_sample(&bodies, PILOT_SEED) } else { Vec::new() };
+            let pilot = Pilot {
+                scene,
+                accuracy,
+                times,
+                torques: &acting,
                 precision,
+                all: bodies.len(),
+                bodies: sample
+                    .into_iter()
+                    .map(|body| (body, at_rate(look_at(scene, body as usize, tolerance), *uniform_rate)))
+                    .collect(),
             };
-            let found = if scene.has_pilot() && scene.end() > 0.0 {
-                let pilot = Pilot {
-                    scene,
-                    accuracy,
-                    times,
-                    torques: &torques.of(scene.torques()),
-                    precision,
-                    bodies: pilot_sample(&bodies, PILOT_SEED)
-                        .into_iter()
-                        .map(|body| (body, at_rate(look_at(scene, body as usize, tolerance), *uniform_rate)))
-                        .collect(),
-                };
-                pilot.fly()?
-            } else {
-                Found { rule, part: 1.0, bodies: 0 }
-            };
+            let found = if flies { pilot.fly()? } else { pilot.from_table() };
             if found.part > 1.0 {
                 return Err(out_of_reach(&found, has_f64));
             }
@@ -146,21 +144,36 @@ impl Resolution {
         Ok(())
     }
 
-    /// Refuses `f32` where the closed form or a stepped body would miss the target for its rounding alone.
-    fn check_f32(&self, scene: &Scene, attitude: f64) -> Result<()> {
+    /// Refuses `f32` where the closed form, or more stepped bodies than the percentile leaves out, would miss the target for
+    /// its rounding alone.
+    fn check_f32(&self, scene: &Scene, accuracy: &Accuracy, wanted: Option<Precision>) -> Result<()> {
         let Self::Accuracy { tolerance, uniform_rate, .. } = self else { return Ok(()) };
-        let misses = |body: usize| {
+        let (attitude, count) = (accuracy.strictest(), scene.ensemble().len());
+        let left_out = ((1.0 - 0.01 * accuracy.percentile) * count as f64) as usize;
+        let floor = |body: usize| {
             let look = at_rate(look_at(scene, body, tolerance), *uniform_rate);
-            if look.torques.is_empty() && scene.may_skip() {
-                look.verdict.shape == Shape::Asymmetric && attitude < CLOSED_FORM_F32
-            } else {
-                narrowest(attitude, look.rate * scene.end()) == Precision::F64
+            match (look.torques.is_empty() && scene.may_skip(), look.verdict.shape) {
+                // An engine without f64 leaves these to the processor.
+                (true, Shape::Asymmetric) if wanted == Some(Precision::F32) => CLOSED_FORM_F32,
+                (true, _) => 0.0,
+                (false, _) => floor_f32(look.rate * scene.end()),
             }
         };
-        if (0..scene.ensemble().len()).into_par_iter().any(misses) {
+        let mut floors: Vec<f64> = (0..count).into_par_iter().map(floor).filter(|&floor| floor > attitude).collect();
+        if floors.len() <= left_out {
+            return Ok(());
+        }
+        if wanted == Some(Precision::F32) {
             return Err(Error::Setting { field: "accuracy.attitude", value: attitude, expected: F32_MISSES });
         }
-        Ok(())
+        floors.sort_by(|a, b| b.total_cmp(a));
+        Err(Error::AccuracyOutOfReach {
+            target: attitude,
+            reached: floors[left_out],
+            method: COSTS[0].method,
+            precision: Precision::F32,
+            remedy: F64_ELSEWHERE,
+        })
     }
 
     /// The groups of a scene's bodies.
@@ -322,7 +335,7 @@ fn out_of_reach(found: &Found, has_f64: bool) -> Error {
     let narrow = found.rule.precision == Some(Precision::F32);
     let remedy = match (narrow, has_f64) {
         (true, true) => "precision f64 is needed, or a larger error",
-        (true, false) => "an adapter with f64 or the CPU engine is needed, or a larger error",
+        (true, false) => F64_ELSEWHERE,
         (false, _) => "rounding in f64 is in the way: a shorter span is needed, or a larger error",
     };
     Error::AccuracyOutOfReach {

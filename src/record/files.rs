@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use super::csv_file::CsvFile;
-use super::folder::{OutputFolder, REPORT};
+use super::folder::{OutputFolder, PLAN, REPORT};
 use super::npz_file::{NpzFile, Times};
 use super::report::{Report, StudyReport};
 use super::{OutputState, Sink};
@@ -113,7 +113,7 @@ impl Sink for FileSink {
     }
 }
 
-/// Runs `plan` on `engine` and writes the tables that `output` asks for, and `report.json`, into `folder`.
+/// Runs `plan` on `engine` and writes the tables that `output` asks for, `plan.json` and `report.json`, into `folder`.
 ///
 /// All files appear when all are complete, the report last; where anything fails or `observer` breaks, none appears.
 /// Memory does not grow with the number of output times. `since` is when the work on the study began, for the report.
@@ -134,6 +134,7 @@ pub fn run_to_folder(
     let mut sink = FileSink::begin(&mut folder, output, plan)?;
     let trust = run_into(engine, plan, &mut sink, observer)?;
     sink.finish()?;
+    folder.begin(PLAN)?.write(plan.to_json().as_bytes())?;
 
     let study = study.map(|study| StudyReport {
         file: study.file().display().to_string(),

@@ -8,6 +8,8 @@ use crate::error::{Error, FileAction, Result};
 
 /// The file that appears last, when a run is complete.
 pub const REPORT: &str = "report.json";
+/// The file that repeats a run.
+pub const PLAN: &str = "plan.json";
 
 /// Stems of the tables that a run may write.
 const TABLES: [&str; 4] = ["final", "snapshots", "statistics", "events"];
@@ -82,7 +84,7 @@ impl OutputFolder {
     /// taken for a part of this run.
     pub(super) fn commit(mut self) -> Result<()> {
         let former = TABLES.iter().flat_map(|stem| ENDINGS.map(|ending| format!("{stem}.{ending}")));
-        for name in former.chain([REPORT.to_owned()]) {
+        for name in former.chain([PLAN.to_owned(), REPORT.to_owned()]) {
             let path = self.path.join(&name);
             // The report goes first and comes last, so that a folder with a report is always complete.
             if (name == REPORT || !self.names.contains(&name)) && path.exists() {

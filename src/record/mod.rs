@@ -29,7 +29,7 @@ pub use drift::{Drift, Quantiles};
 #[cfg(feature = "study")]
 pub use files::run_to_folder;
 #[cfg(feature = "study")]
-pub use folder::{OutputFolder, REPORT};
+pub use folder::{OutputFolder, PLAN, REPORT};
 #[cfg(feature = "study")]
 pub use report::Report;
 
@@ -160,7 +160,8 @@ pub struct Shadow {
     pub kinetic_energy: Quantiles,
     /// The errors that were asked for; `None` where method and step were pinned.
     pub target: Option<Accuracy>,
-    /// Whether the sample meets them, at their percentile.
+    /// Whether the sample agrees with them: with 99 of 100 bodies asked for, 2 of 64 may be beyond by chance, 3 are not
+    /// (one in 20 samples of bodies that meet the target shows more than is allowed here).
     pub met: Option<bool>,
 }
 
@@ -193,6 +194,8 @@ pub struct Trust {
     pub closed_form: bool,
     /// Steps of all bodies together.
     pub body_steps: u64,
+    /// Bytes that were read back from the device; 0 on the CPU.
+    pub bytes_read: u64,
     /// Drift of the invariants at the end.
     pub drift: Drift,
     /// Errors estimated from a sample of bodies.

@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::{Quantiles, Trust};
 use crate::engine::EngineKind;
 use crate::plan::Plan;
+use crate::plan::explain::{ClassRow, SkipRow};
 
 /// A run in figures, as it stands in `report.json`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -27,12 +28,16 @@ pub struct Report {
     pub body_steps: u64,
     /// Body-steps a second of integration; 0 where nothing was integrated.
     pub body_steps_per_second: f64,
+    /// Bytes that were read back from the device; 0 on the CPU.
+    pub bytes_read: u64,
     /// Wall time by phase.
     pub wall_time: WallTimeReport,
     /// Inertia tensors that were repaired before the run, where the study asks for that.
     pub repairs: Option<RepairReport>,
     /// Drift of what a free body conserves, from start to end.
     pub drift: DriftReport,
+    /// Errors at the end.
+    pub accuracy: AccuracyReport,
     /// Bodies whose state is no longer finite, ascending; their rows hold NaN or infinity.
     pub failed_bodies: Vec<usize>,
     /// Files beside this one.
@@ -74,8 +79,42 @@ pub struct PlanReport {
     pub precision: &'static str,
     /// The longest step, s; 0 in closed form.
     pub longest_step: f64,
-    /// Steps of one body; 0 in closed form.
+    /// The most steps of a body; 0 in closed form.
     pub steps: u64,
+    /// What runs for which bodies.
+    pub classes: Vec<ClassRow>,
+    /// What is left out, and why that is safe.
+    pub skips: Vec<SkipRow>,
+}
+
+/// Errors at the end, estimated from a sample of bodies that was recomputed in `f64` with finer steps or in closed form.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AccuracyReport {
+    /// Bodies behind the figures.
+    pub bodies: usize,
+    /// Attitude error, rad.
+    pub attitude: QuantilesReport,
+    /// Error of the angular velocity in body axes, relative to its magnitude.
+    pub angular_velocity: QuantilesReport,
+    /// Error of the rotational kinetic energy, relative.
+    pub kinetic_energy: QuantilesReport,
+    /// What was asked for; `null` where method and step were pinned.
+    pub target: Option<TargetReport>,
+    /// Whether the sample agrees with it ([`super::Shadow::met`]).
+    pub met: Option<bool>,
+}
+
+/// The errors that were asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct TargetReport {
+    /// Attitude error, rad.
+    pub attitude: Option<f64>,
+    /// Error of the angular velocity, relative.
+    pub angular_velocity: Option<f64>,
+    /// Error of the kinetic energy, relative.
+    pub energy: Option<f64>,
+    /// The percentile over the bodies.
+    pub percentile: f64,
 }
 
 /// Wall time by phase, s.
@@ -95,6 +134,8 @@ pub struct WallTimeReport {
     pub format: f64,
     /// Handing bytes to the file system.
     pub disk: f64,
+    /// Recomputing the sample of bodies behind the errors.
+    pub shadow: f64,
     /// From the study to the last file.
     pub total: f64,
 }
@@ -155,6 +196,7 @@ impl From<Quantiles> for QuantilesReport {
 impl Report {
     pub(super) fn new(study: Option<StudyReport>, plan: &Plan<'_>, trust: Trust) -> Self {
         let compute = trust.wall_time.compute;
+        let explanation = plan.explain();
         let rate = trust.body_steps as f64 / compute;
         Self {
             study,
@@ -175,14 +217,18 @@ impl Report {
                 precision: trust.precision.name(),
                 longest_step: if trust.closed_form { 0.0 } else { trust.longest_step },
                 steps: plan.steps(),
+                classes: explanation.classes,
+                skips: explanation.skips,
             },
             body_steps: trust.body_steps,
+            bytes_read: trust.bytes_read,
             body_steps_per_second: if trust.body_steps > 0 && rate.is_finite() { rate } else { 0.0 },
             wall_time: WallTimeReport {
                 prepare: trust.wall_time.prepare,
                 start: trust.wall_time.start,
                 compute,
                 read: trust.wall_time.read,
+                shadow: trust.wall_time.shadow,
                 ..WallTimeReport::default()
             },
             repairs: plan.scene().ensemble().repairs().map(|repairs| RepairReport {
@@ -194,6 +240,19 @@ impl Report {
                 kinetic_energy: trust.drift.kinetic_energy.into(),
                 angular_momentum_world: trust.drift.angular_momentum_world.into(),
                 norm: trust.drift.norm.into(),
+            },
+            accuracy: AccuracyReport {
+                bodies: trust.shadow.bodies,
+                attitude: trust.shadow.attitude.into(),
+                angular_velocity: trust.shadow.angular_velocity.into(),
+                kinetic_energy: trust.shadow.kinetic_energy.into(),
+                target: trust.shadow.target.map(|target| TargetReport {
+                    attitude: target.attitude,
+                    angular_velocity: target.angular_velocity,
+                    energy: target.energy,
+                    percentile: target.percentile,
+                }),
+                met: trust.shadow.met,
             },
             failed_bodies: trust.failed_bodies,
             files: Vec::new(),
@@ -262,6 +321,16 @@ impl fmt::Display for Report {
         writeln!(formatter, "{}", drift("drift    kinetic energy  ", &self.drift.kinetic_energy))?;
         writeln!(formatter, "{}", drift("         angular momentum", &self.drift.angular_momentum_world))?;
         writeln!(formatter, "{}", drift("         |q| - 1         ", &self.drift.norm))?;
+        let accuracy = &self.accuracy;
+        writeln!(formatter, "{}", drift("error    attitude (rad)  ", &accuracy.attitude))?;
+        writeln!(formatter, "{}", drift("         angular velocity", &accuracy.angular_velocity))?;
+        let verdict = match accuracy.met {
+            Some(true) => ": as asked for",
+            Some(false) => ": MORE THAN ASKED FOR",
+            None => "",
+        };
+        let bodies = if accuracy.bodies == 1 { "body" } else { "bodies" };
+        writeln!(formatter, "           estimated from {} {bodies} recomputed in f64{verdict}", accuracy.bodies)?;
         match self.failed_bodies.first() {
             None => write!(formatter, "  failed   none"),
             Some(first) => {

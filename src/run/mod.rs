@@ -3,23 +3,24 @@
 use std::ops::{ControlFlow, Range};
 use std::time::Instant;
 
-use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::batch::{BodyState, initial_state};
 use crate::engine::{Backend, Progress};
 use crate::ensemble::Ensemble;
 use crate::error::{Error, Result};
-use crate::force::{accelerations, closed_form};
 use crate::method::Status;
 use crate::plan::Plan;
 use crate::record::{DriftGatherer, Memory, OutputState, Record, Sink, Trust, WallTime};
-use crate::scene::{Scene, Stepping};
+use crate::scene::Stepping;
 
 pub(crate) mod alone;
+mod confidence;
 pub(crate) mod shadow;
+mod translation;
 mod unit;
 
+use translation::Centres;
 use unit::Unit;
 
 /// Bodies that are read and handed on at once: some megabytes.
@@ -61,6 +62,7 @@ pub fn run_into(
     let mut wall_time = WallTime::default();
     let units = plan.groups().iter().map(|group| Unit::start(engine, scene, group, &mut wall_time));
     let mut units = units.collect::<Result<Vec<_>>>()?;
+    let mut centres = Centres::start(plan);
 
     // A body that is not stepped has an output time as its only work.
     let total = plan.groups().iter().map(|group| plan.work_of(group)).fold(0, u64::saturating_add);
@@ -72,7 +74,9 @@ pub fn run_into(
     let count = plan.times().len();
     for (index, &time) in plan.times().iter().enumerate() {
         let last = index + 1 == count;
-        let wanted = sink.wants(index, count, time);
+        // The long way reads what nobody asked for too.
+        let asked = sink.wants(index, count, time);
+        let wanted = asked || !scene.may_skip();
         let clock = Instant::now();
         for unit in &mut units {
             let before = done;
@@ -81,6 +85,7 @@ pub fn run_into(
             })?;
             done = done.saturating_add(work);
         }
+        centres.advance(time, plan.interval(index));
         wall_time.compute += clock.elapsed().as_secs_f64();
         if plan.is_closed_form() && observer(Progress { done, total }).is_break() {
             return Err(Error::Interrupted { steps: 0 });
@@ -91,14 +96,14 @@ pub fn run_into(
         for start in (0..body_count).step_by(READ_BLOCK) {
             let range = start..(start + READ_BLOCK).min(body_count);
             let clock = Instant::now();
-            let states = read_states(&mut units, scene, range.clone(), time)?;
+            let states = read_states(&mut units, &centres, range.clone())?;
             if last {
                 gather_trust(scene.ensemble(), &states, range.clone(), &mut drift, &mut failed_bodies);
                 let of_block = |body: &&u32| range.contains(&(**body as usize));
                 sampled.extend(sample.iter().filter(of_block).map(|&body| states[body as usize - start].rotation));
             }
             wall_time.read += clock.elapsed().as_secs_f64();
-            if wanted {
+            if asked {
                 let clock = Instant::now();
                 sink.bodies(index, time, start, &states)?;
                 wall_time.write += clock.elapsed().as_secs_f64();
@@ -109,6 +114,7 @@ pub fn run_into(
             }
         }
     }
+    let bytes_read = units.iter().map(Unit::bytes_read).sum();
     drop(units);
 
     let clock = Instant::now();
@@ -132,6 +138,7 @@ pub fn run_into(
         longest_step: plan.longest_step(),
         closed_form: plan.is_closed_form(),
         body_steps: plan.body_steps(),
+        bytes_read,
         drift: drift.finish(),
         shadow,
         failed_bodies,
@@ -140,7 +147,7 @@ pub fn run_into(
 }
 
 /// Some bodies in the user's axes and units.
-fn read_states(units: &mut [Unit<'_>], scene: &Scene, bodies: Range<usize>, time: f64) -> Result<Vec<OutputState>> {
+fn read_states(units: &mut [Unit<'_>], centres: &Centres<'_>, bodies: Range<usize>) -> Result<Vec<OutputState>> {
     let mut states = vec![BodyState::UNKNOWN; bodies.len()];
     for unit in units {
         unit.read(bodies.clone(), &mut states)?;
@@ -148,15 +155,8 @@ fn read_states(units: &mut [Unit<'_>], scene: &Scene, bodies: Range<usize>, time
     Ok(states
         .into_par_iter()
         .zip(bodies)
-        .map(|(rotation, body)| OutputState { rotation, translation: translation_at(scene, body, time) })
+        .map(|(rotation, body)| OutputState { rotation, translation: centres.of_body(body) })
         .collect())
-}
-
-/// Position and velocity of the centre of mass, in closed form.
-fn translation_at(scene: &Scene, body: usize, time: f64) -> Option<(DVec3, DVec3)> {
-    let translation = scene.ensemble().translation()?;
-    let forces = accelerations(scene.forces(), body, translation.mass[body]);
-    Some(closed_form(&forces, translation.position[body], translation.velocity[body], time))
 }
 
 /// Compares the end with the start, body by body, and lists the bodies that failed.

@@ -11,6 +11,7 @@ use crate::method::Method;
 use crate::plan::{Group, Members, Plan, TorqueSet, Treatment};
 use crate::record::{Quantiles, Shadow};
 use crate::run::alone::states_at_end;
+use crate::run::confidence::{is_plausible, upper_rank};
 use crate::scene::{Accuracy, Scene};
 
 /// Every so many-th body is in the shadow's sample.
@@ -106,13 +107,33 @@ impl Errors {
         self.energy.push(sound(relative(change, reference.kinetic_energy), f64::INFINITY));
     }
 
-    /// The errors at the percentile asked for as parts of their targets: the greatest of them.
-    pub(crate) fn part_of(&mut self, target: &Accuracy) -> f64 {
-        let part = 0.01 * target.percentile;
-        let ratio = |values: &mut [f64], wanted: Option<f64>| wanted.map_or(0.0, |w| Quantiles::rank(values, part) / w);
-        ratio(&mut self.attitude, target.attitude)
-            .max(ratio(&mut self.angular_velocity, target.angular_velocity))
-            .max(ratio(&mut self.energy, target.energy))
+    /// The errors at the percentile asked for as parts of their targets, the greatest of them. Of a sample of more
+    /// bodies, `all`, that is a bound which holds with a probability of 95 %.
+    pub(crate) fn part_of(&mut self, target: &Accuracy, all: usize) -> f64 {
+        let (part, count) = (0.01 * target.percentile, self.attitude.len());
+        let rank = if count < all { upper_rank(count, part) as f64 / count as f64 } else { part };
+        self.targets(target)
+            .into_iter()
+            .filter_map(|(values, wanted)| wanted.map(|wanted| Quantiles::rank(values, rank) / wanted))
+            .fold(0.0, f64::max)
+    }
+
+    /// Whether the sample speaks against the errors asked for: whether more of it are beyond than chance brings there in
+    /// one of 20 samples.
+    fn meets(&mut self, target: &Accuracy) -> bool {
+        let (part, count) = (0.01 * target.percentile, self.attitude.len());
+        self.targets(target).into_iter().all(|(values, wanted)| {
+            let beyond = wanted.map_or(0, |wanted| values.iter().filter(|&&error| error > wanted).count());
+            is_plausible(beyond, count, part)
+        })
+    }
+
+    fn targets(&mut self, target: &Accuracy) -> [(&mut Vec<f64>, Option<f64>); 3] {
+        [
+            (&mut self.attitude, target.attitude),
+            (&mut self.angular_velocity, target.angular_velocity),
+            (&mut self.energy, target.energy),
+        ]
     }
 
     /// What a run says of itself.
@@ -120,7 +141,7 @@ impl Errors {
         Shadow {
             bodies: self.attitude.len(),
             target: target.copied(),
-            met: target.map(|target| self.part_of(target) <= 1.0),
+            met: target.map(|target| self.meets(target)),
             attitude: Quantiles::of(&mut self.attitude),
             angular_velocity: Quantiles::of(&mut self.angular_velocity),
             kinetic_energy: Quantiles::of(&mut self.energy),

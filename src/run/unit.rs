@@ -93,6 +93,15 @@ impl<'p> Unit<'p> {
         }
     }
 
+    /// Bytes that were read back from a device so far.
+    pub fn bytes_read(&self) -> u64 {
+        match &self.motion {
+            Motion::Stepped { session, .. } => session.bytes_read(),
+            Motion::ClosedForm { session, .. } => session.bytes_read(),
+            Motion::Precession { .. } => 0,
+        }
+    }
+
     /// Writes the states of those of its bodies that are in `bodies` to their places in `states`.
     pub fn read(&mut self, bodies: Range<usize>, states: &mut [BodyState]) -> Result<()> {
         let rows = self.members.rows(bodies.clone());

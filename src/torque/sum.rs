@@ -218,13 +218,15 @@ impl<'a, R: Real> Torques<'a, R> {
                 Kind::EddyCurrent => eddy_current(self.column(c), self.vector(c + 1), q, omega),
                 Kind::SineSpring => sine_spring(self.column(c), self.quaternion(c + 1), q),
                 Kind::LogSpring => log_spring(self.column(c), self.quaternion(c + 1), q),
+                // The last of all: it holds for the whole sum.
+                Kind::LinearRotor => {
+                    sum = across_axis(self.column(c), sum);
+                    continue;
+                }
                 // White noise belongs to the epoch, dissipation to the motion.
                 Kind::WhiteNoise | Kind::InternalDissipation => continue,
             };
             sum = sum + torque;
-        }
-        for (_, c) in self.firsts(Kind::LinearRotor) {
-            sum = across_axis(self.column(c), sum);
         }
         sum
     }

@@ -27,6 +27,8 @@ pub struct Arguments {
 pub enum Command {
     /// Run a study and write its results.
     Run(RunArguments),
+    /// Print what a study would run, what it leaves out, and why.
+    Explain(ExplainArguments),
     /// Step the GPU and the CPU side by side and compare every step.
     Verify(VerifyArguments),
     /// Print mass, centre of mass, inertia tensor and principal axes of what a file describes.
@@ -131,11 +133,12 @@ Examples:
     polhode run study.toml --out results --force  replace those of a former run
     polhode run study.toml --engine gpu --precision f32
     polhode run study.toml --quiet --json | jq .drift
+    polhode run study.toml --plan study.out/plan.json --out again    the same bits
 
 Results: final.csv (or .npz) with body, t, orientation qx qy qz qw (body to world), angular
 velocity wx wy wz (body axes), angular momentum lx ly lz (world axes) and kinetic_energy;
-snapshots.csv with the same at all output times; report.json with engine, method, wall times and
-the drift of what a free body conserves. They appear when all are complete; Ctrl-C leaves nothing.";
+snapshots.csv with the same at all output times; plan.json, which --plan takes; report.json with
+engine, plan, wall times, drift of what a free body conserves, and errors. They appear when all are complete; Ctrl-C leaves nothing.";
 
 /// Arguments of `polhode run`.
 #[derive(Debug, Args)]
@@ -150,15 +153,50 @@ pub struct RunArguments {
     /// Write into a folder that is not empty; results of a former run in it are replaced.
     #[arg(long)]
     pub force: bool,
-    /// Go the long way: step free bodies too, which have a closed form.
+    /// Go the long way: step every body with all torques, as finely as the fastest needs.
     #[arg(long)]
     pub no_skip: bool,
+    /// Repeat a run by the plan.json that it left; on the same engine the bits are the same.
+    #[arg(long, value_name = "FILE")]
+    pub plan: Option<PathBuf>,
     #[command(flatten)]
     pub engine: EngineArguments,
     /// No progress bar and no summary.
     #[arg(long, short)]
     pub quiet: bool,
     /// Print the report as JSON instead of the summary.
+    #[arg(long)]
+    pub json: bool,
+}
+
+const EXPLAIN_HELP: &str = "\
+Nothing is run but the pilot, which tries methods and steps on a few bodies of each class.
+
+Examples:
+    polhode explain study.toml
+    polhode explain study.toml --no-pilot          steps from the shipped table
+    polhode explain study.toml --json | jq .skips
+
+Columns: the bodies' class, how many there are, the method, steps of a body, arithmetic, expected
+attitude error in the percentile asked for (rad), expected wall time on this processor, memory, and
+the torques that act.";
+
+/// Arguments of `polhode explain`.
+#[derive(Debug, Args)]
+#[command(after_long_help = EXPLAIN_HELP, after_help = "`polhode explain --help` gives examples.")]
+pub struct ExplainArguments {
+    /// Study file.
+    #[arg(value_name = "STUDY.toml")]
+    pub study: PathBuf,
+    /// Take methods and steps from the shipped table instead of trying them on a few bodies.
+    #[arg(long)]
+    pub no_pilot: bool,
+    /// Show the long way, on which nothing is left out.
+    #[arg(long)]
+    pub no_skip: bool,
+    #[command(flatten)]
+    pub engine: EngineArguments,
+    /// Print the table as JSON.
     #[arg(long)]
     pub json: bool,
 }

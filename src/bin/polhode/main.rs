@@ -8,6 +8,7 @@ mod arguments;
 mod completions;
 mod devices;
 mod engine;
+mod explain;
 mod inertia;
 mod man;
 mod output;
@@ -31,6 +32,7 @@ fn main() -> ExitCode {
     };
     let done = match &arguments.command {
         Command::Run(arguments) => run::run(arguments),
+        Command::Explain(arguments) => explain::explain(arguments),
         Command::Verify(arguments) => verify::verify(arguments),
         Command::Devices(arguments) => devices::devices(arguments),
         Command::Inertia(arguments) => inertia::inertia(arguments),
@@ -75,7 +77,7 @@ fn refuse_arguments(error: &clap::Error) -> ExitCode {
         }
         ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
             output::error(
-                "a command is needed: polhode run, verify, inertia, devices, completions or man; `polhode --help` teaches them",
+                "a command is needed: polhode run, explain, verify, inertia, devices, completions or man; `polhode --help` teaches them",
             );
             return ExitCode::from(WRONG_INPUT);
         }

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use polhode::Plan;
+use polhode::plan::PlanDocument;
 use polhode::record::{OutputFolder, Report, run_to_folder};
 use polhode::study::Study;
 
@@ -24,7 +25,19 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let folder = OutputFolder::create(&path, arguments.force)?;
     let scene = study.scene()?.skipping(!arguments.no_skip);
     let engine = crate::engine::open(&arguments.engine, arguments.quiet)?;
-    let plan = Plan::new(&scene, &engine).map_err(|error| study.located(error))?;
+    let plan = match &arguments.plan {
+        None => Plan::new(&scene, &engine),
+        Some(file) => {
+            let document = PlanDocument::read(file)?;
+            let engine_name = engine.description().name;
+            if document.engine() != engine_name && !arguments.quiet {
+                let planned = document.engine();
+                output::note(&format!("the plan is for {planned}, this is {engine_name}: bits may differ"));
+            }
+            Plan::repeated(&scene, &engine, &document)
+        }
+    };
+    let plan = plan.map_err(|error| study.located(error))?;
 
     let mut watch = Watch::new(arguments.quiet);
     let done = run_to_folder(&engine, &plan, Some(&study), study.output(), folder, since, &mut |progress| {

@@ -168,6 +168,8 @@ pub(super) fn chunk_capacity(device: &Device, limits: &ChunkLimits, row: usize) 
 /// A batch on the device.
 pub(super) struct Columns {
     pub chunks: Vec<Chunk>,
+    /// Bytes moved to the host so far.
+    pub bytes_read: u64,
     staging: Option<wgpu::Buffer>,
 }
 
@@ -187,7 +189,7 @@ impl Columns {
         let widest = state_columns::<T>().max(parameters);
         let capacity = chunk_capacity(device, limits, widest * size_of::<T>())?;
         require(device, batch.body_count, device_bytes::<T>(batch.body_count, parameters), memory)?;
-        let mut columns = Self { chunks: Vec::new(), staging: None };
+        let mut columns = Self { chunks: Vec::new(), bytes_read: 0, staging: None };
         let filled = columns.fill(device, layout, batch, capacity);
         if let Err(refusal) = filled {
             columns.release(device);
@@ -239,7 +241,7 @@ impl Columns {
     }
 
     /// The raw state of a range of bodies, through the staging buffer block by block.
-    pub fn read<T: DeviceScalar>(&self, device: &Device, bodies: Range<usize>) -> Result<StateWords> {
+    pub fn read<T: DeviceScalar>(&mut self, device: &Device, bodies: Range<usize>) -> Result<StateWords> {
         let mut words = StateWords::default();
         words.value.reserve_exact(bodies.len());
         words.residue.reserve_exact(bodies.len());
@@ -251,7 +253,7 @@ impl Columns {
             let end = bodies.end.min(chunk.first + chunk.bodies);
             for first in (start..end.max(start)).step_by(block) {
                 let rows = first - chunk.first..block.min(end - first) + first - chunk.first;
-                read_block::<T>(device, &chunk.state, chunk.stride, staging, rows, &mut words)?;
+                self.bytes_read += read_block::<T>(device, &chunk.state, chunk.stride, staging, rows, &mut words)?;
             }
         }
         Ok(words)
@@ -367,7 +369,7 @@ pub(super) fn write_columns<T: bytemuck::Pod>(
     device.submit(None)
 }
 
-/// Copies some rows of a chunk's state to the host and appends them to `words`.
+/// Copies some rows of a chunk's state to the host and appends them to `words`; gives the bytes moved.
 pub(super) fn read_block<T: Scalar>(
     device: &Device,
     state: &wgpu::Buffer,
@@ -375,7 +377,7 @@ pub(super) fn read_block<T: Scalar>(
     staging: &wgpu::Buffer,
     rows: Range<usize>,
     words: &mut StateWords,
-) -> Result<()> {
+) -> Result<u64> {
     let size = size_of::<T>();
     let bytes = (rows.len() * size) as u64;
     let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("read") });
@@ -395,7 +397,8 @@ pub(super) fn read_block<T: Scalar>(
             words.residue.push(if T::WORDS == 2 { at(row, STATE_COMPONENTS) } else { [0.0; STATE_COMPONENTS] });
             words.status.push(Status::from_code(numbers[status_column::<T>() * rows.len() + row].to_f64()));
         }
-    })
+    })?;
+    Ok(state_columns::<T>() as u64 * bytes)
 }
 
 #[cfg(test)]

@@ -55,6 +55,7 @@ struct GpuFreeSession<T> {
     pipeline: wgpu::ComputePipeline,
     chunks: Vec<Chunk>,
     staging: Option<wgpu::Buffer>,
+    bytes_read: u64,
     body_count: usize,
     scalar: std::marker::PhantomData<T>,
 }
@@ -83,6 +84,7 @@ impl FreeMotionKernels {
             pipeline,
             chunks: Vec::new(),
             staging: None,
+            bytes_read: 0,
             body_count: rows.body_count,
             scalar: std::marker::PhantomData,
         };
@@ -236,10 +238,15 @@ impl<T: DeviceScalar> FreeSession for GpuFreeSession<T> {
             let end = bodies.end.min(chunk.first + chunk.bodies);
             for first in (start..end.max(start)).step_by(block) {
                 let rows = first - chunk.first..block.min(end - first) + first - chunk.first;
-                read_block::<T>(&self.device, &chunk.state, chunk.stride, staging, rows, &mut words)?;
+                self.bytes_read +=
+                    read_block::<T>(&self.device, &chunk.state, chunk.stride, staging, rows, &mut words)?;
             }
         }
         Ok(words)
+    }
+
+    fn bytes_read(&self) -> u64 {
+        self.bytes_read
     }
 }
 

@@ -60,6 +60,10 @@ impl<T: DeviceScalar> Session for GpuSession<T> {
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
         self.columns.read::<T>(&self.device, bodies)
     }
+
+    fn bytes_read(&self) -> u64 {
+        self.columns.bytes_read
+    }
 }
 
 impl<T> Drop for GpuSession<T> {

@@ -1,0 +1,93 @@
+//! What skipping saves: wall time of whole runs, plan and pilot included, with and without the work that a scene does not need.
+//!
+//! ```text
+//! cargo bench --bench skipping
+//! ```
+//!
+//! Figures are medians of five runs on the CPU engine, with the estimated attitude error of the run beside them.
+
+use std::time::Instant;
+
+use glam::DVec3;
+use polhode::study::problem;
+use polhode::torque::Torque;
+use polhode::{Accuracy, Engine, Ensemble, Plan, Record, Result, Scene};
+
+const REPEATS: usize = 5;
+/// Asked for everywhere, rad.
+const TARGET: f64 = 1e-6;
+
+fn main() -> Result<()> {
+    mixture()?;
+    fast_spinner()?;
+    long_way()
+}
+
+/// 90 % free and 10 % driven bodies against driving all of them.
+fn mixture() -> Result<()> {
+    const BODIES: usize = 100_000;
+    const SPAN: f64 = 60.0;
+    let drag = |part: usize| {
+        Torque::linear_drag((0..BODIES).map(|body| if body % part == 0 { 0.05 } else { 0.0 }).collect::<Vec<_>>())
+    };
+    let scene = |part| -> Result<Scene> {
+        let ensemble = problem::free(BODIES, 5)?;
+        Ok(Scene::new(ensemble).until(SPAN).accuracy(Accuracy::attitude(TARGET)).torque(drag(part)))
+    };
+    println!("{BODIES} bodies, {SPAN} s, {TARGET:e} rad");
+    let all = report("all driven", &scene(1)?)?;
+    let tenth = report("90 % free, 10 % driven", &scene(10)?)?;
+    println!("{:<34} {:.1} % of driving all (at most 20 %)\n", "", 100.0 * tenth / all);
+    Ok(())
+}
+
+/// One fast spinner among slow bodies against the slow ones alone.
+fn fast_spinner() -> Result<()> {
+    const BODIES: usize = 100_000;
+    const SPAN: f64 = 60.0;
+    let scene = |fast: f64| -> Result<Scene> {
+        let slow = problem::free(BODIES, 6)?;
+        let mut omega = slow.angular_velocity_body().to_vec();
+        omega[777] = DVec3::new(0.3, 0.2, 1.0) * fast;
+        let ensemble = Ensemble::from_columns(slow.inertia(), slow.orientation(), &omega)?;
+        Ok(Scene::new(ensemble).until(SPAN).accuracy(Accuracy::attitude(TARGET)).torque(Torque::linear_drag(1e-4)))
+    };
+    println!("{BODIES} driven bodies, {SPAN} s, {TARGET:e} rad");
+    let slow = report("slow bodies", &scene(1.0)?)?;
+    let one = report("one of them 500 times as fast", &scene(500.0)?)?;
+    println!("{:<34} {:.2} times the time without it (less than 2)\n", "", one / slow);
+    Ok(())
+}
+
+/// A scene of simple free bodies against stepping them.
+fn long_way() -> Result<()> {
+    const BODIES: usize = 10_000;
+    const SPAN: f64 = 60.0;
+    let scene = Scene::new(problem::free(BODIES, 7)?).until(SPAN).accuracy(Accuracy::attitude(TARGET));
+    println!("{BODIES} free bodies, {SPAN} s, {TARGET:e} rad");
+    let short = report("closed form", &scene)?;
+    let long = report("--no-skip", &scene.skipping(false))?;
+    println!("{:<34} {:.0} times as fast", "", long / short);
+    Ok(())
+}
+
+/// The median wall time of a run, s.
+fn report(name: &str, scene: &Scene) -> Result<f64> {
+    let engine = Engine::cpu();
+    let run = || -> Result<(f64, f64, Record)> {
+        let clock = Instant::now();
+        let plan = Plan::new(scene, &engine)?;
+        let planned = clock.elapsed().as_secs_f64();
+        let record = engine.run(&plan)?;
+        Ok((clock.elapsed().as_secs_f64(), planned, record))
+    };
+    let mut runs = (0..REPEATS).map(|_| run()).collect::<Result<Vec<_>>>()?;
+    runs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (seconds, planned, record) = &runs[REPEATS / 2];
+    let trust = record.trust();
+    println!(
+        "{name:<34} {seconds:.3} s ({planned:.3} planning, {:.3} computing, {:.3} checking), {:.2e} body-steps, {}",
+        trust.wall_time.compute, trust.wall_time.shadow, trust.body_steps as f64, trust.shadow
+    );
+    Ok(*seconds)
+}

@@ -1,0 +1,24 @@
+//! `polhode explain`.
+
+use polhode::Plan;
+use polhode::study::Study;
+
+use crate::arguments::ExplainArguments;
+use crate::output::{self, Failure};
+
+/// Prints what a study would run, what it leaves out, and why.
+pub fn explain(arguments: &ExplainArguments) -> Result<(), Failure> {
+    let mut study = Study::read(&arguments.study)?;
+    if let Some(precision) = crate::engine::precision(&arguments.engine) {
+        study = study.with_precision(precision);
+    }
+    let mut scene = study.scene()?.skipping(!arguments.no_skip);
+    if arguments.no_pilot {
+        scene = scene.without_pilot();
+    }
+    let engine = crate::engine::open(&arguments.engine, arguments.json)?;
+    let plan = Plan::new(&scene, &engine).map_err(|error| study.located(error))?;
+    let explanation = plan.explain();
+    output::print(&if arguments.json { explanation.to_json() } else { explanation.to_string() });
+    Ok(())
+}

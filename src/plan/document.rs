@@ -1,0 +1,220 @@
+//! `plan.json`: a plan in full, by which a run is repeated to the bit.
+//!
+//! The file holds what was chosen ([`Resolution`]) and marks of the scene that it was chosen for; classes and skips stand beside them for people
+//! and follow from both. Numbers are written with the digits that read back to the same bits.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::explain::{ClassRow, SkipRow};
+use super::marks::SceneMarks;
+use super::pilot::Found;
+use super::resolution::{Resolution, Stepped};
+use super::{Bound, Plan, Rule, TorqueSet};
+use crate::batch::Precision;
+use crate::engine::Backend;
+use crate::error::{Error, FileAction, Result};
+use crate::method::Method;
+use crate::scene::Scene;
+
+/// The version of the file's layout.
+const FORMAT: u32 = 1;
+
+/// A plan as it stands in `plan.json`.
+#[derive(Clone, Debug)]
+pub struct PlanDocument {
+    path: PathBuf,
+    file: PlanFile,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct PlanFile {
+    format: u32,
+    polhode: String,
+    engine: String,
+    scene: SceneMarks,
+    resolution: ResolutionEntry,
+    #[serde(skip_deserializing)]
+    classes: Vec<ClassRow>,
+    #[serde(skip_deserializing)]
+    skips: Vec<SkipRow>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum ResolutionEntry {
+    Pinned { method: String, precision: String, longest_step: f64 },
+    Accuracy { tolerance: Tolerance, closed_form: String, uniform_rate: Option<f64>, stepped: Vec<SteppedEntry> },
+}
+
+/// A bound whose infinite parts are left out, as JSON has no infinity.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Tolerance {
+    attitude: Option<f64>,
+    angular_velocity: Option<f64>,
+    energy: Option<f64>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct SteppedEntry {
+    torques: Vec<usize>,
+    method: String,
+    coefficient: f64,
+    longest_angle: f64,
+    attitude: f64,
+    precision: Option<String>,
+    part: f64,
+    pilot_bodies: usize,
+}
+
+impl PlanDocument {
+    /// Reads a file that a run has left.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`] where it cannot be read; [`Error::PlanFormat`] where it is no plan of this release.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path).map_err(|error| Error::file(path, FileAction::Read, &error))?;
+        Self::parse(path, &text)
+    }
+
+    /// As [`PlanDocument::read`], from the text; `path` is what messages call it.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::PlanFormat`].
+    pub fn parse(path: &Path, text: &str) -> Result<Self> {
+        let wrong = |line: usize, reason: String| Error::PlanFormat { path: path.to_owned(), line, reason };
+        let file: PlanFile =
+            serde_json::from_str(text).map_err(|error| wrong(error.line(), words_of(&error.to_string())))?;
+        if file.format != FORMAT {
+            return Err(wrong(1, format!("its format is {}, this release reads {FORMAT}", file.format)));
+        }
+        let document = Self { path: path.to_owned(), file };
+        document.resolution().map_err(|name| wrong(1, format!("{name} is not known")))?;
+        Ok(document)
+    }
+
+    /// What was chosen; the first name that is not known where there is one.
+    fn resolution(&self) -> Result<Resolution, String> {
+        Ok(match &self.file.resolution {
+            ResolutionEntry::Pinned { method, precision, longest_step } => Resolution::Pinned {
+                method: method_named(method)?,
+                precision: precision_named(precision)?,
+                longest_step: *longest_step,
+            },
+            ResolutionEntry::Accuracy { tolerance, closed_form, uniform_rate, stepped } => Resolution::Accuracy {
+                tolerance: Bound {
+                    attitude: tolerance.attitude.unwrap_or(f64::INFINITY),
+                    angular_velocity: tolerance.angular_velocity.unwrap_or(f64::INFINITY),
+                    energy: tolerance.energy.unwrap_or(f64::INFINITY),
+                },
+                closed_form: precision_named(closed_form)?,
+                uniform_rate: *uniform_rate,
+                stepped: stepped.iter().map(SteppedEntry::stepped).collect::<Result<_, _>>()?,
+            },
+        })
+    }
+
+    /// The engine that the plan was made for; on another one the bits may differ.
+    pub fn engine(&self) -> &str {
+        &self.file.engine
+    }
+}
+
+impl SteppedEntry {
+    fn stepped(&self) -> Result<Stepped, String> {
+        let rule = Rule {
+            method: method_named(&self.method)?,
+            coefficient: self.coefficient,
+            longest_angle: self.longest_angle,
+            attitude: self.attitude,
+            precision: self.precision.as_deref().map(precision_named).transpose()?,
+        };
+        let found = Found { rule, part: self.part, bodies: self.pilot_bodies };
+        Ok(Stepped { torques: TorqueSet::of_indices(&self.torques), found })
+    }
+}
+
+impl<'a> Plan<'a> {
+    /// The plan in full, as it stands in `plan.json`.
+    pub fn to_json(&self) -> String {
+        let explanation = self.explain();
+        let name = |precision: &Precision| precision.name().to_owned();
+        let limit = |x: f64| x.is_finite().then_some(x);
+        let resolution = match self.resolution() {
+            Resolution::Pinned { method, precision, longest_step } => ResolutionEntry::Pinned {
+                method: method.name().to_owned(),
+                precision: name(precision),
+                longest_step: *longest_step,
+            },
+            Resolution::Accuracy { tolerance, closed_form, uniform_rate, stepped } => ResolutionEntry::Accuracy {
+                tolerance: Tolerance {
+                    attitude: limit(tolerance.attitude),
+                    angular_velocity: limit(tolerance.angular_velocity),
+                    energy: limit(tolerance.energy),
+                },
+                closed_form: name(closed_form),
+                uniform_rate: *uniform_rate,
+                stepped: stepped
+                    .iter()
+                    .map(|Stepped { torques, found }| SteppedEntry {
+                        torques: torques.indices(),
+                        method: found.rule.method.name().to_owned(),
+                        coefficient: found.rule.coefficient,
+                        longest_angle: found.rule.longest_angle,
+                        attitude: found.rule.attitude,
+                        precision: found.rule.precision.as_ref().map(name),
+                        part: found.part,
+                        pilot_bodies: found.bodies,
+                    })
+                    .collect(),
+            },
+        };
+        let file = PlanFile {
+            format: FORMAT,
+            polhode: env!("CARGO_PKG_VERSION").to_owned(),
+            engine: explanation.engine,
+            scene: SceneMarks::of(self.scene(), self.times().len()),
+            resolution,
+            classes: explanation.classes,
+            skips: explanation.skips,
+        };
+        // Fixed keys, plain numbers and strings: there is nothing to fail on.
+        let mut text = serde_json::to_string_pretty(&file).unwrap_or_default();
+        text.push('\n');
+        text
+    }
+
+    /// The plan that `document` holds, for the scene that it was made for; no pilot is flown. On the same engine a run gives the
+    /// same bits.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::PlanMismatch`] where the plan was made for another scene; otherwise as [`Plan::new`].
+    pub fn repeated(scene: &'a Scene, engine: &dyn Backend, document: &PlanDocument) -> Result<Self> {
+        let times = Self::checked(scene)?;
+        let marks = SceneMarks::of(scene, times.len());
+        if let Some((field, planned, found)) = document.file.scene.first_difference(&marks) {
+            return Err(Error::PlanMismatch { path: document.path.clone(), field, planned, found });
+        }
+        let unknown = |reason| Error::PlanFormat { path: document.path.clone(), line: 1, reason };
+        let resolution = document.resolution().map_err(unknown)?;
+        Self::resolved(scene, engine, resolution, times)
+    }
+}
+
+/// The parser's words without the place, which stands before them.
+fn words_of(error: &str) -> String {
+    error.split(" at line ").next().unwrap_or(error).to_owned()
+}
+
+fn method_named(name: &str) -> Result<Method, String> {
+    Method::ALL.into_iter().find(|method| method.name() == name).ok_or_else(|| format!("method {name:?}"))
+}
+
+fn precision_named(name: &str) -> Result<Precision, String> {
+    let known = Precision::ALL.into_iter().find(|precision| precision.name() == name);
+    known.ok_or_else(|| format!("precision {name:?}"))
+}

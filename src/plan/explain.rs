@@ -1,0 +1,316 @@
+//! A plan as a table: what runs for which bodies, what it costs, and what is left out.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use super::class::Bound;
+use super::cost::{cost_of, evaluation_seconds};
+use super::group::{Group, Treatment};
+use super::{CLOSED_FORM_F32, Plan, Resolution, Shape, TorqueSet};
+use crate::batch::{BodyFrame, Precision, bytes_per_body_under};
+use crate::engine::EngineKind;
+use crate::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
+use crate::record::CLOSED_FORM;
+use crate::regular_precession::RegularPrecession;
+
+/// What a plan does and leaves out.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
+pub struct Explanation {
+    /// What will compute.
+    pub engine: String,
+    /// Number of bodies.
+    pub bodies: usize,
+    /// Simulated time, s.
+    pub span: f64,
+    /// Number of output times.
+    pub outputs: usize,
+    /// One row for each class that is treated in one way.
+    pub classes: Vec<ClassRow>,
+    /// What is left out.
+    pub skips: Vec<SkipRow>,
+}
+
+/// Bodies of one class that are treated alike, whatever steps they take.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
+pub struct ClassRow {
+    /// The free motion of the bodies; driven bodies count as asymmetric.
+    pub class: &'static str,
+    /// Names of the torques that act.
+    pub torques: Vec<&'static str>,
+    /// Whether their centres of mass move too.
+    pub translates: bool,
+    /// Number of bodies.
+    pub bodies: usize,
+    /// The integrator, `closed form` or `rotation`.
+    pub method: &'static str,
+    /// Steps of a body over the whole span.
+    pub steps: StepsRow,
+    /// The arithmetic.
+    pub precision: &'static str,
+    /// The attitude error expected at the percentile asked for, rad; `None` where method and step are pinned.
+    pub error: Option<f64>,
+    /// Bodies of a pilot that stand behind the error; 0 where it follows from a bound or from the shipped table.
+    pub pilot_bodies: usize,
+    /// Wall time expected, s; `None` where no cost is known, as on a GPU.
+    pub seconds: Option<f64>,
+    /// Memory of the columns, bytes.
+    pub bytes: u64,
+}
+
+/// Steps of some bodies.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
+pub struct StepsRow {
+    /// The fewest that any takes.
+    pub min: u64,
+    /// Half of the bodies take no more.
+    pub median: u64,
+    /// The most that any takes.
+    pub max: u64,
+}
+
+/// What is left out, and why that is safe.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
+pub struct SkipRow {
+    /// Its name.
+    pub name: &'static str,
+    /// Why it is safe.
+    pub reason: &'static str,
+    /// Bodies that it concerns.
+    pub bodies: usize,
+    /// The most that it can change the attitude of any of them beside rounding, rad.
+    pub attitude: f64,
+    /// The same of the angular velocity, relative.
+    pub angular_velocity: f64,
+    /// The same of the kinetic energy, relative.
+    pub energy: f64,
+}
+
+/// What a table calls a regular precession, where it otherwise names a method.
+const ROTATION: &str = "rotation";
+
+/// Rows of the table: shape, torques, whether it translates, method, and whether in `f64`.
+type RowKey = (Shape, TorqueSet, bool, &'static str, bool);
+
+impl Plan<'_> {
+    /// What the plan does and leaves out, as a table that prints itself.
+    pub fn explain(&self) -> Explanation {
+        let mut rows: BTreeMap<RowKey, Vec<&Group>> = BTreeMap::new();
+        for group in self.groups() {
+            let (method, precision) = name_of(&group.treatment);
+            let class = &group.class;
+            let key = (class.shape, class.torques, class.translates, method, precision == Precision::F64);
+            rows.entry(key).or_default().push(group);
+        }
+        Explanation {
+            engine: self.engine.name.clone(),
+            bodies: self.scene().ensemble().len(),
+            span: self.scene().end(),
+            outputs: self.times().len(),
+            classes: rows.into_iter().map(|(key, groups)| self.class_row(key, &groups)).collect(),
+            skips: self.skips().iter().map(skip_row).collect(),
+        }
+    }
+
+    fn class_row(&self, key: RowKey, groups: &[&Group]) -> ClassRow {
+        let (shape, torques, translates, method, wide) = key;
+        let names = torques.of(self.scene().torques()).iter().map(|torque| torque.name()).collect();
+        let (error, pilot_bodies) = self.expected_error(groups);
+        ClassRow {
+            class: shape.name(),
+            torques: names,
+            translates,
+            bodies: groups.iter().map(|group| group.members.len()).sum(),
+            method,
+            steps: self.steps_row(groups),
+            precision: if wide { Precision::F64.name() } else { Precision::F32.name() },
+            error,
+            pilot_bodies,
+            seconds: groups.iter().map(|group| self.expected_seconds(group)).sum(),
+            bytes: groups.iter().map(|group| self.bytes(group)).sum(),
+        }
+    }
+
+    fn steps_row(&self, groups: &[&Group]) -> StepsRow {
+        let mut steps: Vec<(u64, usize)> =
+            groups.iter().map(|group| (self.steps_of(group), group.members.len())).collect();
+        steps.sort_unstable();
+        let half = steps.iter().map(|(_, bodies)| bodies).sum::<usize>().div_ceil(2);
+        let mut counted = 0;
+        let median = steps.iter().find(|(_, bodies)| {
+            counted += bodies;
+            counted >= half
+        });
+        StepsRow {
+            min: steps.first().map_or(0, |first| first.0),
+            median: median.map_or(0, |middle| middle.0),
+            max: steps.last().map_or(0, |last| last.0),
+        }
+    }
+
+    /// The attitude error that a row's groups are expected to have, and the bodies of the pilot behind it.
+    fn expected_error(&self, groups: &[&Group]) -> (Option<f64>, usize) {
+        let Resolution::Accuracy { stepped, .. } = self.resolution() else {
+            // Where steps are pinned only the bodies at rest have a known error.
+            let bound = groups.iter().map(|group| group.bound).fold(Bound::default(), Bound::or);
+            let still = groups.iter().all(|group| group.treatment == Treatment::RegularPrecession);
+            return (still.then_some(bound.attitude), 0);
+        };
+        let mut greatest: (f64, usize) = (0.0, 0);
+        for group in groups {
+            let (error, bodies) = match group.treatment {
+                Treatment::RegularPrecession => (group.bound.attitude.max(ROUNDING_F64), 0),
+                Treatment::ClosedForm { precision: Precision::F32 } => (CLOSED_FORM_F32, 0),
+                Treatment::ClosedForm { precision: Precision::F64 } => (ROUNDING_F64, 0),
+                Treatment::Stepped { .. } => {
+                    let found = stepped.iter().find(|entry| entry.torques == group.class.torques);
+                    found.map_or((f64::NAN, 0), |entry| {
+                        (entry.found.part * entry.found.rule.attitude, entry.found.bodies)
+                    })
+                }
+            };
+            if error >= greatest.0 {
+                greatest = (error, bodies);
+            }
+        }
+        (Some(greatest.0), greatest.1)
+    }
+
+    /// The wall time that a group is expected to take on this machine's processor, s.
+    fn expected_seconds(&self, group: &Group) -> Option<f64> {
+        let bodies = group.members.len() as f64;
+        let evaluations = bodies * self.times().len() as f64;
+        let cores = rayon::current_num_threads() as f64;
+        match group.treatment {
+            // On the host, whatever the engine.
+            Treatment::RegularPrecession => Some(evaluations * evaluation_seconds(None) / cores),
+            _ if self.engine.kind != EngineKind::Cpu => None,
+            Treatment::ClosedForm { precision } => Some(evaluations * evaluation_seconds(Some(precision)) / cores),
+            Treatment::Stepped { method, precision, .. } => {
+                let free = group.class.torques.is_empty();
+                let step = cost_of(method)?.step_seconds(precision, free);
+                Some(self.steps_of(group) as f64 * bodies * step / cores)
+            }
+        }
+    }
+
+    /// Memory that a group's columns take, bytes.
+    fn bytes(&self, group: &Group) -> u64 {
+        let of_body = match group.treatment {
+            Treatment::RegularPrecession => size_of::<RegularPrecession>(),
+            Treatment::ClosedForm { precision } => {
+                let numbers =
+                    ROW_COLUMNS * if precision == Precision::F32 { size_of::<f32>() } else { size_of::<f64>() };
+                WORD_COLUMNS * size_of::<u64>() + numbers + size_of::<BodyFrame>()
+            }
+            Treatment::Stepped { precision, .. } => {
+                let torques = group.class.torques.of(self.scene().torques());
+                bytes_per_body_under(precision, &torques, self.scene().end())
+            }
+        };
+        (of_body as u64).saturating_mul(group.members.len() as u64)
+    }
+}
+
+/// The attitude error, rad, of what is evaluated in `f64` at any time (`tests/golden_free_motion.rs`).
+const ROUNDING_F64: f64 = 1e-14;
+
+fn name_of(treatment: &Treatment) -> (&'static str, Precision) {
+    match *treatment {
+        Treatment::RegularPrecession => (ROTATION, Precision::F64),
+        Treatment::ClosedForm { precision } => (CLOSED_FORM, precision),
+        Treatment::Stepped { method, precision, .. } => (method.name(), precision),
+    }
+}
+
+fn skip_row(skip: &super::Skip) -> SkipRow {
+    SkipRow {
+        name: skip.name.name(),
+        reason: skip.name.reason(),
+        bodies: skip.bodies,
+        attitude: skip.bound.attitude,
+        angular_velocity: skip.bound.angular_velocity,
+        energy: skip.bound.energy,
+    }
+}
+
+#[cfg(feature = "study")]
+impl Explanation {
+    /// The table as JSON.
+    pub fn to_json(&self) -> String {
+        // Keys are fixed strings and values plain numbers and strings, so there is nothing to fail on.
+        let mut text = serde_json::to_string_pretty(self).unwrap_or_default();
+        text.push('\n');
+        text
+    }
+}
+
+impl fmt::Display for ClassRow {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let torques = if self.torques.is_empty() { "free".to_owned() } else { self.torques.join(" + ") };
+        let moving = if self.translates { ", moving" } else { "" };
+        let steps = if self.steps.max == 0 {
+            "-".to_owned()
+        } else {
+            format!("{} / {} / {}", self.steps.min, self.steps.median, self.steps.max)
+        };
+        let error = self.error.map_or("-".to_owned(), |error| format!("{error:.1e}"));
+        let seconds = self.seconds.map_or("-".to_owned(), |seconds| format!("{seconds:.1e}"));
+        write!(
+            formatter,
+            "{:<12} {:>10}  {:<11} {:<24} {:<4} {:>8} {:>8} {:>8}  {torques}{moving}",
+            self.class,
+            self.bodies,
+            self.method,
+            steps,
+            self.precision,
+            error,
+            seconds,
+            mebibytes(self.bytes)
+        )
+    }
+}
+
+/// Bytes in MiB, with a digit where there are few.
+fn mebibytes(bytes: u64) -> String {
+    let mebibytes = bytes as f64 / f64::from(1 << 20);
+    if mebibytes < 10.0 { format!("{mebibytes:.2}") } else { format!("{mebibytes:.0}") }
+}
+
+impl fmt::Display for Explanation {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let of = |count: usize, one: &'static str, more: &'static str| if count == 1 { one } else { more };
+        writeln!(
+            formatter,
+            "{} {}, {} s, {} output {}, on {}",
+            self.bodies,
+            of(self.bodies, "body", "bodies"),
+            self.span,
+            self.outputs,
+            of(self.outputs, "time", "times"),
+            self.engine
+        )?;
+        writeln!(
+            formatter,
+            "
+{:<12} {:>10}  {:<11} {:<24} {:<4} {:>8} {:>8} {:>8}  torques",
+            "class", "bodies", "method", "steps min/median/max", "", "error", "seconds", "MiB"
+        )?;
+        for row in &self.classes {
+            writeln!(formatter, "{row}")?;
+        }
+        writeln!(
+            formatter,
+            "
+{:<18} {:>10}  {:>9}  why",
+            "skipped", "bodies", "bound rad"
+        )?;
+        for skip in &self.skips {
+            writeln!(formatter, "{:<18} {:>10}  {:>9.1e}  {}", skip.name, skip.bodies, skip.attitude, skip.reason)?;
+        }
+        Ok(())
+    }
+}

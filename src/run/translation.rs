@@ -1,0 +1,73 @@
+//! The motion of the centres of mass: in closed form at output times, or the long way, in steps.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::ensemble::Translation;
+use crate::force::{Accelerations, accelerations, closed_form};
+use crate::plan::{Interval, Plan};
+use crate::scene::Scene;
+
+/// Positions and velocities on their way through time.
+pub(super) enum Centres<'a> {
+    /// The bodies do not move through space.
+    Still,
+    /// Formed where they are asked for.
+    ClosedForm { scene: &'a Scene, translation: &'a Translation, time: f64 },
+    /// Stepped as finely as the fastest body, for comparison with the closed form.
+    Stepped { scene: &'a Scene, translation: &'a Translation, states: Vec<(DVec3, DVec3)> },
+}
+
+impl<'a> Centres<'a> {
+    pub fn start(plan: &Plan<'a>) -> Self {
+        let scene = plan.scene();
+        match scene.ensemble().translation() {
+            None => Centres::Still,
+            Some(translation) if scene.may_skip() => Centres::ClosedForm { scene, translation, time: 0.0 },
+            Some(translation) => {
+                let states = translation.position.iter().copied().zip(translation.velocity.iter().copied()).collect();
+                Centres::Stepped { scene, translation, states }
+            }
+        }
+    }
+
+    /// Brings the centres of mass to `time`, s, over the steps that lead there.
+    pub fn advance(&mut self, to: f64, interval: Interval) {
+        match self {
+            Centres::Still => {}
+            Centres::ClosedForm { time, .. } => *time = to,
+            Centres::Stepped { scene, translation, states } => {
+                states.par_iter_mut().enumerate().for_each(|(body, state)| {
+                    let forces = accelerations(scene.forces(), body, translation.mass[body]);
+                    for _ in 0..interval.steps {
+                        *state = stepped(&forces, *state, interval.dt);
+                    }
+                });
+            }
+        }
+    }
+
+    /// Position (m) and velocity (m/s) of a body, world axes.
+    pub fn of_body(&self, body: usize) -> Option<(DVec3, DVec3)> {
+        match self {
+            Centres::Still => None,
+            Centres::ClosedForm { scene, translation, time } => {
+                let forces = accelerations(scene.forces(), body, translation.mass[body]);
+                Some(closed_form(&forces, translation.position[body], translation.velocity[body], *time))
+            }
+            Centres::Stepped { states, .. } => Some(states[body]),
+        }
+    }
+}
+
+/// One step of the classical Runge-Kutta method of order 4.
+fn stepped(forces: &Accelerations, (position, velocity): (DVec3, DVec3), dt: f64) -> (DVec3, DVec3) {
+    // Named one by one, so that a force which is added cannot be forgotten here.
+    let Accelerations { constant_world, linear_drag } = *forces;
+    let acceleration = |velocity: DVec3| constant_world - linear_drag * velocity;
+    let k1 = acceleration(velocity);
+    let k2 = acceleration(velocity + k1 * (0.5 * dt));
+    let k3 = acceleration(velocity + k2 * (0.5 * dt));
+    let k4 = acceleration(velocity + k3 * dt);
+    (position + (velocity + (k1 + k2 + k3) * (dt / 6.0)) * dt, velocity + (k1 + (k2 + k3) * 2.0 + k4) * (dt / 6.0))
+}

@@ -1,0 +1,170 @@
+//! `plan.json` and `explain`: a plan in full, repeated to the bit, refused where it does not fit.
+
+#![cfg(feature = "cli")]
+
+use std::fs;
+use std::path::Path;
+
+use glam::{DQuat, DVec3};
+use polhode::plan::PlanDocument;
+use polhode::study::problem;
+use polhode::torque::Torque;
+use polhode::{Accuracy, Engine, Error, Method, Plan, Precision, Record, Scene};
+
+#[path = "support/desk.rs"]
+mod desk;
+
+use desk::{Desk, report};
+
+const BODIES: usize = 300;
+
+/// Free and driven bodies.
+fn scene(seed: u64) -> Scene {
+    let drag: Vec<f64> = (0..BODIES).map(|body| if body % 3 == 0 { 0.05 } else { 0.0 }).collect();
+    Scene::new(problem::free(BODIES, seed).expect("valid"))
+        .until(2.0)
+        .accuracy(Accuracy::attitude(1e-6))
+        .torque(Torque::linear_drag(drag))
+        .torque(Torque::constant_world(DVec3::new(0.0, 0.0, 0.01)))
+}
+
+fn bits(record: &Record) -> Vec<u64> {
+    let state = record.final_state();
+    let orientation = state.orientations().iter().flat_map(|q: &DQuat| q.to_array());
+    let rate = state.angular_velocities_body().iter().flat_map(|omega| omega.to_array());
+    orientation.chain(rate).map(f64::to_bits).collect()
+}
+
+fn document(plan: &Plan<'_>) -> PlanDocument {
+    PlanDocument::parse(Path::new("plan.json"), &plan.to_json()).expect("reads back")
+}
+
+#[test]
+fn a_plan_that_is_read_back_is_the_same_and_gives_the_same_bits() {
+    let engine = Engine::cpu();
+    let scenes = [
+        scene(1),
+        scene(1).skipping(false),
+        scene(1).accuracy(Accuracy { energy: Some(1e-7), percentile: 95.0, ..Accuracy::attitude(1e-4) }),
+        scene(1).pinned(Method::Cf4, 0.013, Some(Precision::F32)),
+    ];
+    for scene in scenes {
+        let plan = Plan::new(&scene, &engine).expect("a plan");
+        let again = Plan::repeated(&scene, &engine, &document(&plan)).expect("fits");
+        assert_eq!(plan.resolution(), again.resolution());
+        assert_eq!(plan.to_json(), again.to_json());
+        assert_eq!(bits(&engine.run(&plan).expect("runs")), bits(&engine.run(&again).expect("runs")));
+    }
+}
+
+#[test]
+fn a_plan_for_another_scene_is_refused_and_says_what_differs() {
+    let engine = Engine::cpu();
+    let scene_of_plan = scene(1);
+    let document = document(&Plan::new(&scene_of_plan, &engine).expect("a plan"));
+    let fewer = Scene::new(problem::free(7, 1).expect("valid")).until(2.0);
+    let others = [
+        (fewer, "the number of bodies is 300 in the plan, 7 in the study"),
+        (scene(1).until(2.5), "the span is 2.0 s in the plan, 2.5 s in the study"),
+        (scene(1).outputs(polhode::Outputs::Every(1.0)), "the number of output times is 1 in the plan, 2"),
+        (scene(1).accuracy(Accuracy::attitude(1e-7)), "the accuracy is attitude 1e-6, percentile 99.0 in the plan"),
+        (scene(1).precision(Some(Precision::F64)), "the precision is auto in the plan, f64"),
+        (scene(1).torque(Torque::linear_drag(0.0)), "the list of torques is linear-drag, constant-world in the plan"),
+        (scene(1).skipping(false), "skipping is allowed in the plan, forbidden (--no-skip)"),
+        (scene(2), "the fingerprint of bodies and parameters"),
+    ];
+    for (other, expected) in others {
+        let error = Plan::repeated(&other, &engine, &document).expect_err(expected);
+        assert!(matches!(error, Error::PlanMismatch { .. }) && error.is_input(), "{error}");
+        assert!(error.to_string().contains(expected), "{error}");
+    }
+}
+
+#[test]
+fn a_file_that_is_no_plan_is_refused_with_its_line() {
+    let engine = Engine::cpu();
+    let scene = scene(1);
+    let text = Plan::new(&scene, &engine).expect("a plan").to_json();
+    for (from, to, expected) in [
+        ("\"format\": 1", "\"format\": 7", "p.json:1: its format is 7, this release reads 1"),
+        ("\"resolution\"", "\"solution\"", "missing field `resolution`"),
+        ("\"method\": \"", "\"method\": \"x", "is not known"),
+        ("{\n  \"format\"", "{\n  format", "p.json:2: key must be a string"),
+    ] {
+        assert!(text.contains(from), "{from} in {text}");
+        let error = PlanDocument::parse(Path::new("p.json"), &text.replace(from, to)).expect_err(expected);
+        assert!(error.is_input() && error.to_string().contains(expected), "{error}");
+    }
+}
+
+// --- the command ---
+
+const STUDY: &str = r#"
+seed = 5
+[bodies]
+count = 200
+inertia = { shape = "box", mass = 3.0, edges = [1.0, 2.0, 3.0] }
+orientation = { distribution = "uniform" }
+angular_velocity = { distribution = "normal", mean = 0, sigma = 1 }
+[[torque]]
+model = "viscous"
+coefficient = { distribution = "uniform", low = 0.01, high = 0.1 }
+[time]
+end = 4.0
+[accuracy]
+attitude = 1e-5
+"#;
+
+#[test]
+fn a_run_leaves_its_plan_and_the_plan_repeats_the_run() {
+    let desk = Desk::new(STUDY);
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
+    assert_eq!(desk.names("study.out"), ["final.csv", "plan.json", "report.json"]);
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--plan", "study.out/plan.json", "--out", "again"]);
+    for name in ["final.csv", "plan.json"] {
+        let bytes = |folder: &str| fs::read(desk.path(folder).join(name)).expect("written");
+        assert!(bytes("study.out") == bytes("again"), "{name}");
+    }
+    let report = report(&desk, "study.out");
+    assert_eq!(report["plan"]["classes"][0]["bodies"], 200);
+    assert_eq!(report["plan"]["classes"][0]["torques"][0], "linear-drag");
+    let skips = report["plan"]["skips"].as_array().expect("a list");
+    assert!(skips.iter().any(|skip| skip["name"] == "translation" && skip["bodies"] == 200), "{skips:?}");
+    assert_eq!(report["accuracy"]["met"], true);
+    assert_eq!(report["accuracy"]["bodies"], 64);
+    assert_eq!(report["accuracy"]["target"]["attitude"], 1e-5);
+
+    fs::write(desk.path("study.toml"), STUDY.replace("seed = 5", "seed = 6")).unwrap();
+    let line =
+        desk.refused(&["run", "study.toml", "--engine", "cpu", "--plan", "study.out/plan.json", "--out", "third"], 2);
+    assert!(line.starts_with("error: study.out/plan.json: the fingerprint of bodies and parameters is "), "{line}");
+    desk.refused(&["run", "study.toml", "--engine", "cpu", "--plan", "absent.json", "--out", "third"], 2);
+    assert_eq!(desk.names("."), ["again", "study.out", "study.toml"], "nothing was made");
+}
+
+#[test]
+fn explain_prints_what_runs_and_what_does_not_and_runs_nothing() {
+    let desk = Desk::new(STUDY);
+    let text = desk.done(&["explain", "study.toml", "--engine", "cpu"]);
+    for part in ["200 bodies, 4 s, 1 output time, on CPU", "asymmetric", "linear-drag", "translation", "outputs"] {
+        assert!(text.contains(part), "{part} is missing in\n{text}");
+    }
+    assert_eq!(desk.names("."), ["study.toml"], "nothing was made");
+    let json = desk.done(&["explain", "study.toml", "--engine", "cpu", "--json"]);
+    let value: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+    let class = &value["classes"][0];
+    assert!(class["error"].as_f64().expect("a number") <= 1e-5, "{class}");
+    assert_eq!(class["pilot_bodies"], 200);
+    let steps = &class["steps"];
+    assert!(steps["min"].as_u64() <= steps["median"].as_u64() && steps["median"].as_u64() <= steps["max"].as_u64());
+    assert!(class["seconds"].as_f64().expect("known on the CPU") > 0.0);
+    assert!(class["bytes"].as_u64().expect("a number") > 200 * 100);
+    let unpiloted = desk.done(&["explain", "study.toml", "--engine", "cpu", "--json", "--no-pilot"]);
+    let value: serde_json::Value = serde_json::from_str(&unpiloted).expect("JSON");
+    assert_eq!(value["classes"][0]["pilot_bodies"], 0);
+    // The plan that is explained is the plan that runs.
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
+    let report = report(&desk, "study.out");
+    assert_eq!(report["plan"]["classes"][0]["method"], class["method"]);
+    assert_eq!(report["plan"]["classes"][0]["steps"], class["steps"]);
+}
