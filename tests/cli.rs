@@ -163,7 +163,7 @@ fn wrong_input_is_one_line_and_status_2() {
     assert_eq!(
         line,
         "error: study.toml:5: bodies.cuont is not known: did you mean count? known here: count, file, inertia, \
-         orientation, angular_velocity, mass, position, velocity\n"
+         repair_triangle_inequality, orientation, angular_velocity, mass, position, velocity\n"
     );
     assert_eq!(desk.names("."), ["study.toml"], "nothing was made");
     desk.refused(&["run", "absent.toml"], 2);

@@ -115,7 +115,7 @@ refuses! {
     a_fraction_of_a_body: refusal_with("count = 10", "count = 10.5") => @"study.toml:3: bodies.count = 10.5: a whole number of bodies is needed";
     a_negative_count: refusal_with("count = 10", "count = -10") => @"study.toml:3: bodies.count = -10: a whole number of bodies is needed";
     a_negative_seed: refusal_with("seed = 1", "seed = -1") => @"study.toml:1: seed = -1: a whole number is needed";
-    an_unknown_shape: refusal_with("\"cylinder\"", "\"cilinder\"") => @r#"study.toml:4: bodies.inertia.shape = "cilinder": did you mean cylinder? possible: sphere, spherical-shell, ellipsoid, box, cylinder, tube, capsule, cone, torus, rectangular-plate, circular-plate"#;
+    an_unknown_shape: refusal_with("\"cylinder\"", "\"cilinder\"") => @r#"study.toml:4: bodies.inertia.shape = "cilinder": did you mean cylinder? possible: point, rod, sphere, spherical-shell, ellipsoid, box, cylinder, tube, capsule, cone, torus, rectangular-plate, circular-plate, tetrahedron"#;
     an_unknown_distribution: refusal_with("\"normal\"", "\"gaussian\"") => @r#"study.toml:6: bodies.angular_velocity.distribution = "gaussian": possible: constant, uniform, normal, log-normal, direction"#;
     a_vector_of_two: refusal_with("mean = [0, 0, 1]", "mean = [0, 1]") => @"study.toml:6: bodies.angular_velocity.mean = [0, 1]: a finite number, or three, is needed";
     a_negative_deviation: refusal_with("sigma = 0.1", "sigma = -0.1") => @"study.toml:6: bodies.angular_velocity.sigma = -0.1: standard deviations that are not negative are needed";
