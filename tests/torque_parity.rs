@@ -18,7 +18,7 @@ use polhode::torque::Torque;
 use polhode::torque::white_noise::{minus_log, normal_vector, philox, uniform_parts, uniform_turns};
 use polhode::torque::{
     constant_body, constant_world, eddy_current, gravity_gradient, gravity_gradient_kepler, heavy_top,
-    internal_dissipation, linear_drag, log_spring, magnetic_dipole, matrix_drag, orbit, orbiting_dipole,
+    internal_dissipation, linear_drag, linear_rotor, log_spring, magnetic_dipole, matrix_drag, orbit, orbiting_dipole,
     quadratic_drag, sine_spring, sinusoidal,
 };
 use polhode::vector::Vector;
@@ -105,6 +105,9 @@ fn cases<T: Scalar>() -> Vec<Case<T>> {
         }),
         case("linear_drag", "put_v(0u, linear_drag(r(9u), v(4u)));", 0.0, |row| {
             v_out(linear_drag::linear_drag(row[9], vector(row, 4)))
+        }),
+        case("across_axis", "put_v(0u, across_axis(r(7u), v(9u)));", 0.0, |row| {
+            v_out(linear_rotor::across_axis(row[7], vector(row, 9)))
         }),
         case("matrix_drag", "put_v(0u, matrix_drag(v(9u), v(12u), v(4u)));", FEW_ROUNDINGS, |row| {
             v_out(matrix_drag::matrix_drag(vector(row, 9), vector(row, 12), vector(row, 4)))
