@@ -35,7 +35,7 @@ pub struct Figures {
 pub const COSTS: &[Cost] = &[
     Cost {
         method: Method::Rk8,
-        longest_angle: 2.5,
+        longest_angle: 3.5,
         free: Figures { coefficient: 6e-9, seconds: [2.7e-8, 5.1e-8] },
         driven: Figures { coefficient: 0.13, seconds: [2.8e-8, 5.6e-8] },
     },

@@ -45,6 +45,8 @@ const MOST_TIMES: usize = 1000;
 const NOMINAL_ANGLE: f64 = 10.0;
 /// A candidate that is this much dearer before its pilot is not tried.
 const HOPELESS: f64 = 4.0;
+/// The most that a pilot's steps may take, as a multiple of those of the best candidate so far.
+const ENDLESS: f64 = 64.0;
 
 /// What a pilot found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,12 +89,11 @@ impl Pilot<'_> {
         for (start, cost) in self.candidates() {
             // With the coefficient of the kinder problem: the other's would rule out what its own pilot might favour.
             let hoped = Rule { coefficient: cost.free.coefficient.min(cost.driven.coefficient), ..start };
-            let hopeless = best
-                .is_some_and(|(found, seconds)| found.part <= 1.0 && self.seconds(&hoped, cost) > HOPELESS * seconds);
-            if hopeless {
+            let cheapest = best.map_or(f64::INFINITY, |(_, seconds)| seconds);
+            if self.seconds(&hoped, cost) > HOPELESS * cheapest {
                 continue;
             }
-            let found = self.calibrated(start, &reference)?;
+            let found = self.calibrated(start, cost, ENDLESS * cheapest, &reference)?;
             let seconds = self.seconds(&found.rule, cost);
             let better = best.is_none_or(|(other, other_seconds)| match (found.part <= 1.0, other.part <= 1.0) {
                 (true, true) => seconds < other_seconds,
@@ -142,11 +143,14 @@ impl Pilot<'_> {
         }
     }
 
-    /// The rule with the coefficient that the sample needs.
-    fn calibrated(&self, start: Rule, reference: &States) -> Result<Found> {
+    /// The rule with the coefficient that the sample needs, as far as its steps take no longer than `limit` seconds.
+    fn calibrated(&self, start: Rule, cost: &Cost, limit: f64, reference: &States) -> Result<Found> {
         let mut rule = start;
         let mut best = Found { rule, part: f64::INFINITY, bodies: self.bodies.len() };
         for _ in 0..=CORRECTIONS {
+            if self.seconds(&rule, cost) > limit {
+                break;
+            }
             let part = self.part(&self.stepped(&rule)?, reference);
             let found = Found { rule, part, bodies: self.bodies.len() };
             // Of two that are good enough the one with longer steps, else the more accurate.

@@ -61,6 +61,9 @@ const PILOT_SEED: u64 = 1;
 const F32_MISSES: &str =
     "f32 does not reach this: precision f64, or more than 1e-6 rad and 3e-8 of the angle turned, is needed (rad)";
 
+/// No steps in `f64` are better than some units in the last place of the quaternion, rad.
+const ROUNDING_F64: f64 = 1e-15;
+
 /// What an engine without `f64` needs.
 const F64_ELSEWHERE: &str = "an adapter with f64 or the CPU engine is needed, or a larger error";
 
@@ -135,7 +138,14 @@ impl Resolution {
                     .map(|body| (body, at_rate(look_at(scene, body as usize, tolerance), *uniform_rate)))
                     .collect(),
             };
-            let found = if flies { pilot.fly()? } else { pilot.from_table() };
+            let found = if accuracy.strictest() < ROUNDING_F64 {
+                let rule = pilot.from_table().rule;
+                Found { rule, part: ROUNDING_F64 / accuracy.strictest(), bodies: 0 }
+            } else if flies {
+                pilot.fly()?
+            } else {
+                pilot.from_table()
+            };
             if found.part > 1.0 {
                 return Err(out_of_reach(&found, has_f64));
             }
