@@ -41,6 +41,7 @@
 //!   CPU engine.
 //! * [`run`], [`record`]: the loop over output times, and what it leaves behind.
 //! * [`verify`]: two engines stepped side by side.
+//! * `bench` (feature `bench`): run time against error, and what the machine gives at most.
 //!
 //! # Conventions
 //!
@@ -51,6 +52,8 @@
 //! * An attitude error is the angle of the rotation between two orientations, in [0, π].
 
 pub mod batch;
+#[cfg(feature = "bench")]
+pub mod bench;
 pub mod clock;
 pub mod double_double;
 pub mod elementary;

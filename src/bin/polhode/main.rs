@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use clap::Parser;
 
 mod arguments;
+mod bench;
 mod completions;
 mod devices;
 mod engine;
@@ -36,6 +37,7 @@ fn main() -> ExitCode {
         Command::Verify(arguments) => verify::verify(arguments),
         Command::Devices(arguments) => devices::devices(arguments),
         Command::Inertia(arguments) => inertia::inertia(arguments),
+        Command::Bench(arguments) => bench::bench(arguments),
         Command::Completions(arguments) => completions::completions(arguments),
         Command::Man => man::man(),
     };
@@ -77,7 +79,7 @@ fn refuse_arguments(error: &clap::Error) -> ExitCode {
         }
         ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
             output::error(
-                "a command is needed: polhode run, explain, verify, inertia, devices, completions or man; `polhode --help` teaches them",
+                "a command is needed: polhode run, explain, verify, inertia, devices, bench, completions or man; `polhode --help` teaches them",
             );
             return ExitCode::from(WRONG_INPUT);
         }
