@@ -30,8 +30,7 @@ pub struct Problem {
 }
 
 /// Names of all problems.
-pub const NAMES: [&str; 7] =
-    ["free", "separatrix", "forced", "heavy-top", "gravity-gradient", "drag", "driven"];
+pub const NAMES: [&str; 7] = ["free", "separatrix", "forced", "heavy-top", "gravity-gradient", "drag", "driven"];
 
 impl Problem {
     /// One of [`NAMES`] with `bodies` bodies ([`crate::study::problem`] describes them); `None` for any other name.

@@ -1,4 +1,4 @@
-//! Where a row comes from.
+//! When and where a row is made, and by what.
 
 use std::process::Command;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -9,7 +9,7 @@ use crate::engine::{Description, EngineKind};
 /// The word for what could not be found out.
 const UNKNOWN: &str = "unknown";
 
-/// Date, source, compiler and machine, found out once a run.
+/// Source, compiler and machine, found out once a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Provenance {
     row: Row,
@@ -19,8 +19,8 @@ impl Provenance {
     /// Finds out what can be known at run time; `command` is the command line that the rows are made by.
     ///
     /// Commit and compiler are those of the folder that this library was built in, as they are now; where that folder,
-    /// `git` or `rustc` is not there, the word is `unknown`. `commit` is followed in the column `dirty` by whether
-    /// files under version control differ from it.
+    /// `git` or `rustc` is not there, the word is `unknown`. The column `dirty` says whether files under version control
+    /// differ from the commit.
     pub fn collect(command: &str) -> Self {
         let commit = in_source(&["git", "rev-parse", "HEAD"]);
         let changes = in_source(&["git", "status", "--porcelain", "--untracked-files=no"]);
@@ -30,7 +30,6 @@ impl Provenance {
         };
         let unknown = || UNKNOWN.to_owned();
         let row = Row::new()
-            .with("date", date())
             .with("version", env!("CARGO_PKG_VERSION"))
             .with("commit", commit.unwrap_or_else(unknown))
             .with("dirty", dirty)
@@ -43,7 +42,7 @@ impl Provenance {
         Self { row }
     }
 
-    /// The cells for a row that is made now by an engine of `threads` threads: those of [`Provenance::collect`], the
+    /// The cells for a row that is made now by an engine of `threads` threads: the date, those of [`Provenance::collect`], the
     /// machine's load (mean number of running processes over the last minute; NaN where the system does not say), and
     /// the engine.
     pub fn of(&self, engine: &Description, threads: usize) -> Row {
@@ -51,8 +50,9 @@ impl Provenance {
             EngineKind::Cpu => "cpu",
             EngineKind::Gpu => "gpu",
         };
-        self.row
-            .clone()
+        Row::new()
+            .with("date", date())
+            .join(&self.row)
             .with("load", load())
             .with("engine", kind)
             .with("adapter", engine.name.as_str())
