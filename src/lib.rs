@@ -41,7 +41,8 @@
 //!   CPU engine.
 //! * [`run`], [`record`]: the loop over output times, and what it leaves behind.
 //! * [`verify`]: two engines stepped side by side.
-//! * `bench` (feature `bench`): run time against error, and what the machine gives at most.
+//! * `bench` (feature `bench`): run time against error, and what the machine gives at most; `plot` (feature `plot`):
+//!   pictures of that and of runs.
 //!
 //! # Conventions
 //!
@@ -68,6 +69,8 @@ pub mod memory;
 pub mod method;
 pub mod phase;
 pub mod plan;
+#[cfg(feature = "plot")]
+pub mod plot;
 pub mod quaternion;
 pub mod real;
 pub mod record;

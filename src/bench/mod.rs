@@ -13,10 +13,12 @@ use crate::engine::Engine;
 use crate::error::Result;
 
 pub mod accuracy;
+pub mod ceiling;
 pub mod front;
 pub mod problem;
 pub mod provenance;
 pub mod row;
+pub mod throughput;
 pub mod timing;
 
 use provenance::Provenance;

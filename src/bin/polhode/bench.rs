@@ -1,10 +1,11 @@
 //! `polhode bench`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
 use polhode::bench::provenance::Provenance;
-use polhode::bench::{Bench, Swept, accuracy};
+use polhode::bench::row::Row;
+use polhode::bench::{Bench, Swept, Watcher, accuracy, throughput};
 use polhode::engine::Engine;
 use polhode::engine::gpu::GpuOptions;
 
@@ -34,6 +35,8 @@ pub struct BenchArguments {
 enum Benchmark {
     /// Wall time against attitude error: problems, methods, precisions and steps.
     Accuracy(Options),
+    /// Body-steps a second: bodies, steps per dispatch, outputs, cores, beside the machine's ceilings.
+    Throughput(Options),
 }
 
 /// The engines that are measured.
@@ -77,13 +80,35 @@ struct Options {
 pub fn bench(arguments: &BenchArguments) -> Result<(), Failure> {
     catch_interrupts();
     match &arguments.benchmark {
-        Benchmark::Accuracy(options) => {
-            let (bench, mut watch) = prepared(options)?;
-            let swept = accuracy::run(&bench, &options.out, &mut |step| watch.observe_case(step));
-            watch.finish();
-            conclude(options, accuracy::TABLE, swept?, accuracy::summary)
-        }
+        Benchmark::Accuracy(options) => measure(options, accuracy::TABLE, accuracy::run, accuracy::summary),
+        Benchmark::Throughput(options) => measure(options, throughput::TABLE, throughput::run, throughput::summary),
     }
+}
+
+/// Measures and says what was measured and where it is.
+fn measure(
+    options: &Options,
+    table: &str,
+    run: impl Fn(&Bench, &Path, &mut Watcher<'_>) -> polhode::Result<Swept>,
+    summary: impl Fn(&[Row]) -> String,
+) -> Result<(), Failure> {
+    let (bench, mut watch) = prepared(options)?;
+    let swept = run(&bench, &options.out, &mut |step| watch.observe_case(step));
+    watch.finish();
+    let swept = swept?;
+    if swept.rows.is_empty() && swept.left_out == 0 {
+        return Err(Failure::Arguments("no case has such a name: --filter takes a part of one, such as cpu or f64"));
+    }
+    if !options.quiet {
+        output::print(&summary(&swept.rows));
+        output::note(&format!(
+            "{} rows appended to {} and .json beside it, {} cases left out",
+            swept.rows.len(),
+            options.out.join(format!("{table}.csv")).display(),
+            swept.left_out
+        ));
+    }
+    Ok(())
 }
 
 fn prepared(options: &Options) -> Result<(Bench, Watch), Failure> {
@@ -120,26 +145,4 @@ fn engines(options: &Options) -> Result<Vec<Engine>, Failure> {
             Err(error) => Err(error.into()),
         },
     }
-}
-
-/// Says what was measured and where it is.
-fn conclude(
-    options: &Options,
-    table: &str,
-    swept: Swept,
-    summary: impl Fn(&[polhode::bench::row::Row]) -> String,
-) -> Result<(), Failure> {
-    if swept.rows.is_empty() && swept.left_out == 0 {
-        return Err(Failure::Arguments("no case has such a name: --filter takes a part of one, such as free/cpu/rk4"));
-    }
-    if !options.quiet {
-        output::print(&summary(&swept.rows));
-        output::note(&format!(
-            "{} rows appended to {} and .json beside it, {} cases left out",
-            swept.rows.len(),
-            options.out.join(format!("{table}.csv")).display(),
-            swept.left_out
-        ));
-    }
-    Ok(())
 }
