@@ -22,7 +22,7 @@ fn pictures(folder: &Path) -> Vec<PathBuf> {
         provenance: Provenance::collect(COMMAND),
     };
     accuracy::run(&bench, folder, &mut |_| ControlFlow::Continue(())).expect("measured");
-    plot_folder(folder).expect("drawn")
+    plot_folder(folder, &[]).expect("drawn")
 }
 
 /// Width and height of a PNG file, and its pixels as RGB.
@@ -64,7 +64,7 @@ fn a_work_precision_diagram_names_axes_units_command_and_commit() {
 #[test]
 fn an_empty_folder_gives_no_pictures() {
     let folder = tempfile::tempdir().expect("a folder");
-    assert_eq!(plot_folder(folder.path()).expect("read"), Vec::<PathBuf>::new());
+    assert_eq!(plot_folder(folder.path(), &[]).expect("read"), Vec::<PathBuf>::new());
 }
 
 #[test]
@@ -86,4 +86,42 @@ fn what_is_not_finite_or_has_no_logarithm_is_left_out() {
     let svg = std::fs::read_to_string(path).expect("a file");
     assert!(!svg.contains("NaN") && !svg.contains("inf"));
     assert!(svg.contains("y (m)"));
+}
+
+#[test]
+fn a_run_is_drawn_with_its_bodies() {
+    use glam::{DQuat, DVec3};
+    use polhode::record::{OutputFolder, run_to_folder};
+    use polhode::study::{Format, Output};
+    use polhode::{Ensemble, Method, Outputs, Plan, Scene};
+
+    let desk = tempfile::tempdir().expect("a folder");
+    let folder = desk.path().join("out");
+    let moments = DVec3::new(1.0, 2.0, 3.0);
+    let spins = [DVec3::new(0.1, 2.0, 0.1), DVec3::new(0.0, 0.0, 1.0), DVec3::new(1.0, 1.0, 1.0)];
+    let ensemble = Ensemble::from_fn(3, |body| (moments, DQuat::IDENTITY, spins[body])).expect("valid bodies");
+    let scene = Scene::new(ensemble).until(20.0).outputs(Outputs::Every(0.05)).pinned(Method::Rk4, 0.05, None);
+    let engine = Engine::cpu();
+    let plan = Plan::new(&scene, &engine).expect("a plan");
+    let output = Output { final_state: false, snapshots: true, format: Format::Csv };
+    let place = OutputFolder::create(&folder, false).expect("a folder");
+    let since = std::time::Instant::now();
+    run_to_folder(&engine, &plan, None, output, place, since, &mut |_| ControlFlow::Continue(())).expect("run");
+
+    let files = plot_folder(&folder, &[0, 1]).expect("drawn");
+    let names: Vec<_> = files.iter().map(|file| file.file_name().expect("a name").to_string_lossy()).collect();
+    let expected = ["run.svg", "run.png", "run-body-0.svg", "run-body-0.png", "run-body-1.svg", "run-body-1.png"];
+    assert_eq!(names, expected);
+    let words =
+        |file: &Path| std::fs::read_to_string(file).expect("a file").split_whitespace().collect::<Vec<_>>().join(" ");
+    let ensemble = words(&files[0]);
+    for text in ["time (s)", "|ω| (rad/s)", "drift of the angular momentum", "rk4 in f64", "bodies"] {
+        assert!(ensemble.contains(text), "{text}");
+    }
+    let body = words(&files[2]);
+    for text in ["polhode on the inertia ellipsoid (body axes)", "herpolhode", "ω across L (rad/s)"] {
+        assert!(body.contains(text), "{text}");
+    }
+    // The states of a steady rotation do not tell the tensor, so there is no ellipsoid to draw.
+    assert!(!words(&files[4]).contains("inertia ellipsoid"));
 }

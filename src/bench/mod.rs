@@ -18,6 +18,7 @@ pub mod front;
 pub mod problem;
 pub mod provenance;
 pub mod row;
+pub mod skipping;
 pub mod throughput;
 pub mod timing;
 

@@ -11,7 +11,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{FontStyle, register_font};
 
-use super::figure::{Figure, Item, Line, Mark, Outline, Panel, Style};
+use super::figure::{Figure, Item, Line, Mark, Outline, Panel, Scale, Style};
 use super::scale::Laid;
 use crate::error::{Error, FileAction, Result};
 
@@ -153,7 +153,8 @@ fn paint_panel<B: DrawingBackend>(panel: &Panel, area: &Area<'_, B>, scale: u32)
     let mut x = Laid::new(&panel.x, xs.into_iter());
     let mut y = Laid::new(&panel.y, ys.into_iter());
     let font = |size: u32| (FONT, (size * scale) as i32).into_font();
-    let (left, bottom, margin) = (64 * scale, 48 * scale, 10 * scale);
+    let left = if matches!(panel.y.scale, Scale::Names(_)) { 100 * scale } else { 64 * scale };
+    let (bottom, margin) = (48 * scale, 10 * scale);
     let (title_font, title_height) = (font(13), 22 * scale);
     if panel.equal {
         let (width, height) = area.dim_in_pixel();
@@ -201,7 +202,7 @@ fn corners(item: &Item) -> Vec<(f64, f64)> {
     match item {
         Item::Curve { points, .. } => points.clone(),
         Item::Band { points, .. } => points.iter().flat_map(|&(x, low, high)| [(x, low), (x, high)]).collect(),
-        Item::Bar { at, width, from, to, .. } => vec![(at - 0.5 * width, *from), (at + 0.5 * width, *to)],
+        Item::Bar { low, high, .. } => vec![*low, *high],
     }
 }
 
@@ -232,8 +233,8 @@ fn paint_item<B: DrawingBackend>(
                 side(false).chain(side(true).collect::<Vec<_>>().into_iter().rev()).collect();
             area.draw(&Polygon::new(outline, colour(style).mix(0.2).filled())).map_err(words)
         }
-        Item::Bar { at: middle, width, from, to, style } => {
-            let ends = (at(middle - 0.5 * width, *from), at(middle + 0.5 * width, *to));
+        Item::Bar { low, high, style } => {
+            let ends = (at(low.0, low.1), at(high.0, high.1));
             let (Some(foot), Some(head)) = ends else { return Ok(()) };
             let border = colour(style).stroke_width(scale);
             if style.line != Line::Dashed {

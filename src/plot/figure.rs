@@ -88,16 +88,12 @@ pub enum Item {
         /// Its colour; line and mark are not read.
         style: Style,
     },
-    /// A bar from `from` to `to` at `at`, `width` wide.
+    /// A bar.
     Bar {
-        /// The middle.
-        at: f64,
-        /// Its width.
-        width: f64,
-        /// Its foot.
-        from: f64,
-        /// Its head.
-        to: f64,
+        /// One corner.
+        low: (f64, f64),
+        /// The one across.
+        high: (f64, f64),
         /// Its colour; a dashed line leaves it hollow.
         style: Style,
     },

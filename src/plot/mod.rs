@@ -11,29 +11,39 @@ use crate::error::Result;
 
 mod draw;
 pub mod figure;
+mod run;
 mod scale;
+mod skipping;
+mod snapshots;
 mod throughput;
 mod work_precision;
 
 pub use draw::draw;
+pub use skipping::skipping;
 pub use throughput::throughput;
 pub use work_precision::work_precision;
 
 use figure::Figure;
 
-/// Draws what is in `folder`, into it: pictures of every benchmark table. Gives the files written; none where there is
-/// nothing that can be drawn.
+/// Draws what is in `folder`, into it: every benchmark table, and the snapshots of a run (`snapshots.csv`) with a picture
+/// for each of `bodies`. Gives the files written; none where there is nothing that can be drawn.
 ///
 /// # Errors
 ///
 /// [`crate::Error::File`] and [`crate::Error::Rows`] for files that cannot be read or written.
-pub fn plot_folder(folder: &Path) -> Result<Vec<PathBuf>> {
+pub fn plot_folder(folder: &Path, bodies: &[usize]) -> Result<Vec<PathBuf>> {
     let mut figures = Vec::new();
     for (machine, rows) in by_machine(crate::bench::row::rows(folder, crate::bench::accuracy::TABLE)?) {
         figures.push((format!("accuracy-{machine}"), work_precision(&rows)));
     }
     for (machine, rows) in by_machine(crate::bench::row::rows(folder, crate::bench::throughput::TABLE)?) {
         figures.push((format!("throughput-{machine}"), throughput(&rows)));
+    }
+    for (machine, rows) in by_machine(crate::bench::row::rows(folder, crate::bench::skipping::TABLE)?) {
+        figures.push((format!("skipping-{machine}"), skipping(&rows)));
+    }
+    if folder.join("snapshots.csv").exists() {
+        figures.extend(run::run(folder, bodies)?);
     }
     let mut written = Vec::new();
     for (name, figure) in figures {
@@ -46,10 +56,13 @@ pub fn plot_folder(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(written)
 }
 
+/// Rows with their places in the table, by mode (`quick`) and case.
+type Cases = BTreeMap<(bool, String), (usize, Row)>;
+
 /// The rows of each engine under a name for files: `cpu`, `gpu`, and where several machines or adapters have left rows,
 /// their names too. Of rows of one case the last counts, and quick ones only where there are no others.
 fn by_machine(rows: Vec<Row>) -> Vec<(String, Vec<Row>)> {
-    let mut machines: BTreeMap<(String, String), BTreeMap<(bool, String), (usize, Row)>> = BTreeMap::new();
+    let mut machines: BTreeMap<(String, String), Cases> = BTreeMap::new();
     for (index, row) in rows.into_iter().enumerate() {
         let machine = format!("{} {}", row.text("cpu"), row.text("adapter"));
         let case = (row.flag("quick"), row.text("case"));

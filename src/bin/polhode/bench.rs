@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand, ValueEnum};
 use polhode::bench::provenance::Provenance;
 use polhode::bench::row::Row;
-use polhode::bench::{Bench, Swept, Watcher, accuracy, throughput};
+use polhode::bench::{Bench, Swept, Watcher, accuracy, skipping, throughput};
 use polhode::engine::Engine;
 use polhode::engine::gpu::GpuOptions;
 
@@ -37,6 +37,8 @@ enum Benchmark {
     Accuracy(Options),
     /// Body-steps a second: bodies, steps per dispatch, outputs, cores, beside the machine's ceilings.
     Throughput(Options),
+    /// Time and bytes saved by each kind of skipped work, and what it changes in the result.
+    Skipping(Options),
 }
 
 /// The engines that are measured.
@@ -82,6 +84,7 @@ pub fn bench(arguments: &BenchArguments) -> Result<(), Failure> {
     match &arguments.benchmark {
         Benchmark::Accuracy(options) => measure(options, accuracy::TABLE, accuracy::run, accuracy::summary),
         Benchmark::Throughput(options) => measure(options, throughput::TABLE, throughput::run, throughput::summary),
+        Benchmark::Skipping(options) => measure(options, skipping::TABLE, skipping::run, skipping::summary),
     }
 }
 
