@@ -272,6 +272,15 @@ pub enum Error {
         /// What is wrong with it.
         problem: crate::inertia::MeshFileProblem,
     },
+    /// A file of benchmark rows is not as this version writes it.
+    #[cfg(feature = "bench")]
+    #[error("{}: {fault}", path.display())]
+    Rows {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        fault: crate::bench::row::RowFault,
+    },
     /// Points have no convex hull with a volume.
     #[cfg(feature = "mesh")]
     #[error("convex hull: the {points} points {arrangement}; four points that do not lie in a plane are needed")]

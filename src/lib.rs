@@ -41,6 +41,8 @@
 //!   CPU engine.
 //! * [`run`], [`record`]: the loop over output times, and what it leaves behind.
 //! * [`verify`]: two engines stepped side by side.
+//! * `bench` (feature `bench`): run time against error, and what the machine gives at most; `plot` (feature `plot`):
+//!   pictures of that and of runs.
 //!
 //! # Conventions
 //!
@@ -51,6 +53,8 @@
 //! * An attitude error is the angle of the rotation between two orientations, in [0, π].
 
 pub mod batch;
+#[cfg(feature = "bench")]
+pub mod bench;
 pub mod clock;
 pub mod double_double;
 pub mod elementary;
@@ -65,6 +69,8 @@ pub mod memory;
 pub mod method;
 pub mod phase;
 pub mod plan;
+#[cfg(feature = "plot")]
+pub mod plot;
 pub mod quaternion;
 pub mod real;
 pub mod record;

@@ -5,7 +5,7 @@ use glam::{DQuat, DVec3};
 use super::draw::{Column, Draw};
 use crate::ensemble::Ensemble;
 use crate::error::Result;
-use crate::torque::Torque;
+use crate::torque::{Orbit, Torque};
 
 /// Simulated time of the free problem, s.
 pub const FREE_SPAN: f64 = 10.0;
@@ -65,4 +65,56 @@ pub fn separatrix(body_count: usize, seed: u64) -> Result<Ensemble> {
         let orientation: DQuat = draw.rotation(body, Column::Orientation);
         (DVec3::new(1.0, 2.0, 3.0), orientation, 5.0 * DVec3::new(epsilon, 1.0, epsilon))
     })
+}
+
+/// The bodies of [`free`], moments taken about a pivot, with a mass of 1 kg whose centre is up to 0.5 m from the pivot along
+/// each body axis (uniform), under gravity of 9.81 m/s² against the world's z axis.
+///
+/// # Errors
+///
+/// [`crate::Error::TooManyBodies`] where the memory does not suffice.
+pub fn heavy_top(body_count: usize, seed: u64) -> Result<(Ensemble, Torque)> {
+    let ensemble = free(body_count, seed)?;
+    let centre = uniform_vectors(body_count, seed, 2, 0.5);
+    Ok((ensemble, Torque::heavy_top(1.0, centre, DVec3::new(0.0, 0.0, -9.81))))
+}
+
+/// The bodies of [`free`] on a circular orbit of 0.5 rad/s, which is half of their usual spin: they tumble.
+///
+/// # Errors
+///
+/// [`crate::Error::TooManyBodies`] where the memory does not suffice.
+pub fn gravity_gradient(body_count: usize, seed: u64) -> Result<(Ensemble, Torque)> {
+    Ok((free(body_count, seed)?, Torque::gravity_gradient(Orbit::circular(0.25, 1.0))))
+}
+
+/// The bodies of [`free`] under linear drag with a coefficient uniform in [0.01, 0.1] N m s.
+///
+/// # Errors
+///
+/// [`crate::Error::TooManyBodies`] where the memory does not suffice.
+pub fn drag(body_count: usize, seed: u64) -> Result<(Ensemble, Torque)> {
+    let (ensemble, [_, drag]) = forced(body_count, seed)?;
+    Ok((ensemble, drag))
+}
+
+/// The bodies of [`free`] under a torque in body axes that swings at 1.5 rad/s, amplitudes of sine and cosine uniform in
+/// [−1, 1] N m.
+///
+/// # Errors
+///
+/// [`crate::Error::TooManyBodies`] where the memory does not suffice.
+pub fn driven(body_count: usize, seed: u64) -> Result<(Ensemble, Torque)> {
+    let ensemble = free(body_count, seed)?;
+    let [sine, cosine] = [3, 4].map(|torque| uniform_vectors(body_count, seed, torque, 1.0));
+    Ok((ensemble, Torque::sinusoidal(sine, cosine, 1.5)))
+}
+
+/// A vector a body, components uniform in [−`half_width`, `half_width`]; `torque` tells columns apart.
+fn uniform_vectors(body_count: usize, seed: u64, torque: u16, half_width: f64) -> Vec<DVec3> {
+    let draw = Draw::new(seed);
+    let component = |body, c| draw.uniform(body, Column::Torque { torque, parameter: 0 }, c);
+    (0..body_count)
+        .map(|body| half_width * DVec3::from_array([0, 1, 2].map(|c| 2.0 * component(body, c) - 1.0)))
+        .collect()
 }

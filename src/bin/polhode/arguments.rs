@@ -35,6 +35,10 @@ pub enum Command {
     Inertia(InertiaArguments),
     /// List the engines of this machine and which one is taken.
     Devices(DevicesArguments),
+    /// Measure run time against error, throughput, and what skipping saves.
+    Bench(crate::bench::BenchArguments),
+    /// Draw what a benchmark or a run has left in a folder, as SVG and PNG.
+    Plot(crate::plot::PlotArguments),
     /// Print a completion script for a shell.
     #[command(after_help = "Example: polhode completions bash > ~/.local/share/bash-completion/completions/polhode")]
     Completions(CompletionsArguments),

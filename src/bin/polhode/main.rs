@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use clap::Parser;
 
 mod arguments;
+mod bench;
 mod completions;
 mod devices;
 mod engine;
@@ -12,6 +13,7 @@ mod explain;
 mod inertia;
 mod man;
 mod output;
+mod plot;
 mod progress;
 mod run;
 mod verify;
@@ -36,6 +38,8 @@ fn main() -> ExitCode {
         Command::Verify(arguments) => verify::verify(arguments),
         Command::Devices(arguments) => devices::devices(arguments),
         Command::Inertia(arguments) => inertia::inertia(arguments),
+        Command::Bench(arguments) => bench::bench(arguments),
+        Command::Plot(arguments) => plot::plot(arguments),
         Command::Completions(arguments) => completions::completions(arguments),
         Command::Man => man::man(),
     };
@@ -77,7 +81,7 @@ fn refuse_arguments(error: &clap::Error) -> ExitCode {
         }
         ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
             output::error(
-                "a command is needed: polhode run, explain, verify, inertia, devices, completions or man; `polhode --help` teaches them",
+                "a command is needed: polhode run, explain, verify, inertia, devices, bench, plot, completions or man; `polhode --help` teaches them",
             );
             return ExitCode::from(WRONG_INPUT);
         }

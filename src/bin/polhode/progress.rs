@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use polhode::bench::Step;
 use polhode::engine::Progress;
 
 /// Whether the user has asked to stop.
@@ -46,12 +47,30 @@ impl Watch {
         if STOP.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
+    /// Takes note of a benchmark's progress.
+    pub fn observe_case(&mut self, step: Step<'_>) -> ControlFlow<()> {
+        if self.shown {
+            let bar = self.bar.get_or_insert_with(|| case_bar(step.total));
+            bar.set_position(step.done as u64);
+            bar.set_message(step.label.to_owned());
+        }
+        if STOP.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
     /// Removes the bar.
     pub fn finish(self) {
         if let Some(bar) = self.bar {
             bar.finish_and_clear();
         }
     }
+}
+
+/// A bar that names the case under way.
+fn case_bar(total: usize) -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(Some(total as u64), ProgressDrawTarget::stderr());
+    let style = ProgressStyle::with_template("{bar:32} {pos}/{len}  {msg}  {elapsed} so far");
+    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    bar
 }
 
 /// A bar whose rate and remaining time are means since the start: the work is the same all the way.

@@ -1,0 +1,403 @@
+//! Work-precision: wall time against attitude error, of every method on every problem.
+//!
+//! A case is a problem, a way of solving it and an engine. What is timed is the compute phase alone: set-up (principal
+//! axes, scaling, constants of the closed form) and start (upload, shader compilation) have columns of their own, reading
+//! back is not timed. Errors come from a run's first repeat and are the same to the last bit in every run on a machine.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::Instant;
+
+use super::front::{self, Point};
+use super::problem::{Errors, NAMES, Problem, Truth};
+use super::row::Row;
+use super::timing::{Timing, repeat};
+use super::{Bench, Case, Swept, Watcher, sweep};
+use crate::batch::{BodyFrame, BodyState, Precision, StateWords, prepare_with};
+use crate::engine::{Engine, EngineKind, unobserved};
+use crate::error::Result;
+use crate::free_motion::AnyRows;
+use crate::method::Method;
+use crate::plan::Plan;
+use crate::record::{OutputState, Quantiles, Sink};
+use crate::scene::{Accuracy, Scene};
+
+/// The table's name.
+pub const TABLE: &str = "accuracy";
+
+/// Bodies of a problem.
+const BODIES: usize = 4096;
+const QUICK_BODIES: usize = 256;
+
+/// Steps over the span. 34, 100, 334 and 1000 are those of published tables; 640 and 2560 are steps of 2⁻⁶ and 2⁻⁸ s over
+/// ten seconds.
+const STEPS: [u64; 11] = [10, 20, 34, 50, 100, 200, 334, 640, 1000, 2560, 5000];
+const QUICK_STEPS: [u64; 4] = [20, 100, 334, 1000];
+
+/// Methods that a first look at a GPU takes.
+const QUICK_SHADERS: [Method; 4] = [Method::Rk4, Method::Rk8, Method::Cf4, Method::ImplicitMidpoint];
+
+/// The separatrix problem lasts ten times as long as the others, and so takes as many times the steps.
+const LONG: u64 = 10;
+
+/// Attitude errors that are asked for where the library chooses method and step, rad.
+const TOLERANCES: [f64; 8] = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9];
+const QUICK_TOLERANCES: [f64; 3] = [1e-2, 1e-5, 1e-8];
+
+/// Beyond this attitude error in the 99th percentile, rad, a result says nothing of where a body points, and a row fails
+/// its check.
+pub const GREATEST_ERROR: f64 = 0.1;
+
+/// How a problem is solved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Way {
+    /// In equal steps over the span.
+    Stepped {
+        /// The integrator.
+        method: Method,
+        /// The arithmetic.
+        precision: Precision,
+        /// Number of steps.
+        steps: u64,
+    },
+    /// By the closed form of torque-free motion.
+    ClosedForm {
+        /// The arithmetic.
+        precision: Precision,
+    },
+    /// As the library chooses for an attitude error asked for, rad.
+    Asked {
+        /// The attitude error in the 99th percentile, rad.
+        tolerance: f64,
+    },
+}
+
+/// A problem, a way and an engine.
+#[derive(Clone, Debug)]
+pub struct AccuracyCase {
+    /// One of [`NAMES`].
+    pub problem: &'static str,
+    /// How it is solved.
+    pub way: Way,
+    /// What solves it.
+    pub engine: Engine,
+}
+
+impl Case for AccuracyCase {
+    fn label(&self) -> String {
+        let engine = match self.engine.description().kind {
+            EngineKind::Cpu => "cpu",
+            EngineKind::Gpu => "gpu",
+        };
+        let (method, precision) = (self.way.method(), self.way.precision());
+        let amount = match self.way {
+            Way::Stepped { steps, .. } => format!("{steps} steps"),
+            Way::ClosedForm { .. } => "1 evaluation".to_owned(),
+            Way::Asked { tolerance } => format!("{tolerance:e} rad"),
+        };
+        format!("{}/{engine}/{method}/{precision}/{amount}", self.problem)
+    }
+
+    fn engine(&self) -> &Engine {
+        &self.engine
+    }
+}
+
+impl Way {
+    /// The name of the method, `closed form`, or `chosen`.
+    pub fn method(&self) -> &'static str {
+        match self {
+            Way::Stepped { method, .. } => method.name(),
+            Way::ClosedForm { .. } => crate::record::CLOSED_FORM,
+            Way::Asked { .. } => "chosen",
+        }
+    }
+
+    /// The name of the arithmetic, or `chosen`.
+    pub fn precision(&self) -> &'static str {
+        match self {
+            Way::Stepped { precision, .. } | Way::ClosedForm { precision } => precision.name(),
+            Way::Asked { .. } => "chosen",
+        }
+    }
+}
+
+/// All cases: problem by problem, on each engine by each way.
+pub fn cases(bench: &Bench) -> Vec<AccuracyCase> {
+    let (steps, tolerances): (&[u64], &[f64]) =
+        if bench.quick { (&QUICK_STEPS, &QUICK_TOLERANCES) } else { (&STEPS, &TOLERANCES) };
+    let mut cases = Vec::new();
+    for problem in NAMES {
+        let free = matches!(problem, "free" | "separatrix");
+        for engine in &bench.engines {
+            let mut add = |way| cases.push(AccuracyCase { problem, way, engine: engine.clone() });
+            // Shaders take long to compile, above all on a software adapter.
+            let few = bench.quick && engine.description().kind == EngineKind::Gpu;
+            for method in Method::ALL.into_iter().filter(|method| !few || QUICK_SHADERS.contains(method)) {
+                for &precision in engine.precisions() {
+                    for &steps in steps {
+                        let steps = if problem == "separatrix" { LONG * steps } else { steps };
+                        add(Way::Stepped { method, precision, steps });
+                    }
+                }
+            }
+            if free {
+                engine.precisions().iter().for_each(|&precision| add(Way::ClosedForm { precision }));
+            }
+            tolerances.iter().for_each(|&tolerance| add(Way::Asked { tolerance }));
+        }
+    }
+    cases
+}
+
+/// Measures the cases and appends their rows to the table [`TABLE`] in `folder`.
+///
+/// # Errors
+///
+/// As [`sweep`].
+pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Swept> {
+    let bodies = if bench.quick { QUICK_BODIES } else { BODIES };
+    let mut known: Option<(Problem, Truth)> = None;
+    sweep(bench, folder, TABLE, &cases(bench), watcher, |case| {
+        if known.as_ref().is_none_or(|(problem, _)| problem.name != case.problem) {
+            known = match Problem::named(case.problem, bodies)? {
+                Some(problem) => {
+                    let truth = Truth::of(&problem)?;
+                    Some((problem, truth))
+                }
+                None => None,
+            };
+        }
+        // Cases are made of known names alone.
+        let Some((problem, truth)) = &known else { return Ok(Row::new()) };
+        measure(bench, case, problem, truth)
+    })
+}
+
+/// One repeat of a case.
+#[derive(Debug, Default)]
+struct Sample {
+    /// Principal axes, scaling, columns, constants, s.
+    prepare: f64,
+    /// Upload and shader compilation, s.
+    start: f64,
+    /// Integration or evaluation, s.
+    compute: f64,
+    /// Steps of all bodies together.
+    body_steps: u64,
+    /// The states at the end.
+    states: Vec<BodyState>,
+}
+
+/// What is known of a case after its repeats.
+#[derive(Debug, Default)]
+struct Measured {
+    /// Choice of method and step, s; 0 where they are given.
+    planning: f64,
+    sample: Sample,
+    compute: Timing,
+    errors: Errors,
+    /// Why it failed its check; empty where it did not.
+    fault: String,
+}
+
+/// Measures one case; a case that the library refuses becomes a row that failed its check.
+fn measure(bench: &Bench, case: &AccuracyCase, problem: &Problem, truth: &Truth) -> Result<Row> {
+    let measured = match repeated(bench, case, problem, truth) {
+        Err(refusal) if refusal.is_input() => Measured::refused(refusal.to_string()),
+        other => other?,
+    };
+    Ok(measured.row(case, problem, truth))
+}
+
+fn repeated(bench: &Bench, case: &AccuracyCase, problem: &Problem, truth: &Truth) -> Result<Measured> {
+    let engine = &case.engine;
+    let mut first: Option<Sample> = None;
+    let mut keep = |sample: Sample| {
+        let seconds = sample.compute;
+        first.get_or_insert(sample);
+        Ok(seconds)
+    };
+    let mut planning = 0.0;
+    let compute = match case.way {
+        Way::Stepped { method, precision, steps } => {
+            repeat(bench.repeats(), || keep(stepped(engine, problem, method, precision, steps)?))?
+        }
+        Way::ClosedForm { precision } => repeat(bench.repeats(), || keep(closed_form(engine, problem, precision)?))?,
+        Way::Asked { tolerance } => {
+            let scene = Scene::new(problem.ensemble.clone()).until(problem.span);
+            let scene = problem.torques.iter().cloned().fold(scene, Scene::torque);
+            let scene = scene.accuracy(Accuracy::attitude(tolerance));
+            let clock = Instant::now();
+            let plan = Plan::new(&scene, engine)?;
+            planning = clock.elapsed().as_secs_f64();
+            repeat(bench.repeats(), || keep(chosen(engine, &plan)?))?
+        }
+    };
+    let sample = first.unwrap_or_default();
+    let errors = truth.errors(&sample.states);
+    let fault = fault(&errors, case.way);
+    Ok(Measured { planning, sample, compute, errors, fault })
+}
+
+/// One repeat in equal steps.
+fn stepped(engine: &Engine, problem: &Problem, method: Method, precision: Precision, steps: u64) -> Result<Sample> {
+    let dt = problem.span / steps as f64;
+    let clock = Instant::now();
+    let (frames, batch) = prepare_with(&problem.ensemble, &problem.torques, problem.span, precision)?;
+    let prepare = clock.elapsed().as_secs_f64();
+    let clock = Instant::now();
+    let mut session = engine.start(batch, method)?;
+    let start = clock.elapsed().as_secs_f64();
+    // One step that is not timed, so that shaders are compiled and threads awake; results do not depend on the cut.
+    session.advance(dt, 1, &mut unobserved)?;
+    let clock = Instant::now();
+    session.advance(dt, steps - 1, &mut unobserved)?;
+    let compute = clock.elapsed().as_secs_f64() * steps as f64 / (steps - 1) as f64;
+    let states = states(&frames, &session.read(0..frames.len())?);
+    Ok(Sample { prepare, start, compute, body_steps: steps * frames.len() as u64, states })
+}
+
+/// One repeat in closed form.
+fn closed_form(engine: &Engine, problem: &Problem, precision: Precision) -> Result<Sample> {
+    let clock = Instant::now();
+    let (frames, rows) = AnyRows::prepare(&problem.ensemble, precision)?;
+    let prepare = clock.elapsed().as_secs_f64();
+    let clock = Instant::now();
+    let mut session = engine.start_free(rows)?;
+    let start = clock.elapsed().as_secs_f64();
+    // Once that is not timed, for the same reason as with steps.
+    session.evaluate(0.5 * problem.span)?;
+    let clock = Instant::now();
+    session.evaluate(problem.span)?;
+    let compute = clock.elapsed().as_secs_f64();
+    let states = states(&frames, &session.read(0..frames.len())?);
+    Ok(Sample { prepare, start, compute, body_steps: 0, states })
+}
+
+/// One repeat of a plan.
+fn chosen(engine: &Engine, plan: &Plan<'_>) -> Result<Sample> {
+    let mut last = Last::default();
+    let trust = crate::run::run_into(engine, plan, &mut last, &mut |_| ControlFlow::Continue(()))?;
+    let time = trust.wall_time;
+    let sample = Sample { prepare: time.prepare, start: time.start, compute: time.compute, ..Sample::default() };
+    Ok(Sample { body_steps: trust.body_steps, states: last.states, ..sample })
+}
+
+/// Keeps the states at the end.
+#[derive(Debug, Default)]
+struct Last {
+    states: Vec<BodyState>,
+}
+
+impl Sink for Last {
+    fn wants(&mut self, _: usize, _: usize, _: f64) -> bool {
+        true
+    }
+
+    fn bodies(&mut self, _: usize, _: f64, _: usize, states: &[OutputState]) -> Result<()> {
+        self.states.extend(states.iter().map(|state| state.rotation));
+        Ok(())
+    }
+}
+
+fn states(frames: &[BodyFrame], words: &StateWords) -> Vec<BodyState> {
+    let state = |body: usize| BodyState { status: words.status[body], ..frames[body].body_state(words.combined(body)) };
+    (0..frames.len()).map(state).collect()
+}
+
+/// Why a result fails its check; empty where it passes.
+fn fault(errors: &Errors, way: Way) -> String {
+    let error = errors.attitude.p99;
+    match way {
+        _ if errors.failed > 0 => format!("{} bodies failed", errors.failed),
+        Way::Asked { tolerance } if error > tolerance => {
+            format!("attitude error {error:.1e} rad at the 99th percentile; {tolerance:e} was asked for")
+        }
+        _ if error > GREATEST_ERROR => format!("attitude error above {GREATEST_ERROR} rad at the 99th percentile"),
+        _ => String::new(),
+    }
+}
+
+impl Measured {
+    /// Nothing is known of a case that the library refused.
+    fn refused(fault: String) -> Self {
+        let nothing = Quantiles { median: f64::NAN, p99: f64::NAN, max: f64::NAN };
+        let errors = Errors { failed: 0, attitude: nothing, kinetic_energy: nothing, angular_momentum_world: nothing };
+        let compute = Timing { median: f64::NAN, least: f64::NAN, spread: f64::NAN, repeats: 0 };
+        Self { compute, errors, fault, ..Self::default() }
+    }
+
+    fn row(&self, case: &AccuracyCase, problem: &Problem, truth: &Truth) -> Row {
+        let bodies = problem.ensemble.len();
+        let (steps, tolerance) = match case.way {
+            Way::Stepped { steps, .. } => (steps as f64, f64::NAN),
+            Way::ClosedForm { .. } => (0.0, f64::NAN),
+            Way::Asked { tolerance } => (self.sample.body_steps as f64 / bodies as f64, tolerance),
+        };
+        let seconds = self.compute.median;
+        let rate = |amount: f64| if seconds > 0.0 { amount / seconds } else { f64::NAN };
+        Row::new()
+            .with("problem", problem.name)
+            .with("method", case.way.method())
+            .with("precision", case.way.precision())
+            .with("bodies", bodies)
+            .with("span_s", problem.span)
+            .with("steps_mean", steps)
+            .with("tolerance_rad", tolerance)
+            .with("repeats", self.compute.repeats)
+            .with("seconds_median", seconds)
+            .with("seconds_min", self.compute.least)
+            .with("seconds_spread", self.compute.spread)
+            .with("plan_seconds", self.planning)
+            .with("prepare_seconds", self.sample.prepare)
+            .with("start_seconds", self.sample.start)
+            .with("body_steps_per_second", rate(self.sample.body_steps as f64))
+            .with("body_seconds_per_second", rate(bodies as f64 * problem.span))
+            .with_quantiles("attitude_rad", &self.errors.attitude)
+            .with_quantiles("energy_drift", &self.errors.kinetic_energy)
+            .with_quantiles("momentum_drift", &self.errors.angular_momentum_world)
+            .with("truth", truth.source)
+            .with("truth_uncertainty_rad_p99", truth.uncertainty.p99)
+            .with("failed_bodies", self.errors.failed)
+            .with("valid", self.fault.is_empty())
+            .with("fault", self.fault.as_str())
+    }
+}
+
+/// A row as a point of a work-precision diagram. An error below the truth's uncertainty counts as that uncertainty.
+pub fn point(row: &Row) -> Point {
+    Point {
+        seconds: row.number("seconds_median"),
+        error: row.number("attitude_rad_p99").max(row.number("truth_uncertainty_rad_p99")),
+        valid: row.flag("valid"),
+    }
+}
+
+/// For each problem and error decade the fastest row that passed its check, as a table in Markdown.
+///
+/// Times of different numbers of bodies do not compare, so the rows must be of one mode (`quick` or not).
+pub fn summary(rows: &[Row]) -> String {
+    let mut text = String::from(
+        "| problem | error (rad) | fastest | engine | steps | compute (s) | body-s/s | p99 (rad) |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+    );
+    for problem in NAMES {
+        let of_problem: Vec<&Row> = rows.iter().filter(|row| row.text("problem") == problem).collect();
+        let points: Vec<Point> = of_problem.iter().map(|row| point(row)).collect();
+        for (exponent, index) in front::fastest_by_decade(&points) {
+            let row = of_problem[index];
+            text += &format!(
+                "| {problem} | 1e{exponent} | {} {} | {} | {:.0} | {:.1e} | {:.1e} | {:.1e} |\n",
+                row.text("method"),
+                row.text("precision"),
+                row.text("engine"),
+                row.number("steps_mean"),
+                row.number("seconds_median"),
+                row.number("body_seconds_per_second"),
+                row.number("attitude_rad_p99"),
+            );
+        }
+    }
+    text
+}

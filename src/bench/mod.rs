@@ -1,0 +1,135 @@
+//! Benchmarks: run time against error, and what the machine gives at most.
+//!
+//! Every benchmark appends [rows](row::Row) to a [table](row::Table), one a case, each with the
+//! [place it comes from](provenance). A new benchmark lists its cases with a [`Case`] label each, measures one at a time
+//! through [`sweep`], which takes care of the filter, of progress, of rows that are there already and of Ctrl-C, and joins
+//! its cells to those of [`Bench::origin`].
+
+use std::collections::HashSet;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use crate::engine::Engine;
+use crate::error::Result;
+
+pub mod accuracy;
+pub mod ceiling;
+pub mod front;
+pub mod problem;
+pub mod provenance;
+pub mod row;
+pub mod skipping;
+pub mod throughput;
+pub mod timing;
+
+use provenance::Provenance;
+use row::{Row, Table};
+use timing::Repeats;
+
+/// What all benchmarks are told.
+#[derive(Clone, Debug)]
+pub struct Bench {
+    /// A first look in about a minute rather than figures to be kept.
+    pub quick: bool,
+    /// Only cases whose label contains this.
+    pub filter: Option<String>,
+    /// Leave out cases of which the table has a row of the same commit, adapter and mode.
+    pub resume: bool,
+    /// The engines to measure.
+    pub engines: Vec<Engine>,
+    /// Where rows come from.
+    pub provenance: Provenance,
+}
+
+impl Bench {
+    /// The first cells of a row that `engine` makes now.
+    pub fn origin(&self, engine: &Engine) -> Row {
+        self.provenance.of(&engine.description(), rayon::current_num_threads()).with("quick", self.quick)
+    }
+
+    /// How often work is repeated.
+    pub fn repeats(&self) -> Repeats {
+        if self.quick { Repeats::QUICK } else { Repeats::FULL }
+    }
+}
+
+/// Where a benchmark stands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step<'a> {
+    /// Cases done.
+    pub done: usize,
+    /// Cases in all.
+    pub total: usize,
+    /// The case that comes next; empty at the end.
+    pub label: &'a str,
+}
+
+/// Is told of progress and says whether to go on.
+pub type Watcher<'a> = dyn FnMut(Step<'_>) -> ControlFlow<()> + 'a;
+
+/// One thing to be measured.
+pub trait Case {
+    /// What tells it from all others of its benchmark, for the filter, progress and the column `case`.
+    fn label(&self) -> String;
+
+    /// The engine that it is measured on.
+    fn engine(&self) -> &Engine;
+}
+
+/// What a sweep leaves behind.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Swept {
+    /// The rows of this run, in order.
+    pub rows: Vec<Row>,
+    /// Cases that are not measured, because the watcher broke or because their rows were there.
+    pub left_out: usize,
+}
+
+/// Measures the cases one by one and appends a row for each to the table `name` in `folder`, as soon as it is there.
+///
+/// A row is [`Bench::origin`], the label in the column `case`, and what `measure` returns.
+///
+/// # Errors
+///
+/// Those of the table and of `measure`; rows measured before stay.
+pub fn sweep<C: Case>(
+    bench: &Bench,
+    folder: &Path,
+    name: &str,
+    cases: &[C],
+    watcher: &mut Watcher<'_>,
+    mut measure: impl FnMut(&C) -> Result<Row>,
+) -> Result<Swept> {
+    let mut table = Table::open(folder, name)?;
+    let present = if bench.resume { keys(&table.rows()?) } else { HashSet::new() };
+    let wanted = |label: &str| bench.filter.as_deref().is_none_or(|part| label.contains(part));
+    let cases: Vec<(String, &C)> =
+        cases.iter().map(|case| (case.label(), case)).filter(|(label, _)| wanted(label)).collect();
+    let total = cases.len();
+    let mut swept = Swept::default();
+    for (done, (label, case)) in cases.into_iter().enumerate() {
+        if watcher(Step { done, total, label: &label }).is_break() {
+            swept.left_out += total - done;
+            return Ok(swept);
+        }
+        let head = bench.origin(case.engine()).with("case", label.as_str());
+        if bench.resume && present.contains(&key(&head)) {
+            swept.left_out += 1;
+            continue;
+        }
+        let row = head.join(&measure(case)?);
+        table.append(&row)?;
+        swept.rows.push(row);
+    }
+    let _ = watcher(Step { done: total, total, label: "" });
+    Ok(swept)
+}
+
+/// What tells rows of different runs apart.
+fn key(row: &Row) -> [String; 6] {
+    ["commit", "dirty", "adapter", "threads", "quick", "case"].map(|name| row.text(name))
+}
+
+fn keys(rows: &[Row]) -> HashSet<[String; 6]> {
+    rows.iter().map(key).collect()
+}

@@ -1,0 +1,124 @@
+//! When and where a row is made, and by what.
+
+use std::process::Command;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use super::row::Row;
+use crate::engine::{Description, EngineKind};
+
+/// The word for what could not be found out.
+const UNKNOWN: &str = "unknown";
+
+/// Source, compiler and machine, found out once a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Provenance {
+    row: Row,
+}
+
+impl Provenance {
+    /// Finds out what can be known at run time; `command` is the command line that the rows are made by.
+    ///
+    /// Commit and compiler are those of the folder that this library was built in, as they are now; where that folder,
+    /// `git` or `rustc` is not there, the word is `unknown`. The column `dirty` says whether files under version control
+    /// differ from the commit.
+    pub fn collect(command: &str) -> Self {
+        let commit = in_source(&["git", "rev-parse", "HEAD"]);
+        let changes = in_source(&["git", "status", "--porcelain", "--untracked-files=no"]);
+        let dirty = match (&commit, changes) {
+            (Some(_), Some(changes)) => if changes.is_empty() { "no" } else { "yes" }.to_owned(),
+            _ => UNKNOWN.to_owned(),
+        };
+        let unknown = || UNKNOWN.to_owned();
+        let row = Row::new()
+            .with("version", env!("CARGO_PKG_VERSION"))
+            .with("commit", commit.unwrap_or_else(unknown))
+            .with("dirty", dirty)
+            .with("compiler", in_source(&["rustc", "--version"]).unwrap_or_else(unknown))
+            .with("profile", if cfg!(debug_assertions) { "debug" } else { "release" })
+            .with("platform", format!("{} {}", std::env::consts::OS, std::env::consts::ARCH))
+            .with("cpu", processor().unwrap_or_else(unknown))
+            .with("cores", std::thread::available_parallelism().map_or(1, usize::from))
+            .with("command", command);
+        Self { row }
+    }
+
+    /// The cells for a row that is made now by an engine of `threads` threads: the date, those of [`Provenance::collect`], the
+    /// machine's load (mean number of running processes over the last minute; NaN where the system does not say), and
+    /// the engine.
+    pub fn of(&self, engine: &Description, threads: usize) -> Row {
+        let kind = match engine.kind {
+            EngineKind::Cpu => "cpu",
+            EngineKind::Gpu => "gpu",
+        };
+        Row::new()
+            .with("date", date())
+            .join(&self.row)
+            .with("load", load())
+            .with("engine", kind)
+            .with("adapter", engine.name.as_str())
+            .with("driver", engine.driver.as_str())
+            .with("software", engine.software)
+            .with("threads", threads)
+    }
+}
+
+/// What a program prints, run in the folder that this library was built in; `None` where it does not succeed.
+fn in_source(words: &[&str]) -> Option<String> {
+    let output = Command::new(words[0]).args(&words[1..]).current_dir(env!("CARGO_MANIFEST_DIR")).output().ok()?;
+    output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
+}
+
+/// The processor's name.
+fn processor() -> Option<String> {
+    if cfg!(target_os = "macos") {
+        return in_source(&["sysctl", "-n", "machdep.cpu.brand_string"]);
+    }
+    if cfg!(windows) {
+        return std::env::var("PROCESSOR_IDENTIFIER").ok();
+    }
+    let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
+    let line = text.lines().find(|line| line.starts_with("model name"))?;
+    Some(line.split_once(':')?.1.trim().to_owned())
+}
+
+fn load() -> f64 {
+    let text = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
+    text.split_whitespace().next().and_then(|word| word.parse().ok()).unwrap_or(f64::NAN)
+}
+
+/// Now, in UTC, as ISO 8601 writes it.
+fn date() -> String {
+    let seconds = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |elapsed| elapsed.as_secs());
+    let (year, month, day) = civil_date(seconds / 86_400);
+    let time = seconds % 86_400;
+    format!("{year:04}-{month:02}-{day:02}T{:02}:{:02}:{:02}Z", time / 3600, time / 60 % 60, time % 60)
+}
+
+/// Year, month and day of a number of days since 1970-01-01, in the Gregorian calendar: years are counted from March, so
+/// that the leap day comes last, in eras of 400 years (146,097 days).
+fn civil_date(days: u64) -> (u64, u64, u64) {
+    let days = days + 719_468;
+    let (era, day_of_era) = (days / 146_097, days % 146_097);
+    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    // Months from March are 31, 30, 31, 30, 31 days in turn.
+    let month_from_march = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
+    let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
+    (400 * era + year_of_era + u64::from(month <= 2), month, day)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::civil_date;
+
+    #[test]
+    fn days_become_dates_across_leap_years_and_centuries() {
+        assert_eq!(civil_date(0), (1970, 1, 1));
+        assert_eq!(civil_date(11_016), (2000, 2, 29));
+        assert_eq!(civil_date(11_017), (2000, 3, 1));
+        assert_eq!(civil_date(20_778), (2026, 11, 21));
+        assert_eq!(civil_date(47_540), (2100, 2, 28));
+        assert_eq!(civil_date(47_541), (2100, 3, 1));
+    }
+}

@@ -1,0 +1,271 @@
+//! What is saved by leaving out work that a scene does not need: each scene with and without.
+//!
+//! A scene is made so that one kind of skip matters in it. It is run twice with the same error asked for, once as planned
+//! and once the long way ([`Scene::skipping`]), and the ends are compared.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::Instant;
+
+use glam::DVec3;
+
+use super::problem::SEED;
+use super::row::Row;
+use super::timing::{Timing, repeat};
+use super::{Bench, Case, Swept, Watcher, sweep};
+use crate::batch::{self, BodyState, Precision, STATE_COMPONENTS};
+use crate::engine::{Engine, EngineKind};
+use crate::ensemble::Ensemble;
+use crate::error::Result;
+use crate::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
+use crate::plan::{Plan, SkipName, Treatment};
+use crate::record::{OutputState, Quantiles, Sink};
+use crate::run::run_into;
+use crate::run::shadow::attitude_error;
+use crate::scene::{Accuracy, Outputs, Scene};
+use crate::study::problem;
+use crate::torque::Torque;
+
+/// The table's name.
+pub const TABLE: &str = "skipping";
+
+const BODIES: usize = 16_384;
+const QUICK_BODIES: usize = 1024;
+
+/// Simulated time, s.
+const SPAN: f64 = 100.0;
+
+/// The attitude error asked for, rad.
+const TOLERANCE: f64 = 1e-6;
+
+/// Output times of the scene that shows what outputs cost.
+const OUTPUTS: u32 = 50;
+
+/// The skips that have a scene.
+pub const SKIPS: [SkipName; 8] = [
+    SkipName::AtRest,
+    SkipName::Spherical,
+    SkipName::Steady,
+    SkipName::Axisymmetric,
+    SkipName::Free,
+    SkipName::Torque,
+    SkipName::Steps,
+    SkipName::Outputs,
+];
+
+/// One scene on one engine.
+#[derive(Clone, Debug)]
+pub struct SkippingCase {
+    /// The skip that matters in it.
+    pub skip: SkipName,
+    /// What runs it.
+    pub engine: Engine,
+}
+
+impl Case for SkippingCase {
+    fn label(&self) -> String {
+        let engine = match self.engine.description().kind {
+            EngineKind::Cpu => "cpu",
+            EngineKind::Gpu => "gpu",
+        };
+        format!("{}/{engine}", self.skip)
+    }
+
+    fn engine(&self) -> &Engine {
+        &self.engine
+    }
+}
+
+/// All cases.
+pub fn cases(bench: &Bench) -> Vec<SkippingCase> {
+    let of_engine = |engine: &Engine| SKIPS.map(|skip| SkippingCase { skip, engine: engine.clone() });
+    bench.engines.iter().flat_map(of_engine).collect()
+}
+
+/// The scene in which a skip matters, as it is planned, and the long way.
+fn scenes(skip: SkipName, bodies: usize) -> Result<(Scene, Scene)> {
+    let free = problem::free(bodies, SEED)?;
+    // The bodies of the free problem with other moments or spins.
+    let changed = |change: &(dyn Fn(DVec3, DVec3) -> (DVec3, DVec3) + Sync)| {
+        Ensemble::from_fn(bodies, |body| {
+            let moments = free.inertia()[body].to_matrix();
+            let moments = DVec3::new(moments.x_axis.x, moments.y_axis.y, moments.z_axis.z);
+            let (moments, spin) = change(moments, free.angular_velocity_body()[body]);
+            (moments, free.orientation()[body], spin)
+        })
+    };
+    // A drag that acts on all of the bodies or on every eighth.
+    let drag =
+        |all: bool| -> Vec<f64> { (0..bodies).map(|body| if all || body % 8 == 0 { 0.01 } else { 0.0 }).collect() };
+    let scene = match skip {
+        SkipName::AtRest => Scene::new(changed(&|moments, _| (moments, DVec3::ZERO))?),
+        SkipName::Spherical => Scene::new(changed(&|moments, spin| (DVec3::splat(moments.x), spin))?),
+        SkipName::Steady => Scene::new(changed(&|moments, spin| (moments, DVec3::new(0.0, 0.0, spin.z)))?),
+        SkipName::Axisymmetric => {
+            let round = |moments: DVec3| DVec3::new(moments.x, moments.x, moments.z.min(2.0 * moments.x));
+            Scene::new(changed(&|moments, spin| (round(moments), spin))?)
+        }
+        SkipName::Torque => Scene::new(free).torque(Torque::linear_drag(drag(false))),
+        SkipName::Steps => {
+            // A few spin ten times as fast as the others, and all would have to take their steps.
+            let fast = |spin: DVec3| if spin.x > 2.0 { 10.0 * spin } else { spin };
+            Scene::new(changed(&|moments, spin| (moments, fast(spin)))?).torque(Torque::linear_drag(drag(true)))
+        }
+        SkipName::Outputs => Scene::new(free).torque(Torque::linear_drag(drag(true))),
+        _ => Scene::new(free),
+    };
+    let scene = scene.until(SPAN).accuracy(Accuracy::attitude(TOLERANCE));
+    Ok(match skip {
+        // Here the long way is to hand out states that nobody reads.
+        SkipName::Outputs => (scene.clone(), scene.outputs(Outputs::Every(SPAN / f64::from(OUTPUTS)))),
+        _ => (scene.clone(), scene.skipping(false)),
+    })
+}
+
+/// Measures the cases and appends their rows to the table [`TABLE`] in `folder`.
+///
+/// # Errors
+///
+/// As [`sweep`].
+pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Swept> {
+    let bodies = if bench.quick { QUICK_BODIES } else { BODIES };
+    sweep(bench, folder, TABLE, &cases(bench), watcher, |case| {
+        let (short, long) = scenes(case.skip, bodies)?;
+        match (ran(bench, &case.engine, &short), ran(bench, &case.engine, &long)) {
+            (Ok(short), Ok(long)) => Ok(row(case, bodies, &short, &long, String::new())),
+            (Err(refusal), _) | (_, Err(refusal)) if refusal.is_input() => {
+                Ok(row(case, bodies, &Ran::default(), &Ran::default(), refusal.to_string()))
+            }
+            (Err(error), _) | (_, Err(error)) => Err(error),
+        }
+    })
+}
+
+/// A scene after its runs.
+#[derive(Debug, Default)]
+struct Ran {
+    /// Planning, s.
+    plan: f64,
+    /// Set-up, upload, integration and reading back, s.
+    time: Timing,
+    body_steps: u64,
+    bytes: u64,
+    failed: usize,
+    states: Vec<BodyState>,
+}
+
+/// Reads every output and keeps the end.
+#[derive(Debug, Default)]
+struct Reader {
+    last: bool,
+    states: Vec<BodyState>,
+}
+
+impl Sink for Reader {
+    fn wants(&mut self, index: usize, count: usize, _: f64) -> bool {
+        self.last = index + 1 == count;
+        true
+    }
+
+    fn bodies(&mut self, _: usize, _: f64, _: usize, states: &[OutputState]) -> Result<()> {
+        if self.last {
+            self.states.extend(states.iter().map(|state| state.rotation));
+        }
+        Ok(())
+    }
+}
+
+fn ran(bench: &Bench, engine: &Engine, scene: &Scene) -> Result<Ran> {
+    let clock = Instant::now();
+    let plan = Plan::new(scene, engine)?;
+    let mut ran = Ran {
+        plan: clock.elapsed().as_secs_f64(),
+        body_steps: plan.body_steps(),
+        bytes: bytes(&plan),
+        ..Ran::default()
+    };
+    ran.time = repeat(bench.repeats(), || {
+        let mut reader = Reader::default();
+        let trust = run_into(engine, &plan, &mut reader, &mut |_| ControlFlow::Continue(()))?;
+        ran.failed = trust.failed_bodies.len();
+        ran.states = reader.states;
+        let time = trust.wall_time;
+        Ok(time.prepare + time.start + time.compute + time.read)
+    })?;
+    Ok(ran)
+}
+
+/// Bytes of the columns that the engine is given and of the states that are read back.
+fn bytes(plan: &Plan<'_>) -> u64 {
+    let of_group = |group: &crate::plan::Group| {
+        let (given, read) = match group.treatment {
+            Treatment::RegularPrecession => (0, 0),
+            Treatment::ClosedForm { precision } => {
+                let word = if precision == Precision::F32 { 4 } else { 8 };
+                (WORD_COLUMNS * 8 + ROW_COLUMNS * word, STATE_COMPONENTS * word)
+            }
+            // Both words of f32 are as long as the one of f64.
+            Treatment::Stepped { precision, .. } => (batch::bytes_per_body(precision), STATE_COMPONENTS * 8),
+        };
+        (group.members.len() * (given + plan.times().len() * read)) as u64
+    };
+    plan.groups().iter().map(of_group).sum()
+}
+
+fn row(case: &SkippingCase, bodies: usize, short: &Ran, long: &Ran, mut fault: String) -> Row {
+    let mut differences: Vec<f64> =
+        short.states.iter().zip(&long.states).map(|(short, long)| attitude_error(short, long)).collect();
+    // A state that is no number differs as much as can be.
+    differences.iter_mut().filter(|angle| angle.is_nan()).for_each(|angle| *angle = std::f64::consts::PI);
+    let difference = Quantiles::of(&mut differences);
+    let failed = short.failed + long.failed;
+    if fault.is_empty() && failed > 0 {
+        fault = format!("{failed} bodies failed");
+    }
+    if fault.is_empty() && difference.p99 > 2.0 * TOLERANCE {
+        // Either end may be wrong by the error asked for.
+        fault = format!("the ends differ by {:.1e} rad at the 99th percentile", difference.p99);
+    }
+    Row::new()
+        .with("skip", case.skip.name())
+        .with("bodies", bodies)
+        .with("span_s", SPAN)
+        .with("tolerance_rad", TOLERANCE)
+        .with("repeats", short.time.repeats.min(long.time.repeats))
+        .with("seconds_with", short.time.median)
+        .with("seconds_with_spread", short.time.spread)
+        .with("seconds_without", long.time.median)
+        .with("seconds_without_spread", long.time.spread)
+        .with("plan_seconds_with", short.plan)
+        .with("plan_seconds_without", long.plan)
+        .with("body_steps_with", short.body_steps)
+        .with("body_steps_without", long.body_steps)
+        .with("bytes_with", short.bytes)
+        .with("bytes_without", long.bytes)
+        .with_quantiles("difference_rad", &difference)
+        .with("failed_bodies", failed)
+        .with("valid", fault.is_empty())
+        .with("fault", fault)
+}
+
+/// Time and bytes with and without each skip, as a table in Markdown.
+pub fn summary(rows: &[Row]) -> String {
+    let mut text = String::from(
+        "| skip | engine | with (s) | without (s) | times as fast | bytes with | bytes without | difference, p99 (rad) |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+    );
+    for row in rows {
+        let (with, without) = (row.number("seconds_with"), row.number("seconds_without"));
+        text += &format!(
+            "| {} | {} | {with:.1e} | {without:.1e} | {:.1} | {:.1e} | {:.1e} | {:.1e}{} |\n",
+            row.text("skip"),
+            row.text("engine"),
+            without / with,
+            row.number("bytes_with"),
+            row.number("bytes_without"),
+            row.number("difference_rad_p99"),
+            if row.flag("valid") { String::new() } else { format!(" FAILED: {}", row.text("fault")) },
+        );
+    }
+    text
+}

@@ -1,0 +1,60 @@
+//! Wall times of repeated work.
+
+use crate::error::Result;
+
+/// How often work is repeated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Repeats {
+    /// At least so often, so that there is a median.
+    pub least: usize,
+    /// At most so often.
+    pub most: usize,
+    /// No more once the repeats have taken this long together, s.
+    pub enough: f64,
+}
+
+impl Repeats {
+    /// For figures that are kept.
+    pub const FULL: Self = Self { least: 3, most: 15, enough: 0.3 };
+    /// For a first look.
+    pub const QUICK: Self = Self { least: 3, most: 5, enough: 0.02 };
+}
+
+/// Wall times of the repeats, s.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Timing {
+    /// The middle one, or the mean of the two in the middle.
+    pub median: f64,
+    /// The shortest.
+    pub least: f64,
+    /// Longest less shortest, as a part of the median.
+    pub spread: f64,
+    /// How many.
+    pub repeats: usize,
+}
+
+impl Timing {
+    /// The figures of some wall times, s; `times` must not be empty.
+    pub fn of(times: &mut [f64]) -> Self {
+        times.sort_by(f64::total_cmp);
+        let (least, greatest) = (times[0], times[times.len() - 1]);
+        let median = 0.5 * (times[(times.len() - 1) / 2] + times[times.len() / 2]);
+        Self { median, least, spread: (greatest - least) / median, repeats: times.len() }
+    }
+}
+
+/// Repeats `work`, which returns the wall time that counts, s.
+///
+/// # Errors
+///
+/// The first that `work` returns.
+pub fn repeat(repeats: Repeats, mut work: impl FnMut() -> Result<f64>) -> Result<Timing> {
+    let mut times = Vec::new();
+    let mut spent = 0.0;
+    while times.len() < repeats.least.max(1) || (times.len() < repeats.most && spent < repeats.enough) {
+        let seconds = work()?;
+        spent += seconds;
+        times.push(seconds);
+    }
+    Ok(Timing::of(&mut times))
+}

@@ -1,0 +1,151 @@
+//! `polhode bench`.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, Subcommand, ValueEnum};
+use polhode::bench::provenance::Provenance;
+use polhode::bench::row::Row;
+use polhode::bench::{Bench, Swept, Watcher, accuracy, skipping, throughput};
+use polhode::engine::Engine;
+use polhode::engine::gpu::GpuOptions;
+
+use crate::output::{self, Failure};
+use crate::progress::{Watch, catch_interrupts};
+
+const HELP: &str = "\
+Each benchmark appends a row a case to DIR/NAME.csv and to DIR/NAME.json (one line a row), never
+overwrites one, and says in each row where it comes from. `polhode plot DIR` draws them.
+
+Examples:
+    polhode bench accuracy --quick                    a first look, about a minute
+    polhode bench accuracy --filter forced/cpu/rk4    some cases only
+    polhode bench accuracy --out results --resume     goes on where a run was stopped";
+
+/// Arguments of `polhode bench`.
+#[derive(Debug, Args)]
+#[command(after_long_help = HELP, after_help = "`polhode bench --help` gives examples.")]
+pub struct BenchArguments {
+    /// What to measure.
+    #[command(subcommand)]
+    benchmark: Benchmark,
+}
+
+/// The benchmarks.
+#[derive(Debug, Subcommand)]
+enum Benchmark {
+    /// Wall time against attitude error: problems, methods, precisions and steps.
+    Accuracy(Options),
+    /// Body-steps a second: bodies, steps per dispatch, outputs, cores, beside the machine's ceilings.
+    Throughput(Options),
+    /// Time and bytes saved by each kind of skipped work, and what it changes in the result.
+    Skipping(Options),
+}
+
+/// The engines that are measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Engines {
+    /// The CPU, and a GPU where there is one.
+    All,
+    /// The CPU.
+    Cpu,
+    /// A GPU, a software adapter where there is no real one.
+    Gpu,
+}
+
+/// What all benchmarks are told.
+#[derive(Debug, Args)]
+struct Options {
+    /// Fewer and smaller cases: a minute or so on two cores.
+    #[arg(long)]
+    quick: bool,
+    /// Only cases whose name (problem/engine/method/precision/...) contains this.
+    #[arg(long, value_name = "SUBSTRING")]
+    filter: Option<String>,
+    /// Engines that are measured.
+    #[arg(long, value_enum, default_value = "all", value_name = "ENGINE")]
+    engine: Engines,
+    /// GPU adapter, by its index in `polhode devices`.
+    #[arg(long, value_name = "INDEX")]
+    adapter: Option<usize>,
+    /// Folder that the rows are appended to.
+    #[arg(long, default_value = "bench.out", value_name = "DIR")]
+    out: PathBuf,
+    /// Leave out cases that the folder has a row of, from the same commit and machine.
+    #[arg(long)]
+    resume: bool,
+    /// No progress bar and no summary.
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+/// Runs a benchmark.
+pub fn bench(arguments: &BenchArguments) -> Result<(), Failure> {
+    catch_interrupts();
+    match &arguments.benchmark {
+        Benchmark::Accuracy(options) => measure(options, accuracy::TABLE, accuracy::run, accuracy::summary),
+        Benchmark::Throughput(options) => measure(options, throughput::TABLE, throughput::run, throughput::summary),
+        Benchmark::Skipping(options) => measure(options, skipping::TABLE, skipping::run, skipping::summary),
+    }
+}
+
+/// Measures and says what was measured and where it is.
+fn measure(
+    options: &Options,
+    table: &str,
+    run: impl Fn(&Bench, &Path, &mut Watcher<'_>) -> polhode::Result<Swept>,
+    summary: impl Fn(&[Row]) -> String,
+) -> Result<(), Failure> {
+    let (bench, mut watch) = prepared(options)?;
+    let swept = run(&bench, &options.out, &mut |step| watch.observe_case(step));
+    watch.finish();
+    let swept = swept?;
+    if swept.rows.is_empty() && swept.left_out == 0 {
+        return Err(Failure::Arguments("no case has such a name: --filter takes a part of one, such as cpu or f64"));
+    }
+    if !options.quiet {
+        output::print(&summary(&swept.rows));
+        output::note(&format!(
+            "{} rows appended to {} and .json beside it, {} cases left out",
+            swept.rows.len(),
+            options.out.join(format!("{table}.csv")).display(),
+            swept.left_out
+        ));
+    }
+    Ok(())
+}
+
+fn prepared(options: &Options) -> Result<(Bench, Watch), Failure> {
+    let command: Vec<String> = std::env::args().skip(1).collect();
+    let bench = Bench {
+        quick: options.quick,
+        filter: options.filter.clone(),
+        resume: options.resume,
+        engines: engines(options)?,
+        provenance: Provenance::collect(&format!("polhode {}", command.join(" "))),
+    };
+    if cfg!(debug_assertions) && !options.quiet {
+        output::note("this is not a release build: its times are of no use (rows say so in the column profile)");
+    }
+    Ok((bench, Watch::new(options.quiet)))
+}
+
+fn engines(options: &Options) -> Result<Vec<Engine>, Failure> {
+    let gpu = || Engine::gpu(GpuOptions { adapter: options.adapter, software: true, ..GpuOptions::default() });
+    match options.engine {
+        Engines::Cpu if options.adapter.is_some() => {
+            Err(Failure::Arguments("--adapter excludes --engine cpu: give one of them"))
+        }
+        Engines::Cpu => Ok(vec![Engine::cpu()]),
+        Engines::Gpu => Ok(vec![gpu()?]),
+        Engines::All => match gpu() {
+            Ok(gpu) => Ok(vec![Engine::cpu(), gpu]),
+            Err(polhode::Error::NoAdapter { .. }) if options.adapter.is_none() => {
+                if !options.quiet {
+                    output::note("no GPU adapter, not even in software: the CPU alone is measured");
+                }
+                Ok(vec![Engine::cpu()])
+            }
+            Err(error) => Err(error.into()),
+        },
+    }
+}

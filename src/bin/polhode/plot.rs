@@ -1,0 +1,39 @@
+//! `polhode plot`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use polhode::plot::plot_folder;
+
+use crate::output::{self, Failure};
+
+const HELP: &str = "\
+Examples:
+    polhode bench accuracy --quick && polhode plot bench.out
+    polhode run study.toml --out results && polhode plot results --body 0,3
+
+Of a run, snapshots.csv and report.json are read: the study must say snapshots = true, format csv.";
+
+/// Arguments of `polhode plot`.
+#[derive(Debug, Args)]
+#[command(after_long_help = HELP, after_help = "`polhode plot --help` gives examples.")]
+pub struct PlotArguments {
+    /// Folder with the rows of benchmarks or the results of a run; pictures are written into it.
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+    /// Bodies of a run whose polhode, herpolhode and axes are drawn, by number from 0; several with commas.
+    #[arg(long, value_name = "BODY", value_delimiter = ',')]
+    pub body: Vec<usize>,
+}
+
+/// Draws what a folder holds.
+pub fn plot(arguments: &PlotArguments) -> Result<(), Failure> {
+    let files = plot_folder(&arguments.folder, &arguments.body)?;
+    if files.is_empty() {
+        return Err(Failure::Arguments(
+            "the folder holds neither rows of `polhode bench` nor snapshots.csv of `polhode run` (snapshots = true)",
+        ));
+    }
+    files.iter().for_each(|file| output::print(&format!("{}\n", file.display())));
+    Ok(())
+}

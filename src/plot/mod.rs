@@ -1,0 +1,123 @@
+//! Pictures of what benchmarks and runs leave behind, as SVG and PNG.
+//!
+//! A [`figure::Figure`] says what is shown; [`draw`] draws it. Colour, mark and line each tell curves apart, so pictures can
+//! be read in black and white and by colour-blind readers.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use crate::bench::row::Row;
+use crate::error::Result;
+
+mod draw;
+pub mod figure;
+mod run;
+mod scale;
+mod skipping;
+mod snapshots;
+mod throughput;
+mod work_precision;
+
+pub use draw::draw;
+pub use skipping::skipping;
+pub use throughput::throughput;
+pub use work_precision::work_precision;
+
+use figure::Figure;
+
+/// Draws what is in `folder`, into it: every benchmark table, and the snapshots of a run (`snapshots.csv`) with a picture
+/// for each of `bodies`. Gives the files written; none where there is nothing that can be drawn.
+///
+/// # Errors
+///
+/// [`crate::Error::File`] and [`crate::Error::Rows`] for files that cannot be read or written.
+pub fn plot_folder(folder: &Path, bodies: &[usize]) -> Result<Vec<PathBuf>> {
+    let mut figures = Vec::new();
+    for (machine, rows) in by_machine(crate::bench::row::rows(folder, crate::bench::accuracy::TABLE)?) {
+        figures.push((format!("accuracy-{machine}"), work_precision(&rows)));
+    }
+    for (machine, rows) in by_machine(crate::bench::row::rows(folder, crate::bench::throughput::TABLE)?) {
+        figures.push((format!("throughput-{machine}"), throughput(&rows)));
+    }
+    for (machine, rows) in by_machine(crate::bench::row::rows(folder, crate::bench::skipping::TABLE)?) {
+        figures.push((format!("skipping-{machine}"), skipping(&rows)));
+    }
+    if folder.join("snapshots.csv").exists() {
+        figures.extend(run::run(folder, bodies)?);
+    }
+    let mut written = Vec::new();
+    for (name, figure) in figures {
+        for ending in ["svg", "png"] {
+            let path = folder.join(format!("{name}.{ending}"));
+            draw(&figure, &path)?;
+            written.push(path);
+        }
+    }
+    Ok(written)
+}
+
+/// Rows with their places in the table, by mode (`quick`) and case.
+type Cases = BTreeMap<(bool, String), (usize, Row)>;
+
+/// The rows of each engine under a name for files: `cpu`, `gpu`, and where several machines or adapters have left rows,
+/// their names too. Of rows of one case the last counts, and quick ones only where there are no others.
+fn by_machine(rows: Vec<Row>) -> Vec<(String, Vec<Row>)> {
+    let mut machines: BTreeMap<(String, String), Cases> = BTreeMap::new();
+    for (index, row) in rows.into_iter().enumerate() {
+        let machine = format!("{} {}", row.text("cpu"), row.text("adapter"));
+        let case = (row.flag("quick"), row.text("case"));
+        let cases = machines.entry((row.text("engine"), machine)).or_default();
+        cases.entry(case).and_modify(|last| last.1 = row.clone()).or_insert((index, row));
+    }
+    let kinds: Vec<String> = machines.keys().map(|(kind, _)| kind.clone()).collect();
+    machines
+        .into_iter()
+        .map(|((kind, machine), mut cases)| {
+            if cases.keys().any(|(quick, _)| !quick) {
+                cases.retain(|(quick, _), _| !quick);
+            }
+            let mut rows: Vec<(usize, Row)> = cases.into_values().collect();
+            rows.sort_by_key(|(index, _)| *index);
+            let alone = kinds.iter().filter(|other| **other == kind).count() == 1;
+            let name = if alone { kind } else { format!("{kind}-{}", slug(&machine)) };
+            (name, rows.into_iter().map(|(_, row)| row).collect())
+        })
+        .collect()
+}
+
+/// Letters and digits in lower case, all else as single hyphens.
+fn slug(text: &str) -> String {
+    let parts = text.split(|character: char| !character.is_ascii_alphanumeric()).filter(|part| !part.is_empty());
+    parts.map(str::to_ascii_lowercase).collect::<Vec<_>>().join("-")
+}
+
+/// Which machine, command and commit rows come from.
+fn origin(rows: &[Row]) -> Vec<String> {
+    let Some(row) = rows.last() else { return Vec::new() };
+    let text = |name: &str| row.text(name);
+    let software = if row.flag("software") { ", a SOFTWARE adapter" } else { "" };
+    let changes = if text("dirty") == "yes" { ", with changes" } else { "" };
+    let loads: Vec<f64> = rows.iter().map(|row| row.number("load")).filter(|load| load.is_finite()).collect();
+    let (least, most) = loads.iter().fold((f64::INFINITY, 0.0_f64), |(a, b), &load| (a.min(load), b.max(load)));
+    let load = if loads.is_empty() { String::new() } else { format!("; load {least} to {most}") };
+    let driver = if text("driver").is_empty() { String::new() } else { format!(", {}", text("driver")) };
+    let quick = if row.flag("quick") { "; quick run" } else { "" };
+    vec![
+        format!("{}{driver}{software}; {}, {} cores{load}", text("adapter"), text("cpu"), text("cores")),
+        format!(
+            "{}; commit {}{changes}; {}, {} build; {}{quick}",
+            text("command"),
+            text("commit").chars().take(12).collect::<String>(),
+            text("compiler"),
+            text("profile"),
+            text("date"),
+        ),
+    ]
+}
+
+/// A figure with the origin of its rows in the caption.
+fn figure(title: &str, columns: usize, notes: &[&str], rows: &[Row]) -> Figure {
+    let mut caption: Vec<String> = notes.iter().map(|note| (*note).to_owned()).collect();
+    caption.extend(origin(rows));
+    Figure { title: title.to_owned(), caption, columns, ..Figure::default() }
+}

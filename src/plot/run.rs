@@ -1,0 +1,307 @@
+//! Pictures of a run: the ensemble over time, and chosen bodies.
+
+use std::path::Path;
+
+use glam::{DMat3, DVec3};
+
+use super::figure::{Axis, Figure, GREY, Item, Line, Panel, Style};
+use super::snapshots::{Moment, Snapshots, State};
+use crate::error::{Error, FileAction, Result};
+use crate::record::REPORT;
+
+const BLUE: [u8; 3] = [0, 114, 178];
+const VERMILION: [u8; 3] = [213, 94, 0];
+const BLACK: [u8; 3] = [0, 0, 0];
+
+/// Bars of a histogram.
+const BARS: usize = 30;
+
+/// The pictures of the run in `folder`, with names for files: the ensemble, and each of the `bodies`.
+///
+/// # Errors
+///
+/// [`Error::File`] and [`Error::Rows`] where `report.json` or `snapshots.csv` cannot be read.
+pub(super) fn run(folder: &Path, bodies: &[usize]) -> Result<Vec<(String, Figure)>> {
+    let snapshots = Snapshots::read(folder, bodies)?;
+    let caption = caption(folder)?;
+    let mut figures = vec![("run".to_owned(), ensemble(&snapshots, &caption))];
+    for (body, track) in &snapshots.tracks {
+        figures.push((format!("run-body-{body}"), of_body(*body, track, &caption)));
+    }
+    Ok(figures)
+}
+
+/// What computed, from the report.
+fn caption(folder: &Path) -> Result<Vec<String>> {
+    let path = folder.join(REPORT);
+    let text = std::fs::read_to_string(&path).map_err(|error| Error::file(&path, FileAction::Read, &error))?;
+    let report: serde_json::Value = serde_json::from_str(&text).map_err(|error| Error::Rows {
+        path: path.clone(),
+        fault: crate::bench::row::RowFault::Csv(format!("is no report: {error}")),
+    })?;
+    let word = |value: &serde_json::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+    let software = if report["engine"]["software"] == true { ", a SOFTWARE adapter" } else { "" };
+    let study = report["study"]["file"].as_str().map_or("polhode run".to_owned(), |file| format!("polhode run {file}"));
+    Ok(vec![
+        format!(
+            "{study}; {} bodies, {} s; {} in {}, {}{software}; polhode {}, {}",
+            report["bodies"],
+            report["span"],
+            word(&report["plan"]["method"]),
+            word(&report["plan"]["precision"]),
+            word(&report["engine"]["adapter"]),
+            word(&report["versions"]["polhode"]),
+            word(&report["versions"]["platform"]),
+        ),
+        "Drift and ratios are relative to each body's first recorded state; bodies that failed are left out."
+            .to_owned(),
+    ])
+}
+
+fn ensemble(snapshots: &Snapshots, caption: &[String]) -> Figure {
+    let moments = &snapshots.moments;
+    let time = || Axis::linear("time (s)");
+    let curve = |value: &dyn Fn(&Moment) -> f64, style| Item::Curve {
+        points: moments.iter().map(|moment| (moment.time, value(moment))).collect(),
+        style,
+    };
+    let drift = |title: &str, label: &str, of: &dyn Fn(&Moment) -> [f64; 3]| Panel {
+        title: title.to_owned(),
+        x: time(),
+        y: Axis::log(label),
+        items: DRIFT.iter().enumerate().map(|(index, (_, style))| curve(&|moment| of(moment)[index], *style)).collect(),
+        equal: false,
+    };
+    let bands = |title: &str, label: &str, of: &dyn Fn(&Moment) -> [f64; 5]| {
+        let band = |low: usize, high: usize, style| Item::Band {
+            points: moments.iter().map(|moment| (moment.time, of(moment)[low], of(moment)[high])).collect(),
+            style,
+        };
+        let items = vec![
+            band(0, 4, OUTER),
+            band(1, 3, INNER),
+            curve(&|moment| of(moment)[0], EDGE),
+            curve(&|moment| of(moment)[4], EDGE),
+            curve(&|moment| of(moment)[2], MEDIAN),
+        ];
+        Panel { title: title.to_owned(), x: time(), y: Axis::linear(label), items, equal: false }
+    };
+    let mut panels = vec![
+        drift("drift of the kinetic energy", "|T \u{2212} T\u{2080}| / T\u{2080}", &|moment| moment.energy_drift),
+        drift("drift of the angular momentum", "|L \u{2212} L\u{2080}| / |L\u{2080}|", &|moment| moment.momentum_drift),
+        bands("spin rate", "|\u{3c9}| (rad/s)", &|moment| moment.spin),
+        bands("kinetic energy", "T / T\u{2080}", &|moment| moment.energy),
+    ];
+    panels.push(histogram(snapshots));
+    Figure {
+        title: format!("A run of {} bodies", snapshots.bodies),
+        caption: caption.to_vec(),
+        panels,
+        columns: 3,
+        legend: DRIFT
+            .iter()
+            .map(|(name, style)| ((*name).to_owned(), *style))
+            .chain([
+                ("median".to_owned(), MEDIAN),
+                ("5 % and 95 %; inner band 25 % to 75 %".to_owned(), EDGE),
+                ("histogram: first output".to_owned(), FIRST),
+                ("histogram: last output".to_owned(), LAST),
+            ])
+            .collect(),
+    }
+}
+
+const fn line(colour: [u8; 3], line: Line, width: u32) -> Style {
+    Style { colour, line, mark: None, width }
+}
+
+const DRIFT: [(&str, Style); 3] = [
+    ("drift: median", line(BLACK, Line::Solid, 2)),
+    ("drift: 99th percentile", line(BLUE, Line::Dashed, 2)),
+    ("drift: maximum", line(VERMILION, Line::Dotted, 2)),
+];
+const OUTER: Style = line(BLUE, Line::None, 1);
+const INNER: Style = line(BLUE, Line::None, 1);
+const EDGE: Style = line(BLUE, Line::Dotted, 1);
+const MEDIAN: Style = line(BLUE, Line::Solid, 2);
+const FIRST: Style = line(GREY, Line::Solid, 1);
+const LAST: Style = line(VERMILION, Line::Dashed, 2);
+
+fn histogram(snapshots: &Snapshots) -> Panel {
+    let [first, last] = &snapshots.spins;
+    let all = || first.iter().chain(last);
+    let (low, high) = all().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| (a.min(x), b.max(x)));
+    // Equal rates still need a bar with a width.
+    let width = ((high - low) / BARS as f64).max(1e-9 * high.abs()).max(f64::MIN_POSITIVE);
+    let bars = |values: &[f64], style| {
+        let mut counts = [0_usize; BARS];
+        values.iter().for_each(|value| counts[(((value - low) / width) as usize).min(BARS - 1)] += 1);
+        counts.into_iter().enumerate().filter(|(_, count)| *count > 0).map(move |(index, count)| Item::Bar {
+            low: (low + index as f64 * width, 0.0),
+            high: (low + (index + 1) as f64 * width, count as f64),
+            style,
+        })
+    };
+    Panel {
+        title: "spin rate at the first and the last output".to_owned(),
+        x: Axis::linear("|\u{3c9}| (rad/s)"),
+        y: Axis { include: vec![0.0], ..Axis::linear("bodies") },
+        items: bars(first, FIRST).chain(bars(last, LAST)).collect(),
+        equal: false,
+    }
+}
+
+/// From where three-dimensional things are seen: from above and the side, so that no axis hides another.
+fn seen(v: DVec3) -> ((f64, f64), f64) {
+    let (right, up) = (DVec3::new(-0.6, 0.8, 0.0), DVec3::new(-0.32, -0.24, 0.916_515_138_991_168));
+    ((v.dot(right), v.dot(up)), v.dot(right.cross(up)))
+}
+
+/// A curve in space, its far side (where `front` is not above 0) thin and dotted.
+fn space_curve(points: &[DVec3], front: impl Fn(DVec3) -> f64, colour: [u8; 3], width: u32) -> [Item; 2] {
+    let nowhere = (f64::NAN, f64::NAN);
+    let side = |near: bool| -> Vec<(f64, f64)> {
+        points.iter().map(|&point| if (front(point) > 0.0) == near { seen(point).0 } else { nowhere }).collect()
+    };
+    [
+        Item::Curve { points: side(false), style: line(colour, Line::Dotted, 1) },
+        Item::Curve { points: side(true), style: line(colour, Line::Solid, width) },
+    ]
+}
+
+/// Circles of latitude and longitude of the unit sphere, mapped by `map`; `front` as above.
+fn globe(map: DMat3, front: impl Fn(DVec3) -> f64 + Copy) -> Vec<Item> {
+    use std::f64::consts::{PI, TAU};
+    const POINTS: usize = 97;
+    let around = |point: &dyn Fn(f64) -> DVec3| -> Vec<DVec3> {
+        (0..POINTS).map(|index| map * point(TAU * index as f64 / (POINTS - 1) as f64)).collect()
+    };
+    let latitudes = [-60.0_f64, -30.0, 0.0, 30.0, 60.0].map(|degrees| {
+        let (z, r) = degrees.to_radians().sin_cos();
+        around(&|angle| DVec3::new(r * angle.cos(), r * angle.sin(), z))
+    });
+    let longitudes = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0].map(|sixth| {
+        let (s, c) = (PI * sixth / 6.0).sin_cos();
+        around(&|angle| DVec3::new(c * angle.cos(), s * angle.cos(), angle.sin()))
+    });
+    let light = [205, 205, 205];
+    latitudes.iter().chain(&longitudes).flat_map(|points| space_curve(points, front, light, 1)).collect()
+}
+
+fn of_body(body: usize, track: &[State], caption: &[String]) -> Figure {
+    let mut panels = Vec::new();
+    if let Some(panel) = ellipsoid(track) {
+        panels.push(panel);
+    }
+    panels.push(herpolhode(track));
+    let front = |v: DVec3| seen(v).1;
+    let mut items = globe(DMat3::IDENTITY, front);
+    let mut legend = Vec::new();
+    for (axis, colour, name) in [(DVec3::X, VERMILION, "x"), (DVec3::Y, [0, 158, 115], "y"), (DVec3::Z, BLUE, "z")] {
+        let tips: Vec<DVec3> = track.iter().map(|state| state.orientation * axis).collect();
+        items.extend(space_curve(&tips, front, colour, 2));
+        let mut start = Style::nth(0);
+        start.colour = colour;
+        items.push(Item::Curve { points: tips.first().map(|&tip| seen(tip).0).into_iter().collect(), style: start });
+        legend.push((
+            format!("body axis {name} in the world; dot: start"),
+            Style { line: Line::Solid, width: 2, ..start },
+        ));
+    }
+    panels.push(Panel {
+        title: "tips of the body axes on the unit sphere".to_owned(),
+        x: Axis::linear("seen from the side (1)"),
+        y: Axis::linear("world z upwards (1)"),
+        items,
+        equal: true,
+    });
+    legend.push(("\u{3c9}".to_owned(), line(BLACK, Line::Solid, 2)));
+    legend.push(("behind the surface".to_owned(), line(BLACK, Line::Dotted, 1)));
+    let mut caption = caption.to_vec();
+    caption.push(format!("Body {body} at its {} recorded times, joined by straight lines.", track.len()));
+    Figure { title: format!("Body {body}"), caption, columns: 2, panels, legend }
+}
+
+/// The angular velocity in body axes on the ellipsoid ω · I ω = 2 T of the first recorded time. The tensor follows from the
+/// states; none where they do not determine it, as those of a steady rotation.
+fn ellipsoid(track: &[State]) -> Option<Panel> {
+    let inertia = fitted_inertia(track)?;
+    let first = track.first()?;
+    let axes = crate::inertia::principal_axes(&inertia.into());
+    let radii = DVec3::from_array(axes.moments.to_array().map(|moment| (2.0 * first.kinetic_energy / moment).sqrt()));
+    if !radii.is_finite() {
+        return None;
+    }
+    let turn = DMat3::from_quat(axes.principal_to_body);
+    // A point is in front where the surface's normal I ω points to the eye.
+    let front = move |omega: DVec3| seen(inertia * omega).1;
+    let mut items = globe(turn * DMat3::from_diagonal(radii), front);
+    let polhode: Vec<DVec3> = track.iter().map(|state| state.angular_velocity_body).collect();
+    items.extend(space_curve(&polhode, front, BLACK, 2));
+    Some(Panel {
+        title: "polhode on the inertia ellipsoid (body axes)".to_owned(),
+        x: Axis::linear("seen from the side (rad/s)"),
+        y: Axis::linear("body z upwards (rad/s)"),
+        items,
+        equal: true,
+    })
+}
+
+/// The angular velocity in the world, seen along the angular momentum of the first recorded time.
+fn herpolhode(track: &[State]) -> Panel {
+    let normal = track.first().and_then(|state| state.angular_momentum_world.try_normalize()).unwrap_or(DVec3::Z);
+    let (right, up) = normal.any_orthonormal_pair();
+    let points = track.iter().map(|state| {
+        let omega = state.orientation * state.angular_velocity_body;
+        (omega.dot(right), omega.dot(up))
+    });
+    Panel {
+        title: "herpolhode (plane across L)".to_owned(),
+        x: Axis::linear("\u{3c9} across L (rad/s)"),
+        y: Axis::linear("\u{3c9} across L (rad/s)"),
+        items: vec![Item::Curve { points: points.collect(), style: line(BLACK, Line::Solid, 2) }],
+        equal: true,
+    }
+}
+
+/// Below this ratio of pivots the states do not determine the tensor.
+const LEAST_PIVOT: f64 = 1e-10;
+
+/// The symmetric tensor I, kg m², with I ω nearest to the angular momentum in body axes over all states (least squares, by
+/// the normal equations).
+fn fitted_inertia(track: &[State]) -> Option<DMat3> {
+    let mut matrix = [[0.0_f64; 7]; 6];
+    for state in track {
+        let w = state.angular_velocity_body;
+        let m = state.orientation.conjugate() * state.angular_momentum_world;
+        // Unknowns xx, yy, zz, xy, xz, yz; one row a component of I ω = m.
+        let rows = [
+            ([w.x, 0.0, 0.0, w.y, w.z, 0.0], m.x),
+            ([0.0, w.y, 0.0, w.x, 0.0, w.z], m.y),
+            ([0.0, 0.0, w.z, 0.0, w.x, w.y], m.z),
+        ];
+        for (row, value) in rows.into_iter().filter(|(_, value)| value.is_finite()) {
+            for i in 0..6 {
+                (0..6).for_each(|j| matrix[i][j] += row[i] * row[j]);
+                matrix[i][6] += row[i] * value;
+            }
+        }
+    }
+    // Gauss's elimination; the matrix is positive semi-definite, so its largest remaining diagonal element is the pivot.
+    let greatest = (0..6).map(|i| matrix[i][i]).fold(0.0, f64::max);
+    let mut left = vec![0, 1, 2, 3, 4, 5];
+    while !left.is_empty() {
+        let at = (0..left.len()).max_by(|&a, &b| matrix[left[a]][left[a]].total_cmp(&matrix[left[b]][left[b]]))?;
+        let pivot = left.swap_remove(at);
+        if matrix[pivot][pivot].is_nan() || matrix[pivot][pivot] <= LEAST_PIVOT * greatest {
+            return None;
+        }
+        let pivot_row = matrix[pivot];
+        for (_, row) in matrix.iter_mut().enumerate().filter(|(index, _)| *index != pivot) {
+            let factor = row[pivot] / pivot_row[pivot];
+            row.iter_mut().zip(&pivot_row).for_each(|(cell, other)| *cell -= factor * other);
+        }
+    }
+    let [xx, yy, zz, xy, xz, yz] = std::array::from_fn(|i| matrix[i][6] / matrix[i][i]);
+    Some(DMat3::from_cols(DVec3::new(xx, xy, xz), DVec3::new(xy, yy, yz), DVec3::new(xz, yz, zz)))
+}

@@ -1,0 +1,126 @@
+//! From numbers to lengths along an axis, with ticks.
+
+use std::ops::Range;
+
+use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
+
+use super::figure::{Axis, Scale};
+
+/// An axis with its range and ticks; positions are numbers, or their logarithms to base 10.
+#[derive(Clone, Debug)]
+pub(super) struct Laid {
+    scale: Scale,
+    low: f64,
+    high: f64,
+    ticks: Vec<f64>,
+}
+
+/// Ticks of an axis, about.
+const TICKS: f64 = 6.0;
+
+impl Laid {
+    /// The axis over the finite ones among `values` and what it includes anyway.
+    pub fn new(axis: &Axis, values: impl Iterator<Item = f64>) -> Self {
+        let mut laid = Self { scale: axis.scale.clone(), low: 0.0, high: 1.0, ticks: Vec::new() };
+        let positions = values.chain(axis.include.iter().copied()).filter_map(|value| laid.position(value));
+        let (low, high) =
+            positions.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+        (laid.low, laid.high) = match &laid.scale {
+            _ if low > high => (0.0, 1.0),
+            Scale::Names(_) => (low, high),
+            Scale::Log => {
+                let margin = 0.04 * (high - low);
+                ((low - margin).floor().min(high.ceil() - 1.0), (high + margin).ceil())
+            }
+            Scale::Linear => {
+                // A constant gets room on both sides.
+                let margin = if high > low { 0.05 * (high - low) } else { 0.5 * low.abs().max(1e-300) };
+                (low - margin, high + margin)
+            }
+        };
+        laid.ticks = laid.ticks();
+        laid
+    }
+
+    /// Widens the range to `span` about its middle.
+    pub fn widen(&mut self, span: f64) {
+        let middle = 0.5 * (self.low + self.high);
+        (self.low, self.high) = (middle - 0.5 * span, middle + 0.5 * span);
+        self.ticks = self.ticks();
+    }
+
+    pub fn span(&self) -> f64 {
+        self.high - self.low
+    }
+
+    /// Where a number lies; none where it lies nowhere.
+    pub fn position(&self, value: f64) -> Option<f64> {
+        let position = if self.scale == Scale::Log { value.log10() } else { value };
+        position.is_finite().then_some(position)
+    }
+
+    fn ticks(&self) -> Vec<f64> {
+        let stride = match &self.scale {
+            Scale::Names(names) => return (0..names.len()).map(|index| index as f64).collect(),
+            Scale::Log => (self.span() / TICKS).ceil().max(1.0),
+            Scale::Linear => {
+                let rough = self.span() / TICKS;
+                let unit = 10_f64.powf(rough.log10().floor());
+                [1.0, 2.0, 5.0, 10.0].map(|step| step * unit).into_iter().find(|step| *step >= rough).unwrap_or(rough)
+            }
+        };
+        let (first, last) = ((self.low / stride).ceil() as i64, (self.high / stride).floor() as i64);
+        (first..=last).map(|index| index as f64 * stride).collect()
+    }
+}
+
+impl Ranged for Laid {
+    type FormatOption = NoDefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
+        let part = (value - self.low) / self.span();
+        limit.0 + (part * f64::from(limit.1 - limit.0)).round() as i32
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
+        // Fine grid lines are not drawn.
+        if hint.weight().allow_light_points() { Vec::new() } else { self.ticks.clone() }
+    }
+
+    fn range(&self) -> Range<f64> {
+        self.low..self.high
+    }
+}
+
+impl ValueFormatter<f64> for Laid {
+    fn format_ext(&self, value: &f64) -> String {
+        match &self.scale {
+            Scale::Names(names) => names.get(value.round() as usize).cloned().unwrap_or_default(),
+            Scale::Log => format!("10{}", superscript(value.round() as i32)),
+            Scale::Linear => {
+                let size = self.low.abs().max(self.high.abs());
+                if value.abs() < 1e-9 * size {
+                    "0".to_owned()
+                } else if (1e-2..1e5).contains(&size) {
+                    let decimals = (2.0 - (self.span() / TICKS).log10()).floor().clamp(0.0, 6.0) as usize;
+                    let text = format!("{value:.decimals$}");
+                    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+                } else {
+                    // Rounded, as a tick is a product.
+                    format!("{:e}", format!("{value:.4e}").parse::<f64>().unwrap_or(*value))
+                }
+            }
+        }
+    }
+}
+
+/// A whole number in raised digits.
+pub(super) fn superscript(number: i32) -> String {
+    const DIGITS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
+    number
+        .to_string()
+        .chars()
+        .map(|character| character.to_digit(10).map_or('⁻', |digit| DIGITS[digit as usize]))
+        .collect()
+}

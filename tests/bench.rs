@@ -1,0 +1,133 @@
+//! Benchmarks: rows that parse and only grow, errors that are the same every time, failed rows that never win.
+#![cfg(feature = "bench")]
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use polhode::bench::provenance::Provenance;
+use polhode::bench::row::{self, Row, Table};
+use polhode::bench::{Bench, Swept, accuracy, front};
+use polhode::engine::Engine;
+
+/// A quick benchmark of the CPU engine.
+fn bench(filter: &str) -> Bench {
+    Bench {
+        quick: true,
+        filter: Some(filter.to_owned()),
+        resume: false,
+        engines: vec![Engine::cpu()],
+        provenance: Provenance::collect("polhode bench"),
+    }
+}
+
+fn swept(bench: &Bench, folder: &Path) -> Swept {
+    accuracy::run(bench, folder, &mut |_| ControlFlow::Continue(())).expect("measured")
+}
+
+/// The columns that no clock and no other process enters.
+fn errors(row: &Row) -> Vec<String> {
+    let names = row.names().filter(|name| {
+        ["attitude", "energy", "momentum"].iter().any(|start| name.starts_with(start))
+            || ["case", "failed_bodies", "valid", "fault", "steps_mean"].contains(name)
+    });
+    names.map(|name| row.text(name)).collect()
+}
+
+#[test]
+fn errors_are_the_same_to_the_last_digit_and_rows_are_appended() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let bench = bench("forced/cpu/rk4/f32");
+    let first = swept(&bench, folder.path());
+    let again = swept(&bench, folder.path());
+    assert_eq!(first.rows.len(), 4);
+    let of = |swept: &Swept| swept.rows.iter().map(errors).collect::<Vec<_>>();
+    assert_eq!(of(&first), of(&again));
+    assert!(first.rows.iter().any(|row| row.number("attitude_rad_p99") > 1e-3), "an error of zero would prove nothing");
+
+    // Both runs stand in the files, in order, and read back as they were.
+    let rows = row::rows(folder.path(), accuracy::TABLE).expect("a table");
+    let expected: Vec<&Row> = first.rows.iter().chain(&again.rows).collect();
+    assert_eq!(rows.len(), expected.len());
+    for (row, expected) in rows.iter().zip(expected) {
+        assert!(row.names().eq(expected.names()));
+        for name in row.names() {
+            assert_eq!(row.text(name), expected.text(name), "{name}");
+        }
+        assert_eq!(row.number("attitude_rad_max").to_bits(), expected.number("attitude_rad_max").to_bits());
+    }
+    let json = std::fs::read_to_string(folder.path().join("accuracy.json")).expect("a file");
+    let lines: Vec<serde_json::Value> =
+        json.lines().map(|line| serde_json::from_str(line).expect("one value a line")).collect();
+    assert_eq!(lines.len(), rows.len());
+    for (line, row) in lines.iter().zip(&rows) {
+        assert_eq!(line["case"], row.text("case"));
+        assert_eq!(line["attitude_rad_p99"].as_f64().expect("a number"), row.number("attitude_rad_p99"));
+        assert_eq!(line["valid"], row.flag("valid"));
+    }
+    for column in ["date", "commit", "dirty", "compiler", "cpu", "engine", "adapter", "command", "profile"] {
+        assert!(!rows[0].text(column).is_empty(), "{column}");
+    }
+}
+
+#[test]
+fn rk4_errs_as_its_order_says() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let rows = swept(&bench("free/cpu/rk4/f64"), folder.path()).rows;
+    let error = |steps: f64| {
+        let row = rows.iter().find(|row| row.number("steps_mean") == steps).expect("a row");
+        row.number("attitude_rad_median")
+    };
+    // 334 to 1000 steps: (1000/334)^4 = 80.4, and the slower bodies are in the asymptotic range by then.
+    let ratio = error(334.0) / error(1000.0);
+    assert!((70.0..90.0).contains(&ratio), "{ratio}");
+}
+
+#[test]
+fn a_failed_row_is_marked_and_never_wins() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let rows = swept(&bench("free/cpu/explicit_euler"), folder.path()).rows;
+    let failed: Vec<&Row> = rows.iter().filter(|row| !row.flag("valid")).collect();
+    assert!(!failed.is_empty(), "an explicit Euler step of half a second cannot pass");
+    for row in &failed {
+        assert!(!row.text("fault").is_empty());
+        let mut point = accuracy::point(row);
+        // Even where it would be the fastest and the most accurate of all.
+        point.seconds = 1e-12;
+        point.error = 1e-30;
+        let other = front::Point { seconds: 1.0, error: 1e-3, valid: true };
+        assert_eq!(front::pareto(&[point, other]), [1]);
+    }
+    assert!(!accuracy::summary(&rows).contains("| 20 |"), "{}", accuracy::summary(&rows));
+}
+
+#[test]
+fn what_is_there_already_is_left_out_on_request() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let once = bench("drag/cpu/rk8/f64/1");
+    assert_eq!(swept(&once, folder.path()).rows.len(), 2);
+    let again = Bench { resume: true, filter: Some("drag/cpu/rk8/f64".to_owned()), ..once };
+    let swept = swept(&again, folder.path());
+    assert_eq!((swept.rows.len(), swept.left_out), (2, 2));
+}
+
+#[test]
+fn a_stop_leaves_the_rows_so_far() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let swept = accuracy::run(&bench("drag/cpu/rk4/f64"), folder.path(), &mut |step| {
+        if step.done < 1 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    });
+    let swept = swept.expect("measured");
+    assert_eq!((swept.rows.len(), swept.left_out), (1, 3));
+    assert_eq!(row::rows(folder.path(), accuracy::TABLE).expect("a table").len(), 1);
+}
+
+#[test]
+fn rows_of_other_columns_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut table = Table::open(folder.path(), "some").expect("a table");
+    table.append(&Row::new().with("a", 1.5).with("b", "x,\"y")).expect("appended");
+    let mut table = Table::open(folder.path(), "some").expect("a table");
+    let refusal = table.append(&Row::new().with("a", 1.5)).expect_err("refused").to_string();
+    assert!(refusal.contains("some.csv: its columns are not those of this version"), "{refusal}");
+    assert_eq!(table.rows().expect("rows")[0].text("b"), "x,\"y");
+}

@@ -1,0 +1,127 @@
+//! Pictures: axes with units, a caption that says where the figures come from, files that can be read.
+#![cfg(feature = "plot")]
+
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+
+use polhode::bench::provenance::Provenance;
+use polhode::bench::{Bench, accuracy};
+use polhode::engine::Engine;
+use polhode::plot::figure::{Axis, Figure, Item, Panel, Style};
+use polhode::plot::{draw, plot_folder};
+
+const COMMAND: &str = "polhode bench accuracy --quick --filter drag/cpu/rk";
+
+/// The pictures of a few rows.
+fn pictures(folder: &Path) -> Vec<PathBuf> {
+    let bench = Bench {
+        quick: true,
+        filter: Some("drag/cpu/rk".to_owned()),
+        resume: false,
+        engines: vec![Engine::cpu()],
+        provenance: Provenance::collect(COMMAND),
+    };
+    accuracy::run(&bench, folder, &mut |_| ControlFlow::Continue(())).expect("measured");
+    plot_folder(folder, &[]).expect("drawn")
+}
+
+/// Width and height of a PNG file, and its pixels as RGB.
+fn decoded(path: &Path) -> (u32, u32, Vec<u8>) {
+    let file = std::io::BufReader::new(std::fs::File::open(path).expect("a file"));
+    let mut reader = png::Decoder::new(file).read_info().expect("a PNG file");
+    let mut pixels = vec![0; reader.output_buffer_size().expect("a size")];
+    let frame = reader.next_frame(&mut pixels).expect("pixels");
+    (frame.width, frame.height, pixels)
+}
+
+#[test]
+fn a_work_precision_diagram_names_axes_units_command_and_commit() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let files = pictures(folder.path());
+    let names: Vec<_> = files.iter().map(|file| file.file_name().expect("a name").to_string_lossy()).collect();
+    assert_eq!(names, ["accuracy-cpu.svg", "accuracy-cpu.png"]);
+    let svg = std::fs::read_to_string(&files[0]).expect("a file");
+    let words = svg.split_whitespace().collect::<Vec<_>>().join(" ");
+    for text in [
+        "attitude error, 99th percentile (rad)",
+        "compute time (s)",
+        "drag, 10 s",
+        "implicit_midpoint",
+        "Pareto front",
+        "10⁻",
+        "commit",
+        "--filter drag/cpu/rk",
+    ] {
+        assert!(words.contains(text), "{text}");
+    }
+    let (width, height, pixels) = decoded(&files[1]);
+    assert!(width >= 1600 && height > 500, "{width} x {height}");
+    // Text is set in black on white whatever fonts the system has: the caption's strip at the foot is not empty.
+    let foot = &pixels[pixels.len() - (3 * width * height / 12) as usize..];
+    assert!(foot.iter().filter(|&&byte| byte < 64).count() > 1000, "there is no caption");
+}
+
+#[test]
+fn an_empty_folder_gives_no_pictures() {
+    let folder = tempfile::tempdir().expect("a folder");
+    assert_eq!(plot_folder(folder.path(), &[]).expect("read"), Vec::<PathBuf>::new());
+}
+
+#[test]
+fn what_is_not_finite_or_has_no_logarithm_is_left_out() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let points = vec![(1e-3, 1.0), (f64::NAN, 2.0), (0.0, 1.0), (1e-2, f64::INFINITY), (1e-1, 10.0)];
+    let items =
+        vec![Item::Curve { points, style: Style::nth(0) }, Item::Curve { points: vec![], style: Style::nth(1) }];
+    let (x, y) = (Axis::log("x (s)"), Axis::linear("y (m)"));
+    let panel = Panel { title: "a".to_owned(), x, y, items, equal: false };
+    let constant = Panel {
+        items: vec![Item::Curve { points: vec![(1.0, 0.0), (2.0, 0.0)], style: Style::nth(2) }],
+        ..panel.clone()
+    };
+    let nothing = Panel { items: Vec::new(), ..panel.clone() };
+    let figure = Figure { columns: 2, panels: vec![panel, constant, nothing], ..Figure::default() };
+    let path = folder.path().join("a.svg");
+    draw(&figure, &path).expect("drawn");
+    let svg = std::fs::read_to_string(path).expect("a file");
+    assert!(!svg.contains("NaN") && !svg.contains("inf"));
+    assert!(svg.contains("y (m)"));
+}
+
+#[test]
+fn a_run_is_drawn_with_its_bodies() {
+    use glam::{DQuat, DVec3};
+    use polhode::record::{OutputFolder, run_to_folder};
+    use polhode::study::{Format, Output};
+    use polhode::{Ensemble, Method, Outputs, Plan, Scene};
+
+    let desk = tempfile::tempdir().expect("a folder");
+    let folder = desk.path().join("out");
+    let moments = DVec3::new(1.0, 2.0, 3.0);
+    let spins = [DVec3::new(0.1, 2.0, 0.1), DVec3::new(0.0, 0.0, 1.0), DVec3::new(1.0, 1.0, 1.0)];
+    let ensemble = Ensemble::from_fn(3, |body| (moments, DQuat::IDENTITY, spins[body])).expect("valid bodies");
+    let scene = Scene::new(ensemble).until(20.0).outputs(Outputs::Every(0.05)).pinned(Method::Rk4, 0.05, None);
+    let engine = Engine::cpu();
+    let plan = Plan::new(&scene, &engine).expect("a plan");
+    let output = Output { final_state: false, snapshots: true, format: Format::Csv };
+    let place = OutputFolder::create(&folder, false).expect("a folder");
+    let since = std::time::Instant::now();
+    run_to_folder(&engine, &plan, None, output, place, since, &mut |_| ControlFlow::Continue(())).expect("run");
+
+    let files = plot_folder(&folder, &[0, 1]).expect("drawn");
+    let names: Vec<_> = files.iter().map(|file| file.file_name().expect("a name").to_string_lossy()).collect();
+    let expected = ["run.svg", "run.png", "run-body-0.svg", "run-body-0.png", "run-body-1.svg", "run-body-1.png"];
+    assert_eq!(names, expected);
+    let words =
+        |file: &Path| std::fs::read_to_string(file).expect("a file").split_whitespace().collect::<Vec<_>>().join(" ");
+    let ensemble = words(&files[0]);
+    for text in ["time (s)", "|ω| (rad/s)", "drift of the angular momentum", "rk4 in f64", "bodies"] {
+        assert!(ensemble.contains(text), "{text}");
+    }
+    let body = words(&files[2]);
+    for text in ["polhode on the inertia ellipsoid (body axes)", "herpolhode", "ω across L (rad/s)"] {
+        assert!(body.contains(text), "{text}");
+    }
+    // The states of a steady rotation do not tell the tensor, so there is no ellipsoid to draw.
+    assert!(!words(&files[4]).contains("inertia ellipsoid"));
+}
