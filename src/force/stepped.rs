@@ -12,7 +12,6 @@
 use glam::{DQuat, DVec3};
 
 use super::{Accelerations, quadratic_drag};
-use crate::batch::BodyState;
 use crate::free_motion::FreeMotion;
 
 /// Step times the rate at which drag changes the velocity: the error of order 4 is then below 1e-9 of the velocity while it
@@ -85,18 +84,13 @@ pub struct Between {
 }
 
 impl Between {
-    /// The cubic over a step of `span` seconds.
-    pub fn new(before: &BodyState, after: &BodyState, span: f64) -> Self {
+    /// The cubic over a step of `span` seconds between two orientations (body to world), each with the angular velocity
+    /// (rad/s, body axes) at which the body turns there.
+    pub fn new((start, start_omega): (DQuat, DVec3), (end, end_omega): (DQuat, DVec3), span: f64) -> Self {
         let rate = |q: DQuat, omega: DVec3| q.mul_quat(DQuat::from_xyzw(omega.x, omega.y, omega.z, 0.0)) * (0.5 * span);
-        let start = before.orientation;
         // Both signs are the same orientation; the nearer one is on the way.
-        let end = if start.dot(after.orientation) < 0.0 { -after.orientation } else { after.orientation };
-        Self {
-            start,
-            start_rate: rate(start, before.angular_velocity_body),
-            end,
-            end_rate: rate(end, after.angular_velocity_body),
-        }
+        let end = if start.dot(end) < 0.0 { -end } else { end };
+        Self { start, start_rate: rate(start, start_omega), end, end_rate: rate(end, end_omega) }
     }
 }
 

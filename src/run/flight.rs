@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
 use crate::batch::{BodyState, initial_state};
@@ -14,6 +14,7 @@ use crate::inertia::principal_axes;
 use crate::memory;
 use crate::plan::Members;
 use crate::scene::Scene;
+use crate::torque::Torque;
 
 /// The centres of mass of a group's bodies, one a row, where a force of the scene depends on velocity or attitude.
 pub(super) struct Flight<'p> {
@@ -57,9 +58,12 @@ impl<'p> Flight<'p> {
 
     /// Moves on by a step of `dt` seconds of the rotation, which is `after` it.
     pub fn follow(&mut self, after: Vec<BodyState>, dt: f64) {
+        let (scene, members) = (self.scene, self.members);
         let (forces, before) = (&self.forces, &self.before);
         self.centres.par_iter_mut().enumerate().for_each(|(row, centre)| {
-            centre.advance(&forces[row], &Between::new(&before[row], &after[row], dt), dt);
+            let turning = |state: &BodyState| turning(scene, members.body(row), state);
+            let attitude = Between::new(turning(&before[row]), turning(&after[row]), dt);
+            centre.advance(&forces[row], &attitude, dt);
         });
         self.before = after;
     }
@@ -89,4 +93,17 @@ impl<'p> Flight<'p> {
             out[self.members.body(row) - bodies.start] = Some((centre.position(), centre.velocity()));
         }
     }
+}
+
+/// A body's orientation and the rate (rad/s, body axes) at which its axes turn; internal dissipation makes that
+/// ω + k Iω × ω.
+fn turning(scene: &Scene, body: usize, state: &BodyState) -> (DQuat, DVec3) {
+    let omega = state.angular_velocity_body;
+    let slip = scene.torques().iter().map(|torque| match torque {
+        Torque::InternalDissipation(model) => {
+            (scene.ensemble().inertia()[body] * omega).cross(omega) * model.coefficient.at(body)
+        }
+        _ => DVec3::ZERO,
+    });
+    (state.orientation, omega + slip.sum::<DVec3>())
 }
