@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 use crate::batch::Precision;
 use crate::engine::{Backend, Description};
 use crate::error::{Error, Result};
+use crate::force::Force;
 use crate::method::Method;
 use crate::scene::{Outputs, Scene, Stepping};
 
@@ -42,7 +43,8 @@ pub use resolution::{Resolution, Stepped};
 pub use skip::{Skip, SkipName};
 pub use times::{Interval, MOST_OUTPUTS};
 
-use times::{output_times, steps_over};
+use times::output_times;
+pub(crate) use times::steps_over;
 
 /// A scene resolved for an engine: which bodies are treated how, and the output times.
 #[derive(Clone, Debug)]
@@ -273,8 +275,10 @@ fn skips(scene: &Scene, groups: &[Group]) -> Vec<Skip> {
     let body_count = scene.ensemble().len();
     match scene.ensemble().translation() {
         None => add(SkipName::Translation, body_count, Bound::default()),
-        Some(_) if !scene.may_skip() => {}
-        Some(_) => add(SkipName::TranslationSteps, body_count, Bound::default()),
+        Some(_) if scene.may_skip() && scene.forces().iter().all(Force::has_closed_form) => {
+            add(SkipName::TranslationSteps, body_count, Bound::default());
+        }
+        Some(_) => {}
     }
     if matches!(scene.output_times(), Outputs::End) {
         add(SkipName::Outputs, body_count, Bound::default());

@@ -13,6 +13,7 @@ use super::pilot::{Found, Pilot, pilot_sample};
 use crate::batch::Precision;
 use crate::engine::Backend;
 use crate::error::{Error, Result};
+use crate::force::Force;
 use crate::method::Method;
 use crate::scene::{Accuracy, Scene, Stepping};
 use crate::torque::Torque;
@@ -56,6 +57,10 @@ const LOOK_BLOCK: usize = 1 << 16;
 
 /// Selects the pilots' bodies; fixed, so that a plan made again is the same.
 const PILOT_SEED: u64 = 1;
+
+/// The angle (rad) that a body turns by in a step where a thrust turns with it: the cubic between the attitudes of two steps
+/// ([`crate::force::stepped`]) is then wrong by (1/16)⁴/384 = 4e-8 rad at most.
+const LONGEST_TURN: f64 = 1.0 / 16.0;
 
 /// What `f32` needs.
 const F32_MISSES: &str =
@@ -247,6 +252,8 @@ impl Resolution {
                 let (rate, span) = (at_rate(*look, *uniform_rate).rate, scene.end());
                 let Some(rule) = self.rule(torques) else { return (Shape::Asymmetric, Way::Longest { wide: true }) };
                 let (step, wide) = (rule.longest_step(rate, span), rule.is_wide(rate * span));
+                let turning = scene.forces().iter().any(Force::needs_attitude) && rate > 0.0;
+                let step = if turning { step.min(LONGEST_TURN / rate) } else { step };
                 let way = if step < span { Way::Level { wide, level: level_of(step) } } else { Way::Longest { wide } };
                 (Shape::Asymmetric, way)
             }

@@ -31,7 +31,7 @@ pub enum SkipName {
     Torque,
     /// Positions are not advanced where there are none.
     Translation,
-    /// Positions under a constant force are not stepped.
+    /// Positions that have a closed form are not stepped.
     TranslationSteps,
     /// Slow bodies do not take the fastest body's steps.
     Steps,
@@ -68,7 +68,9 @@ impl SkipName {
             SkipName::Free => "no torque acts: the state at any time follows in closed form",
             SkipName::Torque => "no torque acts: its code is not in the kernel",
             SkipName::Translation => "no masses, positions and velocities are given: there is nothing to move",
-            SkipName::TranslationSteps => "the force is constant: positions follow in closed form at output times",
+            SkipName::TranslationSteps => {
+                "forces are constant, uniform gravity or linear drag: positions follow in closed form at output times"
+            }
             SkipName::Steps => "each body takes the steps that its own rate needs",
             SkipName::Outputs => "states between output times leave neither registers nor device",
         }

@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::{Quantiles, Trust};
+use super::{Balance, Quantiles, Trust};
 use crate::engine::EngineKind;
 use crate::plan::Plan;
 use crate::plan::explain::{ClassRow, SkipRow};
@@ -36,6 +36,8 @@ pub struct Report {
     pub repairs: Option<RepairReport>,
     /// Drift of what a free body conserves, from start to end.
     pub drift: DriftReport,
+    /// Energy and angular momentum against what the torques give; `null` where none acts.
+    pub balance: Option<BalanceReport>,
     /// Errors at the end.
     pub accuracy: AccuracyReport,
     /// Bodies whose state is no longer finite, ascending; their rows hold NaN or infinity.
@@ -162,6 +164,22 @@ pub struct DriftReport {
     pub norm: QuantilesReport,
 }
 
+/// How far the changes of energy and angular momentum are from what the torques account for.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct BalanceReport {
+    /// Driven bodies of the recomputed sample, behind the two figures that follow.
+    pub bodies: usize,
+    /// |T − T₀ − W|, W the work of the torques, relative to the greatest kinetic energy on the way.
+    pub energy: QuantilesReport,
+    /// |L − L₀ − ∫ R τ dt| in world axes, relative to the greatest |L| on the way.
+    pub angular_momentum_world: QuantilesReport,
+    /// Bodies, of all, whose torques all have a potential.
+    pub conservative_bodies: usize,
+    /// The change of kinetic and potential energy of those, relative to the greater of T + |U| at the start and at the end;
+    /// `null` where there are none.
+    pub total_energy: Option<QuantilesReport>,
+}
+
 /// Median, 99th percentile and maximum.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct QuantilesReport {
@@ -190,6 +208,19 @@ pub const WGPU_VERSION: &str = "30.0.1";
 impl From<Quantiles> for QuantilesReport {
     fn from(quantiles: Quantiles) -> Self {
         Self { median: quantiles.median, p99: quantiles.p99, max: quantiles.max }
+    }
+}
+
+impl BalanceReport {
+    fn of(balance: &Balance) -> Option<Self> {
+        let conservative_bodies = balance.conservative_bodies;
+        (balance.bodies > 0 || conservative_bodies > 0).then(|| Self {
+            bodies: balance.bodies,
+            energy: balance.energy.into(),
+            angular_momentum_world: balance.angular_momentum_world.into(),
+            conservative_bodies,
+            total_energy: (conservative_bodies > 0).then(|| balance.total_energy.into()),
+        })
     }
 }
 
@@ -241,6 +272,7 @@ impl Report {
                 angular_momentum_world: trust.drift.angular_momentum_world.into(),
                 norm: trust.drift.norm.into(),
             },
+            balance: BalanceReport::of(&trust.balance),
             accuracy: AccuracyReport {
                 bodies: trust.shadow.bodies,
                 attitude: trust.shadow.attitude.into(),
@@ -321,6 +353,15 @@ impl fmt::Display for Report {
         writeln!(formatter, "{}", drift("drift    kinetic energy  ", &self.drift.kinetic_energy))?;
         writeln!(formatter, "{}", drift("         angular momentum", &self.drift.angular_momentum_world))?;
         writeln!(formatter, "{}", drift("         |q| - 1         ", &self.drift.norm))?;
+        if let Some(balance) = &self.balance {
+            if balance.bodies > 0 {
+                writeln!(formatter, "{}", drift("balance  kinetic energy  ", &balance.energy))?;
+                writeln!(formatter, "{}", drift("         angular momentum", &balance.angular_momentum_world))?;
+            }
+            if let Some(total) = &balance.total_energy {
+                writeln!(formatter, "{}", drift("         total energy    ", total))?;
+            }
+        }
         let accuracy = &self.accuracy;
         writeln!(formatter, "{}", drift("error    attitude (rad)  ", &accuracy.attitude))?;
         writeln!(formatter, "{}", drift("         angular velocity", &accuracy.angular_velocity))?;

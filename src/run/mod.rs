@@ -7,27 +7,30 @@ use rayon::prelude::*;
 
 use crate::batch::{BodyState, initial_state};
 use crate::engine::{Backend, Progress};
-use crate::ensemble::Ensemble;
 use crate::error::{Error, Result};
 use crate::method::Status;
 use crate::plan::Plan;
-use crate::record::{DriftGatherer, Memory, OutputState, Record, Sink, Trust, WallTime};
-use crate::scene::Stepping;
+use crate::record::{BalanceGatherer, DriftGatherer, Memory, OutputState, Record, Sink, Trust, WallTime};
+use crate::scene::{Scene, Stepping};
 
 pub(crate) mod alone;
+mod balance;
 mod confidence;
+mod flight;
 pub(crate) mod shadow;
 mod translation;
 mod unit;
+mod work;
 
+pub use balance::balance;
+
+use balance::{push_rest, total_energies};
+use shadow::SHADOW_SEED;
 use translation::Centres;
 use unit::Unit;
 
 /// Bodies that are read and handed on at once: some megabytes.
 const READ_BLOCK: usize = 1 << 15;
-
-/// Selects the bodies whose motion is recomputed; fixed, so that two runs of a plan are checked on the same bodies.
-const SHADOW_SEED: u64 = 0;
 
 /// Runs `plan` on `engine` and keeps every output in memory.
 ///
@@ -67,8 +70,7 @@ pub fn run_into(
     // A body that is not stepped has an output time as its only work.
     let total = plan.groups().iter().map(|group| plan.work_of(group)).fold(0, u64::saturating_add);
     let mut done = 0_u64;
-    let mut drift = DriftGatherer::default();
-    let mut failed_bodies = Vec::new();
+    let mut end = AtEnd::default();
     let sample = shadow::sample(body_count, shadow::shadow_size(body_count), SHADOW_SEED);
     let mut sampled = Vec::with_capacity(sample.len());
     let count = plan.times().len();
@@ -98,7 +100,7 @@ pub fn run_into(
             let clock = Instant::now();
             let states = read_states(&mut units, &centres, range.clone())?;
             if last {
-                gather_trust(scene.ensemble(), &states, range.clone(), &mut drift, &mut failed_bodies);
+                end.gather(scene, &states, range.clone());
                 let of_block = |body: &&u32| range.contains(&(**body as usize));
                 sampled.extend(sample.iter().filter(of_block).map(|&body| states[body as usize - start].rotation));
             }
@@ -120,9 +122,10 @@ pub fn run_into(
     let clock = Instant::now();
     let recomputed = shadow::recomputed(plan, &sample, &mut |_| observer(Progress { done, total }))?;
     let mut errors = shadow::Errors::default();
-    for (state, (_, reference)) in sampled.iter().zip(&recomputed) {
-        if state.orientation.is_finite() && state.angular_velocity_body.is_finite() {
-            errors.push(state, reference);
+    for (state, reference) in sampled.iter().zip(&recomputed) {
+        if is_finite(state) {
+            errors.push(state, &reference.state);
+            push_rest(&mut end.balance, scene, reference.body, state, reference.work.as_ref());
         }
     }
     let target = match scene.stepping() {
@@ -139,9 +142,10 @@ pub fn run_into(
         closed_form: plan.is_closed_form(),
         body_steps: plan.body_steps(),
         bytes_read,
-        drift: drift.finish(),
+        drift: end.drift.finish(),
+        balance: end.balance.finish(),
         shadow,
-        failed_bodies,
+        failed_bodies: end.failed_bodies,
         wall_time,
     })
 }
@@ -149,33 +153,51 @@ pub fn run_into(
 /// Some bodies in the user's axes and units.
 fn read_states(units: &mut [Unit<'_>], centres: &Centres<'_>, bodies: Range<usize>) -> Result<Vec<OutputState>> {
     let mut states = vec![BodyState::UNKNOWN; bodies.len()];
+    let mut flying = vec![None; bodies.len()];
     for unit in units {
         unit.read(bodies.clone(), &mut states)?;
+        unit.read_centres(&bodies, &mut flying);
     }
-    Ok(states
-        .into_par_iter()
-        .zip(bodies)
-        .map(|(rotation, body)| OutputState { rotation, translation: centres.of_body(body) })
-        .collect())
+    let output = |((rotation, centre), body): ((BodyState, Option<_>), usize)| OutputState {
+        rotation,
+        translation: centre.or_else(|| centres.of_body(body)),
+    };
+    Ok(states.into_par_iter().zip(flying).zip(bodies).map(output).collect())
 }
 
-/// Compares the end with the start, body by body, and lists the bodies that failed.
-fn gather_trust(
-    ensemble: &Ensemble,
-    states: &[OutputState],
-    bodies: Range<usize>,
-    drift: &mut DriftGatherer,
-    failed_bodies: &mut Vec<usize>,
-) {
-    let initial: Vec<_> = bodies.clone().into_par_iter().map(|body| initial_state(ensemble, body)).collect();
-    for ((body, initial), state) in bodies.zip(&initial).zip(states) {
-        let rotation = &state.rotation;
-        let finite = rotation.orientation.is_finite() && rotation.angular_velocity_body.is_finite();
-        if finite {
-            drift.push(initial, rotation);
-        }
-        if !finite || rotation.status != Status::Valid {
-            failed_bodies.push(body);
+/// What the end says of a run.
+#[derive(Default)]
+struct AtEnd {
+    drift: DriftGatherer,
+    balance: BalanceGatherer,
+    failed_bodies: Vec<usize>,
+}
+
+impl AtEnd {
+    /// Compares the end with the start, body by body, and lists the bodies that failed.
+    fn gather(&mut self, scene: &Scene, states: &[OutputState], bodies: Range<usize>) {
+        let start = |(body, state): (usize, &OutputState)| {
+            let initial = initial_state(scene.ensemble(), body);
+            let energies =
+                if scene.torques().is_empty() { None } else { total_energies(scene, body, &initial, &state.rotation) };
+            (initial, energies)
+        };
+        let starts: Vec<_> = bodies.clone().into_par_iter().zip(states).map(start).collect();
+        for ((body, (initial, energies)), state) in bodies.zip(&starts).zip(states) {
+            let rotation = &state.rotation;
+            if is_finite(rotation) {
+                self.drift.push(initial, rotation);
+                if let Some((start, end)) = *energies {
+                    self.balance.push_total(start, end);
+                }
+            }
+            if !is_finite(rotation) || rotation.status != Status::Valid {
+                self.failed_bodies.push(body);
+            }
         }
     }
+}
+
+fn is_finite(state: &BodyState) -> bool {
+    state.orientation.is_finite() && state.angular_velocity_body.is_finite()
 }

@@ -3,21 +3,24 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::batch::{BodyState, Precision};
+use crate::batch::BodyState;
 use crate::engine::Observer;
 use crate::error::Result;
 use crate::free_motion::FreeMotion;
-use crate::method::Method;
-use crate::plan::{Group, Members, Plan, TorqueSet, Treatment};
+use crate::plan::{Group, Interval, Members, Plan, TorqueSet, Treatment, steps_over};
 use crate::record::{Quantiles, Shadow};
-use crate::run::alone::states_at_end;
 use crate::run::confidence::{is_plausible, upper_rank};
+use crate::run::work::{self, Recomputed, Work};
 use crate::scene::{Accuracy, Scene};
+use crate::torque::Torque;
 
 /// Every so many-th body is in the shadow's sample.
 const ONE_IN: usize = 1000;
 /// The least number of bodies in the shadow's sample, as far as there are so many.
 const LEAST_BODIES: usize = 64;
+
+/// Selects the bodies whose motion is recomputed; fixed, so that two runs of a plan are checked on the same bodies.
+pub(super) const SHADOW_SEED: u64 = 0;
 
 /// How many of a number of bodies are recomputed.
 pub(super) fn shadow_size(body_count: usize) -> usize {
@@ -44,42 +47,82 @@ pub(crate) fn mixed(x: u64) -> u64 {
     x ^ (x >> 31)
 }
 
-/// The states at the end of the bodies of a sample, recomputed on the CPU in `f64`: torque-free bodies by the closed form,
-/// the others with half their step. Their method is that of the plan where it is of order 4 or more, else `rk4`.
-pub(super) fn recomputed(
-    plan: &Plan<'_>,
-    sample: &[u32],
-    observer: &mut Observer<'_>,
-) -> Result<Vec<(usize, BodyState)>> {
-    let scene = plan.scene();
-    let mut states = Vec::with_capacity(sample.len());
-    for group in plan.groups() {
-        let members: Vec<u32> = sample.iter().copied().filter(|&body| contains(group, body as usize)).collect();
-        let Treatment::Stepped { longest_step, method, .. } = group.treatment else {
-            states.extend(closed_form(scene, &members));
-            continue;
-        };
-        let acting = |&body: &u32| !TorqueSet::acting_on(scene.torques(), body as usize).is_empty();
-        let (driven, free): (Vec<u32>, Vec<u32>) = members.into_iter().partition(acting);
-        states.extend(closed_form(scene, &free));
-        if !driven.is_empty() {
-            let method = if method.order() >= Method::Rk4.order() { method } else { Method::Rk4 };
-            let treatment = Treatment::Stepped { method, precision: Precision::F64, longest_step: 0.5 * longest_step };
-            let torques = group.class.torques.of(scene.torques());
-            let members = Members::Some(driven);
-            states.extend(states_at_end(scene, plan.times(), &torques, &members, &treatment, observer)?);
-        }
-    }
-    states.sort_by_key(|(body, _)| *body);
-    Ok(states)
+/// A body of the sample at the end, and, of a body on which torques act, what they did to it.
+pub(super) struct Reference {
+    pub body: usize,
+    pub state: BodyState,
+    pub work: Option<Work>,
 }
 
-/// The states at the end of torque-free bodies.
-fn closed_form(scene: &Scene, members: &[u32]) -> Vec<(usize, BodyState)> {
-    members
-        .par_iter()
-        .map(|&body| (body as usize, FreeMotion::of_body(scene.ensemble(), body as usize).at(scene.end())))
-        .collect()
+/// The bodies of a sample recomputed on the CPU in `f64`: torque-free ones by the closed form, the others by `rk8` in the
+/// steps of [`reference_intervals`].
+pub(super) fn recomputed(plan: &Plan<'_>, sample: &[u32], observer: &mut Observer<'_>) -> Result<Vec<Reference>> {
+    let scene = plan.scene();
+    let mut references = Vec::with_capacity(sample.len());
+    for group in plan.groups() {
+        let members: Vec<u32> = sample.iter().copied().filter(|&body| contains(group, body as usize)).collect();
+        let acting = |&body: &u32| !TorqueSet::acting_on(scene.torques(), body as usize).is_empty();
+        let stepped = group.treatment.precision_of_steps().is_some();
+        let (driven, free): (Vec<u32>, Vec<u32>) = members.into_iter().partition(|body| stepped && acting(body));
+        references.extend(closed_form(scene, &free));
+        if !driven.is_empty() {
+            let torques = group.class.torques.of(scene.torques());
+            let intervals = reference_intervals(plan, group, &torques, &driven);
+            let found = work::recomputed(scene, &torques, &Members::Some(driven), &intervals, observer)?;
+            let reference = |Recomputed { body, state, work }| Reference { body, state, work: Some(work) };
+            references.extend(found.into_iter().map(reference));
+        }
+    }
+    references.sort_by_key(|reference| reference.body);
+    Ok(references)
+}
+
+/// The steps in which bodies of a group are recomputed by `rk8`.
+///
+/// One interval of equal steps, of half the longest that the run takes where its method is of order 6 or more, else as
+/// long as that one; finer where `rk8` would not follow the bodies' own rates otherwise. A random torque is a constant
+/// over each of the run's steps, so that the steps then have to be the run's.
+fn reference_intervals(plan: &Plan<'_>, group: &Group, torques: &[Torque], members: &[u32]) -> Vec<Interval> {
+    let of_run = (0..plan.times().len()).map(|index| group.treatment.interval(plan.span_before(index)));
+    if torques.iter().any(|torque| matches!(torque, Torque::WhiteNoise(_))) {
+        return of_run.collect();
+    }
+    let scene = plan.scene();
+    let longest = of_run.filter(|interval| interval.steps > 0).map(|interval| interval.dt).fold(0.0, f64::max);
+    let fine = if of_high_order(group) { 0.5 } else { 1.0 };
+    let rate = |&body: &u32| {
+        let body = body as usize;
+        let middle_moment = crate::inertia::principal_axes(&scene.ensemble().inertia()[body]).moments.y;
+        let spin = scene.ensemble().angular_velocity_body()[body].length();
+        spin.max(crate::torque::rate_of(torques, body, middle_moment))
+    };
+    let fastest = members.iter().map(rate).fold(0.0, f64::max);
+    let own = REFERENCE_ANGLE / fastest;
+    vec![steps_over(scene.end(), (fine * longest).min(own.max(longest / MOST_REFINEMENT)))]
+}
+
+fn of_high_order(group: &Group) -> bool {
+    matches!(group.treatment, Treatment::Stepped { method, .. } if method.order() >= HIGH_ORDER)
+}
+
+/// A method of this order or more is compared with `rk8` in finer steps, one of a lower order in its own steps, in which
+/// the error of `rk8` is far below its.
+const HIGH_ORDER: u32 = 6;
+
+/// The angle (rad) that the fastest body of a group turns by in a step of its recomputation at the start, at most: the error
+/// of `rk8` is then about 1e-10 a radian.
+const REFERENCE_ANGLE: f64 = 0.5;
+
+/// No run that leaps over its bodies' turns is recomputed in more than so many times its own steps.
+const MOST_REFINEMENT: f64 = 64.0;
+
+/// Torque-free bodies at the end.
+fn closed_form(scene: &Scene, members: &[u32]) -> Vec<Reference> {
+    let reference = |&body: &u32| {
+        let body = body as usize;
+        Reference { body, state: FreeMotion::of_body(scene.ensemble(), body).at(scene.end()), work: None }
+    };
+    members.par_iter().map(reference).collect()
 }
 
 fn contains(group: &Group, body: usize) -> bool {

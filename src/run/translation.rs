@@ -1,16 +1,16 @@
 //! The motion of the centres of mass: in closed form at output times, or the long way, in steps.
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
 use crate::ensemble::Translation;
-use crate::force::{Accelerations, accelerations, closed_form};
+use crate::force::{Accelerations, Force, accelerations, closed_form};
 use crate::plan::{Interval, Plan};
 use crate::scene::Scene;
 
 /// Positions and velocities on their way through time.
 pub(super) enum Centres<'a> {
-    /// The bodies do not move through space.
+    /// The bodies do not move through space, or along their rotation ([`super::flight`]).
     Still,
     /// Formed where they are asked for.
     ClosedForm { scene: &'a Scene, translation: &'a Translation, time: f64 },
@@ -23,6 +23,7 @@ impl<'a> Centres<'a> {
         let scene = plan.scene();
         match scene.ensemble().translation() {
             None => Centres::Still,
+            Some(_) if !scene.forces().iter().all(Force::has_closed_form) => Centres::Still,
             Some(translation) if scene.may_skip() => Centres::ClosedForm { scene, translation, time: 0.0 },
             Some(translation) => {
                 let states = translation.position.iter().copied().zip(translation.velocity.iter().copied()).collect();
@@ -62,9 +63,8 @@ impl<'a> Centres<'a> {
 
 /// One step of the classical Runge-Kutta method of order 4.
 fn stepped(forces: &Accelerations, (position, velocity): (DVec3, DVec3), dt: f64) -> (DVec3, DVec3) {
-    // Named one by one, so that a force which is added cannot be forgotten here.
-    let Accelerations { constant_world, linear_drag } = *forces;
-    let acceleration = |velocity: DVec3| constant_world - linear_drag * velocity;
+    // No force that comes here turns with the body.
+    let acceleration = |velocity: DVec3| forces.at(DQuat::IDENTITY, velocity);
     let k1 = acceleration(velocity);
     let k2 = acceleration(velocity + k1 * (0.5 * dt));
     let k3 = acceleration(velocity + k2 * (0.5 * dt));

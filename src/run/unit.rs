@@ -3,11 +3,13 @@
 use std::ops::Range;
 use std::time::Instant;
 
+use glam::DVec3;
 use rayon::prelude::*;
 
+use super::flight::Flight;
 use crate::batch::{BodyFrame, BodyState, StateWords, prepare_members};
 use crate::engine::cpu::{Cpu, Width};
-use crate::engine::{Backend, FreeSession, Observer, Session};
+use crate::engine::{Backend, FreeSession, Observer, Progress, Session};
 use crate::error::Result;
 use crate::free_motion::AnyRows;
 use crate::plan::{Group, Members, Treatment};
@@ -19,6 +21,7 @@ use crate::scene::Scene;
 pub(super) struct Unit<'p> {
     members: &'p Members,
     motion: Motion,
+    flight: Option<Flight<'p>>,
 }
 
 enum Motion {
@@ -28,7 +31,7 @@ enum Motion {
 }
 
 impl<'p> Unit<'p> {
-    pub fn start(engine: &dyn Backend, scene: &Scene, group: &'p Group, wall_time: &mut WallTime) -> Result<Self> {
+    pub fn start(engine: &dyn Backend, scene: &'p Scene, group: &'p Group, wall_time: &mut WallTime) -> Result<Self> {
         let clock = Instant::now();
         let members = &group.members;
         let motion = match group.treatment {
@@ -67,13 +70,31 @@ impl<'p> Unit<'p> {
                 Motion::Stepped { session, frames, treatment: group.treatment }
             }
         };
-        Ok(Self { members, motion })
+        let flight = Flight::start(scene, members, matches!(motion, Motion::Stepped { .. }))?;
+        Ok(Self { members, motion, flight })
     }
 
     /// Brings the bodies from `time − span` to `time`, s; gives the work done ([`crate::plan::Plan::work_of`]). What is not
     /// stepped is formed only where it is `wanted`.
     pub fn advance(&mut self, time: f64, span: f64, wanted: bool, observer: &mut Observer<'_>) -> Result<u64> {
         let bodies = self.members.len() as u64;
+        if let (Motion::Stepped { session, frames, treatment }, Some(flight)) = (&mut self.motion, &mut self.flight)
+            && flight.follows()
+        {
+            let interval = treatment.interval(span);
+            let (total, rows) = (interval.steps.saturating_mul(bodies), 0..self.members.len());
+            for step in 0..interval.steps {
+                let before = step.saturating_mul(bodies);
+                session.advance(interval.dt, 1, &mut |progress| {
+                    observer(Progress { done: before.saturating_add(progress.done), total })
+                })?;
+                flight.follow(in_users_units(&session.read(rows.clone())?, frames, &rows), interval.dt);
+            }
+            return Ok(total);
+        }
+        if let Some(flight) = &mut self.flight {
+            flight.advance(time - span, span);
+        }
         match &mut self.motion {
             Motion::Stepped { session, treatment, .. } => {
                 let interval = treatment.interval(span);
@@ -99,6 +120,13 @@ impl<'p> Unit<'p> {
             Motion::Stepped { session, .. } => session.bytes_read(),
             Motion::ClosedForm { session, .. } => session.bytes_read(),
             Motion::Precession { .. } => 0,
+        }
+    }
+
+    /// Writes where those of its bodies that are in `bodies` are, where they are stepped there.
+    pub fn read_centres(&self, bodies: &Range<usize>, centres: &mut [Option<(DVec3, DVec3)>]) {
+        if let Some(flight) = &self.flight {
+            flight.read(bodies, centres);
         }
     }
 

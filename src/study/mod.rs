@@ -58,7 +58,9 @@
 //!   default: body axes along world axes. `angular_velocity`: body axes, rad/s.
 //! * `position`, `velocity` (world axes) and `mass`: for bodies that move through space. `[force]` acts on every body's
 //!   centre of mass: `constant = [fx, fy, fz]` in world axes (N), `gravity = [gx, gy, gz]` in world axes (m/s²),
-//!   `linear_drag` against the velocity (N s/m).
+//!   `linear_drag` against the velocity (N s/m). Or a list `[[force]]`, each with a `model` and its parameters
+//!   ([`crate::force`] has the equations): `constant` (`force`, world axes), `gravity` (`acceleration`), `linear-drag` and
+//!   `quadratic-drag` (`coefficient`, N s/m and N s²/m²), `thrust` (`force`, body axes).
 //! * `[[torque]]`, any number of them: a `model` and its parameters ([`crate::torque`] has the equations):
 //!   `constant-body` and `constant-world` (`torque`), `viscous` or `linear-drag` (`coefficient`), `matrix-drag` (`matrix`, three
 //!   rows), `quadratic-drag` (`coefficient`), `sinusoidal` (`sine`, `cosine`, `rate`), `gravity-gradient` (`mu`, `orbit`),
@@ -91,6 +93,7 @@ use crate::scene::{Accuracy, Outputs, Scene};
 mod bodies;
 mod distribution;
 pub mod draw;
+mod force;
 mod inertia;
 mod input;
 mod mass_file;
@@ -239,7 +242,7 @@ impl Study {
             let line = places.get("bodies").map_or(1, |place| place.line);
             return Err(InputError { file: file.to_owned(), line, key, fault: Fault::Missing { expected } }.into());
         }
-        let forces = root.find("force").map(|node| forces(&node)).transpose()?.unwrap_or_default();
+        let forces = root.find("force").map(|node| force::read(&node)).transpose()?.unwrap_or_default();
         let (end, outputs) = time(&root.need("time", "a table with the end of the simulated span is needed")?)?;
         let stepping = root.find("accuracy").map(|node| accuracy(&node)).transpose()?;
         let stepping = stepping.unwrap_or(StudyStepping::Attitude { angle: DEFAULT_ATTITUDE, precision: None });
@@ -398,29 +401,6 @@ impl Study {
     fn input(&self, line: usize, key: &str, fault: Fault) -> Error {
         InputError { file: self.file.clone(), line, key: key.to_owned(), fault }.into()
     }
-}
-
-fn forces(node: &Node<'_>) -> Result<Vec<Force>> {
-    let table = node.table("a table [force] is needed", &["constant", "gravity", "linear_drag"])?;
-    let mut forces = Vec::new();
-    if let Some(constant) = table.find("constant") {
-        forces.push(Force::constant(constant.vector("three finite components in world axes are needed (N)")?));
-    }
-    if let Some(gravity) = table.find("gravity") {
-        forces.push(Force::gravity(gravity.vector("three finite components in world axes are needed (m/s²)")?));
-    }
-    if let Some(drag) = table.find("linear_drag") {
-        const EXPECTED: &str = "a finite number that is not negative is needed (N s/m)";
-        let coefficient = drag.number(EXPECTED)?;
-        if coefficient < 0.0 {
-            return Err(drag.refuse(EXPECTED));
-        }
-        forces.push(Force::linear_drag(coefficient));
-    }
-    if forces.is_empty() {
-        table.need("constant", "a vector in world axes is needed (N), or `gravity` or `linear_drag`")?;
-    }
-    Ok(forces)
 }
 
 fn time(node: &Node<'_>) -> Result<(f64, Outputs)> {

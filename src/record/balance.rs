@@ -1,0 +1,78 @@
+//! Whether energy and angular momentum change by what the torques give.
+
+use super::Quantiles;
+
+/// How far the changes of energy and angular momentum over a run are from what the torques account for.
+///
+/// A free body keeps both, which [`super::Drift`] shows. Of a driven one the figures here say the same: what is left when
+/// the torques' share is taken off.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Balance {
+    /// Driven bodies of the recomputed sample, behind the two figures that follow; those that failed are left out.
+    pub bodies: usize,
+    /// |T − T₀ − W| of the run's kinetic energy T and the work W = ∫ τ·ω dt of all torques, which is integrated along the
+    /// recomputed motion in `f64`; relative to the body's greatest kinetic energy on the way.
+    pub energy: Quantiles,
+    /// |L − L₀ − ∫ R τ dt| of the run's angular momentum L in world axes, relative to the body's greatest |L| on the way.
+    pub angular_momentum_world: Quantiles,
+    /// Bodies, of all, on which torques act that all have a potential.
+    pub conservative_bodies: usize,
+    /// |T + U − T₀ − U₀| of those bodies, U the potentials' sum; relative to the greater of T + |U| at the start and at the
+    /// end.
+    pub total_energy: Quantiles,
+}
+
+/// Gathers one row a body.
+#[derive(Debug, Default)]
+pub(crate) struct BalanceGatherer {
+    energy: Vec<f64>,
+    angular_momentum_world: Vec<f64>,
+    total_energy: Vec<f64>,
+}
+
+impl BalanceGatherer {
+    /// Takes what is left of the changes of energy and of angular momentum, each with its scale.
+    pub(crate) fn push_rest(&mut self, energy: (f64, f64), angular_momentum_world: (f64, f64)) {
+        self.energy.push(relative(energy));
+        self.angular_momentum_world.push(relative(angular_momentum_world));
+    }
+
+    /// Takes the kinetic and potential energies at the start and at the end of a body that keeps their sum.
+    pub(crate) fn push_total(&mut self, start: (f64, f64), end: (f64, f64)) {
+        let size = |(kinetic, potential): (f64, f64)| kinetic + potential.abs();
+        // Differences before sums: the potential may be much the greater.
+        let change = (end.0 - start.0) + (end.1 - start.1);
+        self.total_energy.push(relative((change.abs(), size(start).max(size(end)))));
+    }
+
+    pub(crate) fn finish(mut self) -> Balance {
+        Balance {
+            bodies: self.energy.len(),
+            energy: Quantiles::of(&mut self.energy),
+            angular_momentum_world: Quantiles::of(&mut self.angular_momentum_world),
+            conservative_bodies: self.total_energy.len(),
+            total_energy: Quantiles::of(&mut self.total_energy),
+        }
+    }
+}
+
+/// A rest relative to its scale; of a body that never moves it is the rest itself. A rest that is no number is as large
+/// as can be, and must not pass for the least.
+fn relative((rest, scale): (f64, f64)) -> f64 {
+    let relative = if scale > 0.0 { rest / scale } else { rest };
+    if relative.is_nan() { f64::INFINITY } else { relative }
+}
+
+impl std::fmt::Display for Balance {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            formatter,
+            "energy less work {}, angular momentum less impulse {} in {} bodies",
+            self.energy, self.angular_momentum_world, self.bodies
+        )?;
+        if self.conservative_bodies > 0 {
+            write!(formatter, ", kinetic and potential energy {} in {}", self.total_energy, self.conservative_bodies)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,86 @@
+//! What the torques do to bodies against how their energy and angular momentum change.
+
+use std::ops::ControlFlow;
+
+use glam::{DQuat, DVec3};
+use rayon::prelude::*;
+
+use super::shadow::{self, SHADOW_SEED};
+use super::work::Work;
+use crate::batch::{BodyState, initial_state};
+use crate::error::{Error, Result};
+use crate::plan::{Plan, TorqueSet};
+use crate::record::{Balance, BalanceGatherer};
+use crate::scene::Scene;
+
+/// The balance of bodies that have these orientations (body to world) and angular velocities (rad/s, body axes) when a
+/// plan's scene ends, wherever they were computed; shape `[body_count]`. Every run reports its own in
+/// [`crate::record::Trust::balance`].
+///
+/// # Errors
+///
+/// [`Error::ColumnLength`] where a slice has not one row a body; [`Error::TooManyBodies`] where the memory does not suffice.
+pub fn balance(plan: &Plan<'_>, orientation: &[DQuat], angular_velocity_body: &[DVec3]) -> Result<Balance> {
+    let ensemble = plan.scene().ensemble();
+    let columns = [("orientation", orientation.len()), ("angular_velocity_body", angular_velocity_body.len())];
+    for (column, found) in columns {
+        if found != ensemble.len() {
+            return Err(Error::ColumnLength { column, expected: ensemble.len(), found });
+        }
+    }
+    let state = |body: usize| {
+        let (orientation, omega) = (orientation[body].normalize(), angular_velocity_body[body]);
+        let momentum = ensemble.inertia()[body] * omega;
+        BodyState {
+            orientation,
+            angular_velocity_body: omega,
+            angular_momentum_world: orientation * momentum,
+            kinetic_energy: 0.5 * omega.dot(momentum),
+            ..BodyState::UNKNOWN
+        }
+    };
+    let mut gatherer = BalanceGatherer::default();
+    let sample = shadow::sample(ensemble.len(), shadow::shadow_size(ensemble.len()), SHADOW_SEED);
+    for reference in shadow::recomputed(plan, &sample, &mut |_| ControlFlow::Continue(()))? {
+        push_rest(&mut gatherer, plan.scene(), reference.body, &state(reference.body), reference.work.as_ref());
+    }
+    let pairs: Vec<_> = (0..ensemble.len())
+        .into_par_iter()
+        .filter_map(|body| total_energies(plan.scene(), body, &initial_state(ensemble, body), &state(body)))
+        .collect();
+    pairs.into_iter().for_each(|(start, end)| gatherer.push_total(start, end));
+    Ok(gatherer.finish())
+}
+
+/// Takes what is left of a body's changes when what the torques did is taken off; nothing where none acted.
+pub(super) fn push_rest(
+    gatherer: &mut BalanceGatherer,
+    scene: &Scene,
+    body: usize,
+    state: &BodyState,
+    work: Option<&Work>,
+) {
+    let Some(work) = work else { return };
+    let start = initial_state(scene.ensemble(), body);
+    let energy = state.kinetic_energy - start.kinetic_energy - work.energy;
+    let given: DVec3 = state.angular_momentum_world - start.angular_momentum_world - work.angular_momentum_world;
+    gatherer.push_rest((energy.abs(), work.greatest_energy), (given.length(), work.greatest_angular_momentum));
+}
+
+/// Kinetic and potential energy (J) of a body in two states, where torques act on it that all have a potential.
+pub(super) fn total_energies(
+    scene: &Scene,
+    body: usize,
+    start: &BodyState,
+    end: &BodyState,
+) -> Option<((f64, f64), (f64, f64))> {
+    let acting = TorqueSet::acting_on(scene.torques(), body);
+    if acting.is_empty() {
+        return None;
+    }
+    let potential = |state: &BodyState| -> Option<f64> {
+        let torques = scene.torques().iter().enumerate().filter(|(index, _)| acting.contains(*index));
+        torques.map(|(_, torque)| torque.potential_energy(body, state.orientation)).sum()
+    };
+    Some(((start.kinetic_energy, potential(start)?), (end.kinetic_energy, potential(end)?)))
+}

@@ -1,0 +1,109 @@
+//! Centres of mass that are stepped along the rotation.
+
+use std::ops::Range;
+
+use glam::{DQuat, DVec3};
+use rayon::prelude::*;
+
+use crate::batch::{BodyState, initial_state};
+use crate::error::Result;
+use crate::force::stepped::{Between, Centre, Free, Irrelevant};
+use crate::force::{Accelerations, Force, accelerations};
+use crate::free_motion::FreeMotion;
+use crate::inertia::principal_axes;
+use crate::memory;
+use crate::plan::Members;
+use crate::scene::Scene;
+use crate::torque::Torque;
+
+/// The centres of mass of a group's bodies, one a row, where a force of the scene depends on velocity or attitude.
+pub(super) struct Flight<'p> {
+    scene: &'p Scene,
+    members: &'p Members,
+    forces: Vec<Accelerations>,
+    centres: Vec<Centre>,
+    /// The rotation at the time that the centres stand at, where a force needs it and the bodies are stepped.
+    before: Vec<BodyState>,
+}
+
+impl<'p> Flight<'p> {
+    /// The centres of mass at the start, or nothing where all positions have a closed form. `follows` says whether the
+    /// rotation is stepped.
+    pub fn start(scene: &'p Scene, members: &'p Members, follows: bool) -> Result<Option<Self>> {
+        let Some(translation) = scene.ensemble().translation() else { return Ok(None) };
+        if scene.forces().iter().all(Force::has_closed_form) {
+            return Ok(None);
+        }
+        let row = size_of::<Accelerations>() + size_of::<Centre>() + size_of::<BodyState>();
+        memory::require(members.len(), members.len().saturating_mul(row), "the centres of mass")?;
+        let bodies = || (0..members.len()).map(|row| members.body(row));
+        let needs_attitude = scene.forces().iter().any(Force::needs_attitude);
+        Ok(Some(Self {
+            scene,
+            members,
+            forces: bodies().map(|body| accelerations(scene.forces(), body, translation.mass[body])).collect(),
+            centres: bodies().map(|body| Centre::new(translation.position[body], translation.velocity[body])).collect(),
+            before: if needs_attitude && follows {
+                bodies().map(|body| initial_state(scene.ensemble(), body)).collect()
+            } else {
+                Vec::new()
+            },
+        }))
+    }
+
+    /// Whether it has to be told of the rotation after every step.
+    pub fn follows(&self) -> bool {
+        !self.before.is_empty()
+    }
+
+    /// Moves on by a step of `dt` seconds of the rotation, which is `after` it.
+    pub fn follow(&mut self, after: Vec<BodyState>, dt: f64) {
+        let (scene, members) = (self.scene, self.members);
+        let (forces, before) = (&self.forces, &self.before);
+        self.centres.par_iter_mut().enumerate().for_each(|(row, centre)| {
+            let turning = |state: &BodyState| turning(scene, members.body(row), state);
+            let attitude = Between::new(turning(&before[row]), turning(&after[row]), dt);
+            centre.advance(&forces[row], &attitude, dt);
+        });
+        self.before = after;
+    }
+
+    /// Moves on by `span` seconds from `start`. Torque-free bodies turn as their closed form says.
+    pub fn advance(&mut self, start: f64, span: f64) {
+        let (scene, members, forces) = (self.scene, self.members, &self.forces);
+        self.centres.par_iter_mut().enumerate().for_each(|(row, centre)| {
+            let forces = &forces[row];
+            if forces.thrust_body == DVec3::ZERO {
+                centre.advance(forces, &Irrelevant, span);
+                return;
+            }
+            let body = members.body(row);
+            let least = principal_axes(&scene.ensemble().inertia()[body]).moments.x;
+            // 2T ≥ I₁ ω².
+            let rate = (2.0 * initial_state(scene.ensemble(), body).kinetic_energy / least).sqrt();
+            let motion = FreeMotion::of_body(scene.ensemble(), body);
+            centre.advance(forces, &Free { motion: &motion, rate, start, span }, span);
+        });
+    }
+
+    /// Writes position (m) and velocity (m/s) of those of its bodies that are in `bodies` to their places.
+    pub fn read(&self, bodies: &Range<usize>, out: &mut [Option<(DVec3, DVec3)>]) {
+        for row in self.members.rows(bodies.clone()) {
+            let centre = &self.centres[row];
+            out[self.members.body(row) - bodies.start] = Some((centre.position(), centre.velocity()));
+        }
+    }
+}
+
+/// A body's orientation and the rate (rad/s, body axes) at which its axes turn; internal dissipation makes that
+/// ω + k Iω × ω.
+fn turning(scene: &Scene, body: usize, state: &BodyState) -> (DQuat, DVec3) {
+    let omega = state.angular_velocity_body;
+    let slip = scene.torques().iter().map(|torque| match torque {
+        Torque::InternalDissipation(model) => {
+            (scene.ensemble().inertia()[body] * omega).cross(omega) * model.coefficient.at(body)
+        }
+        _ => DVec3::ZERO,
+    });
+    (state.orientation, omega + slip.sum::<DVec3>())
+}

@@ -1,0 +1,265 @@
+//! Bodies under torques, recomputed on the CPU in `f64`, with what the torques do to them on the way.
+//!
+//! The work ∫ τ·ω dt (that of internal dissipation, ∫ ω·(m × slip) dt, with it) and the angular momentum that the
+//! torques give, ∫ R τ dt, are integrated by `rk8` as further components of its state: the torque at each of its stages,
+//! weighted as its slopes are. They are thus as accurate as the recomputed motion itself, to order 8.
+
+use std::cell::Cell;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::batch::{
+    AnyBatch, Batch, BodyFrame, BodyState, Precision, STATE_COMPONENTS, load_body, load_state, prepare_members,
+    scaled_by_power_of_two, state_columns, store_state, two_words,
+};
+use crate::clock::Clock;
+use crate::engine::{Observer, Progress};
+use crate::error::{Error, Result};
+use crate::lanes::{LaneScalar, LaneTask};
+use crate::method::Step;
+use crate::method::rk8::{Rk8, WEIGHTS};
+use crate::plan::{Interval, Members};
+use crate::quaternion::Quaternion;
+use crate::real::Real;
+use crate::rigid_body::{Body, Correction};
+use crate::scene::Scene;
+use crate::torque::sum::{Epoch, Torques};
+use crate::torque::{Environment, Motion, Torque, VelocityDependence};
+use crate::vector::{TwoWords, Vector};
+
+/// What the torques did to a body from the start to the end, and the scales that it is measured by.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Work {
+    /// ∫ τ·ω dt, J.
+    pub energy: f64,
+    /// ∫ R τ dt, N m s, world axes.
+    pub angular_momentum_world: DVec3,
+    /// The greatest kinetic energy on the way, J.
+    pub greatest_energy: f64,
+    /// The greatest |L| on the way, N m s.
+    pub greatest_angular_momentum: f64,
+}
+
+/// A recomputed body at the end.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Recomputed {
+    pub body: usize,
+    pub state: BodyState,
+    pub work: Work,
+}
+
+/// Bodies of one task: few, so that a small sample keeps all cores busy, and a multiple of every lane count.
+const BLOCK: usize = 8;
+
+/// Steps between two looks at whether to go on.
+const SLICE: u64 = 1 << 14;
+
+/// Sums of a body: the work and the angular momentum given with their residues, then T and |m|² at their greatest.
+const SUMS: usize = 10;
+const ENERGY: usize = 0;
+const ANGULAR_MOMENTUM: usize = 2;
+const GREATEST_ENERGY: usize = 8;
+const GREATEST_SQUARE: usize = 9;
+
+/// The part of a sample that one task advances.
+struct Block {
+    state: [[f64; BLOCK]; state_columns::<f64>()],
+    sums: [[f64; BLOCK]; SUMS],
+}
+
+/// Brings `members` through `intervals` by `rk8`, one after the other from time 0.
+pub(crate) fn recomputed(
+    scene: &Scene,
+    torques: &[Torque],
+    members: &Members,
+    intervals: &[Interval],
+    observer: &mut Observer<'_>,
+) -> Result<Vec<Recomputed>> {
+    let (frames, batch) = prepare_members(scene.ensemble(), torques, scene.end(), members, Precision::F64)?;
+    // Columns in f64 were asked for.
+    let AnyBatch::F64(batch) = batch else { return Ok(Vec::new()) };
+    let mut blocks: Vec<Block> = (0..batch.body_count).step_by(BLOCK).map(|first| Block::of(&batch, first)).collect();
+    let mut clock = batch.torques.clock();
+    let total = intervals.iter().map(|interval| interval.steps).fold(0, u64::saturating_add);
+    let mut done = 0;
+    for &Interval { dt, steps } in intervals {
+        for first_step in (0..steps).step_by(SLICE as usize) {
+            let slice = SLICE.min(steps - first_step);
+            blocks.par_iter_mut().enumerate().for_each(|(index, block)| {
+                let first = index * BLOCK;
+                f64::dispatch(RecomputeBlock { batch: &batch, first, block, clock, dt, first_step, steps: slice });
+            });
+            done += slice;
+            if observer(Progress { done, total }).is_break() {
+                return Err(Error::Interrupted { steps: done });
+            }
+        }
+        clock = clock.after(dt, steps);
+    }
+    let row = |row: usize| blocks[row / BLOCK].finished(row % BLOCK, &frames[row], members.body(row));
+    Ok((0..batch.body_count).map(row).collect())
+}
+
+impl Block {
+    fn of(batch: &Batch<f64>, first: usize) -> Self {
+        let column = |column: usize| {
+            let start = column * batch.stride + first;
+            std::array::from_fn(|lane| batch.state[start + lane])
+        };
+        Self { state: std::array::from_fn(column), sums: [[0.0; BLOCK]; SUMS] }
+    }
+
+    /// The body in one lane in SI units.
+    fn finished(&self, lane: usize, frame: &BodyFrame, body: usize) -> Recomputed {
+        let sum = |index: usize| self.sums[index][lane] + self.sums[index + 1][lane];
+        let (energy_exponent, momentum_exponent) =
+            (frame.moment_exponent + 2 * frame.rate_exponent, frame.moment_exponent + frame.rate_exponent);
+        let energy = |x: f64| scaled_by_power_of_two(x, energy_exponent);
+        let momentum = |x: f64| scaled_by_power_of_two(x, momentum_exponent);
+        let given = [0, 2, 4].map(|axis| momentum(sum(ANGULAR_MOMENTUM + axis)));
+        let scaled: [f64; STATE_COMPONENTS] = std::array::from_fn(|component| self.state[component][lane]);
+        let state = frame.body_state(scaled);
+        Recomputed {
+            body,
+            state,
+            work: Work {
+                energy: energy(sum(ENERGY)),
+                angular_momentum_world: DVec3::from_array(given),
+                greatest_energy: energy(self.sums[GREATEST_ENERGY][lane]).max(state.kinetic_energy),
+                greatest_angular_momentum: momentum(self.sums[GREATEST_SQUARE][lane].sqrt())
+                    .max(state.angular_momentum_world.length()),
+            },
+        }
+    }
+}
+
+/// Advances one block, lane group by lane group.
+struct RecomputeBlock<'a> {
+    batch: &'a Batch<f64>,
+    /// First body of the block.
+    first: usize,
+    block: &'a mut Block,
+    /// At step 0 of the interval.
+    clock: Clock,
+    dt: f64,
+    first_step: u64,
+    steps: u64,
+}
+
+impl LaneTask<f64> for RecomputeBlock<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<R: Real<Scalar = f64>>(self) {
+        let Batch { parameters, stride, torques, .. } = self.batch;
+        for offset in (0..BLOCK).step_by(R::LANES) {
+            let first = self.first + offset;
+            let (body, rate) = load_body(|column| R::load(&parameters[column * stride + first..]));
+            let given = Given::new();
+            let acting = Torques::<R>::new(torques, parameters, *stride, first, self.clock, self.dt);
+            let environment = Recorded { acting, given: &given };
+            let words = two_words::<f64>(self.dt);
+            let dt = TwoWords { value: R::splat(words.value) * rate, residue: R::splat(0.0) };
+            let mut state = load_state(|column| R::load(&self.block.state[column][offset..]));
+            let mut sums: [R; SUMS] = std::array::from_fn(|index| R::load(&self.block.sums[index][offset..]));
+            for step in 0..self.steps {
+                let m = state.angular_momentum_principal.value;
+                sums[GREATEST_ENERGY] = sums[GREATEST_ENERGY].max(body.kinetic_energy(m));
+                sums[GREATEST_SQUARE] = sums[GREATEST_SQUARE].max(m.dot(m));
+                state = Rk8::step(&body, &(), &environment, self.first_step + step, dt, state);
+                let (power, torque) = given.taken();
+                for (index, rate) in [power, torque.x, torque.y, torque.z].into_iter().enumerate() {
+                    add(&mut sums, 2 * index, rate * dt.value);
+                }
+            }
+            store_state(&state, |column, number: R| number.store(&mut self.block.state[column][offset..]));
+            for (index, sum) in sums.into_iter().enumerate() {
+                sum.store(&mut self.block.sums[index][offset..]);
+            }
+        }
+    }
+}
+
+/// Kahan's sum at `index`, its residue behind it: over 1e7 steps a plain one would lose four digits.
+#[inline(always)]
+fn add<R: Real>(sums: &mut [R; SUMS], index: usize, increment: R) {
+    let corrected = increment + sums[index + 1];
+    let sum = sums[index] + corrected;
+    sums[index + 1] = corrected - (sum - sums[index]);
+    sums[index] = sum;
+}
+
+/// What the torques give in a step, from the stages of `rk8` as they come.
+struct Given<R> {
+    stage: Cell<usize>,
+    angular_velocity: Cell<Vector<R>>,
+    slip_power: Cell<R>,
+    power: Cell<R>,
+    torque_world: Cell<Vector<R>>,
+}
+
+impl<R: Real> Given<R> {
+    #[inline(always)]
+    fn new() -> Self {
+        let zero = R::splat(0.0);
+        Self {
+            stage: Cell::new(0),
+            angular_velocity: Cell::new(Vector::zero()),
+            slip_power: Cell::new(zero),
+            power: Cell::new(zero),
+            torque_world: Cell::new(Vector::zero()),
+        }
+    }
+
+    /// The weighted sums over a step's stages, which start afresh.
+    #[inline(always)]
+    fn taken(&self) -> (R, Vector<R>) {
+        self.stage.set(0);
+        (self.power.replace(R::splat(0.0)), self.torque_world.replace(Vector::zero()))
+    }
+}
+
+/// Torques whose power and torque in the world are noted at each evaluation.
+#[derive(Clone, Copy)]
+struct Recorded<'a, R: Real> {
+    acting: Torques<'a, R>,
+    given: &'a Given<R>,
+}
+
+impl<R: Real> Environment<R> for Recorded<'_, R> {
+    type Epoch = Epoch<R>;
+    const FREE: bool = false;
+
+    #[inline(always)]
+    fn epoch(&self, step: u64, fraction: f64) -> Epoch<R> {
+        self.acting.epoch(step, fraction)
+    }
+
+    #[inline(always)]
+    fn torque(&self, epoch: &Epoch<R>, body: &Body<R>, q: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
+        let torque = self.acting.torque(epoch, body, q, omega);
+        let given = self.given;
+        let weight = R::splat(WEIGHTS[given.stage.get()]);
+        given.stage.set(given.stage.get() + 1);
+        let power = torque.dot(given.angular_velocity.get()) + given.slip_power.get();
+        given.power.set(power.mul_add(weight, given.power.get()));
+        given.torque_world.set(q.rotate(torque).axpy(weight, given.torque_world.get()));
+        torque
+    }
+
+    #[inline(always)]
+    fn velocity_dependence(&self) -> VelocityDependence {
+        self.acting.velocity_dependence()
+    }
+
+    /// Called before [`Environment::torque`] at every stage; notes ω = I⁻¹ m and what internal dissipation takes.
+    #[inline(always)]
+    fn motion(&self, epoch: &Epoch<R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
+        let motion = self.acting.motion(epoch, body, correction, m);
+        let omega = body.angular_velocity(m, correction);
+        self.given.angular_velocity.set(omega);
+        self.given.slip_power.set(omega.dot(m.cross(motion.angular_velocity - omega)));
+        motion
+    }
+}
