@@ -19,6 +19,7 @@ pub mod problem;
 pub mod provenance;
 pub mod row;
 pub mod skipping;
+pub mod stability;
 pub mod throughput;
 pub mod timing;
 

@@ -15,11 +15,13 @@ mod run;
 mod scale;
 mod skipping;
 mod snapshots;
+mod stability;
 mod throughput;
 mod work_precision;
 
 pub use draw::draw;
 pub use skipping::skipping;
+pub use stability::stability;
 pub use throughput::throughput;
 pub use work_precision::work_precision;
 
@@ -41,6 +43,13 @@ pub fn plot_folder(folder: &Path, bodies: &[usize]) -> Result<Vec<PathBuf>> {
     }
     for (machine, rows) in by_machine(crate::bench::row::rows(folder, crate::bench::skipping::TABLE)?) {
         figures.push((format!("skipping-{machine}"), skipping(&rows)));
+    }
+    for (machine, rows) in by_machine(crate::bench::row::rows(folder, crate::bench::stability::TABLE)?) {
+        for precision in crate::batch::Precision::ALL.map(crate::batch::Precision::name) {
+            if rows.iter().any(|row| row.text("precision") == precision) {
+                figures.push((format!("stability-{machine}-{precision}"), stability(&rows, precision)));
+            }
+        }
     }
     if folder.join("snapshots.csv").exists() {
         figures.extend(run::run(folder, bodies)?);

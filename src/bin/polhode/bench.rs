@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand, ValueEnum};
 use polhode::bench::provenance::Provenance;
 use polhode::bench::row::Row;
-use polhode::bench::{Bench, Swept, Watcher, accuracy, skipping, throughput};
+use polhode::bench::{Bench, Swept, Watcher, accuracy, skipping, stability, throughput};
 use polhode::engine::Engine;
 use polhode::engine::gpu::GpuOptions;
 
@@ -39,6 +39,8 @@ enum Benchmark {
     Throughput(Options),
     /// Time and bytes saved by each kind of skipped work, and what it changes in the result.
     Skipping(Options),
+    /// The atlas: what becomes of free bodies under every method, for steps from 1e-4 to 1e3 rad.
+    Stability(Options),
 }
 
 /// The engines that are measured.
@@ -85,6 +87,7 @@ pub fn bench(arguments: &BenchArguments) -> Result<(), Failure> {
         Benchmark::Accuracy(options) => measure(options, accuracy::TABLE, accuracy::run, accuracy::summary),
         Benchmark::Throughput(options) => measure(options, throughput::TABLE, throughput::run, throughput::summary),
         Benchmark::Skipping(options) => measure(options, skipping::TABLE, skipping::run, skipping::summary),
+        Benchmark::Stability(options) => measure(options, stability::TABLE, stability::run, stability::summary),
     }
 }
 

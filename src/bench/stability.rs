@@ -1,0 +1,392 @@
+//! The atlas: what becomes of free bodies under every method, for short and long steps, round and slender bodies, far from
+//! the separatrix and next to it.
+//!
+//! A case is one method in one precision on one engine for one shape of body at one distance from the separatrix; its row
+//! has an [`Outcome`] and figures for each step size ω dt.
+
+use std::path::Path;
+
+use glam::{DQuat, DVec3};
+
+use super::row::Row;
+use super::{Bench, Case, Swept, Watcher, sweep};
+use crate::batch::{BodyState, Precision, prepare};
+use crate::engine::{Engine, EngineKind, unobserved};
+use crate::ensemble::Ensemble;
+use crate::error::Result;
+use crate::free_motion::FreeMotion;
+use crate::method::{Method, Status, TorqueKind};
+use crate::run::shadow::attitude_error;
+use crate::study::draw::{Column, Draw};
+
+/// The table's name.
+pub const TABLE: &str = "stability";
+
+/// Bodies of a case.
+const BODIES: usize = 16;
+/// Times at which the bodies are looked at; the number of steps is a multiple of it.
+const LOOKS: usize = 16;
+const SEED: u64 = 9;
+
+/// ω dt as powers of ten, of the full atlas and of the quick one.
+const EXPONENTS: [f64; 15] = [-4.0, -3.5, -3.0, -2.5, -2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0];
+const QUICK_EXPONENTS: [f64; 8] = [-3.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 3.0];
+
+/// I₃/I₁.
+const RATIOS: [f64; 8] = [1.01, 2.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6];
+const QUICK_RATIOS: [f64; 4] = [1.01, 2.0, 1e2, 1e6];
+const GPU_RATIOS: [f64; 2] = [2.0, 1e2];
+
+/// ε of ω ∝ (ε, 1, ε); `None`: directions drawn at random.
+const DISTANCES: [Option<f64>; 7] = [None, Some(1e-1), Some(1e-2), Some(1e-3), Some(1e-4), Some(1e-5), Some(1e-6)];
+const QUICK_DISTANCES: [Option<f64>; 3] = [None, Some(1e-3), Some(1e-6)];
+const GPU_DISTANCES: [Option<f64>; 2] = [None, Some(1e-3)];
+
+/// What becomes of the bodies of a case at one step size; the first that applies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Outcome {
+    /// The attitude error falls with the step at the claimed order.
+    OrderKept,
+    /// The order is not seen, and the attitude error grows less than in proportion to time: roundings.
+    RandomWalk,
+    /// The order is not seen, and the attitude error grows in proportion to time.
+    Linear,
+    /// As [`Outcome::Linear`] or [`Outcome::RandomWalk`], but energy or angular momentum is off by more than 1e-3.
+    Drifts,
+    /// The median attitude error is above a radian; energy and angular momentum are kept within a factor of two.
+    PhaseLost,
+    /// A body spins about its middle axis the other way round than it should.
+    FlipsWrongly,
+    /// Energy or angular momentum is off by its own size.
+    Diverges,
+    /// A body is flagged: the method says itself that the step is too long.
+    Flagged,
+    /// A state is not a number.
+    NotANumber,
+}
+
+impl Outcome {
+    /// All outcomes, the best first.
+    pub const ALL: [Outcome; 9] = [
+        Outcome::OrderKept,
+        Outcome::RandomWalk,
+        Outcome::Linear,
+        Outcome::Drifts,
+        Outcome::PhaseLost,
+        Outcome::FlipsWrongly,
+        Outcome::Diverges,
+        Outcome::Flagged,
+        Outcome::NotANumber,
+    ];
+
+    /// The name in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Outcome::OrderKept => "order kept",
+            Outcome::RandomWalk => "random walk",
+            Outcome::Linear => "linear growth",
+            Outcome::Drifts => "drifts",
+            Outcome::PhaseLost => "phase lost",
+            Outcome::FlipsWrongly => "flips wrongly",
+            Outcome::Diverges => "diverges",
+            Outcome::Flagged => "flagged",
+            Outcome::NotANumber => "not a number",
+        }
+    }
+
+    /// The outcome of that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|outcome| outcome.name() == name)
+    }
+
+    /// Whether states can be used.
+    pub fn is_usable(self) -> bool {
+        matches!(self, Outcome::OrderKept | Outcome::RandomWalk | Outcome::Linear)
+    }
+}
+
+/// One row of the atlas.
+#[derive(Clone, Debug)]
+pub struct StabilityCase {
+    /// What integrates.
+    pub engine: Engine,
+    /// The method.
+    pub method: Method,
+    /// The arithmetic.
+    pub precision: Precision,
+    /// I₃/I₁.
+    pub ratio: f64,
+    /// ε, or `None` far from the separatrix.
+    pub distance: Option<f64>,
+    exponents: &'static [f64],
+    /// The most steps of a run, and the angle in rad after which it ends if that takes fewer.
+    steps: u64,
+    angle: f64,
+}
+
+impl Case for StabilityCase {
+    fn label(&self) -> String {
+        let engine = match self.engine.description().kind {
+            EngineKind::Cpu => "cpu",
+            EngineKind::Gpu => "gpu",
+        };
+        format!("{engine}/{}/{}/ratio {:e}/{}", self.method, self.precision, self.ratio, self.place())
+    }
+
+    fn engine(&self) -> &Engine {
+        &self.engine
+    }
+}
+
+/// All cases: the whole map on the CPU, a part of it, in shorter runs, on a GPU, which is for the comparison of both.
+pub fn cases(bench: &Bench) -> Vec<StabilityCase> {
+    let mut cases = Vec::new();
+    for engine in &bench.engines {
+        let gpu = engine.description().kind == EngineKind::Gpu;
+        let (ratios, distances): (&[f64], &[Option<f64>]) = match (gpu, bench.quick) {
+            (true, _) => (&GPU_RATIOS, &GPU_DISTANCES),
+            (false, true) => (&QUICK_RATIOS, &QUICK_DISTANCES),
+            (false, false) => (&RATIOS, &DISTANCES),
+        };
+        let exponents: &'static [f64] = if bench.quick || gpu { &QUICK_EXPONENTS } else { &EXPONENTS };
+        let (steps, angle) = match (gpu, bench.quick) {
+            (true, _) => (1 << 10, 30.0),
+            (false, true) => (1 << 13, 30.0),
+            (false, false) => (100_000, 100.0),
+        };
+        for precision in engine.precisions() {
+            for method in Method::ALL {
+                for &ratio in ratios {
+                    for &distance in distances {
+                        cases.push(StabilityCase {
+                            engine: engine.clone(),
+                            method,
+                            precision: *precision,
+                            ratio,
+                            distance,
+                            exponents,
+                            steps,
+                            angle,
+                        });
+                    }
+                }
+            }
+        }
+    }
+    cases
+}
+
+/// Measures the cases and appends their rows to the table [`TABLE`] in `folder`.
+///
+/// # Errors
+///
+/// As [`sweep`].
+pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Swept> {
+    sweep(bench, folder, TABLE, &cases(bench), watcher, StabilityCase::measure)
+}
+
+/// The name of a column for one step size.
+pub fn column(quantity: &str, exponent: f64) -> String {
+    format!("{quantity}_at_1e{exponent}")
+}
+
+/// The step sizes ω dt, as powers of ten, that a row has outcomes for.
+pub fn exponents(row: &Row) -> Vec<f64> {
+    EXPONENTS.into_iter().filter(|exponent| !row.text(&column("outcome", *exponent)).is_empty()).collect()
+}
+
+/// What is seen of a run.
+struct Seen {
+    /// Attitude errors, rad: by look and body.
+    attitude: Vec<Vec<f64>>,
+    /// The greatest relative error of energy or angular momentum at the end.
+    invariants: f64,
+    finite: bool,
+    flagged: bool,
+    flips_wrongly: bool,
+}
+
+impl Seen {
+    fn median(&self, look: usize) -> f64 {
+        let mut errors = self.attitude[look].clone();
+        errors.sort_by(f64::total_cmp);
+        errors[errors.len() / 2]
+    }
+
+    /// The exponent n in error ∝ tⁿ, from a quarter of the run to its end.
+    fn growth(&self) -> f64 {
+        let (early, late) = (self.median(LOOKS / 4 - 1), self.median(LOOKS - 1));
+        (late / early.max(f64::MIN_POSITIVE)).log2() / 2.0
+    }
+}
+
+impl StabilityCase {
+    fn place(&self) -> String {
+        self.distance.map_or_else(|| "generic".to_owned(), |epsilon| format!("separatrix {epsilon:e}"))
+    }
+
+    /// I₁ = 1, I₃ the ratio and I₂ between them as far as a valid body allows.
+    fn moments(&self) -> DVec3 {
+        let middle = if self.ratio <= 2.0 { 0.5 * (1.0 + self.ratio) } else { self.ratio - 0.5 };
+        DVec3::new(1.0, middle, self.ratio)
+    }
+
+    /// Bodies that spin at 1 rad/s.
+    fn ensemble(&self) -> Result<Ensemble> {
+        let draw = Draw::new(SEED);
+        Ensemble::from_fn(BODIES, |body| {
+            let orientation: DQuat = draw.rotation(body, Column::Orientation);
+            let drawn = draw.normal_vector(body, Column::AngularVelocity);
+            let direction = match self.distance {
+                None => drawn,
+                // A few per cent of difference, so that the bodies do not flip together.
+                Some(epsilon) => DVec3::new(epsilon * (1.0 + 0.03 * drawn.x), 1.0, epsilon * (1.0 + 0.03 * drawn.z)),
+            };
+            (self.moments(), orientation, direction.normalize())
+        })
+    }
+
+    fn steps(&self, angle: f64) -> u64 {
+        let wanted = (self.angle / angle).clamp(512.0, self.steps as f64) as u64;
+        wanted.next_multiple_of(LOOKS as u64)
+    }
+
+    fn measure(&self) -> Result<Row> {
+        let ensemble = self.ensemble()?;
+        let mut row = Row::new()
+            .with("method", self.method.name())
+            .with("precision", self.precision.name())
+            .with("ratio", self.ratio)
+            .with("place", self.place())
+            .with("epsilon", self.distance.unwrap_or(f64::NAN))
+            .with("bodies", BODIES);
+        for &exponent in self.exponents {
+            let angle = 10_f64.powf(exponent);
+            let steps = self.steps(angle);
+            let seen = self.look(&ensemble, angle, steps)?;
+            let finer = self.look(&ensemble, 0.5 * angle, 2 * steps)?;
+            let order = (seen.median(LOOKS - 1) / finer.median(LOOKS - 1)).log2();
+            let outcome = self.outcome(&seen, order);
+            row = row
+                .with(&column("outcome", exponent), outcome.name())
+                .with(&column("steps", exponent), steps)
+                .with(&column("attitude_error_rad_median", exponent), seen.median(LOOKS - 1))
+                .with(&column("invariant_error", exponent), seen.invariants)
+                .with(&column("order", exponent), order)
+                .with(&column("growth", exponent), seen.growth());
+        }
+        Ok(row)
+    }
+
+    fn outcome(&self, seen: &Seen, order: f64) -> Outcome {
+        /// How far an observed order may lie from the claim.
+        const ORDER_TOLERANCE: f64 = 0.35;
+        let claim = f64::from(self.method.properties().order_under(TorqueKind::Free));
+        // Plain f32 of the baselines hardly differs from what they do in f64 at such steps.
+        let error = seen.median(LOOKS - 1);
+        if !seen.finite {
+            Outcome::NotANumber
+        } else if seen.flagged {
+            Outcome::Flagged
+        } else if seen.invariants > 1.0 {
+            Outcome::Diverges
+        } else if seen.flips_wrongly {
+            Outcome::FlipsWrongly
+        } else if error > 1.0 {
+            Outcome::PhaseLost
+        } else if (order - claim).abs() <= ORDER_TOLERANCE && error < 0.3 {
+            Outcome::OrderKept
+        } else if seen.invariants > 1e-3 {
+            Outcome::Drifts
+        } else if seen.growth() > 0.75 {
+            Outcome::Linear
+        } else {
+            Outcome::RandomWalk
+        }
+    }
+
+    /// Steps the bodies and compares them with the closed form.
+    fn look(&self, ensemble: &Ensemble, dt: f64, steps: u64) -> Result<Seen> {
+        let (frames, batch) = prepare(ensemble, self.precision)?;
+        let mut session = self.engine.start(batch, self.method)?;
+        let motions: Vec<FreeMotion> = (0..BODIES).map(|body| FreeMotion::of_body(ensemble, body)).collect();
+        let starts: Vec<BodyState> = motions.iter().map(|motion| motion.at(0.0)).collect();
+        let mut seen =
+            Seen { attitude: Vec::new(), invariants: 0.0, finite: true, flagged: false, flips_wrongly: false };
+        let part = steps / LOOKS as u64;
+        for look in 1..=LOOKS {
+            session.advance(dt, part, &mut unobserved)?;
+            let words = session.read(0..BODIES)?;
+            let time = dt * (part * look as u64) as f64;
+            let mut errors = Vec::with_capacity(BODIES);
+            for body in 0..BODIES {
+                let state = frames[body].body_state(words.combined(body));
+                let truth = motions[body].at(time);
+                seen.flagged |= words.status[body] != Status::Valid;
+                let finite = state.orientation.is_finite() && state.angular_velocity_body.is_finite();
+                seen.finite &= finite;
+                let error = attitude_error(&state, &truth);
+                errors.push(if error.is_nan() { std::f64::consts::PI } else { error });
+                // The middle axis of the triples is y.
+                let (found, expected) = (state.angular_velocity_body.y, truth.angular_velocity_body.y);
+                seen.flips_wrongly |= self.distance.is_some() && expected.abs() > 0.8 && found * expected < 0.0;
+                if look == LOOKS && finite {
+                    let start = &starts[body];
+                    let energy = (state.kinetic_energy / start.kinetic_energy - 1.0).abs();
+                    let momentum = (state.angular_momentum_world - start.angular_momentum_world).length()
+                        / start.angular_momentum_world.length();
+                    seen.invariants = seen.invariants.max(energy).max(momentum);
+                }
+            }
+            seen.attitude.push(errors);
+        }
+        Ok(seen)
+    }
+}
+
+/// The longest step of each method, as ω dt, up to which all outcomes are usable: for generic bodies of a ratio up to 100,
+/// and next to the separatrix.
+pub fn summary(rows: &[Row]) -> String {
+    let mut text = String::from(
+        "| method | precision | engine | usable up to omega dt, generic | near the separatrix |\n\
+         | --- | --- | --- | --- | --- |\n",
+    );
+    for method in Method::ALL {
+        for precision in Precision::ALL {
+            for engine in ["cpu", "gpu"] {
+                let of_case = |row: &&Row| {
+                    row.text("method") == method.name()
+                        && row.text("precision") == precision.name()
+                        && row.text("case").starts_with(engine)
+                        && row.number("ratio") <= 100.0
+                };
+                let rows: Vec<&Row> = rows.iter().filter(of_case).collect();
+                if rows.is_empty() {
+                    continue;
+                }
+                let usable = |generic: bool| {
+                    let among = rows.iter().filter(|row| (row.text("place") == "generic") == generic);
+                    among.map(|row| usable_angle(row)).fold(f64::INFINITY, f64::min)
+                };
+                let shown = |angle: f64| if angle > 0.0 { format!("{angle:.1e}") } else { "none".to_owned() };
+                text += &format!(
+                    "| {method} | {precision} | {engine} | {} | {} |\n",
+                    shown(usable(true)),
+                    shown(usable(false))
+                );
+            }
+        }
+    }
+    text
+}
+
+/// The longest step of a row up to which every outcome is usable; 0 if none is.
+pub fn usable_angle(row: &Row) -> f64 {
+    exponents(row)
+        .into_iter()
+        .take_while(|exponent| {
+            Outcome::from_name(&row.text(&column("outcome", *exponent))).is_some_and(Outcome::is_usable)
+        })
+        .last()
+        .map_or(0.0, |exponent| 10_f64.powf(exponent))
+}

@@ -1,0 +1,71 @@
+//! The atlas of stability as maps, one panel a method.
+
+use super::figure::{Axis, Figure, Item, Line, Mark, Outline, Panel, Style};
+use crate::bench::row::Row;
+use crate::bench::stability::{Outcome, column, exponents};
+use crate::method::Method;
+
+/// Colour and mark of an outcome: dark and marked where states cannot be used.
+fn style(outcome: Outcome) -> Style {
+    let (colour, mark) = match outcome {
+        Outcome::OrderKept => ([255, 255, 255], None),
+        Outcome::RandomWalk => ([222, 235, 247], Some((Outline::Circle, false))),
+        Outcome::Linear => ([198, 219, 239], Some((Outline::Circle, true))),
+        Outcome::Drifts => ([230, 159, 0], Some((Outline::Triangle, false))),
+        Outcome::PhaseLost => ([240, 200, 120], Some((Outline::Diamond, false))),
+        Outcome::FlipsWrongly => ([204, 121, 167], Some((Outline::Tip, true))),
+        Outcome::Diverges => ([213, 94, 0], Some((Outline::Plus, true))),
+        Outcome::Flagged => ([0, 158, 115], Some((Outline::Square, false))),
+        Outcome::NotANumber => ([90, 90, 90], Some((Outline::Cross, true))),
+    };
+    let mark = mark.map(|(outline, filled)| Mark { outline, filled });
+    Style { colour, line: Line::Solid, mark, width: 1 }
+}
+
+/// The outcomes of the rows of [`crate::bench::stability`] of one engine in one precision.
+pub fn stability(rows: &[Row], precision: &str) -> Figure {
+    let note = "Free bodies that spin at 1 rad/s. Each row of a map is a ratio of the greatest to the least moment, for \
+                directions of the spin drawn at random (generic) and next to the middle axis (by the distance from the \
+                separatrix). Outcomes are defined in src/bench/stability.rs.";
+    let title = format!("What becomes of free bodies, {precision}");
+    let mut figure = super::figure(&title, 3, &[note], rows);
+    let rows: Vec<&Row> = rows.iter().filter(|row| row.text("precision") == precision).collect();
+    for method in Method::ALL {
+        let mut rows: Vec<&Row> = rows.iter().copied().filter(|row| row.text("method") == method.name()).collect();
+        let Some(first) = rows.first() else { continue };
+        let exponents = exponents(first);
+        rows.sort_by(|a, b| {
+            a.text("place").cmp(&b.text("place")).then(a.number("ratio").total_cmp(&b.number("ratio")))
+        });
+        let mut items = Vec::new();
+        for (y, row) in rows.iter().enumerate() {
+            for (x, exponent) in exponents.iter().enumerate() {
+                let Some(outcome) = Outcome::from_name(&row.text(&column("outcome", *exponent))) else { continue };
+                let (x, y) = (x as f64, y as f64);
+                let style = style(outcome);
+                items.push(Item::Bar { low: (x - 0.5, y - 0.5), high: (x + 0.5, y + 0.5), style });
+                let black = Style { colour: [0, 0, 0], ..style };
+                items.push(Item::Curve { points: vec![(x, y)], style: black });
+            }
+        }
+        let names =
+            |row: &&Row| format!("{} {:e}", row.text("place").replace("separatrix", "sep."), row.number("ratio"));
+        figure.panels.push(Panel {
+            title: method.name().to_owned(),
+            x: Axis::names("omega dt, power of ten", exponents.iter().map(f64::to_string).collect()),
+            y: Axis::names("place, ratio", rows.iter().map(names).collect()),
+            items,
+            equal: false,
+        });
+    }
+    figure.legend = Outcome::ALL
+        .into_iter()
+        .map(|outcome| {
+            let style = style(outcome);
+            // White needs a border that a line has not.
+            let colour = if outcome == Outcome::OrderKept { [200, 200, 200] } else { style.colour };
+            (outcome.name().to_owned(), Style { colour, width: 6, ..style })
+        })
+        .collect();
+    figure
+}
