@@ -103,11 +103,11 @@ impl Pilot<'_> {
                 best = Some((found, seconds));
             }
         }
-        Ok(best.map_or_else(|| self.from_table(), |(found, _)| found))
+        Ok(best.map_or_else(|| self.tabulated(), |(found, _)| found))
     }
 
     /// The rule that the shipped table takes for the cheapest. It depends on the target and the torques alone, not on the bodies.
-    pub fn from_table(&self) -> Found {
+    pub fn tabulated(&self) -> Found {
         let seconds = |(rule, cost): &(Rule, &Cost)| {
             let precision = rule.precision.unwrap_or_else(|| narrowest(rule.attitude, NOMINAL_ANGLE));
             cost.step_seconds(precision, self.torques.is_empty()) / rule.longest_step(1.0, NOMINAL_ANGLE)

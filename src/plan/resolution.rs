@@ -144,12 +144,12 @@ impl Resolution {
                     .collect(),
             };
             let found = if accuracy.strictest() < ROUNDING_F64 {
-                let rule = pilot.from_table().rule;
+                let rule = pilot.tabulated().rule;
                 Found { rule, part: ROUNDING_F64 / accuracy.strictest(), bodies: 0 }
             } else if flies {
                 pilot.fly()?
             } else {
-                pilot.from_table()
+                pilot.tabulated()
             };
             if found.part > 1.0 {
                 return Err(out_of_reach(&found, has_f64));
