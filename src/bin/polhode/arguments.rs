@@ -124,13 +124,27 @@ Keys (SI units):
     bodies.orientation    [x, y, z, w], { axis, angle }, or { distribution = \"uniform\" }
     bodies.angular_velocity, .position, .velocity, .mass
                           the first in body axes, the next two in world axes
-    force.constant        [x, y, z] on every body, world axes; the bodies need masses
+    [[torque]] model      constant-body, constant-world (torque); linear-drag, quadratic-drag,
+                          internal-dissipation (coefficient); matrix-drag (matrix); sinusoidal
+                          (sine, cosine, rate); gravity-gradient (mu, orbit); heavy-top (mass,
+                          centre, gravity); magnetic-dipole (moment, field); orbiting-dipole
+                          (moment, mu, orbit, strength, tilt, azimuth, rotation); eddy-current
+                          (coefficient, field); sine-spring, log-spring (stiffness, target);
+                          white-noise (intensity, seed, draws_per_step). orbit = { radius } or
+                          { semi_major_axis, eccentricity }, angles in rad: inclination,
+                          ascending_node, pericentre, mean_anomaly
+    [[force]] model       constant, thrust (force: world, body axes), gravity (acceleration),
+                          linear-drag, quadratic-drag (coefficient); the bodies need masses
     time.end, .outputs    { every } or { times = [...] }
-    accuracy              attitude [precision]; or method (rk4, dlm), dt [precision: f32, f64]
+    accuracy              attitude, angular_velocity, energy [percentile, default 99; precision];
+                          or method (rk4, rk8, cf4, splitting2, splitting4, splitting6,
+                          implicit_midpoint and, for comparison, dlm, explicit_euler, gyro_newton,
+                          clamped_euler, spiral), dt or, rk8, tolerance [precision: f32, f64]
     output                final, snapshots (true or false), format (csv, npz)
 Any number or vector of a body may be a distribution: constant (value), uniform (low, high),
 normal (mean, sigma), log-normal (median, sigma of the logarithm); a vector also direction
-(magnitude), uniform on the sphere. Every draw depends on seed, body and column alone.
+(magnitude), uniform on the sphere. Every draw depends on seed, body and column alone. Parameters of
+torques may be distributions too, or columns of the table: { column = \"drag\" }, { columns = [...] }.
 
 Examples:
     polhode run study.toml                        results in study.out/
