@@ -126,7 +126,8 @@ Keys (SI units):
                           the first in body axes, the next two in world axes
     force.constant        [x, y, z] on every body, world axes; the bodies need masses
     time.end, .outputs    { every } or { times = [...] }
-    accuracy              attitude [precision]; or method (rk4, dlm), dt [precision: f32, f64]
+    accuracy              attitude [angular_velocity, energy (relative), percentile, precision];
+                          or method (rk4, rk8, ...), dt [precision: f32, f64]
     output                final, snapshots (true or false), format (csv, npz)
 Any number or vector of a body may be a distribution: constant (value), uniform (low, high),
 normal (mean, sigma), log-normal (median, sigma of the logarithm); a vector also direction
