@@ -159,12 +159,23 @@ fn explain_prints_what_runs_and_what_does_not_and_runs_nothing() {
     assert!(steps["min"].as_u64() <= steps["median"].as_u64() && steps["median"].as_u64() <= steps["max"].as_u64());
     assert!(class["seconds"].as_f64().expect("known on the CPU") > 0.0);
     assert!(class["bytes"].as_u64().expect("a number") > 200 * 100);
+    // Other targets beside the attitude, and another percentile.
+    fs::write(
+        desk.path("more.toml"),
+        STUDY.replace("attitude = 1e-5", "attitude = 1e-2\nenergy = 1e-9\npercentile = 90"),
+    )
+    .unwrap();
+    desk.done(&["run", "more.toml", "--engine", "cpu", "--quiet"]);
+    let more = report(&desk, "more.out");
+    assert_eq!(more["accuracy"]["target"]["percentile"], 90.0);
+    assert_eq!(more["accuracy"]["target"]["energy"], 1e-9);
+    assert!(more["accuracy"]["kinetic_energy"]["median"].as_f64().expect("a number") <= 1e-9, "{more}");
     let unpiloted = desk.done(&["explain", "study.toml", "--engine", "cpu", "--json", "--no-pilot"]);
     let value: serde_json::Value = serde_json::from_str(&unpiloted).expect("JSON");
     assert_eq!(value["classes"][0]["pilot_bodies"], 0);
     // The plan that is explained is the plan that runs.
     desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
-    let report = report(&desk, "study.out");
-    assert_eq!(report["plan"]["classes"][0]["method"], class["method"]);
-    assert_eq!(report["plan"]["classes"][0]["steps"], class["steps"]);
+    let run = report(&desk, "study.out");
+    assert_eq!(run["plan"]["classes"][0]["method"], class["method"]);
+    assert_eq!(run["plan"]["classes"][0]["steps"], class["steps"]);
 }

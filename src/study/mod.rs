@@ -19,7 +19,9 @@
 //! outputs = { every = 60.0 }          # or { times = [0.1, 1.0] }; none: the end only
 //!
 //! [accuracy]
-//! attitude = 1e-6                     # or: method = "rk4", dt = 0.01, precision = "f32"
+//! attitude = 1e-6                     # rad; or: method = "rk4", dt = 0.01, precision = "f32"
+//! energy = 1e-9                       # relative, beside the attitude; so is angular_velocity
+//! percentile = 99                     # of the bodies, the default
 //!
 //! [output]
 //! final = true                        # final.csv: all bodies at the end (the default)
@@ -164,7 +166,7 @@ pub struct Study {
 /// `[accuracy]`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum StudyStepping {
-    Attitude { angle: f64, precision: Option<Precision> },
+    Accuracy { accuracy: Accuracy, precision: Option<Precision> },
     Pinned { method: Method, dt: f64, precision: Option<Precision> },
 }
 
@@ -245,7 +247,8 @@ impl Study {
         let forces = root.find("force").map(|node| force::read(&node)).transpose()?.unwrap_or_default();
         let (end, outputs) = time(&root.need("time", "a table with the end of the simulated span is needed")?)?;
         let stepping = root.find("accuracy").map(|node| accuracy(&node)).transpose()?;
-        let stepping = stepping.unwrap_or(StudyStepping::Attitude { angle: DEFAULT_ATTITUDE, precision: None });
+        let stepping = stepping
+            .unwrap_or(StudyStepping::Accuracy { accuracy: Accuracy::attitude(DEFAULT_ATTITUDE), precision: None });
         let output = root.find("output").map(|node| output(&node)).transpose()?;
         let output = output.unwrap_or(Output { final_state: true, snapshots: false, format: Format::Csv });
         Ok(Self { file: file.to_owned(), places, title, seed, bodies, torques, forces, end, outputs, stepping, output })
@@ -287,7 +290,7 @@ impl Study {
     #[must_use]
     pub fn with_precision(mut self, wanted: Precision) -> Self {
         match &mut self.stepping {
-            StudyStepping::Attitude { precision, .. } | StudyStepping::Pinned { precision, .. } => {
+            StudyStepping::Accuracy { precision, .. } | StudyStepping::Pinned { precision, .. } => {
                 *precision = Some(wanted);
             }
         }
@@ -320,9 +323,7 @@ impl Study {
             scene = scene.torque(torque.torque(Draw::new(self.seed), self.seed, count, table));
         }
         Ok(match self.stepping {
-            StudyStepping::Attitude { angle, precision } => {
-                scene.accuracy(Accuracy::attitude(angle)).precision(precision)
-            }
+            StudyStepping::Accuracy { accuracy, precision } => scene.accuracy(accuracy).precision(precision),
             StudyStepping::Pinned { method, dt, precision } => scene.pinned(method, dt, precision),
         })
     }
@@ -439,20 +440,31 @@ fn time(node: &Node<'_>) -> Result<(f64, Outputs)> {
 static METHODS: LazyLock<Vec<&'static str>> = LazyLock::new(|| Method::ALL.map(Method::name).to_vec());
 
 fn accuracy(node: &Node<'_>) -> Result<StudyStepping> {
-    let table = node.table("a table [accuracy] is needed", &["attitude", "method", "dt", "precision"])?;
-    table.exclusive("attitude", "method")?;
-    table.exclusive("attitude", "dt")?;
+    const TARGETS: [&str; 4] = ["attitude", "angular_velocity", "energy", "percentile"];
+    let known = [&TARGETS[..], &["method", "dt", "precision"]].concat();
+    let table = node.table("a table [accuracy] is needed", &known)?;
+    for target in TARGETS {
+        table.exclusive(target, "method")?;
+        table.exclusive(target, "dt")?;
+    }
     let precision = match table.find("precision").map(|node| node.choice(&["auto", "f32", "f64"])).transpose()? {
         Some("f32") => Some(Precision::F32),
         Some("f64") => Some(Precision::F64),
         _ => None,
     };
     if table.find("method").is_none() && table.find("dt").is_none() {
-        let angle = match table.find("attitude") {
-            Some(node) => node.positive("an angle above 0 and up to pi is needed (rad)")?,
-            None => DEFAULT_ATTITUDE,
+        let positive = |key: &str, expected| table.find(key).map(|node| node.positive(expected)).transpose();
+        const RELATIVE: &str = "a relative error above 0 is needed";
+        const PERCENTILE: &str = "a percentile above 0 and up to 100 is needed";
+        let attitude = positive("attitude", "an angle above 0 and up to pi is needed (rad)")?;
+        let default = Accuracy::attitude(attitude.unwrap_or(DEFAULT_ATTITUDE));
+        let accuracy = Accuracy {
+            angular_velocity: positive("angular_velocity", RELATIVE)?,
+            energy: positive("energy", RELATIVE)?,
+            percentile: positive("percentile", PERCENTILE)?.unwrap_or(default.percentile),
+            ..default
         };
-        return Ok(StudyStepping::Attitude { angle, precision });
+        return Ok(StudyStepping::Accuracy { accuracy, precision });
     }
     let method = table.need("method", "a step that is given needs a method beside it: \"rk4\" or \"dlm\"")?;
     let chosen = method.choice(&METHODS)?;

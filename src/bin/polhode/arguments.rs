@@ -136,10 +136,10 @@ Keys (SI units):
     [[force]] model       constant, thrust (force: world, body axes), gravity (acceleration),
                           linear-drag, quadratic-drag (coefficient); the bodies need masses
     time.end, .outputs    { every } or { times = [...] }
-    accuracy              attitude, angular_velocity, energy [percentile, default 99; precision];
+    accuracy              attitude [angular_velocity, energy (relative), percentile, precision];
                           or method (rk4, rk8, cf4, splitting2, splitting4, splitting6,
                           implicit_midpoint and, for comparison, dlm, explicit_euler, gyro_newton,
-                          clamped_euler, spiral), dt or, rk8, tolerance [precision: f32, f64]
+                          clamped_euler, spiral), dt [precision: f32, f64]
     output                final, snapshots (true or false), format (csv, npz)
 Any number or vector of a body may be a distribution: constant (value), uniform (low, high),
 normal (mean, sigma), log-normal (median, sigma of the logarithm); a vector also direction
