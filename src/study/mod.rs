@@ -440,10 +440,9 @@ fn time(node: &Node<'_>) -> Result<(f64, Outputs)> {
 static METHODS: LazyLock<Vec<&'static str>> = LazyLock::new(|| Method::ALL.map(Method::name).to_vec());
 
 fn accuracy(node: &Node<'_>) -> Result<StudyStepping> {
-    const TARGETS: [&str; 4] = ["attitude", "angular_velocity", "energy", "percentile"];
-    let known = [&TARGETS[..], &["method", "dt", "precision"]].concat();
-    let table = node.table("a table [accuracy] is needed", &known)?;
-    for target in TARGETS {
+    const KEYS: [&str; 7] = ["attitude", "angular_velocity", "energy", "percentile", "method", "dt", "precision"];
+    let table = node.table("a table [accuracy] is needed", &KEYS)?;
+    for target in &KEYS[..4] {
         table.exclusive(target, "method")?;
         table.exclusive(target, "dt")?;
     }
