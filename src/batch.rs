@@ -61,6 +61,9 @@ pub const STATE_COMPONENTS: usize = 7;
 /// Columns of the parameters: 1/I₁, 1/I₂, 1/I₃, then the reference rate; residues of 1/I follow in `f32`.
 pub const PARAMETER_COMPONENTS: usize = 4;
 
+/// The parameter column of the reference rate, rad/s: a power of two.
+pub(crate) const RATE_COLUMN: usize = 3;
+
 /// Number of state columns of an element type: the components' words, then the status.
 pub const fn state_columns<T: Scalar>() -> usize {
     STATE_COMPONENTS * T::WORDS + 1
@@ -121,6 +124,14 @@ impl AnyBatch {
         match self {
             AnyBatch::F32(batch) => &batch.torques,
             AnyBatch::F64(batch) => &batch.torques,
+        }
+    }
+
+    /// The first body's number in a parameter column; 0 without bodies.
+    pub(crate) fn first_parameter(&self, column: usize) -> f64 {
+        match self {
+            AnyBatch::F32(batch) => batch.parameters.get(column * batch.stride).map_or(0.0, |x| f64::from(*x)),
+            AnyBatch::F64(batch) => batch.parameters.get(column * batch.stride).copied().unwrap_or(0.0),
         }
     }
 
@@ -532,7 +543,7 @@ pub(crate) fn two_words<T: Scalar>(dt: f64) -> TwoWords<T> {
 pub(crate) fn load_body<R: Real>(column: impl Fn(usize) -> R) -> (Body<R>, R) {
     let value = Vector::new(column(0), column(1), column(2));
     let residue = if R::Scalar::WORDS == 2 { Vector::new(column(4), column(5), column(6)) } else { Vector::zero() };
-    (Body::new(TwoWords { value, residue }), column(3))
+    (Body::new(TwoWords { value, residue }), column(RATE_COLUMN))
 }
 
 /// The invariants of a lane group, or zeros where the method does not read them.

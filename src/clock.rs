@@ -9,6 +9,7 @@
 //! Twin: `shaders/clock.wgsl`, where the same integers are words of 32 bits; both give the same bits.
 
 use crate::real::{Real, Scalar};
+use crate::vector::TwoWords;
 
 /// Digits of 16 bits that a rate is stored as in columns, lowest first; each is exact in either precision.
 pub const RATE_DIGITS: usize = 8;
@@ -54,6 +55,32 @@ impl Clock {
     /// The time since the initial state in seconds, rounded.
     pub fn seconds(&self) -> f64 {
         crate::batch::scaled_by_power_of_two(self.now as f64, self.tick_exponent - 64)
+    }
+
+    /// The clock at `time` seconds after the initial state, rounded to the unit.
+    #[must_use]
+    pub fn at(self, time: f64) -> Self {
+        Self { now: self.units(time), ..self }
+    }
+
+    /// The seconds from here to `later`, in two words; 0 where it is not later.
+    pub fn seconds_until(&self, later: &Clock) -> (f64, f64) {
+        // Below 2^125, as a whole run is.
+        let units = later.now.saturating_sub(self.now);
+        let value = units as f64;
+        let residue = (units as i128).wrapping_sub(value as i128) as f64;
+        let seconds = |units: f64| crate::batch::scaled_by_power_of_two(units, self.tick_exponent - 64);
+        (seconds(value), seconds(residue))
+    }
+
+    /// Whole ticks since the initial state.
+    pub fn ticks(&self) -> u64 {
+        (self.now >> 64) as u64
+    }
+
+    /// Ticks in a second, a power of two.
+    pub fn ticks_per_second(&self) -> f64 {
+        crate::batch::scaled_by_power_of_two(1.0, -self.tick_exponent)
     }
 
     /// A step of `dt` seconds in units of 2⁻⁶⁴ tick.
@@ -127,8 +154,30 @@ pub fn phase<R: Real>(rate: Rate<'_, R>, instant: &Instant<R>) -> R {
         Fraction::Shared(fraction) => R::splat(turns::<R::Scalar>(fraction, instant.ticks).to_f64()),
         Fraction::PerBody(fractions) => R::from_lanes(|lane| turns::<R::Scalar>(fractions[lane], instant.ticks)),
     };
-    let advanced = rate.turns_per_second.mul_add(instant.elapsed, start);
+    phase_after(start, rate.turns_per_second, instant.elapsed)
+}
+
+/// A phase in turns, `elapsed` seconds after it was `start`, within (−1, 1).
+#[inline(always)]
+pub(crate) fn phase_after<R: Real>(start: R, turns_per_second: R, elapsed: R) -> R {
+    let advanced = turns_per_second.mul_add(elapsed, start);
     advanced - advanced.round()
+}
+
+/// The exact phases at a number of ticks of each lane's own, in turns in [−½, ½].
+#[inline(always)]
+pub(crate) fn phases_at<R: Real>(fraction: Fraction<'_>, ticks: &[u64]) -> R {
+    match fraction {
+        Fraction::Shared(fraction) => R::from_lanes(|lane| turns::<R::Scalar>(fraction, ticks[lane])),
+        Fraction::PerBody(fractions) => R::from_lanes(|lane| turns::<R::Scalar>(fractions[lane], ticks[lane])),
+    }
+}
+
+/// Whole ticks in a time (s) in two words, each rounded towards 0: at most two ticks off, 2⁻⁵⁹ of the span.
+#[inline(always)]
+pub(crate) fn ticks_in<T: Scalar>(time: TwoWords<T>, ticks_per_second: f64) -> u64 {
+    let whole = |seconds: T| (seconds.to_f64() * ticks_per_second) as i64;
+    whole(time.value).wrapping_add(whole(time.residue)) as u64
 }
 
 /// The rate of a phase for the lanes of a group.

@@ -5,10 +5,11 @@ mod support;
 use polhode::method::Status;
 use polhode::method::rk8_adaptive::{Controller, Limits, advance};
 use polhode::method::work::{imbalance, order};
+use polhode::real::Real;
 use polhode::rigid_body::State;
 use polhode::torque::Free;
 use support::attitude_error;
-use support::environment::{Acting, Torque, attitude, case, start_of, two_words};
+use support::environment::{Acting, Moving, Torque, attitude, case, start_of, two_words};
 
 const CASES: [(&str, &str); 6] = [
     ("free_asymmetric", "asym_p12"),
@@ -35,10 +36,16 @@ fn run(file: &str, name: &str, limits: &Limits<f64>, ends: &[f64]) -> (State<f64
     for &end in ends {
         let acting = Acting { start, ..Acting::new(Torque::of(&case), 1.0) };
         let span = two_words::<f64>(end - start);
-        (state, controller) = advance(&moving.body, &acting, span, limits, controller, state);
+        (state, controller) = advance(&moving.body, &acting, span, limits, u32::MAX, controller.over(span), state);
         start = end;
     }
     (state, controller)
+}
+
+/// A torque-free body after [`SPAN`].
+fn freely<R: Real>(moving: &Moving<R>, limits: &Limits<R>, controller: Controller<R>) -> (State<R>, Controller<R>) {
+    let span = two_words(SPAN);
+    advance(&moving.body, &Free, span, limits, u32::MAX, controller.over(span), moving.state)
 }
 
 fn error(file: &str, name: &str, state: &State<f64>) -> f64 {
@@ -79,11 +86,31 @@ fn ends_of_intervals_are_hit_exactly() {
 }
 
 #[test]
+fn cuts_between_attempts_change_nothing() {
+    for (file, name) in CASES {
+        let case = case(file, name);
+        let moving = start_of::<f64>(&case);
+        let acting = Acting::new(Torque::of(&case), 1.0);
+        let (span, limits) = (two_words::<f64>(SPAN), limits(1e-8));
+        let eager = Controller { step: 2.0, ..Controller::new() }.over(span);
+        let whole = advance(&moving.body, &acting, span, &limits, u32::MAX, eager, moving.state);
+        let (mut state, mut controller) = (moving.state, eager);
+        while controller.under_way(&state) {
+            (state, controller) = advance(&moving.body, &acting, span, &limits, 1, controller, state);
+        }
+        assert!(controller.rejected > 0.0, "{name}: no attempt was refused");
+        assert_eq!(controller, whole.1, "{name}");
+        assert_eq!(state.orientation, whole.0.orientation, "{name}");
+        assert_eq!(state.angular_momentum_principal, whole.0.angular_momentum_principal, "{name}");
+    }
+}
+
+#[test]
 fn a_step_that_is_far_too_long_is_refused_and_counted() {
     let case = case("free_asymmetric", "asym_p12");
     let moving = start_of::<f64>(&case);
     let eager = Controller { step: SPAN, ..Controller::new() };
-    let (state, controller) = advance(&moving.body, &Free, two_words(SPAN), &limits(1e-9), eager, moving.state);
+    let (state, controller) = freely(&moving, &limits(1e-9), eager);
     assert!(controller.rejected >= 2.0, "{controller:?}");
     assert!(error("free_asymmetric", "asym_p12", &state) <= 1e-7);
 }
@@ -94,13 +121,13 @@ fn a_body_that_would_need_a_step_below_the_limit_is_flagged() {
     let moving = start_of::<f64>(&case);
     // Below rounding, so that no step is ever good enough.
     let limits = Limits { tolerance: 1e-25, least_step: 1e-4 };
-    let (state, controller) = advance(&moving.body, &Free, two_words(SPAN), &limits, Controller::new(), moving.state);
+    let (state, controller) = freely(&moving, &limits, Controller::new());
     assert_eq!(Status::from_code(state.status), Status::StepBelowLimit);
     assert!(controller.rejected < 200.0, "{controller:?}");
     // Flagged, it is left alone.
-    let (later, idle) = advance(&moving.body, &Free, two_words(SPAN), &limits, controller, state);
+    let (later, idle) = freely(&Moving { state, ..moving }, &limits, controller);
     assert_eq!(later.orientation, state.orientation);
-    assert_eq!(idle, controller);
+    assert_eq!((idle.step, idle.accepted, idle.rejected), (controller.step, controller.accepted, controller.rejected));
 }
 
 #[test]
@@ -110,8 +137,7 @@ fn f32_meets_tolerances_down_to_1e_5() {
     let golden = case.states.iter().find(|state| state.time == SPAN).expect("a state at 10 s");
     for tolerance in [1e-4_f32, 1e-5] {
         let limits = Limits { tolerance, least_step: 1e-4 };
-        let (state, controller) =
-            advance(&moving.body, &Free, two_words(SPAN), &limits, Controller::new(), moving.state);
+        let (state, controller) = freely(&moving, &limits, Controller::new());
         let error = attitude_error(attitude(&state), golden.orientation);
         println!("f32 at {tolerance:e}: {error:.1e}, {controller:?}");
         assert!(error <= 30.0 * f64::from(tolerance), "{tolerance:e}: {error:e}");
@@ -130,8 +156,7 @@ fn order_by_expected_work_balances_neighbours() {
             let mut state = moving.state;
             let m = state.angular_momentum_principal.value;
             state.angular_momentum_principal.value = m * *spin;
-            let (_, controller) =
-                advance(&moving.body, &Free, two_words(SPAN), &limits(1e-9), Controller::new(), state);
+            let (_, controller) = freely(&Moving { state, ..moving }, &limits(1e-9), Controller::new());
             (controller.accepted + controller.rejected) as u64
         })
         .collect();

@@ -6,9 +6,11 @@ mod support;
 use std::sync::OnceLock;
 
 use glam::{DMat3, DQuat, DVec3};
-use polhode::batch::Precision;
-use polhode::engine::Backend;
+use polhode::batch::{Precision, prepare_with};
+use polhode::engine::adaptive::AdaptiveSteps;
 use polhode::engine::cpu::{Cpu, Width};
+use polhode::engine::{Backend, unobserved};
+use polhode::method::Status;
 use polhode::torque::Orbit;
 use polhode::{Ensemble, Force, Method, Outputs, Plan, Scene, Torque};
 use serde_json::Value;
@@ -201,6 +203,73 @@ fn check(engine: &dyn Backend, precision: Precision) {
     }
     assert!(checked >= LEAST_CHECKED, "only {checked} golden states were compared");
     assert!(failures.is_empty(), "{} of {checked} states:\n{}", failures.len(), failures.join("\n"));
+}
+
+/// As [`check`], in adaptive steps. An accepted step is off by at most √7 of the tolerance in the quaternion and in the
+/// angular momentum's direction and magnitude ([`polhode::method::rk8_adaptive`]; 7 components in its mean square), the
+/// angle by twice that, and the case's conditioning magnifies what each step leaves.
+fn check_adaptive(engine: &Cpu, precision: Precision, tolerance: f64) {
+    let unit = match precision {
+        Precision::F32 => 2.0_f64.powi(-24),
+        Precision::F64 => 2.0_f64.powi(-53),
+    };
+    let steps = AdaptiveSteps { tolerance, least_step: None };
+    let mut failures = Vec::new();
+    let mut checked = 0;
+    for Prepared { case, torques, rate, conditioning, .. } in prepared() {
+        let rows = [(case.inertia, case.orientation, case.angular_velocity_body)];
+        let ensemble = Ensemble::from_fn(1, |body| rows[body]).expect("golden bodies are valid");
+        let times = case.times();
+        let (frames, batch) = prepare_with(&ensemble, torques, times[times.len() - 1], precision).expect("prepared");
+        let mut session = engine.start_adaptive(batch, steps).expect("started");
+        for (index, state) in case.states.iter().enumerate() {
+            session.advance_to(state.time, &mut unobserved).expect("advanced");
+            let words = session.read(0..1).expect("read");
+            assert_eq!(words.status[0], Status::Valid, "{} at t = {}", case.name, state.time);
+            let counts = session.counts().expect("counted")[0];
+            let (to_state, to_torque) = conditioning[index];
+            let rounding = match precision {
+                Precision::F32 => unit * (4.0 + rate * state.time),
+                // The torques are evaluated and the state is rounded once a step; 12 stages weigh their roundings by up to 43.
+                Precision::F64 => unit * (8.0 + 4.0 * 12.0 * (counts.accepted as f64).sqrt()),
+            };
+            let noise = to_state * rounding + to_torque * 4.0 * unit;
+            let bound = to_state * 2.0 * 7.0_f64.sqrt() * tolerance * counts.accepted as f64 + noise;
+            if bound > MEANINGLESS {
+                continue;
+            }
+            checked += 1;
+            let reached = frames[0].body_state(words.combined(0));
+            let reached = (reached.orientation, reached.angular_velocity_body);
+            let error = difference(reached, (state.orientation, state.angular_velocity_body), *rate);
+            if error.is_nan() || error > bound {
+                failures.push(format!(
+                    "{} at t = {}: error {error:.2e}, bound {bound:.2e} ({counts:?}, conditioning {to_state:.1e}, {to_torque:.1e})",
+                    case.name, state.time
+                ));
+            }
+        }
+    }
+    assert!(checked >= LEAST_CHECKED_ADAPTIVE, "only {checked} golden states were compared");
+    assert!(failures.is_empty(), "{} of {checked} states:\n{}", failures.len(), failures.join("\n"));
+}
+
+/// Golden states that can be followed in `f32` with a tolerance of 1e-6, and so in either precision.
+const LEAST_CHECKED_ADAPTIVE: usize = 140;
+
+#[test]
+fn adaptive_cpu_f64_follows_the_golden_forced_bodies() {
+    check_adaptive(&Cpu::new(Width::Lanes), Precision::F64, 1e-12);
+}
+
+#[test]
+fn adaptive_scalar_f64_follows_the_golden_forced_bodies() {
+    check_adaptive(&Cpu::new(Width::Scalar), Precision::F64, 1e-9);
+}
+
+#[test]
+fn adaptive_cpu_f32_follows_the_golden_forced_bodies() {
+    check_adaptive(&Cpu::new(Width::Lanes), Precision::F32, 1e-6);
 }
 
 /// Golden states that can be followed in `f32`, and so in either precision.

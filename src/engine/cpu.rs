@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
+use super::adaptive::{AdaptiveSession, AdaptiveSteps, check_torques};
 use super::{Backend, Description, EngineKind, FreeSession, Observer, Progress, Session, check_step, check_time};
 use crate::batch::{
     AnyBatch, Batch, Precision, StateWords, load_body, load_invariants, load_state, state_columns, store_state,
@@ -23,6 +24,10 @@ use crate::real::{Real, Scalar};
 use crate::torque::sum::{Common, Torques};
 use crate::torque::{Environment, Free, TorqueTable};
 use crate::vector::TwoWords;
+
+mod adaptive;
+
+use adaptive::CpuAdaptiveSession;
 
 /// Whether the CPU engine runs in SIMD lanes or one body at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,6 +48,20 @@ impl Cpu {
     /// The engine in lanes or one body at a time.
     pub fn new(width: Width) -> Self {
         Self { width }
+    }
+
+    /// Takes a batch and stands ready to advance it in adaptive steps.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Setting`] as [`AdaptiveSteps::check`]; [`crate::Error::Torque`] where white noise acts.
+    pub fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+        steps.check(batch.precision())?;
+        check_torques(&batch)?;
+        Ok(match batch {
+            AnyBatch::F32(batch) => Box::new(CpuAdaptiveSession::new(batch, steps, self.width)),
+            AnyBatch::F64(batch) => Box::new(CpuAdaptiveSession::new(batch, steps, self.width)),
+        })
     }
 }
 

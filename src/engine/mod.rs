@@ -15,6 +15,7 @@ use crate::method::Method;
 use crate::plan::Plan;
 use crate::record::Record;
 
+pub mod adaptive;
 pub mod cpu;
 mod devices;
 pub mod gpu;

@@ -229,8 +229,24 @@ impl Step for Rk8 {
         dt: TwoWords<R>,
         state: State<R>,
     ) -> State<R> {
-        let slopes = slopes(body, |fraction| environment.epoch(step_index, fraction), environment, dt.value, &state);
+        let slopes = slopes(body, &EqualStep(step_index), environment, dt.value, &state);
         advanced(&slopes, dt, state)
+    }
+}
+
+/// A step's place in time. A trait rather than a closure, for the reason that [`crate::real::Outlined`] gives.
+pub(crate) trait Place<R: Real, E: Environment<R>> {
+    /// What depends on time alone, at a fraction of the step.
+    fn epoch(&self, environment: &E, fraction: f64) -> E::Epoch;
+}
+
+/// A step of the interval's equal ones, by its index.
+struct EqualStep(u64);
+
+impl<R: Real, E: Environment<R>> Place<R, E> for EqualStep {
+    #[inline(always)]
+    fn epoch(&self, environment: &E, fraction: f64) -> E::Epoch {
+        environment.epoch(self.0, fraction)
     }
 }
 
@@ -255,18 +271,18 @@ pub(crate) fn weighted<R: Real>(
 
 /// The slope at the start of a step, and those of the other stages less it.
 #[derive(Clone, Copy, Debug)]
-pub struct Slopes<R> {
+pub(crate) struct Slopes<R> {
     /// k₁.
     pub first: Slope<R>,
     /// k₂ − k₁, …, k₁₂ − k₁.
     pub differences: [Slope<R>; STAGES - 1],
 }
 
-/// The slopes of all stages of a step of `h`; `epoch` gives what depends on time at a fraction of the step.
+/// The slopes of all stages of a step of `h` at a place in time.
 #[inline(always)]
-pub fn slopes<R: Real, E: Environment<R>>(
+pub(crate) fn slopes<R: Real, E: Environment<R>>(
     body: &Body<R>,
-    epoch: impl Fn(f64) -> E::Epoch,
+    place: &impl Place<R, E>,
     environment: &E,
     h: R,
     state: &State<R>,
@@ -274,12 +290,13 @@ pub fn slopes<R: Real, E: Environment<R>>(
     let q = state.orientation.value;
     let m = state.angular_momentum_principal.value;
     let correction: Correction<R> = body.correction(state);
-    let first = rates(body, environment, &epoch(0.0), &correction, q, m);
+    let first = rates(body, environment, &place.epoch(environment, 0.0), &correction, q, m);
     let mut differences = [first; STAGES - 1];
     for stage in 1..STAGES {
         let row = &STAGE_WEIGHTS[stage - 1];
         let sum = weighted(&first, TIMES[stage], &differences[..stage - 1], &row[1..]);
-        let slope = rates(body, environment, &epoch(TIMES[stage]), &correction, sum.q.axpy(h, q), sum.m.axpy(h, m));
+        let epoch = place.epoch(environment, TIMES[stage]);
+        let slope = rates(body, environment, &epoch, &correction, sum.q.axpy(h, q), sum.m.axpy(h, m));
         differences[stage - 1] = Slope { q: slope.q - first.q, m: slope.m - first.m };
     }
     Slopes { first, differences }
@@ -287,7 +304,7 @@ pub fn slopes<R: Real, E: Environment<R>>(
 
 /// The state after a step of dt with these slopes.
 #[inline(always)]
-pub fn advanced<R: Real>(slopes: &Slopes<R>, dt: TwoWords<R>, state: State<R>) -> State<R> {
+pub(crate) fn advanced<R: Real>(slopes: &Slopes<R>, dt: TwoWords<R>, state: State<R>) -> State<R> {
     let q = state.orientation.value;
     let sum = weighted(&slopes.first, 1.0, &slopes.differences, &WEIGHTS[1..]);
     let q_increment = sum.q.axpy(dt.value, sum.q.axpy(dt.residue, norm_correction(q)));

@@ -14,29 +14,60 @@
 //! the interval waits unchanged. Bodies are therefore to be ordered by expected work ([`super::work`]), so that those
 //! side by side finish together.
 //!
+//! Order 8, twelve evaluations an attempt, explicit. Like `rk8` it conserves nothing exactly: the drift of energy and
+//! angular momentum is that of the error. The tolerance keeps steps far inside the limit of stability, ω h < 6.
+//!
 //! Differences from the source: what is left of the interval, not the time, is carried, in two words and by exact
-//! subtractions, and the last step takes all of it, so that the end is hit exactly; a step that would fall below the
-//! limit flags the body ([`Status::StepBelowLimit`]) and ends its integration. In `f32` the estimate itself has a
-//! rounding error of about 1e-6 of a step's increment: tolerances below 1e-6 are asked for in vain there, and flagged.
+//! subtractions, and the last step takes all of it, so that the end is hit exactly. The error of the angular momentum is
+//! measured against its magnitude before or after the step, whichever is more, so that a body may start from rest. A body
+//! that would need a step below the limit is flagged ([`Status::StepBelowLimit`]) and left as it stands. In `f32` the
+//! estimate itself has a rounding error of about 1e-6 of a step's increment, in `f64` of 2e-15: [`least_tolerance`].
+//!
+//! Twin: `shaders/method/rk8_adaptive.wgsl`.
 
-use crate::method::rk8::{ERROR_WEIGHTS_5, Slopes, WEIGHTS, WEIGHTS_3, advanced, slopes, weighted};
+use crate::batch::Precision;
+use crate::method::rk8::{ERROR_WEIGHTS_5, Place, Slopes, WEIGHTS, WEIGHTS_3, advanced, slopes, weighted};
 use crate::method::slope::Slope;
 use crate::method::{Status, flagged};
 use crate::real::Real;
 use crate::rigid_body::{Body, State};
 use crate::torque::{Environment, Free};
-use crate::vector::{TwoWords, two_difference};
+use crate::vector::{TwoWords, Vector, two_difference};
 
 /// An environment that knows its state at any time, not only at fractions of equal steps.
 pub trait Timed<R: Real>: Environment<R> {
-    /// What depends on time alone, `time` after the start of the interval, in units of the body's own scale.
-    fn epoch_at(&self, time: TwoWords<R>) -> Self::Epoch;
+    /// The start of a step: what is formed once for all evaluations in it.
+    type Start: Copy;
+
+    /// The start of a step `time` after the start of the interval, in units of the body's own scale, lane by lane. It
+    /// holds until the next is formed.
+    fn start_at(&self, time: TwoWords<R>) -> Self::Start;
+
+    /// What depends on time alone, `elapsed` after the start of the step, in the same units.
+    fn epoch_after(&self, start: &Self::Start, elapsed: R) -> Self::Epoch;
 }
 
 impl<R: Real> Timed<R> for Free {
+    type Start = ();
+
     #[inline(always)]
-    fn epoch_at(&self, _: TwoWords<R>) {}
+    fn start_at(&self, _: TwoWords<R>) {}
+
+    #[inline(always)]
+    fn epoch_after(&self, (): &(), _: R) {}
 }
+
+/// The least tolerance that an arithmetic can tell from its own rounding.
+pub const fn least_tolerance(precision: Precision) -> f64 {
+    match precision {
+        Precision::F32 => 1e-6,
+        Precision::F64 => 2e-15,
+    }
+}
+
+/// The least step where none is asked for, in units of the body's own scale: a body that turns by a radian in a unit would
+/// take 10⁹ steps for it.
+pub const LEAST_STEP: f64 = 1.0 / 1_073_741_824.0;
 
 /// What is asked of the steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,11 +78,15 @@ pub struct Limits<R> {
     pub least_step: R,
 }
 
-/// What the controller carries from one interval to the next.
+/// How far a body has come in its interval, and what its controller knows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Controller<R> {
     /// The step to try next, in units of the body's own scale; 0 until one has been tried.
     pub step: R,
+    /// What is left of the interval, in the same units; 0 at its end.
+    pub left: TwoWords<R>,
+    /// Whether the last attempt was refused: 1, else 0.
+    pub retried: R,
     /// Steps taken.
     pub accepted: R,
     /// Steps tried again with a smaller size.
@@ -63,7 +98,26 @@ impl<R: Real> Controller<R> {
     #[inline(always)]
     pub fn new() -> Self {
         let zero = R::splat(0.0);
-        Self { step: zero, accepted: zero, rejected: zero }
+        Self {
+            step: zero,
+            left: TwoWords { value: zero, residue: zero },
+            retried: zero,
+            accepted: zero,
+            rejected: zero,
+        }
+    }
+
+    /// At the start of an interval of `span`.
+    #[inline(always)]
+    #[must_use]
+    pub fn over(self, span: TwoWords<R>) -> Self {
+        Self { left: span, ..self }
+    }
+
+    /// Where there is something left to do.
+    #[inline(always)]
+    pub fn under_way(&self, state: &State<R>) -> R::Mask {
+        R::splat(0.0).less_than(self.left.value) & state.status.less_than(R::splat(0.5))
     }
 }
 
@@ -73,9 +127,45 @@ impl<R: Real> Default for Controller<R> {
     }
 }
 
-/// Advances `state` over `span` (above zero, in units of the body's own scale), whatever number of steps that takes.
+/// Advances `state` towards the end of an interval of `span` (in units of the body's own scale), of which
+/// [`Controller::left`] is left, by at most `attempts` attempts. The result does not depend on how attempts are cut into
+/// calls.
 #[inline(always)]
 pub fn advance<R: Real, E: Timed<R>>(
+    body: &Body<R>,
+    environment: &E,
+    span: TwoWords<R>,
+    limits: &Limits<R>,
+    attempts: u32,
+    controller: Controller<R>,
+    state: State<R>,
+) -> (State<R>, Controller<R>) {
+    let (mut state, mut controller) = (state, controller);
+    for _ in 0..attempts {
+        if !R::any(controller.under_way(&state)) {
+            break;
+        }
+        (state, controller) = attempt(body, environment, span, limits, controller, state);
+    }
+    (state, controller)
+}
+
+/// Where an attempt stands in time.
+struct Attempt<S, R> {
+    start: S,
+    h: R,
+}
+
+impl<R: Real, E: Timed<R>> Place<R, E> for Attempt<E::Start, R> {
+    #[inline(always)]
+    fn epoch(&self, environment: &E, fraction: f64) -> E::Epoch {
+        environment.epoch_after(&self.start, self.h * R::splat(fraction))
+    }
+}
+
+/// Tries one step; a lane with nothing left to do stays as it is.
+#[inline(always)]
+pub fn attempt<R: Real, E: Timed<R>>(
     body: &Body<R>,
     environment: &E,
     span: TwoWords<R>,
@@ -84,88 +174,97 @@ pub fn advance<R: Real, E: Timed<R>>(
     state: State<R>,
 ) -> (State<R>, Controller<R>) {
     let (zero, one) = (R::splat(0.0), R::splat(1.0));
-    let mut state = state;
-    let mut controller = controller;
+    let active = controller.under_way(&state);
     let untried = !zero.less_than(controller.step);
-    controller.step = R::select(untried, first_step(body, span.value, limits.tolerance, &state), controller.step);
-    let mut left = span;
-    let mut retried = one.less_than(zero);
-    let mut active = zero.less_than(left.value) & state.status.less_than(R::splat(0.5));
-    while R::any(active) {
-        // A last step that would leave almost nothing takes the rest as well.
-        let last = left.value.less_than(controller.step * R::splat(1.01));
-        let h = TwoWords {
-            value: R::select(last, left.value, controller.step),
-            residue: R::select(last, left.residue, zero),
-        };
-        let (gone, gone_residue) = two_difference(span.value, left.value);
-        let elapsed = |fraction: f64| TwoWords {
-            value: h.value.mul_add(R::splat(fraction), gone),
-            residue: gone_residue + (span.residue - left.residue),
-        };
-        let tried = slopes(body, |fraction| environment.epoch_at(elapsed(fraction)), environment, h.value, &state);
-        let error = estimated_error(&tried, h.value, limits.tolerance, &state);
-        let taken = active & error.less_than(one);
-        let refused = active & !taken;
+    let step = R::select(untried, first_step(body, span.value, limits.tolerance, &state), controller.step);
+    let left = controller.left;
+    // A last step that would leave almost nothing takes the rest as well.
+    let last = left.value.less_than(step * R::splat(1.01));
+    let h = TwoWords { value: R::select(last, left.value, step), residue: R::select(last, left.residue, zero) };
+    let (gone, gone_residue) = two_difference(span.value, left.value);
+    let gone = TwoWords { value: gone, residue: gone_residue + (span.residue - left.residue) };
+    let place = Attempt { start: environment.start_at(gone), h: h.value };
+    let tried = slopes(body, &place, environment, h.value, &state);
+    let next_state = advanced(&tried, h, state);
+    let error = estimated_error(&tried, h.value, limits.tolerance, &state, &next_state);
+    let taken = active & error.less_than(one);
+    let refused = active & !taken;
 
-        state = State::select(taken, advanced(&tried, h, state), state);
-        let (value, lost) = two_difference(left.value, h.value);
-        let rest = lost + (left.residue - h.residue);
-        let (value, rest) = renormalised(value, rest);
-        left = TwoWords { value: R::select(taken, value, left.value), residue: R::select(taken, rest, left.residue) };
-        controller.accepted = R::select(taken, controller.accepted + one, controller.accepted);
-        controller.rejected = R::select(refused, controller.rejected + one, controller.rejected);
+    let (value, lost) = two_difference(left.value, h.value);
+    let rest = renormalised(value, lost + (left.residue - h.residue));
 
-        let eighth_root = error.max(R::splat(1e-20)).sqrt().sqrt().sqrt();
-        let factor = (R::splat(0.9) / eighth_root).min(R::splat(6.0)).max(R::splat(1.0 / 3.0));
-        // Not a number: the step was far too long.
-        let factor = R::select(error.less_than(R::splat(1e30)), factor, R::splat(1.0 / 3.0));
-        // A step does not grow right after a refusal, and the one that the end cut short says nothing about the next.
-        let factor = R::select(retried, factor.min(one), factor);
-        let next = h.value * factor;
-        let next = R::select(taken & last, next.max(controller.step), next);
-        controller.step = R::select(active, next, controller.step);
-        retried = refused;
+    let eighth_root = error.max(R::splat(1e-20)).sqrt().sqrt().sqrt();
+    let factor = (R::splat(0.9) / eighth_root).min(R::splat(6.0)).max(R::splat(1.0 / 3.0));
+    // Not a number: the step was far too long.
+    let factor = R::select(error.less_than(R::splat(1e30)), factor, R::splat(1.0 / 3.0));
+    // A step does not grow right after a refusal, and the one that the end cut short says nothing about the next.
+    let factor = R::select(R::splat(0.5).less_than(controller.retried), factor.min(one), factor);
+    let next = h.value * factor;
+    let next = R::select(taken & last, next.max(step), next);
+    // A short step to begin with, or to an end, is no sign of need.
+    let shrunk = refused | (taken & !last & factor.less_than(one));
+    let too_small = shrunk & next.less_than(limits.least_step);
 
-        let too_small = refused & controller.step.less_than(limits.least_step);
-        state.status = flagged(state.status, too_small, Status::StepBelowLimit);
-        active = active & !too_small & zero.less_than(left.value);
-    }
+    let mut state = State::select(taken, next_state, state);
+    state.status = flagged(state.status, too_small, Status::StepBelowLimit);
+    let controller = Controller {
+        step: R::select(active, next, controller.step),
+        left: TwoWords {
+            value: R::select(taken, rest.value, left.value),
+            residue: R::select(taken, rest.residue, left.residue),
+        },
+        retried: R::select(active, R::select(refused, one, zero), controller.retried),
+        accepted: R::select(taken, controller.accepted + one, controller.accepted),
+        rejected: R::select(refused, controller.rejected + one, controller.rejected),
+    };
     (state, controller)
 }
 
-/// a + b as a rounded sum and what it loses, for |a| ≥ |b| (T. J. Dekker, Numer. Math. 18 (1971) 224, equation 4.14).
+/// The two words a + b of a sum, for |a| ≥ |b| (T. J. Dekker, Numer. Math. 18 (1971) 224, equation 4.14).
 #[inline(always)]
-fn renormalised<R: Real>(a: R, b: R) -> (R, R) {
-    let sum = a + b;
-    (sum, b - (sum - a))
+fn renormalised<R: Real>(a: R, b: R) -> TwoWords<R> {
+    let value = a + b;
+    TwoWords { value, residue: b - (value - a) }
 }
 
-/// A step to begin with: the angle whose eighth power is the tolerance, at the present rate, or the whole span.
+/// A step to begin with: the angle whose eighth power is the tolerance, at the present rate or, where that is less, at the
+/// unit of the body's own scale; or the whole span.
 #[inline(always)]
 fn first_step<R: Real>(body: &Body<R>, span: R, tolerance: R, state: &State<R>) -> R {
     let omega = body.inverse_moments.value.scaled_by(state.angular_momentum_principal.value);
-    let rate = omega.dot(omega).sqrt().max(R::splat(1e-30));
+    let rate = omega.dot(omega).sqrt().max(R::splat(1.0));
     (tolerance.sqrt().sqrt().sqrt() / rate).min(span)
 }
 
+/// e3's weights: bⱼ less those of the embedded formula of order 3.
+const ERROR_WEIGHTS_3: [f64; WEIGHTS.len()] = {
+    let mut weights = WEIGHTS;
+    weights[0] -= WEIGHTS_3[0];
+    weights[8] -= WEIGHTS_3[1];
+    weights[11] -= WEIGHTS_3[2];
+    weights
+};
+
 /// DOP853's estimate of a step's error, in units of the tolerance.
 #[inline(always)]
-fn estimated_error<R: Real>(slopes: &Slopes<R>, h: R, tolerance: R, state: &State<R>) -> R {
-    let mut third = WEIGHTS;
-    third[0] -= WEIGHTS_3[0];
-    third[8] -= WEIGHTS_3[1];
-    third[11] -= WEIGHTS_3[2];
+fn estimated_error<R: Real>(slopes: &Slopes<R>, h: R, tolerance: R, state: &State<R>, next_state: &State<R>) -> R {
     // Both sets of weights add up to 0, so that the first slope itself has no part in the sums of differences.
     let fifth = weighted(&slopes.first, 0.0, &slopes.differences, &ERROR_WEIGHTS_5[1..]);
-    let third = weighted(&slopes.first, 0.0, &slopes.differences, &third[1..]);
+    let third = weighted(&slopes.first, 0.0, &slopes.differences, &ERROR_WEIGHTS_3[1..]);
     let m = state.angular_momentum_principal.value;
-    let m_squared = m.dot(m).max(R::splat(1e-30));
-    let squared = |slope: &Slope<R>| slope.q.norm_squared() + slope.m.dot(slope.m) / m_squared;
-    let inverse = R::splat(1.0) / (tolerance * tolerance);
-    let (e5, e3) = (squared(&fifth) * inverse, squared(&third) * inverse);
+    let m_next = next_state.angular_momentum_principal.value;
+    let m_squared = m.dot(m).max(m_next.dot(m_next)).max(R::splat(1e-30));
+    let inverse = R::splat(1.0) / tolerance;
+    let (e5, e3) = (squared(&fifth, m_squared, inverse), squared(&third, m_squared, inverse));
     let sum = e3.mul_add(R::splat(0.01), e5).max(R::splat(1e-30));
     h.abs() * e5 / (sum * R::splat(7.0)).sqrt()
+}
+
+/// The square of a slope, the angular momentum's against its own, in units of the tolerance.
+#[inline(always)]
+fn squared<R: Real>(slope: &Slope<R>, m_squared: R, inverse_tolerance: R) -> R {
+    let (q, m): (_, Vector<R>) = (slope.q * inverse_tolerance, slope.m * inverse_tolerance);
+    q.norm_squared() + m.dot(m) / m_squared
 }
 
 #[cfg(test)]
@@ -202,7 +301,8 @@ mod tests {
                 };
                 let limits = Limits { tolerance: R::splat(1e-9), least_step: R::splat(1e-6) };
                 let span = TwoWords { value: R::splat(5.0), residue: zero };
-                let (state, controller) = advance(&body, &Free, span, &limits, Controller::new(), state);
+                let controller = Controller::new().over(span);
+                let (state, controller) = advance(&body, &Free, span, &limits, u32::MAX, controller, state);
                 let mut columns = [vec![0.0; R::LANES], vec![0.0; R::LANES]];
                 state.orientation.value.x.store(&mut columns[0]);
                 controller.accepted.store(&mut columns[1]);

@@ -1,5 +1,7 @@
 //! The sum of a scene's torques. Twin: `shaders/torque/sum.wgsl`.
 
+use std::cell::Cell;
+
 use super::constant_body::constant_body;
 use super::constant_world::constant_world;
 use super::eddy_current::eddy_current;
@@ -19,11 +21,13 @@ use super::sinusoidal::sinusoidal;
 use super::table::Instance;
 use super::white_noise::{NoiseKey, minus_log, noise_words, normal_vector, uniform_parts, uniform_turns};
 use super::{Environment, Kind, Motion, TorqueTable, VelocityDependence};
-use crate::clock::{Clock, Instant, phase};
+use crate::batch::RATE_COLUMN;
+use crate::clock::{Clock, Instant, phase, phase_after, phases_at, ticks_in};
+use crate::method::rk8_adaptive::Timed;
 use crate::quaternion::Quaternion;
 use crate::real::{Outlined, Real, Scalar};
 use crate::rigid_body::{Body, Correction};
-use crate::vector::Vector;
+use crate::vector::{TwoWords, Vector};
 
 /// A torque that is constant in body axes, and linear drag: the set that most scenes have, held in registers.
 #[derive(Clone, Copy, Debug)]
@@ -87,13 +91,33 @@ pub(crate) struct Torques<'a, R: Real> {
     units: u128,
     /// A step in seconds.
     dt: f64,
+    /// Room for the phases at the start of a step that each lane starts when it likes; empty for equal steps.
+    start_phases: &'a [Cell<R>],
 }
 
 /// A time, and the random torque that is constant over the step that it belongs to.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Epoch<R> {
-    instant: Instant<R>,
+pub(crate) struct Epoch<'a, R: Copy> {
+    time: Time<'a, R>,
     noise: Vector<R>,
+}
+
+/// When torques are asked for.
+#[derive(Clone, Copy, Debug)]
+enum Time<'a, R: Copy> {
+    /// At one instant for all lanes.
+    Equal(Instant<R>),
+    /// `elapsed` seconds after each lane's own start, where its phases are these, in turns.
+    Own { start_phases: &'a [Cell<R>], elapsed: R },
+}
+
+/// The start of a step that each lane starts when it likes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct StepStart<'a, R: Copy> {
+    /// The phases there, in turns, by their number in the table.
+    phases: &'a [Cell<R>],
+    /// Seconds in a unit of the body's own time: a power of two.
+    seconds: R,
 }
 
 impl<'a, R: Real> Torques<'a, R> {
@@ -107,7 +131,21 @@ impl<'a, R: Real> Torques<'a, R> {
         clock: Clock,
         dt: f64,
     ) -> Self {
-        Self { table, parameters, stride, first, clock, units: clock.units(dt), dt }
+        Self { table, parameters, stride, first, clock, units: clock.units(dt), dt, start_phases: &[] }
+    }
+
+    /// The torques on the lane group from body `first` on, in steps of any size from `clock` on. `start_phases` has room
+    /// for the table's phases.
+    #[inline(always)]
+    pub(crate) fn timed(
+        table: &'a TorqueTable,
+        parameters: &'a [R::Scalar],
+        stride: usize,
+        first: usize,
+        clock: Clock,
+        start_phases: &'a [Cell<R>],
+    ) -> Self {
+        Self { table, parameters, stride, first, clock, units: 0, dt: 0.0, start_phases }
     }
 
     #[inline(always)]
@@ -133,8 +171,31 @@ impl<'a, R: Real> Torques<'a, R> {
     }
 
     #[inline(always)]
-    fn phase(&self, kind: Kind, instance: usize, phase_index: usize, instant: &Instant<R>) -> R {
-        phase(self.table.rate(kind, instance, phase_index, self.first, |column| self.column(column)), instant)
+    fn phase(&self, kind: Kind, instance: usize, phase_index: usize, time: &Time<'a, R>) -> R {
+        let rate = self.table.rate(kind, instance, phase_index, self.first, |column| self.column(column));
+        match time {
+            Time::Equal(instant) => phase(rate, instant),
+            Time::Own { start_phases, elapsed } => {
+                let start = start_phases[self.table.phase_number(kind, instance, phase_index)].get();
+                phase_after(start, rate.turns_per_second, *elapsed)
+            }
+        }
+    }
+
+    /// Forms all phases at `time` (s, after the clock), lane by lane.
+    #[inline(always)]
+    fn form_start_phases(&self, time: TwoWords<R>) {
+        let mut words = [[R::Scalar::default(); MOST_LANES]; 2];
+        time.value.store(&mut words[0]);
+        time.residue.store(&mut words[1]);
+        let mut ticks = [0; MOST_LANES];
+        for (lane, ticks) in ticks[..R::LANES].iter_mut().enumerate() {
+            let time = TwoWords { value: words[0][lane], residue: words[1][lane] };
+            *ticks = self.clock.ticks().wrapping_add(ticks_in(time, self.clock.ticks_per_second()));
+        }
+        for (number, phase) in self.start_phases.iter().enumerate() {
+            phase.set(phases_at(self.table.fraction(number, self.first), &ticks));
+        }
     }
 
     /// The torque of all instances of white noise over the step of an instant.
@@ -178,8 +239,13 @@ impl<'a, R: Real> Torques<'a, R> {
     }
 
     #[inline(always)]
-    fn sum(&self, epoch: &Epoch<R>, orientation: Quaternion<R>, angular_velocity_principal: Vector<R>) -> Vector<R> {
-        let (q, omega, instant) = (orientation, angular_velocity_principal, &epoch.instant);
+    fn sum(
+        &self,
+        epoch: &Epoch<'a, R>,
+        orientation: Quaternion<R>,
+        angular_velocity_principal: Vector<R>,
+    ) -> Vector<R> {
+        let (q, omega, time) = (orientation, angular_velocity_principal, &epoch.time);
         let mut sum = epoch.noise;
         for &Instance { kind, index, first: c } in self.table.list() {
             let torque = match kind {
@@ -188,13 +254,13 @@ impl<'a, R: Real> Torques<'a, R> {
                 Kind::ConstantWorld => constant_world(self.vector(c), q),
                 Kind::MatrixDrag => matrix_drag(self.vector(c), self.vector(c + 3), omega),
                 Kind::QuadraticDrag => quadratic_drag(self.column(c), omega),
-                Kind::Sinusoidal => sinusoidal(self.vector(c), self.vector(c + 3), self.phase(kind, index, 0, instant)),
+                Kind::Sinusoidal => sinusoidal(self.vector(c), self.vector(c + 3), self.phase(kind, index, 0, time)),
                 Kind::GravityGradient => {
-                    let phase = self.phase(kind, index, 0, instant);
+                    let phase = self.phase(kind, index, 0, time);
                     gravity_gradient(self.vector(c), self.vector(c + 3), self.vector(c + 6), phase, q)
                 }
                 Kind::GravityGradientKepler => {
-                    let phase = self.phase(kind, index, 0, instant);
+                    let phase = self.phase(kind, index, 0, time);
                     let (x, y) = (self.vector(c + 3), self.vector(c + 6));
                     let (eccentricity, start) = (self.column(c + 9), self.column(c + 10));
                     gravity_gradient_kepler(self.vector(c), x, y, eccentricity, start, phase, q)
@@ -211,8 +277,8 @@ impl<'a, R: Real> Torques<'a, R> {
                         cos_tilt: self.column(c + 12),
                         azimuth: self.column(c + 13),
                     };
-                    let orbit_phase = self.phase(kind, index, 0, instant);
-                    let rotation_phase = self.phase(kind, index, 1, instant);
+                    let orbit_phase = self.phase(kind, index, 0, time);
+                    let rotation_phase = self.phase(kind, index, 1, time);
                     orbiting_dipole(self.vector(c), &field, orbit_phase, rotation_phase, q)
                 }
                 Kind::EddyCurrent => eddy_current(self.column(c), self.vector(c + 1), q, omega),
@@ -235,7 +301,7 @@ impl<'a, R: Real> Torques<'a, R> {
 /// [`Torques::sum`] as a function of its own.
 struct Sum<'a, R: Real> {
     torques: Torques<'a, R>,
-    epoch: Epoch<R>,
+    epoch: Epoch<'a, R>,
     orientation: Quaternion<R>,
     angular_velocity_principal: Vector<R>,
 }
@@ -245,6 +311,20 @@ impl<R: Real> Outlined for Sum<'_, R> {
     #[inline(always)]
     fn run(self) -> Vector<R> {
         self.torques.sum(&self.epoch, self.orientation, self.angular_velocity_principal)
+    }
+}
+
+/// [`Torques::form_start_phases`] as a function of its own.
+struct FormStartPhases<'a, R: Real> {
+    torques: Torques<'a, R>,
+    time: TwoWords<R>,
+}
+
+impl<R: Real> Outlined for FormStartPhases<'_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        self.torques.form_start_phases(self.time);
     }
 }
 
@@ -265,12 +345,12 @@ impl<R: Real> Outlined for Noise<'_, R> {
 /// Lanes of the widest vector.
 const MOST_LANES: usize = 16;
 
-impl<R: Real> Environment<R> for Torques<'_, R> {
-    type Epoch = Epoch<R>;
+impl<'a, R: Real> Environment<R> for Torques<'a, R> {
+    type Epoch = Epoch<'a, R>;
     const FREE: bool = false;
 
     #[inline(always)]
-    fn epoch(&self, step: u64, fraction: f64) -> Epoch<R> {
+    fn epoch(&self, step: u64, fraction: f64) -> Epoch<'a, R> {
         let now = self.clock.now().wrapping_add(self.units.wrapping_mul(u128::from(step)));
         let step = self.clock.step().wrapping_add(step);
         let instant = Instant { ticks: (now >> 64) as u64, elapsed: R::splat(fraction * self.dt) };
@@ -279,13 +359,13 @@ impl<R: Real> Environment<R> for Torques<'_, R> {
         } else {
             R::outlined(Noise { torques: *self, step })
         };
-        Epoch { instant, noise }
+        Epoch { time: Time::Equal(instant), noise }
     }
 
     #[inline(always)]
     fn torque(
         &self,
-        epoch: &Epoch<R>,
+        epoch: &Epoch<'a, R>,
         _: &Body<R>,
         orientation: Quaternion<R>,
         angular_velocity_principal: Vector<R>,
@@ -308,7 +388,7 @@ impl<R: Real> Environment<R> for Torques<'_, R> {
     }
 
     #[inline(always)]
-    fn motion(&self, _: &Epoch<R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
+    fn motion(&self, _: &Epoch<'a, R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
         let omega = body.angular_velocity(m, correction);
         let gyroscopic_term = body.gyroscopic_term(m, correction);
         let mut motion = Motion { angular_velocity: omega, gyroscopic_term };
@@ -320,5 +400,37 @@ impl<R: Real> Environment<R> for Torques<'_, R> {
             };
         }
         motion
+    }
+}
+
+impl<R: Real> Timed<R> for Common<R> {
+    type Start = ();
+
+    #[inline(always)]
+    fn start_at(&self, _: TwoWords<R>) {}
+
+    #[inline(always)]
+    fn epoch_after(&self, (): &(), _: R) {}
+}
+
+impl<'a, R: Real> Timed<R> for Torques<'a, R> {
+    type Start = StepStart<'a, R>;
+
+    #[inline(always)]
+    fn start_at(&self, time: TwoWords<R>) -> StepStart<'a, R> {
+        let seconds = R::splat(1.0) / self.column(RATE_COLUMN);
+        if !self.start_phases.is_empty() {
+            let time = TwoWords { value: time.value * seconds, residue: time.residue * seconds };
+            R::outlined(FormStartPhases { torques: *self, time });
+        }
+        StepStart { phases: self.start_phases, seconds }
+    }
+
+    #[inline(always)]
+    fn epoch_after(&self, start: &StepStart<'a, R>, elapsed: R) -> Epoch<'a, R> {
+        Epoch {
+            time: Time::Own { start_phases: start.phases, elapsed: elapsed * start.seconds },
+            noise: Vector::zero(),
+        }
     }
 }

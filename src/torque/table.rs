@@ -314,6 +314,26 @@ impl TorqueTable {
         }
     }
 
+    /// Number of phases of all instances.
+    pub(crate) fn phase_count(&self) -> usize {
+        self.phases.len()
+    }
+
+    /// The number of a phase among all, in the order of the list of instances.
+    #[inline(always)]
+    pub(crate) fn phase_number(&self, kind: Kind, instance: usize, phase: usize) -> usize {
+        self.instances(kind).first_phase + instance * kind.phases() + phase
+    }
+
+    /// The exact rate of a phase by its number, for the bodies from `first` on.
+    #[inline(always)]
+    pub(crate) fn fraction(&self, number: usize, first: usize) -> Fraction<'_> {
+        match &self.phases[number] {
+            PhaseRates::Shared(fraction) => Fraction::Shared(*fraction),
+            PhaseRates::PerBody(fractions) => Fraction::PerBody(&fractions[first..]),
+        }
+    }
+
     /// The rate of a phase of an instance for the bodies from `first` on; `column` loads a parameter column.
     #[inline(always)]
     pub(crate) fn rate<R: Real>(
@@ -325,10 +345,7 @@ impl TorqueTable {
         column: impl Fn(usize) -> R,
     ) -> Rate<'_, R> {
         let instances = self.instances(kind);
-        let fraction = match &self.phases[instances.first_phase + instance * kind.phases() + phase] {
-            PhaseRates::Shared(fraction) => Fraction::Shared(*fraction),
-            PhaseRates::PerBody(fractions) => Fraction::PerBody(&fractions[first..]),
-        };
+        let fraction = self.fraction(self.phase_number(kind, instance, phase), first);
         let rounded =
             instances.first + instance * kind.columns() + kind.parameters() + phase * (RATE_DIGITS + 1) + RATE_DIGITS;
         Rate { fraction, turns_per_second: column(rounded) }

@@ -125,9 +125,16 @@ fn wide<R: Real>(x: DoubleDouble) -> R {
 }
 
 impl<R: Real<Scalar = R> + polhode::real::Scalar> Timed<R> for Acting {
-    fn epoch_at(&self, time: TwoWords<R>) -> Phase {
+    /// s.
+    type Start = DoubleDouble;
+
+    fn start_at(&self, time: TwoWords<R>) -> DoubleDouble {
         let [start, value, residue] = [self.start, time.value.to_f64(), time.residue.to_f64()].map(DoubleDouble::from);
-        self.at(start + value + residue)
+        start + value + residue
+    }
+
+    fn epoch_after(&self, start: &DoubleDouble, elapsed: R) -> Phase {
+        self.at(*start + DoubleDouble::from(elapsed.to_f64()))
     }
 }
 

@@ -1,0 +1,122 @@
+//! Sessions whose bodies take steps of their own size.
+
+use std::ops::Range;
+
+use super::Observer;
+use crate::batch::{AnyBatch, Precision, StateWords};
+use crate::error::{Error, Result};
+use crate::method::rk8_adaptive::least_tolerance;
+use crate::torque::Kind;
+
+/// What is asked of adaptive steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AdaptiveSteps {
+    /// Error of one step: of the quaternion's components, and of the angular momentum's relative to its magnitude; at
+    /// least [`least_tolerance`] of the arithmetic, below 1.
+    pub tolerance: f64,
+    /// A body that would need a shorter step, s, is flagged and left as it stands. `None`:
+    /// [`crate::method::rk8_adaptive::LEAST_STEP`] in units of the body's own time, about the time of a radian.
+    pub least_step: Option<f64>,
+}
+
+impl AdaptiveSteps {
+    /// Refuses what an arithmetic cannot give.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Setting`] for a tolerance below [`least_tolerance`] or of 1 and above, and for a least step that is not
+    /// finite and above zero.
+    pub fn check(&self, precision: Precision) -> Result<()> {
+        let wrong = |field, value, expected| Err(Error::Setting { field, value, expected });
+        if !(self.tolerance > 0.0 && self.tolerance < 1.0) {
+            return wrong("tolerance", self.tolerance, "a number above 0 and below 1 is needed");
+        }
+        if self.tolerance < least_tolerance(precision) {
+            let expected = match precision {
+                Precision::F32 => {
+                    "rounding in f32 hides smaller errors than 1e-6: 1e-6 or more, or precision f64, is needed"
+                }
+                Precision::F64 => "rounding in f64 hides smaller errors than 2e-15: 2e-15 or more is needed",
+            };
+            return wrong("tolerance", self.tolerance, expected);
+        }
+        match self.least_step {
+            Some(step) if !(step.is_finite() && step > 0.0) => {
+                wrong("least_step", step, "a finite step above zero is needed (s)")
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// What a torque that is drawn step by step is refused with.
+pub(crate) const NOISE_REFUSED: &str =
+    "white noise is drawn for steps of equal length and has no adaptive ones: a method with a step dt is needed";
+
+/// Refuses a batch with a torque that has no meaning between equal steps.
+pub(crate) fn check_torques(batch: &AnyBatch) -> Result<()> {
+    let noise = batch.torques().instances(Kind::WhiteNoise);
+    if noise.count == 0 {
+        return Ok(());
+    }
+    let torque = batch.torques().list().iter().position(|instance| instance.kind == Kind::WhiteNoise).unwrap_or(0);
+    Err(Error::Torque {
+        torque,
+        model: "white-noise",
+        body: None,
+        field: "draws_per_step",
+        value: batch.first_parameter(noise.first + 1),
+        expected: NOISE_REFUSED,
+    })
+}
+
+/// Attempts of one body since its initial state.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StepCounts {
+    /// Steps taken.
+    pub accepted: u64,
+    /// Steps tried again with a smaller size.
+    pub rejected: u64,
+}
+
+impl StepCounts {
+    /// Both: what a body costs.
+    pub fn attempts(&self) -> u64 {
+        self.accepted + self.rejected
+    }
+}
+
+/// A batch on an engine whose bodies take steps of their own size, by [`crate::method::rk8_adaptive`].
+pub trait AdaptiveSession {
+    /// Number of bodies.
+    fn body_count(&self) -> usize;
+
+    /// Brings every body to exactly `time` seconds after its initial state, except those that are flagged on the way,
+    /// which stay as they stand. A time that is not later than the last is passed over. A body's result depends neither
+    /// on the bodies beside it nor on how the engine cuts the work; it depends on the times asked for, at which a step ends.
+    ///
+    /// `observer` is told of bodies that have arrived; where it breaks, the call returns [`Error::Interrupted`] and the
+    /// session must be dropped.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Setting`] where `time` is not finite; [`Error::Device`] where the device is lost.
+    fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()>;
+
+    /// The raw state of a range of bodies.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Device`] where the device is lost.
+    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords>;
+
+    /// The steps of each body so far, shape `[body_count]`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Device`] where the device is lost.
+    fn counts(&mut self) -> Result<Vec<StepCounts>>;
+
+    /// Bodies that are advanced side by side, so that all wait for the slowest of them: lanes, or a workgroup.
+    fn side_by_side(&self) -> usize;
+}

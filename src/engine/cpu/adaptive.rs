@@ -1,0 +1,290 @@
+//! Adaptive steps in lanes.
+
+use std::cell::Cell;
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use rayon::prelude::*;
+
+use super::{BLOCK, Width, split_columns, watched};
+use crate::batch::{Batch, StateWords, load_body, load_state, state_columns, store_state};
+use crate::clock::Clock;
+use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps, StepCounts};
+use crate::engine::{Observer, check_time};
+use crate::error::{Error, Result};
+use crate::lanes::{LaneScalar, LaneTask};
+use crate::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, Timed, advance};
+use crate::real::{Real, Scalar};
+use crate::torque::sum::{Common, Torques};
+use crate::torque::{Free, TorqueTable};
+use crate::vector::TwoWords;
+
+/// Columns of a [`Controller`]: step, left (two words), retried, accepted, rejected.
+const CONTROLLER_COLUMNS: usize = 6;
+const LEFT: Range<usize> = 1..3;
+const ACCEPTED: usize = 4;
+const REJECTED: usize = 5;
+
+/// Attempts between two looks at whether to go on: some milliseconds of work for one block. Counts of one slice are exact
+/// in every element type.
+const SLICE: u32 = 1 << 13;
+
+pub(super) struct CpuAdaptiveSession<T> {
+    batch: Batch<T>,
+    /// Shape `[CONTROLLER_COLUMNS, stride]`.
+    controllers: Vec<T>,
+    counts: Vec<StepCounts>,
+    steps: AdaptiveSteps,
+    width: Width,
+    /// The time that the state stands at.
+    clock: Clock,
+}
+
+impl<T: LaneScalar> CpuAdaptiveSession<T> {
+    pub fn new(batch: Batch<T>, steps: AdaptiveSteps, width: Width) -> Self {
+        Self {
+            controllers: vec![T::default(); CONTROLLER_COLUMNS * batch.stride],
+            counts: vec![StepCounts::default(); batch.body_count],
+            clock: batch.torques.clock(),
+            batch,
+            steps,
+            width,
+        }
+    }
+
+    fn advance_in<S: TimedSurroundings>(&mut self, end: &Clock, observer: &mut Observer<'_>) -> Result<()> {
+        let width = self.width;
+        let start = self.clock;
+        let (value, residue) = start.seconds_until(end);
+        let span = two_words_of::<T>(value, residue);
+        let steps = self.steps;
+        let Batch { body_count, stride, parameters, state, torques } = &mut self.batch;
+        let (body_count, stride) = (*body_count, *stride);
+        let (parameters, torques) = (&*parameters, &*torques);
+        let (done, stop) = (AtomicU64::new(0), AtomicBool::new(false));
+        let total = body_count as u64;
+        let states = split_columns(state, stride, state_columns::<T>());
+        let controllers = split_columns(&mut self.controllers, stride, CONTROLLER_COLUMNS);
+        let counts = &mut self.counts;
+        let work = || {
+            let blocks = states.into_par_iter().zip(controllers).zip(counts.par_chunks_mut(BLOCK));
+            blocks.enumerate().for_each(|(index, ((mut state, mut controllers), counts))| {
+                let first = index * BLOCK;
+                let mut starts = true;
+                let mut under_way = true;
+                while under_way && !stop.load(Ordering::Relaxed) {
+                    let task = AdaptiveBlock::<T, S> {
+                        parameters,
+                        torques,
+                        stride,
+                        first,
+                        state: &mut state,
+                        controllers: &mut controllers,
+                        clock: start,
+                        span,
+                        steps,
+                        starts,
+                        bodies: counts.len(),
+                        kind: std::marker::PhantomData,
+                    };
+                    under_way = match width {
+                        Width::Lanes => T::dispatch(task),
+                        Width::Scalar => task.run::<T>(),
+                    };
+                    starts = false;
+                    take_counts(&mut controllers, counts);
+                }
+                done.fetch_add(counts.len() as u64, Ordering::Relaxed);
+            });
+        };
+        watched(work, observer, &done, total, &stop);
+        if stop.into_inner() {
+            return Err(Error::Interrupted { steps: 0 });
+        }
+        self.clock = *end;
+        Ok(())
+    }
+}
+
+impl<T: LaneScalar> AdaptiveSession for CpuAdaptiveSession<T> {
+    fn body_count(&self) -> usize {
+        self.batch.body_count
+    }
+
+    fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {
+        check_time(time)?;
+        let end = self.clock.at(time.max(0.0));
+        if end.now() <= self.clock.now() {
+            return Ok(());
+        }
+        if self.batch.torques.is_empty() {
+            self.advance_in::<Nothing>(&end, observer)
+        } else if self.batch.torques.is_common() {
+            self.advance_in::<CommonTorques>(&end, observer)
+        } else {
+            self.advance_in::<AllTorques>(&end, observer)
+        }
+    }
+
+    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
+        Ok(self.batch.read(bodies))
+    }
+
+    fn counts(&mut self) -> Result<Vec<StepCounts>> {
+        Ok(self.counts.clone())
+    }
+
+    fn side_by_side(&self) -> usize {
+        match self.width {
+            Width::Lanes => T::lane_count(),
+            Width::Scalar => 1,
+        }
+    }
+}
+
+/// Moves the counts of a block's controllers to whole numbers, which do not run out of digits.
+fn take_counts<T: Scalar>(controllers: &mut [&mut [T]], counts: &mut [StepCounts]) {
+    for (row, counts) in counts.iter_mut().enumerate() {
+        counts.accepted += controllers[ACCEPTED][row].to_f64() as u64;
+        counts.rejected += controllers[REJECTED][row].to_f64() as u64;
+        controllers[ACCEPTED][row] = T::default();
+        controllers[REJECTED][row] = T::default();
+    }
+}
+
+/// A number in two words of `f64` in those of an element type.
+fn two_words_of<T: Scalar>(value: f64, residue: f64) -> TwoWords<T> {
+    let first = T::from_f64(value);
+    TwoWords { value: first, residue: T::from_f64((value - first.to_f64()) + residue) }
+}
+
+/// What acts on bodies, as a type, so that each kind is compiled into a loop of its own.
+trait TimedSurroundings {
+    /// What acts on one lane group.
+    type At<'a, R: Real>: Timed<R>;
+    /// What acts on the lane group from body `first` on.
+    fn at<R: Real>(place: TimedPlace<'_, R>) -> Self::At<'_, R>;
+}
+
+/// Where a lane group finds its torques.
+struct TimedPlace<'a, R: Real> {
+    torques: &'a TorqueTable,
+    parameters: &'a [R::Scalar],
+    stride: usize,
+    first: usize,
+    clock: Clock,
+    start_phases: &'a [Cell<R>],
+}
+
+/// No torque.
+struct Nothing;
+
+impl TimedSurroundings for Nothing {
+    type At<'a, R: Real> = Free;
+    #[inline(always)]
+    fn at<R: Real>(_: TimedPlace<'_, R>) -> Free {
+        Free
+    }
+}
+
+/// A constant torque in body axes and linear drag.
+struct CommonTorques;
+
+impl TimedSurroundings for CommonTorques {
+    type At<'a, R: Real> = Common<R>;
+    #[inline(always)]
+    fn at<R: Real>(place: TimedPlace<'_, R>) -> Common<R> {
+        Common::load(place.torques, |column| R::load(&place.parameters[column * place.stride + place.first..]))
+    }
+}
+
+/// Whatever the scene has.
+struct AllTorques;
+
+impl TimedSurroundings for AllTorques {
+    type At<'a, R: Real> = Torques<'a, R>;
+    #[inline(always)]
+    fn at<R: Real>(place: TimedPlace<'_, R>) -> Torques<'_, R> {
+        let TimedPlace { torques, parameters, stride, first, clock, start_phases } = place;
+        Torques::timed(torques, parameters, stride, first, clock, start_phases)
+    }
+}
+
+/// Advances one block by a slice of attempts, lane group by lane group; says whether any body is still under way.
+struct AdaptiveBlock<'a, 'b, T, S> {
+    parameters: &'a [T],
+    torques: &'a TorqueTable,
+    stride: usize,
+    first: usize,
+    state: &'a mut [&'b mut [T]],
+    controllers: &'a mut [&'b mut [T]],
+    /// At the start of the interval.
+    clock: Clock,
+    /// Length of the interval, s.
+    span: TwoWords<T>,
+    steps: AdaptiveSteps,
+    /// Whether the interval starts here.
+    starts: bool,
+    /// Bodies in the block; lane groups without any are left alone.
+    bodies: usize,
+    kind: std::marker::PhantomData<S>,
+}
+
+impl<T: Scalar, S: TimedSurroundings> LaneTask<T> for AdaptiveBlock<'_, '_, T, S> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<R: Real<Scalar = T>>(self) -> bool {
+        let mut any_under_way = false;
+        let start_phases = vec![Cell::new(R::splat(0.0)); self.torques.phase_count()];
+        for offset in (0..self.bodies).step_by(R::LANES) {
+            let first = self.first + offset;
+            let (body, rate) = load_body(|column| R::load(&self.parameters[column * self.stride + first..]));
+            let environment = S::at(TimedPlace::<R> {
+                torques: self.torques,
+                parameters: self.parameters,
+                stride: self.stride,
+                first,
+                clock: self.clock,
+                start_phases: &start_phases,
+            });
+            // Rows that are no bodies have the rate 0, so that nothing is left to do in them.
+            let span = TwoWords {
+                value: R::splat(self.span.value.to_f64()) * rate,
+                residue: R::splat(self.span.residue.to_f64()) * rate,
+            };
+            let least_step = match self.steps.least_step {
+                Some(seconds) => R::splat(seconds) * rate,
+                None => R::splat(LEAST_STEP),
+            };
+            let limits = Limits { tolerance: R::splat(self.steps.tolerance), least_step };
+            let state = load_state(|column| R::load(&self.state[column][offset..]));
+            let controller = load_controller(|column| R::load(&self.controllers[column][offset..]));
+            let controller = if self.starts { controller.over(span) } else { controller };
+            let (state, controller) = advance(&body, &environment, span, &limits, SLICE, controller, state);
+            any_under_way |= R::any(controller.under_way(&state));
+            store_state(&state, |column, number: R| number.store(&mut self.state[column][offset..]));
+            store_controller(&controller, |column, number: R| number.store(&mut self.controllers[column][offset..]));
+        }
+        any_under_way
+    }
+}
+
+#[inline(always)]
+fn load_controller<R: Real>(column: impl Fn(usize) -> R) -> Controller<R> {
+    Controller {
+        step: column(0),
+        left: TwoWords { value: column(LEFT.start), residue: column(LEFT.start + 1) },
+        retried: column(3),
+        accepted: column(ACCEPTED),
+        rejected: column(REJECTED),
+    }
+}
+
+#[inline(always)]
+fn store_controller<R: Real>(controller: &Controller<R>, mut store: impl FnMut(usize, R)) {
+    let Controller { step, left, retried, accepted, rejected } = *controller;
+    for (column, number) in [step, left.value, left.residue, retried, accepted, rejected].into_iter().enumerate() {
+        store(column, number);
+    }
+}
