@@ -119,10 +119,11 @@ fn fragments_drift_as_a_constant_force_demands() {
 #[test]
 fn a_stuck_thruster_pushes_a_tumbling_stage_less_than_a_steady_one() {
     let states = States::read(&run_example("thruster").path("out/snapshots.csv"));
-    // Without any drag or turning, 400 N on 1400 kg come to 34 m/s in 120 s; the air stops the fall at √(Mg/C) = 151 m/s.
+    // Without drag or turning, 400 N on 1400 kg come to 34 m/s in 120 s. Weight and thrust together reach √((Mg + F)/C), 154 m/s,
+    // at most, against the drag.
     for row in 0..states.rows() {
         let v = states.vector(["vx", "vy", "vz"], row);
-        assert!(v.z <= 0.0 && v.length() < 151.4, "{v}");
+        assert!(v.z <= 0.0 && v.length() < 153.5, "{v}");
         assert!(v.truncate().length() < 34.3, "{v}");
     }
 }

@@ -255,7 +255,7 @@ impl<'a, R: Real> Environment<R> for Recorded<'a, R> {
 
     /// Called before [`Environment::torque`] at every stage; notes ω = I⁻¹ m and what internal dissipation takes.
     #[inline(always)]
-    fn motion(&self, epoch: &Epoch<R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
+    fn motion(&self, epoch: &Epoch<'a, R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
         let motion = self.acting.motion(epoch, body, correction, m);
         let omega = body.angular_velocity(m, correction);
         self.given.angular_velocity.set(omega);
