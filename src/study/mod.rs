@@ -441,8 +441,8 @@ static METHODS: LazyLock<Vec<&'static str>> = LazyLock::new(|| Method::ALL.map(M
 
 fn accuracy(node: &Node<'_>) -> Result<StudyStepping> {
     const TARGETS: [&str; 4] = ["attitude", "angular_velocity", "energy", "percentile"];
-    let known = [&TARGETS[..], &["method", "dt", "precision"]].concat();
-    let table = node.table("a table [accuracy] is needed", &known)?;
+    const KNOWN: [&str; 7] = ["attitude", "angular_velocity", "energy", "percentile", "method", "dt", "precision"];
+    let table = node.table("a table [accuracy] is needed", &KNOWN)?;
     for target in TARGETS {
         table.exclusive(target, "method")?;
         table.exclusive(target, "dt")?;
