@@ -6,7 +6,7 @@ use std::path::Path;
 
 use polhode::bench::provenance::Provenance;
 use polhode::bench::row::{self, Row, Table};
-use polhode::bench::{Bench, Swept, accuracy, front};
+use polhode::bench::{Bench, Swept, accuracy, front, skipping, throughput};
 use polhode::engine::Engine;
 
 /// A quick benchmark of the CPU engine.
@@ -130,4 +130,38 @@ fn rows_of_other_columns_are_refused() {
     let refusal = table.append(&Row::new().with("a", 1.5)).expect_err("refused").to_string();
     assert!(refusal.contains("some.csv: its columns are not those of this version"), "{refusal}");
     assert_eq!(table.rows().expect("rows")[0].text("b"), "x,\"y");
+}
+
+#[test]
+fn throughput_is_below_the_ceilings_of_the_machine() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for filter in ["bodies/cpu/f64/1000", "cores/cpu/f32", "outputs/cpu/f64/4"] {
+        let swept = throughput::run(&bench(filter), folder.path(), &mut |_| ControlFlow::Continue(()));
+        assert!(!swept.expect("measured").rows.is_empty(), "{filter}");
+    }
+    let rows = row::rows(folder.path(), throughput::TABLE).expect("a table");
+    for row in &rows {
+        assert!(row.flag("valid"), "{}", row.text("fault"));
+        let part = row.number("part_of_flops");
+        assert!(part > 0.0 && part < 1.0, "{}: {part} of the ceiling", row.text("case"));
+        assert!(row.number("ceiling_bytes_per_second") > 1e8);
+    }
+    let written = rows.iter().find(|row| row.text("axis") == "outputs").expect("a row");
+    assert!(written.number("write_seconds") > 0.0 && written.number("read_seconds") > 0.0);
+    let names: Vec<_> =
+        std::fs::read_dir(folder.path()).expect("a folder").map(|entry| entry.expect("a file")).collect();
+    assert_eq!(names.len(), 2, "what was written to be timed is gone: {names:?}");
+}
+
+#[test]
+fn skipping_changes_the_result_by_no_more_than_was_asked_for() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for filter in ["steady/cpu", "torque/cpu"] {
+        let swept = skipping::run(&bench(filter), folder.path(), &mut |_| ControlFlow::Continue(())).expect("measured");
+        let [row] = swept.rows.as_slice() else { panic!("{} rows", swept.rows.len()) };
+        assert!(row.flag("valid"), "{}", row.text("fault"));
+        assert!(row.number("difference_rad_p99") <= 2.0 * row.number("tolerance_rad"));
+        assert!(row.number("body_steps_with") < row.number("body_steps_without"));
+        assert!(row.number("bytes_with") < row.number("bytes_without"));
+    }
 }

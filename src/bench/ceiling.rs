@@ -72,7 +72,7 @@ fn processor<T: LaneScalar + Send>() -> Ceiling {
         let done: f64 = rayon::broadcast(|_| black_box(T::dispatch(Chains)).0).into_iter().sum();
         done / clock.elapsed().as_secs_f64()
     });
-    // 256 MiB in all, which fits no cache.
+    // 256 MiB from and as many to, which fit no cache.
     let threads = rayon::current_num_threads();
     let words = (1 << 25) / threads;
     let mut arrays: Vec<_> = (0..threads).map(|_| (vec![1.0_f64; words], vec![0.0_f64; words])).collect();

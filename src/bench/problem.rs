@@ -126,12 +126,14 @@ impl Truth {
             let change = (state.angular_momentum_world - truth.angular_momentum_world).length();
             momentum.push(relative(change, truth.angular_momentum_world.length()));
         }
-        let failed = states.len() - attitude.len();
+        // Where no body is left, nothing is known of the errors.
+        let unknown = Quantiles { median: f64::NAN, p99: f64::NAN, max: f64::NAN };
+        let quantiles = |values: &mut [f64]| if values.is_empty() { unknown } else { Quantiles::of(values) };
         Errors {
-            failed,
-            attitude: Quantiles::of(&mut attitude),
-            kinetic_energy: Quantiles::of(&mut energy),
-            angular_momentum_world: Quantiles::of(&mut momentum),
+            failed: states.len() - attitude.len(),
+            attitude: quantiles(&mut attitude),
+            kinetic_energy: quantiles(&mut energy),
+            angular_momentum_world: quantiles(&mut momentum),
         }
     }
 }

@@ -281,16 +281,17 @@ fn paint_mark<B: DrawingBackend>(
             area.draw(&Circle::new((x, y), size as i32, fill)).map_err(words)?;
             return area.draw(&Circle::new((x, y), size as i32, pen)).map_err(words);
         }
-        Outline::Plus | Outline::Cross => {
-            let (a, b) =
-                if mark.outline == Outline::Plus { ((1.0, 0.0), (0.0, 1.0)) } else { ((0.8, 0.8), (0.8, -0.8)) };
-            return [a, b].into_iter().try_for_each(|(dx, dy)| {
+        Outline::Plus | Outline::Cross | Outline::Star => {
+            let upright = [(1.0, 0.0), (0.0, 1.0)].into_iter().filter(|_| mark.outline != Outline::Cross);
+            let diagonal = [(0.8, 0.8), (0.8, -0.8)].into_iter().filter(|_| mark.outline != Outline::Plus);
+            return upright.chain(diagonal).try_for_each(|(dx, dy)| {
                 area.draw(&PathElement::new(vec![corner(-dx, -dy), corner(dx, dy)], pen)).map_err(words)
             });
         }
         Outline::Square => vec![(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)],
         Outline::Triangle => vec![(0.0, -1.1), (1.0, 0.8), (-1.0, 0.8)],
         Outline::Tip => vec![(0.0, 1.1), (1.0, -0.8), (-1.0, -0.8)],
+        Outline::Wedge => vec![(-1.1, 0.0), (0.8, 1.0), (0.8, -1.0)],
         Outline::Diamond => vec![(0.0, -1.2), (1.2, 0.0), (0.0, 1.2), (-1.2, 0.0)],
     };
     let mut outline: Vec<(i32, i32)> = outline.into_iter().map(|(dx, dy)| corner(dx, dy)).collect();

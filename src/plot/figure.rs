@@ -151,12 +151,25 @@ pub enum Outline {
     Plus,
     /// Two strokes, diagonal.
     Cross,
+    /// Four strokes.
+    Star,
+    /// A triangle that points to the left.
+    Wedge,
 }
 
 impl Outline {
     /// All outlines, in the order in which they are given out.
-    pub const ALL: [Self; 7] =
-        [Self::Circle, Self::Square, Self::Triangle, Self::Diamond, Self::Tip, Self::Plus, Self::Cross];
+    pub const ALL: [Self; 9] = [
+        Self::Circle,
+        Self::Square,
+        Self::Triangle,
+        Self::Diamond,
+        Self::Tip,
+        Self::Plus,
+        Self::Cross,
+        Self::Star,
+        Self::Wedge,
+    ];
 }
 
 /// Colours that colour-blind readers tell apart (M. Okabe, K. Ito, *Color universal design*, 2008), less the yellow, which
@@ -168,13 +181,13 @@ pub const COLOURS: [[u8; 3]; 7] =
 pub const GREY: [u8; 3] = [150, 150, 150];
 
 impl Style {
-    /// The `index`-th combination of colour and mark, with a solid line; the first 49 differ.
+    /// The `index`-th combination of colour and mark, with a solid line; the first nine differ in their marks and the
+    /// first 63 in one of both.
     pub fn nth(index: usize) -> Self {
-        let round = index / COLOURS.len();
         Self {
             colour: COLOURS[index % COLOURS.len()],
             line: Line::Solid,
-            mark: Some(Mark { outline: Outline::ALL[(index + round) % Outline::ALL.len()], filled: true }),
+            mark: Some(Mark { outline: Outline::ALL[index % Outline::ALL.len()], filled: true }),
             width: 1,
         }
     }

@@ -53,7 +53,7 @@ fn caption(folder: &Path) -> Result<Vec<String>> {
             word(&report["versions"]["polhode"]),
             word(&report["versions"]["platform"]),
         ),
-        "Drift and ratios are relative to each body's first recorded state; bodies that failed are left out."
+        "Drift and energies are relative to each body's first recorded state; bodies that failed are left out."
             .to_owned(),
     ])
 }
@@ -90,7 +90,7 @@ fn ensemble(snapshots: &Snapshots, caption: &[String]) -> Figure {
         drift("drift of the kinetic energy", "|T \u{2212} T\u{2080}| / T\u{2080}", &|moment| moment.energy_drift),
         drift("drift of the angular momentum", "|L \u{2212} L\u{2080}| / |L\u{2080}|", &|moment| moment.momentum_drift),
         bands("spin rate", "|\u{3c9}| (rad/s)", &|moment| moment.spin),
-        bands("kinetic energy", "T / T\u{2080}", &|moment| moment.energy),
+        bands("kinetic energy", "T / T\u{2080} \u{2212} 1", &|moment| moment.energy),
     ];
     panels.push(histogram(snapshots));
     Figure {
@@ -153,7 +153,9 @@ fn histogram(snapshots: &Snapshots) -> Panel {
 
 /// From where three-dimensional things are seen: from above and the side, so that no axis hides another.
 fn seen(v: DVec3) -> ((f64, f64), f64) {
-    let (right, up) = (DVec3::new(-0.6, 0.8, 0.0), DVec3::new(-0.32, -0.24, 0.916_515_138_991_168));
+    // 65° around and 25° above the plane of x and y.
+    let right = DVec3::new(-0.906_307_787, 0.422_618_262, 0.0);
+    let up = DVec3::new(-0.178_606_195, -0.383_022_222, 0.906_307_787);
     ((v.dot(right), v.dot(up)), v.dot(right.cross(up)))
 }
 

@@ -29,8 +29,14 @@ impl Laid {
             _ if low > high => (0.0, 1.0),
             Scale::Names(_) => (low, high),
             Scale::Log => {
-                let margin = 0.04 * (high - low);
-                ((low - margin).floor().min(high.ceil() - 1.0), (high + margin).ceil())
+                let margin = 0.05 * (high - low);
+                let decades = (high + margin).floor() - (low - margin).ceil();
+                // Whole decades where there would be fewer than two ticks.
+                if decades >= 1.0 {
+                    (low - margin, high + margin)
+                } else {
+                    ((low - margin).floor().min(high.ceil() - 1.0), (high + margin).ceil())
+                }
             }
             Scale::Linear => {
                 // A constant gets room on both sides.

@@ -12,7 +12,7 @@ pub fn skipping(rows: &[Row]) -> Figure {
     let note = "Each scene is made so that one skip matters in it; both runs ask for the same error. Time: set-up, upload, \
                 integration and reading back. Bytes: columns given to the engine and states read back; no bar where there \
                 are none.";
-    let mut figure = super::figure("What skipping saves", 3, &[note], rows);
+    let mut figure = super::figure("What skipping saves", 2, &[note], rows);
     let rows: Vec<&Row> = rows.iter().rev().filter(|row| row.flag("valid")).collect();
     let names = || Axis::names("skip", rows.iter().map(|row| row.text("skip")).collect());
     let pairs =

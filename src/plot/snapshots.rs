@@ -34,7 +34,7 @@ pub(super) struct Moment {
     pub momentum_drift: [f64; 3],
     /// Quantiles of the spin rate, rad/s, at [`PARTS`].
     pub spin: [f64; 5],
-    /// Quantiles of the rotational kinetic energy relative to its start, at [`PARTS`].
+    /// Quantiles of T/T₀ − 1 of the rotational kinetic energy, at [`PARTS`].
     pub energy: [f64; 5],
 }
 
@@ -118,7 +118,8 @@ impl Snapshots {
         let momentum_drift =
             of_bodies(&|state, first| relative((state.angular_momentum_world - first.1).length(), first.1.length()));
         let spin = of_bodies(&|state, _| state.angular_velocity_body.length());
-        let energy = of_bodies(&|state, first| if first.0 > 0.0 { state.kinetic_energy / first.0 } else { f64::NAN });
+        let energy =
+            of_bodies(&|state, first| if first.0 > 0.0 { state.kinetic_energy / first.0 - 1.0 } else { f64::NAN });
         self.moments.push(Moment {
             time,
             energy_drift: [0.5, 0.99, 1.0].map(|part| rank(&energy_drift, part)),

@@ -18,7 +18,7 @@ pub fn throughput(rows: &[Row]) -> Figure {
     let notes =
         ["rk4 on free bodies. The grey lines are the ceiling: multiply-adds measured on the same engine, divided by \
                   the operations of a step (unbroken f64, dotted f32)."];
-    let mut figure = super::figure("Throughput", 3, &notes, rows);
+    let mut figure = super::figure("Throughput", 4, &notes, rows);
     let mut legend: Vec<(String, Style)> = Vec::new();
     for (index, precision) in ["f64", "f32"].into_iter().enumerate() {
         legend.push((format!("{precision}, measured"), style(index)));
@@ -46,13 +46,8 @@ pub fn throughput(rows: &[Row]) -> Figure {
         }
         if !items.is_empty() {
             let y = Axis::log("body-steps per second (1/s)");
-            figure.panels.push(Panel {
-                title: format!("against {label}"),
-                x: Axis::log(label),
-                y,
-                items,
-                equal: false,
-            });
+            let x = if axis == "cores" { Axis::linear(label) } else { Axis::log(label) };
+            figure.panels.push(Panel { title: format!("against {label}"), x, y, items, equal: false });
         }
     }
     for precision in ["f64", "f32"] {

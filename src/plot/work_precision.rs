@@ -37,7 +37,7 @@ pub fn work_precision(rows: &[Row]) -> Figure {
     let title = format!("Work and precision, {bodies} bodies: time of the compute phase against attitude error");
     let notes = [
         "Filled marks and unbroken lines: f64, or precision chosen by the library; hollow and dashed: f32. Grey crosses \
-         failed their check (bodies failed, or an error above 0.1 rad or above the one asked for). Band: Pareto front.",
+         failed their check (an error above 0.1 rad or above the one asked for); rows with failed bodies are not drawn. Band: Pareto front.",
     ];
     let mut figure = super::figure(&title, 4, &notes, rows);
     let methods = methods();
@@ -57,7 +57,9 @@ fn panel(problem: &str, rows: &[&Row], methods: &[(String, Style)]) -> Panel {
     let points: Vec<Point> = rows.iter().map(|row| point(row)).collect();
     let place = |index: usize| (points[index].error, points[index].seconds);
     let mut items = vec![Item::Curve { points: pareto(&points).into_iter().map(place).collect(), style: FRONT }];
-    let failed = (0..rows.len()).filter(|&index| !points[index].valid && points[index].error.is_finite());
+    // Where bodies failed, the error is that of the others and says nothing.
+    let whole = |index: usize| rows[index].number("failed_bodies") == 0.0 && points[index].error.is_finite();
+    let failed = (0..rows.len()).filter(|&index| !points[index].valid && whole(index));
     items.push(Item::Curve { points: failed.map(place).collect(), style: FAILED });
     for (method, style) in methods.iter().rev() {
         for precision in ["f64", "f32", "chosen"] {
