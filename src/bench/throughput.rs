@@ -93,9 +93,10 @@ impl Case for ThroughputCase {
 /// Step size, s.
 const DT: f64 = 1.0 / 64.0;
 
-/// Floating-point operations of a torque-free step of `rk4`: four slopes of quaternion and momentum, their sums and the
-/// normalisation, each operation counted once. Carrying the state in two words comes on top and is not counted, so the
-/// part of the ceiling is that of useful work.
+/// Floating-point operations of a torque-free step of `rk4` as they stand in its formulas: four slopes of quaternion and
+/// momentum, their sums and the normalisation, each operation counted once. Carrying the state in two words comes on top
+/// and is not counted; what a compiler forms once for several stages is counted at each. The part of the ceiling is an
+/// estimate by so much, and serves to compare engines and machines.
 const OPERATIONS: f64 = 313.0;
 
 /// Body-steps of a case, about, where the number of bodies is varied.
