@@ -227,17 +227,17 @@ struct Recorded<'a, R: Real> {
     given: &'a Given<R>,
 }
 
-impl<R: Real> Environment<R> for Recorded<'_, R> {
-    type Epoch = Epoch<R>;
+impl<'a, R: Real> Environment<R> for Recorded<'a, R> {
+    type Epoch = Epoch<'a, R>;
     const FREE: bool = false;
 
     #[inline(always)]
-    fn epoch(&self, step: u64, fraction: f64) -> Epoch<R> {
+    fn epoch(&self, step: u64, fraction: f64) -> Epoch<'a, R> {
         self.acting.epoch(step, fraction)
     }
 
     #[inline(always)]
-    fn torque(&self, epoch: &Epoch<R>, body: &Body<R>, q: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
+    fn torque(&self, epoch: &Epoch<'a, R>, body: &Body<R>, q: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
         let torque = self.acting.torque(epoch, body, q, omega);
         let given = self.given;
         let weight = R::splat(WEIGHTS[given.stage.get()]);
@@ -255,7 +255,7 @@ impl<R: Real> Environment<R> for Recorded<'_, R> {
 
     /// Called before [`Environment::torque`] at every stage; notes ω = I⁻¹ m and what internal dissipation takes.
     #[inline(always)]
-    fn motion(&self, epoch: &Epoch<R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
+    fn motion(&self, epoch: &Epoch<'a, R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
         let motion = self.acting.motion(epoch, body, correction, m);
         let omega = body.angular_velocity(m, correction);
         self.given.angular_velocity.set(omega);

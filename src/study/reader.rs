@@ -169,7 +169,7 @@ impl<'a> Node<'a> {
     }
 
     /// The table that the value is, with only `known` keys in it.
-    pub(super) fn table(&self, expected: &'static str, known: &'static [&'static str]) -> Result<Table<'a>> {
+    pub(super) fn table(&self, expected: &'static str, known: &[&'static str]) -> Result<Table<'a>> {
         let table = self.any_table().ok_or_else(|| self.refuse(expected))?;
         table.only(known)?;
         Ok(table)
