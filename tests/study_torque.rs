@@ -4,9 +4,9 @@
 use std::path::Path;
 
 use glam::DVec3;
-use polhode::Error;
 use polhode::study::Study;
 use polhode::torque::{Orbit, Parameter, Torque};
+use polhode::{Error, Force};
 
 const BODIES: &str = "
 seed = 5
@@ -197,4 +197,69 @@ fn values_out_of_range_are_located_when_the_plan_is_made() {
     let error = polhode::Plan::new(&scene, &engine).expect_err("negative");
     let message = study.located(error).to_string();
     assert!(message.starts_with("study.toml:14: torque[2].coefficient = -1.0: "), "{message}");
+}
+
+#[test]
+fn every_force_is_read_as_the_library_makes_it_from_the_table_and_from_the_list() {
+    let bodies = BODIES.replace("count = 3\n", "count = 3\nmass = 2.0\n");
+    let scene = |forces: &str| {
+        let study = Study::parse(Path::new("study.toml"), &format!("{bodies}{forces}")).expect("a study");
+        study.scene().expect("a scene")
+    };
+    let list = r#"
+[[force]]
+model = "constant"
+force = [1, 2, 3]
+[[force]]
+model = "gravity"
+acceleration = [0, 0, -9.81]
+[[force]]
+model = "linear-drag"
+coefficient = 0.25
+[[force]]
+model = "quadratic-drag"
+coefficient = { distribution = "uniform", low = 0.5, high = 0.75 }
+[[force]]
+model = "thrust"
+force = { distribution = "uniform", low = -1, high = 1 }
+"#;
+    let common = [
+        Force::constant(DVec3::new(1.0, 2.0, 3.0)),
+        Force::gravity(DVec3::new(0.0, 0.0, -9.81)),
+        Force::linear_drag(0.25),
+    ];
+    let listed = scene(list);
+    assert_eq!(listed.forces()[..3], common);
+    let [.., Force::QuadraticDrag(drag), Force::Thrust(thrust)] = listed.forces() else { panic!("{listed:?}") };
+    assert!((0..3).all(|body| (0.5..0.75).contains(&drag.at(body))));
+    assert_ne!(thrust.at(0), thrust.at(1));
+    let table = scene("[force]\nconstant = [1, 2, 3]\ngravity = [0, 0, -9.81]\nlinear_drag = 0.25\n");
+    assert_eq!(table.forces(), common);
+}
+
+#[test]
+fn wrong_forces_are_refused_at_their_line() {
+    for (text, expected) in [
+        (
+            "[[force]]\nmodel = \"trust\"\nforce = [1, 0, 0]\n",
+            "study.toml:10: force[1].model = \"trust\": did you mean thrust?",
+        ),
+        ("[[force]]\nmodel = \"thrust\"\n", "force[1].force is missing: a vector in body axes is needed (N)"),
+        ("[[force]]\nmodel = \"gravity\"\nforce = [0, 0, 1]\n", "study.toml:11: force[1].force is not known"),
+        ("[[force]]\nmodel = \"quadratic-drag\"\ncoefficient = { column = \"area\" }\n", "name its file here"),
+    ] {
+        let message = refusal(text);
+        assert!(message.contains(expected), "{message}: {expected}");
+    }
+    let bodies = BODIES.replace("count = 3\n", "count = 3\nmass = 2.0\n");
+    for (text, expected) in [
+        ("[[force]]\nmodel = \"quadratic-drag\"\ncoefficient = -1\n", "study.toml:12: force[1].coefficient = -1.0: "),
+        ("[force]\nlinear_drag = -0.5\n", "study.toml:11: force.linear_drag = -0.5: "),
+    ] {
+        let study = Study::parse(Path::new("study.toml"), &format!("{bodies}{text}")).expect("readable");
+        let scene = study.scene().expect("drawn");
+        let error = polhode::Plan::new(&scene, &polhode::engine::Engine::cpu()).expect_err("negative");
+        let message = study.located(error).to_string();
+        assert!(message.starts_with(expected), "{message}: {expected}");
+    }
 }

@@ -35,6 +35,13 @@ pub enum Column {
         /// Index of the parameter in its model.
         parameter: u8,
     },
+    /// A parameter of a force.
+    Force {
+        /// Index of the force in its study.
+        force: u16,
+        /// Index of the parameter in its model.
+        parameter: u8,
+    },
     /// A value of one part of a body that is put together from parts.
     Part {
         /// Index of the part.
@@ -70,6 +77,7 @@ impl Column {
             Column::Velocity => 6,
             Column::SpinRate => 7,
             Column::Part { part, of } => 0x200_0000 | u32::from(part) << 2 | of as u32,
+            Column::Force { force, parameter } => 0x300_0000 | u32::from(force) << 8 | u32::from(parameter),
             Column::Torque { torque, parameter } => 0x100_0000 | u32::from(torque) << 8 | u32::from(parameter),
         }
     }

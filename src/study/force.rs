@@ -1,81 +1,131 @@
 //! The forces of a study: the table `[force]`, or the list `[[force]]`.
 
+use std::collections::BTreeSet;
+
+use super::draw::Draw;
+use super::parameter::{Number, Owner, Source, Triple};
 use super::reader::{Node, Table};
+use super::table::BodyTable;
 use crate::error::Result;
 use crate::force::Force;
+
+/// A force of a study: parameters not yet drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct StudyForce {
+    model: Model,
+    /// Index among the study's forces, from 0; enters the draws.
+    index: usize,
+    /// Where it stands in the file.
+    place: String,
+    /// The key of its parameter there.
+    key: String,
+}
+
+/// What a model reads.
+#[derive(Clone, Debug, PartialEq)]
+enum Model {
+    Constant(Triple),
+    Gravity(Triple),
+    LinearDrag(Number),
+    QuadraticDrag(Number),
+    Thrust(Triple),
+}
 
 /// The names of the models.
 const MODELS: &[&str] = &["constant", "gravity", "linear-drag", "quadratic-drag", "thrust"];
 
-/// What a force's parameter has to be.
-const FORCE_WORLD: &str = "three finite components in world axes are needed (N)";
-const FORCE_BODY: &str = "three finite components in body axes are needed (N)";
-const ACCELERATION: &str = "three finite components in world axes are needed (m/s²)";
-const LINEAR: &str = "a finite number that is not negative is needed (N s/m)";
-const QUADRATIC: &str = "a finite number that is not negative is needed (N s²/m²)";
-
 /// Reads the table or the list.
-pub(super) fn read(node: &Node<'_>) -> Result<Vec<Force>> {
+pub(super) fn read(node: &Node<'_>) -> Result<Vec<StudyForce>> {
     let Some(elements) = node.elements() else { return of_table(node) };
     elements
         .into_iter()
         .enumerate()
         .map(|(index, mut element)| {
-            element.path = format!("force[{}]", index + 1);
+            let place = format!("force[{}]", index + 1);
+            element.path.clone_from(&place);
             let table = element.any_table().ok_or_else(|| element.refuse("tables [[force]] are needed"))?;
-            of_list(&table)
+            let (model, key) = of_list(&table)?;
+            Ok(StudyForce { model, index, key: format!("{place}.{key}"), place })
         })
         .collect()
 }
 
 /// The table, whose keys are the forces.
-fn of_table(node: &Node<'_>) -> Result<Vec<Force>> {
+fn of_table(node: &Node<'_>) -> Result<Vec<StudyForce>> {
     let table =
         node.table("a table [force] or tables [[force]] are needed", &["constant", "gravity", "linear_drag"])?;
-    let mut forces = Vec::new();
+    let mut models = Vec::new();
     if let Some(constant) = table.find("constant") {
-        forces.push(Force::constant(constant.vector(FORCE_WORLD)?));
+        models.push(("constant", Model::Constant(Triple::read(&constant)?)));
     }
     if let Some(gravity) = table.find("gravity") {
-        forces.push(Force::gravity(gravity.vector(ACCELERATION)?));
+        models.push(("gravity", Model::Gravity(Triple::read(&gravity)?)));
     }
     if let Some(drag) = table.find("linear_drag") {
-        forces.push(Force::linear_drag(coefficient(&drag, LINEAR)?));
+        models.push(("linear_drag", Model::LinearDrag(Number::read(&drag)?)));
     }
-    if forces.is_empty() {
+    if models.is_empty() {
         table.need("constant", "a vector in world axes is needed (N), or `gravity` or `linear_drag`")?;
     }
-    Ok(forces)
+    let force =
+        |(index, (key, model))| StudyForce { model, index, place: "force".to_owned(), key: format!("force.{key}") };
+    Ok(models.into_iter().enumerate().map(force).collect())
 }
 
-/// One force of the list.
-fn of_list(table: &Table<'_>) -> Result<Force> {
-    match table.need("model", "the name of a force's model is needed")?.choice(MODELS)? {
+/// One force of the list, and the key of its parameter.
+fn of_list(table: &Table<'_>) -> Result<(Model, &'static str)> {
+    const WORLD: &str = "a vector in world axes is needed (N)";
+    let parameter = |known: &'static [&'static str], expected| {
+        table.only(known)?;
+        table.need(known[1], expected).map(|node| (node, known[1]))
+    };
+    Ok(match table.need("model", "the name of a force's model is needed")?.choice(MODELS)? {
         "constant" => {
-            table.only(&["model", "force"])?;
-            Ok(Force::constant(table.need("force", FORCE_WORLD)?.vector(FORCE_WORLD)?))
+            let (node, key) = parameter(&["model", "force"], WORLD)?;
+            (Model::Constant(Triple::read(&node)?), key)
         }
         "gravity" => {
-            table.only(&["model", "acceleration"])?;
-            Ok(Force::gravity(table.need("acceleration", ACCELERATION)?.vector(ACCELERATION)?))
+            let (node, key) = parameter(&["model", "acceleration"], "a vector in world axes is needed (m/s²)")?;
+            (Model::Gravity(Triple::read(&node)?), key)
         }
         "linear-drag" => {
-            table.only(&["model", "coefficient"])?;
-            Ok(Force::linear_drag(coefficient(&table.need("coefficient", LINEAR)?, LINEAR)?))
+            let (node, key) = parameter(&["model", "coefficient"], "the coefficient is needed (N s/m)")?;
+            (Model::LinearDrag(Number::read(&node)?), key)
         }
         "quadratic-drag" => {
-            table.only(&["model", "coefficient"])?;
-            Ok(Force::quadratic_drag(coefficient(&table.need("coefficient", QUADRATIC)?, QUADRATIC)?))
+            let (node, key) = parameter(&["model", "coefficient"], "the coefficient is needed (N s²/m²)")?;
+            (Model::QuadraticDrag(Number::read(&node)?), key)
         }
         _ => {
-            table.only(&["model", "force"])?;
-            Ok(Force::thrust(table.need("force", FORCE_BODY)?.vector(FORCE_BODY)?))
+            let (node, key) = parameter(&["model", "force"], "a vector in body axes is needed (N)")?;
+            (Model::Thrust(Triple::read(&node)?), key)
         }
-    }
+    })
 }
 
-/// A coefficient of drag.
-fn coefficient(node: &Node<'_>, expected: &'static str) -> Result<f64> {
-    let coefficient = node.number(expected)?;
-    if coefficient < 0.0 { Err(node.refuse(expected)) } else { Ok(coefficient) }
+impl StudyForce {
+    /// The names of the columns of the table of bodies that the force reads.
+    pub(super) fn columns(&self, names: &mut BTreeSet<String>) {
+        match &self.model {
+            Model::Constant(vector) | Model::Gravity(vector) | Model::Thrust(vector) => vector.columns(names),
+            Model::LinearDrag(number) | Model::QuadraticDrag(number) => number.columns(names),
+        }
+    }
+
+    /// The force, its parameter drawn.
+    pub(super) fn force(&self, draw: Draw, count: usize, table: Option<&BodyTable>) -> Force {
+        let source = Source { draw, count, table, of: Owner::Force(self.index) };
+        match &self.model {
+            Model::Constant(force) => Force::constant(source.vector(force, 0)),
+            Model::Gravity(acceleration) => Force::gravity(source.vector(acceleration, 0)),
+            Model::LinearDrag(coefficient) => Force::linear_drag(source.number(coefficient, 0)),
+            Model::QuadraticDrag(coefficient) => Force::quadratic_drag(source.number(coefficient, 0)),
+            Model::Thrust(force) => Force::thrust(source.vector(force, 0)),
+        }
+    }
+
+    /// The keys in the file under which its parameter, or else the force itself, stands.
+    pub(super) fn keys(&self) -> [&str; 2] {
+        [&self.key, &self.place]
+    }
 }

@@ -62,7 +62,7 @@
 //!   centre of mass: `constant = [fx, fy, fz]` in world axes (N), `gravity = [gx, gy, gz]` in world axes (m/s²),
 //!   `linear_drag` against the velocity (N s/m). Or a list `[[force]]`, each with a `model` and its parameters
 //!   ([`crate::force`] has the equations): `constant` (`force`, world axes), `gravity` (`acceleration`), `linear-drag` and
-//!   `quadratic-drag` (`coefficient`, N s/m and N s²/m²), `thrust` (`force`, body axes).
+//!   `quadratic-drag` (`coefficient`, N s/m and N s²/m²), `thrust` (`force`, body axes). Parameters are as those of torques.
 //! * `[[torque]]`, any number of them: a `model` and its parameters ([`crate::torque`] has the equations):
 //!   `constant-body` and `constant-world` (`torque`), `viscous` or `linear-drag` (`coefficient`), `matrix-drag` (`matrix`, three
 //!   rows), `quadratic-drag` (`coefficient`), `sinusoidal` (`sine`, `cosine`, `rate`), `gravity-gradient` (`mu`, `orbit`),
@@ -88,7 +88,6 @@ use std::sync::LazyLock;
 use crate::batch::Precision;
 use crate::ensemble::Ensemble;
 use crate::error::{Error, FileAction, Result};
-use crate::force::Force;
 use crate::method::Method;
 use crate::scene::{Accuracy, Outputs, Scene};
 
@@ -99,6 +98,7 @@ mod force;
 mod inertia;
 mod input;
 mod mass_file;
+mod parameter;
 mod parts;
 mod points;
 pub mod problem;
@@ -118,6 +118,7 @@ pub use solid::Solid;
 pub use table::BodyTable;
 
 use draw::Draw;
+use force::StudyForce;
 use reader::{Node, Place, Table, Text};
 use torque::StudyTorque;
 
@@ -156,7 +157,7 @@ pub struct Study {
     seed: u64,
     bodies: Bodies,
     torques: Vec<StudyTorque>,
-    forces: Vec<Force>,
+    forces: Vec<StudyForce>,
     end: f64,
     outputs: Outputs,
     stepping: StudyStepping,
@@ -231,6 +232,8 @@ impl Study {
         let torques = root.find("torque").map(|node| torque::read(&node)).transpose()?.unwrap_or_default();
         let mut columns = BTreeSet::new();
         torques.iter().for_each(|torque| torque.columns(&mut columns));
+        let forces = root.find("force").map(|node| force::read(&node)).transpose()?.unwrap_or_default();
+        forces.iter().for_each(|force| force.columns(&mut columns));
         let bodies = root.need("bodies", "a table that describes the bodies is needed")?;
         let bodies = Bodies::read(&bodies, |_, name| {
             let folder = file.parent().unwrap_or(Path::new(""));
@@ -239,12 +242,11 @@ impl Study {
         if bodies.table.is_none()
             && let Some(name) = columns.first()
         {
-            let expected = "torques read columns of the table of bodies: name its file here";
+            let expected = "torques or forces read columns of the table of bodies: name its file here";
             let key = format!("bodies.file (column {name})");
             let line = places.get("bodies").map_or(1, |place| place.line);
             return Err(InputError { file: file.to_owned(), line, key, fault: Fault::Missing { expected } }.into());
         }
-        let forces = root.find("force").map(|node| force::read(&node)).transpose()?.unwrap_or_default();
         let (end, outputs) = time(&root.need("time", "a table with the end of the simulated span is needed")?)?;
         let stepping = root.find("accuracy").map(|node| accuracy(&node)).transpose()?;
         let stepping = stepping
@@ -315,11 +317,11 @@ impl Study {
     /// As [`Study::ensemble`].
     pub fn scene(&self) -> Result<Scene> {
         let mut scene = Scene::new(self.ensemble()?).until(self.end).outputs(self.outputs.clone());
+        let (count, table) = (self.bodies.count, self.bodies.table.as_ref());
         for force in &self.forces {
-            scene = scene.force(force.clone());
+            scene = scene.force(force.force(Draw::new(self.seed), count, table));
         }
         for torque in &self.torques {
-            let (count, table) = (self.bodies.count, self.bodies.table.as_ref());
             scene = scene.torque(torque.torque(Draw::new(self.seed), self.seed, count, table));
         }
         Ok(match self.stepping {
@@ -358,6 +360,20 @@ impl Study {
                             None => Fault::Value { value: format!("{value:?}"), expected },
                         };
                         self.input(place.line, &key, fault)
+                    }
+                    None => error,
+                }
+            }
+            Error::Force { force, model, body, field, value, expected } => {
+                let error = Error::Force { force, model, body, field, value, expected };
+                let keys = self.forces.get(force).map(StudyForce::keys).unwrap_or_default();
+                match keys.into_iter().find_map(|key| self.places.get_key_value(key)) {
+                    Some((key, place)) => {
+                        let fault = match body {
+                            Some(body) => Fault::Body { body, field, value, expected },
+                            None => Fault::Value { value: format!("{value:?}"), expected },
+                        };
+                        self.input(place.line, key, fault)
                     }
                     None => error,
                 }

@@ -2,16 +2,16 @@
 
 use std::collections::BTreeSet;
 
-use glam::{DMat3, DQuat, DVec3};
-use rayon::prelude::*;
+use glam::{DMat3, DVec3};
 
 use super::distribution::{Orientation, Scalar, Vector};
-use super::draw::{Column, Draw};
+use super::draw::Draw;
+use super::parameter::{Number, Owner, Source, Triple};
 use super::reader::{Node, Table};
 use super::table::BodyTable;
 use crate::error::Result;
 use crate::torque::white_noise::WhiteNoise;
-use crate::torque::{Orbit, Parameter, Torque};
+use crate::torque::{Orbit, Torque};
 
 /// A torque of a study: parameters not yet drawn.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,20 +19,6 @@ pub(super) struct StudyTorque {
     model: Model,
     /// Index among the study's torques, from 0; enters the draws.
     index: usize,
-}
-
-/// A number of each body: drawn, or a column of the table of bodies.
-#[derive(Clone, Debug, PartialEq)]
-enum Number {
-    Drawn(Scalar),
-    Column(String),
-}
-
-/// A vector of each body: drawn, or three columns of the table of bodies.
-#[derive(Clone, Debug, PartialEq)]
-enum Triple {
-    Drawn(Vector),
-    Columns([String; 3]),
 }
 
 /// What a model reads.
@@ -295,116 +281,23 @@ fn orbit(table: &Table<'_>) -> Result<StudyOrbit> {
     })
 }
 
-impl Number {
-    fn read(node: &Node<'_>) -> Result<Self> {
-        if let Some(table) = node.any_table()
-            && let Some(column) = table.find("column")
-        {
-            table.only(&["column"])?;
-            let name = column.string("the name of a column of the table of bodies is needed")?;
-            return Ok(Number::Column(name.to_owned()));
-        }
-        Scalar::read(node).map(Number::Drawn)
-    }
-}
-
-impl Triple {
-    fn read(node: &Node<'_>) -> Result<Self> {
-        if let Some(table) = node.any_table()
-            && let Some(columns) = table.find("columns")
-        {
-            table.only(&["columns"])?;
-            const EXPECTED: &str = "the names of three columns of the table of bodies are needed";
-            let names = columns.elements().ok_or_else(|| columns.refuse(EXPECTED))?;
-            let names: Vec<String> =
-                names.iter().map(|name| Ok(name.string(EXPECTED)?.to_owned())).collect::<Result<_>>()?;
-            return Ok(Triple::Columns(names.try_into().map_err(|_| columns.refuse(EXPECTED))?));
-        }
-        Vector::read(node).map(Triple::Drawn)
-    }
-}
-
-/// What parameters are drawn from or read from.
-struct Source<'a> {
-    draw: Draw,
-    count: usize,
-    table: Option<&'a BodyTable>,
-    torque: usize,
-}
-
-impl Source<'_> {
-    /// The number of the `parameter`-th parameter of the torque, for all bodies.
-    fn number(&self, number: &Number, parameter: usize) -> Parameter<f64> {
-        match number {
-            Number::Drawn(Scalar::Constant(value)) => Parameter::Shared(*value),
-            Number::Drawn(scalar) => {
-                let column = self.column(parameter);
-                let bodies = (0..self.count).into_par_iter();
-                Parameter::PerBody(bodies.map(|body| scalar.sample(self.draw, body, column, 0)).collect())
-            }
-            Number::Column(name) => Parameter::PerBody(self.rows(name).to_vec()),
-        }
-    }
-
-    fn vector(&self, vector: &Triple, parameter: usize) -> Parameter<DVec3> {
-        match vector {
-            Triple::Drawn(Vector::Components([Scalar::Constant(x), Scalar::Constant(y), Scalar::Constant(z)])) => {
-                Parameter::Shared(DVec3::new(*x, *y, *z))
-            }
-            Triple::Drawn(vector) => {
-                let column = self.column(parameter);
-                let bodies = (0..self.count).into_par_iter();
-                Parameter::PerBody(bodies.map(|body| vector.sample(self.draw, body, column)).collect())
-            }
-            Triple::Columns(names) => {
-                let [x, y, z] = names.each_ref().map(|name| self.rows(name));
-                let rows = x.iter().zip(y).zip(z);
-                Parameter::PerBody(rows.map(|((&x, &y), &z)| DVec3::new(x, y, z)).collect())
-            }
-        }
-    }
-
-    fn orientation(&self, orientation: &Orientation, parameter: usize) -> Parameter<DQuat> {
-        match orientation {
-            Orientation::Constant(orientation) => Parameter::Shared(*orientation),
-            Orientation::Uniform => {
-                let column = self.column(parameter);
-                let bodies = (0..self.count).into_par_iter();
-                Parameter::PerBody(bodies.map(|body| self.draw.rotation(body, column)).collect())
-            }
-        }
-    }
-
-    fn orbit(&self, orbit: &StudyOrbit, first: usize) -> Orbit {
-        Orbit {
-            mu: self.number(&orbit.mu, first),
-            semi_major_axis: self.number(&orbit.semi_major_axis, first + 1),
-            eccentricity: self.number(&orbit.eccentricity, first + 2),
-            inclination: self.number(&orbit.inclination, first + 3),
-            ascending_node: self.number(&orbit.ascending_node, first + 4),
-            pericentre: self.number(&orbit.pericentre, first + 5),
-            mean_anomaly: self.number(&orbit.mean_anomaly, first + 6),
-        }
-    }
-
-    fn column(&self, parameter: usize) -> Column {
-        Column::Torque { torque: self.torque as u16, parameter: parameter as u8 }
-    }
-
-    /// The rows of a column; the table was read with all columns that torques name.
-    fn rows(&self, name: &str) -> &[f64] {
-        self.table.and_then(|table| table.extra(name)).map_or(&[], |rows| &rows[..self.count.min(rows.len())])
+/// An orbit, its elements drawn; the first of them is the `first`-th parameter.
+fn drawn_orbit(source: &Source<'_>, orbit: &StudyOrbit, first: usize) -> Orbit {
+    Orbit {
+        mu: source.number(&orbit.mu, first),
+        semi_major_axis: source.number(&orbit.semi_major_axis, first + 1),
+        eccentricity: source.number(&orbit.eccentricity, first + 2),
+        inclination: source.number(&orbit.inclination, first + 3),
+        ascending_node: source.number(&orbit.ascending_node, first + 4),
+        pericentre: source.number(&orbit.pericentre, first + 5),
+        mean_anomaly: source.number(&orbit.mean_anomaly, first + 6),
     }
 }
 
 impl StudyTorque {
     /// The names of the columns of the table of bodies that the torque reads.
     pub(super) fn columns(&self, names: &mut BTreeSet<String>) {
-        let mut number = |number: &Number| {
-            if let Number::Column(name) = number {
-                names.insert(name.clone());
-            }
-        };
+        let mut number = |number: &Number| number.columns(names);
         let orbit_numbers = |orbit: &StudyOrbit| {
             let StudyOrbit { mu, semi_major_axis, eccentricity, inclination, ascending_node, pericentre, mean_anomaly } =
                 orbit.clone();
@@ -438,16 +331,12 @@ impl StudyTorque {
             Model::SineSpring { stiffness, .. } | Model::LogSpring { stiffness, .. } => number(stiffness),
             Model::WhiteNoise { intensity, .. } => number(intensity),
         }
-        for triple in triples {
-            if let Triple::Columns(columns) = triple {
-                names.extend(columns.iter().cloned());
-            }
-        }
+        triples.into_iter().for_each(|triple| triple.columns(names));
     }
 
     /// The torque, its parameters drawn.
     pub(super) fn torque(&self, draw: Draw, seed: u64, count: usize, table: Option<&BodyTable>) -> Torque {
-        let source = Source { draw, count, table, torque: self.index };
+        let source = Source { draw, count, table, of: Owner::Torque(self.index) };
         let (number, vector) = (|n: &Number, p: usize| source.number(n, p), |v: &Triple, p: usize| source.vector(v, p));
         match &self.model {
             Model::ConstantBody { torque } => Torque::constant_body(vector(torque, 0)),
@@ -458,14 +347,14 @@ impl StudyTorque {
             Model::Sinusoidal { sine, cosine, rate } => {
                 Torque::sinusoidal(vector(sine, 0), vector(cosine, 1), number(rate, 2))
             }
-            Model::GravityGradient { orbit } => Torque::gravity_gradient(source.orbit(orbit, 0)),
+            Model::GravityGradient { orbit } => Torque::gravity_gradient(drawn_orbit(&source, orbit, 0)),
             Model::HeavyTop { mass, centre, gravity } => {
                 Torque::heavy_top(number(mass, 0), vector(centre, 1), vector(gravity, 2))
             }
             Model::MagneticDipole { moment, field } => Torque::magnetic_dipole(vector(moment, 0), vector(field, 1)),
             Model::OrbitingDipole { moment, orbit, strength, tilt, azimuth, rotation } => Torque::orbiting_dipole(
                 vector(moment, 7),
-                source.orbit(orbit, 0),
+                drawn_orbit(&source, orbit, 0),
                 number(strength, 8),
                 number(tilt, 9),
                 number(azimuth, 10),

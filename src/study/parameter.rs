@@ -1,0 +1,152 @@
+//! Parameters of torques and forces: one for all bodies, drawn, or columns of the table of bodies.
+
+use std::collections::BTreeSet;
+
+use glam::{DQuat, DVec3};
+use rayon::prelude::*;
+
+use super::distribution::{Orientation, Scalar, Vector};
+use super::draw::{Column, Draw};
+use super::reader::Node;
+use super::table::BodyTable;
+use crate::error::Result;
+use crate::torque::Parameter;
+
+/// A number of each body: drawn, or a column of the table of bodies.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Number {
+    Drawn(Scalar),
+    Column(String),
+}
+
+/// A vector of each body: drawn, or three columns of the table of bodies.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Triple {
+    Drawn(Vector),
+    Columns([String; 3]),
+}
+
+impl Number {
+    pub(super) fn read(node: &Node<'_>) -> Result<Self> {
+        if let Some(table) = node.any_table()
+            && let Some(column) = table.find("column")
+        {
+            table.only(&["column"])?;
+            let name = column.string("the name of a column of the table of bodies is needed")?;
+            return Ok(Number::Column(name.to_owned()));
+        }
+        Scalar::read(node).map(Number::Drawn)
+    }
+}
+
+impl Triple {
+    pub(super) fn read(node: &Node<'_>) -> Result<Self> {
+        if let Some(table) = node.any_table()
+            && let Some(columns) = table.find("columns")
+        {
+            table.only(&["columns"])?;
+            const EXPECTED: &str = "the names of three columns of the table of bodies are needed";
+            let names = columns.elements().ok_or_else(|| columns.refuse(EXPECTED))?;
+            let names: Vec<String> =
+                names.iter().map(|name| Ok(name.string(EXPECTED)?.to_owned())).collect::<Result<_>>()?;
+            return Ok(Triple::Columns(names.try_into().map_err(|_| columns.refuse(EXPECTED))?));
+        }
+        Vector::read(node).map(Triple::Drawn)
+    }
+}
+
+/// What parameters are drawn from or read from.
+pub(super) struct Source<'a> {
+    /// The study's draws.
+    pub draw: Draw,
+    /// Number of bodies.
+    pub count: usize,
+    /// The table of bodies, if there is one.
+    pub table: Option<&'a BodyTable>,
+    /// Whose parameters they are.
+    pub of: Owner,
+}
+
+/// Whose parameters are drawn; draws of different owners do not depend on each other.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Owner {
+    /// The torque of this index, from 0.
+    Torque(usize),
+    /// The force of this index, from 0.
+    Force(usize),
+}
+
+impl Source<'_> {
+    /// The number of the `parameter`-th parameter of the torque or force, for all bodies.
+    pub(super) fn number(&self, number: &Number, parameter: usize) -> Parameter<f64> {
+        match number {
+            Number::Drawn(Scalar::Constant(value)) => Parameter::Shared(*value),
+            Number::Drawn(scalar) => {
+                let column = self.column(parameter);
+                let bodies = (0..self.count).into_par_iter();
+                Parameter::PerBody(bodies.map(|body| scalar.sample(self.draw, body, column, 0)).collect())
+            }
+            Number::Column(name) => Parameter::PerBody(self.rows(name).to_vec()),
+        }
+    }
+
+    pub(super) fn vector(&self, vector: &Triple, parameter: usize) -> Parameter<DVec3> {
+        match vector {
+            Triple::Drawn(Vector::Components([Scalar::Constant(x), Scalar::Constant(y), Scalar::Constant(z)])) => {
+                Parameter::Shared(DVec3::new(*x, *y, *z))
+            }
+            Triple::Drawn(vector) => {
+                let column = self.column(parameter);
+                let bodies = (0..self.count).into_par_iter();
+                Parameter::PerBody(bodies.map(|body| vector.sample(self.draw, body, column)).collect())
+            }
+            Triple::Columns(names) => {
+                let [x, y, z] = names.each_ref().map(|name| self.rows(name));
+                let rows = x.iter().zip(y).zip(z);
+                Parameter::PerBody(rows.map(|((&x, &y), &z)| DVec3::new(x, y, z)).collect())
+            }
+        }
+    }
+
+    pub(super) fn orientation(&self, orientation: &Orientation, parameter: usize) -> Parameter<DQuat> {
+        match orientation {
+            Orientation::Constant(orientation) => Parameter::Shared(*orientation),
+            Orientation::Uniform => {
+                let column = self.column(parameter);
+                let bodies = (0..self.count).into_par_iter();
+                Parameter::PerBody(bodies.map(|body| self.draw.rotation(body, column)).collect())
+            }
+        }
+    }
+
+    fn column(&self, parameter: usize) -> Column {
+        let parameter = parameter as u8;
+        match self.of {
+            Owner::Torque(torque) => Column::Torque { torque: torque as u16, parameter },
+            Owner::Force(force) => Column::Force { force: force as u16, parameter },
+        }
+    }
+
+    /// The rows of a column; the table was read with all columns that torques name.
+    fn rows(&self, name: &str) -> &[f64] {
+        self.table.and_then(|table| table.extra(name)).map_or(&[], |rows| &rows[..self.count.min(rows.len())])
+    }
+}
+
+impl Number {
+    /// Adds the name of the column that it is read from, if it is.
+    pub(super) fn columns(&self, names: &mut BTreeSet<String>) {
+        if let Number::Column(name) = self {
+            names.insert(name.clone());
+        }
+    }
+}
+
+impl Triple {
+    /// Adds the names of the columns that it is read from, if it is.
+    pub(super) fn columns(&self, names: &mut BTreeSet<String>) {
+        if let Triple::Columns(columns) = self {
+            names.extend(columns.iter().cloned());
+        }
+    }
+}
