@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand, ValueEnum};
 use polhode::bench::provenance::Provenance;
 use polhode::bench::row::Row;
-use polhode::bench::{Bench, Swept, Watcher, accuracy, skipping, stability, throughput};
+use polhode::bench::{Bench, Swept, Watcher, accuracy, drift, skipping, stability, throughput};
 use polhode::engine::Engine;
 use polhode::engine::gpu::GpuOptions;
 
@@ -41,6 +41,8 @@ enum Benchmark {
     Skipping(Options),
     /// The atlas: what becomes of free bodies under every method, for steps from 1e-4 to 1e3 rad.
     Stability(Options),
+    /// How constants of the motion wander over ten million steps.
+    Drift(Options),
 }
 
 /// The engines that are measured.
@@ -88,6 +90,7 @@ pub fn bench(arguments: &BenchArguments) -> Result<(), Failure> {
         Benchmark::Throughput(options) => measure(options, throughput::TABLE, throughput::run, throughput::summary),
         Benchmark::Skipping(options) => measure(options, skipping::TABLE, skipping::run, skipping::summary),
         Benchmark::Stability(options) => measure(options, stability::TABLE, stability::run, stability::summary),
+        Benchmark::Drift(options) => measure(options, drift::TABLE, drift::run, drift::summary),
     }
 }
 
