@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use crate::batch::Precision;
+use crate::engine::adaptive::AdaptiveSteps;
 use crate::ensemble::Ensemble;
 use crate::force::Force;
 use crate::method::Method;
@@ -95,6 +96,13 @@ pub enum Stepping {
         /// The arithmetic; `None` takes `f64` where the engine has it.
         precision: Option<Precision>,
     },
+    /// By each body for itself, by `rk8` and its estimate of each step's error.
+    Adaptive {
+        /// What is asked of the steps.
+        steps: AdaptiveSteps,
+        /// The arithmetic; `None` takes `f64` where the engine has it.
+        precision: Option<Precision>,
+    },
 }
 
 impl Scene {
@@ -138,6 +146,29 @@ impl Scene {
     #[must_use]
     pub fn pinned(mut self, method: Method, dt: f64, precision: Option<Precision>) -> Self {
         self.stepping = Stepping::Pinned { method, dt, precision };
+        self
+    }
+
+    /// Lets each body choose its steps by `rk8`'s estimate of their errors ([`crate::method::rk8_adaptive`]). Runs on the CPU
+    /// engine.
+    ///
+    /// ```
+    /// # use glam::{DQuat, DVec3};
+    /// use polhode::engine::adaptive::AdaptiveSteps;
+    /// use polhode::{Engine, Ensemble, Plan, Scene};
+    ///
+    /// # let ensemble = Ensemble::from_columns(&[DVec3::new(1.0, 2.0, 2.5)], &[DQuat::IDENTITY], &[DVec3::X])?;
+    /// let steps = AdaptiveSteps { tolerance: 1e-9, least_step: None };
+    /// let scene = Scene::new(ensemble).until(60.0).adaptive(steps, None);
+    /// let engine = Engine::cpu();
+    /// let record = engine.run(&Plan::new(&scene, &engine)?)?;
+    /// let work = record.trust().adaptive.expect("bodies took adaptive steps");
+    /// assert!(work.accepted.total > 0 && work.flagged == 0);
+    /// # Ok::<(), polhode::Error>(())
+    /// ```
+    #[must_use]
+    pub fn adaptive(mut self, steps: AdaptiveSteps, precision: Option<Precision>) -> Self {
+        self.stepping = Stepping::Adaptive { steps, precision };
         self
     }
 
@@ -218,7 +249,7 @@ impl Scene {
     /// The arithmetic that was asked for, by [`Scene::precision`] or else by [`Scene::pinned`].
     pub fn wanted_precision(&self) -> Option<Precision> {
         match self.stepping {
-            Stepping::Pinned { precision, .. } => self.precision.or(precision),
+            Stepping::Pinned { precision, .. } | Stepping::Adaptive { precision, .. } => self.precision.or(precision),
             Stepping::Accuracy(_) => self.precision,
         }
     }

@@ -2,6 +2,7 @@
 
 use glam::{DQuat, DVec3};
 use polhode::batch::AnyBatch;
+use polhode::engine::adaptive::{AdaptiveSession, AdaptiveSteps};
 use polhode::engine::{Backend, Description, FreeSession, Session};
 use polhode::free_motion::AnyRows;
 use polhode::run::run;
@@ -161,6 +162,10 @@ impl Backend for Narrow {
     fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
         assert_eq!(rows.precision(), Precision::F32);
         self.0.start_free(rows)
+    }
+    fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+        assert_eq!(batch.precision(), Precision::F32);
+        self.0.start_adaptive(batch, steps)
     }
 }
 

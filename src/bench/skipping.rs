@@ -205,7 +205,9 @@ fn bytes(plan: &Plan<'_>) -> u64 {
                 (WORD_COLUMNS * 8 + ROW_COLUMNS * word, STATE_COMPONENTS * word)
             }
             // Both words of f32 are as long as the one of f64.
-            Treatment::Stepped { precision, .. } => (batch::bytes_per_body(precision), STATE_COMPONENTS * 8),
+            Treatment::Stepped { precision, .. } | Treatment::Adaptive { precision, .. } => {
+                (batch::bytes_per_body(precision), STATE_COMPONENTS * 8)
+            }
         };
         (group.members.len() * (given + plan.times().len() * read)) as u64
     };

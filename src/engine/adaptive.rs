@@ -49,6 +49,14 @@ impl AdaptiveSteps {
     }
 }
 
+impl AdaptiveSteps {
+    /// What a GPU engine says to them.
+    pub(crate) fn refused_on_gpu(&self) -> Error {
+        let expected = "adaptive steps run on the CPU engine: that engine, or a step dt, is needed";
+        Error::Setting { field: "tolerance", value: self.tolerance, expected }
+    }
+}
+
 /// What a torque that is drawn step by step is refused with.
 pub(crate) const NOISE_REFUSED: &str =
     "white noise is drawn for steps of equal length and has no adaptive ones: a method with a step dt is needed";

@@ -49,20 +49,6 @@ impl Cpu {
     pub fn new(width: Width) -> Self {
         Self { width }
     }
-
-    /// Takes a batch and stands ready to advance it in adaptive steps.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Setting`] as [`AdaptiveSteps::check`]; [`crate::Error::Torque`] where white noise acts.
-    pub fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
-        steps.check(batch.precision())?;
-        check_torques(&batch)?;
-        Ok(match batch {
-            AnyBatch::F32(batch) => Box::new(CpuAdaptiveSession::new(batch, steps, self.width)),
-            AnyBatch::F64(batch) => Box::new(CpuAdaptiveSession::new(batch, steps, self.width)),
-        })
-    }
 }
 
 impl Backend for Cpu {
@@ -88,6 +74,15 @@ impl Backend for Cpu {
         Ok(match batch {
             AnyBatch::F32(batch) => Box::new(CpuSession::new(batch, method, self.width)),
             AnyBatch::F64(batch) => Box::new(CpuSession::new(batch, method, self.width)),
+        })
+    }
+
+    fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+        steps.check(batch.precision())?;
+        check_torques(&batch)?;
+        Ok(match batch {
+            AnyBatch::F32(batch) => Box::new(CpuAdaptiveSession::new(batch, steps, self.width)),
+            AnyBatch::F64(batch) => Box::new(CpuAdaptiveSession::new(batch, steps, self.width)),
         })
     }
 

@@ -22,6 +22,7 @@ pub mod gpu;
 
 pub use devices::{Adapter, AdapterLimits, Choice, Devices, devices, devices_async};
 
+use adaptive::{AdaptiveSession, AdaptiveSteps};
 use cpu::{Cpu, Width};
 use gpu::{Arithmetic, Gpu, GpuOptions, wgpu};
 
@@ -175,6 +176,10 @@ impl Backend for Engine {
     fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
         self.backend.start_free(rows)
     }
+
+    fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+        self.backend.start_adaptive(batch, steps)
+    }
 }
 
 impl fmt::Debug for Engine {
@@ -206,6 +211,14 @@ pub trait Backend: Send + Sync {
     ///
     /// As [`Backend::start`].
     fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>>;
+
+    /// Takes a batch and stands ready to advance it in adaptive steps, by [`crate::method::rk8_adaptive`].
+    ///
+    /// # Errors
+    ///
+    /// As [`Backend::start`]; [`crate::Error::Setting`] as [`AdaptiveSteps::check`], and on a GPU, which has no such steps;
+    /// [`crate::Error::Torque`] where white noise acts.
+    fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>>;
 }
 
 /// How far an [`Session::advance`] has come.

@@ -14,6 +14,7 @@ use super::resolution::{Resolution, Stepped};
 use super::{Bound, Plan, Rule, TorqueSet};
 use crate::batch::Precision;
 use crate::engine::Backend;
+use crate::engine::adaptive::AdaptiveSteps;
 use crate::error::{Error, FileAction, Result};
 use crate::method::Method;
 use crate::scene::Scene;
@@ -45,6 +46,7 @@ struct PlanFile {
 #[serde(rename_all = "snake_case")]
 enum ResolutionEntry {
     Pinned { method: String, precision: String, longest_step: f64 },
+    Adaptive { precision: String, tolerance: f64, least_step: Option<f64> },
     Accuracy { tolerance: Tolerance, closed_form: String, uniform_rate: Option<f64>, stepped: Vec<SteppedEntry> },
 }
 
@@ -104,6 +106,10 @@ impl PlanDocument {
                 precision: precision_named(precision)?,
                 longest_step: *longest_step,
             },
+            ResolutionEntry::Adaptive { precision, tolerance, least_step } => Resolution::Adaptive {
+                precision: precision_named(precision)?,
+                steps: AdaptiveSteps { tolerance: *tolerance, least_step: *least_step },
+            },
             ResolutionEntry::Accuracy { tolerance, closed_form, uniform_rate, stepped } => Resolution::Accuracy {
                 tolerance: Bound {
                     attitude: tolerance.attitude.unwrap_or(f64::INFINITY),
@@ -148,6 +154,11 @@ impl<'a> Plan<'a> {
                 method: method.name().to_owned(),
                 precision: name(precision),
                 longest_step: *longest_step,
+            },
+            Resolution::Adaptive { precision, steps } => ResolutionEntry::Adaptive {
+                precision: name(precision),
+                tolerance: steps.tolerance,
+                least_step: steps.least_step,
             },
             Resolution::Accuracy { tolerance, closed_form, uniform_rate, stepped } => ResolutionEntry::Accuracy {
                 tolerance: Tolerance {

@@ -165,7 +165,7 @@ impl Plan<'_> {
                 Treatment::RegularPrecession => (group.bound.attitude.max(ROUNDING_F64), 0),
                 Treatment::ClosedForm { precision: Precision::F32 } => (CLOSED_FORM_F32, 0),
                 Treatment::ClosedForm { precision: Precision::F64 } => (ROUNDING_F64, 0),
-                Treatment::Stepped { .. } => {
+                Treatment::Stepped { .. } | Treatment::Adaptive { .. } => {
                     let found = stepped.iter().find(|entry| entry.torques == group.class.torques);
                     found.map_or((f64::NAN, 0), |entry| {
                         (entry.found.part * entry.found.rule.attitude, entry.found.bodies)
@@ -189,6 +189,8 @@ impl Plan<'_> {
             Treatment::RegularPrecession => Some(evaluations * evaluation_seconds(None) / cores),
             _ if self.engine.kind != EngineKind::Cpu => None,
             Treatment::ClosedForm { precision } => Some(evaluations * evaluation_seconds(Some(precision)) / cores),
+            // The number of steps shows in the run alone.
+            Treatment::Adaptive { .. } => None,
             Treatment::Stepped { method, precision, .. } => {
                 let free = group.class.torques.is_empty();
                 let step = cost_of(method)?.step_seconds(precision, free);
@@ -206,7 +208,7 @@ impl Plan<'_> {
                     ROW_COLUMNS * if precision == Precision::F32 { size_of::<f32>() } else { size_of::<f64>() };
                 WORD_COLUMNS * size_of::<u64>() + numbers + size_of::<BodyFrame>()
             }
-            Treatment::Stepped { precision, .. } => {
+            Treatment::Stepped { precision, .. } | Treatment::Adaptive { precision, .. } => {
                 let torques = group.class.torques.of(self.scene().torques());
                 bytes_per_body_under(precision, &torques, self.scene().end())
             }
@@ -218,11 +220,15 @@ impl Plan<'_> {
 /// The attitude error, rad, of what is evaluated in `f64` at any time (`tests/golden_free_motion.rs`).
 const ROUNDING_F64: f64 = 1e-14;
 
+/// What `rk8` with steps of each body's own is called.
+const ADAPTIVE: &str = "rk8 adaptive";
+
 fn name_of(treatment: &Treatment) -> (&'static str, Precision) {
     match *treatment {
         Treatment::RegularPrecession => (ROTATION, Precision::F64),
         Treatment::ClosedForm { precision } => (CLOSED_FORM, precision),
         Treatment::Stepped { method, precision, .. } => (method.name(), precision),
+        Treatment::Adaptive { precision, .. } => (ADAPTIVE, precision),
     }
 }
 

@@ -5,6 +5,7 @@ use std::ops::Range;
 use super::class::{Bound, Class};
 use super::times::{Interval, steps_over};
 use crate::batch::Precision;
+use crate::engine::adaptive::AdaptiveSteps;
 use crate::method::Method;
 
 /// How the motion of a group's bodies is found.
@@ -27,21 +28,30 @@ pub enum Treatment {
         /// The longest step, s; steps are shortened so that output times are hit exactly.
         longest_step: f64,
     },
+    /// In steps that each body chooses by `rk8`'s estimate of their errors, on the engine.
+    Adaptive {
+        /// The arithmetic.
+        precision: Precision,
+        /// What is asked of the steps.
+        steps: AdaptiveSteps,
+    },
 }
 
 impl Treatment {
     /// The arithmetic of a body that is stepped.
     pub(crate) fn precision_of_steps(&self) -> Option<Precision> {
         match *self {
-            Treatment::Stepped { precision, .. } => Some(precision),
+            Treatment::Stepped { precision, .. } | Treatment::Adaptive { precision, .. } => Some(precision),
             Treatment::RegularPrecession | Treatment::ClosedForm { .. } => None,
         }
     }
 
-    /// The steps that lead over `span` seconds; none where nothing is stepped.
+    /// The equal steps that lead over `span` seconds; none where there are none.
     pub fn interval(&self, span: f64) -> Interval {
         match *self {
-            Treatment::RegularPrecession | Treatment::ClosedForm { .. } => Interval { steps: 0, dt: span },
+            Treatment::RegularPrecession | Treatment::ClosedForm { .. } | Treatment::Adaptive { .. } => {
+                Interval { steps: 0, dt: span }
+            }
             Treatment::Stepped { longest_step, .. } => steps_over(span, longest_step),
         }
     }

@@ -27,6 +27,10 @@ impl SceneMarks {
     pub fn of(scene: &Scene, outputs: usize) -> Self {
         let accuracy = match scene.stepping() {
             Stepping::Pinned { method, dt, .. } => format!("{method}, dt = {dt:?} s"),
+            Stepping::Adaptive { steps, .. } => {
+                let least = steps.least_step.map_or(String::new(), |step| format!(", least step {step:?} s"));
+                format!("adaptive, tolerance {:?}{least}", steps.tolerance)
+            }
             Stepping::Accuracy(accuracy) => {
                 let target = |name: &str, value: Option<f64>| value.map(|value| format!("{name} {value:?}"));
                 let targets = [

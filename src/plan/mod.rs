@@ -180,7 +180,9 @@ impl<'a> Plan<'a> {
     pub fn work_of(&self, group: &Group) -> u64 {
         let of_body = match group.treatment {
             Treatment::Stepped { .. } => self.steps_of(group),
-            Treatment::RegularPrecession | Treatment::ClosedForm { .. } => self.times.len() as u64,
+            Treatment::RegularPrecession | Treatment::ClosedForm { .. } | Treatment::Adaptive { .. } => {
+                self.times.len() as u64
+            }
         };
         of_body.saturating_mul(group.members.len() as u64)
     }
@@ -236,12 +238,13 @@ fn main_treatment(groups: &[Group], scene: &Scene, engine: &dyn Backend) -> (Met
         Some((_, method, precision)) => (method, precision, longest),
         None => {
             let closed_form = groups.iter().find_map(|group| match group.treatment {
-                Treatment::ClosedForm { precision } => Some(precision),
+                Treatment::ClosedForm { precision } | Treatment::Adaptive { precision, .. } => Some(precision),
                 _ => None,
             });
             let precision = closed_form.or(scene.wanted_precision()).unwrap_or(widest(engine));
             match scene.stepping() {
                 Stepping::Pinned { method, dt, .. } => (method, precision, dt),
+                Stepping::Adaptive { .. } => (Method::Rk8, precision, scene.end().max(f64::MIN_POSITIVE)),
                 Stepping::Accuracy(_) => (Method::Rk4, precision, scene.end().max(f64::MIN_POSITIVE)),
             }
         }
@@ -289,6 +292,6 @@ fn skips(scene: &Scene, groups: &[Group]) -> Vec<Skip> {
 fn step_if_stepped(group: &Group) -> Option<f64> {
     match group.treatment {
         Treatment::Stepped { longest_step, .. } => Some(longest_step),
-        Treatment::RegularPrecession | Treatment::ClosedForm { .. } => None,
+        Treatment::RegularPrecession | Treatment::ClosedForm { .. } | Treatment::Adaptive { .. } => None,
     }
 }

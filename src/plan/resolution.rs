@@ -11,7 +11,8 @@ use super::driven::TorqueSet;
 use super::group::{Group, Members, Treatment, level_of, step_of};
 use super::pilot::{Found, Pilot, pilot_sample};
 use crate::batch::Precision;
-use crate::engine::Backend;
+use crate::engine::adaptive::{AdaptiveSteps, NOISE_REFUSED};
+use crate::engine::{Backend, EngineKind};
 use crate::error::{Error, Result};
 use crate::force::Force;
 use crate::method::Method;
@@ -29,6 +30,13 @@ pub enum Resolution {
         precision: Precision,
         /// The longest step, s.
         longest_step: f64,
+    },
+    /// Each body chooses its steps.
+    Adaptive {
+        /// The arithmetic.
+        precision: Precision,
+        /// What is asked of the steps.
+        steps: AdaptiveSteps,
     },
     /// An error was asked for.
     Accuracy {
@@ -92,6 +100,7 @@ impl Resolution {
                 }
                 Ok(Self::Pinned { method, precision, longest_step: dt })
             }
+            Stepping::Adaptive { steps, .. } => Self::adaptive(scene, engine, steps, has_f64),
             Stepping::Accuracy(accuracy) => {
                 check_accuracy(&accuracy)?;
                 let wanted = scene.wanted_precision();
@@ -191,12 +200,38 @@ impl Resolution {
         })
     }
 
+    fn adaptive(scene: &Scene, engine: &dyn Backend, steps: AdaptiveSteps, has_f64: bool) -> Result<Self> {
+        let widest = if has_f64 { Precision::F64 } else { Precision::F32 };
+        let precision = scene.wanted_precision().unwrap_or(widest);
+        steps.check(precision)?;
+        if engine.description().kind == EngineKind::Gpu {
+            return Err(steps.refused_on_gpu());
+        }
+        if scene.forces().iter().any(Force::needs_attitude) {
+            let expected = "thrust follows equal steps of the attitude: a method with a step dt is needed";
+            return Err(Error::Setting { field: "tolerance", value: steps.tolerance, expected });
+        }
+        for (index, torque) in scene.torques().iter().enumerate() {
+            if let Torque::WhiteNoise(noise) = torque {
+                return Err(Error::Torque {
+                    torque: index,
+                    model: torque.name(),
+                    body: None,
+                    field: "draws_per_step",
+                    value: f64::from(noise.draws_per_step),
+                    expected: NOISE_REFUSED,
+                });
+            }
+        }
+        Ok(Self::Adaptive { precision, steps })
+    }
+
     /// The groups of a scene's bodies.
     pub(super) fn groups(&self, scene: &Scene) -> Vec<Group> {
         let span = scene.end();
         let exact = Bound::default();
         let tolerance = match self {
-            Self::Pinned { .. } => &exact,
+            Self::Pinned { .. } | Self::Adaptive { .. } => &exact,
             Self::Accuracy { tolerance, .. } => tolerance,
         };
         sorted(scene, tolerance, |look| self.place(scene, look))
@@ -218,6 +253,7 @@ impl Resolution {
             Self::Pinned { method, precision, longest_step } => {
                 Treatment::Stepped { method: *method, precision: *precision, longest_step: *longest_step }
             }
+            Self::Adaptive { precision, steps } => Treatment::Adaptive { precision: *precision, steps: *steps },
             Self::Accuracy { .. } => {
                 let method = self.rule(class.torques).map_or(COSTS[0].method, |rule| rule.method);
                 Treatment::Stepped { method, precision: precision(wide), longest_step: step }
@@ -228,7 +264,7 @@ impl Resolution {
     /// The rule by which bodies are stepped on which `torques` act.
     pub fn rule(&self, torques: TorqueSet) -> Option<&Rule> {
         match self {
-            Self::Pinned { .. } => None,
+            Self::Pinned { .. } | Self::Adaptive { .. } => None,
             Self::Accuracy { stepped, .. } => {
                 stepped.iter().find(|entry| entry.torques == torques).map(|entry| &entry.found.rule)
             }
@@ -239,8 +275,10 @@ impl Resolution {
     fn place(&self, scene: &Scene, look: &Look) -> (Shape, Way) {
         let free = look.torques.is_empty() && scene.may_skip();
         match self {
-            Self::Pinned { .. } if free && look.verdict.shape == Shape::AtRest => (Shape::AtRest, Way::Precession),
-            Self::Pinned { .. } => (Shape::Asymmetric, Way::Longest { wide: false }),
+            Self::Pinned { .. } | Self::Adaptive { .. } if free && look.verdict.shape == Shape::AtRest => {
+                (Shape::AtRest, Way::Precession)
+            }
+            Self::Pinned { .. } | Self::Adaptive { .. } => (Shape::Asymmetric, Way::Longest { wide: false }),
             Self::Accuracy { closed_form, uniform_rate, .. } => {
                 if free && look.verdict.shape != Shape::Asymmetric {
                     return (look.verdict.shape, Way::Precession);

@@ -8,6 +8,7 @@ use crate::error::Result;
 use crate::method::Method;
 use crate::scene::Accuracy;
 
+mod adaptive;
 mod balance;
 #[cfg(feature = "study")]
 mod column;
@@ -23,6 +24,7 @@ mod npz_file;
 #[cfg(feature = "study")]
 pub mod report;
 
+pub use adaptive::{AdaptiveWork, Spread};
 pub use balance::Balance;
 pub(crate) use balance::BalanceGatherer;
 #[cfg(feature = "study")]
@@ -198,6 +200,8 @@ pub struct Trust {
     pub closed_form: bool,
     /// Steps of all bodies together.
     pub body_steps: u64,
+    /// Adaptive steps; `None` where no body took any.
+    pub adaptive: Option<AdaptiveWork>,
     /// Bytes that were read back from the device; 0 on the CPU.
     pub bytes_read: u64,
     /// Drift of the invariants at the end.

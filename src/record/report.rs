@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::{Balance, Quantiles, Trust};
+use super::{AdaptiveWork, Balance, Quantiles, Spread, Trust};
 use crate::engine::EngineKind;
 use crate::plan::Plan;
 use crate::plan::explain::{ClassRow, SkipRow};
@@ -30,6 +30,8 @@ pub struct Report {
     pub body_steps_per_second: f64,
     /// Bytes that were read back from the device; 0 on the CPU.
     pub bytes_read: u64,
+    /// Adaptive steps; `null` where no body took any.
+    pub adaptive: Option<AdaptiveReport>,
     /// Wall time by phase.
     pub wall_time: WallTimeReport,
     /// Inertia tensors that were repaired before the run, where the study asks for that.
@@ -87,6 +89,28 @@ pub struct PlanReport {
     pub classes: Vec<ClassRow>,
     /// What is left out, and why that is safe.
     pub skips: Vec<SkipRow>,
+}
+
+/// Steps of the bodies that chose them for themselves.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct AdaptiveReport {
+    /// Steps taken.
+    pub accepted: Spread,
+    /// Steps tried again with a smaller size.
+    pub rejected: Spread,
+    /// Bodies that would have needed a step below the limit.
+    pub flagged: usize,
+    /// Bodies advanced side by side: lanes, or a workgroup.
+    pub side_by_side: usize,
+    /// Attempts with those waited for, as a multiple of the attempts alone.
+    pub imbalance: f64,
+}
+
+impl From<AdaptiveWork> for AdaptiveReport {
+    fn from(work: AdaptiveWork) -> Self {
+        let AdaptiveWork { accepted, rejected, flagged, side_by_side, imbalance } = work;
+        Self { accepted, rejected, flagged, side_by_side, imbalance }
+    }
 }
 
 /// Errors at the end, estimated from a sample of bodies that was recomputed in `f64` with finer steps or in closed form.
@@ -252,6 +276,7 @@ impl Report {
                 skips: explanation.skips,
             },
             body_steps: trust.body_steps,
+            adaptive: trust.adaptive.map(AdaptiveReport::from),
             bytes_read: trust.bytes_read,
             body_steps_per_second: if trust.body_steps > 0 && rate.is_finite() { rate } else { 0.0 },
             wall_time: WallTimeReport {
@@ -335,6 +360,15 @@ impl fmt::Display for Report {
                 formatter,
                 "  repaired {} inertia tensors that broke the triangle inequality, by up to {:.1e} of themselves",
                 repairs.bodies, repairs.largest_relative_change
+            )?;
+        }
+        if let Some(work) = &self.adaptive {
+            writeln!(formatter, "  steps    {} accepted", work.accepted)?;
+            writeln!(formatter, "           {} rejected", work.rejected)?;
+            writeln!(
+                formatter,
+                "           {} flagged, imbalance {:.3} over {} side by side",
+                work.flagged, work.imbalance, work.side_by_side
             )?;
         }
         let time = &self.wall_time;

@@ -1,6 +1,6 @@
 //! Some bodies of a scene by themselves, on the CPU.
 
-use crate::batch::{BodyState, prepare_members};
+use crate::batch::{BodyState, StateWords, prepare_members};
 use crate::engine::cpu::{Cpu, Width};
 use crate::engine::{Backend, Observer};
 use crate::error::Result;
@@ -9,7 +9,7 @@ use crate::scene::Scene;
 use crate::torque::Torque;
 
 /// The states of some bodies after the last of `times`, stepped on all cores as `treatment` says, which must be
-/// [`Treatment::Stepped`]; other treatments give none.
+/// [`Treatment::Stepped`] or [`Treatment::Adaptive`]; other treatments give none.
 pub(crate) fn states_at_end(
     scene: &Scene,
     times: &[f64],
@@ -18,8 +18,22 @@ pub(crate) fn states_at_end(
     treatment: &Treatment,
     observer: &mut Observer<'_>,
 ) -> Result<Vec<(usize, BodyState)>> {
-    let Treatment::Stepped { method, precision, .. } = *treatment else { return Ok(Vec::new()) };
+    let Some(precision) = treatment.precision_of_steps() else { return Ok(Vec::new()) };
     let (frames, batch) = prepare_members(scene.ensemble(), torques, scene.end(), members, precision)?;
+    let in_users_units = |words: StateWords| {
+        (0..members.len()).map(|row| (members.body(row), frames[row].body_state(words.combined(row)))).collect()
+    };
+    let method = match *treatment {
+        Treatment::Stepped { method, .. } => method,
+        Treatment::Adaptive { steps, .. } => {
+            let mut session = Cpu::new(Width::Lanes).start_adaptive(batch, steps)?;
+            for &time in times {
+                session.advance_to(time, observer)?;
+            }
+            return Ok(in_users_units(session.read(0..members.len())?));
+        }
+        Treatment::RegularPrecession | Treatment::ClosedForm { .. } => return Ok(Vec::new()),
+    };
     let mut session = Cpu::new(Width::Lanes).start(batch, method)?;
     let mut last = 0.0;
     for &time in times {
@@ -27,6 +41,5 @@ pub(crate) fn states_at_end(
         session.advance(interval.dt, interval.steps, observer)?;
         last = time;
     }
-    let words = session.read(0..members.len())?;
-    Ok((0..members.len()).map(|row| (members.body(row), frames[row].body_state(words.combined(row)))).collect())
+    Ok(in_users_units(session.read(0..members.len())?))
 }

@@ -13,6 +13,7 @@ use crate::plan::Plan;
 use crate::record::{BalanceGatherer, DriftGatherer, Memory, OutputState, Record, Sink, Trust, WallTime};
 use crate::scene::{Scene, Stepping};
 
+mod adaptive;
 pub(crate) mod alone;
 mod balance;
 mod confidence;
@@ -116,6 +117,11 @@ pub fn run_into(
             }
         }
     }
+    let mut works = Vec::new();
+    for unit in &mut units {
+        works.extend(unit.adaptive_work()?);
+    }
+    let adaptive = adaptive::total_work(works, end.flagged);
     let bytes_read = units.iter().map(Unit::bytes_read).sum();
     drop(units);
 
@@ -130,7 +136,7 @@ pub fn run_into(
     }
     let target = match scene.stepping() {
         Stepping::Accuracy(accuracy) => Some(accuracy),
-        Stepping::Pinned { .. } => None,
+        Stepping::Pinned { .. } | Stepping::Adaptive { .. } => None,
     };
     let shadow = errors.shadow(target.as_ref());
     wall_time.shadow = clock.elapsed().as_secs_f64();
@@ -140,7 +146,8 @@ pub fn run_into(
         precision: plan.precision(),
         longest_step: plan.longest_step(),
         closed_form: plan.is_closed_form(),
-        body_steps: plan.body_steps(),
+        body_steps: plan.body_steps() + adaptive.map_or(0, |work| work.accepted.total + work.rejected.total),
+        adaptive,
         bytes_read,
         drift: end.drift.finish(),
         balance: end.balance.finish(),
@@ -171,6 +178,8 @@ struct AtEnd {
     drift: DriftGatherer,
     balance: BalanceGatherer,
     failed_bodies: Vec<usize>,
+    /// Bodies that would have needed a step below the limit.
+    flagged: usize,
 }
 
 impl AtEnd {
@@ -193,6 +202,7 @@ impl AtEnd {
             }
             if !is_finite(rotation) || rotation.status != Status::Valid {
                 self.failed_bodies.push(body);
+                self.flagged += usize::from(rotation.status == Status::StepBelowLimit);
             }
         }
     }

@@ -3,12 +3,15 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::batch::BodyState;
+use crate::batch::{BodyState, Precision};
 use crate::engine::Observer;
+use crate::engine::adaptive::AdaptiveSteps;
 use crate::error::Result;
 use crate::free_motion::FreeMotion;
+use crate::method::rk8_adaptive::least_tolerance;
 use crate::plan::{Group, Interval, Members, Plan, TorqueSet, Treatment, steps_over};
 use crate::record::{Quantiles, Shadow};
+use crate::run::alone::states_at_end;
 use crate::run::confidence::{is_plausible, upper_rank};
 use crate::run::work::{self, Recomputed, Work};
 use crate::scene::{Accuracy, Scene};
@@ -55,7 +58,8 @@ pub(super) struct Reference {
 }
 
 /// The bodies of a sample recomputed on the CPU in `f64`: torque-free ones by the closed form, the others by `rk8` in the
-/// steps of [`reference_intervals`].
+/// steps of [`reference_intervals`], or, where the run's steps are adaptive, in adaptive steps too; the latter without the
+/// torques' work.
 pub(super) fn recomputed(plan: &Plan<'_>, sample: &[u32], observer: &mut Observer<'_>) -> Result<Vec<Reference>> {
     let scene = plan.scene();
     let mut references = Vec::with_capacity(sample.len());
@@ -67,6 +71,12 @@ pub(super) fn recomputed(plan: &Plan<'_>, sample: &[u32], observer: &mut Observe
         references.extend(closed_form(scene, &free));
         if !driven.is_empty() {
             let torques = group.class.torques.of(scene.torques());
+            if let Treatment::Adaptive { steps, .. } = group.treatment {
+                let members = Members::Some(driven);
+                let found = states_at_end(scene, plan.times(), &torques, &members, &finer(&steps), observer)?;
+                references.extend(found.into_iter().map(|(body, state)| Reference { body, state, work: None }));
+                continue;
+            }
             let intervals = reference_intervals(plan, group, &torques, &driven);
             let found = work::recomputed(scene, &torques, &Members::Some(driven), &intervals, observer)?;
             let reference = |Recomputed { body, state, work }| Reference { body, state, work: Some(work) };
@@ -75,6 +85,13 @@ pub(super) fn recomputed(plan: &Plan<'_>, sample: &[u32], observer: &mut Observe
     }
     references.sort_by_key(|reference| reference.body);
     Ok(references)
+}
+
+/// Adaptive steps of a hundredth of the tolerance, so that their error is far below the run's.
+fn finer(steps: &AdaptiveSteps) -> Treatment {
+    let precision = Precision::F64;
+    let tolerance = (0.01 * steps.tolerance).max(least_tolerance(precision));
+    Treatment::Adaptive { precision, steps: AdaptiveSteps { tolerance, least_step: None } }
 }
 
 /// The steps in which bodies of a group are recomputed by `rk8`.

@@ -6,6 +6,7 @@ use std::time::Instant;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::adaptive::{AdaptiveUnit, UnitWork};
 use super::flight::Flight;
 use crate::batch::{BodyFrame, BodyState, StateWords, prepare_members};
 use crate::engine::cpu::{Cpu, Width};
@@ -26,6 +27,7 @@ pub(super) struct Unit<'p> {
 
 enum Motion {
     Stepped { session: Box<dyn Session>, frames: Vec<BodyFrame>, treatment: Treatment },
+    Adaptive(AdaptiveUnit),
     ClosedForm { session: Box<dyn FreeSession>, frames: Vec<BodyFrame> },
     Precession { bodies: Vec<RegularPrecession>, time: f64 },
 }
@@ -59,6 +61,11 @@ impl<'p> Unit<'p> {
                 };
                 wall_time.start += clock.elapsed().as_secs_f64();
                 Motion::ClosedForm { session, frames }
+            }
+            Treatment::Adaptive { precision, steps } => {
+                let unit = AdaptiveUnit::start(engine, scene, group, precision, steps)?;
+                wall_time.prepare += clock.elapsed().as_secs_f64();
+                Motion::Adaptive(unit)
             }
             Treatment::Stepped { method, precision, .. } => {
                 let torques = group.class.torques.of(scene.torques());
@@ -101,6 +108,10 @@ impl<'p> Unit<'p> {
                 session.advance(interval.dt, interval.steps, observer)?;
                 Ok(interval.steps.saturating_mul(bodies))
             }
+            Motion::Adaptive(unit) => {
+                unit.advance_to(time, observer)?;
+                Ok(bodies)
+            }
             Motion::ClosedForm { session, .. } => {
                 if wanted {
                     session.evaluate(time)?;
@@ -119,7 +130,15 @@ impl<'p> Unit<'p> {
         match &self.motion {
             Motion::Stepped { session, .. } => session.bytes_read(),
             Motion::ClosedForm { session, .. } => session.bytes_read(),
-            Motion::Precession { .. } => 0,
+            Motion::Adaptive(_) | Motion::Precession { .. } => 0,
+        }
+    }
+
+    /// The adaptive steps so far, where there are any.
+    pub fn adaptive_work(&mut self) -> Result<Option<UnitWork>> {
+        match &mut self.motion {
+            Motion::Adaptive(unit) => unit.work().map(Some),
+            _ => Ok(None),
         }
     }
 
@@ -138,6 +157,7 @@ impl<'p> Unit<'p> {
         }
         let found: Vec<BodyState> = match &mut self.motion {
             Motion::Stepped { session, frames, .. } => in_users_units(&session.read(rows.clone())?, frames, &rows),
+            Motion::Adaptive(unit) => unit.read(&rows)?,
             Motion::ClosedForm { session, frames } => in_users_units(&session.read(rows.clone())?, frames, &rows),
             Motion::Precession { bodies, time } => bodies[rows.clone()].par_iter().map(|body| body.at(*time)).collect(),
         };

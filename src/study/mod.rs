@@ -22,6 +22,7 @@
 //! attitude = 1e-6                     # rad; or: method = "rk4", dt = 0.01, precision = "f32"
 //! energy = 1e-9                       # relative, beside the attitude; so is angular_velocity
 //! percentile = 99                     # of the bodies, the default
+//!                                     # or: method = "rk8", tolerance = 1e-9 and, where wanted, least_step = 1e-6
 //!
 //! [output]
 //! final = true                        # final.csv: all bodies at the end (the default)
@@ -86,6 +87,7 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use crate::batch::Precision;
+use crate::engine::adaptive::AdaptiveSteps;
 use crate::ensemble::Ensemble;
 use crate::error::{Error, FileAction, Result};
 use crate::method::Method;
@@ -169,6 +171,7 @@ pub struct Study {
 enum StudyStepping {
     Accuracy { accuracy: Accuracy, precision: Option<Precision> },
     Pinned { method: Method, dt: f64, precision: Option<Precision> },
+    Adaptive { steps: AdaptiveSteps, precision: Option<Precision> },
 }
 
 /// `[output]`: which files a run writes.
@@ -292,7 +295,9 @@ impl Study {
     #[must_use]
     pub fn with_precision(mut self, wanted: Precision) -> Self {
         match &mut self.stepping {
-            StudyStepping::Accuracy { precision, .. } | StudyStepping::Pinned { precision, .. } => {
+            StudyStepping::Accuracy { precision, .. }
+            | StudyStepping::Pinned { precision, .. }
+            | StudyStepping::Adaptive { precision, .. } => {
                 *precision = Some(wanted);
             }
         }
@@ -327,6 +332,7 @@ impl Study {
         Ok(match self.stepping {
             StudyStepping::Accuracy { accuracy, precision } => scene.accuracy(accuracy).precision(precision),
             StudyStepping::Pinned { method, dt, precision } => scene.pinned(method, dt, precision),
+            StudyStepping::Adaptive { steps, precision } => scene.adaptive(steps, precision),
         })
     }
 
@@ -335,7 +341,12 @@ impl Study {
     pub fn located(&self, error: Error) -> Error {
         match error {
             Error::Setting { field, value, expected } => {
-                let key = if field == "dt" { "accuracy.dt" } else { field };
+                let key = match field {
+                    "dt" => "accuracy.dt",
+                    "tolerance" => "accuracy.tolerance",
+                    "least_step" => "accuracy.least_step",
+                    other => other,
+                };
                 match self.places.get(key) {
                     Some(place) => self.input(place.line, key, Fault::Value { value: place.value.clone(), expected }),
                     None => Error::Setting { field, value, expected },
@@ -456,17 +467,43 @@ fn time(node: &Node<'_>) -> Result<(f64, Outputs)> {
 static METHODS: LazyLock<Vec<&'static str>> = LazyLock::new(|| Method::ALL.map(Method::name).to_vec());
 
 fn accuracy(node: &Node<'_>) -> Result<StudyStepping> {
-    const KEYS: [&str; 7] = ["attitude", "angular_velocity", "energy", "percentile", "method", "dt", "precision"];
+    const KEYS: [&str; 9] = [
+        "attitude",
+        "angular_velocity",
+        "energy",
+        "percentile",
+        "method",
+        "dt",
+        "tolerance",
+        "least_step",
+        "precision",
+    ];
     let table = node.table("a table [accuracy] is needed", &KEYS)?;
     for target in &KEYS[..4] {
         table.exclusive(target, "method")?;
         table.exclusive(target, "dt")?;
+        table.exclusive(target, "tolerance")?;
     }
+    table.exclusive("dt", "tolerance")?;
+    table.exclusive("dt", "least_step")?;
     let precision = match table.find("precision").map(|node| node.choice(&["auto", "f32", "f64"])).transpose()? {
         Some("f32") => Some(Precision::F32),
         Some("f64") => Some(Precision::F64),
         _ => None,
     };
+    if table.find("tolerance").is_some() || table.find("least_step").is_some() {
+        let tolerance = table.need("tolerance", "a least step needs the error of a step beside it")?;
+        let tolerance = tolerance.positive("a number above 0 and below 1 is needed")?;
+        let least_step = table.find("least_step").map(|node| node.positive("a step above zero is needed (s)"));
+        let method = table.need("method", "adaptive steps need their method beside them: \"rk8\"")?;
+        if method.choice(&METHODS)? != Method::Rk8.name() {
+            return Err(
+                method.refuse("the method with adaptive steps is \"rk8\": it, or dt instead of tolerance, is needed")
+            );
+        }
+        let steps = AdaptiveSteps { tolerance, least_step: least_step.transpose()? };
+        return Ok(StudyStepping::Adaptive { steps, precision });
+    }
     if table.find("method").is_none() && table.find("dt").is_none() {
         let positive = |key: &str, expected| table.find(key).map(|node| node.positive(expected)).transpose();
         const RELATIVE: &str = "a relative error above 0 is needed";
@@ -483,7 +520,8 @@ fn accuracy(node: &Node<'_>) -> Result<StudyStepping> {
     }
     let method = table.need("method", "a step that is given needs a method beside it: \"rk4\" or \"dlm\"")?;
     let chosen = method.choice(&METHODS)?;
-    let dt = table.need("dt", "a method that is given needs a step beside it (s)")?;
+    let dt =
+        table.need("dt", "a method that is given needs a step beside it (s), \"rk8\" alternatively a tolerance")?;
     let dt = dt.positive("a step above zero is needed (s)")?;
     let method = Method::ALL.into_iter().find(|method| method.name() == chosen).unwrap_or(Method::Rk4);
     Ok(StudyStepping::Pinned { method, dt, precision })

@@ -27,6 +27,7 @@ pub use shader::Patch;
 
 pub(crate) use device::{adapters, driver_of};
 
+use super::adaptive::{AdaptiveSession, AdaptiveSteps};
 use super::{Backend, Description, EngineKind, FreeSession, Session};
 use crate::batch::{AnyBatch, Batch, Precision};
 use crate::error::{Error, Result};
@@ -201,6 +202,10 @@ impl Backend for Gpu {
             AnyBatch::F32(batch) => self.start_batch(batch, method, pipeline),
             AnyBatch::F64(batch) => self.start_batch(batch, method, pipeline),
         }
+    }
+
+    fn start_adaptive(&self, _: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+        Err(steps.refused_on_gpu())
     }
 
     fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
