@@ -63,7 +63,9 @@ fn the_shadow_sees_the_error_of_driven_bodies() {
         let scene = scene(tolerance);
         let record = engine.run(&Plan::new(&scene, &engine).expect("planned")).expect("run");
         let error = record.trust().shadow.attitude;
-        assert!(error.median > 0.1 * tolerance && error.max < 300.0 * tolerance, "{tolerance:e}: {error}");
+        // Tolerance bounds a step's estimate, which is of a lower order than the step: errors lie up to a hundred times
+        // below it, and the largest of 10 s of steps above.
+        assert!(error.median > 0.01 * tolerance && error.max < 300.0 * tolerance, "{tolerance:e}: {error}");
     }
 }
 

@@ -145,7 +145,7 @@ refuses! {
     a_percentile_beyond_100: refusal_with("attitude = 1e-6", "percentile = 101") => @"study.toml:11: accuracy.percentile = 101: a percentile above 0 and up to 100 is needed";
     a_percentile_and_a_step: refusal_with("attitude = 1e-6", "percentile = 95\nmethod = \"rk4\"\ndt = 0.1") => @"study.toml:11: accuracy.percentile excludes method: give one of them";
     an_accuracy_that_f32_does_not_reach: refusal("[bodies]\ncount = 1\ninertia = [1, 2, 2.5]\nangular_velocity = [0.1, 1, 0.2]\n[time]\nend = 1.0\n[accuracy]\nattitude = 1e-9\nprecision = \"f32\"\n") => @"study.toml:8: accuracy.attitude = 1e-9: f32 does not reach this: precision f64, or more than 1e-6 rad and 3e-8 of the angle turned, is needed (rad)";
-    a_method_without_a_step: refusal_with("attitude = 1e-6", "method = \"rk4\"") => @"study.toml:10: accuracy.dt is missing: a method that is given needs a step beside it (s)";
+    a_method_without_a_step: refusal_with("attitude = 1e-6", "method = \"rk4\"") => @r#"study.toml:10: accuracy.dt is missing: a method that is given needs a step beside it (s), or "rk8" a tolerance"#;
     a_step_without_a_method: refusal_with("attitude = 1e-6", "dt = 0.1") => @r#"study.toml:10: accuracy.method is missing: a step that is given needs a method beside it: "rk4" or "dlm""#;
     an_unknown_method: refusal_with("attitude = 1e-6", "method = \"rk5\"\ndt = 0.1") => @r#"study.toml:11: accuracy.method = "rk5": did you mean rk4? possible: rk4, rk8, cf4, splitting2, splitting4, splitting6, implicit_midpoint, dlm, explicit_euler, gyro_newton, clamped_euler, spiral"#;
     a_step_below_zero: refusal_with("attitude = 1e-6", "method = \"rk4\"\ndt = -0.1") => @"study.toml:12: accuracy.dt = -0.1: a step above zero is needed (s)";

@@ -139,7 +139,7 @@ Keys (SI units):
     accuracy              attitude [angular_velocity, energy (relative), percentile, precision];
                           or method (rk4, rk8, cf4, splitting2, splitting4, splitting6,
                           implicit_midpoint and, for comparison, dlm, explicit_euler, gyro_newton,
-                          clamped_euler, spiral), dt [precision: f32, f64]
+                          clamped_euler, spiral), dt, or rk8 and tolerance [precision: f32, f64]
     output                final, snapshots (true or false), format (csv, npz)
 Any number or vector of a body may be a distribution: constant (value), uniform (low, high),
 normal (mean, sigma), log-normal (median, sigma of the logarithm); a vector also direction
