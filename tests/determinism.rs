@@ -187,3 +187,14 @@ fn an_upload_comes_back_to_the_bit() {
         assert_same_bits(precision.name(), &expected, &session.read(0..203).expect("read"));
     }
 }
+
+#[test]
+fn a_pool_of_one_thread_and_of_three_give_the_same_bits() {
+    let batch = common::asymmetric_batch(203, 21, Precision::F32);
+    let expected = common::advanced(&Engine::cpu(), &batch, Method::Rk4, DT, STEPS);
+    for threads in [1, 3] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+        let found = pool.install(|| common::advanced(&Engine::cpu(), &batch, Method::Rk4, DT, STEPS));
+        assert_same_bits(&format!("{threads} threads"), &expected, &found);
+    }
+}

@@ -144,6 +144,9 @@ fn a_step_of_any_length_is_right_flagged_or_reported_wrong() {
                     "{method} {precision}, omega dt = {dt:e}: {error:e} rad, {:e} reported",
                     reported(&record)
                 );
+                // A step beyond the method's usable region is said to be one, whatever came of it.
+                let beyond = omega.length() * dt > 2.0 * method.properties().usable_angle;
+                assert!(!beyond || record.trust().outside_usable_region == 1, "{method} {precision}, dt = {dt:e}");
                 if exponent <= -4 {
                     // A hundred steps of an angle below 1e-4: no method is off by more than its first order.
                     let bound = 100.0 * dt * dt + rounding;

@@ -42,7 +42,7 @@ const DISTANCES: [Option<f64>; 7] = [None, Some(1e-1), Some(1e-2), Some(1e-3), S
 const QUICK_DISTANCES: [Option<f64>; 3] = [None, Some(1e-3), Some(1e-6)];
 const GPU_DISTANCES: [Option<f64>; 2] = [None, Some(1e-3)];
 
-/// What becomes of the bodies of a case at one step size; the first that applies.
+/// What becomes of the bodies of a case at one step size; of those that apply the last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Outcome {
     /// The attitude error falls with the step at the claimed order.
@@ -59,10 +59,10 @@ pub enum Outcome {
     FlipsWrongly,
     /// Energy or angular momentum is off by its own size.
     Diverges,
+    /// A state is not a number, and no step has said so.
+    NotANumber,
     /// A body is flagged: the method says itself that the step is too long.
     Flagged,
-    /// A state is not a number.
-    NotANumber,
 }
 
 impl Outcome {
@@ -75,8 +75,8 @@ impl Outcome {
         Outcome::PhaseLost,
         Outcome::FlipsWrongly,
         Outcome::Diverges,
-        Outcome::Flagged,
         Outcome::NotANumber,
+        Outcome::Flagged,
     ];
 
     /// The name in tables.
@@ -282,12 +282,11 @@ impl StabilityCase {
         /// How far an observed order may lie from the claim.
         const ORDER_TOLERANCE: f64 = 0.35;
         let claim = f64::from(self.method.properties().order_under(TorqueKind::Free));
-        // Plain f32 of the baselines hardly differs from what they do in f64 at such steps.
         let error = seen.median(LOOKS - 1);
-        if !seen.finite {
-            Outcome::NotANumber
-        } else if seen.flagged {
+        if seen.flagged {
             Outcome::Flagged
+        } else if !seen.finite {
+            Outcome::NotANumber
         } else if seen.invariants > 1.0 {
             Outcome::Diverges
         } else if seen.flips_wrongly {

@@ -280,22 +280,49 @@ impl<T: LaneScalar> CpuSession<T> {
     }
 }
 
-/// Runs `work` on the pool while this thread reports progress, about ten times a second.
+/// How often progress is reported.
+const PAUSE: std::time::Duration = std::time::Duration::from_millis(100);
+
+/// Runs `work` on the pool of threads in use while this thread reports progress, about ten times a second.
+///
+/// Called on a thread of a pool, as inside [`rayon::ThreadPool::install`], it uses that pool, and this thread works too.
 fn watched(work: impl FnOnce() + Send, observer: &mut Observer<'_>, done: &AtomicU64, total: u64, stop: &AtomicBool) {
-    let (finished, wait) = std::sync::mpsc::channel::<()>();
-    std::thread::scope(|scope| {
-        scope.spawn(move || {
-            work();
-            drop(finished);
-        });
-        let pause = std::time::Duration::from_millis(100);
-        while wait.recv_timeout(pause) == Err(std::sync::mpsc::RecvTimeoutError::Timeout) {
-            let progress = Progress { done: done.load(Ordering::Relaxed), total };
-            if observer(progress).is_break() {
-                stop.store(true, Ordering::Relaxed);
-            }
+    let mut report = || {
+        let progress = Progress { done: done.load(Ordering::Relaxed), total };
+        if observer(progress).is_break() {
+            stop.store(true, Ordering::Relaxed);
         }
-    });
+    };
+    if rayon::current_thread_index().is_some() {
+        let finished = AtomicBool::new(false);
+        rayon::in_place_scope(|scope| {
+            scope.spawn(|_| {
+                work();
+                finished.store(true, Ordering::Release);
+            });
+            let mut last = std::time::Instant::now();
+            while !finished.load(Ordering::Acquire) {
+                if rayon::yield_now() != Some(rayon::Yield::Executed) {
+                    std::thread::sleep(PAUSE / 100);
+                }
+                if last.elapsed() >= PAUSE {
+                    report();
+                    last = std::time::Instant::now();
+                }
+            }
+        });
+    } else {
+        let (finished, wait) = std::sync::mpsc::channel::<()>();
+        std::thread::scope(|scope| {
+            scope.spawn(move || {
+                work();
+                drop(finished);
+            });
+            while wait.recv_timeout(PAUSE) == Err(std::sync::mpsc::RecvTimeoutError::Timeout) {
+                report();
+            }
+        });
+    }
     let _ = observer(Progress { done: done.load(Ordering::Relaxed), total });
 }
 

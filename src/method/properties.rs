@@ -57,6 +57,10 @@ pub struct Properties {
     pub conserves: Conserved,
     /// Where it is stable, in words.
     pub stability: &'static str,
+    /// The usable region: the longest step, as ω dt in rad, up to which free bodies with moments of a ratio of at most 100,
+    /// in f64, keep the method's order or grow by roundings alone. Beyond it they drift, lose their phase, flip or diverge.
+    /// Found by `polhode bench stability` on a grid of half decades; `benches/results` has the rows.
+    pub usable_angle: f64,
     /// Author and year.
     pub source: &'static str,
     /// Whether it takes for granted that the body's axes turn at I⁻¹ m, so that it cannot follow internal dissipation.
@@ -91,6 +95,7 @@ impl Method {
             evaluations: 2,
             conserves: Conserved::EnergyAndAngularMomentumWorld,
             stability: DISCRETE,
+            usable_angle: 1.0,
             source: "Strang 1968; Moser and Veselov 1991; Hairer and Vilmart 2006",
             rigid_only: true,
             baseline: false,
@@ -102,6 +107,7 @@ impl Method {
             evaluations: 1,
             conserves: Conserved::Norm,
             stability: "unstable at any step",
+            usable_angle: 1e-3,
             source: "Euler 1768",
             rigid_only: true,
             baseline: true,
@@ -114,6 +120,7 @@ impl Method {
                 evaluations: 4,
                 conserves: Conserved::Norm,
                 stability: EXPLICIT,
+                usable_angle: 0.1,
                 source: "Kutta 1901",
                 rigid_only: false,
                 baseline: false,
@@ -125,6 +132,7 @@ impl Method {
                 evaluations: 12,
                 conserves: Conserved::Norm,
                 stability: "omega dt < 6 on a steady rotation",
+                usable_angle: 1.0,
                 source: "Dormand and Prince 1980; Hairer, Norsett and Wanner 1993",
                 rigid_only: false,
                 baseline: false,
@@ -136,6 +144,7 @@ impl Method {
                 evaluations: 4,
                 conserves: Conserved::Norm,
                 stability: EXPLICIT,
+                usable_angle: 0.1,
                 source: "Celledoni, Marthinsen and Owren 2003",
                 rigid_only: false,
                 baseline: false,
@@ -164,6 +173,7 @@ impl Method {
                 evaluations: 4,
                 conserves: Conserved::EnergyAndAngularMomentumWorld,
                 stability: ANY,
+                usable_angle: 0.1,
                 source: "Lewis and Simo 1994",
                 rigid_only: true,
                 baseline: false,
@@ -175,6 +185,7 @@ impl Method {
                 evaluations: 2,
                 conserves: Conserved::AngularMomentumWorld,
                 stability: ANY,
+                usable_angle: 0.1,
                 source: "Dullweber, Leimkuhler and McLachlan 1997",
                 rigid_only: true,
                 baseline: true,
@@ -196,6 +207,7 @@ impl Method {
                 orders: [2, 1, 2],
                 evaluations: 3,
                 stability: "omega dt < 1.7",
+                usable_angle: 0.1,
                 source: "del Valle, Angeles, Gonzalez and Luding 2024",
                 ..first_order
             },

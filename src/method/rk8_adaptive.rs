@@ -23,7 +23,7 @@
 //! that would need a step below the limit is flagged ([`Status::StepBelowLimit`]) and left as it stands. In `f32` the
 //! estimate itself has a rounding error of about 1e-6 of a step's increment, in `f64` of 2e-15: [`least_tolerance`].
 //!
-//! Twin: `shaders/method/rk8_adaptive.wgsl`.
+//! There is no shader of it: GPU engines refuse adaptive steps.
 
 use crate::batch::Precision;
 use crate::method::rk8::{ERROR_WEIGHTS_5, Place, Slopes, WEIGHTS, WEIGHTS_3, advanced, slopes, weighted};

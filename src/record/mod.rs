@@ -212,6 +212,9 @@ pub struct Trust {
     pub shadow: Shadow,
     /// Bodies whose state is no longer finite, or of which a step said that it failed, ascending.
     pub failed_bodies: Vec<usize>,
+    /// Bodies that turn further in a given step, at the start or at the end, than the method's usable region reaches
+    /// ([`crate::method::Properties::usable_angle`]); 0 where the step was chosen by the library.
+    pub outside_usable_region: usize,
     /// Wall time by phase.
     pub wall_time: WallTime,
 }
@@ -231,6 +234,11 @@ impl std::fmt::Display for Trust {
         )?;
         if self.balance.bodies > 0 {
             write!(formatter, ", {}", self.balance)?;
+        }
+        if self.outside_usable_region > 0 {
+            let (count, method) = (self.outside_usable_region, self.method);
+            let angle = method.properties().usable_angle;
+            write!(formatter, ", {count} turn by more than {angle} rad a step, beyond the usable region of {method}")?;
         }
         write!(formatter, ", {} failed", self.failed_bodies.len())
     }

@@ -44,6 +44,8 @@ pub struct Report {
     pub accuracy: AccuracyReport,
     /// Bodies whose state is no longer finite, ascending; their rows hold NaN or infinity.
     pub failed_bodies: Vec<usize>,
+    /// How many bodies turn further in a given step than the method's usable region reaches.
+    pub outside_usable_region: usize,
     /// Files beside this one.
     pub files: Vec<String>,
     /// Versions of what made the results.
@@ -311,6 +313,7 @@ impl Report {
                 }),
                 met: trust.shadow.met,
             },
+            outside_usable_region: trust.outside_usable_region,
             failed_bodies: trust.failed_bodies,
             files: Vec::new(),
             versions: Versions {

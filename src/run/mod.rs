@@ -153,6 +153,7 @@ pub fn run_into(
         balance: end.balance.finish(),
         shadow,
         failed_bodies: end.failed_bodies,
+        outside_usable_region: end.outside_usable_region,
         wall_time,
     })
 }
@@ -180,6 +181,8 @@ struct AtEnd {
     failed_bodies: Vec<usize>,
     /// Bodies that would have needed a step below the limit.
     flagged: usize,
+    /// Bodies that turn too far in a given step.
+    outside_usable_region: usize,
 }
 
 impl AtEnd {
@@ -192,8 +195,14 @@ impl AtEnd {
             (initial, energies)
         };
         let starts: Vec<_> = bodies.clone().into_par_iter().zip(states).map(start).collect();
+        let usable_rate = match scene.stepping() {
+            Stepping::Pinned { method, dt, .. } => method.properties().usable_angle / dt,
+            Stepping::Accuracy(_) | Stepping::Adaptive { .. } => f64::INFINITY,
+        };
         for ((body, (initial, energies)), state) in bodies.zip(&starts).zip(states) {
             let rotation = &state.rotation;
+            let too_fast = |state: &BodyState| state.angular_velocity_body.length() > usable_rate;
+            self.outside_usable_region += usize::from(too_fast(initial) || too_fast(rotation));
             if is_finite(rotation) {
                 self.drift.push(initial, rotation);
                 if let Some((start, end)) = *energies {

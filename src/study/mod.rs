@@ -520,8 +520,7 @@ fn accuracy(node: &Node<'_>) -> Result<StudyStepping> {
     }
     let method = table.need("method", "a step that is given needs a method beside it: \"rk4\" or \"dlm\"")?;
     let chosen = method.choice(&METHODS)?;
-    let dt =
-        table.need("dt", "a method that is given needs a step beside it (s), or \"rk8\" a tolerance")?;
+    let dt = table.need("dt", "a method that is given needs a step beside it (s), or \"rk8\" a tolerance")?;
     let dt = dt.positive("a step above zero is needed (s)")?;
     let method = Method::ALL.into_iter().find(|method| method.name() == chosen).unwrap_or(Method::Rk4);
     Ok(StudyStepping::Pinned { method, dt, precision })

@@ -52,6 +52,13 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
             report.bodies
         ));
     }
+    if report.outside_usable_region > 0 {
+        output::note(&format!(
+            "warning: {} of {} bodies turn further in a step than the method's usable region reaches: a shorter dt is needed \
+             (`polhode bench stability` shows what happens)",
+            report.outside_usable_region, report.bodies
+        ));
+    }
     if let Some(repairs) = report.repairs.filter(|repairs| arguments.quiet && repairs.bodies > 0) {
         output::note(&format!(
             "note: {} of {} inertia tensors were repaired, by up to {:.1e} of themselves",
