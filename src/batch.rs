@@ -20,6 +20,7 @@ use crate::ensemble::Ensemble;
 use crate::error::Result;
 use crate::inertia::principal_axes;
 use crate::memory;
+use crate::method::projection::{Combinations, combinations};
 use crate::method::{Method, Status};
 use crate::plan::group::Members;
 use crate::quaternion::Quaternion;
@@ -502,6 +503,21 @@ impl<T: Scalar> Batch<T> {
         self.parameters.extend_from_slice(&columns);
     }
 
+    /// Adds the columns of [`Combinations`], from the state as it stands; behind those of the invariants.
+    pub(crate) fn append_combinations(&mut self) {
+        let stride = self.stride;
+        let mut columns = vec![T::default(); 3 * stride];
+        for body in 0..self.body_count {
+            let at = |columns: &[T], column: usize| columns[column * stride + body].to_f64();
+            let inverse = [0, 1, 2].map(|axis| at(&self.parameters, axis));
+            let kept = combinations(inverse, [4, 5, 6].map(|column| at(&self.state, column)));
+            for (column, number) in [kept.first_second, kept.second_third, kept.first_third].into_iter().enumerate() {
+                columns[column * stride + body] = T::from_f64(number);
+            }
+        }
+        self.parameters.extend_from_slice(&columns);
+    }
+
     /// The most iterations of loops in one step of `method`: its own, and in each evaluation of the torques one for each
     /// instance and as many more as there are draws of noise.
     pub fn loops_of_a_step(&self, method: Method) -> u32 {
@@ -554,6 +570,13 @@ pub(crate) fn load_invariants<R: Real>(wanted: bool, column: impl Fn(usize) -> R
     }
     let first = parameter_columns::<R::Scalar>();
     Invariants { angular_momentum_squared: column(first), kinetic_energy: column(first + 1) }
+}
+
+/// The combinations of a lane group, behind its invariants.
+#[inline(always)]
+pub(crate) fn load_combinations<R: Real>(column: impl Fn(usize) -> R) -> Combinations<R> {
+    let first = parameter_columns::<R::Scalar>() + INVARIANT_COLUMNS;
+    Combinations { first_second: column(first), second_third: column(first + 1), first_third: column(first + 2) }
 }
 
 /// The state of a lane group; `column` loads a state column.

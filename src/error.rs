@@ -81,6 +81,14 @@ pub enum Error {
         /// What would be valid.
         expected: &'static str,
     },
+    /// Projection onto what a free body conserves is asked of something else.
+    #[error("projection of {method}: {expected}")]
+    Projection {
+        /// The integrator.
+        method: crate::method::Method,
+        /// What would be valid.
+        expected: &'static str,
+    },
     /// An integrator of rigid bodies is asked to follow one whose axes do not turn at I⁻¹ m.
     #[error("torque {torque} ({model}): {method} integrates rigid bodies only; take rk4, rk8 or cf4")]
     RigidOnly {

@@ -77,7 +77,7 @@ impl Problem {
         })
     }
 
-    /// The constant at a time (s), and the size that a change of it is measured by (J).
+    /// The constant at a time (s), and the size at the start that changes of it are measured by (J).
     fn constant(self, state: &BodyState, time: f64) -> (f64, f64) {
         let kinetic = state.kinetic_energy;
         match self {
@@ -152,7 +152,7 @@ impl DriftCase {
         let span = DT * self.steps as f64;
         let (frames, batch) = prepare_with(&ensemble, &torques, span, self.precision)?;
         let mut session = self.engine.start(batch, self.method)?;
-        let mut seen: Vec<Vec<f64>> = Vec::new();
+        let (mut seen, mut sizes): (Vec<Vec<f64>>, Vec<f64>) = Default::default();
         let mut flagged = 0;
         let clock = Instant::now();
         for look in 0..=LOOKS {
@@ -163,11 +163,16 @@ impl DriftCase {
             let time = DT * (self.steps / LOOKS * look) as f64;
             flagged = words.status.iter().filter(|status| **status != Status::Valid).count();
             let of_body = |body: usize| self.problem.constant(&frames[body].body_state(words.combined(body)), time);
-            seen.push((0..BODIES).map(|body| of_body(body).0 / of_body(body).1.abs().max(1e-300)).collect());
+            let constants: Vec<(f64, f64)> = (0..BODIES).map(of_body).collect();
+            if look == 0 {
+                sizes = constants.iter().map(|constant| constant.1.abs()).collect();
+            }
+            seen.push(constants.into_iter().map(|constant| constant.0).collect());
         }
         let seconds = clock.elapsed().as_secs_f64();
+        let change = |body: usize, constants: &Vec<f64>| (constants[body] - seen[0][body]).abs() / sizes[body];
         let errors: Vec<Vec<f64>> =
-            (0..BODIES).map(|body| seen.iter().map(|states| (states[body] - seen[0][body]).abs()).collect()).collect();
+            (0..BODIES).map(|body| seen.iter().map(|constants| change(body, constants)).collect()).collect();
         let growths: Vec<f64> =
             errors.iter().map(|errors| growth(errors)).filter(|growth| growth.is_finite()).collect();
         let end: Vec<f64> = errors.iter().map(|errors| errors.iter().copied().fold(0.0, f64::max)).collect();

@@ -8,8 +8,8 @@ use rayon::prelude::*;
 use super::adaptive::{AdaptiveSession, AdaptiveSteps, check_torques};
 use super::{Backend, Description, EngineKind, FreeSession, Observer, Progress, Session, check_step, check_time};
 use crate::batch::{
-    AnyBatch, Batch, Precision, StateWords, load_body, load_invariants, load_state, state_columns, store_state,
-    two_words,
+    AnyBatch, Batch, Precision, StateWords, load_body, load_combinations, load_invariants, load_state, state_columns,
+    store_state, two_words,
 };
 use crate::clock::Clock;
 use crate::error::{Error, Result};
@@ -22,7 +22,7 @@ use crate::method::{
 };
 use crate::real::{Real, Scalar};
 use crate::torque::sum::{Common, Torques};
-use crate::torque::{Environment, Free, TorqueTable};
+use crate::torque::{Conserving, Environment, Free, TorqueTable};
 use crate::vector::TwoWords;
 
 mod adaptive;
@@ -48,6 +48,53 @@ impl Cpu {
     /// The engine in lanes or one body at a time.
     pub fn new(width: Width) -> Self {
         Self { width }
+    }
+}
+
+impl Cpu {
+    /// As [`Backend::start`], for torque-free bodies in `f64`, with the state projected after each step onto what they conserve
+    /// ([`crate::method::projection`]): next to the separatrix the one way of stepping that keeps the phase. `rk4`, `rk8`,
+    /// `cf4` and the splittings (one free flow here) can be asked for.
+    ///
+    /// ```
+    /// use glam::{DQuat, DVec3};
+    /// use polhode::batch::{Precision, prepare};
+    /// use polhode::engine::cpu::{Cpu, Width};
+    /// use polhode::engine::unobserved;
+    /// use polhode::{Ensemble, Method};
+    ///
+    /// // Almost on the separatrix: it flips every few seconds.
+    /// let omega = 5.0 * DVec3::new(1e-6, 1.0, 1e-6);
+    /// let ensemble = Ensemble::from_columns(&[DVec3::new(1.0, 2.0, 3.0)], &[DQuat::IDENTITY], &[omega])?;
+    /// let (frames, batch) = prepare(&ensemble, Precision::F64)?;
+    /// let mut session = Cpu::new(Width::Lanes).start_projected(batch, Method::Rk8)?;
+    /// session.advance(1.0 / 64.0, 6400, &mut unobserved)?;
+    /// let state = frames[0].body_state(session.read(0..1)?.combined(0));
+    /// # assert!((state.angular_velocity_body.length() - 5.0).abs() < 5.0);
+    /// # Ok::<(), polhode::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Projection`] for a batch in `f32` or under torques, and for other methods.
+    pub fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+        let refused = |expected| Err(Error::Projection { method, expected });
+        let AnyBatch::F64(mut batch) = batch else {
+            return refused("a batch in f64 is needed");
+        };
+        if !batch.torques.is_empty() {
+            return refused("bodies without torques are needed, as others conserve nothing of the kind");
+        }
+        if !matches!(
+            method,
+            Method::Rk4 | Method::Rk8 | Method::Cf4 | Method::Splitting2 | Method::Splitting4 | Method::Splitting6
+        ) {
+            return refused("one of the methods rk4, rk8, cf4, splitting2, splitting4, splitting6 is needed");
+        }
+        batch.append_invariants();
+        batch.append_combinations();
+        let clock = batch.torques.clock();
+        Ok(Box::new(CpuSession { batch, method, width: self.width, clock, projected: true }))
     }
 }
 
@@ -140,6 +187,8 @@ struct CpuSession<T> {
     width: Width,
     /// The time that the state stands at.
     clock: Clock,
+    /// Whether the columns of combinations are there and states are projected onto them.
+    projected: bool,
 }
 
 /// Bodies that one task advances: a multiple of every lane count.
@@ -155,6 +204,15 @@ impl<T: LaneScalar> Session for CpuSession<T> {
 
     fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
         check_step(dt, if T::WORDS == 2 { Precision::F32 } else { Precision::F64 })?;
+        // Known where the kernels are compiled: there are no projected ones in f32.
+        if T::WORDS == 1 && self.projected {
+            return match self.method {
+                Method::Rk4 => self.advance_in::<Rk4, Projected>(dt, steps, observer),
+                Method::Rk8 => self.advance_in::<Rk8, Projected>(dt, steps, observer),
+                Method::Cf4 => self.advance_in::<Cf4, Projected>(dt, steps, observer),
+                _ => self.advance_in::<Splitting<2>, Projected>(dt, steps, observer),
+            };
+        }
         match self.method {
             Method::Rk4 => self.advance_by::<Rk4>(dt, steps, observer),
             Method::Rk8 => self.advance_by::<Rk8>(dt, steps, observer),
@@ -186,7 +244,7 @@ impl<T: LaneScalar> CpuSession<T> {
             batch.append_invariants();
         }
         let clock = batch.torques.clock();
-        Self { batch, method, width, clock }
+        Self { batch, method, width, clock, projected: false }
     }
 
     /// Compiles a method's loop for each kind of surroundings: what a scene does not have is not in its loop.
@@ -368,6 +426,19 @@ impl Surroundings for Nothing {
     }
 }
 
+/// No torque, and what a free body conserves.
+struct Projected;
+
+impl Surroundings for Projected {
+    type At<'a, R: Real> = Conserving<R>;
+    #[inline(always)]
+    fn at<R: Real>(place: Place<'_, R>) -> Conserving<R> {
+        let combinations =
+            load_combinations(|column| R::load(&place.parameters[column * place.stride + place.first..]));
+        Conserving { combinations }
+    }
+}
+
 /// A constant torque in body axes and linear drag.
 struct CommonTorques;
 
@@ -435,6 +506,7 @@ impl<T: Scalar, M: Step, S: Surroundings> LaneTask<T> for AdvanceBlock<'_, '_, T
             let prepared = M::prepare::<R, S::At<'_, R>>(&body, &invariants, dt);
             for step in 0..self.steps {
                 state = M::step(&body, &prepared, &environment, self.first_step + step, dt, state);
+                state = environment.projected(&body, state);
             }
             store_state(&state, |column, number: R| number.store(&mut self.state[column][offset..]));
         }

@@ -42,6 +42,7 @@ pub mod implicit_midpoint;
 pub mod kick;
 pub mod midpoint;
 pub mod moser_veselov;
+pub mod projection;
 mod properties;
 pub mod rk4;
 pub mod rk8;

@@ -11,9 +11,10 @@
 //! A new model is a file here with its type and function, its twin, an entry in [`Torque`] and [`Kind`], and a line in
 //! `sum.rs` and `sum.wgsl`.
 
+use crate::method::projection::{Combinations, projected};
 use crate::quaternion::Quaternion;
 use crate::real::Real;
-use crate::rigid_body::{Body, Correction};
+use crate::rigid_body::{Body, Correction, State};
 use crate::vector::Vector;
 
 /// How a torque depends on the angular velocity, which decides how a splitting kicks.
@@ -89,6 +90,13 @@ pub trait Environment<R: Real>: Copy {
     fn drag_coefficient(&self) -> R {
         R::splat(0.0)
     }
+
+    /// The state after a step, brought back to what the body conserves where the environment says so.
+    #[inline(always)]
+    fn projected(&self, _: &Body<R>, state: State<R>) -> State<R> {
+        state
+    }
+
     /// The rate at which the body's axes turn, and m × that rate, at an angular momentum m in principal axes.
     ///
     /// Of a rigid body the first is ω = I⁻¹ m. A method that does not ask for it can integrate rigid bodies only.
@@ -129,5 +137,35 @@ impl<R: Real> Environment<R> for Free {
     #[inline(always)]
     fn velocity_dependence(&self) -> VelocityDependence {
         VelocityDependence::None
+    }
+}
+
+/// No torque, and the state projected onto what a free body conserves after each step.
+#[derive(Clone, Copy, Debug)]
+pub struct Conserving<R> {
+    /// Of the start.
+    pub combinations: Combinations<R>,
+}
+
+impl<R: Real> Environment<R> for Conserving<R> {
+    type Epoch = ();
+    const FREE: bool = true;
+
+    #[inline(always)]
+    fn epoch(&self, _: u64, _: f64) {}
+
+    #[inline(always)]
+    fn torque(&self, _: &(), _: &Body<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        Vector::zero()
+    }
+
+    #[inline(always)]
+    fn velocity_dependence(&self) -> VelocityDependence {
+        VelocityDependence::None
+    }
+
+    #[inline(always)]
+    fn projected(&self, body: &Body<R>, state: State<R>) -> State<R> {
+        projected(body, &self.combinations, state)
     }
 }
