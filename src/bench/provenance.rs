@@ -22,7 +22,7 @@ impl Provenance {
     /// `git` or `rustc` is not there, the word is `unknown`. The column `dirty` says whether files under version control
     /// differ from the commit.
     pub fn collect(command: &str) -> Self {
-        let commit = in_source(&["git", "rev-parse", "HEAD"]);
+        let commit = commit();
         let changes = in_source(&["git", "status", "--porcelain", "--untracked-files=no"]);
         let dirty = match (&commit, changes) {
             (Some(_), Some(changes)) => if changes.is_empty() { "no" } else { "yes" }.to_owned(),
@@ -60,6 +60,11 @@ impl Provenance {
             .with("software", engine.software)
             .with("threads", threads)
     }
+}
+
+/// The commit that the folder stands at in which this library was built, if it is still there.
+pub(crate) fn commit() -> Option<String> {
+    in_source(&["git", "rev-parse", "HEAD"])
 }
 
 /// What a program prints, run in the folder that this library was built in; `None` where it does not succeed.

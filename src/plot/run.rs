@@ -42,9 +42,11 @@ fn caption(folder: &Path) -> Result<Vec<String>> {
     let word = |value: &serde_json::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
     let software = if report["engine"]["software"] == true { ", a SOFTWARE adapter" } else { "" };
     let study = report["study"]["file"].as_str().map_or("polhode run".to_owned(), |file| format!("polhode run {file}"));
+    let commit =
+        crate::bench::provenance::commit().map_or("unknown".to_owned(), |commit| commit.chars().take(12).collect());
     Ok(vec![
         format!(
-            "{study}; {} bodies, {} s; {} in {}, {}{software}; polhode {}, {}",
+            "{study}; {} bodies, {} s; {} in {}, {}{software}; polhode {}, {}; drawn at commit {commit}",
             report["bodies"],
             report["span"],
             word(&report["plan"]["method"]),
