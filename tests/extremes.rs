@@ -174,16 +174,14 @@ fn stiff_drag_stops_a_body_or_is_flagged_or_reported() {
             assert!(stopped || said, "{method}, c dt / I = {stiffness:e}: {omega} and nothing said");
         }
     }
-    // The exact kick of the splittings is right however stiff the drag is.
-    for method in [Method::Splitting2, Method::Splitting4] {
-        let scene = one(DVec3::splat(1.0), DVec3::new(0.3, 0.8, -0.5), 0.5).torque(Torque::linear_drag(1e8)).pinned(
-            method,
-            0.01,
-            Some(Precision::F64),
-        );
-        let omega = run(&scene).final_state().angular_velocity_body(0);
-        assert!(method == Method::Splitting4 || omega.length() < 1e-12, "{method}: {omega}");
-    }
+    // The exact kick of the splitting without negative substeps is right however stiff the drag is.
+    let scene = one(DVec3::splat(1.0), DVec3::new(0.3, 0.8, -0.5), 0.5).torque(Torque::linear_drag(1e8)).pinned(
+        Method::Splitting2,
+        0.01,
+        Some(Precision::F64),
+    );
+    let omega = run(&scene).final_state().angular_velocity_body(0);
+    assert!(omega.length() < 1e-12, "{omega}");
 }
 
 #[test]
