@@ -103,13 +103,14 @@ fn advance(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let body = load_body(i);
     load_torques(i);
+    load_combinations(i);
     // In units of the body's own scale: the rate is a power of two, so that both products are exact.
     let rate = parameter_at(3u, i);
     let dt = TwoWordsReal(settings.dt_value * rate, settings.dt_residue * rate);
     let prepared = prepare(body, load_invariants(i), dt);
     var state = load_state(i);
     for (var n = 0u; n < settings.steps; n += 1u) {
-        state = step(body, prepared, settings.first_step + n, dt, state);
+        state = projected(body, step(body, prepared, settings.first_step + n, dt, state));
     }
     store_state(state, i);
 }

@@ -95,6 +95,8 @@ pub enum Stepping {
         dt: f64,
         /// The arithmetic; `None` takes `f64` where the engine has it.
         precision: Option<Precision>,
+        /// Whether states are projected after each step onto what torque-free bodies conserve.
+        projected: bool,
     },
     /// By each body for itself, by `rk8` and its estimate of each step's error.
     Adaptive {
@@ -145,7 +147,16 @@ impl Scene {
     /// Pins method, step (s) and precision.
     #[must_use]
     pub fn pinned(mut self, method: Method, dt: f64, precision: Option<Precision>) -> Self {
-        self.stepping = Stepping::Pinned { method, dt, precision };
+        self.stepping = Stepping::Pinned { method, dt, precision, projected: false };
+        self
+    }
+
+    /// Pins method and step (s), in `f64`, and projects the state of each body after each step onto what it conserves
+    /// ([`crate::method::projection`]): next to the separatrix stepping keeps the phase in no other way. For scenes without
+    /// torques; a plan refuses others.
+    #[must_use]
+    pub fn projected(mut self, method: Method, dt: f64) -> Self {
+        self.stepping = Stepping::Pinned { method, dt, precision: Some(Precision::F64), projected: true };
         self
     }
 

@@ -163,6 +163,10 @@ impl Backend for Narrow {
         assert_eq!(rows.precision(), Precision::F32);
         self.0.start_free(rows)
     }
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+        self.0.start_projected(batch, method)
+    }
+
     fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
         assert_eq!(batch.precision(), Precision::F32);
         self.0.start_adaptive(batch, steps)

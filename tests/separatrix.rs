@@ -1,7 +1,10 @@
 //! Near the separatrix, where a rotation about the middle axis flips again and again and every step counts: the closed
 //! form against the discrete Moser-Veselov flow in 32 digits, which keeps energy and angular momentum to all of them.
 
+mod common;
 mod support;
+
+use std::path::Path;
 
 use glam::{DMat3, DQuat, DVec3};
 use polhode::batch::prepare;
@@ -10,7 +13,9 @@ use polhode::engine::{Backend, unobserved};
 use polhode::free_motion::FreeMotion;
 use polhode::method::splitting::Splitting;
 use polhode::quaternion::Quaternion;
-use polhode::torque::Free;
+use polhode::scene::Stepping;
+use polhode::study::Study;
+use polhode::torque::{Free, Torque};
 use polhode::{Accuracy, Engine, Ensemble, Method, Plan, Precision, Scene};
 use rayon::prelude::*;
 use support::double_double::DoubleDouble;
@@ -133,21 +138,26 @@ fn the_closed_form_and_projected_steps_hold_near_the_separatrix_for_all_axis_ord
 
     // Steps of 2^-k s, projected onto what a free body conserves, and by the way the same unprojected.
     const STEPPED: f64 = 1e-9;
+    let engines = [("CPU", Engine::cpu()), ("GPU", common::gpu())];
     for (method, k) in [(Method::Rk8, 6), (Method::Splitting6, 8)] {
-        let stepped = |projected: bool| {
-            let (frames, batch) = prepare(&ensemble, Precision::F64).expect("enough memory");
-            let engine = Cpu::new(Width::Lanes);
-            let session = if projected { engine.start_projected(batch, method) } else { engine.start(batch, method) };
-            let mut session = session.expect("started");
-            let dt = 2.0_f64.powi(-k);
-            session.advance(dt, (SPAN / dt) as u64, &mut unobserved).expect("advanced");
-            let words = session.read(0..ensemble.len()).expect("read");
-            let what = format!("{method}, dt = 2^-{k} s, {}", if projected { "projected" } else { "as it is" });
-            p99(&what, &errors(&truths, |body| frames[body].body_state(words.combined(body)).orientation))
-        };
-        let (projected, plain) = (stepped(true), stepped(false));
-        assert!(projected <= STEPPED, "{method}: p99 {projected:e}");
-        assert!(plain > 1e3 * projected, "{method}: p99 {plain:e} without projection");
+        for (name, engine) in &engines {
+            let stepped = |projected: bool| {
+                let scene = Scene::new(ensemble.clone()).until(SPAN);
+                let dt = 2.0_f64.powi(-k);
+                let scene = if projected {
+                    scene.projected(method, dt)
+                } else {
+                    scene.pinned(method, dt, Some(Precision::F64))
+                };
+                let record = engine.run(&Plan::new(&scene, engine).expect("a plan")).expect("a run");
+                let kind = if projected { "projected" } else { "as it is" };
+                let what = format!("{method}, dt = 2^-{k} s, {kind}, {name}");
+                p99(&what, &errors(&truths, |body| record.final_state().orientation(body)))
+            };
+            let (projected, plain) = (stepped(true), stepped(false));
+            assert!(projected <= STEPPED, "{method}, {name}: p99 {projected:e}");
+            assert!(plain > 1e3 * projected, "{method}, {name}: p99 {plain:e} without projection");
+        }
     }
 }
 
@@ -160,12 +170,22 @@ fn projection_is_refused_where_nothing_of_the_kind_is_conserved() {
     };
     assert_eq!(
         message(engine.start_projected(batch(Precision::F32), Method::Rk8).map(|_| ())),
-        "projection of rk8: a batch in f64 is needed"
+        "projection of rk8: f64 is needed"
     );
     assert_eq!(
         message(engine.start_projected(batch(Precision::F64), Method::Dlm).map(|_| ())),
         "projection of dlm: one of the methods rk4, rk8, cf4, splitting2, splitting4, splitting6 is needed"
     );
+}
+
+#[test]
+fn a_plan_refuses_to_project_bodies_under_torques() {
+    let scene = Scene::new(ensemble()).until(1.0).projected(Method::Rk8, 0.01).torque(Torque::linear_drag(0.1));
+    let refusal = Plan::new(&scene, &Engine::cpu()).map(|_| ()).expect_err("refused").to_string();
+    assert_eq!(refusal, "projection of rk8: bodies without torques are needed, as others conserve nothing of the kind");
+    let scene = Scene::new(ensemble()).until(1.0).projected(Method::Rk8, 0.01).precision(Some(Precision::F32));
+    let refusal = Plan::new(&scene, &Engine::cpu()).map(|_| ()).expect_err("refused").to_string();
+    assert_eq!(refusal, "projection of rk8: f64 is needed");
 }
 
 #[test]
@@ -181,14 +201,55 @@ fn projection_leaves_steady_round_and_resting_bodies_alone() {
     let start = DQuat::from_array(START).normalize();
     let ensemble = Ensemble::from_fn(rows.len(), |body| (rows[body].0, start, rows[body].1)).expect("valid");
     let (frames, batch) = prepare(&ensemble, Precision::F64).expect("enough memory");
-    let mut session = Cpu::new(Width::Lanes).start_projected(batch, Method::Rk8).expect("started");
-    session.advance(1.0 / 64.0, 640, &mut unobserved).expect("advanced");
-    let words = session.read(0..rows.len()).expect("read");
-    for (body, row) in rows.iter().enumerate() {
-        let found = frames[body].body_state(words.combined(body)).orientation;
-        let exact = FreeMotion::of_body(&ensemble, body).at(10.0).orientation;
-        let between = found.conjugate() * exact;
-        // 640 steps of rk8 at ω dt = 0.03, whose own error is 1e-14.
-        assert!(2.0 * between.xyz().length() < 1e-13, "{row:?}: {found}, {exact}");
+    for engine in [Engine::cpu(), common::gpu()] {
+        let mut session = engine.start_projected(batch.clone(), Method::Rk8).expect("started");
+        session.advance(1.0 / 64.0, 640, &mut unobserved).expect("advanced");
+        let words = session.read(0..rows.len()).expect("read");
+        for (body, row) in rows.iter().enumerate() {
+            let found = frames[body].body_state(words.combined(body)).orientation;
+            let exact = FreeMotion::of_body(&ensemble, body).at(10.0).orientation;
+            let between = found.conjugate() * exact;
+            // 640 steps of rk8 at ω dt = 0.03, whose own error is 1e-14.
+            assert!(2.0 * between.xyz().length() < 1e-13, "{engine:?}, {row:?}: {found}, {exact}");
+        }
+    }
+}
+
+#[test]
+fn studies_ask_for_projection_and_are_told_where_there_is_none() {
+    let study = |accuracy: &str, more: &str| {
+        let text = format!(
+            "[bodies]\ncount = 3\ninertia = [1.0, 2.0, 3.0]\nangular_velocity = [1e-6, 5.0, 1e-6]\n[time]\nend = 1.0\n\
+             [accuracy]\n{accuracy}\n{more}"
+        );
+        Study::parse(Path::new("s.toml"), &text)
+    };
+    let projecting = study("method = 'rk8'\ndt = 0.01\nprojection = true", "").expect("a study");
+    let scene = projecting.scene().expect("a scene");
+    assert!(matches!(scene.stepping(), Stepping::Pinned { projected: true, method: Method::Rk8, .. }));
+    let engine = Engine::cpu();
+    let plan = Plan::new(&scene, &engine).expect("a plan");
+    assert!(plan.to_json().contains("\"projected\": true"), "{}", plan.to_json());
+    let plain = study("method = 'rk8'\ndt = 0.01\nprojection = false", "").expect("a study").scene().expect("a scene");
+    assert!(matches!(plain.stepping(), Stepping::Pinned { projected: false, .. }));
+
+    let drag = "[[torque]]\nmodel = 'viscous'\ncoefficient = 0.1";
+    for (accuracy, more, line, expected) in [
+        ("method = 'rk8'\ndt = 0.01\nprojection = true", drag, 10, "bodies without torques are needed"),
+        ("method = 'rk8'\ndt = 0.01\nprojection = true\nprecision = 'f32'", "", 10, "f64 is needed"),
+        ("method = 'dlm'\ndt = 0.01\nprojection = true", "", 10, "one of the methods rk4"),
+        ("method = 'rk8'\nprojection = true", "", 7, "needs a step beside it"),
+        ("attitude = 1e-6\nprojection = true", "", 8, "projection"),
+        ("method = 'rk8'\ntolerance = 1e-9\nprojection = true", "", 9, "tolerance"),
+    ] {
+        let refusal = match study(accuracy, more) {
+            Err(error) => error.to_string(),
+            Ok(study) => {
+                let scene = study.scene().expect("a scene");
+                study.located(Plan::new(&scene, &engine).map(|_| ()).expect_err("refused")).to_string()
+            }
+        };
+        let place = format!("s.toml:{line}: accuracy");
+        assert!(refusal.starts_with(&place) && refusal.contains(expected), "{accuracy}: {refusal}");
     }
 }

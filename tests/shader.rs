@@ -24,6 +24,7 @@ fn variants() -> Vec<Source> {
     for precision in Precision::ALL {
         variants.extend(Method::ALL.map(|method| Source::advance(precision, method)));
         variants.push(Source::free_motion(precision));
+        variants.push(Source::advance_projected(precision, Method::Rk8));
         variants.extend(Method::ALL.map(|method| Source::advance_under(precision, method, &every_torque(precision))));
         variants.extend([false, true].map(|int64| Source::probe(precision, int64)));
     }

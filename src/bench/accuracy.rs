@@ -4,7 +4,6 @@
 //! axes, scaling, constants of the closed form) and start (upload, shader compilation) have columns of their own, reading
 //! back is not timed. Errors come from a run's first repeat and are the same to the last bit in every run on a machine.
 
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
@@ -12,14 +11,14 @@ use super::front::{self, Point};
 use super::problem::{Errors, NAMES, Problem, Truth};
 use super::row::Row;
 use super::timing::{Timing, repeat};
+use super::way::{self, Sample, Way};
 use super::{Bench, Case, Swept, Watcher, sweep};
-use crate::batch::{BodyFrame, BodyState, Precision, StateWords, prepare_with};
-use crate::engine::{Engine, EngineKind, unobserved};
+use crate::engine::{Engine, EngineKind};
 use crate::error::Result;
-use crate::free_motion::AnyRows;
 use crate::method::Method;
+use crate::method::rk8_adaptive::least_tolerance;
 use crate::plan::Plan;
-use crate::record::{OutputState, Quantiles, Sink};
+use crate::record::Quantiles;
 use crate::scene::{Accuracy, Scene};
 
 /// The table's name.
@@ -44,33 +43,13 @@ const LONG: u64 = 10;
 const TOLERANCES: [f64; 8] = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9];
 const QUICK_TOLERANCES: [f64; 3] = [1e-2, 1e-5, 1e-8];
 
+/// Errors of a step that adaptive steps are held to, as far as the arithmetic allows.
+const STEP_ERRORS: [f64; 9] = [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-11, 1e-13];
+const QUICK_STEP_ERRORS: [f64; 3] = [1e-4, 1e-6, 1e-9];
+
 /// Beyond this attitude error in the 99th percentile, rad, a result says nothing of where a body points, and a row fails
 /// its check.
 pub const GREATEST_ERROR: f64 = 0.1;
-
-/// How a problem is solved.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Way {
-    /// In equal steps over the span.
-    Stepped {
-        /// The integrator.
-        method: Method,
-        /// The arithmetic.
-        precision: Precision,
-        /// Number of steps.
-        steps: u64,
-    },
-    /// By the closed form of torque-free motion.
-    ClosedForm {
-        /// The arithmetic.
-        precision: Precision,
-    },
-    /// As the library chooses for an attitude error asked for, rad.
-    Asked {
-        /// The attitude error in the 99th percentile, rad.
-        tolerance: f64,
-    },
-}
 
 /// A problem, a way and an engine.
 #[derive(Clone, Debug)]
@@ -92,6 +71,7 @@ impl Case for AccuracyCase {
         let (method, precision) = (self.way.method(), self.way.precision());
         let amount = match self.way {
             Way::Stepped { steps, .. } => format!("{steps} steps"),
+            Way::Adaptive { tolerance, .. } => format!("tolerance {tolerance:e}"),
             Way::ClosedForm { .. } => "1 evaluation".to_owned(),
             Way::Asked { tolerance } => format!("{tolerance:e} rad"),
         };
@@ -100,25 +80,6 @@ impl Case for AccuracyCase {
 
     fn engine(&self) -> &Engine {
         &self.engine
-    }
-}
-
-impl Way {
-    /// The name of the method, `closed form`, or `chosen`.
-    pub fn method(&self) -> &'static str {
-        match self {
-            Way::Stepped { method, .. } => method.name(),
-            Way::ClosedForm { .. } => crate::record::CLOSED_FORM,
-            Way::Asked { .. } => "chosen",
-        }
-    }
-
-    /// The name of the arithmetic, or `chosen`.
-    pub fn precision(&self) -> &'static str {
-        match self {
-            Way::Stepped { precision, .. } | Way::ClosedForm { precision } => precision.name(),
-            Way::Asked { .. } => "chosen",
-        }
     }
 }
 
@@ -139,6 +100,12 @@ pub fn cases(bench: &Bench) -> Vec<AccuracyCase> {
                         let steps = if problem == "separatrix" { LONG * steps } else { steps };
                         add(Way::Stepped { method, precision, steps });
                     }
+                }
+            }
+            for &precision in engine.precisions() {
+                let among = if bench.quick { &QUICK_STEP_ERRORS[..] } else { &STEP_ERRORS[..] };
+                for &tolerance in among.iter().filter(|&&tolerance| tolerance >= least_tolerance(precision)) {
+                    add(Way::Adaptive { precision, tolerance });
                 }
             }
             if free {
@@ -174,21 +141,6 @@ pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Sw
     })
 }
 
-/// One repeat of a case.
-#[derive(Debug, Default)]
-struct Sample {
-    /// Principal axes, scaling, columns, constants, s.
-    prepare: f64,
-    /// Upload and shader compilation, s.
-    start: f64,
-    /// Integration or evaluation, s.
-    compute: f64,
-    /// Steps of all bodies together.
-    body_steps: u64,
-    /// The states at the end.
-    states: Vec<BodyState>,
-}
-
 /// What is known of a case after its repeats.
 #[derive(Debug, Default)]
 struct Measured {
@@ -221,9 +173,14 @@ fn repeated(bench: &Bench, case: &AccuracyCase, problem: &Problem, truth: &Truth
     let mut planning = 0.0;
     let compute = match case.way {
         Way::Stepped { method, precision, steps } => {
-            repeat(bench.repeats(), || keep(stepped(engine, problem, method, precision, steps)?))?
+            repeat(bench.repeats(), || keep(way::stepped(engine, problem, method, precision, steps)?))?
         }
-        Way::ClosedForm { precision } => repeat(bench.repeats(), || keep(closed_form(engine, problem, precision)?))?,
+        Way::Adaptive { precision, tolerance } => {
+            repeat(bench.repeats(), || keep(way::adaptive(engine, problem, precision, tolerance)?))?
+        }
+        Way::ClosedForm { precision } => {
+            repeat(bench.repeats(), || keep(way::closed_form(engine, problem, precision)?))?
+        }
         Way::Asked { tolerance } => {
             let scene = Scene::new(problem.ensemble.clone()).until(problem.span);
             let scene = problem.torques.iter().cloned().fold(scene, Scene::torque);
@@ -231,79 +188,13 @@ fn repeated(bench: &Bench, case: &AccuracyCase, problem: &Problem, truth: &Truth
             let clock = Instant::now();
             let plan = Plan::new(&scene, engine)?;
             planning = clock.elapsed().as_secs_f64();
-            repeat(bench.repeats(), || keep(chosen(engine, &plan)?))?
+            repeat(bench.repeats(), || keep(way::chosen(engine, &plan)?))?
         }
     };
     let sample = first.unwrap_or_default();
     let errors = truth.errors(&sample.states);
     let fault = fault(&errors, case.way);
     Ok(Measured { planning, sample, compute, errors, fault })
-}
-
-/// One repeat in equal steps.
-fn stepped(engine: &Engine, problem: &Problem, method: Method, precision: Precision, steps: u64) -> Result<Sample> {
-    let dt = problem.span / steps as f64;
-    let clock = Instant::now();
-    let (frames, batch) = prepare_with(&problem.ensemble, &problem.torques, problem.span, precision)?;
-    let prepare = clock.elapsed().as_secs_f64();
-    let clock = Instant::now();
-    let mut session = engine.start(batch, method)?;
-    let start = clock.elapsed().as_secs_f64();
-    // One step that is not timed, so that shaders are compiled and threads awake; results do not depend on the cut.
-    session.advance(dt, 1, &mut unobserved)?;
-    let clock = Instant::now();
-    session.advance(dt, steps - 1, &mut unobserved)?;
-    let compute = clock.elapsed().as_secs_f64() * steps as f64 / (steps - 1) as f64;
-    let states = states(&frames, &session.read(0..frames.len())?);
-    Ok(Sample { prepare, start, compute, body_steps: steps * frames.len() as u64, states })
-}
-
-/// One repeat in closed form.
-fn closed_form(engine: &Engine, problem: &Problem, precision: Precision) -> Result<Sample> {
-    let clock = Instant::now();
-    let (frames, rows) = AnyRows::prepare(&problem.ensemble, precision)?;
-    let prepare = clock.elapsed().as_secs_f64();
-    let clock = Instant::now();
-    let mut session = engine.start_free(rows)?;
-    let start = clock.elapsed().as_secs_f64();
-    // Once that is not timed, for the same reason as with steps.
-    session.evaluate(0.5 * problem.span)?;
-    let clock = Instant::now();
-    session.evaluate(problem.span)?;
-    let compute = clock.elapsed().as_secs_f64();
-    let states = states(&frames, &session.read(0..frames.len())?);
-    Ok(Sample { prepare, start, compute, body_steps: 0, states })
-}
-
-/// One repeat of a plan.
-fn chosen(engine: &Engine, plan: &Plan<'_>) -> Result<Sample> {
-    let mut last = Last::default();
-    let trust = crate::run::run_into(engine, plan, &mut last, &mut |_| ControlFlow::Continue(()))?;
-    let time = trust.wall_time;
-    let sample = Sample { prepare: time.prepare, start: time.start, compute: time.compute, ..Sample::default() };
-    Ok(Sample { body_steps: trust.body_steps, states: last.states, ..sample })
-}
-
-/// Keeps the states at the end.
-#[derive(Debug, Default)]
-struct Last {
-    states: Vec<BodyState>,
-}
-
-impl Sink for Last {
-    fn wants(&mut self, _: usize, _: usize, _: f64) -> bool {
-        true
-    }
-
-    fn bodies(&mut self, _: usize, _: f64, _: usize, states: &[OutputState]) -> Result<()> {
-        self.states.extend(states.iter().map(|state| state.rotation));
-        Ok(())
-    }
-}
-
-fn states(frames: &[BodyFrame], words: &StateWords) -> Vec<BodyState> {
-    let state = |body: usize| BodyState { status: words.status[body], ..frames[body].body_state(words.combined(body)) };
-    (0..frames.len()).map(state).collect()
 }
 
 /// Why a result fails its check; empty where it passes.
@@ -332,6 +223,7 @@ impl Measured {
         let bodies = problem.ensemble.len();
         let (steps, tolerance) = match case.way {
             Way::Stepped { steps, .. } => (steps as f64, f64::NAN),
+            Way::Adaptive { tolerance, .. } => (self.sample.body_steps as f64 / bodies as f64, tolerance),
             Way::ClosedForm { .. } => (0.0, f64::NAN),
             Way::Asked { tolerance } => (self.sample.body_steps as f64 / bodies as f64, tolerance),
         };

@@ -7,7 +7,7 @@
 
 use std::collections::HashSet;
 use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::engine::Engine;
 use crate::error::Result;
@@ -23,6 +23,7 @@ pub mod skipping;
 pub mod stability;
 pub mod throughput;
 pub mod timing;
+pub mod way;
 
 use provenance::Provenance;
 use row::{Row, Table};
@@ -85,6 +86,8 @@ pub struct Swept {
     pub rows: Vec<Row>,
     /// Cases that are not measured, because the watcher broke or because their rows were there.
     pub left_out: usize,
+    /// The tables that rows are appended to.
+    pub tables: Vec<PathBuf>,
 }
 
 /// Measures the cases one by one and appends a row for each to the table `name` in `folder`, as soon as it is there.
@@ -108,7 +111,7 @@ pub fn sweep<C: Case>(
     let cases: Vec<(String, &C)> =
         cases.iter().map(|case| (case.label(), case)).filter(|(label, _)| wanted(label)).collect();
     let total = cases.len();
-    let mut swept = Swept::default();
+    let mut swept = Swept { tables: vec![folder.join(format!("{name}.csv"))], ..Swept::default() };
     for (done, (label, case)) in cases.into_iter().enumerate() {
         if watcher(Step { done, total, label: &label }).is_break() {
             swept.left_out += total - done;

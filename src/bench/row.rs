@@ -177,6 +177,11 @@ pub enum RowFault {
     Columns,
     /// It cannot be read as comma-separated values.
     Csv(String),
+    /// It has no row that was measured on this engine.
+    NoEngine {
+        /// The engine's name.
+        engine: String,
+    },
 }
 
 impl std::fmt::Display for RowFault {
@@ -186,6 +191,9 @@ impl std::fmt::Display for RowFault {
                 "its columns are not those of this version, whose rows cannot be appended: name another folder with --out",
             ),
             RowFault::Csv(reason) => formatter.write_str(reason),
+            RowFault::NoEngine { engine } => {
+                write!(formatter, "no valid row of {engine}: `polhode bench accuracy --out` this folder leaves some")
+            }
         }
     }
 }

@@ -19,8 +19,10 @@ use crate::method::{Method, Status, TorqueKind};
 use crate::run::shadow::attitude_error;
 use crate::study::draw::{Column, Draw};
 
-/// The table's name.
-pub const TABLE: &str = "stability";
+/// The name of the table of an arithmetic: the whole atlas in one file would be larger than a repository should hold.
+pub fn table(precision: Precision) -> String {
+    format!("stability-{precision}")
+}
 
 /// Bodies of a case.
 const BODIES: usize = 16;
@@ -176,13 +178,29 @@ pub fn cases(bench: &Bench) -> Vec<StabilityCase> {
     cases
 }
 
-/// Measures the cases and appends their rows to the table [`TABLE`] in `folder`.
+/// Measures the cases and appends their rows to the tables ([`table`]) in `folder`.
 ///
 /// # Errors
 ///
 /// As [`sweep`].
 pub fn run(bench: &Bench, folder: &Path, watcher: &mut Watcher<'_>) -> Result<Swept> {
-    sweep(bench, folder, TABLE, &cases(bench), watcher, StabilityCase::measure)
+    let mut swept = Swept::default();
+    for precision in Precision::ALL {
+        let cases: Vec<_> = cases(bench).into_iter().filter(|case| case.precision == precision).collect();
+        let part = sweep(bench, folder, &table(precision), &cases, watcher, StabilityCase::measure)?;
+        swept.rows.extend(part.rows);
+        swept.left_out += part.left_out;
+        swept.tables.extend(part.tables);
+    }
+    Ok(swept)
+}
+
+/// What a row says of a step size beside its outcome.
+const FIGURES: [&str; 5] = ["steps", "attitude_error_rad_median", "invariant_error", "order", "growth"];
+
+/// The number nearest to `x` that has six decimal digits: of a map no more is read.
+fn to_six_digits(x: f64) -> f64 {
+    format!("{x:.5e}").parse().unwrap_or(x)
 }
 
 /// The name of a column for one step size.
@@ -260,20 +278,25 @@ impl StabilityCase {
             .with("place", self.place())
             .with("epsilon", self.distance.unwrap_or(f64::NAN))
             .with("bodies", BODIES);
-        for &exponent in self.exponents {
+        for exponent in EXPONENTS {
+            if !self.exponents.contains(&exponent) {
+                row = row.with(&column("outcome", exponent), "");
+                for quantity in FIGURES {
+                    row = row.with(&column(quantity, exponent), f64::NAN);
+                }
+                continue;
+            }
             let angle = 10_f64.powf(exponent);
             let steps = self.steps(angle);
             let seen = self.look(&ensemble, angle, steps)?;
             let finer = self.look(&ensemble, 0.5 * angle, 2 * steps)?;
             let order = (seen.median(LOOKS - 1) / finer.median(LOOKS - 1)).log2();
             let outcome = self.outcome(&seen, order);
-            row = row
-                .with(&column("outcome", exponent), outcome.name())
-                .with(&column("steps", exponent), steps)
-                .with(&column("attitude_error_rad_median", exponent), seen.median(LOOKS - 1))
-                .with(&column("invariant_error", exponent), seen.invariants)
-                .with(&column("order", exponent), order)
-                .with(&column("growth", exponent), seen.growth());
+            row = row.with(&column("outcome", exponent), outcome.name());
+            let figures = [steps as f64, seen.median(LOOKS - 1), seen.invariants, order, seen.growth()];
+            for (quantity, figure) in FIGURES.into_iter().zip(figures) {
+                row = row.with(&column(quantity, exponent), to_six_digits(figure));
+            }
         }
         Ok(row)
     }

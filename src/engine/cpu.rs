@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use rayon::prelude::*;
 
 use super::adaptive::{AdaptiveSession, AdaptiveSteps, check_torques};
+use super::projected::conserving;
 use super::{Backend, Description, EngineKind, FreeSession, Observer, Progress, Session, check_step, check_time};
 use crate::batch::{
     AnyBatch, Batch, Precision, StateWords, load_body, load_combinations, load_invariants, load_state, state_columns,
@@ -51,53 +52,6 @@ impl Cpu {
     }
 }
 
-impl Cpu {
-    /// As [`Backend::start`], for torque-free bodies in `f64`, with the state projected after each step onto what they conserve
-    /// ([`crate::method::projection`]): next to the separatrix the one way of stepping that keeps the phase. `rk4`, `rk8`,
-    /// `cf4` and the splittings (one free flow here) can be asked for.
-    ///
-    /// ```
-    /// use glam::{DQuat, DVec3};
-    /// use polhode::batch::{Precision, prepare};
-    /// use polhode::engine::cpu::{Cpu, Width};
-    /// use polhode::engine::unobserved;
-    /// use polhode::{Ensemble, Method};
-    ///
-    /// // Almost on the separatrix: it flips every few seconds.
-    /// let omega = 5.0 * DVec3::new(1e-6, 1.0, 1e-6);
-    /// let ensemble = Ensemble::from_columns(&[DVec3::new(1.0, 2.0, 3.0)], &[DQuat::IDENTITY], &[omega])?;
-    /// let (frames, batch) = prepare(&ensemble, Precision::F64)?;
-    /// let mut session = Cpu::new(Width::Lanes).start_projected(batch, Method::Rk8)?;
-    /// session.advance(1.0 / 64.0, 6400, &mut unobserved)?;
-    /// let state = frames[0].body_state(session.read(0..1)?.combined(0));
-    /// # assert!((state.angular_velocity_body.length() - 5.0).abs() < 5.0);
-    /// # Ok::<(), polhode::Error>(())
-    /// ```
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Projection`] for a batch in `f32` or under torques, and for other methods.
-    pub fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
-        let refused = |expected| Err(Error::Projection { method, expected });
-        let AnyBatch::F64(mut batch) = batch else {
-            return refused("a batch in f64 is needed");
-        };
-        if !batch.torques.is_empty() {
-            return refused("bodies without torques are needed, as others conserve nothing of the kind");
-        }
-        if !matches!(
-            method,
-            Method::Rk4 | Method::Rk8 | Method::Cf4 | Method::Splitting2 | Method::Splitting4 | Method::Splitting6
-        ) {
-            return refused("one of the methods rk4, rk8, cf4, splitting2, splitting4, splitting6 is needed");
-        }
-        batch.append_invariants();
-        batch.append_combinations();
-        let clock = batch.torques.clock();
-        Ok(Box::new(CpuSession { batch, method, width: self.width, clock, projected: true }))
-    }
-}
-
 impl Backend for Cpu {
     fn description(&self) -> Description {
         let lanes = match self.width {
@@ -122,6 +76,12 @@ impl Backend for Cpu {
             AnyBatch::F32(batch) => Box::new(CpuSession::new(batch, method, self.width)),
             AnyBatch::F64(batch) => Box::new(CpuSession::new(batch, method, self.width)),
         })
+    }
+
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+        let batch = conserving(batch, method)?;
+        let clock = batch.torques.clock();
+        Ok(Box::new(CpuSession { batch, method, width: self.width, clock, projected: true }))
     }
 
     fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {

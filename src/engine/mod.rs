@@ -19,6 +19,7 @@ pub mod adaptive;
 pub mod cpu;
 mod devices;
 pub mod gpu;
+pub mod projected;
 
 pub use devices::{Adapter, AdapterLimits, Choice, Devices, devices, devices_async};
 
@@ -173,6 +174,10 @@ impl Backend for Engine {
         self.backend.start(batch, method)
     }
 
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+        self.backend.start_projected(batch, method)
+    }
+
     fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
         self.backend.start_free(rows)
     }
@@ -204,6 +209,14 @@ pub trait Backend: Send + Sync {
     /// [`Backend::precisions`]; [`crate::Error::TooManyBodies`] or [`crate::Error::DeviceMemory`] where memory does
     /// not suffice; [`crate::Error::Device`] where the device fails. Nothing is left allocated then.
     fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>>;
+
+    /// As [`Backend::start`], for torque-free bodies in `f64`, with the state projected after each step onto what they conserve
+    /// ([`crate::method::projection`]).
+    ///
+    /// # Errors
+    ///
+    /// As [`Backend::start`]; [`crate::Error::Projection`] as [`projected::check`].
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>>;
 
     /// Takes the closed forms of torque-free bodies and stands ready to evaluate them at any time.
     ///

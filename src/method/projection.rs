@@ -1,4 +1,4 @@
-//! Projection of a torque-free body's state onto what it conserves, after each step.
+//! Projection of a torque-free body's state onto what it conserves, after each step. Twin: `shaders/method/projection.wgsl`.
 //!
 //! With g₁ = 1/I₃ − 1/I₂ and cyclic (the coefficients of Euler's equations, dm₁/dt = g₁ m₂ m₃), a free body keeps
 //!
@@ -14,7 +14,7 @@
 //!
 //! Method: projection (E. Hairer, C. Lubich, G. Wanner, *Geometric Numerical Integration*, 2nd ed. (2006), section IV.4); onto
 //! these combinations after the project's own measurements. The order of the method is kept; the attitude is left as it is.
-//! In `f64` only: the combinations are formed on the host in double-double and rounded once.
+//! In `f64` only: the combinations are formed on the host in double-double and rounded once ([`crate::engine::projected`]).
 
 use crate::double_double::DoubleDouble;
 use crate::real::Real;

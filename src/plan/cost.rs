@@ -1,9 +1,15 @@
 //! What a step costs and how accurate it is: the table that choices start from.
 //!
-//! A pilot (`pilot.rs`) replaces the coefficients by those of the scene at hand; the times only rank the candidates.
+//! A pilot (`pilot.rs`) replaces the coefficients by those of the scene at hand; the times only rank the candidates. They are of
+//! one processor; `polhode bench accuracy` measures those of an engine at hand, from whose rows a table can be made
+//! (`Costs::measured`, feature `bench`).
 
 use crate::batch::Precision;
+use crate::engine::{Description, EngineKind};
 use crate::method::Method;
+
+#[cfg(feature = "bench")]
+mod measured;
 
 /// One method.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -91,7 +97,48 @@ impl Cost {
     }
 }
 
-/// The row of a method, where the table has one.
-pub fn cost_of(method: Method) -> Option<&'static Cost> {
-    COSTS.iter().find(|cost| cost.method == method)
+/// The table that a plan ranks candidates by and foretells times from.
+///
+/// ```
+/// use polhode::Method;
+/// use polhode::plan::cost::Costs;
+///
+/// assert!(Costs::shipped().of(Method::Rk8).is_some());
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Costs {
+    rows: Vec<Cost>,
+    /// How many steps the engine does at a time that each take as long as a row says; `None` where rows are of another engine.
+    at_a_time: Option<f64>,
+}
+
+impl Costs {
+    /// [`COSTS`], whose times are of a core of the CPU engine.
+    pub fn shipped() -> Self {
+        Self { rows: COSTS.to_vec(), at_a_time: None }
+    }
+
+    /// The methods that may be chosen, the one first that most scenes end with.
+    pub fn rows(&self) -> &[Cost] {
+        &self.rows
+    }
+
+    /// The row of a method, where the table has one.
+    pub fn of(&self, method: Method) -> Option<&Cost> {
+        self.rows.iter().find(|cost| cost.method == method)
+    }
+
+    /// The wall time, s, that an engine takes for `body_steps` steps; `None` where nothing is known of it.
+    pub fn seconds(
+        &self,
+        engine: &Description,
+        method: Method,
+        precision: Precision,
+        free: bool,
+        body_steps: f64,
+    ) -> Option<f64> {
+        let cores = || (engine.kind == EngineKind::Cpu).then(|| rayon::current_num_threads() as f64);
+        let at_a_time = self.at_a_time.or_else(cores)?;
+        Some(body_steps * self.of(method)?.step_seconds(precision, free) / at_a_time)
+    }
 }

@@ -45,9 +45,24 @@ struct PlanFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum ResolutionEntry {
-    Pinned { method: String, precision: String, longest_step: f64 },
-    Adaptive { precision: String, tolerance: f64, least_step: Option<f64> },
-    Accuracy { tolerance: Tolerance, closed_form: String, uniform_rate: Option<f64>, stepped: Vec<SteppedEntry> },
+    Pinned {
+        method: String,
+        precision: String,
+        longest_step: f64,
+        #[serde(default)]
+        projected: bool,
+    },
+    Adaptive {
+        precision: String,
+        tolerance: f64,
+        least_step: Option<f64>,
+    },
+    Accuracy {
+        tolerance: Tolerance,
+        closed_form: String,
+        uniform_rate: Option<f64>,
+        stepped: Vec<SteppedEntry>,
+    },
 }
 
 /// A bound whose infinite parts are left out, as JSON has no infinity.
@@ -101,10 +116,11 @@ impl PlanDocument {
     /// What was chosen; the first name that is not known where there is one.
     fn resolution(&self) -> Result<Resolution, String> {
         Ok(match &self.file.resolution {
-            ResolutionEntry::Pinned { method, precision, longest_step } => Resolution::Pinned {
+            ResolutionEntry::Pinned { method, precision, longest_step, projected } => Resolution::Pinned {
                 method: method_named(method)?,
                 precision: precision_named(precision)?,
                 longest_step: *longest_step,
+                projected: *projected,
             },
             ResolutionEntry::Adaptive { precision, tolerance, least_step } => Resolution::Adaptive {
                 precision: precision_named(precision)?,
@@ -150,10 +166,11 @@ impl<'a> Plan<'a> {
         let name = |precision: &Precision| precision.name().to_owned();
         let limit = |x: f64| x.is_finite().then_some(x);
         let resolution = match self.resolution() {
-            Resolution::Pinned { method, precision, longest_step } => ResolutionEntry::Pinned {
+            Resolution::Pinned { method, precision, longest_step, projected } => ResolutionEntry::Pinned {
                 method: method.name().to_owned(),
                 precision: name(precision),
                 longest_step: *longest_step,
+                projected: *projected,
             },
             Resolution::Adaptive { precision, steps } => ResolutionEntry::Adaptive {
                 precision: name(precision),

@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use super::class::Bound;
-use super::cost::{cost_of, evaluation_seconds};
+use super::cost::evaluation_seconds;
 use super::group::{Group, Treatment};
 use super::{CLOSED_FORM_F32, Plan, Resolution, Shape, TorqueSet};
 use crate::batch::{BodyFrame, Precision, bytes_per_body_under};
 use crate::engine::EngineKind;
 use crate::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
-use crate::record::CLOSED_FORM;
+use crate::record::{ADAPTIVE, CLOSED_FORM};
 use crate::regular_precession::RegularPrecession;
 
 /// What a plan does and leaves out.
@@ -179,7 +179,7 @@ impl Plan<'_> {
         (Some(greatest.0), greatest.1)
     }
 
-    /// The wall time that a group is expected to take on this machine's processor, s.
+    /// The wall time that a group is expected to take, s, as far as it is known.
     fn expected_seconds(&self, group: &Group) -> Option<f64> {
         let bodies = group.members.len() as f64;
         let evaluations = bodies * self.times().len() as f64;
@@ -187,14 +187,14 @@ impl Plan<'_> {
         match group.treatment {
             // On the host, whatever the engine.
             Treatment::RegularPrecession => Some(evaluations * evaluation_seconds(None) / cores),
-            _ if self.engine.kind != EngineKind::Cpu => None,
+            Treatment::ClosedForm { .. } if self.engine.kind != EngineKind::Cpu => None,
             Treatment::ClosedForm { precision } => Some(evaluations * evaluation_seconds(Some(precision)) / cores),
             // The number of steps shows in the run alone.
             Treatment::Adaptive { .. } => None,
             Treatment::Stepped { method, precision, .. } => {
                 let free = group.class.torques.is_empty();
-                let step = cost_of(method)?.step_seconds(precision, free);
-                Some(self.steps_of(group) as f64 * bodies * step / cores)
+                let body_steps = self.steps_of(group) as f64 * bodies;
+                self.costs.seconds(&self.engine, method, precision, free, body_steps)
             }
         }
     }
@@ -219,9 +219,6 @@ impl Plan<'_> {
 
 /// The attitude error, rad, of what is evaluated in `f64` at any time (`tests/golden_free_motion.rs`).
 const ROUNDING_F64: f64 = 1e-14;
-
-/// What `rk8` with steps of each body's own is called.
-const ADAPTIVE: &str = "rk8 adaptive";
 
 fn name_of(treatment: &Treatment) -> (&'static str, Precision) {
     match *treatment {

@@ -27,6 +27,8 @@ pub enum Treatment {
         precision: Precision,
         /// The longest step, s; steps are shortened so that output times are hit exactly.
         longest_step: f64,
+        /// Whether states are projected after each step onto what torque-free bodies conserve.
+        projected: bool,
     },
     /// In steps that each body chooses by `rk8`'s estimate of their errors, on the engine.
     Adaptive {
@@ -120,7 +122,7 @@ pub struct Group {
 }
 
 /// Steps a factor of two apart have this many between them.
-const LEVELS_PER_OCTAVE: i32 = 4;
+pub(super) const LEVELS_PER_OCTAVE: i32 = 4;
 
 /// 2^(0/4) … 2^(3/4).
 const FRACTIONS: [f64; LEVELS_PER_OCTAVE as usize] =

@@ -26,7 +26,10 @@ pub(super) struct SceneMarks {
 impl SceneMarks {
     pub fn of(scene: &Scene, outputs: usize) -> Self {
         let accuracy = match scene.stepping() {
-            Stepping::Pinned { method, dt, .. } => format!("{method}, dt = {dt:?} s"),
+            Stepping::Pinned { method, dt, projected, .. } => {
+                let projected = if projected { ", projected" } else { "" };
+                format!("{method}, dt = {dt:?} s{projected}")
+            }
             Stepping::Adaptive { steps, .. } => {
                 let least = steps.least_step.map_or(String::new(), |step| format!(", least step {step:?} s"));
                 format!("adaptive, tolerance {:?}{least}", steps.tolerance)

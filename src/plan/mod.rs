@@ -33,6 +33,7 @@ mod times;
 
 pub use choice::{CLOSED_FORM_F32, Rule};
 pub use class::{Bound, Class, Shape};
+pub use cost::Costs;
 #[cfg(feature = "study")]
 pub use document::PlanDocument;
 pub use driven::TorqueSet;
@@ -58,6 +59,7 @@ pub struct Plan<'a> {
     resolution: Resolution,
     groups: Vec<Group>,
     skips: Vec<Skip>,
+    costs: Costs,
 }
 
 impl<'a> Plan<'a> {
@@ -77,9 +79,19 @@ impl<'a> Plan<'a> {
     /// [`Error::AccuracyOutOfReach`] where no candidate meets what is asked for; [`Error::RigidOnly`] where internal
     /// dissipation acts and the method pinned cannot follow it.
     pub fn new(scene: &'a Scene, engine: &dyn Backend) -> Result<Self> {
+        Self::with_costs(scene, engine, &Costs::shipped())
+    }
+
+    /// As [`Plan::new`], with candidates ranked by these costs, such as those that were measured on this engine.
+    ///
+    /// # Errors
+    ///
+    /// As [`Plan::new`].
+    pub fn with_costs(scene: &'a Scene, engine: &dyn Backend, costs: &Costs) -> Result<Self> {
         let times = Self::checked(scene)?;
-        let resolution = Resolution::new(scene, engine, &times)?;
-        Self::resolved(scene, engine, resolution, times)
+        let resolution = Resolution::new(scene, engine, &times, costs)?;
+        let plan = Self::resolved(scene, engine, resolution, times)?;
+        Ok(Self { costs: costs.clone(), ..plan })
     }
 
     /// Checks what does not depend on what is chosen, and gives the output times.
@@ -108,7 +120,8 @@ impl<'a> Plan<'a> {
         let skips = skips(scene, &groups);
         let (method, precision, longest_step) = main_treatment(&groups, scene, engine);
         let engine = engine.description();
-        let plan = Self { scene, engine, method, precision, longest_step, times, resolution, groups, skips };
+        let costs = Costs::shipped();
+        let plan = Self { scene, engine, method, precision, longest_step, times, resolution, groups, skips, costs };
         plan.check_steps()?;
         Ok(plan)
     }
@@ -227,7 +240,7 @@ fn main_treatment(groups: &[Group], scene: &Scene, engine: &dyn Backend) -> (Met
     let mut most: Option<(usize, Method, Precision)> = None;
     let mut longest: f64 = 0.0;
     for group in groups {
-        if let Treatment::Stepped { method, precision, longest_step } = group.treatment {
+        if let Treatment::Stepped { method, precision, longest_step, .. } = group.treatment {
             longest = longest.max(longest_step);
             if most.is_none_or(|(count, ..)| group.members.len() > count) {
                 most = Some((group.members.len(), method, precision));

@@ -4,17 +4,24 @@
 //! compared with a much finer reference. As the error goes as the step to the method's order, the measured error corrects
 //! the coefficient of the method's [`Rule`]; once more stepped, it must then be within the target. The candidate that
 //! needs the least time is taken.
+//!
+//! A few of the sample, among them the fastest, go first: from them come the reference's step, the order in which candidates
+//! are tried and the coefficients that they start from, so that the whole sample is stepped a few times only.
 
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
+use rayon::prelude::*;
+
 use super::choice::{Look, Rule, narrowest};
-use super::cost::{COSTS, Cost};
-use super::group::{Members, Treatment, level_of, step_of};
-use super::reference;
+use super::cost::{Cost, Costs};
+use super::group::{LEVELS_PER_OCTAVE, Members, Treatment, level_of, step_of};
+use super::reference::Reference;
 use crate::batch::{BodyState, Precision};
 use crate::error::Result;
 use crate::run::alone::states_at_end;
+use crate::run::confidence::upper_rank;
 use crate::run::shadow::{Errors, sample};
 use crate::scene::{Accuracy, Scene};
 use crate::torque::Torque;
@@ -25,7 +32,9 @@ const MOST_BODIES: usize = 1000;
 /// probability of 95 %.
 const LEAST_BODIES: usize = 300;
 /// At most every so many-th body, so that the pilot stays small beside the run.
-const ONE_IN: usize = 16;
+const ONE_IN: usize = 32;
+/// Bodies of the sample that go first.
+const SCOUTS: usize = 32;
 
 /// What part of the target the bound on the sample's error is brought to: as the steps' levels are apart, an error of order
 /// 8 comes out between this and a quarter of it.
@@ -63,6 +72,7 @@ pub struct Found {
 pub(super) struct Pilot<'a> {
     pub scene: &'a Scene,
     pub accuracy: &'a Accuracy,
+    pub costs: &'a Costs,
     pub times: &'a [f64],
     pub torques: &'a [Torque],
     pub precision: Option<Precision>,
@@ -81,29 +91,77 @@ pub(super) fn pilot_sample(class: &[u32], seed: u64) -> Vec<u32> {
     sample(class.len(), count, seed).into_iter().map(|index| class[index as usize]).collect()
 }
 
-impl Pilot<'_> {
+impl<'a> Pilot<'a> {
     /// The cheapest rule that meets the target in the sample; the most accurate where none does.
     pub fn fly(&self) -> Result<Found> {
-        let reference = reference::states(self)?;
-        let mut best: Option<(Found, f64)> = None;
-        for (start, cost) in self.candidates() {
+        if self.bodies.len() <= 2 * SCOUTS {
+            let reference = Reference::new(self, Reference::first_rule(self))?;
+            let found = self.tried(self.candidates(), &reference.states)?;
+            return Ok(self.best_of(found).unwrap_or_else(|| self.tabulated()));
+        }
+        let scouts = self.scouts();
+        let reference = Reference::new(&scouts, Reference::first_rule(&scouts))?;
+        let mut found = scouts.tried(scouts.candidates(), &reference.states)?;
+        // What the scouts favour first, so that what follows is dearer than what is known.
+        found.sort_by(|a, b| self.order(a, b));
+        let (met, missed): (Vec<_>, Vec<_>) = found.into_iter().partition(|found| found.part <= 1.0);
+        let reference = Reference::new(self, reference.rule)?;
+        let again = |found: &[Found]| {
+            let candidate = |found: &Found| Some((found.rule, self.costs.of(found.rule.method)?));
+            self.tried(found.iter().filter_map(candidate).collect(), &reference.states)
+        };
+        let mut found = again(&met)?;
+        // Of the others some may do for as many bodies as the percentile counts.
+        if found.iter().all(|found| found.part > 1.0) {
+            found.extend(again(&missed)?);
+        }
+        Ok(self.best_of(found).unwrap_or_else(|| self.tabulated()))
+    }
+
+    /// What candidates come to; those that are dearer than one that meets the target are left out, as far as that is known
+    /// ahead.
+    fn tried(&self, candidates: Vec<(Rule, &'a Cost)>, reference: &States) -> Result<Vec<Found>> {
+        let mut tried = Vec::new();
+        let mut cheapest = f64::INFINITY;
+        for (start, cost) in candidates {
             // With the coefficient of the kinder problem: the other's would rule out what its own pilot might favour.
-            let hoped = Rule { coefficient: cost.free.coefficient.min(cost.driven.coefficient), ..start };
-            let cheapest = best.map_or(f64::INFINITY, |(_, seconds)| seconds);
-            if self.seconds(&hoped, cost) > HOPELESS * cheapest {
+            let kinder = cost.free.coefficient.min(cost.driven.coefficient).min(start.coefficient);
+            if self.seconds(&Rule { coefficient: kinder, ..start }, cost) > HOPELESS * cheapest {
                 continue;
             }
-            let found = self.calibrated(start, cost, ENDLESS * cheapest, &reference)?;
-            let seconds = self.seconds(&found.rule, cost);
-            let better = best.is_none_or(|(other, other_seconds)| match (found.part <= 1.0, other.part <= 1.0) {
-                (true, true) => seconds < other_seconds,
-                (met, other_met) => !other_met && (met || found.part < other.part),
-            });
-            if better {
-                best = Some((found, seconds));
+            let found = self.calibrated(start, cost, ENDLESS * cheapest, reference)?;
+            if found.part <= 1.0 {
+                cheapest = cheapest.min(self.seconds(&found.rule, cost));
             }
+            tried.push(found);
         }
-        Ok(best.map_or_else(|| self.tabulated(), |(found, _)| found))
+        Ok(tried)
+    }
+
+    /// The first in order.
+    fn best_of(&self, found: Vec<Found>) -> Option<Found> {
+        found.into_iter().min_by(|a, b| self.order(a, b))
+    }
+
+    /// What meets the target before what does not; of the former the cheaper, of the latter the more accurate.
+    fn order(&self, a: &Found, b: &Found) -> Ordering {
+        let missed = |found: &Found| found.part > 1.0;
+        let seconds = |found: &Found| {
+            self.costs.of(found.rule.method).map_or(f64::INFINITY, |cost| self.seconds(&found.rule, cost))
+        };
+        missed(a)
+            .cmp(&missed(b))
+            .then_with(|| if missed(a) { a.part.total_cmp(&b.part) } else { seconds(a).total_cmp(&seconds(b)) })
+    }
+
+    /// The pilot with a few of its bodies: evenly chosen by rate, down from the fastest that the percentile counts.
+    fn scouts(&self) -> Self {
+        let mut bodies = self.bodies.clone();
+        bodies.sort_by(|a, b| b.1.rate.total_cmp(&a.1.rate).then(a.0.cmp(&b.0)));
+        let counted = upper_rank(bodies.len(), 0.01 * self.accuracy.percentile);
+        let left_out = bodies.len() - counted;
+        let bodies = (0..SCOUTS).map(|scout| bodies[left_out + scout * counted / SCOUTS]).collect();
+        Self { bodies, ..*self }
     }
 
     /// The rule that the shipped table takes for the cheapest. It depends on the target and the torques alone, not on the bodies.
@@ -113,15 +171,15 @@ impl Pilot<'_> {
             cost.step_seconds(precision, self.torques.is_empty()) / rule.longest_step(1.0, NOMINAL_ANGLE)
         };
         let cheapest = self.candidates().into_iter().min_by(|a, b| seconds(a).total_cmp(&seconds(b)));
-        let rule = cheapest.map_or_else(|| self.rule(&COSTS[0], self.precision), |(rule, _)| rule);
+        let rule = cheapest.map_or_else(|| self.rule(&self.costs.rows()[0], self.precision), |(rule, _)| rule);
         Found { rule, part: 1.0, bodies: 0 }
     }
 
     /// Every method that can follow the torques, in `f32` where its floor allows and in `f64`.
-    fn candidates(&self) -> Vec<(Rule, &'static Cost)> {
+    fn candidates(&self) -> Vec<(Rule, &'a Cost)> {
         let slipping = self.torques.iter().any(|torque| matches!(torque, Torque::InternalDissipation(_)));
         let mut candidates = Vec::new();
-        for cost in COSTS.iter().filter(|cost| !(slipping && cost.method.properties().rigid_only)) {
+        for cost in self.costs.rows().iter().filter(|cost| !(slipping && cost.method.properties().rigid_only)) {
             let rule = self.rule(cost, self.precision);
             candidates.push((rule, cost));
             let span = self.scene.end();
@@ -147,6 +205,7 @@ impl Pilot<'_> {
     fn calibrated(&self, start: Rule, cost: &Cost, limit: f64, reference: &States) -> Result<Found> {
         let mut rule = start;
         let mut best = Found { rule, part: f64::INFINITY, bodies: self.bodies.len() };
+        let (mut last, mut correction) = (f64::INFINITY, 1.0);
         for _ in 0..=CORRECTIONS {
             if self.seconds(&rule, cost) > limit {
                 break;
@@ -158,32 +217,35 @@ impl Pilot<'_> {
                 (true, true) => rule.coefficient < best.rule.coefficient,
                 _ => part < best.part,
             };
-            let before = best.part;
+            let before = std::mem::replace(&mut last, part);
             if improves {
                 best = found;
             }
             if (TOO_GOOD..=ENOUGH).contains(&part) || (part <= ENOUGH && rule.takes_longest(self)) {
                 break;
             }
-            // Finer steps that do not help meet rounding, or a motion that no step resolves.
-            if part > 1.0 && part > 0.5 * before && before > 1.0 && before.is_finite() {
+            // Finer steps that do not help meet rounding, or a motion that no step resolves. As steps go by levels, an error
+            // may fall by that much less than it should.
+            let level = 2.0_f64.powf(f64::from(rule.method.order()) / f64::from(LEVELS_PER_OCTAVE));
+            if part > 1.0 && before > 1.0 && before.is_finite() && part > before * (level / correction).max(0.5) {
                 break;
             }
             // A sample without any error would make the coefficient vanish.
-            rule.coefficient *= (part / AIM).clamp(1e-4, MOST_CORRECTION);
+            correction = (part / AIM).clamp(1e-4, MOST_CORRECTION);
+            rule.coefficient *= correction;
         }
         Ok(best)
     }
 
     /// The states of the sample under a rule.
     pub fn stepped(&self, rule: &Rule) -> Result<States> {
-        let mut states = BTreeMap::new();
-        for (treatment, members) in self.treatments(rule) {
-            let members = Members::Some(members);
+        let times = self.times();
+        // Side by side, as each of them alone is too little for all cores.
+        let groups = self.treatments(rule).into_par_iter().map(|(treatment, members)| {
             let mut go_on = |_| ControlFlow::Continue(());
-            states.extend(states_at_end(self.scene, &self.times(), self.torques, &members, &treatment, &mut go_on)?);
-        }
-        Ok(states)
+            states_at_end(self.scene, &times, self.torques, &Members::Some(members), &treatment, &mut go_on)
+        });
+        Ok(groups.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
     }
 
     /// The sample's bodies by how a rule steps them.
@@ -199,6 +261,7 @@ impl Pilot<'_> {
             method: rule.method,
             precision: if wide { Precision::F64 } else { Precision::F32 },
             longest_step: level.map_or(span, step_of),
+            projected: false,
         };
         groups.into_iter().map(|(key, members)| (treatment(key), members)).collect()
     }

@@ -17,25 +17,50 @@ const LEAST: f64 = 1e-15;
 /// How often its steps are halved.
 const HALVINGS: usize = 6;
 
-/// The states of the pilot's bodies at the end.
-pub(super) fn states(pilot: &Pilot<'_>) -> Result<States> {
-    let cost: &Cost = COSTS.iter().find(|cost| cost.method == Method::Rk8).unwrap_or(&COSTS[0]);
-    let rule = pilot.rule(cost, Some(Precision::F64));
-    let mut rule = Rule { attitude: (AIM * rule.attitude).max(LEAST), ..rule };
-    let order = rule.method.order() as i32;
-    let mut states = pilot.stepped(&rule)?;
-    let mut last = f64::INFINITY;
-    for _ in 0..HALVINGS {
-        rule.coefficient *= 2.0_f64.powi(order);
-        rule.longest_angle *= 0.5;
-        let finer = pilot.stepped(&rule)?;
-        let change = pilot.part(&states, &finer);
-        states = finer;
-        // What halving does not lessen is rounding.
-        if change <= SETTLED || change > 0.5 * last {
-            break;
-        }
-        last = change;
+/// The part of [`SETTLED`] that the change is brought to where steps are chosen by what few bodies showed.
+const MARGIN: f64 = 0.3;
+/// The most by which a coefficient shrinks at once.
+const LEAST_CORRECTION: f64 = 1e-8;
+
+/// The motion of a pilot's bodies as well as it is needed.
+pub(super) struct Reference {
+    /// The states at the end.
+    pub states: States,
+    /// Steps that are fine enough for a reference of similar bodies.
+    pub rule: Rule,
+}
+
+impl Reference {
+    /// The rule to begin with where nothing is known of the bodies.
+    pub fn first_rule(pilot: &Pilot<'_>) -> Rule {
+        let cost: &Cost = COSTS.iter().find(|cost| cost.method == Method::Rk8).unwrap_or(&COSTS[0]);
+        let rule = pilot.rule(cost, Some(Precision::F64));
+        Rule { attitude: (AIM * rule.attitude).max(LEAST), ..rule }
     }
-    Ok(states)
+
+    /// Steps the pilot's bodies by `rule`, and finer until that changes nothing.
+    pub fn new(pilot: &Pilot<'_>, mut rule: Rule) -> Result<Self> {
+        let order = rule.method.order() as i32;
+        let mut states = pilot.stepped(&rule)?;
+        let mut last = f64::INFINITY;
+        for _ in 0..HALVINGS {
+            let coarser = rule;
+            rule.coefficient *= 2.0_f64.powi(order);
+            rule.longest_angle *= 0.5;
+            let finer = pilot.stepped(&rule)?;
+            let change = pilot.part(&states, &finer);
+            states = finer;
+            if change <= SETTLED {
+                let needed = (change / (MARGIN * SETTLED)).clamp(LEAST_CORRECTION, 1.0);
+                rule = Rule { coefficient: needed * coarser.coefficient, ..coarser };
+                break;
+            }
+            // What halving does not lessen is rounding.
+            if change > 0.5 * last {
+                break;
+            }
+            last = change;
+        }
+        Ok(Self { states, rule })
+    }
 }

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::choice::{CLOSED_FORM_F32, Look, Rule, floor_f32, look_at, skip_tolerance};
 use super::class::{Bound, Class, Shape};
-use super::cost::COSTS;
+use super::cost::{COSTS, Costs};
 use super::driven::TorqueSet;
 use super::group::{Group, Members, Treatment, level_of, step_of};
 use super::pilot::{Found, Pilot, pilot_sample};
@@ -30,6 +30,8 @@ pub enum Resolution {
         precision: Precision,
         /// The longest step, s.
         longest_step: f64,
+        /// Whether states are projected after each step onto what torque-free bodies conserve.
+        projected: bool,
     },
     /// Each body chooses its steps.
     Adaptive {
@@ -82,10 +84,10 @@ const F64_ELSEWHERE: &str = "an adapter with f64 or the CPU engine is needed, or
 
 impl Resolution {
     /// Resolves `scene` for `engine`; `times` are its output times.
-    pub(super) fn new(scene: &Scene, engine: &dyn Backend, times: &[f64]) -> Result<Self> {
+    pub(super) fn new(scene: &Scene, engine: &dyn Backend, times: &[f64], costs: &Costs) -> Result<Self> {
         let has_f64 = engine.precisions().contains(&Precision::F64);
         match scene.stepping() {
-            Stepping::Pinned { method, dt, .. } => {
+            Stepping::Pinned { method, dt, projected, .. } => {
                 let widest = if has_f64 { Precision::F64 } else { Precision::F32 };
                 let precision = scene.wanted_precision().unwrap_or(widest);
                 crate::engine::check_step(dt, precision)?;
@@ -95,10 +97,13 @@ impl Resolution {
                         return Err(Error::RigidOnly { torque, model: scene.torques()[torque].name(), method });
                     }
                 }
+                if projected {
+                    crate::engine::projected::check(precision, scene.torques().is_empty(), method)?;
+                }
                 if !engine.precisions().contains(&precision) {
                     return Err(Error::PrecisionUnavailable { adapter: engine.description().name, precision });
                 }
-                Ok(Self::Pinned { method, precision, longest_step: dt })
+                Ok(Self::Pinned { method, precision, longest_step: dt, projected })
             }
             Stepping::Adaptive { steps, .. } => Self::adaptive(scene, engine, steps, has_f64),
             Stepping::Accuracy(accuracy) => {
@@ -119,7 +124,8 @@ impl Resolution {
                 if wanted == Some(Precision::F32) || !has_f64 {
                     resolution.check_f32(scene, &accuracy, wanted)?;
                 }
-                resolution.choose_steps(scene, &accuracy, wanted, has_f64, times)?;
+                let precision = if has_f64 { wanted } else { Some(Precision::F32) };
+                resolution.choose_steps(scene, &accuracy, precision, has_f64, (times, costs))?;
                 Ok(resolution)
             }
         }
@@ -130,12 +136,11 @@ impl Resolution {
         &mut self,
         scene: &Scene,
         accuracy: &Accuracy,
-        wanted: Option<Precision>,
+        precision: Option<Precision>,
         has_f64: bool,
-        times: &[f64],
+        (times, costs): (&[f64], &Costs),
     ) -> Result<()> {
         let Self::Accuracy { tolerance, uniform_rate, stepped, .. } = self else { return Ok(()) };
-        let precision = if has_f64 { wanted } else { Some(Precision::F32) };
         for (torques, bodies) in stepped_bodies(scene) {
             let acting = torques.of(scene.torques());
             let flies = scene.has_pilot() && scene.end() > 0.0;
@@ -143,6 +148,7 @@ impl Resolution {
             let pilot = Pilot {
                 scene,
                 accuracy,
+                costs,
                 times,
                 torques: &acting,
                 precision,
@@ -250,13 +256,16 @@ impl Resolution {
 
     fn stepped(&self, class: &Class, wide: bool, step: f64) -> Treatment {
         match self {
-            Self::Pinned { method, precision, longest_step } => {
-                Treatment::Stepped { method: *method, precision: *precision, longest_step: *longest_step }
-            }
+            Self::Pinned { method, precision, longest_step, projected } => Treatment::Stepped {
+                method: *method,
+                precision: *precision,
+                longest_step: *longest_step,
+                projected: *projected,
+            },
             Self::Adaptive { precision, steps } => Treatment::Adaptive { precision: *precision, steps: *steps },
             Self::Accuracy { .. } => {
                 let method = self.rule(class.torques).map_or(COSTS[0].method, |rule| rule.method);
-                Treatment::Stepped { method, precision: precision(wide), longest_step: step }
+                Treatment::Stepped { method, precision: precision(wide), longest_step: step, projected: false }
             }
         }
     }

@@ -44,11 +44,10 @@ pub fn plot_folder(folder: &Path, bodies: &[usize]) -> Result<Vec<PathBuf>> {
     for (machine, rows) in by_machine(crate::bench::row::rows(folder, crate::bench::skipping::TABLE)?) {
         figures.push((format!("skipping-{machine}"), skipping(&rows)));
     }
-    for (machine, rows) in by_machine(crate::bench::row::rows(folder, crate::bench::stability::TABLE)?) {
-        for precision in crate::batch::Precision::ALL.map(crate::batch::Precision::name) {
-            if rows.iter().any(|row| row.text("precision") == precision) {
-                figures.push((format!("stability-{machine}-{precision}"), stability(&rows, precision)));
-            }
+    for precision in crate::batch::Precision::ALL {
+        let table = crate::bench::stability::table(precision);
+        for (machine, rows) in by_machine(crate::bench::row::rows(folder, &table)?) {
+            figures.push((format!("stability-{machine}-{precision}"), stability(&rows, precision.name())));
         }
     }
     if folder.join("snapshots.csv").exists() {

@@ -6,12 +6,13 @@ use crate::bench::front::{Point, pareto};
 use crate::bench::problem::NAMES;
 use crate::bench::row::Row;
 use crate::method::Method;
+use crate::record::ADAPTIVE;
 
 /// The methods in the order of the legend: what is drawn in colour, then the baselines in grey.
 fn methods() -> Vec<(String, Style)> {
     let (baselines, proper): (Vec<Method>, Vec<Method>) =
         Method::ALL.into_iter().partition(|method| method.properties().baseline);
-    let coloured = proper.iter().map(|method| method.name()).chain(["closed form", "chosen"]);
+    let coloured = proper.iter().map(|method| method.name()).chain([ADAPTIVE, "closed form", "chosen"]);
     let coloured = coloured.enumerate().map(|(index, name)| (name.to_owned(), Style::nth(index)));
     let grey = baselines.iter().enumerate().map(|(index, method)| {
         let style = Style { colour: GREY, ..Style::nth(index + 1) };

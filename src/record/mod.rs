@@ -184,6 +184,8 @@ impl std::fmt::Display for Shadow {
 
 /// What a report calls the closed form, where it otherwise names a method.
 pub(crate) const CLOSED_FORM: &str = "closed form";
+/// What `rk8` in steps that each body chooses is called in tables.
+pub(crate) const ADAPTIVE: &str = "rk8 adaptive";
 
 /// What a run did and how well.
 #[derive(Clone, Debug, PartialEq)]

@@ -23,8 +23,8 @@ pub(crate) fn states_at_end(
     let in_users_units = |words: StateWords| {
         (0..members.len()).map(|row| (members.body(row), frames[row].body_state(words.combined(row)))).collect()
     };
-    let method = match *treatment {
-        Treatment::Stepped { method, .. } => method,
+    let (method, projected) = match *treatment {
+        Treatment::Stepped { method, projected, .. } => (method, projected),
         Treatment::Adaptive { steps, .. } => {
             let mut session = Cpu::new(Width::Lanes).start_adaptive(batch, steps)?;
             for &time in times {
@@ -34,7 +34,8 @@ pub(crate) fn states_at_end(
         }
         Treatment::RegularPrecession | Treatment::ClosedForm { .. } => return Ok(Vec::new()),
     };
-    let mut session = Cpu::new(Width::Lanes).start(batch, method)?;
+    let engine = Cpu::new(Width::Lanes);
+    let mut session = if projected { engine.start_projected(batch, method)? } else { engine.start(batch, method)? };
     let mut last = 0.0;
     for &time in times {
         let interval = treatment.interval(time - last);

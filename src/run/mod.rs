@@ -16,7 +16,7 @@ use crate::scene::{Scene, Stepping};
 mod adaptive;
 pub(crate) mod alone;
 mod balance;
-mod confidence;
+pub(crate) mod confidence;
 mod flight;
 pub(crate) mod shadow;
 mod translation;

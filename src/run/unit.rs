@@ -67,12 +67,13 @@ impl<'p> Unit<'p> {
                 wall_time.prepare += clock.elapsed().as_secs_f64();
                 Motion::Adaptive(unit)
             }
-            Treatment::Stepped { method, precision, .. } => {
+            Treatment::Stepped { method, precision, projected, .. } => {
                 let torques = group.class.torques.of(scene.torques());
                 let (frames, batch) = prepare_members(scene.ensemble(), &torques, scene.end(), members, precision)?;
                 wall_time.prepare += clock.elapsed().as_secs_f64();
                 let clock = Instant::now();
-                let session = engine.start(batch, method)?;
+                let session =
+                    if projected { engine.start_projected(batch, method)? } else { engine.start(batch, method)? };
                 wall_time.start += clock.elapsed().as_secs_f64();
                 Motion::Stepped { session, frames, treatment: group.treatment }
             }

@@ -23,6 +23,7 @@
 //! energy = 1e-9                       # relative, beside the attitude; so is angular_velocity
 //! percentile = 99                     # of the bodies, the default
 //!                                     # or: method = "rk8", tolerance = 1e-9 and, where wanted, least_step = 1e-6
+//!                                     # or: method = "rk8", dt = 0.01, projection = true, for free bodies near the separatrix
 //!
 //! [output]
 //! final = true                        # final.csv: all bodies at the end (the default)
@@ -84,15 +85,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-use std::sync::LazyLock;
 
 use crate::batch::Precision;
-use crate::engine::adaptive::AdaptiveSteps;
 use crate::ensemble::Ensemble;
 use crate::error::{Error, FileAction, Result};
-use crate::method::Method;
 use crate::scene::{Accuracy, Outputs, Scene};
 
+mod accuracy;
 mod bodies;
 mod distribution;
 pub mod draw;
@@ -119,10 +118,14 @@ pub use points::read_points;
 pub use solid::Solid;
 pub use table::BodyTable;
 
+use accuracy::{StudyStepping, accuracy};
 use draw::Draw;
 use force::StudyForce;
 use reader::{Node, Place, Table, Text};
 use torque::StudyTorque;
+
+/// The key by which states are projected.
+const PROJECTION: &str = "accuracy.projection";
 
 /// The attitude error asked for where a study names none, rad.
 pub const DEFAULT_ATTITUDE: f64 = 1e-6;
@@ -164,14 +167,6 @@ pub struct Study {
     outputs: Outputs,
     stepping: StudyStepping,
     output: Output,
-}
-
-/// `[accuracy]`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum StudyStepping {
-    Accuracy { accuracy: Accuracy, precision: Option<Precision> },
-    Pinned { method: Method, dt: f64, precision: Option<Precision> },
-    Adaptive { steps: AdaptiveSteps, precision: Option<Precision> },
 }
 
 /// `[output]`: which files a run writes.
@@ -329,11 +324,7 @@ impl Study {
         for torque in &self.torques {
             scene = scene.torque(torque.torque(Draw::new(self.seed), self.seed, count, table));
         }
-        Ok(match self.stepping {
-            StudyStepping::Accuracy { accuracy, precision } => scene.accuracy(accuracy).precision(precision),
-            StudyStepping::Pinned { method, dt, precision } => scene.pinned(method, dt, precision),
-            StudyStepping::Adaptive { steps, precision } => scene.adaptive(steps, precision),
-        })
+        Ok(self.stepping.applied_to(scene))
     }
 
     /// `error` with the file and line that it stems from, where it stems from one.
@@ -352,6 +343,12 @@ impl Study {
                     None => Error::Setting { field, value, expected },
                 }
             }
+            Error::Projection { expected, .. } => match self.places.get(PROJECTION) {
+                Some(place) => {
+                    self.input(place.line, PROJECTION, Fault::Value { value: place.value.clone(), expected })
+                }
+                None => error,
+            },
             Error::MissingMass => match self.places.get("force") {
                 Some(place) => {
                     let expected = "the force needs masses, here or as a column of the table of bodies (kg)";
@@ -461,69 +458,6 @@ fn time(node: &Node<'_>) -> Result<(f64, Outputs)> {
         list.push(time);
     }
     Ok((end, Outputs::Times(list)))
-}
-
-/// Names of all methods.
-static METHODS: LazyLock<Vec<&'static str>> = LazyLock::new(|| Method::ALL.map(Method::name).to_vec());
-
-fn accuracy(node: &Node<'_>) -> Result<StudyStepping> {
-    const KEYS: [&str; 9] = [
-        "attitude",
-        "angular_velocity",
-        "energy",
-        "percentile",
-        "method",
-        "dt",
-        "tolerance",
-        "least_step",
-        "precision",
-    ];
-    let table = node.table("a table [accuracy] is needed", &KEYS)?;
-    for target in &KEYS[..4] {
-        table.exclusive(target, "method")?;
-        table.exclusive(target, "dt")?;
-        table.exclusive(target, "tolerance")?;
-    }
-    table.exclusive("dt", "tolerance")?;
-    table.exclusive("dt", "least_step")?;
-    let precision = match table.find("precision").map(|node| node.choice(&["auto", "f32", "f64"])).transpose()? {
-        Some("f32") => Some(Precision::F32),
-        Some("f64") => Some(Precision::F64),
-        _ => None,
-    };
-    if table.find("tolerance").is_some() || table.find("least_step").is_some() {
-        let tolerance = table.need("tolerance", "a least step needs the error of a step beside it")?;
-        let tolerance = tolerance.positive("a number above 0 and below 1 is needed")?;
-        let least_step = table.find("least_step").map(|node| node.positive("a step above zero is needed (s)"));
-        let method = table.need("method", "adaptive steps need their method beside them: \"rk8\"")?;
-        if method.choice(&METHODS)? != Method::Rk8.name() {
-            return Err(
-                method.refuse("the method with adaptive steps is \"rk8\": it, or dt instead of tolerance, is needed")
-            );
-        }
-        let steps = AdaptiveSteps { tolerance, least_step: least_step.transpose()? };
-        return Ok(StudyStepping::Adaptive { steps, precision });
-    }
-    if table.find("method").is_none() && table.find("dt").is_none() {
-        let positive = |key: &str, expected| table.find(key).map(|node| node.positive(expected)).transpose();
-        const RELATIVE: &str = "a relative error above 0 is needed";
-        const PERCENTILE: &str = "a percentile above 0 and up to 100 is needed";
-        let attitude = positive("attitude", "an angle above 0 and up to pi is needed (rad)")?;
-        let default = Accuracy::attitude(attitude.unwrap_or(DEFAULT_ATTITUDE));
-        let accuracy = Accuracy {
-            angular_velocity: positive("angular_velocity", RELATIVE)?,
-            energy: positive("energy", RELATIVE)?,
-            percentile: positive("percentile", PERCENTILE)?.unwrap_or(default.percentile),
-            ..default
-        };
-        return Ok(StudyStepping::Accuracy { accuracy, precision });
-    }
-    let method = table.need("method", "a step that is given needs a method beside it: \"rk4\" or \"dlm\"")?;
-    let chosen = method.choice(&METHODS)?;
-    let dt = table.need("dt", "a method that is given needs a step beside it (s), or \"rk8\" a tolerance")?;
-    let dt = dt.positive("a step above zero is needed (s)")?;
-    let method = Method::ALL.into_iter().find(|method| method.name() == chosen).unwrap_or(Method::Rk4);
-    Ok(StudyStepping::Pinned { method, dt, precision })
 }
 
 fn output(node: &Node<'_>) -> Result<Output> {

@@ -177,6 +177,10 @@ pub struct RunArguments {
     /// Repeat a run by the plan.json that it left; on the same engine the bits are the same.
     #[arg(long, value_name = "FILE")]
     pub plan: Option<PathBuf>,
+    /// Rank methods by what `polhode bench accuracy` has measured on this engine and left in this folder, instead of by the
+    /// shipped table.
+    #[arg(long, value_name = "DIR", conflicts_with = "plan")]
+    pub costs: Option<PathBuf>,
     #[command(flatten)]
     pub engine: EngineArguments,
     /// No progress bar and no summary.
@@ -194,10 +198,11 @@ Examples:
     polhode explain study.toml
     polhode explain study.toml --no-pilot          steps from the shipped table
     polhode explain study.toml --json | jq .skips
+    polhode explain study.toml --costs bench.out   ranked by what was measured on this engine
 
 Columns: the bodies' class, how many there are, the method, steps of a body, arithmetic, expected
-attitude error in the percentile asked for (rad), expected wall time on this processor, memory, and
-the torques that act.";
+attitude error in the percentile asked for (rad), expected wall time (of steps on a GPU with --costs
+alone), memory, and the torques that act.";
 
 /// Arguments of `polhode explain`.
 #[derive(Debug, Args)]
@@ -212,6 +217,10 @@ pub struct ExplainArguments {
     /// Show the long way, on which nothing is left out.
     #[arg(long)]
     pub no_skip: bool,
+    /// Rank methods by what `polhode bench accuracy` has measured on this engine and left in this folder, instead of by the
+    /// shipped table.
+    #[arg(long, value_name = "DIR")]
+    pub costs: Option<PathBuf>,
     #[command(flatten)]
     pub engine: EngineArguments,
     /// Print the table as JSON.

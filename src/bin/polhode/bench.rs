@@ -86,18 +86,17 @@ struct Options {
 pub fn bench(arguments: &BenchArguments) -> Result<(), Failure> {
     catch_interrupts();
     match &arguments.benchmark {
-        Benchmark::Accuracy(options) => measure(options, accuracy::TABLE, accuracy::run, accuracy::summary),
-        Benchmark::Throughput(options) => measure(options, throughput::TABLE, throughput::run, throughput::summary),
-        Benchmark::Skipping(options) => measure(options, skipping::TABLE, skipping::run, skipping::summary),
-        Benchmark::Stability(options) => measure(options, stability::TABLE, stability::run, stability::summary),
-        Benchmark::Drift(options) => measure(options, drift::TABLE, drift::run, drift::summary),
+        Benchmark::Accuracy(options) => measure(options, accuracy::run, accuracy::summary),
+        Benchmark::Throughput(options) => measure(options, throughput::run, throughput::summary),
+        Benchmark::Skipping(options) => measure(options, skipping::run, skipping::summary),
+        Benchmark::Stability(options) => measure(options, stability::run, stability::summary),
+        Benchmark::Drift(options) => measure(options, drift::run, drift::summary),
     }
 }
 
 /// Measures and says what was measured and where it is.
 fn measure(
     options: &Options,
-    table: &str,
     run: impl Fn(&Bench, &Path, &mut Watcher<'_>) -> polhode::Result<Swept>,
     summary: impl Fn(&[Row]) -> String,
 ) -> Result<(), Failure> {
@@ -110,10 +109,11 @@ fn measure(
     }
     if !options.quiet {
         output::print(&summary(&swept.rows));
+        let tables: Vec<String> = swept.tables.iter().map(|table| table.display().to_string()).collect();
         output::note(&format!(
             "{} rows appended to {} and .json beside it, {} cases left out",
             swept.rows.len(),
-            options.out.join(format!("{table}.csv")).display(),
+            tables.join(", "),
             swept.left_out
         ));
     }

@@ -1,8 +1,11 @@
 //! The engine that the arguments ask for.
 
+use std::path::Path;
+
 use polhode::Precision;
 use polhode::engine::gpu::GpuOptions;
 use polhode::engine::{Engine, EngineKind};
+use polhode::plan::Costs;
 
 use crate::arguments::{EngineArguments, EngineName, PrecisionName};
 use crate::output::{self, Failure};
@@ -49,4 +52,9 @@ pub fn precision(arguments: &EngineArguments) -> Option<Precision> {
         PrecisionName::F32 => Some(Precision::F32),
         PrecisionName::F64 => Some(Precision::F64),
     }
+}
+
+/// What steps cost on `engine`: as measured where a folder is named, else as shipped.
+pub fn costs(folder: Option<&Path>, engine: &Engine) -> polhode::Result<Costs> {
+    folder.map_or_else(|| Ok(Costs::shipped()), |folder| Costs::measured(folder, &engine.description()))
 }

@@ -17,7 +17,8 @@ pub fn explain(arguments: &ExplainArguments) -> Result<(), Failure> {
         scene = scene.without_pilot();
     }
     let engine = crate::engine::open(&arguments.engine, arguments.json)?;
-    let plan = Plan::new(&scene, &engine).map_err(|error| study.located(error))?;
+    let costs = crate::engine::costs(arguments.costs.as_deref(), &engine)?;
+    let plan = Plan::with_costs(&scene, &engine, &costs).map_err(|error| study.located(error))?;
     let explanation = plan.explain();
     output::print(&if arguments.json { explanation.to_json() } else { explanation.to_string() });
     Ok(())

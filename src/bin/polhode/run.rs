@@ -26,7 +26,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let scene = study.scene()?.skipping(!arguments.no_skip);
     let engine = crate::engine::open(&arguments.engine, arguments.quiet)?;
     let plan = match &arguments.plan {
-        None => Plan::new(&scene, &engine),
+        None => Plan::with_costs(&scene, &engine, &crate::engine::costs(arguments.costs.as_deref(), &engine)?),
         Some(file) => {
             let document = PlanDocument::read(file)?;
             let engine_name = engine.description().name;

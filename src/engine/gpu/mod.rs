@@ -28,6 +28,7 @@ pub use shader::Patch;
 pub(crate) use device::{adapters, driver_of};
 
 use super::adaptive::{AdaptiveSession, AdaptiveSteps};
+use super::projected::conserving;
 use super::{Backend, Description, EngineKind, FreeSession, Session};
 use crate::batch::{AnyBatch, Batch, Precision};
 use crate::error::{Error, Result};
@@ -58,6 +59,15 @@ pub struct GpuOptions {
     pub patches: Vec<Patch>,
 }
 
+/// What tells the kernels of a method apart.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+enum Acting {
+    /// The torques that it has code for.
+    Torques(shader::Constants),
+    /// Projection onto what free bodies conserve.
+    Projection,
+}
+
 /// Integrates on a GPU.
 #[derive(Debug)]
 pub struct Gpu {
@@ -67,7 +77,7 @@ pub struct Gpu {
     options: GpuOptions,
     layout: wgpu::BindGroupLayout,
     pipeline_layout: wgpu::PipelineLayout,
-    pipelines: Mutex<HashMap<(Precision, Method, shader::Constants), wgpu::ComputePipeline>>,
+    pipelines: Mutex<HashMap<(Precision, Method, Acting), wgpu::ComputePipeline>>,
     free_motion: FreeMotionKernels,
 }
 
@@ -145,13 +155,22 @@ impl Gpu {
     /// The compiled kernel, compiled on first use.
     fn pipeline(&self, precision: Precision, method: Method, torques: &TorqueTable) -> Result<wgpu::ComputePipeline> {
         let constants = if torques.is_empty() { Vec::new() } else { shader::torque_constants(torques) };
+        let source = || Source::advance_under(precision, method, torques);
+        self.compiled((precision, method, Acting::Torques(constants)), source)
+    }
+
+    fn compiled(
+        &self,
+        key: (Precision, Method, Acting),
+        source: impl FnOnce() -> Source,
+    ) -> Result<wgpu::ComputePipeline> {
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(pipeline) = pipelines.get(&(precision, method, constants.clone())) {
+        if let Some(pipeline) = pipelines.get(&key) {
             return Ok(pipeline.clone());
         }
-        let source = Source::advance_under(precision, method, torques).patched(&self.options.patches)?;
+        let source = source().patched(&self.options.patches)?;
         let pipeline = source.compile(&self.device.device, &self.pipeline_layout, Some(WORKGROUP_SIZE))?;
-        pipelines.insert((precision, method, constants), pipeline.clone());
+        pipelines.insert(key, pipeline.clone());
         Ok(pipeline)
     }
 
@@ -164,7 +183,17 @@ impl Gpu {
         if method.reads_invariants() && batch.torques.is_empty() {
             batch.append_invariants();
         }
-        let columns = Columns::upload(&self.device, &self.layout, &batch, &self.options.chunk, self.options.memory)?;
+        self.session(&batch, method, pipeline)
+    }
+
+    /// A session on columns that are complete.
+    fn session<T: DeviceScalar>(
+        &self,
+        batch: &Batch<T>,
+        method: Method,
+        pipeline: wgpu::ComputePipeline,
+    ) -> Result<Box<dyn Session>> {
+        let columns = Columns::upload(&self.device, &self.layout, batch, &self.options.chunk, self.options.memory)?;
         Ok(Box::new(GpuSession::<T> {
             device: Arc::clone(&self.device),
             pipeline,
@@ -202,6 +231,16 @@ impl Backend for Gpu {
             AnyBatch::F32(batch) => self.start_batch(batch, method, pipeline),
             AnyBatch::F64(batch) => self.start_batch(batch, method, pipeline),
         }
+    }
+
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+        let batch = conserving(batch, method)?;
+        if !self.precisions.contains(&Precision::F64) {
+            return Err(unavailable(&self.device, &self.arithmetic, Precision::F64));
+        }
+        let key = (Precision::F64, method, Acting::Projection);
+        let pipeline = self.compiled(key, || Source::advance_projected(Precision::F64, method))?;
+        self.session(&batch, method, pipeline)
     }
 
     fn start_adaptive(&self, _: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {

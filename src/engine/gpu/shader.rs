@@ -50,6 +50,9 @@ pub struct Source {
     constants: Constants,
 }
 
+/// The chunk that a projecting kernel has another one for.
+const UNPROJECTED: &str = "method/unprojected.wgsl";
+
 /// Values of the `override` constants of a shader, by name.
 pub type Constants = Vec<(String, u32)>;
 
@@ -126,11 +129,22 @@ impl Source {
         Self::advance_among(precision, method, Self::torques(precision), torque_constants(torques))
     }
 
+    /// The kernel that advances torque-free bodies by `method` and projects them onto what they conserve after each step.
+    pub fn advance_projected(precision: Precision, method: Method) -> Self {
+        let mut source = Self::advance(precision, method);
+        for chunk in &mut source.chunks {
+            if chunk.file == UNPROJECTED {
+                *chunk = chunk!("method/projection.wgsl");
+            }
+        }
+        source
+    }
+
     fn advance_among(precision: Precision, method: Method, torques: Vec<Chunk>, constants: Constants) -> Self {
         let mut chunks = Self::functions(precision);
         chunks.extend(torques);
         chunks.extend(method_chunks(method));
-        chunks.push(chunk!("advance.wgsl"));
+        chunks.extend([chunk!("method/unprojected.wgsl"), chunk!("advance.wgsl")]);
         Self { chunks, entry_point: "advance", constants }
     }
 

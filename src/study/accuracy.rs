@@ -1,0 +1,101 @@
+//! The table `[accuracy]` of a study.
+
+use std::sync::LazyLock;
+
+use super::DEFAULT_ATTITUDE;
+use super::reader::Node;
+use crate::batch::Precision;
+use crate::engine::adaptive::AdaptiveSteps;
+use crate::error::Result;
+use crate::method::Method;
+use crate::scene::{Accuracy, Scene};
+
+/// How a study says that steps are chosen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum StudyStepping {
+    Accuracy { accuracy: Accuracy, precision: Option<Precision> },
+    Pinned { method: Method, dt: f64, precision: Option<Precision>, projected: bool },
+    Adaptive { steps: AdaptiveSteps, precision: Option<Precision> },
+}
+
+impl StudyStepping {
+    /// The scene with its steps chosen.
+    pub fn applied_to(self, scene: Scene) -> Scene {
+        match self {
+            StudyStepping::Accuracy { accuracy, precision } => scene.accuracy(accuracy).precision(precision),
+            StudyStepping::Pinned { method, dt, precision, projected: true } => {
+                scene.projected(method, dt).precision(precision)
+            }
+            StudyStepping::Pinned { method, dt, precision, projected: false } => scene.pinned(method, dt, precision),
+            StudyStepping::Adaptive { steps, precision } => scene.adaptive(steps, precision),
+        }
+    }
+}
+
+/// Names of all methods.
+static METHODS: LazyLock<Vec<&'static str>> = LazyLock::new(|| Method::ALL.map(Method::name).to_vec());
+
+pub(super) fn accuracy(node: &Node<'_>) -> Result<StudyStepping> {
+    const KEYS: [&str; 10] = [
+        "attitude",
+        "angular_velocity",
+        "energy",
+        "percentile",
+        "method",
+        "dt",
+        "projection",
+        "tolerance",
+        "least_step",
+        "precision",
+    ];
+    let table = node.table("a table [accuracy] is needed", &KEYS)?;
+    for target in &KEYS[..4] {
+        table.exclusive(target, "method")?;
+        table.exclusive(target, "dt")?;
+        table.exclusive(target, "projection")?;
+        table.exclusive(target, "tolerance")?;
+    }
+    table.exclusive("dt", "tolerance")?;
+    table.exclusive("dt", "least_step")?;
+    table.exclusive("projection", "tolerance")?;
+    let precision = match table.find("precision").map(|node| node.choice(&["auto", "f32", "f64"])).transpose()? {
+        Some("f32") => Some(Precision::F32),
+        Some("f64") => Some(Precision::F64),
+        _ => None,
+    };
+    if table.find("tolerance").is_some() || table.find("least_step").is_some() {
+        let tolerance = table.need("tolerance", "a least step needs the error of a step beside it")?;
+        let tolerance = tolerance.positive("a number above 0 and below 1 is needed")?;
+        let least_step = table.find("least_step").map(|node| node.positive("a step above zero is needed (s)"));
+        let method = table.need("method", "adaptive steps need their method beside them: \"rk8\"")?;
+        if method.choice(&METHODS)? != Method::Rk8.name() {
+            return Err(
+                method.refuse("the method with adaptive steps is \"rk8\": it, or dt instead of tolerance, is needed")
+            );
+        }
+        let steps = AdaptiveSteps { tolerance, least_step: least_step.transpose()? };
+        return Ok(StudyStepping::Adaptive { steps, precision });
+    }
+    let projection = table.find("projection");
+    if table.find("method").is_none() && table.find("dt").is_none() && projection.is_none() {
+        let positive = |key: &str, expected| table.find(key).map(|node| node.positive(expected)).transpose();
+        const RELATIVE: &str = "a relative error above 0 is needed";
+        const PERCENTILE: &str = "a percentile above 0 and up to 100 is needed";
+        let attitude = positive("attitude", "an angle above 0 and up to pi is needed (rad)")?;
+        let default = Accuracy::attitude(attitude.unwrap_or(DEFAULT_ATTITUDE));
+        let accuracy = Accuracy {
+            angular_velocity: positive("angular_velocity", RELATIVE)?,
+            energy: positive("energy", RELATIVE)?,
+            percentile: positive("percentile", PERCENTILE)?.unwrap_or(default.percentile),
+            ..default
+        };
+        return Ok(StudyStepping::Accuracy { accuracy, precision });
+    }
+    let method = table.need("method", "a step that is given needs a method beside it: \"rk4\" or \"dlm\"")?;
+    let chosen = method.choice(&METHODS)?;
+    let dt = table.need("dt", "a method that is given needs a step beside it (s), or \"rk8\" a tolerance")?;
+    let dt = dt.positive("a step above zero is needed (s)")?;
+    let method = Method::ALL.into_iter().find(|method| method.name() == chosen).unwrap_or(Method::Rk4);
+    let projected = projection.map(|node| node.boolean("true or false is needed")).transpose()?.unwrap_or(false);
+    Ok(StudyStepping::Pinned { method, dt, precision, projected })
+}
