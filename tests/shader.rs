@@ -25,6 +25,9 @@ fn variants() -> Vec<Source> {
         variants.extend(Method::ALL.map(|method| Source::advance(precision, method)));
         variants.push(Source::free_motion(precision));
         variants.extend(Method::ALL.map(|method| Source::advance_under(precision, method, &every_torque(precision))));
+        variants.extend(
+            [TorqueTable::none(1.0), every_torque(precision)].map(|torques| Source::adaptive(precision, &torques)),
+        );
         variants.extend([false, true].map(|int64| Source::probe(precision, int64)));
     }
     variants
