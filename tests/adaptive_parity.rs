@@ -7,7 +7,9 @@ use common::compare::{Field, compare_rows, first_bit_difference};
 use common::kernel::{Harness, open_device};
 use common::random::Random;
 use common::torques::{every_torque, middle_moments};
+use glam::DVec3;
 use polhode::batch::{Precision, StateWords, prepare_with};
+use polhode::clock::Clock;
 use polhode::engine::adaptive::{AdaptiveSteps, StepCounts};
 use polhode::engine::gpu::shader::{Chunk, Source};
 use polhode::engine::gpu::{GpuOptions, Patch, wgpu};
@@ -92,6 +94,75 @@ fn time_is_carried_in_two_words_to_the_bit() {
     check_two_words::<f64>();
 }
 
+/// What `torque/own_steps.wgsl` reads of other chunks and of the settings, from the columns of a row.
+const TIMES: &str = "
+struct Epoch { instant: Instant, noise: vector }
+const RATE_COLUMN: u32 = 3u;
+fn parameter_at(column: u32, i: u32) -> real { return r(column); }
+fn torque_column(column: u32) -> real { return r(2u); }
+";
+
+/// A row: a time in two words, in units of a body's own scale; the scale's rate; ticks in a second times 2^-60.
+const START: &str = "
+    let start = start_at(TwoWordsReal(r(0u), r(1u)));
+    put_r(0u, real(start.ticks.x & 0xffffu));
+    put_r(1u, real(start.ticks.x >> 16u));
+    put_r(2u, real(start.ticks.y & 0xffffu));
+    put_r(3u, real(start.ticks.y >> 16u));
+    put_r(4u, start.seconds);
+";
+
+fn check_starts<T: Scalar>() {
+    let mut random = Random::new(43);
+    let (mut rows, mut expected) = (Vec::new(), Vec::new());
+    for row in 0..ROWS {
+        let span = 10.0_f64.powf(random.between(-9.0, 9.0));
+        let per_second = Clock::new(span).ticks_per_second();
+        let exponent = (row as i32 * 7) % 61 - 30;
+        let rate = 2.0_f64.powi(exponent);
+        let part = match row % 4 {
+            0 => 0.0,
+            1 => random.between(0.0, 1.0) * 2.0_f64.powi(-(row as i32 % 60)),
+            _ => random.between(0.0, 1.0),
+        };
+        let value = T::from_f64(part * span * rate);
+        let residue = T::from_f64(value.to_f64() * random.between(-0.5, 0.5) * T::UNIT_ROUNDOFF);
+        let numbers = vec![value, residue, T::from_f64(rate), T::from_f64(per_second * 2.0_f64.powi(-60))];
+        // Products by powers of two are exact, so these are the seconds that the twin has, rounded towards 0.
+        let whole = |word: T| (word.to_f64() / rate * per_second) as i64;
+        let ticks = whole(value).wrapping_add(whole(residue)) as u64;
+        let digits = (0..4).map(|digit| f64::from((ticks >> (16 * digit)) as u16));
+        expected.push(digits.chain([1.0 / rate]).collect::<Vec<f64>>());
+        rows.push(numbers);
+    }
+    let table = prepare_with(
+        &asymmetric_ensemble(1, SEED),
+        &[Torque::heavy_top(1.0, DVec3::X, DVec3::Z)],
+        1.0,
+        precision_of::<T>(),
+    )
+    .expect("enough memory")
+    .1;
+    let source = Source::adaptive(precision_of::<T>(), table.torques());
+    let wanted = ["real_f32.wgsl", "real_f64.wgsl", "clock.wgsl", "torque/own_steps.wgsl"];
+    let mut chunks: Vec<Chunk> = source.chunks().iter().filter(|chunk| wanted.contains(&chunk.file)).cloned().collect();
+    for chunk in &mut chunks {
+        let text = chunk.text.replace("settings.ticks", "vec2<u32>(0u, 0u)").replace("settings.tick_scale", "r(3u)");
+        chunk.text = text.into();
+    }
+    chunks.push(Chunk { file: "times", text: TIMES.into() });
+    let found = Harness::new().run(&chunks, START, &rows, 5);
+    for (row, (expected, found)) in expected.iter().zip(&found).enumerate() {
+        assert_eq!(expected, found, "row {row}: {:?}", rows[row].iter().map(|x| x.to_f64()).collect::<Vec<_>>());
+    }
+}
+
+#[test]
+fn a_step_starts_at_the_same_tick_as_its_twin() {
+    check_starts::<f32>();
+    check_starts::<f64>();
+}
+
 /// A row: 1/I in two words, q, m in two words each, status; span, step, left, retried, accepted, rejected; the limits.
 const ATTEMPT: &str = "
     let body = body_new(TwoWordsVector(v(0u), v(3u)));
@@ -126,7 +197,7 @@ fn attempts<T: Scalar>() -> Vec<Vec<T>> {
             let m = [(); 3].map(|()| random.between(-1.0, 1.0));
             let least = if T::WORDS == 2 { 6.0 } else { 13.0 };
             let tolerance = 10.0_f64.powf(-random.between(4.0, least));
-            let rate = glam::DVec3::from_array([0, 1, 2].map(|axis| inverse[axis] * m[axis])).length();
+            let rate = DVec3::from_array([0, 1, 2].map(|axis| inverse[axis] * m[axis])).length();
             let first = tolerance.powf(0.125) / rate.max(1.0);
             let step = if row % 7 == 0 { 0.0 } else { first * 10.0_f64.powf(random.between(0.2, 1.1)) };
             let span = random.between(1.0, 30.0);
@@ -214,7 +285,7 @@ impl Tried {
     fn of<T: Scalar>(row: &[T]) -> Self {
         let number = |column: usize| row[column].to_f64();
         let omega = [0, 1, 2].map(|axis| number(axis) * number(14 + axis));
-        let rate = glam::DVec3::from_array(omega).length().max(1.0);
+        let rate = DVec3::from_array(omega).length().max(1.0);
         let tolerance = number(29);
         let step = if number(23) > 0.0 { number(23) } else { (tolerance.powf(0.125) / rate).min(number(21)) };
         let last = number(24) < step * 1.01;
@@ -431,7 +502,7 @@ fn finished_bodies_do_not_hold_their_workgroups() {
     // One body in each workgroup turns a hundred times as fast as the others.
     let fast = |body: usize| if body.is_multiple_of(64) { 100.0 } else { 1.0 };
     let ensemble = polhode::Ensemble::from_fn(COUNT, |body| {
-        (glam::DVec3::new(1.0, 2.0, 2.5), glam::DQuat::IDENTITY, glam::DVec3::new(1.0, 0.4, 0.1) * fast(body))
+        (DVec3::new(1.0, 2.0, 2.5), glam::DQuat::IDENTITY, DVec3::new(1.0, 0.4, 0.1) * fast(body))
     })
     .expect("valid bodies");
     let imbalance = |steps| {
