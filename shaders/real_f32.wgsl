@@ -34,6 +34,11 @@ fn rounded_quaternion(x: quaternion) -> quaternion {
     return bitcast<vec4<f32>>(bitcast<vec4<u32>>(x) ^ vec4<u32>(settings.zero));
 }
 
+// A rounded number of a sum that is carried in two words in either precision.
+fn separated(x: real) -> real {
+    return rounded(x);
+}
+
 fn mul_add(a: real, b: real, c: real) -> real {
     return fma(a, b, c);
 }

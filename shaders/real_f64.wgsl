@@ -22,7 +22,7 @@ struct TwoWordsQuaternion {
     residue: quaternion,
 }
 
-// In 64 bits no sum's rounding error is ever asked for.
+// In 64 bits no rounding error of the state is ever asked for.
 fn rounded(x: real) -> real {
     return x;
 }
@@ -31,6 +31,12 @@ fn rounded_vector(x: vector) -> vector {
 }
 fn rounded_quaternion(x: quaternion) -> quaternion {
     return x;
+}
+
+// A rounded number of a sum that is carried in two words in either precision, as time is. There is no way to the bits of an
+// f64 without 64-bit integers; nor does a compiler re-associate through a choice that it cannot know.
+fn separated(x: real) -> real {
+    return select(x, real(0.0), settings.zero != 0u);
 }
 
 fn mul_add(a: real, b: real, c: real) -> real {

@@ -8,7 +8,7 @@ use glam::{DQuat, DVec3};
 use polhode::batch::{BodyFrame, BodyState, Precision, StateWords, prepare_members, prepare_with};
 use polhode::engine::adaptive::{AdaptiveSession, AdaptiveSteps};
 use polhode::engine::cpu::{Cpu, Width};
-use polhode::engine::{Backend, unobserved};
+use polhode::engine::{Backend, Engine, unobserved};
 use polhode::method::work::{imbalance, order};
 use polhode::method::{Method, Status};
 use polhode::plan::Members;
@@ -29,12 +29,12 @@ fn torques() -> Vec<Torque> {
     all.into_iter().filter(|torque| !matches!(torque, Torque::WhiteNoise(_))).collect()
 }
 
-fn engines() -> [Cpu; 2] {
-    [Cpu::new(Width::Lanes), Cpu::new(Width::Scalar)]
+fn engines() -> [Engine; 3] {
+    [Engine::cpu(), Engine::cpu_scalar(), common::gpu()]
 }
 
 fn start(
-    engine: &Cpu,
+    engine: &Engine,
     members: &Members,
     torques: &[Torque],
     precision: Precision,
@@ -164,7 +164,7 @@ fn a_flagged_body_does_not_stop_the_others() {
         .map(|body| DVec3::new(1.0, 0.4, 0.1) * if body == 20 { 1e4 } else { 1.0 + 0.01 * body as f64 })
         .collect();
     let moments = DVec3::new(1.0, 2.0, 2.5);
-    let run = |engine: &Cpu, precision, keep: &dyn Fn(usize) -> bool| {
+    let run = |engine: &Engine, precision, keep: &dyn Fn(usize) -> bool| {
         let kept: Vec<usize> = (0..COUNT).filter(|&body| keep(body)).collect();
         let ensemble =
             Ensemble::from_fn(kept.len(), |row| (moments, DQuat::IDENTITY, spins[kept[row]])).expect("valid bodies");

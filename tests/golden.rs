@@ -4,9 +4,11 @@ mod common;
 mod support;
 
 use glam::{DQuat, DVec3};
-use polhode::batch::Precision;
-use polhode::engine::Backend;
+use polhode::batch::{Precision, prepare_with};
+use polhode::engine::adaptive::AdaptiveSteps;
 use polhode::engine::cpu::{Cpu, Width};
+use polhode::engine::{Backend, unobserved};
+use polhode::method::Status;
 use polhode::{Ensemble, Method, Outputs, Plan, Scene};
 use support::{attitude_error, golden, relative_error};
 
@@ -127,6 +129,77 @@ fn check(engine: &dyn Backend, precision: Precision) {
     }
     assert!(checked >= 230, "only {checked} golden states were compared");
     assert!(failures.is_empty(), "{} of {checked} states:\n{}", failures.len(), failures.join("\n"));
+}
+
+/// As [`check`], in adaptive steps up to each golden time. An accepted step is off by at most √7 of the tolerance in the
+/// quaternion and in the angular momentum ([`polhode::method::rk8_adaptive`]; 7 components in its mean square), the angle by
+/// twice that, and the case's conditioning magnifies what each step leaves.
+fn check_adaptive(engine: &dyn Backend, precision: Precision, tolerance: f64) {
+    let reference = Cpu::new(Width::Lanes);
+    let unit = match precision {
+        Precision::F32 => 2.0_f64.powi(-24),
+        Precision::F64 => 2.0_f64.powi(-53),
+    };
+    let steps = AdaptiveSteps { tolerance, least_step: None };
+    let mut failures = Vec::new();
+    let mut checked = 0;
+    for case in golden::load_free() {
+        let rate = case.angular_velocity_body.length();
+        let times: Vec<f64> =
+            case.states.iter().map(|state| state.time).filter(|time| rate * time <= LARGEST_ANGLE).collect();
+        let dt = if rate > 0.0 { ANGLE_OF_A_STEP / rate } else { 1.0 };
+        let conditioning = conditioning(&reference, &case, &times, 2.0 * dt);
+        let ensemble = Ensemble::from_columns(&[case.inertia], &[case.orientation], &[case.angular_velocity_body])
+            .expect("golden bodies are valid");
+        let (frames, batch) = prepare_with(&ensemble, &[], times[times.len() - 1], precision).expect("prepared");
+        let mut session = engine.start_adaptive(batch, steps).expect("started");
+        for (index, state) in case.states[..times.len()].iter().enumerate() {
+            session.advance_to(state.time, &mut unobserved).expect("advanced");
+            let words = session.read(0..1).expect("read");
+            assert_eq!(words.status[0], Status::Valid, "{} at t = {}", case.name, state.time);
+            let accepted = session.counts().expect("counted")[0].accepted as f64;
+            let rounding = match precision {
+                Precision::F32 => unit * (4.0 + rate * state.time),
+                // The state is rounded once a step; 12 stages weigh the roundings of their slopes by up to 43.
+                Precision::F64 => unit * (8.0 + 4.0 * 12.0 * accepted.sqrt()),
+            };
+            let bound = conditioning[index] * (2.0 * 7.0_f64.sqrt() * tolerance * accepted + rounding);
+            if bound > MEANINGLESS {
+                continue;
+            }
+            checked += 1;
+            let reached = frames[0].body_state(words.combined(0));
+            let attitude = attitude_error(reached.orientation, state.orientation);
+            let spin = relative_error(reached.angular_velocity_body, state.angular_velocity_body);
+            if !(attitude <= bound && spin <= bound) {
+                failures.push(format!(
+                    "{} at t = {}: attitude {attitude:.2e}, angular velocity {spin:.2e}, bound {bound:.2e} ({accepted} steps, conditioning {:.1e})",
+                    case.name, state.time, conditioning[index]
+                ));
+            }
+        }
+    }
+    println!("{checked} golden states");
+    assert!(checked >= LEAST_CHECKED_ADAPTIVE, "only {checked} golden states were compared");
+    assert!(failures.is_empty(), "{} of {checked} states:\n{}", failures.len(), failures.join("\n"));
+}
+
+/// Golden states that can be followed in `f32` with a tolerance of 1e-6, and so in either precision.
+const LEAST_CHECKED_ADAPTIVE: usize = 200;
+
+#[test]
+fn adaptive_cpu_f64_follows_the_golden_free_bodies() {
+    check_adaptive(&Cpu::new(Width::Lanes), Precision::F64, 1e-12);
+}
+
+#[test]
+fn adaptive_gpu_f64_follows_the_golden_free_bodies() {
+    check_adaptive(&common::gpu(), Precision::F64, 1e-12);
+}
+
+#[test]
+fn adaptive_gpu_f32_follows_the_golden_free_bodies() {
+    check_adaptive(&common::gpu(), Precision::F32, 1e-6);
 }
 
 #[test]

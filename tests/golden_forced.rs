@@ -208,7 +208,7 @@ fn check(engine: &dyn Backend, precision: Precision) {
 /// As [`check`], in adaptive steps. An accepted step is off by at most √7 of the tolerance in the quaternion and in the
 /// angular momentum's direction and magnitude ([`polhode::method::rk8_adaptive`]; 7 components in its mean square), the
 /// angle by twice that, and the case's conditioning magnifies what each step leaves.
-fn check_adaptive(engine: &Cpu, precision: Precision, tolerance: f64) {
+fn check_adaptive(engine: &dyn Backend, precision: Precision, tolerance: f64) {
     let unit = match precision {
         Precision::F32 => 2.0_f64.powi(-24),
         Precision::F64 => 2.0_f64.powi(-53),
@@ -270,6 +270,16 @@ fn adaptive_scalar_f64_follows_the_golden_forced_bodies() {
 #[test]
 fn adaptive_cpu_f32_follows_the_golden_forced_bodies() {
     check_adaptive(&Cpu::new(Width::Lanes), Precision::F32, 1e-6);
+}
+
+#[test]
+fn adaptive_gpu_f64_follows_the_golden_forced_bodies() {
+    check_adaptive(&common::gpu(), Precision::F64, 1e-12);
+}
+
+#[test]
+fn adaptive_gpu_f32_follows_the_golden_forced_bodies() {
+    check_adaptive(&common::gpu(), Precision::F32, 1e-6);
 }
 
 /// Golden states that can be followed in `f32`, and so in either precision.

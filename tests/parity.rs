@@ -176,6 +176,7 @@ fn cases<T: Scalar>() -> Vec<Case<T>> {
             two::<T>,
         ),
         case("rounded", "put_r(0u, rounded(r(0u)));", 1, &[REAL], |row| vec![row[0]], EXACT, one::<T>),
+        case("separated", "put_r(0u, separated(r(0u)));", 1, &[REAL], |row| vec![row[0]], EXACT, one::<T>),
         case("rounded_vector", "put_v(0u, rounded_vector(v(0u)));", 3, &[VECTOR], |row| row.to_vec(), EXACT, one::<T>),
         case(
             "rounded_quaternion",

@@ -99,14 +99,14 @@ const FAULTS: [Fault; 16] = [
     },
     Fault {
         name: "stale uniform: the time of the first dispatch in every later one",
-        file: "torque/sum.wgsl",
+        file: "torque/equal_steps.wgsl",
         from: "sum_128(settings.clock, ",
         to: "sum_128(vec4<u32>(0u, 0u, 0u, 0u), ",
         check: Check::Cuts,
     },
     Fault {
         name: "swapped columns",
-        file: "advance.wgsl",
+        file: "columns.wgsl",
         from: "state_at(first + 4u, i), state_at(first + 5u, i)",
         to: "state_at(first + 5u, i), state_at(first + 4u, i)",
         check: Check::Step(Method::Rk4, Precision::F32),
@@ -127,7 +127,7 @@ const FAULTS: [Fault; 16] = [
     },
     Fault {
         name: "unwritten output",
-        file: "advance.wgsl",
+        file: "columns.wgsl",
         from: "state_columns[7u * WORDS * settings.stride + i] = state.status;",
         to: "if (i == 7u) { state_columns[i] = real(2.0); }",
         check: Check::Sizes,

@@ -26,6 +26,9 @@ fn variants() -> Vec<Source> {
         variants.push(Source::free_motion(precision));
         variants.push(Source::advance_projected(precision, Method::Rk8));
         variants.extend(Method::ALL.map(|method| Source::advance_under(precision, method, &every_torque(precision))));
+        variants.extend(
+            [TorqueTable::none(1.0), every_torque(precision)].map(|torques| Source::adaptive(precision, &torques)),
+        );
         variants.extend([false, true].map(|int64| Source::probe(precision, int64)));
     }
     variants

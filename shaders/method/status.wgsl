@@ -2,6 +2,7 @@
 
 const NOT_CONVERGED: real = 1.0;
 const STEP_TOO_LONG: real = 2.0;
+const STEP_BELOW_LIMIT: real = 3.0;
 
 // `status` with `reason` entered where there is a fault and nothing stands there yet.
 fn flagged(status: real, fault: bool, reason: real) -> real {

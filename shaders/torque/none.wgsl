@@ -27,6 +27,18 @@ fn epoch(step: u32, fraction: real) -> Epoch {
     return Epoch(0u);
 }
 
+struct Start {
+    unused: u32,
+}
+
+fn start_at(time: TwoWordsReal) -> Start {
+    return Start(0u);
+}
+
+fn epoch_after(start: Start, elapsed: real) -> Epoch {
+    return Epoch(0u);
+}
+
 fn torque(epoch: Epoch, body: Body, orientation: quaternion, angular_velocity_principal: vector) -> vector {
     return vector(0.0, 0.0, 0.0);
 }

@@ -6,7 +6,10 @@ use super::Observer;
 use crate::batch::{AnyBatch, Precision, StateWords};
 use crate::error::{Error, Result};
 use crate::method::rk8_adaptive::least_tolerance;
+use crate::method::work::imbalance;
+use crate::real::Scalar;
 use crate::torque::Kind;
+use crate::vector::TwoWords;
 
 /// What is asked of adaptive steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,14 +52,6 @@ impl AdaptiveSteps {
     }
 }
 
-impl AdaptiveSteps {
-    /// What a GPU engine says to them.
-    pub(crate) fn refused_on_gpu(&self) -> Error {
-        let expected = "adaptive steps run on the CPU engine: that engine, or a step dt, is needed";
-        Error::Setting { field: "tolerance", value: self.tolerance, expected }
-    }
-}
-
 /// What a torque that is drawn step by step is refused with.
 pub(crate) const NOISE_REFUSED: &str =
     "white noise is drawn for steps of equal length and has no adaptive ones: a method with a step dt is needed";
@@ -76,6 +71,12 @@ pub(crate) fn check_torques(batch: &AnyBatch) -> Result<()> {
         value: batch.first_parameter(noise.first + 1),
         expected: NOISE_REFUSED,
     })
+}
+
+/// A number in two words of `f64` in those of an element type.
+pub(crate) fn two_words_of<T: Scalar>(value: f64, residue: f64) -> TwoWords<T> {
+    let first = T::from_f64(value);
+    TwoWords { value: first, residue: T::from_f64((value - first.to_f64()) + residue) }
 }
 
 /// Attempts of one body since its initial state.
@@ -127,4 +128,20 @@ pub trait AdaptiveSession {
 
     /// Bodies that are advanced side by side, so that all wait for the slowest of them: lanes, or a workgroup.
     fn side_by_side(&self) -> usize;
+
+    /// Attempts including those that bodies waited for others beside them, as a multiple of the attempts alone; 1 without
+    /// attempts. Where lists of bodies are made anew as some arrive, as measured; else from the counts.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Device`] where the device is lost.
+    fn imbalance(&mut self) -> Result<f64> {
+        let attempts: Vec<u64> = self.counts()?.iter().map(StepCounts::attempts).collect();
+        Ok(imbalance(&attempts, self.side_by_side()))
+    }
+
+    /// Bytes that reads have moved from the device's memory to the host's so far; 0 where the state is in the host's.
+    fn bytes_read(&self) -> u64 {
+        0
+    }
 }

@@ -229,8 +229,8 @@ pub trait Backend: Send + Sync {
     ///
     /// # Errors
     ///
-    /// As [`Backend::start`]; [`crate::Error::Setting`] as [`AdaptiveSteps::check`], and on a GPU, which has no such steps;
-    /// [`crate::Error::Torque`] where white noise acts.
+    /// As [`Backend::start`]; [`crate::Error::Setting`] as [`AdaptiveSteps::check`]; [`crate::Error::Torque`] where white
+    /// noise acts.
     fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>>;
 }
 

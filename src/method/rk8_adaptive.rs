@@ -23,7 +23,7 @@
 //! that would need a step below the limit is flagged ([`Status::StepBelowLimit`]) and left as it stands. In `f32` the
 //! estimate itself has a rounding error of about 1e-6 of a step's increment, in `f64` of 2e-15: [`least_tolerance`].
 //!
-//! There is no shader of it: GPU engines refuse adaptive steps.
+//! Twin: `shaders/method/rk8_adaptive.wgsl`.
 
 use crate::batch::Precision;
 use crate::method::rk8::{ERROR_WEIGHTS_5, Place, Slopes, WEIGHTS, WEIGHTS_3, advanced, slopes, weighted};
@@ -174,7 +174,7 @@ pub fn attempt<R: Real, E: Timed<R>>(
     state: State<R>,
 ) -> (State<R>, Controller<R>) {
     let (zero, one) = (R::splat(0.0), R::splat(1.0));
-    let active = controller.under_way(&state);
+    let trying = controller.under_way(&state);
     let untried = !zero.less_than(controller.step);
     let step = R::select(untried, first_step(body, span.value, limits.tolerance, &state), controller.step);
     let left = controller.left;
@@ -187,8 +187,8 @@ pub fn attempt<R: Real, E: Timed<R>>(
     let tried = slopes(body, &place, environment, h.value, &state);
     let next_state = advanced(&tried, h, state);
     let error = estimated_error(&tried, h.value, limits.tolerance, &state, &next_state);
-    let taken = active & error.less_than(one);
-    let refused = active & !taken;
+    let taken = trying & error.less_than(one);
+    let refused = trying & !taken;
 
     let (value, lost) = two_difference(left.value, h.value);
     let rest = renormalised(value, lost + (left.residue - h.residue));
@@ -208,12 +208,12 @@ pub fn attempt<R: Real, E: Timed<R>>(
     let mut state = State::select(taken, next_state, state);
     state.status = flagged(state.status, too_small, Status::StepBelowLimit);
     let controller = Controller {
-        step: R::select(active, next, controller.step),
+        step: R::select(trying, next, controller.step),
         left: TwoWords {
             value: R::select(taken, rest.value, left.value),
             residue: R::select(taken, rest.residue, left.residue),
         },
-        retried: R::select(active, R::select(refused, one, zero), controller.retried),
+        retried: R::select(trying, R::select(refused, one, zero), controller.retried),
         accepted: R::select(taken, controller.accepted + one, controller.accepted),
         rejected: R::select(refused, controller.rejected + one, controller.rejected),
     };

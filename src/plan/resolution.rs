@@ -11,8 +11,8 @@ use super::driven::TorqueSet;
 use super::group::{Group, Members, Treatment, level_of, step_of};
 use super::pilot::{Found, Pilot, pilot_sample};
 use crate::batch::Precision;
+use crate::engine::Backend;
 use crate::engine::adaptive::{AdaptiveSteps, NOISE_REFUSED};
-use crate::engine::{Backend, EngineKind};
 use crate::error::{Error, Result};
 use crate::force::Force;
 use crate::method::Method;
@@ -105,7 +105,7 @@ impl Resolution {
                 }
                 Ok(Self::Pinned { method, precision, longest_step: dt, projected })
             }
-            Stepping::Adaptive { steps, .. } => Self::adaptive(scene, engine, steps, has_f64),
+            Stepping::Adaptive { steps, .. } => Self::adaptive(scene, steps, has_f64),
             Stepping::Accuracy(accuracy) => {
                 check_accuracy(&accuracy)?;
                 let wanted = scene.wanted_precision();
@@ -206,13 +206,10 @@ impl Resolution {
         })
     }
 
-    fn adaptive(scene: &Scene, engine: &dyn Backend, steps: AdaptiveSteps, has_f64: bool) -> Result<Self> {
+    fn adaptive(scene: &Scene, steps: AdaptiveSteps, has_f64: bool) -> Result<Self> {
         let widest = if has_f64 { Precision::F64 } else { Precision::F32 };
         let precision = scene.wanted_precision().unwrap_or(widest);
         steps.check(precision)?;
-        if engine.description().kind == EngineKind::Gpu {
-            return Err(steps.refused_on_gpu());
-        }
         if scene.forces().iter().any(Force::needs_attitude) {
             let expected = "thrust follows equal steps of the attitude: a method with a step dt is needed";
             return Err(Error::Setting { field: "tolerance", value: steps.tolerance, expected });

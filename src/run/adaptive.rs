@@ -1,6 +1,7 @@
 //! A group of bodies in adaptive steps, ordered by expected work.
 
 use std::ops::Range;
+use std::time::Instant;
 
 use rayon::prelude::*;
 
@@ -9,9 +10,9 @@ use crate::batch::{BodyFrame, BodyState, prepare_body, prepare_members, scaled_b
 use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps};
 use crate::engine::{Backend, Observer};
 use crate::error::Result;
-use crate::method::work::{imbalance, order};
+use crate::method::work::order;
 use crate::plan::{Group, Members};
-use crate::record::{AdaptiveWork, Spread};
+use crate::record::{AdaptiveWork, Spread, WallTime};
 use crate::scene::Scene;
 use crate::torque;
 
@@ -32,7 +33,9 @@ impl AdaptiveUnit {
         group: &Group,
         precision: crate::batch::Precision,
         steps: AdaptiveSteps,
+        wall_time: &mut WallTime,
     ) -> Result<Self> {
+        let clock = Instant::now();
         let members = &group.members;
         let expected: Vec<f64> =
             (0..members.len()).into_par_iter().map(|row| expected_rate(scene, members.body(row))).collect();
@@ -48,7 +51,11 @@ impl AdaptiveUnit {
         let torques = group.class.torques.of(scene.torques());
         let (frames, batch) =
             prepare_members(scene.ensemble(), &torques, scene.end(), &Members::Some(bodies), precision)?;
-        Ok(Self { session: engine.start_adaptive(batch, steps)?, frames, session_rows })
+        wall_time.prepare += clock.elapsed().as_secs_f64();
+        let clock = Instant::now();
+        let session = engine.start_adaptive(batch, steps)?;
+        wall_time.start += clock.elapsed().as_secs_f64();
+        Ok(Self { session, frames, session_rows })
     }
 
     pub fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {
@@ -75,7 +82,13 @@ impl AdaptiveUnit {
             accepted: counts.iter().map(|counts| counts.accepted).collect(),
             rejected: counts.iter().map(|counts| counts.rejected).collect(),
             side_by_side: self.session.side_by_side(),
+            imbalance: self.session.imbalance()?,
         })
+    }
+
+    /// Bytes that were read back from a device so far.
+    pub fn bytes_read(&self) -> u64 {
+        self.session.bytes_read()
     }
 }
 
@@ -94,6 +107,7 @@ pub(super) struct UnitWork {
     accepted: Vec<u64>,
     rejected: Vec<u64>,
     side_by_side: usize,
+    imbalance: f64,
 }
 
 /// The work of all units together; `None` without any.
@@ -101,10 +115,9 @@ pub(super) fn total_work(units: Vec<UnitWork>, flagged: usize) -> Option<Adaptiv
     let side_by_side = units.iter().map(|unit| unit.side_by_side).max()?;
     let (mut own, mut with_waiting) = (0.0, 0.0);
     for unit in &units {
-        let attempts: Vec<u64> = unit.accepted.iter().zip(&unit.rejected).map(|(a, r)| a + r).collect();
-        let total = attempts.iter().sum::<u64>() as f64;
-        own += total;
-        with_waiting += total * imbalance(&attempts, unit.side_by_side);
+        let attempts = unit.accepted.iter().chain(&unit.rejected).sum::<u64>() as f64;
+        own += attempts;
+        with_waiting += attempts * unit.imbalance;
     }
     let spread = |of: fn(&UnitWork) -> &Vec<u64>| Spread::of(units.iter().flat_map(|unit| of(unit).clone()).collect());
     Some(AdaptiveWork {

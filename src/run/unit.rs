@@ -63,9 +63,7 @@ impl<'p> Unit<'p> {
                 Motion::ClosedForm { session, frames }
             }
             Treatment::Adaptive { precision, steps } => {
-                let unit = AdaptiveUnit::start(engine, scene, group, precision, steps)?;
-                wall_time.prepare += clock.elapsed().as_secs_f64();
-                Motion::Adaptive(unit)
+                Motion::Adaptive(AdaptiveUnit::start(engine, scene, group, precision, steps, wall_time)?)
             }
             Treatment::Stepped { method, precision, projected, .. } => {
                 let torques = group.class.torques.of(scene.torques());
@@ -131,7 +129,8 @@ impl<'p> Unit<'p> {
         match &self.motion {
             Motion::Stepped { session, .. } => session.bytes_read(),
             Motion::ClosedForm { session, .. } => session.bytes_read(),
-            Motion::Adaptive(_) | Motion::Precession { .. } => 0,
+            Motion::Adaptive(unit) => unit.bytes_read(),
+            Motion::Precession { .. } => 0,
         }
     }
 

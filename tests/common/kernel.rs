@@ -118,7 +118,7 @@ impl Harness {
 /// The chunks that every kernel shares, and one method's.
 pub fn chunks(precision: Precision, method: Method) -> Vec<Chunk> {
     let source = Source::advance(precision, method);
-    source.chunks().iter().filter(|chunk| chunk.file != "advance.wgsl").cloned().collect()
+    source.chunks().iter().filter(|chunk| !matches!(chunk.file, "columns.wgsl" | "advance.wgsl")).cloned().collect()
 }
 
 /// A device of the best adapter, as a caller of the library would open one, with those of `features` that it has.

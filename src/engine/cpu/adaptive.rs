@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::{BLOCK, Width, split_columns, watched};
 use crate::batch::{Batch, StateWords, load_body, load_state, state_columns, store_state};
 use crate::clock::Clock;
-use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps, StepCounts};
+use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps, StepCounts, two_words_of};
 use crate::engine::{Observer, check_time};
 use crate::error::{Error, Result};
 use crate::lanes::{LaneScalar, LaneTask};
@@ -150,12 +150,6 @@ fn take_counts<T: Scalar>(controllers: &mut [&mut [T]], counts: &mut [StepCounts
         controllers[ACCEPTED][row] = T::default();
         controllers[REJECTED][row] = T::default();
     }
-}
-
-/// A number in two words of `f64` in those of an element type.
-fn two_words_of<T: Scalar>(value: f64, residue: f64) -> TwoWords<T> {
-    let first = T::from_f64(value);
-    TwoWords { value: first, residue: T::from_f64((value - first.to_f64()) + residue) }
 }
 
 /// What acts on bodies, as a type, so that each kind is compiled into a loop of its own.

@@ -11,6 +11,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// The graphics library, for programs that bring their own device.
 pub use wgpu;
 
+mod adaptive;
 mod buffers;
 mod device;
 mod dispatch;
@@ -27,7 +28,7 @@ pub use shader::Patch;
 
 pub(crate) use device::{adapters, driver_of};
 
-use super::adaptive::{AdaptiveSession, AdaptiveSteps};
+use super::adaptive::{AdaptiveSession, AdaptiveSteps, check_torques};
 use super::projected::conserving;
 use super::{Backend, Description, EngineKind, FreeSession, Session};
 use crate::batch::{AnyBatch, Batch, Precision};
@@ -35,6 +36,7 @@ use crate::error::{Error, Result};
 use crate::free_motion::AnyRows;
 use crate::method::Method;
 use crate::torque::TorqueTable;
+use adaptive::AdaptiveKernels;
 use buffers::{Columns, DeviceScalar, WORKGROUP_SIZE};
 use device::Device;
 use dispatch::Slicer;
@@ -79,6 +81,7 @@ pub struct Gpu {
     pipeline_layout: wgpu::PipelineLayout,
     pipelines: Mutex<HashMap<(Precision, Method, Acting), wgpu::ComputePipeline>>,
     free_motion: FreeMotionKernels,
+    adaptive: AdaptiveKernels,
 }
 
 impl Gpu {
@@ -144,6 +147,7 @@ impl Gpu {
             pipeline_layout,
             pipelines: Mutex::default(),
             free_motion: FreeMotionKernels::default(),
+            adaptive: AdaptiveKernels::default(),
         })
     }
 
@@ -243,8 +247,17 @@ impl Backend for Gpu {
         self.session(&batch, method, pipeline)
     }
 
-    fn start_adaptive(&self, _: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
-        Err(steps.refused_on_gpu())
+    fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+        let precision = batch.precision();
+        if !self.precisions.contains(&precision) {
+            return Err(unavailable(&self.device, &self.arithmetic, precision));
+        }
+        steps.check(precision)?;
+        check_torques(&batch)?;
+        match batch {
+            AnyBatch::F32(batch) => self.adaptive.start(&self.device, &batch, steps, &self.options),
+            AnyBatch::F64(batch) => self.adaptive.start(&self.device, &batch, steps, &self.options),
+        }
     }
 
     fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {

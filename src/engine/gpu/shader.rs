@@ -97,7 +97,7 @@ fn method_chunks(method: Method) -> Vec<Chunk> {
     };
     match method {
         Method::Rk4 => vec![unprepared(), slope(), chunk!("method/rk4.wgsl")],
-        Method::Rk8 => vec![unprepared(), slope(), chunk!("method/rk8.wgsl")],
+        Method::Rk8 => vec![unprepared(), slope(), chunk!("method/rk8.wgsl"), chunk!("method/rk8_equal.wgsl")],
         Method::Cf4 => vec![unprepared(), slope(), chunk!("method/cf4.wgsl")],
         Method::Splitting2 => splitting(chunk!("method/splitting2.wgsl")),
         Method::Splitting4 => splitting(chunk!("method/splitting4.wgsl")),
@@ -126,7 +126,9 @@ impl Source {
         if torques.is_empty() {
             return Self::advance(precision, method);
         }
-        Self::advance_among(precision, method, Self::torques(precision), torque_constants(torques))
+        let mut acting = Self::torques(precision);
+        acting.push(chunk!("torque/equal_steps.wgsl"));
+        Self::advance_among(precision, method, acting, torque_constants(torques))
     }
 
     /// The kernel that advances torque-free bodies by `method` and projects them onto what they conserve after each step.
@@ -144,12 +146,37 @@ impl Source {
         let mut chunks = Self::functions(precision);
         chunks.extend(torques);
         chunks.extend(method_chunks(method));
-        chunks.extend([chunk!("method/unprojected.wgsl"), chunk!("advance.wgsl")]);
+        chunks.extend([chunk!("columns.wgsl"), chunk!("method/unprojected.wgsl"), chunk!("advance.wgsl")]);
         Self { chunks, entry_point: "advance", constants }
     }
 
-    /// The chunks of all torques and their sum. They read columns by `parameter_at` and the time from `settings`, which
-    /// the entry point's chunk declares.
+    /// The kernel that advances bodies under torques in adaptive steps of `rk8`.
+    pub fn adaptive(precision: Precision, torques: &TorqueTable) -> Self {
+        let (mut chunks, mut constants) = (Self::functions(precision), Vec::new());
+        if torques.is_empty() {
+            chunks.push(chunk!("torque/none.wgsl"));
+        } else {
+            chunks.extend(Self::torques(precision));
+            chunks.push(chunk!("torque/own_steps.wgsl"));
+            constants = torque_constants(torques);
+        }
+        chunks.extend(Self::adaptive_method());
+        chunks.extend([chunk!("columns.wgsl"), chunk!("adaptive.wgsl")]);
+        Self { chunks, entry_point: "adaptive", constants }
+    }
+
+    /// The chunks of `rk8` in adaptive steps. They read times by `start_at` and `epoch_after`, which `torque/none.wgsl` and
+    /// `torque/own_steps.wgsl` define.
+    pub fn adaptive_method() -> Vec<Chunk> {
+        vec![
+            chunk!("method/slope.wgsl"),
+            chunk!("method/status.wgsl"),
+            chunk!("method/rk8.wgsl"),
+            chunk!("method/rk8_adaptive.wgsl"),
+        ]
+    }
+
+    /// The chunks of all torques and their sum. They read columns by `parameter_at`; the chunk behind them forms times.
     pub fn torques(precision: Precision) -> Vec<Chunk> {
         let series = match precision {
             Precision::F32 => chunk!("torque/series_f32.wgsl"),
