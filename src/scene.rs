@@ -160,8 +160,7 @@ impl Scene {
         self
     }
 
-    /// Lets each body choose its steps by `rk8`'s estimate of their errors ([`crate::method::rk8_adaptive`]). Runs on the CPU
-    /// engine.
+    /// Lets each body choose its steps by `rk8`'s estimate of their errors ([`crate::method::rk8_adaptive`]).
     ///
     /// ```
     /// # use glam::{DQuat, DVec3};

@@ -4,6 +4,7 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
+use polhode::bench::compare::compare;
 use polhode::bench::provenance::Provenance;
 use polhode::bench::row::{self, Row, Table};
 use polhode::bench::{Bench, Swept, accuracy, front, skipping, throughput};
@@ -211,4 +212,34 @@ fn slowed(line: &str, rows: &[Row]) -> String {
         }
         None => line.to_owned(),
     }
+}
+
+#[test]
+fn two_runs_are_compared_case_by_case() {
+    let folders = [(); 2].map(|()| tempfile::tempdir().expect("a folder"));
+    let bench = bench("forced/cpu/rk4/f32");
+    for folder in &folders {
+        assert_eq!(swept(&bench, folder.path()).rows.len(), 4);
+    }
+    let [old, new] = [&folders[0], &folders[1]].map(|folder| folder.path());
+    let same = compare(old, new).expect("compared");
+    assert_eq!((same.cases, same.alone), (4, 0));
+    assert!(same.differing.is_empty(), "{same}");
+    assert_eq!(same.pairs[0] + same.pairs[1], 6);
+    assert!(same.ratio[0] > 0.0 && same.ratio[0] <= same.ratio[1] && same.ratio[1] <= same.ratio[2]);
+
+    // One more case in the new run, and one whose error and time are others.
+    swept(&Bench { filter: Some("forced/cpu/rk4/f64/1000".to_owned()), ..bench }, new);
+    let csv = new.join("accuracy.csv");
+    let rows = row::rows(new, accuracy::TABLE).expect("a table");
+    let changed = rows.iter().find(|row| row.text("case").ends_with("f32/20 steps")).expect("a row");
+    let text = std::fs::read_to_string(&csv).expect("a file");
+    let text = text.replace(&changed.text("attitude_rad_max"), "3.5").replace(&changed.text("seconds_median"), "1e9");
+    std::fs::write(&csv, text).expect("written");
+    let other = compare(old, new).expect("compared");
+    assert_eq!((other.cases, other.alone), (4, 1));
+    assert_eq!(other.differing, [("forced/cpu/rk4/f32/20 steps".to_owned(), vec!["attitude_rad_max".to_owned()])]);
+    // Twenty steps take less than a hundred, by far; now they take more than all others.
+    assert!(other.pairs[1] >= 1, "{other}");
+    assert!(other.to_string().contains("3 agree to the last digit"), "{other}");
 }

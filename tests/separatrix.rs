@@ -240,7 +240,7 @@ fn studies_ask_for_projection_and_are_told_where_there_is_none() {
         ("method = 'dlm'\ndt = 0.01\nprojection = true", "", 10, "one of the methods rk4"),
         ("method = 'rk8'\nprojection = true", "", 7, "needs a step beside it"),
         ("attitude = 1e-6\nprojection = true", "", 8, "projection"),
-        ("method = 'rk8'\ntolerance = 1e-9\nprojection = true", "", 9, "tolerance"),
+        ("method = 'rk8'\ntolerance = 1e-9\nprojection = true", "", 10, "tolerance"),
     ] {
         let refusal = match study(accuracy, more) {
             Err(error) => error.to_string(),

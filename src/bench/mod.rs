@@ -14,6 +14,7 @@ use crate::error::Result;
 
 pub mod accuracy;
 pub mod ceiling;
+pub mod compare;
 pub mod drift;
 pub mod front;
 pub mod problem;

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
+use polhode::bench::compare::compare;
 use polhode::bench::provenance::Provenance;
 use polhode::bench::row::Row;
 use polhode::bench::{Bench, Swept, Watcher, accuracy, drift, skipping, stability, throughput};
@@ -19,7 +20,8 @@ overwrites one, and says in each row where it comes from. `polhode plot DIR` dra
 Examples:
     polhode bench accuracy --quick                    a first look, about a minute
     polhode bench accuracy --filter forced/cpu/rk4    some cases only
-    polhode bench accuracy --out results --resume     goes on where a run was stopped";
+    polhode bench accuracy --out results --resume     goes on where a run was stopped
+    polhode bench compare monday tuesday              two runs on one machine";
 
 /// Arguments of `polhode bench`.
 #[derive(Debug, Args)]
@@ -43,6 +45,19 @@ enum Benchmark {
     Stability(Options),
     /// How constants of the motion wander over ten million steps.
     Drift(Options),
+    /// Two runs of `bench accuracy` side by side: errors to the last digit, ratios of times, rankings.
+    Compare(Folders),
+}
+
+/// The results of two runs.
+#[derive(Debug, Args)]
+struct Folders {
+    /// Folder of the first run.
+    #[arg(value_name = "OLD")]
+    old: PathBuf,
+    /// Folder of the second run.
+    #[arg(value_name = "NEW")]
+    new: PathBuf,
 }
 
 /// The engines that are measured.
@@ -91,6 +106,14 @@ pub fn bench(arguments: &BenchArguments) -> Result<(), Failure> {
         Benchmark::Skipping(options) => measure(options, skipping::run, skipping::summary),
         Benchmark::Stability(options) => measure(options, stability::run, stability::summary),
         Benchmark::Drift(options) => measure(options, drift::run, drift::summary),
+        Benchmark::Compare(folders) => {
+            let comparison = compare(&folders.old, &folders.new)?;
+            if comparison.cases == 0 {
+                return Err(Failure::Arguments("the folders have no case of `polhode bench accuracy` in common"));
+            }
+            output::print(&comparison.to_string());
+            Ok(())
+        }
     }
 }
 
