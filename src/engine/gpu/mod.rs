@@ -17,6 +17,7 @@ mod device;
 mod dispatch;
 mod free_motion;
 mod probe;
+mod reading;
 mod session;
 pub mod shader;
 
@@ -32,6 +33,7 @@ use super::adaptive::{AdaptiveSession, AdaptiveSteps, check_torques};
 use super::{Backend, Description, EngineKind, FreeSession, Session};
 use crate::batch::{AnyBatch, Batch, Precision};
 use crate::error::{Error, Result};
+use crate::force::carried::Carried;
 use crate::free_motion::AnyRows;
 use crate::method::Method;
 use crate::torque::TorqueTable;
@@ -147,15 +149,22 @@ impl Gpu {
     }
 
     /// The compiled kernel, compiled on first use.
-    fn pipeline(&self, precision: Precision, method: Method, torques: &TorqueTable) -> Result<wgpu::ComputePipeline> {
-        let constants = if torques.is_empty() { Vec::new() } else { shader::torque_constants(torques) };
+    fn pipeline(
+        &self,
+        precision: Precision,
+        method: Method,
+        torques: &TorqueTable,
+        forces_first: Option<u32>,
+    ) -> Result<wgpu::ComputePipeline> {
+        let source = Source::advance_flying(precision, method, torques, forces_first);
+        let key = (precision, method, source.constants().clone());
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(pipeline) = pipelines.get(&(precision, method, constants.clone())) {
+        if let Some(pipeline) = pipelines.get(&key) {
             return Ok(pipeline.clone());
         }
-        let source = Source::advance_under(precision, method, torques).patched(&self.options.patches)?;
+        let source = source.patched(&self.options.patches)?;
         let pipeline = source.compile(&self.device.device, &self.pipeline_layout, Some(WORKGROUP_SIZE))?;
-        pipelines.insert((precision, method, constants), pipeline.clone());
+        pipelines.insert(key, pipeline.clone());
         Ok(pipeline)
     }
 
@@ -163,10 +172,22 @@ impl Gpu {
         &self,
         mut batch: Batch<T>,
         method: Method,
-        pipeline: wgpu::ComputePipeline,
+        carried: Option<(&[Carried], u32)>,
     ) -> Result<Box<dyn Session>> {
+        let precision = if T::WORDS == 2 { Precision::F32 } else { Precision::F64 };
+        if !self.precisions.contains(&precision) {
+            return Err(unavailable(&self.device, &self.arithmetic, precision));
+        }
         if method.reads_invariants() && batch.torques.is_empty() {
             batch.append_invariants();
+        }
+        let forces_first = carried.map(|_| batch.parameter_columns() as u32);
+        let pipeline = self.pipeline(precision, method, &batch.torques, forces_first)?;
+        let mut loops = batch.loops_of_a_step(method);
+        if let Some((centres, parts)) = carried {
+            batch.append_centres(centres);
+            // One more for the comparison that ends their loop.
+            loops = loops.saturating_add(parts).saturating_add(1);
         }
         let columns = Columns::upload(&self.device, &self.layout, &batch, &self.options.chunk, self.options.memory)?;
         Ok(Box::new(GpuSession::<T> {
@@ -175,7 +196,8 @@ impl Gpu {
             columns,
             body_count: batch.body_count,
             clock: batch.torques.clock(),
-            slicer: Slicer::new(self.options.slice, batch.loops_of_a_step(method)),
+            slicer: Slicer::new(self.options.slice, loops),
+            carries: carried.is_some(),
             scalar: std::marker::PhantomData,
         }))
     }
@@ -197,14 +219,26 @@ impl Backend for Gpu {
     }
 
     fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
-        let precision = batch.precision();
-        if !self.precisions.contains(&precision) {
-            return Err(unavailable(&self.device, &self.arithmetic, precision));
-        }
-        let pipeline = self.pipeline(precision, method, batch.torques())?;
         match batch {
-            AnyBatch::F32(batch) => self.start_batch(batch, method, pipeline),
-            AnyBatch::F64(batch) => self.start_batch(batch, method, pipeline),
+            AnyBatch::F32(batch) => self.start_batch(batch, method, None),
+            AnyBatch::F64(batch) => self.start_batch(batch, method, None),
+        }
+    }
+
+    fn carries_centres(&self) -> bool {
+        true
+    }
+
+    fn start_carrying(
+        &self,
+        batch: AnyBatch,
+        method: Method,
+        centres: &[Carried],
+        parts: u32,
+    ) -> Result<Box<dyn Session>> {
+        match batch {
+            AnyBatch::F32(batch) => self.start_batch(batch, method, Some((centres, parts))),
+            AnyBatch::F64(batch) => self.start_batch(batch, method, Some((centres, parts))),
         }
     }
 
