@@ -18,6 +18,7 @@ use rayon::prelude::*;
 
 use crate::ensemble::Ensemble;
 use crate::error::Result;
+use crate::force::carried::{CENTRE_COMPONENTS, Carried, FORCE_COLUMNS};
 use crate::inertia::principal_axes;
 use crate::memory;
 use crate::method::projection::{Combinations, combinations};
@@ -516,6 +517,33 @@ impl<T: Scalar> Batch<T> {
             }
         }
         self.parameters.extend_from_slice(&columns);
+    }
+
+    /// Adds the columns of centres of mass, one a body in the order of rows: forces behind the parameters, position and
+    /// velocity behind the state.
+    pub(crate) fn append_centres(&mut self, centres: &[Carried]) {
+        let stride = self.stride;
+        let mut parameters = vec![T::default(); FORCE_COLUMNS * stride];
+        let mut state = vec![T::default(); CENTRE_COMPONENTS * T::WORDS * stride];
+        for (row, centre) in centres.iter().enumerate() {
+            for (column, number) in centre.parameters().into_iter().enumerate() {
+                parameters[column * stride + row] = T::from_f64(number);
+            }
+            for (column, number) in centre.state().into_iter().enumerate() {
+                let (value, residue) = T::two_words(number);
+                state[column * stride + row] = value;
+                if T::WORDS == 2 {
+                    state[(CENTRE_COMPONENTS + column) * stride + row] = residue;
+                }
+            }
+        }
+        self.parameters.extend_from_slice(&parameters);
+        self.state.extend_from_slice(&state);
+    }
+
+    /// Number of state columns, those of centres of mass among them.
+    pub(crate) fn all_state_columns(&self) -> usize {
+        self.state.len().checked_div(self.stride).unwrap_or(state_columns::<T>())
     }
 
     /// The most iterations of loops in one step of `method`: its own, and in each evaluation of the torques one for each

@@ -29,6 +29,10 @@ fn variants() -> Vec<Source> {
         variants.extend(
             [TorqueTable::none(1.0), every_torque(precision)].map(|torques| Source::adaptive(precision, &torques)),
         );
+        for torques in [TorqueTable::none(1.0), every_torque(precision)] {
+            let flying = |method| Source::advance_flying(precision, method, &torques, Some(7));
+            variants.extend(Method::ALL.map(flying));
+        }
         variants.extend([false, true].map(|int64| Source::probe(precision, int64)));
     }
     variants

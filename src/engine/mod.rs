@@ -8,8 +8,11 @@ use std::fmt;
 use std::ops::{ControlFlow, Range};
 use std::sync::Arc;
 
+use glam::DVec3;
+
 use crate::batch::{AnyBatch, Precision, StateWords};
 use crate::error::Result;
+use crate::force::carried::Carried;
 use crate::free_motion::AnyRows;
 use crate::method::Method;
 use crate::plan::Plan;
@@ -185,6 +188,20 @@ impl Backend for Engine {
     fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
         self.backend.start_adaptive(batch, steps)
     }
+
+    fn carries_centres(&self) -> bool {
+        self.backend.carries_centres()
+    }
+
+    fn start_carrying(
+        &self,
+        batch: AnyBatch,
+        method: Method,
+        centres: &[Carried],
+        parts: u32,
+    ) -> Result<Box<dyn Session>> {
+        self.backend.start_carrying(batch, method, centres, parts)
+    }
 }
 
 impl fmt::Debug for Engine {
@@ -232,6 +249,27 @@ pub trait Backend: Send + Sync {
     /// As [`Backend::start`]; [`crate::Error::Setting`] as [`AdaptiveSteps::check`]; [`crate::Error::Torque`] where white
     /// noise acts.
     fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>>;
+
+    /// Whether [`Backend::start_carrying`] moves centres of mass; where it does not, the host follows the rotation.
+    fn carries_centres(&self) -> bool {
+        false
+    }
+
+    /// As [`Backend::start`], with the centres of mass of the batch's bodies, one a row, that every step moves along
+    /// ([`crate::force::carried`]). `parts`: the most steps of a centre of mass in one of the rotation.
+    ///
+    /// # Errors
+    ///
+    /// As [`Backend::start`].
+    fn start_carrying(
+        &self,
+        batch: AnyBatch,
+        method: Method,
+        _centres: &[Carried],
+        _parts: u32,
+    ) -> Result<Box<dyn Session>> {
+        self.start(batch, method)
+    }
 }
 
 /// How far an [`Session::advance`] has come.
@@ -268,6 +306,15 @@ pub trait Session {
     ///
     /// [`crate::Error::Device`] where the device is lost.
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords>;
+
+    /// Positions (m) and velocities (m/s), world axes, of a range of bodies; empty where the session moves none.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device is lost.
+    fn read_centres(&mut self, _bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
+        Ok(Vec::new())
+    }
 
     /// Bytes that reads have moved from the device's memory to the host's so far; 0 where the state is in the host's.
     fn bytes_read(&self) -> u64 {

@@ -3,13 +3,15 @@
 //! M dv/dt = F₀ + M g − c v − C |v| v + R F, dx/dt = v. Forces act on the translation alone, so the rotation does not depend
 //! on them. Under a constant force, uniform gravity and linear drag positions follow in closed form at output times
 //! ([`closed_form()`]). Under quadratic drag or a thrust fixed in the body they are stepped ([`stepped`]) along the
-//! rotation, in `f64` on the host whatever the engine and precision of the rotation.
+//! rotation: in `f64` on the host, or, where thrust follows a rotation that a GPU steps, there and in its precision
+//! ([`carried`]).
 
 use glam::{DQuat, DVec3};
 
 use crate::error::{Error, Result};
 use crate::torque::Parameter;
 
+pub mod carried;
 mod closed_form;
 pub mod quadratic_drag;
 pub mod stepped;

@@ -1,4 +1,5 @@
-//! `quadratic-drag`: a force against the velocity and in proportion to its square.
+//! `quadratic-drag`: a force against the velocity and in proportion to its square. Twin:
+//! `shaders/force/quadratic_drag.wgsl`.
 
 use glam::DVec3;
 

@@ -7,7 +7,8 @@
 //! is of order 4 in that step.
 //!
 //! Steps are as long as the velocity's own rate and the attitude's allow ([`DRAG_ANGLE`], [`TURN`]). Position and velocity
-//! are summed in two words (Kahan), so that a million steps cost no digits.
+//! are summed in two words (Kahan), so that a million steps cost no digits. Twin, of steps along a stepped rotation:
+//! `shaders/force/stepped.wgsl`.
 
 use glam::{DQuat, DVec3};
 
@@ -149,7 +150,7 @@ impl Centre {
         let k2 = forces.at(middle, v + k1 * (0.5 * h));
         let k3 = forces.at(middle, v + k2 * (0.5 * h));
         let k4 = forces.at(end, v + k3 * h);
-        let path = (v + self.velocity_residue) * h + (k1 + k2 + k3) * (h * h / 6.0);
+        let path = v * h + (self.velocity_residue * h + (k1 + k2 + k3) * (h * h / 6.0));
         accumulate(&mut self.position, &mut self.position_residue, path);
         accumulate(&mut self.velocity, &mut self.velocity_residue, (k1 + (k2 + k3) * 2.0 + k4) * (h / 6.0));
     }

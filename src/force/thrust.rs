@@ -1,4 +1,4 @@
-//! `thrust`: a force fixed in the body, through its centre of mass.
+//! `thrust`: a force fixed in the body, through its centre of mass. Twin: `shaders/force/thrust.wgsl`.
 
 use glam::{DQuat, DVec3};
 

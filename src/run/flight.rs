@@ -5,8 +5,9 @@ use std::ops::Range;
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
-use crate::batch::{BodyState, initial_state};
+use crate::batch::{BodyFrame, BodyState, initial_state};
 use crate::error::Result;
+use crate::force::carried::{Carried, MOST_PARTS};
 use crate::force::stepped::{Between, Centre, Free, Irrelevant};
 use crate::force::{Accelerations, Force, accelerations};
 use crate::free_motion::FreeMotion;
@@ -54,6 +55,21 @@ impl<'p> Flight<'p> {
     /// Whether it has to be told of the rotation after every step.
     pub fn follows(&self) -> bool {
         !self.before.is_empty()
+    }
+
+    /// The centres of mass as an engine takes them along in steps of at most `longest_step` seconds, and the most steps of
+    /// theirs in one; `None` where that is more than an engine takes.
+    pub fn carried(&self, frames: &[BodyFrame], longest_step: f64) -> Option<(Vec<Carried>, u32)> {
+        let rows = self.forces.iter().zip(&self.centres).zip(frames);
+        let carried: Vec<Carried> = rows
+            .map(|((forces, centre), frame)| Carried {
+                forces: Accelerations { thrust_body: frame.to_principal(forces.thrust_body), ..*forces },
+                position: centre.position(),
+                velocity: centre.velocity(),
+            })
+            .collect();
+        let parts = carried.iter().map(|centre| centre.most_parts(longest_step)).fold(1.0, f64::max);
+        (parts <= f64::from(MOST_PARTS)).then_some((carried, parts as u32))
     }
 
     /// Moves on by a step of `dt` seconds of the rotation, which is `after` it.

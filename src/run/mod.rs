@@ -164,7 +164,7 @@ fn read_states(units: &mut [Unit<'_>], centres: &Centres<'_>, bodies: Range<usiz
     let mut flying = vec![None; bodies.len()];
     for unit in units {
         unit.read(bodies.clone(), &mut states)?;
-        unit.read_centres(&bodies, &mut flying);
+        unit.read_centres(&bodies, &mut flying)?;
     }
     let output = |((rotation, centre), body): ((BodyState, Option<_>), usize)| OutputState {
         rotation,

@@ -26,16 +26,29 @@ pub(super) struct Unit<'p> {
 }
 
 enum Motion {
-    Stepped { session: Box<dyn Session>, frames: Vec<BodyFrame>, treatment: Treatment },
+    /// `carries`: whether the session moves the centres of mass along.
+    Stepped {
+        session: Box<dyn Session>,
+        frames: Vec<BodyFrame>,
+        treatment: Treatment,
+        carries: bool,
+    },
     Adaptive(AdaptiveUnit),
-    ClosedForm { session: Box<dyn FreeSession>, frames: Vec<BodyFrame> },
-    Precession { bodies: Vec<RegularPrecession>, time: f64 },
+    ClosedForm {
+        session: Box<dyn FreeSession>,
+        frames: Vec<BodyFrame>,
+    },
+    Precession {
+        bodies: Vec<RegularPrecession>,
+        time: f64,
+    },
 }
 
 impl<'p> Unit<'p> {
     pub fn start(engine: &dyn Backend, scene: &'p Scene, group: &'p Group, wall_time: &mut WallTime) -> Result<Self> {
         let clock = Instant::now();
         let members = &group.members;
+        let mut flight = None;
         let motion = match group.treatment {
             Treatment::RegularPrecession => {
                 let bytes = members.len().saturating_mul(size_of::<RegularPrecession>());
@@ -65,18 +78,31 @@ impl<'p> Unit<'p> {
             Treatment::Adaptive { precision, steps } => {
                 Motion::Adaptive(AdaptiveUnit::start(engine, scene, group, precision, steps, wall_time)?)
             }
-            Treatment::Stepped { method, precision, projected, .. } => {
+            Treatment::Stepped { method, precision, longest_step, projected } => {
                 let torques = group.class.torques.of(scene.torques());
                 let (frames, batch) = prepare_members(scene.ensemble(), &torques, scene.end(), members, precision)?;
                 wall_time.prepare += clock.elapsed().as_secs_f64();
                 let clock = Instant::now();
-                let session =
-                    if projected { engine.start_projected(batch, method)? } else { engine.start(batch, method)? };
+                flight = Flight::start(scene, members, true)?;
+                let carried = flight
+                    .as_ref()
+                    .filter(|flight| flight.follows() && engine.carries_centres() && !projected)
+                    .and_then(|flight| flight.carried(&frames, longest_step));
+                let session = match &carried {
+                    Some((centres, parts)) => engine.start_carrying(batch, method, centres, *parts)?,
+                    None if projected => engine.start_projected(batch, method)?,
+                    None => engine.start(batch, method)?,
+                };
                 wall_time.start += clock.elapsed().as_secs_f64();
-                Motion::Stepped { session, frames, treatment: group.treatment }
+                if carried.is_some() {
+                    flight = None;
+                }
+                Motion::Stepped { session, frames, treatment: group.treatment, carries: carried.is_some() }
             }
         };
-        let flight = Flight::start(scene, members, matches!(motion, Motion::Stepped { .. }))?;
+        if !matches!(motion, Motion::Stepped { .. }) {
+            flight = Flight::start(scene, members, false)?;
+        }
         Ok(Self { members, motion, flight })
     }
 
@@ -84,7 +110,7 @@ impl<'p> Unit<'p> {
     /// stepped is formed only where it is `wanted`.
     pub fn advance(&mut self, time: f64, span: f64, wanted: bool, observer: &mut Observer<'_>) -> Result<u64> {
         let bodies = self.members.len() as u64;
-        if let (Motion::Stepped { session, frames, treatment }, Some(flight)) = (&mut self.motion, &mut self.flight)
+        if let (Motion::Stepped { session, frames, treatment, .. }, Some(flight)) = (&mut self.motion, &mut self.flight)
             && flight.follows()
         {
             let interval = treatment.interval(span);
@@ -143,10 +169,17 @@ impl<'p> Unit<'p> {
     }
 
     /// Writes where those of its bodies that are in `bodies` are, where they are stepped there.
-    pub fn read_centres(&self, bodies: &Range<usize>, centres: &mut [Option<(DVec3, DVec3)>]) {
+    pub fn read_centres(&mut self, bodies: &Range<usize>, centres: &mut [Option<(DVec3, DVec3)>]) -> Result<()> {
         if let Some(flight) = &self.flight {
             flight.read(bodies, centres);
         }
+        if let Motion::Stepped { session, carries: true, .. } = &mut self.motion {
+            let rows = self.members.rows(bodies.clone());
+            for (row, centre) in rows.clone().zip(session.read_centres(rows)?) {
+                centres[self.members.body(row) - bodies.start] = Some(centre);
+            }
+        }
+        Ok(())
     }
 
     /// Writes the states of those of its bodies that are in `bodies` to their places in `states`.

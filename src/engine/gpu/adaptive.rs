@@ -12,9 +12,10 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Instant;
 
 use super::GpuOptions;
-use super::buffers::{DeviceScalar, STAGING_BYTES, WORKGROUP_SIZE, buffer, chunk_capacity, read_block, require};
+use super::buffers::{DeviceScalar, STAGING_BYTES, WORKGROUP_SIZE, buffer, chunk_capacity, require};
 use super::device::{Device, Refusal};
 use super::dispatch::Slicer;
+use super::reading::read_block;
 use super::shader::{Constants, Source, torque_constants};
 use crate::batch::{Batch, Precision, StateWords, state_columns};
 use crate::clock::Clock;

@@ -3,11 +3,10 @@
 use std::ops::Range;
 
 use super::device::{Device, Refusal};
-use crate::batch::{Batch, STATE_COMPONENTS, STRIDE_UNIT, StateWords, state_columns, status_column};
+use crate::batch::{Batch, STRIDE_UNIT, state_columns};
 use crate::clock::Clock;
 use crate::error::{Error, Result};
 use crate::memory;
-use crate::method::Status;
 use crate::real::Scalar;
 
 /// Bounds of one chunk. What is not given is the device's own limit; what is given can only lower it.
@@ -127,9 +126,9 @@ pub(super) struct Chunk {
     pub first: usize,
     /// Number of bodies.
     pub bodies: usize,
-    stride: usize,
+    pub stride: usize,
     parameters: wgpu::Buffer,
-    state: wgpu::Buffer,
+    pub state: wgpu::Buffer,
     settings: wgpu::Buffer,
     bind_group: wgpu::BindGroup,
 }
@@ -170,7 +169,8 @@ pub(super) struct Columns {
     pub chunks: Vec<Chunk>,
     /// Bytes moved to the host so far.
     pub bytes_read: u64,
-    staging: Option<wgpu::Buffer>,
+    /// The buffer through which it is read; none without bodies.
+    pub staging: Option<wgpu::Buffer>,
 }
 
 impl Columns {
@@ -185,20 +185,18 @@ impl Columns {
         limits: &ChunkLimits,
         memory: Option<u64>,
     ) -> Result<Self> {
-        let parameters = batch.parameter_columns();
-        let widest = state_columns::<T>().max(parameters);
-        let capacity = chunk_capacity(device, limits, widest * size_of::<T>())?;
-        require(device, batch.body_count, device_bytes::<T>(batch.body_count, parameters), memory)?;
+        let (parameters, state) = (batch.parameter_columns(), batch.all_state_columns());
+        let capacity = chunk_capacity(device, limits, state.max(parameters) * size_of::<T>())?;
+        let needed = device_bytes::<T>(batch.body_count, parameters + state);
+        require(device, batch.body_count, needed, memory)?;
         let mut columns = Self { chunks: Vec::new(), bytes_read: 0, staging: None };
         let filled = columns.fill(device, layout, batch, capacity);
         if let Err(refusal) = filled {
             columns.release(device);
             return Err(match refusal {
-                UploadError::Buffers(Refusal::OutOfMemory) => Error::DeviceMemory {
-                    adapter: device.info.name.clone(),
-                    bodies: batch.body_count,
-                    needed: device_bytes::<T>(batch.body_count, parameters),
-                },
+                UploadError::Buffers(Refusal::OutOfMemory) => {
+                    Error::DeviceMemory { adapter: device.info.name.clone(), bodies: batch.body_count, needed }
+                }
                 UploadError::Buffers(other) => device.refused(other),
                 UploadError::Copy(error) => error,
             });
@@ -224,8 +222,8 @@ impl Columns {
         self.staging = Some(staging.map_err(UploadError::Buffers)?);
         for first in (0..batch.body_count).step_by(capacity) {
             let bodies = capacity.min(batch.body_count - first);
-            let chunk = new_chunk::<T>(device, layout, first, bodies, batch.parameter_columns())
-                .map_err(UploadError::Buffers)?;
+            let columns = [batch.parameter_columns(), batch.all_state_columns()];
+            let chunk = new_chunk::<T>(device, layout, first, bodies, columns).map_err(UploadError::Buffers)?;
             self.chunks.push(chunk);
         }
         for chunk in &self.chunks {
@@ -238,25 +236,6 @@ impl Columns {
                 .map_err(UploadError::Copy)?;
         }
         Ok(())
-    }
-
-    /// The raw state of a range of bodies, through the staging buffer block by block.
-    pub fn read<T: DeviceScalar>(&mut self, device: &Device, bodies: Range<usize>) -> Result<StateWords> {
-        let mut words = StateWords::default();
-        words.value.reserve_exact(bodies.len());
-        words.residue.reserve_exact(bodies.len());
-        words.status.reserve_exact(bodies.len());
-        let Some(staging) = &self.staging else { return Ok(words) };
-        let block = staging.size() as usize / (state_columns::<T>() * size_of::<T>());
-        for chunk in &self.chunks {
-            let start = bodies.start.max(chunk.first);
-            let end = bodies.end.min(chunk.first + chunk.bodies);
-            for first in (start..end.max(start)).step_by(block) {
-                let rows = first - chunk.first..block.min(end - first) + first - chunk.first;
-                self.bytes_read += read_block::<T>(device, &chunk.state, chunk.stride, staging, rows, &mut words)?;
-            }
-        }
-        Ok(words)
     }
 
     /// Gives the memory back at once rather than when wgpu next looks.
@@ -279,8 +258,8 @@ enum UploadError {
 }
 
 /// Bytes that a number of bodies takes on the device.
-fn device_bytes<T: Scalar>(bodies: usize, parameters: usize) -> u64 {
-    let row = (state_columns::<T>() + parameters) * size_of::<T>();
+fn device_bytes<T: Scalar>(bodies: usize, columns: usize) -> u64 {
+    let row = columns * size_of::<T>();
     (bodies as u64).saturating_mul(row as u64).saturating_add(STAGING_BYTES as u64)
 }
 
@@ -316,13 +295,13 @@ fn new_chunk<T: DeviceScalar>(
     layout: &wgpu::BindGroupLayout,
     first: usize,
     bodies: usize,
-    parameter_columns: usize,
+    [parameter_columns, state_columns]: [usize; 2],
 ) -> Result<Chunk, Refusal> {
     let stride = bodies.next_multiple_of(STRIDE_UNIT);
     let bytes = |columns: usize| (columns * stride * size_of::<T>()) as u64;
     let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
     let parameters = buffer(device, "parameters", bytes(parameter_columns), storage)?;
-    let state = buffer(device, "state", bytes(state_columns::<T>()), storage | wgpu::BufferUsages::COPY_SRC)?;
+    let state = buffer(device, "state", bytes(state_columns), storage | wgpu::BufferUsages::COPY_SRC)?;
     let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
     let settings = buffer(device, "settings", T::SETTINGS_BYTES, uniform)?;
     let bind_group = device.scoped(|| {
@@ -369,38 +348,6 @@ pub(super) fn write_columns<T: bytemuck::Pod>(
     device.submit(None)
 }
 
-/// Copies some rows of a chunk's state to the host and appends them to `words`; gives the bytes moved.
-pub(super) fn read_block<T: Scalar>(
-    device: &Device,
-    state: &wgpu::Buffer,
-    stride: usize,
-    staging: &wgpu::Buffer,
-    rows: Range<usize>,
-    words: &mut StateWords,
-) -> Result<u64> {
-    let size = size_of::<T>();
-    let bytes = (rows.len() * size) as u64;
-    let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("read") });
-    for column in 0..state_columns::<T>() {
-        let from = ((column * stride + rows.start) * size) as u64;
-        encoder.copy_buffer_to_buffer(state, from, staging, column as u64 * bytes, bytes);
-    }
-    let range = 0..state_columns::<T>() as u64 * bytes;
-    let commands = device.scoped(|| encoder.finish()).map_err(|refusal| device.refused(refusal))?;
-    device.read(commands, staging, range, |view| {
-        let numbers: &[T] = bytemuck::cast_slice(view);
-        let at = |row: usize, first: usize| -> [f64; STATE_COMPONENTS] {
-            std::array::from_fn(|component| numbers[(first + component) * rows.len() + row].to_f64())
-        };
-        for row in 0..rows.len() {
-            words.value.push(at(row, 0));
-            words.residue.push(if T::WORDS == 2 { at(row, STATE_COMPONENTS) } else { [0.0; STATE_COMPONENTS] });
-            words.status.push(Status::from_code(numbers[status_column::<T>() * rows.len() + row].to_f64()));
-        }
-    })?;
-    Ok(state_columns::<T>() as u64 * bytes)
-}
-
 #[cfg(test)]
 mod tests {
     use std::ops::ControlFlow;
@@ -428,6 +375,7 @@ mod tests {
             body_count: bodies,
             clock: batch.torques.clock(),
             slicer: super::super::dispatch::Slicer::new(Default::default(), 0),
+            carries: false,
             scalar: std::marker::PhantomData,
         };
         session.advance(0.01, 3, &mut |_| ControlFlow::Continue(())).expect("advanced");

@@ -4,10 +4,9 @@ use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 use super::GpuOptions;
-use super::buffers::{
-    DeviceScalar, STAGING_BYTES, WORKGROUP_SIZE, buffer, chunk_capacity, read_block, require, write_columns,
-};
+use super::buffers::{DeviceScalar, STAGING_BYTES, WORKGROUP_SIZE, buffer, chunk_capacity, require, write_columns};
 use super::device::{Device, Refusal};
+use super::reading::read_block;
 use super::shader::Source;
 use crate::batch::{Precision, STRIDE_UNIT, StateWords, state_columns};
 use crate::engine::{FreeSession, check_time};

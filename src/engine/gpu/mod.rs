@@ -17,6 +17,7 @@ mod device;
 mod dispatch;
 mod free_motion;
 mod probe;
+mod reading;
 mod session;
 pub mod shader;
 
@@ -33,9 +34,9 @@ use super::projected::conserving;
 use super::{Backend, Description, EngineKind, FreeSession, Session};
 use crate::batch::{AnyBatch, Batch, Precision};
 use crate::error::{Error, Result};
+use crate::force::carried::Carried;
 use crate::free_motion::AnyRows;
 use crate::method::Method;
-use crate::torque::TorqueTable;
 use adaptive::AdaptiveKernels;
 use buffers::{Columns, DeviceScalar, WORKGROUP_SIZE};
 use device::Device;
@@ -61,15 +62,6 @@ pub struct GpuOptions {
     pub patches: Vec<Patch>,
 }
 
-/// What tells the kernels of a method apart.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
-enum Acting {
-    /// The torques that it has code for.
-    Torques(shader::Constants),
-    /// Projection onto what free bodies conserve.
-    Projection,
-}
-
 /// Integrates on a GPU.
 #[derive(Debug)]
 pub struct Gpu {
@@ -79,7 +71,7 @@ pub struct Gpu {
     options: GpuOptions,
     layout: wgpu::BindGroupLayout,
     pipeline_layout: wgpu::PipelineLayout,
-    pipelines: Mutex<HashMap<(Precision, Method, Acting), wgpu::ComputePipeline>>,
+    pipelines: Mutex<HashMap<(Precision, Method, bool, shader::Constants), wgpu::ComputePipeline>>,
     free_motion: FreeMotionKernels,
     adaptive: AdaptiveKernels,
 }
@@ -157,22 +149,19 @@ impl Gpu {
     }
 
     /// The compiled kernel, compiled on first use.
-    fn pipeline(&self, precision: Precision, method: Method, torques: &TorqueTable) -> Result<wgpu::ComputePipeline> {
-        let constants = if torques.is_empty() { Vec::new() } else { shader::torque_constants(torques) };
-        let source = || Source::advance_under(precision, method, torques);
-        self.compiled((precision, method, Acting::Torques(constants)), source)
-    }
-
-    fn compiled(
+    fn pipeline(
         &self,
-        key: (Precision, Method, Acting),
-        source: impl FnOnce() -> Source,
+        precision: Precision,
+        method: Method,
+        projected: bool,
+        source: Source,
     ) -> Result<wgpu::ComputePipeline> {
+        let key = (precision, method, projected, source.constants().clone());
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(pipeline) = pipelines.get(&key) {
             return Ok(pipeline.clone());
         }
-        let source = source().patched(&self.options.patches)?;
+        let source = source.patched(&self.options.patches)?;
         let pipeline = source.compile(&self.device.device, &self.pipeline_layout, Some(WORKGROUP_SIZE))?;
         pipelines.insert(key, pipeline.clone());
         Ok(pipeline)
@@ -182,20 +171,34 @@ impl Gpu {
         &self,
         mut batch: Batch<T>,
         method: Method,
-        pipeline: wgpu::ComputePipeline,
+        carried: Option<(&[Carried], u32)>,
     ) -> Result<Box<dyn Session>> {
+        let precision = if T::WORDS == 2 { Precision::F32 } else { Precision::F64 };
+        if !self.precisions.contains(&precision) {
+            return Err(unavailable(&self.device, &self.arithmetic, precision));
+        }
         if method.reads_invariants() && batch.torques.is_empty() {
             batch.append_invariants();
         }
-        self.session(&batch, method, pipeline)
+        let forces_first = carried.map(|_| batch.parameter_columns() as u32);
+        let source = Source::advance_flying(precision, method, &batch.torques, forces_first);
+        let pipeline = self.pipeline(precision, method, false, source)?;
+        let mut loops = batch.loops_of_a_step(method);
+        if let Some((centres, parts)) = carried {
+            batch.append_centres(centres);
+            // One more for the comparison that ends their loop.
+            loops = loops.saturating_add(parts).saturating_add(1);
+        }
+        self.session(&batch, pipeline, loops, carried.is_some())
     }
 
-    /// A session on columns that are complete.
+    /// A session on columns that are complete; a step takes at most `loops` iterations.
     fn session<T: DeviceScalar>(
         &self,
         batch: &Batch<T>,
-        method: Method,
         pipeline: wgpu::ComputePipeline,
+        loops: u32,
+        carries: bool,
     ) -> Result<Box<dyn Session>> {
         let columns = Columns::upload(&self.device, &self.layout, batch, &self.options.chunk, self.options.memory)?;
         Ok(Box::new(GpuSession::<T> {
@@ -204,7 +207,8 @@ impl Gpu {
             columns,
             body_count: batch.body_count,
             clock: batch.torques.clock(),
-            slicer: Slicer::new(self.options.slice, batch.loops_of_a_step(method)),
+            slicer: Slicer::new(self.options.slice, loops),
+            carries,
             scalar: std::marker::PhantomData,
         }))
     }
@@ -226,14 +230,26 @@ impl Backend for Gpu {
     }
 
     fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
-        let precision = batch.precision();
-        if !self.precisions.contains(&precision) {
-            return Err(unavailable(&self.device, &self.arithmetic, precision));
-        }
-        let pipeline = self.pipeline(precision, method, batch.torques())?;
         match batch {
-            AnyBatch::F32(batch) => self.start_batch(batch, method, pipeline),
-            AnyBatch::F64(batch) => self.start_batch(batch, method, pipeline),
+            AnyBatch::F32(batch) => self.start_batch(batch, method, None),
+            AnyBatch::F64(batch) => self.start_batch(batch, method, None),
+        }
+    }
+
+    fn carries_centres(&self) -> bool {
+        true
+    }
+
+    fn start_carrying(
+        &self,
+        batch: AnyBatch,
+        method: Method,
+        centres: &[Carried],
+        parts: u32,
+    ) -> Result<Box<dyn Session>> {
+        match batch {
+            AnyBatch::F32(batch) => self.start_batch(batch, method, Some((centres, parts))),
+            AnyBatch::F64(batch) => self.start_batch(batch, method, Some((centres, parts))),
         }
     }
 
@@ -242,9 +258,9 @@ impl Backend for Gpu {
         if !self.precisions.contains(&Precision::F64) {
             return Err(unavailable(&self.device, &self.arithmetic, Precision::F64));
         }
-        let key = (Precision::F64, method, Acting::Projection);
-        let pipeline = self.compiled(key, || Source::advance_projected(Precision::F64, method))?;
-        self.session(&batch, method, pipeline)
+        let source = Source::advance_projected(Precision::F64, method);
+        let pipeline = self.pipeline(Precision::F64, method, true, source)?;
+        self.session(&batch, pipeline, batch.loops_of_a_step(method), false)
     }
 
     fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {

@@ -4,6 +4,8 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
+use glam::DVec3;
+
 use super::buffers::{Chunk, Columns, DeviceScalar, Slice};
 use super::device::Device;
 use super::dispatch::{Slicer, next_group};
@@ -20,6 +22,8 @@ pub(super) struct GpuSession<T> {
     /// The time that the state stands at.
     pub clock: Clock,
     pub slicer: Slicer,
+    /// Whether centres of mass move along.
+    pub carries: bool,
     pub scalar: std::marker::PhantomData<T>,
 }
 
@@ -59,6 +63,10 @@ impl<T: DeviceScalar> Session for GpuSession<T> {
 
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
         self.columns.read::<T>(&self.device, bodies)
+    }
+
+    fn read_centres(&mut self, bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
+        if self.carries { self.columns.read_centres::<T>(&self.device, bodies) } else { Ok(Vec::new()) }
     }
 
     fn bytes_read(&self) -> u64 {

@@ -117,18 +117,13 @@ fn method_chunks(method: Method) -> Vec<Chunk> {
 impl Source {
     /// The kernel that advances torque-free bodies by `method`.
     pub fn advance(precision: Precision, method: Method) -> Self {
-        Self::advance_among(precision, method, vec![chunk!("torque/none.wgsl")], Vec::new())
+        Self::advance_under(precision, method, &TorqueTable::none(0.0))
     }
 
     /// The kernel that advances bodies under torques by `method`; what the table does not have is folded away when the
     /// pipeline is made. With an empty table it is [`Source::advance`].
     pub fn advance_under(precision: Precision, method: Method, torques: &TorqueTable) -> Self {
-        if torques.is_empty() {
-            return Self::advance(precision, method);
-        }
-        let mut acting = Self::torques(precision);
-        acting.push(chunk!("torque/equal_steps.wgsl"));
-        Self::advance_among(precision, method, acting, torque_constants(torques))
+        Self::advance_flying(precision, method, torques, None)
     }
 
     /// The kernel that advances torque-free bodies by `method` and projects them onto what they conserve after each step.
@@ -142,12 +137,40 @@ impl Source {
         source
     }
 
-    fn advance_among(precision: Precision, method: Method, torques: Vec<Chunk>, constants: Constants) -> Self {
-        let mut chunks = Self::functions(precision);
-        chunks.extend(torques);
+    /// As [`Source::advance_under`], with centres of mass that move along where their forces have columns, from
+    /// `forces_first` on.
+    pub fn advance_flying(
+        precision: Precision,
+        method: Method,
+        torques: &TorqueTable,
+        forces_first: Option<u32>,
+    ) -> Self {
+        let (mut chunks, mut constants) = (Self::functions(precision), Vec::new());
+        if torques.is_empty() {
+            chunks.push(chunk!("torque/none.wgsl"));
+        } else {
+            chunks.extend(Self::torques(precision));
+            chunks.push(chunk!("torque/equal_steps.wgsl"));
+            constants = torque_constants(torques);
+        }
         chunks.extend(method_chunks(method));
+        chunks.extend(Self::forces(forces_first.is_some()));
+        constants.extend(forces_first.map(|first| ("forces_first".to_owned(), first)));
         chunks.extend([chunk!("columns.wgsl"), chunk!("method/unprojected.wgsl"), chunk!("advance.wgsl")]);
         Self { chunks, entry_point: "advance", constants }
+    }
+
+    /// The chunks of forces and of the translation along a stepped rotation, or of none.
+    pub fn forces(flying: bool) -> Vec<Chunk> {
+        if !flying {
+            return vec![chunk!("force/none.wgsl")];
+        }
+        vec![
+            chunk!("force/thrust.wgsl"),
+            chunk!("force/quadratic_drag.wgsl"),
+            chunk!("force/stepped.wgsl"),
+            chunk!("force/carried.wgsl"),
+        ]
     }
 
     /// The kernel that advances bodies under torques in adaptive steps of `rk8`.
@@ -261,6 +284,11 @@ impl Source {
     /// The chunks in order.
     pub fn chunks(&self) -> &[Chunk] {
         &self.chunks
+    }
+
+    /// Values of its `override` constants.
+    pub fn constants(&self) -> &Constants {
+        &self.constants
     }
 
     /// Name of the entry point.

@@ -1,0 +1,86 @@
+// Centres of mass that move along with the steps of the rotation. Twin: Flight in src/run/flight.rs, on the host; the columns
+// are those of src/force/carried.rs.
+
+// The first parameter column of the forces.
+override forces_first: u32 = 0u;
+
+// The first state column of position and velocity.
+const CENTRE_FIRST: u32 = 7u * WORDS + 1u;
+
+// A body's centre of mass with what moves it, and the rotation at the time that it stands at.
+struct Flight {
+    centre: Centre,
+    forces: Accelerations,
+    orientation: quaternion,
+    // Change of the orientation in a step at the present rate.
+    rate: quaternion,
+}
+
+// The change of the orientation in a step at its present rate, that at which the axes turn.
+fn turning_in_step(body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> quaternion {
+    let m = state.angular_momentum_principal.value;
+    let motion = motion(epoch(step_index, 0.0), body, correction(body, state), m);
+    return orientation_rate(state.orientation.value, motion.angular_velocity * dt.value);
+}
+
+fn take_off(i: u32, body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> Flight {
+    return Flight(load_centre(i), load_forces(i), state.orientation.value, turning_in_step(body, step_index, dt, state));
+}
+
+// Moves the centre of mass along a step of the rotation, which is `state` after it.
+fn follow(flight: Flight, body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> Flight {
+    let rate = turning_in_step(body, step_index, dt, state);
+    let attitude = between_new(flight.orientation, flight.rate, state.orientation.value, rate);
+    let span = TwoWordsReal(settings.dt_value, settings.dt_residue);
+    let centre = centre_advance(flight.centre, flight.forces, attitude, span);
+    return Flight(centre, flight.forces, state.orientation.value, rate);
+}
+
+fn force_vector(column: u32, i: u32) -> vector {
+    let first = forces_first + column;
+    return vector(parameter_at(first, i), parameter_at(first + 1u, i), parameter_at(first + 2u, i));
+}
+
+fn load_forces(i: u32) -> Accelerations {
+    return Accelerations(
+        force_vector(0u, i),
+        parameter_at(forces_first + 3u, i),
+        parameter_at(forces_first + 4u, i),
+        force_vector(5u, i),
+    );
+}
+
+fn centre_vector(column: u32, i: u32) -> vector {
+    let first = CENTRE_FIRST + column;
+    return vector(state_at(first, i), state_at(first + 1u, i), state_at(first + 2u, i));
+}
+
+fn load_centre(i: u32) -> Centre {
+    var position_residue = vector(0.0, 0.0, 0.0);
+    var velocity_residue = vector(0.0, 0.0, 0.0);
+    if (WORDS == 2u) {
+        position_residue = centre_vector(6u, i);
+        velocity_residue = centre_vector(9u, i);
+    }
+    return Centre(
+        TwoWordsVector(centre_vector(0u, i), position_residue),
+        TwoWordsVector(centre_vector(3u, i), velocity_residue),
+    );
+}
+
+fn store_centre_vector(column: u32, i: u32, v: vector) {
+    let stride = settings.stride;
+    let first = CENTRE_FIRST + column;
+    state_columns[first * stride + i] = v.x;
+    state_columns[(first + 1u) * stride + i] = v.y;
+    state_columns[(first + 2u) * stride + i] = v.z;
+}
+
+fn land(flight: Flight, i: u32) {
+    store_centre_vector(0u, i, flight.centre.position.value);
+    store_centre_vector(3u, i, flight.centre.velocity.value);
+    if (WORDS == 2u) {
+        store_centre_vector(6u, i, flight.centre.position.residue);
+        store_centre_vector(9u, i, flight.centre.velocity.residue);
+    }
+}

@@ -1,0 +1,6 @@
+// thrust: a force fixed in the body, through its centre of mass. Twin: src/force/thrust.rs.
+
+// R F/M, m/s^2, world axes, of F/M in the axes that `orientation` rotates to world.
+fn thrust_acceleration(thrust: vector, orientation: quaternion) -> vector {
+    return rotate(orientation, thrust);
+}
