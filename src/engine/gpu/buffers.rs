@@ -3,11 +3,12 @@
 use std::ops::Range;
 
 use super::device::{Device, Refusal};
-use crate::batch::{Batch, STATE_COMPONENTS, STRIDE_UNIT, StateWords, state_columns, status_column};
+use super::reading::read_block;
+use crate::batch::{Batch, STRIDE_UNIT, StateWords, state_columns};
 use crate::clock::Clock;
 use crate::error::{Error, Result};
 use crate::memory;
-use crate::method::Status;
+use crate::observe::Kernel;
 use crate::real::Scalar;
 
 /// Bounds of one chunk. What is not given is the device's own limit; what is given can only lower it.
@@ -86,7 +87,7 @@ fn words(x: u128) -> [u32; 4] {
 }
 
 /// A number that the shaders know, with the layout of its uniform block.
-pub(super) trait DeviceScalar: Scalar {
+pub(super) trait DeviceScalar: Kernel {
     const SETTINGS_BYTES: u64;
     fn settings(body_count: u32, stride: u32, slice: &Slice<Self>) -> Vec<u8>;
 }
@@ -134,7 +135,24 @@ pub(super) struct Chunk {
     bind_group: wgpu::BindGroup,
 }
 
+/// Where the state of some bodies is.
+pub(super) struct Place<'a> {
+    /// Index of the first body.
+    pub first: usize,
+    /// Number of bodies.
+    pub bodies: usize,
+    /// Distance between the starts of two columns.
+    pub stride: usize,
+    /// The columns.
+    pub state: &'a wgpu::Buffer,
+}
+
 impl Chunk {
+    /// Where its state is.
+    pub fn place(&self) -> Place<'_> {
+        Place { first: self.first, bodies: self.bodies, stride: self.stride, state: &self.state }
+    }
+
     /// Sets the uniform block for the next submission.
     pub fn set<T: DeviceScalar>(&self, queue: &wgpu::Queue, slice: &Slice<T>) {
         queue.write_buffer(&self.settings, 0, &T::settings(self.bodies as u32, self.stride as u32, slice));
@@ -369,38 +387,6 @@ pub(super) fn write_columns<T: bytemuck::Pod>(
     device.submit(None)
 }
 
-/// Copies some rows of a chunk's state to the host and appends them to `words`; gives the bytes moved.
-pub(super) fn read_block<T: Scalar>(
-    device: &Device,
-    state: &wgpu::Buffer,
-    stride: usize,
-    staging: &wgpu::Buffer,
-    rows: Range<usize>,
-    words: &mut StateWords,
-) -> Result<u64> {
-    let size = size_of::<T>();
-    let bytes = (rows.len() * size) as u64;
-    let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("read") });
-    for column in 0..state_columns::<T>() {
-        let from = ((column * stride + rows.start) * size) as u64;
-        encoder.copy_buffer_to_buffer(state, from, staging, column as u64 * bytes, bytes);
-    }
-    let range = 0..state_columns::<T>() as u64 * bytes;
-    let commands = device.scoped(|| encoder.finish()).map_err(|refusal| device.refused(refusal))?;
-    device.read(commands, staging, range, |view| {
-        let numbers: &[T] = bytemuck::cast_slice(view);
-        let at = |row: usize, first: usize| -> [f64; STATE_COMPONENTS] {
-            std::array::from_fn(|component| numbers[(first + component) * rows.len() + row].to_f64())
-        };
-        for row in 0..rows.len() {
-            words.value.push(at(row, 0));
-            words.residue.push(if T::WORDS == 2 { at(row, STATE_COMPONENTS) } else { [0.0; STATE_COMPONENTS] });
-            words.status.push(Status::from_code(numbers[status_column::<T>() * rows.len() + row].to_f64()));
-        }
-    })?;
-    Ok(state_columns::<T>() as u64 * bytes)
-}
-
 #[cfg(test)]
 mod tests {
     use std::ops::ControlFlow;
@@ -428,6 +414,7 @@ mod tests {
             body_count: bodies,
             clock: batch.torques.clock(),
             slicer: super::super::dispatch::Slicer::new(Default::default(), 0),
+            reducer: Default::default(),
             scalar: std::marker::PhantomData,
         };
         session.advance(0.01, 3, &mut |_| ControlFlow::Continue(())).expect("advanced");

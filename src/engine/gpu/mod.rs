@@ -16,7 +16,9 @@ mod buffers;
 mod device;
 mod dispatch;
 mod free_motion;
+mod observe;
 mod probe;
+mod reading;
 mod session;
 pub mod shader;
 
@@ -41,6 +43,7 @@ use buffers::{Columns, DeviceScalar, WORKGROUP_SIZE};
 use device::Device;
 use dispatch::Slicer;
 use free_motion::FreeMotionKernels;
+use observe::{ObserveKernels, Reducer};
 use session::GpuSession;
 use shader::Source;
 
@@ -82,6 +85,7 @@ pub struct Gpu {
     pipelines: Mutex<HashMap<(Precision, Method, Acting), wgpu::ComputePipeline>>,
     free_motion: FreeMotionKernels,
     adaptive: AdaptiveKernels,
+    observe: Arc<ObserveKernels>,
 }
 
 impl Gpu {
@@ -138,6 +142,7 @@ impl Gpu {
         }
         let layout = bind_group_layout(&device.device);
         let pipeline_layout = pipeline_layout(&device.device, &layout);
+        let observe = Arc::new(ObserveKernels::new(options.patches.clone()));
         Ok(Self {
             device: Arc::new(device),
             arithmetic,
@@ -148,6 +153,7 @@ impl Gpu {
             pipelines: Mutex::default(),
             free_motion: FreeMotionKernels::default(),
             adaptive: AdaptiveKernels::default(),
+            observe,
         })
     }
 
@@ -205,6 +211,7 @@ impl Gpu {
             body_count: batch.body_count,
             clock: batch.torques.clock(),
             slicer: Slicer::new(self.options.slice, batch.loops_of_a_step(method)),
+            reducer: Reducer::new(&self.observe),
             scalar: std::marker::PhantomData,
         }))
     }
@@ -266,8 +273,8 @@ impl Backend for Gpu {
             return Err(unavailable(&self.device, &self.arithmetic, precision));
         }
         match rows {
-            AnyRows::F32(rows) => self.free_motion.start(&self.device, &rows, &self.options),
-            AnyRows::F64(rows) => self.free_motion.start(&self.device, &rows, &self.options),
+            AnyRows::F32(rows) => self.free_motion.start(&self.device, &rows, &self.options, &self.observe),
+            AnyRows::F64(rows) => self.free_motion.start(&self.device, &rows, &self.options, &self.observe),
         }
     }
 }
