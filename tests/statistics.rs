@@ -402,6 +402,30 @@ fn the_same_states_give_the_same_statistics_both_ways() {
     }
 }
 
+#[test]
+fn bodies_in_steps_of_their_own_are_named_by_the_ensemble() {
+    use polhode::engine::adaptive::AdaptiveSteps;
+    // Sorted by expected work within a session, of which the statistics must not show anything.
+    let steps = AdaptiveSteps { tolerance: 1e-9, least_step: None };
+    for engine in [common::gpu(), Engine::cpu()] {
+        let scene = mixed(300).adaptive(steps, Some(Precision::F64));
+        let (alone, read) = (run(&engine, &scene.clone().without_states()), run(&engine, &scene));
+        assert_eq!(alone.statistics(), read.statistics());
+        assert_eq!(alone.trust().shadow, read.trust().shadow);
+        let last = &alone.statistics()[3];
+        let spins = read.final_state().angular_velocities_body().iter().map(|omega| omega.length());
+        let spins: Vec<f64> = spins.collect();
+        let of = last.of(Statistic::SpinRate).expect("asked for");
+        for (body, value) in [(of.min_body, of.min), (of.max_body, of.max)] {
+            let own = spins[body.expect("a body")];
+            assert!((own - value).abs() <= bound(Precision::F64) * value, "{body:?}: {own} and {value}");
+        }
+        let extremes = spins.iter().fold((f64::INFINITY, 0.0_f64), |(a, b), &x| (a.min(x), b.max(x)));
+        assert!((of.min - extremes.0).abs() <= bound(Precision::F64) * of.min);
+        assert!((of.max - extremes.1).abs() <= bound(Precision::F64) * of.max);
+    }
+}
+
 /// Takes statistics and no states.
 #[derive(Default)]
 struct Counting {

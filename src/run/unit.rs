@@ -11,7 +11,7 @@ use super::flight::Flight;
 use super::is_sound;
 use crate::batch::{BodyFrame, BodyState, StateWords, prepare_members};
 use crate::engine::cpu::{Cpu, Width};
-use crate::engine::reduction::Marked;
+use crate::engine::reduction::{Marked, Reduce};
 use crate::engine::{Backend, FreeSession, Observer, Progress, Session};
 use crate::error::Result;
 use crate::free_motion::AnyRows;
@@ -183,29 +183,25 @@ const BLOCK: usize = 1 << 12;
 impl Unit<'_> {
     /// Makes ready for [`Unit::reduce`]; a body that spins faster than `fastest` rad/s is marked.
     pub fn watch(&mut self, statistics: &[Statistic], fastest: f64) -> Result<()> {
-        match &mut self.motion {
-            Motion::Stepped { session, frames, .. } => session.watch(statistics, frames, fastest),
-            Motion::ClosedForm { session, frames } => session.watch(statistics, frames, fastest),
-            Motion::Adaptive(_) | Motion::Precession { .. } => Ok(()),
-        }
+        let Some((session, frames)) = self.session() else { return Ok(()) };
+        session.watch(statistics, frames, fastest)
     }
 
     /// Statistics of its bodies as they stand; extremes name bodies.
     pub fn reduce(&mut self, statistics: &[Statistic]) -> Result<Vec<Partial<f64>>> {
-        let mut found = match &mut self.motion {
-            Motion::Stepped { session, .. } => session.reduce()?,
-            Motion::ClosedForm { session, .. } => session.reduce()?,
-            Motion::Adaptive(_) | Motion::Precession { .. } => self.reduce_on_host(statistics)?,
+        let mut found = match self.session() {
+            Some((session, _)) => session.reduce()?,
+            None => self.reduce_on_host(statistics)?,
         };
-        for extreme in found.iter_mut().flat_map(|found| [&mut found.least, &mut found.greatest]) {
-            if !self.members.is_empty() {
-                extreme.body = self.members.body(extreme.body as usize) as u32;
+        for found in found.iter_mut().filter(|found| found.count > 0) {
+            for extreme in [&mut found.least, &mut found.greatest] {
+                extreme.body = self.body(extreme.body as usize) as u32;
             }
         }
         Ok(found)
     }
 
-    /// The same of states that the host holds or forms; extremes name rows.
+    /// The same of regular precessions, which the host forms; extremes name rows.
     fn reduce_on_host(&mut self, statistics: &[Statistic]) -> Result<Vec<Partial<f64>>> {
         let mut total = vec![Partial::none(); statistics.len()];
         for start in (0..self.members.len()).step_by(BLOCK) {
@@ -222,26 +218,27 @@ impl Unit<'_> {
 
     /// The bodies that failed, and those that spin faster than the rate watched, as the last [`Unit::reduce`] found them.
     pub fn marked(&mut self, fastest: f64) -> Result<Marked> {
-        let mut marked = match &mut self.motion {
-            Motion::Stepped { session, .. } => session.marked()?,
-            Motion::ClosedForm { session, .. } => session.marked()?,
-            Motion::Adaptive(_) | Motion::Precession { .. } => {
-                let mut marked = Marked::default();
-                for start in (0..self.members.len()).step_by(BLOCK) {
-                    let rows = start..(start + BLOCK).min(self.members.len());
-                    for (row, state) in rows.clone().zip(self.read_range(&rows)?) {
-                        if !is_sound(&state) {
-                            marked.failed.push(row);
-                        } else if state.angular_velocity_body.length() > fastest {
-                            marked.faster.push(row);
-                        }
-                    }
-                }
-                marked
-            }
+        let mut marked = match self.session() {
+            Some((session, _)) => session.marked()?,
+            None => self.marked_on_host(fastest)?,
         };
         for row in marked.failed.iter_mut().chain(&mut marked.faster) {
-            *row = self.members.body(*row);
+            *row = self.body(*row);
+        }
+        Ok(marked)
+    }
+
+    fn marked_on_host(&mut self, fastest: f64) -> Result<Marked> {
+        let mut marked = Marked::default();
+        for start in (0..self.members.len()).step_by(BLOCK) {
+            let rows = start..(start + BLOCK).min(self.members.len());
+            for (row, state) in rows.clone().zip(self.read_range(&rows)?) {
+                if !is_sound(&state) {
+                    marked.failed.push(row);
+                } else if state.angular_velocity_body.length() > fastest {
+                    marked.faster.push(row);
+                }
+            }
         }
         Ok(marked)
     }
@@ -256,17 +253,17 @@ impl Unit<'_> {
         Ok(states.iter().filter(|(_, state)| state.status == Status::StepBelowLimit).count())
     }
 
-    /// The states of those of its bodies that are among `bodies`, ascending.
+    /// The states of those of its bodies that are among `bodies`.
     pub fn read_bodies(&mut self, bodies: &[u32]) -> Result<Vec<(usize, BodyState)>> {
-        let own = |&body: &u32| {
-            let row = self.members.rows(body as usize..body as usize + 1);
-            (!row.is_empty()).then_some(row.start)
+        let row = |&body: &u32| self.members.rows(body as usize..body as usize + 1).next();
+        let rows: Vec<usize> = bodies.iter().filter_map(row).collect();
+        let own: Vec<usize> = match &self.motion {
+            Motion::Adaptive(unit) => rows.iter().map(|&row| unit.session_row(row)).collect(),
+            _ => rows.clone(),
         };
-        let rows: Vec<usize> = bodies.iter().filter_map(own).collect();
-        let states = match &mut self.motion {
-            Motion::Stepped { session, frames, .. } => states_of(&session.read_rows(&rows)?, frames, &rows),
-            Motion::ClosedForm { session, frames } => states_of(&session.read_rows(&rows)?, frames, &rows),
-            Motion::Adaptive(_) | Motion::Precession { .. } => {
+        let states = match self.session() {
+            Some((session, frames)) => states_of(&session.read_rows(&own)?, frames, &own),
+            None => {
                 let mut states = Vec::with_capacity(rows.len());
                 for &row in &rows {
                     states.extend(self.read_range(&(row..row + 1))?);
@@ -275,6 +272,24 @@ impl Unit<'_> {
             }
         };
         Ok(rows.into_iter().map(|row| self.members.body(row)).zip(states).collect())
+    }
+
+    /// The engine's session, where there is one, and the frames of its rows.
+    fn session(&mut self) -> Option<(&mut dyn Reduce, &[BodyFrame])> {
+        match &mut self.motion {
+            Motion::Stepped { session, frames, .. } => Some((&mut **session, frames)),
+            Motion::ClosedForm { session, frames } => Some((&mut **session, frames)),
+            Motion::Adaptive(unit) => Some(unit.session()),
+            Motion::Precession { .. } => None,
+        }
+    }
+
+    /// The body in a row of the session.
+    fn body(&self, session_row: usize) -> usize {
+        match &self.motion {
+            Motion::Adaptive(unit) => self.members.body(unit.group_row(session_row)),
+            _ => self.members.body(session_row),
+        }
     }
 }
 

@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::{CpuFreeSession, CpuSession, Width};
+use super::{CpuAdaptiveSession, CpuFreeSession, CpuSession, Width};
 use crate::batch::{Batch, BodyFrame, STATE_COMPONENTS, StateWords, status_column};
 use crate::engine::reduction::{Marked, Reduce};
 use crate::error::Result;
@@ -299,5 +299,24 @@ impl<T: LaneScalar + Kernel> Reduce for CpuFreeSession<T> {
 
     fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
         Ok(read_rows(&self.columns, rows))
+    }
+}
+
+impl<T: LaneScalar + Kernel> Reduce for CpuAdaptiveSession<T> {
+    fn watch(&mut self, statistics: &[Statistic], frames: &[BodyFrame], fastest: f64) -> Result<()> {
+        self.reducer = Some(Reducer::new(self.width, statistics, frames, fastest));
+        Ok(())
+    }
+
+    fn reduce(&mut self) -> Result<Vec<Partial<f64>>> {
+        Ok(self.reducer.as_ref().map(|reducer| reducer.reduce(&self.batch)).unwrap_or_default())
+    }
+
+    fn marked(&mut self) -> Result<Marked> {
+        Ok(self.reducer.as_ref().map(|reducer| reducer.marked(&self.batch)).unwrap_or_default())
+    }
+
+    fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
+        Ok(read_rows(&self.batch, rows))
     }
 }

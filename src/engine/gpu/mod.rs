@@ -262,8 +262,8 @@ impl Backend for Gpu {
         steps.check(precision)?;
         check_torques(&batch)?;
         match batch {
-            AnyBatch::F32(batch) => self.adaptive.start(&self.device, &batch, steps, &self.options),
-            AnyBatch::F64(batch) => self.adaptive.start(&self.device, &batch, steps, &self.options),
+            AnyBatch::F32(batch) => self.adaptive.start(&self.device, &batch, steps, &self.options, &self.observe),
+            AnyBatch::F64(batch) => self.adaptive.start(&self.device, &batch, steps, &self.options, &self.observe),
         }
     }
 
