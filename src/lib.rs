@@ -67,6 +67,7 @@ pub mod inertia;
 mod lanes;
 pub mod memory;
 pub mod method;
+pub mod observe;
 pub mod phase;
 pub mod plan;
 #[cfg(feature = "plot")]
@@ -91,6 +92,7 @@ pub use ensemble::Ensemble;
 pub use error::{Error, Result};
 pub use force::Force;
 pub use method::Method;
+pub use observe::Statistic;
 pub use plan::Plan;
 pub use record::Record;
 pub use scene::{Accuracy, Outputs, Scene};

@@ -7,6 +7,7 @@ use crate::engine::adaptive::AdaptiveSteps;
 use crate::ensemble::Ensemble;
 use crate::force::Force;
 use crate::method::Method;
+use crate::observe::Statistic;
 use crate::torque::Torque;
 
 /// An ensemble with what happens to it and what is asked of it.
@@ -35,6 +36,8 @@ pub struct Scene {
     skipping: bool,
     torques: Vec<Torque>,
     pilot: bool,
+    statistics: Vec<Statistic>,
+    states: bool,
 }
 
 /// When the state is recorded.
@@ -120,6 +123,8 @@ impl Scene {
             skipping: true,
             torques: Vec::new(),
             pilot: true,
+            statistics: Vec::new(),
+            states: true,
         }
     }
 
@@ -134,6 +139,39 @@ impl Scene {
     #[must_use]
     pub fn outputs(mut self, outputs: Outputs) -> Self {
         self.outputs = outputs;
+        self
+    }
+
+    /// Asks for statistics of these quantities over all bodies, at every output time; each quantity once, in this order.
+    ///
+    /// ```
+    /// # use glam::{DQuat, DVec3};
+    /// use polhode::{Engine, Ensemble, Plan, Scene, Statistic};
+    ///
+    /// # let ensemble = Ensemble::from_columns(&[DVec3::new(1.0, 2.0, 2.5)], &[DQuat::IDENTITY], &[DVec3::X])?;
+    /// let scene = Scene::new(ensemble).until(60.0).statistics(&[Statistic::KineticEnergy]).without_states();
+    /// let engine = Engine::cpu();
+    /// let record = engine.run(&Plan::new(&scene, &engine)?)?;
+    /// let energy = record.statistics()[0].of(Statistic::KineticEnergy).expect("asked for");
+    /// assert!((energy.mean - 0.5).abs() < 1e-12);
+    /// # Ok::<(), polhode::Error>(())
+    /// ```
+    #[must_use]
+    pub fn statistics(mut self, statistics: &[Statistic]) -> Self {
+        self.statistics.clear();
+        for &statistic in statistics {
+            if !self.statistics.contains(&statistic) {
+                self.statistics.push(statistic);
+            }
+        }
+        self
+    }
+
+    /// Records no states of bodies: where statistics are asked for, they alone leave the device
+    /// ([`crate::plan::SkipName::States`]), and the drift in the report is that of a sample of the bodies.
+    #[must_use]
+    pub fn without_states(mut self) -> Self {
+        self.states = false;
         self
     }
 
@@ -249,6 +287,16 @@ impl Scene {
     /// When the state is recorded.
     pub fn output_times(&self) -> &Outputs {
         &self.outputs
+    }
+
+    /// The quantities of which statistics are recorded.
+    pub fn wanted_statistics(&self) -> &[Statistic] {
+        &self.statistics
+    }
+
+    /// Whether states of bodies are recorded.
+    pub fn keeps_states(&self) -> bool {
+        self.states
     }
 
     /// How steps are chosen.

@@ -103,6 +103,41 @@ fn numbers_read_back_to_the_same_bits_from_both_formats() {
 }
 
 #[test]
+fn statistics_read_back_to_the_same_bits_from_both_formats() {
+    let study = SMALL.replace("snapshots = true", "final = false\nstatistics = [\"spin_rate\", \"kinetic_energy\"]");
+    let desk = Desk::new(&study);
+    let summary = desk.done(&["run", "study.toml", "--engine", "cpu", "--out", "text"]);
+    assert!(summary.contains("  end      spin_rate: mean "), "{summary}");
+    fs::write(desk.path("study.toml"), format!("{study}format = \"npz\"\n")).unwrap();
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "binary"]);
+    assert_eq!(desk.names("binary"), ["plan.json", "report.json", "statistics.npz"]);
+
+    let states = States::read(&desk.path("text/statistics.csv"));
+    let file = fs::File::open(desk.path("binary/statistics.npz")).unwrap();
+    let mut archive = zip::ZipArchive::new(file).expect("a ZIP archive");
+    assert_eq!((archive.len(), states.columns.len()), (14, 14));
+    for index in 0..archive.len() {
+        let mut entry = archive.by_index(index).expect("an entry");
+        let name = entry.name().expect("a name").strip_suffix(".npy").expect("an array").to_owned();
+        let mut bytes = Vec::new();
+        std::io::Read::read_to_end(&mut entry, &mut bytes).expect("a checksum that fits");
+        let array = npyz::NpyFile::new(&bytes[..]).expect("an array");
+        assert_eq!(array.shape(), [4], "{name}");
+        let numbers: Vec<f64> = if name == "count" {
+            array.into_vec::<u64>().unwrap().into_iter().map(|count| count as f64).collect()
+        } else if name.ends_with("_body") {
+            array.into_vec::<i64>().unwrap().into_iter().map(|body| body as f64).collect()
+        } else {
+            array.into_vec::<f64>().unwrap()
+        };
+        let bits = |numbers: &[f64]| numbers.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&numbers), bits(states.column(&name)), "{name}");
+    }
+    let explained = desk.done(&["explain", "study.toml", "--engine", "cpu"]);
+    assert!(explained.contains("\nstates "), "{explained}");
+}
+
+#[test]
 fn a_seed_gives_the_same_bytes_again_and_another_seed_other_bodies() {
     let desk = Desk::new(SMALL);
     for out in ["one", "two"] {

@@ -153,6 +153,9 @@ refuses! {
     an_unknown_precision: refusal_with("attitude = 1e-6", "precision = \"f16\"") => @r#"study.toml:11: accuracy.precision = "f16": possible: auto, f32, f64"#;
     an_unknown_format: refusal_with("snapshots = true", "format = \"xlsx\"") => @r#"study.toml:13: output.format = "xlsx": possible: csv, npz"#;
     a_flag_that_is_a_text: refusal_with("snapshots = true", "snapshots = \"yes\"") => @r#"study.toml:13: output.snapshots = "yes": true or false is needed"#;
+    an_unknown_statistic: refusal_with("snapshots = true", "statistics = [\"spin_rates\"]") => @r#"study.toml:13: output.statistics = "spin_rates": did you mean spin_rate? possible: kinetic_energy, spin_rate, angular_momentum"#;
+    a_statistic_named_twice: refusal_with("snapshots = true", "statistics = [\"spin_rate\", \"spin_rate\"]") => @r#"study.toml:13: output.statistics = "spin_rate": each quantity once is needed"#;
+    a_statistic_that_is_no_list: refusal_with("snapshots = true", "statistics = \"spin_rate\"") => @r#"study.toml:13: output.statistics = "spin_rate": a list of quantities is needed: ["kinetic_energy", "spin_rate", "angular_momentum"]"#;
     a_force_without_a_mass: refusal("[bodies]\ncount = 1\ninertia = [1, 1, 1]\nangular_velocity = [0, 0, 1]\n[force]\nconstant = [0, 0, 1]\n[time]\nend = 1.0\n") => @"study.toml:5: bodies.mass is missing: the force needs masses, here or as a column of the table of bodies (kg)";
     a_count_and_a_file: refusal_with("count = 10", "count = 10\nfile = \"bodies.csv\"") => @"study.toml:4: bodies.file excludes count: give one of them";
     a_table_that_is_not_there: refusal_with("count = 10", "file = \"missing.csv\"") => @"missing.csv: cannot be read: No such file or directory (os error 2)";

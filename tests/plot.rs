@@ -93,7 +93,7 @@ fn a_run_is_drawn_with_its_bodies() {
     use glam::{DQuat, DVec3};
     use polhode::record::{OutputFolder, run_to_folder};
     use polhode::study::{Format, Output};
-    use polhode::{Ensemble, Method, Outputs, Plan, Scene};
+    use polhode::{Ensemble, Method, Outputs, Plan, Scene, Statistic};
 
     let desk = tempfile::tempdir().expect("a folder");
     let folder = desk.path().join("out");
@@ -101,6 +101,7 @@ fn a_run_is_drawn_with_its_bodies() {
     let spins = [DVec3::new(0.1, 2.0, 0.1), DVec3::new(0.0, 0.0, 1.0), DVec3::new(1.0, 1.0, 1.0)];
     let ensemble = Ensemble::from_fn(3, |body| (moments, DQuat::IDENTITY, spins[body])).expect("valid bodies");
     let scene = Scene::new(ensemble).until(20.0).outputs(Outputs::Every(0.05)).pinned(Method::Rk4, 0.05, None);
+    let scene = scene.statistics(&[Statistic::SpinRate, Statistic::KineticEnergy]);
     let engine = Engine::cpu();
     let plan = Plan::new(&scene, &engine).expect("a plan");
     let output = Output { final_state: false, snapshots: true, format: Format::Csv };
@@ -110,13 +111,26 @@ fn a_run_is_drawn_with_its_bodies() {
 
     let files = plot_folder(&folder, &[0, 1]).expect("drawn");
     let names: Vec<_> = files.iter().map(|file| file.file_name().expect("a name").to_string_lossy()).collect();
-    let expected = ["run.svg", "run.png", "run-body-0.svg", "run-body-0.png", "run-body-1.svg", "run-body-1.png"];
+    let expected = [
+        "run.svg",
+        "run.png",
+        "run-body-0.svg",
+        "run-body-0.png",
+        "run-body-1.svg",
+        "run-body-1.png",
+        "statistics.svg",
+        "statistics.png",
+    ];
     assert_eq!(names, expected);
     let words =
         |file: &Path| std::fs::read_to_string(file).expect("a file").split_whitespace().collect::<Vec<_>>().join(" ");
     let ensemble = words(&files[0]);
     for text in ["time (s)", "|ω| (rad/s)", "drift of the angular momentum", "rk4 in f64", "bodies"] {
         assert!(ensemble.contains(text), "{text}");
+    }
+    let statistics = words(&files[6]);
+    for text in ["spin rate (rad/s)", "kinetic energy (J)", "one standard deviation", "rk4 in f64"] {
+        assert!(statistics.contains(text), "{text}");
     }
     let body = words(&files[2]);
     for text in ["polhode on the inertia ellipsoid (body axes)", "herpolhode", "ω across L (rad/s)"] {

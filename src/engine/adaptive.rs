@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::Observer;
+use super::reduction::Reduce;
 use crate::batch::{AnyBatch, Precision, StateWords};
 use crate::error::{Error, Result};
 use crate::method::rk8_adaptive::least_tolerance;
@@ -96,7 +97,7 @@ impl StepCounts {
 }
 
 /// A batch on an engine whose bodies take steps of their own size, by [`crate::method::rk8_adaptive`].
-pub trait AdaptiveSession {
+pub trait AdaptiveSession: Reduce {
     /// Number of bodies.
     fn body_count(&self) -> usize;
 

@@ -21,14 +21,17 @@ use crate::method::{
     gyro_newton::GyroNewton, implicit_midpoint::ImplicitMidpoint, rk4::Rk4, rk8::Rk8, spiral::Spiral,
     splitting::Splitting,
 };
+use crate::observe::Kernel;
 use crate::real::{Real, Scalar};
 use crate::torque::sum::{Common, Torques};
 use crate::torque::{Conserving, Environment, Free, TorqueTable};
 use crate::vector::TwoWords;
 
 mod adaptive;
+mod observe;
 
 use adaptive::CpuAdaptiveSession;
+use observe::Reducer;
 
 /// Whether the CPU engine runs in SIMD lanes or one body at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,7 +84,7 @@ impl Backend for Cpu {
     fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         let batch = conserving(batch, method)?;
         let clock = batch.torques.clock();
-        Ok(Box::new(CpuSession { batch, method, width: self.width, clock, projected: true }))
+        Ok(Box::new(CpuSession { batch, method, width: self.width, clock, projected: true, reducer: None }))
     }
 
     fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
@@ -106,9 +109,10 @@ struct CpuFreeSession<T> {
     rows: FreeMotionRows<T>,
     columns: Batch<T>,
     width: Width,
+    reducer: Option<Reducer<T>>,
 }
 
-impl<T: LaneScalar> CpuFreeSession<T> {
+impl<T: LaneScalar + Kernel> CpuFreeSession<T> {
     fn start(rows: FreeMotionRows<T>, width: Width) -> Box<dyn FreeSession> {
         let state = vec![T::from_f64(f64::NAN); state_columns::<T>() * rows.stride];
         let columns = Batch {
@@ -118,11 +122,11 @@ impl<T: LaneScalar> CpuFreeSession<T> {
             state,
             torques: TorqueTable::none(0.0),
         };
-        Box::new(Self { rows, columns, width })
+        Box::new(Self { rows, columns, width, reducer: None })
     }
 }
 
-impl<T: LaneScalar> FreeSession for CpuFreeSession<T> {
+impl<T: LaneScalar + Kernel> FreeSession for CpuFreeSession<T> {
     fn body_count(&self) -> usize {
         self.rows.body_count
     }
@@ -149,6 +153,7 @@ struct CpuSession<T> {
     clock: Clock,
     /// Whether the columns of combinations are there and states are projected onto them.
     projected: bool,
+    reducer: Option<Reducer<T>>,
 }
 
 /// Bodies that one task advances: a multiple of every lane count.
@@ -157,7 +162,7 @@ const BLOCK: usize = 64;
 /// Steps between two looks at whether to go on; some milliseconds of work for one block.
 const SLICE: u64 = 1 << 16;
 
-impl<T: LaneScalar> Session for CpuSession<T> {
+impl<T: LaneScalar + Kernel> Session for CpuSession<T> {
     fn body_count(&self) -> usize {
         self.batch.body_count
     }
@@ -204,7 +209,7 @@ impl<T: LaneScalar> CpuSession<T> {
             batch.append_invariants();
         }
         let clock = batch.torques.clock();
-        Self { batch, method, width, clock, projected: false }
+        Self { batch, method, width, clock, projected: false, reducer: None }
     }
 
     /// Compiles a method's loop for each kind of surroundings: what a scene does not have is not in its loop.

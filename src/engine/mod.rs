@@ -23,12 +23,14 @@ pub mod cpu;
 mod devices;
 pub mod gpu;
 pub mod projected;
+pub mod reduction;
 
 pub use devices::{Adapter, AdapterLimits, Choice, Devices, devices, devices_async};
 
 use adaptive::{AdaptiveSession, AdaptiveSteps};
 use cpu::{Cpu, Width};
 use gpu::{Arithmetic, Gpu, GpuOptions, wgpu};
+use reduction::Reduce;
 
 /// Whether an engine computes on a GPU or on the processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -285,7 +287,7 @@ pub struct Progress {
 pub type Observer<'a> = dyn FnMut(Progress) -> ControlFlow<()> + 'a;
 
 /// A batch on an engine.
-pub trait Session {
+pub trait Session: Reduce {
     /// Number of bodies.
     fn body_count(&self) -> usize;
 
@@ -323,7 +325,7 @@ pub trait Session {
 }
 
 /// Torque-free bodies on an engine, at a time that the caller chooses.
-pub trait FreeSession {
+pub trait FreeSession: Reduce {
     /// Number of bodies.
     fn body_count(&self) -> usize;
 

@@ -87,6 +87,8 @@ pub struct SkipRow {
     pub angular_velocity: f64,
     /// The same of the kinetic energy, relative.
     pub energy: f64,
+    /// Bytes of states that are not read; 0 where the skip saves none.
+    pub bytes: u64,
 }
 
 /// What a table calls a regular precession, where it otherwise names a method.
@@ -237,6 +239,7 @@ fn skip_row(skip: &super::Skip) -> SkipRow {
         attitude: skip.bound.attitude,
         angular_velocity: skip.bound.angular_velocity,
         energy: skip.bound.energy,
+        bytes: skip.bytes,
     }
 }
 
@@ -312,7 +315,12 @@ impl fmt::Display for Explanation {
             "skipped", "bodies", "bound rad"
         )?;
         for skip in &self.skips {
-            writeln!(formatter, "{:<18} {:>10}  {:>9.1e}  {}", skip.name, skip.bodies, skip.attitude, skip.reason)?;
+            write!(formatter, "{:<18} {:>10}  {:>9.1e}  {}", skip.name, skip.bodies, skip.attitude, skip.reason)?;
+            if skip.bytes > 0 {
+                let (bytes, bound) = (mebibytes(skip.bytes), skip.energy);
+                write!(formatter, "; {bytes} MiB stay, means are within {bound:.0e}")?;
+            }
+            writeln!(formatter)?;
         }
         Ok(())
     }

@@ -4,9 +4,10 @@ use std::ops::Range;
 
 use super::class::{Bound, Class};
 use super::times::{Interval, steps_over};
-use crate::batch::Precision;
+use crate::batch::{Precision, state_columns};
 use crate::engine::adaptive::AdaptiveSteps;
 use crate::method::Method;
+use crate::observe::error_bound;
 
 /// How the motion of a group's bodies is found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,6 +46,29 @@ impl Treatment {
         match *self {
             Treatment::Stepped { precision, .. } | Treatment::Adaptive { precision, .. } => Some(precision),
             Treatment::RegularPrecession | Treatment::ClosedForm { .. } => None,
+        }
+    }
+
+    /// Bytes of a body's state as an engine holds it; 0 of what is formed on the host.
+    pub(crate) fn state_bytes(&self) -> u64 {
+        let bytes = match self.precision() {
+            Precision::F32 => state_columns::<f32>() * size_of::<f32>(),
+            Precision::F64 => state_columns::<f64>() * size_of::<f64>(),
+        };
+        if *self == Treatment::RegularPrecession { 0 } else { bytes as u64 }
+    }
+
+    /// How far statistics that are formed where the state is may be off, relative.
+    pub(crate) fn statistics_bound(&self) -> f64 {
+        error_bound(self.precision())
+    }
+
+    fn precision(&self) -> Precision {
+        match *self {
+            Treatment::ClosedForm { precision }
+            | Treatment::Stepped { precision, .. }
+            | Treatment::Adaptive { precision, .. } => precision,
+            Treatment::RegularPrecession => Precision::F64,
         }
     }
 

@@ -117,7 +117,7 @@ impl<'a> Plan<'a> {
                 return Err(Error::PrecisionUnavailable { adapter: engine.description().name, precision });
             }
         }
-        let skips = skips(scene, &groups);
+        let skips = skips(scene, &groups, times.len());
         let (method, precision, longest_step) = main_treatment(&groups, scene, engine);
         let engine = engine.description();
         let costs = Costs::shipped();
@@ -169,6 +169,11 @@ impl<'a> Plan<'a> {
     /// What is left out.
     pub fn skips(&self) -> &[Skip] {
         &self.skips
+    }
+
+    /// Whether states are not read for the outputs: statistics alone are asked for ([`SkipName::States`]).
+    pub fn leaves_states(&self) -> bool {
+        leaves_states(self.scene)
     }
 
     /// The time from output `index`'s predecessor (the start for the first) to output `index`, s.
@@ -264,11 +269,16 @@ fn main_treatment(groups: &[Group], scene: &Scene, engine: &dyn Backend) -> (Met
     }
 }
 
+/// Whether statistics are all that is asked for, and states stay where they are.
+fn leaves_states(scene: &Scene) -> bool {
+    scene.may_skip() && !scene.keeps_states() && !scene.wanted_statistics().is_empty()
+}
+
 /// What the groups leave out.
-fn skips(scene: &Scene, groups: &[Group]) -> Vec<Skip> {
+fn skips(scene: &Scene, groups: &[Group], outputs: usize) -> Vec<Skip> {
     let mut found: BTreeMap<SkipName, Skip> = BTreeMap::new();
     let mut add = |name: SkipName, bodies: usize, bound: Bound| {
-        let skip = found.entry(name).or_insert(Skip { name, bodies: 0, bound: Bound::default() });
+        let skip = found.entry(name).or_insert(Skip { name, bodies: 0, bound: Bound::default(), bytes: 0 });
         skip.bodies += bodies;
         skip.bound = skip.bound.or(bound);
     };
@@ -298,6 +308,14 @@ fn skips(scene: &Scene, groups: &[Group]) -> Vec<Skip> {
     }
     if matches!(scene.output_times(), Outputs::End) {
         add(SkipName::Outputs, body_count, Bound::default());
+    }
+    if leaves_states(scene) {
+        let bytes =
+            |group: &Group| group.treatment.state_bytes().saturating_mul((group.members.len() * outputs) as u64);
+        let bound = groups.iter().map(|group| group.treatment.statistics_bound()).fold(0.0, f64::max);
+        let bound = Bound { attitude: 0.0, angular_velocity: bound, energy: bound };
+        let bytes = groups.iter().map(bytes).fold(0, u64::saturating_add);
+        found.insert(SkipName::States, Skip { name: SkipName::States, bodies: body_count, bound, bytes });
     }
     found.into_values().filter(|skip| skip.bodies > 0).collect()
 }

@@ -11,6 +11,8 @@ pub struct Skip {
     pub bodies: usize,
     /// The most that it can change any of them, beside rounding.
     pub bound: Bound,
+    /// Bytes of states that are not read; 0 where the skip saves none.
+    pub bytes: u64,
 }
 
 /// The names of all skips.
@@ -37,6 +39,8 @@ pub enum SkipName {
     Steps,
     /// Times that are not recorded are not read back.
     Outputs,
+    /// Where statistics alone are asked for, states are not read back; the bound is that of a mean or a root mean square.
+    States,
 }
 
 impl SkipName {
@@ -53,6 +57,7 @@ impl SkipName {
             SkipName::TranslationSteps => "translation-steps",
             SkipName::Steps => "steps",
             SkipName::Outputs => "outputs",
+            SkipName::States => "states",
         }
     }
 
@@ -73,6 +78,7 @@ impl SkipName {
             }
             SkipName::Steps => "each body takes the steps that its own rate needs",
             SkipName::Outputs => "states between output times leave neither registers nor device",
+            SkipName::States => "statistics alone are asked for: they are formed where the states are",
         }
     }
 

@@ -16,6 +16,7 @@ mod scale;
 mod skipping;
 mod snapshots;
 mod stability;
+mod statistics;
 mod throughput;
 mod work_precision;
 
@@ -27,8 +28,8 @@ pub use work_precision::work_precision;
 
 use figure::Figure;
 
-/// Draws what is in `folder`, into it: every benchmark table, and the snapshots of a run (`snapshots.csv`) with a picture
-/// for each of `bodies`. Gives the files written; none where there is nothing that can be drawn.
+/// Draws what is in `folder`, into it: every benchmark table, the snapshots of a run (`snapshots.csv`) with a picture
+/// for each of `bodies`, and its statistics (`statistics.csv`). Gives the files written; none where there is nothing that can be drawn.
 ///
 /// # Errors
 ///
@@ -52,6 +53,9 @@ pub fn plot_folder(folder: &Path, bodies: &[usize]) -> Result<Vec<PathBuf>> {
     }
     if folder.join("snapshots.csv").exists() {
         figures.extend(run::run(folder, bodies)?);
+    }
+    if folder.join(statistics::TABLE).exists() {
+        figures.push(("statistics".to_owned(), statistics::statistics(folder)?));
     }
     let mut written = Vec::new();
     for (name, figure) in figures {

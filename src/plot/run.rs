@@ -32,7 +32,7 @@ pub(super) fn run(folder: &Path, bodies: &[usize]) -> Result<Vec<(String, Figure
 }
 
 /// What computed, from the report.
-fn caption(folder: &Path) -> Result<Vec<String>> {
+pub(super) fn caption(folder: &Path) -> Result<Vec<String>> {
     let path = folder.join(REPORT);
     let text = std::fs::read_to_string(&path).map_err(|error| Error::file(&path, FileAction::Read, &error))?;
     let report: serde_json::Value = serde_json::from_str(&text).map_err(|error| Error::Rows {

@@ -15,7 +15,7 @@ pub struct Balance {
     pub energy: Quantiles,
     /// |L − L₀ − ∫ R τ dt| of the run's angular momentum L in world axes, relative to the body's greatest |L| on the way.
     pub angular_momentum_world: Quantiles,
-    /// Bodies, of all, on which torques act that all have a potential.
+    /// Bodies, of those whose end was read, on which torques act that all have a potential.
     pub conservative_bodies: usize,
     /// |T + U − T₀ − U₀| of those bodies, U the potentials' sum; relative to the greater of T + |U| at the start and at the
     /// end.

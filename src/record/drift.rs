@@ -39,6 +39,9 @@ impl std::fmt::Display for Quantiles {
 /// Drift of what a free body conserves, from the start to the end of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Drift {
+    /// Bodies behind the figures: all that did not fail, or a sample where states were not read
+    /// ([`crate::plan::SkipName::States`]).
+    pub bodies: usize,
     /// |T − T₀| / T₀ of the rotational kinetic energy.
     pub kinetic_energy: Quantiles,
     /// |L − L₀| / |L₀| of the angular momentum in world axes.
@@ -70,6 +73,7 @@ impl DriftGatherer {
 
     pub(crate) fn finish(mut self) -> Drift {
         Drift {
+            bodies: self.norm.len(),
             kinetic_energy: Quantiles::of(&mut self.kinetic_energy),
             angular_momentum_world: Quantiles::of(&mut self.angular_momentum_world),
             norm: Quantiles::of(&mut self.norm),

@@ -6,8 +6,9 @@ use std::time::Instant;
 use super::csv_file::CsvFile;
 use super::folder::{OutputFolder, PLAN, REPORT};
 use super::npz_file::{NpzFile, Times};
-use super::report::{Report, StudyReport};
-use super::{OutputState, Sink};
+use super::report::{Report, StatisticsReport, StudyReport};
+use super::statistics_file::StatisticsFile;
+use super::{OutputState, Sink, Statistics};
 use crate::engine::{Backend, Progress};
 use crate::error::Result;
 use crate::plan::Plan;
@@ -69,9 +70,12 @@ impl TableFile {
     }
 }
 
-/// Writes the states that a study asks for as they come.
+/// Writes the states and statistics that a study asks for as they come.
 #[derive(Debug)]
 struct FileSink {
+    statistics: Option<StatisticsFile>,
+    /// Those of the end.
+    at_end: Option<Statistics>,
     final_state: Option<TableFile>,
     snapshots: Option<TableFile>,
     last: usize,
@@ -84,9 +88,19 @@ impl FileSink {
         let mut table = |wanted: bool, stem: &str, times: Times<'_>| {
             wanted.then(|| TableFile::begin(folder, stem, output.format, plan, times)).transpose()
         };
+        let (final_state, snapshots) = (
+            table(output.final_state, "final", Times::One(plan.scene().end()))?,
+            table(output.snapshots, "snapshots", Times::Many(times))?,
+        );
+        let wanted = plan.scene().wanted_statistics();
+        let statistics = (!wanted.is_empty())
+            .then(|| StatisticsFile::begin(folder, output.format, wanted, times.len()))
+            .transpose()?;
         Ok(Self {
-            final_state: table(output.final_state, "final", Times::One(plan.scene().end()))?,
-            snapshots: table(output.snapshots, "snapshots", Times::Many(times))?,
+            statistics,
+            at_end: None,
+            final_state,
+            snapshots,
             last: times.len() - 1,
             spent: WriteTime::default(),
         })
@@ -94,7 +108,9 @@ impl FileSink {
 
     fn finish(&mut self) -> Result<()> {
         let mut tables = self.final_state.iter_mut().chain(&mut self.snapshots);
-        timed(&mut self.spent.disk, || tables.try_for_each(TableFile::finish))
+        timed(&mut self.spent.disk, || tables.try_for_each(TableFile::finish))?;
+        let statistics = &mut self.statistics;
+        timed(&mut self.spent.disk, || statistics.as_mut().map_or(Ok(()), StatisticsFile::finish))
     }
 }
 
@@ -110,6 +126,14 @@ impl Sink for FileSink {
             table.append(time, first_body, states, &mut self.spent)?;
         }
         Ok(())
+    }
+
+    fn statistics(&mut self, index: usize, statistics: &Statistics) -> Result<()> {
+        if index == self.last {
+            self.at_end = Some(statistics.clone());
+        }
+        let Some(file) = &mut self.statistics else { return Ok(()) };
+        timed(&mut self.spent.disk, || file.append(statistics))
     }
 }
 
@@ -142,6 +166,7 @@ pub fn run_to_folder(
         seed: study.seed(),
     });
     let mut report = Report::new(study, plan, trust);
+    report.statistics = sink.at_end.as_ref().map(StatisticsReport::from);
     report.files = folder.names().to_vec();
     report.wall_time.study = study_seconds;
     report.wall_time.format = sink.spent.format;

@@ -23,6 +23,9 @@ mod folder;
 mod npz_file;
 #[cfg(feature = "study")]
 pub mod report;
+mod statistics;
+#[cfg(feature = "study")]
+mod statistics_file;
 
 pub use adaptive::{AdaptiveWork, Spread};
 pub use balance::Balance;
@@ -37,6 +40,7 @@ pub use files::run_to_folder;
 pub use folder::{OutputFolder, PLAN, REPORT};
 #[cfg(feature = "study")]
 pub use report::Report;
+pub use statistics::{Statistics, Summary};
 
 /// Takes the states of a run as they come, some bodies at a time, so that memory stays bounded.
 pub trait Sink {
@@ -49,6 +53,17 @@ pub trait Sink {
     ///
     /// Whatever hinders the sink; the run ends with it.
     fn bodies(&mut self, index: usize, time: f64, first_body: usize, states: &[OutputState]) -> Result<()>;
+
+    /// The statistics of output `index`, where the scene asks for any ([`crate::Scene::statistics`]). Called in the order of
+    /// outputs, for every one of them; without this method they are passed over.
+    ///
+    /// # Errors
+    ///
+    /// Whatever hinders the sink; the run ends with it.
+    fn statistics(&mut self, index: usize, statistics: &Statistics) -> Result<()> {
+        let _ = (index, statistics);
+        Ok(())
+    }
 }
 
 /// One body at an output time.
@@ -250,15 +265,16 @@ impl std::fmt::Display for Trust {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Record {
     snapshots: Vec<Snapshot>,
+    statistics: Vec<Statistics>,
     trust: Trust,
 }
 
 impl Record {
-    pub(crate) fn new(snapshots: Vec<Snapshot>, trust: Trust) -> Self {
-        Self { snapshots, trust }
+    pub(crate) fn new(snapshots: Vec<Snapshot>, statistics: Vec<Statistics>, trust: Trust) -> Self {
+        Self { snapshots, statistics, trust }
     }
 
-    /// All bodies at all output times, in order; the last one is the end.
+    /// All bodies at all output times, in order; the last one is the end. Empty where the scene keeps no states.
     pub fn snapshots(&self) -> &[Snapshot] {
         &self.snapshots
     }
@@ -267,9 +283,14 @@ impl Record {
     ///
     /// # Panics
     ///
-    /// Never: a run records its end.
+    /// If the scene keeps no states ([`crate::Scene::without_states`]); else a run records its end.
     pub fn final_state(&self) -> &Snapshot {
         &self.snapshots[self.snapshots.len() - 1]
+    }
+
+    /// The statistics at all output times, in order; empty where the scene asks for none.
+    pub fn statistics(&self) -> &[Statistics] {
+        &self.statistics
     }
 
     /// What was done and how well.
@@ -281,12 +302,19 @@ impl Record {
 /// Keeps every output in memory.
 #[derive(Debug, Default)]
 pub(crate) struct Memory {
+    pub(crate) keeps_states: bool,
     pub(crate) snapshots: Vec<Snapshot>,
+    pub(crate) statistics: Vec<Statistics>,
 }
 
 impl Sink for Memory {
     fn wants(&mut self, _: usize, _: usize, _: f64) -> bool {
-        true
+        self.keeps_states
+    }
+
+    fn statistics(&mut self, _: usize, statistics: &Statistics) -> Result<()> {
+        self.statistics.push(statistics.clone());
+        Ok(())
     }
 
     fn bodies(&mut self, index: usize, time: f64, _: usize, states: &[OutputState]) -> Result<()> {

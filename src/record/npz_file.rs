@@ -33,7 +33,7 @@ struct Entry {
 
 /// A ZIP archive of files of known sizes, all open at once.
 #[derive(Debug)]
-struct Archive {
+pub(super) struct Archive {
     file: OutputFile,
     entries: Vec<Entry>,
     end: u64,
@@ -42,12 +42,12 @@ struct Archive {
 }
 
 impl Archive {
-    fn new(file: OutputFile) -> Self {
+    pub(super) fn new(file: OutputFile) -> Self {
         Self { file, entries: Vec::new(), end: 0, wide: WIDE }
     }
 
     /// Gives a file of `size` bytes its place.
-    fn reserve(&mut self, name: String, size: u64) {
+    pub(super) fn reserve(&mut self, name: String, size: u64) {
         let offset = self.end;
         let mut entry = Entry { name, offset, position: 0, size, checksum: crc32fast::Hasher::new() };
         entry.position = offset + self.local_header(&entry).len() as u64;
@@ -56,7 +56,7 @@ impl Archive {
     }
 
     /// Appends bytes to a file.
-    fn append(&mut self, entry: usize, bytes: &[u8]) -> Result<()> {
+    pub(super) fn append(&mut self, entry: usize, bytes: &[u8]) -> Result<()> {
         let entry = &mut self.entries[entry];
         self.file.write_at(entry.position, bytes)?;
         entry.position += bytes.len() as u64;
@@ -127,7 +127,7 @@ impl Archive {
     }
 
     /// Writes all headers, now that the checksums are known.
-    fn finish(&mut self) -> Result<()> {
+    pub(super) fn finish(&mut self) -> Result<()> {
         for index in 0..self.entries.len() {
             let (offset, header) = (self.entries[index].offset, self.local_header(&self.entries[index]));
             self.file.write_at(offset, &header)?;
@@ -178,7 +178,7 @@ fn zip64_end(count: u64, size: u64, start: u64) -> Vec<u8> {
 }
 
 /// The header of a `.npy` file: magic, version 1.0, and a Python dictionary padded to a multiple of 64 bytes.
-fn npy_header(element: &str, shape: &[usize]) -> Vec<u8> {
+pub(super) fn npy_header(element: &str, shape: &[usize]) -> Vec<u8> {
     let mut sizes: String = shape.iter().map(|size| format!("{size}, ")).collect();
     if shape.len() > 1 {
         sizes.truncate(sizes.len() - 2);

@@ -9,6 +9,10 @@ use crate::engine::EngineKind;
 use crate::plan::Plan;
 use crate::plan::explain::{ClassRow, SkipRow};
 
+mod statistics;
+
+pub use statistics::{StatisticsReport, SummaryReport};
+
 /// A run in figures, as it stands in `report.json`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
@@ -36,6 +40,8 @@ pub struct Report {
     pub wall_time: WallTimeReport,
     /// Inertia tensors that were repaired before the run, where the study asks for that.
     pub repairs: Option<RepairReport>,
+    /// Statistics at the end; `null` where the study asks for none.
+    pub statistics: Option<StatisticsReport>,
     /// Drift of what a free body conserves, from start to end.
     pub drift: DriftReport,
     /// Energy and angular momentum against what the torques give; `null` where none acts.
@@ -182,6 +188,8 @@ pub struct RepairReport {
 /// Drift of what a free body conserves, over the bodies that did not fail.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct DriftReport {
+    /// Bodies behind the figures: all of them, or a sample where states were not read.
+    pub bodies: usize,
     /// |T − T₀| / T₀ of the rotational kinetic energy.
     pub kinetic_energy: QuantilesReport,
     /// |L − L₀| / |L₀| of the angular momentum in world axes.
@@ -199,7 +207,7 @@ pub struct BalanceReport {
     pub energy: QuantilesReport,
     /// |L − L₀ − ∫ R τ dt| in world axes, relative to the greatest |L| on the way.
     pub angular_momentum_world: QuantilesReport,
-    /// Bodies, of all, whose torques all have a potential.
+    /// Bodies, of those whose end was read, whose torques all have a potential.
     pub conservative_bodies: usize,
     /// The change of kinetic and potential energy of those, relative to the greater of T + |U| at the start and at the end;
     /// `null` where there are none.
@@ -294,7 +302,9 @@ impl Report {
                 largest_relative_change: repairs.largest_relative_change,
                 limit: repairs.limit,
             }),
+            statistics: None,
             drift: DriftReport {
+                bodies: trust.drift.bodies,
                 kinetic_energy: trust.drift.kinetic_energy.into(),
                 angular_momentum_world: trust.drift.angular_momentum_world.into(),
                 norm: trust.drift.norm.into(),
@@ -384,12 +394,18 @@ impl fmt::Display for Report {
             time.format + time.disk,
             self.body_steps_per_second
         )?;
+        if let Some(statistics) = &self.statistics {
+            write!(formatter, "{statistics}")?;
+        }
         let drift = |name: &str, drift: &QuantilesReport| {
             format!("  {name} median {:.1e}, p99 {:.1e}, max {:.1e}", drift.median, drift.p99, drift.max)
         };
         writeln!(formatter, "{}", drift("drift    kinetic energy  ", &self.drift.kinetic_energy))?;
         writeln!(formatter, "{}", drift("         angular momentum", &self.drift.angular_momentum_world))?;
         writeln!(formatter, "{}", drift("         |q| - 1         ", &self.drift.norm))?;
+        if self.drift.bodies + self.failed_bodies.len() < self.bodies {
+            writeln!(formatter, "           of a sample of {} bodies: states were not read", self.drift.bodies)?;
+        }
         if let Some(balance) = &self.balance {
             if balance.bodies > 0 {
                 writeln!(formatter, "{}", drift("balance  kinetic energy  ", &balance.energy))?;

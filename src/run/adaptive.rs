@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::READ_BLOCK;
 use crate::batch::{BodyFrame, BodyState, prepare_body, prepare_members, scaled_by_power_of_two};
 use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps};
+use crate::engine::reduction::Reduce;
 use crate::engine::{Backend, Observer};
 use crate::error::Result;
 use crate::method::work::order;
@@ -60,6 +61,24 @@ impl AdaptiveUnit {
 
     pub fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {
         self.session.advance_to(time, observer)
+    }
+
+    /// The session, and the frames of its rows.
+    pub fn session(&mut self) -> (&mut dyn Reduce, &[BodyFrame]) {
+        (&mut *self.session, &self.frames)
+    }
+
+    /// The session's row of one of the group's.
+    pub fn session_row(&self, row: usize) -> usize {
+        self.session_rows[row] as usize
+    }
+
+    /// The group's row of one of the session's, which lies in the same block.
+    pub fn group_row(&self, session_row: usize) -> usize {
+        let start = session_row / READ_BLOCK * READ_BLOCK;
+        let end = (start + READ_BLOCK).min(self.session_rows.len());
+        let found = self.session_rows[start..end].iter().position(|&row| row as usize == session_row);
+        start + found.unwrap_or(0)
     }
 
     /// The states in some of the group's rows.

@@ -19,6 +19,7 @@ mod balance;
 pub(crate) mod confidence;
 mod flight;
 pub(crate) mod shadow;
+mod statistics;
 mod translation;
 mod unit;
 mod work;
@@ -27,6 +28,7 @@ pub use balance::balance;
 
 use balance::{push_rest, total_energies};
 use shadow::SHADOW_SEED;
+use statistics::FromStates;
 use translation::Centres;
 use unit::Unit;
 
@@ -39,13 +41,14 @@ const READ_BLOCK: usize = 1 << 15;
 ///
 /// As [`run_into`].
 pub fn run(engine: &dyn Backend, plan: &Plan<'_>) -> Result<Record> {
-    let mut memory = Memory::default();
+    let keeps_states = plan.scene().keeps_states();
+    let mut memory = Memory { keeps_states, ..Memory::default() };
     let trust = run_into(engine, plan, &mut memory, &mut |_| ControlFlow::Continue(()))?;
-    if memory.snapshots.is_empty() {
+    if keeps_states && memory.snapshots.is_empty() {
         // No bodies, so nothing was handed on; the end is recorded all the same.
         memory.snapshots.push(crate::record::Snapshot::default());
     }
-    Ok(Record::new(memory.snapshots, trust))
+    Ok(Record::new(memory.snapshots, memory.statistics, trust))
 }
 
 /// Runs `plan` on `engine` and hands every output to `sink`, some bodies at a time.
@@ -67,6 +70,14 @@ pub fn run_into(
     let units = plan.groups().iter().map(|group| Unit::start(engine, scene, group, &mut wall_time));
     let mut units = units.collect::<Result<Vec<_>>>()?;
     let mut centres = Centres::start(plan);
+    // The long way forms statistics of the states that it reads.
+    let statistics = scene.wanted_statistics();
+    let reduces = !statistics.is_empty() && scene.may_skip();
+    if reduces {
+        let clock = Instant::now();
+        units.iter_mut().try_for_each(|unit| unit.watch(statistics, usable_rate(scene)))?;
+        wall_time.start += clock.elapsed().as_secs_f64();
+    }
 
     // A body that is not stepped has an output time as its only work.
     let total = plan.groups().iter().map(|group| plan.work_of(group)).fold(0, u64::saturating_add);
@@ -79,11 +90,11 @@ pub fn run_into(
         let last = index + 1 == count;
         // The long way reads what nobody asked for too.
         let asked = sink.wants(index, count, time);
-        let wanted = asked || !scene.may_skip();
+        let wanted = asked || !scene.may_skip() || (last && !plan.leaves_states());
         let clock = Instant::now();
         for unit in &mut units {
             let before = done;
-            let work = unit.advance(time, plan.span_before(index), wanted || last, &mut |progress| {
+            let work = unit.advance(time, plan.span_before(index), wanted || last || reduces, &mut |progress| {
                 observer(Progress { done: before.saturating_add(progress.done), total })
             })?;
             done = done.saturating_add(work);
@@ -93,13 +104,26 @@ pub fn run_into(
         if plan.is_closed_form() && observer(Progress { done, total }).is_break() {
             return Err(Error::Interrupted { steps: 0 });
         }
-        if !(wanted || last) {
+        if reduces {
+            let clock = Instant::now();
+            let found = statistics::reduced(&mut units, statistics, time)?;
+            wall_time.read += clock.elapsed().as_secs_f64();
+            sink.statistics(index, &found)?;
+        }
+        if !wanted {
+            if last {
+                let clock = Instant::now();
+                sampled = end.gather_sample(scene, &mut units, &sample)?;
+                wall_time.read += clock.elapsed().as_secs_f64();
+            }
             continue;
         }
+        let mut from_states = FromStates::new(if reduces { &[] } else { statistics });
         for start in (0..body_count).step_by(READ_BLOCK) {
             let range = start..(start + READ_BLOCK).min(body_count);
             let clock = Instant::now();
             let states = read_states(&mut units, &centres, range.clone())?;
+            from_states.push(start, &states);
             if last {
                 end.gather(scene, &states, range.clone());
                 let of_block = |body: &&u32| range.contains(&(**body as usize));
@@ -115,6 +139,9 @@ pub fn run_into(
                 let steps = if plan.is_closed_form() { 0 } else { done / (body_count as u64).max(1) };
                 return Err(Error::Interrupted { steps });
             }
+        }
+        if !reduces && !statistics.is_empty() {
+            sink.statistics(index, &from_states.finish(time))?;
         }
     }
     let mut works = Vec::new();
@@ -188,35 +215,85 @@ struct AtEnd {
 impl AtEnd {
     /// Compares the end with the start, body by body, and lists the bodies that failed.
     fn gather(&mut self, scene: &Scene, states: &[OutputState], bodies: Range<usize>) {
-        let start = |(body, state): (usize, &OutputState)| {
-            let initial = initial_state(scene.ensemble(), body);
-            let energies =
-                if scene.torques().is_empty() { None } else { total_energies(scene, body, &initial, &state.rotation) };
-            (initial, energies)
-        };
-        let starts: Vec<_> = bodies.clone().into_par_iter().zip(states).map(start).collect();
-        let usable_rate = match scene.stepping() {
-            Stepping::Pinned { method, dt, .. } => method.properties().usable_angle / dt,
-            Stepping::Accuracy(_) | Stepping::Adaptive { .. } => f64::INFINITY,
-        };
-        for ((body, (initial, energies)), state) in bodies.zip(&starts).zip(states) {
-            let rotation = &state.rotation;
+        let rotations = || states.par_iter().map(|state| &state.rotation);
+        let starts: Vec<_> = bodies.clone().into_par_iter().zip(rotations()).map(at_start(scene)).collect();
+        let usable_rate = usable_rate(scene);
+        for ((body, start), state) in bodies.zip(&starts).zip(states) {
+            let state = &state.rotation;
             let too_fast = |state: &BodyState| state.angular_velocity_body.length() > usable_rate;
-            self.outside_usable_region += usize::from(too_fast(initial) || too_fast(rotation));
-            if is_finite(rotation) {
-                self.drift.push(initial, rotation);
-                if let Some((start, end)) = *energies {
-                    self.balance.push_total(start, end);
-                }
-            }
-            if !is_finite(rotation) || rotation.status != Status::Valid {
+            self.outside_usable_region += usize::from(too_fast(&start.0) || too_fast(state));
+            self.conserved(start, state);
+            if !is_sound(state) {
                 self.failed_bodies.push(body);
-                self.flagged += usize::from(rotation.status == Status::StepBelowLimit);
+                self.flagged += usize::from(state.status == Status::StepBelowLimit);
+            }
+        }
+    }
+
+    /// The same where states are not read: drift and balance of a sample, whose states it gives back, and the rest from
+    /// what was marked where the states are.
+    fn gather_sample(&mut self, scene: &Scene, units: &mut [Unit<'_>], sample: &[u32]) -> Result<Vec<BodyState>> {
+        let usable_rate = usable_rate(scene);
+        let mut states = Vec::with_capacity(sample.len());
+        let mut faster = Vec::new();
+        for unit in units {
+            states.extend(unit.read_bodies(sample)?);
+            let marked = unit.marked(usable_rate)?;
+            self.flagged += unit.flagged(&marked.failed)?;
+            self.failed_bodies.extend(marked.failed);
+            faster.extend(marked.faster);
+        }
+        self.failed_bodies.sort_unstable();
+        faster.sort_unstable();
+        if usable_rate.is_finite() {
+            let start = |&body: &usize| scene.ensemble().angular_velocity_body()[body].length() > usable_rate;
+            let at_start = (0..scene.ensemble().len()).filter(start);
+            self.outside_usable_region =
+                faster.len() + at_start.filter(|body| faster.binary_search(body).is_err()).count();
+        }
+        states.sort_unstable_by_key(|&(body, _)| body);
+        for (body, state) in &states {
+            self.conserved(&at_start(scene)((*body, state)), state);
+        }
+        Ok(states.into_iter().map(|(_, state)| state).collect())
+    }
+
+    /// Takes what a body keeps, from its start and its end.
+    fn conserved(&mut self, (initial, energies): &Start, state: &BodyState) {
+        if is_finite(state) {
+            self.drift.push(initial, state);
+            if let Some((start, end)) = *energies {
+                self.balance.push_total(start, end);
             }
         }
     }
 }
 
+/// A body's initial state, and its energies then and later where torques that have a potential act on it.
+type Start = (BodyState, Option<((f64, f64), (f64, f64))>);
+
+/// How a body started that is in some state now.
+fn at_start(scene: &Scene) -> impl Fn((usize, &BodyState)) -> Start + Sync + Send {
+    move |(body, state)| {
+        let initial = initial_state(scene.ensemble(), body);
+        let energies = if scene.torques().is_empty() { None } else { total_energies(scene, body, &initial, state) };
+        (initial, energies)
+    }
+}
+
+/// The spin rate, rad/s, beyond which a body is outside the usable region of the method that is pinned.
+fn usable_rate(scene: &Scene) -> f64 {
+    match scene.stepping() {
+        Stepping::Pinned { method, dt, .. } => method.properties().usable_angle / dt,
+        Stepping::Accuracy(_) | Stepping::Adaptive { .. } => f64::INFINITY,
+    }
+}
+
 fn is_finite(state: &BodyState) -> bool {
     state.orientation.is_finite() && state.angular_velocity_body.is_finite()
+}
+
+/// Whether a state is a number in every place and no step has failed on it.
+fn is_sound(state: &BodyState) -> bool {
+    is_finite(state) && state.status == Status::Valid
 }

@@ -8,11 +8,15 @@ use rayon::prelude::*;
 
 use super::adaptive::{AdaptiveUnit, UnitWork};
 use super::flight::Flight;
+use super::is_sound;
 use crate::batch::{BodyFrame, BodyState, StateWords, prepare_members};
 use crate::engine::cpu::{Cpu, Width};
+use crate::engine::reduction::{Marked, Reduce};
 use crate::engine::{Backend, FreeSession, Observer, Progress, Session};
 use crate::error::Result;
 use crate::free_motion::AnyRows;
+use crate::method::Status;
+use crate::observe::{Partial, Statistic, merge};
 use crate::plan::{Group, Members, Treatment};
 use crate::record::WallTime;
 use crate::regular_precession::RegularPrecession;
@@ -188,17 +192,146 @@ impl<'p> Unit<'p> {
         if rows.is_empty() {
             return Ok(());
         }
-        let found: Vec<BodyState> = match &mut self.motion {
-            Motion::Stepped { session, frames, .. } => in_users_units(&session.read(rows.clone())?, frames, &rows),
-            Motion::Adaptive(unit) => unit.read(&rows)?,
-            Motion::ClosedForm { session, frames } => in_users_units(&session.read(rows.clone())?, frames, &rows),
-            Motion::Precession { bodies, time } => bodies[rows.clone()].par_iter().map(|body| body.at(*time)).collect(),
-        };
+        let found = self.read_range(&rows)?;
         for (row, state) in rows.zip(found) {
             states[self.members.body(row) - bodies.start] = state;
         }
         Ok(())
     }
+
+    /// The states in a range of rows.
+    fn read_range(&mut self, rows: &Range<usize>) -> Result<Vec<BodyState>> {
+        Ok(match &mut self.motion {
+            Motion::Stepped { session, frames, .. } => in_users_units(&session.read(rows.clone())?, frames, rows),
+            Motion::Adaptive(unit) => unit.read(rows)?,
+            Motion::ClosedForm { session, frames } => in_users_units(&session.read(rows.clone())?, frames, rows),
+            Motion::Precession { bodies, time } => bodies[rows.clone()].par_iter().map(|body| body.at(*time)).collect(),
+        })
+    }
+}
+
+/// Bodies whose state is read at once where statistics are formed on the host.
+const BLOCK: usize = 1 << 12;
+
+impl Unit<'_> {
+    /// Makes ready for [`Unit::reduce`]; a body that spins faster than `fastest` rad/s is marked.
+    pub fn watch(&mut self, statistics: &[Statistic], fastest: f64) -> Result<()> {
+        let Some((session, frames)) = self.session() else { return Ok(()) };
+        session.watch(statistics, frames, fastest)
+    }
+
+    /// Statistics of its bodies as they stand; extremes name bodies.
+    pub fn reduce(&mut self, statistics: &[Statistic]) -> Result<Vec<Partial<f64>>> {
+        let mut found = match self.session() {
+            Some((session, _)) => session.reduce()?,
+            None => self.reduce_on_host(statistics)?,
+        };
+        for found in found.iter_mut().filter(|found| found.count > 0) {
+            for extreme in [&mut found.least, &mut found.greatest] {
+                extreme.body = self.body(extreme.body as usize) as u32;
+            }
+        }
+        Ok(found)
+    }
+
+    /// The same of regular precessions, which the host forms; extremes name rows.
+    fn reduce_on_host(&mut self, statistics: &[Statistic]) -> Result<Vec<Partial<f64>>> {
+        let mut total = vec![Partial::none(); statistics.len()];
+        for start in (0..self.members.len()).step_by(BLOCK) {
+            let rows = start..(start + BLOCK).min(self.members.len());
+            let states = self.read_range(&rows)?;
+            for (total, &statistic) in total.iter_mut().zip(statistics) {
+                let sound = rows.clone().zip(&states).filter(|(_, state)| is_sound(state));
+                let values: Vec<_> = sound.map(|(row, state)| (row as u32, statistic.of(state))).collect();
+                *total = merge(*total, Partial::of_values(&values, 0));
+            }
+        }
+        Ok(total)
+    }
+
+    /// The bodies that failed, and those that spin faster than the rate watched, as the last [`Unit::reduce`] found them.
+    pub fn marked(&mut self, fastest: f64) -> Result<Marked> {
+        let mut marked = match self.session() {
+            Some((session, _)) => session.marked()?,
+            None => self.marked_on_host(fastest)?,
+        };
+        for row in marked.failed.iter_mut().chain(&mut marked.faster) {
+            *row = self.body(*row);
+        }
+        Ok(marked)
+    }
+
+    fn marked_on_host(&mut self, fastest: f64) -> Result<Marked> {
+        let mut marked = Marked::default();
+        for start in (0..self.members.len()).step_by(BLOCK) {
+            let rows = start..(start + BLOCK).min(self.members.len());
+            for (row, state) in rows.clone().zip(self.read_range(&rows)?) {
+                if !is_sound(&state) {
+                    marked.failed.push(row);
+                } else if state.angular_velocity_body.length() > fastest {
+                    marked.faster.push(row);
+                }
+            }
+        }
+        Ok(marked)
+    }
+
+    /// How many of the bodies that failed would have needed a step below the limit; only adaptive steps end so.
+    pub fn flagged(&mut self, failed: &[usize]) -> Result<usize> {
+        if !matches!(self.motion, Motion::Adaptive(_)) {
+            return Ok(0);
+        }
+        let bodies: Vec<u32> = failed.iter().map(|&body| body as u32).collect();
+        let states = self.read_bodies(&bodies)?;
+        Ok(states.iter().filter(|(_, state)| state.status == Status::StepBelowLimit).count())
+    }
+
+    /// The states of those of its bodies that are among `bodies`.
+    pub fn read_bodies(&mut self, bodies: &[u32]) -> Result<Vec<(usize, BodyState)>> {
+        let row = |&body: &u32| self.members.rows(body as usize..body as usize + 1).next();
+        let rows: Vec<usize> = bodies.iter().filter_map(row).collect();
+        let own: Vec<usize> = match &self.motion {
+            Motion::Adaptive(unit) => rows.iter().map(|&row| unit.session_row(row)).collect(),
+            _ => rows.clone(),
+        };
+        let states = match self.session() {
+            Some((session, frames)) => states_of(&session.read_rows(&own)?, frames, &own),
+            None => {
+                let mut states = Vec::with_capacity(rows.len());
+                for &row in &rows {
+                    states.extend(self.read_range(&(row..row + 1))?);
+                }
+                states
+            }
+        };
+        Ok(rows.into_iter().map(|row| self.members.body(row)).zip(states).collect())
+    }
+
+    /// The engine's session, where there is one, and the frames of its rows.
+    fn session(&mut self) -> Option<(&mut dyn Reduce, &[BodyFrame])> {
+        match &mut self.motion {
+            Motion::Stepped { session, frames, .. } => Some((&mut **session, frames)),
+            Motion::ClosedForm { session, frames } => Some((&mut **session, frames)),
+            Motion::Adaptive(unit) => Some(unit.session()),
+            Motion::Precession { .. } => None,
+        }
+    }
+
+    /// The body in a row of the session.
+    fn body(&self, session_row: usize) -> usize {
+        match &self.motion {
+            Motion::Adaptive(unit) => self.members.body(unit.group_row(session_row)),
+            _ => self.members.body(session_row),
+        }
+    }
+}
+
+fn states_of(words: &StateWords, frames: &[BodyFrame], rows: &[usize]) -> Vec<BodyState> {
+    let state = |(index, &row): (usize, &usize)| BodyState {
+        status: words.status[index],
+        ..frames[row].body_state(words.combined(index))
+    };
+    rows.iter().enumerate().map(state).collect()
 }
 
 fn in_users_units(words: &StateWords, frames: &[BodyFrame], rows: &Range<usize>) -> Vec<BodyState> {

@@ -28,6 +28,7 @@
 //! [output]
 //! final = true                        # final.csv: all bodies at the end (the default)
 //! snapshots = true                    # snapshots.csv: all bodies at all output times
+//! statistics = ["kinetic_energy", "spin_rate"]   # statistics.csv: over all bodies at all output times
 //! format = "csv"                      # or "npz"
 //! ```
 //!
@@ -78,6 +79,11 @@
 //! * A number may be a distribution: `constant` (`value`), `uniform` (`low`, `high`), `normal` (`mean`, `sigma`),
 //!   `log-normal` (`median`, `sigma` of the logarithm). So may a vector, where one number stands for three; and
 //!   `direction` (`magnitude`) is uniform on the sphere.
+//! * `statistics`: any of `kinetic_energy` (rotational, J), `spin_rate` (|ω|, rad/s) and `angular_momentum` (|L|, kg m²/s).
+//!   `statistics.csv` has one row an output time: `t`, `count` (bodies that did not fail) and of each quantity, say
+//!   `spin_rate`, the columns `spin_rate_mean`, `spin_rate_standard_deviation` (divided by `count`), `spin_rate_min`,
+//!   `spin_rate_max`, `spin_rate_min_body` and `spin_rate_max_body`; `statistics.npz` an array of shape `[outputs]` for each.
+//!   With `final = false` and no snapshots, statistics alone leave the device.
 //! * A table of bodies is described in [`table`]; what it does not hold may be drawn.
 //!
 //! Every draw is a function of seed, body and column alone ([`draw`]), so a study with fewer bodies holds the first of
@@ -85,10 +91,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 use crate::batch::Precision;
 use crate::ensemble::Ensemble;
 use crate::error::{Error, FileAction, Result};
+use crate::observe::Statistic;
 use crate::scene::{Accuracy, Outputs, Scene};
 
 mod accuracy;
@@ -167,6 +175,7 @@ pub struct Study {
     outputs: Outputs,
     stepping: StudyStepping,
     output: Output,
+    statistics: Vec<Statistic>,
 }
 
 /// `[output]`: which files a run writes.
@@ -250,8 +259,22 @@ impl Study {
         let stepping = stepping
             .unwrap_or(StudyStepping::Accuracy { accuracy: Accuracy::attitude(DEFAULT_ATTITUDE), precision: None });
         let output = root.find("output").map(|node| output(&node)).transpose()?;
-        let output = output.unwrap_or(Output { final_state: true, snapshots: false, format: Format::Csv });
-        Ok(Self { file: file.to_owned(), places, title, seed, bodies, torques, forces, end, outputs, stepping, output })
+        let (output, statistics) =
+            output.unwrap_or((Output { final_state: true, snapshots: false, format: Format::Csv }, Vec::new()));
+        Ok(Self {
+            file: file.to_owned(),
+            places,
+            title,
+            seed,
+            bodies,
+            torques,
+            forces,
+            end,
+            outputs,
+            stepping,
+            output,
+            statistics,
+        })
     }
 
     /// The file's name as it was given.
@@ -323,6 +346,10 @@ impl Study {
         }
         for torque in &self.torques {
             scene = scene.torque(torque.torque(Draw::new(self.seed), self.seed, count, table));
+        }
+        scene = scene.statistics(&self.statistics);
+        if !self.statistics.is_empty() && !self.output.final_state && !self.output.snapshots {
+            scene = scene.without_states();
         }
         Ok(self.stepping.applied_to(scene))
     }
@@ -460,8 +487,11 @@ fn time(node: &Node<'_>) -> Result<(f64, Outputs)> {
     Ok((end, Outputs::Times(list)))
 }
 
-fn output(node: &Node<'_>) -> Result<Output> {
-    let table = node.table("a table [output] is needed", &["final", "snapshots", "format"])?;
+/// Names of all quantities.
+static STATISTICS: LazyLock<Vec<&'static str>> = LazyLock::new(|| Statistic::ALL.map(Statistic::name).to_vec());
+
+fn output(node: &Node<'_>) -> Result<(Output, Vec<Statistic>)> {
+    let table = node.table("a table [output] is needed", &["final", "snapshots", "statistics", "format"])?;
     let flag = |key: &str, default: bool| {
         table
             .find(key)
@@ -473,5 +503,21 @@ fn output(node: &Node<'_>) -> Result<Output> {
         Some("npz") => Format::Npz,
         _ => Format::Csv,
     };
-    Ok(Output { final_state: flag("final", true)?, snapshots: flag("snapshots", false)?, format })
+    let statistics = table.find("statistics").map(|node| statistics(&node)).transpose()?.unwrap_or_default();
+    Ok((Output { final_state: flag("final", true)?, snapshots: flag("snapshots", false)?, format }, statistics))
+}
+
+fn statistics(node: &Node<'_>) -> Result<Vec<Statistic>> {
+    const LIST: &str = "a list of quantities is needed: [\"kinetic_energy\", \"spin_rate\", \"angular_momentum\"]";
+    let elements = node.elements().ok_or_else(|| node.refuse(LIST))?;
+    let mut found = Vec::with_capacity(elements.len());
+    for element in elements {
+        let name = element.choice(&STATISTICS)?;
+        let of_name = Statistic::ALL.into_iter().find(|statistic| statistic.name() == name);
+        if of_name.is_some_and(|statistic| found.contains(&statistic)) {
+            return Err(element.refuse("each quantity once is needed"));
+        }
+        found.extend(of_name);
+    }
+    Ok(found)
 }

@@ -140,7 +140,8 @@ Keys (SI units):
                           or method (rk4, rk8, cf4, splitting2, splitting4, splitting6,
                           implicit_midpoint and, for comparison, dlm, explicit_euler, gyro_newton,
                           clamped_euler, spiral), dt, or rk8 and tolerance [precision: f32, f64]
-    output                final, snapshots (true or false), format (csv, npz)
+    output                final, snapshots (true or false), format (csv, npz); statistics = [...] of
+                          kinetic_energy, spin_rate, angular_momentum over all bodies
 Any number or vector of a body may be a distribution: constant (value), uniform (low, high),
 normal (mean, sigma), log-normal (median, sigma of the logarithm); a vector also direction
 (magnitude), uniform on the sphere. Every draw depends on seed, body and column alone. Parameters of
@@ -155,7 +156,8 @@ Examples:
 
 Results: final.csv (or .npz) with body, t, orientation qx qy qz qw (body to world), angular
 velocity wx wy wz (body axes), angular momentum lx ly lz (world axes) and kinetic_energy;
-snapshots.csv with the same at all output times; plan.json, which --plan takes; report.json with
+snapshots.csv with the same at all output times; statistics.csv with t, count and of each quantity
+mean, standard_deviation, min, max, min_body, max_body at all output times; plan.json, which --plan takes; report.json with
 engine, plan, wall times, drift of what a free body conserves, and errors. They appear when all are complete; Ctrl-C leaves nothing.";
 
 /// Arguments of `polhode run`.

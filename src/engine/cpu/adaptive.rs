@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
+use super::observe::Reducer;
 use super::{BLOCK, Width, split_columns, watched};
 use crate::batch::{Batch, StateWords, load_body, load_state, state_columns, store_state};
 use crate::clock::Clock;
@@ -14,6 +15,7 @@ use crate::engine::{Observer, check_time};
 use crate::error::{Error, Result};
 use crate::lanes::{LaneScalar, LaneTask};
 use crate::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, Timed, advance};
+use crate::observe::Kernel;
 use crate::real::{Real, Scalar};
 use crate::torque::sum::{Common, Torques};
 use crate::torque::{Free, TorqueTable};
@@ -30,12 +32,13 @@ const REJECTED: usize = 5;
 const SLICE: u32 = 1 << 13;
 
 pub(super) struct CpuAdaptiveSession<T> {
-    batch: Batch<T>,
+    pub(super) batch: Batch<T>,
+    pub(super) reducer: Option<Reducer<T>>,
     /// Shape `[CONTROLLER_COLUMNS, stride]`.
     controllers: Vec<T>,
     counts: Vec<StepCounts>,
     steps: AdaptiveSteps,
-    width: Width,
+    pub(super) width: Width,
     /// The time that the state stands at.
     clock: Clock,
 }
@@ -43,6 +46,7 @@ pub(super) struct CpuAdaptiveSession<T> {
 impl<T: LaneScalar> CpuAdaptiveSession<T> {
     pub fn new(batch: Batch<T>, steps: AdaptiveSteps, width: Width) -> Self {
         Self {
+            reducer: None,
             controllers: vec![T::default(); CONTROLLER_COLUMNS * batch.stride],
             counts: vec![StepCounts::default(); batch.body_count],
             clock: batch.torques.clock(),
@@ -106,7 +110,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
     }
 }
 
-impl<T: LaneScalar> AdaptiveSession for CpuAdaptiveSession<T> {
+impl<T: LaneScalar + Kernel> AdaptiveSession for CpuAdaptiveSession<T> {
     fn body_count(&self) -> usize {
         self.batch.body_count
     }

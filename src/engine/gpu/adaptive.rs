@@ -15,14 +15,17 @@ use super::GpuOptions;
 use super::buffers::{DeviceScalar, STAGING_BYTES, WORKGROUP_SIZE, buffer, chunk_capacity, require};
 use super::device::{Device, Refusal};
 use super::dispatch::Slicer;
-use super::reading::read_block;
+use super::observe::{ObserveKernels, Reducer};
+use super::reading::{read_block, read_single_rows};
 use super::shader::{Constants, Source, torque_constants};
-use crate::batch::{Batch, Precision, StateWords, state_columns};
+use crate::batch::{Batch, BodyFrame, Precision, StateWords, state_columns};
 use crate::clock::Clock;
 use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps, StepCounts};
+use crate::engine::reduction::{Marked, Reduce};
 use crate::engine::{Observer, Progress, check_time};
 use crate::error::{Error, Result};
 use crate::method::Method;
+use crate::observe::{Partial, Statistic};
 use crate::torque::TorqueTable;
 use chunk::{BINDINGS, Chunk, Interval, READ_ONLY, next_group, row_bytes, rows_in, staging_bytes};
 
@@ -47,6 +50,7 @@ struct GpuAdaptiveSession<T> {
     /// Attempts so far, alone and with those that bodies waited.
     attempts: u64,
     held: u64,
+    reducer: Reducer,
     scalar: std::marker::PhantomData<T>,
 }
 
@@ -58,6 +62,7 @@ impl AdaptiveKernels {
         batch: &Batch<T>,
         steps: AdaptiveSteps,
         options: &GpuOptions,
+        observe: &Arc<ObserveKernels>,
     ) -> Result<Box<dyn AdaptiveSession>> {
         let layout = self.layout.get_or_init(|| bind_group_layout(&device.device));
         let precision = if T::WORDS == 2 { Precision::F32 } else { Precision::F64 };
@@ -78,6 +83,7 @@ impl AdaptiveKernels {
             bytes_read: 0,
             attempts: 0,
             held: 0,
+            reducer: Reducer::new(observe),
             scalar: std::marker::PhantomData,
         };
         // Dropped on an error, the session releases what it has.
@@ -262,12 +268,35 @@ impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
     }
 
     fn bytes_read(&self) -> u64 {
-        self.bytes_read
+        self.bytes_read + self.reducer.bytes_read
+    }
+}
+
+impl<T: DeviceScalar> Reduce for GpuAdaptiveSession<T> {
+    fn watch(&mut self, statistics: &[Statistic], frames: &[BodyFrame], fastest: f64) -> Result<()> {
+        let places: Vec<_> = self.chunks.iter().map(Chunk::place).collect();
+        self.reducer.watch::<T>(&self.device, &places, statistics, frames, fastest)
+    }
+
+    fn reduce(&mut self) -> Result<Vec<Partial<f64>>> {
+        self.reducer.reduce::<T>(&self.device)
+    }
+
+    fn marked(&mut self) -> Result<Marked> {
+        self.reducer.marked(&self.device)
+    }
+
+    fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
+        let places: Vec<_> = self.chunks.iter().map(Chunk::place).collect();
+        let (words, bytes) = read_single_rows::<T>(&self.device, &places, rows)?;
+        self.bytes_read += bytes;
+        Ok(words)
     }
 }
 
 impl<T> Drop for GpuAdaptiveSession<T> {
     fn drop(&mut self) {
+        self.reducer.release();
         self.chunks.drain(..).for_each(|chunk| chunk.destroy());
         if let Some(staging) = self.staging.take() {
             staging.destroy();

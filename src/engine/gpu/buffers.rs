@@ -7,6 +7,7 @@ use crate::batch::{Batch, STRIDE_UNIT, state_columns};
 use crate::clock::Clock;
 use crate::error::{Error, Result};
 use crate::memory;
+use crate::observe::Kernel;
 use crate::real::Scalar;
 
 /// Bounds of one chunk. What is not given is the device's own limit; what is given can only lower it.
@@ -85,7 +86,7 @@ fn words(x: u128) -> [u32; 4] {
 }
 
 /// A number that the shaders know, with the layout of its uniform block.
-pub(super) trait DeviceScalar: Scalar {
+pub(super) trait DeviceScalar: Kernel {
     const SETTINGS_BYTES: u64;
     fn settings(body_count: u32, stride: u32, slice: &Slice<Self>) -> Vec<u8>;
 }
@@ -133,7 +134,24 @@ pub(super) struct Chunk {
     bind_group: wgpu::BindGroup,
 }
 
+/// Where the state of some bodies is.
+pub(super) struct Place<'a> {
+    /// Index of the first body.
+    pub first: usize,
+    /// Number of bodies.
+    pub bodies: usize,
+    /// Distance between the starts of two columns.
+    pub stride: usize,
+    /// The columns.
+    pub state: &'a wgpu::Buffer,
+}
+
 impl Chunk {
+    /// Where its state is.
+    pub fn place(&self) -> Place<'_> {
+        Place { first: self.first, bodies: self.bodies, stride: self.stride, state: &self.state }
+    }
+
     /// Sets the uniform block for the next submission.
     pub fn set<T: DeviceScalar>(&self, queue: &wgpu::Queue, slice: &Slice<T>) {
         queue.write_buffer(&self.settings, 0, &T::settings(self.bodies as u32, self.stride as u32, slice));
@@ -376,6 +394,7 @@ mod tests {
             clock: batch.torques.clock(),
             slicer: super::super::dispatch::Slicer::new(Default::default(), 0),
             carries: false,
+            reducer: Default::default(),
             scalar: std::marker::PhantomData,
         };
         session.advance(0.01, 3, &mut |_| ControlFlow::Continue(())).expect("advanced");

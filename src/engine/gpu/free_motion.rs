@@ -4,14 +4,19 @@ use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 use super::GpuOptions;
-use super::buffers::{DeviceScalar, STAGING_BYTES, WORKGROUP_SIZE, buffer, chunk_capacity, require, write_columns};
+use super::buffers::{
+    DeviceScalar, Place, STAGING_BYTES, WORKGROUP_SIZE, buffer, chunk_capacity, require, write_columns,
+};
 use super::device::{Device, Refusal};
-use super::reading::read_block;
+use super::observe::{ObserveKernels, Reducer};
+use super::reading::{read_block, read_single_rows};
 use super::shader::Source;
-use crate::batch::{Precision, STRIDE_UNIT, StateWords, state_columns};
+use crate::batch::{BodyFrame, Precision, STRIDE_UNIT, StateWords, state_columns};
+use crate::engine::reduction::{Marked, Reduce};
 use crate::engine::{FreeSession, check_time};
 use crate::error::{Error, Result};
 use crate::free_motion::{FreeMotionRows, ROW_COLUMNS, WORD_COLUMNS};
+use crate::observe::{Partial, Statistic};
 use crate::phase::Time;
 
 /// The kernels' bindings, and their pipelines by precision, made on first use.
@@ -49,6 +54,13 @@ struct Chunk {
     bind_group: wgpu::BindGroup,
 }
 
+impl Chunk {
+    /// Where its state is.
+    fn place(&self) -> Place<'_> {
+        Place { first: self.first, bodies: self.bodies, stride: self.stride, state: &self.state }
+    }
+}
+
 struct GpuFreeSession<T> {
     device: Arc<Device>,
     pipeline: wgpu::ComputePipeline,
@@ -56,6 +68,7 @@ struct GpuFreeSession<T> {
     staging: Option<wgpu::Buffer>,
     bytes_read: u64,
     body_count: usize,
+    reducer: Reducer,
     scalar: std::marker::PhantomData<T>,
 }
 
@@ -71,6 +84,7 @@ impl FreeMotionKernels {
         device: &Arc<Device>,
         rows: &FreeMotionRows<T>,
         options: &GpuOptions,
+        observe: &Arc<ObserveKernels>,
     ) -> Result<Box<dyn FreeSession>> {
         let layout = self.layout.get_or_init(|| bind_group_layout(&device.device));
         let pipeline = self.pipeline::<T>(device, layout, options)?;
@@ -85,6 +99,7 @@ impl FreeMotionKernels {
             staging: None,
             bytes_read: 0,
             body_count: rows.body_count,
+            reducer: Reducer::new(observe),
             scalar: std::marker::PhantomData,
         };
         // Dropped on an error, the session releases what it has.
@@ -245,12 +260,35 @@ impl<T: DeviceScalar> FreeSession for GpuFreeSession<T> {
     }
 
     fn bytes_read(&self) -> u64 {
-        self.bytes_read
+        self.bytes_read + self.reducer.bytes_read
+    }
+}
+
+impl<T: DeviceScalar> Reduce for GpuFreeSession<T> {
+    fn watch(&mut self, statistics: &[Statistic], frames: &[BodyFrame], fastest: f64) -> Result<()> {
+        let places: Vec<_> = self.chunks.iter().map(Chunk::place).collect();
+        self.reducer.watch::<T>(&self.device, &places, statistics, frames, fastest)
+    }
+
+    fn reduce(&mut self) -> Result<Vec<Partial<f64>>> {
+        self.reducer.reduce::<T>(&self.device)
+    }
+
+    fn marked(&mut self) -> Result<Marked> {
+        self.reducer.marked(&self.device)
+    }
+
+    fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
+        let places: Vec<_> = self.chunks.iter().map(Chunk::place).collect();
+        let (words, bytes) = read_single_rows::<T>(&self.device, &places, rows)?;
+        self.bytes_read += bytes;
+        Ok(words)
     }
 }
 
 impl<T> Drop for GpuFreeSession<T> {
     fn drop(&mut self) {
+        self.reducer.release();
         for chunk in self.chunks.drain(..) {
             for buffer in [&chunk.words, &chunk.constants, &chunk.state, &chunk.settings] {
                 buffer.destroy();

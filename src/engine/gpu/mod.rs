@@ -16,6 +16,7 @@ mod buffers;
 mod device;
 mod dispatch;
 mod free_motion;
+mod observe;
 mod probe;
 mod reading;
 mod session;
@@ -42,6 +43,7 @@ use buffers::{Columns, DeviceScalar, WORKGROUP_SIZE};
 use device::Device;
 use dispatch::Slicer;
 use free_motion::FreeMotionKernels;
+use observe::{ObserveKernels, Reducer};
 use session::GpuSession;
 use shader::Source;
 
@@ -74,6 +76,7 @@ pub struct Gpu {
     pipelines: Mutex<HashMap<(Precision, Method, bool, shader::Constants), wgpu::ComputePipeline>>,
     free_motion: FreeMotionKernels,
     adaptive: AdaptiveKernels,
+    observe: Arc<ObserveKernels>,
 }
 
 impl Gpu {
@@ -130,6 +133,7 @@ impl Gpu {
         }
         let layout = bind_group_layout(&device.device);
         let pipeline_layout = pipeline_layout(&device.device, &layout);
+        let observe = Arc::new(ObserveKernels::new(options.patches.clone()));
         Ok(Self {
             device: Arc::new(device),
             arithmetic,
@@ -140,6 +144,7 @@ impl Gpu {
             pipelines: Mutex::default(),
             free_motion: FreeMotionKernels::default(),
             adaptive: AdaptiveKernels::default(),
+            observe,
         })
     }
 
@@ -208,6 +213,7 @@ impl Gpu {
             body_count: batch.body_count,
             clock: batch.torques.clock(),
             slicer: Slicer::new(self.options.slice, loops),
+            reducer: Reducer::new(&self.observe),
             carries,
             scalar: std::marker::PhantomData,
         }))
@@ -271,8 +277,8 @@ impl Backend for Gpu {
         steps.check(precision)?;
         check_torques(&batch)?;
         match batch {
-            AnyBatch::F32(batch) => self.adaptive.start(&self.device, &batch, steps, &self.options),
-            AnyBatch::F64(batch) => self.adaptive.start(&self.device, &batch, steps, &self.options),
+            AnyBatch::F32(batch) => self.adaptive.start(&self.device, &batch, steps, &self.options, &self.observe),
+            AnyBatch::F64(batch) => self.adaptive.start(&self.device, &batch, steps, &self.options, &self.observe),
         }
     }
 
@@ -282,8 +288,8 @@ impl Backend for Gpu {
             return Err(unavailable(&self.device, &self.arithmetic, precision));
         }
         match rows {
-            AnyRows::F32(rows) => self.free_motion.start(&self.device, &rows, &self.options),
-            AnyRows::F64(rows) => self.free_motion.start(&self.device, &rows, &self.options),
+            AnyRows::F32(rows) => self.free_motion.start(&self.device, &rows, &self.options, &self.observe),
+            AnyRows::F64(rows) => self.free_motion.start(&self.device, &rows, &self.options, &self.observe),
         }
     }
 }

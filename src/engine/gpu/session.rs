@@ -9,10 +9,14 @@ use glam::DVec3;
 use super::buffers::{Chunk, Columns, DeviceScalar, Slice};
 use super::device::Device;
 use super::dispatch::{Slicer, next_group};
-use crate::batch::{Precision, StateWords};
+use super::observe::Reducer;
+use super::reading::read_single_rows;
+use crate::batch::{BodyFrame, Precision, StateWords};
 use crate::clock::Clock;
+use crate::engine::reduction::{Marked, Reduce};
 use crate::engine::{Observer, Progress, Session, check_step};
 use crate::error::{Error, Result};
+use crate::observe::{Partial, Statistic};
 
 pub(super) struct GpuSession<T> {
     pub device: Arc<Device>,
@@ -24,6 +28,7 @@ pub(super) struct GpuSession<T> {
     pub slicer: Slicer,
     /// Whether centres of mass move along.
     pub carries: bool,
+    pub reducer: Reducer,
     pub scalar: std::marker::PhantomData<T>,
 }
 
@@ -70,12 +75,35 @@ impl<T: DeviceScalar> Session for GpuSession<T> {
     }
 
     fn bytes_read(&self) -> u64 {
-        self.columns.bytes_read
+        self.columns.bytes_read + self.reducer.bytes_read
+    }
+}
+
+impl<T: DeviceScalar> Reduce for GpuSession<T> {
+    fn watch(&mut self, statistics: &[Statistic], frames: &[BodyFrame], fastest: f64) -> Result<()> {
+        let places: Vec<_> = self.columns.chunks.iter().map(Chunk::place).collect();
+        self.reducer.watch::<T>(&self.device, &places, statistics, frames, fastest)
+    }
+
+    fn reduce(&mut self) -> Result<Vec<Partial<f64>>> {
+        self.reducer.reduce::<T>(&self.device)
+    }
+
+    fn marked(&mut self) -> Result<Marked> {
+        self.reducer.marked(&self.device)
+    }
+
+    fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
+        let places: Vec<_> = self.columns.chunks.iter().map(Chunk::place).collect();
+        let (words, bytes) = read_single_rows::<T>(&self.device, &places, rows)?;
+        self.columns.bytes_read += bytes;
+        Ok(words)
     }
 }
 
 impl<T> Drop for GpuSession<T> {
     fn drop(&mut self) {
+        self.reducer.release();
         self.columns.release(&self.device);
     }
 }

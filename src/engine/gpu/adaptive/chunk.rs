@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::super::buffers::{STAGING_BYTES, WORKGROUP_SIZE, buffer, write_columns};
+use super::super::buffers::{Place, STAGING_BYTES, WORKGROUP_SIZE, buffer, write_columns};
 use super::super::device::{Device, Refusal};
 use crate::batch::{Batch, STRIDE_UNIT, state_columns};
 use crate::clock::Clock;
@@ -144,6 +144,11 @@ impl Chunk {
             settings,
             bind_group,
         })
+    }
+
+    /// Where its state is.
+    pub fn place(&self) -> Place<'_> {
+        Place { first: self.first, bodies: self.bodies, stride: self.stride, state: &self.state }
     }
 
     /// Uploads the bodies' parameters and states; rows that are no bodies are NaN.

@@ -1,0 +1,322 @@
+//! Statistics of columns in the host's memory.
+//!
+//! In lanes, the quantities are formed in `f64` from both words of the state, whatever the columns' precision; one by one, by
+//! the twin of the shader.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::{CpuAdaptiveSession, CpuFreeSession, CpuSession, Width};
+use crate::batch::{Batch, BodyFrame, STATE_COMPONENTS, StateWords, status_column};
+use crate::engine::reduction::{Marked, Reduce};
+use crate::error::Result;
+use crate::lanes::{LaneScalar, LaneTask};
+use crate::observe::{
+    Columns, Extreme, Kernel, ObservedRow, Partial, SCALE_COLUMN, Statistic, WORKGROUP, combine, merge, observe,
+    quantity, without_axis,
+};
+use crate::real::{Real, Scalar};
+use crate::vector::Vector;
+
+/// Rows that one task reduces.
+const TASK: usize = 64 * WORKGROUP;
+
+/// What a session watches.
+pub(super) struct Reducer<T> {
+    statistics: Vec<Statistic>,
+    columns: Watched<T>,
+}
+
+enum Watched<T> {
+    Lanes(Columns<f64>),
+    Twin(Columns<T>),
+}
+
+impl<T: LaneScalar + Kernel> Reducer<T> {
+    pub fn new(width: Width, statistics: &[Statistic], frames: &[BodyFrame], fastest: f64) -> Self {
+        let columns = match width {
+            Width::Lanes => Watched::Lanes(Columns::new(statistics, frames, fastest)),
+            Width::Scalar => Watched::Twin(Columns::new(statistics, frames, fastest)),
+        };
+        Self { statistics: statistics.to_vec(), columns }
+    }
+
+    pub fn reduce(&self, batch: &Batch<T>) -> Vec<Partial<f64>> {
+        match &self.columns {
+            Watched::Lanes(columns) => self.in_lanes(columns, batch),
+            Watched::Twin(columns) => self.one_by_one(columns, batch),
+        }
+    }
+
+    fn in_lanes(&self, columns: &Columns<f64>, batch: &Batch<T>) -> Vec<Partial<f64>> {
+        let statistics = &self.statistics;
+        let starts: Vec<usize> = (0..batch.body_count).step_by(TASK).collect();
+        let task = |&start: &usize| {
+            let rows = start..(start + TASK).min(batch.body_count);
+            f64::dispatch(ObserveRows { statistics, columns, batch, rows })
+        };
+        // Merged in the order of the rows, whichever thread was first.
+        let tasks: Vec<Vec<Partial<f64>>> = starts.par_iter().map(task).collect();
+        let total = |(index, &offset): (usize, &i32)| {
+            tasks.iter().map(|task| task[index]).fold(Partial::none(), merge).widened(0, offset)
+        };
+        columns.offsets.iter().enumerate().map(total).collect()
+    }
+
+    fn one_by_one(&self, columns: &Columns<T>, batch: &Batch<T>) -> Vec<Partial<f64>> {
+        let groups = batch.body_count.div_ceil(WORKGROUP);
+        let of_group = |group: usize| {
+            let first = group * WORKGROUP;
+            observe(&self.statistics, |lane| observed_row(columns, batch, first + lane), first as u32)
+        };
+        let found: Vec<Vec<Partial<T>>> = (0..groups).map(of_group).collect();
+        let total = |(index, &offset): (usize, &i32)| combine(groups, |group| found[group][index]).widened(0, offset);
+        columns.offsets.iter().enumerate().map(total).collect()
+    }
+
+    pub fn marked(&self, batch: &Batch<T>) -> Marked {
+        let mut marked = Marked::default();
+        for row in 0..batch.body_count {
+            if !is_sound(batch, row) {
+                marked.failed.push(row);
+            } else if self.is_faster(batch, row) {
+                marked.faster.push(row);
+            }
+        }
+        marked
+    }
+
+    fn is_faster(&self, batch: &Batch<T>, row: usize) -> bool {
+        match &self.columns {
+            Watched::Lanes(columns) => {
+                let column = |column: usize| columns.columns[column * columns.stride + row];
+                let inverse_moments = Vector::new(column(0), column(1), column(2));
+                let [x, y, z] = angular_momentum(batch, row);
+                let m = without_axis(inverse_moments, Vector::new(x, y, z));
+                quantity(Statistic::SpinRate, inverse_moments, m) > column(3)
+            }
+            Watched::Twin(columns) => {
+                observe(
+                    &[Statistic::SpinRate],
+                    |lane| if lane == 0 { observed_row(columns, batch, row) } else { None },
+                    0,
+                )[0]
+                .faster
+                    > 0
+            }
+        }
+    }
+}
+
+/// The state of some rows.
+pub(super) fn read_rows<T: Scalar>(batch: &Batch<T>, rows: &[usize]) -> StateWords {
+    let mut words = StateWords::default();
+    for &row in rows {
+        let one = batch.read(row..row + 1);
+        words.value.extend(one.value);
+        words.residue.extend(one.residue);
+        words.status.extend(one.status);
+    }
+    words
+}
+
+/// Whether a body is a number in every place and no step has failed on it.
+#[inline(always)]
+fn is_sound<T: Scalar>(batch: &Batch<T>, row: usize) -> bool {
+    let at = |column: usize| batch.state[column * batch.stride + row].to_f64();
+    (0..STATE_COMPONENTS).all(|column| at(column).is_finite()) && at(status_column::<T>()) == 0.0
+}
+
+/// A body's angular momentum, both words.
+#[inline(always)]
+fn angular_momentum<T: Scalar>(batch: &Batch<T>, row: usize) -> [f64; 3] {
+    let at = |column: usize| batch.state[column * batch.stride + row].to_f64();
+    [4, 5, 6].map(|column| if T::WORDS == 2 { at(column) + at(column + STATE_COMPONENTS) } else { at(column) })
+}
+
+fn observed_row<T: Kernel>(columns: &Columns<T>, batch: &Batch<T>, row: usize) -> Option<ObservedRow<T>> {
+    if row >= batch.body_count || !is_sound(batch, row) {
+        return None;
+    }
+    let column = |column: usize| columns.columns[column * columns.stride + row];
+    let state = |column: usize| batch.state[column * batch.stride + row];
+    let scale = |index: usize| if index < columns.offsets.len() { column(SCALE_COLUMN + index) } else { T::default() };
+    Some(ObservedRow {
+        inverse_moments: Vector::new(column(0), column(1), column(2)),
+        limit: column(3),
+        m: Vector::new(state(4), state(5), state(6)),
+        scales: std::array::from_fn(scale),
+    })
+}
+
+/// Reduces some rows, workgroup by workgroup.
+struct ObserveRows<'a, T> {
+    statistics: &'a [Statistic],
+    columns: &'a Columns<f64>,
+    batch: &'a Batch<T>,
+    rows: Range<usize>,
+}
+
+impl<T: Scalar> LaneTask<f64> for ObserveRows<'_, T> {
+    type Output = Vec<Partial<f64>>;
+
+    #[inline(always)]
+    fn run<R: Real<Scalar = f64>>(self) -> Self::Output {
+        let mut found = vec![Partial::none(); self.statistics.len()];
+        for first in self.rows.clone().step_by(WORKGROUP) {
+            let bodies = WORKGROUP.min(self.rows.end - first);
+            let (mut sound, mut m) = ([0.0; WORKGROUP], [[0.0; WORKGROUP]; 3]);
+            for row in 0..bodies {
+                if is_sound(self.batch, first + row) {
+                    sound[row] = 1.0;
+                    let own = angular_momentum(self.batch, first + row);
+                    (m[0][row], m[1][row], m[2][row]) = (own[0], own[1], own[2]);
+                }
+            }
+            let block = MomentumBlock { columns: self.columns, m: &m, first };
+            let mut values = [0.0; WORKGROUP];
+            block.quantities::<R>(Statistic::SpinRate, &mut values);
+            let limits = &self.columns.columns[3 * self.columns.stride + first..][..WORKGROUP];
+            let faster = (0..bodies).filter(|&row| sound[row] > 0.0 && values[row] > limits[row]).count() as u32;
+            for (index, &statistic) in self.statistics.iter().enumerate() {
+                block.quantities::<R>(statistic, &mut values);
+                let scales = &self.columns.columns[(SCALE_COLUMN + index) * self.columns.stride + first..];
+                for (value, scale) in values.iter_mut().zip(scales) {
+                    *value *= scale;
+                }
+                let of_block = Partial { faster, ..of_block(&values, &sound, first as u32) };
+                found[index] = merge(found[index], of_block);
+            }
+        }
+        found
+    }
+}
+
+/// The angular momenta of a workgroup's rows.
+struct MomentumBlock<'a> {
+    columns: &'a Columns<f64>,
+    m: &'a [[f64; WORKGROUP]; 3],
+    first: usize,
+}
+
+impl MomentumBlock<'_> {
+    /// A quantity of all rows, in their own scales.
+    #[inline(always)]
+    fn quantities<R: Real<Scalar = f64>>(&self, statistic: Statistic, values: &mut [f64; WORKGROUP]) {
+        for offset in (0..WORKGROUP).step_by(R::LANES) {
+            let column =
+                |column: usize| R::load(&self.columns.columns[column * self.columns.stride + self.first + offset..]);
+            let inverse_moments = Vector::new(column(0), column(1), column(2));
+            let own = |axis: usize| R::load(&self.m[axis][offset..]);
+            let m = without_axis(inverse_moments, Vector::new(own(0), own(1), own(2)));
+            quantity(statistic, inverse_moments, m).store(&mut values[offset..]);
+        }
+    }
+}
+
+/// The statistics of one workgroup's values, where `sound` is 1 and not 0, in two passes.
+#[inline(always)]
+fn of_block(values: &[f64; WORKGROUP], sound: &[f64; WORKGROUP], first: u32) -> Partial<f64> {
+    let count = tree_sum(*sound);
+    if count == 0.0 {
+        return Partial::none();
+    }
+    let mean = tree_sum(std::array::from_fn(|row| values[row] * sound[row])) / count;
+    let squares = tree_sum(std::array::from_fn(|row| {
+        let deviation = (values[row] - mean) * sound[row];
+        deviation * deviation
+    }));
+    let (mut least, mut greatest) = (usize::MAX, usize::MAX);
+    for row in 0..WORKGROUP {
+        if sound[row] > 0.0 {
+            if least == usize::MAX || values[row] < values[least] {
+                least = row;
+            }
+            if greatest == usize::MAX || values[greatest] < values[row] {
+                greatest = row;
+            }
+        }
+    }
+    let extreme = |row: usize| Extreme { mantissa: values[row], exponent: 0, body: first + row as u32 };
+    Partial {
+        count: count as u32,
+        faster: 0,
+        exponent: 0,
+        mean,
+        residue: 0.0,
+        squares,
+        least: extreme(least),
+        greatest: extreme(greatest),
+    }
+}
+
+/// The sum of all, pair by pair.
+#[inline(always)]
+fn tree_sum(mut values: [f64; WORKGROUP]) -> f64 {
+    let mut half = WORKGROUP / 2;
+    while half > 0 {
+        for row in 0..half {
+            values[row] += values[row + half];
+        }
+        half /= 2;
+    }
+    values[0]
+}
+
+impl<T: LaneScalar + Kernel> Reduce for CpuSession<T> {
+    fn watch(&mut self, statistics: &[Statistic], frames: &[BodyFrame], fastest: f64) -> Result<()> {
+        self.reducer = Some(Reducer::new(self.width, statistics, frames, fastest));
+        Ok(())
+    }
+
+    fn reduce(&mut self) -> Result<Vec<Partial<f64>>> {
+        Ok(self.reducer.as_ref().map(|reducer| reducer.reduce(&self.batch)).unwrap_or_default())
+    }
+
+    fn marked(&mut self) -> Result<Marked> {
+        Ok(self.reducer.as_ref().map(|reducer| reducer.marked(&self.batch)).unwrap_or_default())
+    }
+
+    fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
+        Ok(read_rows(&self.batch, rows))
+    }
+}
+
+impl<T: LaneScalar + Kernel> Reduce for CpuFreeSession<T> {
+    fn watch(&mut self, statistics: &[Statistic], frames: &[BodyFrame], fastest: f64) -> Result<()> {
+        self.reducer = Some(Reducer::new(self.width, statistics, frames, fastest));
+        Ok(())
+    }
+
+    fn reduce(&mut self) -> Result<Vec<Partial<f64>>> {
+        Ok(self.reducer.as_ref().map(|reducer| reducer.reduce(&self.columns)).unwrap_or_default())
+    }
+
+    fn marked(&mut self) -> Result<Marked> {
+        Ok(self.reducer.as_ref().map(|reducer| reducer.marked(&self.columns)).unwrap_or_default())
+    }
+
+    fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
+        Ok(read_rows(&self.columns, rows))
+    }
+}
+
+impl<T: LaneScalar + Kernel> Reduce for CpuAdaptiveSession<T> {
+    fn watch(&mut self, statistics: &[Statistic], frames: &[BodyFrame], fastest: f64) -> Result<()> {
+        self.reducer = Some(Reducer::new(self.width, statistics, frames, fastest));
+        Ok(())
+    }
+
+    fn reduce(&mut self) -> Result<Vec<Partial<f64>>> {
+        Ok(self.reducer.as_ref().map(|reducer| reducer.reduce(&self.batch)).unwrap_or_default())
+    }
+
+    fn marked(&mut self) -> Result<Marked> {
+        Ok(self.reducer.as_ref().map(|reducer| reducer.marked(&self.batch)).unwrap_or_default())
+    }
+
+    fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
+        Ok(read_rows(&self.batch, rows))
+    }
+}

@@ -1,0 +1,64 @@
+//! Statistics in `report.json`.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use crate::record::{Statistics, Summary};
+
+/// Statistics of all bodies that did not fail, at the end.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StatisticsReport {
+    /// Bodies behind the figures.
+    pub count: usize,
+    /// One entry a quantity.
+    pub quantities: Vec<SummaryReport>,
+}
+
+/// Statistics of one quantity.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct SummaryReport {
+    /// Its name.
+    pub quantity: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// The arithmetic mean over the bodies.
+    pub mean: f64,
+    /// The standard deviation of the bodies as they are (divided by their number).
+    pub standard_deviation: f64,
+    /// The least.
+    pub min: f64,
+    /// The greatest.
+    pub max: f64,
+    /// The body with the least.
+    pub min_body: Option<usize>,
+    /// The body with the greatest.
+    pub max_body: Option<usize>,
+}
+
+impl From<&Statistics> for StatisticsReport {
+    fn from(statistics: &Statistics) -> Self {
+        let summary = |summary: &Summary| {
+            let Summary { statistic, mean, standard_deviation, min, max, min_body, max_body } = *summary;
+            let (quantity, unit) = (statistic.name(), statistic.unit());
+            SummaryReport { quantity, unit, mean, standard_deviation, min, max, min_body, max_body }
+        };
+        Self { count: statistics.count, quantities: statistics.summaries.iter().map(summary).collect() }
+    }
+}
+
+impl fmt::Display for StatisticsReport {
+    /// A line for each quantity.
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut name = "end";
+        for of in &self.quantities {
+            let SummaryReport { quantity, unit, mean, standard_deviation: deviation, min, max, .. } = of;
+            writeln!(
+                formatter,
+                "  {name:<8} {quantity}: mean {mean:.3e} {unit}, standard deviation {deviation:.3e}, from {min:.3e} to {max:.3e}"
+            )?;
+            name = "";
+        }
+        Ok(())
+    }
+}

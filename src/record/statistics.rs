@@ -1,0 +1,61 @@
+//! Statistics of an ensemble at an output time.
+
+use crate::observe::{Partial, Statistic};
+
+/// Statistics of all bodies at one time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Statistics {
+    /// The time, s.
+    pub time: f64,
+    /// Bodies behind the figures: those whose state is finite and of which no step said that it failed.
+    pub count: usize,
+    /// Of each quantity asked for, in that order.
+    pub summaries: Vec<Summary>,
+}
+
+/// Statistics of one quantity, in its SI unit ([`Statistic::unit`]); without bodies all figures are NaN.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Summary {
+    /// The quantity.
+    pub statistic: Statistic,
+    /// The arithmetic mean over the bodies.
+    pub mean: f64,
+    /// The square root of the mean squared deviation from the mean, over the bodies as they are (not of a larger population
+    /// that they stand for: divided by their number, not by one less).
+    pub standard_deviation: f64,
+    /// The least.
+    pub min: f64,
+    /// The greatest.
+    pub max: f64,
+    /// The body with the least; of equal ones, one of them.
+    pub min_body: Option<usize>,
+    /// The body with the greatest; of equal ones, one of them.
+    pub max_body: Option<usize>,
+}
+
+impl Statistics {
+    pub(crate) fn new(time: f64, statistics: &[Statistic], found: &[Partial<f64>]) -> Self {
+        let summary = |(&statistic, found): (&Statistic, &Partial<f64>)| {
+            let any = found.count > 0;
+            Summary {
+                statistic,
+                mean: found.mean(),
+                standard_deviation: found.standard_deviation(),
+                min: if any { found.least.value() } else { f64::NAN },
+                max: if any { found.greatest.value() } else { f64::NAN },
+                min_body: any.then_some(found.least.body as usize),
+                max_body: any.then_some(found.greatest.body as usize),
+            }
+        };
+        Self {
+            time,
+            count: found.first().map_or(0, |found| found.count as usize),
+            summaries: statistics.iter().zip(found).map(summary).collect(),
+        }
+    }
+
+    /// Those of one quantity, where it was asked for.
+    pub fn of(&self, statistic: Statistic) -> Option<&Summary> {
+        self.summaries.iter().find(|summary| summary.statistic == statistic)
+    }
+}

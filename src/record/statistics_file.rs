@@ -1,0 +1,104 @@
+//! Tables of statistics: one row an output time.
+
+use super::folder::{OutputFile, OutputFolder};
+use super::npz_file::{Archive, npy_header};
+use super::{Statistics, Summary};
+use crate::error::Result;
+use crate::observe::Statistic;
+use crate::study::Format;
+
+/// Columns of a quantity, behind its name.
+const COLUMNS: [&str; 6] = ["mean", "standard_deviation", "min", "max", "min_body", "max_body"];
+
+/// Columns of a quantity that hold indices of bodies: the last ones.
+const BODY_COLUMNS: usize = 2;
+
+/// A table under way.
+///
+/// As comma-separated values without a body where there is none; as arrays of shape `[outputs]`, with −1.
+#[derive(Debug)]
+pub(super) enum StatisticsFile {
+    Csv(OutputFile),
+    Npz(Box<Archive>),
+}
+
+impl StatisticsFile {
+    pub fn begin(folder: &mut OutputFolder, format: Format, statistics: &[Statistic], outputs: usize) -> Result<Self> {
+        let mut file = folder.begin(&format!("statistics.{}", format.name()))?;
+        let names = statistics.iter().flat_map(|statistic| COLUMNS.map(|column| format!("{statistic}_{column}")));
+        let names: Vec<String> = ["t".to_owned(), "count".to_owned()].into_iter().chain(names).collect();
+        match format {
+            Format::Csv => {
+                file.write((names.join(",") + "\n").as_bytes())?;
+                Ok(Self::Csv(file))
+            }
+            Format::Npz => {
+                let mut archive = Archive::new(file);
+                let element = |column: usize| match column {
+                    0 => "<f8",
+                    1 => "<u8",
+                    _ if (column - 2) % COLUMNS.len() >= COLUMNS.len() - BODY_COLUMNS => "<i8",
+                    _ => "<f8",
+                };
+                let header = |column: usize| npy_header(element(column), &[outputs]);
+                for (column, name) in names.iter().enumerate() {
+                    archive.reserve(format!("{name}.npy"), (header(column).len() + 8 * outputs) as u64);
+                }
+                for column in 0..names.len() {
+                    archive.append(column, &header(column))?;
+                }
+                Ok(Self::Npz(Box::new(archive)))
+            }
+        }
+    }
+
+    pub fn append(&mut self, statistics: &Statistics) -> Result<()> {
+        match self {
+            Self::Csv(file) => {
+                let mut row = format!("{},{}", number(statistics.time), statistics.count);
+                for summary in &statistics.summaries {
+                    for value in figures(summary) {
+                        row += &format!(",{}", number(value));
+                    }
+                    for body in [summary.min_body, summary.max_body] {
+                        row += &body.map_or(",".to_owned(), |body| format!(",{body}"));
+                    }
+                }
+                row.push('\n');
+                file.write(row.as_bytes())
+            }
+            Self::Npz(archive) => {
+                archive.append(0, &statistics.time.to_le_bytes())?;
+                archive.append(1, &(statistics.count as u64).to_le_bytes())?;
+                let mut column = 2;
+                for summary in &statistics.summaries {
+                    for value in figures(summary) {
+                        archive.append(column, &value.to_le_bytes())?;
+                        column += 1;
+                    }
+                    for body in [summary.min_body, summary.max_body] {
+                        archive.append(column, &body.map_or(-1, |body| body as i64).to_le_bytes())?;
+                        column += 1;
+                    }
+                }
+                Ok(())
+            }
+        }
+    }
+
+    pub fn finish(&mut self) -> Result<()> {
+        match self {
+            Self::Csv(_) => Ok(()),
+            Self::Npz(archive) => archive.finish(),
+        }
+    }
+}
+
+fn figures(summary: &Summary) -> [f64; COLUMNS.len() - BODY_COLUMNS] {
+    [summary.mean, summary.standard_deviation, summary.min, summary.max]
+}
+
+/// With the fewest digits that read back to the same bits.
+fn number(x: f64) -> String {
+    zmij::Buffer::new().format(x).to_owned()
+}
