@@ -173,14 +173,20 @@ fn an_axisymmetric_body_with_oscillating_moments_follows_its_closed_form() {
     }
 }
 
+/// Tolerance of a step, and the error that some tens of such steps come to.
+fn adaptive(precision: Precision) -> (AdaptiveSteps, f64) {
+    let (tolerance, bound) = if precision == Precision::F64 { (1e-12, 1e-9) } else { (1e-5, 1e-3) };
+    (AdaptiveSteps { tolerance, least_step: None }, bound)
+}
+
 #[test]
 fn adaptive_steps_follow_the_closed_form_too() {
-    for (precision, tolerance, bound) in [(Precision::F64, 1e-12, 1e-9), (Precision::F32, 1e-5, 1e-3)] {
-        let steps = AdaptiveSteps { tolerance, least_step: None };
-        let record = run(&Engine::cpu(), &OSCILLATING.scene(3.0).adaptive(steps, Some(precision)));
+    for (name, engine, precision) in platforms() {
+        let (steps, bound) = adaptive(precision);
+        let record = run(&engine, &OSCILLATING.scene(3.0).adaptive(steps, Some(precision)));
         let (orientation, _) = OSCILLATING.after(3.0);
         let error = attitude_error(record.final_state().orientation(0), orientation);
-        assert!(error < bound, "{precision}: {error:e} rad");
+        assert!(error < bound, "{name} {precision}: {error:e} rad");
     }
 }
 
@@ -189,13 +195,12 @@ fn adaptive_steps_see_a_ramp_that_equal_steps_see() {
     let change = Torque::variable_inertia(InertiaChange::factor(0.4), Law::ramp(37.3, 2.0));
     let scene = |moments| Scene::new(body(moments, DVec3::new(0.3, 0.8, 0.4))).until(50.0).torque(change.clone());
     let scene = scene(DVec3::new(1.0, 1.6, 2.2));
-    let engine = Engine::cpu();
-    let equal = run(&engine, &scene.clone().pinned(Method::Rk8, 1.0 / 64.0, Some(Precision::F64)));
-    for (precision, tolerance, bound) in [(Precision::F64, 1e-13, 1e-10), (Precision::F32, 1e-6, 1e-3)] {
-        let steps = AdaptiveSteps { tolerance, least_step: None };
-        let adaptive = run(&engine, &scene.clone().adaptive(steps, Some(precision)));
-        let error = attitude_error(adaptive.final_state().orientation(0), equal.final_state().orientation(0));
-        assert!(error < bound, "{precision}: {error:e} rad");
+    let equal = run(&Engine::cpu(), &scene.clone().pinned(Method::Rk8, 1.0 / 64.0, Some(Precision::F64)));
+    for (name, engine, precision) in platforms() {
+        let (steps, bound) = adaptive(precision);
+        let record = run(&engine, &scene.clone().adaptive(steps, Some(precision)));
+        let error = attitude_error(record.final_state().orientation(0), equal.final_state().orientation(0));
+        assert!(error < bound, "{name} {precision}: {error:e} rad");
     }
 }
 
