@@ -10,6 +10,7 @@ use glam::{DMat3, DQuat, DVec3};
 use polhode::batch::{Precision, prepare_with};
 use polhode::engine::{Engine, unobserved};
 use polhode::study::problem;
+use polhode::torque::variable_inertia::{InertiaChange, Law};
 use polhode::torque::{Orbit, Torque};
 use polhode::{Ensemble, Method};
 
@@ -55,6 +56,7 @@ fn main() {
         ("log-spring", vec![Torque::log_spring(1.0, target)]),
         ("white-noise", vec![Torque::white_noise(0.1, 1)]),
         ("internal-dissipation", vec![Torque::internal_dissipation(0.01)]),
+        ("variable-inertia", vec![Torque::variable_inertia(InertiaChange::factor(0.5), Law::oscillation(1.5))]),
     ];
     println!("{:30} {:>4} {:>12} {:>12}", "torques", "", "steps/s", "ns over free");
     for precision in Precision::ALL {

@@ -50,6 +50,19 @@ fn correction(body: Body, state: State) -> Correction {
     );
 }
 
+// The correction of `changed`, whose 1/I has become `ratio` times that of `start`, from the one of `start` at about the
+// same m: what m lacks is in it.
+fn carried_correction(changed: Body, start: Body, correction: Correction, ratio: vector, m: vector) -> Correction {
+    if (WORDS == 1u) {
+        return correction;
+    }
+    let of_m = correction.angular_velocity - rounded_vector(start.inverse_moments.residue * m);
+    return Correction(
+        rounded_vector(fma(ratio, of_m, changed.inverse_moments.residue * m)),
+        rounded_vector(changed.gyroscopic.residue * pair_products(m)),
+    );
+}
+
 // omega = m / I.
 fn angular_velocity(body: Body, m: vector, correction: Correction) -> vector {
     return fma(body.inverse_moments.value, m, correction.angular_velocity);

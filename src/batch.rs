@@ -146,7 +146,8 @@ impl AnyBatch {
     }
 }
 
-/// What leads from a scaled state back to the user's axes and units.
+/// What leads from a scaled state back to the user's axes and units; where moments of inertia change in time, at the time that
+/// it is made for, which is 0 at first ([`BodyFrame::at`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodyFrame {
     /// Principal moments in units of 2^`moment_exponent` kg m², ascending; of a linear rotor those that it is integrated
@@ -309,6 +310,13 @@ impl BodyFrame {
         DVec3::from_array(torque.to_array().map(|x| self.scaled(x, 1, 2)))
     }
 
+    /// The frame with the moments that the body has at `time`, s: of another one where `torques` hold moments that change.
+    /// `body` is its index in the scene.
+    #[must_use]
+    pub fn at(&self, torques: &[Torque], body: usize, time: f64) -> Self {
+        Self { scaled_moments: torque::variable_inertia::scaled_moments_at(torques, body, self, time), ..*self }
+    }
+
     /// The state in the user's axes and units from a scaled one (`[q x, y, z, w, m x, y, z]`, see [`StateWords`]).
     pub fn body_state(&self, scaled: [f64; STATE_COMPONENTS]) -> BodyState {
         let q = DQuat::from_xyzw(scaled[0], scaled[1], scaled[2], scaled[3]);
@@ -453,6 +461,9 @@ impl<T: Scalar> Batch<T> {
             torques,
         };
         batch.parameters[..3 * stride].fill(T::from_f64(1.0));
+        for column in batch.torques.ratio_columns() {
+            batch.parameters[column * stride..][..stride].fill(T::from_f64(1.0));
+        }
         batch.state[3 * stride..4 * stride].fill(T::from_f64(1.0));
         batch
     }

@@ -78,6 +78,12 @@ impl Clock {
         (self.now >> 64) as u64
     }
 
+    /// The whole ticks in `time` seconds, which are not negative; at most 2⁶², twice as many as a run has.
+    pub(crate) fn ticks_at(&self, time: f64) -> u64 {
+        const MOST: u64 = 1 << 62;
+        if time * self.ticks_per_second() < MOST as f64 { (self.units(time) >> 64) as u64 } else { MOST }
+    }
+
     /// Ticks in a second, a power of two.
     pub fn ticks_per_second(&self) -> f64 {
         crate::batch::scaled_by_power_of_two(1.0, -self.tick_exponent)

@@ -65,6 +65,16 @@ pub enum Error {
         /// What would be valid.
         expected: &'static str,
     },
+    /// A torque does not go with another of its scene.
+    #[error("torque {} ({model}): {expected}", torque + 1)]
+    TorquePair {
+        /// Index of the later torque in its scene, from 0.
+        torque: usize,
+        /// The model's name.
+        model: &'static str,
+        /// What would be valid.
+        expected: &'static str,
+    },
     /// A parameter of a force is not valid.
     #[error("force {} ({model}){}: {field} = {value}: {expected}", force + 1, of_body(*body))]
     Force {
@@ -89,8 +99,8 @@ pub enum Error {
         /// What would be valid.
         expected: &'static str,
     },
-    /// An integrator of rigid bodies is asked to follow one whose axes do not turn at I⁻¹ m.
-    #[error("torque {torque} ({model}): {method} integrates rigid bodies only; take rk4, rk8 or cf4")]
+    /// An integrator of rigid bodies is asked to follow one whose axes do not turn at I⁻¹ m with the moments of the start.
+    #[error("torque {} ({model}): {method} integrates rigid bodies only; take rk4, rk8 or cf4", torque + 1)]
     RigidOnly {
         /// Index of the torque in its scene, from 0.
         torque: usize,

@@ -116,6 +116,26 @@ impl<R: Real> Body<R> {
         }
     }
 
+    /// The correction of `self`, a body whose 1/I has become `ratio` times that of `start`, from the one of `start` at about the
+    /// same angular momentum m: what m lacks is in it.
+    #[inline(always)]
+    pub fn carried_correction(
+        &self,
+        start: &Body<R>,
+        correction: &Correction<R>,
+        ratio: Vector<R>,
+        m: Vector<R>,
+    ) -> Correction<R> {
+        if R::Scalar::WORDS == 1 {
+            return *correction;
+        }
+        let of_m = correction.angular_velocity - start.inverse_moments.residue.scaled_by(m);
+        Correction {
+            angular_velocity: ratio.mul_add(of_m, self.inverse_moments.residue.scaled_by(m)),
+            gyroscopic_term: self.gyroscopic.residue.scaled_by(pair_products(m)),
+        }
+    }
+
     /// ω = I⁻¹ m.
     #[inline(always)]
     pub fn angular_velocity(&self, m: Vector<R>, correction: &Correction<R>) -> Vector<R> {

@@ -76,6 +76,10 @@ const DRIFTS: [(Method, [f64; 2], [f64; 2]); 5] = [
 
 /// How far the roundings of f64 bring an invariant in [`STEPS`] steps: a random walk of 2⁻⁵³ a step, three deviations. The
 /// bounds of DRIFTS hold the walk of another program, of which no two are alike.
+///
+/// The energy drift of rk4 and cf4 in f64, whose momenta are the same, is truncation beside that walk: the same steps in 64 bits
+/// of mantissa end at −1.71e-12 from here and at −1.75e-12 to −1.85e-12 from eleven other points of the same polhode; a state
+/// in two words of f64 ends there too, to 1e-15, and plain f64 within 3e-13 of it, half of the twelve within 5e-14.
 fn random_walk(precision: Precision) -> f64 {
     if precision == Precision::F64 { 3.0 * 1.1e-16 * (STEPS as f64).sqrt() } else { 0.0 }
 }

@@ -2,6 +2,7 @@
 
 mod support;
 
+use glam::DVec3;
 use polhode::Method;
 use polhode::method::TorqueKind;
 use polhode::method::splitting::{self, BM6, Composition, SRKN11B};
@@ -10,8 +11,9 @@ use polhode::real::Scalar;
 use polhode::torque::{Free, VelocityDependence};
 use support::double_double::DoubleDouble;
 use support::environment::{
-    Acting, Moving, Torque, attitude, between, case, precise_error, start_of, stepped_by, two_words,
+    Acting, Moving, Torque, at_start, attitude, between, case, precise_error, start_of, stepped, stepped_by, two_words,
 };
+use support::inertia::{Changing, Law};
 use support::{attitude_error, golden};
 
 /// How far an observed order may lie from the claimed one.
@@ -110,7 +112,6 @@ fn stepped_precisely(
     steps: u64,
 ) -> polhode::rigid_body::State<DoubleDouble> {
     use polhode::method::{rk8::Rk8, splitting::Splitting};
-    use support::environment::stepped;
     let acting = Acting::new(torque, dt);
     match (method, torque) {
         (Method::Rk8, Torque::None) => stepped::<_, Rk8, _>(moving, &Free, dt, steps),
@@ -180,6 +181,62 @@ fn rk8_and_splitting6_show_their_order_under_every_kind_of_torque() {
             };
             let errors = finest((-1..FINEST - 2).map(error), floor);
             failures.extend(judged(&format!("{method} on {name}"), &errors, claim));
+        }
+    }
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+/// An asymmetric body whose moments change by a ramp, whose ends lie within steps of every size, and by an oscillation.
+const CHANGES: [Changing; 2] =
+    [Changing { law: Law::Ramp { start: 0.73, duration: 5.11 }, ..OSCILLATING }, OSCILLATING];
+const OSCILLATING: Changing = Changing {
+    before: DVec3::new(1.0, 1.6, 2.2),
+    after: DVec3::new(0.7, 1.1, 0.9),
+    law: Law::Oscillation { rate: 1.3 },
+    dt: 0.0,
+};
+/// rad/s
+const TUMBLE: DVec3 = DVec3::new(0.5, 0.9, -0.4);
+/// After the ramp's end, s.
+const CHANGED: f64 = 8.0;
+
+#[test]
+fn methods_keep_their_order_while_moments_of_inertia_change() {
+    const IDENTITY: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
+    let mut failures = Vec::new();
+    for change in CHANGES {
+        let (moving, precise) = (
+            at_start::<f64>(change.before, IDENTITY, TUMBLE),
+            at_start::<DoubleDouble>(change.before, IDENTITY, TUMBLE),
+        );
+        let run = |k: i32| {
+            let dt = 2.0_f64.powi(-k);
+            stepped::<_, polhode::method::rk8::Rk8, _>(&precise, &Changing { dt, ..change }, dt, (CHANGED / dt) as u64)
+        };
+        let fine = [FINEST, FINEST - 1, FINEST - 2].map(run);
+        let finest_step = 2.0_f64.powi(-FINEST);
+        let tendency = Tendency { finest: finest_step, attitudes: fine.map(|state| state.orientation.value) };
+        let error = |k: i32| {
+            let h = 2.0_f64.powi(-k);
+            (h, tendency.error(h, run(k).orientation.value))
+        };
+        // As in the test above.
+        let errors = finest((0..FINEST - 2).map(error), 3e-21);
+        failures.extend(judged(&format!("rk8 under {:?}", change.law), &errors, 8));
+
+        let [x, y, z, w] = {
+            use polhode::real::Scalar;
+            let q = fine[0].orientation.value;
+            [q.x, q.y, q.z, q.w].map(|component| component.to_f64())
+        };
+        let truth = glam::DQuat::from_xyzw(x, y, z, w).normalize();
+        for method in [Method::Rk4, Method::Cf4] {
+            let errors = (4..=4 + HALVINGS as i32).map(|k| {
+                let dt = 2.0_f64.powi(-k);
+                let state = stepped_by(method, &moving, &Changing { dt, ..change }, dt, (CHANGED / dt) as u64);
+                (dt, attitude_error(attitude(&state), truth))
+            });
+            failures.extend(judged(&format!("{method} under {:?}", change.law), &errors.collect::<Vec<_>>(), 4));
         }
     }
     assert!(failures.is_empty(), "{}", failures.join("\n"));

@@ -117,6 +117,22 @@ fn fragments_drift_as_a_constant_force_demands() {
 }
 
 #[test]
+fn satellites_that_run_out_booms_keep_their_angular_momentum_and_slow_down() {
+    let states = States::read(&run_example("booms").path("out/snapshots.csv"));
+    let bodies = 1000;
+    for body in 0..bodies {
+        let (first, last) = (body, states.rows() - bodies + body);
+        let momentum = |row| states.vector(["lx", "ly", "lz"], row);
+        let change = (momentum(last) - momentum(first)).length() / momentum(first).length();
+        assert!(change < 1e-6, "body {body}: {change:e}");
+        let spin = |row| states.vector(["wx", "wy", "wz"], row).length();
+        // 50/172, less what the nutation and the scatter of 1 % in each second moment make of it.
+        let slower = spin(last) / spin(first);
+        assert!((slower - 50.0 / 172.0).abs() < 0.02, "body {body}: {slower}");
+    }
+}
+
+#[test]
 fn a_stuck_thruster_pushes_a_tumbling_stage_less_than_a_steady_one() {
     let states = States::read(&run_example("thruster").path("out/snapshots.csv"));
     // Without drag or turning, 400 N on 1400 kg come to 34 m/s in 120 s. Weight and thrust together reach √((Mg + F)/C), 154 m/s,

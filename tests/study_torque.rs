@@ -4,7 +4,9 @@
 use std::path::Path;
 
 use glam::DVec3;
+use polhode::inertia::InertiaTensor;
 use polhode::study::Study;
+use polhode::torque::variable_inertia::{InertiaChange, Law};
 use polhode::torque::{Orbit, Parameter, Torque};
 use polhode::{Error, Force};
 
@@ -93,6 +95,10 @@ coefficient = 0.1
 [[torque]]
 model = "white-noise"
 intensity = 0.1
+[[torque]]
+model = "variable-inertia"
+inertia = [1.5, 1.6, 2.0]
+ramp = { start = 0.1, duration = 0.5 }
 "#;
     let scene = study(text).and_then(|study| study.scene()).expect("a study");
     let gravity = 3.986004418e14;
@@ -113,6 +119,7 @@ intensity = 0.1
         Torque::sine_spring(1.0, glam::DQuat::IDENTITY),
         Torque::internal_dissipation(0.1),
         Torque::white_noise(0.1, 5),
+        Torque::variable_inertia(InertiaChange::tensor(DVec3::new(1.5, 1.6, 2.0)), Law::ramp(0.1, 0.5)),
     ];
     assert_eq!(scene.torques(), expected);
 }
@@ -164,6 +171,68 @@ fn parameters_are_read_from_columns_of_the_table_of_bodies() {
     std::fs::write(folder.path().join("bodies.csv"), without).expect("written");
     let message = Study::parse(&file, &text("drag")).expect_err("no such column").to_string();
     assert!(message.contains("bodies.csv:1: drag is missing"), "{message}");
+}
+
+#[test]
+fn changes_of_inertia_are_numbers_draws_columns_and_shapes() {
+    let changed = |parameters: &str| {
+        let text = format!("[[torque]]\nmodel = \"variable-inertia\"\n{parameters}");
+        let scene = study(&text).and_then(|study| study.scene()).expect("a study");
+        let [Torque::VariableInertia(model)] = scene.torques() else { panic!("{scene:?}") };
+        model.clone()
+    };
+    let drawn = "{ distribution = \"uniform\", low = 0.5, high = 0.75 }";
+    let model = changed(&format!("factor = {drawn}\noscillation = {{ rate = {drawn} }}\n"));
+    let (InertiaChange::Factor(factor), Law::Oscillation { rate }) = (&model.change, &model.law) else { panic!() };
+    assert!((0..3).all(|body| (0.5..0.75).contains(&factor.at(body)) && (0.5..0.75).contains(&rate.at(body))));
+    assert_ne!(factor.at(0), factor.at(1));
+    assert_ne!(factor.at(0), rate.at(0));
+
+    let shape = "inertia = { shape = \"box\", mass = 6.0, edges = [1, 2, 3] }\nramp = { start = 1, duration = 2 }\n";
+    let model = changed(shape);
+    assert_eq!(model.law, Law::ramp(1.0, 2.0));
+    assert_eq!(model.tensor_at(2, InertiaTensor::default(), 9.0).to_array(), [6.5, 5.0, 2.5, 0.0, 0.0, 0.0]);
+    let tensor = changed("inertia = { ixx = 1, iyy = 2, izz = 2.5, ixy = 0.5 }\nramp = { start = 1, duration = 2 }\n");
+    let InertiaChange::Tensor(Parameter::Shared(tensor)) = tensor.change else { panic!() };
+    assert_eq!(tensor.xy, 0.5);
+    let spread = changed(&format!("inertia = {{ moments = {drawn} }}\nramp = {{ start = 1, duration = {drawn} }}\n"));
+    let InertiaChange::Tensor(tensors) = spread.change else { panic!() };
+    assert_ne!(tensors.at(0), tensors.at(1));
+
+    let folder = tempfile::tempdir().expect("a folder");
+    let table = "wx,wy,wz,jx,jy,jz,when\n1,0,0,2,2,3,5\n0,1,0,3,3,4,6\n";
+    std::fs::write(folder.path().join("bodies.csv"), table).expect("written");
+    let text = "[bodies]\nfile = \"bodies.csv\"\ninertia = [1.0, 2.0, 2.5]\n[time]\nend = 1.0\n[[torque]]\n\
+        model = \"variable-inertia\"\ninertia = { columns = [\"jx\", \"jy\", \"jz\"] }\n\
+        ramp = { start = { column = \"when\" }, duration = 2 }\n";
+    let scene = Study::parse(&folder.path().join("study.toml"), text).and_then(|study| study.scene()).expect("a study");
+    let expected = InertiaChange::tensors(&[DVec3::new(2.0, 2.0, 3.0), DVec3::new(3.0, 3.0, 4.0)]);
+    assert_eq!(scene.torques(), [Torque::variable_inertia(expected, Law::ramp(vec![5.0, 6.0], 2.0))]);
+}
+
+#[test]
+fn wrong_changes_of_inertia_are_located() {
+    let text = |rest: &str| format!("[[torque]]\nmodel = \"variable-inertia\"\n{rest}");
+    for (rest, expected) in [
+        ("factor = 2\n", "torque[1].ramp is missing: `ramp` or `oscillation` is needed"),
+        ("ramp = { start = 1, duration = 2 }\n", "torque[1].inertia is missing"),
+        ("factor = 2\ninertia = [1, 1, 1]\nramp = { start = 1, duration = 2 }\n", "torque[1].factor excludes inertia"),
+        ("factor = 2\nramp = { start = 1 }\n", "study.toml:12: torque[1].ramp.duration is missing"),
+    ] {
+        let message = refusal(&text(rest));
+        assert!(message.contains(expected), "{message}: {expected}");
+    }
+    for (rest, expected) in [
+        ("factor = 2\nramp = { start = -1, duration = 2 }\n", "study.toml:12: torque[1].ramp.start = -1.0: "),
+        ("factor = 0\noscillation = { rate = 1 }\n", "study.toml:11: torque[1].factor = 0.0: "),
+        ("inertia = [1, 1, 3]\nramp = { start = 1, duration = 2 }\n", "study.toml:11: torque[1].inertia"),
+    ] {
+        let study = study(&text(rest)).expect("readable");
+        let scene = study.scene().expect("drawn");
+        let error = polhode::Plan::new(&scene, &polhode::engine::Engine::cpu()).expect_err("not valid");
+        let message = study.located(error).to_string();
+        assert!(message.starts_with(expected), "{message}: {expected}");
+    }
 }
 
 #[test]

@@ -14,14 +14,16 @@ use polhode::engine::gpu::shader::{Chunk, Source};
 use polhode::method::Method;
 use polhode::quaternion::Quaternion;
 use polhode::real::Scalar;
+use polhode::rigid_body::Body;
 use polhode::torque::Torque;
+use polhode::torque::variable_inertia::{Change, InertiaChange, Law, changed_body};
 use polhode::torque::white_noise::{minus_log, normal_vector, philox, uniform_parts, uniform_turns};
 use polhode::torque::{
     constant_body, constant_world, eddy_current, gravity_gradient, gravity_gradient_kepler, heavy_top,
     internal_dissipation, linear_drag, linear_rotor, log_spring, magnetic_dipole, matrix_drag, orbit, orbiting_dipole,
-    quadratic_drag, sine_spring, sinusoidal,
+    quadratic_drag, sine_spring, sinusoidal, variable_inertia,
 };
-use polhode::vector::Vector;
+use polhode::vector::{TwoWords, Vector};
 
 /// Rows of a table: not a multiple of the workgroup size.
 const ROWS: usize = 331;
@@ -191,6 +193,56 @@ fn cases<T: Scalar>() -> Vec<Case<T>> {
         case("internal_dissipation", "put_v(0u, internal_dissipation(r(9u), v(10u), v(4u)));", FEW_ROUNDINGS, |row| {
             v_out(internal_dissipation::internal_dissipation(row[9], vector(row, 10), vector(row, 4)))
         }),
+        Case {
+            name: "laws of variable_inertia",
+            line: "put_r(0u, ticks_since(vec2<u32>(u32(r(8u) * 65536.0), 7u), vec2<u32>(99u, u32(r(8u) * 15.0))));
+                put_r(1u, ramp_progress(r(7u), r(9u), r(10u)));
+                put_r(2u, inertia_ramp(0.5 + r(7u)));
+                put_r(3u, inertia_oscillation(r(7u)));",
+            fields: &[
+                Field { name: "ticks since the start", components: 1 },
+                Field { name: "progress and laws", components: 3 },
+            ],
+            twin: |row| {
+                let ticks = (7 << 32) | (row[8].to_f64() * 65536.0) as u64;
+                let start = 99 | (((row[8].to_f64() * 15.0) as u64) << 32);
+                vec![
+                    variable_inertia::ticks_since(ticks, start),
+                    variable_inertia::ramp_progress(row[7], row[9], row[10]),
+                    variable_inertia::inertia_ramp(T::from_f64(0.5) + row[7]),
+                    variable_inertia::inertia_oscillation(row[7]),
+                ]
+            },
+            // Seven factors and a polynomial of positive terms.
+            ulps: TRIGONOMETRIC,
+        },
+        Case {
+            name: "changed_body",
+            line: "let inverse = TwoWordsVector(vector(1.0, 1.0, 1.0) + 0.25 * v(9u), v(12u) * (1.0 / 67108864.0));
+                let change = Change(
+                    vector(1.0, 1.0, 1.0) + 0.5 * v(15u), TwoWordsVector(v(18u), v(12u) * (1.0 / 67108864.0)));
+                let changed = changed_body(body_new(inverse), change, clamp(1.2 * r(8u), 0.0, 1.0));
+                put_v(0u, changed.body.inverse_moments.value + changed.body.inverse_moments.residue);
+                put_v(3u, changed.body.gyroscopic.value);
+                put_v(6u, changed.ratio);",
+            fields: &[VECTOR, VECTOR, VECTOR],
+            twin: |row| {
+                let scaled = |first: usize, factor: f64| vector(row, first) * T::from_f64(factor);
+                let one = T::from_f64(1.0);
+                let ones = Vector::new(one, one, one);
+                let residue = scaled(12, 1.0 / 67_108_864.0);
+                let body = Body::new(TwoWords { value: ones + scaled(9, 0.25), residue });
+                let difference = TwoWords { value: vector(row, 18), residue };
+                let change = Change { kappa: ones + scaled(15, 0.5), difference };
+                let done = (T::from_f64(1.2) * row[8]).max(T::from_f64(0.0)).min(one);
+                let changed = changed_body(&body, &change, done);
+                let inverse = changed.body.inverse_moments;
+                let vectors = [inverse.value + inverse.residue, changed.body.gyroscopic.value, changed.ratio];
+                vectors.into_iter().flat_map(v_out).collect()
+            },
+            // A quotient, of 2.5 ulps on a GPU, and a few roundings.
+            ulps: MORE_ROUNDINGS,
+        },
         Case {
             name: "eccentric_anomaly",
             line: "let e = eccentric_anomaly(r(7u) * TAU, r(8u)); put_r(0u, e.sin); put_r(1u, e.cos);",
@@ -408,12 +460,29 @@ fn compared(gpu: &Engine, torques: &[Torque], precision: Precision, steps: u64) 
     .map_err(|mismatch| mismatch.to_string())
 }
 
+/// Moments that change in the midst of the steps.
+fn ramp() -> Torque {
+    Torque::variable_inertia(InertiaChange::factor(0.6), Law::ramp(0.1, 0.5))
+}
+
+/// With parameters of each body's own.
+fn oscillation() -> Torque {
+    let column = |first: f64, last: f64| -> Vec<f64> {
+        (0..BODIES).map(|body| first + (last - first) * body as f64 / BODIES as f64).collect()
+    };
+    Torque::variable_inertia(InertiaChange::factor(column(0.5, 2.0)), Law::oscillation(column(-3.0, 3.0)))
+}
+
 #[test]
 fn steps_under_each_torque_and_under_all_of_them_agree_with_the_twin() {
     let gpu = common::gpu();
     let all = every_torque(&middle_moments(BODIES, 12));
     let mut scenes: Vec<(&str, Vec<Torque>)> = all.iter().map(|torque| (torque.name(), vec![torque.clone()])).collect();
     scenes.push(("all", all.clone()));
+    for (name, change) in [("ramp", ramp()), ("oscillation", oscillation())] {
+        scenes.push((name, vec![change.clone()]));
+        scenes.push(("all while moments change", [all.clone(), vec![change]].concat()));
+    }
     scenes.push(("all twice", [all.clone(), all].concat()));
     for precision in Precision::ALL {
         for (name, torques) in &scenes {
@@ -431,18 +500,25 @@ fn steps_under_each_torque_and_under_all_of_them_agree_with_the_twin() {
 fn lanes_agree_with_the_scalar_twin_under_every_torque() {
     let all = every_torque(&middle_moments(BODIES, 12));
     for precision in Precision::ALL {
+        for change in [ramp(), oscillation()] {
+            let torques = [all.clone(), vec![change]].concat();
+            compared(&Engine::cpu(), &torques, precision, 50)
+                .unwrap_or_else(|mismatch| panic!("{precision}: {mismatch}"));
+        }
         compared(&Engine::cpu(), &all, precision, 50).unwrap_or_else(|mismatch| panic!("{precision}: {mismatch}"));
     }
 }
 
 #[test]
 fn a_planted_fault_in_a_torque_is_found_after_one_step() {
-    let all = every_torque(&middle_moments(BODIES, 12));
+    let all = [every_torque(&middle_moments(BODIES, 12)), vec![oscillation()]].concat();
     for (file, from, to) in [
         ("torque/heavy_top.wgsl", "return cross_vector", "return -cross_vector"),
         ("torque/linear_drag.wgsl", "return -(", "return 1.01 * -("),
         ("clock.wgsl", "phase.w", "(phase.w ^ 65536u)"),
         ("torque/white_noise.wgsl", "0x9e3779b9u", "0x9e3779b8u"),
+        ("torque/variable_inertia.wgsl", "angle.sin * angle.sin", "angle.sin * angle.cos"),
+        ("torque/variable_inertia.wgsl", "fma(difference, share, value)", "fma(difference, ones, value)"),
         ("torque/orbit.wgsl", "let start = 0.85 * eccentricity;", "let start = 40.0 * eccentricity;"),
     ] {
         let mut options = common::any_adapter();

@@ -29,7 +29,8 @@ fn take_off(i: u32, body: Body, step_index: u32, dt: TwoWordsReal, state: State)
 
 // Moves the centre of mass along a step of the rotation, which is `state` after it.
 fn follow(flight: Flight, body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> Flight {
-    let rate = turning_in_step(body, step_index, dt, state);
+    // The state stands at the start of the next step.
+    let rate = turning_in_step(body, step_index + 1u, dt, state);
     let attitude = between_new(flight.orientation, flight.rate, state.orientation.value, rate);
     let span = TwoWordsReal(settings.dt_value, settings.dt_residue);
     let centre = centre_advance(flight.centre, flight.forces, attitude, span);

@@ -7,7 +7,8 @@ fn epoch(step: u32, fraction: real) -> Epoch {
     let low = settings.run_step.x + steps;
     let run_step = vec2<u32>(low, settings.run_step.y + select(0u, 1u, low < steps));
     let elapsed = fraction * settings.dt_value;
-    return Epoch(Instant(now.zw, elapsed), noise(run_step));
+    let instant = Instant(now.zw, elapsed);
+    return Epoch(instant, noise(run_step), change_done(instant));
 }
 
 // The torque of all instances of white noise over a step.
@@ -30,9 +31,4 @@ fn noise(step: vec2<u32>) -> vector {
         sum = axpy_vector(draw_sum, torque_column(first) * settings.inverse_root_dt, sum);
     }
     return sum;
-}
-
-// Two digits of 16 bits as a word.
-fn word_at(column: u32) -> u32 {
-    return u32(torque_column(column)) | (u32(torque_column(column + 1u)) << 16u);
 }

@@ -38,6 +38,10 @@ override white_noise_count: u32 = 0u;
 override white_noise_first: u32 = 0u;
 override internal_dissipation_count: u32 = 0u;
 override internal_dissipation_first: u32 = 0u;
+override inertia_ramp_count: u32 = 0u;
+override inertia_ramp_first: u32 = 0u;
+override inertia_oscillation_count: u32 = 0u;
+override inertia_oscillation_first: u32 = 0u;
 override linear_rotor_count: u32 = 0u;
 override linear_rotor_first: u32 = 0u;
 
@@ -60,14 +64,20 @@ fn drag_coefficient() -> real {
 
 // Columns of one instance, phases included.
 const SINUSOIDAL_COLUMNS: u32 = 15u;
-const GRAVITY_GRADIENT_COLUMNS: u32 = 18u;
-const GRAVITY_GRADIENT_KEPLER_COLUMNS: u32 = 20u;
+const GRAVITY_GRADIENT_COLUMNS: u32 = 19u;
+const GRAVITY_GRADIENT_KEPLER_COLUMNS: u32 = 21u;
 const HEAVY_TOP_COLUMNS: u32 = 6u;
 const MAGNETIC_DIPOLE_COLUMNS: u32 = 6u;
 const ORBITING_DIPOLE_COLUMNS: u32 = 32u;
 const EDDY_CURRENT_COLUMNS: u32 = 4u;
 const SPRING_COLUMNS: u32 = 5u;
 const WHITE_NOISE_COLUMNS: u32 = 10u;
+
+// Columns of the parameters of one instance, before its phase.
+const INERTIA_RAMP_PARAMETERS: u32 = 13u;
+const INERTIA_OSCILLATION_PARAMETERS: u32 = 12u;
+// The one that holds ramps per tick.
+const PER_TICK: u32 = 12u;
 
 // The body of this invocation, and what is read once rather than at every evaluation: the set that most scenes have.
 var<private> torque_body: u32;
@@ -99,10 +109,52 @@ fn torque_quaternion(column: u32) -> quaternion {
         torque_column(column), torque_column(column + 1u), torque_column(column + 2u), torque_column(column + 3u));
 }
 
-// A time, and the random torque that is constant over the step that it belongs to.
+// A time, the random torque that is constant over the step that it belongs to, and the part of the change of the moments of
+// inertia that is done by then; 0 where they do not change.
 struct Epoch {
     instant: Instant,
     noise: vector,
+    change_done: real,
+}
+
+// The part of the change of the moments of inertia that is done.
+fn change_done(instant: Instant) -> real {
+    if (inertia_ramp_count > 0u) {
+        let c = inertia_ramp_first + INERTIA_RAMP_PARAMETERS;
+        let start = vec2<u32>(word_at(c), word_at(c + 2u));
+        let progress = ticks_since(instant.ticks, start) * torque_column(inertia_ramp_first + PER_TICK);
+        return inertia_ramp(ramp_progress(progress, torque_column(c + RATE_DIGITS), instant.elapsed));
+    }
+    if (inertia_oscillation_count > 0u) {
+        let c = inertia_oscillation_first + INERTIA_OSCILLATION_PARAMETERS;
+        return inertia_oscillation(phase(c, torque_body, instant));
+    }
+    return 0.0;
+}
+
+// Its first column.
+fn change_first() -> u32 {
+    return select(inertia_oscillation_first, inertia_ramp_first, inertia_ramp_count > 0u);
+}
+
+// 3 n^2 times the differences of the moments, of the gravity gradient with columns from c on.
+fn gradient_coefficients(c: u32, change_done: real) -> vector {
+    let coefficients = torque_vector(c);
+    if (inertia_ramp_count + inertia_oscillation_count == 0u) {
+        return coefficients;
+    }
+    return axpy_vector(torque_vector(change_first() + 9u), torque_column(c + 9u) * change_done, coefficients);
+}
+
+// What the columns say of the change.
+fn change() -> Change {
+    let first = change_first();
+    return Change(torque_vector(first), TwoWordsVector(torque_vector(first + 3u), torque_vector(first + 6u)));
+}
+
+// Two digits of 16 bits as a word.
+fn word_at(column: u32) -> u32 {
+    return u32(torque_column(column)) | (u32(torque_column(column + 1u)) << 16u);
 }
 
 fn torque(epoch: Epoch, body: Body, orientation: quaternion, angular_velocity_principal: vector) -> vector {
@@ -136,17 +188,19 @@ fn torque(epoch: Epoch, body: Body, orientation: quaternion, angular_velocity_pr
     }
     for (var k = 0u; k < gravity_gradient_count; k += 1u) {
         let c = gravity_gradient_first + k * GRAVITY_GRADIENT_COLUMNS;
-        let turn = phase(c + 9u, torque_body, instant);
-        sum = sum + gravity_gradient(torque_vector(c), torque_vector(c + 3u), torque_vector(c + 6u), turn, q);
+        let turn = phase(c + 10u, torque_body, instant);
+        let coefficients = gradient_coefficients(c, epoch.change_done);
+        sum = sum + gravity_gradient(coefficients, torque_vector(c + 3u), torque_vector(c + 6u), turn, q);
     }
     for (var k = 0u; k < gravity_gradient_kepler_count; k += 1u) {
         let c = gravity_gradient_kepler_first + k * GRAVITY_GRADIENT_KEPLER_COLUMNS;
-        let turn = phase(c + 11u, torque_body, instant);
+        let turn = phase(c + 12u, torque_body, instant);
         let x = torque_vector(c + 3u);
         let y = torque_vector(c + 6u);
-        let eccentricity = torque_column(c + 9u);
-        let start = torque_column(c + 10u);
-        sum = sum + gravity_gradient_kepler(torque_vector(c), x, y, eccentricity, start, turn, q);
+        let eccentricity = torque_column(c + 10u);
+        let start = torque_column(c + 11u);
+        let coefficients = gradient_coefficients(c, epoch.change_done);
+        sum = sum + gravity_gradient_kepler(coefficients, x, y, eccentricity, start, turn, q);
     }
     for (var k = 0u; k < heavy_top_count; k += 1u) {
         let c = heavy_top_first + k * HEAVY_TOP_COLUMNS;
@@ -198,8 +252,14 @@ struct Motion {
 }
 
 fn motion(epoch: Epoch, body: Body, correction: Correction, m: vector) -> Motion {
-    let omega = angular_velocity(body, m, correction);
-    let gyroscopic = gyroscopic_term(body, m, correction);
+    var omega = angular_velocity(body, m, correction);
+    var gyroscopic = gyroscopic_term(body, m, correction);
+    if (inertia_ramp_count + inertia_oscillation_count > 0u) {
+        let changed = changed_body(body, change(), epoch.change_done);
+        let carried = carried_correction(changed.body, body, correction, changed.ratio, m);
+        omega = angular_velocity(changed.body, m, carried);
+        gyroscopic = gyroscopic_term(changed.body, m, carried);
+    }
     if (internal_dissipation_count == 0u) {
         return Motion(omega, gyroscopic);
     }

@@ -63,7 +63,8 @@ pub struct Properties {
     pub usable_angle: f64,
     /// Author and year.
     pub source: &'static str,
-    /// Whether it takes for granted that the body's axes turn at I⁻¹ m, so that it cannot follow internal dissipation.
+    /// Whether it takes for granted that the body's axes turn at I⁻¹ m with the moments of the start, so that it cannot follow
+    /// internal dissipation or moments of inertia that change.
     pub rigid_only: bool,
     /// Whether it is there to show what other programs do, rather than for use.
     pub baseline: bool,

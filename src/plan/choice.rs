@@ -78,7 +78,8 @@ pub(super) fn look_at(scene: &Scene, body: usize, tolerance: &Bound) -> Look {
         return Look { torques, verdict: free.verdict(tolerance), rate: spin };
     }
     let middle = crate::batch::scaled_by_power_of_two(frame.scaled_moments.y, frame.moment_exponent);
-    let rate = spin.max(torque::rate_of(scene.torques(), body, middle));
+    let growth = torque::variable_inertia::spin_growth(scene.torques(), body, &scene.ensemble().inertia()[body]);
+    let rate = (spin * growth).max(torque::rate_of(scene.torques(), body, middle));
     let verdict = Verdict { shape: Shape::Asymmetric, axis: 0, bound: Bound::default() };
     Look { torques, verdict, rate }
 }

@@ -3,6 +3,7 @@
 use glam::{DMat3, DVec3};
 
 use crate::torque::Torque;
+use crate::torque::variable_inertia::InertiaChange;
 
 /// Torques of a scene as a set of their indices.
 ///
@@ -84,5 +85,9 @@ fn acts_on(torque: &Torque, body: usize) -> bool {
         Torque::LogSpring(model) => model.stiffness.at(body) != 0.0,
         Torque::InternalDissipation(model) => model.coefficient.at(body) != 0.0,
         Torque::WhiteNoise(model) => model.intensity.at(body) != 0.0,
+        Torque::VariableInertia(model) => match &model.change {
+            InertiaChange::Factor(factor) => factor.at(body) != 1.0,
+            InertiaChange::Tensor(_) => true,
+        },
     }
 }

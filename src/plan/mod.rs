@@ -14,6 +14,7 @@ use crate::error::{Error, Result};
 use crate::force::Force;
 use crate::method::Method;
 use crate::scene::{Outputs, Scene, Stepping};
+use crate::torque::Torque;
 
 pub mod choice;
 pub mod class;
@@ -77,7 +78,8 @@ impl<'a> Plan<'a> {
     /// where the engine lacks the precision pinned or needed; [`Error::MissingMass`] where a force acts on bodies
     /// without mass; [`Error::Torque`], [`Error::Force`] and [`Error::ColumnLength`] for parameters of torques and forces;
     /// [`Error::AccuracyOutOfReach`] where no candidate meets what is asked for; [`Error::RigidOnly`] where internal
-    /// dissipation acts and the method pinned cannot follow it.
+    /// dissipation or changing moments of inertia act and the method pinned cannot follow them; [`Error::TorquePair`] for
+    /// torques that do not go together.
     pub fn new(scene: &'a Scene, engine: &dyn Backend) -> Result<Self> {
         Self::with_costs(scene, engine, &Costs::shipped())
     }
@@ -98,8 +100,9 @@ impl<'a> Plan<'a> {
     fn checked(scene: &Scene) -> Result<Vec<f64>> {
         let times = output_times(scene)?;
         for (index, torque) in scene.torques().iter().enumerate() {
-            torque.validate(index, scene.ensemble().len())?;
+            torque.validate(index, scene.ensemble())?;
         }
+        check_together(scene.torques())?;
         for (index, force) in scene.forces().iter().enumerate() {
             force.validate(index, scene.ensemble().len())?;
         }
@@ -229,6 +232,18 @@ impl<'a> Plan<'a> {
         }
         Ok(())
     }
+}
+
+/// Refuses torques that have no meaning side by side.
+fn check_together(torques: &[Torque]) -> Result<()> {
+    let of_kind = |torque: &&Torque| matches!(torque, Torque::VariableInertia(_));
+    if let [_, second, ..] = torques.iter().filter(of_kind).collect::<Vec<_>>()[..] {
+        let torque = torques.iter().rposition(|torque| torque == second).unwrap_or(0);
+        let expected =
+            "the moments of a body change by one law: one such entry is needed, whose parameters may be columns";
+        return Err(Error::TorquePair { torque, model: second.name(), expected });
+    }
+    Ok(())
 }
 
 /// The most steps a body may need.

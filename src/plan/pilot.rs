@@ -177,9 +177,9 @@ impl<'a> Pilot<'a> {
 
     /// Every method that can follow the torques, in `f32` where its floor allows and in `f64`.
     fn candidates(&self) -> Vec<(Rule, &'a Cost)> {
-        let slipping = self.torques.iter().any(|torque| matches!(torque, Torque::InternalDissipation(_)));
+        let rigid = self.torques.iter().all(Torque::leaves_rigid);
         let mut candidates = Vec::new();
-        for cost in self.costs.rows().iter().filter(|cost| !(slipping && cost.method.properties().rigid_only)) {
+        for cost in self.costs.rows().iter().filter(|cost| rigid || !cost.method.properties().rigid_only) {
             let rule = self.rule(cost, self.precision);
             candidates.push((rule, cost));
             let span = self.scene.end();

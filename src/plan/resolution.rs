@@ -91,11 +91,10 @@ impl Resolution {
                 let widest = if has_f64 { Precision::F64 } else { Precision::F32 };
                 let precision = scene.wanted_precision().unwrap_or(widest);
                 crate::engine::check_step(dt, precision)?;
-                if method.properties().rigid_only {
-                    let slipping = |torque: &Torque| matches!(torque, Torque::InternalDissipation(_));
-                    if let Some(torque) = scene.torques().iter().position(slipping) {
-                        return Err(Error::RigidOnly { torque, model: scene.torques()[torque].name(), method });
-                    }
+                if method.properties().rigid_only
+                    && let Some(torque) = scene.torques().iter().position(|torque| !torque.leaves_rigid())
+                {
+                    return Err(Error::RigidOnly { torque, model: scene.torques()[torque].name(), method });
                 }
                 if projected {
                     crate::engine::projected::check(precision, scene.torques().is_empty(), method)?;

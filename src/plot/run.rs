@@ -268,11 +268,14 @@ fn herpolhode(track: &[State]) -> Panel {
     }
 }
 
+/// States to 1e-6 of themselves, as `f32` has them, fit better than this; those of a body whose moments change do not.
+const WORST_FIT: f64 = 1e-4;
+
 /// Below this ratio of pivots the states do not determine the tensor.
 const LEAST_PIVOT: f64 = 1e-10;
 
 /// The symmetric tensor I, kg m², with I ω nearest to the angular momentum in body axes over all states (least squares, by
-/// the normal equations).
+/// the normal equations); none where it does not hold for all of them.
 fn fitted_inertia(track: &[State]) -> Option<DMat3> {
     let mut matrix = [[0.0_f64; 7]; 6];
     for state in track {
@@ -307,5 +310,11 @@ fn fitted_inertia(track: &[State]) -> Option<DMat3> {
         }
     }
     let [xx, yy, zz, xy, xz, yz] = std::array::from_fn(|i| matrix[i][6] / matrix[i][i]);
-    Some(DMat3::from_cols(DVec3::new(xx, xy, xz), DVec3::new(xy, yy, yz), DVec3::new(xz, yz, zz)))
+    let tensor = DMat3::from_cols(DVec3::new(xx, xy, xz), DVec3::new(xy, yy, yz), DVec3::new(xz, yz, zz));
+    let fits = |state: &State| {
+        let momentum = state.orientation.conjugate() * state.angular_momentum_world;
+        let misfit = (tensor * state.angular_velocity_body - momentum).length();
+        !momentum.is_finite() || misfit <= WORST_FIT * momentum.length()
+    };
+    track.iter().all(fits).then_some(tensor)
 }

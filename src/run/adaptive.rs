@@ -15,7 +15,7 @@ use crate::method::work::order;
 use crate::plan::{Group, Members};
 use crate::record::{AdaptiveWork, Spread, WallTime};
 use crate::scene::Scene;
-use crate::torque;
+use crate::torque::{self, variable_inertia};
 
 /// The bodies of a group in the order of their expected work, so that those advanced side by side finish together.
 pub(super) struct AdaptiveUnit {
@@ -81,15 +81,20 @@ impl AdaptiveUnit {
         start + found.unwrap_or(0)
     }
 
-    /// The states in some of the group's rows.
-    pub fn read(&mut self, rows: &Range<usize>) -> Result<Vec<BodyState>> {
+    /// The states in some of the group's rows; `now` makes the frame of a row's body into that of the present time.
+    pub fn read(
+        &mut self,
+        rows: &Range<usize>,
+        now: impl Fn(&BodyFrame, usize) -> BodyFrame + Sync,
+    ) -> Result<Vec<BodyState>> {
         let start = rows.start / READ_BLOCK * READ_BLOCK;
         let end = rows.end.next_multiple_of(READ_BLOCK).min(self.session_rows.len());
         let words = self.session.read(start..end)?;
         let state = |row: usize| {
             let own = self.session_rows[row] as usize;
             let index = own - start;
-            BodyState { status: words.status[index], ..self.frames[own].body_state(words.combined(index)) }
+            let frame = now(&self.frames[own], row);
+            BodyState { status: words.status[index], ..frame.body_state(words.combined(index)) }
         };
         Ok(rows.clone().into_par_iter().map(state).collect())
     }
@@ -118,7 +123,8 @@ fn expected_rate(scene: &Scene, body: usize) -> f64 {
     let m = glam::DVec3::new(state[4], state[5], state[6]);
     let spin = (m / frame.scaled_moments).length() * scaled_by_power_of_two(1.0, frame.rate_exponent);
     let middle = scaled_by_power_of_two(frame.scaled_moments.y, frame.moment_exponent);
-    spin.max(torque::rate_of(scene.torques(), body, middle))
+    let growth = variable_inertia::spin_growth(scene.torques(), body, &scene.ensemble().inertia()[body]);
+    (spin * growth).max(torque::rate_of(scene.torques(), body, middle))
 }
 
 /// Steps of the bodies of one unit.

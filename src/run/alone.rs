@@ -20,9 +20,12 @@ pub(crate) fn states_at_end(
 ) -> Result<Vec<(usize, BodyState)>> {
     let Some(precision) = treatment.precision_of_steps() else { return Ok(Vec::new()) };
     let (frames, batch) = prepare_members(scene.ensemble(), torques, scene.end(), members, precision)?;
-    let in_users_units = |words: StateWords| {
-        (0..members.len()).map(|row| (members.body(row), frames[row].body_state(words.combined(row)))).collect()
+    let end = times.last().copied().unwrap_or(0.0);
+    let state = |row: usize, words: &StateWords| {
+        frames[row].at(torques, members.body(row), end).body_state(words.combined(row))
     };
+    let in_users_units =
+        |words: StateWords| (0..members.len()).map(|row| (members.body(row), state(row, &words))).collect();
     let (method, projected) = match *treatment {
         Treatment::Stepped { method, projected, .. } => (method, projected),
         Treatment::Adaptive { steps, .. } => {

@@ -12,6 +12,7 @@ use crate::error::{Error, Result};
 use crate::plan::{Plan, TorqueSet};
 use crate::record::{Balance, BalanceGatherer};
 use crate::scene::Scene;
+use crate::torque::variable_inertia;
 
 /// The balance of bodies that have these orientations (body to world) and angular velocities (rad/s, body axes) when a
 /// plan's scene ends, wherever they were computed; shape `[body_count]`. Every run reports its own in
@@ -30,7 +31,9 @@ pub fn balance(plan: &Plan<'_>, orientation: &[DQuat], angular_velocity_body: &[
     }
     let state = |body: usize| {
         let (orientation, omega) = (orientation[body].normalize(), angular_velocity_body[body]);
-        let momentum = ensemble.inertia()[body] * omega;
+        let initial = ensemble.inertia()[body];
+        let tensor = variable_inertia::tensor_at(plan.scene().torques(), body, initial, plan.scene().end());
+        let momentum = tensor * omega;
         BodyState {
             orientation,
             angular_velocity_body: omega,

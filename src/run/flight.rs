@@ -117,7 +117,9 @@ fn turning(scene: &Scene, body: usize, state: &BodyState) -> (DQuat, DVec3) {
     let omega = state.angular_velocity_body;
     let slip = scene.torques().iter().map(|torque| match torque {
         Torque::InternalDissipation(model) => {
-            (scene.ensemble().inertia()[body] * omega).cross(omega) * model.coefficient.at(body)
+            // I ω, whatever I has become.
+            let momentum_body = state.orientation.conjugate() * state.angular_momentum_world;
+            momentum_body.cross(omega) * model.coefficient.at(body)
         }
         _ => DVec3::ZERO,
     });

@@ -111,7 +111,8 @@ fn reference_intervals(plan: &Plan<'_>, group: &Group, torques: &[Torque], membe
         let body = body as usize;
         let middle_moment = crate::inertia::principal_axes(&scene.ensemble().inertia()[body]).moments.y;
         let spin = scene.ensemble().angular_velocity_body()[body].length();
-        spin.max(crate::torque::rate_of(torques, body, middle_moment))
+        let growth = crate::torque::variable_inertia::spin_growth(torques, body, &scene.ensemble().inertia()[body]);
+        (spin * growth).max(crate::torque::rate_of(torques, body, middle_moment))
     };
     let fastest = members.iter().map(rate).fold(0.0, f64::max);
     let own = REFERENCE_ANGLE / fastest;

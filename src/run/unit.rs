@@ -21,12 +21,18 @@ use crate::plan::{Group, Members, Treatment};
 use crate::record::WallTime;
 use crate::regular_precession::RegularPrecession;
 use crate::scene::Scene;
+use crate::torque::{Torque, variable_inertia};
 
 /// The bodies of one group on their way through time.
 pub(super) struct Unit<'p> {
     members: &'p Members,
     motion: Motion,
     flight: Option<Flight<'p>>,
+    torques: &'p [Torque],
+    /// Whether moments of inertia change in time.
+    varies: bool,
+    /// Of the last state, s.
+    time: f64,
 }
 
 enum Motion {
@@ -107,13 +113,15 @@ impl<'p> Unit<'p> {
         if !matches!(motion, Motion::Stepped { .. }) {
             flight = Flight::start(scene, members, false)?;
         }
-        Ok(Self { members, motion, flight })
+        let varies = variable_inertia::of_scene(scene.torques()).is_some();
+        Ok(Self { members, motion, flight, torques: scene.torques(), varies, time: 0.0 })
     }
 
     /// Brings the bodies from `time − span` to `time`, s; gives the work done ([`crate::plan::Plan::work_of`]). What is not
     /// stepped is formed only where it is `wanted`.
     pub fn advance(&mut self, time: f64, span: f64, wanted: bool, observer: &mut Observer<'_>) -> Result<u64> {
         let bodies = self.members.len() as u64;
+        self.time = time;
         if let (Motion::Stepped { session, frames, treatment, .. }, Some(flight)) = (&mut self.motion, &mut self.flight)
             && flight.follows()
         {
@@ -124,7 +132,9 @@ impl<'p> Unit<'p> {
                 session.advance(interval.dt, 1, &mut |progress| {
                     observer(Progress { done: before.saturating_add(progress.done), total })
                 })?;
-                flight.follow(in_users_units(&session.read(rows.clone())?, frames, &rows), interval.dt);
+                let now = (time - span) + interval.dt * (step + 1) as f64;
+                let at = |row: usize| frames[row].at(self.torques, self.members.body(row), now);
+                flight.follow(in_users_units(&session.read(rows.clone())?, at, &rows), interval.dt);
             }
             return Ok(total);
         }
@@ -201,10 +211,16 @@ impl<'p> Unit<'p> {
 
     /// The states in a range of rows.
     fn read_range(&mut self, rows: &Range<usize>) -> Result<Vec<BodyState>> {
+        let (members, torques, time) = (self.members, self.torques, self.time);
+        let now = |frame: &BodyFrame, row: usize| frame.at(torques, members.body(row), time);
         Ok(match &mut self.motion {
-            Motion::Stepped { session, frames, .. } => in_users_units(&session.read(rows.clone())?, frames, rows),
-            Motion::Adaptive(unit) => unit.read(rows)?,
-            Motion::ClosedForm { session, frames } => in_users_units(&session.read(rows.clone())?, frames, rows),
+            Motion::Stepped { session, frames, .. } => {
+                in_users_units(&session.read(rows.clone())?, |row: usize| now(&frames[row], row), rows)
+            }
+            Motion::Adaptive(unit) => unit.read(rows, now)?,
+            Motion::ClosedForm { session, frames } => {
+                in_users_units(&session.read(rows.clone())?, |row: usize| frames[row], rows)
+            }
             Motion::Precession { bodies, time } => bodies[rows.clone()].par_iter().map(|body| body.at(*time)).collect(),
         })
     }
@@ -234,7 +250,7 @@ impl Unit<'_> {
         Ok(found)
     }
 
-    /// The same of regular precessions, which the host forms; extremes name rows.
+    /// The same of what the host forms; extremes name rows of the group.
     fn reduce_on_host(&mut self, statistics: &[Statistic]) -> Result<Vec<Partial<f64>>> {
         let mut total = vec![Partial::none(); statistics.len()];
         for start in (0..self.members.len()).step_by(BLOCK) {
@@ -307,9 +323,11 @@ impl Unit<'_> {
         Ok(rows.into_iter().map(|row| self.members.body(row)).zip(states).collect())
     }
 
-    /// The engine's session, where there is one, and the frames of its rows.
+    /// The engine's session, where there is one that can reduce, and the frames of its rows. Moments that change are those of
+    /// a time, and only the host's frames are.
     fn session(&mut self) -> Option<(&mut dyn Reduce, &[BodyFrame])> {
         match &mut self.motion {
+            _ if self.varies => None,
             Motion::Stepped { session, frames, .. } => Some((&mut **session, frames)),
             Motion::ClosedForm { session, frames } => Some((&mut **session, frames)),
             Motion::Adaptive(unit) => Some(unit.session()),
@@ -317,10 +335,10 @@ impl Unit<'_> {
         }
     }
 
-    /// The body in a row of the session.
+    /// The body in a row of the session, or of the group where [`Unit::session`] gives none.
     fn body(&self, session_row: usize) -> usize {
         match &self.motion {
-            Motion::Adaptive(unit) => self.members.body(unit.group_row(session_row)),
+            Motion::Adaptive(unit) if !self.varies => self.members.body(unit.group_row(session_row)),
             _ => self.members.body(session_row),
         }
     }
@@ -334,10 +352,15 @@ fn states_of(words: &StateWords, frames: &[BodyFrame], rows: &[usize]) -> Vec<Bo
     rows.iter().enumerate().map(state).collect()
 }
 
-fn in_users_units(words: &StateWords, frames: &[BodyFrame], rows: &Range<usize>) -> Vec<BodyState> {
+/// The states of some rows, each in its `frame`.
+fn in_users_units(
+    words: &StateWords,
+    frame: impl Fn(usize) -> BodyFrame + Sync,
+    rows: &Range<usize>,
+) -> Vec<BodyState> {
     let state = |row: usize| BodyState {
         status: words.status[row - rows.start],
-        ..frames[row].body_state(words.combined(row - rows.start))
+        ..frame(row).body_state(words.combined(row - rows.start))
     };
     rows.clone().into_par_iter().map(state).collect()
 }

@@ -1,6 +1,6 @@
 //! Bodies under torques, recomputed on the CPU in `f64`, with what the torques do to them on the way.
 //!
-//! The work ∫ τ·ω dt (that of internal dissipation, ∫ ω·(m × slip) dt, with it) and the angular momentum that the
+//! The work ∫ τ·ω dt (with that of internal dissipation, ∫ ω·(m × slip) dt, and of changing moments, −½ ∫ ω·(dI/dt) ω dt) and the angular momentum that the
 //! torques give, ∫ R τ dt, are integrated by `rk8` as further components of its state: the torque at each of its stages,
 //! weighted as its slopes are. They are thus as accurate as the recomputed motion itself, to order 8.
 
@@ -97,7 +97,10 @@ pub(crate) fn recomputed(
         }
         clock = clock.after(dt, steps);
     }
-    let row = |row: usize| blocks[row / BLOCK].finished(row % BLOCK, &frames[row], members.body(row));
+    let row = |row: usize| {
+        let body = members.body(row);
+        blocks[row / BLOCK].finished(row % BLOCK, &frames[row].at(torques, body, scene.end()), body)
+    };
     Ok((0..batch.body_count).map(row).collect())
 }
 
@@ -165,9 +168,9 @@ impl LaneTask<f64> for RecomputeBlock<'_> {
             let mut sums: [R; SUMS] = std::array::from_fn(|index| R::load(&self.block.sums[index][offset..]));
             for step in 0..self.steps {
                 let m = state.angular_momentum_principal.value;
-                sums[GREATEST_ENERGY] = sums[GREATEST_ENERGY].max(body.kinetic_energy(m));
                 sums[GREATEST_SQUARE] = sums[GREATEST_SQUARE].max(m.dot(m));
                 state = Rk8::step(&body, &(), &environment, self.first_step + step, dt, state);
+                sums[GREATEST_ENERGY] = sums[GREATEST_ENERGY].max(given.energy.get());
                 let (power, torque) = given.taken();
                 for (index, rate) in [power, torque.x, torque.y, torque.z].into_iter().enumerate() {
                     add(&mut sums, 2 * index, rate * dt.value);
@@ -194,8 +197,10 @@ fn add<R: Real>(sums: &mut [R; SUMS], index: usize, increment: R) {
 struct Given<R> {
     stage: Cell<usize>,
     angular_velocity: Cell<Vector<R>>,
-    slip_power: Cell<R>,
+    inner_power: Cell<R>,
     power: Cell<R>,
+    /// T at the start of the step.
+    energy: Cell<R>,
     torque_world: Cell<Vector<R>>,
 }
 
@@ -206,8 +211,9 @@ impl<R: Real> Given<R> {
         Self {
             stage: Cell::new(0),
             angular_velocity: Cell::new(Vector::zero()),
-            slip_power: Cell::new(zero),
+            inner_power: Cell::new(zero),
             power: Cell::new(zero),
+            energy: Cell::new(zero),
             torque_world: Cell::new(Vector::zero()),
         }
     }
@@ -242,7 +248,7 @@ impl<'a, R: Real> Environment<R> for Recorded<'a, R> {
         let given = self.given;
         let weight = R::splat(WEIGHTS[given.stage.get()]);
         given.stage.set(given.stage.get() + 1);
-        let power = torque.dot(given.angular_velocity.get()) + given.slip_power.get();
+        let power = torque.dot(given.angular_velocity.get()) + given.inner_power.get();
         given.power.set(power.mul_add(weight, given.power.get()));
         given.torque_world.set(q.rotate(torque).axpy(weight, given.torque_world.get()));
         torque
@@ -253,13 +259,17 @@ impl<'a, R: Real> Environment<R> for Recorded<'a, R> {
         self.acting.velocity_dependence()
     }
 
-    /// Called before [`Environment::torque`] at every stage; notes ω = I⁻¹ m and what internal dissipation takes.
+    /// Called before [`Environment::torque`] at every stage; notes ω = I⁻¹ m and the power of what goes on in the body.
     #[inline(always)]
     fn motion(&self, epoch: &Epoch<'a, R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
-        let motion = self.acting.motion(epoch, body, correction, m);
-        let omega = body.angular_velocity(m, correction);
+        let turning = self.acting.turning_at(epoch, body, correction, m);
+        let (motion, omega) = (turning.motion, turning.angular_velocity);
         self.given.angular_velocity.set(omega);
-        self.given.slip_power.set(omega.dot(m.cross(motion.angular_velocity - omega)));
+        if self.given.stage.get() == 0 {
+            self.given.energy.set(R::splat(0.5) * m.dot(omega));
+        }
+        let slip_power = omega.dot(m.cross(motion.angular_velocity - omega));
+        self.given.inner_power.set(slip_power + self.acting.change_power(epoch, body, omega));
         motion
     }
 }

@@ -72,7 +72,9 @@
 //!   `heavy-top` (`mass`, `centre`, `gravity`), `magnetic-dipole` (`moment`, `field`), `orbiting-dipole` (`moment`, `mu`,
 //!   `orbit`, `strength`, `tilt`, `azimuth`, `rotation`), `eddy-current` (`coefficient`, `field`), `sine-spring` and
 //!   `log-spring` (`stiffness`, `target`), `internal-dissipation` (`coefficient`), `white-noise` (`intensity`, `seed`,
-//!   `draws_per_step`). An `orbit` is `{ radius = ... }` or `{ semi_major_axis = ..., eccentricity = ... }`, each with
+//!   `draws_per_step`), `variable-inertia` (the moments of inertia go from the body's own to a `factor` of them or to another
+//!   `inertia`, written as that of `bodies` and with the same principal axes, along a `ramp = { start, duration }` (s) or an
+//!   `oscillation = { rate }` (rad/s); [`crate::torque::variable_inertia`]). An `orbit` is `{ radius = ... }` or `{ semi_major_axis = ..., eccentricity = ... }`, each with
 //!   `inclination`, `ascending_node`, `pericentre` and `mean_anomaly` where they are not zero. A parameter is a number or
 //!   vector for all bodies, a distribution, or a column of the table of bodies: `{ column = "drag" }`, or
 //!   `{ columns = ["tx", "ty", "tz"] }` for a vector.
@@ -116,6 +118,7 @@ mod shape_kind;
 mod solid;
 pub mod table;
 mod torque;
+mod variable_inertia;
 
 pub use bodies::Bodies;
 pub use distribution::{Orientation, Scalar, Vector};

@@ -9,6 +9,7 @@ use super::draw::Draw;
 use super::parameter::{Number, Owner, Source, Triple};
 use super::reader::{Node, Table};
 use super::table::BodyTable;
+use super::variable_inertia::StudyInertia;
 use crate::error::Result;
 use crate::torque::white_noise::WhiteNoise;
 use crate::torque::{Orbit, Torque};
@@ -86,6 +87,7 @@ enum Model {
         seed: Option<u64>,
         draws_per_step: u16,
     },
+    VariableInertia(StudyInertia),
 }
 
 /// An orbit's elements.
@@ -118,6 +120,7 @@ const MODELS: &[&str] = &[
     "log-spring",
     "internal-dissipation",
     "white-noise",
+    "variable-inertia",
 ];
 
 /// Reads the list `[[torque]]`.
@@ -231,6 +234,7 @@ fn model(table: &Table<'_>) -> Result<Model> {
                 Model::LogSpring { stiffness, target }
             }
         }
+        "variable-inertia" => Model::VariableInertia(StudyInertia::read(table)?),
         "internal-dissipation" => {
             table.only(&["model", "coefficient"])?;
             Model::InternalDissipation { coefficient: number("coefficient", COEFFICIENT)? }
@@ -330,6 +334,7 @@ impl StudyTorque {
             }
             Model::SineSpring { stiffness, .. } | Model::LogSpring { stiffness, .. } => number(stiffness),
             Model::WhiteNoise { intensity, .. } => number(intensity),
+            Model::VariableInertia(change) => change.columns(names),
         }
         triples.into_iter().for_each(|triple| triple.columns(names));
     }
@@ -373,11 +378,15 @@ impl StudyTorque {
                 seed: own.unwrap_or(seed),
                 draws_per_step: *draws_per_step,
             }),
+            Model::VariableInertia(change) => change.torque(&source),
         }
     }
 
     /// The key in the file of a parameter that turned out not to be valid.
     pub(super) fn key(&self, field: &str) -> String {
+        if let Model::VariableInertia(change) = &self.model {
+            return format!("{}.{}", place(self.index), change.key(field));
+        }
         let name = match field {
             "orbit.mu" => "mu",
             "matrix_body" => "matrix",

@@ -16,9 +16,11 @@ use super::orbiting_dipole::OrbitingDipole;
 use super::quadratic_drag::QuadraticDrag;
 use super::sine_spring::SineSpring;
 use super::sinusoidal::Sinusoidal;
+use super::variable_inertia::{InertiaChange, Law, VariableInertia};
 use super::white_noise::WhiteNoise;
 use super::{Border, Kind, Orbit, Parameter};
 use crate::batch::BodyFrame;
+use crate::ensemble::Ensemble;
 use crate::error::Result;
 
 /// A torque of a scene. Every parameter is one for the scene or a column with one row a body ([`Parameter`]).
@@ -66,6 +68,8 @@ pub enum Torque {
     InternalDissipation(InternalDissipation),
     /// A random torque without memory.
     WhiteNoise(WhiteNoise),
+    /// Moments of inertia that change in time.
+    VariableInertia(VariableInertia),
 }
 
 /// What a torque depends on.
@@ -104,6 +108,11 @@ pub(crate) trait Model {
 
     /// Refuses parameters that are not valid.
     fn validate(&self, border: &Border) -> Result<()>;
+
+    /// Refuses parameters that are valid, but not of these bodies.
+    fn validate_bodies(&self, _: &Border, _: &Ensemble) -> Result<()> {
+        Ok(())
+    }
 
     /// What it depends on.
     fn needs(&self) -> Needs;
@@ -242,6 +251,11 @@ impl Torque {
         Self::WhiteNoise(WhiteNoise { intensity: intensity.into(), seed, draws_per_step: 1 })
     }
 
+    /// Moments of inertia that change in time by a law, at an angular momentum that does not; see [`VariableInertia`].
+    pub fn variable_inertia(change: InertiaChange, law: Law) -> Self {
+        Self::VariableInertia(VariableInertia { change, law })
+    }
+
     pub(crate) fn model(&self) -> &dyn Model {
         match self {
             Torque::ConstantBody(model) => model,
@@ -259,6 +273,7 @@ impl Torque {
             Torque::LogSpring(model) => model,
             Torque::InternalDissipation(model) => model,
             Torque::WhiteNoise(model) => model,
+            Torque::VariableInertia(model) => model,
         }
     }
 
@@ -280,12 +295,19 @@ impl Torque {
             Torque::LogSpring(_) => "log-spring",
             Torque::InternalDissipation(_) => "internal-dissipation",
             Torque::WhiteNoise(_) => "white-noise",
+            Torque::VariableInertia(_) => "variable-inertia",
         }
     }
 
     /// What it depends on.
     pub fn needs(&self) -> Needs {
         self.model().needs()
+    }
+
+    /// Whether bodies under it turn at I⁻¹ m with the moments that they start with. Where they do not, only methods follow
+    /// them that ask for the rate at which their axes turn ([`crate::method::Properties::rigid_only`]).
+    pub fn leaves_rigid(&self) -> bool {
+        !matches!(self, Torque::InternalDissipation(_) | Torque::VariableInertia(_))
     }
 
     /// Whether it can only take energy from a body.
@@ -300,7 +322,9 @@ impl Torque {
     }
 
     /// Refuses parameters that are not valid; `index` is the torque's place in its scene.
-    pub(crate) fn validate(&self, index: usize, body_count: usize) -> Result<()> {
-        self.model().validate(&Border { torque: index, model: self.name(), body_count })
+    pub(crate) fn validate(&self, index: usize, ensemble: &Ensemble) -> Result<()> {
+        let border = Border { torque: index, model: self.name(), body_count: ensemble.len() };
+        self.model().validate(&border)?;
+        self.model().validate_bodies(&border, ensemble)
     }
 }

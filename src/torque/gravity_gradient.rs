@@ -46,9 +46,10 @@ impl Model for GravityGradient {
         out[..3].copy_from_slice(&coefficients);
         out[3..6].copy_from_slice(&x.to_array());
         out[6..9].copy_from_slice(&y.to_array());
+        out[9] = factor;
         if !circular {
-            out[9] = self.orbit.eccentricity.at(body);
-            out[10] = self.orbit.anomaly_turns(body);
+            out[10] = self.orbit.eccentricity.at(body);
+            out[11] = self.orbit.anomaly_turns(body);
         }
     }
 

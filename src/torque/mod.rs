@@ -6,7 +6,8 @@
 //!
 //! Integrators are generic over an [`Environment`], which is the sum of what acts. [`Free`] is the one without torques, and
 //! with it no torque code is compiled into a kernel. The WGSL twin of an environment is one chunk that defines `torque`
-//! (`shaders/torque/none.wgsl` or `sum.wgsl`).
+//! (`shaders/torque/none.wgsl` or `sum.wgsl`). Internal dissipation and changing moments of inertia are in the same list:
+//! they turn no angular momentum but change the rate at which the axes turn ([`Environment::motion`]).
 //!
 //! A new model is a file here with its type and function, its twin, an entry in [`Torque`] and [`Kind`], and a line in
 //! `sum.rs` and `sum.wgsl`.
@@ -34,7 +35,9 @@ pub mod eddy_current;
 pub mod gravity_gradient;
 pub mod gravity_gradient_kepler;
 pub mod heavy_top;
+mod inertia_change;
 pub mod internal_dissipation;
+mod kind;
 pub mod linear_drag;
 pub mod linear_rotor;
 pub mod log_spring;
@@ -48,15 +51,17 @@ pub mod sine_spring;
 pub mod sinusoidal;
 pub(crate) mod sum;
 mod table;
+pub mod variable_inertia;
 pub mod white_noise;
 
 pub(crate) use description::Model;
 pub use description::{Needs, Torque};
+pub use kind::Kind;
 pub use orbit::Orbit;
 pub(crate) use parameter::Border;
 pub use parameter::Parameter;
-pub use table::{Instances, Kind, TorqueTable};
-pub(crate) use table::{bytes_per_body, rate_of};
+pub use table::{Instances, TorqueTable};
+pub(crate) use table::{PER_TICK, bytes_per_body, rate_of};
 
 /// All torques of a scene as one body (or lane group) feels them.
 pub trait Environment<R: Real>: Copy {

@@ -3,6 +3,7 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::error::{Error, Result};
+use crate::inertia::InertiaTensor;
 
 /// A parameter of a torque or force: the same for all bodies, or a column with one row a body.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,6 +70,12 @@ impl Value for DVec3 {
 }
 
 impl Value for DQuat {
+    fn not_finite(&self) -> Option<f64> {
+        self.to_array().into_iter().find(|x| !x.is_finite())
+    }
+}
+
+impl Value for InertiaTensor {
     fn not_finite(&self) -> Option<f64> {
         self.to_array().into_iter().find(|x| !x.is_finite())
     }

@@ -1,5 +1,7 @@
 //! The sum of a scene's torques. Twin: `shaders/torque/sum.wgsl`.
 
+mod turning;
+
 use std::cell::Cell;
 
 use super::constant_body::constant_body;
@@ -8,7 +10,6 @@ use super::eddy_current::eddy_current;
 use super::gravity_gradient::gravity_gradient;
 use super::gravity_gradient_kepler::gravity_gradient_kepler;
 use super::heavy_top::heavy_top;
-use super::internal_dissipation::internal_dissipation;
 use super::linear_drag::linear_drag;
 use super::linear_rotor::across_axis;
 use super::log_spring::log_spring;
@@ -95,11 +96,13 @@ pub(crate) struct Torques<'a, R: Real> {
     start_phases: &'a [Cell<R>],
 }
 
-/// A time, and the random torque that is constant over the step that it belongs to.
+/// A time, the random torque that is constant over the step that it belongs to, and the part of the change of the moments of
+/// inertia that is done by then; 0 where they do not change.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Epoch<'a, R: Copy> {
     time: Time<'a, R>,
     noise: Vector<R>,
+    change_done: R,
 }
 
 /// When torques are asked for.
@@ -194,7 +197,11 @@ impl<'a, R: Real> Torques<'a, R> {
             *ticks = self.clock.ticks().wrapping_add(ticks_in(time, self.clock.ticks_per_second()));
         }
         for (number, phase) in self.start_phases.iter().enumerate() {
-            phase.set(phases_at(self.table.fraction(number, self.first), &ticks));
+            let fraction = self.table.fraction(number, self.first);
+            phase.set(match self.table.ramp_of(number) {
+                Some(first) => self.progress_at(fraction, |lane| ticks[lane], first),
+                None => phases_at(fraction, &ticks),
+            });
         }
     }
 
@@ -257,13 +264,15 @@ impl<'a, R: Real> Torques<'a, R> {
                 Kind::Sinusoidal => sinusoidal(self.vector(c), self.vector(c + 3), self.phase(kind, index, 0, time)),
                 Kind::GravityGradient => {
                     let phase = self.phase(kind, index, 0, time);
-                    gravity_gradient(self.vector(c), self.vector(c + 3), self.vector(c + 6), phase, q)
+                    let coefficients = self.gradient_coefficients(c, epoch.change_done);
+                    gravity_gradient(coefficients, self.vector(c + 3), self.vector(c + 6), phase, q)
                 }
                 Kind::GravityGradientKepler => {
                     let phase = self.phase(kind, index, 0, time);
                     let (x, y) = (self.vector(c + 3), self.vector(c + 6));
-                    let (eccentricity, start) = (self.column(c + 9), self.column(c + 10));
-                    gravity_gradient_kepler(self.vector(c), x, y, eccentricity, start, phase, q)
+                    let (eccentricity, start) = (self.column(c + 10), self.column(c + 11));
+                    let coefficients = self.gradient_coefficients(c, epoch.change_done);
+                    gravity_gradient_kepler(coefficients, x, y, eccentricity, start, phase, q)
                 }
                 Kind::HeavyTop => heavy_top(self.vector(c), self.vector(c + 3), q),
                 Kind::MagneticDipole => magnetic_dipole(self.vector(c), self.vector(c + 3), q),
@@ -289,8 +298,8 @@ impl<'a, R: Real> Torques<'a, R> {
                     sum = across_axis(self.column(c), sum);
                     continue;
                 }
-                // White noise belongs to the epoch, dissipation to the motion.
-                Kind::WhiteNoise | Kind::InternalDissipation => continue,
+                // White noise belongs to the epoch, dissipation and the moments to the motion.
+                Kind::WhiteNoise | Kind::InternalDissipation | Kind::InertiaRamp | Kind::InertiaOscillation => continue,
             };
             sum = sum + torque;
         }
@@ -359,7 +368,7 @@ impl<'a, R: Real> Environment<R> for Torques<'a, R> {
         } else {
             R::outlined(Noise { torques: *self, step })
         };
-        Epoch { time: Time::Equal(instant), noise }
+        self.epoch_at(Time::Equal(instant), noise)
     }
 
     #[inline(always)]
@@ -388,18 +397,8 @@ impl<'a, R: Real> Environment<R> for Torques<'a, R> {
     }
 
     #[inline(always)]
-    fn motion(&self, _: &Epoch<'a, R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
-        let omega = body.angular_velocity(m, correction);
-        let gyroscopic_term = body.gyroscopic_term(m, correction);
-        let mut motion = Motion { angular_velocity: omega, gyroscopic_term };
-        for (_, c) in self.firsts(Kind::InternalDissipation) {
-            let slip = internal_dissipation(self.column(c), m, omega);
-            motion = Motion {
-                angular_velocity: motion.angular_velocity + slip,
-                gyroscopic_term: motion.gyroscopic_term + m.cross(slip),
-            };
-        }
-        motion
+    fn motion(&self, epoch: &Epoch<'a, R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
+        self.turning_at(epoch, body, correction, m).motion
     }
 }
 
@@ -428,9 +427,7 @@ impl<'a, R: Real> Timed<R> for Torques<'a, R> {
 
     #[inline(always)]
     fn epoch_after(&self, start: &StepStart<'a, R>, elapsed: R) -> Epoch<'a, R> {
-        Epoch {
-            time: Time::Own { start_phases: start.phases, elapsed: elapsed * start.seconds },
-            noise: Vector::zero(),
-        }
+        let time = Time::Own { start_phases: start.phases, elapsed: elapsed * start.seconds };
+        self.epoch_at(time, Vector::zero())
     }
 }

@@ -2,140 +2,14 @@
 
 use glam::DQuat;
 
+use super::kind::Kind;
 use super::{Torque, VelocityDependence};
 use crate::batch::BodyFrame;
 use crate::clock::{Clock, Fraction, RATE_DIGITS, Rate, digits};
 use crate::real::{Real, Scalar};
 
-/// What columns a model has and which kernel function reads them.
-///
-/// The order is that in which the sum is formed, in Rust and in WGSL.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(usize)]
-pub enum Kind {
-    /// [`super::constant_body`].
-    ConstantBody,
-    /// [`super::linear_drag`].
-    LinearDrag,
-    /// [`super::constant_world`].
-    ConstantWorld,
-    /// [`super::matrix_drag`].
-    MatrixDrag,
-    /// [`super::quadratic_drag`].
-    QuadraticDrag,
-    /// [`super::sinusoidal`].
-    Sinusoidal,
-    /// [`super::gravity_gradient`].
-    GravityGradient,
-    /// [`super::gravity_gradient_kepler`].
-    GravityGradientKepler,
-    /// [`super::heavy_top`].
-    HeavyTop,
-    /// [`super::magnetic_dipole`].
-    MagneticDipole,
-    /// [`super::orbiting_dipole`].
-    OrbitingDipole,
-    /// [`super::eddy_current`].
-    EddyCurrent,
-    /// [`super::sine_spring`].
-    SineSpring,
-    /// [`super::log_spring`].
-    LogSpring,
-    /// [`super::white_noise`].
-    WhiteNoise,
-    /// [`super::internal_dissipation`].
-    InternalDissipation,
-    /// [`super::linear_rotor`], which no [`Torque`] is: last, as it changes the sum of all others.
-    LinearRotor,
-}
-
-impl Kind {
-    /// All kinds, in order.
-    pub const ALL: [Kind; 17] = [
-        Kind::ConstantBody,
-        Kind::LinearDrag,
-        Kind::ConstantWorld,
-        Kind::MatrixDrag,
-        Kind::QuadraticDrag,
-        Kind::Sinusoidal,
-        Kind::GravityGradient,
-        Kind::GravityGradientKepler,
-        Kind::HeavyTop,
-        Kind::MagneticDipole,
-        Kind::OrbitingDipole,
-        Kind::EddyCurrent,
-        Kind::SineSpring,
-        Kind::LogSpring,
-        Kind::WhiteNoise,
-        Kind::InternalDissipation,
-        Kind::LinearRotor,
-    ];
-
-    /// The stem of its files, and of the `override` constants in `shaders/torque/sum.wgsl`.
-    pub const fn stem(self) -> &'static str {
-        match self {
-            Kind::ConstantBody => "constant_body",
-            Kind::LinearDrag => "linear_drag",
-            Kind::ConstantWorld => "constant_world",
-            Kind::MatrixDrag => "matrix_drag",
-            Kind::QuadraticDrag => "quadratic_drag",
-            Kind::Sinusoidal => "sinusoidal",
-            Kind::GravityGradient => "gravity_gradient",
-            Kind::GravityGradientKepler => "gravity_gradient_kepler",
-            Kind::HeavyTop => "heavy_top",
-            Kind::MagneticDipole => "magnetic_dipole",
-            Kind::OrbitingDipole => "orbiting_dipole",
-            Kind::EddyCurrent => "eddy_current",
-            Kind::SineSpring => "sine_spring",
-            Kind::LogSpring => "log_spring",
-            Kind::WhiteNoise => "white_noise",
-            Kind::InternalDissipation => "internal_dissipation",
-            Kind::LinearRotor => "linear_rotor",
-        }
-    }
-
-    /// Columns of one instance, without its phases.
-    pub const fn parameters(self) -> usize {
-        match self {
-            Kind::LinearDrag | Kind::QuadraticDrag | Kind::InternalDissipation | Kind::LinearRotor => 1,
-            Kind::ConstantBody | Kind::ConstantWorld => 3,
-            Kind::EddyCurrent => 4,
-            Kind::SineSpring | Kind::LogSpring => 5,
-            Kind::MatrixDrag | Kind::Sinusoidal | Kind::HeavyTop | Kind::MagneticDipole => 6,
-            Kind::GravityGradient => 9,
-            Kind::WhiteNoise => 10,
-            Kind::GravityGradientKepler => 11,
-            Kind::OrbitingDipole => 14,
-        }
-    }
-
-    /// Phases of one instance; each has [`RATE_DIGITS`] columns and one for the rounded rate.
-    pub const fn phases(self) -> usize {
-        match self {
-            Kind::Sinusoidal | Kind::GravityGradient | Kind::GravityGradientKepler => 1,
-            Kind::OrbitingDipole => 2,
-            _ => 0,
-        }
-    }
-
-    /// All columns of one instance.
-    pub const fn columns(self) -> usize {
-        self.parameters() + self.phases() * (RATE_DIGITS + 1)
-    }
-
-    /// Whether several instances are one with the sum of their parameters.
-    pub const fn merges(self) -> bool {
-        matches!(
-            self,
-            Kind::ConstantBody
-                | Kind::LinearDrag
-                | Kind::ConstantWorld
-                | Kind::MatrixDrag
-                | Kind::QuadraticDrag
-                | Kind::InternalDissipation
-        )
-    }
-}
+/// The column of a ramp's parameters that holds ramps per tick.
+pub(crate) const PER_TICK: usize = 12;
 
 /// Where the instances of one kind have their columns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -168,9 +42,13 @@ pub struct TorqueTable {
     phases: Vec<PhaseRates>,
     /// All instances, in the order of their kinds.
     list: Vec<Instance>,
+    /// Whether moments of inertia change in time.
+    varies_inertia: bool,
+    /// Whether every body's axes turn at I⁻¹ m with the moments that it starts with.
+    is_rigid: bool,
 }
 
-/// The exact rate of one phase of one instance.
+/// The exact rate of one phase of one instance; of a ramp the tick at which it starts.
 #[derive(Clone, Debug, PartialEq)]
 enum PhaseRates {
     Shared(u128),
@@ -198,12 +76,17 @@ impl TorqueTable {
             columns: 0,
             phases: Vec::new(),
             list: Vec::new(),
+            varies_inertia: false,
+            is_rigid: true,
         };
         for torque in torques {
             let kind = torque.model().kind();
             let instances = &mut table.kinds[kind as usize];
             instances.count = if kind.merges() { 1 } else { instances.count + 1 };
         }
+        table.varies_inertia =
+            [Kind::InertiaRamp, Kind::InertiaOscillation].map(|kind| table.instances(kind).count) != [0, 0];
+        table.is_rigid = !table.varies_inertia && table.instances(Kind::InternalDissipation).count == 0;
         // A constant torque is projected in its columns, and drag has no part along an axis without spin.
         table.kinds[Kind::LinearRotor as usize].count = usize::from(has_linear_rotors && !table.is_common());
         for kind in Kind::ALL {
@@ -217,8 +100,7 @@ impl TorqueTable {
             for torque in torques.iter().filter(|torque| torque.model().kind() == kind && kind.phases() > 0) {
                 for phase in 0..kind.phases() {
                     table.phases.push(if torque.model().phase_rates_are_shared() {
-                        let (high, low) = torque.model().phase_rates(0)[phase];
-                        PhaseRates::Shared(table.clock.rate(high, low))
+                        PhaseRates::Shared(table.exact_rate(kind, torque.model().phase_rates(0)[phase]))
                     } else {
                         PhaseRates::PerBody(vec![0; stride])
                     });
@@ -293,8 +175,8 @@ impl TorqueTable {
                 let own = &mut row[start..start + kind.columns()];
                 torque.model().columns(body, frame, orientation, own);
                 let rates = torque.model().phase_rates(body);
-                for (phase, &(high, low)) in rates[..kind.phases()].iter().enumerate() {
-                    let rate = self.clock.rate(high, low);
+                for (phase, &rates) in rates[..kind.phases()].iter().enumerate() {
+                    let rate = self.exact_rate(kind, rates);
                     if let PhaseRates::PerBody(column) =
                         &mut self.phases[instances.first_phase + index * kind.phases() + phase]
                     {
@@ -302,7 +184,11 @@ impl TorqueTable {
                     }
                     let columns = &mut own[kind.parameters() + phase * (RATE_DIGITS + 1)..];
                     columns[..RATE_DIGITS].copy_from_slice(&digits(rate));
-                    columns[RATE_DIGITS] = high / std::f64::consts::TAU;
+                    columns[RATE_DIGITS] = rates.0 / std::f64::consts::TAU;
+                    if kind == Kind::InertiaRamp {
+                        columns[RATE_DIGITS] = rates.1.recip();
+                        own[PER_TICK] = (rates.1 * self.clock.ticks_per_second()).recip();
+                    }
                 }
             }
             if kind == Kind::LinearRotor {
@@ -314,6 +200,32 @@ impl TorqueTable {
         }
     }
 
+    /// What a kernel needs to know of a phase exactly, from its rate in two words or from a ramp's start and duration.
+    fn exact_rate(&self, kind: Kind, (high, low): (f64, f64)) -> u128 {
+        if kind == Kind::InertiaRamp { u128::from(self.clock.ticks_at(high)) } else { self.clock.rate(high, low) }
+    }
+
+    /// Whether every body's axes turn at I⁻¹ m with the moments that it starts with.
+    #[inline(always)]
+    pub fn is_rigid(&self) -> bool {
+        self.is_rigid
+    }
+
+    /// Whether moments of inertia change in time.
+    #[inline(always)]
+    pub(crate) fn varies_inertia(&self) -> bool {
+        self.varies_inertia
+    }
+
+    /// Columns of ratios, which are 1 in the rows that are no bodies, as kernels divide by them.
+    pub(crate) fn ratio_columns(&self) -> impl Iterator<Item = usize> + use<> {
+        let of_inertia = [Kind::InertiaRamp, Kind::InertiaOscillation].map(|kind| (kind, self.instances(kind)));
+        of_inertia.into_iter().flat_map(|(kind, instances)| {
+            (0..instances.count)
+                .flat_map(move |index| (0..3).map(move |axis| instances.first + index * kind.columns() + axis))
+        })
+    }
+
     /// Number of phases of all instances.
     pub(crate) fn phase_count(&self) -> usize {
         self.phases.len()
@@ -323,6 +235,13 @@ impl TorqueTable {
     #[inline(always)]
     pub(crate) fn phase_number(&self, kind: Kind, instance: usize, phase: usize) -> usize {
         self.instances(kind).first_phase + instance * kind.phases() + phase
+    }
+
+    /// The first column of the ramp of inertia whose progress stands in a phase's place.
+    #[inline(always)]
+    pub(crate) fn ramp_of(&self, number: usize) -> Option<usize> {
+        let ramp = self.instances(Kind::InertiaRamp);
+        (ramp.count > 0 && number == ramp.first_phase).then_some(ramp.first)
     }
 
     /// The exact rate of a phase by its number, for the bodies from `first` on.

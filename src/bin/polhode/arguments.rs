@@ -130,7 +130,9 @@ Keys (SI units):
                           centre, gravity); magnetic-dipole (moment, field); orbiting-dipole
                           (moment, mu, orbit, strength, tilt, azimuth, rotation); eddy-current
                           (coefficient, field); sine-spring, log-spring (stiffness, target);
-                          white-noise (intensity, seed, draws_per_step). orbit = { radius } or
+                          white-noise (intensity, seed, draws_per_step); variable-inertia (factor
+                          or inertia; ramp = { start, duration } or oscillation = { rate }).
+                          orbit = { radius } or
                           { semi_major_axis, eccentricity }, angles in rad: inclination,
                           ascending_node, pericentre, mean_anomaly
     [[force]] model       constant, thrust (force: world, body axes), gravity (acceleration),

@@ -226,6 +226,7 @@ impl Source {
             chunk!("torque/log_spring.wgsl"),
             chunk!("torque/white_noise.wgsl"),
             chunk!("torque/internal_dissipation.wgsl"),
+            chunk!("torque/variable_inertia.wgsl"),
             chunk!("torque/sum.wgsl"),
         ]
     }

@@ -1,0 +1,208 @@
+//! How bodies turn under what changes them: internal dissipation and moments of inertia that change in time.
+
+use super::{Epoch, Time, Torques};
+use crate::batch::RATE_COLUMN;
+use crate::clock::Fraction;
+use crate::real::{Outlined, Real};
+use crate::rigid_body::{Body, Correction};
+use crate::torque::internal_dissipation::internal_dissipation;
+use crate::torque::variable_inertia::{
+    Change, Changed, changed_body, inertia_oscillation, inertia_ramp, oscillation_slope, ramp_progress, ramp_slope,
+    ticks_since,
+};
+use crate::torque::{Kind, Motion, PER_TICK};
+use crate::vector::{TwoWords, Vector};
+
+impl<'a, R: Real> Torques<'a, R> {
+    #[inline(always)]
+    pub(super) fn epoch_at(&self, time: Time<'a, R>, noise: Vector<R>) -> Epoch<'a, R> {
+        let change_done =
+            if self.table.varies_inertia() { R::outlined(ChangeDone { torques: *self, time }) } else { R::splat(0.0) };
+        Epoch { time, noise, change_done }
+    }
+
+    /// The progress of the ramp with columns from `first` on at each lane's ticks, not cut.
+    #[inline(always)]
+    pub(super) fn progress_at(&self, start: Fraction<'_>, ticks: impl Fn(usize) -> u64, first: usize) -> R {
+        let since = match start {
+            Fraction::Shared(start) => R::from_lanes(|lane| ticks_since(ticks(lane), start as u64)),
+            Fraction::PerBody(starts) => R::from_lanes(|lane| ticks_since(ticks(lane), starts[lane] as u64)),
+        };
+        since * self.column(first + PER_TICK)
+    }
+
+    /// The progress of the ramp, cut to [0, 1], and its rate, 1/s.
+    #[inline(always)]
+    fn progress(&self, time: &Time<'a, R>) -> (R, R) {
+        let kind = Kind::InertiaRamp;
+        let rate = self.table.rate(kind, 0, 0, self.first, |column| self.column(column));
+        let (start, elapsed) = match time {
+            Time::Equal(instant) => {
+                let first = self.table.instances(kind).first;
+                (self.progress_at(rate.fraction, |_| instant.ticks, first), instant.elapsed)
+            }
+            Time::Own { start_phases, elapsed } => (start_phases[self.table.phase_number(kind, 0, 0)].get(), *elapsed),
+        };
+        (ramp_progress(start, rate.turns_per_second, elapsed), rate.turns_per_second)
+    }
+
+    /// The part of the change of the moments of inertia that is done.
+    #[inline(always)]
+    fn change_done(&self, time: &Time<'a, R>) -> R {
+        if self.table.instances(Kind::InertiaRamp).count > 0 {
+            inertia_ramp(self.progress(time).0)
+        } else {
+            inertia_oscillation(self.phase(Kind::InertiaOscillation, 0, 0, time))
+        }
+    }
+
+    /// Its derivative by time, 1/s.
+    #[inline(always)]
+    fn change_rate(&self, time: &Time<'a, R>) -> R {
+        if self.table.instances(Kind::InertiaRamp).count > 0 {
+            let (progress, rate) = self.progress(time);
+            ramp_slope(progress) * rate
+        } else {
+            let kind = Kind::InertiaOscillation;
+            let rate = self.table.rate(kind, 0, 0, self.first, |column| self.column(column)).turns_per_second;
+            oscillation_slope(self.phase(kind, 0, 0, time)) * rate
+        }
+    }
+
+    /// Its first column.
+    #[inline(always)]
+    fn change_first(&self) -> usize {
+        let ramp = self.table.instances(Kind::InertiaRamp);
+        if ramp.count > 0 { ramp.first } else { self.table.instances(Kind::InertiaOscillation).first }
+    }
+
+    /// What the columns say of the change.
+    #[inline(always)]
+    fn change(&self) -> Change<R> {
+        let first = self.change_first();
+        Change {
+            kappa: self.vector(first),
+            difference: TwoWords { value: self.vector(first + 3), residue: self.vector(first + 6) },
+        }
+    }
+
+    /// 3 n² times the differences of the moments, of the gravity gradient with columns from `c` on.
+    #[inline(always)]
+    pub(super) fn gradient_coefficients(&self, c: usize, change_done: R) -> Vector<R> {
+        let coefficients = self.vector(c);
+        if !self.table.varies_inertia() {
+            return coefficients;
+        }
+        self.vector(self.change_first() + 9).axpy(self.column(c + 9) * change_done, coefficients)
+    }
+
+    /// The motion of a body that is not rigid, and ω = I⁻¹ m.
+    #[inline(always)]
+    fn turning(&self, epoch: &Epoch<'a, R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Turning<R> {
+        let mut omega = body.angular_velocity(m, correction);
+        let mut gyroscopic_term = body.gyroscopic_term(m, correction);
+        if self.table.varies_inertia() {
+            let Changed { body: changed, ratio } = changed_body(body, &self.change(), epoch.change_done);
+            let correction = changed.carried_correction(body, correction, ratio, m);
+            omega = changed.angular_velocity(m, &correction);
+            gyroscopic_term = changed.gyroscopic_term(m, &correction);
+        }
+        let mut motion = Motion { angular_velocity: omega, gyroscopic_term };
+        for (_, c) in self.firsts(Kind::InternalDissipation) {
+            let slip = internal_dissipation(self.column(c), m, omega);
+            motion = Motion {
+                angular_velocity: motion.angular_velocity + slip,
+                gyroscopic_term: motion.gyroscopic_term + m.cross(slip),
+            };
+        }
+        Turning { motion, angular_velocity: omega }
+    }
+
+    /// As [`Environment::motion`], with ω = I⁻¹ m beside it.
+    #[inline(always)]
+    pub(crate) fn turning_at(
+        &self,
+        epoch: &Epoch<'a, R>,
+        body: &Body<R>,
+        correction: &Correction<R>,
+        m: Vector<R>,
+    ) -> Turning<R> {
+        if self.table.is_rigid() {
+            let angular_velocity = body.angular_velocity(m, correction);
+            let gyroscopic_term = body.gyroscopic_term(m, correction);
+            return Turning { motion: Motion { angular_velocity, gyroscopic_term }, angular_velocity };
+        }
+        R::outlined(Turn { torques: *self, epoch: *epoch, body: *body, correction: *correction, m })
+    }
+
+    /// The power of what changes the moments, −½ ω·(dI/dt) ω, at ω = I⁻¹ m, in units of the body's own scale.
+    #[inline(always)]
+    pub(crate) fn change_power(&self, epoch: &Epoch<'a, R>, body: &Body<R>, angular_velocity: Vector<R>) -> R {
+        if !self.table.varies_inertia() {
+            return R::splat(0.0);
+        }
+        R::outlined(ChangePower { torques: *self, epoch: *epoch, body: *body, angular_velocity })
+    }
+}
+
+/// A [`Motion`], and ω = I⁻¹ m.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Turning<R> {
+    pub motion: Motion<R>,
+    pub angular_velocity: Vector<R>,
+}
+
+/// [`Torques::turning`] as a function of its own.
+struct Turn<'a, R: Real> {
+    torques: Torques<'a, R>,
+    epoch: Epoch<'a, R>,
+    body: Body<R>,
+    correction: Correction<R>,
+    m: Vector<R>,
+}
+
+impl<R: Real> Outlined for Turn<'_, R> {
+    type Output = Turning<R>;
+    #[inline(always)]
+    fn run(self) -> Turning<R> {
+        self.torques.turning(&self.epoch, &self.body, &self.correction, self.m)
+    }
+}
+
+/// [`Torques::change_done`] as a function of its own.
+struct ChangeDone<'a, R: Real> {
+    torques: Torques<'a, R>,
+    time: Time<'a, R>,
+}
+
+impl<R: Real> Outlined for ChangeDone<'_, R> {
+    type Output = R;
+    #[inline(always)]
+    fn run(self) -> R {
+        self.torques.change_done(&self.time)
+    }
+}
+
+/// [`Torques::change_power`] as a function of its own.
+struct ChangePower<'a, R: Real> {
+    torques: Torques<'a, R>,
+    epoch: Epoch<'a, R>,
+    body: Body<R>,
+    angular_velocity: Vector<R>,
+}
+
+impl<R: Real> Outlined for ChangePower<'_, R> {
+    type Output = R;
+    #[inline(always)]
+    fn run(self) -> R {
+        let kappa = self.torques.change().kappa;
+        let (one, inverse) = (R::splat(1.0), self.body.inverse_moments.value);
+        // (I₁ − I₀) = I₀ (1/κ − 1).
+        let difference = |kappa: R, inverse: R| (one / kappa - one) / inverse;
+        let differences =
+            Vector::new(difference(kappa.x, inverse.x), difference(kappa.y, inverse.y), difference(kappa.z, inverse.z));
+        let omega = self.angular_velocity;
+        let rate = self.torques.change_rate(&self.epoch.time) / self.torques.column(RATE_COLUMN);
+        R::splat(-0.5) * rate * omega.dot(differences.scaled_by(omega))
+    }
+}

@@ -1,0 +1,320 @@
+//! `variable-inertia`: principal moments that change in time, at an angular momentum that does not.
+//!
+//! A skater who draws in the arms, a satellite that runs out booms, a molecule that breathes. The state of every body is
+//! (q, m), so the angular momentum simply goes on as it is, and the rate at which the axes turn follows from it:
+//!
+//! ```text
+//! dm/dt = m × ω + τ,   ω = I(t)⁻¹ m,   I(t) = I₀ + (I₁ − I₀) s(t),   0 ≤ s ≤ 1
+//! ```
+//!
+//! (Liouville's equation of a body of variable moments; H. Goldstein, *Classical Mechanics*, 2nd ed., section 5-5, for the
+//! principle, and P. C. Hughes, *Spacecraft Attitude Dynamics*, 1986, section 3.3, with the relative angular momentum of the
+//! parts left out.) **The internal motion carries no angular momentum of its own**, and the principal axes stay where they
+//! are in the body: parts move to and fro along radii, in opposite pairs, or alike about an axis. What moves them does the
+//! work dT/dt = ω·τ − ½ ω·(dI/dt) ω beside that of the torques.
+//!
+//! I is linear in s, so that every tensor on the way is that of a body as long as both ends are. The law s(t) is
+//!
+//! * a *ramp*, s = r(u) with u = (t − t₀)/Δ cut to [0, 1] and r the polynomial of degree 13 whose first six derivatives vanish
+//!   at both ends (the regularised incomplete beta function of 7 and 7; M. Abramowitz, I. A. Stegun, *Handbook of
+//!   Mathematical Functions*, 26.5.1). A step that holds an end of the ramp makes an error of dt⁸ once, so that `rk8` keeps
+//!   its order 8, and `rk4` and `cf4` theirs; steepest, halfway, r′ = 2.94;
+//! * an *oscillation*, s = ½ (1 − cos Ωt), from I₀ to I₁ and back with the period 2π/Ω.
+//!
+//! # Accuracy
+//!
+//! In `f32` 1/I is carried in two words here too. Both ends are exact to 1e-14, so that a body before or after a ramp is as
+//! accurate as a rigid one; in between s is rounded, at another place in each step, and the angle turned meanwhile is wrong by
+//! at most 3e-8 of itself.
+//!
+//! Torques that follow from the tensor (the gravity gradient) read the one of their time.
+//!
+//! Methods that take for granted that ω = I₀⁻¹ m are refused ([`crate::Error::RigidOnly`]).
+
+use glam::{DQuat, DVec3};
+
+pub use super::inertia_change::{InertiaChange, Law};
+use super::{Border, Kind, Model, Needs, Torque};
+use crate::batch::BodyFrame;
+use crate::ensemble::Ensemble;
+use crate::error::Result;
+use crate::inertia::{InertiaTensor, TRIANGLE_TOLERANCE, VANISHING_MOMENT, principal_axes};
+use crate::real::{Real, Scalar, sin_cos};
+use crate::rigid_body::Body;
+use crate::vector::{TwoWords, Vector, two_difference};
+
+/// Moments of inertia that change in time; see the [module](self). A scene has one at most.
+///
+/// It is not a torque, as it turns no angular momentum, but it acts on a body like one and stands in the same list.
+///
+/// ```
+/// use glam::{DQuat, DVec3};
+/// use polhode::torque::variable_inertia::{InertiaChange, Law};
+/// use polhode::{Engine, Ensemble, Method, Plan, Scene, Torque};
+///
+/// // A skater draws in the arms within two seconds and turns three times as fast.
+/// let skater = Ensemble::from_columns(&[DVec3::new(12.0, 12.0, 3.0)], &[DQuat::IDENTITY], &[DVec3::Z])?;
+/// let arms_in = InertiaChange::tensor(DVec3::new(10.0, 10.0, 1.0));
+/// let scene = Scene::new(skater).until(5.0).torque(Torque::variable_inertia(arms_in, Law::ramp(1.0, 2.0)));
+/// let scene = scene.pinned(Method::Rk4, 0.01, None);
+/// let engine = Engine::cpu();
+/// let record = engine.run(&Plan::new(&scene, &engine)?)?;
+/// assert!((record.final_state().angular_velocity_body(0).z - 3.0).abs() < 1e-12);
+/// # Ok::<(), polhode::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct VariableInertia {
+    /// What I₁ is.
+    pub change: InertiaChange,
+    /// How it is reached.
+    pub law: Law,
+}
+
+impl VariableInertia {
+    /// The tensor (kg m², body axes) at `time` (s) of a body whose own is `initial`.
+    pub fn tensor_at(&self, body: usize, initial: InertiaTensor, time: f64) -> InertiaTensor {
+        initial + (self.change.of(body, initial) - initial) * self.law.done(body, time)
+    }
+
+    /// By how much faster a body can turn about one of its axes at the same angular momentum; at least 1.
+    fn spin_growth(&self, body: usize, initial: &InertiaTensor) -> f64 {
+        match &self.change {
+            InertiaChange::Factor(factor) => factor.at(body).recip().max(1.0),
+            InertiaChange::Tensor(tensor) => {
+                let axes = principal_axes(initial);
+                let tensor = tensor.at(body).rotated(axes.principal_to_body.conjugate());
+                // A linear rotor does not turn about its first axis.
+                let ratios = [axes.moments.x / tensor.xx, axes.moments.y / tensor.yy, axes.moments.z / tensor.zz];
+                ratios.into_iter().filter(|ratio| ratio.is_finite()).fold(1.0, f64::max)
+            }
+        }
+    }
+}
+
+/// How far a tensor after the change may be from the body's principal axes: off-diagonal elements relative to its largest
+/// element. What rounding of six elements leaves; a body with nearly equal moments has axes that are known no better.
+const AXES_TOLERANCE: f64 = 1e-9;
+
+const AXES: &str = "an inertia with the principal axes of the body's own is needed: off-diagonal elements along them must vanish (kg m²)";
+const POSITIVE: &str = "an inertia with positive principal moments is needed (kg m²)";
+const LINEAR: &str = "a linear rotor stays one: an inertia with no moment about the body's axis is needed (kg m²)";
+const TRIANGLE: &str = "no mass distribution has this inertia: I1 + I2 >= I3 is needed (this is I1 + I2 - I3, kg m²)";
+
+impl Model for VariableInertia {
+    fn kind(&self) -> Kind {
+        match self.law {
+            Law::Ramp { .. } => Kind::InertiaRamp,
+            Law::Oscillation { .. } => Kind::InertiaOscillation,
+        }
+    }
+
+    fn validate(&self, border: &Border) -> Result<()> {
+        match &self.law {
+            Law::Ramp { start, duration } => {
+                border.not_negative("start", start)?;
+                border.positive("duration", duration)?;
+            }
+            Law::Oscillation { rate } => border.finite("rate", rate)?,
+        }
+        match &self.change {
+            InertiaChange::Factor(factor) => border.positive("factor", factor),
+            InertiaChange::Tensor(tensor) => border.finite("inertia", tensor),
+        }
+    }
+
+    /// Both ends are looked at; what lies between is a mean of them.
+    fn validate_bodies(&self, border: &Border, ensemble: &Ensemble) -> Result<()> {
+        let InertiaChange::Tensor(tensor) = &self.change else { return Ok(()) };
+        for (body, initial) in ensemble.inertia().iter().enumerate() {
+            let refused = |value, expected| Err(border.refusal(Some(body), "inertia", value, expected));
+            let tensor = tensor.at(body).rotated(principal_axes(initial).principal_to_body.conjugate());
+            let largest = tensor.to_array().into_iter().fold(0.0_f64, |largest, element| largest.max(element.abs()));
+            let across = [tensor.xy, tensor.xz, tensor.yz].into_iter().max_by(|a, b| a.abs().total_cmp(&b.abs()));
+            if let Some(across) = across.filter(|across| across.abs() > AXES_TOLERANCE * largest) {
+                return refused(across, AXES);
+            }
+            let mut moments = [tensor.xx, tensor.yy, tensor.zz];
+            if ensemble.is_linear_rotor(body) && moments[0].abs() > AXES_TOLERANCE * largest {
+                return refused(moments[0], LINEAR);
+            }
+            moments.sort_by(f64::total_cmp);
+            let least = if ensemble.is_linear_rotor(body) { moments[1] } else { moments[0] };
+            if least.is_nan() || least <= VANISHING_MOMENT * largest {
+                return refused(least, POSITIVE);
+            }
+            let excess = moments[0] + moments[1] - moments[2];
+            let tolerance = if ensemble.is_linear_rotor(body) { AXES_TOLERANCE } else { TRIANGLE_TOLERANCE };
+            if excess < -tolerance * moments[2] {
+                return refused(excess, TRIANGLE);
+            }
+        }
+        Ok(())
+    }
+
+    fn needs(&self) -> Needs {
+        Needs { time: true, ..Needs::NOTHING }
+    }
+
+    /// The rate at which s changes where it does so fastest, which a step must follow too.
+    fn rate(&self, body: usize, _: f64) -> f64 {
+        match &self.law {
+            Law::Ramp { duration, .. } => STEEPEST / duration.at(body),
+            Law::Oscillation { rate } => rate.at(body).abs(),
+        }
+    }
+
+    fn columns(&self, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
+        let changed_moments = self.change.scaled_moments(body, frame);
+        let pairs = frame.scaled_moments.to_array().into_iter().zip(changed_moments.to_array());
+        for (axis, (initial, changed)) in pairs.enumerate() {
+            let difference = changed.recip() - initial.recip();
+            let first_word = f64::from(difference as f32);
+            out[axis] = initial / changed;
+            out[3 + axis] = first_word;
+            out[6 + axis] = difference - first_word;
+        }
+        // What the gravity gradient reads, of the true tensor.
+        let gained = changed_moments - frame.scaled_moments;
+        let gained = if frame.is_linear_rotor { gained * DVec3::new(0.0, 1.0, 1.0) } else { gained };
+        out[9..12].copy_from_slice(&[gained.z - gained.y, gained.x - gained.z, gained.y - gained.x]);
+    }
+
+    /// Of a ramp its start and duration, of which the table forms its progress.
+    fn phase_rates(&self, body: usize) -> [(f64, f64); 2] {
+        let own = match &self.law {
+            Law::Ramp { start, duration } => (start.at(body), duration.at(body)),
+            Law::Oscillation { rate } => (rate.at(body), 0.0),
+        };
+        [own, (0.0, 0.0)]
+    }
+
+    fn phase_rates_are_shared(&self) -> bool {
+        match &self.law {
+            Law::Ramp { start, .. } => start.is_shared(),
+            Law::Oscillation { rate } => rate.is_shared(),
+        }
+    }
+}
+
+/// The change of a scene's moments, where it has one.
+pub(crate) fn of_scene(torques: &[Torque]) -> Option<&VariableInertia> {
+    torques.iter().find_map(|torque| match torque {
+        Torque::VariableInertia(model) => Some(model),
+        _ => None,
+    })
+}
+
+/// A body's principal moments at a time (s) in units of its own scale, along its principal axes.
+pub(crate) fn scaled_moments_at(torques: &[Torque], body: usize, frame: &BodyFrame, time: f64) -> DVec3 {
+    let Some(model) = of_scene(torques) else { return frame.scaled_moments };
+    let changed = model.change.scaled_moments(body, frame);
+    frame.scaled_moments + (changed - frame.scaled_moments) * model.law.done(body, time)
+}
+
+/// A body's tensor at a time (s), kg m², body axes.
+pub(crate) fn tensor_at(torques: &[Torque], body: usize, initial: InertiaTensor, time: f64) -> InertiaTensor {
+    of_scene(torques).map_or(initial, |model| model.tensor_at(body, initial, time))
+}
+
+/// By how much faster a body may come to turn as its moments change; 1 where they do not.
+pub(crate) fn spin_growth(torques: &[Torque], body: usize, initial: &InertiaTensor) -> f64 {
+    of_scene(torques).map_or(1.0, |model| model.spin_growth(body, initial))
+}
+
+/// The greatest r′(u), 12012/4096, rounded up.
+const STEEPEST: f64 = 2.94;
+
+/// Ticks from the start of a ramp to `ticks`, rounded; negative before it.
+#[inline(always)]
+pub fn ticks_since<T: Scalar>(ticks: u64, start: u64) -> T {
+    let difference = ticks.wrapping_sub(start);
+    let (high, low) = ((difference >> 32) as i32, difference as u32);
+    T::from_f64(f64::from(high)).mul_add(T::splat(4_294_967_296.0), T::from_f64(f64::from(low)))
+}
+
+/// u, cut to [0, 1], `elapsed` seconds after it was `start`.
+#[inline(always)]
+pub fn ramp_progress<R: Real>(start: R, per_second: R, elapsed: R) -> R {
+    per_second.mul_add(elapsed, start).max(R::splat(0.0)).min(R::splat(1.0))
+}
+
+/// r(u) = u⁷ (1 + 7w + 28w² + 84w³ + 210w⁴ + 462w⁵ + 924w⁶), w = 1 − u, for u in [0, 1]: a sum without cancellation that is 0
+/// and 1 at the ends.
+#[inline(always)]
+pub fn inertia_ramp<R: Real>(progress: R) -> R {
+    let u = progress;
+    let w = R::splat(1.0) - u;
+    let mut sum = R::splat(924.0);
+    for coefficient in [462.0, 210.0, 84.0, 28.0, 7.0, 1.0] {
+        sum = sum.mul_add(w, R::splat(coefficient));
+    }
+    let cube = u * u * u;
+    cube * cube * u * sum
+}
+
+/// ½ (1 − cos 2πx) at a phase x in turns.
+#[inline(always)]
+pub fn inertia_oscillation<R: Real>(phase: R) -> R {
+    let (sin, _) = sin_cos((phase * R::splat(0.5)) * R::splat(std::f64::consts::TAU));
+    sin * sin
+}
+
+/// dr/du.
+#[inline(always)]
+pub(crate) fn ramp_slope<R: Real>(progress: R) -> R {
+    let product = progress * (R::splat(1.0) - progress);
+    let cube = product * product * product;
+    R::splat(12012.0) * cube * cube
+}
+
+/// The derivative of ½ (1 − cos 2πx) by x.
+#[inline(always)]
+pub(crate) fn oscillation_slope<R: Real>(phase: R) -> R {
+    let (sin, _) = sin_cos(phase * R::splat(std::f64::consts::TAU));
+    R::splat(std::f64::consts::PI) * sin
+}
+
+/// What a body's columns say of its change.
+#[derive(Clone, Copy, Debug)]
+pub struct Change<R> {
+    /// κ = I₀/I₁, axis by axis.
+    pub kappa: Vector<R>,
+    /// 1/I₁ − 1/I₀; the second word in either precision, as columns do not know theirs.
+    pub difference: TwoWords<Vector<R>>,
+}
+
+/// A body on the way.
+#[derive(Clone, Copy, Debug)]
+pub struct Changed<R> {
+    /// With the moments that it has.
+    pub body: Body<R>,
+    /// I₀/I, to a few roundings.
+    pub ratio: Vector<R>,
+}
+
+/// The body with the part s = `done` of its change: 1/I = 1/I₀ + (1/I₁ − 1/I₀) σ, σ = s/(s + (1 − s) κ), where σ is 0 and 1
+/// at the ends, however the division rounds.
+#[inline(always)]
+pub fn changed_body<R: Real>(body: &Body<R>, change: &Change<R>, done: R) -> Changed<R> {
+    let one = R::splat(1.0);
+    let left = one - done;
+    let unfinished = done.less_than(one);
+    let share = |kappa: R| R::select(unfinished, done / kappa.mul_add(left, done), one);
+    let share = Vector::new(share(change.kappa.x), share(change.kappa.y), share(change.kappa.z));
+    let ones = Vector::new(one, one, one);
+    let ratio = (change.kappa - ones).mul_add(share, ones);
+    let (value, residue) = (body.inverse_moments.value, body.inverse_moments.residue);
+    if R::Scalar::WORDS == 1 {
+        let difference = change.difference.value + change.difference.residue;
+        let inverse = TwoWords { value: difference.mul_add(share, value), residue };
+        return Changed { body: Body::new(inverse), ratio };
+    }
+    let part = change.difference.value.scaled_by(share);
+    let (x, x_lost) = two_difference(value.x, -part.x);
+    let (y, y_lost) = two_difference(value.y, -part.y);
+    let (z, z_lost) = two_difference(value.z, -part.z);
+    let lost = Vector::new(x_lost, y_lost, z_lost);
+    let inverse =
+        TwoWords { value: Vector::new(x, y, z), residue: lost + change.difference.residue.mul_add(share, residue) };
+    Changed { body: Body::new(inverse), ratio }
+}
