@@ -220,7 +220,8 @@ impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
                 break;
             }
             let bodies = group.iter().map(|&index| self.chunks[index].list.len()).sum();
-            let attempts = self.slicer.steps(bodies, u64::MAX);
+            let fair = group.iter().map(|&index| self.chunks[index].next_attempts()).min().unwrap_or(1);
+            let attempts = self.slicer.steps(bodies, u64::from(fair));
             let start = Instant::now();
             let (longest, finished) = self.run(&group, &interval, attempts)?;
             self.slicer.record(bodies, longest.max(1), start.elapsed());

@@ -70,6 +70,8 @@ pub(super) struct Chunk {
     pub list: Vec<u32>,
     /// Whether no body has been advanced in this interval yet.
     starts: bool,
+    /// The most attempts of a body in this interval so far.
+    made: u32,
     parameters: wgpu::Buffer,
     controllers: wgpu::Buffer,
     counts: wgpu::Buffer,
@@ -78,6 +80,9 @@ pub(super) struct Chunk {
     settings: wgpu::Buffer,
     bind_group: wgpu::BindGroup,
 }
+
+/// Attempts of the first dispatch of an interval: of fewer, the cost of loading and storing a body is a part that counts.
+const FIRST_ATTEMPTS: u32 = 8;
 
 /// What a dispatch says of a body: its attempts, and in this bit whether it is still under way.
 const UNDER_WAY: u32 = 1 << 31;
@@ -136,6 +141,7 @@ impl Chunk {
             state,
             list: Vec::new(),
             starts: false,
+            made: 0,
             parameters,
             controllers,
             counts,
@@ -163,6 +169,13 @@ impl Chunk {
     pub fn start_interval(&mut self) {
         self.list = (0..self.bodies as u32).collect();
         self.starts = true;
+        self.made = 0;
+    }
+
+    /// The most attempts of the next dispatch: as many as its bodies have made in this interval, so that one that has arrived
+    /// holds its workgroup for no more attempts than its own. The number of dispatches is the logarithm of the attempts.
+    pub fn next_attempts(&self) -> u32 {
+        self.made.max(FIRST_ATTEMPTS)
     }
 
     /// Sets the uniform block and the list for the next submission.
@@ -192,6 +205,7 @@ impl Chunk {
     /// Keeps the bodies that are still under way in the list.
     pub fn compact(&mut self, outcomes: &[u32]) -> Tally {
         let tally = tally(outcomes, WORKGROUP_SIZE as usize);
+        self.made = self.made.saturating_add(tally.longest);
         let mut outcome = outcomes.iter();
         self.list.retain(|_| outcome.next().is_some_and(|outcome| outcome & UNDER_WAY != 0));
         tally
