@@ -264,59 +264,30 @@ fn tree_sum(mut values: [f64; WORKGROUP]) -> f64 {
     values[0]
 }
 
-impl<T: LaneScalar + Kernel> Reduce for CpuSession<T> {
-    fn watch(&mut self, statistics: &[Statistic], frames: &[BodyFrame], fastest: f64) -> Result<()> {
-        self.reducer = Some(Reducer::new(self.width, statistics, frames, fastest));
-        Ok(())
-    }
+/// Reductions of a session whose columns are in the field of that name.
+macro_rules! reduces {
+    ($session:ident, $columns:ident) => {
+        impl<T: LaneScalar + Kernel> Reduce for $session<T> {
+            fn watch(&mut self, statistics: &[Statistic], frames: &[BodyFrame], fastest: f64) -> Result<()> {
+                self.reducer = Some(Reducer::new(self.width, statistics, frames, fastest));
+                Ok(())
+            }
 
-    fn reduce(&mut self) -> Result<Vec<Partial<f64>>> {
-        Ok(self.reducer.as_ref().map(|reducer| reducer.reduce(&self.batch)).unwrap_or_default())
-    }
+            fn reduce(&mut self) -> Result<Vec<Partial<f64>>> {
+                Ok(self.reducer.as_ref().map(|reducer| reducer.reduce(&self.$columns)).unwrap_or_default())
+            }
 
-    fn marked(&mut self) -> Result<Marked> {
-        Ok(self.reducer.as_ref().map(|reducer| reducer.marked(&self.batch)).unwrap_or_default())
-    }
+            fn marked(&mut self) -> Result<Marked> {
+                Ok(self.reducer.as_ref().map(|reducer| reducer.marked(&self.$columns)).unwrap_or_default())
+            }
 
-    fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
-        Ok(read_rows(&self.batch, rows))
-    }
+            fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
+                Ok(read_rows(&self.$columns, rows))
+            }
+        }
+    };
 }
 
-impl<T: LaneScalar + Kernel> Reduce for CpuFreeSession<T> {
-    fn watch(&mut self, statistics: &[Statistic], frames: &[BodyFrame], fastest: f64) -> Result<()> {
-        self.reducer = Some(Reducer::new(self.width, statistics, frames, fastest));
-        Ok(())
-    }
-
-    fn reduce(&mut self) -> Result<Vec<Partial<f64>>> {
-        Ok(self.reducer.as_ref().map(|reducer| reducer.reduce(&self.columns)).unwrap_or_default())
-    }
-
-    fn marked(&mut self) -> Result<Marked> {
-        Ok(self.reducer.as_ref().map(|reducer| reducer.marked(&self.columns)).unwrap_or_default())
-    }
-
-    fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
-        Ok(read_rows(&self.columns, rows))
-    }
-}
-
-impl<T: LaneScalar + Kernel> Reduce for CpuAdaptiveSession<T> {
-    fn watch(&mut self, statistics: &[Statistic], frames: &[BodyFrame], fastest: f64) -> Result<()> {
-        self.reducer = Some(Reducer::new(self.width, statistics, frames, fastest));
-        Ok(())
-    }
-
-    fn reduce(&mut self) -> Result<Vec<Partial<f64>>> {
-        Ok(self.reducer.as_ref().map(|reducer| reducer.reduce(&self.batch)).unwrap_or_default())
-    }
-
-    fn marked(&mut self) -> Result<Marked> {
-        Ok(self.reducer.as_ref().map(|reducer| reducer.marked(&self.batch)).unwrap_or_default())
-    }
-
-    fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
-        Ok(read_rows(&self.batch, rows))
-    }
-}
+reduces!(CpuSession, batch);
+reduces!(CpuFreeSession, columns);
+reduces!(CpuAdaptiveSession, batch);
