@@ -49,10 +49,13 @@ struct Partial {
 @group(0) @binding(3) var<storage, read> columns: array<real>;
 // The chunk's, by statistic, then those of its workgroups.
 @group(0) @binding(4) var<storage, read_write> partials: array<Partial>;
-// Four words a workgroup: a bit for each body that failed, then one for each that spins too fast.
+// Four words for 64 bodies: a bit for each body that failed, then one for each that spins too fast.
 @group(0) @binding(5) var<storage, read_write> marks: array<u32>;
 
 const WORKGROUP: u32 = 64u;
+// A lane merges so many bodies before the workgroup's tree: few, so that a GPU is filled, and enough that barriers, which a
+// software adapter pays dearly, do not count.
+const BODIES_PER_LANE: u32 = 16u;
 const SCALE_COLUMN: u32 = 4u;
 const ZERO_EXPONENT: i32 = -16384;
 
@@ -61,7 +64,7 @@ const SPIN_RATE: u32 = 1u;
 const ANGULAR_MOMENTUM: u32 = 2u;
 
 var<workgroup> tree: array<Partial, WORKGROUP>;
-var<workgroup> workgroup_marks: array<atomic<u32>, 4>;
+var<workgroup> workgroup_marks: array<atomic<u32>, 64>;
 
 fn column_at(column: u32, i: u32) -> real {
     return columns[column * settings.stride + i];
@@ -69,7 +72,7 @@ fn column_at(column: u32, i: u32) -> real {
 
 // Whether body i is a number in every place and no step has failed on it.
 fn is_sound(i: u32) -> bool {
-    var sound = i < settings.body_count;
+    var sound = true;
     for (var column = 0u; column < 7u; column += 1u) {
         sound = sound && is_finite(column, i);
     }
@@ -161,48 +164,45 @@ fn observe(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let i = group.x * WORKGROUP + lane;
-    let sound = is_sound(i);
-    var inverse_moments = vector(1.0, 1.0, 1.0);
-    var m = vector(0.0, 0.0, 0.0);
-    var exponent = 0;
-    var faster = false;
-    if (sound) {
-        inverse_moments = vector(column_at(0u, i), column_at(1u, i), column_at(2u, i));
-        let stride = settings.stride;
-        let own = without_axis(
+    let stride = settings.stride;
+    var own: array<Partial, 3>;
+    for (var round = 0u; round < BODIES_PER_LANE; round += 1u) {
+        let i = (group.x * BODIES_PER_LANE + round) * WORKGROUP + lane;
+        if (i >= settings.body_count) {
+            break;
+        }
+        if (!is_sound(i)) {
+            atomicOr(&workgroup_marks[4u * round + lane / 32u], 1u << (lane % 32u));
+            continue;
+        }
+        let inverse_moments = vector(column_at(0u, i), column_at(1u, i), column_at(2u, i));
+        let momentum = without_axis(
             inverse_moments,
             vector(state_columns[4u * stride + i], state_columns[5u * stride + i], state_columns[6u * stride + i]),
         );
-        exponent = exponent_of(max(max(abs(own.x), abs(own.y)), abs(own.z)));
-        m = own * power_of_two(-exponent);
+        let exponent = exponent_of(max(max(abs(momentum.x), abs(momentum.y)), abs(momentum.z)));
+        let m = momentum * power_of_two(-exponent);
         let rate = quantity(SPIN_RATE, inverse_moments, m);
-        faster = rate * power_of_two(exponent) > column_at(3u, i);
-    }
-    if (i < settings.body_count && !sound) {
-        atomicOr(&workgroup_marks[lane / 32u], 1u << (lane % 32u));
-    }
-    if (faster) {
-        atomicOr(&workgroup_marks[2u + lane / 32u], 1u << (lane % 32u));
+        let faster = rate * power_of_two(exponent) > column_at(3u, i);
+        if (faster) {
+            atomicOr(&workgroup_marks[4u * round + 2u + lane / 32u], 1u << (lane % 32u));
+        }
+        for (var index = 0u; index < settings.statistic_count; index += 1u) {
+            let statistic = settings.statistics[index];
+            let scale = column_at(SCALE_COLUMN + index, i);
+            let x = normalised(quantity(statistic, inverse_moments, m), scale, degree(statistic) * exponent);
+            own[index] = merge(own[index], partial_of_body(x, i, faster));
+        }
     }
     for (var index = 0u; index < settings.statistic_count; index += 1u) {
-        let statistic = settings.statistics[index];
-        var own = Partial();
-        if (sound) {
-            let x = quantity(statistic, inverse_moments, m);
-            let scale = column_at(SCALE_COLUMN + index, i);
-            own = partial_of_body(normalised(x, scale, degree(statistic) * exponent), i, faster);
-        }
-        tree[lane] = own;
+        tree[lane] = own[index];
         merge_tree(lane);
         if (lane == 0u) {
             partials[(1u + group.x) * settings.statistic_count + index] = tree[0];
         }
         workgroupBarrier();
     }
-    if (lane < 4u) {
-        marks[4u * group.x + lane] = atomicLoad(&workgroup_marks[lane]);
-    }
+    marks[64u * group.x + lane] = atomicLoad(&workgroup_marks[lane]);
 }
 
 @compute @workgroup_size(WORKGROUP)
@@ -211,7 +211,8 @@ fn combine(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let count = settings.statistic_count;
-    let groups = (settings.body_count + WORKGROUP - 1u) / WORKGROUP;
+    let group_bodies = WORKGROUP * BODIES_PER_LANE;
+    let groups = (settings.body_count + group_bodies - 1u) / group_bodies;
     var own = Partial();
     for (var index = lane; index < groups; index += WORKGROUP) {
         own = merge(own, partials[(1u + index) * count + group.x]);

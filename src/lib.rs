@@ -36,7 +36,7 @@
 //! * [`batch`]: the same bodies in principal axes, scaled by powers of two, as columns.
 //! * [`plan`]: a scene resolved for an engine.
 //! * [`engine`]: the trait [`engine::Backend`] and its two implementations. The kernels themselves are generic over
-//!   [`real::Real`] ([`vector`], [`quaternion`], [`rigid_body`], [`method`], [`torque`]) and each has a twin of the same
+//!   [`real::Real`] ([`vector`], [`quaternion`], [`rigid_body`], [`method`], [`torque`], [`observe`]) and each has a twin of the same
 //!   stem under `shaders/`: `f64` is the reference, `f32` is compared with the shader, SIMD lanes of either are the fast
 //!   CPU engine.
 //! * [`run`], [`record`]: the loop over output times, and what it leaves behind.

@@ -12,8 +12,8 @@
 //!
 //! Partial results are merged in pairs by the update of Chan, Golub and LeVeque (*Algorithms for computing the sample
 //! variance*, The American Statistician 37, 1983, equation 2.1), which forms no difference of large sums; the mean is
-//! carried in two words in `f32`. 64 bodies are merged as a tree, one workgroup; then their results, in a fixed order, by one
-//! workgroup a chunk; then the chunks, in `f64`, on the host. The result does not depend on threads.
+//! carried in two words in `f32`. Each of 64 lanes of a workgroup merges 16 bodies, one after the other; then the lanes are merged as
+//! a tree; then the workgroups, in a fixed order, by one workgroup a chunk; then the chunks, in `f64`, on the host. The result does not depend on threads.
 //!
 //! # Error
 //!
@@ -39,9 +39,9 @@ pub const VALUE_ROUNDINGS: u32 = 16;
 /// ulp) and the product.
 pub const MERGE_ROUNDINGS: u32 = 7;
 
-/// Merges on a body's way to the total: six in its workgroup, at most sixteen and six in its chunk, and those of the chunks in
-/// `f64`, which add nothing.
-pub const MERGES: u32 = 6 + 16 + 6;
+/// Merges on a body's way to the total: sixteen in its lane, six in its workgroup, at most sixteen and six in its chunk (of a
+/// million bodies), and those of the chunks in `f64`, which add nothing.
+pub const MERGES: u32 = 16 + 6 + 16 + 6;
 
 /// How far statistics that are formed where the states are may be from those of the same states in exact arithmetic: the
 /// mean, relative to itself; the standard deviation, relative to the root mean square; extremes, relative to themselves.
@@ -54,8 +54,14 @@ pub fn error_bound(precision: Precision) -> f64 {
         }
 }
 
-/// Bodies whose results are merged as a tree: one workgroup.
+/// Lanes of a workgroup, whose results are merged as a tree.
 pub(crate) const WORKGROUP: usize = STRIDE_UNIT;
+
+/// Bodies that a lane merges before that.
+const BODIES_PER_LANE: usize = 16;
+
+/// Bodies of a workgroup.
+pub(crate) const GROUP_BODIES: usize = WORKGROUP * BODIES_PER_LANE;
 
 /// Columns before those of the scales: 1/I₁, 1/I₂, 1/I₃, and the spin rate beyond which a body is marked.
 pub(crate) const SCALE_COLUMN: usize = 4;
@@ -138,6 +144,11 @@ pub(crate) struct Columns<T> {
     pub columns: Vec<T>,
     /// What the exponents of each statistic are relative to.
     pub offsets: Vec<i32>,
+}
+
+/// Bytes that [`Columns`] take for one body, at most.
+pub(crate) fn bytes_per_body(statistics: usize) -> usize {
+    (SCALE_COLUMN + statistics) * size_of::<f64>()
 }
 
 impl<T: Kernel> Columns<T> {
@@ -299,27 +310,23 @@ pub(crate) fn quantity<R: Real>(statistic: Statistic, inverse_moments: Vector<R>
     }
 }
 
-/// The statistics of one workgroup, body by body as the shader forms them: of the row that a lane stands for, its inverse
-/// moments, limit, angular momentum and scales (by the statistics' order), or nothing where there is no sound body.
+/// The statistics of one workgroup, body by body as the shader forms them: `row` gives what there is to read of the
+/// workgroup's bodies, or nothing where there is no sound body.
 pub(crate) fn observe<T: Kernel>(
     statistics: &[Statistic],
     row: impl Fn(usize) -> Option<ObservedRow<T>>,
     first: u32,
 ) -> Vec<Partial<T>> {
     let of_statistic = |(index, &statistic): (usize, &Statistic)| {
-        let leaf = |lane: usize| {
-            let Some(row) = row(lane) else { return Partial::none() };
-            let own = without_axis(row.inverse_moments, row.m);
-            let exponent = T::exponent_of(own.largest());
-            let factor = T::power_of_two(-exponent);
-            let m = own.scaled_by(Vector::new(factor, factor, factor));
-            let rate = quantity(Statistic::SpinRate, row.inverse_moments, m);
-            let faster = rate * T::power_of_two(exponent) > row.limit;
+        let of_body = |offset: usize| {
+            let Some(row) = row(offset) else { return Partial::none() };
+            let (m, exponent) = row.near_one();
             let x = quantity(statistic, row.inverse_moments, m);
             let x = T::normalised(x, row.scales[index], statistic.degree() * exponent);
-            Partial::of_body(x, first + lane as u32, faster)
+            Partial::of_body(x, first + offset as u32, row.is_faster())
         };
-        merge_tree(std::array::from_fn(leaf))
+        let of_lane = |lane: usize| (lane..GROUP_BODIES).step_by(WORKGROUP).map(of_body).fold(Partial::none(), merge);
+        merge_tree(std::array::from_fn(of_lane))
     };
     statistics.iter().enumerate().map(of_statistic).collect()
 }
@@ -331,6 +338,22 @@ pub(crate) struct ObservedRow<T> {
     pub m: Vector<T>,
     /// By the statistics' order.
     pub scales: [T; Statistic::ALL.len()],
+}
+
+impl<T: Kernel> ObservedRow<T> {
+    /// The angular momentum scaled by a power of two to near 1, and the exponent that brings it back.
+    fn near_one(&self) -> (Vector<T>, i32) {
+        let own = without_axis(self.inverse_moments, self.m);
+        let exponent = T::exponent_of(own.largest());
+        let factor = T::power_of_two(-exponent);
+        (own.scaled_by(Vector::new(factor, factor, factor)), exponent)
+    }
+
+    /// Whether the body is marked.
+    pub fn is_faster(&self) -> bool {
+        let (m, exponent) = self.near_one();
+        quantity(Statistic::SpinRate, self.inverse_moments, m) * T::power_of_two(exponent) > self.limit
+    }
 }
 
 /// The statistics of a chunk from those of its workgroups, `partial(group)`.

@@ -1,6 +1,6 @@
 //! Every skip from both sides of its condition: taken just inside, with the result of the long way; not taken just outside.
 //!
-//! The classes of free bodies are in `plan.rs`.
+//! The classes of free bodies are in `plan.rs`, states that statistics do without in `statistics.rs`.
 
 use std::ops::ControlFlow;
 

@@ -155,8 +155,8 @@ fn bound(precision: Precision) -> f64 {
     error_bound(precision) + HOST
 }
 
-/// Bodies counts around workgroups (64), a chunk's tree (4,096) and tasks.
-const SIZES: [usize; 7] = [1, 2, 63, 64, 65, 200, 4161];
+/// Numbers of bodies around a workgroup's lanes (64), its bodies (1,024) and the CPU's tasks (4,096).
+const SIZES: [usize; 9] = [1, 2, 63, 64, 65, 200, 1024, 1025, 4161];
 
 #[test]
 fn statistics_are_those_of_the_states() {
@@ -497,10 +497,10 @@ const FAULTS: [(&str, &str, &str, &str); 7] = [
     (
         "the last workgroup is left out where it is not full",
         "observe.wgsl",
-        "(settings.body_count + WORKGROUP - 1u) / WORKGROUP;",
-        "settings.body_count / WORKGROUP;",
+        "(settings.body_count + group_bodies - 1u) / group_bodies;",
+        "settings.body_count / group_bodies;",
     ),
-    ("the last body is left out", "observe.wgsl", "var sound = i <", "var sound = i + 1u <"),
+    ("the last body is left out", "observe.wgsl", "(i >= settings", "(i + 1u >= settings"),
     ("a scale is lost", "observe_f32.wgsl", "+ exponent + i32(scale)", "+ exponent"),
     ("exponents are not compared", "observe.wgsl", "a.exponent < b.exponent || ", ""),
     ("the share is that of the wrong side", "observe.wgsl", "real(b.count) / real", "real(a.count) / real"),

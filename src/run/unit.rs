@@ -16,7 +16,7 @@ use crate::engine::{Backend, FreeSession, Observer, Progress, Session};
 use crate::error::Result;
 use crate::free_motion::AnyRows;
 use crate::method::Status;
-use crate::observe::{Partial, Statistic, merge};
+use crate::observe::{self, Partial, Statistic, merge};
 use crate::plan::{Group, Members, Treatment};
 use crate::record::WallTime;
 use crate::regular_precession::RegularPrecession;
@@ -232,6 +232,9 @@ const BLOCK: usize = 1 << 12;
 impl Unit<'_> {
     /// Makes ready for [`Unit::reduce`]; a body that spins faster than `fastest` rad/s is marked.
     pub fn watch(&mut self, statistics: &[Statistic], fastest: f64) -> Result<()> {
+        let bodies = self.members.len();
+        let bytes = bodies.saturating_mul(observe::bytes_per_body(statistics.len()));
+        crate::memory::require(bodies, bytes, "the columns of the statistics")?;
         let Some((session, frames)) = self.session() else { return Ok(()) };
         session.watch(statistics, frames, fastest)
     }

@@ -13,8 +13,8 @@ use crate::engine::reduction::{Marked, Reduce};
 use crate::error::Result;
 use crate::lanes::{LaneScalar, LaneTask};
 use crate::observe::{
-    Columns, Extreme, Kernel, ObservedRow, Partial, SCALE_COLUMN, Statistic, WORKGROUP, combine, merge, observe,
-    quantity, without_axis,
+    Columns, Extreme, GROUP_BODIES, Kernel, ObservedRow, Partial, SCALE_COLUMN, Statistic, WORKGROUP, combine, merge,
+    observe, quantity, without_axis,
 };
 use crate::real::{Real, Scalar};
 use crate::vector::Vector;
@@ -65,10 +65,10 @@ impl<T: LaneScalar + Kernel> Reducer<T> {
     }
 
     fn one_by_one(&self, columns: &Columns<T>, batch: &Batch<T>) -> Vec<Partial<f64>> {
-        let groups = batch.body_count.div_ceil(WORKGROUP);
+        let groups = batch.body_count.div_ceil(GROUP_BODIES);
         let of_group = |group: usize| {
-            let first = group * WORKGROUP;
-            observe(&self.statistics, |lane| observed_row(columns, batch, first + lane), first as u32)
+            let first = group * GROUP_BODIES;
+            observe(&self.statistics, |offset| observed_row(columns, batch, first + offset), first as u32)
         };
         let found: Vec<Vec<Partial<T>>> = (0..groups).map(of_group).collect();
         let total = |(index, &offset): (usize, &i32)| combine(groups, |group| found[group][index]).widened(0, offset);
@@ -96,15 +96,7 @@ impl<T: LaneScalar + Kernel> Reducer<T> {
                 let m = without_axis(inverse_moments, Vector::new(x, y, z));
                 quantity(Statistic::SpinRate, inverse_moments, m) > column(3)
             }
-            Watched::Twin(columns) => {
-                observe(
-                    &[Statistic::SpinRate],
-                    |lane| if lane == 0 { observed_row(columns, batch, row) } else { None },
-                    0,
-                )[0]
-                .faster
-                    > 0
-            }
+            Watched::Twin(columns) => observed_row(columns, batch, row).is_some_and(|row| row.is_faster()),
         }
     }
 }

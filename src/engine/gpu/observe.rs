@@ -8,7 +8,7 @@ use super::shader::{Patch, Source};
 use crate::batch::{BodyFrame, Precision};
 use crate::engine::reduction::Marked;
 use crate::error::Result;
-use crate::observe::{Columns, Extreme, Partial, Statistic, WORKGROUP, merge};
+use crate::observe::{Columns, Extreme, GROUP_BODIES, Partial, Statistic, WORKGROUP, merge};
 
 /// The kernels' bindings, and their pipelines by precision, made on first use.
 #[derive(Debug, Default)]
@@ -104,12 +104,12 @@ struct Chunk {
     has_marks: bool,
 }
 
-/// Words of marks a workgroup: a bit a body that failed, then a bit a body that spins too fast.
+/// Words of marks for as many bodies as a workgroup has lanes: a bit a body that failed, then a bit a body that spins too fast.
 const MARKS: usize = 4;
 
 impl Chunk {
     fn groups(&self) -> usize {
-        self.bodies.div_ceil(WORKGROUP)
+        self.bodies.div_ceil(GROUP_BODIES)
     }
 
     fn release(&self) {
@@ -165,7 +165,7 @@ impl Reducer {
     }
 
     fn chunk<T: DeviceScalar>(&self, device: &Device, place: &Place<'_>, statistics: usize) -> Result<Chunk, Refusal> {
-        let groups = place.bodies.div_ceil(WORKGROUP);
+        let groups = place.bodies.div_ceil(GROUP_BODIES);
         let column_bytes = (crate::observe::SCALE_COLUMN + statistics) * place.stride * size_of::<T>();
         let partial_bytes = (1 + groups) * statistics * partial_bytes::<T>();
         let input = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
@@ -173,7 +173,8 @@ impl Reducer {
         let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let columns = buffer(device, "observed", column_bytes as u64, input)?;
         let partials = buffer(device, "partials", partial_bytes as u64, output)?;
-        let marks = buffer(device, "marks", (groups * MARKS * size_of::<u32>()) as u64, output)?;
+        let marks =
+            buffer(device, "marks", (groups * GROUP_BODIES / WORKGROUP * MARKS * size_of::<u32>()) as u64, output)?;
         let settings = buffer(device, "settings", size_of::<Settings>() as u64, uniform)?;
         let buffers = [&settings, place.state, place.state, &columns, &partials, &marks];
         let entries: [_; 6] = std::array::from_fn(|binding| wgpu::BindGroupEntry {
