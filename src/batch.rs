@@ -18,17 +18,18 @@ use rayon::prelude::*;
 
 use crate::ensemble::Ensemble;
 use crate::error::Result;
-use crate::force::carried::{CENTRE_COMPONENTS, Carried, FORCE_COLUMNS};
 use crate::inertia::principal_axes;
 use crate::memory;
-use crate::method::projection::{Combinations, combinations};
 use crate::method::{Method, Status};
 use crate::plan::group::Members;
-use crate::quaternion::Quaternion;
-use crate::real::{Real, Scalar};
-use crate::rigid_body::{Body, Invariants, State};
+use crate::real::Scalar;
 use crate::torque::{self, Kind, Torque, TorqueTable};
-use crate::vector::{TwoWords, Vector};
+use crate::vector::TwoWords;
+
+mod appended;
+mod groups;
+
+pub(crate) use groups::{load_body, load_combinations, load_invariants, load_state, store_state};
 
 /// The arithmetic that a batch is integrated in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -492,71 +493,6 @@ impl<T: Scalar> Batch<T> {
         self.parameters.len().checked_div(self.stride).unwrap_or(parameter_columns::<T>())
     }
 
-    /// Adds the columns of [`Invariants`], from the state as it stands.
-    ///
-    /// Only a method that reads them asks for them ([`crate::method::Step::INVARIANTS`]).
-    pub fn append_invariants(&mut self) {
-        let stride = self.stride;
-        let mut columns = vec![T::default(); INVARIANT_COLUMNS * stride];
-        let words = |columns: &[T], column: usize, residue: usize, body: usize| {
-            let value = columns[column * stride + body].to_f64();
-            if T::WORDS == 2 { value + columns[(column + residue) * stride + body].to_f64() } else { value }
-        };
-        for body in 0..self.body_count {
-            let (mut squared, mut twice_energy) = (0.0, 0.0);
-            for axis in 0..3 {
-                let m = words(&self.state, 4 + axis, STATE_COMPONENTS, body);
-                squared += m * m;
-                twice_energy += words(&self.parameters, axis, PARAMETER_COMPONENTS, body) * m * m;
-            }
-            columns[body] = T::from_f64(squared);
-            columns[stride + body] = T::from_f64(0.5 * twice_energy);
-        }
-        self.parameters.extend_from_slice(&columns);
-    }
-
-    /// Adds the columns of [`Combinations`], from the state as it stands; behind those of the invariants.
-    pub(crate) fn append_combinations(&mut self) {
-        let stride = self.stride;
-        let mut columns = vec![T::default(); 3 * stride];
-        for body in 0..self.body_count {
-            let at = |columns: &[T], column: usize| columns[column * stride + body].to_f64();
-            let inverse = [0, 1, 2].map(|axis| at(&self.parameters, axis));
-            let kept = combinations(inverse, [4, 5, 6].map(|column| at(&self.state, column)));
-            for (column, number) in [kept.first_second, kept.second_third, kept.first_third].into_iter().enumerate() {
-                columns[column * stride + body] = T::from_f64(number);
-            }
-        }
-        self.parameters.extend_from_slice(&columns);
-    }
-
-    /// Adds the columns of centres of mass, one a body in the order of rows: forces behind the parameters, position and
-    /// velocity behind the state.
-    pub(crate) fn append_centres(&mut self, centres: &[Carried]) {
-        let stride = self.stride;
-        let mut parameters = vec![T::default(); FORCE_COLUMNS * stride];
-        let mut state = vec![T::default(); CENTRE_COMPONENTS * T::WORDS * stride];
-        for (row, centre) in centres.iter().enumerate() {
-            for (column, number) in centre.parameters().into_iter().enumerate() {
-                parameters[column * stride + row] = T::from_f64(number);
-            }
-            for (column, number) in centre.state().into_iter().enumerate() {
-                let (value, residue) = T::two_words(number);
-                state[column * stride + row] = value;
-                if T::WORDS == 2 {
-                    state[(CENTRE_COMPONENTS + column) * stride + row] = residue;
-                }
-            }
-        }
-        self.parameters.extend_from_slice(&parameters);
-        self.state.extend_from_slice(&state);
-    }
-
-    /// Number of state columns, those of centres of mass among them.
-    pub(crate) fn all_state_columns(&self) -> usize {
-        self.state.len().checked_div(self.stride).unwrap_or(state_columns::<T>())
-    }
-
     /// The most iterations of loops in one step of `method`: its own, and in each evaluation of the torques one for each
     /// instance and as many more as there are draws of noise.
     pub fn loops_of_a_step(&self, method: Method) -> u32 {
@@ -591,67 +527,4 @@ impl<T: Scalar> Batch<T> {
 pub(crate) fn two_words<T: Scalar>(dt: f64) -> TwoWords<T> {
     let (value, residue) = T::two_words(dt);
     TwoWords { value, residue }
-}
-
-/// The constants of a lane group and its reference rates; `column` loads a parameter column.
-#[inline(always)]
-pub(crate) fn load_body<R: Real>(column: impl Fn(usize) -> R) -> (Body<R>, R) {
-    let value = Vector::new(column(0), column(1), column(2));
-    let residue = if R::Scalar::WORDS == 2 { Vector::new(column(4), column(5), column(6)) } else { Vector::zero() };
-    (Body::new(TwoWords { value, residue }), column(RATE_COLUMN))
-}
-
-/// The invariants of a lane group, or zeros where the method does not read them.
-#[inline(always)]
-pub(crate) fn load_invariants<R: Real>(wanted: bool, column: impl Fn(usize) -> R) -> Invariants<R> {
-    if !wanted {
-        return Invariants { angular_momentum_squared: R::splat(0.0), kinetic_energy: R::splat(0.0) };
-    }
-    let first = parameter_columns::<R::Scalar>();
-    Invariants { angular_momentum_squared: column(first), kinetic_energy: column(first + 1) }
-}
-
-/// The combinations of a lane group, behind its invariants.
-#[inline(always)]
-pub(crate) fn load_combinations<R: Real>(column: impl Fn(usize) -> R) -> Combinations<R> {
-    let first = parameter_columns::<R::Scalar>() + INVARIANT_COLUMNS;
-    Combinations { first_second: column(first), second_third: column(first + 1), first_third: column(first + 2) }
-}
-
-/// The state of a lane group; `column` loads a state column.
-#[inline(always)]
-pub(crate) fn load_state<R: Real>(column: impl Fn(usize) -> R) -> State<R> {
-    let words = |first: usize| {
-        (
-            Quaternion::new(column(first), column(first + 1), column(first + 2), column(first + 3)),
-            Vector::new(column(first + 4), column(first + 5), column(first + 6)),
-        )
-    };
-    let (q, m) = words(0);
-    let (q_residue, m_residue) = if R::Scalar::WORDS == 2 {
-        words(STATE_COMPONENTS)
-    } else {
-        let zero = R::splat(0.0);
-        (Quaternion::new(zero, zero, zero, zero), Vector::zero())
-    };
-    State {
-        orientation: TwoWords { value: q, residue: q_residue },
-        angular_momentum_principal: TwoWords { value: m, residue: m_residue },
-        status: column(status_column::<R::Scalar>()),
-    }
-}
-
-/// Gives every state column of a lane group to `store`.
-#[inline(always)]
-pub(crate) fn store_state<R: Real>(state: &State<R>, mut store: impl FnMut(usize, R)) {
-    let mut words = |first: usize, q: Quaternion<R>, m: Vector<R>| {
-        for (column, number) in [q.x, q.y, q.z, q.w, m.x, m.y, m.z].into_iter().enumerate() {
-            store(first + column, number);
-        }
-    };
-    words(0, state.orientation.value, state.angular_momentum_principal.value);
-    if R::Scalar::WORDS == 2 {
-        words(STATE_COMPONENTS, state.orientation.residue, state.angular_momentum_principal.residue);
-    }
-    store(status_column::<R::Scalar>(), state.status);
 }
