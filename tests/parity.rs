@@ -15,7 +15,7 @@ use polhode::engine::gpu::Patch;
 use polhode::method::Method;
 use polhode::quaternion::{Quaternion, norm_correction};
 use polhode::real::{Scalar, sin_cos, sin_cos_eighth};
-use polhode::rigid_body::{Body, State, angular_momentum_world, orientation_rate};
+use polhode::rigid_body::{Body, Correction, State, angular_momentum_world, orientation_rate};
 use polhode::vector::{TwoWords, Vector, accumulate};
 
 /// Rows of a table: not a multiple of the workgroup size.
@@ -398,6 +398,18 @@ fn body_cases<T: Scalar>() -> Vec<Case<T>> {
             status: zero,
         }
     }
+    /// The body with half of 1/I, and the correction carried to it.
+    fn carried<T: Scalar>(row: &[T], correction: Correction<T>) -> (Body<T>, Correction<T>) {
+        let half = T::from_f64(0.5);
+        let changed = Body::new(TwoWords { value: vector(row, 0) * half, residue: vector(row, 3) * half });
+        let ratio = Vector::new(half, half, half);
+        (changed, changed.carried_correction(&body(row), &correction, ratio, vector(row, 6)))
+    }
+    /// Products of a residue and a value, which is all that a correction of the angular velocity consists of.
+    fn of_residues<T: Scalar>(row: &[T]) -> f64 {
+        let size = |first: usize| (first..first + 3).map(|column| row[column].to_f64().abs()).fold(0.0, f64::max);
+        size(3) * size(6) + size(0) * size(9)
+    }
     macro_rules! with_body {
         ($line:literal) => {
             concat!(
@@ -443,6 +455,35 @@ fn body_cases<T: Scalar>() -> Vec<Case<T>> {
                 v_out(body.gyroscopic_term(vector(row, 6), &body.correction(&state(row))))
             },
         ),
+        case(
+            "carried_correction and gyroscopic_term",
+            with_body!(
+                "let changed = body_new(TwoWordsVector(v(0u) * 0.5, v(3u) * 0.5));
+                 let carried = carried_correction(changed, body, c, vector(0.5, 0.5, 0.5), m.value);
+                 put_v(0u, gyroscopic_term(changed, m.value, carried));"
+            ),
+            &[VECTOR],
+            |row| {
+                let (changed, carried) = carried(row, body(row).correction(&state(row)));
+                v_out(changed.gyroscopic_term(vector(row, 6), &carried))
+            },
+        ),
+        Case {
+            magnitude: of_residues::<T>,
+            ..case(
+                "carried_correction of the angular velocity",
+                with_body!(
+                    "let changed = body_new(TwoWordsVector(v(0u) * 0.5, v(3u) * 0.5));
+                     let carried = carried_correction(changed, body, c, vector(0.5, 0.5, 0.5), m.value);
+                     put_v(0u, angular_velocity(changed, vector(0.0, 0.0, 0.0), carried));"
+                ),
+                &[VECTOR],
+                |row| {
+                    let (changed, carried) = carried(row, body(row).correction(&state(row)));
+                    v_out(changed.angular_velocity(Vector::zero(), &carried))
+                },
+            )
+        },
         case("kinetic_energy", with_body!("put_r(0u, kinetic_energy(body, m.value));"), &[REAL], |row| {
             vec![body(row).kinetic_energy(vector(row, 6))]
         }),

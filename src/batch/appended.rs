@@ -6,7 +6,7 @@ use crate::method::projection::combinations;
 use crate::real::Scalar;
 
 impl<T: Scalar> Batch<T> {
-    /// Adds the columns of [`Invariants`], from the state as it stands.
+    /// Adds the columns of [`crate::rigid_body::Invariants`], from the state as it stands.
     ///
     /// Only a method that reads them asks for them ([`crate::method::Step::INVARIANTS`]).
     pub fn append_invariants(&mut self) {
@@ -29,7 +29,7 @@ impl<T: Scalar> Batch<T> {
         self.parameters.extend_from_slice(&columns);
     }
 
-    /// Adds the columns of [`Combinations`], from the state as it stands; behind those of the invariants.
+    /// Adds the columns of [`crate::method::projection::Combinations`], from the state as it stands; behind those of the invariants.
     pub(crate) fn append_combinations(&mut self) {
         let stride = self.stride;
         let mut columns = vec![T::default(); 3 * stride];

@@ -44,7 +44,7 @@ pub enum Kind {
     InertiaRamp,
     /// An oscillation of [`super::variable_inertia`].
     InertiaOscillation,
-    /// [`super::linear_rotor`], which no [`Torque`] is: last, as it changes the sum of all others.
+    /// [`super::linear_rotor`], which no [`super::Torque`] is: last, as it changes the sum of all others.
     LinearRotor,
 }
 
