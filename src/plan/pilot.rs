@@ -33,8 +33,9 @@ const MOST_BODIES: usize = 1000;
 const LEAST_BODIES: usize = 300;
 /// At most every so many-th body, so that the pilot stays small beside the run.
 const ONE_IN: usize = 32;
-/// Bodies of the sample that go first.
+/// Bodies of the sample that go first, and places among the sample's rates at which they stand.
 const SCOUTS: usize = 32;
+const PLACES: usize = 4;
 
 /// What part of the target the bound on the sample's error is brought to: as the steps' levels are apart, an error of order
 /// 8 comes out between this and a quarter of it.
@@ -105,10 +106,10 @@ impl<'a> Pilot<'a> {
         // What the scouts favour first, so that what follows is dearer than what is known.
         found.sort_by(|a, b| self.order(a, b));
         let (met, missed): (Vec<_>, Vec<_>) = found.into_iter().partition(|found| found.part <= 1.0);
-        let reference = Reference::new(self, reference.rule)?;
+        let reference = self.stepped(&reference.rule)?;
         let again = |found: &[Found]| {
             let candidate = |found: &Found| Some((found.rule, self.costs.of(found.rule.method)?));
-            self.tried(found.iter().filter_map(candidate).collect(), &reference.states)
+            self.tried(found.iter().filter_map(candidate).collect(), &reference)
         };
         let mut found = again(&met)?;
         // Of the others some may do for as many bodies as the percentile counts.
@@ -154,13 +155,18 @@ impl<'a> Pilot<'a> {
             .then_with(|| if missed(a) { a.part.total_cmp(&b.part) } else { seconds(a).total_cmp(&seconds(b)) })
     }
 
-    /// The pilot with a few of its bodies: evenly chosen by rate, down from the fastest that the percentile counts.
+    /// The pilot with a few of its bodies: some neighbours by rate, which take steps of one or two levels and so fill lanes, at
+    /// each of a few places from the fastest that the percentile counts down.
     fn scouts(&self) -> Self {
-        let mut bodies = self.bodies.clone();
-        bodies.sort_by(|a, b| b.1.rate.total_cmp(&a.1.rate).then(a.0.cmp(&b.0)));
-        let counted = upper_rank(bodies.len(), 0.01 * self.accuracy.percentile);
-        let left_out = bodies.len() - counted;
-        let bodies = (0..SCOUTS).map(|scout| bodies[left_out + scout * counted / SCOUTS]).collect();
+        let mut sorted = self.bodies.clone();
+        sorted.sort_by(|a, b| b.1.rate.total_cmp(&a.1.rate).then(a.0.cmp(&b.0)));
+        let counted = upper_rank(sorted.len(), 0.01 * self.accuracy.percentile);
+        let left_out = sorted.len() - counted;
+        let neighbours = |place: usize| {
+            let first = left_out + place * (counted - SCOUTS / PLACES) / (PLACES - 1);
+            sorted[first..first + SCOUTS / PLACES].iter().copied()
+        };
+        let bodies = (0..PLACES).flat_map(neighbours).collect();
         Self { bodies, ..*self }
     }
 

@@ -17,8 +17,9 @@ const LEAST: f64 = 1e-15;
 /// How often its steps are halved.
 const HALVINGS: usize = 6;
 
-/// The part of [`SETTLED`] that the change is brought to where steps are chosen by what few bodies showed.
-const MARGIN: f64 = 0.3;
+/// What the error of a reference may be, as a part of [`SETTLED`], where its step is chosen by what few bodies showed: the
+/// others' may then be ten times theirs.
+const MARGIN: f64 = 0.1;
 /// The most by which a coefficient shrinks at once.
 const LEAST_CORRECTION: f64 = 1e-8;
 
