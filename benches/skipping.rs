@@ -26,24 +26,24 @@ fn main() -> Result<()> {
 /// 90 % free and 10 % driven bodies against driving all of them.
 fn mixture() -> Result<()> {
     const BODIES: usize = 100_000;
-    for span in [60.0, 600.0] {
-        mixture_over(BODIES, span)?;
+    let part = |body: usize, part: usize| if body.is_multiple_of(part) { 1.0 } else { 0.0 };
+    let drag = |every: usize| Torque::linear_drag((0..BODIES).map(|body| 0.05 * part(body, every)).collect::<Vec<_>>());
+    let swing = |every: usize| {
+        let column = |axis: DVec3| (0..BODIES).map(|body| axis * part(body, every)).collect::<Vec<_>>();
+        Torque::sinusoidal(column(DVec3::new(0.5, 0.3, -0.7)), column(DVec3::new(-0.2, 0.6, 0.4)), 1.5)
+    };
+    for (span, name, torque) in
+        [(60.0, "drag", &drag as &dyn Fn(usize) -> Torque), (600.0, "drag", &drag), (60.0, "sinusoid", &swing)]
+    {
+        let scene = |every| -> Result<Scene> {
+            let ensemble = problem::free(BODIES, 5)?;
+            Ok(Scene::new(ensemble).until(span).accuracy(Accuracy::attitude(TARGET)).torque(torque(every)))
+        };
+        println!("{BODIES} bodies, {span} s, {TARGET:e} rad, {name}");
+        let all = report("all driven", &scene(1)?)?;
+        let tenth = report("90 % free, 10 % driven", &scene(10)?)?;
+        println!("{:<34} {:.1} % of driving all (at most 20 %)\n", "", 100.0 * tenth / all);
     }
-    Ok(())
-}
-
-fn mixture_over(bodies: usize, span: f64) -> Result<()> {
-    let drag = |part: usize| {
-        Torque::linear_drag((0..bodies).map(|body| if body % part == 0 { 0.05 } else { 0.0 }).collect::<Vec<_>>())
-    };
-    let scene = |part| -> Result<Scene> {
-        let ensemble = problem::free(bodies, 5)?;
-        Ok(Scene::new(ensemble).until(span).accuracy(Accuracy::attitude(TARGET)).torque(drag(part)))
-    };
-    println!("{bodies} bodies, {span} s, {TARGET:e} rad");
-    let all = report("all driven", &scene(1)?)?;
-    let tenth = report("90 % free, 10 % driven", &scene(10)?)?;
-    println!("{:<34} {:.1} % of driving all (at most 20 %)\n", "", 100.0 * tenth / all);
     Ok(())
 }
 

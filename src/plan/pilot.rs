@@ -86,19 +86,45 @@ pub(super) struct Pilot<'a> {
 /// States of some bodies at the end.
 pub(super) type States = BTreeMap<usize, BodyState>;
 
+/// Bodies in the pilot of a class.
+pub(super) fn pilot_size(class: usize) -> usize {
+    (class / ONE_IN).clamp(LEAST_BODIES, MOST_BODIES).min(class)
+}
+
+/// Bodies in the pilot of a class whose smaller pilot was lopsided.
+pub(super) fn larger_pilot_size(class: usize) -> usize {
+    MOST_BODIES.min(class)
+}
+
 /// The bodies of a pilot among those of a class.
-pub(super) fn pilot_sample(class: &[u32], seed: u64) -> Vec<u32> {
-    let count = (class.len() / ONE_IN).clamp(LEAST_BODIES, MOST_BODIES).min(class.len());
+pub(super) fn pilot_sample(class: &[u32], count: usize, seed: u64) -> Vec<u32> {
     sample(class.len(), count, seed).into_iter().map(|index| class[index as usize]).collect()
 }
 
+/// What a pilot comes to.
+pub(super) struct Flight {
+    pub found: Found,
+    /// Whether the error that bounds the percentile is beyond the sample's own percentile by so much that a larger sample,
+    /// which bounds it more closely, is worth its time.
+    pub is_lopsided: bool,
+}
+
+/// How far a bound may be above the sample's own percentile: a step that is chosen by it errs that much less than asked for.
+const LOPSIDED: f64 = 30.0;
+
 impl<'a> Pilot<'a> {
     /// The cheapest rule that meets the target in the sample; the most accurate where none does.
-    pub fn fly(&self) -> Result<Found> {
+    pub fn fly(&self) -> Result<Flight> {
+        let flight = |tried: Vec<Found>, reference: &States| {
+            let found = self.best_of(tried).unwrap_or_else(|| self.tabulated());
+            let mut errors = self.errors(&self.stepped(&found.rule)?, reference);
+            let bound = errors.part_of(self.accuracy, self.all);
+            let usual = errors.part_of(self.accuracy, self.bodies.len());
+            Ok(Flight { found, is_lopsided: bound > LOPSIDED * usual })
+        };
         if self.bodies.len() <= 2 * SCOUTS {
             let reference = Reference::new(self, Reference::first_rule(self))?;
-            let found = self.tried(self.candidates(), &reference.states)?;
-            return Ok(self.best_of(found).unwrap_or_else(|| self.tabulated()));
+            return flight(self.tried(self.candidates(), &reference.states)?, &reference.states);
         }
         let scouts = self.scouts();
         let reference = Reference::new(&scouts, Reference::first_rule(&scouts))?;
@@ -106,17 +132,18 @@ impl<'a> Pilot<'a> {
         // What the scouts favour first, so that what follows is dearer than what is known.
         found.sort_by(|a, b| self.order(a, b));
         let (met, missed): (Vec<_>, Vec<_>) = found.into_iter().partition(|found| found.part <= 1.0);
-        let reference = self.stepped(&reference.rule)?;
-        let again = |found: &[Found]| {
+        let again = |found: &[Found], reference: &States| {
             let candidate = |found: &Found| Some((found.rule, self.costs.of(found.rule.method)?));
-            self.tried(found.iter().filter_map(candidate).collect(), &reference)
+            self.tried(found.iter().filter_map(candidate).collect(), reference)
         };
-        let mut found = again(&met)?;
-        // Of the others some may do for as many bodies as the percentile counts.
-        if found.iter().all(|found| found.part > 1.0) {
-            found.extend(again(&missed)?);
+        let mut reference = self.stepped(&reference.rule)?;
+        let mut tried = again(&met, &reference)?;
+        if tried.iter().all(|found| found.part > 1.0) {
+            // Others may do for as many bodies as the percentile counts, or the scouts' reference was not fine enough for all.
+            reference = Reference::new(self, Reference::first_rule(self))?.states;
+            tried.extend(again(&[met, missed].concat(), &reference)?);
         }
-        Ok(self.best_of(found).unwrap_or_else(|| self.tabulated()))
+        flight(tried, &reference)
     }
 
     /// What candidates come to; those that are dearer than one that meets the target are left out, as far as that is known
@@ -278,13 +305,17 @@ impl<'a> Pilot<'a> {
 
     /// The error at the percentile asked for, as a part of the target; the greatest of those asked for.
     pub fn part(&self, states: &States, reference: &States) -> f64 {
+        self.errors(states, reference).part_of(self.accuracy, self.all)
+    }
+
+    fn errors(&self, states: &States, reference: &States) -> Errors {
         let mut errors = Errors::default();
         for (body, state) in states {
             if let Some(reference) = reference.get(body) {
                 errors.push(state, reference);
             }
         }
-        errors.part_of(self.accuracy, self.all)
+        errors
     }
 
     /// Time that the sample's steps take, s.

@@ -53,7 +53,10 @@ impl Reference {
             states = finer;
             if change <= SETTLED {
                 let needed = (change / (MARGIN * SETTLED)).clamp(LEAST_CORRECTION, 1.0);
-                rule = Rule { coefficient: needed * coarser.coefficient, ..coarser };
+                let longer = Rule { coefficient: needed * coarser.coefficient, ..coarser };
+                // Far beyond the steps that were tried the error may not go as the order says.
+                let holds = pilot.part(&pilot.stepped(&longer)?, &states) <= SETTLED;
+                rule = if holds { longer } else { coarser };
                 break;
             }
             // What halving does not lessen is rounding.

@@ -9,7 +9,7 @@ use super::class::{Bound, Class, Shape};
 use super::cost::{COSTS, Costs};
 use super::driven::TorqueSet;
 use super::group::{Group, Members, Treatment, level_of, step_of};
-use super::pilot::{Found, Pilot, pilot_sample};
+use super::pilot::{Found, Pilot, larger_pilot_size, pilot_sample, pilot_size};
 use crate::batch::Precision;
 use crate::engine::Backend;
 use crate::engine::adaptive::{AdaptiveSteps, NOISE_REFUSED};
@@ -143,27 +143,29 @@ impl Resolution {
         for (torques, bodies) in stepped_bodies(scene) {
             let acting = torques.of(scene.torques());
             let flies = scene.has_pilot() && scene.end() > 0.0;
-            let sample = if flies { pilot_sample(&bodies, PILOT_SEED) } else { Vec::new() };
-            let pilot = Pilot {
-                scene,
-                accuracy,
-                costs,
-                times,
-                torques: &acting,
-                precision,
-                all: bodies.len(),
-                bodies: sample
-                    .into_iter()
-                    .map(|body| (body, at_rate(look_at(scene, body as usize, tolerance), *uniform_rate)))
-                    .collect(),
+            let pilot = |count: usize| {
+                let look = |body: u32| (body, at_rate(look_at(scene, body as usize, tolerance), *uniform_rate));
+                let sample = pilot_sample(&bodies, count, PILOT_SEED);
+                Pilot {
+                    scene,
+                    accuracy,
+                    costs,
+                    times,
+                    torques: &acting,
+                    precision,
+                    all: bodies.len(),
+                    bodies: sample.into_iter().map(look).collect(),
+                }
             };
             let found = if accuracy.strictest() < ROUNDING_F64 {
-                let rule = pilot.tabulated().rule;
+                let rule = pilot(0).tabulated().rule;
                 Found { rule, part: ROUNDING_F64 / accuracy.strictest(), bodies: 0 }
             } else if flies {
-                pilot.fly()?
+                let (usual, larger) = (pilot_size(bodies.len()), larger_pilot_size(bodies.len()));
+                let flight = pilot(usual).fly()?;
+                if flight.is_lopsided && usual < larger { pilot(larger).fly()?.found } else { flight.found }
             } else {
-                pilot.tabulated()
+                pilot(0).tabulated()
             };
             if found.part > 1.0 {
                 return Err(out_of_reach(&found, has_f64));
