@@ -79,6 +79,8 @@ pub(super) struct Pilot<'a> {
     pub precision: Option<Precision>,
     /// Bodies of the class.
     pub all: usize,
+    /// Whether a few of the sample go first. One body in a hundred that no step resolves misleads them.
+    pub has_scouts: bool,
     /// The sample with the looks at them.
     pub bodies: Vec<(u32, Look)>,
 }
@@ -116,13 +118,20 @@ impl<'a> Pilot<'a> {
     /// The cheapest rule that meets the target in the sample; the most accurate where none does.
     pub fn fly(&self) -> Result<Flight> {
         let flight = |tried: Vec<Found>, reference: &States| {
-            let found = self.best_of(tried).unwrap_or_else(|| self.tabulated());
-            let mut errors = self.errors(&self.stepped(&found.rule)?, reference);
-            let bound = errors.part_of(self.accuracy, self.all);
-            let usual = errors.part_of(self.accuracy, self.bodies.len());
-            Ok(Flight { found, is_lopsided: bound > LOPSIDED * usual })
+            let is_lopsided = |found: &Found| -> Result<bool> {
+                let mut errors = self.errors(&self.stepped(&found.rule)?, reference);
+                let bound = errors.part_of(self.accuracy, self.all);
+                Ok(bound > LOPSIDED * errors.part_of(self.accuracy, self.bodies.len()))
+            };
+            let found = self.best_of(&tried).unwrap_or_else(|| self.tabulated());
+            // What was chosen may be finer than needed, and what was not may have failed for a body or two.
+            let mut lopsided = is_lopsided(&found)?;
+            for missed in tried.iter().filter(|found| found.part > 1.0 && found.part.is_finite()) {
+                lopsided = lopsided || is_lopsided(missed)?;
+            }
+            Ok(Flight { found, is_lopsided: lopsided })
         };
-        if self.bodies.len() <= 2 * SCOUTS {
+        if !self.has_scouts || self.bodies.len() <= 2 * SCOUTS {
             let reference = Reference::new(self, Reference::first_rule(self))?;
             return flight(self.tried(self.candidates(), &reference.states)?, &reference.states);
         }
@@ -167,8 +176,8 @@ impl<'a> Pilot<'a> {
     }
 
     /// The first in order.
-    fn best_of(&self, found: Vec<Found>) -> Option<Found> {
-        found.into_iter().min_by(|a, b| self.order(a, b))
+    fn best_of(&self, found: &[Found]) -> Option<Found> {
+        found.iter().copied().min_by(|a, b| self.order(a, b))
     }
 
     /// What meets the target before what does not; of the former the cheaper, of the latter the more accurate.

@@ -143,7 +143,7 @@ impl Resolution {
         for (torques, bodies) in stepped_bodies(scene) {
             let acting = torques.of(scene.torques());
             let flies = scene.has_pilot() && scene.end() > 0.0;
-            let pilot = |count: usize| {
+            let pilot = |count: usize, has_scouts: bool| {
                 let look = |body: u32| (body, at_rate(look_at(scene, body as usize, tolerance), *uniform_rate));
                 let sample = pilot_sample(&bodies, count, PILOT_SEED);
                 Pilot {
@@ -154,18 +154,19 @@ impl Resolution {
                     torques: &acting,
                     precision,
                     all: bodies.len(),
+                    has_scouts,
                     bodies: sample.into_iter().map(look).collect(),
                 }
             };
             let found = if accuracy.strictest() < ROUNDING_F64 {
-                let rule = pilot(0).tabulated().rule;
+                let rule = pilot(0, true).tabulated().rule;
                 Found { rule, part: ROUNDING_F64 / accuracy.strictest(), bodies: 0 }
             } else if flies {
                 let (usual, larger) = (pilot_size(bodies.len()), larger_pilot_size(bodies.len()));
-                let flight = pilot(usual).fly()?;
-                if flight.is_lopsided && usual < larger { pilot(larger).fly()?.found } else { flight.found }
+                let flight = pilot(usual, true).fly()?;
+                if flight.is_lopsided && usual < larger { pilot(larger, false).fly()?.found } else { flight.found }
             } else {
-                pilot(0).tabulated()
+                pilot(0, true).tabulated()
             };
             if found.part > 1.0 {
                 return Err(out_of_reach(&found, has_f64));
