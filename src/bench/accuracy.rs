@@ -13,6 +13,7 @@ use super::row::Row;
 use super::timing::{Timing, repeat};
 use super::way::{self, Sample, Way};
 use super::{Bench, Case, Swept, Watcher, sweep};
+use crate::engine::adaptive::AdaptiveSteps;
 use crate::engine::{Engine, EngineKind};
 use crate::error::Result;
 use crate::method::Method;
@@ -170,25 +171,29 @@ fn repeated(bench: &Bench, case: &AccuracyCase, problem: &Problem, truth: &Truth
         first.get_or_insert(sample);
         Ok(seconds)
     };
+    let scene = || {
+        let scene = Scene::new(problem.ensemble.clone()).until(problem.span);
+        problem.torques.iter().cloned().fold(scene, Scene::torque)
+    };
     let mut planning = 0.0;
     let compute = match case.way {
         Way::Stepped { method, precision, steps } => {
             repeat(bench.repeats(), || keep(way::stepped(engine, problem, method, precision, steps)?))?
         }
         Way::Adaptive { precision, tolerance } => {
-            repeat(bench.repeats(), || keep(way::adaptive(engine, problem, precision, tolerance)?))?
+            let scene = scene().adaptive(AdaptiveSteps { tolerance, least_step: None }, Some(precision));
+            let plan = Plan::new(&scene, engine)?;
+            repeat(bench.repeats(), || keep(way::planned(engine, &plan)?))?
         }
         Way::ClosedForm { precision } => {
             repeat(bench.repeats(), || keep(way::closed_form(engine, problem, precision)?))?
         }
         Way::Asked { tolerance } => {
-            let scene = Scene::new(problem.ensemble.clone()).until(problem.span);
-            let scene = problem.torques.iter().cloned().fold(scene, Scene::torque);
-            let scene = scene.accuracy(Accuracy::attitude(tolerance));
+            let scene = scene().accuracy(Accuracy::attitude(tolerance));
             let clock = Instant::now();
             let plan = Plan::new(&scene, engine)?;
             planning = clock.elapsed().as_secs_f64();
-            repeat(bench.repeats(), || keep(way::chosen(engine, &plan)?))?
+            repeat(bench.repeats(), || keep(way::planned(engine, &plan)?))?
         }
     };
     let sample = first.unwrap_or_default();

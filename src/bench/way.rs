@@ -5,8 +5,7 @@ use std::time::Instant;
 
 use super::problem::Problem;
 use crate::batch::{BodyFrame, BodyState, Precision, StateWords, prepare_with};
-use crate::engine::adaptive::{AdaptiveSteps, StepCounts};
-use crate::engine::{Backend, Engine, unobserved};
+use crate::engine::{Engine, unobserved};
 use crate::error::Result;
 use crate::free_motion::AnyRows;
 use crate::method::Method;
@@ -105,25 +104,6 @@ pub(super) fn stepped(
     Ok(Sample { prepare, start, compute, body_steps: steps * frames.len() as u64, states })
 }
 
-/// One repeat in steps of each body's own.
-pub(super) fn adaptive(engine: &Engine, problem: &Problem, precision: Precision, tolerance: f64) -> Result<Sample> {
-    let clock = Instant::now();
-    let (frames, batch) = prepare_with(&problem.ensemble, &problem.torques, problem.span, precision)?;
-    let prepare = clock.elapsed().as_secs_f64();
-    let clock = Instant::now();
-    let mut session = engine.start_adaptive(batch, AdaptiveSteps { tolerance, least_step: None })?;
-    let start = clock.elapsed().as_secs_f64();
-    // A hundredth of the span that is not timed, for the same reason as with steps.
-    let first = 0.01 * problem.span;
-    session.advance_to(first, &mut unobserved)?;
-    let clock = Instant::now();
-    session.advance_to(problem.span, &mut unobserved)?;
-    let compute = clock.elapsed().as_secs_f64() / 0.99;
-    let body_steps = session.counts()?.iter().map(StepCounts::attempts).sum();
-    let states = states(&frames, &session.read(0..frames.len())?);
-    Ok(Sample { prepare, start, compute, body_steps, states })
-}
-
 /// One repeat in closed form.
 pub(super) fn closed_form(engine: &Engine, problem: &Problem, precision: Precision) -> Result<Sample> {
     let clock = Instant::now();
@@ -142,7 +122,7 @@ pub(super) fn closed_form(engine: &Engine, problem: &Problem, precision: Precisi
 }
 
 /// One repeat of a plan.
-pub(super) fn chosen(engine: &Engine, plan: &Plan<'_>) -> Result<Sample> {
+pub(super) fn planned(engine: &Engine, plan: &Plan<'_>) -> Result<Sample> {
     let mut last = Last::default();
     let trust = crate::run::run_into(engine, plan, &mut last, &mut |_| ControlFlow::Continue(()))?;
     let time = trust.wall_time;

@@ -106,8 +106,8 @@ pub(super) fn pilot_sample(class: &[u32], count: usize, seed: u64) -> Vec<u32> {
 /// What a pilot comes to.
 pub(super) struct Flight {
     pub found: Found,
-    /// Whether the error that bounds the percentile is beyond the sample's own percentile by so much that a larger sample,
-    /// which bounds it more closely, is worth its time.
+    /// Whether there is a larger sample, and the error that bounds the percentile is so far beyond this sample's own percentile
+    /// that the larger one, which bounds it more closely, is worth its time.
     pub is_lopsided: bool,
 }
 
@@ -118,6 +118,7 @@ impl<'a> Pilot<'a> {
     /// The cheapest rule that meets the target in the sample; the most accurate where none does.
     pub fn fly(&self) -> Result<Flight> {
         let flight = |tried: Vec<Found>, reference: &States| {
+            let could_be_larger = self.bodies.len() < larger_pilot_size(self.all);
             let is_lopsided = |found: &Found| -> Result<bool> {
                 let mut errors = self.errors(&self.stepped(&found.rule)?, reference);
                 let bound = errors.part_of(self.accuracy, self.all);
@@ -125,18 +126,18 @@ impl<'a> Pilot<'a> {
             };
             let found = self.best_of(&tried).unwrap_or_else(|| self.tabulated());
             // What was chosen may be finer than needed, and what was not may have failed for a body or two.
-            let mut lopsided = is_lopsided(&found)?;
+            let mut lopsided = could_be_larger && is_lopsided(&found)?;
             for missed in tried.iter().filter(|found| found.part > 1.0 && found.part.is_finite()) {
-                lopsided = lopsided || is_lopsided(missed)?;
+                lopsided = lopsided || (could_be_larger && is_lopsided(missed)?);
             }
             Ok(Flight { found, is_lopsided: lopsided })
         };
         if !self.has_scouts || self.bodies.len() <= 2 * SCOUTS {
-            let reference = Reference::new(self, Reference::first_rule(self))?;
-            return flight(self.tried(self.candidates(), &reference.states)?, &reference.states);
+            let reference = Reference::new(self)?.states;
+            return flight(self.tried(self.candidates(), &reference)?, &reference);
         }
         let scouts = self.scouts();
-        let reference = Reference::new(&scouts, Reference::first_rule(&scouts))?;
+        let reference = Reference::new(&scouts)?;
         let mut found = scouts.tried(scouts.candidates(), &reference.states)?;
         // What the scouts favour first, so that what follows is dearer than what is known.
         found.sort_by(|a, b| self.order(a, b));
@@ -145,11 +146,11 @@ impl<'a> Pilot<'a> {
             let candidate = |found: &Found| Some((found.rule, self.costs.of(found.rule.method)?));
             self.tried(found.iter().filter_map(candidate).collect(), reference)
         };
-        let mut reference = self.stepped(&reference.rule)?;
+        let mut reference = self.stepped(&reference.rule_for_others(&scouts)?)?;
         let mut tried = again(&met, &reference)?;
         if tried.iter().all(|found| found.part > 1.0) {
             // Others may do for as many bodies as the percentile counts, or the scouts' reference was not fine enough for all.
-            reference = Reference::new(self, Reference::first_rule(self))?.states;
+            reference = Reference::new(self)?.states;
             tried.extend(again(&[met, missed].concat(), &reference)?);
         }
         flight(tried, &reference)

@@ -27,44 +27,47 @@ const LEAST_CORRECTION: f64 = 1e-8;
 pub(super) struct Reference {
     /// The states at the end.
     pub states: States,
-    /// Steps that are fine enough for a reference of similar bodies.
-    pub rule: Rule,
+    /// The steps of half of which the states are, and what halving them changed.
+    coarser: Rule,
+    change: f64,
 }
 
 impl Reference {
-    /// The rule to begin with where nothing is known of the bodies.
-    pub fn first_rule(pilot: &Pilot<'_>) -> Rule {
+    /// Steps the pilot's bodies finer until that changes nothing.
+    pub fn new(pilot: &Pilot<'_>) -> Result<Self> {
         let cost: &Cost = COSTS.iter().find(|cost| cost.method == Method::Rk8).unwrap_or(&COSTS[0]);
         let rule = pilot.rule(cost, Some(Precision::F64));
-        Rule { attitude: (AIM * rule.attitude).max(LEAST), ..rule }
-    }
-
-    /// Steps the pilot's bodies by `rule`, and finer until that changes nothing.
-    pub fn new(pilot: &Pilot<'_>, mut rule: Rule) -> Result<Self> {
-        let order = rule.method.order() as i32;
-        let mut states = pilot.stepped(&rule)?;
+        let mut coarser = Rule { attitude: (AIM * rule.attitude).max(LEAST), ..rule };
+        let mut states = pilot.stepped(&coarser)?;
         let mut last = f64::INFINITY;
         for _ in 0..HALVINGS {
-            let coarser = rule;
-            rule.coefficient *= 2.0_f64.powi(order);
-            rule.longest_angle *= 0.5;
-            let finer = pilot.stepped(&rule)?;
-            let change = pilot.part(&states, &finer);
-            states = finer;
-            if change <= SETTLED {
-                let needed = (change / (MARGIN * SETTLED)).clamp(LEAST_CORRECTION, 1.0);
-                let longer = Rule { coefficient: needed * coarser.coefficient, ..coarser };
-                // Far beyond the steps that were tried the error may not go as the order says.
-                let holds = pilot.part(&pilot.stepped(&longer)?, &states) <= SETTLED;
-                rule = if holds { longer } else { coarser };
-                break;
-            }
+            let finer = halved(&coarser);
+            let coarse = std::mem::replace(&mut states, pilot.stepped(&finer)?);
+            let change = pilot.part(&coarse, &states);
             // What halving does not lessen is rounding.
-            if change > 0.5 * last {
-                break;
+            if change <= SETTLED || change > 0.5 * last {
+                return Ok(Self { states, coarser, change });
             }
-            last = change;
+            (coarser, last) = (finer, change);
         }
-        Ok(Self { states, rule })
+        Ok(Self { states, coarser, change: last })
     }
+
+    /// Steps that are fine enough for a reference of bodies like the pilot's.
+    pub fn rule_for_others(&self, pilot: &Pilot<'_>) -> Result<Rule> {
+        if self.change > SETTLED {
+            return Ok(halved(&self.coarser));
+        }
+        let needed = (self.change / (MARGIN * SETTLED)).clamp(LEAST_CORRECTION, 1.0);
+        let longer = Rule { coefficient: needed * self.coarser.coefficient, ..self.coarser };
+        // Far beyond the steps that were tried the error may not go as the order says.
+        let holds = pilot.part(&pilot.stepped(&longer)?, &self.states) <= SETTLED;
+        Ok(if holds { longer } else { self.coarser })
+    }
+}
+
+/// Half the steps of a rule.
+fn halved(rule: &Rule) -> Rule {
+    let order = rule.method.order() as i32;
+    Rule { coefficient: rule.coefficient * 2.0_f64.powi(order), longest_angle: 0.5 * rule.longest_angle, ..*rule }
 }

@@ -162,9 +162,12 @@ impl Resolution {
                 let rule = pilot(0, true).tabulated().rule;
                 Found { rule, part: ROUNDING_F64 / accuracy.strictest(), bodies: 0 }
             } else if flies {
-                let (usual, larger) = (pilot_size(bodies.len()), larger_pilot_size(bodies.len()));
-                let flight = pilot(usual, true).fly()?;
-                if flight.is_lopsided && usual < larger { pilot(larger, false).fly()?.found } else { flight.found }
+                let flight = pilot(pilot_size(bodies.len()), true).fly()?;
+                if flight.is_lopsided {
+                    pilot(larger_pilot_size(bodies.len()), false).fly()?.found
+                } else {
+                    flight.found
+                }
             } else {
                 pilot(0, true).tabulated()
             };

@@ -15,7 +15,7 @@ use super::GpuOptions;
 use super::buffers::{DeviceScalar, STAGING_BYTES, WORKGROUP_SIZE, buffer, chunk_capacity, require};
 use super::device::{Device, Refusal};
 use super::dispatch::Slicer;
-use super::observe::{ObserveKernels, Reducer};
+use super::observe::{ObserveKernels, Reducer, reduces};
 use super::reading::{read_block, read_single_rows};
 use super::shader::{Constants, Source, torque_constants};
 use crate::batch::{Batch, BodyFrame, Precision, StateWords, state_columns};
@@ -273,27 +273,7 @@ impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
     }
 }
 
-impl<T: DeviceScalar> Reduce for GpuAdaptiveSession<T> {
-    fn watch(&mut self, statistics: &[Statistic], frames: &[BodyFrame], fastest: f64) -> Result<()> {
-        let places: Vec<_> = self.chunks.iter().map(Chunk::place).collect();
-        self.reducer.watch::<T>(&self.device, &places, statistics, frames, fastest)
-    }
-
-    fn reduce(&mut self) -> Result<Vec<Partial<f64>>> {
-        self.reducer.reduce::<T>(&self.device)
-    }
-
-    fn marked(&mut self) -> Result<Marked> {
-        self.reducer.marked(&self.device)
-    }
-
-    fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
-        let places: Vec<_> = self.chunks.iter().map(Chunk::place).collect();
-        let (words, bytes) = read_single_rows::<T>(&self.device, &places, rows)?;
-        self.bytes_read += bytes;
-        Ok(words)
-    }
-}
+reduces!(GpuAdaptiveSession, chunks, bytes_read);
 
 impl<T> Drop for GpuAdaptiveSession<T> {
     fn drop(&mut self) {

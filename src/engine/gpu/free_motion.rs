@@ -8,7 +8,7 @@ use super::buffers::{
     DeviceScalar, Place, STAGING_BYTES, WORKGROUP_SIZE, buffer, chunk_capacity, require, write_columns,
 };
 use super::device::{Device, Refusal};
-use super::observe::{ObserveKernels, Reducer};
+use super::observe::{ObserveKernels, Reducer, reduces};
 use super::reading::{read_block, read_single_rows};
 use super::shader::Source;
 use crate::batch::{BodyFrame, Precision, STRIDE_UNIT, StateWords, state_columns};
@@ -264,27 +264,7 @@ impl<T: DeviceScalar> FreeSession for GpuFreeSession<T> {
     }
 }
 
-impl<T: DeviceScalar> Reduce for GpuFreeSession<T> {
-    fn watch(&mut self, statistics: &[Statistic], frames: &[BodyFrame], fastest: f64) -> Result<()> {
-        let places: Vec<_> = self.chunks.iter().map(Chunk::place).collect();
-        self.reducer.watch::<T>(&self.device, &places, statistics, frames, fastest)
-    }
-
-    fn reduce(&mut self) -> Result<Vec<Partial<f64>>> {
-        self.reducer.reduce::<T>(&self.device)
-    }
-
-    fn marked(&mut self) -> Result<Marked> {
-        self.reducer.marked(&self.device)
-    }
-
-    fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
-        let places: Vec<_> = self.chunks.iter().map(Chunk::place).collect();
-        let (words, bytes) = read_single_rows::<T>(&self.device, &places, rows)?;
-        self.bytes_read += bytes;
-        Ok(words)
-    }
-}
+reduces!(GpuFreeSession, chunks, bytes_read);
 
 impl<T> Drop for GpuFreeSession<T> {
     fn drop(&mut self) {

@@ -296,3 +296,32 @@ fn partial<T: DeviceScalar>(bytes: &[u8]) -> Partial<T> {
         greatest: extreme(extremes + size + 8),
     }
 }
+
+/// Reductions of a session whose chunks and count of bytes read are in these fields.
+macro_rules! reduces {
+    ($session:ident, $($chunks:ident).+, $($bytes_read:ident).+) => {
+        impl<T: DeviceScalar> Reduce for $session<T> {
+            fn watch(&mut self, statistics: &[Statistic], frames: &[BodyFrame], fastest: f64) -> Result<()> {
+                let places: Vec<_> = self.$($chunks).+.iter().map(|chunk| chunk.place()).collect();
+                self.reducer.watch::<T>(&self.device, &places, statistics, frames, fastest)
+            }
+
+            fn reduce(&mut self) -> Result<Vec<Partial<f64>>> {
+                self.reducer.reduce::<T>(&self.device)
+            }
+
+            fn marked(&mut self) -> Result<Marked> {
+                self.reducer.marked(&self.device)
+            }
+
+            fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
+                let places: Vec<_> = self.$($chunks).+.iter().map(|chunk| chunk.place()).collect();
+                let (words, bytes) = read_single_rows::<T>(&self.device, &places, rows)?;
+                self.$($bytes_read).+ += bytes;
+                Ok(words)
+            }
+        }
+    };
+}
+
+pub(super) use reduces;

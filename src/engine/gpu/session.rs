@@ -9,7 +9,7 @@ use glam::DVec3;
 use super::buffers::{Chunk, Columns, DeviceScalar, Slice};
 use super::device::Device;
 use super::dispatch::{Slicer, next_group};
-use super::observe::Reducer;
+use super::observe::{Reducer, reduces};
 use super::reading::read_single_rows;
 use crate::batch::{BodyFrame, Precision, StateWords};
 use crate::clock::Clock;
@@ -79,27 +79,7 @@ impl<T: DeviceScalar> Session for GpuSession<T> {
     }
 }
 
-impl<T: DeviceScalar> Reduce for GpuSession<T> {
-    fn watch(&mut self, statistics: &[Statistic], frames: &[BodyFrame], fastest: f64) -> Result<()> {
-        let places: Vec<_> = self.columns.chunks.iter().map(Chunk::place).collect();
-        self.reducer.watch::<T>(&self.device, &places, statistics, frames, fastest)
-    }
-
-    fn reduce(&mut self) -> Result<Vec<Partial<f64>>> {
-        self.reducer.reduce::<T>(&self.device)
-    }
-
-    fn marked(&mut self) -> Result<Marked> {
-        self.reducer.marked(&self.device)
-    }
-
-    fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
-        let places: Vec<_> = self.columns.chunks.iter().map(Chunk::place).collect();
-        let (words, bytes) = read_single_rows::<T>(&self.device, &places, rows)?;
-        self.columns.bytes_read += bytes;
-        Ok(words)
-    }
-}
+reduces!(GpuSession, columns.chunks, columns.bytes_read);
 
 impl<T> Drop for GpuSession<T> {
     fn drop(&mut self) {
