@@ -125,7 +125,7 @@ fn the_error_asked_for_is_met_and_not_overpaid() {
                     let plan = Plan::new(&asked, &engine).expect("a plan");
                     let found = engine.run(&plan).expect("a run");
                     let achieved = percentile(errors(&found, &exact), 0.99);
-                    let steps = plan.body_steps() as f64 / BODIES as f64;
+                    let steps = found.trust().body_steps as f64 / BODIES as f64;
                     let line = format!(
                         "{:<17} {target:.0e}: {achieved:.1e} in {steps:.0} steps a body of {} in {}, shadow {}",
                         problem.name,

@@ -9,7 +9,7 @@ use polhode::bench::provenance::Provenance;
 use polhode::bench::row::{self, Row, Table};
 use polhode::bench::{Bench, Swept, accuracy, front, skipping, throughput};
 use polhode::engine::Engine;
-use polhode::plan::Costs;
+use polhode::plan::{Costs, Scheme, Treatment};
 use polhode::{Accuracy, Method, Plan, Precision, Scene};
 
 /// A quick benchmark of the CPU engine.
@@ -175,7 +175,7 @@ fn a_plan_ranks_methods_by_what_was_measured() {
     let engine = Engine::cpu();
     let refusal = Costs::measured(folder.path(), &engine.description()).expect_err("refused").to_string();
     assert!(refusal.contains("accuracy.csv: no valid row of CPU"), "{refusal}");
-    for filter in ["forced/cpu/rk4/f64/1000", "forced/cpu/rk8/f64/100"] {
+    for filter in ["forced/cpu/rk4/f64/1000", "forced/cpu/rk8 adaptive/f64"] {
         assert!(!swept(&bench(filter), folder.path()).rows.is_empty());
     }
     let costs = Costs::measured(folder.path(), &engine.description()).expect("costs");
@@ -183,28 +183,31 @@ fn a_plan_ranks_methods_by_what_was_measured() {
     let rk4 = rows.iter().find(|row| row.text("method") == "rk4").expect("a row");
     // A step of one core, in f64; what was not measured is as it was shipped.
     let expected = rk4.number("threads") / rk4.number("body_steps_per_second");
-    let of = |costs: &Costs, precision| costs.of(Method::Rk4).expect("a row").step_seconds(precision, false);
+    let of =
+        |costs: &Costs, precision| costs.of(Scheme::Equal(Method::Rk4)).expect("a row").step_seconds(precision, false);
     assert_eq!(of(&costs, Precision::F64), expected);
     assert_eq!(of(&costs, Precision::F32), of(&Costs::shipped(), Precision::F32));
-    let seconds = costs.seconds(&engine.description(), Method::Rk4, Precision::F64, false, 1e6).expect("known");
+    let seconds =
+        costs.seconds(&engine.description(), Scheme::Equal(Method::Rk4), Precision::F64, false, 1e6).expect("known");
     assert!((seconds * rk4.number("body_steps_per_second") / 1e6 - 1.0).abs() < 1e-12);
 
-    // Rows that make rk8 a thousand times as slow: no plan takes it where rk4 does too.
+    // Rows that make adaptive steps a thousand times as slow: no plan takes them where equal ones do too.
     let (ensemble, torques) = polhode::study::problem::forced(500, 3).expect("enough memory");
     let scene = Scene::new(ensemble).until(5.0).accuracy(Accuracy::attitude(1e-6)).precision(Some(Precision::F64));
     let scene = torques.into_iter().fold(scene, Scene::torque);
-    assert_eq!(Plan::new(&scene, &engine).expect("a plan").method(), Method::Rk8);
+    let adapts = |plan: &Plan| plan.groups().iter().any(|group| matches!(group.treatment, Treatment::Adaptive { .. }));
+    assert!(adapts(&Plan::new(&scene, &engine).expect("a plan")));
     let csv = folder.path().join("accuracy.csv");
     let text = std::fs::read_to_string(&csv).expect("a file");
     let slow: Vec<String> = text.lines().map(|line| slowed(line, &rows)).collect();
     std::fs::write(&csv, slow.join("\n") + "\n").expect("written");
     let costs = Costs::measured(folder.path(), &engine.description()).expect("costs");
-    assert_ne!(Plan::with_costs(&scene, &engine, &costs).expect("a plan").method(), Method::Rk8);
+    assert!(!adapts(&Plan::with_costs(&scene, &engine, &costs).expect("a plan")));
 }
 
-/// A line of a table with the speed of `rk8` divided by a thousand.
+/// A line of a table with the speed of adaptive steps divided by a thousand.
 fn slowed(line: &str, rows: &[Row]) -> String {
-    let speed = |row: &&Row| row.text("method") == "rk8" && line.contains(&row.text("body_steps_per_second"));
+    let speed = |row: &&Row| row.text("method") == "rk8 adaptive" && line.contains(&row.text("body_steps_per_second"));
     match rows.iter().find(speed) {
         Some(row) => {
             let speed = row.number("body_steps_per_second");

@@ -7,7 +7,7 @@ use std::ops::ControlFlow;
 use glam::{DQuat, DVec3};
 use polhode::engine::gpu::GpuOptions;
 use polhode::ensemble::Translation;
-use polhode::plan::{Plan, SkipName};
+use polhode::plan::{Plan, SkipName, Treatment};
 use polhode::record::{OutputState, Record, Sink};
 use polhode::run::run_into;
 use polhode::torque::Torque;
@@ -176,11 +176,30 @@ fn two_rates(ratio: f64) -> Scene {
         let omega = DVec3::new(0.7, -1.1, 0.4) * if body % 2 == 0 { 1.0 } else { ratio };
         (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, omega)
     });
-    scene(bodies.expect("valid")).until(100.0).torque(Torque::linear_drag(0.01)).without_pilot()
+    scene(bodies.expect("valid")).until(100.0).torque(Torque::linear_drag(0.01))
+}
+
+/// The same in equal steps, which alone follow a random torque; it does less than rounding.
+fn two_rates_in_equal_steps(ratio: f64) -> Scene {
+    two_rates(ratio).torque(Torque::white_noise(1e-20, 1)).without_pilot()
 }
 
 #[test]
-fn bodies_of_one_step_are_one_group_and_slower_ones_step_less() {
+fn bodies_that_choose_their_steps_are_one_group_and_slower_ones_step_less() {
+    let scene = two_rates(8.0);
+    let plan = Plan::new(&scene, &Engine::cpu()).expect("valid");
+    assert!(matches!(plan.groups(), [group] if matches!(group.treatment, Treatment::Adaptive { .. })));
+    assert_eq!(skipped(&scene, SkipName::Steps), BODIES);
+    assert_eq!(skipped(&scene.clone().skipping(false), SkipName::Steps), 0);
+    let (found, all) = (run(&scene), run(&scene.clone().skipping(false)));
+    assert!(4 * found.trust().body_steps < all.trust().body_steps, "{:?}", found.trust().adaptive);
+    let difference = greatest_difference(&found, &all);
+    assert!(difference <= BOTH_WAYS, "{difference:e}");
+}
+
+#[test]
+fn bodies_of_one_equal_step_are_one_group_and_slower_ones_step_less() {
+    let two_rates = two_rates_in_equal_steps;
     let groups = |ratio: f64| Plan::new(&two_rates(ratio), &Engine::cpu()).expect("valid").groups().len();
     let (mut inside, mut outside) = (1.0, 2.0);
     assert_eq!((groups(inside), groups(outside)), (1, 2));

@@ -2,20 +2,60 @@
 
 use super::class::{Bound, FreeBody, Shape, Verdict};
 use super::driven::TorqueSet;
+use super::group::Treatment;
 use crate::batch::{Precision, prepare_body};
+use crate::engine::adaptive::AdaptiveSteps;
 use crate::method::Method;
+use crate::method::rk8_adaptive::least_tolerance;
+use crate::record::ADAPTIVE;
 use crate::scene::{Accuracy, Scene};
 use crate::torque;
 
-/// How a class is stepped where an error is asked for: the attitude error of a body that turns by an angle α in steps that
-/// turn it by θ is taken as `coefficient` θ^order α.
+/// By what steps are taken, and how long they are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scheme {
+    /// A method in equal steps, whose length follows from a body's rate at the start.
+    Equal(Method),
+    /// `rk8` in steps that each body chooses by its own estimate of their errors.
+    Adaptive,
+}
+
+impl Scheme {
+    /// The integrator.
+    pub fn method(self) -> Method {
+        match self {
+            Scheme::Equal(method) => method,
+            Scheme::Adaptive => Method::Rk8,
+        }
+    }
+
+    /// The name in tables and plans.
+    pub fn name(self) -> &'static str {
+        match self {
+            Scheme::Equal(method) => method.name(),
+            Scheme::Adaptive => ADAPTIVE,
+        }
+    }
+
+    /// The scheme of a name.
+    #[cfg(feature = "study")]
+    pub(super) fn named(name: &str) -> Option<Self> {
+        let all = Method::ALL.into_iter().map(Scheme::Equal).chain([Scheme::Adaptive]);
+        all.into_iter().find(|scheme| scheme.name() == name)
+    }
+}
+
+/// How a class is stepped where an error is asked for.
+///
+/// The attitude error of a body that turns by an angle α in equal steps that turn it by θ is taken as `coefficient` θ^order α;
+/// in adaptive steps as `coefficient` times the tolerance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rule {
-    /// The integrator.
-    pub method: Method,
+    /// The integrator, and whether its steps are equal.
+    pub scheme: Scheme,
     /// The coefficient.
     pub coefficient: f64,
-    /// No step turns a body further than this, rad.
+    /// No equal step turns a body further than this, rad.
     pub longest_angle: f64,
     /// The error, rad.
     pub attitude: f64,
@@ -24,17 +64,51 @@ pub struct Rule {
 }
 
 impl Rule {
-    /// The longest step, s, of a body that turns at up to `rate` rad/s over `span` s.
+    /// The longest step, s, of a body that turns at up to `rate` rad/s over `span` s; the span where bodies choose their steps.
     pub fn longest_step(&self, rate: f64, span: f64) -> f64 {
         let angle = rate * span;
+        let Scheme::Equal(method) = self.scheme else { return span };
         if angle <= 0.0 {
             return span;
         }
-        let order = f64::from(self.method.order());
+        let order = f64::from(method.order());
         let theta = (self.attitude / (self.coefficient * angle)).powf(order.recip()).min(self.longest_angle);
         (theta / rate).min(span)
     }
+
+    /// The tolerance of adaptive steps.
+    pub fn tolerance(&self, precision: Precision) -> f64 {
+        (self.attitude / self.coefficient).clamp(least_tolerance(precision), GREATEST_TOLERANCE)
+    }
+
+    /// Whether `other` comes to the same adaptive steps in `precision`, as the tolerance is at a limit.
+    pub(super) fn adapts_like(&self, other: &Rule, precision: Precision) -> bool {
+        self.scheme == Scheme::Adaptive && self.tolerance(precision) == other.tolerance(precision)
+    }
+
+    /// How bodies are treated that are stepped by this rule in steps of at most `longest_step` s.
+    pub(super) fn treatment(&self, precision: Precision, longest_step: f64) -> Treatment {
+        match self.scheme {
+            Scheme::Equal(method) => Treatment::Stepped { method, precision, longest_step, projected: false },
+            Scheme::Adaptive => {
+                let steps = AdaptiveSteps { tolerance: self.tolerance(precision), least_step: None };
+                Treatment::Adaptive { precision, steps }
+            }
+        }
+    }
+
+    /// The steps that a body is expected to take that turns by `angle` rad, where that is known before it is stepped.
+    pub(super) fn expected_attempts(&self, precision: Precision, angle: f64) -> f64 {
+        1.0 + angle / (ADAPTIVE_ANGLE * self.tolerance(precision).powf(0.125))
+    }
 }
+
+/// Beyond this tolerance the error of a step says little of the error after many.
+const GREATEST_TOLERANCE: f64 = 1e-2;
+
+/// The angle, rad, that an adaptive step of tolerance 1 would turn a body by, as the eighth root says: within a third of what bodies
+/// of `polhode bench accuracy` take.
+const ADAPTIVE_ANGLE: f64 = 6.0;
 
 /// What `f32` cannot undercut for a body that turns by `angle` rad: rounding of the state, and of the rates.
 pub fn floor_f32(angle: f64) -> f64 {

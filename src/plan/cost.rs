@@ -4,6 +4,7 @@
 //! one processor; `polhode bench accuracy` measures those of an engine at hand, from whose rows a table can be made
 //! (`Costs::measured`, feature `bench`).
 
+use super::choice::Scheme;
 use crate::batch::Precision;
 use crate::engine::{Description, EngineKind};
 use crate::method::Method;
@@ -14,9 +15,9 @@ mod measured;
 /// One method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cost {
-    /// The integrator.
-    pub method: Method,
-    /// No step turns a body further than this, rad: beyond it the error does not behave as the order says.
+    /// The integrator, and whether its steps are equal.
+    pub scheme: Scheme,
+    /// No equal step turns a body further than this, rad: beyond it the error does not behave as the order says.
     pub longest_angle: f64,
     /// Of free bodies.
     pub free: Figures,
@@ -27,10 +28,11 @@ pub struct Cost {
 /// What was measured of one method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figures {
-    /// c in the attitude error c θ^order α of a body that turns by α rad in steps of θ rad: twice the 99th percentile over the
-    /// bodies.
+    /// c in the attitude error c θ^order α of a body that turns by α rad in equal steps of θ rad: twice the 99th percentile over
+    /// the bodies. Of adaptive steps the error as a multiple of the tolerance.
     pub coefficient: f64,
-    /// Time of a step, s, of one core with AVX-512, in `f32` and `f64`.
+    /// Time of a step, s, of one core with AVX-512, in `f32` and `f64`; of adaptive steps with those that were refused and with
+    /// waiting for bodies alongside.
     pub seconds: [f64; 2],
 }
 
@@ -40,31 +42,37 @@ pub struct Figures {
 /// problems `rk4` is the cheapest above about 1e-3 rad and `rk8` below.
 pub const COSTS: &[Cost] = &[
     Cost {
-        method: Method::Rk8,
+        scheme: Scheme::Adaptive,
+        longest_angle: f64::INFINITY,
+        free: Figures { coefficient: 20.0, seconds: [4.2e-8, 7.4e-8] },
+        driven: Figures { coefficient: 400.0, seconds: [4.8e-8, 8.3e-8] },
+    },
+    Cost {
+        scheme: Scheme::Equal(Method::Rk8),
         longest_angle: 3.5,
         free: Figures { coefficient: 6e-9, seconds: [2.7e-8, 5.1e-8] },
         driven: Figures { coefficient: 0.13, seconds: [2.8e-8, 5.6e-8] },
     },
     Cost {
-        method: Method::Rk4,
+        scheme: Scheme::Equal(Method::Rk4),
         longest_angle: 1.0,
         free: Figures { coefficient: 1.5e-3, seconds: [3.9e-9, 7.3e-9] },
         driven: Figures { coefficient: 16.0, seconds: [4.2e-9, 8.3e-9] },
     },
     Cost {
-        method: Method::Cf4,
+        scheme: Scheme::Equal(Method::Cf4),
         longest_angle: 1.0,
         free: Figures { coefficient: 7e-4, seconds: [1.2e-8, 2.4e-8] },
         driven: Figures { coefficient: 0.8, seconds: [2.6e-8, 7.9e-8] },
     },
     Cost {
-        method: Method::Splitting4,
+        scheme: Scheme::Equal(Method::Splitting4),
         longest_angle: 0.5,
         free: Figures { coefficient: 4e-4, seconds: [1.1e-8, 4.2e-8] },
         driven: Figures { coefficient: 0.5, seconds: [1.2e-7, 2.8e-7] },
     },
     Cost {
-        method: Method::Splitting6,
+        scheme: Scheme::Equal(Method::Splitting6),
         longest_angle: 0.5,
         free: Figures { coefficient: 6e-4, seconds: [1.6e-8, 3.2e-8] },
         driven: Figures { coefficient: 3.0, seconds: [2.0e-7, 7.0e-7] },
@@ -101,9 +109,10 @@ impl Cost {
 ///
 /// ```
 /// use polhode::Method;
+/// use polhode::plan::Scheme;
 /// use polhode::plan::cost::Costs;
 ///
-/// assert!(Costs::shipped().of(Method::Rk8).is_some());
+/// assert!(Costs::shipped().of(Scheme::Equal(Method::Rk8)).is_some());
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Costs {
@@ -124,21 +133,21 @@ impl Costs {
     }
 
     /// The row of a method, where the table has one.
-    pub fn of(&self, method: Method) -> Option<&Cost> {
-        self.rows.iter().find(|cost| cost.method == method)
+    pub fn of(&self, scheme: Scheme) -> Option<&Cost> {
+        self.rows.iter().find(|cost| cost.scheme == scheme)
     }
 
     /// The wall time, s, that an engine takes for `body_steps` steps; `None` where nothing is known of it.
     pub fn seconds(
         &self,
         engine: &Description,
-        method: Method,
+        scheme: Scheme,
         precision: Precision,
         free: bool,
         body_steps: f64,
     ) -> Option<f64> {
         let cores = || (engine.kind == EngineKind::Cpu).then(|| rayon::current_num_threads() as f64);
         let at_a_time = self.at_a_time.or_else(cores)?;
-        Some(body_steps * self.of(method)?.step_seconds(precision, free) / at_a_time)
+        Some(body_steps * self.of(scheme)?.step_seconds(precision, free) / at_a_time)
     }
 }

@@ -11,12 +11,13 @@ use super::explain::{ClassRow, SkipRow};
 use super::marks::SceneMarks;
 use super::pilot::Found;
 use super::resolution::{Resolution, Stepped};
-use super::{Bound, Plan, Rule, TorqueSet};
+use super::{Bound, Plan, Rule, Scheme, TorqueSet};
 use crate::batch::Precision;
 use crate::engine::Backend;
 use crate::engine::adaptive::AdaptiveSteps;
 use crate::error::{Error, FileAction, Result};
 use crate::method::Method;
+use crate::record::Spread;
 use crate::scene::Scene;
 
 /// The version of the file's layout.
@@ -78,11 +79,14 @@ struct SteppedEntry {
     torques: Vec<usize>,
     method: String,
     coefficient: f64,
-    longest_angle: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    longest_angle: Option<f64>,
     attitude: f64,
     precision: Option<String>,
     part: f64,
     pilot_bodies: usize,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pilot_steps: Option<Spread>,
 }
 
 impl PlanDocument {
@@ -148,13 +152,13 @@ impl PlanDocument {
 impl SteppedEntry {
     fn stepped(&self) -> Result<Stepped, String> {
         let rule = Rule {
-            method: method_named(&self.method)?,
+            scheme: Scheme::named(&self.method).ok_or_else(|| unknown_method(&self.method))?,
             coefficient: self.coefficient,
-            longest_angle: self.longest_angle,
+            longest_angle: self.longest_angle.unwrap_or(f64::INFINITY),
             attitude: self.attitude,
             precision: self.precision.as_deref().map(precision_named).transpose()?,
         };
-        let found = Found { rule, part: self.part, bodies: self.pilot_bodies };
+        let found = Found { rule, part: self.part, bodies: self.pilot_bodies, steps: self.pilot_steps };
         Ok(Stepped { torques: TorqueSet::of_indices(&self.torques), found })
     }
 }
@@ -189,13 +193,14 @@ impl<'a> Plan<'a> {
                     .iter()
                     .map(|Stepped { torques, found }| SteppedEntry {
                         torques: torques.indices(),
-                        method: found.rule.method.name().to_owned(),
+                        method: found.rule.scheme.name().to_owned(),
                         coefficient: found.rule.coefficient,
-                        longest_angle: found.rule.longest_angle,
+                        longest_angle: limit(found.rule.longest_angle),
                         attitude: found.rule.attitude,
                         precision: found.rule.precision.as_ref().map(name),
                         part: found.part,
                         pilot_bodies: found.bodies,
+                        pilot_steps: found.steps,
                     })
                     .collect(),
             },
@@ -239,7 +244,11 @@ fn words_of(error: &str) -> String {
 }
 
 fn method_named(name: &str) -> Result<Method, String> {
-    Method::ALL.into_iter().find(|method| method.name() == name).ok_or_else(|| format!("method {name:?}"))
+    Method::ALL.into_iter().find(|method| method.name() == name).ok_or_else(|| unknown_method(name))
+}
+
+fn unknown_method(name: &str) -> String {
+    format!("method {name:?}")
 }
 
 fn precision_named(name: &str) -> Result<Precision, String> {

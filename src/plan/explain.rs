@@ -6,11 +6,11 @@ use std::fmt;
 use super::class::Bound;
 use super::cost::evaluation_seconds;
 use super::group::{Group, Treatment};
-use super::{CLOSED_FORM_F32, Plan, Resolution, Shape, TorqueSet};
+use super::{CLOSED_FORM_F32, Found, Plan, Resolution, Scheme, Shape, TorqueSet};
 use crate::batch::{BodyFrame, Precision, bytes_per_body_under};
 use crate::engine::EngineKind;
 use crate::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
-use crate::record::{ADAPTIVE, CLOSED_FORM};
+use crate::record::{ADAPTIVE, CLOSED_FORM, Spread};
 use crate::regular_precession::RegularPrecession;
 
 /// What a plan does and leaves out.
@@ -45,7 +45,7 @@ pub struct ClassRow {
     pub bodies: usize,
     /// The integrator, `closed form` or `rotation`.
     pub method: &'static str,
-    /// Steps of a body over the whole span.
+    /// Steps of a body over the whole span; where bodies choose them, of those in the pilot, with steps that were tried again.
     pub steps: StepsRow,
     /// The arithmetic.
     pub precision: &'static str,
@@ -137,6 +137,9 @@ impl Plan<'_> {
     }
 
     fn steps_row(&self, groups: &[&Group]) -> StepsRow {
+        if let Some(Spread { min, median, max, .. }) = groups.iter().find_map(|group| self.found(group)?.steps) {
+            return StepsRow { min, median, max };
+        }
         let mut steps: Vec<(u64, usize)> =
             groups.iter().map(|group| (self.steps_of(group), group.members.len())).collect();
         steps.sort_unstable();
@@ -153,9 +156,16 @@ impl Plan<'_> {
         }
     }
 
+    /// What a pilot found of a group that is stepped.
+    fn found(&self, group: &Group) -> Option<&Found> {
+        group.treatment.precision_of_steps()?;
+        let Resolution::Accuracy { stepped, .. } = self.resolution() else { return None };
+        stepped.iter().find(|entry| entry.torques == group.class.torques).map(|entry| &entry.found)
+    }
+
     /// The attitude error that a row's groups are expected to have, and the bodies of the pilot behind it.
     fn expected_error(&self, groups: &[&Group]) -> (Option<f64>, usize) {
-        let Resolution::Accuracy { stepped, .. } = self.resolution() else {
+        let Resolution::Accuracy { .. } = self.resolution() else {
             // Where steps are pinned only the bodies at rest have a known error.
             let bound = groups.iter().map(|group| group.bound).fold(Bound::default(), Bound::or);
             let still = groups.iter().all(|group| group.treatment == Treatment::RegularPrecession);
@@ -168,10 +178,7 @@ impl Plan<'_> {
                 Treatment::ClosedForm { precision: Precision::F32 } => (CLOSED_FORM_F32, 0),
                 Treatment::ClosedForm { precision: Precision::F64 } => (ROUNDING_F64, 0),
                 Treatment::Stepped { .. } | Treatment::Adaptive { .. } => {
-                    let found = stepped.iter().find(|entry| entry.torques == group.class.torques);
-                    found.map_or((f64::NAN, 0), |entry| {
-                        (entry.found.part * entry.found.rule.attitude, entry.found.bodies)
-                    })
+                    self.found(group).map_or((f64::NAN, 0), |found| (found.part * found.rule.attitude, found.bodies))
                 }
             };
             if error >= greatest.0 {
@@ -186,17 +193,21 @@ impl Plan<'_> {
         let bodies = group.members.len() as f64;
         let evaluations = bodies * self.times().len() as f64;
         let cores = rayon::current_num_threads() as f64;
+        let free = group.class.torques.is_empty();
         match group.treatment {
             // On the host, whatever the engine.
             Treatment::RegularPrecession => Some(evaluations * evaluation_seconds(None) / cores),
             Treatment::ClosedForm { .. } if self.engine.kind != EngineKind::Cpu => None,
             Treatment::ClosedForm { precision } => Some(evaluations * evaluation_seconds(Some(precision)) / cores),
-            // The number of steps shows in the run alone.
-            Treatment::Adaptive { .. } => None,
+            Treatment::Adaptive { precision, .. } => {
+                // Without a pilot the number of steps shows in the run alone.
+                let found = self.found(group)?;
+                let body_steps = found.steps?.total as f64 / found.bodies as f64 * bodies;
+                self.costs.seconds(&self.engine, Scheme::Adaptive, precision, free, body_steps)
+            }
             Treatment::Stepped { method, precision, .. } => {
-                let free = group.class.torques.is_empty();
                 let body_steps = self.steps_of(group) as f64 * bodies;
-                self.costs.seconds(&self.engine, method, precision, free, body_steps)
+                self.costs.seconds(&self.engine, Scheme::Equal(method), precision, free, body_steps)
             }
         }
     }

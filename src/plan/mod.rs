@@ -32,7 +32,7 @@ mod resolution;
 pub mod skip;
 mod times;
 
-pub use choice::{CLOSED_FORM_F32, Rule};
+pub use choice::{CLOSED_FORM_F32, Rule, Scheme};
 pub use class::{Bound, Class, Shape};
 pub use cost::Costs;
 #[cfg(feature = "study")]
@@ -260,18 +260,21 @@ fn main_treatment(groups: &[Group], scene: &Scene, engine: &dyn Backend) -> (Met
     let mut most: Option<(usize, Method, Precision)> = None;
     let mut longest: f64 = 0.0;
     for group in groups {
-        if let Treatment::Stepped { method, precision, longest_step, .. } = group.treatment {
-            longest = longest.max(longest_step);
-            if most.is_none_or(|(count, ..)| group.members.len() > count) {
-                most = Some((group.members.len(), method, precision));
-            }
+        let (method, precision, longest_step) = match group.treatment {
+            Treatment::Stepped { method, precision, longest_step, .. } => (method, precision, longest_step),
+            Treatment::Adaptive { precision, .. } => (Method::Rk8, precision, scene.end().max(f64::MIN_POSITIVE)),
+            Treatment::RegularPrecession | Treatment::ClosedForm { .. } => continue,
+        };
+        longest = longest.max(longest_step);
+        if most.is_none_or(|(count, ..)| group.members.len() > count) {
+            most = Some((group.members.len(), method, precision));
         }
     }
     match most {
         Some((_, method, precision)) => (method, precision, longest),
         None => {
             let closed_form = groups.iter().find_map(|group| match group.treatment {
-                Treatment::ClosedForm { precision } | Treatment::Adaptive { precision, .. } => Some(precision),
+                Treatment::ClosedForm { precision } => Some(precision),
                 _ => None,
             });
             let precision = closed_form.or(scene.wanted_precision()).unwrap_or(widest(engine));
@@ -309,7 +312,8 @@ fn skips(scene: &Scene, groups: &[Group], outputs: usize) -> Vec<Skip> {
         if !scene.torques().is_empty() && !group.class.is_driven() {
             add(SkipName::Torque, count, Bound::default());
         }
-        if step_if_stepped(group).is_some_and(|step| step > longest) {
+        let adapts = matches!(group.treatment, Treatment::Adaptive { .. }) && scene.may_skip() && count > 1;
+        if adapts || step_if_stepped(group).is_some_and(|step| step > longest) {
             add(SkipName::Steps, count, Bound::default());
         }
     }

@@ -14,12 +14,15 @@ use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 
-use super::choice::{Look, Rule, narrowest};
-use super::cost::{Cost, Costs};
+use super::choice::{Look, Rule, Scheme, narrowest};
+use super::cost::{COSTS, Cost, Costs};
 use super::group::{LEVELS_PER_OCTAVE, Members, Treatment, level_of, step_of};
 use super::reference::Reference;
 use crate::batch::{BodyState, Precision};
+use crate::engine::adaptive::StepCounts;
 use crate::error::Result;
+use crate::force::Force;
+use crate::record::Spread;
 use crate::run::alone::states_at_end;
 use crate::run::confidence::upper_rank;
 use crate::run::shadow::{Errors, sample};
@@ -42,8 +45,9 @@ const PLACES: usize = 4;
 const AIM: f64 = 0.4;
 /// What part of the target is good enough; the rest is the margin.
 const ENOUGH: f64 = 0.8;
-/// Below this part a longer step is tried.
+/// Below this part a longer step is tried, or a greater tolerance, which takes no level.
 const TOO_GOOD: f64 = 0.05;
+const TOO_GOOD_ADAPTIVE: f64 = 0.15;
 /// How often a coefficient is corrected.
 const CORRECTIONS: usize = 6;
 /// The most by which a coefficient grows at once: where rounding is in the way, steps must not become countless before that
@@ -53,8 +57,14 @@ const MOST_CORRECTION: f64 = 1e4;
 const MOST_TIMES: usize = 1000;
 /// The angle, rad, over which methods are compared where no bodies are looked at.
 const NOMINAL_ANGLE: f64 = 10.0;
+/// The angle, rad, over which the table's coefficients of adaptive steps were measured: of the fastest bodies there.
+const TABULATED_ANGLE: f64 = 50.0;
 /// A candidate that is this much dearer before its pilot is not tried.
 const HOPELESS: f64 = 4.0;
+/// Nor one that was this much dearer for a few of the bodies.
+const DEARER: f64 = 1.5;
+/// Where a class takes less than this on one core, s, trying others costs more than they could save.
+const NEGLIGIBLE: f64 = 0.02;
 /// The most that a pilot's steps may take, as a multiple of those of the best candidate so far.
 const ENDLESS: f64 = 64.0;
 
@@ -67,6 +77,8 @@ pub struct Found {
     pub part: f64,
     /// Bodies behind it.
     pub bodies: usize,
+    /// Their steps, with those that were tried again, where they chose them.
+    pub steps: Option<Spread>,
 }
 
 /// A class's bodies and what is asked of them.
@@ -87,6 +99,12 @@ pub(super) struct Pilot<'a> {
 
 /// States of some bodies at the end.
 pub(super) type States = BTreeMap<usize, BodyState>;
+
+/// A pilot's bodies at the end, and their steps where they chose them.
+pub(super) struct Sampled {
+    pub states: States,
+    steps: Option<Spread>,
+}
 
 /// Bodies in the pilot of a class.
 pub(super) fn pilot_size(class: usize) -> usize {
@@ -120,7 +138,7 @@ impl<'a> Pilot<'a> {
         let flight = |tried: Vec<Found>, reference: &States| {
             let could_be_larger = self.bodies.len() < larger_pilot_size(self.all);
             let is_lopsided = |found: &Found| -> Result<bool> {
-                let mut errors = self.errors(&self.stepped(&found.rule)?, reference);
+                let mut errors = self.errors(&self.stepped(&found.rule)?.states, reference);
                 let bound = errors.part_of(self.accuracy, self.all);
                 Ok(bound > LOPSIDED * errors.part_of(self.accuracy, self.bodies.len()))
             };
@@ -134,42 +152,57 @@ impl<'a> Pilot<'a> {
         };
         if !self.has_scouts || self.bodies.len() <= 2 * SCOUTS {
             let reference = Reference::new(self)?.states;
-            return flight(self.tried(self.candidates(), &reference)?, &reference);
+            return flight(self.tried(self.candidates(), &reference, false)?, &reference);
         }
         let scouts = self.scouts();
         let reference = Reference::new(&scouts)?;
-        let mut found = scouts.tried(scouts.candidates(), &reference.states)?;
+        let mut found = scouts.tried(scouts.candidates(), &reference.states, false)?;
         // What the scouts favour first, so that what follows is dearer than what is known.
         found.sort_by(|a, b| self.order(a, b));
         let (met, missed): (Vec<_>, Vec<_>) = found.into_iter().partition(|found| found.part <= 1.0);
         let again = |found: &[Found], reference: &States| {
-            let candidate = |found: &Found| Some((found.rule, self.costs.of(found.rule.method)?));
-            self.tried(found.iter().filter_map(candidate).collect(), reference)
+            let candidate = |found: &Found| Some((found.rule, self.costs.of(found.rule.scheme)?));
+            self.tried(found.iter().filter_map(candidate).collect(), reference, true)
         };
-        let mut reference = self.stepped(&reference.rule_for_others(&scouts)?)?;
+        let mut reference = self.stepped(&reference.rule_for_others(&scouts)?)?.states;
         let mut tried = again(&met, &reference)?;
         if tried.iter().all(|found| found.part > 1.0) {
             // Others may do for as many bodies as the percentile counts, or the scouts' reference was not fine enough for all.
             reference = Reference::new(self)?.states;
-            tried.extend(again(&[met, missed].concat(), &reference)?);
+            let known = [met, missed].concat();
+            tried.extend(again(&known, &reference)?);
+            if tried.iter().all(|found| found.part > 1.0) {
+                let is_new = |(rule, _): &(Rule, &Cost)| {
+                    !known
+                        .iter()
+                        .any(|found| (found.rule.scheme, found.rule.precision) == (rule.scheme, rule.precision))
+                };
+                let others = self.candidates().into_iter().filter(is_new).collect();
+                tried.extend(self.tried(others, &reference, false)?);
+            }
         }
         flight(tried, &reference)
     }
 
     /// What candidates come to; those that are dearer than one that meets the target are left out, as far as that is known
-    /// ahead.
-    fn tried(&self, candidates: Vec<(Rule, &'a Cost)>, reference: &States) -> Result<Vec<Found>> {
+    /// ahead: from the shipped table, or, where they were `tried_before`, from fewer bodies of the same class.
+    fn tried(&self, candidates: Vec<(Rule, &'a Cost)>, reference: &States, tried_before: bool) -> Result<Vec<Found>> {
         let mut tried = Vec::new();
         let mut cheapest = f64::INFINITY;
+        let class = self.all as f64 / self.bodies.len() as f64;
         for (start, cost) in candidates {
+            if class * cheapest < NEGLIGIBLE {
+                break;
+            }
             // With the coefficient of the kinder problem: the other's would rule out what its own pilot might favour.
             let kinder = cost.free.coefficient.min(cost.driven.coefficient).min(start.coefficient);
-            if self.seconds(&Rule { coefficient: kinder, ..start }, cost) > HOPELESS * cheapest {
+            let (coefficient, margin) = if tried_before { (start.coefficient, DEARER) } else { (kinder, HOPELESS) };
+            if self.seconds(&Rule { coefficient, ..start }, cost, None) > margin * cheapest {
                 continue;
             }
             let found = self.calibrated(start, cost, ENDLESS * cheapest, reference)?;
             if found.part <= 1.0 {
-                cheapest = cheapest.min(self.seconds(&found.rule, cost));
+                cheapest = cheapest.min(self.seconds(&found.rule, cost, found.steps));
             }
             tried.push(found);
         }
@@ -185,7 +218,7 @@ impl<'a> Pilot<'a> {
     fn order(&self, a: &Found, b: &Found) -> Ordering {
         let missed = |found: &Found| found.part > 1.0;
         let seconds = |found: &Found| {
-            self.costs.of(found.rule.method).map_or(f64::INFINITY, |cost| self.seconds(&found.rule, cost))
+            self.costs.of(found.rule.scheme).map_or(f64::INFINITY, |cost| self.seconds(&found.rule, cost, found.steps))
         };
         missed(a)
             .cmp(&missed(b))
@@ -207,22 +240,24 @@ impl<'a> Pilot<'a> {
         Self { bodies, ..*self }
     }
 
-    /// The rule that the shipped table takes for the cheapest. It depends on the target and the torques alone, not on the bodies.
+    /// The rule of equal steps that the shipped table takes for the cheapest. It depends on the target and the torques alone, not on
+    /// the bodies; a tolerance of adaptive steps would depend on how far these turn.
     pub fn tabulated(&self) -> Found {
         let seconds = |(rule, cost): &(Rule, &Cost)| {
             let precision = rule.precision.unwrap_or_else(|| narrowest(rule.attitude, NOMINAL_ANGLE));
             cost.step_seconds(precision, self.torques.is_empty()) / rule.longest_step(1.0, NOMINAL_ANGLE)
         };
-        let cheapest = self.candidates().into_iter().min_by(|a, b| seconds(a).total_cmp(&seconds(b)));
-        let rule = cheapest.map_or_else(|| self.rule(&self.costs.rows()[0], self.precision), |(rule, _)| rule);
-        Found { rule, part: 1.0, bodies: 0 }
+        let equal = self.candidates().into_iter().filter(|(rule, _)| rule.scheme != Scheme::Adaptive);
+        let cheapest = equal.min_by(|a, b| seconds(a).total_cmp(&seconds(b)));
+        let fallback = || self.rule(&COSTS[1], self.precision);
+        let rule = cheapest.map_or_else(fallback, |(rule, _)| rule);
+        Found { rule, part: 1.0, bodies: 0, steps: None }
     }
 
     /// Every method that can follow the torques, in `f32` where its floor allows and in `f64`.
     fn candidates(&self) -> Vec<(Rule, &'a Cost)> {
-        let rigid = self.torques.iter().all(Torque::leaves_rigid);
         let mut candidates = Vec::new();
-        for cost in self.costs.rows().iter().filter(|cost| rigid || !cost.method.properties().rigid_only) {
+        for cost in self.costs.rows().iter().filter(|cost| self.allows(cost.scheme)) {
             let rule = self.rule(cost, self.precision);
             candidates.push((rule, cost));
             let span = self.scene.end();
@@ -234,10 +269,28 @@ impl<'a> Pilot<'a> {
         candidates
     }
 
+    /// Whether steps of this kind follow what acts on the bodies.
+    pub fn allows(&self, scheme: Scheme) -> bool {
+        match scheme {
+            Scheme::Equal(method) => !method.properties().rigid_only || self.torques.iter().all(Torque::leaves_rigid),
+            Scheme::Adaptive => {
+                let draws = self.torques.iter().any(|torque| matches!(torque, Torque::WhiteNoise(_)));
+                let thrust = self.scene.forces().iter().any(Force::needs_attitude);
+                self.scene.may_skip() && !draws && !thrust
+            }
+        }
+    }
+
+    /// The rule that the table gives, before bodies are tried. Errors of adaptive steps add up with the angle that bodies turn by.
     pub fn rule(&self, cost: &Cost, precision: Option<Precision>) -> Rule {
+        let fastest = self.bodies.iter().map(|(_, look)| look.rate).fold(0.0, f64::max);
+        let longer = match cost.scheme {
+            Scheme::Equal(_) => 1.0,
+            Scheme::Adaptive => (fastest * self.scene.end() / TABULATED_ANGLE).max(1.0),
+        };
         Rule {
-            method: cost.method,
-            coefficient: cost.coefficient(self.torques.is_empty()),
+            scheme: cost.scheme,
+            coefficient: longer * cost.coefficient(self.torques.is_empty()),
             longest_angle: cost.longest_angle,
             attitude: self.accuracy.strictest(),
             precision,
@@ -247,14 +300,15 @@ impl<'a> Pilot<'a> {
     /// The rule with the coefficient that the sample needs, as far as its steps take no longer than `limit` seconds.
     fn calibrated(&self, start: Rule, cost: &Cost, limit: f64, reference: &States) -> Result<Found> {
         let mut rule = start;
-        let mut best = Found { rule, part: f64::INFINITY, bodies: self.bodies.len() };
+        let mut best = Found { rule, part: f64::INFINITY, bodies: self.bodies.len(), steps: None };
         let (mut last, mut correction) = (f64::INFINITY, 1.0);
         for _ in 0..=CORRECTIONS {
-            if self.seconds(&rule, cost) > limit {
+            if self.seconds(&rule, cost, None) > limit {
                 break;
             }
-            let part = self.part(&self.stepped(&rule)?, reference);
-            let found = Found { rule, part, bodies: self.bodies.len() };
+            let sampled = self.stepped(&rule)?;
+            let part = self.part(&sampled.states, reference);
+            let found = Found { rule, part, bodies: self.bodies.len(), steps: sampled.steps };
             // Of two that are good enough the one with longer steps, else the more accurate.
             let improves = match (part <= ENOUGH, best.part <= ENOUGH) {
                 (true, true) => rule.coefficient < best.rule.coefficient,
@@ -264,12 +318,13 @@ impl<'a> Pilot<'a> {
             if improves {
                 best = found;
             }
-            if (TOO_GOOD..=ENOUGH).contains(&part) || (part <= ENOUGH && rule.takes_longest(self)) {
+            let too_good = if rule.scheme == Scheme::Adaptive { TOO_GOOD_ADAPTIVE } else { TOO_GOOD };
+            if (too_good..=ENOUGH).contains(&part) || (part <= ENOUGH && rule.takes_longest(self)) {
                 break;
             }
             // Finer steps that do not help meet rounding, or a motion that no step resolves. As steps go by levels, an error
             // may fall by that much less than it should.
-            let level = 2.0_f64.powf(f64::from(rule.method.order()) / f64::from(LEVELS_PER_OCTAVE));
+            let level = 2.0_f64.powf(f64::from(rule.scheme.method().order()) / f64::from(LEVELS_PER_OCTAVE));
             if part > 1.0 && before > 1.0 && before.is_finite() && part > before * (level / correction).max(0.5) {
                 break;
             }
@@ -280,15 +335,20 @@ impl<'a> Pilot<'a> {
         Ok(best)
     }
 
-    /// The states of the sample under a rule.
-    pub fn stepped(&self, rule: &Rule) -> Result<States> {
+    /// The sample under a rule.
+    pub fn stepped(&self, rule: &Rule) -> Result<Sampled> {
         let times = self.times();
         // Side by side, as each of them alone is too little for all cores.
         let groups = self.treatments(rule).into_par_iter().map(|(treatment, members)| {
             let mut go_on = |_| ControlFlow::Continue(());
             states_at_end(self.scene, &times, self.torques, &Members::Some(members), &treatment, &mut go_on)
         });
-        Ok(groups.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
+        let (mut states, mut counts) = (States::new(), Vec::new());
+        for group in groups.collect::<Result<Vec<_>>>()? {
+            states.extend(group.states);
+            counts.extend(group.counts.iter().map(StepCounts::attempts));
+        }
+        Ok(Sampled { states, steps: (!counts.is_empty()).then(|| Spread::of(counts)) })
     }
 
     /// The sample's bodies by how a rule steps them.
@@ -300,11 +360,8 @@ impl<'a> Pilot<'a> {
             let level = (step < span).then(|| level_of(step));
             groups.entry((level, rule.is_wide(look.rate * span))).or_default().push(*body);
         }
-        let treatment = |(level, wide): (Option<i32>, bool)| Treatment::Stepped {
-            method: rule.method,
-            precision: if wide { Precision::F64 } else { Precision::F32 },
-            longest_step: level.map_or(span, step_of),
-            projected: false,
+        let treatment = |(level, wide): (Option<i32>, bool)| {
+            rule.treatment(if wide { Precision::F64 } else { Precision::F32 }, level.map_or(span, step_of))
         };
         groups.into_iter().map(|(key, members)| (treatment(key), members)).collect()
     }
@@ -328,9 +385,20 @@ impl<'a> Pilot<'a> {
         errors
     }
 
-    /// Time that the sample's steps take, s.
-    fn seconds(&self, rule: &Rule, cost: &Cost) -> f64 {
+    /// Time that the sample's steps take, s; of as many as they are known to be where bodies choose them.
+    fn seconds(&self, rule: &Rule, cost: &Cost, known: Option<Spread>) -> f64 {
         let times = self.times();
+        let free = self.torques.is_empty();
+        if rule.scheme == Scheme::Adaptive {
+            let mean = known.map(|steps| steps.total as f64 / self.bodies.len() as f64);
+            let of_body = |(_, look): &(u32, Look)| {
+                let angle = look.rate * self.scene.end();
+                let precision = rule.precision_of(angle);
+                let ahead = || rule.expected_attempts(precision, angle).max(times.len() as f64);
+                mean.unwrap_or_else(ahead) * cost.step_seconds(precision, free)
+            };
+            return self.bodies.iter().map(of_body).sum();
+        }
         let steps = |treatment: &Treatment| {
             let mut last = 0.0;
             times
@@ -340,7 +408,7 @@ impl<'a> Pilot<'a> {
         };
         let of_group = |(treatment, members): &(Treatment, Vec<u32>)| {
             let precision = treatment.precision_of_steps().unwrap_or(Precision::F64);
-            members.len() as f64 * steps(treatment) * cost.step_seconds(precision, self.torques.is_empty())
+            members.len() as f64 * steps(treatment) * cost.step_seconds(precision, free)
         };
         self.treatments(rule).iter().map(of_group).sum()
     }
@@ -351,11 +419,20 @@ impl Rule {
     fn takes_longest(&self, pilot: &Pilot<'_>) -> bool {
         let longer = Rule { coefficient: 1e-4 * self.coefficient, ..*self };
         let span = pilot.scene.end();
+        if self.scheme == Scheme::Adaptive {
+            let alike = |(_, look): &(u32, Look)| self.adapts_like(&longer, self.precision_of(look.rate * span));
+            return pilot.bodies.iter().all(alike);
+        }
         pilot.bodies.iter().all(|(_, look)| longer.longest_step(look.rate, span) <= self.longest_step(look.rate, span))
+    }
+
+    /// The arithmetic of a body that turns by `angle` rad.
+    pub(super) fn precision_of(&self, angle: f64) -> Precision {
+        self.precision.unwrap_or_else(|| narrowest(self.attitude, angle))
     }
 
     /// Whether a body that turns by `angle` rad is stepped in `f64`.
     pub(super) fn is_wide(&self, angle: f64) -> bool {
-        self.precision.unwrap_or_else(|| narrowest(self.attitude, angle)) == Precision::F64
+        self.precision_of(angle) == Precision::F64
     }
 }

@@ -1,7 +1,8 @@
-//! What a pilot compares with: the same bodies by `rk8` in `f64`, refined until it no longer changes.
+//! What a pilot compares with: the same bodies by `rk8` in `f64`, refined until it no longer changes; in adaptive steps where
+//! the bodies may take them and their tolerances have room for it.
 
-use super::choice::Rule;
-use super::cost::{COSTS, Cost};
+use super::choice::{Rule, Scheme};
+use super::cost::COSTS;
 use super::pilot::{Pilot, States};
 use crate::batch::Precision;
 use crate::error::Result;
@@ -35,22 +36,44 @@ pub(super) struct Reference {
 impl Reference {
     /// Steps the pilot's bodies finer until that changes nothing.
     pub fn new(pilot: &Pilot<'_>) -> Result<Self> {
-        let cost: &Cost = COSTS.iter().find(|cost| cost.method == Method::Rk8).unwrap_or(&COSTS[0]);
+        if pilot.allows(Scheme::Adaptive) {
+            let (found, is_limited) = Self::by(pilot, Scheme::Adaptive)?;
+            if !is_limited {
+                return Ok(found);
+            }
+        }
+        Ok(Self::by(pilot, Scheme::Equal(Method::Rk8))?.0)
+    }
+
+    /// By steps of one kind, and whether there were no smaller tolerances before it had settled.
+    fn by(pilot: &Pilot<'_>, scheme: Scheme) -> Result<(Self, bool)> {
+        let cost = COSTS.iter().find(|cost| cost.scheme == scheme).unwrap_or(&COSTS[0]);
         let rule = pilot.rule(cost, Some(Precision::F64));
         let mut coarser = Rule { attitude: (AIM * rule.attitude).max(LEAST), ..rule };
-        let mut states = pilot.stepped(&coarser)?;
+        let mut states = None;
         let mut last = f64::INFINITY;
         for _ in 0..HALVINGS {
             let finer = halved(&coarser);
-            let coarse = std::mem::replace(&mut states, pilot.stepped(&finer)?);
-            let change = pilot.part(&coarse, &states);
-            // What halving does not lessen is rounding.
-            if change <= SETTLED || change > 0.5 * last {
-                return Ok(Self { states, coarser, change });
+            let is_limited = finer.adapts_like(&coarser, Precision::F64);
+            if is_limited {
+                return Ok((Self { states: states.unwrap_or_default(), coarser, change: last }, is_limited));
             }
-            (coarser, last) = (finer, change);
+            let coarse = match states.take() {
+                Some(states) => states,
+                None => pilot.stepped(&coarser)?.states,
+            };
+            let fine = pilot.stepped(&finer)?.states;
+            let change = pilot.part(&coarse, &fine);
+            states = Some(fine);
+            // What halving does not lessen is rounding.
+            let is_settled = change <= SETTLED || change > 0.5 * last;
+            last = change;
+            if is_settled {
+                break;
+            }
+            coarser = finer;
         }
-        Ok(Self { states, coarser, change: last })
+        Ok((Self { states: states.unwrap_or_default(), coarser, change: last }, false))
     }
 
     /// Steps that are fine enough for a reference of bodies like the pilot's.
@@ -61,13 +84,13 @@ impl Reference {
         let needed = (self.change / (MARGIN * SETTLED)).clamp(LEAST_CORRECTION, 1.0);
         let longer = Rule { coefficient: needed * self.coarser.coefficient, ..self.coarser };
         // Far beyond the steps that were tried the error may not go as the order says.
-        let holds = pilot.part(&pilot.stepped(&longer)?, &self.states) <= SETTLED;
+        let holds = pilot.part(&pilot.stepped(&longer)?.states, &self.states) <= SETTLED;
         Ok(if holds { longer } else { self.coarser })
     }
 }
 
-/// Half the steps of a rule.
+/// A rule with steps half as long, or a tolerance that leads to such.
 fn halved(rule: &Rule) -> Rule {
-    let order = rule.method.order() as i32;
+    let order = rule.scheme.method().order() as i32;
     Rule { coefficient: rule.coefficient * 2.0_f64.powi(order), longest_angle: 0.5 * rule.longest_angle, ..*rule }
 }

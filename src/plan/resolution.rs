@@ -159,8 +159,8 @@ impl Resolution {
                 }
             };
             let found = if accuracy.strictest() < ROUNDING_F64 {
-                let rule = pilot(0, true).tabulated().rule;
-                Found { rule, part: ROUNDING_F64 / accuracy.strictest(), bodies: 0 }
+                let found = pilot(0, true).tabulated();
+                Found { part: ROUNDING_F64 / accuracy.strictest(), ..found }
             } else if flies {
                 let flight = pilot(pilot_size(bodies.len()), true).fly()?;
                 if flight.is_lopsided {
@@ -205,7 +205,7 @@ impl Resolution {
         Err(Error::AccuracyOutOfReach {
             target: attitude,
             reached: floors[left_out],
-            method: COSTS[0].method,
+            method: COSTS[0].scheme.method(),
             precision: Precision::F32,
             remedy: F64_ELSEWHERE,
         })
@@ -257,6 +257,7 @@ impl Resolution {
     }
 
     fn stepped(&self, class: &Class, wide: bool, step: f64) -> Treatment {
+        let of_rule = |rule: &Rule| rule.treatment(precision(wide), step);
         match self {
             Self::Pinned { method, precision, longest_step, projected } => Treatment::Stepped {
                 method: *method,
@@ -265,10 +266,8 @@ impl Resolution {
                 projected: *projected,
             },
             Self::Adaptive { precision, steps } => Treatment::Adaptive { precision: *precision, steps: *steps },
-            Self::Accuracy { .. } => {
-                let method = self.rule(class.torques).map_or(COSTS[0].method, |rule| rule.method);
-                Treatment::Stepped { method, precision: precision(wide), longest_step: step, projected: false }
-            }
+            // Every set of torques that act has a rule.
+            Self::Accuracy { .. } => self.rule(class.torques).map_or(Treatment::RegularPrecession, of_rule),
         }
     }
 
@@ -407,7 +406,7 @@ fn out_of_reach(found: &Found, has_f64: bool) -> Error {
     Error::AccuracyOutOfReach {
         target: found.rule.attitude,
         reached: found.part * found.rule.attitude,
-        method: found.rule.method,
+        method: found.rule.scheme.method(),
         precision: found.rule.precision.unwrap_or(Precision::F64),
         remedy,
     }

@@ -18,7 +18,7 @@ pub struct AdaptiveWork {
 
 /// How a count is spread over bodies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "study", derive(serde::Serialize))]
+#[cfg_attr(feature = "study", derive(serde::Serialize, serde::Deserialize))]
 pub struct Spread {
     /// Of all bodies together.
     pub total: u64,

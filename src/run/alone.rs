@@ -1,6 +1,7 @@
 //! Some bodies of a scene by themselves, on the CPU.
 
 use crate::batch::{BodyState, StateWords, prepare_members};
+use crate::engine::adaptive::StepCounts;
 use crate::engine::cpu::{Cpu, Width};
 use crate::engine::{Backend, Observer};
 use crate::error::Result;
@@ -8,8 +9,17 @@ use crate::plan::{Members, Treatment};
 use crate::scene::Scene;
 use crate::torque::Torque;
 
-/// The states of some bodies after the last of `times`, stepped on all cores as `treatment` says, which must be
-/// [`Treatment::Stepped`] or [`Treatment::Adaptive`]; other treatments give none.
+/// Some bodies at the end.
+#[derive(Debug, Default)]
+pub(crate) struct Alone {
+    /// The bodies with their states.
+    pub states: Vec<(usize, BodyState)>,
+    /// The steps of each body, in the same order; none where steps are equal.
+    pub counts: Vec<StepCounts>,
+}
+
+/// Some bodies after the last of `times`, stepped on all cores as `treatment` says, which must be [`Treatment::Stepped`] or
+/// [`Treatment::Adaptive`]; other treatments give none.
 pub(crate) fn states_at_end(
     scene: &Scene,
     times: &[f64],
@@ -17,8 +27,8 @@ pub(crate) fn states_at_end(
     members: &Members,
     treatment: &Treatment,
     observer: &mut Observer<'_>,
-) -> Result<Vec<(usize, BodyState)>> {
-    let Some(precision) = treatment.precision_of_steps() else { return Ok(Vec::new()) };
+) -> Result<Alone> {
+    let Some(precision) = treatment.precision_of_steps() else { return Ok(Alone::default()) };
     let (frames, batch) = prepare_members(scene.ensemble(), torques, scene.end(), members, precision)?;
     let end = times.last().copied().unwrap_or(0.0);
     let state = |row: usize, words: &StateWords| {
@@ -33,9 +43,10 @@ pub(crate) fn states_at_end(
             for &time in times {
                 session.advance_to(time, observer)?;
             }
-            return Ok(in_users_units(session.read(0..members.len())?));
+            let states = in_users_units(session.read(0..members.len())?);
+            return Ok(Alone { states, counts: session.counts()? });
         }
-        Treatment::RegularPrecession | Treatment::ClosedForm { .. } => return Ok(Vec::new()),
+        Treatment::RegularPrecession | Treatment::ClosedForm { .. } => return Ok(Alone::default()),
     };
     let engine = Cpu::new(Width::Lanes);
     let mut session = if projected { engine.start_projected(batch, method)? } else { engine.start(batch, method)? };
@@ -45,5 +56,5 @@ pub(crate) fn states_at_end(
         session.advance(interval.dt, interval.steps, observer)?;
         last = time;
     }
-    Ok(in_users_units(session.read(0..members.len())?))
+    Ok(Alone { states: in_users_units(session.read(0..members.len())?), counts: Vec::new() })
 }

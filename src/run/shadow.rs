@@ -1,5 +1,7 @@
 //! The shadow of a run: a sample of its bodies, recomputed more accurately.
 
+use std::collections::BTreeMap;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -58,8 +60,7 @@ pub(super) struct Reference {
 }
 
 /// The bodies of a sample recomputed on the CPU in `f64`: torque-free ones by the closed form, the others by `rk8` in the
-/// steps of [`reference_intervals`], or, where the run's steps are adaptive, in adaptive steps too; the latter without the
-/// torques' work.
+/// steps of [`reference_intervals`], or, where the run's steps are adaptive, in adaptive steps too.
 pub(super) fn recomputed(plan: &Plan<'_>, sample: &[u32], observer: &mut Observer<'_>) -> Result<Vec<Reference>> {
     let scene = plan.scene();
     let mut references = Vec::with_capacity(sample.len());
@@ -72,9 +73,7 @@ pub(super) fn recomputed(plan: &Plan<'_>, sample: &[u32], observer: &mut Observe
         if !driven.is_empty() {
             let torques = group.class.torques.of(scene.torques());
             if let Treatment::Adaptive { steps, .. } = group.treatment {
-                let members = Members::Some(driven);
-                let found = states_at_end(scene, plan.times(), &torques, &members, &finer(&steps), observer)?;
-                references.extend(found.into_iter().map(|(body, state)| Reference { body, state, work: None }));
+                references.extend(adaptively(plan, &torques, driven, &steps, observer)?);
                 continue;
             }
             let intervals = reference_intervals(plan, group, &torques, &driven);
@@ -86,6 +85,36 @@ pub(super) fn recomputed(plan: &Plan<'_>, sample: &[u32], observer: &mut Observe
     references.sort_by_key(|reference| reference.body);
     Ok(references)
 }
+
+/// Bodies recomputed in adaptive steps; what torques do to them on the way in equal ones, of which each body takes at least as
+/// many as it has chosen.
+fn adaptively(
+    plan: &Plan<'_>,
+    torques: &[Torque],
+    members: Vec<u32>,
+    steps: &AdaptiveSteps,
+    observer: &mut Observer<'_>,
+) -> Result<Vec<Reference>> {
+    let scene = plan.scene();
+    let found = states_at_end(scene, plan.times(), torques, &Members::Some(members), &finer(steps), observer)?;
+    let mut alike: BTreeMap<u64, Vec<u32>> = BTreeMap::new();
+    for ((body, _), counts) in found.states.iter().zip(&found.counts) {
+        alike.entry(counts.accepted.max(1).next_power_of_two()).or_default().push(*body as u32);
+    }
+    let mut works = BTreeMap::new();
+    for (count, members) in alike {
+        let steps = count.saturating_mul(EQUAL_FOR_ADAPTIVE);
+        let interval = steps_over(scene.end(), scene.end() / steps as f64);
+        let found = work::recomputed(scene, torques, &Members::Some(members), &[interval], observer)?;
+        works.extend(found.into_iter().map(|found| (found.body, found.work)));
+    }
+    let reference = |(body, state): (usize, _)| Reference { body, state, work: works.get(&body).copied() };
+    Ok(found.states.into_iter().map(reference).collect())
+}
+
+/// Equal steps that are as fine where a body needs it most as the steps that it chooses, of which it takes as many: in a ratio of
+/// spins of two between start and end.
+const EQUAL_FOR_ADAPTIVE: u64 = 2;
 
 /// Adaptive steps of a hundredth of the tolerance, so that their error is far below the run's.
 fn finer(steps: &AdaptiveSteps) -> Treatment {

@@ -41,7 +41,7 @@ impl Costs {
 fn of_method(shipped: &Cost, rows: &[&Row], kind: EngineKind) -> Option<Cost> {
     let seconds = |problem: &str, precision: Precision| {
         let of_case = |row: &&&Row| {
-            row.text("method") == shipped.method.name()
+            row.text("method") == shipped.scheme.name()
                 && row.text("precision") == precision.name()
                 && row.text("problem") == problem
         };
