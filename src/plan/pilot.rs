@@ -65,8 +65,6 @@ const HOPELESS: f64 = 4.0;
 const DEARER: f64 = 1.5;
 /// Where a class takes less than this on one core, s, trying others costs more than they could save.
 const NEGLIGIBLE: f64 = 0.02;
-/// The most that a pilot's steps may take, as a multiple of those of the best candidate so far.
-const ENDLESS: f64 = 64.0;
 
 /// What a pilot found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -200,13 +198,22 @@ impl<'a> Pilot<'a> {
             if self.seconds(&Rule { coefficient, ..start }, cost, None) > margin * cheapest {
                 continue;
             }
-            let found = self.calibrated(start, cost, ENDLESS * cheapest, reference)?;
+            let found = self.calibrated(self.within(start, cost, cheapest), cost, cheapest, reference)?;
             if found.part <= 1.0 {
                 cheapest = cheapest.min(self.seconds(&found.rule, cost, found.steps));
             }
             tried.push(found);
         }
         Ok(tried)
+    }
+
+    /// A rule with steps so long that they take no more than `limit` seconds: if that misses the target, the candidate is dearer.
+    fn within(&self, start: Rule, cost: &Cost, limit: f64) -> Rule {
+        let mut rule = start;
+        while self.seconds(&rule, cost, None) > limit && !rule.takes_longest(self) {
+            rule.coefficient /= rule.level();
+        }
+        rule
     }
 
     /// The first in order.
@@ -297,7 +304,8 @@ impl<'a> Pilot<'a> {
         }
     }
 
-    /// The rule with the coefficient that the sample needs, as far as its steps take no longer than `limit` seconds.
+    /// The rule with the coefficient that the sample needs, as far as its steps take no longer than `limit` seconds, the least that
+    /// is known to do.
     fn calibrated(&self, start: Rule, cost: &Cost, limit: f64, reference: &States) -> Result<Found> {
         let mut rule = start;
         let mut best = Found { rule, part: f64::INFINITY, bodies: self.bodies.len(), steps: None };
@@ -324,13 +332,17 @@ impl<'a> Pilot<'a> {
             }
             // Finer steps that do not help meet rounding, or a motion that no step resolves. As steps go by levels, an error
             // may fall by that much less than it should.
-            let level = 2.0_f64.powf(f64::from(rule.scheme.method().order()) / f64::from(LEVELS_PER_OCTAVE));
-            if part > 1.0 && before > 1.0 && before.is_finite() && part > before * (level / correction).max(0.5) {
+            let stalls = part > before * (rule.level() / correction).max(0.5);
+            if part > 1.0 && before > 1.0 && before.is_finite() && stalls {
                 break;
             }
             // A sample without any error would make the coefficient vanish.
             correction = (part / AIM).clamp(1e-4, MOST_CORRECTION);
+            let tried = rule;
             rule.coefficient *= correction;
+            if tried.steps_like(&rule, self) {
+                break;
+            }
         }
         Ok(best)
     }
@@ -415,15 +427,24 @@ impl<'a> Pilot<'a> {
 }
 
 impl Rule {
-    /// Whether every body of a pilot takes the longest step there is.
+    /// Whether every body of a pilot takes the longest step there is, or the greatest tolerance.
     fn takes_longest(&self, pilot: &Pilot<'_>) -> bool {
-        let longer = Rule { coefficient: 1e-4 * self.coefficient, ..*self };
+        self.steps_like(&Rule { coefficient: 1e-4 * self.coefficient, ..*self }, pilot)
+    }
+
+    /// Whether every body of a pilot steps by this rule as by another of the same scheme.
+    fn steps_like(&self, other: &Rule, pilot: &Pilot<'_>) -> bool {
         let span = pilot.scene.end();
-        if self.scheme == Scheme::Adaptive {
-            let alike = |(_, look): &(u32, Look)| self.adapts_like(&longer, self.precision_of(look.rate * span));
-            return pilot.bodies.iter().all(alike);
-        }
-        pilot.bodies.iter().all(|(_, look)| longer.longest_step(look.rate, span) <= self.longest_step(look.rate, span))
+        let alike = |(_, look): &(u32, Look)| match self.scheme {
+            Scheme::Equal(_) => self.longest_step(look.rate, span) == other.longest_step(look.rate, span),
+            Scheme::Adaptive => self.adapts_like(other, self.precision_of(look.rate * span)),
+        };
+        pilot.bodies.iter().all(alike)
+    }
+
+    /// By what the coefficient changes from one level of steps to the next.
+    fn level(&self) -> f64 {
+        2.0_f64.powf(f64::from(self.scheme.method().order()) / f64::from(LEVELS_PER_OCTAVE))
     }
 
     /// The arithmetic of a body that turns by `angle` rad.
