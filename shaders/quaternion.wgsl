@@ -65,6 +65,11 @@ fn norm_correction(q: quaternion) -> quaternion {
     return q * (0.5 * (1.0 - norm_squared(q)));
 }
 
+// What a step from q to next is to be lengthened by: (1 - |q|^2)/2 next.
+fn norm_correction_of_step(q: quaternion, next: quaternion) -> quaternion {
+    return next * (0.5 * (1.0 - norm_squared(q)));
+}
+
 // The quaternion of a rotation vector less 1: (sin t/2 axis, cos t/2 - 1), t its length.
 fn exponential_less_one(rotation_vector: vector) -> quaternion {
     let angle = sqrt(max(dot_vector(rotation_vector, rotation_vector), 1e-36));

@@ -136,6 +136,16 @@ pub fn norm_correction<R: Real>(q: Quaternion<R>) -> Quaternion<R> {
     q * (R::splat(0.5) * (R::splat(1.0) - q.norm_squared()))
 }
 
+/// What a step from q to `next` is to be lengthened by, as q is not quite a unit quaternion: ½ (1 − |q|²) `next`.
+///
+/// To first order the step is then that from q/|q|, as rates are proportional to q. Along q itself, from which `next` has turned
+/// away by an angle of ½θ, the correction would turn the attitude back by ½ (1 − |q|²) sin ½θ: ten times the error of a
+/// Runge-Kutta method in long steps.
+#[inline(always)]
+pub fn norm_correction_of_step<R: Real>(q: Quaternion<R>, next: Quaternion<R>) -> Quaternion<R> {
+    next * (R::splat(0.5) * (R::splat(1.0) - q.norm_squared()))
+}
+
 /// The quaternion of the rotation vector θ (an angle times an axis) less 1: (sin ½θ · axis, cos ½θ − 1).
 ///
 /// Formed from the sine of a quarter of the angle alone, so that the small number cos ½θ − 1 keeps its digits. The

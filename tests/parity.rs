@@ -11,7 +11,7 @@ use common::kernel::{Harness, chunks};
 use common::random::Random;
 use polhode::batch::Precision;
 use polhode::method::Method;
-use polhode::quaternion::{Quaternion, norm_correction};
+use polhode::quaternion::{Quaternion, norm_correction, norm_correction_of_step};
 use polhode::real::{Scalar, sin_cos, sin_cos_eighth};
 use polhode::rigid_body::{Body, Correction, State, angular_momentum_world, orientation_rate};
 use polhode::vector::{TwoWords, Vector, accumulate};
@@ -275,6 +275,15 @@ fn cases<T: Scalar>() -> Vec<Case<T>> {
             4,
             &[QUATERNION],
             |row| q_out(norm_correction(quaternion(row, 0))),
+            FEW_ROUNDINGS,
+            three::<T>,
+        ),
+        case(
+            "norm_correction_of_step",
+            "put_q(0u, norm_correction_of_step(q(0u), q(4u)));",
+            8,
+            &[QUATERNION],
+            |row| q_out(norm_correction_of_step(quaternion(row, 0), quaternion(row, 4))),
             FEW_ROUNDINGS,
             three::<T>,
         ),

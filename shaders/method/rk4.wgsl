@@ -17,8 +17,9 @@ fn step(body: Body, prepared: Prepared, step_index: u32, dt: TwoWordsReal, state
 
     let q_sum = axpy_quaternion(k2.q + k3.q, 2.0, k1.q + k4.q);
     let m_sum = axpy_vector(k2.m + k3.m, 2.0, k1.m + k4.m);
+    let restoring = norm_correction_of_step(q, axpy_quaternion(q_sum, sixth.value, q));
     let q_increment = axpy_quaternion(
-        q_sum, sixth.value, axpy_quaternion(k2.q, sixth.residue, norm_correction(q)));
+        q_sum, sixth.value, axpy_quaternion(k2.q, sixth.residue, restoring));
     let m_increment = axpy_vector(m_sum, sixth.value, k2.m * sixth.residue);
 
     return State(

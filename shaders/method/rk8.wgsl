@@ -133,7 +133,6 @@ fn slopes(body: Body, place: StepPlace, h: real, state: State) -> Slopes {
 
 // The state after a step of dt with these slopes.
 fn advanced(slopes: Slopes, dt: TwoWordsReal, state: State) -> State {
-    let q = state.orientation.value;
     let sum = weighted(
         slopes,
         1.0,
@@ -145,8 +144,10 @@ fn advanced(slopes: Slopes, dt: TwoWordsReal, state: State) -> State {
         2.01365400804030348374776537501e-1,
         4.47106157277725905176885569043e-2,
     );
+    let q = state.orientation.value;
+    let restoring = norm_correction_of_step(q, axpy_quaternion(sum.q, dt.value, q));
     let q_increment = axpy_quaternion(
-        sum.q, dt.value, rounded_quaternion(axpy_quaternion(sum.q, dt.residue, norm_correction(q))));
+        sum.q, dt.value, rounded_quaternion(axpy_quaternion(sum.q, dt.residue, restoring)));
     let m_increment = axpy_vector(sum.m, dt.value, rounded_vector(sum.m * dt.residue));
     return State(
         accumulate_quaternion(state.orientation, q_increment),

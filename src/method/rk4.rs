@@ -7,12 +7,12 @@
 //! Source: W. Kutta, Z. Math. Phys. 46 (1901) 435, his first formula of order 4; the coefficients are those of
 //! E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*, 2nd ed. (1993), table II.1.2.
 //!
-//! Differences from the source: the increments are added to a state carried in two words, and the increment
-//! ½ (1 − |q|²) q is added to the quaternion's.
+//! Differences from the source: the increments are added to a state carried in two words, and the quaternion's norm is restored
+//! as if the step had started from q/|q|, by the increment ½ (1 − |q|²) q′ with the q′ that it leads to.
 
 use crate::method::Step;
 use crate::method::slope::{rates, sixth_of};
-use crate::quaternion::norm_correction;
+use crate::quaternion::norm_correction_of_step;
 use crate::real::Real;
 use crate::rigid_body::{Body, Invariants, State};
 use crate::torque::Environment;
@@ -66,7 +66,8 @@ pub fn step<R: Real, E: Environment<R>>(
     let two = R::splat(2.0);
     let q_sum = (k2.q + k3.q).axpy(two, k1.q + k4.q);
     let m_sum = (k2.m + k3.m).axpy(two, k1.m + k4.m);
-    let q_increment = q_sum.axpy(sixth.value, k2.q.axpy(sixth.residue, norm_correction(q)));
+    let restoring = norm_correction_of_step(q, q_sum.axpy(sixth.value, q));
+    let q_increment = q_sum.axpy(sixth.value, k2.q.axpy(sixth.residue, restoring));
     let m_increment = m_sum.axpy(sixth.value, k2.m * sixth.residue);
 
     State {

@@ -11,11 +11,11 @@
 //! Differences from the source: all sums are of differences to the first slope, kⱼ − k₁, so that Σⱼ aᵢⱼ = cᵢ and Σ bⱼ = 1
 //! hold exactly for the rounded coefficients, and nothing cancels: weights up to 43 multiply small differences only. With
 //! weights of k itself rounded to `f32`, time would stretch by up to 5e-7. Increments are added to a state carried in
-//! two words, and ½ (1 − |q|²) q to the quaternion's.
+//! two words, and the quaternion's norm is restored as in `rk4`.
 
 use crate::method::Step;
 use crate::method::slope::{Slope, rates};
-use crate::quaternion::norm_correction;
+use crate::quaternion::norm_correction_of_step;
 use crate::real::Real;
 use crate::rigid_body::{Body, Correction, Invariants, State};
 use crate::torque::Environment;
@@ -305,9 +305,10 @@ pub(crate) fn slopes<R: Real, E: Environment<R>>(
 /// The state after a step of dt with these slopes.
 #[inline(always)]
 pub(crate) fn advanced<R: Real>(slopes: &Slopes<R>, dt: TwoWords<R>, state: State<R>) -> State<R> {
-    let q = state.orientation.value;
     let sum = weighted(&slopes.first, 1.0, &slopes.differences, &WEIGHTS[1..]);
-    let q_increment = sum.q.axpy(dt.value, sum.q.axpy(dt.residue, norm_correction(q)));
+    let q = state.orientation.value;
+    let restoring = norm_correction_of_step(q, sum.q.axpy(dt.value, q));
+    let q_increment = sum.q.axpy(dt.value, sum.q.axpy(dt.residue, restoring));
     let m_increment = sum.m.axpy(dt.value, sum.m * dt.residue);
     State {
         orientation: accumulate::<R, _>(state.orientation, q_increment),

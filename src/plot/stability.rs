@@ -22,13 +22,17 @@ fn style(outcome: Outcome) -> Style {
     Style { colour, line: Line::Solid, mark, width: 1 }
 }
 
+/// The most rows of a map that can be told apart.
+const MOST_ROWS: usize = 20;
+
 /// The outcomes of the rows of [`crate::bench::stability`] of one engine in one precision.
 pub fn stability(rows: &[Row], precision: &str) -> Figure {
     let note = "Free bodies that spin at 1 rad/s. Each row of a map is a ratio of the greatest to the least moment, for \
                 directions of the spin drawn at random (generic) and next to the middle axis (by the distance from the \
                 separatrix). Outcomes are defined in src/bench/stability.rs.";
     let title = format!("What becomes of free bodies, {precision}");
-    let mut figure = super::figure(&title, 3, &[note], rows);
+    let thinned = format!("Of more than {MOST_ROWS} such rows every so many-th is drawn; the table has all of them.");
+    let mut figure = super::figure(&title, 3, &[note, &thinned], rows);
     let rows: Vec<&Row> = rows.iter().filter(|row| row.text("precision") == precision).collect();
     for method in Method::ALL {
         let mut rows: Vec<&Row> = rows.iter().copied().filter(|row| row.text("method") == method.name()).collect();
@@ -37,6 +41,8 @@ pub fn stability(rows: &[Row], precision: &str) -> Figure {
         rows.sort_by(|a, b| {
             a.text("place").cmp(&b.text("place")).then(a.number("ratio").total_cmp(&b.number("ratio")))
         });
+        let every = rows.len().div_ceil(MOST_ROWS).max(1);
+        let rows: Vec<&Row> = rows.into_iter().step_by(every).collect();
         let mut items = Vec::new();
         for (y, row) in rows.iter().enumerate() {
             for (x, exponent) in exponents.iter().enumerate() {
