@@ -199,6 +199,19 @@ fn what_no_step_reaches_is_said_before_the_run() {
 }
 
 #[test]
+fn what_chaos_makes_unpredictable_is_said_before_the_run() {
+    // Neighbouring motions part by a factor of e in some seconds, of which there are hundreds.
+    let swing = Torque::sinusoidal(DVec3::new(0.5, 0.3, -0.7), DVec3::new(-0.2, 0.6, 0.4), 1.5);
+    let scene = |end: f64| {
+        let scene = Scene::new(problem::free(64, SEEDS[0]).expect("valid")).until(end);
+        scene.torque(swing.clone()).accuracy(Accuracy::attitude(1e-6))
+    };
+    let error = Plan::new(&scene(1000.0), &Engine::cpu()).expect_err("out of reach").to_string();
+    assert!(error.contains("a shorter span"), "{error}");
+    Plan::new(&scene(10.0), &Engine::cpu()).expect("within reach");
+}
+
+#[test]
 fn energy_and_angular_velocity_are_targets_too() {
     let engine = Engine::cpu();
     let loose = Accuracy { attitude: Some(1e-2), energy: Some(1e-9), ..Accuracy::attitude(1e-2) };

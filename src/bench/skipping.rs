@@ -15,9 +15,11 @@ use super::timing::{Timing, repeat};
 use super::{Bench, Case, Swept, Watcher, sweep};
 use crate::batch::{self, BodyState, Precision, STATE_COMPONENTS};
 use crate::engine::{Engine, EngineKind};
-use crate::ensemble::Ensemble;
+use crate::ensemble::{Ensemble, Translation};
 use crate::error::Result;
+use crate::force::Force;
 use crate::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
+use crate::observe::Statistic;
 use crate::plan::{Plan, SkipName, Treatment};
 use crate::record::{OutputState, Quantiles, Sink};
 use crate::run::run_into;
@@ -42,15 +44,18 @@ const TOLERANCE: f64 = 1e-6;
 const OUTPUTS: u32 = 50;
 
 /// The skips that have a scene.
-pub const SKIPS: [SkipName; 8] = [
+pub const SKIPS: [SkipName; 11] = [
     SkipName::AtRest,
     SkipName::Spherical,
     SkipName::Steady,
     SkipName::Axisymmetric,
     SkipName::Free,
     SkipName::Torque,
+    SkipName::Translation,
+    SkipName::TranslationSteps,
     SkipName::Steps,
     SkipName::Outputs,
+    SkipName::States,
 ];
 
 /// One scene on one engine.
@@ -82,6 +87,20 @@ pub fn cases(bench: &Bench) -> Vec<SkippingCase> {
     bench.engines.iter().flat_map(of_engine).collect()
 }
 
+/// The bodies with masses, from the origin at rest.
+fn moving(ensemble: &Ensemble) -> Result<Ensemble> {
+    let count = ensemble.len();
+    let translation =
+        Translation { mass: vec![1.0; count], position: vec![DVec3::ZERO; count], velocity: vec![DVec3::ZERO; count] };
+    ensemble.clone().with_translation(translation)
+}
+
+/// Bodies that fall through air.
+fn falling(ensemble: Ensemble) -> Scene {
+    let gravity = Force::gravity(DVec3::new(0.0, 0.0, -9.81));
+    Scene::new(ensemble).force(gravity).force(Force::linear_drag(0.1))
+}
+
 /// The scene in which a skip matters, as it is planned, and the long way.
 fn scenes(skip: SkipName, bodies: usize) -> Result<(Scene, Scene)> {
     let free = problem::free(bodies, SEED)?;
@@ -105,19 +124,28 @@ fn scenes(skip: SkipName, bodies: usize) -> Result<(Scene, Scene)> {
             let round = |moments: DVec3| DVec3::new(moments.x, moments.x, moments.z.min(2.0 * moments.x));
             Scene::new(changed(&|moments, spin| (round(moments), spin))?)
         }
-        SkipName::Torque => Scene::new(free).torque(Torque::linear_drag(drag(false))),
+        SkipName::Torque => Scene::new(free.clone()).torque(Torque::linear_drag(drag(false))),
         SkipName::Steps => {
             // A few spin ten times as fast as the others, and all would have to take their steps.
             let fast = |spin: DVec3| if spin.x > 2.0 { 10.0 * spin } else { spin };
             Scene::new(changed(&|moments, spin| (moments, fast(spin)))?).torque(Torque::linear_drag(drag(true)))
         }
-        SkipName::Outputs => Scene::new(free).torque(Torque::linear_drag(drag(true))),
-        _ => Scene::new(free),
+        SkipName::TranslationSteps => falling(moving(&free)?).torque(Torque::linear_drag(drag(true))),
+        SkipName::Outputs | SkipName::States => Scene::new(free.clone()).torque(Torque::linear_drag(drag(true))),
+        _ => Scene::new(free.clone()),
     };
-    let scene = scene.until(SPAN).accuracy(Accuracy::attitude(TOLERANCE));
+    let ask = |scene: Scene| scene.until(SPAN).accuracy(Accuracy::attitude(TOLERANCE));
+    let scene = ask(scene);
+    let often = || Outputs::Every(SPAN / f64::from(OUTPUTS));
     Ok(match skip {
         // Here the long way is to hand out states that nobody reads.
-        SkipName::Outputs => (scene.clone(), scene.outputs(Outputs::Every(SPAN / f64::from(OUTPUTS)))),
+        SkipName::Outputs => (scene.clone(), scene.outputs(often())),
+        SkipName::States => {
+            let scene = scene.outputs(often()).statistics(&Statistic::ALL);
+            (scene.clone().without_states(), scene)
+        }
+        // And here to move centres of mass that nobody has given.
+        SkipName::Translation => (scene, ask(falling(moving(&free)?))),
         _ => (scene.clone(), scene.skipping(false)),
     })
 }
@@ -154,9 +182,10 @@ struct Ran {
     states: Vec<BodyState>,
 }
 
-/// Reads every output and keeps the end.
+/// Reads every output, or the last, and keeps the end.
 #[derive(Debug, Default)]
 struct Reader {
+    every: bool,
     last: bool,
     states: Vec<BodyState>,
 }
@@ -164,7 +193,7 @@ struct Reader {
 impl Sink for Reader {
     fn wants(&mut self, index: usize, count: usize, _: f64) -> bool {
         self.last = index + 1 == count;
-        true
+        self.every || self.last
     }
 
     fn bodies(&mut self, _: usize, _: f64, _: usize, states: &[OutputState]) -> Result<()> {
@@ -178,16 +207,15 @@ impl Sink for Reader {
 fn ran(bench: &Bench, engine: &Engine, scene: &Scene) -> Result<Ran> {
     let clock = Instant::now();
     let plan = Plan::new(scene, engine)?;
-    let mut ran = Ran {
-        plan: clock.elapsed().as_secs_f64(),
-        body_steps: plan.body_steps(),
-        bytes: bytes(&plan),
-        ..Ran::default()
-    };
+    let plan_seconds = clock.elapsed().as_secs_f64();
+    let every = scene.keeps_states();
+    let reads = if every { plan.times().len() } else { 1 };
+    let mut ran = Ran { plan: plan_seconds, bytes: bytes(&plan, reads), ..Ran::default() };
     ran.time = repeat(bench.repeats(), || {
-        let mut reader = Reader::default();
+        let mut reader = Reader { every, ..Reader::default() };
         let trust = run_into(engine, &plan, &mut reader, &mut |_| ControlFlow::Continue(()))?;
         ran.failed = trust.failed_bodies.len();
+        ran.body_steps = trust.body_steps;
         ran.states = reader.states;
         let time = trust.wall_time;
         Ok(time.prepare + time.start + time.compute + time.read)
@@ -195,8 +223,8 @@ fn ran(bench: &Bench, engine: &Engine, scene: &Scene) -> Result<Ran> {
     Ok(ran)
 }
 
-/// Bytes of the columns that the engine is given and of the states that are read back.
-fn bytes(plan: &Plan<'_>) -> u64 {
+/// Bytes of the columns that the engine is given and of the states that are read back so many times.
+fn bytes(plan: &Plan<'_>, reads: usize) -> u64 {
     let of_group = |group: &crate::plan::Group| {
         let (given, read) = match group.treatment {
             Treatment::RegularPrecession => (0, 0),
@@ -209,7 +237,7 @@ fn bytes(plan: &Plan<'_>) -> u64 {
                 (batch::bytes_per_body(precision), STATE_COMPONENTS * 8)
             }
         };
-        (group.members.len() * (given + plan.times().len() * read)) as u64
+        (group.members.len() * (given + reads * read)) as u64
     };
     plan.groups().iter().map(of_group).sum()
 }

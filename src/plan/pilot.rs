@@ -125,6 +125,17 @@ pub(super) struct Flight {
     /// Whether there is a larger sample, and the error that bounds the percentile is so far beyond this sample's own percentile
     /// that the larger one, which bounds it more closely, is worth its time.
     pub is_lopsided: bool,
+    /// What is known ahead of the larger sample, where the target was met.
+    known: Option<Known>,
+}
+
+/// What a smaller pilot of the same class has found.
+#[derive(Clone, Copy)]
+struct Known {
+    /// The rule of its reference.
+    reference: Rule,
+    /// The rule that is expected to meet the target.
+    start: Rule,
 }
 
 /// How far a bound may be above the sample's own percentile: a step that is chosen by it errs that much less than asked for.
@@ -133,27 +144,15 @@ const LOPSIDED: f64 = 30.0;
 impl<'a> Pilot<'a> {
     /// The cheapest rule that meets the target in the sample; the most accurate where none does.
     pub fn fly(&self) -> Result<Flight> {
-        let flight = |tried: Vec<Found>, reference: &States| {
-            let could_be_larger = self.bodies.len() < larger_pilot_size(self.all);
-            let is_lopsided = |found: &Found| -> Result<bool> {
-                let mut errors = self.errors(&self.stepped(&found.rule)?.states, reference);
-                let bound = errors.part_of(self.accuracy, self.all);
-                Ok(bound > LOPSIDED * errors.part_of(self.accuracy, self.bodies.len()))
-            };
-            let found = self.best_of(&tried).unwrap_or_else(|| self.tabulated());
-            // What was chosen may be finer than needed, and what was not may have failed for a body or two.
-            let mut lopsided = could_be_larger && is_lopsided(&found)?;
-            for missed in tried.iter().filter(|found| found.part > 1.0 && found.part.is_finite()) {
-                lopsided = lopsided || (could_be_larger && is_lopsided(missed)?);
-            }
-            Ok(Flight { found, is_lopsided: lopsided })
-        };
         if !self.has_scouts || self.bodies.len() <= 2 * SCOUTS {
-            let reference = Reference::new(self)?.states;
-            return flight(self.tried(self.candidates(), &reference, false)?, &reference);
+            return self.fly_at_once();
         }
         let scouts = self.scouts();
         let reference = Reference::new(&scouts)?;
+        if reference.lost(&scouts).is_some() {
+            // They may be more than the percentile leaves out, or one in a hundred.
+            return self.fly_at_once();
+        }
         let mut found = scouts.tried(scouts.candidates(), &reference.states, false)?;
         // What the scouts favour first, so that what follows is dearer than what is known.
         found.sort_by(|a, b| self.order(a, b));
@@ -162,11 +161,17 @@ impl<'a> Pilot<'a> {
             let candidate = |found: &Found| Some((found.rule, self.costs.of(found.rule.scheme)?));
             self.tried(found.iter().filter_map(candidate).collect(), reference, true)
         };
-        let mut reference = self.stepped(&reference.rule_for_others(&scouts)?)?.states;
+        let reference_rule = reference.rule_for_others(&scouts)?;
+        let mut reference = self.stepped(&reference_rule)?.states;
         let mut tried = again(&met, &reference)?;
         if tried.iter().all(|found| found.part > 1.0) {
             // Others may do for as many bodies as the percentile counts, or the scouts' reference was not fine enough for all.
-            reference = Reference::new(self)?.states;
+            let of_all = Reference::new(self)?;
+            if let Some(found) = of_all.lost(self) {
+                let is_lopsided = self.bodies.len() < larger_pilot_size(self.all);
+                return Ok(Flight { found, is_lopsided, known: None });
+            }
+            reference = of_all.states;
             let known = [met, missed].concat();
             tried.extend(again(&known, &reference)?);
             if tried.iter().all(|found| found.part > 1.0) {
@@ -179,7 +184,61 @@ impl<'a> Pilot<'a> {
                 tried.extend(self.tried(others, &reference, false)?);
             }
         }
-        flight(tried, &reference)
+        self.flight(tried, &reference, Some(reference_rule))
+    }
+
+    /// The same, of the whole sample from the start.
+    fn fly_at_once(&self) -> Result<Flight> {
+        let reference = Reference::new(self)?;
+        if let Some(found) = reference.lost(self) {
+            let is_lopsided = self.bodies.len() < larger_pilot_size(self.all);
+            return Ok(Flight { found, is_lopsided, known: None });
+        }
+        let tried = self.tried(self.candidates(), &reference.states, false)?;
+        self.flight(tried, &reference.states, None)
+    }
+
+    /// What the candidates that were tried come to.
+    fn flight(&self, tried: Vec<Found>, reference: &States, reference_rule: Option<Rule>) -> Result<Flight> {
+        let found = self.best_of(&tried).unwrap_or_else(|| self.tabulated());
+        if self.bodies.len() >= larger_pilot_size(self.all) {
+            return Ok(Flight { found, is_lopsided: false, known: None });
+        }
+        // The bound of the percentile and the sample's own.
+        let parts = |found: &Found| -> Result<(f64, f64)> {
+            let mut errors = self.errors(&self.stepped(&found.rule)?.states, reference);
+            Ok((errors.part_of(self.accuracy, self.all), errors.part_of(self.accuracy, self.bodies.len())))
+        };
+        let (bound, own) = parts(&found)?;
+        if bound > LOPSIDED * own {
+            // Twice as fine as the sample's own percentile asks for.
+            let coefficient = found.rule.coefficient * (2.0 * own / AIM).min(1.0);
+            let start = Rule { coefficient, ..found.rule };
+            let known = reference_rule.filter(|_| found.part <= 1.0).map(|reference| Known { reference, start });
+            return Ok(Flight { found, is_lopsided: true, known });
+        }
+        // What was not chosen may have failed for a body or two.
+        for missed in tried.iter().filter(|found| found.part > 1.0 && found.part.is_finite()) {
+            let (bound, own) = parts(missed)?;
+            if bound > LOPSIDED * own && own <= 1.0 {
+                return Ok(Flight { found, is_lopsided: true, known: None });
+            }
+        }
+        Ok(Flight { found, is_lopsided: false, known: None })
+    }
+
+    /// As [`Pilot::fly`], after a smaller pilot of the class.
+    pub fn fly_after(&self, smaller: &Flight) -> Result<Found> {
+        if let Some(Known { reference, start }) = smaller.known
+            && let Some(cost) = self.costs.of(start.scheme)
+        {
+            let reference = self.stepped(&reference)?.states;
+            let found = self.calibrated(start, cost, f64::INFINITY, &reference)?;
+            if found.part <= 1.0 {
+                return Ok(found);
+            }
+        }
+        Ok(self.fly()?.found)
     }
 
     /// What candidates come to; those that are dearer than one that meets the target are left out, as far as that is known

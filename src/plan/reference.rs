@@ -3,7 +3,7 @@
 
 use super::choice::{Rule, Scheme};
 use super::cost::COSTS;
-use super::pilot::{Pilot, States};
+use super::pilot::{Found, Pilot, States};
 use crate::batch::Precision;
 use crate::error::Result;
 use crate::method::Method;
@@ -21,6 +21,8 @@ const HALVINGS: usize = 6;
 /// What the error of a reference may be, as a part of [`SETTLED`], where its step is chosen by what few bodies showed: the
 /// others' may then be ten times theirs.
 const MARGIN: f64 = 0.1;
+/// An attitude error, rad, from which on it no longer grows in proportion to what causes it.
+const SATURATED: f64 = 0.1;
 /// The most by which a coefficient shrinks at once.
 const LEAST_CORRECTION: f64 = 1e-8;
 
@@ -38,7 +40,7 @@ impl Reference {
     pub fn new(pilot: &Pilot<'_>) -> Result<Self> {
         if pilot.allows(Scheme::Adaptive) {
             let (found, is_limited) = Self::by(pilot, Scheme::Adaptive)?;
-            if !is_limited {
+            if !is_limited || (found.change.is_finite() && is_saturated(found.change, pilot)) {
                 return Ok(found);
             }
         }
@@ -65,8 +67,8 @@ impl Reference {
             let fine = pilot.stepped(&finer)?.states;
             let change = pilot.part(&coarse, &fine);
             states = Some(fine);
-            // What halving does not lessen is rounding.
-            let is_settled = change <= SETTLED || change > 0.5 * last;
+            // What halving does not lessen is rounding, or so large that it cannot be more.
+            let is_settled = change <= SETTLED || (change > 0.5 * last && !is_saturated(change, pilot));
             last = change;
             if is_settled {
                 break;
@@ -74,6 +76,12 @@ impl Reference {
             coarser = finer;
         }
         Ok((Self { states: states.unwrap_or_default(), coarser, change: last }, false))
+    }
+
+    /// What was found where the motion amplifies errors so much that no steps in `f64` follow it to what is asked for.
+    pub fn lost(&self, pilot: &Pilot<'_>) -> Option<Found> {
+        let found = || Found { rule: self.coarser, part: self.change, bodies: pilot.bodies.len(), steps: None };
+        (self.change > 1.0).then(found)
     }
 
     /// Steps that are fine enough for a reference of bodies like the pilot's.
@@ -87,6 +95,11 @@ impl Reference {
         let holds = pilot.part(&pilot.stepped(&longer)?.states, &self.states) <= SETTLED;
         Ok(if holds { longer } else { self.coarser })
     }
+}
+
+/// Whether a change, as a part of the target, is an angle that says nothing any more.
+fn is_saturated(change: f64, pilot: &Pilot<'_>) -> bool {
+    change * pilot.accuracy.strictest() >= SATURATED
 }
 
 /// A rule with steps half as long, or a tolerance that leads to such.

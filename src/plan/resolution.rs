@@ -164,7 +164,7 @@ impl Resolution {
             } else if flies {
                 let flight = pilot(pilot_size(bodies.len()), true).fly()?;
                 if flight.is_lopsided {
-                    pilot(larger_pilot_size(bodies.len()), false).fly()?.found
+                    pilot(larger_pilot_size(bodies.len()), false).fly_after(&flight)?
                 } else {
                     flight.found
                 }
