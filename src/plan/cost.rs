@@ -38,44 +38,44 @@ pub struct Figures {
 
 /// The methods that a plan chooses among, the one first that most scenes end with, so that hopeless ones are known early.
 ///
-/// Measured with `RAYON_NUM_THREADS=1 cargo bench --bench costs` (`--profile dev`, a busy machine, the least of six). On both
-/// problems `rk4` is the cheapest above about 1e-3 rad and `rk8` below.
+/// Measured with `RAYON_NUM_THREADS=1 cargo bench --bench costs`. On the driven problem `cf4` is the cheapest above about 1e-3 rad
+/// and `rk8` in adaptive steps below.
 pub const COSTS: &[Cost] = &[
     Cost {
         scheme: Scheme::Adaptive,
         longest_angle: f64::INFINITY,
-        free: Figures { coefficient: 20.0, seconds: [4.2e-8, 7.4e-8] },
-        driven: Figures { coefficient: 400.0, seconds: [4.8e-8, 8.3e-8] },
+        free: Figures { coefficient: 13.0, seconds: [4.6e-8, 7.4e-8] },
+        driven: Figures { coefficient: 30.0, seconds: [4.6e-8, 8.6e-8] },
     },
     Cost {
         scheme: Scheme::Equal(Method::Rk8),
         longest_angle: 3.5,
-        free: Figures { coefficient: 6e-9, seconds: [2.7e-8, 5.1e-8] },
-        driven: Figures { coefficient: 0.13, seconds: [2.8e-8, 5.6e-8] },
+        free: Figures { coefficient: 6e-9, seconds: [2.2e-8, 4.4e-8] },
+        driven: Figures { coefficient: 0.13, seconds: [2.2e-8, 4.3e-8] },
     },
     Cost {
         scheme: Scheme::Equal(Method::Rk4),
         longest_angle: 1.0,
-        free: Figures { coefficient: 1.5e-3, seconds: [3.9e-9, 7.3e-9] },
-        driven: Figures { coefficient: 16.0, seconds: [4.2e-9, 8.3e-9] },
+        free: Figures { coefficient: 1.5e-3, seconds: [3.5e-9, 5.9e-9] },
+        driven: Figures { coefficient: 16.0, seconds: [3.5e-9, 9.0e-9] },
     },
     Cost {
         scheme: Scheme::Equal(Method::Cf4),
         longest_angle: 1.0,
-        free: Figures { coefficient: 7e-4, seconds: [1.2e-8, 2.4e-8] },
-        driven: Figures { coefficient: 0.8, seconds: [2.6e-8, 7.9e-8] },
+        free: Figures { coefficient: 7e-4, seconds: [5.4e-9, 1.1e-8] },
+        driven: Figures { coefficient: 0.8, seconds: [5.5e-9, 1.2e-8] },
     },
     Cost {
         scheme: Scheme::Equal(Method::Splitting4),
         longest_angle: 0.5,
-        free: Figures { coefficient: 4e-4, seconds: [1.1e-8, 4.2e-8] },
-        driven: Figures { coefficient: 0.5, seconds: [1.2e-7, 2.8e-7] },
+        free: Figures { coefficient: 4e-4, seconds: [6.2e-9, 1.7e-8] },
+        driven: Figures { coefficient: 0.5, seconds: [8.3e-8, 1.8e-7] },
     },
     Cost {
         scheme: Scheme::Equal(Method::Splitting6),
         longest_angle: 0.5,
-        free: Figures { coefficient: 6e-4, seconds: [1.6e-8, 3.2e-8] },
-        driven: Figures { coefficient: 3.0, seconds: [2.0e-7, 7.0e-7] },
+        free: Figures { coefficient: 6e-4, seconds: [6.2e-9, 1.7e-8] },
+        driven: Figures { coefficient: 3.0, seconds: [1.4e-7, 2.9e-7] },
     },
 ];
 
@@ -83,9 +83,9 @@ pub const COSTS: &[Cost] = &[
 /// arithmetic, or, without one, as a regular precession (`cargo bench --bench costs`).
 pub fn evaluation_seconds(closed_form: Option<Precision>) -> f64 {
     match closed_form {
-        None => 2.2e-7,
-        Some(Precision::F32) => 2.5e-7,
-        Some(Precision::F64) => 2.7e-7,
+        None => 2.4e-7,
+        Some(Precision::F32) => 3.7e-7,
+        Some(Precision::F64) => 3.8e-7,
     }
 }
 

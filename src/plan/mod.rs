@@ -68,8 +68,8 @@ impl<'a> Plan<'a> {
     ///
     /// Where method and step are pinned, every body is stepped that way; only bodies at rest without torque are not.
     /// Where an error is asked for, torque-free bodies are not stepped, and for each set of torques that act on a body a
-    /// [`pilot`](Scene::without_pilot) on a few of the bodies finds method and step; each body's step follows its own
-    /// rate. `f32` is taken for bodies for which its own floor, 1e-6 rad and 3e-8 of the angle turned, is below the error
+    /// [`pilot`](Scene::without_pilot) on a few of the bodies finds method and steps: equal ones that follow each body's own
+    /// rate, or, where that is cheaper, `rk8` in steps that each body chooses ([`Scheme`]). `f32` is taken for bodies for which its own floor, 1e-6 rad and 3e-8 of the angle turned, is below the error
     /// asked for, and `f64` for the others.
     ///
     /// # Errors

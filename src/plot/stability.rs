@@ -45,13 +45,19 @@ pub fn stability(rows: &[Row], precision: &str) -> Figure {
         let rows: Vec<&Row> = rows.into_iter().step_by(every).collect();
         let mut items = Vec::new();
         for (y, row) in rows.iter().enumerate() {
-            for (x, exponent) in exponents.iter().enumerate() {
-                let Some(outcome) = Outcome::from_name(&row.text(&column("outcome", *exponent))) else { continue };
-                let (x, y) = (x as f64, y as f64);
+            let outcomes: Vec<Option<Outcome>> =
+                exponents.iter().map(|exponent| Outcome::from_name(&row.text(&column("outcome", *exponent)))).collect();
+            let (mut start, y) = (0, y as f64);
+            for alike in outcomes.chunk_by(|a, b| a == b) {
+                let (low, high) = (start as f64 - 0.5, (start + alike.len()) as f64 - 0.5);
+                start += alike.len();
+                let Some(outcome) = alike[0] else { continue };
                 let style = style(outcome);
-                items.push(Item::Bar { low: (x - 0.5, y - 0.5), high: (x + 0.5, y + 0.5), style });
+                items.push(Item::Bar { low: (low, y - 0.5), high: (high, y + 0.5), style });
                 let black = Style { colour: [0, 0, 0], ..style };
-                items.push(Item::Curve { points: vec![(x, y)], style: black });
+                let marks = (0..alike.len())
+                    .map(|cell| Item::Curve { points: vec![(low + 0.5 + cell as f64, y)], style: black });
+                items.extend(marks);
             }
         }
         let names =
