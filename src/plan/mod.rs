@@ -29,6 +29,7 @@ mod marks;
 mod pilot;
 mod reference;
 mod resolution;
+mod sampled;
 pub mod skip;
 mod times;
 

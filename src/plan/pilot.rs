@@ -3,29 +3,23 @@
 //! For each candidate method a sample of the class's bodies is stepped on the CPU with the steps that the class would take, and
 //! compared with a much finer reference. As the error goes as the step to the method's order, the measured error corrects
 //! the coefficient of the method's [`Rule`]; once more stepped, it must then be within the target. The candidate that
-//! needs the least time is taken.
+//! needs the least time is taken; those that follow one that does are first tried within its time, and left if they miss.
 //!
 //! A few of the sample, among them the fastest, go first: from them come the reference's step, the order in which candidates
 //! are tried and the coefficients that they start from, so that the whole sample is stepped a few times only.
 
 use std::cmp::Ordering;
-use std::collections::BTreeMap;
-use std::ops::ControlFlow;
-
-use rayon::prelude::*;
 
 use super::choice::{Look, Rule, Scheme, narrowest};
 use super::cost::{COSTS, Cost, Costs};
-use super::group::{LEVELS_PER_OCTAVE, Members, Treatment, level_of, step_of};
 use super::reference::Reference;
-use crate::batch::{BodyState, Precision};
-use crate::engine::adaptive::StepCounts;
+use super::sampled::States;
+use crate::batch::Precision;
 use crate::error::Result;
 use crate::force::Force;
 use crate::record::Spread;
-use crate::run::alone::states_at_end;
 use crate::run::confidence::upper_rank;
-use crate::run::shadow::{Errors, sample};
+use crate::run::shadow::sample;
 use crate::scene::{Accuracy, Scene};
 use crate::torque::Torque;
 
@@ -53,8 +47,6 @@ const CORRECTIONS: usize = 6;
 /// The most by which a coefficient grows at once: where rounding is in the way, steps must not become countless before that
 /// shows.
 const MOST_CORRECTION: f64 = 1e4;
-/// Output times beyond which the pilot goes to the end in one go.
-const MOST_TIMES: usize = 1000;
 /// The angle, rad, over which methods are compared where no bodies are looked at.
 const NOMINAL_ANGLE: f64 = 10.0;
 /// The angle, rad, over which the table's coefficients of adaptive steps were measured: of the fastest bodies there.
@@ -93,15 +85,6 @@ pub(super) struct Pilot<'a> {
     pub has_scouts: bool,
     /// The sample with the looks at them.
     pub bodies: Vec<(u32, Look)>,
-}
-
-/// States of some bodies at the end.
-pub(super) type States = BTreeMap<usize, BodyState>;
-
-/// A pilot's bodies at the end, and their steps where they chose them.
-pub(super) struct Sampled {
-    pub states: States,
-    steps: Option<Spread>,
 }
 
 /// Bodies in the pilot of a class.
@@ -161,8 +144,8 @@ impl<'a> Pilot<'a> {
             let candidate = |found: &Found| Some((found.rule, self.costs.of(found.rule.scheme)?));
             self.tried(found.iter().filter_map(candidate).collect(), reference, true)
         };
-        let reference_rule = reference.rule_for_others(&scouts)?;
-        let mut reference = self.stepped(&reference_rule)?.states;
+        let rule = reference.rule_for_others(&scouts)?;
+        let (mut reference, mut reference_rule) = (self.stepped(&rule)?.states, Some(rule));
         let mut tried = again(&met, &reference)?;
         if tried.iter().all(|found| found.part > 1.0) {
             // Others may do for as many bodies as the percentile counts, or the scouts' reference was not fine enough for all.
@@ -171,7 +154,7 @@ impl<'a> Pilot<'a> {
                 let is_lopsided = self.bodies.len() < larger_pilot_size(self.all);
                 return Ok(Flight { found, is_lopsided, known: None });
             }
-            reference = of_all.states;
+            (reference, reference_rule) = (of_all.states, None);
             let known = [met, missed].concat();
             tried.extend(again(&known, &reference)?);
             if tried.iter().all(|found| found.part > 1.0) {
@@ -184,7 +167,7 @@ impl<'a> Pilot<'a> {
                 tried.extend(self.tried(others, &reference, false)?);
             }
         }
-        self.flight(tried, &reference, Some(reference_rule))
+        self.flight(tried, &reference, reference_rule)
     }
 
     /// The same, of the whole sample from the start.
@@ -404,115 +387,5 @@ impl<'a> Pilot<'a> {
             }
         }
         Ok(best)
-    }
-
-    /// The sample under a rule.
-    pub fn stepped(&self, rule: &Rule) -> Result<Sampled> {
-        let times = self.times();
-        // Side by side, as each of them alone is too little for all cores.
-        let groups = self.treatments(rule).into_par_iter().map(|(treatment, members)| {
-            let mut go_on = |_| ControlFlow::Continue(());
-            states_at_end(self.scene, &times, self.torques, &Members::Some(members), &treatment, &mut go_on)
-        });
-        let (mut states, mut counts) = (States::new(), Vec::new());
-        for group in groups.collect::<Result<Vec<_>>>()? {
-            states.extend(group.states);
-            counts.extend(group.counts.iter().map(StepCounts::attempts));
-        }
-        Ok(Sampled { states, steps: (!counts.is_empty()).then(|| Spread::of(counts)) })
-    }
-
-    /// The sample's bodies by how a rule steps them.
-    fn treatments(&self, rule: &Rule) -> Vec<(Treatment, Vec<u32>)> {
-        let span = self.scene.end();
-        let mut groups: BTreeMap<(Option<i32>, bool), Vec<u32>> = BTreeMap::new();
-        for (body, look) in &self.bodies {
-            let step = rule.longest_step(look.rate, span);
-            let level = (step < span).then(|| level_of(step));
-            groups.entry((level, rule.is_wide(look.rate * span))).or_default().push(*body);
-        }
-        let treatment = |(level, wide): (Option<i32>, bool)| {
-            rule.treatment(if wide { Precision::F64 } else { Precision::F32 }, level.map_or(span, step_of))
-        };
-        groups.into_iter().map(|(key, members)| (treatment(key), members)).collect()
-    }
-
-    fn times(&self) -> Vec<f64> {
-        if self.times.len() <= MOST_TIMES { self.times.to_vec() } else { vec![self.scene.end()] }
-    }
-
-    /// The error at the percentile asked for, as a part of the target; the greatest of those asked for.
-    pub fn part(&self, states: &States, reference: &States) -> f64 {
-        self.errors(states, reference).part_of(self.accuracy, self.all)
-    }
-
-    fn errors(&self, states: &States, reference: &States) -> Errors {
-        let mut errors = Errors::default();
-        for (body, state) in states {
-            if let Some(reference) = reference.get(body) {
-                errors.push(state, reference);
-            }
-        }
-        errors
-    }
-
-    /// Time that the sample's steps take, s; of as many as they are known to be where bodies choose them.
-    fn seconds(&self, rule: &Rule, cost: &Cost, known: Option<Spread>) -> f64 {
-        let times = self.times();
-        let free = self.torques.is_empty();
-        if rule.scheme == Scheme::Adaptive {
-            let mean = known.map(|steps| steps.total as f64 / self.bodies.len() as f64);
-            let of_body = |(_, look): &(u32, Look)| {
-                let angle = look.rate * self.scene.end();
-                let precision = rule.precision_of(angle);
-                let ahead = || rule.expected_attempts(precision, angle).max(times.len() as f64);
-                mean.unwrap_or_else(ahead) * cost.step_seconds(precision, free)
-            };
-            return self.bodies.iter().map(of_body).sum();
-        }
-        let steps = |treatment: &Treatment| {
-            let mut last = 0.0;
-            times
-                .iter()
-                .map(|&time| treatment.interval(time - std::mem::replace(&mut last, time)).steps as f64)
-                .sum::<f64>()
-        };
-        let of_group = |(treatment, members): &(Treatment, Vec<u32>)| {
-            let precision = treatment.precision_of_steps().unwrap_or(Precision::F64);
-            members.len() as f64 * steps(treatment) * cost.step_seconds(precision, free)
-        };
-        self.treatments(rule).iter().map(of_group).sum()
-    }
-}
-
-impl Rule {
-    /// Whether every body of a pilot takes the longest step there is, or the greatest tolerance.
-    fn takes_longest(&self, pilot: &Pilot<'_>) -> bool {
-        self.steps_like(&Rule { coefficient: 1e-4 * self.coefficient, ..*self }, pilot)
-    }
-
-    /// Whether every body of a pilot steps by this rule as by another of the same scheme.
-    fn steps_like(&self, other: &Rule, pilot: &Pilot<'_>) -> bool {
-        let span = pilot.scene.end();
-        let alike = |(_, look): &(u32, Look)| match self.scheme {
-            Scheme::Equal(_) => self.longest_step(look.rate, span) == other.longest_step(look.rate, span),
-            Scheme::Adaptive => self.adapts_like(other, self.precision_of(look.rate * span)),
-        };
-        pilot.bodies.iter().all(alike)
-    }
-
-    /// By what the coefficient changes from one level of steps to the next.
-    fn level(&self) -> f64 {
-        2.0_f64.powf(f64::from(self.scheme.method().order()) / f64::from(LEVELS_PER_OCTAVE))
-    }
-
-    /// The arithmetic of a body that turns by `angle` rad.
-    pub(super) fn precision_of(&self, angle: f64) -> Precision {
-        self.precision.unwrap_or_else(|| narrowest(self.attitude, angle))
-    }
-
-    /// Whether a body that turns by `angle` rad is stepped in `f64`.
-    pub(super) fn is_wide(&self, angle: f64) -> bool {
-        self.precision_of(angle) == Precision::F64
     }
 }

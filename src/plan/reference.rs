@@ -3,7 +3,8 @@
 
 use super::choice::{Rule, Scheme};
 use super::cost::COSTS;
-use super::pilot::{Found, Pilot, States};
+use super::pilot::{Found, Pilot};
+use super::sampled::States;
 use crate::batch::Precision;
 use crate::error::Result;
 use crate::method::Method;

@@ -1,0 +1,141 @@
+//! A pilot's bodies under a rule: how they end, how far from a reference, and what that takes.
+
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+
+use rayon::prelude::*;
+
+use super::choice::{Look, Rule, Scheme, narrowest};
+use super::cost::Cost;
+use super::group::{LEVELS_PER_OCTAVE, Members, Treatment, level_of, step_of};
+use super::pilot::Pilot;
+use crate::batch::{BodyState, Precision};
+use crate::engine::adaptive::StepCounts;
+use crate::error::Result;
+use crate::record::Spread;
+use crate::run::alone::states_at_end;
+use crate::run::shadow::Errors;
+
+/// Output times beyond which the pilot goes to the end in one go.
+const MOST_TIMES: usize = 1000;
+
+/// States of some bodies at the end.
+pub(super) type States = BTreeMap<usize, BodyState>;
+
+/// A pilot's bodies at the end, and their steps where they chose them.
+pub(super) struct Sampled {
+    pub states: States,
+    pub steps: Option<Spread>,
+}
+
+impl Pilot<'_> {
+    /// The sample under a rule.
+    pub fn stepped(&self, rule: &Rule) -> Result<Sampled> {
+        let times = self.times();
+        // Side by side, as each of them alone is too little for all cores.
+        let groups = self.treatments(rule).into_par_iter().map(|(treatment, members)| {
+            let mut go_on = |_| ControlFlow::Continue(());
+            states_at_end(self.scene, &times, self.torques, &Members::Some(members), &treatment, &mut go_on)
+        });
+        let (mut states, mut counts) = (States::new(), Vec::new());
+        for group in groups.collect::<Result<Vec<_>>>()? {
+            states.extend(group.states);
+            counts.extend(group.counts.iter().map(StepCounts::attempts));
+        }
+        Ok(Sampled { states, steps: (!counts.is_empty()).then(|| Spread::of(counts)) })
+    }
+
+    /// The sample's bodies by how a rule steps them.
+    fn treatments(&self, rule: &Rule) -> Vec<(Treatment, Vec<u32>)> {
+        let span = self.scene.end();
+        let mut groups: BTreeMap<(Option<i32>, bool), Vec<u32>> = BTreeMap::new();
+        for (body, look) in &self.bodies {
+            let step = rule.longest_step(look.rate, span);
+            let level = (step < span).then(|| level_of(step));
+            groups.entry((level, rule.is_wide(look.rate * span))).or_default().push(*body);
+        }
+        let treatment = |(level, wide): (Option<i32>, bool)| {
+            rule.treatment(if wide { Precision::F64 } else { Precision::F32 }, level.map_or(span, step_of))
+        };
+        groups.into_iter().map(|(key, members)| (treatment(key), members)).collect()
+    }
+
+    fn times(&self) -> Vec<f64> {
+        if self.times.len() <= MOST_TIMES { self.times.to_vec() } else { vec![self.scene.end()] }
+    }
+
+    /// The error at the percentile asked for, as a part of the target; the greatest of those asked for.
+    pub fn part(&self, states: &States, reference: &States) -> f64 {
+        self.errors(states, reference).part_of(self.accuracy, self.all)
+    }
+
+    pub fn errors(&self, states: &States, reference: &States) -> Errors {
+        let mut errors = Errors::default();
+        for (body, state) in states {
+            if let Some(reference) = reference.get(body) {
+                errors.push(state, reference);
+            }
+        }
+        errors
+    }
+
+    /// Time that the sample's steps take, s; of as many as they are known to be where bodies choose them.
+    pub fn seconds(&self, rule: &Rule, cost: &Cost, known: Option<Spread>) -> f64 {
+        let times = self.times();
+        let free = self.torques.is_empty();
+        if rule.scheme == Scheme::Adaptive {
+            let mean = known.map(|steps| steps.total as f64 / self.bodies.len() as f64);
+            let of_body = |(_, look): &(u32, Look)| {
+                let angle = look.rate * self.scene.end();
+                let precision = rule.precision_of(angle);
+                let ahead = || rule.expected_attempts(precision, angle).max(times.len() as f64);
+                mean.unwrap_or_else(ahead) * cost.step_seconds(precision, free)
+            };
+            return self.bodies.iter().map(of_body).sum();
+        }
+        let steps = |treatment: &Treatment| {
+            let mut last = 0.0;
+            times
+                .iter()
+                .map(|&time| treatment.interval(time - std::mem::replace(&mut last, time)).steps as f64)
+                .sum::<f64>()
+        };
+        let of_group = |(treatment, members): &(Treatment, Vec<u32>)| {
+            let precision = treatment.precision_of_steps().unwrap_or(Precision::F64);
+            members.len() as f64 * steps(treatment) * cost.step_seconds(precision, free)
+        };
+        self.treatments(rule).iter().map(of_group).sum()
+    }
+}
+
+impl Rule {
+    /// Whether every body of a pilot takes the longest step there is, or the greatest tolerance.
+    pub(super) fn takes_longest(&self, pilot: &Pilot<'_>) -> bool {
+        self.steps_like(&Rule { coefficient: 1e-4 * self.coefficient, ..*self }, pilot)
+    }
+
+    /// Whether every body of a pilot steps by this rule as by another of the same scheme.
+    pub(super) fn steps_like(&self, other: &Rule, pilot: &Pilot<'_>) -> bool {
+        let span = pilot.scene.end();
+        let alike = |(_, look): &(u32, Look)| match self.scheme {
+            Scheme::Equal(_) => self.longest_step(look.rate, span) == other.longest_step(look.rate, span),
+            Scheme::Adaptive => self.adapts_like(other, self.precision_of(look.rate * span)),
+        };
+        pilot.bodies.iter().all(alike)
+    }
+
+    /// By what the coefficient changes from one level of steps to the next.
+    pub(super) fn level(&self) -> f64 {
+        2.0_f64.powf(f64::from(self.scheme.method().order()) / f64::from(LEVELS_PER_OCTAVE))
+    }
+
+    /// The arithmetic of a body that turns by `angle` rad.
+    pub(super) fn precision_of(&self, angle: f64) -> Precision {
+        self.precision.unwrap_or_else(|| narrowest(self.attitude, angle))
+    }
+
+    /// Whether a body that turns by `angle` rad is stepped in `f64`.
+    pub(super) fn is_wide(&self, angle: f64) -> bool {
+        self.precision_of(angle) == Precision::F64
+    }
+}
