@@ -62,7 +62,7 @@ fn axpy_vector(v: vector, factor: real, addend: vector) -> vector {
 
 // The increment that brings a quaternion near the unit sphere back onto it: (1 - |q|^2)/2 q.
 fn norm_correction(q: quaternion) -> quaternion {
-    return q * (0.5 * (1.0 - norm_squared(q)));
+    return norm_correction_of_step(q, q);
 }
 
 // What a step from q to next is to be lengthened by: (1 - |q|^2)/2 next.

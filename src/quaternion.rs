@@ -133,7 +133,7 @@ impl<R: Real> Mul<R> for Quaternion<R> {
 /// ⅜ (1 − |q|²)².
 #[inline(always)]
 pub fn norm_correction<R: Real>(q: Quaternion<R>) -> Quaternion<R> {
-    q * (R::splat(0.5) * (R::splat(1.0) - q.norm_squared()))
+    norm_correction_of_step(q, q)
 }
 
 /// What a step from q to `next` is to be lengthened by, as q is not quite a unit quaternion: ½ (1 − |q|²) `next`.

@@ -2,9 +2,9 @@
 
 mod support;
 
+use polhode::engine::work::{imbalance, order};
 use polhode::method::Status;
 use polhode::method::rk8_adaptive::{Controller, Limits, advance};
-use polhode::method::work::{imbalance, order};
 use polhode::real::Real;
 use polhode::rigid_body::State;
 use polhode::torque::Free;

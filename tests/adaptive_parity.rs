@@ -519,7 +519,7 @@ fn finished_bodies_do_not_hold_their_workgroups() {
         session.advance_to(SPAN, &mut unobserved).expect("advanced");
         let counts = session.counts().expect("counted");
         let attempts: Vec<u64> = counts.iter().map(StepCounts::attempts).collect();
-        let held = polhode::method::work::imbalance(&attempts, session.side_by_side());
+        let held = polhode::engine::work::imbalance(&attempts, session.side_by_side());
         (session.imbalance().expect("measured"), held)
     };
     let (measured, held) = imbalance(8);

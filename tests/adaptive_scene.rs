@@ -10,6 +10,7 @@ use glam::{DQuat, DVec3};
 use polhode::batch::Precision;
 use polhode::engine::adaptive::AdaptiveSteps;
 use polhode::free_motion::FreeMotion;
+use polhode::method::rk8_adaptive::least_tolerance;
 use polhode::study::Study;
 use polhode::{Engine, Ensemble, Outputs, Plan, Scene, Torque};
 
@@ -67,6 +68,10 @@ fn the_shadow_sees_the_error_of_driven_bodies() {
         // below it, and the largest of 10 s of steps above.
         assert!(error.median > 0.01 * tolerance && error.max < 300.0 * tolerance, "{tolerance:e}: {error}");
     }
+    // With no tolerance below its own a run would be compared with itself.
+    let least = scene(least_tolerance(Precision::F64));
+    let error = engine.run(&Plan::new(&least, &engine).expect("planned")).expect("run").trust().shadow.attitude;
+    assert!(error.median > 0.0 && error.max < 1e-12, "{error}");
 }
 
 #[test]

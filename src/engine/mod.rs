@@ -24,6 +24,7 @@ mod devices;
 pub mod gpu;
 pub mod projected;
 pub mod reduction;
+pub mod work;
 
 pub use devices::{Adapter, AdapterLimits, Choice, Devices, devices, devices_async};
 

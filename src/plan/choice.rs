@@ -3,7 +3,7 @@
 use super::class::{Bound, FreeBody, Shape, Verdict};
 use super::driven::TorqueSet;
 use super::group::Treatment;
-use crate::batch::{Precision, prepare_body};
+use crate::batch::{BodyFrame, Precision, prepare_body, scaled_by_power_of_two};
 use crate::engine::adaptive::AdaptiveSteps;
 use crate::method::Method;
 use crate::method::rk8_adaptive::least_tolerance;
@@ -144,18 +144,23 @@ pub(super) struct Look {
 pub(super) fn look_at(scene: &Scene, body: usize, tolerance: &Bound) -> Look {
     let torques = TorqueSet::acting_on(scene.torques(), body);
     let (frame, state) = prepare_body(scene.ensemble(), scene.torques(), body);
-    let unit = crate::batch::scaled_by_power_of_two(1.0, frame.rate_exponent);
+    let unit = scaled_by_power_of_two(1.0, frame.rate_exponent);
     let m = glam::DVec3::new(state[4], state[5], state[6]);
     let free = FreeBody { moments: frame.scaled_moments, angular_momentum_principal: m, span: scene.end() * unit };
-    let spin = (m / frame.scaled_moments).length() * unit;
+    let rate = greatest_rate(scene, body, &frame, m);
     if torques.is_empty() {
-        return Look { torques, verdict: free.verdict(tolerance), rate: spin };
+        return Look { torques, verdict: free.verdict(tolerance), rate };
     }
-    let middle = crate::batch::scaled_by_power_of_two(frame.scaled_moments.y, frame.moment_exponent);
-    let growth = torque::variable_inertia::spin_growth(scene.torques(), body, &scene.ensemble().inertia()[body]);
-    let rate = (spin * growth).max(torque::rate_of(scene.torques(), body, middle));
     let verdict = Verdict { shape: Shape::Asymmetric, axis: 0, bound: Bound::default() };
     Look { torques, verdict, rate }
+}
+
+/// The greatest rate of a body, rad/s: of its spin at the start, with m in the units of its frame, or to which torques bring it.
+pub(crate) fn greatest_rate(scene: &Scene, body: usize, frame: &BodyFrame, m: glam::DVec3) -> f64 {
+    let spin = scaled_by_power_of_two((m / frame.scaled_moments).length(), frame.rate_exponent);
+    let middle = scaled_by_power_of_two(frame.scaled_moments.y, frame.moment_exponent);
+    let growth = torque::variable_inertia::spin_growth(scene.torques(), body, &scene.ensemble().inertia()[body]);
+    (spin * growth).max(torque::rate_of(scene.torques(), body, middle))
 }
 
 /// The narrowest arithmetic that reaches an attitude error over an angle.

@@ -33,6 +33,7 @@ mod sampled;
 pub mod skip;
 mod times;
 
+pub(crate) use choice::greatest_rate;
 pub use choice::{CLOSED_FORM_F32, Rule, Scheme};
 pub use class::{Bound, Class, Shape};
 pub use cost::Costs;

@@ -105,9 +105,9 @@ pub(super) fn pilot_sample(class: &[u32], count: usize, seed: u64) -> Vec<u32> {
 /// What a pilot comes to.
 pub(super) struct Flight {
     pub found: Found,
-    /// Whether there is a larger sample, and the error that bounds the percentile is so far beyond this sample's own percentile
-    /// that the larger one, which bounds it more closely, is worth its time.
-    pub is_lopsided: bool,
+    /// Whether there is a larger sample that is worth its time: the error that bounds the percentile is so far beyond this
+    /// sample's own percentile that the larger one will bound it more closely, or some bodies cannot be followed at all.
+    pub asks_for_more: bool,
     /// What is known ahead of the larger sample, where the target was met.
     known: Option<Known>,
 }
@@ -151,8 +151,7 @@ impl<'a> Pilot<'a> {
             // Others may do for as many bodies as the percentile counts, or the scouts' reference was not fine enough for all.
             let of_all = Reference::new(self)?;
             if let Some(found) = of_all.lost(self) {
-                let is_lopsided = self.bodies.len() < larger_pilot_size(self.all);
-                return Ok(Flight { found, is_lopsided, known: None });
+                return Ok(self.lost(found));
             }
             (reference, reference_rule) = (of_all.states, None);
             let known = [met, missed].concat();
@@ -174,18 +173,22 @@ impl<'a> Pilot<'a> {
     fn fly_at_once(&self) -> Result<Flight> {
         let reference = Reference::new(self)?;
         if let Some(found) = reference.lost(self) {
-            let is_lopsided = self.bodies.len() < larger_pilot_size(self.all);
-            return Ok(Flight { found, is_lopsided, known: None });
+            return Ok(self.lost(found));
         }
         let tried = self.tried(self.candidates(), &reference.states, false)?;
         self.flight(tried, &reference.states, None)
+    }
+
+    /// Where no reference follows as many bodies as the percentile counts; of a larger sample fewer may be lost.
+    fn lost(&self, found: Found) -> Flight {
+        Flight { found, asks_for_more: self.bodies.len() < larger_pilot_size(self.all), known: None }
     }
 
     /// What the candidates that were tried come to.
     fn flight(&self, tried: Vec<Found>, reference: &States, reference_rule: Option<Rule>) -> Result<Flight> {
         let found = self.best_of(&tried).unwrap_or_else(|| self.tabulated());
         if self.bodies.len() >= larger_pilot_size(self.all) {
-            return Ok(Flight { found, is_lopsided: false, known: None });
+            return Ok(Flight { found, asks_for_more: false, known: None });
         }
         // The bound of the percentile and the sample's own.
         let parts = |found: &Found| -> Result<(f64, f64)> {
@@ -198,16 +201,16 @@ impl<'a> Pilot<'a> {
             let coefficient = found.rule.coefficient * (2.0 * own / AIM).min(1.0);
             let start = Rule { coefficient, ..found.rule };
             let known = reference_rule.filter(|_| found.part <= 1.0).map(|reference| Known { reference, start });
-            return Ok(Flight { found, is_lopsided: true, known });
+            return Ok(Flight { found, asks_for_more: true, known });
         }
         // What was not chosen may have failed for a body or two.
         for missed in tried.iter().filter(|found| found.part > 1.0 && found.part.is_finite()) {
             let (bound, own) = parts(missed)?;
             if bound > LOPSIDED * own && own <= 1.0 {
-                return Ok(Flight { found, is_lopsided: true, known: None });
+                return Ok(Flight { found, asks_for_more: true, known: None });
             }
         }
-        Ok(Flight { found, is_lopsided: false, known: None })
+        Ok(Flight { found, asks_for_more: false, known: None })
     }
 
     /// As [`Pilot::fly`], after a smaller pilot of the class.

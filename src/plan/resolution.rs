@@ -163,7 +163,7 @@ impl Resolution {
                 Found { part: ROUNDING_F64 / accuracy.strictest(), ..found }
             } else if flies {
                 let flight = pilot(pilot_size(bodies.len()), true).fly()?;
-                if flight.is_lopsided {
+                if flight.asks_for_more {
                     pilot(larger_pilot_size(bodies.len()), false).fly_after(&flight)?
                 } else {
                     flight.found

@@ -69,6 +69,7 @@ impl Pilot<'_> {
         self.errors(states, reference).part_of(self.accuracy, self.all)
     }
 
+    /// How far the bodies end from where a reference has them.
     pub fn errors(&self, states: &States, reference: &States) -> Errors {
         let mut errors = Errors::default();
         for (body, state) in states {

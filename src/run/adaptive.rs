@@ -6,16 +6,15 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use super::READ_BLOCK;
-use crate::batch::{BodyFrame, BodyState, prepare_body, prepare_members, scaled_by_power_of_two};
+use crate::batch::{BodyFrame, BodyState, prepare_body, prepare_members};
 use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps};
 use crate::engine::reduction::Reduce;
+use crate::engine::work::order;
 use crate::engine::{Backend, Observer};
 use crate::error::Result;
-use crate::method::work::order;
-use crate::plan::{Group, Members};
+use crate::plan::{Group, Members, greatest_rate};
 use crate::record::{AdaptiveWork, Spread, WallTime};
 use crate::scene::Scene;
-use crate::torque::{self, variable_inertia};
 
 /// The bodies of a group in the order of their expected work, so that those advanced side by side finish together.
 pub(super) struct AdaptiveUnit {
@@ -116,15 +115,10 @@ impl AdaptiveUnit {
     }
 }
 
-/// The greatest rate of a body, rad/s: of its spin, or to which torques bring it. All have the same span, so this is their
-/// work up to a factor.
+/// The greatest rate of a body, rad/s. All have the same span, so this is their work up to a factor.
 fn expected_rate(scene: &Scene, body: usize) -> f64 {
     let (frame, state) = prepare_body(scene.ensemble(), scene.torques(), body);
-    let m = glam::DVec3::new(state[4], state[5], state[6]);
-    let spin = (m / frame.scaled_moments).length() * scaled_by_power_of_two(1.0, frame.rate_exponent);
-    let middle = scaled_by_power_of_two(frame.scaled_moments.y, frame.moment_exponent);
-    let growth = variable_inertia::spin_growth(scene.torques(), body, &scene.ensemble().inertia()[body]);
-    (spin * growth).max(torque::rate_of(scene.torques(), body, middle))
+    greatest_rate(scene, body, &frame, glam::DVec3::new(state[4], state[5], state[6]))
 }
 
 /// Steps of the bodies of one unit.

@@ -96,19 +96,32 @@ fn adaptively(
     observer: &mut Observer<'_>,
 ) -> Result<Vec<Reference>> {
     let scene = plan.scene();
-    let found = states_at_end(scene, plan.times(), torques, &Members::Some(members), &finer(steps), observer)?;
+    let fine = finer(steps);
+    let found = states_at_end(
+        scene,
+        plan.times(),
+        torques,
+        &Members::Some(members),
+        &Treatment::Adaptive { precision: Precision::F64, steps: fine },
+        observer,
+    )?;
     let mut alike: BTreeMap<u64, Vec<u32>> = BTreeMap::new();
     for ((body, _), counts) in found.states.iter().zip(&found.counts) {
         alike.entry(counts.accepted.max(1).next_power_of_two()).or_default().push(*body as u32);
     }
-    let mut works = BTreeMap::new();
+    let mut equal = BTreeMap::new();
     for (count, members) in alike {
         let steps = count.saturating_mul(EQUAL_FOR_ADAPTIVE);
         let interval = steps_over(scene.end(), scene.end() / steps as f64);
         let found = work::recomputed(scene, torques, &Members::Some(members), &[interval], observer)?;
-        works.extend(found.into_iter().map(|found| (found.body, found.work)));
+        equal.extend(found.into_iter().map(|found| (found.body, found)));
     }
-    let reference = |(body, state): (usize, _)| Reference { body, state, work: works.get(&body).copied() };
+    // Near the least tolerance nothing finer is adaptive.
+    let is_finer = LEAST_REFINEMENT * fine.tolerance <= steps.tolerance;
+    let reference = |(body, state): (usize, BodyState)| match equal.get(&body) {
+        Some(found) => Reference { body, state: if is_finer { state } else { found.state }, work: Some(found.work) },
+        None => Reference { body, state, work: None },
+    };
     Ok(found.states.into_iter().map(reference).collect())
 }
 
@@ -116,11 +129,12 @@ fn adaptively(
 /// spins of two between start and end.
 const EQUAL_FOR_ADAPTIVE: u64 = 2;
 
-/// Adaptive steps of a hundredth of the tolerance, so that their error is far below the run's.
-fn finer(steps: &AdaptiveSteps) -> Treatment {
-    let precision = Precision::F64;
-    let tolerance = (0.01 * steps.tolerance).max(least_tolerance(precision));
-    Treatment::Adaptive { precision, steps: AdaptiveSteps { tolerance, least_step: None } }
+/// A tolerance that is not less than the run's by this factor says nothing of the run's error.
+const LEAST_REFINEMENT: f64 = 8.0;
+
+/// Adaptive steps in `f64` of a hundredth of the tolerance, as far as there is one, so that their error is far below the run's.
+fn finer(steps: &AdaptiveSteps) -> AdaptiveSteps {
+    AdaptiveSteps { tolerance: (0.01 * steps.tolerance).max(least_tolerance(Precision::F64)), least_step: None }
 }
 
 /// The steps in which bodies of a group are recomputed by `rk8`.
