@@ -13,23 +13,22 @@
 //! Component c of body i is at `c * stride + i`. A number that is carried in two words has its residue `residue`
 //! columns further on; in `f64` there are no residue columns.
 
-use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
-use crate::ensemble::Ensemble;
-use crate::error::Result;
-use crate::inertia::principal_axes;
-use crate::memory;
 use crate::method::{Method, Status};
-use crate::plan::group::Members;
 use crate::real::Scalar;
-use crate::torque::{self, Kind, Torque, TorqueTable};
+use crate::torque::{Kind, TorqueTable};
 use crate::vector::TwoWords;
 
 mod appended;
+mod frame;
 mod groups;
+mod prepare;
 
+pub use frame::{BodyFrame, BodyState};
 pub(crate) use groups::{load_body, load_combinations, load_invariants, load_state, store_state};
+pub(crate) use prepare::{ORDER_BLOCK, Prepared, bytes_per_body_under, initial_state, prepare_body, prepare_ordered};
+pub use prepare::{bytes_per_body, prepare, prepare_members, prepare_with};
 
 /// The arithmetic that a batch is integrated in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -147,52 +146,6 @@ impl AnyBatch {
     }
 }
 
-/// What leads from a scaled state back to the user's axes and units; where moments of inertia change in time, at the time that
-/// it is made for, which is 0 at first ([`BodyFrame::at`]).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BodyFrame {
-    /// Principal moments in units of 2^`moment_exponent` kg m², ascending; of a linear rotor those that it is integrated
-    /// with, I, I, I ([`crate::torque::linear_rotor`]).
-    pub scaled_moments: DVec3,
-    /// Whether the body is a linear rotor, whose axis is the first principal one.
-    pub is_linear_rotor: bool,
-    /// Rotates principal coordinates to body coordinates.
-    pub principal_to_body: DQuat,
-    /// k: moments are in units of 2^k kg m².
-    pub moment_exponent: i32,
-    /// r: rates are in units of 2^r rad/s.
-    pub rate_exponent: i32,
-}
-
-/// One body's state in the user's axes and units.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BodyState {
-    /// Unit quaternion that rotates body coordinates to world.
-    pub orientation: DQuat,
-    /// Angular velocity in body axes, rad/s.
-    pub angular_velocity_body: DVec3,
-    /// Angular momentum in world axes, N m s.
-    pub angular_momentum_world: DVec3,
-    /// Rotational kinetic energy, J.
-    pub kinetic_energy: f64,
-    /// |q| − 1 of the orientation as it was integrated, before it was normalised for output.
-    pub norm_error: f64,
-    /// What the integrator had to say of this body.
-    pub status: Status,
-}
-
-impl BodyState {
-    /// Not a number in every place, so that a state that was never written cannot pass for one.
-    pub(crate) const UNKNOWN: Self = Self {
-        orientation: DQuat::NAN,
-        angular_velocity_body: DVec3::NAN,
-        angular_momentum_world: DVec3::NAN,
-        kinetic_energy: f64::NAN,
-        norm_error: f64::NAN,
-        status: Status::Valid,
-    };
-}
-
 /// The raw state of some bodies as an engine holds it, exactly, in `f64`.
 ///
 /// Columns as in [`Batch::state`], one row a body: x, y, z, w of the orientation (principal axes to world), then the
@@ -240,210 +193,8 @@ pub(crate) fn binary_exponent(x: f64) -> i32 {
     if x >= f64::MIN_POSITIVE { exponent(x) } else { exponent(scaled_by_power_of_two(x, 200)) - 200 }
 }
 
-/// The frame of one body and its initial state in it.
-pub(crate) fn prepare_body(
-    ensemble: &Ensemble,
-    torques: &[Torque],
-    body: usize,
-) -> (BodyFrame, [f64; STATE_COMPONENTS]) {
-    let mut axes = principal_axes(&ensemble.inertia()[body]);
-    let is_linear_rotor = ensemble.is_linear_rotor(body);
-    if is_linear_rotor {
-        axes.moments = DVec3::splat(0.5 * axes.moments.y + 0.5 * axes.moments.z);
-    }
-    let moment_exponent = binary_exponent(axes.moments.y);
-    let scaled_moments =
-        DVec3::from_array(axes.moments.to_array().map(|i| scaled_by_power_of_two(i, -moment_exponent)));
-    let omega_body = ensemble.angular_velocity_body()[body];
-    let rate = omega_body.abs().max_element().max(torque::rate_of(torques, body, axes.moments.y));
-    let rate_exponent = binary_exponent(rate);
-    let omega_body = DVec3::from_array(omega_body.to_array().map(|w| scaled_by_power_of_two(w, -rate_exponent)));
-    let mut omega = axes.principal_to_body.conjugate() * omega_body;
-    if is_linear_rotor {
-        omega.x = 0.0;
-    }
-    let m = scaled_moments * omega;
-    let q = (ensemble.orientation()[body] * axes.principal_to_body).normalize();
-    let principal_to_body = axes.principal_to_body;
-    let frame = BodyFrame { scaled_moments, is_linear_rotor, principal_to_body, moment_exponent, rate_exponent };
-    (frame, [q.x, q.y, q.z, q.w, m.x, m.y, m.z])
-}
-
-/// The state of one body at the start, by the same route as every later one.
-pub(crate) fn initial_state(ensemble: &Ensemble, body: usize) -> BodyState {
-    let (frame, scaled) = prepare_body(ensemble, &[], body);
-    frame.body_state(scaled)
-}
-
-impl BodyFrame {
-    /// The frame of a body that is already scaled and in its principal axes.
-    pub(crate) const UNIT: Self = Self {
-        scaled_moments: DVec3::ONE,
-        is_linear_rotor: false,
-        principal_to_body: DQuat::IDENTITY,
-        moment_exponent: 0,
-        rate_exponent: 0,
-    };
-
-    /// The principal moments of the body's tensor, in units of 2^`moment_exponent` kg m², ascending.
-    pub(crate) fn tensor_moments(&self) -> DVec3 {
-        if self.is_linear_rotor { self.scaled_moments * DVec3::new(0.0, 1.0, 1.0) } else { self.scaled_moments }
-    }
-
-    /// The scaled parameters: 1/I₁, 1/I₂, 1/I₃ and 2^r.
-    fn parameters(&self) -> [f64; PARAMETER_COMPONENTS] {
-        let inverse = self.scaled_moments.recip();
-        [inverse.x, inverse.y, inverse.z, scaled_by_power_of_two(1.0, self.rate_exponent)]
-    }
-
-    /// Body coordinates to principal.
-    pub(crate) fn to_principal(self, vector_body: DVec3) -> DVec3 {
-        self.principal_to_body.conjugate() * vector_body
-    }
-
-    /// `x` in SI units, whose dimension is (kg m²)^`moments` · s^−`rates`, in the body's own units.
-    pub(crate) fn scaled(&self, x: f64, moments: i32, rates: i32) -> f64 {
-        scaled_by_power_of_two(x, -(self.moment_exponent * moments + self.rate_exponent * rates))
-    }
-
-    /// A torque (N m) in the body's own units, component by component.
-    pub(crate) fn scaled_torque(&self, torque: DVec3) -> DVec3 {
-        DVec3::from_array(torque.to_array().map(|x| self.scaled(x, 1, 2)))
-    }
-
-    /// The frame with the moments that the body has at `time`, s: of another one where `torques` hold moments that change.
-    /// `body` is its index in the scene.
-    #[must_use]
-    pub fn at(&self, torques: &[Torque], body: usize, time: f64) -> Self {
-        Self { scaled_moments: torque::variable_inertia::scaled_moments_at(torques, body, self, time), ..*self }
-    }
-
-    /// The state in the user's axes and units from a scaled one (`[q x, y, z, w, m x, y, z]`, see [`StateWords`]).
-    pub fn body_state(&self, scaled: [f64; STATE_COMPONENTS]) -> BodyState {
-        let q = DQuat::from_xyzw(scaled[0], scaled[1], scaled[2], scaled[3]);
-        // A linear rotor has no spin; a method that turns about one axis after another makes some, of its own error.
-        let along = if self.is_linear_rotor { 0.0 } else { scaled[4] };
-        let m = DVec3::new(along, scaled[5], scaled[6]);
-        let norm = q.length();
-        let unit = q * (1.0 / norm);
-        let omega = m / self.scaled_moments;
-        let scale = |v: DVec3, n: i32| DVec3::from_array(v.to_array().map(|x| scaled_by_power_of_two(x, n)));
-        BodyState {
-            orientation: (unit * self.principal_to_body.conjugate()).normalize(),
-            angular_velocity_body: scale(self.principal_to_body * omega, self.rate_exponent),
-            angular_momentum_world: scale(unit * m, self.moment_exponent + self.rate_exponent),
-            kinetic_energy: scaled_by_power_of_two(0.5 * m.dot(omega), self.moment_exponent + 2 * self.rate_exponent),
-            norm_error: norm - 1.0,
-            status: Status::Valid,
-        }
-    }
-}
-
-/// Brings an ensemble without torques into principal axes and scales it, in `f64`, and writes it as columns of
-/// `precision`.
-///
-/// # Errors
-///
-/// [`crate::Error::TooManyBodies`] where the memory does not suffice.
-pub fn prepare(ensemble: &Ensemble, precision: Precision) -> Result<(Vec<BodyFrame>, AnyBatch)> {
-    prepare_with(ensemble, &[], 0.0, precision)
-}
-
-/// As [`prepare`], with torques that act over a span of `span` seconds. The torques' parameters must be valid.
-///
-/// # Errors
-///
-/// As [`prepare`].
-pub fn prepare_with(
-    ensemble: &Ensemble,
-    torques: &[Torque],
-    span: f64,
-    precision: Precision,
-) -> Result<(Vec<BodyFrame>, AnyBatch)> {
-    prepare_members(ensemble, torques, span, &Members::All(ensemble.len()), precision)
-}
-
-/// As [`prepare_with`], of some bodies of the ensemble, one a row. A body's row does not depend on the others.
-///
-/// # Errors
-///
-/// As [`prepare`].
-pub fn prepare_members(
-    ensemble: &Ensemble,
-    torques: &[Torque],
-    span: f64,
-    members: &Members,
-    precision: Precision,
-) -> Result<(Vec<BodyFrame>, AnyBatch)> {
-    Ok(match precision {
-        Precision::F32 => {
-            let (frames, batch) = prepare_columns::<f32>(ensemble, torques, span, members)?;
-            (frames, AnyBatch::F32(batch))
-        }
-        Precision::F64 => {
-            let (frames, batch) = prepare_columns::<f64>(ensemble, torques, span, members)?;
-            (frames, AnyBatch::F64(batch))
-        }
-    })
-}
-
-/// Bytes that [`prepare`] takes for one body, frames included.
-pub fn bytes_per_body(precision: Precision) -> usize {
-    let columns = match precision {
-        Precision::F32 => (state_columns::<f32>() + parameter_columns::<f32>()) * size_of::<f32>(),
-        Precision::F64 => (state_columns::<f64>() + parameter_columns::<f64>()) * size_of::<f64>(),
-    };
-    columns + size_of::<BodyFrame>()
-}
-
-/// Bytes that [`prepare_with`] takes for one body under some torques, frames included.
-pub(crate) fn bytes_per_body_under(precision: Precision, torques: &[Torque], span: f64) -> usize {
-    let of_torques = match precision {
-        Precision::F32 => torque::bytes_per_body::<f32>(&TorqueTable::new(torques, 0, STRIDE_UNIT, span, false)),
-        Precision::F64 => torque::bytes_per_body::<f64>(&TorqueTable::new(torques, 0, STRIDE_UNIT, span, false)),
-    };
-    bytes_per_body(precision) + of_torques
-}
-
-/// Bodies that one task prepares; small enough to balance, large enough to stream.
-const BLOCK: usize = 4096;
-
 /// The fewest bodies that are worth a task of their own when states are read.
 const READ_TASK: usize = 1024;
-
-fn prepare_columns<T: Scalar>(
-    ensemble: &Ensemble,
-    torques: &[Torque],
-    span: f64,
-    members: &Members,
-) -> Result<(Vec<BodyFrame>, Batch<T>)> {
-    let body_count = members.len();
-    let precision = if T::WORDS == 1 { Precision::F64 } else { Precision::F32 };
-    let has_linear_rotors =
-        ensemble.has_linear_rotors() && (0..body_count).any(|row| ensemble.is_linear_rotor(members.body(row)));
-    let stride = body_count.next_multiple_of(STRIDE_UNIT);
-    let table = TorqueTable::new(torques, parameter_columns::<T>(), stride, span, has_linear_rotors);
-    let row = bytes_per_body(precision) + torque::bytes_per_body::<T>(&table);
-    memory::require(body_count, body_count.saturating_mul(row), "the columns of the kernels")?;
-    let mut batch = Batch::<T>::at_rest_with(body_count, table);
-    let mut frames = Vec::with_capacity(body_count);
-    for start in (0..body_count).step_by(BLOCK) {
-        let end = (start + BLOCK).min(body_count);
-        let rows: Vec<_> =
-            (start..end).into_par_iter().map(|row| prepare_body(ensemble, torques, members.body(row))).collect();
-        for (offset, (frame, state)) in rows.into_iter().enumerate() {
-            let row = start + offset;
-            batch.set_row(row, &frame.parameters(), &state);
-            let Batch { stride, parameters, torques: table, .. } = &mut batch;
-            let orientation = DQuat::from_xyzw(state[0], state[1], state[2], state[3]);
-            table.write_body(torques, members.body(row), row, &frame, orientation, |column, number| {
-                parameters[column * *stride + row] = T::from_f64(number);
-            });
-            frames.push(frame);
-        }
-    }
-    Ok((frames, batch))
-}
 
 impl<T: Scalar> Batch<T> {
     /// A batch of spherical bodies at rest, without torques.
@@ -471,21 +222,9 @@ impl<T: Scalar> Batch<T> {
 
     /// Sets one body: `[1/I₁, 1/I₂, 1/I₃, rate]` and `[q x, y, z, w, m x, y, z]`, all scaled.
     pub fn set_row(&mut self, body: usize, parameters: &[f64; PARAMETER_COMPONENTS], state: &[f64; STATE_COMPONENTS]) {
-        let stride = self.stride;
-        for (component, &number) in parameters.iter().enumerate() {
-            let (value, residue) = T::two_words(number);
-            self.parameters[component * stride + body] = value;
-            if T::WORDS == 2 && component < 3 {
-                self.parameters[(PARAMETER_COMPONENTS + component) * stride + body] = residue;
-            }
-        }
-        for (component, &number) in state.iter().enumerate() {
-            let (value, residue) = T::two_words(number);
-            self.state[component * stride + body] = value;
-            if T::WORDS == 2 {
-                self.state[(STATE_COMPONENTS + component) * stride + body] = residue;
-            }
-        }
+        let Self { stride, parameters: own_parameters, state: own_state, .. } = self;
+        let parameter = |column: usize, number| own_parameters[column * *stride + body] = number;
+        store_row(parameters, state, parameter, |column, number| own_state[column * *stride + body] = number);
     }
 
     /// Number of parameter columns.
@@ -527,4 +266,27 @@ impl<T: Scalar> Batch<T> {
 pub(crate) fn two_words<T: Scalar>(dt: f64) -> TwoWords<T> {
     let (value, residue) = T::two_words(dt);
     TwoWords { value, residue }
+}
+
+/// Hands the columns of one body's scaled parameters and state to `parameter` and `component`, with their numbers.
+fn store_row<T: Scalar>(
+    parameters: &[f64; PARAMETER_COMPONENTS],
+    state: &[f64; STATE_COMPONENTS],
+    mut parameter: impl FnMut(usize, T),
+    mut component: impl FnMut(usize, T),
+) {
+    for (column, &number) in parameters.iter().enumerate() {
+        let (value, residue) = T::two_words(number);
+        parameter(column, value);
+        if T::WORDS == 2 && column < 3 {
+            parameter(PARAMETER_COMPONENTS + column, residue);
+        }
+    }
+    for (column, &number) in state.iter().enumerate() {
+        let (value, residue) = T::two_words(number);
+        component(column, value);
+        if T::WORDS == 2 {
+            component(STATE_COMPONENTS + column, residue);
+        }
+    }
 }

@@ -9,7 +9,7 @@ use polhode::run::run;
 use polhode::study::draw::{Column, Draw};
 use polhode::study::problem;
 use polhode::torque::{Orbit, Torque};
-use polhode::{Accuracy, Engine, Ensemble, Method, Plan, Precision, Result, Scene};
+use polhode::{Accuracy, Engine, Ensemble, Error, Method, Plan, Precision, Result, Scene};
 
 /// Bodies of each problem, of which a pilot tries 300. The 99th percentile is the sixth largest error.
 const BODIES: usize = 600;
@@ -206,8 +206,10 @@ fn what_chaos_makes_unpredictable_is_said_before_the_run() {
         let scene = Scene::new(problem::free(64, SEEDS[0]).expect("valid")).until(end);
         scene.torque(swing.clone()).accuracy(Accuracy::attitude(1e-6))
     };
-    let error = Plan::new(&scene(1000.0), &Engine::cpu()).expect_err("out of reach").to_string();
-    assert!(error.contains("a shorter span"), "{error}");
+    let error = Plan::new(&scene(1000.0), &Engine::cpu()).expect_err("out of reach");
+    assert!(error.to_string().contains("a shorter span"), "{error}");
+    let Error::AccuracyOutOfReach { target, reached, .. } = error else { panic!("{error}") };
+    assert!(target == 1e-6 && (0.1..4.0).contains(&reached), "{target:e}, {reached:e}");
     Plan::new(&scene(10.0), &Engine::cpu()).expect("within reach");
 }
 

@@ -132,6 +132,32 @@ fn bounds_hold_and_are_not_idle_over_many_bodies() {
 }
 
 #[test]
+fn a_verdict_is_the_simplest_class_whose_bound_is_within_the_tolerance() {
+    let mut found = [0; Shape::ALL.len()];
+    for shape in Shape::ALL {
+        for exponent in 0..12 {
+            // From the class itself to what is of no class, just inside and just outside each of the bounds.
+            let epsilon = 10.0_f64.powi(-exponent);
+            let (moments, omega) = family(shape, epsilon);
+            for turn in 0..3 {
+                let turned = DVec3::from_array(std::array::from_fn(|axis| omega[(axis + turn) % 3]));
+                let body = FreeBody { moments, angular_momentum_principal: moments * turned, span: 3.0 };
+                for near in Shape::ALL.map(|shape| body.bound(shape).bound.attitude) {
+                    for attitude in [near * (1.0 - 1e-12), near, near * (1.0 + 1e-12), 1e-6] {
+                        let tolerance = Bound { attitude, ..Bound::NONE };
+                        let simpler = Shape::ALL.map(|shape| body.bound(shape));
+                        let first = simpler.into_iter().find(|verdict| verdict.bound.within(&tolerance));
+                        assert_eq!(Some(body.verdict(&tolerance)), first, "{body:?} {tolerance:?}");
+                        found[body.verdict(&tolerance).shape as usize] += 1;
+                    }
+                }
+            }
+        }
+    }
+    assert!(found.iter().all(|&count| count > 0), "{found:?}");
+}
+
+#[test]
 fn exact_members_of_a_class_agree_with_fine_steps() {
     let bodies = [
         (DVec3::new(2.0, 2.0, 2.0), DVec3::new(0.7, -1.1, 0.4)),

@@ -129,7 +129,7 @@ impl<T: LaneScalar> FreeMotionRows<T> {
         crate::memory::require(body_count, body_count.saturating_mul(row_bytes), "the rows of the closed form")?;
         let mut rows = Self::at_rest(body_count);
         let stride = rows.stride;
-        let mut frames = vec![BodyFrame::UNIT; stride];
+        let mut frames: Vec<_> = (0..stride).into_par_iter().map(|_| BodyFrame::UNIT).collect();
         let words = column_parts(&mut rows.words, stride);
         let constants = column_parts(&mut rows.constants, stride);
         frames.par_chunks_mut(TASK).zip(words).zip(constants).enumerate().for_each(

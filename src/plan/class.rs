@@ -128,12 +128,32 @@ pub struct Verdict {
 impl FreeBody {
     /// The simplest class whose bound is within `tolerance`.
     pub fn verdict(&self, tolerance: &Bound) -> Verdict {
-        let simpler = Shape::ALL[..4].iter().map(|&shape| self.bound(shape));
+        // Most bodies are of no simpler class by far, which is told from a few products.
+        let near = self.least_attitudes().map(|least| least <= (1.0 + 1e-6) * tolerance.attitude);
+        let simpler = Shape::ALL[..4].iter().zip(near).filter(|&(_, near)| near).map(|(&shape, _)| self.bound(shape));
         simpler.into_iter().find(|verdict| verdict.bound.within(tolerance)).unwrap_or(Verdict {
             shape: Shape::Asymmetric,
             axis: 0,
             bound: Bound::default(),
         })
+    }
+
+    /// What the bounds on the attitude of [`Shape::ALL`]'s first four are not below, but for rounding: their first terms.
+    fn least_attitudes(&self) -> [f64; 4] {
+        let [i1, i2, i3] = self.moments.recip().to_array();
+        let [m1, m2, m3] = (self.angular_momentum_principal.abs() * self.span).to_array();
+        let turned = (self.angular_momentum_principal * self.span).length();
+        // p is not below the greater of its two components.
+        let steady = |a: f64, b: f64, axis: f64, c: f64| a.max(b) * (c + 2.0 * axis);
+        let [spread_12, spread_23, spread_13] = [i1 - i2, i2 - i3, i1 - i3];
+        [
+            turned * i3,
+            turned * spread_12.max(spread_23),
+            steady(m2, m3, i1, spread_13)
+                .min(steady(m3, m1, i2, spread_12.max(spread_23)))
+                .min(steady(m1, m2, i3, spread_13)),
+            0.5 * turned * spread_12.min(spread_23),
+        ]
     }
 
     /// What treating the body as a member of `shape` can cost, with the axis that makes it least.

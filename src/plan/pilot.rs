@@ -97,9 +97,24 @@ pub(super) fn larger_pilot_size(class: usize) -> usize {
     MOST_BODIES.min(class)
 }
 
-/// The bodies of a pilot among those of a class.
+/// The bodies of a pilot among those of a class; the larger pilot has all of a smaller one's.
 pub(super) fn pilot_sample(class: &[u32], count: usize, seed: u64) -> Vec<u32> {
-    sample(class.len(), count, seed).into_iter().map(|index| class[index as usize]).collect()
+    let largest = sample(class.len(), larger_pilot_size(class.len()), seed);
+    sample(largest.len(), count, seed).into_iter().map(|index| class[largest[index as usize] as usize]).collect()
+}
+
+/// A candidate that was tried.
+#[derive(Clone, Copy)]
+struct Tried {
+    found: Found,
+    /// The sample's own percentile, of which `found.part` is the bound.
+    own: f64,
+}
+
+impl Tried {
+    fn misses(&self) -> bool {
+        self.found.part > 1.0
+    }
 }
 
 /// What a pilot comes to.
@@ -113,10 +128,10 @@ pub(super) struct Flight {
 }
 
 /// What a smaller pilot of the same class has found.
-#[derive(Clone, Copy)]
 struct Known {
-    /// The rule of its reference.
+    /// The rule of its reference, and where that has its bodies.
     reference: Rule,
+    states: States,
     /// The rule that is expected to meet the target.
     start: Rule,
 }
@@ -139,15 +154,15 @@ impl<'a> Pilot<'a> {
         let mut found = scouts.tried(scouts.candidates(), &reference.states, false)?;
         // What the scouts favour first, so that what follows is dearer than what is known.
         found.sort_by(|a, b| self.order(a, b));
-        let (met, missed): (Vec<_>, Vec<_>) = found.into_iter().partition(|found| found.part <= 1.0);
-        let again = |found: &[Found], reference: &States| {
-            let candidate = |found: &Found| Some((found.rule, self.costs.of(found.rule.scheme)?));
-            self.tried(found.iter().filter_map(candidate).collect(), reference, true)
+        let (missed, met): (Vec<_>, Vec<_>) = found.into_iter().partition(Tried::misses);
+        let again = |tried: &[Tried], reference: &States| {
+            let candidate = |tried: &Tried| Some((tried.found.rule, self.costs.of(tried.found.rule.scheme)?));
+            self.tried(tried.iter().filter_map(candidate).collect(), reference, true)
         };
         let rule = reference.rule_for_others(&scouts)?;
         let (mut reference, mut reference_rule) = (self.stepped(&rule)?.states, Some(rule));
         let mut tried = again(&met, &reference)?;
-        if tried.iter().all(|found| found.part > 1.0) {
+        if tried.iter().all(|tried| tried.misses() && !self.is_lopsided(tried)) {
             // Others may do for as many bodies as the percentile counts, or the scouts' reference was not fine enough for all.
             let of_all = Reference::new(self)?;
             if let Some(found) = of_all.lost(self) {
@@ -156,17 +171,15 @@ impl<'a> Pilot<'a> {
             (reference, reference_rule) = (of_all.states, None);
             let known = [met, missed].concat();
             tried.extend(again(&known, &reference)?);
-            if tried.iter().all(|found| found.part > 1.0) {
-                let is_new = |(rule, _): &(Rule, &Cost)| {
-                    !known
-                        .iter()
-                        .any(|found| (found.rule.scheme, found.rule.precision) == (rule.scheme, rule.precision))
-                };
+            if tried.iter().all(Tried::misses) {
+                let kind = |rule: &Rule| (rule.scheme, rule.precision);
+                let is_new =
+                    |(rule, _): &(Rule, &Cost)| !known.iter().any(|tried| kind(&tried.found.rule) == kind(rule));
                 let others = self.candidates().into_iter().filter(is_new).collect();
                 tried.extend(self.tried(others, &reference, false)?);
             }
         }
-        self.flight(tried, &reference, reference_rule)
+        Ok(self.flight(&tried, reference, reference_rule))
     }
 
     /// The same, of the whole sample from the start.
@@ -176,7 +189,7 @@ impl<'a> Pilot<'a> {
             return Ok(self.lost(found));
         }
         let tried = self.tried(self.candidates(), &reference.states, false)?;
-        self.flight(tried, &reference.states, None)
+        Ok(self.flight(&tried, reference.states, None))
     }
 
     /// Where no reference follows as many bodies as the percentile counts; of a larger sample fewer may be lost.
@@ -185,43 +198,42 @@ impl<'a> Pilot<'a> {
     }
 
     /// What the candidates that were tried come to.
-    fn flight(&self, tried: Vec<Found>, reference: &States, reference_rule: Option<Rule>) -> Result<Flight> {
-        let found = self.best_of(&tried).unwrap_or_else(|| self.tabulated());
-        if self.bodies.len() >= larger_pilot_size(self.all) {
-            return Ok(Flight { found, asks_for_more: false, known: None });
-        }
-        // The bound of the percentile and the sample's own.
-        let parts = |found: &Found| -> Result<(f64, f64)> {
-            let mut errors = self.errors(&self.stepped(&found.rule)?.states, reference);
-            Ok((errors.part_of(self.accuracy, self.all), errors.part_of(self.accuracy, self.bodies.len())))
+    fn flight(&self, tried: &[Tried], states: States, reference: Option<Rule>) -> Flight {
+        let Some(best) = tried.iter().copied().min_by(|a, b| self.order(a, b)) else {
+            return Flight { found: self.tabulated(), asks_for_more: false, known: None };
         };
-        let (bound, own) = parts(&found)?;
-        if bound > LOPSIDED * own {
+        let found = best.found;
+        if self.is_lopsided(&best) {
             // Twice as fine as the sample's own percentile asks for.
-            let coefficient = found.rule.coefficient * (2.0 * own / AIM).min(1.0);
+            let coefficient = found.rule.coefficient * (2.0 * best.own / AIM).min(1.0);
             let start = Rule { coefficient, ..found.rule };
-            let known = reference_rule.filter(|_| found.part <= 1.0).map(|reference| Known { reference, start });
-            return Ok(Flight { found, asks_for_more: true, known });
+            let known = reference.map(|reference| Known { reference, states, start });
+            return Flight { found, asks_for_more: true, known };
         }
         // What was not chosen may have failed for a body or two.
-        for missed in tried.iter().filter(|found| found.part > 1.0 && found.part.is_finite()) {
-            let (bound, own) = parts(missed)?;
-            if bound > LOPSIDED * own && own <= 1.0 {
-                return Ok(Flight { found, asks_for_more: true, known: None });
-            }
-        }
-        Ok(Flight { found, asks_for_more: false, known: None })
+        let asks_for_more =
+            tried.iter().any(|tried| tried.misses() && tried.found.part.is_finite() && self.is_lopsided(tried));
+        Flight { found, asks_for_more, known: None }
+    }
+
+    /// Whether a larger sample would bound the errors of what was tried much more closely, and it may do.
+    fn is_lopsided(&self, tried: &Tried) -> bool {
+        let is_whole = self.bodies.len() >= pilot_size(self.all);
+        let grows = is_whole && self.bodies.len() < larger_pilot_size(self.all);
+        grows && tried.own <= 1.0 && tried.found.part > LOPSIDED * tried.own
     }
 
     /// As [`Pilot::fly`], after a smaller pilot of the class.
-    pub fn fly_after(&self, smaller: &Flight) -> Result<Found> {
-        if let Some(Known { reference, start }) = smaller.known
+    pub fn fly_after(&self, smaller: Flight) -> Result<Found> {
+        if let Some(Known { reference, mut states, start }) = smaller.known
             && let Some(cost) = self.costs.of(start.scheme)
         {
-            let reference = self.stepped(&reference)?.states;
-            let found = self.calibrated(start, cost, f64::INFINITY, &reference)?;
-            if found.part <= 1.0 {
-                return Ok(found);
+            let is_new = |(body, _): &&(u32, Look)| !states.contains_key(&(*body as usize));
+            let others = Self { bodies: self.bodies.iter().filter(is_new).copied().collect(), ..*self };
+            states.extend(others.stepped(&reference)?.states);
+            let tried = self.calibrated(start, cost, f64::INFINITY, &states, false)?;
+            if !tried.misses() {
+                return Ok(tried.found);
             }
         }
         Ok(self.fly()?.found)
@@ -229,7 +241,7 @@ impl<'a> Pilot<'a> {
 
     /// What candidates come to; those that are dearer than one that meets the target are left out, as far as that is known
     /// ahead: from the shipped table, or, where they were `tried_before`, from fewer bodies of the same class.
-    fn tried(&self, candidates: Vec<(Rule, &'a Cost)>, reference: &States, tried_before: bool) -> Result<Vec<Found>> {
+    fn tried(&self, candidates: Vec<(Rule, &'a Cost)>, reference: &States, tried_before: bool) -> Result<Vec<Tried>> {
         let mut tried = Vec::new();
         let mut cheapest = f64::INFINITY;
         let class = self.all as f64 / self.bodies.len() as f64;
@@ -243,11 +255,16 @@ impl<'a> Pilot<'a> {
             if self.seconds(&Rule { coefficient, ..start }, cost, None) > margin * cheapest {
                 continue;
             }
-            let found = self.calibrated(self.within(start, cost, cheapest), cost, cheapest, reference)?;
-            if found.part <= 1.0 {
+            let rule = self.within(start, cost, cheapest);
+            let candidate = self.calibrated(rule, cost, cheapest, reference, tried_before)?;
+            let found = candidate.found;
+            if !candidate.misses() {
                 cheapest = cheapest.min(self.seconds(&found.rule, cost, found.steps));
             }
-            tried.push(found);
+            tried.push(candidate);
+            if tried_before && self.is_lopsided(&candidate) {
+                break;
+            }
         }
         Ok(tried)
     }
@@ -261,20 +278,15 @@ impl<'a> Pilot<'a> {
         rule
     }
 
-    /// The first in order.
-    fn best_of(&self, found: &[Found]) -> Option<Found> {
-        found.iter().copied().min_by(|a, b| self.order(a, b))
-    }
-
     /// What meets the target before what does not; of the former the cheaper, of the latter the more accurate.
-    fn order(&self, a: &Found, b: &Found) -> Ordering {
-        let missed = |found: &Found| found.part > 1.0;
-        let seconds = |found: &Found| {
+    fn order(&self, a: &Tried, b: &Tried) -> Ordering {
+        let seconds = |Tried { found, .. }: &Tried| {
             self.costs.of(found.rule.scheme).map_or(f64::INFINITY, |cost| self.seconds(&found.rule, cost, found.steps))
         };
-        missed(a)
-            .cmp(&missed(b))
-            .then_with(|| if missed(a) { a.part.total_cmp(&b.part) } else { seconds(a).total_cmp(&seconds(b)) })
+        let same = || {
+            if a.misses() { a.found.part.total_cmp(&b.found.part) } else { seconds(a).total_cmp(&seconds(b)) }
+        };
+        a.misses().cmp(&b.misses()).then_with(same)
     }
 
     /// The pilot with a few of its bodies: some neighbours by rate, which take steps of one or two levels and so fill lanes, at
@@ -350,26 +362,32 @@ impl<'a> Pilot<'a> {
     }
 
     /// The rule with the coefficient that the sample needs, as far as its steps take no longer than `limit` seconds, the least that
-    /// is known to do.
-    fn calibrated(&self, start: Rule, cost: &Cost, limit: f64, reference: &States) -> Result<Found> {
+    /// is known to do. Where a larger sample would say more it is left at that if it `may_leave`.
+    fn calibrated(&self, start: Rule, cost: &Cost, limit: f64, reference: &States, may_leave: bool) -> Result<Tried> {
         let mut rule = start;
-        let mut best = Found { rule, part: f64::INFINITY, bodies: self.bodies.len(), steps: None };
+        let found = Found { rule, part: f64::INFINITY, bodies: self.bodies.len(), steps: None };
+        let mut best = Tried { found, own: f64::INFINITY };
         let (mut last, mut correction) = (f64::INFINITY, 1.0);
         for _ in 0..=CORRECTIONS {
             if self.seconds(&rule, cost, None) > limit {
                 break;
             }
             let sampled = self.stepped(&rule)?;
-            let part = self.part(&sampled.states, reference);
+            let mut errors = self.errors(&sampled.states, reference);
+            let part = errors.part_of(self.accuracy, self.all);
             let found = Found { rule, part, bodies: self.bodies.len(), steps: sampled.steps };
+            let tried = Tried { found, own: errors.part_of(self.accuracy, self.bodies.len()) };
             // Of two that are good enough the one with longer steps, else the more accurate.
-            let improves = match (part <= ENOUGH, best.part <= ENOUGH) {
-                (true, true) => rule.coefficient < best.rule.coefficient,
-                _ => part < best.part,
+            let improves = match (part <= ENOUGH, best.found.part <= ENOUGH) {
+                (true, true) => rule.coefficient < best.found.rule.coefficient,
+                _ => part < best.found.part,
             };
             let before = std::mem::replace(&mut last, part);
             if improves {
-                best = found;
+                best = tried;
+            }
+            if may_leave && self.is_lopsided(&tried) {
+                break;
             }
             let too_good = if rule.scheme == Scheme::Adaptive { TOO_GOOD_ADAPTIVE } else { TOO_GOOD };
             if (too_good..=ENOUGH).contains(&part) || (part <= ENOUGH && rule.takes_longest(self)) {

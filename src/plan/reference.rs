@@ -81,7 +81,9 @@ impl Reference {
 
     /// What was found where the motion amplifies errors so much that no steps in `f64` follow it to what is asked for.
     pub fn lost(&self, pilot: &Pilot<'_>) -> Option<Found> {
-        let found = || Found { rule: self.coarser, part: self.change, bodies: pilot.bodies.len(), steps: None };
+        // The reference aims at less than is asked for.
+        let rule = Rule { attitude: pilot.accuracy.strictest(), ..self.coarser };
+        let found = || Found { rule, part: self.change, bodies: pilot.bodies.len(), steps: None };
         (self.change > 1.0).then(found)
     }
 

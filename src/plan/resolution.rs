@@ -62,8 +62,8 @@ pub struct Stepped {
     pub found: Found,
 }
 
-/// Bodies that are looked at before they are sorted into groups; bounds the memory of sorting.
-const LOOK_BLOCK: usize = 1 << 16;
+/// Bodies that one task looks at and sorts.
+const LOOK_BLOCK: usize = 1 << 12;
 
 /// Selects the pilots' bodies; fixed, so that a plan made again is the same.
 const PILOT_SEED: u64 = 1;
@@ -164,7 +164,7 @@ impl Resolution {
             } else if flies {
                 let flight = pilot(pilot_size(bodies.len()), true).fly()?;
                 if flight.asks_for_more {
-                    pilot(larger_pilot_size(bodies.len()), false).fly_after(&flight)?
+                    pilot(larger_pilot_size(bodies.len()), false).fly_after(flight)?
                 } else {
                     flight.found
                 }
@@ -369,27 +369,29 @@ fn sorted(
     tolerance: &Bound,
     place: impl Fn(&Look) -> (Shape, Way) + Sync,
 ) -> BTreeMap<(Class, Way), (Members, Bound)> {
+    type Lists = BTreeMap<(Class, Way), (Vec<u32>, Bound)>;
     let body_count = scene.ensemble().len();
     let translates = scene.ensemble().translation().is_some();
-    let mut lists: BTreeMap<(Class, Way), (Vec<u32>, Bound)> = BTreeMap::new();
-    for start in (0..body_count).step_by(LOOK_BLOCK) {
-        let end = (start + LOOK_BLOCK).min(body_count);
-        let looks: Vec<((Class, Way), Bound)> = (start..end)
-            .into_par_iter()
-            .map(|body| {
-                let look = look_at(scene, body, tolerance);
-                let (shape, way) = place(&look);
-                let bound = if shape == look.verdict.shape { look.verdict.bound } else { Bound::default() };
-                let torques = torques_for(scene, &look);
-                let is_linear_rotor = scene.ensemble().is_linear_rotor(body);
-                ((Class { shape, torques, is_linear_rotor, translates }, way), bound)
-            })
-            .collect();
-        for (offset, (key, bound)) in looks.into_iter().enumerate() {
-            let entry = lists.entry(key).or_default();
-            entry.0.push((start + offset) as u32);
+    let looked = |block: usize| {
+        let mut lists = Lists::new();
+        for body in block * LOOK_BLOCK..body_count.min((block + 1) * LOOK_BLOCK) {
+            let look = look_at(scene, body, tolerance);
+            let (shape, way) = place(&look);
+            let bound = if shape == look.verdict.shape { look.verdict.bound } else { Bound::default() };
+            let torques = torques_for(scene, &look);
+            let is_linear_rotor = scene.ensemble().is_linear_rotor(body);
+            let entry = lists.entry((Class { shape, torques, is_linear_rotor, translates }, way)).or_default();
+            entry.0.push(body as u32);
             entry.1 = entry.1.or(bound);
         }
+        lists
+    };
+    let blocks: Vec<Lists> = (0..body_count.div_ceil(LOOK_BLOCK)).into_par_iter().map(looked).collect();
+    let mut lists = Lists::new();
+    for (key, (bodies, bound)) in blocks.into_iter().flatten() {
+        let entry = lists.entry(key).or_default();
+        entry.0.extend(bodies);
+        entry.1 = entry.1.or(bound);
     }
     let members =
         |list: Vec<u32>| if list.len() == body_count { Members::All(body_count) } else { Members::Some(list) };

@@ -37,12 +37,9 @@ impl BalanceGatherer {
         self.angular_momentum_world.push(relative(angular_momentum_world));
     }
 
-    /// Takes the kinetic and potential energies at the start and at the end of a body that keeps their sum.
-    pub(crate) fn push_total(&mut self, start: (f64, f64), end: (f64, f64)) {
-        let size = |(kinetic, potential): (f64, f64)| kinetic + potential.abs();
-        // Differences before sums: the potential may be much the greater.
-        let change = (end.0 - start.0) + (end.1 - start.1);
-        self.total_energy.push(relative((change.abs(), size(start).max(size(end)))));
+    /// Takes what [`change_of_total`] gives of one body.
+    pub(crate) fn push_total(&mut self, change: f64) {
+        self.total_energy.push(change);
     }
 
     pub(crate) fn finish(mut self) -> Balance {
@@ -54,6 +51,14 @@ impl BalanceGatherer {
             total_energy: Quantiles::of(&mut self.total_energy),
         }
     }
+}
+
+/// By how much the kinetic and potential energies at the start and at the end differ of a body that keeps their sum, relative.
+pub(crate) fn change_of_total(start: (f64, f64), end: (f64, f64)) -> f64 {
+    let size = |(kinetic, potential): (f64, f64)| kinetic + potential.abs();
+    // Differences before sums: the potential may be much the greater.
+    let change = (end.0 - start.0) + (end.1 - start.1);
+    relative((change.abs(), size(start).max(size(end))))
 }
 
 /// A rest relative to its scale; of a body that never moves it is the rest itself. A rest that is no number is as large

@@ -16,18 +16,30 @@ pub struct Quantiles {
 impl Quantiles {
     /// The quantiles of `values`, which are reordered; 0 where there are none. No value may be NaN.
     pub fn of(values: &mut [f64]) -> Self {
-        Self { median: Self::rank(values, 0.5), p99: Self::rank(values, 0.99), max: Self::rank(values, 1.0) }
+        if values.is_empty() {
+            return Self::default();
+        }
+        let (middle, place) = (index(values.len(), 0.5), index(values.len(), 0.99));
+        // Those before it are not greater, those behind it not less.
+        let (below, &mut p99, above) = values.select_nth_unstable_by(place, f64::total_cmp);
+        let max = above.iter().copied().fold(p99, f64::max);
+        let median = if middle < place { *below.select_nth_unstable_by(middle, f64::total_cmp).1 } else { p99 };
+        Self { median, p99, max }
     }
 
     /// The smallest of `values`, which are reordered, with at least `part` of all at or below it; 0 where there are none.
     pub(crate) fn rank(values: &mut [f64], part: f64) -> f64 {
-        let count = values.len();
-        if count == 0 {
+        if values.is_empty() {
             return 0.0;
         }
-        let index = ((part * count as f64).ceil() as usize).clamp(1, count) - 1;
+        let index = index(values.len(), part);
         *values.select_nth_unstable_by(index, f64::total_cmp).1
     }
+}
+
+/// Where among `count` sorted values, of which there are some, the first one stands with at least `part` of all at or before it.
+fn index(count: usize, part: f64) -> usize {
+    ((part * count as f64).ceil() as usize).clamp(1, count) - 1
 }
 
 impl std::fmt::Display for Quantiles {
@@ -58,17 +70,32 @@ pub(crate) struct DriftGatherer {
     norm: Vec<f64>,
 }
 
-impl DriftGatherer {
-    /// Takes the drift of one body between two states.
-    pub(crate) fn push(&mut self, initial: &BodyState, state: &BodyState) {
+/// The drift of one body.
+pub(crate) struct BodyDrift {
+    kinetic_energy: f64,
+    angular_momentum_world: f64,
+    norm: f64,
+}
+
+impl BodyDrift {
+    /// What drifted from one state to another.
+    pub(crate) fn between(initial: &BodyState, state: &BodyState) -> Self {
         let relative = |change: f64, scale: f64| if scale > 0.0 { change / scale } else { 0.0 };
-        self.kinetic_energy
-            .push(relative((state.kinetic_energy - initial.kinetic_energy).abs(), initial.kinetic_energy));
-        self.angular_momentum_world.push(relative(
-            (state.angular_momentum_world - initial.angular_momentum_world).length(),
-            initial.angular_momentum_world.length(),
-        ));
-        self.norm.push(state.norm_error.abs());
+        let momentum_change = (state.angular_momentum_world - initial.angular_momentum_world).length();
+        Self {
+            kinetic_energy: relative((state.kinetic_energy - initial.kinetic_energy).abs(), initial.kinetic_energy),
+            angular_momentum_world: relative(momentum_change, initial.angular_momentum_world.length()),
+            norm: state.norm_error.abs(),
+        }
+    }
+}
+
+impl DriftGatherer {
+    /// Takes the drift of one body.
+    pub(crate) fn push(&mut self, body: BodyDrift) {
+        self.kinetic_energy.push(body.kinetic_energy);
+        self.angular_momentum_world.push(body.angular_momentum_world);
+        self.norm.push(body.norm);
     }
 
     pub(crate) fn finish(mut self) -> Drift {

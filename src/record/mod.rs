@@ -29,10 +29,10 @@ mod statistics_file;
 
 pub use adaptive::{AdaptiveWork, Spread};
 pub use balance::Balance;
-pub(crate) use balance::BalanceGatherer;
+pub(crate) use balance::{BalanceGatherer, change_of_total};
 #[cfg(feature = "study")]
 pub use column::{ROTATION_COLUMNS, TRANSLATION_COLUMNS};
-pub(crate) use drift::DriftGatherer;
+pub(crate) use drift::{BodyDrift, DriftGatherer};
 pub use drift::{Drift, Quantiles};
 #[cfg(feature = "study")]
 pub use files::run_to_folder;
@@ -137,6 +137,11 @@ impl Snapshot {
     /// Velocities of the centres of mass, m/s, world axes; empty where the ensemble does not translate.
     pub fn velocities(&self) -> &[DVec3] {
         &self.velocity
+    }
+
+    fn with_capacity(time: f64, body_count: usize) -> Self {
+        let (orientation, angular_velocity_body) = (Vec::with_capacity(body_count), Vec::with_capacity(body_count));
+        Self { time, orientation, angular_velocity_body, ..Self::default() }
     }
 
     fn push(&mut self, state: &OutputState) {
@@ -303,6 +308,7 @@ impl Record {
 #[derive(Debug, Default)]
 pub(crate) struct Memory {
     pub(crate) keeps_states: bool,
+    pub(crate) body_count: usize,
     pub(crate) snapshots: Vec<Snapshot>,
     pub(crate) statistics: Vec<Statistics>,
 }
@@ -319,7 +325,7 @@ impl Sink for Memory {
 
     fn bodies(&mut self, index: usize, time: f64, _: usize, states: &[OutputState]) -> Result<()> {
         while self.snapshots.len() <= index {
-            self.snapshots.push(Snapshot { time, ..Snapshot::default() });
+            self.snapshots.push(Snapshot::with_capacity(time, self.body_count));
         }
         for state in states {
             self.snapshots[index].push(state);

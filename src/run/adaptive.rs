@@ -3,16 +3,16 @@
 use std::ops::Range;
 use std::time::Instant;
 
+use glam::DVec3;
 use rayon::prelude::*;
 
-use super::READ_BLOCK;
-use crate::batch::{BodyFrame, BodyState, prepare_body, prepare_members};
+use crate::batch::{BodyFrame, BodyState, ORDER_BLOCK, Prepared, StateWords, prepare_ordered};
 use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps};
 use crate::engine::reduction::Reduce;
 use crate::engine::work::order;
 use crate::engine::{Backend, Observer};
 use crate::error::Result;
-use crate::plan::{Group, Members, greatest_rate};
+use crate::plan::{Group, greatest_rate};
 use crate::record::{AdaptiveWork, Spread, WallTime};
 use crate::scene::Scene;
 
@@ -21,9 +21,11 @@ pub(super) struct AdaptiveUnit {
     session: Box<dyn AdaptiveSession>,
     /// By the session's rows.
     frames: Vec<BodyFrame>,
-    /// The session's row of each of the group's rows. Both lie in the same block of [`READ_BLOCK`] rows, so that outputs
+    /// The session's row of each of the group's rows. Both lie in the same block of [`ORDER_BLOCK`] rows, so that outputs
     /// are put together block by block in bounded memory.
     session_rows: Vec<u32>,
+    /// A block of rows as it was read last, since the bodies were advanced.
+    last_read: Option<(usize, StateWords)>,
 }
 
 impl AdaptiveUnit {
@@ -37,28 +39,30 @@ impl AdaptiveUnit {
     ) -> Result<Self> {
         let clock = Instant::now();
         let members = &group.members;
-        let expected: Vec<f64> =
-            (0..members.len()).into_par_iter().map(|row| expected_rate(scene, members.body(row))).collect();
-        let mut bodies = Vec::with_capacity(members.len());
         let mut session_rows = vec![0; members.len()];
-        for (block, expected) in expected.chunks(READ_BLOCK).enumerate() {
-            let start = block * READ_BLOCK;
-            for row in order(expected) {
-                session_rows[start + row] = bodies.len() as u32;
-                bodies.push(members.body(start + row) as u32);
+        let by_work = |start: usize, prepared: &[Prepared]| {
+            // All have the same span, so the greatest rate is their work up to a factor.
+            let rate = |(place, (frame, state)): (usize, &Prepared)| {
+                let m = DVec3::new(state[4], state[5], state[6]);
+                greatest_rate(scene, members.body(start + place), frame, m)
+            };
+            let order = order(&prepared.par_iter().enumerate().map(rate).collect::<Vec<_>>());
+            for (session_row, &place) in order.iter().enumerate() {
+                session_rows[start + place] = (start + session_row) as u32;
             }
-        }
+            order
+        };
         let torques = group.class.torques.of(scene.torques());
-        let (frames, batch) =
-            prepare_members(scene.ensemble(), &torques, scene.end(), &Members::Some(bodies), precision)?;
+        let (frames, batch) = prepare_ordered(scene.ensemble(), &torques, scene.end(), members, precision, by_work)?;
         wall_time.prepare += clock.elapsed().as_secs_f64();
         let clock = Instant::now();
         let session = engine.start_adaptive(batch, steps)?;
         wall_time.start += clock.elapsed().as_secs_f64();
-        Ok(Self { session, frames, session_rows })
+        Ok(Self { session, frames, session_rows, last_read: None })
     }
 
     pub fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {
+        self.last_read = None;
         self.session.advance_to(time, observer)
     }
 
@@ -74,28 +78,48 @@ impl AdaptiveUnit {
 
     /// The group's row of one of the session's, which lies in the same block.
     pub fn group_row(&self, session_row: usize) -> usize {
-        let start = session_row / READ_BLOCK * READ_BLOCK;
-        let end = (start + READ_BLOCK).min(self.session_rows.len());
+        let Range { start, end } = self.block(session_row / ORDER_BLOCK);
         let found = self.session_rows[start..end].iter().position(|&row| row as usize == session_row);
         start + found.unwrap_or(0)
     }
 
-    /// The states in some of the group's rows; `now` makes the frame of a row's body into that of the present time.
-    pub fn read(
+    /// The rows of a block.
+    fn block(&self, block: usize) -> Range<usize> {
+        block * ORDER_BLOCK..((block + 1) * ORDER_BLOCK).min(self.session_rows.len())
+    }
+
+    /// The frames of the group's rows at the start.
+    pub fn frames(&self) -> impl Fn(usize) -> BodyFrame + Sync {
+        let (frames, session_rows) = (&self.frames[..], &self.session_rows[..]);
+        |row| frames[session_rows[row] as usize]
+    }
+
+    /// Hands the states in some of the group's rows, a block at most at a time, to `then`; `now` makes the frame of a row's body
+    /// into that of the present time.
+    pub fn with_states(
         &mut self,
         rows: &Range<usize>,
-        now: impl Fn(&BodyFrame, usize) -> BodyFrame + Sync,
-    ) -> Result<Vec<BodyState>> {
-        let start = rows.start / READ_BLOCK * READ_BLOCK;
-        let end = rows.end.next_multiple_of(READ_BLOCK).min(self.session_rows.len());
-        let words = self.session.read(start..end)?;
-        let state = |row: usize| {
-            let own = self.session_rows[row] as usize;
-            let index = own - start;
-            let frame = now(&self.frames[own], row);
-            BodyState { status: words.status[index], ..frame.body_state(words.combined(index)) }
-        };
-        Ok(rows.clone().into_par_iter().map(state).collect())
+        now: &(dyn Fn(&BodyFrame, usize) -> BodyFrame + Sync),
+        then: &mut dyn FnMut(Range<usize>, &(dyn Fn(usize) -> BodyState + Sync)),
+    ) -> Result<()> {
+        let mut start = rows.start;
+        while start < rows.end {
+            let (number, block) = (start / ORDER_BLOCK, self.block(start / ORDER_BLOCK));
+            let words = match self.last_read.take() {
+                Some((last, words)) if last == number => words,
+                _ => self.session.read(block.clone())?,
+            };
+            let end = block.end.min(rows.end);
+            let Self { frames, session_rows, .. } = &*self;
+            let (frames, session_rows) = (&frames[..], &session_rows[..]);
+            then(start..end, &|row| {
+                let own = session_rows[row] as usize;
+                now(&frames[own], row).state_of(&words, own - block.start)
+            });
+            self.last_read = Some((number, words));
+            start = end;
+        }
+        Ok(())
     }
 
     /// What its bodies took, in the order in which they stand side by side.
@@ -113,12 +137,6 @@ impl AdaptiveUnit {
     pub fn bytes_read(&self) -> u64 {
         self.session.bytes_read()
     }
-}
-
-/// The greatest rate of a body, rad/s. All have the same span, so this is their work up to a factor.
-fn expected_rate(scene: &Scene, body: usize) -> f64 {
-    let (frame, state) = prepare_body(scene.ensemble(), scene.torques(), body);
-    greatest_rate(scene, body, &frame, glam::DVec3::new(state[4], state[5], state[6]))
 }
 
 /// Steps of the bodies of one unit.

@@ -10,7 +10,7 @@ use super::work::Work;
 use crate::batch::{BodyState, initial_state};
 use crate::error::{Error, Result};
 use crate::plan::{Plan, TorqueSet};
-use crate::record::{Balance, BalanceGatherer};
+use crate::record::{Balance, BalanceGatherer, change_of_total};
 use crate::scene::Scene;
 use crate::torque::variable_inertia;
 
@@ -47,11 +47,11 @@ pub fn balance(plan: &Plan<'_>, orientation: &[DQuat], angular_velocity_body: &[
     for reference in shadow::recomputed(plan, &sample, &mut |_| ControlFlow::Continue(()))? {
         push_rest(&mut gatherer, plan.scene(), reference.body, &state(reference.body), reference.work.as_ref());
     }
-    let pairs: Vec<_> = (0..ensemble.len())
+    let changes: Vec<f64> = (0..ensemble.len())
         .into_par_iter()
-        .filter_map(|body| total_energies(plan.scene(), body, &initial_state(ensemble, body), &state(body)))
+        .filter_map(|body| total_energy_change(plan.scene(), body, &initial_state(ensemble, body), &state(body)))
         .collect();
-    pairs.into_iter().for_each(|(start, end)| gatherer.push_total(start, end));
+    changes.into_iter().for_each(|change| gatherer.push_total(change));
     Ok(gatherer.finish())
 }
 
@@ -70,13 +70,9 @@ pub(super) fn push_rest(
     gatherer.push_rest((energy.abs(), work.greatest_energy), (given.length(), work.greatest_angular_momentum));
 }
 
-/// Kinetic and potential energy (J) of a body in two states, where torques act on it that all have a potential.
-pub(super) fn total_energies(
-    scene: &Scene,
-    body: usize,
-    start: &BodyState,
-    end: &BodyState,
-) -> Option<((f64, f64), (f64, f64))> {
+/// By how much the sum of a body's kinetic and potential energies differs in two states, relative, where torques act on it that all
+/// have a potential.
+pub(super) fn total_energy_change(scene: &Scene, body: usize, start: &BodyState, end: &BodyState) -> Option<f64> {
     let acting = TorqueSet::acting_on(scene.torques(), body);
     if acting.is_empty() {
         return None;
@@ -85,5 +81,5 @@ pub(super) fn total_energies(
         let torques = scene.torques().iter().enumerate().filter(|(index, _)| acting.contains(*index));
         torques.map(|(_, torque)| torque.potential_energy(body, state.orientation)).sum()
     };
-    Some(((start.kinetic_energy, potential(start)?), (end.kinetic_energy, potential(end)?)))
+    Some(change_of_total((start.kinetic_energy, potential(start)?), (end.kinetic_energy, potential(end)?)))
 }

@@ -10,7 +10,7 @@ use crate::engine::{Backend, Progress};
 use crate::error::{Error, Result};
 use crate::method::Status;
 use crate::plan::Plan;
-use crate::record::{BalanceGatherer, DriftGatherer, Memory, OutputState, Record, Sink, Trust, WallTime};
+use crate::record::{BalanceGatherer, BodyDrift, DriftGatherer, Memory, OutputState, Record, Sink, Trust, WallTime};
 use crate::scene::{Scene, Stepping};
 
 mod adaptive;
@@ -26,14 +26,14 @@ mod work;
 
 pub use balance::balance;
 
-use balance::{push_rest, total_energies};
+use balance::{push_rest, total_energy_change};
 use shadow::SHADOW_SEED;
 use statistics::FromStates;
 use translation::Centres;
 use unit::Unit;
 
-/// Bodies that are read and handed on at once: some megabytes.
-const READ_BLOCK: usize = 1 << 15;
+/// Bodies that are read and handed on at once: little enough for a cache.
+const READ_BLOCK: usize = 1 << 13;
 
 /// Runs `plan` on `engine` and keeps every output in memory.
 ///
@@ -42,7 +42,8 @@ const READ_BLOCK: usize = 1 << 15;
 /// As [`run_into`].
 pub fn run(engine: &dyn Backend, plan: &Plan<'_>) -> Result<Record> {
     let keeps_states = plan.scene().keeps_states();
-    let mut memory = Memory { keeps_states, ..Memory::default() };
+    let body_count = plan.scene().ensemble().len();
+    let mut memory = Memory { keeps_states, body_count, ..Memory::default() };
     let trust = run_into(engine, plan, &mut memory, &mut |_| ControlFlow::Continue(()))?;
     if keeps_states && memory.snapshots.is_empty() {
         // No bodies, so nothing was handed on; the end is recorded all the same.
@@ -118,14 +119,18 @@ pub fn run_into(
             }
             continue;
         }
+        let (mut states, mut initial) = (Vec::new(), Vec::new());
         let mut from_states = FromStates::new(if reduces { &[] } else { statistics });
         for start in (0..body_count).step_by(READ_BLOCK) {
             let range = start..(start + READ_BLOCK).min(body_count);
             let clock = Instant::now();
-            let states = read_states(&mut units, &centres, range.clone())?;
+            read_states(&mut units, &centres, &range, &mut states)?;
             from_states.push(start, &states);
             if last {
-                end.gather(scene, &states, range.clone());
+                initial.clear();
+                initial.resize(range.len(), BodyState::UNKNOWN);
+                units.iter().for_each(|unit| unit.read_initial(scene.ensemble(), &range, &mut initial));
+                end.gather(scene, start, &initial, &states);
                 let of_block = |body: &&u32| range.contains(&(**body as usize));
                 sampled.extend(sample.iter().filter(of_block).map(|&body| states[body as usize - start].rotation));
             }
@@ -185,19 +190,28 @@ pub fn run_into(
     })
 }
 
-/// Some bodies in the user's axes and units.
-fn read_states(units: &mut [Unit<'_>], centres: &Centres<'_>, bodies: Range<usize>) -> Result<Vec<OutputState>> {
-    let mut states = vec![BodyState::UNKNOWN; bodies.len()];
-    let mut flying = vec![None; bodies.len()];
-    for unit in units {
-        unit.read(bodies.clone(), &mut states)?;
-        unit.read_centres(&bodies, &mut flying)?;
+/// Some bodies in the user's axes and units, to `states`.
+fn read_states(
+    units: &mut [Unit<'_>],
+    centres: &Centres<'_>,
+    bodies: &Range<usize>,
+    states: &mut Vec<OutputState>,
+) -> Result<()> {
+    states.clear();
+    states.resize(bodies.len(), OutputState { rotation: BodyState::UNKNOWN, translation: None });
+    units.iter_mut().try_for_each(|unit| unit.read(bodies, states))?;
+    if centres.are_moving() {
+        let places = bodies.clone().into_par_iter().zip(&mut *states);
+        places.for_each(|(body, state)| state.translation = centres.of_body(body));
     }
-    let output = |((rotation, centre), body): ((BodyState, Option<_>), usize)| OutputState {
-        rotation,
-        translation: centre.or_else(|| centres.of_body(body)),
-    };
-    Ok(states.into_par_iter().zip(flying).zip(bodies).map(output).collect())
+    if units.iter().any(Unit::has_centres) {
+        let mut flying = vec![None; bodies.len()];
+        units.iter_mut().try_for_each(|unit| unit.read_centres(bodies, &mut flying))?;
+        for (state, centre) in states.iter_mut().zip(flying) {
+            state.translation = centre.or(state.translation);
+        }
+    }
+    Ok(())
 }
 
 /// What the end says of a run.
@@ -213,19 +227,23 @@ struct AtEnd {
 }
 
 impl AtEnd {
-    /// Compares the end with the start, body by body, and lists the bodies that failed.
-    fn gather(&mut self, scene: &Scene, states: &[OutputState], bodies: Range<usize>) {
-        let rotations = || states.par_iter().map(|state| &state.rotation);
-        let starts: Vec<_> = bodies.clone().into_par_iter().zip(rotations()).map(at_start(scene)).collect();
+    /// Compares the end with the start, body by body from `first_body` on, and lists the bodies that failed.
+    fn gather(&mut self, scene: &Scene, first_body: usize, initial: &[BodyState], states: &[OutputState]) {
         let usable_rate = usable_rate(scene);
-        for ((body, start), state) in bodies.zip(&starts).zip(states) {
+        let too_fast = |state: &BodyState| state.angular_velocity_body.length() > usable_rate;
+        let compared = |(row, (initial, state)): (usize, (&BodyState, &OutputState))| {
             let state = &state.rotation;
-            let too_fast = |state: &BodyState| state.angular_velocity_body.length() > usable_rate;
-            self.outside_usable_region += usize::from(too_fast(&start.0) || too_fast(state));
-            self.conserved(start, state);
-            if !is_sound(state) {
-                self.failed_bodies.push(body);
-                self.flagged += usize::from(state.status == Status::StepBelowLimit);
+            let kept = is_finite(state).then(|| Kept::of(scene, first_body + row, initial, state));
+            (kept, too_fast(initial) || too_fast(state))
+        };
+        let rows = initial.par_iter().zip(states).enumerate().with_min_len(COMPARED);
+        let found: Vec<(Option<Kept>, bool)> = rows.map(compared).collect();
+        for ((row, state), (kept, is_outside)) in states.iter().enumerate().zip(found) {
+            self.outside_usable_region += usize::from(is_outside);
+            self.conserved(kept);
+            if !is_sound(&state.rotation) {
+                self.failed_bodies.push(first_body + row);
+                self.flagged += usize::from(state.rotation.status == Status::StepBelowLimit);
             }
         }
     }
@@ -253,31 +271,39 @@ impl AtEnd {
         }
         states.sort_unstable_by_key(|&(body, _)| body);
         for (body, state) in &states {
-            self.conserved(&at_start(scene)((*body, state)), state);
+            let initial = || initial_state(scene.ensemble(), *body);
+            self.conserved(is_finite(state).then(|| Kept::of(scene, *body, &initial(), state)));
         }
         Ok(states.into_iter().map(|(_, state)| state).collect())
     }
 
-    /// Takes what a body keeps, from its start and its end.
-    fn conserved(&mut self, (initial, energies): &Start, state: &BodyState) {
-        if is_finite(state) {
-            self.drift.push(initial, state);
-            if let Some((start, end)) = *energies {
-                self.balance.push_total(start, end);
-            }
+    /// Takes how well a body kept what it keeps.
+    fn conserved(&mut self, kept: Option<Kept>) {
+        let Some(kept) = kept else { return };
+        self.drift.push(kept.drift);
+        if let Some(total_energy) = kept.total_energy {
+            self.balance.push_total(total_energy);
         }
     }
 }
 
-/// A body's initial state, and its energies then and later where torques that have a potential act on it.
-type Start = (BodyState, Option<((f64, f64), (f64, f64))>);
+/// Bodies that one task compares.
+const COMPARED: usize = 1 << 10;
 
-/// How a body started that is in some state now.
-fn at_start(scene: &Scene) -> impl Fn((usize, &BodyState)) -> Start + Sync + Send {
-    move |(body, state)| {
-        let initial = initial_state(scene.ensemble(), body);
-        let energies = if scene.torques().is_empty() { None } else { total_energies(scene, body, &initial, state) };
-        (initial, energies)
+/// How well a body kept what it keeps.
+struct Kept {
+    drift: BodyDrift,
+    /// What its energy changed by, where torques that have a potential act on it.
+    total_energy: Option<f64>,
+}
+
+impl Kept {
+    /// Compares two states of a body, which are numbers in every place.
+    fn of(scene: &Scene, body: usize, initial: &BodyState, state: &BodyState) -> Self {
+        Self {
+            drift: BodyDrift::between(initial, state),
+            total_energy: total_energy_change(scene, body, initial, state),
+        }
     }
 }
 

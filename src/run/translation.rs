@@ -48,6 +48,11 @@ impl<'a> Centres<'a> {
         }
     }
 
+    /// Whether there are any here.
+    pub fn are_moving(&self) -> bool {
+        !matches!(self, Centres::Still)
+    }
+
     /// Position (m) and velocity (m/s) of a body, world axes.
     pub fn of_body(&self, body: usize) -> Option<(DVec3, DVec3)> {
         match self {

@@ -8,11 +8,12 @@ use rayon::prelude::*;
 
 use super::adaptive::{AdaptiveUnit, UnitWork};
 use super::flight::Flight;
-use super::is_sound;
-use crate::batch::{BodyFrame, BodyState, StateWords, prepare_members};
+use super::{OutputState, is_sound};
+use crate::batch::{BodyFrame, BodyState, prepare_members};
 use crate::engine::cpu::{Cpu, Width};
 use crate::engine::reduction::{Marked, Reduce};
 use crate::engine::{Backend, FreeSession, Observer, Progress, Session};
+use crate::ensemble::Ensemble;
 use crate::error::Result;
 use crate::free_motion::AnyRows;
 use crate::method::Status;
@@ -133,8 +134,10 @@ impl<'p> Unit<'p> {
                     observer(Progress { done: before.saturating_add(progress.done), total })
                 })?;
                 let now = (time - span) + interval.dt * (step + 1) as f64;
-                let at = |row: usize| frames[row].at(self.torques, self.members.body(row), now);
-                flight.follow(in_users_units(&session.read(rows.clone())?, at, &rows), interval.dt);
+                let words = session.read(rows.clone())?;
+                let state =
+                    |row: usize| frames[row].at(self.torques, self.members.body(row), now).state_of(&words, row);
+                flight.follow(rows.clone().into_par_iter().map(state).collect(), interval.dt);
             }
             return Ok(total);
         }
@@ -182,6 +185,11 @@ impl<'p> Unit<'p> {
         }
     }
 
+    /// Whether its bodies' centres of mass are stepped here.
+    pub fn has_centres(&self) -> bool {
+        self.flight.is_some() || matches!(self.motion, Motion::Stepped { carries: true, .. })
+    }
+
     /// Writes where those of its bodies that are in `bodies` are, where they are stepped there.
     pub fn read_centres(&mut self, bodies: &Range<usize>, centres: &mut [Option<(DVec3, DVec3)>]) -> Result<()> {
         if let Some(flight) = &self.flight {
@@ -197,33 +205,83 @@ impl<'p> Unit<'p> {
     }
 
     /// Writes the states of those of its bodies that are in `bodies` to their places in `states`.
-    pub fn read(&mut self, bodies: Range<usize>, states: &mut [BodyState]) -> Result<()> {
-        let rows = self.members.rows(bodies.clone());
-        if rows.is_empty() {
-            return Ok(());
-        }
-        let found = self.read_range(&rows)?;
-        for (row, state) in rows.zip(found) {
-            states[self.members.body(row) - bodies.start] = state;
-        }
-        Ok(())
+    pub fn read(&mut self, bodies: &Range<usize>, states: &mut [OutputState]) -> Result<()> {
+        let members = self.members;
+        self.with_states(&members.rows(bodies.clone()), &mut |rows, state| {
+            scatter(members, bodies, &rows, states, |row, place| place.rotation = state(row));
+        })
+    }
+
+    /// Writes the states in which those of its bodies that are in `bodies` started to their places in `states`, by the same
+    /// route as later ones.
+    pub fn read_initial(&self, ensemble: &Ensemble, bodies: &Range<usize>, states: &mut [BodyState]) {
+        let members = self.members;
+        let of_frame = |frame: &BodyFrame, row: usize| frame.body_state(frame.initial(ensemble, members.body(row)));
+        let state: Box<dyn Fn(usize) -> BodyState + Sync + '_> = match &self.motion {
+            Motion::Stepped { frames, .. } | Motion::ClosedForm { frames, .. } => {
+                Box::new(move |row| of_frame(&frames[row], row))
+            }
+            Motion::Adaptive(unit) => {
+                let frame = unit.frames();
+                Box::new(move |row| of_frame(&frame(row), row))
+            }
+            Motion::Precession { bodies, .. } => Box::new(move |row| bodies[row].at(0.0)),
+        };
+        scatter(members, bodies, &members.rows(bodies.clone()), states, |row, place| *place = state(row));
     }
 
     /// The states in a range of rows.
     fn read_range(&mut self, rows: &Range<usize>) -> Result<Vec<BodyState>> {
+        let mut states = Vec::with_capacity(rows.len());
+        self.with_states(rows, &mut |rows, state| states.par_extend(rows.into_par_iter().map(state)))?;
+        Ok(states)
+    }
+
+    /// Hands the states in a range of rows to `then`, in one piece or in several one after the other.
+    fn with_states(
+        &mut self,
+        rows: &Range<usize>,
+        then: &mut dyn FnMut(Range<usize>, &(dyn Fn(usize) -> BodyState + Sync)),
+    ) -> Result<()> {
+        if rows.is_empty() {
+            return Ok(());
+        }
         let (members, torques, time) = (self.members, self.torques, self.time);
         let now = |frame: &BodyFrame, row: usize| frame.at(torques, members.body(row), time);
-        Ok(match &mut self.motion {
+        match &mut self.motion {
             Motion::Stepped { session, frames, .. } => {
-                in_users_units(&session.read(rows.clone())?, |row: usize| now(&frames[row], row), rows)
+                let words = session.read(rows.clone())?;
+                then(rows.clone(), &|row| now(&frames[row], row).state_of(&words, row - rows.start));
             }
-            Motion::Adaptive(unit) => unit.read(rows, now)?,
+            Motion::Adaptive(unit) => unit.with_states(rows, &now, then)?,
             Motion::ClosedForm { session, frames } => {
-                in_users_units(&session.read(rows.clone())?, |row: usize| frames[row], rows)
+                let words = session.read(rows.clone())?;
+                then(rows.clone(), &|row| frames[row].state_of(&words, row - rows.start));
             }
-            Motion::Precession { bodies, time } => bodies[rows.clone()].par_iter().map(|body| body.at(*time)).collect(),
-        })
+            Motion::Precession { bodies, time } => then(rows.clone(), &|row| bodies[row].at(*time)),
+        }
+        Ok(())
     }
+}
+
+/// Bodies that one task writes.
+const TASK: usize = 1 << 10;
+
+/// Lets `write` fill the places of those of the bodies in `rows` that are in `bodies`.
+fn scatter<T: Send>(
+    members: &Members,
+    bodies: &Range<usize>,
+    rows: &Range<usize>,
+    places: &mut [T],
+    write: impl Fn(usize, &mut T) + Sync,
+) {
+    places.par_chunks_mut(TASK).enumerate().for_each(|(task, places)| {
+        let first = bodies.start + task * TASK;
+        let own = members.rows(first..first + places.len());
+        for row in own.start.max(rows.start)..own.end.min(rows.end) {
+            write(row, &mut places[members.body(row) - first]);
+        }
+    });
 }
 
 /// Bodies whose state is read at once where statistics are formed on the host.
@@ -314,7 +372,10 @@ impl Unit<'_> {
             _ => rows.clone(),
         };
         let states = match self.session() {
-            Some((session, frames)) => states_of(&session.read_rows(&own)?, frames, &own),
+            Some((session, frames)) => {
+                let words = session.read_rows(&own)?;
+                own.iter().enumerate().map(|(index, &row)| frames[row].state_of(&words, index)).collect()
+            }
             None => {
                 let mut states = Vec::with_capacity(rows.len());
                 for &row in &rows {
@@ -345,25 +406,4 @@ impl Unit<'_> {
             _ => self.members.body(session_row),
         }
     }
-}
-
-fn states_of(words: &StateWords, frames: &[BodyFrame], rows: &[usize]) -> Vec<BodyState> {
-    let state = |(index, &row): (usize, &usize)| BodyState {
-        status: words.status[index],
-        ..frames[row].body_state(words.combined(index))
-    };
-    rows.iter().enumerate().map(state).collect()
-}
-
-/// The states of some rows, each in its `frame`.
-fn in_users_units(
-    words: &StateWords,
-    frame: impl Fn(usize) -> BodyFrame + Sync,
-    rows: &Range<usize>,
-) -> Vec<BodyState> {
-    let state = |row: usize| BodyState {
-        status: words.status[row - rows.start],
-        ..frame(row).body_state(words.combined(row - rows.start))
-    };
-    rows.clone().into_par_iter().map(state).collect()
 }

@@ -154,19 +154,23 @@ impl TorqueTable {
         }
     }
 
-    /// Writes one body's row: `store(column, number)` for every column of the table. `body` is its index in the scene.
+    /// Hands one body's row to `store(column, number)`, for every column of the table, and gives the exact rates of its
+    /// phases, all of them in their order. `body` is its index in the scene.
     pub(crate) fn write_body(
-        &mut self,
+        &self,
         torques: &[Torque],
         body: usize,
-        row_index: usize,
         frame: &BodyFrame,
         orientation: DQuat,
         mut store: impl FnMut(usize, f64),
-    ) {
+    ) -> Vec<u128> {
         let mut row = Vec::new();
+        let mut exact = Vec::with_capacity(self.phases.len());
         for kind in Kind::ALL {
             let instances = self.instances(kind);
+            if instances.count == 0 {
+                continue;
+            }
             row.clear();
             row.resize(instances.count * kind.columns(), 0.0);
             let of_kind = torques.iter().filter(|torque| torque.model().kind() == kind);
@@ -177,11 +181,7 @@ impl TorqueTable {
                 let rates = torque.model().phase_rates(body);
                 for (phase, &rates) in rates[..kind.phases()].iter().enumerate() {
                     let rate = self.exact_rate(kind, rates);
-                    if let PhaseRates::PerBody(column) =
-                        &mut self.phases[instances.first_phase + index * kind.phases() + phase]
-                    {
-                        column[row_index] = rate;
-                    }
+                    exact.push(rate);
                     let columns = &mut own[kind.parameters() + phase * (RATE_DIGITS + 1)..];
                     columns[..RATE_DIGITS].copy_from_slice(&digits(rate));
                     columns[RATE_DIGITS] = rates.0 / std::f64::consts::TAU;
@@ -196,6 +196,18 @@ impl TorqueTable {
             }
             for (column, &number) in row.iter().enumerate() {
                 store(instances.first + column, number);
+            }
+        }
+        exact
+    }
+
+    /// Sets the exact rates of the rows from `first` on, those of a row in the order of the phases; of phases whose rate all
+    /// bodies share they change nothing.
+    pub(crate) fn set_rates(&mut self, first: usize, rates: impl Iterator<Item = u128>) {
+        let phases = self.phases.len();
+        for (index, rate) in rates.enumerate() {
+            if let PhaseRates::PerBody(column) = &mut self.phases[index % phases] {
+                column[first + index / phases] = rate;
             }
         }
     }

@@ -1,0 +1,187 @@
+//! An ensemble's bodies brought into their principal axes, scaled and written as columns.
+
+use glam::{DQuat, DVec3};
+use rayon::prelude::*;
+
+use super::{
+    AnyBatch, Batch, BodyFrame, BodyState, Precision, STATE_COMPONENTS, STRIDE_UNIT, binary_exponent,
+    parameter_columns, scaled_by_power_of_two, state_columns, store_row,
+};
+use crate::ensemble::Ensemble;
+use crate::error::Result;
+use crate::inertia::principal_axes;
+use crate::memory;
+use crate::plan::group::Members;
+use crate::real::Scalar;
+use crate::torque::{self, Torque, TorqueTable};
+
+/// A body's frame and its initial state in it.
+pub(crate) type Prepared = (BodyFrame, [f64; STATE_COMPONENTS]);
+
+/// The frame of one body and its initial state in it.
+pub(crate) fn prepare_body(ensemble: &Ensemble, torques: &[Torque], body: usize) -> Prepared {
+    let mut axes = principal_axes(&ensemble.inertia()[body]);
+    let is_linear_rotor = ensemble.is_linear_rotor(body);
+    if is_linear_rotor {
+        axes.moments = DVec3::splat(0.5 * axes.moments.y + 0.5 * axes.moments.z);
+    }
+    let moment_exponent = binary_exponent(axes.moments.y);
+    let scaled_moments =
+        DVec3::from_array(axes.moments.to_array().map(|i| scaled_by_power_of_two(i, -moment_exponent)));
+    let spin = ensemble.angular_velocity_body()[body].abs().max_element();
+    let rate_exponent = binary_exponent(spin.max(torque::rate_of(torques, body, axes.moments.y)));
+    let principal_to_body = axes.principal_to_body;
+    let frame = BodyFrame { scaled_moments, is_linear_rotor, principal_to_body, moment_exponent, rate_exponent };
+    (frame, frame.initial(ensemble, body))
+}
+
+/// The state of one body at the start, by the same route as every later one.
+pub(crate) fn initial_state(ensemble: &Ensemble, body: usize) -> BodyState {
+    let (frame, scaled) = prepare_body(ensemble, &[], body);
+    frame.body_state(scaled)
+}
+
+/// Brings an ensemble without torques into principal axes and scales it, in `f64`, and writes it as columns of
+/// `precision`.
+///
+/// # Errors
+///
+/// [`crate::Error::TooManyBodies`] where the memory does not suffice.
+pub fn prepare(ensemble: &Ensemble, precision: Precision) -> Result<(Vec<BodyFrame>, AnyBatch)> {
+    prepare_with(ensemble, &[], 0.0, precision)
+}
+
+/// As [`prepare`], with torques that act over a span of `span` seconds. The torques' parameters must be valid.
+///
+/// # Errors
+///
+/// As [`prepare`].
+pub fn prepare_with(
+    ensemble: &Ensemble,
+    torques: &[Torque],
+    span: f64,
+    precision: Precision,
+) -> Result<(Vec<BodyFrame>, AnyBatch)> {
+    prepare_members(ensemble, torques, span, &Members::All(ensemble.len()), precision)
+}
+
+/// As [`prepare_with`], of some bodies of the ensemble, one a row. A body's row does not depend on the others.
+///
+/// # Errors
+///
+/// As [`prepare`].
+pub fn prepare_members(
+    ensemble: &Ensemble,
+    torques: &[Torque],
+    span: f64,
+    members: &Members,
+    precision: Precision,
+) -> Result<(Vec<BodyFrame>, AnyBatch)> {
+    let as_they_are = |_: usize, prepared: &[Prepared]| (0..prepared.len()).collect();
+    prepare_ordered(ensemble, torques, span, members, precision, as_they_are)
+}
+
+/// Members whose order is found at once.
+pub(crate) const ORDER_BLOCK: usize = 1 << 13;
+
+/// As [`prepare_members`], each block of [`ORDER_BLOCK`] members in an order of its own: `order` is given the block's first
+/// member and the block, and gives the place in it of what stands first, second, and so on.
+pub(crate) fn prepare_ordered(
+    ensemble: &Ensemble,
+    torques: &[Torque],
+    span: f64,
+    members: &Members,
+    precision: Precision,
+    order: impl FnMut(usize, &[Prepared]) -> Vec<usize>,
+) -> Result<(Vec<BodyFrame>, AnyBatch)> {
+    Ok(match precision {
+        Precision::F32 => {
+            let (frames, batch) = prepare_columns::<f32>(ensemble, torques, span, members, order)?;
+            (frames, AnyBatch::F32(batch))
+        }
+        Precision::F64 => {
+            let (frames, batch) = prepare_columns::<f64>(ensemble, torques, span, members, order)?;
+            (frames, AnyBatch::F64(batch))
+        }
+    })
+}
+
+/// Bytes that [`prepare`] takes for one body, frames included.
+pub fn bytes_per_body(precision: Precision) -> usize {
+    let columns = match precision {
+        Precision::F32 => (state_columns::<f32>() + parameter_columns::<f32>()) * size_of::<f32>(),
+        Precision::F64 => (state_columns::<f64>() + parameter_columns::<f64>()) * size_of::<f64>(),
+    };
+    columns + size_of::<BodyFrame>()
+}
+
+/// Bytes that [`prepare_with`] takes for one body under some torques, frames included.
+pub(crate) fn bytes_per_body_under(precision: Precision, torques: &[Torque], span: f64) -> usize {
+    let of_torques = match precision {
+        Precision::F32 => torque::bytes_per_body::<f32>(&TorqueTable::new(torques, 0, STRIDE_UNIT, span, false)),
+        Precision::F64 => torque::bytes_per_body::<f64>(&TorqueTable::new(torques, 0, STRIDE_UNIT, span, false)),
+    };
+    bytes_per_body(precision) + of_torques
+}
+
+/// Bodies that one task writes.
+const TASK: usize = 512;
+
+fn prepare_columns<T: Scalar>(
+    ensemble: &Ensemble,
+    torques: &[Torque],
+    span: f64,
+    members: &Members,
+    mut order: impl FnMut(usize, &[Prepared]) -> Vec<usize>,
+) -> Result<(Vec<BodyFrame>, Batch<T>)> {
+    let body_count = members.len();
+    let precision = if T::WORDS == 1 { Precision::F64 } else { Precision::F32 };
+    let has_linear_rotors =
+        ensemble.has_linear_rotors() && (0..body_count).any(|row| ensemble.is_linear_rotor(members.body(row)));
+    let stride = body_count.next_multiple_of(STRIDE_UNIT);
+    let table = TorqueTable::new(torques, parameter_columns::<T>(), stride, span, has_linear_rotors);
+    let row = bytes_per_body(precision) + torque::bytes_per_body::<T>(&table);
+    memory::require(body_count, body_count.saturating_mul(row), "the columns of the kernels")?;
+    let mut batch = Batch::<T>::at_rest_with(body_count, table);
+    let mut frames = Vec::with_capacity(body_count);
+    for start in (0..body_count).step_by(ORDER_BLOCK) {
+        let end = (start + ORDER_BLOCK).min(body_count);
+        let prepared: Vec<Prepared> =
+            (start..end).into_par_iter().map(|row| prepare_body(ensemble, torques, members.body(row))).collect();
+        let order = order(start, &prepared);
+        let Batch { parameters, state, torques: table, .. } = &mut batch;
+        let layout = &*table;
+        let parts =
+            column_parts(parameters, stride, start..end).into_iter().zip(column_parts(state, stride, start..end));
+        let tasks: Vec<_> = parts.zip(order.chunks(TASK)).collect();
+        let write = |((mut parameters, mut state), order): ((Vec<&mut [T]>, Vec<&mut [T]>), &[usize])| {
+            let mut rates = Vec::with_capacity(order.len() * layout.phase_count());
+            for (row, &place) in order.iter().enumerate() {
+                let (frame, initial) = &prepared[place];
+                let store = |column: usize, number: T| parameters[column][row] = number;
+                store_row(&frame.parameters(), initial, store, |column, number| state[column][row] = number);
+                let orientation = DQuat::from_xyzw(initial[0], initial[1], initial[2], initial[3]);
+                let body = members.body(start + place);
+                rates.extend(layout.write_body(torques, body, frame, orientation, |column, number| {
+                    parameters[column][row] = T::from_f64(number);
+                }));
+            }
+            rates
+        };
+        let rates: Vec<_> = tasks.into_par_iter().map(write).collect();
+        table.set_rates(start, rates.into_iter().flatten());
+        frames.extend(order.iter().map(|&place| prepared[place].0));
+    }
+    Ok((frames, batch))
+}
+
+/// The rows of a block of every column, task by task.
+fn column_parts<T>(columns: &mut [T], stride: usize, rows: std::ops::Range<usize>) -> Vec<Vec<&mut [T]>> {
+    let mut parts: Vec<Vec<&mut [T]>> = (0..rows.len().div_ceil(TASK)).map(|_| Vec::new()).collect();
+    for column in columns.chunks_exact_mut(stride) {
+        for (part, rows) in parts.iter_mut().zip(column[rows.clone()].chunks_mut(TASK)) {
+            part.push(rows);
+        }
+    }
+    parts
+}
