@@ -4,7 +4,7 @@
 //! cargo bench --bench skipping
 //! ```
 //!
-//! Figures are medians of five runs on the CPU engine, with the estimated attitude error of the run beside them.
+//! Figures are medians of five runs (of one with `--no-skip`) on the CPU engine, with the estimated attitude error of the run beside them.
 
 use std::time::Instant;
 
@@ -23,26 +23,46 @@ fn main() -> Result<()> {
     long_way()
 }
 
+/// A torque and its mixtures: how strong it is for which bodies.
+type Driven = fn(&dyn Fn(usize) -> f64) -> Vec<Torque>;
+
 /// 90 % free and 10 % driven bodies against driving all of them.
 fn mixture() -> Result<()> {
     const BODIES: usize = 100_000;
-    let part = |body: usize, part: usize| if body.is_multiple_of(part) { 1.0 } else { 0.0 };
-    let drag = |every: usize| Torque::linear_drag((0..BODIES).map(|body| 0.05 * part(body, every)).collect::<Vec<_>>());
-    let swing = |every: usize| {
-        let column = |axis: DVec3| (0..BODIES).map(|body| axis * part(body, every)).collect::<Vec<_>>();
-        Torque::sinusoidal(column(DVec3::new(0.5, 0.3, -0.7)), column(DVec3::new(-0.2, 0.6, 0.4)), 1.5)
+    let drag: Driven = |part| vec![Torque::linear_drag((0..BODIES).map(|body| 0.05 * part(body)).collect::<Vec<_>>())];
+    let sinusoid: Driven = |part| {
+        let column = |axis: DVec3| (0..BODIES).map(|body| axis * part(body)).collect::<Vec<_>>();
+        vec![Torque::sinusoidal(column(DVec3::new(0.5, 0.3, -0.7)), column(DVec3::new(-0.2, 0.6, 0.4)), 1.5)]
     };
-    for (span, name, torque) in
-        [(60.0, "drag", &drag as &dyn Fn(usize) -> Torque), (600.0, "drag", &drag), (60.0, "sinusoid", &swing)]
-    {
-        let scene = |every| -> Result<Scene> {
-            let ensemble = problem::free(BODIES, 5)?;
-            Ok(Scene::new(ensemble).until(span).accuracy(Accuracy::attitude(TARGET)).torque(torque(every)))
+    // As in `problem::forced`.
+    let forced: Driven = |part| {
+        let (torque, drag) = (DVec3::new(0.5, 0.3, -0.7), |body: usize| 0.01 + 0.09 * (body % 100) as f64 / 100.0);
+        vec![
+            Torque::constant_body((0..BODIES).map(|body| torque * part(body)).collect::<Vec<_>>()),
+            Torque::linear_drag((0..BODIES).map(|body| drag(body) * part(body)).collect::<Vec<_>>()),
+        ]
+    };
+    for (span, name, torques) in [
+        (60.0, "sinusoid", sinusoid),
+        (60.0, "constant torque and drag", forced),
+        (60.0, "drag alone", drag),
+        (600.0, "drag alone", drag),
+    ] {
+        let scene = |every: usize| -> Result<Scene> {
+            let scene = Scene::new(problem::free(BODIES, 5)?).until(span).accuracy(Accuracy::attitude(TARGET));
+            let part = |body: usize| if body.is_multiple_of(every) { 1.0 } else { 0.0 };
+            Ok(torques(&part).into_iter().fold(scene, Scene::torque))
         };
         println!("{BODIES} bodies, {span} s, {TARGET:e} rad, {name}");
-        let all = report("all driven", &scene(1)?)?;
-        let tenth = report("90 % free, 10 % driven", &scene(10)?)?;
-        println!("{:<34} {:.1} % of driving all (at most 20 %)\n", "", 100.0 * tenth / all);
+        let all = report("all driven", &scene(1)?, REPEATS)?;
+        let tenth = report("90 % free, 10 % driven", &scene(10)?, REPEATS)?;
+        let stepped = report("the same, all stepped (--no-skip)", &scene(10)?.skipping(false), 1)?;
+        println!(
+            "{:<34} {:.1} % of driving all (at most 20 %), {:.1} % of stepping all\n",
+            "",
+            100.0 * tenth / all,
+            100.0 * tenth / stepped
+        );
     }
     Ok(())
 }
@@ -59,8 +79,8 @@ fn fast_spinner() -> Result<()> {
         Ok(Scene::new(ensemble).until(SPAN).accuracy(Accuracy::attitude(TARGET)).torque(Torque::linear_drag(1e-4)))
     };
     println!("{BODIES} driven bodies, {SPAN} s, {TARGET:e} rad");
-    let slow = report("slow bodies", &scene(1.0)?)?;
-    let one = report("one of them 500 times as fast", &scene(500.0)?)?;
+    let slow = report("slow bodies", &scene(1.0)?, REPEATS)?;
+    let one = report("one of them 500 times as fast", &scene(500.0)?, REPEATS)?;
     println!("{:<34} {:.2} times the time without it (less than 2)\n", "", one / slow);
     Ok(())
 }
@@ -71,14 +91,14 @@ fn long_way() -> Result<()> {
     const SPAN: f64 = 60.0;
     let scene = Scene::new(problem::free(BODIES, 7)?).until(SPAN).accuracy(Accuracy::attitude(TARGET));
     println!("{BODIES} free bodies, {SPAN} s, {TARGET:e} rad");
-    let short = report("closed form", &scene)?;
-    let long = report("--no-skip", &scene.skipping(false))?;
+    let short = report("closed form", &scene, REPEATS)?;
+    let long = report("--no-skip", &scene.skipping(false), REPEATS)?;
     println!("{:<34} {:.0} times as fast", "", long / short);
     Ok(())
 }
 
-/// The median wall time of a run, s.
-fn report(name: &str, scene: &Scene) -> Result<f64> {
+/// The median wall time of some runs, s.
+fn report(name: &str, scene: &Scene, repeats: usize) -> Result<f64> {
     let engine = Engine::cpu();
     let run = || -> Result<(f64, f64, Record)> {
         let clock = Instant::now();
@@ -87,9 +107,9 @@ fn report(name: &str, scene: &Scene) -> Result<f64> {
         let record = engine.run(&plan)?;
         Ok((clock.elapsed().as_secs_f64(), planned, record))
     };
-    let mut runs = (0..REPEATS).map(|_| run()).collect::<Result<Vec<_>>>()?;
+    let mut runs = (0..repeats).map(|_| run()).collect::<Result<Vec<_>>>()?;
     runs.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let (seconds, planned, record) = &runs[REPEATS / 2];
+    let (seconds, planned, record) = &runs[repeats / 2];
     let trust = record.trust();
     println!(
         "{name:<34} {seconds:.3} s ({planned:.3} planning, {:.3} preparing, {:.3} starting, {:.3} computing, {:.3} reading, \

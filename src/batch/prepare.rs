@@ -127,6 +127,9 @@ pub(crate) fn bytes_per_body_under(precision: Precision, torques: &[Torque], spa
 /// Bodies that one task writes.
 const TASK: usize = 512;
 
+/// The rows of one task in every column.
+type Part<'a, T> = Vec<&'a mut [T]>;
+
 fn prepare_columns<T: Scalar>(
     ensemble: &Ensemble,
     torques: &[Torque],
@@ -154,7 +157,7 @@ fn prepare_columns<T: Scalar>(
         let parts =
             column_parts(parameters, stride, start..end).into_iter().zip(column_parts(state, stride, start..end));
         let tasks: Vec<_> = parts.zip(order.chunks(TASK)).collect();
-        let write = |((mut parameters, mut state), order): ((Vec<&mut [T]>, Vec<&mut [T]>), &[usize])| {
+        let write = |((mut parameters, mut state), order): ((Part<'_, T>, Part<'_, T>), &[usize])| {
             let mut rates = Vec::with_capacity(order.len() * layout.phase_count());
             for (row, &place) in order.iter().enumerate() {
                 let (frame, initial) = &prepared[place];
@@ -176,8 +179,8 @@ fn prepare_columns<T: Scalar>(
 }
 
 /// The rows of a block of every column, task by task.
-fn column_parts<T>(columns: &mut [T], stride: usize, rows: std::ops::Range<usize>) -> Vec<Vec<&mut [T]>> {
-    let mut parts: Vec<Vec<&mut [T]>> = (0..rows.len().div_ceil(TASK)).map(|_| Vec::new()).collect();
+fn column_parts<T>(columns: &mut [T], stride: usize, rows: std::ops::Range<usize>) -> Vec<Part<'_, T>> {
+    let mut parts: Vec<Part<'_, T>> = (0..rows.len().div_ceil(TASK)).map(|_| Vec::new()).collect();
     for column in columns.chunks_exact_mut(stride) {
         for (part, rows) in parts.iter_mut().zip(column[rows.clone()].chunks_mut(TASK)) {
             part.push(rows);

@@ -46,20 +46,21 @@ pub(crate) fn scaled_body(ensemble: &Ensemble, body: usize) -> (BodyFrame, Initi
     let rate_exponent = binary_exponent(angular_velocity_body.abs().max_element());
     let omega = angular_velocity_body.to_array().map(|w| scaled_by_power_of_two(w, -rate_exponent));
     let diagonal = scaled.xy == 0.0 && scaled.xz == 0.0 && scaled.yz == 0.0;
-    let (moments, frame, principal_to_body) = if diagonal {
+    let (moments, mut angular_velocity, principal_to_body) = if diagonal {
         // A signed permutation, which a rotation matrix in f64 holds exactly once it is rounded to integers.
-        let matrix = DMat3::from_quat(axes.principal_to_body);
-        let frame = rows(matrix).map(|row| row.map(|x| Dd::from(x.round())));
-        (axes.moments.to_array().map(Dd::from), frame, axes.principal_to_body)
+        let matrix = rows(DMat3::from_quat(axes.principal_to_body));
+        let whole = |x: f64| if x.abs() < 0.5 { 0.0 } else { x.signum() };
+        let along = |axis: usize| (0..3).fold(0.0, |sum, body| sum + whole(matrix[body][axis]) * omega[body]);
+        (axes.moments.to_array().map(Dd::from), [0, 1, 2].map(|axis| Dd::from(along(axis))), axes.principal_to_body)
     } else {
-        refined(&scaled, axes.principal_to_body)
+        let (moments, frame, principal_to_body) = refined(&scaled, axes.principal_to_body);
+        let along = |axis: usize| (0..3).fold(ZERO, |sum, body| sum + frame[body][axis].times_word(omega[body]));
+        (moments, [0, 1, 2].map(along), principal_to_body)
     };
     let moments = if is_linear_rotor { [(moments[1] + moments[2]).scaled(0.5); 3] } else { moments };
     let second = binary_exponent(moments[1].high);
     let moments =
         moments.map(|i| Dd::new(scaled_by_power_of_two(i.high, -second), scaled_by_power_of_two(i.low, -second)));
-    let mut angular_velocity: [Dd; 3] =
-        std::array::from_fn(|axis| (0..3).fold(ZERO, |sum, body| sum + frame[body][axis].times_word(omega[body])));
     if is_linear_rotor {
         angular_velocity[0] = ZERO;
     }

@@ -16,6 +16,9 @@ use crate::plan::{Group, greatest_rate};
 use crate::record::{AdaptiveWork, Spread, WallTime};
 use crate::scene::Scene;
 
+/// Gives the state of the body in a row of a group.
+pub(super) type StateOf<'a> = dyn Fn(usize) -> BodyState + Sync + 'a;
+
 /// The bodies of a group in the order of their expected work, so that those advanced side by side finish together.
 pub(super) struct AdaptiveUnit {
     session: Box<dyn AdaptiveSession>,
@@ -100,7 +103,7 @@ impl AdaptiveUnit {
         &mut self,
         rows: &Range<usize>,
         now: &(dyn Fn(&BodyFrame, usize) -> BodyFrame + Sync),
-        then: &mut dyn FnMut(Range<usize>, &(dyn Fn(usize) -> BodyState + Sync)),
+        then: &mut dyn FnMut(Range<usize>, &StateOf<'_>),
     ) -> Result<()> {
         let mut start = rows.start;
         while start < rows.end {

@@ -6,7 +6,7 @@ use std::time::Instant;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::adaptive::{AdaptiveUnit, UnitWork};
+use super::adaptive::{AdaptiveUnit, StateOf, UnitWork};
 use super::flight::Flight;
 use super::{OutputState, is_sound};
 use crate::batch::{BodyFrame, BodyState, prepare_members};
@@ -217,7 +217,7 @@ impl<'p> Unit<'p> {
     pub fn read_initial(&self, ensemble: &Ensemble, bodies: &Range<usize>, states: &mut [BodyState]) {
         let members = self.members;
         let of_frame = |frame: &BodyFrame, row: usize| frame.body_state(frame.initial(ensemble, members.body(row)));
-        let state: Box<dyn Fn(usize) -> BodyState + Sync + '_> = match &self.motion {
+        let state: Box<StateOf<'_>> = match &self.motion {
             Motion::Stepped { frames, .. } | Motion::ClosedForm { frames, .. } => {
                 Box::new(move |row| of_frame(&frames[row], row))
             }
@@ -238,11 +238,7 @@ impl<'p> Unit<'p> {
     }
 
     /// Hands the states in a range of rows to `then`, in one piece or in several one after the other.
-    fn with_states(
-        &mut self,
-        rows: &Range<usize>,
-        then: &mut dyn FnMut(Range<usize>, &(dyn Fn(usize) -> BodyState + Sync)),
-    ) -> Result<()> {
+    fn with_states(&mut self, rows: &Range<usize>, then: &mut dyn FnMut(Range<usize>, &StateOf<'_>)) -> Result<()> {
         if rows.is_empty() {
             return Ok(());
         }
