@@ -27,7 +27,7 @@ mod prepare;
 
 pub use frame::{BodyFrame, BodyState};
 pub(crate) use groups::{load_body, load_combinations, load_invariants, load_state, store_state};
-pub(crate) use prepare::{ORDER_BLOCK, Prepared, bytes_per_body_under, initial_state, prepare_body, prepare_ordered};
+pub(crate) use prepare::{ORDER_BLOCK, Prepared, bytes_per_body_under, frame_of, initial_state, prepare_ordered};
 pub use prepare::{bytes_per_body, prepare, prepare_members, prepare_with};
 
 /// The arithmetic that a batch is integrated in.

@@ -76,15 +76,20 @@ impl BodyFrame {
 
     /// The scaled state ([`StateWords`]) in which a body of an ensemble starts whose frame this is.
     pub(crate) fn initial(&self, ensemble: &Ensemble, body: usize) -> [f64; STATE_COMPONENTS] {
+        let m = self.angular_momentum_principal(ensemble, body);
+        let q = (ensemble.orientation()[body] * self.principal_to_body).normalize();
+        [q.x, q.y, q.z, q.w, m.x, m.y, m.z]
+    }
+
+    /// The angular momentum, scaled, with which a body of an ensemble starts whose frame this is.
+    pub(crate) fn angular_momentum_principal(&self, ensemble: &Ensemble, body: usize) -> DVec3 {
         let omega_body = ensemble.angular_velocity_body()[body].to_array();
         let omega_body = omega_body.map(|w| scaled_by_power_of_two(w, -self.rate_exponent));
         let mut omega = self.to_principal(DVec3::from_array(omega_body));
         if self.is_linear_rotor {
             omega.x = 0.0;
         }
-        let m = self.scaled_moments * omega;
-        let q = (ensemble.orientation()[body] * self.principal_to_body).normalize();
-        [q.x, q.y, q.z, q.w, m.x, m.y, m.z]
+        self.scaled_moments * omega
     }
 
     /// Body coordinates to principal.

@@ -20,6 +20,12 @@ pub(crate) type Prepared = (BodyFrame, [f64; STATE_COMPONENTS]);
 
 /// The frame of one body and its initial state in it.
 pub(crate) fn prepare_body(ensemble: &Ensemble, torques: &[Torque], body: usize) -> Prepared {
+    let frame = frame_of(ensemble, torques, body);
+    (frame, frame.initial(ensemble, body))
+}
+
+/// The frame of one body at the start.
+pub(crate) fn frame_of(ensemble: &Ensemble, torques: &[Torque], body: usize) -> BodyFrame {
     let mut axes = principal_axes(&ensemble.inertia()[body]);
     let is_linear_rotor = ensemble.is_linear_rotor(body);
     if is_linear_rotor {
@@ -31,11 +37,10 @@ pub(crate) fn prepare_body(ensemble: &Ensemble, torques: &[Torque], body: usize)
     let spin = ensemble.angular_velocity_body()[body].abs().max_element();
     let rate_exponent = binary_exponent(spin.max(torque::rate_of(torques, body, axes.moments.y)));
     let principal_to_body = axes.principal_to_body;
-    let frame = BodyFrame { scaled_moments, is_linear_rotor, principal_to_body, moment_exponent, rate_exponent };
-    (frame, frame.initial(ensemble, body))
+    BodyFrame { scaled_moments, is_linear_rotor, principal_to_body, moment_exponent, rate_exponent }
 }
 
-/// The state of one body at the start, by the same route as every later one.
+/// The state of one body at the start, by the route of the bodies that are stepped.
 pub(crate) fn initial_state(ensemble: &Ensemble, body: usize) -> BodyState {
     let (frame, scaled) = prepare_body(ensemble, &[], body);
     frame.body_state(scaled)
@@ -82,7 +87,7 @@ pub fn prepare_members(
 }
 
 /// Members whose order is found at once.
-pub(crate) const ORDER_BLOCK: usize = 1 << 13;
+pub(crate) const ORDER_BLOCK: usize = 1 << 15;
 
 /// As [`prepare_members`], each block of [`ORDER_BLOCK`] members in an order of its own: `order` is given the block's first
 /// member and the block, and gives the place in it of what stands first, second, and so on.
@@ -158,7 +163,7 @@ fn prepare_columns<T: Scalar>(
             column_parts(parameters, stride, start..end).into_iter().zip(column_parts(state, stride, start..end));
         let tasks: Vec<_> = parts.zip(order.chunks(TASK)).collect();
         let write = |((mut parameters, mut state), order): ((Part<'_, T>, Part<'_, T>), &[usize])| {
-            let mut rates = Vec::with_capacity(order.len() * layout.phase_count());
+            let mut rates = Vec::new();
             for (row, &place) in order.iter().enumerate() {
                 let (frame, initial) = &prepared[place];
                 let store = |column: usize, number: T| parameters[column][row] = number;
@@ -171,8 +176,8 @@ fn prepare_columns<T: Scalar>(
             }
             rates
         };
-        let rates: Vec<_> = tasks.into_par_iter().map(write).collect();
-        table.set_rates(start, rates.into_iter().flatten());
+        let rates: Vec<Vec<u128>> = tasks.into_par_iter().map(write).collect();
+        table.set_rates(start, &rates.concat());
         frames.extend(order.iter().map(|&place| prepared[place].0));
     }
     Ok((frames, batch))

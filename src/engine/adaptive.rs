@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::Observer;
 use super::reduction::Reduce;
+use super::watch::Job;
 use crate::batch::{AnyBatch, Precision, StateWords};
 use crate::engine::work::imbalance;
 use crate::error::{Error, Result};
@@ -112,6 +113,15 @@ pub trait AdaptiveSession: Reduce {
     ///
     /// [`Error::Setting`] where `time` is not finite; [`Error::Device`] where the device is lost.
     fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()>;
+
+    /// The same as work that the caller runs ([`super::Session::job`]); it counts bodies that have arrived.
+    ///
+    /// # Errors
+    ///
+    /// As [`AdaptiveSession::advance_to`].
+    fn job_to(&mut self, _time: f64) -> Result<Option<Job<'_>>> {
+        Ok(None)
+    }
 
     /// The raw state of a range of bodies.
     ///

@@ -1,13 +1,13 @@
 //! The CPU engine: all cores, SIMD lanes chosen at run time.
 
 use std::ops::Range;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
 use super::adaptive::{AdaptiveSession, AdaptiveSteps, check_torques};
 use super::projected::conserving;
-use super::{Backend, Description, EngineKind, FreeSession, Observer, Progress, Session, check_step, check_time};
+use super::watch::{Job, Watch, watched};
+use super::{Backend, Description, EngineKind, FreeSession, Observer, Session, check_step, check_time};
 use crate::batch::{
     AnyBatch, Batch, Precision, StateWords, load_body, load_combinations, load_invariants, load_state, state_columns,
     store_state, two_words,
@@ -168,34 +168,13 @@ impl<T: LaneScalar + Kernel> Session for CpuSession<T> {
     }
 
     fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
-        check_step(dt, if T::WORDS == 2 { Precision::F32 } else { Precision::F64 })?;
-        // Known where the kernels are compiled: there are no projected ones in f32.
-        if T::WORDS == 1 && self.projected {
-            return match self.method {
-                Method::Rk4 => self.advance_in::<Rk4, Projected>(dt, steps, observer),
-                Method::Rk8 => self.advance_in::<Rk8, Projected>(dt, steps, observer),
-                Method::Cf4 => self.advance_in::<Cf4, Projected>(dt, steps, observer),
-                _ => self.advance_in::<Splitting<2>, Projected>(dt, steps, observer),
-            };
-        }
-        match self.method {
-            Method::Rk4 => self.advance_by::<Rk4>(dt, steps, observer),
-            Method::Rk8 => self.advance_by::<Rk8>(dt, steps, observer),
-            Method::Cf4 => self.advance_by::<Cf4>(dt, steps, observer),
-            // Without torque the three are one free flow, so one kernel serves them.
-            Method::Splitting2 | Method::Splitting4 | Method::Splitting6 if self.batch.torques.is_empty() => {
-                self.advance_in::<Splitting<2>, Nothing>(dt, steps, observer)
-            }
-            Method::Splitting2 => self.advance_forced_by::<Splitting<2>>(dt, steps, observer),
-            Method::Splitting4 => self.advance_forced_by::<Splitting<4>>(dt, steps, observer),
-            Method::Splitting6 => self.advance_forced_by::<Splitting<6>>(dt, steps, observer),
-            Method::ImplicitMidpoint => self.advance_by::<ImplicitMidpoint>(dt, steps, observer),
-            Method::Dlm => self.advance_by::<Dlm>(dt, steps, observer),
-            Method::ExplicitEuler => self.advance_singly_by::<ExplicitEuler>(dt, steps, observer),
-            Method::GyroNewton => self.advance_singly_by::<GyroNewton>(dt, steps, observer),
-            Method::ClampedEuler => self.advance_singly_by::<ClampedEuler>(dt, steps, observer),
-            Method::Spiral => self.advance_singly_by::<Spiral>(dt, steps, observer),
-        }
+        let bodies = self.batch.body_count as u64;
+        watched(self.work(dt, steps)?, steps.saturating_mul(bodies), observer)
+            .map_err(|done| Error::Interrupted { steps: done / bodies.max(1) })
+    }
+
+    fn job(&mut self, dt: f64, steps: u64) -> Result<Option<Job<'_>>> {
+        self.work(dt, steps).map(Some)
     }
 
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
@@ -212,67 +191,95 @@ impl<T: LaneScalar> CpuSession<T> {
         Self { batch, method, width, clock, projected: false, reducer: None }
     }
 
+    /// Some steps of all bodies.
+    fn work(&mut self, dt: f64, steps: u64) -> Result<Job<'_>> {
+        check_step(dt, if T::WORDS == 2 { Precision::F32 } else { Precision::F64 })?;
+        // Known where the kernels are compiled: there are no projected ones in f32.
+        if T::WORDS == 1 && self.projected {
+            return Ok(match self.method {
+                Method::Rk4 => self.advance_in::<Rk4, Projected>(dt, steps),
+                Method::Rk8 => self.advance_in::<Rk8, Projected>(dt, steps),
+                Method::Cf4 => self.advance_in::<Cf4, Projected>(dt, steps),
+                _ => self.advance_in::<Splitting<2>, Projected>(dt, steps),
+            });
+        }
+        Ok(match self.method {
+            Method::Rk4 => self.advance_by::<Rk4>(dt, steps),
+            Method::Rk8 => self.advance_by::<Rk8>(dt, steps),
+            Method::Cf4 => self.advance_by::<Cf4>(dt, steps),
+            // Without torque the three are one free flow, so one kernel serves them.
+            Method::Splitting2 | Method::Splitting4 | Method::Splitting6 if self.batch.torques.is_empty() => {
+                self.advance_in::<Splitting<2>, Nothing>(dt, steps)
+            }
+            Method::Splitting2 => self.advance_forced_by::<Splitting<2>>(dt, steps),
+            Method::Splitting4 => self.advance_forced_by::<Splitting<4>>(dt, steps),
+            Method::Splitting6 => self.advance_forced_by::<Splitting<6>>(dt, steps),
+            Method::ImplicitMidpoint => self.advance_by::<ImplicitMidpoint>(dt, steps),
+            Method::Dlm => self.advance_by::<Dlm>(dt, steps),
+            Method::ExplicitEuler => self.advance_singly_by::<ExplicitEuler>(dt, steps),
+            Method::GyroNewton => self.advance_singly_by::<GyroNewton>(dt, steps),
+            Method::ClampedEuler => self.advance_singly_by::<ClampedEuler>(dt, steps),
+            Method::Spiral => self.advance_singly_by::<Spiral>(dt, steps),
+        })
+    }
+
     /// Compiles a method's loop for each kind of surroundings: what a scene does not have is not in its loop.
-    fn advance_by<M: Step>(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
+    fn advance_by<M: Step>(&mut self, dt: f64, steps: u64) -> Job<'_> {
         if self.batch.torques.is_empty() {
-            self.advance_in::<M, Nothing>(dt, steps, observer)
+            self.advance_in::<M, Nothing>(dt, steps)
         } else {
-            self.advance_forced_by::<M>(dt, steps, observer)
+            self.advance_forced_by::<M>(dt, steps)
         }
     }
 
     /// The same for bodies on which torques act.
-    fn advance_forced_by<M: Step>(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
+    fn advance_forced_by<M: Step>(&mut self, dt: f64, steps: u64) -> Job<'_> {
         if self.batch.torques.is_common() {
-            self.advance_in::<M, CommonTorques>(dt, steps, observer)
+            self.advance_in::<M, CommonTorques>(dt, steps)
         } else {
-            self.advance_in::<M, AllTorques>(dt, steps, observer)
+            self.advance_in::<M, AllTorques>(dt, steps)
         }
     }
 
     /// One body at a time, always: for what other programs do, where speed is not the point and a kernel for each
     /// instruction set would only make the library larger.
-    fn advance_singly_by<M: Step>(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
+    fn advance_singly_by<M: Step>(&mut self, dt: f64, steps: u64) -> Job<'_> {
         if self.batch.torques.is_empty() {
-            self.advance_blocks::<M, Nothing>(dt, steps, observer, |task| task.run::<T>())
+            self.advance_blocks::<M, Nothing>(dt, steps, |task| task.run::<T>())
         } else {
-            self.advance_blocks::<M, AllTorques>(dt, steps, observer, |task| task.run::<T>())
+            self.advance_blocks::<M, AllTorques>(dt, steps, |task| task.run::<T>())
         }
     }
 
     /// In lanes or singly, as the session was opened.
-    fn advance_in<M: Step, S: Surroundings>(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
+    fn advance_in<M: Step, S: Surroundings>(&mut self, dt: f64, steps: u64) -> Job<'_> {
         let width = self.width;
-        self.advance_blocks::<M, S>(dt, steps, observer, |task| match width {
+        self.advance_blocks::<M, S>(dt, steps, move |task| match width {
             Width::Lanes => T::dispatch(task),
             Width::Scalar => task.run::<T>(),
         })
     }
 
     /// Blocks are independent, so each runs all its steps before the next begins and stays in registers meanwhile.
-    /// The calling thread only watches: progress is a count that the workers raise.
-    fn advance_blocks<M: Step, S: Surroundings>(
-        &mut self,
+    fn advance_blocks<'s, M: Step, S: Surroundings>(
+        &'s mut self,
         dt: f64,
         steps: u64,
-        observer: &mut Observer<'_>,
-        run: impl Fn(AdvanceBlock<'_, '_, T, M, S>) + Sync,
-    ) -> Result<()> {
-        let start = self.clock;
-        let Batch { body_count, stride, parameters, state, torques } = &mut self.batch;
+        run: impl Fn(AdvanceBlock<'_, '_, T, M, S>) + Send + Sync + 's,
+    ) -> Job<'s> {
+        let Self { batch, clock, .. } = self;
+        let start = *clock;
+        let Batch { body_count, stride, parameters, state, torques } = batch;
         let (body_count, stride) = (*body_count, *stride);
-        let torques = &*torques;
-        let (done, stop) = (AtomicU64::new(0), AtomicBool::new(false));
-        let total = steps.saturating_mul(body_count as u64);
+        let (parameters, torques) = (&*parameters, &*torques);
         let dt_words = two_words::<T>(dt);
         let blocks = split_columns(state, stride, state_columns::<T>());
-        let parameters = &*parameters;
-        let work = || {
+        Box::new(move |watch: &Watch| {
             blocks.into_par_iter().enumerate().for_each(|(index, mut columns)| {
                 let first = index * BLOCK;
                 let bodies = BLOCK.min(body_count.saturating_sub(first));
                 let mut left = steps;
-                while left > 0 && !stop.load(Ordering::Relaxed) {
+                while left > 0 && watch.goes_on() {
                     let slice = left.min(SLICE);
                     let task = AdvanceBlock::<T, M, S> {
                         parameters,
@@ -290,63 +297,12 @@ impl<T: LaneScalar> CpuSession<T> {
                     };
                     run(task);
                     left -= slice;
-                    done.fetch_add(slice * bodies as u64, Ordering::Relaxed);
+                    watch.add(slice * bodies as u64);
                 }
             });
-        };
-        watched(work, observer, &done, total, &stop);
-        if stop.into_inner() {
-            return Err(Error::Interrupted { steps: done.into_inner() / (body_count as u64).max(1) });
-        }
-        self.clock = start.after(dt, steps);
-        Ok(())
+            *clock = start.after(dt, steps);
+        })
     }
-}
-
-/// How often progress is reported.
-const PAUSE: std::time::Duration = std::time::Duration::from_millis(100);
-
-/// Runs `work` on the pool of threads in use while this thread reports progress, about ten times a second.
-///
-/// Called on a thread of a pool, as inside [`rayon::ThreadPool::install`], it uses that pool, and this thread works too.
-fn watched(work: impl FnOnce() + Send, observer: &mut Observer<'_>, done: &AtomicU64, total: u64, stop: &AtomicBool) {
-    let mut report = || {
-        let progress = Progress { done: done.load(Ordering::Relaxed), total };
-        if observer(progress).is_break() {
-            stop.store(true, Ordering::Relaxed);
-        }
-    };
-    if rayon::current_thread_index().is_some() {
-        let finished = AtomicBool::new(false);
-        rayon::in_place_scope(|scope| {
-            scope.spawn(|_| {
-                work();
-                finished.store(true, Ordering::Release);
-            });
-            let mut last = std::time::Instant::now();
-            while !finished.load(Ordering::Acquire) {
-                if rayon::yield_now() != Some(rayon::Yield::Executed) {
-                    std::thread::sleep(PAUSE / 100);
-                }
-                if last.elapsed() >= PAUSE {
-                    report();
-                    last = std::time::Instant::now();
-                }
-            }
-        });
-    } else {
-        let (finished, wait) = std::sync::mpsc::channel::<()>();
-        std::thread::scope(|scope| {
-            scope.spawn(move || {
-                work();
-                drop(finished);
-            });
-            while wait.recv_timeout(PAUSE) == Err(std::sync::mpsc::RecvTimeoutError::Timeout) {
-                report();
-            }
-        });
-    }
-    let _ = observer(Progress { done: done.load(Ordering::Relaxed), total });
 }
 
 /// The parts of every column that belong to one block, for all blocks.

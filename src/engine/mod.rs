@@ -24,6 +24,7 @@ mod devices;
 pub mod gpu;
 pub mod projected;
 pub mod reduction;
+pub mod watch;
 pub mod work;
 
 pub use devices::{Adapter, AdapterLimits, Choice, Devices, devices, devices_async};
@@ -32,6 +33,7 @@ use adaptive::{AdaptiveSession, AdaptiveSteps};
 use cpu::{Cpu, Width};
 use gpu::{Arithmetic, Gpu, GpuOptions, wgpu};
 use reduction::Reduce;
+use watch::Job;
 
 /// Whether an engine computes on a GPU or on the processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -302,6 +304,16 @@ pub trait Session: Reduce {
     /// [`crate::Error::Setting`] where `dt` is not a positive number that the precision can hold;
     /// [`crate::Error::Device`] where the device is lost.
     fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()>;
+
+    /// The same as work that the caller runs, beside that of other sessions, before it does anything else with this one. Where it
+    /// is stopped, the session must be dropped. `None` where the work is not the host's.
+    ///
+    /// # Errors
+    ///
+    /// As [`Session::advance`].
+    fn job(&mut self, _dt: f64, _steps: u64) -> Result<Option<Job<'_>>> {
+        Ok(None)
+    }
 
     /// The raw state of a range of bodies.
     ///

@@ -124,7 +124,17 @@ fn turn(quaternion: &mut [f64; 4], (k, p, q): (usize, usize, usize), sine: f64, 
 /// The indices 0, 1, 2 in ascending order of what they stand for; equals keep their order.
 pub(super) fn ascending(mut compare: impl FnMut(usize, usize) -> std::cmp::Ordering) -> [usize; 3] {
     let mut order = [0, 1, 2];
-    order.sort_by(|&i, &j| compare(i, j));
+    let mut sort = |order: &mut [usize; 3], place: usize| {
+        let swaps = compare(order[place + 1], order[place]).is_lt();
+        if swaps {
+            order.swap(place, place + 1);
+        }
+        swaps
+    };
+    sort(&mut order, 0);
+    if sort(&mut order, 1) {
+        sort(&mut order, 0);
+    }
     order
 }
 

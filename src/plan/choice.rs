@@ -3,7 +3,7 @@
 use super::class::{Bound, FreeBody, Shape, Verdict};
 use super::driven::TorqueSet;
 use super::group::Treatment;
-use crate::batch::{BodyFrame, Precision, prepare_body, scaled_by_power_of_two};
+use crate::batch::{BodyFrame, Precision, frame_of, scaled_by_power_of_two};
 use crate::engine::adaptive::AdaptiveSteps;
 use crate::method::Method;
 use crate::method::rk8_adaptive::least_tolerance;
@@ -143,9 +143,9 @@ pub(super) struct Look {
 /// Looks at one body of a scene.
 pub(super) fn look_at(scene: &Scene, body: usize, tolerance: &Bound) -> Look {
     let torques = TorqueSet::acting_on(scene.torques(), body);
-    let (frame, state) = prepare_body(scene.ensemble(), scene.torques(), body);
+    let frame = frame_of(scene.ensemble(), scene.torques(), body);
     let unit = scaled_by_power_of_two(1.0, frame.rate_exponent);
-    let m = glam::DVec3::new(state[4], state[5], state[6]);
+    let m = frame.angular_momentum_principal(scene.ensemble(), body);
     let free = FreeBody { moments: frame.scaled_moments, angular_momentum_principal: m, span: scene.end() * unit };
     let rate = greatest_rate(scene, body, &frame, m);
     if torques.is_empty() {

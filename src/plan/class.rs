@@ -129,8 +129,8 @@ impl FreeBody {
     /// The simplest class whose bound is within `tolerance`.
     pub fn verdict(&self, tolerance: &Bound) -> Verdict {
         // Most bodies are of no simpler class by far, which is told from a few products.
-        let near = self.least_attitudes().map(|least| least <= (1.0 + 1e-6) * tolerance.attitude);
-        let simpler = Shape::ALL[..4].iter().zip(near).filter(|&(_, near)| near).map(|(&shape, _)| self.bound(shape));
+        let far = self.least_attitudes().map(|least| least > (1.0 + 1e-6) * tolerance.attitude);
+        let simpler = Shape::ALL[..4].iter().zip(far).filter(|&(_, far)| !far).map(|(&shape, _)| self.bound(shape));
         simpler.into_iter().find(|verdict| verdict.bound.within(tolerance)).unwrap_or(Verdict {
             shape: Shape::Asymmetric,
             axis: 0,
@@ -142,7 +142,7 @@ impl FreeBody {
     fn least_attitudes(&self) -> [f64; 4] {
         let [i1, i2, i3] = self.moments.recip().to_array();
         let [m1, m2, m3] = (self.angular_momentum_principal.abs() * self.span).to_array();
-        let turned = (self.angular_momentum_principal * self.span).length();
+        let turned = self.angular_momentum_principal.length() * self.span;
         // p is not below the greater of its two components.
         let steady = |a: f64, b: f64, axis: f64, c: f64| a.max(b) * (c + 2.0 * axis);
         let [spread_12, spread_23, spread_13] = [i1 - i2, i2 - i3, i1 - i3];

@@ -47,6 +47,8 @@ const CORRECTIONS: usize = 6;
 /// The most by which a coefficient grows at once: where rounding is in the way, steps must not become countless before that
 /// shows.
 const MOST_CORRECTION: f64 = 1e4;
+/// The least: a sample without any error must not make it vanish.
+const LEAST_CORRECTION: f64 = 1e-4;
 /// The angle, rad, over which methods are compared where no bodies are looked at.
 const NOMINAL_ANGLE: f64 = 10.0;
 /// The angle, rad, over which the table's coefficients of adaptive steps were measured: of the fastest bodies there.
@@ -120,10 +122,10 @@ impl Tried {
 /// What a pilot comes to.
 pub(super) struct Flight {
     pub found: Found,
-    /// Whether there is a larger sample that is worth its time: the error that bounds the percentile is so far beyond this
-    /// sample's own percentile that the larger one will bound it more closely, or some bodies cannot be followed at all.
+    /// Whether there is a larger sample that is worth its time: this sample's own percentile is within the target, and the error that
+    /// bounds that of all so far beyond it that the larger one will bound it more closely; or some bodies cannot be followed at all.
     pub asks_for_more: bool,
-    /// What is known ahead of the larger sample, where the target was met.
+    /// What is known ahead of the larger sample.
     known: Option<Known>,
 }
 
@@ -162,7 +164,8 @@ impl<'a> Pilot<'a> {
         let rule = reference.rule_for_others(&scouts)?;
         let (mut reference, mut reference_rule) = (self.stepped(&rule)?.states, Some(rule));
         let mut tried = again(&met, &reference)?;
-        if tried.iter().all(|tried| tried.misses() && !self.is_lopsided(tried)) {
+        let fails = |tried: &Tried| tried.misses() && !self.is_lopsided(tried);
+        if tried.iter().all(fails) {
             // Others may do for as many bodies as the percentile counts, or the scouts' reference was not fine enough for all.
             let of_all = Reference::new(self)?;
             if let Some(found) = of_all.lost(self) {
@@ -171,7 +174,7 @@ impl<'a> Pilot<'a> {
             (reference, reference_rule) = (of_all.states, None);
             let known = [met, missed].concat();
             tried.extend(again(&known, &reference)?);
-            if tried.iter().all(Tried::misses) {
+            if tried.iter().all(fails) {
                 let kind = |rule: &Rule| (rule.scheme, rule.precision);
                 let is_new =
                     |(rule, _): &(Rule, &Cost)| !known.iter().any(|tried| kind(&tried.found.rule) == kind(rule));
@@ -205,7 +208,7 @@ impl<'a> Pilot<'a> {
         let found = best.found;
         if self.is_lopsided(&best) {
             // Twice as fine as the sample's own percentile asks for.
-            let coefficient = found.rule.coefficient * (2.0 * best.own / AIM).min(1.0);
+            let coefficient = found.rule.coefficient * (2.0 * best.own / AIM).clamp(LEAST_CORRECTION, 1.0);
             let start = Rule { coefficient, ..found.rule };
             let known = reference.map(|reference| Known { reference, states, start });
             return Flight { found, asks_for_more: true, known };
@@ -218,8 +221,7 @@ impl<'a> Pilot<'a> {
 
     /// Whether a larger sample would bound the errors of what was tried much more closely, and it may do.
     fn is_lopsided(&self, tried: &Tried) -> bool {
-        let is_whole = self.bodies.len() >= pilot_size(self.all);
-        let grows = is_whole && self.bodies.len() < larger_pilot_size(self.all);
+        let grows = self.bodies.len() < larger_pilot_size(self.all);
         grows && tried.own <= 1.0 && tried.found.part > LOPSIDED * tried.own
     }
 
@@ -257,12 +259,14 @@ impl<'a> Pilot<'a> {
             }
             let rule = self.within(start, cost, cheapest);
             let candidate = self.calibrated(rule, cost, cheapest, reference, tried_before)?;
-            let found = candidate.found;
+            let Found { rule, steps, .. } = candidate.found;
+            let before = cheapest;
             if !candidate.misses() {
-                cheapest = cheapest.min(self.seconds(&found.rule, cost, found.steps));
+                cheapest = cheapest.min(self.seconds(&rule, cost, steps));
             }
             tried.push(candidate);
-            if tried_before && self.is_lopsided(&candidate) {
+            // The larger sample is for this one.
+            if tried_before && self.is_lopsided(&candidate) && (candidate.misses() || cheapest < before) {
                 break;
             }
         }
@@ -383,7 +387,8 @@ impl<'a> Pilot<'a> {
                 _ => part < best.found.part,
             };
             let before = std::mem::replace(&mut last, part);
-            if improves {
+            // What asks for more bodies is not given up for what misses.
+            if improves || (best.misses() && self.is_lopsided(&tried)) {
                 best = tried;
             }
             if may_leave && self.is_lopsided(&tried) {
@@ -399,8 +404,7 @@ impl<'a> Pilot<'a> {
             if part > 1.0 && before > 1.0 && before.is_finite() && stalls {
                 break;
             }
-            // A sample without any error would make the coefficient vanish.
-            correction = (part / AIM).clamp(1e-4, MOST_CORRECTION);
+            correction = (part / AIM).clamp(LEAST_CORRECTION, MOST_CORRECTION);
             let tried = rule;
             rule.coefficient *= correction;
             if tried.steps_like(&rule, self) {

@@ -1,7 +1,6 @@
 //! A pilot's bodies under a rule: how they end, how far from a reference, and what that takes.
 
 use std::collections::BTreeMap;
-use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 
@@ -34,8 +33,7 @@ impl Pilot<'_> {
         let times = self.times();
         // Side by side, as each of them alone is too little for all cores.
         let groups = self.treatments(rule).into_par_iter().map(|(treatment, members)| {
-            let mut go_on = |_| ControlFlow::Continue(());
-            states_at_end(self.scene, &times, self.torques, &Members::Some(members), &treatment, &mut go_on)
+            states_at_end(self.scene, &times, self.torques, &Members::Some(members), &treatment, None)
         });
         let (mut states, mut counts) = (States::new(), Vec::new());
         for group in groups.collect::<Result<Vec<_>>>()? {

@@ -22,7 +22,7 @@ impl Quantiles {
         let (middle, place) = (index(values.len(), 0.5), index(values.len(), 0.99));
         // Those before it are not greater, those behind it not less.
         let (below, &mut p99, above) = values.select_nth_unstable_by(place, f64::total_cmp);
-        let max = above.iter().copied().fold(p99, f64::max);
+        let max = above.iter().copied().max_by(f64::total_cmp).unwrap_or(p99);
         let median = if middle < place { *below.select_nth_unstable_by(middle, f64::total_cmp).1 } else { p99 };
         Self { median, p99, max }
     }
@@ -105,5 +105,23 @@ impl DriftGatherer {
             angular_momentum_world: Quantiles::of(&mut self.angular_momentum_world),
             norm: Quantiles::of(&mut self.norm),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_those_of_the_sorted_values() {
+        for count in [1, 2, 3, 10, 99, 100, 101, 1000] {
+            // A permutation, as 7919 is a prime.
+            let mut values: Vec<f64> = (0..count).map(|index| (index * 7919 % count) as f64).collect();
+            let rank = |part: f64| ((part * count as f64).ceil() - 1.0).max(0.0);
+            let expected = Quantiles { median: rank(0.5), p99: rank(0.99), max: (count - 1) as f64 };
+            assert_eq!(Quantiles::of(&mut values), expected, "{count}");
+        }
+        assert_eq!(Quantiles::of(&mut []), Quantiles::default());
+        assert!(Quantiles::of(&mut [0.0, f64::NAN, 1.0]).max.is_nan());
     }
 }

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use crate::batch::{BodyFrame, BodyState, ORDER_BLOCK, Prepared, StateWords, prepare_ordered};
 use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps};
 use crate::engine::reduction::Reduce;
+use crate::engine::watch::Job;
 use crate::engine::work::order;
 use crate::engine::{Backend, Observer};
 use crate::error::Result;
@@ -67,6 +68,12 @@ impl AdaptiveUnit {
     pub fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {
         self.last_read = None;
         self.session.advance_to(time, observer)
+    }
+
+    /// The way there as work for the host's threads, where the engine works on them.
+    pub fn job_to(&mut self, time: f64) -> Result<Option<Job<'_>>> {
+        self.last_read = None;
+        self.session.job_to(time)
     }
 
     /// The session, and the frames of its rows.

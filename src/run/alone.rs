@@ -3,6 +3,7 @@
 use crate::batch::{BodyState, StateWords, prepare_members};
 use crate::engine::adaptive::StepCounts;
 use crate::engine::cpu::{Cpu, Width};
+use crate::engine::watch::{Job, Watch};
 use crate::engine::{Backend, Observer};
 use crate::error::Result;
 use crate::plan::{Members, Treatment};
@@ -19,14 +20,15 @@ pub(crate) struct Alone {
 }
 
 /// Some bodies after the last of `times`, stepped on all cores as `treatment` says, which must be [`Treatment::Stepped`] or
-/// [`Treatment::Adaptive`]; other treatments give none.
+/// [`Treatment::Adaptive`]; other treatments give none. Without an observer the work is this thread's and that of its pool, which may
+/// have other such work to do.
 pub(crate) fn states_at_end(
     scene: &Scene,
     times: &[f64],
     torques: &[Torque],
     members: &Members,
     treatment: &Treatment,
-    observer: &mut Observer<'_>,
+    mut observer: Option<&mut Observer<'_>>,
 ) -> Result<Alone> {
     let Some(precision) = treatment.precision_of_steps() else { return Ok(Alone::default()) };
     let (frames, batch) = prepare_members(scene.ensemble(), torques, scene.end(), members, precision)?;
@@ -34,16 +36,18 @@ pub(crate) fn states_at_end(
     let state = |row: usize, words: &StateWords| {
         frames[row].at(torques, members.body(row), end).body_state(words.combined(row))
     };
-    let in_users_units =
-        |words: StateWords| (0..members.len()).map(|row| (members.body(row), state(row, &words))).collect();
+    let states_of = |words: StateWords| (0..members.len()).map(|row| (members.body(row), state(row, &words))).collect();
     let (method, projected) = match *treatment {
         Treatment::Stepped { method, projected, .. } => (method, projected),
         Treatment::Adaptive { steps, .. } => {
             let mut session = Cpu::new(Width::Lanes).start_adaptive(batch, steps)?;
             for &time in times {
-                session.advance_to(time, observer)?;
+                match &mut observer {
+                    Some(observer) => session.advance_to(time, observer)?,
+                    None => finish(session.job_to(time)?),
+                }
             }
-            let states = in_users_units(session.read(0..members.len())?);
+            let states = states_of(session.read(0..members.len())?);
             return Ok(Alone { states, counts: session.counts()? });
         }
         Treatment::RegularPrecession | Treatment::ClosedForm { .. } => return Ok(Alone::default()),
@@ -53,8 +57,18 @@ pub(crate) fn states_at_end(
     let mut last = 0.0;
     for &time in times {
         let interval = treatment.interval(time - last);
-        session.advance(interval.dt, interval.steps, observer)?;
+        match &mut observer {
+            Some(observer) => session.advance(interval.dt, interval.steps, observer)?,
+            None => finish(session.job(interval.dt, interval.steps)?),
+        }
         last = time;
     }
-    Ok(Alone { states: in_users_units(session.read(0..members.len())?), counts: Vec::new() })
+    Ok(Alone { states: states_of(session.read(0..members.len())?), counts: Vec::new() })
+}
+
+/// Does what a session of the processor's has to do.
+fn finish(job: Option<Job<'_>>) {
+    if let Some(job) = job {
+        job(&Watch::default());
+    }
 }

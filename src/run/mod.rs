@@ -5,8 +5,9 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use crate::batch::{BodyState, initial_state};
-use crate::engine::{Backend, Progress};
+use crate::batch::BodyState;
+use crate::engine::watch::{Watch, watched};
+use crate::engine::{Backend, Description, EngineKind, Observer, Progress};
 use crate::error::{Error, Result};
 use crate::method::Status;
 use crate::plan::Plan;
@@ -32,8 +33,14 @@ use statistics::FromStates;
 use translation::Centres;
 use unit::Unit;
 
-/// Bodies that are read and handed on at once: little enough for a cache.
-const READ_BLOCK: usize = 1 << 13;
+/// Bodies that are read and handed on at once: on the host little enough for its cache, and from a device so many that a transfer takes
+/// longer than its start.
+fn read_block(engine: &Description) -> usize {
+    match engine.kind {
+        EngineKind::Cpu => 1 << 13,
+        EngineKind::Gpu => 1 << 15,
+    }
+}
 
 /// Runs `plan` on `engine` and keeps every output in memory.
 ///
@@ -87,15 +94,19 @@ pub fn run_into(
     let sample = shadow::sample(body_count, shadow::shadow_size(body_count), SHADOW_SEED);
     let mut sampled = Vec::with_capacity(sample.len());
     let count = plan.times().len();
+    let block = read_block(&engine.description());
+    let (mut states, mut initial) = (Vec::new(), Vec::new());
     for (index, &time) in plan.times().iter().enumerate() {
         let last = index + 1 == count;
         // The long way reads what nobody asked for too.
         let asked = sink.wants(index, count, time);
         let wanted = asked || !scene.may_skip() || (last && !plan.leaves_states());
         let clock = Instant::now();
-        for unit in &mut units {
+        let span = plan.span_before(index);
+        let others = side_by_side(&mut units, time, span, &mut done, total, observer)?;
+        for unit in others {
             let before = done;
-            let work = unit.advance(time, plan.span_before(index), wanted || last || reduces, &mut |progress| {
+            let work = units[unit].advance(time, span, wanted || last || reduces, &mut |progress| {
                 observer(Progress { done: before.saturating_add(progress.done), total })
             })?;
             done = done.saturating_add(work);
@@ -119,10 +130,9 @@ pub fn run_into(
             }
             continue;
         }
-        let (mut states, mut initial) = (Vec::new(), Vec::new());
         let mut from_states = FromStates::new(if reduces { &[] } else { statistics });
-        for start in (0..body_count).step_by(READ_BLOCK) {
-            let range = start..(start + READ_BLOCK).min(body_count);
+        for start in (0..body_count).step_by(block) {
+            let range = start..(start + block).min(body_count);
             let clock = Instant::now();
             read_states(&mut units, &centres, &range, &mut states)?;
             from_states.push(start, &states);
@@ -190,6 +200,37 @@ pub fn run_into(
     })
 }
 
+/// Steps, side by side, all units that the host's threads step, and gives the others. `done`, of `total`, is raised by the work.
+fn side_by_side(
+    units: &mut [Unit<'_>],
+    time: f64,
+    span: f64,
+    done: &mut u64,
+    total: u64,
+    observer: &mut Observer<'_>,
+) -> Result<Vec<usize>> {
+    let bodies = units.iter().map(|unit| unit.body_count() as u64).sum::<u64>();
+    let (mut jobs, mut others) = (Vec::new(), Vec::new());
+    for (index, unit) in units.iter_mut().enumerate() {
+        match unit.job(time, span)? {
+            Some(job) => jobs.push(job),
+            None => others.push(index),
+        }
+    }
+    if !jobs.is_empty() {
+        let before = *done;
+        let work = |watch: &Watch| {
+            jobs.into_par_iter().for_each(|job| job(watch));
+        };
+        let mut report = |progress: Progress| {
+            *done = before.saturating_add(progress.done);
+            observer(Progress { done: *done, total })
+        };
+        watched(work, total, &mut report).map_err(|_| Error::Interrupted { steps: *done / bodies.max(1) })?;
+    }
+    Ok(others)
+}
+
 /// Some bodies in the user's axes and units, to `states`.
 fn read_states(
     units: &mut [Unit<'_>],
@@ -254,7 +295,7 @@ impl AtEnd {
         let usable_rate = usable_rate(scene);
         let mut states = Vec::with_capacity(sample.len());
         let mut faster = Vec::new();
-        for unit in units {
+        for unit in &mut *units {
             states.extend(unit.read_bodies(sample)?);
             let marked = unit.marked(usable_rate)?;
             self.flagged += unit.flagged(&marked.failed)?;
@@ -271,8 +312,9 @@ impl AtEnd {
         }
         states.sort_unstable_by_key(|&(body, _)| body);
         for (body, state) in &states {
-            let initial = || initial_state(scene.ensemble(), *body);
-            self.conserved(is_finite(state).then(|| Kept::of(scene, *body, &initial(), state)));
+            let mut initial = [BodyState::UNKNOWN];
+            units.iter().for_each(|unit| unit.read_initial(scene.ensemble(), &(*body..body + 1), &mut initial));
+            self.conserved(is_finite(state).then(|| Kept::of(scene, *body, &initial[0], state)));
         }
         Ok(states.into_iter().map(|(_, state)| state).collect())
     }

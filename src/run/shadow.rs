@@ -103,7 +103,7 @@ fn adaptively(
         torques,
         &Members::Some(members),
         &Treatment::Adaptive { precision: Precision::F64, steps: fine },
-        observer,
+        Some(observer),
     )?;
     let mut alike: BTreeMap<u64, Vec<u32>> = BTreeMap::new();
     for ((body, _), counts) in found.states.iter().zip(&found.counts) {

@@ -12,6 +12,7 @@ use super::{OutputState, is_sound};
 use crate::batch::{BodyFrame, BodyState, prepare_members};
 use crate::engine::cpu::{Cpu, Width};
 use crate::engine::reduction::{Marked, Reduce};
+use crate::engine::watch::Job;
 use crate::engine::{Backend, FreeSession, Observer, Progress, Session};
 use crate::ensemble::Ensemble;
 use crate::error::Result;
@@ -118,6 +119,29 @@ impl<'p> Unit<'p> {
         Ok(Self { members, motion, flight, torques: scene.torques(), varies, time: 0.0 })
     }
 
+    /// The steps from `time − span` to `time`, s, as work for the host's threads, to be run before anything else is done with the
+    /// bodies; `None` where they are not of that kind, and [`Unit::advance`] is the way.
+    pub fn job(&mut self, time: f64, span: f64) -> Result<Option<Job<'_>>> {
+        if self.flight.as_ref().is_some_and(Flight::follows) {
+            return Ok(None);
+        }
+        let job = match &mut self.motion {
+            Motion::Stepped { session, treatment, .. } => {
+                let interval = treatment.interval(span);
+                session.job(interval.dt, interval.steps)?
+            }
+            Motion::Adaptive(unit) => unit.job_to(time)?,
+            Motion::ClosedForm { .. } | Motion::Precession { .. } => None,
+        };
+        if job.is_some() {
+            self.time = time;
+            if let Some(flight) = &mut self.flight {
+                flight.advance(time - span, span);
+            }
+        }
+        Ok(job)
+    }
+
     /// Brings the bodies from `time − span` to `time`, s; gives the work done ([`crate::plan::Plan::work_of`]). What is not
     /// stepped is formed only where it is `wanted`.
     pub fn advance(&mut self, time: f64, span: f64, wanted: bool, observer: &mut Observer<'_>) -> Result<u64> {
@@ -183,6 +207,11 @@ impl<'p> Unit<'p> {
             Motion::Adaptive(unit) => unit.work().map(Some),
             _ => Ok(None),
         }
+    }
+
+    /// Number of bodies.
+    pub fn body_count(&self) -> usize {
+        self.members.len()
     }
 
     /// Whether its bodies' centres of mass are stepped here.

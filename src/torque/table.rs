@@ -154,8 +154,8 @@ impl TorqueTable {
         }
     }
 
-    /// Hands one body's row to `store(column, number)`, for every column of the table, and gives the exact rates of its
-    /// phases, all of them in their order. `body` is its index in the scene.
+    /// Hands one body's row to `store(column, number)`, for every column of the table, and gives the exact rates of those of its
+    /// phases whose rates are the body's own, in their order. `body` is its index in the scene.
     pub(crate) fn write_body(
         &self,
         torques: &[Torque],
@@ -165,7 +165,7 @@ impl TorqueTable {
         mut store: impl FnMut(usize, f64),
     ) -> Vec<u128> {
         let mut row = Vec::new();
-        let mut exact = Vec::with_capacity(self.phases.len());
+        let mut exact = Vec::new();
         for kind in Kind::ALL {
             let instances = self.instances(kind);
             if instances.count == 0 {
@@ -181,7 +181,10 @@ impl TorqueTable {
                 let rates = torque.model().phase_rates(body);
                 for (phase, &rates) in rates[..kind.phases()].iter().enumerate() {
                     let rate = self.exact_rate(kind, rates);
-                    exact.push(rate);
+                    let number = self.phase_number(kind, index, phase);
+                    if matches!(self.phases[number], PhaseRates::PerBody(_)) {
+                        exact.push(rate);
+                    }
                     let columns = &mut own[kind.parameters() + phase * (RATE_DIGITS + 1)..];
                     columns[..RATE_DIGITS].copy_from_slice(&digits(rate));
                     columns[RATE_DIGITS] = rates.0 / std::f64::consts::TAU;
@@ -201,13 +204,16 @@ impl TorqueTable {
         exact
     }
 
-    /// Sets the exact rates of the rows from `first` on, those of a row in the order of the phases; of phases whose rate all
-    /// bodies share they change nothing.
-    pub(crate) fn set_rates(&mut self, first: usize, rates: impl Iterator<Item = u128>) {
-        let phases = self.phases.len();
-        for (index, rate) in rates.enumerate() {
-            if let PhaseRates::PerBody(column) = &mut self.phases[index % phases] {
-                column[first + index / phases] = rate;
+    /// Sets the exact rates of the rows from `first` on, row by row as [`TorqueTable::write_body`] gives them.
+    pub(crate) fn set_rates(&mut self, first: usize, rates: &[u128]) {
+        let count = self.phases.iter().filter(|rates| matches!(rates, PhaseRates::PerBody(_))).count();
+        let columns = self.phases.iter_mut().filter_map(|rates| match rates {
+            PhaseRates::PerBody(column) => Some(column),
+            PhaseRates::Shared(_) => None,
+        });
+        for (phase, column) in columns.enumerate() {
+            for (place, &rate) in column[first..].iter_mut().zip(rates.iter().skip(phase).step_by(count)) {
+                *place = rate;
             }
         }
     }

@@ -2,15 +2,15 @@
 
 use std::cell::Cell;
 use std::ops::Range;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
 use super::observe::Reducer;
-use super::{BLOCK, Width, split_columns, watched};
+use super::{BLOCK, Width, split_columns};
 use crate::batch::{Batch, StateWords, load_body, load_state, state_columns, store_state};
 use crate::clock::Clock;
 use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps, StepCounts, two_words_of};
+use crate::engine::watch::{Job, Watch, watched};
 use crate::engine::{Observer, check_time};
 use crate::error::{Error, Result};
 use crate::lanes::{LaneScalar, LaneTask};
@@ -56,27 +56,39 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
         }
     }
 
-    fn advance_in<S: TimedSurroundings>(&mut self, end: &Clock, observer: &mut Observer<'_>) -> Result<()> {
-        let width = self.width;
-        let start = self.clock;
-        let (value, residue) = start.seconds_until(end);
+    /// The way to `time`, s.
+    fn work(&mut self, time: f64) -> Result<Job<'_>> {
+        check_time(time)?;
+        let end = self.clock.at(time.max(0.0));
+        Ok(if end.now() <= self.clock.now() {
+            Box::new(|_: &Watch| {})
+        } else if self.batch.torques.is_empty() {
+            self.advance_in::<Nothing>(end)
+        } else if self.batch.torques.is_common() {
+            self.advance_in::<CommonTorques>(end)
+        } else {
+            self.advance_in::<AllTorques>(end)
+        })
+    }
+
+    fn advance_in<S: TimedSurroundings>(&mut self, end: Clock) -> Job<'_> {
+        let (width, steps) = (self.width, self.steps);
+        let Self { batch, clock, controllers, counts, .. } = self;
+        let start = *clock;
+        let (value, residue) = start.seconds_until(&end);
         let span = two_words_of::<T>(value, residue);
-        let steps = self.steps;
-        let Batch { body_count, stride, parameters, state, torques } = &mut self.batch;
-        let (body_count, stride) = (*body_count, *stride);
+        let Batch { stride, parameters, state, torques, .. } = batch;
+        let stride = *stride;
         let (parameters, torques) = (&*parameters, &*torques);
-        let (done, stop) = (AtomicU64::new(0), AtomicBool::new(false));
-        let total = body_count as u64;
         let states = split_columns(state, stride, state_columns::<T>());
-        let controllers = split_columns(&mut self.controllers, stride, CONTROLLER_COLUMNS);
-        let counts = &mut self.counts;
-        let work = || {
+        let controllers = split_columns(controllers, stride, CONTROLLER_COLUMNS);
+        Box::new(move |watch: &Watch| {
             let blocks = states.into_par_iter().zip(controllers).zip(counts.par_chunks_mut(BLOCK));
             blocks.enumerate().for_each(|(index, ((mut state, mut controllers), counts))| {
                 let first = index * BLOCK;
                 let mut starts = true;
                 let mut under_way = true;
-                while under_way && !stop.load(Ordering::Relaxed) {
+                while under_way && watch.goes_on() {
                     let task = AdaptiveBlock::<T, S> {
                         parameters,
                         torques,
@@ -98,15 +110,10 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
                     starts = false;
                     take_counts(&mut controllers, counts);
                 }
-                done.fetch_add(counts.len() as u64, Ordering::Relaxed);
+                watch.add(counts.len() as u64);
             });
-        };
-        watched(work, observer, &done, total, &stop);
-        if stop.into_inner() {
-            return Err(Error::Interrupted { steps: 0 });
-        }
-        self.clock = *end;
-        Ok(())
+            *clock = end;
+        })
     }
 }
 
@@ -116,18 +123,12 @@ impl<T: LaneScalar + Kernel> AdaptiveSession for CpuAdaptiveSession<T> {
     }
 
     fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {
-        check_time(time)?;
-        let end = self.clock.at(time.max(0.0));
-        if end.now() <= self.clock.now() {
-            return Ok(());
-        }
-        if self.batch.torques.is_empty() {
-            self.advance_in::<Nothing>(&end, observer)
-        } else if self.batch.torques.is_common() {
-            self.advance_in::<CommonTorques>(&end, observer)
-        } else {
-            self.advance_in::<AllTorques>(&end, observer)
-        }
+        let bodies = self.batch.body_count as u64;
+        watched(self.work(time)?, bodies, observer).map_err(|_| Error::Interrupted { steps: 0 })
+    }
+
+    fn job_to(&mut self, time: f64) -> Result<Option<Job<'_>>> {
+        self.work(time).map(Some)
     }
 
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {

@@ -1,0 +1,91 @@
+//! Work on the processor's threads, and the thread that watches it.
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use super::{Observer, Progress};
+
+/// How far some work has come and whether it is to go on, for all who do a part of it.
+#[derive(Debug, Default)]
+pub struct Watch {
+    done: AtomicU64,
+    stop: AtomicBool,
+}
+
+impl Watch {
+    /// Adds what was done: body-steps, or bodies that have arrived.
+    pub fn add(&self, done: u64) {
+        self.done.fetch_add(done, Ordering::Relaxed);
+    }
+
+    /// What was done so far.
+    pub fn done(&self) -> u64 {
+        self.done.load(Ordering::Relaxed)
+    }
+
+    /// Whether to go on. Who is told not to leaves the rest undone.
+    pub fn goes_on(&self) -> bool {
+        !self.stop.load(Ordering::Relaxed)
+    }
+
+    /// Ends the work of all.
+    pub fn stop(&self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Work for the threads of the host, to be run once, beside other such work or alone.
+pub type Job<'a> = Box<dyn FnOnce(&Watch) + Send + 'a>;
+
+/// How often progress is reported.
+const PAUSE: Duration = Duration::from_millis(100);
+
+/// Runs `work`, of which `total` is to be done, on the pool of threads in use while this thread reports progress, about ten times
+/// a second. Where the observer breaks, what was done until then is the error.
+///
+/// Called on a thread of a pool, as inside [`rayon::ThreadPool::install`], it uses that pool, and this thread works too.
+pub(crate) fn watched(
+    work: impl FnOnce(&Watch) + Send,
+    total: u64,
+    observer: &mut Observer<'_>,
+) -> std::result::Result<(), u64> {
+    let watch = Watch::default();
+    let mut report = || {
+        if observer(Progress { done: watch.done(), total }).is_break() {
+            watch.stop();
+        }
+    };
+    if rayon::current_thread_index().is_some() {
+        let finished = AtomicBool::new(false);
+        rayon::in_place_scope(|scope| {
+            scope.spawn(|_| {
+                work(&watch);
+                finished.store(true, Ordering::Release);
+            });
+            let mut last = Instant::now();
+            while !finished.load(Ordering::Acquire) {
+                if rayon::yield_now() != Some(rayon::Yield::Executed) {
+                    std::thread::sleep(PAUSE / 100);
+                }
+                if last.elapsed() >= PAUSE {
+                    report();
+                    last = Instant::now();
+                }
+            }
+        });
+    } else {
+        let (finished, wait) = std::sync::mpsc::channel::<()>();
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                work(&watch);
+                drop(finished);
+            });
+            while wait.recv_timeout(PAUSE) == Err(std::sync::mpsc::RecvTimeoutError::Timeout) {
+                report();
+            }
+        });
+    }
+    let stopped = !watch.goes_on();
+    let _ = observer(Progress { done: watch.done(), total });
+    if stopped { Err(watch.done()) } else { Ok(()) }
+}
