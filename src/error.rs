@@ -191,7 +191,7 @@ pub enum Error {
     },
     /// No method, step and precision that the engine has meets the accuracy asked for.
     #[error(
-        "accuracy: {target:e} rad is asked for, the best here is about {reached:e} rad ({method}, {precision}): {remedy}"
+        "accuracy: {target:e} rad is asked for, the best here is about {reached:.1e} rad ({method}, {precision}): {remedy}"
     )]
     AccuracyOutOfReach {
         /// The least of the errors asked for.
