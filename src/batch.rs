@@ -290,3 +290,25 @@ fn store_row<T: Scalar>(
         }
     }
 }
+
+/// Some rows of every column.
+pub(crate) type ColumnPart<'a, T> = Vec<&'a mut [T]>;
+
+/// Of columns that are `stride` apart the given rows, `count` rows a part.
+pub(crate) fn column_parts<T>(
+    columns: &mut [T],
+    stride: usize,
+    rows: std::ops::Range<usize>,
+    count: usize,
+) -> Vec<ColumnPart<'_, T>> {
+    let number = columns.len().checked_div(stride).unwrap_or(0);
+    let mut parts: Vec<_> = (0..rows.len().div_ceil(count)).map(|_| Vec::with_capacity(number)).collect();
+    if stride > 0 {
+        for column in columns.chunks_exact_mut(stride) {
+            for (part, rows) in parts.iter_mut().zip(column[rows.clone()].chunks_mut(count)) {
+                part.push(rows);
+            }
+        }
+    }
+    parts
+}

@@ -2,17 +2,23 @@
 
 mod common;
 
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use common::asymmetric_ensemble;
 use common::torques::middle_moments;
 use glam::{DQuat, DVec3};
 use polhode::batch::Precision;
+use polhode::engine::Progress;
 use polhode::engine::adaptive::AdaptiveSteps;
+use polhode::engine::cpu::{Cpu, Width};
 use polhode::free_motion::FreeMotion;
 use polhode::method::rk8_adaptive::least_tolerance;
+use polhode::record::{OutputState, Sink};
+use polhode::run::run_into;
 use polhode::study::Study;
-use polhode::{Engine, Ensemble, Outputs, Plan, Scene, Torque};
+use polhode::torque::white_noise::WhiteNoise;
+use polhode::{Accuracy, Engine, Ensemble, Method, Outputs, Plan, Scene, Torque};
 
 const COUNT: usize = 131;
 const SEED: u64 = 5;
@@ -81,6 +87,42 @@ fn a_body_among_many_is_the_one_that_it_is_alone() {
     // What free bodies keep, to the bodies' own starts: drift would be of the order of 1 were they mixed up.
     assert_eq!(record.trust().drift.bodies, MANY);
     assert!(record.trust().drift.angular_momentum_world.max < 1e-8, "{:?}", record.trust().drift);
+}
+
+struct Nowhere;
+
+impl Sink for Nowhere {
+    fn wants(&mut self, _: usize, _: usize, _: f64) -> bool {
+        true
+    }
+
+    fn bodies(&mut self, _: usize, _: f64, _: usize, _: &[OutputState]) -> polhode::Result<()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn progress_ends_at_all_that_is_to_be_done() {
+    // Groups in equal steps of several lengths, side by side, beside one that is not stepped; and one in the bodies' own steps.
+    let third = |place: usize| (0..COUNT).map(|body| if body % 3 == place { 0.1 } else { 0.0 }).collect::<Vec<_>>();
+    let noise = WhiteNoise { intensity: third(0).into(), seed: 1, draws_per_step: 1 };
+    let dragged = Scene::new(asymmetric_ensemble(COUNT, SEED))
+        .until(10.0)
+        .outputs(Outputs::Times(vec![0.0, 5.0, 10.0]))
+        .torque(Torque::linear_drag(third(1)));
+    let all = dragged.clone().torque(Torque::WhiteNoise(noise));
+    let groups = all.clone().accuracy(Accuracy::attitude(1e-2)).without_pilot();
+    for scene in [groups, all.pinned(Method::Rk4, 0.01, None), dragged.adaptive(STEPS, None)] {
+        let plan = Plan::new(&scene, &Engine::cpu()).expect("planned");
+        let mut last = Progress { done: 0, total: 0 };
+        let mut observer = |progress: Progress| {
+            assert!(progress.done >= last.done, "{progress:?} after {last:?}");
+            last = progress;
+            ControlFlow::Continue(())
+        };
+        run_into(&Cpu::new(Width::Lanes), &plan, &mut Nowhere, &mut observer).expect("run");
+        assert!(last.total > 0 && last.done == last.total, "{last:?}");
+    }
 }
 
 #[test]

@@ -4,8 +4,8 @@ use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
 use super::{
-    AnyBatch, Batch, BodyFrame, BodyState, Precision, STATE_COMPONENTS, STRIDE_UNIT, binary_exponent,
-    parameter_columns, scaled_by_power_of_two, state_columns, store_row,
+    AnyBatch, Batch, BodyFrame, BodyState, ColumnPart, Precision, STATE_COMPONENTS, STRIDE_UNIT, binary_exponent,
+    column_parts, parameter_columns, scaled_by_power_of_two, state_columns, store_row,
 };
 use crate::ensemble::Ensemble;
 use crate::error::Result;
@@ -132,9 +132,6 @@ pub(crate) fn bytes_per_body_under(precision: Precision, torques: &[Torque], spa
 /// Bodies that one task writes.
 const TASK: usize = 512;
 
-/// The rows of one task in every column.
-type Part<'a, T> = Vec<&'a mut [T]>;
-
 fn prepare_columns<T: Scalar>(
     ensemble: &Ensemble,
     torques: &[Torque],
@@ -159,10 +156,14 @@ fn prepare_columns<T: Scalar>(
         let order = order(start, &prepared);
         let Batch { parameters, state, torques: table, .. } = &mut batch;
         let layout = &*table;
-        let parts =
-            column_parts(parameters, stride, start..end).into_iter().zip(column_parts(state, stride, start..end));
+        let parts = column_parts(parameters, stride, start..end, TASK).into_iter().zip(column_parts(
+            state,
+            stride,
+            start..end,
+            TASK,
+        ));
         let tasks: Vec<_> = parts.zip(order.chunks(TASK)).collect();
-        let write = |((mut parameters, mut state), order): ((Part<'_, T>, Part<'_, T>), &[usize])| {
+        let write = |((mut parameters, mut state), order): ((ColumnPart<'_, T>, ColumnPart<'_, T>), &[usize])| {
             let mut rates = Vec::new();
             for (row, &place) in order.iter().enumerate() {
                 let (frame, initial) = &prepared[place];
@@ -181,15 +182,4 @@ fn prepare_columns<T: Scalar>(
         frames.extend(order.iter().map(|&place| prepared[place].0));
     }
     Ok((frames, batch))
-}
-
-/// The rows of a block of every column, task by task.
-fn column_parts<T>(columns: &mut [T], stride: usize, rows: std::ops::Range<usize>) -> Vec<Part<'_, T>> {
-    let mut parts: Vec<Part<'_, T>> = (0..rows.len().div_ceil(TASK)).map(|_| Vec::new()).collect();
-    for column in columns.chunks_exact_mut(stride) {
-        for (part, rows) in parts.iter_mut().zip(column[rows.clone()].chunks_mut(TASK)) {
-            part.push(rows);
-        }
-    }
-    parts
 }

@@ -9,8 +9,8 @@ use super::projected::conserving;
 use super::watch::{Job, Watch, watched};
 use super::{Backend, Description, EngineKind, FreeSession, Observer, Session, check_step, check_time};
 use crate::batch::{
-    AnyBatch, Batch, Precision, StateWords, load_body, load_combinations, load_invariants, load_state, state_columns,
-    store_state, two_words,
+    AnyBatch, Batch, Precision, StateWords, column_parts, load_body, load_combinations, load_invariants, load_state,
+    state_columns, store_state, two_words,
 };
 use crate::clock::Clock;
 use crate::error::{Error, Result};
@@ -273,7 +273,7 @@ impl<T: LaneScalar> CpuSession<T> {
         let (body_count, stride) = (*body_count, *stride);
         let (parameters, torques) = (&*parameters, &*torques);
         let dt_words = two_words::<T>(dt);
-        let blocks = split_columns(state, stride, state_columns::<T>());
+        let blocks = column_parts(state, stride, 0..stride, BLOCK);
         Box::new(move |watch: &Watch| {
             blocks.into_par_iter().enumerate().for_each(|(index, mut columns)| {
                 let first = index * BLOCK;
@@ -303,19 +303,6 @@ impl<T: LaneScalar> CpuSession<T> {
             *clock = start.after(dt, steps);
         })
     }
-}
-
-/// The parts of every column that belong to one block, for all blocks.
-fn split_columns<T>(state: &mut [T], stride: usize, columns: usize) -> Vec<Vec<&mut [T]>> {
-    let mut blocks: Vec<Vec<&mut [T]>> = (0..stride / BLOCK).map(|_| Vec::with_capacity(columns)).collect();
-    if stride > 0 {
-        for column in state.chunks_exact_mut(stride) {
-            for (block, part) in blocks.iter_mut().zip(column.chunks_exact_mut(BLOCK)) {
-                block.push(part);
-            }
-        }
-    }
-    blocks
 }
 
 /// What acts on bodies, as a type, so that each kind is compiled into a loop of its own.

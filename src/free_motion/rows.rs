@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::batch::{BodyFrame, Precision, STATE_COMPONENTS, STRIDE_UNIT};
+use crate::batch::{BodyFrame, Precision, STATE_COMPONENTS, STRIDE_UNIT, column_parts};
 use crate::double_double::DoubleDouble;
 use crate::elementary::Turns;
 use crate::ensemble::Ensemble;
@@ -130,8 +130,8 @@ impl<T: LaneScalar> FreeMotionRows<T> {
         let mut rows = Self::at_rest(body_count);
         let stride = rows.stride;
         let mut frames: Vec<_> = (0..stride).into_par_iter().map(|_| BodyFrame::UNIT).collect();
-        let words = column_parts(&mut rows.words, stride);
-        let constants = column_parts(&mut rows.constants, stride);
+        let words = column_parts(&mut rows.words, stride, 0..stride, TASK);
+        let constants = column_parts(&mut rows.constants, stride, 0..stride, TASK);
         frames.par_chunks_mut(TASK).zip(words).zip(constants).enumerate().for_each(
             |(task, ((frames, mut words), mut constants))| {
                 let mut initial = InitialBlock::at_rest();
@@ -174,32 +174,20 @@ impl<T: LaneScalar> FreeMotionRows<T> {
     /// Where `state` has not whole columns of [`FreeMotionRows::stride`].
     pub fn evaluate(&self, time: f64, state: &mut [T]) {
         assert!(self.stride == 0 || state.len().is_multiple_of(self.stride), "whole columns are needed");
-        column_parts(state, self.stride).into_par_iter().enumerate().for_each(|(task, mut columns)| {
-            T::dispatch(EvaluatePart { rows: self, start: task * TASK, time, state: &mut columns });
-        });
+        column_parts(state, self.stride, 0..self.stride, TASK).into_par_iter().enumerate().for_each(
+            |(task, mut columns)| {
+                T::dispatch(EvaluatePart { rows: self, start: task * TASK, time, state: &mut columns });
+            },
+        );
     }
 
     /// As [`FreeMotionRows::evaluate`], one body after the other without fused multiply-add: the shader's twin.
     pub fn evaluate_one_by_one(&self, time: f64, state: &mut [T]) {
         assert!(self.stride == 0 || state.len().is_multiple_of(self.stride), "whole columns are needed");
-        for (task, mut columns) in column_parts(state, self.stride).into_iter().enumerate() {
+        for (task, mut columns) in column_parts(state, self.stride, 0..self.stride, TASK).into_iter().enumerate() {
             EvaluatePart { rows: self, start: task * TASK, time, state: &mut columns }.run::<T>();
         }
     }
-}
-
-/// The parts of every column that belong to one task, for all tasks.
-fn column_parts<T>(table: &mut [T], stride: usize) -> Vec<Vec<&mut [T]>> {
-    let columns = table.len().checked_div(stride).unwrap_or(0);
-    let mut parts: Vec<Vec<&mut [T]>> = (0..stride.div_ceil(TASK)).map(|_| Vec::with_capacity(columns)).collect();
-    if stride > 0 {
-        for column in table.chunks_exact_mut(stride) {
-            for (part, columns) in column.chunks_mut(TASK).zip(&mut parts) {
-                columns.push(part);
-            }
-        }
-    }
-    parts
 }
 
 /// Columns of the set-up's input: moments and angular velocity in two words each, and the orientation.

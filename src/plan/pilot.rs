@@ -214,8 +214,7 @@ impl<'a> Pilot<'a> {
             return Flight { found, asks_for_more: true, known };
         }
         // What was not chosen may have failed for a body or two.
-        let asks_for_more =
-            tried.iter().any(|tried| tried.misses() && tried.found.part.is_finite() && self.is_lopsided(tried));
+        let asks_for_more = tried.iter().any(|tried| tried.misses() && self.is_lopsided(tried));
         Flight { found, asks_for_more, known: None }
     }
 

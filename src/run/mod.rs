@@ -103,14 +103,7 @@ pub fn run_into(
         let wanted = asked || !scene.may_skip() || (last && !plan.leaves_states());
         let clock = Instant::now();
         let span = plan.span_before(index);
-        let others = side_by_side(&mut units, time, span, &mut done, total, observer)?;
-        for unit in others {
-            let before = done;
-            let work = units[unit].advance(time, span, wanted || last || reduces, &mut |progress| {
-                observer(Progress { done: before.saturating_add(progress.done), total })
-            })?;
-            done = done.saturating_add(work);
-        }
+        advance(&mut units, (time, span), wanted || last || reduces, (&mut done, total), observer)?;
         centres.advance(time, plan.interval(index));
         wall_time.compute += clock.elapsed().as_secs_f64();
         if plan.is_closed_form() && observer(Progress { done, total }).is_break() {
@@ -200,35 +193,43 @@ pub fn run_into(
     })
 }
 
-/// Steps, side by side, all units that the host's threads step, and gives the others. `done`, of `total`, is raised by the work.
-fn side_by_side(
+/// Brings all units from `time − span` to `time`, s: side by side those that the host's threads step, and the others one by one.
+/// What is not stepped is formed where it is `wanted`. `done`, of `total`, is raised by the work.
+fn advance(
     units: &mut [Unit<'_>],
-    time: f64,
-    span: f64,
-    done: &mut u64,
-    total: u64,
+    (time, span): (f64, f64),
+    wanted: bool,
+    (done, total): (&mut u64, u64),
     observer: &mut Observer<'_>,
-) -> Result<Vec<usize>> {
+) -> Result<()> {
     let bodies = units.iter().map(|unit| unit.body_count() as u64).sum::<u64>();
-    let (mut jobs, mut others) = (Vec::new(), Vec::new());
-    for (index, unit) in units.iter_mut().enumerate() {
-        match unit.job(time, span)? {
-            Some(job) => jobs.push(job),
-            None => others.push(index),
+    let mut others = Vec::new();
+    {
+        let mut jobs = Vec::new();
+        for (index, unit) in units.iter_mut().enumerate() {
+            match unit.job(time, span)? {
+                Some(job) => jobs.push(job),
+                None => others.push(index),
+            }
+        }
+        if !jobs.is_empty() {
+            let before = *done;
+            let work = |watch: &Watch| jobs.into_par_iter().for_each(|job| job(watch));
+            let mut report = |progress: Progress| {
+                *done = before.saturating_add(progress.done);
+                observer(Progress { done: *done, total })
+            };
+            watched(work, total, &mut report).map_err(|_| Error::Interrupted { steps: *done / bodies.max(1) })?;
         }
     }
-    if !jobs.is_empty() {
+    for unit in others {
         let before = *done;
-        let work = |watch: &Watch| {
-            jobs.into_par_iter().for_each(|job| job(watch));
-        };
-        let mut report = |progress: Progress| {
-            *done = before.saturating_add(progress.done);
-            observer(Progress { done: *done, total })
-        };
-        watched(work, total, &mut report).map_err(|_| Error::Interrupted { steps: *done / bodies.max(1) })?;
+        let work = units[unit].advance(time, span, wanted, &mut |progress| {
+            observer(Progress { done: before.saturating_add(progress.done), total })
+        })?;
+        *done = before.saturating_add(work);
     }
-    Ok(others)
+    Ok(())
 }
 
 /// Some bodies in the user's axes and units, to `states`.

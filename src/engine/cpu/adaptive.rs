@@ -6,8 +6,8 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::observe::Reducer;
-use super::{BLOCK, Width, split_columns};
-use crate::batch::{Batch, StateWords, load_body, load_state, state_columns, store_state};
+use super::{BLOCK, Width};
+use crate::batch::{Batch, StateWords, column_parts, load_body, load_state, store_state};
 use crate::clock::Clock;
 use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps, StepCounts, two_words_of};
 use crate::engine::watch::{Job, Watch, watched};
@@ -61,7 +61,9 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
         check_time(time)?;
         let end = self.clock.at(time.max(0.0));
         Ok(if end.now() <= self.clock.now() {
-            Box::new(|_: &Watch| {})
+            // They are there.
+            let bodies = self.batch.body_count as u64;
+            Box::new(move |watch: &Watch| watch.add(bodies))
         } else if self.batch.torques.is_empty() {
             self.advance_in::<Nothing>(end)
         } else if self.batch.torques.is_common() {
@@ -80,8 +82,8 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
         let Batch { stride, parameters, state, torques, .. } = batch;
         let stride = *stride;
         let (parameters, torques) = (&*parameters, &*torques);
-        let states = split_columns(state, stride, state_columns::<T>());
-        let controllers = split_columns(controllers, stride, CONTROLLER_COLUMNS);
+        let states = column_parts(state, stride, 0..stride, BLOCK);
+        let controllers = column_parts(controllers, stride, 0..stride, BLOCK);
         Box::new(move |watch: &Watch| {
             let blocks = states.into_par_iter().zip(controllers).zip(counts.par_chunks_mut(BLOCK));
             blocks.enumerate().for_each(|(index, ((mut state, mut controllers), counts))| {
