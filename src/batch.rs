@@ -13,6 +13,7 @@
 //! Component c of body i is at `c * stride + i`. A number that is carried in two words has its residue `residue`
 //! columns further on; in `f64` there are no residue columns.
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::method::{Method, Status};
@@ -178,13 +179,29 @@ impl StateWords {
 }
 
 /// x · 2^n, exactly as long as the result is a normal number.
+#[inline]
 pub(crate) fn scaled_by_power_of_two(x: f64, n: i32) -> f64 {
+    let [first, second] = power_of_two_factors(n);
+    x * first * second
+}
+
+/// [`scaled_by_power_of_two`] of each component.
+#[inline]
+pub(crate) fn vector_scaled_by_power_of_two(v: DVec3, n: i32) -> DVec3 {
+    let [first, second] = power_of_two_factors(n);
+    v * first * second
+}
+
+/// Two numbers whose product is 2^n, as one alone may be out of range.
+#[inline]
+fn power_of_two_factors(n: i32) -> [f64; 2] {
     let power = |n: i32| f64::from_bits(((1023 + n) as u64) << 52);
     let half = (n / 2).clamp(-1000, 1000);
-    x * power(half) * power((n - half).clamp(-1000, 1000))
+    [power(half), power((n - half).clamp(-1000, 1000))]
 }
 
 /// ⌊log₂ x⌋ for x > 0, 0 for x = 0.
+#[inline]
 pub(crate) fn binary_exponent(x: f64) -> i32 {
     if x == 0.0 {
         return 0;

@@ -2,7 +2,9 @@
 
 use glam::{DQuat, DVec3};
 
-use super::{PARAMETER_COMPONENTS, STATE_COMPONENTS, StateWords, scaled_by_power_of_two};
+use super::{
+    PARAMETER_COMPONENTS, STATE_COMPONENTS, StateWords, scaled_by_power_of_two, vector_scaled_by_power_of_two,
+};
 use crate::ensemble::Ensemble;
 use crate::method::Status;
 use crate::torque::{self, Torque};
@@ -83,9 +85,8 @@ impl BodyFrame {
 
     /// The angular momentum, scaled, with which a body of an ensemble starts whose frame this is.
     pub(crate) fn angular_momentum_principal(&self, ensemble: &Ensemble, body: usize) -> DVec3 {
-        let omega_body = ensemble.angular_velocity_body()[body].to_array();
-        let omega_body = omega_body.map(|w| scaled_by_power_of_two(w, -self.rate_exponent));
-        let mut omega = self.to_principal(DVec3::from_array(omega_body));
+        let omega_body = vector_scaled_by_power_of_two(ensemble.angular_velocity_body()[body], -self.rate_exponent);
+        let mut omega = self.to_principal(omega_body);
         if self.is_linear_rotor {
             omega.x = 0.0;
         }
@@ -104,7 +105,7 @@ impl BodyFrame {
 
     /// A torque (N m) in the body's own units, component by component.
     pub(crate) fn scaled_torque(&self, torque: DVec3) -> DVec3 {
-        DVec3::from_array(torque.to_array().map(|x| self.scaled(x, 1, 2)))
+        vector_scaled_by_power_of_two(torque, -(self.moment_exponent + 2 * self.rate_exponent))
     }
 
     /// The frame with the moments that the body has at `time`, s: of another one where `torques` hold moments that change.
@@ -128,7 +129,7 @@ impl BodyFrame {
         let norm = q.length();
         let unit = q * (1.0 / norm);
         let omega = m / self.scaled_moments;
-        let scale = |v: DVec3, n: i32| DVec3::from_array(v.to_array().map(|x| scaled_by_power_of_two(x, n)));
+        let scale = vector_scaled_by_power_of_two;
         BodyState {
             orientation: (unit * self.principal_to_body.conjugate()).normalize(),
             angular_velocity_body: scale(self.principal_to_body * omega, self.rate_exponent),

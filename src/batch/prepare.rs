@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::{
     AnyBatch, Batch, BodyFrame, BodyState, ColumnPart, Precision, STATE_COMPONENTS, STRIDE_UNIT, binary_exponent,
-    column_parts, parameter_columns, scaled_by_power_of_two, state_columns, store_row,
+    column_parts, parameter_columns, state_columns, store_row, vector_scaled_by_power_of_two,
 };
 use crate::ensemble::Ensemble;
 use crate::error::Result;
@@ -32,8 +32,7 @@ pub(crate) fn frame_of(ensemble: &Ensemble, torques: &[Torque], body: usize) -> 
         axes.moments = DVec3::splat(0.5 * axes.moments.y + 0.5 * axes.moments.z);
     }
     let moment_exponent = binary_exponent(axes.moments.y);
-    let scaled_moments =
-        DVec3::from_array(axes.moments.to_array().map(|i| scaled_by_power_of_two(i, -moment_exponent)));
+    let scaled_moments = vector_scaled_by_power_of_two(axes.moments, -moment_exponent);
     let spin = ensemble.angular_velocity_body()[body].abs().max_element();
     let rate_exponent = binary_exponent(spin.max(torque::rate_of(torques, body, axes.moments.y)));
     let principal_to_body = axes.principal_to_body;

@@ -96,6 +96,10 @@ impl Backend for Cpu {
         })
     }
 
+    fn evaluates_on_host(&self) -> Option<Width> {
+        Some(self.width)
+    }
+
     fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
         Ok(match rows {
             AnyRows::F32(rows) => CpuFreeSession::start(rows, self.width),

@@ -194,6 +194,10 @@ impl Backend for Engine {
         self.backend.start_adaptive(batch, steps)
     }
 
+    fn evaluates_on_host(&self) -> Option<Width> {
+        self.backend.evaluates_on_host()
+    }
+
     fn carries_centres(&self) -> bool {
         self.backend.carries_centres()
     }
@@ -246,6 +250,12 @@ pub trait Backend: Send + Sync {
     ///
     /// As [`Backend::start`].
     fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>>;
+
+    /// How the engine evaluates closed forms on the host, where it does: of bodies that are looked at once, constants are
+    /// formed where their states are wanted, and not kept.
+    fn evaluates_on_host(&self) -> Option<Width> {
+        None
+    }
 
     /// Takes a batch and stands ready to advance it in adaptive steps, by [`crate::method::rk8_adaptive`].
     ///

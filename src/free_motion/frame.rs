@@ -10,7 +10,7 @@ use crate::batch::{BodyFrame, binary_exponent, scaled_by_power_of_two};
 use crate::double_double::DoubleDouble;
 use crate::ensemble::Ensemble;
 use crate::free_motion::setup::Initial;
-use crate::inertia::{InertiaTensor, principal_axes};
+use crate::inertia::{AxisPermutation, InertiaTensor, principal_axes};
 use crate::quaternion::Quaternion;
 
 type Dd = DoubleDouble<f64>;
@@ -42,18 +42,16 @@ pub(crate) fn scaled_body(ensemble: &Ensemble, body: usize) -> (BodyFrame, Initi
         xz: entry(inertia.xz),
         yz: entry(inertia.yz),
     };
-    let axes = principal_axes(&scaled);
     let rate_exponent = binary_exponent(angular_velocity_body.abs().max_element());
     let omega = angular_velocity_body.to_array().map(|w| scaled_by_power_of_two(w, -rate_exponent));
     let diagonal = scaled.xy == 0.0 && scaled.xz == 0.0 && scaled.yz == 0.0;
     let (moments, mut angular_velocity, principal_to_body) = if diagonal {
-        // A signed permutation, which a rotation matrix in f64 holds exactly once it is rounded to integers.
-        let matrix = rows(DMat3::from_quat(axes.principal_to_body));
-        let whole = |x: f64| if x.abs() < 0.5 { 0.0 } else { x.signum() };
-        let along = |axis: usize| (0..3).fold(0.0, |sum, body| sum + whole(matrix[body][axis]) * omega[body]);
-        (axes.moments.to_array().map(Dd::from), [0, 1, 2].map(|axis| Dd::from(along(axis))), axes.principal_to_body)
+        let diagonal = [scaled.xx, scaled.yy, scaled.zz];
+        let axes = AxisPermutation::ascending(diagonal);
+        let moments = axes.order.map(|axis| Dd::from(diagonal[axis]));
+        (moments, axes.to_principal(omega).map(Dd::from), axes.principal_to_body)
     } else {
-        let (moments, frame, principal_to_body) = refined(&scaled, axes.principal_to_body);
+        let (moments, frame, principal_to_body) = refined(&scaled, principal_axes(&scaled).principal_to_body);
         let along = |axis: usize| (0..3).fold(ZERO, |sum, body| sum + frame[body][axis].times_word(omega[body]));
         (moments, [0, 1, 2].map(along), principal_to_body)
     };

@@ -1,7 +1,7 @@
 //! Torque-free motion in closed form: the state at any time, at a cost that does not depend on it.
 //!
 //! [`FreeMotion`] is the motion of one body, [`FreeMotionRows`] that of many, as a table of constants that the CPU's
-//! lanes and the GPU's threads evaluate alike.
+//! lanes and the GPU's threads evaluate alike. Where a state is wanted once only, the constants are not kept (`once`).
 //!
 //! # Formulas
 //!
@@ -71,11 +71,13 @@
 mod elliptic;
 pub mod evaluation;
 mod frame;
+mod once;
 mod rows;
 mod setup;
 mod solution;
 
 pub use evaluation::ROW_COLUMNS;
 pub(crate) use frame::scaled_body;
+pub(crate) use once::{FORMED_BODIES, FormedBlock};
 pub use rows::{AnyRows, FreeMotionRows, WORD_COLUMNS};
 pub use solution::{FreeMotion, Polhode};

@@ -28,7 +28,7 @@ const POLHODE_NEGATIVE: u64 = 1 << 32;
 const PRECESSION_NEGATIVE: u64 = 1 << 33;
 
 /// Bodies whose phases are formed at once: a multiple of every lane count.
-const BLOCK: usize = STRIDE_UNIT;
+pub(super) const BLOCK: usize = STRIDE_UNIT;
 
 /// Bodies that one task sets up or evaluates: some microseconds of evaluation.
 const TASK: usize = 8 * BLOCK;
@@ -139,13 +139,7 @@ impl<T: LaneScalar> FreeMotionRows<T> {
                     let start = task * TASK + block;
                     let frames = &mut frames[block..block + BLOCK];
                     let count = BLOCK.min(body_count - start);
-                    for (offset, frame) in frames[..count].iter_mut().enumerate() {
-                        let body = members.body(start + offset);
-                        let (body_frame, row) = scaled_body(ensemble, body);
-                        *frame = body_frame;
-                        initial.set(offset, &row);
-                    }
-                    // Behind the last body the row before is repeated; nothing reads it.
+                    initial.fill(ensemble, &mut frames[..count], |offset| members.body(start + offset));
                     let (words, constants) = (&mut words, &mut constants);
                     f64::dispatch(SetUpBlock { initial: &initial, frames, words, constants, first: block });
                 }
@@ -176,7 +170,7 @@ impl<T: LaneScalar> FreeMotionRows<T> {
         assert!(self.stride == 0 || state.len().is_multiple_of(self.stride), "whole columns are needed");
         column_parts(state, self.stride, 0..self.stride, TASK).into_par_iter().enumerate().for_each(
             |(task, mut columns)| {
-                T::dispatch(EvaluatePart { rows: self, start: task * TASK, time, state: &mut columns });
+                T::dispatch(self.evaluation(task * TASK, time, &mut columns));
             },
         );
     }
@@ -185,8 +179,12 @@ impl<T: LaneScalar> FreeMotionRows<T> {
     pub fn evaluate_one_by_one(&self, time: f64, state: &mut [T]) {
         assert!(self.stride == 0 || state.len().is_multiple_of(self.stride), "whole columns are needed");
         for (task, mut columns) in column_parts(state, self.stride, 0..self.stride, TASK).into_iter().enumerate() {
-            EvaluatePart { rows: self, start: task * TASK, time, state: &mut columns }.run::<T>();
+            self.evaluation(task * TASK, time, &mut columns).run::<T>();
         }
+    }
+
+    fn evaluation<'a, 'b>(&'a self, start: usize, time: f64, state: &'a mut [&'b mut [T]]) -> EvaluatePart<'a, 'b, T> {
+        EvaluatePart { words: &self.words, constants: &self.constants, stride: self.stride, start, time, state }
     }
 }
 
@@ -194,16 +192,26 @@ impl<T: LaneScalar> FreeMotionRows<T> {
 const INITIAL_COLUMNS: usize = 16;
 
 /// What the set-up of one block reads.
-struct InitialBlock([[f64; BLOCK]; INITIAL_COLUMNS]);
+pub(super) struct InitialBlock([[f64; BLOCK]; INITIAL_COLUMNS]);
 
 impl InitialBlock {
-    fn at_rest() -> Self {
+    pub(super) fn at_rest() -> Self {
         let mut columns = [[0.0; BLOCK]; INITIAL_COLUMNS];
         for moment in 0..3 {
             columns[2 * moment].fill(1.0);
         }
         columns[INITIAL_COLUMNS - 1].fill(1.0);
         Self(columns)
+    }
+
+    /// Takes as many bodies of an ensemble as there are frames, which it forms; `body` names them. What stands behind the last
+    /// one is of other bodies, and nothing reads what becomes of it.
+    pub(super) fn fill(&mut self, ensemble: &Ensemble, frames: &mut [BodyFrame], body: impl Fn(usize) -> usize) {
+        for (offset, frame) in frames.iter_mut().enumerate() {
+            let (body_frame, row) = scaled_body(ensemble, body(offset));
+            *frame = body_frame;
+            self.set(offset, &row);
+        }
     }
 
     fn set(&mut self, offset: usize, body: &Initial<f64>) {
@@ -232,13 +240,13 @@ impl InitialBlock {
 }
 
 /// Sets one block up, lane group by lane group.
-struct SetUpBlock<'a, 'b, T> {
-    initial: &'a InitialBlock,
-    frames: &'a [BodyFrame],
-    words: &'a mut [&'b mut [u64]],
-    constants: &'a mut [&'b mut [T]],
+pub(super) struct SetUpBlock<'a, 'b, T> {
+    pub initial: &'a InitialBlock,
+    pub frames: &'a [BodyFrame],
+    pub words: &'a mut [&'b mut [u64]],
+    pub constants: &'a mut [&'b mut [T]],
     /// Offset of the block in the columns.
-    first: usize,
+    pub first: usize,
 }
 
 impl<T: Scalar> LaneTask<f64> for SetUpBlock<'_, '_, T> {
@@ -366,11 +374,14 @@ impl Phases {
 }
 
 /// Evaluates the bodies of one task, lane group by lane group.
-struct EvaluatePart<'a, 'b, T> {
-    rows: &'a FreeMotionRows<T>,
-    start: usize,
-    time: f64,
-    state: &'a mut [&'b mut [T]],
+pub(super) struct EvaluatePart<'a, 'b, T> {
+    pub words: &'a [u64],
+    pub constants: &'a [T],
+    /// Distance between the starts of two columns of either.
+    pub stride: usize,
+    pub start: usize,
+    pub time: f64,
+    pub state: &'a mut [&'b mut [T]],
 }
 
 impl<T: Scalar> LaneTask<T> for EvaluatePart<'_, '_, T> {
@@ -378,19 +389,19 @@ impl<T: Scalar> LaneTask<T> for EvaluatePart<'_, '_, T> {
 
     #[inline(always)]
     fn run<R: Real<Scalar = T>>(self) {
-        let stride = self.rows.stride;
+        let stride = self.stride;
         let exact = Time::from_seconds(self.time);
         let (state, residues) = self.state.split_at_mut(STATE_COMPONENTS);
         let count = state[0].len();
         for block in (0..count).step_by(BLOCK) {
             let start = self.start + block;
             let words: [&[u64]; WORD_COLUMNS] = [
-                &self.rows.words[start..][..BLOCK],
-                &self.rows.words[stride + start..][..BLOCK],
-                &self.rows.words[2 * stride + start..][..BLOCK],
-                &self.rows.words[3 * stride + start..][..BLOCK],
-                &self.rows.words[4 * stride + start..][..BLOCK],
-                &self.rows.words[5 * stride + start..][..BLOCK],
+                &self.words[start..][..BLOCK],
+                &self.words[stride + start..][..BLOCK],
+                &self.words[2 * stride + start..][..BLOCK],
+                &self.words[3 * stride + start..][..BLOCK],
+                &self.words[4 * stride + start..][..BLOCK],
+                &self.words[5 * stride + start..][..BLOCK],
             ];
             // Integer arithmetic, body by body.
             let (mut polhode, mut precession) = ([0_u64; BLOCK], [0_u64; BLOCK]);
@@ -411,7 +422,7 @@ impl<T: Scalar> LaneTask<T> for EvaluatePart<'_, '_, T> {
             let (polhode, precession) = (TurnsBlock::new(&polhode), TurnsBlock::new(&precession));
             // The series, in lanes.
             for offset in (0..BLOCK).step_by(R::LANES) {
-                let row = load_row(|column| R::load(&self.rows.constants[column * stride + start + offset..]));
+                let row = load_row(|column| R::load(&self.constants[column * stride + start + offset..]));
                 let instant = Instant {
                     polhode: polhode.load(offset),
                     precession: precession.load(offset),

@@ -51,6 +51,7 @@ pub use mesh::{MeshDefect, MeshReport, TriangleMesh};
 #[cfg(feature = "mesh")]
 pub use mesh_file::{MeshFileProblem, read_mesh};
 pub use points::point_masses;
+pub(crate) use principal::AxisPermutation;
 pub use principal::{PrincipalAxes, principal_axes};
 pub use quadrature::{DensityIntegral, DensityQuadrature};
 pub use refined::{RefinedPrincipalAxes, principal_axes_refined};

@@ -59,8 +59,12 @@ pub(super) const PLANES: [(usize, usize, usize); 3] = [(0, 1, 2), (1, 2, 0), (2,
 pub fn principal_axes(tensor: &InertiaTensor) -> PrincipalAxes {
     let mut diagonal = [tensor.xx, tensor.yy, tensor.zz];
     let mut off = [tensor.yz, tensor.xz, tensor.xy];
-    if off == [0.0; 3] && diagonal[0] <= diagonal[1] && diagonal[1] <= diagonal[2] {
-        return PrincipalAxes { moments: DVec3::from_array(diagonal), principal_to_body: DQuat::IDENTITY };
+    if off == [0.0; 3] {
+        let axes = AxisPermutation::ascending(diagonal);
+        return PrincipalAxes {
+            moments: DVec3::from_array(axes.order.map(|axis| diagonal[axis])),
+            principal_to_body: axes.principal_to_body,
+        };
     }
     let smallest = diagonal[0].min(diagonal[1]).min(diagonal[2]);
     let largest = diagonal[0].max(diagonal[1]).max(diagonal[2]);
@@ -109,6 +113,39 @@ pub fn principal_axes(tensor: &InertiaTensor) -> PrincipalAxes {
     PrincipalAxes {
         moments: DVec3::from_array(order.map(|i| diagonal[i] + shift)),
         principal_to_body: DQuat::from_array(quaternion.map(|c| sign * c)),
+    }
+}
+
+/// Principal axes that lie along body axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct AxisPermutation {
+    /// The body axis along which each principal axis lies.
+    pub order: [usize; 3],
+    /// +1 where it points the same way, −1 where it points the other.
+    pub signs: [f64; 3],
+    /// Rotates principal coordinates to body coordinates, by the least angle of all that lead to axes along these.
+    pub principal_to_body: DQuat,
+}
+
+impl AxisPermutation {
+    /// The axes of a diagonal tensor, by ascending moment; equals keep their order.
+    pub fn ascending(diagonal: [f64; 3]) -> Self {
+        use std::f64::consts::FRAC_1_SQRT_2 as R;
+        let order = ascending(|i, j| diagonal[i].total_cmp(&diagonal[j]));
+        let (signs, [x, y, z, w]) = match order {
+            [0, 1, 2] => ([1.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1.0]),
+            [1, 2, 0] => ([1.0, 1.0, 1.0], [0.5, 0.5, 0.5, 0.5]),
+            [2, 0, 1] => ([1.0, 1.0, 1.0], [-0.5, -0.5, -0.5, 0.5]),
+            [1, 0, 2] => ([1.0, -1.0, 1.0], [0.0, 0.0, R, R]),
+            [0, 2, 1] => ([1.0, 1.0, -1.0], [R, 0.0, 0.0, R]),
+            _ => ([1.0, 1.0, -1.0], [0.0, -R, 0.0, R]),
+        };
+        Self { order, signs, principal_to_body: DQuat::from_xyzw(x, y, z, w) }
+    }
+
+    /// Body coordinates to principal, exactly.
+    pub fn to_principal(self, vector_body: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|axis| self.signs[axis] * vector_body[self.order[axis]])
     }
 }
 
@@ -205,4 +242,27 @@ pub(super) fn half_turned<T: Copy>(c: [T; 4], k: usize, minus: impl Fn(T) -> T) 
     turned[p] = minus(c[q]);
     turned[q] = c[p];
     turned
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn diagonal_tensors_give_what_the_general_way_gives() {
+        for diagonal in
+            [[1.0, 2.0, 3.0], [2.0, 3.0, 1.0], [3.0, 1.0, 2.0], [2.0, 1.0, 3.0], [1.0, 3.0, 2.0], [3.0, 2.0, 1.0]]
+        {
+            let axes = AxisPermutation::ascending(diagonal);
+            let quaternion = permuted([0.0, 0.0, 0.0, 1.0], axes.order);
+            let quaternion = half_turned(quaternion, nearest_to_identity(quaternion.map(f64::abs)), |c| -c);
+            assert_eq!(axes.principal_to_body, DQuat::from_array(quaternion), "{diagonal:?}");
+            let vector = DVec3::new(0.3, -1.1, 0.7);
+            let turned = axes.principal_to_body.conjugate() * vector;
+            let exact = DVec3::from_array(axes.to_principal(vector.to_array()));
+            assert!((turned - exact).abs().max_element() < 1e-15, "{diagonal:?}: {turned} {exact}");
+        }
+        // Equal moments keep the order of the body axes.
+        assert_eq!(AxisPermutation::ascending([2.0, 2.0, 1.0]).order, [2, 0, 1]);
+    }
 }

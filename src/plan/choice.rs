@@ -136,7 +136,7 @@ pub fn skip_tolerance(accuracy: &Accuracy) -> Bound {
 pub(super) struct Look {
     pub torques: TorqueSet,
     pub verdict: Verdict,
-    /// The greatest rate, rad/s, that its step must follow.
+    /// The greatest rate, rad/s, that its step must follow; 0 of a body that is not stepped.
     pub rate: f64,
 }
 
@@ -147,10 +147,12 @@ pub(super) fn look_at(scene: &Scene, body: usize, tolerance: &Bound) -> Look {
     let unit = scaled_by_power_of_two(1.0, frame.rate_exponent);
     let m = frame.angular_momentum_principal(scene.ensemble(), body);
     let free = FreeBody { moments: frame.scaled_moments, angular_momentum_principal: m, span: scene.end() * unit };
-    let rate = greatest_rate(scene, body, &frame, m);
     if torques.is_empty() {
+        // What is not stepped has no step that would follow a rate.
+        let rate = if scene.may_skip() { 0.0 } else { greatest_rate(scene, body, &frame, m) };
         return Look { torques, verdict: free.verdict(tolerance), rate };
     }
+    let rate = greatest_rate(scene, body, &frame, m);
     let verdict = Verdict { shape: Shape::Asymmetric, axis: 0, bound: Bound::default() };
     Look { torques, verdict, rate }
 }

@@ -353,11 +353,19 @@ fn stepped_bodies(scene: &Scene) -> BTreeMap<TorqueSet, Vec<u32>> {
             found.insert(TorqueSet::all(scene.torques().len()), bodies.collect());
         }
     } else if !scene.torques().is_empty() {
-        for body in bodies {
-            let torques = TorqueSet::acting_on(scene.torques(), body as usize);
-            if !torques.is_empty() {
-                found.entry(torques).or_default().push(body);
+        let looked = |block: usize| {
+            let mut lists: BTreeMap<TorqueSet, Vec<u32>> = BTreeMap::new();
+            for body in block * LOOK_BLOCK..scene.ensemble().len().min((block + 1) * LOOK_BLOCK) {
+                let torques = TorqueSet::acting_on(scene.torques(), body);
+                if !torques.is_empty() {
+                    lists.entry(torques).or_default().push(body as u32);
+                }
             }
+            lists
+        };
+        let blocks: Vec<_> = (0..bodies.len().div_ceil(LOOK_BLOCK)).into_par_iter().map(looked).collect();
+        for (torques, bodies) in blocks.into_iter().flatten() {
+            found.entry(torques).or_default().extend(bodies);
         }
     }
     found

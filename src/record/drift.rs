@@ -99,12 +99,13 @@ impl DriftGatherer {
     }
 
     pub(crate) fn finish(mut self) -> Drift {
-        Drift {
-            bodies: self.norm.len(),
-            kinetic_energy: Quantiles::of(&mut self.kinetic_energy),
-            angular_momentum_world: Quantiles::of(&mut self.angular_momentum_world),
-            norm: Quantiles::of(&mut self.norm),
-        }
+        let Self { kinetic_energy, angular_momentum_world, norm } = &mut self;
+        let bodies = norm.len();
+        let (kinetic_energy, (angular_momentum_world, norm)) = rayon::join(
+            || Quantiles::of(kinetic_energy),
+            || rayon::join(|| Quantiles::of(angular_momentum_world), || Quantiles::of(norm)),
+        );
+        Drift { bodies, kinetic_energy, angular_momentum_world, norm }
     }
 }
 

@@ -1,6 +1,7 @@
 //! What a run leaves behind.
 
 use glam::{DQuat, DVec3};
+use rayon::prelude::*;
 
 use crate::batch::{BodyState, Precision};
 use crate::engine::Description;
@@ -144,15 +145,22 @@ impl Snapshot {
         Self { time, orientation, angular_velocity_body, ..Self::default() }
     }
 
-    fn push(&mut self, state: &OutputState) {
-        self.orientation.push(state.rotation.orientation);
-        self.angular_velocity_body.push(state.rotation.angular_velocity_body);
-        if let Some((position, velocity)) = state.translation {
-            self.position.push(position);
-            self.velocity.push(velocity);
+    /// Takes the next bodies.
+    fn extend(&mut self, states: &[OutputState]) {
+        let rows = || states.par_iter().with_min_len(TAKEN);
+        self.orientation.par_extend(rows().map(|state| state.rotation.orientation));
+        self.angular_velocity_body.par_extend(rows().map(|state| state.rotation.angular_velocity_body));
+        // All bodies of an ensemble translate, or none.
+        if states.first().is_some_and(|state| state.translation.is_some()) {
+            let centres = || states.iter().filter_map(|state| state.translation);
+            self.position.extend(centres().map(|(position, _)| position));
+            self.velocity.extend(centres().map(|(_, velocity)| velocity));
         }
     }
 }
+
+/// Bodies that one task takes into a snapshot.
+const TAKEN: usize = 1 << 11;
 
 /// Wall time of a run by phase, s.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -327,9 +335,7 @@ impl Sink for Memory {
         while self.snapshots.len() <= index {
             self.snapshots.push(Snapshot::with_capacity(time, self.body_count));
         }
-        for state in states {
-            self.snapshots[index].push(state);
-        }
+        self.snapshots[index].extend(states);
         Ok(())
     }
 }

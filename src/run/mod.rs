@@ -19,6 +19,7 @@ pub(crate) mod alone;
 mod balance;
 pub(crate) mod confidence;
 mod flight;
+mod once;
 pub(crate) mod shadow;
 mod statistics;
 mod translation;
@@ -75,12 +76,13 @@ pub fn run_into(
     let scene = plan.scene();
     let body_count = scene.ensemble().len();
     let mut wall_time = WallTime::default();
-    let units = plan.groups().iter().map(|group| Unit::start(engine, scene, group, &mut wall_time));
-    let mut units = units.collect::<Result<Vec<_>>>()?;
-    let mut centres = Centres::start(plan);
     // The long way forms statistics of the states that it reads.
     let statistics = scene.wanted_statistics();
     let reduces = !statistics.is_empty() && scene.may_skip();
+    let once = plan.times().len() == 1 && !reduces;
+    let units = plan.groups().iter().map(|group| Unit::start(engine, scene, group, once, &mut wall_time));
+    let mut units = units.collect::<Result<Vec<_>>>()?;
+    let mut centres = Centres::start(plan);
     if reduces {
         let clock = Instant::now();
         units.iter_mut().try_for_each(|unit| unit.watch(statistics, usable_rate(scene)))?;
@@ -127,12 +129,9 @@ pub fn run_into(
         for start in (0..body_count).step_by(block) {
             let range = start..(start + block).min(body_count);
             let clock = Instant::now();
-            read_states(&mut units, &centres, &range, &mut states)?;
+            read_states(&mut units, &centres, &range, &mut states, last.then_some(&mut initial))?;
             from_states.push(start, &states);
             if last {
-                initial.clear();
-                initial.resize(range.len(), BodyState::UNKNOWN);
-                units.iter().for_each(|unit| unit.read_initial(scene.ensemble(), &range, &mut initial));
                 end.gather(scene, start, &initial, &states);
                 let of_block = |body: &&u32| range.contains(&(**body as usize));
                 sampled.extend(sample.iter().filter(of_block).map(|&body| states[body as usize - start].rotation));
@@ -232,16 +231,22 @@ fn advance(
     Ok(())
 }
 
-/// Some bodies in the user's axes and units, to `states`.
+/// Some bodies in the user's axes and units, to `states`, and as they started, to `initial`. Each body is of one unit, so every
+/// place is written, whatever stood there.
 fn read_states(
     units: &mut [Unit<'_>],
     centres: &Centres<'_>,
     bodies: &Range<usize>,
     states: &mut Vec<OutputState>,
+    mut initial: Option<&mut Vec<BodyState>>,
 ) -> Result<()> {
-    states.clear();
     states.resize(bodies.len(), OutputState { rotation: BodyState::UNKNOWN, translation: None });
-    units.iter_mut().try_for_each(|unit| unit.read(bodies, states))?;
+    if let Some(initial) = &mut initial {
+        initial.resize(bodies.len(), BodyState::UNKNOWN);
+    }
+    units
+        .iter_mut()
+        .try_for_each(|unit| unit.read(bodies, states, initial.as_mut().map(|initial| &mut initial[..])))?;
     if centres.are_moving() {
         let places = bodies.clone().into_par_iter().zip(&mut *states);
         places.for_each(|(body, state)| state.translation = centres.of_body(body));
@@ -250,7 +255,7 @@ fn read_states(
         let mut flying = vec![None; bodies.len()];
         units.iter_mut().try_for_each(|unit| unit.read_centres(bodies, &mut flying))?;
         for (state, centre) in states.iter_mut().zip(flying) {
-            state.translation = centre.or(state.translation);
+            state.translation = centre.or(state.translation.filter(|_| centres.are_moving()));
         }
     }
     Ok(())
@@ -275,17 +280,20 @@ impl AtEnd {
         let too_fast = |state: &BodyState| state.angular_velocity_body.length() > usable_rate;
         let compared = |(row, (initial, state)): (usize, (&BodyState, &OutputState))| {
             let state = &state.rotation;
-            let kept = is_finite(state).then(|| Kept::of(scene, first_body + row, initial, state));
-            (kept, too_fast(initial) || too_fast(state))
+            Compared {
+                kept: is_finite(state).then(|| Kept::of(scene, first_body + row, initial, state)),
+                is_outside: too_fast(initial) || too_fast(state),
+                failure: (!is_sound(state)).then_some(state.status),
+            }
         };
         let rows = initial.par_iter().zip(states).enumerate().with_min_len(COMPARED);
-        let found: Vec<(Option<Kept>, bool)> = rows.map(compared).collect();
-        for ((row, state), (kept, is_outside)) in states.iter().enumerate().zip(found) {
+        let found: Vec<Compared> = rows.map(compared).collect();
+        for (row, Compared { kept, is_outside, failure }) in found.into_iter().enumerate() {
             self.outside_usable_region += usize::from(is_outside);
             self.conserved(kept);
-            if !is_sound(&state.rotation) {
+            if let Some(status) = failure {
                 self.failed_bodies.push(first_body + row);
-                self.flagged += usize::from(state.rotation.status == Status::StepBelowLimit);
+                self.flagged += usize::from(status == Status::StepBelowLimit);
             }
         }
     }
@@ -314,7 +322,7 @@ impl AtEnd {
         states.sort_unstable_by_key(|&(body, _)| body);
         for (body, state) in &states {
             let mut initial = [BodyState::UNKNOWN];
-            units.iter().for_each(|unit| unit.read_initial(scene.ensemble(), &(*body..body + 1), &mut initial));
+            units.iter().for_each(|unit| unit.read_initial(&(*body..body + 1), &mut initial));
             self.conserved(is_finite(state).then(|| Kept::of(scene, *body, &initial[0], state)));
         }
         Ok(states.into_iter().map(|(_, state)| state).collect())
@@ -332,6 +340,16 @@ impl AtEnd {
 
 /// Bodies that one task compares.
 const COMPARED: usize = 1 << 10;
+
+/// What the end says of a body.
+struct Compared {
+    /// How well it kept what it keeps, where it can be told.
+    kept: Option<Kept>,
+    /// Whether it turns too far in a given step.
+    is_outside: bool,
+    /// What became of it where it failed.
+    failure: Option<Status>,
+}
 
 /// How well a body kept what it keeps.
 struct Kept {

@@ -8,15 +8,16 @@ use rayon::prelude::*;
 
 use super::adaptive::{AdaptiveUnit, StateOf, UnitWork};
 use super::flight::Flight;
+use super::once::Once;
 use super::{OutputState, is_sound};
-use crate::batch::{BodyFrame, BodyState, prepare_members};
+use crate::batch::{BodyFrame, BodyState, Precision, prepare_members};
 use crate::engine::cpu::{Cpu, Width};
 use crate::engine::reduction::{Marked, Reduce};
 use crate::engine::watch::Job;
 use crate::engine::{Backend, FreeSession, Observer, Progress, Session};
 use crate::ensemble::Ensemble;
 use crate::error::Result;
-use crate::free_motion::AnyRows;
+use crate::free_motion::{AnyRows, scaled_body};
 use crate::method::Status;
 use crate::observe::{self, Partial, Statistic, merge};
 use crate::plan::{Group, Members, Treatment};
@@ -28,8 +29,9 @@ use crate::torque::{Torque, variable_inertia};
 /// The bodies of one group on their way through time.
 pub(super) struct Unit<'p> {
     members: &'p Members,
-    motion: Motion,
+    motion: Motion<'p>,
     flight: Option<Flight<'p>>,
+    ensemble: &'p Ensemble,
     torques: &'p [Torque],
     /// Whether moments of inertia change in time.
     varies: bool,
@@ -37,7 +39,7 @@ pub(super) struct Unit<'p> {
     time: f64,
 }
 
-enum Motion {
+enum Motion<'p> {
     /// `carries`: whether the session moves the centres of mass along.
     Stepped {
         session: Box<dyn Session>,
@@ -50,6 +52,8 @@ enum Motion {
         session: Box<dyn FreeSession>,
         frames: Vec<BodyFrame>,
     },
+    /// The same of bodies that are looked at once.
+    Once(Once<'p>),
     Precession {
         bodies: Vec<RegularPrecession>,
         time: f64,
@@ -57,7 +61,14 @@ enum Motion {
 }
 
 impl<'p> Unit<'p> {
-    pub fn start(engine: &dyn Backend, scene: &'p Scene, group: &'p Group, wall_time: &mut WallTime) -> Result<Self> {
+    /// Makes the bodies ready. `once`: states are wanted at one time only, and all of them then.
+    pub fn start(
+        engine: &dyn Backend,
+        scene: &'p Scene,
+        group: &'p Group,
+        once: bool,
+        wall_time: &mut WallTime,
+    ) -> Result<Self> {
         let clock = Instant::now();
         let members = &group.members;
         let mut flight = None;
@@ -74,6 +85,10 @@ impl<'p> Unit<'p> {
                     .collect();
                 wall_time.prepare += clock.elapsed().as_secs_f64();
                 Motion::Precession { bodies, time: 0.0 }
+            }
+            Treatment::ClosedForm { precision } if once && evaluates_on_host(engine, precision).is_some() => {
+                let width = evaluates_on_host(engine, precision).unwrap_or(Width::Lanes);
+                Motion::Once(Once { ensemble: scene.ensemble(), members, precision, width })
             }
             Treatment::ClosedForm { precision } => {
                 let (frames, rows) = AnyRows::prepare_members(scene.ensemble(), members, precision)?;
@@ -116,7 +131,8 @@ impl<'p> Unit<'p> {
             flight = Flight::start(scene, members, false)?;
         }
         let varies = variable_inertia::of_scene(scene.torques()).is_some();
-        Ok(Self { members, motion, flight, torques: scene.torques(), varies, time: 0.0 })
+        let (ensemble, torques) = (scene.ensemble(), scene.torques());
+        Ok(Self { members, motion, flight, ensemble, torques, varies, time: 0.0 })
     }
 
     /// The steps from `time − span` to `time`, s, as work for the host's threads, to be run before anything else is done with the
@@ -131,7 +147,7 @@ impl<'p> Unit<'p> {
                 session.job(interval.dt, interval.steps)?
             }
             Motion::Adaptive(unit) => unit.job_to(time)?,
-            Motion::ClosedForm { .. } | Motion::Precession { .. } => None,
+            Motion::ClosedForm { .. } | Motion::Once(_) | Motion::Precession { .. } => None,
         };
         if job.is_some() {
             self.time = time;
@@ -184,6 +200,7 @@ impl<'p> Unit<'p> {
                 }
                 Ok(bodies)
             }
+            Motion::Once(_) => Ok(bodies),
             Motion::Precession { time: now, .. } => {
                 *now = time;
                 Ok(bodies)
@@ -197,7 +214,7 @@ impl<'p> Unit<'p> {
             Motion::Stepped { session, .. } => session.bytes_read(),
             Motion::ClosedForm { session, .. } => session.bytes_read(),
             Motion::Adaptive(unit) => unit.bytes_read(),
-            Motion::Precession { .. } => 0,
+            Motion::Once(_) | Motion::Precession { .. } => 0,
         }
     }
 
@@ -233,18 +250,32 @@ impl<'p> Unit<'p> {
         Ok(())
     }
 
-    /// Writes the states of those of its bodies that are in `bodies` to their places in `states`.
-    pub fn read(&mut self, bodies: &Range<usize>, states: &mut [OutputState]) -> Result<()> {
+    /// Writes the states of those of its bodies that are in `bodies` to their places in `states`, and those in which they
+    /// started, by the same route, to their places in `initial`.
+    pub fn read(
+        &mut self,
+        bodies: &Range<usize>,
+        states: &mut [OutputState],
+        initial: Option<&mut [BodyState]>,
+    ) -> Result<()> {
+        if let Motion::Once(once) = &self.motion {
+            read_once(once, self.members, self.time, bodies, states, initial);
+            return Ok(());
+        }
         let members = self.members;
         self.with_states(&members.rows(bodies.clone()), &mut |rows, state| {
             scatter(members, bodies, &rows, states, |row, place| place.rotation = state(row));
-        })
+        })?;
+        if let Some(initial) = initial {
+            self.read_initial(bodies, initial);
+        }
+        Ok(())
     }
 
     /// Writes the states in which those of its bodies that are in `bodies` started to their places in `states`, by the same
     /// route as later ones.
-    pub fn read_initial(&self, ensemble: &Ensemble, bodies: &Range<usize>, states: &mut [BodyState]) {
-        let members = self.members;
+    pub fn read_initial(&self, bodies: &Range<usize>, states: &mut [BodyState]) {
+        let (members, ensemble) = (self.members, self.ensemble);
         let of_frame = |frame: &BodyFrame, row: usize| frame.body_state(frame.initial(ensemble, members.body(row)));
         let state: Box<StateOf<'_>> = match &self.motion {
             Motion::Stepped { frames, .. } | Motion::ClosedForm { frames, .. } => {
@@ -254,6 +285,7 @@ impl<'p> Unit<'p> {
                 let frame = unit.frames();
                 Box::new(move |row| of_frame(&frame(row), row))
             }
+            Motion::Once(_) => Box::new(move |row| of_frame(&scaled_body(ensemble, members.body(row)).0, row)),
             Motion::Precession { bodies, .. } => Box::new(move |row| bodies[row].at(0.0)),
         };
         scatter(members, bodies, &members.rows(bodies.clone()), states, |row, place| *place = state(row));
@@ -283,14 +315,48 @@ impl<'p> Unit<'p> {
                 let words = session.read(rows.clone())?;
                 then(rows.clone(), &|row| frames[row].state_of(&words, row - rows.start));
             }
+            Motion::Once(once) => {
+                let states = once.states(rows, time);
+                then(rows.clone(), &|row| states[row - rows.start]);
+            }
             Motion::Precession { bodies, time } => then(rows.clone(), &|row| bodies[row].at(*time)),
         }
         Ok(())
     }
 }
 
+/// How closed forms in `precision` are evaluated on the host, where a run on `engine` evaluates them there.
+fn evaluates_on_host(engine: &dyn Backend, precision: Precision) -> Option<Width> {
+    if engine.precisions().contains(&precision) { engine.evaluates_on_host() } else { Some(Width::Lanes) }
+}
+
 /// Bodies that one task writes.
 const TASK: usize = 1 << 10;
+
+/// [`Unit::read`] of bodies that are looked at once.
+fn read_once(
+    once: &Once<'_>,
+    members: &Members,
+    time: f64,
+    bodies: &Range<usize>,
+    states: &mut [OutputState],
+    initial: Option<&mut [BodyState]>,
+) {
+    let mut starts = initial.map(|initial| initial.chunks_mut(TASK));
+    let next = |states| (states, starts.as_mut().and_then(Iterator::next));
+    let tasks: Vec<_> = states.chunks_mut(TASK).map(next).collect();
+    tasks.into_par_iter().enumerate().for_each(|(task, (states, mut initial))| {
+        let first = bodies.start + task * TASK;
+        let rows = members.rows(first..first + states.len());
+        once.each(rows, time, initial.is_some(), |row, state, start| {
+            let place = members.body(row) - first;
+            states[place].rotation = state;
+            if let (Some(initial), Some(start)) = (&mut initial, start) {
+                initial[place] = start;
+            }
+        });
+    });
+}
 
 /// Lets `write` fill the places of those of the bodies in `rows` that are in `bodies`.
 fn scatter<T: Send>(
@@ -420,7 +486,7 @@ impl Unit<'_> {
             Motion::Stepped { session, frames, .. } => Some((&mut **session, frames)),
             Motion::ClosedForm { session, frames } => Some((&mut **session, frames)),
             Motion::Adaptive(unit) => Some(unit.session()),
-            Motion::Precession { .. } => None,
+            Motion::Once(_) | Motion::Precession { .. } => None,
         }
     }
 

@@ -1,0 +1,71 @@
+//! Torque-free bodies of a run with one output: brought there when they are read, and nothing kept of them.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use crate::batch::{BodyState, Precision};
+use crate::engine::cpu::Width;
+use crate::ensemble::Ensemble;
+use crate::free_motion::{FORMED_BODIES, FormedBlock};
+use crate::lanes::LaneScalar;
+use crate::plan::Members;
+
+/// A group of such bodies.
+pub(super) struct Once<'p> {
+    pub ensemble: &'p Ensemble,
+    pub members: &'p Members,
+    pub precision: Precision,
+    pub width: Width,
+}
+
+impl Once<'_> {
+    /// Hands the states at `time` of the bodies in some rows of the group to `write`, with those in which they started where
+    /// these are wanted.
+    pub fn each(
+        &self,
+        rows: Range<usize>,
+        time: f64,
+        wants_start: bool,
+        write: impl FnMut(usize, BodyState, Option<BodyState>),
+    ) {
+        match self.precision {
+            Precision::F32 => self.each_in::<f32>(rows, time, wants_start, write),
+            Precision::F64 => self.each_in::<f64>(rows, time, wants_start, write),
+        }
+    }
+
+    fn each_in<T: LaneScalar>(
+        &self,
+        rows: Range<usize>,
+        time: f64,
+        wants_start: bool,
+        mut write: impl FnMut(usize, BodyState, Option<BodyState>),
+    ) {
+        if rows.is_empty() {
+            return;
+        }
+        let mut block = FormedBlock::<T>::new();
+        for first in rows.clone().step_by(FORMED_BODIES) {
+            let count = FORMED_BODIES.min(rows.end - first);
+            block.form(self.ensemble, count, |place| self.members.body(first + place), time, self.width);
+            for place in 0..count {
+                let (row, frame) = (first + place, block.frame(place));
+                let start = wants_start.then(|| frame.body_state(frame.initial(self.ensemble, self.members.body(row))));
+                write(row, block.state(place), start);
+            }
+        }
+    }
+
+    /// The states at `time` of the bodies in some rows.
+    pub fn states(&self, rows: &Range<usize>, time: f64) -> Vec<BodyState> {
+        let blocks = (0..rows.len().div_ceil(FORMED_BODIES)).into_par_iter();
+        let of_block = |block: usize| {
+            let first = rows.start + block * FORMED_BODIES;
+            let mut states = Vec::with_capacity(FORMED_BODIES);
+            self.each(first..rows.end.min(first + FORMED_BODIES), time, false, |_, state, _| states.push(state));
+            states
+        };
+        blocks.flat_map_iter(of_block).collect()
+    }
+}
