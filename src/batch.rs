@@ -26,6 +26,7 @@ mod frame;
 mod groups;
 mod prepare;
 
+pub(crate) use frame::unit_product;
 pub use frame::{BodyFrame, BodyState};
 pub(crate) use groups::{load_body, load_combinations, load_invariants, load_state, store_state};
 pub(crate) use prepare::{ORDER_BLOCK, Prepared, bytes_per_body_under, frame_of, initial_state, prepare_ordered};

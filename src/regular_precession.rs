@@ -19,7 +19,7 @@ use crate::batch::{BodyFrame, BodyState};
 use crate::double_double::DoubleDouble;
 use crate::elementary::{power_of_two, sin_cos_turns};
 use crate::ensemble::Ensemble;
-use crate::free_motion::scaled_body;
+use crate::free_motion::{SetUp, scaled_body};
 use crate::phase::{Rate, Time, fraction_from_turns, phase_at, phase_turns};
 use crate::plan::class::{FreeBody, Shape};
 
@@ -51,7 +51,7 @@ impl RegularPrecession {
     /// Where the ensemble has no such body.
     pub fn of_body(ensemble: &Ensemble, body: usize, shape: Shape, span: f64) -> Self {
         type Dd = DoubleDouble;
-        let (frame, initial) = scaled_body(ensemble, body);
+        let (frame, initial) = scaled_body(ensemble, body, SetUp::TwoWords);
         let momentum: [Dd; 3] = std::array::from_fn(|axis| initial.moments[axis] * initial.angular_velocity[axis]);
         let m = DVec3::from_array(momentum.map(Dd::to_f64));
         let length = (momentum[0].squared() + momentum[1].squared() + momentum[2].squared()).sqrt();

@@ -79,7 +79,7 @@ impl BodyFrame {
     /// The scaled state ([`StateWords`]) in which a body of an ensemble starts whose frame this is.
     pub(crate) fn initial(&self, ensemble: &Ensemble, body: usize) -> [f64; STATE_COMPONENTS] {
         let m = self.angular_momentum_principal(ensemble, body);
-        let q = (ensemble.orientation()[body] * self.principal_to_body).normalize();
+        let q = unit_product(ensemble.orientation()[body], self.principal_to_body);
         [q.x, q.y, q.z, q.w, m.x, m.y, m.z]
     }
 
@@ -131,7 +131,7 @@ impl BodyFrame {
         let omega = m / self.scaled_moments;
         let scale = vector_scaled_by_power_of_two;
         BodyState {
-            orientation: (unit * self.principal_to_body.conjugate()).normalize(),
+            orientation: unit_product(unit, self.principal_to_body.conjugate()),
             angular_velocity_body: scale(self.principal_to_body * omega, self.rate_exponent),
             angular_momentum_world: scale(unit * m, self.moment_exponent + self.rate_exponent),
             kinetic_energy: scaled_by_power_of_two(0.5 * m.dot(omega), self.moment_exponent + 2 * self.rate_exponent),
@@ -139,4 +139,11 @@ impl BodyFrame {
             status: Status::Valid,
         }
     }
+}
+
+/// The product of two unit quaternions, with the norm's roundings taken out: to first order in them, which leaves nothing.
+#[inline]
+pub(crate) fn unit_product(a: DQuat, b: DQuat) -> DQuat {
+    let product = a * b;
+    product * (1.5 - 0.5 * product.length_squared())
 }

@@ -40,16 +40,20 @@ const SPAN: f64 = 100.0;
 /// The attitude error asked for, rad.
 const TOLERANCE: f64 = 1e-6;
 
+/// The error, rad, for which the closed form's constants need two words.
+const FINE_TOLERANCE: f64 = 1e-12;
+
 /// Output times of the scene that shows what outputs cost.
 const OUTPUTS: u32 = 50;
 
 /// The skips that have a scene.
-pub const SKIPS: [SkipName; 11] = [
+pub const SKIPS: [SkipName; 12] = [
     SkipName::AtRest,
     SkipName::Spherical,
     SkipName::Steady,
     SkipName::Axisymmetric,
     SkipName::Free,
+    SkipName::SetUp,
     SkipName::Torque,
     SkipName::Translation,
     SkipName::TranslationSteps,
@@ -124,6 +128,14 @@ fn scenes(skip: SkipName, bodies: usize) -> Result<(Scene, Scene)> {
             let round = |moments: DVec3| DVec3::new(moments.x, moments.x, moments.z.min(2.0 * moments.x));
             Scene::new(changed(&|moments, spin| (round(moments), spin))?)
         }
+        // Tensors that are not diagonal, as set-up in two words costs the most then.
+        SkipName::SetUp => {
+            let turned = |body: usize| {
+                let (tensor, q) = (free.inertia()[body], free.orientation()[body]);
+                (tensor.rotated(q), q, free.angular_velocity_body()[body])
+            };
+            Scene::new(Ensemble::from_fn(bodies, turned)?)
+        }
         SkipName::Torque => Scene::new(free.clone()).torque(Torque::linear_drag(drag(false))),
         SkipName::Steps => {
             // A few spin ten times as fast as the others, and all would have to take their steps.
@@ -143,6 +155,11 @@ fn scenes(skip: SkipName, bodies: usize) -> Result<(Scene, Scene)> {
         SkipName::States => {
             let scene = scene.outputs(often()).statistics(&Statistic::ALL);
             (scene.clone().without_states(), scene)
+        }
+        // Here to ask for more digits.
+        SkipName::SetUp => {
+            let scene = scene.precision(Some(Precision::F64));
+            (scene.clone(), scene.accuracy(Accuracy::attitude(FINE_TOLERANCE)))
         }
         // And here to move centres of mass that nobody has given.
         SkipName::Translation => (scene, ask(falling(moving(&free)?))),
@@ -228,7 +245,7 @@ fn bytes(plan: &Plan<'_>, reads: usize) -> u64 {
     let of_group = |group: &crate::plan::Group| {
         let (given, read) = match group.treatment {
             Treatment::RegularPrecession => (0, 0),
-            Treatment::ClosedForm { precision } => {
+            Treatment::ClosedForm { precision, .. } => {
                 let word = if precision == Precision::F32 { 4 } else { 8 };
                 (WORD_COLUMNS * 8 + ROW_COLUMNS * word, STATE_COMPONENTS * word)
             }

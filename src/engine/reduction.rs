@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::observe::{Partial, Statistic};
 
 /// A session that reduces its state where it is.
-pub trait Reduce {
+pub trait Reduce: Send {
     /// Makes ready for [`Reduce::reduce`]: the statistics wanted, the frames of all bodies, and the spin rate, rad/s, beyond
     /// which a body is marked.
     ///

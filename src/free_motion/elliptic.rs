@@ -1,6 +1,6 @@
-//! Elliptic integrals in double-double arithmetic, by the arithmetic-geometric mean.
+//! Elliptic integrals by the arithmetic-geometric mean.
 
-use crate::double_double::DoubleDouble;
+use crate::free_motion::number::Number;
 use crate::real::Real;
 
 /// 1/(2π).
@@ -37,43 +37,43 @@ const ATAN_TAIL: [f64; 7] = [1.0 / 13.0, -1.0 / 15.0, 1.0 / 17.0, -1.0 / 19.0, 1
 /// The angle between the nearer axis and the point is reduced by the nearest of atan(j/8), which costs one division
 /// (atan a − atan b = atan((a − b)/(1 + ab))), and Gregory's series does the rest.
 #[inline(always)]
-pub(crate) fn angle_turns<R: Real>(y: DoubleDouble<R>, x: DoubleDouble<R>) -> DoubleDouble<R> {
+pub(crate) fn angle_turns<R: Real, N: Number<R>>(y: N, x: N) -> N {
     let size = x.abs();
-    let steep = size.high.less_than(y.high);
-    let near = DoubleDouble::select(steep, size, y);
-    let far = DoubleDouble::select(steep, y, size);
-    let eighths = (R::splat(8.0) * (near.high / far.high)).round();
+    let steep = size.rounded().less_than(y.rounded());
+    let near = N::select(steep, size, y);
+    let far = N::select(steep, y, size);
+    let eighths = (R::splat(8.0) * (near.rounded() / far.rounded())).round();
     let tangent = eighths * R::splat(0.125);
     let t = (near - far.times_word(tangent)) / (far + near.times_word(tangent));
-    let mut base = DoubleDouble::splat(0.0, 0.0);
+    let mut base = N::splat(0.0, 0.0);
     for (j, &(high, low)) in ATAN_EIGHTHS.iter().enumerate().skip(1) {
         let reached = R::splat(j as f64 - 0.5).less_than(eighths);
-        base = DoubleDouble::select(reached, DoubleDouble::splat(high, low), base);
+        base = N::select(reached, N::splat(high, low), base);
     }
     let t2 = t.squared();
     let mut tail = R::splat(ATAN_TAIL[ATAN_TAIL.len() - 1]);
     for &coefficient in ATAN_TAIL.iter().rev().skip(1) {
-        tail = tail.mul_add(t2.high, R::splat(coefficient));
+        tail = tail.mul_add(t2.rounded(), R::splat(coefficient));
     }
-    let mut sum = DoubleDouble::from_word(tail);
+    let mut sum = N::from_word(tail);
     for &(high, low) in ATAN_SERIES.iter().rev() {
-        sum = sum * t2 + DoubleDouble::splat(high, low);
+        sum = sum * t2 + N::splat(high, low);
     }
-    let angle = (base + sum * t) * DoubleDouble::splat(INVERSE_TAU.0, INVERSE_TAU.1);
-    let from_x_axis = DoubleDouble::select(steep, DoubleDouble::splat(0.25, 0.0) - angle, angle);
-    let left = x.high.less_than(R::splat(0.0));
-    DoubleDouble::select(left, DoubleDouble::splat(0.5, 0.0) - from_x_axis, from_x_axis)
+    let angle = (base + sum * t) * N::splat(INVERSE_TAU.0, INVERSE_TAU.1);
+    let from_x_axis = N::select(steep, N::splat(0.25, 0.0) - angle, angle);
+    let left = x.rounded().less_than(R::splat(0.0));
+    N::select(left, N::splat(0.5, 0.0) - from_x_axis, from_x_axis)
 }
 
 /// What one descending chain of Landen transformations gives for the modulus whose complement it starts from.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Landen<R> {
+pub(crate) struct Landen<N> {
     /// The arithmetic-geometric mean of 1 and the complementary modulus: K = π / (2 · mean).
-    pub mean: DoubleDouble<R>,
+    pub mean: N,
     /// F(φ)/(4K) of the angle φ in the first quadrant: the argument in turns of the theta functions.
-    pub argument: DoubleDouble<R>,
+    pub argument: N,
     /// Jacobi's zeta function Z(φ) = E(φ) − (E/K) F(φ).
-    pub zeta: DoubleDouble<R>,
+    pub zeta: N,
 }
 
 /// Steps after which any chain from a complementary modulus above 2⁻¹²⁰ has converged: 7 to bring the ratio below 2, 6
@@ -91,42 +91,42 @@ const LEAST_COTANGENT: f64 = 1e-100;
 /// φ is followed by the sign of y. Z = Σ ½ (a − b) sin φ′. Lanes that have converged are left alone, so that a result
 /// does not depend on its neighbours.
 #[inline(always)]
-pub(crate) fn landen<R: Real>(complement: DoubleDouble<R>, cotangent: DoubleDouble<R>, with_zeta: bool) -> Landen<R> {
+pub(crate) fn landen<R: Real, N: Number<R>>(complement: N, cotangent: N, with_zeta: bool) -> Landen<N> {
     let zero = R::splat(0.0);
-    let least = DoubleDouble::splat(LEAST_COTANGENT, 0.0);
-    let (mut a, mut b) = (DoubleDouble::splat(1.0, 0.0), complement);
-    let mut y = DoubleDouble::select(cotangent.high.less_than(least.high), least, cotangent);
+    let least = N::splat(LEAST_COTANGENT, 0.0);
+    let (mut a, mut b) = (N::splat(1.0, 0.0), complement);
+    let mut y = N::select(cotangent.rounded().less_than(least.rounded()), least, cotangent);
     let mut half_turns = zero;
     let mut weight = R::splat(1.0);
-    let mut zeta = DoubleDouble::splat(0.0, 0.0);
+    let mut zeta = N::splat(0.0, 0.0);
     let mut active = zero.less_than(weight);
     for _ in 0..MOST_STEPS {
         let product = a * b;
-        let negative = y.high.less_than(zero);
+        let negative = y.rounded().less_than(zero);
         let mean = (a + b).scaled(0.5);
         let half_difference = (a - b).scaled(0.5);
         let next = (y - product / y).scaled(0.5);
-        let tiny = next.high.abs().less_than(least.high);
-        let next = DoubleDouble::select(tiny, least, next);
+        let tiny = next.rounded().abs().less_than(least.rounded());
+        let next = N::select(tiny, least, next);
         if with_zeta {
             let sine = mean / (mean.squared() + next.squared()).sqrt();
             let term = half_difference * sine;
-            let term = DoubleDouble::select(negative, -term, term);
-            zeta = DoubleDouble::select(active, zeta + term, zeta);
+            let term = N::select(negative, -term, term);
+            zeta = N::select(active, zeta + term, zeta);
         }
         let doubled = half_turns + half_turns + R::select(negative, R::splat(1.0), zero);
         half_turns = R::select(active, doubled, half_turns);
         weight = R::select(active, weight * R::splat(0.5), weight);
-        y = DoubleDouble::select(active, next, y);
+        y = N::select(active, next, y);
         let root = product.sqrt();
-        let more = (mean.high * R::splat(CONVERGED)).less_than(half_difference.high);
-        a = DoubleDouble::select(active, mean, a);
-        b = DoubleDouble::select(active, root, b);
+        let more = (mean.rounded() * R::splat(CONVERGED)).less_than(half_difference.rounded());
+        a = N::select(active, mean, a);
+        b = N::select(active, root, b);
         active = active & more;
         if !R::any(active) {
             break;
         }
     }
-    let angle = angle_turns(a, y) + DoubleDouble::from_word(half_turns * R::splat(0.5));
-    Landen { mean: a, argument: DoubleDouble { high: angle.high * weight, low: angle.low * weight }, zeta }
+    let angle = angle_turns(a, y) + N::from_word(half_turns * R::splat(0.5));
+    Landen { mean: a, argument: angle.times_power_of_two(weight), zeta }
 }

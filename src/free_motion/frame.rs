@@ -2,14 +2,14 @@
 //!
 //! A tensor diagonalised in `f64` has moments wrong by half an ulp, hence a phase wrong by 1e-16 of itself: 1e-7 rad
 //! after 10⁹ rad. The tensor's entries count as exact here, and moments and angular velocity along the principal axes come
-//! with some 30 digits.
+//! with some 30 digits, where these are asked for.
 
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::batch::{BodyFrame, binary_exponent, scaled_by_power_of_two};
+use crate::batch::{BodyFrame, binary_exponent, scaled_by_power_of_two, unit_product};
 use crate::double_double::DoubleDouble;
 use crate::ensemble::Ensemble;
-use crate::free_motion::setup::Initial;
+use crate::free_motion::setup::{Initial, SetUp};
 use crate::inertia::{AxisPermutation, InertiaTensor, principal_axes};
 use crate::quaternion::Quaternion;
 
@@ -27,7 +27,7 @@ const NEGLIGIBLE: f64 = 1e-33;
 
 /// A body of an ensemble in its principal axes, scaled, and what leads back. A linear rotor is given the moments that it
 /// is integrated with, I, I, I ([`crate::torque::linear_rotor`]).
-pub(crate) fn scaled_body(ensemble: &Ensemble, body: usize) -> (BodyFrame, Initial<f64>) {
+pub(crate) fn scaled_body(ensemble: &Ensemble, body: usize, set_up: SetUp) -> (BodyFrame, Initial<f64>) {
     let inertia = &ensemble.inertia()[body];
     let (orientation, angular_velocity_body) = (ensemble.orientation()[body], ensemble.angular_velocity_body()[body]);
     let is_linear_rotor = ensemble.is_linear_rotor(body);
@@ -44,12 +44,15 @@ pub(crate) fn scaled_body(ensemble: &Ensemble, body: usize) -> (BodyFrame, Initi
     };
     let rate_exponent = binary_exponent(angular_velocity_body.abs().max_element());
     let omega = angular_velocity_body.to_array().map(|w| scaled_by_power_of_two(w, -rate_exponent));
-    let diagonal = scaled.xy == 0.0 && scaled.xz == 0.0 && scaled.yz == 0.0;
-    let (moments, mut angular_velocity, principal_to_body) = if diagonal {
+    let (moments, mut angular_velocity, principal_to_body) = if scaled.is_diagonal() {
         let diagonal = [scaled.xx, scaled.yy, scaled.zz];
         let axes = AxisPermutation::ascending(diagonal);
         let moments = axes.order.map(|axis| Dd::from(diagonal[axis]));
         (moments, axes.to_principal(omega).map(Dd::from), axes.principal_to_body)
+    } else if set_up == SetUp::OneWord {
+        let axes = principal_axes(&scaled);
+        let omega = axes.principal_to_body.conjugate() * DVec3::from_array(omega);
+        (axes.moments.to_array().map(Dd::from), omega.to_array().map(Dd::from), axes.principal_to_body)
     } else {
         let (moments, frame, principal_to_body) = refined(&scaled, principal_axes(&scaled).principal_to_body);
         let along = |axis: usize| (0..3).fold(ZERO, |sum, body| sum + frame[body][axis].times_word(omega[body]));
@@ -62,7 +65,7 @@ pub(crate) fn scaled_body(ensemble: &Ensemble, body: usize) -> (BodyFrame, Initi
     if is_linear_rotor {
         angular_velocity[0] = ZERO;
     }
-    let q = (orientation * principal_to_body).normalize();
+    let q = unit_product(orientation, principal_to_body);
     let body_frame = BodyFrame {
         scaled_moments: DVec3::from_array(moments.map(|i| i.high)),
         is_linear_rotor,

@@ -60,7 +60,7 @@
 //!
 //! # Accuracy
 //!
-//! The set-up is in double-double arithmetic and phases are integers of a turn ([`crate::phase`]), so the error does
+//! The set-up is in double-double arithmetic ([`SetUp::TwoWords`]) and phases are integers of a turn ([`crate::phase`]), so the error does
 //! not grow with time. Against the golden data (`tests/golden_free_motion.rs`), which reach 1000 s, and 1e9 s for generic bodies, the
 //! attitude error is at most 2e-15 rad in `f64` and 1e-6 rad in `f32`.
 //!
@@ -71,6 +71,7 @@
 mod elliptic;
 pub mod evaluation;
 mod frame;
+mod number;
 mod once;
 mod rows;
 mod setup;
@@ -80,4 +81,5 @@ pub use evaluation::ROW_COLUMNS;
 pub(crate) use frame::scaled_body;
 pub(crate) use once::{FORMED_BODIES, FormedBlock};
 pub use rows::{AnyRows, FreeMotionRows, WORD_COLUMNS};
+pub use setup::SetUp;
 pub use solution::{FreeMotion, Polhode};

@@ -5,6 +5,7 @@ use std::array::from_fn;
 use crate::batch::{BodyFrame, BodyState, STATE_COMPONENTS};
 use crate::engine::cpu::Width;
 use crate::ensemble::Ensemble;
+use crate::free_motion::SetUp;
 use crate::free_motion::evaluation::ROW_COLUMNS;
 use crate::free_motion::rows::{BLOCK, EvaluatePart, InitialBlock, SetUpBlock, WORD_COLUMNS};
 use crate::lanes::{LaneScalar, LaneTask};
@@ -35,11 +36,20 @@ impl<T: LaneScalar> FormedBlock<T> {
 
     /// Brings `count` bodies, which `body` names and of which there may be [`FORMED_BODIES`], to `time` seconds after their
     /// initial states.
-    pub fn form(&mut self, ensemble: &Ensemble, count: usize, body: impl Fn(usize) -> usize, time: f64, width: Width) {
+    pub fn form(
+        &mut self,
+        ensemble: &Ensemble,
+        count: usize,
+        body: impl Fn(usize) -> usize,
+        set_up: SetUp,
+        time: f64,
+        width: Width,
+    ) {
         let Self { initial, frames, words, constants, state } = self;
-        initial.fill(ensemble, &mut frames[..count], body);
+        initial.fill(ensemble, &mut frames[..count], body, set_up);
         f64::dispatch(SetUpBlock {
             initial,
+            set_up,
             frames: &*frames,
             words: &mut words.each_mut().map(|column| &mut column[..]),
             constants: &mut constants.each_mut().map(|column| &mut column[..]),
@@ -59,9 +69,9 @@ impl<T: LaneScalar> FormedBlock<T> {
         }
     }
 
-    /// The frame of one of the bodies.
-    pub fn frame(&self, place: usize) -> &BodyFrame {
-        &self.frames[place]
+    /// The state in which one of the bodies starts, in the user's axes and units.
+    pub fn start(&self, place: usize) -> BodyState {
+        self.frames[place].body_state(self.initial.state(place))
     }
 
     /// The state of one of the bodies in the user's axes and units.

@@ -9,7 +9,8 @@ use crate::ensemble::Ensemble;
 use crate::error::Result;
 use crate::free_motion::evaluation::{Instant, ROW_COLUMNS, Row, SHAPE_COLUMNS, evaluate};
 use crate::free_motion::frame::scaled_body;
-use crate::free_motion::setup::{Constants, Initial, separatrix_row, set_up};
+use crate::free_motion::number::Single;
+use crate::free_motion::setup::{Constants, Initial, SetUp, separatrix_row, set_up};
 use crate::free_motion::solution::{HEADROOM, Phases};
 use crate::lanes::{LaneScalar, LaneTask};
 use crate::phase::{Rate, Time, phase_at, phase_turns};
@@ -64,10 +65,10 @@ impl AnyRows {
     ///
     /// As [`FreeMotionRows::prepare`].
     pub fn prepare(ensemble: &Ensemble, precision: Precision) -> Result<(Vec<BodyFrame>, Self)> {
-        Self::prepare_members(ensemble, &Members::All(ensemble.len()), precision)
+        Self::prepare_members(ensemble, &Members::All(ensemble.len()), precision, SetUp::TwoWords)
     }
 
-    /// As [`AnyRows::prepare`], of some bodies of the ensemble, one a row.
+    /// As [`AnyRows::prepare`], of some bodies of the ensemble, one a row, with constants formed as `set_up` says.
     ///
     /// # Errors
     ///
@@ -76,14 +77,15 @@ impl AnyRows {
         ensemble: &Ensemble,
         members: &Members,
         precision: Precision,
+        set_up: SetUp,
     ) -> Result<(Vec<BodyFrame>, Self)> {
         Ok(match precision {
             Precision::F32 => {
-                let (frames, rows) = FreeMotionRows::prepare_members(ensemble, members)?;
+                let (frames, rows) = FreeMotionRows::prepare_members(ensemble, members, set_up)?;
                 (frames, Self::F32(rows))
             }
             Precision::F64 => {
-                let (frames, rows) = FreeMotionRows::prepare_members(ensemble, members)?;
+                let (frames, rows) = FreeMotionRows::prepare_members(ensemble, members, set_up)?;
                 (frames, Self::F64(rows))
             }
         })
@@ -109,21 +111,21 @@ impl AnyRows {
 impl<T: LaneScalar> FreeMotionRows<T> {
     /// Sets up every body of an ensemble, on all cores.
     ///
-    /// The set-up is in `f64` and double-double arithmetic whatever `T` is; only its result is rounded.
+    /// The set-up is in double-double arithmetic whatever `T` is; only its result is rounded.
     ///
     /// # Errors
     ///
     /// [`crate::Error::TooManyBodies`] where the memory does not suffice.
     pub fn prepare(ensemble: &Ensemble) -> Result<(Vec<BodyFrame>, Self)> {
-        Self::prepare_members(ensemble, &Members::All(ensemble.len()))
+        Self::prepare_members(ensemble, &Members::All(ensemble.len()), SetUp::TwoWords)
     }
 
-    /// As [`FreeMotionRows::prepare`], of some bodies of the ensemble, one a row.
+    /// As [`FreeMotionRows::prepare`], of some bodies of the ensemble, one a row, with constants formed as `set_up` says.
     ///
     /// # Errors
     ///
     /// As [`FreeMotionRows::prepare`].
-    pub fn prepare_members(ensemble: &Ensemble, members: &Members) -> Result<(Vec<BodyFrame>, Self)> {
+    pub fn prepare_members(ensemble: &Ensemble, members: &Members, set_up: SetUp) -> Result<(Vec<BodyFrame>, Self)> {
         let body_count = members.len();
         let row_bytes = WORD_COLUMNS * size_of::<u64>() + ROW_COLUMNS * size_of::<T>() + size_of::<BodyFrame>();
         crate::memory::require(body_count, body_count.saturating_mul(row_bytes), "the rows of the closed form")?;
@@ -139,9 +141,9 @@ impl<T: LaneScalar> FreeMotionRows<T> {
                     let start = task * TASK + block;
                     let frames = &mut frames[block..block + BLOCK];
                     let count = BLOCK.min(body_count - start);
-                    initial.fill(ensemble, &mut frames[..count], |offset| members.body(start + offset));
+                    initial.fill(ensemble, &mut frames[..count], |offset| members.body(start + offset), set_up);
                     let (words, constants) = (&mut words, &mut constants);
-                    f64::dispatch(SetUpBlock { initial: &initial, frames, words, constants, first: block });
+                    f64::dispatch(SetUpBlock { initial: &initial, set_up, frames, words, constants, first: block });
                 }
             },
         );
@@ -206,9 +208,15 @@ impl InitialBlock {
 
     /// Takes as many bodies of an ensemble as there are frames, which it forms; `body` names them. What stands behind the last
     /// one is of other bodies, and nothing reads what becomes of it.
-    pub(super) fn fill(&mut self, ensemble: &Ensemble, frames: &mut [BodyFrame], body: impl Fn(usize) -> usize) {
+    pub(super) fn fill(
+        &mut self,
+        ensemble: &Ensemble,
+        frames: &mut [BodyFrame],
+        body: impl Fn(usize) -> usize,
+        set_up: SetUp,
+    ) {
         for (offset, frame) in frames.iter_mut().enumerate() {
-            let (body_frame, row) = scaled_body(ensemble, body(offset));
+            let (body_frame, row) = scaled_body(ensemble, body(offset), set_up);
             *frame = body_frame;
             self.set(offset, &row);
         }
@@ -227,6 +235,13 @@ impl InitialBlock {
         }
     }
 
+    /// The state in which a body starts, scaled ([`crate::batch::StateWords`]).
+    pub(super) fn state(&self, offset: usize) -> [f64; STATE_COMPONENTS] {
+        let momentum = |axis: usize| self.0[2 * axis][offset] * self.0[6 + 2 * axis][offset];
+        let q = |component: usize| self.0[12 + component][offset];
+        [q(0), q(1), q(2), q(3), momentum(0), momentum(1), momentum(2)]
+    }
+
     #[inline(always)]
     fn load<R: Real<Scalar = f64>>(&self, offset: usize) -> Initial<R> {
         let column = |c: usize| R::load(&self.0[c][offset..]);
@@ -242,6 +257,7 @@ impl InitialBlock {
 /// Sets one block up, lane group by lane group.
 pub(super) struct SetUpBlock<'a, 'b, T> {
     pub initial: &'a InitialBlock,
+    pub set_up: SetUp,
     pub frames: &'a [BodyFrame],
     pub words: &'a mut [&'b mut [u64]],
     pub constants: &'a mut [&'b mut [T]],
@@ -257,7 +273,11 @@ impl<T: Scalar> LaneTask<f64> for SetUpBlock<'_, '_, T> {
         // The widest lanes hold eight numbers.
         let mut lanes = [0.0_f64; 8];
         for offset in (0..BLOCK).step_by(R::LANES) {
-            let found = set_up::<R>(&self.initial.load(offset));
+            let initial = self.initial.load(offset);
+            let found = match self.set_up {
+                SetUp::OneWord => set_up::<R, Single<R>>(&initial),
+                SetUp::TwoWords => set_up::<R, DoubleDouble<R>>(&initial),
+            };
             let row = &found.row;
             let columns = row_columns(row);
             for (column, number) in columns.into_iter().enumerate() {
@@ -308,7 +328,7 @@ impl<T: Scalar> LaneTask<f64> for SetUpBlock<'_, '_, T> {
 #[cold]
 #[inline(never)]
 fn separatrix_body(initial: &Initial<f64>) -> (Row<f64>, u64) {
-    let mut constants: Constants<f64> = set_up(initial);
+    let mut constants: Constants<f64> = set_up::<_, DoubleDouble<f64>>(initial);
     separatrix_row(&mut constants, initial.orientation);
     (constants.row, Phases::new(&constants, 0).polhode_start)
 }

@@ -8,9 +8,20 @@ use crate::free_motion::evaluation::{
     CIRCULATES_ABOUT_THIRD, COSINES, GAIN, NOME, OFFSET, Row, SHAPE_COLUMNS, SINES, SLOPE, Shape, TRANSFORMED,
     TRANSFORMED_NOME, direct_shape, from_half_turn, in_principal_axes, shape, transformed_series, turned_about_z,
 };
+use crate::free_motion::number::Number;
 use crate::quaternion::Quaternion;
 use crate::real::{Real, sin_cos_eighth};
 use crate::vector::Vector;
+
+/// The arithmetic in which the constants of a closed form are formed, whatever it is evaluated in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum SetUp {
+    /// In `f64`: phases are wrong by some roundings of the angle turned, more where the regime is hard to tell
+    /// ([`crate::plan::class::FreeBody::set_up_bound`]).
+    OneWord,
+    /// In double-double arithmetic, so that errors do not grow with time.
+    TwoWords,
+}
 
 /// A body as the set-up takes it, scaled: the middle moment and the largest component of the angular velocity are in
 /// [1, 2).
@@ -94,45 +105,44 @@ fn where_set<R: Real>(mask: R::Mask) -> R {
     R::select(mask, R::splat(1.0), R::splat(0.0))
 }
 
-/// The set-up, but for the row of a body on the separatrix ([`separatrix_row`]).
+/// The set-up, but for the row of a body on the separatrix ([`separatrix_row`]), in the arithmetic of `N`.
 #[inline(always)]
-pub(crate) fn set_up<R: Real>(initial: &Initial<R>) -> Constants<R> {
-    type Dd<R> = DoubleDouble<R>;
+pub(crate) fn set_up<R: Real, N: Number<R>>(initial: &Initial<R>) -> Constants<R> {
     let zero = R::splat(0.0);
     let one = R::splat(1.0);
-    let dd_zero = Dd::<R>::splat(0.0, 0.0);
-    let dd_one = Dd::<R>::splat(1.0, 0.0);
-    let [i1, i2, i3] = initial.moments;
-    let [w1, w2, w3] = initial.angular_velocity;
+    let n_zero = N::splat(0.0, 0.0);
+    let n_one = N::splat(1.0, 0.0);
+    let [i1, i2, i3] = initial.moments.map(N::of);
+    let [w1, w2, w3] = initial.angular_velocity.map(N::of);
 
     // Step 1: the regime. D = L² − 2T I₂ as a difference of two squares.
-    let clean = |difference: Dd<R>| {
-        let equal = difference.high.less_than(R::splat(EQUAL_MOMENTS));
-        Dd::select(equal, dd_zero, difference)
+    let clean = |difference: N| {
+        let equal = difference.rounded().less_than(R::splat(EQUAL_MOMENTS));
+        N::select(equal, n_zero, difference)
     };
     let (i21, i32) = (clean(i2 - i1), clean(i3 - i2));
     let i31 = i21 + i32;
     let third = i3 * i32 * w3.squared();
     let first = i1 * i21 * w1.squared();
     let discriminant = third - first;
-    let (oblate, prolate) = (is_zero(i21.high), is_zero(i32.high));
+    let (oblate, prolate) = (is_zero(i21.rounded()), is_zero(i32.rounded()));
     let sphere = oblate & prolate;
-    let about_third = (!discriminant.high.less_than(zero) & !prolate) | oblate;
-    let pick = |a: Dd<R>, b: Dd<R>| Dd::select(about_third, a, b);
+    let about_third = (!discriminant.rounded().less_than(zero) & !prolate) | oblate;
+    let pick = |a: N, b: N| N::select(about_third, a, b);
     let (ia, id) = (pick(i1, i3), pick(i3, i1));
     let (wa, wd) = (pick(w1, w3), pick(w3, w1));
     // |I_d − I₂|, |I₂ − I_a|, |I_d − I_a|, so that f = fd/range and g = ga/range.
     let (d2, a2) = (pick(i32, i21), pick(i21, i32));
-    let f_part = Dd::select(sphere, dd_one, d2);
-    let range = Dd::select(sphere, dd_one, i31);
+    let f_part = N::select(sphere, n_one, d2);
+    let range = N::select(sphere, n_one, i31);
     let sense = R::select(about_third, one, -one);
 
     // Step 2: a right-handed frame (a, 2, d) in which the spin about d is not negative.
-    let reversed = wd.high.less_than(zero);
+    let reversed = wd.rounded().less_than(zero);
     let sign_d = R::select(reversed, -one, one);
     let sign_2 = sign_d * sense;
     let wd = wd.abs();
-    let w2 = Dd { high: w2.high * sign_2, low: w2.low * sign_2 };
+    let w2 = w2.times_power_of_two(sign_2);
 
     // Step 3: amplitudes, moduli and lambda.
     let f = f_part / range;
@@ -145,15 +155,16 @@ pub(crate) fn set_up<R: Real>(initial: &Initial<R>) -> Constants<R> {
     let ratio = (ia / (i2 * f)).sqrt();
     let amplitude_2 = amplitude_a * ratio;
     let square_scale = id * f_part * squared_d;
-    let square_scale = Dd::select(is_zero(square_scale.high), dd_one, square_scale);
+    let square_scale = N::select(is_zero(square_scale.rounded()), n_one, square_scale);
     let modulus_squared = ia * a2 * squared_a / square_scale;
-    let symmetric = is_zero(a2.high);
-    let circular = symmetric | modulus_squared.high.less_than(R::splat(LEAST_MODULUS));
-    let modulus_squared = Dd::select(circular, dd_zero, modulus_squared);
-    let complement_squared = Dd::select(circular, dd_one, discriminant.abs() / square_scale);
-    let steady = is_zero(wa.high) & is_zero(wd.high) & !symmetric;
-    let separatrix = (!(R::splat(SEPARATRIX) * (third.high + first.high)).less_than(discriminant.high.abs())
-        | complement_squared.high.less_than(R::splat(LEAST_COMPLEMENT)))
+    let symmetric = is_zero(a2.rounded());
+    let circular = symmetric | modulus_squared.rounded().less_than(R::splat(LEAST_MODULUS));
+    let modulus_squared = N::select(circular, n_zero, modulus_squared);
+    let complement_squared = N::select(circular, n_one, discriminant.abs() / square_scale);
+    let steady = is_zero(wa.rounded()) & is_zero(wd.rounded()) & !symmetric;
+    let separatrix = (!(R::splat(SEPARATRIX) * (third.rounded() + first.rounded()))
+        .less_than(discriminant.rounded().abs())
+        | complement_squared.rounded().less_than(R::splat(LEAST_COMPLEMENT)))
         & !circular
         & !steady;
     let lambda = amplitude_d * (d2 * i31 / (ia * i2)).sqrt();
@@ -162,42 +173,42 @@ pub(crate) fn set_up<R: Real>(initial: &Initial<R>) -> Constants<R> {
 
     // Step 4: periods and the argument at the start.
     let plain = circular | separatrix | steady;
-    let complement = Dd::select(plain, dd_one, complement_squared).sqrt();
-    let modulus = Dd::select(plain, dd_one, modulus_squared).sqrt();
-    let spin_2 = Dd { high: w2.high * sense, low: w2.low * sense };
-    let far = Dd::<R>::splat(1e100, 0.0);
+    let complement = N::select(plain, n_one, complement_squared).sqrt();
+    let modulus = N::select(plain, n_one, modulus_squared).sqrt();
+    let spin_2 = w2.times_power_of_two(sense);
+    let far = N::splat(1e100, 0.0);
     let size_2 = spin_2.abs();
-    let cotangent = wa.abs() * ratio / Dd::select(is_zero(size_2.high), dd_one, size_2);
-    let too_far = is_zero(size_2.high) | far.high.less_than(cotangent.high);
-    let start = landen(complement, Dd::select(too_far, far, cotangent), false);
-    let argument = Dd::select(is_zero(size_2.high), dd_zero, start.argument);
-    let argument = Dd::select(wa.high.less_than(zero), Dd::splat(0.5, 0.0) - argument, argument);
-    let argument = Dd::select(spin_2.high.less_than(zero), -argument, argument);
-    let polhode_start = Dd::select(steady, Dd::splat(0.25, 0.0), argument);
+    let cotangent = wa.abs() * ratio / N::select(is_zero(size_2.rounded()), n_one, size_2);
+    let too_far = is_zero(size_2.rounded()) | far.rounded().less_than(cotangent.rounded());
+    let start = landen(complement, N::select(too_far, far, cotangent), false);
+    let argument = N::select(is_zero(size_2.rounded()), n_zero, start.argument);
+    let argument = N::select(wa.rounded().less_than(zero), N::splat(0.5, 0.0) - argument, argument);
+    let argument = N::select(spin_2.rounded().less_than(zero), -argument, argument);
+    let polhode_start = N::select(steady, N::splat(0.25, 0.0), argument);
 
     // Step 5: the moments' angle, and mu by Heuman's lambda function.
     let cotangent = (id * a2 / (ia * f_part)).sqrt();
     let dual = landen(modulus, cotangent, true);
     let sine = (ia * f_part / (i2 * range)).sqrt();
     let bracket = dual.argument.scaled(4.0);
-    let bracket = Dd::select(circular, Dd::select(symmetric, dd_one, dd_zero), bracket);
-    let zeta = Dd::select(circular, Dd::select(symmetric, dd_zero, sine), dual.zeta);
-    let moving = Dd::select(separatrix | steady, dd_zero, lambda * start.mean);
-    let inverse_tau = Dd::<R>::splat(INVERSE_TAU.0, INVERSE_TAU.1);
+    let bracket = N::select(circular, N::select(symmetric, n_one, n_zero), bracket);
+    let zeta = N::select(circular, N::select(symmetric, n_zero, sine), dual.zeta);
+    let moving = N::select(separatrix | steady, n_zero, lambda * start.mean);
+    let inverse_tau = N::splat(INVERSE_TAU.0, INVERSE_TAU.1);
     let drift = lambda * zeta + moving * bracket;
-    let drift = Dd { high: drift.high * sense, low: drift.low * sense };
-    let drift = Dd::select(steady, dd_zero, drift);
+    let drift = drift.times_power_of_two(sense);
+    let drift = N::select(steady, n_zero, drift);
     let precession_rate = (momentum / i2 - drift).scaled(0.5) * inverse_tau;
     let polhode_rate = moving * inverse_tau;
 
     // Step 6: the shape, in one word.
-    let ratio_of_periods = start.mean.high / dual.mean.high;
+    let ratio_of_periods = start.mean.rounded() / dual.mean.rounded();
     let transformed = ratio_of_periods.less_than(R::splat(SWITCH)) & !plain;
-    let direct = direct_constants(ratio_of_periods, bracket.high, sense, circular, steady);
-    let ia_aa = (ia * amplitude_a).high;
-    let id_ad = (id * amplitude_d).high;
-    let i2_a2 = (i2 * amplitude_2).high;
-    let length = (momentum.high + id_ad).max(R::splat(power_of_two(-1000)));
+    let direct = direct_constants(ratio_of_periods, bracket.rounded(), sense, circular, steady);
+    let ia_aa = (ia * amplitude_a).rounded();
+    let id_ad = (id * amplitude_d).rounded();
+    let i2_a2 = (i2 * amplitude_2).rounded();
+    let length = (momentum.rounded() + id_ad).max(R::splat(power_of_two(-1000)));
     let unit = Row {
         shape: direct,
         frame: Quaternion::new(zero, zero, zero, one),
@@ -205,9 +216,9 @@ pub(crate) fn set_up<R: Real>(initial: &Initial<R>) -> Constants<R> {
         axes: one,
     };
     let half = direct_shape(&unit, Turns { quadrant: one, residual: zero });
-    let length_2 = momentum.high + id_ad * complement.high;
+    let length_2 = momentum.rounded() + id_ad * complement.rounded();
     let factor = sense * (i2_a2 / length_2.max(R::splat(power_of_two(-1000)))) * (half.alpha.0 / half.beta.0);
-    let factor = R::select(steady, R::select((w2.high * sign_2).less_than(zero), -one, one), factor);
+    let factor = R::select(steady, R::select((w2.rounded() * sign_2).less_than(zero), -one, one), factor);
     let mut row = unit;
     for column in BETA_REAL..BETA_IMAGINARY + 3 {
         row.shape[column] = row.shape[column] * factor;
@@ -218,7 +229,7 @@ pub(crate) fn set_up<R: Real>(initial: &Initial<R>) -> Constants<R> {
 
     if R::any(transformed) {
         let mut other = unit;
-        other.shape = transformed_constants(ratio_of_periods, bracket.high, sense);
+        other.shape = transformed_constants(ratio_of_periods, bracket.rounded(), sense);
         let nome = other.shape[TRANSFORMED_NOME];
         let before = transformed_series(&other, nome, one, nome, one, one);
         other.shape[BETA_FACTOR] = -(ia_aa / length) * (before.alpha.0 / before.beta.1);
@@ -238,7 +249,7 @@ pub(crate) fn set_up<R: Real>(initial: &Initial<R>) -> Constants<R> {
         sign_d * id_ad * (norm_0 / at_0.numerators.z),
     );
     // About the middle axis |alpha| = |beta| = 1.
-    let steady_2 = (i2 * w2).high * sign_2 * R::splat(2.0);
+    let steady_2 = (i2 * w2).rounded() * sign_2 * R::splat(2.0);
     row.amplitude.x = R::select(steady, zero, row.amplitude.x);
     row.amplitude.y = R::select(steady, steady_2, row.amplitude.y);
     row.amplitude.z = R::select(steady, zero, row.amplitude.z);
@@ -247,23 +258,24 @@ pub(crate) fn set_up<R: Real>(initial: &Initial<R>) -> Constants<R> {
     row.axes = R::select(steady, one, code * sign_d);
 
     // Step 8: the frame in which L is along z, from the row's own value at t = 0.
-    row.frame = frame_at_start(&row, transformed, start_turns(polhode_start), zero, initial.orientation);
+    row.frame =
+        frame_at_start(&row, transformed, start_turns(polhode_start.to_double_double()), zero, initial.orientation);
 
     Constants {
         row,
-        polhode_rate,
-        precession_rate,
-        polhode_start,
+        polhode_rate: polhode_rate.to_double_double(),
+        precession_rate: precession_rate.to_double_double(),
+        polhode_start: polhode_start.to_double_double(),
         separatrix,
         theory: Theory {
-            modulus_squared: modulus_squared.high,
-            complement_squared: complement_squared.high,
-            lambda: lambda.high,
-            angular_momentum: momentum.high,
-            moments: Vector::new(ia.high, i2.high, id.high),
-            amplitudes: Vector::new(amplitude_a.high, amplitude_2.high, amplitude_d.high),
-            angular_velocity: Vector::new(wa.high, w2.high, wd.high),
-            bracket: bracket.high,
+            modulus_squared: modulus_squared.rounded(),
+            complement_squared: complement_squared.rounded(),
+            lambda: lambda.rounded(),
+            angular_momentum: momentum.rounded(),
+            moments: Vector::new(ia.rounded(), i2.rounded(), id.rounded()),
+            amplitudes: Vector::new(amplitude_a.rounded(), amplitude_2.rounded(), amplitude_d.rounded()),
+            angular_velocity: Vector::new(wa.rounded(), w2.rounded(), wd.rounded()),
+            bracket: bracket.rounded(),
             sense,
             signs: (sign_2, sign_d),
             steady: where_set(steady),

@@ -11,7 +11,7 @@ use crate::ensemble::Ensemble;
 use crate::error::Result;
 use crate::free_motion::evaluation::{Instant, OFFSET, Row, SLOPE, evaluate};
 use crate::free_motion::frame::scaled_body;
-use crate::free_motion::setup::{Constants, Theory, separatrix_row, set_up};
+use crate::free_motion::setup::{Constants, SetUp, Theory, separatrix_row, set_up};
 use crate::inertia::InertiaTensor;
 use crate::phase::{Rate, Time, fraction_from_turns, phase_at, phase_from_turns, phase_turns};
 
@@ -114,8 +114,8 @@ impl FreeMotion {
     ///
     /// Where the ensemble has no such body.
     pub fn of_body(ensemble: &Ensemble, body: usize) -> Self {
-        let (frame, initial) = scaled_body(ensemble, body);
-        let mut constants = set_up(&initial);
+        let (frame, initial) = scaled_body(ensemble, body, SetUp::TwoWords);
+        let mut constants = set_up::<_, DoubleDouble<f64>>(&initial);
         if constants.separatrix {
             separatrix_row(&mut constants, initial.orientation);
         }

@@ -136,6 +136,11 @@ impl InertiaTensor {
         largest * (s.xx * s.xx + s.yy * s.yy + s.zz * s.zz + 2.0 * off).sqrt()
     }
 
+    /// Whether the body axes are principal: nothing off the diagonal.
+    pub fn is_diagonal(self) -> bool {
+        self.xy == 0.0 && self.xz == 0.0 && self.yz == 0.0
+    }
+
     /// Whether all six elements are finite.
     pub fn is_finite(self) -> bool {
         self.to_array().iter().all(|e| e.is_finite())

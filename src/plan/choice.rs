@@ -136,6 +136,9 @@ pub fn skip_tolerance(accuracy: &Accuracy) -> Bound {
 pub(super) struct Look {
     pub torques: TorqueSet,
     pub verdict: Verdict,
+    /// What a closed form can be wrong by whose constants are formed in one word; [`Bound::NONE`] of a body that has no
+    /// closed form, or a simpler one.
+    pub set_up: Bound,
     /// The greatest rate, rad/s, that its step must follow; 0 of a body that is not stepped.
     pub rate: f64,
 }
@@ -143,18 +146,24 @@ pub(super) struct Look {
 /// Looks at one body of a scene.
 pub(super) fn look_at(scene: &Scene, body: usize, tolerance: &Bound) -> Look {
     let torques = TorqueSet::acting_on(scene.torques(), body);
-    let frame = frame_of(scene.ensemble(), scene.torques(), body);
+    // What does not act brings no rate.
+    let acting = if torques.is_empty() { &[] } else { scene.torques() };
+    let frame = frame_of(scene.ensemble(), acting, body);
     let unit = scaled_by_power_of_two(1.0, frame.rate_exponent);
     let m = frame.angular_momentum_principal(scene.ensemble(), body);
     let free = FreeBody { moments: frame.scaled_moments, angular_momentum_principal: m, span: scene.end() * unit };
     if torques.is_empty() {
         // What is not stepped has no step that would follow a rate.
         let rate = if scene.may_skip() { 0.0 } else { greatest_rate(scene, body, &frame, m) };
-        return Look { torques, verdict: free.verdict(tolerance), rate };
+        let verdict = free.verdict(tolerance);
+        let is_general = verdict.shape == Shape::Asymmetric;
+        let set_up =
+            if is_general { free.set_up_bound(scene.ensemble().inertia()[body].is_diagonal()) } else { Bound::NONE };
+        return Look { torques, verdict, set_up, rate };
     }
     let rate = greatest_rate(scene, body, &frame, m);
     let verdict = Verdict { shape: Shape::Asymmetric, axis: 0, bound: Bound::default() };
-    Look { torques, verdict, rate }
+    Look { torques, verdict, set_up: Bound::NONE, rate }
 }
 
 /// The greatest rate of a body, rad/s: of its spin at the start, with m in the units of its frame, or to which torques bring it.

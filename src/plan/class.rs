@@ -168,6 +168,28 @@ impl FreeBody {
         Verdict { shape, axis, bound }
     }
 
+    /// What the closed form can be wrong by where its constants are formed in one word ([`crate::free_motion::SetUp`]).
+    ///
+    /// Its rates and phases are then wrong by some roundings, of which the angle turned makes as many radians. Roundings of the
+    /// two terms of L² − 2T I₂ count in units of the difference, which decides the regime and the period; those of moments that
+    /// are not entries of a diagonal tensor, in units of the moments' own differences too. The number of roundings is
+    /// measured (`tests/set_up.rs`).
+    pub fn set_up_bound(&self, is_diagonal: bool) -> Bound {
+        let [i1, i2, i3] = self.moments.to_array();
+        let omega = self.angular_momentum_principal / self.moments;
+        let (third, first) = (i3 * (i3 - i2) * omega.z * omega.z, i1 * (i2 - i1) * omega.x * omega.x);
+        let difference = third - first;
+        let rounded = if is_diagonal { 0.0 } else { 4.0 * i3 * i3 * omega.length_squared() };
+        let terms = third + first + rounded;
+        let lost = if terms == 0.0 { 0.0 } else { terms / difference.abs() };
+        let nearest = if difference < 0.0 { i2 - i1 } else { i3 - i2 };
+        let lost_in_moments = if is_diagonal { 0.0 } else { i3 / nearest };
+        let angle = self.greatest_rate() * self.span;
+        let error = SET_UP_ROUNDINGS * f64::EPSILON * (1.0 + lost + lost_in_moments) * (1.0 + angle);
+        let error = if error.is_nan() { f64::INFINITY } else { error };
+        Bound { attitude: error, angular_velocity: error, energy: error }
+    }
+
     /// The greatest |ω| that the motion can reach: 2T ≥ I₁ ω².
     pub fn greatest_rate(&self) -> f64 {
         (self.twice_energy() / self.moments.x).sqrt()
@@ -256,6 +278,9 @@ impl FreeBody {
         self.relative(attitude, rate, kappa * l * l)
     }
 }
+
+/// Roundings that a set-up in one word comes to.
+const SET_UP_ROUNDINGS: f64 = 8.0;
 
 /// The axis with the least bound on the attitude.
 fn least(bounds: impl Iterator<Item = (Axis, Bound)>) -> (Axis, Bound) {

@@ -175,8 +175,10 @@ impl Plan<'_> {
         for group in groups {
             let (error, bodies) = match group.treatment {
                 Treatment::RegularPrecession => (group.bound.attitude.max(ROUNDING_F64), 0),
-                Treatment::ClosedForm { precision: Precision::F32 } => (CLOSED_FORM_F32, 0),
-                Treatment::ClosedForm { precision: Precision::F64 } => (ROUNDING_F64, 0),
+                Treatment::ClosedForm { precision, .. } => {
+                    let evaluated = if precision == Precision::F32 { CLOSED_FORM_F32 } else { ROUNDING_F64 };
+                    (evaluated + group.bound.attitude, 0)
+                }
                 Treatment::Stepped { .. } | Treatment::Adaptive { .. } => {
                     self.found(group).map_or((f64::NAN, 0), |found| (found.part * found.rule.attitude, found.bodies))
                 }
@@ -198,7 +200,7 @@ impl Plan<'_> {
             // On the host, whatever the engine.
             Treatment::RegularPrecession => Some(evaluations * evaluation_seconds(None) / cores),
             Treatment::ClosedForm { .. } if self.engine.kind != EngineKind::Cpu => None,
-            Treatment::ClosedForm { precision } => Some(evaluations * evaluation_seconds(Some(precision)) / cores),
+            Treatment::ClosedForm { precision, .. } => Some(evaluations * evaluation_seconds(Some(precision)) / cores),
             Treatment::Adaptive { precision, .. } => {
                 // Without a pilot the number of steps shows in the run alone.
                 let found = self.found(group)?;
@@ -216,7 +218,7 @@ impl Plan<'_> {
     fn bytes(&self, group: &Group) -> u64 {
         let of_body = match group.treatment {
             Treatment::RegularPrecession => size_of::<RegularPrecession>(),
-            Treatment::ClosedForm { precision } => {
+            Treatment::ClosedForm { precision, .. } => {
                 let numbers =
                     ROW_COLUMNS * if precision == Precision::F32 { size_of::<f32>() } else { size_of::<f64>() };
                 WORD_COLUMNS * size_of::<u64>() + numbers + size_of::<BodyFrame>()
@@ -236,7 +238,7 @@ const ROUNDING_F64: f64 = 1e-14;
 fn name_of(treatment: &Treatment) -> (&'static str, Precision) {
     match *treatment {
         Treatment::RegularPrecession => (ROTATION, Precision::F64),
-        Treatment::ClosedForm { precision } => (CLOSED_FORM, precision),
+        Treatment::ClosedForm { precision, .. } => (CLOSED_FORM, precision),
         Treatment::Stepped { method, precision, .. } => (method.name(), precision),
         Treatment::Adaptive { precision, .. } => (ADAPTIVE, precision),
     }

@@ -6,6 +6,7 @@ use super::class::{Bound, Class};
 use super::times::{Interval, steps_over};
 use crate::batch::{Precision, state_columns};
 use crate::engine::adaptive::AdaptiveSteps;
+use crate::free_motion::SetUp;
 use crate::method::Method;
 use crate::observe::error_bound;
 
@@ -19,6 +20,8 @@ pub enum Treatment {
     ClosedForm {
         /// The arithmetic.
         precision: Precision,
+        /// The arithmetic of its constants.
+        set_up: SetUp,
     },
     /// In steps, on the engine.
     Stepped {
@@ -65,7 +68,7 @@ impl Treatment {
 
     fn precision(&self) -> Precision {
         match *self {
-            Treatment::ClosedForm { precision }
+            Treatment::ClosedForm { precision, .. }
             | Treatment::Stepped { precision, .. }
             | Treatment::Adaptive { precision, .. } => precision,
             Treatment::RegularPrecession => Precision::F64,

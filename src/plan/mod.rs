@@ -12,6 +12,7 @@ use crate::batch::Precision;
 use crate::engine::{Backend, Description};
 use crate::error::{Error, Result};
 use crate::force::Force;
+use crate::free_motion::SetUp;
 use crate::method::Method;
 use crate::scene::{Outputs, Scene, Stepping};
 use crate::torque::Torque;
@@ -34,7 +35,7 @@ pub mod skip;
 mod times;
 
 pub(crate) use choice::greatest_rate;
-pub use choice::{CLOSED_FORM_F32, Rule, Scheme};
+pub use choice::{CLOSED_FORM_F32, Rule, SKIP_SHARE, Scheme};
 pub use class::{Bound, Class, Shape};
 pub use cost::Costs;
 #[cfg(feature = "study")]
@@ -93,9 +94,12 @@ impl<'a> Plan<'a> {
     /// As [`Plan::new`].
     pub fn with_costs(scene: &'a Scene, engine: &dyn Backend, costs: &Costs) -> Result<Self> {
         let times = Self::checked(scene)?;
-        let resolution = Resolution::new(scene, engine, &times, costs)?;
-        let plan = Self::resolved(scene, engine, resolution, times)?;
-        Ok(Self { costs: costs.clone(), ..plan })
+        // Among the pool's threads, so that they need not be woken for each of many small parts.
+        rayon::scope(|_| {
+            let resolution = Resolution::new(scene, engine, &times, costs)?;
+            let plan = Self::resolved(scene, engine, resolution, times)?;
+            Ok(Self { costs: costs.clone(), ..plan })
+        })
     }
 
     /// Checks what does not depend on what is chosen, and gives the output times.
@@ -276,7 +280,7 @@ fn main_treatment(groups: &[Group], scene: &Scene, engine: &dyn Backend) -> (Met
         Some((_, method, precision)) => (method, precision, longest),
         None => {
             let closed_form = groups.iter().find_map(|group| match group.treatment {
-                Treatment::ClosedForm { precision } => Some(precision),
+                Treatment::ClosedForm { precision, .. } => Some(precision),
                 _ => None,
             });
             let precision = closed_form.or(scene.wanted_precision()).unwrap_or(widest(engine));
@@ -308,8 +312,11 @@ fn skips(scene: &Scene, groups: &[Group], outputs: usize) -> Vec<Skip> {
         if let Some(name) = SkipName::of_shape(group.class.shape) {
             add(name, count, group.bound);
         }
-        if let Treatment::ClosedForm { .. } = group.treatment {
+        if let Treatment::ClosedForm { set_up, .. } = group.treatment {
             add(SkipName::Free, count, Bound::default());
+            if set_up == SetUp::OneWord {
+                add(SkipName::SetUp, count, group.bound);
+            }
         }
         if !scene.torques().is_empty() && !group.class.is_driven() {
             add(SkipName::Torque, count, Bound::default());

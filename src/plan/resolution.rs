@@ -15,6 +15,7 @@ use crate::engine::Backend;
 use crate::engine::adaptive::{AdaptiveSteps, NOISE_REFUSED};
 use crate::error::{Error, Result};
 use crate::force::Force;
+use crate::free_motion::SetUp;
 use crate::method::Method;
 use crate::scene::{Accuracy, Scene, Stepping};
 use crate::torque::Torque;
@@ -247,7 +248,7 @@ impl Resolution {
             .map(|((class, way), (members, bound))| {
                 let treatment = match way {
                     Way::Precession => Treatment::RegularPrecession,
-                    Way::ClosedForm { wide } => Treatment::ClosedForm { precision: precision(wide) },
+                    Way::ClosedForm { wide, set_up } => Treatment::ClosedForm { precision: precision(wide), set_up },
                     Way::Level { wide, level } => self.stepped(&class, wide, step_of(level)),
                     Way::Longest { wide } => self.stepped(&class, wide, span.max(f64::MIN_POSITIVE)),
                 };
@@ -289,12 +290,13 @@ impl Resolution {
                 (Shape::AtRest, Way::Precession)
             }
             Self::Pinned { .. } | Self::Adaptive { .. } => (Shape::Asymmetric, Way::Longest { wide: false }),
-            Self::Accuracy { closed_form, uniform_rate, .. } => {
+            Self::Accuracy { tolerance, closed_form, uniform_rate, .. } => {
                 if free && look.verdict.shape != Shape::Asymmetric {
                     return (look.verdict.shape, Way::Precession);
                 }
                 if free {
-                    return (Shape::Asymmetric, Way::ClosedForm { wide: *closed_form == Precision::F64 });
+                    let set_up = if look.set_up.within(tolerance) { SetUp::OneWord } else { SetUp::TwoWords };
+                    return (Shape::Asymmetric, Way::ClosedForm { wide: *closed_form == Precision::F64, set_up });
                 }
                 let torques = torques_for(scene, look);
                 let (rate, span) = (at_rate(*look, *uniform_rate).rate, scene.end());
@@ -315,6 +317,7 @@ enum Way {
     Precession,
     ClosedForm {
         wide: bool,
+        set_up: SetUp,
     },
     Level {
         wide: bool,
@@ -385,7 +388,11 @@ fn sorted(
         for body in block * LOOK_BLOCK..body_count.min((block + 1) * LOOK_BLOCK) {
             let look = look_at(scene, body, tolerance);
             let (shape, way) = place(&look);
-            let bound = if shape == look.verdict.shape { look.verdict.bound } else { Bound::default() };
+            let bound = match way {
+                Way::ClosedForm { set_up: SetUp::OneWord, .. } => look.set_up,
+                _ if shape == look.verdict.shape => look.verdict.bound,
+                _ => Bound::default(),
+            };
             let torques = torques_for(scene, &look);
             let is_linear_rotor = scene.ensemble().is_linear_rotor(body);
             let entry = lists.entry((Class { shape, torques, is_linear_rotor, translates }, way)).or_default();

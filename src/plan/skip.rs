@@ -29,6 +29,8 @@ pub enum SkipName {
     Axisymmetric,
     /// Torque-free bodies are not stepped.
     Free,
+    /// Constants of the closed form have no more digits than the span asks for.
+    SetUp,
     /// Without a torque there is no torque code.
     Torque,
     /// Positions are not advanced where there are none.
@@ -52,6 +54,7 @@ impl SkipName {
             SkipName::Steady => "steady",
             SkipName::Axisymmetric => "axisymmetric",
             SkipName::Free => "free",
+            SkipName::SetUp => "set-up",
             SkipName::Torque => "torque",
             SkipName::Translation => "translation",
             SkipName::TranslationSteps => "translation-steps",
@@ -71,6 +74,9 @@ impl SkipName {
             SkipName::Steady => "spin about a principal axis: a uniform rotation about it",
             SkipName::Axisymmetric => "two equal moments: a uniform precession and a uniform spin",
             SkipName::Free => "no torque acts: the state at any time follows in closed form",
+            SkipName::SetUp => {
+                "one word holds what the closed form needs over this span: constants are not formed in two"
+            }
             SkipName::Torque => "no torque acts: its code is not in the kernel",
             SkipName::Translation => "no masses, positions and velocities are given: there is nothing to move",
             SkipName::TranslationSteps => {

@@ -91,6 +91,13 @@ impl BodyDrift {
 }
 
 impl DriftGatherer {
+    /// Makes room for so many bodies.
+    pub(crate) fn reserve(&mut self, bodies: usize) {
+        self.kinetic_energy.reserve_exact(bodies);
+        self.angular_momentum_world.reserve_exact(bodies);
+        self.norm.reserve_exact(bodies);
+    }
+
     /// Takes the drift of one body.
     pub(crate) fn push(&mut self, body: BodyDrift) {
         self.kinetic_energy.push(body.kinetic_energy);

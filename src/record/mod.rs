@@ -148,8 +148,11 @@ impl Snapshot {
     /// Takes the next bodies.
     fn extend(&mut self, states: &[OutputState]) {
         let rows = || states.par_iter().with_min_len(TAKEN);
-        self.orientation.par_extend(rows().map(|state| state.rotation.orientation));
-        self.angular_velocity_body.par_extend(rows().map(|state| state.rotation.angular_velocity_body));
+        let Self { orientation, angular_velocity_body, .. } = self;
+        rayon::join(
+            || orientation.par_extend(rows().map(|state| state.rotation.orientation)),
+            || angular_velocity_body.par_extend(rows().map(|state| state.rotation.angular_velocity_body)),
+        );
         // All bodies of an ensemble translate, or none.
         if states.first().is_some_and(|state| state.translation.is_some()) {
             let centres = || states.iter().filter_map(|state| state.translation);

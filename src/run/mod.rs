@@ -125,14 +125,23 @@ pub fn run_into(
             }
             continue;
         }
+        if last {
+            end.drift.reserve(body_count);
+        }
         let mut from_states = FromStates::new(if reduces { &[] } else { statistics });
         for start in (0..body_count).step_by(block) {
             let range = start..(start + block).min(body_count);
             let clock = Instant::now();
-            read_states(&mut units, &centres, &range, &mut states, last.then_some(&mut initial))?;
+            // Among the pool's threads, so that they need not be woken for each part of it.
+            rayon::scope(|_| -> Result<()> {
+                read_states(&mut units, &centres, &range, &mut states, last.then_some(&mut initial))?;
+                if last {
+                    end.gather(scene, start, &initial, &states);
+                }
+                Ok(())
+            })?;
             from_states.push(start, &states);
             if last {
-                end.gather(scene, start, &initial, &states);
                 let of_block = |body: &&u32| range.contains(&(**body as usize));
                 sampled.extend(sample.iter().filter(of_block).map(|&body| states[body as usize - start].rotation));
             }
@@ -271,6 +280,8 @@ struct AtEnd {
     flagged: usize,
     /// Bodies that turn too far in a given step.
     outside_usable_region: usize,
+    /// Room for what is said of the bodies of a block.
+    compared: Vec<Compared>,
 }
 
 impl AtEnd {
@@ -287,8 +298,9 @@ impl AtEnd {
             }
         };
         let rows = initial.par_iter().zip(states).enumerate().with_min_len(COMPARED);
-        let found: Vec<Compared> = rows.map(compared).collect();
-        for (row, Compared { kept, is_outside, failure }) in found.into_iter().enumerate() {
+        let mut found = std::mem::take(&mut self.compared);
+        rows.map(compared).collect_into_vec(&mut found);
+        for (row, Compared { kept, is_outside, failure }) in found.drain(..).enumerate() {
             self.outside_usable_region += usize::from(is_outside);
             self.conserved(kept);
             if let Some(status) = failure {
@@ -296,6 +308,7 @@ impl AtEnd {
                 self.flagged += usize::from(status == Status::StepBelowLimit);
             }
         }
+        self.compared = found;
     }
 
     /// The same where states are not read: drift and balance of a sample, whose states it gives back, and the rest from

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use crate::batch::{BodyState, Precision};
 use crate::engine::cpu::Width;
 use crate::ensemble::Ensemble;
-use crate::free_motion::{FORMED_BODIES, FormedBlock};
+use crate::free_motion::{FORMED_BODIES, FormedBlock, SetUp};
 use crate::lanes::LaneScalar;
 use crate::plan::Members;
 
@@ -16,6 +16,7 @@ pub(super) struct Once<'p> {
     pub ensemble: &'p Ensemble,
     pub members: &'p Members,
     pub precision: Precision,
+    pub set_up: SetUp,
     pub width: Width,
 }
 
@@ -48,11 +49,9 @@ impl Once<'_> {
         let mut block = FormedBlock::<T>::new();
         for first in rows.clone().step_by(FORMED_BODIES) {
             let count = FORMED_BODIES.min(rows.end - first);
-            block.form(self.ensemble, count, |place| self.members.body(first + place), time, self.width);
+            block.form(self.ensemble, count, |place| self.members.body(first + place), self.set_up, time, self.width);
             for place in 0..count {
-                let (row, frame) = (first + place, block.frame(place));
-                let start = wants_start.then(|| frame.body_state(frame.initial(self.ensemble, self.members.body(row))));
-                write(row, block.state(place), start);
+                write(first + place, block.state(place), wants_start.then(|| block.start(place)));
             }
         }
     }

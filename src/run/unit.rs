@@ -86,12 +86,12 @@ impl<'p> Unit<'p> {
                 wall_time.prepare += clock.elapsed().as_secs_f64();
                 Motion::Precession { bodies, time: 0.0 }
             }
-            Treatment::ClosedForm { precision } if once && evaluates_on_host(engine, precision).is_some() => {
+            Treatment::ClosedForm { precision, set_up } if once && evaluates_on_host(engine, precision).is_some() => {
                 let width = evaluates_on_host(engine, precision).unwrap_or(Width::Lanes);
-                Motion::Once(Once { ensemble: scene.ensemble(), members, precision, width })
+                Motion::Once(Once { ensemble: scene.ensemble(), members, precision, set_up, width })
             }
-            Treatment::ClosedForm { precision } => {
-                let (frames, rows) = AnyRows::prepare_members(scene.ensemble(), members, precision)?;
+            Treatment::ClosedForm { precision, set_up } => {
+                let (frames, rows) = AnyRows::prepare_members(scene.ensemble(), members, precision, set_up)?;
                 wall_time.prepare += clock.elapsed().as_secs_f64();
                 let clock = Instant::now();
                 let session = if engine.precisions().contains(&precision) {
@@ -285,7 +285,9 @@ impl<'p> Unit<'p> {
                 let frame = unit.frames();
                 Box::new(move |row| of_frame(&frame(row), row))
             }
-            Motion::Once(_) => Box::new(move |row| of_frame(&scaled_body(ensemble, members.body(row)).0, row)),
+            Motion::Once(once) => {
+                Box::new(move |row| of_frame(&scaled_body(ensemble, members.body(row), once.set_up).0, row))
+            }
             Motion::Precession { bodies, .. } => Box::new(move |row| bodies[row].at(0.0)),
         };
         scatter(members, bodies, &members.rows(bodies.clone()), states, |row, place| *place = state(row));
