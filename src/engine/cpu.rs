@@ -23,7 +23,7 @@ use crate::method::{
 };
 use crate::observe::Kernel;
 use crate::real::{Real, Scalar};
-use crate::torque::sum::{Common, Torques};
+use crate::torque::sum::{Common, Held, Torques, of_kinds};
 use crate::torque::{Conserving, Environment, Free, TorqueTable};
 use crate::vector::TwoWords;
 
@@ -208,8 +208,8 @@ impl<T: LaneScalar> CpuSession<T> {
             });
         }
         Ok(match self.method {
-            Method::Rk4 => self.advance_by::<Rk4>(dt, steps),
-            Method::Rk8 => self.advance_by::<Rk8>(dt, steps),
+            Method::Rk4 => self.advance_by_kind::<Rk4>(dt, steps),
+            Method::Rk8 => self.advance_by_kind::<Rk8>(dt, steps),
             Method::Cf4 => self.advance_by::<Cf4>(dt, steps),
             // Without torque the three are one free flow, so one kernel serves them.
             Method::Splitting2 | Method::Splitting4 | Method::Splitting6 if self.batch.torques.is_empty() => {
@@ -243,6 +243,19 @@ impl<T: LaneScalar> CpuSession<T> {
         } else {
             self.advance_in::<M, AllTorques>(dt, steps)
         }
+    }
+
+    /// As [`Self::advance_by`], with a loop of its own for a torque of each short kind alone: for the methods that most plans
+    /// choose, as it makes the library larger.
+    fn advance_by_kind<M: Step>(&mut self, dt: f64, steps: u64) -> Job<'_> {
+        if self.width == Width::Scalar {
+            return self.advance_by::<M>(dt, steps);
+        }
+        of_kinds!(
+            self.batch.torques,
+            KIND => self.advance_blocks::<M, One<KIND>>(dt, steps, |task| T::dispatch(task)),
+            self.advance_by::<M>(dt, steps)
+        )
     }
 
     /// One body at a time, always: for what other programs do, where speed is not the point and a kernel for each
@@ -359,6 +372,17 @@ impl Surroundings for CommonTorques {
     #[inline(always)]
     fn at<R: Real>(place: Place<'_, R>) -> Common<R> {
         Common::load(place.torques, |column| R::load(&place.parameters[column * place.stride + place.first..]))
+    }
+}
+
+/// One torque, of the kind with this number.
+struct One<const KIND: usize>;
+
+impl<const KIND: usize> Surroundings for One<KIND> {
+    type At<'a, R: Real> = Held<R, KIND>;
+    #[inline(always)]
+    fn at<R: Real>(place: Place<'_, R>) -> Held<R, KIND> {
+        Held::load(place.torques, |column| R::load(&place.parameters[column * place.stride + place.first..]))
     }
 }
 

@@ -1,6 +1,9 @@
 //! The sum of a scene's torques. Twin: `shaders/torque/sum.wgsl`.
 
+mod held;
 mod turning;
+
+pub(crate) use held::{Held, of_kinds};
 
 use std::cell::Cell;
 
@@ -307,43 +310,44 @@ impl<'a, R: Real> Torques<'a, R> {
     }
 }
 
-/// [`Torques::sum`] as a function of its own.
-struct Sum<'a, R: Real> {
-    torques: Torques<'a, R>,
-    epoch: Epoch<'a, R>,
-    orientation: Quaternion<R>,
-    angular_velocity_principal: Vector<R>,
+/// [`Torques::sum`] as a function of its own. What goes to such functions goes by reference: copies of it would cost more than most
+/// torques.
+struct Sum<'s, 'a, R: Real> {
+    torques: &'s Torques<'a, R>,
+    epoch: &'s Epoch<'a, R>,
+    orientation: &'s Quaternion<R>,
+    angular_velocity_principal: &'s Vector<R>,
 }
 
-impl<R: Real> Outlined for Sum<'_, R> {
+impl<R: Real> Outlined for Sum<'_, '_, R> {
     type Output = Vector<R>;
     #[inline(always)]
     fn run(self) -> Vector<R> {
-        self.torques.sum(&self.epoch, self.orientation, self.angular_velocity_principal)
+        self.torques.sum(self.epoch, *self.orientation, *self.angular_velocity_principal)
     }
 }
 
 /// [`Torques::form_start_phases`] as a function of its own.
-struct FormStartPhases<'a, R: Real> {
-    torques: Torques<'a, R>,
-    time: TwoWords<R>,
+struct FormStartPhases<'s, 'a, R: Real> {
+    torques: &'s Torques<'a, R>,
+    time: &'s TwoWords<R>,
 }
 
-impl<R: Real> Outlined for FormStartPhases<'_, R> {
+impl<R: Real> Outlined for FormStartPhases<'_, '_, R> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        self.torques.form_start_phases(self.time);
+        self.torques.form_start_phases(*self.time);
     }
 }
 
 /// [`Torques::noise`] as a function of its own.
-struct Noise<'a, R: Real> {
-    torques: Torques<'a, R>,
+struct Noise<'s, 'a, R: Real> {
+    torques: &'s Torques<'a, R>,
     step: u64,
 }
 
-impl<R: Real> Outlined for Noise<'_, R> {
+impl<R: Real> Outlined for Noise<'_, '_, R> {
     type Output = Vector<R>;
     #[inline(always)]
     fn run(self) -> Vector<R> {
@@ -366,7 +370,7 @@ impl<'a, R: Real> Environment<R> for Torques<'a, R> {
         let noise = if self.table.instances(Kind::WhiteNoise).count == 0 {
             Vector::zero()
         } else {
-            R::outlined(Noise { torques: *self, step })
+            R::outlined(Noise { torques: self, step })
         };
         self.epoch_at(Time::Equal(instant), noise)
     }
@@ -379,7 +383,8 @@ impl<'a, R: Real> Environment<R> for Torques<'a, R> {
         orientation: Quaternion<R>,
         angular_velocity_principal: Vector<R>,
     ) -> Vector<R> {
-        R::outlined(Sum { torques: *self, epoch: *epoch, orientation, angular_velocity_principal })
+        let (orientation, angular_velocity_principal) = (&orientation, &angular_velocity_principal);
+        R::outlined(Sum { torques: self, epoch, orientation, angular_velocity_principal })
     }
 
     #[inline(always)]
@@ -420,7 +425,7 @@ impl<'a, R: Real> Timed<R> for Torques<'a, R> {
         let seconds = R::splat(1.0) / self.column(RATE_COLUMN);
         if !self.start_phases.is_empty() {
             let time = TwoWords { value: time.value * seconds, residue: time.residue * seconds };
-            R::outlined(FormStartPhases { torques: *self, time });
+            R::outlined(FormStartPhases { torques: self, time: &time });
         }
         StepStart { phases: self.start_phases, seconds }
     }

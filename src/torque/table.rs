@@ -142,6 +142,14 @@ impl TorqueTable {
             .all(|&kind| self.instances(kind).count == 0 || matches!(kind, Kind::ConstantBody | Kind::LinearDrag))
     }
 
+    /// The kind of the torque, where there is only one.
+    pub(crate) fn only_kind(&self) -> Option<Kind> {
+        match self.list[..] {
+            [Instance { kind, .. }] => Some(kind),
+            _ => None,
+        }
+    }
+
     /// How the torques together depend on the angular velocity.
     pub fn velocity_dependence(&self) -> VelocityDependence {
         let has = |kind| self.instances(kind).count > 0;

@@ -17,7 +17,7 @@ use crate::lanes::{LaneScalar, LaneTask};
 use crate::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, Timed, advance};
 use crate::observe::Kernel;
 use crate::real::{Real, Scalar};
-use crate::torque::sum::{Common, Torques};
+use crate::torque::sum::{Common, Held, Torques, of_kinds};
 use crate::torque::{Free, TorqueTable};
 use crate::vector::TwoWords;
 
@@ -68,13 +68,32 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
             self.advance_in::<Nothing>(end)
         } else if self.batch.torques.is_common() {
             self.advance_in::<CommonTorques>(end)
-        } else {
+        } else if self.width == Width::Scalar {
             self.advance_in::<AllTorques>(end)
+        } else {
+            of_kinds!(
+                self.batch.torques,
+                KIND => self.advance_blocks::<One<KIND>>(end, |task| T::dispatch(task)),
+                self.advance_in::<AllTorques>(end)
+            )
         })
     }
 
+    /// In lanes or singly, as the session was opened.
     fn advance_in<S: TimedSurroundings>(&mut self, end: Clock) -> Job<'_> {
-        let (width, steps) = (self.width, self.steps);
+        let width = self.width;
+        self.advance_blocks::<S>(end, move |task| match width {
+            Width::Lanes => T::dispatch(task),
+            Width::Scalar => task.run::<T>(),
+        })
+    }
+
+    fn advance_blocks<'s, S: TimedSurroundings>(
+        &'s mut self,
+        end: Clock,
+        run: impl Fn(AdaptiveBlock<'_, '_, T, S>) -> bool + Send + Sync + 's,
+    ) -> Job<'s> {
+        let steps = self.steps;
         let Self { batch, clock, controllers, counts, .. } = self;
         let start = *clock;
         let (value, residue) = start.seconds_until(&end);
@@ -105,10 +124,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
                         bodies: counts.len(),
                         kind: std::marker::PhantomData,
                     };
-                    under_way = match width {
-                        Width::Lanes => T::dispatch(task),
-                        Width::Scalar => task.run::<T>(),
-                    };
+                    under_way = run(task);
                     starts = false;
                     take_counts(&mut controllers, counts);
                 }
@@ -196,6 +212,17 @@ impl TimedSurroundings for CommonTorques {
     #[inline(always)]
     fn at<R: Real>(place: TimedPlace<'_, R>) -> Common<R> {
         Common::load(place.torques, |column| R::load(&place.parameters[column * place.stride + place.first..]))
+    }
+}
+
+/// One torque, of the kind with this number.
+struct One<const KIND: usize>;
+
+impl<const KIND: usize> TimedSurroundings for One<KIND> {
+    type At<'a, R: Real> = Held<R, KIND>;
+    #[inline(always)]
+    fn at<R: Real>(place: TimedPlace<'_, R>) -> Held<R, KIND> {
+        Held::load(place.torques, |column| R::load(&place.parameters[column * place.stride + place.first..]))
     }
 }
 

@@ -16,8 +16,11 @@ use crate::vector::{TwoWords, Vector};
 impl<'a, R: Real> Torques<'a, R> {
     #[inline(always)]
     pub(super) fn epoch_at(&self, time: Time<'a, R>, noise: Vector<R>) -> Epoch<'a, R> {
-        let change_done =
-            if self.table.varies_inertia() { R::outlined(ChangeDone { torques: *self, time }) } else { R::splat(0.0) };
+        let change_done = if self.table.varies_inertia() {
+            R::outlined(ChangeDone { torques: self, time: &time })
+        } else {
+            R::splat(0.0)
+        };
         Epoch { time, noise, change_done }
     }
 
@@ -132,7 +135,7 @@ impl<'a, R: Real> Torques<'a, R> {
             let gyroscopic_term = body.gyroscopic_term(m, correction);
             return Turning { motion: Motion { angular_velocity, gyroscopic_term }, angular_velocity };
         }
-        R::outlined(Turn { torques: *self, epoch: *epoch, body: *body, correction: *correction, m })
+        R::outlined(Turn { torques: self, epoch, body, correction, m: &m })
     }
 
     /// The power of what changes the moments, −½ ω·(dI/dt) ω, at ω = I⁻¹ m, in units of the body's own scale.
@@ -141,7 +144,7 @@ impl<'a, R: Real> Torques<'a, R> {
         if !self.table.varies_inertia() {
             return R::splat(0.0);
         }
-        R::outlined(ChangePower { torques: *self, epoch: *epoch, body: *body, angular_velocity })
+        R::outlined(ChangePower { torques: self, epoch, body, angular_velocity: &angular_velocity })
     }
 }
 
@@ -153,45 +156,45 @@ pub(crate) struct Turning<R> {
 }
 
 /// [`Torques::turning`] as a function of its own.
-struct Turn<'a, R: Real> {
-    torques: Torques<'a, R>,
-    epoch: Epoch<'a, R>,
-    body: Body<R>,
-    correction: Correction<R>,
-    m: Vector<R>,
+struct Turn<'s, 'a, R: Real> {
+    torques: &'s Torques<'a, R>,
+    epoch: &'s Epoch<'a, R>,
+    body: &'s Body<R>,
+    correction: &'s Correction<R>,
+    m: &'s Vector<R>,
 }
 
-impl<R: Real> Outlined for Turn<'_, R> {
+impl<R: Real> Outlined for Turn<'_, '_, R> {
     type Output = Turning<R>;
     #[inline(always)]
     fn run(self) -> Turning<R> {
-        self.torques.turning(&self.epoch, &self.body, &self.correction, self.m)
+        self.torques.turning(self.epoch, self.body, self.correction, *self.m)
     }
 }
 
 /// [`Torques::change_done`] as a function of its own.
-struct ChangeDone<'a, R: Real> {
-    torques: Torques<'a, R>,
-    time: Time<'a, R>,
+struct ChangeDone<'s, 'a, R: Real> {
+    torques: &'s Torques<'a, R>,
+    time: &'s Time<'a, R>,
 }
 
-impl<R: Real> Outlined for ChangeDone<'_, R> {
+impl<R: Real> Outlined for ChangeDone<'_, '_, R> {
     type Output = R;
     #[inline(always)]
     fn run(self) -> R {
-        self.torques.change_done(&self.time)
+        self.torques.change_done(self.time)
     }
 }
 
 /// [`Torques::change_power`] as a function of its own.
-struct ChangePower<'a, R: Real> {
-    torques: Torques<'a, R>,
-    epoch: Epoch<'a, R>,
-    body: Body<R>,
-    angular_velocity: Vector<R>,
+struct ChangePower<'s, 'a, R: Real> {
+    torques: &'s Torques<'a, R>,
+    epoch: &'s Epoch<'a, R>,
+    body: &'s Body<R>,
+    angular_velocity: &'s Vector<R>,
 }
 
-impl<R: Real> Outlined for ChangePower<'_, R> {
+impl<R: Real> Outlined for ChangePower<'_, '_, R> {
     type Output = R;
     #[inline(always)]
     fn run(self) -> R {
@@ -201,7 +204,7 @@ impl<R: Real> Outlined for ChangePower<'_, R> {
         let difference = |kappa: R, inverse: R| (one / kappa - one) / inverse;
         let differences =
             Vector::new(difference(kappa.x, inverse.x), difference(kappa.y, inverse.y), difference(kappa.z, inverse.z));
-        let omega = self.angular_velocity;
+        let omega = *self.angular_velocity;
         let rate = self.torques.change_rate(&self.epoch.time) / self.torques.column(RATE_COLUMN);
         R::splat(-0.5) * rate * omega.dot(differences.scaled_by(omega))
     }
