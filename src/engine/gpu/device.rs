@@ -3,6 +3,7 @@
 use std::ops::Range;
 use std::panic::AssertUnwindSafe;
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
 use crate::error::{Error, Result};
 
@@ -193,7 +194,8 @@ impl Device {
         });
         let index = index.map_err(|refusal| self.refused(refusal))?;
         self.poll(wgpu::PollType::Wait { submission_index: Some(index), timeout: None })?;
-        match mapped.try_recv() {
+        // Another thread's wait for the device may be the one that gives the answer, a little later.
+        match mapped.recv_timeout(LONGEST_ANSWER) {
             Ok(Ok(())) => {}
             Ok(Err(error)) => return Err(self.error(error)),
             Err(_) => return Err(self.error("gave no answer to a request to read")),
@@ -228,6 +230,9 @@ impl Device {
         }
     }
 }
+
+/// How long after a submission is done a request to read it may go without an answer.
+const LONGEST_ANSWER: Duration = Duration::from_secs(10);
 
 /// Driver and version of an adapter, as far as the driver gives them.
 pub(crate) fn driver_of(info: &wgpu::AdapterInfo) -> String {
