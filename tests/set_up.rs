@@ -94,7 +94,7 @@ fn one_word_leads_no_further_astray_than_the_bound_and_not_much_less() {
             for body in 0..BODIES {
                 let (error, bound) = (angle(one[body], two[body]), bound(&ensemble, &frames[body], body, span));
                 assert!(
-                    !(error - EVALUATION > bound),
+                    error - EVALUATION <= bound,
                     "body {body}, {span} s, turned {turned}: {error:e} beyond {bound:e}"
                 );
                 if bound < 0.1 {
