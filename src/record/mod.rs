@@ -172,7 +172,7 @@ pub struct WallTime {
     pub prepare: f64,
     /// Opening the session: upload and shader compilation.
     pub start: f64,
-    /// Integration.
+    /// Integration; of torque-free bodies that are looked at once, set-up and the way to the user's axes too, which are one piece.
     pub compute: f64,
     /// Reading states back and bringing them to the user's axes and units.
     pub read: f64,

@@ -37,6 +37,8 @@ pub(super) struct Unit<'p> {
     varies: bool,
     /// Of the last state, s.
     time: f64,
+    /// Wall time in which bodies were formed as they were read, s, since it was last asked for.
+    formed: f64,
 }
 
 enum Motion<'p> {
@@ -132,7 +134,7 @@ impl<'p> Unit<'p> {
         }
         let varies = variable_inertia::of_scene(scene.torques()).is_some();
         let (ensemble, torques) = (scene.ensemble(), scene.torques());
-        Ok(Self { members, motion, flight, ensemble, torques, varies, time: 0.0 })
+        Ok(Self { members, motion, flight, ensemble, torques, varies, time: 0.0, formed: 0.0 })
     }
 
     /// The steps from `time − span` to `time`, s, as work for the host's threads, to be run before anything else is done with the
@@ -208,6 +210,11 @@ impl<'p> Unit<'p> {
         }
     }
 
+    /// The wall time, s, that bodies took to be formed as they were read, since the last call.
+    pub fn take_formed(&mut self) -> f64 {
+        std::mem::take(&mut self.formed)
+    }
+
     /// Bytes that were read back from a device so far.
     pub fn bytes_read(&self) -> u64 {
         match &self.motion {
@@ -259,7 +266,9 @@ impl<'p> Unit<'p> {
         initial: Option<&mut [BodyState]>,
     ) -> Result<()> {
         if let Motion::Once(once) = &self.motion {
+            let clock = Instant::now();
             read_once(once, self.members, self.time, bodies, states, initial);
+            self.formed += clock.elapsed().as_secs_f64();
             return Ok(());
         }
         let members = self.members;
