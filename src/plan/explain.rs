@@ -218,6 +218,8 @@ impl Plan<'_> {
     fn bytes(&self, group: &Group) -> u64 {
         let of_body = match group.treatment {
             Treatment::RegularPrecession => size_of::<RegularPrecession>(),
+            // Formed where it is read, and not kept.
+            Treatment::ClosedForm { .. } if self.engine.kind == EngineKind::Cpu && self.looks_once() => 0,
             Treatment::ClosedForm { precision, .. } => {
                 let numbers =
                     ROW_COLUMNS * if precision == Precision::F32 { size_of::<f32>() } else { size_of::<f64>() };

@@ -185,6 +185,12 @@ impl<'a> Plan<'a> {
         leaves_states(self.scene)
     }
 
+    /// Whether states are wanted at one time only, and all of them then.
+    pub(crate) fn looks_once(&self) -> bool {
+        let reduces = self.scene.may_skip() && !self.scene.wanted_statistics().is_empty();
+        self.times.len() == 1 && !reduces
+    }
+
     /// The time from output `index`'s predecessor (the start for the first) to output `index`, s.
     pub fn span_before(&self, index: usize) -> f64 {
         self.times[index] - if index == 0 { 0.0 } else { self.times[index - 1] }

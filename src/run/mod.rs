@@ -79,7 +79,7 @@ pub fn run_into(
     // The long way forms statistics of the states that it reads.
     let statistics = scene.wanted_statistics();
     let reduces = !statistics.is_empty() && scene.may_skip();
-    let once = plan.times().len() == 1 && !reduces;
+    let once = plan.looks_once();
     let units = plan.groups().iter().map(|group| Unit::start(engine, scene, group, once, &mut wall_time));
     let mut units = units.collect::<Result<Vec<_>>>()?;
     let mut centres = Centres::start(plan);
@@ -244,7 +244,7 @@ fn advance(
 }
 
 /// Some bodies in the user's axes and units, to `states`, and as they started, to `initial`. Each body is of one unit, so every
-/// place is written, whatever stood there.
+/// place is written, whatever stood there; with debug assertions nothing stands there, so that one left out shows.
 fn read_states(
     units: &mut [Unit<'_>],
     centres: &Centres<'_>,
@@ -252,6 +252,10 @@ fn read_states(
     states: &mut Vec<OutputState>,
     mut initial: Option<&mut Vec<BodyState>>,
 ) -> Result<()> {
+    if cfg!(debug_assertions) {
+        states.clear();
+        initial.iter_mut().for_each(|initial| initial.clear());
+    }
     states.resize(bodies.len(), OutputState { rotation: BodyState::UNKNOWN, translation: None });
     if let Some(initial) = &mut initial {
         initial.resize(bodies.len(), BodyState::UNKNOWN);

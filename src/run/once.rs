@@ -4,6 +4,8 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::OutputState;
+use super::unit::TASK;
 use crate::batch::{BodyState, Precision};
 use crate::engine::cpu::Width;
 use crate::ensemble::Ensemble;
@@ -23,7 +25,7 @@ pub(super) struct Once<'p> {
 impl Once<'_> {
     /// Hands the states at `time` of the bodies in some rows of the group to `write`, with those in which they started where
     /// these are wanted.
-    pub fn each(
+    fn each(
         &self,
         rows: Range<usize>,
         time: f64,
@@ -34,6 +36,31 @@ impl Once<'_> {
             Precision::F32 => self.each_in::<f32>(rows, time, wants_start, write),
             Precision::F64 => self.each_in::<f64>(rows, time, wants_start, write),
         }
+    }
+
+    /// Writes the states at `time` of those of its bodies that are in `bodies` to their places in `states`, and those in which they
+    /// started to their places in `initial`.
+    pub fn read(
+        &self,
+        time: f64,
+        bodies: &Range<usize>,
+        states: &mut [OutputState],
+        initial: Option<&mut [BodyState]>,
+    ) {
+        let mut starts = initial.map(|initial| initial.chunks_mut(TASK));
+        let next = |states| (states, starts.as_mut().and_then(Iterator::next));
+        let tasks: Vec<_> = states.chunks_mut(TASK).map(next).collect();
+        tasks.into_par_iter().enumerate().for_each(|(task, (states, mut initial))| {
+            let first = bodies.start + task * TASK;
+            let rows = self.members.rows(first..first + states.len());
+            self.each(rows, time, initial.is_some(), |row, state, start| {
+                let place = self.members.body(row) - first;
+                states[place].rotation = state;
+                if let (Some(initial), Some(start)) = (&mut initial, start) {
+                    initial[place] = start;
+                }
+            });
+        });
     }
 
     fn each_in<T: LaneScalar>(

@@ -88,21 +88,22 @@ impl<'p> Unit<'p> {
                 wall_time.prepare += clock.elapsed().as_secs_f64();
                 Motion::Precession { bodies, time: 0.0 }
             }
-            Treatment::ClosedForm { precision, set_up } if once && evaluates_on_host(engine, precision).is_some() => {
-                let width = evaluates_on_host(engine, precision).unwrap_or(Width::Lanes);
-                Motion::Once(Once { ensemble: scene.ensemble(), members, precision, set_up, width })
-            }
             Treatment::ClosedForm { precision, set_up } => {
-                let (frames, rows) = AnyRows::prepare_members(scene.ensemble(), members, precision, set_up)?;
-                wall_time.prepare += clock.elapsed().as_secs_f64();
-                let clock = Instant::now();
-                let session = if engine.precisions().contains(&precision) {
-                    engine.start_free(rows)?
-                } else {
-                    Cpu::new(Width::Lanes).start_free(rows)?
-                };
-                wall_time.start += clock.elapsed().as_secs_f64();
-                Motion::ClosedForm { session, frames }
+                match evaluates_on_host(engine, precision).filter(|_| once) {
+                    Some(width) => Motion::Once(Once { ensemble: scene.ensemble(), members, precision, set_up, width }),
+                    None => {
+                        let (frames, rows) = AnyRows::prepare_members(scene.ensemble(), members, precision, set_up)?;
+                        wall_time.prepare += clock.elapsed().as_secs_f64();
+                        let clock = Instant::now();
+                        let session = if engine.precisions().contains(&precision) {
+                            engine.start_free(rows)?
+                        } else {
+                            Cpu::new(Width::Lanes).start_free(rows)?
+                        };
+                        wall_time.start += clock.elapsed().as_secs_f64();
+                        Motion::ClosedForm { session, frames }
+                    }
+                }
             }
             Treatment::Adaptive { precision, steps } => {
                 Motion::Adaptive(AdaptiveUnit::start(engine, scene, group, precision, steps, wall_time)?)
@@ -267,7 +268,7 @@ impl<'p> Unit<'p> {
     ) -> Result<()> {
         if let Motion::Once(once) = &self.motion {
             let clock = Instant::now();
-            read_once(once, self.members, self.time, bodies, states, initial);
+            once.read(self.time, bodies, states, initial);
             self.formed += clock.elapsed().as_secs_f64();
             return Ok(());
         }
@@ -342,32 +343,7 @@ fn evaluates_on_host(engine: &dyn Backend, precision: Precision) -> Option<Width
 }
 
 /// Bodies that one task writes.
-const TASK: usize = 1 << 10;
-
-/// [`Unit::read`] of bodies that are looked at once.
-fn read_once(
-    once: &Once<'_>,
-    members: &Members,
-    time: f64,
-    bodies: &Range<usize>,
-    states: &mut [OutputState],
-    initial: Option<&mut [BodyState]>,
-) {
-    let mut starts = initial.map(|initial| initial.chunks_mut(TASK));
-    let next = |states| (states, starts.as_mut().and_then(Iterator::next));
-    let tasks: Vec<_> = states.chunks_mut(TASK).map(next).collect();
-    tasks.into_par_iter().enumerate().for_each(|(task, (states, mut initial))| {
-        let first = bodies.start + task * TASK;
-        let rows = members.rows(first..first + states.len());
-        once.each(rows, time, initial.is_some(), |row, state, start| {
-            let place = members.body(row) - first;
-            states[place].rotation = state;
-            if let (Some(initial), Some(start)) = (&mut initial, start) {
-                initial[place] = start;
-            }
-        });
-    });
-}
+pub(super) const TASK: usize = 1 << 10;
 
 /// Lets `write` fill the places of those of the bodies in `rows` that are in `bodies`.
 fn scatter<T: Send>(

@@ -10,9 +10,11 @@
 //! they turn no angular momentum but change the rate at which the axes turn ([`Environment::motion`]).
 //!
 //! A new model is a file here with its type and function, its twin, an entry in [`Torque`] and [`Kind`], and a line in
-//! `sum.rs` and `sum.wgsl`; a line in `sum/held.rs` gives a short one a CPU kernel of its own where it acts alone. Each WGSL file names its twin in its first line, where that has another stem too: what types and generics
-//! choose here (no torque, equal steps or each body's own, series of either precision) is a file each there; how models are described
-//! and laid out in columns (`description`, `kind`, `parameter`, `inertia_change`, `table`) is the host's alone.
+//! `sum.rs` and `sum.wgsl`; a line in `sum/held.rs` gives a short one a CPU kernel of its own where it acts alone.
+//!
+//! Each WGSL file names its twin in its first line, where that has another stem too: what types and generics choose here (no
+//! torque, equal steps or each body's own, series of either precision) is a file each there; how models are described and
+//! laid out in columns (`description`, `kind`, `parameter`, `inertia_change`, `table`) is the host's alone.
 
 use crate::method::projection::{Combinations, projected};
 use crate::quaternion::Quaternion;

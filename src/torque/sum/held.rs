@@ -17,7 +17,7 @@ use crate::torque::magnetic_dipole::magnetic_dipole;
 use crate::torque::matrix_drag::matrix_drag;
 use crate::torque::quadratic_drag::quadratic_drag;
 use crate::torque::sine_spring::sine_spring;
-use crate::torque::{Environment, Motion, VelocityDependence};
+use crate::torque::{Environment, Motion};
 use crate::vector::{TwoWords, Vector};
 
 /// Evaluates an expression with `KIND`, a constant, the number of the only torque's kind where it has a kernel of its own, and
@@ -98,15 +98,6 @@ impl<R: Real, const KIND: usize> Environment<R> for Held<R, KIND> {
             sine_spring(c[0], Quaternion::new(c[1], c[2], c[3], c[4]), q)
         } else {
             Vector::zero()
-        }
-    }
-
-    #[inline(always)]
-    fn velocity_dependence(&self) -> VelocityDependence {
-        if Self::is(Kind::MatrixDrag) || Self::is(Kind::QuadraticDrag) || Self::is(Kind::EddyCurrent) {
-            VelocityDependence::General
-        } else {
-            VelocityDependence::None
         }
     }
 
