@@ -141,42 +141,51 @@ fn turns_of(mantissa: u64, exponent: i32) -> u128 {
     upper.wrapping_add(lower)
 }
 
-/// An instant as kernels see it.
+/// Whole ticks from the initial state to the start of a step.
 #[derive(Clone, Copy, Debug)]
-pub struct Instant<R> {
-    /// Whole ticks from the initial state to the start of the step.
-    pub ticks: u64,
-    /// Time since the start of the step, s.
-    pub elapsed: R,
+pub enum Ticks {
+    /// All lanes start together.
+    Equal(u64),
+    /// Each lane when it likes.
+    Own([u64; MOST_LANES]),
 }
 
-/// A phase in turns, within (−1, 1): the exact phase at the start of the step and `turns_per_second · elapsed`.
-///
-/// The first is rounded to the precision's relative accuracy of at most half a turn, the second is a fraction of one
-/// step; neither error adds up.
-#[inline(always)]
-pub fn phase<R: Real>(rate: Rate<'_, R>, instant: &Instant<R>) -> R {
-    let start = match rate.fraction {
-        Fraction::Shared(fraction) => R::splat(turns::<R::Scalar>(fraction, instant.ticks).to_f64()),
-        Fraction::PerBody(fractions) => R::from_lanes(|lane| turns::<R::Scalar>(fractions[lane], instant.ticks)),
-    };
-    phase_after(start, rate.turns_per_second, instant.elapsed)
+/// Lanes of the widest vector.
+pub const MOST_LANES: usize = 16;
+
+impl Ticks {
+    /// Of one lane.
+    #[inline(always)]
+    pub fn of_lane(&self, lane: usize) -> u64 {
+        match self {
+            Ticks::Equal(ticks) => *ticks,
+            Ticks::Own(ticks) => ticks[lane],
+        }
+    }
 }
 
-/// A phase in turns, `elapsed` seconds after it was `start`, within (−1, 1).
+/// The exact phases at the start of a step, in turns in [−½, ½], rounded to the precision's relative accuracy of at most half a
+/// turn.
 #[inline(always)]
-pub(crate) fn phase_after<R: Real>(start: R, turns_per_second: R, elapsed: R) -> R {
+pub fn phases_at<R: Real>(fraction: Fraction<'_>, ticks: &Ticks) -> R {
+    match (fraction, ticks) {
+        (Fraction::Shared(fraction), &Ticks::Equal(ticks)) => R::splat(turns::<R::Scalar>(fraction, ticks).to_f64()),
+        (Fraction::Shared(fraction), Ticks::Own(_)) => {
+            R::from_lanes(|lane| turns::<R::Scalar>(fraction, ticks.of_lane(lane)))
+        }
+        (Fraction::PerBody(fractions), _) => {
+            let fractions = &fractions[..R::LANES];
+            R::from_lanes(|lane| turns::<R::Scalar>(fractions[lane], ticks.of_lane(lane)))
+        }
+    }
+}
+
+/// A phase in turns, within (−1, 1), `elapsed` seconds after it was `start`: what is added is a fraction of one step, so that its
+/// error does not add up.
+#[inline(always)]
+pub fn phase_after<R: Real>(start: R, turns_per_second: R, elapsed: R) -> R {
     let advanced = turns_per_second.mul_add(elapsed, start);
     advanced - advanced.round()
-}
-
-/// The exact phases at a number of ticks of each lane's own, in turns in [−½, ½].
-#[inline(always)]
-pub(crate) fn phases_at<R: Real>(fraction: Fraction<'_>, ticks: &[u64]) -> R {
-    match fraction {
-        Fraction::Shared(fraction) => R::from_lanes(|lane| turns::<R::Scalar>(fraction, ticks[lane])),
-        Fraction::PerBody(fractions) => R::from_lanes(|lane| turns::<R::Scalar>(fractions[lane], ticks[lane])),
-    }
 }
 
 /// Whole ticks in a time (s) in two words, each rounded towards 0: at most two ticks off, 2⁻⁵⁹ of the span.
@@ -184,15 +193,6 @@ pub(crate) fn phases_at<R: Real>(fraction: Fraction<'_>, ticks: &[u64]) -> R {
 pub(crate) fn ticks_in<T: Scalar>(time: TwoWords<T>, ticks_per_second: f64) -> u64 {
     let whole = |seconds: T| (seconds.to_f64() * ticks_per_second) as i64;
     whole(time.value).wrapping_add(whole(time.residue)) as u64
-}
-
-/// The rate of a phase for the lanes of a group.
-#[derive(Clone, Copy, Debug)]
-pub struct Rate<'a, R> {
-    /// Exact rate.
-    pub fraction: Fraction<'a>,
-    /// The same, rounded.
-    pub turns_per_second: R,
 }
 
 /// Exact rates in units of 2⁻¹²⁸ turn per tick.

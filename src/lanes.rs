@@ -232,6 +232,9 @@ lane_type!(
 pub trait LaneTask<T: Scalar> {
     /// What the work returns.
     type Output;
+    /// Whether the work is never handed to a processor with one lane, so that it is not compiled for one: the caller asks for
+    /// [`LaneScalar::lane_count`] first.
+    const IN_LANES_ONLY: bool = false;
     /// Does the work. Must be `#[inline(always)]` and call nothing that is not, or the lanes degrade to calls.
     fn run<R: Real<Scalar = T>>(self) -> Self::Output;
 }
@@ -259,6 +262,9 @@ impl<K: LaneTask<f32>> WithSimd for InF32Lanes<K> {
     type Output = K::Output;
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> K::Output {
+        if K::IN_LANES_ONLY && F32Lanes::<S>::LANES == 1 {
+            unreachable!("work for several lanes was handed to one");
+        }
         self.0.run::<F32Lanes<S>>()
     }
 }
@@ -273,6 +279,9 @@ impl<K: LaneTask<f64>> WithSimd for InF64Lanes<K> {
     type Output = K::Output;
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> K::Output {
+        if K::IN_LANES_ONLY && F64Lanes::<S>::LANES == 1 {
+            unreachable!("work for several lanes was handed to one");
+        }
         self.0.run::<F64Lanes<S>>()
     }
 }

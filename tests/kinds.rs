@@ -47,7 +47,7 @@ fn one_kind_alone_is_stepped_as_among_others() {
     for torque in torques.iter().filter(|torque| !is_common(torque)) {
         for precision in Precision::ALL {
             let [alone, among] = both(torque);
-            for method in [Method::Rk4, Method::Rk8] {
+            for method in [Method::Rk4, Method::Rk8, Method::Cf4] {
                 let is_same = stepped(&alone, method, precision) == stepped(&among, method, precision);
                 assert!(is_same, "{} by {method} in {precision}", torque.name());
             }

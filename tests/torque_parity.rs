@@ -7,7 +7,7 @@ use common::kernel::{Harness, chunks};
 use common::random::Random;
 use common::torques::{batch_under, every_torque, middle_moments};
 use polhode::batch::Precision;
-use polhode::clock::{Clock, Fraction, Instant, Rate, digits, phase};
+use polhode::clock::{Clock, Fraction, Ticks, digits, phase_after, phases_at};
 use polhode::engine::Engine;
 use polhode::engine::gpu::Patch;
 use polhode::engine::gpu::shader::{Chunk, Source};
@@ -359,9 +359,8 @@ fn check_phases<T: Scalar>() {
             2 => 1 << 32,
             _ => random.bits() >> (row % 64),
         };
-        let instant = Instant { ticks, elapsed: T::from_f64(0.0) };
-        let rate_of_lane = Rate { fraction: Fraction::Shared(rate), turns_per_second: T::from_f64(1.0) };
-        expected.push(vec![phase(rate_of_lane, &instant).to_f64()]);
+        let start = phases_at::<T>(Fraction::Shared(rate), &Ticks::Equal(ticks));
+        expected.push(vec![phase_after(start, T::from_f64(1.0), T::from_f64(0.0)).to_f64()]);
         let mut columns: Vec<T> = digits(rate).into_iter().map(T::from_f64).collect();
         columns.push(T::from_f64(1.0));
         columns.extend(halves::<T>(&[ticks as u32, (ticks >> 32) as u32]));

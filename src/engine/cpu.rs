@@ -1,5 +1,7 @@
 //! The CPU engine: all cores, SIMD lanes chosen at run time.
 
+use std::cell::Cell;
+use std::marker::PhantomData;
 use std::ops::Range;
 
 use rayon::prelude::*;
@@ -9,8 +11,8 @@ use super::projected::conserving;
 use super::watch::{Job, Watch, watched};
 use super::{Backend, Description, EngineKind, FreeSession, Observer, Session, check_step, check_time};
 use crate::batch::{
-    AnyBatch, Batch, Precision, StateWords, column_parts, load_body, load_combinations, load_invariants, load_state,
-    state_columns, store_state, two_words,
+    AnyBatch, Batch, Precision, StateWords, column_parts, load_body, load_invariants, load_state, state_columns,
+    store_state, two_words,
 };
 use crate::clock::Clock;
 use crate::error::{Error, Result};
@@ -23,15 +25,17 @@ use crate::method::{
 };
 use crate::observe::Kernel;
 use crate::real::{Real, Scalar};
-use crate::torque::sum::{Common, Held, Torques, of_kinds};
-use crate::torque::{Conserving, Environment, Free, TorqueTable};
+use crate::torque::sum::{Columns, of_kinds};
+use crate::torque::{Environment, TorqueTable};
 use crate::vector::TwoWords;
 
 mod adaptive;
 mod observe;
+mod surroundings;
 
 use adaptive::CpuAdaptiveSession;
 use observe::Reducer;
+use surroundings::{AllTorques, CommonTorques, Nothing, Projected, Surroundings};
 
 /// Whether the CPU engine runs in SIMD lanes or one body at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,6 +44,13 @@ pub enum Width {
     Lanes,
     /// One body at a time without fused multiply-add: the reference in `f64`, the shader's twin in `f32`.
     Scalar,
+}
+
+impl Width {
+    /// Whether bodies are stepped several at a time.
+    fn has_lanes<T: LaneScalar>(self) -> bool {
+        self == Width::Lanes && T::lane_count() > 1
+    }
 }
 
 /// Integrates on the processor.
@@ -210,7 +221,7 @@ impl<T: LaneScalar> CpuSession<T> {
         Ok(match self.method {
             Method::Rk4 => self.advance_by_kind::<Rk4>(dt, steps),
             Method::Rk8 => self.advance_by_kind::<Rk8>(dt, steps),
-            Method::Cf4 => self.advance_by::<Cf4>(dt, steps),
+            Method::Cf4 => self.advance_by_kind::<Cf4>(dt, steps),
             // Without torque the three are one free flow, so one kernel serves them.
             Method::Splitting2 | Method::Splitting4 | Method::Splitting6 if self.batch.torques.is_empty() => {
                 self.advance_in::<Splitting<2>, Nothing>(dt, steps)
@@ -245,15 +256,15 @@ impl<T: LaneScalar> CpuSession<T> {
         }
     }
 
-    /// As [`Self::advance_by`], with a loop of its own for a torque of each short kind alone: for the methods that most plans
-    /// choose, as it makes the library larger.
+    /// As [`Self::advance_by`], with a loop of its own for a torque of each kind alone: for the methods that plans choose, as it makes
+    /// the library larger.
     fn advance_by_kind<M: Step>(&mut self, dt: f64, steps: u64) -> Job<'_> {
-        if self.width == Width::Scalar {
+        if !self.width.has_lanes::<T>() {
             return self.advance_by::<M>(dt, steps);
         }
         of_kinds!(
             self.batch.torques,
-            KIND => self.advance_blocks::<M, One<KIND>>(dt, steps, |task| T::dispatch(task)),
+            KIND => self.advance_blocks(dt, steps, in_lanes::<T, M, surroundings::One<KIND>>),
             self.advance_by::<M>(dt, steps)
         )
     }
@@ -262,28 +273,25 @@ impl<T: LaneScalar> CpuSession<T> {
     /// instruction set would only make the library larger.
     fn advance_singly_by<M: Step>(&mut self, dt: f64, steps: u64) -> Job<'_> {
         if self.batch.torques.is_empty() {
-            self.advance_blocks::<M, Nothing>(dt, steps, |task| task.run::<T>())
+            self.advance_blocks(dt, steps, one_by_one::<T, M, Nothing>)
         } else {
-            self.advance_blocks::<M, AllTorques>(dt, steps, |task| task.run::<T>())
+            self.advance_blocks(dt, steps, one_by_one::<T, M, AllTorques>)
         }
     }
 
     /// In lanes or singly, as the session was opened.
     fn advance_in<M: Step, S: Surroundings>(&mut self, dt: f64, steps: u64) -> Job<'_> {
-        let width = self.width;
-        self.advance_blocks::<M, S>(dt, steps, move |task| match width {
-            Width::Lanes => T::dispatch(task),
-            Width::Scalar => task.run::<T>(),
-        })
+        let kernel = match self.width {
+            Width::Lanes => in_lanes::<T, M, S>,
+            Width::Scalar => one_by_one::<T, M, S>,
+        };
+        self.advance_blocks(dt, steps, kernel)
     }
 
     /// Blocks are independent, so each runs all its steps before the next begins and stays in registers meanwhile.
-    fn advance_blocks<'s, M: Step, S: Surroundings>(
-        &'s mut self,
-        dt: f64,
-        steps: u64,
-        run: impl Fn(AdvanceBlock<'_, '_, T, M, S>) + Send + Sync + 's,
-    ) -> Job<'s> {
+    ///
+    /// The kernel is a value: the hundreds that there are share one loop over blocks.
+    fn advance_blocks(&mut self, dt: f64, steps: u64, kernel: fn(Block<'_, '_, T>)) -> Job<'_> {
         let Self { batch, clock, .. } = self;
         let start = *clock;
         let Batch { body_count, stride, parameters, state, torques } = batch;
@@ -298,7 +306,7 @@ impl<T: LaneScalar> CpuSession<T> {
                 let mut left = steps;
                 while left > 0 && watch.goes_on() {
                     let slice = left.min(SLICE);
-                    let task = AdvanceBlock::<T, M, S> {
+                    kernel(Block {
                         parameters,
                         torques,
                         stride,
@@ -310,9 +318,7 @@ impl<T: LaneScalar> CpuSession<T> {
                         bodies,
                         first_step: steps - left,
                         steps: slice,
-                        kinds: std::marker::PhantomData,
-                    };
-                    run(task);
+                    });
                     left -= slice;
                     watch.add(slice * bodies as u64);
                 }
@@ -322,83 +328,8 @@ impl<T: LaneScalar> CpuSession<T> {
     }
 }
 
-/// What acts on bodies, as a type, so that each kind is compiled into a loop of its own.
-trait Surroundings {
-    /// What acts on one lane group.
-    type At<'a, R: Real>: Environment<R>;
-    /// What acts on the lane group from body `first` on.
-    fn at<R: Real>(place: Place<'_, R>) -> Self::At<'_, R>;
-}
-
-/// Where a lane group finds its torques.
-struct Place<'a, R: Real> {
-    torques: &'a TorqueTable,
-    parameters: &'a [R::Scalar],
-    stride: usize,
-    first: usize,
-    clock: Clock,
-    dt: f64,
-}
-
-/// No torque.
-struct Nothing;
-
-impl Surroundings for Nothing {
-    type At<'a, R: Real> = Free;
-    #[inline(always)]
-    fn at<R: Real>(_: Place<'_, R>) -> Free {
-        Free
-    }
-}
-
-/// No torque, and what a free body conserves.
-struct Projected;
-
-impl Surroundings for Projected {
-    type At<'a, R: Real> = Conserving<R>;
-    #[inline(always)]
-    fn at<R: Real>(place: Place<'_, R>) -> Conserving<R> {
-        let combinations =
-            load_combinations(|column| R::load(&place.parameters[column * place.stride + place.first..]));
-        Conserving { combinations }
-    }
-}
-
-/// A constant torque in body axes and linear drag.
-struct CommonTorques;
-
-impl Surroundings for CommonTorques {
-    type At<'a, R: Real> = Common<R>;
-    #[inline(always)]
-    fn at<R: Real>(place: Place<'_, R>) -> Common<R> {
-        Common::load(place.torques, |column| R::load(&place.parameters[column * place.stride + place.first..]))
-    }
-}
-
-/// One torque, of the kind with this number.
-struct One<const KIND: usize>;
-
-impl<const KIND: usize> Surroundings for One<KIND> {
-    type At<'a, R: Real> = Held<R, KIND>;
-    #[inline(always)]
-    fn at<R: Real>(place: Place<'_, R>) -> Held<R, KIND> {
-        Held::load(place.torques, |column| R::load(&place.parameters[column * place.stride + place.first..]))
-    }
-}
-
-/// Whatever the scene has.
-struct AllTorques;
-
-impl Surroundings for AllTorques {
-    type At<'a, R: Real> = Torques<'a, R>;
-    #[inline(always)]
-    fn at<R: Real>(place: Place<'_, R>) -> Torques<'_, R> {
-        Torques::new(place.torques, place.parameters, place.stride, place.first, place.clock, place.dt)
-    }
-}
-
-/// Advances one block, lane group by lane group.
-struct AdvanceBlock<'a, 'b, T, M, S> {
+/// Some steps of one block.
+struct Block<'a, 'b, T> {
     parameters: &'a [T],
     torques: &'a TorqueTable,
     stride: usize,
@@ -412,39 +343,55 @@ struct AdvanceBlock<'a, 'b, T, M, S> {
     bodies: usize,
     first_step: u64,
     steps: u64,
-    kinds: std::marker::PhantomData<(M, S)>,
 }
 
-impl<T: Scalar, M: Step, S: Surroundings> LaneTask<T> for AdvanceBlock<'_, '_, T, M, S> {
+fn in_lanes<T: LaneScalar, M: Step, S: Surroundings>(block: Block<'_, '_, T>) {
+    T::dispatch(Advance::<T, M, S>(block, PhantomData));
+}
+
+fn one_by_one<T: Scalar, M: Step, S: Surroundings>(block: Block<'_, '_, T>) {
+    Advance::<T, M, S>(block, PhantomData).run::<T>();
+}
+
+/// Advances a block, lane group by lane group.
+struct Advance<'a, 'b, T, M, S>(Block<'a, 'b, T>, PhantomData<(M, S)>);
+
+impl<T: Scalar, M: Step, S: Surroundings> LaneTask<T> for Advance<'_, '_, T, M, S> {
     type Output = ();
+    const IN_LANES_ONLY: bool = S::IN_LANES_ONLY;
 
     #[inline(always)]
     fn run<R: Real<Scalar = T>>(self) {
-        for offset in (0..self.bodies).step_by(R::LANES) {
-            let first = self.first + offset;
-            let (body, rate) = load_body(|column| R::load(&self.parameters[column * self.stride + first..]));
-            let environment = S::at(Place::<R> {
-                torques: self.torques,
-                parameters: self.parameters,
-                stride: self.stride,
+        let Self(block, _) = self;
+        let start_phases = vec![Cell::new(R::splat(0.0)); block.torques.phase_count()];
+        let units = block.clock.units(block.dt);
+        for offset in (0..block.bodies).step_by(R::LANES) {
+            let first = block.first + offset;
+            let (body, rate) = load_body(|column| R::load(&block.parameters[column * block.stride + first..]));
+            let environment = S::at(Columns {
+                table: block.torques,
+                parameters: block.parameters,
+                stride: block.stride,
                 first,
-                clock: self.clock,
-                dt: self.dt,
+                clock: block.clock,
+                dt: block.dt,
+                units,
+                start_phases: &start_phases,
             });
             let dt = TwoWords {
-                value: R::splat(self.dt_words.value.to_f64()) * rate,
-                residue: R::splat(self.dt_words.residue.to_f64()) * rate,
+                value: R::splat(block.dt_words.value.to_f64()) * rate,
+                residue: R::splat(block.dt_words.residue.to_f64()) * rate,
             };
             let wanted = M::INVARIANTS && <S::At<'_, R> as Environment<R>>::FREE;
             let invariants =
-                load_invariants(wanted, |column| R::load(&self.parameters[column * self.stride + first..]));
-            let mut state = load_state(|column| R::load(&self.state[column][offset..]));
+                load_invariants(wanted, |column| R::load(&block.parameters[column * block.stride + first..]));
+            let mut state = load_state(|column| R::load(&block.state[column][offset..]));
             let prepared = M::prepare::<R, S::At<'_, R>>(&body, &invariants, dt);
-            for step in 0..self.steps {
-                state = M::step(&body, &prepared, &environment, self.first_step + step, dt, state);
+            for step in 0..block.steps {
+                state = M::step(&body, &prepared, &environment, block.first_step + step, dt, state);
                 state = environment.projected(&body, state);
             }
-            store_state(&state, |column, number: R| number.store(&mut self.state[column][offset..]));
+            store_state(&state, |column, number: R| number.store(&mut block.state[column][offset..]));
         }
     }
 }

@@ -85,9 +85,10 @@ pub fn step<R: Real, E: Environment<R>>(
     let q = state.orientation.value;
     let m = state.angular_momentum_principal.value;
     let correction = body.correction(&state);
-    let start = environment.epoch(step_index, 0.0);
-    let middle = environment.epoch(step_index, 0.5);
-    let end = environment.epoch(step_index, 1.0);
+    let step = environment.start(step_index);
+    let start = environment.epoch(&step, 0.0);
+    let middle = environment.epoch(&step, 0.5);
+    let end = environment.epoch(&step, 1.0);
 
     let (k1, m1) = rates(body, environment, &start, &correction, q, m);
     let q2 = if E::FREE { q } else { rotated(q, k1 * half) };

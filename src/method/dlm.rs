@@ -51,14 +51,15 @@ pub fn step<R: Real, E: Environment<R>>(
     state: State<R>,
 ) -> State<R> {
     let half = TwoWords { value: dt.value * R::splat(0.5), residue: dt.residue * R::splat(0.5) };
-    let state = kick::<R, E, 2>(body, environment, &environment.epoch(step_index, 0.0), half, state);
+    let step = environment.start(step_index);
+    let state = kick::<R, E, 2>(body, environment, &environment.epoch(&step, 0.0), half, state);
     let state = rotate_x(body, half, state);
     let state = rotate_y(body, half, state);
     let state = rotate_z(body, dt, state);
     let state = rotate_y(body, half, state);
     let mut state = rotate_x(body, half, state);
     state.orientation = accumulate::<R, _>(state.orientation, norm_correction(state.orientation.value));
-    kick::<R, E, 2>(body, environment, &environment.epoch(step_index, 1.0), half, state)
+    kick::<R, E, 2>(body, environment, &environment.epoch(&step, 1.0), half, state)
 }
 
 /// sin θ, 1 − cos θ, sin θ/2 and 1 − cos θ/2, all from one sine and cosine of θ/4.

@@ -50,7 +50,7 @@ pub fn step<R: Real, E: Environment<R>>(
     let omega = body.inverse_moments.value.scaled_by(m);
     let mut m_rate = m.cross(omega);
     if !E::FREE {
-        m_rate = m_rate + environment.torque(&environment.epoch(step_index, 0.0), body, q, omega);
+        m_rate = m_rate + environment.torque(&environment.epoch(&environment.start(step_index), 0.0), body, q, omega);
     }
     State {
         orientation: plainly_normalised(orientation_rate(q, omega).axpy(h, q)),

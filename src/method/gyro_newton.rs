@@ -55,7 +55,7 @@ pub fn step<R: Real, E: Environment<R>>(
     let mut m = state.angular_momentum_principal.value;
     if !E::FREE {
         let omega = inverse.scaled_by(m);
-        m = environment.torque(&environment.epoch(step_index, 0.0), body, q, omega).axpy(h, m);
+        m = environment.torque(&environment.epoch(&environment.start(step_index), 0.0), body, q, omega).axpy(h, m);
     }
     let omega = inverse.scaled_by(m);
     let residual = omega.cross(m) * h;

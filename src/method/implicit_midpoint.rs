@@ -63,7 +63,7 @@ pub fn step<R: Real, E: Environment<R>>(
     let q = state.orientation.value;
     let m = state.angular_momentum_principal.value;
     let correction = body.correction(&state);
-    let middle = environment.epoch(step_index, 0.5);
+    let middle = environment.epoch(&environment.start(step_index), 0.5);
     // The torque at the midpoint momentum z, from which the rotation to the midpoint follows.
     let torque = |z: Vector<R>| {
         if E::FREE {

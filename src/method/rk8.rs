@@ -229,7 +229,7 @@ impl Step for Rk8 {
         dt: TwoWords<R>,
         state: State<R>,
     ) -> State<R> {
-        let slopes = slopes(body, &EqualStep(step_index), environment, dt.value, &state);
+        let slopes = slopes(body, &EqualStep(environment.start(step_index)), environment, dt.value, &state);
         advanced(&slopes, dt, state)
     }
 }
@@ -240,13 +240,13 @@ pub(crate) trait Place<R: Real, E: Environment<R>> {
     fn epoch(&self, environment: &E, fraction: f64) -> E::Epoch;
 }
 
-/// A step of the interval's equal ones, by its index.
-struct EqualStep(u64);
+/// The start of one of the interval's equal steps.
+struct EqualStep<S>(S);
 
-impl<R: Real, E: Environment<R>> Place<R, E> for EqualStep {
+impl<R: Real, E: Environment<R>> Place<R, E> for EqualStep<E::Start> {
     #[inline(always)]
     fn epoch(&self, environment: &E, fraction: f64) -> E::Epoch {
-        environment.epoch(self.0, fraction)
+        environment.epoch(&self.0, fraction)
     }
 }
 

@@ -31,14 +31,11 @@ use crate::method::slope::Slope;
 use crate::method::{Status, flagged};
 use crate::real::Real;
 use crate::rigid_body::{Body, State};
-use crate::torque::{Environment, Free};
+use crate::torque::{Conserving, Environment, Free};
 use crate::vector::{TwoWords, Vector, two_difference};
 
 /// An environment that knows its state at any time, not only at fractions of equal steps.
 pub trait Timed<R: Real>: Environment<R> {
-    /// The start of a step: what is formed once for all evaluations in it.
-    type Start: Copy;
-
     /// The start of a step `time` after the start of the interval, in units of the body's own scale, lane by lane. It
     /// holds until the next is formed.
     fn start_at(&self, time: TwoWords<R>) -> Self::Start;
@@ -48,8 +45,14 @@ pub trait Timed<R: Real>: Environment<R> {
 }
 
 impl<R: Real> Timed<R> for Free {
-    type Start = ();
+    #[inline(always)]
+    fn start_at(&self, _: TwoWords<R>) {}
 
+    #[inline(always)]
+    fn epoch_after(&self, (): &(), _: R) {}
+}
+
+impl<R: Real> Timed<R> for Conserving<R> {
     #[inline(always)]
     fn start_at(&self, _: TwoWords<R>) {}
 

@@ -58,7 +58,7 @@ pub fn step<R: Real, E: Environment<R>>(
     let q = state.orientation.value;
     let inverse = body.inverse_moments.value;
     let m = state.angular_momentum_principal.value;
-    let start = environment.epoch(step_index, 0.0);
+    let start = environment.epoch(&environment.start(step_index), 0.0);
     // In m rather than ω: I is constant in body axes, so that the stages are the same.
     let rate = |m: Vector<R>| {
         let omega = inverse.scaled_by(m);

@@ -188,9 +188,10 @@ pub fn composed<R: Real, E: Environment<R>, const ORDER: u32>(
     state: State<R>,
 ) -> State<R> {
     let mut state = state;
+    let step = environment.start(step_index);
     let (mut kicked, mut drifted) = (0.0, 0.0);
     for (i, &kick_end) in composition.kick_ends.iter().enumerate() {
-        let epoch = environment.epoch(step_index, drifted);
+        let epoch = environment.epoch(&step, drifted);
         state = kick::<R, E, ORDER>(body, environment, &epoch, part_of(dt, kicked, kick_end), state);
         kicked = kick_end;
         if let Some(&drift_end) = composition.drift_ends.get(i) {

@@ -24,7 +24,7 @@ use crate::quaternion::Quaternion;
 use crate::real::Real;
 use crate::rigid_body::{Body, Correction};
 use crate::scene::Scene;
-use crate::torque::sum::{Epoch, Torques};
+use crate::torque::sum::{Columns, Epoch, StepStart, Torques};
 use crate::torque::{Environment, Motion, Torque, VelocityDependence};
 use crate::vector::{TwoWords, Vector};
 
@@ -156,11 +156,21 @@ impl LaneTask<f64> for RecomputeBlock<'_> {
     #[inline(always)]
     fn run<R: Real<Scalar = f64>>(self) {
         let Batch { parameters, stride, torques, .. } = self.batch;
+        let start_phases = vec![Cell::new(R::splat(0.0)); torques.phase_count()];
         for offset in (0..BLOCK).step_by(R::LANES) {
             let first = self.first + offset;
             let (body, rate) = load_body(|column| R::load(&parameters[column * stride + first..]));
             let given = Given::new();
-            let acting = Torques::<R>::new(torques, parameters, *stride, first, self.clock, self.dt);
+            let acting = Torques::<R>::new(Columns {
+                table: torques,
+                parameters,
+                stride: *stride,
+                first,
+                clock: self.clock,
+                dt: self.dt,
+                units: self.clock.units(self.dt),
+                start_phases: &start_phases,
+            });
             let environment = Recorded { acting, given: &given };
             let words = two_words::<f64>(self.dt);
             let dt = TwoWords { value: R::splat(words.value) * rate, residue: R::splat(0.0) };
@@ -234,12 +244,18 @@ struct Recorded<'a, R: Real> {
 }
 
 impl<'a, R: Real> Environment<R> for Recorded<'a, R> {
+    type Start = StepStart<'a, R>;
     type Epoch = Epoch<'a, R>;
     const FREE: bool = false;
 
     #[inline(always)]
-    fn epoch(&self, step: u64, fraction: f64) -> Epoch<'a, R> {
-        self.acting.epoch(step, fraction)
+    fn start(&self, step: u64) -> StepStart<'a, R> {
+        self.acting.start(step)
+    }
+
+    #[inline(always)]
+    fn epoch(&self, start: &StepStart<'a, R>, fraction: f64) -> Epoch<'a, R> {
+        self.acting.epoch(start, fraction)
     }
 
     #[inline(always)]

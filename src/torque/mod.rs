@@ -10,7 +10,7 @@
 //! they turn no angular momentum but change the rate at which the axes turn ([`Environment::motion`]).
 //!
 //! A new model is a file here with its type and function, its twin, an entry in [`Torque`] and [`Kind`], and a line in
-//! `sum.rs` and `sum.wgsl`; a line in `sum/held.rs` gives a short one a CPU kernel of its own where it acts alone.
+//! `sum.rs` and `sum.wgsl`; some lines in `sum/held.rs` give it a CPU kernel of its own where it acts alone.
 //!
 //! Each WGSL file names its twin in its first line, where that has another stem too: what types and generics choose here (no
 //! torque, equal steps or each body's own, series of either precision) is a file each there; how models are described and
@@ -69,14 +69,20 @@ pub(crate) use table::{PER_TICK, bytes_per_body, rate_of};
 
 /// All torques of a scene as one body (or lane group) feels them.
 pub trait Environment<R: Real>: Copy {
+    /// What is formed once for all evaluations in a step.
+    type Start: Copy;
+
     /// What depends on time alone, formed once for all evaluations at that time.
     type Epoch: Copy;
 
     /// Whether there is no torque at all, so that the kernel leaves it out.
     const FREE: bool;
 
-    /// What depends on time alone, `fraction` of a step after the start of step `step` of the current interval.
-    fn epoch(&self, step: u64, fraction: f64) -> Self::Epoch;
+    /// The start of step `step` of the current interval. It holds until the next is formed.
+    fn start(&self, step: u64) -> Self::Start;
+
+    /// What depends on time alone, `fraction` of a step after its start.
+    fn epoch(&self, start: &Self::Start, fraction: f64) -> Self::Epoch;
 
     /// The torque in principal axes, in units of the body's own scale.
     fn torque(
@@ -132,11 +138,15 @@ pub struct Motion<R> {
 pub struct Free;
 
 impl<R: Real> Environment<R> for Free {
+    type Start = ();
     type Epoch = ();
     const FREE: bool = true;
 
     #[inline(always)]
-    fn epoch(&self, _: u64, _: f64) {}
+    fn start(&self, _: u64) {}
+
+    #[inline(always)]
+    fn epoch(&self, (): &(), _: f64) {}
 
     #[inline(always)]
     fn torque(&self, _: &(), _: &Body<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
@@ -157,11 +167,15 @@ pub struct Conserving<R> {
 }
 
 impl<R: Real> Environment<R> for Conserving<R> {
+    type Start = ();
     type Epoch = ();
     const FREE: bool = true;
 
     #[inline(always)]
-    fn epoch(&self, _: u64, _: f64) {}
+    fn start(&self, _: u64) {}
+
+    #[inline(always)]
+    fn epoch(&self, (): &(), _: f64) {}
 
     #[inline(always)]
     fn torque(&self, _: &(), _: &Body<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {

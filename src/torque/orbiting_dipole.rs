@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use super::orbit::kepler_place;
+use super::gravity_gradient_kepler::place_and_cube;
 use super::{Border, Kind, Model, Needs, Orbit, Parameter};
 use crate::batch::BodyFrame;
 use crate::error::Result;
@@ -103,6 +103,18 @@ pub struct DipoleField<R> {
     pub azimuth: R,
 }
 
+impl<R: Real> DipoleField<R> {
+    /// (a/r)³ (3 (d · r̂) r̂ − d), in world axes; both phases in turns.
+    #[inline(always)]
+    pub(crate) fn at(&self, orbit_phase: R, rotation_phase: R) -> Vector<R> {
+        let (r, cube) = place_and_cube(self.x_world, self.y_world, self.eccentricity, self.start, orbit_phase);
+        let azimuth = rotation_phase + self.azimuth;
+        let (sin, cos) = sin_cos((azimuth - azimuth.round()) * R::splat(std::f64::consts::TAU));
+        let dipole = Vector::new(self.sin_tilt * cos, self.sin_tilt * sin, self.cos_tilt);
+        (r.axpy(R::splat(3.0) * dipole.dot(r), -dipole)) * cube
+    }
+}
+
 /// m' × Rᵀ (a/r)³ (3 (d · r̂) r̂ − d), in principal axes, m' = m b/a³; both phases in turns.
 #[inline(always)]
 pub fn orbiting_dipole<R: Real>(
@@ -112,13 +124,5 @@ pub fn orbiting_dipole<R: Real>(
     rotation_phase: R,
     orientation: Quaternion<R>,
 ) -> Vector<R> {
-    let anomaly = orbit_phase + field.start;
-    let place = kepler_place(field.x_world, field.y_world, field.eccentricity, anomaly - anomaly.round());
-    let azimuth = rotation_phase + field.azimuth;
-    let (sin, cos) = sin_cos((azimuth - azimuth.round()) * R::splat(std::f64::consts::TAU));
-    let dipole = Vector::new(field.sin_tilt * cos, field.sin_tilt * sin, field.cos_tilt);
-    let r = place.direction_world;
-    let cube = place.inverse_distance * place.inverse_distance * place.inverse_distance;
-    let field_world = (r.axpy(R::splat(3.0) * dipole.dot(r), -dipole)) * cube;
-    moment_principal.cross(orientation.rotate_inverse(field_world))
+    moment_principal.cross(orientation.rotate_inverse(field.at(orbit_phase, rotation_phase)))
 }

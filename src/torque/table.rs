@@ -5,8 +5,8 @@ use glam::DQuat;
 use super::kind::Kind;
 use super::{Torque, VelocityDependence};
 use crate::batch::BodyFrame;
-use crate::clock::{Clock, Fraction, RATE_DIGITS, Rate, digits};
-use crate::real::{Real, Scalar};
+use crate::clock::{Clock, Fraction, RATE_DIGITS, digits};
+use crate::real::Scalar;
 
 /// The column of a ramp's parameters that holds ramps per tick.
 pub(crate) const PER_TICK: usize = 12;
@@ -279,21 +279,11 @@ impl TorqueTable {
         }
     }
 
-    /// The rate of a phase of an instance for the bodies from `first` on; `column` loads a parameter column.
+    /// The column of a phase's rounded rate, turns/s, or ramps/s.
     #[inline(always)]
-    pub(crate) fn rate<R: Real>(
-        &self,
-        kind: Kind,
-        instance: usize,
-        phase: usize,
-        first: usize,
-        column: impl Fn(usize) -> R,
-    ) -> Rate<'_, R> {
-        let instances = self.instances(kind);
-        let fraction = self.fraction(self.phase_number(kind, instance, phase), first);
-        let rounded =
-            instances.first + instance * kind.columns() + kind.parameters() + phase * (RATE_DIGITS + 1) + RATE_DIGITS;
-        Rate { fraction, turns_per_second: column(rounded) }
+    pub(crate) fn rate_column(&self, kind: Kind, instance: usize, phase: usize) -> usize {
+        let first = self.instances(kind).first + instance * kind.columns();
+        first + kind.parameters() + phase * (RATE_DIGITS + 1) + RATE_DIGITS
     }
 }
 

@@ -125,9 +125,6 @@ fn wide<R: Real>(x: DoubleDouble) -> R {
 }
 
 impl<R: Real<Scalar = R> + polhode::real::Scalar> Timed<R> for Acting {
-    /// s.
-    type Start = DoubleDouble;
-
     fn start_at(&self, time: TwoWords<R>) -> DoubleDouble {
         let [start, value, residue] = [self.start, time.value.to_f64(), time.residue.to_f64()].map(DoubleDouble::from);
         start + value + residue
@@ -143,13 +140,20 @@ fn splat<R: Real>(v: DVec3) -> Vector<R> {
 }
 
 impl<R: Real> Environment<R> for Acting {
-    /// The time, s, and sine and cosine of the torque's phase.
+    /// s.
+    type Start = DoubleDouble;
+    /// Sine and cosine of the torque's phase.
     type Epoch = Phase;
     const FREE: bool = false;
 
-    fn epoch(&self, step: u64, fraction: f64) -> Phase {
-        let [start, step, fraction, dt] = [self.start, step as f64, fraction, self.dt].map(DoubleDouble::from);
-        self.at(start + (step + fraction) * dt)
+    fn start(&self, step: u64) -> DoubleDouble {
+        let [start, step, dt] = [self.start, step as f64, self.dt].map(DoubleDouble::from);
+        start + step * dt
+    }
+
+    fn epoch(&self, start: &DoubleDouble, fraction: f64) -> Phase {
+        let [fraction, dt] = [fraction, self.dt].map(DoubleDouble::from);
+        self.at(*start + fraction * dt)
     }
 
     fn torque(&self, phase: &Phase, _: &Body<R>, orientation: Quaternion<R>, omega: Vector<R>) -> Vector<R> {

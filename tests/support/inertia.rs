@@ -30,12 +30,18 @@ pub struct Changing {
 }
 
 impl<R: Real> Environment<R> for Changing {
+    /// The number of the step.
+    type Start = u64;
     /// The part of the change that is done.
     type Epoch = DoubleDouble;
     const FREE: bool = false;
 
-    fn epoch(&self, step: u64, fraction: f64) -> DoubleDouble {
-        let [step, fraction, dt, zero, one] = [step as f64, fraction, self.dt, 0.0, 1.0].map(DoubleDouble::from);
+    fn start(&self, step: u64) -> u64 {
+        step
+    }
+
+    fn epoch(&self, step: &u64, fraction: f64) -> DoubleDouble {
+        let [step, fraction, dt, zero, one] = [*step as f64, fraction, self.dt, 0.0, 1.0].map(DoubleDouble::from);
         let time = (step + fraction) * dt;
         match self.law {
             Law::Ramp { start, duration } => {

@@ -1,11 +1,13 @@
 //! Adaptive steps in lanes.
 
 use std::cell::Cell;
+use std::marker::PhantomData;
 use std::ops::Range;
 
 use rayon::prelude::*;
 
 use super::observe::Reducer;
+use super::surroundings::{AllTorques, CommonTorques, Nothing, Surroundings};
 use super::{BLOCK, Width};
 use crate::batch::{Batch, StateWords, column_parts, load_body, load_state, store_state};
 use crate::clock::Clock;
@@ -14,11 +16,11 @@ use crate::engine::watch::{Job, Watch, watched};
 use crate::engine::{Observer, check_time};
 use crate::error::{Error, Result};
 use crate::lanes::{LaneScalar, LaneTask};
-use crate::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, Timed, advance};
+use crate::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, advance};
 use crate::observe::Kernel;
 use crate::real::{Real, Scalar};
-use crate::torque::sum::{Common, Held, Torques, of_kinds};
-use crate::torque::{Free, TorqueTable};
+use crate::torque::TorqueTable;
+use crate::torque::sum::{Columns, of_kinds};
 use crate::vector::TwoWords;
 
 /// Columns of a [`Controller`]: step, left (two words), retried, accepted, rejected.
@@ -68,31 +70,27 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
             self.advance_in::<Nothing>(end)
         } else if self.batch.torques.is_common() {
             self.advance_in::<CommonTorques>(end)
-        } else if self.width == Width::Scalar {
+        } else if !self.width.has_lanes::<T>() {
             self.advance_in::<AllTorques>(end)
         } else {
             of_kinds!(
                 self.batch.torques,
-                KIND => self.advance_blocks::<One<KIND>>(end, |task| T::dispatch(task)),
+                KIND => self.advance_blocks(end, in_lanes::<T, super::surroundings::One<KIND>>),
                 self.advance_in::<AllTorques>(end)
             )
         })
     }
 
     /// In lanes or singly, as the session was opened.
-    fn advance_in<S: TimedSurroundings>(&mut self, end: Clock) -> Job<'_> {
-        let width = self.width;
-        self.advance_blocks::<S>(end, move |task| match width {
-            Width::Lanes => T::dispatch(task),
-            Width::Scalar => task.run::<T>(),
-        })
+    fn advance_in<S: Surroundings>(&mut self, end: Clock) -> Job<'_> {
+        let kernel = match self.width {
+            Width::Lanes => in_lanes::<T, S>,
+            Width::Scalar => one_by_one::<T, S>,
+        };
+        self.advance_blocks(end, kernel)
     }
 
-    fn advance_blocks<'s, S: TimedSurroundings>(
-        &'s mut self,
-        end: Clock,
-        run: impl Fn(AdaptiveBlock<'_, '_, T, S>) -> bool + Send + Sync + 's,
-    ) -> Job<'s> {
+    fn advance_blocks(&mut self, end: Clock, kernel: fn(Block<'_, '_, T>) -> bool) -> Job<'_> {
         let steps = self.steps;
         let Self { batch, clock, controllers, counts, .. } = self;
         let start = *clock;
@@ -110,7 +108,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
                 let mut starts = true;
                 let mut under_way = true;
                 while under_way && watch.goes_on() {
-                    let task = AdaptiveBlock::<T, S> {
+                    under_way = kernel(Block {
                         parameters,
                         torques,
                         stride,
@@ -122,9 +120,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
                         steps,
                         starts,
                         bodies: counts.len(),
-                        kind: std::marker::PhantomData,
-                    };
-                    under_way = run(task);
+                    });
                     starts = false;
                     take_counts(&mut controllers, counts);
                 }
@@ -175,71 +171,8 @@ fn take_counts<T: Scalar>(controllers: &mut [&mut [T]], counts: &mut [StepCounts
     }
 }
 
-/// What acts on bodies, as a type, so that each kind is compiled into a loop of its own.
-trait TimedSurroundings {
-    /// What acts on one lane group.
-    type At<'a, R: Real>: Timed<R>;
-    /// What acts on the lane group from body `first` on.
-    fn at<R: Real>(place: TimedPlace<'_, R>) -> Self::At<'_, R>;
-}
-
-/// Where a lane group finds its torques.
-struct TimedPlace<'a, R: Real> {
-    torques: &'a TorqueTable,
-    parameters: &'a [R::Scalar],
-    stride: usize,
-    first: usize,
-    clock: Clock,
-    start_phases: &'a [Cell<R>],
-}
-
-/// No torque.
-struct Nothing;
-
-impl TimedSurroundings for Nothing {
-    type At<'a, R: Real> = Free;
-    #[inline(always)]
-    fn at<R: Real>(_: TimedPlace<'_, R>) -> Free {
-        Free
-    }
-}
-
-/// A constant torque in body axes and linear drag.
-struct CommonTorques;
-
-impl TimedSurroundings for CommonTorques {
-    type At<'a, R: Real> = Common<R>;
-    #[inline(always)]
-    fn at<R: Real>(place: TimedPlace<'_, R>) -> Common<R> {
-        Common::load(place.torques, |column| R::load(&place.parameters[column * place.stride + place.first..]))
-    }
-}
-
-/// One torque, of the kind with this number.
-struct One<const KIND: usize>;
-
-impl<const KIND: usize> TimedSurroundings for One<KIND> {
-    type At<'a, R: Real> = Held<R, KIND>;
-    #[inline(always)]
-    fn at<R: Real>(place: TimedPlace<'_, R>) -> Held<R, KIND> {
-        Held::load(place.torques, |column| R::load(&place.parameters[column * place.stride + place.first..]))
-    }
-}
-
-/// Whatever the scene has.
-struct AllTorques;
-
-impl TimedSurroundings for AllTorques {
-    type At<'a, R: Real> = Torques<'a, R>;
-    #[inline(always)]
-    fn at<R: Real>(place: TimedPlace<'_, R>) -> Torques<'_, R> {
-        let TimedPlace { torques, parameters, stride, first, clock, start_phases } = place;
-        Torques::timed(torques, parameters, stride, first, clock, start_phases)
-    }
-}
-
-/// Advances one block by a slice of attempts, lane group by lane group; says whether any body is still under way.
-struct AdaptiveBlock<'a, 'b, T, S> {
+/// A slice of attempts of one block.
+struct Block<'a, 'b, T> {
     parameters: &'a [T],
     torques: &'a TorqueTable,
     stride: usize,
@@ -255,44 +188,58 @@ struct AdaptiveBlock<'a, 'b, T, S> {
     starts: bool,
     /// Bodies in the block; lane groups without any are left alone.
     bodies: usize,
-    kind: std::marker::PhantomData<S>,
 }
 
-impl<T: Scalar, S: TimedSurroundings> LaneTask<T> for AdaptiveBlock<'_, '_, T, S> {
+fn in_lanes<T: LaneScalar, S: Surroundings>(block: Block<'_, '_, T>) -> bool {
+    T::dispatch(Advance::<T, S>(block, PhantomData))
+}
+
+fn one_by_one<T: Scalar, S: Surroundings>(block: Block<'_, '_, T>) -> bool {
+    Advance::<T, S>(block, PhantomData).run::<T>()
+}
+
+/// Advances a block, lane group by lane group; says whether any body is still under way.
+struct Advance<'a, 'b, T, S>(Block<'a, 'b, T>, PhantomData<S>);
+
+impl<T: Scalar, S: Surroundings> LaneTask<T> for Advance<'_, '_, T, S> {
     type Output = bool;
+    const IN_LANES_ONLY: bool = S::IN_LANES_ONLY;
 
     #[inline(always)]
     fn run<R: Real<Scalar = T>>(self) -> bool {
+        let Self(block, _) = self;
         let mut any_under_way = false;
-        let start_phases = vec![Cell::new(R::splat(0.0)); self.torques.phase_count()];
-        for offset in (0..self.bodies).step_by(R::LANES) {
-            let first = self.first + offset;
-            let (body, rate) = load_body(|column| R::load(&self.parameters[column * self.stride + first..]));
-            let environment = S::at(TimedPlace::<R> {
-                torques: self.torques,
-                parameters: self.parameters,
-                stride: self.stride,
+        let start_phases = vec![Cell::new(R::splat(0.0)); block.torques.phase_count()];
+        for offset in (0..block.bodies).step_by(R::LANES) {
+            let first = block.first + offset;
+            let (body, rate) = load_body(|column| R::load(&block.parameters[column * block.stride + first..]));
+            let environment = S::at(Columns {
+                table: block.torques,
+                parameters: block.parameters,
+                stride: block.stride,
                 first,
-                clock: self.clock,
+                clock: block.clock,
+                dt: 0.0,
+                units: 0,
                 start_phases: &start_phases,
             });
             // Rows that are no bodies have the rate 0, so that nothing is left to do in them.
             let span = TwoWords {
-                value: R::splat(self.span.value.to_f64()) * rate,
-                residue: R::splat(self.span.residue.to_f64()) * rate,
+                value: R::splat(block.span.value.to_f64()) * rate,
+                residue: R::splat(block.span.residue.to_f64()) * rate,
             };
-            let least_step = match self.steps.least_step {
+            let least_step = match block.steps.least_step {
                 Some(seconds) => R::splat(seconds) * rate,
                 None => R::splat(LEAST_STEP),
             };
-            let limits = Limits { tolerance: R::splat(self.steps.tolerance), least_step };
-            let state = load_state(|column| R::load(&self.state[column][offset..]));
-            let controller = load_controller(|column| R::load(&self.controllers[column][offset..]));
-            let controller = if self.starts { controller.over(span) } else { controller };
+            let limits = Limits { tolerance: R::splat(block.steps.tolerance), least_step };
+            let state = load_state(|column| R::load(&block.state[column][offset..]));
+            let controller = load_controller(|column| R::load(&block.controllers[column][offset..]));
+            let controller = if block.starts { controller.over(span) } else { controller };
             let (state, controller) = advance(&body, &environment, span, &limits, SLICE, controller, state);
             any_under_way |= R::any(controller.under_way(&state));
-            store_state(&state, |column, number: R| number.store(&mut self.state[column][offset..]));
-            store_controller(&controller, |column, number: R| number.store(&mut self.controllers[column][offset..]));
+            store_state(&state, |column, number: R| number.store(&mut block.state[column][offset..]));
+            store_controller(&controller, |column, number: R| number.store(&mut block.controllers[column][offset..]));
         }
         any_under_way
     }

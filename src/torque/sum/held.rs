@@ -1,35 +1,49 @@
-//! One torque of a kind that time does not enter, with its parameters in registers.
+//! One torque alone, with its parameters in registers.
 //!
 //! A class of bodies on which nothing else acts has a kernel of its own. In the kernel of every kind ([`super::Torques`]) the torque is a
 //! function that each stage of a step calls, with all registers put by and taken up again; that takes ten times as long as most torques
-//! themselves.
+//! themselves. What such a torque makes of the time alone, it makes once for all stages at that time.
 
-use super::{Instance, Kind, TorqueTable};
+use super::columns::StepTime;
+use super::{Columns, FormStartPhases, Kind};
+use crate::batch::RATE_COLUMN;
+use crate::clock::{phase_after, phases_at};
 use crate::method::rk8_adaptive::Timed;
 use crate::quaternion::Quaternion;
-use crate::real::Real;
+use crate::real::{Outlined, Real};
 use crate::rigid_body::{Body, Correction};
 use crate::torque::constant_world::constant_world;
 use crate::torque::eddy_current::eddy_current;
+use crate::torque::gravity_gradient_kepler::place_and_cube;
 use crate::torque::heavy_top::heavy_top;
 use crate::torque::internal_dissipation::internal_dissipation;
+use crate::torque::log_spring::log_spring;
 use crate::torque::magnetic_dipole::magnetic_dipole;
 use crate::torque::matrix_drag::matrix_drag;
+use crate::torque::orbit::{circular_place, gradient_torque};
+use crate::torque::orbiting_dipole::DipoleField;
 use crate::torque::quadratic_drag::quadratic_drag;
 use crate::torque::sine_spring::sine_spring;
+use crate::torque::sinusoidal::sinusoidal;
+use crate::torque::variable_inertia::{
+    Change, Changed, changed_body, inertia_oscillation, inertia_ramp, ramp_progress,
+};
 use crate::torque::{Environment, Motion};
 use crate::vector::{TwoWords, Vector};
 
-/// Evaluates an expression with `KIND`, a constant, the number of the only torque's kind where it has a kernel of its own, and
-/// `otherwise` where there are several torques, or one of another kind.
+/// Evaluates an expression with `KIND`, a constant, the number of the only torque's kind, and `otherwise` where there are several
+/// torques, or one that [`super::Common`] takes; `otherwise` always in the crate's unit tests, which are compiled apart and would take
+/// twice as long to build (`tests/kinds.rs` steps every kind both ways).
 macro_rules! of_kinds {
     ($table:expr, $number:ident => $then:expr, $otherwise:expr) => {
         $crate::torque::sum::of_kinds!(@match $table, $number, $then, $otherwise,
-            ConstantWorld MatrixDrag QuadraticDrag HeavyTop MagneticDipole EddyCurrent SineSpring InternalDissipation)
+            ConstantWorld MatrixDrag QuadraticDrag Sinusoidal GravityGradient GravityGradientKepler HeavyTop MagneticDipole
+            OrbitingDipole EddyCurrent SineSpring LogSpring WhiteNoise InternalDissipation InertiaRamp InertiaOscillation)
     };
     (@match $table:expr, $number:ident, $then:expr, $otherwise:expr, $($kind:ident)*) => {
         match $table.only_kind() {
-            $(Some($crate::torque::Kind::$kind) => {
+            $(#[cfg(not(test))]
+            Some($crate::torque::Kind::$kind) => {
                 const $number: usize = $crate::torque::Kind::$kind as usize;
                 $then
             })*
@@ -39,26 +53,55 @@ macro_rules! of_kinds {
 }
 pub(crate) use of_kinds;
 
-/// The most columns of a kind that is held.
-const MOST_COLUMNS: usize = 6;
+/// The most parameters of a kind.
+const MOST_PARAMETERS: usize = 14;
+
+/// The most phases of a kind.
+const MOST_PHASES: usize = 2;
 
 /// The torque of the kind with number `KIND`.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Held<R, const KIND: usize> {
-    columns: [R; MOST_COLUMNS],
+pub(crate) struct Held<'a, R: Real, const KIND: usize> {
+    columns: Columns<'a, R>,
+    parameters: [R; MOST_PARAMETERS],
+    /// Of its phases, turns/s; of a ramp ramps/s.
+    rates: [R; MOST_PHASES],
 }
 
-impl<R: Real, const KIND: usize> Held<R, KIND> {
-    /// The parameters of a lane group; `column` loads a parameter column.
+/// The start of a step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct HeldStart<R> {
+    /// Turns; of a ramp its progress.
+    phases: [R; MOST_PHASES],
+    noise: Vector<R>,
+    /// Seconds in the unit that later times are given in.
+    seconds: R,
+}
+
+/// What follows from the time alone: of an oscillating torque and of noise the torque in principal axes, of a place on an orbit its
+/// direction or the field there in world axes, with (a/r)³; of moments that change the part of the change that is done.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct HeldEpoch<R> {
+    vector: Vector<R>,
+    number: R,
+}
+
+impl<'a, R: Real, const KIND: usize> Held<'a, R, KIND> {
+    /// The parameters of a lane group.
     #[inline(always)]
-    pub(crate) fn load(table: &TorqueTable, column: impl Fn(usize) -> R) -> Self {
-        let mut columns = [R::splat(0.0); MOST_COLUMNS];
-        if let Some(&Instance { first, .. }) = table.list().first() {
-            for (index, held) in columns.iter_mut().enumerate().take(Kind::ALL[KIND].columns()) {
-                *held = column(first + index);
-            }
+    #[cfg_attr(test, allow(dead_code))]
+    pub(crate) fn load(columns: Columns<'a, R>) -> Self {
+        let kind = Kind::ALL[KIND];
+        let first = columns.table.instances(kind).first;
+        let zero = R::splat(0.0);
+        let (mut parameters, mut rates) = ([zero; MOST_PARAMETERS], [zero; MOST_PHASES]);
+        for (index, parameter) in parameters.iter_mut().enumerate().take(kind.parameters()) {
+            *parameter = columns.column(first + index);
         }
-        Self { columns }
+        for (phase, rate) in rates.iter_mut().enumerate().take(kind.phases()) {
+            *rate = columns.column(columns.table.rate_column(kind, 0, phase));
+        }
+        Self { columns, parameters, rates }
     }
 
     #[inline(always)]
@@ -68,47 +111,149 @@ impl<R: Real, const KIND: usize> Held<R, KIND> {
 
     #[inline(always)]
     fn vector(&self, first: usize) -> Vector<R> {
-        Vector::new(self.columns[first], self.columns[first + 1], self.columns[first + 2])
+        Vector::new(self.parameters[first], self.parameters[first + 1], self.parameters[first + 2])
+    }
+
+    #[inline(always)]
+    fn quaternion(&self, first: usize) -> Quaternion<R> {
+        let p = &self.parameters;
+        Quaternion::new(p[first], p[first + 1], p[first + 2], p[first + 3])
+    }
+
+    /// The phases at the start of a step.
+    #[inline(always)]
+    fn start_phases(&self, start: StepTime<'_, R>) -> [R; MOST_PHASES] {
+        let kind = Kind::ALL[KIND];
+        let mut phases = [R::splat(0.0); MOST_PHASES];
+        let numbered = phases.iter_mut().enumerate().take(kind.phases());
+        match start {
+            StepTime::Equal(_) => {
+                let ticks = self.columns.ticks(start);
+                for (index, phase) in numbered {
+                    let table = self.columns.table;
+                    let fraction = table.fraction(table.phase_number(kind, 0, index), self.columns.first);
+                    *phase = if Self::is(Kind::InertiaRamp) {
+                        self.columns.progress_at(fraction, &ticks, table.instances(kind).first)
+                    } else {
+                        phases_at(fraction, &ticks)
+                    };
+                }
+            }
+            // Once for twelve stages, and lane by lane.
+            StepTime::Own(_) if kind.phases() > 0 => {
+                R::outlined(FormStartPhases { columns: &self.columns, start });
+                for (index, phase) in numbered {
+                    *phase = self.columns.start_phases[index].get();
+                }
+            }
+            StepTime::Own(_) => {}
+        }
+        phases
+    }
+
+    #[inline(always)]
+    fn at(&self, start: &HeldStart<R>, elapsed: R) -> HeldEpoch<R> {
+        let p = &self.parameters;
+        let phase = |index: usize| phase_after(start.phases[index], self.rates[index], elapsed);
+        let mut epoch = HeldEpoch { vector: Vector::zero(), number: R::splat(0.0) };
+        if Self::is(Kind::Sinusoidal) {
+            epoch.vector = sinusoidal(self.vector(0), self.vector(3), phase(0));
+        } else if Self::is(Kind::GravityGradient) {
+            epoch.vector = circular_place(self.vector(3), self.vector(6), phase(0));
+        } else if Self::is(Kind::GravityGradientKepler) {
+            let (x_world, y_world) = (&self.vector(3), &self.vector(6));
+            let place = OrbitPlace { x_world, y_world, eccentricity: p[10], start: p[11], phase: phase(0) };
+            (epoch.vector, epoch.number) = R::outlined(place);
+        } else if Self::is(Kind::OrbitingDipole) {
+            let field = &DipoleField {
+                x_world: self.vector(3),
+                y_world: self.vector(6),
+                eccentricity: p[9],
+                start: p[10],
+                sin_tilt: p[11],
+                cos_tilt: p[12],
+                azimuth: p[13],
+            };
+            epoch.vector = R::outlined(FieldAt { field, orbit_phase: phase(0), rotation_phase: phase(1) });
+        } else if Self::is(Kind::WhiteNoise) {
+            epoch.vector = start.noise;
+        } else if Self::is(Kind::InertiaRamp) {
+            epoch.number = inertia_ramp(ramp_progress(start.phases[0], self.rates[0], elapsed));
+        } else if Self::is(Kind::InertiaOscillation) {
+            epoch.number = inertia_oscillation(phase(0));
+        }
+        epoch
     }
 }
 
-impl<R: Real, const KIND: usize> Environment<R> for Held<R, KIND> {
-    type Epoch = ();
+impl<R: Real, const KIND: usize> Environment<R> for Held<'_, R, KIND> {
+    type Start = HeldStart<R>;
+    type Epoch = HeldEpoch<R>;
     const FREE: bool = false;
 
     #[inline(always)]
-    fn epoch(&self, _: u64, _: f64) {}
+    fn start(&self, step: u64) -> HeldStart<R> {
+        let noise = if Self::is(Kind::WhiteNoise) { self.columns.noise(step) } else { Vector::zero() };
+        HeldStart { phases: self.start_phases(StepTime::Equal(step)), noise, seconds: R::splat(1.0) }
+    }
 
     #[inline(always)]
-    fn torque(&self, (): &(), _: &Body<R>, q: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
-        let c = &self.columns;
+    fn epoch(&self, start: &HeldStart<R>, fraction: f64) -> HeldEpoch<R> {
+        self.at(start, R::splat(fraction * self.columns.dt))
+    }
+
+    #[inline(always)]
+    fn torque(&self, epoch: &HeldEpoch<R>, _: &Body<R>, q: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
+        let p = &self.parameters;
         if Self::is(Kind::ConstantWorld) {
             constant_world(self.vector(0), q)
         } else if Self::is(Kind::MatrixDrag) {
             matrix_drag(self.vector(0), self.vector(3), omega)
         } else if Self::is(Kind::QuadraticDrag) {
-            quadratic_drag(c[0], omega)
+            quadratic_drag(p[0], omega)
+        } else if Self::is(Kind::Sinusoidal) || Self::is(Kind::WhiteNoise) {
+            epoch.vector
+        } else if Self::is(Kind::GravityGradient) {
+            gradient_torque(self.vector(0), epoch.vector, q)
+        } else if Self::is(Kind::GravityGradientKepler) {
+            gradient_torque(self.vector(0) * epoch.number, epoch.vector, q)
         } else if Self::is(Kind::HeavyTop) {
             heavy_top(self.vector(0), self.vector(3), q)
         } else if Self::is(Kind::MagneticDipole) {
             magnetic_dipole(self.vector(0), self.vector(3), q)
+        } else if Self::is(Kind::OrbitingDipole) {
+            magnetic_dipole(self.vector(0), epoch.vector, q)
         } else if Self::is(Kind::EddyCurrent) {
-            eddy_current(c[0], self.vector(1), q, omega)
+            eddy_current(p[0], self.vector(1), q, omega)
         } else if Self::is(Kind::SineSpring) {
-            sine_spring(c[0], Quaternion::new(c[1], c[2], c[3], c[4]), q)
+            sine_spring(p[0], self.quaternion(1), q)
+        } else if Self::is(Kind::LogSpring) {
+            log_spring(p[0], self.quaternion(1), q)
         } else {
             Vector::zero()
         }
     }
 
     #[inline(always)]
-    fn motion(&self, (): &(), body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
+    fn motion(&self, epoch: &HeldEpoch<R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
+        if Self::is(Kind::InertiaRamp) || Self::is(Kind::InertiaOscillation) {
+            let change = Change {
+                kappa: self.vector(0),
+                difference: TwoWords { value: self.vector(3), residue: self.vector(6) },
+            };
+            let Changed { body: changed, ratio } = changed_body(body, &change, epoch.number);
+            let correction = changed.carried_correction(body, correction, ratio, m);
+            return Motion {
+                angular_velocity: changed.angular_velocity(m, &correction),
+                gyroscopic_term: changed.gyroscopic_term(m, &correction),
+            };
+        }
         let omega = body.angular_velocity(m, correction);
         let rigid = Motion { angular_velocity: omega, gyroscopic_term: body.gyroscopic_term(m, correction) };
         if !Self::is(Kind::InternalDissipation) {
             return rigid;
         }
-        let slip = internal_dissipation(self.columns[0], m, omega);
+        let slip = internal_dissipation(self.parameters[0], m, omega);
         Motion {
             angular_velocity: rigid.angular_velocity + slip,
             gyroscopic_term: rigid.gyroscopic_term + m.cross(slip),
@@ -116,12 +261,48 @@ impl<R: Real, const KIND: usize> Environment<R> for Held<R, KIND> {
     }
 }
 
-impl<R: Real, const KIND: usize> Timed<R> for Held<R, KIND> {
-    type Start = ();
+impl<R: Real, const KIND: usize> Timed<R> for Held<'_, R, KIND> {
+    #[inline(always)]
+    fn start_at(&self, time: TwoWords<R>) -> HeldStart<R> {
+        let seconds = R::splat(1.0) / self.columns.column(RATE_COLUMN);
+        let time = TwoWords { value: time.value * seconds, residue: time.residue * seconds };
+        HeldStart { phases: self.start_phases(StepTime::Own(&time)), noise: Vector::zero(), seconds }
+    }
 
     #[inline(always)]
-    fn start_at(&self, _: TwoWords<R>) {}
+    fn epoch_after(&self, start: &HeldStart<R>, elapsed: R) -> HeldEpoch<R> {
+        self.at(start, elapsed * start.seconds)
+    }
+}
 
+/// [`place_and_cube`] as a function of its own.
+struct OrbitPlace<'s, R> {
+    x_world: &'s Vector<R>,
+    y_world: &'s Vector<R>,
+    eccentricity: R,
+    start: R,
+    phase: R,
+}
+
+impl<R: Real> Outlined for OrbitPlace<'_, R> {
+    type Output = (Vector<R>, R);
     #[inline(always)]
-    fn epoch_after(&self, (): &(), _: R) {}
+    fn run(self) -> (Vector<R>, R) {
+        place_and_cube(*self.x_world, *self.y_world, self.eccentricity, self.start, self.phase)
+    }
+}
+
+/// [`DipoleField::at`] as a function of its own.
+struct FieldAt<'s, R> {
+    field: &'s DipoleField<R>,
+    orbit_phase: R,
+    rotation_phase: R,
+}
+
+impl<R: Real> Outlined for FieldAt<'_, R> {
+    type Output = Vector<R>;
+    #[inline(always)]
+    fn run(self) -> Vector<R> {
+        self.field.at(self.orbit_phase, self.rotation_phase)
+    }
 }

@@ -2,57 +2,29 @@
 
 use super::{Epoch, Time, Torques};
 use crate::batch::RATE_COLUMN;
-use crate::clock::Fraction;
 use crate::real::{Outlined, Real};
 use crate::rigid_body::{Body, Correction};
 use crate::torque::internal_dissipation::internal_dissipation;
 use crate::torque::variable_inertia::{
     Change, Changed, changed_body, inertia_oscillation, inertia_ramp, oscillation_slope, ramp_progress, ramp_slope,
-    ticks_since,
 };
-use crate::torque::{Kind, Motion, PER_TICK};
+use crate::torque::{Kind, Motion};
 use crate::vector::{TwoWords, Vector};
 
 impl<'a, R: Real> Torques<'a, R> {
-    #[inline(always)]
-    pub(super) fn epoch_at(&self, time: Time<'a, R>, noise: Vector<R>) -> Epoch<'a, R> {
-        let change_done = if self.table.varies_inertia() {
-            R::outlined(ChangeDone { torques: self, time: &time })
-        } else {
-            R::splat(0.0)
-        };
-        Epoch { time, noise, change_done }
-    }
-
-    /// The progress of the ramp with columns from `first` on at each lane's ticks, not cut.
-    #[inline(always)]
-    pub(super) fn progress_at(&self, start: Fraction<'_>, ticks: impl Fn(usize) -> u64, first: usize) -> R {
-        let since = match start {
-            Fraction::Shared(start) => R::from_lanes(|lane| ticks_since(ticks(lane), start as u64)),
-            Fraction::PerBody(starts) => R::from_lanes(|lane| ticks_since(ticks(lane), starts[lane] as u64)),
-        };
-        since * self.column(first + PER_TICK)
-    }
-
     /// The progress of the ramp, cut to [0, 1], and its rate, 1/s.
     #[inline(always)]
     fn progress(&self, time: &Time<'a, R>) -> (R, R) {
-        let kind = Kind::InertiaRamp;
-        let rate = self.table.rate(kind, 0, 0, self.first, |column| self.column(column));
-        let (start, elapsed) = match time {
-            Time::Equal(instant) => {
-                let first = self.table.instances(kind).first;
-                (self.progress_at(rate.fraction, |_| instant.ticks, first), instant.elapsed)
-            }
-            Time::Own { start_phases, elapsed } => (start_phases[self.table.phase_number(kind, 0, 0)].get(), *elapsed),
-        };
-        (ramp_progress(start, rate.turns_per_second, elapsed), rate.turns_per_second)
+        let (kind, table) = (Kind::InertiaRamp, self.columns.table);
+        let start = time.start_phases[table.phase_number(kind, 0, 0)].get();
+        let rate = self.columns.column(table.rate_column(kind, 0, 0));
+        (ramp_progress(start, rate, time.elapsed), rate)
     }
 
     /// The part of the change of the moments of inertia that is done.
     #[inline(always)]
     fn change_done(&self, time: &Time<'a, R>) -> R {
-        if self.table.instances(Kind::InertiaRamp).count > 0 {
+        if self.columns.table.instances(Kind::InertiaRamp).count > 0 {
             inertia_ramp(self.progress(time).0)
         } else {
             inertia_oscillation(self.phase(Kind::InertiaOscillation, 0, 0, time))
@@ -62,12 +34,12 @@ impl<'a, R: Real> Torques<'a, R> {
     /// Its derivative by time, 1/s.
     #[inline(always)]
     fn change_rate(&self, time: &Time<'a, R>) -> R {
-        if self.table.instances(Kind::InertiaRamp).count > 0 {
+        if self.columns.table.instances(Kind::InertiaRamp).count > 0 {
             let (progress, rate) = self.progress(time);
             ramp_slope(progress) * rate
         } else {
             let kind = Kind::InertiaOscillation;
-            let rate = self.table.rate(kind, 0, 0, self.first, |column| self.column(column)).turns_per_second;
+            let rate = self.columns.column(self.columns.table.rate_column(kind, 0, 0));
             oscillation_slope(self.phase(kind, 0, 0, time)) * rate
         }
     }
@@ -75,8 +47,8 @@ impl<'a, R: Real> Torques<'a, R> {
     /// Its first column.
     #[inline(always)]
     fn change_first(&self) -> usize {
-        let ramp = self.table.instances(Kind::InertiaRamp);
-        if ramp.count > 0 { ramp.first } else { self.table.instances(Kind::InertiaOscillation).first }
+        let ramp = self.columns.table.instances(Kind::InertiaRamp);
+        if ramp.count > 0 { ramp.first } else { self.columns.table.instances(Kind::InertiaOscillation).first }
     }
 
     /// What the columns say of the change.
@@ -84,19 +56,19 @@ impl<'a, R: Real> Torques<'a, R> {
     fn change(&self) -> Change<R> {
         let first = self.change_first();
         Change {
-            kappa: self.vector(first),
-            difference: TwoWords { value: self.vector(first + 3), residue: self.vector(first + 6) },
+            kappa: self.columns.vector(first),
+            difference: TwoWords { value: self.columns.vector(first + 3), residue: self.columns.vector(first + 6) },
         }
     }
 
     /// 3 n² times the differences of the moments, of the gravity gradient with columns from `c` on.
     #[inline(always)]
     pub(super) fn gradient_coefficients(&self, c: usize, change_done: R) -> Vector<R> {
-        let coefficients = self.vector(c);
-        if !self.table.varies_inertia() {
+        let coefficients = self.columns.vector(c);
+        if !self.columns.table.varies_inertia() {
             return coefficients;
         }
-        self.vector(self.change_first() + 9).axpy(self.column(c + 9) * change_done, coefficients)
+        self.columns.vector(self.change_first() + 9).axpy(self.columns.column(c + 9) * change_done, coefficients)
     }
 
     /// The motion of a body that is not rigid, and ω = I⁻¹ m.
@@ -104,7 +76,7 @@ impl<'a, R: Real> Torques<'a, R> {
     fn turning(&self, epoch: &Epoch<'a, R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Turning<R> {
         let mut omega = body.angular_velocity(m, correction);
         let mut gyroscopic_term = body.gyroscopic_term(m, correction);
-        if self.table.varies_inertia() {
+        if self.columns.table.varies_inertia() {
             let Changed { body: changed, ratio } = changed_body(body, &self.change(), epoch.change_done);
             let correction = changed.carried_correction(body, correction, ratio, m);
             omega = changed.angular_velocity(m, &correction);
@@ -112,7 +84,7 @@ impl<'a, R: Real> Torques<'a, R> {
         }
         let mut motion = Motion { angular_velocity: omega, gyroscopic_term };
         for (_, c) in self.firsts(Kind::InternalDissipation) {
-            let slip = internal_dissipation(self.column(c), m, omega);
+            let slip = internal_dissipation(self.columns.column(c), m, omega);
             motion = Motion {
                 angular_velocity: motion.angular_velocity + slip,
                 gyroscopic_term: motion.gyroscopic_term + m.cross(slip),
@@ -130,7 +102,7 @@ impl<'a, R: Real> Torques<'a, R> {
         correction: &Correction<R>,
         m: Vector<R>,
     ) -> Turning<R> {
-        if self.table.is_rigid() {
+        if self.columns.table.is_rigid() {
             let angular_velocity = body.angular_velocity(m, correction);
             let gyroscopic_term = body.gyroscopic_term(m, correction);
             return Turning { motion: Motion { angular_velocity, gyroscopic_term }, angular_velocity };
@@ -141,7 +113,7 @@ impl<'a, R: Real> Torques<'a, R> {
     /// The power of what changes the moments, −½ ω·(dI/dt) ω, at ω = I⁻¹ m, in units of the body's own scale.
     #[inline(always)]
     pub(crate) fn change_power(&self, epoch: &Epoch<'a, R>, body: &Body<R>, angular_velocity: Vector<R>) -> R {
-        if !self.table.varies_inertia() {
+        if !self.columns.table.varies_inertia() {
             return R::splat(0.0);
         }
         R::outlined(ChangePower { torques: self, epoch, body, angular_velocity: &angular_velocity })
@@ -173,9 +145,9 @@ impl<R: Real> Outlined for Turn<'_, '_, R> {
 }
 
 /// [`Torques::change_done`] as a function of its own.
-struct ChangeDone<'s, 'a, R: Real> {
-    torques: &'s Torques<'a, R>,
-    time: &'s Time<'a, R>,
+pub(super) struct ChangeDone<'s, 'a, R: Real> {
+    pub torques: &'s Torques<'a, R>,
+    pub time: &'s Time<'a, R>,
 }
 
 impl<R: Real> Outlined for ChangeDone<'_, '_, R> {
@@ -205,7 +177,7 @@ impl<R: Real> Outlined for ChangePower<'_, '_, R> {
         let differences =
             Vector::new(difference(kappa.x, inverse.x), difference(kappa.y, inverse.y), difference(kappa.z, inverse.z));
         let omega = *self.angular_velocity;
-        let rate = self.torques.change_rate(&self.epoch.time) / self.torques.column(RATE_COLUMN);
+        let rate = self.torques.change_rate(&self.epoch.time) / self.torques.columns.column(RATE_COLUMN);
         R::splat(-0.5) * rate * omega.dot(differences.scaled_by(omega))
     }
 }

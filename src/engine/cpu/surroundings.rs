@@ -1,0 +1,74 @@
+//! What acts on bodies, as types: what a scene does not have is not in its loop.
+
+use crate::batch::load_combinations;
+use crate::method::rk8_adaptive::Timed;
+use crate::real::Real;
+use crate::torque::sum::{Columns, Common, Held, Torques};
+use crate::torque::{Conserving, Free};
+
+/// One kind of surroundings, each compiled into loops of its own.
+pub(super) trait Surroundings {
+    /// What acts on one lane group.
+    type At<'a, R: Real>: Timed<R>;
+    /// Whether their loops are for several lanes only, and [`AllTorques`] stand in for them in one.
+    const IN_LANES_ONLY: bool = false;
+    /// What acts on the lane group of some columns.
+    fn at<R: Real>(columns: Columns<'_, R>) -> Self::At<'_, R>;
+}
+
+/// No torque.
+pub(super) struct Nothing;
+
+impl Surroundings for Nothing {
+    type At<'a, R: Real> = Free;
+    #[inline(always)]
+    fn at<R: Real>(_: Columns<'_, R>) -> Free {
+        Free
+    }
+}
+
+/// No torque, and what a free body conserves.
+pub(super) struct Projected;
+
+impl Surroundings for Projected {
+    type At<'a, R: Real> = Conserving<R>;
+    #[inline(always)]
+    fn at<R: Real>(columns: Columns<'_, R>) -> Conserving<R> {
+        Conserving { combinations: load_combinations(|column| columns.column(column)) }
+    }
+}
+
+/// A constant torque in body axes and linear drag.
+pub(super) struct CommonTorques;
+
+impl Surroundings for CommonTorques {
+    type At<'a, R: Real> = Common<R>;
+    #[inline(always)]
+    fn at<R: Real>(columns: Columns<'_, R>) -> Common<R> {
+        Common::load(&columns)
+    }
+}
+
+/// One torque, of the kind with this number.
+#[cfg_attr(test, allow(dead_code))]
+pub(super) struct One<const KIND: usize>;
+
+impl<const KIND: usize> Surroundings for One<KIND> {
+    type At<'a, R: Real> = Held<'a, R, KIND>;
+    const IN_LANES_ONLY: bool = true;
+    #[inline(always)]
+    fn at<R: Real>(columns: Columns<'_, R>) -> Held<'_, R, KIND> {
+        Held::load(columns)
+    }
+}
+
+/// Whatever the scene has.
+pub(super) struct AllTorques;
+
+impl Surroundings for AllTorques {
+    type At<'a, R: Real> = Torques<'a, R>;
+    #[inline(always)]
+    fn at<R: Real>(columns: Columns<'_, R>) -> Torques<'_, R> {
+        Torques::new(columns)
+    }
+}

@@ -1,0 +1,109 @@
+//! What a lane group reads its torques from.
+
+use std::cell::Cell;
+
+use crate::clock::{Clock, Fraction, MOST_LANES, Ticks, phases_at, ticks_in};
+use crate::quaternion::Quaternion;
+use crate::real::{Real, Scalar};
+use crate::torque::variable_inertia::ticks_since;
+use crate::torque::{PER_TICK, TorqueTable};
+use crate::vector::{TwoWords, Vector};
+
+/// The columns of one lane group, and the time.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Columns<'a, R: Real> {
+    pub table: &'a TorqueTable,
+    /// Shape `[columns, stride]`.
+    pub parameters: &'a [R::Scalar],
+    pub stride: usize,
+    /// First body of the lane group.
+    pub first: usize,
+    /// At the start of the interval.
+    pub clock: Clock,
+    /// An equal step, s; 0 where each body has steps of its own.
+    pub dt: f64,
+    /// The same in the clock's units.
+    pub units: u128,
+    /// Room for the table's phases at the start of a step.
+    pub start_phases: &'a [Cell<R>],
+}
+
+/// When a step starts.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum StepTime<'s, R> {
+    /// As equal step with this number of the interval.
+    Equal(u64),
+    /// So many seconds after the clock, lane by lane.
+    Own(&'s TwoWords<R>),
+}
+
+impl<R: Real> Columns<'_, R> {
+    /// One column of a body's or a torque's.
+    #[inline(always)]
+    pub fn column(&self, column: usize) -> R {
+        R::load(&self.parameters[column * self.stride + self.first..])
+    }
+
+    /// Three columns.
+    #[inline(always)]
+    pub fn vector(&self, column: usize) -> Vector<R> {
+        Vector::new(self.column(column), self.column(column + 1), self.column(column + 2))
+    }
+
+    /// Four columns.
+    #[inline(always)]
+    pub fn quaternion(&self, column: usize) -> Quaternion<R> {
+        Quaternion::new(self.column(column), self.column(column + 1), self.column(column + 2), self.column(column + 3))
+    }
+
+    /// The ticks at the start of a step.
+    #[inline(always)]
+    pub fn ticks(&self, start: StepTime<'_, R>) -> Ticks {
+        match start {
+            StepTime::Equal(step) => {
+                let now = self.clock.now().wrapping_add(self.units.wrapping_mul(u128::from(step)));
+                Ticks::Equal((now >> 64) as u64)
+            }
+            StepTime::Own(time) => {
+                let mut words = [[R::Scalar::default(); MOST_LANES]; 2];
+                time.value.store(&mut words[0]);
+                time.residue.store(&mut words[1]);
+                let mut ticks = [0; MOST_LANES];
+                for (lane, ticks) in ticks[..R::LANES].iter_mut().enumerate() {
+                    let time = TwoWords { value: words[0][lane], residue: words[1][lane] };
+                    *ticks = self.clock.ticks().wrapping_add(ticks_in(time, self.clock.ticks_per_second()));
+                }
+                Ticks::Own(ticks)
+            }
+        }
+    }
+
+    /// Forms all phases, in turns; of a ramp its progress, not cut.
+    #[inline(always)]
+    pub fn form_start_phases(&self, start: StepTime<'_, R>) {
+        let ticks = self.ticks(start);
+        for (number, phase) in self.start_phases.iter().enumerate() {
+            let fraction = self.table.fraction(number, self.first);
+            phase.set(match self.table.ramp_of(number) {
+                Some(first) => self.progress_at(fraction, &ticks, first),
+                None => phases_at(fraction, &ticks),
+            });
+        }
+    }
+
+    /// The progress of the ramp with columns from `first` on, not cut.
+    #[inline(always)]
+    pub fn progress_at(&self, start: Fraction<'_>, ticks: &Ticks, first: usize) -> R {
+        let since = match (start, ticks) {
+            (Fraction::Shared(start), &Ticks::Equal(ticks)) => {
+                R::splat(ticks_since::<R::Scalar>(ticks, start as u64).to_f64())
+            }
+            (Fraction::Shared(start), _) => R::from_lanes(|lane| ticks_since(ticks.of_lane(lane), start as u64)),
+            (Fraction::PerBody(starts), _) => {
+                let starts = &starts[..R::LANES];
+                R::from_lanes(|lane| ticks_since(ticks.of_lane(lane), starts[lane] as u64))
+            }
+        };
+        since * self.column(first + PER_TICK)
+    }
+}
