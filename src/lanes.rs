@@ -262,7 +262,7 @@ impl<K: LaneTask<f32>> WithSimd for InF32Lanes<K> {
     type Output = K::Output;
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> K::Output {
-        if K::IN_LANES_ONLY && F32Lanes::<S>::LANES == 1 {
+        if const { K::IN_LANES_ONLY && F32Lanes::<S>::LANES == 1 } {
             unreachable!("work for several lanes was handed to one");
         }
         self.0.run::<F32Lanes<S>>()
@@ -279,7 +279,7 @@ impl<K: LaneTask<f64>> WithSimd for InF64Lanes<K> {
     type Output = K::Output;
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> K::Output {
-        if K::IN_LANES_ONLY && F64Lanes::<S>::LANES == 1 {
+        if const { K::IN_LANES_ONLY && F64Lanes::<S>::LANES == 1 } {
             unreachable!("work for several lanes was handed to one");
         }
         self.0.run::<F64Lanes<S>>()

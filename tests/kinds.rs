@@ -9,6 +9,7 @@ use polhode::batch::{Precision, StateWords};
 use polhode::engine::adaptive::AdaptiveSteps;
 use polhode::engine::{Backend, Engine, unobserved};
 use polhode::torque::Torque;
+use polhode::torque::variable_inertia::{InertiaChange, Law};
 
 const BODIES: usize = 67;
 const SEED: u64 = 31;
@@ -41,7 +42,16 @@ fn adapted(torques: &[Torque], precision: Precision) -> StateWords {
 
 #[test]
 fn one_kind_alone_is_stepped_as_among_others() {
-    let torques = every_torque(&middle_moments(BODIES, SEED));
+    let mut torques = every_torque(&middle_moments(BODIES, SEED));
+    let column = |first: f64, last: f64| -> Vec<f64> {
+        (0..BODIES).map(|body| first + (last - first) * body as f64 / BODIES as f64).collect()
+    };
+    let changes = [
+        (InertiaChange::factor(0.6), Law::ramp(0.1, 0.5)),
+        (InertiaChange::factor(column(0.5, 2.0)), Law::ramp(column(0.0, 0.6), column(0.2, 1.0))),
+        (InertiaChange::factor(column(0.5, 2.0)), Law::oscillation(column(-3.0, 3.0))),
+    ];
+    torques.extend(changes.map(|(change, law)| Torque::variable_inertia(change, law)));
     // A constant torque and drag have a kernel that takes both, whose kicks are others.
     let is_common = |torque: &&Torque| matches!(torque, Torque::ConstantBody(_) | Torque::LinearDrag(_));
     for torque in torques.iter().filter(|torque| !is_common(torque)) {

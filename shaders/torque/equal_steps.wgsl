@@ -1,4 +1,4 @@
-// Times of equal steps, and the random torques drawn for them. Twin: src/torque/sum.rs.
+// Times of equal steps, and the random torques drawn for them. Twin: src/torque/sum/columns.rs and src/torque/sum/noise.rs.
 
 fn epoch(step: u32, fraction: real) -> Epoch {
     // Steps since the dispatch's first one, whose time is in the settings.

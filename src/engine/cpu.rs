@@ -364,20 +364,18 @@ impl<T: Scalar, M: Step, S: Surroundings> LaneTask<T> for Advance<'_, '_, T, M, 
     fn run<R: Real<Scalar = T>>(self) {
         let Self(block, _) = self;
         let start_phases = vec![Cell::new(R::splat(0.0)); block.torques.phase_count()];
-        let units = block.clock.units(block.dt);
         for offset in (0..block.bodies).step_by(R::LANES) {
             let first = block.first + offset;
             let (body, rate) = load_body(|column| R::load(&block.parameters[column * block.stride + first..]));
-            let environment = S::at(Columns {
-                table: block.torques,
-                parameters: block.parameters,
-                stride: block.stride,
+            let environment = S::at(Columns::new(
+                block.torques,
+                block.parameters,
+                block.stride,
                 first,
-                clock: block.clock,
-                dt: block.dt,
-                units,
-                start_phases: &start_phases,
-            });
+                block.clock,
+                block.dt,
+                &start_phases,
+            ));
             let dt = TwoWords {
                 value: R::splat(block.dt_words.value.to_f64()) * rate,
                 residue: R::splat(block.dt_words.residue.to_f64()) * rate,

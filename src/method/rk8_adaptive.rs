@@ -52,6 +52,7 @@ impl<R: Real> Timed<R> for Free {
     fn epoch_after(&self, (): &(), _: R) {}
 }
 
+/// So that it is an environment like any other where kernels are chosen.
 impl<R: Real> Timed<R> for Conserving<R> {
     #[inline(always)]
     fn start_at(&self, _: TwoWords<R>) {}

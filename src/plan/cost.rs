@@ -39,8 +39,8 @@ pub struct Figures {
 /// The methods that a plan chooses among, the one first that most scenes end with, so that hopeless ones are known early.
 ///
 /// Measured with `RAYON_NUM_THREADS=1 cargo bench --bench costs`. On the driven problem `cf4` is the cheapest above about 1e-3 rad
-/// and `rk8` in adaptive steps below. An adaptive step takes from 1.1 times (gravity gradient) to 1.9 times (constant torque and
-/// drag) the time of an equal one, as its control counts less the more the torque costs; what stands here is 1.5 times.
+/// and `rk8` in adaptive steps below. An adaptive step takes 1.9 times the time of an equal one under a constant torque
+/// and drag, and less where the torque costs more, as its control counts less then; what stands here is 1.5 times.
 pub const COSTS: &[Cost] = &[
     Cost {
         scheme: Scheme::Adaptive,

@@ -161,16 +161,8 @@ impl LaneTask<f64> for RecomputeBlock<'_> {
             let first = self.first + offset;
             let (body, rate) = load_body(|column| R::load(&parameters[column * stride + first..]));
             let given = Given::new();
-            let acting = Torques::<R>::new(Columns {
-                table: torques,
-                parameters,
-                stride: *stride,
-                first,
-                clock: self.clock,
-                dt: self.dt,
-                units: self.clock.units(self.dt),
-                start_phases: &start_phases,
-            });
+            let columns = Columns::new(torques, parameters, *stride, first, self.clock, self.dt, &start_phases);
+            let acting = Torques::<R>::new(columns);
             let environment = Recorded { acting, given: &given };
             let words = two_words::<f64>(self.dt);
             let dt = TwoWords { value: R::splat(words.value) * rate, residue: R::splat(0.0) };

@@ -7,7 +7,7 @@ use crate::vector::Vector;
 
 /// The direction from the centre in world axes and (a/r)³, at a mean anomaly in turns; `start` is the one at t = 0.
 #[inline(always)]
-pub(crate) fn place_and_cube<R: Real>(
+pub(super) fn place_and_cube<R: Real>(
     x_world: Vector<R>,
     y_world: Vector<R>,
     eccentricity: R,

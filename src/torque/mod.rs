@@ -72,7 +72,7 @@ pub trait Environment<R: Real>: Copy {
     /// What is formed once for all evaluations in a step.
     type Start: Copy;
 
-    /// What depends on time alone, formed once for all evaluations at that time.
+    /// What depends on time alone, formed once for all evaluations at that time. It holds as long as its step's start does.
     type Epoch: Copy;
 
     /// Whether there is no torque at all, so that the kernel leaves it out.

@@ -226,7 +226,7 @@ fn nearer_anomaly<R: Real>(anomaly: R, mean_anomaly: R, eccentricity: R) -> R {
 
 /// u × (I u) · c with u = Rᵀ `direction_world`: `coefficients` are c (I₃ − I₂), c (I₁ − I₃), c (I₂ − I₁).
 #[inline(always)]
-pub(crate) fn gradient_torque<R: Real>(
+pub(super) fn gradient_torque<R: Real>(
     coefficients: Vector<R>,
     direction_world: Vector<R>,
     orientation: Quaternion<R>,

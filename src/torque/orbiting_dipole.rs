@@ -104,9 +104,23 @@ pub struct DipoleField<R> {
 }
 
 impl<R: Real> DipoleField<R> {
+    /// Of an instance's columns.
+    #[inline(always)]
+    pub(super) fn of_row(column: impl Fn(usize) -> R) -> Self {
+        Self {
+            x_world: Vector::new(column(3), column(4), column(5)),
+            y_world: Vector::new(column(6), column(7), column(8)),
+            eccentricity: column(9),
+            start: column(10),
+            sin_tilt: column(11),
+            cos_tilt: column(12),
+            azimuth: column(13),
+        }
+    }
+
     /// (a/r)³ (3 (d · r̂) r̂ − d), in world axes; both phases in turns.
     #[inline(always)]
-    pub(crate) fn at(&self, orbit_phase: R, rotation_phase: R) -> Vector<R> {
+    pub(super) fn at(&self, orbit_phase: R, rotation_phase: R) -> Vector<R> {
         let (r, cube) = place_and_cube(self.x_world, self.y_world, self.eccentricity, self.start, orbit_phase);
         let azimuth = rotation_phase + self.azimuth;
         let (sin, cos) = sin_cos((azimuth - azimuth.round()) * R::splat(std::f64::consts::TAU));

@@ -174,15 +174,7 @@ impl<'a, R: Real> Torques<'a, R> {
                 Kind::HeavyTop => heavy_top(self.columns.vector(c), self.columns.vector(c + 3), q),
                 Kind::MagneticDipole => magnetic_dipole(self.columns.vector(c), self.columns.vector(c + 3), q),
                 Kind::OrbitingDipole => {
-                    let field = DipoleField {
-                        x_world: self.columns.vector(c + 3),
-                        y_world: self.columns.vector(c + 6),
-                        eccentricity: self.columns.column(c + 9),
-                        start: self.columns.column(c + 10),
-                        sin_tilt: self.columns.column(c + 11),
-                        cos_tilt: self.columns.column(c + 12),
-                        azimuth: self.columns.column(c + 13),
-                    };
+                    let field = DipoleField::of_row(|index| self.columns.column(c + index));
                     let orbit_phase = self.phase(kind, index, 0, time);
                     let rotation_phase = self.phase(kind, index, 1, time);
                     orbiting_dipole(self.columns.vector(c), &field, orbit_phase, rotation_phase, q)
@@ -221,20 +213,6 @@ impl<R: Real> Outlined for Sum<'_, '_, R> {
     }
 }
 
-/// [`Columns::form_start_phases`] as a function of its own.
-struct FormStartPhases<'s, 'a, R: Real> {
-    columns: &'s Columns<'a, R>,
-    start: StepTime<'s, R>,
-}
-
-impl<R: Real> Outlined for FormStartPhases<'_, '_, R> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        self.columns.form_start_phases(self.start);
-    }
-}
-
 impl<'a, R: Real> Environment<R> for Torques<'a, R> {
     type Start = StepStart<'a, R>;
     type Epoch = Epoch<'a, R>;
@@ -242,11 +220,8 @@ impl<'a, R: Real> Environment<R> for Torques<'a, R> {
 
     #[inline(always)]
     fn start(&self, step: u64) -> StepStart<'a, R> {
-        let phases = self.columns.start_phases;
-        if !phases.is_empty() {
-            R::outlined(FormStartPhases { columns: &self.columns, start: StepTime::Equal(step) });
-        }
-        StepStart { phases, noise: self.columns.noise(step), seconds: R::splat(1.0) }
+        self.columns.form_start_phases(StepTime::Equal(step));
+        StepStart { phases: self.columns.start_phases, noise: self.columns.noise(step), seconds: R::splat(1.0) }
     }
 
     #[inline(always)]
@@ -298,12 +273,9 @@ impl<'a, R: Real> Timed<R> for Torques<'a, R> {
     #[inline(always)]
     fn start_at(&self, time: TwoWords<R>) -> StepStart<'a, R> {
         let seconds = R::splat(1.0) / self.columns.column(RATE_COLUMN);
-        let phases = self.columns.start_phases;
-        if !phases.is_empty() {
-            let time = TwoWords { value: time.value * seconds, residue: time.residue * seconds };
-            R::outlined(FormStartPhases { columns: &self.columns, start: StepTime::Own(&time) });
-        }
-        StepStart { phases, noise: Vector::zero(), seconds }
+        let time = TwoWords { value: time.value * seconds, residue: time.residue * seconds };
+        self.columns.form_start_phases(StepTime::Own(&time));
+        StepStart { phases: self.columns.start_phases, noise: Vector::zero(), seconds }
     }
 
     #[inline(always)]

@@ -34,13 +34,13 @@
 use glam::{DQuat, DVec3};
 
 pub use super::inertia_change::{InertiaChange, Law};
-use super::{Border, Kind, Model, Needs, Torque};
+use super::{Border, Kind, Model, Motion, Needs, Torque};
 use crate::batch::BodyFrame;
 use crate::ensemble::Ensemble;
 use crate::error::Result;
 use crate::inertia::{InertiaTensor, TRIANGLE_TOLERANCE, VANISHING_MOMENT, principal_axes};
 use crate::real::{Real, Scalar, sin_cos};
-use crate::rigid_body::Body;
+use crate::rigid_body::{Body, Correction};
 use crate::vector::{TwoWords, Vector, two_difference};
 
 /// Moments of inertia that change in time; see the [module](self). A scene has one at most.
@@ -304,7 +304,7 @@ pub fn changed_body<R: Real>(body: &Body<R>, change: &Change<R>, done: R) -> Cha
     let ones = Vector::new(one, one, one);
     let ratio = (change.kappa - ones).mul_add(share, ones);
     let (value, residue) = (body.inverse_moments.value, body.inverse_moments.residue);
-    if R::Scalar::WORDS == 1 {
+    if const { R::Scalar::WORDS == 1 } {
         let difference = change.difference.value + change.difference.residue;
         let inverse = TwoWords { value: difference.mul_add(share, value), residue };
         return Changed { body: Body::new(inverse), ratio };
@@ -317,4 +317,21 @@ pub fn changed_body<R: Real>(body: &Body<R>, change: &Change<R>, done: R) -> Cha
     let inverse =
         TwoWords { value: Vector::new(x, y, z), residue: lost + change.difference.residue.mul_add(share, residue) };
     Changed { body: Body::new(inverse), ratio }
+}
+
+/// How a body turns at an angular momentum m with the part s = `done` of its change; `correction` is the initial body's.
+#[inline(always)]
+pub(crate) fn changed_motion<R: Real>(
+    body: &Body<R>,
+    change: &Change<R>,
+    done: R,
+    correction: &Correction<R>,
+    m: Vector<R>,
+) -> Motion<R> {
+    let Changed { body: changed, ratio } = changed_body(body, change, done);
+    let correction = changed.carried_correction(body, correction, ratio, m);
+    Motion {
+        angular_velocity: changed.angular_velocity(m, &correction),
+        gyroscopic_term: changed.gyroscopic_term(m, &correction),
+    }
 }

@@ -74,7 +74,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
             self.advance_in::<AllTorques>(end)
         } else {
             of_kinds!(
-                self.batch.torques,
+                timed self.batch.torques,
                 KIND => self.advance_blocks(end, in_lanes::<T, super::surroundings::One<KIND>>),
                 self.advance_in::<AllTorques>(end)
             )
@@ -213,16 +213,15 @@ impl<T: Scalar, S: Surroundings> LaneTask<T> for Advance<'_, '_, T, S> {
         for offset in (0..block.bodies).step_by(R::LANES) {
             let first = block.first + offset;
             let (body, rate) = load_body(|column| R::load(&block.parameters[column * block.stride + first..]));
-            let environment = S::at(Columns {
-                table: block.torques,
-                parameters: block.parameters,
-                stride: block.stride,
+            let environment = S::at(Columns::new(
+                block.torques,
+                block.parameters,
+                block.stride,
                 first,
-                clock: block.clock,
-                dt: 0.0,
-                units: 0,
-                start_phases: &start_phases,
-            });
+                block.clock,
+                0.0,
+                &start_phases,
+            ));
             // Rows that are no bodies have the rate 0, so that nothing is left to do in them.
             let span = TwoWords {
                 value: R::splat(block.span.value.to_f64()) * rate,

@@ -4,7 +4,7 @@ use std::cell::Cell;
 
 use crate::clock::{Clock, Fraction, MOST_LANES, Ticks, phases_at, ticks_in};
 use crate::quaternion::Quaternion;
-use crate::real::{Real, Scalar};
+use crate::real::{Outlined, Real, Scalar};
 use crate::torque::variable_inertia::ticks_since;
 use crate::torque::{PER_TICK, TorqueTable};
 use crate::vector::{TwoWords, Vector};
@@ -23,7 +23,7 @@ pub(crate) struct Columns<'a, R: Real> {
     /// An equal step, s; 0 where each body has steps of its own.
     pub dt: f64,
     /// The same in the clock's units.
-    pub units: u128,
+    units: u128,
     /// Room for the table's phases at the start of a step.
     pub start_phases: &'a [Cell<R>],
 }
@@ -31,13 +31,28 @@ pub(crate) struct Columns<'a, R: Real> {
 /// When a step starts.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum StepTime<'s, R> {
-    /// As equal step with this number of the interval.
+    /// Where the interval's equal step with this number does.
     Equal(u64),
     /// So many seconds after the clock, lane by lane.
     Own(&'s TwoWords<R>),
 }
 
-impl<R: Real> Columns<'_, R> {
+impl<'a, R: Real> Columns<'a, R> {
+    /// The columns of the lane group from body `first` on, in equal steps of `dt` from `clock` on, or, where that is 0, in steps of
+    /// each body's own.
+    #[inline(always)]
+    pub fn new(
+        table: &'a TorqueTable,
+        parameters: &'a [R::Scalar],
+        stride: usize,
+        first: usize,
+        clock: Clock,
+        dt: f64,
+        start_phases: &'a [Cell<R>],
+    ) -> Self {
+        Self { table, parameters, stride, first, clock, dt, units: clock.units(dt), start_phases }
+    }
+
     /// One column of a body's or a torque's.
     #[inline(always)]
     pub fn column(&self, column: usize) -> R {
@@ -81,13 +96,8 @@ impl<R: Real> Columns<'_, R> {
     /// Forms all phases, in turns; of a ramp its progress, not cut.
     #[inline(always)]
     pub fn form_start_phases(&self, start: StepTime<'_, R>) {
-        let ticks = self.ticks(start);
-        for (number, phase) in self.start_phases.iter().enumerate() {
-            let fraction = self.table.fraction(number, self.first);
-            phase.set(match self.table.ramp_of(number) {
-                Some(first) => self.progress_at(fraction, &ticks, first),
-                None => phases_at(fraction, &ticks),
-            });
+        if !self.start_phases.is_empty() {
+            R::outlined(FormStartPhases { columns: self, start });
         }
     }
 
@@ -105,5 +115,27 @@ impl<R: Real> Columns<'_, R> {
             }
         };
         since * self.column(first + PER_TICK)
+    }
+}
+
+/// [`Columns::form_start_phases`] as a function of its own.
+struct FormStartPhases<'s, 'a, R: Real> {
+    columns: &'s Columns<'a, R>,
+    start: StepTime<'s, R>,
+}
+
+impl<R: Real> Outlined for FormStartPhases<'_, '_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { columns, start } = self;
+        let ticks = columns.ticks(start);
+        for (number, phase) in columns.start_phases.iter().enumerate() {
+            let fraction = columns.table.fraction(number, columns.first);
+            phase.set(match columns.table.ramp_of(number) {
+                Some(first) => columns.progress_at(fraction, &ticks, first),
+                None => phases_at(fraction, &ticks),
+            });
+        }
     }
 }

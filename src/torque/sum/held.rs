@@ -5,7 +5,7 @@
 //! themselves. What such a torque makes of the time alone, it makes once for all stages at that time.
 
 use super::columns::StepTime;
-use super::{Columns, FormStartPhases, Kind};
+use super::{Columns, Kind};
 use crate::batch::RATE_COLUMN;
 use crate::clock::{phase_after, phases_at};
 use crate::method::rk8_adaptive::Timed;
@@ -25,9 +25,7 @@ use crate::torque::orbiting_dipole::DipoleField;
 use crate::torque::quadratic_drag::quadratic_drag;
 use crate::torque::sine_spring::sine_spring;
 use crate::torque::sinusoidal::sinusoidal;
-use crate::torque::variable_inertia::{
-    Change, Changed, changed_body, inertia_oscillation, inertia_ramp, ramp_progress,
-};
+use crate::torque::variable_inertia::{Change, changed_motion, inertia_oscillation, inertia_ramp, ramp_progress};
 use crate::torque::{Environment, Motion};
 use crate::vector::{TwoWords, Vector};
 
@@ -35,10 +33,15 @@ use crate::vector::{TwoWords, Vector};
 /// torques, or one that [`super::Common`] takes; `otherwise` always in the crate's unit tests, which are compiled apart and would take
 /// twice as long to build (`tests/kinds.rs` steps every kind both ways).
 macro_rules! of_kinds {
-    ($table:expr, $number:ident => $then:expr, $otherwise:expr) => {
+    // Those that may act in steps of a body's own.
+    (timed $table:expr, $number:ident => $then:expr, $otherwise:expr) => {
         $crate::torque::sum::of_kinds!(@match $table, $number, $then, $otherwise,
             ConstantWorld MatrixDrag QuadraticDrag Sinusoidal GravityGradient GravityGradientKepler HeavyTop MagneticDipole
-            OrbitingDipole EddyCurrent SineSpring LogSpring WhiteNoise InternalDissipation InertiaRamp InertiaOscillation)
+            OrbitingDipole EddyCurrent SineSpring LogSpring InternalDissipation InertiaRamp InertiaOscillation)
+    };
+    ($table:expr, $number:ident => $then:expr, $otherwise:expr) => {
+        $crate::torque::sum::of_kinds!(@match $table, $number, $then,
+            $crate::torque::sum::of_kinds!(timed $table, $number => $then, $otherwise), WhiteNoise)
     };
     (@match $table:expr, $number:ident, $then:expr, $otherwise:expr, $($kind:ident)*) => {
         match $table.only_kind() {
@@ -53,11 +56,45 @@ macro_rules! of_kinds {
 }
 pub(crate) use of_kinds;
 
-/// The most parameters of a kind.
-const MOST_PARAMETERS: usize = 14;
+/// Numbers of kinds. Branches on them, as on any constant that is a number, are settled before code is generated: branches on a
+/// [`Kind`] would bring the code of all kinds into each stage of each kernel, for the optimiser to take out again.
+mod number {
+    use crate::torque::Kind;
+    pub const CONSTANT_WORLD: usize = Kind::ConstantWorld as usize;
+    pub const MATRIX_DRAG: usize = Kind::MatrixDrag as usize;
+    pub const QUADRATIC_DRAG: usize = Kind::QuadraticDrag as usize;
+    pub const SINUSOIDAL: usize = Kind::Sinusoidal as usize;
+    pub const GRAVITY_GRADIENT: usize = Kind::GravityGradient as usize;
+    pub const GRAVITY_GRADIENT_KEPLER: usize = Kind::GravityGradientKepler as usize;
+    pub const HEAVY_TOP: usize = Kind::HeavyTop as usize;
+    pub const MAGNETIC_DIPOLE: usize = Kind::MagneticDipole as usize;
+    pub const ORBITING_DIPOLE: usize = Kind::OrbitingDipole as usize;
+    pub const EDDY_CURRENT: usize = Kind::EddyCurrent as usize;
+    pub const SINE_SPRING: usize = Kind::SineSpring as usize;
+    pub const LOG_SPRING: usize = Kind::LogSpring as usize;
+    pub const WHITE_NOISE: usize = Kind::WhiteNoise as usize;
+    pub const INTERNAL_DISSIPATION: usize = Kind::InternalDissipation as usize;
+    pub const INERTIA_RAMP: usize = Kind::InertiaRamp as usize;
+    pub const INERTIA_OSCILLATION: usize = Kind::InertiaOscillation as usize;
+}
 
-/// The most phases of a kind.
-const MOST_PHASES: usize = 2;
+/// The most parameters and phases of a kind.
+const MOST: [usize; 2] = {
+    let (mut parameters, mut phases, mut kind) = (0, 0, 0);
+    while kind < Kind::ALL.len() {
+        let kind_of = Kind::ALL[kind];
+        if kind_of.parameters() > parameters {
+            parameters = kind_of.parameters();
+        }
+        if kind_of.phases() > phases {
+            phases = kind_of.phases();
+        }
+        kind += 1;
+    }
+    [parameters, phases]
+};
+const MOST_PARAMETERS: usize = MOST[0];
+const MOST_PHASES: usize = MOST[1];
 
 /// The torque of the kind with number `KIND`.
 #[derive(Clone, Copy, Debug)]
@@ -91,7 +128,7 @@ impl<'a, R: Real, const KIND: usize> Held<'a, R, KIND> {
     #[inline(always)]
     #[cfg_attr(test, allow(dead_code))]
     pub(crate) fn load(columns: Columns<'a, R>) -> Self {
-        let kind = Kind::ALL[KIND];
+        let kind = Self::KIND;
         let first = columns.table.instances(kind).first;
         let zero = R::splat(0.0);
         let (mut parameters, mut rates) = ([zero; MOST_PARAMETERS], [zero; MOST_PHASES]);
@@ -104,10 +141,7 @@ impl<'a, R: Real, const KIND: usize> Held<'a, R, KIND> {
         Self { columns, parameters, rates }
     }
 
-    #[inline(always)]
-    fn is(kind: Kind) -> bool {
-        KIND == kind as usize
-    }
+    const KIND: Kind = Kind::ALL[KIND];
 
     #[inline(always)]
     fn vector(&self, first: usize) -> Vector<R> {
@@ -123,7 +157,7 @@ impl<'a, R: Real, const KIND: usize> Held<'a, R, KIND> {
     /// The phases at the start of a step.
     #[inline(always)]
     fn start_phases(&self, start: StepTime<'_, R>) -> [R; MOST_PHASES] {
-        let kind = Kind::ALL[KIND];
+        let kind = Self::KIND;
         let mut phases = [R::splat(0.0); MOST_PHASES];
         let numbered = phases.iter_mut().enumerate().take(kind.phases());
         match start {
@@ -132,7 +166,7 @@ impl<'a, R: Real, const KIND: usize> Held<'a, R, KIND> {
                 for (index, phase) in numbered {
                     let table = self.columns.table;
                     let fraction = table.fraction(table.phase_number(kind, 0, index), self.columns.first);
-                    *phase = if Self::is(Kind::InertiaRamp) {
+                    *phase = if const { matches!(Self::KIND, Kind::InertiaRamp) } {
                         self.columns.progress_at(fraction, &ticks, table.instances(kind).first)
                     } else {
                         phases_at(fraction, &ticks)
@@ -141,7 +175,7 @@ impl<'a, R: Real, const KIND: usize> Held<'a, R, KIND> {
             }
             // Once for twelve stages, and lane by lane.
             StepTime::Own(_) if kind.phases() > 0 => {
-                R::outlined(FormStartPhases { columns: &self.columns, start });
+                self.columns.form_start_phases(start);
                 for (index, phase) in numbered {
                     *phase = self.columns.start_phases[index].get();
                 }
@@ -155,34 +189,27 @@ impl<'a, R: Real, const KIND: usize> Held<'a, R, KIND> {
     fn at(&self, start: &HeldStart<R>, elapsed: R) -> HeldEpoch<R> {
         let p = &self.parameters;
         let phase = |index: usize| phase_after(start.phases[index], self.rates[index], elapsed);
-        let mut epoch = HeldEpoch { vector: Vector::zero(), number: R::splat(0.0) };
-        if Self::is(Kind::Sinusoidal) {
-            epoch.vector = sinusoidal(self.vector(0), self.vector(3), phase(0));
-        } else if Self::is(Kind::GravityGradient) {
-            epoch.vector = circular_place(self.vector(3), self.vector(6), phase(0));
-        } else if Self::is(Kind::GravityGradientKepler) {
-            let (x_world, y_world) = (&self.vector(3), &self.vector(6));
-            let place = OrbitPlace { x_world, y_world, eccentricity: p[10], start: p[11], phase: phase(0) };
-            (epoch.vector, epoch.number) = R::outlined(place);
-        } else if Self::is(Kind::OrbitingDipole) {
-            let field = &DipoleField {
-                x_world: self.vector(3),
-                y_world: self.vector(6),
-                eccentricity: p[9],
-                start: p[10],
-                sin_tilt: p[11],
-                cos_tilt: p[12],
-                azimuth: p[13],
-            };
-            epoch.vector = R::outlined(FieldAt { field, orbit_phase: phase(0), rotation_phase: phase(1) });
-        } else if Self::is(Kind::WhiteNoise) {
-            epoch.vector = start.noise;
-        } else if Self::is(Kind::InertiaRamp) {
-            epoch.number = inertia_ramp(ramp_progress(start.phases[0], self.rates[0], elapsed));
-        } else if Self::is(Kind::InertiaOscillation) {
-            epoch.number = inertia_oscillation(phase(0));
-        }
-        epoch
+        let (vector, number) = match KIND {
+            number::SINUSOIDAL => (sinusoidal(self.vector(0), self.vector(3), phase(0)), R::splat(0.0)),
+            number::GRAVITY_GRADIENT => (circular_place(self.vector(3), self.vector(6), phase(0)), R::splat(0.0)),
+            number::GRAVITY_GRADIENT_KEPLER => {
+                let (x_world, y_world) = (&self.vector(3), &self.vector(6));
+                R::outlined(OrbitPlace { x_world, y_world, eccentricity: p[10], start: p[11], phase: phase(0) })
+            }
+            number::ORBITING_DIPOLE => {
+                let field = &DipoleField::of_row(|index| p[index]);
+                let at = FieldAt { field, orbit_phase: phase(0), rotation_phase: phase(1) };
+                (R::outlined(at), R::splat(0.0))
+            }
+            number::WHITE_NOISE => (start.noise, R::splat(0.0)),
+            number::INERTIA_RAMP => {
+                let progress = ramp_progress(start.phases[0], self.rates[0], elapsed);
+                (Vector::zero(), inertia_ramp(progress))
+            }
+            number::INERTIA_OSCILLATION => (Vector::zero(), inertia_oscillation(phase(0))),
+            _ => (Vector::zero(), R::splat(0.0)),
+        };
+        HeldEpoch { vector, number }
     }
 }
 
@@ -193,7 +220,8 @@ impl<R: Real, const KIND: usize> Environment<R> for Held<'_, R, KIND> {
 
     #[inline(always)]
     fn start(&self, step: u64) -> HeldStart<R> {
-        let noise = if Self::is(Kind::WhiteNoise) { self.columns.noise(step) } else { Vector::zero() };
+        let noise =
+            if const { matches!(Self::KIND, Kind::WhiteNoise) } { self.columns.noise(step) } else { Vector::zero() };
         HeldStart { phases: self.start_phases(StepTime::Equal(step)), noise, seconds: R::splat(1.0) }
     }
 
@@ -205,52 +233,37 @@ impl<R: Real, const KIND: usize> Environment<R> for Held<'_, R, KIND> {
     #[inline(always)]
     fn torque(&self, epoch: &HeldEpoch<R>, _: &Body<R>, q: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
         let p = &self.parameters;
-        if Self::is(Kind::ConstantWorld) {
-            constant_world(self.vector(0), q)
-        } else if Self::is(Kind::MatrixDrag) {
-            matrix_drag(self.vector(0), self.vector(3), omega)
-        } else if Self::is(Kind::QuadraticDrag) {
-            quadratic_drag(p[0], omega)
-        } else if Self::is(Kind::Sinusoidal) || Self::is(Kind::WhiteNoise) {
-            epoch.vector
-        } else if Self::is(Kind::GravityGradient) {
-            gradient_torque(self.vector(0), epoch.vector, q)
-        } else if Self::is(Kind::GravityGradientKepler) {
-            gradient_torque(self.vector(0) * epoch.number, epoch.vector, q)
-        } else if Self::is(Kind::HeavyTop) {
-            heavy_top(self.vector(0), self.vector(3), q)
-        } else if Self::is(Kind::MagneticDipole) {
-            magnetic_dipole(self.vector(0), self.vector(3), q)
-        } else if Self::is(Kind::OrbitingDipole) {
-            magnetic_dipole(self.vector(0), epoch.vector, q)
-        } else if Self::is(Kind::EddyCurrent) {
-            eddy_current(p[0], self.vector(1), q, omega)
-        } else if Self::is(Kind::SineSpring) {
-            sine_spring(p[0], self.quaternion(1), q)
-        } else if Self::is(Kind::LogSpring) {
-            log_spring(p[0], self.quaternion(1), q)
-        } else {
-            Vector::zero()
+        match KIND {
+            number::CONSTANT_WORLD => constant_world(self.vector(0), q),
+            number::MATRIX_DRAG => matrix_drag(self.vector(0), self.vector(3), omega),
+            number::QUADRATIC_DRAG => quadratic_drag(p[0], omega),
+            number::SINUSOIDAL | number::WHITE_NOISE => epoch.vector,
+            number::GRAVITY_GRADIENT => gradient_torque(self.vector(0), epoch.vector, q),
+            number::GRAVITY_GRADIENT_KEPLER => gradient_torque(self.vector(0) * epoch.number, epoch.vector, q),
+            number::HEAVY_TOP => heavy_top(self.vector(0), self.vector(3), q),
+            number::MAGNETIC_DIPOLE => magnetic_dipole(self.vector(0), self.vector(3), q),
+            number::ORBITING_DIPOLE => magnetic_dipole(self.vector(0), epoch.vector, q),
+            number::EDDY_CURRENT => eddy_current(p[0], self.vector(1), q, omega),
+            number::SINE_SPRING => sine_spring(p[0], self.quaternion(1), q),
+            number::LOG_SPRING => log_spring(p[0], self.quaternion(1), q),
+            // These are in the motion.
+            number::INTERNAL_DISSIPATION | number::INERTIA_RAMP | number::INERTIA_OSCILLATION => Vector::zero(),
+            _ => unreachable!("{:?} has no kernel of its own", Self::KIND),
         }
     }
 
     #[inline(always)]
     fn motion(&self, epoch: &HeldEpoch<R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
-        if Self::is(Kind::InertiaRamp) || Self::is(Kind::InertiaOscillation) {
+        if const { matches!(Self::KIND, Kind::InertiaRamp | Kind::InertiaOscillation) } {
             let change = Change {
                 kappa: self.vector(0),
                 difference: TwoWords { value: self.vector(3), residue: self.vector(6) },
             };
-            let Changed { body: changed, ratio } = changed_body(body, &change, epoch.number);
-            let correction = changed.carried_correction(body, correction, ratio, m);
-            return Motion {
-                angular_velocity: changed.angular_velocity(m, &correction),
-                gyroscopic_term: changed.gyroscopic_term(m, &correction),
-            };
+            return changed_motion(body, &change, epoch.number, correction, m);
         }
         let omega = body.angular_velocity(m, correction);
         let rigid = Motion { angular_velocity: omega, gyroscopic_term: body.gyroscopic_term(m, correction) };
-        if !Self::is(Kind::InternalDissipation) {
+        if const { !matches!(Self::KIND, Kind::InternalDissipation) } {
             return rigid;
         }
         let slip = internal_dissipation(self.parameters[0], m, omega);

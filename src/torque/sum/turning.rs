@@ -6,7 +6,7 @@ use crate::real::{Outlined, Real};
 use crate::rigid_body::{Body, Correction};
 use crate::torque::internal_dissipation::internal_dissipation;
 use crate::torque::variable_inertia::{
-    Change, Changed, changed_body, inertia_oscillation, inertia_ramp, oscillation_slope, ramp_progress, ramp_slope,
+    Change, changed_motion, inertia_oscillation, inertia_ramp, oscillation_slope, ramp_progress, ramp_slope,
 };
 use crate::torque::{Kind, Motion};
 use crate::vector::{TwoWords, Vector};
@@ -74,15 +74,13 @@ impl<'a, R: Real> Torques<'a, R> {
     /// The motion of a body that is not rigid, and ω = I⁻¹ m.
     #[inline(always)]
     fn turning(&self, epoch: &Epoch<'a, R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Turning<R> {
-        let mut omega = body.angular_velocity(m, correction);
-        let mut gyroscopic_term = body.gyroscopic_term(m, correction);
-        if self.columns.table.varies_inertia() {
-            let Changed { body: changed, ratio } = changed_body(body, &self.change(), epoch.change_done);
-            let correction = changed.carried_correction(body, correction, ratio, m);
-            omega = changed.angular_velocity(m, &correction);
-            gyroscopic_term = changed.gyroscopic_term(m, &correction);
-        }
-        let mut motion = Motion { angular_velocity: omega, gyroscopic_term };
+        let mut motion = if self.columns.table.varies_inertia() {
+            changed_motion(body, &self.change(), epoch.change_done, correction, m)
+        } else {
+            let angular_velocity = body.angular_velocity(m, correction);
+            Motion { angular_velocity, gyroscopic_term: body.gyroscopic_term(m, correction) }
+        };
+        let omega = motion.angular_velocity;
         for (_, c) in self.firsts(Kind::InternalDissipation) {
             let slip = internal_dissipation(self.columns.column(c), m, omega);
             motion = Motion {
