@@ -7,6 +7,7 @@ use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
 use pulp::{Simd, WithSimd};
 
+use crate::clock::MOST_LANES;
 use crate::real::{Outlined, Real, Scalar};
 
 /// The capability token of an instruction set.
@@ -22,7 +23,7 @@ fn token<S: Simd>() -> S {
 }
 
 /// Bytes of the widest vector that any instruction set has here.
-const WIDEST_BYTES: usize = 64;
+const WIDEST_BYTES: usize = MOST_LANES * size_of::<f32>();
 
 /// Work that [`pulp`] compiles as a function for the instruction set in use.
 struct ForSimd<W>(W);

@@ -92,7 +92,7 @@ impl<R: Real> Body<R> {
         let (x, x_residue) = two_difference(a.z, a.y);
         let (y, y_residue) = two_difference(a.x, a.z);
         let (z, z_residue) = two_difference(a.y, a.x);
-        let residue = if const { R::Scalar::WORDS == 1 } {
+        let residue = if R::Scalar::WORDS == 1 {
             Vector::zero()
         } else {
             Vector::new(x_residue + (b.z - b.y), y_residue + (b.x - b.z), z_residue + (b.y - b.x))
@@ -103,7 +103,7 @@ impl<R: Real> Body<R> {
     /// The second words' part of the rates at `state`.
     #[inline(always)]
     pub fn correction(&self, state: &State<R>) -> Correction<R> {
-        if const { R::Scalar::WORDS == 1 } {
+        if R::Scalar::WORDS == 1 {
             return Correction { angular_velocity: Vector::zero(), gyroscopic_term: Vector::zero() };
         }
         let m = state.angular_momentum_principal;
@@ -126,7 +126,7 @@ impl<R: Real> Body<R> {
         ratio: Vector<R>,
         m: Vector<R>,
     ) -> Correction<R> {
-        if const { R::Scalar::WORDS == 1 } {
+        if R::Scalar::WORDS == 1 {
             return *correction;
         }
         let of_m = correction.angular_velocity - start.inverse_moments.residue.scaled_by(m);

@@ -146,7 +146,7 @@ pub fn accumulate<R: Real, V>(sum: TwoWords<V>, increment: V) -> TwoWords<V>
 where
     V: Copy + Add<Output = V> + Sub<Output = V>,
 {
-    if const { R::Scalar::WORDS == 1 } {
+    if R::Scalar::WORDS == 1 {
         return TwoWords { value: sum.value + increment, residue: sum.residue };
     }
     let corrected = increment + sum.residue;

@@ -11,8 +11,7 @@ use crate::vector::{TwoWords, Vector};
 #[inline(always)]
 pub(crate) fn load_body<R: Real>(column: impl Fn(usize) -> R) -> (Body<R>, R) {
     let value = Vector::new(column(0), column(1), column(2));
-    let residue =
-        if const { R::Scalar::WORDS == 2 } { Vector::new(column(4), column(5), column(6)) } else { Vector::zero() };
+    let residue = if R::Scalar::WORDS == 2 { Vector::new(column(4), column(5), column(6)) } else { Vector::zero() };
     (Body::new(TwoWords { value, residue }), column(RATE_COLUMN))
 }
 
@@ -43,7 +42,7 @@ pub(crate) fn load_state<R: Real>(column: impl Fn(usize) -> R) -> State<R> {
         )
     };
     let (q, m) = words(0);
-    let (q_residue, m_residue) = if const { R::Scalar::WORDS == 2 } {
+    let (q_residue, m_residue) = if R::Scalar::WORDS == 2 {
         words(STATE_COMPONENTS)
     } else {
         let zero = R::splat(0.0);
@@ -65,7 +64,7 @@ pub(crate) fn store_state<R: Real>(state: &State<R>, mut store: impl FnMut(usize
         }
     };
     words(0, state.orientation.value, state.angular_momentum_principal.value);
-    if const { R::Scalar::WORDS == 2 } {
+    if R::Scalar::WORDS == 2 {
         words(STATE_COMPONENTS, state.orientation.residue, state.angular_momentum_principal.residue);
     }
     store(status_column::<R::Scalar>(), state.status);

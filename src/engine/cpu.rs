@@ -1,6 +1,5 @@
 //! The CPU engine: all cores, SIMD lanes chosen at run time.
 
-use std::cell::Cell;
 use std::marker::PhantomData;
 use std::ops::Range;
 
@@ -25,7 +24,7 @@ use crate::method::{
 };
 use crate::observe::Kernel;
 use crate::real::{Real, Scalar};
-use crate::torque::sum::{Columns, of_kinds};
+use crate::torque::sum::{Source, of_kinds};
 use crate::torque::{Environment, TorqueTable};
 use crate::vector::TwoWords;
 
@@ -296,7 +295,7 @@ impl<T: LaneScalar> CpuSession<T> {
         let start = *clock;
         let Batch { body_count, stride, parameters, state, torques } = batch;
         let (body_count, stride) = (*body_count, *stride);
-        let (parameters, torques) = (&*parameters, &*torques);
+        let source = Source { table: torques, parameters, stride, clock: start, dt };
         let dt_words = two_words::<T>(dt);
         let blocks = column_parts(state, stride, 0..stride, BLOCK);
         Box::new(move |watch: &Watch| {
@@ -307,13 +306,9 @@ impl<T: LaneScalar> CpuSession<T> {
                 while left > 0 && watch.goes_on() {
                     let slice = left.min(SLICE);
                     kernel(Block {
-                        parameters,
-                        torques,
-                        stride,
+                        source,
                         first,
                         state: &mut columns,
-                        clock: start,
-                        dt,
                         dt_words,
                         bodies,
                         first_step: steps - left,
@@ -330,14 +325,11 @@ impl<T: LaneScalar> CpuSession<T> {
 
 /// Some steps of one block.
 struct Block<'a, 'b, T> {
-    parameters: &'a [T],
-    torques: &'a TorqueTable,
-    stride: usize,
+    source: Source<'a, T>,
+    /// Its first body.
     first: usize,
     state: &'a mut [&'b mut [T]],
-    /// At step 0 of the interval.
-    clock: Clock,
-    dt: f64,
+    /// A step in s.
     dt_words: TwoWords<T>,
     /// Bodies in the block; lane groups without any are left alone.
     bodies: usize,
@@ -363,26 +355,17 @@ impl<T: Scalar, M: Step, S: Surroundings> LaneTask<T> for Advance<'_, '_, T, M, 
     #[inline(always)]
     fn run<R: Real<Scalar = T>>(self) {
         let Self(block, _) = self;
-        let start_phases = vec![Cell::new(R::splat(0.0)); block.torques.phase_count()];
+        let start_phases = block.source.start_phases();
         for offset in (0..block.bodies).step_by(R::LANES) {
-            let first = block.first + offset;
-            let (body, rate) = load_body(|column| R::load(&block.parameters[column * block.stride + first..]));
-            let environment = S::at(Columns::new(
-                block.torques,
-                block.parameters,
-                block.stride,
-                first,
-                block.clock,
-                block.dt,
-                &start_phases,
-            ));
+            let columns = block.source.group(block.first + offset, &start_phases);
+            let (body, rate) = load_body(|column| columns.column(column));
+            let environment = S::at(columns);
             let dt = TwoWords {
                 value: R::splat(block.dt_words.value.to_f64()) * rate,
                 residue: R::splat(block.dt_words.residue.to_f64()) * rate,
             };
             let wanted = M::INVARIANTS && <S::At<'_, R> as Environment<R>>::FREE;
-            let invariants =
-                load_invariants(wanted, |column| R::load(&block.parameters[column * block.stride + first..]));
+            let invariants = load_invariants(wanted, |column| columns.column(column));
             let mut state = load_state(|column| R::load(&block.state[column][offset..]));
             let prepared = M::prepare::<R, S::At<'_, R>>(&body, &invariants, dt);
             for step in 0..block.steps {

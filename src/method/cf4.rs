@@ -59,7 +59,7 @@ fn rates<R: Real, E: Environment<R>>(
 ) -> (Vector<R>, Vector<R>) {
     let motion = environment.motion(epoch, body, correction, m);
     let mut m_rate = motion.gyroscopic_term;
-    if const { !E::FREE } {
+    if !E::FREE {
         m_rate = m_rate + environment.torque(epoch, body, q, motion.angular_velocity);
     }
     (motion.angular_velocity, m_rate)

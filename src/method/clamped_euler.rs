@@ -54,7 +54,7 @@ pub fn step<R: Real, E: Environment<R>>(
     // A body at rest stays at rest: its ratio is formed of two tiny numbers that are equal.
     let tiny = R::splat(1e-36);
     let mut m = turned * ((m.dot(m) + tiny) / (turned.dot(turned) + tiny)).sqrt();
-    if const { !E::FREE } {
+    if !E::FREE {
         m = environment.torque(&environment.epoch(&environment.start(step_index), 0.0), body, q, omega).axpy(h, m);
     }
     let omega = inverse.scaled_by(m);

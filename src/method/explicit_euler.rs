@@ -49,7 +49,7 @@ pub fn step<R: Real, E: Environment<R>>(
     let m = state.angular_momentum_principal.value;
     let omega = body.inverse_moments.value.scaled_by(m);
     let mut m_rate = m.cross(omega);
-    if const { !E::FREE } {
+    if !E::FREE {
         m_rate = m_rate + environment.torque(&environment.epoch(&environment.start(step_index), 0.0), body, q, omega);
     }
     State {

@@ -53,7 +53,7 @@ pub fn step<R: Real, E: Environment<R>>(
     let inverse = body.inverse_moments.value;
     let moments = Vector::new(one / inverse.x, one / inverse.y, one / inverse.z);
     let mut m = state.angular_momentum_principal.value;
-    if const { !E::FREE } {
+    if !E::FREE {
         let omega = inverse.scaled_by(m);
         m = environment.torque(&environment.epoch(&environment.start(step_index), 0.0), body, q, omega).axpy(h, m);
     }

@@ -85,7 +85,7 @@ pub fn step<R: Real, E: Environment<R>>(
         let z_rate = body.gyroscopic_term(z, &correction) + z_torque;
         let residual = z_rate.axpy(half, m - z);
         let mut a = jacobian(body, half, z);
-        if const { !E::FREE } {
+        if !E::FREE {
             let (zero, change) = (R::splat(0.0), tolerance);
             let slope = |moved: Vector<R>| (torque(moved) - z_torque) * (half / change);
             a.x = a.x - slope(z + Vector::new(change, zero, zero));

@@ -54,7 +54,7 @@ pub fn jacobian<R: Real>(body: &Body<R>, factor: R, z: Vector<R>) -> Matrix<R> {
 /// below one rounding.
 #[inline(always)]
 pub fn newton_tolerance<R: Real>() -> R {
-    R::splat(if const { R::Scalar::WORDS == 1 } { 1.0 / 134_217_728.0 } else { 1.0 / 4096.0 })
+    R::splat(if R::Scalar::WORDS == 1 { 1.0 / 134_217_728.0 } else { 1.0 / 4096.0 })
 }
 
 /// A length that is not zero even for a body at rest, to measure corrections by.

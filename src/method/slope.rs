@@ -27,7 +27,7 @@ pub fn rates<R: Real, E: Environment<R>>(
 ) -> Slope<R> {
     let motion = environment.motion(epoch, body, correction, m);
     let mut m_rate = motion.gyroscopic_term;
-    if const { !E::FREE } {
+    if !E::FREE {
         m_rate = m_rate + environment.torque(epoch, body, q, motion.angular_velocity);
     }
     Slope { q: orientation_rate(q, motion.angular_velocity), m: m_rate }
@@ -40,7 +40,7 @@ pub fn rates<R: Real, E: Environment<R>>(
 #[inline(always)]
 pub fn sixth_of<R: Real>(dt: TwoWords<R>) -> TwoWords<R> {
     let sixth = dt.value * R::splat(1.0 / 6.0);
-    if const { R::Scalar::WORDS == 1 } {
+    if R::Scalar::WORDS == 1 {
         return TwoWords { value: sixth, residue: R::splat(0.0) };
     }
     let lacking = (dt.value - R::splat(4.0) * sixth) - R::splat(2.0) * sixth;

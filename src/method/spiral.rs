@@ -63,7 +63,7 @@ pub fn step<R: Real, E: Environment<R>>(
     let rate = |m: Vector<R>| {
         let omega = inverse.scaled_by(m);
         let mut rate = m.cross(omega);
-        if const { !E::FREE } {
+        if !E::FREE {
             rate = rate + environment.torque(&start, body, q, omega);
         }
         rate

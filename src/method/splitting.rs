@@ -208,7 +208,7 @@ pub fn composed<R: Real, E: Environment<R>, const ORDER: u32>(
 /// add up to the whole exactly.
 #[inline(always)]
 fn part_of<R: Real>(dt: TwoWords<R>, start: f64, end: f64) -> TwoWords<R> {
-    if const { R::Scalar::WORDS == 1 } {
+    if R::Scalar::WORDS == 1 {
         return TwoWords { value: dt.value * R::splat(end - start), residue: R::splat(0.0) };
     }
     let (value, residue) = two_difference(dt.value * R::splat(end), dt.value * R::splat(start));

@@ -24,7 +24,7 @@ use crate::quaternion::Quaternion;
 use crate::real::Real;
 use crate::rigid_body::{Body, Correction};
 use crate::scene::Scene;
-use crate::torque::sum::{Columns, Epoch, StepStart, Torques};
+use crate::torque::sum::{Epoch, Source, StepStart, Torques};
 use crate::torque::{Environment, Motion, Torque, VelocityDependence};
 use crate::vector::{TwoWords, Vector};
 
@@ -156,12 +156,12 @@ impl LaneTask<f64> for RecomputeBlock<'_> {
     #[inline(always)]
     fn run<R: Real<Scalar = f64>>(self) {
         let Batch { parameters, stride, torques, .. } = self.batch;
-        let start_phases = vec![Cell::new(R::splat(0.0)); torques.phase_count()];
+        let source = Source { table: torques, parameters, stride: *stride, clock: self.clock, dt: self.dt };
+        let start_phases = source.start_phases();
         for offset in (0..BLOCK).step_by(R::LANES) {
-            let first = self.first + offset;
-            let (body, rate) = load_body(|column| R::load(&parameters[column * stride + first..]));
+            let columns = source.group(self.first + offset, &start_phases);
+            let (body, rate) = load_body(|column| columns.column(column));
             let given = Given::new();
-            let columns = Columns::new(torques, parameters, *stride, first, self.clock, self.dt, &start_phases);
             let acting = Torques::<R>::new(columns);
             let environment = Recorded { acting, given: &given };
             let words = two_words::<f64>(self.dt);

@@ -5,8 +5,8 @@ mod held;
 mod noise;
 mod turning;
 
-pub(crate) use columns::Columns;
 use columns::StepTime;
+pub(crate) use columns::{Columns, Source};
 pub(crate) use held::{Held, of_kinds};
 use turning::ChangeDone;
 
@@ -48,8 +48,8 @@ impl<R: Real> Common<R> {
     /// The parameters of a lane group.
     #[inline(always)]
     pub(crate) fn load(columns: &Columns<'_, R>) -> Self {
-        let constant = columns.table.instances(Kind::ConstantBody);
-        let drag = columns.table.instances(Kind::LinearDrag);
+        let constant = columns.source.table.instances(Kind::ConstantBody);
+        let drag = columns.source.table.instances(Kind::LinearDrag);
         Self {
             constant: if constant.count == 0 { Vector::zero() } else { columns.vector(constant.first) },
             drag: if drag.count == 0 { R::splat(0.0) } else { columns.column(drag.first) },
@@ -128,13 +128,13 @@ impl<'a, R: Real> Torques<'a, R> {
     /// The first columns of all instances of a kind.
     #[inline(always)]
     fn firsts(&self, kind: Kind) -> impl Iterator<Item = (usize, usize)> + use<R> {
-        let instances = self.columns.table.instances(kind);
+        let instances = self.columns.source.table.instances(kind);
         (0..instances.count).map(move |index| (index, instances.first + index * kind.columns()))
     }
 
     #[inline(always)]
     fn phase(&self, kind: Kind, instance: usize, phase_index: usize, time: &Time<'a, R>) -> R {
-        let table = self.columns.table;
+        let table = self.columns.source.table;
         let start = time.start_phases[table.phase_number(kind, instance, phase_index)].get();
         let turns_per_second = self.columns.column(table.rate_column(kind, instance, phase_index));
         phase_after(start, turns_per_second, time.elapsed)
@@ -149,7 +149,7 @@ impl<'a, R: Real> Torques<'a, R> {
     ) -> Vector<R> {
         let (q, omega, time) = (orientation, angular_velocity_principal, &epoch.time);
         let mut sum = epoch.noise;
-        for &Instance { kind, index, first: c } in self.columns.table.list() {
+        for &Instance { kind, index, first: c } in self.columns.source.table.list() {
             let torque = match kind {
                 Kind::ConstantBody => constant_body(self.columns.vector(c)),
                 Kind::LinearDrag => linear_drag(self.columns.column(c), omega),
@@ -226,7 +226,7 @@ impl<'a, R: Real> Environment<R> for Torques<'a, R> {
 
     #[inline(always)]
     fn epoch(&self, start: &StepStart<'a, R>, fraction: f64) -> Epoch<'a, R> {
-        self.epoch_after(start, R::splat(fraction * self.columns.dt))
+        self.epoch_after(start, R::splat(fraction * self.columns.source.dt))
     }
 
     #[inline(always)]
@@ -243,7 +243,7 @@ impl<'a, R: Real> Environment<R> for Torques<'a, R> {
 
     #[inline(always)]
     fn velocity_dependence(&self) -> VelocityDependence {
-        self.columns.table.velocity_dependence()
+        self.columns.source.table.velocity_dependence()
     }
 
     #[inline(always)]
@@ -281,7 +281,7 @@ impl<'a, R: Real> Timed<R> for Torques<'a, R> {
     #[inline(always)]
     fn epoch_after(&self, start: &StepStart<'a, R>, elapsed: R) -> Epoch<'a, R> {
         let time = Time { start_phases: start.phases, elapsed: elapsed * start.seconds };
-        let change_done = if self.columns.table.varies_inertia() {
+        let change_done = if self.columns.source.table.varies_inertia() {
             R::outlined(ChangeDone { torques: self, time: &time })
         } else {
             R::splat(0.0)

@@ -304,7 +304,7 @@ pub fn changed_body<R: Real>(body: &Body<R>, change: &Change<R>, done: R) -> Cha
     let ones = Vector::new(one, one, one);
     let ratio = (change.kappa - ones).mul_add(share, ones);
     let (value, residue) = (body.inverse_moments.value, body.inverse_moments.residue);
-    if const { R::Scalar::WORDS == 1 } {
+    if R::Scalar::WORDS == 1 {
         let difference = change.difference.value + change.difference.residue;
         let inverse = TwoWords { value: difference.mul_add(share, value), residue };
         return Changed { body: Body::new(inverse), ratio };

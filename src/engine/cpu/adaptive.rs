@@ -1,6 +1,5 @@
 //! Adaptive steps in lanes.
 
-use std::cell::Cell;
 use std::marker::PhantomData;
 use std::ops::Range;
 
@@ -19,8 +18,7 @@ use crate::lanes::{LaneScalar, LaneTask};
 use crate::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, advance};
 use crate::observe::Kernel;
 use crate::real::{Real, Scalar};
-use crate::torque::TorqueTable;
-use crate::torque::sum::{Columns, of_kinds};
+use crate::torque::sum::{Source, of_kinds};
 use crate::vector::TwoWords;
 
 /// Columns of a [`Controller`]: step, left (two words), retried, accepted, rejected.
@@ -98,7 +96,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
         let span = two_words_of::<T>(value, residue);
         let Batch { stride, parameters, state, torques, .. } = batch;
         let stride = *stride;
-        let (parameters, torques) = (&*parameters, &*torques);
+        let source = Source { table: torques, parameters, stride, clock: start, dt: 0.0 };
         let states = column_parts(state, stride, 0..stride, BLOCK);
         let controllers = column_parts(controllers, stride, 0..stride, BLOCK);
         Box::new(move |watch: &Watch| {
@@ -109,13 +107,10 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
                 let mut under_way = true;
                 while under_way && watch.goes_on() {
                     under_way = kernel(Block {
-                        parameters,
-                        torques,
-                        stride,
+                        source,
                         first,
                         state: &mut state,
                         controllers: &mut controllers,
-                        clock: start,
                         span,
                         steps,
                         starts,
@@ -173,14 +168,11 @@ fn take_counts<T: Scalar>(controllers: &mut [&mut [T]], counts: &mut [StepCounts
 
 /// A slice of attempts of one block.
 struct Block<'a, 'b, T> {
-    parameters: &'a [T],
-    torques: &'a TorqueTable,
-    stride: usize,
+    source: Source<'a, T>,
+    /// Its first body.
     first: usize,
     state: &'a mut [&'b mut [T]],
     controllers: &'a mut [&'b mut [T]],
-    /// At the start of the interval.
-    clock: Clock,
     /// Length of the interval, s.
     span: TwoWords<T>,
     steps: AdaptiveSteps,
@@ -209,19 +201,11 @@ impl<T: Scalar, S: Surroundings> LaneTask<T> for Advance<'_, '_, T, S> {
     fn run<R: Real<Scalar = T>>(self) -> bool {
         let Self(block, _) = self;
         let mut any_under_way = false;
-        let start_phases = vec![Cell::new(R::splat(0.0)); block.torques.phase_count()];
+        let start_phases = block.source.start_phases();
         for offset in (0..block.bodies).step_by(R::LANES) {
-            let first = block.first + offset;
-            let (body, rate) = load_body(|column| R::load(&block.parameters[column * block.stride + first..]));
-            let environment = S::at(Columns::new(
-                block.torques,
-                block.parameters,
-                block.stride,
-                first,
-                block.clock,
-                0.0,
-                &start_phases,
-            ));
+            let columns = block.source.group(block.first + offset, &start_phases);
+            let (body, rate) = load_body(|column| columns.column(column));
+            let environment = S::at(columns);
             // Rows that are no bodies have the rate 0, so that nothing is left to do in them.
             let span = TwoWords {
                 value: R::splat(block.span.value.to_f64()) * rate,

@@ -9,22 +9,41 @@ use crate::torque::variable_inertia::ticks_since;
 use crate::torque::{PER_TICK, TorqueTable};
 use crate::vector::{TwoWords, Vector};
 
-/// The columns of one lane group, and the time.
+/// Where the lane groups of a batch find their bodies and torques, and the time.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Columns<'a, R: Real> {
+pub(crate) struct Source<'a, T> {
     pub table: &'a TorqueTable,
     /// Shape `[columns, stride]`.
-    pub parameters: &'a [R::Scalar],
+    pub parameters: &'a [T],
     pub stride: usize,
-    /// First body of the lane group.
-    pub first: usize,
     /// At the start of the interval.
     pub clock: Clock,
     /// An equal step, s; 0 where each body has steps of its own.
     pub dt: f64,
-    /// The same in the clock's units.
+}
+
+impl<T: Scalar> Source<'_, T> {
+    /// Room for the phases of a lane group at the start of a step.
+    #[inline(always)]
+    pub fn start_phases<R: Real<Scalar = T>>(&self) -> Vec<Cell<R>> {
+        vec![Cell::new(R::splat(0.0)); self.table.phase_count()]
+    }
+
+    /// What the lane group from body `first` on reads.
+    #[inline(always)]
+    pub fn group<'g, R: Real<Scalar = T>>(&'g self, first: usize, start_phases: &'g [Cell<R>]) -> Columns<'g, R> {
+        Columns { source: *self, first, units: self.clock.units(self.dt), start_phases }
+    }
+}
+
+/// The columns of one lane group.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Columns<'a, R: Real> {
+    pub source: Source<'a, R::Scalar>,
+    /// First body of the lane group.
+    pub first: usize,
+    /// An equal step in the clock's units.
     units: u128,
-    /// Room for the table's phases at the start of a step.
     pub start_phases: &'a [Cell<R>],
 }
 
@@ -37,26 +56,11 @@ pub(crate) enum StepTime<'s, R> {
     Own(&'s TwoWords<R>),
 }
 
-impl<'a, R: Real> Columns<'a, R> {
-    /// The columns of the lane group from body `first` on, in equal steps of `dt` from `clock` on, or, where that is 0, in steps of
-    /// each body's own.
-    #[inline(always)]
-    pub fn new(
-        table: &'a TorqueTable,
-        parameters: &'a [R::Scalar],
-        stride: usize,
-        first: usize,
-        clock: Clock,
-        dt: f64,
-        start_phases: &'a [Cell<R>],
-    ) -> Self {
-        Self { table, parameters, stride, first, clock, dt, units: clock.units(dt), start_phases }
-    }
-
+impl<R: Real> Columns<'_, R> {
     /// One column of a body's or a torque's.
     #[inline(always)]
     pub fn column(&self, column: usize) -> R {
-        R::load(&self.parameters[column * self.stride + self.first..])
+        R::load(&self.source.parameters[column * self.source.stride + self.first..])
     }
 
     /// Three columns.
@@ -76,7 +80,7 @@ impl<'a, R: Real> Columns<'a, R> {
     pub fn ticks(&self, start: StepTime<'_, R>) -> Ticks {
         match start {
             StepTime::Equal(step) => {
-                let now = self.clock.now().wrapping_add(self.units.wrapping_mul(u128::from(step)));
+                let now = self.source.clock.now().wrapping_add(self.units.wrapping_mul(u128::from(step)));
                 Ticks::Equal((now >> 64) as u64)
             }
             StepTime::Own(time) => {
@@ -86,7 +90,8 @@ impl<'a, R: Real> Columns<'a, R> {
                 let mut ticks = [0; MOST_LANES];
                 for (lane, ticks) in ticks[..R::LANES].iter_mut().enumerate() {
                     let time = TwoWords { value: words[0][lane], residue: words[1][lane] };
-                    *ticks = self.clock.ticks().wrapping_add(ticks_in(time, self.clock.ticks_per_second()));
+                    *ticks =
+                        self.source.clock.ticks().wrapping_add(ticks_in(time, self.source.clock.ticks_per_second()));
                 }
                 Ticks::Own(ticks)
             }
@@ -131,8 +136,8 @@ impl<R: Real> Outlined for FormStartPhases<'_, '_, R> {
         let Self { columns, start } = self;
         let ticks = columns.ticks(start);
         for (number, phase) in columns.start_phases.iter().enumerate() {
-            let fraction = columns.table.fraction(number, columns.first);
-            phase.set(match columns.table.ramp_of(number) {
+            let fraction = columns.source.table.fraction(number, columns.first);
+            phase.set(match columns.source.table.ramp_of(number) {
                 Some(first) => columns.progress_at(fraction, &ticks, first),
                 None => phases_at(fraction, &ticks),
             });

@@ -12,11 +12,13 @@ use crate::method::rk8_adaptive::Timed;
 use crate::quaternion::Quaternion;
 use crate::real::{Outlined, Real};
 use crate::rigid_body::{Body, Correction};
+use crate::torque::constant_body::constant_body;
 use crate::torque::constant_world::constant_world;
 use crate::torque::eddy_current::eddy_current;
 use crate::torque::gravity_gradient_kepler::place_and_cube;
 use crate::torque::heavy_top::heavy_top;
 use crate::torque::internal_dissipation::internal_dissipation;
+use crate::torque::linear_drag::linear_drag;
 use crate::torque::log_spring::log_spring;
 use crate::torque::magnetic_dipole::magnetic_dipole;
 use crate::torque::matrix_drag::matrix_drag;
@@ -55,28 +57,6 @@ macro_rules! of_kinds {
     };
 }
 pub(crate) use of_kinds;
-
-/// Numbers of kinds. Branches on them, as on any constant that is a number, are settled before code is generated: branches on a
-/// [`Kind`] would bring the code of all kinds into each stage of each kernel, for the optimiser to take out again.
-mod number {
-    use crate::torque::Kind;
-    pub const CONSTANT_WORLD: usize = Kind::ConstantWorld as usize;
-    pub const MATRIX_DRAG: usize = Kind::MatrixDrag as usize;
-    pub const QUADRATIC_DRAG: usize = Kind::QuadraticDrag as usize;
-    pub const SINUSOIDAL: usize = Kind::Sinusoidal as usize;
-    pub const GRAVITY_GRADIENT: usize = Kind::GravityGradient as usize;
-    pub const GRAVITY_GRADIENT_KEPLER: usize = Kind::GravityGradientKepler as usize;
-    pub const HEAVY_TOP: usize = Kind::HeavyTop as usize;
-    pub const MAGNETIC_DIPOLE: usize = Kind::MagneticDipole as usize;
-    pub const ORBITING_DIPOLE: usize = Kind::OrbitingDipole as usize;
-    pub const EDDY_CURRENT: usize = Kind::EddyCurrent as usize;
-    pub const SINE_SPRING: usize = Kind::SineSpring as usize;
-    pub const LOG_SPRING: usize = Kind::LogSpring as usize;
-    pub const WHITE_NOISE: usize = Kind::WhiteNoise as usize;
-    pub const INTERNAL_DISSIPATION: usize = Kind::InternalDissipation as usize;
-    pub const INERTIA_RAMP: usize = Kind::InertiaRamp as usize;
-    pub const INERTIA_OSCILLATION: usize = Kind::InertiaOscillation as usize;
-}
 
 /// The most parameters and phases of a kind.
 const MOST: [usize; 2] = {
@@ -129,14 +109,14 @@ impl<'a, R: Real, const KIND: usize> Held<'a, R, KIND> {
     #[cfg_attr(test, allow(dead_code))]
     pub(crate) fn load(columns: Columns<'a, R>) -> Self {
         let kind = Self::KIND;
-        let first = columns.table.instances(kind).first;
+        let first = columns.source.table.instances(kind).first;
         let zero = R::splat(0.0);
         let (mut parameters, mut rates) = ([zero; MOST_PARAMETERS], [zero; MOST_PHASES]);
         for (index, parameter) in parameters.iter_mut().enumerate().take(kind.parameters()) {
             *parameter = columns.column(first + index);
         }
         for (phase, rate) in rates.iter_mut().enumerate().take(kind.phases()) {
-            *rate = columns.column(columns.table.rate_column(kind, 0, phase));
+            *rate = columns.column(columns.source.table.rate_column(kind, 0, phase));
         }
         Self { columns, parameters, rates }
     }
@@ -164,9 +144,9 @@ impl<'a, R: Real, const KIND: usize> Held<'a, R, KIND> {
             StepTime::Equal(_) => {
                 let ticks = self.columns.ticks(start);
                 for (index, phase) in numbered {
-                    let table = self.columns.table;
+                    let table = self.columns.source.table;
                     let fraction = table.fraction(table.phase_number(kind, 0, index), self.columns.first);
-                    *phase = if const { matches!(Self::KIND, Kind::InertiaRamp) } {
+                    *phase = if matches!(Self::KIND, Kind::InertiaRamp) {
                         self.columns.progress_at(fraction, &ticks, table.instances(kind).first)
                     } else {
                         phases_at(fraction, &ticks)
@@ -189,25 +169,36 @@ impl<'a, R: Real, const KIND: usize> Held<'a, R, KIND> {
     fn at(&self, start: &HeldStart<R>, elapsed: R) -> HeldEpoch<R> {
         let p = &self.parameters;
         let phase = |index: usize| phase_after(start.phases[index], self.rates[index], elapsed);
-        let (vector, number) = match KIND {
-            number::SINUSOIDAL => (sinusoidal(self.vector(0), self.vector(3), phase(0)), R::splat(0.0)),
-            number::GRAVITY_GRADIENT => (circular_place(self.vector(3), self.vector(6), phase(0)), R::splat(0.0)),
-            number::GRAVITY_GRADIENT_KEPLER => {
+        let (vector, number) = match Self::KIND {
+            Kind::Sinusoidal => (sinusoidal(self.vector(0), self.vector(3), phase(0)), R::splat(0.0)),
+            Kind::GravityGradient => (circular_place(self.vector(3), self.vector(6), phase(0)), R::splat(0.0)),
+            Kind::GravityGradientKepler => {
                 let (x_world, y_world) = (&self.vector(3), &self.vector(6));
                 R::outlined(OrbitPlace { x_world, y_world, eccentricity: p[10], start: p[11], phase: phase(0) })
             }
-            number::ORBITING_DIPOLE => {
+            Kind::OrbitingDipole => {
                 let field = &DipoleField::of_row(|index| p[index]);
                 let at = FieldAt { field, orbit_phase: phase(0), rotation_phase: phase(1) };
                 (R::outlined(at), R::splat(0.0))
             }
-            number::WHITE_NOISE => (start.noise, R::splat(0.0)),
-            number::INERTIA_RAMP => {
+            Kind::WhiteNoise => (start.noise, R::splat(0.0)),
+            Kind::InertiaRamp => {
                 let progress = ramp_progress(start.phases[0], self.rates[0], elapsed);
                 (Vector::zero(), inertia_ramp(progress))
             }
-            number::INERTIA_OSCILLATION => (Vector::zero(), inertia_oscillation(phase(0))),
-            _ => (Vector::zero(), R::splat(0.0)),
+            Kind::InertiaOscillation => (Vector::zero(), inertia_oscillation(phase(0))),
+            Kind::ConstantBody
+            | Kind::LinearDrag
+            | Kind::ConstantWorld
+            | Kind::MatrixDrag
+            | Kind::QuadraticDrag
+            | Kind::HeavyTop
+            | Kind::MagneticDipole
+            | Kind::EddyCurrent
+            | Kind::SineSpring
+            | Kind::LogSpring
+            | Kind::InternalDissipation
+            | Kind::LinearRotor => (Vector::zero(), R::splat(0.0)),
         };
         HeldEpoch { vector, number }
     }
@@ -220,41 +211,43 @@ impl<R: Real, const KIND: usize> Environment<R> for Held<'_, R, KIND> {
 
     #[inline(always)]
     fn start(&self, step: u64) -> HeldStart<R> {
-        let noise =
-            if const { matches!(Self::KIND, Kind::WhiteNoise) } { self.columns.noise(step) } else { Vector::zero() };
+        let noise = if matches!(Self::KIND, Kind::WhiteNoise) { self.columns.noise(step) } else { Vector::zero() };
         HeldStart { phases: self.start_phases(StepTime::Equal(step)), noise, seconds: R::splat(1.0) }
     }
 
     #[inline(always)]
     fn epoch(&self, start: &HeldStart<R>, fraction: f64) -> HeldEpoch<R> {
-        self.at(start, R::splat(fraction * self.columns.dt))
+        self.at(start, R::splat(fraction * self.columns.source.dt))
     }
 
     #[inline(always)]
     fn torque(&self, epoch: &HeldEpoch<R>, _: &Body<R>, q: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
         let p = &self.parameters;
-        match KIND {
-            number::CONSTANT_WORLD => constant_world(self.vector(0), q),
-            number::MATRIX_DRAG => matrix_drag(self.vector(0), self.vector(3), omega),
-            number::QUADRATIC_DRAG => quadratic_drag(p[0], omega),
-            number::SINUSOIDAL | number::WHITE_NOISE => epoch.vector,
-            number::GRAVITY_GRADIENT => gradient_torque(self.vector(0), epoch.vector, q),
-            number::GRAVITY_GRADIENT_KEPLER => gradient_torque(self.vector(0) * epoch.number, epoch.vector, q),
-            number::HEAVY_TOP => heavy_top(self.vector(0), self.vector(3), q),
-            number::MAGNETIC_DIPOLE => magnetic_dipole(self.vector(0), self.vector(3), q),
-            number::ORBITING_DIPOLE => magnetic_dipole(self.vector(0), epoch.vector, q),
-            number::EDDY_CURRENT => eddy_current(p[0], self.vector(1), q, omega),
-            number::SINE_SPRING => sine_spring(p[0], self.quaternion(1), q),
-            number::LOG_SPRING => log_spring(p[0], self.quaternion(1), q),
-            // These are in the motion.
-            number::INTERNAL_DISSIPATION | number::INERTIA_RAMP | number::INERTIA_OSCILLATION => Vector::zero(),
-            _ => unreachable!("{:?} has no kernel of its own", Self::KIND),
+        match Self::KIND {
+            Kind::ConstantBody => constant_body(self.vector(0)),
+            Kind::LinearDrag => linear_drag(p[0], omega),
+            Kind::ConstantWorld => constant_world(self.vector(0), q),
+            Kind::MatrixDrag => matrix_drag(self.vector(0), self.vector(3), omega),
+            Kind::QuadraticDrag => quadratic_drag(p[0], omega),
+            Kind::Sinusoidal | Kind::WhiteNoise => epoch.vector,
+            Kind::GravityGradient => gradient_torque(self.vector(0), epoch.vector, q),
+            Kind::GravityGradientKepler => gradient_torque(self.vector(0) * epoch.number, epoch.vector, q),
+            Kind::HeavyTop => heavy_top(self.vector(0), self.vector(3), q),
+            Kind::MagneticDipole => magnetic_dipole(self.vector(0), self.vector(3), q),
+            Kind::OrbitingDipole => magnetic_dipole(self.vector(0), epoch.vector, q),
+            Kind::EddyCurrent => eddy_current(p[0], self.vector(1), q, omega),
+            Kind::SineSpring => sine_spring(p[0], self.quaternion(1), q),
+            Kind::LogSpring => log_spring(p[0], self.quaternion(1), q),
+            // The first three are in the motion, the last takes from other torques.
+            Kind::InternalDissipation | Kind::InertiaRamp | Kind::InertiaOscillation | Kind::LinearRotor => {
+                Vector::zero()
+            }
         }
     }
 
     #[inline(always)]
     fn motion(&self, epoch: &HeldEpoch<R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
-        if const { matches!(Self::KIND, Kind::InertiaRamp | Kind::InertiaOscillation) } {
+        if matches!(Self::KIND, Kind::InertiaRamp | Kind::InertiaOscillation) {
             let change = Change {
                 kappa: self.vector(0),
                 difference: TwoWords { value: self.vector(3), residue: self.vector(6) },
@@ -263,7 +256,7 @@ impl<R: Real, const KIND: usize> Environment<R> for Held<'_, R, KIND> {
         }
         let omega = body.angular_velocity(m, correction);
         let rigid = Motion { angular_velocity: omega, gyroscopic_term: body.gyroscopic_term(m, correction) };
-        if const { !matches!(Self::KIND, Kind::InternalDissipation) } {
+        if Self::KIND != Kind::InternalDissipation {
             return rigid;
         }
         let slip = internal_dissipation(self.parameters[0], m, omega);

@@ -11,7 +11,7 @@ impl<R: Real> Columns<'_, R> {
     /// The torque of all instances of white noise over equal step `step` of the interval.
     #[inline(always)]
     pub(super) fn noise(&self, step: u64) -> Vector<R> {
-        let instances = self.table.instances(Kind::WhiteNoise);
+        let instances = self.source.table.instances(Kind::WhiteNoise);
         if instances.count == 0 {
             return Vector::zero();
         }
@@ -23,7 +23,8 @@ impl<R: Real> Columns<'_, R> {
     fn normal_vector(&self, first: usize, draw: u64) -> Vector<R> {
         let word = |lane: usize, word: usize| {
             let digit = |column: usize| {
-                self.parameters[(first + 2 + 2 * word + column) * self.stride + self.first + lane].to_f64() as u32
+                self.source.parameters[(first + 2 + 2 * word + column) * self.source.stride + self.first + lane]
+                    .to_f64() as u32
             };
             digit(0) | (digit(1) << 16)
         };
@@ -56,11 +57,11 @@ impl<R: Real> Outlined for Noise<'_, '_, R> {
     #[inline(always)]
     fn run(self) -> Vector<R> {
         let Self { columns, first, count, step } = self;
-        let step = columns.clock.step().wrapping_add(step);
+        let step = columns.source.clock.step().wrapping_add(step);
         let mut sum = Vector::zero();
-        let inverse_root = R::splat(1.0 / columns.dt.sqrt());
+        let inverse_root = R::splat(1.0 / columns.source.dt.sqrt());
         for first in (0..count).map(|index| first + index * Kind::WhiteNoise.columns()) {
-            let draws = columns.parameters[(first + 1) * columns.stride + columns.first].to_f64() as u64;
+            let draws = columns.source.parameters[(first + 1) * columns.source.stride + columns.first].to_f64() as u64;
             let mut draw_sum = Vector::zero();
             for draw in 0..draws {
                 draw_sum = draw_sum + columns.normal_vector(first, step.wrapping_mul(draws).wrapping_add(draw));

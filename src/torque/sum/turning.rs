@@ -15,7 +15,7 @@ impl<'a, R: Real> Torques<'a, R> {
     /// The progress of the ramp, cut to [0, 1], and its rate, 1/s.
     #[inline(always)]
     fn progress(&self, time: &Time<'a, R>) -> (R, R) {
-        let (kind, table) = (Kind::InertiaRamp, self.columns.table);
+        let (kind, table) = (Kind::InertiaRamp, self.columns.source.table);
         let start = time.start_phases[table.phase_number(kind, 0, 0)].get();
         let rate = self.columns.column(table.rate_column(kind, 0, 0));
         (ramp_progress(start, rate, time.elapsed), rate)
@@ -24,7 +24,7 @@ impl<'a, R: Real> Torques<'a, R> {
     /// The part of the change of the moments of inertia that is done.
     #[inline(always)]
     fn change_done(&self, time: &Time<'a, R>) -> R {
-        if self.columns.table.instances(Kind::InertiaRamp).count > 0 {
+        if self.columns.source.table.instances(Kind::InertiaRamp).count > 0 {
             inertia_ramp(self.progress(time).0)
         } else {
             inertia_oscillation(self.phase(Kind::InertiaOscillation, 0, 0, time))
@@ -34,12 +34,12 @@ impl<'a, R: Real> Torques<'a, R> {
     /// Its derivative by time, 1/s.
     #[inline(always)]
     fn change_rate(&self, time: &Time<'a, R>) -> R {
-        if self.columns.table.instances(Kind::InertiaRamp).count > 0 {
+        if self.columns.source.table.instances(Kind::InertiaRamp).count > 0 {
             let (progress, rate) = self.progress(time);
             ramp_slope(progress) * rate
         } else {
             let kind = Kind::InertiaOscillation;
-            let rate = self.columns.column(self.columns.table.rate_column(kind, 0, 0));
+            let rate = self.columns.column(self.columns.source.table.rate_column(kind, 0, 0));
             oscillation_slope(self.phase(kind, 0, 0, time)) * rate
         }
     }
@@ -47,8 +47,8 @@ impl<'a, R: Real> Torques<'a, R> {
     /// Its first column.
     #[inline(always)]
     fn change_first(&self) -> usize {
-        let ramp = self.columns.table.instances(Kind::InertiaRamp);
-        if ramp.count > 0 { ramp.first } else { self.columns.table.instances(Kind::InertiaOscillation).first }
+        let ramp = self.columns.source.table.instances(Kind::InertiaRamp);
+        if ramp.count > 0 { ramp.first } else { self.columns.source.table.instances(Kind::InertiaOscillation).first }
     }
 
     /// What the columns say of the change.
@@ -65,7 +65,7 @@ impl<'a, R: Real> Torques<'a, R> {
     #[inline(always)]
     pub(super) fn gradient_coefficients(&self, c: usize, change_done: R) -> Vector<R> {
         let coefficients = self.columns.vector(c);
-        if !self.columns.table.varies_inertia() {
+        if !self.columns.source.table.varies_inertia() {
             return coefficients;
         }
         self.columns.vector(self.change_first() + 9).axpy(self.columns.column(c + 9) * change_done, coefficients)
@@ -74,7 +74,7 @@ impl<'a, R: Real> Torques<'a, R> {
     /// The motion of a body that is not rigid, and ω = I⁻¹ m.
     #[inline(always)]
     fn turning(&self, epoch: &Epoch<'a, R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Turning<R> {
-        let mut motion = if self.columns.table.varies_inertia() {
+        let mut motion = if self.columns.source.table.varies_inertia() {
             changed_motion(body, &self.change(), epoch.change_done, correction, m)
         } else {
             let angular_velocity = body.angular_velocity(m, correction);
@@ -100,7 +100,7 @@ impl<'a, R: Real> Torques<'a, R> {
         correction: &Correction<R>,
         m: Vector<R>,
     ) -> Turning<R> {
-        if self.columns.table.is_rigid() {
+        if self.columns.source.table.is_rigid() {
             let angular_velocity = body.angular_velocity(m, correction);
             let gyroscopic_term = body.gyroscopic_term(m, correction);
             return Turning { motion: Motion { angular_velocity, gyroscopic_term }, angular_velocity };
@@ -111,7 +111,7 @@ impl<'a, R: Real> Torques<'a, R> {
     /// The power of what changes the moments, −½ ω·(dI/dt) ω, at ω = I⁻¹ m, in units of the body's own scale.
     #[inline(always)]
     pub(crate) fn change_power(&self, epoch: &Epoch<'a, R>, body: &Body<R>, angular_velocity: Vector<R>) -> R {
-        if !self.columns.table.varies_inertia() {
+        if !self.columns.source.table.varies_inertia() {
             return R::splat(0.0);
         }
         R::outlined(ChangePower { torques: self, epoch, body, angular_velocity: &angular_velocity })
