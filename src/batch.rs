@@ -25,12 +25,14 @@ mod appended;
 mod frame;
 mod groups;
 mod prepare;
+mod user_axes;
 
 pub(crate) use frame::unit_product;
 pub use frame::{BodyFrame, BodyState};
 pub(crate) use groups::{load_body, load_combinations, load_invariants, load_state, store_state};
 pub(crate) use prepare::{ORDER_BLOCK, Prepared, bytes_per_body_under, frame_of, initial_state, prepare_ordered};
 pub use prepare::{bytes_per_body, prepare, prepare_members, prepare_with};
+pub(crate) use user_axes::{USER_COMPONENTS, UserAxes, of_components};
 
 /// The arithmetic that a batch is integrated in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

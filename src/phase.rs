@@ -151,16 +151,54 @@ pub fn phase_turns<T: Scalar>(phase: u64) -> Turns<T> {
 
 /// A phase of `turns` (modulo one turn) given in two words, |turns| ≤ 1, in units of 2⁻⁶⁴ turn.
 pub(crate) fn phase_from_turns(high: f64, low: f64) -> u64 {
-    let unit = power_of_two(64);
-    // Both words are integers or round to the nearest; |high| · 2^64 fits an i128.
-    ((high * unit) as i128).wrapping_add((low * unit).round() as i128) as u64
+    // The second word is below 2⁻⁵³.
+    fixed_point::<64>(high).wrapping_add(i128::from((low * power_of_two(64)).round() as i64)) as u64
 }
 
 /// The size of a rate of `turns` per unit in two words, |turns| < 1, in units of 2⁻¹²⁸ turn, and its sign.
 pub(crate) fn fraction_from_turns(high: f64, low: f64) -> (u128, bool) {
-    let unit = power_of_two(127);
     let negative = high < 0.0;
     let (high, low) = if negative { (-high, -low) } else { (high, low) };
-    let size = (high * unit) as i128 + (low * unit) as i128;
+    let size = fixed_point::<127>(high) + fixed_point::<127>(low);
     ((size.max(0) as u128) << 1, negative)
+}
+
+/// x · 2^`PLACES` without its fraction, as `as i128` gives it in several times as long; 0 where that would not be below 2¹²⁷ in
+/// size or x is no number.
+#[inline(always)]
+fn fixed_point<const PLACES: i32>(x: f64) -> i128 {
+    let bits = x.to_bits();
+    let (field, fraction) = ((bits >> 52) & 0x7ff, bits & ((1 << 52) - 1));
+    let mantissa = u128::from(fraction | (1 << 52));
+    // x is its mantissa times 2^(field − 1075).
+    let shift = field as i32 - 1075 + PLACES;
+    let size = match shift {
+        ..=-53 => 0,
+        -52..0 => mantissa >> -shift,
+        0..=74 => mantissa << shift,
+        75.. => 0,
+    };
+    if bits >> 63 == 1 { -(size as i128) } else { size as i128 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fixed_point_is_the_conversion_of_the_language() {
+        let mut word = 1_u64;
+        for _ in 0..100_000 {
+            word = word.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            // From 2^-200 to below 1.
+            let exponent = 823 + (word >> 32) % 200;
+            let x = f64::from_bits((word & (1 << 63)) | (exponent << 52) | (word >> 12 & ((1 << 52) - 1)));
+            assert_eq!(fixed_point::<127>(x), (x * power_of_two(127)) as i128, "{x:e}");
+            assert_eq!(fixed_point::<64>(x), (x * power_of_two(64)) as i128, "{x:e}");
+        }
+        assert_eq!(fixed_point::<64>(1.0), 1 << 64);
+        for x in [0.0, -0.0, 1e-310, f64::NAN, f64::INFINITY, 1e300] {
+            assert_eq!(fixed_point::<127>(x), 0, "{x:e}");
+        }
+    }
 }

@@ -35,6 +35,12 @@ impl<R: Real> Vector<R> {
         self.z.mul_add(other.z, self.y.mul_add(other.y, self.x * other.x))
     }
 
+    /// a · b, its products not fused with its sums, so that it has the same bits in lanes and alone.
+    #[inline(always)]
+    pub fn plain_dot(self, other: Self) -> R {
+        self.x * other.x + self.y * other.y + self.z * other.z
+    }
+
     /// a × b.
     #[inline(always)]
     pub fn cross(self, other: Self) -> Self {

@@ -2,12 +2,15 @@
 
 use glam::{DQuat, DVec3};
 
+use super::user_axes::{self, UserAxes, of_components};
 use super::{
     PARAMETER_COMPONENTS, STATE_COMPONENTS, StateWords, scaled_by_power_of_two, vector_scaled_by_power_of_two,
 };
 use crate::ensemble::Ensemble;
 use crate::method::Status;
+use crate::quaternion::Quaternion;
 use crate::torque::{self, Torque};
+use crate::vector::Vector;
 
 /// What leads from a scaled state back to the user's axes and units; where moments of inertia change in time, at the time that
 /// it is made for, which is 0 at first ([`BodyFrame::at`]).
@@ -122,28 +125,16 @@ impl BodyFrame {
 
     /// The state in the user's axes and units from a scaled one (`[q x, y, z, w, m x, y, z]`, see [`StateWords`]).
     pub fn body_state(&self, scaled: [f64; STATE_COMPONENTS]) -> BodyState {
-        let q = DQuat::from_xyzw(scaled[0], scaled[1], scaled[2], scaled[3]);
-        // A linear rotor has no spin; a method that turns about one axis after another makes some, of its own error.
-        let along = if self.is_linear_rotor { 0.0 } else { scaled[4] };
-        let m = DVec3::new(along, scaled[5], scaled[6]);
-        let norm = q.length();
-        let unit = q * (1.0 / norm);
-        let omega = m / self.scaled_moments;
-        let scale = vector_scaled_by_power_of_two;
-        BodyState {
-            orientation: unit_product(unit, self.principal_to_body.conjugate()),
-            angular_velocity_body: scale(self.principal_to_body * omega, self.rate_exponent),
-            angular_momentum_world: scale(unit * m, self.moment_exponent + self.rate_exponent),
-            kinetic_energy: scaled_by_power_of_two(0.5 * m.dot(omega), self.moment_exponent + 2 * self.rate_exponent),
-            norm_error: norm - 1.0,
-            status: Status::Valid,
-        }
+        let [qx, qy, qz, qw, mx, my, mz] = scaled;
+        let found = UserAxes::<f64>::new(|_| self).components(Quaternion::new(qx, qy, qz, qw), Vector::new(mx, my, mz));
+        of_components(|component| found[component])
     }
 }
 
-/// The product of two unit quaternions, with the norm's roundings taken out: to first order in them, which leaves nothing.
+/// The product of two unit quaternions, with the norm's roundings taken out.
 #[inline]
 pub(crate) fn unit_product(a: DQuat, b: DQuat) -> DQuat {
-    let product = a * b;
-    product * (1.5 - 0.5 * product.length_squared())
+    let quaternion = |q: DQuat| Quaternion::new(q.x, q.y, q.z, q.w);
+    let product = user_axes::unit_product(quaternion(a), quaternion(b));
+    DQuat::from_xyzw(product.x, product.y, product.z, product.w)
 }

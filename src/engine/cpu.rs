@@ -13,7 +13,7 @@ use crate::batch::{
     AnyBatch, Batch, Precision, StateWords, column_parts, load_body, load_invariants, load_state, state_columns,
     store_state, two_words,
 };
-use crate::clock::Clock;
+use crate::clock::{Clock, MOST_LANES};
 use crate::error::{Error, Result};
 use crate::free_motion::{AnyRows, FreeMotionRows};
 use crate::lanes::{LaneScalar, LaneTask};
@@ -170,8 +170,15 @@ struct CpuSession<T> {
     reducer: Option<Reducer<T>>,
 }
 
-/// Bodies that one task advances: a multiple of every lane count.
+/// The most bodies that one task advances.
 const BLOCK: usize = 64;
+/// Tasks that each thread has at least, as far as there are bodies.
+const TASKS: usize = 4;
+
+/// Bodies that one task advances, of so many in all: a multiple of every lane count.
+fn block_of(bodies: usize) -> usize {
+    bodies.div_ceil(TASKS * rayon::current_num_threads()).next_multiple_of(MOST_LANES).clamp(MOST_LANES, BLOCK)
+}
 
 /// Steps between two looks at whether to go on; some milliseconds of work for one block.
 const SLICE: u64 = 1 << 16;
@@ -297,11 +304,12 @@ impl<T: LaneScalar> CpuSession<T> {
         let (body_count, stride) = (*body_count, *stride);
         let source = Source { table: torques, parameters, stride, clock: start, dt };
         let dt_words = two_words::<T>(dt);
-        let blocks = column_parts(state, stride, 0..stride, BLOCK);
+        let block = block_of(body_count);
+        let blocks = column_parts(state, stride, 0..stride, block);
         Box::new(move |watch: &Watch| {
             blocks.into_par_iter().enumerate().for_each(|(index, mut columns)| {
-                let first = index * BLOCK;
-                let bodies = BLOCK.min(body_count.saturating_sub(first));
+                let first = index * block;
+                let bodies = block.min(body_count.saturating_sub(first));
                 let mut left = steps;
                 while left > 0 && watch.goes_on() {
                     let slice = left.min(SLICE);

@@ -79,8 +79,6 @@ pub(crate) struct Landen<N> {
 /// Steps after which any chain from a complementary modulus above 2⁻¹²⁰ has converged: 7 to bring the ratio below 2, 6
 /// to square 2⁻² to 2⁻¹⁰⁶.
 const MOST_STEPS: usize = 16;
-/// Where a − b falls below this part of a the step that does so is the last: the next would change a by its square.
-const CONVERGED: f64 = 1.0 / 9_007_199_254_740_992.0;
 /// Cotangents below this in size are set to it; the argument changes by as much.
 const LEAST_COTANGENT: f64 = 1e-100;
 
@@ -119,7 +117,8 @@ pub(crate) fn landen<R: Real, N: Number<R>>(complement: N, cotangent: N, with_ze
         weight = R::select(active, weight * R::splat(0.5), weight);
         y = N::select(active, next, y);
         let root = product.sqrt();
-        let more = (mean.rounded() * R::splat(CONVERGED)).less_than(half_difference.rounded());
+        // The step that brings the difference below this is the last: the next would change the mean by its square.
+        let more = (mean.rounded() * R::splat(N::SQUARE_NEGLIGIBLE)).less_than(half_difference.rounded());
         a = N::select(active, mean, a);
         b = N::select(active, root, b);
         active = active & more;

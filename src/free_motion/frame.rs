@@ -6,7 +6,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::batch::{BodyFrame, binary_exponent, scaled_by_power_of_two, unit_product};
+use crate::batch::{BodyFrame, binary_exponent, scaled_by_power_of_two, unit_product, vector_scaled_by_power_of_two};
 use crate::double_double::DoubleDouble;
 use crate::ensemble::Ensemble;
 use crate::free_motion::setup::{Initial, SetUp};
@@ -25,52 +25,117 @@ const SWEEPS: usize = 4;
 /// An element below this part of its two diagonal elements is zero to the precision of the arithmetic.
 const NEGLIGIBLE: f64 = 1e-33;
 
+/// A body whose principal axes lie along its body axes: scaled, and nothing in it is rounded.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Aligned {
+    axes: AxisPermutation,
+    /// I₁ ≤ I₂ ≤ I₃ in units of 2^`moment_exponent` kg m², the middle one in [1, 2).
+    pub moments: [f64; 3],
+    /// ω along the principal axes in units of 2^`rate_exponent` rad/s, the largest component in [1, 2).
+    pub angular_velocity: [f64; 3],
+    pub moment_exponent: i32,
+    pub rate_exponent: i32,
+}
+
+impl Aligned {
+    /// A body of an ensemble, if its inertia tensor is diagonal.
+    pub fn of_body(ensemble: &Ensemble, body: usize) -> Option<Self> {
+        let inertia = &ensemble.inertia()[body];
+        if !inertia.is_diagonal() {
+            return None;
+        }
+        let diagonal = [inertia.xx, inertia.yy, inertia.zz];
+        let axes = AxisPermutation::ascending(diagonal);
+        let moments = DVec3::from_array(axes.order.map(|axis| diagonal[axis]));
+        let moment_exponent = binary_exponent(moments.y);
+        let omega = ensemble.angular_velocity_body()[body];
+        let rate_exponent = binary_exponent(omega.abs().max_element());
+        Some(Self {
+            axes,
+            moments: vector_scaled_by_power_of_two(moments, -moment_exponent).to_array(),
+            angular_velocity: axes.to_principal(vector_scaled_by_power_of_two(omega, -rate_exponent).to_array()),
+            moment_exponent,
+            rate_exponent,
+        })
+    }
+}
+
+/// A body in its principal axes, in units of 2^`moment_exponent` kg m² and 2^`rate_exponent` rad/s.
+struct Principal {
+    moments: [Dd; 3],
+    angular_velocity: [Dd; 3],
+    principal_to_body: DQuat,
+    moment_exponent: i32,
+    rate_exponent: i32,
+}
+
+impl From<Aligned> for Principal {
+    fn from(body: Aligned) -> Self {
+        Self {
+            moments: body.moments.map(Dd::from),
+            angular_velocity: body.angular_velocity.map(Dd::from),
+            principal_to_body: body.axes.principal_to_body,
+            moment_exponent: body.moment_exponent,
+            rate_exponent: body.rate_exponent,
+        }
+    }
+}
+
+impl Principal {
+    /// A body whose tensor is not diagonal.
+    fn of_tilted(ensemble: &Ensemble, body: usize, set_up: SetUp) -> Self {
+        let (inertia, omega) = (&ensemble.inertia()[body], ensemble.angular_velocity_body()[body]);
+        let moment_exponent = binary_exponent(inertia.xx.max(inertia.yy).max(inertia.zz));
+        let entry = |x: f64| scaled_by_power_of_two(x, -moment_exponent);
+        let scaled = InertiaTensor {
+            xx: entry(inertia.xx),
+            yy: entry(inertia.yy),
+            zz: entry(inertia.zz),
+            xy: entry(inertia.xy),
+            xz: entry(inertia.xz),
+            yz: entry(inertia.yz),
+        };
+        let rate_exponent = binary_exponent(omega.abs().max_element());
+        let omega = vector_scaled_by_power_of_two(omega, -rate_exponent);
+        let axes = principal_axes(&scaled);
+        let (moments, angular_velocity, principal_to_body) = match set_up {
+            SetUp::OneWord => {
+                let omega = axes.principal_to_body.conjugate() * omega;
+                (axes.moments.to_array().map(Dd::from), omega.to_array().map(Dd::from), axes.principal_to_body)
+            }
+            SetUp::TwoWords => {
+                let (moments, frame, principal_to_body) = refined(&scaled, axes.principal_to_body);
+                let along =
+                    |axis: usize| (0..3).fold(ZERO, |sum, body| sum + frame[body][axis].times_word(omega[body]));
+                (moments, [0, 1, 2].map(along), principal_to_body)
+            }
+        };
+        Self { moments, angular_velocity, principal_to_body, moment_exponent, rate_exponent }
+    }
+}
+
 /// A body of an ensemble in its principal axes, scaled, and what leads back. A linear rotor is given the moments that it
 /// is integrated with, I, I, I ([`crate::torque::linear_rotor`]).
 pub(crate) fn scaled_body(ensemble: &Ensemble, body: usize, set_up: SetUp) -> (BodyFrame, Initial<f64>) {
-    let inertia = &ensemble.inertia()[body];
-    let (orientation, angular_velocity_body) = (ensemble.orientation()[body], ensemble.angular_velocity_body()[body]);
+    let tilted = || Principal::of_tilted(ensemble, body, set_up);
+    let Principal { mut moments, mut angular_velocity, principal_to_body, moment_exponent, rate_exponent } =
+        Aligned::of_body(ensemble, body).map_or_else(tilted, Principal::from);
     let is_linear_rotor = ensemble.is_linear_rotor(body);
-    let largest = inertia.xx.max(inertia.yy).max(inertia.zz);
-    let first = binary_exponent(largest);
-    let entry = |x: f64| scaled_by_power_of_two(x, -first);
-    let scaled = InertiaTensor {
-        xx: entry(inertia.xx),
-        yy: entry(inertia.yy),
-        zz: entry(inertia.zz),
-        xy: entry(inertia.xy),
-        xz: entry(inertia.xz),
-        yz: entry(inertia.yz),
-    };
-    let rate_exponent = binary_exponent(angular_velocity_body.abs().max_element());
-    let omega = angular_velocity_body.to_array().map(|w| scaled_by_power_of_two(w, -rate_exponent));
-    let (moments, mut angular_velocity, principal_to_body) = if scaled.is_diagonal() {
-        let diagonal = [scaled.xx, scaled.yy, scaled.zz];
-        let axes = AxisPermutation::ascending(diagonal);
-        let moments = axes.order.map(|axis| Dd::from(diagonal[axis]));
-        (moments, axes.to_principal(omega).map(Dd::from), axes.principal_to_body)
-    } else if set_up == SetUp::OneWord {
-        let axes = principal_axes(&scaled);
-        let omega = axes.principal_to_body.conjugate() * DVec3::from_array(omega);
-        (axes.moments.to_array().map(Dd::from), omega.to_array().map(Dd::from), axes.principal_to_body)
-    } else {
-        let (moments, frame, principal_to_body) = refined(&scaled, principal_axes(&scaled).principal_to_body);
-        let along = |axis: usize| (0..3).fold(ZERO, |sum, body| sum + frame[body][axis].times_word(omega[body]));
-        (moments, [0, 1, 2].map(along), principal_to_body)
-    };
-    let moments = if is_linear_rotor { [(moments[1] + moments[2]).scaled(0.5); 3] } else { moments };
-    let second = binary_exponent(moments[1].high);
-    let moments =
-        moments.map(|i| Dd::new(scaled_by_power_of_two(i.high, -second), scaled_by_power_of_two(i.low, -second)));
     if is_linear_rotor {
+        moments = [(moments[1] + moments[2]).scaled(0.5); 3];
         angular_velocity[0] = ZERO;
     }
-    let q = unit_product(orientation, principal_to_body);
+    let second = binary_exponent(moments[1].high);
+    if second != 0 {
+        let scaled = |x: f64| scaled_by_power_of_two(x, -second);
+        moments = moments.map(|i| Dd::new(scaled(i.high), scaled(i.low)));
+    }
+    let q = unit_product(ensemble.orientation()[body], principal_to_body);
     let body_frame = BodyFrame {
         scaled_moments: DVec3::from_array(moments.map(|i| i.high)),
         is_linear_rotor,
         principal_to_body,
-        moment_exponent: first + second,
+        moment_exponent: moment_exponent + second,
         rate_exponent,
     };
     (body_frame, Initial { moments, angular_velocity, orientation: Quaternion::new(q.x, q.y, q.z, q.w) })

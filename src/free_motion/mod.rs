@@ -78,7 +78,7 @@ mod setup;
 mod solution;
 
 pub use evaluation::ROW_COLUMNS;
-pub(crate) use frame::scaled_body;
+pub(crate) use frame::{Aligned, scaled_body};
 pub(crate) use once::{FORMED_BODIES, FormedBlock};
 pub use rows::{AnyRows, FreeMotionRows, WORD_COLUMNS};
 pub use setup::SetUp;

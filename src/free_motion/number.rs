@@ -6,12 +6,16 @@
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use crate::double_double::DoubleDouble;
+use crate::elementary::power_of_two;
 use crate::real::Real;
 
 /// A number of a set-up, in one word or two.
 pub(crate) trait Number<R: Real>:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
 {
+    /// What, squared, vanishes next to 1.
+    const SQUARE_NEGLIGIBLE: f64;
+
     /// A number of two words, as far as this arithmetic holds it.
     fn of(number: DoubleDouble<R>) -> Self;
 
@@ -63,6 +67,8 @@ pub(crate) trait Number<R: Real>:
 }
 
 impl<R: Real> Number<R> for DoubleDouble<R> {
+    const SQUARE_NEGLIGIBLE: f64 = power_of_two(-53);
+
     #[inline(always)]
     fn of(number: DoubleDouble<R>) -> Self {
         number
@@ -109,6 +115,8 @@ impl<R: Real> Number<R> for DoubleDouble<R> {
 pub(crate) struct Single<R>(R);
 
 impl<R: Real> Number<R> for Single<R> {
+    const SQUARE_NEGLIGIBLE: f64 = power_of_two(-27);
+
     #[inline(always)]
     fn of(number: DoubleDouble<R>) -> Self {
         Self(number.high)

@@ -1,14 +1,15 @@
 //! Torque-free bodies whose states are wanted once: what leads to them stays in the cache and is not kept.
 
-use std::array::from_fn;
-
-use crate::batch::{BodyFrame, BodyState, STATE_COMPONENTS};
+use crate::batch::{BodyFrame, BodyState, STATE_COMPONENTS, USER_COMPONENTS, UserAxes, of_components};
 use crate::engine::cpu::Width;
 use crate::ensemble::Ensemble;
 use crate::free_motion::SetUp;
 use crate::free_motion::evaluation::ROW_COLUMNS;
 use crate::free_motion::rows::{BLOCK, EvaluatePart, InitialBlock, SetUpBlock, WORD_COLUMNS};
 use crate::lanes::{LaneScalar, LaneTask};
+use crate::quaternion::Quaternion;
+use crate::real::{Real, Scalar};
+use crate::vector::Vector;
 
 /// Bodies of a [`FormedBlock`].
 pub(crate) const FORMED_BODIES: usize = BLOCK;
@@ -20,7 +21,12 @@ pub(crate) struct FormedBlock<T> {
     words: [[u64; BLOCK]; WORD_COLUMNS],
     constants: [[T; BLOCK]; ROW_COLUMNS],
     state: [[T; BLOCK]; STATE_COMPONENTS],
+    /// In the user's axes and units, as [`of_components`] takes them.
+    end: UserColumns,
+    start: UserColumns,
 }
+
+type UserColumns = [[f64; BLOCK]; USER_COMPONENTS];
 
 impl<T: LaneScalar> FormedBlock<T> {
     /// A block without bodies.
@@ -31,6 +37,8 @@ impl<T: LaneScalar> FormedBlock<T> {
             words: [[0; BLOCK]; WORD_COLUMNS],
             constants: [[T::default(); BLOCK]; ROW_COLUMNS],
             state: [[T::default(); BLOCK]; STATE_COMPONENTS],
+            end: [[0.0; BLOCK]; USER_COMPONENTS],
+            start: [[0.0; BLOCK]; USER_COMPONENTS],
         }
     }
 
@@ -45,7 +53,7 @@ impl<T: LaneScalar> FormedBlock<T> {
         time: f64,
         width: Width,
     ) {
-        let Self { initial, frames, words, constants, state } = self;
+        let Self { initial, frames, words, constants, state, end, start } = self;
         initial.fill(ensemble, &mut frames[..count], body, set_up);
         f64::dispatch(SetUpBlock {
             initial,
@@ -67,15 +75,51 @@ impl<T: LaneScalar> FormedBlock<T> {
             Width::Lanes => T::dispatch(evaluation),
             Width::Scalar => evaluation.run::<T>(),
         }
+        f64::dispatch(ToUserAxes { frames, initial, state, end, start });
     }
 
     /// The state in which one of the bodies starts, in the user's axes and units.
     pub fn start(&self, place: usize) -> BodyState {
-        self.frames[place].body_state(self.initial.state(place))
+        of_components(|component| self.start[component][place])
     }
 
     /// The state of one of the bodies in the user's axes and units.
     pub fn state(&self, place: usize) -> BodyState {
-        self.frames[place].body_state(from_fn(|component| self.state[component][place].to_f64()))
+        of_components(|component| self.end[component][place])
+    }
+}
+
+/// Brings the states of a block, and those in which they start, to the user's axes and units.
+struct ToUserAxes<'a, T> {
+    frames: &'a [BodyFrame; BLOCK],
+    initial: &'a InitialBlock,
+    state: &'a [[T; BLOCK]; STATE_COMPONENTS],
+    end: &'a mut UserColumns,
+    start: &'a mut UserColumns,
+}
+
+impl<T: Scalar> LaneTask<f64> for ToUserAxes<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<R: Real<Scalar = f64>>(self) {
+        for offset in (0..BLOCK).step_by(R::LANES) {
+            let axes = UserAxes::<R>::new(|lane| &self.frames[offset + lane]);
+            let (q, m) = self.initial.state::<R>(offset);
+            store(axes.components(q, m), self.start, offset);
+            let column = |c: usize| R::from_lanes(|lane| self.state[c][offset + lane].to_f64());
+            let (q, m) = (
+                Quaternion::new(column(0), column(1), column(2), column(3)),
+                Vector::new(column(4), column(5), column(6)),
+            );
+            store(axes.components(q, m), self.end, offset);
+        }
+    }
+}
+
+#[inline(always)]
+fn store<R: Real<Scalar = f64>>(components: [R; USER_COMPONENTS], columns: &mut UserColumns, offset: usize) {
+    for (number, column) in components.into_iter().zip(columns) {
+        number.store(&mut column[offset..]);
     }
 }

@@ -235,11 +235,14 @@ impl InitialBlock {
         }
     }
 
-    /// The state in which a body starts, scaled ([`crate::batch::StateWords`]).
-    pub(super) fn state(&self, offset: usize) -> [f64; STATE_COMPONENTS] {
-        let momentum = |axis: usize| self.0[2 * axis][offset] * self.0[6 + 2 * axis][offset];
-        let q = |component: usize| self.0[12 + component][offset];
-        [q(0), q(1), q(2), q(3), momentum(0), momentum(1), momentum(2)]
+    /// The states in which a lane group's bodies start, scaled ([`crate::batch::StateWords`]).
+    #[inline(always)]
+    pub(super) fn state<R: Real<Scalar = f64>>(&self, offset: usize) -> (Quaternion<R>, Vector<R>) {
+        let column = |c: usize| R::load(&self.0[c][offset..]);
+        (
+            Quaternion::new(column(12), column(13), column(14), column(15)),
+            Vector::new(column(0) * column(6), column(2) * column(8), column(4) * column(10)),
+        )
     }
 
     #[inline(always)]

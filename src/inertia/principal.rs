@@ -129,18 +129,11 @@ pub(crate) struct AxisPermutation {
 
 impl AxisPermutation {
     /// The axes of a diagonal tensor, by ascending moment; equals keep their order.
-    pub fn ascending(diagonal: [f64; 3]) -> Self {
-        use std::f64::consts::FRAC_1_SQRT_2 as R;
-        let order = ascending(|i, j| diagonal[i].total_cmp(&diagonal[j]));
-        let (signs, [x, y, z, w]) = match order {
-            [0, 1, 2] => ([1.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1.0]),
-            [1, 2, 0] => ([1.0, 1.0, 1.0], [0.5, 0.5, 0.5, 0.5]),
-            [2, 0, 1] => ([1.0, 1.0, 1.0], [-0.5, -0.5, -0.5, 0.5]),
-            [1, 0, 2] => ([1.0, -1.0, 1.0], [0.0, 0.0, R, R]),
-            [0, 2, 1] => ([1.0, 1.0, -1.0], [R, 0.0, 0.0, R]),
-            _ => ([1.0, 1.0, -1.0], [0.0, -R, 0.0, R]),
-        };
-        Self { order, signs, principal_to_body: DQuat::from_xyzw(x, y, z, w) }
+    ///
+    /// Which permutation it is follows from three comparisons without a branch, as of many bodies no guess would be right.
+    pub fn ascending([first, second, third]: [f64; 3]) -> Self {
+        let bit = |is_less: bool, place: u32| usize::from(is_less) << place;
+        PERMUTATIONS[bit(second < first, 0) | bit(third < second, 1) | bit(third < first, 2)]
     }
 
     /// Body coordinates to principal, exactly.
@@ -148,6 +141,27 @@ impl AxisPermutation {
         [0, 1, 2].map(|axis| self.signs[axis] * vector_body[self.order[axis]])
     }
 }
+
+/// The permutations by which of three numbers are less than which: bit 0 the second than the first, bit 1 the third than the
+/// second, bit 2 the third than the first. Bits 0 and 1 alone, and bit 2 alone, are of no numbers.
+static PERMUTATIONS: [AxisPermutation; 8] = {
+    use std::f64::consts::FRAC_1_SQRT_2 as R;
+    const fn axes(order: [usize; 3], signs: [f64; 3], [x, y, z, w]: [f64; 4]) -> AxisPermutation {
+        AxisPermutation { order, signs, principal_to_body: DQuat::from_xyzw(x, y, z, w) }
+    }
+    let identity = axes([0, 1, 2], [1.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1.0]);
+    let reversed = axes([2, 1, 0], [1.0, 1.0, -1.0], [0.0, -R, 0.0, R]);
+    [
+        identity,
+        axes([1, 0, 2], [1.0, -1.0, 1.0], [0.0, 0.0, R, R]),
+        axes([0, 2, 1], [1.0, 1.0, -1.0], [R, 0.0, 0.0, R]),
+        reversed,
+        identity,
+        axes([1, 2, 0], [1.0, 1.0, 1.0], [0.5, 0.5, 0.5, 0.5]),
+        axes([2, 0, 1], [1.0, 1.0, 1.0], [-0.5, -0.5, -0.5, 0.5]),
+        reversed,
+    ]
+};
 
 /// q ← q (sine e_k, cosine): a turn about axis k, with `sine` and `cosine` of half its angle.
 fn turn(quaternion: &mut [f64; 4], (k, p, q): (usize, usize, usize), sine: f64, cosine: f64) {

@@ -1,10 +1,13 @@
 //! From an error asked for to method, arithmetic and step, body by body.
 
+use glam::DVec3;
+
 use super::class::{Bound, FreeBody, Shape, Verdict};
 use super::driven::TorqueSet;
 use super::group::Treatment;
 use crate::batch::{BodyFrame, Precision, frame_of, scaled_by_power_of_two};
 use crate::engine::adaptive::AdaptiveSteps;
+use crate::free_motion::Aligned;
 use crate::method::Method;
 use crate::method::rk8_adaptive::least_tolerance;
 use crate::record::ADAPTIVE;
@@ -146,28 +149,54 @@ pub(super) struct Look {
 /// Looks at one body of a scene.
 pub(super) fn look_at(scene: &Scene, body: usize, tolerance: &Bound) -> Look {
     let torques = TorqueSet::acting_on(scene.torques(), body);
-    // What does not act brings no rate.
-    let acting = if torques.is_empty() { &[] } else { scene.torques() };
-    let frame = frame_of(scene.ensemble(), acting, body);
-    let unit = scaled_by_power_of_two(1.0, frame.rate_exponent);
-    let m = frame.angular_momentum_principal(scene.ensemble(), body);
-    let free = FreeBody { moments: frame.scaled_moments, angular_momentum_principal: m, span: scene.end() * unit };
-    if torques.is_empty() {
-        // What is not stepped has no step that would follow a rate.
-        let rate = if scene.may_skip() { 0.0 } else { greatest_rate(scene, body, &frame, m) };
-        let verdict = free.verdict(tolerance);
-        let is_general = verdict.shape == Shape::Asymmetric;
-        let set_up =
-            if is_general { free.set_up_bound(scene.ensemble().inertia()[body].is_diagonal()) } else { Bound::NONE };
-        return Look { torques, verdict, set_up, rate };
+    let (ensemble, is_free) = (scene.ensemble(), torques.is_empty());
+    // What is not stepped has no step that would follow a rate.
+    if is_free
+        && scene.may_skip()
+        && let Some(free) = aligned(scene, body)
+    {
+        return look_at_free(&free, tolerance, true, 0.0);
     }
-    let rate = greatest_rate(scene, body, &frame, m);
+    // What does not act brings no rate.
+    let frame = frame_of(ensemble, if is_free { &[] } else { scene.torques() }, body);
+    let m = frame.angular_momentum_principal(ensemble, body);
+    let rate = || greatest_rate(scene, body, &frame, m);
+    if is_free {
+        let span = span_of(scene, frame.rate_exponent);
+        let free = FreeBody { moments: frame.scaled_moments, angular_momentum_principal: m, span };
+        let rate = if scene.may_skip() { 0.0 } else { rate() };
+        return look_at_free(&free, tolerance, ensemble.inertia()[body].is_diagonal(), rate);
+    }
     let verdict = Verdict { shape: Shape::Asymmetric, axis: 0, bound: Bound::default() };
-    Look { torques, verdict, set_up: Bound::NONE, rate }
+    Look { torques, verdict, set_up: Bound::NONE, rate: rate() }
+}
+
+/// A body without torque, if its principal axes lie along its body axes and it is no linear rotor.
+#[inline]
+pub(super) fn aligned(scene: &Scene, body: usize) -> Option<FreeBody> {
+    if scene.ensemble().is_linear_rotor(body) {
+        return None;
+    }
+    let body = Aligned::of_body(scene.ensemble(), body)?;
+    let moments = DVec3::from_array(body.moments);
+    let angular_momentum_principal = moments * DVec3::from_array(body.angular_velocity);
+    Some(FreeBody { moments, angular_momentum_principal, span: span_of(scene, body.rate_exponent) })
+}
+
+/// A scene's span in a body's own units.
+fn span_of(scene: &Scene, rate_exponent: i32) -> f64 {
+    scene.end() * scaled_by_power_of_two(1.0, rate_exponent)
+}
+
+fn look_at_free(free: &FreeBody, tolerance: &Bound, is_diagonal: bool, rate: f64) -> Look {
+    let verdict = free.verdict(tolerance);
+    let is_general = verdict.shape == Shape::Asymmetric;
+    let set_up = if is_general { free.set_up_bound(is_diagonal) } else { Bound::NONE };
+    Look { torques: TorqueSet::default(), verdict, set_up, rate }
 }
 
 /// The greatest rate of a body, rad/s: of its spin at the start, with m in the units of its frame, or to which torques bring it.
-pub(crate) fn greatest_rate(scene: &Scene, body: usize, frame: &BodyFrame, m: glam::DVec3) -> f64 {
+pub(crate) fn greatest_rate(scene: &Scene, body: usize, frame: &BodyFrame, m: DVec3) -> f64 {
     let spin = scaled_by_power_of_two((m / frame.scaled_moments).length(), frame.rate_exponent);
     let middle = scaled_by_power_of_two(frame.scaled_moments.y, frame.moment_exponent);
     let growth = torque::variable_inertia::spin_growth(scene.torques(), body, &scene.ensemble().inertia()[body]);

@@ -14,6 +14,8 @@
 use glam::DVec3;
 
 use super::driven::TorqueSet;
+use crate::real::Real;
+use crate::vector::Vector;
 
 /// What a body's inertia and spin make of its free motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -82,6 +84,16 @@ impl Bound {
     /// A bound that is never met.
     pub const NONE: Self = Self { attitude: f64::INFINITY, angular_velocity: f64::INFINITY, energy: f64::INFINITY };
 
+    /// What a set-up costs that is wrong by `error`, rad.
+    pub(super) fn of_set_up(error: f64) -> Self {
+        Self { attitude: error, angular_velocity: error, energy: error }
+    }
+
+    /// Whether an attitude error that is not less than `least` but for rounding is beyond this one as a tolerance.
+    pub(super) fn is_far<R: Real>(&self, least: R) -> R::Mask {
+        R::splat((1.0 + 1e-6) * self.attitude).less_than(least)
+    }
+
     /// Whether no component exceeds that of `tolerance`.
     pub fn within(&self, tolerance: &Self) -> bool {
         self.attitude <= tolerance.attitude
@@ -129,31 +141,14 @@ impl FreeBody {
     /// The simplest class whose bound is within `tolerance`.
     pub fn verdict(&self, tolerance: &Bound) -> Verdict {
         // Most bodies are of no simpler class by far, which is told from a few products.
-        let far = self.least_attitudes().map(|least| least > (1.0 + 1e-6) * tolerance.attitude);
+        let least = FreeLanes::from(self).least_attitudes();
+        let far = least.map(|least| tolerance.is_far(least));
         let simpler = Shape::ALL[..4].iter().zip(far).filter(|&(_, far)| !far).map(|(&shape, _)| self.bound(shape));
         simpler.into_iter().find(|verdict| verdict.bound.within(tolerance)).unwrap_or(Verdict {
             shape: Shape::Asymmetric,
             axis: 0,
             bound: Bound::default(),
         })
-    }
-
-    /// What the bounds on the attitude of [`Shape::ALL`]'s first four are not below, but for rounding: their first terms.
-    fn least_attitudes(&self) -> [f64; 4] {
-        let [i1, i2, i3] = self.moments.recip().to_array();
-        let [m1, m2, m3] = (self.angular_momentum_principal.abs() * self.span).to_array();
-        let turned = self.angular_momentum_principal.length() * self.span;
-        // p is not below the greater of its two components.
-        let steady = |a: f64, b: f64, axis: f64, c: f64| a.max(b) * (c + 2.0 * axis);
-        let [spread_12, spread_23, spread_13] = [i1 - i2, i2 - i3, i1 - i3];
-        [
-            turned * i3,
-            turned * spread_12.max(spread_23),
-            steady(m2, m3, i1, spread_13)
-                .min(steady(m3, m1, i2, spread_12.max(spread_23)))
-                .min(steady(m1, m2, i3, spread_13)),
-            0.5 * turned * spread_12.min(spread_23),
-        ]
     }
 
     /// What treating the body as a member of `shape` can cost, with the axis that makes it least.
@@ -175,19 +170,7 @@ impl FreeBody {
     /// are not entries of a diagonal tensor, in units of the moments' own differences too. The number of roundings is
     /// measured (`tests/set_up.rs`).
     pub fn set_up_bound(&self, is_diagonal: bool) -> Bound {
-        let [i1, i2, i3] = self.moments.to_array();
-        let omega = self.angular_momentum_principal / self.moments;
-        let (third, first) = (i3 * (i3 - i2) * omega.z * omega.z, i1 * (i2 - i1) * omega.x * omega.x);
-        let difference = third - first;
-        let rounded = if is_diagonal { 0.0 } else { 4.0 * i3 * i3 * omega.length_squared() };
-        let terms = third + first + rounded;
-        let lost = if terms == 0.0 { 0.0 } else { terms / difference.abs() };
-        let nearest = if difference < 0.0 { i2 - i1 } else { i3 - i2 };
-        let lost_in_moments = if is_diagonal { 0.0 } else { i3 / nearest };
-        let angle = self.greatest_rate() * self.span;
-        let error = SET_UP_ROUNDINGS * f64::EPSILON * (1.0 + lost + lost_in_moments) * (1.0 + angle);
-        let error = if error.is_nan() { f64::INFINITY } else { error };
-        Bound { attitude: error, angular_velocity: error, energy: error }
+        Bound::of_set_up(FreeLanes::from(self).set_up_error(is_diagonal))
     }
 
     /// The greatest |ω| that the motion can reach: 2T ≥ I₁ ω².
@@ -276,6 +259,68 @@ impl FreeBody {
             kappa * angle * (0.5 + a * (g * angle * angle / 12.0 + angle / 8.0) + 0.25 * inverse[axis] * angle);
         let rate = kappa * l * (0.5 + a * (g * angle * angle / 4.0 + angle / 4.0) + 0.5 * inverse[axis] * angle);
         self.relative(attitude, rate, kappa * l * l)
+    }
+}
+
+/// [`FreeBody`]s of a lane group, or one of them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FreeLanes<R> {
+    pub moments: Vector<R>,
+    pub angular_momentum_principal: Vector<R>,
+    pub span: R,
+}
+
+impl From<&FreeBody> for FreeLanes<f64> {
+    fn from(body: &FreeBody) -> Self {
+        let vector = |v: DVec3| Vector::new(v.x, v.y, v.z);
+        let (moments, m) = (vector(body.moments), vector(body.angular_momentum_principal));
+        Self { moments, angular_momentum_principal: m, span: body.span }
+    }
+}
+
+impl<R: Real> FreeLanes<R> {
+    /// What the bounds on the attitude of [`Shape::ALL`]'s first four are not below, but for rounding: their first terms.
+    #[inline(always)]
+    pub fn least_attitudes(&self) -> [R; 4] {
+        let Self { moments, angular_momentum_principal: m, span } = *self;
+        let (half, one, two) = (R::splat(0.5), R::splat(1.0), R::splat(2.0));
+        let (i1, i2, i3) = (one / moments.x, one / moments.y, one / moments.z);
+        let (m1, m2, m3) = (m.x.abs() * span, m.y.abs() * span, m.z.abs() * span);
+        let turned = m.plain_dot(m).sqrt() * span;
+        // p is not below the greater of its two components.
+        let steady = |a: R, b: R, axis: R, c: R| a.max(b) * (c + two * axis);
+        let (spread_12, spread_23, spread_13) = (i1 - i2, i2 - i3, i1 - i3);
+        [
+            turned * i3,
+            turned * spread_12.max(spread_23),
+            steady(m2, m3, i1, spread_13)
+                .min(steady(m3, m1, i2, spread_12.max(spread_23)))
+                .min(steady(m1, m2, i3, spread_13)),
+            half * turned * spread_12.min(spread_23),
+        ]
+    }
+
+    /// What the closed form can be wrong by, rad, as [`FreeBody::set_up_bound`] says.
+    #[inline(always)]
+    pub fn set_up_error(&self, is_diagonal: bool) -> R {
+        let (i, m) = (self.moments, self.angular_momentum_principal);
+        let (zero, one) = (R::splat(0.0), R::splat(1.0));
+        let omega = Vector::new(m.x / i.x, m.y / i.y, m.z / i.z);
+        let third = i.z * (i.z - i.y) * omega.z * omega.z;
+        let first = i.x * (i.y - i.x) * omega.x * omega.x;
+        let difference = third - first;
+        let rounded = if is_diagonal { zero } else { R::splat(4.0) * i.z * i.z * omega.plain_dot(omega) };
+        let terms = third + first + rounded;
+        // Nothing is lost of nothing; what is no number stays none.
+        let vanishes = terms.less_than(R::splat(f64::MIN_POSITIVE));
+        let lost = R::select(vanishes, zero, terms / difference.abs());
+        let nearest = R::select(difference.less_than(zero), i.y - i.x, i.z - i.y);
+        let lost_in_moments = if is_diagonal { zero } else { i.z / nearest };
+        let greatest_rate = (omega.plain_dot(m) / i.x).sqrt();
+        let angle = greatest_rate * self.span;
+        let error = R::splat(SET_UP_ROUNDINGS * f64::EPSILON) * (one + lost + lost_in_moments) * (one + angle);
+        let infinity = R::splat(f64::INFINITY);
+        R::select(error.less_than(infinity), error, infinity)
     }
 }
 

@@ -24,6 +24,7 @@ pub mod cost;
 mod document;
 mod driven;
 pub mod explain;
+mod glance;
 pub mod group;
 #[cfg(feature = "study")]
 mod marks;

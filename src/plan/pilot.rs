@@ -13,7 +13,7 @@ use std::cmp::Ordering;
 use super::choice::{Look, Rule, Scheme, narrowest};
 use super::cost::{COSTS, Cost, Costs};
 use super::reference::Reference;
-use super::sampled::States;
+use super::sampled::{Sampled, States};
 use crate::batch::Precision;
 use crate::error::Result;
 use crate::force::Force;
@@ -153,17 +153,21 @@ impl<'a> Pilot<'a> {
             // They may be more than the percentile leaves out, or one in a hundred.
             return self.fly_at_once();
         }
-        let mut found = scouts.tried(scouts.candidates(), &reference.states, false)?;
+        let mut found = scouts.tried(scouts.candidates(), &reference.states, false, None)?;
         // What the scouts favour first, so that what follows is dearer than what is known.
         found.sort_by(|a, b| self.order(a, b));
         let (missed, met): (Vec<_>, Vec<_>) = found.into_iter().partition(Tried::misses);
-        let again = |tried: &[Tried], reference: &States| {
+        let again = |tried: &[Tried], reference: &States, ahead: Option<(Rule, Sampled)>| {
             let candidate = |tried: &Tried| Some((tried.found.rule, self.costs.of(tried.found.rule.scheme)?));
-            self.tried(tried.iter().filter_map(candidate).collect(), reference, true)
+            self.tried(tried.iter().filter_map(candidate).collect(), reference, true, ahead)
         };
         let rule = reference.rule_for_others(&scouts)?;
-        let (mut reference, mut reference_rule) = (self.stepped(&rule)?.states, Some(rule));
-        let mut tried = again(&met, &reference)?;
+        // Side by side, as either may be too little for all cores.
+        let stepped = |tried: &Tried| -> Result<_> { Ok((tried.found.rule, self.stepped(&tried.found.rule)?)) };
+        let favourite = || met.first().map(stepped).transpose();
+        let (of_reference, ahead) = rayon::join(|| self.stepped(&rule), favourite);
+        let (mut reference, mut reference_rule) = (of_reference?.states, Some(rule));
+        let mut tried = again(&met, &reference, ahead?)?;
         let fails = |tried: &Tried| tried.misses() && !self.is_lopsided(tried);
         if tried.iter().all(fails) {
             // Others may do for as many bodies as the percentile counts, or the scouts' reference was not fine enough for all.
@@ -173,13 +177,13 @@ impl<'a> Pilot<'a> {
             }
             (reference, reference_rule) = (of_all.states, None);
             let known = [met, missed].concat();
-            tried.extend(again(&known, &reference)?);
+            tried.extend(again(&known, &reference, None)?);
             if tried.iter().all(fails) {
                 let kind = |rule: &Rule| (rule.scheme, rule.precision);
                 let is_new =
                     |(rule, _): &(Rule, &Cost)| !known.iter().any(|tried| kind(&tried.found.rule) == kind(rule));
                 let others = self.candidates().into_iter().filter(is_new).collect();
-                tried.extend(self.tried(others, &reference, false)?);
+                tried.extend(self.tried(others, &reference, false, None)?);
             }
         }
         Ok(self.flight(&tried, reference, reference_rule))
@@ -191,7 +195,7 @@ impl<'a> Pilot<'a> {
         if let Some(found) = reference.lost(self) {
             return Ok(self.lost(found));
         }
-        let tried = self.tried(self.candidates(), &reference.states, false)?;
+        let tried = self.tried(self.candidates(), &reference.states, false, None)?;
         Ok(self.flight(&tried, reference.states, None))
     }
 
@@ -232,7 +236,7 @@ impl<'a> Pilot<'a> {
             let is_new = |(body, _): &&(u32, Look)| !states.contains_key(&(*body as usize));
             let others = Self { bodies: self.bodies.iter().filter(is_new).copied().collect(), ..*self };
             states.extend(others.stepped(&reference)?.states);
-            let tried = self.calibrated(start, cost, f64::INFINITY, &states, false)?;
+            let tried = self.calibrated(start, cost, f64::INFINITY, &states, false, None)?;
             if !tried.misses() {
                 return Ok(tried.found);
             }
@@ -241,8 +245,15 @@ impl<'a> Pilot<'a> {
     }
 
     /// What candidates come to; those that are dearer than one that meets the target are left out, as far as that is known
-    /// ahead: from the shipped table, or, where they were `tried_before`, from fewer bodies of the same class.
-    fn tried(&self, candidates: Vec<(Rule, &'a Cost)>, reference: &States, tried_before: bool) -> Result<Vec<Tried>> {
+    /// ahead: from the shipped table, or, where they were `tried_before`, from fewer bodies of the same class. `ahead` is what
+    /// a rule came to for the sample that was stepped already.
+    fn tried(
+        &self,
+        candidates: Vec<(Rule, &'a Cost)>,
+        reference: &States,
+        tried_before: bool,
+        mut ahead: Option<(Rule, Sampled)>,
+    ) -> Result<Vec<Tried>> {
         let mut tried = Vec::new();
         let mut cheapest = f64::INFINITY;
         let class = self.all as f64 / self.bodies.len() as f64;
@@ -257,7 +268,7 @@ impl<'a> Pilot<'a> {
                 continue;
             }
             let rule = self.within(start, cost, cheapest);
-            let candidate = self.calibrated(rule, cost, cheapest, reference, tried_before)?;
+            let candidate = self.calibrated(rule, cost, cheapest, reference, tried_before, ahead.take())?;
             let Found { rule, steps, .. } = candidate.found;
             let before = cheapest;
             if !candidate.misses() {
@@ -365,8 +376,17 @@ impl<'a> Pilot<'a> {
     }
 
     /// The rule with the coefficient that the sample needs, as far as its steps take no longer than `limit` seconds, the least that
-    /// is known to do. Where a larger sample would say more it is left at that if it `may_leave`.
-    fn calibrated(&self, start: Rule, cost: &Cost, limit: f64, reference: &States, may_leave: bool) -> Result<Tried> {
+    /// is known to do. Where a larger sample would say more it is left at that if it `may_leave`. `ahead` is what a
+    /// rule came to for the sample that was stepped already.
+    fn calibrated(
+        &self,
+        start: Rule,
+        cost: &Cost,
+        limit: f64,
+        reference: &States,
+        may_leave: bool,
+        mut ahead: Option<(Rule, Sampled)>,
+    ) -> Result<Tried> {
         let mut rule = start;
         let found = Found { rule, part: f64::INFINITY, bodies: self.bodies.len(), steps: None };
         let mut best = Tried { found, own: f64::INFINITY };
@@ -375,7 +395,10 @@ impl<'a> Pilot<'a> {
             if self.seconds(&rule, cost, None) > limit {
                 break;
             }
-            let sampled = self.stepped(&rule)?;
+            let sampled = match ahead.take() {
+                Some((stepped, sampled)) if stepped == rule => sampled,
+                _ => self.stepped(&rule)?,
+            };
             let mut errors = self.errors(&sampled.states, reference);
             let part = errors.part_of(self.accuracy, self.all);
             let found = Found { rule, part, bodies: self.bodies.len(), steps: sampled.steps };

@@ -61,11 +61,15 @@ impl Reference {
             if is_limited {
                 return Ok((Self { states: states.unwrap_or_default(), coarser, change: last }, is_limited));
             }
-            let coarse = match states.take() {
-                Some(states) => states,
-                None => pilot.stepped(&coarser)?.states,
+            let fine = || pilot.stepped(&finer);
+            let (coarse, fine) = match states.take() {
+                Some(states) => (states, fine()?.states),
+                // Side by side, as few bodies are not enough for all cores.
+                None => {
+                    let (coarse, fine) = rayon::join(|| pilot.stepped(&coarser), fine);
+                    (coarse?.states, fine?.states)
+                }
             };
-            let fine = pilot.stepped(&finer)?.states;
             let change = pilot.part(&coarse, &fine);
             states = Some(fine);
             // What halving does not lessen is rounding, or so large that it cannot be more.

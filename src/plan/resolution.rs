@@ -8,6 +8,7 @@ use super::choice::{CLOSED_FORM_F32, Look, Rule, floor_f32, look_at, skip_tolera
 use super::class::{Bound, Class, Shape};
 use super::cost::{COSTS, Costs};
 use super::driven::TorqueSet;
+use super::glance::{GLANCED, Glance};
 use super::group::{Group, Members, Treatment, level_of, step_of};
 use super::pilot::{Found, Pilot, larger_pilot_size, pilot_sample, pilot_size};
 use crate::batch::Precision;
@@ -379,14 +380,19 @@ fn sorted(
     scene: &Scene,
     tolerance: &Bound,
     place: impl Fn(&Look) -> (Shape, Way) + Sync,
-) -> BTreeMap<(Class, Way), (Members, Bound)> {
-    type Lists = BTreeMap<(Class, Way), (Vec<u32>, Bound)>;
+) -> BTreeMap<Key, (Members, Bound)> {
     let body_count = scene.ensemble().len();
     let translates = scene.ensemble().translation().is_some();
     let looked = |block: usize| {
-        let mut lists = Lists::new();
+        let mut lists = Lists::default();
+        let mut glance = None;
         for body in block * LOOK_BLOCK..body_count.min((block + 1) * LOOK_BLOCK) {
-            let look = look_at(scene, body, tolerance);
+            let offset = body % GLANCED;
+            if offset == 0 {
+                glance = Some(Glance::at(scene, body, tolerance));
+            }
+            let glanced = glance.as_ref().and_then(|glance: &Glance| glance.look(offset));
+            let look = glanced.unwrap_or_else(|| look_at(scene, body, tolerance));
             let (shape, way) = place(&look);
             let bound = match way {
                 Way::ClosedForm { set_up: SetUp::OneWord, .. } => look.set_up,
@@ -395,15 +401,15 @@ fn sorted(
             };
             let torques = torques_for(scene, &look);
             let is_linear_rotor = scene.ensemble().is_linear_rotor(body);
-            let entry = lists.entry((Class { shape, torques, is_linear_rotor, translates }, way)).or_default();
-            entry.0.push(body as u32);
-            entry.1 = entry.1.or(bound);
+            let (list, greatest) = lists.of((Class { shape, torques, is_linear_rotor, translates }, way));
+            list.push(body as u32);
+            *greatest = greatest.or(bound);
         }
         lists
     };
     let blocks: Vec<Lists> = (0..body_count.div_ceil(LOOK_BLOCK)).into_par_iter().map(looked).collect();
-    let mut lists = Lists::new();
-    for (key, (bodies, bound)) in blocks.into_iter().flatten() {
+    let mut lists: BTreeMap<Key, (Vec<u32>, Bound)> = BTreeMap::new();
+    for (key, (bodies, bound)) in blocks.into_iter().flat_map(|block| block.lists) {
         let entry = lists.entry(key).or_default();
         entry.0.extend(bodies);
         entry.1 = entry.1.or(bound);
@@ -411,6 +417,32 @@ fn sorted(
     let members =
         |list: Vec<u32>| if list.len() == body_count { Members::All(body_count) } else { Members::Some(list) };
     lists.into_iter().map(|(key, (list, bound))| (key, (members(list), bound))).collect()
+}
+
+/// What the bodies of a group have in common.
+type Key = (Class, Way);
+
+/// Bodies by what they have in common, and the greatest bound of each list.
+#[derive(Default)]
+struct Lists {
+    lists: Vec<(Key, (Vec<u32>, Bound))>,
+    places: BTreeMap<Key, usize>,
+    /// Where the body before is.
+    last: usize,
+}
+
+impl Lists {
+    /// The list of a key; most often it is that of the body before.
+    fn of(&mut self, key: Key) -> &mut (Vec<u32>, Bound) {
+        let Self { lists, places, last } = self;
+        if lists.get(*last).is_none_or(|(before, _)| *before != key) {
+            *last = *places.entry(key).or_insert(lists.len());
+            if *last == lists.len() {
+                lists.push((key, (Vec::new(), Bound::default())));
+            }
+        }
+        &mut lists[*last].1
+    }
 }
 
 fn out_of_reach(found: &Found, has_f64: bool) -> Error {

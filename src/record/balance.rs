@@ -42,6 +42,13 @@ impl BalanceGatherer {
         self.total_energy.push(change);
     }
 
+    /// Takes what is known of further bodies.
+    pub(crate) fn append(&mut self, other: Self) {
+        self.energy.extend(other.energy);
+        self.angular_momentum_world.extend(other.angular_momentum_world);
+        self.total_energy.extend(other.total_energy);
+    }
+
     pub(crate) fn finish(mut self) -> Balance {
         Balance {
             bodies: self.energy.len(),

@@ -62,9 +62,14 @@ pub struct Drift {
     pub norm: Quantiles,
 }
 
-/// Gathers one row a body.
+/// Gathers one row a body, in parts that are put together at the end.
 #[derive(Debug, Default)]
 pub(crate) struct DriftGatherer {
+    parts: Vec<Part>,
+}
+
+#[derive(Debug, Default)]
+struct Part {
     kinetic_energy: Vec<f64>,
     angular_momentum_world: Vec<f64>,
     norm: Vec<f64>,
@@ -91,27 +96,37 @@ impl BodyDrift {
 }
 
 impl DriftGatherer {
-    /// Makes room for so many bodies.
+    /// Makes room for so many bodies that follow.
     pub(crate) fn reserve(&mut self, bodies: usize) {
-        self.kinetic_energy.reserve_exact(bodies);
-        self.angular_momentum_world.reserve_exact(bodies);
-        self.norm.reserve_exact(bodies);
+        let room = || Vec::with_capacity(bodies);
+        self.parts.push(Part { kinetic_energy: room(), angular_momentum_world: room(), norm: room() });
     }
 
     /// Takes the drift of one body.
     pub(crate) fn push(&mut self, body: BodyDrift) {
-        self.kinetic_energy.push(body.kinetic_energy);
-        self.angular_momentum_world.push(body.angular_momentum_world);
-        self.norm.push(body.norm);
+        if self.parts.is_empty() {
+            self.parts.push(Part::default());
+        }
+        if let Some(part) = self.parts.last_mut() {
+            part.kinetic_energy.push(body.kinetic_energy);
+            part.angular_momentum_world.push(body.angular_momentum_world);
+            part.norm.push(body.norm);
+        }
     }
 
-    pub(crate) fn finish(mut self) -> Drift {
-        let Self { kinetic_energy, angular_momentum_world, norm } = &mut self;
-        let bodies = norm.len();
+    /// Takes the drift of further bodies.
+    pub(crate) fn append(&mut self, mut other: Self) {
+        self.parts.append(&mut other.parts);
+    }
+
+    pub(crate) fn finish(&self) -> Drift {
+        let column = |of: fn(&Part) -> &[f64]| self.parts.iter().map(of).collect::<Vec<_>>().concat();
+        let quantiles = |of: fn(&Part) -> &[f64]| Quantiles::of(&mut column(of));
         let (kinetic_energy, (angular_momentum_world, norm)) = rayon::join(
-            || Quantiles::of(kinetic_energy),
-            || rayon::join(|| Quantiles::of(angular_momentum_world), || Quantiles::of(norm)),
+            || quantiles(|part| &part.kinetic_energy),
+            || rayon::join(|| quantiles(|part| &part.angular_momentum_world), || quantiles(|part| &part.norm)),
         );
+        let bodies = self.parts.iter().map(|part| part.norm.len()).sum();
         Drift { bodies, kinetic_energy, angular_momentum_world, norm }
     }
 }

@@ -13,7 +13,7 @@ use crate::engine::watch::Job;
 use crate::engine::work::order;
 use crate::engine::{Backend, Observer};
 use crate::error::Result;
-use crate::plan::{Group, greatest_rate};
+use crate::plan::{Group, Members, greatest_rate};
 use crate::record::{AdaptiveWork, Spread, WallTime};
 use crate::scene::Scene;
 
@@ -45,12 +45,7 @@ impl AdaptiveUnit {
         let members = &group.members;
         let mut session_rows = vec![0; members.len()];
         let by_work = |start: usize, prepared: &[Prepared]| {
-            // All have the same span, so the greatest rate is their work up to a factor.
-            let rate = |(place, (frame, state)): (usize, &Prepared)| {
-                let m = DVec3::new(state[4], state[5], state[6]);
-                greatest_rate(scene, members.body(start + place), frame, m)
-            };
-            let order = order(&prepared.par_iter().enumerate().map(rate).collect::<Vec<_>>());
+            let order = work_order(scene, members, start, prepared);
             for (session_row, &place) in order.iter().enumerate() {
                 session_rows[start + place] = (start + session_row) as u32;
             }
@@ -147,6 +142,16 @@ impl AdaptiveUnit {
     pub fn bytes_read(&self) -> u64 {
         self.session.bytes_read()
     }
+}
+
+/// Members from `start` on in the order of their expected work, as places among those that are prepared.
+pub(super) fn work_order(scene: &Scene, members: &Members, start: usize, prepared: &[Prepared]) -> Vec<usize> {
+    // All have the same span, so the greatest rate is their work up to a factor.
+    let rate = |(place, (frame, state)): (usize, &Prepared)| {
+        let m = DVec3::new(state[4], state[5], state[6]);
+        greatest_rate(scene, members.body(start + place), frame, m)
+    };
+    order(&prepared.par_iter().enumerate().map(rate).collect::<Vec<_>>())
 }
 
 /// Steps of the bodies of one unit.

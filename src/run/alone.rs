@@ -1,6 +1,7 @@
 //! Some bodies of a scene by themselves, on the CPU.
 
-use crate::batch::{BodyState, StateWords, prepare_members};
+use super::adaptive::work_order;
+use crate::batch::{BodyState, Prepared, StateWords, prepare_ordered};
 use crate::engine::adaptive::StepCounts;
 use crate::engine::cpu::{Cpu, Width};
 use crate::engine::watch::{Job, Watch};
@@ -31,12 +32,26 @@ pub(crate) fn states_at_end(
     mut observer: Option<&mut Observer<'_>>,
 ) -> Result<Alone> {
     let Some(precision) = treatment.precision_of_steps() else { return Ok(Alone::default()) };
-    let (frames, batch) = prepare_members(scene.ensemble(), torques, scene.end(), members, precision)?;
     let end = times.last().copied().unwrap_or(0.0);
-    let state = |row: usize, words: &StateWords| {
-        frames[row].at(torques, members.body(row), end).body_state(words.combined(row))
+    // The session's row of each of the members.
+    let mut rows: Vec<usize> = (0..members.len()).collect();
+    let adapts = matches!(treatment, Treatment::Adaptive { .. });
+    let order = |start: usize, prepared: &[Prepared]| {
+        if !adapts {
+            return (0..prepared.len()).collect();
+        }
+        let order = work_order(scene, members, start, prepared);
+        for (row, &place) in order.iter().enumerate() {
+            rows[start + place] = start + row;
+        }
+        order
     };
-    let states_of = |words: StateWords| (0..members.len()).map(|row| (members.body(row), state(row, &words))).collect();
+    let (frames, batch) = prepare_ordered(scene.ensemble(), torques, scene.end(), members, precision, order)?;
+    let state = |(member, &row): (usize, &usize), words: &StateWords| {
+        let body = members.body(member);
+        (body, frames[row].at(torques, body, end).body_state(words.combined(row)))
+    };
+    let states_of = |words: StateWords| rows.iter().enumerate().map(|member| state(member, &words)).collect();
     let (method, projected) = match *treatment {
         Treatment::Stepped { method, projected, .. } => (method, projected),
         Treatment::Adaptive { steps, .. } => {
@@ -48,7 +63,8 @@ pub(crate) fn states_at_end(
                 }
             }
             let states = states_of(session.read(0..members.len())?);
-            return Ok(Alone { states, counts: session.counts()? });
+            let counts = session.counts()?;
+            return Ok(Alone { states, counts: rows.iter().map(|&row| counts[row]).collect() });
         }
         Treatment::RegularPrecession | Treatment::ClosedForm { .. } => return Ok(Alone::default()),
     };

@@ -11,7 +11,9 @@ use crate::engine::{Backend, Description, EngineKind, Observer, Progress};
 use crate::error::{Error, Result};
 use crate::method::Status;
 use crate::plan::Plan;
-use crate::record::{BalanceGatherer, BodyDrift, DriftGatherer, Memory, OutputState, Record, Sink, Trust, WallTime};
+use crate::record::{
+    BalanceGatherer, BodyDrift, Drift, DriftGatherer, Memory, OutputState, Record, Sink, Trust, WallTime,
+};
 use crate::scene::{Scene, Stepping};
 
 mod adaptive;
@@ -125,9 +127,6 @@ pub fn run_into(
             }
             continue;
         }
-        if last {
-            end.drift.reserve(body_count);
-        }
         let mut from_states = FromStates::new(if reduces { &[] } else { statistics });
         for start in (0..body_count).step_by(block) {
             let range = start..(start + block).min(body_count);
@@ -172,7 +171,12 @@ pub fn run_into(
     drop(units);
 
     let clock = Instant::now();
-    let recomputed = shadow::recomputed(plan, &sample, &mut |_| observer(Progress { done, total }))?;
+    // Beside it, as a few bodies are not enough for all cores.
+    let (mut drift, gathered) = (Drift::default(), &end.drift);
+    let recomputed = rayon::in_place_scope(|scope| {
+        scope.spawn(|_| drift = gathered.finish());
+        shadow::recomputed(plan, &sample, &mut |_| observer(Progress { done, total }))
+    })?;
     let mut errors = shadow::Errors::default();
     for (state, reference) in sampled.iter().zip(&recomputed) {
         if is_finite(state) {
@@ -195,7 +199,7 @@ pub fn run_into(
         body_steps: plan.body_steps() + adaptive.map_or(0, |work| work.accepted.total + work.rejected.total),
         adaptive,
         bytes_read,
-        drift: end.drift.finish(),
+        drift,
         balance: end.balance.finish(),
         shadow,
         failed_bodies: end.failed_bodies,
@@ -256,9 +260,9 @@ fn read_states(
         states.clear();
         initial.iter_mut().for_each(|initial| initial.clear());
     }
-    states.resize(bodies.len(), OutputState { rotation: BodyState::UNKNOWN, translation: None });
+    make_room(states, bodies.len(), OutputState { rotation: BodyState::UNKNOWN, translation: None });
     if let Some(initial) = &mut initial {
-        initial.resize(bodies.len(), BodyState::UNKNOWN);
+        make_room(initial, bodies.len(), BodyState::UNKNOWN);
     }
     units
         .iter_mut()
@@ -277,6 +281,12 @@ fn read_states(
     Ok(())
 }
 
+/// Brings a vector to a length. Where it grows, all cores touch the new memory first, which takes longer than to fill it.
+fn make_room<T: Copy + Send + Sync>(places: &mut Vec<T>, len: usize, unknown: T) {
+    places.truncate(len);
+    places.par_extend((places.len()..len).into_par_iter().with_min_len(unit::TASK).map(|_| unknown));
+}
+
 /// What the end says of a run.
 #[derive(Default)]
 struct AtEnd {
@@ -287,8 +297,6 @@ struct AtEnd {
     flagged: usize,
     /// Bodies that turn too far in a given step.
     outside_usable_region: usize,
-    /// Room for what is said of the bodies of a block.
-    compared: Vec<Compared>,
 }
 
 impl AtEnd {
@@ -296,26 +304,31 @@ impl AtEnd {
     fn gather(&mut self, scene: &Scene, first_body: usize, initial: &[BodyState], states: &[OutputState]) {
         let usable_rate = usable_rate(scene);
         let too_fast = |state: &BodyState| state.angular_velocity_body.length() > usable_rate;
-        let compared = |(row, (initial, state)): (usize, (&BodyState, &OutputState))| {
-            let state = &state.rotation;
-            Compared {
-                kept: is_finite(state).then(|| Kept::of(scene, first_body + row, initial, state)),
-                is_outside: too_fast(initial) || too_fast(state),
-                failure: (!is_sound(state)).then_some(state.status),
+        let compared = |(task, (initial, states)): (usize, (&[BodyState], &[OutputState]))| {
+            let mut found = Self::default();
+            found.drift.reserve(states.len());
+            for (row, (initial, state)) in initial.iter().zip(states).enumerate() {
+                let (body, state) = (first_body + task * COMPARED + row, &state.rotation);
+                found.conserved(is_finite(state).then(|| Kept::of(scene, body, initial, state)));
+                found.outside_usable_region += usize::from(too_fast(initial) || too_fast(state));
+                if !is_sound(state) {
+                    found.failed_bodies.push(body);
+                    found.flagged += usize::from(state.status == Status::StepBelowLimit);
+                }
             }
+            found
         };
-        let rows = initial.par_iter().zip(states).enumerate().with_min_len(COMPARED);
-        let mut found = std::mem::take(&mut self.compared);
-        rows.map(compared).collect_into_vec(&mut found);
-        for (row, Compared { kept, is_outside, failure }) in found.drain(..).enumerate() {
-            self.outside_usable_region += usize::from(is_outside);
-            self.conserved(kept);
-            if let Some(status) = failure {
-                self.failed_bodies.push(first_body + row);
-                self.flagged += usize::from(status == Status::StepBelowLimit);
-            }
-        }
-        self.compared = found;
+        let tasks = initial.par_chunks(COMPARED).zip(states.par_chunks(COMPARED)).enumerate();
+        tasks.map(compared).collect::<Vec<_>>().into_iter().for_each(|found| self.append(found));
+    }
+
+    /// Takes what was found of further bodies.
+    fn append(&mut self, found: Self) {
+        self.drift.append(found.drift);
+        self.balance.append(found.balance);
+        self.failed_bodies.extend(found.failed_bodies);
+        self.flagged += found.flagged;
+        self.outside_usable_region += found.outside_usable_region;
     }
 
     /// The same where states are not read: drift and balance of a sample, whose states it gives back, and the rest from
@@ -360,16 +373,6 @@ impl AtEnd {
 
 /// Bodies that one task compares.
 const COMPARED: usize = 1 << 10;
-
-/// What the end says of a body.
-struct Compared {
-    /// How well it kept what it keeps, where it can be told.
-    kept: Option<Kept>,
-    /// Whether it turns too far in a given step.
-    is_outside: bool,
-    /// What became of it where it failed.
-    failure: Option<Status>,
-}
 
 /// How well a body kept what it keeps.
 struct Kept {

@@ -158,7 +158,8 @@ impl LaneTask<f64> for RecomputeBlock<'_> {
         let Batch { parameters, stride, torques, .. } = self.batch;
         let source = Source { table: torques, parameters, stride: *stride, clock: self.clock, dt: self.dt };
         let start_phases = source.start_phases();
-        for offset in (0..BLOCK).step_by(R::LANES) {
+        let bodies = BLOCK.min(self.batch.body_count - self.first);
+        for offset in (0..bodies).step_by(R::LANES) {
             let columns = source.group(self.first + offset, &start_phases);
             let (body, rate) = load_body(|column| columns.column(column));
             let given = Given::new();

@@ -86,7 +86,7 @@ impl Source<'_> {
                 let bodies = (0..self.count).into_par_iter();
                 Parameter::PerBody(bodies.map(|body| scalar.sample(self.draw, body, column, 0)).collect())
             }
-            Number::Column(name) => Parameter::PerBody(self.rows(name).to_vec()),
+            Number::Column(name) => Parameter::PerBody(self.rows(name).into()),
         }
     }
 

@@ -93,7 +93,9 @@ impl StudyInertia {
             Change::Factor(factor) => InertiaChange::Factor(source.number(factor, 0)),
             Change::Moments(moments) => InertiaChange::Tensor(match source.vector(moments, 0) {
                 Parameter::Shared(moments) => Parameter::Shared(moments.into()),
-                Parameter::PerBody(column) => Parameter::PerBody(column.into_iter().map(InertiaTensor::from).collect()),
+                Parameter::PerBody(column) => {
+                    Parameter::PerBody(column.iter().map(|&moments| InertiaTensor::from(moments)).collect())
+                }
             }),
             Change::Inertia(Inertia::Tensor(tensor)) => InertiaChange::Tensor(Parameter::Shared(*tensor)),
             Change::Inertia(inertia) => {

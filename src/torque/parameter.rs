@@ -1,5 +1,7 @@
 //! Parameters of torques: one for the scene or one a body.
 
+use std::sync::Arc;
+
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::error::{Error, Result};
@@ -10,8 +12,8 @@ use crate::inertia::InertiaTensor;
 pub enum Parameter<V> {
     /// The same for all bodies.
     Shared(V),
-    /// One a body, shape `[body_count]`.
-    PerBody(Vec<V>),
+    /// One a body, shape `[body_count]`. Copies of the parameter share it.
+    PerBody(Arc<[V]>),
 }
 
 impl<V: Copy> Parameter<V> {
@@ -41,13 +43,13 @@ impl<V> From<V> for Parameter<V> {
 
 impl<V> From<Vec<V>> for Parameter<V> {
     fn from(column: Vec<V>) -> Self {
-        Parameter::PerBody(column)
+        Parameter::PerBody(column.into())
     }
 }
 
 impl<V: Copy> From<&[V]> for Parameter<V> {
     fn from(column: &[V]) -> Self {
-        Parameter::PerBody(column.to_vec())
+        Parameter::PerBody(column.into())
     }
 }
 

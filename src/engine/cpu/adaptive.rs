@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::observe::Reducer;
 use super::surroundings::{AllTorques, CommonTorques, Nothing, Surroundings};
-use super::{BLOCK, Width};
+use super::{Width, block_of};
 use crate::batch::{Batch, StateWords, column_parts, load_body, load_state, store_state};
 use crate::clock::Clock;
 use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps, StepCounts, two_words_of};
@@ -94,15 +94,15 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
         let start = *clock;
         let (value, residue) = start.seconds_until(&end);
         let span = two_words_of::<T>(value, residue);
-        let Batch { stride, parameters, state, torques, .. } = batch;
-        let stride = *stride;
+        let Batch { body_count, stride, parameters, state, torques } = batch;
+        let (stride, block) = (*stride, block_of(*body_count));
         let source = Source { table: torques, parameters, stride, clock: start, dt: 0.0 };
-        let states = column_parts(state, stride, 0..stride, BLOCK);
-        let controllers = column_parts(controllers, stride, 0..stride, BLOCK);
+        let states = column_parts(state, stride, 0..stride, block);
+        let controllers = column_parts(controllers, stride, 0..stride, block);
         Box::new(move |watch: &Watch| {
-            let blocks = states.into_par_iter().zip(controllers).zip(counts.par_chunks_mut(BLOCK));
+            let blocks = states.into_par_iter().zip(controllers).zip(counts.par_chunks_mut(block));
             blocks.enumerate().for_each(|(index, ((mut state, mut controllers), counts))| {
-                let first = index * BLOCK;
+                let first = index * block;
                 let mut starts = true;
                 let mut under_way = true;
                 while under_way && watch.goes_on() {

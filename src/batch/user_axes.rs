@@ -1,0 +1,177 @@
+//! From scaled states to the user's axes and units, for one body or in SIMD lanes.
+//!
+//! Products are not fused with sums, so that a body's numbers are the same to the bit in lanes and alone.
+
+use super::{BodyFrame, BodyState, power_of_two_factors};
+use crate::method::Status;
+use crate::quaternion::Quaternion;
+use crate::real::Real;
+use crate::vector::Vector;
+use glam::{DQuat, DVec3};
+
+/// Numbers of a [`BodyState`]: orientation, angular velocity, angular momentum, kinetic energy and error of the norm.
+pub(crate) const USER_COMPONENTS: usize = 12;
+
+/// What leads from the scaled states of a lane group to the user's axes and units.
+pub(crate) struct UserAxes<R: Real> {
+    moments: Vector<R>,
+    principal_to_body: Quaternion<R>,
+    is_linear_rotor: R::Mask,
+    /// The units, each as two factors.
+    angular_velocity: [R; 2],
+    angular_momentum: [R; 2],
+    energy: [R; 2],
+}
+
+impl<R: Real<Scalar = f64>> UserAxes<R> {
+    /// Of the bodies whose frames `frame` gives, one a lane.
+    #[inline(always)]
+    pub fn new<'f>(frame: impl Fn(usize) -> &'f BodyFrame) -> Self {
+        let half = R::splat(0.5);
+        let linear = numbers::<R>(|lane| if frame(lane).is_linear_rotor { 1.0 } else { 0.0 });
+        Self {
+            moments: Vector::new(
+                numbers(|lane| frame(lane).scaled_moments.x),
+                numbers(|lane| frame(lane).scaled_moments.y),
+                numbers(|lane| frame(lane).scaled_moments.z),
+            ),
+            principal_to_body: Quaternion::new(
+                numbers(|lane| frame(lane).principal_to_body.x),
+                numbers(|lane| frame(lane).principal_to_body.y),
+                numbers(|lane| frame(lane).principal_to_body.z),
+                numbers(|lane| frame(lane).principal_to_body.w),
+            ),
+            is_linear_rotor: half.less_than(linear),
+            angular_velocity: powers(|lane| frame(lane).rate_exponent),
+            angular_momentum: powers(|lane| frame(lane).moment_exponent + frame(lane).rate_exponent),
+            energy: powers(|lane| frame(lane).moment_exponent + 2 * frame(lane).rate_exponent),
+        }
+    }
+
+    /// The components of the states in the user's axes and units ([`of_components`]) from scaled ones
+    /// ([`super::StateWords`]).
+    #[inline(always)]
+    pub fn components(&self, q: Quaternion<R>, m: Vector<R>) -> [R; USER_COMPONENTS] {
+        let (zero, one) = (R::splat(0.0), R::splat(1.0));
+        // A linear rotor has no spin; a method that turns about one axis after another makes some, of its own error.
+        let m = Vector::new(R::select(self.is_linear_rotor, zero, m.x), m.y, m.z);
+        let norm = length_squared(q).sqrt();
+        let unit = q * (one / norm);
+        let omega = Vector::new(m.x / self.moments.x, m.y / self.moments.y, m.z / self.moments.z);
+        let orientation = unit_product(unit, self.principal_to_body.conjugate());
+        let [first, second] = self.angular_velocity;
+        let omega_body = rotated(self.principal_to_body, omega) * first * second;
+        let [first, second] = self.angular_momentum;
+        let momentum = rotated(unit, m) * first * second;
+        let [first, second] = self.energy;
+        let energy = R::splat(0.5) * m.plain_dot(omega) * first * second;
+        let (q, w, l) = (orientation, omega_body, momentum);
+        [q.x, q.y, q.z, q.w, w.x, w.y, w.z, l.x, l.y, l.z, energy, norm - one]
+    }
+}
+
+/// The state of the components that [`UserAxes::components`] gives.
+#[inline(always)]
+pub(crate) fn of_components(component: impl Fn(usize) -> f64) -> BodyState {
+    BodyState {
+        orientation: DQuat::from_xyzw(component(0), component(1), component(2), component(3)),
+        angular_velocity_body: DVec3::new(component(4), component(5), component(6)),
+        angular_momentum_world: DVec3::new(component(7), component(8), component(9)),
+        kinetic_energy: component(10),
+        norm_error: component(11),
+        status: Status::Valid,
+    }
+}
+
+#[inline(always)]
+fn numbers<R: Real<Scalar = f64>>(number: impl Fn(usize) -> f64) -> R {
+    R::from_lanes(number)
+}
+
+/// 2^n as two factors.
+#[inline(always)]
+fn powers<R: Real<Scalar = f64>>(exponent: impl Fn(usize) -> i32) -> [R; 2] {
+    [numbers(|lane| power_of_two_factors(exponent(lane))[0]), numbers(|lane| power_of_two_factors(exponent(lane))[1])]
+}
+
+#[inline(always)]
+fn length_squared<R: Real>(q: Quaternion<R>) -> R {
+    q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
+}
+
+/// q v q*, as `glam` forms it.
+#[inline(always)]
+fn rotated<R: Real>(q: Quaternion<R>, v: Vector<R>) -> Vector<R> {
+    let (two, u) = (R::splat(2.0), q.vector());
+    let cross = Vector::new(u.y * v.z - v.y * u.z, u.z * v.x - v.z * u.x, u.x * v.y - v.x * u.y);
+    v * (q.w * q.w - u.plain_dot(u)) + u * (v.plain_dot(u) * two) + cross * (q.w * two)
+}
+
+/// The product of two unit quaternions, with the norm's roundings taken out: to first order in them, which leaves nothing.
+#[inline(always)]
+pub(super) fn unit_product<R: Real>(a: Quaternion<R>, b: Quaternion<R>) -> Quaternion<R> {
+    let product = Quaternion::new(
+        a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
+        a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x,
+        a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w,
+        a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z,
+    );
+    product * (R::splat(1.5) - R::splat(0.5) * length_squared(product))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lanes::{LaneScalar, LaneTask};
+
+    /// Brings some states to the user's axes lane group by lane group.
+    struct ToUser<'a>(&'a [BodyFrame], &'a [[f64; 8]; 7], &'a mut [[f64; 8]; USER_COMPONENTS]);
+
+    impl LaneTask<f64> for ToUser<'_> {
+        type Output = ();
+        #[inline(always)]
+        fn run<R: Real<Scalar = f64>>(self) {
+            let Self(frames, state, out) = self;
+            for offset in (0..8).step_by(R::LANES) {
+                let [qx, qy, qz, qw, mx, my, mz] = state.each_ref().map(|column| R::load(&column[offset..]));
+                let axes = UserAxes::<R>::new(|lane| &frames[offset + lane]);
+                let found = axes.components(Quaternion::new(qx, qy, qz, qw), Vector::new(mx, my, mz));
+                for (number, column) in found.into_iter().zip(out.iter_mut()) {
+                    number.store(&mut column[offset..]);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn lanes_and_one_body_have_the_same_bits_and_glam_agrees() {
+        let frame = |body: usize| BodyFrame {
+            scaled_moments: DVec3::new(0.9, 1.1 + 0.01 * body as f64, 1.7),
+            is_linear_rotor: body == 5,
+            principal_to_body: DQuat::from_rotation_z(0.3 + body as f64) * DQuat::from_rotation_x(0.7),
+            moment_exponent: 3 - 40 * body as i32,
+            rate_exponent: 5 * body as i32 - 7,
+        };
+        let frames: Vec<BodyFrame> = (0..8).map(frame).collect();
+        let state: [[f64; 8]; 7] = std::array::from_fn(|c| std::array::from_fn(|b| (1.0 + (7 * b + c) as f64).sin()));
+        let mut lanes = [[0.0; 8]; USER_COMPONENTS];
+        f64::dispatch(ToUser(&frames, &state, &mut lanes));
+        for (body, frame) in frames.iter().enumerate() {
+            let scaled = state.map(|column| column[body]);
+            let alone = frame.body_state(scaled);
+            assert_eq!(of_components(|component| lanes[component][body]), alone, "{body}");
+            let q = DQuat::from_xyzw(scaled[0], scaled[1], scaled[2], scaled[3]);
+            let m = DVec3::new(if body == 5 { 0.0 } else { scaled[4] }, scaled[5], scaled[6]);
+            let (unit, omega) = (q.normalize(), m / frame.scaled_moments);
+            let close = |a: DVec3, b: DVec3| (a - b).length() <= 1e-15 * b.length();
+            let rate = 2.0_f64.powi(frame.rate_exponent);
+            let moment = 2.0_f64.powi(frame.moment_exponent);
+            assert!(close(alone.angular_velocity_body, frame.principal_to_body * omega * rate), "{body}");
+            assert!(close(alone.angular_momentum_world, unit * m * rate * moment), "{body}");
+            let expected = unit * frame.principal_to_body.conjugate();
+            assert!((alone.orientation - expected).length() <= 1e-15, "{body}");
+            let energy = 0.5 * m.dot(omega) * rate * rate * moment;
+            assert!((alone.kinetic_energy - energy).abs() <= 1e-15 * energy, "{body}");
+        }
+    }
+}
