@@ -295,3 +295,23 @@ fn steps_a_second() {
         }
     }
 }
+
+#[test]
+fn a_pool_of_one_thread_and_of_three_give_the_same_bits() {
+    for precision in Precision::ALL {
+        let run = || {
+            let (_, mut session) =
+                start(&Engine::cpu(), &Members::All(COUNT), &torques(), precision, steps(TOLERANCE_OF_POOLS));
+            let words = all_at(&mut *session, &[0.5 * SPAN, SPAN]);
+            (words, session.counts().expect("counts"))
+        };
+        let expected = run();
+        for threads in [1, 3] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+            assert_eq!(pool.install(run), expected, "{precision}, {threads} threads");
+        }
+    }
+}
+
+/// Within the reach of `f32`.
+const TOLERANCE_OF_POOLS: f64 = 1e-5;

@@ -172,7 +172,7 @@ struct CpuSession<T> {
 
 /// The most bodies that one task advances.
 const BLOCK: usize = 64;
-/// Tasks that each thread has at least, as far as there are bodies.
+/// Tasks that each thread is to have, about, as far as there are bodies.
 const TASKS: usize = 4;
 
 /// Bodies that one task advances, of so many in all: a multiple of every lane count.

@@ -117,7 +117,7 @@ pub(crate) fn landen<R: Real, N: Number<R>>(complement: N, cotangent: N, with_ze
         weight = R::select(active, weight * R::splat(0.5), weight);
         y = N::select(active, next, y);
         let root = product.sqrt();
-        // The step that brings the difference below this is the last: the next would change the mean by its square.
+        // A step that starts from a half difference below this is the last: it leaves one of its square.
         let more = (mean.rounded() * R::splat(N::SQUARE_NEGLIGIBLE)).less_than(half_difference.rounded());
         a = N::select(active, mean, a);
         b = N::select(active, root, b);

@@ -25,13 +25,13 @@ const SWEEPS: usize = 4;
 /// An element below this part of its two diagonal elements is zero to the precision of the arithmetic.
 const NEGLIGIBLE: f64 = 1e-33;
 
-/// A body whose principal axes lie along its body axes: scaled, and nothing in it is rounded.
+/// A body whose principal axes lie along its body axes: scaled, and nothing in it is rounded but what underflows.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Aligned {
     axes: AxisPermutation,
     /// I₁ ≤ I₂ ≤ I₃ in units of 2^`moment_exponent` kg m², the middle one in [1, 2).
     pub moments: [f64; 3],
-    /// ω along the principal axes in units of 2^`rate_exponent` rad/s, the largest component in [1, 2).
+    /// ω along the principal axes in units of 2^`rate_exponent` rad/s, the largest component in [1, 2), or 0 at rest.
     pub angular_velocity: [f64; 3],
     pub moment_exponent: i32,
     pub rate_exponent: i32,

@@ -37,20 +37,20 @@ impl<T: LaneScalar> FormedBlock<T> {
             words: [[0; BLOCK]; WORD_COLUMNS],
             constants: [[T::default(); BLOCK]; ROW_COLUMNS],
             state: [[T::default(); BLOCK]; STATE_COMPONENTS],
-            end: [[0.0; BLOCK]; USER_COMPONENTS],
-            start: [[0.0; BLOCK]; USER_COMPONENTS],
+            end: [[f64::NAN; BLOCK]; USER_COMPONENTS],
+            start: [[f64::NAN; BLOCK]; USER_COMPONENTS],
         }
     }
 
     /// Brings `count` bodies, which `body` names and of which there may be [`FORMED_BODIES`], to `time` seconds after their
-    /// initial states.
+    /// initial states, and forms these too where `wants_start`.
     pub fn form(
         &mut self,
         ensemble: &Ensemble,
         count: usize,
         body: impl Fn(usize) -> usize,
         set_up: SetUp,
-        time: f64,
+        (time, wants_start): (f64, bool),
         width: Width,
     ) {
         let Self { initial, frames, words, constants, state, end, start } = self;
@@ -75,10 +75,10 @@ impl<T: LaneScalar> FormedBlock<T> {
             Width::Lanes => T::dispatch(evaluation),
             Width::Scalar => evaluation.run::<T>(),
         }
-        f64::dispatch(ToUserAxes { frames, initial, state, end, start });
+        f64::dispatch(ToUserAxes { frames, initial, state, end, start: wants_start.then_some(start) });
     }
 
-    /// The state in which one of the bodies starts, in the user's axes and units.
+    /// The state in which one of the bodies starts, in the user's axes and units; not a number where it was not wanted.
     pub fn start(&self, place: usize) -> BodyState {
         of_components(|component| self.start[component][place])
     }
@@ -95,18 +95,20 @@ struct ToUserAxes<'a, T> {
     initial: &'a InitialBlock,
     state: &'a [[T; BLOCK]; STATE_COMPONENTS],
     end: &'a mut UserColumns,
-    start: &'a mut UserColumns,
+    start: Option<&'a mut UserColumns>,
 }
 
 impl<T: Scalar> LaneTask<f64> for ToUserAxes<'_, T> {
     type Output = ();
 
     #[inline(always)]
-    fn run<R: Real<Scalar = f64>>(self) {
+    fn run<R: Real<Scalar = f64>>(mut self) {
         for offset in (0..BLOCK).step_by(R::LANES) {
             let axes = UserAxes::<R>::new(|lane| &self.frames[offset + lane]);
-            let (q, m) = self.initial.state::<R>(offset);
-            store(axes.components(q, m), self.start, offset);
+            if let Some(start) = &mut self.start {
+                let (q, m) = self.initial.state::<R>(offset);
+                store(axes.components(q, m), start, offset);
+            }
             let column = |c: usize| R::from_lanes(|lane| self.state[c][offset + lane].to_f64());
             let (q, m) = (
                 Quaternion::new(column(0), column(1), column(2), column(3)),

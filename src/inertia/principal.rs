@@ -143,7 +143,7 @@ impl AxisPermutation {
 }
 
 /// The permutations by which of three numbers are less than which: bit 0 the second than the first, bit 1 the third than the
-/// second, bit 2 the third than the first. Bits 0 and 1 alone, and bit 2 alone, are of no numbers.
+/// second, bit 2 the third than the first. Entries 3 and 4 cannot occur.
 static PERMUTATIONS: [AxisPermutation; 8] = {
     use std::f64::consts::FRAC_1_SQRT_2 as R;
     const fn axes(order: [usize; 3], signs: [f64; 3], [x, y, z, w]: [f64; 4]) -> AxisPermutation {
@@ -277,6 +277,10 @@ mod tests {
             assert!((turned - exact).abs().max_element() < 1e-15, "{diagonal:?}: {turned} {exact}");
         }
         // Equal moments keep the order of the body axes.
-        assert_eq!(AxisPermutation::ascending([2.0, 2.0, 1.0]).order, [2, 0, 1]);
+        for number in 0..27 {
+            let diagonal = [number / 9, number / 3 % 3, number % 3].map(f64::from);
+            let sorted = ascending(|i, j| diagonal[i].total_cmp(&diagonal[j]));
+            assert_eq!(AxisPermutation::ascending(diagonal).order, sorted, "{diagonal:?}");
+        }
     }
 }

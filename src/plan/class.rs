@@ -89,7 +89,8 @@ impl Bound {
         Self { attitude: error, angular_velocity: error, energy: error }
     }
 
-    /// Whether an attitude error that is not less than `least` but for rounding is beyond this one as a tolerance.
+    /// Whether an attitude error of at least `least`, rounding allowed for, exceeds this bound.
+    #[inline(always)]
     pub(super) fn is_far<R: Real>(&self, least: R) -> R::Mask {
         R::splat((1.0 + 1e-6) * self.attitude).less_than(least)
     }
@@ -175,7 +176,7 @@ impl FreeBody {
 
     /// The greatest |ω| that the motion can reach: 2T ≥ I₁ ω².
     pub fn greatest_rate(&self) -> f64 {
-        (self.twice_energy() / self.moments.x).sqrt()
+        FreeLanes::from(self).greatest_rate()
     }
 
     fn twice_energy(&self) -> f64 {
@@ -300,6 +301,14 @@ impl<R: Real> FreeLanes<R> {
         ]
     }
 
+    /// As [`FreeBody::greatest_rate`].
+    #[inline(always)]
+    fn greatest_rate(&self) -> R {
+        let (i, m) = (self.moments, self.angular_momentum_principal);
+        let omega = Vector::new(m.x / i.x, m.y / i.y, m.z / i.z);
+        (omega.plain_dot(m) / i.x).sqrt()
+    }
+
     /// What the closed form can be wrong by, rad, as [`FreeBody::set_up_bound`] says.
     #[inline(always)]
     pub fn set_up_error(&self, is_diagonal: bool) -> R {
@@ -316,8 +325,7 @@ impl<R: Real> FreeLanes<R> {
         let lost = R::select(vanishes, zero, terms / difference.abs());
         let nearest = R::select(difference.less_than(zero), i.y - i.x, i.z - i.y);
         let lost_in_moments = if is_diagonal { zero } else { i.z / nearest };
-        let greatest_rate = (omega.plain_dot(m) / i.x).sqrt();
-        let angle = greatest_rate * self.span;
+        let angle = self.greatest_rate() * self.span;
         let error = R::splat(SET_UP_ROUNDINGS * f64::EPSILON) * (one + lost + lost_in_moments) * (one + angle);
         let infinity = R::splat(f64::INFINITY);
         R::select(error.less_than(infinity), error, infinity)

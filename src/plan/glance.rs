@@ -47,7 +47,9 @@ impl Glance {
                 *is_seen = true;
             }
         }
-        f64::dispatch(InLanes(&mut glance, tolerance));
+        if glance.is_general.contains(&true) {
+            f64::dispatch(InLanes(&mut glance, tolerance));
+        }
         glance
     }
 

@@ -245,8 +245,8 @@ impl<'a> Pilot<'a> {
     }
 
     /// What candidates come to; those that are dearer than one that meets the target are left out, as far as that is known
-    /// ahead: from the shipped table, or, where they were `tried_before`, from fewer bodies of the same class. `ahead` is what
-    /// a rule came to for the sample that was stepped already.
+    /// ahead: from the shipped table, or, where they were `tried_before`, from fewer bodies of the same class. `ahead` is
+    /// the sample as it was stepped already, with its rule; it is used where that rule comes first.
     fn tried(
         &self,
         candidates: Vec<(Rule, &'a Cost)>,
@@ -376,8 +376,8 @@ impl<'a> Pilot<'a> {
     }
 
     /// The rule with the coefficient that the sample needs, as far as its steps take no longer than `limit` seconds, the least that
-    /// is known to do. Where a larger sample would say more it is left at that if it `may_leave`. `ahead` is what a
-    /// rule came to for the sample that was stepped already.
+    /// is known to do. Where a larger sample would say more it is left at that if it `may_leave`. `ahead` is as in
+    /// [`Pilot::tried`].
     fn calibrated(
         &self,
         start: Rule,

@@ -384,6 +384,7 @@ fn sorted(
     let body_count = scene.ensemble().len();
     let translates = scene.ensemble().translation().is_some();
     let looked = |block: usize| {
+        const { assert!(LOOK_BLOCK.is_multiple_of(GLANCED)) };
         let mut lists = Lists::default();
         let mut glance = None;
         for body in block * LOOK_BLOCK..body_count.min((block + 1) * LOOK_BLOCK) {

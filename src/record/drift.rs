@@ -65,14 +65,33 @@ pub struct Drift {
 /// Gathers one row a body, in parts that are put together at the end.
 #[derive(Debug, Default)]
 pub(crate) struct DriftGatherer {
-    parts: Vec<Part>,
+    kinetic_energy: Column,
+    angular_momentum_world: Column,
+    norm: Column,
 }
 
+/// Numbers in parts.
 #[derive(Debug, Default)]
-struct Part {
-    kinetic_energy: Vec<f64>,
-    angular_momentum_world: Vec<f64>,
-    norm: Vec<f64>,
+struct Column(Vec<Vec<f64>>);
+
+impl Column {
+    fn push(&mut self, number: f64) {
+        match self.0.last_mut() {
+            Some(part) => part.push(number),
+            None => self.0.push(vec![number]),
+        }
+    }
+
+    fn len(&self) -> usize {
+        self.0.iter().map(Vec::len).sum()
+    }
+
+    /// Parts are given back as they are taken over.
+    fn quantiles(self) -> Quantiles {
+        let mut numbers = Vec::with_capacity(self.len());
+        self.0.into_iter().for_each(|part| numbers.extend(part));
+        Quantiles::of(&mut numbers)
+    }
 }
 
 /// The drift of one body.
@@ -97,36 +116,33 @@ impl BodyDrift {
 
 impl DriftGatherer {
     /// Makes room for so many bodies that follow.
-    pub(crate) fn reserve(&mut self, bodies: usize) {
-        let room = || Vec::with_capacity(bodies);
-        self.parts.push(Part { kinetic_energy: room(), angular_momentum_world: room(), norm: room() });
+    pub(crate) fn begin_part(&mut self, bodies: usize) {
+        for column in [&mut self.kinetic_energy, &mut self.angular_momentum_world, &mut self.norm] {
+            column.0.push(Vec::with_capacity(bodies));
+        }
     }
 
     /// Takes the drift of one body.
     pub(crate) fn push(&mut self, body: BodyDrift) {
-        if self.parts.is_empty() {
-            self.parts.push(Part::default());
-        }
-        if let Some(part) = self.parts.last_mut() {
-            part.kinetic_energy.push(body.kinetic_energy);
-            part.angular_momentum_world.push(body.angular_momentum_world);
-            part.norm.push(body.norm);
-        }
+        self.kinetic_energy.push(body.kinetic_energy);
+        self.angular_momentum_world.push(body.angular_momentum_world);
+        self.norm.push(body.norm);
     }
 
     /// Takes the drift of further bodies.
     pub(crate) fn append(&mut self, mut other: Self) {
-        self.parts.append(&mut other.parts);
+        self.kinetic_energy.0.append(&mut other.kinetic_energy.0);
+        self.angular_momentum_world.0.append(&mut other.angular_momentum_world.0);
+        self.norm.0.append(&mut other.norm.0);
     }
 
-    pub(crate) fn finish(&self) -> Drift {
-        let column = |of: fn(&Part) -> &[f64]| self.parts.iter().map(of).collect::<Vec<_>>().concat();
-        let quantiles = |of: fn(&Part) -> &[f64]| Quantiles::of(&mut column(of));
+    pub(crate) fn finish(self) -> Drift {
+        let Self { kinetic_energy, angular_momentum_world, norm } = self;
+        let bodies = norm.len();
         let (kinetic_energy, (angular_momentum_world, norm)) = rayon::join(
-            || quantiles(|part| &part.kinetic_energy),
-            || rayon::join(|| quantiles(|part| &part.angular_momentum_world), || quantiles(|part| &part.norm)),
+            || kinetic_energy.quantiles(),
+            || rayon::join(|| angular_momentum_world.quantiles(), || norm.quantiles()),
         );
-        let bodies = self.parts.iter().map(|part| part.norm.len()).sum();
         Drift { bodies, kinetic_energy, angular_momentum_world, norm }
     }
 }

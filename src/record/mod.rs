@@ -178,7 +178,7 @@ pub struct WallTime {
     pub read: f64,
     /// Handing states to the sink.
     pub write: f64,
-    /// Recomputing the sample of bodies.
+    /// Recomputing the sample of bodies, and the quantiles of the drift beside it.
     pub shadow: f64,
 }
 

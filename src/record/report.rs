@@ -168,7 +168,7 @@ pub struct WallTimeReport {
     pub format: f64,
     /// Handing bytes to the file system.
     pub disk: f64,
-    /// Recomputing the sample of bodies behind the errors.
+    /// Recomputing the sample of bodies behind the errors, and the quantiles of the drift beside it.
     pub shadow: f64,
     /// From the study to the last file.
     pub total: f64,

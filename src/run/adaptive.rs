@@ -44,13 +44,8 @@ impl AdaptiveUnit {
         let clock = Instant::now();
         let members = &group.members;
         let mut session_rows = vec![0; members.len()];
-        let by_work = |start: usize, prepared: &[Prepared]| {
-            let order = work_order(scene, members, start, prepared);
-            for (session_row, &place) in order.iter().enumerate() {
-                session_rows[start + place] = (start + session_row) as u32;
-            }
-            order
-        };
+        let by_work =
+            |start: usize, prepared: &[Prepared]| order_by_work(scene, members, start, prepared, &mut session_rows);
         let torques = group.class.torques.of(scene.torques());
         let (frames, batch) = prepare_ordered(scene.ensemble(), &torques, scene.end(), members, precision, by_work)?;
         wall_time.prepare += clock.elapsed().as_secs_f64();
@@ -144,14 +139,25 @@ impl AdaptiveUnit {
     }
 }
 
-/// Members from `start` on in the order of their expected work, as places among those that are prepared.
-pub(super) fn work_order(scene: &Scene, members: &Members, start: usize, prepared: &[Prepared]) -> Vec<usize> {
+/// Members from `start` on in the order of their expected work, as places among those that are prepared. Which row of the session
+/// each of them then has is noted in `session_rows`.
+pub(super) fn order_by_work(
+    scene: &Scene,
+    members: &Members,
+    start: usize,
+    prepared: &[Prepared],
+    session_rows: &mut [u32],
+) -> Vec<usize> {
     // All have the same span, so the greatest rate is their work up to a factor.
     let rate = |(place, (frame, state)): (usize, &Prepared)| {
         let m = DVec3::new(state[4], state[5], state[6]);
         greatest_rate(scene, members.body(start + place), frame, m)
     };
-    order(&prepared.par_iter().enumerate().map(rate).collect::<Vec<_>>())
+    let order = order(&prepared.par_iter().enumerate().map(rate).collect::<Vec<_>>());
+    for (session_row, &place) in order.iter().enumerate() {
+        session_rows[start + place] = (start + session_row) as u32;
+    }
+    order
 }
 
 /// Steps of the bodies of one unit.

@@ -1,6 +1,6 @@
 //! Some bodies of a scene by themselves, on the CPU.
 
-use super::adaptive::work_order;
+use super::adaptive::order_by_work;
 use crate::batch::{BodyState, Prepared, StateWords, prepare_ordered};
 use crate::engine::adaptive::StepCounts;
 use crate::engine::cpu::{Cpu, Width};
@@ -34,21 +34,15 @@ pub(crate) fn states_at_end(
     let Some(precision) = treatment.precision_of_steps() else { return Ok(Alone::default()) };
     let end = times.last().copied().unwrap_or(0.0);
     // The session's row of each of the members.
-    let mut rows: Vec<usize> = (0..members.len()).collect();
+    let mut rows: Vec<u32> = (0..members.len() as u32).collect();
     let adapts = matches!(treatment, Treatment::Adaptive { .. });
-    let order = |start: usize, prepared: &[Prepared]| {
-        if !adapts {
-            return (0..prepared.len()).collect();
-        }
-        let order = work_order(scene, members, start, prepared);
-        for (row, &place) in order.iter().enumerate() {
-            rows[start + place] = start + row;
-        }
-        order
+    let order = |start: usize, prepared: &[Prepared]| match adapts {
+        true => order_by_work(scene, members, start, prepared, &mut rows),
+        false => (0..prepared.len()).collect(),
     };
     let (frames, batch) = prepare_ordered(scene.ensemble(), torques, scene.end(), members, precision, order)?;
-    let state = |(member, &row): (usize, &usize), words: &StateWords| {
-        let body = members.body(member);
+    let state = |(member, &row): (usize, &u32), words: &StateWords| {
+        let (body, row) = (members.body(member), row as usize);
         (body, frames[row].at(torques, body, end).body_state(words.combined(row)))
     };
     let states_of = |words: StateWords| rows.iter().enumerate().map(|member| state(member, &words)).collect();
@@ -64,7 +58,7 @@ pub(crate) fn states_at_end(
             }
             let states = states_of(session.read(0..members.len())?);
             let counts = session.counts()?;
-            return Ok(Alone { states, counts: rows.iter().map(|&row| counts[row]).collect() });
+            return Ok(Alone { states, counts: rows.iter().map(|&row| counts[row as usize]).collect() });
         }
         Treatment::RegularPrecession | Treatment::ClosedForm { .. } => return Ok(Alone::default()),
     };

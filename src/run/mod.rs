@@ -171,8 +171,8 @@ pub fn run_into(
     drop(units);
 
     let clock = Instant::now();
-    // Beside it, as a few bodies are not enough for all cores.
-    let (mut drift, gathered) = (Drift::default(), &end.drift);
+    // The drift's quantiles beside the shadow, whose few bodies are not enough for all cores.
+    let (mut drift, gathered) = (Drift::default(), std::mem::take(&mut end.drift));
     let recomputed = rayon::in_place_scope(|scope| {
         scope.spawn(|_| drift = gathered.finish());
         shadow::recomputed(plan, &sample, &mut |_| observer(Progress { done, total }))
@@ -306,7 +306,7 @@ impl AtEnd {
         let too_fast = |state: &BodyState| state.angular_velocity_body.length() > usable_rate;
         let compared = |(task, (initial, states)): (usize, (&[BodyState], &[OutputState]))| {
             let mut found = Self::default();
-            found.drift.reserve(states.len());
+            found.drift.begin_part(states.len());
             for (row, (initial, state)) in initial.iter().zip(states).enumerate() {
                 let (body, state) = (first_body + task * COMPARED + row, &state.rotation);
                 found.conserved(is_finite(state).then(|| Kept::of(scene, body, initial, state)));

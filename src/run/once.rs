@@ -76,7 +76,14 @@ impl Once<'_> {
         let mut block = FormedBlock::<T>::new();
         for first in rows.clone().step_by(FORMED_BODIES) {
             let count = FORMED_BODIES.min(rows.end - first);
-            block.form(self.ensemble, count, |place| self.members.body(first + place), self.set_up, time, self.width);
+            block.form(
+                self.ensemble,
+                count,
+                |place| self.members.body(first + place),
+                self.set_up,
+                (time, wants_start),
+                self.width,
+            );
             for place in 0..count {
                 write(first + place, block.state(place), wants_start.then(|| block.start(place)));
             }

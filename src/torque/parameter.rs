@@ -12,7 +12,7 @@ use crate::inertia::InertiaTensor;
 pub enum Parameter<V> {
     /// The same for all bodies.
     Shared(V),
-    /// One a body, shape `[body_count]`. Copies of the parameter share it.
+    /// One a body, shape `[body_count]`: made by `collect` or from a `Vec` or slice by `into`. Copies of the parameter share it.
     PerBody(Arc<[V]>),
 }
 
