@@ -4,7 +4,8 @@
 //! cargo bench --bench skipping
 //! ```
 //!
-//! Figures are medians of five runs (of one with `--no-skip`) on the CPU engine, with the estimated attitude error of the run beside them.
+//! Figures are medians of runs that the scenes that are compared take in turns (of one with `--no-skip`) on the CPU engine, with the
+//! estimated attitude error of a run beside them.
 
 use std::time::Instant;
 
@@ -13,7 +14,7 @@ use polhode::study::problem;
 use polhode::torque::Torque;
 use polhode::{Accuracy, Engine, Ensemble, Plan, Record, Result, Scene};
 
-const REPEATS: usize = 5;
+const REPEATS: usize = 15;
 /// Asked for everywhere, rad.
 const TARGET: f64 = 1e-6;
 
@@ -23,40 +24,40 @@ fn main() -> Result<()> {
     long_way()
 }
 
-/// A torque and its mixtures: how strong it is for which bodies.
-type Driven = fn(&dyn Fn(usize) -> f64) -> Vec<Torque>;
+/// A torque and its mixtures: on how many bodies, and how strong it is for which of them.
+type Driven = fn(usize, &dyn Fn(usize) -> f64) -> Vec<Torque>;
 
 /// 90 % free and 10 % driven bodies against driving all of them.
 fn mixture() -> Result<()> {
-    const BODIES: usize = 100_000;
-    let drag: Driven = |part| vec![Torque::linear_drag((0..BODIES).map(|body| 0.05 * part(body)).collect::<Vec<_>>())];
-    let sinusoid: Driven = |part| {
-        let column = |axis: DVec3| (0..BODIES).map(|body| axis * part(body)).collect::<Vec<_>>();
+    let drag: Driven =
+        |count, part| vec![Torque::linear_drag((0..count).map(|body| 0.05 * part(body)).collect::<Vec<_>>())];
+    let sinusoid: Driven = |count, part| {
+        let column = |axis: DVec3| (0..count).map(|body| axis * part(body)).collect::<Vec<_>>();
         vec![Torque::sinusoidal(column(DVec3::new(0.5, 0.3, -0.7)), column(DVec3::new(-0.2, 0.6, 0.4)), 1.5)]
     };
     // As in `problem::forced`.
-    let forced: Driven = |part| {
+    let forced: Driven = |count, part| {
         let (torque, drag) = (DVec3::new(0.5, 0.3, -0.7), |body: usize| 0.01 + 0.09 * (body % 100) as f64 / 100.0);
         vec![
-            Torque::constant_body((0..BODIES).map(|body| torque * part(body)).collect::<Vec<_>>()),
-            Torque::linear_drag((0..BODIES).map(|body| drag(body) * part(body)).collect::<Vec<_>>()),
+            Torque::constant_body((0..count).map(|body| torque * part(body)).collect::<Vec<_>>()),
+            Torque::linear_drag((0..count).map(|body| drag(body) * part(body)).collect::<Vec<_>>()),
         ]
     };
-    for (span, name, torques) in [
-        (60.0, "sinusoid", sinusoid),
-        (60.0, "constant torque and drag", forced),
-        (60.0, "drag alone", drag),
-        (600.0, "drag alone", drag),
+    for (count, span, name, torques) in [
+        (100_000, 60.0, "sinusoid", sinusoid),
+        (100_000, 60.0, "constant torque and drag", forced),
+        (100_000, 60.0, "drag alone", drag),
+        (100_000, 600.0, "drag alone", drag),
+        (1_000_000, 60.0, "drag alone", drag),
     ] {
         let scene = |every: usize| -> Result<Scene> {
-            let scene = Scene::new(problem::free(BODIES, 5)?).until(span).accuracy(Accuracy::attitude(TARGET));
+            let scene = Scene::new(problem::free(count, 5)?).until(span).accuracy(Accuracy::attitude(TARGET));
             let part = |body: usize| if body.is_multiple_of(every) { 1.0 } else { 0.0 };
-            Ok(torques(&part).into_iter().fold(scene, Scene::torque))
+            Ok(torques(count, &part).into_iter().fold(scene, Scene::torque))
         };
-        println!("{BODIES} bodies, {span} s, {TARGET:e} rad, {name}");
-        let all = report("all driven", &scene(1)?, REPEATS)?;
-        let tenth = report("90 % free, 10 % driven", &scene(10)?, REPEATS)?;
-        let stepped = report("the same, all stepped (--no-skip)", &scene(10)?.skipping(false), 1)?;
+        println!("{count} bodies, {span} s, {TARGET:e} rad, {name}");
+        let [all, tenth] = report([("all driven", &scene(1)?), ("90 % free, 10 % driven", &scene(10)?)], REPEATS)?;
+        let [stepped] = report([("the same, all stepped (--no-skip)", &scene(10)?.skipping(false))], 1)?;
         println!(
             "{:<34} {:.1} % of driving all (at most 20 %), {:.1} % of stepping all\n",
             "",
@@ -79,8 +80,8 @@ fn fast_spinner() -> Result<()> {
         Ok(Scene::new(ensemble).until(SPAN).accuracy(Accuracy::attitude(TARGET)).torque(Torque::linear_drag(1e-4)))
     };
     println!("{BODIES} driven bodies, {SPAN} s, {TARGET:e} rad");
-    let slow = report("slow bodies", &scene(1.0)?, REPEATS)?;
-    let one = report("one of them 500 times as fast", &scene(500.0)?, REPEATS)?;
+    let (slow, one) = (scene(1.0)?, scene(500.0)?);
+    let [slow, one] = report([("slow bodies", &slow), ("one of them 500 times as fast", &one)], REPEATS)?;
     println!("{:<34} {:.2} times the time without it (less than 2)\n", "", one / slow);
     Ok(())
 }
@@ -91,36 +92,45 @@ fn long_way() -> Result<()> {
     const SPAN: f64 = 60.0;
     let scene = Scene::new(problem::free(BODIES, 7)?).until(SPAN).accuracy(Accuracy::attitude(TARGET));
     println!("{BODIES} free bodies, {SPAN} s, {TARGET:e} rad");
-    let short = report("closed form", &scene, REPEATS)?;
-    let long = report("--no-skip", &scene.skipping(false), REPEATS)?;
+    let stepped = scene.clone().skipping(false);
+    let [short, long] = report([("closed form", &scene), ("--no-skip", &stepped)], REPEATS)?;
     println!("{:<34} {:.0} times as fast", "", long / short);
     Ok(())
 }
 
-/// The median wall time of some runs, s.
-fn report(name: &str, scene: &Scene, repeats: usize) -> Result<f64> {
+/// The median wall times of some runs of each scene, s.
+fn report<const SCENES: usize>(scenes: [(&str, &Scene); SCENES], repeats: usize) -> Result<[f64; SCENES]> {
     let engine = Engine::cpu();
-    let run = || -> Result<(f64, f64, Record)> {
+    let run = |scene: &Scene| -> Result<(f64, f64, Record)> {
         let clock = Instant::now();
         let plan = Plan::new(scene, &engine)?;
         let planned = clock.elapsed().as_secs_f64();
         let record = engine.run(&plan)?;
         Ok((clock.elapsed().as_secs_f64(), planned, record))
     };
-    let mut runs = (0..repeats).map(|_| run()).collect::<Result<Vec<_>>>()?;
-    runs.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let (seconds, planned, record) = &runs[repeats / 2];
-    let trust = record.trust();
-    println!(
-        "{name:<34} {seconds:.3} s ({planned:.3} planning, {:.3} preparing, {:.3} starting, {:.3} computing, {:.3} reading, \
-         {:.3} checking), {:.2e} body-steps, {}",
-        trust.wall_time.prepare,
-        trust.wall_time.start,
-        trust.wall_time.compute,
-        trust.wall_time.read + trust.wall_time.write,
-        trust.wall_time.shadow,
-        trust.body_steps as f64,
-        trust.shadow
-    );
-    Ok(*seconds)
+    let mut runs: [Vec<_>; SCENES] = std::array::from_fn(|_| Vec::new());
+    for _ in 0..repeats {
+        for (runs, (_, scene)) in runs.iter_mut().zip(scenes) {
+            runs.push(run(scene)?);
+        }
+    }
+    let mut medians = [f64::NAN; SCENES];
+    for ((median, runs), (name, _)) in medians.iter_mut().zip(&mut runs).zip(scenes) {
+        runs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (seconds, planned, record) = &runs[repeats / 2];
+        let trust = record.trust();
+        println!(
+            "{name:<34} {seconds:.3} s ({planned:.3} planning, {:.3} preparing, {:.3} starting, {:.3} computing, {:.3} reading, \
+             {:.3} checking), {:.2e} body-steps, {}",
+            trust.wall_time.prepare,
+            trust.wall_time.start,
+            trust.wall_time.compute,
+            trust.wall_time.read + trust.wall_time.write,
+            trust.wall_time.shadow,
+            trust.body_steps as f64,
+            trust.shadow
+        );
+        *median = *seconds;
+    }
+    Ok(medians)
 }
