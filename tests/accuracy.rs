@@ -228,3 +228,13 @@ fn energy_and_angular_velocity_are_targets_too() {
     let achieved = percentile(errors, 0.99);
     assert!(achieved <= 1e-9 && found.trust().shadow.met == Some(true), "{achieved:e}, {:?}", found.trust().shadow);
 }
+
+#[test]
+fn percentiles_of_every_size_are_planned_for() {
+    let engine = Engine::cpu();
+    for wanted in [1e-3, 0.1, 1.0, 5.0, 50.0, 99.9] {
+        let scene = forced(SEEDS[2]).accuracy(Accuracy { percentile: wanted, ..Accuracy::attitude(1e-4) });
+        let record = engine.run(&Plan::new(&scene, &engine).expect("a plan")).expect("a run");
+        assert_eq!(record.trust().shadow.met, Some(true), "{wanted} %: {:?}", record.trust().shadow);
+    }
+}

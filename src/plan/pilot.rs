@@ -308,7 +308,8 @@ impl<'a> Pilot<'a> {
     fn scouts(&self) -> Self {
         let mut sorted = self.bodies.clone();
         sorted.sort_by(|a, b| b.1.rate.total_cmp(&a.1.rate).then(a.0.cmp(&b.0)));
-        let counted = upper_rank(sorted.len(), 0.01 * self.accuracy.percentile);
+        // Of a low percentile the slowest few count all the same.
+        let counted = upper_rank(sorted.len(), 0.01 * self.accuracy.percentile).max(SCOUTS / PLACES);
         let left_out = sorted.len() - counted;
         let neighbours = |place: usize| {
             let first = left_out + place * (counted - SCOUTS / PLACES) / (PLACES - 1);
