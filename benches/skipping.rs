@@ -10,9 +10,10 @@
 use std::time::Instant;
 
 use glam::DVec3;
+use polhode::record::Trust;
 use polhode::study::problem;
 use polhode::torque::Torque;
-use polhode::{Accuracy, Engine, Ensemble, Plan, Record, Result, Scene};
+use polhode::{Accuracy, Engine, Ensemble, Plan, Result, Scene};
 
 const REPEATS: usize = 15;
 /// Asked for everywhere, rad.
@@ -101,12 +102,12 @@ fn long_way() -> Result<()> {
 /// The median wall times of some runs of each scene, s.
 fn report<const SCENES: usize>(scenes: [(&str, &Scene); SCENES], repeats: usize) -> Result<[f64; SCENES]> {
     let engine = Engine::cpu();
-    let run = |scene: &Scene| -> Result<(f64, f64, Record)> {
+    let run = |scene: &Scene| -> Result<(f64, f64, Trust)> {
         let clock = Instant::now();
         let plan = Plan::new(scene, &engine)?;
         let planned = clock.elapsed().as_secs_f64();
         let record = engine.run(&plan)?;
-        Ok((clock.elapsed().as_secs_f64(), planned, record))
+        Ok((clock.elapsed().as_secs_f64(), planned, record.trust().clone()))
     };
     let mut runs: [Vec<_>; SCENES] = std::array::from_fn(|_| Vec::new());
     for _ in 0..repeats {
@@ -117,8 +118,7 @@ fn report<const SCENES: usize>(scenes: [(&str, &Scene); SCENES], repeats: usize)
     let mut medians = [f64::NAN; SCENES];
     for ((median, runs), (name, _)) in medians.iter_mut().zip(&mut runs).zip(scenes) {
         runs.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let (seconds, planned, record) = &runs[repeats / 2];
-        let trust = record.trust();
+        let (seconds, planned, trust) = &runs[repeats / 2];
         println!(
             "{name:<34} {seconds:.3} s ({planned:.3} planning, {:.3} preparing, {:.3} starting, {:.3} computing, {:.3} reading, \
              {:.3} checking), {:.2e} body-steps, {}",

@@ -28,18 +28,18 @@ impl<R: Real<Scalar = f64>> UserAxes<R> {
     #[inline(always)]
     pub fn new<'f>(frame: impl Fn(usize) -> &'f BodyFrame) -> Self {
         let half = R::splat(0.5);
-        let linear = numbers::<R>(|lane| if frame(lane).is_linear_rotor { 1.0 } else { 0.0 });
+        let linear = R::from_lanes(|lane| if frame(lane).is_linear_rotor { 1.0 } else { 0.0 });
         Self {
             moments: Vector::new(
-                numbers(|lane| frame(lane).scaled_moments.x),
-                numbers(|lane| frame(lane).scaled_moments.y),
-                numbers(|lane| frame(lane).scaled_moments.z),
+                R::from_lanes(|lane| frame(lane).scaled_moments.x),
+                R::from_lanes(|lane| frame(lane).scaled_moments.y),
+                R::from_lanes(|lane| frame(lane).scaled_moments.z),
             ),
             principal_to_body: Quaternion::new(
-                numbers(|lane| frame(lane).principal_to_body.x),
-                numbers(|lane| frame(lane).principal_to_body.y),
-                numbers(|lane| frame(lane).principal_to_body.z),
-                numbers(|lane| frame(lane).principal_to_body.w),
+                R::from_lanes(|lane| frame(lane).principal_to_body.x),
+                R::from_lanes(|lane| frame(lane).principal_to_body.y),
+                R::from_lanes(|lane| frame(lane).principal_to_body.z),
+                R::from_lanes(|lane| frame(lane).principal_to_body.w),
             ),
             is_linear_rotor: half.less_than(linear),
             angular_velocity: powers(|lane| frame(lane).rate_exponent),
@@ -83,15 +83,13 @@ pub(crate) fn of_components(component: impl Fn(usize) -> f64) -> BodyState {
     }
 }
 
-#[inline(always)]
-fn numbers<R: Real<Scalar = f64>>(number: impl Fn(usize) -> f64) -> R {
-    R::from_lanes(number)
-}
-
 /// 2^n as two factors.
 #[inline(always)]
 fn powers<R: Real<Scalar = f64>>(exponent: impl Fn(usize) -> i32) -> [R; 2] {
-    [numbers(|lane| power_of_two_factors(exponent(lane))[0]), numbers(|lane| power_of_two_factors(exponent(lane))[1])]
+    [
+        R::from_lanes(|lane| power_of_two_factors(exponent(lane))[0]),
+        R::from_lanes(|lane| power_of_two_factors(exponent(lane))[1]),
+    ]
 }
 
 #[inline(always)]
