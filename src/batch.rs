@@ -36,6 +36,7 @@ pub(crate) use user_axes::{USER_COMPONENTS, UserAxes, of_components};
 
 /// The arithmetic that a batch is integrated in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "study", derive(serde::Serialize), serde(rename_all = "lowercase"))]
 pub enum Precision {
     /// 32-bit floating point, states and parameters carried in two words.
     F32,

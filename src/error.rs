@@ -137,7 +137,7 @@ pub enum Error {
     /// A plan was made for another scene.
     #[cfg(feature = "study")]
     #[error(
-        "{}: {field} is {planned} in the plan, {found} in the study: run the study that it was made for, or run without --plan",
+        "{}: {field} is {planned} in the plan, {found} in the study: {remedy}",
         path.display()
     )]
     PlanMismatch {
@@ -146,9 +146,11 @@ pub enum Error {
         /// What differs.
         field: &'static str,
         /// What the plan holds.
-        planned: String,
+        planned: Box<str>,
         /// What the study has.
-        found: String,
+        found: Box<str>,
+        /// What would do.
+        remedy: &'static str,
     },
     /// A file is no plan of this release.
     #[cfg(feature = "study")]
@@ -191,15 +193,18 @@ pub enum Error {
     },
     /// No method, step and precision that the engine has meets the accuracy asked for.
     #[error(
-        "accuracy: {target:e} rad is asked for, the best here is about {reached:.1e} rad ({method}, {precision}): {remedy}"
+        "out of reach: {target}: the best here ({method} in {precision}) misses the {} by a factor of {}: {remedy}",
+        missed.name(), rough(*factor)
     )]
     AccuracyOutOfReach {
-        /// The least of the errors asked for.
-        target: f64,
-        /// The error of the best candidate in its pilot, as the same multiple of `target` as of the error that fails.
-        reached: f64,
-        /// That candidate.
-        method: crate::method::Method,
+        /// What is asked for.
+        target: Box<crate::scene::Accuracy>,
+        /// Of what the error is missed most.
+        missed: crate::scene::Target,
+        /// What the best candidate came to there, as a multiple of what is asked for; above 1.
+        factor: f64,
+        /// The name of that candidate.
+        method: &'static str,
         /// Its arithmetic.
         precision: crate::batch::Precision,
         /// What would reach it.
@@ -357,6 +362,15 @@ fn file_reason(kind: std::io::ErrorKind, reason: &str) -> String {
     match kind {
         std::io::ErrorKind::StorageFull => format!("{reason}; free some space, or write fewer snapshots"),
         _ => reason.to_owned(),
+    }
+}
+
+/// Some digits of a factor above 1.
+fn rough(factor: f64) -> String {
+    match factor {
+        ..1.1 => format!("{:.3}", factor.max(1.001)),
+        ..100.0 => format!("{factor:.1}"),
+        _ => format!("{factor:.1e}"),
     }
 }
 

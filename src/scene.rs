@@ -1,5 +1,7 @@
 //! What is to be simulated: an ensemble, a span, output times and how accurately.
 
+use std::fmt;
+
 use glam::DVec3;
 
 use crate::batch::Precision;
@@ -78,10 +80,79 @@ impl Accuracy {
         Self { attitude: Some(angle), angular_velocity: None, energy: None, percentile: 99.0 }
     }
 
+    /// What is asked for of one thing; without limit where nothing is.
+    pub(crate) fn of(&self, target: Target) -> f64 {
+        self.targets().into_iter().find(|(of, _)| *of == target).and_then(|(_, wanted)| wanted).unwrap_or(f64::INFINITY)
+    }
+
+    /// The errors asked for, one by one.
+    pub fn targets(&self) -> [(Target, Option<f64>); 3] {
+        [
+            (Target::Attitude, self.attitude),
+            (Target::AngularVelocity, self.angular_velocity),
+            (Target::Energy, self.energy),
+        ]
+    }
+
     /// The least of the errors asked for: an attitude error of that size comes with relative errors of about that
     /// size. π where none is asked for.
     pub(crate) fn strictest(&self) -> f64 {
-        [self.attitude, self.angular_velocity, self.energy].into_iter().flatten().fold(std::f64::consts::PI, f64::min)
+        self.strictest_target().1
+    }
+
+    /// The same, and of what it is.
+    pub(crate) fn strictest_target(&self) -> (Target, f64) {
+        let wanted = self.targets().into_iter().filter_map(|(target, wanted)| Some((target, wanted?)));
+        wanted.fold((Target::Attitude, std::f64::consts::PI), |least, next| if next.1 < least.1 { next } else { least })
+    }
+}
+
+/// A number as people write it; all its digits.
+fn plain(number: f64) -> String {
+    if (1e-3..1e4).contains(&number) { number.to_string() } else { format!("{number:e}") }
+}
+
+impl fmt::Display for Accuracy {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (target, wanted) in self.targets() {
+            if let Some(wanted) = wanted {
+                write!(formatter, "{} {} {}, ", target.name(), plain(wanted), target.unit())?;
+            }
+        }
+        write!(formatter, "in {} % of the bodies", plain(self.percentile))
+    }
+}
+
+/// Of what an error may be asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+pub enum Target {
+    /// The attitude.
+    #[default]
+    Attitude,
+    /// The angular velocity in body axes.
+    AngularVelocity,
+    /// The rotational kinetic energy.
+    Energy,
+}
+
+impl Target {
+    /// The name in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Target::Attitude => "attitude",
+            Target::AngularVelocity => "angular velocity",
+            Target::Energy => "energy",
+        }
+    }
+
+    /// In what its error is given.
+    fn unit(self) -> &'static str {
+        match self {
+            Target::Attitude => "rad",
+            Target::AngularVelocity => "of its magnitude",
+            Target::Energy => "of its value",
+        }
     }
 }
 
@@ -108,6 +179,22 @@ pub enum Stepping {
         /// The arithmetic; `None` takes `f64` where the engine has it.
         precision: Option<Precision>,
     },
+}
+
+impl fmt::Display for Stepping {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Stepping::Accuracy(accuracy) => accuracy.fmt(formatter),
+            Stepping::Pinned { method, dt, projected, .. } => {
+                let projected = if *projected { ", projected" } else { "" };
+                write!(formatter, "{method}, dt = {dt:?} s{projected}")
+            }
+            Stepping::Adaptive { steps, .. } => {
+                write!(formatter, "adaptive, tolerance {:?}", steps.tolerance)?;
+                steps.least_step.map_or(Ok(()), |step| write!(formatter, ", least step {step:?} s"))
+            }
+        }
+    }
 }
 
 impl Scene {

@@ -251,6 +251,23 @@ fn an_interrupt_ends_the_run_and_leaves_nothing() {
     // Work for hours.
     let long = SMALL.replace("count = 10", "count = 100_000").replace("end = 4.0", "end = 1e6");
     let desk = Desk::new(&long);
+    // The first snapshots are being written when the temporary file is there.
+    interrupt(&desk, || desk.path("study.out").read_dir().is_ok_and(|entries| entries.count() > 0));
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_ends_planning_and_leaves_nothing() {
+    // Bodies that a pilot would follow for years.
+    let (start, _) = SMALL.split_once("outputs").expect("outputs");
+    let drag = "[[torque]]\nmodel = \"linear-drag\"\ncoefficient = 1e-9\n";
+    let desk = Desk::new(&format!("{}{drag}", start.replace("sigma = 1 ", "sigma = 1e12 ")));
+    interrupt(&desk, || desk.path("study.out").is_dir());
+}
+
+/// Interrupts a run a moment after it has `begun`; it must end at once and leave nothing but the study.
+#[cfg(unix)]
+fn interrupt(desk: &Desk, begun: impl Fn() -> bool) {
     let run = Command::new(cargo_bin!("polhode"))
         .current_dir(desk.folder())
         .args(["run", "study.toml", "--engine", "cpu"])
@@ -258,8 +275,6 @@ fn an_interrupt_ends_the_run_and_leaves_nothing() {
         .stderr(std::process::Stdio::piped())
         .spawn()
         .expect("the command starts");
-    // The first snapshots are being written when the temporary file is there.
-    let begun = || desk.path("study.out").read_dir().is_ok_and(|entries| entries.count() > 0);
     for _ in 0..600 {
         if begun() {
             break;

@@ -8,6 +8,7 @@ use glam::{DQuat, DVec3};
 use polhode::Ensemble;
 use polhode::batch::{BodyFrame, BodyState, STATE_COMPONENTS};
 use polhode::free_motion::{FreeMotion, FreeMotionRows};
+use polhode::plan::CLOSED_FORM_F32;
 use polhode::real::Scalar;
 use support::golden::Case;
 use support::{attitude_error, golden, relative_error};
@@ -18,9 +19,9 @@ const BOUND_F64: f64 = 2e-14;
 const FAR_F64: f64 = 1e-13;
 /// `f32`: constants of the row, two angles and some thirty operations, each rounded to 6e-8, magnified by 2 from
 /// quaternion to angle.
-const BOUND_F32: f64 = 1e-6;
+const BOUND_F32: f64 = CLOSED_FORM_F32;
 /// `f32` at distant times.
-const FAR_F32: f64 = 2e-6;
+const FAR_F32: f64 = CLOSED_FORM_F32;
 
 /// The time as a row's own scale sees the inputs: what rounding them to `f64` alone does to the state.
 ///

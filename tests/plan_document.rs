@@ -67,7 +67,10 @@ fn a_plan_for_another_scene_is_refused_and_says_what_differs() {
         (fewer, "the number of bodies is 300 in the plan, 7 in the study"),
         (scene(1).until(2.5), "the span is 2.0 s in the plan, 2.5 s in the study"),
         (scene(1).outputs(polhode::Outputs::Every(1.0)), "the number of output times is 1 in the plan, 2"),
-        (scene(1).accuracy(Accuracy::attitude(1e-7)), "the accuracy is attitude 1e-6, percentile 99.0 in the plan"),
+        (
+            scene(1).accuracy(Accuracy::attitude(1e-7)),
+            "the accuracy is attitude 1e-6 rad, in 99 % of the bodies in the plan",
+        ),
         (scene(1).precision(Some(Precision::F64)), "the precision is auto in the plan, f64"),
         (scene(1).torque(Torque::linear_drag(0.0)), "the list of torques is linear-drag, constant-world in the plan"),
         (scene(1).skipping(false), "skipping is allowed in the plan, forbidden (--no-skip)"),
@@ -86,7 +89,7 @@ fn a_file_that_is_no_plan_is_refused_with_its_line() {
     let scene = scene(1);
     let text = Plan::new(&scene, &engine).expect("a plan").to_json();
     for (from, to, expected) in [
-        ("\"format\": 1", "\"format\": 7", "p.json:1: its format is 7, this release reads 1"),
+        ("\"format\": 2", "\"format\": 7", "p.json:1: its format is 7, this release reads 2"),
         ("\"resolution\"", "\"solution\"", "missing field `resolution`"),
         ("\"method\": \"", "\"method\": \"x", "is not known"),
         ("{\n  \"format\"", "{\n  format", "p.json:2: key must be a string"),

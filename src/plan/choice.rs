@@ -119,10 +119,17 @@ pub fn floor_f32(angle: f64) -> f64 {
 }
 
 /// The greatest attitude error, rad, of the closed form in `f32` (`tests/golden_free_motion.rs`), at any time.
-pub const CLOSED_FORM_F32: f64 = 1e-6;
+pub const CLOSED_FORM_F32: f64 = 9e-7;
+/// The same in `f64`.
+pub(super) const CLOSED_FORM_F64: f64 = 1e-14;
 
 /// The part of an error asked for that a simpler class may take up.
 pub const SKIP_SHARE: f64 = 1.0 / 16.0;
+
+/// The least error that can be asked for where a closed form errs by `evaluated`, as a class may take up a part of it.
+pub(super) fn least_target(evaluated: f64) -> f64 {
+    evaluated / (1.0 - SKIP_SHARE)
+}
 
 /// The tolerance of the classes.
 pub fn skip_tolerance(accuracy: &Accuracy) -> Bound {

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::explain::{ClassRow, SkipRow};
-use super::marks::SceneMarks;
+use super::marks::{Difference, SceneMarks};
 use super::pilot::Found;
 use super::resolution::{Resolution, Stepped};
 use super::{Bound, Plan, Rule, Scheme, TorqueSet};
@@ -18,10 +18,10 @@ use crate::engine::adaptive::AdaptiveSteps;
 use crate::error::{Error, FileAction, Result};
 use crate::method::Method;
 use crate::record::Spread;
-use crate::scene::Scene;
+use crate::scene::{Scene, Target};
 
 /// The version of the file's layout.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 
 /// A plan as it stands in `plan.json`.
 #[derive(Clone, Debug)]
@@ -84,6 +84,8 @@ struct SteppedEntry {
     attitude: f64,
     precision: Option<String>,
     part: f64,
+    worst: Target,
+    pilot_attitude: f64,
     pilot_bodies: usize,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pilot_steps: Option<Spread>,
@@ -158,7 +160,14 @@ impl SteppedEntry {
             attitude: self.attitude,
             precision: self.precision.as_deref().map(precision_named).transpose()?,
         };
-        let found = Found { rule, part: self.part, bodies: self.pilot_bodies, steps: self.pilot_steps };
+        let found = Found {
+            rule,
+            part: self.part,
+            worst: self.worst,
+            attitude: self.pilot_attitude,
+            bodies: self.pilot_bodies,
+            steps: self.pilot_steps,
+        };
         Ok(Stepped { torques: TorqueSet::of_indices(&self.torques), found })
     }
 }
@@ -199,6 +208,8 @@ impl<'a> Plan<'a> {
                         attitude: found.rule.attitude,
                         precision: found.rule.precision.as_ref().map(name),
                         part: found.part,
+                        worst: found.worst,
+                        pilot_attitude: found.attitude,
                         pilot_bodies: found.bodies,
                         pilot_steps: found.steps,
                     })
@@ -229,8 +240,9 @@ impl<'a> Plan<'a> {
     pub fn repeated(scene: &'a Scene, engine: &dyn Backend, document: &PlanDocument) -> Result<Self> {
         let times = Self::checked(scene)?;
         let marks = SceneMarks::of(scene, times.len());
-        if let Some((field, planned, found)) = document.file.scene.first_difference(&marks) {
-            return Err(Error::PlanMismatch { path: document.path.clone(), field, planned, found });
+        if let Some(Difference { field, planned, found, remedy }) = document.file.scene.first_difference(&marks) {
+            let (path, planned, found) = (document.path.clone(), planned.into(), found.into());
+            return Err(Error::PlanMismatch { path, field, planned, found, remedy });
         }
         let unknown = |reason| Error::PlanFormat { path: document.path.clone(), line: 1, reason };
         let resolution = document.resolution().map_err(unknown)?;

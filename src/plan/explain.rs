@@ -3,14 +3,16 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
+use super::choice::CLOSED_FORM_F64;
 use super::class::Bound;
 use super::cost::evaluation_seconds;
 use super::group::{Group, Treatment};
+use super::parts::name_of;
 use super::{CLOSED_FORM_F32, Found, Plan, Resolution, Scheme, Shape, TorqueSet};
 use crate::batch::{BodyFrame, Precision, bytes_per_body_under};
 use crate::engine::EngineKind;
 use crate::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
-use crate::record::{ADAPTIVE, CLOSED_FORM, Spread};
+use crate::record::Spread;
 use crate::regular_precession::RegularPrecession;
 
 /// What a plan does and leaves out.
@@ -25,6 +27,8 @@ pub struct Explanation {
     pub span: f64,
     /// Number of output times.
     pub outputs: usize,
+    /// What was asked for: errors, or a method and its steps.
+    pub asked: String,
     /// One row for each class that is treated in one way.
     pub classes: Vec<ClassRow>,
     /// What is left out.
@@ -91,9 +95,6 @@ pub struct SkipRow {
     pub bytes: u64,
 }
 
-/// What a table calls a regular precession, where it otherwise names a method.
-const ROTATION: &str = "rotation";
-
 /// Rows of the table: shape, torques, whether it translates, method, and whether in `f64`.
 type RowKey = (Shape, TorqueSet, bool, &'static str, bool);
 
@@ -112,6 +113,7 @@ impl Plan<'_> {
             bodies: self.scene().ensemble().len(),
             span: self.scene().end(),
             outputs: self.times().len(),
+            asked: self.scene().stepping().to_string(),
             classes: rows.into_iter().map(|(key, groups)| self.class_row(key, &groups)).collect(),
             skips: self.skips().iter().map(skip_row).collect(),
         }
@@ -174,13 +176,14 @@ impl Plan<'_> {
         let mut greatest: (f64, usize) = (0.0, 0);
         for group in groups {
             let (error, bodies) = match group.treatment {
-                Treatment::RegularPrecession => (group.bound.attitude.max(ROUNDING_F64), 0),
+                Treatment::RegularPrecession => (group.bound.attitude.max(CLOSED_FORM_F64), 0),
                 Treatment::ClosedForm { precision, .. } => {
-                    let evaluated = if precision == Precision::F32 { CLOSED_FORM_F32 } else { ROUNDING_F64 };
+                    let evaluated = if precision == Precision::F32 { CLOSED_FORM_F32 } else { CLOSED_FORM_F64 };
                     (evaluated + group.bound.attitude, 0)
                 }
+                Treatment::Stepped { .. } | Treatment::Adaptive { .. } if self.scene().end() == 0.0 => (0.0, 0),
                 Treatment::Stepped { .. } | Treatment::Adaptive { .. } => {
-                    self.found(group).map_or((f64::NAN, 0), |found| (found.part * found.rule.attitude, found.bodies))
+                    self.found(group).map_or((f64::NAN, 0), |found| (found.attitude, found.bodies))
                 }
             };
             if error >= greatest.0 {
@@ -231,18 +234,6 @@ impl Plan<'_> {
             }
         };
         (of_body as u64).saturating_mul(group.members.len() as u64)
-    }
-}
-
-/// The attitude error, rad, of what is evaluated in `f64` at any time (`tests/golden_free_motion.rs`).
-const ROUNDING_F64: f64 = 1e-14;
-
-fn name_of(treatment: &Treatment) -> (&'static str, Precision) {
-    match *treatment {
-        Treatment::RegularPrecession => (ROTATION, Precision::F64),
-        Treatment::ClosedForm { precision, .. } => (CLOSED_FORM, precision),
-        Treatment::Stepped { method, precision, .. } => (method.name(), precision),
-        Treatment::Adaptive { precision, .. } => (ADAPTIVE, precision),
     }
 }
 
@@ -306,13 +297,14 @@ impl fmt::Display for Explanation {
         let of = |count: usize, one: &'static str, more: &'static str| if count == 1 { one } else { more };
         writeln!(
             formatter,
-            "{} {}, {} s, {} output {}, on {}",
+            "{} {}, {} s, {} output {}, on {}\nasked for: {}",
             self.bodies,
             of(self.bodies, "body", "bodies"),
             self.span,
             self.outputs,
             of(self.outputs, "time", "times"),
-            self.engine
+            self.engine,
+            self.asked
         )?;
         writeln!(
             formatter,
@@ -322,6 +314,12 @@ impl fmt::Display for Explanation {
         )?;
         for row in &self.classes {
             writeln!(formatter, "{row}")?;
+        }
+        if self.classes.iter().any(|row| row.steps.max > 0 && row.error.is_some() && row.pilot_bodies == 0) {
+            writeln!(
+                formatter,
+                "no pilot: steps and errors of what is stepped are a table's guess, which nothing was tried for"
+            )?;
         }
         writeln!(
             formatter,

@@ -6,7 +6,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::run::shadow::mixed;
-use crate::scene::{Scene, Stepping};
+use crate::scene::Scene;
 
 /// What a plan remembers of its scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -25,31 +25,11 @@ pub(super) struct SceneMarks {
 
 impl SceneMarks {
     pub fn of(scene: &Scene, outputs: usize) -> Self {
-        let accuracy = match scene.stepping() {
-            Stepping::Pinned { method, dt, projected, .. } => {
-                let projected = if projected { ", projected" } else { "" };
-                format!("{method}, dt = {dt:?} s{projected}")
-            }
-            Stepping::Adaptive { steps, .. } => {
-                let least = steps.least_step.map_or(String::new(), |step| format!(", least step {step:?} s"));
-                format!("adaptive, tolerance {:?}{least}", steps.tolerance)
-            }
-            Stepping::Accuracy(accuracy) => {
-                let target = |name: &str, value: Option<f64>| value.map(|value| format!("{name} {value:?}"));
-                let targets = [
-                    target("attitude", accuracy.attitude),
-                    target("angular_velocity", accuracy.angular_velocity),
-                    target("energy", accuracy.energy),
-                    target("percentile", Some(accuracy.percentile)),
-                ];
-                targets.into_iter().flatten().collect::<Vec<_>>().join(", ")
-            }
-        };
         Self {
             bodies: scene.ensemble().len(),
             span: scene.end(),
             outputs,
-            accuracy,
+            accuracy: scene.stepping().to_string(),
             precision: scene.wanted_precision().map_or("auto", |precision| precision.name()).to_owned(),
             torques: scene.torques().iter().map(|torque| torque.name().to_owned()).collect(),
             forces: scene.forces().iter().map(|force| force.name().to_owned()).collect(),
@@ -58,8 +38,8 @@ impl SceneMarks {
         }
     }
 
-    /// The first thing in which two scenes differ: its name, here, there.
-    pub fn first_difference(&self, other: &Self) -> Option<(&'static str, String, String)> {
+    /// The first thing in which two scenes differ.
+    pub fn first_difference(&self, other: &Self) -> Option<Difference> {
         let list = |names: &[String]| if names.is_empty() { "none".to_owned() } else { names.join(", ") };
         let skipping = |may: bool| if may { "allowed" } else { "forbidden (--no-skip)" }.to_owned();
         let fields = [
@@ -70,12 +50,28 @@ impl SceneMarks {
             ("the precision", self.precision.clone(), other.precision.clone()),
             ("the list of torques", list(&self.torques), list(&other.torques)),
             ("the list of forces", list(&self.forces), list(&other.forces)),
-            ("skipping", skipping(self.skipping), skipping(other.skipping)),
+            (SKIPPING, skipping(self.skipping), skipping(other.skipping)),
             ("the fingerprint of bodies and parameters", self.fingerprint.clone(), other.fingerprint.clone()),
         ];
-        fields.into_iter().find(|(_, here, there)| here != there)
+        let (field, planned, found) = fields.into_iter().find(|(_, here, there)| here != there)?;
+        let remedy = match (field == SKIPPING, self.skipping) {
+            (false, _) => "run the study that it was made for, or run without --plan",
+            (true, false) => "repeat it with --no-skip, or run without --plan",
+            (true, true) => "repeat it without --no-skip, or run without --plan",
+        };
+        Some(Difference { field, planned, found, remedy })
     }
 }
+
+/// In what a scene is not the one that a plan was made for.
+pub(super) struct Difference {
+    pub field: &'static str,
+    pub planned: String,
+    pub found: String,
+    pub remedy: &'static str,
+}
+
+const SKIPPING: &str = "skipping";
 
 /// Folds words into a number whose bits depend on all of them and their order.
 struct Folded(u64);

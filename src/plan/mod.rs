@@ -28,6 +28,7 @@ mod glance;
 pub mod group;
 #[cfg(feature = "study")]
 mod marks;
+mod parts;
 mod pilot;
 mod reference;
 mod resolution;
@@ -44,13 +45,15 @@ pub use document::PlanDocument;
 pub use driven::TorqueSet;
 pub use explain::Explanation;
 pub use group::{Group, Members, Treatment};
+pub use parts::Part;
+pub(crate) use parts::listed;
 pub use pilot::Found;
 pub use resolution::{Resolution, Stepped};
 pub use skip::{Skip, SkipName};
 pub use times::{Interval, MOST_OUTPUTS};
 
-use times::output_times;
 pub(crate) use times::steps_over;
+use times::{longest_over, output_times};
 
 /// A scene resolved for an engine: which bodies are treated how, and the output times.
 #[derive(Clone, Debug)]
@@ -73,8 +76,9 @@ impl<'a> Plan<'a> {
     /// Where method and step are pinned, every body is stepped that way; only bodies at rest without torque are not.
     /// Where an error is asked for, torque-free bodies are not stepped, and for each set of torques that act on a body a
     /// [`pilot`](Scene::without_pilot) on a few of the bodies finds method and steps: equal ones that follow each body's own
-    /// rate, or, where that is cheaper, `rk8` in steps that each body chooses ([`Scheme`]). `f32` is taken for bodies for which its own floor, 1e-6 rad and 3e-8 of the angle turned, is below the error
-    /// asked for, and `f64` for the others.
+    /// rate, or, where that is cheaper, `rk8` in steps that each body chooses ([`Scheme`]). Stepped bodies are in `f32` where
+    /// its own floor, 1e-6 rad and 3e-8 of the angle turned, is below the error asked for, the closed form where 9.6e-7 rad
+    /// are ([`CLOSED_FORM_F32`] with [`SKIP_SHARE`]); the others are in `f64`.
     ///
     /// # Errors
     ///
@@ -275,7 +279,7 @@ fn main_treatment(groups: &[Group], scene: &Scene, engine: &dyn Backend) -> (Met
     for group in groups {
         let (method, precision, longest_step) = match group.treatment {
             Treatment::Stepped { method, precision, longest_step, .. } => (method, precision, longest_step),
-            Treatment::Adaptive { precision, .. } => (Method::Rk8, precision, scene.end().max(f64::MIN_POSITIVE)),
+            Treatment::Adaptive { precision, .. } => (Method::Rk8, precision, longest_over(scene.end())),
             Treatment::RegularPrecession | Treatment::ClosedForm { .. } => continue,
         };
         longest = longest.max(longest_step);
@@ -293,8 +297,8 @@ fn main_treatment(groups: &[Group], scene: &Scene, engine: &dyn Backend) -> (Met
             let precision = closed_form.or(scene.wanted_precision()).unwrap_or(widest(engine));
             match scene.stepping() {
                 Stepping::Pinned { method, dt, .. } => (method, precision, dt),
-                Stepping::Adaptive { .. } => (Method::Rk8, precision, scene.end().max(f64::MIN_POSITIVE)),
-                Stepping::Accuracy(_) => (Method::Rk4, precision, scene.end().max(f64::MIN_POSITIVE)),
+                Stepping::Adaptive { .. } => (Method::Rk8, precision, longest_over(scene.end())),
+                Stepping::Accuracy(_) => (Method::Rk4, precision, longest_over(scene.end())),
             }
         }
     }

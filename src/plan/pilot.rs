@@ -18,15 +18,14 @@ use crate::batch::Precision;
 use crate::error::Result;
 use crate::force::Force;
 use crate::record::Spread;
-use crate::run::confidence::upper_rank;
-use crate::run::shadow::sample;
-use crate::scene::{Accuracy, Scene};
+use crate::run::confidence::{least_sample, upper_rank};
+use crate::run::shadow::{Standing, sample};
+use crate::scene::{Accuracy, Scene, Target};
 use crate::torque::Torque;
 
-/// The most bodies of a class in its pilot.
+/// The most bodies of a class in its pilot, where the percentile asked for needs no more ([`least_sample`]).
 const MOST_BODIES: usize = 1000;
-/// The least, as far as there are so many: the greatest error of 299 bodies bounds the 99th percentile of all with a
-/// probability of 95 %.
+/// The least, as far as there are so many: about what the 99th percentile needs.
 const LEAST_BODIES: usize = 300;
 /// At most every so many-th body, so that the pilot stays small beside the run.
 const ONE_IN: usize = 32;
@@ -65,8 +64,12 @@ const NEGLIGIBLE: f64 = 0.02;
 pub struct Found {
     /// How the class is stepped.
     pub rule: Rule,
-    /// The sample's error as a part of the target, at the percentile asked for.
+    /// The sample's error as a part of the target, at the percentile asked for; the greatest, where there are several targets.
     pub part: f64,
+    /// Of what that error is.
+    pub worst: Target,
+    /// The sample's attitude error, rad, at that percentile.
+    pub attitude: f64,
     /// Bodies behind it.
     pub bodies: usize,
     /// Their steps, with those that were tried again, where they chose them.
@@ -90,18 +93,18 @@ pub(super) struct Pilot<'a> {
 }
 
 /// Bodies in the pilot of a class.
-pub(super) fn pilot_size(class: usize) -> usize {
-    (class / ONE_IN).clamp(LEAST_BODIES, MOST_BODIES).min(class)
+pub(super) fn pilot_size(class: usize, accuracy: &Accuracy) -> usize {
+    (class / ONE_IN).clamp(LEAST_BODIES, MOST_BODIES).max(least_sample(0.01 * accuracy.percentile)).min(class)
 }
 
 /// Bodies in the pilot of a class whose smaller pilot was lopsided.
-pub(super) fn larger_pilot_size(class: usize) -> usize {
-    MOST_BODIES.min(class)
+pub(super) fn larger_pilot_size(class: usize, accuracy: &Accuracy) -> usize {
+    MOST_BODIES.max(least_sample(0.01 * accuracy.percentile)).min(class)
 }
 
 /// The bodies of a pilot among those of a class; the larger pilot has all of a smaller one's.
-pub(super) fn pilot_sample(class: &[u32], count: usize, seed: u64) -> Vec<u32> {
-    let largest = sample(class.len(), larger_pilot_size(class.len()), seed);
+pub(super) fn pilot_sample(class: &[u32], count: usize, accuracy: &Accuracy, seed: u64) -> Vec<u32> {
+    let largest = sample(class.len(), larger_pilot_size(class.len(), accuracy), seed);
     sample(largest.len(), count, seed).into_iter().map(|index| class[largest[index as usize] as usize]).collect()
 }
 
@@ -201,7 +204,7 @@ impl<'a> Pilot<'a> {
 
     /// Where no reference follows as many bodies as the percentile counts; of a larger sample fewer may be lost.
     fn lost(&self, found: Found) -> Flight {
-        Flight { found, asks_for_more: self.bodies.len() < larger_pilot_size(self.all), known: None }
+        Flight { found, asks_for_more: self.bodies.len() < larger_pilot_size(self.all, self.accuracy), known: None }
     }
 
     /// What the candidates that were tried come to.
@@ -224,7 +227,7 @@ impl<'a> Pilot<'a> {
 
     /// Whether a larger sample would bound the errors of what was tried much more closely, and it may do.
     fn is_lopsided(&self, tried: &Tried) -> bool {
-        let grows = self.bodies.len() < larger_pilot_size(self.all);
+        let grows = self.bodies.len() < larger_pilot_size(self.all, self.accuracy);
         grows && tried.own <= 1.0 && tried.found.part > LOPSIDED * tried.own
     }
 
@@ -330,7 +333,7 @@ impl<'a> Pilot<'a> {
         let cheapest = equal.min_by(|a, b| seconds(a).total_cmp(&seconds(b)));
         let fallback = || self.rule(&COSTS[1], self.precision);
         let rule = cheapest.map_or_else(fallback, |(rule, _)| rule);
-        Found { rule, part: 1.0, bodies: 0, steps: None }
+        Found { rule, part: 1.0, worst: Target::Attitude, attitude: rule.attitude, bodies: 0, steps: None }
     }
 
     /// Every method that can follow the torques, in `f32` where its floor allows and in `f64`.
@@ -389,7 +392,14 @@ impl<'a> Pilot<'a> {
         mut ahead: Option<(Rule, Sampled)>,
     ) -> Result<Tried> {
         let mut rule = start;
-        let found = Found { rule, part: f64::INFINITY, bodies: self.bodies.len(), steps: None };
+        let found = Found {
+            rule,
+            part: f64::INFINITY,
+            worst: Target::Attitude,
+            attitude: f64::INFINITY,
+            bodies: self.bodies.len(),
+            steps: None,
+        };
         let mut best = Tried { found, own: f64::INFINITY };
         let (mut last, mut correction) = (f64::INFINITY, 1.0);
         for _ in 0..=CORRECTIONS {
@@ -401,9 +411,9 @@ impl<'a> Pilot<'a> {
                 _ => self.stepped(&rule)?,
             };
             let mut errors = self.errors(&sampled.states, reference);
-            let part = errors.part_of(self.accuracy, self.all);
-            let found = Found { rule, part, bodies: self.bodies.len(), steps: sampled.steps };
-            let tried = Tried { found, own: errors.part_of(self.accuracy, self.bodies.len()) };
+            let Standing { part, worst, attitude } = errors.standing(self.accuracy, self.all);
+            let found = Found { rule, part, worst, attitude, bodies: self.bodies.len(), steps: sampled.steps };
+            let tried = Tried { found, own: errors.standing(self.accuracy, self.bodies.len()).part };
             // Of two that are good enough the one with longer steps, else the more accurate.
             let improves = match (part <= ENOUGH, best.found.part <= ENOUGH) {
                 (true, true) => rule.coefficient < best.found.rule.coefficient,

@@ -8,6 +8,8 @@ use super::sampled::States;
 use crate::batch::Precision;
 use crate::error::Result;
 use crate::method::Method;
+use crate::method::rk8_adaptive::least_tolerance;
+use crate::run::shadow::Standing;
 
 /// What the reference may change when its steps are halved, as a part of the target. Its own error is then less by the
 /// 2⁸ of its order, or it is that of rounding, against which no candidate can be measured.
@@ -19,11 +21,13 @@ const LEAST: f64 = 1e-15;
 /// How often its steps are halved.
 const HALVINGS: usize = 6;
 
+/// A tolerance that is greater by this factor is the least one again when its steps are halved.
+const COARSER: f64 = 128.0;
 /// What the error of a reference may be, as a part of [`SETTLED`], where its step is chosen by what few bodies showed: the
 /// others' may then be ten times theirs.
 const MARGIN: f64 = 0.1;
 /// An attitude error, rad, from which on it no longer grows in proportion to what causes it.
-const SATURATED: f64 = 0.1;
+pub(super) const SATURATED: f64 = 0.1;
 /// The most by which a coefficient shrinks at once.
 const LEAST_CORRECTION: f64 = 1e-8;
 
@@ -33,7 +37,7 @@ pub(super) struct Reference {
     pub states: States,
     /// The steps of half of which the states are, and what halving them changed.
     coarser: Rule,
-    change: f64,
+    change: Standing,
 }
 
 impl Reference {
@@ -41,7 +45,7 @@ impl Reference {
     pub fn new(pilot: &Pilot<'_>) -> Result<Self> {
         if pilot.allows(Scheme::Adaptive) {
             let (found, is_limited) = Self::by(pilot, Scheme::Adaptive)?;
-            if !is_limited || (found.change.is_finite() && is_saturated(found.change, pilot)) {
+            if !is_limited || is_saturated(&found.change) {
                 return Ok(found);
             }
         }
@@ -53,8 +57,13 @@ impl Reference {
         let cost = COSTS.iter().find(|cost| cost.scheme == scheme).unwrap_or(&COSTS[0]);
         let rule = pilot.rule(cost, Some(Precision::F64));
         let mut coarser = Rule { attitude: (AIM * rule.attitude).max(LEAST), ..rule };
+        let least = least_tolerance(Precision::F64);
+        if scheme == Scheme::Adaptive && coarser.tolerance(Precision::F64) == least {
+            // There is none below that it could be compared with, but there are some above.
+            coarser = Rule { coefficient: coarser.attitude / (COARSER * least), ..coarser };
+        }
         let mut states = None;
-        let mut last = f64::INFINITY;
+        let mut last = Standing { part: f64::INFINITY, ..Standing::default() };
         for _ in 0..HALVINGS {
             let finer = halved(&coarser);
             let is_limited = finer.adapts_like(&coarser, Precision::F64);
@@ -70,10 +79,11 @@ impl Reference {
                     (coarse?.states, fine?.states)
                 }
             };
-            let change = pilot.part(&coarse, &fine);
+            let change = pilot.standing(&coarse, &fine);
             states = Some(fine);
             // What halving does not lessen is rounding, or so large that it cannot be more.
-            let is_settled = change <= SETTLED || (change > 0.5 * last && !is_saturated(change, pilot));
+            let stays = change.part > 0.5 * last.part && !is_saturated(&change);
+            let is_settled = change.part <= SETTLED || stays;
             last = change;
             if is_settled {
                 break;
@@ -87,26 +97,27 @@ impl Reference {
     pub fn lost(&self, pilot: &Pilot<'_>) -> Option<Found> {
         // The reference aims at less than is asked for.
         let rule = Rule { attitude: pilot.accuracy.strictest(), ..self.coarser };
-        let found = || Found { rule, part: self.change, bodies: pilot.bodies.len(), steps: None };
-        (self.change > 1.0).then(found)
+        let Standing { part, worst, attitude } = self.change;
+        let found = || Found { rule, part, worst, attitude, bodies: pilot.bodies.len(), steps: None };
+        (part > 1.0).then(found)
     }
 
     /// Steps that are fine enough for a reference of bodies like the pilot's.
     pub fn rule_for_others(&self, pilot: &Pilot<'_>) -> Result<Rule> {
-        if self.change > SETTLED {
+        if self.change.part > SETTLED {
             return Ok(halved(&self.coarser));
         }
-        let needed = (self.change / (MARGIN * SETTLED)).clamp(LEAST_CORRECTION, 1.0);
+        let needed = (self.change.part / (MARGIN * SETTLED)).clamp(LEAST_CORRECTION, 1.0);
         let longer = Rule { coefficient: needed * self.coarser.coefficient, ..self.coarser };
         // Far beyond the steps that were tried the error may not go as the order says.
-        let holds = pilot.part(&pilot.stepped(&longer)?.states, &self.states) <= SETTLED;
+        let holds = pilot.standing(&pilot.stepped(&longer)?.states, &self.states).part <= SETTLED;
         Ok(if holds { longer } else { self.coarser })
     }
 }
 
-/// Whether a change, as a part of the target, is an angle that says nothing any more.
-fn is_saturated(change: f64, pilot: &Pilot<'_>) -> bool {
-    change * pilot.accuracy.strictest() >= SATURATED
+/// Whether a change is by an angle that says nothing any more.
+fn is_saturated(change: &Standing) -> bool {
+    change.attitude >= SATURATED
 }
 
 /// A rule with steps half as long, or a tolerance that leads to such.

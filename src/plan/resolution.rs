@@ -4,13 +4,15 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use super::choice::{CLOSED_FORM_F32, Look, Rule, floor_f32, look_at, skip_tolerance};
+use super::choice::{CLOSED_FORM_F32, CLOSED_FORM_F64, Look, Rule, floor_f32, least_target, look_at, skip_tolerance};
 use super::class::{Bound, Class, Shape};
 use super::cost::{COSTS, Costs};
 use super::driven::TorqueSet;
 use super::glance::{GLANCED, Glance};
 use super::group::{Group, Members, Treatment, level_of, step_of};
 use super::pilot::{Found, Pilot, larger_pilot_size, pilot_sample, pilot_size};
+use super::reference::SATURATED;
+use super::times::longest_over;
 use crate::batch::Precision;
 use crate::engine::Backend;
 use crate::engine::adaptive::{AdaptiveSteps, NOISE_REFUSED};
@@ -18,7 +20,8 @@ use crate::error::{Error, Result};
 use crate::force::Force;
 use crate::free_motion::SetUp;
 use crate::method::Method;
-use crate::scene::{Accuracy, Scene, Stepping};
+use crate::record::CLOSED_FORM;
+use crate::scene::{Accuracy, Scene, Stepping, Target};
 use crate::torque::Torque;
 
 /// Everything from which, with the scene, a plan's groups follow, to the bit.
@@ -75,8 +78,11 @@ const PILOT_SEED: u64 = 1;
 const LONGEST_TURN: f64 = 1.0 / 16.0;
 
 /// What `f32` needs.
-const F32_MISSES: &str =
-    "f32 does not reach this: precision f64, or more than 1e-6 rad and 3e-8 of the angle turned, is needed (rad)";
+const F32_MISSES: &str = "precision f64 is needed, or more than 1e-6 and 3e-8 of the angle turned (rad)";
+
+/// The furthest, rad, that a body may turn for a pilot to follow it.
+const MOST_RADIANS: f64 = 1e15;
+const TOO_FAR: &str = "bodies turn by more than 1e15 rad, which no steps follow: a shorter span is needed (s)";
 
 /// No steps in `f64` are better than some units in the last place of the quaternion, rad.
 const ROUNDING_F64: f64 = 1e-15;
@@ -111,7 +117,8 @@ impl Resolution {
                 check_accuracy(&accuracy)?;
                 let wanted = scene.wanted_precision();
                 let attitude = accuracy.strictest();
-                let narrow = wanted == Some(Precision::F32) || (wanted.is_none() && attitude >= CLOSED_FORM_F32);
+                let narrow =
+                    wanted == Some(Precision::F32) || (wanted.is_none() && attitude >= least_target(CLOSED_FORM_F32));
                 // Nothing is within a negative tolerance.
                 let nothing = Bound { attitude: -1.0, ..Bound::NONE };
                 let tolerance = if !scene.may_skip() { nothing } else { skip_tolerance(&accuracy) };
@@ -121,6 +128,7 @@ impl Resolution {
                     uniform_rate: (!scene.may_skip()).then(|| fastest_rate(scene, &tolerance)),
                     stepped: Vec::new(),
                 };
+                resolution.check_f64(scene, &accuracy)?;
                 // Before the pilot, which would look for a step that does not exist.
                 if wanted == Some(Precision::F32) || !has_f64 {
                     resolution.check_f32(scene, &accuracy, wanted)?;
@@ -147,7 +155,7 @@ impl Resolution {
             let flies = scene.has_pilot() && scene.end() > 0.0;
             let pilot = |count: usize, has_scouts: bool| {
                 let look = |body: u32| (body, at_rate(look_at(scene, body as usize, tolerance), *uniform_rate));
-                let sample = pilot_sample(&bodies, count, PILOT_SEED);
+                let sample = pilot_sample(&bodies, count, accuracy, PILOT_SEED);
                 Pilot {
                     scene,
                     accuracy,
@@ -160,13 +168,18 @@ impl Resolution {
                     bodies: sample.into_iter().map(look).collect(),
                 }
             };
-            let found = if accuracy.strictest() < ROUNDING_F64 {
+            let (worst, strictest) = accuracy.strictest_target();
+            let found = if strictest < ROUNDING_F64 && scene.end() > 0.0 {
                 let found = pilot(0, true).tabulated();
-                Found { part: ROUNDING_F64 / accuracy.strictest(), ..found }
+                Found { part: ROUNDING_F64 / strictest, worst, attitude: ROUNDING_F64, ..found }
             } else if flies {
-                let flight = pilot(pilot_size(bodies.len()), true).fly()?;
+                let first = pilot(pilot_size(bodies.len(), accuracy), true);
+                if first.bodies.iter().any(|(_, look)| look.rate * scene.end() > MOST_RADIANS) {
+                    return Err(Error::Setting { field: "time.end", value: scene.end(), expected: TOO_FAR });
+                }
+                let flight = first.fly()?;
                 if flight.asks_for_more {
-                    pilot(larger_pilot_size(bodies.len()), false).fly_after(flight)?
+                    pilot(larger_pilot_size(bodies.len(), accuracy), false).fly_after(flight)?
                 } else {
                     flight.found
                 }
@@ -174,7 +187,8 @@ impl Resolution {
                 pilot(0, true).tabulated()
             };
             if found.part > 1.0 {
-                return Err(out_of_reach(&found, has_f64));
+                let draws = acting.iter().any(|torque| matches!(torque, Torque::WhiteNoise(_)));
+                return Err(out_of_reach(&found, accuracy, has_f64, draws));
             }
             stepped.push(Stepped { torques, found });
         }
@@ -185,31 +199,47 @@ impl Resolution {
     /// its rounding alone.
     fn check_f32(&self, scene: &Scene, accuracy: &Accuracy, wanted: Option<Precision>) -> Result<()> {
         let Self::Accuracy { tolerance, uniform_rate, .. } = self else { return Ok(()) };
-        let (attitude, count) = (accuracy.strictest(), scene.ensemble().len());
+        let ((missed, strictest), count) = (accuracy.strictest_target(), scene.ensemble().len());
         let left_out = ((1.0 - 0.01 * accuracy.percentile) * count as f64) as usize;
         let floor = |body: usize| {
             let look = at_rate(look_at(scene, body, tolerance), *uniform_rate);
             match (look.torques.is_empty() && scene.may_skip(), look.verdict.shape) {
                 // An engine without f64 leaves these to the processor.
-                (true, Shape::Asymmetric) if wanted == Some(Precision::F32) => CLOSED_FORM_F32,
+                (true, Shape::Asymmetric) if wanted == Some(Precision::F32) => least_target(CLOSED_FORM_F32),
                 (true, _) => 0.0,
                 (false, _) => floor_f32(look.rate * scene.end()),
             }
         };
-        let mut floors: Vec<f64> = (0..count).into_par_iter().map(floor).filter(|&floor| floor > attitude).collect();
+        let mut floors: Vec<f64> = (0..count).into_par_iter().map(floor).filter(|&floor| floor > strictest).collect();
         if floors.len() <= left_out {
             return Ok(());
         }
-        if wanted == Some(Precision::F32) {
-            return Err(Error::Setting { field: "accuracy.attitude", value: attitude, expected: F32_MISSES });
-        }
         floors.sort_by(|a, b| b.total_cmp(a));
         Err(Error::AccuracyOutOfReach {
-            target: attitude,
-            reached: floors[left_out],
-            method: COSTS[0].scheme.method(),
+            target: Box::new(*accuracy),
+            missed,
+            factor: floors[left_out] / strictest,
+            method: if scene.may_skip() && scene.torques().is_empty() { CLOSED_FORM } else { COSTS[0].scheme.name() },
             precision: Precision::F32,
-            remedy: F64_ELSEWHERE,
+            remedy: if wanted == Some(Precision::F32) { F32_MISSES } else { F64_ELSEWHERE },
+        })
+    }
+
+    /// Refuses what the closed form would miss in `f64` too.
+    fn check_f64(&self, scene: &Scene, accuracy: &Accuracy) -> Result<()> {
+        let (missed, strictest) = accuracy.strictest_target();
+        let least = least_target(CLOSED_FORM_F64);
+        let is_free = |body: usize| TorqueSet::acting_on(scene.torques(), body).is_empty();
+        if strictest >= least || scene.end() == 0.0 || !scene.may_skip() || !(0..scene.ensemble().len()).any(is_free) {
+            return Ok(());
+        }
+        Err(Error::AccuracyOutOfReach {
+            target: Box::new(*accuracy),
+            missed,
+            factor: least / strictest,
+            method: CLOSED_FORM,
+            precision: Precision::F64,
+            remedy: "rounding in f64 is in the way: a larger error is needed",
         })
     }
 
@@ -251,7 +281,7 @@ impl Resolution {
                     Way::Precession => Treatment::RegularPrecession,
                     Way::ClosedForm { wide, set_up } => Treatment::ClosedForm { precision: precision(wide), set_up },
                     Way::Level { wide, level } => self.stepped(&class, wide, step_of(level)),
-                    Way::Longest { wide } => self.stepped(&class, wide, span.max(f64::MIN_POSITIVE)),
+                    Way::Longest { wide } => self.stepped(&class, wide, longest_over(span)),
                 };
                 Group { class, treatment, members, bound }
             })
@@ -446,17 +476,27 @@ impl Lists {
     }
 }
 
-fn out_of_reach(found: &Found, has_f64: bool) -> Error {
+fn out_of_reach(found: &Found, target: &Accuracy, has_f64: bool, draws: bool) -> Error {
     let narrow = found.rule.precision == Some(Precision::F32);
     let remedy = match (narrow, has_f64) {
-        (true, true) => "precision f64 is needed, or a larger error",
+        (true, true) => F32_MISSES,
         (true, false) => F64_ELSEWHERE,
+        (false, _) if draws => {
+            "a random torque is in the way: a larger error is needed, or a method and a step of your own"
+        }
+        (false, _) if found.attitude >= SATURATED => {
+            "the motion amplifies every error until nothing is left of the attitude: a shorter span is needed"
+        }
+        (false, _) if found.worst != Target::Attitude && found.part * target.of(found.worst) >= SATURATED => {
+            "it is next to nothing at the end, or no steps follow it: another span is needed, or a larger error"
+        }
         (false, _) => "rounding in f64 is in the way: a shorter span is needed, or a larger error",
     };
     Error::AccuracyOutOfReach {
-        target: found.rule.attitude,
-        reached: found.part * found.rule.attitude,
-        method: found.rule.scheme.method(),
+        target: Box::new(*target),
+        missed: found.worst,
+        factor: found.part,
+        method: found.rule.scheme.name(),
         precision: found.rule.precision.unwrap_or(Precision::F64),
         remedy,
     }

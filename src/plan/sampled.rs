@@ -13,7 +13,7 @@ use crate::engine::adaptive::StepCounts;
 use crate::error::Result;
 use crate::record::Spread;
 use crate::run::alone::states_at_end;
-use crate::run::shadow::Errors;
+use crate::run::shadow::{Errors, Standing};
 
 /// Output times beyond which the pilot goes to the end in one go.
 const MOST_TIMES: usize = 1000;
@@ -62,9 +62,9 @@ impl Pilot<'_> {
         if self.times.len() <= MOST_TIMES { self.times.to_vec() } else { vec![self.scene.end()] }
     }
 
-    /// The error at the percentile asked for, as a part of the target; the greatest of those asked for.
-    pub fn part(&self, states: &States, reference: &States) -> f64 {
-        self.errors(states, reference).part_of(self.accuracy, self.all)
+    /// How the errors at the percentile asked for stand to the targets.
+    pub fn standing(&self, states: &States, reference: &States) -> Standing {
+        self.errors(states, reference).standing(self.accuracy, self.all)
     }
 
     /// How far the bodies end from where a reference has them.

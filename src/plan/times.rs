@@ -27,6 +27,11 @@ pub(crate) fn steps_over(span: f64, longest: f64) -> Interval {
     Interval { steps: steps as u64, dt: span / steps }
 }
 
+/// The longest step that there is over `span` seconds; over none any step does, as none is taken.
+pub(crate) fn longest_over(span: f64) -> f64 {
+    if span > 0.0 { span } else { 1.0 }
+}
+
 /// The output times of a scene, checked.
 pub(crate) fn output_times(scene: &Scene) -> Result<Vec<f64>> {
     let end = scene.end();

@@ -57,6 +57,11 @@ impl OutputFolder {
         Ok(folder)
     }
 
+    /// Whether the folder was not there before.
+    pub fn is_new(&self) -> bool {
+        self.made
+    }
+
     /// The folder's path as it was given.
     pub fn path(&self) -> &Path {
         &self.path

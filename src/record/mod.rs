@@ -7,6 +7,7 @@ use crate::batch::{BodyState, Precision};
 use crate::engine::Description;
 use crate::error::Result;
 use crate::method::Method;
+use crate::plan::{Part, listed};
 use crate::scene::Accuracy;
 
 mod adaptive;
@@ -198,17 +199,17 @@ pub struct Shadow {
     /// The errors that were asked for; `None` where method and step were pinned.
     pub target: Option<Accuracy>,
     /// Whether the sample agrees with them: with 99 of 100 bodies asked for, 2 of 64 may be beyond by chance, 3 are not
-    /// (one in 20 samples of bodies that meet the target shows more than is allowed here).
+    /// (one in 20 samples of bodies that meet the target shows more than is allowed here). `None` of no bodies.
     pub met: Option<bool>,
 }
 
 impl std::fmt::Display for Shadow {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(formatter, "attitude error {} rad in {} bodies", self.attitude, self.bodies)?;
-        match self.met {
-            Some(true) => write!(formatter, ", as asked for"),
-            Some(false) => write!(formatter, ", MORE THAN ASKED FOR"),
-            None => Ok(()),
+        match (self.met, &self.target) {
+            (Some(true), Some(target)) => write!(formatter, ", as asked for ({target})"),
+            (Some(false), Some(target)) => write!(formatter, ", MORE THAN ASKED FOR ({target})"),
+            _ => Ok(()),
         }
     }
 }
@@ -223,14 +224,16 @@ pub(crate) const ADAPTIVE: &str = "rk8 adaptive";
 pub struct Trust {
     /// The engine.
     pub engine: Description,
-    /// The integrator.
+    /// The integrator of the bodies that are stepped (of most of them where there are several).
     pub method: Method,
-    /// The arithmetic.
+    /// The arithmetic of the bodies that are stepped (of most of them where it differs).
     pub precision: Precision,
     /// The longest step, s.
     pub longest_step: f64,
     /// Whether bodies were brought to their output times in closed form; method and step are then those of the long way.
     pub closed_form: bool,
+    /// Methods and arithmetic with the number of their bodies, most bodies first.
+    pub parts: Vec<Part>,
     /// Steps of all bodies together.
     pub body_steps: u64,
     /// Adaptive steps; `None` where no body took any.
@@ -256,9 +259,8 @@ impl std::fmt::Display for Trust {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(
             formatter,
-            "{} in {} on {}: {}, energy drift {}, angular momentum drift {}, | |q| - 1 | {}",
-            if self.closed_form { CLOSED_FORM } else { self.method.name() },
-            self.precision,
+            "{} on {}: {}, energy drift {}, angular momentum drift {}, | |q| - 1 | {}",
+            listed(&self.parts),
             self.engine.name,
             self.shadow,
             self.drift.kinetic_energy,

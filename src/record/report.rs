@@ -1,15 +1,15 @@
 //! What `report.json` holds.
 
-use std::fmt;
-
 use serde::Serialize;
 
 use super::{AdaptiveWork, Balance, Quantiles, Spread, Trust};
 use crate::engine::EngineKind;
-use crate::plan::Plan;
 use crate::plan::explain::{ClassRow, SkipRow};
+use crate::plan::{Part, Plan};
+use crate::scene::Accuracy;
 
 mod statistics;
+mod summary;
 
 pub use statistics::{StatisticsReport, SummaryReport};
 
@@ -85,13 +85,16 @@ pub struct EngineReport {
 /// What was computed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PlanReport {
-    /// The integrator, or `closed form`.
-    pub method: &'static str,
-    /// The arithmetic.
-    pub precision: &'static str,
-    /// The longest step, s; 0 in closed form.
+    /// Integrators, `closed form` and `rotation`, as far as they occur, with ` + ` between them, that of most bodies first;
+    /// empty where there are no bodies.
+    pub method: String,
+    /// The arithmetic, likewise: `f32 + f64` where both occur.
+    pub precision: String,
+    /// Which of them bring how many bodies to their output times.
+    pub parts: Vec<Part>,
+    /// The longest step, s; 0 where no body is stepped.
     pub longest_step: f64,
-    /// The most steps of a body; 0 in closed form.
+    /// The most equal steps of a body; 0 where none takes such.
     pub steps: u64,
     /// What runs for which bodies.
     pub classes: Vec<ClassRow>,
@@ -278,9 +281,10 @@ impl Report {
                 software: trust.engine.software,
             },
             plan: PlanReport {
-                method: if trust.closed_form { super::CLOSED_FORM } else { trust.method.name() },
-                precision: trust.precision.name(),
-                longest_step: if trust.closed_form { 0.0 } else { trust.longest_step },
+                method: names(trust.parts.iter().map(|part| part.method)),
+                precision: names(trust.parts.iter().map(|part| part.precision.name())),
+                parts: trust.parts,
+                longest_step: if trust.body_steps == 0 { 0.0 } else { trust.longest_step },
                 steps: plan.steps(),
                 classes: explanation.classes,
                 skips: explanation.skips,
@@ -335,6 +339,24 @@ impl Report {
     }
 }
 
+/// Each name once, in the order of their first places.
+fn names<'n>(all: impl Iterator<Item = &'n str>) -> String {
+    let mut names: Vec<&str> = Vec::new();
+    for name in all {
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    names.join(" + ")
+}
+
+impl TargetReport {
+    fn accuracy(&self) -> Accuracy {
+        let Self { attitude, angular_velocity, energy, percentile } = *self;
+        Accuracy { attitude, angular_velocity, energy, percentile }
+    }
+}
+
 impl Report {
     /// The report as it stands in `report.json`; a number that is not finite becomes `null`.
     pub fn to_json(&self) -> String {
@@ -342,94 +364,5 @@ impl Report {
         let mut text = serde_json::to_string_pretty(self).unwrap_or_default();
         text.push('\n');
         text
-    }
-}
-
-impl fmt::Display for Report {
-    /// A summary of some lines for people.
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let Some(title) = self.study.as_ref().and_then(|study| study.title.as_ref()) {
-            writeln!(formatter, "{title}")?;
-        }
-        let engine = &self.engine;
-        let software = if engine.software { ", a software adapter" } else { "" };
-        writeln!(formatter, "  engine   {} ({}{software})", engine.adapter, engine.kind)?;
-        let plan = &self.plan;
-        write!(
-            formatter,
-            "  work     {} {}, {} s, {} in {}",
-            self.bodies,
-            if self.bodies == 1 { "body" } else { "bodies" },
-            self.span,
-            plan.method,
-            plan.precision
-        )?;
-        if plan.steps > 0 {
-            write!(formatter, ", {} steps of {:.3e} s or less", plan.steps, plan.longest_step)?;
-        }
-        writeln!(formatter)?;
-        if let Some(repairs) = &self.repairs {
-            writeln!(
-                formatter,
-                "  repaired {} inertia tensors that broke the triangle inequality, by up to {:.1e} of themselves",
-                repairs.bodies, repairs.largest_relative_change
-            )?;
-        }
-        if let Some(work) = &self.adaptive {
-            writeln!(formatter, "  steps    {} accepted", work.accepted)?;
-            writeln!(formatter, "           {} rejected", work.rejected)?;
-            writeln!(
-                formatter,
-                "           {} flagged, imbalance {:.3} over {} side by side",
-                work.flagged, work.imbalance, work.side_by_side
-            )?;
-        }
-        let time = &self.wall_time;
-        writeln!(
-            formatter,
-            "  time     {:.2} s: {:.2} computing, {:.2} reading back, {:.2} writing; {:.2e} body-steps/s",
-            time.total,
-            time.compute,
-            time.read,
-            time.format + time.disk,
-            self.body_steps_per_second
-        )?;
-        if let Some(statistics) = &self.statistics {
-            write!(formatter, "{statistics}")?;
-        }
-        let drift = |name: &str, drift: &QuantilesReport| {
-            format!("  {name} median {:.1e}, p99 {:.1e}, max {:.1e}", drift.median, drift.p99, drift.max)
-        };
-        writeln!(formatter, "{}", drift("drift    kinetic energy  ", &self.drift.kinetic_energy))?;
-        writeln!(formatter, "{}", drift("         angular momentum", &self.drift.angular_momentum_world))?;
-        writeln!(formatter, "{}", drift("         |q| - 1         ", &self.drift.norm))?;
-        if self.drift.bodies + self.failed_bodies.len() < self.bodies {
-            writeln!(formatter, "           of a sample of {} bodies: states were not read", self.drift.bodies)?;
-        }
-        if let Some(balance) = &self.balance {
-            if balance.bodies > 0 {
-                writeln!(formatter, "{}", drift("balance  kinetic energy  ", &balance.energy))?;
-                writeln!(formatter, "{}", drift("         angular momentum", &balance.angular_momentum_world))?;
-            }
-            if let Some(total) = &balance.total_energy {
-                writeln!(formatter, "{}", drift("         total energy    ", total))?;
-            }
-        }
-        let accuracy = &self.accuracy;
-        writeln!(formatter, "{}", drift("error    attitude (rad)  ", &accuracy.attitude))?;
-        writeln!(formatter, "{}", drift("         angular velocity", &accuracy.angular_velocity))?;
-        let verdict = match accuracy.met {
-            Some(true) => ": as asked for",
-            Some(false) => ": MORE THAN ASKED FOR",
-            None => "",
-        };
-        let bodies = if accuracy.bodies == 1 { "body" } else { "bodies" };
-        writeln!(formatter, "           estimated from {} {bodies} recomputed in f64{verdict}", accuracy.bodies)?;
-        match self.failed_bodies.first() {
-            None => write!(formatter, "  failed   none"),
-            Some(first) => {
-                write!(formatter, "  failed   {} bodies, the first is body {first}", self.failed_bodies.len())
-            }
-        }
     }
 }

@@ -14,6 +14,12 @@ pub(crate) fn upper_rank(count: usize, part: f64) -> usize {
     (1..=count).rev().take_while(|&rank| at_least(rank, count, part) <= RISK).last().unwrap_or(count)
 }
 
+/// The fewest bodies of which the greatest value is at or above the quantile of order `part` of all with a probability of 95 %
+/// (S. S. Wilks 1941); without limit for the greatest of all.
+pub(crate) fn least_sample(part: f64) -> usize {
+    if part < 1.0 { (RISK.ln() / part.ln()).ceil() as usize } else { usize::MAX }
+}
+
 /// Whether `beyond` of a sample of `count` may lie above a value that at least `part` of all bodies are at or below; if
 /// that were so and the chance of it is below 5 %, it is not believed.
 pub(crate) fn is_plausible(beyond: usize, count: usize, part: f64) -> bool {
@@ -51,6 +57,8 @@ mod tests {
         assert_eq!(upper_rank(64, 0.99), 64);
         assert!(0.99_f64.powi(299) <= RISK && 0.99_f64.powi(298) > RISK);
         assert_eq!(upper_rank(299, 0.99), 299);
+        assert_eq!([0.99, 0.95, 0.5].map(least_sample), [299, 59, 5]);
+        assert!(least_sample(1e-9) == 1 && least_sample(1.0) == usize::MAX);
         // Of the median of 10: P(X ≥ 9) = 11/1024, P(X ≥ 8) = 56/1024 > 0.05.
         assert_eq!(upper_rank(10, 0.5), 9);
         assert_eq!(upper_rank(10, 1.0), 10);

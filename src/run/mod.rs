@@ -196,6 +196,7 @@ pub fn run_into(
         precision: plan.precision(),
         longest_step: plan.longest_step(),
         closed_form: plan.is_closed_form(),
+        parts: plan.parts(),
         body_steps: plan.body_steps() + adaptive.map_or(0, |work| work.accepted.total + work.rejected.total),
         adaptive,
         bytes_read,
@@ -394,8 +395,8 @@ impl Kept {
 /// The spin rate, rad/s, beyond which a body is outside the usable region of the method that is pinned.
 fn usable_rate(scene: &Scene) -> f64 {
     match scene.stepping() {
-        Stepping::Pinned { method, dt, .. } => method.properties().usable_angle / dt,
-        Stepping::Accuracy(_) | Stepping::Adaptive { .. } => f64::INFINITY,
+        Stepping::Pinned { method, dt, .. } if scene.end() > 0.0 => method.properties().usable_angle / dt,
+        Stepping::Pinned { .. } | Stepping::Accuracy(_) | Stepping::Adaptive { .. } => f64::INFINITY,
     }
 }
 

@@ -16,7 +16,7 @@ use crate::record::{Quantiles, Shadow};
 use crate::run::alone::states_at_end;
 use crate::run::confidence::{is_plausible, upper_rank};
 use crate::run::work::{self, Recomputed, Work};
-use crate::scene::{Accuracy, Scene};
+use crate::scene::{Accuracy, Scene, Target};
 use crate::torque::Torque;
 
 /// Every so many-th body is in the shadow's sample.
@@ -190,6 +190,17 @@ fn contains(group: &Group, body: usize) -> bool {
     !group.members.rows(body..body + 1).is_empty()
 }
 
+/// How the errors of some bodies stand to those asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Standing {
+    /// The greatest of the errors as parts of those asked for.
+    pub part: f64,
+    /// Of what that is.
+    pub worst: Target,
+    /// The attitude error, rad, whether it was asked for or not.
+    pub attitude: f64,
+}
+
 /// Errors of some bodies.
 #[derive(Debug, Default)]
 pub(crate) struct Errors {
@@ -211,32 +222,36 @@ impl Errors {
         self.energy.push(sound(relative(change, reference.kinetic_energy), f64::INFINITY));
     }
 
-    /// The errors at the percentile asked for as parts of their targets, the greatest of them. Of a sample of more
-    /// bodies, `all`, that is a bound which holds with a probability of 95 %.
-    pub(crate) fn part_of(&mut self, target: &Accuracy, all: usize) -> f64 {
-        let (part, count) = (0.01 * target.percentile, self.attitude.len());
+    /// The errors at the percentile asked for. Of a sample of more bodies, `all`, that is a bound which holds with a
+    /// probability of 95 %.
+    pub(crate) fn standing(&mut self, asked: &Accuracy, all: usize) -> Standing {
+        let (part, count) = (0.01 * asked.percentile, self.attitude.len());
         let rank = if count < all { upper_rank(count, part) as f64 / count as f64 } else { part };
-        self.targets(target)
-            .into_iter()
-            .filter_map(|(values, wanted)| wanted.map(|wanted| Quantiles::rank(values, rank) / wanted))
-            .fold(0.0, f64::max)
+        let mut standing = Standing { attitude: Quantiles::rank(&mut self.attitude, rank), ..Standing::default() };
+        for (values, target, wanted) in self.targets(asked) {
+            let part = wanted.map_or(0.0, |wanted| Quantiles::rank(values, rank) / wanted);
+            if part > standing.part {
+                (standing.part, standing.worst) = (part, target);
+            }
+        }
+        standing
     }
 
     /// Whether the sample speaks against the errors asked for: whether more of it are beyond than chance brings there in
     /// one of 20 samples.
     fn meets(&mut self, target: &Accuracy) -> bool {
         let (part, count) = (0.01 * target.percentile, self.attitude.len());
-        self.targets(target).into_iter().all(|(values, wanted)| {
+        self.targets(target).into_iter().all(|(values, _, wanted)| {
             let beyond = wanted.map_or(0, |wanted| values.iter().filter(|&&error| error > wanted).count());
             is_plausible(beyond, count, part)
         })
     }
 
-    fn targets(&mut self, target: &Accuracy) -> [(&mut Vec<f64>, Option<f64>); 3] {
+    fn targets(&mut self, asked: &Accuracy) -> [(&mut Vec<f64>, Target, Option<f64>); 3] {
         [
-            (&mut self.attitude, target.attitude),
-            (&mut self.angular_velocity, target.angular_velocity),
-            (&mut self.energy, target.energy),
+            (&mut self.attitude, Target::Attitude, asked.attitude),
+            (&mut self.angular_velocity, Target::AngularVelocity, asked.angular_velocity),
+            (&mut self.energy, Target::Energy, asked.energy),
         ]
     }
 
@@ -245,7 +260,7 @@ impl Errors {
         Shadow {
             bodies: self.attitude.len(),
             target: target.copied(),
-            met: target.map(|target| self.meets(target)),
+            met: target.filter(|_| !self.attitude.is_empty()).map(|target| self.meets(target)),
             attitude: Quantiles::of(&mut self.attitude),
             angular_velocity: Quantiles::of(&mut self.angular_velocity),
             kinetic_energy: Quantiles::of(&mut self.energy),

@@ -99,7 +99,7 @@ use crate::batch::Precision;
 use crate::ensemble::Ensemble;
 use crate::error::{Error, FileAction, Result};
 use crate::observe::Statistic;
-use crate::scene::{Accuracy, Outputs, Scene};
+use crate::scene::{Accuracy, Outputs, Scene, Target};
 
 mod accuracy;
 mod bodies;
@@ -373,6 +373,9 @@ impl Study {
                     None => Error::Setting { field, value, expected },
                 }
             }
+            Error::AccuracyOutOfReach { ref target, missed, .. } => {
+                self.located_target(target.of(missed), missed, error)
+            }
             Error::Projection { expected, .. } => match self.places.get(PROJECTION) {
                 Some(place) => {
                     self.input(place.line, PROJECTION, Fault::Value { value: place.value.clone(), expected })
@@ -418,6 +421,20 @@ impl Study {
             }
             other => other,
         }
+    }
+
+    /// With the line of the error that is missed; where the study leaves it out, that of the table it would stand in.
+    fn located_target(&self, wanted: f64, missed: Target, error: Error) -> Error {
+        let key = match missed {
+            Target::Attitude => "accuracy.attitude",
+            Target::AngularVelocity => "accuracy.angular_velocity",
+            Target::Energy => "accuracy.energy",
+        };
+        let (line, value) = match (self.places.get(key), self.places.get("accuracy")) {
+            (Some(place), _) => (place.line, place.value.clone()),
+            (None, table) => (table.map_or(1, |place| place.line), format!("{wanted:e} (where nothing is said)")),
+        };
+        self.input(line, key, Fault::Cause { value, cause: Box::new(error) })
     }
 
     fn located_body(&self, body: usize, field: &'static str, value: f64, expected: &'static str) -> Error {

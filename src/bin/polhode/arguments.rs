@@ -138,7 +138,9 @@ Keys (SI units):
     [[force]] model       constant, thrust (force: world, body axes), gravity (acceleration),
                           linear-drag, quadratic-drag (coefficient); the bodies need masses
     time.end, .outputs    { every } or { times = [...] }
-    accuracy              attitude [angular_velocity, energy (relative), percentile, precision];
+    accuracy              errors at the end that percentile (default 99) % of the bodies keep:
+                          attitude (rad, default 1e-6), angular_velocity (of its magnitude), energy
+                          (kinetic, of its value) [precision: f32, f64];
                           or method (rk4, rk8, cf4, splitting2, splitting4, splitting6,
                           implicit_midpoint and, for comparison, dlm, explicit_euler, gyro_newton,
                           clamped_euler, spiral), dt, or rk8 and tolerance [precision: f32, f64]
@@ -204,9 +206,9 @@ Examples:
     polhode explain study.toml --json | jq .skips
     polhode explain study.toml --costs bench.out   ranked by what was measured on this engine
 
-Columns: the bodies' class, how many there are, the method, steps of a body, arithmetic, expected
-attitude error in the percentile asked for (rad), expected wall time (of steps on a GPU with --costs
-alone), memory, and the torques that act.";
+The second line says what was asked for. Columns: the bodies' class, how many there are, the method,
+steps of a body, arithmetic, expected attitude error in the percentile asked for (rad), expected wall
+time (of steps on a GPU with --costs alone), memory, and the torques that act.";
 
 /// Arguments of `polhode explain`.
 #[derive(Debug, Args)]

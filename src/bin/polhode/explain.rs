@@ -5,6 +5,7 @@ use polhode::study::Study;
 
 use crate::arguments::ExplainArguments;
 use crate::output::{self, Failure};
+use crate::progress::planning;
 
 /// Prints what a study would run, what it leaves out, and why.
 pub fn explain(arguments: &ExplainArguments) -> Result<(), Failure> {
@@ -18,7 +19,8 @@ pub fn explain(arguments: &ExplainArguments) -> Result<(), Failure> {
     }
     let engine = crate::engine::open(&arguments.engine, arguments.json)?;
     let costs = crate::engine::costs(arguments.costs.as_deref(), &engine)?;
-    let plan = Plan::with_costs(&scene, &engine, &costs).map_err(|error| study.located(error))?;
+    let planned = planning(arguments.json, None, || Plan::with_costs(&scene, &engine, &costs));
+    let plan = planned.map_err(|error| study.located(error))?;
     let explanation = plan.explain();
     output::print(&if arguments.json { explanation.to_json() } else { explanation.to_string() });
     Ok(())

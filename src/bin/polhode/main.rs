@@ -23,6 +23,8 @@ use output::Failure;
 
 /// The run failed.
 const FAILED: u8 = 1;
+/// What is said of a request to stop.
+const STOPPED: &str = "stopped by the user: nothing was written";
 /// What was asked for is wrong.
 const WRONG_INPUT: u8 = 2;
 
@@ -47,7 +49,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure::Disagreement) => ExitCode::from(FAILED),
         Err(Failure::Library(polhode::Error::Interrupted { .. })) => {
-            output::error("stopped by the user: nothing was written");
+            output::error(STOPPED);
             ExitCode::from(FAILED)
         }
         Err(Failure::Library(error)) => {

@@ -2,7 +2,10 @@
 
 use std::io::IsTerminal;
 use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::RecvTimeoutError;
 use std::time::{Duration, Instant};
 
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
@@ -15,14 +18,60 @@ static STOP: AtomicBool = AtomicBool::new(false);
 /// A run shorter than this shows no bar: it would only flash.
 const QUIET_START: Duration = Duration::from_millis(300);
 
+/// While a plan is made: the folder that was made for the results, where one was.
+static PLANNING: Mutex<Option<Option<PathBuf>>> = Mutex::new(None);
+
 /// Lets Ctrl-C (and a request to terminate) end the run in good order; a second one ends it at once.
 pub fn catch_interrupts() {
     // Where the handler cannot be set, Ctrl-C ends the process as it does by default.
     let _ = ctrlc::set_handler(|| {
+        if let Ok(Some(made)) = PLANNING.lock().as_deref() {
+            // There is nothing in it yet; where there is, it stays.
+            let _ = made.as_ref().map(std::fs::remove_dir);
+            crate::output::error(crate::STOPPED);
+            std::process::exit(crate::FAILED.into());
+        }
         if STOP.swap(true, Ordering::SeqCst) {
             std::process::exit(crate::FAILED.into());
         }
     });
+}
+
+/// Makes a plan, which has nothing to show of how far it is: something turns on standard error while that takes long, unless
+/// `quiet`, and a request to stop ends the process at once, without the folder that was `made`.
+pub fn planning<T>(quiet: bool, made: Option<PathBuf>, plan: impl FnOnce() -> T) -> T {
+    let set = |state| {
+        if let Ok(mut planning) = PLANNING.lock() {
+            *planning = state;
+        }
+    };
+    set(Some(made));
+    let shown = !quiet && std::io::stderr().is_terminal();
+    let planned = std::thread::scope(|scope| {
+        let (finished, wait) = std::sync::mpsc::channel::<()>();
+        scope.spawn(move || {
+            if shown && wait.recv_timeout(QUIET_START) == Err(RecvTimeoutError::Timeout) {
+                let bar = planning_bar();
+                let _ = wait.recv();
+                bar.finish_and_clear();
+            }
+        });
+        let planned = plan();
+        drop(finished);
+        planned
+    });
+    set(None);
+    planned
+}
+
+fn planning_bar() -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
+    let style = ProgressStyle::with_template(
+        "{spinner} planning: methods and steps are tried on some bodies, {elapsed} so far",
+    );
+    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_spinner()));
+    bar.enable_steady_tick(QUIET_START);
+    bar
 }
 
 /// Shows how far a run is, and tells it to stop when the user asks for it.

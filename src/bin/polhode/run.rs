@@ -10,7 +10,7 @@ use polhode::study::Study;
 
 use crate::arguments::RunArguments;
 use crate::output::{self, Failure};
-use crate::progress::{Watch, catch_interrupts};
+use crate::progress::{self, Watch, catch_interrupts};
 
 /// Runs a study into a folder.
 pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
@@ -24,9 +24,17 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let path = arguments.out.clone().unwrap_or_else(|| default_folder(&arguments.study));
     let folder = OutputFolder::create(&path, arguments.force)?;
     let scene = study.scene()?.skipping(!arguments.no_skip);
+    let wanted = study.output();
+    if !(wanted.final_state || wanted.snapshots || arguments.quiet) && scene.wanted_statistics().is_empty() {
+        output::note("note: the study asks for no results: all that is written is plan.json and report.json");
+    }
     let engine = crate::engine::open(&arguments.engine, arguments.quiet)?;
     let plan = match &arguments.plan {
-        None => Plan::with_costs(&scene, &engine, &crate::engine::costs(arguments.costs.as_deref(), &engine)?),
+        None => {
+            let costs = crate::engine::costs(arguments.costs.as_deref(), &engine)?;
+            let made = folder.is_new().then(|| path.clone());
+            progress::planning(arguments.quiet, made, || Plan::with_costs(&scene, &engine, &costs))
+        }
         Some(file) => {
             let document = PlanDocument::read(file)?;
             let engine_name = engine.description().name;
@@ -40,9 +48,8 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let plan = plan.map_err(|error| study.located(error))?;
 
     let mut watch = Watch::new(arguments.quiet);
-    let done = run_to_folder(&engine, &plan, Some(&study), study.output(), folder, since, &mut |progress| {
-        watch.observe(progress)
-    });
+    let done =
+        run_to_folder(&engine, &plan, Some(&study), wanted, folder, since, &mut |progress| watch.observe(progress));
     watch.finish();
     let report = done?;
     if !report.failed_bodies.is_empty() {

@@ -48,8 +48,11 @@ impl From<&Statistics> for StatisticsReport {
 }
 
 impl fmt::Display for StatisticsReport {
-    /// A line for each quantity.
+    /// A line for each quantity, where there are bodies.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.count == 0 {
+            return writeln!(formatter, "  end      no bodies, of which there could be statistics");
+        }
         let mut name = "end";
         for of in &self.quantities {
             let SummaryReport { quantity, unit, mean, standard_deviation: deviation, min, max, .. } = of;

@@ -1,0 +1,131 @@
+//! The report as some lines for people.
+
+use std::fmt;
+
+use super::{AccuracyReport, AdaptiveReport, DriftReport, QuantilesReport, Report};
+use crate::plan::listed;
+
+/// The nearest-rank 99th percentile of fewer values is their maximum.
+const LEAST_FOR_P99: usize = 100;
+
+impl fmt::Display for Report {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(title) = self.study.as_ref().and_then(|study| study.title.as_ref()) {
+            writeln!(formatter, "{title}")?;
+        }
+        let engine = &self.engine;
+        let software = if engine.software { ", a software adapter" } else { "" };
+        writeln!(formatter, "  engine   {} ({}{software})", engine.adapter, engine.kind)?;
+        self.write_work(formatter)?;
+        if let Some(work) = &self.adaptive {
+            write!(formatter, "{work}")?;
+        }
+        let time = &self.wall_time;
+        writeln!(
+            formatter,
+            "  time     {:.2} s: {:.2} computing, {:.2} reading back, {:.2} writing; {:.2e} body-steps/s",
+            time.total,
+            time.compute,
+            time.read,
+            time.format + time.disk,
+            self.body_steps_per_second
+        )?;
+        if let Some(statistics) = &self.statistics {
+            write!(formatter, "{statistics}")?;
+        }
+        // There is nothing to say of no bodies.
+        if self.drift.bodies > 0 {
+            self.write_drift(formatter)?;
+        }
+        if self.accuracy.bodies > 0 {
+            write!(formatter, "{}", self.accuracy)?;
+        }
+        match self.failed_bodies.first() {
+            None => write!(formatter, "  failed   none"),
+            Some(first) => {
+                write!(formatter, "  failed   {} bodies, the first is body {first}", self.failed_bodies.len())
+            }
+        }
+    }
+}
+
+impl Report {
+    fn write_work(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let plan = &self.plan;
+        let bodies = if self.bodies == 1 { "body" } else { "bodies" };
+        write!(formatter, "  work     {} {bodies}, {} s: {}", self.bodies, self.span, listed(&plan.parts))?;
+        match plan.parts[..] {
+            _ if plan.steps == 0 => writeln!(formatter)?,
+            [_] => writeln!(formatter, ", {} steps of {:.3e} s or less", plan.steps, plan.longest_step)?,
+            _ => writeln!(formatter, ", up to {} equal steps", plan.steps)?,
+        }
+        if let Some(repairs) = &self.repairs {
+            writeln!(
+                formatter,
+                "  repaired {} inertia tensors that broke the triangle inequality, by up to {:.1e} of themselves",
+                repairs.bodies, repairs.largest_relative_change
+            )?;
+        }
+        Ok(())
+    }
+
+    fn write_drift(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let DriftReport { bodies, kinetic_energy, angular_momentum_world, norm } = &self.drift;
+        write!(formatter, "  drift    kinetic energy   {kinetic_energy}")?;
+        write!(formatter, "           angular momentum {angular_momentum_world}")?;
+        write!(formatter, "           |q| - 1          {norm}")?;
+        if bodies + self.failed_bodies.len() < self.bodies {
+            writeln!(formatter, "           of a sample of {bodies} bodies: states were not read")?;
+        }
+        if let Some(balance) = &self.balance {
+            if balance.bodies > 0 {
+                write!(formatter, "  balance  kinetic energy   {}", balance.energy)?;
+                write!(formatter, "           angular momentum {}", balance.angular_momentum_world)?;
+            }
+            if let Some(total) = &balance.total_energy {
+                write!(formatter, "           total energy     {total}")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for AdaptiveReport {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(formatter, "  steps    {} accepted", self.accepted)?;
+        writeln!(formatter, "           {} rejected", self.rejected)?;
+        writeln!(
+            formatter,
+            "           {} flagged, imbalance {:.3} over {} side by side",
+            self.flagged, self.imbalance, self.side_by_side
+        )
+    }
+}
+
+impl fmt::Display for AccuracyReport {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "  error    attitude (rad)   {}", self.attitude)?;
+        write!(formatter, "           angular velocity {}", self.angular_velocity)?;
+        write!(formatter, "           kinetic energy   {}", self.kinetic_energy)?;
+        let bodies = if self.bodies == 1 { "body" } else { "bodies" };
+        write!(formatter, "           estimated from {} {bodies} recomputed in f64", self.bodies)?;
+        match self.bodies {
+            0..LEAST_FOR_P99 => writeln!(formatter, " (of fewer than {LEAST_FOR_P99}, p99 is the greatest)")?,
+            _ => writeln!(formatter)?,
+        }
+        let Some(target) = &self.target else { return Ok(()) };
+        let verdict = match self.met {
+            Some(true) => ": met in the sample",
+            Some(false) => ": NOT MET",
+            None => "",
+        };
+        writeln!(formatter, "  asked    {}{verdict}", target.accuracy())
+    }
+}
+
+impl fmt::Display for QuantilesReport {
+    /// A line.
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(formatter, "median {:.1e}, p99 {:.1e}, max {:.1e}", self.median, self.p99, self.max)
+    }
+}
