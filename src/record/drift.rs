@@ -20,11 +20,13 @@ impl Quantiles {
             return Self::default();
         }
         let (middle, place) = (index(values.len(), 0.5), index(values.len(), 0.99));
-        // Those before it are not greater, those behind it not less.
-        let (below, &mut p99, above) = values.select_nth_unstable_by(place, f64::total_cmp);
-        let max = above.iter().copied().max_by(f64::total_cmp).unwrap_or(p99);
-        let median = if middle < place { *below.select_nth_unstable_by(middle, f64::total_cmp).1 } else { p99 };
-        Self { median, p99, max }
+        // Those behind it are not less, and half as many are left to look through.
+        let (_, &mut median, above) = values.select_nth_unstable_by(middle, f64::total_cmp);
+        let Some(place) = place.checked_sub(middle + 1) else {
+            return Self { median, p99: median, max: greatest(above).unwrap_or(median) };
+        };
+        let (_, &mut p99, above) = above.select_nth_unstable_by(place, f64::total_cmp);
+        Self { median, p99, max: greatest(above).unwrap_or(p99) }
     }
 
     /// The smallest of `values`, which are reordered, with at least `part` of all at or below it; 0 where there are none.
@@ -35,6 +37,10 @@ impl Quantiles {
         let index = index(values.len(), part);
         *values.select_nth_unstable_by(index, f64::total_cmp).1
     }
+}
+
+fn greatest(values: &[f64]) -> Option<f64> {
+    values.iter().copied().max_by(f64::total_cmp)
 }
 
 /// Where among `count` sorted values, of which there are some, the first one stands with at least `part` of all at or before it.

@@ -15,7 +15,7 @@ use crate::plan::{Group, Interval, Members, Plan, TorqueSet, Treatment, steps_ov
 use crate::record::{Quantiles, Shadow};
 use crate::run::alone::states_at_end;
 use crate::run::confidence::{is_plausible, upper_rank};
-use crate::run::work::{self, Recomputed, Work};
+use crate::run::work::{self, Alike, Recomputed, Work};
 use crate::scene::{Accuracy, Scene, Target};
 use crate::torque::Torque;
 
@@ -77,7 +77,7 @@ pub(super) fn recomputed(plan: &Plan<'_>, sample: &[u32], observer: &mut Observe
                 continue;
             }
             let intervals = reference_intervals(plan, group, &torques, &driven);
-            let found = work::recomputed(scene, &torques, &Members::Some(driven), &intervals, observer)?;
+            let found = work::recomputed(scene, &torques, vec![Alike { members: driven, intervals }], observer)?;
             let reference = |Recomputed { body, state, work }| Reference { body, state, work: Some(work) };
             references.extend(found.into_iter().map(reference));
         }
@@ -109,13 +109,12 @@ fn adaptively(
     for ((body, _), counts) in found.states.iter().zip(&found.counts) {
         alike.entry(counts.accepted.max(1).next_power_of_two()).or_default().push(*body as u32);
     }
-    let mut equal = BTreeMap::new();
-    for (count, members) in alike {
+    let in_equal_steps = |(count, members): (u64, Vec<u32>)| {
         let steps = count.saturating_mul(EQUAL_FOR_ADAPTIVE);
-        let interval = steps_over(scene.end(), scene.end() / steps as f64);
-        let found = work::recomputed(scene, torques, &Members::Some(members), &[interval], observer)?;
-        equal.extend(found.into_iter().map(|found| (found.body, found)));
-    }
+        Alike { members, intervals: vec![steps_over(scene.end(), scene.end() / steps as f64)] }
+    };
+    let equal = work::recomputed(scene, torques, alike.into_iter().map(in_equal_steps).collect(), observer)?;
+    let equal: BTreeMap<usize, Recomputed> = equal.into_iter().map(|found| (found.body, found)).collect();
     // Near the least tolerance nothing finer is adaptive.
     let is_finer = LEAST_REFINEMENT * fine.tolerance <= steps.tolerance;
     let reference = |(body, state): (usize, BodyState)| match equal.get(&body) {

@@ -14,7 +14,8 @@ use crate::batch::{
     scaled_by_power_of_two, state_columns, store_state, two_words,
 };
 use crate::clock::Clock;
-use crate::engine::{Observer, Progress};
+use crate::engine::Observer;
+use crate::engine::watch::{Watch, watched};
 use crate::error::{Error, Result};
 use crate::lanes::{LaneScalar, LaneTask};
 use crate::method::Step;
@@ -68,40 +69,75 @@ struct Block {
     sums: [[f64; BLOCK]; SUMS],
 }
 
-/// Brings `members` through `intervals` by `rk8`, one after the other from time 0.
+/// Bodies that take the same steps, one interval after the other from time 0.
+pub(crate) struct Alike {
+    pub members: Vec<u32>,
+    pub intervals: Vec<Interval>,
+}
+
+/// Brings bodies through their intervals by `rk8`.
 pub(crate) fn recomputed(
     scene: &Scene,
     torques: &[Torque],
-    members: &Members,
-    intervals: &[Interval],
+    all: Vec<Alike>,
     observer: &mut Observer<'_>,
 ) -> Result<Vec<Recomputed>> {
-    let (frames, batch) = prepare_members(scene.ensemble(), torques, scene.end(), members, Precision::F64)?;
-    // Columns in f64 were asked for.
-    let AnyBatch::F64(batch) = batch else { return Ok(Vec::new()) };
-    let mut blocks: Vec<Block> = (0..batch.body_count).step_by(BLOCK).map(|first| Block::of(&batch, first)).collect();
-    let mut clock = batch.torques.clock();
-    let total = intervals.iter().map(|interval| interval.steps).fold(0, u64::saturating_add);
-    let mut done = 0;
-    for &Interval { dt, steps } in intervals {
-        for first_step in (0..steps).step_by(SLICE as usize) {
-            let slice = SLICE.min(steps - first_step);
-            blocks.par_iter_mut().enumerate().for_each(|(index, block)| {
-                let first = index * BLOCK;
-                f64::dispatch(RecomputeBlock { batch: &batch, first, block, clock, dt, first_step, steps: slice });
-            });
-            done += slice;
-            if observer(Progress { done, total }).is_break() {
-                return Err(Error::Interrupted { steps: done });
-            }
-        }
-        clock = clock.after(dt, steps);
+    let steps_of = |alike: &Alike| alike.intervals.iter().map(|interval| interval.steps).fold(0, u64::saturating_add);
+    let total =
+        all.iter().map(|alike| steps_of(alike).saturating_mul(alike.members.len() as u64)).fold(0, u64::saturating_add);
+    let started = all.into_iter().map(|Alike { members, intervals }| Started::of(scene, torques, members, intervals));
+    let mut started = started.collect::<Result<Vec<_>>>()?;
+    // Side by side, as each of them alone may be too little for all cores.
+    let work = |watch: &Watch| started.par_iter_mut().for_each(|started| started.advance(watch));
+    watched(work, total, observer).map_err(|steps| Error::Interrupted { steps })?;
+    Ok(started.iter().flat_map(|started| started.finished(scene, torques)).collect())
+}
+
+/// Bodies that take the same steps, on their way.
+struct Started {
+    members: Members,
+    intervals: Vec<Interval>,
+    frames: Vec<BodyFrame>,
+    batch: Batch<f64>,
+    blocks: Vec<Block>,
+}
+
+impl Started {
+    fn of(scene: &Scene, torques: &[Torque], members: Vec<u32>, intervals: Vec<Interval>) -> Result<Self> {
+        let members = Members::Some(members);
+        let (frames, batch) = prepare_members(scene.ensemble(), torques, scene.end(), &members, Precision::F64)?;
+        let AnyBatch::F64(batch) = batch else { unreachable!("columns in f64 were asked for") };
+        let blocks = (0..batch.body_count).step_by(BLOCK).map(|first| Block::of(&batch, first)).collect();
+        Ok(Self { members, intervals, frames, batch, blocks })
     }
-    let row = |row: usize| {
-        let body = members.body(row);
-        blocks[row / BLOCK].finished(row % BLOCK, &frames[row].at(torques, body, scene.end()), body)
-    };
-    Ok((0..batch.body_count).map(row).collect())
+
+    /// Brings its bodies to the end, unless the watch says otherwise.
+    fn advance(&mut self, watch: &Watch) {
+        let Self { intervals, batch, blocks, .. } = self;
+        blocks.par_iter_mut().enumerate().for_each(|(index, block)| {
+            let first = index * BLOCK;
+            let mut clock = batch.torques.clock();
+            for &Interval { dt, steps } in &*intervals {
+                for first_step in (0..steps).step_by(SLICE as usize) {
+                    if !watch.goes_on() {
+                        return;
+                    }
+                    let slice = SLICE.min(steps - first_step);
+                    let block = &mut *block;
+                    f64::dispatch(RecomputeBlock { batch, first, block, clock, dt, first_step, steps: slice });
+                    watch.add(slice * BLOCK.min(batch.body_count - first) as u64);
+                }
+                clock = clock.after(dt, steps);
+            }
+        });
+    }
+
+    fn finished(&self, scene: &Scene, torques: &[Torque]) -> impl Iterator<Item = Recomputed> {
+        (0..self.batch.body_count).map(move |row| {
+            let body = self.members.body(row);
+            self.blocks[row / BLOCK].finished(row % BLOCK, &self.frames[row].at(torques, body, scene.end()), body)
+        })
+    }
 }
 
 impl Block {
