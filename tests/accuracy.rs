@@ -210,6 +210,11 @@ fn what_chaos_makes_unpredictable_is_said_before_the_run() {
     assert!(error.to_string().contains("a shorter span"), "{error}");
     let Error::AccuracyOutOfReach { target, factor, .. } = error else { panic!("{error}") };
     assert!(*target == Accuracy::attitude(1e-6) && (1e5..4e6).contains(&factor), "{target}, {factor:e}");
+    // A target beside it that leaves tolerances no room changes nothing about that; steps fine enough for it would take minutes.
+    let strict = scene(1000.0).accuracy(Accuracy { energy: Some(1e-12), ..Accuracy::attitude(1e-6) });
+    let error = Plan::new(&strict, &Engine::cpu()).expect_err("out of reach");
+    assert!(error.to_string().contains("misses the energy by a factor of "), "{error}");
+    assert!(error.to_string().contains("nothing is left of the attitude"), "{error}");
     Plan::new(&scene(10.0), &Engine::cpu()).expect("within reach");
 }
 
