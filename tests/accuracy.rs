@@ -255,6 +255,34 @@ fn percentiles_of_every_size_are_met() {
     }
 }
 
+/// Bodies that drag of very different strength brings to rest: of what dies away no relative error is kept by adaptive steps.
+#[test]
+fn a_looser_target_is_met_where_a_tighter_one_is() {
+    let engine = Engine::cpu();
+    let drag = column(|body| 1.0 * 4.0_f64.powf(3.0 * Draw::new(3).uniform(body, Column::Mass, 0) - 1.0));
+    let ensemble = Ensemble::from_fn(BODIES, |body| {
+        let draw = Draw::new(4);
+        let spin = [0, 1, 2].map(|axis| 2.0 * draw.uniform(body, Column::SpinRate, axis) - 1.0);
+        (DVec3::new(4.0, 5.0, 6.0), DQuat::IDENTITY, DVec3::from_array(spin))
+    });
+    let scene = Scene::new(ensemble.expect("valid")).until(300.0).torque(Torque::linear_drag(drag));
+    for (attitude, energy) in [(1e-6, 1e-3), (1e-3, 1e-3), (1e-2, 1e-3)] {
+        let scene = scene.clone().accuracy(Accuracy { energy: Some(energy), ..Accuracy::attitude(attitude) });
+        let plan = Plan::new(&scene, &engine).unwrap_or_else(|error| panic!("{attitude:e}: {error}"));
+        let record = engine.run(&plan).expect("a run");
+        assert_eq!(record.trust().shadow.met, Some(true), "{attitude:e}: {}", record.trust().shadow);
+        assert_eq!(record.trust().failed_bodies, [0; 0], "{attitude:e}");
+    }
+}
+
+#[test]
+fn of_a_random_torque_no_target_is_said_to_be_met() {
+    let engine = Engine::cpu();
+    let scene = forced(SEEDS[4]).accuracy(Accuracy::attitude(1.0)).torque(Torque::white_noise(1e-3, 7));
+    let shadow = engine.run(&Plan::new(&scene, &engine).expect("a plan")).expect("a run").trust().shadow;
+    assert!(shadow.same_draws && shadow.met.is_none() && shadow.bodies > 0, "{shadow:?}");
+}
+
 #[test]
 fn over_no_time_driven_bodies_stay_and_of_no_bodies_nothing_is_met() {
     let engine = Engine::cpu();

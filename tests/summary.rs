@@ -60,7 +60,7 @@ fn what_was_asked_for_stands_beside_what_came_out() {
     let desk = mixed(200);
     let summary = desk.done(&RUN);
     let asked = "attitude 1e-5 rad, energy 1e-4 of its value, in 95 % of the bodies";
-    assert!(summary.contains(&format!("  asked    {asked}: met in the sample\n")), "{summary}");
+    assert!(summary.contains(&format!("  asked    {asked}\n           met, 0 of 64 bodies beyond\n")), "{summary}");
     assert!(summary.contains("recomputed in f64 (of fewer than 100, p99 is the greatest)\n"), "{summary}");
     let errors = summary.split_once("  error    attitude (rad)   median ").expect("errors").1;
     assert!(errors.contains("\n           kinetic energy   median "), "{summary}");

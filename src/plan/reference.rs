@@ -45,7 +45,9 @@ impl Reference {
     pub fn new(pilot: &Pilot<'_>) -> Result<Self> {
         if pilot.allows(Scheme::Adaptive) {
             let (found, is_limited) = Self::by(pilot, Scheme::Adaptive)?;
-            if !is_limited || is_saturated(&found.change) {
+            // Adaptive steps may not follow what dies away; equal ones do.
+            let follows = !is_limited && found.change.part <= 1.0;
+            if follows || is_saturated(&found.change) {
                 return Ok(found);
             }
         }

@@ -198,8 +198,14 @@ pub struct Shadow {
     pub kinetic_energy: Quantiles,
     /// The errors that were asked for; `None` where method and step were pinned.
     pub target: Option<Accuracy>,
+    /// Bodies of the sample that are beyond one of them.
+    pub beyond: usize,
+    /// Whether a random torque acts, of which the sample is recomputed with the draws of the run's own steps: that other steps draw
+    /// otherwise is then not in the errors.
+    pub same_draws: bool,
     /// Whether the sample agrees with them: with 99 of 100 bodies asked for, 2 of 64 may be beyond by chance, 3 are not
-    /// (one in 20 samples of bodies that meet the target shows more than is allowed here). `None` of no bodies.
+    /// (one in 20 samples of bodies that meet the target shows more than is allowed here). `None` of no bodies, and where a
+    /// random torque acts.
     pub met: Option<bool>,
 }
 

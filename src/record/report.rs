@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::{AdaptiveWork, Balance, Quantiles, Spread, Trust};
 use crate::engine::EngineKind;
 use crate::plan::explain::{ClassRow, SkipRow};
-use crate::plan::{Part, Plan};
+use crate::plan::{Group, Part, Plan, Treatment};
 use crate::scene::Accuracy;
 
 mod statistics;
@@ -92,7 +92,7 @@ pub struct PlanReport {
     pub precision: String,
     /// Which of them bring how many bodies to their output times.
     pub parts: Vec<Part>,
-    /// The longest step, s; 0 where no body is stepped.
+    /// The longest equal step, s; 0 where no body takes such.
     pub longest_step: f64,
     /// The most equal steps of a body; 0 where none takes such.
     pub steps: u64,
@@ -137,6 +137,10 @@ pub struct AccuracyReport {
     pub kinetic_energy: QuantilesReport,
     /// What was asked for; `null` where method and step were pinned.
     pub target: Option<TargetReport>,
+    /// Bodies behind the figures that are beyond it.
+    pub beyond: usize,
+    /// Whether a random torque acts, whose draws are those of the run's own steps ([`super::Shadow::same_draws`]).
+    pub same_draws: bool,
     /// Whether the sample agrees with it ([`super::Shadow::met`]).
     pub met: Option<bool>,
 }
@@ -284,7 +288,7 @@ impl Report {
                 method: names(trust.parts.iter().map(|part| part.method)),
                 precision: names(trust.parts.iter().map(|part| part.precision.name())),
                 parts: trust.parts,
-                longest_step: if trust.body_steps == 0 { 0.0 } else { trust.longest_step },
+                longest_step: longest_equal_step(plan),
                 steps: plan.steps(),
                 classes: explanation.classes,
                 skips: explanation.skips,
@@ -325,6 +329,8 @@ impl Report {
                     energy: target.energy,
                     percentile: target.percentile,
                 }),
+                beyond: trust.shadow.beyond,
+                same_draws: trust.shadow.same_draws,
                 met: trust.shadow.met,
             },
             outside_usable_region: trust.outside_usable_region,
@@ -337,6 +343,14 @@ impl Report {
             },
         }
     }
+}
+
+fn longest_equal_step(plan: &Plan<'_>) -> f64 {
+    let of_group = |group: &Group| match group.treatment {
+        Treatment::Stepped { longest_step, .. } if plan.steps_of(group) > 0 => longest_step,
+        _ => 0.0,
+    };
+    plan.groups().iter().map(of_group).fold(0.0, f64::max)
 }
 
 /// Each name once, in the order of their first places.

@@ -15,6 +15,7 @@ use crate::record::{
     BalanceGatherer, BodyDrift, Drift, DriftGatherer, Memory, OutputState, Record, Sink, Trust, WallTime,
 };
 use crate::scene::{Scene, Stepping};
+use crate::torque::Torque;
 
 mod adaptive;
 pub(crate) mod alone;
@@ -184,11 +185,12 @@ pub fn run_into(
             push_rest(&mut end.balance, scene, reference.body, state, reference.work.as_ref());
         }
     }
+    let draws = scene.torques().iter().any(|torque| matches!(torque, Torque::WhiteNoise(_)));
     let target = match scene.stepping() {
         Stepping::Accuracy(accuracy) => Some(accuracy),
         Stepping::Pinned { .. } | Stepping::Adaptive { .. } => None,
     };
-    let shadow = errors.shadow(target.as_ref());
+    let shadow = errors.shadow(target.as_ref(), draws);
     wall_time.shadow = clock.elapsed().as_secs_f64();
     Ok(Trust {
         engine: engine.description(),

@@ -206,6 +206,8 @@ pub(crate) struct Errors {
     attitude: Vec<f64>,
     angular_velocity: Vec<f64>,
     energy: Vec<f64>,
+    /// How many are no longer finite where their references are.
+    lost: usize,
 }
 
 impl Errors {
@@ -214,6 +216,8 @@ impl Errors {
         // A state that is no number is as wrong as can be, and must not pass for the least error.
         let sound = |error: f64, worst: f64| if error.is_nan() { worst } else { error };
         let relative = |change: f64, scale: f64| if scale > 0.0 { change / scale } else { change };
+        let is_finite = |state: &BodyState| state.orientation.is_finite() && state.angular_velocity_body.is_finite();
+        self.lost += usize::from(is_finite(reference) && !is_finite(state));
         self.attitude.push(sound(attitude_error(state, reference), std::f64::consts::PI));
         let change = (state.angular_velocity_body - reference.angular_velocity_body).length();
         self.angular_velocity.push(sound(relative(change, reference.angular_velocity_body.length()), f64::INFINITY));
@@ -222,7 +226,7 @@ impl Errors {
     }
 
     /// The errors at the percentile asked for. Of a sample of more bodies, `all`, that is a bound which holds with a
-    /// probability of 95 %.
+    /// probability of 95 %. Without limit where a body is lost whose reference is not: none that can be followed is given up.
     pub(crate) fn standing(&mut self, asked: &Accuracy, all: usize) -> Standing {
         let (part, count) = (0.01 * asked.percentile, self.attitude.len());
         let rank = if count < all { upper_rank(count, part) as f64 / count as f64 } else { part };
@@ -232,6 +236,9 @@ impl Errors {
             if part > standing.part {
                 (standing.part, standing.worst) = (part, target);
             }
+        }
+        if self.lost > 0 {
+            standing.part = f64::INFINITY;
         }
         standing
     }
@@ -254,12 +261,25 @@ impl Errors {
         ]
     }
 
-    /// What a run says of itself.
-    pub(crate) fn shadow(mut self, target: Option<&Accuracy>) -> Shadow {
+    /// How many are beyond one of the errors asked for.
+    fn beyond(&mut self, asked: &Accuracy) -> usize {
+        let count = self.attitude.len();
+        let targets = self.targets(asked);
+        let is_beyond = |body: &usize| {
+            targets.iter().any(|(values, _, wanted)| wanted.is_some_and(|wanted| values[*body] > wanted))
+        };
+        (0..count).filter(is_beyond).count()
+    }
+
+    /// What a run says of itself; `same_draws` as in [`Shadow`].
+    pub(crate) fn shadow(mut self, target: Option<&Accuracy>, same_draws: bool) -> Shadow {
+        let says = target.filter(|_| !self.attitude.is_empty() && !same_draws);
         Shadow {
             bodies: self.attitude.len(),
             target: target.copied(),
-            met: target.filter(|_| !self.attitude.is_empty()).map(|target| self.meets(target)),
+            beyond: target.map_or(0, |target| self.beyond(target)),
+            same_draws,
+            met: says.map(|target| self.meets(target)),
             attitude: Quantiles::of(&mut self.attitude),
             angular_velocity: Quantiles::of(&mut self.angular_velocity),
             kinetic_energy: Quantiles::of(&mut self.energy),

@@ -114,12 +114,16 @@ impl fmt::Display for AccuracyReport {
             _ => writeln!(formatter)?,
         }
         let Some(target) = &self.target else { return Ok(()) };
+        writeln!(formatter, "  asked    {}", target.accuracy())?;
         let verdict = match self.met {
-            Some(true) => ": met in the sample",
-            Some(false) => ": NOT MET",
-            None => "",
+            Some(true) => "met",
+            Some(false) => "NOT MET",
+            None if self.same_draws => {
+                return writeln!(formatter, "           not measured: the sample has the draws of the run's own steps");
+            }
+            None => return Ok(()),
         };
-        writeln!(formatter, "  asked    {}{verdict}", target.accuracy())
+        writeln!(formatter, "           {verdict}, {} of {} {bodies} beyond", self.beyond, self.bodies)
     }
 }
 
