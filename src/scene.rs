@@ -82,7 +82,12 @@ impl Accuracy {
 
     /// What is asked for of one thing; without limit where nothing is.
     pub(crate) fn of(&self, target: Target) -> f64 {
-        self.targets().into_iter().find(|(of, _)| *of == target).and_then(|(_, wanted)| wanted).unwrap_or(f64::INFINITY)
+        let wanted = match target {
+            Target::Attitude => self.attitude,
+            Target::AngularVelocity => self.angular_velocity,
+            Target::Energy => self.energy,
+        };
+        wanted.unwrap_or(f64::INFINITY)
     }
 
     /// The errors asked for, one by one.

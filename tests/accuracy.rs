@@ -196,6 +196,29 @@ fn what_no_step_reaches_is_said_before_the_run() {
     let scene = forced(SEEDS[0]).accuracy(Accuracy::attitude(1e-17));
     let error = Plan::new(&scene, &Engine::cpu()).expect_err("out of reach").to_string();
     assert!(error.contains("rounding in f64"), "{error}");
+
+    // Nor what the closed form rounds, from both sides, nor turns that no step counts.
+    let free = |attitude| {
+        Scene::new(problem::free(16, SEEDS[1]).expect("valid")).until(10.0).accuracy(Accuracy::attitude(attitude))
+    };
+    Plan::new(&free(1.1e-14), &Engine::cpu()).expect("within reach");
+    let error = Plan::new(&free(1e-14), &Engine::cpu()).expect_err("out of reach").to_string();
+    assert!(error.contains("closed form in f64"), "{error}");
+    Plan::new(&free(1e-14).until(0.0), &Engine::cpu()).expect("nothing is evaluated");
+    let error = Plan::new(&forced(SEEDS[0]).until(1e17), &Engine::cpu()).expect_err("too far").to_string();
+    assert!(error.starts_with("time.end = 1e17: ") && error.contains("a shorter span is needed"), "{error}");
+}
+
+#[test]
+fn the_closed_form_is_in_f32_where_its_bound_and_the_skips_share_fit() {
+    for (attitude, precision) in [(9.7e-7, Precision::F32), (9.5e-7, Precision::F64)] {
+        let scene =
+            Scene::new(problem::free(16, SEEDS[1]).expect("valid")).until(10.0).accuracy(Accuracy::attitude(attitude));
+        let engine = Engine::cpu();
+        let plan = Plan::new(&scene, &engine).expect("a plan");
+        assert_eq!(plan.parts().iter().map(|part| part.precision).collect::<Vec<_>>(), [precision]);
+        assert!(plan.explain().classes.iter().all(|class| class.error.expect("known") <= attitude));
+    }
 }
 
 #[test]

@@ -356,7 +356,7 @@ impl<'a> Pilot<'a> {
         match scheme {
             Scheme::Equal(method) => !method.properties().rigid_only || self.torques.iter().all(Torque::leaves_rigid),
             Scheme::Adaptive => {
-                let draws = self.torques.iter().any(|torque| matches!(torque, Torque::WhiteNoise(_)));
+                let draws = self.torques.iter().any(Torque::is_random);
                 let thrust = self.scene.forces().iter().any(Force::needs_attitude);
                 self.scene.may_skip() && !draws && !thrust
             }

@@ -128,7 +128,7 @@ impl Resolution {
                     uniform_rate: (!scene.may_skip()).then(|| fastest_rate(scene, &tolerance)),
                     stepped: Vec::new(),
                 };
-                resolution.check_f64(scene, &accuracy)?;
+                check_f64(scene, &accuracy)?;
                 // Before the pilot, which would look for a step that does not exist.
                 if wanted == Some(Precision::F32) || !has_f64 {
                     resolution.check_f32(scene, &accuracy, wanted)?;
@@ -187,7 +187,7 @@ impl Resolution {
                 pilot(0, true).tabulated()
             };
             if found.part > 1.0 {
-                let draws = acting.iter().any(|torque| matches!(torque, Torque::WhiteNoise(_)));
+                let draws = acting.iter().any(Torque::is_random);
                 return Err(out_of_reach(&found, accuracy, has_f64, draws));
             }
             stepped.push(Stepped { torques, found });
@@ -222,24 +222,6 @@ impl Resolution {
             method: if scene.may_skip() && scene.torques().is_empty() { CLOSED_FORM } else { COSTS[0].scheme.name() },
             precision: Precision::F32,
             remedy: if wanted == Some(Precision::F32) { F32_MISSES } else { F64_ELSEWHERE },
-        })
-    }
-
-    /// Refuses what the closed form would miss in `f64` too.
-    fn check_f64(&self, scene: &Scene, accuracy: &Accuracy) -> Result<()> {
-        let (missed, strictest) = accuracy.strictest_target();
-        let least = least_target(CLOSED_FORM_F64);
-        let is_free = |body: usize| TorqueSet::acting_on(scene.torques(), body).is_empty();
-        if strictest >= least || scene.end() == 0.0 || !scene.may_skip() || !(0..scene.ensemble().len()).any(is_free) {
-            return Ok(());
-        }
-        Err(Error::AccuracyOutOfReach {
-            target: Box::new(*accuracy),
-            missed,
-            factor: least / strictest,
-            method: CLOSED_FORM,
-            precision: Precision::F64,
-            remedy: "rounding in f64 is in the way: a larger error is needed",
         })
     }
 
@@ -474,6 +456,24 @@ impl Lists {
         }
         &mut lists[*last].1
     }
+}
+
+/// Refuses what the closed form would miss in `f64` too.
+fn check_f64(scene: &Scene, accuracy: &Accuracy) -> Result<()> {
+    let (missed, strictest) = accuracy.strictest_target();
+    let least = least_target(CLOSED_FORM_F64);
+    let is_free = |body: usize| TorqueSet::acting_on(scene.torques(), body).is_empty();
+    if strictest >= least || scene.end() == 0.0 || !scene.may_skip() || !(0..scene.ensemble().len()).any(is_free) {
+        return Ok(());
+    }
+    Err(Error::AccuracyOutOfReach {
+        target: Box::new(*accuracy),
+        missed,
+        factor: least / strictest,
+        method: CLOSED_FORM,
+        precision: Precision::F64,
+        remedy: "rounding in f64 is in the way: a larger error is needed",
+    })
 }
 
 fn out_of_reach(found: &Found, target: &Accuracy, has_f64: bool, draws: bool) -> Error {

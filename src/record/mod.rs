@@ -230,14 +230,12 @@ pub(crate) const ADAPTIVE: &str = "rk8 adaptive";
 pub struct Trust {
     /// The engine.
     pub engine: Description,
-    /// The integrator of the bodies that are stepped (of most of them where there are several).
+    /// The integrator of the bodies that are stepped (of most of them where there are several); where none is, the one that would be.
     pub method: Method,
     /// The arithmetic of the bodies that are stepped (of most of them where it differs).
     pub precision: Precision,
     /// The longest step, s.
     pub longest_step: f64,
-    /// Whether bodies were brought to their output times in closed form; method and step are then those of the long way.
-    pub closed_form: bool,
     /// Methods and arithmetic with the number of their bodies, most bodies first.
     pub parts: Vec<Part>,
     /// Steps of all bodies together.

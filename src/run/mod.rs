@@ -185,7 +185,7 @@ pub fn run_into(
             push_rest(&mut end.balance, scene, reference.body, state, reference.work.as_ref());
         }
     }
-    let draws = scene.torques().iter().any(|torque| matches!(torque, Torque::WhiteNoise(_)));
+    let draws = scene.torques().iter().any(Torque::is_random);
     let target = match scene.stepping() {
         Stepping::Accuracy(accuracy) => Some(accuracy),
         Stepping::Pinned { .. } | Stepping::Adaptive { .. } => None,
@@ -197,7 +197,6 @@ pub fn run_into(
         method: plan.method(),
         precision: plan.precision(),
         longest_step: plan.longest_step(),
-        closed_form: plan.is_closed_form(),
         parts: plan.parts(),
         body_steps: plan.body_steps() + adaptive.map_or(0, |work| work.accepted.total + work.rejected.total),
         adaptive,

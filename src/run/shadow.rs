@@ -15,6 +15,7 @@ use crate::plan::{Group, Interval, Members, Plan, TorqueSet, Treatment, steps_ov
 use crate::record::{Quantiles, Shadow};
 use crate::run::alone::states_at_end;
 use crate::run::confidence::{is_plausible, upper_rank};
+use crate::run::is_finite;
 use crate::run::work::{self, Alike, Recomputed, Work};
 use crate::scene::{Accuracy, Scene, Target};
 use crate::torque::Torque;
@@ -143,7 +144,7 @@ fn finer(steps: &AdaptiveSteps) -> AdaptiveSteps {
 /// over each of the run's steps, so that the steps then have to be the run's.
 fn reference_intervals(plan: &Plan<'_>, group: &Group, torques: &[Torque], members: &[u32]) -> Vec<Interval> {
     let of_run = (0..plan.times().len()).map(|index| group.treatment.interval(plan.span_before(index)));
-    if torques.iter().any(|torque| matches!(torque, Torque::WhiteNoise(_))) {
+    if torques.iter().any(Torque::is_random) {
         return of_run.collect();
     }
     let scene = plan.scene();
@@ -216,7 +217,6 @@ impl Errors {
         // A state that is no number is as wrong as can be, and must not pass for the least error.
         let sound = |error: f64, worst: f64| if error.is_nan() { worst } else { error };
         let relative = |change: f64, scale: f64| if scale > 0.0 { change / scale } else { change };
-        let is_finite = |state: &BodyState| state.orientation.is_finite() && state.angular_velocity_body.is_finite();
         self.lost += usize::from(is_finite(reference) && !is_finite(state));
         self.attitude.push(sound(attitude_error(state, reference), std::f64::consts::PI));
         let change = (state.angular_velocity_body - reference.angular_velocity_body).length();
@@ -292,4 +292,32 @@ impl Errors {
 pub(crate) fn attitude_error(a: &BodyState, b: &BodyState) -> f64 {
     let relative = a.orientation.conjugate() * b.orientation;
     2.0 * DVec3::new(relative.x, relative.y, relative.z).length().atan2(relative.w.abs())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_body_that_is_lost_alone_outweighs_any_percentile() {
+        let sound = BodyState {
+            orientation: glam::DQuat::IDENTITY,
+            angular_velocity_body: DVec3::X,
+            angular_momentum_world: DVec3::X,
+            kinetic_energy: 0.5,
+            norm_error: 0.0,
+            status: crate::method::Status::Valid,
+        };
+        let lost = BodyState { angular_velocity_body: DVec3::NAN, ..sound };
+        let asked = Accuracy { percentile: 50.0, ..Accuracy::attitude(1e-6) };
+        let standing = |states: [(&BodyState, &BodyState); 4]| {
+            let mut errors = Errors::default();
+            states.into_iter().for_each(|(state, reference)| errors.push(state, reference));
+            errors.standing(&asked, 4)
+        };
+        let good = (&sound, &sound);
+        assert_eq!(standing([good; 4]), Standing::default());
+        assert_eq!(standing([good, good, good, (&lost, &sound)]).part, f64::INFINITY);
+        assert_eq!(standing([good, good, good, (&lost, &lost)]).part, 0.0, "what nothing follows may be left out");
+    }
 }

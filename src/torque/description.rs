@@ -310,6 +310,11 @@ impl Torque {
         !matches!(self, Torque::InternalDissipation(_) | Torque::VariableInertia(_))
     }
 
+    /// Whether it is random: drawn for each step, so that other steps have other draws.
+    pub fn is_random(&self) -> bool {
+        matches!(self, Torque::WhiteNoise(_))
+    }
+
     /// Whether it can only take energy from a body.
     pub fn dissipative(&self) -> bool {
         self.model().dissipative()

@@ -71,19 +71,19 @@ impl Report {
 
     fn write_drift(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let DriftReport { bodies, kinetic_energy, angular_momentum_world, norm } = &self.drift;
-        write!(formatter, "  drift    kinetic energy   {kinetic_energy}")?;
-        write!(formatter, "           angular momentum {angular_momentum_world}")?;
-        write!(formatter, "           |q| - 1          {norm}")?;
+        writeln!(formatter, "  drift    kinetic energy   {kinetic_energy}")?;
+        writeln!(formatter, "           angular momentum {angular_momentum_world}")?;
+        writeln!(formatter, "           |q| - 1          {norm}")?;
         if bodies + self.failed_bodies.len() < self.bodies {
             writeln!(formatter, "           of a sample of {bodies} bodies: states were not read")?;
         }
         if let Some(balance) = &self.balance {
             if balance.bodies > 0 {
-                write!(formatter, "  balance  kinetic energy   {}", balance.energy)?;
-                write!(formatter, "           angular momentum {}", balance.angular_momentum_world)?;
+                writeln!(formatter, "  balance  kinetic energy   {}", balance.energy)?;
+                writeln!(formatter, "           angular momentum {}", balance.angular_momentum_world)?;
             }
             if let Some(total) = &balance.total_energy {
-                write!(formatter, "           total energy     {total}")?;
+                writeln!(formatter, "           total energy     {total}")?;
             }
         }
         Ok(())
@@ -104,9 +104,9 @@ impl fmt::Display for AdaptiveReport {
 
 impl fmt::Display for AccuracyReport {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "  error    attitude (rad)   {}", self.attitude)?;
-        write!(formatter, "           angular velocity {}", self.angular_velocity)?;
-        write!(formatter, "           kinetic energy   {}", self.kinetic_energy)?;
+        writeln!(formatter, "  error    attitude (rad)   {}", self.attitude)?;
+        writeln!(formatter, "           angular velocity {}", self.angular_velocity)?;
+        writeln!(formatter, "           kinetic energy   {}", self.kinetic_energy)?;
         let bodies = if self.bodies == 1 { "body" } else { "bodies" };
         write!(formatter, "           estimated from {} {bodies} recomputed in f64", self.bodies)?;
         match self.bodies {
@@ -128,8 +128,7 @@ impl fmt::Display for AccuracyReport {
 }
 
 impl fmt::Display for QuantilesReport {
-    /// A line.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(formatter, "median {:.1e}, p99 {:.1e}, max {:.1e}", self.median, self.p99, self.max)
+        write!(formatter, "median {:.1e}, p99 {:.1e}, max {:.1e}", self.median, self.p99, self.max)
     }
 }
