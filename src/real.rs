@@ -67,6 +67,13 @@ pub trait Real:
     /// through here, or every integrator's code would grow by a copy at each of its stages.
     fn outlined<W: Outlined>(work: W) -> W::Output;
 
+    /// An elementary function as one operation, where a type records expressions instead of computing; a number says `None` and
+    /// its polynomials are evaluated.
+    #[inline(always)]
+    fn recorded(_: Function, _: &[Self]) -> Option<Self> {
+        None
+    }
+
     /// The nearest integer, ties to even.
     ///
     /// Exact for |x| < 2²² (`f32`) or 2⁵¹ (`f64`): adding and subtracting 1.5 · 2^(mantissa bits) rounds at the unit.
@@ -81,6 +88,35 @@ pub trait Real:
     fn squared(self) -> Self {
         self * self
     }
+}
+
+/// An elementary function that an expression holds whole ([`Real::recorded`]).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Function {
+    /// sin x.
+    Sin,
+    /// cos x.
+    Cos,
+    /// tan x.
+    Tan,
+    /// arcsin x.
+    Asin,
+    /// arccos x.
+    Acos,
+    /// The angle of the point (x, y) from the x axis; arguments y, x.
+    Atan2,
+    /// eˣ.
+    Exp,
+    /// ln x.
+    Ln,
+    /// xʸ.
+    Pow,
+    /// sin E of Kepler's equation E − e sin E = M; arguments M, e.
+    KeplerSin,
+    /// cos E of the same.
+    KeplerCos,
+    /// arctan(√x)/√x for 0 ≤ x ≤ 0.04.
+    ArctangentRatio,
 }
 
 /// Work for [`Real::outlined`].
@@ -310,6 +346,9 @@ impl Scalar for f64 {
 /// No library function is used: Vulkan allows `sin` and `cos` an absolute error of 2⁻¹¹, and SPIR-V has none in `f64`.
 #[inline(always)]
 pub fn sin_cos<R: Real>(x: R) -> (R, R) {
+    if let (Some(sin), Some(cos)) = (R::recorded(Function::Sin, &[x]), R::recorded(Function::Cos, &[x])) {
+        return (sin, cos);
+    }
     let turns = (x * R::splat(std::f64::consts::FRAC_2_PI)).round();
     let mut reduced = x;
     for word in R::Scalar::HALF_PI {
