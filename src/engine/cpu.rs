@@ -24,17 +24,19 @@ use crate::method::{
 };
 use crate::observe::Kernel;
 use crate::real::{Real, Scalar};
-use crate::torque::sum::{Source, of_kinds};
+use crate::torque::sum::Source;
 use crate::torque::{Environment, TorqueTable};
 use crate::vector::TwoWords;
 
 mod adaptive;
 mod observe;
 mod surroundings;
+mod tile;
 
 use adaptive::CpuAdaptiveSession;
 use observe::Reducer;
 use surroundings::{AllTorques, CommonTorques, Nothing, Projected, Surroundings};
+use tile::TileStep;
 
 /// Whether the CPU engine runs in SIMD lanes or one body at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -225,9 +227,9 @@ impl<T: LaneScalar> CpuSession<T> {
             });
         }
         Ok(match self.method {
-            Method::Rk4 => self.advance_by_kind::<Rk4>(dt, steps),
-            Method::Rk8 => self.advance_by_kind::<Rk8>(dt, steps),
-            Method::Cf4 => self.advance_by_kind::<Cf4>(dt, steps),
+            Method::Rk4 => self.advance_by_tiles::<Rk4, tile::Rk4>(dt, steps),
+            Method::Rk8 => self.advance_by_tiles::<Rk8, tile::Rk8>(dt, steps),
+            Method::Cf4 => self.advance_by_tiles::<Cf4, tile::Cf4>(dt, steps),
             // Without torque the three are one free flow, so one kernel serves them.
             Method::Splitting2 | Method::Splitting4 | Method::Splitting6 if self.batch.torques.is_empty() => {
                 self.advance_in::<Splitting<2>, Nothing>(dt, steps)
@@ -262,17 +264,16 @@ impl<T: LaneScalar> CpuSession<T> {
         }
     }
 
-    /// As [`Self::advance_by`], with a loop of its own for a torque of each kind alone: for the methods that plans choose, as it makes
-    /// the library larger.
-    fn advance_by_kind<M: Step>(&mut self, dt: f64, steps: u64) -> Job<'_> {
-        if !self.width.has_lanes::<T>() {
-            return self.advance_by::<M>(dt, steps);
-        }
-        of_kinds!(
-            self.batch.torques,
-            KIND => self.advance_blocks(dt, steps, in_lanes::<T, M, surroundings::One<KIND>>),
+    /// As [`Self::advance_by`], with driven bodies in tiles: for the methods that plans choose.
+    fn advance_by_tiles<M: Step, I: TileStep>(&mut self, dt: f64, steps: u64) -> Job<'_> {
+        let torques = &self.batch.torques;
+        if torques.is_empty() || torques.is_common() {
             self.advance_by::<M>(dt, steps)
-        )
+        } else if self.width.has_lanes::<T>() {
+            self.advance_blocks(dt, steps, tile::in_tiles::<T, I>)
+        } else {
+            self.advance_blocks(dt, steps, one_by_one::<T, M, AllTorques>)
+        }
     }
 
     /// One body at a time, always: for what other programs do, where speed is not the point and a kernel for each
@@ -358,7 +359,6 @@ struct Advance<'a, 'b, T, M, S>(Block<'a, 'b, T>, PhantomData<(M, S)>);
 
 impl<T: Scalar, M: Step, S: Surroundings> LaneTask<T> for Advance<'_, '_, T, M, S> {
     type Output = ();
-    const IN_LANES_ONLY: bool = S::IN_LANES_ONLY;
 
     #[inline(always)]
     fn run<R: Real<Scalar = T>>(self) {

@@ -1,5 +1,7 @@
 //! `constant-body`: a torque that is constant in body axes, such as a thruster pair's.
 
+use super::formula::{Column, Epoch, Formula, Row};
+use crate::quaternion::Quaternion;
 use glam::{DQuat, DVec3};
 
 use super::{Border, Kind, Model, Needs, Parameter};
@@ -48,4 +50,17 @@ impl Model for ConstantBody {
 #[inline(always)]
 pub fn constant_body<R: Real>(torque_principal: Vector<R>) -> Vector<R> {
     torque_principal
+}
+
+impl Formula for ConstantBody {
+    const STEM: &'static str = "constant_body";
+    const COLUMNS: &'static [Column] =
+        &[Column::vector("torque_principal")];
+    const MERGES: bool = true;
+    const NEEDS: Needs = Needs::NOTHING;
+
+    #[inline(always)]
+    fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        constant_body(row.vector(0))
+    }
 }

@@ -1,5 +1,6 @@
 //! `constant-world`: a torque that is constant in world axes.
 
+use super::formula::{Column, Epoch, Formula, Row};
 use glam::{DQuat, DVec3};
 
 use super::{Border, Kind, Model, Needs, Parameter};
@@ -44,4 +45,17 @@ impl Model for ConstantWorld {
 #[inline(always)]
 pub fn constant_world<R: Real>(torque_world: Vector<R>, orientation: Quaternion<R>) -> Vector<R> {
     orientation.rotate_inverse(torque_world)
+}
+
+impl Formula for ConstantWorld {
+    const STEM: &'static str = "constant_world";
+    const COLUMNS: &'static [Column] =
+        &[Column::vector("torque_world")];
+    const MERGES: bool = true;
+    const NEEDS: Needs = Needs { attitude: true, ..Needs::NOTHING };
+
+    #[inline(always)]
+    fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        constant_world(row.vector(0), q)
+    }
 }

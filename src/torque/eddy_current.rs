@@ -1,5 +1,6 @@
 //! `eddy-current`: damping of a conducting body that turns in a uniform magnetic field.
 
+use super::formula::{Column, Epoch, Formula, Row};
 use glam::{DQuat, DVec3};
 
 use super::{Border, Kind, Model, Needs, Parameter};
@@ -59,4 +60,16 @@ pub fn eddy_current<R: Real>(
 ) -> Vector<R> {
     let direction = orientation.rotate_inverse(direction_world);
     angular_velocity_principal.cross(direction).cross(direction) * coefficient
+}
+
+impl Formula for EddyCurrent {
+    const STEM: &'static str = "eddy_current";
+    const COLUMNS: &'static [Column] =
+        &[Column::number("coefficient"), Column::vector("direction_world")];
+    const NEEDS: Needs = Needs { attitude: true, angular_velocity: true, ..Needs::NOTHING };
+
+    #[inline(always)]
+    fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, q: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
+        eddy_current(row.number(0), row.vector(1), q, omega)
+    }
 }

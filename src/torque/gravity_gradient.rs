@@ -1,5 +1,8 @@
 //! `gravity-gradient` on a circular orbit: the difference of gravity over the body.
 
+use std::ops::Range;
+
+use super::formula::{Column, Epoch, Formula, MOST_PHASES, Row};
 use glam::DQuat;
 
 use super::orbit::{circular_place, gradient_torque};
@@ -72,4 +75,24 @@ pub fn gravity_gradient<R: Real>(
     orientation: Quaternion<R>,
 ) -> Vector<R> {
     gradient_torque(coefficients, circular_place(x_world, y_world, phase), orientation)
+}
+
+impl Formula for GravityGradient {
+    const STEM: &'static str = "gravity_gradient";
+    const COLUMNS: &'static [Column] =
+        &[Column::vector("coefficients"), Column::vector("x_world"), Column::vector("y_world"), Column::number("factor")];
+    const PHASES: &'static [&'static str] = &["phase"];
+    const NEEDS: Needs = Needs { attitude: true, time: true, ..Needs::NOTHING };
+    const FOLLOWS_MOMENTS: bool = true;
+    const EPOCH_COLUMNS: Range<usize> = 3..9;
+
+    #[inline(always)]
+    fn epoch<R: Real>(row: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {
+        Epoch::vector(circular_place(row.vector(3), row.vector(6), phases[0]))
+    }
+
+    #[inline(always)]
+    fn torque<R: Real>(row: &impl Row<R>, epoch: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        gradient_torque(row.vector(0), epoch.vector, q)
+    }
 }

@@ -1,5 +1,6 @@
 //! `heavy-top`: gravity on a body that turns about a fixed pivot.
 
+use super::formula::{Column, Epoch, Formula, Row};
 use glam::{DQuat, DVec3};
 
 use super::{Border, Kind, Model, Needs, Parameter};
@@ -69,4 +70,16 @@ pub fn heavy_top<R: Real>(
     orientation: Quaternion<R>,
 ) -> Vector<R> {
     moment_principal.cross(orientation.rotate_inverse(direction_world))
+}
+
+impl Formula for HeavyTop {
+    const STEM: &'static str = "heavy_top";
+    const COLUMNS: &'static [Column] =
+        &[Column::vector("moment_principal"), Column::vector("direction_world")];
+    const NEEDS: Needs = Needs { attitude: true, ..Needs::NOTHING };
+
+    #[inline(always)]
+    fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        heavy_top(row.vector(0), row.vector(3), q)
+    }
 }

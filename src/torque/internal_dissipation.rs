@@ -1,5 +1,7 @@
 //! `internal-dissipation`: loss of energy inside the body, which keeps its angular momentum.
 
+use super::formula::{Column, Epoch, Formula, Role, Row};
+use crate::quaternion::Quaternion;
 use glam::DQuat;
 
 use super::{Border, Kind, Model, Needs, Parameter};
@@ -52,4 +54,18 @@ impl Model for InternalDissipation {
 #[inline(always)]
 pub fn internal_dissipation<R: Real>(coefficient: R, m: Vector<R>, angular_velocity_principal: Vector<R>) -> Vector<R> {
     m.cross(angular_velocity_principal) * coefficient
+}
+
+impl Formula for InternalDissipation {
+    const STEM: &'static str = "internal_dissipation";
+    const COLUMNS: &'static [Column] =
+        &[Column::number("coefficient")];
+    const MERGES: bool = true;
+    const ROLE: Role = Role::Slip;
+    const NEEDS: Needs = Needs { angular_velocity: true, ..Needs::NOTHING };
+
+    #[inline(always)]
+    fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        Vector::zero()
+    }
 }

@@ -1,5 +1,7 @@
 //! `linear-drag`: a torque against the angular velocity and in proportion to it, the same about every axis.
 
+use super::formula::{Column, Epoch, Formula, Row};
+use crate::quaternion::Quaternion;
 use glam::DQuat;
 
 use super::{Border, Kind, Model, Needs, Parameter};
@@ -46,4 +48,17 @@ impl Model for LinearDrag {
 #[inline(always)]
 pub fn linear_drag<R: Real>(coefficient: R, angular_velocity_principal: Vector<R>) -> Vector<R> {
     -(angular_velocity_principal * coefficient)
+}
+
+impl Formula for LinearDrag {
+    const STEM: &'static str = "linear_drag";
+    const COLUMNS: &'static [Column] =
+        &[Column::number("coefficient")];
+    const MERGES: bool = true;
+    const NEEDS: Needs = Needs { angular_velocity: true, ..Needs::NOTHING };
+
+    #[inline(always)]
+    fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
+        linear_drag(row.number(0), omega)
+    }
 }

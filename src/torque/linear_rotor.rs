@@ -8,6 +8,9 @@
 //!
 //! This is no model that a scene names: a table has its column where one of its bodies is a linear rotor.
 
+use super::formula::{Column, Epoch, Formula, Role, Row};
+use super::Needs;
+use crate::quaternion::Quaternion;
 use crate::real::Real;
 use crate::vector::Vector;
 
@@ -16,4 +19,21 @@ use crate::vector::Vector;
 #[inline(always)]
 pub fn across_axis<R: Real>(factor: R, torque: Vector<R>) -> Vector<R> {
     Vector::new(factor * torque.x, torque.y, torque.z)
+}
+
+/// Beside the sum of the torques on it, which it projects.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LinearRotor;
+
+impl Formula for LinearRotor {
+    const STEM: &'static str = "linear_rotor";
+    const COLUMNS: &'static [Column] =
+        &[Column::number("factor")];
+    const ROLE: Role = Role::Projection;
+    const NEEDS: Needs = Needs::NOTHING;
+
+    #[inline(always)]
+    fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        Vector::zero()
+    }
 }

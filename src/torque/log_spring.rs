@@ -1,5 +1,6 @@
 //! `log-spring`: a torsion spring towards an attitude whose torque is the angle itself.
 
+use super::formula::{Column, Epoch, Formula, Row};
 use glam::DQuat;
 
 use super::{Border, Kind, Model, Needs, Parameter};
@@ -91,4 +92,16 @@ pub fn angle_ratio<R: Real>(between: Quaternion<R>) -> R {
 #[inline(always)]
 fn series_term(n: u32) -> f64 {
     (if n.is_multiple_of(2) { 1.0 } else { -1.0 }) / f64::from(2 * n + 1)
+}
+
+impl Formula for LogSpring {
+    const STEM: &'static str = "log_spring";
+    const COLUMNS: &'static [Column] =
+        &[Column::number("stiffness"), Column::quaternion("target")];
+    const NEEDS: Needs = Needs { attitude: true, ..Needs::NOTHING };
+
+    #[inline(always)]
+    fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        log_spring(row.number(0), row.quaternion(1), q)
+    }
 }

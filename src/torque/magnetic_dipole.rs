@@ -1,5 +1,6 @@
 //! `magnetic-dipole`: a magnet fixed in the body, in a uniform field.
 
+use super::formula::{Column, Epoch, Formula, Row};
 use glam::{DQuat, DVec3};
 
 use super::{Border, Kind, Model, Needs, Parameter};
@@ -56,4 +57,16 @@ pub fn magnetic_dipole<R: Real>(
     orientation: Quaternion<R>,
 ) -> Vector<R> {
     moment_principal.cross(orientation.rotate_inverse(direction_world))
+}
+
+impl Formula for MagneticDipole {
+    const STEM: &'static str = "magnetic_dipole";
+    const COLUMNS: &'static [Column] =
+        &[Column::vector("moment_principal"), Column::vector("direction_world")];
+    const NEEDS: Needs = Needs { attitude: true, ..Needs::NOTHING };
+
+    #[inline(always)]
+    fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        magnetic_dipole(row.vector(0), row.vector(3), q)
+    }
 }

@@ -1,5 +1,7 @@
 //! `matrix-drag`: a torque that is linear in the angular velocity, with a symmetric matrix.
 
+use super::formula::{Column, Epoch, Formula, Row};
+use crate::quaternion::Quaternion;
 use glam::{DMat3, DQuat};
 
 use super::{Border, Kind, Model, Needs, Parameter};
@@ -68,4 +70,17 @@ pub fn matrix_drag<R: Real>(
         o.x.mul_add(w.x, d.y.mul_add(w.y, o.z * w.z)),
         o.y.mul_add(w.x, o.z.mul_add(w.y, d.z * w.z)),
     )
+}
+
+impl Formula for MatrixDrag {
+    const STEM: &'static str = "matrix_drag";
+    const COLUMNS: &'static [Column] =
+        &[Column::vector("diagonal"), Column::vector("off_diagonal")];
+    const MERGES: bool = true;
+    const NEEDS: Needs = Needs { angular_velocity: true, ..Needs::NOTHING };
+
+    #[inline(always)]
+    fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
+        matrix_drag(row.vector(0), row.vector(3), omega)
+    }
 }

@@ -9,8 +9,7 @@
 //! (`shaders/torque/none.wgsl` or `sum.wgsl`). Internal dissipation and changing moments of inertia are in the same list:
 //! they turn no angular momentum but change the rate at which the axes turn ([`Environment::motion`]).
 //!
-//! A new model is a file here with its type and function, its twin, an entry in [`Torque`] and [`Kind`], and a line in
-//! `sum.rs` and `sum.wgsl`; some lines in `sum/held.rs` give it a CPU kernel of its own where it acts alone.
+//! A new model is a file here with its type and formula, its twin, an entry in [`Torque`], and a line in `kind.rs`.
 //!
 //! Each WGSL file names its twin in its first line, where that has another stem too: what types and generics choose here (no
 //! torque, equal steps or each body's own, series of either precision) is a file each there; how models are described and
@@ -36,6 +35,7 @@ pub mod constant_body;
 pub mod constant_world;
 mod description;
 pub mod eddy_current;
+pub(crate) mod formula;
 pub mod gravity_gradient;
 pub mod gravity_gradient_kepler;
 pub mod heavy_top;
@@ -55,6 +55,7 @@ pub mod sine_spring;
 pub mod sinusoidal;
 pub(crate) mod sum;
 mod table;
+pub(crate) mod tile;
 pub mod variable_inertia;
 pub mod white_noise;
 

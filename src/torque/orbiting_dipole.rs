@@ -1,5 +1,9 @@
 //! `orbiting-dipole`: a magnet fixed in the body, in the field of a planet's tilted dipole, along an orbit.
 
+use std::ops::Range;
+
+use super::formula::{Column, Epoch, Formula, MOST_PHASES, Row};
+use super::magnetic_dipole::magnetic_dipole;
 use glam::{DQuat, DVec3};
 
 use super::gravity_gradient_kepler::place_and_cube;
@@ -139,4 +143,23 @@ pub fn orbiting_dipole<R: Real>(
     orientation: Quaternion<R>,
 ) -> Vector<R> {
     moment_principal.cross(orientation.rotate_inverse(field.at(orbit_phase, rotation_phase)))
+}
+
+impl Formula for OrbitingDipole {
+    const STEM: &'static str = "orbiting_dipole";
+    const COLUMNS: &'static [Column] =
+        &[Column::vector("moment_principal"), Column::vector("x_world"), Column::vector("y_world"), Column::number("eccentricity"), Column::number("start"), Column::number("sin_tilt"), Column::number("cos_tilt"), Column::number("azimuth")];
+    const PHASES: &'static [&'static str] = &["orbit_phase", "rotation_phase"];
+    const NEEDS: Needs = Needs { attitude: true, time: true, ..Needs::NOTHING };
+    const EPOCH_COLUMNS: Range<usize> = 3..14;
+
+    #[inline(always)]
+    fn epoch<R: Real>(row: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {
+        Epoch::vector(DipoleField::of_row(|column| row.number(column)).at(phases[0], phases[1]))
+    }
+
+    #[inline(always)]
+    fn torque<R: Real>(row: &impl Row<R>, epoch: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        magnetic_dipole(row.vector(0), epoch.vector, q)
+    }
 }

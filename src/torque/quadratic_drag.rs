@@ -1,5 +1,7 @@
 //! `quadratic-drag`: a torque against the angular velocity that grows with its square, the same about every axis.
 
+use super::formula::{Column, Epoch, Formula, Row};
+use crate::quaternion::Quaternion;
 use glam::DQuat;
 
 use super::{Border, Kind, Model, Needs, Parameter};
@@ -47,4 +49,17 @@ impl Model for QuadraticDrag {
 pub fn quadratic_drag<R: Real>(coefficient: R, angular_velocity_principal: Vector<R>) -> Vector<R> {
     let speed = angular_velocity_principal.dot(angular_velocity_principal).sqrt();
     -(angular_velocity_principal * (coefficient * speed))
+}
+
+impl Formula for QuadraticDrag {
+    const STEM: &'static str = "quadratic_drag";
+    const COLUMNS: &'static [Column] =
+        &[Column::number("coefficient")];
+    const MERGES: bool = true;
+    const NEEDS: Needs = Needs { angular_velocity: true, ..Needs::NOTHING };
+
+    #[inline(always)]
+    fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
+        quadratic_drag(row.number(0), omega)
+    }
 }

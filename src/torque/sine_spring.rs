@@ -1,5 +1,6 @@
 //! `sine-spring`: a torsion spring towards an attitude whose torque is the sine of the angle.
 
+use super::formula::{Column, Epoch, Formula, Row};
 use glam::DQuat;
 
 use super::{Border, Kind, Model, Needs, Parameter};
@@ -54,4 +55,16 @@ impl Model for SineSpring {
 pub fn sine_spring<R: Real>(stiffness: R, target: Quaternion<R>, orientation: Quaternion<R>) -> Vector<R> {
     let between = target.conjugate().product(orientation);
     between.vector() * (R::splat(-2.0) * stiffness * between.w)
+}
+
+impl Formula for SineSpring {
+    const STEM: &'static str = "sine_spring";
+    const COLUMNS: &'static [Column] =
+        &[Column::number("stiffness"), Column::quaternion("target")];
+    const NEEDS: Needs = Needs { attitude: true, ..Needs::NOTHING };
+
+    #[inline(always)]
+    fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        sine_spring(row.number(0), row.quaternion(1), q)
+    }
 }

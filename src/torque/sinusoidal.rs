@@ -1,5 +1,9 @@
 //! `sinusoidal`: a torque in body axes that oscillates in time.
 
+use std::ops::Range;
+
+use super::formula::{Column, Epoch, Formula, MOST_PHASES, Row};
+use crate::quaternion::Quaternion;
 use glam::{DQuat, DVec3};
 
 use super::{Border, Kind, Model, Needs, Parameter};
@@ -60,4 +64,23 @@ impl Model for Sinusoidal {
 pub fn sinusoidal<R: Real>(sine: Vector<R>, cosine: Vector<R>, phase: R) -> Vector<R> {
     let (s, c) = sin_cos(phase * R::splat(std::f64::consts::TAU));
     sine.axpy(s, cosine * c)
+}
+
+impl Formula for Sinusoidal {
+    const STEM: &'static str = "sinusoidal";
+    const COLUMNS: &'static [Column] =
+        &[Column::vector("sine"), Column::vector("cosine")];
+    const PHASES: &'static [&'static str] = &["phase"];
+    const NEEDS: Needs = Needs { time: true, ..Needs::NOTHING };
+    const EPOCH_COLUMNS: Range<usize> = 0..6;
+
+    #[inline(always)]
+    fn epoch<R: Real>(row: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {
+        Epoch::vector(sinusoidal(row.vector(0), row.vector(3), phases[0]))
+    }
+
+    #[inline(always)]
+    fn torque<R: Real>(_: &impl Row<R>, epoch: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        epoch.vector
+    }
 }

@@ -1,32 +1,16 @@
 //! The sum of a scene's torques. Twin: `shaders/torque/sum.wgsl`.
 
 mod columns;
-mod held;
 mod noise;
 mod turning;
 
-use columns::StepTime;
-pub(crate) use columns::{Columns, Source};
-pub(crate) use held::{Held, of_kinds};
+pub(crate) use columns::{Columns, Source, StepTime};
 use turning::ChangeDone;
 
 use std::cell::Cell;
 
-use super::constant_body::constant_body;
-use super::constant_world::constant_world;
-use super::eddy_current::eddy_current;
-use super::gravity_gradient::gravity_gradient;
-use super::gravity_gradient_kepler::gravity_gradient_kepler;
-use super::heavy_top::heavy_top;
-use super::linear_drag::linear_drag;
+use super::formula::{Following, Formula, FormulaTask, MOST_PHASES, Role, Row};
 use super::linear_rotor::across_axis;
-use super::log_spring::log_spring;
-use super::magnetic_dipole::magnetic_dipole;
-use super::matrix_drag::matrix_drag;
-use super::orbiting_dipole::{DipoleField, orbiting_dipole};
-use super::quadratic_drag::quadratic_drag;
-use super::sine_spring::sine_spring;
-use super::sinusoidal::sinusoidal;
 use super::table::Instance;
 use super::{Environment, Kind, Motion, VelocityDependence};
 use crate::batch::RATE_COLUMN;
@@ -147,52 +131,64 @@ impl<'a, R: Real> Torques<'a, R> {
         orientation: Quaternion<R>,
         angular_velocity_principal: Vector<R>,
     ) -> Vector<R> {
-        let (q, omega, time) = (orientation, angular_velocity_principal, &epoch.time);
         let mut sum = epoch.noise;
-        for &Instance { kind, index, first: c } in self.columns.source.table.list() {
-            let torque = match kind {
-                Kind::ConstantBody => constant_body(self.columns.vector(c)),
-                Kind::LinearDrag => linear_drag(self.columns.column(c), omega),
-                Kind::ConstantWorld => constant_world(self.columns.vector(c), q),
-                Kind::MatrixDrag => matrix_drag(self.columns.vector(c), self.columns.vector(c + 3), omega),
-                Kind::QuadraticDrag => quadratic_drag(self.columns.column(c), omega),
-                Kind::Sinusoidal => {
-                    sinusoidal(self.columns.vector(c), self.columns.vector(c + 3), self.phase(kind, index, 0, time))
-                }
-                Kind::GravityGradient => {
-                    let phase = self.phase(kind, index, 0, time);
-                    let coefficients = self.gradient_coefficients(c, epoch.change_done);
-                    gravity_gradient(coefficients, self.columns.vector(c + 3), self.columns.vector(c + 6), phase, q)
-                }
-                Kind::GravityGradientKepler => {
-                    let phase = self.phase(kind, index, 0, time);
-                    let (x, y) = (self.columns.vector(c + 3), self.columns.vector(c + 6));
-                    let (eccentricity, start) = (self.columns.column(c + 10), self.columns.column(c + 11));
-                    let coefficients = self.gradient_coefficients(c, epoch.change_done);
-                    gravity_gradient_kepler(coefficients, x, y, eccentricity, start, phase, q)
-                }
-                Kind::HeavyTop => heavy_top(self.columns.vector(c), self.columns.vector(c + 3), q),
-                Kind::MagneticDipole => magnetic_dipole(self.columns.vector(c), self.columns.vector(c + 3), q),
-                Kind::OrbitingDipole => {
-                    let field = DipoleField::of_row(|index| self.columns.column(c + index));
-                    let orbit_phase = self.phase(kind, index, 0, time);
-                    let rotation_phase = self.phase(kind, index, 1, time);
-                    orbiting_dipole(self.columns.vector(c), &field, orbit_phase, rotation_phase, q)
-                }
-                Kind::EddyCurrent => eddy_current(self.columns.column(c), self.columns.vector(c + 1), q, omega),
-                Kind::SineSpring => sine_spring(self.columns.column(c), self.columns.quaternion(c + 1), q),
-                Kind::LogSpring => log_spring(self.columns.column(c), self.columns.quaternion(c + 1), q),
-                // The last of all: it holds for the whole sum.
-                Kind::LinearRotor => {
-                    sum = across_axis(self.columns.column(c), sum);
-                    continue;
-                }
-                // White noise belongs to the epoch, dissipation and the moments to the motion.
-                Kind::WhiteNoise | Kind::InternalDissipation | Kind::InertiaRamp | Kind::InertiaOscillation => continue,
-            };
-            sum = sum + torque;
+        for &instance in self.columns.source.table.list() {
+            let torques = self;
+            sum = instance.kind.with(Added { torques, instance, epoch, orientation, angular_velocity_principal, sum });
         }
         sum
+    }
+}
+
+/// A sum of torques with one more.
+struct Added<'s, 'a, R: Real> {
+    torques: &'s Torques<'a, R>,
+    instance: Instance,
+    epoch: &'s Epoch<'a, R>,
+    orientation: Quaternion<R>,
+    angular_velocity_principal: Vector<R>,
+    sum: Vector<R>,
+}
+
+impl<R: Real> FormulaTask for Added<'_, '_, R> {
+    type Output = Vector<R>;
+    #[inline(always)]
+    fn run<F: Formula>(self) -> Vector<R> {
+        let Self { torques, instance: Instance { kind, index, first }, epoch, orientation: q, sum, .. } = self;
+        let (omega, columns) = (self.angular_velocity_principal, &torques.columns);
+        let row = InstanceRow { columns, first };
+        match F::ROLE {
+            // The last of all: it holds for the whole sum.
+            Role::Projection => across_axis(row.number(0), sum),
+            Role::Torque => {
+                let mut phases = [R::splat(0.0); MOST_PHASES];
+                for (number, phase) in phases.iter_mut().enumerate().take(F::PHASES.len()) {
+                    *phase = torques.phase(kind, index, number, &epoch.time);
+                }
+                let at = F::epoch(&row, phases);
+                if F::FOLLOWS_MOMENTS && columns.source.table.varies_inertia() {
+                    let gained = columns.vector(torques.change_first() + 9);
+                    let following = Following { row: &row, gained, done: epoch.change_done };
+                    return sum + F::torque(&following, &at, q, omega);
+                }
+                sum + F::torque(&row, &at, q, omega)
+            }
+            // White noise belongs to the epoch, dissipation and the moments to the motion.
+            Role::Noise | Role::Slip | Role::Moments => sum,
+        }
+    }
+}
+
+/// The columns of one instance.
+struct InstanceRow<'s, 'a, R: Real> {
+    columns: &'s Columns<'a, R>,
+    first: usize,
+}
+
+impl<R: Real> Row<R> for InstanceRow<'_, '_, R> {
+    #[inline(always)]
+    fn number(&self, column: usize) -> R {
+        self.columns.column(self.first + column)
     }
 }
 

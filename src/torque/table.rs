@@ -2,6 +2,7 @@
 
 use glam::DQuat;
 
+use super::formula::Role;
 use super::kind::Kind;
 use super::{Torque, VelocityDependence};
 use crate::batch::BodyFrame;
@@ -89,7 +90,7 @@ impl TorqueTable {
         table.is_rigid = !table.varies_inertia && table.instances(Kind::InternalDissipation).count == 0;
         // A constant torque is projected in its columns, and drag has no part along an axis without spin.
         table.kinds[Kind::LinearRotor as usize].count = usize::from(has_linear_rotors && !table.is_common());
-        for kind in Kind::ALL {
+        for &kind in Kind::ALL {
             let instances = &mut table.kinds[kind as usize];
             instances.first = first_column + table.columns;
             instances.first_phase = table.phases.len();
@@ -142,23 +143,14 @@ impl TorqueTable {
             .all(|&kind| self.instances(kind).count == 0 || matches!(kind, Kind::ConstantBody | Kind::LinearDrag))
     }
 
-    /// The kind of the torque, where there is only one.
-    pub(crate) fn only_kind(&self) -> Option<Kind> {
-        match self.list[..] {
-            [Instance { kind, .. }] => Some(kind),
-            _ => None,
-        }
-    }
-
     /// How the torques together depend on the angular velocity.
     pub fn velocity_dependence(&self) -> VelocityDependence {
-        let has = |kind| self.instances(kind).count > 0;
-        if [Kind::MatrixDrag, Kind::QuadraticDrag, Kind::EddyCurrent].into_iter().any(has) {
-            VelocityDependence::General
-        } else if has(Kind::LinearDrag) {
-            VelocityDependence::LinearDrag
-        } else {
-            VelocityDependence::None
+        let kinds = self.list.iter().map(|instance| instance.kind);
+        let mut reading = kinds.filter(|kind| kind.role() == Role::Torque && kind.needs().angular_velocity);
+        match (reading.next(), reading.next()) {
+            (None, _) => VelocityDependence::None,
+            (Some(Kind::LinearDrag), None) => VelocityDependence::LinearDrag,
+            _ => VelocityDependence::General,
         }
     }
 
@@ -174,7 +166,7 @@ impl TorqueTable {
     ) -> Vec<u128> {
         let mut row = Vec::new();
         let mut exact = Vec::new();
-        for kind in Kind::ALL {
+        for &kind in Kind::ALL {
             let instances = self.instances(kind);
             if instances.count == 0 {
                 continue;
@@ -277,6 +269,11 @@ impl TorqueTable {
             PhaseRates::Shared(fraction) => Fraction::Shared(*fraction),
             PhaseRates::PerBody(fractions) => Fraction::PerBody(&fractions[first..]),
         }
+    }
+
+    /// Whether all bodies have the same rate of a phase, by its number.
+    pub(crate) fn rate_is_shared(&self, number: usize) -> bool {
+        matches!(self.phases[number], PhaseRates::Shared(_))
     }
 
     /// The column of a phase's rounded rate, turns/s, or ramps/s.

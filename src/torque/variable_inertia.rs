@@ -31,6 +31,8 @@
 //!
 //! Methods that take for granted that ω = I₀⁻¹ m are refused ([`crate::Error::RigidOnly`]).
 
+use super::formula::{Column, Epoch, Formula, MOST_PHASES, Role, Row};
+use crate::quaternion::Quaternion;
 use glam::{DQuat, DVec3};
 
 pub use super::inertia_change::{InertiaChange, Law};
@@ -333,5 +335,52 @@ pub(crate) fn changed_motion<R: Real>(
     Motion {
         angular_velocity: changed.angular_velocity(m, &correction),
         gyroscopic_term: changed.gyroscopic_term(m, &correction),
+    }
+}
+
+/// `variable-inertia` along a ramp.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct InertiaRamp;
+
+impl Formula for InertiaRamp {
+    const STEM: &'static str = "inertia_ramp";
+    const COLUMNS: &'static [Column] =
+        &[Column::vector("kappa"), Column::vector("difference"), Column::vector("difference_residue"), Column::vector("gained"), Column::number("per_tick")];
+    const PHASES: &'static [&'static str] = &["phase"];
+    const IS_PROGRESS: bool = true;
+    const ROLE: Role = Role::Moments;
+    const NEEDS: Needs = Needs { time: true, ..Needs::NOTHING };
+
+    #[inline(always)]
+    fn epoch<R: Real>(_: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {
+        Epoch::number(inertia_ramp(phases[0]))
+    }
+
+    #[inline(always)]
+    fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        Vector::zero()
+    }
+}
+
+/// `variable-inertia` to and fro.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct InertiaOscillation;
+
+impl Formula for InertiaOscillation {
+    const STEM: &'static str = "inertia_oscillation";
+    const COLUMNS: &'static [Column] =
+        &[Column::vector("kappa"), Column::vector("difference"), Column::vector("difference_residue"), Column::vector("gained")];
+    const PHASES: &'static [&'static str] = &["phase"];
+    const ROLE: Role = Role::Moments;
+    const NEEDS: Needs = Needs { time: true, ..Needs::NOTHING };
+
+    #[inline(always)]
+    fn epoch<R: Real>(_: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {
+        Epoch::number(inertia_oscillation(phases[0]))
+    }
+
+    #[inline(always)]
+    fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        Vector::zero()
     }
 }

@@ -4,6 +4,8 @@
 //! D. E. Shaw, *Parallel random numbers: as easy as 1, 2, 3*, SC11, 2011) a draw, made in the kernel. Nothing passes from
 //! one draw to the next, so a body's torque depends neither on which bodies stand beside it nor on how a run is cut.
 
+use super::formula::{Column, Epoch, Formula, Role, Row};
+use crate::quaternion::Quaternion;
 use glam::DQuat;
 
 use super::{Border, Kind, Model, Needs, Parameter};
@@ -147,4 +149,17 @@ pub fn uniform_parts<T: Scalar>(word: u32) -> (T, T) {
 #[inline(always)]
 pub fn uniform_turns<T: Scalar>(word: u32) -> T {
     T::from_f64(f64::from(word as i32)) * T::splat(1.0 / 4_294_967_296.0)
+}
+
+impl Formula for WhiteNoise {
+    const STEM: &'static str = "white_noise";
+    const COLUMNS: &'static [Column] =
+        &[Column::number("intensity"), Column::number("draws_per_step"), Column::quaternion("body_key"), Column::quaternion("seed_key")];
+    const ROLE: Role = Role::Noise;
+    const NEEDS: Needs = Needs { time: true, ..Needs::NOTHING };
+
+    #[inline(always)]
+    fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        Vector::zero()
+    }
 }

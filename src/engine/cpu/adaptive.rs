@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::observe::Reducer;
 use super::surroundings::{AllTorques, CommonTorques, Nothing, Surroundings};
+use super::tile::attempts_in_tiles;
 use super::{Width, block_of};
 use crate::batch::{Batch, StateWords, column_parts, load_body, load_state, store_state};
 use crate::clock::Clock;
@@ -18,7 +19,7 @@ use crate::lanes::{LaneScalar, LaneTask};
 use crate::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, advance};
 use crate::observe::Kernel;
 use crate::real::{Real, Scalar};
-use crate::torque::sum::{Source, of_kinds};
+use crate::torque::sum::Source;
 use crate::vector::TwoWords;
 
 /// Columns of a [`Controller`]: step, left (two words), retried, accepted, rejected.
@@ -29,7 +30,7 @@ const REJECTED: usize = 5;
 
 /// Attempts between two looks at whether to go on: some milliseconds of work for one block. Counts of one slice are exact
 /// in every element type.
-const SLICE: u32 = 1 << 13;
+pub(super) const SLICE: u32 = 1 << 13;
 
 pub(super) struct CpuAdaptiveSession<T> {
     pub(super) batch: Batch<T>,
@@ -68,14 +69,10 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
             self.advance_in::<Nothing>(end)
         } else if self.batch.torques.is_common() {
             self.advance_in::<CommonTorques>(end)
-        } else if !self.width.has_lanes::<T>() {
-            self.advance_in::<AllTorques>(end)
+        } else if self.width.has_lanes::<T>() {
+            self.advance_blocks(end, attempts_in_tiles::<T>)
         } else {
-            of_kinds!(
-                timed self.batch.torques,
-                KIND => self.advance_blocks(end, in_lanes::<T, super::surroundings::One<KIND>>),
-                self.advance_in::<AllTorques>(end)
-            )
+            self.advance_blocks(end, one_by_one::<T, AllTorques>)
         })
     }
 
@@ -167,19 +164,19 @@ fn take_counts<T: Scalar>(controllers: &mut [&mut [T]], counts: &mut [StepCounts
 }
 
 /// A slice of attempts of one block.
-struct Block<'a, 'b, T> {
-    source: Source<'a, T>,
+pub(super) struct Block<'a, 'b, T> {
+    pub source: Source<'a, T>,
     /// Its first body.
-    first: usize,
-    state: &'a mut [&'b mut [T]],
-    controllers: &'a mut [&'b mut [T]],
+    pub first: usize,
+    pub state: &'a mut [&'b mut [T]],
+    pub controllers: &'a mut [&'b mut [T]],
     /// Length of the interval, s.
-    span: TwoWords<T>,
-    steps: AdaptiveSteps,
+    pub span: TwoWords<T>,
+    pub steps: AdaptiveSteps,
     /// Whether the interval starts here.
-    starts: bool,
+    pub starts: bool,
     /// Bodies in the block; lane groups without any are left alone.
-    bodies: usize,
+    pub bodies: usize,
 }
 
 fn in_lanes<T: LaneScalar, S: Surroundings>(block: Block<'_, '_, T>) -> bool {
@@ -195,7 +192,6 @@ struct Advance<'a, 'b, T, S>(Block<'a, 'b, T>, PhantomData<S>);
 
 impl<T: Scalar, S: Surroundings> LaneTask<T> for Advance<'_, '_, T, S> {
     type Output = bool;
-    const IN_LANES_ONLY: bool = S::IN_LANES_ONLY;
 
     #[inline(always)]
     fn run<R: Real<Scalar = T>>(self) -> bool {
@@ -229,7 +225,7 @@ impl<T: Scalar, S: Surroundings> LaneTask<T> for Advance<'_, '_, T, S> {
 }
 
 #[inline(always)]
-fn load_controller<R: Real>(column: impl Fn(usize) -> R) -> Controller<R> {
+pub(super) fn load_controller<R: Real>(column: impl Fn(usize) -> R) -> Controller<R> {
     Controller {
         step: column(0),
         left: TwoWords { value: column(LEFT.start), residue: column(LEFT.start + 1) },
@@ -240,7 +236,7 @@ fn load_controller<R: Real>(column: impl Fn(usize) -> R) -> Controller<R> {
 }
 
 #[inline(always)]
-fn store_controller<R: Real>(controller: &Controller<R>, mut store: impl FnMut(usize, R)) {
+pub(super) fn store_controller<R: Real>(controller: &Controller<R>, mut store: impl FnMut(usize, R)) {
     let Controller { step, left, retried, accepted, rejected } = *controller;
     for (column, number) in [step, left.value, left.residue, retried, accepted, rejected].into_iter().enumerate() {
         store(column, number);

@@ -59,7 +59,7 @@ pub type Constants = Vec<(String, u32)>;
 /// The `override` constants of `torque/sum.wgsl` for a table of torques.
 pub fn torque_constants(torques: &TorqueTable) -> Constants {
     let mut constants = vec![("torques_are_common".to_owned(), u32::from(torques.is_common()))];
-    for kind in Kind::ALL {
+    for &kind in Kind::ALL {
         let instances = torques.instances(kind);
         if instances.count > 0 {
             constants.push((format!("{}_count", kind.stem()), instances.count as u32));

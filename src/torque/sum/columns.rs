@@ -3,7 +3,6 @@
 use std::cell::Cell;
 
 use crate::clock::{Clock, Fraction, MOST_LANES, Ticks, phases_at, ticks_in};
-use crate::quaternion::Quaternion;
 use crate::real::{Outlined, Real, Scalar};
 use crate::torque::variable_inertia::ticks_since;
 use crate::torque::{PER_TICK, TorqueTable};
@@ -69,12 +68,6 @@ impl<R: Real> Columns<'_, R> {
         Vector::new(self.column(column), self.column(column + 1), self.column(column + 2))
     }
 
-    /// Four columns.
-    #[inline(always)]
-    pub fn quaternion(&self, column: usize) -> Quaternion<R> {
-        Quaternion::new(self.column(column), self.column(column + 1), self.column(column + 2), self.column(column + 3))
-    }
-
     /// The ticks at the start of a step.
     #[inline(always)]
     pub fn ticks(&self, start: StepTime<'_, R>) -> Ticks {
@@ -106,9 +99,19 @@ impl<R: Real> Columns<'_, R> {
         }
     }
 
+    /// A phase by its number in the table, in turns; of a ramp its progress, not cut.
+    #[inline(always)]
+    pub fn start_phase(&self, number: usize, ticks: &Ticks) -> R {
+        let fraction = self.source.table.fraction(number, self.first);
+        match self.source.table.ramp_of(number) {
+            Some(first) => self.progress_at(fraction, ticks, first),
+            None => phases_at(fraction, ticks),
+        }
+    }
+
     /// The progress of the ramp with columns from `first` on, not cut.
     #[inline(always)]
-    pub fn progress_at(&self, start: Fraction<'_>, ticks: &Ticks, first: usize) -> R {
+    fn progress_at(&self, start: Fraction<'_>, ticks: &Ticks, first: usize) -> R {
         let since = match (start, ticks) {
             (Fraction::Shared(start), &Ticks::Equal(ticks)) => {
                 R::splat(ticks_since::<R::Scalar>(ticks, start as u64).to_f64())
@@ -136,11 +139,7 @@ impl<R: Real> Outlined for FormStartPhases<'_, '_, R> {
         let Self { columns, start } = self;
         let ticks = columns.ticks(start);
         for (number, phase) in columns.start_phases.iter().enumerate() {
-            let fraction = columns.source.table.fraction(number, columns.first);
-            phase.set(match columns.source.table.ramp_of(number) {
-                Some(first) => columns.progress_at(fraction, &ticks, first),
-                None => phases_at(fraction, &ticks),
-            });
+            phase.set(columns.start_phase(number, &ticks));
         }
     }
 }

@@ -46,7 +46,7 @@ impl<'a, R: Real> Torques<'a, R> {
 
     /// Its first column.
     #[inline(always)]
-    fn change_first(&self) -> usize {
+    pub(super) fn change_first(&self) -> usize {
         let ramp = self.columns.source.table.instances(Kind::InertiaRamp);
         if ramp.count > 0 { ramp.first } else { self.columns.source.table.instances(Kind::InertiaOscillation).first }
     }
@@ -61,21 +61,11 @@ impl<'a, R: Real> Torques<'a, R> {
         }
     }
 
-    /// 3 n² times the differences of the moments, of the gravity gradient with columns from `c` on.
-    #[inline(always)]
-    pub(super) fn gradient_coefficients(&self, c: usize, change_done: R) -> Vector<R> {
-        let coefficients = self.columns.vector(c);
-        if !self.columns.source.table.varies_inertia() {
-            return coefficients;
-        }
-        self.columns.vector(self.change_first() + 9).axpy(self.columns.column(c + 9) * change_done, coefficients)
-    }
-
     /// The motion of a body that is not rigid, and ω = I⁻¹ m.
     #[inline(always)]
-    fn turning(&self, epoch: &Epoch<'a, R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Turning<R> {
+    pub(crate) fn turning(&self, change_done: R, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Turning<R> {
         let mut motion = if self.columns.source.table.varies_inertia() {
-            changed_motion(body, &self.change(), epoch.change_done, correction, m)
+            changed_motion(body, &self.change(), change_done, correction, m)
         } else {
             let angular_velocity = body.angular_velocity(m, correction);
             Motion { angular_velocity, gyroscopic_term: body.gyroscopic_term(m, correction) }
@@ -105,7 +95,7 @@ impl<'a, R: Real> Torques<'a, R> {
             let gyroscopic_term = body.gyroscopic_term(m, correction);
             return Turning { motion: Motion { angular_velocity, gyroscopic_term }, angular_velocity };
         }
-        R::outlined(Turn { torques: self, epoch, body, correction, m: &m })
+        R::outlined(Turn { torques: self, change_done: epoch.change_done, body, correction, m: &m })
     }
 
     /// The power of what changes the moments, −½ ω·(dI/dt) ω, at ω = I⁻¹ m, in units of the body's own scale.
@@ -128,7 +118,7 @@ pub(crate) struct Turning<R> {
 /// [`Torques::turning`] as a function of its own.
 struct Turn<'s, 'a, R: Real> {
     torques: &'s Torques<'a, R>,
-    epoch: &'s Epoch<'a, R>,
+    change_done: R,
     body: &'s Body<R>,
     correction: &'s Correction<R>,
     m: &'s Vector<R>,
@@ -138,7 +128,7 @@ impl<R: Real> Outlined for Turn<'_, '_, R> {
     type Output = Turning<R>;
     #[inline(always)]
     fn run(self) -> Turning<R> {
-        self.torques.turning(self.epoch, self.body, self.correction, *self.m)
+        self.torques.turning(self.change_done, self.body, self.correction, *self.m)
     }
 }
 

@@ -1,0 +1,367 @@
+//! The torques on a tile: a few lane groups of bodies whose parameters, phases and torques stay in the first-level cache.
+//!
+//! A method goes through a step stage by stage, and a stage is one function for every set of torques: it takes the lane groups in turn
+//! and adds up the torques on each by [`TileTorques::sum`], so that kernels add up instead of multiplying.
+
+use super::formula::{Epoch, Following, Formula, FormulaTask, MOST_PHASES, Role, Row};
+use super::Motion;
+use super::kind::Kind;
+use super::linear_rotor::across_axis;
+use super::sum::{Columns, Source, StepTime, Torques};
+use super::variable_inertia::ramp_progress;
+use crate::batch::RATE_COLUMN;
+use crate::clock::phase_after;
+use crate::quaternion::Quaternion;
+use crate::real::{Outlined, Real};
+use crate::rigid_body::{Body, Correction};
+use crate::vector::{TwoWords, Vector};
+
+/// Lane groups of a tile: with AVX-512 in `f64` the slopes of all stages of `rk8` take 21 KB.
+pub(crate) const GROUPS: usize = 4;
+
+/// One value of each lane group of a tile.
+pub(crate) type Each<V> = [V; GROUPS];
+
+/// One instance of a torque on a tile.
+#[derive(Clone, Copy, Debug)]
+struct TileInstance {
+    kind: Kind,
+    /// Its first row of parameters.
+    first: usize,
+    /// The number of its first phase.
+    first_phase: usize,
+    /// Whether what follows from the time is the same for all bodies of the tile.
+    is_shared: bool,
+}
+
+/// The torques on the bodies of a tile.
+pub(crate) struct TileTorques<'a, R: Real> {
+    source: Source<'a, R::Scalar>,
+    first: usize,
+    groups: usize,
+    instances: Vec<TileInstance>,
+    parameters: Vec<Each<R>>,
+    /// Turns/s, or ramps/s.
+    rates: Vec<Each<R>>,
+    /// Turns at the start of a step, or the progress of a ramp.
+    starts: Vec<Each<R>>,
+    /// One an instance.
+    epochs: Vec<Each<Epoch<R>>>,
+    noise: Each<Vector<R>>,
+    /// Seconds in the unit that later times are given in: for steps of a body's own a power of two.
+    seconds: Each<R>,
+    /// Where the moments change: by how much their differences do, and the index of the instance.
+    change: Option<(Each<Vector<R>>, usize)>,
+}
+
+impl<'a, R: Real> TileTorques<'a, R> {
+    /// Room for the torques of a source; [`TileTorques::load`] fills it.
+    pub fn new(source: Source<'a, R::Scalar>) -> Self {
+        let zero = R::splat(0.0);
+        let mut instances = Vec::new();
+        let (mut parameters, mut phases) = (0, 0);
+        for instance in source.table.list() {
+            let kind = instance.kind;
+            instances.push(TileInstance { kind, first: parameters, first_phase: phases, is_shared: false });
+            parameters += kind.parameters();
+            phases += kind.phases();
+        }
+        Self {
+            source,
+            first: 0,
+            groups: 0,
+            parameters: vec![[zero; GROUPS]; parameters],
+            rates: vec![[zero; GROUPS]; phases],
+            starts: vec![[zero; GROUPS]; phases],
+            epochs: vec![[Epoch::none(); GROUPS]; instances.len()],
+            instances,
+            noise: [Vector::zero(); GROUPS],
+            seconds: [R::splat(1.0); GROUPS],
+            change: None,
+        }
+    }
+
+    #[inline(always)]
+    fn columns(&self, group: usize) -> Columns<'_, R> {
+        self.source.group(self.first + group * R::LANES, &[])
+    }
+
+    /// Takes the parameters of the bodies of `groups` lane groups from body `first` on.
+    #[inline(always)]
+    pub fn load(&mut self, first: usize, groups: usize) {
+        (self.first, self.groups) = (first, groups);
+        R::outlined(Load(self));
+    }
+
+    /// Forms what holds from the start of a step on: phases, random torques.
+    #[inline(always)]
+    pub fn start(&mut self, start: TileTime<'_, R>, active: &[usize]) {
+        if !self.starts.is_empty() || self.source.table.instances(Kind::WhiteNoise).count > 0 {
+            R::outlined(Start { torques: self, start, active });
+        }
+    }
+
+    /// Forms what follows from the time `elapsed` after the start of the step, in the unit of its start.
+    #[inline(always)]
+    pub fn at(&mut self, elapsed: &Each<R>, active: &[usize]) {
+        if !self.starts.is_empty() {
+            R::outlined(At { torques: self, elapsed, active });
+        }
+    }
+
+    /// How the bodies of a lane group turn, at the time of the last [`TileTorques::at`].
+    #[inline(always)]
+    pub fn motion(&self, group: usize, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
+        if self.source.table.is_rigid() {
+            return Motion {
+                angular_velocity: body.angular_velocity(m, correction),
+                gyroscopic_term: body.gyroscopic_term(m, correction),
+            };
+        }
+        R::outlined(Turn { torques: self, group, body, correction, m: &m })
+    }
+
+    /// The sum of the torques on a lane group, at the time of the last [`TileTorques::at`].
+    ///
+    /// It is inlined where it is called for all lane groups of a tile in turn, so that what it adds up stays in registers.
+    #[inline(always)]
+    pub fn sum(&self, group: usize, orientation: Quaternion<R>, angular_velocity_principal: Vector<R>) -> Vector<R> {
+        let mut sum = self.noise[group % GROUPS];
+        for (instance, epochs) in self.instances.iter().zip(&self.epochs) {
+            let added = Added { torques: self, instance, epochs, group, orientation, angular_velocity_principal, sum };
+            sum = instance.kind.with(added);
+        }
+        sum
+    }
+}
+
+/// A sum of torques with one more.
+struct Added<'s, 'a, R: Real> {
+    torques: &'s TileTorques<'a, R>,
+    instance: &'s TileInstance,
+    epochs: &'s Each<Epoch<R>>,
+    group: usize,
+    orientation: Quaternion<R>,
+    angular_velocity_principal: Vector<R>,
+    sum: Vector<R>,
+}
+
+impl<R: Real> FormulaTask for Added<'_, '_, R> {
+    type Output = Vector<R>;
+    #[inline(always)]
+    fn run<F: Formula>(self) -> Vector<R> {
+        let Self { torques, orientation: q, angular_velocity_principal: omega, sum, .. } = self;
+        let group = self.group % GROUPS;
+        let row = TileRow { rows: &torques.parameters[self.instance.first..][..F::PARAMETERS], group };
+        match F::ROLE {
+            Role::Projection => across_axis(row.number(0), sum),
+            Role::Torque => {
+                if F::FOLLOWS_MOMENTS
+                    && let Some((gained, index)) = &torques.change
+                {
+                    let done = torques.epochs[*index][group].number;
+                    let following = Following { row: &row, gained: gained[group], done };
+                    return sum + F::torque(&following, &self.epochs[group], q, omega);
+                }
+                sum + F::torque(&row, &self.epochs[group], q, omega)
+            }
+            Role::Noise | Role::Slip | Role::Moments => sum,
+        }
+    }
+}
+
+/// [`TileTorques::motion`] of bodies that are not rigid, as a function of its own.
+struct Turn<'s, 'a, R: Real> {
+    torques: &'s TileTorques<'a, R>,
+    group: usize,
+    body: &'s Body<R>,
+    correction: &'s Correction<R>,
+    m: &'s Vector<R>,
+}
+
+impl<R: Real> Outlined for Turn<'_, '_, R> {
+    type Output = Motion<R>;
+    #[inline(always)]
+    fn run(self) -> Motion<R> {
+        let Self { torques, group, .. } = self;
+        let done = torques.change.map_or(R::splat(0.0), |(_, index)| torques.epochs[index][group % GROUPS].number);
+        Torques::new(torques.columns(group)).turning(done, self.body, self.correction, *self.m).motion
+    }
+}
+
+/// The parameters of one instance for one lane group.
+struct TileRow<'s, R> {
+    rows: &'s [Each<R>],
+    group: usize,
+}
+
+impl<R: Real> Row<R> for TileRow<'_, R> {
+    #[inline(always)]
+    fn number(&self, column: usize) -> R {
+        self.rows[column][self.group % GROUPS]
+    }
+}
+
+/// [`TileTorques::load`] as a function of its own.
+struct Load<'s, 'a, R: Real>(&'s mut TileTorques<'a, R>);
+
+impl<R: Real> Outlined for Load<'_, '_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let torques = self.0;
+        let table = torques.source.table;
+        for index in 0..torques.instances.len() {
+            let TileInstance { kind, first, first_phase, .. } = torques.instances[index];
+            let instance = table.list()[index];
+            let mut is_shared = torques.source.dt > 0.0;
+            for column in 0..kind.parameters() {
+                let mut row = [R::splat(0.0); GROUPS];
+                for (group, number) in row.iter_mut().enumerate().take(torques.groups) {
+                    *number = torques.columns(group).column(instance.first + column);
+                }
+                torques.parameters[first + column] = row;
+                is_shared = is_shared && (!kind.epoch_columns().contains(&column) || are_equal(&row[..torques.groups]));
+            }
+            for phase in 0..kind.phases() {
+                let column = table.rate_column(kind, instance.index, phase);
+                let mut row = [R::splat(0.0); GROUPS];
+                for (group, number) in row.iter_mut().enumerate().take(torques.groups) {
+                    *number = torques.columns(group).column(column);
+                }
+                torques.rates[first_phase + phase] = row;
+                is_shared = is_shared && table.rate_is_shared(first_phase + phase);
+            }
+            torques.instances[index].is_shared = is_shared;
+        }
+        let moments = torques.instances.iter().position(|instance| instance.kind.role() == Role::Moments);
+        torques.change = moments.map(|index| {
+            let mut gained = [Vector::zero(); GROUPS];
+            for (group, gained) in gained.iter_mut().enumerate().take(torques.groups) {
+                *gained = torques.columns(group).vector(table.list()[index].first + 9);
+            }
+            (gained, index)
+        });
+    }
+}
+
+/// Whether all lanes of all groups are the same number.
+#[inline(always)]
+fn are_equal<R: Real>(groups: &[R]) -> bool {
+    let mut lanes = [<R::Scalar as Default>::default(); crate::clock::MOST_LANES];
+    groups[0].store(&mut lanes);
+    let first = R::splat(crate::real::Scalar::to_f64(lanes[0]));
+    groups.iter().all(|&number| !R::any(number.less_than(first) | first.less_than(number)))
+}
+
+/// When the bodies of a tile start a step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum TileTime<'s, R> {
+    /// Where the interval's equal step with this number does.
+    Equal(u64),
+    /// So long after the clock, lane by lane, in units of each body's own scale.
+    Own(&'s Each<TwoWords<R>>),
+}
+
+/// [`TileTorques::start`] as a function of its own.
+struct Start<'s, 'a, R: Real> {
+    torques: &'s mut TileTorques<'a, R>,
+    start: TileTime<'s, R>,
+    active: &'s [usize],
+}
+
+impl<R: Real> Outlined for Start<'_, '_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { torques, start, active } = self;
+        for &group in active {
+            let group = group % GROUPS;
+            let source = torques.source;
+            let columns: Columns<'_, R> = source.group(torques.first + group * R::LANES, &[]);
+            let ticks = match start {
+                TileTime::Equal(step) => {
+                    torques.noise[group] = columns.noise(step);
+                    columns.ticks(StepTime::Equal(step))
+                }
+                TileTime::Own(times) => {
+                    let (seconds, time) = (R::splat(1.0) / columns.column(RATE_COLUMN), times[group]);
+                    torques.seconds[group] = seconds;
+                    let time = TwoWords { value: time.value * seconds, residue: time.residue * seconds };
+                    columns.ticks(StepTime::Own(&time))
+                }
+            };
+            for (number, phase) in torques.starts.iter_mut().enumerate() {
+                phase[group] = columns.start_phase(number, &ticks);
+            }
+        }
+    }
+}
+
+/// [`TileTorques::at`] as a function of its own.
+struct At<'s, 'a, R: Real> {
+    torques: &'s mut TileTorques<'a, R>,
+    elapsed: &'s Each<R>,
+    active: &'s [usize],
+}
+
+impl<R: Real> Outlined for At<'_, '_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { torques, elapsed, active } = self;
+        for (index, instance) in torques.instances.iter().enumerate() {
+            instance.kind.with(EpochOf {
+                instance,
+                parameters: &torques.parameters,
+                starts: &torques.starts,
+                rates: &torques.rates,
+                seconds: &torques.seconds,
+                epochs: &mut torques.epochs[index],
+                elapsed,
+                active,
+            });
+        }
+    }
+}
+
+/// What follows from the time for one instance.
+struct EpochOf<'s, R> {
+    instance: &'s TileInstance,
+    parameters: &'s [Each<R>],
+    starts: &'s [Each<R>],
+    rates: &'s [Each<R>],
+    seconds: &'s Each<R>,
+    epochs: &'s mut Each<Epoch<R>>,
+    elapsed: &'s Each<R>,
+    active: &'s [usize],
+}
+
+impl<R: Real> FormulaTask for EpochOf<'_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run<F: Formula>(self) {
+        if F::PHASES.is_empty() {
+            return;
+        }
+        let Self { instance: &TileInstance { first, first_phase, is_shared, .. }, active, .. } = self;
+        let rows = &self.parameters[first..][..F::PARAMETERS];
+        let starts = &self.starts[first_phase..][..F::PHASES.len()];
+        let rates = &self.rates[first_phase..][..F::PHASES.len()];
+        for (place, &group) in active.iter().enumerate() {
+            let group = group % GROUPS;
+            if is_shared && place > 0 {
+                self.epochs[group] = self.epochs[active[0] % GROUPS];
+                continue;
+            }
+            let elapsed = self.elapsed[group] * self.seconds[group];
+            let mut phases = [R::splat(0.0); MOST_PHASES];
+            for phase in 0..F::PHASES.len() {
+                let (start, rate) = (starts[phase][group], rates[phase][group]);
+                phases[phase] =
+                    if F::IS_PROGRESS { ramp_progress(start, rate, elapsed) } else { phase_after(start, rate, elapsed) };
+            }
+            self.epochs[group] = F::epoch(&TileRow { rows, group }, phases);
+        }
+    }
+}
