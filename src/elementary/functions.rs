@@ -224,7 +224,7 @@ pub fn pow<R: Real>(x: R, y: R) -> R {
 
 /// tan x for |x| ≤ 2¹⁰ (`f32`) or 2²⁰ (`f64`), the range of [`crate::real::sin_cos`]; beyond it the error grows.
 ///
-/// The error is at most 2.5 ulp, near the zeros and the poles too.
+/// The error is at most 3 ulp, near the zeros and the poles too.
 #[inline(always)]
 pub fn tan<R: Real>(x: R) -> R {
     if let Some(node) = R::recorded(Function::Tan, &[x]) {
