@@ -6,7 +6,8 @@
 //! products are exact whether or not `mul_add` is fused.
 //!
 //! Errors are in ulps of the result: distances between neighbouring numbers there. `tests/elementary.rs` checks every
-//! bound, fused and unfused. Where a result would be subnormal, its error may be one more distance between subnormals.
+//! bound, fused and unfused; *measured* is the largest of all `f32` arguments or of 10⁷ random ones in either precision,
+//! against 32 digits. Where a result would be subnormal, its error may be one more distance between subnormals.
 //!
 //! # Infinities and what is not a number
 //!
@@ -166,7 +167,7 @@ const F32_OR_F64: f64 = 1e-12;
 
 /// eˣ. Above ln of the largest number, infinity; below ln of the least normal number, 0.
 ///
-/// The error is at most 1.5 ulp.
+/// The error is at most 1.5 ulp (measured: 1.07).
 #[inline(always)]
 pub fn exp<R: Real>(x: R) -> R {
     if let Some(node) = R::recorded(Function::Exp, &[x]) {
@@ -177,7 +178,7 @@ pub fn exp<R: Real>(x: R) -> R {
 
 /// ln x for x > 0; ln ∞ = ∞. Of zero and of negative numbers, NaN.
 ///
-/// The error is at most 1 ulp, near x = 1 too.
+/// The error is at most 1 ulp (measured: 0.51), near x = 1 too.
 #[inline(always)]
 pub fn ln<R: Real>(x: R) -> R {
     if let Some(node) = R::recorded(Function::Ln, &[x]) {
@@ -191,8 +192,8 @@ pub fn ln<R: Real>(x: R) -> R {
 /// xʸ = e^(y ln x) for x ≥ 0; of negative x, NaN (whole powers of these are products). x⁰ = 1 for every x, 0ʸ = 0 for y > 0 and
 /// ∞ for y < 0, and the reciprocals of these for x = ∞. Results that leave the range of normal numbers are those of [`exp`].
 ///
-/// The error is at most 3 ulp. The logarithm and its product by y are carried in two words: an error of theirs
-/// counts |y ln x| times, which may be 700.
+/// The error is at most 2 ulp (measured: 1.2). The logarithm and its product by y are carried in two words: a relative
+/// error of theirs counts |y ln x| times, which may be 700.
 #[inline(always)]
 pub fn pow<R: Real>(x: R, y: R) -> R {
     if let Some(node) = R::recorded(Function::Pow, &[x, y]) {
@@ -224,7 +225,7 @@ pub fn pow<R: Real>(x: R, y: R) -> R {
 
 /// tan x for |x| ≤ 2¹⁰ (`f32`) or 2²⁰ (`f64`), the range of [`crate::real::sin_cos`]; beyond it the error grows.
 ///
-/// The error is at most 3 ulp, near the zeros and the poles too.
+/// The error is at most 3 ulp (measured: 2.91), near the zeros and the poles too.
 #[inline(always)]
 pub fn tan<R: Real>(x: R) -> R {
     if let Some(node) = R::recorded(Function::Tan, &[x]) {
@@ -250,7 +251,7 @@ pub fn tan<R: Real>(x: R) -> R {
 
 /// arcsin x, in [−π/2, π/2]. An argument up to 4 ulp beyond ±1, a rounding's worth, counts as ±1; beyond that, NaN.
 ///
-/// The error is at most 1.5 ulp.
+/// The error is at most 1.5 ulp (measured: 0.87).
 #[inline(always)]
 pub fn asin<R: Real>(x: R) -> R {
     if let Some(node) = R::recorded(Function::Asin, &[x]) {
@@ -270,7 +271,7 @@ pub fn asin<R: Real>(x: R) -> R {
 
 /// arccos x, in [0, π]. An argument up to 4 ulp beyond ±1, a rounding's worth, counts as ±1; beyond that, NaN.
 ///
-/// The error is at most 1.5 ulp, near x = 1 too.
+/// The error is at most 1.5 ulp (measured: 1.07), near x = 1 too.
 #[inline(always)]
 pub fn acos<R: Real>(x: R) -> R {
     if let Some(node) = R::recorded(Function::Acos, &[x]) {
@@ -293,7 +294,7 @@ pub fn acos<R: Real>(x: R) -> R {
 /// The angle of the point (x, y) from the x axis, in [−π, π]. Of (0, 0) it is 0; on the negative x axis it is π whatever the
 /// sign of the zero y. An infinite coordinate counts as the largest finite number.
 ///
-/// The error is at most 1.5 ulp.
+/// The error is at most 1 ulp (measured: 0.51).
 #[inline(always)]
 pub fn atan2<R: Real>(y: R, x: R) -> R {
     if let Some(node) = R::recorded(Function::Atan2, &[y, x]) {
@@ -332,7 +333,7 @@ pub fn atan2<R: Real>(y: R, x: R) -> R {
 
 /// arctan(√x2)/√x2 for 0 ≤ x2 ≤ 0.04, by the series of the arctangent.
 ///
-/// The error is at most 1.5 ulp.
+/// The error is at most 1 ulp (measured: 0.68).
 #[inline(always)]
 pub fn arctangent_ratio<R: Real>(x2: R) -> R {
     if let Some(node) = R::recorded(Function::ArctangentRatio, &[x2]) {
