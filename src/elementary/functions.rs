@@ -6,8 +6,9 @@
 //! products are exact whether or not `mul_add` is fused.
 //!
 //! Errors are in ulps of the result: distances between neighbouring numbers there. `tests/elementary.rs` checks every
-//! bound, fused and unfused; *measured* is the largest of all `f32` arguments or of 10⁷ random ones in either precision,
-//! against 32 digits. Where a result would be subnormal, its error may be one more distance between subnormals.
+//! bound, fused and unfused; *measured* is the largest over every `f32`
+//! argument of a function of one number and over 10⁷ (`f64`), 2·10⁶ (`f32`) or 10⁵ (either, fused) random arguments, against
+//! 32 digits. Where a result would be subnormal, its error may be one more distance between subnormals.
 //!
 //! # Infinities and what is not a number
 //!
@@ -294,7 +295,7 @@ pub fn acos<R: Real>(x: R) -> R {
 /// The angle of the point (x, y) from the x axis, in [−π, π]. Of (0, 0) it is 0; on the negative x axis it is π whatever the
 /// sign of the zero y. An infinite coordinate counts as the largest finite number.
 ///
-/// The error is at most 1 ulp (measured: 0.51).
+/// The error is at most 1 ulp (measured: 0.52).
 #[inline(always)]
 pub fn atan2<R: Real>(y: R, x: R) -> R {
     if let Some(node) = R::recorded(Function::Atan2, &[y, x]) {
