@@ -6,9 +6,9 @@
 //! products are exact whether or not `mul_add` is fused.
 //!
 //! Errors are in ulps of the result: distances between neighbouring numbers there. `tests/elementary.rs` checks every
-//! bound, fused and unfused; *measured* is the largest over every `f32`
-//! argument of a function of one number and over 10⁷ (`f64`), 2·10⁶ (`f32`) or 10⁵ (either, fused) random arguments, against
-//! 32 digits. Where a result would be subnormal, its error may be one more distance between subnormals.
+//! bound, fused and unfused. *Measured* is the largest over every `f32` argument of a function of one number (reference:
+//! the library's `f64`) and over 10⁷ (`f64`; `pow` 10⁵), 2·10⁶ (`f32`) or 10⁵ (either, fused) random ones (reference: 32 digits).
+//! Where a result would be subnormal, its error may be one more distance between subnormals.
 //!
 //! # Infinities and what is not a number
 //!
