@@ -261,6 +261,16 @@ impl Source {
         vec![numbers, chunk!("elementary.wgsl"), chunk!("phase.wgsl"), chunk!("free_motion/evaluation.wgsl")]
     }
 
+    /// The chunks of the elementary functions that formulas name: `exp`, `ln`, `pow`, `tan`, `asin`, `acos`, `atan2` and
+    /// `arctangent_ratio`. They stand on [`Source::functions`] and on nothing else.
+    pub fn elementary_functions(precision: Precision) -> Vec<Chunk> {
+        let numbers = match precision {
+            Precision::F32 => chunk!("functions_f32.wgsl"),
+            Precision::F64 => chunk!("functions_f64.wgsl"),
+        };
+        vec![numbers, chunk!("functions.wgsl")]
+    }
+
     /// The kernel that probes an adapter's arithmetic; `int64`: whether the adapter has 64-bit integers.
     pub fn probe(precision: Precision, int64: bool) -> Self {
         let barrier = match precision {

@@ -1,7 +1,9 @@
 //! Elementary functions that kernels need beside [`crate::real::sin_cos`]: sine and cosine of a turn count, and the
-//! exponential of a number that is not positive.
+//! exponential of a number that is not positive. The functions that a user's formula may name are in [`functions`].
 //!
 //! Twin: `shaders/elementary.wgsl`, on `shaders/elementary_f32.wgsl` or `shaders/elementary_f64.wgsl`.
+
+pub mod functions;
 
 use std::f64::consts::TAU;
 
