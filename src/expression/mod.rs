@@ -20,6 +20,7 @@ pub mod graph;
 mod lexer;
 mod parser;
 pub mod program;
+mod replay;
 mod simplify;
 mod stages;
 mod symbol;

@@ -294,13 +294,7 @@ const ERROR_WEIGHTS_3: [f64; WEIGHTS.len()] = {
 
 /// DOP853's estimate of a step's error, in units of the tolerance.
 #[inline(always)]
-fn estimated_error<R: Real>(
-    slopes: &impl Slopes<R>,
-    h: R,
-    tolerance: R,
-    state: &State<R>,
-    next_state: &State<R>,
-) -> R {
+fn estimated_error<R: Real>(slopes: &impl Slopes<R>, h: R, tolerance: R, state: &State<R>, next_state: &State<R>) -> R {
     // Both sets of weights add up to 0, so that the first slope itself has no part in the sums of differences.
     let fifth = weighted(slopes, 0.0, &ERROR_WEIGHTS_5[1..]);
     let third = weighted(slopes, 0.0, &ERROR_WEIGHTS_3[1..]);

@@ -54,8 +54,7 @@ pub fn constant_body<R: Real>(torque_principal: Vector<R>) -> Vector<R> {
 
 impl Formula for ConstantBody {
     const STEM: &'static str = "constant_body";
-    const COLUMNS: &'static [Column] =
-        &[Column::vector("torque_principal")];
+    const COLUMNS: &'static [Column] = &[Column::vector("torque_principal")];
     const MERGES: bool = true;
     const NEEDS: Needs = Needs::NOTHING;
 

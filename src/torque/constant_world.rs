@@ -49,8 +49,7 @@ pub fn constant_world<R: Real>(torque_world: Vector<R>, orientation: Quaternion<
 
 impl Formula for ConstantWorld {
     const STEM: &'static str = "constant_world";
-    const COLUMNS: &'static [Column] =
-        &[Column::vector("torque_world")];
+    const COLUMNS: &'static [Column] = &[Column::vector("torque_world")];
     const MERGES: bool = true;
     const NEEDS: Needs = Needs { attitude: true, ..Needs::NOTHING };
 

@@ -64,8 +64,7 @@ pub fn eddy_current<R: Real>(
 
 impl Formula for EddyCurrent {
     const STEM: &'static str = "eddy_current";
-    const COLUMNS: &'static [Column] =
-        &[Column::number("coefficient"), Column::vector("direction_world")];
+    const COLUMNS: &'static [Column] = &[Column::number("coefficient"), Column::vector("direction_world")];
     const NEEDS: Needs = Needs { attitude: true, angular_velocity: true, ..Needs::NOTHING };
 
     #[inline(always)]

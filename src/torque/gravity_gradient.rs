@@ -79,8 +79,12 @@ pub fn gravity_gradient<R: Real>(
 
 impl Formula for GravityGradient {
     const STEM: &'static str = "gravity_gradient";
-    const COLUMNS: &'static [Column] =
-        &[Column::vector("coefficients"), Column::vector("x_world"), Column::vector("y_world"), Column::number("factor")];
+    const COLUMNS: &'static [Column] = &[
+        Column::vector("coefficients"),
+        Column::vector("x_world"),
+        Column::vector("y_world"),
+        Column::number("factor"),
+    ];
     const PHASES: &'static [&'static str] = &["phase"];
     const NEEDS: Needs = Needs { attitude: true, time: true, ..Needs::NOTHING };
     const FOLLOWS_MOMENTS: bool = true;

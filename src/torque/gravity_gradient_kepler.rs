@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use super::formula::{Column, Epoch, Formula, MOST_PHASES, Row};
 use super::Needs;
+use super::formula::{Column, Epoch, Formula, MOST_PHASES, Row};
 use super::orbit::{gradient_torque, kepler_place};
 use crate::quaternion::Quaternion;
 use crate::real::Real;
@@ -44,8 +44,14 @@ pub struct GravityGradientKepler;
 
 impl Formula for GravityGradientKepler {
     const STEM: &'static str = "gravity_gradient_kepler";
-    const COLUMNS: &'static [Column] =
-        &[Column::vector("coefficients"), Column::vector("x_world"), Column::vector("y_world"), Column::number("factor"), Column::number("eccentricity"), Column::number("start")];
+    const COLUMNS: &'static [Column] = &[
+        Column::vector("coefficients"),
+        Column::vector("x_world"),
+        Column::vector("y_world"),
+        Column::number("factor"),
+        Column::number("eccentricity"),
+        Column::number("start"),
+    ];
     const PHASES: &'static [&'static str] = &["phase"];
     const NEEDS: Needs = Needs { attitude: true, time: true, ..Needs::NOTHING };
     const FOLLOWS_MOMENTS: bool = true;
@@ -53,8 +59,7 @@ impl Formula for GravityGradientKepler {
 
     #[inline(always)]
     fn epoch<R: Real>(row: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {
-        let (vector, number) =
-            place_and_cube(row.vector(3), row.vector(6), row.number(10), row.number(11), phases[0]);
+        let (vector, number) = place_and_cube(row.vector(3), row.vector(6), row.number(10), row.number(11), phases[0]);
         Epoch { vector, number }
     }
 

@@ -74,8 +74,7 @@ pub fn heavy_top<R: Real>(
 
 impl Formula for HeavyTop {
     const STEM: &'static str = "heavy_top";
-    const COLUMNS: &'static [Column] =
-        &[Column::vector("moment_principal"), Column::vector("direction_world")];
+    const COLUMNS: &'static [Column] = &[Column::vector("moment_principal"), Column::vector("direction_world")];
     const NEEDS: Needs = Needs { attitude: true, ..Needs::NOTHING };
 
     #[inline(always)]

@@ -58,8 +58,7 @@ pub fn internal_dissipation<R: Real>(coefficient: R, m: Vector<R>, angular_veloc
 
 impl Formula for InternalDissipation {
     const STEM: &'static str = "internal_dissipation";
-    const COLUMNS: &'static [Column] =
-        &[Column::number("coefficient")];
+    const COLUMNS: &'static [Column] = &[Column::number("coefficient")];
     const MERGES: bool = true;
     const ROLE: Role = Role::Slip;
     const NEEDS: Needs = Needs { angular_velocity: true, ..Needs::NOTHING };

@@ -52,8 +52,7 @@ pub fn linear_drag<R: Real>(coefficient: R, angular_velocity_principal: Vector<R
 
 impl Formula for LinearDrag {
     const STEM: &'static str = "linear_drag";
-    const COLUMNS: &'static [Column] =
-        &[Column::number("coefficient")];
+    const COLUMNS: &'static [Column] = &[Column::number("coefficient")];
     const MERGES: bool = true;
     const NEEDS: Needs = Needs { angular_velocity: true, ..Needs::NOTHING };
 

@@ -8,8 +8,8 @@
 //!
 //! This is no model that a scene names: a table has its column where one of its bodies is a linear rotor.
 
-use super::formula::{Column, Epoch, Formula, Role, Row};
 use super::Needs;
+use super::formula::{Column, Epoch, Formula, Role, Row};
 use crate::quaternion::Quaternion;
 use crate::real::Real;
 use crate::vector::Vector;
@@ -27,8 +27,7 @@ pub(crate) struct LinearRotor;
 
 impl Formula for LinearRotor {
     const STEM: &'static str = "linear_rotor";
-    const COLUMNS: &'static [Column] =
-        &[Column::number("factor")];
+    const COLUMNS: &'static [Column] = &[Column::number("factor")];
     const ROLE: Role = Role::Projection;
     const NEEDS: Needs = Needs::NOTHING;
 

@@ -5,9 +5,10 @@ use glam::DQuat;
 
 use super::{Border, Kind, Model, Needs, Parameter};
 use crate::batch::BodyFrame;
+use crate::elementary::functions::arctangent_ratio;
 use crate::error::Result;
 use crate::quaternion::Quaternion;
-use crate::real::{Real, Scalar};
+use crate::real::Real;
 use crate::vector::Vector;
 
 /// τ = −k θ n, with (n sin θ/2, cos θ/2) = conj(q_target) q and θ in [0, π] (F. Bullo, R. M. Murray, *Proportional
@@ -79,25 +80,13 @@ pub fn angle_ratio<R: Real>(between: Quaternion<R>) -> R {
     let eighth_squared = quarter_squared / (eighth_divisor * eighth_divisor);
     let sixteenth_divisor = one + (one + eighth_squared).sqrt();
     let x2 = eighth_squared / (sixteenth_divisor * sixteenth_divisor);
-    let terms = R::Scalar::ARCTANGENT_TERMS;
-    let mut sum = R::splat(series_term(terms));
-    for term in (0..terms).rev() {
-        sum = sum.mul_add(x2, R::splat(series_term(term)));
-    }
-    let ratio = R::splat(16.0) * sum / (divisor * eighth_divisor * sixteenth_divisor);
+    let ratio = R::splat(16.0) * arctangent_ratio(x2) / (divisor * eighth_divisor * sixteenth_divisor);
     R::select(between.w.less_than(R::splat(0.0)), -ratio, ratio)
-}
-
-/// (−1)ⁿ/(2n + 1).
-#[inline(always)]
-fn series_term(n: u32) -> f64 {
-    (if n.is_multiple_of(2) { 1.0 } else { -1.0 }) / f64::from(2 * n + 1)
 }
 
 impl Formula for LogSpring {
     const STEM: &'static str = "log_spring";
-    const COLUMNS: &'static [Column] =
-        &[Column::number("stiffness"), Column::quaternion("target")];
+    const COLUMNS: &'static [Column] = &[Column::number("stiffness"), Column::quaternion("target")];
     const NEEDS: Needs = Needs { attitude: true, ..Needs::NOTHING };
 
     #[inline(always)]

@@ -61,8 +61,7 @@ pub fn magnetic_dipole<R: Real>(
 
 impl Formula for MagneticDipole {
     const STEM: &'static str = "magnetic_dipole";
-    const COLUMNS: &'static [Column] =
-        &[Column::vector("moment_principal"), Column::vector("direction_world")];
+    const COLUMNS: &'static [Column] = &[Column::vector("moment_principal"), Column::vector("direction_world")];
     const NEEDS: Needs = Needs { attitude: true, ..Needs::NOTHING };
 
     #[inline(always)]

@@ -74,8 +74,7 @@ pub fn matrix_drag<R: Real>(
 
 impl Formula for MatrixDrag {
     const STEM: &'static str = "matrix_drag";
-    const COLUMNS: &'static [Column] =
-        &[Column::vector("diagonal"), Column::vector("off_diagonal")];
+    const COLUMNS: &'static [Column] = &[Column::vector("diagonal"), Column::vector("off_diagonal")];
     const MERGES: bool = true;
     const NEEDS: Needs = Needs { angular_velocity: true, ..Needs::NOTHING };
 

@@ -23,6 +23,7 @@ use crate::vector::Vector;
 
 /// How a torque depends on the angular velocity, which decides how a splitting kicks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u32)]
 pub enum VelocityDependence {
     /// Not at all: at a frozen attitude the torque is constant.
     None,
@@ -51,6 +52,7 @@ pub mod orbit;
 pub mod orbiting_dipole;
 mod parameter;
 pub mod quadratic_drag;
+pub(crate) mod shader;
 pub mod sine_spring;
 pub mod sinusoidal;
 pub(crate) mod sum;

@@ -5,7 +5,7 @@ use glam::{DMat3, DVec3};
 use super::{Border, Parameter};
 use crate::error::Result;
 use crate::quaternion::Quaternion;
-use crate::real::{Real, sin_cos};
+use crate::real::{Function, Real, sin_cos};
 use crate::vector::Vector;
 
 /// The largest eccentricity for which [`eccentric_anomaly`]'s fixed number of iterations is enough.
@@ -183,12 +183,25 @@ pub fn circular_place<R: Real>(x_world: Vector<R>, y_world: Vector<R>, phase: R)
 #[inline(always)]
 pub fn kepler_place<R: Real>(x_world: Vector<R>, y_world: Vector<R>, eccentricity: R, phase: R) -> Place<R> {
     let one = R::splat(1.0);
-    let (_, sin, cos) = eccentric_anomaly(phase * R::splat(std::f64::consts::TAU), eccentricity);
+    let (sin, cos) = kepler_sin_cos(phase * R::splat(std::f64::consts::TAU), eccentricity);
     let inverse_distance = one / (one - eccentricity * cos);
     let minor = (one - eccentricity * eccentricity).sqrt();
     let x = (cos - eccentricity) * inverse_distance;
     let y = minor * sin * inverse_distance;
     Place { direction_world: x_world.axpy(x, y_world * y), inverse_distance }
+}
+
+/// sin E and cos E of [`eccentric_anomaly`].
+#[inline(always)]
+pub fn kepler_sin_cos<R: Real>(mean_anomaly: R, eccentricity: R) -> (R, R) {
+    let arguments = [mean_anomaly, eccentricity];
+    if let (Some(sin), Some(cos)) =
+        (R::recorded(Function::KeplerSin, &arguments), R::recorded(Function::KeplerCos, &arguments))
+    {
+        return (sin, cos);
+    }
+    let (_, sin, cos) = eccentric_anomaly(mean_anomaly, eccentricity);
+    (sin, cos)
 }
 
 /// Iterations of [`eccentric_anomaly`].

@@ -147,8 +147,16 @@ pub fn orbiting_dipole<R: Real>(
 
 impl Formula for OrbitingDipole {
     const STEM: &'static str = "orbiting_dipole";
-    const COLUMNS: &'static [Column] =
-        &[Column::vector("moment_principal"), Column::vector("x_world"), Column::vector("y_world"), Column::number("eccentricity"), Column::number("start"), Column::number("sin_tilt"), Column::number("cos_tilt"), Column::number("azimuth")];
+    const COLUMNS: &'static [Column] = &[
+        Column::vector("moment_principal"),
+        Column::vector("x_world"),
+        Column::vector("y_world"),
+        Column::number("eccentricity"),
+        Column::number("start"),
+        Column::number("sin_tilt"),
+        Column::number("cos_tilt"),
+        Column::number("azimuth"),
+    ];
     const PHASES: &'static [&'static str] = &["orbit_phase", "rotation_phase"];
     const NEEDS: Needs = Needs { attitude: true, time: true, ..Needs::NOTHING };
     const EPOCH_COLUMNS: Range<usize> = 3..14;

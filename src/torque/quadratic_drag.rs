@@ -53,8 +53,7 @@ pub fn quadratic_drag<R: Real>(coefficient: R, angular_velocity_principal: Vecto
 
 impl Formula for QuadraticDrag {
     const STEM: &'static str = "quadratic_drag";
-    const COLUMNS: &'static [Column] =
-        &[Column::number("coefficient")];
+    const COLUMNS: &'static [Column] = &[Column::number("coefficient")];
     const MERGES: bool = true;
     const NEEDS: Needs = Needs { angular_velocity: true, ..Needs::NOTHING };
 

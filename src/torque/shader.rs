@@ -13,9 +13,9 @@ use crate::quaternion::Quaternion;
 use crate::torque::Kind;
 use crate::vector::Vector;
 
-/// The functions of all kinds of torque, one text a kind: file and text.
-pub fn functions() -> Vec<(&'static str, String)> {
-    let torques = Kind::ALL.iter().filter(|kind| kind.role() == Role::Torque);
+/// The functions of the kinds of torque that are wanted, one text a kind: file and text.
+pub(crate) fn functions(wanted: impl Fn(Kind) -> bool) -> Vec<(&'static str, String)> {
+    let torques = Kind::ALL.iter().filter(|&&kind| kind.role() == Role::Torque && wanted(kind));
     torques.map(|&kind| (kind.file(), kind.with(Text { kind }))).collect()
 }
 
@@ -117,7 +117,11 @@ impl FormulaTask for Text {
         let text = recorded::<F>().map_err(|fault| fault.to_string()).and_then(|recorded| {
             let signature = Signature {
                 name: F::STEM.to_owned(),
-                comment: vec![format!("{}, in principal axes and the body's own units; recorded from {}.", F::STEM, self.kind.source_file())],
+                comment: vec![format!(
+                    "{}, in principal axes and the body's own units; recorded from {}.",
+                    F::STEM,
+                    self.kind.source_file()
+                )],
                 parameters: recorded.arguments.into_iter().map(|(argument, _)| argument).collect(),
             };
             wgsl::function(&recorded.graph, &recorded.outputs, &signature).map_err(|error| error.to_string())

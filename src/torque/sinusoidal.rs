@@ -68,8 +68,7 @@ pub fn sinusoidal<R: Real>(sine: Vector<R>, cosine: Vector<R>, phase: R) -> Vect
 
 impl Formula for Sinusoidal {
     const STEM: &'static str = "sinusoidal";
-    const COLUMNS: &'static [Column] =
-        &[Column::vector("sine"), Column::vector("cosine")];
+    const COLUMNS: &'static [Column] = &[Column::vector("sine"), Column::vector("cosine")];
     const PHASES: &'static [&'static str] = &["phase"];
     const NEEDS: Needs = Needs { time: true, ..Needs::NOTHING };
     const EPOCH_COLUMNS: Range<usize> = 0..6;

@@ -3,8 +3,8 @@
 //! A method goes through a step stage by stage, and a stage is one function for every set of torques: it takes the lane groups in turn
 //! and adds up the torques on each by [`TileTorques::sum`], so that kernels add up instead of multiplying.
 
-use super::formula::{Epoch, Following, Formula, FormulaTask, MOST_PHASES, Role, Row};
 use super::Motion;
+use super::formula::{Epoch, Following, Formula, FormulaTask, MOST_PHASES, Role, Row};
 use super::kind::Kind;
 use super::linear_rotor::across_axis;
 use super::sum::{Columns, Source, StepTime, Torques};
@@ -358,8 +358,11 @@ impl<R: Real> FormulaTask for EpochOf<'_, R> {
             let mut phases = [R::splat(0.0); MOST_PHASES];
             for phase in 0..F::PHASES.len() {
                 let (start, rate) = (starts[phase][group], rates[phase][group]);
-                phases[phase] =
-                    if F::IS_PROGRESS { ramp_progress(start, rate, elapsed) } else { phase_after(start, rate, elapsed) };
+                phases[phase] = if F::IS_PROGRESS {
+                    ramp_progress(start, rate, elapsed)
+                } else {
+                    phase_after(start, rate, elapsed)
+                };
             }
             self.epochs[group] = F::epoch(&TileRow { rows, group }, phases);
         }

@@ -344,8 +344,13 @@ pub(crate) struct InertiaRamp;
 
 impl Formula for InertiaRamp {
     const STEM: &'static str = "inertia_ramp";
-    const COLUMNS: &'static [Column] =
-        &[Column::vector("kappa"), Column::vector("difference"), Column::vector("difference_residue"), Column::vector("gained"), Column::number("per_tick")];
+    const COLUMNS: &'static [Column] = &[
+        Column::vector("kappa"),
+        Column::vector("difference"),
+        Column::vector("difference_residue"),
+        Column::vector("gained"),
+        Column::number("per_tick"),
+    ];
     const PHASES: &'static [&'static str] = &["phase"];
     const IS_PROGRESS: bool = true;
     const ROLE: Role = Role::Moments;
@@ -368,8 +373,12 @@ pub(crate) struct InertiaOscillation;
 
 impl Formula for InertiaOscillation {
     const STEM: &'static str = "inertia_oscillation";
-    const COLUMNS: &'static [Column] =
-        &[Column::vector("kappa"), Column::vector("difference"), Column::vector("difference_residue"), Column::vector("gained")];
+    const COLUMNS: &'static [Column] = &[
+        Column::vector("kappa"),
+        Column::vector("difference"),
+        Column::vector("difference_residue"),
+        Column::vector("gained"),
+    ];
     const PHASES: &'static [&'static str] = &["phase"];
     const ROLE: Role = Role::Moments;
     const NEEDS: Needs = Needs { time: true, ..Needs::NOTHING };

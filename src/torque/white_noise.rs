@@ -153,8 +153,12 @@ pub fn uniform_turns<T: Scalar>(word: u32) -> T {
 
 impl Formula for WhiteNoise {
     const STEM: &'static str = "white_noise";
-    const COLUMNS: &'static [Column] =
-        &[Column::number("intensity"), Column::number("draws_per_step"), Column::quaternion("body_key"), Column::quaternion("seed_key")];
+    const COLUMNS: &'static [Column] = &[
+        Column::number("intensity"),
+        Column::number("draws_per_step"),
+        Column::quaternion("body_key"),
+        Column::quaternion("seed_key"),
+    ];
     const ROLE: Role = Role::Noise;
     const NEEDS: Needs = Needs { time: true, ..Needs::NOTHING };
 

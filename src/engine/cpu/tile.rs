@@ -9,10 +9,10 @@ use super::Block;
 use super::adaptive::{Block as AdaptiveBlock, load_controller, store_controller};
 use crate::batch::{load_body, load_state, store_state};
 use crate::lanes::{LaneScalar, LaneTask};
+use crate::method::cf4::{self, Turn};
 use crate::method::rk8::{STAGES, Slopes, TIMES};
 use crate::method::rk8_adaptive::{LEAST_STEP, Limits, Trial};
 use crate::method::slope::Slope;
-use crate::method::cf4::{self, Turn};
 use crate::method::{rk4, rk8};
 use crate::quaternion::Quaternion;
 use crate::real::{Outlined, Real, Scalar};
@@ -63,7 +63,7 @@ impl<'a, R: Real> Tile<'a, R> {
             h: [TwoWords { value: zero, residue: zero }; GROUPS],
             state: [state; GROUPS],
             correction: [body.correction(&state); GROUPS],
-            groups: std::array::from_fn(|group| group),
+            groups: [0, 1, 2, 3],
             active: 0,
             slopes: [[Slope { q, m: Vector::zero() }; GROUPS]; STAGES],
         }
@@ -91,7 +91,7 @@ impl<'a, R: Real> Tile<'a, R> {
             self.state[group] = load_state(|column| state(column, group));
             rates[group] = rate;
         }
-        self.groups = std::array::from_fn(|group| group);
+        self.groups = [0, 1, 2, 3];
         self.active = groups.min(GROUPS);
         self.torques.load(first, self.active);
         rates
@@ -252,7 +252,8 @@ impl TileStep for Rk4 {
             tile.stage::<Rk4>(stage);
         }
         for group in tile.active() {
-            let slopes = [0, 1, 2, 3].map(|stage| tile.slopes[stage][group]);
+            let [k1, k2, k3, k4, ..] = &tile.slopes;
+            let slopes = [k1[group], k2[group], k3[group], k4[group]];
             tile.state[group] = rk4::advanced(slopes, tile.h[group], tile.state[group]);
         }
     }
@@ -266,7 +267,7 @@ impl TileStep for Cf4 {
     fn step<R: Real>(tile: &mut Tile<'_, R>, index: u64) {
         tile.start(TileTime::Equal(index));
         let turn = Turn { omega: Vector::zero(), m: Vector::zero() };
-        let (mut turns, mut second) = ([[turn; 4]; GROUPS], tile.state.map(|state| state.orientation.value));
+        let (mut turns, mut second) = ([[turn; 4]; GROUPS], [tile.state[0].orientation.value; GROUPS]);
         for (stage, fraction) in [0.0, 0.5, 0.5, 1.0].into_iter().enumerate() {
             if stage != 2 {
                 tile.at(fraction);
@@ -372,13 +373,13 @@ impl<T: Scalar> LaneTask<T> for Attempts<'_, '_, T> {
                 let controller = load_controller(|column| R::load(&block.controllers[column][offset..]));
                 controllers[group] = if block.starts { controller.over(spans[group]) } else { controller };
             }
-            let limits: Each<Limits<R>> = rates.map(|rate| Limits {
-                tolerance: R::splat(block.steps.tolerance),
-                least_step: match block.steps.least_step {
-                    Some(seconds) => R::splat(seconds) * rate,
-                    None => R::splat(LEAST_STEP),
-                },
-            });
+            let mut limits =
+                [Limits { tolerance: R::splat(block.steps.tolerance), least_step: R::splat(LEAST_STEP) }; GROUPS];
+            if let Some(seconds) = block.steps.least_step {
+                for group in tile.active() {
+                    limits[group].least_step = R::splat(seconds) * rates[group];
+                }
+            }
             for _ in 0..super::adaptive::SLICE {
                 tile.active = 0;
                 for group in 0..groups {
@@ -400,7 +401,11 @@ impl<T: Scalar> LaneTask<T> for Attempts<'_, '_, T> {
                 }
                 tile.start(TileTime::Own(&gone));
                 for (stage, &fraction) in TIMES.iter().enumerate() {
-                    let elapsed = tile.h.map(|h| h.value * R::splat(fraction));
+                    // Closures that the standard library calls are not compiled for the lanes.
+                    let mut elapsed = [R::splat(0.0); GROUPS];
+                    for group in tile.active() {
+                        elapsed[group] = tile.h[group].value * R::splat(fraction);
+                    }
                     tile.torques.at(&elapsed, &tile.groups[..tile.active.min(GROUPS)]);
                     tile.stage::<Rk8>(stage);
                 }

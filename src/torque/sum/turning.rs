@@ -63,7 +63,13 @@ impl<'a, R: Real> Torques<'a, R> {
 
     /// The motion of a body that is not rigid, and ω = I⁻¹ m.
     #[inline(always)]
-    pub(crate) fn turning(&self, change_done: R, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Turning<R> {
+    pub(crate) fn turning(
+        &self,
+        change_done: R,
+        body: &Body<R>,
+        correction: &Correction<R>,
+        m: Vector<R>,
+    ) -> Turning<R> {
         let mut motion = if self.columns.source.table.varies_inertia() {
             changed_motion(body, &self.change(), change_done, correction, m)
         } else {
