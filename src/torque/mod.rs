@@ -16,6 +16,7 @@
 //! torque, equal steps or each body's own, series of either precision) is a file each there; how models are described and
 //! laid out in columns (`description`, `kind`, `parameter`, `inertia_change`, `table`) is the host's alone.
 
+pub use crate::error::Text;
 use crate::method::projection::{Combinations, projected};
 use crate::quaternion::Quaternion;
 use crate::real::Real;
@@ -34,7 +35,7 @@ pub enum VelocityDependence {
 }
 pub mod constant_body;
 pub mod constant_world;
-mod description;
+pub(crate) mod declaration;
 pub mod eddy_current;
 pub mod gravity_gradient;
 pub mod gravity_gradient_kepler;
@@ -47,25 +48,35 @@ pub mod linear_rotor;
 pub mod log_spring;
 pub mod magnetic_dipole;
 pub mod matrix_drag;
+mod model;
 pub mod orbit;
 pub mod orbiting_dipole;
 mod parameter;
 pub mod quadratic_drag;
+pub(crate) mod registry;
 pub mod sine_spring;
 pub mod sinusoidal;
 pub(crate) mod sum;
 mod table;
+mod validation;
+mod value;
 pub mod variable_inertia;
 pub mod white_noise;
 
-pub(crate) use description::Model;
-pub use description::{Needs, Torque};
+pub use declaration::{Declaration, Frame, OtherKey, ParameterDeclaration, Preset, Shape, Validity};
 pub use kind::Kind;
+pub(crate) use model::Model;
+#[cfg(feature = "study")]
+pub(crate) use model::ModelRef;
+pub use model::{Needs, Torque};
 pub use orbit::Orbit;
-pub(crate) use parameter::Border;
 pub use parameter::Parameter;
+pub use registry::declarations;
 pub use table::{Instances, TorqueTable};
 pub(crate) use table::{PER_TICK, bytes_per_body, rate_of};
+pub(crate) use validation::ValidationContext;
+pub use value::Value;
+pub(crate) use value::Values;
 
 /// All torques of a scene as one body (or lane group) feels them.
 pub trait Environment<R: Real>: Copy {

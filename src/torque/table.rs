@@ -80,7 +80,7 @@ impl TorqueTable {
             is_rigid: true,
         };
         for torque in torques {
-            let kind = torque.model().kind();
+            let kind = torque.kind();
             let instances = &mut table.kinds[kind as usize];
             instances.count = if kind.merges() { 1 } else { instances.count + 1 };
         }
@@ -97,10 +97,11 @@ impl TorqueTable {
             let first = instances.first;
             let instance = |index| Instance { kind, index, first: first + index * kind.columns() };
             table.list.extend((0..instances.count).map(instance));
-            for torque in torques.iter().filter(|torque| torque.model().kind() == kind && kind.phases() > 0) {
+            for torque in torques.iter().filter(|torque| torque.kind() == kind && kind.phases() > 0) {
+                let (model, values) = torque.parts();
                 for phase in 0..kind.phases() {
-                    table.phases.push(if torque.model().phase_rates_are_shared() {
-                        PhaseRates::Shared(table.exact_rate(kind, torque.model().phase_rates(0)[phase]))
+                    table.phases.push(if torque.phase_rates_are_shared() {
+                        PhaseRates::Shared(table.exact_rate(kind, model.phase_rates(values, 0)[phase]))
                     } else {
                         PhaseRates::PerBody(vec![0; stride])
                     });
@@ -181,12 +182,13 @@ impl TorqueTable {
             }
             row.clear();
             row.resize(instances.count * kind.columns(), 0.0);
-            let of_kind = torques.iter().filter(|torque| torque.model().kind() == kind);
+            let of_kind = torques.iter().filter(|torque| torque.kind() == kind);
             for (index, torque) in of_kind.enumerate() {
                 let start = if kind.merges() { 0 } else { index * kind.columns() };
                 let own = &mut row[start..start + kind.columns()];
-                torque.model().columns(body, frame, orientation, own);
-                let rates = torque.model().phase_rates(body);
+                let (model, values) = torque.parts();
+                model.columns(values, body, frame, orientation, own);
+                let rates = model.phase_rates(values, body);
                 for (phase, &rates) in rates[..kind.phases()].iter().enumerate() {
                     let rate = self.exact_rate(kind, rates);
                     let number = self.phase_number(kind, index, phase);
@@ -291,7 +293,8 @@ impl TorqueTable {
 pub(crate) fn rate_of(torques: &[Torque], body: usize, middle_moment: f64) -> f64 {
     torques
         .iter()
-        .map(|torque| torque.model().rate(body, middle_moment))
+        .map(|torque| torque.parts())
+        .map(|(model, values)| model.rate(values, body, middle_moment))
         .filter(|rate| rate.is_finite())
         .fold(0.0, f64::max)
 }
