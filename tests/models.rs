@@ -12,10 +12,11 @@ use polhode::torque::{
 };
 use polhode::{Error, Plan};
 
-const BODIES: &str = "seed = 5\n[bodies]\ncount = 3\ninertia = [1.0, 2.0, 2.5]\n[time]\nend = 1.0\n";
+const BODIES: &str =
+    "seed = 5\n[bodies]\ncount = 3\ninertia = [1.0, 2.0, 2.5]\nangular_velocity = [0.1, 0.2, 0.3]\n[time]\nend = 1.0\n";
 
 /// The longest line of `polhode run --help`.
-const HELP_WIDTH: usize = 110;
+const HELP_WIDTH: usize = 100;
 
 /// Which of the keys that exclude each other stand in a study: the last declared, or the first.
 #[derive(Clone, Copy, PartialEq)]
@@ -28,7 +29,8 @@ enum Chosen {
 fn chosen(model: &Declaration, which: Chosen) -> Vec<&ParameterDeclaration> {
     let top = |parameter: &ParameterDeclaration| parameter.name.split('.').next().unwrap_or_default().to_owned();
     let is_chosen = |parameter: &&ParameterDeclaration| {
-        let mut rivals = model.parameters.iter().filter(|rival| rival.choice.is_some() && rival.choice == parameter.choice);
+        let mut rivals =
+            model.parameters.iter().filter(|rival| rival.choice.is_some() && rival.choice == parameter.choice);
         let rival = if which == Chosen::First { rivals.next() } else { rivals.next_back() };
         rival.is_none_or(|rival| top(rival) == top(parameter))
     };
@@ -278,13 +280,10 @@ fn parameters_of_each_body_are_drawn_or_read_from_columns() {
             let of = format!("{}.{}", model.name, parameter.name);
             let (drawn, columns) = match parameter.shape {
                 Shape::Number => ("{ distribution = \"uniform\", low = 0.25, high = 0.75 }", "{ column = \"a\" }"),
-                Shape::Vector => (
-                    "{ distribution = \"uniform\", low = 0.25, high = 0.75 }",
-                    "{ columns = [\"a\", \"b\", \"c\"] }",
-                ),
-                Shape::Rotation => {
-                    ("{ distribution = \"uniform\" }", "{ columns = [\"a\", \"b\", \"c\", \"d\"] }")
+                Shape::Vector => {
+                    ("{ distribution = \"uniform\", low = 0.25, high = 0.75 }", "{ columns = [\"a\", \"b\", \"c\"] }")
                 }
+                Shape::Rotation => ("{ distribution = \"uniform\" }", "{ columns = [\"a\", \"b\", \"c\", \"d\"] }"),
                 Shape::Tensor => (
                     "{ moments = { distribution = \"uniform\", low = 0.25, high = 0.75 } }",
                     "{ columns = [\"a\", \"b\", \"c\"] }",
@@ -332,7 +331,8 @@ fn values_that_are_not_valid_are_refused_by_their_key() {
             for text in bad {
                 let table = torque_text(&model.name, &with_text(model, parameter, text));
                 let message = refusal(&table);
-                let line = BODIES.lines().count() + 1 + table.lines().position(|line| line.ends_with(text)).unwrap_or(0);
+                let line =
+                    BODIES.lines().count() + 1 + table.lines().position(|line| line.ends_with(text)).unwrap_or(0);
                 let expected = format!("study.toml:{line}: torque[1].{}", parameter.name);
                 assert!(message.starts_with(&expected), "{message}\n{expected} = {text}");
                 assert_eq!(message.lines().count(), 1, "{message}");

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use glam::{DMat3, DQuat, DVec3};
 use polhode::batch::Precision;
 use polhode::engine::cpu::{Cpu, Width};
-use polhode::torque::{Orbit, Parameter};
+use polhode::torque::Orbit;
 use polhode::{Ensemble, Error, Method, Outputs, Plan, Record, Scene, Torque};
 
 /// rk4 with this angle a step is wrong by about 1e-10 over the spans here.
@@ -381,7 +381,7 @@ fn parameters_that_are_not_valid_are_refused_with_their_place() {
         Torque::heavy_top(-1.0, DVec3::Z, DVec3::Z),
         Torque::white_noise_of_draws(1.0, 0, 0),
     ] {
-        let name = torque.name();
+        let name = torque.name().to_owned();
         assert!(matches!(refusal(torque), Error::Torque { torque: 1, model, .. } if model == name), "{name}");
     }
 }

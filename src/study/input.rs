@@ -107,7 +107,12 @@ impl std::fmt::Display for InputError {
             Fault::Syntax { reason } if key.is_empty() => formatter.write_str(reason),
             Fault::Syntax { reason } => write!(formatter, "{key}: {reason}"),
             Fault::Unknown { nearest, known } => {
-                write!(formatter, "{key} is not known: {}known here: {}", suggestion(nearest.as_deref()), known.join(", "))
+                write!(
+                    formatter,
+                    "{key} is not known: {}known here: {}",
+                    suggestion(nearest.as_deref()),
+                    known.join(", ")
+                )
             }
             Fault::Missing { expected } => write!(formatter, "{key} is missing: {expected}"),
             Fault::Value { value, expected } => write!(formatter, "{key} = {value}: {expected}"),

@@ -112,12 +112,12 @@ mod solid;
 pub mod table;
 mod torque;
 
-pub use models::{describe_models, models_table};
 pub use bodies::Bodies;
 pub use distribution::{Orientation, Scalar, Vector};
 pub use inertia::Inertia;
 pub use input::{Fault, InputError};
 pub use mass_file::{CLASS_TOLERANCE, MassFileOptions, MassReport, TensorAbout};
+pub use models::{describe_models, models_table};
 pub use points::read_points;
 pub use solid::Solid;
 pub use table::BodyTable;
@@ -125,7 +125,7 @@ pub use table::BodyTable;
 use accuracy::{StudyStepping, accuracy};
 use draw::Draw;
 use force::StudyForce;
-use reader::{Node, Place, Table, FileText};
+use reader::{FileText, Node, Place, Table};
 use torque::StudyTorque;
 
 /// The key by which states are projected.
@@ -248,7 +248,13 @@ impl Study {
             let expected = "torques or forces read columns of the table of bodies: name its file here";
             let key = format!("bodies.file (column {name})");
             let line = places.get("bodies").map_or(1, |place| place.line);
-            return Err(InputError { file: file.to_owned(), line, key, fault: Fault::Missing { expected: expected.into() } }.into());
+            return Err(InputError {
+                file: file.to_owned(),
+                line,
+                key,
+                fault: Fault::Missing { expected: expected.into() },
+            }
+            .into());
         }
         let (end, outputs) = time(&root.need("time", "a table with the end of the simulated span is needed")?)?;
         let stepping = root.find("accuracy").map(|node| accuracy(&node)).transpose()?;
@@ -362,7 +368,11 @@ impl Study {
                     other => other,
                 };
                 match self.places.get(key) {
-                    Some(place) => self.input(place.line, key, Fault::Value { value: place.value.clone(), expected: expected.into() }),
+                    Some(place) => self.input(
+                        place.line,
+                        key,
+                        Fault::Value { value: place.value.clone(), expected: expected.into() },
+                    ),
                     None => Error::Setting { field, value, expected },
                 }
             }
@@ -370,9 +380,11 @@ impl Study {
                 self.located_target(target.of(missed), missed, error)
             }
             Error::Projection { expected, .. } => match self.places.get(PROJECTION) {
-                Some(place) => {
-                    self.input(place.line, PROJECTION, Fault::Value { value: place.value.clone(), expected: expected.into() })
-                }
+                Some(place) => self.input(
+                    place.line,
+                    PROJECTION,
+                    Fault::Value { value: place.value.clone(), expected: expected.into() },
+                ),
                 None => error,
             },
             Error::MissingMass => match self.places.get("force") {
@@ -395,9 +407,7 @@ impl Study {
             Error::Force { force, body, ref field, value, ref expected, .. } => {
                 let keys = self.forces.get(force).map(StudyForce::keys).unwrap_or_default();
                 match keys.into_iter().find_map(|key| self.places.get_key_value(key)) {
-                    Some((key, place)) => {
-                        self.input(place.line, key, parameter_fault(body, field, value, expected))
-                    }
+                    Some((key, place)) => self.input(place.line, key, parameter_fault(body, field, value, expected)),
                     None => error,
                 }
             }
@@ -447,7 +457,9 @@ impl Study {
         ];
         let key = keys.iter().find(|key| self.places.contains_key(*key)).map_or("bodies", String::as_str);
         match self.places.get(key) {
-            Some(place) => self.input(place.line, key, Fault::Body { body, field: field.into(), value, expected: expected.into() }),
+            Some(place) => {
+                self.input(place.line, key, Fault::Body { body, field: field.into(), value, expected: expected.into() })
+            }
             None => error,
         }
     }

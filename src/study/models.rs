@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use crate::torque::declaration::in_brackets;
 use crate::torque::{Declaration, ParameterDeclaration, Preset, Validity, declarations};
 
 /// All models with their equations and the keys of their parameters, as `polhode run --help` prints them.
@@ -12,7 +13,8 @@ pub fn describe_models() -> String {
         // Writing to a string cannot fail.
         let _ = writeln!(text, "    {}: {}", names.join(", "), model.summary);
         for parameter in &model.parameters {
-            let mut line = format!("        {:<24}{}", parameter.name, parameter.described());
+            let mut line = format!("        {:<24}{}", parameter.name, parameter.with_axes());
+            line += &in_brackets(&parameter.unit);
             line += match parameter.valid {
                 Validity::NotNegative => ", not negative",
                 Validity::Positive => ", above zero",
@@ -24,7 +26,8 @@ pub fn describe_models() -> String {
             if let Some(other) = &parameter.other_key {
                 let _ = write!(line, ", or {}", other.name);
             }
-            let _ = writeln!(text, "{line}{}", default(parameter).map(|value| format!(" [{value}]")).unwrap_or_default());
+            let _ =
+                writeln!(text, "{line}{}", default(parameter).map(|value| format!(" [{value}]")).unwrap_or_default());
         }
     }
     text.truncate(text.trim_end().len());

@@ -9,7 +9,7 @@ use std::path::Path;
 use csv::{Position, ReaderBuilder, StringRecord, Trim};
 use glam::DVec3;
 
-use super::input::{Fault};
+use super::input::Fault;
 use super::table::{csv_error, input_error};
 use crate::error::{Error, FileAction, Result};
 

@@ -213,9 +213,12 @@ impl BodyTable {
     /// The error of a row's value, where `error` is one of a body made from the row.
     pub(super) fn located(&self, error: Error) -> Error {
         match error {
-            Error::Body { body, field, value, expected } if body < self.len() => {
-                input_error(&self.file, self.lines[body], field, Fault::Value { value: format!("{value:?}"), expected: expected.into() })
-            }
+            Error::Body { body, field, value, expected } if body < self.len() => input_error(
+                &self.file,
+                self.lines[body],
+                field,
+                Fault::Value { value: format!("{value:?}"), expected: expected.into() },
+            ),
             other => other,
         }
     }

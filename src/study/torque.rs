@@ -181,10 +181,7 @@ fn find<'a, 'p>(
 
 /// What a refusal says of a key that is missing.
 fn needed(parameter: &ParameterDeclaration) -> Text {
-    let unit = in_brackets(&parameter.unit);
-    let described = parameter.described();
-    let without_unit = described.strip_suffix(&unit).unwrap_or(&described);
-    format!("{without_unit} is needed{unit}").into()
+    format!("{} is needed{}", parameter.with_axes(), in_brackets(&parameter.unit)).into()
 }
 
 /// What a refusal says of a table that is missing.
@@ -194,7 +191,13 @@ fn of_group(members: &[(&str, &ParameterDeclaration)]) -> Text {
     let mut text = String::new();
     let mut last = None;
     for (key, member) in members {
-        let between = if last.is_none() { "" } else if last == Some(&member.name) { " or " } else { ", " };
+        let between = if last.is_none() {
+            ""
+        } else if last == Some(&member.name) {
+            " or "
+        } else {
+            ", "
+        };
         text += &format!("{between}{key} = {}", member.unit);
         last = Some(&member.name);
     }

@@ -40,7 +40,7 @@ pub struct ParameterDeclaration {
     pub name: Text,
     /// Another key for the same number, with which those that it stands for are excluded.
     pub other_key: Option<OtherKey>,
-    /// What it is, to be read after "the key holds".
+    /// What it is, as "the coefficient c", to be followed by its axes and by "is needed".
     pub about: Text,
     /// The unit; `1` of a number without one.
     pub unit: Text,
@@ -225,12 +225,7 @@ impl ParameterDeclaration {
         Self::new(name, Shape::Number, unit, about)
     }
 
-    pub(crate) fn vector(
-        name: impl Into<Text>,
-        unit: impl Into<Text>,
-        frame: Frame,
-        about: impl Into<Text>,
-    ) -> Self {
+    pub(crate) fn vector(name: impl Into<Text>, unit: impl Into<Text>, frame: Frame, about: impl Into<Text>) -> Self {
         Self { frame: Some(frame), ..Self::new(name, Shape::Vector, unit, about) }
     }
 
@@ -238,12 +233,7 @@ impl ParameterDeclaration {
         Self { valid: Validity::Rotation, ..Self::new(name, Shape::Rotation, "1", about) }
     }
 
-    pub(crate) fn matrix(
-        name: impl Into<Text>,
-        unit: impl Into<Text>,
-        frame: Frame,
-        about: impl Into<Text>,
-    ) -> Self {
+    pub(crate) fn matrix(name: impl Into<Text>, unit: impl Into<Text>, frame: Frame, about: impl Into<Text>) -> Self {
         Self { frame: Some(frame), ..Self::new(name, Shape::Matrix, unit, about) }
     }
 
@@ -285,14 +275,14 @@ impl ParameterDeclaration {
         Self { sets_phase_rate: true, ..self }
     }
 
-    /// What it is, with its axes and its unit.
-    pub fn described(&self) -> String {
+    /// What it is, with its axes.
+    pub fn with_axes(&self) -> String {
         let axes = match self.frame {
             Some(Frame::Body) => " in body axes",
             Some(Frame::World) => " in world axes",
             None => "",
         };
-        format!("{}{axes}{}", self.about, in_brackets(&self.unit))
+        format!("{}{axes}", self.about)
     }
 
     /// What a refusal says would be valid.

@@ -4,9 +4,7 @@ use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
 
-use super::{
-    Declaration, Kind, Model, Needs, Parameter, ParameterDeclaration, Torque, Validity, Value, Values,
-};
+use super::{Declaration, Kind, Model, Needs, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::batch::BodyFrame;
 use crate::real::Real;
 use crate::vector::Vector;
@@ -23,11 +21,15 @@ pub struct InternalDissipation;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let coefficient = ParameterDeclaration::number("coefficient", "s/(kg m²)", "the coefficient k");
-    Declaration::new("internal-dissipation", "dm/dt = m × ω + k m × (m × ω)", "A. M. Bloch et al., Comm. Math. Phys. 175 (1996) 1, section 5")
-        .needs(Needs::ANGULAR_VELOCITY)
-        .dissipative()
-        .not_rigid()
-        .parameters([coefficient.valid(Validity::NotNegative).factor()])
+    Declaration::new(
+        "internal-dissipation",
+        "dm/dt = m × ω + k m × (m × ω)",
+        "A. M. Bloch et al., Comm. Math. Phys. 175 (1996) 1, section 5",
+    )
+    .needs(Needs::ANGULAR_VELOCITY)
+    .dissipative()
+    .not_rigid()
+    .parameters([coefficient.valid(Validity::NotNegative).factor()])
 });
 const COEFFICIENT: usize = 0;
 

@@ -4,9 +4,7 @@ use std::sync::LazyLock;
 
 use glam::DQuat;
 
-use super::{
-    Declaration, Kind, Model, Needs, Parameter, ParameterDeclaration, Torque, Validity, Value, Values,
-};
+use super::{Declaration, Kind, Model, Needs, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::batch::BodyFrame;
 use crate::quaternion::Quaternion;
 use crate::real::{Real, Scalar};
@@ -21,12 +19,16 @@ pub struct LogSpring;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let stiffness = ParameterDeclaration::number("stiffness", "N m", "the stiffness k");
-    Declaration::new("log-spring", "τ = −k θ n", "F. Bullo, R. M. Murray, Proportional derivative control on the Euclidean group, ECC 1995")
-        .needs(Needs::ATTITUDE)
-        .parameters([
-            stiffness.valid(Validity::NotNegative).factor(),
-            ParameterDeclaration::rotation("target", "the attitude at rest, body to world,"),
-        ])
+    Declaration::new(
+        "log-spring",
+        "τ = −k θ n",
+        "F. Bullo, R. M. Murray, Proportional derivative control on the Euclidean group, ECC 1995",
+    )
+    .needs(Needs::ATTITUDE)
+    .parameters([
+        stiffness.valid(Validity::NotNegative).factor(),
+        ParameterDeclaration::rotation("target", "the attitude at rest"),
+    ])
 });
 const STIFFNESS: usize = 0;
 const TARGET: usize = 1;

@@ -4,9 +4,7 @@ use std::sync::LazyLock;
 
 use glam::{DMat3, DQuat};
 
-use super::{
-    Declaration, Frame, Kind, Model, Needs, Parameter, ParameterDeclaration, Torque, Validity, Value, Values,
-};
+use super::{Declaration, Frame, Kind, Model, Needs, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::batch::BodyFrame;
 use crate::real::Real;
 use crate::vector::Vector;
@@ -17,7 +15,7 @@ pub struct MatrixDrag;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let source = "J. Happel, H. Brenner, Low Reynolds Number Hydrodynamics, 1965, section 5.2";
-    let matrix = ParameterDeclaration::matrix("matrix", "N m s", Frame::Body, "the matrix C, three rows,");
+    let matrix = ParameterDeclaration::matrix("matrix", "N m s", Frame::Body, "the matrix C");
     Declaration::new("matrix-drag", "τ = −C ω", source)
         .needs(Needs::ANGULAR_VELOCITY)
         .dissipative()

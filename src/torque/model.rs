@@ -274,8 +274,7 @@ impl Torque {
 
     /// Refuses parameters that are not valid; `index` is the torque's place in its scene.
     pub(crate) fn validate(&self, index: usize, ensemble: &Ensemble) -> Result<()> {
-        let context =
-            ValidationContext { torque: index, model: self.owned_name(), body_count: ensemble.len() };
+        let context = ValidationContext { torque: index, model: self.owned_name(), body_count: ensemble.len() };
         for (parameter, value) in self.declaration().parameters.iter().zip(&self.values) {
             context.check(&parameter.name, &parameter.unit, parameter.valid, value)?;
         }

@@ -101,7 +101,7 @@ pub(super) fn parameters() -> [ParameterDeclaration; ELEMENTS] {
     let number = ParameterDeclaration::number;
     let or_zero = |name, unit, about| number(name, unit, about).or(Preset::Number(0.0));
     let mu = number("mu", "m³/s²", "the centre's gravitational parameter").valid(Validity::Positive);
-    let size = number("orbit.semi_major_axis", "m", "the semi-major axis, or the radius of a circular orbit,");
+    let size = number("orbit.semi_major_axis", "m", "the semi-major axis or radius");
     let eccentricity = or_zero("orbit.eccentricity", "1", "the eccentricity");
     [
         mu.phase_rate(),

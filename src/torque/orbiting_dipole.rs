@@ -7,8 +7,8 @@ use glam::{DQuat, DVec3};
 use super::gravity_gradient_kepler::place_and_cube;
 use super::orbit::{self, Elements, elements};
 use super::{
-    Declaration, Frame, Kind, Model, Needs, Orbit, Parameter, ParameterDeclaration, Preset, Torque,
-    ValidationContext, Value, Values,
+    Declaration, Frame, Kind, Model, Needs, Orbit, Parameter, ParameterDeclaration, Preset, Torque, ValidationContext,
+    Value, Values,
 };
 use crate::batch::BodyFrame;
 use crate::error::Result;
@@ -30,10 +30,10 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
         .parameters(orbit::parameters())
         .parameters([
             ParameterDeclaration::vector("moment", "A m²", Frame::Body, "the magnetic moment m").factor(),
-            ParameterDeclaration::number("strength", "T m³", "the planet's dipole moment times μ0/4π, b,").factor(),
+            ParameterDeclaration::number("strength", "T m³", "b, the planet's dipole moment times μ0/4π").factor(),
             or_zero("tilt", "rad", "the dipole's angle from the world's z axis"),
             or_zero("azimuth", "rad", "the dipole's azimuth at t = 0 from the world's x axis"),
-            or_zero("rotation", "rad/s", "the rate of the planet's rotation about the world's z axis").phase_rate(),
+            or_zero("rotation", "rad/s", "the planet's rate about the world's z axis").phase_rate(),
         ])
 });
 const MOMENT: usize = 7;

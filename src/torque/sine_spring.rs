@@ -4,9 +4,7 @@ use std::sync::LazyLock;
 
 use glam::DQuat;
 
-use super::{
-    Declaration, Kind, Model, Needs, Parameter, ParameterDeclaration, Torque, Validity, Value, Values,
-};
+use super::{Declaration, Kind, Model, Needs, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::batch::BodyFrame;
 use crate::quaternion::Quaternion;
 use crate::real::Real;
@@ -22,7 +20,7 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
         .needs(Needs::ATTITUDE)
         .parameters([
             stiffness.valid(Validity::NotNegative).factor(),
-            ParameterDeclaration::rotation("target", "the attitude at rest, body to world,"),
+            ParameterDeclaration::rotation("target", "the attitude at rest"),
         ])
 });
 const STIFFNESS: usize = 0;

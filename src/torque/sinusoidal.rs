@@ -13,9 +13,7 @@ use crate::vector::Vector;
 pub struct Sinusoidal;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
-    let amplitude = |name, about| {
-        ParameterDeclaration::vector(name, "N m", Frame::Body, about).or(Preset::Number(0.0))
-    };
+    let amplitude = |name, about| ParameterDeclaration::vector(name, "N m", Frame::Body, about).or(Preset::Number(0.0));
     Declaration::new("sinusoidal", "τ = τ_sin sin Ωt + τ_cos cos Ωt in body axes", "by definition")
         .needs(Needs::TIME)
         .parameters([

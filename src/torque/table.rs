@@ -40,6 +40,8 @@ pub struct TorqueTable {
     kinds: [Instances; Kind::ALL.len()],
     columns: usize,
     phases: Vec<PhaseRates>,
+    /// The kinds of the scene's torques, in their order: to find one may take a look at all bodies.
+    torque_kinds: Vec<Kind>,
     /// All instances, in the order of their kinds.
     list: Vec<Instance>,
     /// Whether moments of inertia change in time.
@@ -75,12 +77,12 @@ impl TorqueTable {
             kinds: [Instances::default(); Kind::ALL.len()],
             columns: 0,
             phases: Vec::new(),
+            torque_kinds: torques.iter().map(Torque::kind).collect(),
             list: Vec::new(),
             varies_inertia: false,
             is_rigid: true,
         };
-        for torque in torques {
-            let kind = torque.kind();
+        for &kind in &table.torque_kinds {
             let instances = &mut table.kinds[kind as usize];
             instances.count = if kind.merges() { 1 } else { instances.count + 1 };
         }
@@ -97,7 +99,8 @@ impl TorqueTable {
             let first = instances.first;
             let instance = |index| Instance { kind, index, first: first + index * kind.columns() };
             table.list.extend((0..instances.count).map(instance));
-            for torque in torques.iter().filter(|torque| torque.kind() == kind && kind.phases() > 0) {
+            let of_kind = torques.iter().zip(&table.torque_kinds).filter(|(_, of)| **of == kind && kind.phases() > 0);
+            for (torque, _) in of_kind {
                 let (model, values) = torque.parts();
                 for phase in 0..kind.phases() {
                     table.phases.push(if torque.phase_rates_are_shared() {
@@ -182,8 +185,8 @@ impl TorqueTable {
             }
             row.clear();
             row.resize(instances.count * kind.columns(), 0.0);
-            let of_kind = torques.iter().filter(|torque| torque.kind() == kind);
-            for (index, torque) in of_kind.enumerate() {
+            let of_kind = torques.iter().zip(&self.torque_kinds).filter(|(_, of)| **of == kind);
+            for (index, (torque, _)) in of_kind.enumerate() {
                 let start = if kind.merges() { 0 } else { index * kind.columns() };
                 let own = &mut row[start..start + kind.columns()];
                 let (model, values) = torque.parts();

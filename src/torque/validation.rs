@@ -19,13 +19,7 @@ pub(crate) struct ValidationContext {
 
 impl ValidationContext {
     /// The error for one value; `body` is `None` where all bodies share it.
-    pub fn refusal(
-        &self,
-        body: Option<usize>,
-        field: impl Into<Text>,
-        value: f64,
-        expected: impl Into<Text>,
-    ) -> Error {
+    pub fn refusal(&self, body: Option<usize>, field: impl Into<Text>, value: f64, expected: impl Into<Text>) -> Error {
         let (field, expected) = (field.into(), expected.into());
         Error::Torque { torque: self.torque, model: self.model.clone(), body, field, value, expected }
     }

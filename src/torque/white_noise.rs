@@ -30,7 +30,7 @@ pub struct WhiteNoise;
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let source = "J. R. McConnell, Rotational Brownian Motion and Dielectric Theory, 1980, chapter 2";
     let intensity = ParameterDeclaration::number("intensity", "N m √s", "the intensity σ");
-    let draws = ParameterDeclaration::whole("draws_per_step", "the number of draws that a step's torque is made of");
+    let draws = ParameterDeclaration::whole("draws_per_step", "the draws that a step's torque is made of");
     Declaration::new("white-noise", "dm = σ dW", source).needs(Needs::TIME).random().parameters([
         intensity.valid(Validity::NotNegative).factor(),
         ParameterDeclaration::whole("seed", "the number that selects the path").or(Preset::Seed),

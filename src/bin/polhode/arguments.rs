@@ -159,7 +159,9 @@ engine, plan, wall times, drift of what a free body conserves, and errors. They 
 /// What `polhode run --help` adds to the options.
 fn run_help() -> String {
     let models = polhode::study::describe_models();
-    format!("{RUN_HELP}\n\nTorques, their equations and parameters [what holds where a key is left out]:\n{models}\n\n{RUN_EXAMPLES}")
+    format!(
+        "{RUN_HELP}\n\nTorques, their equations and parameters [what holds where a key is left out]:\n{models}\n\n{RUN_EXAMPLES}"
+    )
 }
 
 /// Arguments of `polhode run`.
