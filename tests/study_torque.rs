@@ -7,8 +7,8 @@ use glam::DVec3;
 use polhode::inertia::InertiaTensor;
 use polhode::study::Study;
 use polhode::torque::variable_inertia::{InertiaChange, Law};
-use polhode::torque::{Orbit, Parameter, Torque};
-use polhode::{Error, Force};
+use polhode::torque::{Orbit, Parameter, Torque, Value};
+use polhode::{Error, Force, Scene};
 
 const BODIES: &str = "
 seed = 5
@@ -136,12 +136,13 @@ coefficient = { distribution = "uniform", low = 0.01, high = 0.1 }
 "#;
     let scene = |most: usize| study(text).expect("a study").truncated(most).scene().expect("a scene");
     let (all, fewer) = (scene(3), scene(2));
-    let [Torque::ConstantBody(torque), Torque::LinearDrag(drag)] = all.torques() else { panic!("{all:?}") };
-    let [Torque::ConstantBody(few_torque), Torque::LinearDrag(few_drag)] = fewer.torques() else { panic!() };
-    assert_eq!(few_torque.torque_body, Parameter::PerBody((0..2).map(|body| torque.torque_body.at(body)).collect()));
-    assert_eq!(few_drag.coefficient, Parameter::PerBody((0..2).map(|body| drag.coefficient.at(body)).collect()));
-    assert!((0..3).all(|body| (0.01..0.1).contains(&drag.coefficient.at(body))));
-    assert_ne!(torque.torque_body.at(0), torque.torque_body.at(1));
+    let vector = |scene: &Scene| scene.torques()[0].parameter("torque").and_then(Value::as_vector).cloned();
+    let number = |scene: &Scene| scene.torques()[1].parameter("coefficient").and_then(Value::as_number).cloned();
+    let (torque, drag) = (vector(&all).expect("a vector"), number(&all).expect("a number"));
+    assert_eq!(vector(&fewer), Some(Parameter::PerBody((0..2).map(|body| torque.at(body)).collect())));
+    assert_eq!(number(&fewer), Some(Parameter::PerBody((0..2).map(|body| drag.at(body)).collect())));
+    assert!((0..3).all(|body| (0.01..0.1).contains(&drag.at(body))));
+    assert_ne!(torque.at(0), torque.at(1));
 }
 
 #[test]
@@ -178,25 +179,27 @@ fn changes_of_inertia_are_numbers_draws_columns_and_shapes() {
     let changed = |parameters: &str| {
         let text = format!("[[torque]]\nmodel = \"variable-inertia\"\n{parameters}");
         let scene = study(&text).and_then(|study| study.scene()).expect("a study");
-        let [Torque::VariableInertia(model)] = scene.torques() else { panic!("{scene:?}") };
-        model.clone()
+        let [torque] = scene.torques() else { panic!("{scene:?}") };
+        torque.clone()
     };
     let drawn = "{ distribution = \"uniform\", low = 0.5, high = 0.75 }";
     let model = changed(&format!("factor = {drawn}\noscillation = {{ rate = {drawn} }}\n"));
-    let (InertiaChange::Factor(factor), Law::Oscillation { rate }) = (&model.change, &model.law) else { panic!() };
+    let number = |name| model.parameter(name).and_then(Value::as_number).expect("a number");
+    let (factor, rate) = (number("factor"), number("oscillation.rate"));
+    assert_eq!((model.parameter("inertia"), model.parameter("ramp.start")), (None, None));
     assert!((0..3).all(|body| (0.5..0.75).contains(&factor.at(body)) && (0.5..0.75).contains(&rate.at(body))));
     assert_ne!(factor.at(0), factor.at(1));
     assert_ne!(factor.at(0), rate.at(0));
 
     let shape = "inertia = { shape = \"box\", mass = 6.0, edges = [1, 2, 3] }\nramp = { start = 1, duration = 2 }\n";
     let model = changed(shape);
-    assert_eq!(model.law, Law::ramp(1.0, 2.0));
+    assert_eq!(model.parameter("ramp.duration"), Some(&Value::Number(2.0.into())));
     assert_eq!(model.tensor_at(2, InertiaTensor::default(), 9.0).to_array(), [6.5, 5.0, 2.5, 0.0, 0.0, 0.0]);
     let tensor = changed("inertia = { ixx = 1, iyy = 2, izz = 2.5, ixy = 0.5 }\nramp = { start = 1, duration = 2 }\n");
-    let InertiaChange::Tensor(Parameter::Shared(tensor)) = tensor.change else { panic!() };
+    let Some(Value::Tensor(Parameter::Shared(tensor))) = tensor.parameter("inertia") else { panic!() };
     assert_eq!(tensor.xy, 0.5);
     let spread = changed(&format!("inertia = {{ moments = {drawn} }}\nramp = {{ start = 1, duration = {drawn} }}\n"));
-    let InertiaChange::Tensor(tensors) = spread.change else { panic!() };
+    let Some(Value::Tensor(tensors)) = spread.parameter("inertia") else { panic!() };
     assert_ne!(tensors.at(0), tensors.at(1));
 
     let folder = tempfile::tempdir().expect("a folder");
@@ -245,7 +248,22 @@ fn wrong_torques_are_refused_at_their_line() {
             "[[torque]]\nmodel = \"viscous\"\ncoefficient = 1\nfactor = 2\n",
             "study.toml:12: torque[1].factor is not known",
         ),
-        ("[[torque]]\nmodel = \"gravity-gradient\"\nmu = 1\norbit = { }\n", "study.toml:12: torque[1].orbit = "),
+        (
+            "[[torque]]\nmodel = \"gravity-gradient\"\nmu = 1\norbit = { }\n",
+            "study.toml:12: torque[1].orbit = { }: `radius` or `semi_major_axis` is needed (m)",
+        ),
+        (
+            "[[torque]]\nmodel = \"gravity-gradient\"\nmu = 1\n",
+            "torque[1].orbit is missing: { semi_major_axis = m or radius = m } is needed",
+        ),
+        (
+            "[[torque]]\nmodel = \"gravity-gradient\"\nmu = 1\norbit = { radius = 1, eccentricity = 0.1 }\n",
+            "study.toml:12: torque[1].orbit.radius excludes eccentricity",
+        ),
+        (
+            "[[torque]]\nmodel = \"viscous\"\ncoefficient = true\n",
+            "study.toml:11: torque[1].coefficient = true: the coefficient c is needed (N m s)",
+        ),
         (
             "[[torque]]\nmodel = \"white-noise\"\nintensity = 1\ndraws_per_step = 0\n",
             "study.toml:12: torque[1].draws_per_step",

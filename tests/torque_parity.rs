@@ -482,7 +482,7 @@ fn steps_under_each_torque_and_under_all_of_them_agree_with_the_twin() {
         scenes.push((name, vec![change.clone()]));
         scenes.push(("all while moments change", [all.clone(), vec![change]].concat()));
     }
-    scenes.push(("all twice", [all.clone(), all].concat()));
+    scenes.push(("all twice", [all.clone(), all.clone()].concat()));
     for precision in Precision::ALL {
         for (name, torques) in &scenes {
             for steps in [1, 50] {

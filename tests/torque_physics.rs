@@ -5,8 +5,7 @@ use std::f64::consts::TAU;
 use glam::{DMat3, DQuat, DVec3};
 use polhode::batch::Precision;
 use polhode::engine::cpu::{Cpu, Width};
-use polhode::torque::white_noise::WhiteNoise;
-use polhode::torque::{Orbit, Parameter};
+use polhode::torque::Orbit;
 use polhode::{Ensemble, Error, Method, Outputs, Plan, Record, Scene, Torque};
 
 /// rk4 with this angle a step is wrong by about 1e-10 over the spans here.
@@ -304,8 +303,8 @@ fn time_is_exact_after_a_million_steps_of_a_tenth() {
 /// Paths of one body each under white noise, at the end of a second of steps of 1/`steps` s.
 fn noisy_paths(count: usize, steps: u16, finest: u16) -> Record {
     let row = (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, DVec3::new(0.5, 0.8, -0.3));
-    let noise = WhiteNoise { intensity: Parameter::from(0.8), seed: 11, draws_per_step: finest / steps };
-    run_f64(&vec![row; count], &[Torque::WhiteNoise(noise)], &[1.0], 1.0 / f64::from(steps))
+    let noise = Torque::white_noise_of_draws(0.8, 11, finest / steps);
+    run_f64(&vec![row; count], &[noise], &[1.0], 1.0 / f64::from(steps))
 }
 
 #[test]
@@ -369,7 +368,7 @@ fn parameters_that_are_not_valid_are_refused_with_their_place() {
     let error = refusal(Torque::linear_drag(vec![0.1, -0.2, 0.3]));
     assert_eq!(
         error.to_string(),
-        "torque 2 (linear-drag), body 1: coefficient = -0.2: a finite number that is not negative is needed"
+        "torque 2 (linear-drag), body 1: coefficient = -0.2: a finite number that is not negative is needed (N m s)"
     );
     assert!(matches!(refusal(Torque::linear_drag(vec![0.1])), Error::ColumnLength { found: 1, expected: 3, .. }));
     for torque in [
@@ -380,9 +379,9 @@ fn parameters_that_are_not_valid_are_refused_with_their_place() {
         Torque::gravity_gradient(Orbit::kepler(1.0, 1.0, 1.0)),
         Torque::sine_spring(1.0, DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0)),
         Torque::heavy_top(-1.0, DVec3::Z, DVec3::Z),
-        Torque::WhiteNoise(WhiteNoise { intensity: 1.0.into(), seed: 0, draws_per_step: 0 }),
+        Torque::white_noise_of_draws(1.0, 0, 0),
     ] {
-        let name = torque.name();
+        let name = torque.name().to_owned();
         assert!(matches!(refusal(torque), Error::Torque { torque: 1, model, .. } if model == name), "{name}");
     }
 }

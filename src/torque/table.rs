@@ -41,6 +41,8 @@ pub struct TorqueTable {
     kinds: [Instances; Kind::ALL.len()],
     columns: usize,
     phases: Vec<PhaseRates>,
+    /// The kinds of the scene's torques, in their order: to find one may take a look at all bodies.
+    torque_kinds: Vec<Kind>,
     /// All instances, in the order of their kinds.
     list: Vec<Instance>,
     /// Whether moments of inertia change in time.
@@ -76,12 +78,12 @@ impl TorqueTable {
             kinds: [Instances::default(); Kind::ALL.len()],
             columns: 0,
             phases: Vec::new(),
+            torque_kinds: torques.iter().map(Torque::kind).collect(),
             list: Vec::new(),
             varies_inertia: false,
             is_rigid: true,
         };
-        for torque in torques {
-            let kind = torque.model().kind();
+        for &kind in &table.torque_kinds {
             let instances = &mut table.kinds[kind as usize];
             instances.count = if kind.merges() { 1 } else { instances.count + 1 };
         }
@@ -98,10 +100,12 @@ impl TorqueTable {
             let first = instances.first;
             let instance = |index| Instance { kind, index, first: first + index * kind.columns() };
             table.list.extend((0..instances.count).map(instance));
-            for torque in torques.iter().filter(|torque| torque.model().kind() == kind && kind.phases() > 0) {
+            let of_kind = torques.iter().zip(&table.torque_kinds).filter(|(_, of)| **of == kind && kind.phases() > 0);
+            for (torque, _) in of_kind {
+                let (model, values) = torque.parts();
                 for phase in 0..kind.phases() {
-                    table.phases.push(if torque.model().phase_rates_are_shared() {
-                        PhaseRates::Shared(table.exact_rate(kind, torque.model().phase_rates(0)[phase]))
+                    table.phases.push(if torque.phase_rates_are_shared() {
+                        PhaseRates::Shared(table.exact_rate(kind, model.phase_rates(values, 0)[phase]))
                     } else {
                         PhaseRates::PerBody(vec![0; stride])
                     });
@@ -173,12 +177,13 @@ impl TorqueTable {
             }
             row.clear();
             row.resize(instances.count * kind.columns(), 0.0);
-            let of_kind = torques.iter().filter(|torque| torque.model().kind() == kind);
-            for (index, torque) in of_kind.enumerate() {
+            let of_kind = torques.iter().zip(&self.torque_kinds).filter(|(_, of)| **of == kind);
+            for (index, (torque, _)) in of_kind.enumerate() {
                 let start = if kind.merges() { 0 } else { index * kind.columns() };
                 let own = &mut row[start..start + kind.columns()];
-                torque.model().columns(body, frame, orientation, own);
-                let rates = torque.model().phase_rates(body);
+                let (model, values) = torque.parts();
+                model.columns(values, body, frame, orientation, own);
+                let rates = model.phase_rates(values, body);
                 for (phase, &rates) in rates[..kind.phases()].iter().enumerate() {
                     let rate = self.exact_rate(kind, rates);
                     let number = self.phase_number(kind, index, phase);
@@ -288,7 +293,8 @@ impl TorqueTable {
 pub(crate) fn rate_of(torques: &[Torque], body: usize, middle_moment: f64) -> f64 {
     torques
         .iter()
-        .map(|torque| torque.model().rate(body, middle_moment))
+        .map(|torque| torque.parts())
+        .map(|(model, values)| model.rate(values, body, middle_moment))
         .filter(|rate| rate.is_finite())
         .fold(0.0, f64::max)
 }
