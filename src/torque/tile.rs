@@ -118,7 +118,25 @@ impl<'a, R: Real> TileTorques<'a, R> {
                 gyroscopic_term: body.gyroscopic_term(m, correction),
             };
         }
-        R::outlined(Turn { torques: self, group, body, correction, m: &m })
+        // A copy, so that m itself need not be in memory.
+        let there = m;
+        R::outlined(Turn { torques: self, group, body, correction, m: &there })
+    }
+
+    /// The kind of the torque, where there is one on rigid bodies.
+    #[inline(always)]
+    pub fn only(&self) -> Option<Kind> {
+        match self.instances[..] {
+            [TileInstance { kind, .. }] if matches!(kind.role(), Role::Torque) => Some(kind),
+            _ => None,
+        }
+    }
+
+    /// The torque on a lane group where there is one, of the formula's kind.
+    #[inline(always)]
+    pub fn only_torque<F: Formula>(&self, group: usize, q: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
+        let row = TileRow { rows: &self.parameters[..F::PARAMETERS], group };
+        self.noise[group % GROUPS] + F::torque(&row, &self.epochs[0][group % GROUPS], q, omega)
     }
 
     /// The sum of the torques on a lane group, at the time of the last [`TileTorques::at`].

@@ -17,6 +17,7 @@ use crate::method::{rk4, rk8};
 use crate::quaternion::Quaternion;
 use crate::real::{Outlined, Real, Scalar};
 use crate::rigid_body::{Body, Correction, State, orientation_rate};
+use crate::torque::formula::{Formula, FormulaTask, Role};
 use crate::torque::sum::Source;
 use crate::torque::tile::{Each, GROUPS, TileTime, TileTorques};
 use crate::vector::{TwoWords, Vector};
@@ -40,6 +41,9 @@ pub(super) struct Tile<'a, R: Real> {
     /// Lane groups that are advanced.
     groups: [usize; GROUPS],
     active: usize,
+    /// Where the bodies stand at a stage.
+    q: Each<Quaternion<R>>,
+    m: Each<Vector<R>>,
     slopes: [Each<Slope<R>>; STAGES],
 }
 
@@ -65,6 +69,8 @@ impl<'a, R: Real> Tile<'a, R> {
             correction: [body.correction(&state); GROUPS],
             groups: [0, 1, 2, 3],
             active: 0,
+            q: [q; GROUPS],
+            m: [Vector::zero(); GROUPS],
             slopes: [[Slope { q, m: Vector::zero() }; GROUPS]; STAGES],
         }
     }
@@ -125,7 +131,24 @@ impl<'a, R: Real> Tile<'a, R> {
     /// Forms the slopes of a stage of a Runge-Kutta method on (q, m); the first stage is 0.
     #[inline(always)]
     fn stage<P: Stages>(&mut self, stage: usize) {
-        R::outlined(FormStage::<R, P> { tile: self, stage, method: PhantomData });
+        R::outlined(Place::<R, P> { tile: self, stage, method: PhantomData });
+        let is_difference = P::DIFFERENCES && stage > 0;
+        match self.torques.only() {
+            Some(kind) => kind.with(SlopesUnderOne { tile: self, stage, is_difference }),
+            None => R::outlined(FormSlopes { tile: self, stage, is_difference }),
+        }
+    }
+
+    /// Stores the slope of a lane group at the place where it stands.
+    #[inline(always)]
+    fn store_slope(&mut self, group: usize, stage: usize, is_difference: bool, omega: Vector<R>, m_rate: Vector<R>) {
+        let slope = Slope { q: orientation_rate(self.q[group], omega), m: m_rate };
+        self.slopes[stage][group] = if is_difference {
+            let first = &self.slopes[0][group];
+            Slope { q: slope.q - first.q, m: slope.m - first.m }
+        } else {
+            slope
+        };
     }
 }
 
@@ -153,35 +176,85 @@ impl Stages for Rk4 {
     }
 }
 
-/// [`Tile::stage`] as a function of its own.
-struct FormStage<'s, 'a, R: Real, P> {
+/// Where the bodies of a tile stand at a stage.
+struct Place<'s, 'a, R: Real, P> {
     tile: &'s mut Tile<'a, R>,
     stage: usize,
     method: PhantomData<P>,
 }
 
-impl<R: Real, P: Stages> Outlined for FormStage<'_, '_, R, P> {
+impl<R: Real, P: Stages> Outlined for Place<'_, '_, R, P> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
         let Self { tile, stage, .. } = self;
         for group in tile.active() {
             let (q, m) = (tile.state[group].orientation.value, tile.state[group].angular_momentum_principal.value);
-            let (q, m) = if stage == 0 {
+            (tile.q[group], tile.m[group]) = if stage == 0 {
                 (q, m)
             } else {
                 let slopes = TileSlopes { slopes: &tile.slopes, group };
                 let (slope, h) = P::change(&slopes, stage, tile.h[group].value);
                 (slope.q.axpy(h, q), slope.m.axpy(h, m))
             };
-            let (omega, m_rate) = tile.rates(group, q, m);
-            let slope = Slope { q: orientation_rate(q, omega), m: m_rate };
-            tile.slopes[stage][group] = if P::DIFFERENCES && stage > 0 {
-                let first = &tile.slopes[0][group];
-                Slope { q: slope.q - first.q, m: slope.m - first.m }
-            } else {
-                slope
-            };
+        }
+    }
+}
+
+/// The slopes there, whatever acts.
+struct FormSlopes<'s, 'a, R: Real> {
+    tile: &'s mut Tile<'a, R>,
+    stage: usize,
+    is_difference: bool,
+}
+
+impl<R: Real> Outlined for FormSlopes<'_, '_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { tile, stage, is_difference } = self;
+        for group in tile.active() {
+            let (omega, m_rate) = tile.rates(group, tile.q[group], tile.m[group]);
+            tile.store_slope(group, stage, is_difference, omega, m_rate);
+        }
+    }
+}
+
+/// The slopes there, where one torque acts on rigid bodies: a function for each kind, with nothing in it of the others.
+struct SlopesUnderOne<'s, 'a, R: Real> {
+    tile: &'s mut Tile<'a, R>,
+    stage: usize,
+    is_difference: bool,
+}
+
+impl<R: Real> FormulaTask for SlopesUnderOne<'_, '_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run<F: Formula>(self) {
+        if matches!(F::ROLE, Role::Torque) {
+            R::outlined(FormSlopesUnder::<R, F> { task: self, formula: PhantomData });
+        }
+    }
+}
+
+struct FormSlopesUnder<'s, 'a, R: Real, F> {
+    task: SlopesUnderOne<'s, 'a, R>,
+    formula: PhantomData<F>,
+}
+
+impl<R: Real, F: Formula> Outlined for FormSlopesUnder<'_, '_, R, F> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let SlopesUnderOne { tile, stage, is_difference } = self.task;
+        for group in tile.active() {
+            let (q, m, body) = (tile.q[group], tile.m[group], &tile.body[group]);
+            let none = Correction::none();
+            let correction = if R::Scalar::WORDS == 1 { &none } else { &tile.correction[group] };
+            let omega = body.angular_velocity(m, correction);
+            let gyroscopic_term = body.gyroscopic_term(m, correction);
+            let m_rate = gyroscopic_term + tile.torques.only_torque::<F>(group, q, omega);
+            tile.store_slope(group, stage, is_difference, omega, m_rate);
         }
     }
 }
