@@ -6,6 +6,7 @@ use proptest::prelude::*;
 use proptest::test_runner::Config;
 
 #[path = "common/random.rs"]
+#[allow(dead_code, reason = "each test file uses its part")]
 mod random;
 #[path = "common/tree.rs"]
 mod tree;
@@ -362,7 +363,7 @@ fn stages_together_are_the_formula() {
         _ => [0.2, -1.3, 0.8][usize::from(index)],
     };
     let mut known: [Vec<f64>; 2] = Default::default();
-    let mut run = |part: &polhode::expression::Part, known: &[Vec<f64>; 2]| {
+    let run = |part: &polhode::expression::Part, known: &[Vec<f64>; 2]| {
         let program = Program::new(&part.graph, &part.outputs);
         let inputs: Vec<f64> = program
             .inputs()
