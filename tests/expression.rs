@@ -106,6 +106,16 @@ proptest! {
     }
 }
 
+#[test]
+fn most_random_formulas_are_compared() {
+    let (mut rows_compared, mut rows_in_all) = (0, 0);
+    for (tree, _, rows) in (0..500).filter_map(|seed| formula(seed, 1 + seed as usize % 79)) {
+        rows_in_all += rows.len();
+        rows_compared += rows.iter().filter(|row| tree.bounded(*row, f32::UNIT_ROUNDOFF).is_some()).count();
+    }
+    assert!(rows_in_all > 400 * 21 && 2 * rows_compared > rows_in_all, "{rows_compared} of {rows_in_all}");
+}
+
 /// What a torque in a test may name.
 fn offered() -> Symbols {
     let with = |symbols: Symbols, name: &str, shape| symbols.parameter(name, shape).unwrap();
