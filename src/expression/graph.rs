@@ -204,7 +204,7 @@ impl Operation {
     }
 
     /// The operands, in order.
-    pub fn operands(self) -> impl DoubleEndedIterator<Item = Node> {
+    pub fn operands(self) -> impl DoubleEndedIterator<Item = Node> + Clone {
         let operands = match self {
             Operation::Constant(_) | Operation::Truth(_) | Operation::Input(_) => [None; 3],
             Operation::Unary(_, a) | Operation::Function(_, a) => [Some(a), None, None],
@@ -212,6 +212,36 @@ impl Operation {
             Operation::MulAdd(a, b, c) | Operation::Select(a, b, c) => [Some(a), Some(b), Some(c)],
         };
         operands.into_iter().flatten()
+    }
+
+    /// The same operation with the operands that may change places in the order in which `stands_first` puts them.
+    fn with_order(self, stands_first: impl Fn(Node, Node) -> bool) -> Self {
+        let ordered = |a, b| if stands_first(a, b) { (a, b) } else { (b, a) };
+        match self {
+            Operation::Binary(kind @ (Binary::Add | Binary::Mul | Binary::And | Binary::Or), a, b) => {
+                let (a, b) = ordered(a, b);
+                Operation::Binary(kind, a, b)
+            }
+            Operation::MulAdd(a, b, c) => {
+                let (a, b) = ordered(a, b);
+                Operation::MulAdd(a, b, c)
+            }
+            _ => self,
+        }
+    }
+
+    /// A number for what is done, apart from the operands.
+    fn code(self) -> u64 {
+        match self {
+            Operation::Constant(_) | Operation::Input(_) => 0,
+            Operation::Truth(truth) => 1 + u64::from(truth),
+            Operation::Unary(kind, _) => 100 + kind as u64,
+            Operation::Binary(kind, ..) => 200 + kind as u64,
+            Operation::MulAdd(..) => 300,
+            Operation::Select(..) => 301,
+            Operation::Function(function, _) => 400 + function as u64,
+            Operation::Function2(function, ..) => 500 + function as u64,
+        }
     }
 
     /// The same operation of other operands.
@@ -298,14 +328,56 @@ impl Graph {
     }
 
     /// The graph of what `outputs` need alone, and their nodes in it.
+    ///
+    /// It does not depend on the order in which the operations were recorded: operands of commutative operations stand in
+    /// an order of their own (constants, inputs, then by the height and the structure of what they are), and nodes in the
+    /// order in which results ask for them. So equal formulas are equal graphs.
     pub fn compacted(&self, outputs: &[Node]) -> (Graph, Vec<Node>) {
+        let ranks = self.ranks();
+        let ordered = |operation: Operation| operation.with_order(|a, b| ranks[a.index()] <= ranks[b.index()]);
         let mut compact = Graph::default();
-        let mut places = vec![Node(0); self.len()];
-        for node in self.live(outputs) {
-            let operation = self.operation(node).with_operands(|operand| places[operand.index()]);
-            places[node.index()] = compact.push(operation);
+        let mut places: Vec<Option<Node>> = vec![None; self.len()];
+        let mut open: Vec<Node> = outputs.iter().rev().copied().collect();
+        while let Some(&node) = open.last() {
+            let operation = ordered(self.operation(node));
+            let missing = open.len();
+            if places[node.index()].is_none() {
+                open.extend(operation.operands().rev().filter(|operand| places[operand.index()].is_none()));
+            }
+            if open.len() == missing {
+                open.pop();
+                if places[node.index()].is_none() {
+                    let placed = operation.with_operands(|operand| places[operand.index()].unwrap_or(operand));
+                    places[node.index()] = Some(compact.push(placed));
+                }
+            }
         }
-        (compact, outputs.iter().map(|output| places[output.index()]).collect())
+        (compact, outputs.iter().map(|output| places[output.index()].unwrap_or(*output)).collect())
+    }
+
+    /// For each node what it is, apart from where it stands: its height, its class and a digest of what is below it.
+    fn ranks(&self) -> Vec<(u32, u8, u64)> {
+        let mut ranks: Vec<(u32, u8, u64)> = Vec::with_capacity(self.len());
+        for operation in &self.operations {
+            let rank = match operation {
+                Operation::Constant(bits) => (0, 0, *bits),
+                Operation::Input(Input { kind, index }) => (0, 1, (*kind as u64) << 16 | u64::from(*index)),
+                _ => {
+                    let operation = operation.with_order(|a, b| ranks[a.index()] <= ranks[b.index()]);
+                    let below = operation.operands().map(|operand| ranks[operand.index()]);
+                    let height = below.clone().map(|rank| rank.0).max().unwrap_or(0);
+                    let words = below.flat_map(|(height, class, digest)| [u64::from(height), u64::from(class), digest]);
+                    // A multiplicative digest; a collision would cost no more than the equality of two equal formulas.
+                    let digest = words.fold(operation.code(), |digest, word| {
+                        let mixed = (digest ^ word).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+                        mixed ^ mixed >> 29
+                    });
+                    (height + 1, 2, digest)
+                }
+            };
+            ranks.push(rank);
+        }
+        ranks
     }
 
     /// Appends an operation as it is.

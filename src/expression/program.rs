@@ -19,6 +19,8 @@ pub struct Program {
     /// Slots of truth values.
     pub(super) truths: usize,
     pub(super) instructions: Vec<Instruction>,
+    /// How many instructions of one kind follow each other.
+    pub(super) runs: Vec<(Kind, u16)>,
     pub(super) outputs: Vec<u16>,
 }
 
@@ -35,7 +37,7 @@ pub(super) struct Instruction {
 }
 
 /// What an instruction does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Kind {
     Add,
     Sub,
@@ -137,7 +139,7 @@ impl<'a> Lowering<'a> {
         lowering
     }
 
-    /// Orders what is needed: depth first, so that results are used soon after they are formed.
+    /// Finds what is needed, depth first.
     fn sort(&mut self, outputs: &[Node]) {
         #[derive(Clone, Copy, PartialEq)]
         enum State {
@@ -175,8 +177,21 @@ impl<'a> Lowering<'a> {
                 }
             }
         }
+        self.gather();
         // Results are never given up.
         outputs.iter().for_each(|output| self.uses[output.index()] += 1);
+    }
+
+    /// Orders by height, and within one height by kind: neighbours then do not wait for each other, and those of one kind
+    /// are carried out by one jump.
+    fn gather(&mut self) {
+        let mut heights = vec![0_u32; self.graph.len()];
+        for node in self.graph.nodes() {
+            let operands = self.graph.operation(node).operands();
+            heights[node.index()] = operands.map(|operand| heights[operand.index()] + 1).max().unwrap_or(0);
+        }
+        // Sines and cosines of one argument are of one height.
+        self.order.sort_by_key(|(node, selected)| (heights[node.index()], selected.kind));
     }
 
     /// The instruction of a node; none for inputs and constants.
@@ -236,8 +251,15 @@ impl<'a> Lowering<'a> {
 
     fn program(mut self, outputs: &[Node]) -> Program {
         let mut places = vec![0_u16; self.graph.len()];
-        let mut program =
-            Program { inputs: vec![], constants: vec![], slots: 0, truths: 0, instructions: vec![], outputs: vec![] };
+        let mut program = Program {
+            inputs: vec![],
+            constants: vec![],
+            slots: 0,
+            truths: 0,
+            instructions: vec![],
+            runs: vec![],
+            outputs: vec![],
+        };
         // Inputs and constants that an instruction or a result reads.
         let read: Vec<Node> =
             self.graph.nodes().filter(|node| self.uses[node.index()] > 0 && self.selected(*node).is_none()).collect();
@@ -292,6 +314,10 @@ impl<'a> Lowering<'a> {
                 (places[node.index()], instruction.to) = (place, place);
             }
             program.instructions.push(instruction);
+            match program.runs.last_mut() {
+                Some((last, count)) if *last == kind => *count += 1,
+                _ => program.runs.push((kind, 1)),
+            }
         }
         (program.slots, program.truths) = (numbers.count.into(), truths.count.into());
         program.outputs = outputs.iter().map(|output| places[output.index()]).collect();

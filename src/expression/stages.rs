@@ -42,7 +42,7 @@ impl Graph {
         };
         let of_parameters = early(Dependence::PARAMETERS);
         let of_time = early(Dependence::PARAMETERS | Dependence::TIME);
-        let epoch: Vec<Node> = self.frontier(outputs, |node| of_time(node) && !of_parameters(node), &of_parameters);
+        let epoch: Vec<Node> = self.frontier(outputs, |node| of_time(node) && !of_parameters(node), of_parameters);
         let derived = {
             let stops = |node: Node| of_parameters(node);
             let everything: Vec<Node> = outputs.iter().chain(&epoch).copied().collect();

@@ -4,18 +4,18 @@
 //! loop and groups the inner one, so that the cost of finding out what to do is shared by all bodies of the tile. A tile of
 //! one scalar is the reference.
 
+use std::cell::Cell;
+
 use super::functions;
-use super::program::{Kind, Program};
+use super::program::{Instruction, Kind, Program};
 use crate::lanes::{LaneScalar, LaneTask};
 use crate::real::{Outlined, Real};
 
-/// Groups that are worked on at once, so that their numbers stay in registers within an instruction.
-const BLOCK: usize = 4;
-
-/// What a program needs of memory for one size of tile: its constants and its slots.
+/// What a program works on for one size of tile: its inputs, its constants and its slots, one after another.
 #[derive(Clone, Debug)]
 pub struct Scratch<R: Real> {
     groups: usize,
+    inputs: usize,
     numbers: Vec<R>,
     truths: Vec<R::Mask>,
 }
@@ -25,37 +25,69 @@ impl<R: Real> Scratch<R> {
     #[inline(always)]
     pub fn new(program: &Program, groups: usize) -> Self {
         let zero = R::splat(0.0);
-        let mut numbers = vec![zero; (program.constants.len() + program.slots) * groups];
+        let inputs = program.inputs.len();
+        let mut numbers = vec![zero; (inputs + program.constants.len() + program.slots) * groups];
         for (index, constant) in program.constants.iter().enumerate() {
-            for number in &mut numbers[index * groups..(index + 1) * groups] {
+            for number in &mut numbers[(inputs + index) * groups..][..groups] {
                 *number = R::splat(*constant);
             }
         }
-        Self { groups, numbers, truths: vec![zero.less_than(zero); program.truths * groups] }
+        Self { groups, inputs, numbers, truths: vec![zero.less_than(zero); program.truths * groups] }
+    }
+
+    /// Groups of lanes in a tile.
+    #[inline(always)]
+    pub fn groups(&self) -> usize {
+        self.groups
+    }
+
+    /// Where input `index` of [`Program::inputs`] is, one number a group. What is written stays for later evaluations, so
+    /// that parameters are loaded once for all stages of a step.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such input.
+    #[inline(always)]
+    pub fn input(&mut self, index: usize) -> &mut [R] {
+        assert!(index < self.inputs, "one of the inputs");
+        &mut self.numbers[index * self.groups..][..self.groups]
     }
 }
 
 impl Program {
-    /// Forms the results for all bodies of a tile and stores them: result k of group g at `k * groups + g`.
-    ///
-    /// `inputs[i]` holds what [`Program::inputs`] names at i, one number a group.
+    /// Forms the results for all bodies of a tile from what [`Scratch::input`] holds, and stores them: result k of group g
+    /// at `k * groups + g`.
     ///
     /// # Panics
     ///
-    /// If the scratch memory is that of another program, or the number or the lengths of inputs or outputs do not fit it.
+    /// If the scratch memory is that of another program, or the length of `outputs` does not fit it.
     #[inline(always)]
-    pub fn evaluate<R: Real>(&self, scratch: &mut Scratch<R>, inputs: &[&[R]], outputs: &mut [R]) {
-        R::outlined(Evaluation::<R, false> { program: self, scratch, inputs, outputs });
+    pub fn run<R: Real>(&self, scratch: &mut Scratch<R>, outputs: &mut [R]) {
+        R::outlined(Evaluation { program: self, scratch, outputs, add: false });
     }
 
-    /// As [`Program::evaluate`], but adds the results to what `outputs` holds.
+    /// As [`Program::run`], but adds the results to what `outputs` holds.
     ///
     /// # Panics
     ///
-    /// As [`Program::evaluate`].
+    /// As [`Program::run`].
     #[inline(always)]
-    pub fn accumulate<R: Real>(&self, scratch: &mut Scratch<R>, inputs: &[&[R]], outputs: &mut [R]) {
-        R::outlined(Evaluation::<R, true> { program: self, scratch, inputs, outputs });
+    pub fn accumulate<R: Real>(&self, scratch: &mut Scratch<R>, outputs: &mut [R]) {
+        R::outlined(Evaluation { program: self, scratch, outputs, add: true });
+    }
+
+    /// As [`Program::run`] with all inputs given: `inputs[i]` holds what [`Program::inputs`] names at i.
+    ///
+    /// # Panics
+    ///
+    /// As [`Program::run`], and if the number or the lengths of inputs do not fit.
+    #[inline(always)]
+    pub fn evaluate<R: Real>(&self, scratch: &mut Scratch<R>, inputs: &[&[R]], outputs: &mut [R]) {
+        assert_eq!(inputs.len(), self.inputs.len(), "a slice an input");
+        for (index, input) in inputs.iter().enumerate() {
+            scratch.input(index).copy_from_slice(input);
+        }
+        self.run(scratch, outputs);
     }
 
     /// The results of one body by scalar arithmetic: `f64` is the reference, `f32` the shader's twin.
@@ -129,238 +161,217 @@ impl<T: LaneScalar> LaneTask<T> for Columns<'_, T> {
     }
 }
 
-struct Evaluation<'a, R: Real, const ADD: bool> {
+/// Groups that an instruction is carried out for at once, where there are as many.
+const LARGE: usize = 8;
+/// The same where there are fewer.
+const SMALL: usize = 4;
+
+struct Evaluation<'a, R: Real> {
     program: &'a Program,
     scratch: &'a mut Scratch<R>,
-    inputs: &'a [&'a [R]],
     outputs: &'a mut [R],
+    add: bool,
 }
 
-/// A tile during an evaluation.
-struct Tile<'a, R: Real> {
-    inputs: &'a [&'a [R]],
-    numbers: &'a mut [R],
-    truths: &'a mut [R::Mask],
+/// `N` groups of a tile from `at` on, during an evaluation. Their number is known to the compiler, as a loop over few groups
+/// costs more by its branches than by its operations. Cells, because a result may take the place of an operand that is not
+/// needed again.
+#[derive(Clone, Copy)]
+struct Block<'a, R: Real, const N: usize> {
+    numbers: &'a [Cell<R>],
+    truths: &'a [Cell<R::Mask>],
     groups: usize,
+    at: usize,
 }
 
-impl<R: Real> Tile<'_, R> {
-    /// The block of an operand that begins at the group `at`.
+impl<'a, R: Real, const N: usize> Block<'a, R, N> {
     #[inline(always)]
-    fn read<const N: usize>(&self, operand: u16, at: usize) -> [R; N] {
-        let operand = usize::from(operand);
-        let numbers = match self.inputs.get(operand) {
-            Some(input) => &input[at..at + N],
-            None => {
-                let start = (operand - self.inputs.len()) * self.groups + at;
-                &self.numbers[start..start + N]
-            }
-        };
-        let mut block = [numbers[0]; N];
-        block.copy_from_slice(numbers);
-        block
+    fn number(self, operand: u16) -> &'a [Cell<R>] {
+        &self.numbers[usize::from(operand) * self.groups + self.at..][..N]
     }
 
     #[inline(always)]
-    fn write<const N: usize>(&mut self, to: u16, at: usize, block: [R; N]) {
-        let start = (usize::from(to) - self.inputs.len()) * self.groups + at;
-        self.numbers[start..start + N].copy_from_slice(&block);
-    }
-
-    #[inline(always)]
-    fn read_truth<const N: usize>(&self, operand: u16, at: usize) -> [R::Mask; N] {
-        let start = usize::from(operand) * self.groups + at;
-        let truths = &self.truths[start..start + N];
-        let mut block = [truths[0]; N];
-        block.copy_from_slice(truths);
-        block
-    }
-
-    #[inline(always)]
-    fn write_truth<const N: usize>(&mut self, to: u16, at: usize, block: [R::Mask; N]) {
-        let start = usize::from(to) * self.groups + at;
-        self.truths[start..start + N].copy_from_slice(&block);
+    fn truth(self, operand: u16) -> &'a [Cell<R::Mask>] {
+        &self.truths[usize::from(operand) * self.groups + self.at..][..N]
     }
 }
 
-/// Carries out an operation for all groups of a tile: blocks first, then what is left one by one. It is a macro because a
-/// closure cannot be made to be inlined.
-macro_rules! for_each_block {
-    ($tile:ident, |$at:ident, $n:ident| $body:block) => {{
-        let mut $at = 0;
-        while $at + BLOCK <= $tile.groups {
-            const $n: usize = BLOCK;
-            $body
-            $at += BLOCK;
+/// Carries out an operation for all groups of a block. It is a macro because a closure cannot be made to be inlined.
+macro_rules! for_each_group {
+    ($to:expr, $a:expr, |$x:ident| $result:expr) => {{
+        let (to, a) = ($to, $a);
+        for k in 0..N {
+            let $x = a[k].get();
+            to[k].set($result);
         }
-        while $at < $tile.groups {
-            const $n: usize = 1;
-            $body
-            $at += 1;
+    }};
+    ($to:expr, $a:expr, $b:expr, |$x:ident, $y:ident| $result:expr) => {{
+        let (to, a, b) = ($to, $a, $b);
+        for k in 0..N {
+            let ($x, $y) = (a[k].get(), b[k].get());
+            to[k].set($result);
+        }
+    }};
+    ($to:expr, $a:expr, $b:expr, $c:expr, |$x:ident, $y:ident, $z:ident| $result:expr) => {{
+        let (to, a, b, c) = ($to, $a, $b, $c);
+        for k in 0..N {
+            let ($x, $y, $z) = (a[k].get(), b[k].get(), c[k].get());
+            to[k].set($result);
         }
     }};
 }
 
-macro_rules! unary {
-    ($tile:ident, $instruction:ident, |$a:ident| $result:expr) => {
-        for_each_block!($tile, |at, N| {
-            let mut block = $tile.read::<N>($instruction.a, at);
-            for number in &mut block {
-                let $a = *number;
-                *number = $result;
-            }
-            $tile.write($instruction.to, at, block);
-        })
-    };
-}
-
-macro_rules! binary {
-    ($tile:ident, $instruction:ident, |$a:ident, $b:ident| $result:expr) => {
-        for_each_block!($tile, |at, N| {
-            let mut block = $tile.read::<N>($instruction.a, at);
-            let second = $tile.read::<N>($instruction.b, at);
-            for k in 0..N {
-                let ($a, $b) = (block[k], second[k]);
-                block[k] = $result;
-            }
-            $tile.write($instruction.to, at, block);
-        })
-    };
-}
-
-macro_rules! ternary {
-    ($tile:ident, $instruction:ident, |$a:ident, $b:ident, $c:ident| $result:expr) => {
-        for_each_block!($tile, |at, N| {
-            let mut block = $tile.read::<N>($instruction.a, at);
-            let second = $tile.read::<N>($instruction.b, at);
-            let third = $tile.read::<N>($instruction.c, at);
-            for k in 0..N {
-                let ($a, $b, $c) = (block[k], second[k], third[k]);
-                block[k] = $result;
-            }
-            $tile.write($instruction.to, at, block);
-        })
-    };
-}
-
 /// What needs much code is a function of its own.
-struct FunctionOfTile<'t, 'a, R: Real> {
-    tile: &'t mut Tile<'a, R>,
-    instruction: super::program::Instruction,
+struct FunctionOfTile<'a, R: Real, const N: usize> {
+    tile: Block<'a, R, N>,
+    instruction: Instruction,
 }
 
-impl<R: Real> Outlined for FunctionOfTile<'_, '_, R> {
+impl<R: Real, const N: usize> Outlined for FunctionOfTile<'_, R, N> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let Self { tile, instruction } = self;
-        for at in 0..tile.groups {
-            let [a] = tile.read::<1>(instruction.a, at);
-            match instruction.kind {
-                Kind::SinCos => {
-                    let (sin, cos) = crate::real::sin_cos(a);
-                    tile.write(instruction.to, at, [sin]);
-                    tile.write(instruction.c, at, [cos]);
+        let Self { tile, instruction: Instruction { kind, to, a, b, c } } = self;
+        match kind {
+            Kind::SinCos => {
+                for ((sin, cos), a) in tile.number(to).iter().zip(tile.number(c)).zip(tile.number(a)) {
+                    let (sin_a, cos_a) = crate::real::sin_cos(a.get());
+                    sin.set(sin_a);
+                    cos.set(cos_a);
                 }
-                Kind::Kepler => {
-                    let [b] = tile.read::<1>(instruction.b, at);
-                    let (sin, cos) = functions::kepler(a, b);
-                    tile.write(instruction.to, at, [sin]);
-                    tile.write(instruction.c, at, [cos]);
+            }
+            Kind::Kepler => {
+                let results = tile.number(to).iter().zip(tile.number(c));
+                for ((sin, cos), (a, b)) in results.zip(tile.number(a).iter().zip(tile.number(b))) {
+                    let (sin_e, cos_e) = functions::kepler(a.get(), b.get());
+                    sin.set(sin_e);
+                    cos.set(cos_e);
                 }
-                Kind::One(function) => tile.write(instruction.to, at, [functions::of_one(function, a)]),
-                Kind::Two(function) => {
-                    let [b] = tile.read::<1>(instruction.b, at);
-                    tile.write(instruction.to, at, [functions::of_two(function, a, b)]);
+            }
+            Kind::One(function) => {
+                for_each_group!(tile.number(to), tile.number(a), |x| functions::of_one(function, x));
+            }
+            Kind::Two(function) => {
+                let (a, b) = (tile.number(a), tile.number(b));
+                for_each_group!(tile.number(to), a, b, |x, y| functions::of_two(function, x, y));
+            }
+            _ => {}
+        }
+    }
+}
+
+impl<R: Real, const N: usize> Block<'_, R, N> {
+    /// Carries out all instructions.
+    #[inline(always)]
+    fn carry_out(self, program: &Program) {
+        let tile = self;
+        // One jump for a run of instructions of one kind: where a processor does not foresee it, it costs more than the work.
+        let mut rest = program.instructions.as_slice();
+        for &(kind, count) in &program.runs {
+            let (run, later) = rest.split_at(usize::from(count));
+            rest = later;
+            macro_rules! each {
+                (|$to:ident, $a:ident, $b:ident, $c:ident| $work:expr) => {
+                    for &Instruction { to: $to, a: $a, b: $b, c: $c, .. } in run {
+                        $work
+                    }
+                };
+            }
+            match kind {
+                Kind::Add => each!(|to, a, b, _c| {
+                    for_each_group!(tile.number(to), tile.number(a), tile.number(b), |x, y| x + y);
+                }),
+                Kind::Sub => each!(|to, a, b, _c| {
+                    for_each_group!(tile.number(to), tile.number(a), tile.number(b), |x, y| x - y);
+                }),
+                Kind::Mul => each!(|to, a, b, _c| {
+                    for_each_group!(tile.number(to), tile.number(a), tile.number(b), |x, y| x * y);
+                }),
+                Kind::NegMul => each!(|to, a, b, _c| {
+                    for_each_group!(tile.number(to), tile.number(a), tile.number(b), |x, y| -(x * y));
+                }),
+                Kind::Div => each!(|to, a, b, _c| {
+                    for_each_group!(tile.number(to), tile.number(a), tile.number(b), |x, y| x / y);
+                }),
+                Kind::Min => each!(|to, a, b, _c| {
+                    for_each_group!(tile.number(to), tile.number(a), tile.number(b), |x, y| x.min(y));
+                }),
+                Kind::Max => each!(|to, a, b, _c| {
+                    for_each_group!(tile.number(to), tile.number(a), tile.number(b), |x, y| x.max(y));
+                }),
+                Kind::MulAdd => each!(|to, a, b, c| {
+                    let (a, b, c) = (tile.number(a), tile.number(b), tile.number(c));
+                    for_each_group!(tile.number(to), a, b, c, |x, y, z| x.mul_add(y, z));
+                }),
+                Kind::MulSub => each!(|to, a, b, c| {
+                    let (a, b, c) = (tile.number(a), tile.number(b), tile.number(c));
+                    for_each_group!(tile.number(to), a, b, c, |x, y, z| x.mul_add(y, -z));
+                }),
+                Kind::NegMulAdd => each!(|to, a, b, c| {
+                    let (a, b, c) = (tile.number(a), tile.number(b), tile.number(c));
+                    for_each_group!(tile.number(to), a, b, c, |x, y, z| (-x).mul_add(y, z));
+                }),
+                Kind::NegMulSub => each!(|to, a, b, c| {
+                    let (a, b, c) = (tile.number(a), tile.number(b), tile.number(c));
+                    for_each_group!(tile.number(to), a, b, c, |x, y, z| (-x).mul_add(y, -z));
+                }),
+                Kind::Neg => each!(|to, a, _b, _c| for_each_group!(tile.number(to), tile.number(a), |x| -x)),
+                Kind::Sqrt => each!(|to, a, _b, _c| for_each_group!(tile.number(to), tile.number(a), |x| x.sqrt())),
+                Kind::Abs => each!(|to, a, _b, _c| for_each_group!(tile.number(to), tile.number(a), |x| x.abs())),
+                Kind::Round => each!(|to, a, _b, _c| for_each_group!(tile.number(to), tile.number(a), |x| x.round())),
+                Kind::Less => each!(|to, a, b, _c| {
+                    for_each_group!(tile.truth(to), tile.number(a), tile.number(b), |x, y| x.less_than(y));
+                }),
+                Kind::And => each!(|to, a, b, _c| {
+                    for_each_group!(tile.truth(to), tile.truth(a), tile.truth(b), |x, y| x & y);
+                }),
+                Kind::Or => each!(|to, a, b, _c| {
+                    for_each_group!(tile.truth(to), tile.truth(a), tile.truth(b), |x, y| x | y);
+                }),
+                Kind::Not => each!(|to, a, _b, _c| for_each_group!(tile.truth(to), tile.truth(a), |x| !x)),
+                Kind::Select => each!(|to, a, b, c| {
+                    let (a, b, c) = (tile.truth(a), tile.number(b), tile.number(c));
+                    for_each_group!(tile.number(to), a, b, c, |x, y, z| R::select(x, y, z));
+                }),
+                Kind::SinCos | Kind::Kepler | Kind::One(_) | Kind::Two(_) => {
+                    for &instruction in run {
+                        R::outlined(FunctionOfTile { tile, instruction });
+                    }
                 }
-                _ => {}
             }
         }
     }
 }
 
-impl<R: Real, const ADD: bool> Outlined for Evaluation<'_, R, ADD> {
+impl<R: Real> Outlined for Evaluation<'_, R> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let Self { program, scratch, inputs, outputs } = self;
+        let Self { program, scratch, outputs, add } = self;
         let groups = scratch.groups;
-        assert_eq!(inputs.len(), program.inputs.len(), "a slice an input");
-        assert_eq!(scratch.numbers.len(), (program.constants.len() + program.slots) * groups, "its own memory");
+        let count = (program.inputs.len() + program.constants.len() + program.slots) * groups;
+        assert_eq!(scratch.numbers.len(), count, "its own memory");
         assert_eq!(outputs.len(), program.outputs.len() * groups, "room for all results");
-        let (numbers, truths) = (scratch.numbers.as_mut_slice(), scratch.truths.as_mut_slice());
-        let mut tile = Tile { inputs, numbers, truths, groups };
-        for &instruction in &program.instructions {
-            match instruction.kind {
-                Kind::Add => binary!(tile, instruction, |a, b| a + b),
-                Kind::Sub => binary!(tile, instruction, |a, b| a - b),
-                Kind::Mul => binary!(tile, instruction, |a, b| a * b),
-                Kind::NegMul => binary!(tile, instruction, |a, b| -(a * b)),
-                Kind::Div => binary!(tile, instruction, |a, b| a / b),
-                Kind::MulAdd => ternary!(tile, instruction, |a, b, c| a.mul_add(b, c)),
-                Kind::MulSub => ternary!(tile, instruction, |a, b, c| a.mul_add(b, -c)),
-                Kind::NegMulAdd => ternary!(tile, instruction, |a, b, c| (-a).mul_add(b, c)),
-                Kind::NegMulSub => ternary!(tile, instruction, |a, b, c| (-a).mul_add(b, -c)),
-                Kind::Neg => unary!(tile, instruction, |a| -a),
-                Kind::Sqrt => unary!(tile, instruction, |a| a.sqrt()),
-                Kind::Abs => unary!(tile, instruction, |a| a.abs()),
-                Kind::Round => unary!(tile, instruction, |a| a.round()),
-                Kind::Min => binary!(tile, instruction, |a, b| a.min(b)),
-                Kind::Max => binary!(tile, instruction, |a, b| a.max(b)),
-                Kind::Less => for_each_block!(tile, |at, N| {
-                    let (a, b) = (tile.read::<N>(instruction.a, at), tile.read::<N>(instruction.b, at));
-                    for k in 0..N {
-                        tile.write_truth(instruction.to, at + k, [a[k].less_than(b[k])]);
-                    }
-                }),
-                Kind::And => for_each_block!(tile, |at, N| {
-                    let mut block = tile.read_truth::<N>(instruction.a, at);
-                    let second = tile.read_truth::<N>(instruction.b, at);
-                    for k in 0..N {
-                        block[k] = block[k] & second[k];
-                    }
-                    tile.write_truth(instruction.to, at, block);
-                }),
-                Kind::Or => for_each_block!(tile, |at, N| {
-                    let mut block = tile.read_truth::<N>(instruction.a, at);
-                    let second = tile.read_truth::<N>(instruction.b, at);
-                    for k in 0..N {
-                        block[k] = block[k] | second[k];
-                    }
-                    tile.write_truth(instruction.to, at, block);
-                }),
-                Kind::Not => for_each_block!(tile, |at, N| {
-                    let mut block = tile.read_truth::<N>(instruction.a, at);
-                    for truth in &mut block {
-                        *truth = !*truth;
-                    }
-                    tile.write_truth(instruction.to, at, block);
-                }),
-                Kind::Select => for_each_block!(tile, |at, N| {
-                    let condition = tile.read_truth::<N>(instruction.a, at);
-                    let mut block = tile.read::<N>(instruction.b, at);
-                    let other = tile.read::<N>(instruction.c, at);
-                    for k in 0..N {
-                        block[k] = R::select(condition[k], block[k], other[k]);
-                    }
-                    tile.write(instruction.to, at, block);
-                }),
-                Kind::SinCos | Kind::Kepler | Kind::One(_) | Kind::Two(_) => {
-                    R::outlined(FunctionOfTile { tile: &mut tile, instruction });
-                }
-            }
+        let numbers = Cell::from_mut(scratch.numbers.as_mut_slice()).as_slice_of_cells();
+        let truths = Cell::from_mut(scratch.truths.as_mut_slice()).as_slice_of_cells();
+        let mut at = 0;
+        while at + LARGE <= groups {
+            Block::<R, LARGE> { numbers, truths, groups, at }.carry_out(program);
+            at += LARGE;
         }
-        for (index, output) in program.outputs.iter().enumerate() {
-            for_each_block!(tile, |at, N| {
-                let mut block = tile.read::<N>(*output, at);
-                let to = &mut outputs[index * groups + at..][..N];
-                if ADD {
-                    for k in 0..N {
-                        block[k] = to[k] + block[k];
-                    }
-                }
-                to.copy_from_slice(&block);
-            });
+        while at + SMALL <= groups {
+            Block::<R, SMALL> { numbers, truths, groups, at }.carry_out(program);
+            at += SMALL;
+        }
+        while at < groups {
+            Block::<R, 1> { numbers, truths, groups, at }.carry_out(program);
+            at += 1;
+        }
+        for (output, results) in program.outputs.iter().zip(outputs.chunks_exact_mut(groups)) {
+            let from = &numbers[usize::from(*output) * groups..][..groups];
+            for (result, number) in results.iter_mut().zip(from) {
+                *result = if add { *result + number.get() } else { number.get() };
+            }
         }
     }
 }
