@@ -245,6 +245,10 @@ impl ParameterDeclaration {
         Self::new(name, Shape::Whole, "1", about)
     }
 
+    pub(crate) fn of_shape(self, shape: Shape) -> Self {
+        Self { shape, ..self }
+    }
+
     pub(crate) fn valid(self, valid: Validity) -> Self {
         Self { valid, ..self }
     }

@@ -98,6 +98,8 @@ pub(crate) enum Role {
     Moments,
     /// It changes the sum of all torques.
     Projection,
+    /// It is a torque whose formula is data ([`super::expressed`]); each instance has columns of its own number.
+    Expression,
 }
 
 /// The kernel of one kind of torque. All numbers are in principal axes and in the body's own units.

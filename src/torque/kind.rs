@@ -2,7 +2,7 @@
 
 use super::formula::{Formula, FormulaTask, Role};
 use super::{
-    constant_body, constant_world, eddy_current, gravity_gradient, gravity_gradient_kepler, heavy_top,
+    constant_body, constant_world, custom, eddy_current, gravity_gradient, gravity_gradient_kepler, heavy_top,
     internal_dissipation, linear_drag, linear_rotor, log_spring, magnetic_dipole, matrix_drag, orbiting_dipole,
     quadratic_drag, sine_spring, sinusoidal, variable_inertia, white_noise,
 };
@@ -94,6 +94,7 @@ kinds! {
     eddy_current::EddyCurrent,
     sine_spring::SineSpring,
     log_spring::LogSpring,
+    custom::Custom,
     white_noise::WhiteNoise,
     internal_dissipation::InternalDissipation,
     // Of the next two a scene has one at most.
@@ -104,7 +105,7 @@ kinds! {
 }
 
 impl Kind {
-    /// All columns of one instance.
+    /// All columns of one instance, where every one has the same.
     pub const fn columns(self) -> usize {
         self.parameters() + self.phases() * (RATE_DIGITS + 1)
     }

@@ -35,7 +35,6 @@ pub struct Torque {
 #[derive(Clone)]
 pub(crate) enum ModelRef {
     Built(&'static dyn Model),
-    #[allow(dead_code)] // Formulas of users' own.
     Shared(Arc<dyn Model>),
 }
 
@@ -155,6 +154,11 @@ pub(crate) trait Model: Send + Sync {
     fn inertia_change(&self) -> Option<&dyn InertiaModel> {
         None
     }
+
+    /// Itself, where its formula is an expression.
+    fn expression(&self) -> Option<&super::custom::ExpressionModel> {
+        None
+    }
 }
 
 /// A model under which moments of inertia change in time.
@@ -176,7 +180,6 @@ impl Torque {
     }
 
     /// A torque of any model, with its values in the order of their declarations.
-    #[cfg(feature = "study")]
     pub(crate) fn of_model(model: ModelRef, values: Vec<Value>) -> Self {
         Self { model, values }
     }
@@ -184,6 +187,14 @@ impl Torque {
     /// The model, and the values that its functions take.
     pub(crate) fn parts(&self) -> (&dyn Model, Values<'_>) {
         (&*self.model, Values(&self.values))
+    }
+
+    pub(super) fn model(&self) -> &dyn Model {
+        &*self.model
+    }
+
+    pub(super) fn values(&self) -> &[Value] {
+        &self.values
     }
 
     /// What the model says of itself.

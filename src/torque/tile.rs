@@ -4,13 +4,16 @@
 //! and adds up the torques on each by [`TileTorques::sum`], so that kernels add up instead of multiplying.
 
 use super::Motion;
+use super::expressed::{Expressed, Given};
 use super::formula::{Epoch, Following, Formula, FormulaTask, MOST_PHASES, Role, Row};
 use super::kind::Kind;
 use super::linear_rotor::across_axis;
 use super::sum::{Columns, Source, StepTime, Torques};
+use super::table::Instance;
 use super::variable_inertia::ramp_progress;
 use crate::batch::RATE_COLUMN;
 use crate::clock::phase_after;
+use crate::expression::Scratch;
 use crate::quaternion::Quaternion;
 use crate::real::{Outlined, Real};
 use crate::rigid_body::{Body, Correction};
@@ -50,6 +53,11 @@ pub(crate) struct TileTorques<'a, R: Real> {
     noise: Each<Vector<R>>,
     /// Seconds in the unit that later times are given in: for steps of a body's own a power of two.
     seconds: Each<R>,
+    /// Since the start of the step, s.
+    elapsed: Each<R>,
+    /// Torques that are expressions, and the sum of them, component by component.
+    expressions: Vec<TileExpression<'a, R>>,
+    sums: [R; 3 * GROUPS],
     /// Where the moments change: by how much their differences do, and the index of the instance.
     change: Option<(Each<Vector<R>>, usize)>,
 }
@@ -60,19 +68,26 @@ impl<'a, R: Real> TileTorques<'a, R> {
         let zero = R::splat(0.0);
         let mut instances = Vec::new();
         let (mut parameters, mut phases) = (0, 0);
-        for instance in source.table.list() {
-            let kind = instance.kind;
+        let mut expressions = Vec::new();
+        for &Instance { kind, index, parameters: own, phases: own_phases, .. } in source.table.list() {
             instances.push(TileInstance { kind, first: parameters, first_phase: phases, is_shared: false });
-            parameters += kind.parameters();
-            phases += kind.phases();
+            if kind.role() == Role::Expression {
+                expressions.push(TileExpression::new(source.table.expressed(index), parameters, phases));
+            }
+            parameters += own;
+            phases += own_phases;
         }
+        let places = source.table.start_places();
         Self {
             source,
             first: 0,
             groups: 0,
             parameters: vec![[zero; GROUPS]; parameters],
             rates: vec![[zero; GROUPS]; phases],
-            starts: vec![[zero; GROUPS]; phases],
+            starts: vec![[zero; GROUPS]; places],
+            elapsed: [zero; GROUPS],
+            expressions,
+            sums: [zero; 3 * GROUPS],
             epochs: vec![[Epoch::none(); GROUPS]; instances.len()],
             instances,
             noise: [Vector::zero(); GROUPS],
@@ -106,6 +121,29 @@ impl<'a, R: Real> TileTorques<'a, R> {
     pub fn at(&mut self, elapsed: &Each<R>, active: &[usize]) {
         if !self.starts.is_empty() {
             R::outlined(At { torques: self, elapsed, active });
+        }
+    }
+
+    /// Whether torques are expressions.
+    #[inline(always)]
+    pub fn has_expressions(&self) -> bool {
+        !self.expressions.is_empty()
+    }
+
+    /// Sets the state of a lane group for [`TileTorques::form_expressions`].
+    #[inline(always)]
+    pub fn place(&mut self, group: usize, orientation: Quaternion<R>, angular_velocity_principal: Vector<R>) {
+        for expression in &mut self.expressions {
+            expression.place(group % GROUPS, orientation, angular_velocity_principal);
+        }
+    }
+
+    /// Forms the sum of all torques that are expressions, at the time of the last [`TileTorques::at`].
+    #[inline(always)]
+    pub fn form_expressions(&mut self) {
+        self.sums = [R::splat(0.0); 3 * GROUPS];
+        for expression in &mut self.expressions {
+            expression.add(&mut self.sums);
         }
     }
 
@@ -144,7 +182,11 @@ impl<'a, R: Real> TileTorques<'a, R> {
     /// It is inlined where it is called for all lane groups of a tile in turn, so that what it adds up stays in registers.
     #[inline(always)]
     pub fn sum(&self, group: usize, orientation: Quaternion<R>, angular_velocity_principal: Vector<R>) -> Vector<R> {
-        let mut sum = self.noise[group % GROUPS];
+        let group = group % GROUPS;
+        let mut sum = self.noise[group];
+        if self.has_expressions() {
+            sum = sum + Vector::new(self.sums[group], self.sums[GROUPS + group], self.sums[2 * GROUPS + group]);
+        }
         for (instance, epochs) in self.instances.iter().zip(&self.epochs) {
             let added = Added { torques: self, instance, epochs, group, orientation, angular_velocity_principal, sum };
             sum = instance.kind.with(added);
@@ -183,7 +225,8 @@ impl<R: Real> FormulaTask for Added<'_, '_, R> {
                 }
                 sum + F::torque(&row, &self.epochs[group], q, omega)
             }
-            Role::Noise | Role::Slip | Role::Moments => sum,
+            // Those that are expressions were formed before.
+            Role::Noise | Role::Slip | Role::Moments | Role::Expression => sum,
         }
     }
 }
@@ -204,6 +247,98 @@ impl<R: Real> Outlined for Turn<'_, '_, R> {
         let Self { torques, group, .. } = self;
         let done = torques.change.map_or(R::splat(0.0), |(_, index)| torques.epochs[index][group % GROUPS].number);
         Torques::new(torques.columns(group)).turning(done, self.body, self.correction, *self.m).motion
+    }
+}
+
+/// A torque that is an expression, on a tile.
+struct TileExpression<'a, R: Real> {
+    expressed: &'a Expressed,
+    /// The first row of its parameters, and the number of its first phase.
+    first: usize,
+    first_phase: usize,
+    epoch: Scratch<R>,
+    torque: Scratch<R>,
+    /// Results of the part that follows from the time.
+    epochs: Vec<R>,
+}
+
+impl<'a, R: Real> TileExpression<'a, R> {
+    #[inline(always)]
+    fn new(expressed: &'a Expressed, first: usize, first_phase: usize) -> Self {
+        Self {
+            expressed,
+            first,
+            first_phase,
+            epoch: Scratch::new(&expressed.epoch.program, GROUPS),
+            torque: Scratch::new(&expressed.torque.program, GROUPS),
+            epochs: vec![R::splat(0.0); expressed.epoch.program.output_count() * GROUPS],
+        }
+    }
+
+    /// Takes the parameters.
+    #[inline(always)]
+    fn load(&mut self, parameters: &[Each<R>]) {
+        let Expressed { epoch, torque, .. } = self.expressed;
+        for (instructions, scratch) in [(epoch, &mut self.epoch), (torque, &mut self.torque)] {
+            for (index, given) in instructions.inputs.iter().enumerate() {
+                if let Given::Column(column) = *given {
+                    scratch.input(index).copy_from_slice(&parameters[self.first + column]);
+                }
+            }
+        }
+    }
+
+    /// Forms what follows from the time; behind the phases' starts stands that of the time itself, where it is read.
+    #[inline(always)]
+    fn form_epoch(&mut self, starts: &[Each<R>], rates: &[Each<R>], elapsed: &Each<R>) {
+        let Expressed { epoch, torque, .. } = self.expressed;
+        for (instructions, scratch) in [(epoch, &mut self.epoch), (torque, &mut self.torque)] {
+            for (index, given) in instructions.inputs.iter().enumerate() {
+                match *given {
+                    Given::Phase(phase) => {
+                        let (start, rate) = (&starts[self.first_phase + phase], &rates[self.first_phase + phase]);
+                        for (group, number) in scratch.input(index).iter_mut().enumerate() {
+                            *number = phase_after(start[group], rate[group], elapsed[group]);
+                        }
+                    }
+                    Given::Time => {
+                        let start = &starts[rates.len()];
+                        for (group, number) in scratch.input(index).iter_mut().enumerate() {
+                            *number = start[group] + elapsed[group];
+                        }
+                    }
+                    _ => {}
+                }
+            }
+        }
+        if self.epochs.is_empty() {
+            return;
+        }
+        epoch.program.run(&mut self.epoch, &mut self.epochs);
+        for (index, given) in torque.inputs.iter().enumerate() {
+            if let Given::Epoch(number) = *given {
+                self.torque.input(index).copy_from_slice(&self.epochs[number * GROUPS..][..GROUPS]);
+            }
+        }
+    }
+
+    /// Takes the state of a lane group.
+    #[inline(always)]
+    fn place(&mut self, group: usize, q: Quaternion<R>, omega: Vector<R>) {
+        for (index, given) in self.expressed.torque.inputs.iter().enumerate() {
+            let number = match *given {
+                Given::Orientation(part) => [q.x, q.y, q.z, q.w][part],
+                Given::AngularVelocity(part) => [omega.x, omega.y, omega.z][part],
+                _ => continue,
+            };
+            self.torque.input(index)[group] = number;
+        }
+    }
+
+    /// Adds the torque to a sum, component by component.
+    #[inline(always)]
+    fn add(&mut self, sums: &mut [R]) {
+        self.expressed.torque.program.accumulate(&mut self.torque, sums);
     }
 }
 
@@ -233,7 +368,7 @@ impl<R: Real> Outlined for Load<'_, '_, R> {
             let TileInstance { kind, first, first_phase, .. } = torques.instances[index];
             let instance = table.list()[index];
             let mut is_shared = torques.source.dt > 0.0;
-            for column in 0..kind.parameters() {
+            for column in 0..instance.parameters {
                 let mut row = [R::splat(0.0); GROUPS];
                 for (group, number) in row.iter_mut().enumerate().take(torques.groups) {
                     *number = torques.columns(group).column(instance.first + column);
@@ -241,8 +376,8 @@ impl<R: Real> Outlined for Load<'_, '_, R> {
                 torques.parameters[first + column] = row;
                 is_shared = is_shared && (!kind.epoch_columns().contains(&column) || are_equal(&row[..torques.groups]));
             }
-            for phase in 0..kind.phases() {
-                let column = table.rate_column(kind, instance.index, phase);
+            for phase in 0..instance.phases {
+                let column = instance.rate_column(phase);
                 let mut row = [R::splat(0.0); GROUPS];
                 for (group, number) in row.iter_mut().enumerate().take(torques.groups) {
                     *number = torques.columns(group).column(column);
@@ -251,6 +386,9 @@ impl<R: Real> Outlined for Load<'_, '_, R> {
                 is_shared = is_shared && table.rate_is_shared(first_phase + phase);
             }
             torques.instances[index].is_shared = is_shared;
+        }
+        for expression in &mut torques.expressions {
+            expression.load(&torques.parameters);
         }
         let moments = torques.instances.iter().position(|instance| instance.kind.role() == Role::Moments);
         torques.change = moments.map(|index| {
@@ -328,13 +466,20 @@ impl<R: Real> Outlined for At<'_, '_, R> {
     #[inline(always)]
     fn run(self) {
         let Self { torques, elapsed, active } = self;
+        for &group in active {
+            let group = group % GROUPS;
+            torques.elapsed[group] = elapsed[group] * torques.seconds[group];
+        }
+        for expression in &mut torques.expressions {
+            expression.form_epoch(&torques.starts, &torques.rates, &torques.elapsed);
+        }
+        let elapsed = &torques.elapsed;
         for (index, instance) in torques.instances.iter().enumerate() {
             instance.kind.with(EpochOf {
                 instance,
                 parameters: &torques.parameters,
                 starts: &torques.starts,
                 rates: &torques.rates,
-                seconds: &torques.seconds,
                 epochs: &mut torques.epochs[index],
                 elapsed,
                 active,
@@ -349,7 +494,6 @@ struct EpochOf<'s, R> {
     parameters: &'s [Each<R>],
     starts: &'s [Each<R>],
     rates: &'s [Each<R>],
-    seconds: &'s Each<R>,
     epochs: &'s mut Each<Epoch<R>>,
     elapsed: &'s Each<R>,
     active: &'s [usize],
@@ -372,7 +516,7 @@ impl<R: Real> FormulaTask for EpochOf<'_, R> {
                 self.epochs[group] = self.epochs[active[0] % GROUPS];
                 continue;
             }
-            let elapsed = self.elapsed[group] * self.seconds[group];
+            let elapsed = self.elapsed[group];
             let mut phases = [R::splat(0.0); MOST_PHASES];
             for phase in 0..F::PHASES.len() {
                 let (start, rate) = (starts[phase][group], rates[phase][group]);

@@ -131,18 +131,42 @@ impl<'a, R: Real> Tile<'a, R> {
     /// Forms the slopes of a stage of a Runge-Kutta method on (q, m); the first stage is 0.
     #[inline(always)]
     fn stage<P: Stages>(&mut self, stage: usize) {
-        R::outlined(Place::<R, P> { tile: self, stage, method: PhantomData });
-        let is_difference = P::DIFFERENCES && stage > 0;
+        let method = PhantomData::<P>;
         match self.torques.only() {
-            Some(kind) => kind.with(SlopesUnderOne { tile: self, stage, is_difference }),
-            None => R::outlined(FormSlopes { tile: self, stage, is_difference }),
+            Some(kind) => {
+                R::outlined(Place { tile: self, stage, method });
+                kind.with(SlopesUnderOne { tile: self, stage, is_difference: P::DIFFERENCES && stage > 0 });
+            }
+            None if self.torques.has_expressions() => {
+                R::outlined(Place { tile: self, stage, method });
+                self.form_expressions();
+                R::outlined(FormSlopes { tile: self, stage, is_placed: true, method });
+            }
+            None => R::outlined(FormSlopes { tile: self, stage, is_placed: false, method }),
         }
     }
 
-    /// Stores the slope of a lane group at the place where it stands.
+    /// The torques that are expressions, where the bodies are placed.
     #[inline(always)]
-    fn store_slope(&mut self, group: usize, stage: usize, is_difference: bool, omega: Vector<R>, m_rate: Vector<R>) {
-        let slope = Slope { q: orientation_rate(self.q[group], omega), m: m_rate };
+    fn form_expressions(&mut self) {
+        R::outlined(FormExpressions { tile: self });
+    }
+
+    /// Where a lane group stands at a stage.
+    #[inline(always)]
+    fn placed<P: Stages>(&self, group: usize, stage: usize) -> (Quaternion<R>, Vector<R>) {
+        let (q, m) = (self.state[group].orientation.value, self.state[group].angular_momentum_principal.value);
+        if stage == 0 {
+            return (q, m);
+        }
+        let slopes = TileSlopes { slopes: &self.slopes, group };
+        let (slope, h) = P::change(&slopes, stage, self.h[group].value);
+        (slope.q.axpy(h, q), slope.m.axpy(h, m))
+    }
+
+    /// Stores the slope of a lane group.
+    #[inline(always)]
+    fn store_slope(&mut self, group: usize, stage: usize, is_difference: bool, slope: Slope<R>) {
         self.slopes[stage][group] = if is_difference {
             let first = &self.slopes[0][group];
             Slope { q: slope.q - first.q, m: slope.m - first.m }
@@ -189,34 +213,48 @@ impl<R: Real, P: Stages> Outlined for Place<'_, '_, R, P> {
     fn run(self) {
         let Self { tile, stage, .. } = self;
         for group in tile.active() {
-            let (q, m) = (tile.state[group].orientation.value, tile.state[group].angular_momentum_principal.value);
-            (tile.q[group], tile.m[group]) = if stage == 0 {
-                (q, m)
-            } else {
-                let slopes = TileSlopes { slopes: &tile.slopes, group };
-                let (slope, h) = P::change(&slopes, stage, tile.h[group].value);
-                (slope.q.axpy(h, q), slope.m.axpy(h, m))
-            };
+            (tile.q[group], tile.m[group]) = tile.placed::<P>(group, stage);
         }
     }
 }
 
 /// The slopes there, whatever acts.
-struct FormSlopes<'s, 'a, R: Real> {
+struct FormSlopes<'s, 'a, R: Real, P> {
     tile: &'s mut Tile<'a, R>,
     stage: usize,
-    is_difference: bool,
+    is_placed: bool,
+    method: PhantomData<P>,
 }
 
-impl<R: Real> Outlined for FormSlopes<'_, '_, R> {
+impl<R: Real, P: Stages> Outlined for FormSlopes<'_, '_, R, P> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let Self { tile, stage, is_difference } = self;
+        let Self { tile, stage, is_placed, .. } = self;
         for group in tile.active() {
-            let (omega, m_rate) = tile.rates(group, tile.q[group], tile.m[group]);
-            tile.store_slope(group, stage, is_difference, omega, m_rate);
+            let (q, m) = if is_placed { (tile.q[group], tile.m[group]) } else { tile.placed::<P>(group, stage) };
+            let (omega, m_rate) = tile.rates(group, q, m);
+            let slope = Slope { q: orientation_rate(q, omega), m: m_rate };
+            tile.store_slope(group, stage, P::DIFFERENCES && stage > 0, slope);
         }
+    }
+}
+
+/// [`Tile::form_expressions`] as a function of its own.
+struct FormExpressions<'s, 'a, R: Real> {
+    tile: &'s mut Tile<'a, R>,
+}
+
+impl<R: Real> Outlined for FormExpressions<'_, '_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { tile } = self;
+        for group in tile.active() {
+            let omega = tile.angular_velocity(group, tile.m[group]);
+            tile.torques.place(group, tile.q[group], omega);
+        }
+        tile.torques.form_expressions();
     }
 }
 
@@ -254,12 +292,21 @@ impl<R: Real, F: Formula> Outlined for FormSlopesUnder<'_, '_, R, F> {
             let omega = body.angular_velocity(m, correction);
             let gyroscopic_term = body.gyroscopic_term(m, correction);
             let m_rate = gyroscopic_term + tile.torques.only_torque::<F>(group, q, omega);
-            tile.store_slope(group, stage, is_difference, omega, m_rate);
+            let slope = Slope { q: orientation_rate(q, omega), m: m_rate };
+            tile.store_slope(group, stage, is_difference, slope);
         }
     }
 }
 
 impl<R: Real> Tile<'_, R> {
+    /// The rate at which the axes of a lane group turn.
+    #[inline(always)]
+    fn angular_velocity(&self, group: usize, m: Vector<R>) -> Vector<R> {
+        let (body, none) = (&self.body[group], Correction::none());
+        let correction = if R::Scalar::WORDS == 1 { &none } else { &self.correction[group] };
+        self.torques.motion(group, body, correction, m).angular_velocity
+    }
+
     /// ω and dm/dt of a lane group.
     #[inline(always)]
     fn rates(&self, group: usize, q: Quaternion<R>, m: Vector<R>) -> (Vector<R>, Vector<R>) {
@@ -345,7 +392,11 @@ impl TileStep for Cf4 {
             if stage != 2 {
                 tile.at(fraction);
             }
-            R::outlined(FormTurns { tile, stage, turns: &mut turns, second: &mut second });
+            R::outlined(PlaceTurned { tile, stage, turns: &turns, second: &mut second });
+            if tile.torques.has_expressions() {
+                tile.form_expressions();
+            }
+            R::outlined(FormTurns { tile, stage, turns: &mut turns });
         }
         for group in tile.active() {
             tile.state[group] = cf4::advanced(turns[group], tile.h[group], tile.state[group]);
@@ -353,16 +404,16 @@ impl TileStep for Cf4 {
     }
 }
 
-/// The rates of a stage of `cf4`.
-struct FormTurns<'s, 'a, R: Real> {
+/// Where the bodies of a tile stand at a stage of `cf4`.
+struct PlaceTurned<'s, 'a, R: Real> {
     tile: &'s mut Tile<'a, R>,
     stage: usize,
-    turns: &'s mut Each<[Turn<R>; 4]>,
+    turns: &'s Each<[Turn<R>; 4]>,
     /// The attitude at the second stage.
     second: &'s mut Each<Quaternion<R>>,
 }
 
-impl<R: Real> Outlined for FormTurns<'_, '_, R> {
+impl<R: Real> Outlined for PlaceTurned<'_, '_, R> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
@@ -380,7 +431,25 @@ impl<R: Real> Outlined for FormTurns<'_, '_, R> {
             if stage == 1 {
                 second[group] = q;
             }
-            let (omega, m) = tile.rates(group, q, m);
+            (tile.q[group], tile.m[group]) = (q, m);
+        }
+    }
+}
+
+/// The rates there.
+struct FormTurns<'s, 'a, R: Real> {
+    tile: &'s mut Tile<'a, R>,
+    stage: usize,
+    turns: &'s mut Each<[Turn<R>; 4]>,
+}
+
+impl<R: Real> Outlined for FormTurns<'_, '_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { tile, stage, turns } = self;
+        for group in tile.active() {
+            let (omega, m) = tile.rates(group, tile.q[group], tile.m[group]);
             turns[group][stage % 4] = Turn { omega, m };
         }
     }
