@@ -54,6 +54,15 @@ pub enum Fault {
         /// The possible words.
         choices: &'static [&'static str],
     },
+    /// A formula that is none.
+    Formula {
+        /// The column in its line, characters from 1.
+        column: usize,
+        /// What is wrong.
+        reason: String,
+        /// The line, and carets below what is meant.
+        picture: String,
+    },
     /// Two keys that exclude each other.
     Conflict {
         /// The other key.
@@ -118,6 +127,10 @@ impl std::fmt::Display for InputError {
             Fault::Value { value, expected } => write!(formatter, "{key} = {value}: {expected}"),
             Fault::Choice { value, nearest, choices } => {
                 write!(formatter, "{key} = {value}: {}possible: {}", suggestion(*nearest), choices.join(", "))
+            }
+            Fault::Formula { column, reason, picture } => {
+                write!(formatter, "{key}: column {column}: {reason}")?;
+                picture.lines().try_for_each(|line| write!(formatter, "\n    {line}"))
             }
             Fault::Conflict { other } => write!(formatter, "{key} excludes {other}: give one of them"),
             Fault::Cause { value, cause } => write!(formatter, "{key} = {value}: {cause}"),

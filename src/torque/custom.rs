@@ -112,6 +112,16 @@ impl Parameters {
         self.with(declaration, Shape::Quaternion, Value::Rotation(value.into()))
     }
 
+    /// Adds a parameter whose values come later.
+    #[cfg(feature = "study")]
+    pub(crate) fn declared(self, name: &str, shape: Shape) -> Result<Self, Fault> {
+        match shape {
+            Shape::Number => self.number(name, 0.0),
+            Shape::Vector => self.vector(name, DVec3::ZERO),
+            Shape::Quaternion => self.rotation(name, DQuat::IDENTITY),
+        }
+    }
+
     fn with(self, declaration: ParameterDeclaration, shape: Shape, value: Value) -> Result<Self, Fault> {
         let Self { symbols, mut declarations, mut values } = self;
         let symbols = symbols.parameter(&declaration.name, shape)?;
@@ -169,28 +179,18 @@ impl Torque {
     }
 
     fn of_expression(torque: Expression, parameters: Parameters) -> Result<Self, Fault> {
-        let declaration = Declaration::new("custom", "as written", "the user's own")
-            .needs(expressed::needs(torque.dependence()))
-            .parameters(parameters.declarations);
-        Self::expressed_by(declaration, torque, None, parameters.values)
+        let model = ExpressionModel::of_user(torque, None, &parameters)?;
+        Ok(Self::of_model(model, parameters.values))
     }
 
-    /// A torque whose formula is an expression in SI units and body axes, of [`Symbols::rotation`] with the full inertia and the declared
-    /// parameters in their order.
+    /// A torque by [`ExpressionModel::of`].
     pub(crate) fn expressed_by(
         declaration: Declaration,
         torque: Expression,
         energy: Option<Expression>,
         values: Vec<Value>,
     ) -> Result<Self, Fault> {
-        let general = Arc::new(Expressed::new(&torque, None)?);
-        let energy = energy.map(|energy| {
-            let program = energy.program();
-            (energy, program)
-        });
-        let program = torque.program();
-        let model = ExpressionModel { declaration, torque, energy, program, general, prepared: Mutex::default() };
-        Ok(Self::of_model(ModelRef::Shared(Arc::new(model)), values))
+        Ok(Self::of_model(ExpressionModel::of(declaration, torque, energy)?, values))
     }
 
     /// Whether its formula is an expression.
@@ -205,6 +205,46 @@ impl Torque {
 }
 
 impl ExpressionModel {
+    /// A model of these formulas, SI units and body axes, of [`Symbols::rotation`] with the full inertia and the declared parameters in their
+    /// order.
+    pub(crate) fn of(
+        declaration: Declaration,
+        torque: Expression,
+        energy: Option<Expression>,
+    ) -> Result<ModelRef, Fault> {
+        let general = Arc::new(Expressed::new(&torque, None)?);
+        let energy = energy.map(|energy| {
+            let program = energy.program();
+            (energy, program)
+        });
+        let program = torque.program();
+        Ok(ModelRef::Shared(Arc::new(Self {
+            declaration,
+            torque,
+            energy,
+            program,
+            general,
+            prepared: Mutex::default(),
+        })))
+    }
+
+    /// The user's own.
+    pub(crate) fn of_user(
+        torque: Expression,
+        energy: Option<Expression>,
+        parameters: &Parameters,
+    ) -> Result<ModelRef, Fault> {
+        let declaration = Declaration::new("custom", "as written", "the user's own")
+            .needs(expressed::needs(torque.dependence()))
+            .parameters(parameters.declarations.iter().cloned());
+        Self::of(declaration, torque, energy)
+    }
+
+    /// Whether both have the same formulas and parameters.
+    pub(super) fn is(&self, other: &Self) -> bool {
+        self.declaration == other.declaration && self.torque == other.torque && self.energy == other.energy
+    }
+
     fn prepared(&self, axes: Option<DQuat>) -> Arc<Expressed> {
         let Some(axes) = axes else { return Arc::clone(&self.general) };
         let mut prepared = self.prepared.lock().unwrap_or_else(PoisonError::into_inner);

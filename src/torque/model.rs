@@ -53,7 +53,10 @@ impl PartialEq for ModelRef {
     fn eq(&self, other: &Self) -> bool {
         match (self, other) {
             (ModelRef::Built(model), ModelRef::Built(other)) => model.declaration().name == other.declaration().name,
-            (ModelRef::Shared(model), ModelRef::Shared(other)) => Arc::ptr_eq(model, other),
+            (ModelRef::Shared(model), ModelRef::Shared(other)) => match (model.expression(), other.expression()) {
+                (Some(model), Some(other)) => model.is(other),
+                _ => Arc::ptr_eq(model, other),
+            },
             _ => false,
         }
     }
