@@ -78,10 +78,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
 
     /// In lanes or singly, as the session was opened.
     fn advance_in<S: Surroundings>(&mut self, end: Clock) -> Job<'_> {
-        let kernel = match self.width {
-            Width::Lanes => in_lanes::<T, S>,
-            Width::Scalar => one_by_one::<T, S>,
-        };
+        let kernel = if self.width.has_lanes::<T>() { in_lanes::<T, S> } else { one_by_one::<T, S> };
         self.advance_blocks(end, kernel)
     }
 
@@ -192,6 +189,7 @@ struct Advance<'a, 'b, T, S>(Block<'a, 'b, T>, PhantomData<S>);
 
 impl<T: Scalar, S: Surroundings> LaneTask<T> for Advance<'_, '_, T, S> {
     type Output = bool;
+    const IN_LANES_ONLY: bool = true;
 
     #[inline(always)]
     fn run<R: Real<Scalar = T>>(self) -> bool {
