@@ -9,6 +9,7 @@ use super::expressed::{self, Expressed};
 use super::formula::{Column, Epoch, Formula, Role, Row};
 use super::{Declaration, Kind, Model, ModelRef, Needs, ParameterDeclaration, Torque, Value, Values};
 use crate::batch::BodyFrame;
+use crate::expression::wgsl::WgslError;
 use crate::expression::{Expression, Fault, Input, InputKind, Program, Scope, Shape, Symbol, Symbols, TextError};
 use crate::inertia::InertiaTensor;
 use crate::quaternion::Quaternion;
@@ -213,6 +214,9 @@ impl ExpressionModel {
         energy: Option<Expression>,
     ) -> Result<ModelRef, Fault> {
         let general = Arc::new(Expressed::new(&torque, None)?);
+        if let Err(WgslError::ConstantOutOfRange(value)) = general.shader("custom", Vec::new()) {
+            return Err(Fault::ConstantOutOfRange { value });
+        }
         let energy = energy.map(|energy| {
             let program = energy.program();
             (energy, program)
