@@ -130,6 +130,19 @@ impl<'a, R: Real> TileTorques<'a, R> {
         !self.expressions.is_empty()
     }
 
+    /// Whether all torques are expressions.
+    #[inline(always)]
+    pub fn has_expressions_only(&self) -> bool {
+        self.expressions.len() == self.instances.len()
+    }
+
+    /// What the last [`TileTorques::form_expressions`] found for a lane group.
+    #[inline(always)]
+    pub fn sum_of_expressions(&self, group: usize) -> Vector<R> {
+        let group = group % GROUPS;
+        Vector::new(self.sums[group], self.sums[GROUPS + group], self.sums[2 * GROUPS + group])
+    }
+
     /// Sets the state of a lane group for [`TileTorques::form_expressions`].
     #[inline(always)]
     pub fn place(&mut self, group: usize, orientation: Quaternion<R>, angular_velocity_principal: Vector<R>) {
@@ -185,7 +198,7 @@ impl<'a, R: Real> TileTorques<'a, R> {
         let group = group % GROUPS;
         let mut sum = self.noise[group];
         if self.has_expressions() {
-            sum = sum + Vector::new(self.sums[group], self.sums[GROUPS + group], self.sums[2 * GROUPS + group]);
+            sum = sum + self.sum_of_expressions(group);
         }
         for (instance, epochs) in self.instances.iter().zip(&self.epochs) {
             let added = Added { torques: self, instance, epochs, group, orientation, angular_velocity_principal, sum };
@@ -260,15 +273,21 @@ struct TileExpression<'a, R: Real> {
     torque: Scratch<R>,
     /// Results of the part that follows from the time.
     epochs: Vec<R>,
+    /// The inputs that are parts of the state.
+    orientation: [Option<usize>; 4],
+    angular_velocity: [Option<usize>; 3],
 }
 
 impl<'a, R: Real> TileExpression<'a, R> {
     #[inline(always)]
     fn new(expressed: &'a Expressed, first: usize, first_phase: usize) -> Self {
+        let input = |given: Given| expressed.torque.inputs.iter().position(|found| *found == given);
         Self {
             expressed,
             first,
             first_phase,
+            orientation: [0, 1, 2, 3].map(|part| input(Given::Orientation(part))),
+            angular_velocity: [0, 1, 2].map(|part| input(Given::AngularVelocity(part))),
             epoch: Scratch::new(&expressed.epoch.program, GROUPS),
             torque: Scratch::new(&expressed.torque.program, GROUPS),
             epochs: vec![R::splat(0.0); expressed.epoch.program.output_count() * GROUPS],
@@ -322,15 +341,23 @@ impl<'a, R: Real> TileExpression<'a, R> {
         }
     }
 
-    /// Takes the state of a lane group.
+    /// Takes the state of a lane group. The parts are written out: an index that is not a constant would take them through memory.
     #[inline(always)]
     fn place(&mut self, group: usize, q: Quaternion<R>, omega: Vector<R>) {
-        for (index, given) in self.expressed.torque.inputs.iter().enumerate() {
-            let number = match *given {
-                Given::Orientation(part) => [q.x, q.y, q.z, q.w][part],
-                Given::AngularVelocity(part) => [omega.x, omega.y, omega.z][part],
-                _ => continue,
-            };
+        let [x, y, z, w] = self.orientation;
+        self.set(x, group, q.x);
+        self.set(y, group, q.y);
+        self.set(z, group, q.z);
+        self.set(w, group, q.w);
+        let [x, y, z] = self.angular_velocity;
+        self.set(x, group, omega.x);
+        self.set(y, group, omega.y);
+        self.set(z, group, omega.z);
+    }
+
+    #[inline(always)]
+    fn set(&mut self, input: Option<usize>, group: usize, number: R) {
+        if let Some(index) = input {
             self.torque.input(index)[group] = number;
         }
     }

@@ -137,6 +137,10 @@ impl<'a, R: Real> Tile<'a, R> {
                 R::outlined(Place { tile: self, stage, method });
                 kind.with(SlopesUnderOne { tile: self, stage, is_difference: P::DIFFERENCES && stage > 0 });
             }
+            None if self.torques.has_expressions_only() => {
+                R::outlined(FormRigidSlopes { tile: self, stage, method });
+                R::outlined(AddExpressions { tile: self, stage, method });
+            }
             None if self.torques.has_expressions() => {
                 R::outlined(Place { tile: self, stage, method });
                 self.form_expressions();
@@ -235,6 +239,52 @@ impl<R: Real, P: Stages> Outlined for FormSlopes<'_, '_, R, P> {
             let (q, m) = if is_placed { (tile.q[group], tile.m[group]) } else { tile.placed::<P>(group, stage) };
             let (omega, m_rate) = tile.rates(group, q, m);
             let slope = Slope { q: orientation_rate(q, omega), m: m_rate };
+            tile.store_slope(group, stage, P::DIFFERENCES && stage > 0, slope);
+        }
+    }
+}
+
+/// The slopes there without torques, for which everything is made ready.
+struct FormRigidSlopes<'s, 'a, R: Real, P> {
+    tile: &'s mut Tile<'a, R>,
+    stage: usize,
+    method: PhantomData<P>,
+}
+
+impl<R: Real, P: Stages> Outlined for FormRigidSlopes<'_, '_, R, P> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { tile, stage, .. } = self;
+        for group in tile.active() {
+            let (q, m) = tile.placed::<P>(group, stage);
+            let body = &tile.body[group];
+            let none = Correction::none();
+            let correction = if R::Scalar::WORDS == 1 { &none } else { &tile.correction[group] };
+            let omega = body.angular_velocity(m, correction);
+            let gyroscopic_term = body.gyroscopic_term(m, correction);
+            tile.slopes[stage][group] = Slope { q: orientation_rate(q, omega), m: gyroscopic_term };
+            tile.torques.place(group, q, omega);
+        }
+        tile.torques.form_expressions();
+    }
+}
+
+/// Adds the torques to the slopes.
+struct AddExpressions<'s, 'a, R: Real, P> {
+    tile: &'s mut Tile<'a, R>,
+    stage: usize,
+    method: PhantomData<P>,
+}
+
+impl<R: Real, P: Stages> Outlined for AddExpressions<'_, '_, R, P> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { tile, stage, .. } = self;
+        for group in tile.active() {
+            let Slope { q, m } = tile.slopes[stage][group];
+            let slope = Slope { q, m: m + tile.torques.sum_of_expressions(group) };
             tile.store_slope(group, stage, P::DIFFERENCES && stage > 0, slope);
         }
     }
