@@ -128,10 +128,7 @@ impl std::fmt::Display for InputError {
             Fault::Choice { value, nearest, choices } => {
                 write!(formatter, "{key} = {value}: {}possible: {}", suggestion(*nearest), choices.join(", "))
             }
-            Fault::Formula { column, reason, picture } => {
-                write!(formatter, "{key}: column {column}: {reason}")?;
-                picture.lines().try_for_each(|line| write!(formatter, "\n    {line}"))
-            }
+            Fault::Formula { column, reason, .. } => write!(formatter, "{key}: column {column}: {reason}"),
             Fault::Conflict { other } => write!(formatter, "{key} excludes {other}: give one of them"),
             Fault::Cause { value, cause } => write!(formatter, "{key} = {value}: {cause}"),
             Fault::RowLength { found, expected } => {
