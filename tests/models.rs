@@ -121,8 +121,6 @@ fn every_declaration_is_complete() {
             assert!(!parameter.unit.is_empty() && !parameter.about.is_empty(), "{of}");
             assert!(!parameter.about.contains('\n') && !parameter.about.ends_with('.'), "{of}: {}", parameter.about);
             assert_eq!(parameter.frame.is_some(), needs_frame(parameter.shape), "{of}: {:?}", parameter.frame);
-            assert!(!matches!(parameter.frame, Some(Frame::World)) || model.needs.attitude, "{of} is in world axes");
-            assert!(!parameter.sets_phase_rate || model.needs.time, "{of} is the rate of a phase");
             let default_of_whole = matches!(parameter.default, Some(Preset::Whole(_) | Preset::Seed));
             assert!(parameter.default.is_none() || default_of_whole == (parameter.shape == Shape::Whole), "{of}");
         }

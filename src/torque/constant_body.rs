@@ -63,7 +63,6 @@ impl Formula for ConstantBody {
     const STEM: &'static str = "constant_body";
     const COLUMNS: &'static [Column] = &[Column::vector("torque_principal")];
     const MERGES: bool = true;
-    const NEEDS: Needs = Needs::NOTHING;
 
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {

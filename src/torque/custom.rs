@@ -24,7 +24,6 @@ impl Formula for Custom {
     const STEM: &'static str = "custom";
     const COLUMNS: &'static [Column] = &[];
     const ROLE: Role = Role::Expression;
-    const NEEDS: Needs = Needs::NOTHING;
 
     #[inline(always)]
     fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
@@ -239,9 +238,13 @@ impl ExpressionModel {
         parameters: &Parameters,
     ) -> Result<ModelRef, Fault> {
         let declaration = Declaration::new("custom", "as written", "the user's own")
-            .needs(expressed::needs(torque.dependence()))
             .parameters(parameters.declarations.iter().cloned());
         Self::of(declaration, torque, energy)
+    }
+
+    /// What the torque depends on.
+    pub(super) fn needs(&self) -> Needs {
+        self.general.needs()
     }
 
     /// Whether both have the same formulas and parameters.

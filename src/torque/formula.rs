@@ -5,7 +5,6 @@
 
 use std::ops::Range;
 
-use super::Needs;
 use crate::quaternion::Quaternion;
 use crate::real::Real;
 use crate::vector::Vector;
@@ -125,8 +124,6 @@ pub(crate) trait Formula {
     const MERGES: bool = false;
     /// What it acts on.
     const ROLE: Role = Role::Torque;
-    /// What it depends on.
-    const NEEDS: Needs;
     /// Whether the first three columns are the differences of the moments times the tenth, so that they follow moments that change.
     const FOLLOWS_MOMENTS: bool = false;
 

@@ -53,7 +53,6 @@ impl Formula for GravityGradientKepler {
         Column::number("start"),
     ];
     const PHASES: &'static [&'static str] = &["phase"];
-    const NEEDS: Needs = Needs { attitude: true, time: true, ..Needs::NOTHING };
     const FOLLOWS_MOMENTS: bool = true;
     const EPOCH_COLUMNS: Range<usize> = 3..12;
 

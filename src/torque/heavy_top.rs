@@ -85,7 +85,6 @@ pub fn heavy_top<R: Real>(
 impl Formula for HeavyTop {
     const STEM: &'static str = "heavy_top";
     const COLUMNS: &'static [Column] = &[Column::vector("moment_principal"), Column::vector("direction_world")];
-    const NEEDS: Needs = Needs { attitude: true, ..Needs::NOTHING };
 
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {

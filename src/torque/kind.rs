@@ -65,11 +65,6 @@ macro_rules! kinds {
                 match self { $(Kind::$kind => $module::$kind::ROLE,)* }
             }
 
-            /// What it depends on.
-            pub(crate) const fn needs(self) -> super::Needs {
-                match self { $(Kind::$kind => $module::$kind::NEEDS,)* }
-            }
-
             /// Runs a task with the formula of the kind.
             #[inline(always)]
             pub(crate) fn with<W: FormulaTask>(self, task: W) -> W::Output {

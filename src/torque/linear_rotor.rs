@@ -29,7 +29,6 @@ impl Formula for LinearRotor {
     const STEM: &'static str = "linear_rotor";
     const COLUMNS: &'static [Column] = &[Column::number("factor")];
     const ROLE: Role = Role::Projection;
-    const NEEDS: Needs = Needs::NOTHING;
 
     #[inline(always)]
     fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {

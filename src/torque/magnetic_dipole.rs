@@ -69,7 +69,6 @@ pub fn magnetic_dipole<R: Real>(
 impl Formula for MagneticDipole {
     const STEM: &'static str = "magnetic_dipole";
     const COLUMNS: &'static [Column] = &[Column::vector("moment_principal"), Column::vector("direction_world")];
-    const NEEDS: Needs = Needs { attitude: true, ..Needs::NOTHING };
 
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {

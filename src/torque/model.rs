@@ -223,7 +223,10 @@ impl Torque {
 
     /// What it depends on.
     pub fn needs(&self) -> Needs {
-        self.declaration().needs
+        match self.model.expression() {
+            Some(model) => model.needs(),
+            None => self.kind().needs(),
+        }
     }
 
     /// Whether bodies under it turn at I⁻¹ m with the moments that they start with. Where they do not, only methods follow

@@ -29,7 +29,6 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let source = "J. R. Wertz, Spacecraft Attitude Determination and Control, 1978, equation H-16";
     let or_zero = |name, unit, about| ParameterDeclaration::number(name, unit, about).or(Preset::Number(0.0));
     Declaration::new("orbiting-dipole", "τ = m × Rᵀ B, B = b/r³ (3 (d · r̂) r̂ − d)", source)
-        .needs(Needs::ATTITUDE.or(Needs::TIME))
         .parameters(orbit::parameters())
         .parameters([
             ParameterDeclaration::vector("moment", "A m²", Frame::Body, "the magnetic moment m").factor(),
@@ -179,7 +178,6 @@ impl Formula for OrbitingDipole {
         Column::number("azimuth"),
     ];
     const PHASES: &'static [&'static str] = &["orbit_phase", "rotation_phase"];
-    const NEEDS: Needs = Needs { attitude: true, time: true, ..Needs::NOTHING };
     const EPOCH_COLUMNS: Range<usize> = 3..14;
 
     #[inline(always)]

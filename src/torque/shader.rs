@@ -3,8 +3,10 @@
 //! The text of a kind is named after its file here, so that errors of a compiler and planted faults find it.
 
 use std::fmt::Write;
+use std::sync::OnceLock;
 
-use super::expressed::Given;
+use super::Needs;
+use super::expressed::{Given, needs};
 use super::formula::{Column, Formula, FormulaTask, MOST_PHASES, Role, Row};
 use super::table::{Instance, TorqueTable};
 use crate::clock::{RATE_DIGITS, seconds_per_word};
@@ -18,6 +20,30 @@ use crate::vector::Vector;
 pub(crate) fn functions(wanted: impl Fn(Kind) -> bool) -> Vec<(&'static str, String)> {
     let torques = Kind::ALL.iter().filter(|&&kind| kind.role() == Role::Torque && wanted(kind));
     torques.map(|&kind| (kind.file(), kind.with(Text { kind }))).collect()
+}
+
+impl Kind {
+    /// What it depends on, found from its formula; of what is no torque, from what it acts on. That of a formula that is data is its own.
+    pub(crate) fn needs(self) -> Needs {
+        static FOUND: [OnceLock<Needs>; Kind::ALL.len()] = [const { OnceLock::new() }; Kind::ALL.len()];
+        match self.role() {
+            Role::Torque => *FOUND[self as usize].get_or_init(|| self.with(NeedsOf)),
+            Role::Slip => Needs::ANGULAR_VELOCITY,
+            Role::Noise | Role::Moments => Needs::TIME,
+            Role::Projection | Role::Expression => Needs::NOTHING,
+        }
+    }
+}
+
+struct NeedsOf;
+
+impl FormulaTask for NeedsOf {
+    type Output = Needs;
+    fn run<F: Formula>(self) -> Needs {
+        // Of a formula that cannot be recorded, which would be a fault of ours, everything is assumed.
+        let everything = Needs { attitude: true, angular_velocity: true, time: true, position: false };
+        recorded::<F>().map_or(everything, |Recorded { graph, outputs, .. }| needs(graph.dependence_of(&outputs)))
+    }
 }
 
 /// The function `torque_terms`, which adds up the torques of a table.

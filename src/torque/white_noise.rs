@@ -175,7 +175,6 @@ impl Formula for WhiteNoise {
         Column::quaternion("seed_key"),
     ];
     const ROLE: Role = Role::Noise;
-    const NEEDS: Needs = Needs { time: true, ..Needs::NOTHING };
 
     #[inline(always)]
     fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
