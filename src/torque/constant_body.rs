@@ -1,6 +1,5 @@
 //! `constant-body`: a torque that is constant in body axes, such as a thruster pair's.
 
-use super::Needs;
 use super::formula::{Column, Epoch, Formula, Row};
 use crate::quaternion::Quaternion;
 use std::sync::LazyLock;

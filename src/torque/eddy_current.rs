@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
 
-use super::{Declaration, Frame, Kind, Model, Needs, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
+use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::batch::BodyFrame;
 use crate::quaternion::Quaternion;
 use crate::real::Real;

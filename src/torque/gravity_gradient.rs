@@ -7,7 +7,7 @@ use glam::DQuat;
 use std::sync::LazyLock;
 
 use super::orbit::{self, circular_place, elements, gradient_torque};
-use super::{Declaration, Kind, Model, Needs, Orbit, Torque, ValidationContext, Values};
+use super::{Declaration, Kind, Model, Orbit, Torque, ValidationContext, Values};
 use crate::batch::BodyFrame;
 use crate::error::Result;
 use crate::quaternion::Quaternion;

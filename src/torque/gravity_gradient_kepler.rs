@@ -2,7 +2,6 @@
 
 use std::ops::Range;
 
-use super::Needs;
 use super::formula::{Column, Epoch, Formula, MOST_PHASES, Row};
 use super::orbit::{gradient_torque, kepler_place};
 use crate::quaternion::Quaternion;

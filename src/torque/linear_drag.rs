@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use glam::DQuat;
 
-use super::{Declaration, Kind, Model, Needs, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
+use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::batch::BodyFrame;
 use crate::real::Real;
 use crate::vector::Vector;

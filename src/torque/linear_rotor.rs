@@ -8,7 +8,6 @@
 //!
 //! This is no model that a scene names: a table has its column where one of its bodies is a linear rotor.
 
-use super::Needs;
 use super::formula::{Column, Epoch, Formula, Role, Row};
 use crate::quaternion::Quaternion;
 use crate::real::Real;

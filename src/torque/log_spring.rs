@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use glam::DQuat;
 
-use super::{Declaration, Kind, Model, Needs, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
+use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::batch::BodyFrame;
 use crate::elementary::functions::arctangent_ratio;
 use crate::quaternion::Quaternion;

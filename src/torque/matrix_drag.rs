@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use glam::{DMat3, DQuat};
 
-use super::{Declaration, Frame, Kind, Model, Needs, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
+use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::batch::BodyFrame;
 use crate::real::Real;
 use crate::vector::Vector;

@@ -10,8 +10,8 @@ use std::sync::LazyLock;
 use super::gravity_gradient_kepler::place_and_cube;
 use super::orbit::{self, Elements, elements};
 use super::{
-    Declaration, Frame, Kind, Model, Needs, Orbit, Parameter, ParameterDeclaration, Preset, Torque, ValidationContext,
-    Value, Values,
+    Declaration, Frame, Kind, Model, Orbit, Parameter, ParameterDeclaration, Preset, Torque, ValidationContext, Value,
+    Values,
 };
 use crate::batch::BodyFrame;
 use crate::error::Result;

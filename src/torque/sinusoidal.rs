@@ -7,7 +7,7 @@ use crate::quaternion::Quaternion;
 use glam::{DQuat, DVec3};
 use std::sync::LazyLock;
 
-use super::{Declaration, Frame, Kind, Model, Needs, Parameter, ParameterDeclaration, Preset, Torque, Value, Values};
+use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Preset, Torque, Value, Values};
 use crate::batch::BodyFrame;
 use crate::real::{Real, sin_cos};
 use crate::vector::Vector;

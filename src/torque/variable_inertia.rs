@@ -40,7 +40,7 @@ use glam::{DQuat, DVec3};
 pub use super::inertia_change::{InertiaChange, Law};
 use super::model::InertiaModel;
 use super::{
-    Declaration, Kind, Model, Motion, Needs, ParameterDeclaration, Torque, ValidationContext, Validity, Value, Values,
+    Declaration, Kind, Model, Motion, ParameterDeclaration, Torque, ValidationContext, Validity, Value, Values,
 };
 use crate::batch::BodyFrame;
 use crate::ensemble::Ensemble;
