@@ -4,7 +4,7 @@ mod columns;
 mod noise;
 mod turning;
 
-pub(crate) use columns::{Columns, Source, StepTime};
+pub(crate) use columns::{Columns, Source, StepTime, ticks_from};
 use turning::ChangeDone;
 
 use std::cell::Cell;

@@ -9,7 +9,7 @@ use super::formula::Role;
 use super::kind::Kind;
 use super::{Torque, VelocityDependence};
 use crate::batch::BodyFrame;
-use crate::clock::{Clock, Fraction, RATE_DIGITS, digits};
+use crate::clock::{Clock, Fraction, MOST_LANES, RATE_DIGITS, digits};
 use crate::real::Scalar;
 
 /// The column of a ramp's parameters that holds ramps per tick.
@@ -342,6 +342,25 @@ impl TorqueTable {
         match &self.phases[number] {
             PhaseRates::Shared(fraction) => Fraction::Shared(*fraction),
             PhaseRates::PerBody(fractions) => Fraction::PerBody(&fractions[first..]),
+        }
+    }
+
+    /// The exact rates of a phase by its number, for the bodies in these rows; `room` holds them where they differ.
+    #[inline(always)]
+    pub(crate) fn fractions<'r>(
+        &self,
+        number: usize,
+        rows: &[usize],
+        room: &'r mut [u128; MOST_LANES],
+    ) -> Fraction<'r> {
+        match &self.phases[number] {
+            PhaseRates::Shared(fraction) => Fraction::Shared(*fraction),
+            PhaseRates::PerBody(fractions) => {
+                for (place, &row) in room.iter_mut().zip(rows) {
+                    *place = fractions[row];
+                }
+                Fraction::PerBody(room)
+            }
         }
     }
 

@@ -3,16 +3,19 @@
 //! A method goes through a step stage by stage, and a stage is one function for every set of torques: it takes the lane groups in turn
 //! and adds up the torques on each by [`TileTorques::sum`], so that kernels add up instead of multiplying.
 
+use std::ops::Range;
+
 use super::Motion;
+use super::PER_TICK;
 use super::expressed::{Expressed, Given};
 use super::formula::{Epoch, Following, Formula, FormulaTask, MOST_PHASES, Role, Row};
 use super::kind::Kind;
 use super::linear_rotor::across_axis;
-use super::sum::{Columns, Source, StepTime, Torques};
+use super::sum::{Columns, Source, StepTime, Torques, ticks_from};
 use super::table::Instance;
 use super::variable_inertia::ramp_progress;
 use crate::batch::RATE_COLUMN;
-use crate::clock::phase_after;
+use crate::clock::{MOST_LANES, phase_after, phases_at, seconds_at};
 use crate::expression::Scratch;
 use crate::quaternion::Quaternion;
 use crate::real::{Outlined, Real};
@@ -40,8 +43,10 @@ struct TileInstance {
 /// The torques on the bodies of a tile.
 pub(crate) struct TileTorques<'a, R: Real> {
     source: Source<'a, R::Scalar>,
-    first: usize,
-    groups: usize,
+    /// The first body of each lane group, where bodies stand side by side.
+    bases: Each<usize>,
+    /// The row of each lane's body.
+    rows: Each<[usize; MOST_LANES]>,
     instances: Vec<TileInstance>,
     parameters: Vec<Each<R>>,
     /// Turns/s, or ramps/s.
@@ -51,7 +56,8 @@ pub(crate) struct TileTorques<'a, R: Real> {
     /// One an instance.
     epochs: Vec<Each<Epoch<R>>>,
     noise: Each<Vector<R>>,
-    /// Seconds in the unit that later times are given in: for steps of a body's own a power of two.
+    /// The reference rates, and seconds in the unit that later times are given in: for steps of a body's own a power of two.
+    scale: Each<R>,
     seconds: Each<R>,
     /// Since the start of the step, s.
     elapsed: Each<R>,
@@ -80,8 +86,8 @@ impl<'a, R: Real> TileTorques<'a, R> {
         let places = source.table.start_places();
         Self {
             source,
-            first: 0,
-            groups: 0,
+            bases: [0; GROUPS],
+            rows: [[0; MOST_LANES]; GROUPS],
             parameters: vec![[zero; GROUPS]; parameters],
             rates: vec![[zero; GROUPS]; phases],
             starts: vec![[zero; GROUPS]; places],
@@ -91,6 +97,7 @@ impl<'a, R: Real> TileTorques<'a, R> {
             epochs: vec![[Epoch::none(); GROUPS]; instances.len()],
             instances,
             noise: [Vector::zero(); GROUPS],
+            scale: [R::splat(1.0); GROUPS],
             seconds: [R::splat(1.0); GROUPS],
             change: None,
         }
@@ -98,14 +105,27 @@ impl<'a, R: Real> TileTorques<'a, R> {
 
     #[inline(always)]
     fn columns(&self, group: usize) -> Columns<'_, R> {
-        self.source.group(self.first + group * R::LANES, &[])
+        self.source.group(self.bases[group % GROUPS], &[])
     }
 
     /// Takes the parameters of the bodies of `groups` lane groups from body `first` on.
     #[inline(always)]
     pub fn load(&mut self, first: usize, groups: usize) {
-        (self.first, self.groups) = (first, groups);
-        R::outlined(Load(self));
+        for group in 0..groups.min(GROUPS) {
+            self.bases[group] = first + group * R::LANES;
+            for (lane, row) in self.rows[group].iter_mut().enumerate() {
+                *row = first + group * R::LANES + lane;
+            }
+        }
+        R::outlined(Load { torques: self, groups: 0..groups.min(GROUPS) });
+    }
+
+    /// Takes the parameters of the bodies in these rows, lane by lane, for one lane group. Bodies that are not rigid must stand side by
+    /// side.
+    #[inline(always)]
+    pub fn load_rows(&mut self, group: usize, rows: &[usize; MOST_LANES]) {
+        (self.bases[group], self.rows[group]) = (rows[0], *rows);
+        R::outlined(Load { torques: self, groups: group..group + 1 });
     }
 
     /// Forms what holds from the start of a step on: phases, random torques.
@@ -382,34 +402,51 @@ impl<R: Real> Row<R> for TileRow<'_, R> {
     }
 }
 
-/// [`TileTorques::load`] as a function of its own.
-struct Load<'s, 'a, R: Real>(&'s mut TileTorques<'a, R>);
+/// A column's numbers in some rows.
+#[inline(always)]
+pub(crate) fn gathered<R: Real>(column: &[R::Scalar], rows: &[usize; MOST_LANES]) -> R {
+    let mut numbers = [R::Scalar::default(); MOST_LANES];
+    for lane in 0..R::LANES {
+        numbers[lane] = column[rows[lane]];
+    }
+    R::load(&numbers)
+}
+
+/// [`TileTorques::load`] and [`TileTorques::load_rows`] as a function of its own.
+struct Load<'s, 'a, R: Real> {
+    torques: &'s mut TileTorques<'a, R>,
+    groups: Range<usize>,
+}
 
 impl<R: Real> Outlined for Load<'_, '_, R> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let torques = self.0;
-        let table = torques.source.table;
+        let Self { torques, groups } = self;
+        let source = torques.source;
+        let (table, stride) = (source.table, source.stride);
+        let zero = R::splat(0.0);
+        for group in groups.clone() {
+            torques.scale[group] = gathered(&source.parameters[RATE_COLUMN * stride..], &torques.rows[group]);
+        }
         for index in 0..torques.instances.len() {
             let TileInstance { kind, first, first_phase, .. } = torques.instances[index];
             let instance = table.list()[index];
-            let mut is_shared = torques.source.dt > 0.0;
+            let mut is_shared = source.dt > 0.0;
             for column in 0..instance.parameters {
-                let mut row = [R::splat(0.0); GROUPS];
-                for (group, number) in row.iter_mut().enumerate().take(torques.groups) {
-                    *number = torques.columns(group).column(instance.first + column);
+                let numbers = &source.parameters[(instance.first + column) * stride..];
+                let row = &mut torques.parameters[first + column];
+                for group in groups.clone() {
+                    row[group] = gathered(numbers, &torques.rows[group]);
                 }
-                torques.parameters[first + column] = row;
-                is_shared = is_shared && (!kind.epoch_columns().contains(&column) || are_equal(&row[..torques.groups]));
+                is_shared =
+                    is_shared && (!kind.epoch_columns().contains(&column) || are_equal(&row[..groups.end.max(1)]));
             }
             for phase in 0..instance.phases {
-                let column = instance.rate_column(phase);
-                let mut row = [R::splat(0.0); GROUPS];
-                for (group, number) in row.iter_mut().enumerate().take(torques.groups) {
-                    *number = torques.columns(group).column(column);
+                let numbers = &source.parameters[instance.rate_column(phase) * stride..];
+                for group in groups.clone() {
+                    torques.rates[first_phase + phase][group] = gathered(numbers, &torques.rows[group]);
                 }
-                torques.rates[first_phase + phase] = row;
                 is_shared = is_shared && table.rate_is_shared(first_phase + phase);
             }
             torques.instances[index].is_shared = is_shared;
@@ -418,13 +455,15 @@ impl<R: Real> Outlined for Load<'_, '_, R> {
             expression.load(&torques.parameters);
         }
         let moments = torques.instances.iter().position(|instance| instance.kind.role() == Role::Moments);
-        torques.change = moments.map(|index| {
-            let mut gained = [Vector::zero(); GROUPS];
-            for (group, gained) in gained.iter_mut().enumerate().take(torques.groups) {
-                *gained = torques.columns(group).vector(table.list()[index].first + 9);
+        if let Some(index) = moments {
+            let first = torques.instances[index].first + 9;
+            let mut gained = torques.change.map_or([Vector::new(zero, zero, zero); GROUPS], |(gained, _)| gained);
+            for group in groups {
+                let [x, y, z, ..] = &torques.parameters[first..] else { continue };
+                gained[group] = Vector::new(x[group], y[group], z[group]);
             }
-            (gained, index)
-        });
+            torques.change = Some((gained, index));
+        }
     }
 }
 
@@ -461,21 +500,30 @@ impl<R: Real> Outlined for Start<'_, '_, R> {
         for &group in active {
             let group = group % GROUPS;
             let source = torques.source;
-            let columns: Columns<'_, R> = source.group(torques.first + group * R::LANES, &[]);
+            let columns: Columns<'_, R> = source.group(torques.bases[group], &[]);
             let ticks = match start {
                 TileTime::Equal(step) => {
                     torques.noise[group] = columns.noise(step);
                     columns.ticks(StepTime::Equal(step))
                 }
                 TileTime::Own(times) => {
-                    let (seconds, time) = (R::splat(1.0) / columns.column(RATE_COLUMN), times[group]);
+                    let (seconds, time) = (R::splat(1.0) / torques.scale[group], times[group]);
                     torques.seconds[group] = seconds;
                     let time = TwoWords { value: time.value * seconds, residue: time.residue * seconds };
                     columns.ticks(StepTime::Own(&time))
                 }
             };
+            let (table, rows) = (source.table, &torques.rows[group][..R::LANES]);
+            let mut room = [0; MOST_LANES];
             for (number, phase) in torques.starts.iter_mut().enumerate() {
-                phase[group] = columns.start_phase(number, &ticks);
+                phase[group] = if number == table.phase_count() {
+                    seconds_at(&ticks, source.clock.ticks_per_second())
+                } else if let (true, Some((_, index))) = (table.ramp_of(number).is_some(), torques.change) {
+                    let per_tick = torques.parameters[torques.instances[index].first + PER_TICK][group];
+                    ticks_from::<R>(table.fractions(number, rows, &mut room), &ticks) * per_tick
+                } else {
+                    phases_at(table.fractions(number, rows, &mut room), &ticks)
+                };
             }
         }
     }

@@ -115,17 +115,22 @@ impl<R: Real> Columns<'_, R> {
     /// The progress of the ramp with columns from `first` on, not cut.
     #[inline(always)]
     fn progress_at(&self, start: Fraction<'_>, ticks: &Ticks, first: usize) -> R {
-        let since = match (start, ticks) {
-            (Fraction::Shared(start), &Ticks::Equal(ticks)) => {
-                R::splat(ticks_since::<R::Scalar>(ticks, start as u64).to_f64())
-            }
-            (Fraction::Shared(start), _) => R::from_lanes(|lane| ticks_since(ticks.of_lane(lane), start as u64)),
-            (Fraction::PerBody(starts), _) => {
-                let starts = &starts[..R::LANES];
-                R::from_lanes(|lane| ticks_since(ticks.of_lane(lane), starts[lane] as u64))
-            }
-        };
-        since * self.column(first + PER_TICK)
+        ticks_from::<R>(start, ticks) * self.column(first + PER_TICK)
+    }
+}
+
+/// Ticks since the start of a ramp.
+#[inline(always)]
+pub(crate) fn ticks_from<R: Real>(start: Fraction<'_>, ticks: &Ticks) -> R {
+    match (start, ticks) {
+        (Fraction::Shared(start), &Ticks::Equal(ticks)) => {
+            R::splat(ticks_since::<R::Scalar>(ticks, start as u64).to_f64())
+        }
+        (Fraction::Shared(start), _) => R::from_lanes(|lane| ticks_since(ticks.of_lane(lane), start as u64)),
+        (Fraction::PerBody(starts), _) => {
+            let starts = &starts[..R::LANES];
+            R::from_lanes(|lane| ticks_since(ticks.of_lane(lane), starts[lane] as u64))
+        }
     }
 }
 
