@@ -86,6 +86,14 @@ model = "eddy-current"
 coefficient = 1e3
 field = [3e-5, 0, 0]
 [[torque]]
+model = "orbiting-eddy-current"
+coefficient = 1e3
+mu = 3.986004418e14
+orbit = { radius = 7.0e6, inclination = 1.7 }
+strength = 7.8e15
+tilt = 2.97
+rotation = 7.29e-5
+[[torque]]
 model = "sine-spring"
 stiffness = 1.0
 target = [0, 0, 0, 1]
@@ -116,6 +124,7 @@ ramp = { start = 0.1, duration = 0.5 }
         Torque::magnetic_dipole(DVec3::Z, DVec3::new(3e-5, 0.0, 0.0)),
         Torque::orbiting_dipole(DVec3::Z, Orbit::circular(gravity, 7e6), 7.8e15, 2.97, 0.0, 7.29e-5),
         Torque::eddy_current(1e3, DVec3::new(3e-5, 0.0, 0.0)),
+        Torque::orbiting_eddy_current(1e3, Orbit::circular(gravity, 7e6).inclined(1.7), 7.8e15, 2.97, 0.0, 7.29e-5),
         Torque::sine_spring(1.0, glam::DQuat::IDENTITY),
         Torque::internal_dissipation(0.1),
         Torque::white_noise(0.1, 5),

@@ -22,6 +22,7 @@
 //! | [`magnetic-dipole`](magnetic_dipole) | τ = m × Rᵀ B | `moment` (A m²), `field` (T) | J. C. Maxwell, A Treatise on Electricity and Magnetism, 1873, § 390 |
 //! | [`orbiting-dipole`](orbiting_dipole) | τ = m × Rᵀ B, B = b/r³ (3 (d · r̂) r̂ − d) | `mu` (m³/s²), `orbit.semi_major_axis` or `orbit.radius` (m), `orbit.eccentricity` (else 0), `orbit.inclination` (rad, else 0), `orbit.ascending_node` (rad, else 0), `orbit.pericentre` (rad, else 0), `orbit.mean_anomaly` (rad, else 0), `moment` (A m²), `strength` (T m³), `tilt` (rad, else 0), `azimuth` (rad, else 0), `rotation` (rad/s, else 0) | J. R. Wertz, Spacecraft Attitude Determination and Control, 1978, equation H-16 |
 //! | [`eddy-current`](eddy_current) | τ = k (ω × B) × B | `coefficient` (N m s/T²), `field` (T) | G. L. Smith, NASA TR R-129, 1962 |
+//! | [`orbiting-eddy-current`](orbiting_eddy_current) | τ = k (ω × B) × B, B = b/r³ (3 (d · r̂) r̂ − d) | `mu` (m³/s²), `orbit.semi_major_axis` or `orbit.radius` (m), `orbit.eccentricity` (else 0), `orbit.inclination` (rad, else 0), `orbit.ascending_node` (rad, else 0), `orbit.pericentre` (rad, else 0), `orbit.mean_anomaly` (rad, else 0), `coefficient` (N m s/T²), `strength` (T m³), `tilt` (rad, else 0), `azimuth` (rad, else 0), `rotation` (rad/s, else 0) | N. Praly et al., Acta Astronautica 76 (2012) 145 |
 //! | [`sine-spring`](sine_spring) | τ = −k sin θ n | `stiffness` (N m), `target` | B. Wie, P. M. Barba, J. Guid. Control Dyn. 8 (1985) 360 |
 //! | [`log-spring`](log_spring) | τ = −k θ n | `stiffness` (N m), `target` | F. Bullo, R. M. Murray, Proportional derivative control on the Euclidean group, ECC 1995 |
 //! | [`internal-dissipation`](internal_dissipation) | dm/dt = m × ω + k m × (m × ω) | `coefficient` (s/(kg m²)) | A. M. Bloch et al., Comm. Math. Phys. 175 (1996) 1, section 5 |
@@ -81,6 +82,7 @@ pub mod matrix_drag;
 mod model;
 pub mod orbit;
 pub mod orbiting_dipole;
+pub mod orbiting_eddy_current;
 mod parameter;
 pub mod quadratic_drag;
 pub(crate) mod registry;
