@@ -339,7 +339,7 @@ impl Study {
     ///
     /// # Errors
     ///
-    /// As [`Study::ensemble`].
+    /// As [`Study::ensemble`]; [`Error::Input`] for a torque whose formula cannot be made from its parameters.
     pub fn scene(&self) -> Result<Scene> {
         let mut scene = Scene::new(self.ensemble()?).until(self.end).outputs(self.outputs.clone());
         let (count, table) = (self.bodies.count, self.bodies.table.as_ref());
@@ -347,7 +347,8 @@ impl Study {
             scene = scene.force(force.force(Draw::new(self.seed), count, table));
         }
         for torque in &self.torques {
-            scene = scene.torque(torque.torque(Draw::new(self.seed), self.seed, count, table));
+            let torque = torque.torque(Draw::new(self.seed), self.seed, count, table);
+            scene = scene.torque(torque.map_err(|error| self.located(error))?);
         }
         scene = scene.statistics(&self.statistics);
         if !self.statistics.is_empty() && !self.output.final_state && !self.output.snapshots {

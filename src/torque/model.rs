@@ -106,6 +106,12 @@ pub(crate) trait Model: Send + Sync {
     /// What it says of itself.
     fn declaration(&self) -> &Declaration;
 
+    /// The torque with these values, where a model with a formula of its own is made for them; `None` where torques are of this
+    /// model itself.
+    fn made_for(&self, _: &[Value], _: &ValidationContext) -> Option<Result<Torque>> {
+        None
+    }
+
     /// Which columns and which kernel function it has.
     fn kind(&self, values: Values<'_>) -> Kind;
 
