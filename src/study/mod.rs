@@ -69,7 +69,8 @@
 //! * `[[torque]]`, any number of them: a `model` and its parameters. The table in [`crate::torque`] lists the models with their
 //!   equations and keys; a key with a dot stands in a table, `orbit = { radius = 7.0e6, inclination = 0.9 }`. A parameter is a
 //!   number or vector for all bodies, a distribution, or a column of the table of bodies: `{ column = "drag" }`, or
-//!   `{ columns = ["tx", "ty", "tz"] }` for a vector, with four for an orientation.
+//!   `{ columns = ["tx", "ty", "tz"] }` for a vector, with four for an orientation. The tables of a list hold plain numbers:
+//!   `facets = [{ area = 0.02, normal = [0, 0, 1], centre = [0, 0, 0.15], solar = { specular = 0.1, diffuse = 0.3 } }]`.
 //! * A number may be a distribution: `constant` (`value`), `uniform` (`low`, `high`), `normal` (`mean`, `sigma`),
 //!   `log-normal` (`median`, `sigma` of the logarithm). So may a vector, where one number stands for three; and
 //!   `direction` (`magnitude`) is uniform on the sphere.

@@ -23,6 +23,7 @@ models! {
     orbiting_dipole::OrbitingDipole,
     eddy_current::EddyCurrent,
     orbiting_eddy_current::OrbitingEddyCurrent,
+    flat_plates::FlatPlates,
     sine_spring::SineSpring,
     log_spring::LogSpring,
     internal_dissipation::InternalDissipation,
