@@ -6,6 +6,7 @@ use std::path::Path;
 use glam::{DMat3, DQuat, DVec3};
 use polhode::engine::Engine;
 use polhode::study::{Study, describe_models, models_table};
+use polhode::torque::flat_plates::{Facet, Surface};
 use polhode::torque::variable_inertia::{InertiaChange, Law};
 use polhode::torque::{
     Declaration, Frame, Orbit, ParameterDeclaration, Preset, Shape, Torque, Validity, Value, declarations,
@@ -40,16 +41,27 @@ fn chosen(model: &Declaration, which: Chosen) -> Vec<&ParameterDeclaration> {
 /// A value that is valid, as it stands in a study.
 fn valid_text(parameter: &ParameterDeclaration) -> String {
     match parameter.shape {
-        Shape::Number if parameter.valid == Validity::Range(0.0, 0.99) => "0.25",
+        Shape::Number if matches!(parameter.valid, Validity::Range(..)) => "0.25",
         Shape::Number => "1.5",
         Shape::Vector => "[1.0, 2.0, 3.0]",
         Shape::Rotation => "[0.5, 0.5, 0.5, 0.5]",
         Shape::Matrix => "[[2.0, 0.5, 0.0], [0.5, 2.0, 0.0], [0.0, 0.0, 2.0]]",
         Shape::Tensor => "[1.5, 2.5, 3.0]",
         Shape::Whole => "3",
+        Shape::List => return format!("[{{ {} }}]", row_text(&parameter.elements)),
         _ => panic!("{parameter:?}: a shape that this test does not know"),
     }
     .to_owned()
+}
+
+/// The keys of a table of a list, of each choice the first.
+fn row_text(elements: &[ParameterDeclaration]) -> String {
+    let is_chosen = |element: &&ParameterDeclaration| {
+        let mut rivals = elements.iter().filter(|rival| rival.choice.is_some() && rival.choice == element.choice);
+        rivals.next().is_none_or(|rival| rival.alternative() == element.alternative())
+    };
+    let keys = elements.iter().filter(is_chosen).map(|element| format!("{} = {}", element.name, valid_text(element)));
+    keys.collect::<Vec<_>>().join(", ")
 }
 
 /// `[[torque]]` of a model with some parameters, each with its text.
@@ -89,7 +101,10 @@ fn refusal(text: &str) -> String {
         Ok(study) => study,
         Err(error) => return error.to_string(),
     };
-    let scene = study.scene().unwrap_or_else(|error| panic!("{text}{error}"));
+    let scene = match study.scene() {
+        Ok(scene) => scene,
+        Err(error) => return error.to_string(),
+    };
     match Plan::new(&scene, &Engine::cpu()) {
         Ok(_) => panic!("{text}is taken for valid"),
         Err(error) => study.located(error).to_string(),
@@ -160,6 +175,8 @@ fn numbers_of_draws_are_pinned() {
         "magnetic-dipole 0 1",
         "orbiting-dipole 0 1 2 3 4 5 6 7 8 9 10 11",
         "eddy-current 0 1",
+        "orbiting-eddy-current 0 1 2 3 4 5 6 7 8 9 10 11",
+        "flat-plates 0 1 2",
         "sine-spring 0 1",
         "log-spring 0 1",
         "internal-dissipation 0",
@@ -173,6 +190,8 @@ fn numbers_of_draws_are_pinned() {
 fn every_model_has_a_constructor_with_the_declared_shapes() {
     let (v, q, m) = (DVec3::new(1.0, 2.0, 3.0), DQuat::from_xyzw(0.5, 0.5, 0.5, 0.5), DMat3::IDENTITY);
     let orbit = || Orbit::circular(1.0, 2.0);
+    let surface = Surface::Solar { specular: 0.25, diffuse: 0.5 };
+    let facet = Facet { area: 1.0, normal_body: v, centre_body: v, surface };
     let built = [
         Torque::constant_body(v),
         Torque::constant_world(v),
@@ -185,6 +204,8 @@ fn every_model_has_a_constructor_with_the_declared_shapes() {
         Torque::magnetic_dipole(v, v),
         Torque::orbiting_dipole(v, orbit(), 1.0, 0.1, 0.2, 0.3),
         Torque::eddy_current(1.0, v),
+        Torque::orbiting_eddy_current(1.0, orbit(), 1.0, 0.1, 0.2, 0.3),
+        Torque::flat_plates(1.0, v, &[facet]).expect("a valid facet"),
         Torque::sine_spring(1.0, q),
         Torque::log_spring(1.0, q),
         Torque::internal_dissipation(1.0),
@@ -203,6 +224,7 @@ fn every_model_has_a_constructor_with_the_declared_shapes() {
                 Some(Value::Matrix(_)) => Shape::Matrix,
                 Some(Value::Tensor(_)) => Shape::Tensor,
                 Some(Value::Whole(_)) => Shape::Whole,
+                Some(Value::List(_)) => Shape::List,
                 None if parameter.choice.is_some() => continue,
                 other => panic!("{}.{}: {other:?}", torque.name(), parameter.name),
             };
@@ -327,7 +349,9 @@ fn values_that_are_not_valid_are_refused_by_their_key() {
                 (Shape::Number, Validity::NotNegative) => &["-0.5", "inf"],
                 (Shape::Number, Validity::Positive) => &["0.0", "-1.0"],
                 (Shape::Number, Validity::Range(0.0, 0.99)) => &["-0.1", "1.0"],
+                (Shape::Vector, Validity::NotZero) => &["[0, 0, 0]", "[1e-200, 0, 0]", "[1, 2, inf]", "3"],
                 (Shape::Vector, _) => &["[1, 2]", "[1, 2, nan]", "3"],
+                (Shape::List, _) => &["[]", "[1]", "[{ }]", "{ }", "3"],
                 (Shape::Rotation, _) => &["[0, 0, 0, 0]", "[1, 2, 3]"],
                 (Shape::Matrix, Validity::PositiveSemidefinite) => {
                     &["[[1, 0, 0], [0, -1, 0], [0, 0, 1]]", "[[1, 0, 0], [0.5, 1, 0], [0, 0, 1]]", "[[1, 0], [0, 1]]"]
@@ -370,7 +394,7 @@ fn help_and_documentation_list_every_model() {
     let help = describe_models();
     for model in declarations() {
         assert!(help.contains(&*model.summary), "{}", model.name);
-        for parameter in &model.parameters {
+        for parameter in model.parameters.iter().flat_map(|of| std::iter::once(of).chain(&of.elements)) {
             assert!(help.contains(&*parameter.name), "{}.{}", model.name, parameter.name);
         }
     }

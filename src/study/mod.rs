@@ -69,7 +69,8 @@
 //! * `[[torque]]`, any number of them: a `model` and its parameters. The table in [`crate::torque`] lists the models with their
 //!   equations and keys; a key with a dot stands in a table, `orbit = { radius = 7.0e6, inclination = 0.9 }`. A parameter is a
 //!   number or vector for all bodies, a distribution, or a column of the table of bodies: `{ column = "drag" }`, or
-//!   `{ columns = ["tx", "ty", "tz"] }` for a vector, with four for an orientation.
+//!   `{ columns = ["tx", "ty", "tz"] }` for a vector, with four for an orientation. The tables of a list hold plain numbers:
+//!   `facets = [{ area = 0.02, normal = [0, 0, 1], centre = [0, 0, 0.15], solar = { specular = 0.1, diffuse = 0.3 } }]`.
 //! * A number may be a distribution: `constant` (`value`), `uniform` (`low`, `high`), `normal` (`mean`, `sigma`),
 //!   `log-normal` (`median`, `sigma` of the logarithm). So may a vector, where one number stands for three; and
 //!   `direction` (`magnitude`) is uniform on the sphere.
@@ -340,7 +341,7 @@ impl Study {
     ///
     /// # Errors
     ///
-    /// As [`Study::ensemble`].
+    /// As [`Study::ensemble`]; [`Error::Input`] for a torque whose formula cannot be made from its parameters.
     pub fn scene(&self) -> Result<Scene> {
         let mut scene = Scene::new(self.ensemble()?).until(self.end).outputs(self.outputs.clone());
         let (count, table) = (self.bodies.count, self.bodies.table.as_ref());
@@ -348,7 +349,8 @@ impl Study {
             scene = scene.force(force.force(Draw::new(self.seed), count, table));
         }
         for torque in &self.torques {
-            scene = scene.torque(torque.torque(Draw::new(self.seed), self.seed, count, table));
+            let torque = torque.torque(Draw::new(self.seed), self.seed, count, table);
+            scene = scene.torque(torque.map_err(|error| self.located(error))?);
         }
         scene = scene.statistics(&self.statistics);
         if !self.statistics.is_empty() && !self.output.final_state && !self.output.snapshots {

@@ -13,25 +13,32 @@ pub fn describe_models() -> String {
         // Writing to a string cannot fail.
         let _ = writeln!(text, "    {}: {}", names.join(", "), model.summary);
         for parameter in &model.parameters {
-            let mut line = format!("        {:<24}{}", parameter.name, parameter.with_axes());
-            line += &in_brackets(&parameter.unit);
-            line += match parameter.valid {
-                Validity::NotNegative => ", not negative",
-                Validity::Positive => ", above zero",
-                _ => "",
-            };
-            if let Validity::Range(low, high) = parameter.valid {
-                let _ = write!(line, ", {low} to {high}");
-            }
-            if let Some(other) = &parameter.other_key {
-                let _ = write!(line, ", or {}", other.name);
-            }
-            let _ =
-                writeln!(text, "{line}{}", default(parameter).map(|value| format!(" [{value}]")).unwrap_or_default());
+            describe(&mut text, "", parameter);
+            parameter.elements.iter().for_each(|element| describe(&mut text, "- ", element));
         }
     }
     text.truncate(text.trim_end().len());
     text
+}
+
+/// A line on a parameter; `mark` stands before the keys of the tables of a list.
+fn describe(text: &mut String, mark: &str, parameter: &ParameterDeclaration) {
+    let name = format!("{mark}{}", parameter.name);
+    let mut line = format!("        {name:<24}{}{}", parameter.with_axes(), in_brackets(&parameter.unit));
+    line += &match parameter.valid {
+        Validity::NotNegative => ", not negative".to_owned(),
+        Validity::Positive => ", above zero".to_owned(),
+        Validity::NotZero => ", not zero".to_owned(),
+        Validity::Range(low, high) => format!(", {low} to {high}"),
+        Validity::Count(least, most) => format!(", a list of {least} to {most} tables with the keys"),
+        _ => String::new(),
+    };
+    if let Some(other) = &parameter.other_key {
+        line += &format!(", or {}", other.name);
+    }
+    let default = default(parameter).map(|value| format!(" [{value}]")).unwrap_or_default();
+    // Writing to a string cannot fail.
+    let _ = writeln!(text, "{line}{default}");
 }
 
 /// All models as a table in Markdown, which stands in the documentation of [`crate::torque`].
@@ -57,7 +64,12 @@ fn key(parameter: &ParameterDeclaration) -> String {
     let notes: Vec<String> = notes.into_iter().flatten().collect();
     let notes = if notes.is_empty() { String::new() } else { format!(" ({})", notes.join(", ")) };
     let other = parameter.other_key.as_ref().map(|other| format!(" or `{}`", other.name)).unwrap_or_default();
-    format!("`{}`{other}{notes}", parameter.name)
+    let elements: Vec<String> = parameter.elements.iter().map(key).collect();
+    let elements = match parameter.valid {
+        Validity::Count(least, most) => format!(": {least} to {most} tables of {}", elements.join(", ")),
+        _ => String::new(),
+    };
+    format!("`{}`{other}{notes}{elements}", parameter.name)
 }
 
 /// What holds where a key is left out.

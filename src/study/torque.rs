@@ -14,7 +14,7 @@ use super::table::BodyTable;
 use crate::error::{Result, Text};
 use crate::torque::declaration::in_brackets;
 use crate::torque::registry::MODELS;
-use crate::torque::{Declaration, ModelRef, ParameterDeclaration, Preset, Shape, Torque, Validity, Value};
+use crate::torque::{ModelRef, ParameterDeclaration, Preset, Shape, Torque, ValidationContext, Validity, Value};
 
 /// A torque of a study: parameters not yet drawn.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,6 +50,7 @@ pub(super) enum StudyValue {
     Matrix(DMat3),
     Tensor(Tensor),
     Whole(u64),
+    List(Vec<Vec<StudyParameter>>),
     /// The study's seed.
     Seed,
     Absent,
@@ -75,7 +76,7 @@ pub(super) fn read(node: &Node<'_>) -> Result<Vec<StudyTorque>> {
                 return Ok(StudyTorque { parameters, model, index });
             }
             let model = model(&table, name)?;
-            Ok(StudyTorque { parameters: parameters(&table, model.declaration())?, model, index })
+            Ok(StudyTorque { parameters: parameters(&table, "model", &model.declaration().parameters)?, model, index })
         })
         .collect()
 }
@@ -91,13 +92,13 @@ fn model(table: &Table<'_>, name: &str) -> Result<ModelRef> {
     named.map(|model| ModelRef::Built(*model)).ok_or_else(|| unknown().unwrap_or_else(|error| error))
 }
 
-fn parameters(table: &Table<'_>, declaration: &Declaration) -> Result<Vec<StudyParameter>> {
-    let mut known = vec!["model"];
-    known.extend(keys_below(declaration, "").into_iter().map(|(key, _)| key));
-    table.only(&known)?;
-    check_choices(table, declaration)?;
+/// The parameters that a table holds, beside a key that is read elsewhere.
+fn parameters(table: &Table<'_>, other: &str, declared: &[ParameterDeclaration]) -> Result<Vec<StudyParameter>> {
+    let keys = keys_below(declared, "").into_iter().map(|(key, _)| key);
+    table.only(&std::iter::once(other).filter(|other| !other.is_empty()).chain(keys).collect::<Vec<_>>())?;
+    check_choices(table, declared)?;
     let read = |parameter: &ParameterDeclaration| -> Result<StudyParameter> {
-        let (key, node) = find(table, declaration, parameter)?;
+        let (key, node) = find(table, declared, parameter)?;
         let value = match (node, parameter.default) {
             (Some(node), _) => StudyValue::read(&node, parameter)?,
             (None, Some(preset)) => StudyValue::preset(parameter.shape, preset),
@@ -105,7 +106,21 @@ fn parameters(table: &Table<'_>, declaration: &Declaration) -> Result<Vec<StudyP
         };
         Ok(StudyParameter { key: key.to_owned(), value })
     };
-    declaration.parameters.iter().map(read).collect()
+    declared.iter().map(read).collect()
+}
+
+/// The tables of a list; they are counted from 1 in messages.
+fn list(node: &Node<'_>, parameter: &ParameterDeclaration) -> Result<Vec<Vec<StudyParameter>>> {
+    let elements = node.elements().ok_or_else(|| node.refuse(parameter.expected()))?;
+    if !parameter.valid.holds(elements.len() as f64) {
+        return Err(node.refuse(parameter.expected()));
+    }
+    let read = |(index, mut element): (usize, Node<'_>)| {
+        element.path = format!("{}[{}]", element.path, index + 1);
+        let table = element.any_table().ok_or_else(|| element.refuse("a table is needed"))?;
+        parameters(&table, "", &parameter.elements)
+    };
+    elements.into_iter().enumerate().map(read).collect()
 }
 
 /// Table and key of a parameter's name; the table is empty at the top.
@@ -114,9 +129,9 @@ fn split(name: &str) -> (&str, &str) {
 }
 
 /// The keys of a table, each with the parameter that it is the first of: at the top those of tables too.
-fn keys_below<'a>(declaration: &'a Declaration, table: &str) -> Vec<(&'a str, &'a ParameterDeclaration)> {
+fn keys_below<'a>(declared: &'a [ParameterDeclaration], table: &str) -> Vec<(&'a str, &'a ParameterDeclaration)> {
     let mut keys: Vec<(&str, &ParameterDeclaration)> = Vec::new();
-    for parameter in &declaration.parameters {
+    for parameter in declared {
         for name in std::iter::once(&parameter.name).chain(parameter.other_key.as_ref().map(|other| &other.name)) {
             let key = match split(name) {
                 (of, key) if of == table => key,
@@ -132,16 +147,20 @@ fn keys_below<'a>(declaration: &'a Declaration, table: &str) -> Vec<(&'a str, &'
 }
 
 /// Refuses none and several of the keys that exclude each other.
-fn check_choices(table: &Table<'_>, declaration: &Declaration) -> Result<()> {
-    let keys = keys_below(declaration, "");
+fn check_choices(table: &Table<'_>, declared: &[ParameterDeclaration]) -> Result<()> {
+    let keys = keys_below(declared, "");
     for (_, first) in keys.iter().filter(|(_, parameter)| parameter.choice.is_some()) {
         let of_choice = keys.iter().filter(|(_, parameter)| parameter.choice == first.choice);
-        let names: Vec<&str> = of_choice.map(|(key, _)| *key).collect();
-        let given: Vec<&str> = names.iter().copied().filter(|key| table.find(key).is_some()).collect();
-        match given[..] {
-            [] => drop(table.need(names[0], format!("`{}` is needed", names.join("` or `")))?),
-            [first, second, ..] => table.exclusive(second, first)?,
-            [_] => {}
+        let mut names: Vec<&str> = of_choice.clone().map(|(_, parameter)| parameter.alternative()).collect();
+        names.dedup();
+        let mut given = of_choice.filter(|(key, _)| table.find(key).is_some());
+        match given.next() {
+            None => drop(table.need(names[0], format!("`{}` is needed", names.join("` or `")))?),
+            Some((key, one)) => {
+                if let Some((other, _)) = given.find(|(_, other)| other.alternative() != one.alternative()) {
+                    table.exclusive(other, key)?;
+                }
+            }
         }
     }
     Ok(())
@@ -150,11 +169,11 @@ fn check_choices(table: &Table<'_>, declaration: &Declaration) -> Result<()> {
 /// The key that a parameter stands under, and its value where it has one.
 fn find<'a, 'p>(
     table: &Table<'a>,
-    declaration: &Declaration,
+    declared: &[ParameterDeclaration],
     parameter: &'p ParameterDeclaration,
 ) -> Result<(&'p str, Option<Node<'a>>)> {
     let (group, key) = split(&parameter.name);
-    let members = keys_below(declaration, group);
+    let members = keys_below(declared, group);
     let own = match table.find(group) {
         _ if group.is_empty() => None,
         Some(node) => Some(node),
@@ -221,6 +240,13 @@ impl StudyValue {
         // What is neither of the shapes that a value may have is refused with what the parameter is.
         let refused = || Err(node.refuse(needed(parameter)));
         Ok(match parameter.shape {
+            Shape::Number if !parameter.per_body => {
+                StudyValue::Number(Number::Drawn(Scalar::Constant(node.number(needed(parameter))?)))
+            }
+            Shape::Vector if !parameter.per_body => {
+                StudyValue::Vector(Triple::Drawn(Vector::constant(node.vector(needed(parameter))?)))
+            }
+            Shape::List => StudyValue::List(list(node, parameter)?),
             Shape::Number if is_table || node.is_number() => StudyValue::Number(Number::read(node)?),
             Shape::Vector if is_table || node.elements().is_some() => StudyValue::Vector(Triple::read(node)?),
             Shape::Rotation if is_table || node.elements().is_some() => StudyValue::Rotation(Turn::read(node)?),
@@ -253,6 +279,30 @@ impl StudyValue {
     }
 }
 
+impl StudyValue {
+    /// The value of a parameter for all bodies.
+    fn drawn(&self, source: &Source<'_>, declared: &ParameterDeclaration, seed: u64) -> Value {
+        let number = declared.draw.into();
+        match self {
+            StudyValue::Number(value) => Value::Number(source.number(value, number)),
+            StudyValue::Vector(value) => Value::Vector(source.vector(value, number)),
+            StudyValue::Rotation(value) => Value::Rotation(source.rotation(value, number)),
+            StudyValue::Matrix(value) => Value::Matrix((*value).into()),
+            StudyValue::Tensor(value) => Value::Tensor(source.tensor(value, number)),
+            StudyValue::Whole(value) => Value::Whole(*value),
+            StudyValue::List(list) => {
+                let row = |row: &Vec<StudyParameter>| {
+                    let values = declared.elements.iter().zip(row);
+                    values.map(|(declared, parameter)| parameter.value.drawn(source, declared, seed)).collect()
+                };
+                Value::List(list.iter().map(row).collect())
+            }
+            StudyValue::Seed => Value::Whole(seed),
+            StudyValue::Absent => Value::Absent,
+        }
+    }
+}
+
 impl StudyTorque {
     /// The names of the columns of the table of bodies that the torque reads.
     pub(super) fn columns(&self, names: &mut BTreeSet<String>) {
@@ -267,23 +317,15 @@ impl StudyTorque {
     }
 
     /// The torque, its parameters drawn.
-    pub(super) fn torque(&self, draw: Draw, seed: u64, count: usize, table: Option<&BodyTable>) -> Torque {
+    pub(super) fn torque(&self, draw: Draw, seed: u64, count: usize, table: Option<&BodyTable>) -> Result<Torque> {
         let source = Source { draw, count, table, of: Owner::Torque(self.index) };
-        let declared = self.model.declaration().parameters.iter().zip(&self.parameters);
-        let values = declared.map(|(declared, parameter)| {
-            let number = declared.draw.into();
-            match &parameter.value {
-                StudyValue::Number(value) => Value::Number(source.number(value, number)),
-                StudyValue::Vector(value) => Value::Vector(source.vector(value, number)),
-                StudyValue::Rotation(value) => Value::Rotation(source.rotation(value, number)),
-                StudyValue::Matrix(value) => Value::Matrix((*value).into()),
-                StudyValue::Tensor(value) => Value::Tensor(source.tensor(value, number)),
-                StudyValue::Whole(value) => Value::Whole(*value),
-                StudyValue::Seed => Value::Whole(seed),
-                StudyValue::Absent => Value::Absent,
-            }
-        });
-        Torque::of_model(self.model.clone(), values.collect())
+        let declaration = self.model.declaration();
+        let declared = declaration.parameters.iter().zip(&self.parameters);
+        let values: Vec<Value> =
+            declared.map(|(declared, parameter)| parameter.value.drawn(&source, declared, seed)).collect();
+        let context = ValidationContext { torque: self.index, model: declaration.name.clone(), body_count: count };
+        let made = self.model.made_for(&values, &context);
+        made.unwrap_or_else(|| Ok(Torque::of_model(self.model.clone(), values)))
     }
 
     /// The key in the file of a parameter that turned out not to be valid.

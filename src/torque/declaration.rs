@@ -51,9 +51,13 @@ pub struct ParameterDeclaration {
     pub default: Option<Preset>,
     /// Parameters with the same choice exclude each other, by their keys at the top of the table: one of these is given.
     pub choice: Option<Text>,
+    /// Of a choice: the first of the keys that are given together, where they stand side by side and not in a table.
+    pub beside: Option<Text>,
     /// Whether a study may draw it for each body, or read it from columns of the table of bodies. From Rust every parameter
-    /// that is no whole number may be a column.
+    /// that is no whole number and no list may be a column.
     pub per_body: bool,
+    /// Of a list: the keys of each of its tables.
+    pub elements: Vec<ParameterDeclaration>,
     /// Its number among the model's draws, which selects the random numbers: it must never change.
     pub draw: u8,
     /// Whether the torque is in proportion to it, so that a body for which it is zero feels none.
@@ -96,6 +100,8 @@ pub enum Shape {
     Tensor,
     /// A whole number, the same for all bodies.
     Whole,
+    /// A list of tables, each of which has the parameters [`ParameterDeclaration::elements`]; the same for all bodies.
+    List,
 }
 
 /// Which values of a parameter are valid; all must be finite.
@@ -110,6 +116,10 @@ pub enum Validity {
     Positive,
     /// From one number to another, both included.
     Range(f64, f64),
+    /// Of a list: so many tables, from one number to another, both included.
+    Count(usize, usize),
+    /// Vectors that are not zero.
+    NotZero,
     /// Quaternions that are not zero.
     Rotation,
     /// Matrices that are symmetric to 1e-12 of their largest element and have no negative eigenvalue.
@@ -205,7 +215,9 @@ impl ParameterDeclaration {
             valid: Validity::Finite,
             default: None,
             choice: None,
-            per_body: !matches!(shape, Shape::Matrix | Shape::Whole),
+            beside: None,
+            per_body: !matches!(shape, Shape::Matrix | Shape::Whole | Shape::List),
+            elements: Vec::new(),
             draw: BY_PLACE,
             is_factor: false,
             sets_phase_rate: false,
@@ -240,6 +252,16 @@ impl ParameterDeclaration {
         Self { shape, ..self }
     }
 
+    /// A list of tables.
+    pub(crate) fn list(
+        name: impl Into<Text>,
+        (least, most): (usize, usize),
+        about: impl Into<Text>,
+        elements: Vec<ParameterDeclaration>,
+    ) -> Self {
+        Self { valid: Validity::Count(least, most), elements, ..Self::new(name, Shape::List, "1", about) }
+    }
+
     pub(crate) fn valid(self, valid: Validity) -> Self {
         Self { valid, ..self }
     }
@@ -256,6 +278,16 @@ impl ParameterDeclaration {
 
     pub(crate) fn choice(self, choice: impl Into<Text>) -> Self {
         Self { choice: Some(choice.into()), ..self }
+    }
+
+    /// Of a choice: given side by side with `first`.
+    pub(crate) fn beside(self, first: impl Into<Text>) -> Self {
+        Self { beside: Some(first.into()), ..self }
+    }
+
+    /// The same for all bodies.
+    pub(crate) fn constant(self) -> Self {
+        Self { per_body: false, ..self }
     }
 
     pub(crate) fn drawn_as(self, draw: u8) -> Self {
@@ -284,6 +316,12 @@ impl ParameterDeclaration {
     pub fn expected(&self) -> Text {
         self.valid.expected(self.shape, &self.unit)
     }
+
+    /// Of a choice: which of its alternatives it belongs to, by the first key.
+    pub fn alternative(&self) -> &str {
+        let top = self.name.split('.').next().unwrap_or_default();
+        self.beside.as_deref().unwrap_or(top)
+    }
 }
 
 impl Validity {
@@ -300,6 +338,8 @@ impl Validity {
             Validity::NotNegative => format!("{what} that {are} not negative {are} needed{unit}"),
             Validity::Positive => format!("{what} above zero {are} needed{unit}"),
             Validity::Range(low, high) => format!("{what} from {low} to {high} {are} needed{unit}"),
+            Validity::Count(least, most) => format!("a list of {least} to {most} tables is needed"),
+            Validity::NotZero => format!("finite components that are not all zero are needed{unit}"),
             Validity::Rotation => "a finite quaternion that is not zero is needed".to_owned(),
             Validity::PositiveSemidefinite => {
                 format!("a finite symmetric matrix without negative eigenvalues is needed{unit}")
@@ -315,7 +355,8 @@ impl Validity {
                 Validity::NotNegative => x >= 0.0,
                 Validity::Positive => x > 0.0,
                 Validity::Range(low, high) => (low..=high).contains(&x),
-                Validity::Finite | Validity::Rotation | Validity::PositiveSemidefinite => true,
+                Validity::Count(least, most) => x >= least as f64 && x <= most as f64,
+                Validity::Finite | Validity::NotZero | Validity::Rotation | Validity::PositiveSemidefinite => true,
             }
     }
 }

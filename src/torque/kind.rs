@@ -1,11 +1,6 @@
 //! Kinds of torques as columns and kernels tell them apart.
 
 use super::formula::{Formula, FormulaTask, Role};
-use super::{
-    constant_body, constant_world, custom, eddy_current, gravity_gradient, gravity_gradient_kepler, heavy_top,
-    internal_dissipation, linear_drag, linear_rotor, log_spring, magnetic_dipole, matrix_drag, orbiting_dipole,
-    quadratic_drag, sine_spring, sinusoidal, variable_inertia, white_noise,
-};
 use crate::clock::RATE_DIGITS;
 
 /// Registers kernels: a line each, in the order in which the sum is formed on every engine.
@@ -26,7 +21,7 @@ macro_rules! kinds {
 
             /// The stem of its names in shaders.
             pub const fn stem(self) -> &'static str {
-                match self { $(Kind::$kind => $module::$kind::STEM,)* }
+                match self { $(Kind::$kind => super::$module::$kind::STEM,)* }
             }
 
             /// The file of its formula, and, below `shaders/`, the name of the text that is recorded from it.
@@ -41,34 +36,34 @@ macro_rules! kinds {
 
             /// Parameter columns of one instance, without those of its phases.
             pub const fn parameters(self) -> usize {
-                match self { $(Kind::$kind => $module::$kind::PARAMETERS,)* }
+                match self { $(Kind::$kind => super::$module::$kind::PARAMETERS,)* }
             }
 
             /// Phases of one instance; each has [`RATE_DIGITS`] columns and one for the rounded rate. That of a ramp is its progress:
             /// the digits are those of its start in ticks, and the rate is in ramps per second.
             pub const fn phases(self) -> usize {
-                match self { $(Kind::$kind => $module::$kind::PHASES.len(),)* }
+                match self { $(Kind::$kind => super::$module::$kind::PHASES.len(),)* }
             }
 
             /// Whether several instances are one with the sum of their parameters.
             pub const fn merges(self) -> bool {
-                match self { $(Kind::$kind => $module::$kind::MERGES,)* }
+                match self { $(Kind::$kind => super::$module::$kind::MERGES,)* }
             }
 
             /// The columns that its part that follows from the time reads.
             pub(crate) const fn epoch_columns(self) -> std::ops::Range<usize> {
-                match self { $(Kind::$kind => $module::$kind::EPOCH_COLUMNS,)* }
+                match self { $(Kind::$kind => super::$module::$kind::EPOCH_COLUMNS,)* }
             }
 
             /// What it acts on.
             pub(crate) const fn role(self) -> Role {
-                match self { $(Kind::$kind => $module::$kind::ROLE,)* }
+                match self { $(Kind::$kind => super::$module::$kind::ROLE,)* }
             }
 
             /// Runs a task with the formula of the kind.
             #[inline(always)]
             pub(crate) fn with<W: FormulaTask>(self, task: W) -> W::Output {
-                match self { $(Kind::$kind => task.run::<$module::$kind>(),)* }
+                match self { $(Kind::$kind => task.run::<super::$module::$kind>(),)* }
             }
         }
     };
@@ -87,6 +82,7 @@ kinds! {
     magnetic_dipole::MagneticDipole,
     orbiting_dipole::OrbitingDipole,
     eddy_current::EddyCurrent,
+    orbiting_eddy_current::OrbitingEddyCurrent,
     sine_spring::SineSpring,
     log_spring::LogSpring,
     custom::Custom,

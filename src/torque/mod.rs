@@ -22,13 +22,16 @@
 //! | [`magnetic-dipole`](magnetic_dipole) | τ = m × Rᵀ B | `moment` (A m²), `field` (T) | J. C. Maxwell, A Treatise on Electricity and Magnetism, 1873, § 390 |
 //! | [`orbiting-dipole`](orbiting_dipole) | τ = m × Rᵀ B, B = b/r³ (3 (d · r̂) r̂ − d) | `mu` (m³/s²), `orbit.semi_major_axis` or `orbit.radius` (m), `orbit.eccentricity` (else 0), `orbit.inclination` (rad, else 0), `orbit.ascending_node` (rad, else 0), `orbit.pericentre` (rad, else 0), `orbit.mean_anomaly` (rad, else 0), `moment` (A m²), `strength` (T m³), `tilt` (rad, else 0), `azimuth` (rad, else 0), `rotation` (rad/s, else 0) | J. R. Wertz, Spacecraft Attitude Determination and Control, 1978, equation H-16 |
 //! | [`eddy-current`](eddy_current) | τ = k (ω × B) × B | `coefficient` (N m s/T²), `field` (T) | G. L. Smith, NASA TR R-129, 1962 |
+//! | [`orbiting-eddy-current`](orbiting_eddy_current) | τ = k (ω × B) × B, B = b/r³ (3 (d · r̂) r̂ − d) | `mu` (m³/s²), `orbit.semi_major_axis` or `orbit.radius` (m), `orbit.eccentricity` (else 0), `orbit.inclination` (rad, else 0), `orbit.ascending_node` (rad, else 0), `orbit.pericentre` (rad, else 0), `orbit.mean_anomaly` (rad, else 0), `coefficient` (N m s/T²), `strength` (T m³), `tilt` (rad, else 0), `azimuth` (rad, else 0), `rotation` (rad/s, else 0) | N. Praly et al., Acta Astronautica 76 (2012) 145 |
+//! | [`flat-plates`](flat_plates) | τ = Σ r × F, F = −p A c (a u + (b + d c) n), c = n · u > 0 | `pressure` (N/m²), `direction`, `facets`: 1 to 16 tables of `area` (m²), `normal`, `centre` (m), `along` (else 0), `constant` (else 0), `across` (else 0), `solar.specular`, `solar.diffuse`, `drag.normal_accommodation`, `drag.tangential_accommodation`, `drag.wall_speed_ratio` (else 0) | C. R. McInnes, Solar Sailing, 1999, section 2.6; S. A. Schaaf, P. L. Chambré, Flow of Rarefied Gases, 1961 |
 //! | [`sine-spring`](sine_spring) | τ = −k sin θ n | `stiffness` (N m), `target` | B. Wie, P. M. Barba, J. Guid. Control Dyn. 8 (1985) 360 |
 //! | [`log-spring`](log_spring) | τ = −k θ n | `stiffness` (N m), `target` | F. Bullo, R. M. Murray, Proportional derivative control on the Euclidean group, ECC 1995 |
 //! | [`internal-dissipation`](internal_dissipation) | dm/dt = m × ω + k m × (m × ω) | `coefficient` (s/(kg m²)) | A. M. Bloch et al., Comm. Math. Phys. 175 (1996) 1, section 5 |
 //! | [`white-noise`](white_noise) | dm = σ dW | `intensity` (N m √s), `seed` (else the study's seed), `draws_per_step` (else 1) | J. R. McConnell, Rotational Brownian Motion and Dielectric Theory, 1980, chapter 2 |
 //! | [`variable-inertia`](variable_inertia) | ω = I(t)⁻¹ m, I(t) = I₀ + (I₁ − I₀) s(t) | `inertia` (kg m²), `factor`, `ramp.start` (s), `ramp.duration` (s), `oscillation.rate` (rad/s) | P. C. Hughes, Spacecraft Attitude Dynamics, 1986, section 3.3 |
 //!
-//! Of `variable-inertia` either `inertia` or `factor` is given, and either `ramp` or `oscillation`.
+//! Of `variable-inertia` either `inertia` or `factor` is given, and either `ramp` or `oscillation`; of a facet of `flat-plates`
+//! either `along`, `constant` and `across`, or `solar`, or `drag`.
 //!
 //! # Kernels
 //!
@@ -37,7 +40,9 @@
 //! (`shaders/torque/none.wgsl` or `sum.wgsl`). Internal dissipation and changing moments of inertia are in the same list:
 //! they turn no angular momentum but change the rate at which the axes turn ([`Environment::motion`]).
 //!
-//! A new model is a file here, with its declaration and its formula, and a line in `registry.rs`.
+//! A new model is a file here, with its declaration and its formula, its `pub mod`, and a line each in `registry.rs` and, where it
+//! has a kernel of its own, in `kind.rs`. One whose formula follows from its values is made for them (`Model::made_for`), as
+//! [`flat_plates`] are.
 //!
 //! Each WGSL file names its twin in its first line, where that has another stem too: what types and generics choose here (no
 //! torque, equal steps or each body's own, series of either precision) is a file each there; how models are declared, checked
@@ -68,6 +73,7 @@ pub mod custom;
 pub(crate) mod declaration;
 pub mod eddy_current;
 pub(crate) mod expressed;
+pub mod flat_plates;
 pub(crate) mod formula;
 pub mod gravity_gradient;
 pub mod gravity_gradient_kepler;
@@ -83,6 +89,7 @@ pub mod matrix_drag;
 mod model;
 pub mod orbit;
 pub mod orbiting_dipole;
+pub mod orbiting_eddy_current;
 mod parameter;
 pub mod quadratic_drag;
 pub(crate) mod registry;

@@ -108,6 +108,13 @@ pub(crate) trait Model: Send + Sync {
     /// What it says of itself.
     fn declaration(&self) -> &Declaration;
 
+    /// The torque with these values, where a model with a formula of its own is made for them; `None` where torques are of this
+    /// model itself.
+    #[cfg(feature = "study")]
+    fn made_for(&self, _: &[Value], _: &ValidationContext) -> Option<Result<Torque>> {
+        None
+    }
+
     /// Which columns and which kernel function it has.
     fn kind(&self, values: Values<'_>) -> Kind;
 

@@ -91,7 +91,7 @@ impl Orbit {
 }
 
 /// Numbers that describe an orbit.
-const ELEMENTS: usize = 7;
+pub(super) const ELEMENTS: usize = 7;
 const MU: usize = 0;
 const SEMI_MAJOR_AXIS: usize = 1;
 const ECCENTRICITY: usize = 2;

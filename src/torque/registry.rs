@@ -1,42 +1,35 @@
 //! The models that a scene's torques may have: the only list of them on the host's side.
 
-use super::constant_body::ConstantBody;
-use super::constant_world::ConstantWorld;
-use super::eddy_current::EddyCurrent;
-use super::gravity_gradient::GravityGradient;
-use super::heavy_top::HeavyTop;
-use super::internal_dissipation::InternalDissipation;
-use super::linear_drag::LinearDrag;
-use super::log_spring::LogSpring;
-use super::magnetic_dipole::MagneticDipole;
-use super::matrix_drag::MatrixDrag;
-use super::orbiting_dipole::OrbitingDipole;
-use super::quadratic_drag::QuadraticDrag;
-use super::sine_spring::SineSpring;
-use super::sinusoidal::Sinusoidal;
-use super::variable_inertia::VariableInertia;
-use super::white_noise::WhiteNoise;
 use super::{Declaration, Model};
 
-/// All models, in the order in which they are listed everywhere.
-pub(crate) static MODELS: &[&dyn Model] = &[
-    &ConstantBody,
-    &ConstantWorld,
-    &LinearDrag,
-    &MatrixDrag,
-    &QuadraticDrag,
-    &Sinusoidal,
-    &GravityGradient,
-    &HeavyTop,
-    &MagneticDipole,
-    &OrbitingDipole,
-    &EddyCurrent,
-    &SineSpring,
-    &LogSpring,
-    &InternalDissipation,
-    &WhiteNoise,
-    &VariableInertia,
-];
+/// Registers models: a line each, in the order in which they are listed everywhere.
+macro_rules! models {
+    ($($module:ident::$model:ident),* $(,)?) => {
+        /// All models, in the order in which they are listed everywhere.
+        pub(crate) static MODELS: &[&dyn Model] = &[$(&super::$module::$model),*];
+    };
+}
+
+models! {
+    constant_body::ConstantBody,
+    constant_world::ConstantWorld,
+    linear_drag::LinearDrag,
+    matrix_drag::MatrixDrag,
+    quadratic_drag::QuadraticDrag,
+    sinusoidal::Sinusoidal,
+    gravity_gradient::GravityGradient,
+    heavy_top::HeavyTop,
+    magnetic_dipole::MagneticDipole,
+    orbiting_dipole::OrbitingDipole,
+    eddy_current::EddyCurrent,
+    orbiting_eddy_current::OrbitingEddyCurrent,
+    flat_plates::FlatPlates,
+    sine_spring::SineSpring,
+    log_spring::LogSpring,
+    internal_dissipation::InternalDissipation,
+    white_noise::WhiteNoise,
+    variable_inertia::VariableInertia,
+}
 
 /// The declarations of all models.
 pub fn declarations() -> impl Iterator<Item = &'static Declaration> {

@@ -28,11 +28,12 @@ impl ValidationContext {
     pub fn check(&self, field: &Text, unit: &str, valid: Validity, value: &Value) -> Result<()> {
         let found = match value {
             Value::Number(number) => self.first(field, number, |x| valid.fault([*x])),
-            Value::Vector(vector) => self.first(field, vector, |v: &DVec3| valid.fault(v.to_array())),
+            Value::Vector(vector) => self.first(field, vector, |v: &DVec3| valid.vector_fault(v)),
             Value::Rotation(rotation) => self.first(field, rotation, rotation_fault),
             Value::Matrix(matrix) => self.first(field, matrix, |m: &DMat3| valid.matrix_fault(m)),
             Value::Tensor(tensor) => self.first(field, tensor, |i: &InertiaTensor| valid.fault(i.to_array())),
             Value::Whole(number) => Ok(valid.fault([*number as f64]).map(|value| (None, value))),
+            Value::List(list) => Ok(valid.fault([list.len() as f64]).map(|value| (None, value))),
             Value::Absent => Ok(None),
         }?;
         let shape = match value {
@@ -70,6 +71,13 @@ impl Validity {
     /// The first component that is not valid.
     fn fault<const N: usize>(&self, components: [f64; N]) -> Option<f64> {
         components.into_iter().find(|x| !self.holds(*x))
+    }
+
+    /// What is wrong with a vector: a component, or its squared length where it has none in range.
+    fn vector_fault(&self, vector: &DVec3) -> Option<f64> {
+        let length = vector.length_squared();
+        let has_length = *self != Validity::NotZero || length.is_normal();
+        self.fault(vector.to_array()).or((!has_length).then_some(length))
     }
 
     /// What is wrong with a matrix: an element, how far it is from being symmetric, or an eigenvalue.

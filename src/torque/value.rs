@@ -1,5 +1,7 @@
 //! Values of a torque's parameters.
 
+use std::sync::Arc;
+
 use glam::{DMat3, DQuat, DVec3};
 
 use super::Parameter;
@@ -21,6 +23,8 @@ pub enum Value {
     Tensor(Parameter<InertiaTensor>),
     /// A whole number.
     Whole(u64),
+    /// Of each table of a list the values of its parameters. Copies share it.
+    List(Arc<[Vec<Value>]>),
     /// None: another parameter of the same choice has one.
     Absent,
 }
@@ -57,6 +61,11 @@ impl Value {
         if let Value::Whole(number) = self { Some(*number) } else { None }
     }
 
+    /// Of a list: its tables.
+    pub fn as_list(&self) -> Option<&[Vec<Value>]> {
+        if let Value::List(list) = self { Some(list) } else { None }
+    }
+
     /// Whether all bodies have the same.
     pub fn is_shared(&self) -> bool {
         match self {
@@ -65,7 +74,7 @@ impl Value {
             Value::Rotation(rotation) => rotation.is_shared(),
             Value::Matrix(matrix) => matrix.is_shared(),
             Value::Tensor(tensor) => tensor.is_shared(),
-            Value::Whole(_) | Value::Absent => true,
+            Value::Whole(_) | Value::List(_) | Value::Absent => true,
         }
     }
 
@@ -77,7 +86,7 @@ impl Value {
             Value::Matrix(matrix) => matrix.at(body) == DMat3::ZERO,
             Value::Tensor(tensor) => tensor.at(body) == InertiaTensor::default(),
             Value::Whole(number) => *number == 0,
-            Value::Rotation(_) | Value::Absent => false,
+            Value::Rotation(_) | Value::List(_) | Value::Absent => false,
         }
     }
 }
