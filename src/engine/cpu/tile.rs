@@ -552,6 +552,8 @@ struct Seats<R: Real> {
     controllers: Each<Controller<R>>,
     spans: Each<TwoWords<R>>,
     limits: Each<Limits<R>>,
+    /// Attempts of lanes without work since lanes were given away last.
+    idle: Each<usize>,
     /// The first row that has not been looked at.
     next: usize,
 }
@@ -684,6 +686,7 @@ impl<T: Scalar> LaneTask<T> for Attempts<'_, '_, T> {
             controllers: [Controller::new(); GROUPS],
             spans: tile.h,
             limits: [none; GROUPS],
+            idle: [0; GROUPS],
             next: 0,
         };
         let is_rigid = block.source.table.is_rigid();
@@ -691,14 +694,19 @@ impl<T: Scalar> LaneTask<T> for Attempts<'_, '_, T> {
         for _ in 0..super::adaptive::SLICE {
             tile.active = 0;
             for group in 0..GROUPS {
-                let under_way =
-                    |seats: &Seats<R>, tile: &Tile<'_, R>| seats.controllers[group].under_way(&tile.state[group]);
-                // Bodies that are not rigid change seats all together.
-                let is_full = has_lanes::<R>(under_way(&seats, &tile), &seats.taken[group], !is_rigid);
-                if !is_full && seats.next < block.bodies {
-                    R::outlined(Fill { block: &mut block, tile: &mut tile, seats: &mut seats, group });
+                let mut under_way = seats.controllers[group].under_way(&tile.state[group]);
+                if seats.next < block.bodies {
+                    // To give lanes away costs some of an attempt of all of them, so it waits until as much is lost. Bodies that are
+                    // not rigid change seats all together.
+                    seats.idle[group] += R::LANES - lanes_in::<R>(under_way);
+                    let is_due = is_rigid && 2 * seats.idle[group] >= R::LANES;
+                    if is_due || !R::any(under_way) {
+                        R::outlined(Fill { block: &mut block, tile: &mut tile, seats: &mut seats, group });
+                        seats.idle[group] = 0;
+                        under_way = seats.controllers[group].under_way(&tile.state[group]);
+                    }
                 }
-                if R::any(under_way(&seats, &tile)) {
+                if R::any(under_way) {
                     tile.groups[tile.active % GROUPS] = group;
                     tile.active += 1;
                 }
@@ -742,11 +750,14 @@ impl<T: Scalar> LaneTask<T> for Attempts<'_, '_, T> {
     }
 }
 
-/// Whether all lanes are under way, or, of bodies that change seats together, any.
+/// How many lanes a mask has.
 #[inline(always)]
-fn has_lanes<R: Real>(under_way: R::Mask, taken: &[bool; MOST_LANES], together: bool) -> bool {
-    if together {
-        return R::any(under_way);
+fn lanes_in<R: Real>(mask: R::Mask) -> usize {
+    let mut numbers = [R::Scalar::default(); MOST_LANES];
+    R::select(mask, R::splat(1.0), R::splat(0.0)).store(&mut numbers);
+    let mut count = 0.0;
+    for number in &numbers[..R::LANES] {
+        count += number.to_f64();
     }
-    taken[..R::LANES].iter().all(|&taken| taken) && !R::any(!under_way)
+    count as usize
 }
