@@ -264,7 +264,7 @@ fn refusal(text: &str) -> Option<String> {
             "struct Settings { zero: u32 }\n@group(0) @binding(0) var<uniform> settings: Settings;\n",
             include_str!("../../shaders/trigonometry.wgsl"),
             include_str!("../../shaders/quaternion.wgsl"),
-            include_str!("../../shaders/torque/orbit.wgsl"),
+            include_str!("../../shaders/kepler.wgsl"),
         ];
         let whole = [precision, series, &shared.concat(), text].concat();
         let module = match naga::front::wgsl::parse_str(&whole) {

@@ -1,7 +1,7 @@
 //! A formula as a WGSL function, with the same operations in the same order as the evaluators on the CPU.
 //!
 //! The text calls what `real_f32.wgsl` or `real_f64.wgsl`, `trigonometry.wgsl`, `functions.wgsl` and, for Kepler's equation,
-//! `torque/orbit.wgsl` define; it does not know the precision.
+//! `kepler.wgsl` define; it does not know the precision.
 
 use std::collections::{HashMap, HashSet};
 use std::fmt::{self, Write};

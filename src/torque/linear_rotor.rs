@@ -1,4 +1,4 @@
-//! What a linear rotor does not take of a torque. Twin: `shaders/torque/linear_rotor.wgsl`.
+//! What a linear rotor does not take of a torque. Its line in WGSL is written by `shader.rs`.
 //!
 //! A linear rotor (moments 0, I, I) has no spin about its axis and nothing for a torque about it to act upon. The kernels
 //! integrate it as a body with the moments I, I, I and no spin about the axis: m × ω vanishes for both, and as long as no

@@ -99,6 +99,8 @@ pub mod sinusoidal;
 pub(crate) mod sum;
 mod table;
 pub(crate) mod tile;
+#[doc(hidden)]
+pub mod twin;
 mod validation;
 mod value;
 pub mod variable_inertia;

@@ -182,6 +182,12 @@ fn recorded<F: Formula>() -> Result<Recorded, Fault> {
     Ok(Recorded { graph, outputs, arguments })
 }
 
+/// The operations of a formula, the torque's components among them, and the arguments of its function.
+pub(super) fn recording<F: Formula>() -> Option<(Graph, Vec<crate::expression::Node>, Vec<Argument>)> {
+    let Recorded { graph, outputs, arguments } = recorded::<F>().ok()?;
+    Some((graph, outputs, arguments.into_iter().map(|(argument, _)| argument).collect()))
+}
+
 /// The function of a kind.
 struct Text {
     kind: Kind,
