@@ -13,7 +13,7 @@ use crate::inertia::principal_axes;
 use crate::memory;
 use crate::plan::group::Members;
 use crate::real::Scalar;
-use crate::torque::{self, Torque, TorqueTable};
+use crate::torque::{self, Bodies, Torque, TorqueTable};
 
 /// A body's frame and its initial state in it.
 pub(crate) type Prepared = (BodyFrame, [f64; STATE_COMPONENTS]);
@@ -121,15 +121,23 @@ pub fn bytes_per_body(precision: Precision) -> usize {
 
 /// Bytes that [`prepare_with`] takes for one body under some torques, frames included.
 pub(crate) fn bytes_per_body_under(precision: Precision, torques: &[Torque], span: f64) -> usize {
+    let bodies = Bodies { have_linear_rotors: false, axes: None };
     let of_torques = match precision {
-        Precision::F32 => torque::bytes_per_body::<f32>(&TorqueTable::new(torques, 0, STRIDE_UNIT, span, false)),
-        Precision::F64 => torque::bytes_per_body::<f64>(&TorqueTable::new(torques, 0, STRIDE_UNIT, span, false)),
+        Precision::F32 => torque::bytes_per_body::<f32>(&TorqueTable::new(torques, 0, STRIDE_UNIT, span, bodies)),
+        Precision::F64 => torque::bytes_per_body::<f64>(&TorqueTable::new(torques, 0, STRIDE_UNIT, span, bodies)),
     };
     bytes_per_body(precision) + of_torques
 }
 
 /// Bodies that one task writes.
 const TASK: usize = 512;
+
+/// The rotation from principal to body axes, where all members have the same.
+fn shared_axes(ensemble: &Ensemble, torques: &[Torque], members: &Members) -> Option<DQuat> {
+    let axes = |row: usize| frame_of(ensemble, torques, members.body(row)).principal_to_body;
+    let first = (members.len() > 0).then(|| axes(0))?;
+    (1..members.len()).into_par_iter().all(|row| axes(row) == first).then_some(first)
+}
 
 fn prepare_columns<T: Scalar>(
     ensemble: &Ensemble,
@@ -143,7 +151,9 @@ fn prepare_columns<T: Scalar>(
     let has_linear_rotors =
         ensemble.has_linear_rotors() && (0..body_count).any(|row| ensemble.is_linear_rotor(members.body(row)));
     let stride = body_count.next_multiple_of(STRIDE_UNIT);
-    let table = TorqueTable::new(torques, parameter_columns::<T>(), stride, span, has_linear_rotors);
+    let axes = if torques.iter().any(Torque::is_expressed) { shared_axes(ensemble, torques, members) } else { None };
+    let bodies = Bodies { have_linear_rotors: has_linear_rotors, axes };
+    let table = TorqueTable::new(torques, parameter_columns::<T>(), stride, span, bodies);
     let row = bytes_per_body(precision) + torque::bytes_per_body::<T>(&table);
     memory::require(body_count, body_count.saturating_mul(row), "the columns of the kernels")?;
     let mut batch = Batch::<T>::at_rest_with(body_count, table);

@@ -255,24 +255,35 @@ impl<T: LaneScalar> CpuSession<T> {
         }
     }
 
-    /// The same for bodies on which torques act.
+    /// The same for bodies on which torques act. In lanes these methods have one loop for all torques, as plans do not choose them.
     fn advance_forced_by<M: Step>(&mut self, dt: f64, steps: u64) -> Job<'_> {
-        if self.batch.torques.is_common() {
-            self.advance_in::<M, CommonTorques>(dt, steps)
+        if self.width.has_lanes::<T>() {
+            self.advance_blocks(dt, steps, in_lanes::<T, M, AllTorques>)
         } else {
-            self.advance_in::<M, AllTorques>(dt, steps)
+            self.advance_singly::<M>(dt, steps)
+        }
+    }
+
+    /// One body at a time.
+    fn advance_singly<M: Step>(&mut self, dt: f64, steps: u64) -> Job<'_> {
+        if self.batch.torques.is_common() {
+            self.advance_blocks(dt, steps, one_by_one::<T, M, CommonTorques>)
+        } else {
+            self.advance_blocks(dt, steps, one_by_one::<T, M, AllTorques>)
         }
     }
 
     /// As [`Self::advance_by`], with driven bodies in tiles: for the methods that plans choose.
     fn advance_by_tiles<M: Step, I: TileStep>(&mut self, dt: f64, steps: u64) -> Job<'_> {
         let torques = &self.batch.torques;
-        if torques.is_empty() || torques.is_common() {
-            self.advance_by::<M>(dt, steps)
-        } else if self.width.has_lanes::<T>() {
-            self.advance_blocks(dt, steps, tile::in_tiles::<T, I>)
+        if torques.is_empty() {
+            self.advance_in::<M, Nothing>(dt, steps)
+        } else if !self.width.has_lanes::<T>() {
+            self.advance_singly::<M>(dt, steps)
+        } else if torques.is_common() {
+            self.advance_blocks(dt, steps, in_lanes::<T, M, CommonTorques>)
         } else {
-            self.advance_blocks(dt, steps, one_by_one::<T, M, AllTorques>)
+            self.advance_blocks(dt, steps, tile::in_tiles::<T, I>)
         }
     }
 
@@ -288,10 +299,7 @@ impl<T: LaneScalar> CpuSession<T> {
 
     /// In lanes or singly, as the session was opened.
     fn advance_in<M: Step, S: Surroundings>(&mut self, dt: f64, steps: u64) -> Job<'_> {
-        let kernel = match self.width {
-            Width::Lanes => in_lanes::<T, M, S>,
-            Width::Scalar => one_by_one::<T, M, S>,
-        };
+        let kernel = if self.width.has_lanes::<T>() { in_lanes::<T, M, S> } else { one_by_one::<T, M, S> };
         self.advance_blocks(dt, steps, kernel)
     }
 
@@ -359,6 +367,7 @@ struct Advance<'a, 'b, T, M, S>(Block<'a, 'b, T>, PhantomData<(M, S)>);
 
 impl<T: Scalar, M: Step, S: Surroundings> LaneTask<T> for Advance<'_, '_, T, M, S> {
     type Output = ();
+    const IN_LANES_ONLY: bool = true;
 
     #[inline(always)]
     fn run<R: Real<Scalar = T>>(self) {

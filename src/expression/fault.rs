@@ -16,6 +16,11 @@ pub enum Fault {
     NotFinite,
     /// Division by a constant that is zero.
     DivisionByZero,
+    /// A constant that shaders cannot write.
+    ConstantOutOfRange {
+        /// The constant.
+        value: f64,
+    },
     /// A recording was begun inside another one of the same thread.
     Nested,
     /// A symbol was used outside of the recording that it belongs to.
@@ -130,6 +135,9 @@ impl fmt::Display for Fault {
                 write!(formatter, "`{function}` takes {needed} argument{plural}, not {found}")
             }
             Fault::Syntax { found, needed } => write!(formatter, "found {found}, needed {needed}"),
+            Fault::ConstantOutOfRange { value } => {
+                write!(formatter, "the constant {value:e} is beyond 3.4e38, the range of f32: it must be a parameter")
+            }
             Fault::Exponent => {
                 write!(formatter, "behind `^` a whole number from -16 to 16 is needed; otherwise use `pow(x, y)`")
             }

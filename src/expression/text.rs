@@ -82,6 +82,13 @@ impl fmt::Display for TextError {
 
 impl std::error::Error for TextError {}
 
+/// Of a formula as a whole: at its start.
+impl From<Fault> for TextError {
+    fn from(fault: Fault) -> Self {
+        Self { line: 1, column: 1, length: 1, fault, source: String::new() }
+    }
+}
+
 /// Where an error stands, before it is known in which text.
 pub(super) struct Placed {
     pub(super) fault: Fault,

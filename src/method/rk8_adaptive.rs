@@ -209,7 +209,11 @@ impl<R: Real> Trial<R> {
     ) -> Self {
         let zero = R::splat(0.0);
         let untried = !zero.less_than(controller.step);
-        let step = R::select(untried, first_step(body, span.value, limits.tolerance, state), controller.step);
+        let step = if R::any(untried) {
+            R::select(untried, first_step(body, span.value, limits.tolerance, state), controller.step)
+        } else {
+            controller.step
+        };
         let left = controller.left;
         // A last step that would leave almost nothing takes the rest as well.
         let last = left.value.less_than(step * R::splat(1.01));

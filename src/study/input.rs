@@ -54,6 +54,15 @@ pub enum Fault {
         /// The possible words.
         choices: &'static [&'static str],
     },
+    /// A formula that is none.
+    Formula {
+        /// The column in its line, characters from 1.
+        column: usize,
+        /// What is wrong.
+        reason: String,
+        /// The line, and carets below what is meant.
+        picture: String,
+    },
     /// Two keys that exclude each other.
     Conflict {
         /// The other key.
@@ -119,6 +128,7 @@ impl std::fmt::Display for InputError {
             Fault::Choice { value, nearest, choices } => {
                 write!(formatter, "{key} = {value}: {}possible: {}", suggestion(*nearest), choices.join(", "))
             }
+            Fault::Formula { column, reason, .. } => write!(formatter, "{key}: column {column}: {reason}"),
             Fault::Conflict { other } => write!(formatter, "{key} excludes {other}: give one of them"),
             Fault::Cause { value, cause } => write!(formatter, "{key} = {value}: {cause}"),
             Fault::RowLength { found, expected } => {

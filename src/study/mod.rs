@@ -96,6 +96,7 @@ use crate::scene::{Accuracy, Outputs, Scene, Target};
 
 mod accuracy;
 mod bodies;
+mod custom;
 mod distribution;
 pub mod draw;
 mod force;

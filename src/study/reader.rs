@@ -96,6 +96,13 @@ impl<'a> Table<'a> {
         Some(Node { source: self.source, path: self.path_of(key), value: value.get_ref(), span: value.span() })
     }
 
+    /// All keys with their values, in the order of the file.
+    pub(super) fn nodes(&self) -> Vec<(String, Node<'a>)> {
+        let mut keys: Vec<_> = self.table.keys().map(|key| (key.span().start, key.get_ref().to_string())).collect();
+        keys.sort();
+        keys.into_iter().filter_map(|(_, key)| self.find(&key).map(|node| (key, node))).collect()
+    }
+
     /// The value of `key`, which must be there.
     pub(super) fn need(&self, key: &str, expected: impl Into<Text>) -> Result<Node<'a>> {
         let missing = || self.source.error(self.start, self.path_of(key), Fault::Missing { expected: expected.into() });
@@ -152,6 +159,17 @@ impl<'a> Node<'a> {
     /// The error `fault` at this value.
     pub(super) fn fault(&self, fault: Fault) -> Error {
         self.source.error(self.span.start, self.path.clone(), fault)
+    }
+
+    /// The error `fault` at a line, from 1, of the text that this value is.
+    pub(super) fn fault_in_text(&self, line: usize, fault: Fault) -> Error {
+        let raw = &self.source.text[self.span.clone()];
+        let is_long = raw.starts_with("\"\"\"") || raw.starts_with("'''");
+        // A line break right behind the quotes is not part of the text.
+        let skipped = usize::from(is_long && raw[3..].trim_start_matches('\r').starts_with('\n'));
+        let start = raw.match_indices('\n').nth((line + skipped).saturating_sub(2)).map(|(at, _)| at + 1);
+        let offset = if line + skipped < 2 { 0 } else { start.unwrap_or(0) };
+        self.source.error(self.span.start + offset, self.path.clone(), fault)
     }
 
     /// The error for a value that is not `expected`.

@@ -5,6 +5,7 @@ use std::sync::LazyLock;
 
 use glam::{DMat3, DVec3};
 
+use super::custom;
 use super::distribution::{Scalar, Vector};
 use super::draw::Draw;
 use super::parameter::{Number, Owner, Source, Tensor, Triple, Turn};
@@ -27,16 +28,22 @@ pub(super) struct StudyTorque {
 
 /// A parameter that is not yet drawn.
 #[derive(Clone, Debug, PartialEq)]
-struct StudyParameter {
+pub(super) struct StudyParameter {
     /// The key that it stands under.
     key: String,
     value: StudyValue,
 }
 
+impl StudyParameter {
+    pub(super) fn new(key: String, value: StudyValue) -> Self {
+        Self { key, value }
+    }
+}
+
 // A scene has a handful of these, so the room that the smaller ones leave unused does not matter.
 #[allow(clippy::large_enum_variant)]
 #[derive(Clone, Debug, PartialEq)]
-enum StudyValue {
+pub(super) enum StudyValue {
     Number(Number),
     Vector(Triple),
     Rotation(Turn),
@@ -51,7 +58,7 @@ enum StudyValue {
 
 /// The names of all models.
 static NAMES: LazyLock<Vec<&'static str>> =
-    LazyLock::new(|| MODELS.iter().flat_map(|model| model.declaration().names()).collect());
+    LazyLock::new(|| MODELS.iter().flat_map(|model| model.declaration().names()).chain([custom::NAME]).collect());
 
 /// Reads the list `[[torque]]`.
 pub(super) fn read(node: &Node<'_>) -> Result<Vec<StudyTorque>> {
@@ -63,7 +70,12 @@ pub(super) fn read(node: &Node<'_>) -> Result<Vec<StudyTorque>> {
         .map(|(index, mut element)| {
             element.path = place(index);
             let table = element.any_table().ok_or_else(|| element.refuse(EXPECTED))?;
-            let model = model(&table)?;
+            let name = table.need("model", "the name of a torque's model is needed")?.choice(&NAMES)?;
+            if name == custom::NAME {
+                let (model, parameters) = custom::read(&table)?;
+                return Ok(StudyTorque { parameters, model, index });
+            }
+            let model = model(&table, name)?;
             Ok(StudyTorque { parameters: parameters(&table, "model", &model.declaration().parameters)?, model, index })
         })
         .collect()
@@ -74,11 +86,10 @@ pub(super) fn place(index: usize) -> String {
     format!("torque[{}]", index + 1)
 }
 
-fn model(table: &Table<'_>) -> Result<ModelRef> {
-    let node = table.need("model", "the name of a torque's model is needed")?;
-    let name = node.choice(&NAMES)?;
+fn model(table: &Table<'_>, name: &str) -> Result<ModelRef> {
     let named = MODELS.iter().find(|model| model.declaration().names().any(|known| known == name));
-    named.map(|model| ModelRef::Built(*model)).ok_or_else(|| node.refuse("the name of a model is needed"))
+    let unknown = || table.need("model", "the name of a model is needed").map(|node| node.refuse("a model is needed"));
+    named.map(|model| ModelRef::Built(*model)).ok_or_else(|| unknown().unwrap_or_else(|error| error))
 }
 
 /// The parameters that a table holds, beside a key that is read elsewhere.

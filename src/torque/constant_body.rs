@@ -1,6 +1,5 @@
 //! `constant-body`: a torque that is constant in body axes, such as a thruster pair's.
 
-use super::Needs;
 use super::formula::{Column, Epoch, Formula, Row};
 use crate::quaternion::Quaternion;
 use std::sync::LazyLock;
@@ -63,7 +62,6 @@ impl Formula for ConstantBody {
     const STEM: &'static str = "constant_body";
     const COLUMNS: &'static [Column] = &[Column::vector("torque_principal")];
     const MERGES: bool = true;
-    const NEEDS: Needs = Needs::NOTHING;
 
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {

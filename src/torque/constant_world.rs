@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
 
-use super::{Declaration, Frame, Kind, Model, Needs, Parameter, ParameterDeclaration, Torque, Value, Values};
+use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Torque, Value, Values};
 use crate::batch::BodyFrame;
 use crate::quaternion::Quaternion;
 use crate::real::Real;
@@ -16,7 +16,6 @@ pub struct ConstantWorld;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     Declaration::new("constant-world", "τ = Rᵀ τ_world, constant in world axes", "by definition")
-        .needs(Needs::ATTITUDE)
         .parameters([ParameterDeclaration::vector("torque", "N m", Frame::World, "the torque").factor()])
 });
 const TORQUE: usize = 0;
@@ -59,7 +58,6 @@ impl Formula for ConstantWorld {
     const STEM: &'static str = "constant_world";
     const COLUMNS: &'static [Column] = &[Column::vector("torque_world")];
     const MERGES: bool = true;
-    const NEEDS: Needs = Needs { attitude: true, ..Needs::NOTHING };
 
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {

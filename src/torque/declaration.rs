@@ -3,7 +3,6 @@
 //! The keys of its table in a study, their defaults and refusals, `polhode run --help`, the table in the documentation of
 //! [`crate::torque`] and the checks of values follow from its [`Declaration`].
 
-use super::Needs;
 use crate::error::Text;
 
 /// A model of a torque.
@@ -20,8 +19,6 @@ pub struct Declaration {
     pub source: Text,
     /// In the order in which a torque holds their values.
     pub parameters: Vec<ParameterDeclaration>,
-    /// What the torque depends on.
-    pub needs: Needs,
     /// Whether it can only take energy.
     pub is_dissipative: bool,
     /// Whether it is drawn for each step, so that other steps have other draws.
@@ -149,7 +146,6 @@ impl Declaration {
             summary: summary.into(),
             source: source.into(),
             parameters: Vec::new(),
-            needs: Needs::NOTHING,
             is_dissipative: false,
             is_random: false,
             leaves_rigid: true,
@@ -159,11 +155,6 @@ impl Declaration {
 
     pub(crate) fn alias(mut self, name: impl Into<Text>) -> Self {
         self.aliases.push(name.into());
-        self
-    }
-
-    pub(crate) fn needs(mut self, needs: Needs) -> Self {
-        self.needs = needs;
         self
     }
 
@@ -265,6 +256,10 @@ impl ParameterDeclaration {
         elements: Vec<ParameterDeclaration>,
     ) -> Self {
         Self { valid: Validity::Count(least, most), elements, ..Self::new(name, Shape::List, "1", about) }
+    }
+
+    pub(crate) fn of_shape(self, shape: Shape) -> Self {
+        Self { shape, ..self }
     }
 
     pub(crate) fn valid(self, valid: Validity) -> Self {

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
 
-use super::{Declaration, Frame, Kind, Model, Needs, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
+use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::batch::BodyFrame;
 use crate::quaternion::Quaternion;
 use crate::real::Real;
@@ -18,13 +18,12 @@ pub struct EddyCurrent;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let coefficient = ParameterDeclaration::number("coefficient", "N m s/T²", "the coefficient k");
-    Declaration::new("eddy-current", "τ = k (ω × B) × B", "G. L. Smith, NASA TR R-129, 1962")
-        .needs(Needs::ATTITUDE.or(Needs::ANGULAR_VELOCITY))
-        .dissipative()
-        .parameters([
+    Declaration::new("eddy-current", "τ = k (ω × B) × B", "G. L. Smith, NASA TR R-129, 1962").dissipative().parameters(
+        [
             coefficient.valid(Validity::NotNegative).factor(),
             ParameterDeclaration::vector("field", "T", Frame::World, "the field B").factor(),
-        ])
+        ],
+    )
 });
 const COEFFICIENT: usize = 0;
 const FIELD: usize = 1;
@@ -67,7 +66,6 @@ pub fn eddy_current<R: Real>(
 impl Formula for EddyCurrent {
     const STEM: &'static str = "eddy_current";
     const COLUMNS: &'static [Column] = &[Column::number("coefficient"), Column::vector("direction_world")];
-    const NEEDS: Needs = Needs { attitude: true, angular_velocity: true, ..Needs::NOTHING };
 
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, q: Quaternion<R>, omega: Vector<R>) -> Vector<R> {

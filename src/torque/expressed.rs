@@ -7,7 +7,7 @@
 
 use glam::{DMat3, DQuat};
 
-use super::Needs;
+use super::{Needs, Value, Values};
 use crate::batch::BodyFrame;
 use crate::expression::wgsl::{self, Argument, Signature};
 use crate::expression::{
@@ -217,7 +217,7 @@ pub(crate) fn needs(dependence: Dependence) -> Needs {
 }
 
 /// The host's numbers of a body, before those of the user.
-pub(crate) fn host_numbers(frame: &BodyFrame) -> Vec<f64> {
+fn host_numbers(frame: &BodyFrame) -> Vec<f64> {
     let axes = DMat3::from_quat(frame.principal_to_body).transpose().to_cols_array();
     let inverse = frame.principal_to_body.conjugate().to_array();
     let moments = DMat3::from_diagonal(frame.tensor_moments());
@@ -226,7 +226,8 @@ pub(crate) fn host_numbers(frame: &BodyFrame) -> Vec<f64> {
     let mut numbers = vec![frame.scaled(1.0, 0, -1), frame.scaled(1.0, 1, 2)];
     numbers.extend(axes);
     numbers.extend(inverse);
-    let elements = [tensor.x_axis.x, tensor.y_axis.y, tensor.z_axis.z, tensor.y_axis.x, tensor.z_axis.x, tensor.z_axis.y];
+    let elements =
+        [tensor.x_axis.x, tensor.y_axis.y, tensor.z_axis.z, tensor.y_axis.x, tensor.z_axis.x, tensor.z_axis.y];
     numbers.extend(elements.map(|element| frame.scaled(element, -1, 0)));
     numbers
 }
@@ -238,7 +239,8 @@ fn in_own_units(recorder: &Recorder, expression: &Expression, axes: Option<DQuat
     let vector = |first: Symbol, second: Symbol, third: Symbol| Vector::new(first, second, third);
     let (rows, to_principal) = match axes {
         None => {
-            let row = |row: usize| vector(host(MATRIX + 3 * row), host(MATRIX + 3 * row + 1), host(MATRIX + 3 * row + 2));
+            let row =
+                |row: usize| vector(host(MATRIX + 3 * row), host(MATRIX + 3 * row + 1), host(MATRIX + 3 * row + 2));
             let q = |part: usize| host(TO_PRINCIPAL + part);
             ([row(0), row(1), row(2)], Quaternion::new(q(0), q(1), q(2), q(3)))
         }
@@ -250,12 +252,7 @@ fn in_own_units(recorder: &Recorder, expression: &Expression, axes: Option<DQuat
                 vector(constant(row.x), constant(row.y), constant(row.z))
             };
             let inverse = axes.conjugate();
-            let q = Quaternion::new(
-                constant(inverse.x),
-                constant(inverse.y),
-                constant(inverse.z),
-                constant(inverse.w),
-            );
+            let q = Quaternion::new(constant(inverse.x), constant(inverse.y), constant(inverse.z), constant(inverse.w));
             ([row(0), row(1), row(2)], q)
         }
     };
@@ -289,9 +286,24 @@ fn in_own_units(recorder: &Recorder, expression: &Expression, axes: Option<DQuat
     (vec![torque.x, torque.y, torque.z], replayed.rates)
 }
 
-/// The results of a formula for one body, from its own inputs.
-pub(crate) fn evaluated(program: &Program, input: impl Fn(Input) -> f64) -> Vec<f64> {
-    let inputs: Vec<f64> = program.inputs().iter().map(|&asked| input(asked)).collect();
-    program.evaluate_one(&inputs)
+/// The numbers of a body's parameters, in order.
+pub(crate) fn parameters_of(values: Values<'_>, body: usize) -> Vec<f64> {
+    let mut numbers = Vec::new();
+    for value in values.0 {
+        match value {
+            Value::Number(number) => numbers.push(number.at(body)),
+            Value::Vector(vector) => numbers.extend(vector.at(body).to_array()),
+            Value::Rotation(rotation) => numbers.extend(rotation.at(body).normalize().to_array()),
+            // No other shape is offered to formulas.
+            _ => {}
+        }
+    }
+    numbers
 }
 
+/// All numbers of the host for a body.
+pub(crate) fn host_of(values: Values<'_>, body: usize, frame: &BodyFrame) -> Vec<f64> {
+    let mut numbers = host_numbers(frame);
+    numbers.extend(parameters_of(values, body));
+    numbers
+}

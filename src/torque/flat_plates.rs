@@ -9,7 +9,7 @@ use glam::{DQuat, DVec3};
 #[cfg(feature = "study")]
 use super::ValidationContext;
 use super::{
-    Declaration, Frame, Kind, Model, Needs, Parameter, ParameterDeclaration, Preset, Torque, Validity, Value, Values,
+    Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Preset, Torque, Validity, Value, Values,
 };
 use crate::batch::BodyFrame;
 use crate::error::{Error, Result};
@@ -81,15 +81,13 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let source =
         "C. R. McInnes, Solar Sailing, 1999, section 2.6; S. A. Schaaf, P. L. Chambré, Flow of Rarefied Gases, 1961";
     let direction = "u, from the body towards the source";
-    Declaration::new("flat-plates", "τ = Σ r × F, F = −p A c (a u + (b + d c) n), c = n · u > 0", source)
-        .needs(Needs::ATTITUDE)
-        .parameters([
-            ParameterDeclaration::number("pressure", "N/m²", "p, of sunlight or ρ v²")
-                .valid(Validity::NotNegative)
-                .factor(),
-            ParameterDeclaration::vector("direction", "1", Frame::World, direction).valid(Validity::NotZero),
-            ParameterDeclaration::list("facets", (1, MOST_FACETS), "the plates", facet_parameters()),
-        ])
+    Declaration::new("flat-plates", "τ = Σ r × F, F = −p A c (a u + (b + d c) n), c = n · u > 0", source).parameters([
+        ParameterDeclaration::number("pressure", "N/m²", "p, of sunlight or ρ v²")
+            .valid(Validity::NotNegative)
+            .factor(),
+        ParameterDeclaration::vector("direction", "1", Frame::World, direction).valid(Validity::NotZero),
+        ParameterDeclaration::list("facets", (1, MOST_FACETS), "the plates", facet_parameters()),
+    ])
 });
 const PRESSURE: usize = 0;
 const DIRECTION: usize = 1;
@@ -151,7 +149,8 @@ impl Torque {
 }
 
 fn of_formula(formula: Expression, values: Vec<Value>) -> Torque {
-    Torque::expressed_by(DECLARATION.clone(), formula, None, values)
+    let torque = Torque::expressed_by(DECLARATION.clone(), formula, None, values);
+    torque.unwrap_or_else(|fault| panic!("the formula of flat plates: {fault}"))
 }
 
 impl Model for FlatPlates {
@@ -195,7 +194,7 @@ pub fn formula(facets: &[Facet]) -> Result<Expression> {
         return Err(Error::Setting { field: "facets", value: facets.len() as f64, expected });
     }
     let plates = facets.iter().enumerate().map(|(index, facet)| facet.plate(index)).collect::<Result<Vec<_>>>()?;
-    // The names and shapes are ours, and constants of plates are finite.
+    // The names and shapes are ours, and constants of plates are in range.
     Ok(recorded(&plates).unwrap_or_else(|fault| panic!("the formula of flat plates: {fault}")))
 }
 
@@ -302,8 +301,10 @@ impl Facet {
         let arm = area * centre_body;
         let lever = arm.cross(normal);
         let plate = Plate { normal, along: along * arm, constant: constant * lever, across: across * lever };
-        if !(plate.along.is_finite() && plate.constant.is_finite() && plate.across.is_finite()) {
-            return refuse("area", area, "area times centre must be finite (m³)");
+        // Constants of the formula are written into shaders of either precision.
+        let is_small = |v: DVec3| v.abs().max_element() <= f64::from(f32::MAX) && v.is_finite();
+        if !(is_small(plate.along) && is_small(plate.constant) && is_small(plate.across)) {
+            return refuse("area", area, "area times centre must be at most 3e38 (m³)");
         }
         Ok(plate)
     }

@@ -5,7 +5,6 @@
 
 use std::ops::Range;
 
-use super::Needs;
 use crate::quaternion::Quaternion;
 use crate::real::Real;
 use crate::vector::Vector;
@@ -98,6 +97,8 @@ pub(crate) enum Role {
     Moments,
     /// It changes the sum of all torques.
     Projection,
+    /// It is a torque whose formula is data ([`super::expressed`]); each instance has columns of its own number.
+    Expression,
 }
 
 /// The kernel of one kind of torque. All numbers are in principal axes and in the body's own units.
@@ -123,8 +124,6 @@ pub(crate) trait Formula {
     const MERGES: bool = false;
     /// What it acts on.
     const ROLE: Role = Role::Torque;
-    /// What it depends on.
-    const NEEDS: Needs;
     /// Whether the first three columns are the differences of the moments times the tenth, so that they follow moments that change.
     const FOLLOWS_MOMENTS: bool = false;
 

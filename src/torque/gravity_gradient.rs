@@ -7,7 +7,7 @@ use glam::DQuat;
 use std::sync::LazyLock;
 
 use super::orbit::{self, circular_place, elements, gradient_torque};
-use super::{Declaration, Kind, Model, Needs, Orbit, Torque, ValidationContext, Values};
+use super::{Declaration, Kind, Model, Orbit, Torque, ValidationContext, Values};
 use crate::batch::BodyFrame;
 use crate::error::Result;
 use crate::quaternion::Quaternion;
@@ -20,9 +20,7 @@ pub struct GravityGradient;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let source = "P. C. Hughes, Spacecraft Attitude Dynamics, 1986, equation 8.1.14";
-    Declaration::new("gravity-gradient", "τ = 3 μ/r³ u × I u, u = Rᵀ r̂", source)
-        .needs(Needs::ATTITUDE.or(Needs::TIME))
-        .parameters(orbit::parameters())
+    Declaration::new("gravity-gradient", "τ = 3 μ/r³ u × I u, u = Rᵀ r̂", source).parameters(orbit::parameters())
 });
 
 impl Torque {
@@ -95,7 +93,6 @@ impl Formula for GravityGradient {
         Column::number("factor"),
     ];
     const PHASES: &'static [&'static str] = &["phase"];
-    const NEEDS: Needs = Needs { attitude: true, time: true, ..Needs::NOTHING };
     const FOLLOWS_MOMENTS: bool = true;
     const EPOCH_COLUMNS: Range<usize> = 3..9;
 

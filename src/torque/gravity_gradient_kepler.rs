@@ -2,7 +2,6 @@
 
 use std::ops::Range;
 
-use super::Needs;
 use super::formula::{Column, Epoch, Formula, MOST_PHASES, Row};
 use super::orbit::{gradient_torque, kepler_place};
 use crate::quaternion::Quaternion;
@@ -53,7 +52,6 @@ impl Formula for GravityGradientKepler {
         Column::number("start"),
     ];
     const PHASES: &'static [&'static str] = &["phase"];
-    const NEEDS: Needs = Needs { attitude: true, time: true, ..Needs::NOTHING };
     const FOLLOWS_MOMENTS: bool = true;
     const EPOCH_COLUMNS: Range<usize> = 3..12;
 

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
 
-use super::{Declaration, Frame, Kind, Model, Needs, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
+use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::batch::BodyFrame;
 use crate::quaternion::Quaternion;
 use crate::real::Real;
@@ -19,7 +19,7 @@ pub struct HeavyTop;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let source = "F. Klein, A. Sommerfeld, Über die Theorie des Kreisels, 1897, chapter IV";
-    Declaration::new("heavy-top", "τ = c × Rᵀ (M g)", source).needs(Needs::ATTITUDE).parameters([
+    Declaration::new("heavy-top", "τ = c × Rᵀ (M g)", source).parameters([
         ParameterDeclaration::number("mass", "kg", "the mass M").valid(Validity::NotNegative).factor(),
         ParameterDeclaration::vector("centre", "m", Frame::Body, "the centre of mass c from the pivot").factor(),
         ParameterDeclaration::vector("gravity", "m/s²", Frame::World, "the acceleration g").factor(),
@@ -85,7 +85,6 @@ pub fn heavy_top<R: Real>(
 impl Formula for HeavyTop {
     const STEM: &'static str = "heavy_top";
     const COLUMNS: &'static [Column] = &[Column::vector("moment_principal"), Column::vector("direction_world")];
-    const NEEDS: Needs = Needs { attitude: true, ..Needs::NOTHING };
 
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {

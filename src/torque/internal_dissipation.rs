@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
 
-use super::{Declaration, Kind, Model, Needs, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
+use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::batch::BodyFrame;
 use crate::real::Real;
 use crate::vector::Vector;
@@ -28,7 +28,6 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
         "dm/dt = m × ω + k m × (m × ω)",
         "A. M. Bloch et al., Comm. Math. Phys. 175 (1996) 1, section 5",
     )
-    .needs(Needs::ANGULAR_VELOCITY)
     .dissipative()
     .not_rigid()
     .parameters([coefficient.valid(Validity::NotNegative).factor()])
@@ -71,7 +70,6 @@ impl Formula for InternalDissipation {
     const COLUMNS: &'static [Column] = &[Column::number("coefficient")];
     const MERGES: bool = true;
     const ROLE: Role = Role::Slip;
-    const NEEDS: Needs = Needs { angular_velocity: true, ..Needs::NOTHING };
 
     #[inline(always)]
     fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {

@@ -60,11 +60,6 @@ macro_rules! kinds {
                 match self { $(Kind::$kind => super::$module::$kind::ROLE,)* }
             }
 
-            /// What it depends on.
-            pub(crate) const fn needs(self) -> super::Needs {
-                match self { $(Kind::$kind => super::$module::$kind::NEEDS,)* }
-            }
-
             /// Runs a task with the formula of the kind.
             #[inline(always)]
             pub(crate) fn with<W: FormulaTask>(self, task: W) -> W::Output {
@@ -90,6 +85,7 @@ kinds! {
     orbiting_eddy_current::OrbitingEddyCurrent,
     sine_spring::SineSpring,
     log_spring::LogSpring,
+    custom::Custom,
     white_noise::WhiteNoise,
     internal_dissipation::InternalDissipation,
     // Of the next two a scene has one at most.
@@ -100,7 +96,7 @@ kinds! {
 }
 
 impl Kind {
-    /// All columns of one instance.
+    /// All columns of one instance, where every one has the same.
     pub const fn columns(self) -> usize {
         self.parameters() + self.phases() * (RATE_DIGITS + 1)
     }

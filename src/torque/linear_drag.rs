@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use glam::DQuat;
 
-use super::{Declaration, Kind, Model, Needs, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
+use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::batch::BodyFrame;
 use crate::real::Real;
 use crate::vector::Vector;
@@ -19,7 +19,6 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let coefficient = ParameterDeclaration::number("coefficient", "N m s", "the coefficient c");
     Declaration::new("linear-drag", "τ = −c ω", "G. Kirchhoff, Mechanik, 1876, lecture 26")
         .alias("viscous")
-        .needs(Needs::ANGULAR_VELOCITY)
         .dissipative()
         .parameters([coefficient.valid(Validity::NotNegative).factor()])
 });
@@ -56,7 +55,6 @@ impl Formula for LinearDrag {
     const STEM: &'static str = "linear_drag";
     const COLUMNS: &'static [Column] = &[Column::number("coefficient")];
     const MERGES: bool = true;
-    const NEEDS: Needs = Needs { angular_velocity: true, ..Needs::NOTHING };
 
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, omega: Vector<R>) -> Vector<R> {

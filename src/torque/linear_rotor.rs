@@ -8,7 +8,6 @@
 //!
 //! This is no model that a scene names: a table has its column where one of its bodies is a linear rotor.
 
-use super::Needs;
 use super::formula::{Column, Epoch, Formula, Role, Row};
 use crate::quaternion::Quaternion;
 use crate::real::Real;
@@ -29,7 +28,6 @@ impl Formula for LinearRotor {
     const STEM: &'static str = "linear_rotor";
     const COLUMNS: &'static [Column] = &[Column::number("factor")];
     const ROLE: Role = Role::Projection;
-    const NEEDS: Needs = Needs::NOTHING;
 
     #[inline(always)]
     fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {

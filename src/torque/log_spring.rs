@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use glam::DQuat;
 
-use super::{Declaration, Kind, Model, Needs, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
+use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::batch::BodyFrame;
 use crate::elementary::functions::arctangent_ratio;
 use crate::quaternion::Quaternion;
@@ -26,7 +26,6 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
         "τ = −k θ n",
         "F. Bullo, R. M. Murray, Proportional derivative control on the Euclidean group, ECC 1995",
     )
-    .needs(Needs::ATTITUDE)
     .parameters([
         stiffness.valid(Validity::NotNegative).factor(),
         ParameterDeclaration::rotation("target", "the attitude at rest"),
@@ -100,7 +99,6 @@ pub fn angle_ratio<R: Real>(between: Quaternion<R>) -> R {
 impl Formula for LogSpring {
     const STEM: &'static str = "log_spring";
     const COLUMNS: &'static [Column] = &[Column::number("stiffness"), Column::quaternion("target")];
-    const NEEDS: Needs = Needs { attitude: true, ..Needs::NOTHING };
 
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
 
-use super::{Declaration, Frame, Kind, Model, Needs, Parameter, ParameterDeclaration, Torque, Value, Values};
+use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Torque, Value, Values};
 use crate::batch::BodyFrame;
 use crate::quaternion::Quaternion;
 use crate::real::Real;
@@ -16,7 +16,7 @@ pub struct MagneticDipole;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let source = "J. C. Maxwell, A Treatise on Electricity and Magnetism, 1873, § 390";
-    Declaration::new("magnetic-dipole", "τ = m × Rᵀ B", source).needs(Needs::ATTITUDE).parameters([
+    Declaration::new("magnetic-dipole", "τ = m × Rᵀ B", source).parameters([
         ParameterDeclaration::vector("moment", "A m²", Frame::Body, "the magnetic moment m").factor(),
         ParameterDeclaration::vector("field", "T", Frame::World, "the field B").factor(),
     ])
@@ -69,7 +69,6 @@ pub fn magnetic_dipole<R: Real>(
 impl Formula for MagneticDipole {
     const STEM: &'static str = "magnetic_dipole";
     const COLUMNS: &'static [Column] = &[Column::vector("moment_principal"), Column::vector("direction_world")];
-    const NEEDS: Needs = Needs { attitude: true, ..Needs::NOTHING };
 
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {

@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use glam::{DMat3, DQuat};
 
-use super::{Declaration, Frame, Kind, Model, Needs, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
+use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::batch::BodyFrame;
 use crate::real::Real;
 use crate::vector::Vector;
@@ -19,7 +19,6 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let source = "J. Happel, H. Brenner, Low Reynolds Number Hydrodynamics, 1965, section 5.2";
     let matrix = ParameterDeclaration::matrix("matrix", "N m s", Frame::Body, "the matrix C");
     Declaration::new("matrix-drag", "τ = −C ω", source)
-        .needs(Needs::ANGULAR_VELOCITY)
         .dissipative()
         .parameters([matrix.valid(Validity::PositiveSemidefinite).factor()])
 });
@@ -78,7 +77,6 @@ impl Formula for MatrixDrag {
     const STEM: &'static str = "matrix_drag";
     const COLUMNS: &'static [Column] = &[Column::vector("diagonal"), Column::vector("off_diagonal")];
     const MERGES: bool = true;
-    const NEEDS: Needs = Needs { angular_velocity: true, ..Needs::NOTHING };
 
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, omega: Vector<R>) -> Vector<R> {

@@ -69,8 +69,10 @@ pub enum VelocityDependence {
 }
 pub mod constant_body;
 pub mod constant_world;
+pub mod custom;
 pub(crate) mod declaration;
 pub mod eddy_current;
+pub(crate) mod expressed;
 pub mod flat_plates;
 pub(crate) mod formula;
 pub mod gravity_gradient;
@@ -102,6 +104,7 @@ mod value;
 pub mod variable_inertia;
 pub mod white_noise;
 
+pub use custom::Parameters;
 pub use declaration::{Declaration, Frame, OtherKey, ParameterDeclaration, Preset, Shape, Validity};
 pub use kind::Kind;
 pub(crate) use model::Model;
@@ -111,8 +114,8 @@ pub use model::{Needs, Torque};
 pub use orbit::Orbit;
 pub use parameter::Parameter;
 pub use registry::declarations;
+pub(crate) use table::{Bodies, PER_TICK, bytes_per_body, rate_of};
 pub use table::{Instances, TorqueTable};
-pub(crate) use table::{PER_TICK, bytes_per_body, rate_of};
 pub(crate) use validation::ValidationContext;
 pub use value::Value;
 pub(crate) use value::Values;

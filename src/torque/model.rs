@@ -35,7 +35,6 @@ pub struct Torque {
 #[derive(Clone)]
 pub(crate) enum ModelRef {
     Built(&'static dyn Model),
-    #[allow(dead_code)] // Formulas of users' own.
     Shared(Arc<dyn Model>),
 }
 
@@ -54,7 +53,10 @@ impl PartialEq for ModelRef {
     fn eq(&self, other: &Self) -> bool {
         match (self, other) {
             (ModelRef::Built(model), ModelRef::Built(other)) => model.declaration().name == other.declaration().name,
-            (ModelRef::Shared(model), ModelRef::Shared(other)) => Arc::ptr_eq(model, other),
+            (ModelRef::Shared(model), ModelRef::Shared(other)) => match (model.expression(), other.expression()) {
+                (Some(model), Some(other)) => model.is(other),
+                _ => Arc::ptr_eq(model, other),
+            },
             _ => false,
         }
     }
@@ -162,6 +164,11 @@ pub(crate) trait Model: Send + Sync {
     fn inertia_change(&self) -> Option<&dyn InertiaModel> {
         None
     }
+
+    /// Itself, where its formula is an expression.
+    fn expression(&self) -> Option<&super::custom::ExpressionModel> {
+        None
+    }
 }
 
 /// A model under which moments of inertia change in time.
@@ -183,7 +190,6 @@ impl Torque {
     }
 
     /// A torque of any model, with its values in the order of their declarations.
-    #[cfg(feature = "study")]
     pub(crate) fn of_model(model: ModelRef, values: Vec<Value>) -> Self {
         Self { model, values }
     }
@@ -191,6 +197,14 @@ impl Torque {
     /// The model, and the values that its functions take.
     pub(crate) fn parts(&self) -> (&dyn Model, Values<'_>) {
         (&*self.model, Values(&self.values))
+    }
+
+    pub(super) fn model(&self) -> &dyn Model {
+        &*self.model
+    }
+
+    pub(super) fn values(&self) -> &[Value] {
+        &self.values
     }
 
     /// What the model says of itself.
@@ -216,7 +230,10 @@ impl Torque {
 
     /// What it depends on.
     pub fn needs(&self) -> Needs {
-        self.declaration().needs
+        match self.model.expression() {
+            Some(model) => model.needs(),
+            None => self.kind().needs(),
+        }
     }
 
     /// Whether bodies under it turn at I⁻¹ m with the moments that they start with. Where they do not, only methods follow

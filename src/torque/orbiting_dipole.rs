@@ -10,8 +10,8 @@ use std::sync::LazyLock;
 use super::gravity_gradient_kepler::place_and_cube;
 use super::orbit::{self, ELEMENTS, Elements, elements};
 use super::{
-    Declaration, Frame, Kind, Model, Needs, Orbit, Parameter, ParameterDeclaration, Preset, Torque, ValidationContext,
-    Value, Values,
+    Declaration, Frame, Kind, Model, Orbit, Parameter, ParameterDeclaration, Preset, Torque, ValidationContext, Value,
+    Values,
 };
 use crate::batch::BodyFrame;
 use crate::error::Result;
@@ -28,7 +28,6 @@ pub struct OrbitingDipole;
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let source = "J. R. Wertz, Spacecraft Attitude Determination and Control, 1978, equation H-16";
     Declaration::new("orbiting-dipole", "τ = m × Rᵀ B, B = b/r³ (3 (d · r̂) r̂ − d)", source)
-        .needs(Needs::ATTITUDE.or(Needs::TIME))
         .parameters(orbit::parameters())
         .parameters([ParameterDeclaration::vector("moment", "A m²", Frame::Body, "the magnetic moment m").factor()])
         .parameters(field_parameters())
@@ -211,7 +210,6 @@ impl Formula for OrbitingDipole {
     const STEM: &'static str = "orbiting_dipole";
     const COLUMNS: &'static [Column] = &with_field(Column::vector("moment_principal"));
     const PHASES: &'static [&'static str] = FIELD_PHASES;
-    const NEEDS: Needs = Needs { attitude: true, time: true, ..Needs::NOTHING };
     const EPOCH_COLUMNS: Range<usize> = 3..3 + FIELD_NUMBERS;
 
     #[inline(always)]

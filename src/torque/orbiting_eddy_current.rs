@@ -13,8 +13,8 @@ use super::orbiting_dipole::{
     field_values, with_field,
 };
 use super::{
-    Declaration, Kind, Model, Needs, Orbit, Parameter, ParameterDeclaration, Torque, ValidationContext, Validity,
-    Value, Values,
+    Declaration, Kind, Model, Orbit, Parameter, ParameterDeclaration, Torque, ValidationContext, Validity, Value,
+    Values,
 };
 use crate::batch::BodyFrame;
 use crate::error::Result;
@@ -35,7 +35,6 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let coefficient = ParameterDeclaration::number("coefficient", "N m s/T²", "the coefficient k");
     let source = "N. Praly et al., Acta Astronautica 76 (2012) 145";
     Declaration::new("orbiting-eddy-current", "τ = k (ω × B) × B, B = b/r³ (3 (d · r̂) r̂ − d)", source)
-        .needs(Needs::ATTITUDE.or(Needs::ANGULAR_VELOCITY).or(Needs::TIME))
         .dissipative()
         .parameters(orbit::parameters())
         .parameters([coefficient.valid(Validity::NotNegative).factor()])
@@ -87,7 +86,6 @@ impl Formula for OrbitingEddyCurrent {
     const STEM: &'static str = "orbiting_eddy_current";
     const COLUMNS: &'static [Column] = &with_field(Column::number("coefficient"));
     const PHASES: &'static [&'static str] = FIELD_PHASES;
-    const NEEDS: Needs = Needs { attitude: true, angular_velocity: true, time: true, ..Needs::NOTHING };
     const EPOCH_COLUMNS: Range<usize> = 1..1 + FIELD_NUMBERS;
 
     #[inline(always)]

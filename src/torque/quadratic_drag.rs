@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use glam::DQuat;
 
-use super::{Declaration, Kind, Model, Needs, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
+use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::batch::BodyFrame;
 use crate::real::Real;
 use crate::vector::Vector;
@@ -18,7 +18,6 @@ pub struct QuadraticDrag;
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let coefficient = ParameterDeclaration::number("coefficient", "N m s²", "the coefficient c");
     Declaration::new("quadratic-drag", "τ = −c |ω| ω", "I. Newton, Principia, 1687, book II, section II")
-        .needs(Needs::ANGULAR_VELOCITY)
         .dissipative()
         .parameters([coefficient.valid(Validity::NotNegative).factor()])
 });
@@ -56,7 +55,6 @@ impl Formula for QuadraticDrag {
     const STEM: &'static str = "quadratic_drag";
     const COLUMNS: &'static [Column] = &[Column::number("coefficient")];
     const MERGES: bool = true;
-    const NEEDS: Needs = Needs { angular_velocity: true, ..Needs::NOTHING };
 
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, omega: Vector<R>) -> Vector<R> {

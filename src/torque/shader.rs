@@ -3,11 +3,14 @@
 //! The text of a kind is named after its file here, so that errors of a compiler and planted faults find it.
 
 use std::fmt::Write;
+use std::sync::OnceLock;
 
+use super::Needs;
+use super::expressed::{Given, needs};
 use super::formula::{Column, Formula, FormulaTask, MOST_PHASES, Role, Row};
 use super::table::{Instance, TorqueTable};
-use crate::clock::RATE_DIGITS;
-use crate::expression::wgsl::{self, Argument, Signature};
+use crate::clock::{RATE_DIGITS, seconds_per_word};
+use crate::expression::wgsl::{self, Argument, Signature, WgslError};
 use crate::expression::{Fault, Graph, Input, InputKind, Recorder, Shape, Symbol};
 use crate::quaternion::Quaternion;
 use crate::torque::Kind;
@@ -17,6 +20,30 @@ use crate::vector::Vector;
 pub(crate) fn functions(wanted: impl Fn(Kind) -> bool) -> Vec<(&'static str, String)> {
     let torques = Kind::ALL.iter().filter(|&&kind| kind.role() == Role::Torque && wanted(kind));
     torques.map(|&kind| (kind.file(), kind.with(Text { kind }))).collect()
+}
+
+impl Kind {
+    /// What it depends on, found from its formula; of what is no torque, from what it acts on. That of a formula that is data is its own.
+    pub(crate) fn needs(self) -> Needs {
+        static FOUND: [OnceLock<Needs>; Kind::ALL.len()] = [const { OnceLock::new() }; Kind::ALL.len()];
+        match self.role() {
+            Role::Torque => *FOUND[self as usize].get_or_init(|| self.with(NeedsOf)),
+            Role::Slip => Needs::ANGULAR_VELOCITY,
+            Role::Noise | Role::Moments => Needs::TIME,
+            Role::Projection | Role::Expression => Needs::NOTHING,
+        }
+    }
+}
+
+struct NeedsOf;
+
+impl FormulaTask for NeedsOf {
+    type Output = Needs;
+    fn run<F: Formula>(self) -> Needs {
+        // Of a formula that cannot be recorded, which would be a fault of ours, everything is assumed.
+        let everything = Needs { attitude: true, angular_velocity: true, time: true, position: false };
+        recorded::<F>().map_or(everything, |Recorded { graph, outputs, .. }| needs(graph.dependence_of(&outputs)))
+    }
 }
 
 /// The function `torque_terms`, which adds up the torques of a table.
@@ -31,6 +58,7 @@ pub(crate) fn terms(table: &TorqueTable) -> String {
                 format!("    sum = sum + {};\n", instance.kind.with(Call { instance, varies: table.varies_inertia() }))
             }
             Role::Projection => format!("    sum.x = torque_column({}u) * sum.x;\n", instance.first),
+            Role::Expression => format!("    sum = sum + {};\n", custom_call(table, &instance)),
             Role::Noise | Role::Slip | Role::Moments => continue,
         };
         text += &line;
@@ -38,17 +66,65 @@ pub(crate) fn terms(table: &TorqueTable) -> String {
     text + "    return sum;\n}\n"
 }
 
+/// The functions of the formulas that are data, where there are any.
+///
+/// # Errors
+///
+/// Where a formula has constants outside the range of `f32`.
+pub(crate) fn custom_functions(table: &TorqueTable) -> Result<String, WgslError> {
+    let mut text = String::new();
+    for instance in table.list().iter().filter(|instance| instance.kind.role() == Role::Expression) {
+        let expressed = table.expressed(instance.index);
+        let comment =
+            vec!["A formula of the scene's own, along principal axes and in the body's own units.".to_owned()];
+        text += &expressed.shader(&custom_name(instance), comment)?;
+        text.push('\n');
+    }
+    if table.reads_time() {
+        let [upper, lower] = seconds_per_word(table.clock().ticks_per_second());
+        // Twin: `seconds` in src/clock.rs.
+        let _ = writeln!(
+            text,
+            "// The time, s.\nfn seconds(instant: Instant) -> real {{\n    return mul_add(real(instant.ticks.y), \
+             {upper:?}, real(instant.ticks.x) * {lower:?}) + instant.elapsed;\n}}"
+        );
+    }
+    Ok(text)
+}
+
+fn custom_name(instance: &Instance) -> String {
+    format!("custom_{}", instance.index + 1)
+}
+
+fn custom_call(table: &TorqueTable, instance: &Instance) -> String {
+    let argument = |given: Given| match given {
+        Given::Column(column) => format!("torque_column({}u)", instance.first + column),
+        Given::Phase(phase) => {
+            let column = instance.first + instance.parameters + phase * (RATE_DIGITS + 1);
+            format!("phase({column}u, torque_body, epoch.instant)")
+        }
+        Given::Time => "seconds(epoch.instant)".to_owned(),
+        Given::Orientation(_) => "orientation".to_owned(),
+        Given::AngularVelocity(_) => "angular_velocity_principal".to_owned(),
+        // The whole formula forms these itself.
+        Given::Epoch(_) => "0.0".to_owned(),
+    };
+    let given = table.expressed(instance.index).arguments();
+    let arguments: Vec<String> = given.into_iter().map(|(_, given)| argument(given)).collect();
+    format!("{}({})", custom_name(instance), arguments.join(", "))
+}
+
 /// What a formula needs, found by recording it.
 struct Recorded {
     graph: Graph,
     outputs: Vec<crate::expression::Node>,
     /// Its arguments in order, without those that it does not read.
-    arguments: Vec<(Argument, Given)>,
+    arguments: Vec<(Argument, Source)>,
 }
 
-/// Where an argument comes from.
+/// Where an argument of a kind's function comes from.
 #[derive(Clone, Copy)]
-enum Given {
+enum Source {
     /// Columns from this one of the instance on.
     Column(usize, Column),
     /// The phase with this number.
@@ -95,14 +171,14 @@ fn recorded<F: Formula>() -> Result<Recorded, Fault> {
         }
     };
     for &column in F::COLUMNS {
-        offer(column.name, InputKind::Parameter, first, column.numbers, Given::Column(first, column));
+        offer(column.name, InputKind::Parameter, first, column.numbers, Source::Column(first, column));
         first += column.numbers;
     }
     for (index, name) in F::PHASES.iter().enumerate() {
-        offer(name, InputKind::Phase, index, 1, Given::Phase(index));
+        offer(name, InputKind::Phase, index, 1, Source::Phase(index));
     }
-    offer("orientation", InputKind::Orientation, 0, 4, Given::Orientation);
-    offer("angular_velocity_principal", InputKind::AngularVelocity, 0, 3, Given::AngularVelocity);
+    offer("orientation", InputKind::Orientation, 0, 4, Source::Orientation);
+    offer("angular_velocity_principal", InputKind::AngularVelocity, 0, 3, Source::AngularVelocity);
     Ok(Recorded { graph, outputs, arguments })
 }
 
@@ -147,10 +223,10 @@ impl FormulaTask for Call {
         for (place, (_, given)) in arguments.into_iter().enumerate() {
             let comma = if place == 0 { "" } else { ", " };
             let argument = match given {
-                Given::Column(0, Column { numbers: 3, .. }) if F::FOLLOWS_MOMENTS && varies => {
+                Source::Column(0, Column { numbers: 3, .. }) if F::FOLLOWS_MOMENTS && varies => {
                     format!("gradient_coefficients({first}u, epoch.change_done)")
                 }
-                Given::Column(column, Column { numbers, .. }) => {
+                Source::Column(column, Column { numbers, .. }) => {
                     let function = match numbers {
                         1 => "torque_column",
                         3 => "torque_vector",
@@ -158,12 +234,12 @@ impl FormulaTask for Call {
                     };
                     format!("{function}({}u)", first + column)
                 }
-                Given::Phase(index) => {
+                Source::Phase(index) => {
                     let column = first + F::PARAMETERS + index * (RATE_DIGITS + 1);
                     format!("phase({column}u, torque_body, epoch.instant)")
                 }
-                Given::Orientation => "orientation".to_owned(),
-                Given::AngularVelocity => "angular_velocity_principal".to_owned(),
+                Source::Orientation => "orientation".to_owned(),
+                Source::AngularVelocity => "angular_velocity_principal".to_owned(),
             };
             // Writing to a string cannot fail.
             let _ = write!(text, "{comma}{argument}");

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use glam::DQuat;
 
-use super::{Declaration, Kind, Model, Needs, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
+use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::batch::BodyFrame;
 use crate::quaternion::Quaternion;
 use crate::real::Real;
@@ -18,7 +18,6 @@ pub struct SineSpring;
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let stiffness = ParameterDeclaration::number("stiffness", "N m", "the stiffness k");
     Declaration::new("sine-spring", "τ = −k sin θ n", "B. Wie, P. M. Barba, J. Guid. Control Dyn. 8 (1985) 360")
-        .needs(Needs::ATTITUDE)
         .parameters([
             stiffness.valid(Validity::NotNegative).factor(),
             ParameterDeclaration::rotation("target", "the attitude at rest"),
@@ -69,7 +68,6 @@ pub fn sine_spring<R: Real>(stiffness: R, target: Quaternion<R>, orientation: Qu
 impl Formula for SineSpring {
     const STEM: &'static str = "sine_spring";
     const COLUMNS: &'static [Column] = &[Column::number("stiffness"), Column::quaternion("target")];
-    const NEEDS: Needs = Needs { attitude: true, ..Needs::NOTHING };
 
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {

@@ -7,7 +7,7 @@ use crate::quaternion::Quaternion;
 use glam::{DQuat, DVec3};
 use std::sync::LazyLock;
 
-use super::{Declaration, Frame, Kind, Model, Needs, Parameter, ParameterDeclaration, Preset, Torque, Value, Values};
+use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Preset, Torque, Value, Values};
 use crate::batch::BodyFrame;
 use crate::real::{Real, sin_cos};
 use crate::vector::Vector;
@@ -17,13 +17,11 @@ pub struct Sinusoidal;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let amplitude = |name, about| ParameterDeclaration::vector(name, "N m", Frame::Body, about).or(Preset::Number(0.0));
-    Declaration::new("sinusoidal", "τ = τ_sin sin Ωt + τ_cos cos Ωt in body axes", "by definition")
-        .needs(Needs::TIME)
-        .parameters([
-            amplitude("sine", "the amplitude τ_sin"),
-            amplitude("cosine", "the amplitude τ_cos"),
-            ParameterDeclaration::number("rate", "rad/s", "the angular frequency Ω").phase_rate(),
-        ])
+    Declaration::new("sinusoidal", "τ = τ_sin sin Ωt + τ_cos cos Ωt in body axes", "by definition").parameters([
+        amplitude("sine", "the amplitude τ_sin"),
+        amplitude("cosine", "the amplitude τ_cos"),
+        ParameterDeclaration::number("rate", "rad/s", "the angular frequency Ω").phase_rate(),
+    ])
 });
 const SINE: usize = 0;
 const COSINE: usize = 1;
@@ -81,7 +79,6 @@ impl Formula for Sinusoidal {
     const STEM: &'static str = "sinusoidal";
     const COLUMNS: &'static [Column] = &[Column::vector("sine"), Column::vector("cosine")];
     const PHASES: &'static [&'static str] = &["phase"];
-    const NEEDS: Needs = Needs { time: true, ..Needs::NOTHING };
     const EPOCH_COLUMNS: Range<usize> = 0..6;
 
     #[inline(always)]

@@ -4,17 +4,19 @@ mod columns;
 mod noise;
 mod turning;
 
-pub(crate) use columns::{Columns, Source, StepTime};
+pub(crate) use columns::{Columns, Source, StepTime, ticks_from};
 use turning::ChangeDone;
 
 use std::cell::Cell;
 
+use super::expressed::{Given, Instructions};
 use super::formula::{Following, Formula, FormulaTask, MOST_PHASES, Role, Row};
 use super::linear_rotor::across_axis;
 use super::table::Instance;
 use super::{Environment, Kind, Motion, VelocityDependence};
 use crate::batch::RATE_COLUMN;
 use crate::clock::phase_after;
+use crate::expression::Scratch;
 use crate::method::rk8_adaptive::Timed;
 use crate::quaternion::Quaternion;
 use crate::real::{Outlined, Real};
@@ -109,19 +111,38 @@ impl<'a, R: Real> Torques<'a, R> {
         Self { columns }
     }
 
-    /// The first columns of all instances of a kind.
+    /// The first column of the only instance of a kind of which several merge.
     #[inline(always)]
-    fn firsts(&self, kind: Kind) -> impl Iterator<Item = (usize, usize)> + use<R> {
-        let instances = self.columns.source.table.instances(kind);
-        (0..instances.count).map(move |index| (index, instances.first + index * kind.columns()))
+    fn merged(&self, kind: Kind) -> Option<usize> {
+        self.columns.source.table.instance(kind).map(|instance| instance.first)
     }
 
     #[inline(always)]
-    fn phase(&self, kind: Kind, instance: usize, phase_index: usize, time: &Time<'a, R>) -> R {
+    fn phase(&self, instance: &Instance, phase: usize, time: &Time<'a, R>) -> R {
+        let start = time.start_phases[instance.first_phase + phase].get();
+        phase_after(start, self.columns.column(instance.rate_column(phase)), time.elapsed)
+    }
+
+    /// The torque of an instance that is an expression.
+    #[inline(always)]
+    fn expressed(&self, instance: &Instance, time: &Time<'a, R>, q: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
         let table = self.columns.source.table;
-        let start = time.start_phases[table.phase_number(kind, instance, phase_index)].get();
-        let turns_per_second = self.columns.column(table.rate_column(kind, instance, phase_index));
-        phase_after(start, turns_per_second, time.elapsed)
+        let Instructions { program, inputs } = &table.expressed(instance.index).whole;
+        let mut scratch = Scratch::<R>::new(program, 1);
+        for (index, given) in inputs.iter().enumerate() {
+            scratch.input(index)[0] = match *given {
+                Given::Column(column) => self.columns.column(instance.first + column),
+                Given::Phase(phase) => self.phase(instance, phase, time),
+                Given::Time => time.start_phases[table.phase_count()].get() + time.elapsed,
+                Given::Orientation(part) => [q.x, q.y, q.z, q.w][part],
+                Given::AngularVelocity(part) => [omega.x, omega.y, omega.z][part],
+                // The whole formula forms these itself.
+                Given::Epoch(_) => R::splat(0.0),
+            };
+        }
+        let mut torque = [R::splat(0.0); 3];
+        program.run(&mut scratch, &mut torque);
+        Vector::new(torque[0], torque[1], torque[2])
     }
 
     #[inline(always)]
@@ -154,16 +175,16 @@ impl<R: Real> FormulaTask for Added<'_, '_, R> {
     type Output = Vector<R>;
     #[inline(always)]
     fn run<F: Formula>(self) -> Vector<R> {
-        let Self { torques, instance: Instance { kind, index, first }, epoch, orientation: q, sum, .. } = self;
+        let Self { torques, instance, epoch, orientation: q, sum, .. } = self;
         let (omega, columns) = (self.angular_velocity_principal, &torques.columns);
-        let row = InstanceRow { columns, first };
+        let row = InstanceRow { columns, first: instance.first };
         match F::ROLE {
             // The last of all: it holds for the whole sum.
             Role::Projection => across_axis(row.number(0), sum),
             Role::Torque => {
                 let mut phases = [R::splat(0.0); MOST_PHASES];
                 for (number, phase) in phases.iter_mut().enumerate().take(F::PHASES.len()) {
-                    *phase = torques.phase(kind, index, number, &epoch.time);
+                    *phase = torques.phase(&instance, number, &epoch.time);
                 }
                 let at = F::epoch(&row, phases);
                 if F::FOLLOWS_MOMENTS && columns.source.table.varies_inertia() {
@@ -173,6 +194,7 @@ impl<R: Real> FormulaTask for Added<'_, '_, R> {
                 }
                 sum + F::torque(&row, &at, q, omega)
             }
+            Role::Expression => sum + torques.expressed(&instance, &epoch.time, q, omega),
             // White noise belongs to the epoch, dissipation and the moments to the motion.
             Role::Noise | Role::Slip | Role::Moments => sum,
         }
@@ -244,11 +266,10 @@ impl<'a, R: Real> Environment<R> for Torques<'a, R> {
 
     #[inline(always)]
     fn drag_coefficient(&self) -> R {
-        let mut sum = R::splat(0.0);
-        for (_, c) in self.firsts(Kind::LinearDrag) {
-            sum = sum + self.columns.column(c);
+        match self.merged(Kind::LinearDrag) {
+            Some(column) => self.columns.column(column),
+            None => R::splat(0.0),
         }
-        sum
     }
 
     #[inline(always)]

@@ -3,14 +3,20 @@
 //! A method goes through a step stage by stage, and a stage is one function for every set of torques: it takes the lane groups in turn
 //! and adds up the torques on each by [`TileTorques::sum`], so that kernels add up instead of multiplying.
 
+use std::ops::Range;
+
 use super::Motion;
+use super::PER_TICK;
+use super::expressed::{Expressed, Given};
 use super::formula::{Epoch, Following, Formula, FormulaTask, MOST_PHASES, Role, Row};
 use super::kind::Kind;
 use super::linear_rotor::across_axis;
-use super::sum::{Columns, Source, StepTime, Torques};
+use super::sum::{Columns, Source, StepTime, Torques, ticks_from};
+use super::table::Instance;
 use super::variable_inertia::ramp_progress;
 use crate::batch::RATE_COLUMN;
-use crate::clock::phase_after;
+use crate::clock::{MOST_LANES, phase_after, phases_at, seconds_at};
+use crate::expression::Scratch;
 use crate::quaternion::Quaternion;
 use crate::real::{Outlined, Real};
 use crate::rigid_body::{Body, Correction};
@@ -37,8 +43,10 @@ struct TileInstance {
 /// The torques on the bodies of a tile.
 pub(crate) struct TileTorques<'a, R: Real> {
     source: Source<'a, R::Scalar>,
-    first: usize,
-    groups: usize,
+    /// The first body of each lane group, where bodies stand side by side.
+    bases: Each<usize>,
+    /// The row of each lane's body.
+    rows: Each<[usize; MOST_LANES]>,
     instances: Vec<TileInstance>,
     parameters: Vec<Each<R>>,
     /// Turns/s, or ramps/s.
@@ -48,8 +56,14 @@ pub(crate) struct TileTorques<'a, R: Real> {
     /// One an instance.
     epochs: Vec<Each<Epoch<R>>>,
     noise: Each<Vector<R>>,
-    /// Seconds in the unit that later times are given in: for steps of a body's own a power of two.
+    /// The reference rates, and seconds in the unit that later times are given in: for steps of a body's own a power of two.
+    scale: Each<R>,
     seconds: Each<R>,
+    /// Since the start of the step, s.
+    elapsed: Each<R>,
+    /// Torques that are expressions, and the sum of them, component by component.
+    expressions: Vec<TileExpression<'a, R>>,
+    sums: [R; 3 * GROUPS],
     /// Where the moments change: by how much their differences do, and the index of the instance.
     change: Option<(Each<Vector<R>>, usize)>,
 }
@@ -60,22 +74,30 @@ impl<'a, R: Real> TileTorques<'a, R> {
         let zero = R::splat(0.0);
         let mut instances = Vec::new();
         let (mut parameters, mut phases) = (0, 0);
-        for instance in source.table.list() {
-            let kind = instance.kind;
+        let mut expressions = Vec::new();
+        for &Instance { kind, index, parameters: own, phases: own_phases, .. } in source.table.list() {
             instances.push(TileInstance { kind, first: parameters, first_phase: phases, is_shared: false });
-            parameters += kind.parameters();
-            phases += kind.phases();
+            if kind.role() == Role::Expression {
+                expressions.push(TileExpression::new(source.table.expressed(index), parameters, phases));
+            }
+            parameters += own;
+            phases += own_phases;
         }
+        let places = source.table.start_places();
         Self {
             source,
-            first: 0,
-            groups: 0,
+            bases: [0; GROUPS],
+            rows: [[0; MOST_LANES]; GROUPS],
             parameters: vec![[zero; GROUPS]; parameters],
             rates: vec![[zero; GROUPS]; phases],
-            starts: vec![[zero; GROUPS]; phases],
+            starts: vec![[zero; GROUPS]; places],
+            elapsed: [zero; GROUPS],
+            expressions,
+            sums: [zero; 3 * GROUPS],
             epochs: vec![[Epoch::none(); GROUPS]; instances.len()],
             instances,
             noise: [Vector::zero(); GROUPS],
+            scale: [R::splat(1.0); GROUPS],
             seconds: [R::splat(1.0); GROUPS],
             change: None,
         }
@@ -83,14 +105,27 @@ impl<'a, R: Real> TileTorques<'a, R> {
 
     #[inline(always)]
     fn columns(&self, group: usize) -> Columns<'_, R> {
-        self.source.group(self.first + group * R::LANES, &[])
+        self.source.group(self.bases[group % GROUPS], &[])
     }
 
     /// Takes the parameters of the bodies of `groups` lane groups from body `first` on.
     #[inline(always)]
     pub fn load(&mut self, first: usize, groups: usize) {
-        (self.first, self.groups) = (first, groups);
-        R::outlined(Load(self));
+        for group in 0..groups.min(GROUPS) {
+            self.bases[group] = first + group * R::LANES;
+            for (lane, row) in self.rows[group].iter_mut().enumerate() {
+                *row = first + group * R::LANES + lane;
+            }
+        }
+        R::outlined(Load { torques: self, groups: 0..groups.min(GROUPS) });
+    }
+
+    /// Takes the parameters of the bodies in these rows, lane by lane, for one lane group. Bodies that are not rigid must stand side by
+    /// side.
+    #[inline(always)]
+    pub fn load_rows(&mut self, group: usize, rows: &[usize; MOST_LANES]) {
+        (self.bases[group], self.rows[group]) = (rows[0], *rows);
+        R::outlined(Load { torques: self, groups: group..group + 1 });
     }
 
     /// Forms what holds from the start of a step on: phases, random torques.
@@ -106,6 +141,42 @@ impl<'a, R: Real> TileTorques<'a, R> {
     pub fn at(&mut self, elapsed: &Each<R>, active: &[usize]) {
         if !self.starts.is_empty() {
             R::outlined(At { torques: self, elapsed, active });
+        }
+    }
+
+    /// Whether torques are expressions.
+    #[inline(always)]
+    pub fn has_expressions(&self) -> bool {
+        !self.expressions.is_empty()
+    }
+
+    /// Whether all torques are expressions.
+    #[inline(always)]
+    pub fn has_expressions_only(&self) -> bool {
+        self.expressions.len() == self.instances.len()
+    }
+
+    /// What the last [`TileTorques::form_expressions`] found for a lane group.
+    #[inline(always)]
+    pub fn sum_of_expressions(&self, group: usize) -> Vector<R> {
+        let group = group % GROUPS;
+        Vector::new(self.sums[group], self.sums[GROUPS + group], self.sums[2 * GROUPS + group])
+    }
+
+    /// Sets the state of a lane group for [`TileTorques::form_expressions`].
+    #[inline(always)]
+    pub fn place(&mut self, group: usize, orientation: Quaternion<R>, angular_velocity_principal: Vector<R>) {
+        for expression in &mut self.expressions {
+            expression.place(group % GROUPS, orientation, angular_velocity_principal);
+        }
+    }
+
+    /// Forms the sum of all torques that are expressions, at the time of the last [`TileTorques::at`].
+    #[inline(always)]
+    pub fn form_expressions(&mut self) {
+        self.sums = [R::splat(0.0); 3 * GROUPS];
+        for expression in &mut self.expressions {
+            expression.add(&mut self.sums);
         }
     }
 
@@ -144,7 +215,11 @@ impl<'a, R: Real> TileTorques<'a, R> {
     /// It is inlined where it is called for all lane groups of a tile in turn, so that what it adds up stays in registers.
     #[inline(always)]
     pub fn sum(&self, group: usize, orientation: Quaternion<R>, angular_velocity_principal: Vector<R>) -> Vector<R> {
-        let mut sum = self.noise[group % GROUPS];
+        let group = group % GROUPS;
+        let mut sum = self.noise[group];
+        if self.has_expressions() {
+            sum = sum + self.sum_of_expressions(group);
+        }
         for (instance, epochs) in self.instances.iter().zip(&self.epochs) {
             let added = Added { torques: self, instance, epochs, group, orientation, angular_velocity_principal, sum };
             sum = instance.kind.with(added);
@@ -183,7 +258,8 @@ impl<R: Real> FormulaTask for Added<'_, '_, R> {
                 }
                 sum + F::torque(&row, &self.epochs[group], q, omega)
             }
-            Role::Noise | Role::Slip | Role::Moments => sum,
+            // Those that are expressions were formed before.
+            Role::Noise | Role::Slip | Role::Moments | Role::Expression => sum,
         }
     }
 }
@@ -207,6 +283,112 @@ impl<R: Real> Outlined for Turn<'_, '_, R> {
     }
 }
 
+/// A torque that is an expression, on a tile.
+struct TileExpression<'a, R: Real> {
+    expressed: &'a Expressed,
+    /// The first row of its parameters, and the number of its first phase.
+    first: usize,
+    first_phase: usize,
+    epoch: Scratch<R>,
+    torque: Scratch<R>,
+    /// Results of the part that follows from the time.
+    epochs: Vec<R>,
+    /// The inputs that are parts of the state.
+    orientation: [Option<usize>; 4],
+    angular_velocity: [Option<usize>; 3],
+}
+
+impl<'a, R: Real> TileExpression<'a, R> {
+    #[inline(always)]
+    fn new(expressed: &'a Expressed, first: usize, first_phase: usize) -> Self {
+        let input = |given: Given| expressed.torque.inputs.iter().position(|found| *found == given);
+        Self {
+            expressed,
+            first,
+            first_phase,
+            orientation: [0, 1, 2, 3].map(|part| input(Given::Orientation(part))),
+            angular_velocity: [0, 1, 2].map(|part| input(Given::AngularVelocity(part))),
+            epoch: Scratch::new(&expressed.epoch.program, GROUPS),
+            torque: Scratch::new(&expressed.torque.program, GROUPS),
+            epochs: vec![R::splat(0.0); expressed.epoch.program.output_count() * GROUPS],
+        }
+    }
+
+    /// Takes the parameters.
+    #[inline(always)]
+    fn load(&mut self, parameters: &[Each<R>]) {
+        let Expressed { epoch, torque, .. } = self.expressed;
+        for (instructions, scratch) in [(epoch, &mut self.epoch), (torque, &mut self.torque)] {
+            for (index, given) in instructions.inputs.iter().enumerate() {
+                if let Given::Column(column) = *given {
+                    scratch.input(index).copy_from_slice(&parameters[self.first + column]);
+                }
+            }
+        }
+    }
+
+    /// Forms what follows from the time; behind the phases' starts stands that of the time itself, where it is read.
+    #[inline(always)]
+    fn form_epoch(&mut self, starts: &[Each<R>], rates: &[Each<R>], elapsed: &Each<R>) {
+        let Expressed { epoch, torque, .. } = self.expressed;
+        for (instructions, scratch) in [(epoch, &mut self.epoch), (torque, &mut self.torque)] {
+            for (index, given) in instructions.inputs.iter().enumerate() {
+                match *given {
+                    Given::Phase(phase) => {
+                        let (start, rate) = (&starts[self.first_phase + phase], &rates[self.first_phase + phase]);
+                        for (group, number) in scratch.input(index).iter_mut().enumerate() {
+                            *number = phase_after(start[group], rate[group], elapsed[group]);
+                        }
+                    }
+                    Given::Time => {
+                        let start = &starts[rates.len()];
+                        for (group, number) in scratch.input(index).iter_mut().enumerate() {
+                            *number = start[group] + elapsed[group];
+                        }
+                    }
+                    _ => {}
+                }
+            }
+        }
+        if self.epochs.is_empty() {
+            return;
+        }
+        epoch.program.run(&mut self.epoch, &mut self.epochs);
+        for (index, given) in torque.inputs.iter().enumerate() {
+            if let Given::Epoch(number) = *given {
+                self.torque.input(index).copy_from_slice(&self.epochs[number * GROUPS..][..GROUPS]);
+            }
+        }
+    }
+
+    /// Takes the state of a lane group. The parts are written out: an index that is not a constant would take them through memory.
+    #[inline(always)]
+    fn place(&mut self, group: usize, q: Quaternion<R>, omega: Vector<R>) {
+        let [x, y, z, w] = self.orientation;
+        self.set(x, group, q.x);
+        self.set(y, group, q.y);
+        self.set(z, group, q.z);
+        self.set(w, group, q.w);
+        let [x, y, z] = self.angular_velocity;
+        self.set(x, group, omega.x);
+        self.set(y, group, omega.y);
+        self.set(z, group, omega.z);
+    }
+
+    #[inline(always)]
+    fn set(&mut self, input: Option<usize>, group: usize, number: R) {
+        if let Some(index) = input {
+            self.torque.input(index)[group] = number;
+        }
+    }
+
+    /// Adds the torque to a sum, component by component.
+    #[inline(always)]
+    fn add(&mut self, sums: &mut [R]) {
+        self.expressed.torque.program.accumulate(&mut self.torque, sums);
+    }
+}
+
 /// The parameters of one instance for one lane group.
 struct TileRow<'s, R> {
     rows: &'s [Each<R>],
@@ -220,46 +402,68 @@ impl<R: Real> Row<R> for TileRow<'_, R> {
     }
 }
 
-/// [`TileTorques::load`] as a function of its own.
-struct Load<'s, 'a, R: Real>(&'s mut TileTorques<'a, R>);
+/// A column's numbers in some rows.
+#[inline(always)]
+pub(crate) fn gathered<R: Real>(column: &[R::Scalar], rows: &[usize; MOST_LANES]) -> R {
+    let mut numbers = [R::Scalar::default(); MOST_LANES];
+    for lane in 0..R::LANES {
+        numbers[lane] = column[rows[lane]];
+    }
+    R::load(&numbers)
+}
+
+/// [`TileTorques::load`] and [`TileTorques::load_rows`] as a function of its own.
+struct Load<'s, 'a, R: Real> {
+    torques: &'s mut TileTorques<'a, R>,
+    groups: Range<usize>,
+}
 
 impl<R: Real> Outlined for Load<'_, '_, R> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let torques = self.0;
-        let table = torques.source.table;
+        let Self { torques, groups } = self;
+        let source = torques.source;
+        let (table, stride) = (source.table, source.stride);
+        let zero = R::splat(0.0);
+        for group in groups.clone() {
+            torques.scale[group] = gathered(&source.parameters[RATE_COLUMN * stride..], &torques.rows[group]);
+        }
         for index in 0..torques.instances.len() {
             let TileInstance { kind, first, first_phase, .. } = torques.instances[index];
             let instance = table.list()[index];
-            let mut is_shared = torques.source.dt > 0.0;
-            for column in 0..kind.parameters() {
-                let mut row = [R::splat(0.0); GROUPS];
-                for (group, number) in row.iter_mut().enumerate().take(torques.groups) {
-                    *number = torques.columns(group).column(instance.first + column);
+            let mut is_shared = source.dt > 0.0;
+            for column in 0..instance.parameters {
+                let numbers = &source.parameters[(instance.first + column) * stride..];
+                let row = &mut torques.parameters[first + column];
+                for group in groups.clone() {
+                    row[group] = gathered(numbers, &torques.rows[group]);
                 }
-                torques.parameters[first + column] = row;
-                is_shared = is_shared && (!kind.epoch_columns().contains(&column) || are_equal(&row[..torques.groups]));
+                is_shared =
+                    is_shared && (!kind.epoch_columns().contains(&column) || are_equal(&row[..groups.end.max(1)]));
             }
-            for phase in 0..kind.phases() {
-                let column = table.rate_column(kind, instance.index, phase);
-                let mut row = [R::splat(0.0); GROUPS];
-                for (group, number) in row.iter_mut().enumerate().take(torques.groups) {
-                    *number = torques.columns(group).column(column);
+            for phase in 0..instance.phases {
+                let numbers = &source.parameters[instance.rate_column(phase) * stride..];
+                for group in groups.clone() {
+                    torques.rates[first_phase + phase][group] = gathered(numbers, &torques.rows[group]);
                 }
-                torques.rates[first_phase + phase] = row;
                 is_shared = is_shared && table.rate_is_shared(first_phase + phase);
             }
             torques.instances[index].is_shared = is_shared;
         }
+        for expression in &mut torques.expressions {
+            expression.load(&torques.parameters);
+        }
         let moments = torques.instances.iter().position(|instance| instance.kind.role() == Role::Moments);
-        torques.change = moments.map(|index| {
-            let mut gained = [Vector::zero(); GROUPS];
-            for (group, gained) in gained.iter_mut().enumerate().take(torques.groups) {
-                *gained = torques.columns(group).vector(table.list()[index].first + 9);
+        if let Some(index) = moments {
+            let first = torques.instances[index].first + 9;
+            let mut gained = torques.change.map_or([Vector::new(zero, zero, zero); GROUPS], |(gained, _)| gained);
+            for group in groups {
+                let [x, y, z, ..] = &torques.parameters[first..] else { continue };
+                gained[group] = Vector::new(x[group], y[group], z[group]);
             }
-            (gained, index)
-        });
+            torques.change = Some((gained, index));
+        }
     }
 }
 
@@ -296,21 +500,30 @@ impl<R: Real> Outlined for Start<'_, '_, R> {
         for &group in active {
             let group = group % GROUPS;
             let source = torques.source;
-            let columns: Columns<'_, R> = source.group(torques.first + group * R::LANES, &[]);
+            let columns: Columns<'_, R> = source.group(torques.bases[group], &[]);
             let ticks = match start {
                 TileTime::Equal(step) => {
                     torques.noise[group] = columns.noise(step);
                     columns.ticks(StepTime::Equal(step))
                 }
                 TileTime::Own(times) => {
-                    let (seconds, time) = (R::splat(1.0) / columns.column(RATE_COLUMN), times[group]);
+                    let (seconds, time) = (R::splat(1.0) / torques.scale[group], times[group]);
                     torques.seconds[group] = seconds;
                     let time = TwoWords { value: time.value * seconds, residue: time.residue * seconds };
                     columns.ticks(StepTime::Own(&time))
                 }
             };
+            let (table, rows) = (source.table, &torques.rows[group][..R::LANES]);
+            let mut room = [0; MOST_LANES];
             for (number, phase) in torques.starts.iter_mut().enumerate() {
-                phase[group] = columns.start_phase(number, &ticks);
+                phase[group] = if number == table.phase_count() {
+                    seconds_at(&ticks, source.clock.ticks_per_second())
+                } else if let (true, Some((_, index))) = (table.ramp_of(number).is_some(), torques.change) {
+                    let per_tick = torques.parameters[torques.instances[index].first + PER_TICK][group];
+                    ticks_from::<R>(table.fractions(number, rows, &mut room), &ticks) * per_tick
+                } else {
+                    phases_at(table.fractions(number, rows, &mut room), &ticks)
+                };
             }
         }
     }
@@ -328,13 +541,20 @@ impl<R: Real> Outlined for At<'_, '_, R> {
     #[inline(always)]
     fn run(self) {
         let Self { torques, elapsed, active } = self;
+        for &group in active {
+            let group = group % GROUPS;
+            torques.elapsed[group] = elapsed[group] * torques.seconds[group];
+        }
+        for expression in &mut torques.expressions {
+            expression.form_epoch(&torques.starts, &torques.rates, &torques.elapsed);
+        }
+        let elapsed = &torques.elapsed;
         for (index, instance) in torques.instances.iter().enumerate() {
             instance.kind.with(EpochOf {
                 instance,
                 parameters: &torques.parameters,
                 starts: &torques.starts,
                 rates: &torques.rates,
-                seconds: &torques.seconds,
                 epochs: &mut torques.epochs[index],
                 elapsed,
                 active,
@@ -349,7 +569,6 @@ struct EpochOf<'s, R> {
     parameters: &'s [Each<R>],
     starts: &'s [Each<R>],
     rates: &'s [Each<R>],
-    seconds: &'s Each<R>,
     epochs: &'s mut Each<Epoch<R>>,
     elapsed: &'s Each<R>,
     active: &'s [usize],
@@ -372,7 +591,7 @@ impl<R: Real> FormulaTask for EpochOf<'_, R> {
                 self.epochs[group] = self.epochs[active[0] % GROUPS];
                 continue;
             }
-            let elapsed = self.elapsed[group] * self.seconds[group];
+            let elapsed = self.elapsed[group];
             let mut phases = [R::splat(0.0); MOST_PHASES];
             for phase in 0..F::PHASES.len() {
                 let (start, rate) = (starts[phase][group], rates[phase][group]);

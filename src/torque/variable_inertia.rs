@@ -40,7 +40,7 @@ use glam::{DQuat, DVec3};
 pub use super::inertia_change::{InertiaChange, Law};
 use super::model::InertiaModel;
 use super::{
-    Declaration, Kind, Model, Motion, Needs, ParameterDeclaration, Torque, ValidationContext, Validity, Value, Values,
+    Declaration, Kind, Model, Motion, ParameterDeclaration, Torque, ValidationContext, Validity, Value, Values,
 };
 use crate::batch::BodyFrame;
 use crate::ensemble::Ensemble;
@@ -79,7 +79,6 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let factor = number("factor", "1", "the factor by which the body's own tensor changes");
     let source = "P. C. Hughes, Spacecraft Attitude Dynamics, 1986, section 3.3";
     Declaration::new("variable-inertia", "ω = I(t)⁻¹ m, I(t) = I₀ + (I₁ − I₀) s(t)", source)
-        .needs(Needs::TIME)
         .not_rigid()
         .only_one("the moments of a body change by one law: one such entry is needed, whose parameters may be columns")
         .parameters([
@@ -426,7 +425,6 @@ impl Formula for InertiaRamp {
     const PHASES: &'static [&'static str] = &["phase"];
     const IS_PROGRESS: bool = true;
     const ROLE: Role = Role::Moments;
-    const NEEDS: Needs = Needs { time: true, ..Needs::NOTHING };
 
     #[inline(always)]
     fn epoch<R: Real>(_: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {
@@ -453,7 +451,6 @@ impl Formula for InertiaOscillation {
     ];
     const PHASES: &'static [&'static str] = &["phase"];
     const ROLE: Role = Role::Moments;
-    const NEEDS: Needs = Needs { time: true, ..Needs::NOTHING };
 
     #[inline(always)]
     fn epoch<R: Real>(_: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {

@@ -10,9 +10,7 @@ use std::sync::LazyLock;
 
 use glam::DQuat;
 
-use super::{
-    Declaration, Kind, Model, Needs, Parameter, ParameterDeclaration, Preset, Torque, Validity, Value, Values,
-};
+use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Preset, Torque, Validity, Value, Values};
 use crate::batch::BodyFrame;
 use crate::real::{Real, Scalar, sin_cos};
 use crate::vector::Vector;
@@ -33,7 +31,7 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let source = "J. R. McConnell, Rotational Brownian Motion and Dielectric Theory, 1980, chapter 2";
     let intensity = ParameterDeclaration::number("intensity", "N m √s", "the intensity σ");
     let draws = ParameterDeclaration::whole("draws_per_step", "the draws that a step's torque is made of");
-    Declaration::new("white-noise", "dm = σ dW", source).needs(Needs::TIME).random().parameters([
+    Declaration::new("white-noise", "dm = σ dW", source).random().parameters([
         intensity.valid(Validity::NotNegative).factor(),
         ParameterDeclaration::whole("seed", "the number that selects the path").or(Preset::Seed),
         draws.valid(Validity::Range(1.0, u16::MAX.into())).or(Preset::Whole(1)),
@@ -175,7 +173,6 @@ impl Formula for WhiteNoise {
         Column::quaternion("seed_key"),
     ];
     const ROLE: Role = Role::Noise;
-    const NEEDS: Needs = Needs { time: true, ..Needs::NOTHING };
 
     #[inline(always)]
     fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {

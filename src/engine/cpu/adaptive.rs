@@ -2,17 +2,19 @@
 
 use std::marker::PhantomData;
 use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
 use super::observe::Reducer;
 use super::surroundings::{AllTorques, CommonTorques, Nothing, Surroundings};
 use super::tile::attempts_in_tiles;
-use super::{Width, block_of};
+use super::{TASKS, Width};
 use crate::batch::{Batch, StateWords, column_parts, load_body, load_state, store_state};
-use crate::clock::Clock;
+use crate::clock::{Clock, MOST_LANES};
 use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps, StepCounts, two_words_of};
 use crate::engine::watch::{Job, Watch, watched};
+use crate::engine::work::imbalance;
 use crate::engine::{Observer, check_time};
 use crate::error::{Error, Result};
 use crate::lanes::{LaneScalar, LaneTask};
@@ -24,7 +26,7 @@ use crate::vector::TwoWords;
 
 /// Columns of a [`Controller`]: step, left (two words), retried, accepted, rejected.
 const CONTROLLER_COLUMNS: usize = 6;
-const LEFT: Range<usize> = 1..3;
+pub(super) const LEFT: Range<usize> = 1..3;
 const ACCEPTED: usize = 4;
 const REJECTED: usize = 5;
 
@@ -42,6 +44,8 @@ pub(super) struct CpuAdaptiveSession<T> {
     pub(super) width: Width,
     /// The time that the state stands at.
     clock: Clock,
+    /// Attempts of all lanes, those that held no body included, where they were counted.
+    slots: AtomicU64,
 }
 
 impl<T: LaneScalar> CpuAdaptiveSession<T> {
@@ -51,6 +55,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
             controllers: vec![T::default(); CONTROLLER_COLUMNS * batch.stride],
             counts: vec![StepCounts::default(); batch.body_count],
             clock: batch.torques.clock(),
+            slots: AtomicU64::new(0),
             batch,
             steps,
             width,
@@ -78,21 +83,19 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
 
     /// In lanes or singly, as the session was opened.
     fn advance_in<S: Surroundings>(&mut self, end: Clock) -> Job<'_> {
-        let kernel = match self.width {
-            Width::Lanes => in_lanes::<T, S>,
-            Width::Scalar => one_by_one::<T, S>,
-        };
+        let kernel = if self.width.has_lanes::<T>() { in_lanes::<T, S> } else { one_by_one::<T, S> };
         self.advance_blocks(end, kernel)
     }
 
     fn advance_blocks(&mut self, end: Clock, kernel: fn(Block<'_, '_, T>) -> bool) -> Job<'_> {
         let steps = self.steps;
-        let Self { batch, clock, controllers, counts, .. } = self;
+        let Self { batch, clock, controllers, counts, slots, .. } = self;
+        let slots = &*slots;
         let start = *clock;
         let (value, residue) = start.seconds_until(&end);
         let span = two_words_of::<T>(value, residue);
         let Batch { body_count, stride, parameters, state, torques } = batch;
-        let (stride, block) = (*stride, block_of(*body_count));
+        let (stride, block) = (*stride, adaptive_block_of(*body_count));
         let source = Source { table: torques, parameters, stride, clock: start, dt: 0.0 };
         let states = column_parts(state, stride, 0..stride, block);
         let controllers = column_parts(controllers, stride, 0..stride, block);
@@ -111,6 +114,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
                         span,
                         steps,
                         starts,
+                        slots,
                         bodies: counts.len(),
                     });
                     starts = false;
@@ -145,12 +149,28 @@ impl<T: LaneScalar + Kernel> AdaptiveSession for CpuAdaptiveSession<T> {
         Ok(self.counts.clone())
     }
 
+    fn imbalance(&mut self) -> Result<f64> {
+        let attempts: u64 = self.counts.iter().map(StepCounts::attempts).sum();
+        let slots = self.slots.load(Ordering::Relaxed);
+        if slots > 0 && attempts > 0 {
+            return Ok(slots as f64 / attempts as f64);
+        }
+        let attempts: Vec<u64> = self.counts.iter().map(StepCounts::attempts).collect();
+        Ok(imbalance(&attempts, self.side_by_side()))
+    }
+
     fn side_by_side(&self) -> usize {
         match self.width {
             Width::Lanes => T::lane_count(),
             Width::Scalar => 1,
         }
     }
+}
+
+/// Bodies that one task advances, of so many in all: more than fill its lanes, so that those that arrive make room for others.
+fn adaptive_block_of(bodies: usize) -> usize {
+    const MOST: usize = 512;
+    bodies.div_ceil(TASKS * rayon::current_num_threads()).next_multiple_of(MOST_LANES).clamp(MOST_LANES, MOST)
 }
 
 /// Moves the counts of a block's controllers to whole numbers, which do not run out of digits.
@@ -175,6 +195,8 @@ pub(super) struct Block<'a, 'b, T> {
     pub steps: AdaptiveSteps,
     /// Whether the interval starts here.
     pub starts: bool,
+    /// Where attempts of lanes are counted.
+    pub slots: &'a AtomicU64,
     /// Bodies in the block; lane groups without any are left alone.
     pub bodies: usize,
 }
@@ -192,6 +214,7 @@ struct Advance<'a, 'b, T, S>(Block<'a, 'b, T>, PhantomData<S>);
 
 impl<T: Scalar, S: Surroundings> LaneTask<T> for Advance<'_, '_, T, S> {
     type Output = bool;
+    const IN_LANES_ONLY: bool = true;
 
     #[inline(always)]
     fn run<R: Real<Scalar = T>>(self) -> bool {

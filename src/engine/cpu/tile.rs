@@ -4,14 +4,16 @@
 //! What a step makes of its slopes is the text of the method's own file.
 
 use std::marker::PhantomData;
+use std::sync::atomic::Ordering;
 
 use super::Block;
-use super::adaptive::{Block as AdaptiveBlock, load_controller, store_controller};
-use crate::batch::{load_body, load_state, store_state};
+use super::adaptive::{Block as AdaptiveBlock, LEFT, load_controller, store_controller};
+use crate::batch::{RATE_COLUMN, load_body, load_state, status_column, store_state};
+use crate::clock::MOST_LANES;
 use crate::lanes::{LaneScalar, LaneTask};
 use crate::method::cf4::{self, Turn};
 use crate::method::rk8::{STAGES, Slopes, TIMES};
-use crate::method::rk8_adaptive::{LEAST_STEP, Limits, Trial};
+use crate::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, Trial};
 use crate::method::slope::Slope;
 use crate::method::{rk4, rk8};
 use crate::quaternion::Quaternion;
@@ -19,7 +21,7 @@ use crate::real::{Outlined, Real, Scalar};
 use crate::rigid_body::{Body, Correction, State, orientation_rate};
 use crate::torque::formula::{Formula, FormulaTask, Role};
 use crate::torque::sum::Source;
-use crate::torque::tile::{Each, GROUPS, TileTime, TileTorques};
+use crate::torque::tile::{Each, GROUPS, TileTime, TileTorques, gathered};
 use crate::vector::{TwoWords, Vector};
 
 /// A method with equal steps, on tiles.
@@ -75,7 +77,7 @@ impl<'a, R: Real> Tile<'a, R> {
         }
     }
 
-    /// Takes the bodies of `groups` lane groups from body `first` on; `interval` is a step or a span, s.
+    /// Takes the bodies of `groups` lane groups from body `first` on, for steps of `interval`, s.
     #[inline(always)]
     fn load(
         &mut self,
@@ -84,8 +86,7 @@ impl<'a, R: Real> Tile<'a, R> {
         groups: usize,
         interval: TwoWords<R::Scalar>,
         state: impl Fn(usize, usize) -> R,
-    ) -> Each<R> {
-        let mut rates = [R::splat(0.0); GROUPS];
+    ) {
         for group in 0..groups.min(GROUPS) {
             let columns = source.group::<R>(first + group * R::LANES, &[]);
             let (body, rate) = load_body(|column| columns.column(column));
@@ -95,12 +96,10 @@ impl<'a, R: Real> Tile<'a, R> {
                 residue: R::splat(interval.residue.to_f64()) * rate,
             };
             self.state[group] = load_state(|column| state(column, group));
-            rates[group] = rate;
         }
         self.groups = [0, 1, 2, 3];
         self.active = groups.min(GROUPS);
         self.torques.load(first, self.active);
-        rates
     }
 
     /// The lane groups that are advanced, by number.
@@ -131,18 +130,46 @@ impl<'a, R: Real> Tile<'a, R> {
     /// Forms the slopes of a stage of a Runge-Kutta method on (q, m); the first stage is 0.
     #[inline(always)]
     fn stage<P: Stages>(&mut self, stage: usize) {
-        R::outlined(Place::<R, P> { tile: self, stage, method: PhantomData });
-        let is_difference = P::DIFFERENCES && stage > 0;
+        let method = PhantomData::<P>;
         match self.torques.only() {
-            Some(kind) => kind.with(SlopesUnderOne { tile: self, stage, is_difference }),
-            None => R::outlined(FormSlopes { tile: self, stage, is_difference }),
+            Some(kind) => {
+                R::outlined(Place { tile: self, stage, method });
+                kind.with(SlopesUnderOne { tile: self, stage, is_difference: P::DIFFERENCES && stage > 0 });
+            }
+            None if self.torques.has_expressions_only() => {
+                R::outlined(FormRigidSlopes { tile: self, stage, method });
+                R::outlined(AddExpressions { tile: self, stage, method });
+            }
+            None if self.torques.has_expressions() => {
+                R::outlined(Place { tile: self, stage, method });
+                self.form_expressions();
+                R::outlined(FormSlopes { tile: self, stage, is_placed: true, method });
+            }
+            None => R::outlined(FormSlopes { tile: self, stage, is_placed: false, method }),
         }
     }
 
-    /// Stores the slope of a lane group at the place where it stands.
+    /// The torques that are expressions, where the bodies are placed.
     #[inline(always)]
-    fn store_slope(&mut self, group: usize, stage: usize, is_difference: bool, omega: Vector<R>, m_rate: Vector<R>) {
-        let slope = Slope { q: orientation_rate(self.q[group], omega), m: m_rate };
+    fn form_expressions(&mut self) {
+        R::outlined(FormExpressions { tile: self });
+    }
+
+    /// Where a lane group stands at a stage.
+    #[inline(always)]
+    fn placed<P: Stages>(&self, group: usize, stage: usize) -> (Quaternion<R>, Vector<R>) {
+        let (q, m) = (self.state[group].orientation.value, self.state[group].angular_momentum_principal.value);
+        if stage == 0 {
+            return (q, m);
+        }
+        let slopes = TileSlopes { slopes: &self.slopes, group };
+        let (slope, h) = P::change(&slopes, stage, self.h[group].value);
+        (slope.q.axpy(h, q), slope.m.axpy(h, m))
+    }
+
+    /// Stores the slope of a lane group.
+    #[inline(always)]
+    fn store_slope(&mut self, group: usize, stage: usize, is_difference: bool, slope: Slope<R>) {
         self.slopes[stage][group] = if is_difference {
             let first = &self.slopes[0][group];
             Slope { q: slope.q - first.q, m: slope.m - first.m }
@@ -189,34 +216,94 @@ impl<R: Real, P: Stages> Outlined for Place<'_, '_, R, P> {
     fn run(self) {
         let Self { tile, stage, .. } = self;
         for group in tile.active() {
-            let (q, m) = (tile.state[group].orientation.value, tile.state[group].angular_momentum_principal.value);
-            (tile.q[group], tile.m[group]) = if stage == 0 {
-                (q, m)
-            } else {
-                let slopes = TileSlopes { slopes: &tile.slopes, group };
-                let (slope, h) = P::change(&slopes, stage, tile.h[group].value);
-                (slope.q.axpy(h, q), slope.m.axpy(h, m))
-            };
+            (tile.q[group], tile.m[group]) = tile.placed::<P>(group, stage);
         }
     }
 }
 
 /// The slopes there, whatever acts.
-struct FormSlopes<'s, 'a, R: Real> {
+struct FormSlopes<'s, 'a, R: Real, P> {
     tile: &'s mut Tile<'a, R>,
     stage: usize,
-    is_difference: bool,
+    is_placed: bool,
+    method: PhantomData<P>,
 }
 
-impl<R: Real> Outlined for FormSlopes<'_, '_, R> {
+impl<R: Real, P: Stages> Outlined for FormSlopes<'_, '_, R, P> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let Self { tile, stage, is_difference } = self;
+        let Self { tile, stage, is_placed, .. } = self;
         for group in tile.active() {
-            let (omega, m_rate) = tile.rates(group, tile.q[group], tile.m[group]);
-            tile.store_slope(group, stage, is_difference, omega, m_rate);
+            let (q, m) = if is_placed { (tile.q[group], tile.m[group]) } else { tile.placed::<P>(group, stage) };
+            let (omega, m_rate) = tile.rates(group, q, m);
+            let slope = Slope { q: orientation_rate(q, omega), m: m_rate };
+            tile.store_slope(group, stage, P::DIFFERENCES && stage > 0, slope);
         }
+    }
+}
+
+/// The slopes there without torques, for which everything is made ready.
+struct FormRigidSlopes<'s, 'a, R: Real, P> {
+    tile: &'s mut Tile<'a, R>,
+    stage: usize,
+    method: PhantomData<P>,
+}
+
+impl<R: Real, P: Stages> Outlined for FormRigidSlopes<'_, '_, R, P> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { tile, stage, .. } = self;
+        for group in tile.active() {
+            let (q, m) = tile.placed::<P>(group, stage);
+            let body = &tile.body[group];
+            let none = Correction::none();
+            let correction = if R::Scalar::WORDS == 1 { &none } else { &tile.correction[group] };
+            let omega = body.angular_velocity(m, correction);
+            let gyroscopic_term = body.gyroscopic_term(m, correction);
+            tile.slopes[stage][group] = Slope { q: orientation_rate(q, omega), m: gyroscopic_term };
+            tile.torques.place(group, q, omega);
+        }
+        tile.torques.form_expressions();
+    }
+}
+
+/// Adds the torques to the slopes.
+struct AddExpressions<'s, 'a, R: Real, P> {
+    tile: &'s mut Tile<'a, R>,
+    stage: usize,
+    method: PhantomData<P>,
+}
+
+impl<R: Real, P: Stages> Outlined for AddExpressions<'_, '_, R, P> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { tile, stage, .. } = self;
+        for group in tile.active() {
+            let Slope { q, m } = tile.slopes[stage][group];
+            let slope = Slope { q, m: m + tile.torques.sum_of_expressions(group) };
+            tile.store_slope(group, stage, P::DIFFERENCES && stage > 0, slope);
+        }
+    }
+}
+
+/// [`Tile::form_expressions`] as a function of its own.
+struct FormExpressions<'s, 'a, R: Real> {
+    tile: &'s mut Tile<'a, R>,
+}
+
+impl<R: Real> Outlined for FormExpressions<'_, '_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { tile } = self;
+        for group in tile.active() {
+            let omega = tile.angular_velocity(group, tile.m[group]);
+            tile.torques.place(group, tile.q[group], omega);
+        }
+        tile.torques.form_expressions();
     }
 }
 
@@ -254,12 +341,21 @@ impl<R: Real, F: Formula> Outlined for FormSlopesUnder<'_, '_, R, F> {
             let omega = body.angular_velocity(m, correction);
             let gyroscopic_term = body.gyroscopic_term(m, correction);
             let m_rate = gyroscopic_term + tile.torques.only_torque::<F>(group, q, omega);
-            tile.store_slope(group, stage, is_difference, omega, m_rate);
+            let slope = Slope { q: orientation_rate(q, omega), m: m_rate };
+            tile.store_slope(group, stage, is_difference, slope);
         }
     }
 }
 
 impl<R: Real> Tile<'_, R> {
+    /// The rate at which the axes of a lane group turn.
+    #[inline(always)]
+    fn angular_velocity(&self, group: usize, m: Vector<R>) -> Vector<R> {
+        let (body, none) = (&self.body[group], Correction::none());
+        let correction = if R::Scalar::WORDS == 1 { &none } else { &self.correction[group] };
+        self.torques.motion(group, body, correction, m).angular_velocity
+    }
+
     /// ω and dm/dt of a lane group.
     #[inline(always)]
     fn rates(&self, group: usize, q: Quaternion<R>, m: Vector<R>) -> (Vector<R>, Vector<R>) {
@@ -345,7 +441,11 @@ impl TileStep for Cf4 {
             if stage != 2 {
                 tile.at(fraction);
             }
-            R::outlined(FormTurns { tile, stage, turns: &mut turns, second: &mut second });
+            R::outlined(PlaceTurned { tile, stage, turns: &turns, second: &mut second });
+            if tile.torques.has_expressions() {
+                tile.form_expressions();
+            }
+            R::outlined(FormTurns { tile, stage, turns: &mut turns });
         }
         for group in tile.active() {
             tile.state[group] = cf4::advanced(turns[group], tile.h[group], tile.state[group]);
@@ -353,16 +453,16 @@ impl TileStep for Cf4 {
     }
 }
 
-/// The rates of a stage of `cf4`.
-struct FormTurns<'s, 'a, R: Real> {
+/// Where the bodies of a tile stand at a stage of `cf4`.
+struct PlaceTurned<'s, 'a, R: Real> {
     tile: &'s mut Tile<'a, R>,
     stage: usize,
-    turns: &'s mut Each<[Turn<R>; 4]>,
+    turns: &'s Each<[Turn<R>; 4]>,
     /// The attitude at the second stage.
     second: &'s mut Each<Quaternion<R>>,
 }
 
-impl<R: Real> Outlined for FormTurns<'_, '_, R> {
+impl<R: Real> Outlined for PlaceTurned<'_, '_, R> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
@@ -380,7 +480,25 @@ impl<R: Real> Outlined for FormTurns<'_, '_, R> {
             if stage == 1 {
                 second[group] = q;
             }
-            let (omega, m) = tile.rates(group, q, m);
+            (tile.q[group], tile.m[group]) = (q, m);
+        }
+    }
+}
+
+/// The rates there.
+struct FormTurns<'s, 'a, R: Real> {
+    tile: &'s mut Tile<'a, R>,
+    stage: usize,
+    turns: &'s mut Each<[Turn<R>; 4]>,
+}
+
+impl<R: Real> Outlined for FormTurns<'_, '_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { tile, stage, turns } = self;
+        for group in tile.active() {
+            let (omega, m) = tile.rates(group, tile.q[group], tile.m[group]);
             turns[group][stage % 4] = Turn { omega, m };
         }
     }
@@ -424,81 +542,211 @@ pub(super) fn attempts_in_tiles<T: LaneScalar>(block: AdaptiveBlock<'_, '_, T>) 
 
 struct Attempts<'a, 'b, T>(AdaptiveBlock<'a, 'b, T>);
 
+/// The lane groups of a tile and the rows of a block that are in them. A lane whose body has arrived takes the next row that has not:
+/// otherwise lanes would wait for the slowest of those beside them.
+struct Seats<R: Real> {
+    /// Rows of the block.
+    rows: Each<[usize; MOST_LANES]>,
+    /// Lanes that hold a body.
+    taken: Each<[bool; MOST_LANES]>,
+    controllers: Each<Controller<R>>,
+    spans: Each<TwoWords<R>>,
+    limits: Each<Limits<R>>,
+    /// The first row that has not been looked at.
+    next: usize,
+}
+
+impl<T: Scalar> AdaptiveBlock<'_, '_, T> {
+    /// Whether there is something left to do in a row.
+    fn is_under_way(&self, row: usize) -> bool {
+        let left = self.controllers[LEFT.start][row].to_f64();
+        left > 0.0 && self.state[status_column::<T>()][row].to_f64() < 0.5
+    }
+
+    /// What is left of the interval at its start. Rows that are no bodies have the rate 0, so that nothing is.
+    fn start_all(&mut self) {
+        let rates = &self.source.parameters[RATE_COLUMN * self.source.stride + self.first..];
+        for row in 0..self.bodies {
+            self.controllers[LEFT.start][row] = self.span.value * rates[row];
+            self.controllers[LEFT.start + 1][row] = self.span.residue * rates[row];
+        }
+    }
+
+    /// Writes the bodies of a lane group back.
+    #[inline(always)]
+    fn store<R: Real<Scalar = T>>(&mut self, tile: &Tile<'_, R>, seats: &Seats<R>, group: usize) {
+        let (rows, taken) = (&seats.rows[group], &seats.taken[group]);
+        let state = &mut *self.state;
+        store_state(&tile.state[group], |column, number: R| scatter(number, rows, taken, state[column]));
+        let controllers = &mut *self.controllers;
+        store_controller(&seats.controllers[group], |column, number: R| {
+            scatter(number, rows, taken, controllers[column]);
+        });
+    }
+
+    /// Gives the lanes of a group whose bodies have arrived to bodies that have not.
+    #[inline(always)]
+    fn fill<R: Real<Scalar = T>>(&mut self, tile: &mut Tile<'_, R>, seats: &mut Seats<R>, group: usize) {
+        self.store(tile, seats, group);
+        // Bodies that are not rigid read their columns side by side.
+        let is_rigid = self.source.table.is_rigid();
+        for lane in 0..R::LANES {
+            let row = seats.rows[group][lane];
+            if seats.taken[group][lane] && self.is_under_way(row) {
+                continue;
+            }
+            while is_rigid && seats.next < self.bodies && !self.is_under_way(seats.next) {
+                seats.next += 1;
+            }
+            seats.taken[group][lane] = seats.next < self.bodies && self.is_under_way(seats.next);
+            if seats.next < self.bodies {
+                seats.rows[group][lane] = seats.next;
+                seats.next += 1;
+            }
+        }
+        self.load(tile, seats, group);
+    }
+
+    #[inline(always)]
+    fn load<R: Real<Scalar = T>>(&mut self, tile: &mut Tile<'_, R>, seats: &mut Seats<R>, group: usize) {
+        let (source, mut rows) = (self.source, seats.rows[group]);
+        tile.state[group] = load_state(|column| gathered(self.state[column], &rows));
+        let mut controller = load_controller(|column| gathered(self.controllers[column], &rows));
+        let taken = &seats.taken[group];
+        let mut numbers = [T::default(); MOST_LANES];
+        for lane in 0..R::LANES {
+            numbers[lane] = T::from_f64(if taken[lane] { 1.0 } else { 0.0 });
+        }
+        let taken = R::load(&numbers);
+        controller.left = TwoWords { value: controller.left.value * taken, residue: controller.left.residue * taken };
+        seats.controllers[group] = controller;
+        for row in &mut rows {
+            *row += self.first;
+        }
+        let (body, rate) = load_body(|column| gathered(&source.parameters[column * source.stride..], &rows));
+        tile.body[group] = body;
+        let span = |word: T| R::splat(word.to_f64()) * rate;
+        seats.spans[group] = TwoWords { value: span(self.span.value), residue: span(self.span.residue) };
+        seats.limits[group] = Limits {
+            tolerance: R::splat(self.steps.tolerance),
+            least_step: match self.steps.least_step {
+                Some(seconds) => R::splat(seconds) * rate,
+                None => R::splat(LEAST_STEP),
+            },
+        };
+        tile.torques.load_rows(group, &rows);
+    }
+}
+
+/// Writes the lanes that are taken to their rows.
+#[inline(always)]
+fn scatter<R: Real>(number: R, rows: &[usize; MOST_LANES], taken: &[bool; MOST_LANES], column: &mut [R::Scalar]) {
+    let mut numbers = [R::Scalar::default(); MOST_LANES];
+    number.store(&mut numbers);
+    for lane in 0..R::LANES {
+        if taken[lane] {
+            column[rows[lane]] = numbers[lane];
+        }
+    }
+}
+
+/// [`AdaptiveBlock::fill`] as a function of its own.
+struct Fill<'s, 'a, 'b, 'c, R: Real> {
+    block: &'s mut AdaptiveBlock<'a, 'b, R::Scalar>,
+    tile: &'s mut Tile<'c, R>,
+    seats: &'s mut Seats<R>,
+    group: usize,
+}
+
+impl<R: Real> Outlined for Fill<'_, '_, '_, '_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        self.block.fill(self.tile, self.seats, self.group);
+    }
+}
+
 impl<T: Scalar> LaneTask<T> for Attempts<'_, '_, T> {
     type Output = bool;
     const IN_LANES_ONLY: bool = true;
 
     #[inline(always)]
     fn run<R: Real<Scalar = T>>(self) -> bool {
-        let Self(block) = self;
+        let Self(mut block) = self;
         let mut tile = Tile::<R>::new(block.source);
-        let mut any_under_way = false;
-        for offset in (0..block.bodies).step_by(GROUPS * R::LANES) {
-            let groups = (block.bodies - offset).div_ceil(R::LANES).min(GROUPS);
-            // Rows that are no bodies have the rate 0, so that nothing is left to do in them.
-            let rates = tile.load(&block.source, block.first + offset, groups, block.span, |column, group| {
-                R::load(&block.state[column][offset + group * R::LANES..])
-            });
-            let spans = tile.h;
-            let mut controllers = [Default::default(); GROUPS];
+        if block.starts {
+            block.start_all();
+        }
+        let none = Limits { tolerance: R::splat(1.0), least_step: R::splat(1.0) };
+        let mut seats = Seats {
+            rows: [[0; MOST_LANES]; GROUPS],
+            taken: [[false; MOST_LANES]; GROUPS],
+            controllers: [Controller::new(); GROUPS],
+            spans: tile.h,
+            limits: [none; GROUPS],
+            next: 0,
+        };
+        let is_rigid = block.source.table.is_rigid();
+        let mut slots = 0;
+        for _ in 0..super::adaptive::SLICE {
+            tile.active = 0;
+            for group in 0..GROUPS {
+                let under_way =
+                    |seats: &Seats<R>, tile: &Tile<'_, R>| seats.controllers[group].under_way(&tile.state[group]);
+                // Bodies that are not rigid change seats all together.
+                let is_full = has_lanes::<R>(under_way(&seats, &tile), &seats.taken[group], !is_rigid);
+                if !is_full && seats.next < block.bodies {
+                    R::outlined(Fill { block: &mut block, tile: &mut tile, seats: &mut seats, group });
+                }
+                if R::any(under_way(&seats, &tile)) {
+                    tile.groups[tile.active % GROUPS] = group;
+                    tile.active += 1;
+                }
+            }
+            if tile.active == 0 {
+                break;
+            }
+            slots += tile.active * R::LANES;
+            let mut gone = seats.spans;
+            let mut trials = [None; GROUPS];
             for group in tile.active() {
-                let offset = offset + group * R::LANES;
-                let controller = load_controller(|column| R::load(&block.controllers[column][offset..]));
-                controllers[group] = if block.starts { controller.over(spans[group]) } else { controller };
+                let (body, state) = (&tile.body[group], &tile.state[group]);
+                let trial =
+                    Trial::new(body, seats.spans[group], &seats.limits[group], &seats.controllers[group], state);
+                (tile.h[group], gone[group]) = (trial.h, trial.gone);
+                trials[group] = Some(trial);
             }
-            let mut limits =
-                [Limits { tolerance: R::splat(block.steps.tolerance), least_step: R::splat(LEAST_STEP) }; GROUPS];
-            if let Some(seconds) = block.steps.least_step {
+            tile.start(TileTime::Own(&gone));
+            for (stage, &fraction) in TIMES.iter().enumerate() {
+                // Closures that the standard library calls are not compiled for the lanes.
+                let mut elapsed = [R::splat(0.0); GROUPS];
                 for group in tile.active() {
-                    limits[group].least_step = R::splat(seconds) * rates[group];
+                    elapsed[group] = tile.h[group].value * R::splat(fraction);
                 }
+                tile.torques.at(&elapsed, &tile.groups[..tile.active.min(GROUPS)]);
+                tile.stage::<Rk8>(stage);
             }
-            for _ in 0..super::adaptive::SLICE {
-                tile.active = 0;
-                for group in 0..groups {
-                    if R::any(controllers[group].under_way(&tile.state[group])) {
-                        tile.groups[tile.active % GROUPS] = group;
-                        tile.active += 1;
-                    }
+            for group in tile.active() {
+                let slopes = TileSlopes { slopes: &tile.slopes, group };
+                if let Some(trial) = &trials[group] {
+                    (tile.state[group], seats.controllers[group]) =
+                        trial.concluded(&slopes, &seats.limits[group], seats.controllers[group], tile.state[group]);
                 }
-                if tile.active == 0 {
-                    break;
-                }
-                let mut gone = spans;
-                let mut trials = [None; GROUPS];
-                for group in tile.active() {
-                    let (body, state) = (&tile.body[group], &tile.state[group]);
-                    let trial = Trial::new(body, spans[group], &limits[group], &controllers[group], state);
-                    (tile.h[group], gone[group]) = (trial.h, trial.gone);
-                    trials[group] = Some(trial);
-                }
-                tile.start(TileTime::Own(&gone));
-                for (stage, &fraction) in TIMES.iter().enumerate() {
-                    // Closures that the standard library calls are not compiled for the lanes.
-                    let mut elapsed = [R::splat(0.0); GROUPS];
-                    for group in tile.active() {
-                        elapsed[group] = tile.h[group].value * R::splat(fraction);
-                    }
-                    tile.torques.at(&elapsed, &tile.groups[..tile.active.min(GROUPS)]);
-                    tile.stage::<Rk8>(stage);
-                }
-                for group in tile.active() {
-                    let slopes = TileSlopes { slopes: &tile.slopes, group };
-                    if let Some(trial) = &trials[group] {
-                        (tile.state[group], controllers[group]) =
-                            trial.concluded(&slopes, &limits[group], controllers[group], tile.state[group]);
-                    }
-                }
-            }
-            for group in 0..groups {
-                any_under_way |= R::any(controllers[group].under_way(&tile.state[group]));
-                let offset = offset + group * R::LANES;
-                store_state(&tile.state[group], |column, number: R| number.store(&mut block.state[column][offset..]));
-                store_controller(&controllers[group], |column, number: R| {
-                    number.store(&mut block.controllers[column][offset..]);
-                });
             }
         }
-        any_under_way
+        for group in 0..GROUPS {
+            block.store(&tile, &seats, group);
+        }
+        block.slots.fetch_add(slots as u64, Ordering::Relaxed);
+        (0..block.bodies).any(|row| block.is_under_way(row))
     }
+}
+
+/// Whether all lanes are under way, or, of bodies that change seats together, any.
+#[inline(always)]
+fn has_lanes<R: Real>(under_way: R::Mask, taken: &[bool; MOST_LANES], together: bool) -> bool {
+    if together {
+        return R::any(under_way);
+    }
+    taken[..R::LANES].iter().all(|&taken| taken) && !R::any(!under_way)
 }

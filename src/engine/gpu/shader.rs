@@ -222,27 +222,34 @@ impl Source {
     /// The chunks of a table's torques and their sum. They read columns by `parameter_at`; the chunk behind them forms times.
     pub fn torques_of(precision: Precision, torques: &TorqueTable) -> Vec<Chunk> {
         let has = |kind: Kind| torques.instances(kind).count > 0;
-        let mut chunks = Self::torque_functions(precision);
-        chunks.extend(torque_shader::functions(|kind| has(kind)).into_iter().map(recorded_chunk));
+        let mut chunks = Self::torque_functions(precision, has(Kind::LogSpring) || has(Kind::Custom));
+        chunks.extend(torque_shader::functions(has).into_iter().map(recorded_chunk));
         chunks.push(chunk!("torque/sum.wgsl"));
+        if has(Kind::Custom) {
+            // Text that says so does not compile, and the compiler's message repeats it.
+            let text = torque_shader::custom_functions(torques).unwrap_or_else(|error| format!("formula: {error}\n"));
+            chunks.push(recorded_chunk(("torque/custom.wgsl", text)));
+        }
         chunks.push(recorded_chunk(("torque/terms.wgsl", torque_shader::terms(torques))));
         chunks
     }
 
     /// What the torques of every table share, without what reads columns; and the functions of all kinds of torque.
     pub fn torques(precision: Precision) -> Vec<Chunk> {
-        let mut chunks = Self::torque_functions(precision);
+        let mut chunks = Self::torque_functions(precision, true);
         chunks.extend(torque_shader::functions(|_| true).into_iter().map(recorded_chunk));
         chunks
     }
 
-    fn torque_functions(precision: Precision) -> Vec<Chunk> {
+    fn torque_functions(precision: Precision, elementary: bool) -> Vec<Chunk> {
         let series = match precision {
             Precision::F32 => chunk!("torque/series_f32.wgsl"),
             Precision::F64 => chunk!("torque/series_f64.wgsl"),
         };
         let mut chunks = vec![chunk!("clock.wgsl"), series, chunk!("kepler.wgsl")];
-        chunks.extend(Self::elementary_functions(precision));
+        if elementary {
+            chunks.extend(Self::elementary_functions(precision));
+        }
         chunks.extend([
             chunk!("torque/white_noise.wgsl"),
             chunk!("torque/internal_dissipation.wgsl"),

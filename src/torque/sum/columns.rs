@@ -2,7 +2,7 @@
 
 use std::cell::Cell;
 
-use crate::clock::{Clock, Fraction, MOST_LANES, Ticks, phases_at, ticks_in};
+use crate::clock::{Clock, Fraction, MOST_LANES, Ticks, phases_at, seconds_at, ticks_in};
 use crate::real::{Outlined, Real, Scalar};
 use crate::torque::variable_inertia::ticks_since;
 use crate::torque::{PER_TICK, TorqueTable};
@@ -25,7 +25,7 @@ impl<T: Scalar> Source<'_, T> {
     /// Room for the phases of a lane group at the start of a step.
     #[inline(always)]
     pub fn start_phases<R: Real<Scalar = T>>(&self) -> Vec<Cell<R>> {
-        vec![Cell::new(R::splat(0.0)); self.table.phase_count()]
+        vec![Cell::new(R::splat(0.0)); self.table.start_places()]
     }
 
     /// What the lane group from body `first` on reads.
@@ -99,9 +99,12 @@ impl<R: Real> Columns<'_, R> {
         }
     }
 
-    /// A phase by its number in the table, in turns; of a ramp its progress, not cut.
+    /// A phase by its number in the table, in turns; of a ramp its progress, not cut; behind the last phase the time, s.
     #[inline(always)]
     pub fn start_phase(&self, number: usize, ticks: &Ticks) -> R {
+        if number == self.source.table.phase_count() {
+            return seconds_at(ticks, self.source.clock.ticks_per_second());
+        }
         let fraction = self.source.table.fraction(number, self.first);
         match self.source.table.ramp_of(number) {
             Some(first) => self.progress_at(fraction, ticks, first),
@@ -112,17 +115,22 @@ impl<R: Real> Columns<'_, R> {
     /// The progress of the ramp with columns from `first` on, not cut.
     #[inline(always)]
     fn progress_at(&self, start: Fraction<'_>, ticks: &Ticks, first: usize) -> R {
-        let since = match (start, ticks) {
-            (Fraction::Shared(start), &Ticks::Equal(ticks)) => {
-                R::splat(ticks_since::<R::Scalar>(ticks, start as u64).to_f64())
-            }
-            (Fraction::Shared(start), _) => R::from_lanes(|lane| ticks_since(ticks.of_lane(lane), start as u64)),
-            (Fraction::PerBody(starts), _) => {
-                let starts = &starts[..R::LANES];
-                R::from_lanes(|lane| ticks_since(ticks.of_lane(lane), starts[lane] as u64))
-            }
-        };
-        since * self.column(first + PER_TICK)
+        ticks_from::<R>(start, ticks) * self.column(first + PER_TICK)
+    }
+}
+
+/// Ticks since the start of a ramp.
+#[inline(always)]
+pub(crate) fn ticks_from<R: Real>(start: Fraction<'_>, ticks: &Ticks) -> R {
+    match (start, ticks) {
+        (Fraction::Shared(start), &Ticks::Equal(ticks)) => {
+            R::splat(ticks_since::<R::Scalar>(ticks, start as u64).to_f64())
+        }
+        (Fraction::Shared(start), _) => R::from_lanes(|lane| ticks_since(ticks.of_lane(lane), start as u64)),
+        (Fraction::PerBody(starts), _) => {
+            let starts = &starts[..R::LANES];
+            R::from_lanes(|lane| ticks_since(ticks.of_lane(lane), starts[lane] as u64))
+        }
     }
 }
 

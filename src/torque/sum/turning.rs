@@ -1,6 +1,6 @@
 //! How bodies turn under what changes them: internal dissipation and moments of inertia that change in time.
 
-use super::{Epoch, Time, Torques};
+use super::{Epoch, Instance, Time, Torques};
 use crate::batch::RATE_COLUMN;
 use crate::real::{Outlined, Real};
 use crate::rigid_body::{Body, Correction};
@@ -14,33 +14,37 @@ use crate::vector::{TwoWords, Vector};
 impl<'a, R: Real> Torques<'a, R> {
     /// The progress of the ramp, cut to [0, 1], and its rate, 1/s.
     #[inline(always)]
-    fn progress(&self, time: &Time<'a, R>) -> (R, R) {
-        let (kind, table) = (Kind::InertiaRamp, self.columns.source.table);
-        let start = time.start_phases[table.phase_number(kind, 0, 0)].get();
-        let rate = self.columns.column(table.rate_column(kind, 0, 0));
+    fn progress(&self, ramp: &Instance, time: &Time<'a, R>) -> (R, R) {
+        let start = time.start_phases[ramp.first_phase].get();
+        let rate = self.columns.column(ramp.rate_column(0));
         (ramp_progress(start, rate, time.elapsed), rate)
     }
 
     /// The part of the change of the moments of inertia that is done.
     #[inline(always)]
     fn change_done(&self, time: &Time<'a, R>) -> R {
-        if self.columns.source.table.instances(Kind::InertiaRamp).count > 0 {
-            inertia_ramp(self.progress(time).0)
-        } else {
-            inertia_oscillation(self.phase(Kind::InertiaOscillation, 0, 0, time))
+        let table = self.columns.source.table;
+        match (table.instance(Kind::InertiaRamp), table.instance(Kind::InertiaOscillation)) {
+            (Some(ramp), _) => inertia_ramp(self.progress(ramp, time).0),
+            (None, Some(oscillation)) => inertia_oscillation(self.phase(oscillation, 0, time)),
+            (None, None) => R::splat(0.0),
         }
     }
 
     /// Its derivative by time, 1/s.
     #[inline(always)]
     fn change_rate(&self, time: &Time<'a, R>) -> R {
-        if self.columns.source.table.instances(Kind::InertiaRamp).count > 0 {
-            let (progress, rate) = self.progress(time);
-            ramp_slope(progress) * rate
-        } else {
-            let kind = Kind::InertiaOscillation;
-            let rate = self.columns.column(self.columns.source.table.rate_column(kind, 0, 0));
-            oscillation_slope(self.phase(kind, 0, 0, time)) * rate
+        let table = self.columns.source.table;
+        match (table.instance(Kind::InertiaRamp), table.instance(Kind::InertiaOscillation)) {
+            (Some(ramp), _) => {
+                let (progress, rate) = self.progress(ramp, time);
+                ramp_slope(progress) * rate
+            }
+            (None, Some(oscillation)) => {
+                let rate = self.columns.column(oscillation.rate_column(0));
+                oscillation_slope(self.phase(oscillation, 0, time)) * rate
+            }
+            (None, None) => R::splat(0.0),
         }
     }
 
@@ -77,7 +81,7 @@ impl<'a, R: Real> Torques<'a, R> {
             Motion { angular_velocity, gyroscopic_term: body.gyroscopic_term(m, correction) }
         };
         let omega = motion.angular_velocity;
-        for (_, c) in self.firsts(Kind::InternalDissipation) {
+        if let Some(c) = self.merged(Kind::InternalDissipation) {
             let slip = internal_dissipation(self.columns.column(c), m, omega);
             motion = Motion {
                 angular_velocity: motion.angular_velocity + slip,
