@@ -6,10 +6,12 @@ use std::f64::consts::PI;
 
 use common::random::Random;
 use glam::{DQuat, DVec3};
-use polhode::Error;
+use polhode::batch::Precision;
+use polhode::engine::cpu::{Cpu, Width};
 use polhode::expression::{Dependence, Expression, InputKind};
 use polhode::torque::flat_plates::{Facet, MOST_FACETS, Surface, formula};
 use polhode::torque::{Torque, Validity, Value, declarations};
+use polhode::{Ensemble, Error, Method, Plan, Scene};
 
 /// A few dozen operations, each rounded to half an ulp, relative to the sum of the plates' p A |r|.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
@@ -244,7 +246,7 @@ fn facets_that_are_not_valid_are_refused_with_their_place() {
     for (bad, field) in [
         (Facet { area: -1.0, ..good }, "area"),
         (Facet { area: f64::NAN, ..good }, "area"),
-        (Facet { area: 1e200, centre_body: DVec3::Y * 1e200, ..good }, "area"),
+        (Facet { area: 1e20, centre_body: DVec3::Y * 1e20, ..good }, "area"),
         (Facet { normal_body: DVec3::ZERO, ..good }, "normal"),
         (Facet { normal_body: DVec3::new(f64::INFINITY, 0.0, 0.0), ..good }, "normal"),
         (Facet { centre_body: DVec3::NAN, ..good }, "centre"),
@@ -307,4 +309,47 @@ fn a_torque_keeps_its_parameters() {
     let list = light.parameter("facets").and_then(Value::as_list).expect("a list");
     assert_eq!((list.len(), &list[1][1]), (2, &Value::Vector(DVec3::X.into())));
     assert!(light.needs().attitude && !light.needs().time && !light.dissipative());
+}
+
+#[test]
+fn an_engine_turns_a_body_as_the_balance_of_momentum_says() {
+    let (specular, diffuse, pressure) = (0.3, 0.4, 1.5);
+    let surface = Surface::Solar { specular, diffuse };
+    let lit =
+        Facet { area: 0.7, normal_body: DVec3::new(1.0, 0.2, 0.3), centre_body: DVec3::new(0.1, 0.4, -0.3), surface };
+    // The second stays dark.
+    let dark = Facet { normal_body: -lit.normal_body, ..lit };
+    let direction_world = DVec3::new(3.0, 0.5, -0.4);
+    // The axes of the moments are not in their order, so that principal axes are not the body's.
+    let moments = DVec3::new(2.5, 1.0, 2.0);
+    let (mut q, mut omega) = (DQuat::from_xyzw(0.1, -0.1, 0.2, 0.9).normalize(), DVec3::new(0.1, -0.05, 0.08));
+    let row = (moments, q, omega);
+    let rate = |q: DQuat, omega: DVec3| {
+        let around = Surroundings { pressure, direction_world, orientation: q.normalize() };
+        let torque = solar_torque(&lit, around, specular, diffuse);
+        assert!(torque != DVec3::ZERO);
+        (q * DQuat::from_vec4((0.5 * omega).extend(0.0)), (torque - omega.cross(moments * omega)) / moments)
+    };
+    let (steps, end) = (256, 1.5);
+    let dt = end / f64::from(steps);
+    for _ in 0..steps {
+        let k1 = rate(q, omega);
+        let k2 = rate(q + k1.0 * (dt / 2.0), omega + k1.1 * (dt / 2.0));
+        let k3 = rate(q + k2.0 * (dt / 2.0), omega + k2.1 * (dt / 2.0));
+        let k4 = rate(q + k3.0 * dt, omega + k3.1 * dt);
+        q = q + (k1.0 + k2.0 * 2.0 + k3.0 * 2.0 + k4.0) * (dt / 6.0);
+        omega += (k1.1 + k2.1 * 2.0 + k3.1 * 2.0 + k4.1) * (dt / 6.0);
+    }
+    let torque = Torque::flat_plates(vec![0.0, pressure], direction_world, &[lit, dark]).expect("valid");
+    let ensemble = Ensemble::from_fn(2, |_| row).expect("valid bodies");
+    let scene = Scene::new(ensemble).until(end).pinned(Method::Rk4, dt, Some(Precision::F64)).torque(torque);
+    let engine = Cpu::new(Width::Lanes);
+    let record = polhode::run::run(&engine, &Plan::new(&scene, &engine).expect("a plan")).expect("a run");
+    let state = record.final_state();
+    // rk4 at steps of 6 ms and rates below 1 rad/s: (h ω)⁴ is 1e-9, its constant below 1e-2.
+    assert!((state.angular_velocity_body(1) - omega).length() < 1e-10, "{}, {omega}", state.angular_velocity_body(1));
+    let error = 2.0 * (state.orientation(1).conjugate() * q.normalize()).xyz().length();
+    assert!(error < 1e-10, "{error:e}");
+    // Without pressure it turns otherwise.
+    assert!((state.angular_velocity_body(0) - omega).length() > 0.01);
 }

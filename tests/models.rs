@@ -8,9 +8,7 @@ use polhode::engine::Engine;
 use polhode::study::{Study, describe_models, models_table};
 use polhode::torque::flat_plates::{Facet, Surface};
 use polhode::torque::variable_inertia::{InertiaChange, Law};
-use polhode::torque::{
-    Declaration, Frame, Orbit, ParameterDeclaration, Preset, Shape, Torque, Validity, Value, declarations,
-};
+use polhode::torque::{Declaration, Orbit, ParameterDeclaration, Preset, Shape, Torque, Validity, Value, declarations};
 use polhode::{Error, Plan};
 
 const BODIES: &str =

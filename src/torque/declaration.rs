@@ -248,10 +248,6 @@ impl ParameterDeclaration {
         Self::new(name, Shape::Whole, "1", about)
     }
 
-    pub(crate) fn of_shape(self, shape: Shape) -> Self {
-        Self { shape, ..self }
-    }
-
     /// A list of tables.
     pub(crate) fn list(
         name: impl Into<Text>,
@@ -260,6 +256,10 @@ impl ParameterDeclaration {
         elements: Vec<ParameterDeclaration>,
     ) -> Self {
         Self { valid: Validity::Count(least, most), elements, ..Self::new(name, Shape::List, "1", about) }
+    }
+
+    pub(crate) fn of_shape(self, shape: Shape) -> Self {
+        Self { shape, ..self }
     }
 
     pub(crate) fn valid(self, valid: Validity) -> Self {

@@ -149,9 +149,8 @@ impl Torque {
 }
 
 fn of_formula(formula: Expression, values: Vec<Value>) -> Torque {
-    // The formula has a few hundred operations, all of finite constants.
-    Torque::expressed_by(DECLARATION.clone(), formula, None, values)
-        .unwrap_or_else(|fault| panic!("the formula of flat plates: {fault}"))
+    let torque = Torque::expressed_by(DECLARATION.clone(), formula, None, values);
+    torque.unwrap_or_else(|fault| panic!("the formula of flat plates: {fault}"))
 }
 
 impl Model for FlatPlates {
@@ -195,7 +194,7 @@ pub fn formula(facets: &[Facet]) -> Result<Expression> {
         return Err(Error::Setting { field: "facets", value: facets.len() as f64, expected });
     }
     let plates = facets.iter().enumerate().map(|(index, facet)| facet.plate(index)).collect::<Result<Vec<_>>>()?;
-    // The names and shapes are ours, and constants of plates are finite.
+    // The names and shapes are ours, and constants of plates are in range.
     Ok(recorded(&plates).unwrap_or_else(|fault| panic!("the formula of flat plates: {fault}")))
 }
 
@@ -302,8 +301,10 @@ impl Facet {
         let arm = area * centre_body;
         let lever = arm.cross(normal);
         let plate = Plate { normal, along: along * arm, constant: constant * lever, across: across * lever };
-        if !(plate.along.is_finite() && plate.constant.is_finite() && plate.across.is_finite()) {
-            return refuse("area", area, "area times centre must be finite (m³)");
+        // Constants of the formula are written into shaders of either precision.
+        let is_small = |v: DVec3| v.abs().max_element() <= f64::from(f32::MAX) && v.is_finite();
+        if !(is_small(plate.along) && is_small(plate.constant) && is_small(plate.across)) {
+            return refuse("area", area, "area times centre must be at most 3e38 (m³)");
         }
         Ok(plate)
     }
