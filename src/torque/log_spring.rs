@@ -98,7 +98,7 @@ pub fn angle_ratio<R: Real>(between: Quaternion<R>) -> R {
 
 impl Formula for LogSpring {
     const STEM: &'static str = "log_spring";
-    const COLUMNS: &'static [Column] = &[Column::number("stiffness"), Column::quaternion("rest")];
+    const COLUMNS: &'static [Column] = &[Column::number("stiffness"), Column::quaternion("target_orientation")];
 
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {

@@ -44,10 +44,13 @@
 //! has a kernel of its own, in `kind.rs`. One whose formula follows from its values is made for them (`Model::made_for`), as
 //! [`flat_plates`] are.
 //!
-//! Each WGSL file names its twin in its first line, where that has another stem too: what types and generics choose here (no
-//! torque, equal steps or each body's own, series of either precision) is a file each there; how models are declared, checked
-//! and laid out in columns (`declaration`, `model`, `registry`, `value`, `validation`, `kind`, `parameter`, `inertia_change`,
-//! `table`) is the host's alone.
+//! A formula (`formula.rs`) is written once over [`Real`]. Scalars of it are the reference and the shader's twin, SIMD lanes run on
+//! tiles of bodies (`tile`), and a [`Symbol`](crate::expression::Symbol) records it as a graph, from which follow its WGSL text
+//! (`shader.rs`) and what it depends on. A torque of the user's own ([`custom`]) is such a graph to begin with (`expressed.rs`):
+//! the CPU interprets it over tiles, the GPU compiles its text.
+//!
+//! `shaders/torque` holds what no formula says: how columns and times are read, the draws of white noise, moments that change. Each
+//! file names its twin in its first line.
 
 pub use crate::error::Text;
 use crate::method::projection::{Combinations, projected};

@@ -67,7 +67,7 @@ pub fn sine_spring<R: Real>(stiffness: R, target: Quaternion<R>, orientation: Qu
 
 impl Formula for SineSpring {
     const STEM: &'static str = "sine_spring";
-    const COLUMNS: &'static [Column] = &[Column::number("stiffness"), Column::quaternion("rest")];
+    const COLUMNS: &'static [Column] = &[Column::number("stiffness"), Column::quaternion("target_orientation")];
 
     #[inline(always)]
     fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {
