@@ -202,7 +202,8 @@ fn a_spring_and_a_damper_bring_cameras_to_a_moving_target() {
 #[test]
 fn bodies_that_swing_by_a_table_keep_their_total_energy() {
     let desk = run_example("aero_table");
-    let balance = &report(&desk, "out")["balance"];
+    let report = report(&desk, "out");
+    let balance = &report["balance"];
     assert_eq!(balance["conservative_bodies"], 300);
     // The potential is the table's integral; steps at its kinks cost most of the error.
     let worst = balance["total_energy"]["max"].as_f64().expect("a number");
