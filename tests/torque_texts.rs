@@ -1,6 +1,8 @@
 //! The recorded WGSL text of every kind of torque against its formula on scalars, and against faults planted in it.
 //!
-//! Nothing here knows a model: kinds, columns and phases are those that are registered.
+//! Nothing here knows a model: kinds, columns and phases are those that are registered. Bounds are counted operation by
+//! operation and row by row. Equality to the bit is more than a driver promises: lavapipe, which fuses nothing, draws factors
+//! out of sums, so that a third of the components that are turned into body axes differ in their last bits.
 
 mod common;
 #[path = "common/running.rs"]
@@ -219,7 +221,6 @@ fn check<T: Scalar>() {
     assert!(!twins.is_empty());
     let precision = precision_of::<T>();
     let chunks = shared(precision, &twins);
-    let to_the_bit = common::rounds_like_scalar_twin(&common::gpu(), precision);
     for twin in &twins {
         let table = Table::<T>::new(twin);
         let text = Chunk { file: twin.file, text: twin.text.clone().into() };
@@ -229,7 +230,6 @@ fn check<T: Scalar>() {
             Ok(seen) => {
                 println!("{precision} {:?}: {seen:?}", twin.kind);
                 assert!(seen.share >= LEAST_SHARE, "{:?}: {} of the components compared", twin.kind, seen.share);
-                let _ = to_the_bit;
             }
             Err(mismatch) => panic!("{precision} {:?}: {mismatch}\n{}", twin.kind, twin.text),
         }

@@ -99,7 +99,7 @@ pub fn angle_ratio<R: Real>(between: Quaternion<R>) -> R {
 
 impl Formula for LogSpring {
     const STEM: &'static str = "log_spring";
-    const COLUMNS: &'static [Column] = &[Column::number("stiffness"), Column::quaternion("target")];
+    const COLUMNS: &'static [Column] = &[Column::number("stiffness"), Column::quaternion("target_orientation")];
     const NEEDS: Needs = Needs { attitude: true, ..Needs::NOTHING };
 
     #[inline(always)]

@@ -68,7 +68,7 @@ pub fn sine_spring<R: Real>(stiffness: R, target: Quaternion<R>, orientation: Qu
 
 impl Formula for SineSpring {
     const STEM: &'static str = "sine_spring";
-    const COLUMNS: &'static [Column] = &[Column::number("stiffness"), Column::quaternion("target")];
+    const COLUMNS: &'static [Column] = &[Column::number("stiffness"), Column::quaternion("target_orientation")];
     const NEEDS: Needs = Needs { attitude: true, ..Needs::NOTHING };
 
     #[inline(always)]
