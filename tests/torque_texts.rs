@@ -1,6 +1,8 @@
 //! The recorded WGSL text of every kind of torque against its formula on scalars, and against faults planted in it.
 //!
-//! Nothing here knows a model: kinds, columns and phases are those that are registered.
+//! Nothing here knows a model: kinds, columns and phases are those that are registered. Bounds are counted operation by
+//! operation and row by row. Equality to the bit is more than a driver promises: lavapipe, which fuses nothing, draws factors
+//! out of sums, so that a third of the components that are turned into body axes differ in their last bits.
 
 mod common;
 #[path = "common/running.rs"]
@@ -168,7 +170,6 @@ impl<T: Scalar> Table<T> {
 }
 
 /// What a kind's table showed.
-#[derive(Debug)]
 struct Seen {
     /// The largest difference over its bound.
     largest: f64,
@@ -219,7 +220,6 @@ fn check<T: Scalar>() {
     assert!(!twins.is_empty());
     let precision = precision_of::<T>();
     let chunks = shared(precision, &twins);
-    let to_the_bit = common::rounds_like_scalar_twin(&common::gpu(), precision);
     for twin in &twins {
         let table = Table::<T>::new(twin);
         let text = Chunk { file: twin.file, text: twin.text.clone().into() };
@@ -227,9 +227,9 @@ fn check<T: Scalar>() {
         let found = harness.run(&[chunks.clone(), vec![text]].concat(), &line, &table.inputs, 3);
         match compared(twin, &table, &table.bounds(twin), &found) {
             Ok(seen) => {
-                println!("{precision} {:?}: {seen:?}", twin.kind);
-                assert!(seen.share >= LEAST_SHARE, "{:?}: {} of the components compared", twin.kind, seen.share);
-                let _ = to_the_bit;
+                let Seen { largest, share, unequal } = seen;
+                println!("{precision} {:?}: at most {largest:.3} of the bound, {unequal} components differ", twin.kind);
+                assert!(share >= LEAST_SHARE, "{:?}: {share} of the components compared", twin.kind);
             }
             Err(mismatch) => panic!("{precision} {:?}: {mismatch}\n{}", twin.kind, twin.text),
         }
@@ -265,9 +265,11 @@ fn faults(text: &str) -> Vec<String> {
         ("return ", "return 1.001 * "),
     ];
     let body = text.find("{\n").expect("a body");
+    // Whole turns more are no fault.
+    let is_fault = |place: usize| place > body && !text[place..].starts_with(" - round(");
     let mut faults = Vec::new();
     for (from, to) in CHANGES {
-        for (place, _) in text.match_indices(from).filter(|(place, _)| *place > body) {
+        for (place, _) in text.match_indices(from).filter(|(place, _)| is_fault(*place)) {
             faults.push(format!("{}{to}{}", &text[..place], &text[place + from.len()..]));
         }
     }

@@ -372,9 +372,9 @@ impl<T: Scalar, M: Step, S: Surroundings> LaneTask<T> for Advance<'_, '_, T, M, 
     #[inline(always)]
     fn run<R: Real<Scalar = T>>(self) {
         let Self(block, _) = self;
-        let start_phases = block.source.start_phases();
+        let workspace = block.source.workspace();
         for offset in (0..block.bodies).step_by(R::LANES) {
-            let columns = block.source.group(block.first + offset, &start_phases);
+            let columns = block.source.group(block.first + offset, &workspace);
             let (body, rate) = load_body(|column| columns.column(column));
             let environment = S::at(columns);
             let dt = TwoWords {

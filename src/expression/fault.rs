@@ -12,6 +12,8 @@ use super::graph::MOST_NODES;
 pub enum Fault {
     /// More than [`MOST_NODES`] different operations.
     TooManyNodes,
+    /// Parameters of more numbers than [`super::MOST_PARAMETERS`].
+    TooManyParameters,
     /// Operations on constants that give infinity or no number.
     NotFinite,
     /// Division by a constant that is zero.
@@ -137,6 +139,9 @@ impl fmt::Display for Fault {
             Fault::Syntax { found, needed } => write!(formatter, "found {found}, needed {needed}"),
             Fault::ConstantOutOfRange { value } => {
                 write!(formatter, "the constant {value:e} is beyond 3.4e38, the range of f32: it must be a parameter")
+            }
+            Fault::TooManyParameters => {
+                write!(formatter, "the parameters have more than {} numbers", super::MOST_PARAMETERS)
             }
             Fault::Exponent => {
                 write!(formatter, "behind `^` a whole number from -16 to 16 is needed; otherwise use `pow(x, y)`")

@@ -104,6 +104,14 @@ impl Symbols {
         }
     }
 
+    /// Parameters, and `attitude`.
+    pub fn attitude() -> Self {
+        Self {
+            names: vec![Name::new("attitude", Shape::Quaternion, InputKind::Orientation, 0)],
+            ..Self::parameters_only()
+        }
+    }
+
     /// Offers `position` and `velocity` of the centre of mass too, m and m/s along the world's axes.
     #[must_use]
     pub fn with_translation(mut self) -> Self {
@@ -128,7 +136,7 @@ impl Symbols {
     pub fn parameter(mut self, name: &str, shape: Shape) -> Result<Self, Fault> {
         self.check(name)?;
         if self.parameters + shape.width() > MOST_PARAMETERS {
-            return Err(Fault::TooManyNodes);
+            return Err(Fault::TooManyParameters);
         }
         self.names.push(Name::new(name, shape, InputKind::Parameter, self.parameters));
         self.parameters += shape.width();
@@ -143,7 +151,7 @@ impl Symbols {
     pub fn phase(mut self, name: &str) -> Result<Self, Fault> {
         self.check(name)?;
         if self.phases >= MOST_PARAMETERS {
-            return Err(Fault::TooManyNodes);
+            return Err(Fault::TooManyParameters);
         }
         self.names.push(Name::new(name, Shape::Number, InputKind::Phase, self.phases));
         self.phases += 1;

@@ -12,12 +12,22 @@ use crate::lanes::{LaneScalar, LaneTask};
 use crate::real::{Outlined, Real};
 
 /// What a program works on for one size of tile: its inputs, its constants and its slots, one after another.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Scratch<R: Real> {
     groups: usize,
     inputs: usize,
     numbers: Vec<R>,
     truths: Vec<R::Mask>,
+}
+
+impl<R: Real> std::fmt::Debug for Scratch<R> {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter
+            .debug_struct("Scratch")
+            .field("groups", &self.groups)
+            .field("numbers", &self.numbers)
+            .finish_non_exhaustive()
+    }
 }
 
 impl<R: Real> Scratch<R> {

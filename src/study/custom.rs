@@ -6,7 +6,7 @@ use super::parameter::{Number, Triple, Turn};
 use super::reader::{Node, Table};
 use super::torque::{StudyParameter, StudyValue};
 use crate::error::Result;
-use crate::expression::{self, Expression, Shape, TextError};
+use crate::expression::{self, Expression, Shape, Symbols, TextError};
 use crate::torque::custom::ExpressionModel;
 use crate::torque::{ModelRef, Parameters};
 
@@ -32,9 +32,9 @@ pub(super) fn read(table: &Table<'_>) -> Result<(ModelRef, Vec<StudyParameter>)>
         }
     }
     let node = table.need("torque", "a formula of a vector in body axes is needed (N m)")?;
-    let torque = formula(&node, &parameters, Shape::Vector)?;
+    let torque = formula(&node, parameters.symbols(), Shape::Vector)?;
     let energy = match table.find("energy") {
-        Some(node) => Some(formula(&node, &parameters, Shape::Number)?),
+        Some(node) => Some(formula(&node, parameters.energy_symbols(), Shape::Number)?),
         None => None,
     };
     let model = ExpressionModel::of_user(torque, energy, &parameters).map_err(|fault| refused(&node, &fault))?;
@@ -45,15 +45,15 @@ fn refused(node: &Node<'_>, fault: &expression::Fault) -> crate::Error {
     node.fault(Fault::Syntax { reason: fault.to_string() })
 }
 
-fn formula(node: &Node<'_>, parameters: &Parameters, shape: Shape) -> Result<Expression> {
+fn formula(node: &Node<'_>, symbols: &Symbols, shape: Shape) -> Result<Expression> {
     let text = node.string("a formula is needed, as text")?;
-    Expression::parse(text, parameters.symbols(), shape).map_err(|error| at(node, &error))
+    Expression::parse(text, symbols, shape).map_err(|error| at(node, &error))
 }
 
 /// The refusal of a formula, at its own line of the file.
 fn at(node: &Node<'_>, error: &TextError) -> crate::Error {
-    let fault = Fault::Formula { column: error.column, reason: error.fault.to_string(), picture: error.picture() };
-    node.fault_in_text(error.line, fault)
+    let (reason, picture) = (error.fault.to_string(), error.picture());
+    node.fault_in_text(error.line, error.column, |column| Fault::Formula { column, reason, picture })
 }
 
 /// A number, a vector or a rotation, by what stands there.
@@ -76,6 +76,12 @@ fn value(node: &Node<'_>) -> Result<StudyValue> {
             Some(4) => Ok(StudyValue::Rotation(Turn::read(node)?)),
             _ => Ok(StudyValue::Vector(Triple::read(node)?)),
         };
+    }
+    if table.find("axis").is_some() || table.find("angle").is_some() {
+        return Ok(StudyValue::Rotation(Turn::read(node)?));
+    }
+    if table.find("distribution").is_some_and(|name| name.string("").is_ok_and(|name| name == "direction")) {
+        return Ok(StudyValue::Vector(Triple::read(node)?));
     }
     let has_vector = ["low", "high", "mean", "sigma", "value"]
         .iter()

@@ -155,21 +155,33 @@ impl<'a> Table<'a> {
     }
 }
 
+/// Whether a line ends in the backslash of a basic string.
+fn is_joined(line: &str) -> bool {
+    line.trim_end_matches('\r').ends_with('\\')
+}
+
 impl<'a> Node<'a> {
     /// The error `fault` at this value.
     pub(super) fn fault(&self, fault: Fault) -> Error {
         self.source.error(self.span.start, self.path.clone(), fault)
     }
 
-    /// The error `fault` at a line, from 1, of the text that this value is.
-    pub(super) fn fault_in_text(&self, line: usize, fault: Fault) -> Error {
-        let raw = &self.source.text[self.span.clone()];
-        let is_long = raw.starts_with("\"\"\"") || raw.starts_with("'''");
-        // A line break right behind the quotes is not part of the text.
-        let skipped = usize::from(is_long && raw[3..].trim_start_matches('\r').starts_with('\n'));
-        let start = raw.match_indices('\n').nth((line + skipped).saturating_sub(2)).map(|(at, _)| at + 1);
-        let offset = if line + skipped < 2 { 0 } else { start.unwrap_or(0) };
-        self.source.error(self.span.start + offset, self.path.clone(), fault)
+    /// The error at a line and column, both from 1, of the text that this value is; `fault` is given the column in the file.
+    pub(super) fn fault_in_text(&self, line: usize, column: usize, fault: impl FnOnce(usize) -> Fault) -> Error {
+        let (text, start) = (self.source.text, self.span.start);
+        let raw = &text[self.span.clone()];
+        let quotes = if raw.starts_with("\"\"\"") || raw.starts_with("'''") { 3 } else { 1 };
+        // A line break right behind three quotes is not part of the text.
+        let skipped = usize::from(quotes == 3 && raw[3..].trim_start_matches('\r').starts_with('\n'));
+        if line + skipped < 2 {
+            let before = text[..start].rfind('\n').map_or(0, |end| end + 1);
+            let place = text[before..start].chars().count() + quotes + column;
+            return self.source.error(start, self.path.clone(), fault(place));
+        }
+        // A backslash at the end of a line joins it with the next, which the text does not show.
+        let mut ends = raw.match_indices('\n').map(|(at, _)| at).filter(|&at| !is_joined(&raw[..at]));
+        let offset = ends.nth(line + skipped - 2).map_or(0, |at| at + 1);
+        self.source.error(start + offset, self.path.clone(), fault(column))
     }
 
     /// The error for a value that is not `expected`.

@@ -1,6 +1,7 @@
 //! `custom`: a torque that a user writes down, as text or as a closure.
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::{DQuat, DVec3};
@@ -57,6 +58,8 @@ pub(crate) struct ExpressionModel {
 #[derive(Clone, Debug)]
 pub struct Parameters {
     symbols: Symbols,
+    /// For energies, which depend on the attitude alone.
+    energy_symbols: Symbols,
     declarations: Vec<ParameterDeclaration>,
     values: Vec<Value>,
 }
@@ -71,7 +74,13 @@ impl Parameters {
     /// No parameters.
     pub fn new() -> Self {
         let symbols = Symbols::rotation().with_full_inertia();
-        Self { symbols, declarations: Vec::new(), values: Vec::new() }
+        let energy_symbols = Symbols::attitude();
+        Self { symbols, energy_symbols, declarations: Vec::new(), values: Vec::new() }
+    }
+
+    /// What the formula of an energy may name.
+    pub fn energy_symbols(&self) -> &Symbols {
+        &self.energy_symbols
     }
 
     /// What a formula may name.
@@ -123,11 +132,12 @@ impl Parameters {
     }
 
     fn with(self, declaration: ParameterDeclaration, shape: Shape, value: Value) -> Result<Self, Fault> {
-        let Self { symbols, mut declarations, mut values } = self;
+        let Self { symbols, energy_symbols, mut declarations, mut values } = self;
         let symbols = symbols.parameter(&declaration.name, shape)?;
+        let energy_symbols = energy_symbols.parameter(&declaration.name, shape)?;
         declarations.push(declaration);
         values.push(value);
-        Ok(Self { symbols, declarations, values })
+        Ok(Self { symbols, energy_symbols, declarations, values })
     }
 }
 
@@ -168,7 +178,7 @@ impl Torque {
     ///
     /// Where the text is no such formula.
     pub fn with_energy(self, text: &str, parameters: &Parameters) -> Result<Self, TextError> {
-        let energy = Expression::parse(text, &parameters.symbols, Shape::Number)?;
+        let energy = Expression::parse(text, &parameters.energy_symbols, Shape::Number)?;
         Ok(match self.model().expression() {
             Some(model) => {
                 let (declaration, torque) = (model.declaration.clone(), model.torque.clone());
@@ -240,6 +250,11 @@ impl ExpressionModel {
         let declaration = Declaration::new("custom", "as written", "the user's own")
             .parameters(parameters.declarations.iter().cloned());
         Self::of(declaration, torque, energy)
+    }
+
+    /// The operations of the formula.
+    pub(super) fn write_formula(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, " {:?} {:?}", self.torque, self.energy.as_ref().map(|(energy, _)| energy))
     }
 
     /// What the torque depends on.

@@ -64,7 +64,9 @@ impl PartialEq for ModelRef {
 
 impl fmt::Debug for ModelRef {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(&self.declaration().name)
+        formatter.write_str(&self.declaration().name)?;
+        // A formula is part of what tells one torque from another; plans are told apart by this text.
+        self.expression().map_or(Ok(()), |model| model.write_formula(formatter))
     }
 }
 

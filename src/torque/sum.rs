@@ -16,7 +16,6 @@ use super::table::Instance;
 use super::{Environment, Kind, Motion, VelocityDependence};
 use crate::batch::RATE_COLUMN;
 use crate::clock::phase_after;
-use crate::expression::Scratch;
 use crate::method::rk8_adaptive::Timed;
 use crate::quaternion::Quaternion;
 use crate::real::{Outlined, Real};
@@ -128,7 +127,9 @@ impl<'a, R: Real> Torques<'a, R> {
     fn expressed(&self, instance: &Instance, time: &Time<'a, R>, q: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
         let table = self.columns.source.table;
         let Instructions { program, inputs } = &table.expressed(instance.index).whole;
-        let mut scratch = Scratch::<R>::new(program, 1);
+        let Some(scratches) = self.columns.scratches else { return Vector::zero() };
+        let mut scratches = scratches.borrow_mut();
+        let Some(scratch) = scratches.get_mut(instance.index) else { return Vector::zero() };
         for (index, given) in inputs.iter().enumerate() {
             scratch.input(index)[0] = match *given {
                 Given::Column(column) => self.columns.column(instance.first + column),
@@ -141,7 +142,7 @@ impl<'a, R: Real> Torques<'a, R> {
             };
         }
         let mut torque = [R::splat(0.0); 3];
-        program.run(&mut scratch, &mut torque);
+        program.run(scratch, &mut torque);
         Vector::new(torque[0], torque[1], torque[2])
     }
 

@@ -57,7 +57,7 @@ fn main() -> ExitCode {
             if let polhode::Error::Input(input) = &error
                 && let polhode::study::Fault::Formula { picture, .. } = &input.fault
             {
-                picture.lines().for_each(|line| output::note(&format!("    {line}")));
+                picture.lines().for_each(|line| output::note(&format!("    {}", output::printable(line))));
             }
             ExitCode::from(if error.is_input() { WRONG_INPUT } else { FAILED })
         }

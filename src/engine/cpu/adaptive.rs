@@ -220,9 +220,9 @@ impl<T: Scalar, S: Surroundings> LaneTask<T> for Advance<'_, '_, T, S> {
     fn run<R: Real<Scalar = T>>(self) -> bool {
         let Self(block, _) = self;
         let mut any_under_way = false;
-        let start_phases = block.source.start_phases();
+        let workspace = block.source.workspace();
         for offset in (0..block.bodies).step_by(R::LANES) {
-            let columns = block.source.group(block.first + offset, &start_phases);
+            let columns = block.source.group(block.first + offset, &workspace);
             let (body, rate) = load_body(|column| columns.column(column));
             let environment = S::at(columns);
             // Rows that are no bodies have the rate 0, so that nothing is left to do in them.

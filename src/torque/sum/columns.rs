@@ -1,11 +1,12 @@
 //! What a lane group reads its torques from.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 
 use crate::clock::{Clock, Fraction, MOST_LANES, Ticks, phases_at, seconds_at, ticks_in};
+use crate::expression::Scratch;
 use crate::real::{Outlined, Real, Scalar};
 use crate::torque::variable_inertia::ticks_since;
-use crate::torque::{PER_TICK, TorqueTable};
+use crate::torque::{Kind, PER_TICK, TorqueTable};
 use crate::vector::{TwoWords, Vector};
 
 /// Where the lane groups of a batch find their bodies and torques, and the time.
@@ -22,17 +23,39 @@ pub(crate) struct Source<'a, T> {
 }
 
 impl<T: Scalar> Source<'_, T> {
-    /// Room for the phases of a lane group at the start of a step.
+    /// Room for what a lane group needs beside its columns.
     #[inline(always)]
-    pub fn start_phases<R: Real<Scalar = T>>(&self) -> Vec<Cell<R>> {
-        vec![Cell::new(R::splat(0.0)); self.table.start_places()]
+    pub fn workspace<R: Real<Scalar = T>>(&self) -> Workspace<R> {
+        let expressed = self.table.list().iter().filter(|instance| instance.kind == Kind::Custom);
+        let scratches = expressed.map(|instance| Scratch::new(&self.table.expressed(instance.index).whole.program, 1));
+        Workspace {
+            start_phases: vec![Cell::new(R::splat(0.0)); self.table.start_places()],
+            scratches: RefCell::new(scratches.collect()),
+        }
     }
 
     /// What the lane group from body `first` on reads.
     #[inline(always)]
-    pub fn group<'g, R: Real<Scalar = T>>(&'g self, first: usize, start_phases: &'g [Cell<R>]) -> Columns<'g, R> {
-        Columns { source: *self, first, units: self.clock.units(self.dt), start_phases }
+    pub fn group<'g, R: Real<Scalar = T>>(&'g self, first: usize, workspace: &'g Workspace<R>) -> Columns<'g, R> {
+        let units = self.clock.units(self.dt);
+        let Workspace { start_phases, scratches } = workspace;
+        Columns { source: *self, first, units, start_phases, scratches: Some(scratches) }
     }
+
+    /// The columns alone: no phases are formed from them and no expressions evaluated.
+    #[inline(always)]
+    pub fn columns<'g, R: Real<Scalar = T>>(&'g self, first: usize) -> Columns<'g, R> {
+        Columns { source: *self, first, units: self.clock.units(self.dt), start_phases: &[], scratches: None }
+    }
+}
+
+/// Room for what a lane group needs beside its columns.
+#[derive(Debug)]
+pub(crate) struct Workspace<R: Real> {
+    /// Phases at the start of a step, by number; behind them the time, where it is read.
+    start_phases: Vec<Cell<R>>,
+    /// Of expressions, by instance.
+    scratches: RefCell<Vec<Scratch<R>>>,
 }
 
 /// The columns of one lane group.
@@ -44,6 +67,7 @@ pub(crate) struct Columns<'a, R: Real> {
     /// An equal step in the clock's units.
     units: u128,
     pub start_phases: &'a [Cell<R>],
+    pub scratches: Option<&'a RefCell<Vec<Scratch<R>>>>,
 }
 
 /// When a step starts.

@@ -107,7 +107,7 @@ impl<'a, R: Real> TileTorques<'a, R> {
 
     #[inline(always)]
     fn columns(&self, group: usize) -> Columns<'_, R> {
-        self.source.group(self.bases[group % GROUPS], &[])
+        self.source.columns(self.bases[group % GROUPS])
     }
 
     /// Takes the parameters of the bodies of `groups` lane groups from body `first` on.
@@ -396,7 +396,7 @@ impl<R: Real> Outlined for Start<'_, '_, R> {
         for &group in active {
             let group = group % GROUPS;
             let source = torques.source;
-            let columns: Columns<'_, R> = source.group(torques.bases[group], &[]);
+            let columns: Columns<'_, R> = source.columns(torques.bases[group]);
             let ticks = match start {
                 TileTime::Equal(step) => {
                     torques.noise[group] = columns.noise(step);

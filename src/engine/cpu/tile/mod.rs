@@ -89,7 +89,7 @@ impl<'a, R: Real> Tile<'a, R> {
         state: impl Fn(usize, usize) -> R,
     ) {
         for group in 0..groups.min(GROUPS) {
-            let columns = source.group::<R>(first + group * R::LANES, &[]);
+            let columns = source.columns::<R>(first + group * R::LANES);
             let (body, rate) = load_body(|column| columns.column(column));
             self.body[group] = body;
             self.h[group] = TwoWords {
