@@ -153,9 +153,14 @@ fn tiles_in_adaptive_steps_agree_with_the_scalar_twin() {
         let end = if torques.iter().any(|torque| torque.name() == "log-spring") { 0.5 * END } else { END };
         for precision in Precision::ALL {
             let [scalar, lanes] = engines.each_ref().map(|engine| adapted(engine, BODIES, &torques, precision, end));
-            // Roundings lead to other steps as well, which a tolerance of 1e-6 makes a smaller difference than roundings do.
-            match compared(&scalar, &lanes, precision, bound(precision)) {
-                Ok(ulps) => println!("{name} in {precision}: {ulps:.1} ulps of {:.0}", bound(precision)),
+            // In f32 roundings are a good part of the error that is estimated, so that steps are others; either way is within a
+            // few times the tolerance of the truth after a second. In f64 they change steps by a part in 1e9.
+            let bound = match precision {
+                Precision::F32 => bound(precision) + 10.0 * TOLERANCE / f64::from(f32::EPSILON),
+                Precision::F64 => bound(precision),
+            };
+            match compared(&scalar, &lanes, precision, bound) {
+                Ok(ulps) => println!("{name} in {precision}: {ulps:.1} ulps of {bound:.0}"),
                 Err(mismatch) => panic!("{name} in {precision}: {mismatch}"),
             }
         }
