@@ -20,6 +20,8 @@ const COUNTS: [usize; 6] = [1, 2, 7, 16, 33, BODIES];
 const SEED: u64 = 31;
 const STEPS: u64 = 50;
 const DT: f64 = 0.02;
+/// s.
+const END: f64 = DT * STEPS as f64;
 const METHODS: [Method; 3] = [Method::Rk4, Method::Rk8, Method::Cf4];
 const TOLERANCE: f64 = 1e-6;
 
@@ -61,11 +63,11 @@ fn stepped(engine: &Engine, count: usize, torques: &[Torque], method: Method, pr
     common::advanced(engine, &batch, method, DT, STEPS)
 }
 
-fn adapted(engine: &Engine, count: usize, torques: &[Torque], precision: Precision) -> StateWords {
+fn adapted(engine: &Engine, count: usize, torques: &[Torque], precision: Precision, end: f64) -> StateWords {
     let batch = batch_under(count, SEED, torques, precision);
     let steps = AdaptiveSteps { tolerance: TOLERANCE, least_step: None };
     let mut session = engine.start_adaptive(batch, steps).expect("started");
-    session.advance_to(DT * STEPS as f64, &mut unobserved).expect("advanced");
+    session.advance_to(end, &mut unobserved).expect("advanced");
     session.read(0..count).expect("read")
 }
 
@@ -73,7 +75,7 @@ fn adapted(engine: &Engine, count: usize, torques: &[Torque], precision: Precisi
 fn moved(method: Option<Method>, count: usize, torques: &[Torque], precision: Precision) -> StateWords {
     match method {
         Some(method) => stepped(&Engine::cpu(), count, torques, method, precision),
-        None => adapted(&Engine::cpu(), count, torques, precision),
+        None => adapted(&Engine::cpu(), count, torques, precision, END),
     }
 }
 
@@ -138,16 +140,25 @@ fn tiles_agree_with_the_scalar_twin() {
 #[test]
 fn tiles_in_adaptive_steps_agree_with_the_scalar_twin() {
     let engines = [Engine::cpu_scalar(), Engine::cpu()];
+    // The torque of the logarithmic spring jumps at half a turn, where steps of any engine are as good as their luck: it pulls
+    // each body to where it starts, and none turns so far in half a second.
+    let own_target: Vec<_> = common::asymmetric_ensemble(BODIES, SEED).orientation().to_vec();
+    let stiffness: Vec<f64> = middle_moments(BODIES, SEED).iter().map(|moment| 0.2 * moment).collect();
+    let smooth = |torque: &Torque| match torque.name() {
+        "log-spring" => Torque::log_spring(stiffness.clone(), own_target.clone()),
+        _ => torque.clone(),
+    };
     for (name, torques) in scenes() {
-        if torques.iter().any(Torque::is_random) {
-            continue;
-        }
+        let torques: Vec<Torque> = torques.iter().filter(|torque| !torque.is_random()).map(smooth).collect();
+        let end = if torques.iter().any(|torque| torque.name() == "log-spring") { 0.5 * END } else { END };
         for precision in Precision::ALL {
-            let [scalar, lanes] = engines.each_ref().map(|engine| adapted(engine, BODIES, &torques, precision));
-            // Roundings may lead to other steps, and each of both ways is as far from the truth as the tolerance says: over a
-            // second, and the motions part by no more than a few times that.
-            let roundoff = if precision == Precision::F32 { f64::from(f32::EPSILON) } else { f64::EPSILON };
-            let bound = bound(precision) + 10.0 * TOLERANCE / roundoff;
+            let [scalar, lanes] = engines.each_ref().map(|engine| adapted(engine, BODIES, &torques, precision, end));
+            // In f32 roundings are a good part of the error that is estimated, so that steps are others; either way is within a
+            // few times the tolerance of the truth after a second. In f64 they change steps by a part in 1e9.
+            let bound = match precision {
+                Precision::F32 => bound(precision) + 10.0 * TOLERANCE / f64::from(f32::EPSILON),
+                Precision::F64 => bound(precision),
+            };
             match compared(&scalar, &lanes, precision, bound) {
                 Ok(ulps) => println!("{name} in {precision}: {ulps:.1} ulps of {bound:.0}"),
                 Err(mismatch) => panic!("{name} in {precision}: {mismatch}"),

@@ -2,6 +2,8 @@
 
 use super::wgsl::{Argument, Signature};
 use super::*;
+use crate::batch::Precision;
+use crate::engine::gpu::shader::Source;
 use crate::lanes::{LaneScalar, LaneTask};
 use crate::quaternion::Quaternion;
 use crate::real::{Function, Real, Scalar};
@@ -257,16 +259,11 @@ fn texts() -> String {
 /// What is wrong with a text in either precision, if anything is.
 fn refusal(text: &str) -> Option<String> {
     use wgpu::naga;
-    let precisions = [include_str!("../../shaders/real_f32.wgsl"), include_str!("../../shaders/real_f64.wgsl")];
-    precisions.into_iter().find_map(|precision| {
-        let series = include_str!("../../shaders/torque/series_f64.wgsl");
-        let shared = [
-            "struct Settings { zero: u32 }\n@group(0) @binding(0) var<uniform> settings: Settings;\n",
-            include_str!("../../shaders/trigonometry.wgsl"),
-            include_str!("../../shaders/quaternion.wgsl"),
-            include_str!("../../shaders/kepler.wgsl"),
-        ];
-        let whole = [precision, series, &shared.concat(), text].concat();
+    Precision::ALL.into_iter().find_map(|precision| {
+        let chunks = [Source::functions(precision), Source::elementary_functions(precision)].concat();
+        let shared: String = chunks.iter().map(|chunk| chunk.text.as_ref()).collect();
+        let settings = "struct Settings { zero: u32 }\n@group(0) @binding(0) var<uniform> settings: Settings;\n";
+        let whole = [settings, &shared, include_str!("../../shaders/kepler.wgsl"), text].concat();
         let module = match naga::front::wgsl::parse_str(&whole) {
             Ok(module) => module,
             Err(error) => return Some(error.emit_to_string(&whole)),
