@@ -1,6 +1,6 @@
 //! An ensemble's bodies brought into their principal axes, scaled and written as columns.
 
-use glam::{DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
 
 use super::{
@@ -132,11 +132,14 @@ pub(crate) fn bytes_per_body_under(precision: Precision, torques: &[Torque], spa
 /// Bodies that one task writes.
 const TASK: usize = 512;
 
-/// The rotation from principal to body axes, where all members have the same.
+/// The rotation from principal to body axes, where all members have the same and it only changes names and signs of axes. Constants of
+/// any other would be rounded elsewhere than columns are, and a body's result would depend on those beside it.
 fn shared_axes(ensemble: &Ensemble, torques: &[Torque], members: &Members) -> Option<DQuat> {
     let axes = |row: usize| frame_of(ensemble, torques, members.body(row)).principal_to_body;
     let first = (members.len() > 0).then(|| axes(0))?;
-    (1..members.len()).into_par_iter().all(|row| axes(row) == first).then_some(first)
+    let is_exact = |axes: DQuat| DMat3::from_quat(axes).to_cols_array().iter().all(|x| [-1.0, 0.0, 1.0].contains(x));
+    let is_shared = is_exact(first) && (1..members.len()).into_par_iter().all(|row| axes(row) == first);
+    is_shared.then_some(first)
 }
 
 fn prepare_columns<T: Scalar>(

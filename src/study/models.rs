@@ -23,14 +23,15 @@ pub fn describe_models() -> String {
 
 /// The one model whose parameters are the user's own.
 const CUSTOM: &str = "    custom: as written
-        torque                  a formula of a vector in body axes (N m): lines `let name = ...;`, then the vector
-        parameters              names with numbers, [x, y, z], [x, y, z, w], distributions or columns [none]
-        energy                  a formula of a number (J) of the attitude, for the balance [none]
-        inputs                  attitude, angular_velocity (rad/s), angular_momentum, inertia, time (s); SI units
+        torque                  a formula (N m, body axes): `let name = ...;`, then a vector
+        parameters              names with numbers, vectors, rotations, distributions, columns [none]
+        energy                  a formula (J) of attitude and parameters, for the balance [none]
+        inputs                  attitude, angular_velocity, angular_momentum, inertia, time (SI)
         operators               + - * / ^ (whole powers), < <= > >= && || !, v.x
-        functions               vec quat dot cross norm normalize to_body to_world rotate conjugate sqrt abs sin cos tan
-                                asin acos atan2 exp ln pow min max clamp step smoothstep select
-        example                 torque = \"-k * angular_velocity * norm(angular_velocity)\", parameters = { k = 0.3 }";
+        functions               vec quat dot cross norm normalize to_body to_world rotate conjugate
+                                sqrt abs sin cos tan asin acos atan2 exp ln pow
+                                min max clamp step smoothstep select
+        example                 torque = \"-k * angular_velocity\", parameters = { k = 0.3 }";
 
 /// A line on a parameter; `mark` stands before the keys of the tables of a list.
 fn describe(text: &mut String, mark: &str, parameter: &ParameterDeclaration) {
