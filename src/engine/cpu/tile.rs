@@ -86,7 +86,7 @@ impl<'a, R: Real> Tile<'a, R> {
         state: impl Fn(usize, usize) -> R,
     ) -> Each<R> {
         let mut rates = [R::splat(0.0); GROUPS];
-        for group in 0..groups.min(GROUPS) {
+        for (group, rate_of_group) in rates.iter_mut().enumerate().take(groups) {
             let columns = source.group::<R>(first + group * R::LANES, &[]);
             let (body, rate) = load_body(|column| columns.column(column));
             self.body[group] = body;
@@ -95,7 +95,7 @@ impl<'a, R: Real> Tile<'a, R> {
                 residue: R::splat(interval.residue.to_f64()) * rate,
             };
             self.state[group] = load_state(|column| state(column, group));
-            rates[group] = rate;
+            *rate_of_group = rate;
         }
         self.groups = [0, 1, 2, 3];
         self.active = groups.min(GROUPS);
@@ -455,8 +455,8 @@ impl<T: Scalar> LaneTask<T> for Attempts<'_, '_, T> {
             }
             for _ in 0..super::adaptive::SLICE {
                 tile.active = 0;
-                for group in 0..groups {
-                    if R::any(controllers[group].under_way(&tile.state[group])) {
+                for (group, controller) in controllers.iter().enumerate().take(groups) {
+                    if R::any(controller.under_way(&tile.state[group])) {
                         tile.groups[tile.active % GROUPS] = group;
                         tile.active += 1;
                     }
@@ -490,11 +490,11 @@ impl<T: Scalar> LaneTask<T> for Attempts<'_, '_, T> {
                     }
                 }
             }
-            for group in 0..groups {
-                any_under_way |= R::any(controllers[group].under_way(&tile.state[group]));
+            for (group, controller) in controllers.iter().enumerate().take(groups) {
+                any_under_way |= R::any(controller.under_way(&tile.state[group]));
                 let offset = offset + group * R::LANES;
                 store_state(&tile.state[group], |column, number: R| number.store(&mut block.state[column][offset..]));
-                store_controller(&controllers[group], |column, number: R| {
+                store_controller(controller, |column, number: R| {
                     number.store(&mut block.controllers[column][offset..]);
                 });
             }

@@ -223,7 +223,7 @@ impl Source {
     pub fn torques_of(precision: Precision, torques: &TorqueTable) -> Vec<Chunk> {
         let has = |kind: Kind| torques.instances(kind).count > 0;
         let mut chunks = Self::torque_functions(precision);
-        chunks.extend(torque_shader::functions(|kind| has(kind)).into_iter().map(recorded_chunk));
+        chunks.extend(torque_shader::functions(has).into_iter().map(recorded_chunk));
         chunks.push(chunk!("torque/sum.wgsl"));
         chunks.push(recorded_chunk(("torque/terms.wgsl", torque_shader::terms(torques))));
         chunks
