@@ -383,7 +383,7 @@ fn arguments<T: Scalar>(name: &str, draw: u64) -> (f64, f64) {
     let kind = draw % 3;
     let mut between = |a: f64, b: f64| a + (b - a) * unit();
     let mut magnitude = |a: f64, b: f64| (1.0 + between(0.0, 1.0)) * between(a, b).round().exp2();
-    let sign = if draw % 2 == 0 { 1.0 } else { -1.0 };
+    let sign = if draw.is_multiple_of(2) { 1.0 } else { -1.0 };
     let small = |x: f64| 1.0 - x;
     let of = |x: f64| T::from_f64(x).to_f64();
     match (name, kind) {
@@ -449,7 +449,7 @@ fn functions_of_one_f32_are_within_their_bounds_throughout() {
         ("arctangent_ratio", 1e-8, 0.04, false),
     ];
     for (name, from, to, both_signs) in ranges {
-        let (first, last) = ((from as f32).to_bits(), to.to_bits());
+        let (first, last) = (from.to_bits(), to.to_bits());
         let formula = formula(name);
         for sign in if both_signs { &[1.0, -1.0][..] } else { &[1.0] } {
             let worst = largest((last - first) / 61 + 1, |index| {

@@ -12,7 +12,6 @@ use polhode::engine::Engine;
 use polhode::engine::gpu::Patch;
 use polhode::engine::gpu::shader::{Chunk, Source};
 use polhode::method::Method;
-use polhode::quaternion::Quaternion;
 use polhode::real::Scalar;
 use polhode::rigid_body::Body;
 use polhode::torque::Torque;
@@ -40,10 +39,6 @@ const COLUMNS: &str = "fn parameter_at(column: u32, i: u32) -> real { return inp
 
 fn vector<T: Scalar>(row: &[T], first: usize) -> Vector<T> {
     Vector::new(row[first], row[first + 1], row[first + 2])
-}
-
-fn quaternion<T: Scalar>(row: &[T], first: usize) -> Quaternion<T> {
-    Quaternion::new(row[first], row[first + 1], row[first + 2], row[first + 3])
 }
 
 fn v_out<T: Scalar>(v: Vector<T>) -> Vec<T> {

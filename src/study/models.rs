@@ -67,7 +67,9 @@ pub fn models_table() -> String {
 /// A model's name, with a link to its file, and its other names.
 fn named(model: &Declaration) -> String {
     let others: String = model.aliases.iter().map(|alias| format!(", `{alias}`")).collect();
-    format!("[`{}`]({}){others}", model.name, model.name.replace('-', "_"))
+    let file = model.name.replace('-', "_");
+    // Rustdoc finds it by the name where both are the same.
+    if file == *model.name { format!("[`{file}`]{others}") } else { format!("[`{}`]({file}){others}", model.name) }
 }
 
 /// A key with its unit and what it is where it is left out.

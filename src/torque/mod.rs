@@ -16,7 +16,7 @@
 //! | [`linear-drag`](linear_drag), `viscous` | τ = −c ω | `coefficient` (N m s) | G. Kirchhoff, Mechanik, 1876, lecture 26 |
 //! | [`matrix-drag`](matrix_drag) | τ = −C ω | `matrix` (N m s) | J. Happel, H. Brenner, Low Reynolds Number Hydrodynamics, 1965, section 5.2 |
 //! | [`quadratic-drag`](quadratic_drag) | τ = −c \|ω\| ω | `coefficient` (N m s²) | I. Newton, Principia, 1687, book II, section II |
-//! | [`sinusoidal`](sinusoidal) | τ = τ_sin sin Ωt + τ_cos cos Ωt in body axes | `sine` (N m, else 0), `cosine` (N m, else 0), `rate` (rad/s) | by definition |
+//! | [`sinusoidal`] | τ = τ_sin sin Ωt + τ_cos cos Ωt in body axes | `sine` (N m, else 0), `cosine` (N m, else 0), `rate` (rad/s) | by definition |
 //! | [`gravity-gradient`](gravity_gradient) | τ = 3 μ/r³ u × I u, u = Rᵀ r̂ | `mu` (m³/s²), `orbit.semi_major_axis` or `orbit.radius` (m), `orbit.eccentricity` (else 0), `orbit.inclination` (rad, else 0), `orbit.ascending_node` (rad, else 0), `orbit.pericentre` (rad, else 0), `orbit.mean_anomaly` (rad, else 0) | P. C. Hughes, Spacecraft Attitude Dynamics, 1986, equation 8.1.14 |
 //! | [`heavy-top`](heavy_top) | τ = c × Rᵀ (M g) | `mass` (kg), `centre` (m), `gravity` (m/s²) | F. Klein, A. Sommerfeld, Über die Theorie des Kreisels, 1897, chapter IV |
 //! | [`magnetic-dipole`](magnetic_dipole) | τ = m × Rᵀ B | `moment` (A m²), `field` (T) | J. C. Maxwell, A Treatise on Electricity and Magnetism, 1873, § 390 |
