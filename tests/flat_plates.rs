@@ -337,7 +337,7 @@ fn an_engine_turns_a_body_as_the_balance_of_momentum_says() {
         let k2 = rate(q + k1.0 * (dt / 2.0), omega + k1.1 * (dt / 2.0));
         let k3 = rate(q + k2.0 * (dt / 2.0), omega + k2.1 * (dt / 2.0));
         let k4 = rate(q + k3.0 * dt, omega + k3.1 * dt);
-        q = q + (k1.0 + k2.0 * 2.0 + k3.0 * 2.0 + k4.0) * (dt / 6.0);
+        q += (k1.0 + k2.0 * 2.0 + k3.0 * 2.0 + k4.0) * (dt / 6.0);
         omega += (k1.1 + k2.1 * 2.0 + k3.1 * 2.0 + k4.1) * (dt / 6.0);
     }
     let torque = Torque::flat_plates(vec![0.0, pressure], direction_world, &[lit, dark]).expect("valid");

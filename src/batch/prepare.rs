@@ -136,7 +136,7 @@ const TASK: usize = 512;
 /// any other would be rounded elsewhere than columns are, and a body's result would depend on those beside it.
 fn shared_axes(ensemble: &Ensemble, torques: &[Torque], members: &Members) -> Option<DQuat> {
     let axes = |row: usize| frame_of(ensemble, torques, members.body(row)).principal_to_body;
-    let first = (members.len() > 0).then(|| axes(0))?;
+    let first = (!members.is_empty()).then(|| axes(0))?;
     let is_exact = |axes: DQuat| DMat3::from_quat(axes).to_cols_array().iter().all(|x| [-1.0, 0.0, 1.0].contains(x));
     let is_shared = is_exact(first) && (1..members.len()).into_par_iter().all(|row| axes(row) == first);
     is_shared.then_some(first)

@@ -46,9 +46,9 @@ impl<T: Scalar> AdaptiveBlock<'_, '_, T> {
     /// What is left of the interval at its start. Rows that are no bodies have the rate 0, so that nothing is.
     fn start_all(&mut self) {
         let rates = &self.source.parameters[RATE_COLUMN * self.source.stride + self.first..];
-        for row in 0..self.bodies {
-            self.controllers[LEFT.start][row] = self.span.value * rates[row];
-            self.controllers[LEFT.start + 1][row] = self.span.residue * rates[row];
+        for (row, &rate) in rates.iter().enumerate().take(self.bodies) {
+            self.controllers[LEFT.start][row] = self.span.value * rate;
+            self.controllers[LEFT.start + 1][row] = self.span.residue * rate;
         }
     }
 
