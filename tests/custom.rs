@@ -211,20 +211,27 @@ fn a_body_under_a_formula_does_not_depend_on_those_beside_it() {
     let text =
         "let b = to_body(vec(0, 0.6, 0.8));\ncross(cross(angular_velocity, b), b) * 0.2 + vec(sin(2 * time), 0, time)";
     let torque = Torque::custom(text, Parameters::new()).expect("a formula");
-    let alone = |body: usize| {
-        let one = Ensemble::from_columns(
-            &bodies.inertia()[body..=body],
-            &bodies.orientation()[body..=body],
-            &bodies.angular_velocity_body()[body..=body],
-        );
-        let (_, batch) =
-            prepare_with(&one.expect("valid"), &[torque.clone()], DT * STEPS as f64, Precision::F64).expect("memory");
-        common::advanced(&Engine::cpu(), &batch, Method::Rk8, DT, STEPS).value[0]
-    };
     let together = stepped(&Engine::cpu(), &bodies, &torque, Method::Rk8, Precision::F64);
-    for body in [0, 1, 31, 66] {
-        assert_eq!(alone(body).map(f64::to_bits), together.value[body].map(f64::to_bits), "body {body}");
+    let mut compared = 0;
+    for body in 0..BODIES {
+        let rows = body..=body;
+        let one = Ensemble::from_columns(
+            &bodies.inertia()[rows.clone()],
+            &bodies.orientation()[rows.clone()],
+            &bodies.angular_velocity_body()[rows],
+        )
+        .expect("valid");
+        // An orientation that is made a unit quaternion once more may change in its last bit.
+        if one.orientation()[0] != bodies.orientation()[body] {
+            continue;
+        }
+        let span = DT * STEPS as f64;
+        let (_, batch) = prepare_with(&one, std::slice::from_ref(&torque), span, Precision::F64).expect("memory");
+        let alone = common::advanced(&Engine::cpu(), &batch, Method::Rk8, DT, STEPS).value[0];
+        assert_eq!(alone.map(f64::to_bits), together.value[body].map(f64::to_bits), "body {body}");
+        compared += 1;
     }
+    assert!(compared > BODIES / 2, "{compared} bodies start with the same bits");
 }
 
 #[test]

@@ -24,7 +24,7 @@ pub fn describe_models() -> String {
 /// The one model whose parameters are the user's own.
 const CUSTOM: &str = "    custom: as written
         torque                  a formula (N m, body axes): `let name = ...;`, then a vector
-        parameters              names with numbers, vectors, rotations, distributions, columns [none]
+        parameters              names: numbers, vectors, rotations, distributions, columns [none]
         energy                  a formula (J) of attitude and parameters, for the balance [none]
         inputs                  attitude, angular_velocity, angular_momentum, inertia, time (SI)
         operators               + - * / ^ (whole powers), < <= > >= && || !, v.x

@@ -145,6 +145,11 @@ impl Expressed {
         self.rates.output_count()
     }
 
+    /// Whether the rates of its phases follow from the user's parameters alone, and not from the body.
+    pub fn rates_are_of_parameters(&self) -> bool {
+        self.rates.inputs().iter().all(|input| usize::from(input.index) >= USER)
+    }
+
     /// Whether it reads the time itself, besides phases.
     pub fn reads_time(&self) -> bool {
         self.whole.inputs.contains(&Given::Time)

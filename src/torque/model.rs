@@ -298,6 +298,11 @@ impl Torque {
         parameters.all(|(parameter, value)| !parameter.sets_phase_rate || value.is_shared())
     }
 
+    /// Whether all bodies have the same values.
+    pub(super) fn values_are_shared(&self) -> bool {
+        self.values.iter().all(Value::is_shared)
+    }
+
     /// Refuses parameters that are not valid; `index` is the torque's place in its scene.
     pub(crate) fn validate(&self, index: usize, ensemble: &Ensemble) -> Result<()> {
         let context = ValidationContext { torque: index, model: self.owned_name(), body_count: ensemble.len() };

@@ -126,7 +126,10 @@ impl TorqueTable {
                 // Kinds that merge have no phases.
                 let torque = if phases > 0 { table.torque_of(torques, kind, index) } else { None };
                 let rates = torque.map_or_else(Vec::new, |torque| table.phase_rates(torque, &instance, 0, None));
-                let is_shared = torque.is_some_and(Torque::phase_rates_are_shared);
+                let is_shared = torque.is_some_and(|torque| match kind {
+                    Kind::Custom => torque.values_are_shared() && table.expressions[index].rates_are_of_parameters(),
+                    _ => torque.phase_rates_are_shared(),
+                });
                 for &rates in rates.iter().take(phases) {
                     table.phases.push(if is_shared {
                         PhaseRates::Shared(table.exact_rate(kind, rates))
