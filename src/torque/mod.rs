@@ -113,7 +113,6 @@ pub use custom::Parameters;
 pub use declaration::{Declaration, Frame, OtherKey, ParameterDeclaration, Preset, Shape, Validity};
 pub use kind::Kind;
 pub(crate) use model::Model;
-#[cfg(feature = "study")]
 pub(crate) use model::ModelRef;
 pub use model::{Needs, Torque};
 pub use orbit::Orbit;
