@@ -52,6 +52,10 @@ fn main() {
         ("magnetic-dipole", vec![Torque::magnetic_dipole(u, v)]),
         ("orbiting-dipole", vec![Torque::orbiting_dipole(u, Orbit::circular(1.0, 1.0), 1.0, 0.2, 0.0, 0.1)]),
         ("eddy-current", vec![Torque::eddy_current(0.1, v)]),
+        (
+            "orbiting-eddy-current",
+            vec![Torque::orbiting_eddy_current(0.1, Orbit::circular(1.0, 1.0), 1.0, 0.2, 0.0, 0.1)],
+        ),
         ("sine-spring", vec![Torque::sine_spring(1.0, target)]),
         ("log-spring", vec![Torque::log_spring(1.0, target)]),
         ("white-noise", vec![Torque::white_noise(0.1, 1)]),

@@ -180,6 +180,27 @@ pub fn phases_at<R: Real>(fraction: Fraction<'_>, ticks: &Ticks) -> R {
     }
 }
 
+/// The time since the initial state, s, rounded.
+#[inline(always)]
+pub(crate) fn seconds_at<R: Real>(ticks: &Ticks, ticks_per_second: f64) -> R {
+    match *ticks {
+        Ticks::Equal(ticks) => R::splat(seconds::<R::Scalar>(ticks, ticks_per_second).to_f64()),
+        Ticks::Own(_) => R::from_lanes(|lane| seconds::<R::Scalar>(ticks.of_lane(lane), ticks_per_second)),
+    }
+}
+
+#[inline(always)]
+fn seconds<T: Scalar>(ticks: u64, ticks_per_second: f64) -> T {
+    let [upper, lower] = seconds_per_word(ticks_per_second).map(T::splat);
+    let (high, low) = ((ticks >> 32) as u32, ticks as u32);
+    T::from_f64(f64::from(high)).mul_add(upper, T::from_f64(f64::from(low)) * lower)
+}
+
+/// Seconds in a unit of the upper and of the lower 32 bits of a number of ticks.
+pub(crate) fn seconds_per_word(ticks_per_second: f64) -> [f64; 2] {
+    [4_294_967_296.0 / ticks_per_second, 1.0 / ticks_per_second]
+}
+
 /// A phase in turns, within (−1, 1), `elapsed` seconds after it was `start`: what is added is a fraction of one step, so that its
 /// error does not add up.
 #[inline(always)]

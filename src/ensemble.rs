@@ -87,7 +87,7 @@ impl Ensemble {
             [("orientation", orientation.len()), ("angular_velocity_body", angular_velocity_body.len())]
         {
             if found != count {
-                return Err(Error::ColumnLength { column, found, expected: count });
+                return Err(Error::ColumnLength { column: column.into(), found, expected: count });
             }
         }
         let mut ensemble = Self::with_capacity(count)?;
@@ -200,7 +200,7 @@ impl Ensemble {
             ("velocity", translation.velocity.len()),
         ] {
             if found != expected {
-                return Err(Error::ColumnLength { column, found, expected });
+                return Err(Error::ColumnLength { column: column.into(), found, expected });
             }
         }
         for (body, &mass) in translation.mass.iter().enumerate() {

@@ -1,6 +1,10 @@
 //! The one error type.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
+
+/// Text that is part of the program, or made when it runs.
+pub type Text = Cow<'static, str>;
 
 /// What was to be done with a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,15 +59,15 @@ pub enum Error {
         /// Index of the torque in its scene, from 0.
         torque: usize,
         /// The model's name.
-        model: &'static str,
+        model: Text,
         /// Index of the body, from 0, where the parameter is a column.
         body: Option<usize>,
         /// Name of the parameter.
-        field: &'static str,
+        field: Text,
         /// The value found.
         value: f64,
         /// What would be valid.
-        expected: &'static str,
+        expected: Text,
     },
     /// A torque does not go with another of its scene.
     #[error("torque {} ({model}): {expected}", torque + 1)]
@@ -71,9 +75,9 @@ pub enum Error {
         /// Index of the later torque in its scene, from 0.
         torque: usize,
         /// The model's name.
-        model: &'static str,
+        model: Text,
         /// What would be valid.
-        expected: &'static str,
+        expected: Text,
     },
     /// A parameter of a force is not valid.
     #[error("force {} ({model}){}: {field} = {value}: {expected}", force + 1, of_body(*body))]
@@ -81,15 +85,15 @@ pub enum Error {
         /// Index of the force in its scene, from 0.
         force: usize,
         /// The force's name.
-        model: &'static str,
+        model: Text,
         /// Index of the body, from 0, where the parameter is a column.
         body: Option<usize>,
         /// Name of the parameter.
-        field: &'static str,
+        field: Text,
         /// The value found.
         value: f64,
         /// What would be valid.
-        expected: &'static str,
+        expected: Text,
     },
     /// Projection onto what a free body conserves is asked of something else.
     #[error("projection of {method}: {expected}")]
@@ -105,7 +109,7 @@ pub enum Error {
         /// Index of the torque in its scene, from 0.
         torque: usize,
         /// The model's name.
-        model: &'static str,
+        model: Text,
         /// The integrator.
         method: crate::method::Method,
     },
@@ -113,7 +117,7 @@ pub enum Error {
     #[error("column {column} has {found} rows: {expected} are needed, one a body")]
     ColumnLength {
         /// Name of the column.
-        column: &'static str,
+        column: Text,
         /// Rows found.
         found: usize,
         /// Rows needed.

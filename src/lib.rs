@@ -61,6 +61,7 @@ pub mod elementary;
 pub mod engine;
 pub mod ensemble;
 pub mod error;
+pub mod expression;
 pub mod force;
 pub mod free_motion;
 pub mod inertia;

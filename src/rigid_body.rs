@@ -84,6 +84,14 @@ pub struct Correction<R> {
     gyroscopic_term: Vector<R>,
 }
 
+impl<R: Real> Correction<R> {
+    /// Where one word is carried.
+    #[inline(always)]
+    pub(crate) fn none() -> Self {
+        Self { angular_velocity: Vector::zero(), gyroscopic_term: Vector::zero() }
+    }
+}
+
 impl<R: Real> Body<R> {
     /// The constants of a body from its inverse moments.
     #[inline(always)]
@@ -104,7 +112,7 @@ impl<R: Real> Body<R> {
     #[inline(always)]
     pub fn correction(&self, state: &State<R>) -> Correction<R> {
         if R::Scalar::WORDS == 1 {
-            return Correction { angular_velocity: Vector::zero(), gyroscopic_term: Vector::zero() };
+            return Correction::none();
         }
         let m = state.angular_momentum_principal;
         Correction {

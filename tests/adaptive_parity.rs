@@ -406,7 +406,7 @@ const COUNT: usize = 64 * 5 + 7;
 /// body next to it goes to one side or the other by rounding.
 fn torque_sets() -> [Vec<Torque>; 2] {
     let mut all = every_torque(&middle_moments(COUNT, SEED));
-    all.retain(|torque| !matches!(torque, Torque::WhiteNoise(_) | Torque::LogSpring(_)));
+    all.retain(|torque| !torque.is_random() && torque.name() != "log-spring");
     [Vec::new(), all]
 }
 

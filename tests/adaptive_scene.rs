@@ -17,7 +17,6 @@ use polhode::method::rk8_adaptive::least_tolerance;
 use polhode::record::{OutputState, Sink};
 use polhode::run::run_into;
 use polhode::study::Study;
-use polhode::torque::white_noise::WhiteNoise;
 use polhode::{Accuracy, Engine, Ensemble, Method, Outputs, Plan, Scene, Torque};
 
 const COUNT: usize = 131;
@@ -105,12 +104,11 @@ impl Sink for Nowhere {
 fn progress_ends_at_all_that_is_to_be_done() {
     // Groups in equal steps of several lengths, side by side, beside one that is not stepped; and one in the bodies' own steps.
     let third = |place: usize| (0..COUNT).map(|body| if body % 3 == place { 0.1 } else { 0.0 }).collect::<Vec<_>>();
-    let noise = WhiteNoise { intensity: third(0).into(), seed: 1, draws_per_step: 1 };
     let dragged = Scene::new(asymmetric_ensemble(COUNT, SEED))
         .until(10.0)
         .outputs(Outputs::Times(vec![0.0, 5.0, 10.0]))
         .torque(Torque::linear_drag(third(1)));
-    let all = dragged.clone().torque(Torque::WhiteNoise(noise));
+    let all = dragged.clone().torque(Torque::white_noise(third(0), 1));
     let groups = all.clone().accuracy(Accuracy::attitude(1e-2)).without_pilot();
     for scene in [groups, all.pinned(Method::Rk4, 0.01, None), dragged.adaptive(STEPS, None)] {
         let plan = Plan::new(&scene, &Engine::cpu()).expect("planned");

@@ -158,7 +158,7 @@ fn a_body_that_is_not_valid_is_named_with_field_value_and_remedy() {
 #[test]
 fn columns_of_unequal_length_are_refused() {
     let error = Ensemble::from_columns(&[MOMENTS; 3], &[DQuat::IDENTITY; 3], &[SPIN; 2]).unwrap_err();
-    assert_eq!(error, Error::ColumnLength { column: "angular_velocity_body", found: 2, expected: 3 });
+    assert_eq!(error, Error::ColumnLength { column: "angular_velocity_body".into(), found: 2, expected: 3 });
 }
 
 #[test]

@@ -10,6 +10,8 @@ use common::compare::{Field, compare_rows};
 use common::kernel::{Harness, chunks};
 use common::random::Random;
 use polhode::batch::Precision;
+use polhode::elementary::functions;
+use polhode::engine::gpu::shader::{Chunk, Source};
 use polhode::method::Method;
 use polhode::quaternion::{Quaternion, norm_correction, norm_correction_of_step};
 use polhode::real::{Scalar, sin_cos, sin_cos_eighth};
@@ -499,13 +501,138 @@ fn to_f64<T: Scalar>(row: &[T]) -> Vec<f64> {
     row.iter().map(|x| x.to_f64()).collect()
 }
 
+/// The functions of formulas, over their domains. Each side is within a function's stated error of the truth, which is all
+/// that a driver that fuses and re-associates leaves certain; without that the sides agree nearly to the bit.
+fn formula_cases<T: Scalar>() -> Vec<Case<T>> {
+    /// Rows that begin with `edges` and go on at random.
+    fn rows<T: Scalar>(edges: &[[f64; 2]], draw: impl Fn(&mut Random) -> [f64; 2]) -> Vec<Vec<T>> {
+        let mut random = Random::new(11);
+        let mut rows = edges.to_vec();
+        rows.resize_with(ROWS.max(edges.len()), || draw(&mut random));
+        rows.into_iter().map(|row| row.map(T::from_f64).to_vec()).collect()
+    }
+    /// The borders and their neighbours, of both signs.
+    fn around<T: Scalar>(borders: &[f64]) -> Vec<[f64; 2]> {
+        let step = 2.0 * T::UNIT_ROUNDOFF;
+        let near = |x: f64| [x, x * (1.0 + step), x * (1.0 - step), -x, -x * (1.0 + step), -x * (1.0 - step)];
+        borders.iter().flat_map(|&x| near(x)).map(|x| [x, 0.0]).collect()
+    }
+    fn single<T: Scalar>() -> bool {
+        T::WORDS == 2
+    }
+    /// Exponents that results and arguments may have.
+    fn exponents<T: Scalar>() -> f64 {
+        if single::<T>() { 125.0 } else { 1021.0 }
+    }
+    fn exp_rows<T: Scalar>(_: usize) -> Vec<Vec<T>> {
+        let limit = exponents::<T>() * std::f64::consts::LN_2;
+        let edges = around::<T>(&[0.0, 1e-30, 1.0, 0.5 * std::f64::consts::LN_2, 1.5 * std::f64::consts::LN_2, limit]);
+        rows(&edges, |random| [random.between(-limit, limit), 0.0])
+    }
+    fn ln_rows<T: Scalar>(_: usize) -> Vec<Vec<T>> {
+        let limit = exponents::<T>();
+        let mut edges = around::<T>(&[1.0, 2.0, 0.5, std::f64::consts::SQRT_2, 0.8125, 0.9375, 1.0625, 1.1875, 1.3125]);
+        edges.retain(|row| 0.0 < row[0]);
+        edges.extend([limit.exp2(), (-limit).exp2()].map(|x| [x, 0.0]));
+        rows(&edges, |random| [random.between(-limit, limit).exp2(), 0.0])
+    }
+    fn tan_rows<T: Scalar>(_: usize) -> Vec<Vec<T>> {
+        angles::<T>(0).into_iter().map(|row| vec![row[0], row[0]]).collect()
+    }
+    fn sine_rows<T: Scalar>(_: usize) -> Vec<Vec<T>> {
+        let step = 2.0 * T::UNIT_ROUNDOFF;
+        let mut edges = around::<T>(&[0.0, 1e-30, 1e-4, 0.5, std::f64::consts::FRAC_1_SQRT_2]);
+        edges.extend([1.0, 1.0 - 0.5 * step, 1.0 + step, 1.0 + 4.0 * step].iter().flat_map(|&x| [[x, 0.0], [-x, 0.0]]));
+        rows(&edges, |random| [random.between(-1.0, 1.0), 0.0])
+    }
+    fn point_rows<T: Scalar>(_: usize) -> Vec<Vec<T>> {
+        let large = exponents::<T>().exp2();
+        let sizes = [0.0, 1.0, -1.0, 0.13, -0.36, 0.72, 1e-9, -1e9, large, -large];
+        let edges: Vec<_> = sizes.iter().flat_map(|&y| sizes.map(|x| [y, x])).collect();
+        // A quotient that is subnormal may be taken for zero.
+        let edges: Vec<_> = edges.into_iter().filter(|[y, x]| y.abs() >= 1.0 || x.abs() < large || *y == 0.0).collect();
+        rows(&edges, |random| [random.between(-1.0, 1.0), random.between(-1.0, 1.0)])
+    }
+    fn pow_rows<T: Scalar>(_: usize) -> Vec<Vec<T>> {
+        let limit = exponents::<T>();
+        let edges = [0.0, 1.0, 2.0, 0.5, 1e-30, 7.3].map(|x| [0.0, 0.5, 1.0, 2.0, 1.0 / 3.0].map(|y| [x, y]));
+        rows(&edges.concat(), |random| {
+            let exponent = random.between(-limit, limit);
+            [exponent.exp2(), random.between(-limit, limit) / exponent.abs().max(1.0)]
+        })
+    }
+    fn ratio_rows<T: Scalar>(_: usize) -> Vec<Vec<T>> {
+        rows(&[[0.0; 2], [0.04, 0.0], [1e-30, 0.0]], |random| [random.between(0.0, 0.04), 0.0])
+    }
+    let case = |name, line, stated: f64, twin, rows| Case {
+        name,
+        line,
+        columns: 2,
+        fields: &[REAL],
+        twin,
+        ulps: 2.0 * stated,
+        magnitude: |_| 0.0,
+        rows,
+    };
+    vec![
+        case("exp", "put_r(0u, exp(r(0u)));", 1.5, |row| vec![functions::exp(row[0])], exp_rows::<T>),
+        case("ln", "put_r(0u, ln(r(0u)));", 1.0, |row| vec![functions::ln(row[0])], ln_rows::<T>),
+        case("tan", "put_r(0u, tan(r(0u)));", 3.0, |row| vec![functions::tan(row[0])], tan_rows::<T>),
+        case("asin", "put_r(0u, asin(r(0u)));", 1.5, |row| vec![functions::asin(row[0])], sine_rows::<T>),
+        case("acos", "put_r(0u, acos(r(0u)));", 1.5, |row| vec![functions::acos(row[0])], sine_rows::<T>),
+        case(
+            "atan2",
+            "put_r(0u, atan2(r(0u), r(1u)));",
+            1.0,
+            |row| vec![functions::atan2(row[0], row[1])],
+            point_rows::<T>,
+        ),
+        case("pow", "put_r(0u, pow(r(0u), r(1u)));", 2.0, |row| vec![functions::pow(row[0], row[1])], pow_rows::<T>),
+        case(
+            "arctangent_ratio",
+            "put_r(0u, arctangent_ratio(r(0u)));",
+            1.0,
+            |row| vec![functions::arctangent_ratio(row[0])],
+            ratio_rows::<T>,
+        ),
+    ]
+}
+
+fn with_formulas(precision: Precision) -> Vec<Chunk> {
+    [Source::functions(precision), Source::elementary_functions(precision)].concat()
+}
+
+#[test]
+fn functions_of_formulas_agree_with_their_twins() {
+    check::<f32>(&with_formulas(Precision::F32), formula_cases());
+    check::<f64>(&with_formulas(Precision::F64), formula_cases());
+}
+
+#[test]
+fn results_outside_a_domain_are_seen_by_their_bits() {
+    fn check_bits<T: Scalar>() {
+        let line = "put_r(0u, exp(r(0u))); put_r(1u, ln(-r(0u))); put_r(2u, asin(r(0u))); put_r(3u, acos(r(0u))); \
+                    put_r(4u, pow(-r(0u), 2.0)); put_r(5u, pow(r(1u), -1.0)); put_r(6u, exp(-r(0u))); \
+                    put_r(7u, pow(r(0u), r(1u)));";
+        let rows = vec![[1e4, 0.0].map(T::from_f64).to_vec()];
+        let found = Harness::new().run(&with_formulas(precision_of::<T>()), line, &rows, 8);
+        let beyond = found[0][..6].iter().all(|x| (x.to_bits() >> 52) & 0x7ff == 0x7ff);
+        assert!(beyond && found[0][6..] == [0.0, 1.0], "{:?}", found[0]);
+    }
+    check_bits::<f32>();
+    check_bits::<f64>();
+}
+
 fn check_helpers<T: Scalar>() {
+    check::<T>(&chunks(precision_of::<T>(), Method::Rk4), cases::<T>());
+}
+
+fn check<T: Scalar>(chunks: &[Chunk], cases: Vec<Case<T>>) {
     let harness = Harness::new();
-    let chunks = chunks(precision_of::<T>(), Method::Rk4);
-    for case in cases::<T>() {
+    for case in cases {
         let rows = (case.rows)(case.columns);
         let expected: Vec<_> = rows.iter().map(|row| to_f64(&(case.twin)(row))).collect();
-        let found = harness.run(&chunks, case.line, &rows, expected[0].len());
+        let found = harness.run(chunks, case.line, &rows, expected[0].len());
         let compared = compare_rows::<T>(case.fields, &expected, &found, |row| (case.magnitude)(&rows[row]), case.ulps);
         if let Err(mismatch) = compared {
             panic!("{}: {mismatch}; inputs {:?}", case.name, to_f64(&rows[mismatch.body]));
@@ -525,10 +652,23 @@ fn every_f64_helper_agrees_with_its_twin() {
 
 #[test]
 fn every_shared_function_of_the_shaders_is_compared() {
-    let lines: String = cases::<f32>().iter().map(|case| case.line).collect();
+    let lines: String = cases::<f32>().iter().chain(&formula_cases::<f32>()).map(|case| case.line).collect();
     // Within others: the argument reduction of sin_cos, and what the steps of cf4 and of the uncompensated methods use.
-    let covered_within = ["reduced_by_quarters", "exponential_less_one", "plain_vector", "plainly_normalised"];
-    for chunk in polhode::engine::gpu::shader::Source::functions(Precision::F32) {
+    let mut covered_within = vec!["reduced_by_quarters", "exponential_less_one", "plain_vector", "plainly_normalised"];
+    // What the functions of formulas are made of; infinity and what is not a number have a test of their own.
+    covered_within.extend([
+        "infinity",
+        "not_a_number",
+        "upper_half",
+        "quick_sum",
+        "exact_sum",
+        "quotient",
+        "complement",
+    ]);
+    covered_within.extend(["digit_taken", "raised", "lowered", "scaled", "resolved", "expanded_beyond"]);
+    covered_within.extend(["exp_of_words", "exp_series", "logarithm", "logarithm_series", "logarithm_expansion"]);
+    covered_within.extend(["arctangent", "angle_series", "angle_expansion"]);
+    for chunk in with_formulas(Precision::F32) {
         for line in chunk.text.lines().filter_map(|line| line.strip_prefix("fn ")) {
             let name = line.split('(').next().expect("a name");
             assert!(

@@ -58,8 +58,11 @@ const FAULTS: [Fault; 16] = [
     Fault {
         name: "transposed tensor",
         file: "torque/eddy_current.wgsl",
-        from: "rotate_inverse(",
-        to: "rotate(",
+        from: "fn eddy_current(",
+        to: "fn eddy_current(k: real, d: vector, q: quaternion, omega: vector) -> vector {
+    return transposed(k, d, conjugate(q), omega);
+}
+fn transposed(",
         check: Check::Torques,
     },
     Fault {

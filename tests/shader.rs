@@ -2,12 +2,15 @@
 
 mod common;
 
-use polhode::Error;
-use polhode::batch::{AnyBatch, Precision};
+use glam::{DQuat, DVec3};
+use polhode::batch::{AnyBatch, Precision, prepare_with};
 use polhode::engine::gpu::Patch;
-use polhode::engine::gpu::shader::Source;
+use polhode::engine::gpu::shader::{Chunk, Source};
 use polhode::method::Method;
-use polhode::torque::TorqueTable;
+use polhode::torque::twin::twins;
+use polhode::torque::variable_inertia::{InertiaChange, Law};
+use polhode::torque::{Torque, TorqueTable};
+use polhode::{Ensemble, Error};
 
 /// A body under every kind of torque.
 fn under_every_torque(precision: Precision) -> AnyBatch {
@@ -17,6 +20,24 @@ fn under_every_torque(precision: Precision) -> AnyBatch {
 /// The table of a scene with every kind of torque.
 fn every_torque(precision: Precision) -> TorqueTable {
     under_every_torque(precision).torques().clone()
+}
+
+/// Tables of each torque alone, and of all on bodies whose moments change, which are linear rotors, or both.
+fn other_tables(precision: Precision) -> Vec<TorqueTable> {
+    let all = common::torques::every_torque(&[1.0]);
+    let change = |law| Torque::variable_inertia(InertiaChange::factor(0.6), law);
+    let changes = [change(Law::ramp(0.1, 0.5)), change(Law::oscillation(2.0))];
+    let mut scenes: Vec<Vec<Torque>> = all.iter().chain(&changes).map(|torque| vec![torque.clone()]).collect();
+    scenes.extend(changes.iter().map(|change| [all.clone(), vec![change.clone()]].concat()));
+    scenes.push([all.clone(), all.clone()].concat());
+    let rigid = common::asymmetric_ensemble(1, 1);
+    let rotor = Ensemble::from_columns(&[DVec3::new(0.0, 1.0, 1.0)], &[DQuat::IDENTITY], &[DVec3::Y]).expect("a rotor");
+    let scenes = scenes.iter().flat_map(|torques| [(&rigid, torques), (&rotor, torques)]);
+    scenes
+        .map(|(ensemble, torques)| {
+            prepare_with(ensemble, torques, 100.0, precision).expect("enough memory").1.torques().clone()
+        })
+        .collect()
 }
 
 fn variants() -> Vec<Source> {
@@ -39,12 +60,43 @@ fn variants() -> Vec<Source> {
     variants
 }
 
+/// Those under [`other_tables`].
+fn other_variants() -> Vec<Source> {
+    let tables = Precision::ALL
+        .into_iter()
+        .flat_map(|precision| other_tables(precision).into_iter().map(move |table| (precision, table)));
+    tables
+        .flat_map(|(precision, torques)| {
+            let advance = |method| Source::advance_under(precision, method, &torques);
+            [advance(Method::Rk4), advance(Method::Splitting4), Source::adaptive(precision, &torques)]
+        })
+        .collect()
+}
+
 #[test]
 fn every_variant_validates() {
-    for source in variants() {
+    for source in variants().into_iter().chain(other_variants()) {
         let files: Vec<_> = source.chunks().iter().map(|chunk| chunk.file).collect();
         source.validate().unwrap_or_else(|error| panic!("{files:?}: {error}"));
     }
+}
+
+/// Whether every kind's text is among those that are validated, and what bodies that are not rigid or have no extent across
+/// their axis add to the sum.
+#[test]
+fn every_recorded_text_is_in_a_variant() {
+    let variants = other_variants();
+    let terms = |line: &str| {
+        let is_there = |chunk: &Chunk| chunk.file == "torque/terms.wgsl" && chunk.text.contains(line);
+        variants.iter().any(|source| source.chunks().iter().any(is_there))
+    };
+    for twin in twins() {
+        let has =
+            |source: &Source| source.chunks().iter().any(|chunk| chunk.file == twin.file && chunk.text == twin.text);
+        assert!(variants.iter().any(has), "{:?}", twin.kind);
+        assert!(terms(&format!("sum = sum + {}(", twin.kind.stem())), "{:?}", twin.kind);
+    }
+    assert!(terms("gradient_coefficients(") && terms("sum.x = torque_column("));
 }
 
 #[test]

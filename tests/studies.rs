@@ -168,3 +168,54 @@ fn stages_that_dissipate_keep_their_momentum_and_end_in_a_flat_spin() {
     assert_eq!(report["statistics"]["count"], 2000);
     assert!(report["plan"]["skips"].as_array().expect("a list").iter().any(|skip| skip["name"] == "states"));
 }
+
+/// The mean motion of the orbits in `bdot` and `pointing`, rad/s.
+const MEAN_MOTION: f64 = 1.1068e-3;
+
+#[test]
+fn coils_stop_tumbling_satellites_until_they_follow_the_field() {
+    let states = States::read(&run_example("bdot").path("out/statistics.csv"));
+    let spin = states.column("spin_rate_mean");
+    assert_eq!(spin.len(), 40);
+    assert!(spin.windows(2).all(|pair| pair[1] < pair[0]), "{spin:?}");
+    // A hundredth of the start, 0.44 rad/s, and no less than the field's own rate, which is about twice that of the orbit.
+    let last = spin[39];
+    assert!(last > MEAN_MOTION && last < 0.01 * 0.44, "{last:e}");
+    assert!(states.column("spin_rate_max")[39] < 0.02);
+}
+
+#[test]
+fn a_spring_and_a_damper_bring_cameras_to_a_moving_target() {
+    let states = States::read(&run_example("pointing").path("out/final.csv"));
+    assert_eq!(states.rows(), 500);
+    let (phase, inclination) = (MEAN_MOTION * 1200.0, 0.9_f64);
+    let nadir = -DVec3::new(phase.cos(), phase.sin() * inclination.cos(), phase.sin() * inclination.sin());
+    for row in 0..states.rows() {
+        let angle = (states.orientation(row) * DVec3::Z).angle_between(nadir);
+        // The gyroscopic torque of a turning body over the stiffness: 1.1 kg m² times the rate squared over 2e-3 N m.
+        assert!(angle < 1e-3, "row {row}: {angle:e} rad");
+        let rate = states.vector(["wx", "wy", "wz"], row).length();
+        assert!((rate / MEAN_MOTION - 1.0).abs() < 1e-3, "row {row}: {rate:e} rad/s");
+    }
+}
+
+#[test]
+fn bodies_that_swing_by_a_table_keep_their_total_energy() {
+    let desk = run_example("aero_table");
+    let report = report(&desk, "out");
+    let balance = &report["balance"];
+    assert_eq!(balance["conservative_bodies"], 300);
+    // The potential is the table's integral; steps at its kinks cost most of the error.
+    let worst = balance["total_energy"]["max"].as_f64().expect("a number");
+    assert!(worst < 1e-6, "{worst:e}");
+    let states = States::read(&desk.path("out/snapshots.csv"));
+    let (mut nose_first, mut tail_first) = (0, 0);
+    for body in 0..300 {
+        let beyond = |row: usize| (states.orientation(row) * DVec3::X).x < 140.0_f64.to_radians().cos();
+        let rows = states.of_body(body);
+        let count = rows.iter().filter(|&&row| beyond(row)).count();
+        nose_first += usize::from(count == 0);
+        tail_first += usize::from(count == rows.len());
+    }
+    assert!(nose_first > 200 && (1..30).contains(&tail_first), "{nose_first} nose first, {tail_first} tail first");
+}

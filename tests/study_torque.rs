@@ -6,9 +6,10 @@ use std::path::Path;
 use glam::DVec3;
 use polhode::inertia::InertiaTensor;
 use polhode::study::Study;
+use polhode::torque::flat_plates::{Facet, Surface};
 use polhode::torque::variable_inertia::{InertiaChange, Law};
-use polhode::torque::{Orbit, Parameter, Torque};
-use polhode::{Error, Force};
+use polhode::torque::{Orbit, Parameter, Torque, Value};
+use polhode::{Error, Force, Scene};
 
 const BODIES: &str = "
 seed = 5
@@ -86,6 +87,14 @@ model = "eddy-current"
 coefficient = 1e3
 field = [3e-5, 0, 0]
 [[torque]]
+model = "orbiting-eddy-current"
+coefficient = 1e3
+mu = 3.986004418e14
+orbit = { radius = 7.0e6, inclination = 1.7 }
+strength = 7.8e15
+tilt = 2.97
+rotation = 7.29e-5
+[[torque]]
 model = "sine-spring"
 stiffness = 1.0
 target = [0, 0, 0, 1]
@@ -116,6 +125,7 @@ ramp = { start = 0.1, duration = 0.5 }
         Torque::magnetic_dipole(DVec3::Z, DVec3::new(3e-5, 0.0, 0.0)),
         Torque::orbiting_dipole(DVec3::Z, Orbit::circular(gravity, 7e6), 7.8e15, 2.97, 0.0, 7.29e-5),
         Torque::eddy_current(1e3, DVec3::new(3e-5, 0.0, 0.0)),
+        Torque::orbiting_eddy_current(1e3, Orbit::circular(gravity, 7e6).inclined(1.7), 7.8e15, 2.97, 0.0, 7.29e-5),
         Torque::sine_spring(1.0, glam::DQuat::IDENTITY),
         Torque::internal_dissipation(0.1),
         Torque::white_noise(0.1, 5),
@@ -136,12 +146,13 @@ coefficient = { distribution = "uniform", low = 0.01, high = 0.1 }
 "#;
     let scene = |most: usize| study(text).expect("a study").truncated(most).scene().expect("a scene");
     let (all, fewer) = (scene(3), scene(2));
-    let [Torque::ConstantBody(torque), Torque::LinearDrag(drag)] = all.torques() else { panic!("{all:?}") };
-    let [Torque::ConstantBody(few_torque), Torque::LinearDrag(few_drag)] = fewer.torques() else { panic!() };
-    assert_eq!(few_torque.torque_body, Parameter::PerBody((0..2).map(|body| torque.torque_body.at(body)).collect()));
-    assert_eq!(few_drag.coefficient, Parameter::PerBody((0..2).map(|body| drag.coefficient.at(body)).collect()));
-    assert!((0..3).all(|body| (0.01..0.1).contains(&drag.coefficient.at(body))));
-    assert_ne!(torque.torque_body.at(0), torque.torque_body.at(1));
+    let vector = |scene: &Scene| scene.torques()[0].parameter("torque").and_then(Value::as_vector).cloned();
+    let number = |scene: &Scene| scene.torques()[1].parameter("coefficient").and_then(Value::as_number).cloned();
+    let (torque, drag) = (vector(&all).expect("a vector"), number(&all).expect("a number"));
+    assert_eq!(vector(&fewer), Some(Parameter::PerBody((0..2).map(|body| torque.at(body)).collect())));
+    assert_eq!(number(&fewer), Some(Parameter::PerBody((0..2).map(|body| drag.at(body)).collect())));
+    assert!((0..3).all(|body| (0.01..0.1).contains(&drag.at(body))));
+    assert_ne!(torque.at(0), torque.at(1));
 }
 
 #[test]
@@ -178,25 +189,27 @@ fn changes_of_inertia_are_numbers_draws_columns_and_shapes() {
     let changed = |parameters: &str| {
         let text = format!("[[torque]]\nmodel = \"variable-inertia\"\n{parameters}");
         let scene = study(&text).and_then(|study| study.scene()).expect("a study");
-        let [Torque::VariableInertia(model)] = scene.torques() else { panic!("{scene:?}") };
-        model.clone()
+        let [torque] = scene.torques() else { panic!("{scene:?}") };
+        torque.clone()
     };
     let drawn = "{ distribution = \"uniform\", low = 0.5, high = 0.75 }";
     let model = changed(&format!("factor = {drawn}\noscillation = {{ rate = {drawn} }}\n"));
-    let (InertiaChange::Factor(factor), Law::Oscillation { rate }) = (&model.change, &model.law) else { panic!() };
+    let number = |name| model.parameter(name).and_then(Value::as_number).expect("a number");
+    let (factor, rate) = (number("factor"), number("oscillation.rate"));
+    assert_eq!((model.parameter("inertia"), model.parameter("ramp.start")), (None, None));
     assert!((0..3).all(|body| (0.5..0.75).contains(&factor.at(body)) && (0.5..0.75).contains(&rate.at(body))));
     assert_ne!(factor.at(0), factor.at(1));
     assert_ne!(factor.at(0), rate.at(0));
 
     let shape = "inertia = { shape = \"box\", mass = 6.0, edges = [1, 2, 3] }\nramp = { start = 1, duration = 2 }\n";
     let model = changed(shape);
-    assert_eq!(model.law, Law::ramp(1.0, 2.0));
+    assert_eq!(model.parameter("ramp.duration"), Some(&Value::Number(2.0.into())));
     assert_eq!(model.tensor_at(2, InertiaTensor::default(), 9.0).to_array(), [6.5, 5.0, 2.5, 0.0, 0.0, 0.0]);
     let tensor = changed("inertia = { ixx = 1, iyy = 2, izz = 2.5, ixy = 0.5 }\nramp = { start = 1, duration = 2 }\n");
-    let InertiaChange::Tensor(Parameter::Shared(tensor)) = tensor.change else { panic!() };
+    let Some(Value::Tensor(Parameter::Shared(tensor))) = tensor.parameter("inertia") else { panic!() };
     assert_eq!(tensor.xy, 0.5);
     let spread = changed(&format!("inertia = {{ moments = {drawn} }}\nramp = {{ start = 1, duration = {drawn} }}\n"));
-    let InertiaChange::Tensor(tensors) = spread.change else { panic!() };
+    let Some(Value::Tensor(tensors)) = spread.parameter("inertia") else { panic!() };
     assert_ne!(tensors.at(0), tensors.at(1));
 
     let folder = tempfile::tempdir().expect("a folder");
@@ -236,6 +249,114 @@ fn wrong_changes_of_inertia_are_located() {
 }
 
 #[test]
+fn flat_plates_are_read_with_the_coefficients_of_their_surfaces() {
+    let text = r#"
+[[torque]]
+model = "flat-plates"
+pressure = { distribution = "uniform", low = 1e-6, high = 5e-6 }
+direction = { distribution = "direction", magnitude = 2.0 }
+facets = [
+  { area = 0.02, normal = [0, 0, 1], centre = [0, 0, 0.15], along = 0.7, constant = 0.1, across = 0.4 },
+  { area = 0.02, normal = [0, 0, -1], centre = [0, 0, -0.15], along = 1 },
+  { area = 0.5, normal = [1, 1, 0], centre = [0, 0.3, 0], solar = { specular = 0.25, diffuse = 0.5 } },
+  { area = 0.1, normal = [1, 0, 0], centre = [0, 0, 0], drag = { normal_accommodation = 1, tangential_accommodation = 0.5 } },
+]
+"#;
+    let scene = study(text).and_then(|study| study.scene()).expect("a study");
+    let facet =
+        |area: f64, normal_body: DVec3, centre_body: DVec3, surface| Facet { area, normal_body, centre_body, surface };
+    let facets = [
+        facet(0.02, DVec3::Z, DVec3::Z * 0.15, Surface::Coefficients { along: 0.7, constant: 0.1, across: 0.4 }),
+        facet(0.02, -DVec3::Z, DVec3::Z * -0.15, Surface::Coefficients { along: 1.0, constant: 0.0, across: 0.0 }),
+        facet(0.5, DVec3::X + DVec3::Y, DVec3::Y * 0.3, Surface::Solar { specular: 0.25, diffuse: 0.5 }),
+        facet(
+            0.1,
+            DVec3::X,
+            DVec3::ZERO,
+            Surface::Drag { normal_accommodation: 1.0, tangential_accommodation: 0.5, wall_speed_ratio: 0.0 },
+        ),
+    ];
+    let [torque] = scene.torques() else { panic!("{scene:?}") };
+    let parameter = |name| torque.parameter(name).expect("given");
+    assert!(!parameter("pressure").is_shared() && !parameter("direction").is_shared());
+    let read = parameter("facets").as_list().expect("a list");
+    // What a study leaves out is a default there and absent here; the formulas are the same.
+    let made = Torque::flat_plates(1.0, DVec3::X, &facets).expect("valid");
+    let made = made.parameter("facets").and_then(Value::as_list).expect("a list");
+    for (read, made) in read.iter().zip(made) {
+        for (place, (read, made)) in read.iter().zip(made).enumerate() {
+            assert!(*made == Value::Absent || read == made, "{place}: {read:?}, {made:?}");
+        }
+    }
+    assert_eq!(read.len(), made.len());
+}
+
+#[test]
+fn wrong_facets_are_refused_by_their_key() {
+    let text = |facets: &str| {
+        format!("[[torque]]\nmodel = \"flat-plates\"\npressure = 1\ndirection = [1, 0, 0]\nfacets = [\n{facets}]\n")
+    };
+    let good = "{ area = 1, normal = [0, 0, 1], centre = [0, 1, 0], along = 1 },\n";
+    let second = |facet: &str| text(&format!("{good}{facet},\n"));
+    for (facet, expected) in [
+        ("{ normal = [0, 0, 1], centre = [0, 0, 0], along = 1 }", "study.toml:15: torque[1].facets[2].area is missing"),
+        (
+            "{ area = 1, normal = [0, 1], centre = [0, 0, 0], along = 1 }",
+            "study.toml:15: torque[1].facets[2].normal = ",
+        ),
+        (
+            "{ area = { column = \"a\" }, normal = [0, 0, 1], centre = [0, 0, 0], along = 1 }",
+            "torque[1].facets[2].area = ",
+        ),
+        (
+            "{ area = 1, normal = [0, 0, 1], centre = [0, 0, 0] }",
+            "torque[1].facets[2].along is missing: `along` or `solar` or `drag` is needed",
+        ),
+        (
+            "{ area = 1, normal = [0, 0, 1], centre = [0, 0, 0], across = 1, solar = { specular = 1, diffuse = 0 } }",
+            "torque[1].facets[2].solar excludes across",
+        ),
+        (
+            "{ area = 1, normal = [0, 0, 1], centre = [0, 0, 0], solar = { specular = 1 } }",
+            "torque[1].facets[2].solar.diffuse is missing",
+        ),
+        (
+            "{ area = 1, normals = [0, 0, 1], centre = [0, 0, 0], along = 1 }",
+            "torque[1].facets[2].normals is not known: did you mean normal?",
+        ),
+        ("7", "torque[1].facets[2] = 7: a table is needed"),
+    ] {
+        let message = refusal(&second(facet));
+        assert!(message.contains(expected), "{message}: {expected}");
+    }
+    for (facets, expected) in [
+        (String::new(), "study.toml:13: torque[1].facets = [ ]: a list of 1 to 16 tables is needed"),
+        (good.repeat(17), "a list of 1 to 16 tables is needed"),
+    ] {
+        let message = refusal(&text(&facets));
+        assert!(message.contains(expected), "{message}: {expected}");
+    }
+    // Values out of range are found when the formula is made.
+    for (facet, expected) in [
+        (
+            "{ area = -1, normal = [0, 0, 1], centre = [0, 0, 0], along = 1 }",
+            "study.toml:15: torque[1].facets[2].area = -1.0: a finite number that is not negative is needed (m²)",
+        ),
+        (
+            "{ area = 1, normal = [0, 0, 0], centre = [0, 0, 0], along = 1 }",
+            "study.toml:15: torque[1].facets[2].normal = 0.0: finite components that are not all zero are needed",
+        ),
+        (
+            "{ area = 1, normal = [0, 0, 1], centre = [0, 0, 0], solar = { specular = 0.5, diffuse = 0.75 } }",
+            "study.toml:15: torque[1].facets[2].solar.diffuse = 0.75: specular and diffuse together must be at most 1",
+        ),
+    ] {
+        let error = study(&second(facet)).and_then(|study| study.scene()).expect_err("not valid");
+        assert!(error.to_string().starts_with(expected), "{error}: {expected}");
+    }
+}
+
+#[test]
 fn wrong_torques_are_refused_at_their_line() {
     for (text, expected) in [
         ("[[torque]]\nmodel = \"viscos\"\n", "study.toml:10: torque[1].model = \"viscos\": did you mean viscous?"),
@@ -245,7 +366,22 @@ fn wrong_torques_are_refused_at_their_line() {
             "[[torque]]\nmodel = \"viscous\"\ncoefficient = 1\nfactor = 2\n",
             "study.toml:12: torque[1].factor is not known",
         ),
-        ("[[torque]]\nmodel = \"gravity-gradient\"\nmu = 1\norbit = { }\n", "study.toml:12: torque[1].orbit = "),
+        (
+            "[[torque]]\nmodel = \"gravity-gradient\"\nmu = 1\norbit = { }\n",
+            "study.toml:12: torque[1].orbit = { }: `radius` or `semi_major_axis` is needed (m)",
+        ),
+        (
+            "[[torque]]\nmodel = \"gravity-gradient\"\nmu = 1\n",
+            "torque[1].orbit is missing: { semi_major_axis = m or radius = m } is needed",
+        ),
+        (
+            "[[torque]]\nmodel = \"gravity-gradient\"\nmu = 1\norbit = { radius = 1, eccentricity = 0.1 }\n",
+            "study.toml:12: torque[1].orbit.radius excludes eccentricity",
+        ),
+        (
+            "[[torque]]\nmodel = \"viscous\"\ncoefficient = true\n",
+            "study.toml:11: torque[1].coefficient = true: the coefficient c is needed (N m s)",
+        ),
         (
             "[[torque]]\nmodel = \"white-noise\"\nintensity = 1\ndraws_per_step = 0\n",
             "study.toml:12: torque[1].draws_per_step",

@@ -5,8 +5,7 @@ use std::f64::consts::TAU;
 use glam::{DMat3, DQuat, DVec3};
 use polhode::batch::Precision;
 use polhode::engine::cpu::{Cpu, Width};
-use polhode::torque::white_noise::WhiteNoise;
-use polhode::torque::{Orbit, Parameter};
+use polhode::torque::Orbit;
 use polhode::{Ensemble, Error, Method, Outputs, Plan, Record, Scene, Torque};
 
 /// rk4 with this angle a step is wrong by about 1e-10 over the spans here.
@@ -181,6 +180,81 @@ fn a_sphere_spins_down_as_each_drag_says() {
     assert_eq!(spin_after(Torque::eddy_current(0.5, DVec3::new(0.0, 0.0, 0.8))), spin);
 }
 
+/// Where an orbit of mu = 1 is at a time, from Newton's iteration and the classical elements written out.
+fn place_on_orbit(a: f64, e: f64, [inclination, node, pericentre, anomaly]: [f64; 4], time: f64) -> DVec3 {
+    let mean = anomaly + time / (a * a * a).sqrt();
+    let mut eccentric = mean;
+    for _ in 0..50 {
+        eccentric -= (eccentric - e * eccentric.sin() - mean) / (1.0 - e * eccentric.cos());
+    }
+    let ((si, ci), (sn, cn), (sp, cp)) = (inclination.sin_cos(), node.sin_cos(), pericentre.sin_cos());
+    let to_pericentre = DVec3::new(cn * cp - sn * sp * ci, sn * cp + cn * sp * ci, sp * si);
+    let across = DVec3::new(-cn * sp - sn * cp * ci, -sn * sp + cn * cp * ci, cp * si);
+    a * (eccentric.cos() - e) * to_pericentre + a * (1.0 - e * e).sqrt() * eccentric.sin() * across
+}
+
+#[test]
+fn eddy_currents_in_the_field_of_an_orbiting_dipole_damp_as_in_inertial_axes_and_only_take_energy() {
+    let (a, e, angles) = (1.25, 0.3, [0.7, 1.1, -0.4, 2.0]);
+    let (strength, tilt, azimuth, rotation, k) = (1.5_f64, 0.6_f64, 0.2, 0.5, 0.4);
+    // The field of a dipole, (μ₀/4π) (3 r (m · r)/r⁵ − m/r³), which turns about z.
+    let field = |time: f64| {
+        let r = place_on_orbit(a, e, angles, time);
+        let (sin, cos) = (azimuth + rotation * time).sin_cos();
+        let dipole = strength * DVec3::new(tilt.sin() * cos, tilt.sin() * sin, tilt.cos());
+        3.0 * r * dipole.dot(r) / r.length().powi(5) - dipole / r.length().powi(3)
+    };
+    let moments = DVec3::new(1.0, 2.0, 2.5);
+    let orientation = DQuat::from_xyzw(0.3, -0.1, 0.2, 0.9).normalize();
+    let start = DVec3::new(0.5, 0.8, -0.3);
+    // State in world axes: the rotation matrix and the angular momentum L; dL/dt = k (ω × B) × B.
+    let rate = |rotation: DMat3, momentum: DVec3, time: f64| {
+        let omega = rotation * ((rotation.transpose() * momentum) / moments);
+        let spin =
+            DMat3::from_cols(omega.cross(rotation.x_axis), omega.cross(rotation.y_axis), omega.cross(rotation.z_axis));
+        (spin, k * omega.cross(field(time)).cross(field(time)))
+    };
+    let (end, outputs, steps) = (12.0, 24, 256);
+    let mut state = (DMat3::from_quat(orientation), orientation * (moments * start));
+    let dt = end / (outputs * steps) as f64;
+    let mut expected = Vec::new();
+    for step in 0..outputs * steps {
+        let (r, l, t) = (state.0, state.1, step as f64 * dt);
+        let k1 = rate(r, l, t);
+        let k2 = rate(r + k1.0 * (dt / 2.0), l + k1.1 * (dt / 2.0), t + dt / 2.0);
+        let k3 = rate(r + k2.0 * (dt / 2.0), l + k2.1 * (dt / 2.0), t + dt / 2.0);
+        let k4 = rate(r + k3.0 * dt, l + k3.1 * dt, t + dt);
+        state.0 += (k1.0 + k2.0 * 2.0 + k3.0 * 2.0 + k4.0) * (dt / 6.0);
+        state.1 += (k1.1 + k2.1 * 2.0 + k3.1 * 2.0 + k4.1) * (dt / 6.0);
+        if (step + 1) % steps == 0 {
+            expected.push(state);
+        }
+    }
+
+    let [inclination, node, pericentre, anomaly] = angles;
+    let orbit = Orbit::kepler(1.0, a, e).inclined(inclination).with_ascending_node(node);
+    let orbit = orbit.with_pericentre(pericentre).with_mean_anomaly(anomaly);
+    // The second body is the control, which conducts nothing.
+    let torque = Torque::orbiting_eddy_current(vec![k, 0.0], orbit, strength, tilt, azimuth, rotation);
+    assert!(torque.dissipative());
+    let rows = [(moments, orientation, start); 2];
+    let record = run_f64(&rows, std::slice::from_ref(&torque), &times(end, outputs), FINE);
+    let energy = |omega: DVec3| 0.5 * omega.dot(moments * omega);
+    let mut last = energy(start);
+    for (snapshot, (rotation, momentum)) in record.snapshots().iter().zip(&expected) {
+        let (q, omega) = (snapshot.orientation(0), snapshot.angular_velocity_body(0));
+        let error = (DMat3::from_quat(q) - *rotation).to_cols_array().into_iter().fold(0.0_f64, |a, x| a.max(x.abs()));
+        assert!(error < TRUNCATION, "t = {}: the attitude is off by {error:e}", snapshot.time());
+        let error = (q * (moments * omega) - *momentum).length();
+        assert!(error < TRUNCATION, "t = {}: the angular momentum is off by {error:e}", snapshot.time());
+        assert!(energy(omega) < last, "t = {}: the energy rises from {last} to {}", snapshot.time(), energy(omega));
+        last = energy(omega);
+        let control = energy(snapshot.angular_velocity_body(1)) / energy(start) - 1.0;
+        assert!(control.abs() < TRUNCATION, "t = {}: the control loses {control:e}", snapshot.time());
+    }
+    assert!(last < 0.5 * energy(start), "hardly any damping: {last} of {}", energy(start));
+}
+
 #[test]
 fn internal_dissipation_ends_in_rotation_about_the_axis_of_greatest_moment_at_the_same_angular_momentum() {
     let moments = DVec3::new(1.0, 2.0, 2.5);
@@ -304,8 +378,8 @@ fn time_is_exact_after_a_million_steps_of_a_tenth() {
 /// Paths of one body each under white noise, at the end of a second of steps of 1/`steps` s.
 fn noisy_paths(count: usize, steps: u16, finest: u16) -> Record {
     let row = (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, DVec3::new(0.5, 0.8, -0.3));
-    let noise = WhiteNoise { intensity: Parameter::from(0.8), seed: 11, draws_per_step: finest / steps };
-    run_f64(&vec![row; count], &[Torque::WhiteNoise(noise)], &[1.0], 1.0 / f64::from(steps))
+    let noise = Torque::white_noise_of_draws(0.8, 11, finest / steps);
+    run_f64(&vec![row; count], &[noise], &[1.0], 1.0 / f64::from(steps))
 }
 
 #[test]
@@ -369,7 +443,7 @@ fn parameters_that_are_not_valid_are_refused_with_their_place() {
     let error = refusal(Torque::linear_drag(vec![0.1, -0.2, 0.3]));
     assert_eq!(
         error.to_string(),
-        "torque 2 (linear-drag), body 1: coefficient = -0.2: a finite number that is not negative is needed"
+        "torque 2 (linear-drag), body 1: coefficient = -0.2: a finite number that is not negative is needed (N m s)"
     );
     assert!(matches!(refusal(Torque::linear_drag(vec![0.1])), Error::ColumnLength { found: 1, expected: 3, .. }));
     for torque in [
@@ -380,9 +454,9 @@ fn parameters_that_are_not_valid_are_refused_with_their_place() {
         Torque::gravity_gradient(Orbit::kepler(1.0, 1.0, 1.0)),
         Torque::sine_spring(1.0, DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0)),
         Torque::heavy_top(-1.0, DVec3::Z, DVec3::Z),
-        Torque::WhiteNoise(WhiteNoise { intensity: 1.0.into(), seed: 0, draws_per_step: 0 }),
+        Torque::white_noise_of_draws(1.0, 0, 0),
     ] {
-        let name = torque.name();
+        let name = torque.name().to_owned();
         assert!(matches!(refusal(torque), Error::Torque { torque: 1, model, .. } if model == name), "{name}");
     }
 }

@@ -16,7 +16,7 @@ use polhode::observe::Statistic;
 use polhode::plan::choice::floor_f32;
 use polhode::rigid_body::Body;
 use polhode::torque::Orbit;
-use polhode::torque::variable_inertia::{Change, InertiaChange, Law, VariableInertia, changed_body};
+use polhode::torque::variable_inertia::{Change, InertiaChange, Law, changed_body};
 use polhode::vector::{TwoWords, Vector};
 use polhode::{Accuracy, Ensemble, Error, Force, Method, Outputs, Plan, Record, Scene, Torque};
 use support::attitude_error;
@@ -423,7 +423,7 @@ fn changes_that_no_body_has_are_refused() {
 
 /// A body on a circular orbit about (0, 0, 0) of gravitational parameter 1, by the classical Runge-Kutta method on Euler's
 /// equations in the body's axes, written for the test: orientation and angular velocity at `end`.
-fn orbiting(initial: InertiaTensor, change: &VariableInertia, omega: DVec3, radius: f64, end: f64) -> (DQuat, DVec3) {
+fn orbiting(initial: InertiaTensor, change: &Torque, omega: DVec3, radius: f64, end: f64) -> (DQuat, DVec3) {
     let rate = |t: f64, q: DQuat, m: DVec3| {
         let tensor = change.tensor_at(0, initial, t);
         let omega = m / DVec3::new(tensor.xx, tensor.yy, tensor.zz);
@@ -451,12 +451,12 @@ fn orbiting(initial: InertiaTensor, change: &VariableInertia, omega: DVec3, radi
 #[test]
 fn the_gravity_gradient_takes_the_moments_of_its_time() {
     let (moments, omega, radius, end) = (DVec3::new(1.0, 1.6, 2.2), DVec3::new(0.2, -0.3, 0.5), 1.3, 12.0);
-    let change = VariableInertia { change: InertiaChange::tensor(DVec3::new(2.0, 0.9, 1.4)), law: Law::ramp(1.0, 9.0) };
+    let change = Torque::variable_inertia(InertiaChange::tensor(DVec3::new(2.0, 0.9, 1.4)), Law::ramp(1.0, 9.0));
     let (orientation, spin) = orbiting(moments.into(), &change, omega, radius, end);
     for orbit in [Orbit::circular(1.0, radius), Orbit::kepler(1.0, radius, 1e-14)] {
         for (name, engine, precision) in platforms() {
             let scene = Scene::new(body(moments, omega)).until(end).torque(Torque::gravity_gradient(orbit.clone()));
-            let scene = scene.torque(Torque::VariableInertia(change.clone()));
+            let scene = scene.torque(change.clone());
             let record = run(&engine, &scene.pinned(Method::Rk8, 1.0 / 64.0, Some(precision)));
             let state = record.final_state();
             let error = attitude_error(state.orientation(0), orientation);

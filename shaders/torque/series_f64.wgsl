@@ -1,23 +1,8 @@
-// Constants and series of the torques, in 64 bits. Twin: ARCTANGENT_TERMS and ARTANH_TERMS of f64 in src/real.rs.
+// Constants and series of the torques, in 64 bits. Twin: ARTANH_TERMS of f64 in src/real.rs.
 
 const TAU: real = 6.28318530717958647693;
 const SQRT_2: real = 1.41421356237309504880;
 const LN_2: real = 0.693147180559945309417;
-
-// sum of (-x2)^n / (2n + 1).
-fn arctangent_series(x2: real) -> real {
-    var sum: real = 1.0 / 21.0;
-    sum = mul_add(sum, x2, -1.0 / 19.0);
-    sum = mul_add(sum, x2, 1.0 / 17.0);
-    sum = mul_add(sum, x2, -1.0 / 15.0);
-    sum = mul_add(sum, x2, 1.0 / 13.0);
-    sum = mul_add(sum, x2, -1.0 / 11.0);
-    sum = mul_add(sum, x2, 1.0 / 9.0);
-    sum = mul_add(sum, x2, -1.0 / 7.0);
-    sum = mul_add(sum, x2, 1.0 / 5.0);
-    sum = mul_add(sum, x2, -1.0 / 3.0);
-    return mul_add(sum, x2, 1.0);
-}
 
 // sum of z2^n / (2n + 1).
 fn artanh_series(z2: real) -> real {

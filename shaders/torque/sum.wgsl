@@ -1,5 +1,6 @@
-// The sum of a scene's torques. Twin: src/torque/sum.rs. Each kind has as many instances as its `count` says, whose
-// parameters are in columns from its `first` on; what a scene does not have is folded away when the pipeline is made.
+// What a scene's torques share: their columns, random torques, and how bodies turn that are not rigid. Twin: src/torque/sum.rs.
+// The torques themselves and their sum, `torque_terms`, are recorded from the formulas under src/torque
+// (src/torque/shader.rs) and stand behind this text; what a scene does not have is not in it.
 
 const FREE: bool = false;
 
@@ -10,30 +11,6 @@ override constant_body_count: u32 = 0u;
 override constant_body_first: u32 = 0u;
 override linear_drag_count: u32 = 0u;
 override linear_drag_first: u32 = 0u;
-override constant_world_count: u32 = 0u;
-override constant_world_first: u32 = 0u;
-override matrix_drag_count: u32 = 0u;
-override matrix_drag_first: u32 = 0u;
-override quadratic_drag_count: u32 = 0u;
-override quadratic_drag_first: u32 = 0u;
-override sinusoidal_count: u32 = 0u;
-override sinusoidal_first: u32 = 0u;
-override gravity_gradient_count: u32 = 0u;
-override gravity_gradient_first: u32 = 0u;
-override gravity_gradient_kepler_count: u32 = 0u;
-override gravity_gradient_kepler_first: u32 = 0u;
-override heavy_top_count: u32 = 0u;
-override heavy_top_first: u32 = 0u;
-override magnetic_dipole_count: u32 = 0u;
-override magnetic_dipole_first: u32 = 0u;
-override orbiting_dipole_count: u32 = 0u;
-override orbiting_dipole_first: u32 = 0u;
-override eddy_current_count: u32 = 0u;
-override eddy_current_first: u32 = 0u;
-override sine_spring_count: u32 = 0u;
-override sine_spring_first: u32 = 0u;
-override log_spring_count: u32 = 0u;
-override log_spring_first: u32 = 0u;
 override white_noise_count: u32 = 0u;
 override white_noise_first: u32 = 0u;
 override internal_dissipation_count: u32 = 0u;
@@ -42,19 +19,16 @@ override inertia_ramp_count: u32 = 0u;
 override inertia_ramp_first: u32 = 0u;
 override inertia_oscillation_count: u32 = 0u;
 override inertia_oscillation_first: u32 = 0u;
-override linear_rotor_count: u32 = 0u;
-override linear_rotor_first: u32 = 0u;
 
 // VelocityDependence in src/torque/mod.rs.
 const NO_DEPENDENCE: u32 = 0u;
 const LINEAR_DRAG: u32 = 1u;
 const GENERAL_DEPENDENCE: u32 = 2u;
 
+override torque_velocity_dependence: u32 = 0u;
+
 fn velocity_dependence() -> u32 {
-    if (matrix_drag_count + quadratic_drag_count + eddy_current_count > 0u) {
-        return GENERAL_DEPENDENCE;
-    }
-    return select(NO_DEPENDENCE, LINEAR_DRAG, linear_drag_count > 0u);
+    return torque_velocity_dependence;
 }
 
 // The coefficient c of the part -c omega; asked for with LINEAR_DRAG only.
@@ -62,15 +36,7 @@ fn drag_coefficient() -> real {
     return torque_drag;
 }
 
-// Columns of one instance, phases included.
-const SINUSOIDAL_COLUMNS: u32 = 15u;
-const GRAVITY_GRADIENT_COLUMNS: u32 = 19u;
-const GRAVITY_GRADIENT_KEPLER_COLUMNS: u32 = 21u;
-const HEAVY_TOP_COLUMNS: u32 = 6u;
-const MAGNETIC_DIPOLE_COLUMNS: u32 = 6u;
-const ORBITING_DIPOLE_COLUMNS: u32 = 32u;
-const EDDY_CURRENT_COLUMNS: u32 = 4u;
-const SPRING_COLUMNS: u32 = 5u;
+// Columns of one instance of white noise.
 const WHITE_NOISE_COLUMNS: u32 = 10u;
 
 // Columns of the parameters of one instance, before its phase.
@@ -158,89 +124,10 @@ fn word_at(column: u32) -> u32 {
 }
 
 fn torque(epoch: Epoch, body: Body, orientation: quaternion, angular_velocity_principal: vector) -> vector {
-    let q = orientation;
-    let omega = angular_velocity_principal;
-    let instant = epoch.instant;
     if (torques_are_common) {
-        return axpy_vector(omega, -torque_drag, torque_constant);
+        return axpy_vector(angular_velocity_principal, -torque_drag, torque_constant);
     }
-    var sum = epoch.noise;
-    if (constant_body_count > 0u) {
-        sum = sum + constant_body(torque_constant);
-    }
-    if (linear_drag_count > 0u) {
-        sum = sum + linear_drag(torque_drag, omega);
-    }
-    if (constant_world_count > 0u) {
-        sum = sum + constant_world(torque_vector(constant_world_first), q);
-    }
-    if (matrix_drag_count > 0u) {
-        let c = matrix_drag_first;
-        sum = sum + matrix_drag(torque_vector(c), torque_vector(c + 3u), omega);
-    }
-    if (quadratic_drag_count > 0u) {
-        sum = sum + quadratic_drag(torque_column(quadratic_drag_first), omega);
-    }
-    for (var k = 0u; k < sinusoidal_count; k += 1u) {
-        let c = sinusoidal_first + k * SINUSOIDAL_COLUMNS;
-        let turn = phase(c + 6u, torque_body, instant);
-        sum = sum + sinusoidal(torque_vector(c), torque_vector(c + 3u), turn);
-    }
-    for (var k = 0u; k < gravity_gradient_count; k += 1u) {
-        let c = gravity_gradient_first + k * GRAVITY_GRADIENT_COLUMNS;
-        let turn = phase(c + 10u, torque_body, instant);
-        let coefficients = gradient_coefficients(c, epoch.change_done);
-        sum = sum + gravity_gradient(coefficients, torque_vector(c + 3u), torque_vector(c + 6u), turn, q);
-    }
-    for (var k = 0u; k < gravity_gradient_kepler_count; k += 1u) {
-        let c = gravity_gradient_kepler_first + k * GRAVITY_GRADIENT_KEPLER_COLUMNS;
-        let turn = phase(c + 12u, torque_body, instant);
-        let x = torque_vector(c + 3u);
-        let y = torque_vector(c + 6u);
-        let eccentricity = torque_column(c + 10u);
-        let start = torque_column(c + 11u);
-        let coefficients = gradient_coefficients(c, epoch.change_done);
-        sum = sum + gravity_gradient_kepler(coefficients, x, y, eccentricity, start, turn, q);
-    }
-    for (var k = 0u; k < heavy_top_count; k += 1u) {
-        let c = heavy_top_first + k * HEAVY_TOP_COLUMNS;
-        sum = sum + heavy_top(torque_vector(c), torque_vector(c + 3u), q);
-    }
-    for (var k = 0u; k < magnetic_dipole_count; k += 1u) {
-        let c = magnetic_dipole_first + k * MAGNETIC_DIPOLE_COLUMNS;
-        sum = sum + magnetic_dipole(torque_vector(c), torque_vector(c + 3u), q);
-    }
-    for (var k = 0u; k < orbiting_dipole_count; k += 1u) {
-        let c = orbiting_dipole_first + k * ORBITING_DIPOLE_COLUMNS;
-        let field = DipoleField(
-            torque_vector(c + 3u),
-            torque_vector(c + 6u),
-            torque_column(c + 9u),
-            torque_column(c + 10u),
-            torque_column(c + 11u),
-            torque_column(c + 12u),
-            torque_column(c + 13u),
-        );
-        let orbit_phase = phase(c + 14u, torque_body, instant);
-        let rotation_phase = phase(c + 15u + RATE_DIGITS, torque_body, instant);
-        sum = sum + orbiting_dipole(torque_vector(c), field, orbit_phase, rotation_phase, q);
-    }
-    for (var k = 0u; k < eddy_current_count; k += 1u) {
-        let c = eddy_current_first + k * EDDY_CURRENT_COLUMNS;
-        sum = sum + eddy_current(torque_column(c), torque_vector(c + 1u), q, omega);
-    }
-    for (var k = 0u; k < sine_spring_count; k += 1u) {
-        let c = sine_spring_first + k * SPRING_COLUMNS;
-        sum = sum + sine_spring(torque_column(c), torque_quaternion(c + 1u), q);
-    }
-    for (var k = 0u; k < log_spring_count; k += 1u) {
-        let c = log_spring_first + k * SPRING_COLUMNS;
-        sum = sum + log_spring(torque_column(c), torque_quaternion(c + 1u), q);
-    }
-    if (linear_rotor_count > 0u) {
-        sum = across_axis(torque_column(linear_rotor_first), sum);
-    }
-    return sum;
+    return torque_terms(epoch, orientation, angular_velocity_principal);
 }
 
 // How a body turns at an angular momentum m.

@@ -1,6 +1,6 @@
 //! An ensemble's bodies brought into their principal axes, scaled and written as columns.
 
-use glam::{DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
 
 use super::{
@@ -13,7 +13,7 @@ use crate::inertia::principal_axes;
 use crate::memory;
 use crate::plan::group::Members;
 use crate::real::Scalar;
-use crate::torque::{self, Torque, TorqueTable};
+use crate::torque::{self, Bodies, Torque, TorqueTable};
 
 /// A body's frame and its initial state in it.
 pub(crate) type Prepared = (BodyFrame, [f64; STATE_COMPONENTS]);
@@ -121,15 +121,26 @@ pub fn bytes_per_body(precision: Precision) -> usize {
 
 /// Bytes that [`prepare_with`] takes for one body under some torques, frames included.
 pub(crate) fn bytes_per_body_under(precision: Precision, torques: &[Torque], span: f64) -> usize {
+    let bodies = Bodies { have_linear_rotors: false, axes: None };
     let of_torques = match precision {
-        Precision::F32 => torque::bytes_per_body::<f32>(&TorqueTable::new(torques, 0, STRIDE_UNIT, span, false)),
-        Precision::F64 => torque::bytes_per_body::<f64>(&TorqueTable::new(torques, 0, STRIDE_UNIT, span, false)),
+        Precision::F32 => torque::bytes_per_body::<f32>(&TorqueTable::new(torques, 0, STRIDE_UNIT, span, bodies)),
+        Precision::F64 => torque::bytes_per_body::<f64>(&TorqueTable::new(torques, 0, STRIDE_UNIT, span, bodies)),
     };
     bytes_per_body(precision) + of_torques
 }
 
 /// Bodies that one task writes.
 const TASK: usize = 512;
+
+/// The rotation from principal to body axes, where all members have the same and it only changes names and signs of axes. Constants of
+/// any other would be rounded elsewhere than columns are, and a body's result would depend on those beside it.
+fn shared_axes(ensemble: &Ensemble, torques: &[Torque], members: &Members) -> Option<DQuat> {
+    let axes = |row: usize| frame_of(ensemble, torques, members.body(row)).principal_to_body;
+    let first = (!members.is_empty()).then(|| axes(0))?;
+    let is_exact = |axes: DQuat| DMat3::from_quat(axes).to_cols_array().iter().all(|x| [-1.0, 0.0, 1.0].contains(x));
+    let is_shared = is_exact(first) && (1..members.len()).into_par_iter().all(|row| axes(row) == first);
+    is_shared.then_some(first)
+}
 
 fn prepare_columns<T: Scalar>(
     ensemble: &Ensemble,
@@ -143,7 +154,9 @@ fn prepare_columns<T: Scalar>(
     let has_linear_rotors =
         ensemble.has_linear_rotors() && (0..body_count).any(|row| ensemble.is_linear_rotor(members.body(row)));
     let stride = body_count.next_multiple_of(STRIDE_UNIT);
-    let table = TorqueTable::new(torques, parameter_columns::<T>(), stride, span, has_linear_rotors);
+    let axes = if torques.iter().any(Torque::is_expressed) { shared_axes(ensemble, torques, members) } else { None };
+    let bodies = Bodies { have_linear_rotors: has_linear_rotors, axes };
+    let table = TorqueTable::new(torques, parameter_columns::<T>(), stride, span, bodies);
     let row = bytes_per_body(precision) + torque::bytes_per_body::<T>(&table);
     memory::require(body_count, body_count.saturating_mul(row), "the columns of the kernels")?;
     let mut batch = Batch::<T>::at_rest_with(body_count, table);

@@ -67,11 +67,11 @@ pub(crate) fn check_torques(batch: &AnyBatch) -> Result<()> {
     let torque = batch.torques().list().iter().position(|instance| instance.kind == Kind::WhiteNoise).unwrap_or(0);
     Err(Error::Torque {
         torque,
-        model: "white-noise",
+        model: "white-noise".into(),
         body: None,
-        field: "draws_per_step",
+        field: "draws_per_step".into(),
         value: batch.first_parameter(noise.first + 1),
-        expected: NOISE_REFUSED,
+        expected: NOISE_REFUSED.into(),
     })
 }
 

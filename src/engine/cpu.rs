@@ -24,17 +24,19 @@ use crate::method::{
 };
 use crate::observe::Kernel;
 use crate::real::{Real, Scalar};
-use crate::torque::sum::{Source, of_kinds};
+use crate::torque::sum::Source;
 use crate::torque::{Environment, TorqueTable};
 use crate::vector::TwoWords;
 
 mod adaptive;
 mod observe;
 mod surroundings;
+mod tile;
 
 use adaptive::CpuAdaptiveSession;
 use observe::Reducer;
 use surroundings::{AllTorques, CommonTorques, Nothing, Projected, Surroundings};
+use tile::TileStep;
 
 /// Whether the CPU engine runs in SIMD lanes or one body at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -225,9 +227,9 @@ impl<T: LaneScalar> CpuSession<T> {
             });
         }
         Ok(match self.method {
-            Method::Rk4 => self.advance_by_kind::<Rk4>(dt, steps),
-            Method::Rk8 => self.advance_by_kind::<Rk8>(dt, steps),
-            Method::Cf4 => self.advance_by_kind::<Cf4>(dt, steps),
+            Method::Rk4 => self.advance_by_tiles::<Rk4, tile::Rk4>(dt, steps),
+            Method::Rk8 => self.advance_by_tiles::<Rk8, tile::Rk8>(dt, steps),
+            Method::Cf4 => self.advance_by_tiles::<Cf4, tile::Cf4>(dt, steps),
             // Without torque the three are one free flow, so one kernel serves them.
             Method::Splitting2 | Method::Splitting4 | Method::Splitting6 if self.batch.torques.is_empty() => {
                 self.advance_in::<Splitting<2>, Nothing>(dt, steps)
@@ -253,26 +255,36 @@ impl<T: LaneScalar> CpuSession<T> {
         }
     }
 
-    /// The same for bodies on which torques act.
+    /// The same for bodies on which torques act. In lanes these methods have one loop for all torques, as plans do not choose them.
     fn advance_forced_by<M: Step>(&mut self, dt: f64, steps: u64) -> Job<'_> {
-        if self.batch.torques.is_common() {
-            self.advance_in::<M, CommonTorques>(dt, steps)
+        if self.width.has_lanes::<T>() {
+            self.advance_blocks(dt, steps, in_lanes::<T, M, AllTorques>)
         } else {
-            self.advance_in::<M, AllTorques>(dt, steps)
+            self.advance_singly::<M>(dt, steps)
         }
     }
 
-    /// As [`Self::advance_by`], with a loop of its own for a torque of each kind alone: for the methods that plans choose, as it makes
-    /// the library larger.
-    fn advance_by_kind<M: Step>(&mut self, dt: f64, steps: u64) -> Job<'_> {
-        if !self.width.has_lanes::<T>() {
-            return self.advance_by::<M>(dt, steps);
+    /// One body at a time.
+    fn advance_singly<M: Step>(&mut self, dt: f64, steps: u64) -> Job<'_> {
+        if self.batch.torques.is_common() {
+            self.advance_blocks(dt, steps, one_by_one::<T, M, CommonTorques>)
+        } else {
+            self.advance_blocks(dt, steps, one_by_one::<T, M, AllTorques>)
         }
-        of_kinds!(
-            self.batch.torques,
-            KIND => self.advance_blocks(dt, steps, in_lanes::<T, M, surroundings::One<KIND>>),
-            self.advance_by::<M>(dt, steps)
-        )
+    }
+
+    /// As [`Self::advance_by`], with driven bodies in tiles: for the methods that plans choose.
+    fn advance_by_tiles<M: Step, I: TileStep>(&mut self, dt: f64, steps: u64) -> Job<'_> {
+        let torques = &self.batch.torques;
+        if torques.is_empty() {
+            self.advance_in::<M, Nothing>(dt, steps)
+        } else if !self.width.has_lanes::<T>() {
+            self.advance_singly::<M>(dt, steps)
+        } else if torques.is_common() {
+            self.advance_blocks(dt, steps, in_lanes::<T, M, CommonTorques>)
+        } else {
+            self.advance_blocks(dt, steps, tile::in_tiles::<T, I>)
+        }
     }
 
     /// One body at a time, always: for what other programs do, where speed is not the point and a kernel for each
@@ -287,10 +299,7 @@ impl<T: LaneScalar> CpuSession<T> {
 
     /// In lanes or singly, as the session was opened.
     fn advance_in<M: Step, S: Surroundings>(&mut self, dt: f64, steps: u64) -> Job<'_> {
-        let kernel = match self.width {
-            Width::Lanes => in_lanes::<T, M, S>,
-            Width::Scalar => one_by_one::<T, M, S>,
-        };
+        let kernel = if self.width.has_lanes::<T>() { in_lanes::<T, M, S> } else { one_by_one::<T, M, S> };
         self.advance_blocks(dt, steps, kernel)
     }
 
@@ -358,14 +367,14 @@ struct Advance<'a, 'b, T, M, S>(Block<'a, 'b, T>, PhantomData<(M, S)>);
 
 impl<T: Scalar, M: Step, S: Surroundings> LaneTask<T> for Advance<'_, '_, T, M, S> {
     type Output = ();
-    const IN_LANES_ONLY: bool = S::IN_LANES_ONLY;
+    const IN_LANES_ONLY: bool = true;
 
     #[inline(always)]
     fn run<R: Real<Scalar = T>>(self) {
         let Self(block, _) = self;
-        let start_phases = block.source.start_phases();
+        let workspace = block.source.workspace();
         for offset in (0..block.bodies).step_by(R::LANES) {
-            let columns = block.source.group(block.first + offset, &start_phases);
+            let columns = block.source.group(block.first + offset, &workspace);
             let (body, rate) = load_body(|column| columns.column(column));
             let environment = S::at(columns);
             let dt = TwoWords {

@@ -9,7 +9,7 @@
 use glam::{DQuat, DVec3};
 
 use crate::error::{Error, Result};
-use crate::torque::Parameter;
+use crate::torque::{Parameter, ValidationContext, Validity, Value};
 
 pub mod carried;
 mod closed_form;
@@ -102,20 +102,24 @@ impl Force {
 
     /// Refuses parameters that are not valid; `index` is the force's place in its scene.
     pub(crate) fn validate(&self, index: usize, body_count: usize) -> Result<()> {
-        let border = crate::torque::Border { torque: index, model: self.name(), body_count };
+        let context = ValidationContext { torque: index, model: self.name().into(), body_count };
         let named_force = |error| match error {
             Error::Torque { torque, model, body, field, value, expected } => {
                 Error::Force { force: torque, model, body, field, value, expected }
             }
             other => other,
         };
+        let vector = |unit, vector: &Parameter<DVec3>| {
+            context.check(&self.name().into(), unit, Validity::Finite, &Value::Vector(vector.clone()))
+        };
+        let coefficient = |unit, number: &Parameter<f64>| {
+            context.check(&"coefficient".into(), unit, Validity::NotNegative, &Value::Number(number.clone()))
+        };
         match self {
-            Force::Constant(vector) | Force::Gravity(vector) | Force::Thrust(vector) => {
-                border.finite(self.name(), vector)
-            }
-            Force::LinearDrag(coefficient) | Force::QuadraticDrag(coefficient) => {
-                border.not_negative("coefficient", coefficient)
-            }
+            Force::Constant(force) | Force::Thrust(force) => vector("N", force),
+            Force::Gravity(acceleration) => vector("m/s²", acceleration),
+            Force::LinearDrag(drag) => coefficient("N s/m", drag),
+            Force::QuadraticDrag(drag) => coefficient("N s²/m²", drag),
         }
         .map_err(named_force)
     }

@@ -42,7 +42,7 @@ impl VoxelGrid<'_> {
         let [nx, ny, nz] = self.counts;
         let expected = nx.saturating_mul(ny).saturating_mul(nz);
         if self.densities.len() != expected {
-            return Err(Error::ColumnLength { column: "densities", found: self.densities.len(), expected });
+            return Err(Error::ColumnLength { column: "densities".into(), found: self.densities.len(), expected });
         }
         for edge in self.spacing.to_array() {
             super::mass_properties::positive("spacing", edge)?;

@@ -47,7 +47,14 @@ impl Step for Cf4 {
     }
 }
 
-/// ω and dm/dt.
+/// How a body turns, and how its angular momentum changes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Turn<R> {
+    pub omega: Vector<R>,
+    /// dm/dt.
+    pub m: Vector<R>,
+}
+
 #[inline(always)]
 fn rates<R: Real, E: Environment<R>>(
     body: &Body<R>,
@@ -56,18 +63,18 @@ fn rates<R: Real, E: Environment<R>>(
     correction: &Correction<R>,
     q: Quaternion<R>,
     m: Vector<R>,
-) -> (Vector<R>, Vector<R>) {
+) -> Turn<R> {
     let motion = environment.motion(epoch, body, correction, m);
     let mut m_rate = motion.gyroscopic_term;
     if !E::FREE {
         m_rate = m_rate + environment.torque(epoch, body, q, motion.angular_velocity);
     }
-    (motion.angular_velocity, m_rate)
+    Turn { omega: motion.angular_velocity, m: m_rate }
 }
 
 /// q e^θ.
 #[inline(always)]
-fn rotated<R: Real>(q: Quaternion<R>, rotation_vector: Vector<R>) -> Quaternion<R> {
+pub(crate) fn rotated<R: Real>(q: Quaternion<R>, rotation_vector: Vector<R>) -> Quaternion<R> {
     q + q.product(exponential_less_one(rotation_vector))
 }
 
@@ -81,7 +88,6 @@ pub fn step<R: Real, E: Environment<R>>(
     state: State<R>,
 ) -> State<R> {
     let half = dt.value * R::splat(0.5);
-    let sixth = sixth_of(dt);
     let q = state.orientation.value;
     let m = state.angular_momentum_principal.value;
     let correction = body.correction(&state);
@@ -90,14 +96,23 @@ pub fn step<R: Real, E: Environment<R>>(
     let middle = environment.epoch(&step, 0.5);
     let end = environment.epoch(&step, 1.0);
 
-    let (k1, m1) = rates(body, environment, &start, &correction, q, m);
-    let q2 = if E::FREE { q } else { rotated(q, k1 * half) };
-    let (k2, m2) = rates(body, environment, &middle, &correction, q2, m1.axpy(half, m));
-    let q3 = if E::FREE { q } else { rotated(q, k2 * half) };
-    let (k3, m3) = rates(body, environment, &middle, &correction, q3, m2.axpy(half, m));
-    let q4 = if E::FREE { q } else { rotated(q2, k3 * dt.value - k1 * half) };
-    let (k4, m4) = rates(body, environment, &end, &correction, q4, m3.axpy(dt.value, m));
+    let k1 = rates(body, environment, &start, &correction, q, m);
+    let q2 = if E::FREE { q } else { rotated(q, k1.omega * half) };
+    let k2 = rates(body, environment, &middle, &correction, q2, k1.m.axpy(half, m));
+    let q3 = if E::FREE { q } else { rotated(q, k2.omega * half) };
+    let k3 = rates(body, environment, &middle, &correction, q3, k2.m.axpy(half, m));
+    let q4 = if E::FREE { q } else { rotated(q2, k3.omega * dt.value - k1.omega * half) };
+    let k4 = rates(body, environment, &end, &correction, q4, k3.m.axpy(dt.value, m));
+    advanced([k1, k2, k3, k4], dt, state)
+}
 
+/// The state after a step of dt with these rates.
+#[inline(always)]
+pub(crate) fn advanced<R: Real>(rates: [Turn<R>; 4], dt: TwoWords<R>, state: State<R>) -> State<R> {
+    let [Turn { omega: k1, m: m1 }, Turn { omega: k2, m: m2 }, Turn { omega: k3, m: m3 }, Turn { omega: k4, m: m4 }] =
+        rates;
+    let sixth = sixth_of(dt);
+    let q = state.orientation.value;
     let (two, three) = (R::splat(2.0), R::splat(3.0));
     let twelfth = sixth.value * R::splat(0.5);
     let middles = (k2 + k3) * two;

@@ -11,7 +11,7 @@
 //! as if the step had started from q/|q|, by the increment ½ (1 − |q|²) q′ with the q′ that it leads to.
 
 use crate::method::Step;
-use crate::method::slope::{rates, sixth_of};
+use crate::method::slope::{Slope, rates, sixth_of};
 use crate::quaternion::norm_correction_of_step;
 use crate::real::Real;
 use crate::rigid_body::{Body, Invariants, State};
@@ -50,7 +50,6 @@ pub fn step<R: Real, E: Environment<R>>(
     state: State<R>,
 ) -> State<R> {
     let half = dt.value * R::splat(0.5);
-    let sixth = sixth_of(dt);
     let q = state.orientation.value;
     let m = state.angular_momentum_principal.value;
     let correction = body.correction(&state);
@@ -64,6 +63,14 @@ pub fn step<R: Real, E: Environment<R>>(
     let k3 = rates(body, environment, &middle, &correction, k2.q.axpy(half, q), k2.m.axpy(half, m));
     let k4 = rates(body, environment, &end, &correction, k3.q.axpy(dt.value, q), k3.m.axpy(dt.value, m));
 
+    advanced([k1, k2, k3, k4], dt, state)
+}
+
+/// The state after a step of dt with these slopes.
+#[inline(always)]
+pub(crate) fn advanced<R: Real>([k1, k2, k3, k4]: [Slope<R>; 4], dt: TwoWords<R>, state: State<R>) -> State<R> {
+    let sixth = sixth_of(dt);
+    let q = state.orientation.value;
     let two = R::splat(2.0);
     let q_sum = (k2.q + k3.q).axpy(two, k1.q + k4.q);
     let m_sum = (k2.m + k3.m).axpy(two, k1.m + k4.m);

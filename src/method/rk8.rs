@@ -250,32 +250,81 @@ impl<R: Real, E: Environment<R>> Place<R, E> for EqualStep<E::Start> {
     }
 }
 
+/// The slopes of a step: that at its start, and those of the other stages less it.
+///
+/// Where they are kept, in registers or in a tile's memory, is the implementation's.
+pub(crate) trait Slopes<R: Real> {
+    /// k₁.
+    fn first(&self) -> Slope<R>;
+    /// kⱼ₊₂ − k₁, from 0.
+    fn difference(&self, index: usize) -> Slope<R>;
+}
+
 /// first · first_weight + Σ weights · differences, where a weight of 0 costs nothing.
 #[inline(always)]
-pub(crate) fn weighted<R: Real>(
-    first: &Slope<R>,
-    first_weight: f64,
-    differences: &[Slope<R>],
-    weights: &[f64],
-) -> Slope<R> {
-    let first_weight = R::splat(first_weight);
+pub(crate) fn weighted<R: Real>(slopes: &impl Slopes<R>, first_weight: f64, weights: &[f64]) -> Slope<R> {
+    let (first, first_weight) = (slopes.first(), R::splat(first_weight));
     let mut sum = Slope { q: first.q * first_weight, m: first.m * first_weight };
-    for (difference, &weight) in differences.iter().zip(weights) {
+    for (index, &weight) in weights.iter().enumerate() {
         if weight != 0.0 {
-            let weight = R::splat(weight);
+            let (weight, difference) = (R::splat(weight), slopes.difference(index));
             sum = Slope { q: difference.q.axpy(weight, sum.q), m: difference.m.axpy(weight, sum.m) };
         }
     }
     sum
 }
 
-/// The slope at the start of a step, and those of the other stages less it.
+/// The sum of slopes that leads to a stage, from the second, numbered 1, on.
+///
+/// Each stage has straight-line code of its own: loops over its weights would cost as much as its sums.
+#[inline(always)]
+pub(crate) fn stage_sum<R: Real>(slopes: &impl Slopes<R>, stage: usize) -> Slope<R> {
+    match stage {
+        1 => sum_of::<R, 1>(slopes),
+        2 => sum_of::<R, 2>(slopes),
+        3 => sum_of::<R, 3>(slopes),
+        4 => sum_of::<R, 4>(slopes),
+        5 => sum_of::<R, 5>(slopes),
+        6 => sum_of::<R, 6>(slopes),
+        7 => sum_of::<R, 7>(slopes),
+        8 => sum_of::<R, 8>(slopes),
+        9 => sum_of::<R, 9>(slopes),
+        10 => sum_of::<R, 10>(slopes),
+        _ => sum_of::<R, 11>(slopes),
+    }
+}
+
+#[inline(always)]
+fn sum_of<R: Real, const STAGE: usize>(slopes: &impl Slopes<R>) -> Slope<R> {
+    let (first, first_weight) = (slopes.first(), R::splat(TIMES[STAGE]));
+    let mut sum = Slope { q: first.q * first_weight, m: first.m * first_weight };
+    for index in 0..STAGE - 1 {
+        let weight = STAGE_WEIGHTS[STAGE - 1][1 + index];
+        if weight != 0.0 {
+            let (weight, difference) = (R::splat(weight), slopes.difference(index));
+            sum = Slope { q: difference.q.axpy(weight, sum.q), m: difference.m.axpy(weight, sum.m) };
+        }
+    }
+    sum
+}
+
+/// Slopes in registers.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Slopes<R> {
-    /// k₁.
-    pub first: Slope<R>,
-    /// k₂ − k₁, …, k₁₂ − k₁.
-    pub differences: [Slope<R>; STAGES - 1],
+pub(crate) struct Held<R> {
+    first: Slope<R>,
+    differences: [Slope<R>; STAGES - 1],
+}
+
+impl<R: Real> Slopes<R> for Held<R> {
+    #[inline(always)]
+    fn first(&self) -> Slope<R> {
+        self.first
+    }
+
+    #[inline(always)]
+    fn difference(&self, index: usize) -> Slope<R> {
+        self.differences[index]
+    }
 }
 
 /// The slopes of all stages of a step of `h` at a place in time.
@@ -286,26 +335,25 @@ pub(crate) fn slopes<R: Real, E: Environment<R>>(
     environment: &E,
     h: R,
     state: &State<R>,
-) -> Slopes<R> {
+) -> Held<R> {
     let q = state.orientation.value;
     let m = state.angular_momentum_principal.value;
     let correction: Correction<R> = body.correction(state);
     let first = rates(body, environment, &place.epoch(environment, 0.0), &correction, q, m);
-    let mut differences = [first; STAGES - 1];
+    let mut slopes = Held { first, differences: [first; STAGES - 1] };
     for stage in 1..STAGES {
-        let row = &STAGE_WEIGHTS[stage - 1];
-        let sum = weighted(&first, TIMES[stage], &differences[..stage - 1], &row[1..]);
+        let sum = weighted(&slopes, TIMES[stage], &STAGE_WEIGHTS[stage - 1][1..stage]);
         let epoch = place.epoch(environment, TIMES[stage]);
         let slope = rates(body, environment, &epoch, &correction, sum.q.axpy(h, q), sum.m.axpy(h, m));
-        differences[stage - 1] = Slope { q: slope.q - first.q, m: slope.m - first.m };
+        slopes.differences[stage - 1] = Slope { q: slope.q - first.q, m: slope.m - first.m };
     }
-    Slopes { first, differences }
+    slopes
 }
 
 /// The state after a step of dt with these slopes.
 #[inline(always)]
-pub(crate) fn advanced<R: Real>(slopes: &Slopes<R>, dt: TwoWords<R>, state: State<R>) -> State<R> {
-    let sum = weighted(&slopes.first, 1.0, &slopes.differences, &WEIGHTS[1..]);
+pub(crate) fn advanced<R: Real>(slopes: &impl Slopes<R>, dt: TwoWords<R>, state: State<R>) -> State<R> {
+    let sum = weighted(slopes, 1.0, &WEIGHTS[1..]);
     let q = state.orientation.value;
     let restoring = norm_correction_of_step(q, sum.q.axpy(dt.value, q));
     let q_increment = sum.q.axpy(dt.value, sum.q.axpy(dt.residue, restoring));

@@ -177,51 +177,98 @@ pub fn attempt<R: Real, E: Timed<R>>(
     controller: Controller<R>,
     state: State<R>,
 ) -> (State<R>, Controller<R>) {
-    let (zero, one) = (R::splat(0.0), R::splat(1.0));
-    let trying = controller.under_way(&state);
-    let untried = !zero.less_than(controller.step);
-    let step = R::select(untried, first_step(body, span.value, limits.tolerance, &state), controller.step);
-    let left = controller.left;
-    // A last step that would leave almost nothing takes the rest as well.
-    let last = left.value.less_than(step * R::splat(1.01));
-    let h = TwoWords { value: R::select(last, left.value, step), residue: R::select(last, left.residue, zero) };
-    let (gone, gone_residue) = two_difference(span.value, left.value);
-    let gone = TwoWords { value: gone, residue: gone_residue + (span.residue - left.residue) };
-    let place = Attempt { start: environment.start_at(gone), h: h.value };
-    let tried = slopes(body, &place, environment, h.value, &state);
-    let next_state = advanced(&tried, h, state);
-    let error = estimated_error(&tried, h.value, limits.tolerance, &state, &next_state);
-    let taken = trying & error.less_than(one);
-    let refused = trying & !taken;
+    let trial = Trial::new(body, span, limits, &controller, &state);
+    let place = Attempt { start: environment.start_at(trial.gone), h: trial.h.value };
+    let tried = slopes(body, &place, environment, trial.h.value, &state);
+    trial.concluded(&tried, limits, controller, state)
+}
 
-    let (value, lost) = two_difference(left.value, h.value);
-    let rest = renormalised(value, lost + (left.residue - h.residue));
+/// An attempt before its slopes are known.
+#[derive(Clone, Copy)]
+pub(crate) struct Trial<R: Real> {
+    /// The step that is tried.
+    pub h: TwoWords<R>,
+    /// What lies behind of the interval.
+    pub gone: TwoWords<R>,
+    /// The step that the controller wanted.
+    step: R,
+    trying: R::Mask,
+    /// Where it ends with the interval.
+    last: R::Mask,
+}
 
-    let eighth_root = error.max(R::splat(1e-20)).sqrt().sqrt().sqrt();
-    let factor = (R::splat(0.9) / eighth_root).min(R::splat(6.0)).max(R::splat(1.0 / 3.0));
-    // Not a number: the step was far too long.
-    let factor = R::select(error.less_than(R::splat(1e30)), factor, R::splat(1.0 / 3.0));
-    // A step does not grow right after a refusal, and the one that the end cut short says nothing about the next.
-    let factor = R::select(R::splat(0.5).less_than(controller.retried), factor.min(one), factor);
-    let next = h.value * factor;
-    let next = R::select(taken & last, next.max(step), next);
-    // A short step to begin with, or to an end, is no sign of need.
-    let shrunk = refused | (taken & !last & factor.less_than(one));
-    let too_small = shrunk & next.less_than(limits.least_step);
+impl<R: Real> Trial<R> {
+    /// The attempt of a controller.
+    #[inline(always)]
+    pub fn new(
+        body: &Body<R>,
+        span: TwoWords<R>,
+        limits: &Limits<R>,
+        controller: &Controller<R>,
+        state: &State<R>,
+    ) -> Self {
+        let zero = R::splat(0.0);
+        let untried = !zero.less_than(controller.step);
+        let step = if R::any(untried) {
+            R::select(untried, first_step(body, span.value, limits.tolerance, state), controller.step)
+        } else {
+            controller.step
+        };
+        let left = controller.left;
+        // A last step that would leave almost nothing takes the rest as well.
+        let last = left.value.less_than(step * R::splat(1.01));
+        let h = TwoWords { value: R::select(last, left.value, step), residue: R::select(last, left.residue, zero) };
+        let (gone, gone_residue) = two_difference(span.value, left.value);
+        let gone = TwoWords { value: gone, residue: gone_residue + (span.residue - left.residue) };
+        Self { h, gone, step, trying: controller.under_way(state), last }
+    }
 
-    let mut state = State::select(taken, next_state, state);
-    state.status = flagged(state.status, too_small, Status::StepBelowLimit);
-    let controller = Controller {
-        step: R::select(trying, next, controller.step),
-        left: TwoWords {
-            value: R::select(taken, rest.value, left.value),
-            residue: R::select(taken, rest.residue, left.residue),
-        },
-        retried: R::select(trying, R::select(refused, one, zero), controller.retried),
-        accepted: R::select(taken, controller.accepted + one, controller.accepted),
-        rejected: R::select(refused, controller.rejected + one, controller.rejected),
-    };
-    (state, controller)
+    /// What comes of it with these slopes.
+    #[inline(always)]
+    pub fn concluded(
+        &self,
+        tried: &impl Slopes<R>,
+        limits: &Limits<R>,
+        controller: Controller<R>,
+        state: State<R>,
+    ) -> (State<R>, Controller<R>) {
+        let (zero, one) = (R::splat(0.0), R::splat(1.0));
+        let Self { h, step, trying, last, .. } = *self;
+        let left = controller.left;
+        let next_state = advanced(tried, h, state);
+        let error = estimated_error(tried, h.value, limits.tolerance, &state, &next_state);
+        let taken = trying & error.less_than(one);
+        let refused = trying & !taken;
+
+        let (value, lost) = two_difference(left.value, h.value);
+        let rest = renormalised(value, lost + (left.residue - h.residue));
+
+        let eighth_root = error.max(R::splat(1e-20)).sqrt().sqrt().sqrt();
+        let factor = (R::splat(0.9) / eighth_root).min(R::splat(6.0)).max(R::splat(1.0 / 3.0));
+        // Not a number: the step was far too long.
+        let factor = R::select(error.less_than(R::splat(1e30)), factor, R::splat(1.0 / 3.0));
+        // A step does not grow right after a refusal, and the one that the end cut short says nothing about the next.
+        let factor = R::select(R::splat(0.5).less_than(controller.retried), factor.min(one), factor);
+        let next = h.value * factor;
+        let next = R::select(taken & last, next.max(step), next);
+        // A short step to begin with, or to an end, is no sign of need.
+        let shrunk = refused | (taken & !last & factor.less_than(one));
+        let too_small = shrunk & next.less_than(limits.least_step);
+
+        let mut state = State::select(taken, next_state, state);
+        state.status = flagged(state.status, too_small, Status::StepBelowLimit);
+        let controller = Controller {
+            step: R::select(trying, next, controller.step),
+            left: TwoWords {
+                value: R::select(taken, rest.value, left.value),
+                residue: R::select(taken, rest.residue, left.residue),
+            },
+            retried: R::select(trying, R::select(refused, one, zero), controller.retried),
+            accepted: R::select(taken, controller.accepted + one, controller.accepted),
+            rejected: R::select(refused, controller.rejected + one, controller.rejected),
+        };
+        (state, controller)
+    }
 }
 
 /// The two words a + b of a sum, for |a| ≥ |b| (T. J. Dekker, Numer. Math. 18 (1971) 224, equation 4.14).
@@ -251,10 +298,10 @@ const ERROR_WEIGHTS_3: [f64; WEIGHTS.len()] = {
 
 /// DOP853's estimate of a step's error, in units of the tolerance.
 #[inline(always)]
-fn estimated_error<R: Real>(slopes: &Slopes<R>, h: R, tolerance: R, state: &State<R>, next_state: &State<R>) -> R {
+fn estimated_error<R: Real>(slopes: &impl Slopes<R>, h: R, tolerance: R, state: &State<R>, next_state: &State<R>) -> R {
     // Both sets of weights add up to 0, so that the first slope itself has no part in the sums of differences.
-    let fifth = weighted(&slopes.first, 0.0, &slopes.differences, &ERROR_WEIGHTS_5[1..]);
-    let third = weighted(&slopes.first, 0.0, &slopes.differences, &ERROR_WEIGHTS_3[1..]);
+    let fifth = weighted(slopes, 0.0, &ERROR_WEIGHTS_5[1..]);
+    let third = weighted(slopes, 0.0, &ERROR_WEIGHTS_3[1..]);
     let m = state.angular_momentum_principal.value;
     let m_next = next_state.angular_momentum_principal.value;
     let m_squared = m.dot(m).max(m_next.dot(m_next)).max(R::splat(1e-30));

@@ -1,9 +1,6 @@
 //! Which torques act on a body.
 
-use glam::{DMat3, DVec3};
-
 use crate::torque::Torque;
-use crate::torque::variable_inertia::InertiaChange;
 
 /// Torques of a scene as a set of their indices.
 ///
@@ -17,7 +14,7 @@ const OWN_BITS: usize = 31;
 impl TorqueSet {
     /// The torques that act on a body: those whose strength is not zero for it.
     pub(crate) fn acting_on(torques: &[Torque], body: usize) -> Self {
-        let acting = torques.iter().enumerate().filter(|(_, torque)| acts_on(torque, body));
+        let acting = torques.iter().enumerate().filter(|(_, torque)| torque.acts_on(body));
         Self(acting.fold(0, |set, (index, _)| set | 1 << index.min(OWN_BITS)))
     }
 
@@ -56,38 +53,5 @@ impl TorqueSet {
             .filter(|(index, _)| self.contains(*index))
             .map(|(_, torque)| torque.clone())
             .collect()
-    }
-}
-
-/// Whether a torque does anything to a body, in any state.
-fn acts_on(torque: &Torque, body: usize) -> bool {
-    match torque {
-        Torque::ConstantBody(model) => model.torque_body.at(body) != DVec3::ZERO,
-        Torque::ConstantWorld(model) => model.torque_world.at(body) != DVec3::ZERO,
-        Torque::LinearDrag(model) => model.coefficient.at(body) != 0.0,
-        Torque::MatrixDrag(model) => model.matrix_body.at(body) != DMat3::ZERO,
-        Torque::QuadraticDrag(model) => model.coefficient.at(body) != 0.0,
-        Torque::Sinusoidal(model) => {
-            model.sine_body.at(body) != DVec3::ZERO || model.cosine_body.at(body) != DVec3::ZERO
-        }
-        Torque::GravityGradient(_) => true,
-        Torque::HeavyTop(model) => {
-            model.mass.at(body) != 0.0
-                && model.centre_body.at(body) != DVec3::ZERO
-                && model.gravity_world.at(body) != DVec3::ZERO
-        }
-        Torque::MagneticDipole(model) => {
-            model.moment_body.at(body) != DVec3::ZERO && model.field_world.at(body) != DVec3::ZERO
-        }
-        Torque::OrbitingDipole(model) => model.moment_body.at(body) != DVec3::ZERO,
-        Torque::EddyCurrent(model) => model.coefficient.at(body) != 0.0 && model.field_world.at(body) != DVec3::ZERO,
-        Torque::SineSpring(model) => model.stiffness.at(body) != 0.0,
-        Torque::LogSpring(model) => model.stiffness.at(body) != 0.0,
-        Torque::InternalDissipation(model) => model.coefficient.at(body) != 0.0,
-        Torque::WhiteNoise(model) => model.intensity.at(body) != 0.0,
-        Torque::VariableInertia(model) => match &model.change {
-            InertiaChange::Factor(factor) => factor.at(body) != 1.0,
-            InertiaChange::Tensor(_) => true,
-        },
     }
 }

@@ -42,7 +42,7 @@ pub struct ClassRow {
     /// The free motion of the bodies; driven bodies count as asymmetric.
     pub class: &'static str,
     /// Names of the torques that act.
-    pub torques: Vec<&'static str>,
+    pub torques: Vec<String>,
     /// Whether their centres of mass move too.
     pub translates: bool,
     /// Number of bodies.
@@ -121,7 +121,7 @@ impl Plan<'_> {
 
     fn class_row(&self, key: RowKey, groups: &[&Group]) -> ClassRow {
         let (shape, torques, translates, method, wide) = key;
-        let names = torques.of(self.scene().torques()).iter().map(|torque| torque.name()).collect();
+        let names = torques.of(self.scene().torques()).iter().map(|torque| torque.name().to_owned()).collect();
         let (error, pilot_bodies) = self.expected_error(groups);
         ClassRow {
             class: shape.name(),

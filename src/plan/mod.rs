@@ -253,12 +253,13 @@ impl<'a> Plan<'a> {
 
 /// Refuses torques that have no meaning side by side.
 fn check_together(torques: &[Torque]) -> Result<()> {
-    let of_kind = |torque: &&Torque| matches!(torque, Torque::VariableInertia(_));
-    if let [_, second, ..] = torques.iter().filter(of_kind).collect::<Vec<_>>()[..] {
-        let torque = torques.iter().rposition(|torque| torque == second).unwrap_or(0);
-        let expected =
-            "the moments of a body change by one law: one such entry is needed, whose parameters may be columns";
-        return Err(Error::TorquePair { torque, model: second.name(), expected });
+    for (index, torque) in torques.iter().enumerate() {
+        let model = torque.owned_name();
+        if let Some(expected) = torque.declaration().only_one.clone()
+            && torques[..index].iter().any(|before| before.name() == model)
+        {
+            return Err(Error::TorquePair { torque: index, model, expected });
+        }
     }
     Ok(())
 }

@@ -22,7 +22,7 @@ use crate::free_motion::SetUp;
 use crate::method::Method;
 use crate::record::CLOSED_FORM;
 use crate::scene::{Accuracy, Scene, Stepping, Target};
-use crate::torque::Torque;
+use crate::torque::{Torque, Value};
 
 /// Everything from which, with the scene, a plan's groups follow, to the bit.
 #[derive(Clone, Debug, PartialEq)]
@@ -102,7 +102,7 @@ impl Resolution {
                 if method.properties().rigid_only
                     && let Some(torque) = scene.torques().iter().position(|torque| !torque.leaves_rigid())
                 {
-                    return Err(Error::RigidOnly { torque, model: scene.torques()[torque].name(), method });
+                    return Err(Error::RigidOnly { torque, model: scene.torques()[torque].owned_name(), method });
                 }
                 if projected {
                     crate::engine::projected::check(precision, scene.torques().is_empty(), method)?;
@@ -234,14 +234,15 @@ impl Resolution {
             return Err(Error::Setting { field: "tolerance", value: steps.tolerance, expected });
         }
         for (index, torque) in scene.torques().iter().enumerate() {
-            if let Torque::WhiteNoise(noise) = torque {
+            if torque.is_random() {
+                let draws = torque.parameter("draws_per_step").and_then(Value::as_whole).unwrap_or(1);
                 return Err(Error::Torque {
                     torque: index,
-                    model: torque.name(),
+                    model: torque.owned_name(),
                     body: None,
-                    field: "draws_per_step",
-                    value: f64::from(noise.draws_per_step),
-                    expected: NOISE_REFUSED,
+                    field: "draws_per_step".into(),
+                    value: draws as f64,
+                    expected: NOISE_REFUSED.into(),
                 });
             }
         }

@@ -26,7 +26,7 @@ pub fn balance(plan: &Plan<'_>, orientation: &[DQuat], angular_velocity_body: &[
     let columns = [("orientation", orientation.len()), ("angular_velocity_body", angular_velocity_body.len())];
     for (column, found) in columns {
         if found != ensemble.len() {
-            return Err(Error::ColumnLength { column, expected: ensemble.len(), found });
+            return Err(Error::ColumnLength { column: column.into(), expected: ensemble.len(), found });
         }
     }
     let state = |body: usize| {

@@ -15,7 +15,6 @@ use crate::inertia::principal_axes;
 use crate::memory;
 use crate::plan::Members;
 use crate::scene::Scene;
-use crate::torque::Torque;
 
 /// The centres of mass of a group's bodies, one a row, where a force of the scene depends on velocity or attitude.
 pub(super) struct Flight<'p> {
@@ -111,17 +110,11 @@ impl<'p> Flight<'p> {
     }
 }
 
-/// A body's orientation and the rate (rad/s, body axes) at which its axes turn; internal dissipation makes that
-/// ω + k Iω × ω.
+/// A body's orientation and the rate (rad/s, body axes) at which its axes turn; internal dissipation makes that another than ω.
 fn turning(scene: &Scene, body: usize, state: &BodyState) -> (DQuat, DVec3) {
     let omega = state.angular_velocity_body;
-    let slip = scene.torques().iter().map(|torque| match torque {
-        Torque::InternalDissipation(model) => {
-            // I ω, whatever I has become.
-            let momentum_body = state.orientation.conjugate() * state.angular_momentum_world;
-            momentum_body.cross(omega) * model.coefficient.at(body)
-        }
-        _ => DVec3::ZERO,
-    });
-    (state.orientation, omega + slip.sum::<DVec3>())
+    // I ω, whatever I has become.
+    let momentum_body = state.orientation.conjugate() * state.angular_momentum_world;
+    let slip: DVec3 = scene.torques().iter().map(|torque| torque.slip(body, momentum_body, omega)).sum();
+    (state.orientation, omega + slip)
 }

@@ -24,7 +24,7 @@ use crate::plan::{Group, Members, Treatment};
 use crate::record::WallTime;
 use crate::regular_precession::RegularPrecession;
 use crate::scene::Scene;
-use crate::torque::{Torque, variable_inertia};
+use crate::torque::Torque;
 
 /// The bodies of one group on their way through time.
 pub(super) struct Unit<'p> {
@@ -133,7 +133,7 @@ impl<'p> Unit<'p> {
         if !matches!(motion, Motion::Stepped { .. }) {
             flight = Flight::start(scene, members, false)?;
         }
-        let varies = variable_inertia::of_scene(scene.torques()).is_some();
+        let varies = scene.torques().iter().any(Torque::changes_inertia);
         let (ensemble, torques) = (scene.ensemble(), scene.torques());
         Ok(Self { members, motion, flight, ensemble, torques, varies, time: 0.0, formed: 0.0 })
     }

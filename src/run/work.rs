@@ -193,10 +193,10 @@ impl LaneTask<f64> for RecomputeBlock<'_> {
     fn run<R: Real<Scalar = f64>>(self) {
         let Batch { parameters, stride, torques, .. } = self.batch;
         let source = Source { table: torques, parameters, stride: *stride, clock: self.clock, dt: self.dt };
-        let start_phases = source.start_phases();
+        let workspace = source.workspace();
         let bodies = BLOCK.min(self.batch.body_count - self.first);
         for offset in (0..bodies).step_by(R::LANES) {
-            let columns = source.group(self.first + offset, &start_phases);
+            let columns = source.group(self.first + offset, &workspace);
             let (body, rate) = load_body(|column| columns.column(column));
             let given = Given::new();
             let acting = Torques::<R>::new(columns);

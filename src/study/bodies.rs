@@ -178,7 +178,7 @@ impl Bodies {
     /// The error of a body with what made it invalid, where that lies in the description of its matter.
     fn reason(&self, error: Error, draw: Draw) -> Error {
         let Error::Body { body, .. } = error else { return error };
-        match self.fault_of(draw, body).map(|fault| fault.error) {
+        match self.fault_of(draw, body).map(|fault| *fault.error) {
             Some(Error::Setting { field, value, expected } | Error::Item { field, value, expected, .. }) => {
                 Error::Body { body, field, value, expected }
             }

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::error::Text;
+
 /// An input file that is not valid: which file, where in it, and why.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InputError {
@@ -27,21 +29,21 @@ pub enum Fault {
     /// No such key or column.
     Unknown {
         /// The known name that is spelt most nearly so.
-        nearest: Option<&'static str>,
+        nearest: Option<String>,
         /// All known names.
-        known: Vec<&'static str>,
+        known: Vec<String>,
     },
     /// A key or column that is needed is missing.
     Missing {
         /// What it would hold.
-        expected: &'static str,
+        expected: Text,
     },
     /// A value of the wrong type or out of range.
     Value {
         /// As it stands in the file.
         value: String,
         /// What would be valid.
-        expected: &'static str,
+        expected: Text,
     },
     /// A word that is not one of the possible ones.
     Choice {
@@ -52,10 +54,19 @@ pub enum Fault {
         /// The possible words.
         choices: &'static [&'static str],
     },
+    /// A formula that is none.
+    Formula {
+        /// The column in its line, characters from 1.
+        column: usize,
+        /// What is wrong.
+        reason: String,
+        /// The line, and carets below what is meant.
+        picture: String,
+    },
     /// Two keys that exclude each other.
     Conflict {
         /// The other key.
-        other: &'static str,
+        other: String,
     },
     /// A value that is well formed but leads to an error: a mesh that is open, parts that are no body.
     Cause {
@@ -76,12 +87,20 @@ pub enum Fault {
         /// Index of the body, from 0.
         body: usize,
         /// Name of the field.
-        field: &'static str,
+        field: Text,
         /// The value found.
         value: f64,
         /// What would be valid.
-        expected: &'static str,
+        expected: Text,
     },
+}
+
+impl Fault {
+    /// A name that is not among those known.
+    pub(super) fn unknown(name: &str, known: &[&str]) -> Self {
+        let known_names = known.iter().map(|&name| name.to_owned()).collect();
+        Fault::Unknown { nearest: nearest(name, known).map(str::to_owned), known: known_names }
+    }
 }
 
 /// A suggestion in brackets, or nothing.
@@ -97,13 +116,19 @@ impl std::fmt::Display for InputError {
             Fault::Syntax { reason } if key.is_empty() => formatter.write_str(reason),
             Fault::Syntax { reason } => write!(formatter, "{key}: {reason}"),
             Fault::Unknown { nearest, known } => {
-                write!(formatter, "{key} is not known: {}known here: {}", suggestion(*nearest), known.join(", "))
+                write!(
+                    formatter,
+                    "{key} is not known: {}known here: {}",
+                    suggestion(nearest.as_deref()),
+                    known.join(", ")
+                )
             }
             Fault::Missing { expected } => write!(formatter, "{key} is missing: {expected}"),
             Fault::Value { value, expected } => write!(formatter, "{key} = {value}: {expected}"),
             Fault::Choice { value, nearest, choices } => {
                 write!(formatter, "{key} = {value}: {}possible: {}", suggestion(*nearest), choices.join(", "))
             }
+            Fault::Formula { column, reason, .. } => write!(formatter, "{key}: column {column}: {reason}"),
             Fault::Conflict { other } => write!(formatter, "{key} excludes {other}: give one of them"),
             Fault::Cause { value, cause } => write!(formatter, "{key} = {value}: {cause}"),
             Fault::RowLength { found, expected } => {
@@ -119,7 +144,7 @@ impl std::fmt::Display for InputError {
 impl std::error::Error for InputError {}
 
 /// The name among `known` that differs least from `name`, if it differs by little.
-pub(super) fn nearest(name: &str, known: &[&'static str]) -> Option<&'static str> {
+pub(super) fn nearest<'k>(name: &str, known: &[&'k str]) -> Option<&'k str> {
     let distance = |candidate: &str| strsim::damerau_levenshtein(name, candidate);
     let best = known.iter().copied().min_by_key(|candidate| distance(candidate))?;
     // A third of the letters may be wrong; beyond that a suggestion confuses more than it helps.

@@ -12,7 +12,7 @@ use super::draw::Draw;
 use super::inertia::Inertia;
 use super::input::{Fault, InputError};
 use super::points::read_points;
-use super::reader::Text;
+use super::reader::FileText;
 use crate::error::{Error, FileAction, Result};
 use crate::inertia::{InertiaClass, InertiaTensor, MassProperties, Validity, classify, point_masses};
 
@@ -215,7 +215,7 @@ fn of_mesh(file: &Path, _: &MassFileOptions) -> Result<MassProperties> {
 /// A body of a study, or of `inertia = { ... }` by itself.
 fn of_study(file: &Path, body: usize) -> Result<Described> {
     let text = std::fs::read_to_string(file).map_err(|error| Error::file(file, FileAction::Read, &error))?;
-    let alone = Text::new(file, &text).parse(|root| match root.find("inertia") {
+    let alone = FileText::new(file, &text).parse(|root| match root.find("inertia") {
         Some(node) => {
             root.only(&["title", "seed", "inertia"])?;
             let seed = root.find("seed").map(|node| node.whole("a whole number is needed")).transpose()?.unwrap_or(0);

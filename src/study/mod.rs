@@ -66,18 +66,11 @@
 //!   `linear_drag` against the velocity (N s/m). Or a list `[[force]]`, each with a `model` and its parameters
 //!   ([`crate::force`] has the equations): `constant` (`force`, world axes), `gravity` (`acceleration`), `linear-drag` and
 //!   `quadratic-drag` (`coefficient`, N s/m and N s²/m²), `thrust` (`force`, body axes). Parameters are as those of torques.
-//! * `[[torque]]`, any number of them: a `model` and its parameters ([`crate::torque`] has the equations):
-//!   `constant-body` and `constant-world` (`torque`), `viscous` or `linear-drag` (`coefficient`), `matrix-drag` (`matrix`, three
-//!   rows), `quadratic-drag` (`coefficient`), `sinusoidal` (`sine`, `cosine`, `rate`), `gravity-gradient` (`mu`, `orbit`),
-//!   `heavy-top` (`mass`, `centre`, `gravity`), `magnetic-dipole` (`moment`, `field`), `orbiting-dipole` (`moment`, `mu`,
-//!   `orbit`, `strength`, `tilt`, `azimuth`, `rotation`), `eddy-current` (`coefficient`, `field`), `sine-spring` and
-//!   `log-spring` (`stiffness`, `target`), `internal-dissipation` (`coefficient`), `white-noise` (`intensity`, `seed`,
-//!   `draws_per_step`), `variable-inertia` (the moments of inertia go from the body's own to a `factor` of them or to another
-//!   `inertia`, written as that of `bodies` and with the same principal axes, along a `ramp = { start, duration }` (s) or an
-//!   `oscillation = { rate }` (rad/s); [`crate::torque::variable_inertia`]). An `orbit` is `{ radius = ... }` or `{ semi_major_axis = ..., eccentricity = ... }`, each with
-//!   `inclination`, `ascending_node`, `pericentre` and `mean_anomaly` where they are not zero. A parameter is a number or
-//!   vector for all bodies, a distribution, or a column of the table of bodies: `{ column = "drag" }`, or
-//!   `{ columns = ["tx", "ty", "tz"] }` for a vector.
+//! * `[[torque]]`, any number of them: a `model` and its parameters. The table in [`crate::torque`] lists the models with their
+//!   equations and keys; a key with a dot stands in a table, `orbit = { radius = 7.0e6, inclination = 0.9 }`. A parameter is a
+//!   number or vector for all bodies, a distribution, or a column of the table of bodies: `{ column = "drag" }`, or
+//!   `{ columns = ["tx", "ty", "tz"] }` for a vector, with four for an orientation. The tables of a list hold plain numbers:
+//!   `facets = [{ area = 0.02, normal = [0, 0, 1], centre = [0, 0, 0.15], solar = { specular = 0.1, diffuse = 0.3 } }]`.
 //! * A number may be a distribution: `constant` (`value`), `uniform` (`low`, `high`), `normal` (`mean`, `sigma`),
 //!   `log-normal` (`median`, `sigma` of the logarithm). So may a vector, where one number stands for three; and
 //!   `direction` (`magnitude`) is uniform on the sphere.
@@ -97,18 +90,20 @@ use std::sync::LazyLock;
 
 use crate::batch::Precision;
 use crate::ensemble::Ensemble;
-use crate::error::{Error, FileAction, Result};
+use crate::error::{Error, FileAction, Result, Text};
 use crate::observe::Statistic;
 use crate::scene::{Accuracy, Outputs, Scene, Target};
 
 mod accuracy;
 mod bodies;
+mod custom;
 mod distribution;
 pub mod draw;
 mod force;
 mod inertia;
 mod input;
 mod mass_file;
+mod models;
 mod parameter;
 mod parts;
 mod points;
@@ -118,13 +113,13 @@ mod shape_kind;
 mod solid;
 pub mod table;
 mod torque;
-mod variable_inertia;
 
 pub use bodies::Bodies;
 pub use distribution::{Orientation, Scalar, Vector};
 pub use inertia::Inertia;
 pub use input::{Fault, InputError};
 pub use mass_file::{CLASS_TOLERANCE, MassFileOptions, MassReport, TensorAbout};
+pub use models::{describe_models, models_table};
 pub use points::read_points;
 pub use solid::Solid;
 pub use table::BodyTable;
@@ -132,7 +127,7 @@ pub use table::BodyTable;
 use accuracy::{StudyStepping, accuracy};
 use draw::Draw;
 use force::StudyForce;
-use reader::{Node, Place, Table, Text};
+use reader::{FileText, Node, Place, Table};
 use torque::StudyTorque;
 
 /// The key by which states are projected.
@@ -229,7 +224,7 @@ impl Study {
     ///
     /// As [`Study::read`].
     pub fn parse(file: &Path, text: &str) -> Result<Self> {
-        Text::new(file, text).parse(|root| Self::from_root(file, &root))
+        FileText::new(file, text).parse(|root| Self::from_root(file, &root))
     }
 
     fn from_root(file: &Path, root: &Table<'_>) -> Result<Self> {
@@ -255,7 +250,13 @@ impl Study {
             let expected = "torques or forces read columns of the table of bodies: name its file here";
             let key = format!("bodies.file (column {name})");
             let line = places.get("bodies").map_or(1, |place| place.line);
-            return Err(InputError { file: file.to_owned(), line, key, fault: Fault::Missing { expected } }.into());
+            return Err(InputError {
+                file: file.to_owned(),
+                line,
+                key,
+                fault: Fault::Missing { expected: expected.into() },
+            }
+            .into());
         }
         let (end, outputs) = time(&root.need("time", "a table with the end of the simulated span is needed")?)?;
         let stepping = root.find("accuracy").map(|node| accuracy(&node)).transpose()?;
@@ -340,7 +341,7 @@ impl Study {
     ///
     /// # Errors
     ///
-    /// As [`Study::ensemble`].
+    /// As [`Study::ensemble`]; [`Error::Input`] for a torque whose formula cannot be made from its parameters.
     pub fn scene(&self) -> Result<Scene> {
         let mut scene = Scene::new(self.ensemble()?).until(self.end).outputs(self.outputs.clone());
         let (count, table) = (self.bodies.count, self.bodies.table.as_ref());
@@ -348,7 +349,8 @@ impl Study {
             scene = scene.force(force.force(Draw::new(self.seed), count, table));
         }
         for torque in &self.torques {
-            scene = scene.torque(torque.torque(Draw::new(self.seed), self.seed, count, table));
+            let torque = torque.torque(Draw::new(self.seed), self.seed, count, table);
+            scene = scene.torque(torque.map_err(|error| self.located(error))?);
         }
         scene = scene.statistics(&self.statistics);
         if !self.statistics.is_empty() && !self.output.final_state && !self.output.snapshots {
@@ -369,7 +371,11 @@ impl Study {
                     other => other,
                 };
                 match self.places.get(key) {
-                    Some(place) => self.input(place.line, key, Fault::Value { value: place.value.clone(), expected }),
+                    Some(place) => self.input(
+                        place.line,
+                        key,
+                        Fault::Value { value: place.value.clone(), expected: expected.into() },
+                    ),
                     None => Error::Setting { field, value, expected },
                 }
             }
@@ -377,45 +383,34 @@ impl Study {
                 self.located_target(target.of(missed), missed, error)
             }
             Error::Projection { expected, .. } => match self.places.get(PROJECTION) {
-                Some(place) => {
-                    self.input(place.line, PROJECTION, Fault::Value { value: place.value.clone(), expected })
-                }
+                Some(place) => self.input(
+                    place.line,
+                    PROJECTION,
+                    Fault::Value { value: place.value.clone(), expected: expected.into() },
+                ),
                 None => error,
             },
             Error::MissingMass => match self.places.get("force") {
                 Some(place) => {
                     let expected = "the force needs masses, here or as a column of the table of bodies (kg)";
-                    self.input(place.line, "bodies.mass", Fault::Missing { expected })
+                    self.input(place.line, "bodies.mass", Fault::Missing { expected: expected.into() })
                 }
                 None => Error::MissingMass,
             },
             Error::Body { body, field, value, expected } => self.located_body(body, field, value, expected),
-            Error::Torque { torque, model, body, field, value, expected } => {
-                let key = self.torques.get(torque).map_or_else(String::new, |torque| torque.key(field));
-                let error = Error::Torque { torque, model, body, field, value, expected };
-                // A parameter may stand under another name (`orbit.radius`): then the torque's own line is named.
-                match self.places.get(&key).or_else(|| self.places.get(&torque::place(torque))) {
-                    Some(place) => {
-                        let fault = match body {
-                            Some(body) => Fault::Body { body, field, value, expected },
-                            None => Fault::Value { value: format!("{value:?}"), expected },
-                        };
-                        self.input(place.line, &key, fault)
-                    }
+            Error::Torque { torque, body, ref field, value, ref expected, .. } => {
+                let own = torque::place(torque);
+                let key = self.torques.get(torque).map_or_else(|| own.clone(), |torque| torque.key(field));
+                // A key may be left out: then the torque's own line is named.
+                match self.places.get(&key).or_else(|| self.places.get(&own)) {
+                    Some(place) => self.input(place.line, &key, parameter_fault(body, field, value, expected)),
                     None => error,
                 }
             }
-            Error::Force { force, model, body, field, value, expected } => {
-                let error = Error::Force { force, model, body, field, value, expected };
+            Error::Force { force, body, ref field, value, ref expected, .. } => {
                 let keys = self.forces.get(force).map(StudyForce::keys).unwrap_or_default();
                 match keys.into_iter().find_map(|key| self.places.get_key_value(key)) {
-                    Some((key, place)) => {
-                        let fault = match body {
-                            Some(body) => Fault::Body { body, field, value, expected },
-                            None => Fault::Value { value: format!("{value:?}"), expected },
-                        };
-                        self.input(place.line, key, fault)
-                    }
+                    Some((key, place)) => self.input(place.line, key, parameter_fault(body, field, value, expected)),
                     None => error,
                 }
             }
@@ -465,7 +460,9 @@ impl Study {
         ];
         let key = keys.iter().find(|key| self.places.contains_key(*key)).map_or("bodies", String::as_str);
         match self.places.get(key) {
-            Some(place) => self.input(place.line, key, Fault::Body { body, field, value, expected }),
+            Some(place) => {
+                self.input(place.line, key, Fault::Body { body, field: field.into(), value, expected: expected.into() })
+            }
             None => error,
         }
     }
@@ -540,4 +537,13 @@ fn statistics(node: &Node<'_>) -> Result<Vec<Statistic>> {
         found.extend(of_name);
     }
     Ok(found)
+}
+
+/// What is wrong with the value of a parameter that all bodies share, or one body has.
+fn parameter_fault(body: Option<usize>, field: &Text, value: f64, expected: &Text) -> Fault {
+    let expected = expected.clone();
+    match body {
+        Some(body) => Fault::Body { body, field: field.clone(), value, expected },
+        None => Fault::Value { value: format!("{value:?}"), expected },
+    }
 }

@@ -7,9 +7,11 @@ use rayon::prelude::*;
 
 use super::distribution::{Orientation, Scalar, Vector};
 use super::draw::{Column, Draw};
+use super::inertia::Inertia;
 use super::reader::Node;
 use super::table::BodyTable;
 use crate::error::Result;
+use crate::inertia::InertiaTensor;
 use crate::torque::Parameter;
 
 /// A number of each body: drawn, or a column of the table of bodies.
@@ -24,6 +26,22 @@ pub(super) enum Number {
 pub(super) enum Triple {
     Drawn(Vector),
     Columns([String; 3]),
+}
+
+/// An orientation of each body: drawn, or four columns of the table of bodies.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Turn {
+    Drawn(Orientation),
+    Columns([String; 4]),
+}
+
+/// An inertia tensor of each body.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Tensor {
+    /// Moments along the body axes.
+    Moments(Triple),
+    /// As that of `bodies`.
+    Inertia(Inertia),
 }
 
 impl Number {
@@ -41,18 +59,46 @@ impl Number {
 
 impl Triple {
     pub(super) fn read(node: &Node<'_>) -> Result<Self> {
-        if let Some(table) = node.any_table()
-            && let Some(columns) = table.find("columns")
-        {
-            table.only(&["columns"])?;
-            const EXPECTED: &str = "the names of three columns of the table of bodies are needed";
-            let names = columns.elements().ok_or_else(|| columns.refuse(EXPECTED))?;
-            let names: Vec<String> =
-                names.iter().map(|name| Ok(name.string(EXPECTED)?.to_owned())).collect::<Result<_>>()?;
-            return Ok(Triple::Columns(names.try_into().map_err(|_| columns.refuse(EXPECTED))?));
+        const EXPECTED: &str = "the names of three columns of the table of bodies are needed";
+        match columns(node, EXPECTED)? {
+            Some(names) => Ok(Triple::Columns(names)),
+            None => Vector::read(node).map(Triple::Drawn),
         }
-        Vector::read(node).map(Triple::Drawn)
     }
+}
+
+impl Turn {
+    pub(super) fn read(node: &Node<'_>) -> Result<Self> {
+        const EXPECTED: &str = "the names of four columns of the table of bodies are needed (x, y, z, w)";
+        match columns(node, EXPECTED)? {
+            Some(names) => Ok(Turn::Columns(names)),
+            None => Orientation::read(node).map(Turn::Drawn),
+        }
+    }
+}
+
+impl Tensor {
+    pub(super) fn read(node: &Node<'_>) -> Result<Self> {
+        if node.any_table().is_some_and(|table| table.find("columns").is_some()) {
+            return Triple::read(node).map(Tensor::Moments);
+        }
+        Ok(match Inertia::read(node)? {
+            Inertia::Moments(moments) => Tensor::Moments(Triple::Drawn(moments)),
+            inertia => Tensor::Inertia(inertia),
+        })
+    }
+}
+
+/// The names in `{ columns = [...] }`, where the value is that.
+fn columns<const N: usize>(node: &Node<'_>, expected: &'static str) -> Result<Option<[String; N]>> {
+    let Some((table, columns)) = node.any_table().and_then(|table| table.find("columns").map(|found| (table, found)))
+    else {
+        return Ok(None);
+    };
+    table.only(&["columns"])?;
+    let names = columns.elements().ok_or_else(|| columns.refuse(expected))?;
+    let names: Vec<String> = names.iter().map(|name| Ok(name.string(expected)?.to_owned())).collect::<Result<_>>()?;
+    names.try_into().map(Some).map_err(|_| columns.refuse(expected))
 }
 
 /// What parameters are drawn from or read from.
@@ -108,13 +154,36 @@ impl Source<'_> {
         }
     }
 
-    pub(super) fn orientation(&self, orientation: &Orientation, parameter: usize) -> Parameter<DQuat> {
-        match orientation {
-            Orientation::Constant(orientation) => Parameter::Shared(*orientation),
-            Orientation::Uniform => {
+    pub(super) fn rotation(&self, rotation: &Turn, parameter: usize) -> Parameter<DQuat> {
+        match rotation {
+            Turn::Drawn(Orientation::Constant(orientation)) => Parameter::Shared(*orientation),
+            Turn::Drawn(Orientation::Uniform) => {
                 let column = self.column(parameter);
                 let bodies = (0..self.count).into_par_iter();
                 Parameter::PerBody(bodies.map(|body| self.draw.rotation(body, column)).collect())
+            }
+            Turn::Columns(names) => {
+                let columns = names.each_ref().map(|name| self.rows(name));
+                let count = columns.iter().map(|rows| rows.len()).min().unwrap_or(0);
+                Parameter::PerBody((0..count).map(|body| DQuat::from_array(columns.map(|rows| rows[body]))).collect())
+            }
+        }
+    }
+
+    /// What is described as a body's own inertia is, with the same draws, comes from the same numbers, so that a body that is
+    /// large before a change is large after.
+    pub(super) fn tensor(&self, tensor: &Tensor, parameter: usize) -> Parameter<InertiaTensor> {
+        match tensor {
+            Tensor::Moments(moments) => match self.vector(moments, parameter) {
+                Parameter::Shared(moments) => Parameter::Shared(moments.into()),
+                Parameter::PerBody(column) => {
+                    Parameter::PerBody(column.iter().map(|&moments| InertiaTensor::from(moments)).collect())
+                }
+            },
+            Tensor::Inertia(Inertia::Tensor(tensor)) => Parameter::Shared(*tensor),
+            Tensor::Inertia(inertia) => {
+                let bodies = (0..self.count).into_par_iter();
+                Parameter::PerBody(bodies.map(|body| inertia.sample(self.draw, body)).collect())
             }
         }
     }

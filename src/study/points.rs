@@ -9,7 +9,7 @@ use std::path::Path;
 use csv::{Position, ReaderBuilder, StringRecord, Trim};
 use glam::DVec3;
 
-use super::input::{Fault, nearest};
+use super::input::Fault;
 use super::table::{csv_error, input_error};
 use crate::error::{Error, FileAction, Result};
 
@@ -42,13 +42,13 @@ pub fn read_points(path: &Path) -> Result<Vec<(f64, DVec3)>> {
     for name in &header {
         if !KNOWN.contains(&name) {
             let key = if name.is_empty() { "(empty)" } else { name };
-            let fault = Fault::Unknown { nearest: nearest(name, &KNOWN), known: KNOWN.to_vec() };
+            let fault = Fault::unknown(name, &KNOWN);
             return Err(input_error(path, header_line, key, fault));
         }
     }
     let place = |name: &str| header.iter().position(|found| found == name);
     let need = |name: &'static str| {
-        let fault = Fault::Missing { expected: "the columns mass, x, y and z are needed (kg, m)" };
+        let fault = Fault::Missing { expected: "the columns mass, x, y and z are needed (kg, m)".into() };
         place(name).ok_or_else(|| input_error(path, header_line, name, fault))
     };
     let (mass, places) = (place("mass"), [need("x")?, need("y")?, need("z")?]);
@@ -65,7 +65,7 @@ pub fn read_points(path: &Path) -> Result<Vec<(f64, DVec3)>> {
             let field = &record[column];
             field.parse().ok().filter(|x: &f64| x.is_finite() && *x >= least).ok_or_else(|| {
                 let value = if field.is_empty() { "(empty)".to_owned() } else { field.to_owned() };
-                input_error(path, line, &header[column], Fault::Value { value, expected })
+                input_error(path, line, &header[column], Fault::Value { value, expected: expected.into() })
             })
         };
         let mass = match mass {
@@ -76,7 +76,7 @@ pub fn read_points(path: &Path) -> Result<Vec<(f64, DVec3)>> {
         points.push((mass, DVec3::new(coordinate(0)?, coordinate(1)?, coordinate(2)?)));
     }
     if points.is_empty() {
-        let fault = Fault::Missing { expected: "at least one row, a point, is needed" };
+        let fault = Fault::Missing { expected: "at least one row, a point, is needed".into() };
         return Err(input_error(path, header_line, "mass", fault));
     }
     Ok(points)

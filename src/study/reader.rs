@@ -8,18 +8,18 @@ use glam::DVec3;
 use toml::de::{DeTable, DeValue};
 
 use super::input::{Fault, InputError, nearest};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Text};
 
 /// The longest excerpt of the file that a message repeats, characters.
 const LONGEST_EXCERPT: usize = 60;
 
 /// A file's text and where its lines begin.
-pub(super) struct Text<'a> {
+pub(super) struct FileText<'a> {
     file: &'a Path,
     text: &'a str,
 }
 
-impl<'a> Text<'a> {
+impl<'a> FileText<'a> {
     pub(super) fn new(file: &'a Path, text: &'a str) -> Self {
         Self { file, text }
     }
@@ -69,7 +69,7 @@ pub(super) struct Place {
 /// A table of the tree.
 #[derive(Clone)]
 pub(super) struct Table<'a> {
-    source: &'a Text<'a>,
+    source: &'a FileText<'a>,
     path: String,
     table: &'a DeTable<'a>,
     start: usize,
@@ -78,7 +78,7 @@ pub(super) struct Table<'a> {
 /// A value of the tree.
 #[derive(Clone)]
 pub(super) struct Node<'a> {
-    source: &'a Text<'a>,
+    source: &'a FileText<'a>,
     /// Dotted path from the root.
     pub(super) path: String,
     value: &'a DeValue<'a>,
@@ -96,27 +96,35 @@ impl<'a> Table<'a> {
         Some(Node { source: self.source, path: self.path_of(key), value: value.get_ref(), span: value.span() })
     }
 
+    /// All keys with their values, in the order of the file.
+    pub(super) fn nodes(&self) -> Vec<(String, Node<'a>)> {
+        let mut keys: Vec<_> = self.table.keys().map(|key| (key.span().start, key.get_ref().to_string())).collect();
+        keys.sort();
+        keys.into_iter().filter_map(|(_, key)| self.find(&key).map(|node| (key, node))).collect()
+    }
+
     /// The value of `key`, which must be there.
-    pub(super) fn need(&self, key: &str, expected: &'static str) -> Result<Node<'a>> {
-        self.find(key).ok_or_else(|| self.source.error(self.start, self.path_of(key), Fault::Missing { expected }))
+    pub(super) fn need(&self, key: &str, expected: impl Into<Text>) -> Result<Node<'a>> {
+        let missing = || self.source.error(self.start, self.path_of(key), Fault::Missing { expected: expected.into() });
+        self.find(key).ok_or_else(missing)
     }
 
     /// Refuses keys that are not among `known`; the first in the file is reported.
-    pub(super) fn only(&self, known: &[&'static str]) -> Result<()> {
+    pub(super) fn only(&self, known: &[&str]) -> Result<()> {
         let unknown = self.table.keys().filter(|key| !known.contains(&key.get_ref().as_ref()));
         match unknown.min_by_key(|key| key.span().start) {
             None => Ok(()),
             Some(key) => {
-                let fault = Fault::Unknown { nearest: nearest(key.get_ref(), known), known: known.to_vec() };
+                let fault = Fault::unknown(key.get_ref(), known);
                 Err(self.source.error(key.span().start, self.path_of(key.get_ref()), fault))
             }
         }
     }
 
     /// Refuses two keys at once.
-    pub(super) fn exclusive(&self, key: &str, other: &'static str) -> Result<()> {
+    pub(super) fn exclusive(&self, key: &str, other: &str) -> Result<()> {
         match (self.find(key), self.find(other)) {
-            (Some(node), Some(_)) => Err(node.fault(Fault::Conflict { other })),
+            (Some(node), Some(_)) => Err(node.fault(Fault::Conflict { other: other.to_owned() })),
             _ => Ok(()),
         }
     }
@@ -147,15 +155,38 @@ impl<'a> Table<'a> {
     }
 }
 
+/// Whether a line ends in the backslash of a basic string.
+fn is_joined(line: &str) -> bool {
+    line.trim_end_matches('\r').ends_with('\\')
+}
+
 impl<'a> Node<'a> {
     /// The error `fault` at this value.
     pub(super) fn fault(&self, fault: Fault) -> Error {
         self.source.error(self.span.start, self.path.clone(), fault)
     }
 
+    /// The error at a line and column, both from 1, of the text that this value is; `fault` is given the column in the file.
+    pub(super) fn fault_in_text(&self, line: usize, column: usize, fault: impl FnOnce(usize) -> Fault) -> Error {
+        let (text, start) = (self.source.text, self.span.start);
+        let raw = &text[self.span.clone()];
+        let quotes = if raw.starts_with("\"\"\"") || raw.starts_with("'''") { 3 } else { 1 };
+        // A line break right behind three quotes is not part of the text.
+        let skipped = usize::from(quotes == 3 && raw[3..].trim_start_matches('\r').starts_with('\n'));
+        if line + skipped < 2 {
+            let before = text[..start].rfind('\n').map_or(0, |end| end + 1);
+            let place = text[before..start].chars().count() + quotes + column;
+            return self.source.error(start, self.path.clone(), fault(place));
+        }
+        // A backslash at the end of a line joins it with the next, which the text does not show.
+        let mut ends = raw.match_indices('\n').map(|(at, _)| at).filter(|&at| !is_joined(&raw[..at]));
+        let offset = ends.nth(line + skipped - 2).map_or(0, |at| at + 1);
+        self.source.error(start + offset, self.path.clone(), fault(column))
+    }
+
     /// The error for a value that is not `expected`.
-    pub(super) fn refuse(&self, expected: &'static str) -> Error {
-        self.fault(Fault::Value { value: self.text(), expected })
+    pub(super) fn refuse(&self, expected: impl Into<Text>) -> Error {
+        self.fault(Fault::Value { value: self.text(), expected: expected.into() })
     }
 
     /// The value as it stands in the file.
@@ -169,7 +200,7 @@ impl<'a> Node<'a> {
     }
 
     /// The table that the value is, with only `known` keys in it.
-    pub(super) fn table(&self, expected: &'static str, known: &[&'static str]) -> Result<Table<'a>> {
+    pub(super) fn table(&self, expected: impl Into<Text>, known: &[&str]) -> Result<Table<'a>> {
         let table = self.any_table().ok_or_else(|| self.refuse(expected))?;
         table.only(known)?;
         Ok(table)
@@ -213,7 +244,7 @@ impl<'a> Node<'a> {
     }
 
     /// A finite number.
-    pub(super) fn number(&self, expected: &'static str) -> Result<f64> {
+    pub(super) fn number(&self, expected: impl Into<Text>) -> Result<f64> {
         self.any_number().filter(|x| x.is_finite()).ok_or_else(|| self.refuse(expected))
     }
 
@@ -228,7 +259,7 @@ impl<'a> Node<'a> {
     }
 
     /// A whole number, not negative.
-    pub(super) fn whole(&self, expected: &'static str) -> Result<u64> {
+    pub(super) fn whole(&self, expected: impl Into<Text>) -> Result<u64> {
         match self.value {
             DeValue::Integer(integer) => u64::from_str_radix(integer.as_str(), integer.radix()).ok(),
             _ => None,
@@ -266,14 +297,16 @@ impl<'a> Node<'a> {
     }
 
     /// `N` finite numbers.
-    pub(super) fn numbers<const N: usize>(&self, expected: &'static str) -> Result<[f64; N]> {
-        let elements = self.elements().ok_or_else(|| self.refuse(expected))?;
-        let numbers: Vec<f64> = elements.iter().map(|element| element.number(expected)).collect::<Result<_>>()?;
+    pub(super) fn numbers<const N: usize>(&self, expected: impl Into<Text>) -> Result<[f64; N]> {
+        let expected = expected.into();
+        let elements = self.elements().ok_or_else(|| self.refuse(expected.clone()))?;
+        let number = |element: &Node<'_>| element.number(expected.clone());
+        let numbers: Vec<f64> = elements.iter().map(number).collect::<Result<_>>()?;
         numbers.try_into().map_err(|_| self.refuse(expected))
     }
 
     /// Three finite numbers.
-    pub(super) fn vector(&self, expected: &'static str) -> Result<DVec3> {
+    pub(super) fn vector(&self, expected: impl Into<Text>) -> Result<DVec3> {
         self.numbers(expected).map(DVec3::from_array)
     }
 }

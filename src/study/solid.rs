@@ -58,12 +58,12 @@ const WHOLE: DrawnUnder = DrawnUnder { size: Column::Inertia, matter: Column::Ma
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct SolidFault {
     pub(super) part: Option<usize>,
-    pub(super) error: Error,
+    pub(super) error: Box<Error>,
 }
 
 impl From<Error> for SolidFault {
     fn from(error: Error) -> Self {
-        Self { part: None, error }
+        Self { part: None, error: Box::new(error) }
     }
 }
 
@@ -78,7 +78,7 @@ impl Solid {
     /// [`Error::Setting`] where a length, mass or density that was drawn is not valid, [`Error::Item`] for one of a part,
     /// [`Error::Inertia`] where holes leave nothing that could be a body.
     pub fn sample(&self, draw: Draw, body: usize) -> Result<MassProperties> {
-        self.sample_or_fault(draw, body).map_err(|fault| fault.error)
+        self.sample_or_fault(draw, body).map_err(|fault| *fault.error)
     }
 
     pub(super) fn sample_or_fault(&self, draw: Draw, body: usize) -> Result<MassProperties, SolidFault> {
@@ -109,7 +109,7 @@ impl Solid {
                     placed.push(part.sample(draw, body).map_err(of_part)?);
                 }
                 compose(&placed).map_err(|error| match error {
-                    Error::Item { index, .. } => SolidFault { part: Some(index), error },
+                    Error::Item { index, .. } => SolidFault { part: Some(index), error: Box::new(error) },
                     error => error.into(),
                 })?
             }
@@ -201,8 +201,8 @@ impl Solid {
         }
         match self.sample_or_fault(Draw::new(0), 0) {
             Ok(properties) => Ok(Self { form: Form::Fixed(properties), matter: Matter::Own }),
-            Err(SolidFault { part: Some(part), error }) => Err(parts::refusal(table, part, error)),
-            Err(SolidFault { part: None, error }) => Err(refusal(node, table, error)),
+            Err(SolidFault { part: Some(part), error }) => Err(parts::refusal(table, part, *error)),
+            Err(SolidFault { part: None, error }) => Err(refusal(node, table, *error)),
         }
     }
 }

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use csv::{ErrorKind, Position, ReaderBuilder, StringRecord, Trim};
 use glam::{DQuat, DVec3};
 
-use super::input::{Fault, InputError, nearest};
+use super::input::{Fault, InputError};
 use crate::error::{Error, FileAction, Result};
 use crate::inertia::InertiaTensor;
 
@@ -106,7 +106,7 @@ impl BodyTable {
                 let Some(column) = *column else { continue };
                 let number = field.parse().ok().filter(|x: &f64| x.is_finite()).ok_or_else(|| {
                     let value = if field.is_empty() { "(empty)".to_owned() } else { field.to_owned() };
-                    let fault = Fault::Value { value, expected: "a finite number is needed" };
+                    let fault = Fault::Value { value, expected: "a finite number is needed".into() };
                     let name = NUMBERS.get(column).copied();
                     input_error(path, line, name.unwrap_or_else(|| &table.extra[column - NUMBERS.len()].0), fault)
                 })?;
@@ -213,9 +213,12 @@ impl BodyTable {
     /// The error of a row's value, where `error` is one of a body made from the row.
     pub(super) fn located(&self, error: Error) -> Error {
         match error {
-            Error::Body { body, field, value, expected } if body < self.len() => {
-                input_error(&self.file, self.lines[body], field, Fault::Value { value: format!("{value:?}"), expected })
-            }
+            Error::Body { body, field, value, expected } if body < self.len() => input_error(
+                &self.file,
+                self.lines[body],
+                field,
+                Fault::Value { value: format!("{value:?}"), expected: expected.into() },
+            ),
             other => other,
         }
     }
@@ -234,7 +237,7 @@ fn header_places(
     for name in header {
         if !KNOWN.contains(&name) && !extra.contains(name) {
             let key = if name.is_empty() { "(empty)" } else { name };
-            let fault = Fault::Unknown { nearest: nearest(name, KNOWN), known: KNOWN.to_vec() };
+            let fault = Fault::unknown(name, KNOWN);
             return Err(input_error(path, line, key, fault));
         }
         let known = NUMBERS.iter().position(|known| *known == name);
@@ -248,7 +251,7 @@ fn header_places(
     for name in extra {
         if !header.iter().any(|found| found == name) {
             let expected = "a torque of the study reads this column";
-            return Err(input_error(path, line, name, Fault::Missing { expected }));
+            return Err(input_error(path, line, name, Fault::Missing { expected: expected.into() }));
         }
     }
     // Columns that make up one value stand together or not at all; off-diagonal elements may be left out.
@@ -264,12 +267,12 @@ fn header_places(
         if let Some(missing) = group.clone().find(|&column| !has(column))
             && group.clone().any(has)
         {
-            return Err(input_error(path, line, NUMBERS[missing], Fault::Missing { expected }));
+            return Err(input_error(path, line, NUMBERS[missing], Fault::Missing { expected: expected.into() }));
         }
     }
     if (PRODUCTS..ORIENTATION).any(has) && !has(INERTIA) {
         let expected = "off-diagonal elements need ixx, iyy and izz beside them";
-        return Err(input_error(path, line, NUMBERS[INERTIA], Fault::Missing { expected }));
+        return Err(input_error(path, line, NUMBERS[INERTIA], Fault::Missing { expected: expected.into() }));
     }
     Ok(places)
 }

@@ -1,127 +1,64 @@
-//! `[[torque]]` in study files.
+//! `[[torque]]` in study files: one reader for all models, which follows their declarations.
 
 use std::collections::BTreeSet;
+use std::sync::LazyLock;
 
 use glam::{DMat3, DVec3};
 
-use super::distribution::{Orientation, Scalar, Vector};
+use super::custom;
+use super::distribution::{Scalar, Vector};
 use super::draw::Draw;
-use super::parameter::{Number, Owner, Source, Triple};
+use super::parameter::{Number, Owner, Source, Tensor, Triple, Turn};
 use super::reader::{Node, Table};
 use super::table::BodyTable;
-use super::variable_inertia::StudyInertia;
-use crate::error::Result;
-use crate::torque::white_noise::WhiteNoise;
-use crate::torque::{Orbit, Torque};
+use crate::error::{Result, Text};
+use crate::torque::declaration::in_brackets;
+use crate::torque::registry::MODELS;
+use crate::torque::{ModelRef, ParameterDeclaration, Preset, Shape, Torque, ValidationContext, Validity, Value};
 
 /// A torque of a study: parameters not yet drawn.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct StudyTorque {
-    model: Model,
+    model: ModelRef,
+    /// In the order of the model's parameters.
+    parameters: Vec<StudyParameter>,
     /// Index among the study's torques, from 0; enters the draws.
     index: usize,
 }
 
-/// What a model reads.
+/// A parameter that is not yet drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct StudyParameter {
+    /// The key that it stands under.
+    key: String,
+    value: StudyValue,
+}
+
+impl StudyParameter {
+    pub(super) fn new(key: String, value: StudyValue) -> Self {
+        Self { key, value }
+    }
+}
+
 // A scene has a handful of these, so the room that the smaller ones leave unused does not matter.
 #[allow(clippy::large_enum_variant)]
 #[derive(Clone, Debug, PartialEq)]
-enum Model {
-    ConstantBody {
-        torque: Triple,
-    },
-    ConstantWorld {
-        torque: Triple,
-    },
-    LinearDrag {
-        coefficient: Number,
-    },
-    MatrixDrag {
-        matrix: DMat3,
-    },
-    QuadraticDrag {
-        coefficient: Number,
-    },
-    Sinusoidal {
-        sine: Triple,
-        cosine: Triple,
-        rate: Number,
-    },
-    GravityGradient {
-        orbit: StudyOrbit,
-    },
-    HeavyTop {
-        mass: Number,
-        centre: Triple,
-        gravity: Triple,
-    },
-    MagneticDipole {
-        moment: Triple,
-        field: Triple,
-    },
-    OrbitingDipole {
-        moment: Triple,
-        orbit: StudyOrbit,
-        strength: Number,
-        tilt: Number,
-        azimuth: Number,
-        rotation: Number,
-    },
-    EddyCurrent {
-        coefficient: Number,
-        field: Triple,
-    },
-    SineSpring {
-        stiffness: Number,
-        target: Orientation,
-    },
-    LogSpring {
-        stiffness: Number,
-        target: Orientation,
-    },
-    InternalDissipation {
-        coefficient: Number,
-    },
-    WhiteNoise {
-        intensity: Number,
-        seed: Option<u64>,
-        draws_per_step: u16,
-    },
-    VariableInertia(StudyInertia),
+pub(super) enum StudyValue {
+    Number(Number),
+    Vector(Triple),
+    Rotation(Turn),
+    Matrix(DMat3),
+    Tensor(Tensor),
+    Whole(u64),
+    List(Vec<Vec<StudyParameter>>),
+    /// The study's seed.
+    Seed,
+    Absent,
 }
 
-/// An orbit's elements.
-#[derive(Clone, Debug, PartialEq)]
-struct StudyOrbit {
-    mu: Number,
-    semi_major_axis: Number,
-    eccentricity: Number,
-    inclination: Number,
-    ascending_node: Number,
-    pericentre: Number,
-    mean_anomaly: Number,
-}
-
-/// The names of the models; `viscous` is another name of `linear-drag`.
-const MODELS: &[&str] = &[
-    "constant-body",
-    "constant-world",
-    "viscous",
-    "linear-drag",
-    "matrix-drag",
-    "quadratic-drag",
-    "sinusoidal",
-    "gravity-gradient",
-    "heavy-top",
-    "magnetic-dipole",
-    "orbiting-dipole",
-    "eddy-current",
-    "sine-spring",
-    "log-spring",
-    "internal-dissipation",
-    "white-noise",
-    "variable-inertia",
-];
+/// The names of all models.
+static NAMES: LazyLock<Vec<&'static str>> =
+    LazyLock::new(|| MODELS.iter().flat_map(|model| model.declaration().names()).chain([custom::NAME]).collect());
 
 /// Reads the list `[[torque]]`.
 pub(super) fn read(node: &Node<'_>) -> Result<Vec<StudyTorque>> {
@@ -133,7 +70,13 @@ pub(super) fn read(node: &Node<'_>) -> Result<Vec<StudyTorque>> {
         .map(|(index, mut element)| {
             element.path = place(index);
             let table = element.any_table().ok_or_else(|| element.refuse(EXPECTED))?;
-            Ok(StudyTorque { model: model(&table)?, index })
+            let name = table.need("model", "the name of a torque's model is needed")?.choice(&NAMES)?;
+            if name == custom::NAME {
+                let (model, parameters) = custom::read(&table)?;
+                return Ok(StudyTorque { parameters, model, index });
+            }
+            let model = model(&table, name)?;
+            Ok(StudyTorque { parameters: parameters(&table, "model", &model.declaration().parameters)?, model, index })
         })
         .collect()
 }
@@ -143,255 +86,251 @@ pub(super) fn place(index: usize) -> String {
     format!("torque[{}]", index + 1)
 }
 
-fn model(table: &Table<'_>) -> Result<Model> {
-    let name = table.need("model", "the name of a torque's model is needed")?.choice(MODELS)?;
-    let number = |key: &str, expected: &'static str| table.need(key, expected).and_then(|node| Number::read(&node));
-    let number_or = |key: &str, default: f64| match table.find(key) {
-        Some(node) => Number::read(&node),
-        None => Ok(Number::Drawn(Scalar::Constant(default))),
+fn model(table: &Table<'_>, name: &str) -> Result<ModelRef> {
+    let named = MODELS.iter().find(|model| model.declaration().names().any(|known| known == name));
+    let unknown = || table.need("model", "the name of a model is needed").map(|node| node.refuse("a model is needed"));
+    named.map(|model| ModelRef::Built(*model)).ok_or_else(|| unknown().unwrap_or_else(|error| error))
+}
+
+/// The parameters that a table holds, beside a key that is read elsewhere.
+fn parameters(table: &Table<'_>, other: &str, declared: &[ParameterDeclaration]) -> Result<Vec<StudyParameter>> {
+    let keys = keys_below(declared, "").into_iter().map(|(key, _)| key);
+    table.only(&std::iter::once(other).filter(|other| !other.is_empty()).chain(keys).collect::<Vec<_>>())?;
+    check_choices(table, declared)?;
+    let read = |parameter: &ParameterDeclaration| -> Result<StudyParameter> {
+        let (key, node) = find(table, declared, parameter)?;
+        let value = match (node, parameter.default) {
+            (Some(node), _) => StudyValue::read(&node, parameter)?,
+            (None, Some(preset)) => StudyValue::preset(parameter.shape, preset),
+            (None, None) => StudyValue::Absent,
+        };
+        Ok(StudyParameter { key: key.to_owned(), value })
     };
-    let vector = |key: &str, expected: &'static str| table.need(key, expected).and_then(|node| Triple::read(&node));
-    let vector_or_zero = |key: &str| match table.find(key) {
-        Some(node) => Triple::read(&node),
-        None => Ok(Triple::Drawn(Vector::constant(DVec3::ZERO))),
+    declared.iter().map(read).collect()
+}
+
+/// The tables of a list; they are counted from 1 in messages.
+fn list(node: &Node<'_>, parameter: &ParameterDeclaration) -> Result<Vec<Vec<StudyParameter>>> {
+    let elements = node.elements().ok_or_else(|| node.refuse(parameter.expected()))?;
+    if !parameter.valid.holds(elements.len() as f64) {
+        return Err(node.refuse(parameter.expected()));
+    }
+    let read = |(index, mut element): (usize, Node<'_>)| {
+        element.path = format!("{}[{}]", element.path, index + 1);
+        let table = element.any_table().ok_or_else(|| element.refuse("a table is needed"))?;
+        parameters(&table, "", &parameter.elements)
     };
-    const COEFFICIENT: &str = "the coefficient is needed";
-    Ok(match name {
-        "constant-body" | "constant-world" => {
-            table.only(&["model", "torque"])?;
-            let torque = vector("torque", "a vector is needed (N m)")?;
-            if name == "constant-body" { Model::ConstantBody { torque } } else { Model::ConstantWorld { torque } }
-        }
-        "viscous" | "linear-drag" => {
-            table.only(&["model", "coefficient"])?;
-            Model::LinearDrag { coefficient: number("coefficient", "the coefficient is needed (N m s)")? }
-        }
-        "matrix-drag" => {
-            table.only(&["model", "matrix"])?;
-            const ROWS: &str = "three rows of three finite numbers are needed (N m s, body axes)";
-            let node = table.need("matrix", ROWS)?;
-            let rows = node.elements().filter(|rows| rows.len() == 3).ok_or_else(|| node.refuse(ROWS))?;
-            let rows: Vec<DVec3> = rows.iter().map(|row| row.vector(ROWS)).collect::<Result<_>>()?;
-            Model::MatrixDrag { matrix: DMat3::from_cols(rows[0], rows[1], rows[2]).transpose() }
-        }
-        "quadratic-drag" => {
-            table.only(&["model", "coefficient"])?;
-            Model::QuadraticDrag { coefficient: number("coefficient", "the coefficient is needed (N m s²)")? }
-        }
-        "sinusoidal" => {
-            table.only(&["model", "sine", "cosine", "rate"])?;
-            Model::Sinusoidal {
-                sine: vector_or_zero("sine")?,
-                cosine: vector_or_zero("cosine")?,
-                rate: number("rate", "the angular frequency is needed (rad/s)")?,
-            }
-        }
-        "gravity-gradient" => {
-            table.only(&["model", "mu", "orbit"])?;
-            Model::GravityGradient { orbit: orbit(table)? }
-        }
-        "heavy-top" => {
-            table.only(&["model", "mass", "centre", "gravity"])?;
-            Model::HeavyTop {
-                mass: number("mass", "the mass is needed (kg)")?,
-                centre: vector("centre", "the centre of mass from the pivot, in body axes, is needed (m)")?,
-                gravity: vector("gravity", "gravity in world axes is needed (m/s²)")?,
-            }
-        }
-        "magnetic-dipole" => {
-            table.only(&["model", "moment", "field"])?;
-            Model::MagneticDipole {
-                moment: vector("moment", "the magnetic moment in body axes is needed (A m²)")?,
-                field: vector("field", "the field in world axes is needed (T)")?,
-            }
-        }
-        "orbiting-dipole" => {
-            table.only(&["model", "moment", "mu", "orbit", "strength", "tilt", "azimuth", "rotation"])?;
-            Model::OrbitingDipole {
-                moment: vector("moment", "the magnetic moment in body axes is needed (A m²)")?,
-                orbit: orbit(table)?,
-                strength: number("strength", "the planet's dipole moment times μ0/4π is needed (T m³)")?,
-                tilt: number_or("tilt", 0.0)?,
-                azimuth: number_or("azimuth", 0.0)?,
-                rotation: number_or("rotation", 0.0)?,
-            }
-        }
-        "eddy-current" => {
-            table.only(&["model", "coefficient", "field"])?;
-            Model::EddyCurrent {
-                coefficient: number("coefficient", "the coefficient is needed (N m s/T²)")?,
-                field: vector("field", "the field in world axes is needed (T)")?,
-            }
-        }
-        "sine-spring" | "log-spring" => {
-            table.only(&["model", "stiffness", "target"])?;
-            let stiffness = number("stiffness", "the stiffness is needed (N m)")?;
-            let target = table.need("target", "the attitude at rest is needed")?;
-            let target = Orientation::read(&target)?;
-            if name == "sine-spring" {
-                Model::SineSpring { stiffness, target }
-            } else {
-                Model::LogSpring { stiffness, target }
-            }
-        }
-        "variable-inertia" => Model::VariableInertia(StudyInertia::read(table)?),
-        "internal-dissipation" => {
-            table.only(&["model", "coefficient"])?;
-            Model::InternalDissipation { coefficient: number("coefficient", COEFFICIENT)? }
-        }
-        _ => {
-            table.only(&["model", "intensity", "seed", "draws_per_step"])?;
-            const DRAWS: &str = "a whole number from 1 to 65535 is needed";
-            let draws_per_step = match table.find("draws_per_step") {
-                None => 1,
-                Some(node) => {
-                    let draws = u16::try_from(node.whole(DRAWS)?).ok();
-                    draws.filter(|draws| *draws > 0).ok_or_else(|| node.refuse(DRAWS))?
-                }
+    elements.into_iter().enumerate().map(read).collect()
+}
+
+/// Table and key of a parameter's name; the table is empty at the top.
+fn split(name: &str) -> (&str, &str) {
+    name.split_once('.').unwrap_or(("", name))
+}
+
+/// The keys of a table, each with the parameter that it is the first of: at the top those of tables too.
+fn keys_below<'a>(declared: &'a [ParameterDeclaration], table: &str) -> Vec<(&'a str, &'a ParameterDeclaration)> {
+    let mut keys: Vec<(&str, &ParameterDeclaration)> = Vec::new();
+    for parameter in declared {
+        for name in std::iter::once(&parameter.name).chain(parameter.other_key.as_ref().map(|other| &other.name)) {
+            let key = match split(name) {
+                (of, key) if of == table => key,
+                (of, _) if table.is_empty() => of,
+                _ => continue,
             };
-            Model::WhiteNoise {
-                intensity: number("intensity", "the intensity is needed (N m √s)")?,
-                seed: table.find("seed").map(|node| node.whole("a whole number is needed")).transpose()?,
-                draws_per_step,
+            if !keys.iter().any(|(known, _)| *known == key) {
+                keys.push((key, parameter));
             }
         }
-    })
+    }
+    keys
 }
 
-/// `mu` and `orbit` of a torque's table.
-fn orbit(table: &Table<'_>) -> Result<StudyOrbit> {
-    let mu = table.need("mu", "the centre's gravitational parameter is needed (m³/s²)")?;
-    const EXPECTED: &str = "{ radius = metres } or { semi_major_axis = metres, eccentricity = ... } is needed";
-    let node = table.need("orbit", EXPECTED)?;
-    let known =
-        &["radius", "semi_major_axis", "eccentricity", "inclination", "ascending_node", "pericentre", "mean_anomaly"];
-    let elements = node.table(EXPECTED, known)?;
-    elements.exclusive("radius", "semi_major_axis")?;
-    elements.exclusive("radius", "eccentricity")?;
-    let size = elements.find("radius").or_else(|| elements.find("semi_major_axis"));
-    let size = size.ok_or_else(|| node.refuse(EXPECTED))?;
-    let element = |key: &str| match elements.find(key) {
-        Some(node) => Number::read(&node),
-        None => Ok(Number::Drawn(Scalar::Constant(0.0))),
+/// Refuses none and several of the keys that exclude each other.
+fn check_choices(table: &Table<'_>, declared: &[ParameterDeclaration]) -> Result<()> {
+    let keys = keys_below(declared, "");
+    for (_, first) in keys.iter().filter(|(_, parameter)| parameter.choice.is_some()) {
+        let of_choice = keys.iter().filter(|(_, parameter)| parameter.choice == first.choice);
+        let mut names: Vec<&str> = of_choice.clone().map(|(_, parameter)| parameter.alternative()).collect();
+        names.dedup();
+        let mut given = of_choice.filter(|(key, _)| table.find(key).is_some());
+        match given.next() {
+            None => drop(table.need(names[0], format!("`{}` is needed", names.join("` or `")))?),
+            Some((key, one)) => {
+                if let Some((other, _)) = given.find(|(_, other)| other.alternative() != one.alternative()) {
+                    table.exclusive(other, key)?;
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The key that a parameter stands under, and its value where it has one.
+fn find<'a, 'p>(
+    table: &Table<'a>,
+    declared: &[ParameterDeclaration],
+    parameter: &'p ParameterDeclaration,
+) -> Result<(&'p str, Option<Node<'a>>)> {
+    let (group, key) = split(&parameter.name);
+    let members = keys_below(declared, group);
+    let own = match table.find(group) {
+        _ if group.is_empty() => None,
+        Some(node) => Some(node),
+        None if parameter.choice.is_some() || members.iter().all(|(_, member)| member.default.is_some()) => {
+            return Ok((&parameter.name, None));
+        }
+        None => Some(table.need(group, of_group(&members))?),
     };
-    Ok(StudyOrbit {
-        mu: Number::read(&mu)?,
-        semi_major_axis: Number::read(&size)?,
-        eccentricity: element("eccentricity")?,
-        inclination: element("inclination")?,
-        ascending_node: element("ascending_node")?,
-        pericentre: element("pericentre")?,
-        mean_anomaly: element("mean_anomaly")?,
-    })
+    let within = match &own {
+        Some(node) => {
+            let keys: Vec<&str> = members.iter().map(|(key, _)| *key).collect();
+            node.table(of_group(&members), &keys)?
+        }
+        None => table.clone(),
+    };
+    let other = parameter.other_key.as_ref().map(|other| (other, split(&other.name).1));
+    if let Some((other, other_key)) = other {
+        for excluded in std::iter::once(key).chain(other.excludes.iter().map(|name| split(name).1)) {
+            within.exclusive(other_key, excluded)?;
+        }
+        if let Some(node) = within.find(other_key) {
+            return Ok((&other.name, Some(node)));
+        }
+    }
+    let is_at_choice = group.is_empty() && parameter.choice.is_some();
+    let node = match (within.find(key), other, own) {
+        (None, ..) if parameter.default.is_some() || is_at_choice => None,
+        (None, Some((_, other_key)), Some(own)) => {
+            return Err(own.refuse(format!("`{other_key}` or `{key}` is needed{}", in_brackets(&parameter.unit))));
+        }
+        _ => Some(within.need(key, needed(parameter))?),
+    };
+    Ok((&parameter.name, node))
 }
 
-/// An orbit, its elements drawn; the first of them is the `first`-th parameter.
-fn drawn_orbit(source: &Source<'_>, orbit: &StudyOrbit, first: usize) -> Orbit {
-    Orbit {
-        mu: source.number(&orbit.mu, first),
-        semi_major_axis: source.number(&orbit.semi_major_axis, first + 1),
-        eccentricity: source.number(&orbit.eccentricity, first + 2),
-        inclination: source.number(&orbit.inclination, first + 3),
-        ascending_node: source.number(&orbit.ascending_node, first + 4),
-        pericentre: source.number(&orbit.pericentre, first + 5),
-        mean_anomaly: source.number(&orbit.mean_anomaly, first + 6),
+/// What a refusal says of a key that is missing.
+fn needed(parameter: &ParameterDeclaration) -> Text {
+    format!("{} is needed{}", parameter.with_axes(), in_brackets(&parameter.unit)).into()
+}
+
+/// What a refusal says of a table that is missing.
+fn of_group(members: &[(&str, &ParameterDeclaration)]) -> Text {
+    let members = members.iter().filter(|(_, member)| member.default.is_none());
+    // Keys of the same parameter are alternatives.
+    let mut text = String::new();
+    let mut last = None;
+    for (key, member) in members {
+        let between = if last.is_none() {
+            ""
+        } else if last == Some(&member.name) {
+            " or "
+        } else {
+            ", "
+        };
+        text += &format!("{between}{key} = {}", member.unit);
+        last = Some(&member.name);
+    }
+    format!("{{ {text} }} is needed").into()
+}
+
+impl StudyValue {
+    fn read(node: &Node<'_>, parameter: &ParameterDeclaration) -> Result<Self> {
+        let is_table = node.any_table().is_some();
+        // What is neither of the shapes that a value may have is refused with what the parameter is.
+        let refused = || Err(node.refuse(needed(parameter)));
+        Ok(match parameter.shape {
+            Shape::Number if !parameter.per_body => {
+                StudyValue::Number(Number::Drawn(Scalar::Constant(node.number(needed(parameter))?)))
+            }
+            Shape::Vector if !parameter.per_body => {
+                StudyValue::Vector(Triple::Drawn(Vector::constant(node.vector(needed(parameter))?)))
+            }
+            Shape::List => StudyValue::List(list(node, parameter)?),
+            Shape::Number if is_table || node.is_number() => StudyValue::Number(Number::read(node)?),
+            Shape::Vector if is_table || node.elements().is_some() => StudyValue::Vector(Triple::read(node)?),
+            Shape::Rotation if is_table || node.elements().is_some() => StudyValue::Rotation(Turn::read(node)?),
+            Shape::Tensor => StudyValue::Tensor(Tensor::read(node)?),
+            Shape::Matrix => {
+                let expected = format!("three rows of three finite numbers are needed{}", in_brackets(&parameter.unit));
+                let rows = node.elements().filter(|rows| rows.len() == 3);
+                let rows = rows.ok_or_else(|| node.refuse(expected.clone()))?;
+                let rows: Vec<DVec3> = rows.iter().map(|row| row.vector(expected.clone())).collect::<Result<_>>()?;
+                StudyValue::Matrix(DMat3::from_cols(rows[0], rows[1], rows[2]).transpose())
+            }
+            Shape::Whole => {
+                let number = node.whole(parameter.expected())?;
+                if parameter.valid != Validity::Finite && !parameter.valid.holds(number as f64) {
+                    return Err(node.refuse(parameter.expected()));
+                }
+                StudyValue::Whole(number)
+            }
+            Shape::Number | Shape::Vector | Shape::Rotation => return refused(),
+        })
+    }
+
+    fn preset(shape: Shape, preset: Preset) -> Self {
+        match (shape, preset) {
+            (_, Preset::Seed) => StudyValue::Seed,
+            (_, Preset::Whole(number)) => StudyValue::Whole(number),
+            (Shape::Vector, Preset::Number(x)) => StudyValue::Vector(Triple::Drawn(Vector::constant(DVec3::splat(x)))),
+            (_, Preset::Number(x)) => StudyValue::Number(Number::Drawn(Scalar::Constant(x))),
+        }
+    }
+}
+
+impl StudyValue {
+    /// The value of a parameter for all bodies.
+    fn drawn(&self, source: &Source<'_>, declared: &ParameterDeclaration, seed: u64) -> Value {
+        let number = declared.draw.into();
+        match self {
+            StudyValue::Number(value) => Value::Number(source.number(value, number)),
+            StudyValue::Vector(value) => Value::Vector(source.vector(value, number)),
+            StudyValue::Rotation(value) => Value::Rotation(source.rotation(value, number)),
+            StudyValue::Matrix(value) => Value::Matrix((*value).into()),
+            StudyValue::Tensor(value) => Value::Tensor(source.tensor(value, number)),
+            StudyValue::Whole(value) => Value::Whole(*value),
+            StudyValue::List(list) => {
+                let row = |row: &Vec<StudyParameter>| {
+                    let values = declared.elements.iter().zip(row);
+                    values.map(|(declared, parameter)| parameter.value.drawn(source, declared, seed)).collect()
+                };
+                Value::List(list.iter().map(row).collect())
+            }
+            StudyValue::Seed => Value::Whole(seed),
+            StudyValue::Absent => Value::Absent,
+        }
     }
 }
 
 impl StudyTorque {
     /// The names of the columns of the table of bodies that the torque reads.
     pub(super) fn columns(&self, names: &mut BTreeSet<String>) {
-        let mut number = |number: &Number| number.columns(names);
-        let orbit_numbers = |orbit: &StudyOrbit| {
-            let StudyOrbit { mu, semi_major_axis, eccentricity, inclination, ascending_node, pericentre, mean_anomaly } =
-                orbit.clone();
-            [mu, semi_major_axis, eccentricity, inclination, ascending_node, pericentre, mean_anomaly]
-        };
-        let mut triples: Vec<&Triple> = Vec::new();
-        match &self.model {
-            Model::ConstantBody { torque } | Model::ConstantWorld { torque } => triples.push(torque),
-            Model::LinearDrag { coefficient }
-            | Model::QuadraticDrag { coefficient }
-            | Model::InternalDissipation { coefficient } => number(coefficient),
-            Model::MatrixDrag { .. } => {}
-            Model::Sinusoidal { sine, cosine, rate } => {
-                triples.extend([sine, cosine]);
-                number(rate);
+        for parameter in &self.parameters {
+            match &parameter.value {
+                StudyValue::Number(number) => number.columns(names),
+                StudyValue::Vector(vector) | StudyValue::Tensor(Tensor::Moments(vector)) => vector.columns(names),
+                StudyValue::Rotation(Turn::Columns(columns)) => names.extend(columns.iter().cloned()),
+                _ => {}
             }
-            Model::GravityGradient { orbit } => orbit_numbers(orbit).iter().for_each(number),
-            Model::HeavyTop { mass, centre, gravity } => {
-                triples.extend([centre, gravity]);
-                number(mass);
-            }
-            Model::MagneticDipole { moment, field } => triples.extend([moment, field]),
-            Model::OrbitingDipole { moment, orbit, strength, tilt, azimuth, rotation } => {
-                triples.push(moment);
-                orbit_numbers(orbit).iter().chain([strength, tilt, azimuth, rotation]).for_each(number);
-            }
-            Model::EddyCurrent { coefficient, field } => {
-                triples.push(field);
-                number(coefficient);
-            }
-            Model::SineSpring { stiffness, .. } | Model::LogSpring { stiffness, .. } => number(stiffness),
-            Model::WhiteNoise { intensity, .. } => number(intensity),
-            Model::VariableInertia(change) => change.columns(names),
         }
-        triples.into_iter().for_each(|triple| triple.columns(names));
     }
 
     /// The torque, its parameters drawn.
-    pub(super) fn torque(&self, draw: Draw, seed: u64, count: usize, table: Option<&BodyTable>) -> Torque {
+    pub(super) fn torque(&self, draw: Draw, seed: u64, count: usize, table: Option<&BodyTable>) -> Result<Torque> {
         let source = Source { draw, count, table, of: Owner::Torque(self.index) };
-        let (number, vector) = (|n: &Number, p: usize| source.number(n, p), |v: &Triple, p: usize| source.vector(v, p));
-        match &self.model {
-            Model::ConstantBody { torque } => Torque::constant_body(vector(torque, 0)),
-            Model::ConstantWorld { torque } => Torque::constant_world(vector(torque, 0)),
-            Model::LinearDrag { coefficient } => Torque::linear_drag(number(coefficient, 0)),
-            Model::MatrixDrag { matrix } => Torque::matrix_drag(*matrix),
-            Model::QuadraticDrag { coefficient } => Torque::quadratic_drag(number(coefficient, 0)),
-            Model::Sinusoidal { sine, cosine, rate } => {
-                Torque::sinusoidal(vector(sine, 0), vector(cosine, 1), number(rate, 2))
-            }
-            Model::GravityGradient { orbit } => Torque::gravity_gradient(drawn_orbit(&source, orbit, 0)),
-            Model::HeavyTop { mass, centre, gravity } => {
-                Torque::heavy_top(number(mass, 0), vector(centre, 1), vector(gravity, 2))
-            }
-            Model::MagneticDipole { moment, field } => Torque::magnetic_dipole(vector(moment, 0), vector(field, 1)),
-            Model::OrbitingDipole { moment, orbit, strength, tilt, azimuth, rotation } => Torque::orbiting_dipole(
-                vector(moment, 7),
-                drawn_orbit(&source, orbit, 0),
-                number(strength, 8),
-                number(tilt, 9),
-                number(azimuth, 10),
-                number(rotation, 11),
-            ),
-            Model::EddyCurrent { coefficient, field } => Torque::eddy_current(number(coefficient, 0), vector(field, 1)),
-            Model::SineSpring { stiffness, target } => {
-                Torque::sine_spring(number(stiffness, 0), source.orientation(target, 1))
-            }
-            Model::LogSpring { stiffness, target } => {
-                Torque::log_spring(number(stiffness, 0), source.orientation(target, 1))
-            }
-            Model::InternalDissipation { coefficient } => Torque::internal_dissipation(number(coefficient, 0)),
-            Model::WhiteNoise { intensity, seed: own, draws_per_step } => Torque::WhiteNoise(WhiteNoise {
-                intensity: number(intensity, 0),
-                seed: own.unwrap_or(seed),
-                draws_per_step: *draws_per_step,
-            }),
-            Model::VariableInertia(change) => change.torque(&source),
-        }
+        let declaration = self.model.declaration();
+        let declared = declaration.parameters.iter().zip(&self.parameters);
+        let values: Vec<Value> =
+            declared.map(|(declared, parameter)| parameter.value.drawn(&source, declared, seed)).collect();
+        let context = ValidationContext { torque: self.index, model: declaration.name.clone(), body_count: count };
+        let made = self.model.made_for(&values, &context);
+        made.unwrap_or_else(|| Ok(Torque::of_model(self.model.clone(), values)))
     }
 
     /// The key in the file of a parameter that turned out not to be valid.
-    pub(super) fn key(&self, field: &str) -> String {
-        if let Model::VariableInertia(change) = &self.model {
-            return format!("{}.{}", place(self.index), change.key(field));
-        }
-        let name = match field {
-            "orbit.mu" => "mu",
-            "matrix_body" => "matrix",
-            other => other.strip_suffix("_body").or_else(|| other.strip_suffix("_world")).unwrap_or(other),
-        };
-        format!("{}.{name}", place(self.index))
+    pub(super) fn key(&self, name: &str) -> String {
+        let parameter = self.model.declaration().position(name).and_then(|place| self.parameters.get(place));
+        format!("{}.{}", place(self.index), parameter.map_or(name, |parameter| &parameter.key))
     }
 }

@@ -1,39 +1,47 @@
 //! `constant-body`: a torque that is constant in body axes, such as a thruster pair's.
 
+use super::formula::{Column, Epoch, Formula, Row};
+use crate::quaternion::Quaternion;
+use std::sync::LazyLock;
+
 use glam::{DQuat, DVec3};
 
-use super::{Border, Kind, Model, Needs, Parameter};
+use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Torque, Value, Values};
 use crate::batch::BodyFrame;
-use crate::error::Result;
 use crate::real::Real;
 use crate::vector::Vector;
 
 /// τ = const in body axes. Several add up to one.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ConstantBody {
-    /// Torque in body axes, N m.
-    pub torque_body: Parameter<DVec3>,
+pub struct ConstantBody;
+
+static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
+    Declaration::new("constant-body", "τ = const in body axes", "J. M. Longuski, Acta Astronautica 25 (1991) 131")
+        .parameters([ParameterDeclaration::vector("torque", "N m", Frame::Body, "the torque").factor()])
+});
+const TORQUE: usize = 0;
+
+impl Torque {
+    /// τ constant in body axes (N m); see [`ConstantBody`].
+    pub fn constant_body(torque_body: impl Into<Parameter<DVec3>>) -> Self {
+        Self::built(&ConstantBody, [Value::Vector(torque_body.into())])
+    }
 }
 
 impl Model for ConstantBody {
-    fn kind(&self) -> Kind {
+    fn declaration(&self) -> &Declaration {
+        &DECLARATION
+    }
+
+    fn kind(&self, _: Values<'_>) -> Kind {
         Kind::ConstantBody
     }
 
-    fn validate(&self, border: &Border) -> Result<()> {
-        border.finite("torque_body", &self.torque_body)
+    fn rate(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
+        (values.vector(TORQUE).at(body).length() / middle_moment).sqrt()
     }
 
-    fn needs(&self) -> Needs {
-        Needs::NOTHING
-    }
-
-    fn rate(&self, body: usize, middle_moment: f64) -> f64 {
-        (self.torque_body.at(body).length() / middle_moment).sqrt()
-    }
-
-    fn columns(&self, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
-        let mut torque = frame.scaled_torque(frame.to_principal(self.torque_body.at(body)));
+    fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
+        let mut torque = frame.scaled_torque(frame.to_principal(values.vector(TORQUE).at(body)));
         if frame.is_linear_rotor {
             // Its axis has nothing for a torque to act upon (see `linear_rotor`).
             torque.x = 0.0;
@@ -48,4 +56,15 @@ impl Model for ConstantBody {
 #[inline(always)]
 pub fn constant_body<R: Real>(torque_principal: Vector<R>) -> Vector<R> {
     torque_principal
+}
+
+impl Formula for ConstantBody {
+    const STEM: &'static str = "constant_body";
+    const COLUMNS: &'static [Column] = &[Column::vector("torque_principal")];
+    const MERGES: bool = true;
+
+    #[inline(always)]
+    fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        constant_body(row.vector(0))
+    }
 }

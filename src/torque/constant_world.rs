@@ -1,40 +1,48 @@
 //! `constant-world`: a torque that is constant in world axes.
 
+use super::formula::{Column, Epoch, Formula, Row};
+use std::sync::LazyLock;
+
 use glam::{DQuat, DVec3};
 
-use super::{Border, Kind, Model, Needs, Parameter};
+use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Torque, Value, Values};
 use crate::batch::BodyFrame;
-use crate::error::Result;
 use crate::quaternion::Quaternion;
 use crate::real::Real;
 use crate::vector::Vector;
 
 /// τ = Rᵀ τ_world. Several add up to one. It has no potential: rotations do not commute.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ConstantWorld {
-    /// Torque in world axes, N m.
-    pub torque_world: Parameter<DVec3>,
+pub struct ConstantWorld;
+
+static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
+    Declaration::new("constant-world", "τ = Rᵀ τ_world, constant in world axes", "by definition")
+        .parameters([ParameterDeclaration::vector("torque", "N m", Frame::World, "the torque").factor()])
+});
+const TORQUE: usize = 0;
+
+impl Torque {
+    /// τ constant in world axes (N m); see [`ConstantWorld`].
+    pub fn constant_world(torque_world: impl Into<Parameter<DVec3>>) -> Self {
+        Self::built(&ConstantWorld, [Value::Vector(torque_world.into())])
+    }
 }
 
 impl Model for ConstantWorld {
-    fn kind(&self) -> Kind {
+    fn declaration(&self) -> &Declaration {
+        &DECLARATION
+    }
+
+    fn kind(&self, _: Values<'_>) -> Kind {
         Kind::ConstantWorld
     }
 
-    fn validate(&self, border: &Border) -> Result<()> {
-        border.finite("torque_world", &self.torque_world)
+    fn rate(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
+        (values.vector(TORQUE).at(body).length() / middle_moment).sqrt()
     }
 
-    fn needs(&self) -> Needs {
-        Needs { attitude: true, ..Needs::NOTHING }
-    }
-
-    fn rate(&self, body: usize, middle_moment: f64) -> f64 {
-        (self.torque_world.at(body).length() / middle_moment).sqrt()
-    }
-
-    fn columns(&self, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
-        for (column, component) in out.iter_mut().zip(frame.scaled_torque(self.torque_world.at(body)).to_array()) {
+    fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
+        let torque = frame.scaled_torque(values.vector(TORQUE).at(body));
+        for (column, component) in out.iter_mut().zip(torque.to_array()) {
             *column += component;
         }
     }
@@ -44,4 +52,15 @@ impl Model for ConstantWorld {
 #[inline(always)]
 pub fn constant_world<R: Real>(torque_world: Vector<R>, orientation: Quaternion<R>) -> Vector<R> {
     orientation.rotate_inverse(torque_world)
+}
+
+impl Formula for ConstantWorld {
+    const STEM: &'static str = "constant_world";
+    const COLUMNS: &'static [Column] = &[Column::vector("torque_world")];
+    const MERGES: bool = true;
+
+    #[inline(always)]
+    fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        constant_world(row.vector(0), q)
+    }
 }

@@ -1,5 +1,8 @@
 //! `gravity-gradient` on an elliptic orbit; described with [`super::gravity_gradient`].
 
+use std::ops::Range;
+
+use super::formula::{Column, Epoch, Formula, MOST_PHASES, Row};
 use super::orbit::{gradient_torque, kepler_place};
 use crate::quaternion::Quaternion;
 use crate::real::Real;
@@ -32,4 +35,34 @@ pub fn gravity_gradient_kepler<R: Real>(
 ) -> Vector<R> {
     let (direction_world, cube) = place_and_cube(x_world, y_world, eccentricity, start, phase);
     gradient_torque(coefficients * cube, direction_world, orientation)
+}
+
+/// `gravity-gradient` where an orbit is eccentric.
+#[derive(Clone, Copy, Debug)]
+pub struct GravityGradientKepler;
+
+impl Formula for GravityGradientKepler {
+    const STEM: &'static str = "gravity_gradient_kepler";
+    const COLUMNS: &'static [Column] = &[
+        Column::vector("coefficients"),
+        Column::vector("x_world"),
+        Column::vector("y_world"),
+        Column::number("factor"),
+        Column::number("eccentricity"),
+        Column::number("start"),
+    ];
+    const PHASES: &'static [&'static str] = &["phase"];
+    const FOLLOWS_MOMENTS: bool = true;
+    const EPOCH_COLUMNS: Range<usize> = 3..12;
+
+    #[inline(always)]
+    fn epoch<R: Real>(row: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {
+        let (vector, number) = place_and_cube(row.vector(3), row.vector(6), row.number(10), row.number(11), phases[0]);
+        Epoch { vector, number }
+    }
+
+    #[inline(always)]
+    fn torque<R: Real>(row: &impl Row<R>, epoch: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        gradient_torque(row.vector(0) * epoch.number, epoch.vector, q)
+    }
 }

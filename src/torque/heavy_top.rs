@@ -1,10 +1,12 @@
 //! `heavy-top`: gravity on a body that turns about a fixed pivot.
 
+use super::formula::{Column, Epoch, Formula, Row};
+use std::sync::LazyLock;
+
 use glam::{DQuat, DVec3};
 
-use super::{Border, Kind, Model, Needs, Parameter};
+use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::batch::BodyFrame;
-use crate::error::Result;
 use crate::quaternion::Quaternion;
 use crate::real::Real;
 use crate::vector::Vector;
@@ -13,52 +15,61 @@ use crate::vector::Vector;
 /// A. Sommerfeld, *Über die Theorie des Kreisels*, 1897, chapter IV). Potential energy: −M g · R c.
 ///
 /// The body's inertia tensor is the one about the pivot.
-#[derive(Clone, Debug, PartialEq)]
-pub struct HeavyTop {
-    /// M, kg, not negative.
-    pub mass: Parameter<f64>,
-    /// c in body axes, m.
-    pub centre_body: Parameter<DVec3>,
-    /// g in world axes, m/s².
-    pub gravity_world: Parameter<DVec3>,
+pub struct HeavyTop;
+
+static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
+    let source = "F. Klein, A. Sommerfeld, Über die Theorie des Kreisels, 1897, chapter IV";
+    Declaration::new("heavy-top", "τ = c × Rᵀ (M g)", source).parameters([
+        ParameterDeclaration::number("mass", "kg", "the mass M").valid(Validity::NotNegative).factor(),
+        ParameterDeclaration::vector("centre", "m", Frame::Body, "the centre of mass c from the pivot").factor(),
+        ParameterDeclaration::vector("gravity", "m/s²", Frame::World, "the acceleration g").factor(),
+    ])
+});
+const MASS: usize = 0;
+const CENTRE: usize = 1;
+const GRAVITY: usize = 2;
+
+impl Torque {
+    /// Gravity about a fixed pivot: mass (kg), centre of mass from the pivot in body axes (m), gravity in world axes
+    /// [m/s²]; see [`HeavyTop`].
+    pub fn heavy_top(
+        mass: impl Into<Parameter<f64>>,
+        centre_body: impl Into<Parameter<DVec3>>,
+        gravity_world: impl Into<Parameter<DVec3>>,
+    ) -> Self {
+        let (centre, gravity) = (Value::Vector(centre_body.into()), Value::Vector(gravity_world.into()));
+        Self::built(&HeavyTop, [Value::Number(mass.into()), centre, gravity])
+    }
 }
 
 impl Model for HeavyTop {
-    fn kind(&self) -> Kind {
+    fn declaration(&self) -> &Declaration {
+        &DECLARATION
+    }
+
+    fn kind(&self, _: Values<'_>) -> Kind {
         Kind::HeavyTop
     }
 
-    fn validate(&self, border: &Border) -> Result<()> {
-        border.not_negative("mass", &self.mass)?;
-        border.finite("centre_body", &self.centre_body)?;
-        border.finite("gravity_world", &self.gravity_world)
+    fn rate(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
+        (moment_body(values, body).length() / middle_moment).sqrt()
     }
 
-    fn needs(&self) -> Needs {
-        Needs { attitude: true, ..Needs::NOTHING }
-    }
-
-    fn rate(&self, body: usize, middle_moment: f64) -> f64 {
-        (self.moment_body(body).length() / middle_moment).sqrt()
-    }
-
-    fn columns(&self, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
-        let moment = frame.scaled_torque(frame.to_principal(self.moment_body(body)));
+    fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
+        let moment = frame.scaled_torque(frame.to_principal(moment_body(values, body)));
         out[..3].copy_from_slice(&moment.to_array());
-        out[3..6].copy_from_slice(&self.gravity_world.at(body).normalize_or_zero().to_array());
+        out[3..6].copy_from_slice(&values.vector(GRAVITY).at(body).normalize_or_zero().to_array());
     }
 
-    fn potential_energy(&self, body: usize, orientation: DQuat) -> Option<f64> {
-        let centre_world = orientation * self.centre_body.at(body);
-        Some(-self.mass.at(body) * self.gravity_world.at(body).dot(centre_world))
+    fn potential_energy(&self, values: Values<'_>, body: usize, orientation: DQuat) -> Option<f64> {
+        let centre_world = orientation * values.vector(CENTRE).at(body);
+        Some(-values.number(MASS).at(body) * values.vector(GRAVITY).at(body).dot(centre_world))
     }
 }
 
-impl HeavyTop {
-    /// M |g| c in body axes, N m.
-    fn moment_body(&self, body: usize) -> DVec3 {
-        self.centre_body.at(body) * (self.mass.at(body) * self.gravity_world.at(body).length())
-    }
+/// M |g| c in body axes, N m.
+fn moment_body(values: Values<'_>, body: usize) -> DVec3 {
+    values.vector(CENTRE).at(body) * (values.number(MASS).at(body) * values.vector(GRAVITY).at(body).length())
 }
 
 /// c' × Rᵀ d, in principal axes: c' = M |g| c, d the direction of gravity.
@@ -69,4 +80,14 @@ pub fn heavy_top<R: Real>(
     orientation: Quaternion<R>,
 ) -> Vector<R> {
     moment_principal.cross(orientation.rotate_inverse(direction_world))
+}
+
+impl Formula for HeavyTop {
+    const STEM: &'static str = "heavy_top";
+    const COLUMNS: &'static [Column] = &[Column::vector("moment_principal"), Column::vector("direction_world")];
+
+    #[inline(always)]
+    fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        heavy_top(row.vector(0), row.vector(3), q)
+    }
 }

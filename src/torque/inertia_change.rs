@@ -1,10 +1,6 @@
 //! How moments of inertia change, as a scene describes it; see [`super::variable_inertia`].
 
-use glam::DVec3;
-
 use super::Parameter;
-use super::variable_inertia::inertia_ramp;
-use crate::batch::BodyFrame;
 use crate::inertia::InertiaTensor;
 
 /// The tensor I₁ after the change; the one before is the body's own.
@@ -49,28 +45,6 @@ impl InertiaChange {
     pub fn factor(factor: impl Into<Parameter<f64>>) -> Self {
         Self::Factor(factor.into())
     }
-
-    /// I₁ of a body whose own tensor is `initial`.
-    pub(super) fn of(&self, body: usize, initial: InertiaTensor) -> InertiaTensor {
-        match self {
-            Self::Tensor(tensor) => tensor.at(body),
-            Self::Factor(factor) => initial * factor.at(body),
-        }
-    }
-
-    /// The moments of I₁ in units of the body's own scale and along its principal axes.
-    pub(super) fn scaled_moments(&self, body: usize, frame: &BodyFrame) -> DVec3 {
-        match self {
-            Self::Factor(factor) => frame.scaled_moments * factor.at(body),
-            Self::Tensor(tensor) => {
-                let tensor = tensor.at(body).rotated(frame.principal_to_body.conjugate());
-                let moments = DVec3::new(tensor.xx, tensor.yy, tensor.zz);
-                let moments =
-                    if frame.is_linear_rotor { DVec3::splat(0.5 * moments.y + 0.5 * moments.z) } else { moments };
-                DVec3::from_array(moments.to_array().map(|moment| frame.scaled(moment, 1, 0)))
-            }
-        }
-    }
 }
 
 impl Law {
@@ -82,24 +56,5 @@ impl Law {
     /// With the angular frequency Ω, rad/s.
     pub fn oscillation(rate: impl Into<Parameter<f64>>) -> Self {
         Self::Oscillation { rate: rate.into() }
-    }
-
-    /// s at a time, s.
-    pub(super) fn done(&self, body: usize, time: f64) -> f64 {
-        match self {
-            Self::Ramp { start, duration } => {
-                let progress = (time - start.at(body)) / duration.at(body);
-                inertia_ramp(progress.clamp(0.0, 1.0))
-            }
-            Self::Oscillation { rate } => {
-                // Half the phase and what its rounding loses, so that it is exact after any number of turns.
-                let half_rate = 0.5 * rate.at(body);
-                let half_phase = half_rate * time;
-                let lost = half_rate.mul_add(time, -half_phase);
-                let (sin, cos) = half_phase.sin_cos();
-                let sine = sin + lost * cos;
-                sine * sine
-            }
-        }
     }
 }

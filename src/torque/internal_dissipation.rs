@@ -1,10 +1,13 @@
 //! `internal-dissipation`: loss of energy inside the body, which keeps its angular momentum.
 
-use glam::DQuat;
+use super::formula::{Column, Epoch, Formula, Role, Row};
+use crate::quaternion::Quaternion;
+use std::sync::LazyLock;
 
-use super::{Border, Kind, Model, Needs, Parameter};
+use glam::{DQuat, DVec3};
+
+use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::batch::BodyFrame;
-use crate::error::Result;
 use crate::real::Real;
 use crate::vector::Vector;
 
@@ -16,35 +19,43 @@ use crate::vector::Vector;
 /// not a torque, which would turn the angular momentum in the world: the body's axes turn with I⁻¹m + k m × ω instead of
 /// I⁻¹m, so that dm/dt is m × that rate and the angular momentum in the world stays as a vector. The velocity
 /// that is reported is I⁻¹m.
-#[derive(Clone, Debug, PartialEq)]
-pub struct InternalDissipation {
-    /// k, s/(kg m²), not negative.
-    pub coefficient: Parameter<f64>,
+pub struct InternalDissipation;
+
+static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
+    let coefficient = ParameterDeclaration::number("coefficient", "s/(kg m²)", "the coefficient k");
+    Declaration::new(
+        "internal-dissipation",
+        "dm/dt = m × ω + k m × (m × ω)",
+        "A. M. Bloch et al., Comm. Math. Phys. 175 (1996) 1, section 5",
+    )
+    .dissipative()
+    .not_rigid()
+    .parameters([coefficient.valid(Validity::NotNegative).factor()])
+});
+const COEFFICIENT: usize = 0;
+
+impl Torque {
+    /// Loss of energy at constant angular momentum, coefficient in s/(kg m²); see [`InternalDissipation`].
+    pub fn internal_dissipation(coefficient: impl Into<Parameter<f64>>) -> Self {
+        Self::built(&InternalDissipation, [Value::Number(coefficient.into())])
+    }
 }
 
 impl Model for InternalDissipation {
-    fn kind(&self) -> Kind {
+    fn declaration(&self) -> &Declaration {
+        &DECLARATION
+    }
+
+    fn kind(&self, _: Values<'_>) -> Kind {
         Kind::InternalDissipation
     }
 
-    fn validate(&self, border: &Border) -> Result<()> {
-        border.not_negative("coefficient", &self.coefficient)
+    fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
+        out[0] += frame.scaled(values.number(COEFFICIENT).at(body), -1, -1);
     }
 
-    fn needs(&self) -> Needs {
-        Needs { angular_velocity: true, ..Needs::NOTHING }
-    }
-
-    fn dissipative(&self) -> bool {
-        true
-    }
-
-    fn rate(&self, _: usize, _: f64) -> f64 {
-        0.0
-    }
-
-    fn columns(&self, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
-        out[0] += frame.scaled(self.coefficient.at(body), -1, -1);
+    fn slip(&self, values: Values<'_>, body: usize, momentum_body: DVec3, angular_velocity_body: DVec3) -> DVec3 {
+        momentum_body.cross(angular_velocity_body) * values.number(COEFFICIENT).at(body)
     }
 }
 
@@ -52,4 +63,16 @@ impl Model for InternalDissipation {
 #[inline(always)]
 pub fn internal_dissipation<R: Real>(coefficient: R, m: Vector<R>, angular_velocity_principal: Vector<R>) -> Vector<R> {
     m.cross(angular_velocity_principal) * coefficient
+}
+
+impl Formula for InternalDissipation {
+    const STEM: &'static str = "internal_dissipation";
+    const COLUMNS: &'static [Column] = &[Column::number("coefficient")];
+    const MERGES: bool = true;
+    const ROLE: Role = Role::Slip;
+
+    #[inline(always)]
+    fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        Vector::zero()
+    }
 }

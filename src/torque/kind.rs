@@ -1,146 +1,103 @@
 //! Kinds of torques as columns and kernels tell them apart.
 
+use super::formula::{Formula, FormulaTask, Role};
 use crate::clock::RATE_DIGITS;
 
-/// What columns a model has and which kernel function reads them.
-///
-/// The order is that in which the sum is formed, in Rust and in WGSL.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(usize)]
-pub enum Kind {
-    /// [`super::constant_body`].
-    ConstantBody,
-    /// [`super::linear_drag`].
-    LinearDrag,
-    /// [`super::constant_world`].
-    ConstantWorld,
-    /// [`super::matrix_drag`].
-    MatrixDrag,
-    /// [`super::quadratic_drag`].
-    QuadraticDrag,
-    /// [`super::sinusoidal`].
-    Sinusoidal,
-    /// [`super::gravity_gradient`].
-    GravityGradient,
-    /// [`super::gravity_gradient_kepler`].
-    GravityGradientKepler,
-    /// [`super::heavy_top`].
-    HeavyTop,
-    /// [`super::magnetic_dipole`].
-    MagneticDipole,
-    /// [`super::orbiting_dipole`].
-    OrbitingDipole,
-    /// [`super::eddy_current`].
-    EddyCurrent,
-    /// [`super::sine_spring`].
-    SineSpring,
-    /// [`super::log_spring`].
-    LogSpring,
-    /// [`super::white_noise`].
-    WhiteNoise,
-    /// [`super::internal_dissipation`].
-    InternalDissipation,
-    /// A ramp of [`super::variable_inertia`]; of this and the next a scene has one at most.
-    InertiaRamp,
-    /// An oscillation of [`super::variable_inertia`].
-    InertiaOscillation,
-    /// [`super::linear_rotor`], which no [`super::Torque`] is: last, as it changes the sum of all others.
-    LinearRotor,
+/// Registers kernels: a line each, in the order in which the sum is formed on every engine.
+macro_rules! kinds {
+    ($($module:ident::$kind:ident),* $(,)?) => {
+        /// What columns a model has and which kernel reads them.
+        ///
+        /// The order is that in which the sum is formed.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[repr(usize)]
+        pub enum Kind {
+            $(#[doc = concat!("[`super::", stringify!($module), "`].")] $kind,)*
+        }
+
+        impl Kind {
+            /// All kinds, in order.
+            pub const ALL: &'static [Kind] = &[$(Kind::$kind),*];
+
+            /// The stem of its names in shaders.
+            pub const fn stem(self) -> &'static str {
+                match self { $(Kind::$kind => super::$module::$kind::STEM,)* }
+            }
+
+            /// The file of its formula, and, below `shaders/`, the name of the text that is recorded from it.
+            pub(crate) const fn source_file(self) -> &'static str {
+                match self { $(Kind::$kind => concat!("src/torque/", stringify!($module), ".rs"),)* }
+            }
+
+            /// The name of its shader text.
+            pub(crate) const fn file(self) -> &'static str {
+                match self { $(Kind::$kind => concat!("torque/", stringify!($module), ".wgsl"),)* }
+            }
+
+            /// Parameter columns of one instance, without those of its phases.
+            pub const fn parameters(self) -> usize {
+                match self { $(Kind::$kind => super::$module::$kind::PARAMETERS,)* }
+            }
+
+            /// Phases of one instance; each has [`RATE_DIGITS`] columns and one for the rounded rate. That of a ramp is its progress:
+            /// the digits are those of its start in ticks, and the rate is in ramps per second.
+            pub const fn phases(self) -> usize {
+                match self { $(Kind::$kind => super::$module::$kind::PHASES.len(),)* }
+            }
+
+            /// Whether several instances are one with the sum of their parameters.
+            pub const fn merges(self) -> bool {
+                match self { $(Kind::$kind => super::$module::$kind::MERGES,)* }
+            }
+
+            /// The columns that its part that follows from the time reads.
+            pub(crate) const fn epoch_columns(self) -> std::ops::Range<usize> {
+                match self { $(Kind::$kind => super::$module::$kind::EPOCH_COLUMNS,)* }
+            }
+
+            /// What it acts on.
+            pub(crate) const fn role(self) -> Role {
+                match self { $(Kind::$kind => super::$module::$kind::ROLE,)* }
+            }
+
+            /// Runs a task with the formula of the kind.
+            #[inline(always)]
+            pub(crate) fn with<W: FormulaTask>(self, task: W) -> W::Output {
+                match self { $(Kind::$kind => task.run::<super::$module::$kind>(),)* }
+            }
+        }
+    };
+}
+
+kinds! {
+    constant_body::ConstantBody,
+    linear_drag::LinearDrag,
+    constant_world::ConstantWorld,
+    matrix_drag::MatrixDrag,
+    quadratic_drag::QuadraticDrag,
+    sinusoidal::Sinusoidal,
+    gravity_gradient::GravityGradient,
+    gravity_gradient_kepler::GravityGradientKepler,
+    heavy_top::HeavyTop,
+    magnetic_dipole::MagneticDipole,
+    orbiting_dipole::OrbitingDipole,
+    eddy_current::EddyCurrent,
+    orbiting_eddy_current::OrbitingEddyCurrent,
+    sine_spring::SineSpring,
+    log_spring::LogSpring,
+    custom::Custom,
+    white_noise::WhiteNoise,
+    internal_dissipation::InternalDissipation,
+    // Of the next two a scene has one at most.
+    variable_inertia::InertiaRamp,
+    variable_inertia::InertiaOscillation,
+    // No torque of a scene, and last, as it changes the sum of all others.
+    linear_rotor::LinearRotor,
 }
 
 impl Kind {
-    /// All kinds, in order.
-    pub const ALL: [Kind; 19] = [
-        Kind::ConstantBody,
-        Kind::LinearDrag,
-        Kind::ConstantWorld,
-        Kind::MatrixDrag,
-        Kind::QuadraticDrag,
-        Kind::Sinusoidal,
-        Kind::GravityGradient,
-        Kind::GravityGradientKepler,
-        Kind::HeavyTop,
-        Kind::MagneticDipole,
-        Kind::OrbitingDipole,
-        Kind::EddyCurrent,
-        Kind::SineSpring,
-        Kind::LogSpring,
-        Kind::WhiteNoise,
-        Kind::InternalDissipation,
-        Kind::InertiaRamp,
-        Kind::InertiaOscillation,
-        Kind::LinearRotor,
-    ];
-
-    /// The stem of the `override` constants in `shaders/torque/sum.wgsl`, and of its files where they hold one kind.
-    pub const fn stem(self) -> &'static str {
-        match self {
-            Kind::ConstantBody => "constant_body",
-            Kind::LinearDrag => "linear_drag",
-            Kind::ConstantWorld => "constant_world",
-            Kind::MatrixDrag => "matrix_drag",
-            Kind::QuadraticDrag => "quadratic_drag",
-            Kind::Sinusoidal => "sinusoidal",
-            Kind::GravityGradient => "gravity_gradient",
-            Kind::GravityGradientKepler => "gravity_gradient_kepler",
-            Kind::HeavyTop => "heavy_top",
-            Kind::MagneticDipole => "magnetic_dipole",
-            Kind::OrbitingDipole => "orbiting_dipole",
-            Kind::EddyCurrent => "eddy_current",
-            Kind::SineSpring => "sine_spring",
-            Kind::LogSpring => "log_spring",
-            Kind::WhiteNoise => "white_noise",
-            Kind::InternalDissipation => "internal_dissipation",
-            Kind::InertiaRamp => "inertia_ramp",
-            Kind::InertiaOscillation => "inertia_oscillation",
-            Kind::LinearRotor => "linear_rotor",
-        }
-    }
-
-    /// Columns of one instance, without its phases.
-    pub const fn parameters(self) -> usize {
-        match self {
-            Kind::LinearDrag | Kind::QuadraticDrag | Kind::InternalDissipation | Kind::LinearRotor => 1,
-            Kind::ConstantBody | Kind::ConstantWorld => 3,
-            Kind::EddyCurrent => 4,
-            Kind::SineSpring | Kind::LogSpring => 5,
-            Kind::MatrixDrag | Kind::Sinusoidal | Kind::HeavyTop | Kind::MagneticDipole => 6,
-            Kind::GravityGradient | Kind::WhiteNoise => 10,
-            Kind::GravityGradientKepler | Kind::InertiaOscillation => 12,
-            Kind::InertiaRamp => 13,
-            Kind::OrbitingDipole => 14,
-        }
-    }
-
-    /// Phases of one instance; each has [`RATE_DIGITS`] columns and one for the rounded rate. That of a ramp is its progress:
-    /// the digits are those of its start in ticks, and the rate is in ramps per second.
-    pub const fn phases(self) -> usize {
-        match self {
-            Kind::Sinusoidal
-            | Kind::GravityGradient
-            | Kind::GravityGradientKepler
-            | Kind::InertiaRamp
-            | Kind::InertiaOscillation => 1,
-            Kind::OrbitingDipole => 2,
-            _ => 0,
-        }
-    }
-
-    /// All columns of one instance.
+    /// All columns of one instance, where every one has the same.
     pub const fn columns(self) -> usize {
         self.parameters() + self.phases() * (RATE_DIGITS + 1)
-    }
-
-    /// Whether several instances are one with the sum of their parameters.
-    pub const fn merges(self) -> bool {
-        matches!(
-            self,
-            Kind::ConstantBody
-                | Kind::LinearDrag
-                | Kind::ConstantWorld
-                | Kind::MatrixDrag
-                | Kind::QuadraticDrag
-                | Kind::InternalDissipation
-        )
     }
 }

@@ -1,4 +1,4 @@
-//! What a linear rotor does not take of a torque. Twin: `shaders/torque/linear_rotor.wgsl`.
+//! What a linear rotor does not take of a torque. Its line in WGSL is written by `shader.rs`.
 //!
 //! A linear rotor (moments 0, I, I) has no spin about its axis and nothing for a torque about it to act upon. The kernels
 //! integrate it as a body with the moments I, I, I and no spin about the axis: m × ω vanishes for both, and as long as no
@@ -8,6 +8,8 @@
 //!
 //! This is no model that a scene names: a table has its column where one of its bodies is a linear rotor.
 
+use super::formula::{Column, Epoch, Formula, Role, Row};
+use crate::quaternion::Quaternion;
 use crate::real::Real;
 use crate::vector::Vector;
 
@@ -16,4 +18,19 @@ use crate::vector::Vector;
 #[inline(always)]
 pub fn across_axis<R: Real>(factor: R, torque: Vector<R>) -> Vector<R> {
     Vector::new(factor * torque.x, torque.y, torque.z)
+}
+
+/// Beside the sum of the torques on it, which it projects.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LinearRotor;
+
+impl Formula for LinearRotor {
+    const STEM: &'static str = "linear_rotor";
+    const COLUMNS: &'static [Column] = &[Column::number("factor")];
+    const ROLE: Role = Role::Projection;
+
+    #[inline(always)]
+    fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        Vector::zero()
+    }
 }

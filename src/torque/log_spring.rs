@@ -1,12 +1,15 @@
 //! `log-spring`: a torsion spring towards an attitude whose torque is the angle itself.
 
+use super::formula::{Column, Epoch, Formula, Row};
+use std::sync::LazyLock;
+
 use glam::DQuat;
 
-use super::{Border, Kind, Model, Needs, Parameter};
+use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::batch::BodyFrame;
-use crate::error::Result;
+use crate::elementary::functions::arctangent_ratio;
 use crate::quaternion::Quaternion;
-use crate::real::{Real, Scalar};
+use crate::real::Real;
 use crate::vector::Vector;
 
 /// τ = −k θ n, with (n sin θ/2, cos θ/2) = conj(q_target) q and θ in [0, π] (F. Bullo, R. M. Murray, *Proportional
@@ -14,42 +17,53 @@ use crate::vector::Vector;
 ///
 /// At θ = π the torque jumps from one side to the other; a motion through it is not smooth and every integrator drops to
 /// order 1 there.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LogSpring {
-    /// k, N m, not negative.
-    pub stiffness: Parameter<f64>,
-    /// The attitude at rest: rotates body coordinates to world; normalised here.
-    pub target: Parameter<DQuat>,
+pub struct LogSpring;
+
+static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
+    let stiffness = ParameterDeclaration::number("stiffness", "N m", "the stiffness k");
+    Declaration::new(
+        "log-spring",
+        "τ = −k θ n",
+        "F. Bullo, R. M. Murray, Proportional derivative control on the Euclidean group, ECC 1995",
+    )
+    .parameters([
+        stiffness.valid(Validity::NotNegative).factor(),
+        ParameterDeclaration::rotation("target", "the attitude at rest"),
+    ])
+});
+const STIFFNESS: usize = 0;
+const TARGET: usize = 1;
+
+impl Torque {
+    /// τ = −k θ n towards an attitude (body to world, normalised here), k in N m; see [`LogSpring`].
+    pub fn log_spring(stiffness: impl Into<Parameter<f64>>, target: impl Into<Parameter<DQuat>>) -> Self {
+        Self::built(&LogSpring, [Value::Number(stiffness.into()), Value::Rotation(target.into())])
+    }
 }
 
 impl Model for LogSpring {
-    fn kind(&self) -> Kind {
+    fn declaration(&self) -> &Declaration {
+        &DECLARATION
+    }
+
+    fn kind(&self, _: Values<'_>) -> Kind {
         Kind::LogSpring
     }
 
-    fn validate(&self, border: &Border) -> Result<()> {
-        border.not_negative("stiffness", &self.stiffness)?;
-        border.rotation("target", &self.target)
+    fn rate(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
+        (std::f64::consts::PI * values.number(STIFFNESS).at(body) / middle_moment).sqrt()
     }
 
-    fn needs(&self) -> Needs {
-        Needs { attitude: true, ..Needs::NOTHING }
-    }
-
-    fn rate(&self, body: usize, middle_moment: f64) -> f64 {
-        (std::f64::consts::PI * self.stiffness.at(body) / middle_moment).sqrt()
-    }
-
-    fn columns(&self, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
-        out[0] = frame.scaled(self.stiffness.at(body), 1, 2);
-        let target = (self.target.at(body).normalize() * frame.principal_to_body).normalize();
+    fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
+        out[0] = frame.scaled(values.number(STIFFNESS).at(body), 1, 2);
+        let target = (values.rotation(TARGET).at(body).normalize() * frame.principal_to_body).normalize();
         out[1..5].copy_from_slice(&target.to_array());
     }
 
-    fn potential_energy(&self, body: usize, orientation: DQuat) -> Option<f64> {
-        let between = self.target.at(body).normalize().conjugate() * orientation;
+    fn potential_energy(&self, values: Values<'_>, body: usize, orientation: DQuat) -> Option<f64> {
+        let between = values.rotation(TARGET).at(body).normalize().conjugate() * orientation;
         let angle = 2.0 * between.xyz().length().atan2(between.w.abs());
-        Some(0.5 * self.stiffness.at(body) * angle * angle)
+        Some(0.5 * values.number(STIFFNESS).at(body) * angle * angle)
     }
 }
 
@@ -78,17 +92,16 @@ pub fn angle_ratio<R: Real>(between: Quaternion<R>) -> R {
     let eighth_squared = quarter_squared / (eighth_divisor * eighth_divisor);
     let sixteenth_divisor = one + (one + eighth_squared).sqrt();
     let x2 = eighth_squared / (sixteenth_divisor * sixteenth_divisor);
-    let terms = R::Scalar::ARCTANGENT_TERMS;
-    let mut sum = R::splat(series_term(terms));
-    for term in (0..terms).rev() {
-        sum = sum.mul_add(x2, R::splat(series_term(term)));
-    }
-    let ratio = R::splat(16.0) * sum / (divisor * eighth_divisor * sixteenth_divisor);
+    let ratio = R::splat(16.0) * arctangent_ratio(x2) / (divisor * eighth_divisor * sixteenth_divisor);
     R::select(between.w.less_than(R::splat(0.0)), -ratio, ratio)
 }
 
-/// (−1)ⁿ/(2n + 1).
-#[inline(always)]
-fn series_term(n: u32) -> f64 {
-    (if n.is_multiple_of(2) { 1.0 } else { -1.0 }) / f64::from(2 * n + 1)
+impl Formula for LogSpring {
+    const STEM: &'static str = "log_spring";
+    const COLUMNS: &'static [Column] = &[Column::number("stiffness"), Column::quaternion("target_orientation")];
+
+    #[inline(always)]
+    fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        log_spring(row.number(0), row.quaternion(1), q)
+    }
 }

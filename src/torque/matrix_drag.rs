@@ -1,45 +1,48 @@
 //! `matrix-drag`: a torque that is linear in the angular velocity, with a symmetric matrix.
 
+use super::formula::{Column, Epoch, Formula, Row};
+use crate::quaternion::Quaternion;
+use std::sync::LazyLock;
+
 use glam::{DMat3, DQuat};
 
-use super::{Border, Kind, Model, Needs, Parameter};
+use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::batch::BodyFrame;
-use crate::error::Result;
 use crate::real::Real;
 use crate::vector::Vector;
 
 /// τ = −C ω with C symmetric and without negative eigenvalues (J. Happel, H. Brenner, *Low Reynolds Number
 /// Hydrodynamics*, 1965, section 5.2: the rotation tensor of a body of any shape). Several add up to one.
-#[derive(Clone, Debug, PartialEq)]
-pub struct MatrixDrag {
-    /// C in body axes, N m s.
-    pub matrix_body: Parameter<DMat3>,
+pub struct MatrixDrag;
+
+static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
+    let source = "J. Happel, H. Brenner, Low Reynolds Number Hydrodynamics, 1965, section 5.2";
+    let matrix = ParameterDeclaration::matrix("matrix", "N m s", Frame::Body, "the matrix C");
+    Declaration::new("matrix-drag", "τ = −C ω", source)
+        .dissipative()
+        .parameters([matrix.valid(Validity::PositiveSemidefinite).factor()])
+});
+const MATRIX: usize = 0;
+
+impl Torque {
+    /// τ = −C ω, C in N m s, body axes; see [`MatrixDrag`].
+    pub fn matrix_drag(matrix_body: impl Into<Parameter<DMat3>>) -> Self {
+        Self::built(&MatrixDrag, [Value::Matrix(matrix_body.into())])
+    }
 }
 
 impl Model for MatrixDrag {
-    fn kind(&self) -> Kind {
+    fn declaration(&self) -> &Declaration {
+        &DECLARATION
+    }
+
+    fn kind(&self, _: Values<'_>) -> Kind {
         Kind::MatrixDrag
     }
 
-    fn validate(&self, border: &Border) -> Result<()> {
-        border.positive_semidefinite("matrix_body", &self.matrix_body)
-    }
-
-    fn needs(&self) -> Needs {
-        Needs { angular_velocity: true, ..Needs::NOTHING }
-    }
-
-    fn dissipative(&self) -> bool {
-        true
-    }
-
-    fn rate(&self, _: usize, _: f64) -> f64 {
-        0.0
-    }
-
-    fn columns(&self, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
+    fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
         let to_body = DMat3::from_quat(frame.principal_to_body);
-        let matrix = to_body.transpose() * self.matrix_body.at(body) * to_body;
+        let matrix = to_body.transpose() * values.matrix(MATRIX).at(body) * to_body;
         let mean = |a: f64, b: f64| 0.5 * (a + b);
         let elements = [
             matrix.x_axis.x,
@@ -68,4 +71,15 @@ pub fn matrix_drag<R: Real>(
         o.x.mul_add(w.x, d.y.mul_add(w.y, o.z * w.z)),
         o.y.mul_add(w.x, o.z.mul_add(w.y, d.z * w.z)),
     )
+}
+
+impl Formula for MatrixDrag {
+    const STEM: &'static str = "matrix_drag";
+    const COLUMNS: &'static [Column] = &[Column::vector("diagonal"), Column::vector("off_diagonal")];
+    const MERGES: bool = true;
+
+    #[inline(always)]
+    fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
+        matrix_drag(row.vector(0), row.vector(3), omega)
+    }
 }

@@ -1,21 +1,58 @@
 //! Torques: what acts on a body besides its own inertia.
 //!
-//! A scene holds any number of [`Torque`]s; each is described by the type of its own file, which also has the kernel's
-//! function, the same as in the WGSL file of the same stem. A plan turns them into columns beside the bodies' own
-//! ([`TorqueTable`]), in principal axes and in the units of each body's scale.
+//! A scene holds any number of [`Torque`]s, each a model and the values of its parameters. A model has a file of its own, which
+//! holds its [`Declaration`], its constructor, what does not follow from the declaration, and the kernel's function, the same as
+//! in the WGSL file of the same stem. A plan turns torques into columns beside the bodies' own ([`TorqueTable`]), in principal
+//! axes and in the units of each body's scale.
+//!
+//! # Models
+//!
+//! Keys are those of `[[torque]]` in a study; one with a dot stands in a table, `orbit = { radius = 7.0e6 }`.
+//!
+//! | model | equation | keys | source |
+//! | --- | --- | --- | --- |
+//! | [`constant-body`](constant_body) | τ = const in body axes | `torque` (N m) | J. M. Longuski, Acta Astronautica 25 (1991) 131 |
+//! | [`constant-world`](constant_world) | τ = Rᵀ τ_world, constant in world axes | `torque` (N m) | by definition |
+//! | [`linear-drag`](linear_drag), `viscous` | τ = −c ω | `coefficient` (N m s) | G. Kirchhoff, Mechanik, 1876, lecture 26 |
+//! | [`matrix-drag`](matrix_drag) | τ = −C ω | `matrix` (N m s) | J. Happel, H. Brenner, Low Reynolds Number Hydrodynamics, 1965, section 5.2 |
+//! | [`quadratic-drag`](quadratic_drag) | τ = −c \|ω\| ω | `coefficient` (N m s²) | I. Newton, Principia, 1687, book II, section II |
+//! | [`sinusoidal`] | τ = τ_sin sin Ωt + τ_cos cos Ωt in body axes | `sine` (N m, else 0), `cosine` (N m, else 0), `rate` (rad/s) | by definition |
+//! | [`gravity-gradient`](gravity_gradient) | τ = 3 μ/r³ u × I u, u = Rᵀ r̂ | `mu` (m³/s²), `orbit.semi_major_axis` or `orbit.radius` (m), `orbit.eccentricity` (else 0), `orbit.inclination` (rad, else 0), `orbit.ascending_node` (rad, else 0), `orbit.pericentre` (rad, else 0), `orbit.mean_anomaly` (rad, else 0) | P. C. Hughes, Spacecraft Attitude Dynamics, 1986, equation 8.1.14 |
+//! | [`heavy-top`](heavy_top) | τ = c × Rᵀ (M g) | `mass` (kg), `centre` (m), `gravity` (m/s²) | F. Klein, A. Sommerfeld, Über die Theorie des Kreisels, 1897, chapter IV |
+//! | [`magnetic-dipole`](magnetic_dipole) | τ = m × Rᵀ B | `moment` (A m²), `field` (T) | J. C. Maxwell, A Treatise on Electricity and Magnetism, 1873, § 390 |
+//! | [`orbiting-dipole`](orbiting_dipole) | τ = m × Rᵀ B, B = b/r³ (3 (d · r̂) r̂ − d) | `mu` (m³/s²), `orbit.semi_major_axis` or `orbit.radius` (m), `orbit.eccentricity` (else 0), `orbit.inclination` (rad, else 0), `orbit.ascending_node` (rad, else 0), `orbit.pericentre` (rad, else 0), `orbit.mean_anomaly` (rad, else 0), `moment` (A m²), `strength` (T m³), `tilt` (rad, else 0), `azimuth` (rad, else 0), `rotation` (rad/s, else 0) | J. R. Wertz, Spacecraft Attitude Determination and Control, 1978, equation H-16 |
+//! | [`eddy-current`](eddy_current) | τ = k (ω × B) × B | `coefficient` (N m s/T²), `field` (T) | G. L. Smith, NASA TR R-129, 1962 |
+//! | [`orbiting-eddy-current`](orbiting_eddy_current) | τ = k (ω × B) × B, B = b/r³ (3 (d · r̂) r̂ − d) | `mu` (m³/s²), `orbit.semi_major_axis` or `orbit.radius` (m), `orbit.eccentricity` (else 0), `orbit.inclination` (rad, else 0), `orbit.ascending_node` (rad, else 0), `orbit.pericentre` (rad, else 0), `orbit.mean_anomaly` (rad, else 0), `coefficient` (N m s/T²), `strength` (T m³), `tilt` (rad, else 0), `azimuth` (rad, else 0), `rotation` (rad/s, else 0) | N. Praly et al., Acta Astronautica 76 (2012) 145 |
+//! | [`flat-plates`](flat_plates) | τ = Σ r × F, F = −p A c (a u + (b + d c) n), c = n · u > 0 | `pressure` (N/m²), `direction`, `facets`: 1 to 16 tables of `area` (m²), `normal`, `centre` (m), `along` (else 0), `constant` (else 0), `across` (else 0), `solar.specular`, `solar.diffuse`, `drag.normal_accommodation`, `drag.tangential_accommodation`, `drag.wall_speed_ratio` (else 0) | C. R. McInnes, Solar Sailing, 1999, section 2.6; S. A. Schaaf, P. L. Chambré, Flow of Rarefied Gases, 1961 |
+//! | [`sine-spring`](sine_spring) | τ = −k sin θ n | `stiffness` (N m), `target` | B. Wie, P. M. Barba, J. Guid. Control Dyn. 8 (1985) 360 |
+//! | [`log-spring`](log_spring) | τ = −k θ n | `stiffness` (N m), `target` | F. Bullo, R. M. Murray, Proportional derivative control on the Euclidean group, ECC 1995 |
+//! | [`internal-dissipation`](internal_dissipation) | dm/dt = m × ω + k m × (m × ω) | `coefficient` (s/(kg m²)) | A. M. Bloch et al., Comm. Math. Phys. 175 (1996) 1, section 5 |
+//! | [`white-noise`](white_noise) | dm = σ dW | `intensity` (N m √s), `seed` (else the study's seed), `draws_per_step` (else 1) | J. R. McConnell, Rotational Brownian Motion and Dielectric Theory, 1980, chapter 2 |
+//! | [`variable-inertia`](variable_inertia) | ω = I(t)⁻¹ m, I(t) = I₀ + (I₁ − I₀) s(t) | `inertia` (kg m²), `factor`, `ramp.start` (s), `ramp.duration` (s), `oscillation.rate` (rad/s) | P. C. Hughes, Spacecraft Attitude Dynamics, 1986, section 3.3 |
+//!
+//! Of `variable-inertia` either `inertia` or `factor` is given, and either `ramp` or `oscillation`; of a facet of `flat-plates`
+//! either `along`, `constant` and `across`, or `solar`, or `drag`.
+//!
+//! # Kernels
 //!
 //! Integrators are generic over an [`Environment`], which is the sum of what acts. [`Free`] is the one without torques, and
 //! with it no torque code is compiled into a kernel. The WGSL twin of an environment is one chunk that defines `torque`
 //! (`shaders/torque/none.wgsl` or `sum.wgsl`). Internal dissipation and changing moments of inertia are in the same list:
 //! they turn no angular momentum but change the rate at which the axes turn ([`Environment::motion`]).
 //!
-//! A new model is a file here with its type and function, its twin, an entry in [`Torque`] and [`Kind`], and a line in
-//! `sum.rs` and `sum.wgsl`; some lines in `sum/held.rs` give it a CPU kernel of its own where it acts alone.
+//! A new model is a file here, with its declaration and its formula, its `pub mod`, and a line each in `registry.rs` and, where it
+//! has a kernel of its own, in `kind.rs`. One whose formula follows from its values is made for them (`Model::made_for`), as
+//! [`flat_plates`] are.
 //!
-//! Each WGSL file names its twin in its first line, where that has another stem too: what types and generics choose here (no
-//! torque, equal steps or each body's own, series of either precision) is a file each there; how models are described and
-//! laid out in columns (`description`, `kind`, `parameter`, `inertia_change`, `table`) is the host's alone.
+//! A formula (`formula.rs`) is written once over [`Real`]. Scalars of it are the reference and the shader's twin, SIMD lanes run on
+//! tiles of bodies (`tile`), and a [`Symbol`](crate::expression::Symbol) records it as a graph, from which follow its WGSL text
+//! (`shader.rs`) and what it depends on. A torque of the user's own ([`custom`]) is such a graph to begin with (`expressed.rs`):
+//! the CPU interprets it over tiles, the GPU compiles its text.
+//!
+//! `shaders/torque` holds what no formula says: how columns and times are read, the draws of white noise, moments that change. Each
+//! file names its twin in its first line.
 
+pub use crate::error::Text;
 use crate::method::projection::{Combinations, projected};
 use crate::quaternion::Quaternion;
 use crate::real::Real;
@@ -24,6 +61,7 @@ use crate::vector::Vector;
 
 /// How a torque depends on the angular velocity, which decides how a splitting kicks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u32)]
 pub enum VelocityDependence {
     /// Not at all: at a frozen attitude the torque is constant.
     None,
@@ -34,8 +72,12 @@ pub enum VelocityDependence {
 }
 pub mod constant_body;
 pub mod constant_world;
-mod description;
+pub mod custom;
+pub(crate) mod declaration;
 pub mod eddy_current;
+pub(crate) mod expressed;
+pub mod flat_plates;
+pub(crate) mod formula;
 pub mod gravity_gradient;
 pub mod gravity_gradient_kepler;
 pub mod heavy_top;
@@ -47,25 +89,40 @@ pub mod linear_rotor;
 pub mod log_spring;
 pub mod magnetic_dipole;
 pub mod matrix_drag;
+mod model;
 pub mod orbit;
 pub mod orbiting_dipole;
+pub mod orbiting_eddy_current;
 mod parameter;
 pub mod quadratic_drag;
+pub(crate) mod registry;
+pub(crate) mod shader;
 pub mod sine_spring;
 pub mod sinusoidal;
 pub(crate) mod sum;
 mod table;
+pub(crate) mod tile;
+#[doc(hidden)]
+pub mod twin;
+mod validation;
+mod value;
 pub mod variable_inertia;
 pub mod white_noise;
 
-pub(crate) use description::Model;
-pub use description::{Needs, Torque};
+pub use custom::Parameters;
+pub use declaration::{Declaration, Frame, OtherKey, ParameterDeclaration, Preset, Shape, Validity};
 pub use kind::Kind;
+pub(crate) use model::Model;
+pub(crate) use model::ModelRef;
+pub use model::{Needs, Torque};
 pub use orbit::Orbit;
-pub(crate) use parameter::Border;
 pub use parameter::Parameter;
+pub use registry::declarations;
+pub(crate) use table::{Bodies, PER_TICK, bytes_per_body, rate_of};
 pub use table::{Instances, TorqueTable};
-pub(crate) use table::{PER_TICK, bytes_per_body, rate_of};
+pub(crate) use validation::ValidationContext;
+pub use value::Value;
+pub(crate) use value::Values;
 
 /// All torques of a scene as one body (or lane group) feels them.
 pub trait Environment<R: Real>: Copy {

@@ -2,10 +2,10 @@
 
 use glam::{DMat3, DVec3};
 
-use super::{Border, Parameter};
+use super::{Parameter, ParameterDeclaration, Preset, ValidationContext, Validity, Value, Values};
 use crate::error::Result;
 use crate::quaternion::Quaternion;
-use crate::real::{Real, sin_cos};
+use crate::real::{Function, Real, sin_cos};
 use crate::vector::Vector;
 
 /// The largest eccentricity for which [`eccentric_anomaly`]'s fixed number of iterations is enough.
@@ -83,47 +83,82 @@ impl Orbit {
         self
     }
 
-    pub(super) fn validate(&self, border: &Border) -> Result<()> {
-        border.positive("orbit.mu", &self.mu)?;
-        border.positive("orbit.semi_major_axis", &self.semi_major_axis)?;
-        border.number("orbit.eccentricity", &self.eccentricity, "a number from 0 to 0.99 is needed", |e| {
-            (0.0..=LARGEST_ECCENTRICITY).contains(&e)
-        })?;
-        border.finite("orbit.inclination", &self.inclination)?;
-        border.finite("orbit.ascending_node", &self.ascending_node)?;
-        border.finite("orbit.pericentre", &self.pericentre)?;
-        border.finite("orbit.mean_anomaly", &self.mean_anomaly)?;
-        // Where the numbers are valid one by one, their combination may still leave the range of f64.
-        for body in 0..if self.rate_is_shared() { 1 } else { border.body_count } {
-            let (rate, _) = self.mean_motion(body);
-            if !(rate.is_finite() && rate > 0.0) {
-                let expected = "mu and the semi-major axis give no finite mean motion";
-                return Err(border.refusal(
-                    Some(body),
-                    "orbit.semi_major_axis",
-                    self.semi_major_axis.at(body),
-                    expected,
-                ));
-            }
+    /// In the order of [`parameters`].
+    pub(super) fn values(self) -> [Value; ELEMENTS] {
+        let Self { mu, semi_major_axis, eccentricity, inclination, ascending_node, pericentre, mean_anomaly } = self;
+        [mu, semi_major_axis, eccentricity, inclination, ascending_node, pericentre, mean_anomaly].map(Value::Number)
+    }
+}
+
+/// Numbers that describe an orbit.
+pub(super) const ELEMENTS: usize = 7;
+const MU: usize = 0;
+const SEMI_MAJOR_AXIS: usize = 1;
+const ECCENTRICITY: usize = 2;
+
+/// The parameters of a model that has an orbit, which declares them first: `mu`, and the table `orbit`.
+pub(super) fn parameters() -> [ParameterDeclaration; ELEMENTS] {
+    let number = ParameterDeclaration::number;
+    let or_zero = |name, unit, about| number(name, unit, about).or(Preset::Number(0.0));
+    let mu = number("mu", "m³/s²", "the centre's gravitational parameter").valid(Validity::Positive);
+    let size = number("orbit.semi_major_axis", "m", "the semi-major axis or radius");
+    let eccentricity = or_zero("orbit.eccentricity", "1", "the eccentricity");
+    [
+        mu.phase_rate(),
+        size.valid(Validity::Positive).or_key("orbit.radius", &["orbit.eccentricity"]).phase_rate(),
+        eccentricity.valid(Validity::Range(0.0, LARGEST_ECCENTRICITY)),
+        or_zero("orbit.inclination", "rad", "the plane's inclination to the world's xy plane"),
+        or_zero("orbit.ascending_node", "rad", "the ascending node's angle from the world's x axis"),
+        or_zero("orbit.pericentre", "rad", "the pericentre's angle from the ascending node"),
+        or_zero("orbit.mean_anomaly", "rad", "the mean anomaly at t = 0"),
+    ]
+}
+
+/// Refuses orbits whose numbers are valid one by one, but leave the range of `f64` together.
+pub(super) fn validate(values: Values<'_>, context: &ValidationContext) -> Result<()> {
+    let shared = values.number(MU).is_shared() && values.number(SEMI_MAJOR_AXIS).is_shared();
+    for body in 0..if shared { 1 } else { context.body_count } {
+        let orbit = elements(values, body);
+        let (rate, _) = orbit.mean_motion();
+        if !(rate.is_finite() && rate > 0.0) {
+            let expected = "mu and the semi-major axis give no finite mean motion (m)";
+            let body = Some(body).filter(|_| !shared);
+            return Err(context.refusal(body, "orbit.semi_major_axis", orbit.semi_major_axis, expected));
         }
-        Ok(())
     }
+    Ok(())
+}
 
-    /// Whether no body's orbit is eccentric.
-    pub(super) fn is_circular(&self) -> bool {
-        match &self.eccentricity {
-            Parameter::Shared(e) => *e == 0.0,
-            Parameter::PerBody(column) => column.iter().all(|e| *e == 0.0),
-        }
+/// Whether no body's orbit is eccentric.
+pub(super) fn is_circular(values: Values<'_>) -> bool {
+    match values.number(ECCENTRICITY) {
+        Parameter::Shared(e) => *e == 0.0,
+        Parameter::PerBody(column) => column.iter().all(|e| *e == 0.0),
     }
+}
 
-    pub(super) fn rate_is_shared(&self) -> bool {
-        self.mu.is_shared() && self.semi_major_axis.is_shared()
-    }
+/// The orbit of a body, of a torque whose first values are those of [`parameters`].
+pub(super) fn elements(values: Values<'_>, body: usize) -> Elements {
+    let [mu, semi_major_axis, eccentricity, inclination, ascending_node, pericentre, mean_anomaly] =
+        std::array::from_fn(|place| values.number(place).at(body));
+    Elements { mu, semi_major_axis, eccentricity, inclination, ascending_node, pericentre, mean_anomaly }
+}
 
+/// One body's [`Orbit`].
+pub(super) struct Elements {
+    mu: f64,
+    pub semi_major_axis: f64,
+    pub eccentricity: f64,
+    inclination: f64,
+    ascending_node: f64,
+    pericentre: f64,
+    mean_anomaly: f64,
+}
+
+impl Elements {
     /// √(μ/a³) in two words, rad/s: a rate that is wrong by 2⁻⁵³ puts the body off by 1e-11 rad after 1e5 rad.
-    pub(super) fn mean_motion(&self, body: usize) -> (f64, f64) {
-        let (mu, a) = (self.mu.at(body), self.semi_major_axis.at(body));
+    pub fn mean_motion(&self) -> (f64, f64) {
+        let (mu, a) = (self.mu, self.semi_major_axis);
         let square = a * a;
         let square_low = a.mul_add(a, -square);
         let cube = square * a;
@@ -137,28 +172,28 @@ impl Orbit {
     }
 
     /// √(μ/a³) at the pericentre, where the gradient is greatest: n (1 − e)^(−3/2).
-    pub(super) fn greatest_rate(&self, body: usize) -> f64 {
-        self.mean_motion(body).0 * (1.0 - self.eccentricity.at(body)).powf(-1.5)
+    pub fn greatest_rate(&self) -> f64 {
+        self.mean_motion().0 * (1.0 - self.eccentricity).powf(-1.5)
     }
 
     /// Unit vectors in world axes towards the pericentre, and at right angles to it in the direction of motion.
-    pub(super) fn axes(&self, body: usize) -> (DVec3, DVec3) {
-        let rotation = DMat3::from_rotation_z(self.ascending_node.at(body))
-            * DMat3::from_rotation_x(self.inclination.at(body))
-            * DMat3::from_rotation_z(self.pericentre.at(body));
+    pub fn axes(&self) -> (DVec3, DVec3) {
+        let rotation = DMat3::from_rotation_z(self.ascending_node)
+            * DMat3::from_rotation_x(self.inclination)
+            * DMat3::from_rotation_z(self.pericentre);
         (rotation.x_axis, rotation.y_axis)
     }
 
     /// The axes turned by the anomaly at t = 0, for a circular orbit.
-    pub(super) fn axes_at_start(&self, body: usize) -> (DVec3, DVec3) {
-        let (x, y) = self.axes(body);
-        let (sin, cos) = self.mean_anomaly.at(body).sin_cos();
+    pub fn axes_at_start(&self) -> (DVec3, DVec3) {
+        let (x, y) = self.axes();
+        let (sin, cos) = self.mean_anomaly.sin_cos();
         (x * cos + y * sin, y * cos - x * sin)
     }
 
     /// The mean anomaly at t = 0 in turns, in [−½, ½].
-    pub(super) fn anomaly_turns(&self, body: usize) -> f64 {
-        let turns = self.mean_anomaly.at(body) / std::f64::consts::TAU;
+    pub fn anomaly_turns(&self) -> f64 {
+        let turns = self.mean_anomaly / std::f64::consts::TAU;
         turns - turns.round()
     }
 }
@@ -183,12 +218,25 @@ pub fn circular_place<R: Real>(x_world: Vector<R>, y_world: Vector<R>, phase: R)
 #[inline(always)]
 pub fn kepler_place<R: Real>(x_world: Vector<R>, y_world: Vector<R>, eccentricity: R, phase: R) -> Place<R> {
     let one = R::splat(1.0);
-    let (_, sin, cos) = eccentric_anomaly(phase * R::splat(std::f64::consts::TAU), eccentricity);
+    let (sin, cos) = kepler_sin_cos(phase * R::splat(std::f64::consts::TAU), eccentricity);
     let inverse_distance = one / (one - eccentricity * cos);
     let minor = (one - eccentricity * eccentricity).sqrt();
     let x = (cos - eccentricity) * inverse_distance;
     let y = minor * sin * inverse_distance;
     Place { direction_world: x_world.axpy(x, y_world * y), inverse_distance }
+}
+
+/// sin E and cos E of [`eccentric_anomaly`].
+#[inline(always)]
+pub fn kepler_sin_cos<R: Real>(mean_anomaly: R, eccentricity: R) -> (R, R) {
+    let arguments = [mean_anomaly, eccentricity];
+    if let (Some(sin), Some(cos)) =
+        (R::recorded(Function::KeplerSin, &arguments), R::recorded(Function::KeplerCos, &arguments))
+    {
+        return (sin, cos);
+    }
+    let (_, sin, cos) = eccentric_anomaly(mean_anomaly, eccentricity);
+    (sin, cos)
 }
 
 /// Iterations of [`eccentric_anomaly`].

@@ -1,9 +1,18 @@
 //! `orbiting-dipole`: a magnet fixed in the body, in the field of a planet's tilted dipole, along an orbit.
 
+use std::ops::Range;
+
+use super::formula::{Column, Epoch, Formula, MOST_PHASES, Row};
+use super::magnetic_dipole::magnetic_dipole;
 use glam::{DQuat, DVec3};
+use std::sync::LazyLock;
 
 use super::gravity_gradient_kepler::place_and_cube;
-use super::{Border, Kind, Model, Needs, Orbit, Parameter};
+use super::orbit::{self, ELEMENTS, Elements, elements};
+use super::{
+    Declaration, Frame, Kind, Model, Orbit, Parameter, ParameterDeclaration, Preset, Torque, ValidationContext, Value,
+    Values,
+};
 use crate::batch::BodyFrame;
 use crate::error::Result;
 use crate::quaternion::Quaternion;
@@ -12,77 +21,133 @@ use crate::vector::Vector;
 
 /// τ = m × Rᵀ B with B = b/r³ (3 (d · r̂) r̂ − d), d the direction of the planet's dipole, which turns about the world's
 /// z axis (J. R. Wertz, *Spacecraft Attitude Determination and Control*, 1978, equation H-16).
-#[derive(Clone, Debug, PartialEq)]
-pub struct OrbitingDipole {
-    /// m in body axes, A m².
-    pub moment_body: Parameter<DVec3>,
-    /// The orbit about the planet.
-    pub orbit: Orbit,
-    /// b = μ₀/4π times the planet's dipole moment, T m³; the Earth's is 7.8e15 T m³ with a tilt of π less 0.17 rad.
-    pub strength: Parameter<f64>,
-    /// Angle of the dipole from the world's z axis, rad.
-    pub tilt: Parameter<f64>,
-    /// Azimuth of the dipole at t = 0, from the world's x axis, rad.
-    pub azimuth: Parameter<f64>,
-    /// Rate of the planet's rotation about the world's z axis, rad/s.
-    pub rotation: Parameter<f64>,
+///
+/// b is μ₀/4π times the planet's dipole moment; the Earth's is 7.8e15 T m³ with a tilt of π less 0.17 rad.
+pub struct OrbitingDipole;
+
+static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
+    let source = "J. R. Wertz, Spacecraft Attitude Determination and Control, 1978, equation H-16";
+    Declaration::new("orbiting-dipole", "τ = m × Rᵀ B, B = b/r³ (3 (d · r̂) r̂ − d)", source)
+        .parameters(orbit::parameters())
+        .parameters([ParameterDeclaration::vector("moment", "A m²", Frame::Body, "the magnetic moment m").factor()])
+        .parameters(field_parameters())
+});
+const MOMENT: usize = ELEMENTS;
+
+impl Torque {
+    /// A magnetic moment in body axes (A m²) in a planet's dipole field along an orbit: strength [T m³], tilt and azimuth
+    /// of the dipole (rad), rate of the planet's rotation (rad/s); see [`OrbitingDipole`].
+    pub fn orbiting_dipole(
+        moment_body: impl Into<Parameter<DVec3>>,
+        orbit: Orbit,
+        strength: impl Into<Parameter<f64>>,
+        tilt: impl Into<Parameter<f64>>,
+        azimuth: impl Into<Parameter<f64>>,
+        rotation: impl Into<Parameter<f64>>,
+    ) -> Self {
+        let field = [strength.into(), tilt.into(), azimuth.into(), rotation.into()];
+        Self::built(&OrbitingDipole, field_values(orbit, Value::Vector(moment_body.into()), field))
+    }
 }
 
 impl Model for OrbitingDipole {
-    fn kind(&self) -> Kind {
+    fn declaration(&self) -> &Declaration {
+        &DECLARATION
+    }
+
+    fn kind(&self, _: Values<'_>) -> Kind {
         Kind::OrbitingDipole
     }
 
-    fn validate(&self, border: &Border) -> Result<()> {
-        border.finite("moment_body", &self.moment_body)?;
-        self.orbit.validate(border)?;
-        border.finite("strength", &self.strength)?;
-        border.finite("tilt", &self.tilt)?;
-        border.finite("azimuth", &self.azimuth)?;
-        border.finite("rotation", &self.rotation)
+    fn validate(&self, values: Values<'_>, context: &ValidationContext) -> Result<()> {
+        orbit::validate(values, context)
     }
 
-    fn needs(&self) -> Needs {
-        Needs { attitude: true, time: true, ..Needs::NOTHING }
+    fn rate(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
+        let orbit = elements(values, body);
+        let nearest = 1.0 - orbit.eccentricity;
+        let field = 2.0 * field_scale(values, body, &orbit).abs() / (nearest * nearest * nearest);
+        (values.vector(MOMENT).at(body).length() * field / middle_moment).sqrt()
     }
 
-    fn rate(&self, body: usize, middle_moment: f64) -> f64 {
-        let nearest = 1.0 - self.orbit.eccentricity.at(body);
-        let field = 2.0 * self.field_scale(body).abs() / (nearest * nearest * nearest);
-        (self.moment_body.at(body).length() * field / middle_moment).sqrt()
-    }
-
-    fn columns(&self, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
-        let moment = frame.to_principal(self.moment_body.at(body)) * self.field_scale(body);
-        let (x, y) = self.orbit.axes(body);
-        let (sin, cos) = self.tilt.at(body).sin_cos();
-        let azimuth = self.azimuth.at(body) / std::f64::consts::TAU;
+    fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
+        let scale = field_scale(values, body, &elements(values, body));
+        let moment = frame.to_principal(values.vector(MOMENT).at(body)) * scale;
         out[..3].copy_from_slice(&frame.scaled_torque(moment).to_array());
-        out[3..6].copy_from_slice(&x.to_array());
-        out[6..9].copy_from_slice(&y.to_array());
-        out[9] = self.orbit.eccentricity.at(body);
-        out[10] = self.orbit.anomaly_turns(body);
-        out[11] = sin;
-        out[12] = cos;
-        out[13] = azimuth - azimuth.round();
+        field_columns(values, body, &mut out[3..]);
     }
 
-    fn phase_rates(&self, body: usize) -> [(f64, f64); 2] {
-        [self.orbit.mean_motion(body), (self.rotation.at(body), 0.0)]
-    }
-
-    fn phase_rates_are_shared(&self) -> bool {
-        self.orbit.rate_is_shared() && self.rotation.is_shared()
+    fn phase_rates(&self, values: Values<'_>, body: usize) -> [(f64, f64); 2] {
+        field_phase_rates(values, body)
     }
 }
 
-impl OrbitingDipole {
-    /// b/a³, T.
-    fn field_scale(&self, body: usize) -> f64 {
-        let a = self.orbit.semi_major_axis.at(body);
-        self.strength.at(body) / a / a / a
-    }
+// A model in the field declares the orbit first, then one parameter of its own, then the field's.
+const STRENGTH: usize = ELEMENTS + 1;
+const TILT: usize = ELEMENTS + 2;
+const AZIMUTH: usize = ELEMENTS + 3;
+const ROTATION: usize = ELEMENTS + 4;
+
+/// The parameters of the planet's dipole.
+pub(super) fn field_parameters() -> [ParameterDeclaration; 4] {
+    let or_zero = |name, unit, about| ParameterDeclaration::number(name, unit, about).or(Preset::Number(0.0));
+    [
+        ParameterDeclaration::number("strength", "T m³", "b, the planet's dipole moment times μ0/4π").factor(),
+        or_zero("tilt", "rad", "the dipole's angle from the world's z axis"),
+        or_zero("azimuth", "rad", "the dipole's azimuth at t = 0 from the world's x axis"),
+        or_zero("rotation", "rad/s", "the planet's rate about the world's z axis").phase_rate(),
+    ]
 }
+
+/// The values of a model in the field, `of_body` being its own parameter.
+pub(super) fn field_values(orbit: Orbit, of_body: Value, field: [Parameter<f64>; 4]) -> Vec<Value> {
+    orbit.values().into_iter().chain([of_body]).chain(field.map(Value::Number)).collect()
+}
+
+/// b/a³, T.
+pub(super) fn field_scale(values: Values<'_>, body: usize, orbit: &Elements) -> f64 {
+    let a = orbit.semi_major_axis;
+    values.number(STRENGTH).at(body) / a / a / a
+}
+
+/// Writes the columns that [`DipoleField::of_row`] reads.
+pub(super) fn field_columns(values: Values<'_>, body: usize, out: &mut [f64]) {
+    let orbit = elements(values, body);
+    let (x, y) = orbit.axes();
+    let (sin, cos) = values.number(TILT).at(body).sin_cos();
+    let azimuth = values.number(AZIMUTH).at(body) / std::f64::consts::TAU;
+    out[..3].copy_from_slice(&x.to_array());
+    out[3..6].copy_from_slice(&y.to_array());
+    out[6] = orbit.eccentricity;
+    out[7] = orbit.anomaly_turns();
+    out[8] = sin;
+    out[9] = cos;
+    out[10] = azimuth - azimuth.round();
+}
+
+/// Rates of the phases of [`DipoleField::at`], rad/s, in two words.
+pub(super) fn field_phase_rates(values: Values<'_>, body: usize) -> [(f64, f64); 2] {
+    [elements(values, body).mean_motion(), (values.number(ROTATION).at(body), 0.0)]
+}
+
+/// A column of a model's own, then those of the field.
+pub(super) const fn with_field(own: Column) -> [Column; 8] {
+    [
+        own,
+        Column::vector("x_world"),
+        Column::vector("y_world"),
+        Column::number("eccentricity"),
+        Column::number("start"),
+        Column::number("sin_tilt"),
+        Column::number("cos_tilt"),
+        Column::number("azimuth"),
+    ]
+}
+
+/// Numbers that describe the field.
+pub(super) const FIELD_NUMBERS: usize = 11;
+/// The phases of the field.
+pub(super) const FIELD_PHASES: &[&str] = &["orbit_phase", "rotation_phase"];
 
 /// What the field is made of, besides the phases.
 #[derive(Clone, Copy, Debug)]
@@ -104,17 +169,17 @@ pub struct DipoleField<R> {
 }
 
 impl<R: Real> DipoleField<R> {
-    /// Of an instance's columns.
+    /// Of an instance's columns from `first` on.
     #[inline(always)]
-    pub(super) fn of_row(column: impl Fn(usize) -> R) -> Self {
+    pub(super) fn of_row(row: &impl Row<R>, first: usize) -> Self {
         Self {
-            x_world: Vector::new(column(3), column(4), column(5)),
-            y_world: Vector::new(column(6), column(7), column(8)),
-            eccentricity: column(9),
-            start: column(10),
-            sin_tilt: column(11),
-            cos_tilt: column(12),
-            azimuth: column(13),
+            x_world: row.vector(first),
+            y_world: row.vector(first + 3),
+            eccentricity: row.number(first + 6),
+            start: row.number(first + 7),
+            sin_tilt: row.number(first + 8),
+            cos_tilt: row.number(first + 9),
+            azimuth: row.number(first + 10),
         }
     }
 
@@ -139,4 +204,21 @@ pub fn orbiting_dipole<R: Real>(
     orientation: Quaternion<R>,
 ) -> Vector<R> {
     moment_principal.cross(orientation.rotate_inverse(field.at(orbit_phase, rotation_phase)))
+}
+
+impl Formula for OrbitingDipole {
+    const STEM: &'static str = "orbiting_dipole";
+    const COLUMNS: &'static [Column] = &with_field(Column::vector("moment_principal"));
+    const PHASES: &'static [&'static str] = FIELD_PHASES;
+    const EPOCH_COLUMNS: Range<usize> = 3..3 + FIELD_NUMBERS;
+
+    #[inline(always)]
+    fn epoch<R: Real>(row: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {
+        Epoch::vector(DipoleField::of_row(row, 3).at(phases[0], phases[1]))
+    }
+
+    #[inline(always)]
+    fn torque<R: Real>(row: &impl Row<R>, epoch: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        magnetic_dipole(row.vector(0), epoch.vector, q)
+    }
 }

@@ -1,51 +1,60 @@
 //! `sine-spring`: a torsion spring towards an attitude whose torque is the sine of the angle.
 
+use super::formula::{Column, Epoch, Formula, Row};
+use std::sync::LazyLock;
+
 use glam::DQuat;
 
-use super::{Border, Kind, Model, Needs, Parameter};
+use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
 use crate::batch::BodyFrame;
-use crate::error::Result;
 use crate::quaternion::Quaternion;
 use crate::real::Real;
 use crate::vector::Vector;
 
 /// τ = −k sin θ n = −2 k s v with (v, s) = conj(q_target) q (B. Wie, P. M. Barba, J. Guid. Control Dyn. 8 (1985) 360,
 /// the quaternion feedback, symmetrised so that q and −q feel the same). Smooth everywhere; potential energy k (1 − cos θ).
-#[derive(Clone, Debug, PartialEq)]
-pub struct SineSpring {
-    /// k, N m, not negative.
-    pub stiffness: Parameter<f64>,
-    /// The attitude at rest: rotates body coordinates to world; normalised here.
-    pub target: Parameter<DQuat>,
+pub struct SineSpring;
+
+static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
+    let stiffness = ParameterDeclaration::number("stiffness", "N m", "the stiffness k");
+    Declaration::new("sine-spring", "τ = −k sin θ n", "B. Wie, P. M. Barba, J. Guid. Control Dyn. 8 (1985) 360")
+        .parameters([
+            stiffness.valid(Validity::NotNegative).factor(),
+            ParameterDeclaration::rotation("target", "the attitude at rest"),
+        ])
+});
+const STIFFNESS: usize = 0;
+const TARGET: usize = 1;
+
+impl Torque {
+    /// τ = −k sin θ n towards an attitude (body to world, normalised here), k in N m; see [`SineSpring`].
+    pub fn sine_spring(stiffness: impl Into<Parameter<f64>>, target: impl Into<Parameter<DQuat>>) -> Self {
+        Self::built(&SineSpring, [Value::Number(stiffness.into()), Value::Rotation(target.into())])
+    }
 }
 
 impl Model for SineSpring {
-    fn kind(&self) -> Kind {
+    fn declaration(&self) -> &Declaration {
+        &DECLARATION
+    }
+
+    fn kind(&self, _: Values<'_>) -> Kind {
         Kind::SineSpring
     }
 
-    fn validate(&self, border: &Border) -> Result<()> {
-        border.not_negative("stiffness", &self.stiffness)?;
-        border.rotation("target", &self.target)
+    fn rate(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
+        (values.number(STIFFNESS).at(body) / middle_moment).sqrt()
     }
 
-    fn needs(&self) -> Needs {
-        Needs { attitude: true, ..Needs::NOTHING }
-    }
-
-    fn rate(&self, body: usize, middle_moment: f64) -> f64 {
-        (self.stiffness.at(body) / middle_moment).sqrt()
-    }
-
-    fn columns(&self, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
-        out[0] = frame.scaled(self.stiffness.at(body), 1, 2);
-        let target = (self.target.at(body).normalize() * frame.principal_to_body).normalize();
+    fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
+        out[0] = frame.scaled(values.number(STIFFNESS).at(body), 1, 2);
+        let target = (values.rotation(TARGET).at(body).normalize() * frame.principal_to_body).normalize();
         out[1..5].copy_from_slice(&target.to_array());
     }
 
-    fn potential_energy(&self, body: usize, orientation: DQuat) -> Option<f64> {
-        let between = self.target.at(body).normalize().conjugate() * orientation;
-        Some(2.0 * self.stiffness.at(body) * between.xyz().length_squared())
+    fn potential_energy(&self, values: Values<'_>, body: usize, orientation: DQuat) -> Option<f64> {
+        let between = values.rotation(TARGET).at(body).normalize().conjugate() * orientation;
+        Some(2.0 * values.number(STIFFNESS).at(body) * between.xyz().length_squared())
     }
 }
 
@@ -54,4 +63,14 @@ impl Model for SineSpring {
 pub fn sine_spring<R: Real>(stiffness: R, target: Quaternion<R>, orientation: Quaternion<R>) -> Vector<R> {
     let between = target.conjugate().product(orientation);
     between.vector() * (R::splat(-2.0) * stiffness * between.w)
+}
+
+impl Formula for SineSpring {
+    const STEM: &'static str = "sine_spring";
+    const COLUMNS: &'static [Column] = &[Column::number("stiffness"), Column::quaternion("target_orientation")];
+
+    #[inline(always)]
+    fn torque<R: Real>(row: &impl Row<R>, _: &Epoch<R>, q: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        sine_spring(row.number(0), row.quaternion(1), q)
+    }
 }

@@ -1,57 +1,70 @@
 //! `sinusoidal`: a torque in body axes that oscillates in time.
 
-use glam::{DQuat, DVec3};
+use std::ops::Range;
 
-use super::{Border, Kind, Model, Needs, Parameter};
+use super::formula::{Column, Epoch, Formula, MOST_PHASES, Row};
+use crate::quaternion::Quaternion;
+use glam::{DQuat, DVec3};
+use std::sync::LazyLock;
+
+use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Preset, Torque, Value, Values};
 use crate::batch::BodyFrame;
-use crate::error::Result;
 use crate::real::{Real, sin_cos};
 use crate::vector::Vector;
 
 /// τ = τ_sin sin Ωt + τ_cos cos Ωt in body axes.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Sinusoidal {
-    /// τ_sin in body axes, N m.
-    pub sine_body: Parameter<DVec3>,
-    /// τ_cos in body axes, N m.
-    pub cosine_body: Parameter<DVec3>,
-    /// Ω, rad/s.
-    pub rate: Parameter<f64>,
+pub struct Sinusoidal;
+
+static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
+    let amplitude = |name, about| ParameterDeclaration::vector(name, "N m", Frame::Body, about).or(Preset::Number(0.0));
+    Declaration::new("sinusoidal", "τ = τ_sin sin Ωt + τ_cos cos Ωt in body axes", "by definition").parameters([
+        amplitude("sine", "the amplitude τ_sin"),
+        amplitude("cosine", "the amplitude τ_cos"),
+        ParameterDeclaration::number("rate", "rad/s", "the angular frequency Ω").phase_rate(),
+    ])
+});
+const SINE: usize = 0;
+const COSINE: usize = 1;
+const RATE: usize = 2;
+
+impl Torque {
+    /// τ = τ_sin sin Ωt + τ_cos cos Ωt in body axes (N m), Ω in rad/s; see [`Sinusoidal`].
+    pub fn sinusoidal(
+        sine_body: impl Into<Parameter<DVec3>>,
+        cosine_body: impl Into<Parameter<DVec3>>,
+        rate: impl Into<Parameter<f64>>,
+    ) -> Self {
+        let (sine, cosine) = (Value::Vector(sine_body.into()), Value::Vector(cosine_body.into()));
+        Self::built(&Sinusoidal, [sine, cosine, Value::Number(rate.into())])
+    }
 }
 
 impl Model for Sinusoidal {
-    fn kind(&self) -> Kind {
+    fn declaration(&self) -> &Declaration {
+        &DECLARATION
+    }
+
+    fn kind(&self, _: Values<'_>) -> Kind {
         Kind::Sinusoidal
     }
 
-    fn validate(&self, border: &Border) -> Result<()> {
-        border.finite("sine_body", &self.sine_body)?;
-        border.finite("cosine_body", &self.cosine_body)?;
-        border.finite("rate", &self.rate)
+    fn acts_on(&self, values: Values<'_>, body: usize) -> bool {
+        [SINE, COSINE].iter().any(|&amplitude| values.vector(amplitude).at(body) != DVec3::ZERO)
     }
 
-    fn needs(&self) -> Needs {
-        Needs { time: true, ..Needs::NOTHING }
-    }
-
-    fn rate(&self, body: usize, middle_moment: f64) -> f64 {
-        let amplitude = self.sine_body.at(body).length() + self.cosine_body.at(body).length();
+    fn rate(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
+        let amplitude = values.vector(SINE).at(body).length() + values.vector(COSINE).at(body).length();
         (amplitude / middle_moment).sqrt()
     }
 
-    fn columns(&self, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
-        let sine = frame.scaled_torque(frame.to_principal(self.sine_body.at(body)));
-        let cosine = frame.scaled_torque(frame.to_principal(self.cosine_body.at(body)));
-        out[..3].copy_from_slice(&sine.to_array());
-        out[3..6].copy_from_slice(&cosine.to_array());
+    fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
+        let scaled = |amplitude| frame.scaled_torque(frame.to_principal(values.vector(amplitude).at(body)));
+        out[..3].copy_from_slice(&scaled(SINE).to_array());
+        out[3..6].copy_from_slice(&scaled(COSINE).to_array());
     }
 
-    fn phase_rates(&self, body: usize) -> [(f64, f64); 2] {
-        [(self.rate.at(body), 0.0), (0.0, 0.0)]
-    }
-
-    fn phase_rates_are_shared(&self) -> bool {
-        self.rate.is_shared()
+    fn phase_rates(&self, values: Values<'_>, body: usize) -> [(f64, f64); 2] {
+        [(values.number(RATE).at(body), 0.0), (0.0, 0.0)]
     }
 }
 
@@ -60,4 +73,21 @@ impl Model for Sinusoidal {
 pub fn sinusoidal<R: Real>(sine: Vector<R>, cosine: Vector<R>, phase: R) -> Vector<R> {
     let (s, c) = sin_cos(phase * R::splat(std::f64::consts::TAU));
     sine.axpy(s, cosine * c)
+}
+
+impl Formula for Sinusoidal {
+    const STEM: &'static str = "sinusoidal";
+    const COLUMNS: &'static [Column] = &[Column::vector("sine"), Column::vector("cosine")];
+    const PHASES: &'static [&'static str] = &["phase"];
+    const EPOCH_COLUMNS: Range<usize> = 0..6;
+
+    #[inline(always)]
+    fn epoch<R: Real>(row: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {
+        Epoch::vector(sinusoidal(row.vector(0), row.vector(3), phases[0]))
+    }
+
+    #[inline(always)]
+    fn torque<R: Real>(_: &impl Row<R>, epoch: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        epoch.vector
+    }
 }

@@ -1,32 +1,17 @@
 //! The sum of a scene's torques. Twin: `shaders/torque/sum.wgsl`.
 
 mod columns;
-mod held;
 mod noise;
 mod turning;
 
-use columns::StepTime;
-pub(crate) use columns::{Columns, Source};
-pub(crate) use held::{Held, of_kinds};
+pub(crate) use columns::{Columns, Source, StepTime, ticks_from};
 use turning::ChangeDone;
 
 use std::cell::Cell;
 
-use super::constant_body::constant_body;
-use super::constant_world::constant_world;
-use super::eddy_current::eddy_current;
-use super::gravity_gradient::gravity_gradient;
-use super::gravity_gradient_kepler::gravity_gradient_kepler;
-use super::heavy_top::heavy_top;
-use super::linear_drag::linear_drag;
+use super::expressed::{Given, Instructions};
+use super::formula::{Following, Formula, FormulaTask, MOST_PHASES, Role, Row};
 use super::linear_rotor::across_axis;
-use super::log_spring::log_spring;
-use super::magnetic_dipole::magnetic_dipole;
-use super::matrix_drag::matrix_drag;
-use super::orbiting_dipole::{DipoleField, orbiting_dipole};
-use super::quadratic_drag::quadratic_drag;
-use super::sine_spring::sine_spring;
-use super::sinusoidal::sinusoidal;
 use super::table::Instance;
 use super::{Environment, Kind, Motion, VelocityDependence};
 use crate::batch::RATE_COLUMN;
@@ -125,19 +110,40 @@ impl<'a, R: Real> Torques<'a, R> {
         Self { columns }
     }
 
-    /// The first columns of all instances of a kind.
+    /// The first column of the only instance of a kind of which several merge.
     #[inline(always)]
-    fn firsts(&self, kind: Kind) -> impl Iterator<Item = (usize, usize)> + use<R> {
-        let instances = self.columns.source.table.instances(kind);
-        (0..instances.count).map(move |index| (index, instances.first + index * kind.columns()))
+    fn merged(&self, kind: Kind) -> Option<usize> {
+        self.columns.source.table.instance(kind).map(|instance| instance.first)
     }
 
     #[inline(always)]
-    fn phase(&self, kind: Kind, instance: usize, phase_index: usize, time: &Time<'a, R>) -> R {
+    fn phase(&self, instance: &Instance, phase: usize, time: &Time<'a, R>) -> R {
+        let start = time.start_phases[instance.first_phase + phase].get();
+        phase_after(start, self.columns.column(instance.rate_column(phase)), time.elapsed)
+    }
+
+    /// The torque of an instance that is an expression.
+    #[inline(always)]
+    fn expressed(&self, instance: &Instance, time: &Time<'a, R>, q: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
         let table = self.columns.source.table;
-        let start = time.start_phases[table.phase_number(kind, instance, phase_index)].get();
-        let turns_per_second = self.columns.column(table.rate_column(kind, instance, phase_index));
-        phase_after(start, turns_per_second, time.elapsed)
+        let Instructions { program, inputs } = &table.expressed(instance.index).whole;
+        let Some(scratches) = self.columns.scratches else { return Vector::zero() };
+        let mut scratches = scratches.borrow_mut();
+        let Some(scratch) = scratches.get_mut(instance.index) else { return Vector::zero() };
+        for (index, given) in inputs.iter().enumerate() {
+            scratch.input(index)[0] = match *given {
+                Given::Column(column) => self.columns.column(instance.first + column),
+                Given::Phase(phase) => self.phase(instance, phase, time),
+                Given::Time => time.start_phases[table.phase_count()].get() + time.elapsed,
+                Given::Orientation(part) => [q.x, q.y, q.z, q.w][part],
+                Given::AngularVelocity(part) => [omega.x, omega.y, omega.z][part],
+                // The whole formula forms these itself.
+                Given::Epoch(_) => R::splat(0.0),
+            };
+        }
+        let mut torque = [R::splat(0.0); 3];
+        program.run(scratch, &mut torque);
+        Vector::new(torque[0], torque[1], torque[2])
     }
 
     #[inline(always)]
@@ -147,52 +153,65 @@ impl<'a, R: Real> Torques<'a, R> {
         orientation: Quaternion<R>,
         angular_velocity_principal: Vector<R>,
     ) -> Vector<R> {
-        let (q, omega, time) = (orientation, angular_velocity_principal, &epoch.time);
         let mut sum = epoch.noise;
-        for &Instance { kind, index, first: c } in self.columns.source.table.list() {
-            let torque = match kind {
-                Kind::ConstantBody => constant_body(self.columns.vector(c)),
-                Kind::LinearDrag => linear_drag(self.columns.column(c), omega),
-                Kind::ConstantWorld => constant_world(self.columns.vector(c), q),
-                Kind::MatrixDrag => matrix_drag(self.columns.vector(c), self.columns.vector(c + 3), omega),
-                Kind::QuadraticDrag => quadratic_drag(self.columns.column(c), omega),
-                Kind::Sinusoidal => {
-                    sinusoidal(self.columns.vector(c), self.columns.vector(c + 3), self.phase(kind, index, 0, time))
-                }
-                Kind::GravityGradient => {
-                    let phase = self.phase(kind, index, 0, time);
-                    let coefficients = self.gradient_coefficients(c, epoch.change_done);
-                    gravity_gradient(coefficients, self.columns.vector(c + 3), self.columns.vector(c + 6), phase, q)
-                }
-                Kind::GravityGradientKepler => {
-                    let phase = self.phase(kind, index, 0, time);
-                    let (x, y) = (self.columns.vector(c + 3), self.columns.vector(c + 6));
-                    let (eccentricity, start) = (self.columns.column(c + 10), self.columns.column(c + 11));
-                    let coefficients = self.gradient_coefficients(c, epoch.change_done);
-                    gravity_gradient_kepler(coefficients, x, y, eccentricity, start, phase, q)
-                }
-                Kind::HeavyTop => heavy_top(self.columns.vector(c), self.columns.vector(c + 3), q),
-                Kind::MagneticDipole => magnetic_dipole(self.columns.vector(c), self.columns.vector(c + 3), q),
-                Kind::OrbitingDipole => {
-                    let field = DipoleField::of_row(|index| self.columns.column(c + index));
-                    let orbit_phase = self.phase(kind, index, 0, time);
-                    let rotation_phase = self.phase(kind, index, 1, time);
-                    orbiting_dipole(self.columns.vector(c), &field, orbit_phase, rotation_phase, q)
-                }
-                Kind::EddyCurrent => eddy_current(self.columns.column(c), self.columns.vector(c + 1), q, omega),
-                Kind::SineSpring => sine_spring(self.columns.column(c), self.columns.quaternion(c + 1), q),
-                Kind::LogSpring => log_spring(self.columns.column(c), self.columns.quaternion(c + 1), q),
-                // The last of all: it holds for the whole sum.
-                Kind::LinearRotor => {
-                    sum = across_axis(self.columns.column(c), sum);
-                    continue;
-                }
-                // White noise belongs to the epoch, dissipation and the moments to the motion.
-                Kind::WhiteNoise | Kind::InternalDissipation | Kind::InertiaRamp | Kind::InertiaOscillation => continue,
-            };
-            sum = sum + torque;
+        for &instance in self.columns.source.table.list() {
+            let torques = self;
+            sum = instance.kind.with(Added { torques, instance, epoch, orientation, angular_velocity_principal, sum });
         }
         sum
+    }
+}
+
+/// A sum of torques with one more.
+struct Added<'s, 'a, R: Real> {
+    torques: &'s Torques<'a, R>,
+    instance: Instance,
+    epoch: &'s Epoch<'a, R>,
+    orientation: Quaternion<R>,
+    angular_velocity_principal: Vector<R>,
+    sum: Vector<R>,
+}
+
+impl<R: Real> FormulaTask for Added<'_, '_, R> {
+    type Output = Vector<R>;
+    #[inline(always)]
+    fn run<F: Formula>(self) -> Vector<R> {
+        let Self { torques, instance, epoch, orientation: q, sum, .. } = self;
+        let (omega, columns) = (self.angular_velocity_principal, &torques.columns);
+        let row = InstanceRow { columns, first: instance.first };
+        match F::ROLE {
+            // The last of all: it holds for the whole sum.
+            Role::Projection => across_axis(row.number(0), sum),
+            Role::Torque => {
+                let mut phases = [R::splat(0.0); MOST_PHASES];
+                for (number, phase) in phases.iter_mut().enumerate().take(F::PHASES.len()) {
+                    *phase = torques.phase(&instance, number, &epoch.time);
+                }
+                let at = F::epoch(&row, phases);
+                if F::FOLLOWS_MOMENTS && columns.source.table.varies_inertia() {
+                    let gained = columns.vector(torques.change_first() + 9);
+                    let following = Following { row: &row, gained, done: epoch.change_done };
+                    return sum + F::torque(&following, &at, q, omega);
+                }
+                sum + F::torque(&row, &at, q, omega)
+            }
+            Role::Expression => sum + torques.expressed(&instance, &epoch.time, q, omega),
+            // White noise belongs to the epoch, dissipation and the moments to the motion.
+            Role::Noise | Role::Slip | Role::Moments => sum,
+        }
+    }
+}
+
+/// The columns of one instance.
+struct InstanceRow<'s, 'a, R: Real> {
+    columns: &'s Columns<'a, R>,
+    first: usize,
+}
+
+impl<R: Real> Row<R> for InstanceRow<'_, '_, R> {
+    #[inline(always)]
+    fn number(&self, column: usize) -> R {
+        self.columns.column(self.first + column)
     }
 }
 
@@ -248,11 +267,10 @@ impl<'a, R: Real> Environment<R> for Torques<'a, R> {
 
     #[inline(always)]
     fn drag_coefficient(&self) -> R {
-        let mut sum = R::splat(0.0);
-        for (_, c) in self.firsts(Kind::LinearDrag) {
-            sum = sum + self.columns.column(c);
+        match self.merged(Kind::LinearDrag) {
+            Some(column) => self.columns.column(column),
+            None => R::splat(0.0),
         }
-        sum
     }
 
     #[inline(always)]

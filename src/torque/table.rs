@@ -1,11 +1,15 @@
 //! Torques resolved to columns.
 
+use std::sync::Arc;
+
 use glam::DQuat;
 
+use super::expressed::{self, Expressed};
+use super::formula::Role;
 use super::kind::Kind;
 use super::{Torque, VelocityDependence};
 use crate::batch::BodyFrame;
-use crate::clock::{Clock, Fraction, RATE_DIGITS, digits};
+use crate::clock::{Clock, Fraction, MOST_LANES, RATE_DIGITS, digits};
 use crate::real::Scalar;
 
 /// The column of a ramp's parameters that holds ramps per tick.
@@ -18,7 +22,8 @@ pub struct Instances {
     pub count: usize,
     /// First parameter column of the first instance; those of the others follow.
     pub first: usize,
-    first_phase: usize,
+    /// Its place in the list of all instances.
+    place: usize,
 }
 
 /// One instance, for a loop over what there is rather than over all that there could be.
@@ -29,6 +34,24 @@ pub(crate) struct Instance {
     pub index: usize,
     /// Its first parameter column.
     pub first: usize,
+    /// Parameter columns.
+    pub parameters: usize,
+    /// The number of its first phase.
+    pub first_phase: usize,
+    /// Phases.
+    pub phases: usize,
+}
+
+impl Instance {
+    /// The column of a phase's rounded rate, turns/s, or ramps/s.
+    #[inline(always)]
+    pub fn rate_column(&self, phase: usize) -> usize {
+        self.first + self.parameters + phase * (RATE_DIGITS + 1) + RATE_DIGITS
+    }
+
+    fn columns(&self) -> usize {
+        self.parameters + self.phases * (RATE_DIGITS + 1)
+    }
 }
 
 /// The torques of a scene as a kernel sees them: how many of each kind, and where their columns are.
@@ -40,12 +63,16 @@ pub struct TorqueTable {
     kinds: [Instances; Kind::ALL.len()],
     columns: usize,
     phases: Vec<PhaseRates>,
+    /// The kinds of the scene's torques, in their order: to find one may take a look at all bodies.
+    torque_kinds: Vec<Kind>,
     /// All instances, in the order of their kinds.
     list: Vec<Instance>,
     /// Whether moments of inertia change in time.
     varies_inertia: bool,
     /// Whether every body's axes turn at I⁻¹ m with the moments that it starts with.
     is_rigid: bool,
+    /// The formulas of the instances of [`Kind::Custom`].
+    expressions: Vec<Arc<Expressed>>,
 }
 
 /// The exact rate of one phase of one instance; of a ramp the tick at which it starts.
@@ -58,29 +85,23 @@ enum PhaseRates {
 impl TorqueTable {
     /// The table of no torque, over a span of `span` seconds.
     pub fn none(span: f64) -> Self {
-        Self::new(&[], 0, 0, span, false)
+        Self::new(&[], 0, 0, span, Bodies { have_linear_rotors: false, axes: None })
     }
 
-    /// The layout of `torques` with columns from `first_column` on, for bodies of which there are `stride` rows;
-    /// `has_linear_rotors` says whether one of them is a linear rotor.
-    pub(crate) fn new(
-        torques: &[Torque],
-        first_column: usize,
-        stride: usize,
-        span: f64,
-        has_linear_rotors: bool,
-    ) -> Self {
+    /// The layout of `torques` with columns from `first_column` on, for bodies of which there are `stride` rows.
+    pub(crate) fn new(torques: &[Torque], first_column: usize, stride: usize, span: f64, bodies: Bodies) -> Self {
         let mut table = Self {
             clock: Clock::new(span),
             kinds: [Instances::default(); Kind::ALL.len()],
             columns: 0,
             phases: Vec::new(),
+            torque_kinds: torques.iter().map(Torque::kind).collect(),
             list: Vec::new(),
             varies_inertia: false,
             is_rigid: true,
+            expressions: torques.iter().filter_map(|torque| torque.expressed(bodies.axes)).collect(),
         };
-        for torque in torques {
-            let kind = torque.model().kind();
+        for &kind in &table.torque_kinds {
             let instances = &mut table.kinds[kind as usize];
             instances.count = if kind.merges() { 1 } else { instances.count + 1 };
         }
@@ -88,19 +109,30 @@ impl TorqueTable {
             [Kind::InertiaRamp, Kind::InertiaOscillation].map(|kind| table.instances(kind).count) != [0, 0];
         table.is_rigid = !table.varies_inertia && table.instances(Kind::InternalDissipation).count == 0;
         // A constant torque is projected in its columns, and drag has no part along an axis without spin.
-        table.kinds[Kind::LinearRotor as usize].count = usize::from(has_linear_rotors && !table.is_common());
-        for kind in Kind::ALL {
+        table.kinds[Kind::LinearRotor as usize].count = usize::from(bodies.have_linear_rotors && !table.is_common());
+        for &kind in Kind::ALL {
+            let count = table.instances(kind).count;
             let instances = &mut table.kinds[kind as usize];
-            instances.first = first_column + table.columns;
-            instances.first_phase = table.phases.len();
-            table.columns += instances.count * kind.columns();
-            let first = instances.first;
-            let instance = |index| Instance { kind, index, first: first + index * kind.columns() };
-            table.list.extend((0..instances.count).map(instance));
-            for torque in torques.iter().filter(|torque| torque.model().kind() == kind && kind.phases() > 0) {
-                for phase in 0..kind.phases() {
-                    table.phases.push(if torque.model().phase_rates_are_shared() {
-                        PhaseRates::Shared(table.exact_rate(kind, torque.model().phase_rates(0)[phase]))
+            (instances.first, instances.place) = (first_column + table.columns, table.list.len());
+            for index in 0..count {
+                let (parameters, phases) = match table.expressions.get(index) {
+                    Some(expressed) if kind == Kind::Custom => (expressed.columns(), expressed.phases()),
+                    _ => (kind.parameters(), kind.phases()),
+                };
+                let (first, first_phase) = (first_column + table.columns, table.phase_count());
+                let instance = Instance { kind, index, first, parameters, first_phase, phases };
+                table.columns += instance.columns();
+                table.list.push(instance);
+                // Kinds that merge have no phases.
+                let torque = if phases > 0 { table.torque_of(torques, kind, index) } else { None };
+                let rates = torque.map_or_else(Vec::new, |torque| table.phase_rates(torque, &instance, 0, None));
+                let is_shared = torque.is_some_and(|torque| match kind {
+                    Kind::Custom => torque.values_are_shared() && table.expressions[index].rates_are_of_parameters(),
+                    _ => torque.phase_rates_are_shared(),
+                });
+                for &rates in rates.iter().take(phases) {
+                    table.phases.push(if is_shared {
+                        PhaseRates::Shared(table.exact_rate(kind, rates))
                     } else {
                         PhaseRates::PerBody(vec![0; stride])
                     });
@@ -108,6 +140,29 @@ impl TorqueTable {
             }
         }
         table
+    }
+
+    /// The torque of one instance.
+    fn torque_of<'t>(&self, torques: &'t [Torque], kind: Kind, index: usize) -> Option<&'t Torque> {
+        torques.iter().zip(&self.torque_kinds).filter(|(_, of)| **of == kind).nth(index).map(|(torque, _)| torque)
+    }
+
+    /// Rates of an instance's phases in two words, rad/s; of a formula's own with its frame where they differ by body.
+    fn phase_rates(
+        &self,
+        torque: &Torque,
+        instance: &Instance,
+        body: usize,
+        frame: Option<&BodyFrame>,
+    ) -> Vec<(f64, f64)> {
+        let (model, values) = torque.parts();
+        if instance.kind != Kind::Custom {
+            return model.phase_rates(values, body)[..instance.phases].to_vec();
+        }
+        let frame = frame.copied().unwrap_or(BodyFrame::UNIT);
+        let host = expressed::host_of(values, body, &frame);
+        let mut unused = vec![0.0; instance.parameters];
+        self.expressions[instance.index].row(&host, &mut unused).into_iter().map(|rate| (rate, 0.0)).collect()
     }
 
     /// The clock at the start of the run.
@@ -142,23 +197,18 @@ impl TorqueTable {
             .all(|&kind| self.instances(kind).count == 0 || matches!(kind, Kind::ConstantBody | Kind::LinearDrag))
     }
 
-    /// The kind of the torque, where there is only one.
-    pub(crate) fn only_kind(&self) -> Option<Kind> {
-        match self.list[..] {
-            [Instance { kind, .. }] => Some(kind),
-            _ => None,
-        }
-    }
-
     /// How the torques together depend on the angular velocity.
     pub fn velocity_dependence(&self) -> VelocityDependence {
-        let has = |kind| self.instances(kind).count > 0;
-        if [Kind::MatrixDrag, Kind::QuadraticDrag, Kind::EddyCurrent].into_iter().any(has) {
-            VelocityDependence::General
-        } else if has(Kind::LinearDrag) {
-            VelocityDependence::LinearDrag
-        } else {
-            VelocityDependence::None
+        let reads = |instance: &&Instance| match instance.kind.role() {
+            Role::Torque => instance.kind.needs().angular_velocity,
+            Role::Expression => self.expressions[instance.index].needs().angular_velocity,
+            Role::Noise | Role::Slip | Role::Moments | Role::Projection => false,
+        };
+        let mut reading = self.list.iter().filter(reads).map(|instance| instance.kind);
+        match (reading.next(), reading.next()) {
+            (None, _) => VelocityDependence::None,
+            (Some(Kind::LinearDrag), None) => VelocityDependence::LinearDrag,
+            _ => VelocityDependence::General,
         }
     }
 
@@ -174,31 +224,33 @@ impl TorqueTable {
     ) -> Vec<u128> {
         let mut row = Vec::new();
         let mut exact = Vec::new();
-        for kind in Kind::ALL {
-            let instances = self.instances(kind);
-            if instances.count == 0 {
-                continue;
-            }
+        for instance in &self.list {
+            let &Instance { kind, parameters, phases, first_phase, first, .. } = instance;
             row.clear();
-            row.resize(instances.count * kind.columns(), 0.0);
-            let of_kind = torques.iter().filter(|torque| torque.model().kind() == kind);
-            for (index, torque) in of_kind.enumerate() {
-                let start = if kind.merges() { 0 } else { index * kind.columns() };
-                let own = &mut row[start..start + kind.columns()];
-                torque.model().columns(body, frame, orientation, own);
-                let rates = torque.model().phase_rates(body);
-                for (phase, &rates) in rates[..kind.phases()].iter().enumerate() {
+            row.resize(instance.columns(), 0.0);
+            let of_kind = torques.iter().zip(&self.torque_kinds).filter(|(_, of)| **of == kind);
+            let own = of_kind.skip(if kind.merges() { 0 } else { instance.index });
+            for (torque, _) in own.take(if kind.merges() { usize::MAX } else { 1 }) {
+                let (model, values) = torque.parts();
+                let rates: Vec<(f64, f64)> = if kind == Kind::Custom {
+                    let host = expressed::host_of(values, body, frame);
+                    let rates = self.expressions[instance.index].row(&host, &mut row);
+                    rates.into_iter().map(|rate| (rate, 0.0)).collect()
+                } else {
+                    model.columns(values, body, frame, orientation, &mut row);
+                    if phases > 0 { model.phase_rates(values, body)[..phases].to_vec() } else { Vec::new() }
+                };
+                for (phase, &rates) in rates.iter().enumerate() {
                     let rate = self.exact_rate(kind, rates);
-                    let number = self.phase_number(kind, index, phase);
-                    if matches!(self.phases[number], PhaseRates::PerBody(_)) {
+                    if matches!(self.phases[first_phase + phase], PhaseRates::PerBody(_)) {
                         exact.push(rate);
                     }
-                    let columns = &mut own[kind.parameters() + phase * (RATE_DIGITS + 1)..];
+                    let columns = &mut row[parameters + phase * (RATE_DIGITS + 1)..];
                     columns[..RATE_DIGITS].copy_from_slice(&digits(rate));
                     columns[RATE_DIGITS] = rates.0 / std::f64::consts::TAU;
                     if kind == Kind::InertiaRamp {
                         columns[RATE_DIGITS] = rates.1.recip();
-                        own[PER_TICK] = (rates.1 * self.clock.ticks_per_second()).recip();
+                        row[PER_TICK] = (rates.1 * self.clock.ticks_per_second()).recip();
                     }
                 }
             }
@@ -206,7 +258,7 @@ impl TorqueTable {
                 row.fill(if frame.is_linear_rotor { 0.0 } else { 1.0 });
             }
             for (column, &number) in row.iter().enumerate() {
-                store(instances.first + column, number);
+                store(first + column, number);
             }
         }
         exact
@@ -257,17 +309,34 @@ impl TorqueTable {
         self.phases.len()
     }
 
-    /// The number of a phase among all, in the order of the list of instances.
+    /// The only instance of a kind of which a table has one at most.
     #[inline(always)]
-    pub(crate) fn phase_number(&self, kind: Kind, instance: usize, phase: usize) -> usize {
-        self.instances(kind).first_phase + instance * kind.phases() + phase
+    pub(crate) fn instance(&self, kind: Kind) -> Option<&Instance> {
+        let instances = self.instances(kind);
+        if instances.count > 0 { self.list.get(instances.place) } else { None }
+    }
+
+    /// The formula of an instance of [`Kind::Custom`].
+    #[inline(always)]
+    pub(crate) fn expressed(&self, index: usize) -> &Expressed {
+        &self.expressions[index]
+    }
+
+    /// Whether a formula reads the time itself.
+    pub(crate) fn reads_time(&self) -> bool {
+        self.expressions.iter().any(|expressed| expressed.reads_time())
+    }
+
+    /// Places of a lane group for what holds at the start of a step: phases, and behind them the time where it is read.
+    #[inline(always)]
+    pub(crate) fn start_places(&self) -> usize {
+        self.phase_count() + usize::from(self.reads_time())
     }
 
     /// The first column of the ramp of inertia whose progress stands in a phase's place.
     #[inline(always)]
     pub(crate) fn ramp_of(&self, number: usize) -> Option<usize> {
-        let ramp = self.instances(Kind::InertiaRamp);
-        (ramp.count > 0 && number == ramp.first_phase).then_some(ramp.first)
+        self.instance(Kind::InertiaRamp).filter(|ramp| number == ramp.first_phase).map(|ramp| ramp.first)
     }
 
     /// The exact rate of a phase by its number, for the bodies from `first` on.
@@ -279,19 +348,46 @@ impl TorqueTable {
         }
     }
 
-    /// The column of a phase's rounded rate, turns/s, or ramps/s.
+    /// The exact rates of a phase by its number, for the bodies in these rows; `room` holds them where they differ.
     #[inline(always)]
-    pub(crate) fn rate_column(&self, kind: Kind, instance: usize, phase: usize) -> usize {
-        let first = self.instances(kind).first + instance * kind.columns();
-        first + kind.parameters() + phase * (RATE_DIGITS + 1) + RATE_DIGITS
+    pub(crate) fn fractions<'r>(
+        &self,
+        number: usize,
+        rows: &[usize],
+        room: &'r mut [u128; MOST_LANES],
+    ) -> Fraction<'r> {
+        match &self.phases[number] {
+            PhaseRates::Shared(fraction) => Fraction::Shared(*fraction),
+            PhaseRates::PerBody(fractions) => {
+                for (place, &row) in room.iter_mut().zip(rows) {
+                    *place = fractions[row];
+                }
+                Fraction::PerBody(room)
+            }
+        }
     }
+
+    /// Whether all bodies have the same rate of a phase, by its number.
+    pub(crate) fn rate_is_shared(&self, number: usize) -> bool {
+        matches!(self.phases[number], PhaseRates::Shared(_))
+    }
+}
+
+/// What the layout of torques asks of bodies.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bodies {
+    /// Whether one of them is a linear rotor.
+    pub have_linear_rotors: bool,
+    /// The rotation from principal to body axes, where it is the same for all and a formula of the user's own asks for it.
+    pub axes: Option<DQuat>,
 }
 
 /// The rate (rad/s) to which the torques bring a body from rest, in about a radian; 0 without torques.
 pub(crate) fn rate_of(torques: &[Torque], body: usize, middle_moment: f64) -> f64 {
     torques
         .iter()
-        .map(|torque| torque.model().rate(body, middle_moment))
+        .map(|torque| torque.parts())
+        .map(|(model, values)| model.rate(values, body, middle_moment))
         .filter(|rate| rate.is_finite())
         .fold(0.0, f64::max)
 }

@@ -31,10 +31,17 @@
 //!
 //! Methods that take for granted that ω = I₀⁻¹ m are refused ([`crate::Error::RigidOnly`]).
 
+use super::formula::{Column, Epoch, Formula, MOST_PHASES, Role, Row};
+use crate::quaternion::Quaternion;
+use std::sync::LazyLock;
+
 use glam::{DQuat, DVec3};
 
 pub use super::inertia_change::{InertiaChange, Law};
-use super::{Border, Kind, Model, Motion, Needs, Torque};
+use super::model::InertiaModel;
+use super::{
+    Declaration, Kind, Model, Motion, ParameterDeclaration, Torque, ValidationContext, Validity, Value, Values,
+};
 use crate::batch::BodyFrame;
 use crate::ensemble::Ensemble;
 use crate::error::Result;
@@ -62,27 +69,123 @@ use crate::vector::{TwoWords, Vector, two_difference};
 /// assert!((record.final_state().angular_velocity_body(0).z - 3.0).abs() < 1e-12);
 /// # Ok::<(), polhode::Error>(())
 /// ```
-#[derive(Clone, Debug, PartialEq)]
-pub struct VariableInertia {
-    /// What I₁ is.
-    pub change: InertiaChange,
-    /// How it is reached.
-    pub law: Law,
+pub struct VariableInertia;
+
+static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
+    let number = ParameterDeclaration::number;
+    let start = number("ramp.start", "s", "the time at which the ramp starts");
+    let duration = number("ramp.duration", "s", "the ramp's duration");
+    let rate = number("oscillation.rate", "rad/s", "the angular frequency Ω of the oscillation");
+    let factor = number("factor", "1", "the factor by which the body's own tensor changes");
+    let source = "P. C. Hughes, Spacecraft Attitude Dynamics, 1986, section 3.3";
+    Declaration::new("variable-inertia", "ω = I(t)⁻¹ m, I(t) = I₀ + (I₁ − I₀) s(t)", source)
+        .not_rigid()
+        .only_one("the moments of a body change by one law: one such entry is needed, whose parameters may be columns")
+        .parameters([
+            ParameterDeclaration::tensor("inertia", "the tensor after the change").choice("change").drawn_as(0),
+            factor.valid(Validity::Positive).choice("change").drawn_as(0),
+            start.valid(Validity::NotNegative).choice("law").drawn_as(1).phase_rate(),
+            duration.valid(Validity::Positive).choice("law").drawn_as(2),
+            rate.choice("law").drawn_as(3).phase_rate(),
+        ])
+});
+const INERTIA: usize = 0;
+const FACTOR: usize = 1;
+const START: usize = 2;
+const DURATION: usize = 3;
+const RATE: usize = 4;
+
+impl Torque {
+    /// Moments of inertia that change in time by a law, at an angular momentum that does not; see [`VariableInertia`].
+    pub fn variable_inertia(change: InertiaChange, law: Law) -> Self {
+        let (inertia, factor) = match change {
+            InertiaChange::Tensor(tensor) => (Value::Tensor(tensor), Value::Absent),
+            InertiaChange::Factor(factor) => (Value::Absent, Value::Number(factor)),
+        };
+        let [start, duration, rate] = match law {
+            Law::Ramp { start, duration } => [Value::Number(start), Value::Number(duration), Value::Absent],
+            Law::Oscillation { rate } => [Value::Absent, Value::Absent, Value::Number(rate)],
+        };
+        Self::built(&VariableInertia, [inertia, factor, start, duration, rate])
+    }
 }
 
-impl VariableInertia {
-    /// The tensor (kg m², body axes) at `time` (s) of a body whose own is `initial`.
-    pub fn tensor_at(&self, body: usize, initial: InertiaTensor, time: f64) -> InertiaTensor {
-        initial + (self.change.of(body, initial) - initial) * self.law.done(body, time)
+/// What one body's moments change to.
+enum End {
+    /// I₁ in body axes, kg m².
+    Tensor(InertiaTensor),
+    /// I₁/I₀.
+    Factor(f64),
+}
+
+impl End {
+    fn of_body(values: Values<'_>, body: usize) -> Self {
+        match values.given(INERTIA).and_then(Value::as_tensor) {
+            Some(tensor) => Self::Tensor(tensor.at(body)),
+            None => Self::Factor(values.number(FACTOR).at(body)),
+        }
     }
 
-    /// By how much faster a body can turn about one of its axes at the same angular momentum; at least 1.
-    fn spin_growth(&self, body: usize, initial: &InertiaTensor) -> f64 {
-        match &self.change {
-            InertiaChange::Factor(factor) => factor.at(body).recip().max(1.0),
-            InertiaChange::Tensor(tensor) => {
+    /// The moments of I₁ in units of the body's own scale and along its principal axes.
+    fn scaled_moments(&self, frame: &BodyFrame) -> DVec3 {
+        match self {
+            Self::Factor(factor) => frame.scaled_moments * *factor,
+            Self::Tensor(tensor) => {
+                let tensor = tensor.rotated(frame.principal_to_body.conjugate());
+                let moments = DVec3::new(tensor.xx, tensor.yy, tensor.zz);
+                let moments =
+                    if frame.is_linear_rotor { DVec3::splat(0.5 * moments.y + 0.5 * moments.z) } else { moments };
+                DVec3::from_array(moments.to_array().map(|moment| frame.scaled(moment, 1, 0)))
+            }
+        }
+    }
+}
+
+/// When a ramp starts and how long it takes, s; else the change swings.
+fn ramp(values: Values<'_>, body: usize) -> Option<(f64, f64)> {
+    values.given(START)?;
+    Some((values.number(START).at(body), values.number(DURATION).at(body)))
+}
+
+/// s at a time, s.
+fn done(values: Values<'_>, body: usize, time: f64) -> f64 {
+    match ramp(values, body) {
+        Some((start, duration)) => {
+            let progress = (time - start) / duration;
+            inertia_ramp(progress.clamp(0.0, 1.0))
+        }
+        None => {
+            // Half the phase and what its rounding loses, so that it is exact after any number of turns.
+            let half_rate = 0.5 * values.number(RATE).at(body);
+            let half_phase = half_rate * time;
+            let lost = half_rate.mul_add(time, -half_phase);
+            let (sin, cos) = half_phase.sin_cos();
+            let sine = sin + lost * cos;
+            sine * sine
+        }
+    }
+}
+
+impl InertiaModel for VariableInertia {
+    fn tensor_at(&self, values: Values<'_>, body: usize, initial: InertiaTensor, time: f64) -> InertiaTensor {
+        let changed = match End::of_body(values, body) {
+            End::Tensor(tensor) => tensor,
+            End::Factor(factor) => initial * factor,
+        };
+        initial + (changed - initial) * done(values, body, time)
+    }
+
+    fn scaled_moments_at(&self, values: Values<'_>, body: usize, frame: &BodyFrame, time: f64) -> DVec3 {
+        let changed = End::of_body(values, body).scaled_moments(frame);
+        frame.scaled_moments + (changed - frame.scaled_moments) * done(values, body, time)
+    }
+
+    fn spin_growth(&self, values: Values<'_>, body: usize, initial: &InertiaTensor) -> f64 {
+        match End::of_body(values, body) {
+            End::Factor(factor) => factor.recip().max(1.0),
+            End::Tensor(tensor) => {
                 let axes = principal_axes(initial);
-                let tensor = tensor.at(body).rotated(axes.principal_to_body.conjugate());
+                let tensor = tensor.rotated(axes.principal_to_body.conjugate());
                 // A linear rotor does not turn about its first axis.
                 let ratios = [axes.moments.x / tensor.xx, axes.moments.y / tensor.yy, axes.moments.z / tensor.zz];
                 ratios.into_iter().filter(|ratio| ratio.is_finite()).fold(1.0, f64::max)
@@ -101,32 +204,19 @@ const LINEAR: &str = "a linear rotor stays one: an inertia with no moment about 
 const TRIANGLE: &str = "no mass distribution has this inertia: I1 + I2 >= I3 is needed (this is I1 + I2 - I3, kg m²)";
 
 impl Model for VariableInertia {
-    fn kind(&self) -> Kind {
-        match self.law {
-            Law::Ramp { .. } => Kind::InertiaRamp,
-            Law::Oscillation { .. } => Kind::InertiaOscillation,
-        }
+    fn declaration(&self) -> &Declaration {
+        &DECLARATION
     }
 
-    fn validate(&self, border: &Border) -> Result<()> {
-        match &self.law {
-            Law::Ramp { start, duration } => {
-                border.not_negative("start", start)?;
-                border.positive("duration", duration)?;
-            }
-            Law::Oscillation { rate } => border.finite("rate", rate)?,
-        }
-        match &self.change {
-            InertiaChange::Factor(factor) => border.positive("factor", factor),
-            InertiaChange::Tensor(tensor) => border.finite("inertia", tensor),
-        }
+    fn kind(&self, values: Values<'_>) -> Kind {
+        if values.given(START).is_some() { Kind::InertiaRamp } else { Kind::InertiaOscillation }
     }
 
     /// Both ends are looked at; what lies between is a mean of them.
-    fn validate_bodies(&self, border: &Border, ensemble: &Ensemble) -> Result<()> {
-        let InertiaChange::Tensor(tensor) = &self.change else { return Ok(()) };
+    fn validate_bodies(&self, values: Values<'_>, context: &ValidationContext, ensemble: &Ensemble) -> Result<()> {
+        let Some(tensor) = values.given(INERTIA).and_then(Value::as_tensor) else { return Ok(()) };
         for (body, initial) in ensemble.inertia().iter().enumerate() {
-            let refused = |value, expected| Err(border.refusal(Some(body), "inertia", value, expected));
+            let refused = |value, expected| Err(context.refusal(Some(body), "inertia", value, expected));
             let tensor = tensor.at(body).rotated(principal_axes(initial).principal_to_body.conjugate());
             let largest = tensor.to_array().into_iter().fold(0.0_f64, |largest, element| largest.max(element.abs()));
             let across = [tensor.xy, tensor.xz, tensor.yz].into_iter().max_by(|a, b| a.abs().total_cmp(&b.abs()));
@@ -151,20 +241,17 @@ impl Model for VariableInertia {
         Ok(())
     }
 
-    fn needs(&self) -> Needs {
-        Needs { time: true, ..Needs::NOTHING }
+    fn acts_on(&self, values: Values<'_>, body: usize) -> bool {
+        !matches!(End::of_body(values, body), End::Factor(1.0))
     }
 
     /// The rate at which s changes where it does so fastest, which a step must follow too.
-    fn rate(&self, body: usize, _: f64) -> f64 {
-        match &self.law {
-            Law::Ramp { duration, .. } => STEEPEST / duration.at(body),
-            Law::Oscillation { rate } => rate.at(body).abs(),
-        }
+    fn rate(&self, values: Values<'_>, body: usize, _: f64) -> f64 {
+        ramp(values, body).map_or_else(|| values.number(RATE).at(body).abs(), |(_, duration)| STEEPEST / duration)
     }
 
-    fn columns(&self, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
-        let changed_moments = self.change.scaled_moments(body, frame);
+    fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
+        let changed_moments = End::of_body(values, body).scaled_moments(frame);
         let pairs = frame.scaled_moments.to_array().into_iter().zip(changed_moments.to_array());
         for (axis, (initial, changed)) in pairs.enumerate() {
             let difference = changed.recip() - initial.recip();
@@ -180,45 +267,31 @@ impl Model for VariableInertia {
     }
 
     /// Of a ramp its start and duration, of which the table forms its progress.
-    fn phase_rates(&self, body: usize) -> [(f64, f64); 2] {
-        let own = match &self.law {
-            Law::Ramp { start, duration } => (start.at(body), duration.at(body)),
-            Law::Oscillation { rate } => (rate.at(body), 0.0),
-        };
+    fn phase_rates(&self, values: Values<'_>, body: usize) -> [(f64, f64); 2] {
+        let own = ramp(values, body).unwrap_or_else(|| (values.number(RATE).at(body), 0.0));
         [own, (0.0, 0.0)]
     }
 
-    fn phase_rates_are_shared(&self) -> bool {
-        match &self.law {
-            Law::Ramp { start, .. } => start.is_shared(),
-            Law::Oscillation { rate } => rate.is_shared(),
-        }
+    fn inertia_change(&self) -> Option<&dyn InertiaModel> {
+        Some(self)
     }
-}
-
-/// The change of a scene's moments, where it has one.
-pub(crate) fn of_scene(torques: &[Torque]) -> Option<&VariableInertia> {
-    torques.iter().find_map(|torque| match torque {
-        Torque::VariableInertia(model) => Some(model),
-        _ => None,
-    })
 }
 
 /// A body's principal moments at a time (s) in units of its own scale, along its principal axes.
 pub(crate) fn scaled_moments_at(torques: &[Torque], body: usize, frame: &BodyFrame, time: f64) -> DVec3 {
-    let Some(model) = of_scene(torques) else { return frame.scaled_moments };
-    let changed = model.change.scaled_moments(body, frame);
-    frame.scaled_moments + (changed - frame.scaled_moments) * model.law.done(body, time)
+    let change = torques.iter().find_map(Torque::inertia_change);
+    change.map_or(frame.scaled_moments, |(model, values)| model.scaled_moments_at(values, body, frame, time))
 }
 
 /// A body's tensor at a time (s), kg m², body axes.
 pub(crate) fn tensor_at(torques: &[Torque], body: usize, initial: InertiaTensor, time: f64) -> InertiaTensor {
-    of_scene(torques).map_or(initial, |model| model.tensor_at(body, initial, time))
+    torques.iter().fold(initial, |tensor, torque| torque.tensor_at(body, tensor, time))
 }
 
 /// By how much faster a body may come to turn as its moments change; 1 where they do not.
 pub(crate) fn spin_growth(torques: &[Torque], body: usize, initial: &InertiaTensor) -> f64 {
-    of_scene(torques).map_or(1.0, |model| model.spin_growth(body, initial))
+    let change = torques.iter().find_map(Torque::inertia_change);
+    change.map_or(1.0, |(model, values)| model.spin_growth(values, body, initial))
 }
 
 /// The greatest r′(u), 12012/4096, rounded up.
@@ -333,5 +406,59 @@ pub(crate) fn changed_motion<R: Real>(
     Motion {
         angular_velocity: changed.angular_velocity(m, &correction),
         gyroscopic_term: changed.gyroscopic_term(m, &correction),
+    }
+}
+
+/// `variable-inertia` along a ramp.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct InertiaRamp;
+
+impl Formula for InertiaRamp {
+    const STEM: &'static str = "inertia_ramp";
+    const COLUMNS: &'static [Column] = &[
+        Column::vector("kappa"),
+        Column::vector("difference"),
+        Column::vector("difference_residue"),
+        Column::vector("gained"),
+        Column::number("per_tick"),
+    ];
+    const PHASES: &'static [&'static str] = &["phase"];
+    const IS_PROGRESS: bool = true;
+    const ROLE: Role = Role::Moments;
+
+    #[inline(always)]
+    fn epoch<R: Real>(_: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {
+        Epoch::number(inertia_ramp(phases[0]))
+    }
+
+    #[inline(always)]
+    fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        Vector::zero()
+    }
+}
+
+/// `variable-inertia` to and fro.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct InertiaOscillation;
+
+impl Formula for InertiaOscillation {
+    const STEM: &'static str = "inertia_oscillation";
+    const COLUMNS: &'static [Column] = &[
+        Column::vector("kappa"),
+        Column::vector("difference"),
+        Column::vector("difference_residue"),
+        Column::vector("gained"),
+    ];
+    const PHASES: &'static [&'static str] = &["phase"];
+    const ROLE: Role = Role::Moments;
+
+    #[inline(always)]
+    fn epoch<R: Real>(_: &impl Row<R>, phases: [R; MOST_PHASES]) -> Epoch<R> {
+        Epoch::number(inertia_oscillation(phases[0]))
+    }
+
+    #[inline(always)]
+    fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        Vector::zero()
     }
 }

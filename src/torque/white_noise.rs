@@ -4,16 +4,19 @@
 //! D. E. Shaw, *Parallel random numbers: as easy as 1, 2, 3*, SC11, 2011) a draw, made in the kernel. Nothing passes from
 //! one draw to the next, so a body's torque depends neither on which bodies stand beside it nor on how a run is cut.
 
+use super::formula::{Column, Epoch, Formula, Role, Row};
+use crate::quaternion::Quaternion;
+use std::sync::LazyLock;
+
 use glam::DQuat;
 
-use super::{Border, Kind, Model, Needs, Parameter};
+use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Preset, Torque, Validity, Value, Values};
 use crate::batch::BodyFrame;
-use crate::error::Result;
 use crate::real::{Real, Scalar, sin_cos};
 use crate::vector::Vector;
 
 /// dm = σ dW with three independent Wiener processes (Langevin's equation of rotation; J. R. McConnell, *Rotational
-/// Brownian Motion and Dielectric Theory*, 1980, chapter 2).
+/// Brownian Motion and Dielectric Theory*, 1980, chapter 2): each component of m has the variance σ² t after a time t.
 ///
 /// Over a step of dt the torque is constant, σ ξ/√dt with ξ standard normal, so that a deterministic integrator of order
 /// one or more converges to the Stratonovich solution; as the noise does not depend on the state, its strong order is 1
@@ -22,44 +25,56 @@ use crate::vector::Vector;
 ///
 /// The same path at several step sizes: with `draws_per_step` = n, ξ is the sum of n draws over √n, the draws of n steps
 /// of dt/n. Halve both dt and n to refine a path.
-#[derive(Clone, Debug, PartialEq)]
-pub struct WhiteNoise {
-    /// σ, N m √s, not negative: each component of m has the variance σ² t after a time t.
-    pub intensity: Parameter<f64>,
-    /// Selects the path.
-    pub seed: u64,
-    /// Draws that a step's torque is made of, 1 to 65,535.
-    pub draws_per_step: u16,
+pub struct WhiteNoise;
+
+static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
+    let source = "J. R. McConnell, Rotational Brownian Motion and Dielectric Theory, 1980, chapter 2";
+    let intensity = ParameterDeclaration::number("intensity", "N m √s", "the intensity σ");
+    let draws = ParameterDeclaration::whole("draws_per_step", "the draws that a step's torque is made of");
+    Declaration::new("white-noise", "dm = σ dW", source).random().parameters([
+        intensity.valid(Validity::NotNegative).factor(),
+        ParameterDeclaration::whole("seed", "the number that selects the path").or(Preset::Seed),
+        draws.valid(Validity::Range(1.0, u16::MAX.into())).or(Preset::Whole(1)),
+    ])
+});
+const INTENSITY: usize = 0;
+const SEED: usize = 1;
+const DRAWS_PER_STEP: usize = 2;
+
+impl Torque {
+    /// A random torque of intensity σ [N m √s] on the path that `seed` selects; see [`WhiteNoise`].
+    pub fn white_noise(intensity: impl Into<Parameter<f64>>, seed: u64) -> Self {
+        Self::white_noise_of_draws(intensity, seed, 1)
+    }
+
+    /// The same, whose torque in a step is made of several draws, 1 to 65,535: the path of that many shorter steps.
+    pub fn white_noise_of_draws(intensity: impl Into<Parameter<f64>>, seed: u64, draws_per_step: u16) -> Self {
+        let (seed, draws) = (Value::Whole(seed), Value::Whole(draws_per_step.into()));
+        Self::built(&WhiteNoise, [Value::Number(intensity.into()), seed, draws])
+    }
 }
 
 impl Model for WhiteNoise {
-    fn kind(&self) -> Kind {
+    fn declaration(&self) -> &Declaration {
+        &DECLARATION
+    }
+
+    fn kind(&self, _: Values<'_>) -> Kind {
         Kind::WhiteNoise
     }
 
-    fn validate(&self, border: &Border) -> Result<()> {
-        border.not_negative("intensity", &self.intensity)?;
-        if self.draws_per_step == 0 {
-            return Err(border.refusal(None, "draws_per_step", 0.0, "a number from 1 to 65,535 is needed"));
-        }
-        Ok(())
-    }
-
-    fn needs(&self) -> Needs {
-        Needs { time: true, ..Needs::NOTHING }
-    }
-
     /// The rate that a Wiener process reaches in a radian: (σ/I)^(2/3).
-    fn rate(&self, body: usize, middle_moment: f64) -> f64 {
-        (self.intensity.at(body) / middle_moment).powf(2.0 / 3.0)
+    fn rate(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
+        (values.number(INTENSITY).at(body) / middle_moment).powf(2.0 / 3.0)
     }
 
-    fn columns(&self, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
+    fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
+        let (seed, draws_per_step) = (values.whole(SEED), values.whole(DRAWS_PER_STEP) as f64);
         // The square root of the time stays in seconds: dt is known to the kernel in seconds too.
-        out[0] = frame.scaled(self.intensity.at(body), 1, 2) / f64::from(self.draws_per_step).sqrt();
-        out[1] = f64::from(self.draws_per_step);
+        out[0] = frame.scaled(values.number(INTENSITY).at(body), 1, 2) / draws_per_step.sqrt();
+        out[1] = draws_per_step;
         let body = body as u64;
-        let words = [body as u32, (body >> 32) as u32, self.seed as u32, (self.seed >> 32) as u32];
+        let words = [body as u32, (body >> 32) as u32, seed as u32, (seed >> 32) as u32];
         for (word, digits) in words.into_iter().zip(out[2..10].chunks_exact_mut(2)) {
             digits[0] = f64::from(word & 0xffff);
             digits[1] = f64::from(word >> 16);
@@ -147,4 +162,20 @@ pub fn uniform_parts<T: Scalar>(word: u32) -> (T, T) {
 #[inline(always)]
 pub fn uniform_turns<T: Scalar>(word: u32) -> T {
     T::from_f64(f64::from(word as i32)) * T::splat(1.0 / 4_294_967_296.0)
+}
+
+impl Formula for WhiteNoise {
+    const STEM: &'static str = "white_noise";
+    const COLUMNS: &'static [Column] = &[
+        Column::number("intensity"),
+        Column::number("draws_per_step"),
+        Column::quaternion("body_key"),
+        Column::quaternion("seed_key"),
+    ];
+    const ROLE: Role = Role::Noise;
+
+    #[inline(always)]
+    fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        Vector::zero()
+    }
 }

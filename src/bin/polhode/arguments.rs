@@ -124,17 +124,8 @@ Keys (SI units):
     bodies.orientation    [x, y, z, w], { axis, angle }, or { distribution = \"uniform\" }
     bodies.angular_velocity, .position, .velocity, .mass
                           the first in body axes, the next two in world axes
-    [[torque]] model      constant-body, constant-world (torque); linear-drag, quadratic-drag,
-                          internal-dissipation (coefficient); matrix-drag (matrix); sinusoidal
-                          (sine, cosine, rate); gravity-gradient (mu, orbit); heavy-top (mass,
-                          centre, gravity); magnetic-dipole (moment, field); orbiting-dipole
-                          (moment, mu, orbit, strength, tilt, azimuth, rotation); eddy-current
-                          (coefficient, field); sine-spring, log-spring (stiffness, target);
-                          white-noise (intensity, seed, draws_per_step); variable-inertia (factor
-                          or inertia; ramp = { start, duration } or oscillation = { rate }).
-                          orbit = { radius } or
-                          { semi_major_axis, eccentricity }, angles in rad: inclination,
-                          ascending_node, pericentre, mean_anomaly
+    [[torque]] model      one of those below, and its parameters; a key with a dot stands in a table:
+                          orbit = { radius = 7.0e6, inclination = 0.9 }
     [[force]] model       constant, thrust (force: world, body axes), gravity (acceleration),
                           linear-drag, quadratic-drag (coefficient); the bodies need masses
     time.end, .outputs    { every } or { times = [...] }
@@ -149,8 +140,9 @@ Keys (SI units):
 Any number or vector of a body may be a distribution: constant (value), uniform (low, high),
 normal (mean, sigma), log-normal (median, sigma of the logarithm); a vector also direction
 (magnitude), uniform on the sphere. Every draw depends on seed, body and column alone. Parameters of
-torques may be distributions too, or columns of the table: { column = \"drag\" }, { columns = [...] }.
+torques may be distributions too, or columns of the table: { column = \"drag\" }, { columns = [...] }.";
 
+const RUN_EXAMPLES: &str = "\
 Examples:
     polhode run study.toml                        results in study.out/
     polhode run study.toml --out results --force  replace those of a former run
@@ -164,9 +156,17 @@ snapshots.csv with the same at all output times; statistics.csv with t, count an
 mean, standard_deviation, min, max, min_body, max_body at all output times; plan.json, which --plan takes; report.json with
 engine, plan, wall times, drift of what a free body conserves, and errors. They appear when all are complete; Ctrl-C leaves nothing.";
 
+/// What `polhode run --help` adds to the options.
+fn run_help() -> String {
+    let models = polhode::study::describe_models();
+    format!(
+        "{RUN_HELP}\n\nTorques, their equations and parameters [what holds where a key is left out]:\n{models}\n\n{RUN_EXAMPLES}"
+    )
+}
+
 /// Arguments of `polhode run`.
 #[derive(Debug, Args)]
-#[command(after_long_help = RUN_HELP, after_help = "`polhode run --help` shows a study file and examples.")]
+#[command(after_long_help = run_help(), after_help = "`polhode run --help` shows a study file and examples.")]
 pub struct RunArguments {
     /// Study file.
     #[arg(value_name = "STUDY.toml")]

@@ -54,6 +54,11 @@ fn main() -> ExitCode {
         }
         Err(Failure::Library(error)) => {
             output::error(&error.to_string());
+            if let polhode::Error::Input(input) = &error
+                && let polhode::study::Fault::Formula { picture, .. } = &input.fault
+            {
+                picture.lines().for_each(|line| output::note(&format!("    {}", output::printable(line))));
+            }
             ExitCode::from(if error.is_input() { WRONG_INPUT } else { FAILED })
         }
         Err(Failure::Arguments(message)) => {

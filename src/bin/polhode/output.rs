@@ -31,5 +31,10 @@ pub fn note(message: &str) {
 
 /// Writes an error of one line to standard error.
 pub fn error(message: &str) {
-    note(&format!("error: {}", message.replace('\n', " ")));
+    note(&format!("error: {}", printable(message)));
+}
+
+/// A line without characters that a terminal would obey.
+pub fn printable(line: &str) -> String {
+    line.chars().map(|letter| if letter.is_control() { ' ' } else { letter }).collect()
 }

@@ -2,34 +2,37 @@
 
 use std::marker::PhantomData;
 use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
 use super::observe::Reducer;
 use super::surroundings::{AllTorques, CommonTorques, Nothing, Surroundings};
-use super::{Width, block_of};
+use super::tile::attempts_in_tiles;
+use super::{TASKS, Width};
 use crate::batch::{Batch, StateWords, column_parts, load_body, load_state, store_state};
-use crate::clock::Clock;
+use crate::clock::{Clock, MOST_LANES};
 use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps, StepCounts, two_words_of};
 use crate::engine::watch::{Job, Watch, watched};
+use crate::engine::work::imbalance;
 use crate::engine::{Observer, check_time};
 use crate::error::{Error, Result};
 use crate::lanes::{LaneScalar, LaneTask};
 use crate::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, advance};
 use crate::observe::Kernel;
 use crate::real::{Real, Scalar};
-use crate::torque::sum::{Source, of_kinds};
+use crate::torque::sum::Source;
 use crate::vector::TwoWords;
 
 /// Columns of a [`Controller`]: step, left (two words), retried, accepted, rejected.
 const CONTROLLER_COLUMNS: usize = 6;
-const LEFT: Range<usize> = 1..3;
+pub(super) const LEFT: Range<usize> = 1..3;
 const ACCEPTED: usize = 4;
 const REJECTED: usize = 5;
 
 /// Attempts between two looks at whether to go on: some milliseconds of work for one block. Counts of one slice are exact
 /// in every element type.
-const SLICE: u32 = 1 << 13;
+pub(super) const SLICE: u32 = 1 << 13;
 
 pub(super) struct CpuAdaptiveSession<T> {
     pub(super) batch: Batch<T>,
@@ -41,6 +44,8 @@ pub(super) struct CpuAdaptiveSession<T> {
     pub(super) width: Width,
     /// The time that the state stands at.
     clock: Clock,
+    /// Attempts of all lanes, those that held no body included, where they were counted.
+    slots: AtomicU64,
 }
 
 impl<T: LaneScalar> CpuAdaptiveSession<T> {
@@ -50,6 +55,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
             controllers: vec![T::default(); CONTROLLER_COLUMNS * batch.stride],
             counts: vec![StepCounts::default(); batch.body_count],
             clock: batch.torques.clock(),
+            slots: AtomicU64::new(0),
             batch,
             steps,
             width,
@@ -68,34 +74,28 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
             self.advance_in::<Nothing>(end)
         } else if self.batch.torques.is_common() {
             self.advance_in::<CommonTorques>(end)
-        } else if !self.width.has_lanes::<T>() {
-            self.advance_in::<AllTorques>(end)
+        } else if self.width.has_lanes::<T>() {
+            self.advance_blocks(end, attempts_in_tiles::<T>)
         } else {
-            of_kinds!(
-                timed self.batch.torques,
-                KIND => self.advance_blocks(end, in_lanes::<T, super::surroundings::One<KIND>>),
-                self.advance_in::<AllTorques>(end)
-            )
+            self.advance_blocks(end, one_by_one::<T, AllTorques>)
         })
     }
 
     /// In lanes or singly, as the session was opened.
     fn advance_in<S: Surroundings>(&mut self, end: Clock) -> Job<'_> {
-        let kernel = match self.width {
-            Width::Lanes => in_lanes::<T, S>,
-            Width::Scalar => one_by_one::<T, S>,
-        };
+        let kernel = if self.width.has_lanes::<T>() { in_lanes::<T, S> } else { one_by_one::<T, S> };
         self.advance_blocks(end, kernel)
     }
 
     fn advance_blocks(&mut self, end: Clock, kernel: fn(Block<'_, '_, T>) -> bool) -> Job<'_> {
         let steps = self.steps;
-        let Self { batch, clock, controllers, counts, .. } = self;
+        let Self { batch, clock, controllers, counts, slots, .. } = self;
+        let slots = &*slots;
         let start = *clock;
         let (value, residue) = start.seconds_until(&end);
         let span = two_words_of::<T>(value, residue);
         let Batch { body_count, stride, parameters, state, torques } = batch;
-        let (stride, block) = (*stride, block_of(*body_count));
+        let (stride, block) = (*stride, adaptive_block_of(*body_count));
         let source = Source { table: torques, parameters, stride, clock: start, dt: 0.0 };
         let states = column_parts(state, stride, 0..stride, block);
         let controllers = column_parts(controllers, stride, 0..stride, block);
@@ -114,6 +114,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
                         span,
                         steps,
                         starts,
+                        slots,
                         bodies: counts.len(),
                     });
                     starts = false;
@@ -148,12 +149,28 @@ impl<T: LaneScalar + Kernel> AdaptiveSession for CpuAdaptiveSession<T> {
         Ok(self.counts.clone())
     }
 
+    fn imbalance(&mut self) -> Result<f64> {
+        let attempts: u64 = self.counts.iter().map(StepCounts::attempts).sum();
+        let slots = self.slots.load(Ordering::Relaxed);
+        if slots > 0 && attempts > 0 {
+            return Ok(slots as f64 / attempts as f64);
+        }
+        let attempts: Vec<u64> = self.counts.iter().map(StepCounts::attempts).collect();
+        Ok(imbalance(&attempts, self.side_by_side()))
+    }
+
     fn side_by_side(&self) -> usize {
         match self.width {
             Width::Lanes => T::lane_count(),
             Width::Scalar => 1,
         }
     }
+}
+
+/// Bodies that one task advances, of so many in all: more than fill its lanes, so that those that arrive make room for others.
+fn adaptive_block_of(bodies: usize) -> usize {
+    const MOST: usize = 512;
+    bodies.div_ceil(TASKS * rayon::current_num_threads()).next_multiple_of(MOST_LANES).clamp(MOST_LANES, MOST)
 }
 
 /// Moves the counts of a block's controllers to whole numbers, which do not run out of digits.
@@ -167,19 +184,21 @@ fn take_counts<T: Scalar>(controllers: &mut [&mut [T]], counts: &mut [StepCounts
 }
 
 /// A slice of attempts of one block.
-struct Block<'a, 'b, T> {
-    source: Source<'a, T>,
+pub(super) struct Block<'a, 'b, T> {
+    pub source: Source<'a, T>,
     /// Its first body.
-    first: usize,
-    state: &'a mut [&'b mut [T]],
-    controllers: &'a mut [&'b mut [T]],
+    pub first: usize,
+    pub state: &'a mut [&'b mut [T]],
+    pub controllers: &'a mut [&'b mut [T]],
     /// Length of the interval, s.
-    span: TwoWords<T>,
-    steps: AdaptiveSteps,
+    pub span: TwoWords<T>,
+    pub steps: AdaptiveSteps,
     /// Whether the interval starts here.
-    starts: bool,
+    pub starts: bool,
+    /// Where attempts of lanes are counted.
+    pub slots: &'a AtomicU64,
     /// Bodies in the block; lane groups without any are left alone.
-    bodies: usize,
+    pub bodies: usize,
 }
 
 fn in_lanes<T: LaneScalar, S: Surroundings>(block: Block<'_, '_, T>) -> bool {
@@ -195,15 +214,15 @@ struct Advance<'a, 'b, T, S>(Block<'a, 'b, T>, PhantomData<S>);
 
 impl<T: Scalar, S: Surroundings> LaneTask<T> for Advance<'_, '_, T, S> {
     type Output = bool;
-    const IN_LANES_ONLY: bool = S::IN_LANES_ONLY;
+    const IN_LANES_ONLY: bool = true;
 
     #[inline(always)]
     fn run<R: Real<Scalar = T>>(self) -> bool {
         let Self(block, _) = self;
         let mut any_under_way = false;
-        let start_phases = block.source.start_phases();
+        let workspace = block.source.workspace();
         for offset in (0..block.bodies).step_by(R::LANES) {
-            let columns = block.source.group(block.first + offset, &start_phases);
+            let columns = block.source.group(block.first + offset, &workspace);
             let (body, rate) = load_body(|column| columns.column(column));
             let environment = S::at(columns);
             // Rows that are no bodies have the rate 0, so that nothing is left to do in them.
@@ -229,7 +248,7 @@ impl<T: Scalar, S: Surroundings> LaneTask<T> for Advance<'_, '_, T, S> {
 }
 
 #[inline(always)]
-fn load_controller<R: Real>(column: impl Fn(usize) -> R) -> Controller<R> {
+pub(super) fn load_controller<R: Real>(column: impl Fn(usize) -> R) -> Controller<R> {
     Controller {
         step: column(0),
         left: TwoWords { value: column(LEFT.start), residue: column(LEFT.start + 1) },
@@ -240,7 +259,7 @@ fn load_controller<R: Real>(column: impl Fn(usize) -> R) -> Controller<R> {
 }
 
 #[inline(always)]
-fn store_controller<R: Real>(controller: &Controller<R>, mut store: impl FnMut(usize, R)) {
+pub(super) fn store_controller<R: Real>(controller: &Controller<R>, mut store: impl FnMut(usize, R)) {
     let Controller { step, left, retried, accepted, rejected } = *controller;
     for (column, number) in [step, left.value, left.residue, retried, accepted, rejected].into_iter().enumerate() {
         store(column, number);

@@ -3,15 +3,13 @@
 use crate::batch::load_combinations;
 use crate::method::rk8_adaptive::Timed;
 use crate::real::Real;
-use crate::torque::sum::{Columns, Common, Held, Torques};
+use crate::torque::sum::{Columns, Common, Torques};
 use crate::torque::{Conserving, Free};
 
 /// One kind of surroundings, each compiled into loops of its own.
 pub(super) trait Surroundings {
     /// What acts on one lane group.
     type At<'a, R: Real>: Timed<R>;
-    /// Whether their loops are for several lanes only, and [`AllTorques`] stand in for them in one.
-    const IN_LANES_ONLY: bool = false;
     /// What acts on the lane group of some columns.
     fn at<R: Real>(columns: Columns<'_, R>) -> Self::At<'_, R>;
 }
@@ -46,19 +44,6 @@ impl Surroundings for CommonTorques {
     #[inline(always)]
     fn at<R: Real>(columns: Columns<'_, R>) -> Common<R> {
         Common::load(&columns)
-    }
-}
-
-/// One torque, of the kind with this number.
-#[cfg_attr(test, allow(dead_code))]
-pub(super) struct One<const KIND: usize>;
-
-impl<const KIND: usize> Surroundings for One<KIND> {
-    type At<'a, R: Real> = Held<'a, R, KIND>;
-    const IN_LANES_ONLY: bool = true;
-    #[inline(always)]
-    fn at<R: Real>(columns: Columns<'_, R>) -> Held<'_, R, KIND> {
-        Held::load(columns)
     }
 }
 

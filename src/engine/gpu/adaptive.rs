@@ -17,7 +17,7 @@ use super::device::{Device, Refusal};
 use super::dispatch::Slicer;
 use super::observe::{ObserveKernels, Reducer, reduces};
 use super::reading::{read_block, read_single_rows};
-use super::shader::{Constants, Source, torque_constants};
+use super::shader::Source;
 use crate::batch::{Batch, BodyFrame, Precision, StateWords, state_columns};
 use crate::clock::Clock;
 use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps, StepCounts};
@@ -33,7 +33,7 @@ use chunk::{BINDINGS, Chunk, Interval, READ_ONLY, next_group, row_bytes, rows_in
 #[derive(Debug, Default)]
 pub(super) struct AdaptiveKernels {
     layout: OnceLock<wgpu::BindGroupLayout>,
-    pipelines: Mutex<HashMap<(Precision, Constants), wgpu::ComputePipeline>>,
+    pipelines: Mutex<HashMap<super::shader::Key, wgpu::ComputePipeline>>,
 }
 
 struct GpuAdaptiveSession<T> {
@@ -107,15 +107,16 @@ impl AdaptiveKernels {
         torques: &TorqueTable,
         options: &GpuOptions,
     ) -> Result<wgpu::ComputePipeline> {
-        let constants = if torques.is_empty() { Vec::new() } else { torque_constants(torques) };
+        let source = Source::adaptive(precision, torques);
+        let key = source.key();
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(pipeline) = pipelines.get(&(precision, constants.clone())) {
+        if let Some(pipeline) = pipelines.get(&key) {
             return Ok(pipeline.clone());
         }
-        let source = Source::adaptive(precision, torques).patched(&options.patches)?;
+        let source = source.patched(&options.patches)?;
         let pipeline_layout = super::pipeline_layout(&device.device, layout);
         let pipeline = source.compile(&device.device, &pipeline_layout, Some(WORKGROUP_SIZE))?;
-        pipelines.insert((precision, constants), pipeline.clone());
+        pipelines.insert(key, pipeline.clone());
         Ok(pipeline)
     }
 }

@@ -73,7 +73,7 @@ pub struct Gpu {
     options: GpuOptions,
     layout: wgpu::BindGroupLayout,
     pipeline_layout: wgpu::PipelineLayout,
-    pipelines: Mutex<HashMap<(Precision, Method, bool, shader::Constants), wgpu::ComputePipeline>>,
+    pipelines: Mutex<HashMap<shader::Key, wgpu::ComputePipeline>>,
     free_motion: FreeMotionKernels,
     adaptive: AdaptiveKernels,
     observe: Arc<ObserveKernels>,
@@ -154,14 +154,8 @@ impl Gpu {
     }
 
     /// The compiled kernel, compiled on first use.
-    fn pipeline(
-        &self,
-        precision: Precision,
-        method: Method,
-        projected: bool,
-        source: Source,
-    ) -> Result<wgpu::ComputePipeline> {
-        let key = (precision, method, projected, source.constants().clone());
+    fn pipeline(&self, source: Source) -> Result<wgpu::ComputePipeline> {
+        let key = source.key();
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(pipeline) = pipelines.get(&key) {
             return Ok(pipeline.clone());
@@ -187,7 +181,7 @@ impl Gpu {
         }
         let forces_first = carried.map(|_| batch.parameter_columns() as u32);
         let source = Source::advance_flying(precision, method, &batch.torques, forces_first);
-        let pipeline = self.pipeline(precision, method, false, source)?;
+        let pipeline = self.pipeline(source)?;
         let mut loops = batch.loops_of_a_step(method);
         if let Some((centres, parts)) = carried {
             batch.append_centres(centres);
@@ -265,7 +259,7 @@ impl Backend for Gpu {
             return Err(unavailable(&self.device, &self.arithmetic, Precision::F64));
         }
         let source = Source::advance_projected(Precision::F64, method);
-        let pipeline = self.pipeline(Precision::F64, method, true, source)?;
+        let pipeline = self.pipeline(source)?;
         self.session(&batch, pipeline, batch.loops_of_a_step(method), false)
     }
 

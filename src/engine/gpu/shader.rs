@@ -9,7 +9,7 @@ use wgpu::naga;
 use crate::batch::Precision;
 use crate::error::{Error, Result};
 use crate::method::Method;
-use crate::torque::{Kind, TorqueTable};
+use crate::torque::{Kind, TorqueTable, shader as torque_shader};
 
 /// One file under `shaders/`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -56,10 +56,25 @@ const UNPROJECTED: &str = "method/unprojected.wgsl";
 /// Values of the `override` constants of a shader, by name.
 pub type Constants = Vec<(String, u32)>;
 
+/// What tells a source from others: its text and its constants.
+pub type Key = (String, Constants);
+
 /// The `override` constants of `torque/sum.wgsl` for a table of torques.
-pub fn torque_constants(torques: &TorqueTable) -> Constants {
-    let mut constants = vec![("torques_are_common".to_owned(), u32::from(torques.is_common()))];
-    for kind in Kind::ALL {
+fn torque_constants(torques: &TorqueTable) -> Constants {
+    let mut constants = vec![
+        ("torques_are_common".to_owned(), u32::from(torques.is_common())),
+        ("torque_velocity_dependence".to_owned(), torques.velocity_dependence() as u32),
+    ];
+    // What texts that are not recorded from formulas ask for.
+    let asked = [
+        Kind::ConstantBody,
+        Kind::LinearDrag,
+        Kind::WhiteNoise,
+        Kind::InternalDissipation,
+        Kind::InertiaRamp,
+        Kind::InertiaOscillation,
+    ];
+    for kind in asked {
         let instances = torques.instances(kind);
         if instances.count > 0 {
             constants.push((format!("{}_count", kind.stem()), instances.count as u32));
@@ -67,6 +82,11 @@ pub fn torque_constants(torques: &TorqueTable) -> Constants {
         }
     }
     constants
+}
+
+/// Text that is recorded from a formula, under the name that stands for it.
+fn recorded_chunk((file, text): (&'static str, String)) -> Chunk {
+    Chunk { file, text: Cow::Owned(text) }
 }
 
 fn real_chunk(precision: Precision) -> Chunk {
@@ -149,7 +169,7 @@ impl Source {
         if torques.is_empty() {
             chunks.push(chunk!("torque/none.wgsl"));
         } else {
-            chunks.extend(Self::torques(precision));
+            chunks.extend(Self::torques_of(precision, torques));
             chunks.push(chunk!("torque/equal_steps.wgsl"));
             constants = torque_constants(torques);
         }
@@ -179,7 +199,7 @@ impl Source {
         if torques.is_empty() {
             chunks.push(chunk!("torque/none.wgsl"));
         } else {
-            chunks.extend(Self::torques(precision));
+            chunks.extend(Self::torques_of(precision, torques));
             chunks.push(chunk!("torque/own_steps.wgsl"));
             constants = torque_constants(torques);
         }
@@ -199,36 +219,43 @@ impl Source {
         ]
     }
 
-    /// The chunks of all torques and their sum. They read columns by `parameter_at`; the chunk behind them forms times.
+    /// The chunks of a table's torques and their sum. They read columns by `parameter_at`; the chunk behind them forms times.
+    pub fn torques_of(precision: Precision, torques: &TorqueTable) -> Vec<Chunk> {
+        let has = |kind: Kind| torques.instances(kind).count > 0;
+        let mut chunks = Self::torque_functions(precision, has(Kind::LogSpring) || has(Kind::Custom));
+        chunks.extend(torque_shader::functions(has).into_iter().map(recorded_chunk));
+        chunks.push(chunk!("torque/sum.wgsl"));
+        if has(Kind::Custom) {
+            // Text that says so does not compile, and the compiler's message repeats it.
+            let text = torque_shader::custom_functions(torques).unwrap_or_else(|error| format!("formula: {error}\n"));
+            chunks.push(recorded_chunk(("torque/custom.wgsl", text)));
+        }
+        chunks.push(recorded_chunk(("torque/terms.wgsl", torque_shader::terms(torques))));
+        chunks
+    }
+
+    /// What the torques of every table share, without what reads columns; and the functions of all kinds of torque.
     pub fn torques(precision: Precision) -> Vec<Chunk> {
+        let mut chunks = Self::torque_functions(precision, true);
+        chunks.extend(torque_shader::functions(|_| true).into_iter().map(recorded_chunk));
+        chunks
+    }
+
+    fn torque_functions(precision: Precision, elementary: bool) -> Vec<Chunk> {
         let series = match precision {
             Precision::F32 => chunk!("torque/series_f32.wgsl"),
             Precision::F64 => chunk!("torque/series_f64.wgsl"),
         };
-        vec![
-            chunk!("clock.wgsl"),
-            series,
-            chunk!("torque/orbit.wgsl"),
-            chunk!("torque/constant_body.wgsl"),
-            chunk!("torque/linear_rotor.wgsl"),
-            chunk!("torque/linear_drag.wgsl"),
-            chunk!("torque/constant_world.wgsl"),
-            chunk!("torque/matrix_drag.wgsl"),
-            chunk!("torque/quadratic_drag.wgsl"),
-            chunk!("torque/sinusoidal.wgsl"),
-            chunk!("torque/gravity_gradient.wgsl"),
-            chunk!("torque/gravity_gradient_kepler.wgsl"),
-            chunk!("torque/heavy_top.wgsl"),
-            chunk!("torque/magnetic_dipole.wgsl"),
-            chunk!("torque/orbiting_dipole.wgsl"),
-            chunk!("torque/eddy_current.wgsl"),
-            chunk!("torque/sine_spring.wgsl"),
-            chunk!("torque/log_spring.wgsl"),
+        let mut chunks = vec![chunk!("clock.wgsl"), series, chunk!("kepler.wgsl")];
+        if elementary {
+            chunks.extend(Self::elementary_functions(precision));
+        }
+        chunks.extend([
             chunk!("torque/white_noise.wgsl"),
             chunk!("torque/internal_dissipation.wgsl"),
             chunk!("torque/variable_inertia.wgsl"),
-            chunk!("torque/sum.wgsl"),
-        ]
+        ]);
+        chunks
     }
 
     /// The kernel that evaluates torque-free motions in closed form.
@@ -259,6 +286,16 @@ impl Source {
             Precision::F64 => chunk!("elementary_f64.wgsl"),
         };
         vec![numbers, chunk!("elementary.wgsl"), chunk!("phase.wgsl"), chunk!("free_motion/evaluation.wgsl")]
+    }
+
+    /// The chunks of the elementary functions that formulas name: `exp`, `ln`, `pow`, `tan`, `asin`, `acos`, `atan2` and
+    /// `arctangent_ratio`. They stand on [`Source::functions`] and on nothing else.
+    pub fn elementary_functions(precision: Precision) -> Vec<Chunk> {
+        let numbers = match precision {
+            Precision::F32 => chunk!("functions_f32.wgsl"),
+            Precision::F64 => chunk!("functions_f64.wgsl"),
+        };
+        vec![numbers, chunk!("functions.wgsl")]
     }
 
     /// The kernel that probes an adapter's arithmetic; `int64`: whether the adapter has 64-bit integers.
@@ -308,6 +345,11 @@ impl Source {
     /// Name of the entry point.
     pub fn entry_point(&self) -> &'static str {
         self.entry_point
+    }
+
+    /// What tells it from other sources.
+    pub fn key(&self) -> Key {
+        (self.text(), self.constants.clone())
     }
 
     /// The whole text.

@@ -1,12 +1,12 @@
 //! What a lane group reads its torques from.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 
-use crate::clock::{Clock, Fraction, MOST_LANES, Ticks, phases_at, ticks_in};
-use crate::quaternion::Quaternion;
+use crate::clock::{Clock, Fraction, MOST_LANES, Ticks, phases_at, seconds_at, ticks_in};
+use crate::expression::Scratch;
 use crate::real::{Outlined, Real, Scalar};
 use crate::torque::variable_inertia::ticks_since;
-use crate::torque::{PER_TICK, TorqueTable};
+use crate::torque::{Kind, PER_TICK, TorqueTable};
 use crate::vector::{TwoWords, Vector};
 
 /// Where the lane groups of a batch find their bodies and torques, and the time.
@@ -23,17 +23,39 @@ pub(crate) struct Source<'a, T> {
 }
 
 impl<T: Scalar> Source<'_, T> {
-    /// Room for the phases of a lane group at the start of a step.
+    /// Room for what a lane group needs beside its columns.
     #[inline(always)]
-    pub fn start_phases<R: Real<Scalar = T>>(&self) -> Vec<Cell<R>> {
-        vec![Cell::new(R::splat(0.0)); self.table.phase_count()]
+    pub fn workspace<R: Real<Scalar = T>>(&self) -> Workspace<R> {
+        let expressed = self.table.list().iter().filter(|instance| instance.kind == Kind::Custom);
+        let scratches = expressed.map(|instance| Scratch::new(&self.table.expressed(instance.index).whole.program, 1));
+        Workspace {
+            start_phases: vec![Cell::new(R::splat(0.0)); self.table.start_places()],
+            scratches: RefCell::new(scratches.collect()),
+        }
     }
 
     /// What the lane group from body `first` on reads.
     #[inline(always)]
-    pub fn group<'g, R: Real<Scalar = T>>(&'g self, first: usize, start_phases: &'g [Cell<R>]) -> Columns<'g, R> {
-        Columns { source: *self, first, units: self.clock.units(self.dt), start_phases }
+    pub fn group<'g, R: Real<Scalar = T>>(&'g self, first: usize, workspace: &'g Workspace<R>) -> Columns<'g, R> {
+        let units = self.clock.units(self.dt);
+        let Workspace { start_phases, scratches } = workspace;
+        Columns { source: *self, first, units, start_phases, scratches: Some(scratches) }
     }
+
+    /// The columns alone: no phases are formed from them and no expressions evaluated.
+    #[inline(always)]
+    pub fn columns<'g, R: Real<Scalar = T>>(&'g self, first: usize) -> Columns<'g, R> {
+        Columns { source: *self, first, units: self.clock.units(self.dt), start_phases: &[], scratches: None }
+    }
+}
+
+/// Room for what a lane group needs beside its columns.
+#[derive(Debug)]
+pub(crate) struct Workspace<R: Real> {
+    /// Phases at the start of a step, by number; behind them the time, where it is read.
+    start_phases: Vec<Cell<R>>,
+    /// Of expressions, by instance.
+    scratches: RefCell<Vec<Scratch<R>>>,
 }
 
 /// The columns of one lane group.
@@ -45,6 +67,7 @@ pub(crate) struct Columns<'a, R: Real> {
     /// An equal step in the clock's units.
     units: u128,
     pub start_phases: &'a [Cell<R>],
+    pub scratches: Option<&'a RefCell<Vec<Scratch<R>>>>,
 }
 
 /// When a step starts.
@@ -67,12 +90,6 @@ impl<R: Real> Columns<'_, R> {
     #[inline(always)]
     pub fn vector(&self, column: usize) -> Vector<R> {
         Vector::new(self.column(column), self.column(column + 1), self.column(column + 2))
-    }
-
-    /// Four columns.
-    #[inline(always)]
-    pub fn quaternion(&self, column: usize) -> Quaternion<R> {
-        Quaternion::new(self.column(column), self.column(column + 1), self.column(column + 2), self.column(column + 3))
     }
 
     /// The ticks at the start of a step.
@@ -106,20 +123,38 @@ impl<R: Real> Columns<'_, R> {
         }
     }
 
+    /// A phase by its number in the table, in turns; of a ramp its progress, not cut; behind the last phase the time, s.
+    #[inline(always)]
+    pub fn start_phase(&self, number: usize, ticks: &Ticks) -> R {
+        if number == self.source.table.phase_count() {
+            return seconds_at(ticks, self.source.clock.ticks_per_second());
+        }
+        let fraction = self.source.table.fraction(number, self.first);
+        match self.source.table.ramp_of(number) {
+            Some(first) => self.progress_at(fraction, ticks, first),
+            None => phases_at(fraction, ticks),
+        }
+    }
+
     /// The progress of the ramp with columns from `first` on, not cut.
     #[inline(always)]
-    pub fn progress_at(&self, start: Fraction<'_>, ticks: &Ticks, first: usize) -> R {
-        let since = match (start, ticks) {
-            (Fraction::Shared(start), &Ticks::Equal(ticks)) => {
-                R::splat(ticks_since::<R::Scalar>(ticks, start as u64).to_f64())
-            }
-            (Fraction::Shared(start), _) => R::from_lanes(|lane| ticks_since(ticks.of_lane(lane), start as u64)),
-            (Fraction::PerBody(starts), _) => {
-                let starts = &starts[..R::LANES];
-                R::from_lanes(|lane| ticks_since(ticks.of_lane(lane), starts[lane] as u64))
-            }
-        };
-        since * self.column(first + PER_TICK)
+    fn progress_at(&self, start: Fraction<'_>, ticks: &Ticks, first: usize) -> R {
+        ticks_from::<R>(start, ticks) * self.column(first + PER_TICK)
+    }
+}
+
+/// Ticks since the start of a ramp.
+#[inline(always)]
+pub(crate) fn ticks_from<R: Real>(start: Fraction<'_>, ticks: &Ticks) -> R {
+    match (start, ticks) {
+        (Fraction::Shared(start), &Ticks::Equal(ticks)) => {
+            R::splat(ticks_since::<R::Scalar>(ticks, start as u64).to_f64())
+        }
+        (Fraction::Shared(start), _) => R::from_lanes(|lane| ticks_since(ticks.of_lane(lane), start as u64)),
+        (Fraction::PerBody(starts), _) => {
+            let starts = &starts[..R::LANES];
+            R::from_lanes(|lane| ticks_since(ticks.of_lane(lane), starts[lane] as u64))
+        }
     }
 }
 
@@ -136,11 +171,7 @@ impl<R: Real> Outlined for FormStartPhases<'_, '_, R> {
         let Self { columns, start } = self;
         let ticks = columns.ticks(start);
         for (number, phase) in columns.start_phases.iter().enumerate() {
-            let fraction = columns.source.table.fraction(number, columns.first);
-            phase.set(match columns.source.table.ramp_of(number) {
-                Some(first) => columns.progress_at(fraction, &ticks, first),
-                None => phases_at(fraction, &ticks),
-            });
+            phase.set(columns.start_phase(number, &ticks));
         }
     }
 }

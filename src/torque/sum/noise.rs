@@ -10,7 +10,7 @@ use crate::vector::Vector;
 impl<R: Real> Columns<'_, R> {
     /// The torque of all instances of white noise over equal step `step` of the interval.
     #[inline(always)]
-    pub(super) fn noise(&self, step: u64) -> Vector<R> {
+    pub(crate) fn noise(&self, step: u64) -> Vector<R> {
         let instances = self.source.table.instances(Kind::WhiteNoise);
         if instances.count == 0 {
             return Vector::zero();

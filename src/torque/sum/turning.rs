@@ -1,6 +1,6 @@
 //! How bodies turn under what changes them: internal dissipation and moments of inertia that change in time.
 
-use super::{Epoch, Time, Torques};
+use super::{Epoch, Instance, Time, Torques};
 use crate::batch::RATE_COLUMN;
 use crate::real::{Outlined, Real};
 use crate::rigid_body::{Body, Correction};
@@ -14,39 +14,43 @@ use crate::vector::{TwoWords, Vector};
 impl<'a, R: Real> Torques<'a, R> {
     /// The progress of the ramp, cut to [0, 1], and its rate, 1/s.
     #[inline(always)]
-    fn progress(&self, time: &Time<'a, R>) -> (R, R) {
-        let (kind, table) = (Kind::InertiaRamp, self.columns.source.table);
-        let start = time.start_phases[table.phase_number(kind, 0, 0)].get();
-        let rate = self.columns.column(table.rate_column(kind, 0, 0));
+    fn progress(&self, ramp: &Instance, time: &Time<'a, R>) -> (R, R) {
+        let start = time.start_phases[ramp.first_phase].get();
+        let rate = self.columns.column(ramp.rate_column(0));
         (ramp_progress(start, rate, time.elapsed), rate)
     }
 
     /// The part of the change of the moments of inertia that is done.
     #[inline(always)]
     fn change_done(&self, time: &Time<'a, R>) -> R {
-        if self.columns.source.table.instances(Kind::InertiaRamp).count > 0 {
-            inertia_ramp(self.progress(time).0)
-        } else {
-            inertia_oscillation(self.phase(Kind::InertiaOscillation, 0, 0, time))
+        let table = self.columns.source.table;
+        match (table.instance(Kind::InertiaRamp), table.instance(Kind::InertiaOscillation)) {
+            (Some(ramp), _) => inertia_ramp(self.progress(ramp, time).0),
+            (None, Some(oscillation)) => inertia_oscillation(self.phase(oscillation, 0, time)),
+            (None, None) => R::splat(0.0),
         }
     }
 
     /// Its derivative by time, 1/s.
     #[inline(always)]
     fn change_rate(&self, time: &Time<'a, R>) -> R {
-        if self.columns.source.table.instances(Kind::InertiaRamp).count > 0 {
-            let (progress, rate) = self.progress(time);
-            ramp_slope(progress) * rate
-        } else {
-            let kind = Kind::InertiaOscillation;
-            let rate = self.columns.column(self.columns.source.table.rate_column(kind, 0, 0));
-            oscillation_slope(self.phase(kind, 0, 0, time)) * rate
+        let table = self.columns.source.table;
+        match (table.instance(Kind::InertiaRamp), table.instance(Kind::InertiaOscillation)) {
+            (Some(ramp), _) => {
+                let (progress, rate) = self.progress(ramp, time);
+                ramp_slope(progress) * rate
+            }
+            (None, Some(oscillation)) => {
+                let rate = self.columns.column(oscillation.rate_column(0));
+                oscillation_slope(self.phase(oscillation, 0, time)) * rate
+            }
+            (None, None) => R::splat(0.0),
         }
     }
 
     /// Its first column.
     #[inline(always)]
-    fn change_first(&self) -> usize {
+    pub(super) fn change_first(&self) -> usize {
         let ramp = self.columns.source.table.instances(Kind::InertiaRamp);
         if ramp.count > 0 { ramp.first } else { self.columns.source.table.instances(Kind::InertiaOscillation).first }
     }
@@ -61,27 +65,23 @@ impl<'a, R: Real> Torques<'a, R> {
         }
     }
 
-    /// 3 n² times the differences of the moments, of the gravity gradient with columns from `c` on.
-    #[inline(always)]
-    pub(super) fn gradient_coefficients(&self, c: usize, change_done: R) -> Vector<R> {
-        let coefficients = self.columns.vector(c);
-        if !self.columns.source.table.varies_inertia() {
-            return coefficients;
-        }
-        self.columns.vector(self.change_first() + 9).axpy(self.columns.column(c + 9) * change_done, coefficients)
-    }
-
     /// The motion of a body that is not rigid, and ω = I⁻¹ m.
     #[inline(always)]
-    fn turning(&self, epoch: &Epoch<'a, R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Turning<R> {
+    pub(crate) fn turning(
+        &self,
+        change_done: R,
+        body: &Body<R>,
+        correction: &Correction<R>,
+        m: Vector<R>,
+    ) -> Turning<R> {
         let mut motion = if self.columns.source.table.varies_inertia() {
-            changed_motion(body, &self.change(), epoch.change_done, correction, m)
+            changed_motion(body, &self.change(), change_done, correction, m)
         } else {
             let angular_velocity = body.angular_velocity(m, correction);
             Motion { angular_velocity, gyroscopic_term: body.gyroscopic_term(m, correction) }
         };
         let omega = motion.angular_velocity;
-        for (_, c) in self.firsts(Kind::InternalDissipation) {
+        if let Some(c) = self.merged(Kind::InternalDissipation) {
             let slip = internal_dissipation(self.columns.column(c), m, omega);
             motion = Motion {
                 angular_velocity: motion.angular_velocity + slip,
@@ -105,7 +105,7 @@ impl<'a, R: Real> Torques<'a, R> {
             let gyroscopic_term = body.gyroscopic_term(m, correction);
             return Turning { motion: Motion { angular_velocity, gyroscopic_term }, angular_velocity };
         }
-        R::outlined(Turn { torques: self, epoch, body, correction, m: &m })
+        R::outlined(Turn { torques: self, change_done: epoch.change_done, body, correction, m: &m })
     }
 
     /// The power of what changes the moments, −½ ω·(dI/dt) ω, at ω = I⁻¹ m, in units of the body's own scale.
@@ -128,7 +128,7 @@ pub(crate) struct Turning<R> {
 /// [`Torques::turning`] as a function of its own.
 struct Turn<'s, 'a, R: Real> {
     torques: &'s Torques<'a, R>,
-    epoch: &'s Epoch<'a, R>,
+    change_done: R,
     body: &'s Body<R>,
     correction: &'s Correction<R>,
     m: &'s Vector<R>,
@@ -138,7 +138,7 @@ impl<R: Real> Outlined for Turn<'_, '_, R> {
     type Output = Turning<R>;
     #[inline(always)]
     fn run(self) -> Turning<R> {
-        self.torques.turning(self.epoch, self.body, self.correction, *self.m)
+        self.torques.turning(self.change_done, self.body, self.correction, *self.m)
     }
 }
 

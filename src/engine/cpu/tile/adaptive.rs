@@ -1,0 +1,241 @@
+//! Adaptive `rk8` on tiles, whose lanes are given to other bodies as theirs arrive.
+
+use std::sync::atomic::Ordering;
+
+use super::{Rk8, Tile, TileSlopes};
+use crate::batch::{RATE_COLUMN, load_body, load_state, status_column, store_state};
+use crate::clock::MOST_LANES;
+use crate::engine::cpu::adaptive::{Block as AdaptiveBlock, LEFT, SLICE, load_controller, store_controller};
+use crate::lanes::{LaneScalar, LaneTask};
+use crate::method::rk8::TIMES;
+use crate::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, Trial};
+use crate::real::{Outlined, Real, Scalar};
+use crate::torque::tile::{Each, GROUPS, TileTime, gathered};
+use crate::vector::TwoWords;
+
+/// Attempts of a block; says whether any body is still under way.
+pub(in crate::engine::cpu) fn attempts_in_tiles<T: LaneScalar>(block: AdaptiveBlock<'_, '_, T>) -> bool {
+    T::dispatch(Attempts(block))
+}
+
+struct Attempts<'a, 'b, T>(AdaptiveBlock<'a, 'b, T>);
+
+/// The lane groups of a tile and the rows of a block that are in them. A lane whose body has arrived takes the next row that has not:
+/// otherwise lanes would wait for the slowest of those beside them.
+struct Seats<R: Real> {
+    /// Rows of the block.
+    rows: Each<[usize; MOST_LANES]>,
+    /// Lanes that hold a body.
+    taken: Each<[bool; MOST_LANES]>,
+    controllers: Each<Controller<R>>,
+    spans: Each<TwoWords<R>>,
+    limits: Each<Limits<R>>,
+    /// Attempts of lanes without work since lanes were given away last.
+    idle: Each<usize>,
+    /// The first row that has not been looked at.
+    next: usize,
+}
+
+impl<T: Scalar> AdaptiveBlock<'_, '_, T> {
+    /// Whether there is something left to do in a row.
+    fn is_under_way(&self, row: usize) -> bool {
+        let left = self.controllers[LEFT.start][row].to_f64();
+        left > 0.0 && self.state[status_column::<T>()][row].to_f64() < 0.5
+    }
+
+    /// What is left of the interval at its start. Rows that are no bodies have the rate 0, so that nothing is.
+    fn start_all(&mut self) {
+        let rates = &self.source.parameters[RATE_COLUMN * self.source.stride + self.first..];
+        for (row, &rate) in rates.iter().enumerate().take(self.bodies) {
+            self.controllers[LEFT.start][row] = self.span.value * rate;
+            self.controllers[LEFT.start + 1][row] = self.span.residue * rate;
+        }
+    }
+
+    /// Writes the bodies of a lane group back.
+    #[inline(always)]
+    fn store<R: Real<Scalar = T>>(&mut self, tile: &Tile<'_, R>, seats: &Seats<R>, group: usize) {
+        let (rows, taken) = (&seats.rows[group], &seats.taken[group]);
+        let state = &mut *self.state;
+        store_state(&tile.state[group], |column, number: R| scatter(number, rows, taken, state[column]));
+        let controllers = &mut *self.controllers;
+        store_controller(&seats.controllers[group], |column, number: R| {
+            scatter(number, rows, taken, controllers[column]);
+        });
+    }
+
+    /// Gives the lanes of a group whose bodies have arrived to bodies that have not.
+    #[inline(always)]
+    fn fill<R: Real<Scalar = T>>(&mut self, tile: &mut Tile<'_, R>, seats: &mut Seats<R>, group: usize) {
+        self.store(tile, seats, group);
+        // Bodies that are not rigid read their columns side by side.
+        let is_rigid = self.source.table.is_rigid();
+        for lane in 0..R::LANES {
+            let row = seats.rows[group][lane];
+            if seats.taken[group][lane] && self.is_under_way(row) {
+                continue;
+            }
+            while is_rigid && seats.next < self.bodies && !self.is_under_way(seats.next) {
+                seats.next += 1;
+            }
+            seats.taken[group][lane] = seats.next < self.bodies && self.is_under_way(seats.next);
+            if seats.next < self.bodies {
+                seats.rows[group][lane] = seats.next;
+                seats.next += 1;
+            }
+        }
+        self.load(tile, seats, group);
+    }
+
+    #[inline(always)]
+    fn load<R: Real<Scalar = T>>(&mut self, tile: &mut Tile<'_, R>, seats: &mut Seats<R>, group: usize) {
+        let (source, mut rows) = (self.source, seats.rows[group]);
+        tile.state[group] = load_state(|column| gathered(self.state[column], &rows));
+        let mut controller = load_controller(|column| gathered(self.controllers[column], &rows));
+        let taken = &seats.taken[group];
+        let mut numbers = [T::default(); MOST_LANES];
+        for lane in 0..R::LANES {
+            numbers[lane] = T::from_f64(if taken[lane] { 1.0 } else { 0.0 });
+        }
+        let taken = R::load(&numbers);
+        controller.left = TwoWords { value: controller.left.value * taken, residue: controller.left.residue * taken };
+        seats.controllers[group] = controller;
+        for row in &mut rows {
+            *row += self.first;
+        }
+        let (body, rate) = load_body(|column| gathered(&source.parameters[column * source.stride..], &rows));
+        tile.body[group] = body;
+        let span = |word: T| R::splat(word.to_f64()) * rate;
+        seats.spans[group] = TwoWords { value: span(self.span.value), residue: span(self.span.residue) };
+        seats.limits[group] = Limits {
+            tolerance: R::splat(self.steps.tolerance),
+            least_step: match self.steps.least_step {
+                Some(seconds) => R::splat(seconds) * rate,
+                None => R::splat(LEAST_STEP),
+            },
+        };
+        tile.torques.load_rows(group, &rows);
+    }
+}
+
+/// Writes the lanes that are taken to their rows.
+#[inline(always)]
+fn scatter<R: Real>(number: R, rows: &[usize; MOST_LANES], taken: &[bool; MOST_LANES], column: &mut [R::Scalar]) {
+    let mut numbers = [R::Scalar::default(); MOST_LANES];
+    number.store(&mut numbers);
+    for lane in 0..R::LANES {
+        if taken[lane] {
+            column[rows[lane]] = numbers[lane];
+        }
+    }
+}
+
+/// [`AdaptiveBlock::fill`] as a function of its own.
+struct Fill<'s, 'a, 'b, 'c, R: Real> {
+    block: &'s mut AdaptiveBlock<'a, 'b, R::Scalar>,
+    tile: &'s mut Tile<'c, R>,
+    seats: &'s mut Seats<R>,
+    group: usize,
+}
+
+impl<R: Real> Outlined for Fill<'_, '_, '_, '_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        self.block.fill(self.tile, self.seats, self.group);
+    }
+}
+
+impl<T: Scalar> LaneTask<T> for Attempts<'_, '_, T> {
+    type Output = bool;
+    const IN_LANES_ONLY: bool = true;
+
+    #[inline(always)]
+    fn run<R: Real<Scalar = T>>(self) -> bool {
+        let Self(mut block) = self;
+        let mut tile = Tile::<R>::new(block.source);
+        if block.starts {
+            block.start_all();
+        }
+        let none = Limits { tolerance: R::splat(1.0), least_step: R::splat(1.0) };
+        let mut seats = Seats {
+            rows: [[0; MOST_LANES]; GROUPS],
+            taken: [[false; MOST_LANES]; GROUPS],
+            controllers: [Controller::new(); GROUPS],
+            spans: tile.h,
+            limits: [none; GROUPS],
+            idle: [0; GROUPS],
+            next: 0,
+        };
+        let is_rigid = block.source.table.is_rigid();
+        let mut slots = 0;
+        for _ in 0..SLICE {
+            tile.active = 0;
+            for group in 0..GROUPS {
+                let mut under_way = seats.controllers[group].under_way(&tile.state[group]);
+                if seats.next < block.bodies {
+                    // To give lanes away costs some of an attempt of all of them, so it waits until as much is lost. Bodies that are
+                    // not rigid change seats all together.
+                    seats.idle[group] += R::LANES - lanes_in::<R>(under_way);
+                    let is_due = is_rigid && 2 * seats.idle[group] >= R::LANES;
+                    if is_due || !R::any(under_way) {
+                        R::outlined(Fill { block: &mut block, tile: &mut tile, seats: &mut seats, group });
+                        seats.idle[group] = 0;
+                        under_way = seats.controllers[group].under_way(&tile.state[group]);
+                    }
+                }
+                if R::any(under_way) {
+                    tile.groups[tile.active % GROUPS] = group;
+                    tile.active += 1;
+                }
+            }
+            if tile.active == 0 {
+                break;
+            }
+            slots += tile.active * R::LANES;
+            let mut gone = seats.spans;
+            let mut trials = [None; GROUPS];
+            for group in tile.active() {
+                let (body, state) = (&tile.body[group], &tile.state[group]);
+                let trial =
+                    Trial::new(body, seats.spans[group], &seats.limits[group], &seats.controllers[group], state);
+                (tile.h[group], gone[group]) = (trial.h, trial.gone);
+                trials[group] = Some(trial);
+            }
+            tile.start(TileTime::Own(&gone));
+            for (stage, &fraction) in TIMES.iter().enumerate() {
+                // Closures that the standard library calls are not compiled for the lanes.
+                let mut elapsed = [R::splat(0.0); GROUPS];
+                for group in tile.active() {
+                    elapsed[group] = tile.h[group].value * R::splat(fraction);
+                }
+                tile.torques.at(&elapsed, &tile.groups[..tile.active.min(GROUPS)]);
+                tile.stage::<Rk8>(stage);
+            }
+            for group in tile.active() {
+                let slopes = TileSlopes { slopes: &tile.slopes, group };
+                if let Some(trial) = &trials[group] {
+                    (tile.state[group], seats.controllers[group]) =
+                        trial.concluded(&slopes, &seats.limits[group], seats.controllers[group], tile.state[group]);
+                }
+            }
+        }
+        for group in 0..GROUPS {
+            block.store(&tile, &seats, group);
+        }
+        block.slots.fetch_add(slots as u64, Ordering::Relaxed);
+        (0..block.bodies).any(|row| block.is_under_way(row))
+    }
+}
+
+/// How many lanes a mask has.
+#[inline(always)]
+fn lanes_in<R: Real>(mask: R::Mask) -> usize {
+    let mut numbers = [R::Scalar::default(); MOST_LANES];
+    R::select(mask, R::splat(1.0), R::splat(0.0)).store(&mut numbers);
+    let mut count = 0.0;
+    for number in &numbers[..R::LANES] {
+        count += number.to_f64();
+    }
+    count as usize
+}

@@ -1,0 +1,84 @@
+//! `cf4` on tiles.
+
+use super::{Tile, TileStep};
+use crate::method::cf4::{self, Turn};
+use crate::quaternion::Quaternion;
+use crate::real::{Outlined, Real};
+use crate::torque::tile::{Each, GROUPS, TileTime};
+use crate::vector::Vector;
+
+/// [`crate::method::cf4`].
+pub(in crate::engine::cpu) struct Cf4;
+
+impl TileStep for Cf4 {
+    #[inline(always)]
+    fn step<R: Real>(tile: &mut Tile<'_, R>, index: u64) {
+        tile.start(TileTime::Equal(index));
+        let turn = Turn { omega: Vector::zero(), m: Vector::zero() };
+        let (mut turns, mut second) = ([[turn; 4]; GROUPS], [tile.state[0].orientation.value; GROUPS]);
+        for (stage, fraction) in [0.0, 0.5, 0.5, 1.0].into_iter().enumerate() {
+            if stage != 2 {
+                tile.at(fraction);
+            }
+            R::outlined(PlaceTurned { tile, stage, turns: &turns, second: &mut second });
+            if tile.torques.has_expressions() {
+                tile.form_expressions();
+            }
+            R::outlined(FormTurns { tile, stage, turns: &mut turns });
+        }
+        for group in tile.active() {
+            tile.state[group] = cf4::advanced(turns[group], tile.h[group], tile.state[group]);
+        }
+    }
+}
+
+/// Where the bodies of a tile stand at a stage of `cf4`.
+struct PlaceTurned<'s, 'a, R: Real> {
+    tile: &'s mut Tile<'a, R>,
+    stage: usize,
+    turns: &'s Each<[Turn<R>; 4]>,
+    /// The attitude at the second stage.
+    second: &'s mut Each<Quaternion<R>>,
+}
+
+impl<R: Real> Outlined for PlaceTurned<'_, '_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { tile, stage, turns, second } = self;
+        for group in tile.active() {
+            let (q, m) = (tile.state[group].orientation.value, tile.state[group].angular_momentum_principal.value);
+            let (dt, k) = (tile.h[group].value, &turns[group]);
+            let half = dt * R::splat(0.5);
+            let (q, m) = match stage {
+                0 => (q, m),
+                1 => (cf4::rotated(q, k[0].omega * half), k[0].m.axpy(half, m)),
+                2 => (cf4::rotated(q, k[1].omega * half), k[1].m.axpy(half, m)),
+                _ => (cf4::rotated(second[group], k[2].omega * dt - k[0].omega * half), k[2].m.axpy(dt, m)),
+            };
+            if stage == 1 {
+                second[group] = q;
+            }
+            (tile.q[group], tile.m[group]) = (q, m);
+        }
+    }
+}
+
+/// The rates there.
+struct FormTurns<'s, 'a, R: Real> {
+    tile: &'s mut Tile<'a, R>,
+    stage: usize,
+    turns: &'s mut Each<[Turn<R>; 4]>,
+}
+
+impl<R: Real> Outlined for FormTurns<'_, '_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { tile, stage, turns } = self;
+        for group in tile.active() {
+            let (omega, m) = tile.rates(group, tile.q[group], tile.m[group]);
+            turns[group][stage % 4] = Turn { omega, m };
+        }
+    }
+}

@@ -1,0 +1,196 @@
+//! What can be wrong with a formula.
+
+use std::fmt;
+
+use super::graph::MOST_NODES;
+
+/// What is wrong with a formula, wherever it came from.
+///
+/// A formula that was read from text comes with a place as well ([`super::TextError`]).
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Fault {
+    /// More than [`MOST_NODES`] different operations.
+    TooManyNodes,
+    /// Parameters of more numbers than [`super::MOST_PARAMETERS`].
+    TooManyParameters,
+    /// Operations on constants that give infinity or no number.
+    NotFinite,
+    /// Division by a constant that is zero.
+    DivisionByZero,
+    /// A constant that shaders cannot write.
+    ConstantOutOfRange {
+        /// The constant.
+        value: f64,
+    },
+    /// A recording was begun inside another one of the same thread.
+    Nested,
+    /// A symbol was used outside of the recording that it belongs to.
+    ForeignSymbol,
+    /// No such name.
+    UnknownName {
+        /// As it was written.
+        name: String,
+        /// The known name that is spelt most nearly so.
+        nearest: Option<String>,
+    },
+    /// A vector, rotation or tensor has no such component.
+    UnknownComponent {
+        /// As it was written.
+        name: String,
+        /// The components that there are.
+        known: &'static str,
+    },
+    /// An input that is not offered here.
+    NotOffered {
+        /// Its name.
+        name: String,
+    },
+    /// A name that is defined twice.
+    DuplicateName {
+        /// The name.
+        name: String,
+    },
+    /// A name that has a meaning already.
+    ReservedName {
+        /// The name.
+        name: String,
+    },
+    /// A name that is used in its own definition or before it.
+    UsedBeforeDefinition {
+        /// The name.
+        name: String,
+    },
+    /// A name that is not made of letters, digits and underscores.
+    InvalidName {
+        /// The name.
+        name: String,
+    },
+    /// A value of the wrong shape.
+    Shape {
+        /// Whose operand or argument it is.
+        of: String,
+        /// What was found.
+        found: String,
+        /// What is needed.
+        needed: String,
+    },
+    /// A function was given too few or too many arguments.
+    ArgumentCount {
+        /// The function.
+        function: String,
+        /// How many were given.
+        found: usize,
+        /// How many it takes.
+        needed: usize,
+    },
+    /// The text is not a formula.
+    Syntax {
+        /// What was found.
+        found: String,
+        /// What is needed there.
+        needed: String,
+    },
+    /// An exponent behind `^` that is not a whole number of small size.
+    Exponent,
+    /// Parentheses, calls or signs nested too deeply.
+    TooDeep {
+        /// The largest depth.
+        limit: usize,
+    },
+    /// A text that is too long.
+    TooLong {
+        /// Its length, bytes.
+        length: usize,
+        /// The largest length, bytes.
+        limit: usize,
+    },
+}
+
+/// A suggestion behind a semicolon, or nothing.
+fn suggestion(nearest: Option<&String>) -> String {
+    nearest.map(|name| format!("; nearest: `{name}`")).unwrap_or_default()
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Fault::TooManyNodes => write!(formatter, "the formula has more than {MOST_NODES} different operations"),
+            Fault::NotFinite => write!(formatter, "this constant is not a finite number"),
+            Fault::DivisionByZero => write!(formatter, "division by zero"),
+            Fault::Nested => write!(formatter, "a formula is being recorded already on this thread"),
+            Fault::ForeignSymbol => write!(formatter, "a symbol was used outside of the recording that it belongs to"),
+            Fault::UnknownName { name, nearest } => {
+                write!(formatter, "unknown name `{name}`{}", suggestion(nearest.as_ref()))
+            }
+            Fault::UnknownComponent { name, known } => write!(formatter, "no component `{name}`; there are {known}"),
+            Fault::NotOffered { name } => write!(formatter, "`{name}` is not known where this formula is used"),
+            Fault::DuplicateName { name } => write!(formatter, "`{name}` is defined twice"),
+            Fault::ReservedName { name } => write!(formatter, "`{name}` has a meaning already; choose another name"),
+            Fault::UsedBeforeDefinition { name } => write!(formatter, "`{name}` is used before it is defined"),
+            Fault::InvalidName { name } => {
+                write!(formatter, "`{name}` is not a name: letters, digits and _ are, a letter first")
+            }
+            Fault::Shape { of, found, needed } => write!(formatter, "{of}: found {found}, needed {needed}"),
+            Fault::ArgumentCount { function, found, needed } => {
+                let plural = if *needed == 1 { "" } else { "s" };
+                write!(formatter, "`{function}` takes {needed} argument{plural}, not {found}")
+            }
+            Fault::Syntax { found, needed } => write!(formatter, "found {found}, needed {needed}"),
+            Fault::ConstantOutOfRange { value } => {
+                write!(formatter, "the constant {value:e} is beyond 3.4e38, the range of f32: it must be a parameter")
+            }
+            Fault::TooManyParameters => {
+                write!(formatter, "the parameters have more than {} numbers", super::MOST_PARAMETERS)
+            }
+            Fault::Exponent => {
+                write!(formatter, "behind `^` a whole number from -16 to 16 is needed; otherwise use `pow(x, y)`")
+            }
+            Fault::TooDeep { limit } => write!(formatter, "nested more than {limit} levels deep"),
+            Fault::TooLong { length, limit } => {
+                write!(formatter, "the text has {length} bytes, more than the {limit} that are allowed")
+            }
+        }
+    }
+}
+
+impl std::error::Error for Fault {}
+
+/// The name among `known` that differs least from `name`, if it differs by little.
+pub(super) fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> Option<String> {
+    let (distance, best) = known.map(|candidate| (edit_distance(name, candidate), candidate)).min()?;
+    // A third of the letters may be wrong; beyond that a suggestion confuses more than it helps.
+    (distance * 3 <= best.chars().count().max(3)).then(|| best.to_owned())
+}
+
+/// Insertions, deletions, replacements and swaps of neighbours between two words (optimal string alignment).
+fn edit_distance(a: &str, b: &str) -> usize {
+    let (a, b): (Vec<char>, Vec<char>) = (a.chars().collect(), b.chars().collect());
+    let mut rows = vec![vec![0; b.len() + 1]; a.len() + 1];
+    for i in 0..=a.len() {
+        for j in 0..=b.len() {
+            rows[i][j] = if i == 0 || j == 0 {
+                i + j
+            } else {
+                let replaced = rows[i - 1][j - 1] + usize::from(a[i - 1] != b[j - 1]);
+                let best = replaced.min(rows[i - 1][j] + 1).min(rows[i][j - 1] + 1);
+                let swapped = i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1];
+                if swapped { best.min(rows[i - 2][j - 2] + 1) } else { best }
+            };
+        }
+    }
+    rows[a.len()][b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_is_suggested_only_if_it_is_near() {
+        assert_eq!(nearest("omga", ["omega", "time"].into_iter()), Some("omega".to_owned()));
+        assert_eq!(nearest("tiem", ["omega", "time"].into_iter()), Some("time".to_owned()));
+        assert_eq!(nearest("x", ["omega", "time"].into_iter()), None);
+        assert_eq!(nearest("x", std::iter::empty()), None);
+    }
+}

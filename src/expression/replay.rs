@@ -1,0 +1,162 @@
+//! A formula recorded again with other inputs, and with exact phases instead of products by time.
+//!
+//! A time in `f32` is soon too coarse for a sine. Where the argument of a sine or cosine is r t + b, and r and b depend on
+//! parameters alone, r t is a phase that the clock counts exactly ([`crate::clock`]): an input in turns, whose rate r is formed
+//! once a body.
+
+use super::graph::{Binary, Dependence, Graph, Input, InputKind, Node, Operation, Unary};
+use super::symbol::{Symbol, Truth};
+use crate::real::{Function, Real};
+
+/// What stands for a node.
+#[derive(Clone, Copy)]
+enum Value {
+    Number(Symbol),
+    Truth(Truth),
+}
+
+/// r t + b; no rate where there is no t.
+#[derive(Clone, Copy)]
+struct Affine {
+    rate: Option<Symbol>,
+    offset: Symbol,
+}
+
+/// A formula recorded again.
+pub struct Replayed {
+    /// The results.
+    pub outputs: Vec<Symbol>,
+    /// Rates of its phases, rad/s, which depend on parameters alone; phase i is the input [`InputKind::Phase`] i.
+    pub rates: Vec<Symbol>,
+}
+
+impl Graph {
+    /// Records the operations that form `outputs` again, in the recording that runs on this thread. `input` says what stands for
+    /// each input; it is asked for phases from `first_phase` on.
+    pub fn replayed(&self, outputs: &[Node], first_phase: u16, mut input: impl FnMut(Input) -> Symbol) -> Replayed {
+        let zero = Symbol::splat(0.0);
+        let mut values = vec![Value::Number(zero); self.len()];
+        let mut affine: Vec<Option<Affine>> = vec![None; self.len()];
+        // The argument of each phase, which sine and cosine share.
+        let mut phases: Vec<(Node, Symbol)> = Vec::new();
+        let mut rates = Vec::new();
+        for node in self.live(outputs) {
+            let operation = self.operation(node);
+            let turned = match operation {
+                Operation::Function(Function::Sin | Function::Cos, argument) => match affine[argument.index()] {
+                    Some(Affine { rate: Some(rate), offset }) => {
+                        let known = phases.iter().find(|(known, _)| *known == argument).map(|(_, angle)| *angle);
+                        Some(match known {
+                            Some(angle) => angle,
+                            None => {
+                                let index = first_phase + rates.len() as u16;
+                                let turns = input(Input::new(InputKind::Phase, index));
+                                let angle = turns * Symbol::splat(std::f64::consts::TAU) + offset;
+                                rates.push(rate);
+                                phases.push((argument, angle));
+                                angle
+                            }
+                        })
+                    }
+                    _ => None,
+                },
+                _ => None,
+            };
+            let value = recorded(operation, &values, turned, &mut input);
+            values[node.index()] = value;
+            affine[node.index()] = self.affine(node, value, &affine);
+        }
+        let outputs = outputs.iter().map(|output| number(values[output.index()])).collect();
+        Replayed { outputs, rates }
+    }
+
+    /// A node as r t + b, where it is one.
+    fn affine(&self, node: Node, value: Value, known: &[Option<Affine>]) -> Option<Affine> {
+        let dependence = self.dependence(node);
+        if !dependence.is_within(Dependence::PARAMETERS | Dependence::TIME) {
+            return None;
+        }
+        let Value::Number(value) = value else { return None };
+        if !dependence.intersects(Dependence::TIME) {
+            return Some(Affine { rate: None, offset: value });
+        }
+        let of = |node: Node| known[node.index()];
+        let sum = |a: Affine, b: Affine| Affine {
+            rate: match (a.rate, b.rate) {
+                (Some(a), Some(b)) => Some(a + b),
+                (a, b) => a.or(b),
+            },
+            offset: a.offset + b.offset,
+        };
+        let negative = |a: Affine| Affine { rate: a.rate.map(|rate| -rate), offset: -a.offset };
+        let product = |a: Affine, b: Affine| match (a.rate, b.rate) {
+            (None, rate) => Some(Affine { rate: rate.map(|rate| rate * a.offset), offset: a.offset * b.offset }),
+            (rate, None) => Some(Affine { rate: rate.map(|rate| rate * b.offset), offset: a.offset * b.offset }),
+            _ => None,
+        };
+        match self.operation(node) {
+            Operation::Input(Input { kind: InputKind::Time, .. }) => {
+                Some(Affine { rate: Some(Symbol::splat(1.0)), offset: Symbol::splat(0.0) })
+            }
+            Operation::Unary(Unary::Neg, a) => of(a).map(negative),
+            Operation::Binary(Binary::Add, a, b) => Some(sum(of(a)?, of(b)?)),
+            Operation::Binary(Binary::Sub, a, b) => Some(sum(of(a)?, negative(of(b)?))),
+            Operation::Binary(Binary::Mul, a, b) => product(of(a)?, of(b)?),
+            Operation::Binary(Binary::Div, a, b) => match (of(a)?, of(b)?) {
+                (a, Affine { rate: None, offset }) => {
+                    Some(Affine { rate: a.rate.map(|rate| rate / offset), offset: a.offset / offset })
+                }
+                _ => None,
+            },
+            Operation::MulAdd(a, b, c) => Some(sum(product(of(a)?, of(b)?)?, of(c)?)),
+            _ => None,
+        }
+    }
+}
+
+fn number(value: Value) -> Symbol {
+    match value {
+        Value::Number(number) => number,
+        // A graph holds no number where a truth value belongs.
+        Value::Truth(truth) => Symbol::select(truth, Symbol::splat(1.0), Symbol::splat(0.0)),
+    }
+}
+
+fn recorded(
+    operation: Operation,
+    values: &[Value],
+    argument: Option<Symbol>,
+    input: &mut impl FnMut(Input) -> Symbol,
+) -> Value {
+    let of = |node: Node| number(values[node.index()]);
+    let truth = |node: Node| match values[node.index()] {
+        Value::Truth(truth) => truth,
+        Value::Number(number) => Symbol::splat(0.5).less_than(number),
+    };
+    Value::Number(match operation {
+        Operation::Constant(bits) => Symbol::splat(f64::from_bits(bits)),
+        Operation::Truth(known) => {
+            let (zero, one) = (Symbol::splat(0.0), Symbol::splat(1.0));
+            return Value::Truth(if known { zero.less_than(one) } else { one.less_than(zero) });
+        }
+        Operation::Input(from) => input(from),
+        Operation::Unary(Unary::Neg, a) => -of(a),
+        Operation::Unary(Unary::Sqrt, a) => of(a).sqrt(),
+        Operation::Unary(Unary::Abs, a) => of(a).abs(),
+        Operation::Unary(Unary::Round, a) => of(a).round(),
+        Operation::Unary(Unary::Not, a) => return Value::Truth(!truth(a)),
+        Operation::Binary(Binary::Add, a, b) => of(a) + of(b),
+        Operation::Binary(Binary::Sub, a, b) => of(a) - of(b),
+        Operation::Binary(Binary::Mul, a, b) => of(a) * of(b),
+        Operation::Binary(Binary::Div, a, b) => of(a) / of(b),
+        Operation::Binary(Binary::Min, a, b) => of(a).min(of(b)),
+        Operation::Binary(Binary::Max, a, b) => of(a).max(of(b)),
+        Operation::Binary(Binary::Less, a, b) => return Value::Truth(of(a).less_than(of(b))),
+        Operation::Binary(Binary::And, a, b) => return Value::Truth(truth(a) & truth(b)),
+        Operation::Binary(Binary::Or, a, b) => return Value::Truth(truth(a) | truth(b)),
+        Operation::MulAdd(a, b, c) => of(a).mul_add(of(b), of(c)),
+        Operation::Select(condition, a, b) => Symbol::select(truth(condition), of(a), of(b)),
+        Operation::Function(function, a) => argument.unwrap_or_else(|| of(a)).function(function),
+        Operation::Function2(function, a, b) => of(a).function_with(function, of(b)),
+    })
+}

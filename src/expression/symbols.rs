@@ -1,0 +1,362 @@
+//! What a formula may name: inputs that are offered, and parameters of the user's own.
+
+use super::fault::{Fault, nearest};
+use super::graph::{Input, InputKind};
+use super::symbol::{Recorder, Symbol};
+use super::vocabulary;
+use crate::quaternion::Quaternion;
+use crate::vector::Vector;
+
+/// How many numbers a value has, and what they are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Shape {
+    /// One number.
+    Number,
+    /// Three components.
+    Vector,
+    /// Four components x, y, z, w.
+    Quaternion,
+}
+
+impl Shape {
+    /// Numbers that a value has.
+    pub const fn width(self) -> usize {
+        match self {
+            Shape::Number => 1,
+            Shape::Vector => 3,
+            Shape::Quaternion => 4,
+        }
+    }
+
+    /// With its article.
+    pub(super) const fn described(self) -> &'static str {
+        match self {
+            Shape::Number => "a number",
+            Shape::Vector => "a vector",
+            Shape::Quaternion => "a rotation",
+        }
+    }
+}
+
+/// A named value and the first of the inputs that hold it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Name {
+    /// As formulas write it.
+    pub name: String,
+    /// Its shape.
+    pub shape: Shape,
+    /// Its first number; the others follow.
+    pub first: Input,
+}
+
+impl Name {
+    fn new(name: &str, shape: Shape, kind: InputKind, index: usize) -> Self {
+        Self { name: name.to_owned(), shape, first: Input::new(kind, index as u16) }
+    }
+
+    /// The inputs that hold the value.
+    pub fn inputs(&self) -> impl Iterator<Item = Input> + use<> {
+        let Input { kind, index } = self.first;
+        (0..self.shape.width() as u16).map(move |part| Input::new(kind, index + part))
+    }
+}
+
+/// What is known of the inertia tensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Inertia {
+    Unknown,
+    /// Axes are principal ones: xx, yy, zz.
+    Principal,
+    /// xx, yy, zz, xy, xz, yz.
+    Full,
+}
+
+/// The most numbers that the parameters of one formula have.
+pub const MOST_PARAMETERS: usize = 1024;
+
+/// What a formula may name.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Symbols {
+    names: Vec<Name>,
+    inertia: Inertia,
+    parameters: usize,
+    phases: usize,
+}
+
+impl Symbols {
+    /// Parameters alone.
+    pub fn parameters_only() -> Self {
+        Self { names: vec![], inertia: Inertia::Unknown, parameters: 0, phases: 0 }
+    }
+
+    /// What every torque may ask for: `attitude`, `angular_velocity` and `angular_momentum` along the body's axes,
+    /// `inertia` (diagonal, as the axes are principal) and `time`.
+    pub fn rotation() -> Self {
+        Self {
+            names: vec![
+                Name::new("attitude", Shape::Quaternion, InputKind::Orientation, 0),
+                Name::new("angular_velocity", Shape::Vector, InputKind::AngularVelocity, 0),
+                Name::new("angular_momentum", Shape::Vector, InputKind::AngularMomentum, 0),
+                Name::new("time", Shape::Number, InputKind::Time, 0),
+            ],
+            inertia: Inertia::Principal,
+            ..Self::parameters_only()
+        }
+    }
+
+    /// Parameters, and `attitude`.
+    pub fn attitude() -> Self {
+        Self {
+            names: vec![Name::new("attitude", Shape::Quaternion, InputKind::Orientation, 0)],
+            ..Self::parameters_only()
+        }
+    }
+
+    /// Offers `position` and `velocity` of the centre of mass too, m and m/s along the world's axes.
+    #[must_use]
+    pub fn with_translation(mut self) -> Self {
+        self.names.push(Name::new("position", Shape::Vector, InputKind::Position, 0));
+        self.names.push(Name::new("velocity", Shape::Vector, InputKind::Velocity, 0));
+        self
+    }
+
+    /// The inertia has all six elements, as the body's axes are not principal ones.
+    #[must_use]
+    pub fn with_full_inertia(mut self) -> Self {
+        self.inertia = Inertia::Full;
+        self
+    }
+
+    /// Adds a parameter of the user's own; its numbers follow those of the parameters before it.
+    ///
+    /// # Errors
+    ///
+    /// If the name is not made of letters, digits and underscores, is taken or reserved, or there are more numbers than
+    /// [`MOST_PARAMETERS`].
+    pub fn parameter(mut self, name: &str, shape: Shape) -> Result<Self, Fault> {
+        self.check(name)?;
+        if self.parameters + shape.width() > MOST_PARAMETERS {
+            return Err(Fault::TooManyParameters);
+        }
+        self.names.push(Name::new(name, shape, InputKind::Parameter, self.parameters));
+        self.parameters += shape.width();
+        Ok(self)
+    }
+
+    /// Adds a phase that advances with time, in turns.
+    ///
+    /// # Errors
+    ///
+    /// As [`Symbols::parameter`].
+    pub fn phase(mut self, name: &str) -> Result<Self, Fault> {
+        self.check(name)?;
+        if self.phases >= MOST_PARAMETERS {
+            return Err(Fault::TooManyParameters);
+        }
+        self.names.push(Name::new(name, Shape::Number, InputKind::Phase, self.phases));
+        self.phases += 1;
+        Ok(self)
+    }
+
+    fn check(&self, name: &str) -> Result<(), Fault> {
+        let mut letters = name.chars();
+        let begins = letters.next().is_some_and(|first| first.is_ascii_alphabetic() || first == '_');
+        if !begins || !letters.all(|letter| letter.is_ascii_alphanumeric() || letter == '_') {
+            return Err(Fault::InvalidName { name: name.to_owned() });
+        }
+        if vocabulary::is_reserved(name) {
+            return Err(Fault::ReservedName { name: name.to_owned() });
+        }
+        match self.find(name) {
+            Some(_) => Err(Fault::DuplicateName { name: name.to_owned() }),
+            None => Ok(()),
+        }
+    }
+
+    /// Everything that is offered, beside the inertia.
+    pub fn names(&self) -> &[Name] {
+        &self.names
+    }
+
+    /// How many numbers the parameters have.
+    pub fn parameter_count(&self) -> usize {
+        self.parameters
+    }
+
+    pub(super) fn find(&self, name: &str) -> Option<&Name> {
+        self.names.iter().find(|known| known.name == name)
+    }
+
+    pub(super) fn offers_inertia(&self) -> bool {
+        self.inertia != Inertia::Unknown
+    }
+
+    /// The error for a name that is not found, with the nearest of those that are, and of `more`.
+    pub(super) fn unknown<'a>(&'a self, name: &str, more: impl Iterator<Item = &'a str>) -> Fault {
+        if vocabulary::INPUTS.contains(&name) {
+            return Fault::NotOffered { name: name.to_owned() };
+        }
+        let inertia = self.offers_inertia().then_some("inertia");
+        let known = self.names.iter().map(|known| known.name.as_str()).chain(inertia).chain(more);
+        Fault::UnknownName { name: name.to_owned(), nearest: nearest(name, known) }
+    }
+}
+
+/// The symbols of a recording, by name.
+pub struct Scope<'a> {
+    symbols: &'a Symbols,
+    recorder: &'a Recorder,
+}
+
+impl<'a> Scope<'a> {
+    pub(super) fn new(symbols: &'a Symbols, recorder: &'a Recorder) -> Self {
+        Self { symbols, recorder }
+    }
+
+    /// The input or parameter `name` if it is a number. An unknown name, or one of another shape, makes the recording fail;
+    /// so do the others below.
+    pub fn number(&self, name: &str) -> Symbol {
+        self.numbers::<1>(name, Shape::Number)[0]
+    }
+
+    /// The input or parameter `name` if it is a vector.
+    pub fn vector(&self, name: &str) -> Vector<Symbol> {
+        let [x, y, z] = self.numbers(name, Shape::Vector);
+        Vector::new(x, y, z)
+    }
+
+    /// The input or parameter `name` if it is a quaternion.
+    pub fn quaternion(&self, name: &str) -> Quaternion<Symbol> {
+        let [x, y, z, w] = self.numbers(name, Shape::Quaternion);
+        Quaternion::new(x, y, z, w)
+    }
+
+    /// The rotation from the body's axes to the world's.
+    pub fn attitude(&self) -> Quaternion<Symbol> {
+        self.quaternion("attitude")
+    }
+
+    /// The angular velocity, rad/s, along the body's axes.
+    pub fn angular_velocity(&self) -> Vector<Symbol> {
+        self.vector("angular_velocity")
+    }
+
+    /// The angular momentum, kg m²/s, along the body's axes.
+    pub fn angular_momentum(&self) -> Vector<Symbol> {
+        self.vector("angular_momentum")
+    }
+
+    /// Time, s.
+    pub fn time(&self) -> Symbol {
+        self.number("time")
+    }
+
+    /// The position of the centre of mass, m, along the world's axes.
+    pub fn position(&self) -> Vector<Symbol> {
+        self.vector("position")
+    }
+
+    /// The velocity of the centre of mass, m/s, along the world's axes.
+    pub fn velocity(&self) -> Vector<Symbol> {
+        self.vector("velocity")
+    }
+
+    /// The inertia tensor times a vector, both along the body's axes.
+    pub fn inertia_times(&self, v: Vector<Symbol>) -> Vector<Symbol> {
+        let [xx, yy, zz] = ["xx", "yy", "zz"].map(|name| self.inertia(name));
+        if self.symbols.inertia != Inertia::Full {
+            return Vector::new(xx, yy, zz).scaled_by(v);
+        }
+        use crate::real::Real;
+        let [xy, xz, yz] = ["xy", "xz", "yz"].map(|name| self.inertia(name));
+        Vector::new(
+            xx.mul_add(v.x, xy.mul_add(v.y, xz * v.z)),
+            xy.mul_add(v.x, yy.mul_add(v.y, yz * v.z)),
+            xz.mul_add(v.x, yz.mul_add(v.y, zz * v.z)),
+        )
+    }
+
+    /// An element of the inertia tensor, kg m²: `xx`, `yy`, `zz`, and where axes are not principal `xy`, `xz`, `yz`.
+    pub fn inertia(&self, element: &str) -> Symbol {
+        match self.inertia_element(element) {
+            Ok(element) => element,
+            Err(fault) => self.recorder.refuse(fault),
+        }
+    }
+
+    pub(super) fn inertia_element(&self, element: &str) -> Result<Symbol, Fault> {
+        let (elements, known) = match self.symbols.inertia {
+            Inertia::Unknown => return Err(self.symbols.unknown("inertia", std::iter::empty())),
+            Inertia::Principal => (3, "xx, yy, zz"),
+            Inertia::Full => (6, "xx, yy, zz, xy, xz, yz"),
+        };
+        let place = ["xx", "yy", "zz", "xy", "xz", "yz"][..elements].iter().position(|name| *name == element);
+        match place {
+            Some(index) => Ok(self.recorder.input(Input::new(InputKind::Inertia, index as u16))),
+            None => Err(Fault::UnknownComponent { name: element.to_owned(), known }),
+        }
+    }
+
+    /// A vector along the body's axes, given along the world's.
+    pub fn to_body(&self, world: Vector<Symbol>) -> Vector<Symbol> {
+        self.attitude().rotate_inverse(world)
+    }
+
+    /// A vector along the world's axes, given along the body's.
+    pub fn to_world(&self, body: Vector<Symbol>) -> Vector<Symbol> {
+        self.attitude().rotate(body)
+    }
+
+    pub(super) fn symbols(&self) -> &'a Symbols {
+        self.symbols
+    }
+
+    pub(super) fn recorder(&self) -> &'a Recorder {
+        self.recorder
+    }
+
+    fn numbers<const N: usize>(&self, name: &str, shape: Shape) -> [Symbol; N] {
+        let fault = match self.symbols.find(name) {
+            Some(found) if found.shape == shape => {
+                let Input { kind, index } = found.first;
+                return std::array::from_fn(|part| self.recorder.input(Input::new(kind, index + part as u16)));
+            }
+            Some(found) => Fault::Shape {
+                of: format!("`{name}`"),
+                found: found.shape.described().to_owned(),
+                needed: shape.described().to_owned(),
+            },
+            None => self.symbols.unknown(name, std::iter::empty()),
+        };
+        [self.recorder.refuse(fault); N]
+    }
+}
+
+/// What a closure that records a formula may return.
+pub trait Recorded {
+    /// Its shape.
+    const SHAPE: Shape;
+    /// Its numbers.
+    fn into_symbols(self) -> Vec<Symbol>;
+}
+
+impl Recorded for Symbol {
+    const SHAPE: Shape = Shape::Number;
+    fn into_symbols(self) -> Vec<Symbol> {
+        vec![self]
+    }
+}
+
+impl Recorded for Vector<Symbol> {
+    const SHAPE: Shape = Shape::Vector;
+    fn into_symbols(self) -> Vec<Symbol> {
+        vec![self.x, self.y, self.z]
+    }
+}
+
+impl Recorded for Quaternion<Symbol> {
+    const SHAPE: Shape = Shape::Quaternion;
+    fn into_symbols(self) -> Vec<Symbol> {
+        vec![self.x, self.y, self.z, self.w]
+    }
+}

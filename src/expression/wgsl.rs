@@ -1,0 +1,351 @@
+//! A formula as a WGSL function, with the same operations in the same order as the evaluators on the CPU.
+//!
+//! The text calls what `real_f32.wgsl` or `real_f64.wgsl`, `trigonometry.wgsl`, `functions.wgsl` and, for Kepler's equation,
+//! `kepler.wgsl` define; it does not know the precision.
+
+use std::collections::{HashMap, HashSet};
+use std::fmt::{self, Write};
+
+use super::graph::{Binary, Graph, Input, Node, Operation, Unary};
+use super::symbols::Shape;
+use crate::real::Function;
+
+/// A function's name, its parameters and what is said about it.
+#[derive(Clone, Debug, Default)]
+pub struct Signature {
+    /// The function's name.
+    pub name: String,
+    /// Lines of comment before it, without their slashes.
+    pub comment: Vec<String>,
+    /// The parameters, in order.
+    pub parameters: Vec<Argument>,
+}
+
+/// A parameter of a function.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Argument {
+    /// Its name.
+    pub name: String,
+    /// Its shape: 1, 3 or 4 numbers.
+    pub shape: Shape,
+    /// The inputs of the formula that its components are.
+    pub inputs: Vec<Input>,
+}
+
+impl Argument {
+    /// A parameter.
+    pub fn new(name: impl Into<String>, shape: Shape, inputs: impl IntoIterator<Item = Input>) -> Self {
+        Self { name: name.into(), shape, inputs: inputs.into_iter().collect() }
+    }
+}
+
+/// Why a formula has no text in WGSL.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum WgslError {
+    /// A constant outside the range of `f32`.
+    ConstantOutOfRange(f64),
+    /// An input that is not among the parameters.
+    UnknownInput(Input),
+    /// Other than 1, 3 or 4 results.
+    OutputCount(usize),
+    /// A function without a twin in WGSL.
+    UnknownFunction(Function),
+}
+
+impl fmt::Display for WgslError {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            WgslError::ConstantOutOfRange(x) => write!(formatter, "the constant {x:e} is outside the range of f32"),
+            WgslError::UnknownInput(input) => write!(formatter, "{input:?} is not a parameter of the function"),
+            WgslError::OutputCount(count) => write!(formatter, "a function returns 1, 3 or 4 numbers, not {count}"),
+            WgslError::UnknownFunction(function) => write!(formatter, "{function:?} is not a function of the shaders"),
+        }
+    }
+}
+
+impl std::error::Error for WgslError {}
+
+/// Beyond this many characters an expression gets a name.
+const LONGEST: usize = 100;
+
+/// How tightly an expression is bound.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Binding {
+    Sum,
+    Product,
+    Sign,
+    Whole,
+}
+
+/// A piece of text that stands for a node.
+#[derive(Clone)]
+struct Piece {
+    text: String,
+    binding: Binding,
+}
+
+impl Piece {
+    fn whole(text: impl Into<String>) -> Self {
+        Self { text: text.into(), binding: Binding::Whole }
+    }
+
+    /// In parentheses where it is bound less tightly than `least`.
+    fn at_least(&self, least: Binding) -> String {
+        if self.binding < least { format!("({})", self.text) } else { self.text.clone() }
+    }
+}
+
+/// The text of a function that forms `outputs`.
+///
+/// # Errors
+///
+/// If a constant is outside the range of `f32`, an input is not among the parameters, there are other than 1, 3 or 4
+/// outputs, or a function has no twin in WGSL.
+pub fn function(graph: &Graph, outputs: &[Node], signature: &Signature) -> Result<String, WgslError> {
+    let shape = match outputs.len() {
+        1 => Shape::Number,
+        3 => Shape::Vector,
+        4 => Shape::Quaternion,
+        count => return Err(WgslError::OutputCount(count)),
+    };
+    let mut writer = Writer::new(graph, outputs, signature);
+    for node in graph.live(outputs) {
+        let piece = writer.piece(node)?;
+        writer.keep(node, piece);
+    }
+    let parts: Vec<String> = outputs.iter().map(|output| writer.pieces[output].text.clone()).collect();
+    let mut text = String::new();
+    for line in &signature.comment {
+        text += &if line.is_empty() { "//\n".to_owned() } else { format!("// {line}\n") };
+    }
+    text += &heading(signature, shape);
+    text += &writer.body;
+    text += &match shape {
+        Shape::Number => format!("    return {};\n", parts[0]),
+        _ => returned(wgsl_type(shape), &parts),
+    };
+    text += "}\n";
+    Ok(text)
+}
+
+/// The name of a shape's type.
+fn wgsl_type(shape: Shape) -> &'static str {
+    match shape {
+        Shape::Number => "real",
+        Shape::Vector => "vector",
+        Shape::Quaternion => "quaternion",
+    }
+}
+
+fn heading(signature: &Signature, shape: Shape) -> String {
+    let parameters: Vec<String> = signature
+        .parameters
+        .iter()
+        .map(|parameter| format!("{}: {}", parameter.name, wgsl_type(parameter.shape)))
+        .collect();
+    let (name, result) = (&signature.name, wgsl_type(shape));
+    let line = format!("fn {name}({}) -> {result} {{\n", parameters.join(", "));
+    if line.len() <= LONGEST + 20 {
+        return line;
+    }
+    format!("fn {name}(\n    {},\n) -> {result} {{\n", parameters.join(",\n    "))
+}
+
+/// A value of several components: on one line where it fits.
+fn returned(kind: &str, parts: &[String]) -> String {
+    let line = format!("    return {kind}({});\n", parts.join(", "));
+    if line.len() <= LONGEST + 20 {
+        return line;
+    }
+    format!("    return {kind}(\n        {},\n    );\n", parts.join(",\n        "))
+}
+
+struct Writer<'a> {
+    graph: &'a Graph,
+    /// How often each node is used.
+    uses: Vec<u32>,
+    inputs: HashMap<Input, String>,
+    /// Names that are taken.
+    names: Vec<&'a str>,
+    pieces: HashMap<Node, Piece>,
+    /// The pairs of sine and cosine so far, by the argument and, for Kepler's equation, the eccentricity.
+    pairs: HashMap<(Node, Option<Node>), String>,
+    body: String,
+    count: usize,
+}
+
+impl<'a> Writer<'a> {
+    fn new(graph: &'a Graph, outputs: &[Node], signature: &'a Signature) -> Self {
+        let mut uses = vec![0; graph.len()];
+        let mut pairs = HashSet::new();
+        for node in graph.live(outputs) {
+            // Sine and cosine of one argument use it once.
+            let counts = pair_of(graph.operation(node)).is_none_or(|(arguments, _)| pairs.insert(arguments));
+            if counts {
+                graph.operation(node).operands().for_each(|operand| uses[operand.index()] += 1);
+            }
+        }
+        outputs.iter().for_each(|output| uses[output.index()] += 1);
+        let mut inputs = HashMap::new();
+        for parameter in &signature.parameters {
+            for (input, component) in parameter.inputs.iter().zip(["x", "y", "z", "w"]) {
+                let name = match parameter.shape {
+                    Shape::Number => parameter.name.clone(),
+                    _ => format!("{}.{component}", parameter.name),
+                };
+                inputs.insert(*input, name);
+            }
+        }
+        let names = signature.parameters.iter().map(|parameter| parameter.name.as_str()).collect();
+        let (pieces, pairs) = (HashMap::new(), HashMap::new());
+        Self { graph, uses, inputs, names, pieces, pairs, body: String::new(), count: 0 }
+    }
+
+    /// A name that is not taken.
+    fn fresh(&mut self, stem: &str) -> String {
+        loop {
+            self.count += 1;
+            let name = format!("{stem}{}", self.count);
+            if !self.names.contains(&name.as_str()) {
+                return name;
+            }
+        }
+    }
+
+    fn define(&mut self, stem: &str, text: &str) -> String {
+        let name = self.fresh(stem);
+        // Writing to a string cannot fail.
+        let _ = writeln!(self.body, "    let {name} = {text};");
+        name
+    }
+
+    /// Keeps what stands for a node: itself, or a name for it.
+    fn keep(&mut self, node: Node, piece: Piece) {
+        let operation = self.graph.operation(node);
+        let is_short = match operation {
+            Operation::Constant(_) | Operation::Input(_) | Operation::Truth(_) => true,
+            Operation::Unary(Unary::Neg, a) => matches!(self.graph.operation(a), Operation::Input(_)),
+            _ => pair_of(operation).is_some(),
+        };
+        let kept = if !is_short && (self.uses[node.index()] > 1 || piece.text.len() > LONGEST) {
+            Piece::whole(self.define(if operation.is_truth() { "is" } else { "t" }, &piece.text))
+        } else {
+            piece
+        };
+        self.pieces.insert(node, kept);
+    }
+
+    fn text(&self, node: Node, least: Binding) -> String {
+        self.pieces[&node].at_least(least)
+    }
+
+    /// An operand of which no type may be found in a call: constants alone are not of the shader's precision.
+    fn typed(&self, node: Node) -> String {
+        let text = self.text(node, Binding::Sum);
+        if self.graph.constant(node).is_some() { format!("real({text})") } else { text }
+    }
+
+    fn piece(&mut self, node: Node) -> Result<Piece, WgslError> {
+        let operation = self.graph.operation(node);
+        if let Some((arguments, component)) = pair_of(operation) {
+            let pair = self.pair(arguments);
+            return Ok(Piece::whole(format!("{pair}.{component}")));
+        }
+        let call = |name: &str, arguments: &[String]| Piece::whole(format!("{name}({})", arguments.join(", ")));
+        let plain = |node: Node| self.text(node, Binding::Sum);
+        let joined = |a: Node, left: Binding, sign: &str, b: Node, right: Binding, binding: Binding| Piece {
+            text: format!("{} {sign} {}", self.text(a, left), self.text(b, right)),
+            binding,
+        };
+        use Binding::{Product, Sign, Sum, Whole};
+        Ok(match operation {
+            Operation::Constant(bits) => constant(f64::from_bits(bits))?,
+            Operation::Truth(truth) => Piece::whole(truth.to_string()),
+            Operation::Input(input) => {
+                Piece::whole(self.inputs.get(&input).ok_or(WgslError::UnknownInput(input))?.as_str())
+            }
+            Operation::Unary(Unary::Neg, a) => Piece { text: format!("-{}", self.text(a, Whole)), binding: Sign },
+            Operation::Unary(Unary::Not, a) => Piece { text: format!("!{}", self.text(a, Whole)), binding: Sign },
+            Operation::Unary(Unary::Sqrt, a) => call("sqrt", &[plain(a)]),
+            Operation::Unary(Unary::Abs, a) => call("abs", &[plain(a)]),
+            Operation::Unary(Unary::Round, a) => call("round", &[plain(a)]),
+            Operation::Binary(Binary::Add, a, b) => joined(a, Sum, "+", b, Product, Sum),
+            Operation::Binary(Binary::Sub, a, b) => joined(a, Sum, "-", b, Product, Sum),
+            Operation::Binary(Binary::Mul, a, b) => joined(a, Product, "*", b, Sign, Product),
+            Operation::Binary(Binary::Div, a, b) => joined(a, Product, "/", b, Sign, Product),
+            Operation::Binary(Binary::Min, a, b) => call("min", &[plain(a), plain(b)]),
+            Operation::Binary(Binary::Max, a, b) => call("max", &[plain(a), plain(b)]),
+            // In parentheses always, so that no list of templates is seen in it.
+            Operation::Binary(Binary::Less, a, b) => {
+                Piece::whole(format!("({} < {})", self.text(a, Sum), self.text(b, Sum)))
+            }
+            Operation::Binary(Binary::And, a, b) => {
+                Piece::whole(format!("({} && {})", self.text(a, Sign), self.text(b, Sign)))
+            }
+            Operation::Binary(Binary::Or, a, b) => {
+                Piece::whole(format!("({} || {})", self.text(a, Sign), self.text(b, Sign)))
+            }
+            Operation::MulAdd(a, b, c) => call("mul_add", &[plain(a), plain(b), plain(c)]),
+            Operation::Select(condition, a, b) => call("select", &[self.typed(b), self.typed(a), plain(condition)]),
+            Operation::Function(function, a) => {
+                call(name_of(function).ok_or(WgslError::UnknownFunction(function))?, &[plain(a)])
+            }
+            Operation::Function2(function, a, b) => {
+                call(name_of(function).ok_or(WgslError::UnknownFunction(function))?, &[plain(a), plain(b)])
+            }
+        })
+    }
+
+    /// The name of the sine and cosine of an argument, or of an eccentric anomaly.
+    fn pair(&mut self, arguments: (Node, Option<Node>)) -> String {
+        if let Some(name) = self.pairs.get(&arguments) {
+            return name.clone();
+        }
+        let first = self.text(arguments.0, Binding::Sum);
+        let name = match arguments.1 {
+            None => self.define("angle", &format!("sin_cos({first})")),
+            Some(eccentricity) => {
+                let eccentricity = self.text(eccentricity, Binding::Sum);
+                self.define("anomaly", &format!("eccentric_anomaly({first}, {eccentricity})"))
+            }
+        };
+        self.pairs.insert(arguments, name.clone());
+        name
+    }
+}
+
+/// The arguments of a function that is found together with its partner, and which of the two it is.
+fn pair_of(operation: Operation) -> Option<((Node, Option<Node>), &'static str)> {
+    match operation {
+        Operation::Function(Function::Sin, a) => Some(((a, None), "sin")),
+        Operation::Function(Function::Cos, a) => Some(((a, None), "cos")),
+        Operation::Function2(Function::KeplerSin, a, b) => Some(((a, Some(b)), "sin")),
+        Operation::Function2(Function::KeplerCos, a, b) => Some(((a, Some(b)), "cos")),
+        _ => None,
+    }
+}
+
+/// The name of a function in `functions.wgsl`, which hides WGSL's own: those are not accurate enough and lack `f64`.
+fn name_of(function: Function) -> Option<&'static str> {
+    match function {
+        Function::Sin | Function::Cos | Function::KeplerSin | Function::KeplerCos => None,
+        Function::Tan => Some("tan"),
+        Function::Asin => Some("asin"),
+        Function::Acos => Some("acos"),
+        Function::Atan2 => Some("atan2"),
+        Function::Exp => Some("exp"),
+        Function::Ln => Some("ln"),
+        Function::Pow => Some("pow"),
+        Function::ArctangentRatio => Some("arctangent_ratio"),
+    }
+}
+
+/// A literal without suffix, which keeps all digits of an `f64` and takes either precision.
+fn constant(x: f64) -> Result<Piece, WgslError> {
+    if !(x as f32).is_finite() {
+        return Err(WgslError::ConstantOutOfRange(x));
+    }
+    let text = format!("{x:?}");
+    Ok(Piece { text, binding: if x.is_sign_negative() { Binding::Sum } else { Binding::Whole } })
+}

@@ -1,0 +1,97 @@
+//! `model = "custom"` in study files: a torque that the user writes down.
+
+use super::distribution::Orientation;
+use super::input::Fault;
+use super::parameter::{Number, Triple, Turn};
+use super::reader::{Node, Table};
+use super::torque::{StudyParameter, StudyValue};
+use crate::error::Result;
+use crate::expression::{self, Expression, Shape, Symbols, TextError};
+use crate::torque::custom::ExpressionModel;
+use crate::torque::{ModelRef, Parameters};
+
+/// The name of the model.
+pub(super) const NAME: &str = "custom";
+
+/// The formula and its parameters.
+pub(super) fn read(table: &Table<'_>) -> Result<(ModelRef, Vec<StudyParameter>)> {
+    table.only(&["model", "parameters", "torque", "energy"])?;
+    let mut parameters = Parameters::new();
+    let mut values = Vec::new();
+    if let Some(node) = table.find("parameters") {
+        let named = node.any_table().ok_or_else(|| node.refuse("a table of names and values is needed"))?;
+        for (name, node) in named.nodes() {
+            let value = value(&node)?;
+            let shape = match value {
+                StudyValue::Vector(_) => Shape::Vector,
+                StudyValue::Rotation(_) => Shape::Quaternion,
+                _ => Shape::Number,
+            };
+            parameters = parameters.declared(&name, shape).map_err(|fault| refused(&node, &fault))?;
+            values.push(StudyParameter::new(format!("parameters.{name}"), value));
+        }
+    }
+    let node = table.need("torque", "a formula of a vector in body axes is needed (N m)")?;
+    let torque = formula(&node, parameters.symbols(), Shape::Vector)?;
+    let energy = match table.find("energy") {
+        Some(node) => Some(formula(&node, parameters.energy_symbols(), Shape::Number)?),
+        None => None,
+    };
+    let model = ExpressionModel::of_user(torque, energy, &parameters).map_err(|fault| refused(&node, &fault))?;
+    Ok((model, values))
+}
+
+fn refused(node: &Node<'_>, fault: &expression::Fault) -> crate::Error {
+    node.fault(Fault::Syntax { reason: fault.to_string() })
+}
+
+fn formula(node: &Node<'_>, symbols: &Symbols, shape: Shape) -> Result<Expression> {
+    let text = node.string("a formula is needed, as text")?;
+    Expression::parse(text, symbols, shape).map_err(|error| at(node, &error))
+}
+
+/// The refusal of a formula, at its own line of the file.
+fn at(node: &Node<'_>, error: &TextError) -> crate::Error {
+    let (reason, picture) = (error.fault.to_string(), error.picture());
+    node.fault_in_text(error.line, error.column, |column| Fault::Formula { column, reason, picture })
+}
+
+/// A number, a vector or a rotation, by what stands there.
+fn value(node: &Node<'_>) -> Result<StudyValue> {
+    const EXPECTED: &str =
+        "a number, a vector, a rotation, a distribution or columns of the table of bodies are needed";
+    if node.is_number() {
+        return Ok(StudyValue::Number(Number::read(node)?));
+    }
+    if let Some(elements) = node.elements() {
+        return match elements.len() {
+            3 => Ok(StudyValue::Vector(Triple::read(node)?)),
+            4 => Ok(StudyValue::Rotation(Turn::Drawn(Orientation::read(node)?))),
+            _ => Err(node.refuse(EXPECTED)),
+        };
+    }
+    let table = node.any_table().ok_or_else(|| node.refuse(EXPECTED))?;
+    if let Some(columns) = table.find("columns") {
+        return match columns.elements().map(|columns| columns.len()) {
+            Some(4) => Ok(StudyValue::Rotation(Turn::read(node)?)),
+            _ => Ok(StudyValue::Vector(Triple::read(node)?)),
+        };
+    }
+    if table.find("axis").is_some() || table.find("angle").is_some() {
+        return Ok(StudyValue::Rotation(Turn::read(node)?));
+    }
+    if table.find("distribution").is_some_and(|name| name.string("").is_ok_and(|name| name == "direction")) {
+        return Ok(StudyValue::Vector(Triple::read(node)?));
+    }
+    let has_vector = ["low", "high", "mean", "sigma", "value"]
+        .iter()
+        .any(|key| table.find(key).is_some_and(|node| node.elements().is_some()));
+    if has_vector {
+        return Ok(StudyValue::Vector(Triple::read(node)?));
+    }
+    let is_uniform = table.find("distribution").is_some_and(|name| name.string("").is_ok_and(|name| name == "uniform"));
+    if is_uniform && table.find("low").is_none() && table.find("high").is_none() {
+        return Ok(StudyValue::Rotation(Turn::read(node)?));
+    }
+    Ok(StudyValue::Number(Number::read(node)?))
+}

@@ -1,0 +1,96 @@
+//! The models of torques as help and documentation list them, from their declarations.
+
+use std::fmt::Write;
+
+use crate::torque::declaration::in_brackets;
+use crate::torque::{Declaration, ParameterDeclaration, Preset, Validity, declarations};
+
+/// All models with their equations and the keys of their parameters, as `polhode run --help` prints them.
+pub fn describe_models() -> String {
+    let mut text = String::new();
+    for model in declarations() {
+        let names: Vec<&str> = model.names().collect();
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "    {}: {}", names.join(", "), model.summary);
+        for parameter in &model.parameters {
+            describe(&mut text, "", parameter);
+            parameter.elements.iter().for_each(|element| describe(&mut text, "- ", element));
+        }
+    }
+    text += CUSTOM;
+    text
+}
+
+/// The one model whose parameters are the user's own.
+const CUSTOM: &str = "    custom: as written
+        torque                  a formula (N m, body axes): `let name = ...;`, then a vector
+        parameters              names: numbers, vectors, rotations, distributions, columns [none]
+        energy                  a formula (J) of attitude and parameters, for the balance [none]
+        inputs                  attitude, angular_velocity, angular_momentum, inertia, time (SI)
+        operators               + - * / ^ (whole powers), < <= > >= && || !, v.x
+        functions               vec quat dot cross norm normalize to_body to_world rotate conjugate
+                                sqrt abs sin cos tan asin acos atan2 exp ln pow
+                                min max clamp step smoothstep select
+        example                 torque = \"-k * angular_velocity\", parameters = { k = 0.3 }";
+
+/// A line on a parameter; `mark` stands before the keys of the tables of a list.
+fn describe(text: &mut String, mark: &str, parameter: &ParameterDeclaration) {
+    let name = format!("{mark}{}", parameter.name);
+    let mut line = format!("        {name:<24}{}{}", parameter.with_axes(), in_brackets(&parameter.unit));
+    line += &match parameter.valid {
+        Validity::NotNegative => ", not negative".to_owned(),
+        Validity::Positive => ", above zero".to_owned(),
+        Validity::NotZero => ", not zero".to_owned(),
+        Validity::Range(low, high) => format!(", {low} to {high}"),
+        Validity::Count(least, most) => format!(", a list of {least} to {most} tables with the keys"),
+        _ => String::new(),
+    };
+    if let Some(other) = &parameter.other_key {
+        line += &format!(", or {}", other.name);
+    }
+    let default = default(parameter).map(|value| format!(" [{value}]")).unwrap_or_default();
+    // Writing to a string cannot fail.
+    let _ = writeln!(text, "{line}{default}");
+}
+
+/// All models as a table in Markdown, which stands in the documentation of [`crate::torque`].
+pub fn models_table() -> String {
+    let mut text = "| model | equation | keys | source |\n| --- | --- | --- | --- |\n".to_owned();
+    for model in declarations() {
+        let keys: Vec<String> = model.parameters.iter().map(key).collect();
+        let row = [named(model), model.summary.replace('|', "\\|"), keys.join(", "), model.source.to_string()];
+        let _ = writeln!(text, "| {} |", row.join(" | "));
+    }
+    text
+}
+
+/// A model's name, with a link to its file, and its other names.
+fn named(model: &Declaration) -> String {
+    let others: String = model.aliases.iter().map(|alias| format!(", `{alias}`")).collect();
+    let file = model.name.replace('-', "_");
+    // Rustdoc finds it by the name where both are the same.
+    if file == *model.name { format!("[`{file}`]{others}") } else { format!("[`{}`]({file}){others}", model.name) }
+}
+
+/// A key with its unit and what it is where it is left out.
+fn key(parameter: &ParameterDeclaration) -> String {
+    let notes = [Some(parameter.unit.to_string()).filter(|unit| unit != "1"), default(parameter)];
+    let notes: Vec<String> = notes.into_iter().flatten().collect();
+    let notes = if notes.is_empty() { String::new() } else { format!(" ({})", notes.join(", ")) };
+    let other = parameter.other_key.as_ref().map(|other| format!(" or `{}`", other.name)).unwrap_or_default();
+    let elements: Vec<String> = parameter.elements.iter().map(key).collect();
+    let elements = match parameter.valid {
+        Validity::Count(least, most) => format!(": {least} to {most} tables of {}", elements.join(", ")),
+        _ => String::new(),
+    };
+    format!("`{}`{other}{notes}{elements}", parameter.name)
+}
+
+/// What holds where a key is left out.
+fn default(parameter: &ParameterDeclaration) -> Option<String> {
+    parameter.default.map(|preset| match preset {
+        Preset::Number(number) => format!("else {number}"),
+        Preset::Whole(number) => format!("else {number}"),
+        Preset::Seed => "else the study's seed".to_owned(),
+    })
+}

@@ -1,0 +1,354 @@
+//! `custom`: a torque that a user writes down, as text or as a closure.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use glam::{DQuat, DVec3};
+
+use super::expressed::{self, Expressed};
+use super::formula::{Column, Epoch, Formula, Role, Row};
+use super::{Declaration, Kind, Model, ModelRef, Needs, ParameterDeclaration, Torque, Value, Values};
+use crate::batch::BodyFrame;
+use crate::expression::wgsl::WgslError;
+use crate::expression::{Expression, Fault, Input, InputKind, Program, Scope, Shape, Symbol, Symbols, TextError};
+use crate::inertia::InertiaTensor;
+use crate::quaternion::Quaternion;
+use crate::real::Real;
+use crate::vector::Vector;
+
+/// Torques whose formula is data; what kernels read of them is [`super::expressed`].
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Custom;
+
+impl Formula for Custom {
+    const STEM: &'static str = "custom";
+    const COLUMNS: &'static [Column] = &[];
+    const ROLE: Role = Role::Expression;
+
+    #[inline(always)]
+    fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
+        Vector::zero()
+    }
+}
+
+/// A model whose formula is an expression.
+pub(crate) struct ExpressionModel {
+    declaration: Declaration,
+    torque: Expression,
+    energy: Option<(Expression, Program)>,
+    program: Program,
+    /// For bodies whose principal axes differ.
+    general: Arc<Expressed>,
+    /// By the principal axes that all bodies share, as bits.
+    prepared: Mutex<BTreeMap<[u64; 4], Arc<Expressed>>>,
+}
+
+/// The parameters of a custom torque and their values, built one by one.
+///
+/// ```
+/// use polhode::torque::{Parameters, Torque};
+///
+/// let parameters = Parameters::new().number("k", 0.3)?.number("b", vec![0.1, 0.2])?;
+/// let text = "let up = to_body(vec(0, 0, 1));\n-k * cross(up, vec(0, 0, 1)) - b * angular_velocity * norm(angular_velocity)";
+/// let torque = Torque::custom(text, parameters)?;
+/// assert!(torque.needs().attitude && torque.needs().angular_velocity && !torque.needs().time);
+/// # Ok::<(), polhode::expression::TextError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Parameters {
+    symbols: Symbols,
+    /// For energies, which depend on the attitude alone.
+    energy_symbols: Symbols,
+    declarations: Vec<ParameterDeclaration>,
+    values: Vec<Value>,
+}
+
+impl Default for Parameters {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Parameters {
+    /// No parameters.
+    pub fn new() -> Self {
+        let symbols = Symbols::rotation().with_full_inertia();
+        let energy_symbols = Symbols::attitude();
+        Self { symbols, energy_symbols, declarations: Vec::new(), values: Vec::new() }
+    }
+
+    /// What the formula of an energy may name.
+    pub fn energy_symbols(&self) -> &Symbols {
+        &self.energy_symbols
+    }
+
+    /// What a formula may name.
+    pub fn symbols(&self) -> &Symbols {
+        &self.symbols
+    }
+
+    /// Adds a number.
+    ///
+    /// # Errors
+    ///
+    /// Where the name is taken, reserved or not made of letters, digits and underscores.
+    pub fn number(self, name: &str, value: impl Into<super::Parameter<f64>>) -> Result<Self, Fault> {
+        self.with(
+            ParameterDeclaration::number(name.to_owned(), "1", "a number"),
+            Shape::Number,
+            Value::Number(value.into()),
+        )
+    }
+
+    /// Adds a vector.
+    ///
+    /// # Errors
+    ///
+    /// As [`Parameters::number`].
+    pub fn vector(self, name: &str, value: impl Into<super::Parameter<DVec3>>) -> Result<Self, Fault> {
+        let declaration = ParameterDeclaration::number(name.to_owned(), "1", "a vector");
+        self.with(declaration.of_shape(super::Shape::Vector), Shape::Vector, Value::Vector(value.into()))
+    }
+
+    /// Adds a rotation; it is normalised.
+    ///
+    /// # Errors
+    ///
+    /// As [`Parameters::number`].
+    pub fn rotation(self, name: &str, value: impl Into<super::Parameter<DQuat>>) -> Result<Self, Fault> {
+        let declaration = ParameterDeclaration::rotation(name.to_owned(), "a rotation");
+        self.with(declaration, Shape::Quaternion, Value::Rotation(value.into()))
+    }
+
+    /// Adds a parameter whose values come later.
+    #[cfg(feature = "study")]
+    pub(crate) fn declared(self, name: &str, shape: Shape) -> Result<Self, Fault> {
+        match shape {
+            Shape::Number => self.number(name, 0.0),
+            Shape::Vector => self.vector(name, DVec3::ZERO),
+            Shape::Quaternion => self.rotation(name, DQuat::IDENTITY),
+        }
+    }
+
+    fn with(self, declaration: ParameterDeclaration, shape: Shape, value: Value) -> Result<Self, Fault> {
+        let Self { symbols, energy_symbols, mut declarations, mut values } = self;
+        let symbols = symbols.parameter(&declaration.name, shape)?;
+        let energy_symbols = energy_symbols.parameter(&declaration.name, shape)?;
+        declarations.push(declaration);
+        values.push(value);
+        Ok(Self { symbols, energy_symbols, declarations, values })
+    }
+}
+
+impl Torque {
+    /// A torque by a text: a vector in body axes, N m, of `attitude`, `angular_velocity` (rad/s), `angular_momentum`, `inertia`, `time` (s)
+    /// and the parameters; the language is that of [`crate::expression`].
+    ///
+    /// # Errors
+    ///
+    /// Where the text is no such formula: the error says where and why.
+    pub fn custom(text: &str, parameters: Parameters) -> Result<Self, TextError> {
+        let torque = Expression::parse(text, &parameters.symbols, Shape::Vector)?;
+        Ok(Self::of_expression(torque, parameters)?)
+    }
+
+    /// A torque by a closure over the same symbols.
+    ///
+    /// ```
+    /// use polhode::torque::{Parameters, Torque};
+    ///
+    /// let parameters = Parameters::new().number("c", 0.1)?;
+    /// let drag = Torque::recorded(parameters, |s| -(s.angular_velocity() * s.number("c")))?;
+    /// assert!(!drag.needs().attitude);
+    /// # Ok::<(), polhode::expression::Fault>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// As [`Expression::record`].
+    pub fn recorded(parameters: Parameters, formula: impl FnOnce(&Scope<'_>) -> Vector<Symbol>) -> Result<Self, Fault> {
+        let torque = Expression::record(&parameters.symbols, formula)?;
+        Self::of_expression(torque, parameters)
+    }
+
+    /// The same torque with a potential energy, J: a number of the attitude and the parameters, for the balance of a run's report.
+    ///
+    /// # Errors
+    ///
+    /// Where the text is no such formula.
+    pub fn with_energy(self, text: &str, parameters: &Parameters) -> Result<Self, TextError> {
+        let energy = Expression::parse(text, &parameters.energy_symbols, Shape::Number)?;
+        Ok(match self.model().expression() {
+            Some(model) => {
+                let (declaration, torque) = (model.declaration.clone(), model.torque.clone());
+                Self::expressed_by(declaration, torque, Some(energy), self.values().to_vec())?
+            }
+            None => self,
+        })
+    }
+
+    fn of_expression(torque: Expression, parameters: Parameters) -> Result<Self, Fault> {
+        let model = ExpressionModel::of_user(torque, None, &parameters)?;
+        Ok(Self::of_model(model, parameters.values))
+    }
+
+    /// A torque by [`ExpressionModel::of`].
+    pub(crate) fn expressed_by(
+        declaration: Declaration,
+        torque: Expression,
+        energy: Option<Expression>,
+        values: Vec<Value>,
+    ) -> Result<Self, Fault> {
+        Ok(Self::of_model(ExpressionModel::of(declaration, torque, energy)?, values))
+    }
+
+    /// Whether its formula is an expression.
+    pub(crate) fn is_expressed(&self) -> bool {
+        self.model().expression().is_some()
+    }
+
+    /// Its formula prepared for engines, where it is an expression; `axes` rotates principal to body axes where all bodies share them.
+    pub(crate) fn expressed(&self, axes: Option<DQuat>) -> Option<Arc<Expressed>> {
+        self.model().expression().map(|model| model.prepared(axes))
+    }
+}
+
+impl ExpressionModel {
+    /// A model of these formulas, SI units and body axes, of [`Symbols::rotation`] with the full inertia and the declared parameters in their
+    /// order.
+    pub(crate) fn of(
+        declaration: Declaration,
+        torque: Expression,
+        energy: Option<Expression>,
+    ) -> Result<ModelRef, Fault> {
+        let general = Arc::new(Expressed::new(&torque, None)?);
+        if let Err(WgslError::ConstantOutOfRange(value)) = general.shader("custom", Vec::new()) {
+            return Err(Fault::ConstantOutOfRange { value });
+        }
+        let energy = energy.map(|energy| {
+            let program = energy.program();
+            (energy, program)
+        });
+        let program = torque.program();
+        Ok(ModelRef::Shared(Arc::new(Self {
+            declaration,
+            torque,
+            energy,
+            program,
+            general,
+            prepared: Mutex::default(),
+        })))
+    }
+
+    /// The user's own.
+    pub(crate) fn of_user(
+        torque: Expression,
+        energy: Option<Expression>,
+        parameters: &Parameters,
+    ) -> Result<ModelRef, Fault> {
+        let declaration = Declaration::new("custom", "as written", "the user's own")
+            .parameters(parameters.declarations.iter().cloned());
+        Self::of(declaration, torque, energy)
+    }
+
+    /// The operations of the formula.
+    pub(super) fn write_formula(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, " {:?} {:?}", self.torque, self.energy.as_ref().map(|(energy, _)| energy))
+    }
+
+    /// What the torque depends on.
+    pub(super) fn needs(&self) -> Needs {
+        self.general.needs()
+    }
+
+    /// Whether both have the same formulas and parameters.
+    pub(super) fn is(&self, other: &Self) -> bool {
+        self.declaration == other.declaration && self.torque == other.torque && self.energy == other.energy
+    }
+
+    fn prepared(&self, axes: Option<DQuat>) -> Arc<Expressed> {
+        let Some(axes) = axes else { return Arc::clone(&self.general) };
+        let mut prepared = self.prepared.lock().unwrap_or_else(PoisonError::into_inner);
+        let entry = prepared.entry(axes.to_array().map(f64::to_bits));
+        // What constants make of a formula may be worse than what columns do: a number that is not finite, say.
+        let form = || Expressed::new(&self.torque, Some(axes)).map_or_else(|_| Arc::clone(&self.general), Arc::new);
+        Arc::clone(entry.or_insert_with(form))
+    }
+
+    /// The results of a program of the formula's own inputs.
+    fn evaluated(&self, program: &Program, at: &At, host: &[f64]) -> Vec<f64> {
+        let inputs: Vec<f64> = program.inputs().iter().map(|&input| at.input(input, host)).collect();
+        program.evaluate_one(&inputs)
+    }
+}
+
+/// The state at which a formula is evaluated on the host, SI units and body axes.
+struct At {
+    orientation: DQuat,
+    angular_velocity_body: DVec3,
+    tensor: InertiaTensor,
+    time: f64,
+}
+
+impl At {
+    fn input(&self, input: Input, parameters: &[f64]) -> f64 {
+        let index = usize::from(input.index);
+        let momentum = self.tensor * self.angular_velocity_body;
+        let tensor = self.tensor;
+        match input.kind {
+            InputKind::Orientation => self.orientation.to_array()[index],
+            InputKind::AngularVelocity => self.angular_velocity_body.to_array()[index],
+            InputKind::AngularMomentum => momentum.to_array()[index],
+            InputKind::Inertia => [tensor.xx, tensor.yy, tensor.zz, tensor.xy, tensor.xz, tensor.yz][index],
+            InputKind::Time => self.time,
+            InputKind::Parameter => parameters.get(index).copied().unwrap_or(0.0),
+            _ => 0.0,
+        }
+    }
+}
+
+impl Model for ExpressionModel {
+    fn declaration(&self) -> &Declaration {
+        &self.declaration
+    }
+
+    fn kind(&self, _: Values<'_>) -> Kind {
+        Kind::Custom
+    }
+
+    fn expression(&self) -> Option<&ExpressionModel> {
+        Some(self)
+    }
+
+    /// From the torque on a body at rest, in some attitudes and at some times.
+    fn rate(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
+        let parameters = expressed::parameters_of(values, body);
+        let quarter = std::f64::consts::FRAC_1_SQRT_2;
+        let attitudes = [
+            DQuat::IDENTITY,
+            DQuat::from_xyzw(quarter, 0.0, 0.0, quarter),
+            DQuat::from_xyzw(0.0, quarter, 0.0, quarter),
+            DQuat::from_xyzw(0.0, 0.0, quarter, quarter),
+            DQuat::from_xyzw(0.5, 0.5, 0.5, 0.5),
+            DQuat::from_xyzw(-0.5, 0.5, -0.5, 0.5),
+        ];
+        let tensor = InertiaTensor::from(DVec3::splat(middle_moment));
+        let size = |orientation: DQuat| {
+            let at = At { orientation, angular_velocity_body: DVec3::ZERO, tensor, time: 0.0 };
+            let torque = self.evaluated(&self.program, &at, &parameters);
+            DVec3::new(torque[0], torque[1], torque[2]).length()
+        };
+        let greatest = attitudes.into_iter().map(size).filter(|size| size.is_finite()).fold(0.0, f64::max);
+        (greatest / middle_moment).sqrt()
+    }
+
+    fn columns(&self, _: Values<'_>, _: usize, _: &BodyFrame, _: DQuat, _: &mut [f64]) {}
+
+    fn potential_energy(&self, values: Values<'_>, body: usize, orientation: DQuat) -> Option<f64> {
+        let (_, program) = self.energy.as_ref()?;
+        let tensor = InertiaTensor::default();
+        let at = At { orientation, angular_velocity_body: DVec3::ZERO, tensor, time: 0.0 };
+        Some(self.evaluated(program, &at, &expressed::parameters_of(values, body))[0])
+    }
+}

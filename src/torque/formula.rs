@@ -1,0 +1,176 @@
+//! What a model computes at every evaluation, as one text for all evaluators.
+//!
+//! A [`Formula`] is generic over [`Real`]: scalars are the reference and the shader's twin, SIMD lanes are the fast engine. Work that is the same for every
+//! formula is a [`FormulaTask`], which [`super::Kind::with`] hands the formula of a kind.
+
+use std::ops::Range;
+
+use crate::quaternion::Quaternion;
+use crate::real::Real;
+use crate::vector::Vector;
+
+/// The most phases of one instance.
+pub(crate) const MOST_PHASES: usize = 2;
+
+/// A parameter as kernels read it: one column or several side by side.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Column {
+    /// Its name in shaders.
+    pub name: &'static str,
+    /// Columns: 1, 3 or 4.
+    pub numbers: usize,
+}
+
+impl Column {
+    /// A number.
+    pub const fn number(name: &'static str) -> Self {
+        Self { name, numbers: 1 }
+    }
+
+    /// A vector.
+    pub const fn vector(name: &'static str) -> Self {
+        Self { name, numbers: 3 }
+    }
+
+    /// A quaternion, or two words of 32 bits in columns of 16.
+    pub const fn quaternion(name: &'static str) -> Self {
+        Self { name, numbers: 4 }
+    }
+}
+
+/// The parameter columns of one instance for one lane group, counted from its first.
+pub(crate) trait Row<R: Real> {
+    /// One column.
+    fn number(&self, column: usize) -> R;
+
+    /// Three columns.
+    #[inline(always)]
+    fn vector(&self, column: usize) -> Vector<R> {
+        Vector::new(self.number(column), self.number(column + 1), self.number(column + 2))
+    }
+
+    /// Four columns.
+    #[inline(always)]
+    fn quaternion(&self, column: usize) -> Quaternion<R> {
+        let vector = self.vector(column);
+        Quaternion::new(vector.x, vector.y, vector.z, self.number(column + 3))
+    }
+}
+
+/// What follows from the time and the parameters alone.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Epoch<R> {
+    pub vector: Vector<R>,
+    pub number: R,
+}
+
+impl<R: Real> Epoch<R> {
+    /// Of a model that does not depend on time.
+    #[inline(always)]
+    pub fn none() -> Self {
+        Self { vector: Vector::zero(), number: R::splat(0.0) }
+    }
+
+    /// A vector alone.
+    #[inline(always)]
+    pub fn vector(vector: Vector<R>) -> Self {
+        Self { vector, number: R::splat(0.0) }
+    }
+
+    /// A number alone.
+    #[inline(always)]
+    pub fn number(number: R) -> Self {
+        Self { vector: Vector::zero(), number }
+    }
+}
+
+/// What a model acts on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Role {
+    /// It is a torque: a term of the sum.
+    Torque,
+    /// It is a random torque, drawn once a step.
+    Noise,
+    /// It adds to the rate at which the body's axes turn.
+    Slip,
+    /// It changes the moments of inertia.
+    Moments,
+    /// It changes the sum of all torques.
+    Projection,
+    /// It is a torque whose formula is data ([`super::expressed`]); each instance has columns of its own number.
+    Expression,
+}
+
+/// The kernel of one kind of torque. All numbers are in principal axes and in the body's own units.
+pub(crate) trait Formula {
+    /// Stem of names in shaders.
+    const STEM: &'static str;
+    /// Its parameters as kernels read them, in the order of their columns.
+    const COLUMNS: &'static [Column];
+    /// Number of parameter columns.
+    const PARAMETERS: usize = {
+        let (mut count, mut index) = (0, 0);
+        while index < Self::COLUMNS.len() {
+            count += Self::COLUMNS[index].numbers;
+            index += 1;
+        }
+        count
+    };
+    /// Names of its phases, each with its rate; that of [`Role::Moments`] may be a progress ([`Formula::IS_PROGRESS`]).
+    const PHASES: &'static [&'static str] = &[];
+    /// Whether the phase is the progress of a ramp, cut to [0, 1], instead of a part of a turn.
+    const IS_PROGRESS: bool = false;
+    /// Whether several instances are one with the sum of their parameters.
+    const MERGES: bool = false;
+    /// What it acts on.
+    const ROLE: Role = Role::Torque;
+    /// Whether the first three columns are the differences of the moments times the tenth, so that they follow moments that change.
+    const FOLLOWS_MOMENTS: bool = false;
+
+    /// The columns that [`Formula::epoch`] reads.
+    const EPOCH_COLUMNS: Range<usize> = 0..0;
+
+    /// What follows from the time alone, at phases in turns.
+    #[inline(always)]
+    fn epoch<R: Real>(_row: &impl Row<R>, _phases: [R; MOST_PHASES]) -> Epoch<R> {
+        Epoch::none()
+    }
+
+    /// The torque.
+    fn torque<R: Real>(
+        row: &impl Row<R>,
+        epoch: &Epoch<R>,
+        orientation: Quaternion<R>,
+        angular_velocity_principal: Vector<R>,
+    ) -> Vector<R>;
+}
+
+/// Work that is written once for every formula.
+pub(crate) trait FormulaTask {
+    /// What the work returns.
+    type Output;
+    /// Does the work. Must be `#[inline(always)]` where it computes in lanes.
+    fn run<F: Formula>(self) -> Self::Output;
+}
+
+/// A row whose first three columns follow the moments: `gained` is what the differences of the moments gain.
+pub(crate) struct Following<'s, R, W> {
+    pub row: &'s W,
+    pub gained: Vector<R>,
+    /// The part of the change that is done.
+    pub done: R,
+}
+
+impl<R: Real, W: Row<R>> Row<R> for Following<'_, R, W> {
+    #[inline(always)]
+    fn number(&self, column: usize) -> R {
+        let number = self.row.number(column);
+        let factor = || self.row.number(9) * self.done;
+        match column {
+            0 => self.gained.x.mul_add(factor(), number),
+            1 => self.gained.y.mul_add(factor(), number),
+            2 => self.gained.z.mul_add(factor(), number),
+            _ => number,
+        }
+    }
+}

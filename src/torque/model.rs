@@ -1,0 +1,316 @@
+//! Torques as a scene holds them, and what a model does with their values.
+
+use std::fmt;
+use std::sync::Arc;
+
+use glam::{DQuat, DVec3};
+
+use super::{Declaration, Kind, Text, ValidationContext, Value, Values};
+use crate::batch::BodyFrame;
+use crate::ensemble::Ensemble;
+use crate::error::Result;
+use crate::inertia::InertiaTensor;
+
+/// A torque of a scene: a model and the values of its parameters, each one for the scene or a column with one row a body
+/// ([`super::Parameter`]). Each model's constructor stands in the model's own file.
+///
+/// ```
+/// use glam::DVec3;
+/// use polhode::torque::{Orbit, Torque};
+///
+/// let drag = Torque::linear_drag(1e-3);
+/// let thrusters = Torque::constant_body(vec![DVec3::X, DVec3::Y]);
+/// let gradient = Torque::gravity_gradient(Orbit::circular(3.986004418e14, 7.0e6).inclined(0.9));
+/// assert_eq!(gradient.name(), "gravity-gradient");
+/// assert_eq!(gradient.parameter("orbit.inclination").and_then(|value| value.as_number()), Some(&0.9.into()));
+/// assert!(drag.dissipative() && !thrusters.dissipative());
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Torque {
+    model: ModelRef,
+    values: Vec<Value>,
+}
+
+/// A model that is part of the program, or one made when it runs.
+#[derive(Clone)]
+pub(crate) enum ModelRef {
+    Built(&'static dyn Model),
+    Shared(Arc<dyn Model>),
+}
+
+impl std::ops::Deref for ModelRef {
+    type Target = dyn Model;
+
+    fn deref(&self) -> &Self::Target {
+        match self {
+            ModelRef::Built(model) => *model,
+            ModelRef::Shared(model) => &**model,
+        }
+    }
+}
+
+impl PartialEq for ModelRef {
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (ModelRef::Built(model), ModelRef::Built(other)) => model.declaration().name == other.declaration().name,
+            (ModelRef::Shared(model), ModelRef::Shared(other)) => match (model.expression(), other.expression()) {
+                (Some(model), Some(other)) => model.is(other),
+                _ => Arc::ptr_eq(model, other),
+            },
+            _ => false,
+        }
+    }
+}
+
+impl fmt::Debug for ModelRef {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(&self.declaration().name)?;
+        // A formula is part of what tells one torque from another; plans are told apart by this text.
+        self.expression().map_or(Ok(()), |model| model.write_formula(formatter))
+    }
+}
+
+/// What a torque depends on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Needs {
+    /// The orientation.
+    pub attitude: bool,
+    /// The angular velocity (or the angular momentum).
+    pub angular_velocity: bool,
+    /// The time.
+    pub time: bool,
+    /// The position of the centre of mass.
+    pub position: bool,
+}
+
+impl Needs {
+    /// Nothing: constant in body axes.
+    pub const NOTHING: Self = Self { attitude: false, angular_velocity: false, time: false, position: false };
+    /// The orientation alone.
+    pub const ATTITUDE: Self = Self { attitude: true, ..Self::NOTHING };
+    /// The angular velocity alone.
+    pub const ANGULAR_VELOCITY: Self = Self { angular_velocity: true, ..Self::NOTHING };
+    /// The time alone.
+    pub const TIME: Self = Self { time: true, ..Self::NOTHING };
+
+    /// What either depends on.
+    #[must_use]
+    pub const fn or(self, other: Self) -> Self {
+        Self {
+            attitude: self.attitude || other.attitude,
+            angular_velocity: self.angular_velocity || other.angular_velocity,
+            time: self.time || other.time,
+            position: self.position || other.position,
+        }
+    }
+}
+
+/// A model of a torque: what it declares, and what does not follow from that.
+pub(crate) trait Model: Send + Sync {
+    /// What it says of itself.
+    fn declaration(&self) -> &Declaration;
+
+    /// The torque with these values, where a model with a formula of its own is made for them; `None` where torques are of this
+    /// model itself.
+    #[cfg(feature = "study")]
+    fn made_for(&self, _: &[Value], _: &ValidationContext) -> Option<Result<Torque>> {
+        None
+    }
+
+    /// Which columns and which kernel function it has.
+    fn kind(&self, values: Values<'_>) -> Kind;
+
+    /// Refuses values that are valid one by one, but not together.
+    fn validate(&self, _: Values<'_>, _: &ValidationContext) -> Result<()> {
+        Ok(())
+    }
+
+    /// Refuses values that are valid, but not of these bodies.
+    fn validate_bodies(&self, _: Values<'_>, _: &ValidationContext, _: &Ensemble) -> Result<()> {
+        Ok(())
+    }
+
+    /// Whether it does anything to a body, in any state.
+    fn acts_on(&self, values: Values<'_>, body: usize) -> bool {
+        let factors = self.declaration().parameters.iter().zip(values.0).filter(|(parameter, _)| parameter.is_factor);
+        factors.into_iter().all(|(_, value)| !value.is_zero(body))
+    }
+
+    /// The rate (rad/s) to which it brings a body with this middle moment (kg m²) within about a radian, from rest; 0 where it
+    /// does nothing to a body at rest. The body's units follow from it.
+    fn rate(&self, _: Values<'_>, _body: usize, _middle_moment: f64) -> f64 {
+        0.0
+    }
+
+    /// Adds the body's parameters to its columns (zero before, or another instance's where the kind merges instances):
+    /// principal axes, the body's own units. `orientation` rotates principal coordinates to world at t = 0.
+    fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, orientation: DQuat, out: &mut [f64]);
+
+    /// Rates of its phases in two words, rad/s; as many as [`Kind::phases`] says.
+    fn phase_rates(&self, _: Values<'_>, _body: usize) -> [(f64, f64); 2] {
+        [(0.0, 0.0); 2]
+    }
+
+    /// The potential energy (J) of a body at an orientation (body to world), where its torque has one that does not depend
+    /// on time.
+    fn potential_energy(&self, _: Values<'_>, _body: usize, _orientation: DQuat) -> Option<f64> {
+        None
+    }
+
+    /// What it adds to the rate I⁻¹ m at which the body's axes turn, rad/s, body axes.
+    fn slip(&self, _: Values<'_>, _body: usize, _momentum_body: DVec3, _angular_velocity_body: DVec3) -> DVec3 {
+        DVec3::ZERO
+    }
+
+    /// How it changes moments of inertia, where it does.
+    fn inertia_change(&self) -> Option<&dyn InertiaModel> {
+        None
+    }
+
+    /// Itself, where its formula is an expression.
+    fn expression(&self) -> Option<&super::custom::ExpressionModel> {
+        None
+    }
+}
+
+/// A model under which moments of inertia change in time.
+pub(crate) trait InertiaModel {
+    /// The tensor (kg m², body axes) at `time` (s) of a body whose own is `initial`.
+    fn tensor_at(&self, values: Values<'_>, body: usize, initial: InertiaTensor, time: f64) -> InertiaTensor;
+
+    /// The moments at `time` (s) in units of the body's own scale and along its principal axes.
+    fn scaled_moments_at(&self, values: Values<'_>, body: usize, frame: &BodyFrame, time: f64) -> DVec3;
+
+    /// By how much faster a body can turn about one of its axes at the same angular momentum; at least 1.
+    fn spin_growth(&self, values: Values<'_>, body: usize, initial: &InertiaTensor) -> f64;
+}
+
+impl Torque {
+    /// A torque of a model that is part of the program, with its values in the order of their declarations.
+    pub(crate) fn built(model: &'static dyn Model, values: impl Into<Vec<Value>>) -> Self {
+        Self { model: ModelRef::Built(model), values: values.into() }
+    }
+
+    /// A torque of any model, with its values in the order of their declarations.
+    pub(crate) fn of_model(model: ModelRef, values: Vec<Value>) -> Self {
+        Self { model, values }
+    }
+
+    /// The model, and the values that its functions take.
+    pub(crate) fn parts(&self) -> (&dyn Model, Values<'_>) {
+        (&*self.model, Values(&self.values))
+    }
+
+    pub(super) fn model(&self) -> &dyn Model {
+        &*self.model
+    }
+
+    pub(super) fn values(&self) -> &[Value] {
+        &self.values
+    }
+
+    /// What the model says of itself.
+    pub fn declaration(&self) -> &Declaration {
+        self.model.declaration()
+    }
+
+    /// The model's name in study files and reports.
+    pub fn name(&self) -> &str {
+        &self.declaration().name
+    }
+
+    /// The name, to keep.
+    pub(crate) fn owned_name(&self) -> Text {
+        self.declaration().name.clone()
+    }
+
+    /// The value of a parameter by its declared name ([`super::ParameterDeclaration::name`]); `None` where the model has no
+    /// such parameter, or where another of the same choice is given.
+    pub fn parameter(&self, name: &str) -> Option<&Value> {
+        self.declaration().position(name).and_then(|place| Values(&self.values).given(place))
+    }
+
+    /// What it depends on.
+    pub fn needs(&self) -> Needs {
+        match self.model.expression() {
+            Some(model) => model.needs(),
+            None => self.kind().needs(),
+        }
+    }
+
+    /// Whether bodies under it turn at I⁻¹ m with the moments that they start with. Where they do not, only methods follow
+    /// them that ask for the rate at which their axes turn ([`crate::method::Properties::rigid_only`]).
+    pub fn leaves_rigid(&self) -> bool {
+        self.declaration().leaves_rigid
+    }
+
+    /// Whether moments of inertia change in time.
+    pub fn changes_inertia(&self) -> bool {
+        self.model.inertia_change().is_some()
+    }
+
+    /// Whether it is random: drawn for each step, so that other steps have other draws.
+    pub fn is_random(&self) -> bool {
+        self.declaration().is_random
+    }
+
+    /// Whether it can only take energy from a body.
+    pub fn dissipative(&self) -> bool {
+        self.declaration().is_dissipative
+    }
+
+    /// Whether it does anything to a body, in any state.
+    pub fn acts_on(&self, body: usize) -> bool {
+        self.model.acts_on(Values(&self.values), body)
+    }
+
+    /// The potential energy (J) of a body at an orientation (body to world), where the torque has one that does not
+    /// depend on time.
+    pub fn potential_energy(&self, body: usize, orientation: DQuat) -> Option<f64> {
+        self.model.potential_energy(Values(&self.values), body, orientation)
+    }
+
+    /// What it adds to the rate I⁻¹ m at which the body's axes turn, rad/s, body axes.
+    pub(crate) fn slip(&self, body: usize, momentum_body: DVec3, angular_velocity_body: DVec3) -> DVec3 {
+        self.model.slip(Values(&self.values), body, momentum_body, angular_velocity_body)
+    }
+
+    /// The tensor (kg m², body axes) at `time` (s) of a body whose own is `initial`: another one under
+    /// [`super::variable_inertia`] alone.
+    pub fn tensor_at(&self, body: usize, initial: InertiaTensor, time: f64) -> InertiaTensor {
+        let change = self.model.inertia_change();
+        change.map_or(initial, |change| change.tensor_at(Values(&self.values), body, initial, time))
+    }
+
+    /// How it changes moments of inertia, and with which values, where it does.
+    pub(super) fn inertia_change(&self) -> Option<(&dyn InertiaModel, Values<'_>)> {
+        self.model.inertia_change().map(|change| (change, Values(&self.values)))
+    }
+
+    /// Which columns and which kernel function it has.
+    pub(crate) fn kind(&self) -> Kind {
+        self.model.kind(Values(&self.values))
+    }
+
+    /// Whether all bodies have the same phases.
+    pub(super) fn phase_rates_are_shared(&self) -> bool {
+        let mut parameters = self.declaration().parameters.iter().zip(&self.values);
+        parameters.all(|(parameter, value)| !parameter.sets_phase_rate || value.is_shared())
+    }
+
+    /// Whether all bodies have the same values.
+    pub(super) fn values_are_shared(&self) -> bool {
+        self.values.iter().all(Value::is_shared)
+    }
+
+    /// Refuses parameters that are not valid; `index` is the torque's place in its scene.
+    pub(crate) fn validate(&self, index: usize, ensemble: &Ensemble) -> Result<()> {
+        let context = ValidationContext { torque: index, model: self.owned_name(), body_count: ensemble.len() };
+        for (parameter, value) in self.declaration().parameters.iter().zip(&self.values) {
+            context.check(&parameter.name, &parameter.unit, parameter.valid, value)?;
+        }
+        let (model, values) = self.parts();
+        model.validate(values, &context)?;
+        model.validate_bodies(values, &context, ensemble)
+    }
+}

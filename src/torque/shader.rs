@@ -1,0 +1,255 @@
+//! The torques of a table as WGSL: a function for each kind, recorded from its formula, and their sum.
+//!
+//! The text of a kind is named after its file here, so that errors of a compiler and planted faults find it.
+
+use std::fmt::Write;
+use std::sync::OnceLock;
+
+use super::Needs;
+use super::expressed::{Given, needs};
+use super::formula::{Column, Formula, FormulaTask, MOST_PHASES, Role, Row};
+use super::table::{Instance, TorqueTable};
+use crate::clock::{RATE_DIGITS, seconds_per_word};
+use crate::expression::wgsl::{self, Argument, Signature, WgslError};
+use crate::expression::{Fault, Graph, Input, InputKind, Recorder, Shape, Symbol};
+use crate::quaternion::Quaternion;
+use crate::torque::Kind;
+use crate::vector::Vector;
+
+/// The functions of the kinds of torque that are wanted, one text a kind: file and text.
+pub(crate) fn functions(wanted: impl Fn(Kind) -> bool) -> Vec<(&'static str, String)> {
+    let torques = Kind::ALL.iter().filter(|&&kind| kind.role() == Role::Torque && wanted(kind));
+    torques.map(|&kind| (kind.file(), kind.with(Text { kind }))).collect()
+}
+
+impl Kind {
+    /// What it depends on, found from its formula; of what is no torque, from what it acts on. That of a formula that is data is its own.
+    pub(crate) fn needs(self) -> Needs {
+        static FOUND: [OnceLock<Needs>; Kind::ALL.len()] = [const { OnceLock::new() }; Kind::ALL.len()];
+        match self.role() {
+            Role::Torque => *FOUND[self as usize].get_or_init(|| self.with(NeedsOf)),
+            Role::Slip => Needs::ANGULAR_VELOCITY,
+            Role::Noise | Role::Moments => Needs::TIME,
+            Role::Projection | Role::Expression => Needs::NOTHING,
+        }
+    }
+}
+
+struct NeedsOf;
+
+impl FormulaTask for NeedsOf {
+    type Output = Needs;
+    fn run<F: Formula>(self) -> Needs {
+        // Of a formula that cannot be recorded, which would be a fault of ours, everything is assumed.
+        let everything = Needs { attitude: true, angular_velocity: true, time: true, position: false };
+        recorded::<F>().map_or(everything, |Recorded { graph, outputs, .. }| needs(graph.dependence_of(&outputs)))
+    }
+}
+
+/// The function `torque_terms`, which adds up the torques of a table.
+pub(crate) fn terms(table: &TorqueTable) -> String {
+    let mut text = "// The sum of the torques of this scene, in the order of src/torque/kind.rs, on top of `noise`.\n\
+                    fn torque_terms(epoch: Epoch, orientation: quaternion, angular_velocity_principal: vector) -> vector {\n\
+                    \x20   var sum = epoch.noise;\n"
+        .to_owned();
+    for &instance in table.list() {
+        let line = match instance.kind.role() {
+            Role::Torque => {
+                format!("    sum = sum + {};\n", instance.kind.with(Call { instance, varies: table.varies_inertia() }))
+            }
+            Role::Projection => format!("    sum.x = torque_column({}u) * sum.x;\n", instance.first),
+            Role::Expression => format!("    sum = sum + {};\n", custom_call(table, &instance)),
+            Role::Noise | Role::Slip | Role::Moments => continue,
+        };
+        text += &line;
+    }
+    text + "    return sum;\n}\n"
+}
+
+/// The functions of the formulas that are data, where there are any.
+///
+/// # Errors
+///
+/// Where a formula has constants outside the range of `f32`.
+pub(crate) fn custom_functions(table: &TorqueTable) -> Result<String, WgslError> {
+    let mut text = String::new();
+    for instance in table.list().iter().filter(|instance| instance.kind.role() == Role::Expression) {
+        let expressed = table.expressed(instance.index);
+        let comment =
+            vec!["A formula of the scene's own, along principal axes and in the body's own units.".to_owned()];
+        text += &expressed.shader(&custom_name(instance), comment)?;
+        text.push('\n');
+    }
+    if table.reads_time() {
+        let [upper, lower] = seconds_per_word(table.clock().ticks_per_second());
+        // Twin: `seconds` in src/clock.rs.
+        let _ = writeln!(
+            text,
+            "// The time, s.\nfn seconds(instant: Instant) -> real {{\n    return mul_add(real(instant.ticks.y), \
+             {upper:?}, real(instant.ticks.x) * {lower:?}) + instant.elapsed;\n}}"
+        );
+    }
+    Ok(text)
+}
+
+fn custom_name(instance: &Instance) -> String {
+    format!("custom_{}", instance.index + 1)
+}
+
+fn custom_call(table: &TorqueTable, instance: &Instance) -> String {
+    let argument = |given: Given| match given {
+        Given::Column(column) => format!("torque_column({}u)", instance.first + column),
+        Given::Phase(phase) => {
+            let column = instance.first + instance.parameters + phase * (RATE_DIGITS + 1);
+            format!("phase({column}u, torque_body, epoch.instant)")
+        }
+        Given::Time => "seconds(epoch.instant)".to_owned(),
+        Given::Orientation(_) => "orientation".to_owned(),
+        Given::AngularVelocity(_) => "angular_velocity_principal".to_owned(),
+        // The whole formula forms these itself.
+        Given::Epoch(_) => "0.0".to_owned(),
+    };
+    let given = table.expressed(instance.index).arguments();
+    let arguments: Vec<String> = given.into_iter().map(|(_, given)| argument(given)).collect();
+    format!("{}({})", custom_name(instance), arguments.join(", "))
+}
+
+/// What a formula needs, found by recording it.
+struct Recorded {
+    graph: Graph,
+    outputs: Vec<crate::expression::Node>,
+    /// Its arguments in order, without those that it does not read.
+    arguments: Vec<(Argument, Source)>,
+}
+
+/// Where an argument of a kind's function comes from.
+#[derive(Clone, Copy)]
+enum Source {
+    /// Columns from this one of the instance on.
+    Column(usize, Column),
+    /// The phase with this number.
+    Phase(usize),
+    Orientation,
+    AngularVelocity,
+}
+
+/// Parameters as symbols.
+struct SymbolRow<'a>(&'a Recorder);
+
+impl Row<Symbol> for SymbolRow<'_> {
+    fn number(&self, column: usize) -> Symbol {
+        self.0.input(Input::new(InputKind::Parameter, column as u16))
+    }
+}
+
+fn recorded<F: Formula>() -> Result<Recorded, Fault> {
+    let (graph, outputs) = Graph::record::<Fault>(|recorder| {
+        let input = |kind, index| recorder.input(Input::new(kind, index));
+        let vector = |kind| Vector::new(input(kind, 0), input(kind, 1), input(kind, 2));
+        let v = vector(InputKind::Orientation);
+        let q = Quaternion::new(v.x, v.y, v.z, input(InputKind::Orientation, 3));
+        let row = SymbolRow(recorder);
+        let mut phases = [row.number(0); MOST_PHASES];
+        for (index, phase) in phases.iter_mut().enumerate().take(F::PHASES.len()) {
+            *phase = input(InputKind::Phase, index as u16);
+        }
+        let torque = F::torque(&row, &F::epoch(&row, phases), q, vector(InputKind::AngularVelocity));
+        Ok(vec![torque.x, torque.y, torque.z])
+    })?;
+    let read = graph.inputs(&outputs);
+    let mut arguments = Vec::new();
+    let mut first = 0;
+    let mut offer = |name: &str, kind, first: usize, numbers: usize, given| {
+        let inputs = (first..first + numbers).map(|index| Input::new(kind, index as u16));
+        if inputs.clone().any(|input| read.contains(&input)) {
+            let shape = match numbers {
+                1 => Shape::Number,
+                3 => Shape::Vector,
+                _ => Shape::Quaternion,
+            };
+            arguments.push((Argument::new(name, shape, inputs), given));
+        }
+    };
+    for &column in F::COLUMNS {
+        offer(column.name, InputKind::Parameter, first, column.numbers, Source::Column(first, column));
+        first += column.numbers;
+    }
+    for (index, name) in F::PHASES.iter().enumerate() {
+        offer(name, InputKind::Phase, index, 1, Source::Phase(index));
+    }
+    offer("orientation", InputKind::Orientation, 0, 4, Source::Orientation);
+    offer("angular_velocity_principal", InputKind::AngularVelocity, 0, 3, Source::AngularVelocity);
+    Ok(Recorded { graph, outputs, arguments })
+}
+
+/// The operations of a formula, the torque's components among them, and the arguments of its function.
+pub(super) fn recording<F: Formula>() -> Option<(Graph, Vec<crate::expression::Node>, Vec<Argument>)> {
+    let Recorded { graph, outputs, arguments } = recorded::<F>().ok()?;
+    Some((graph, outputs, arguments.into_iter().map(|(argument, _)| argument).collect()))
+}
+
+/// The function of a kind.
+struct Text {
+    kind: Kind,
+}
+
+impl FormulaTask for Text {
+    type Output = String;
+    fn run<F: Formula>(self) -> String {
+        let text = recorded::<F>().map_err(|fault| fault.to_string()).and_then(|recorded| {
+            let signature = Signature {
+                name: F::STEM.to_owned(),
+                comment: vec![format!(
+                    "{}, in principal axes and the body's own units; recorded from {}.",
+                    F::STEM,
+                    self.kind.source_file()
+                )],
+                parameters: recorded.arguments.into_iter().map(|(argument, _)| argument).collect(),
+            };
+            wgsl::function(&recorded.graph, &recorded.outputs, &signature).map_err(|error| error.to_string())
+        });
+        // A formula of the library that has no text is a bug of ours; `every_kind_has_a_text` holds it.
+        text.unwrap_or_else(|reason| format!("// {}: {reason}\n", F::STEM))
+    }
+}
+
+/// A call of the function of an instance's kind.
+struct Call {
+    instance: Instance,
+    /// Whether moments of inertia change in time.
+    varies: bool,
+}
+
+impl FormulaTask for Call {
+    type Output = String;
+    fn run<F: Formula>(self) -> String {
+        let Self { instance: Instance { first, .. }, varies } = self;
+        let arguments = recorded::<F>().map(|recorded| recorded.arguments).unwrap_or_default();
+        let mut text = format!("{}(", F::STEM);
+        for (place, (_, given)) in arguments.into_iter().enumerate() {
+            let comma = if place == 0 { "" } else { ", " };
+            let argument = match given {
+                Source::Column(0, Column { numbers: 3, .. }) if F::FOLLOWS_MOMENTS && varies => {
+                    format!("gradient_coefficients({first}u, epoch.change_done)")
+                }
+                Source::Column(column, Column { numbers, .. }) => {
+                    let function = match numbers {
+                        1 => "torque_column",
+                        3 => "torque_vector",
+                        _ => "torque_quaternion",
+                    };
+                    format!("{function}({}u)", first + column)
+                }
+                Source::Phase(index) => {
+                    let column = first + F::PARAMETERS + index * (RATE_DIGITS + 1);
+                    format!("phase({column}u, torque_body, epoch.instant)")
+                }
+                Source::Orientation => "orientation".to_owned(),
+                Source::AngularVelocity => "angular_velocity_principal".to_owned(),
+            };
+            // Writing to a string cannot fail.
+            let _ = write!(text, "{comma}{argument}");
+        }
+        text + ")"
+    }
+}

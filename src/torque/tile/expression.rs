@@ -1,0 +1,115 @@
+//! Torques that are expressions, carried out over a tile.
+
+use super::{Each, GROUPS};
+use crate::clock::phase_after;
+use crate::expression::Scratch;
+use crate::quaternion::Quaternion;
+use crate::real::Real;
+use crate::torque::expressed::{Expressed, Given};
+use crate::vector::Vector;
+
+/// A torque that is an expression, on a tile.
+pub(super) struct TileExpression<'a, R: Real> {
+    expressed: &'a Expressed,
+    /// The first row of its parameters, and the number of its first phase.
+    first: usize,
+    first_phase: usize,
+    epoch: Scratch<R>,
+    torque: Scratch<R>,
+    /// Results of the part that follows from the time.
+    epochs: Vec<R>,
+    /// The inputs that are parts of the state.
+    orientation: [Option<usize>; 4],
+    angular_velocity: [Option<usize>; 3],
+}
+
+impl<'a, R: Real> TileExpression<'a, R> {
+    #[inline(always)]
+    pub fn new(expressed: &'a Expressed, first: usize, first_phase: usize) -> Self {
+        let input = |given: Given| expressed.torque.inputs.iter().position(|found| *found == given);
+        Self {
+            expressed,
+            first,
+            first_phase,
+            orientation: [0, 1, 2, 3].map(|part| input(Given::Orientation(part))),
+            angular_velocity: [0, 1, 2].map(|part| input(Given::AngularVelocity(part))),
+            epoch: Scratch::new(&expressed.epoch.program, GROUPS),
+            torque: Scratch::new(&expressed.torque.program, GROUPS),
+            epochs: vec![R::splat(0.0); expressed.epoch.program.output_count() * GROUPS],
+        }
+    }
+
+    /// Takes the parameters.
+    #[inline(always)]
+    pub fn load(&mut self, parameters: &[Each<R>]) {
+        let Expressed { epoch, torque, .. } = self.expressed;
+        for (instructions, scratch) in [(epoch, &mut self.epoch), (torque, &mut self.torque)] {
+            for (index, given) in instructions.inputs.iter().enumerate() {
+                if let Given::Column(column) = *given {
+                    scratch.input(index).copy_from_slice(&parameters[self.first + column]);
+                }
+            }
+        }
+    }
+
+    /// Forms what follows from the time; behind the phases' starts stands that of the time itself, where it is read.
+    #[inline(always)]
+    pub fn form_epoch(&mut self, starts: &[Each<R>], rates: &[Each<R>], elapsed: &Each<R>) {
+        let Expressed { epoch, torque, .. } = self.expressed;
+        for (instructions, scratch) in [(epoch, &mut self.epoch), (torque, &mut self.torque)] {
+            for (index, given) in instructions.inputs.iter().enumerate() {
+                match *given {
+                    Given::Phase(phase) => {
+                        let (start, rate) = (&starts[self.first_phase + phase], &rates[self.first_phase + phase]);
+                        for (group, number) in scratch.input(index).iter_mut().enumerate() {
+                            *number = phase_after(start[group], rate[group], elapsed[group]);
+                        }
+                    }
+                    Given::Time => {
+                        let start = &starts[rates.len()];
+                        for (group, number) in scratch.input(index).iter_mut().enumerate() {
+                            *number = start[group] + elapsed[group];
+                        }
+                    }
+                    _ => {}
+                }
+            }
+        }
+        if self.epochs.is_empty() {
+            return;
+        }
+        epoch.program.run(&mut self.epoch, &mut self.epochs);
+        for (index, given) in torque.inputs.iter().enumerate() {
+            if let Given::Epoch(number) = *given {
+                self.torque.input(index).copy_from_slice(&self.epochs[number * GROUPS..][..GROUPS]);
+            }
+        }
+    }
+
+    /// Takes the state of a lane group. The parts are written out: an index that is not a constant would take them through memory.
+    #[inline(always)]
+    pub fn place(&mut self, group: usize, q: Quaternion<R>, omega: Vector<R>) {
+        let [x, y, z, w] = self.orientation;
+        self.set(x, group, q.x);
+        self.set(y, group, q.y);
+        self.set(z, group, q.z);
+        self.set(w, group, q.w);
+        let [x, y, z] = self.angular_velocity;
+        self.set(x, group, omega.x);
+        self.set(y, group, omega.y);
+        self.set(z, group, omega.z);
+    }
+
+    #[inline(always)]
+    fn set(&mut self, input: Option<usize>, group: usize, number: R) {
+        if let Some(index) = input {
+            self.torque.input(index)[group] = number;
+        }
+    }
+
+    /// Adds the torque to a sum, component by component.
+    #[inline(always)]
+    pub fn add(&mut self, sums: &mut [R]) {
+        self.expressed.torque.program.accumulate(&mut self.torque, sums);
+    }
+}

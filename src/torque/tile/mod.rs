@@ -1,0 +1,503 @@
+//! The torques on a tile: a few lane groups of bodies whose parameters, phases and torques stay in the first-level cache.
+//!
+//! A method goes through a step stage by stage, and a stage is one function for every set of torques: it takes the lane groups in turn
+//! and adds up the torques on each by [`TileTorques::sum`], so that kernels add up instead of multiplying.
+
+mod expression;
+
+use expression::TileExpression;
+
+use std::ops::Range;
+
+use super::Motion;
+use super::PER_TICK;
+use super::formula::{Epoch, Following, Formula, FormulaTask, MOST_PHASES, Role, Row};
+use super::kind::Kind;
+use super::linear_rotor::across_axis;
+use super::sum::{Columns, Source, StepTime, Torques, ticks_from};
+use super::table::Instance;
+use super::variable_inertia::ramp_progress;
+use crate::batch::RATE_COLUMN;
+use crate::clock::{MOST_LANES, phase_after, phases_at, seconds_at};
+use crate::quaternion::Quaternion;
+use crate::real::{Outlined, Real};
+use crate::rigid_body::{Body, Correction};
+use crate::vector::{TwoWords, Vector};
+
+/// Lane groups of a tile: with AVX-512 in `f64` the slopes of all stages of `rk8` take 21 KB.
+pub(crate) const GROUPS: usize = 4;
+
+/// One value of each lane group of a tile.
+pub(crate) type Each<V> = [V; GROUPS];
+
+/// One instance of a torque on a tile.
+#[derive(Clone, Copy, Debug)]
+struct TileInstance {
+    kind: Kind,
+    /// Its first row of parameters.
+    first: usize,
+    /// The number of its first phase.
+    first_phase: usize,
+    /// Whether what follows from the time is the same for all bodies of the tile.
+    is_shared: bool,
+}
+
+/// The torques on the bodies of a tile.
+pub(crate) struct TileTorques<'a, R: Real> {
+    source: Source<'a, R::Scalar>,
+    /// The first body of each lane group, where bodies stand side by side.
+    bases: Each<usize>,
+    /// The row of each lane's body.
+    rows: Each<[usize; MOST_LANES]>,
+    instances: Vec<TileInstance>,
+    parameters: Vec<Each<R>>,
+    /// Turns/s, or ramps/s.
+    rates: Vec<Each<R>>,
+    /// Turns at the start of a step, or the progress of a ramp.
+    starts: Vec<Each<R>>,
+    /// One an instance.
+    epochs: Vec<Each<Epoch<R>>>,
+    noise: Each<Vector<R>>,
+    /// The reference rates, and seconds in the unit that later times are given in: for steps of a body's own a power of two.
+    scale: Each<R>,
+    seconds: Each<R>,
+    /// Since the start of the step, s.
+    elapsed: Each<R>,
+    /// Torques that are expressions, and the sum of them, component by component.
+    expressions: Vec<TileExpression<'a, R>>,
+    sums: [R; 3 * GROUPS],
+    /// Where the moments change: by how much their differences do, and the index of the instance.
+    change: Option<(Each<Vector<R>>, usize)>,
+}
+
+impl<'a, R: Real> TileTorques<'a, R> {
+    /// Room for the torques of a source; [`TileTorques::load`] fills it.
+    pub fn new(source: Source<'a, R::Scalar>) -> Self {
+        let zero = R::splat(0.0);
+        let mut instances = Vec::new();
+        let (mut parameters, mut phases) = (0, 0);
+        let mut expressions = Vec::new();
+        for &Instance { kind, index, parameters: own, phases: own_phases, .. } in source.table.list() {
+            instances.push(TileInstance { kind, first: parameters, first_phase: phases, is_shared: false });
+            if kind.role() == Role::Expression {
+                expressions.push(TileExpression::new(source.table.expressed(index), parameters, phases));
+            }
+            parameters += own;
+            phases += own_phases;
+        }
+        let places = source.table.start_places();
+        Self {
+            source,
+            bases: [0; GROUPS],
+            rows: [[0; MOST_LANES]; GROUPS],
+            parameters: vec![[zero; GROUPS]; parameters],
+            rates: vec![[zero; GROUPS]; phases],
+            starts: vec![[zero; GROUPS]; places],
+            elapsed: [zero; GROUPS],
+            expressions,
+            sums: [zero; 3 * GROUPS],
+            epochs: vec![[Epoch::none(); GROUPS]; instances.len()],
+            instances,
+            noise: [Vector::zero(); GROUPS],
+            scale: [R::splat(1.0); GROUPS],
+            seconds: [R::splat(1.0); GROUPS],
+            change: None,
+        }
+    }
+
+    #[inline(always)]
+    fn columns(&self, group: usize) -> Columns<'_, R> {
+        self.source.columns(self.bases[group % GROUPS])
+    }
+
+    /// Takes the parameters of the bodies of `groups` lane groups from body `first` on.
+    #[inline(always)]
+    pub fn load(&mut self, first: usize, groups: usize) {
+        for group in 0..groups.min(GROUPS) {
+            self.bases[group] = first + group * R::LANES;
+            for (lane, row) in self.rows[group].iter_mut().enumerate() {
+                *row = first + group * R::LANES + lane;
+            }
+        }
+        R::outlined(Load { torques: self, groups: 0..groups.min(GROUPS) });
+    }
+
+    /// Takes the parameters of the bodies in these rows, lane by lane, for one lane group. Bodies that are not rigid must stand side by
+    /// side.
+    #[inline(always)]
+    pub fn load_rows(&mut self, group: usize, rows: &[usize; MOST_LANES]) {
+        (self.bases[group], self.rows[group]) = (rows[0], *rows);
+        R::outlined(Load { torques: self, groups: group..group + 1 });
+    }
+
+    /// Forms what holds from the start of a step on: phases, random torques.
+    #[inline(always)]
+    pub fn start(&mut self, start: TileTime<'_, R>, active: &[usize]) {
+        if !self.starts.is_empty() || self.source.table.instances(Kind::WhiteNoise).count > 0 {
+            R::outlined(Start { torques: self, start, active });
+        }
+    }
+
+    /// Forms what follows from the time `elapsed` after the start of the step, in the unit of its start.
+    #[inline(always)]
+    pub fn at(&mut self, elapsed: &Each<R>, active: &[usize]) {
+        if !self.starts.is_empty() {
+            R::outlined(At { torques: self, elapsed, active });
+        }
+    }
+
+    /// Whether torques are expressions.
+    #[inline(always)]
+    pub fn has_expressions(&self) -> bool {
+        !self.expressions.is_empty()
+    }
+
+    /// Whether all torques are expressions.
+    #[inline(always)]
+    pub fn has_expressions_only(&self) -> bool {
+        self.expressions.len() == self.instances.len()
+    }
+
+    /// What the last [`TileTorques::form_expressions`] found for a lane group.
+    #[inline(always)]
+    pub fn sum_of_expressions(&self, group: usize) -> Vector<R> {
+        let group = group % GROUPS;
+        Vector::new(self.sums[group], self.sums[GROUPS + group], self.sums[2 * GROUPS + group])
+    }
+
+    /// Sets the state of a lane group for [`TileTorques::form_expressions`].
+    #[inline(always)]
+    pub fn place(&mut self, group: usize, orientation: Quaternion<R>, angular_velocity_principal: Vector<R>) {
+        for expression in &mut self.expressions {
+            expression.place(group % GROUPS, orientation, angular_velocity_principal);
+        }
+    }
+
+    /// Forms the sum of all torques that are expressions, at the time of the last [`TileTorques::at`].
+    #[inline(always)]
+    pub fn form_expressions(&mut self) {
+        self.sums = [R::splat(0.0); 3 * GROUPS];
+        for expression in &mut self.expressions {
+            expression.add(&mut self.sums);
+        }
+    }
+
+    /// How the bodies of a lane group turn, at the time of the last [`TileTorques::at`].
+    #[inline(always)]
+    pub fn motion(&self, group: usize, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
+        if self.source.table.is_rigid() {
+            return Motion {
+                angular_velocity: body.angular_velocity(m, correction),
+                gyroscopic_term: body.gyroscopic_term(m, correction),
+            };
+        }
+        // A copy, so that m itself need not be in memory.
+        let there = m;
+        R::outlined(Turn { torques: self, group, body, correction, m: &there })
+    }
+
+    /// The kind of the torque, where there is one on rigid bodies.
+    #[inline(always)]
+    pub fn only(&self) -> Option<Kind> {
+        match self.instances[..] {
+            [TileInstance { kind, .. }] if matches!(kind.role(), Role::Torque) => Some(kind),
+            _ => None,
+        }
+    }
+
+    /// The torque on a lane group where there is one, of the formula's kind.
+    #[inline(always)]
+    pub fn only_torque<F: Formula>(&self, group: usize, q: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
+        let row = TileRow { rows: &self.parameters[..F::PARAMETERS], group };
+        self.noise[group % GROUPS] + F::torque(&row, &self.epochs[0][group % GROUPS], q, omega)
+    }
+
+    /// The sum of the torques on a lane group, at the time of the last [`TileTorques::at`].
+    ///
+    /// It is inlined where it is called for all lane groups of a tile in turn, so that what it adds up stays in registers.
+    #[inline(always)]
+    pub fn sum(&self, group: usize, orientation: Quaternion<R>, angular_velocity_principal: Vector<R>) -> Vector<R> {
+        let group = group % GROUPS;
+        let mut sum = self.noise[group];
+        if self.has_expressions() {
+            sum = sum + self.sum_of_expressions(group);
+        }
+        for (instance, epochs) in self.instances.iter().zip(&self.epochs) {
+            let added = Added { torques: self, instance, epochs, group, orientation, angular_velocity_principal, sum };
+            sum = instance.kind.with(added);
+        }
+        sum
+    }
+}
+
+/// A sum of torques with one more.
+struct Added<'s, 'a, R: Real> {
+    torques: &'s TileTorques<'a, R>,
+    instance: &'s TileInstance,
+    epochs: &'s Each<Epoch<R>>,
+    group: usize,
+    orientation: Quaternion<R>,
+    angular_velocity_principal: Vector<R>,
+    sum: Vector<R>,
+}
+
+impl<R: Real> FormulaTask for Added<'_, '_, R> {
+    type Output = Vector<R>;
+    #[inline(always)]
+    fn run<F: Formula>(self) -> Vector<R> {
+        let Self { torques, orientation: q, angular_velocity_principal: omega, sum, .. } = self;
+        let group = self.group % GROUPS;
+        let row = TileRow { rows: &torques.parameters[self.instance.first..][..F::PARAMETERS], group };
+        match F::ROLE {
+            Role::Projection => across_axis(row.number(0), sum),
+            Role::Torque => {
+                if F::FOLLOWS_MOMENTS
+                    && let Some((gained, index)) = &torques.change
+                {
+                    let done = torques.epochs[*index][group].number;
+                    let following = Following { row: &row, gained: gained[group], done };
+                    return sum + F::torque(&following, &self.epochs[group], q, omega);
+                }
+                sum + F::torque(&row, &self.epochs[group], q, omega)
+            }
+            // Those that are expressions were formed before.
+            Role::Noise | Role::Slip | Role::Moments | Role::Expression => sum,
+        }
+    }
+}
+
+/// [`TileTorques::motion`] of bodies that are not rigid, as a function of its own.
+struct Turn<'s, 'a, R: Real> {
+    torques: &'s TileTorques<'a, R>,
+    group: usize,
+    body: &'s Body<R>,
+    correction: &'s Correction<R>,
+    m: &'s Vector<R>,
+}
+
+impl<R: Real> Outlined for Turn<'_, '_, R> {
+    type Output = Motion<R>;
+    #[inline(always)]
+    fn run(self) -> Motion<R> {
+        let Self { torques, group, .. } = self;
+        let done = torques.change.map_or(R::splat(0.0), |(_, index)| torques.epochs[index][group % GROUPS].number);
+        Torques::new(torques.columns(group)).turning(done, self.body, self.correction, *self.m).motion
+    }
+}
+
+/// The parameters of one instance for one lane group.
+struct TileRow<'s, R> {
+    rows: &'s [Each<R>],
+    group: usize,
+}
+
+impl<R: Real> Row<R> for TileRow<'_, R> {
+    #[inline(always)]
+    fn number(&self, column: usize) -> R {
+        self.rows[column][self.group % GROUPS]
+    }
+}
+
+/// A column's numbers in some rows.
+#[inline(always)]
+pub(crate) fn gathered<R: Real>(column: &[R::Scalar], rows: &[usize; MOST_LANES]) -> R {
+    let mut numbers = [R::Scalar::default(); MOST_LANES];
+    for lane in 0..R::LANES {
+        numbers[lane] = column[rows[lane]];
+    }
+    R::load(&numbers)
+}
+
+/// [`TileTorques::load`] and [`TileTorques::load_rows`] as a function of its own.
+struct Load<'s, 'a, R: Real> {
+    torques: &'s mut TileTorques<'a, R>,
+    groups: Range<usize>,
+}
+
+impl<R: Real> Outlined for Load<'_, '_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { torques, groups } = self;
+        let source = torques.source;
+        let (table, stride) = (source.table, source.stride);
+        let zero = R::splat(0.0);
+        for group in groups.clone() {
+            torques.scale[group] = gathered(&source.parameters[RATE_COLUMN * stride..], &torques.rows[group]);
+        }
+        for index in 0..torques.instances.len() {
+            let TileInstance { kind, first, first_phase, .. } = torques.instances[index];
+            let instance = table.list()[index];
+            let mut is_shared = source.dt > 0.0;
+            for column in 0..instance.parameters {
+                let numbers = &source.parameters[(instance.first + column) * stride..];
+                let row = &mut torques.parameters[first + column];
+                for group in groups.clone() {
+                    row[group] = gathered(numbers, &torques.rows[group]);
+                }
+                is_shared =
+                    is_shared && (!kind.epoch_columns().contains(&column) || are_equal(&row[..groups.end.max(1)]));
+            }
+            for phase in 0..instance.phases {
+                let numbers = &source.parameters[instance.rate_column(phase) * stride..];
+                for group in groups.clone() {
+                    torques.rates[first_phase + phase][group] = gathered(numbers, &torques.rows[group]);
+                }
+                is_shared = is_shared && table.rate_is_shared(first_phase + phase);
+            }
+            torques.instances[index].is_shared = is_shared;
+        }
+        for expression in &mut torques.expressions {
+            expression.load(&torques.parameters);
+        }
+        let moments = torques.instances.iter().position(|instance| instance.kind.role() == Role::Moments);
+        if let Some(index) = moments {
+            let first = torques.instances[index].first + 9;
+            let mut gained = torques.change.map_or([Vector::new(zero, zero, zero); GROUPS], |(gained, _)| gained);
+            for group in groups {
+                let [x, y, z, ..] = &torques.parameters[first..] else { continue };
+                gained[group] = Vector::new(x[group], y[group], z[group]);
+            }
+            torques.change = Some((gained, index));
+        }
+    }
+}
+
+/// Whether all lanes of all groups are the same number.
+#[inline(always)]
+fn are_equal<R: Real>(groups: &[R]) -> bool {
+    let mut lanes = [<R::Scalar as Default>::default(); crate::clock::MOST_LANES];
+    groups[0].store(&mut lanes);
+    let first = R::splat(crate::real::Scalar::to_f64(lanes[0]));
+    groups.iter().all(|&number| !R::any(number.less_than(first) | first.less_than(number)))
+}
+
+/// When the bodies of a tile start a step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum TileTime<'s, R> {
+    /// Where the interval's equal step with this number does.
+    Equal(u64),
+    /// So long after the clock, lane by lane, in units of each body's own scale.
+    Own(&'s Each<TwoWords<R>>),
+}
+
+/// [`TileTorques::start`] as a function of its own.
+struct Start<'s, 'a, R: Real> {
+    torques: &'s mut TileTorques<'a, R>,
+    start: TileTime<'s, R>,
+    active: &'s [usize],
+}
+
+impl<R: Real> Outlined for Start<'_, '_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { torques, start, active } = self;
+        for &group in active {
+            let group = group % GROUPS;
+            let source = torques.source;
+            let columns: Columns<'_, R> = source.columns(torques.bases[group]);
+            let ticks = match start {
+                TileTime::Equal(step) => {
+                    torques.noise[group] = columns.noise(step);
+                    columns.ticks(StepTime::Equal(step))
+                }
+                TileTime::Own(times) => {
+                    let (seconds, time) = (R::splat(1.0) / torques.scale[group], times[group]);
+                    torques.seconds[group] = seconds;
+                    let time = TwoWords { value: time.value * seconds, residue: time.residue * seconds };
+                    columns.ticks(StepTime::Own(&time))
+                }
+            };
+            let (table, rows) = (source.table, &torques.rows[group][..R::LANES]);
+            let mut room = [0; MOST_LANES];
+            for (number, phase) in torques.starts.iter_mut().enumerate() {
+                phase[group] = if number == table.phase_count() {
+                    seconds_at(&ticks, source.clock.ticks_per_second())
+                } else if let (true, Some((_, index))) = (table.ramp_of(number).is_some(), torques.change) {
+                    let per_tick = torques.parameters[torques.instances[index].first + PER_TICK][group];
+                    ticks_from::<R>(table.fractions(number, rows, &mut room), &ticks) * per_tick
+                } else {
+                    phases_at(table.fractions(number, rows, &mut room), &ticks)
+                };
+            }
+        }
+    }
+}
+
+/// [`TileTorques::at`] as a function of its own.
+struct At<'s, 'a, R: Real> {
+    torques: &'s mut TileTorques<'a, R>,
+    elapsed: &'s Each<R>,
+    active: &'s [usize],
+}
+
+impl<R: Real> Outlined for At<'_, '_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { torques, elapsed, active } = self;
+        for &group in active {
+            let group = group % GROUPS;
+            torques.elapsed[group] = elapsed[group] * torques.seconds[group];
+        }
+        for expression in &mut torques.expressions {
+            expression.form_epoch(&torques.starts, &torques.rates, &torques.elapsed);
+        }
+        let elapsed = &torques.elapsed;
+        for (index, instance) in torques.instances.iter().enumerate() {
+            instance.kind.with(EpochOf {
+                instance,
+                parameters: &torques.parameters,
+                starts: &torques.starts,
+                rates: &torques.rates,
+                epochs: &mut torques.epochs[index],
+                elapsed,
+                active,
+            });
+        }
+    }
+}
+
+/// What follows from the time for one instance.
+struct EpochOf<'s, R> {
+    instance: &'s TileInstance,
+    parameters: &'s [Each<R>],
+    starts: &'s [Each<R>],
+    rates: &'s [Each<R>],
+    epochs: &'s mut Each<Epoch<R>>,
+    elapsed: &'s Each<R>,
+    active: &'s [usize],
+}
+
+impl<R: Real> FormulaTask for EpochOf<'_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run<F: Formula>(self) {
+        if F::PHASES.is_empty() {
+            return;
+        }
+        let Self { instance: &TileInstance { first, first_phase, is_shared, .. }, active, .. } = self;
+        let rows = &self.parameters[first..][..F::PARAMETERS];
+        let starts = &self.starts[first_phase..][..F::PHASES.len()];
+        let rates = &self.rates[first_phase..][..F::PHASES.len()];
+        for (place, &group) in active.iter().enumerate() {
+            let group = group % GROUPS;
+            if is_shared && place > 0 {
+                self.epochs[group] = self.epochs[active[0] % GROUPS];
+                continue;
+            }
+            let elapsed = self.elapsed[group];
+            let mut phases = [R::splat(0.0); MOST_PHASES];
+            for phase in 0..F::PHASES.len() {
+                let (start, rate) = (starts[phase][group], rates[phase][group]);
+                phases[phase] = if F::IS_PROGRESS {
+                    ramp_progress(start, rate, elapsed)
+                } else {
+                    phase_after(start, rate, elapsed)
+                };
+            }
+            self.epochs[group] = F::epoch(&TileRow { rows, group }, phases);
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! Values of a torque's parameters.
+
+use std::sync::Arc;
+
+use glam::{DMat3, DQuat, DVec3};
+
+use super::Parameter;
+use crate::inertia::InertiaTensor;
+
+/// The value of a parameter, of one of the shapes that parameters have.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Value {
+    /// A number.
+    Number(Parameter<f64>),
+    /// Three numbers.
+    Vector(Parameter<DVec3>),
+    /// A rotation from body to world.
+    Rotation(Parameter<DQuat>),
+    /// A matrix.
+    Matrix(Parameter<DMat3>),
+    /// An inertia tensor.
+    Tensor(Parameter<InertiaTensor>),
+    /// A whole number.
+    Whole(u64),
+    /// Of each table of a list the values of its parameters. Copies share it.
+    List(Arc<[Vec<Value>]>),
+    /// None: another parameter of the same choice has one.
+    Absent,
+}
+
+/// Accessors: the parameter, where the value has that shape.
+impl Value {
+    /// Of a number.
+    pub fn as_number(&self) -> Option<&Parameter<f64>> {
+        if let Value::Number(number) = self { Some(number) } else { None }
+    }
+
+    /// Of a vector.
+    pub fn as_vector(&self) -> Option<&Parameter<DVec3>> {
+        if let Value::Vector(vector) = self { Some(vector) } else { None }
+    }
+
+    /// Of a rotation.
+    pub fn as_rotation(&self) -> Option<&Parameter<DQuat>> {
+        if let Value::Rotation(rotation) = self { Some(rotation) } else { None }
+    }
+
+    /// Of a matrix.
+    pub fn as_matrix(&self) -> Option<&Parameter<DMat3>> {
+        if let Value::Matrix(matrix) = self { Some(matrix) } else { None }
+    }
+
+    /// Of an inertia tensor.
+    pub fn as_tensor(&self) -> Option<&Parameter<InertiaTensor>> {
+        if let Value::Tensor(tensor) = self { Some(tensor) } else { None }
+    }
+
+    /// Of a whole number: itself.
+    pub fn as_whole(&self) -> Option<u64> {
+        if let Value::Whole(number) = self { Some(*number) } else { None }
+    }
+
+    /// Of a list: its tables.
+    pub fn as_list(&self) -> Option<&[Vec<Value>]> {
+        if let Value::List(list) = self { Some(list) } else { None }
+    }
+
+    /// Whether all bodies have the same.
+    pub fn is_shared(&self) -> bool {
+        match self {
+            Value::Number(number) => number.is_shared(),
+            Value::Vector(vector) => vector.is_shared(),
+            Value::Rotation(rotation) => rotation.is_shared(),
+            Value::Matrix(matrix) => matrix.is_shared(),
+            Value::Tensor(tensor) => tensor.is_shared(),
+            Value::Whole(_) | Value::List(_) | Value::Absent => true,
+        }
+    }
+
+    /// Whether it is zero for a body; what is absent is not.
+    pub(crate) fn is_zero(&self, body: usize) -> bool {
+        match self {
+            Value::Number(number) => number.at(body) == 0.0,
+            Value::Vector(vector) => vector.at(body) == DVec3::ZERO,
+            Value::Matrix(matrix) => matrix.at(body) == DMat3::ZERO,
+            Value::Tensor(tensor) => tensor.at(body) == InertiaTensor::default(),
+            Value::Whole(number) => *number == 0,
+            Value::Rotation(_) | Value::List(_) | Value::Absent => false,
+        }
+    }
+}
+
+/// The values of a torque, which its model reads by the places of their declarations.
+///
+/// A shape other than the declared one is a fault of ours: values are made by the models' own constructors and by the reader
+/// of studies, both from the declaration.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Values<'a>(pub &'a [Value]);
+
+const OTHER_SHAPE: &str = "a value has the shape that its parameter declares";
+
+impl<'a> Values<'a> {
+    pub fn number(self, place: usize) -> &'a Parameter<f64> {
+        self.0[place].as_number().expect(OTHER_SHAPE)
+    }
+
+    pub fn vector(self, place: usize) -> &'a Parameter<DVec3> {
+        self.0[place].as_vector().expect(OTHER_SHAPE)
+    }
+
+    pub fn rotation(self, place: usize) -> &'a Parameter<DQuat> {
+        self.0[place].as_rotation().expect(OTHER_SHAPE)
+    }
+
+    pub fn matrix(self, place: usize) -> &'a Parameter<DMat3> {
+        self.0[place].as_matrix().expect(OTHER_SHAPE)
+    }
+
+    pub fn whole(self, place: usize) -> u64 {
+        self.0[place].as_whole().expect(OTHER_SHAPE)
+    }
+
+    /// Of a choice: the one that is given.
+    pub fn given(self, place: usize) -> Option<&'a Value> {
+        Some(&self.0[place]).filter(|value| **value != Value::Absent)
+    }
+}

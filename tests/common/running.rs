@@ -1,0 +1,197 @@
+//! How far rounding may take a recorded formula: a running error bound (N. J. Higham, *Accuracy and Stability of Numerical
+//! Algorithms*, section 3.3), with the sizes of what is added up instead of its sum, so that it holds for any order and
+//! grouping of a sum and for products that are fused or drawn out of it.
+
+use polhode::elementary::functions;
+use polhode::expression::graph::{Binary, Graph, Input, Node, Operation, Unary};
+use polhode::real::{Function, sin_cos};
+use polhode::torque::orbit::eccentric_anomaly;
+
+/// A number.
+#[derive(Clone, Copy, Debug)]
+pub struct Running {
+    /// Its value in `f64`.
+    pub value: f64,
+    /// The sum of the absolute values of what it is a sum of.
+    size: f64,
+    /// How far an evaluation may be from the value.
+    pub error: f64,
+}
+
+#[derive(Clone, Copy)]
+enum Found {
+    Number(Running),
+    Truth(bool),
+    /// It hangs on rounding, or is out of range.
+    Unknown,
+}
+
+/// Second-order terms, which the bounds leave out.
+const SECOND_ORDER: f64 = 1.1;
+/// Ulps of a quotient or a square root on a GPU; an ulp is up to two units of roundoff.
+const GPU_ULPS: f64 = 2.5;
+/// The largest error that is stated for a function of formulas, ulps (tests/parity.rs).
+const FUNCTION_ULPS: f64 = 3.0;
+
+impl Running {
+    fn exact(value: f64) -> Self {
+        Self { value, size: value.abs(), error: 0.0 }
+    }
+
+    fn is_zero(&self) -> bool {
+        self.size == 0.0 && self.error == 0.0
+    }
+
+    /// Whether a product by it is exact.
+    fn is_power_of_two(&self) -> bool {
+        self.error == 0.0 && self.value.to_bits() & ((1 << 52) - 1) == 0 && self.value.is_normal()
+    }
+
+    fn sum(self, other: Self, sign: f64, u: f64) -> Self {
+        let (value, size) = (self.value + sign * other.value, self.size + other.size);
+        let rounding = if self.is_zero() || other.is_zero() { 0.0 } else { u * size };
+        Self { value, size, error: self.error + other.error + rounding }
+    }
+
+    fn product(self, other: Self, u: f64) -> Self {
+        let (value, size) = (self.value * other.value, self.size * other.size);
+        let is_exact = self.is_zero() || other.is_zero() || self.is_power_of_two() || other.is_power_of_two();
+        let rounding = if is_exact { 0.0 } else { u * size };
+        let error = self.error * other.size + self.size * other.error + self.error * other.error + rounding;
+        Self { value, size, error }
+    }
+
+    fn bounded(value: f64, error: f64) -> Found {
+        Found::Number(Self { value, size: value.abs(), error })
+    }
+}
+
+/// The bounds of some results at inputs that are exact numbers of the evaluation, whose unit roundoff is `u`; `None` where a
+/// decision hangs on rounding or a quotient may be anything.
+pub fn bounds(graph: &Graph, outputs: &[Node], input: impl Fn(Input) -> f64, u: f64) -> Vec<Option<Running>> {
+    let mut found = vec![Found::Unknown; graph.len()];
+    for node in graph.live(outputs) {
+        found[node.index()] = of(graph.operation(node), &found, &input, u);
+    }
+    let number = |output: &Node| match found[output.index()] {
+        Found::Number(number) => Some(Running { error: SECOND_ORDER * number.error, ..number }),
+        _ => None,
+    };
+    outputs.iter().map(number).collect()
+}
+
+fn of(operation: Operation, found: &[Found], input: &impl Fn(Input) -> f64, u: f64) -> Found {
+    let number = |node: Node| match found[node.index()] {
+        Found::Number(number) => Some(number),
+        _ => None,
+    };
+    let truth = |node: Node| match found[node.index()] {
+        Found::Truth(truth) => Some(truth),
+        _ => None,
+    };
+    let attempt = || -> Option<Found> {
+        Some(match operation {
+            Operation::Constant(bits) => {
+                // A constant is rounded to the precision.
+                let value = f64::from_bits(bits);
+                let is_exact = u < 1e-12 || f64::from(value as f32) == value;
+                Running::bounded(value, if is_exact { 0.0 } else { u * value.abs() })
+            }
+            Operation::Truth(truth) => Found::Truth(truth),
+            Operation::Input(which) => Found::Number(Running::exact(input(which))),
+            Operation::Unary(unary, a) => match unary {
+                Unary::Not => Found::Truth(!truth(a)?),
+                Unary::Neg => Found::Number(Running { value: -number(a)?.value, ..number(a)? }),
+                Unary::Abs => Found::Number(Running { value: number(a)?.value.abs(), ..number(a)? }),
+                Unary::Sqrt => {
+                    let a = number(a)?;
+                    let root = a.value.sqrt();
+                    let is_clear = a.is_zero() || a.value > 4.0 * a.error;
+                    let slope = if a.error == 0.0 { 0.0 } else { a.error / root };
+                    is_clear.then(|| Running::bounded(root, slope + 2.0 * GPU_ULPS * u * root))?
+                }
+                Unary::Round => {
+                    let a = number(a)?;
+                    let to_border = (a.value - a.value.floor() - 0.5).abs();
+                    (a.error == 0.0 || to_border > a.error).then(|| Running::bounded(a.value.round_ties_even(), 0.0))?
+                }
+            },
+            Operation::Binary(binary, a, b) => match binary {
+                Binary::And => Found::Truth(truth(a)? && truth(b)?),
+                Binary::Or => Found::Truth(truth(a)? || truth(b)?),
+                Binary::Less => {
+                    let (a, b) = (number(a)?, number(b)?);
+                    let error = a.error + b.error;
+                    (error == 0.0 || (a.value - b.value).abs() > error).then_some(Found::Truth(a.value < b.value))?
+                }
+                Binary::Add => Found::Number(number(a)?.sum(number(b)?, 1.0, u)),
+                Binary::Sub => Found::Number(number(a)?.sum(number(b)?, -1.0, u)),
+                Binary::Mul => Found::Number(number(a)?.product(number(b)?, u)),
+                Binary::Div => {
+                    let (a, b) = (number(a)?, number(b)?);
+                    let least = b.value.abs() - b.error;
+                    let (value, size) = (a.value / b.value, a.size / b.value.abs());
+                    let error = (a.error + size * b.error) / least + 2.0 * GPU_ULPS * u * size;
+                    (least > 0.0).then_some(Found::Number(Running { value, size, error }))?
+                }
+                Binary::Min | Binary::Max => {
+                    let (a, b) = (number(a)?, number(b)?);
+                    let value = if binary == Binary::Min { a.value.min(b.value) } else { a.value.max(b.value) };
+                    Found::Number(Running { value, size: a.size.max(b.size), error: a.error.max(b.error) })
+                }
+            },
+            Operation::MulAdd(a, b, c) => Found::Number(number(a)?.product(number(b)?, u).sum(number(c)?, 1.0, u)),
+            Operation::Select(condition, a, b) => {
+                Found::Number(if truth(condition)? { number(a)? } else { number(b)? })
+            }
+            // Stated: within one ulp of 1.
+            Operation::Function(function @ (Function::Sin | Function::Cos), a) => {
+                let a = number(a)?;
+                let (sin, cos) = sin_cos(a.value);
+                let value = if function == Function::Sin { sin } else { cos };
+                Found::Number(Running { value, size: 1.0, error: a.error + 2.0 * u })
+            }
+            // Stated at the function: 4 units of roundoff of pi over 1 - e; then as a sine.
+            Operation::Function2(function @ (Function::KeplerSin | Function::KeplerCos), m, e) => {
+                let (m, e) = (number(m)?, number(e)?);
+                let (_, sin, cos) = eccentric_anomaly(m.value, e.value);
+                let value = if function == Function::KeplerSin { sin } else { cos };
+                let anomaly = (4.0 * std::f64::consts::PI * u + m.error + e.error) / (1.0 - e.value - e.error);
+                Found::Number(Running { value, size: 1.0, error: anomaly + 2.0 * u })
+            }
+            Operation::Function(function, a) => {
+                let a = number(a)?;
+                let of = |x: f64| match function {
+                    Function::Tan => functions::tan(x),
+                    Function::Asin => functions::asin(x.clamp(-1.0, 1.0)),
+                    Function::Acos => functions::acos(x.clamp(-1.0, 1.0)),
+                    Function::Exp => functions::exp(x),
+                    Function::Ln => functions::ln(x),
+                    Function::ArctangentRatio => functions::arctangent_ratio(x.max(0.0)),
+                    _ => f64::NAN,
+                };
+                let ends = [of(a.value - a.error), of(a.value + a.error)];
+                through(of(a.value), &ends, u)?
+            }
+            Operation::Function2(function, a, b) => {
+                let (a, b) = (number(a)?, number(b)?);
+                let of = |a: f64, b: f64| match function {
+                    Function::Atan2 => functions::atan2(a, b),
+                    Function::Pow => functions::pow(a, b),
+                    _ => f64::NAN,
+                };
+                let around = |x: Running| [x.value - x.error, x.value + x.error];
+                let ends: Vec<f64> = around(a).into_iter().flat_map(|a| around(b).map(|b| of(a, b))).collect();
+                through(of(a.value, b.value), &ends, u)?
+            }
+        })
+    };
+    attempt().unwrap_or(Found::Unknown)
+}
+
+/// The bound of a monotonic function from its values at the ends of what its arguments may be; none where it jumps.
+fn through(value: f64, ends: &[f64], u: f64) -> Option<Found> {
+    let spread = ends.iter().fold(0.0, |spread: f64, end| spread.max((end - value).abs()));
+    let error = spread + FUNCTION_ULPS * 2.0 * u * value.abs();
+    (value.is_finite() && error < 1e-2 * value.abs().max(1.0)).then(|| Running::bounded(value, error))
+}
