@@ -134,8 +134,8 @@ const TASK: usize = 512;
 
 /// The rotation from principal to body axes, where all members have the same and it only changes names and signs of axes. Constants of
 /// any other would be rounded elsewhere than columns are, and a body's result would depend on those beside it.
-fn shared_axes(ensemble: &Ensemble, torques: &[Torque], members: &Members) -> Option<DQuat> {
-    let axes = |row: usize| frame_of(ensemble, torques, members.body(row)).principal_to_body;
+fn shared_axes(ensemble: &Ensemble, members: &Members) -> Option<DQuat> {
+    let axes = |row: usize| principal_axes(&ensemble.inertia()[members.body(row)]).principal_to_body;
     let first = (!members.is_empty()).then(|| axes(0))?;
     let is_exact = |axes: DQuat| DMat3::from_quat(axes).to_cols_array().iter().all(|x| [-1.0, 0.0, 1.0].contains(x));
     let is_shared = is_exact(first) && (1..members.len()).into_par_iter().all(|row| axes(row) == first);
@@ -154,7 +154,7 @@ fn prepare_columns<T: Scalar>(
     let has_linear_rotors =
         ensemble.has_linear_rotors() && (0..body_count).any(|row| ensemble.is_linear_rotor(members.body(row)));
     let stride = body_count.next_multiple_of(STRIDE_UNIT);
-    let axes = if torques.iter().any(Torque::is_expressed) { shared_axes(ensemble, torques, members) } else { None };
+    let axes = if torques.iter().any(Torque::is_expressed) { shared_axes(ensemble, members) } else { None };
     let bodies = Bodies { have_linear_rotors: has_linear_rotors, axes };
     let table = TorqueTable::new(torques, parameter_columns::<T>(), stride, span, bodies);
     let row = bytes_per_body(precision) + torque::bytes_per_body::<T>(&table);
