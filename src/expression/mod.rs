@@ -42,7 +42,7 @@ pub use stages::{Part, Stages};
 pub use symbol::{Recorder, Symbol, Truth};
 pub use symbols::{MOST_PARAMETERS, Name, Recorded, Scope, Shape, Symbols};
 pub use text::{LONGEST_TEXT, MOST_LEVELS, TextError};
-pub use tile::Scratch;
+pub(crate) use tile::Scratch;
 
 /// A formula: a graph and its results. Copies share it.
 #[derive(Clone, Debug, PartialEq)]

@@ -36,6 +36,14 @@ pub(super) struct Instruction {
     pub(super) c: u16,
 }
 
+impl Instruction {
+    /// Its result's place and those of `a`, `b` and `c`.
+    #[inline(always)]
+    pub(super) fn places(&self) -> [usize; 4] {
+        [self.to.into(), self.a.into(), self.b.into(), self.c.into()]
+    }
+}
+
 /// What an instruction does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Kind {

@@ -19,16 +19,11 @@ use super::table::Instance;
 use super::variable_inertia::ramp_progress;
 use crate::batch::RATE_COLUMN;
 use crate::clock::{MOST_LANES, phase_after, phases_at, seconds_at};
+use crate::lanes::{Each, GROUPS};
 use crate::quaternion::Quaternion;
 use crate::real::{Outlined, Real};
 use crate::rigid_body::{Body, Correction};
 use crate::vector::{TwoWords, Vector};
-
-/// Lane groups of a tile: with AVX-512 in `f64` the slopes of all stages of `rk8` take 21 KB.
-pub(crate) const GROUPS: usize = 4;
-
-/// One value of each lane group of a tile.
-pub(crate) type Each<V> = [V; GROUPS];
 
 /// One instance of a torque on a tile.
 #[derive(Clone, Copy, Debug)]
@@ -46,9 +41,9 @@ struct TileInstance {
 pub(crate) struct TileTorques<'a, R: Real> {
     source: Source<'a, R::Scalar>,
     /// The first body of each lane group, where bodies stand side by side.
-    bases: Each<usize>,
+    bases: [usize; GROUPS],
     /// The row of each lane's body.
-    rows: Each<[usize; MOST_LANES]>,
+    rows: [[usize; MOST_LANES]; GROUPS],
     instances: Vec<TileInstance>,
     parameters: Vec<Each<R>>,
     /// Turns/s, or ramps/s.
@@ -65,7 +60,7 @@ pub(crate) struct TileTorques<'a, R: Real> {
     elapsed: Each<R>,
     /// Torques that are expressions, and the sum of them, component by component.
     expressions: Vec<TileExpression<'a, R>>,
-    sums: [R; 3 * GROUPS],
+    sums: [Each<R>; 3],
     /// Where the moments change: by how much their differences do, and the index of the instance.
     change: Option<(Each<Vector<R>>, usize)>,
 }
@@ -90,17 +85,17 @@ impl<'a, R: Real> TileTorques<'a, R> {
             source,
             bases: [0; GROUPS],
             rows: [[0; MOST_LANES]; GROUPS],
-            parameters: vec![[zero; GROUPS]; parameters],
-            rates: vec![[zero; GROUPS]; phases],
-            starts: vec![[zero; GROUPS]; places],
-            elapsed: [zero; GROUPS],
+            parameters: vec![Each([zero; GROUPS]); parameters],
+            rates: vec![Each([zero; GROUPS]); phases],
+            starts: vec![Each([zero; GROUPS]); places],
+            elapsed: Each([zero; GROUPS]),
             expressions,
-            sums: [zero; 3 * GROUPS],
-            epochs: vec![[Epoch::none(); GROUPS]; instances.len()],
+            sums: [Each([zero; GROUPS]); 3],
+            epochs: vec![Each([Epoch::none(); GROUPS]); instances.len()],
             instances,
-            noise: [Vector::zero(); GROUPS],
-            scale: [R::splat(1.0); GROUPS],
-            seconds: [R::splat(1.0); GROUPS],
+            noise: Each([Vector::zero(); GROUPS]),
+            scale: Each([R::splat(1.0); GROUPS]),
+            seconds: Each([R::splat(1.0); GROUPS]),
             change: None,
         }
     }
@@ -162,7 +157,7 @@ impl<'a, R: Real> TileTorques<'a, R> {
     #[inline(always)]
     pub fn sum_of_expressions(&self, group: usize) -> Vector<R> {
         let group = group % GROUPS;
-        Vector::new(self.sums[group], self.sums[GROUPS + group], self.sums[2 * GROUPS + group])
+        Vector::new(self.sums[0][group], self.sums[1][group], self.sums[2][group])
     }
 
     /// Sets the state of a lane group for [`TileTorques::form_expressions`].
@@ -176,7 +171,7 @@ impl<'a, R: Real> TileTorques<'a, R> {
     /// Forms the sum of all torques that are expressions, at the time of the last [`TileTorques::at`].
     #[inline(always)]
     pub fn form_expressions(&mut self) {
-        self.sums = [R::splat(0.0); 3 * GROUPS];
+        self.sums = [Each([R::splat(0.0); GROUPS]); 3];
         for expression in &mut self.expressions {
             expression.add(&mut self.sums);
         }
@@ -353,7 +348,7 @@ impl<R: Real> Outlined for Load<'_, '_, R> {
         let moments = torques.instances.iter().position(|instance| instance.kind.role() == Role::Moments);
         if let Some(index) = moments {
             let first = torques.instances[index].first + 9;
-            let mut gained = torques.change.map_or([Vector::new(zero, zero, zero); GROUPS], |(gained, _)| gained);
+            let mut gained = torques.change.map_or(Each([Vector::new(zero, zero, zero); GROUPS]), |(gained, _)| gained);
             for group in groups {
                 let [x, y, z, ..] = &torques.parameters[first..] else { continue };
                 gained[group] = Vector::new(x[group], y[group], z[group]);
