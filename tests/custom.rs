@@ -109,7 +109,10 @@ fn rounded_pairs() -> Vec<(Torque, Torque)> {
     let matrix = DMat3::from_cols_array(&[0.3, 0.1, -0.05, 0.1, 0.4, 0.02, -0.05, 0.02, 0.2]);
     vec![
         (Torque::constant_body(vector), custom("t", none().vector("t", vector).expect("a name"))),
-        (Torque::linear_drag(columns(0.1)), custom("-c * angular_velocity", none().number("c", columns(0.1)).expect("a name"))),
+        (
+            Torque::linear_drag(columns(0.1)),
+            custom("-c * angular_velocity", none().number("c", columns(0.1)).expect("a name")),
+        ),
         (
             Torque::matrix_drag(matrix),
             custom(
@@ -135,10 +138,7 @@ fn rounded_pairs() -> Vec<(Torque, Torque)> {
         ),
         (
             Torque::gravity_gradient(orbit()),
-            custom(
-                &format!("{place}let r = to_body(u);\n(12 / (size * size * size)) * cross(r, inertia * r)"),
-                none(),
-            ),
+            custom(&format!("{place}let r = to_body(u);\n(12 / (size * size * size)) * cross(r, inertia * r)"), none()),
         ),
         (
             Torque::orbiting_dipole(vector, orbit(), 0.6, 0.4, 0.2, 0.7),

@@ -10,7 +10,7 @@ use super::cost::{COSTS, Costs};
 use super::driven::TorqueSet;
 use super::glance::{GLANCED, Glance};
 use super::group::{Group, Members, Treatment, level_of, step_of};
-use super::pilot::{Found, Pilot, larger_pilot_size, pilot_sample, pilot_size};
+use super::pilot::{Found, Pilot};
 use super::reference::SATURATED;
 use super::times::longest_over;
 use crate::batch::Precision;
@@ -70,19 +70,12 @@ pub struct Stepped {
 /// Bodies that one task looks at and sorts.
 const LOOK_BLOCK: usize = 1 << 12;
 
-/// Selects the pilots' bodies; fixed, so that a plan made again is the same.
-const PILOT_SEED: u64 = 1;
-
 /// The angle (rad) that a body turns by in a step where a thrust turns with it: the cubic between the attitudes of two steps
 /// ([`crate::force::stepped`]) is then wrong by (1/16)⁴/384 = 4e-8 rad at most.
 const LONGEST_TURN: f64 = 1.0 / 16.0;
 
 /// What `f32` needs.
 const F32_MISSES: &str = "precision f64 is needed, or more than 1e-6 and 3e-8 of the angle turned (rad)";
-
-/// The furthest, rad, that a body may turn for a pilot to follow it.
-const MOST_RADIANS: f64 = 1e15;
-const TOO_FAR: &str = "bodies turn by more than 1e15 rad, which no steps follow: a shorter span is needed (s)";
 
 /// No steps in `f64` are better than some units in the last place of the quaternion, rad.
 const ROUNDING_F64: f64 = 1e-15;
@@ -153,38 +146,29 @@ impl Resolution {
         for (torques, bodies) in stepped_bodies(scene) {
             let acting = torques.of(scene.torques());
             let flies = scene.has_pilot() && scene.end() > 0.0;
-            let pilot = |count: usize, has_scouts: bool| {
-                let look = |body: u32| (body, at_rate(look_at(scene, body as usize, tolerance), *uniform_rate));
-                let sample = pilot_sample(&bodies, count, accuracy, PILOT_SEED);
-                Pilot {
-                    scene,
-                    accuracy,
-                    costs,
-                    times,
-                    torques: &acting,
-                    precision,
-                    all: bodies.len(),
-                    has_scouts,
-                    bodies: sample.into_iter().map(look).collect(),
-                }
+            let look = |body: u32| at_rate(look_at(scene, body as usize, tolerance), *uniform_rate);
+            let (all, span) = (bodies.len(), scene.end());
+            let pilot = Pilot {
+                scene,
+                accuracy,
+                costs,
+                times,
+                torques: &acting,
+                precision,
+                all,
+                bodies: Vec::new(),
+                span,
+                most_steps: f64::INFINITY,
+                difficulty: 1.0,
             };
             let (worst, strictest) = accuracy.strictest_target();
             let found = if strictest < ROUNDING_F64 && scene.end() > 0.0 {
-                let found = pilot(0, true).tabulated();
+                let found = pilot.tabulated();
                 Found { part: ROUNDING_F64 / strictest, worst, attitude: ROUNDING_F64, ..found }
             } else if flies {
-                let first = pilot(pilot_size(bodies.len(), accuracy), true);
-                if first.bodies.iter().any(|(_, look)| look.rate * scene.end() > MOST_RADIANS) {
-                    return Err(Error::Setting { field: "time.end", value: scene.end(), expected: TOO_FAR });
-                }
-                let flight = first.fly()?;
-                if flight.asks_for_more {
-                    pilot(larger_pilot_size(bodies.len(), accuracy), false).fly_after(flight)?
-                } else {
-                    flight.found
-                }
+                pilot.fly(&bodies, look)?
             } else {
-                pilot(0, true).tabulated()
+                pilot.tabulated()
             };
             if found.part > 1.0 {
                 let draws = acting.iter().any(Torque::is_random);

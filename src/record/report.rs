@@ -129,6 +129,8 @@ impl From<AdaptiveWork> for AdaptiveReport {
 pub struct AccuracyReport {
     /// Bodies behind the figures.
     pub bodies: usize,
+    /// Bodies that were to be behind them and have failed.
+    pub lost: usize,
     /// Attitude error, rad.
     pub attitude: QuantilesReport,
     /// Error of the angular velocity in body axes, relative to its magnitude.
@@ -320,6 +322,7 @@ impl Report {
             balance: BalanceReport::of(&trust.balance),
             accuracy: AccuracyReport {
                 bodies: trust.shadow.bodies,
+                lost: trust.shadow.lost,
                 attitude: trust.shadow.attitude.into(),
                 angular_velocity: trust.shadow.angular_velocity.into(),
                 kinetic_energy: trust.shadow.kinetic_energy.into(),

@@ -16,6 +16,9 @@ impl fmt::Display for Report {
         let engine = &self.engine;
         let software = if engine.software { ", a software adapter" } else { "" };
         writeln!(formatter, "  engine   {} ({}{software})", engine.adapter, engine.kind)?;
+        if !self.failed_bodies.is_empty() {
+            writeln!(formatter, "  FAILED   {} of {} bodies: see below", self.failed_bodies.len(), self.bodies)?;
+        }
         self.write_work(formatter)?;
         if let Some(work) = &self.adaptive {
             write!(formatter, "{work}")?;
@@ -37,7 +40,7 @@ impl fmt::Display for Report {
         if self.drift.bodies > 0 {
             self.write_drift(formatter)?;
         }
-        if self.accuracy.bodies > 0 {
+        if self.accuracy.bodies + self.accuracy.lost > 0 {
             write!(formatter, "{}", self.accuracy)?;
         }
         match self.failed_bodies.first() {
@@ -123,7 +126,11 @@ impl fmt::Display for AccuracyReport {
             }
             None => return Ok(()),
         };
-        writeln!(formatter, "           {verdict}, {} of {} {bodies} beyond", self.beyond, self.bodies)
+        write!(formatter, "           {verdict}, {} of {} {bodies} beyond", self.beyond, self.bodies)?;
+        match self.lost {
+            0 => writeln!(formatter),
+            lost => writeln!(formatter, ", {lost} more failed"),
+        }
     }
 }
 
