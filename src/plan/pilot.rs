@@ -176,7 +176,7 @@ impl<'a> Pilot<'a> {
             return Ok((self.seconds(&rule, cost, None) / cost.step_seconds(Precision::F64, false) / count).max(1.0));
         }
         let probe = Self { bodies: self.bodies.clone(), span, ..*self };
-        let rule = probe.rule(cost, Some(Precision::F64));
+        let rule = probe.rule(cost, Some(Precision::F64)).with_room();
         let (coarse, fine) = (probe.stepped(&rule)?, probe.stepped(&rule.finer())?);
         let part = probe.errors(&coarse.states, &fine.states).standing(self.accuracy, self.all).part;
         // The rule expects an error that grows with the angle.
@@ -227,7 +227,7 @@ impl<'a> Pilot<'a> {
                 continue;
             }
             let found = self.calibrated(self.within(start, cost, cheapest), cost, cheapest, reference)?;
-            narrow_misses |= start.precision.is_none() && found.misses();
+            narrow_misses |= found.misses() && self.has_narrow(&start);
             if !found.misses() {
                 cheapest = cheapest.min(self.seconds(&found.rule, cost, found.steps));
             }
@@ -274,13 +274,16 @@ impl<'a> Pilot<'a> {
         for cost in self.costs.rows().iter().filter(|cost| self.allows(cost.scheme)) {
             let rule = self.rule(cost, self.precision);
             candidates.push((rule, cost));
-            let span = self.scene.end();
-            let narrow = |(_, look): &(u32, Look)| !rule.is_wide(look.rate * span);
-            if self.precision.is_none() && self.bodies.iter().any(narrow) {
+            if self.has_narrow(&rule) && self.precision.is_none() {
                 candidates.push((self.rule(cost, Some(Precision::F64)), cost));
             }
         }
         candidates
+    }
+
+    /// Whether a rule steps some of the bodies in `f32`.
+    fn has_narrow(&self, rule: &Rule) -> bool {
+        self.bodies.iter().any(|(_, look)| !rule.is_wide(look.rate * self.scene.end()))
     }
 
     /// Whether steps of this kind follow what acts on the bodies.
@@ -355,7 +358,7 @@ impl<'a> Pilot<'a> {
             }
             correction = (part / AIM).clamp(LEAST_CORRECTION, MOST_CORRECTION);
             // As hard as the bodies are is known: what is left is rounding.
-            if rule.precision.is_none() && correction > MOST_NARROW_CORRECTION {
+            if correction > MOST_NARROW_CORRECTION && self.has_narrow(&rule) {
                 break;
             }
             let tried = rule;

@@ -8,6 +8,7 @@ use super::sampled::{Sampled, States};
 use crate::batch::Precision;
 use crate::error::Result;
 use crate::method::Method;
+use crate::method::rk8_adaptive::least_tolerance;
 use crate::run::shadow::Standing;
 
 /// What the reference's own error may be, as a part of the target.
@@ -50,7 +51,7 @@ impl Reference {
     /// By steps of one kind, and whether there were no smaller tolerances before it had settled.
     fn by(pilot: &Pilot<'_>, scheme: Scheme) -> Result<(Self, bool)> {
         let cost = COSTS.iter().find(|cost| cost.scheme == scheme).unwrap_or(&COSTS[0]);
-        let mut rule = pilot.rule(cost, Some(Precision::F64));
+        let mut rule = pilot.rule(cost, Some(Precision::F64)).with_room();
         let (mut fine, start) = (pilot.stepped(&rule)?, rule);
         let (mut coarse, mut last, mut taken) = (None, f64::INFINITY, 0.0);
         loop {
@@ -72,6 +73,8 @@ impl Reference {
             coarse.get_or_insert(before);
             let is_limited = scheme == Scheme::Adaptive && ratio > FINER.sqrt();
             let is_last = finer.coefficient >= limit(&start) || taken + next > pilot.most_steps;
+            // The next one would be the same.
+            let is_limited = is_limited || finer.adapts_like(&finer.finer(), Precision::F64);
             if left <= SETTLED || is_rounding || is_limited || is_last {
                 let coarse = coarse.map(|sampled| (start, sampled));
                 let found = Self { states: fine.states, coarse, rule, change, left, is_saturated };
@@ -90,6 +93,15 @@ impl Reference {
 }
 
 impl Rule {
+    /// Steps than which there are finer ones: a tolerance has a least value.
+    pub(super) fn with_room(&self) -> Self {
+        let greatest = self.attitude * FINER / least_tolerance(Precision::F64);
+        match self.scheme {
+            Scheme::Adaptive => Self { coefficient: self.coefficient.min(greatest), ..*self },
+            Scheme::Equal(_) => *self,
+        }
+    }
+
     /// Steps whose error is a thousandth of this one's.
     pub(super) fn finer(&self) -> Self {
         Self { coefficient: self.coefficient / FINER, longest_angle: 0.5 * self.longest_angle, ..*self }

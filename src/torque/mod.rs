@@ -118,7 +118,7 @@ pub use model::{Needs, Torque};
 pub use orbit::Orbit;
 pub use parameter::Parameter;
 pub use registry::declarations;
-pub(crate) use table::{Bodies, PER_TICK, bytes_per_body, rate_of};
+pub(crate) use table::{Bodies, PER_TICK, bytes_per_body, damping_of, rate_of};
 pub use table::{Instances, TorqueTable};
 pub(crate) use validation::ValidationContext;
 pub use value::Value;
