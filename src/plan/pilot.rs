@@ -36,6 +36,10 @@ const ONE_IN: usize = 32;
 const LEAST_BODIES: usize = 8;
 /// What a probe finds to be more difficult than this is chaos, or does not go as the order says.
 const MOST_DIFFICULTY: f64 = 1e6;
+/// The most steps of a body in a probe, and, as a multiple of those that it leads to expect, in what follows: what takes more is not
+/// smooth, or stiff.
+pub(super) const PROBED_STEPS: f64 = 1e5;
+const UNEXPECTED: f64 = 100.0;
 /// The angle, rad, that the fastest body of a probe turns by.
 const PROBED_ANGLE: f64 = 30.0;
 
@@ -106,8 +110,9 @@ pub(super) struct Pilot<'a> {
     pub bodies: Vec<(u32, Look)>,
     /// How long the sample is followed, s.
     pub span: f64,
-    /// Steps that the reference may take.
+    /// Steps that the reference may take, and any one body.
     pub most_steps: f64,
+    pub most_of_body: f64,
     /// By how much more the bodies err in adaptive steps than those of the shipped table.
     pub difficulty: f64,
 }
@@ -158,6 +163,7 @@ impl<'a> Pilot<'a> {
         self = self.of(class, count, look);
         self.span *= (part(steps) / self.bodies.len() as f64).min(1.0);
         self.most_steps = MOST_BUDGETS * PASSES * part(steps) * steps;
+        self.most_of_body = (UNEXPECTED * steps).max(PROBED_STEPS);
         let mut reference = Reference::new(&self)?;
         if let Some(found) = reference.lost(&self) {
             return Ok(found);

@@ -10,7 +10,7 @@ use super::cost::{COSTS, Costs};
 use super::driven::TorqueSet;
 use super::glance::{GLANCED, Glance};
 use super::group::{Group, Members, Treatment, level_of, step_of};
-use super::pilot::{Found, Pilot};
+use super::pilot::{Found, PROBED_STEPS, Pilot};
 use super::reference::SATURATED;
 use super::times::longest_over;
 use crate::batch::Precision;
@@ -159,6 +159,7 @@ impl Resolution {
                 bodies: Vec::new(),
                 span,
                 most_steps: f64::INFINITY,
+                most_of_body: PROBED_STEPS,
                 difficulty: 1.0,
             };
             let (worst, strictest) = accuracy.strictest_target();
@@ -470,7 +471,8 @@ fn out_of_reach(found: &Found, target: &Accuracy, has_f64: bool, draws: bool) ->
             "a random torque is in the way: a larger error is needed, or a method and a step of your own"
         }
         (false, _) if found.attitude >= SATURATED => {
-            "the motion amplifies every error until nothing is left of the attitude: a shorter span is needed"
+            "the motion amplifies every error until nothing is left of the attitude, or torques change faster than any steps \
+             follow: a shorter span is needed"
         }
         (false, _) if found.worst != Target::Attitude && found.part * target.of(found.worst) >= SATURATED => {
             "it is next to nothing at the end, or no steps follow it: another span is needed, or a larger error"

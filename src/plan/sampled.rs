@@ -20,9 +20,6 @@ use crate::scene::Target;
 /// Output times beyond which the pilot goes to the end in one go.
 const MOST_TIMES: usize = 1000;
 
-/// No body that chooses its steps takes more of them in a pilot: what makes it do so is not smooth, or stiff.
-const MOST_STEPS: f64 = 1e7;
-
 /// States of some bodies at the end.
 pub(super) type States = BTreeMap<usize, BodyState>;
 
@@ -65,7 +62,7 @@ impl Pilot<'_> {
             let precision = if wide { Precision::F64 } else { Precision::F32 };
             match rule.treatment(precision, level.map_or(span, step_of)) {
                 Treatment::Adaptive { precision, steps } => {
-                    let steps = AdaptiveSteps { least_step: Some(self.span / MOST_STEPS), ..steps };
+                    let steps = AdaptiveSteps { least_step: Some(self.span / self.most_of_body), ..steps };
                     Treatment::Adaptive { precision, steps }
                 }
                 equal => equal,
