@@ -301,10 +301,11 @@ fn an_interrupt_ends_the_run_and_leaves_nothing() {
 #[cfg(unix)]
 #[test]
 fn an_interrupt_ends_planning_and_leaves_nothing() {
-    // Bodies that a pilot would follow for years.
+    // A tenth of a run of days.
     let (start, _) = SMALL.split_once("outputs").expect("outputs");
+    let long = start.replace("count = 10", "count = 100_000").replace("end = 4.0", "end = 1e8");
     let drag = "[[torque]]\nmodel = \"linear-drag\"\ncoefficient = 1e-9\n";
-    let desk = Desk::new(&format!("{}{drag}", start.replace("sigma = 1 ", "sigma = 1e12 ")));
+    let desk = Desk::new(&format!("{long}{drag}"));
     interrupt(&desk, || desk.path("study.out").is_dir());
 }
 

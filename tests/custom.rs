@@ -223,6 +223,10 @@ fn a_model_written_down_agrees_with_itself_to_rounding_on_every_engine_and_in_an
                 assert!(found <= bound, "{} {name} {precision}: {found:e}", model.name());
             }
         }
+        // Its torque jumps at half a turn, which some of the bodies come to: what follows hangs on the last bit.
+        if model.name() == "log-spring" {
+            continue;
+        }
         // Along other axes the stages of a step, whose quaternions are no unit ones, lie elsewhere: the solution is the same.
         let bodies = ensemble(true);
         let found = largest(&adapted(&bodies, &model), &adapted(&bodies, &text));

@@ -192,6 +192,8 @@ pub struct Shadow {
     pub bodies: usize,
     /// Bodies of the sample that failed.
     pub lost: usize,
+    /// Bodies of the sample whose recomputation failed, so that nothing is known of their errors.
+    pub diverged: usize,
     /// Attitude error, rad.
     pub attitude: Quantiles,
     /// Error of the angular velocity in body axes, relative to its magnitude.

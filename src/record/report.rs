@@ -131,6 +131,8 @@ pub struct AccuracyReport {
     pub bodies: usize,
     /// Bodies that were to be behind them and have failed.
     pub lost: usize,
+    /// Bodies of which nothing is known, as their recomputation failed.
+    pub diverged: usize,
     /// Attitude error, rad.
     pub attitude: QuantilesReport,
     /// Error of the angular velocity in body axes, relative to its magnitude.
@@ -323,6 +325,7 @@ impl Report {
             accuracy: AccuracyReport {
                 bodies: trust.shadow.bodies,
                 lost: trust.shadow.lost,
+                diverged: trust.shadow.diverged,
                 attitude: trust.shadow.attitude.into(),
                 angular_velocity: trust.shadow.angular_velocity.into(),
                 kinetic_energy: trust.shadow.kinetic_energy.into(),

@@ -283,14 +283,22 @@ impl Errors {
         (0..count).filter(is_beyond).count()
     }
 
-    /// What a run says of itself, of whose sample `lost` bodies have failed, and of all of its bodies the part `failed`; `same_draws`
-    /// as in [`Shadow`].
-    pub(crate) fn shadow(mut self, target: Option<&Accuracy>, same_draws: bool, lost: usize, failed: f64) -> Shadow {
-        let says = target.filter(|_| lost > 0 || !self.attitude.is_empty() && !same_draws);
+    /// What a run says of itself, of whose sample `lost` bodies have failed and `diverged` could not be recomputed, and of all of its
+    /// bodies the part `failed`; `same_draws` as in [`Shadow`].
+    pub(crate) fn shadow(
+        mut self,
+        target: Option<&Accuracy>,
+        same_draws: bool,
+        (lost, diverged): (usize, usize),
+        failed: f64,
+    ) -> Shadow {
+        let is_measured = !self.attitude.is_empty() && !same_draws && diverged == 0;
+        let says = target.filter(|_| lost > 0 || is_measured);
         let is_whole = |target: &Accuracy| lost == 0 && failed <= 1.0 - 0.01 * target.percentile;
         Shadow {
             bodies: self.attitude.len(),
             lost,
+            diverged,
             target: target.copied(),
             beyond: target.map_or(0, |target| self.beyond(target)),
             same_draws,
@@ -316,13 +324,17 @@ mod tests {
     #[test]
     fn a_run_that_lost_bodies_has_not_met_its_target() {
         let asked = Accuracy::attitude(1e-6);
-        let met = |lost, failed| Errors::default().shadow(Some(&asked), false, lost, failed).met;
+        let met = |lost, failed| Errors::default().shadow(Some(&asked), false, (lost, 0), failed).met;
         assert_eq!([met(0, 0.0), met(1, 0.5), met(1, 1e-9)], [None, Some(false), Some(false)]);
         let mut errors = Errors::default();
         errors.attitude.push(1e-9);
         errors.angular_velocity.push(0.0);
         errors.energy.push(0.0);
-        assert_eq!(errors.shadow(Some(&asked), false, 0, 0.02).met, Some(false), "more than the percentile leaves out");
+        assert_eq!(
+            errors.shadow(Some(&asked), false, (0, 0), 0.02).met,
+            Some(false),
+            "more than the percentile leaves out"
+        );
     }
 
     #[test]

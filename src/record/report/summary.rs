@@ -40,7 +40,7 @@ impl fmt::Display for Report {
         if self.drift.bodies > 0 {
             self.write_drift(formatter)?;
         }
-        if self.accuracy.bodies + self.accuracy.lost > 0 {
+        if self.accuracy.bodies + self.accuracy.lost + self.accuracy.diverged > 0 {
             write!(formatter, "{}", self.accuracy)?;
         }
         match self.failed_bodies.first() {
@@ -115,6 +115,13 @@ impl fmt::Display for AccuracyReport {
         match self.bodies {
             0..LEAST_FOR_P99 => writeln!(formatter, " (of fewer than {LEAST_FOR_P99}, p99 is the greatest)")?,
             _ => writeln!(formatter)?,
+        }
+        if self.diverged > 0 {
+            writeln!(
+                formatter,
+                "           {} more could not be recomputed: their errors are not known",
+                self.diverged
+            )?;
         }
         let Some(target) = &self.target else { return Ok(()) };
         writeln!(formatter, "  asked    {}", target.accuracy())?;
