@@ -1,0 +1,660 @@
+//! Series formed order by order, for the lane groups of a tile at once.
+
+use std::cell::Cell;
+
+use super::super::functions;
+use super::{Jets, Kind, Operation, Place};
+use crate::real::{Function, Outlined, Real, sin_cos};
+
+/// Lane groups of a tile. Their coefficients are to stay in the first-level cache.
+pub(crate) const GROUPS: usize = 2;
+
+/// One number of each lane group.
+pub(crate) type Each<R> = [R; GROUPS];
+
+/// One number of each lane group where they are loaded and stored: vectors that straddle two cache lines cost more.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+pub(crate) struct Lane<R>(pub Each<R>);
+
+impl<R: Real> Lane<R> {
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Self([R::splat(0.0); GROUPS])
+    }
+}
+
+/// The coefficients of all rows for one tile, and the factors of its bodies.
+#[derive(Clone, Debug)]
+pub(crate) struct Series<R> {
+    numbers: Vec<Lane<R>>,
+    factors: Vec<Lane<R>>,
+}
+
+impl<R: Real> Series<R> {
+    /// Room for these series.
+    #[inline(always)]
+    pub fn new(jets: &Jets) -> Self {
+        let factors = vec![Lane::zero(); jets.factors.output_count()];
+        Self { numbers: vec![Lane::zero(); jets.room], factors }
+    }
+
+    /// A coefficient.
+    #[inline(always)]
+    pub fn at(&self, place: Place, order: usize) -> &Each<R> {
+        &self.numbers[place.at(order)].0
+    }
+
+    /// The first coefficients of a row.
+    #[inline(always)]
+    pub fn row(&self, place: Place, count: usize) -> &[Lane<R>] {
+        &self.numbers[place.base..][..count]
+    }
+
+    /// Sets a coefficient of a row that the caller starts.
+    #[inline(always)]
+    pub fn set(&mut self, place: Place, order: usize, group: usize, number: R) {
+        self.numbers[place.at(order)].0[group % GROUPS] = number;
+    }
+
+    /// Takes the factors of a lane group, as [`Jets::factors`] gives them.
+    #[inline(always)]
+    pub fn set_factors(&mut self, group: usize, factors: &[R]) {
+        for (place, factor) in self.factors.iter_mut().zip(factors) {
+            place.0[group % GROUPS] = *factor;
+        }
+    }
+
+    /// Forms all coefficients: of states up to [`Jets::order`], of what follows from them up to one less.
+    #[inline(always)]
+    pub fn form(&mut self, jets: &Jets) {
+        self.form_up_to(jets, jets.order);
+    }
+
+    /// The same up to a lower order.
+    #[inline(always)]
+    pub fn form_up_to(&mut self, jets: &Jets, order: usize) {
+        R::outlined(Formation { jets, series: self, order });
+    }
+}
+
+struct Formation<'a, R: Real> {
+    jets: &'a Jets,
+    series: &'a mut Series<R>,
+    order: usize,
+}
+
+/// What an operation of one order works on.
+#[derive(Clone, Copy)]
+struct Work<'a, R: Real> {
+    jets: &'a Jets,
+    numbers: &'a [Cell<Lane<R>>],
+    factors: &'a [Lane<R>],
+    k: usize,
+}
+
+/// Carries out something for all groups. It is a macro because a closure cannot be made to be inlined.
+macro_rules! each {
+    (|$group:ident| $number:expr) => {{
+        let mut all = Lane::zero();
+        for $group in 0..GROUPS {
+            all.0[$group] = $number;
+        }
+        all
+    }};
+}
+
+/// Σ a_j b_{n−1−j} of two rows of n coefficients.
+#[inline(always)]
+fn convolution<R: Real>(a: &[Cell<Lane<R>>], b: &[Cell<Lane<R>>]) -> Lane<R> {
+    added_convolution(a, b, Lane::zero(), Lane::zero())
+}
+
+/// The same with what is added to the terms of even and odd number.
+#[inline(always)]
+fn added_convolution<R: Real>(
+    a: &[Cell<Lane<R>>],
+    b: &[Cell<Lane<R>>],
+    mut even: Lane<R>,
+    mut odd: Lane<R>,
+) -> Lane<R> {
+    let (pairs, reversed) = (a.chunks_exact(2), b.rchunks_exact(2));
+    let (last, first) = (pairs.remainder(), reversed.remainder());
+    for (a, b) in pairs.zip(reversed) {
+        let ([a0, a1], [b0, b1]) = (a, b) else { continue };
+        let (a0, a1, b0, b1) = (a0.get(), a1.get(), b0.get(), b1.get());
+        for g in 0..GROUPS {
+            even.0[g] = a0.0[g].mul_add(b1.0[g], even.0[g]);
+            odd.0[g] = a1.0[g].mul_add(b0.0[g], odd.0[g]);
+        }
+    }
+    if let ([a], [b]) = (last, first) {
+        let (a, b) = (a.get(), b.get());
+        for g in 0..GROUPS {
+            even.0[g] = a.0[g].mul_add(b.0[g], even.0[g]);
+        }
+    }
+    each!(|g| even.0[g] + odd.0[g])
+}
+
+impl<'a, R: Real> Work<'a, R> {
+    #[inline(always)]
+    fn places(&self, operation: &Operation) -> &'a [Place] {
+        &self.jets.rows[operation.first..][..operation.count]
+    }
+
+    /// The present coefficient.
+    #[inline(always)]
+    fn now(&self, place: Place) -> Lane<R> {
+        self.numbers[place.at(self.k)].get()
+    }
+
+    #[inline(always)]
+    fn set(&self, place: Place, number: Lane<R>) {
+        self.numbers[place.at(self.k)].set(number);
+    }
+
+    #[inline(always)]
+    fn start(&self, place: Place) -> Lane<R> {
+        self.numbers[place.base].get()
+    }
+
+    /// Coefficients from `from` to `to`, inclusive.
+    #[inline(always)]
+    fn part(&self, place: Place, from: usize, to: usize) -> &'a [Cell<Lane<R>>] {
+        &self.numbers[place.base + from..place.base + to + 1]
+    }
+
+    #[inline(always)]
+    fn factor(&self, operation: &Operation, index: usize) -> Lane<R> {
+        self.factors[self.jets.factor_numbers[operation.factor + index]]
+    }
+
+    /// 1/k; 0 for k = 0.
+    #[inline(always)]
+    fn inverse_order(&self) -> R {
+        R::splat(if self.k == 0 { 0.0 } else { (self.k as f64).recip() })
+    }
+
+    #[inline(always)]
+    fn times_order(&self, number: Lane<R>) -> Lane<R> {
+        let k = R::splat(self.k as f64);
+        each!(|g| number.0[g] * k)
+    }
+
+    #[inline(always)]
+    fn linear(&self, operation: &Operation) {
+        let [to, terms @ ..] = self.places(operation) else { return };
+        let mut sum = match operation.constant {
+            Some(constant) if self.k == 0 => self.factors[constant],
+            _ => Lane::zero(),
+        };
+        let numbers = &self.jets.factor_numbers[operation.factor..][..terms.len()];
+        for (&term, &factor) in terms.iter().zip(numbers) {
+            let (factor, term) = (self.factors[factor], self.now(term));
+            for g in 0..GROUPS {
+                sum.0[g] = factor.0[g].mul_add(term.0[g], sum.0[g]);
+            }
+        }
+        self.set(*to, sum);
+    }
+
+    #[inline(always)]
+    fn product(&self, operation: &Operation) {
+        let &[to, a, b] = self.places(operation) else { return };
+        self.set(to, convolution(self.part(a, 0, self.k), self.part(b, 0, self.k)));
+    }
+
+    #[inline(always)]
+    fn products(&self, operation: &Operation) {
+        let [to, pairs @ ..] = self.places(operation) else { return };
+        let mut sum = Lane::zero();
+        for pair in pairs.chunks_exact(2) {
+            sum = added_convolution(self.part(pair[0], 0, self.k), self.part(pair[1], 0, self.k), sum, Lane::zero());
+        }
+        self.set(*to, sum);
+    }
+
+    /// Terms that are equal in pairs once, and doubled.
+    #[inline(always)]
+    fn square_of(&self, a: Place, k: usize) -> Lane<R> {
+        let half = k.div_ceil(2);
+        let (front, back) = (self.part(a, 0, k), self.part(a, k + 1 - half, k));
+        let sum = if half == 0 { Lane::zero() } else { convolution(&front[..half], back) };
+        let two = R::splat(2.0);
+        if k % 2 == 0 {
+            let middle = front[k / 2].get();
+            each!(|g| middle.0[g].mul_add(middle.0[g], sum.0[g] * two))
+        } else {
+            each!(|g| sum.0[g] * two)
+        }
+    }
+
+    #[inline(always)]
+    fn triple(&self, operation: &Operation) {
+        let &[bc, ca, ab, a, b, c] = self.places(operation) else { return };
+        let (a, b, c) = (self.part(a, 0, self.k), self.part(b, 0, self.k), self.part(c, 0, self.k));
+        let mut sums = [Lane::<R>::zero(); 3];
+        for ((a, b), (c, (a_back, (b_back, c_back)))) in a
+            .iter()
+            .zip(b)
+            .zip(c.iter().zip(a.iter().rev().zip(b.iter().rev().zip(c.iter().rev()))))
+            .take(self.k / 2 + 1)
+        {
+            let (p, q) = ([a.get(), b.get(), c.get()], [a_back.get(), b_back.get(), c_back.get()]);
+            // The term in the middle of a row of odd length is its own partner.
+            let own = std::ptr::eq(a, a_back);
+            for g in 0..GROUPS {
+                sums[0].0[g] = p[1].0[g].mul_add(q[2].0[g], sums[0].0[g]);
+                sums[1].0[g] = p[2].0[g].mul_add(q[0].0[g], sums[1].0[g]);
+                sums[2].0[g] = p[0].0[g].mul_add(q[1].0[g], sums[2].0[g]);
+            }
+            if !own {
+                for g in 0..GROUPS {
+                    sums[0].0[g] = q[1].0[g].mul_add(p[2].0[g], sums[0].0[g]);
+                    sums[1].0[g] = q[2].0[g].mul_add(p[0].0[g], sums[1].0[g]);
+                    sums[2].0[g] = q[0].0[g].mul_add(p[1].0[g], sums[2].0[g]);
+                }
+            }
+        }
+        for (place, sum) in [bc, ca, ab].into_iter().zip(sums) {
+            self.set(place, sum);
+        }
+    }
+
+    #[inline(always)]
+    fn quadratic(&self, operation: &Operation) {
+        let places = self.places(operation);
+        let [.., x, y, z, w] = *places else { return };
+        let (x, y, z, w) =
+            (self.part(x, 0, self.k), self.part(y, 0, self.k), self.part(z, 0, self.k), self.part(w, 0, self.k));
+        let mut sums = [Lane::<R>::zero(); 10];
+        let (n, two) = (self.k + 1, R::splat(2.0));
+        let back = |row: &[Cell<Lane<R>>], j: usize| row[row.len() - 1 - j].get();
+        for j in 0..n / 2 {
+            let p = [x[j].get(), y[j].get(), z[j].get(), w[j].get()];
+            let q = [back(x, j), back(y, j), back(z, j), back(w, j)];
+            let mut place = 0;
+            for a in 0..4 {
+                for g in 0..GROUPS {
+                    sums[place].0[g] = p[a].0[g].mul_add(q[a].0[g], sums[place].0[g]);
+                }
+                place += 1;
+                for b in a + 1..4 {
+                    for g in 0..GROUPS {
+                        let first = p[a].0[g].mul_add(q[b].0[g], sums[place].0[g]);
+                        sums[place].0[g] = q[a].0[g].mul_add(p[b].0[g], first);
+                    }
+                    place += 1;
+                }
+            }
+        }
+        for place in [0, 4, 7, 9] {
+            for g in 0..GROUPS {
+                sums[place].0[g] = sums[place].0[g] * two;
+            }
+        }
+        if n % 2 == 1 {
+            let j = n / 2;
+            let p = [x[j].get(), y[j].get(), z[j].get(), w[j].get()];
+            let mut place = 0;
+            for a in 0..4 {
+                for b in a..4 {
+                    for g in 0..GROUPS {
+                        sums[place].0[g] = p[a].0[g].mul_add(p[b].0[g], sums[place].0[g]);
+                    }
+                    place += 1;
+                }
+            }
+        }
+        for (place, sum) in places.iter().zip(sums) {
+            self.set(*place, sum);
+        }
+    }
+
+    /// Components x, y, z, w of q ω, its pure vector: row by row one coefficient of q and one of ω.
+    #[inline(always)]
+    fn attitude(&self, operation: &Operation) {
+        let &[x, y, z, w, wx, wy, wz] = self.places(operation) else { return };
+        let part = |place| self.part(place, 0, self.k);
+        let (qx, qy, qz, qw) = (part(x), part(y), part(z), part(w));
+        let omega = (part(wx).iter().rev(), part(wy).iter().rev(), part(wz).iter().rev());
+        let mut sums = [Lane::<R>::zero(); 4];
+        let rows = qx.iter().zip(qy).zip(qz.iter().zip(qw)).zip(omega.0.zip(omega.1).zip(omega.2));
+        for (((qx, qy), (qz, qw)), ((vx, vy), vz)) in rows {
+            let (qx, qy, qz, qw) = (qx.get(), qy.get(), qz.get(), qw.get());
+            let (vx, vy, vz) = (vx.get(), vy.get(), vz.get());
+            for g in 0..GROUPS {
+                let (x, y, z, w) = (qx.0[g], qy.0[g], qz.0[g], qw.0[g]);
+                let (a, b, c) = (vx.0[g], vy.0[g], vz.0[g]);
+                // As `Quaternion::product_vector`.
+                sums[0].0[g] = w.mul_add(a, y.mul_add(c, (-z).mul_add(b, sums[0].0[g])));
+                sums[1].0[g] = w.mul_add(b, z.mul_add(a, (-x).mul_add(c, sums[1].0[g])));
+                sums[2].0[g] = w.mul_add(c, x.mul_add(b, (-y).mul_add(a, sums[2].0[g])));
+                sums[3].0[g] = (-x).mul_add(a, (-y).mul_add(b, (-z).mul_add(c, sums[3].0[g])));
+            }
+        }
+        let half = R::splat(0.5 / (self.k + 1) as f64);
+        for (place, sum) in [x, y, z, w].into_iter().zip(sums) {
+            self.numbers[place.at(self.k + 1)].set(each!(|g| sum.0[g] * half));
+        }
+    }
+
+    #[inline(always)]
+    fn integral(&self, operation: &Operation) {
+        let &[x, rate] = self.places(operation) else { return };
+        let (rate, factor) = (self.now(rate), R::splat(((self.k + 1) as f64).recip()));
+        self.numbers[x.at(self.k + 1)].set(each!(|g| rate.0[g] * factor));
+    }
+
+    #[inline(always)]
+    fn quotient(&self, operation: &Operation) {
+        let &[to, inverse, a, b] = self.places(operation) else { return };
+        let (k, mut rest) = (self.k, self.now(a));
+        if k == 0 {
+            let b = self.start(b);
+            let (one, a) = (R::splat(1.0), rest);
+            self.set(inverse, each!(|g| one / b.0[g]));
+            self.set(to, each!(|g| a.0[g] / b.0[g]));
+            return;
+        }
+        let sum = convolution(self.part(b, 1, k), self.part(to, 0, k - 1));
+        let inverse = self.start(inverse);
+        rest = each!(|g| (rest.0[g] - sum.0[g]) * inverse.0[g]);
+        self.set(to, rest);
+    }
+
+    #[inline(always)]
+    fn sqrt(&self, operation: &Operation) {
+        let &[to, inverse, a] = self.places(operation) else { return };
+        let (k, a) = (self.k, self.now(a));
+        if k == 0 {
+            let (zero, half) = (R::splat(0.0), R::splat(0.5));
+            let root = each!(|g| a.0[g].sqrt());
+            self.set(to, root);
+            // At 0 there is no series: the root stays there for a step that is cut short.
+            self.set(inverse, each!(|g| R::select(zero.less_than(root.0[g]), half / root.0[g], zero)));
+            return;
+        }
+        // The middle terms of the square, without the first and the last.
+        let sum = if k == 1 { Lane::zero() } else { self.square_of(Place { base: to.base + 1, ..to }, k - 2) };
+        let inverse = self.start(inverse);
+        self.set(to, each!(|g| (a.0[g] - sum.0[g]) * inverse.0[g]));
+    }
+
+    #[inline(always)]
+    fn sin_cos_affine(&self, operation: &Operation) {
+        let &[sin, cos, a] = self.places(operation) else { return };
+        if self.k == 0 {
+            self.start_sin_cos(sin, cos, self.start(a));
+            return;
+        }
+        let (rate, inverse) = (self.numbers[a.base + 1].get(), self.inverse_order());
+        let (s, c) = (self.numbers[sin.at(self.k - 1)].get(), self.numbers[cos.at(self.k - 1)].get());
+        self.set(sin, each!(|g| c.0[g] * (rate.0[g] * inverse)));
+        self.set(cos, each!(|g| -(s.0[g] * (rate.0[g] * inverse))));
+    }
+
+    #[inline(always)]
+    fn start_sin_cos(&self, sin: Place, cos: Place, angle: Lane<R>) {
+        let (mut s, mut c) = (Lane::zero(), Lane::zero());
+        for g in 0..GROUPS {
+            (s.0[g], c.0[g]) = sin_cos(angle.0[g]);
+        }
+        self.set(sin, s);
+        self.set(cos, c);
+    }
+
+    #[inline(always)]
+    fn later_sin_cos(&self, sin: Place, cos: Place, slope: Place) {
+        let (k, inverse) = (self.k, self.inverse_order());
+        let slopes = self.part(slope, 1, k);
+        let of_cos = convolution(slopes, self.part(cos, 0, k - 1));
+        let of_sin = convolution(slopes, self.part(sin, 0, k - 1));
+        self.set(sin, each!(|g| of_cos.0[g] * inverse));
+        self.set(cos, each!(|g| -(of_sin.0[g] * inverse)));
+    }
+
+    #[inline(always)]
+    fn sin_cos(&self, operation: &Operation) {
+        let &[sin, cos, slope, a] = self.places(operation) else { return };
+        if self.k == 0 {
+            self.start_sin_cos(sin, cos, self.now(a));
+        } else {
+            self.set(slope, self.times_order(self.now(a)));
+            self.later_sin_cos(sin, cos, slope);
+        }
+    }
+
+    #[inline(always)]
+    fn exp(&self, operation: &Operation) {
+        let &[to, slope, a] = self.places(operation) else { return };
+        if self.k == 0 {
+            let a = self.now(a);
+            self.set(to, each!(|g| functions::of_one(Function::Exp, a.0[g])));
+            return;
+        }
+        self.set(slope, self.times_order(self.now(a)));
+        let sum = convolution(self.part(slope, 1, self.k), self.part(to, 0, self.k - 1));
+        let inverse = self.inverse_order();
+        self.set(to, each!(|g| sum.0[g] * inverse));
+    }
+
+    /// t' = (1 + t²) a'.
+    #[inline(always)]
+    fn tan(&self, operation: &Operation) {
+        let &[to, square, slope, a] = self.places(operation) else { return };
+        let (k, one) = (self.k, R::splat(1.0));
+        if k == 0 {
+            let a = self.now(a);
+            let tan = each!(|g| functions::of_one(Function::Tan, a.0[g]));
+            self.set(to, tan);
+            self.set(square, each!(|g| tan.0[g].mul_add(tan.0[g], one)));
+            return;
+        }
+        self.set(slope, self.times_order(self.now(a)));
+        let sum = convolution(self.part(slope, 1, k), self.part(square, 0, k - 1));
+        let inverse = self.inverse_order();
+        self.set(to, each!(|g| sum.0[g] * inverse));
+        self.set(square, self.square_of(to, k));
+    }
+
+    /// r y' = a'.
+    #[inline(always)]
+    fn primitive(&self, operation: &Operation, function: Function) {
+        let &[to, slope, inverse, a, r] = self.places(operation) else { return };
+        let (k, a) = (self.k, self.now(a));
+        if k == 0 {
+            let (r, one) = (self.start(r), R::splat(1.0));
+            self.set(to, each!(|g| functions::of_one(function, a.0[g])));
+            self.set(inverse, each!(|g| one / r.0[g]));
+            return;
+        }
+        let a = self.times_order(a);
+        self.set_slope(to, slope, inverse, a, r);
+    }
+
+    /// The coefficient of y with r y' = s, where `now` is that of s that goes with it.
+    #[inline(always)]
+    fn set_slope(&self, to: Place, slope: Place, inverse: Place, now: Lane<R>, r: Place) {
+        let k = self.k;
+        let sum = if k == 1 { Lane::zero() } else { convolution(self.part(slope, 1, k - 1), self.part(r, 1, k - 1)) };
+        let inverse = self.start(inverse);
+        let own = each!(|g| (now.0[g] - sum.0[g]) * inverse.0[g]);
+        self.set(slope, own);
+        let inverse = self.inverse_order();
+        self.set(to, each!(|g| own.0[g] * inverse));
+    }
+
+    /// r θ' = x y' − y x'.
+    #[inline(always)]
+    fn atan2(&self, operation: &Operation) {
+        let &[to, slope, y_slope, x_slope, inverse, y, x, r] = self.places(operation) else { return };
+        let (k, y_now, x_now) = (self.k, self.now(y), self.now(x));
+        if k == 0 {
+            let (r, one) = (self.start(r), R::splat(1.0));
+            self.set(to, each!(|g| functions::of_two(Function::Atan2, y_now.0[g], x_now.0[g])));
+            self.set(inverse, each!(|g| one / r.0[g]));
+            return;
+        }
+        self.set(y_slope, self.times_order(y_now));
+        self.set(x_slope, self.times_order(x_now));
+        let first = convolution(self.part(y_slope, 1, k), self.part(x, 0, k - 1));
+        let second = convolution(self.part(x_slope, 1, k), self.part(y, 0, k - 1));
+        self.set_slope(to, slope, inverse, each!(|g| first.0[g] - second.0[g]), r);
+    }
+
+    /// a p' = b a' p.
+    #[inline(always)]
+    fn power(&self, operation: &Operation) {
+        let &[to, slope, own_slope, inverse, a] = self.places(operation) else { return };
+        let (k, now, exponent) = (self.k, self.now(a), self.factor(operation, 0));
+        if k == 0 {
+            let one = R::splat(1.0);
+            self.set(to, each!(|g| functions::of_two(Function::Pow, now.0[g], exponent.0[g])));
+            self.set(inverse, each!(|g| one / now.0[g]));
+            return;
+        }
+        self.set(slope, self.times_order(now));
+        let first = convolution(self.part(slope, 1, k), self.part(to, 0, k - 1));
+        let second =
+            if k == 1 { Lane::zero() } else { convolution(self.part(own_slope, 1, k - 1), self.part(a, 1, k - 1)) };
+        let inverse = self.start(inverse);
+        let own = each!(|g| (exponent.0[g] * first.0[g] - second.0[g]) * inverse.0[g]);
+        self.set(own_slope, own);
+        let inverse = self.inverse_order();
+        self.set(to, each!(|g| own.0[g] * inverse));
+    }
+
+    /// (1 − e cos E) E' = M'.
+    #[inline(always)]
+    fn kepler(&self, operation: &Operation) {
+        let &[sin, cos, slope, inverse, a] = self.places(operation) else { return };
+        let (k, now, e) = (self.k, self.now(a), self.factor(operation, 0));
+        if k == 0 {
+            let (mut s, mut c, one) = (Lane::zero(), Lane::zero(), R::splat(1.0));
+            for g in 0..GROUPS {
+                (s.0[g], c.0[g]) = functions::kepler(now.0[g], e.0[g]);
+            }
+            self.set(sin, s);
+            self.set(cos, c);
+            self.set(inverse, each!(|g| one / (one - e.0[g] * c.0[g])));
+            return;
+        }
+        let sum = if k == 1 { Lane::zero() } else { convolution(self.part(slope, 1, k - 1), self.part(cos, 1, k - 1)) };
+        let (rate, inverse) = (self.times_order(now), self.start(inverse));
+        self.set(slope, each!(|g| e.0[g].mul_add(sum.0[g], rate.0[g]) * inverse.0[g]));
+        self.later_sin_cos(sin, cos, slope);
+    }
+
+    /// What decides at the start.
+    #[inline(always)]
+    fn decide(&self, operation: &Operation) {
+        let [to, rows @ ..] = self.places(operation) else { return };
+        let (zero, one, half) = (R::splat(0.0), R::splat(1.0), R::splat(0.5));
+        let a = self.start(rows[0]);
+        let b = self.start(rows[rows.len() - 1]);
+        let decided = match operation.kind {
+            Kind::Below => each!(|g| R::select(a.0[g].less_than(zero), one, zero)),
+            Kind::And => each!(|g| a.0[g] * b.0[g]),
+            Kind::Or => each!(|g| a.0[g].max(b.0[g])),
+            Kind::Not => each!(|g| one - a.0[g]),
+            _ => each!(|g| R::select(a.0[g].abs().less_than(half), zero, a.0[g].round())),
+        };
+        self.numbers[to.base].set(decided);
+    }
+
+    #[inline(always)]
+    fn pick(&self, operation: &Operation) {
+        let &[to, condition, a, b] = self.places(operation) else { return };
+        let (condition, a, b, half) = (self.start(condition), self.now(a), self.now(b), R::splat(0.5));
+        self.set(to, each!(|g| R::select(half.less_than(condition.0[g]), a.0[g], b.0[g])));
+    }
+
+    /// One order of operations of a kind.
+    #[inline(always)]
+    fn carry_out(&self, kind: Kind, operations: &[Operation]) {
+        macro_rules! all {
+            ($name:ident $(, $argument:expr)*) => {
+                for operation in operations {
+                    self.$name(operation $(, $argument)*);
+                }
+            };
+        }
+        match kind {
+            Kind::Linear => all!(linear),
+            Kind::ShortLinear if self.k > 1 => {}
+            Kind::ShortLinear => all!(linear),
+            Kind::Product => all!(product),
+            Kind::Products => all!(products),
+            Kind::Square => {
+                for operation in operations {
+                    if let &[to, a] = self.places(operation) {
+                        self.set(to, self.square_of(a, self.k));
+                    }
+                }
+            }
+            Kind::Triple => all!(triple),
+            Kind::Quadratic => all!(quadratic),
+            Kind::Integral => all!(integral),
+            Kind::Attitude => all!(attitude),
+            Kind::SinCosAffine if self.k > 0 => all!(sin_cos_affine),
+            Kind::Pick => all!(pick),
+            Kind::Below | Kind::And | Kind::Or | Kind::Not | Kind::Round if self.k > 0 => {}
+            _ => all!(rare),
+        }
+    }
+
+    /// What needs much code is a function of its own.
+    #[inline(always)]
+    fn rare(&self, operation: &Operation) {
+        R::outlined(Rare { work: *self, operation });
+    }
+}
+
+struct Rare<'w, 'a, R: Real> {
+    work: Work<'a, R>,
+    operation: &'w Operation,
+}
+
+impl<R: Real> Outlined for Rare<'_, '_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { work, operation } = self;
+        match operation.kind {
+            Kind::Quotient => work.quotient(operation),
+            Kind::Sqrt => work.sqrt(operation),
+            Kind::SinCosAffine => work.sin_cos_affine(operation),
+            Kind::SinCos => work.sin_cos(operation),
+            Kind::Exp => work.exp(operation),
+            Kind::Tan => work.tan(operation),
+            Kind::Primitive(function) => work.primitive(operation, function),
+            Kind::Atan2 => work.atan2(operation),
+            Kind::Power => work.power(operation),
+            Kind::Kepler => work.kepler(operation),
+            Kind::Below | Kind::And | Kind::Or | Kind::Not | Kind::Round => work.decide(operation),
+            // The others are carried out where they are met.
+            _ => {}
+        }
+    }
+}
+
+impl<R: Real> Outlined for Formation<'_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { jets, series, order } = self;
+        assert_eq!(series.numbers.len(), jets.room, "its own room");
+        let numbers = Cell::from_mut(series.numbers.as_mut_slice()).as_slice_of_cells();
+        for k in 0..order.min(jets.order) {
+            let work = Work { jets, numbers, factors: &series.factors, k };
+            let mut rest = jets.operations.as_slice();
+            for &(kind, count) in &jets.runs {
+                let (run, later) = rest.split_at(count);
+                rest = later;
+                work.carry_out(kind, run);
+            }
+        }
+    }
+}
