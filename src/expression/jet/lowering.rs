@@ -191,6 +191,7 @@ impl Lowering<'_> {
         let outputs = outputs.collect();
         self.share_triples();
         self.share_quadratics();
+        self.add_products();
         Ok(outputs)
     }
 
@@ -248,7 +249,7 @@ impl Lowering<'_> {
         let operation = self.graph.operation(node);
         if self.is_parameter(node) {
             let of = |operand: Node| {
-                let unset = replay::Value::Number(Symbol::splat(f64::NAN));
+                let unset = replay::Value::Number(Symbol::splat(0.0));
                 self.parameters[operand.index()].unwrap_or(unset)
             };
             self.parameters[node.index()] = Some(replay::recorded(operation, of, None, input));
@@ -682,6 +683,61 @@ impl Lowering<'_> {
         }
         rows.extend(parts);
         self.replace(&known, Draft::new(Kind::Quadratic, 10, rows));
+    }
+
+    /// Products that only one sum reads, all with one factor, in one operation that adds them up.
+    fn add_products(&mut self) {
+        let mut reads = vec![0_usize; self.rows.len()];
+        for draft in &self.drafts {
+            draft.rows[draft.writes..].iter().for_each(|row| reads[*row as usize] += 1);
+        }
+        let mut at = 0;
+        while at < self.drafts.len() {
+            let group = if self.drafts[at].kind == Kind::Linear { self.group_of(at, &reads) } else { None };
+            let Some((places, factor)) = group else {
+                at += 1;
+                continue;
+            };
+            let rows: Vec<RowNumber> = places.iter().map(|place| self.drafts[at].rows[1 + place]).collect();
+            let mut operands = Vec::new();
+            for row in &rows {
+                let own = |draft: &&Draft| draft.writes == 1 && draft.rows[0] == *row;
+                if let Some(draft) = self.drafts.iter().find(own) {
+                    operands.extend([draft.rows[1], draft.rows[draft.rows.len() - 1]]);
+                }
+            }
+            let sum = self.new_row(Class::Other, false, false);
+            reads.push(1);
+            let linear = &mut self.drafts[at];
+            for place in places.into_iter().rev() {
+                linear.rows.remove(1 + place);
+                linear.factors.remove(place);
+            }
+            if linear.factors.is_empty() && linear.constant.is_none() && factor.constant() == Some(1.0) {
+                let to = linear.rows[0];
+                *linear = Draft::new(Kind::Products, 1, [&[to][..], &operands].concat());
+            } else {
+                linear.rows.push(sum);
+                linear.factors.push(factor);
+                self.drafts.push(Draft::new(Kind::Products, 1, [&[sum][..], &operands].concat()));
+            }
+            self.drafts.retain(|own| !(own.writes == 1 && rows.contains(&own.rows[0])));
+            // Places have moved.
+            at = 0;
+        }
+    }
+
+    /// Terms of a sum, at least two, that are products which nothing else reads, and have the same factor.
+    fn group_of(&self, at: usize, reads: &[usize]) -> Option<(Vec<usize>, Symbol)> {
+        let draft = &self.drafts[at];
+        let is_own =
+            |row: RowNumber| reads[row as usize] == 1 && !self.rows[row as usize].is_kept && self.are_products(&[row]);
+        let terms: Vec<usize> = (0..draft.factors.len()).filter(|place| is_own(draft.rows[1 + place])).collect();
+        terms.iter().find_map(|&first| {
+            let factor = draft.factors[first];
+            let alike: Vec<usize> = terms.iter().copied().filter(|&place| draft.factors[place] == factor).collect();
+            (alike.len() > 1).then_some((alike, factor))
+        })
     }
 
     /// Puts one operation in the place of those that form these rows.
