@@ -60,8 +60,9 @@ impl RecordedMotion {
             &self.graph,
             &Equations {
                 rates: states.zip(self.momentum_rate).collect(),
-                angular_velocity: self.needs_attitude.then_some(self.angular_velocity),
-                outputs: self.angular_velocity.to_vec(),
+                angular_velocity: Some(self.angular_velocity),
+                has_orientation: self.needs_attitude,
+                outputs: Vec::new(),
             },
         )
     }

@@ -8,7 +8,7 @@ use crate::batch::{RATE_COLUMN, load_state, status_column, store_state};
 use crate::clock::MOST_LANES;
 use crate::engine::adaptive::AdaptiveSteps;
 use crate::error::{Error, Result};
-use crate::expression::jet::{Each, GROUPS, Jets, Lane, Place, Series};
+use crate::expression::jet::{Jets, Lane, Place, Series};
 use crate::expression::{Fault, Input, InputKind, Scratch};
 use crate::lanes::{LaneScalar, LaneTask};
 use crate::method::rk8_adaptive::{Controller, LEAST_STEP, renormalised};
@@ -128,35 +128,35 @@ struct Steps<'a, 'b, T> {
 }
 
 /// The bodies of a tile and where they come from. A lane whose body has arrived takes the next row that has not.
-struct Tile<'a, R: Real> {
+struct Tile<'a, R: Real, const G: usize> {
     motion: &'a TaylorMotion,
     source: Source<'a, R::Scalar>,
-    series: Series<R>,
+    series: Series<R, G>,
     /// What forms the factors of a lane group.
     scratch: Scratch<R>,
     factors: Vec<R>,
     /// Rows of the block, and the bodies in them.
-    rows: Each<[usize; MOST_LANES]>,
-    bodies: Each<[usize; MOST_LANES]>,
+    rows: [[usize; MOST_LANES]; G],
+    bodies: [[usize; MOST_LANES]; G],
     /// Lanes that hold a body.
-    taken: Each<[bool; MOST_LANES]>,
-    state: Each<State<R>>,
-    controllers: Each<Controller<R>>,
-    spans: Each<TwoWords<R>>,
+    taken: [[bool; MOST_LANES]; G],
+    state: [State<R>; G],
+    controllers: [Controller<R>; G],
+    spans: [TwoWords<R>; G],
     /// The reference rate, 1/s, and its reciprocal.
-    rate: Each<R>,
-    seconds: Each<R>,
-    least_step: Each<R>,
+    rate: [R; G],
+    seconds: [R; G],
+    least_step: [R; G],
     /// Of what advances with time: its rate in the body's own unit of time, and a ramp's progress in a tick.
-    rates: Vec<Each<R>>,
-    per_tick: Each<R>,
+    rates: Vec<[R; G]>,
+    per_tick: [R; G],
     /// Turns of lanes without work since lanes were given away last.
-    idle: Each<usize>,
+    idle: [usize; G],
     /// The first row that has not been looked at.
     next: usize,
 }
 
-impl<'a, R: Real> Tile<'a, R> {
+impl<'a, R: Real, const G: usize> Tile<'a, R, G> {
     #[inline(always)]
     fn new(motion: &'a TaylorMotion, source: Source<'a, R::Scalar>) -> Self {
         let (zero, one) = (R::splat(0.0), R::splat(1.0));
@@ -169,18 +169,18 @@ impl<'a, R: Real> Tile<'a, R> {
             series: Series::new(jets),
             scratch: Scratch::new(&jets.factors, 1),
             factors: vec![zero; jets.factors.output_count()],
-            rows: [[0; MOST_LANES]; GROUPS],
-            bodies: [[0; MOST_LANES]; GROUPS],
-            taken: [[false; MOST_LANES]; GROUPS],
-            state: [state; GROUPS],
-            controllers: [Controller::new(); GROUPS],
-            spans: [words; GROUPS],
-            rate: [one; GROUPS],
-            seconds: [one; GROUPS],
-            least_step: [one; GROUPS],
-            rates: vec![[zero; GROUPS]; motion.advancing.len()],
-            per_tick: [zero; GROUPS],
-            idle: [0; GROUPS],
+            rows: [[0; MOST_LANES]; G],
+            bodies: [[0; MOST_LANES]; G],
+            taken: [[false; MOST_LANES]; G],
+            state: [state; G],
+            controllers: [Controller::new(); G],
+            spans: [words; G],
+            rate: [one; G],
+            seconds: [one; G],
+            least_step: [one; G],
+            rates: vec![[zero; G]; motion.advancing.len()],
+            per_tick: [zero; G],
+            idle: [0; G],
             next: 0,
         }
     }
@@ -210,7 +210,7 @@ impl<T: Scalar> Block<'_, '_, T> {
 
     /// Writes the bodies of a lane group back.
     #[inline(always)]
-    fn unseat<R: Real<Scalar = T>>(&mut self, tile: &Tile<'_, R>, group: usize) {
+    fn unseat<R: Real<Scalar = T>, const G: usize>(&mut self, tile: &Tile<'_, R, G>, group: usize) {
         let (rows, taken) = (&tile.rows[group], &tile.taken[group]);
         let state = &mut *self.state;
         store_state(&tile.state[group], |column, number: R| scatter(number, rows, taken, state[column]));
@@ -222,7 +222,7 @@ impl<T: Scalar> Block<'_, '_, T> {
 
     /// Gives the lanes of a group whose bodies have arrived to bodies that have not.
     #[inline(always)]
-    fn reseat<R: Real<Scalar = T>>(&mut self, tile: &mut Tile<'_, R>, group: usize) {
+    fn reseat<R: Real<Scalar = T>, const G: usize>(&mut self, tile: &mut Tile<'_, R, G>, group: usize) {
         self.unseat(tile, group);
         for lane in 0..R::LANES {
             let row = tile.rows[group][lane];
@@ -242,7 +242,7 @@ impl<T: Scalar> Block<'_, '_, T> {
     }
 
     #[inline(always)]
-    fn seat<R: Real<Scalar = T>>(&mut self, tile: &mut Tile<'_, R>, group: usize) {
+    fn seat<R: Real<Scalar = T>, const G: usize>(&mut self, tile: &mut Tile<'_, R, G>, group: usize) {
         let (source, rows, motion) = (self.source, tile.rows[group], tile.motion);
         tile.state[group] = load_state(|column| gathered(self.state[column], &rows));
         let mut controller = load_controller(|column| gathered(self.controllers[column], &rows));
@@ -288,13 +288,13 @@ impl<T: Scalar> Block<'_, '_, T> {
 }
 
 /// [`Block::reseat`] as a function of its own.
-struct Reseat<'s, 'a, 'b, 'c, R: Real> {
+struct Reseat<'s, 'a, 'b, 'c, R: Real, const G: usize> {
     block: &'s mut Block<'a, 'b, R::Scalar>,
-    tile: &'s mut Tile<'c, R>,
+    tile: &'s mut Tile<'c, R, G>,
     group: usize,
 }
 
-impl<R: Real> Outlined for Reseat<'_, '_, '_, '_, R> {
+impl<R: Real, const G: usize> Outlined for Reseat<'_, '_, '_, '_, R, G> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
@@ -308,15 +308,38 @@ impl<T: Scalar> LaneTask<T> for Steps<'_, '_, T> {
 
     #[inline(always)]
     fn run<R: Real<Scalar = T>>(self) -> bool {
+        /// Coefficients that stay in the first-level cache beside what else is read, bytes.
+        const IN_CACHE: usize = 24 << 10;
+        let Self { block, motion } = self;
+        let bytes = motion.jets.room() * R::LANES * size_of::<T>();
+        let groups: usize = std::env::var("TG").map_or(0, |x| x.parse().unwrap_or(0));
+        match if groups > 0 { groups } else { IN_CACHE / bytes } {
+            0 | 1 => R::outlined(Advance::<R, 1> { block, motion }),
+            2 | 3 => R::outlined(Advance::<R, 2> { block, motion }),
+            _ => R::outlined(Advance::<R, 4> { block, motion }),
+        }
+    }
+}
+
+/// [`Steps`] with a number of lane groups in a tile.
+struct Advance<'a, 'b, R: Real, const G: usize> {
+    block: Block<'a, 'b, R::Scalar>,
+    motion: &'a TaylorMotion,
+}
+
+impl<R: Real, const G: usize> Outlined for Advance<'_, '_, R, G> {
+    type Output = bool;
+    #[inline(always)]
+    fn run(self) -> bool {
         let Self { mut block, motion } = self;
-        let mut tile = Tile::<R>::new(motion, block.source);
+        let mut tile = Tile::<R, G>::new(motion, block.source);
         if block.starts {
             block.start_rows();
         }
         let mut slots = 0;
         for _ in 0..SLICE {
             let mut is_under_way = false;
-            for group in 0..GROUPS {
+            for group in 0..G {
                 let mut under_way = tile.under_way(group);
                 if tile.next < block.bodies {
                     // To give lanes away costs some of a step of all of them, so it waits until as much is lost.
@@ -332,14 +355,14 @@ impl<T: Scalar> LaneTask<T> for Steps<'_, '_, T> {
             if !is_under_way {
                 break;
             }
-            slots += GROUPS * R::LANES;
+            slots += G * R::LANES;
             R::outlined(Start { tile: &mut tile });
             tile.series.form(&motion.jets);
-            for group in 0..GROUPS {
+            for group in 0..G {
                 R::outlined(Conclusion { tile: &mut tile, group });
             }
         }
-        for group in 0..GROUPS {
+        for group in 0..G {
             block.unseat(&tile, group);
         }
         block.slots.fetch_add(slots as u64, Ordering::Relaxed);
@@ -348,17 +371,17 @@ impl<T: Scalar> LaneTask<T> for Steps<'_, '_, T> {
 }
 
 /// Sets what a step starts from.
-struct Start<'s, 'a, R: Real> {
-    tile: &'s mut Tile<'a, R>,
+struct Start<'s, 'a, R: Real, const G: usize> {
+    tile: &'s mut Tile<'a, R, G>,
 }
 
-impl<R: Real> Outlined for Start<'_, '_, R> {
+impl<R: Real, const G: usize> Outlined for Start<'_, '_, R, G> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
         let Self { tile } = self;
         let motion = tile.motion;
-        for group in 0..GROUPS {
+        for group in 0..G {
             let State { orientation: TwoWords { value: q, .. }, angular_momentum_principal, .. } = tile.state[group];
             let m = angular_momentum_principal.value;
             for (place, number) in motion.momentum.into_iter().zip([m.x, m.y, m.z]) {
@@ -389,18 +412,18 @@ impl<R: Real> Outlined for Start<'_, '_, R> {
 }
 
 /// What comes of a step for a lane group, now that its series are known.
-struct Conclusion<'s, 'a, R: Real> {
-    tile: &'s mut Tile<'a, R>,
+struct Conclusion<'s, 'a, R: Real, const G: usize> {
+    tile: &'s mut Tile<'a, R, G>,
     group: usize,
 }
 
 /// The coefficients of ω of a lane group.
-struct AngularVelocity<'s, R> {
-    rows: [&'s [Lane<R>]; 3],
+struct AngularVelocity<'s, R, const G: usize> {
+    rows: [&'s [Lane<R, G>]; 3],
     group: usize,
 }
 
-impl<R: Real> Coefficients<R> for AngularVelocity<'_, R> {
+impl<R: Real, const G: usize> Coefficients<R> for AngularVelocity<'_, R, G> {
     #[inline(always)]
     fn at(&self, order: usize) -> Vector<R> {
         let [x, y, z] = self.rows;
@@ -408,7 +431,7 @@ impl<R: Real> Coefficients<R> for AngularVelocity<'_, R> {
     }
 }
 
-impl<R: Real> Tile<'_, R> {
+impl<R: Real, const G: usize> Tile<'_, R, G> {
     /// Coefficient k of m.
     #[inline(always)]
     fn momentum(&self, group: usize, order: usize) -> Vector<R> {
@@ -453,14 +476,14 @@ fn largest<R: Real>(q: Quaternion<R>) -> R {
 }
 
 /// [`Tile::cut`] for one number that decides.
-struct Cut<'s, 'a, R: Real> {
-    tile: &'s Tile<'a, R>,
+struct Cut<'s, 'a, R: Real, const G: usize> {
+    tile: &'s Tile<'a, R, G>,
     group: usize,
     place: Place,
     h: R,
 }
 
-impl<R: Real> Outlined for Cut<'_, '_, R> {
+impl<R: Real, const G: usize> Outlined for Cut<'_, '_, R, G> {
     type Output = R;
     #[inline(always)]
     fn run(self) -> R {
@@ -500,7 +523,7 @@ impl<R: Real> Outlined for Cut<'_, '_, R> {
     }
 }
 
-impl<R: Real> Outlined for Conclusion<'_, '_, R> {
+impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
     type Output = ();
     #[inline(always)]
     fn run(self) {

@@ -7,7 +7,7 @@ use super::super::graph::{Binary, Dependence, Graph, Input, InputKind, Node, Ope
 use super::super::program::Program;
 use super::super::replay;
 use super::super::symbol::{Symbol, Truth};
-use super::polynomial::{Monomial, Polynomial};
+use super::polynomial::{Factor, Monomial, Polynomial};
 use super::{Jets, Kind, Operation, Place, RowNumber};
 use crate::real::{Function, Real, Scalar};
 
@@ -16,9 +16,11 @@ use crate::real::{Function, Real, Scalar};
 pub(crate) struct Equations {
     /// States and their derivatives.
     pub rates: Vec<(Input, Node)>,
-    /// The angular velocity, where the orientation is a state with q' = ½ q ω.
+    /// The angular velocity.
     pub angular_velocity: Option<[Node; 3]>,
-    /// Series that are wanted beside those of the states.
+    /// Whether the orientation is a state too, with q' = ½ q ω.
+    pub has_orientation: bool,
+    /// Series that are wanted beside those of the states and the angular velocity.
     pub outputs: Vec<Node>,
 }
 
@@ -27,6 +29,8 @@ pub(crate) struct Equations {
 enum Class {
     /// A component of the orientation.
     Attitude,
+    /// An entry of the matrix of the rotation.
+    Rotation,
     /// Of time and parameters.
     Time,
     Other,
@@ -79,6 +83,8 @@ struct Lowering<'g> {
     circular: HashMap<(RowNumber, Option<RowNumber>), [RowNumber; 2]>,
     switches: Vec<RowNumber>,
     roots: Vec<RowNumber>,
+    /// The entries of the matrix of the rotation, where they are asked for.
+    rotation: Option<[RowNumber; 9]>,
 }
 
 /// A graph in rows and operations, of no order yet.
@@ -117,6 +123,7 @@ pub(crate) fn lowered(graph: &Graph, equations: &Equations) -> Result<Lowered, F
             circular: HashMap::new(),
             switches: vec![],
             roots: vec![],
+            rotation: None,
         };
         outputs = lowering.lower(equations, |input| recorder.input(input))?;
         // Equal factors are one.
@@ -152,8 +159,7 @@ impl Lowering<'_> {
     ) -> Result<Vec<RowNumber>, Fault> {
         let states = equations.rates.iter().map(|(state, _)| *state);
         let attitude = (0..4).map(|part| Input::new(InputKind::Orientation, part));
-        let states: Vec<Input> =
-            states.chain(attitude.take(4 * usize::from(equations.angular_velocity.is_some()))).collect();
+        let states: Vec<Input> = states.chain(attitude.take(if equations.has_orientation { 4 } else { 0 })).collect();
         for &state in &states {
             let class = if state.kind == InputKind::Orientation { Class::Attitude } else { Class::Other };
             let row = self.new_row(class, false, true);
@@ -165,34 +171,96 @@ impl Lowering<'_> {
         for node in self.graph.live(&wanted) {
             self.lower_node(node, &mut input)?;
         }
-        for (state, rate) in &equations.rates {
-            let rate = self.number(*rate);
-            let rate = self.materialised(&rate);
-            let state = self.given_row(*state);
-            self.drafts.push(Draft::new(Kind::Integral, 0, vec![state, rate]));
-        }
-        if let Some(nodes) = equations.angular_velocity {
-            let mut rows: Vec<RowNumber> =
-                (0..4).map(|part| self.given_row(Input::new(InputKind::Orientation, part))).collect();
-            for node in nodes {
-                let omega = self.number(node);
-                let row = self.materialised(&omega);
-                self.rows[row as usize].is_kept = true;
-                rows.push(row);
-            }
-            self.drafts.push(Draft::new(Kind::Attitude, 0, rows));
-        }
-        let outputs = equations.outputs.iter().map(|&node| {
+        let mut outputs = Vec::new();
+        for node in equations.angular_velocity.into_iter().flatten().chain(equations.outputs.iter().copied()) {
             let value = self.number(node);
             let row = self.materialised(&value);
-            self.rows[row as usize].is_kept = true;
-            row
-        });
-        let outputs = outputs.collect();
+            outputs.push(self.keep(row));
+        }
+        if !self.follow_euler(equations, &outputs) {
+            for (state, rate) in &equations.rates {
+                let rate = self.number(*rate);
+                let rate = self.materialised(&rate);
+                let state = self.given_row(*state);
+                self.drafts.push(Draft::new(Kind::Integral, 0, vec![state, rate]));
+            }
+        }
+        if equations.has_orientation {
+            let orientation = self.orientation();
+            self.drafts.push(Draft::new(
+                Kind::Attitude,
+                0,
+                [&orientation[..], &outputs[..3.min(outputs.len())]].concat(),
+            ));
+        }
+        self.drop_unused(&outputs);
         self.share_triples();
-        self.share_quadratics();
         self.add_products();
         Ok(outputs)
+    }
+
+    fn orientation(&mut self) -> [RowNumber; 4] {
+        [0, 1, 2, 3].map(|part| self.given_row(Input::new(InputKind::Orientation, part)))
+    }
+
+    /// Where ω is m by constant factors, Euler's equations, what is linear in a component's own m and what is constant are one operation.
+    fn follow_euler(&mut self, equations: &Equations, angular_velocity: &[RowNumber]) -> bool {
+        let momentum = [0, 1, 2].map(|part| Input::new(InputKind::AngularMomentum, part));
+        let are_momenta = equations.rates.iter().map(|(state, _)| *state).eq(momentum);
+        let (Some(nodes), true) = (equations.angular_velocity, are_momenta) else { return false };
+        let m = momentum.map(|state| self.given_row(state));
+        let mut factors = [[Factor::number(0.0); 3]; 4];
+        for (axis, node) in nodes.into_iter().enumerate() {
+            match self.number(node).terms[..] {
+                [(monomial, factor)] if monomial == Monomial::of(m[axis]) => factors[1][axis] = factor,
+                _ => return false,
+            }
+        }
+        let mut rests = Vec::new();
+        for (axis, (_, rate)) in equations.rates.iter().enumerate() {
+            let mut rate = self.number(*rate);
+            let (b, c) = (m[(axis + 1) % 3], m[(axis + 2) % 3]);
+            let pair = self.products.get(&(b.min(c), b.max(c))).copied();
+            let own = [pair.map(Monomial::of), None, Some(Monomial::of(m[axis])), Some(Monomial::ONE)];
+            for (factors, monomial) in factors.iter_mut().zip(own) {
+                if let Some(factor) = monomial.and_then(|monomial| rate.take(&monomial)) {
+                    factors[axis] = factor;
+                }
+            }
+            rests.push(rate);
+        }
+        let mut rows = [&m[..], &angular_velocity[..3]].concat();
+        if rests.iter().any(|rest| !rest.terms.is_empty()) {
+            rows.extend(rests.iter().map(|rest| self.materialised(rest)).collect::<Vec<_>>());
+        }
+        for draft in &mut self.drafts {
+            // Later coefficients follow from those of m when these are formed.
+            if draft.writes == 1 && angular_velocity[..3].contains(&draft.rows[0]) {
+                draft.kind = Kind::Start;
+            }
+        }
+        let mut draft = Draft::new(Kind::Euler, 0, rows);
+        draft.factors = factors.concat().into_iter().map(Factor::symbol).collect();
+        self.drafts.push(draft);
+        true
+    }
+
+    /// Leaves out what no result needs.
+    fn drop_unused(&mut self, outputs: &[RowNumber]) {
+        let mut needed = vec![false; self.rows.len()];
+        let wanted = outputs.iter().chain(&self.switches);
+        wanted.for_each(|row| needed[*row as usize] = true);
+        for draft in self.drafts.iter().rev() {
+            let (written, read) = draft.rows.split_at(draft.writes);
+            if written.is_empty() || written.iter().any(|row| needed[*row as usize]) {
+                read.iter().for_each(|row| needed[*row as usize] = true);
+            }
+        }
+        let is_needed = |rows: &[RowNumber]| rows.is_empty() || rows.iter().any(|row| needed[*row as usize]);
+        self.drafts.retain(|draft| is_needed(&draft.rows[..draft.writes]));
+        self.roots.retain(|row| is_needed(&[*row]));
+        let drafts = &self.drafts;
+        self.products.retain(|_, row| drafts.iter().any(|draft| draft.rows[..draft.writes].contains(row)));
     }
 
     fn given_row(&mut self, input: Input) -> RowNumber {
@@ -230,7 +298,7 @@ impl Lowering<'_> {
 
     fn number(&self, node: Node) -> Polynomial {
         match (&self.parameters[node.index()], &self.values[node.index()]) {
-            (Some(replay::Value::Number(factor)), _) => Polynomial::constant(*factor),
+            (Some(replay::Value::Number(factor)), _) => Polynomial::constant(Factor::of(*factor)),
             (_, Some(Value::Number(polynomial))) => polynomial.clone(),
             // A graph holds no number where a truth value belongs, and operands stand before their uses.
             _ => Polynomial::default(),
@@ -270,13 +338,12 @@ impl Lowering<'_> {
     }
 
     fn difference(&self, a: Node, b: Node) -> Polynomial {
-        self.number(a).sum(self.number(b).scaled(Symbol::splat(-1.0)))
+        self.number(a).sum(self.number(b).negative())
     }
 
     fn lower_number(&mut self, operation: NodeOperation) -> Result<Polynomial, Fault> {
-        let minus = Symbol::splat(-1.0);
         Ok(match operation {
-            NodeOperation::Unary(Unary::Neg, a) => self.number(a).scaled(minus),
+            NodeOperation::Unary(Unary::Neg, a) => self.number(a).negative(),
             NodeOperation::Unary(Unary::Sqrt, a) => {
                 let a = self.number(a);
                 let row = self.square_root(&a);
@@ -285,7 +352,7 @@ impl Lowering<'_> {
             NodeOperation::Unary(Unary::Abs, a) => {
                 let a = self.number(a);
                 let below = self.below(&a);
-                self.picked(below, &a.clone().scaled(minus), &a)
+                self.picked(below, &a.clone().negative(), &a)
             }
             NodeOperation::Unary(Unary::Round, a) => {
                 let a = self.number(a);
@@ -296,9 +363,9 @@ impl Lowering<'_> {
                 let rounded = Polynomial::row(to);
                 if !is_short {
                     // It changes where the distance to the integer passes ½. A phase that is rounded only loses whole turns.
-                    let distance = a.sum(rounded.clone().scaled(minus));
+                    let distance = a.sum(rounded.clone().negative());
                     let square = self.product(&distance, &distance);
-                    let switch = square.sum(Polynomial::constant(Symbol::splat(-0.25)));
+                    let switch = square.sum(Polynomial::number(-0.25));
                     let switch = self.materialised(&switch);
                     self.add_switch(switch);
                 }
@@ -362,7 +429,7 @@ impl Lowering<'_> {
             Condition::Row(row) => row,
             Condition::Parameters(truth) => {
                 let number = Symbol::select(truth, Symbol::splat(1.0), Symbol::splat(0.0));
-                self.materialised(&Polynomial::constant(number))
+                self.materialised(&Polynomial::constant(Factor::of(number)))
             }
         }
     }
@@ -395,29 +462,91 @@ impl Lowering<'_> {
             return a.clone().scaled(factor);
         }
         if let Some(product) = a.product(b, |monomial| self.is_expanded(monomial)) {
-            return product;
+            return self.rotated(product);
         }
         let ((a, a_factor), (b, b_factor)) = (self.factored(a), self.factored(b));
-        Polynomial::row(self.product_row(a, b)).scaled(a_factor * b_factor)
+        Polynomial::row(self.product_row(a, b)).scaled(a_factor.times(b_factor))
     }
 
-    /// Whether a product stays as it is until it is known what is added to it: a quadratic form of the attitude, times a
+    /// Whether a product stays as it is until it is known what is added to it: a quadratic form of the orientation, times a
     /// function of time.
     fn is_expanded(&self, monomial: &Monomial) -> bool {
         let count = |class| monomial.rows().filter(|&row| self.class(row) == class).count();
-        let (attitude, time) = (count(Class::Attitude), count(Class::Time));
-        monomial.degree() <= 1 || (attitude + time == monomial.degree() && (1..=2).contains(&attitude) && time <= 1)
+        let (attitude, rotation, time) = (count(Class::Attitude), count(Class::Rotation), count(Class::Time));
+        let is_form = attitude + rotation + time == monomial.degree() && (1..=2).contains(&(attitude + 2 * rotation));
+        monomial.degree() <= 1 || (is_form && time <= 1)
+    }
+
+    /// Products of two components of the orientation as entries of the matrix R of the rotation, by |q|² = 1:
+    /// 4 x y = R₁₂ + R₂₁, 4 z w = R₂₁ − R₁₂, 4 x² = 1 + R₁₁ − R₂₂ − R₃₃ and so on. Of what rotates a vector this leaves a
+    /// third of the terms.
+    fn rotated(&mut self, polynomial: Polynomial) -> Polynomial {
+        let is_attitude = |row: &RowNumber| self.class(*row) == Class::Attitude;
+        let pair_of = |monomial: &Monomial| {
+            let mut parts = monomial.rows().filter(is_attitude);
+            Some((parts.next()?, parts.next()?))
+        };
+        if !polynomial.terms.iter().any(|(monomial, _)| pair_of(monomial).is_some()) {
+            return polynomial;
+        }
+        let pairs: Vec<_> = polynomial.terms.iter().map(|(monomial, _)| pair_of(monomial)).collect();
+        let parts = self.orientation();
+        let entries = self.rotation();
+        let mut rotated = Polynomial::default();
+        for ((monomial, factor), pair) in polynomial.terms.into_iter().zip(pairs) {
+            let Some((a, b)) = pair else {
+                rotated.add(monomial, factor);
+                continue;
+            };
+            let rest = monomial.without(a).without(b);
+            let number = |row| parts.iter().position(|part| *part == row).unwrap_or(0);
+            let (a, b) = (number(a).min(number(b)), number(a).max(number(b)));
+            let mut add = |entry: Option<usize>, sign: f64| {
+                let product = match entry {
+                    Some(entry) => rest.product(&Monomial::of(entries[entry])),
+                    None => Some(rest),
+                };
+                if let Some(product) = product {
+                    rotated.add(product, factor.times(Factor::number(0.25 * sign)));
+                }
+            };
+            if a == b {
+                add(None, 1.0);
+                for axis in 0..3 {
+                    add(Some(4 * axis), if axis == a || a == 3 { 1.0 } else { -1.0 });
+                }
+            } else {
+                // Of x y and z w the entries are those of row 1 and column 2, and the other way round.
+                let axes = if b < 3 { (a, b) } else { ((a + 1) % 3, (a + 2) % 3) };
+                let (upper, lower) = (3 * axes.0 + axes.1, 3 * axes.1 + axes.0);
+                add(Some(upper), if b < 3 { 1.0 } else { -1.0 });
+                add(Some(lower), 1.0);
+            }
+        }
+        rotated.without_zeros()
+    }
+
+    /// The entries of the matrix of the rotation from principal axes to the world, row by row.
+    fn rotation(&mut self) -> [RowNumber; 9] {
+        if let Some(rows) = self.rotation {
+            return rows;
+        }
+        let rows = [(); 9].map(|()| self.new_row(Class::Rotation, false, false));
+        let read = self.orientation();
+        self.drafts.push(Draft::new(Kind::Rotation, 9, [&rows[..], &read].concat()));
+        self.rotation = Some(rows);
+        rows
     }
 
     /// A row, and what it is to be multiplied by.
-    fn factored(&mut self, polynomial: &Polynomial) -> (RowNumber, Symbol) {
+    fn factored(&mut self, polynomial: &Polynomial) -> (RowNumber, Factor) {
         if let [(monomial, factor)] = polynomial.terms[..]
             && monomial.degree() > 0
         {
-            let single = Polynomial { terms: vec![(monomial, Symbol::splat(1.0))] };
+            let single = Polynomial { terms: vec![(monomial, Factor::ONE)] };
             return (self.materialised(&single), factor);
         }
-        (self.materialised(polynomial), Symbol::splat(1.0))
+        (self.materialised(polynomial), Factor::ONE)
     }
 
     fn product_row(&mut self, a: RowNumber, b: RowNumber) -> RowNumber {
@@ -437,14 +566,14 @@ impl Lowering<'_> {
         if let Some(divisor) = b.as_constant() {
             let mut quotient = a.clone();
             for (_, factor) in &mut quotient.terms {
-                *factor = *factor / divisor;
+                *factor = factor.over(divisor);
             }
             return quotient;
         }
         let ((a, a_factor), (b, b_factor)) = (self.factored(a), self.factored(b));
         self.keep(b);
         let row = self.operation(Kind::Quotient, &[(false, true), (true, false)], &[a, b])[0];
-        Polynomial::row(row).scaled(a_factor / b_factor)
+        Polynomial::row(row).scaled(a_factor.over(b_factor))
     }
 
     fn square_root(&mut self, a: &Polynomial) -> RowNumber {
@@ -477,7 +606,7 @@ impl Lowering<'_> {
     }
 
     fn function(&mut self, function: Function, a: &Polynomial) -> Polynomial {
-        let (one, minus) = (Polynomial::constant(Symbol::splat(1.0)), Symbol::splat(-1.0));
+        let one = Polynomial::number(1.0);
         match function {
             Function::Sin => Polynomial::row(self.sine_and_cosine(a)[0]),
             Function::Cos => Polynomial::row(self.sine_and_cosine(a)[1]),
@@ -492,8 +621,8 @@ impl Lowering<'_> {
             Function::Ln => Polynomial::row(self.primitive(function, a, a)),
             Function::Asin | Function::Acos => {
                 let square = self.product(a, a);
-                let root = self.square_root(&one.sum(square.scaled(minus)));
-                let sign = Symbol::splat(if function == Function::Asin { 1.0 } else { -1.0 });
+                let root = self.square_root(&one.sum(square.negative()));
+                let sign = Factor::number(if function == Function::Asin { 1.0 } else { -1.0 });
                 Polynomial::row(self.primitive(function, a, &Polynomial::row(root).scaled(sign)))
             }
             // Σ (−x)ⁿ/(2n + 1): as many terms as where it is evaluated.
@@ -502,9 +631,9 @@ impl Lowering<'_> {
                 let a = Polynomial::row(a);
                 let term = |n: u32| f64::from(1 - 2 * (n as i32 % 2)) / f64::from(2 * n + 1);
                 let last = <f64 as Scalar>::ARCTANGENT_TERMS;
-                let mut sum = Polynomial::constant(Symbol::splat(term(last)));
+                let mut sum = Polynomial::number(term(last));
                 for n in (0..last).rev() {
-                    sum = self.product(&sum, &a).sum(Polynomial::constant(Symbol::splat(term(n))));
+                    sum = self.product(&sum, &a).sum(Polynomial::number(term(n)));
                 }
                 sum
             }
@@ -526,10 +655,11 @@ impl Lowering<'_> {
                 Polynomial::row(self.operation(Kind::Atan2, &written, &[y, x, r])[0])
             }
             Function::Pow => match b.as_constant() {
-                Some(exponent) if exponent.constant() == Some(0.0) => Polynomial::constant(Symbol::splat(1.0)),
-                Some(exponent) if matches!(exponent.constant(), Some(n) if n > 0.0 && n <= 8.0 && n == n.round()) => {
+                Some(exponent) if exponent.is_zero() => Polynomial::number(1.0),
+                Some(exponent) if matches!(exponent.symbol().constant(), Some(n) if n > 0.0 && n <= 8.0 && n == n.round()) =>
+                {
                     let mut product = a.clone();
-                    for _ in 1..exponent.constant().unwrap_or(1.0) as u32 {
+                    for _ in 1..exponent.symbol().constant().unwrap_or(1.0) as u32 {
                         product = self.product(&product, a);
                     }
                     product
@@ -540,7 +670,7 @@ impl Lowering<'_> {
                     let written = [(false, true), (false, true), (false, true), (true, false)];
                     let rows = self.operation(Kind::Power, &written, &[a]);
                     if let Some(draft) = self.drafts.last_mut() {
-                        draft.factors.push(exponent);
+                        draft.factors.push(exponent.symbol());
                     }
                     Polynomial::row(rows[0])
                 }
@@ -560,7 +690,7 @@ impl Lowering<'_> {
                     let written = [(false, true), (false, true), (false, true), (true, false)];
                     let rows = self.operation(Kind::Kepler, &written, &[mean_anomaly]);
                     if let Some(draft) = self.drafts.last_mut() {
-                        draft.factors.push(eccentricity);
+                        draft.factors.push(eccentricity.symbol());
                     }
                     [rows[0], rows[1]]
                 });
@@ -575,7 +705,7 @@ impl Lowering<'_> {
     fn materialised(&mut self, polynomial: &Polynomial) -> RowNumber {
         if let [(monomial, factor)] = polynomial.terms[..]
             && monomial.degree() == 1
-            && factor.constant() == Some(1.0)
+            && factor == Factor::ONE
             && let Some(row) = monomial.rows().next()
         {
             return row;
@@ -584,7 +714,7 @@ impl Lowering<'_> {
             return *row;
         }
         let mut by_time: Vec<(RowNumber, Polynomial)> = Vec::new();
-        let mut linear: Vec<(RowNumber, Symbol)> = Vec::new();
+        let mut linear: Vec<(RowNumber, Factor)> = Vec::new();
         let mut constant = None;
         let time_of =
             |lowering: &Self, monomial: &Monomial| monomial.rows().find(|&row| lowering.class(row) == Class::Time);
@@ -616,15 +746,15 @@ impl Lowering<'_> {
             linear.push((self.product_row(time, row), factor));
         }
         let row = match (&linear[..], constant) {
-            (&[(row, factor)], None) if factor.constant() == Some(1.0) => row,
+            (&[(row, Factor::ONE)], None) => row,
             _ => {
                 let rows: Vec<RowNumber> = linear.iter().map(|(row, _)| *row).collect();
                 let is_short = rows.iter().all(|row| self.rows[*row as usize].is_short);
                 let kind = if is_short { Kind::ShortLinear } else { Kind::Linear };
                 let to = self.operation(kind, &[(is_short, is_short)], &rows)[0];
                 if let Some(draft) = self.drafts.last_mut() {
-                    draft.factors = linear.iter().map(|(_, factor)| *factor).collect();
-                    draft.constant = constant;
+                    draft.factors = linear.iter().map(|(_, factor)| factor.symbol()).collect();
+                    draft.constant = constant.map(Factor::symbol);
                 }
                 to
             }
@@ -656,33 +786,6 @@ impl Lowering<'_> {
             let own = |draft: &&Draft| draft.rows.first() == Some(row);
             self.drafts.iter().find(own).is_some_and(|draft| matches!(draft.kind, Kind::Product | Kind::Square))
         })
-    }
-
-    /// The products of the components of the attitude in one operation.
-    fn share_quadratics(&mut self) {
-        const FEWEST: usize = 4;
-        let parts: Vec<RowNumber> = (0..4)
-            .filter_map(|part| {
-                let input = Input::new(InputKind::Orientation, part);
-                self.given.iter().find(|(given, _)| *given == input).map(|(_, row)| *row)
-            })
-            .collect();
-        if parts.len() < 4 {
-            return;
-        }
-        let pairs = (0..4).flat_map(|a| (a..4).map(move |b| (a, b))).map(|(a, b)| (parts[a], parts[b]));
-        let pairs: Vec<(RowNumber, RowNumber)> = pairs.collect();
-        let known: Vec<RowNumber> = pairs.iter().filter_map(|pair| self.products.get(pair).copied()).collect();
-        if known.len() < FEWEST {
-            return;
-        }
-        let mut rows: Vec<RowNumber> = Vec::new();
-        for pair in pairs {
-            let known = self.products.get(&pair).copied();
-            rows.push(known.unwrap_or_else(|| self.new_row(Class::Other, false, false)));
-        }
-        rows.extend(parts);
-        self.replace(&known, Draft::new(Kind::Quadratic, 10, rows));
     }
 
     /// Products that only one sum reads, all with one factor, in one operation that adds them up.

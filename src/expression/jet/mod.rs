@@ -19,7 +19,7 @@
 //!
 //! A graph is lowered (`lowering.rs`) to rows, one a series, and operations on them, sorted so that those of one kind follow each
 //! other. A sum of products is expanded only as far as that saves convolutions: factors that are constant for each body are
-//! pulled out, quadratic forms of the attitude share the ten products of its components, and what is multiplied by the same function of
+//! pulled out, quadratic forms of the attitude are linear in the entries of the rotation's matrix, which one operation forms, and what is multiplied by the same function of
 //! time is added up before. Rows that no convolution reads keep one coefficient only. A tile of a few lane groups is carried through all
 //! operations of an order, then through those of the next.
 
@@ -34,7 +34,7 @@ use super::program::Program;
 use crate::real::Function;
 
 pub(crate) use lowering::{Equations, Lowered, lowered};
-pub(crate) use series::{Each, GROUPS, Lane, Series};
+pub(crate) use series::{Lane, Series};
 
 /// A row by its number.
 type RowNumber = u32;
@@ -69,8 +69,10 @@ pub(super) enum Kind {
     Square,
     /// b c, c a, a b; a, b, c.
     Triple,
-    /// xx, xy, xz, xw, yy, yz, yw, zz, zw, ww; x, y, z, w.
-    Quadratic,
+    /// The entries of the matrix of a rotation, row by row; x, y, z, w.
+    Rotation,
+    /// As [`Kind::Linear`] at the start alone.
+    Start,
     /// to, 1/b; a, b.
     Quotient,
     /// to, 1/(2 to); a.
@@ -105,6 +107,8 @@ pub(super) enum Kind {
     Pick,
     /// x, x' = f: the coefficient behind the present one.
     Integral,
+    /// m, ω = i m, and what else is added: m' = g (m₂ m₃, m₃ m₁, m₁ m₂) + a m + c + …. Factors g, i, a, c.
+    Euler,
     /// x, y, z, w; components of ω: q' = ½ q ω.
     Attitude,
 }
@@ -147,6 +151,11 @@ pub(crate) struct Jets {
 }
 
 impl Jets {
+    /// Coefficients of all rows, of one body.
+    pub fn room(&self) -> usize {
+        self.room
+    }
+
     /// Where the row of an input is.
     pub fn input(&self, input: Input) -> Option<Place> {
         self.given.iter().find(|(given, _)| *given == input).map(|(_, place)| *place)

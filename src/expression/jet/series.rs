@@ -6,32 +6,26 @@ use super::super::functions;
 use super::{Jets, Kind, Operation, Place};
 use crate::real::{Function, Outlined, Real, sin_cos};
 
-/// Lane groups of a tile. Their coefficients are to stay in the first-level cache.
-pub(crate) const GROUPS: usize = 2;
-
-/// One number of each lane group.
-pub(crate) type Each<R> = [R; GROUPS];
-
-/// One number of each lane group where they are loaded and stored: vectors that straddle two cache lines cost more.
+/// One number of each of G lane groups, aligned: vectors that straddle two cache lines cost more.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
-pub(crate) struct Lane<R>(pub Each<R>);
+pub(crate) struct Lane<R, const G: usize>(pub [R; G]);
 
-impl<R: Real> Lane<R> {
+impl<R: Real, const G: usize> Lane<R, G> {
     #[inline(always)]
     pub fn zero() -> Self {
-        Self([R::splat(0.0); GROUPS])
+        Self([R::splat(0.0); G])
     }
 }
 
-/// The coefficients of all rows for one tile, and the factors of its bodies.
+/// The coefficients of all rows for one tile of G lane groups, and the factors of its bodies.
 #[derive(Clone, Debug)]
-pub(crate) struct Series<R> {
-    numbers: Vec<Lane<R>>,
-    factors: Vec<Lane<R>>,
+pub(crate) struct Series<R, const G: usize> {
+    numbers: Vec<Lane<R, G>>,
+    factors: Vec<Lane<R, G>>,
 }
 
-impl<R: Real> Series<R> {
+impl<R: Real, const G: usize> Series<R, G> {
     /// Room for these series.
     #[inline(always)]
     pub fn new(jets: &Jets) -> Self {
@@ -41,27 +35,27 @@ impl<R: Real> Series<R> {
 
     /// A coefficient.
     #[inline(always)]
-    pub fn at(&self, place: Place, order: usize) -> &Each<R> {
+    pub fn at(&self, place: Place, order: usize) -> &[R; G] {
         &self.numbers[place.at(order)].0
     }
 
     /// The first coefficients of a row.
     #[inline(always)]
-    pub fn row(&self, place: Place, count: usize) -> &[Lane<R>] {
+    pub fn row(&self, place: Place, count: usize) -> &[Lane<R, G>] {
         &self.numbers[place.base..][..count]
     }
 
     /// Sets a coefficient of a row that the caller starts.
     #[inline(always)]
     pub fn set(&mut self, place: Place, order: usize, group: usize, number: R) {
-        self.numbers[place.at(order)].0[group % GROUPS] = number;
+        self.numbers[place.at(order)].0[group % G] = number;
     }
 
     /// Takes the factors of a lane group, as [`Jets::factors`] gives them.
     #[inline(always)]
     pub fn set_factors(&mut self, group: usize, factors: &[R]) {
         for (place, factor) in self.factors.iter_mut().zip(factors) {
-            place.0[group % GROUPS] = *factor;
+            place.0[group % G] = *factor;
         }
     }
 
@@ -78,26 +72,26 @@ impl<R: Real> Series<R> {
     }
 }
 
-struct Formation<'a, R: Real> {
+struct Formation<'a, R: Real, const G: usize> {
     jets: &'a Jets,
-    series: &'a mut Series<R>,
+    series: &'a mut Series<R, G>,
     order: usize,
 }
 
 /// What an operation of one order works on.
 #[derive(Clone, Copy)]
-struct Work<'a, R: Real> {
+struct Work<'a, R: Real, const G: usize> {
     jets: &'a Jets,
-    numbers: &'a [Cell<Lane<R>>],
-    factors: &'a [Lane<R>],
+    numbers: &'a [Cell<Lane<R, G>>],
+    factors: &'a [Lane<R, G>],
     k: usize,
 }
 
 /// Carries out something for all groups. It is a macro because a closure cannot be made to be inlined.
 macro_rules! each {
     (|$group:ident| $number:expr) => {{
-        let mut all = Lane::zero();
-        for $group in 0..GROUPS {
+        let mut all = Lane::<R, G>::zero();
+        for $group in 0..G {
             all.0[$group] = $number;
         }
         all
@@ -106,38 +100,38 @@ macro_rules! each {
 
 /// Σ a_j b_{n−1−j} of two rows of n coefficients.
 #[inline(always)]
-fn convolution<R: Real>(a: &[Cell<Lane<R>>], b: &[Cell<Lane<R>>]) -> Lane<R> {
+fn convolution<R: Real, const G: usize>(a: &[Cell<Lane<R, G>>], b: &[Cell<Lane<R, G>>]) -> Lane<R, G> {
     added_convolution(a, b, Lane::zero(), Lane::zero())
 }
 
 /// The same with what is added to the terms of even and odd number.
 #[inline(always)]
-fn added_convolution<R: Real>(
-    a: &[Cell<Lane<R>>],
-    b: &[Cell<Lane<R>>],
-    mut even: Lane<R>,
-    mut odd: Lane<R>,
-) -> Lane<R> {
+fn added_convolution<R: Real, const G: usize>(
+    a: &[Cell<Lane<R, G>>],
+    b: &[Cell<Lane<R, G>>],
+    mut even: Lane<R, G>,
+    mut odd: Lane<R, G>,
+) -> Lane<R, G> {
     let (pairs, reversed) = (a.chunks_exact(2), b.rchunks_exact(2));
     let (last, first) = (pairs.remainder(), reversed.remainder());
     for (a, b) in pairs.zip(reversed) {
         let ([a0, a1], [b0, b1]) = (a, b) else { continue };
         let (a0, a1, b0, b1) = (a0.get(), a1.get(), b0.get(), b1.get());
-        for g in 0..GROUPS {
+        for g in 0..G {
             even.0[g] = a0.0[g].mul_add(b1.0[g], even.0[g]);
             odd.0[g] = a1.0[g].mul_add(b0.0[g], odd.0[g]);
         }
     }
     if let ([a], [b]) = (last, first) {
         let (a, b) = (a.get(), b.get());
-        for g in 0..GROUPS {
+        for g in 0..G {
             even.0[g] = a.0[g].mul_add(b.0[g], even.0[g]);
         }
     }
     each!(|g| even.0[g] + odd.0[g])
 }
 
-impl<'a, R: Real> Work<'a, R> {
+impl<'a, R: Real, const G: usize> Work<'a, R, G> {
     #[inline(always)]
     fn places(&self, operation: &Operation) -> &'a [Place] {
         &self.jets.rows[operation.first..][..operation.count]
@@ -145,28 +139,28 @@ impl<'a, R: Real> Work<'a, R> {
 
     /// The present coefficient.
     #[inline(always)]
-    fn now(&self, place: Place) -> Lane<R> {
+    fn now(&self, place: Place) -> Lane<R, G> {
         self.numbers[place.at(self.k)].get()
     }
 
     #[inline(always)]
-    fn set(&self, place: Place, number: Lane<R>) {
+    fn set(&self, place: Place, number: Lane<R, G>) {
         self.numbers[place.at(self.k)].set(number);
     }
 
     #[inline(always)]
-    fn start(&self, place: Place) -> Lane<R> {
+    fn start(&self, place: Place) -> Lane<R, G> {
         self.numbers[place.base].get()
     }
 
     /// Coefficients from `from` to `to`, inclusive.
     #[inline(always)]
-    fn part(&self, place: Place, from: usize, to: usize) -> &'a [Cell<Lane<R>>] {
+    fn part(&self, place: Place, from: usize, to: usize) -> &'a [Cell<Lane<R, G>>] {
         &self.numbers[place.base + from..place.base + to + 1]
     }
 
     #[inline(always)]
-    fn factor(&self, operation: &Operation, index: usize) -> Lane<R> {
+    fn factor(&self, operation: &Operation, index: usize) -> Lane<R, G> {
         self.factors[self.jets.factor_numbers[operation.factor + index]]
     }
 
@@ -177,7 +171,7 @@ impl<'a, R: Real> Work<'a, R> {
     }
 
     #[inline(always)]
-    fn times_order(&self, number: Lane<R>) -> Lane<R> {
+    fn times_order(&self, number: Lane<R, G>) -> Lane<R, G> {
         let k = R::splat(self.k as f64);
         each!(|g| number.0[g] * k)
     }
@@ -190,13 +184,24 @@ impl<'a, R: Real> Work<'a, R> {
             _ => Lane::zero(),
         };
         let numbers = &self.jets.factor_numbers[operation.factor..][..terms.len()];
-        for (&term, &factor) in terms.iter().zip(numbers) {
-            let (factor, term) = (self.factors[factor], self.now(term));
-            for g in 0..GROUPS {
+        let (pairs, number_pairs) = (terms.chunks_exact(2), numbers.chunks_exact(2));
+        if let ([term], [factor]) = (pairs.remainder(), number_pairs.remainder()) {
+            let (factor, term) = (self.factors[*factor], self.now(*term));
+            for g in 0..G {
                 sum.0[g] = factor.0[g].mul_add(term.0[g], sum.0[g]);
             }
         }
-        self.set(*to, sum);
+        // Two sums, so that one does not wait for the other.
+        let mut other = Lane::<R, G>::zero();
+        for (terms, factors) in pairs.zip(number_pairs) {
+            let ([a, b], [p, q]) = (terms, factors) else { continue };
+            let (a, b, p, q) = (self.now(*a), self.now(*b), self.factors[*p], self.factors[*q]);
+            for g in 0..G {
+                sum.0[g] = p.0[g].mul_add(a.0[g], sum.0[g]);
+                other.0[g] = q.0[g].mul_add(b.0[g], other.0[g]);
+            }
+        }
+        self.set(*to, each!(|g| sum.0[g] + other.0[g]));
     }
 
     #[inline(always)]
@@ -217,7 +222,7 @@ impl<'a, R: Real> Work<'a, R> {
 
     /// Terms that are equal in pairs once, and doubled.
     #[inline(always)]
-    fn square_of(&self, a: Place, k: usize) -> Lane<R> {
+    fn square_of(&self, a: Place, k: usize) -> Lane<R, G> {
         let half = k.div_ceil(2);
         let (front, back) = (self.part(a, 0, k), self.part(a, k + 1 - half, k));
         let sum = if half == 0 { Lane::zero() } else { convolution(&front[..half], back) };
@@ -230,85 +235,129 @@ impl<'a, R: Real> Work<'a, R> {
         }
     }
 
+    /// R = 1 − 2 (y² + z²), 2 (x y − z w), …, by the products that are equal in pairs.
     #[inline(always)]
-    fn triple(&self, operation: &Operation) {
-        let &[bc, ca, ab, a, b, c] = self.places(operation) else { return };
-        let (a, b, c) = (self.part(a, 0, self.k), self.part(b, 0, self.k), self.part(c, 0, self.k));
-        let mut sums = [Lane::<R>::zero(); 3];
-        for ((a, b), (c, (a_back, (b_back, c_back)))) in a
-            .iter()
-            .zip(b)
-            .zip(c.iter().zip(a.iter().rev().zip(b.iter().rev().zip(c.iter().rev()))))
-            .take(self.k / 2 + 1)
+    fn rotation(&self, operation: &Operation) {
+        let &[r11, r12, r13, r21, r22, r23, r31, r32, r33, x, y, z, w] = self.places(operation) else { return };
+        let (x, y, z, w) =
+            (self.part(x, 0, self.k), self.part(y, 0, self.k), self.part(z, 0, self.k), self.part(w, 0, self.k));
+        let backs = x.iter().rev().zip(y.iter().rev()).zip(z.iter().rev().zip(w.iter().rev()));
+        let fronts = x.iter().zip(y).zip(z.iter().zip(w));
+        // Half of xx, yy, zz, then xy, xz, xw, yz, yw, zw.
+        let mut sums = [Lane::<R, G>::zero(); 9];
+        let pairs = self.k.div_ceil(2);
+        for (front, back) in fronts.clone().zip(backs).take(pairs) {
+            let ((x, y), (z, w)) = front;
+            let p = [x.get(), y.get(), z.get(), w.get()];
+            let ((x, y), (z, w)) = back;
+            let q = [x.get(), y.get(), z.get(), w.get()];
+            for g in 0..G {
+                let [px, py, pz, pw] = [p[0].0[g], p[1].0[g], p[2].0[g], p[3].0[g]];
+                let [qx, qy, qz, qw] = [q[0].0[g], q[1].0[g], q[2].0[g], q[3].0[g]];
+                sums[0].0[g] = px.mul_add(qx, sums[0].0[g]);
+                sums[1].0[g] = py.mul_add(qy, sums[1].0[g]);
+                sums[2].0[g] = pz.mul_add(qz, sums[2].0[g]);
+                sums[3].0[g] = px.mul_add(qy, py.mul_add(qx, sums[3].0[g]));
+                sums[4].0[g] = px.mul_add(qz, pz.mul_add(qx, sums[4].0[g]));
+                sums[5].0[g] = px.mul_add(qw, pw.mul_add(qx, sums[5].0[g]));
+                sums[6].0[g] = py.mul_add(qz, pz.mul_add(qy, sums[6].0[g]));
+                sums[7].0[g] = py.mul_add(qw, pw.mul_add(qy, sums[7].0[g]));
+                sums[8].0[g] = pz.mul_add(qw, pw.mul_add(qz, sums[8].0[g]));
+            }
+        }
+        if self.k % 2 == 0
+            && let Some(((x, y), (z, w))) = fronts.skip(pairs).next()
         {
-            let (p, q) = ([a.get(), b.get(), c.get()], [a_back.get(), b_back.get(), c_back.get()]);
-            // The term in the middle of a row of odd length is its own partner.
-            let own = std::ptr::eq(a, a_back);
-            for g in 0..GROUPS {
-                sums[0].0[g] = p[1].0[g].mul_add(q[2].0[g], sums[0].0[g]);
-                sums[1].0[g] = p[2].0[g].mul_add(q[0].0[g], sums[1].0[g]);
-                sums[2].0[g] = p[0].0[g].mul_add(q[1].0[g], sums[2].0[g]);
-            }
-            if !own {
-                for g in 0..GROUPS {
-                    sums[0].0[g] = q[1].0[g].mul_add(p[2].0[g], sums[0].0[g]);
-                    sums[1].0[g] = q[2].0[g].mul_add(p[0].0[g], sums[1].0[g]);
-                    sums[2].0[g] = q[0].0[g].mul_add(p[1].0[g], sums[2].0[g]);
-                }
+            let (x, y, z, w, half) = (x.get(), y.get(), z.get(), w.get(), R::splat(0.5));
+            for g in 0..G {
+                let (x, y, z, w) = (x.0[g], y.0[g], z.0[g], w.0[g]);
+                sums[0].0[g] = (x * half).mul_add(x, sums[0].0[g]);
+                sums[1].0[g] = (y * half).mul_add(y, sums[1].0[g]);
+                sums[2].0[g] = (z * half).mul_add(z, sums[2].0[g]);
+                sums[3].0[g] = x.mul_add(y, sums[3].0[g]);
+                sums[4].0[g] = x.mul_add(z, sums[4].0[g]);
+                sums[5].0[g] = x.mul_add(w, sums[5].0[g]);
+                sums[6].0[g] = y.mul_add(z, sums[6].0[g]);
+                sums[7].0[g] = y.mul_add(w, sums[7].0[g]);
+                sums[8].0[g] = z.mul_add(w, sums[8].0[g]);
             }
         }
-        for (place, sum) in [bc, ca, ab].into_iter().zip(sums) {
-            self.set(place, sum);
+        let [xx, yy, zz, xy, xz, xw, yz, yw, zw] = sums;
+        let (two, four) = (R::splat(2.0), R::splat(4.0));
+        let one = R::splat(if self.k == 0 { 1.0 } else { 0.0 });
+        self.set(r11, each!(|g| one - four * (yy.0[g] + zz.0[g])));
+        self.set(r22, each!(|g| one - four * (xx.0[g] + zz.0[g])));
+        self.set(r33, each!(|g| one - four * (xx.0[g] + yy.0[g])));
+        self.set(r12, each!(|g| two * (xy.0[g] - zw.0[g])));
+        self.set(r21, each!(|g| two * (xy.0[g] + zw.0[g])));
+        self.set(r13, each!(|g| two * (xz.0[g] + yw.0[g])));
+        self.set(r31, each!(|g| two * (xz.0[g] - yw.0[g])));
+        self.set(r23, each!(|g| two * (yz.0[g] - xw.0[g])));
+        self.set(r32, each!(|g| two * (yz.0[g] + xw.0[g])));
+    }
+
+    /// The three products of a, b and c.
+    #[inline(always)]
+    fn pair_products(&self, a: Place, b: Place, c: Place) -> [Lane<R, G>; 3] {
+        let (a, b, c) = (self.part(a, 0, self.k), self.part(b, 0, self.k), self.part(c, 0, self.k));
+        let backs = a.iter().rev().zip(b.iter().rev()).zip(c.iter().rev());
+        let fronts = a.iter().zip(b).zip(c);
+        let mut sums = [Lane::<R, G>::zero(); 3];
+        let pairs = (self.k + 1) / 2;
+        for (front, back) in fronts.clone().zip(backs).take(pairs) {
+            let ((a, b), c) = front;
+            let p = [a.get(), b.get(), c.get()];
+            let ((a, b), c) = back;
+            let q = [a.get(), b.get(), c.get()];
+            for g in 0..G {
+                sums[0].0[g] = p[1].0[g].mul_add(q[2].0[g], q[1].0[g].mul_add(p[2].0[g], sums[0].0[g]));
+                sums[1].0[g] = p[2].0[g].mul_add(q[0].0[g], q[2].0[g].mul_add(p[0].0[g], sums[1].0[g]));
+                sums[2].0[g] = p[0].0[g].mul_add(q[1].0[g], q[0].0[g].mul_add(p[1].0[g], sums[2].0[g]));
+            }
         }
+        if self.k % 2 == 0
+            && let Some(((a, b), c)) = fronts.skip(pairs).next()
+        {
+            let p = [a.get(), b.get(), c.get()];
+            for g in 0..G {
+                sums[0].0[g] = p[1].0[g].mul_add(p[2].0[g], sums[0].0[g]);
+                sums[1].0[g] = p[2].0[g].mul_add(p[0].0[g], sums[1].0[g]);
+                sums[2].0[g] = p[0].0[g].mul_add(p[1].0[g], sums[2].0[g]);
+            }
+        }
+        sums
     }
 
     #[inline(always)]
-    fn quadratic(&self, operation: &Operation) {
-        let places = self.places(operation);
-        let [.., x, y, z, w] = *places else { return };
-        let (x, y, z, w) =
-            (self.part(x, 0, self.k), self.part(y, 0, self.k), self.part(z, 0, self.k), self.part(w, 0, self.k));
-        let mut sums = [Lane::<R>::zero(); 10];
-        let (n, two) = (self.k + 1, R::splat(2.0));
-        let back = |row: &[Cell<Lane<R>>], j: usize| row[row.len() - 1 - j].get();
-        for j in 0..n / 2 {
-            let p = [x[j].get(), y[j].get(), z[j].get(), w[j].get()];
-            let q = [back(x, j), back(y, j), back(z, j), back(w, j)];
-            let mut place = 0;
-            for a in 0..4 {
-                for g in 0..GROUPS {
-                    sums[place].0[g] = p[a].0[g].mul_add(q[a].0[g], sums[place].0[g]);
-                }
-                place += 1;
-                for b in a + 1..4 {
-                    for g in 0..GROUPS {
-                        let first = p[a].0[g].mul_add(q[b].0[g], sums[place].0[g]);
-                        sums[place].0[g] = q[a].0[g].mul_add(p[b].0[g], first);
-                    }
-                    place += 1;
-                }
+    fn triple(&self, operation: &Operation) {
+        let &[bc, ca, ab, a, b, c] = self.places(operation) else { return };
+        let sums = self.pair_products(a, b, c);
+        self.set(bc, sums[0]);
+        self.set(ca, sums[1]);
+        self.set(ab, sums[2]);
+    }
+
+    #[inline(always)]
+    fn euler(&self, operation: &Operation) {
+        let [a, b, c, wa, wb, wc, added @ ..] = self.places(operation) else { return };
+        let pairs = self.pair_products(*a, *b, *c);
+        let factor = R::splat(((self.k + 1) as f64).recip());
+        for (axis, (m, omega)) in [(*a, *wa), (*b, *wb), (*c, *wc)].into_iter().enumerate() {
+            let of = |kind: usize| self.factor(operation, 3 * kind + axis);
+            let (gyroscopic, inverse, own, now) = (of(0), of(1), of(2), self.now(m));
+            let mut rate = each!(|g| own.0[g] * now.0[g]);
+            if self.k == 0 {
+                let constant = of(3);
+                rate = each!(|g| rate.0[g] + constant.0[g]);
             }
-        }
-        for place in [0, 4, 7, 9] {
-            for g in 0..GROUPS {
-                sums[place].0[g] = sums[place].0[g] * two;
+            if let Some(added) = added.get(axis) {
+                let added = self.now(*added);
+                rate = each!(|g| rate.0[g] + added.0[g]);
             }
-        }
-        if n % 2 == 1 {
-            let j = n / 2;
-            let p = [x[j].get(), y[j].get(), z[j].get(), w[j].get()];
-            let mut place = 0;
-            for a in 0..4 {
-                for b in a..4 {
-                    for g in 0..GROUPS {
-                        sums[place].0[g] = p[a].0[g].mul_add(p[b].0[g], sums[place].0[g]);
-                    }
-                    place += 1;
-                }
-            }
-        }
-        for (place, sum) in places.iter().zip(sums) {
-            self.set(*place, sum);
+            let pair = pairs[axis];
+            let next = each!(|g| gyroscopic.0[g].mul_add(pair.0[g], rate.0[g]) * factor);
+            self.numbers[m.at(self.k + 1)].set(next);
+            self.numbers[omega.at(self.k + 1)].set(each!(|g| inverse.0[g] * next.0[g]));
         }
     }
 
@@ -319,12 +368,12 @@ impl<'a, R: Real> Work<'a, R> {
         let part = |place| self.part(place, 0, self.k);
         let (qx, qy, qz, qw) = (part(x), part(y), part(z), part(w));
         let omega = (part(wx).iter().rev(), part(wy).iter().rev(), part(wz).iter().rev());
-        let mut sums = [Lane::<R>::zero(); 4];
+        let mut sums = [Lane::<R, G>::zero(); 4];
         let rows = qx.iter().zip(qy).zip(qz.iter().zip(qw)).zip(omega.0.zip(omega.1).zip(omega.2));
         for (((qx, qy), (qz, qw)), ((vx, vy), vz)) in rows {
             let (qx, qy, qz, qw) = (qx.get(), qy.get(), qz.get(), qw.get());
             let (vx, vy, vz) = (vx.get(), vy.get(), vz.get());
-            for g in 0..GROUPS {
+            for g in 0..G {
                 let (x, y, z, w) = (qx.0[g], qy.0[g], qz.0[g], qw.0[g]);
                 let (a, b, c) = (vx.0[g], vy.0[g], vz.0[g]);
                 // As `Quaternion::product_vector`.
@@ -396,9 +445,9 @@ impl<'a, R: Real> Work<'a, R> {
     }
 
     #[inline(always)]
-    fn start_sin_cos(&self, sin: Place, cos: Place, angle: Lane<R>) {
+    fn start_sin_cos(&self, sin: Place, cos: Place, angle: Lane<R, G>) {
         let (mut s, mut c) = (Lane::zero(), Lane::zero());
-        for g in 0..GROUPS {
+        for g in 0..G {
             (s.0[g], c.0[g]) = sin_cos(angle.0[g]);
         }
         self.set(sin, s);
@@ -476,7 +525,7 @@ impl<'a, R: Real> Work<'a, R> {
 
     /// The coefficient of y with r y' = s, where `now` is that of s that goes with it.
     #[inline(always)]
-    fn set_slope(&self, to: Place, slope: Place, inverse: Place, now: Lane<R>, r: Place) {
+    fn set_slope(&self, to: Place, slope: Place, inverse: Place, now: Lane<R, G>, r: Place) {
         let k = self.k;
         let sum = if k == 1 { Lane::zero() } else { convolution(self.part(slope, 1, k - 1), self.part(r, 1, k - 1)) };
         let inverse = self.start(inverse);
@@ -533,7 +582,7 @@ impl<'a, R: Real> Work<'a, R> {
         let (k, now, e) = (self.k, self.now(a), self.factor(operation, 0));
         if k == 0 {
             let (mut s, mut c, one) = (Lane::zero(), Lane::zero(), R::splat(1.0));
-            for g in 0..GROUPS {
+            for g in 0..G {
                 (s.0[g], c.0[g]) = functions::kepler(now.0[g], e.0[g]);
             }
             self.set(sin, s);
@@ -595,7 +644,10 @@ impl<'a, R: Real> Work<'a, R> {
                 }
             }
             Kind::Triple => all!(triple),
-            Kind::Quadratic => all!(quadratic),
+            Kind::Rotation => all!(rotation),
+            Kind::Start if self.k > 0 => {}
+            Kind::Start => all!(linear),
+            Kind::Euler => all!(euler),
             Kind::Integral => all!(integral),
             Kind::Attitude => all!(attitude),
             Kind::SinCosAffine if self.k > 0 => all!(sin_cos_affine),
@@ -612,12 +664,12 @@ impl<'a, R: Real> Work<'a, R> {
     }
 }
 
-struct Rare<'w, 'a, R: Real> {
-    work: Work<'a, R>,
+struct Rare<'w, 'a, R: Real, const G: usize> {
+    work: Work<'a, R, G>,
     operation: &'w Operation,
 }
 
-impl<R: Real> Outlined for Rare<'_, '_, R> {
+impl<R: Real, const G: usize> Outlined for Rare<'_, '_, R, G> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
@@ -640,7 +692,7 @@ impl<R: Real> Outlined for Rare<'_, '_, R> {
     }
 }
 
-impl<R: Real> Outlined for Formation<'_, R> {
+impl<R: Real, const G: usize> Outlined for Formation<'_, R, G> {
     type Output = ();
     #[inline(always)]
     fn run(self) {

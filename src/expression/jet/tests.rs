@@ -8,11 +8,11 @@ use crate::real::Real;
 const ORDER: usize = 20;
 
 /// The coefficients of an output, with rows started as `start` says: value and rate.
-fn series(jets: &Jets, start: impl Fn(Input) -> [f64; 2], factors: &[f64]) -> Series<f64> {
-    let mut series = Series::<f64>::new(jets);
+fn series(jets: &Jets, start: impl Fn(Input) -> [f64; 2], factors: &[f64]) -> Series<f64, 2> {
+    let mut series = Series::new(jets);
     let parameters: Vec<f64> = jets.factors.inputs().iter().map(|input| factors[usize::from(input.index)]).collect();
     let factors = jets.factors.evaluate_one(&parameters);
-    for group in 0..super::GROUPS {
+    for group in 0..2 {
         series.set_factors(group, &factors);
         for &(input, place) in &jets.given {
             let [value, rate] = start(input);
@@ -31,7 +31,7 @@ fn of_time(graph: &Graph, output: Node, at: f64) -> Vec<f64> {
     let equations = Equations { outputs: vec![output], ..Equations::default() };
     let jets = lowered(graph, &equations).unwrap().up_to(ORDER);
     let series = series(&jets, |_| [at, 1.0], &[]);
-    (0..ORDER).map(|k| series.at(jets.outputs[0], k)[super::GROUPS - 1]).collect()
+    (0..ORDER).map(|k| series.at(jets.outputs[0], k)[1]).collect()
 }
 
 #[test]
@@ -107,6 +107,7 @@ fn the_attitude_of_a_steady_rotation_is_sine_and_cosine() {
     let equations = Equations {
         rates: vec![],
         angular_velocity: Some([outputs[0], outputs[1], outputs[2]]),
+        has_orientation: true,
         outputs: outputs[3..].to_vec(),
     };
     let jets = lowered(&graph, &equations).unwrap().up_to(ORDER);
@@ -120,7 +121,7 @@ fn the_attitude_of_a_steady_rotation_is_sine_and_cosine() {
         assert!((if k % 2 == 1 { z } else { w } - expected).abs() < 1e-15, "coefficient {k}");
         assert_eq!(if k % 2 == 1 { w } else { z }, 0.0);
         // z² + w² = 1.
-        let sum = series.at(jets.outputs[2], k)[0] + series.at(jets.outputs[3], k)[0];
+        let sum = series.at(jets.outputs[5], k)[0] + series.at(jets.outputs[6], k)[0];
         assert!((sum - if k == 0 { 1.0 } else { 0.0 }).abs() < 1e-15, "the sum of squares, coefficient {k}: {sum:e}");
     }
 }
@@ -142,7 +143,7 @@ fn products_are_shared_and_factors_pulled_out() {
         Equations { rates: vec![], angular_velocity: Some([outputs[3]; 3]), outputs: outputs[..3].to_vec() };
     let jets = lowered(&graph, &equations).unwrap().up_to(ORDER);
     let count = |kind| jets.operations.iter().filter(|operation| operation.kind == kind).count();
-    assert_eq!(count(super::Kind::Quadratic), 1);
-    // Two functions of time, sine and cosine, and three components.
-    assert_eq!(count(super::Kind::Product), 6);
+    assert_eq!(count(super::Kind::Rotation), 1);
+    // Of sine and cosine with three components: a sum of two products each.
+    assert_eq!((count(super::Kind::Products), count(super::Kind::Product)), (3, 0));
 }
