@@ -67,8 +67,12 @@ impl TaylorMotion {
 
     fn recorded(table: &TorqueTable, steps: AdaptiveSteps) -> std::result::Result<Self, Fault> {
         let motion = RecordedMotion::new(table)?;
-        let order = order_of(steps.tolerance);
+        let en = |n: &str, d: usize| std::env::var(n).map_or(d, |x| x.parse().unwrap_or(d));
+        let order = order_of(steps.tolerance) + en(if motion.needs_attitude { "TKA" } else { "TKB" }, 10) - 10;
         let jets = motion.lowered()?.up_to(order);
+        if std::env::var("TDUMP").is_ok() {
+            jets.dump();
+        }
         let state = |kind, part| jets.input(Input::new(kind, part)).ok_or(Fault::ForeignSymbol);
         let momentum = |part| state(InputKind::AngularMomentum, part);
         let part = |part| state(InputKind::Orientation, part);
@@ -99,7 +103,7 @@ impl TaylorMotion {
             angular_velocity: [x, y, z],
             advancing,
             length: StepLength::new(order, steps.tolerance),
-            two_sided: TwoSided::new(order.div_ceil(2), steps.tolerance),
+            two_sided: TwoSided::new(order.div_ceil(2) + en("TN", 10) - 10, steps.tolerance),
             steps,
             jets,
         })
@@ -274,7 +278,7 @@ impl<T: Scalar> Block<'_, '_, T> {
             tile.scratch.input(index)[0] = gathered(column, &bodies);
         }
         program.run(&mut tile.scratch, &mut tile.factors);
-        tile.series.set_factors(group, &tile.factors);
+        tile.series.set_factors(&motion.jets, group, &tile.factors);
         for (advancing, rates) in motion.advancing.iter().zip(&mut tile.rates) {
             rates[group] = match advancing.rate_column {
                 Some(column) => gathered::<R>(&source.parameters[column * source.stride..], &bodies) * seconds,

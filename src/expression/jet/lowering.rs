@@ -196,6 +196,7 @@ impl Lowering<'_> {
         self.drop_unused(&outputs);
         self.share_triples();
         self.add_products();
+        self.share_factors();
         Ok(outputs)
     }
 
@@ -830,6 +831,53 @@ impl Lowering<'_> {
         }
     }
 
+    /// Three sums of products by the same functions in one operation, which reads these once: a vector by a function, a direction that
+    /// turns.
+    fn share_factors(&mut self) {
+        let mut counts = vec![0_usize; self.rows.len()];
+        let is_sum = |draft: &Draft| matches!(draft.kind, Kind::Product | Kind::Products);
+        for draft in self.drafts.iter().filter(|draft| is_sum(draft)) {
+            let mut read = draft.rows[1..].to_vec();
+            read.sort_unstable();
+            read.dedup();
+            read.iter().for_each(|row| counts[*row as usize] += 1);
+        }
+        // The factors that others have too, and what each of them multiplies.
+        let split = |draft: &Draft| -> Option<(Vec<RowNumber>, Vec<RowNumber>)> {
+            let mut pairs = Vec::new();
+            for pair in draft.rows[1..].chunks_exact(2) {
+                let (a, b) = (pair[0], pair[1]);
+                pairs.push(match (counts[a as usize] > 2, counts[b as usize] > 2) {
+                    (true, false) => (a, b),
+                    (false, true) => (b, a),
+                    _ => return None,
+                });
+            }
+            pairs.sort_unstable();
+            Some(pairs.into_iter().unzip())
+        };
+        let mut groups: Vec<(Vec<RowNumber>, Vec<(RowNumber, Vec<RowNumber>)>)> = Vec::new();
+        for draft in self.drafts.iter().filter(|draft| is_sum(draft)) {
+            let Some((shared, own)) = split(draft) else { continue };
+            let member = (draft.rows[0], own);
+            match groups.iter_mut().find(|(known, _)| *known == shared) {
+                Some((_, members)) => members.push(member),
+                None => groups.push((shared, vec![member])),
+            }
+        }
+        for (shared, members) in groups {
+            for three in members.chunks_exact(3) {
+                let mut rows: Vec<RowNumber> = three.iter().map(|(to, _)| *to).collect();
+                self.drafts.retain(|draft| draft.writes != 1 || !rows.contains(&draft.rows[0]));
+                for (place, &row) in shared.iter().enumerate() {
+                    rows.push(row);
+                    rows.extend(three.iter().map(|(_, own)| own[place]));
+                }
+                self.drafts.push(Draft::new(Kind::VectorProducts, 3, rows));
+            }
+        }
+    }
+
     /// Terms of a sum, at least two, that are products which nothing else reads, and have the same factor.
     fn group_of(&self, at: usize, reads: &[usize]) -> Option<(Vec<usize>, Symbol)> {
         let draft = &self.drafts[at];
@@ -868,7 +916,7 @@ impl Lowered {
             .map(|row| {
                 let base = room;
                 room += if row.is_kept { order + 1 } else { 1 };
-                Place { base, stride: usize::from(row.is_kept) }
+                Place { base: base as u32, stride: u32::from(row.is_kept) }
             })
             .collect();
         let mut jets = Jets {
@@ -887,10 +935,11 @@ impl Lowered {
         for draft in self.sorted() {
             let (draft, (factors, constant)) = (&self.drafts[draft], &self.numbers[draft]);
             let factor = jets.factor_numbers.len();
-            jets.factor_numbers.extend(factors);
+            jets.factor_numbers.extend(factors.iter().chain(constant));
+            let constant = constant.map(|_| factor + factors.len());
             let (first, count) = (jets.rows.len(), draft.rows.len());
             jets.rows.extend(draft.rows.iter().map(|row| rows[*row as usize]));
-            jets.operations.push(Operation { kind: draft.kind, first, count, factor, constant: *constant });
+            jets.operations.push(Operation { kind: draft.kind, first, count, factor, constant });
             match jets.runs.last_mut() {
                 Some((kind, count)) if *kind == draft.kind => *count += 1,
                 _ => jets.runs.push((draft.kind, 1)),

@@ -42,15 +42,15 @@ type RowNumber = u32;
 /// Where a row's coefficients are: coefficient k at `base + k * stride`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Place {
-    base: usize,
-    stride: usize,
+    base: u32,
+    stride: u32,
 }
 
 impl Place {
     /// Where coefficient k is.
     #[inline(always)]
     fn at(self, order: usize) -> usize {
-        self.base + order * self.stride
+        (self.base + order as u32 * self.stride) as usize
     }
 }
 
@@ -65,6 +65,8 @@ pub(super) enum Kind {
     Product,
     /// to, a, b, a, b, …: a sum of products.
     Products,
+    /// Three sums; f, a, b, c, …: f times a, b and c is added to the first, second and third.
+    VectorProducts,
     /// to, a.
     Square,
     /// b c, c a, a b; a, b, c.
@@ -134,7 +136,7 @@ pub(crate) struct Jets {
     /// How many operations of one kind follow each other.
     pub(super) runs: Vec<(Kind, usize)>,
     pub(super) rows: Vec<Place>,
-    /// The numbers of the operations' factors.
+    /// The numbers of the operations' factors, in the order of their use.
     pub(super) factor_numbers: Vec<usize>,
     /// Coefficients of all rows.
     pub(super) room: usize,
@@ -151,9 +153,28 @@ pub(crate) struct Jets {
 }
 
 impl Jets {
+    pub fn dump(&self) {
+        for o in &self.operations {
+            eprintln!("{:?} {} {:?}", o.kind, o.count, o.constant);
+        }
+        eprintln!(
+            "room {} order {} factors {} of {}",
+            self.room,
+            self.order,
+            self.factors.output_count(),
+            self.factors.len()
+        );
+    }
     /// Coefficients of all rows, of one body.
     pub fn room(&self) -> usize {
         self.room
+    }
+
+    /// The operation that is Euler's equations, where all that follows from the states is the angular velocity.
+    fn euler_alone(&self) -> Option<&Operation> {
+        let (last, others) = self.operations.split_last()?;
+        let is_alone = others.len() == 3 && others.iter().all(|operation| operation.kind == Kind::Start);
+        (last.kind == Kind::Euler && last.count == 6 && is_alone).then_some(last)
     }
 
     /// Where the row of an input is.

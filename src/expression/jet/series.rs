@@ -6,6 +6,17 @@ use super::super::functions;
 use super::{Jets, Kind, Operation, Place};
 use crate::real::{Function, Outlined, Real, sin_cos};
 
+/// Carries out something for all groups. It is a macro because a closure cannot be made to be inlined.
+macro_rules! each {
+    (|$group:ident| $number:expr) => {{
+        let mut all = Lane::<R, G>::zero();
+        for $group in 0..G {
+            all.0[$group] = $number;
+        }
+        all
+    }};
+}
+
 /// One number of each of G lane groups, aligned: vectors that straddle two cache lines cost more.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
@@ -29,7 +40,8 @@ impl<R: Real, const G: usize> Series<R, G> {
     /// Room for these series.
     #[inline(always)]
     pub fn new(jets: &Jets) -> Self {
-        let factors = vec![Lane::zero(); jets.factors.output_count()];
+        // One for each use, so that operations read theirs side by side.
+        let factors = vec![Lane::zero(); jets.factor_numbers.len()];
         Self { numbers: vec![Lane::zero(); jets.room], factors }
     }
 
@@ -42,7 +54,7 @@ impl<R: Real, const G: usize> Series<R, G> {
     /// The first coefficients of a row.
     #[inline(always)]
     pub fn row(&self, place: Place, count: usize) -> &[Lane<R, G>] {
-        &self.numbers[place.base..][..count]
+        &self.numbers[place.at(0)..][..count]
     }
 
     /// Sets a coefficient of a row that the caller starts.
@@ -53,9 +65,9 @@ impl<R: Real, const G: usize> Series<R, G> {
 
     /// Takes the factors of a lane group, as [`Jets::factors`] gives them.
     #[inline(always)]
-    pub fn set_factors(&mut self, group: usize, factors: &[R]) {
-        for (place, factor) in self.factors.iter_mut().zip(factors) {
-            place.0[group % G] = *factor;
+    pub fn set_factors(&mut self, jets: &Jets, group: usize, factors: &[R]) {
+        for (place, &number) in self.factors.iter_mut().zip(&jets.factor_numbers) {
+            place.0[group % G] = factors[number];
         }
     }
 
@@ -72,6 +84,76 @@ impl<R: Real, const G: usize> Series<R, G> {
     }
 }
 
+impl<R: Real, const G: usize> Series<R, G> {
+    /// Euler's equations, where there is nothing else: with no operations between orders what is constant is found once.
+    #[inline(always)]
+    fn form_euler(&mut self, jets: &Jets, euler: &Operation, order: usize) {
+        let &[a, b, c, wa, wb, wc] = &jets.rows[euler.first..][..euler.count] else { return };
+        let mut factors = [[Lane::<R, G>::zero(); 3]; 4];
+        for (row, factors) in factors.iter_mut().zip(self.factors[euler.factor..].chunks_exact(3)) {
+            row.copy_from_slice(factors);
+        }
+        let [gyroscopic, inverse, own, constant] = factors;
+        let numbers = Cell::from_mut(self.numbers.as_mut_slice()).as_slice_of_cells();
+        let row = |place: Place| &numbers[place.at(0)..][..jets.order + 1];
+        let (m, omega) = ([row(a), row(b), row(c)], [row(wa), row(wb), row(wc)]);
+        for axis in 0..3 {
+            let start = m[axis][0].get();
+            omega[axis][0].set(each!(|g| inverse[axis].0[g] * start.0[g]));
+        }
+        for k in 0..order {
+            let pairs = pair_products(&m[0][..k + 1], &m[1][..k + 1], &m[2][..k + 1]);
+            let factor = R::splat(((k + 1) as f64).recip());
+            for axis in 0..3 {
+                let (now, pair) = (m[axis][k].get(), pairs[axis]);
+                let mut rate = each!(|g| own[axis].0[g] * now.0[g]);
+                if k == 0 {
+                    rate = each!(|g| rate.0[g] + constant[axis].0[g]);
+                }
+                let next = each!(|g| gyroscopic[axis].0[g].mul_add(pair.0[g], rate.0[g]) * factor);
+                m[axis][k + 1].set(next);
+                omega[axis][k + 1].set(each!(|g| inverse[axis].0[g] * next.0[g]));
+            }
+        }
+    }
+}
+
+/// The three products of three rows a, b and c: b c, c a, a b.
+#[inline(always)]
+fn pair_products<R: Real, const G: usize>(
+    a: &[Cell<Lane<R, G>>],
+    b: &[Cell<Lane<R, G>>],
+    c: &[Cell<Lane<R, G>>],
+) -> [Lane<R, G>; 3] {
+    let count = a.len();
+    let backs = a.iter().rev().zip(b.iter().rev()).zip(c.iter().rev());
+    let fronts = a.iter().zip(b).zip(c);
+    let mut sums = [Lane::<R, G>::zero(); 3];
+    let pairs = count / 2;
+    for (front, back) in fronts.clone().zip(backs).take(pairs) {
+        let ((a, b), c) = front;
+        let p = [a.get(), b.get(), c.get()];
+        let ((a, b), c) = back;
+        let q = [a.get(), b.get(), c.get()];
+        for g in 0..G {
+            sums[0].0[g] = p[1].0[g].mul_add(q[2].0[g], q[1].0[g].mul_add(p[2].0[g], sums[0].0[g]));
+            sums[1].0[g] = p[2].0[g].mul_add(q[0].0[g], q[2].0[g].mul_add(p[0].0[g], sums[1].0[g]));
+            sums[2].0[g] = p[0].0[g].mul_add(q[1].0[g], q[0].0[g].mul_add(p[1].0[g], sums[2].0[g]));
+        }
+    }
+    if count % 2 == 1
+        && let Some(((a, b), c)) = fronts.skip(pairs).next()
+    {
+        let p = [a.get(), b.get(), c.get()];
+        for g in 0..G {
+            sums[0].0[g] = p[1].0[g].mul_add(p[2].0[g], sums[0].0[g]);
+            sums[1].0[g] = p[2].0[g].mul_add(p[0].0[g], sums[1].0[g]);
+            sums[2].0[g] = p[0].0[g].mul_add(p[1].0[g], sums[2].0[g]);
+        }
+    }
+    sums
+}
+
 struct Formation<'a, R: Real, const G: usize> {
     jets: &'a Jets,
     series: &'a mut Series<R, G>,
@@ -85,17 +167,6 @@ struct Work<'a, R: Real, const G: usize> {
     numbers: &'a [Cell<Lane<R, G>>],
     factors: &'a [Lane<R, G>],
     k: usize,
-}
-
-/// Carries out something for all groups. It is a macro because a closure cannot be made to be inlined.
-macro_rules! each {
-    (|$group:ident| $number:expr) => {{
-        let mut all = Lane::<R, G>::zero();
-        for $group in 0..G {
-            all.0[$group] = $number;
-        }
-        all
-    }};
 }
 
 /// Σ a_j b_{n−1−j} of two rows of n coefficients.
@@ -150,18 +221,18 @@ impl<'a, R: Real, const G: usize> Work<'a, R, G> {
 
     #[inline(always)]
     fn start(&self, place: Place) -> Lane<R, G> {
-        self.numbers[place.base].get()
+        self.numbers[place.at(0)].get()
     }
 
     /// Coefficients from `from` to `to`, inclusive.
     #[inline(always)]
     fn part(&self, place: Place, from: usize, to: usize) -> &'a [Cell<Lane<R, G>>] {
-        &self.numbers[place.base + from..place.base + to + 1]
+        &self.numbers[place.at(0)..][from..to + 1]
     }
 
     #[inline(always)]
     fn factor(&self, operation: &Operation, index: usize) -> Lane<R, G> {
-        self.factors[self.jets.factor_numbers[operation.factor + index]]
+        self.factors[operation.factor + index]
     }
 
     /// 1/k; 0 for k = 0.
@@ -183,19 +254,19 @@ impl<'a, R: Real, const G: usize> Work<'a, R, G> {
             Some(constant) if self.k == 0 => self.factors[constant],
             _ => Lane::zero(),
         };
-        let numbers = &self.jets.factor_numbers[operation.factor..][..terms.len()];
-        let (pairs, number_pairs) = (terms.chunks_exact(2), numbers.chunks_exact(2));
-        if let ([term], [factor]) = (pairs.remainder(), number_pairs.remainder()) {
-            let (factor, term) = (self.factors[*factor], self.now(*term));
+        let factors = &self.factors[operation.factor..][..terms.len()];
+        let (pairs, factor_pairs) = (terms.chunks_exact(2), factors.chunks_exact(2));
+        if let ([term], [factor]) = (pairs.remainder(), factor_pairs.remainder()) {
+            let term = self.now(*term);
             for g in 0..G {
                 sum.0[g] = factor.0[g].mul_add(term.0[g], sum.0[g]);
             }
         }
         // Two sums, so that one does not wait for the other.
         let mut other = Lane::<R, G>::zero();
-        for (terms, factors) in pairs.zip(number_pairs) {
+        for (terms, factors) in pairs.zip(factor_pairs) {
             let ([a, b], [p, q]) = (terms, factors) else { continue };
-            let (a, b, p, q) = (self.now(*a), self.now(*b), self.factors[*p], self.factors[*q]);
+            let (a, b) = (self.now(*a), self.now(*b));
             for g in 0..G {
                 sum.0[g] = p.0[g].mul_add(a.0[g], sum.0[g]);
                 other.0[g] = q.0[g].mul_add(b.0[g], other.0[g]);
@@ -218,6 +289,28 @@ impl<'a, R: Real, const G: usize> Work<'a, R, G> {
             sum = added_convolution(self.part(pair[0], 0, self.k), self.part(pair[1], 0, self.k), sum, Lane::zero());
         }
         self.set(*to, sum);
+    }
+
+    #[inline(always)]
+    fn vector_products(&self, operation: &Operation) {
+        let [x, y, z, rows @ ..] = self.places(operation) else { return };
+        let mut sums = [Lane::<R, G>::zero(); 3];
+        for rows in rows.chunks_exact(4) {
+            let &[f, a, b, c] = rows else { continue };
+            let part = |place| self.part(place, 0, self.k);
+            let rows = part(f).iter().rev().zip(part(a)).zip(part(b).iter().zip(part(c)));
+            for ((f, a), (b, c)) in rows {
+                let (f, a, b, c) = (f.get(), a.get(), b.get(), c.get());
+                for g in 0..G {
+                    sums[0].0[g] = f.0[g].mul_add(a.0[g], sums[0].0[g]);
+                    sums[1].0[g] = f.0[g].mul_add(b.0[g], sums[1].0[g]);
+                    sums[2].0[g] = f.0[g].mul_add(c.0[g], sums[2].0[g]);
+                }
+            }
+        }
+        self.set(*x, sums[0]);
+        self.set(*y, sums[1]);
+        self.set(*z, sums[2]);
     }
 
     /// Terms that are equal in pairs once, and doubled.
@@ -296,36 +389,10 @@ impl<'a, R: Real, const G: usize> Work<'a, R, G> {
         self.set(r32, each!(|g| two * (yz.0[g] + xw.0[g])));
     }
 
-    /// The three products of a, b and c.
+    /// The three products of three rows.
     #[inline(always)]
     fn pair_products(&self, a: Place, b: Place, c: Place) -> [Lane<R, G>; 3] {
-        let (a, b, c) = (self.part(a, 0, self.k), self.part(b, 0, self.k), self.part(c, 0, self.k));
-        let backs = a.iter().rev().zip(b.iter().rev()).zip(c.iter().rev());
-        let fronts = a.iter().zip(b).zip(c);
-        let mut sums = [Lane::<R, G>::zero(); 3];
-        let pairs = (self.k + 1) / 2;
-        for (front, back) in fronts.clone().zip(backs).take(pairs) {
-            let ((a, b), c) = front;
-            let p = [a.get(), b.get(), c.get()];
-            let ((a, b), c) = back;
-            let q = [a.get(), b.get(), c.get()];
-            for g in 0..G {
-                sums[0].0[g] = p[1].0[g].mul_add(q[2].0[g], q[1].0[g].mul_add(p[2].0[g], sums[0].0[g]));
-                sums[1].0[g] = p[2].0[g].mul_add(q[0].0[g], q[2].0[g].mul_add(p[0].0[g], sums[1].0[g]));
-                sums[2].0[g] = p[0].0[g].mul_add(q[1].0[g], q[0].0[g].mul_add(p[1].0[g], sums[2].0[g]));
-            }
-        }
-        if self.k % 2 == 0
-            && let Some(((a, b), c)) = fronts.skip(pairs).next()
-        {
-            let p = [a.get(), b.get(), c.get()];
-            for g in 0..G {
-                sums[0].0[g] = p[1].0[g].mul_add(p[2].0[g], sums[0].0[g]);
-                sums[1].0[g] = p[2].0[g].mul_add(p[0].0[g], sums[1].0[g]);
-                sums[2].0[g] = p[0].0[g].mul_add(p[1].0[g], sums[2].0[g]);
-            }
-        }
-        sums
+        pair_products(self.part(a, 0, self.k), self.part(b, 0, self.k), self.part(c, 0, self.k))
     }
 
     #[inline(always)]
@@ -438,7 +505,7 @@ impl<'a, R: Real, const G: usize> Work<'a, R, G> {
             self.start_sin_cos(sin, cos, self.start(a));
             return;
         }
-        let (rate, inverse) = (self.numbers[a.base + 1].get(), self.inverse_order());
+        let (rate, inverse) = (self.numbers[a.at(1)].get(), self.inverse_order());
         let (s, c) = (self.numbers[sin.at(self.k - 1)].get(), self.numbers[cos.at(self.k - 1)].get());
         self.set(sin, each!(|g| c.0[g] * (rate.0[g] * inverse)));
         self.set(cos, each!(|g| -(s.0[g] * (rate.0[g] * inverse))));
@@ -610,7 +677,7 @@ impl<'a, R: Real, const G: usize> Work<'a, R, G> {
             Kind::Not => each!(|g| one - a.0[g]),
             _ => each!(|g| R::select(a.0[g].abs().less_than(half), zero, a.0[g].round())),
         };
-        self.numbers[to.base].set(decided);
+        self.numbers[to.at(0)].set(decided);
     }
 
     #[inline(always)]
@@ -636,6 +703,7 @@ impl<'a, R: Real, const G: usize> Work<'a, R, G> {
             Kind::ShortLinear => all!(linear),
             Kind::Product => all!(product),
             Kind::Products => all!(products),
+            Kind::VectorProducts => all!(vector_products),
             Kind::Square => {
                 for operation in operations {
                     if let &[to, a] = self.places(operation) {
@@ -698,6 +766,10 @@ impl<R: Real, const G: usize> Outlined for Formation<'_, R, G> {
     fn run(self) {
         let Self { jets, series, order } = self;
         assert_eq!(series.numbers.len(), jets.room, "its own room");
+        if let Some(euler) = jets.euler_alone() {
+            series.form_euler(jets, euler, order.min(jets.order));
+            return;
+        }
         let numbers = Cell::from_mut(series.numbers.as_mut_slice()).as_slice_of_cells();
         for k in 0..order.min(jets.order) {
             let work = Work { jets, numbers, factors: &series.factors, k };

@@ -13,7 +13,7 @@ fn series(jets: &Jets, start: impl Fn(Input) -> [f64; 2], factors: &[f64]) -> Se
     let parameters: Vec<f64> = jets.factors.inputs().iter().map(|input| factors[usize::from(input.index)]).collect();
     let factors = jets.factors.evaluate_one(&parameters);
     for group in 0..2 {
-        series.set_factors(group, &factors);
+        series.set_factors(jets, group, &factors);
         for &(input, place) in &jets.given {
             let [value, rate] = start(input);
             series.set(place, 0, group, value);
@@ -140,10 +140,11 @@ fn products_are_shared_and_factors_pulled_out() {
         vec![u.x, u.y, u.z, time]
     });
     let equations =
-        Equations { rates: vec![], angular_velocity: Some([outputs[3]; 3]), outputs: outputs[..3].to_vec() };
+        Equations { rates: vec![], angular_velocity: Some([outputs[3]; 3]), has_orientation: true, outputs: outputs[..3].to_vec() };
     let jets = lowered(&graph, &equations).unwrap().up_to(ORDER);
     let count = |kind| jets.operations.iter().filter(|operation| operation.kind == kind).count();
     assert_eq!(count(super::Kind::Rotation), 1);
-    // Of sine and cosine with three components: a sum of two products each.
-    assert_eq!((count(super::Kind::Products), count(super::Kind::Product)), (3, 0));
+    // Of sine and cosine with three components.
+    assert_eq!(count(super::Kind::VectorProducts), 1);
+    assert_eq!(count(super::Kind::Products) + count(super::Kind::Product), 0);
 }
