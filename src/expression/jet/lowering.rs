@@ -766,6 +766,7 @@ impl Lowering<'_> {
 
     /// The three products of three rows in one operation, which reads each of them once.
     fn share_triples(&mut self) {
+        let heights = heights(&self.drafts, self.rows.len());
         let mut pairs: Vec<(RowNumber, RowNumber)> = self.products.keys().copied().filter(|(a, b)| a != b).collect();
         pairs.sort_unstable();
         for &(a, b) in &pairs {
@@ -773,7 +774,9 @@ impl Lowering<'_> {
                 let products = [(b, c), (a, c), (a, b)].map(|pair| self.products.get(&pair).copied());
                 let [Some(bc), Some(ca), Some(ab)] = products else { continue };
                 let is_attitude = [a, b, c].iter().any(|&row| self.class(row) == Class::Attitude);
-                if is_attitude || !self.are_products(&[bc, ca, ab]) {
+                // Of equal height, none of them is below another.
+                let are_level = [ca, ab].iter().all(|row| heights[*row as usize] == heights[bc as usize]);
+                if is_attitude || !are_level || !self.are_products(&[bc, ca, ab]) {
                     continue;
                 }
                 self.replace(&[bc, ca, ab], Draft::new(Kind::Triple, 3, vec![bc, ca, ab, a, b, c]));
@@ -842,6 +845,7 @@ impl Lowering<'_> {
             read.dedup();
             read.iter().for_each(|row| counts[*row as usize] += 1);
         }
+        let heights = heights(&self.drafts, self.rows.len());
         // The factors that others have too, and what each of them multiplies.
         let split = |draft: &Draft| -> Option<(Vec<RowNumber>, Vec<RowNumber>)> {
             let mut pairs = Vec::new();
@@ -856,16 +860,18 @@ impl Lowering<'_> {
             pairs.sort_unstable();
             Some(pairs.into_iter().unzip())
         };
-        let mut groups: Vec<(Vec<RowNumber>, Vec<(RowNumber, Vec<RowNumber>)>)> = Vec::new();
+        // By height, as then none of a group is below another, and by the factors shared.
+        type Groups = Vec<((usize, Vec<RowNumber>), Vec<(RowNumber, Vec<RowNumber>)>)>;
+        let mut groups = Groups::new();
         for draft in self.drafts.iter().filter(|draft| is_sum(draft)) {
             let Some((shared, own)) = split(draft) else { continue };
-            let member = (draft.rows[0], own);
-            match groups.iter_mut().find(|(known, _)| *known == shared) {
+            let (key, member) = ((heights[draft.rows[0] as usize], shared), (draft.rows[0], own));
+            match groups.iter_mut().find(|(known, _)| *known == key) {
                 Some((_, members)) => members.push(member),
-                None => groups.push((shared, vec![member])),
+                None => groups.push((key, vec![member])),
             }
         }
-        for (shared, members) in groups {
+        for ((_, shared), members) in groups {
             for three in members.chunks_exact(3) {
                 let mut rows: Vec<RowNumber> = three.iter().map(|(to, _)| *to).collect();
                 self.drafts.retain(|draft| draft.writes != 1 || !rows.contains(&draft.rows[0]));
@@ -898,6 +904,27 @@ impl Lowering<'_> {
         self.drafts.retain(|own| !forms(own));
         self.drafts.insert(first, draft);
     }
+}
+
+/// How many operations lie below each row, at most.
+fn heights(drafts: &[Draft], rows: usize) -> Vec<usize> {
+    let mut heights = vec![0_usize; rows];
+    // A shared operation may stand before what forms its operands; no row needs more rounds than there are operations.
+    for _ in 0..=drafts.len() {
+        let mut has_changed = false;
+        for draft in drafts {
+            let (written, read) = draft.rows.split_at(draft.writes);
+            let height = read.iter().map(|row| heights[*row as usize] + 1).max().unwrap_or(1);
+            for row in written {
+                has_changed |= heights[*row as usize] != height;
+                heights[*row as usize] = height;
+            }
+        }
+        if !has_changed {
+            break;
+        }
+    }
+    heights
 }
 
 impl Draft {
@@ -950,22 +977,7 @@ impl Lowered {
 
     /// The drafts by height, and within one height by kind; what only the next order reads stands last.
     fn sorted(&self) -> Vec<usize> {
-        let mut heights = vec![0_usize; self.rows.len()];
-        // A shared operation may stand before what forms its operands.
-        let mut has_changed = true;
-        while has_changed {
-            has_changed = false;
-            for draft in &self.drafts {
-                let (written, read) = draft.rows.split_at(draft.writes);
-                let height = read.iter().map(|row| heights[*row as usize] + 1).max().unwrap_or(1);
-                for row in written {
-                    if heights[*row as usize] != height {
-                        heights[*row as usize] = height;
-                        has_changed = true;
-                    }
-                }
-            }
-        }
+        let heights = heights(&self.drafts, self.rows.len());
         let height = |draft: &Draft| match draft.writes {
             0 => usize::MAX,
             _ => heights[draft.rows[0] as usize],

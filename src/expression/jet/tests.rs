@@ -139,8 +139,12 @@ fn products_are_shared_and_factors_pulled_out() {
         let u = q.rotate_inverse(direction);
         vec![u.x, u.y, u.z, time]
     });
-    let equations =
-        Equations { rates: vec![], angular_velocity: Some([outputs[3]; 3]), has_orientation: true, outputs: outputs[..3].to_vec() };
+    let equations = Equations {
+        rates: vec![],
+        angular_velocity: Some([outputs[3]; 3]),
+        has_orientation: true,
+        outputs: outputs[..3].to_vec(),
+    };
     let jets = lowered(&graph, &equations).unwrap().up_to(ORDER);
     let count = |kind| jets.operations.iter().filter(|operation| operation.kind == kind).count();
     assert_eq!(count(super::Kind::Rotation), 1);
