@@ -24,7 +24,7 @@
 //!
 //! up to ((N!)²/((2N)! (2N + 1)!)) h^{2N+1} q^{(2N+1)}: order 2N from N coefficients at either end (the two-point formula of C. Hermite and
 //! N. Obreshkov; E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*, 2nd ed. (1993), section II.13,
-//! equation 13.13). The series at t₁ serve the next step as well. N = ⌈K/2⌉, and h is the lesser of the step above, for m, and of
+//! equation 13.13). The series at t₁ serve the next step as well. N = ⌊(K − 1)/2⌋, and h is the lesser of the step above, for m, and of
 //! that which keeps this error at the tolerance.
 //!
 //! # Differences from the source
@@ -51,6 +51,11 @@ const ORDERS_ABOVE: usize = 3;
 pub fn order_of(tolerance: f64) -> usize {
     let least = (1.0 - 0.5 * tolerance.ln()).ceil().max(2.0) as usize;
     (least + ORDERS_ABOVE).min(MOST_ORDER)
+}
+
+/// N, the order of the series on which the attitude follows from ω: with one more its error would be far below that of m.
+pub(crate) fn half_order_of(order: usize) -> usize {
+    (order - 1) / 2
 }
 
 /// How long steps are at an order and a tolerance. Logarithms are to the base 2, and rough: a step may be off by a part in 500.
@@ -148,16 +153,11 @@ impl TwoSided {
 
     /// S(h; t) and S(−h'; t) of the series u at t.
     #[inline(always)]
-    pub fn sums<R: Real>(
-        &self,
-        u: &[Quaternion<R>; MOST_HALF_ORDER + 1],
-        forwards: R,
-        backwards: R,
-    ) -> [Quaternion<R>; 2] {
-        let n = self.half_order.min(MOST_HALF_ORDER);
-        let mut sums = [u[n] * R::splat(self.weights[n]); 2];
-        for k in (0..n).rev() {
-            let term = u[k] * R::splat(self.weights[k]);
+    pub fn sums<R: Real>(&self, u: &[Coefficient<R>], forwards: R, backwards: R) -> [Quaternion<R>; 2] {
+        let zero = R::splat(0.0);
+        let mut sums = [Quaternion::new(zero, zero, zero, zero); 2];
+        for (u, weight) in u.iter().zip(&self.weights).rev() {
+            let term = u.0 * R::splat(*weight);
             sums[0] = sums[0].axpy(forwards, term);
             sums[1] = sums[1].axpy(-backwards, term);
         }
@@ -165,26 +165,40 @@ impl TwoSided {
     }
 }
 
-/// The series of u with u' = ½ u ω, u₀ = 1, up to the order N from the coefficients of ω.
+/// A coefficient of u, aligned: vectors that straddle two cache lines cost more.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+pub(crate) struct Coefficient<R>(pub Quaternion<R>);
+
+/// Forms the series of u with u' = ½ u ω, u₀ = 1, from the coefficients of ω.
 #[inline(always)]
-pub(crate) fn relative_attitude<R: Real>(
-    half_order: usize,
-    omega: impl Coefficients<R>,
-) -> [Quaternion<R>; MOST_HALF_ORDER + 1] {
+pub(crate) fn form_relative_attitude<R: Real>(omega: impl Coefficients<R>, u: &mut [Coefficient<R>]) {
     let (zero, one) = (R::splat(0.0), R::splat(1.0));
-    let mut u = [Quaternion::new(zero, zero, zero, zero); MOST_HALF_ORDER + 1];
-    u[0].w = one;
-    for k in 0..half_order.min(MOST_HALF_ORDER) {
-        let [mut sum, mut other] = [Quaternion::new(zero, zero, zero, zero); 2];
-        for j in (0..=k).step_by(2) {
-            sum = sum + u[j].product_vector(omega.at(k - j));
+    let none = Quaternion::new(zero, zero, zero, zero);
+    u[0] = Coefficient(Quaternion::new(zero, zero, zero, one));
+    // u₀ = 1.
+    for k in 0..u.len() - 1 {
+        let first = omega.at(k);
+        let [mut even, mut odd] = [Quaternion::new(first.x, first.y, first.z, zero), none];
+        for j in (1..=k).step_by(2) {
+            odd = added_product(odd, u[j].0, omega.at(k - j));
             if j < k {
-                other = other + u[j + 1].product_vector(omega.at(k - j - 1));
+                even = added_product(even, u[j + 1].0, omega.at(k - j - 1));
             }
         }
-        u[k + 1] = (sum + other) * R::splat(0.5 / (k + 1) as f64);
+        u[k + 1] = Coefficient((even + odd) * R::splat(0.5 / (k + 1) as f64));
     }
-    u
+}
+
+/// `sum` and Hamilton's product q (v, 0).
+#[inline(always)]
+fn added_product<R: Real>(sum: Quaternion<R>, q: Quaternion<R>, v: Vector<R>) -> Quaternion<R> {
+    Quaternion::new(
+        q.w.mul_add(v.x, q.y.mul_add(v.z, (-q.z).mul_add(v.y, sum.x))),
+        q.w.mul_add(v.y, q.z.mul_add(v.x, (-q.x).mul_add(v.z, sum.y))),
+        q.w.mul_add(v.z, q.x.mul_add(v.y, (-q.y).mul_add(v.x, sum.z))),
+        (-q.x).mul_add(v.x, (-q.y).mul_add(v.y, (-q.z).mul_add(v.z, sum.w))),
+    )
 }
 
 /// Coefficients of the angular velocity.

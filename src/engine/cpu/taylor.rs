@@ -12,7 +12,9 @@ use crate::expression::jet::{Jets, Lane, Place, Series};
 use crate::expression::{Fault, Input, InputKind, Scratch};
 use crate::lanes::{LaneScalar, LaneTask};
 use crate::method::rk8_adaptive::{Controller, LEAST_STEP, renormalised};
-use crate::method::taylor::{Coefficients, StepLength, TwoSided, order_of, relative_attitude, step_of};
+use crate::method::taylor::{
+    Coefficient, Coefficients, StepLength, TwoSided, form_relative_attitude, half_order_of, order_of, step_of,
+};
 use crate::method::{Method, Status, flagged};
 use crate::quaternion::{Quaternion, norm_correction_of_step};
 use crate::real::{Outlined, Real, Scalar};
@@ -67,12 +69,8 @@ impl TaylorMotion {
 
     fn recorded(table: &TorqueTable, steps: AdaptiveSteps) -> std::result::Result<Self, Fault> {
         let motion = RecordedMotion::new(table)?;
-        let en = |n: &str, d: usize| std::env::var(n).map_or(d, |x| x.parse().unwrap_or(d));
-        let order = order_of(steps.tolerance) + en(if motion.needs_attitude { "TKA" } else { "TKB" }, 10) - 10;
+        let order = order_of(steps.tolerance);
         let jets = motion.lowered()?.up_to(order);
-        if std::env::var("TDUMP").is_ok() {
-            jets.dump();
-        }
         let state = |kind, part| jets.input(Input::new(kind, part)).ok_or(Fault::ForeignSymbol);
         let momentum = |part| state(InputKind::AngularMomentum, part);
         let part = |part| state(InputKind::Orientation, part);
@@ -103,7 +101,7 @@ impl TaylorMotion {
             angular_velocity: [x, y, z],
             advancing,
             length: StepLength::new(order, steps.tolerance),
-            two_sided: TwoSided::new(order.div_ceil(2) + en("TN", 10) - 10, steps.tolerance),
+            two_sided: TwoSided::new(half_order_of(order), steps.tolerance),
             steps,
             jets,
         })
@@ -125,6 +123,9 @@ pub(super) fn steps_one_by_one<T: Scalar>(block: Block<'_, '_, T>) -> bool {
         None => false,
     }
 }
+
+/// Lane groups of a tile: one waits for its own sums, and the coefficients of four leave the first-level cache.
+const GROUPS: usize = 2;
 
 struct Steps<'a, 'b, T> {
     block: Block<'a, 'b, T>,
@@ -154,6 +155,8 @@ struct Tile<'a, R: Real, const G: usize> {
     /// Of what advances with time: its rate in the body's own unit of time, and a ramp's progress in a tick.
     rates: Vec<[R; G]>,
     per_tick: [R; G],
+    /// The series of the attitude relative to where a step starts.
+    relative: Vec<Coefficient<R>>,
     /// Turns of lanes without work since lanes were given away last.
     idle: [usize; G],
     /// The first row that has not been looked at.
@@ -184,6 +187,7 @@ impl<'a, R: Real, const G: usize> Tile<'a, R, G> {
             least_step: [one; G],
             rates: vec![[zero; G]; motion.advancing.len()],
             per_tick: [zero; G],
+            relative: vec![Coefficient(state.orientation.value); motion.two_sided.half_order + 1],
             idle: [0; G],
             next: 0,
         }
@@ -312,20 +316,12 @@ impl<T: Scalar> LaneTask<T> for Steps<'_, '_, T> {
 
     #[inline(always)]
     fn run<R: Real<Scalar = T>>(self) -> bool {
-        /// Coefficients that stay in the first-level cache beside what else is read, bytes.
-        const IN_CACHE: usize = 24 << 10;
         let Self { block, motion } = self;
-        let bytes = motion.jets.room() * R::LANES * size_of::<T>();
-        let groups: usize = std::env::var("TG").map_or(0, |x| x.parse().unwrap_or(0));
-        match if groups > 0 { groups } else { IN_CACHE / bytes } {
-            0 | 1 => R::outlined(Advance::<R, 1> { block, motion }),
-            2 | 3 => R::outlined(Advance::<R, 2> { block, motion }),
-            _ => R::outlined(Advance::<R, 4> { block, motion }),
-        }
+        R::outlined(Advance::<R, GROUPS> { block, motion })
     }
 }
 
-/// [`Steps`] with a number of lane groups in a tile.
+/// [`Steps`] in tiles of G lane groups.
 struct Advance<'a, 'b, R: Real, const G: usize> {
     block: Block<'a, 'b, R::Scalar>,
     motion: &'a TaylorMotion,
@@ -550,18 +546,17 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
         let mut is_number = norms[0].less_than(limit) & norms[1].less_than(limit);
         let mut inverse_logarithm = motion.length.inverse_logarithm(norms[0], norms[1]);
 
-        let mut u = None;
         if motion.orientation.is_none() {
             let rows = motion.angular_velocity;
             let count = motion.two_sided.half_order;
             let [x, y, z] = rows;
             let rows = [tile.series.row(x, count), tile.series.row(y, count), tile.series.row(z, count)];
-            let relative = relative_attitude(count, AngularVelocity { rows, group });
-            let norms = [largest(relative[count]), largest(relative[count - 1])];
+            let relative = &mut tile.relative;
+            form_relative_attitude(AngularVelocity { rows, group }, relative);
+            let norms = [largest(relative[count].0), largest(relative[count - 1].0)];
             is_number = is_number & norms[0].less_than(limit) & norms[1].less_than(limit);
             let own = motion.two_sided.length.inverse_logarithm(norms[0], norms[1]);
             inverse_logarithm = inverse_logarithm.max(own);
-            u = Some(relative);
         }
         let mut step = step_of(inverse_logarithm);
         // From where a root vanishes nothing is known of its series.
@@ -588,8 +583,8 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
         let increment = m_change * h.value + tile.momentum(group, 1) * h.residue;
         next.angular_momentum_principal.value = m + increment;
         let mut controller = controller;
-        match (motion.orientation, &u) {
-            (Some(places), _) => {
+        match motion.orientation {
+            Some(places) => {
                 let mut q_change = tile.orientation(places, group, order);
                 for k in (1..order).rev() {
                     q_change = q_change.axpy(h.value, tile.orientation(places, group, k));
@@ -599,8 +594,8 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
                 next.orientation.value = q + (increment + correction);
                 tile.state[group] = State::select(taken, next, state);
             }
-            (None, Some(u)) => {
-                let [forwards, backwards] = motion.two_sided.sums(u, h.value, pending);
+            None => {
+                let [forwards, backwards] = motion.two_sided.sums(&tile.relative, h.value, pending);
                 let is_pending = under_way & zero.less_than(pending);
                 let arrived = q.product(backwards.conjugate());
                 let arrived = arrived * (one / arrived.norm_squared().sqrt());
@@ -613,7 +608,6 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
                 tile.state[group] = State::select(taken, next, State::select(under_way, stays, state));
                 controller.retried = R::select(taken, h.value, R::select(under_way, zero, pending));
             }
-            _ => {}
         }
         let status = tile.state[group].status;
         tile.state[group].status = flagged(status, is_left & too_small, Status::StepBelowLimit);

@@ -153,23 +153,6 @@ pub(crate) struct Jets {
 }
 
 impl Jets {
-    pub fn dump(&self) {
-        for o in &self.operations {
-            eprintln!("{:?} {} {:?}", o.kind, o.count, o.constant);
-        }
-        eprintln!(
-            "room {} order {} factors {} of {}",
-            self.room,
-            self.order,
-            self.factors.output_count(),
-            self.factors.len()
-        );
-    }
-    /// Coefficients of all rows, of one body.
-    pub fn room(&self) -> usize {
-        self.room
-    }
-
     /// The operation that is Euler's equations, where all that follows from the states is the angular velocity.
     fn euler_alone(&self) -> Option<&Operation> {
         let (last, others) = self.operations.split_last()?;
