@@ -25,7 +25,8 @@
 //! up to ((N!)²/((2N)! (2N + 1)!)) h^{2N+1} q^{(2N+1)}: order 2N from N coefficients at either end (the two-point formula of C. Hermite and
 //! N. Obreshkov; E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*, 2nd ed. (1993), section II.13,
 //! equation 13.13). The series at t₁ serve the next step as well. N = ⌊(K − 1)/2⌋, and h is the lesser of the step above, for m, and of
-//! that which keeps this error at the tolerance.
+//! that which keeps this error at the tolerance, with the derivative's size taken from u_N and from ω_{2N}. A step that ends where something
+//! changes its sign has no later series: those at t₁ are then the polynomials ω(t) of the step itself, expanded there.
 //!
 //! # Differences from the source
 //!
@@ -129,6 +130,8 @@ pub(crate) struct TwoSided {
     weights: [f64; MOST_HALF_ORDER + 1],
     /// By the norms of u_N and u_{N−1}.
     pub length: StepLength,
+    /// By the norms of ω_{2N} and ω_{2N−1}.
+    pub own_length: StepLength,
 }
 
 impl TwoSided {
@@ -148,7 +151,14 @@ impl TwoSided {
             shifts: [factorial(half_order), factorial(half_order - 1)],
             safety: -(tolerance.log2() + constant) / whole as f64,
         };
-        Self { half_order, weights, length }
+        // ½ ω_{2N}/(2N + 1) is a part of the coefficient 2N + 1 of u, and the only one where the series of ω begins late.
+        let part = tolerance.log2() + factorial(2 * half_order) - 2.0 * factorial(half_order) + (4.0 * n).log2();
+        let own_length = StepLength {
+            roots: [(2.0 * n + 1.0).recip(), (2.0 * n).recip()],
+            shifts: [-part; 2],
+            safety: 0.7 * std::f64::consts::LOG2_E / (2.0 * n),
+        };
+        Self { half_order, weights, length, own_length }
     }
 
     /// S(h; t) and S(−h'; t) of the series u at t.

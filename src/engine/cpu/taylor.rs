@@ -13,7 +13,8 @@ use crate::expression::{Fault, Input, InputKind, Scratch};
 use crate::lanes::{LaneScalar, LaneTask};
 use crate::method::rk8_adaptive::{Controller, LEAST_STEP, renormalised};
 use crate::method::taylor::{
-    Coefficient, Coefficients, StepLength, TwoSided, form_relative_attitude, half_order_of, order_of, step_of,
+    Coefficient, Coefficients, MOST_ORDER, StepLength, TwoSided, form_relative_attitude, half_order_of, order_of,
+    step_of,
 };
 use crate::method::{Method, Status, flagged};
 use crate::quaternion::{Quaternion, norm_correction_of_step};
@@ -411,6 +412,51 @@ impl<R: Real, const G: usize> Outlined for Start<'_, '_, R, G> {
     }
 }
 
+/// The attitude at the end of a step by the series of the step itself, from q S(h).
+struct Arrival<'s, 'a, R: Real, const G: usize> {
+    tile: &'s mut Tile<'a, R, G>,
+    group: usize,
+    h: R,
+    begun: &'s Quaternion<R>,
+}
+
+/// Coefficients of ω about another time.
+struct Shifted<R>([[R; MOST_ORDER]; 3]);
+
+impl<R: Real> Coefficients<R> for Shifted<R> {
+    #[inline(always)]
+    fn at(&self, order: usize) -> Vector<R> {
+        let Self([x, y, z]) = self;
+        Vector::new(x[order], y[order], z[order])
+    }
+}
+
+impl<R: Real, const G: usize> Outlined for Arrival<'_, '_, R, G> {
+    type Output = Quaternion<R>;
+    #[inline(always)]
+    fn run(self) -> Quaternion<R> {
+        let Self { tile, group, h, begun } = self;
+        let (order, count) = (tile.motion.jets.order, tile.motion.two_sided.half_order);
+        let (zero, one) = (R::splat(0.0), R::splat(1.0));
+        let mut shifted = Shifted([[zero; MOST_ORDER]; 3]);
+        for (row, place) in shifted.0.iter_mut().zip(tile.motion.angular_velocity) {
+            for (coefficient, from) in row.iter_mut().zip(tile.series.row(place, order)) {
+                *coefficient = from.0[group];
+            }
+            // Horner's scheme again and again (the complete one).
+            for first in 0..count {
+                for k in (first..order - 1).rev() {
+                    row[k] = row[k + 1].mul_add(h, row[k]);
+                }
+            }
+        }
+        form_relative_attitude(shifted, &mut tile.relative);
+        let [_, backwards] = tile.motion.two_sided.sums(&tile.relative, zero, h);
+        let arrived = begun.product(backwards.conjugate());
+        arrived * (one / arrived.norm_squared().sqrt())
+    }
+}
+
 /// What comes of a step for a lane group, now that its series are known.
 struct Conclusion<'s, 'a, R: Real, const G: usize> {
     tile: &'s mut Tile<'a, R, G>,
@@ -456,6 +502,18 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
             Some(places) => m.max(largest(self.orientation(places, group, order))),
             None => m,
         }
+    }
+
+    /// log₂ 1/h by the last coefficients of ω that the formula for the attitude leaves out.
+    #[inline(always)]
+    fn own_logarithm(&self, group: usize) -> R {
+        let (two_sided, [x, y, z]) = (&self.motion.two_sided, self.motion.angular_velocity);
+        let norm = |order: usize| {
+            let at = |place| self.series.at(place, order)[group];
+            Vector::new(at(x), at(y), at(z)).largest()
+        };
+        let last = 2 * two_sided.half_order;
+        two_sided.own_length.inverse_logarithm(norm(last), norm(last - 1))
     }
 
     /// The step after which something that decides has changed its sign, where that is shorter than `h`.
@@ -556,6 +614,7 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
             let norms = [largest(relative[count].0), largest(relative[count - 1].0)];
             is_number = is_number & norms[0].less_than(limit) & norms[1].less_than(limit);
             let own = motion.two_sided.length.inverse_logarithm(norms[0], norms[1]);
+            let own = own.max(tile.own_logarithm(group));
             inverse_logarithm = inverse_logarithm.max(own);
         }
         let mut step = step_of(inverse_logarithm);
@@ -605,8 +664,16 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
                 let mut stays = state;
                 stays.orientation.value = here;
                 next.orientation.value = here.product(forwards);
+                let ends_branch = taken & is_cut;
+                let mut next_pending = h.value;
+                if R::any(ends_branch) {
+                    let begun = next.orientation.value;
+                    let arrived = R::outlined(Arrival { tile, group, h: h.value, begun: &begun });
+                    next.orientation.value = Quaternion::select(ends_branch, arrived, begun);
+                    next_pending = R::select(ends_branch, zero, next_pending);
+                }
                 tile.state[group] = State::select(taken, next, State::select(under_way, stays, state));
-                controller.retried = R::select(taken, h.value, R::select(under_way, zero, pending));
+                controller.retried = R::select(taken, next_pending, R::select(under_way, zero, pending));
             }
         }
         let status = tile.state[group].status;
