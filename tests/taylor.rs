@@ -117,7 +117,10 @@ fn every_torque_agrees_with_adaptive_rk8() {
     // Tolerances of a step: errors grow over some tens of steps, and rounding in `rk8` leaves 1e-13.
     for (name, torques) in scenes() {
         let expected = by_rk8(&torques, 1e-13);
-        for (tolerance, bound) in [(1e-12, 3e-11), (1e-7, 1e-5)] {
+        // A step of `rk8` that holds the end of a ramp, or the point where one of two numbers becomes the greater, makes an error of its
+        // own; those of `taylor` end there.
+        let is_smooth = torques.iter().all(|torque| !["variable-inertia", "custom"].contains(&torque.name()));
+        for (tolerance, bound) in [(1e-12, if is_smooth { 3e-11 } else { 1e-9 }), (1e-7, 1e-5)] {
             let found = by_taylor(BODIES, &torques, tolerance);
             assert!(found.status.iter().all(|status| *status == Status::Valid), "{name}: {:?}", found.status);
             let difference = difference(&found, &expected);
