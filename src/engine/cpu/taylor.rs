@@ -256,8 +256,8 @@ impl<T: Scalar> Block<'_, '_, T> {
         tile.state[group] = load_state(|column| gathered(self.state[column], &rows));
         let mut controller = load_controller(|column| gathered(self.controllers[column], &rows));
         let mut numbers = [T::default(); MOST_LANES];
-        for lane in 0..R::LANES {
-            numbers[lane] = T::from_f64(if tile.taken[group][lane] { 1.0 } else { 0.0 });
+        for (number, taken) in numbers.iter_mut().zip(&tile.taken[group]) {
+            *number = T::from_f64(if *taken { 1.0 } else { 0.0 });
         }
         let taken = R::load(&numbers);
         controller.left = TwoWords { value: controller.left.value * taken, residue: controller.left.residue * taken };

@@ -230,7 +230,7 @@ impl<'a, R: Real, const G: usize> Work<'a, R, G> {
         let (front, back) = (self.part(a, 0, k), self.part(a, k + 1 - half, k));
         let sum = if half == 0 { Lane::zero() } else { convolution(&front[..half], back) };
         let two = R::splat(2.0);
-        if k % 2 == 0 {
+        if k.is_multiple_of(2) {
             let middle = front[k / 2].get();
             each!(|g| middle.0[g].mul_add(middle.0[g], sum.0[g] * two))
         } else {

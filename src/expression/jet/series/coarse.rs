@@ -36,7 +36,7 @@ impl<R: Real, const G: usize> Work<'_, R, G> {
         let (x, y, z, w) =
             (self.part(x, 0, self.k), self.part(y, 0, self.k), self.part(z, 0, self.k), self.part(w, 0, self.k));
         let backs = x.iter().rev().zip(y.iter().rev()).zip(z.iter().rev().zip(w.iter().rev()));
-        let fronts = x.iter().zip(y).zip(z.iter().zip(w));
+        let mut fronts = x.iter().zip(y).zip(z.iter().zip(w));
         // Half of xx, yy, zz, then xy, xz, xw, yz, yw, zw.
         let mut sums = [Lane::<R, G>::zero(); 9];
         let pairs = self.k.div_ceil(2);
@@ -59,8 +59,8 @@ impl<R: Real, const G: usize> Work<'_, R, G> {
                 sums[8].0[g] = pz.mul_add(qw, pw.mul_add(qz, sums[8].0[g]));
             }
         }
-        if self.k % 2 == 0
-            && let Some(((x, y), (z, w))) = fronts.skip(pairs).next()
+        if self.k.is_multiple_of(2)
+            && let Some(((x, y), (z, w))) = fronts.nth(pairs)
         {
             let (x, y, z, w, half) = (x.get(), y.get(), z.get(), w.get(), R::splat(0.5));
             for g in 0..G {
@@ -201,7 +201,7 @@ pub(super) fn pair_products<R: Real, const G: usize>(
 ) -> [Lane<R, G>; 3] {
     let count = a.len();
     let backs = a.iter().rev().zip(b.iter().rev()).zip(c.iter().rev());
-    let fronts = a.iter().zip(b).zip(c);
+    let mut fronts = a.iter().zip(b).zip(c);
     let mut sums = [Lane::<R, G>::zero(); 3];
     let pairs = count / 2;
     for (front, back) in fronts.clone().zip(backs).take(pairs) {
@@ -216,7 +216,7 @@ pub(super) fn pair_products<R: Real, const G: usize>(
         }
     }
     if count % 2 == 1
-        && let Some(((a, b), c)) = fronts.skip(pairs).next()
+        && let Some(((a, b), c)) = fronts.nth(pairs)
     {
         let p = [a.get(), b.get(), c.get()];
         for g in 0..G {
