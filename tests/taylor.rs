@@ -362,6 +362,7 @@ proptest! {
         let cut = ended(&Engine::cpu(), batch(), Method::Taylor, 1e-12, &times).0;
         let whole = ended(&Engine::cpu(), batch(), Method::Taylor, 1e-12, &[END]).0;
         let difference = difference(&cut, &whole);
-        prop_assert!(difference < 3e-11, "{name}: {difference:e}");
+        // Either is within some hundred tolerances of the truth, as above.
+        prop_assert!(difference < 3e-10, "{name}: {difference:e}");
     }
 }
