@@ -34,6 +34,14 @@ pub(crate) const GROUPS: usize = 4;
 #[repr(align(64))]
 pub(crate) struct Each<V, const N: usize = GROUPS>(pub [V; N]);
 
+impl<R: Real, const N: usize> Each<R, N> {
+    /// Zeros.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Self([R::splat(0.0); N])
+    }
+}
+
 impl<V, const N: usize> Deref for Each<V, N> {
     type Target = [V; N];
     #[inline(always)]

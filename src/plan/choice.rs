@@ -95,7 +95,7 @@ impl Rule {
             Scheme::Equal(method) => Treatment::Stepped { method, precision, longest_step, projected: false },
             Scheme::Adaptive => {
                 let steps = AdaptiveSteps { tolerance: self.tolerance(precision), least_step: None };
-                Treatment::Adaptive { precision, steps }
+                Treatment::Adaptive { method: Method::Rk8, precision, steps }
             }
         }
     }

@@ -15,7 +15,10 @@ use super::reference::SATURATED;
 use super::times::longest_over;
 use crate::batch::Precision;
 use crate::engine::Backend;
-use crate::engine::adaptive::{AdaptiveSteps, NOISE_REFUSED};
+use crate::engine::EngineKind;
+use crate::engine::adaptive::{
+    AdaptiveSteps, NOISE_REFUSED, TAYLOR_IN_F64, TAYLOR_ON_CPU, check_equal_steps, taylor_unavailable,
+};
 use crate::error::{Error, Result};
 use crate::force::Force;
 use crate::free_motion::SetUp;
@@ -40,6 +43,8 @@ pub enum Resolution {
     },
     /// Each body chooses its steps.
     Adaptive {
+        /// The integrator, one of [`Method::ADAPTIVE`].
+        method: Method,
         /// The arithmetic.
         precision: Precision,
         /// What is asked of the steps.
@@ -89,6 +94,7 @@ impl Resolution {
         let has_f64 = engine.precisions().contains(&Precision::F64);
         match scene.stepping() {
             Stepping::Pinned { method, dt, projected, .. } => {
+                check_equal_steps(method)?;
                 let widest = if has_f64 { Precision::F64 } else { Precision::F32 };
                 let precision = scene.wanted_precision().unwrap_or(widest);
                 crate::engine::check_step(dt, precision)?;
@@ -105,7 +111,7 @@ impl Resolution {
                 }
                 Ok(Self::Pinned { method, precision, longest_step: dt, projected })
             }
-            Stepping::Adaptive { steps, .. } => Self::adaptive(scene, steps, has_f64),
+            Stepping::Adaptive { method, steps, .. } => Self::adaptive(scene, engine, method, steps, has_f64),
             Stepping::Accuracy(accuracy) => {
                 check_accuracy(&accuracy)?;
                 let wanted = scene.wanted_precision();
@@ -210,9 +216,23 @@ impl Resolution {
         })
     }
 
-    fn adaptive(scene: &Scene, steps: AdaptiveSteps, has_f64: bool) -> Result<Self> {
+    fn adaptive(
+        scene: &Scene,
+        engine: &dyn Backend,
+        method: Method,
+        steps: AdaptiveSteps,
+        has_f64: bool,
+    ) -> Result<Self> {
         let widest = if has_f64 { Precision::F64 } else { Precision::F32 };
         let precision = scene.wanted_precision().unwrap_or(widest);
+        if method == Method::Taylor {
+            if engine.description().kind != EngineKind::Cpu {
+                return Err(taylor_unavailable(TAYLOR_ON_CPU));
+            }
+            if precision != Precision::F64 {
+                return Err(taylor_unavailable(TAYLOR_IN_F64));
+            }
+        }
         steps.check(precision)?;
         if scene.forces().iter().any(Force::needs_attitude) {
             let expected = "thrust follows equal steps of the attitude: a method with a step dt is needed";
@@ -231,7 +251,7 @@ impl Resolution {
                 });
             }
         }
-        Ok(Self::Adaptive { precision, steps })
+        Ok(Self::Adaptive { method, precision, steps })
     }
 
     /// The groups of a scene's bodies.
@@ -265,7 +285,9 @@ impl Resolution {
                 longest_step: *longest_step,
                 projected: *projected,
             },
-            Self::Adaptive { precision, steps } => Treatment::Adaptive { precision: *precision, steps: *steps },
+            Self::Adaptive { method, precision, steps } => {
+                Treatment::Adaptive { method: *method, precision: *precision, steps: *steps }
+            }
             // Every set of torques that act has a rule.
             Self::Accuracy { .. } => self.rule(class.torques).map_or(Treatment::RegularPrecession, of_rule),
         }

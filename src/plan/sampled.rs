@@ -61,9 +61,9 @@ impl Pilot<'_> {
         let treatment = |(level, wide): (Option<i32>, bool)| {
             let precision = if wide { Precision::F64 } else { Precision::F32 };
             match rule.treatment(precision, level.map_or(span, step_of)) {
-                Treatment::Adaptive { precision, steps } => {
+                Treatment::Adaptive { method, precision, steps } => {
                     let steps = AdaptiveSteps { least_step: Some(self.span / self.most_of_body), ..steps };
-                    Treatment::Adaptive { precision, steps }
+                    Treatment::Adaptive { method, precision, steps }
                 }
                 equal => equal,
             }

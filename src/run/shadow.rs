@@ -10,6 +10,7 @@ use crate::engine::Observer;
 use crate::engine::adaptive::AdaptiveSteps;
 use crate::error::Result;
 use crate::free_motion::FreeMotion;
+use crate::method::Method;
 use crate::method::rk8_adaptive::least_tolerance;
 use crate::plan::{Group, Interval, Members, Plan, TorqueSet, Treatment, steps_over};
 use crate::record::{Quantiles, Shadow};
@@ -103,7 +104,7 @@ fn adaptively(
         plan.times(),
         torques,
         &Members::Some(members),
-        &Treatment::Adaptive { precision: Precision::F64, steps: fine },
+        &Treatment::Adaptive { method: Method::Rk8, precision: Precision::F64, steps: fine },
         Some(observer),
     )?;
     let mut alike: BTreeMap<u64, Vec<u32>> = BTreeMap::new();

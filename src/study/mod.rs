@@ -22,7 +22,7 @@
 //! attitude = 1e-6                     # rad; or: method = "rk4", dt = 0.01, precision = "f32"
 //! energy = 1e-9                       # relative, beside the attitude; so is angular_velocity
 //! percentile = 99                     # of the bodies, the default
-//!                                     # or: method = "rk8", tolerance = 1e-9 and, where wanted, least_step = 1e-6
+//!                                     # or: method = "rk8" or "taylor", tolerance = 1e-9 and, where wanted, least_step = 1e-6
 //!                                     # or: method = "rk8", dt = 0.01, projection = true, for free bodies near the separatrix
 //!
 //! [output]

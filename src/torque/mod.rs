@@ -90,6 +90,7 @@ pub mod log_spring;
 pub mod magnetic_dipole;
 pub mod matrix_drag;
 mod model;
+pub(crate) mod motion;
 pub mod orbit;
 pub mod orbiting_dipole;
 pub mod orbiting_eddy_current;

@@ -18,7 +18,7 @@ use super::sum::{Columns, Source, StepTime, Torques, ticks_from};
 use super::table::Instance;
 use super::variable_inertia::ramp_progress;
 use crate::batch::RATE_COLUMN;
-use crate::clock::{MOST_LANES, phase_after, phases_at, seconds_at};
+use crate::clock::{MOST_LANES, Ticks, phase_after, phases_at, seconds_at};
 use crate::lanes::{Each, GROUPS};
 use crate::quaternion::Quaternion;
 use crate::real::{Outlined, Real};
@@ -404,19 +404,37 @@ impl<R: Real> Outlined for Start<'_, '_, R> {
                     columns.ticks(StepTime::Own(&time))
                 }
             };
-            let (table, rows) = (source.table, &torques.rows[group][..R::LANES]);
-            let mut room = [0; MOST_LANES];
+            let per_tick = match torques.change {
+                Some((_, index)) => torques.instances[index].first + PER_TICK,
+                None => 0,
+            };
             for (number, phase) in torques.starts.iter_mut().enumerate() {
-                phase[group] = if number == table.phase_count() {
-                    seconds_at(&ticks, source.clock.ticks_per_second())
-                } else if let (true, Some((_, index))) = (table.ramp_of(number).is_some(), torques.change) {
-                    let per_tick = torques.parameters[torques.instances[index].first + PER_TICK][group];
-                    ticks_from::<R>(table.fractions(number, rows, &mut room), &ticks) * per_tick
-                } else {
-                    phases_at(table.fractions(number, rows, &mut room), &ticks)
-                };
+                let is_ramp = torques.change.is_some() && source.table.ramp_of(number).is_some();
+                let per_tick = if is_ramp { Some(torques.parameters[per_tick][group]) } else { None };
+                phase[group] = start_of(&source, number, &torques.rows[group], &ticks, per_tick);
             }
         }
+    }
+}
+
+/// A phase by its number in the table, in turns, for the bodies in these rows; of a ramp, whose progress in a tick is given, its
+/// progress, not cut; behind the last phase the time, s.
+#[inline(always)]
+pub(crate) fn start_of<R: Real>(
+    source: &Source<'_, R::Scalar>,
+    number: usize,
+    rows: &[usize; MOST_LANES],
+    ticks: &Ticks,
+    per_tick: Option<R>,
+) -> R {
+    let (table, mut room) = (source.table, [0; MOST_LANES]);
+    if number == table.phase_count() {
+        return seconds_at(ticks, source.clock.ticks_per_second());
+    }
+    let fractions = table.fractions(number, &rows[..R::LANES], &mut room);
+    match per_tick {
+        Some(per_tick) => ticks_from::<R>(fractions, ticks) * per_tick,
+        None => phases_at(fractions, ticks),
     }
 }
 

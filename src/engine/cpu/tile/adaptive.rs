@@ -120,7 +120,12 @@ impl<T: Scalar> AdaptiveBlock<'_, '_, T> {
 
 /// Writes the lanes that are taken to their rows.
 #[inline(always)]
-fn scatter<R: Real>(number: R, rows: &[usize; MOST_LANES], taken: &[bool; MOST_LANES], column: &mut [R::Scalar]) {
+pub(in crate::engine::cpu) fn scatter<R: Real>(
+    number: R,
+    rows: &[usize; MOST_LANES],
+    taken: &[bool; MOST_LANES],
+    column: &mut [R::Scalar],
+) {
     let mut numbers = [R::Scalar::default(); MOST_LANES];
     number.store(&mut numbers);
     for lane in 0..R::LANES {
@@ -230,7 +235,7 @@ impl<T: Scalar> LaneTask<T> for Attempts<'_, '_, T> {
 
 /// How many lanes a mask has.
 #[inline(always)]
-fn lanes_in<R: Real>(mask: R::Mask) -> usize {
+pub(in crate::engine::cpu) fn lanes_in<R: Real>(mask: R::Mask) -> usize {
     let mut numbers = [R::Scalar::default(); MOST_LANES];
     R::select(mask, R::splat(1.0), R::splat(0.0)).store(&mut numbers);
     let mut count = 0.0;
