@@ -131,8 +131,8 @@ const TOO_FAR: &str = "bodies turn by more than 1e15 rad, which no steps follow:
 const SEED: u64 = 1;
 
 impl<'a> Pilot<'a> {
-    /// The pilot with some bodies of its class, at most those that are enough for the percentile asked for.
-    pub fn of(self, class: &[u32], count: usize, look: impl Fn(u32) -> Look) -> Self {
+    /// The pilot with some bodies of its class.
+    fn of(self, class: &[u32], count: usize, look: impl Fn(u32) -> Look) -> Self {
         let drawn = sample(class.len(), count.min(class.len()), SEED);
         let bodies = drawn.into_iter().map(|index| class[index as usize]).map(|body| (body, look(body))).collect();
         Self { bodies, ..self }
@@ -157,6 +157,7 @@ impl<'a> Pilot<'a> {
         let all = self.all as f64;
         let part = |steps: f64| (SHARE * steps * all).max(free) / PASSES / steps;
         if part(steps) > (4 * LEAST_BODIES) as f64 {
+            self.most_of_body = (UNEXPECTED * steps).max(PROBED_STEPS);
             steps = self.probe(self.span)?;
         }
         let count = (part(steps) as usize).clamp(LEAST_BODIES, self.enough().max(LEAST_BODIES));
@@ -195,9 +196,9 @@ impl<'a> Pilot<'a> {
     /// By what errors of the sample are multiplied for those that it does not show.
     ///
     /// Errors of a motion without dissipation grow as the square of time at most, as a drift of the energy changes the rate at which
-    /// bodies turn; a motion that amplifies errors is beyond that. Of more bodies than there are, logarithms of errors are taken for
-    /// normal, the greatest of n being √(2 ln n) standard deviations above the median (H. Cramér, *Mathematical Methods of Statistics*,
-    /// 1946, section 28.6), and twice that.
+    /// bodies turn; a motion that amplifies errors is beyond that. Where the sample is smaller than the percentile asks for, logarithms of
+    /// errors are taken as normal, the greatest of n being √(2 ln n) standard deviations above the median (H. Cramér, *Mathematical
+    /// Methods of Statistics*, 1946, section 28.6), and the error is doubled.
     pub fn margin(&self, errors: &mut Errors) -> f64 {
         let part = 0.01 * self.accuracy.percentile;
         let (count, needed) = (self.bodies.len(), least_sample(part).min(self.all));

@@ -59,6 +59,7 @@ impl Report {
         write!(formatter, "  work     {} {bodies}, {} s: {}", self.bodies, self.span, listed(&plan.parts))?;
         match plan.parts[..] {
             _ if plan.steps == 0 => writeln!(formatter)?,
+            [_] if plan.steps == 1 => writeln!(formatter, ", 1 step of {:.3e} s or less", plan.longest_step)?,
             [_] => writeln!(formatter, ", {} steps of {:.3e} s or less", plan.steps, plan.longest_step)?,
             _ => writeln!(formatter, ", up to {} equal steps", plan.steps)?,
         }
