@@ -191,13 +191,15 @@ impl<R: Real, const GROUPS: usize> Outlined for FunctionOfTile<'_, R, GROUPS> {
         let [to, a, b, c] = instruction.places();
         match instruction.kind {
             Kind::SinCos => {
-                for k in 0..GROUPS {
-                    (numbers[to][k], numbers[c][k]) = crate::real::sin_cos(numbers[a][k]);
+                let a = numbers[a];
+                for (k, &x) in a.iter().enumerate() {
+                    (numbers[to][k], numbers[c][k]) = crate::real::sin_cos(x);
                 }
             }
             Kind::Kepler => {
-                for k in 0..GROUPS {
-                    (numbers[to][k], numbers[c][k]) = functions::kepler(numbers[a][k], numbers[b][k]);
+                let (a, b) = (numbers[a], numbers[b]);
+                for (k, (&x, &y)) in a.iter().zip(b.iter()).enumerate() {
+                    (numbers[to][k], numbers[c][k]) = functions::kepler(x, y);
                 }
             }
             Kind::One(function) => {
