@@ -113,6 +113,14 @@ pub enum Error {
         /// The integrator.
         method: crate::method::Method,
     },
+    /// A method is asked for what it cannot do.
+    #[error("{method}: {expected}")]
+    MethodUnavailable {
+        /// The integrator.
+        method: crate::method::Method,
+        /// What would be valid.
+        expected: Text,
+    },
     /// Columns that belong together differ in length.
     #[error("column {column} has {found} rows: {expected} are needed, one a body")]
     ColumnLength {

@@ -177,8 +177,10 @@ pub enum Stepping {
         /// Whether states are projected after each step onto what torque-free bodies conserve.
         projected: bool,
     },
-    /// By each body for itself, by `rk8` and its estimate of each step's error.
+    /// By each body for itself, as the error of each step asks.
     Adaptive {
+        /// The integrator, one of [`Method::ADAPTIVE`].
+        method: Method,
         /// What is asked of the steps.
         steps: AdaptiveSteps,
         /// The arithmetic; `None` takes `f64` where the engine has it.
@@ -194,8 +196,9 @@ impl fmt::Display for Stepping {
                 let projected = if *projected { ", projected" } else { "" };
                 write!(formatter, "{method}, dt = {dt:?} s{projected}")
             }
-            Stepping::Adaptive { steps, .. } => {
-                write!(formatter, "adaptive, tolerance {:?}", steps.tolerance)?;
+            Stepping::Adaptive { method, steps, .. } => {
+                let of = if *method == Method::Rk8 { String::new() } else { format!(" {method}") };
+                write!(formatter, "adaptive{of}, tolerance {:?}", steps.tolerance)?;
                 steps.least_step.map_or(Ok(()), |step| write!(formatter, ", least step {step:?} s"))
             }
         }
@@ -308,7 +311,29 @@ impl Scene {
     /// ```
     #[must_use]
     pub fn adaptive(mut self, steps: AdaptiveSteps, precision: Option<Precision>) -> Self {
-        self.stepping = Stepping::Adaptive { steps, precision };
+        self.stepping = Stepping::Adaptive { method: Method::Rk8, steps, precision };
+        self
+    }
+
+    /// Lets each body choose its steps by the size of the last terms of its Taylor series ([`crate::method::taylor`]): in `f64`, on the
+    /// CPU.
+    ///
+    /// ```
+    /// # use glam::{DQuat, DVec3};
+    /// use polhode::engine::adaptive::AdaptiveSteps;
+    /// use polhode::{Engine, Ensemble, Plan, Scene, Torque};
+    ///
+    /// # let ensemble = Ensemble::from_columns(&[DVec3::new(1.0, 2.0, 2.5)], &[DQuat::IDENTITY], &[DVec3::X])?;
+    /// let steps = AdaptiveSteps { tolerance: 1e-12, least_step: None };
+    /// let scene = Scene::new(ensemble).until(60.0).torque(Torque::linear_drag(0.01)).taylor(steps);
+    /// let engine = Engine::cpu();
+    /// let record = engine.run(&Plan::new(&scene, &engine)?)?;
+    /// assert_eq!(record.trust().adaptive.expect("bodies took adaptive steps").rejected.total, 0);
+    /// # Ok::<(), polhode::Error>(())
+    /// ```
+    #[must_use]
+    pub fn taylor(mut self, steps: AdaptiveSteps) -> Self {
+        self.stepping = Stepping::Adaptive { method: Method::Taylor, steps, precision: Some(Precision::F64) };
         self
     }
 

@@ -184,7 +184,7 @@ fn studies_ask_for_a_tolerance() {
     let study = Study::parse(Path::new("s.toml"), &text).expect("a study");
     let scene = study.scene().expect("a scene");
     let steps = AdaptiveSteps { tolerance: 1e-9, least_step: Some(1e-6) };
-    assert_eq!(scene.stepping(), polhode::scene::Stepping::Adaptive { steps, precision: None });
+    assert_eq!(scene.stepping(), polhode::scene::Stepping::Adaptive { method: Method::Rk8, steps, precision: None });
     let engine = Engine::cpu();
     assert!(engine.run(&Plan::new(&scene, &engine).expect("planned")).expect("run").trust().adaptive.is_some());
     let narrow = study.with_precision(Precision::F32).scene().expect("a scene");
@@ -195,7 +195,7 @@ fn studies_ask_for_a_tolerance() {
 #[test]
 fn studies_are_told_what_would_be_valid() {
     for (accuracy, more, expected) in [
-        ("method = 'rk4'\ntolerance = 1e-9", "", "the method with adaptive steps is \"rk8\""),
+        ("method = 'rk4'\ntolerance = 1e-9", "", "methods with adaptive steps are \"rk8\" and \"taylor\""),
         ("tolerance = 1e-9", "", "adaptive steps need their method"),
         ("method = 'rk8'\nleast_step = 1e-9", "", "a least step needs the error of a step"),
         ("method = 'rk8'\ntolerance = 2.0", "", "above 0 and below 1"),

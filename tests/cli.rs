@@ -189,6 +189,49 @@ fn cpu_and_gpu_give_the_same_states_and_each_the_same_bytes_again() {
     }
 }
 
+// --- bodies that fail ---
+
+/// Drag so strong that no step of a second follows it.
+const FAILING: &str = r#"
+[bodies]
+count = 4
+inertia = [1.0, 2.0, 2.5]
+angular_velocity = [0.3, 1.0, 0.2]
+[[torque]]
+model = "quadratic-drag"
+coefficient = 1e6
+[time]
+end = 20.0
+[accuracy]
+method = "rk4"
+dt = 1.0
+"#;
+
+#[test]
+fn a_run_with_failed_bodies_says_so_first_and_has_failed() {
+    let desk = Desk::new(FAILING);
+    let output = desk.polhode(&["run", "study.toml", "--engine", "cpu"]);
+    assert_eq!(output.status.code(), Some(1), "{}", words(&output.stderr));
+    assert!(words(&output.stderr).contains("4 of 4 bodies have failed"), "{}", words(&output.stderr));
+    let summary = words(&output.stdout);
+    assert!(summary.lines().nth(1).is_some_and(|line| line.contains("FAILED   4 of 4 bodies")), "{summary}");
+    let report = report(&desk, "study.out");
+    assert_eq!(report["failed_bodies"], serde_json::json!([0, 1, 2, 3]));
+    assert_eq!((&report["accuracy"]["bodies"], &report["accuracy"]["lost"]), (&0.into(), &4.into()));
+}
+
+#[test]
+fn a_study_may_allow_as_many_failures_as_there_are_and_no_fewer() {
+    for (allowed, status) in [(4, 0), (3, 1)] {
+        let desk = Desk::new(&format!("{FAILING}[failures]\nallow = {allowed}\n"));
+        let output = desk.polhode(&["run", "study.toml", "--engine", "cpu"]);
+        assert_eq!(output.status.code(), Some(status), "{allowed} allowed: {}", words(&output.stderr));
+    }
+    let desk = Desk::new(&format!("{FAILING}[failures]\nallow = -1\n"));
+    let refusal = desk.refused(&["run", "study.toml", "--engine", "cpu"], 2);
+    assert!(refusal.contains("failures.allow") && refusal.contains("may fail"), "{refusal}");
+}
+
 // --- refusals and failures ---
 
 #[test]
@@ -258,10 +301,11 @@ fn an_interrupt_ends_the_run_and_leaves_nothing() {
 #[cfg(unix)]
 #[test]
 fn an_interrupt_ends_planning_and_leaves_nothing() {
-    // Bodies that a pilot would follow for years.
+    // A tenth of a run of days.
     let (start, _) = SMALL.split_once("outputs").expect("outputs");
+    let long = start.replace("count = 10", "count = 100_000").replace("end = 4.0", "end = 1e8");
     let drag = "[[torque]]\nmodel = \"linear-drag\"\ncoefficient = 1e-9\n";
-    let desk = Desk::new(&format!("{}{drag}", start.replace("sigma = 1 ", "sigma = 1e12 ")));
+    let desk = Desk::new(&format!("{long}{drag}"));
     interrupt(&desk, || desk.path("study.out").is_dir());
 }
 

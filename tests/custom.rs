@@ -7,13 +7,13 @@ use std::fs;
 use std::path::Path;
 
 use common::random::Random;
-use glam::{DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 use polhode::batch::{Precision, StateWords, prepare_with};
 use polhode::engine::Engine;
 use polhode::engine::adaptive::AdaptiveSteps;
 use polhode::plan::PlanDocument;
 use polhode::study::Study;
-use polhode::torque::{Parameters, Torque};
+use polhode::torque::{Orbit, Parameters, Torque};
 use polhode::{Accuracy, Ensemble, Method, Plan, Scene};
 
 /// Fills no lane group, and more than one tile.
@@ -93,6 +93,73 @@ fn pairs() -> Vec<(Torque, Torque)> {
     ]
 }
 
+/// The models whose numbers the host forms by other operations than a text does, so that the two round differently.
+fn rounded_pairs() -> Vec<(Torque, Torque)> {
+    let none = Parameters::new;
+    let custom = |text: &str, parameters: Parameters| Torque::custom(text, parameters).expect("a formula");
+    let vector = DVec3::new(0.3, -0.2, 0.5);
+    // Two radians a second, so that a second is a third of an orbit.
+    let (mu, a, e) = (4.0, 1.0, 0.3);
+    let orbit = || Orbit::kepler(mu, a, e);
+    let place = "let e_sin = kepler_sin(2 * time, 0.3);\nlet e_cos = kepler_cos(2 * time, 0.3);\n\
+                 let size = 1 - 0.3 * e_cos;\nlet u = vec(e_cos - 0.3, sqrt(1 - 0.09) * e_sin, 0) / size;\n";
+    let dipole = "let azimuth = 0.7 * time + 0.2;\n\
+                  let d = vec(sin(0.4) * cos(azimuth), sin(0.4) * sin(azimuth), cos(0.4));\n\
+                  let b = to_body(0.6 / (size * size * size) * (3 * dot(d, u) * u - d));\n";
+    let matrix = DMat3::from_cols_array(&[0.3, 0.1, -0.05, 0.1, 0.4, 0.02, -0.05, 0.02, 0.2]);
+    vec![
+        (Torque::constant_body(vector), custom("t", none().vector("t", vector).expect("a name"))),
+        (
+            Torque::linear_drag(columns(0.1)),
+            custom("-c * angular_velocity", none().number("c", columns(0.1)).expect("a name")),
+        ),
+        (
+            Torque::matrix_drag(matrix),
+            custom(
+                "let w = angular_velocity;\n-vec(0.3 * w.x + 0.1 * w.y - 0.05 * w.z, \
+                 0.1 * w.x + 0.4 * w.y + 0.02 * w.z, -0.05 * w.x + 0.02 * w.y + 0.2 * w.z)",
+                none(),
+            ),
+        ),
+        (
+            Torque::heavy_top(columns(0.5), vector, DVec3::new(0.1, 0.2, -3.0)),
+            custom(
+                "cross(m * centre, to_body(vec(0.1, 0.2, -3)))",
+                none().number("m", columns(0.5)).expect("a name").vector("centre", vector).expect("a name"),
+            ),
+        ),
+        (
+            Torque::gravity_gradient(Orbit::circular(mu, a)),
+            custom(
+                "let u = to_body(cos(2 * time) * vec(1, 0, 0) + sin(2 * time) * vec(0, 1, 0));\n\
+                 3 * 4 * cross(u, inertia * u)",
+                none(),
+            ),
+        ),
+        (
+            Torque::gravity_gradient(orbit()),
+            custom(&format!("{place}let r = to_body(u);\n(12 / (size * size * size)) * cross(r, inertia * r)"), none()),
+        ),
+        (
+            Torque::orbiting_dipole(vector, orbit(), 0.6, 0.4, 0.2, 0.7),
+            custom(&format!("{place}{dipole}cross(moment, b)"), none().vector("moment", vector).expect("a name")),
+        ),
+        (
+            Torque::orbiting_eddy_current(0.1, orbit(), 0.6, 0.4, 0.2, 0.7),
+            custom(&format!("{place}{dipole}0.1 * cross(cross(angular_velocity, b), b)"), none()),
+        ),
+        (
+            Torque::log_spring(0.4, DQuat::IDENTITY),
+            custom(
+                "let q = conjugate(rest) * attitude;\nlet v = vec(q.x, q.y, q.z);\n\
+                 let angle = 2 * atan2(norm(v), abs(q.w));\n\
+                 select(q.w < 0, 0.4, -0.4) * angle * v / norm(v)",
+                none().rotation("rest", DQuat::IDENTITY).expect("a name"),
+            ),
+        ),
+    ]
+}
+
 fn stepped(engine: &Engine, bodies: &Ensemble, torque: &Torque, method: Method, precision: Precision) -> StateWords {
     let torques = [torque.clone()];
     let (_, batch) = prepare_with(bodies, &torques, DT * STEPS as f64, precision).expect("enough memory");
@@ -101,7 +168,7 @@ fn stepped(engine: &Engine, bodies: &Ensemble, torque: &Torque, method: Method, 
 
 /// As [`ended`], in adaptive steps.
 fn adapted(bodies: &Ensemble, torque: &Torque) -> Vec<[u64; 7]> {
-    let steps = AdaptiveSteps { tolerance: 1e-10, least_step: None };
+    let steps = AdaptiveSteps { tolerance: 1e-11, least_step: None };
     states(&Engine::cpu(), Scene::new(bodies.clone()).adaptive(steps, Some(Precision::F64)), torque)
 }
 
@@ -147,7 +214,7 @@ fn a_model_written_down_agrees_with_itself_to_the_bit_on_scalar_engines() {
 #[test]
 fn a_model_written_down_agrees_with_itself_to_rounding_on_every_engine_and_in_any_axes() {
     let gpu = common::gpu();
-    for (model, text) in pairs() {
+    for (model, text) in pairs().into_iter().chain(rounded_pairs()) {
         let bodies = ensemble(false);
         for (engine, name) in [(Engine::cpu(), "lanes"), (Engine::cpu_scalar(), "scalar"), (gpu.clone(), "GPU")] {
             for (precision, bound) in [(Precision::F32, BOUND_F32), (Precision::F64, BOUND_F64)] {
@@ -156,10 +223,14 @@ fn a_model_written_down_agrees_with_itself_to_rounding_on_every_engine_and_in_an
                 assert!(found <= bound, "{} {name} {precision}: {found:e}", model.name());
             }
         }
+        // Its torque jumps at half a turn, which some of the bodies come to: what follows hangs on the last bit.
+        if model.name() == "log-spring" {
+            continue;
+        }
         // Along other axes the stages of a step, whose quaternions are no unit ones, lie elsewhere: the solution is the same.
         let bodies = ensemble(true);
         let found = largest(&adapted(&bodies, &model), &adapted(&bodies, &text));
-        assert!(found <= 1e-9, "{} in adaptive steps of 1e-10: {found:e}", model.name());
+        assert!(found <= 1e-9, "{} in adaptive steps of 1e-11: {found:e}", model.name());
     }
 }
 

@@ -185,7 +185,8 @@ fn stiff_drag_stops_a_body_or_is_flagged_or_reported() {
             let omega = record.final_state().angular_velocity_body(0);
             let stopped = omega.length() < 1e-6;
             let trust = record.trust();
-            let said = !trust.failed_bodies.is_empty() || trust.shadow.angular_velocity.max > 0.1;
+            let shadow = &trust.shadow;
+            let said = !trust.failed_bodies.is_empty() || shadow.angular_velocity.max > 0.1 || shadow.diverged > 0;
             assert!(stopped || said, "{method}, {name}, c dt / I = {stiffness:e}: {omega} and nothing said");
         }
     }

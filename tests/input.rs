@@ -102,9 +102,9 @@ fn every_shape_is_accepted() {
 refuses! {
     a_file_that_is_not_toml: refusal("[bodies\ncount = 1\n") => @"study.toml:1: unclosed table, expected `]`";
     a_key_that_stands_twice: refusal_with("count = 10", "count = 10\ncount = 11") => @"study.toml:4: duplicate key at count";
-    an_unknown_table: refusal_with("[accuracy]", "[acuracy]") => @"study.toml:10: acuracy is not known: did you mean accuracy? known here: title, seed, bodies, torque, force, time, accuracy, output";
+    an_unknown_table: refusal_with("[accuracy]", "[acuracy]") => @"study.toml:10: acuracy is not known: did you mean accuracy? known here: title, seed, bodies, torque, force, time, accuracy, output, failures";
     an_unknown_key_with_the_nearest: refusal_with("outputs =", "output =") => @"study.toml:9: time.output is not known: did you mean outputs? known here: end, outputs";
-    an_unknown_key_with_no_near_one: refusal_with("seed", "colour") => @"study.toml:1: colour is not known: known here: title, seed, bodies, torque, force, time, accuracy, output";
+    an_unknown_key_with_no_near_one: refusal_with("seed", "colour") => @"study.toml:1: colour is not known: known here: title, seed, bodies, torque, force, time, accuracy, output, failures";
     an_unknown_parameter_of_a_shape: refusal_with("radius = 0.5", "raduis = 0.5") => @"study.toml:4: bodies.inertia.raduis is not known: did you mean radius? known here: shape, mass, density, radius, height";
     a_missing_table: refusal("[time]\nend = 1.0\n") => @"study.toml:1: bodies is missing: a table that describes the bodies is needed";
     a_missing_time: refusal("[bodies]\ncount = 1\ninertia = [1, 1, 1]\nangular_velocity = [0, 0, 1]\n") => @"study.toml:1: time is missing: a table with the end of the simulated span is needed";
@@ -145,9 +145,9 @@ refuses! {
     a_percentile_beyond_100: refusal_with("attitude = 1e-6", "percentile = 101") => @"study.toml:11: accuracy.percentile = 101: a percentile above 0 and up to 100 is needed";
     a_percentile_and_a_step: refusal_with("attitude = 1e-6", "percentile = 95\nmethod = \"rk4\"\ndt = 0.1") => @"study.toml:11: accuracy.percentile excludes method: give one of them";
     an_accuracy_that_f32_does_not_reach: refusal("[bodies]\ncount = 1\ninertia = [1, 2, 2.5]\nangular_velocity = [0.1, 1, 0.2]\n[time]\nend = 1.0\n[accuracy]\nattitude = 1e-9\nprecision = \"f32\"\n") => @"study.toml:8: accuracy.attitude = 1e-9: out of reach: attitude 1e-9 rad, in 99 % of the bodies: the best here (closed form in f32) misses the attitude by a factor of 9.6e2: precision f64 is needed, or more than 1e-6 and 3e-8 of the angle turned (rad)";
-    a_method_without_a_step: refusal_with("attitude = 1e-6", "method = \"rk4\"") => @r#"study.toml:10: accuracy.dt is missing: a method that is given needs a step beside it (s), or "rk8" a tolerance"#;
+    a_method_without_a_step: refusal_with("attitude = 1e-6", "method = \"rk4\"") => @r#"study.toml:10: accuracy.dt is missing: a method that is given needs a step beside it (s), or "rk8" or "taylor" a tolerance"#;
     a_step_without_a_method: refusal_with("attitude = 1e-6", "dt = 0.1") => @r#"study.toml:10: accuracy.method is missing: a step that is given needs a method beside it: "rk4" or "dlm""#;
-    an_unknown_method: refusal_with("attitude = 1e-6", "method = \"rk5\"\ndt = 0.1") => @r#"study.toml:11: accuracy.method = "rk5": did you mean rk4? possible: rk4, rk8, cf4, splitting2, splitting4, splitting6, implicit_midpoint, dlm, explicit_euler, gyro_newton, clamped_euler, spiral"#;
+    an_unknown_method: refusal_with("attitude = 1e-6", "method = \"rk5\"\ndt = 0.1") => @r#"study.toml:11: accuracy.method = "rk5": did you mean rk4? possible: rk4, rk8, cf4, splitting2, splitting4, splitting6, implicit_midpoint, dlm, explicit_euler, gyro_newton, clamped_euler, spiral, taylor"#;
     a_step_below_zero: refusal_with("attitude = 1e-6", "method = \"rk4\"\ndt = -0.1") => @"study.toml:12: accuracy.dt = -0.1: a step above zero is needed (s)";
     a_step_too_small_to_finish: refusal_with("attitude = 1e-6", "method = \"rk4\"\ndt = 1e-20") => @"study.toml:12: accuracy.dt = 1e-20: more than 1e15 steps would be needed: a longer step or a shorter span is needed (s)";
     an_unknown_precision: refusal_with("attitude = 1e-6", "precision = \"f16\"") => @r#"study.toml:11: accuracy.precision = "f16": possible: auto, f32, f64"#;

@@ -8,6 +8,7 @@ use super::watch::Job;
 use crate::batch::{AnyBatch, Precision, StateWords};
 use crate::engine::work::imbalance;
 use crate::error::{Error, Result};
+use crate::method::Method;
 use crate::method::rk8_adaptive::least_tolerance;
 use crate::real::Scalar;
 use crate::torque::Kind;
@@ -75,6 +76,25 @@ pub(crate) fn check_torques(batch: &AnyBatch) -> Result<()> {
     })
 }
 
+/// What `taylor` in another arithmetic is refused with.
+pub(crate) const TAYLOR_IN_F64: &str = "its series are formed in f64: precision \"f64\", or method \"rk8\", is needed";
+
+/// What `taylor` on another engine is refused with.
+pub(crate) const TAYLOR_ON_CPU: &str = "its series are formed on the CPU: engine \"cpu\", or method \"rk8\", is needed";
+
+/// What `taylor` with equal steps is refused with.
+pub(crate) const TAYLOR_ADAPTS: &str = "its steps are adaptive: a tolerance instead of dt is needed";
+
+/// Refuses equal steps of a method that has none.
+pub(crate) fn check_equal_steps(method: Method) -> Result<()> {
+    if method == Method::Taylor { Err(taylor_unavailable(TAYLOR_ADAPTS)) } else { Ok(()) }
+}
+
+/// The refusal of `taylor`, with what would be valid.
+pub(crate) fn taylor_unavailable(expected: &'static str) -> Error {
+    Error::MethodUnavailable { method: Method::Taylor, expected: expected.into() }
+}
+
 /// A number in two words of `f64` in those of an element type.
 pub(crate) fn two_words_of<T: Scalar>(value: f64, residue: f64) -> TwoWords<T> {
     let first = T::from_f64(value);
@@ -97,7 +117,8 @@ impl StepCounts {
     }
 }
 
-/// A batch on an engine whose bodies take steps of their own size, by [`crate::method::rk8_adaptive`].
+/// A batch on an engine whose bodies take steps of their own size, by [`crate::method::rk8_adaptive`] or
+/// [`crate::method::taylor`].
 pub trait AdaptiveSession: Reduce {
     /// Number of bodies.
     fn body_count(&self) -> usize;

@@ -5,7 +5,9 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::adaptive::{AdaptiveSession, AdaptiveSteps, check_torques};
+use super::adaptive::{
+    AdaptiveSession, AdaptiveSteps, TAYLOR_ADAPTS, TAYLOR_IN_F64, check_equal_steps, check_torques, taylor_unavailable,
+};
 use super::projected::conserving;
 use super::watch::{Job, Watch, watched};
 use super::{Backend, Description, EngineKind, FreeSession, Observer, Session, check_step, check_time};
@@ -31,6 +33,7 @@ use crate::vector::TwoWords;
 mod adaptive;
 mod observe;
 mod surroundings;
+mod taylor;
 mod tile;
 
 use adaptive::CpuAdaptiveSession;
@@ -87,6 +90,7 @@ impl Backend for Cpu {
     }
 
     fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+        check_equal_steps(method)?;
         Ok(match batch {
             AnyBatch::F32(batch) => Box::new(CpuSession::new(batch, method, self.width)),
             AnyBatch::F64(batch) => Box::new(CpuSession::new(batch, method, self.width)),
@@ -106,6 +110,15 @@ impl Backend for Cpu {
             AnyBatch::F32(batch) => Box::new(CpuAdaptiveSession::new(batch, steps, self.width)),
             AnyBatch::F64(batch) => Box::new(CpuAdaptiveSession::new(batch, steps, self.width)),
         })
+    }
+
+    fn start_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+        steps.check(batch.precision())?;
+        check_torques(&batch)?;
+        match batch {
+            AnyBatch::F32(_) => Err(taylor_unavailable(TAYLOR_IN_F64)),
+            AnyBatch::F64(batch) => Ok(Box::new(CpuAdaptiveSession::by_series(batch, steps, self.width)?)),
+        }
     }
 
     fn evaluates_on_host(&self) -> Option<Width> {
@@ -243,6 +256,7 @@ impl<T: LaneScalar> CpuSession<T> {
             Method::GyroNewton => self.advance_singly_by::<GyroNewton>(dt, steps),
             Method::ClampedEuler => self.advance_singly_by::<ClampedEuler>(dt, steps),
             Method::Spiral => self.advance_singly_by::<Spiral>(dt, steps),
+            Method::Taylor => return Err(taylor_unavailable(TAYLOR_ADAPTS)),
         })
     }
 

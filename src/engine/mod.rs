@@ -29,7 +29,7 @@ pub mod work;
 
 pub use devices::{Adapter, AdapterLimits, Choice, Devices, devices, devices_async};
 
-use adaptive::{AdaptiveSession, AdaptiveSteps};
+use adaptive::{AdaptiveSession, AdaptiveSteps, TAYLOR_ON_CPU, taylor_unavailable};
 use cpu::{Cpu, Width};
 use gpu::{Arithmetic, Gpu, GpuOptions, wgpu};
 use reduction::Reduce;
@@ -194,6 +194,10 @@ impl Backend for Engine {
         self.backend.start_adaptive(batch, steps)
     }
 
+    fn start_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+        self.backend.start_taylor(batch, steps)
+    }
+
     fn evaluates_on_host(&self) -> Option<Width> {
         self.backend.evaluates_on_host()
     }
@@ -264,6 +268,16 @@ pub trait Backend: Send + Sync {
     /// As [`Backend::start`]; [`crate::Error::Setting`] as [`AdaptiveSteps::check`]; [`crate::Error::Torque`] where white
     /// noise acts.
     fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>>;
+
+    /// The same by [`crate::method::taylor`], in `f64`.
+    ///
+    /// # Errors
+    ///
+    /// As [`Backend::start_adaptive`]; [`crate::Error::MethodUnavailable`] in another arithmetic, on an engine that does not form series,
+    /// and for a torque that has none.
+    fn start_taylor(&self, _batch: AnyBatch, _steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+        Err(taylor_unavailable(TAYLOR_ON_CPU))
+    }
 
     /// Whether [`Backend::start_carrying`] moves centres of mass; where it does not, the host follows the rotation.
     fn carries_centres(&self) -> bool {

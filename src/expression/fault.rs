@@ -18,6 +18,8 @@ pub enum Fault {
     NotFinite,
     /// Division by a constant that is zero.
     DivisionByZero,
+    /// An eccentricity that changes in time, where Taylor series are asked for.
+    VaryingEccentricity,
     /// A constant that shaders cannot write.
     ConstantOutOfRange {
         /// The constant.
@@ -118,6 +120,12 @@ impl fmt::Display for Fault {
             Fault::TooManyNodes => write!(formatter, "the formula has more than {MOST_NODES} different operations"),
             Fault::NotFinite => write!(formatter, "this constant is not a finite number"),
             Fault::DivisionByZero => write!(formatter, "division by zero"),
+            Fault::VaryingEccentricity => {
+                write!(
+                    formatter,
+                    "Kepler's equation has a series here for an eccentricity that is constant in time only"
+                )
+            }
             Fault::Nested => write!(formatter, "a formula is being recorded already on this thread"),
             Fault::ForeignSymbol => write!(formatter, "a symbol was used outside of the recording that it belongs to"),
             Fault::UnknownName { name, nearest } => {

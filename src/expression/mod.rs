@@ -3,13 +3,15 @@
 //! ```text
 //! formula over `Real` ─┐                       ┌─▶ Stages   what is formed once a body, once a step, every time
 //! closure of symbols  ─┼─▶ Graph (Expression) ─┼─▶ Program  tiles of lanes; one scalar, the reference
-//! text                ─┘                       └─▶ wgsl     a function for the shaders
+//! text                ─┘                       ├─▶ Jets     Taylor series over tiles of lanes
+//!                                              └─▶ wgsl     a function for the shaders
 //! ```
 //!
 //! * [`Symbol`] is a number that records what is done with it, so that vectors, quaternions and torques, which are generic
 //!   over [`crate::real::Real`], record themselves.
 //! * [`graph`] holds scalar operations; equal ones are one node, constants are folded (`simplify.rs`).
 //! * [`Program`] is the lowered form, carried out over tiles (`tile.rs`).
+//! * Jets (`jet`) give its Taylor series, coefficient by coefficient.
 //! * [`wgsl`] writes the same operations in the same order for the GPU.
 //! * [`Expression`] is a formula with its results, from text ([`Expression::parse`]) or from a closure
 //!   ([`Expression::record`]).
@@ -17,6 +19,7 @@
 pub mod fault;
 mod functions;
 pub mod graph;
+pub(crate) mod jet;
 mod lexer;
 mod parser;
 pub mod program;
@@ -42,7 +45,7 @@ pub use stages::{Part, Stages};
 pub use symbol::{Recorder, Symbol, Truth};
 pub use symbols::{MOST_PARAMETERS, Name, Recorded, Scope, Shape, Symbols};
 pub use text::{LONGEST_TEXT, MOST_LEVELS, TextError};
-pub use tile::Scratch;
+pub(crate) use tile::Scratch;
 
 /// A formula: a graph and its results. Copies share it.
 #[derive(Clone, Debug, PartialEq)]

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use super::graph::{Binary, Graph, Input, Node, Operation, Unary};
 use crate::real::Function;
 
-/// Instructions that form some results from inputs. [`Program::evaluate`] carries them out.
+/// Instructions that form some results from inputs. [`Program::evaluate_columns`] carries them out.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Program {
     pub(super) inputs: Vec<Input>,
@@ -34,6 +34,14 @@ pub(super) struct Instruction {
     pub(super) b: u16,
     /// The third operand, or where the second result goes.
     pub(super) c: u16,
+}
+
+impl Instruction {
+    /// Its result's place and those of `a`, `b` and `c`.
+    #[inline(always)]
+    pub(super) fn places(&self) -> [usize; 4] {
+        [self.to.into(), self.a.into(), self.b.into(), self.c.into()]
+    }
 }
 
 /// What an instruction does.
@@ -80,7 +88,7 @@ impl Program {
         Lowering::new(graph, outputs).program(outputs)
     }
 
-    /// What the program reads, in the order in which [`Program::evaluate`] takes it.
+    /// What the program reads, in the order in which [`Program::evaluate_columns`] takes it.
     pub fn inputs(&self) -> &[Input] {
         &self.inputs
     }

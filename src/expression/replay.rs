@@ -10,7 +10,7 @@ use crate::real::{Function, Real};
 
 /// What stands for a node.
 #[derive(Clone, Copy)]
-enum Value {
+pub(super) enum Value {
     Number(Symbol),
     Truth(Truth),
 }
@@ -62,7 +62,7 @@ impl Graph {
                 },
                 _ => None,
             };
-            let value = recorded(operation, &values, turned, &mut input);
+            let value = recorded(operation, |operand| values[operand.index()], turned, &mut input);
             values[node.index()] = value;
             affine[node.index()] = self.affine(node, value, &affine);
         }
@@ -122,14 +122,15 @@ fn number(value: Value) -> Symbol {
     }
 }
 
-fn recorded(
+/// An operation recorded again; `value` says what stands for its operands, `argument` for that of a sine or cosine.
+pub(super) fn recorded(
     operation: Operation,
-    values: &[Value],
+    value: impl Fn(Node) -> Value,
     argument: Option<Symbol>,
     input: &mut impl FnMut(Input) -> Symbol,
 ) -> Value {
-    let of = |node: Node| number(values[node.index()]);
-    let truth = |node: Node| match values[node.index()] {
+    let of = |node: Node| number(value(node));
+    let truth = |node: Node| match value(node) {
         Value::Truth(truth) => truth,
         Value::Number(number) => Symbol::splat(0.5).less_than(number),
     };

@@ -4,7 +4,7 @@ use super::wgsl::{Argument, Signature};
 use super::*;
 use crate::batch::Precision;
 use crate::engine::gpu::shader::Source;
-use crate::lanes::{LaneScalar, LaneTask};
+use crate::lanes::{Each, LaneScalar, LaneTask};
 use crate::quaternion::Quaternion;
 use crate::real::{Function, Real, Scalar};
 use crate::torque::orbiting_dipole::DipoleField;
@@ -141,22 +141,21 @@ impl<T: LaneScalar, K: Kernel> LaneTask<T> for InLanes<'_, T, K> {
     type Output = ();
     #[inline(always)]
     fn run<R: Real<Scalar = T>>(self) {
-        // Both a whole block of groups and some that are left over.
         const GROUPS: usize = 6;
-        let groups =
-            |column: &Vec<T>| (0..GROUPS).map(|group| R::load(&column[group * R::LANES..])).collect::<Vec<R>>();
-        let numbers: Vec<Vec<R>> = self.columns.iter().map(groups).collect();
-        let inputs: Vec<&[R]> =
-            self.program.inputs().iter().map(|input| numbers[usize::from(input.index)].as_slice()).collect();
-        let mut outputs = vec![R::splat(0.0); 3 * GROUPS];
-        let mut scratch = Scratch::new(self.program, GROUPS);
-        self.program.evaluate(&mut scratch, &inputs, &mut outputs);
+        let groups = |column: &Vec<T>| std::array::from_fn(|group| R::load(&column[group * R::LANES..]));
+        let numbers: Vec<Each<R, GROUPS>> = self.columns.iter().map(|column| Each(groups(column))).collect();
+        let mut outputs = vec![Each([R::splat(0.0); GROUPS]); 3];
+        let mut scratch = Scratch::new(self.program);
+        for (index, input) in self.program.inputs().iter().enumerate() {
+            *scratch.input(index) = numbers[usize::from(input.index)];
+        }
+        self.program.run(&mut scratch, &mut outputs);
         for group in 0..GROUPS {
             let row: Vec<R> = numbers.iter().map(|number| number[group]).collect();
             let direct = K::call(&row);
             for (component, direct) in [direct.x, direct.y, direct.z].into_iter().enumerate() {
                 let (mut found, mut expected) = (vec![T::default(); R::LANES], vec![T::default(); R::LANES]);
-                outputs[component * GROUPS + group].store(&mut found);
+                outputs[component][group].store(&mut found);
                 direct.store(&mut expected);
                 for (found, expected) in found.into_iter().zip(expected) {
                     assert_eq!(bits(found), bits(expected), "{} in lanes: {found:?}, {expected:?}", K::NAME);

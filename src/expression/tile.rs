@@ -4,75 +4,63 @@
 //! loop and groups the inner one, so that the cost of finding out what to do is shared by all bodies of the tile. A tile of
 //! one scalar is the reference.
 
-use std::cell::Cell;
-
 use super::functions;
 use super::program::{Instruction, Kind, Program};
-use crate::lanes::{LaneScalar, LaneTask};
+use crate::lanes::{Each, GROUPS, LaneScalar, LaneTask};
 use crate::real::{Outlined, Real};
 
-/// What a program works on for one size of tile: its inputs, its constants and its slots, one after another.
+/// What a program works on, for tiles of `GROUPS` lane groups: its inputs, its constants and its slots, one after another.
 #[derive(Clone)]
-pub struct Scratch<R: Real> {
-    groups: usize,
+pub(crate) struct Scratch<R: Real, const GROUPS: usize> {
     inputs: usize,
-    numbers: Vec<R>,
-    truths: Vec<R::Mask>,
+    numbers: Vec<Each<R, GROUPS>>,
+    truths: Vec<Each<R::Mask, GROUPS>>,
 }
 
-impl<R: Real> std::fmt::Debug for Scratch<R> {
+impl<R: Real, const GROUPS: usize> std::fmt::Debug for Scratch<R, GROUPS> {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        formatter
-            .debug_struct("Scratch")
-            .field("groups", &self.groups)
-            .field("numbers", &self.numbers)
-            .finish_non_exhaustive()
+        formatter.debug_struct("Scratch").field("numbers", &self.numbers).finish_non_exhaustive()
     }
 }
 
-impl<R: Real> Scratch<R> {
-    /// Memory for tiles of `groups` groups of lanes, for this program only.
+impl<R: Real, const GROUPS: usize> Scratch<R, GROUPS> {
+    /// Memory for this program only.
     #[inline(always)]
-    pub fn new(program: &Program, groups: usize) -> Self {
+    pub fn new(program: &Program) -> Self {
         let zero = R::splat(0.0);
         let inputs = program.inputs.len();
-        let mut numbers = vec![zero; (inputs + program.constants.len() + program.slots) * groups];
+        let mut numbers = vec![Each([zero; GROUPS]); inputs + program.constants.len() + program.slots];
         for (index, constant) in program.constants.iter().enumerate() {
-            for number in &mut numbers[(inputs + index) * groups..][..groups] {
-                *number = R::splat(*constant);
-            }
+            numbers[inputs + index] = Each([R::splat(*constant); GROUPS]);
         }
-        Self { groups, inputs, numbers, truths: vec![zero.less_than(zero); program.truths * groups] }
+        Self { inputs, numbers, truths: vec![Each([zero.less_than(zero); GROUPS]); program.truths] }
     }
 
-    /// Groups of lanes in a tile.
-    #[inline(always)]
-    pub fn groups(&self) -> usize {
-        self.groups
-    }
-
-    /// Where input `index` of [`Program::inputs`] is, one number a group. What is written stays for later evaluations, so
-    /// that parameters are loaded once for all stages of a step.
+    /// Where input `index` of [`Program::inputs`] is. What is written stays for later evaluations, so that parameters are loaded once
+    /// for all stages of a step.
     ///
     /// # Panics
     ///
     /// If there is no such input.
     #[inline(always)]
-    pub fn input(&mut self, index: usize) -> &mut [R] {
+    pub fn input(&mut self, index: usize) -> &mut Each<R, GROUPS> {
         assert!(index < self.inputs, "one of the inputs");
-        &mut self.numbers[index * self.groups..][..self.groups]
+        &mut self.numbers[index]
     }
 }
 
 impl Program {
-    /// Forms the results for all bodies of a tile from what [`Scratch::input`] holds, and stores them: result k of group g
-    /// at `k * groups + g`.
+    /// Forms the results for all bodies of a tile from what [`Scratch::input`] holds, and stores them.
     ///
     /// # Panics
     ///
     /// If the scratch memory is that of another program, or the length of `outputs` does not fit it.
     #[inline(always)]
-    pub fn run<R: Real>(&self, scratch: &mut Scratch<R>, outputs: &mut [R]) {
+    pub(crate) fn run<R: Real, const GROUPS: usize>(
+        &self,
+        scratch: &mut Scratch<R, GROUPS>,
+        outputs: &mut [Each<R, GROUPS>],
+    ) {
         R::outlined(Evaluation { program: self, scratch, outputs, add: false });
     }
 
@@ -82,22 +70,12 @@ impl Program {
     ///
     /// As [`Program::run`].
     #[inline(always)]
-    pub fn accumulate<R: Real>(&self, scratch: &mut Scratch<R>, outputs: &mut [R]) {
+    pub(crate) fn accumulate<R: Real, const GROUPS: usize>(
+        &self,
+        scratch: &mut Scratch<R, GROUPS>,
+        outputs: &mut [Each<R, GROUPS>],
+    ) {
         R::outlined(Evaluation { program: self, scratch, outputs, add: true });
-    }
-
-    /// As [`Program::run`] with all inputs given: `inputs[i]` holds what [`Program::inputs`] names at i.
-    ///
-    /// # Panics
-    ///
-    /// As [`Program::run`], and if the number or the lengths of inputs do not fit.
-    #[inline(always)]
-    pub fn evaluate<R: Real>(&self, scratch: &mut Scratch<R>, inputs: &[&[R]], outputs: &mut [R]) {
-        assert_eq!(inputs.len(), self.inputs.len(), "a slice an input");
-        for (index, input) in inputs.iter().enumerate() {
-            scratch.input(index).copy_from_slice(input);
-        }
-        self.run(scratch, outputs);
     }
 
     /// The results of one body by scalar arithmetic: `f64` is the reference, `f32` the shader's twin.
@@ -106,10 +84,14 @@ impl Program {
     ///
     /// If the number of inputs is not that of [`Program::inputs`].
     pub fn evaluate_one<T: crate::real::Scalar>(&self, inputs: &[T]) -> Vec<T> {
-        let slices: Vec<&[T]> = inputs.iter().map(std::slice::from_ref).collect();
-        let mut outputs = vec![T::default(); self.outputs.len()];
-        self.evaluate::<T>(&mut Scratch::new(self, 1), &slices, &mut outputs);
-        outputs
+        assert_eq!(inputs.len(), self.inputs.len(), "a number an input");
+        let mut scratch = Scratch::<T, 1>::new(self);
+        for (index, &input) in inputs.iter().enumerate() {
+            *scratch.input(index) = Each([input]);
+        }
+        let mut outputs = vec![Each([T::default()]); self.outputs.len()];
+        self.run(&mut scratch, &mut outputs);
+        outputs.into_iter().map(|Each([output])| output).collect()
     }
 
     /// The results of many bodies by the widest lanes of this processor: `columns[i]` holds input i of all bodies, and
@@ -126,9 +108,6 @@ impl Program {
     }
 }
 
-/// Groups of lanes in a tile of [`Program::evaluate_columns`].
-const GROUPS: usize = 4;
-
 struct Columns<'a, T> {
     program: &'a Program,
     columns: &'a [&'a [T]],
@@ -141,14 +120,12 @@ impl<T: LaneScalar> LaneTask<T> for Columns<'_, T> {
     #[inline(always)]
     fn run<R: Real<Scalar = T>>(self) {
         let Self { program, columns, bodies, outputs } = self;
-        let zero = R::splat(0.0);
-        let mut scratch = Scratch::<R>::new(program, GROUPS);
-        let mut loaded = vec![zero; columns.len() * GROUPS];
-        let mut results = vec![zero; outputs.len() * GROUPS];
+        let mut scratch = Scratch::<R, GROUPS>::new(program);
+        let mut results = vec![Each([R::splat(0.0); GROUPS]); outputs.len()];
         let mut lanes = vec![T::default(); R::LANES];
         for first in (0..bodies).step_by(GROUPS * R::LANES) {
-            for (column, tile) in columns.iter().zip(loaded.chunks_exact_mut(GROUPS)) {
-                for (group, number) in tile.iter_mut().enumerate() {
+            for (index, column) in columns.iter().enumerate() {
+                for (group, number) in scratch.input(index).iter_mut().enumerate() {
                     // Lanes behind the last body repeat it.
                     let start = first + group * R::LANES;
                     for (lane, value) in lanes.iter_mut().enumerate() {
@@ -157,9 +134,8 @@ impl<T: LaneScalar> LaneTask<T> for Columns<'_, T> {
                     *number = R::load(&lanes);
                 }
             }
-            let inputs: Vec<&[R]> = loaded.chunks_exact(GROUPS).collect();
-            program.evaluate(&mut scratch, &inputs, &mut results);
-            for (output, tile) in outputs.iter_mut().zip(results.chunks_exact(GROUPS)) {
+            program.run(&mut scratch, &mut results);
+            for (output, tile) in outputs.iter_mut().zip(&results) {
                 for (group, number) in tile.iter().enumerate() {
                     number.store(&mut lanes);
                     let start = (first + group * R::LANES).min(bodies);
@@ -171,110 +147,77 @@ impl<T: LaneScalar> LaneTask<T> for Columns<'_, T> {
     }
 }
 
-/// Groups that an instruction is carried out for at once, where there are as many.
-const LARGE: usize = 8;
-/// The same where there are fewer.
-const SMALL: usize = 4;
-
-struct Evaluation<'a, R: Real> {
+struct Evaluation<'a, R: Real, const GROUPS: usize> {
     program: &'a Program,
-    scratch: &'a mut Scratch<R>,
-    outputs: &'a mut [R],
+    scratch: &'a mut Scratch<R, GROUPS>,
+    outputs: &'a mut [Each<R, GROUPS>],
     add: bool,
 }
 
-/// `N` groups of a tile from `at` on, during an evaluation. Their number is known to the compiler, as a loop over few groups
-/// costs more by its branches than by its operations. Cells, because a result may take the place of an operand that is not
-/// needed again.
-#[derive(Clone, Copy)]
-struct Block<'a, R: Real, const N: usize> {
-    numbers: &'a [Cell<R>],
-    truths: &'a [Cell<R::Mask>],
-    groups: usize,
-    at: usize,
-}
-
-impl<'a, R: Real, const N: usize> Block<'a, R, N> {
-    #[inline(always)]
-    fn number(self, operand: u16) -> &'a [Cell<R>] {
-        &self.numbers[usize::from(operand) * self.groups + self.at..][..N]
-    }
-
-    #[inline(always)]
-    fn truth(self, operand: u16) -> &'a [Cell<R::Mask>] {
-        &self.truths[usize::from(operand) * self.groups + self.at..][..N]
-    }
-}
-
-/// Carries out an operation for all groups of a block. It is a macro because a closure cannot be made to be inlined.
+/// Carries out an operation for all groups. It is a macro because a closure cannot be made to be inlined. A result may take the place
+/// of an operand that is not needed again.
 macro_rules! for_each_group {
-    ($to:expr, $a:expr, |$x:ident| $result:expr) => {{
-        let (to, a) = ($to, $a);
-        for k in 0..N {
-            let $x = a[k].get();
-            to[k].set($result);
+    ($to:expr, $a:expr, |$x:ident| $result:expr) => {
+        for k in 0..GROUPS {
+            let $x = $a[k];
+            $to[k] = $result;
         }
-    }};
-    ($to:expr, $a:expr, $b:expr, |$x:ident, $y:ident| $result:expr) => {{
-        let (to, a, b) = ($to, $a, $b);
-        for k in 0..N {
-            let ($x, $y) = (a[k].get(), b[k].get());
-            to[k].set($result);
+    };
+    ($to:expr, $a:expr, $b:expr, |$x:ident, $y:ident| $result:expr) => {
+        for k in 0..GROUPS {
+            let ($x, $y) = ($a[k], $b[k]);
+            $to[k] = $result;
         }
-    }};
-    ($to:expr, $a:expr, $b:expr, $c:expr, |$x:ident, $y:ident, $z:ident| $result:expr) => {{
-        let (to, a, b, c) = ($to, $a, $b, $c);
-        for k in 0..N {
-            let ($x, $y, $z) = (a[k].get(), b[k].get(), c[k].get());
-            to[k].set($result);
+    };
+    ($to:expr, $a:expr, $b:expr, $c:expr, |$x:ident, $y:ident, $z:ident| $result:expr) => {
+        for k in 0..GROUPS {
+            let ($x, $y, $z) = ($a[k], $b[k], $c[k]);
+            $to[k] = $result;
         }
-    }};
+    };
 }
 
 /// What needs much code is a function of its own.
-struct FunctionOfTile<'a, R: Real, const N: usize> {
-    tile: Block<'a, R, N>,
+struct FunctionOfTile<'a, R: Real, const GROUPS: usize> {
+    numbers: &'a mut [Each<R, GROUPS>],
     instruction: Instruction,
 }
 
-impl<R: Real, const N: usize> Outlined for FunctionOfTile<'_, R, N> {
+impl<R: Real, const GROUPS: usize> Outlined for FunctionOfTile<'_, R, GROUPS> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let Self { tile, instruction: Instruction { kind, to, a, b, c } } = self;
-        match kind {
+        let Self { numbers, instruction } = self;
+        let [to, a, b, c] = instruction.places();
+        match instruction.kind {
             Kind::SinCos => {
-                for ((sin, cos), a) in tile.number(to).iter().zip(tile.number(c)).zip(tile.number(a)) {
-                    let (sin_a, cos_a) = crate::real::sin_cos(a.get());
-                    sin.set(sin_a);
-                    cos.set(cos_a);
+                let a = numbers[a];
+                for (k, &x) in a.iter().enumerate() {
+                    (numbers[to][k], numbers[c][k]) = crate::real::sin_cos(x);
                 }
             }
             Kind::Kepler => {
-                let results = tile.number(to).iter().zip(tile.number(c));
-                for ((sin, cos), (a, b)) in results.zip(tile.number(a).iter().zip(tile.number(b))) {
-                    let (sin_e, cos_e) = functions::kepler(a.get(), b.get());
-                    sin.set(sin_e);
-                    cos.set(cos_e);
+                let (a, b) = (numbers[a], numbers[b]);
+                for (k, (&x, &y)) in a.iter().zip(b.iter()).enumerate() {
+                    (numbers[to][k], numbers[c][k]) = functions::kepler(x, y);
                 }
             }
             Kind::One(function) => {
-                for_each_group!(tile.number(to), tile.number(a), |x| functions::of_one(function, x));
+                for_each_group!(numbers[to], numbers[a], |x| functions::of_one(function, x));
             }
             Kind::Two(function) => {
-                let (a, b) = (tile.number(a), tile.number(b));
-                for_each_group!(tile.number(to), a, b, |x, y| functions::of_two(function, x, y));
+                for_each_group!(numbers[to], numbers[a], numbers[b], |x, y| functions::of_two(function, x, y));
             }
             _ => {}
         }
     }
 }
 
-impl<R: Real, const N: usize> Block<'_, R, N> {
+impl<R: Real, const GROUPS: usize> Scratch<R, GROUPS> {
     /// Carries out all instructions.
     #[inline(always)]
-    fn carry_out(self, program: &Program) {
-        let tile = self;
+    fn carry_out(&mut self, program: &Program) {
+        let (numbers, truths) = (self.numbers.as_mut_slice(), self.truths.as_mut_slice());
         // One jump for a run of instructions of one kind: where a processor does not foresee it, it costs more than the work.
         let mut rest = program.instructions.as_slice();
         for &(kind, count) in &program.runs {
@@ -282,70 +225,66 @@ impl<R: Real, const N: usize> Block<'_, R, N> {
             rest = later;
             macro_rules! each {
                 (|$to:ident, $a:ident, $b:ident, $c:ident| $work:expr) => {
-                    for &Instruction { to: $to, a: $a, b: $b, c: $c, .. } in run {
+                    for instruction in run {
+                        let [$to, $a, $b, $c] = instruction.places();
                         $work
                     }
                 };
             }
             match kind {
                 Kind::Add => each!(|to, a, b, _c| {
-                    for_each_group!(tile.number(to), tile.number(a), tile.number(b), |x, y| x + y);
+                    for_each_group!(numbers[to], numbers[a], numbers[b], |x, y| x + y);
                 }),
                 Kind::Sub => each!(|to, a, b, _c| {
-                    for_each_group!(tile.number(to), tile.number(a), tile.number(b), |x, y| x - y);
+                    for_each_group!(numbers[to], numbers[a], numbers[b], |x, y| x - y);
                 }),
                 Kind::Mul => each!(|to, a, b, _c| {
-                    for_each_group!(tile.number(to), tile.number(a), tile.number(b), |x, y| x * y);
+                    for_each_group!(numbers[to], numbers[a], numbers[b], |x, y| x * y);
                 }),
                 Kind::NegMul => each!(|to, a, b, _c| {
-                    for_each_group!(tile.number(to), tile.number(a), tile.number(b), |x, y| -(x * y));
+                    for_each_group!(numbers[to], numbers[a], numbers[b], |x, y| -(x * y));
                 }),
                 Kind::Div => each!(|to, a, b, _c| {
-                    for_each_group!(tile.number(to), tile.number(a), tile.number(b), |x, y| x / y);
+                    for_each_group!(numbers[to], numbers[a], numbers[b], |x, y| x / y);
                 }),
                 Kind::Min => each!(|to, a, b, _c| {
-                    for_each_group!(tile.number(to), tile.number(a), tile.number(b), |x, y| x.min(y));
+                    for_each_group!(numbers[to], numbers[a], numbers[b], |x, y| x.min(y));
                 }),
                 Kind::Max => each!(|to, a, b, _c| {
-                    for_each_group!(tile.number(to), tile.number(a), tile.number(b), |x, y| x.max(y));
+                    for_each_group!(numbers[to], numbers[a], numbers[b], |x, y| x.max(y));
                 }),
                 Kind::MulAdd => each!(|to, a, b, c| {
-                    let (a, b, c) = (tile.number(a), tile.number(b), tile.number(c));
-                    for_each_group!(tile.number(to), a, b, c, |x, y, z| x.mul_add(y, z));
+                    for_each_group!(numbers[to], numbers[a], numbers[b], numbers[c], |x, y, z| x.mul_add(y, z));
                 }),
                 Kind::MulSub => each!(|to, a, b, c| {
-                    let (a, b, c) = (tile.number(a), tile.number(b), tile.number(c));
-                    for_each_group!(tile.number(to), a, b, c, |x, y, z| x.mul_add(y, -z));
+                    for_each_group!(numbers[to], numbers[a], numbers[b], numbers[c], |x, y, z| x.mul_add(y, -z));
                 }),
                 Kind::NegMulAdd => each!(|to, a, b, c| {
-                    let (a, b, c) = (tile.number(a), tile.number(b), tile.number(c));
-                    for_each_group!(tile.number(to), a, b, c, |x, y, z| (-x).mul_add(y, z));
+                    for_each_group!(numbers[to], numbers[a], numbers[b], numbers[c], |x, y, z| (-x).mul_add(y, z));
                 }),
                 Kind::NegMulSub => each!(|to, a, b, c| {
-                    let (a, b, c) = (tile.number(a), tile.number(b), tile.number(c));
-                    for_each_group!(tile.number(to), a, b, c, |x, y, z| (-x).mul_add(y, -z));
+                    for_each_group!(numbers[to], numbers[a], numbers[b], numbers[c], |x, y, z| (-x).mul_add(y, -z));
                 }),
-                Kind::Neg => each!(|to, a, _b, _c| for_each_group!(tile.number(to), tile.number(a), |x| -x)),
-                Kind::Sqrt => each!(|to, a, _b, _c| for_each_group!(tile.number(to), tile.number(a), |x| x.sqrt())),
-                Kind::Abs => each!(|to, a, _b, _c| for_each_group!(tile.number(to), tile.number(a), |x| x.abs())),
-                Kind::Round => each!(|to, a, _b, _c| for_each_group!(tile.number(to), tile.number(a), |x| x.round())),
+                Kind::Neg => each!(|to, a, _b, _c| for_each_group!(numbers[to], numbers[a], |x| -x)),
+                Kind::Sqrt => each!(|to, a, _b, _c| for_each_group!(numbers[to], numbers[a], |x| x.sqrt())),
+                Kind::Abs => each!(|to, a, _b, _c| for_each_group!(numbers[to], numbers[a], |x| x.abs())),
+                Kind::Round => each!(|to, a, _b, _c| for_each_group!(numbers[to], numbers[a], |x| x.round())),
                 Kind::Less => each!(|to, a, b, _c| {
-                    for_each_group!(tile.truth(to), tile.number(a), tile.number(b), |x, y| x.less_than(y));
+                    for_each_group!(truths[to], numbers[a], numbers[b], |x, y| x.less_than(y));
                 }),
                 Kind::And => each!(|to, a, b, _c| {
-                    for_each_group!(tile.truth(to), tile.truth(a), tile.truth(b), |x, y| x & y);
+                    for_each_group!(truths[to], truths[a], truths[b], |x, y| x & y);
                 }),
                 Kind::Or => each!(|to, a, b, _c| {
-                    for_each_group!(tile.truth(to), tile.truth(a), tile.truth(b), |x, y| x | y);
+                    for_each_group!(truths[to], truths[a], truths[b], |x, y| x | y);
                 }),
-                Kind::Not => each!(|to, a, _b, _c| for_each_group!(tile.truth(to), tile.truth(a), |x| !x)),
+                Kind::Not => each!(|to, a, _b, _c| for_each_group!(truths[to], truths[a], |x| !x)),
                 Kind::Select => each!(|to, a, b, c| {
-                    let (a, b, c) = (tile.truth(a), tile.number(b), tile.number(c));
-                    for_each_group!(tile.number(to), a, b, c, |x, y, z| R::select(x, y, z));
+                    for_each_group!(numbers[to], truths[a], numbers[b], numbers[c], |x, y, z| R::select(x, y, z));
                 }),
                 Kind::SinCos | Kind::Kepler | Kind::One(_) | Kind::Two(_) => {
                     for &instruction in run {
-                        R::outlined(FunctionOfTile { tile, instruction });
+                        R::outlined(FunctionOfTile { numbers: &mut *numbers, instruction });
                     }
                 }
             }
@@ -353,34 +292,19 @@ impl<R: Real, const N: usize> Block<'_, R, N> {
     }
 }
 
-impl<R: Real> Outlined for Evaluation<'_, R> {
+impl<R: Real, const GROUPS: usize> Outlined for Evaluation<'_, R, GROUPS> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
         let Self { program, scratch, outputs, add } = self;
-        let groups = scratch.groups;
-        let count = (program.inputs.len() + program.constants.len() + program.slots) * groups;
+        let count = program.inputs.len() + program.constants.len() + program.slots;
         assert_eq!(scratch.numbers.len(), count, "its own memory");
-        assert_eq!(outputs.len(), program.outputs.len() * groups, "room for all results");
-        let numbers = Cell::from_mut(scratch.numbers.as_mut_slice()).as_slice_of_cells();
-        let truths = Cell::from_mut(scratch.truths.as_mut_slice()).as_slice_of_cells();
-        let mut at = 0;
-        while at + LARGE <= groups {
-            Block::<R, LARGE> { numbers, truths, groups, at }.carry_out(program);
-            at += LARGE;
-        }
-        while at + SMALL <= groups {
-            Block::<R, SMALL> { numbers, truths, groups, at }.carry_out(program);
-            at += SMALL;
-        }
-        while at < groups {
-            Block::<R, 1> { numbers, truths, groups, at }.carry_out(program);
-            at += 1;
-        }
-        for (output, results) in program.outputs.iter().zip(outputs.chunks_exact_mut(groups)) {
-            let from = &numbers[usize::from(*output) * groups..][..groups];
-            for (result, number) in results.iter_mut().zip(from) {
-                *result = if add { *result + number.get() } else { number.get() };
+        assert_eq!(outputs.len(), program.outputs.len(), "room for all results");
+        scratch.carry_out(program);
+        for (output, from) in outputs.iter_mut().zip(&program.outputs) {
+            let from = &scratch.numbers[usize::from(*from)];
+            for group in 0..GROUPS {
+                output[group] = if add { output[group] + from[group] } else { from[group] };
             }
         }
     }

@@ -1,6 +1,7 @@
 //! Integrators: one file each, with the same stem and function names as in `shaders/method/`.
 //!
-//! Each module defines a type that implements [`Step`]. A new integrator is a file here, its twin in
+//! Each module defines a type that implements [`Step`]; [`taylor`], which has adaptive steps only, is carried out by the CPU engine. A new
+//! integrator is a file here, its twin in
 //! `shaders/method/`, one entry in [`Method`] and its row in `properties`. Each WGSL file names its twin in its first line, where
 //! that has another stem too: the orders of `splitting` are a file each there, as are what kernels put around a step.
 //!
@@ -52,6 +53,7 @@ pub mod slope;
 pub mod spiral;
 pub mod splitting;
 mod status;
+pub mod taylor;
 
 pub use properties::{Conserved, Properties, TorqueKind};
 pub use status::{Status, flagged};
@@ -84,10 +86,15 @@ pub enum Method {
     ClampedEuler,
     /// Two rotations a step and a third-order angular velocity; see [`spiral`].
     Spiral,
+    /// Taylor series in adaptive steps; see [`taylor`].
+    Taylor,
 }
 
 impl Method {
-    /// All methods, in the order in which they are listed to users.
+    /// Methods with adaptive steps, in the order in which they are listed to users.
+    pub const ADAPTIVE: [Method; 2] = [Method::Rk8, Method::Taylor];
+
+    /// Methods with steps of equal length, in the order in which they are listed to users.
     pub const ALL: [Method; 12] = [
         Method::Rk4,
         Method::Rk8,

@@ -202,6 +202,19 @@ impl Method {
                 source: "Jolt Physics, Rapier, Avian",
                 ..first_order
             },
+            // Of the order and the step, which follow from the tolerance, the highest and what it leads to.
+            Method::Taylor => Properties {
+                name: "taylor",
+                order: 30,
+                orders: [30, 30, 30],
+                evaluations: 1,
+                conserves: Conserved::Norm,
+                stability: "steps follow the tolerance",
+                usable_angle: f64::INFINITY,
+                source: "Jorba and Zou 2005; Hermite and Obreshkov",
+                rigid_only: false,
+                baseline: false,
+            },
             Method::Spiral => Properties {
                 name: "spiral",
                 order: 2,

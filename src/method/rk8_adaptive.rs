@@ -273,7 +273,7 @@ impl<R: Real> Trial<R> {
 
 /// The two words a + b of a sum, for |a| ≥ |b| (T. J. Dekker, Numer. Math. 18 (1971) 224, equation 4.14).
 #[inline(always)]
-fn renormalised<R: Real>(a: R, b: R) -> TwoWords<R> {
+pub(crate) fn renormalised<R: Real>(a: R, b: R) -> TwoWords<R> {
     let value = a + b;
     TwoWords { value, residue: b - (value - a) }
 }

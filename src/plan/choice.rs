@@ -95,7 +95,7 @@ impl Rule {
             Scheme::Equal(method) => Treatment::Stepped { method, precision, longest_step, projected: false },
             Scheme::Adaptive => {
                 let steps = AdaptiveSteps { tolerance: self.tolerance(precision), least_step: None };
-                Treatment::Adaptive { precision, steps }
+                Treatment::Adaptive { method: Method::Rk8, precision, steps }
             }
         }
     }
@@ -207,7 +207,8 @@ pub(crate) fn greatest_rate(scene: &Scene, body: usize, frame: &BodyFrame, m: DV
     let spin = scaled_by_power_of_two((m / frame.scaled_moments).length(), frame.rate_exponent);
     let middle = scaled_by_power_of_two(frame.scaled_moments.y, frame.moment_exponent);
     let growth = torque::variable_inertia::spin_growth(scene.torques(), body, &scene.ensemble().inertia()[body]);
-    (spin * growth).max(torque::rate_of(scene.torques(), body, middle))
+    let torques = scene.torques();
+    (spin * growth).max(torque::rate_of(torques, body, middle)).max(torque::damping_of(torques, body, middle))
 }
 
 /// The narrowest arithmetic that reaches an attitude error over an angle.

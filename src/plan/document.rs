@@ -54,6 +54,8 @@ enum ResolutionEntry {
         projected: bool,
     },
     Adaptive {
+        #[serde(default = "rk8")]
+        method: String,
         precision: String,
         tolerance: f64,
         least_step: Option<f64>,
@@ -128,7 +130,8 @@ impl PlanDocument {
                 longest_step: *longest_step,
                 projected: *projected,
             },
-            ResolutionEntry::Adaptive { precision, tolerance, least_step } => Resolution::Adaptive {
+            ResolutionEntry::Adaptive { method, precision, tolerance, least_step } => Resolution::Adaptive {
+                method: method_named(method)?,
                 precision: precision_named(precision)?,
                 steps: AdaptiveSteps { tolerance: *tolerance, least_step: *least_step },
             },
@@ -185,7 +188,8 @@ impl<'a> Plan<'a> {
                 longest_step: *longest_step,
                 projected: *projected,
             },
-            Resolution::Adaptive { precision, steps } => ResolutionEntry::Adaptive {
+            Resolution::Adaptive { method, precision, steps } => ResolutionEntry::Adaptive {
+                method: method.name().to_owned(),
                 precision: name(precision),
                 tolerance: steps.tolerance,
                 least_step: steps.least_step,
@@ -255,8 +259,17 @@ fn words_of(error: &str) -> String {
     error.split(" at line ").next().unwrap_or(error).to_owned()
 }
 
+/// The method of adaptive steps in plans that do not name one.
+fn rk8() -> String {
+    Method::Rk8.name().to_owned()
+}
+
 fn method_named(name: &str) -> Result<Method, String> {
-    Method::ALL.into_iter().find(|method| method.name() == name).ok_or_else(|| unknown_method(name))
+    Method::ALL
+        .into_iter()
+        .chain(Method::ADAPTIVE)
+        .find(|method| method.name() == name)
+        .ok_or_else(|| unknown_method(name))
 }
 
 fn unknown_method(name: &str) -> String {

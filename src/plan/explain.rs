@@ -12,6 +12,7 @@ use super::{CLOSED_FORM_F32, Found, Plan, Resolution, Scheme, Shape, TorqueSet};
 use crate::batch::{BodyFrame, Precision, bytes_per_body_under};
 use crate::engine::EngineKind;
 use crate::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
+use crate::method::Method;
 use crate::record::Spread;
 use crate::regular_precession::RegularPrecession;
 
@@ -204,6 +205,8 @@ impl Plan<'_> {
             Treatment::RegularPrecession => Some(evaluations * evaluation_seconds(None) / cores),
             Treatment::ClosedForm { .. } if self.engine.kind != EngineKind::Cpu => None,
             Treatment::ClosedForm { precision, .. } => Some(evaluations * evaluation_seconds(Some(precision)) / cores),
+            // Nothing is known of what series cost.
+            Treatment::Adaptive { method: Method::Taylor, .. } => None,
             Treatment::Adaptive { precision, .. } => {
                 // Without a pilot the number of steps shows in the run alone.
                 let found = self.found(group)?;

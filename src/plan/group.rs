@@ -34,8 +34,10 @@ pub enum Treatment {
         /// Whether states are projected after each step onto what torque-free bodies conserve.
         projected: bool,
     },
-    /// In steps that each body chooses by `rk8`'s estimate of their errors, on the engine.
+    /// In steps that each body chooses by an estimate of their errors, on the engine.
     Adaptive {
+        /// The integrator, one of [`Method::ADAPTIVE`].
+        method: Method,
         /// The arithmetic.
         precision: Precision,
         /// What is asked of the steps.

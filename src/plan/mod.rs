@@ -280,7 +280,7 @@ fn main_treatment(groups: &[Group], scene: &Scene, engine: &dyn Backend) -> (Met
     for group in groups {
         let (method, precision, longest_step) = match group.treatment {
             Treatment::Stepped { method, precision, longest_step, .. } => (method, precision, longest_step),
-            Treatment::Adaptive { precision, .. } => (Method::Rk8, precision, longest_over(scene.end())),
+            Treatment::Adaptive { method, precision, .. } => (method, precision, longest_over(scene.end())),
             Treatment::RegularPrecession | Treatment::ClosedForm { .. } => continue,
         };
         longest = longest.max(longest_step);
@@ -298,7 +298,7 @@ fn main_treatment(groups: &[Group], scene: &Scene, engine: &dyn Backend) -> (Met
             let precision = closed_form.or(scene.wanted_precision()).unwrap_or(widest(engine));
             match scene.stepping() {
                 Stepping::Pinned { method, dt, .. } => (method, precision, dt),
-                Stepping::Adaptive { .. } => (Method::Rk8, precision, longest_over(scene.end())),
+                Stepping::Adaptive { method, .. } => (method, precision, longest_over(scene.end())),
                 Stepping::Accuracy(_) => (Method::Rk4, precision, longest_over(scene.end())),
             }
         }

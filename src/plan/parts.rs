@@ -5,6 +5,7 @@ use std::fmt;
 use super::Plan;
 use super::group::Treatment;
 use crate::batch::Precision;
+use crate::method::Method;
 use crate::record::{ADAPTIVE, CLOSED_FORM};
 
 /// Bodies that are brought to their output times by one method in one arithmetic.
@@ -60,6 +61,7 @@ pub(super) fn name_of(treatment: &Treatment) -> (&'static str, Precision) {
         Treatment::RegularPrecession => (ROTATION, Precision::F64),
         Treatment::ClosedForm { precision, .. } => (CLOSED_FORM, precision),
         Treatment::Stepped { method, precision, .. } => (method.name(), precision),
-        Treatment::Adaptive { precision, .. } => (ADAPTIVE, precision),
+        Treatment::Adaptive { method: Method::Rk8, precision, .. } => (ADAPTIVE, precision),
+        Treatment::Adaptive { method, precision, .. } => (method.name(), precision),
     }
 }

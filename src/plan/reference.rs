@@ -1,53 +1,47 @@
-//! What a pilot compares with: the same bodies by `rk8` in `f64`, refined until it no longer changes; in adaptive steps where
-//! the bodies may take them and their tolerances have room for it.
+//! What a pilot compares with: the same bodies by `rk8` in `f64`, so fine that its error is far below what is asked for; in adaptive
+//! steps where the bodies may take them and their tolerances have room for it.
 
 use super::choice::{Rule, Scheme};
 use super::cost::COSTS;
 use super::pilot::{Found, Pilot};
-use super::sampled::States;
+use super::sampled::{Sampled, States};
 use crate::batch::Precision;
 use crate::error::Result;
 use crate::method::Method;
 use crate::method::rk8_adaptive::least_tolerance;
 use crate::run::shadow::Standing;
 
-/// What the reference may change when its steps are halved, as a part of the target. Its own error is then less by the
-/// 2⁸ of its order, or it is that of rounding, against which no candidate can be measured.
+/// What the reference's own error may be, as a part of the target.
 const SETTLED: f64 = 0.02;
-/// The error that the first reference aims at, as a part of the target.
-const AIM: f64 = 1e-2;
-/// The least that it aims at, rad: rounding in `f64`.
-const LEAST: f64 = 1e-15;
-/// How often its steps are halved.
-const HALVINGS: usize = 6;
+/// The error that it aims at, as a part of that of the steps which it is compared with.
+const FINER: f64 = 1e-3;
+/// How often it is made finer.
+const REFINEMENTS: usize = 4;
 
-/// A tolerance that is greater by this factor is the least one again when its steps are halved.
-const COARSER: f64 = 128.0;
-/// What the error of a reference may be, as a part of [`SETTLED`], where its step is chosen by what few bodies showed: the
-/// others' may then be ten times theirs.
-const MARGIN: f64 = 0.1;
 /// An attitude error, rad, from which on it no longer grows in proportion to what causes it.
 pub(super) const SATURATED: f64 = 0.1;
-/// The most by which a coefficient shrinks at once.
-const LEAST_CORRECTION: f64 = 1e-8;
 
 /// The motion of a pilot's bodies as well as it is needed.
 pub(super) struct Reference {
     /// The states at the end.
     pub states: States,
-    /// The steps of half of which the states are, and what halving them changed.
-    coarser: Rule,
+    /// The bodies in the steps that the table takes for the target, and these.
+    pub coarse: Option<(Rule, Sampled)>,
+    /// The finest steps that were compared, how far the states were from those in them, and what is left of that.
+    rule: Rule,
     change: Standing,
+    left: f64,
+    /// Whether that is by an angle that says nothing any more.
+    is_saturated: bool,
 }
 
 impl Reference {
-    /// Steps the pilot's bodies finer until that changes nothing.
+    /// Steps the pilot's bodies finer until what is left of the error is small.
     pub fn new(pilot: &Pilot<'_>) -> Result<Self> {
         if pilot.allows(Scheme::Adaptive) {
             let (found, is_limited) = Self::by(pilot, Scheme::Adaptive)?;
             // Adaptive steps may not follow what dies away; equal ones do.
-            let follows = !is_limited && found.change.part <= 1.0;
-            if follows || is_saturated(&found.change) {
+            if (!is_limited && found.left <= 1.0) || found.is_saturated {
                 return Ok(found);
             }
         }
@@ -57,73 +51,64 @@ impl Reference {
     /// By steps of one kind, and whether there were no smaller tolerances before it had settled.
     fn by(pilot: &Pilot<'_>, scheme: Scheme) -> Result<(Self, bool)> {
         let cost = COSTS.iter().find(|cost| cost.scheme == scheme).unwrap_or(&COSTS[0]);
-        let rule = pilot.rule(cost, Some(Precision::F64));
-        let mut coarser = Rule { attitude: (AIM * rule.attitude).max(LEAST), ..rule };
-        let least = least_tolerance(Precision::F64);
-        if scheme == Scheme::Adaptive && coarser.tolerance(Precision::F64) == least {
-            // There is none below that it could be compared with, but there are some above.
-            coarser = Rule { coefficient: coarser.attitude / (COARSER * least), ..coarser };
-        }
-        let mut states = None;
-        let mut last = Standing { part: f64::INFINITY, ..Standing::default() };
-        for _ in 0..HALVINGS {
-            let finer = halved(&coarser);
-            let is_limited = finer.adapts_like(&coarser, Precision::F64);
-            if is_limited {
-                return Ok((Self { states: states.unwrap_or_default(), coarser, change: last }, is_limited));
-            }
-            let fine = || pilot.stepped(&finer);
-            let (coarse, fine) = match states.take() {
-                Some(states) => (states, fine()?.states),
-                // Side by side, as few bodies are not enough for all cores.
-                None => {
-                    let (coarse, fine) = rayon::join(|| pilot.stepped(&coarser), fine);
-                    (coarse?.states, fine?.states)
-                }
+        let mut rule = pilot.rule(cost, Some(Precision::F64)).with_room();
+        let (mut fine, start) = (pilot.stepped(&rule)?, rule);
+        let (mut coarse, mut last, mut taken) = (None, f64::INFINITY, 0.0);
+        loop {
+            let finer = rule.finer();
+            let before = std::mem::replace(&mut fine, pilot.stepped(&finer)?);
+            let change = pilot.standing(&before.states, &fine.states);
+            let raw = pilot.errors(&before.states, &fine.states).standing(pilot.accuracy, pilot.all);
+            let is_saturated = raw.attitude >= SATURATED;
+            // By what the error falls from one to the other, as far as their tolerances have room.
+            let ratio = match scheme {
+                Scheme::Adaptive => finer.tolerance(Precision::F64) / rule.tolerance(Precision::F64),
+                Scheme::Equal(_) => FINER,
             };
-            let change = pilot.standing(&coarse, &fine);
-            states = Some(fine);
-            // What halving does not lessen is rounding, or so large that it cannot be more.
-            let stays = change.part > 0.5 * last.part && !is_saturated(&change);
-            let is_settled = change.part <= SETTLED || stays;
-            last = change;
-            if is_settled {
-                break;
+            // What finer steps do not lessen is rounding.
+            let is_rounding = change.part > 0.5 * last && !is_saturated;
+            let left = change.part * if is_rounding { 1.0 } else { ratio };
+            let next = fine.steps.map_or(0.0, |steps| steps.total as f64 * pilot.span / pilot.scene.end());
+            taken += next;
+            coarse.get_or_insert(before);
+            let is_limited = scheme == Scheme::Adaptive && ratio > FINER.sqrt();
+            let is_last = finer.coefficient >= limit(&start) || taken + next > pilot.most_steps;
+            // The next one would be the same.
+            let is_limited = is_limited || finer.adapts_like(&finer.finer(), Precision::F64);
+            if left <= SETTLED || is_rounding || is_limited || is_last {
+                let coarse = coarse.map(|sampled| (start, sampled));
+                let found = Self { states: fine.states, coarse, rule, change, left, is_saturated };
+                return Ok((found, is_limited && left > SETTLED));
             }
-            coarser = finer;
+            (rule, last) = (finer, change.part);
         }
-        Ok((Self { states: states.unwrap_or_default(), coarser, change: last }, false))
     }
 
     /// What was found where the motion amplifies errors so much that no steps in `f64` follow it to what is asked for.
     pub fn lost(&self, pilot: &Pilot<'_>) -> Option<Found> {
-        // The reference aims at less than is asked for.
-        let rule = Rule { attitude: pilot.accuracy.strictest(), ..self.coarser };
         let Standing { part, worst, attitude } = self.change;
-        let found = || Found { rule, part, worst, attitude, bodies: pilot.bodies.len(), steps: None };
-        (part > 1.0).then(found)
+        let found = || Found { rule: self.rule, part, worst, attitude, bodies: pilot.bodies.len(), steps: None };
+        (self.left > 1.0).then(found)
     }
+}
 
-    /// Steps that are fine enough for a reference of bodies like the pilot's.
-    pub fn rule_for_others(&self, pilot: &Pilot<'_>) -> Result<Rule> {
-        if self.change.part > SETTLED {
-            return Ok(halved(&self.coarser));
+impl Rule {
+    /// Steps than which there are finer ones: a tolerance has a least value.
+    pub(super) fn with_room(&self) -> Self {
+        let greatest = self.attitude * FINER / least_tolerance(Precision::F64);
+        match self.scheme {
+            Scheme::Adaptive => Self { coefficient: self.coefficient.min(greatest), ..*self },
+            Scheme::Equal(_) => *self,
         }
-        let needed = (self.change.part / (MARGIN * SETTLED)).clamp(LEAST_CORRECTION, 1.0);
-        let longer = Rule { coefficient: needed * self.coarser.coefficient, ..self.coarser };
-        // Far beyond the steps that were tried the error may not go as the order says.
-        let holds = pilot.standing(&pilot.stepped(&longer)?.states, &self.states).part <= SETTLED;
-        Ok(if holds { longer } else { self.coarser })
+    }
+
+    /// Steps whose error is a thousandth of this one's.
+    pub(super) fn finer(&self) -> Self {
+        Self { coefficient: self.coefficient / FINER, longest_angle: 0.5 * self.longest_angle, ..*self }
     }
 }
 
-/// Whether a change is by an angle that says nothing any more.
-fn is_saturated(change: &Standing) -> bool {
-    change.attitude >= SATURATED
-}
-
-/// A rule with steps half as long, or a tolerance that leads to such.
-fn halved(rule: &Rule) -> Rule {
-    let order = rule.scheme.method().order() as i32;
-    Rule { coefficient: rule.coefficient * 2.0_f64.powi(order), longest_angle: 0.5 * rule.longest_angle, ..*rule }
+/// The coefficient beyond which nothing finer is tried.
+fn limit(start: &Rule) -> f64 {
+    start.coefficient * FINER.recip().powi(REFINEMENTS as i32) * 0.99
 }

@@ -10,12 +10,15 @@ use super::cost::{COSTS, Costs};
 use super::driven::TorqueSet;
 use super::glance::{GLANCED, Glance};
 use super::group::{Group, Members, Treatment, level_of, step_of};
-use super::pilot::{Found, Pilot, larger_pilot_size, pilot_sample, pilot_size};
+use super::pilot::{Found, PROBED_STEPS, Pilot};
 use super::reference::SATURATED;
 use super::times::longest_over;
 use crate::batch::Precision;
 use crate::engine::Backend;
-use crate::engine::adaptive::{AdaptiveSteps, NOISE_REFUSED};
+use crate::engine::EngineKind;
+use crate::engine::adaptive::{
+    AdaptiveSteps, NOISE_REFUSED, TAYLOR_IN_F64, TAYLOR_ON_CPU, check_equal_steps, taylor_unavailable,
+};
 use crate::error::{Error, Result};
 use crate::force::Force;
 use crate::free_motion::SetUp;
@@ -40,6 +43,8 @@ pub enum Resolution {
     },
     /// Each body chooses its steps.
     Adaptive {
+        /// The integrator, one of [`Method::ADAPTIVE`].
+        method: Method,
         /// The arithmetic.
         precision: Precision,
         /// What is asked of the steps.
@@ -70,19 +75,12 @@ pub struct Stepped {
 /// Bodies that one task looks at and sorts.
 const LOOK_BLOCK: usize = 1 << 12;
 
-/// Selects the pilots' bodies; fixed, so that a plan made again is the same.
-const PILOT_SEED: u64 = 1;
-
 /// The angle (rad) that a body turns by in a step where a thrust turns with it: the cubic between the attitudes of two steps
 /// ([`crate::force::stepped`]) is then wrong by (1/16)⁴/384 = 4e-8 rad at most.
 const LONGEST_TURN: f64 = 1.0 / 16.0;
 
 /// What `f32` needs.
 const F32_MISSES: &str = "precision f64 is needed, or more than 1e-6 and 3e-8 of the angle turned (rad)";
-
-/// The furthest, rad, that a body may turn for a pilot to follow it.
-const MOST_RADIANS: f64 = 1e15;
-const TOO_FAR: &str = "bodies turn by more than 1e15 rad, which no steps follow: a shorter span is needed (s)";
 
 /// No steps in `f64` are better than some units in the last place of the quaternion, rad.
 const ROUNDING_F64: f64 = 1e-15;
@@ -96,6 +94,7 @@ impl Resolution {
         let has_f64 = engine.precisions().contains(&Precision::F64);
         match scene.stepping() {
             Stepping::Pinned { method, dt, projected, .. } => {
+                check_equal_steps(method)?;
                 let widest = if has_f64 { Precision::F64 } else { Precision::F32 };
                 let precision = scene.wanted_precision().unwrap_or(widest);
                 crate::engine::check_step(dt, precision)?;
@@ -112,7 +111,7 @@ impl Resolution {
                 }
                 Ok(Self::Pinned { method, precision, longest_step: dt, projected })
             }
-            Stepping::Adaptive { steps, .. } => Self::adaptive(scene, steps, has_f64),
+            Stepping::Adaptive { method, steps, .. } => Self::adaptive(scene, engine, method, steps, has_f64),
             Stepping::Accuracy(accuracy) => {
                 check_accuracy(&accuracy)?;
                 let wanted = scene.wanted_precision();
@@ -153,38 +152,30 @@ impl Resolution {
         for (torques, bodies) in stepped_bodies(scene) {
             let acting = torques.of(scene.torques());
             let flies = scene.has_pilot() && scene.end() > 0.0;
-            let pilot = |count: usize, has_scouts: bool| {
-                let look = |body: u32| (body, at_rate(look_at(scene, body as usize, tolerance), *uniform_rate));
-                let sample = pilot_sample(&bodies, count, accuracy, PILOT_SEED);
-                Pilot {
-                    scene,
-                    accuracy,
-                    costs,
-                    times,
-                    torques: &acting,
-                    precision,
-                    all: bodies.len(),
-                    has_scouts,
-                    bodies: sample.into_iter().map(look).collect(),
-                }
+            let look = |body: u32| at_rate(look_at(scene, body as usize, tolerance), *uniform_rate);
+            let (all, span) = (bodies.len(), scene.end());
+            let pilot = Pilot {
+                scene,
+                accuracy,
+                costs,
+                times,
+                torques: &acting,
+                precision,
+                all,
+                bodies: Vec::new(),
+                span,
+                most_steps: f64::INFINITY,
+                most_of_body: PROBED_STEPS,
+                difficulty: 1.0,
             };
             let (worst, strictest) = accuracy.strictest_target();
             let found = if strictest < ROUNDING_F64 && scene.end() > 0.0 {
-                let found = pilot(0, true).tabulated();
+                let found = pilot.tabulated();
                 Found { part: ROUNDING_F64 / strictest, worst, attitude: ROUNDING_F64, ..found }
             } else if flies {
-                let first = pilot(pilot_size(bodies.len(), accuracy), true);
-                if first.bodies.iter().any(|(_, look)| look.rate * scene.end() > MOST_RADIANS) {
-                    return Err(Error::Setting { field: "time.end", value: scene.end(), expected: TOO_FAR });
-                }
-                let flight = first.fly()?;
-                if flight.asks_for_more {
-                    pilot(larger_pilot_size(bodies.len(), accuracy), false).fly_after(flight)?
-                } else {
-                    flight.found
-                }
+                pilot.fly(&bodies, look)?
             } else {
-                pilot(0, true).tabulated()
+                pilot.tabulated()
             };
             if found.part > 1.0 {
                 let draws = acting.iter().any(Torque::is_random);
@@ -225,9 +216,23 @@ impl Resolution {
         })
     }
 
-    fn adaptive(scene: &Scene, steps: AdaptiveSteps, has_f64: bool) -> Result<Self> {
+    fn adaptive(
+        scene: &Scene,
+        engine: &dyn Backend,
+        method: Method,
+        steps: AdaptiveSteps,
+        has_f64: bool,
+    ) -> Result<Self> {
         let widest = if has_f64 { Precision::F64 } else { Precision::F32 };
         let precision = scene.wanted_precision().unwrap_or(widest);
+        if method == Method::Taylor {
+            if engine.description().kind != EngineKind::Cpu {
+                return Err(taylor_unavailable(TAYLOR_ON_CPU));
+            }
+            if precision != Precision::F64 {
+                return Err(taylor_unavailable(TAYLOR_IN_F64));
+            }
+        }
         steps.check(precision)?;
         if scene.forces().iter().any(Force::needs_attitude) {
             let expected = "thrust follows equal steps of the attitude: a method with a step dt is needed";
@@ -246,7 +251,7 @@ impl Resolution {
                 });
             }
         }
-        Ok(Self::Adaptive { precision, steps })
+        Ok(Self::Adaptive { method, precision, steps })
     }
 
     /// The groups of a scene's bodies.
@@ -280,7 +285,9 @@ impl Resolution {
                 longest_step: *longest_step,
                 projected: *projected,
             },
-            Self::Adaptive { precision, steps } => Treatment::Adaptive { precision: *precision, steps: *steps },
+            Self::Adaptive { method, precision, steps } => {
+                Treatment::Adaptive { method: *method, precision: *precision, steps: *steps }
+            }
             // Every set of torques that act has a rule.
             Self::Accuracy { .. } => self.rule(class.torques).map_or(Treatment::RegularPrecession, of_rule),
         }
@@ -486,7 +493,8 @@ fn out_of_reach(found: &Found, target: &Accuracy, has_f64: bool, draws: bool) ->
             "a random torque is in the way: a larger error is needed, or a method and a step of your own"
         }
         (false, _) if found.attitude >= SATURATED => {
-            "the motion amplifies every error until nothing is left of the attitude: a shorter span is needed"
+            "the motion amplifies every error until nothing is left of the attitude, or torques change faster than any steps \
+             follow: a shorter span is needed"
         }
         (false, _) if found.worst != Target::Attitude && found.part * target.of(found.worst) >= SATURATED => {
             "it is next to nothing at the end, or no steps follow it: another span is needed, or a larger error"

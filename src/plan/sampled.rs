@@ -1,6 +1,7 @@
 //! A pilot's bodies under a rule: how they end, how far from a reference, and what that takes.
 
 use std::collections::BTreeMap;
+use std::f64::consts::PI;
 
 use rayon::prelude::*;
 
@@ -9,11 +10,12 @@ use super::cost::Cost;
 use super::group::{LEVELS_PER_OCTAVE, Members, Treatment, level_of, step_of};
 use super::pilot::Pilot;
 use crate::batch::{BodyState, Precision};
-use crate::engine::adaptive::StepCounts;
+use crate::engine::adaptive::{AdaptiveSteps, StepCounts};
 use crate::error::Result;
 use crate::record::Spread;
 use crate::run::alone::states_at_end;
 use crate::run::shadow::{Errors, Standing};
+use crate::scene::Target;
 
 /// Output times beyond which the pilot goes to the end in one go.
 const MOST_TIMES: usize = 1000;
@@ -40,7 +42,11 @@ impl Pilot<'_> {
             states.extend(group.states);
             counts.extend(group.counts.iter().map(StepCounts::attempts));
         }
-        Ok(Sampled { states, steps: (!counts.is_empty()).then(|| Spread::of(counts)) })
+        // Over the whole span as many in proportion.
+        let longer = self.scene.end() / self.span;
+        let whole = |count: u64| (count as f64 * longer) as u64;
+        let steps = (!counts.is_empty()).then(|| Spread::of(counts.into_iter().map(whole).collect()));
+        Ok(Sampled { states, steps })
     }
 
     /// The sample's bodies by how a rule steps them.
@@ -53,18 +59,35 @@ impl Pilot<'_> {
             groups.entry((level, rule.is_wide(look.rate * span))).or_default().push(*body);
         }
         let treatment = |(level, wide): (Option<i32>, bool)| {
-            rule.treatment(if wide { Precision::F64 } else { Precision::F32 }, level.map_or(span, step_of))
+            let precision = if wide { Precision::F64 } else { Precision::F32 };
+            match rule.treatment(precision, level.map_or(span, step_of)) {
+                Treatment::Adaptive { method, precision, steps } => {
+                    let steps = AdaptiveSteps { least_step: Some(self.span / self.most_of_body), ..steps };
+                    Treatment::Adaptive { method, precision, steps }
+                }
+                equal => equal,
+            }
         };
         groups.into_iter().map(|(key, members)| (treatment(key), members)).collect()
     }
 
+    /// The output times as far as the pilot goes, and its end.
     fn times(&self) -> Vec<f64> {
-        if self.times.len() <= MOST_TIMES { self.times.to_vec() } else { vec![self.scene.end()] }
+        let passed = self.times.iter().copied().take_while(|&time| time < self.span);
+        let mut times: Vec<f64> = if self.times.len() <= MOST_TIMES { passed.collect() } else { Vec::new() };
+        times.push(self.span);
+        times
     }
 
-    /// How the errors at the percentile asked for stand to the targets.
+    /// How the errors of the class over the whole span, at the percentile asked for, stand to the targets.
     pub fn standing(&self, states: &States, reference: &States) -> Standing {
-        self.errors(states, reference).standing(self.accuracy, self.all)
+        let mut errors = self.errors(states, reference);
+        let margin = self.margin(&mut errors);
+        let Standing { part, worst, attitude } = errors.standing(self.accuracy, self.all);
+        // There is no greater angle than π.
+        let most =
+            self.accuracy.attitude.filter(|_| worst == Target::Attitude).map_or(f64::INFINITY, |target| PI / target);
+        Standing { part: (margin * part).min(most.max(part)), worst, attitude: (margin * attitude).min(PI) }
     }
 
     /// How far the bodies end from where a reference has them.
@@ -83,10 +106,11 @@ impl Pilot<'_> {
         let times = self.times();
         let free = self.torques.is_empty();
         if rule.scheme == Scheme::Adaptive {
-            let mean = known.map(|steps| steps.total as f64 / self.bodies.len() as f64);
+            let part = self.span / self.scene.end();
+            let mean = known.map(|steps| part * steps.total as f64 / self.bodies.len() as f64);
             let of_body = |(_, look): &(u32, Look)| {
-                let angle = look.rate * self.scene.end();
-                let precision = rule.precision_of(angle);
+                let precision = rule.precision_of(look.rate * self.scene.end());
+                let angle = look.rate * self.span;
                 let ahead = || rule.expected_attempts(precision, angle).max(times.len() as f64);
                 mean.unwrap_or_else(ahead) * cost.step_seconds(precision, free)
             };

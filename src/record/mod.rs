@@ -190,6 +190,10 @@ pub struct WallTime {
 pub struct Shadow {
     /// Bodies behind the figures; those that failed are left out.
     pub bodies: usize,
+    /// Bodies of the sample that failed.
+    pub lost: usize,
+    /// Bodies of the sample whose recomputation failed, so that nothing is known of their errors.
+    pub diverged: usize,
     /// Attitude error, rad.
     pub attitude: Quantiles,
     /// Error of the angular velocity in body axes, relative to its magnitude.
@@ -204,8 +208,8 @@ pub struct Shadow {
     /// otherwise is then not in the errors.
     pub same_draws: bool,
     /// Whether the sample agrees with them: with 99 of 100 bodies asked for, 2 of 64 may be beyond by chance, 3 are not
-    /// (one in 20 samples of bodies that meet the target shows more than is allowed here). `None` of no bodies, and where a
-    /// random torque acts.
+    /// (one in 20 samples of bodies that meet the target shows more than is allowed here). Where a body of the sample has failed, or
+    /// more of all bodies than the percentile leaves out, they are not met. `None` of no bodies, and where a random torque acts.
     pub met: Option<bool>,
 }
 

@@ -129,6 +129,10 @@ impl From<AdaptiveWork> for AdaptiveReport {
 pub struct AccuracyReport {
     /// Bodies behind the figures.
     pub bodies: usize,
+    /// Bodies that were to be behind them and have failed.
+    pub lost: usize,
+    /// Bodies of which nothing is known, as their recomputation failed.
+    pub diverged: usize,
     /// Attitude error, rad.
     pub attitude: QuantilesReport,
     /// Error of the angular velocity in body axes, relative to its magnitude.
@@ -320,6 +324,8 @@ impl Report {
             balance: BalanceReport::of(&trust.balance),
             accuracy: AccuracyReport {
                 bodies: trust.shadow.bodies,
+                lost: trust.shadow.lost,
+                diverged: trust.shadow.diverged,
                 attitude: trust.shadow.attitude.into(),
                 angular_velocity: trust.shadow.angular_velocity.into(),
                 kinetic_energy: trust.shadow.kinetic_energy.into(),

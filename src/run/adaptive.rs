@@ -6,13 +6,14 @@ use std::time::Instant;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::batch::{BodyFrame, BodyState, ORDER_BLOCK, Prepared, StateWords, prepare_ordered};
+use crate::batch::{AnyBatch, BodyFrame, BodyState, ORDER_BLOCK, Precision, Prepared, StateWords, prepare_ordered};
 use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps};
 use crate::engine::reduction::Reduce;
 use crate::engine::watch::Job;
 use crate::engine::work::order;
 use crate::engine::{Backend, Observer};
 use crate::error::Result;
+use crate::method::Method;
 use crate::plan::{Group, Members, greatest_rate};
 use crate::record::{AdaptiveWork, Spread, WallTime};
 use crate::scene::Scene;
@@ -37,7 +38,7 @@ impl AdaptiveUnit {
         engine: &dyn Backend,
         scene: &Scene,
         group: &Group,
-        precision: crate::batch::Precision,
+        (method, precision): (Method, Precision),
         steps: AdaptiveSteps,
         wall_time: &mut WallTime,
     ) -> Result<Self> {
@@ -50,7 +51,7 @@ impl AdaptiveUnit {
         let (frames, batch) = prepare_ordered(scene.ensemble(), &torques, scene.end(), members, precision, by_work)?;
         wall_time.prepare += clock.elapsed().as_secs_f64();
         let clock = Instant::now();
-        let session = engine.start_adaptive(batch, steps)?;
+        let session = start(engine, method, batch, steps)?;
         wall_time.start += clock.elapsed().as_secs_f64();
         Ok(Self { session, frames, session_rows, last_read: None })
     }
@@ -137,6 +138,16 @@ impl AdaptiveUnit {
     pub fn bytes_read(&self) -> u64 {
         self.session.bytes_read()
     }
+}
+
+/// Opens a session of adaptive steps by one of [`Method::ADAPTIVE`].
+pub(super) fn start(
+    engine: &dyn Backend,
+    method: Method,
+    batch: AnyBatch,
+    steps: AdaptiveSteps,
+) -> Result<Box<dyn AdaptiveSession>> {
+    if method == Method::Taylor { engine.start_taylor(batch, steps) } else { engine.start_adaptive(batch, steps) }
 }
 
 /// Members from `start` on in the order of their expected work, as places among those that are prepared. Which row of the session

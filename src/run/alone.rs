@@ -1,6 +1,6 @@
 //! Some bodies of a scene by themselves, on the CPU.
 
-use super::adaptive::order_by_work;
+use super::adaptive::{order_by_work, start};
 use crate::batch::{BodyState, Prepared, StateWords, prepare_ordered};
 use crate::engine::adaptive::StepCounts;
 use crate::engine::cpu::{Cpu, Width};
@@ -48,8 +48,8 @@ pub(crate) fn states_at_end(
     let states_of = |words: StateWords| rows.iter().enumerate().map(|member| state(member, &words)).collect();
     let (method, projected) = match *treatment {
         Treatment::Stepped { method, projected, .. } => (method, projected),
-        Treatment::Adaptive { steps, .. } => {
-            let mut session = Cpu::new(Width::Lanes).start_adaptive(batch, steps)?;
+        Treatment::Adaptive { method, steps, .. } => {
+            let mut session = start(&Cpu::new(Width::Lanes), method, batch, steps)?;
             for &time in times {
                 match &mut observer {
                     Some(observer) => session.advance_to(time, observer)?,

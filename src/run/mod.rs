@@ -179,8 +179,12 @@ pub fn run_into(
         shadow::recomputed(plan, &sample, &mut |_| observer(Progress { done, total }))
     })?;
     let mut errors = shadow::Errors::default();
+    let (mut lost, mut diverged) = (0, 0);
     for (state, reference) in sampled.iter().zip(&recomputed) {
-        if is_finite(state) {
+        lost += usize::from(!is_sound(state));
+        // Where the recomputation fails there is nothing to compare with.
+        diverged += usize::from(is_sound(state) && !is_sound(&reference.state));
+        if is_sound(state) && is_sound(&reference.state) {
             errors.push(state, &reference.state);
             push_rest(&mut end.balance, scene, reference.body, state, reference.work.as_ref());
         }
@@ -190,7 +194,8 @@ pub fn run_into(
         Stepping::Accuracy(accuracy) => Some(accuracy),
         Stepping::Pinned { .. } | Stepping::Adaptive { .. } => None,
     };
-    let shadow = errors.shadow(target.as_ref(), draws);
+    let failed = end.failed_bodies.len() as f64 / body_count.max(1) as f64;
+    let shadow = errors.shadow(target.as_ref(), draws, (lost, diverged), failed);
     wall_time.shadow = clock.elapsed().as_secs_f64();
     Ok(Trust {
         engine: engine.description(),

@@ -10,12 +10,13 @@ use crate::engine::Observer;
 use crate::engine::adaptive::AdaptiveSteps;
 use crate::error::Result;
 use crate::free_motion::FreeMotion;
+use crate::method::Method;
 use crate::method::rk8_adaptive::least_tolerance;
 use crate::plan::{Group, Interval, Members, Plan, TorqueSet, Treatment, steps_over};
 use crate::record::{Quantiles, Shadow};
 use crate::run::alone::states_at_end;
 use crate::run::confidence::{is_plausible, upper_rank};
-use crate::run::is_finite;
+use crate::run::is_sound;
 use crate::run::work::{self, Alike, Recomputed, Work};
 use crate::scene::{Accuracy, Scene, Target};
 use crate::torque::Torque;
@@ -103,7 +104,7 @@ fn adaptively(
         plan.times(),
         torques,
         &Members::Some(members),
-        &Treatment::Adaptive { precision: Precision::F64, steps: fine },
+        &Treatment::Adaptive { method: Method::Rk8, precision: Precision::F64, steps: fine },
         Some(observer),
     )?;
     let mut alike: BTreeMap<u64, Vec<u32>> = BTreeMap::new();
@@ -207,7 +208,7 @@ pub(crate) struct Errors {
     attitude: Vec<f64>,
     angular_velocity: Vec<f64>,
     energy: Vec<f64>,
-    /// How many are no longer finite where their references are.
+    /// How many have failed whose references have not.
     lost: usize,
 }
 
@@ -217,7 +218,13 @@ impl Errors {
         // A state that is no number is as wrong as can be, and must not pass for the least error.
         let sound = |error: f64, worst: f64| if error.is_nan() { worst } else { error };
         let relative = |change: f64, scale: f64| if scale > 0.0 { change / scale } else { change };
-        self.lost += usize::from(is_finite(reference) && !is_finite(state));
+        if !is_sound(state) || !is_sound(reference) {
+            self.lost += usize::from(is_sound(reference));
+            self.attitude.push(std::f64::consts::PI);
+            self.angular_velocity.push(f64::INFINITY);
+            self.energy.push(f64::INFINITY);
+            return;
+        }
         self.attitude.push(sound(attitude_error(state, reference), std::f64::consts::PI));
         let change = (state.angular_velocity_body - reference.angular_velocity_body).length();
         self.angular_velocity.push(sound(relative(change, reference.angular_velocity_body.length()), f64::INFINITY));
@@ -241,6 +248,12 @@ impl Errors {
             standing.part = f64::INFINITY;
         }
         standing
+    }
+
+    /// The greatest attitude error as a multiple of the median, or, where that is less, of `least`.
+    pub(crate) fn spread(&mut self, least: f64) -> f64 {
+        let [median, greatest] = [0.5, 1.0].map(|rank| Quantiles::rank(&mut self.attitude, rank));
+        (greatest / median.max(least)).max(1.0)
     }
 
     /// Whether the sample speaks against the errors asked for: whether more of it are beyond than chance brings there in
@@ -271,15 +284,26 @@ impl Errors {
         (0..count).filter(is_beyond).count()
     }
 
-    /// What a run says of itself; `same_draws` as in [`Shadow`].
-    pub(crate) fn shadow(mut self, target: Option<&Accuracy>, same_draws: bool) -> Shadow {
-        let says = target.filter(|_| !self.attitude.is_empty() && !same_draws);
+    /// What a run says of itself, of whose sample `lost` bodies have failed and `diverged` could not be recomputed, and of all of its
+    /// bodies the part `failed`; `same_draws` as in [`Shadow`].
+    pub(crate) fn shadow(
+        mut self,
+        target: Option<&Accuracy>,
+        same_draws: bool,
+        (lost, diverged): (usize, usize),
+        failed: f64,
+    ) -> Shadow {
+        let is_measured = !self.attitude.is_empty() && !same_draws && diverged == 0;
+        let says = target.filter(|_| lost > 0 || is_measured);
+        let is_whole = |target: &Accuracy| lost == 0 && failed <= 1.0 - 0.01 * target.percentile;
         Shadow {
             bodies: self.attitude.len(),
+            lost,
+            diverged,
             target: target.copied(),
             beyond: target.map_or(0, |target| self.beyond(target)),
             same_draws,
-            met: says.map(|target| self.meets(target)),
+            met: says.map(|target| is_whole(target) && self.meets(target)),
             attitude: Quantiles::of(&mut self.attitude),
             angular_velocity: Quantiles::of(&mut self.angular_velocity),
             kinetic_energy: Quantiles::of(&mut self.energy),
@@ -297,6 +321,22 @@ pub(crate) fn attitude_error(a: &BodyState, b: &BodyState) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_run_that_lost_bodies_has_not_met_its_target() {
+        let asked = Accuracy::attitude(1e-6);
+        let met = |lost, failed| Errors::default().shadow(Some(&asked), false, (lost, 0), failed).met;
+        assert_eq!([met(0, 0.0), met(1, 0.5), met(1, 1e-9)], [None, Some(false), Some(false)]);
+        let mut errors = Errors::default();
+        errors.attitude.push(1e-9);
+        errors.angular_velocity.push(0.0);
+        errors.energy.push(0.0);
+        assert_eq!(
+            errors.shadow(Some(&asked), false, (0, 0), 0.02).met,
+            Some(false),
+            "more than the percentile leaves out"
+        );
+    }
 
     #[test]
     fn a_body_that_is_lost_alone_outweighs_any_percentile() {

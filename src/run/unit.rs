@@ -105,8 +105,8 @@ impl<'p> Unit<'p> {
                     }
                 }
             }
-            Treatment::Adaptive { precision, steps } => {
-                Motion::Adaptive(AdaptiveUnit::start(engine, scene, group, precision, steps, wall_time)?)
+            Treatment::Adaptive { method, precision, steps } => {
+                Motion::Adaptive(AdaptiveUnit::start(engine, scene, group, (method, precision), steps, wall_time)?)
             }
             Treatment::Stepped { method, precision, longest_step, projected } => {
                 let torques = group.class.torques.of(scene.torques());

@@ -15,7 +15,7 @@ use crate::scene::{Accuracy, Scene};
 pub(super) enum StudyStepping {
     Accuracy { accuracy: Accuracy, precision: Option<Precision> },
     Pinned { method: Method, dt: f64, precision: Option<Precision>, projected: bool },
-    Adaptive { steps: AdaptiveSteps, precision: Option<Precision> },
+    Adaptive { method: Method, steps: AdaptiveSteps, precision: Option<Precision> },
 }
 
 impl StudyStepping {
@@ -27,13 +27,20 @@ impl StudyStepping {
                 scene.projected(method, dt).precision(precision)
             }
             StudyStepping::Pinned { method, dt, precision, projected: false } => scene.pinned(method, dt, precision),
-            StudyStepping::Adaptive { steps, precision } => scene.adaptive(steps, precision),
+            StudyStepping::Adaptive { method: Method::Taylor, steps, precision } => {
+                let scene = scene.taylor(steps);
+                if precision.is_some() { scene.precision(precision) } else { scene }
+            }
+            StudyStepping::Adaptive { steps, precision, .. } => scene.adaptive(steps, precision),
         }
     }
 }
 
 /// Names of all methods.
-static METHODS: LazyLock<Vec<&'static str>> = LazyLock::new(|| Method::ALL.map(Method::name).to_vec());
+static METHODS: LazyLock<Vec<&'static str>> = LazyLock::new(|| {
+    let all = Method::ALL.into_iter().chain([Method::Taylor]);
+    all.map(Method::name).collect()
+});
 
 pub(super) fn accuracy(node: &Node<'_>) -> Result<StudyStepping> {
     const KEYS: [&str; 10] = [
@@ -67,14 +74,14 @@ pub(super) fn accuracy(node: &Node<'_>) -> Result<StudyStepping> {
         let tolerance = table.need("tolerance", "a least step needs the error of a step beside it")?;
         let tolerance = tolerance.positive("a number above 0 and below 1 is needed")?;
         let least_step = table.find("least_step").map(|node| node.positive("a step above zero is needed (s)"));
-        let method = table.need("method", "adaptive steps need their method beside them: \"rk8\"")?;
-        if method.choice(&METHODS)? != Method::Rk8.name() {
-            return Err(
-                method.refuse("the method with adaptive steps is \"rk8\": it, or dt instead of tolerance, is needed")
-            );
-        }
+        let method = table.need("method", "adaptive steps need their method beside them: \"rk8\" or \"taylor\"")?;
+        let chosen = method.choice(&METHODS)?;
+        let Some(adaptive) = Method::ADAPTIVE.into_iter().find(|method| method.name() == chosen) else {
+            const ADAPTIVE: &str = "methods with adaptive steps are \"rk8\" and \"taylor\": one of them, or dt instead of tolerance, is needed";
+            return Err(method.refuse(ADAPTIVE));
+        };
         let steps = AdaptiveSteps { tolerance, least_step: least_step.transpose()? };
-        return Ok(StudyStepping::Adaptive { steps, precision });
+        return Ok(StudyStepping::Adaptive { method: adaptive, steps, precision });
     }
     let projection = table.find("projection");
     if table.find("method").is_none() && table.find("dt").is_none() && projection.is_none() {
@@ -93,7 +100,11 @@ pub(super) fn accuracy(node: &Node<'_>) -> Result<StudyStepping> {
     }
     let method = table.need("method", "a step that is given needs a method beside it: \"rk4\" or \"dlm\"")?;
     let chosen = method.choice(&METHODS)?;
-    let dt = table.need("dt", "a method that is given needs a step beside it (s), or \"rk8\" a tolerance")?;
+    if chosen == Method::Taylor.name() {
+        return Err(method.refuse("the steps of \"taylor\" are adaptive: a tolerance instead of dt is needed"));
+    }
+    let dt =
+        table.need("dt", "a method that is given needs a step beside it (s), or \"rk8\" or \"taylor\" a tolerance")?;
     let dt = dt.positive("a step above zero is needed (s)")?;
     let method = Method::ALL.into_iter().find(|method| method.name() == chosen).unwrap_or(Method::Rk4);
     let projected = projection.map(|node| node.boolean("true or false is needed")).transpose()?.unwrap_or(false);

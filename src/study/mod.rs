@@ -22,7 +22,7 @@
 //! attitude = 1e-6                     # rad; or: method = "rk4", dt = 0.01, precision = "f32"
 //! energy = 1e-9                       # relative, beside the attitude; so is angular_velocity
 //! percentile = 99                     # of the bodies, the default
-//!                                     # or: method = "rk8", tolerance = 1e-9 and, where wanted, least_step = 1e-6
+//!                                     # or: method = "rk8" or "taylor", tolerance = 1e-9 and, where wanted, least_step = 1e-6
 //!                                     # or: method = "rk8", dt = 0.01, projection = true, for free bodies near the separatrix
 //!
 //! [output]
@@ -174,6 +174,7 @@ pub struct Study {
     stepping: StudyStepping,
     output: Output,
     statistics: Vec<Statistic>,
+    failures: u64,
 }
 
 /// `[output]`: which files a run writes.
@@ -228,7 +229,7 @@ impl Study {
     }
 
     fn from_root(file: &Path, root: &Table<'_>) -> Result<Self> {
-        root.only(&["title", "seed", "bodies", "torque", "force", "time", "accuracy", "output"])?;
+        root.only(&["title", "seed", "bodies", "torque", "force", "time", "accuracy", "output", "failures"])?;
         let mut places = BTreeMap::new();
         root.places(&mut places);
 
@@ -263,6 +264,7 @@ impl Study {
         let stepping = stepping
             .unwrap_or(StudyStepping::Accuracy { accuracy: Accuracy::attitude(DEFAULT_ATTITUDE), precision: None });
         let output = root.find("output").map(|node| output(&node)).transpose()?;
+        let failures = root.find("failures").map(|node| failures(&node)).transpose()?.unwrap_or(0);
         let (output, statistics) =
             output.unwrap_or((Output { final_state: true, snapshots: false, format: Format::Csv }, Vec::new()));
         Ok(Self {
@@ -278,6 +280,7 @@ impl Study {
             stepping,
             output,
             statistics,
+            failures,
         })
     }
 
@@ -304,6 +307,11 @@ impl Study {
     /// Which files a run writes.
     pub fn output(&self) -> Output {
         self.output
+    }
+
+    /// How many bodies may fail in a run that has succeeded.
+    pub fn allowed_failures(&self) -> u64 {
+        self.failures
     }
 
     /// The same study with the first `most` of its bodies.
@@ -522,6 +530,13 @@ fn output(node: &Node<'_>) -> Result<(Output, Vec<Statistic>)> {
     };
     let statistics = table.find("statistics").map(|node| statistics(&node)).transpose()?.unwrap_or_default();
     Ok((Output { final_state: flag("final", true)?, snapshots: flag("snapshots", false)?, format }, statistics))
+}
+
+fn failures(node: &Node<'_>) -> Result<u64> {
+    let table = node.table("a table [failures] is needed", &["allow"])?;
+    let allow =
+        table.find("allow").map(|node| node.whole("the number of bodies that may fail is needed")).transpose()?;
+    Ok(allow.unwrap_or(0))
 }
 
 fn statistics(node: &Node<'_>) -> Result<Vec<Statistic>> {

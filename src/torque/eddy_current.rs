@@ -44,6 +44,10 @@ impl Model for EddyCurrent {
         Kind::EddyCurrent
     }
 
+    fn damping(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
+        values.number(COEFFICIENT).at(body) * values.vector(FIELD).at(body).length_squared() / middle_moment
+    }
+
     fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
         let field = values.vector(FIELD).at(body);
         out[0] = frame.scaled(values.number(COEFFICIENT).at(body) * field.length_squared(), 1, 1);

@@ -135,6 +135,11 @@ impl Expressed {
         })
     }
 
+    /// The torque at once, as a graph of what [`Expressed::whole`] reads.
+    pub fn whole_part(&self) -> &Part {
+        &self.whole_graph
+    }
+
     /// Parameter columns.
     pub fn columns(&self) -> usize {
         self.raw.len() + self.derived.output_count()

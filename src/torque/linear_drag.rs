@@ -40,6 +40,10 @@ impl Model for LinearDrag {
         Kind::LinearDrag
     }
 
+    fn damping(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
+        values.number(COEFFICIENT).at(body) / middle_moment
+    }
+
     fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
         out[0] += frame.scaled(values.number(COEFFICIENT).at(body), 1, 1);
     }

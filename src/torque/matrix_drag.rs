@@ -40,6 +40,12 @@ impl Model for MatrixDrag {
         Kind::MatrixDrag
     }
 
+    fn damping(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
+        // The trace is at least the greatest eigenvalue.
+        let matrix = values.matrix(MATRIX).at(body);
+        (matrix.x_axis.x + matrix.y_axis.y + matrix.z_axis.z) / middle_moment
+    }
+
     fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
         let to_body = DMat3::from_quat(frame.principal_to_body);
         let matrix = to_body.transpose() * values.matrix(MATRIX).at(body) * to_body;

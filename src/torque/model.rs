@@ -142,6 +142,12 @@ pub(crate) trait Model: Send + Sync {
         0.0
     }
 
+    /// The rate (1/s) at which it slows a body with this middle moment (kg m²) down: explicit steps that do not follow it are not
+    /// stable.
+    fn damping(&self, _: Values<'_>, _body: usize, _middle_moment: f64) -> f64 {
+        0.0
+    }
+
     /// Adds the body's parameters to its columns (zero before, or another instance's where the kind merges instances):
     /// principal axes, the body's own units. `orientation` rotates principal coordinates to world at t = 0.
     fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, orientation: DQuat, out: &mut [f64]);

@@ -16,6 +16,7 @@ use super::table::Instance;
 use super::{Environment, Kind, Motion, VelocityDependence};
 use crate::batch::RATE_COLUMN;
 use crate::clock::phase_after;
+use crate::lanes::Each;
 use crate::method::rk8_adaptive::Timed;
 use crate::quaternion::Quaternion;
 use crate::real::{Outlined, Real};
@@ -141,9 +142,10 @@ impl<'a, R: Real> Torques<'a, R> {
                 Given::Epoch(_) => R::splat(0.0),
             };
         }
-        let mut torque = [R::splat(0.0); 3];
+        let mut torque = [Each([R::splat(0.0)]); 3];
         program.run(scratch, &mut torque);
-        Vector::new(torque[0], torque[1], torque[2])
+        let [Each([x]), Each([y]), Each([z])] = torque;
+        Vector::new(x, y, z)
     }
 
     #[inline(always)]

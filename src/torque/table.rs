@@ -392,6 +392,15 @@ pub(crate) fn rate_of(torques: &[Torque], body: usize, middle_moment: f64) -> f6
         .fold(0.0, f64::max)
 }
 
+/// The greatest rate (1/s) at which the torques slow a body down.
+pub(crate) fn damping_of(torques: &[Torque], body: usize, middle_moment: f64) -> f64 {
+    let of_one = |torque: &Torque| {
+        let (model, values) = torque.parts();
+        model.damping(values, body, middle_moment)
+    };
+    torques.iter().map(of_one).filter(|rate| rate.is_finite()).fold(0.0, f64::max)
+}
+
 /// Bytes that the table takes for one body beside the columns.
 pub(crate) fn bytes_per_body<T: Scalar>(table: &TorqueTable) -> usize {
     let per_body = table.phases.iter().filter(|rates| matches!(rates, PhaseRates::PerBody(_))).count();

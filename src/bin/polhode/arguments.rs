@@ -134,9 +134,11 @@ Keys (SI units):
                           (kinetic, of its value) [precision: f32, f64];
                           or method (rk4, rk8, cf4, splitting2, splitting4, splitting6,
                           implicit_midpoint and, for comparison, dlm, explicit_euler, gyro_newton,
-                          clamped_euler, spiral), dt, or rk8 and tolerance [precision: f32, f64]
+                          clamped_euler, spiral), dt, or rk8 or taylor (f64, CPU) and tolerance
+                          [precision: f32, f64]
     output                final, snapshots (true or false), format (csv, npz); statistics = [...] of
                           kinetic_energy, spin_rate, angular_momentum over all bodies
+    failures.allow        how many bodies may fail before the exit status is 1; default 0
 Any number or vector of a body may be a distribution: constant (value), uniform (low, high),
 normal (mean, sigma), log-normal (median, sigma of the logarithm); a vector also direction
 (magnitude), uniform on the sphere. Every draw depends on seed, body and column alone. Parameters of

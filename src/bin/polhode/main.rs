@@ -47,7 +47,7 @@ fn main() -> ExitCode {
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
-        Err(Failure::Disagreement) => ExitCode::from(FAILED),
+        Err(Failure::Disagreement | Failure::FailedBodies) => ExitCode::from(FAILED),
         Err(Failure::Library(polhode::Error::Interrupted { .. })) => {
             output::error(STOPPED);
             ExitCode::from(FAILED)

@@ -54,7 +54,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let report = done?;
     if !report.failed_bodies.is_empty() {
         output::note(&format!(
-            "warning: {} of {} bodies are no longer finite; report.json lists them",
+            "warning: {} of {} bodies have failed; report.json lists them",
             report.failed_bodies.len(),
             report.bodies
         ));
@@ -77,7 +77,10 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     } else if !arguments.quiet {
         output::print(&summary(&report, &path));
     }
-    Ok(())
+    match report.failed_bodies.len() as u64 {
+        failed if failed > study.allowed_failures() => Err(Failure::FailedBodies),
+        _ => Ok(()),
+    }
 }
 
 /// The study's name with the ending `.out`, in the current folder.

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::observe::Reducer;
 use super::surroundings::{AllTorques, CommonTorques, Nothing, Surroundings};
+use super::taylor::{TaylorMotion, steps_in_tiles, steps_one_by_one};
 use super::tile::attempts_in_tiles;
 use super::{TASKS, Width};
 use crate::batch::{Batch, StateWords, column_parts, load_body, load_state, store_state};
@@ -19,7 +20,7 @@ use crate::engine::{Observer, check_time};
 use crate::error::{Error, Result};
 use crate::lanes::{LaneScalar, LaneTask};
 use crate::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, advance};
-use crate::observe::Kernel;
+use crate::observe;
 use crate::real::{Real, Scalar};
 use crate::torque::sum::Source;
 use crate::vector::TwoWords;
@@ -46,6 +47,20 @@ pub(super) struct CpuAdaptiveSession<T> {
     clock: Clock,
     /// Attempts of all lanes, those that held no body included, where they were counted.
     slots: AtomicU64,
+    /// By Taylor series, and what carries them out; by `rk8` where there is none.
+    series: Option<(TaylorMotion, Kernel<T>)>,
+}
+
+/// Advances a slice of a block; says whether any body is still under way.
+type Kernel<T> = fn(Block<'_, '_, T>) -> bool;
+
+impl CpuAdaptiveSession<f64> {
+    /// Steps by [`crate::method::taylor`].
+    pub fn by_series(batch: Batch<f64>, steps: AdaptiveSteps, width: Width) -> Result<Self> {
+        let motion = TaylorMotion::new(&batch.torques, steps)?;
+        let kernel = if width.has_lanes::<f64>() { steps_in_tiles::<f64> } else { steps_one_by_one::<f64> };
+        Ok(Self { series: Some((motion, kernel)), ..Self::new(batch, steps, width) })
+    }
 }
 
 impl<T: LaneScalar> CpuAdaptiveSession<T> {
@@ -56,6 +71,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
             counts: vec![StepCounts::default(); batch.body_count],
             clock: batch.torques.clock(),
             slots: AtomicU64::new(0),
+            series: None,
             batch,
             steps,
             width,
@@ -70,6 +86,9 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
             // They are there.
             let bodies = self.batch.body_count as u64;
             Box::new(move |watch: &Watch| watch.add(bodies))
+        } else if let Some((_, kernel)) = &self.series {
+            let kernel = *kernel;
+            self.advance_blocks(end, kernel)
         } else if self.batch.torques.is_empty() {
             self.advance_in::<Nothing>(end)
         } else if self.batch.torques.is_common() {
@@ -87,10 +106,10 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
         self.advance_blocks(end, kernel)
     }
 
-    fn advance_blocks(&mut self, end: Clock, kernel: fn(Block<'_, '_, T>) -> bool) -> Job<'_> {
+    fn advance_blocks(&mut self, end: Clock, kernel: Kernel<T>) -> Job<'_> {
         let steps = self.steps;
-        let Self { batch, clock, controllers, counts, slots, .. } = self;
-        let slots = &*slots;
+        let Self { batch, clock, controllers, counts, slots, series, .. } = self;
+        let (slots, motion) = (&*slots, series.as_ref().map(|(motion, _)| motion));
         let start = *clock;
         let (value, residue) = start.seconds_until(&end);
         let span = two_words_of::<T>(value, residue);
@@ -115,6 +134,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
                         steps,
                         starts,
                         slots,
+                        motion,
                         bodies: counts.len(),
                     });
                     starts = false;
@@ -127,7 +147,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
     }
 }
 
-impl<T: LaneScalar + Kernel> AdaptiveSession for CpuAdaptiveSession<T> {
+impl<T: LaneScalar + observe::Kernel> AdaptiveSession for CpuAdaptiveSession<T> {
     fn body_count(&self) -> usize {
         self.batch.body_count
     }
@@ -197,6 +217,8 @@ pub(super) struct Block<'a, 'b, T> {
     pub starts: bool,
     /// Where attempts of lanes are counted.
     pub slots: &'a AtomicU64,
+    /// The series of the motion, where the steps are theirs.
+    pub motion: Option<&'a TaylorMotion>,
     /// Bodies in the block; lane groups without any are left alone.
     pub bodies: usize,
 }

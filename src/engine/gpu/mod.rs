@@ -30,7 +30,7 @@ pub use shader::Patch;
 
 pub(crate) use device::{adapters, driver_of};
 
-use super::adaptive::{AdaptiveSession, AdaptiveSteps, check_torques};
+use super::adaptive::{AdaptiveSession, AdaptiveSteps, check_equal_steps, check_torques};
 use super::projected::conserving;
 use super::{Backend, Description, EngineKind, FreeSession, Session};
 use crate::batch::{AnyBatch, Batch, Precision};
@@ -230,6 +230,7 @@ impl Backend for Gpu {
     }
 
     fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+        check_equal_steps(method)?;
         match batch {
             AnyBatch::F32(batch) => self.start_batch(batch, method, None),
             AnyBatch::F64(batch) => self.start_batch(batch, method, None),

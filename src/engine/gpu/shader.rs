@@ -127,6 +127,8 @@ fn method_chunks(method: Method) -> Vec<Chunk> {
             let [slope, kick] = kick();
             vec![unprepared(), slope, kick, chunk!("method/dlm.wgsl")]
         }
+        // Refused before a shader is asked for.
+        Method::Taylor => vec![],
         Method::ExplicitEuler => vec![unprepared(), chunk!("method/explicit_euler.wgsl")],
         Method::GyroNewton => vec![unprepared(), midpoint(), chunk!("method/gyro_newton.wgsl")],
         Method::ClampedEuler => vec![unprepared(), chunk!("method/clamped_euler.wgsl")],

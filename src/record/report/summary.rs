@@ -16,6 +16,9 @@ impl fmt::Display for Report {
         let engine = &self.engine;
         let software = if engine.software { ", a software adapter" } else { "" };
         writeln!(formatter, "  engine   {} ({}{software})", engine.adapter, engine.kind)?;
+        if !self.failed_bodies.is_empty() {
+            writeln!(formatter, "  FAILED   {} of {} bodies: see below", self.failed_bodies.len(), self.bodies)?;
+        }
         self.write_work(formatter)?;
         if let Some(work) = &self.adaptive {
             write!(formatter, "{work}")?;
@@ -37,7 +40,7 @@ impl fmt::Display for Report {
         if self.drift.bodies > 0 {
             self.write_drift(formatter)?;
         }
-        if self.accuracy.bodies > 0 {
+        if self.accuracy.bodies + self.accuracy.lost + self.accuracy.diverged > 0 {
             write!(formatter, "{}", self.accuracy)?;
         }
         match self.failed_bodies.first() {
@@ -56,6 +59,7 @@ impl Report {
         write!(formatter, "  work     {} {bodies}, {} s: {}", self.bodies, self.span, listed(&plan.parts))?;
         match plan.parts[..] {
             _ if plan.steps == 0 => writeln!(formatter)?,
+            [_] if plan.steps == 1 => writeln!(formatter, ", 1 step of {:.3e} s or less", plan.longest_step)?,
             [_] => writeln!(formatter, ", {} steps of {:.3e} s or less", plan.steps, plan.longest_step)?,
             _ => writeln!(formatter, ", up to {} equal steps", plan.steps)?,
         }
@@ -113,6 +117,13 @@ impl fmt::Display for AccuracyReport {
             0..LEAST_FOR_P99 => writeln!(formatter, " (of fewer than {LEAST_FOR_P99}, p99 is the greatest)")?,
             _ => writeln!(formatter)?,
         }
+        if self.diverged > 0 {
+            writeln!(
+                formatter,
+                "           {} more could not be recomputed: their errors are not known",
+                self.diverged
+            )?;
+        }
         let Some(target) = &self.target else { return Ok(()) };
         writeln!(formatter, "  asked    {}", target.accuracy())?;
         let verdict = match self.met {
@@ -123,7 +134,11 @@ impl fmt::Display for AccuracyReport {
             }
             None => return Ok(()),
         };
-        writeln!(formatter, "           {verdict}, {} of {} {bodies} beyond", self.beyond, self.bodies)
+        write!(formatter, "           {verdict}, {} of {} {bodies} beyond", self.beyond, self.bodies)?;
+        match self.lost {
+            0 => writeln!(formatter),
+            lost => writeln!(formatter, ", {lost} more failed"),
+        }
     }
 }
 

@@ -27,7 +27,7 @@ impl<T: Scalar> Source<'_, T> {
     #[inline(always)]
     pub fn workspace<R: Real<Scalar = T>>(&self) -> Workspace<R> {
         let expressed = self.table.list().iter().filter(|instance| instance.kind == Kind::Custom);
-        let scratches = expressed.map(|instance| Scratch::new(&self.table.expressed(instance.index).whole.program, 1));
+        let scratches = expressed.map(|instance| Scratch::new(&self.table.expressed(instance.index).whole.program));
         Workspace {
             start_phases: vec![Cell::new(R::splat(0.0)); self.table.start_places()],
             scratches: RefCell::new(scratches.collect()),
@@ -55,7 +55,7 @@ pub(crate) struct Workspace<R: Real> {
     /// Phases at the start of a step, by number; behind them the time, where it is read.
     start_phases: Vec<Cell<R>>,
     /// Of expressions, by instance.
-    scratches: RefCell<Vec<Scratch<R>>>,
+    scratches: RefCell<Vec<Scratch<R, 1>>>,
 }
 
 /// The columns of one lane group.
@@ -67,7 +67,7 @@ pub(crate) struct Columns<'a, R: Real> {
     /// An equal step in the clock's units.
     units: u128,
     pub start_phases: &'a [Cell<R>],
-    pub scratches: Option<&'a RefCell<Vec<Scratch<R>>>>,
+    pub scratches: Option<&'a RefCell<Vec<Scratch<R, 1>>>>,
 }
 
 /// When a step starts.

@@ -1,8 +1,8 @@
 //! Torques that are expressions, carried out over a tile.
 
-use super::{Each, GROUPS};
 use crate::clock::phase_after;
 use crate::expression::Scratch;
+use crate::lanes::{Each, GROUPS};
 use crate::quaternion::Quaternion;
 use crate::real::Real;
 use crate::torque::expressed::{Expressed, Given};
@@ -14,10 +14,10 @@ pub(super) struct TileExpression<'a, R: Real> {
     /// The first row of its parameters, and the number of its first phase.
     first: usize,
     first_phase: usize,
-    epoch: Scratch<R>,
-    torque: Scratch<R>,
+    epoch: Scratch<R, GROUPS>,
+    torque: Scratch<R, GROUPS>,
     /// Results of the part that follows from the time.
-    epochs: Vec<R>,
+    epochs: Vec<Each<R>>,
     /// The inputs that are parts of the state.
     orientation: [Option<usize>; 4],
     angular_velocity: [Option<usize>; 3],
@@ -33,9 +33,9 @@ impl<'a, R: Real> TileExpression<'a, R> {
             first_phase,
             orientation: [0, 1, 2, 3].map(|part| input(Given::Orientation(part))),
             angular_velocity: [0, 1, 2].map(|part| input(Given::AngularVelocity(part))),
-            epoch: Scratch::new(&expressed.epoch.program, GROUPS),
-            torque: Scratch::new(&expressed.torque.program, GROUPS),
-            epochs: vec![R::splat(0.0); expressed.epoch.program.output_count() * GROUPS],
+            epoch: Scratch::new(&expressed.epoch.program),
+            torque: Scratch::new(&expressed.torque.program),
+            epochs: vec![Each([R::splat(0.0); GROUPS]); expressed.epoch.program.output_count()],
         }
     }
 
@@ -46,7 +46,7 @@ impl<'a, R: Real> TileExpression<'a, R> {
         for (instructions, scratch) in [(epoch, &mut self.epoch), (torque, &mut self.torque)] {
             for (index, given) in instructions.inputs.iter().enumerate() {
                 if let Given::Column(column) = *given {
-                    scratch.input(index).copy_from_slice(&parameters[self.first + column]);
+                    *scratch.input(index) = parameters[self.first + column];
                 }
             }
         }
@@ -81,7 +81,7 @@ impl<'a, R: Real> TileExpression<'a, R> {
         epoch.program.run(&mut self.epoch, &mut self.epochs);
         for (index, given) in torque.inputs.iter().enumerate() {
             if let Given::Epoch(number) = *given {
-                self.torque.input(index).copy_from_slice(&self.epochs[number * GROUPS..][..GROUPS]);
+                *self.torque.input(index) = self.epochs[number];
             }
         }
     }
@@ -109,7 +109,7 @@ impl<'a, R: Real> TileExpression<'a, R> {
 
     /// Adds the torque to a sum, component by component.
     #[inline(always)]
-    pub fn add(&mut self, sums: &mut [R]) {
+    pub fn add(&mut self, sums: &mut [Each<R>]) {
         self.expressed.torque.program.accumulate(&mut self.torque, sums);
     }
 }

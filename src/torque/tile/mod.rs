@@ -18,17 +18,12 @@ use super::sum::{Columns, Source, StepTime, Torques, ticks_from};
 use super::table::Instance;
 use super::variable_inertia::ramp_progress;
 use crate::batch::RATE_COLUMN;
-use crate::clock::{MOST_LANES, phase_after, phases_at, seconds_at};
+use crate::clock::{MOST_LANES, Ticks, phase_after, phases_at, seconds_at};
+use crate::lanes::{Each, GROUPS};
 use crate::quaternion::Quaternion;
 use crate::real::{Outlined, Real};
 use crate::rigid_body::{Body, Correction};
 use crate::vector::{TwoWords, Vector};
-
-/// Lane groups of a tile: with AVX-512 in `f64` the slopes of all stages of `rk8` take 21 KB.
-pub(crate) const GROUPS: usize = 4;
-
-/// One value of each lane group of a tile.
-pub(crate) type Each<V> = [V; GROUPS];
 
 /// One instance of a torque on a tile.
 #[derive(Clone, Copy, Debug)]
@@ -46,9 +41,9 @@ struct TileInstance {
 pub(crate) struct TileTorques<'a, R: Real> {
     source: Source<'a, R::Scalar>,
     /// The first body of each lane group, where bodies stand side by side.
-    bases: Each<usize>,
+    bases: [usize; GROUPS],
     /// The row of each lane's body.
-    rows: Each<[usize; MOST_LANES]>,
+    rows: [[usize; MOST_LANES]; GROUPS],
     instances: Vec<TileInstance>,
     parameters: Vec<Each<R>>,
     /// Turns/s, or ramps/s.
@@ -65,7 +60,7 @@ pub(crate) struct TileTorques<'a, R: Real> {
     elapsed: Each<R>,
     /// Torques that are expressions, and the sum of them, component by component.
     expressions: Vec<TileExpression<'a, R>>,
-    sums: [R; 3 * GROUPS],
+    sums: [Each<R>; 3],
     /// Where the moments change: by how much their differences do, and the index of the instance.
     change: Option<(Each<Vector<R>>, usize)>,
 }
@@ -90,17 +85,17 @@ impl<'a, R: Real> TileTorques<'a, R> {
             source,
             bases: [0; GROUPS],
             rows: [[0; MOST_LANES]; GROUPS],
-            parameters: vec![[zero; GROUPS]; parameters],
-            rates: vec![[zero; GROUPS]; phases],
-            starts: vec![[zero; GROUPS]; places],
-            elapsed: [zero; GROUPS],
+            parameters: vec![Each([zero; GROUPS]); parameters],
+            rates: vec![Each([zero; GROUPS]); phases],
+            starts: vec![Each([zero; GROUPS]); places],
+            elapsed: Each([zero; GROUPS]),
             expressions,
-            sums: [zero; 3 * GROUPS],
-            epochs: vec![[Epoch::none(); GROUPS]; instances.len()],
+            sums: [Each([zero; GROUPS]); 3],
+            epochs: vec![Each([Epoch::none(); GROUPS]); instances.len()],
             instances,
-            noise: [Vector::zero(); GROUPS],
-            scale: [R::splat(1.0); GROUPS],
-            seconds: [R::splat(1.0); GROUPS],
+            noise: Each([Vector::zero(); GROUPS]),
+            scale: Each([R::splat(1.0); GROUPS]),
+            seconds: Each([R::splat(1.0); GROUPS]),
             change: None,
         }
     }
@@ -162,7 +157,7 @@ impl<'a, R: Real> TileTorques<'a, R> {
     #[inline(always)]
     pub fn sum_of_expressions(&self, group: usize) -> Vector<R> {
         let group = group % GROUPS;
-        Vector::new(self.sums[group], self.sums[GROUPS + group], self.sums[2 * GROUPS + group])
+        Vector::new(self.sums[0][group], self.sums[1][group], self.sums[2][group])
     }
 
     /// Sets the state of a lane group for [`TileTorques::form_expressions`].
@@ -176,7 +171,7 @@ impl<'a, R: Real> TileTorques<'a, R> {
     /// Forms the sum of all torques that are expressions, at the time of the last [`TileTorques::at`].
     #[inline(always)]
     pub fn form_expressions(&mut self) {
-        self.sums = [R::splat(0.0); 3 * GROUPS];
+        self.sums = [Each([R::splat(0.0); GROUPS]); 3];
         for expression in &mut self.expressions {
             expression.add(&mut self.sums);
         }
@@ -353,7 +348,7 @@ impl<R: Real> Outlined for Load<'_, '_, R> {
         let moments = torques.instances.iter().position(|instance| instance.kind.role() == Role::Moments);
         if let Some(index) = moments {
             let first = torques.instances[index].first + 9;
-            let mut gained = torques.change.map_or([Vector::new(zero, zero, zero); GROUPS], |(gained, _)| gained);
+            let mut gained = torques.change.map_or(Each([Vector::new(zero, zero, zero); GROUPS]), |(gained, _)| gained);
             for group in groups {
                 let [x, y, z, ..] = &torques.parameters[first..] else { continue };
                 gained[group] = Vector::new(x[group], y[group], z[group]);
@@ -409,19 +404,37 @@ impl<R: Real> Outlined for Start<'_, '_, R> {
                     columns.ticks(StepTime::Own(&time))
                 }
             };
-            let (table, rows) = (source.table, &torques.rows[group][..R::LANES]);
-            let mut room = [0; MOST_LANES];
+            let per_tick = match torques.change {
+                Some((_, index)) => torques.instances[index].first + PER_TICK,
+                None => 0,
+            };
             for (number, phase) in torques.starts.iter_mut().enumerate() {
-                phase[group] = if number == table.phase_count() {
-                    seconds_at(&ticks, source.clock.ticks_per_second())
-                } else if let (true, Some((_, index))) = (table.ramp_of(number).is_some(), torques.change) {
-                    let per_tick = torques.parameters[torques.instances[index].first + PER_TICK][group];
-                    ticks_from::<R>(table.fractions(number, rows, &mut room), &ticks) * per_tick
-                } else {
-                    phases_at(table.fractions(number, rows, &mut room), &ticks)
-                };
+                let is_ramp = torques.change.is_some() && source.table.ramp_of(number).is_some();
+                let per_tick = if is_ramp { Some(torques.parameters[per_tick][group]) } else { None };
+                phase[group] = start_of(&source, number, &torques.rows[group], &ticks, per_tick);
             }
         }
+    }
+}
+
+/// A phase by its number in the table, in turns, for the bodies in these rows; of a ramp, whose progress in a tick is given, its
+/// progress, not cut; behind the last phase the time, s.
+#[inline(always)]
+pub(crate) fn start_of<R: Real>(
+    source: &Source<'_, R::Scalar>,
+    number: usize,
+    rows: &[usize; MOST_LANES],
+    ticks: &Ticks,
+    per_tick: Option<R>,
+) -> R {
+    let (table, mut room) = (source.table, [0; MOST_LANES]);
+    if number == table.phase_count() {
+        return seconds_at(ticks, source.clock.ticks_per_second());
+    }
+    let fractions = table.fractions(number, &rows[..R::LANES], &mut room);
+    match per_tick {
+        Some(per_tick) => ticks_from::<R>(fractions, ticks) * per_tick,
+        None => phases_at(fractions, ticks),
     }
 }
 

@@ -6,11 +6,11 @@ use super::{Rk8, Tile, TileSlopes};
 use crate::batch::{RATE_COLUMN, load_body, load_state, status_column, store_state};
 use crate::clock::MOST_LANES;
 use crate::engine::cpu::adaptive::{Block as AdaptiveBlock, LEFT, SLICE, load_controller, store_controller};
-use crate::lanes::{LaneScalar, LaneTask};
+use crate::lanes::{Each, GROUPS, LaneScalar, LaneTask};
 use crate::method::rk8::TIMES;
 use crate::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, Trial};
 use crate::real::{Outlined, Real, Scalar};
-use crate::torque::tile::{Each, GROUPS, TileTime, gathered};
+use crate::torque::tile::{TileTime, gathered};
 use crate::vector::TwoWords;
 
 /// Attempts of a block; says whether any body is still under way.
@@ -24,14 +24,14 @@ struct Attempts<'a, 'b, T>(AdaptiveBlock<'a, 'b, T>);
 /// otherwise lanes would wait for the slowest of those beside them.
 struct Seats<R: Real> {
     /// Rows of the block.
-    rows: Each<[usize; MOST_LANES]>,
+    rows: [[usize; MOST_LANES]; GROUPS],
     /// Lanes that hold a body.
-    taken: Each<[bool; MOST_LANES]>,
+    taken: [[bool; MOST_LANES]; GROUPS],
     controllers: Each<Controller<R>>,
     spans: Each<TwoWords<R>>,
     limits: Each<Limits<R>>,
     /// Attempts of lanes without work since lanes were given away last.
-    idle: Each<usize>,
+    idle: [usize; GROUPS],
     /// The first row that has not been looked at.
     next: usize,
 }
@@ -120,7 +120,12 @@ impl<T: Scalar> AdaptiveBlock<'_, '_, T> {
 
 /// Writes the lanes that are taken to their rows.
 #[inline(always)]
-fn scatter<R: Real>(number: R, rows: &[usize; MOST_LANES], taken: &[bool; MOST_LANES], column: &mut [R::Scalar]) {
+pub(in crate::engine::cpu) fn scatter<R: Real>(
+    number: R,
+    rows: &[usize; MOST_LANES],
+    taken: &[bool; MOST_LANES],
+    column: &mut [R::Scalar],
+) {
     let mut numbers = [R::Scalar::default(); MOST_LANES];
     number.store(&mut numbers);
     for lane in 0..R::LANES {
@@ -161,9 +166,9 @@ impl<T: Scalar> LaneTask<T> for Attempts<'_, '_, T> {
         let mut seats = Seats {
             rows: [[0; MOST_LANES]; GROUPS],
             taken: [[false; MOST_LANES]; GROUPS],
-            controllers: [Controller::new(); GROUPS],
+            controllers: Each([Controller::new(); GROUPS]),
             spans: tile.h,
-            limits: [none; GROUPS],
+            limits: Each([none; GROUPS]),
             idle: [0; GROUPS],
             next: 0,
         };
@@ -205,7 +210,7 @@ impl<T: Scalar> LaneTask<T> for Attempts<'_, '_, T> {
             tile.start(TileTime::Own(&gone));
             for (stage, &fraction) in TIMES.iter().enumerate() {
                 // Closures that the standard library calls are not compiled for the lanes.
-                let mut elapsed = [R::splat(0.0); GROUPS];
+                let mut elapsed = Each([R::splat(0.0); GROUPS]);
                 for group in tile.active() {
                     elapsed[group] = tile.h[group].value * R::splat(fraction);
                 }
@@ -230,7 +235,7 @@ impl<T: Scalar> LaneTask<T> for Attempts<'_, '_, T> {
 
 /// How many lanes a mask has.
 #[inline(always)]
-fn lanes_in<R: Real>(mask: R::Mask) -> usize {
+pub(in crate::engine::cpu) fn lanes_in<R: Real>(mask: R::Mask) -> usize {
     let mut numbers = [R::Scalar::default(); MOST_LANES];
     R::select(mask, R::splat(1.0), R::splat(0.0)).store(&mut numbers);
     let mut count = 0.0;

@@ -1,10 +1,11 @@
 //! `cf4` on tiles.
 
 use super::{Tile, TileStep};
+use crate::lanes::{Each, GROUPS};
 use crate::method::cf4::{self, Turn};
 use crate::quaternion::Quaternion;
 use crate::real::{Outlined, Real};
-use crate::torque::tile::{Each, GROUPS, TileTime};
+use crate::torque::tile::TileTime;
 use crate::vector::Vector;
 
 /// [`crate::method::cf4`].
@@ -15,7 +16,7 @@ impl TileStep for Cf4 {
     fn step<R: Real>(tile: &mut Tile<'_, R>, index: u64) {
         tile.start(TileTime::Equal(index));
         let turn = Turn { omega: Vector::zero(), m: Vector::zero() };
-        let (mut turns, mut second) = ([[turn; 4]; GROUPS], [tile.state[0].orientation.value; GROUPS]);
+        let (mut turns, mut second) = (Each([[turn; 4]; GROUPS]), Each([tile.state[0].orientation.value; GROUPS]));
         for (stage, fraction) in [0.0, 0.5, 0.5, 1.0].into_iter().enumerate() {
             if stage != 2 {
                 tile.at(fraction);

@@ -6,14 +6,14 @@
 mod adaptive;
 mod cf4;
 
-pub(super) use adaptive::attempts_in_tiles;
+pub(super) use adaptive::{attempts_in_tiles, lanes_in, scatter};
 pub(super) use cf4::Cf4;
 
 use std::marker::PhantomData;
 
 use super::Block;
 use crate::batch::{load_body, load_state, store_state};
-use crate::lanes::{LaneScalar, LaneTask};
+use crate::lanes::{Each, GROUPS, LaneScalar, LaneTask};
 use crate::method::rk8::{STAGES, Slopes, TIMES};
 use crate::method::slope::Slope;
 use crate::method::{rk4, rk8};
@@ -22,7 +22,7 @@ use crate::real::{Outlined, Real, Scalar};
 use crate::rigid_body::{Body, Correction, State, orientation_rate};
 use crate::torque::formula::{Formula, FormulaTask, Role};
 use crate::torque::sum::Source;
-use crate::torque::tile::{Each, GROUPS, TileTime, TileTorques};
+use crate::torque::tile::{TileTime, TileTorques};
 use crate::vector::{TwoWords, Vector};
 
 /// A method with equal steps, on tiles.
@@ -66,15 +66,15 @@ impl<'a, R: Real> Tile<'a, R> {
         Self {
             torques: TileTorques::new(source),
             seconds: source.dt,
-            body: [body; GROUPS],
-            h: [TwoWords { value: zero, residue: zero }; GROUPS],
-            state: [state; GROUPS],
-            correction: [body.correction(&state); GROUPS],
+            body: Each([body; GROUPS]),
+            h: Each([TwoWords { value: zero, residue: zero }; GROUPS]),
+            state: Each([state; GROUPS]),
+            correction: Each([body.correction(&state); GROUPS]),
             groups: [0, 1, 2, 3],
             active: 0,
-            q: [q; GROUPS],
-            m: [Vector::zero(); GROUPS],
-            slopes: [[Slope { q, m: Vector::zero() }; GROUPS]; STAGES],
+            q: Each([q; GROUPS]),
+            m: Each([Vector::zero(); GROUPS]),
+            slopes: [Each([Slope { q, m: Vector::zero() }; GROUPS]); STAGES],
         }
     }
 
@@ -124,7 +124,7 @@ impl<'a, R: Real> Tile<'a, R> {
     /// What follows from the time, at a fraction of an equal step.
     #[inline(always)]
     fn at(&mut self, fraction: f64) {
-        let elapsed = [R::splat(fraction * self.seconds); GROUPS];
+        let elapsed = Each([R::splat(fraction * self.seconds); GROUPS]);
         self.torques.at(&elapsed, &self.groups[..self.active.min(GROUPS)]);
     }
 

@@ -1,0 +1,211 @@
+//! The equations of motion of a scene's bodies as one graph, from which their Taylor series follow.
+//!
+//! ```text
+//! m' = m × ω + τ,   q' = ½ q ω,   ω = I⁻¹ m (and what internal dissipation adds)
+//! ```
+//!
+//! in principal axes and in the units of each body's own scale ([`crate::batch`]): a unit of time is the reciprocal of the reference
+//! rate. Inputs are the state, the columns of the batch by their numbers, and the table's phases in turns by theirs (of a ramp its progress),
+//! which advance evenly; the time, where it is read, is in seconds. Every formula records itself.
+
+use super::expressed::Given;
+use super::formula::{Epoch, Following, Formula, FormulaTask, MOST_PHASES, Role, Row};
+use super::internal_dissipation::internal_dissipation;
+use super::linear_rotor::across_axis;
+use super::table::{Instance, TorqueTable};
+use super::variable_inertia::{Change, changed_motion};
+use super::{Kind, Motion};
+use crate::expression::jet::{Equations, Lowered, lowered};
+use crate::expression::{Dependence, Fault, Graph, Input, InputKind, Node, Recorder, Symbol};
+use crate::quaternion::Quaternion;
+use crate::real::Real;
+use crate::rigid_body::{Body, Correction};
+use crate::vector::{TwoWords, Vector};
+
+/// The equations of motion under the torques of a table.
+#[derive(Clone, Debug)]
+pub(crate) struct RecordedMotion {
+    graph: Graph,
+    momentum_rate: [Node; 3],
+    angular_velocity: [Node; 3],
+    /// Whether a torque asks for the attitude.
+    pub needs_attitude: bool,
+}
+
+impl RecordedMotion {
+    /// Records what acts.
+    ///
+    /// # Errors
+    ///
+    /// Where the formulas together have more operations than a graph may.
+    pub fn new(table: &TorqueTable) -> Result<Self, Fault> {
+        let (graph, outputs) = Graph::record::<Fault>(|recorder| {
+            let (omega, rate) = recorded(table, recorder);
+            Ok(vec![rate.x, rate.y, rate.z, omega.x, omega.y, omega.z])
+        })?;
+        let needs_attitude = graph.dependence_of(&outputs).intersects(Dependence::ATTITUDE);
+        let part = |first: usize| [outputs[first], outputs[first + 1], outputs[first + 2]];
+        Ok(Self { momentum_rate: part(0), angular_velocity: part(3), graph, needs_attitude })
+    }
+
+    /// As rows and operations on them: the states are the angular momentum and, where a torque asks for it, the orientation; the
+    /// results are the components of the angular velocity.
+    ///
+    /// # Errors
+    ///
+    /// Where a formula has no Taylor series.
+    pub fn lowered(&self) -> Result<Lowered, Fault> {
+        let states = (0..3).map(|part| Input::new(InputKind::AngularMomentum, part));
+        lowered(
+            &self.graph,
+            &Equations {
+                rates: states.zip(self.momentum_rate).collect(),
+                angular_velocity: Some(self.angular_velocity),
+                has_orientation: self.needs_attitude,
+                outputs: Vec::new(),
+            },
+        )
+    }
+}
+
+/// ω and m'.
+fn recorded(table: &TorqueTable, recorder: &Recorder) -> (Vector<Symbol>, Vector<Symbol>) {
+    let input = |kind, index: usize| recorder.input(Input::new(kind, index as u16));
+    let vector = |kind, first: usize| Vector::new(input(kind, first), input(kind, first + 1), input(kind, first + 2));
+    let part = |index| input(InputKind::Orientation, index);
+    let recording = Recording { table, recorder, q: Quaternion::new(part(0), part(1), part(2), part(3)) };
+    let inverse_moments = TwoWords { value: vector(InputKind::Parameter, 0), residue: Vector::zero() };
+    let (body, m) = (Body::new(inverse_moments), vector(InputKind::AngularMomentum, 0));
+    let moments = table.list().iter().find(|instance| instance.kind.role() == Role::Moments);
+    let change = moments.map(|moments| {
+        let row = recording.row(moments);
+        let difference = TwoWords { value: row.vector(3), residue: row.vector(6) };
+        let done = moments.kind.with(EpochOf { recording: &recording, instance: moments }).number;
+        (Change { kappa: row.vector(0), difference }, row.vector(9), done)
+    });
+    let none = Correction::none();
+    let mut motion = match &change {
+        Some((change, _, done)) => changed_motion(&body, change, *done, &none, m),
+        None => Motion {
+            angular_velocity: body.angular_velocity(m, &none),
+            gyroscopic_term: body.gyroscopic_term(m, &none),
+        },
+    };
+    if let Some(instance) = table.instance(Kind::InternalDissipation) {
+        let slip = internal_dissipation(recording.row(instance).number(0), m, motion.angular_velocity);
+        motion = Motion {
+            angular_velocity: motion.angular_velocity + slip,
+            gyroscopic_term: motion.gyroscopic_term + m.cross(slip),
+        };
+    }
+    let mut sum = Vector::zero();
+    for instance in table.list() {
+        let gained = change.as_ref().map(|(_, gained, done)| (*gained, *done));
+        let omega = motion.angular_velocity;
+        sum = instance.kind.with(Added { recording: &recording, instance, gained, omega, sum });
+    }
+    (motion.angular_velocity, motion.gyroscopic_term + sum)
+}
+
+/// What formulas read.
+struct Recording<'a> {
+    table: &'a TorqueTable,
+    recorder: &'a Recorder,
+    q: Quaternion<Symbol>,
+}
+
+impl Recording<'_> {
+    fn row(&self, instance: &Instance) -> SymbolRow<'_> {
+        SymbolRow { recorder: self.recorder, first: instance.first }
+    }
+
+    /// A phase, which is not cut to a turn: what formulas make of it is periodic.
+    fn phase(&self, instance: &Instance, phase: usize) -> Symbol {
+        self.recorder.input(Input::new(InputKind::Phase, (instance.first_phase + phase) as u16))
+    }
+
+    /// The torque of an instance that is an expression.
+    fn expressed(&self, instance: &Instance, omega: Vector<Symbol>) -> Vector<Symbol> {
+        let expressed = self.table.expressed(instance.index);
+        let (part, instructions) = (expressed.whole_part(), &expressed.whole);
+        let given = |input: Input| {
+            let inputs = instructions.program.inputs().iter().zip(&instructions.inputs);
+            inputs.into_iter().find(|(known, _)| **known == input).map(|(_, given)| *given)
+        };
+        let q = self.q;
+        let replayed = part.graph.replayed(&part.outputs, u16::MAX, |input| match given(input) {
+            Some(Given::Column(column)) => self.row(instance).number(column),
+            Some(Given::Phase(phase)) => self.phase(instance, phase),
+            Some(Given::Orientation(part)) => [q.x, q.y, q.z, q.w][part],
+            Some(Given::AngularVelocity(part)) => [omega.x, omega.y, omega.z][part],
+            Some(Given::Time | Given::Epoch(_)) | None => self.recorder.input(Input::new(InputKind::Time, 0)),
+        });
+        Vector::new(replayed.outputs[0], replayed.outputs[1], replayed.outputs[2])
+    }
+}
+
+/// The columns of one instance.
+struct SymbolRow<'a> {
+    recorder: &'a Recorder,
+    first: usize,
+}
+
+impl Row<Symbol> for SymbolRow<'_> {
+    fn number(&self, column: usize) -> Symbol {
+        self.recorder.input(Input::new(InputKind::Parameter, (self.first + column) as u16))
+    }
+}
+
+/// What follows from the time for one instance.
+struct EpochOf<'s, 'a> {
+    recording: &'s Recording<'a>,
+    instance: &'s Instance,
+}
+
+impl FormulaTask for EpochOf<'_, '_> {
+    type Output = Epoch<Symbol>;
+    fn run<F: Formula>(self) -> Epoch<Symbol> {
+        let Self { recording, instance } = self;
+        let mut phases = [Symbol::splat(0.0); MOST_PHASES];
+        for (number, phase) in phases.iter_mut().enumerate().take(F::PHASES.len()) {
+            *phase = recording.phase(instance, number);
+            if F::IS_PROGRESS {
+                *phase = phase.max(Symbol::splat(0.0)).min(Symbol::splat(1.0));
+            }
+        }
+        F::epoch(&recording.row(instance), phases)
+    }
+}
+
+/// A sum of torques with one more.
+struct Added<'s, 'a> {
+    recording: &'s Recording<'a>,
+    instance: &'s Instance,
+    /// Where the moments change: by how much their differences do, and the part of the change that is done.
+    gained: Option<(Vector<Symbol>, Symbol)>,
+    omega: Vector<Symbol>,
+    sum: Vector<Symbol>,
+}
+
+impl FormulaTask for Added<'_, '_> {
+    type Output = Vector<Symbol>;
+    fn run<F: Formula>(self) -> Vector<Symbol> {
+        let Self { recording, instance, gained, omega, sum } = self;
+        let (row, q) = (recording.row(instance), recording.q);
+        match F::ROLE {
+            Role::Projection => across_axis(row.number(0), sum),
+            Role::Expression => sum + recording.expressed(instance, omega),
+            Role::Torque => {
+                let at = EpochOf { recording, instance }.run::<F>();
+                match gained {
+                    Some((gained, done)) if F::FOLLOWS_MOMENTS => {
+                        sum + F::torque(&Following { row: &row, gained, done }, &at, q, omega)
+                    }
+                    _ => sum + F::torque(&row, &at, q, omega),
+                }
+            }
+            // The moments and dissipation belong to the motion; noise is drawn for equal steps.
+            Role::Noise | Role::Slip | Role::Moments => sum,
+        }
+    }
+}
