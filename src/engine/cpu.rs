@@ -32,6 +32,7 @@ use crate::vector::TwoWords;
 
 mod adaptive;
 mod observe;
+mod seats;
 mod surroundings;
 mod taylor;
 mod tile;

@@ -38,6 +38,7 @@
 //! It conserves nothing exactly; the drift of energy and angular momentum is that of the error. The quaternion's norm is restored as in `rk8`.
 
 use crate::clock::MOST_LANES;
+use crate::lanes::Each;
 use crate::quaternion::Quaternion;
 use crate::real::{Real, Scalar};
 use crate::vector::Vector;
@@ -163,11 +164,11 @@ impl TwoSided {
 
     /// S(h; t) and S(−h'; t) of the series u at t.
     #[inline(always)]
-    pub fn sums<R: Real>(&self, u: &[Coefficient<R>], forwards: R, backwards: R) -> [Quaternion<R>; 2] {
+    pub fn sums<R: Real>(&self, u: &[Each<Quaternion<R>, 1>], forwards: R, backwards: R) -> [Quaternion<R>; 2] {
         let zero = R::splat(0.0);
         let mut sums = [Quaternion::new(zero, zero, zero, zero); 2];
         for (u, weight) in u.iter().zip(&self.weights).rev() {
-            let term = u.0 * R::splat(*weight);
+            let term = u[0] * R::splat(*weight);
             sums[0] = sums[0].axpy(forwards, term);
             sums[1] = sums[1].axpy(-backwards, term);
         }
@@ -175,28 +176,23 @@ impl TwoSided {
     }
 }
 
-/// A coefficient of u, aligned: vectors that straddle two cache lines cost more.
-#[derive(Clone, Copy, Debug)]
-#[repr(align(64))]
-pub(crate) struct Coefficient<R>(pub Quaternion<R>);
-
 /// Forms the series of u with u' = ½ u ω, u₀ = 1, from the coefficients of ω.
 #[inline(always)]
-pub(crate) fn form_relative_attitude<R: Real>(omega: impl Coefficients<R>, u: &mut [Coefficient<R>]) {
+pub(crate) fn form_relative_attitude<R: Real>(omega: impl Coefficients<R>, u: &mut [Each<Quaternion<R>, 1>]) {
     let (zero, one) = (R::splat(0.0), R::splat(1.0));
     let none = Quaternion::new(zero, zero, zero, zero);
-    u[0] = Coefficient(Quaternion::new(zero, zero, zero, one));
+    u[0] = Each([Quaternion::new(zero, zero, zero, one)]);
     // u₀ = 1.
     for k in 0..u.len() - 1 {
         let first = omega.at(k);
         let [mut even, mut odd] = [Quaternion::new(first.x, first.y, first.z, zero), none];
         for j in (1..=k).step_by(2) {
-            odd = added_product(odd, u[j].0, omega.at(k - j));
+            odd = added_product(odd, u[j][0], omega.at(k - j));
             if j < k {
-                even = added_product(even, u[j + 1].0, omega.at(k - j - 1));
+                even = added_product(even, u[j + 1][0], omega.at(k - j - 1));
             }
         }
-        u[k + 1] = Coefficient((even + odd) * R::splat(0.5 / (k + 1) as f64));
+        u[k + 1] = Each([(even + odd) * R::splat(0.5 / (k + 1) as f64)]);
     }
 }
 

@@ -91,6 +91,11 @@ pub fn evaluation_seconds(closed_form: Option<Precision>) -> f64 {
 }
 
 impl Cost {
+    /// The shipped row of a method that has one: of those that pilots step references by.
+    pub(super) fn shipped(scheme: Scheme) -> &'static Self {
+        COSTS.iter().find(|cost| cost.scheme == scheme).unwrap_or(&COSTS[0])
+    }
+
     /// Time of a step, s.
     pub fn step_seconds(&self, precision: Precision, free: bool) -> f64 {
         self.figures(free).seconds[usize::from(precision == Precision::F64)]

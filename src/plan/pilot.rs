@@ -13,11 +13,12 @@
 use std::cmp::Ordering;
 
 use super::choice::{Look, Rule, Scheme, narrowest};
-use super::cost::{COSTS, Cost, Costs};
+use super::cost::{Cost, Costs};
 use super::reference::Reference;
 use crate::batch::Precision;
 use crate::error::{Error, Result};
 use crate::force::Force;
+use crate::method::Method;
 use crate::record::Spread;
 use crate::run::confidence::least_sample;
 use crate::run::shadow::{Errors, Standing, sample};
@@ -175,15 +176,15 @@ impl<'a> Pilot<'a> {
 
     /// Finds how much a few bodies err over `span` s, and the steps of a body over the whole span that are needed then.
     fn probe(&mut self, span: f64) -> Result<f64> {
-        let is_adaptive = self.allows(Scheme::Adaptive);
-        let cost = &COSTS[usize::from(!is_adaptive)];
         let count = self.bodies.len() as f64;
-        if !is_adaptive {
+        if !self.allows(Scheme::Adaptive) {
+            let cost = Cost::shipped(Scheme::Equal(Method::Rk8));
             let rule = self.rule(cost, Some(Precision::F64));
-            return Ok((self.seconds(&rule, cost, None) / cost.step_seconds(Precision::F64, false) / count).max(1.0));
+            let step = cost.step_seconds(Precision::F64, self.torques.is_empty());
+            return Ok((self.seconds(&rule, cost, None) / step / count).max(1.0));
         }
         let probe = Self { bodies: self.bodies.clone(), span, ..*self };
-        let rule = probe.rule(cost, Some(Precision::F64)).with_room();
+        let rule = probe.rule(Cost::shipped(Scheme::Adaptive), Some(Precision::F64)).with_room();
         let (coarse, fine) = (probe.stepped(&rule)?, probe.stepped(&rule.finer())?);
         let part = probe.errors(&coarse.states, &fine.states).standing(self.accuracy, self.all).part;
         // The rule expects an error that grows with the angle.
@@ -220,7 +221,7 @@ impl<'a> Pilot<'a> {
             if class * cheapest < NEGLIGIBLE {
                 break;
             }
-            // Rounding in f32 is that of no method.
+            // What rounding in f32 spoils it spoils for every method.
             if narrow_misses && start.precision.is_none() {
                 continue;
             }
@@ -270,7 +271,7 @@ impl<'a> Pilot<'a> {
         };
         let equal = self.candidates().into_iter().filter(|(rule, _)| rule.scheme != Scheme::Adaptive);
         let cheapest = equal.min_by(|a, b| seconds(a).total_cmp(&seconds(b)));
-        let fallback = || self.rule(&COSTS[1], self.precision);
+        let fallback = || self.rule(Cost::shipped(Scheme::Equal(Method::Rk8)), self.precision);
         let rule = cheapest.map_or_else(fallback, |(rule, _)| rule);
         Found { rule, part: 1.0, worst: Target::Attitude, attitude: rule.attitude, bodies: 0, steps: None }
     }
@@ -338,11 +339,14 @@ impl<'a> Pilot<'a> {
             if self.seconds(&rule, cost, None) > limit {
                 break;
             }
-            let sampled = match reference.coarse.take_if(|(coarse, _)| *coarse == rule) {
+            // The reference is in f64 whatever is asked for.
+            let is_known =
+                |coarse: &Rule| *coarse == Rule { precision: coarse.precision, ..rule } && !self.has_narrow(&rule);
+            let sampled = match reference.coarse.take_if(|(coarse, _)| is_known(coarse)) {
                 Some((_, sampled)) => sampled,
                 None => self.stepped(&rule)?,
             };
-            let Standing { part, worst, attitude } = self.standing(&sampled.states, &reference.states);
+            let Standing { part, worst, attitude } = self.standing(self.errors(&sampled.states, &reference.states));
             let found = Found { rule, part, worst, attitude, bodies: self.bodies.len(), steps: sampled.steps };
             // Of two that are good enough the one with longer steps, else the more accurate.
             let improves = match (part <= ENOUGH, best.part <= ENOUGH) {

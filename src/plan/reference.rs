@@ -2,7 +2,7 @@
 //! steps where the bodies may take them and their tolerances have room for it.
 
 use super::choice::{Rule, Scheme};
-use super::cost::COSTS;
+use super::cost::Cost;
 use super::pilot::{Found, Pilot};
 use super::sampled::{Sampled, States};
 use crate::batch::Precision;
@@ -50,16 +50,15 @@ impl Reference {
 
     /// By steps of one kind, and whether there were no smaller tolerances before it had settled.
     fn by(pilot: &Pilot<'_>, scheme: Scheme) -> Result<(Self, bool)> {
-        let cost = COSTS.iter().find(|cost| cost.scheme == scheme).unwrap_or(&COSTS[0]);
-        let mut rule = pilot.rule(cost, Some(Precision::F64)).with_room();
+        let mut rule = pilot.rule(Cost::shipped(scheme), Some(Precision::F64)).with_room();
         let (mut fine, start) = (pilot.stepped(&rule)?, rule);
         let (mut coarse, mut last, mut taken) = (None, f64::INFINITY, 0.0);
         loop {
             let finer = rule.finer();
             let before = std::mem::replace(&mut fine, pilot.stepped(&finer)?);
-            let change = pilot.standing(&before.states, &fine.states);
-            let raw = pilot.errors(&before.states, &fine.states).standing(pilot.accuracy, pilot.all);
-            let is_saturated = raw.attitude >= SATURATED;
+            let mut errors = pilot.errors(&before.states, &fine.states);
+            let is_saturated = errors.standing(pilot.accuracy, pilot.all).attitude >= SATURATED;
+            let change = pilot.standing(errors);
             // By what the error falls from one to the other, as far as their tolerances have room.
             let ratio = match scheme {
                 Scheme::Adaptive => finer.tolerance(Precision::F64) / rule.tolerance(Precision::F64),
@@ -71,10 +70,9 @@ impl Reference {
             let next = fine.steps.map_or(0.0, |steps| steps.total as f64 * pilot.span / pilot.scene.end());
             taken += next;
             coarse.get_or_insert(before);
-            let is_limited = scheme == Scheme::Adaptive && ratio > FINER.sqrt();
-            let is_last = finer.coefficient >= limit(&start) || taken + next > pilot.most_steps;
             // The next one would be the same.
-            let is_limited = is_limited || finer.adapts_like(&finer.finer(), Precision::F64);
+            let is_limited = finer.adapts_like(&finer.finer(), Precision::F64);
+            let is_last = finer.coefficient >= limit(&start) || taken + next > pilot.most_steps;
             if left <= SETTLED || is_rounding || is_limited || is_last {
                 let coarse = coarse.map(|sampled| (start, sampled));
                 let found = Self { states: fine.states, coarse, rule, change, left, is_saturated };

@@ -80,8 +80,7 @@ impl Pilot<'_> {
     }
 
     /// How the errors of the class over the whole span, at the percentile asked for, stand to the targets.
-    pub fn standing(&self, states: &States, reference: &States) -> Standing {
-        let mut errors = self.errors(states, reference);
+    pub fn standing(&self, mut errors: Errors) -> Standing {
         let margin = self.margin(&mut errors);
         let Standing { part, worst, attitude } = errors.standing(self.accuracy, self.all);
         // There is no greater angle than π.

@@ -48,7 +48,7 @@ pub struct Report {
     pub balance: Option<BalanceReport>,
     /// Errors at the end.
     pub accuracy: AccuracyReport,
-    /// Bodies whose state is no longer finite, ascending; their rows hold NaN or infinity.
+    /// Bodies whose state is no longer finite, or of which a step said that it failed, ascending.
     pub failed_bodies: Vec<usize>,
     /// How many bodies turn further in a given step than the method's usable region reaches.
     pub outside_usable_region: usize,

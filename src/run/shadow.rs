@@ -19,7 +19,7 @@ use crate::run::confidence::{is_plausible, upper_rank};
 use crate::run::is_sound;
 use crate::run::work::{self, Alike, Recomputed, Work};
 use crate::scene::{Accuracy, Scene, Target};
-use crate::torque::Torque;
+use crate::torque::{self, Torque};
 
 /// Every so many-th body is in the shadow's sample.
 const ONE_IN: usize = 1000;
@@ -155,8 +155,10 @@ fn reference_intervals(plan: &Plan<'_>, group: &Group, torques: &[Torque], membe
         let body = body as usize;
         let middle_moment = crate::inertia::principal_axes(&scene.ensemble().inertia()[body]).moments.y;
         let spin = scene.ensemble().angular_velocity_body()[body].length();
-        let growth = crate::torque::variable_inertia::spin_growth(torques, body, &scene.ensemble().inertia()[body]);
-        (spin * growth).max(crate::torque::rate_of(torques, body, middle_moment))
+        let growth = torque::variable_inertia::spin_growth(torques, body, &scene.ensemble().inertia()[body]);
+        let driven =
+            torque::rate_of(torques, body, middle_moment).max(torque::damping_of(torques, body, middle_moment));
+        (spin * growth).max(driven)
     };
     let fastest = members.iter().map(rate).fold(0.0, f64::max);
     let own = REFERENCE_ANGLE / fastest;

@@ -14,7 +14,7 @@ use glam::DVec3;
     subcommand_required = true,
     after_help = "Begin with `polhode run examples/studies/tumbling.toml`; \
                   `polhode run --help` shows what a study file looks like.\n\
-                  Exit status: 0 done, 1 the run failed, 2 the input is wrong."
+                  Exit status: 0 done, 1 the run, or a body of it, failed, 2 the input is wrong."
 )]
 pub struct Arguments {
     /// What to do.

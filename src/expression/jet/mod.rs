@@ -19,8 +19,8 @@
 //!
 //! A graph is lowered (`lowering.rs`) to rows, one a series, and operations on them, sorted so that those of one kind follow each
 //! other. A sum of products is expanded only as far as that saves convolutions: factors that are constant for each body are
-//! pulled out, quadratic forms of the attitude are linear in the entries of the rotation's matrix, which one operation forms, and what is multiplied by the same function of
-//! time is added up before. Rows that no convolution reads keep one coefficient only. A tile of a few lane groups is carried through all
+//! pulled out, quadratic forms of the attitude are linear in the entries of the rotation's matrix, which one operation forms, and what is
+//! multiplied by the same function of time is added up before. Rows that no convolution reads keep one coefficient only. A tile of a few lane groups is carried through all
 //! operations of an order, then through those of the next.
 
 mod lowering;

@@ -3,9 +3,9 @@
 use std::sync::atomic::Ordering;
 
 use super::{Rk8, Tile, TileSlopes};
-use crate::batch::{RATE_COLUMN, load_body, load_state, status_column, store_state};
-use crate::clock::MOST_LANES;
-use crate::engine::cpu::adaptive::{Block as AdaptiveBlock, LEFT, SLICE, load_controller, store_controller};
+use crate::batch::{load_body, load_state, status_column};
+use crate::engine::cpu::adaptive::{Block as AdaptiveBlock, LEFT, SLICE, load_controller};
+use crate::engine::cpu::seats::{Seating, lanes_in};
 use crate::lanes::{Each, GROUPS, LaneScalar, LaneTask};
 use crate::method::rk8::TIMES;
 use crate::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, Trial};
@@ -23,10 +23,7 @@ struct Attempts<'a, 'b, T>(AdaptiveBlock<'a, 'b, T>);
 /// The lane groups of a tile and the rows of a block that are in them. A lane whose body has arrived takes the next row that has not:
 /// otherwise lanes would wait for the slowest of those beside them.
 struct Seats<R: Real> {
-    /// Rows of the block.
-    rows: [[usize; MOST_LANES]; GROUPS],
-    /// Lanes that hold a body.
-    taken: [[bool; MOST_LANES]; GROUPS],
+    seats: [Seating; GROUPS],
     controllers: Each<Controller<R>>,
     spans: Each<TwoWords<R>>,
     limits: Each<Limits<R>>,
@@ -43,61 +40,22 @@ impl<T: Scalar> AdaptiveBlock<'_, '_, T> {
         left > 0.0 && self.state[status_column::<T>()][row].to_f64() < 0.5
     }
 
-    /// What is left of the interval at its start. Rows that are no bodies have the rate 0, so that nothing is.
-    fn start_all(&mut self) {
-        let rates = &self.source.parameters[RATE_COLUMN * self.source.stride + self.first..];
-        for (row, &rate) in rates.iter().enumerate().take(self.bodies) {
-            self.controllers[LEFT.start][row] = self.span.value * rate;
-            self.controllers[LEFT.start + 1][row] = self.span.residue * rate;
-        }
-    }
-
-    /// Writes the bodies of a lane group back.
-    #[inline(always)]
-    fn store<R: Real<Scalar = T>>(&mut self, tile: &Tile<'_, R>, seats: &Seats<R>, group: usize) {
-        let (rows, taken) = (&seats.rows[group], &seats.taken[group]);
-        let state = &mut *self.state;
-        store_state(&tile.state[group], |column, number: R| scatter(number, rows, taken, state[column]));
-        let controllers = &mut *self.controllers;
-        store_controller(&seats.controllers[group], |column, number: R| {
-            scatter(number, rows, taken, controllers[column]);
-        });
-    }
-
     /// Gives the lanes of a group whose bodies have arrived to bodies that have not.
     #[inline(always)]
     fn fill<R: Real<Scalar = T>>(&mut self, tile: &mut Tile<'_, R>, seats: &mut Seats<R>, group: usize) {
-        self.store(tile, seats, group);
+        self.put_back(&seats.seats[group], &tile.state[group], &seats.controllers[group]);
         // Bodies that are not rigid read their columns side by side.
         let is_rigid = self.source.table.is_rigid();
-        for lane in 0..R::LANES {
-            let row = seats.rows[group][lane];
-            if seats.taken[group][lane] && self.is_under_way(row) {
-                continue;
-            }
-            while is_rigid && seats.next < self.bodies && !self.is_under_way(seats.next) {
-                seats.next += 1;
-            }
-            seats.taken[group][lane] = seats.next < self.bodies && self.is_under_way(seats.next);
-            if seats.next < self.bodies {
-                seats.rows[group][lane] = seats.next;
-                seats.next += 1;
-            }
-        }
+        seats.seats[group].reassign(R::LANES, is_rigid, self.bodies, &mut seats.next, |row| self.is_under_way(row));
         self.load(tile, seats, group);
     }
 
     #[inline(always)]
     fn load<R: Real<Scalar = T>>(&mut self, tile: &mut Tile<'_, R>, seats: &mut Seats<R>, group: usize) {
-        let (source, mut rows) = (self.source, seats.rows[group]);
+        let (source, mut rows) = (self.source, seats.seats[group].rows);
         tile.state[group] = load_state(|column| gathered(self.state[column], &rows));
         let mut controller = load_controller(|column| gathered(self.controllers[column], &rows));
-        let taken = &seats.taken[group];
-        let mut numbers = [T::default(); MOST_LANES];
-        for lane in 0..R::LANES {
-            numbers[lane] = T::from_f64(if taken[lane] { 1.0 } else { 0.0 });
-        }
-        let taken = R::load(&numbers);
+        let taken: R = seats.seats[group].occupied();
         controller.left = TwoWords { value: controller.left.value * taken, residue: controller.left.residue * taken };
         seats.controllers[group] = controller;
         for row in &mut rows {
@@ -115,23 +73,6 @@ impl<T: Scalar> AdaptiveBlock<'_, '_, T> {
             },
         };
         tile.torques.load_rows(group, &rows);
-    }
-}
-
-/// Writes the lanes that are taken to their rows.
-#[inline(always)]
-pub(in crate::engine::cpu) fn scatter<R: Real>(
-    number: R,
-    rows: &[usize; MOST_LANES],
-    taken: &[bool; MOST_LANES],
-    column: &mut [R::Scalar],
-) {
-    let mut numbers = [R::Scalar::default(); MOST_LANES];
-    number.store(&mut numbers);
-    for lane in 0..R::LANES {
-        if taken[lane] {
-            column[rows[lane]] = numbers[lane];
-        }
     }
 }
 
@@ -164,8 +105,7 @@ impl<T: Scalar> LaneTask<T> for Attempts<'_, '_, T> {
         }
         let none = Limits { tolerance: R::splat(1.0), least_step: R::splat(1.0) };
         let mut seats = Seats {
-            rows: [[0; MOST_LANES]; GROUPS],
-            taken: [[false; MOST_LANES]; GROUPS],
+            seats: [Seating::default(); GROUPS],
             controllers: Each([Controller::new(); GROUPS]),
             spans: tile.h,
             limits: Each([none; GROUPS]),
@@ -226,21 +166,9 @@ impl<T: Scalar> LaneTask<T> for Attempts<'_, '_, T> {
             }
         }
         for group in 0..GROUPS {
-            block.store(&tile, &seats, group);
+            block.put_back(&seats.seats[group], &tile.state[group], &seats.controllers[group]);
         }
         block.slots.fetch_add(slots as u64, Ordering::Relaxed);
         (0..block.bodies).any(|row| block.is_under_way(row))
     }
-}
-
-/// How many lanes a mask has.
-#[inline(always)]
-pub(in crate::engine::cpu) fn lanes_in<R: Real>(mask: R::Mask) -> usize {
-    let mut numbers = [R::Scalar::default(); MOST_LANES];
-    R::select(mask, R::splat(1.0), R::splat(0.0)).store(&mut numbers);
-    let mut count = 0.0;
-    for number in &numbers[..R::LANES] {
-        count += number.to_f64();
-    }
-    count as usize
 }

@@ -6,7 +6,7 @@
 mod adaptive;
 mod cf4;
 
-pub(super) use adaptive::{attempts_in_tiles, lanes_in, scatter};
+pub(super) use adaptive::attempts_in_tiles;
 pub(super) use cf4::Cf4;
 
 use std::marker::PhantomData;

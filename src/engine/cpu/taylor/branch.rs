@@ -1,0 +1,113 @@
+//! Steps that end where something that decides changes its sign: the lesser of two numbers, a truth value.
+
+use super::Tile;
+use crate::expression::jet::Place;
+use crate::method::taylor::{Coefficients, MOST_ORDER, form_relative_attitude};
+use crate::quaternion::Quaternion;
+use crate::real::{Outlined, Real};
+use crate::vector::Vector;
+
+impl<R: Real, const G: usize> Tile<'_, R, G> {
+    /// The step after which something that decides has changed its sign, where that is shorter than `h`.
+    #[inline(always)]
+    pub(super) fn cut(&self, group: usize, h: R) -> R {
+        let mut cut = h;
+        for &place in &self.motion.jets.switches {
+            cut = R::outlined(Cut { tile: self, group, place, h: cut });
+        }
+        cut
+    }
+}
+
+/// [`Tile::cut`] for one number that decides.
+struct Cut<'s, 'a, R: Real, const G: usize> {
+    tile: &'s Tile<'a, R, G>,
+    group: usize,
+    place: Place,
+    h: R,
+}
+
+impl<R: Real, const G: usize> Outlined for Cut<'_, '_, R, G> {
+    type Output = R;
+    #[inline(always)]
+    fn run(self) -> R {
+        /// Halvings of the interval in which the sign changes: its length is then below rounding.
+        const HALVINGS: usize = 52;
+        /// What is smaller than this part of its greatest term has no sign that counts.
+        const NEGLIGIBLE: f64 = 1e-12;
+        let Self { tile, group, place, h } = self;
+        let row = tile.series.row(place, tile.motion.jets.order);
+        let (zero, negligible) = (R::splat(0.0), R::splat(NEGLIGIBLE));
+        let start = row[0].0[group];
+        let (mut end, mut greatest) = (zero, zero);
+        for coefficient in row.iter().rev() {
+            end = end.mul_add(h, coefficient.0[group]);
+            greatest = greatest.mul_add(h, coefficient.0[group].abs());
+        }
+        let changes = (start * end).less_than(zero)
+            & (greatest * negligible).less_than(end.abs())
+            & (greatest * negligible).less_than(start.abs());
+        if !R::any(changes) {
+            return h;
+        }
+        let (mut before, mut after) = (zero, h);
+        for _ in 0..HALVINGS {
+            let middle = (before + after) * R::splat(0.5);
+            let mut number = zero;
+            for coefficient in row.iter().rev() {
+                number = number.mul_add(middle, coefficient.0[group]);
+            }
+            let is_before = !(start * number).less_than(zero);
+            before = R::select(is_before, middle, before);
+            after = R::select(is_before, after, middle);
+        }
+        // A little further, so that the next step starts on the other side.
+        let after = after + h * R::splat(1e-11);
+        R::select(changes, after.min(h), h)
+    }
+}
+
+/// The attitude at the end of a step by the series of the step itself, from q S(h).
+pub(super) struct Arrival<'s, 'a, R: Real, const G: usize> {
+    pub tile: &'s mut Tile<'a, R, G>,
+    pub group: usize,
+    pub h: R,
+    pub begun: &'s Quaternion<R>,
+}
+
+/// Coefficients of ω about another time.
+struct Shifted<R>([[R; MOST_ORDER]; 3]);
+
+impl<R: Real> Coefficients<R> for Shifted<R> {
+    #[inline(always)]
+    fn at(&self, order: usize) -> Vector<R> {
+        let Self([x, y, z]) = self;
+        Vector::new(x[order], y[order], z[order])
+    }
+}
+
+impl<R: Real, const G: usize> Outlined for Arrival<'_, '_, R, G> {
+    type Output = Quaternion<R>;
+    #[inline(always)]
+    fn run(self) -> Quaternion<R> {
+        let Self { tile, group, h, begun } = self;
+        let (order, count) = (tile.motion.jets.order, tile.motion.two_sided.half_order);
+        let (zero, one) = (R::splat(0.0), R::splat(1.0));
+        let mut shifted = Shifted([[zero; MOST_ORDER]; 3]);
+        for (row, place) in shifted.0.iter_mut().zip(tile.motion.angular_velocity) {
+            for (coefficient, from) in row.iter_mut().zip(tile.series.row(place, order)) {
+                *coefficient = from.0[group];
+            }
+            // Horner's scheme again and again (the complete one).
+            for first in 0..count {
+                for k in (first..order - 1).rev() {
+                    row[k] = row[k + 1].mul_add(h, row[k]);
+                }
+            }
+        }
+        form_relative_attitude(shifted, &mut tile.relative);
+        let [_, backwards] = tile.motion.two_sided.sums(&tile.relative, zero, h);
+        let arrived = begun.product(backwards.conjugate());
+        arrived * (one / arrived.norm_squared().sqrt())
+    }
+}

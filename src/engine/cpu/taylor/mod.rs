@@ -1,0 +1,332 @@
+//! [`crate::method::taylor`] on tiles, whose lanes are given to other bodies as theirs arrive.
+
+mod branch;
+mod step;
+
+use std::sync::atomic::Ordering;
+
+use super::adaptive::{Block, LEFT, SLICE, load_controller};
+use super::seats::{Seating, lanes_in};
+use crate::batch::{RATE_COLUMN, load_state, status_column};
+use crate::clock::MOST_LANES;
+use crate::engine::adaptive::AdaptiveSteps;
+use crate::error::{Error, Result};
+use crate::expression::jet::{Jets, Place, Series};
+use crate::expression::{Fault, Input, InputKind, Scratch};
+use crate::lanes::{Each, LaneScalar, LaneTask};
+use crate::method::Method;
+use crate::method::rk8_adaptive::{Controller, LEAST_STEP};
+use crate::method::taylor::{StepLength, TwoSided, half_order_of, order_of};
+use crate::quaternion::Quaternion;
+use crate::real::{Outlined, Real, Scalar};
+use crate::rigid_body::State;
+use crate::torque::motion::RecordedMotion;
+use crate::torque::sum::Source;
+use crate::torque::tile::gathered;
+use crate::torque::{PER_TICK, TorqueTable};
+use crate::vector::TwoWords;
+use step::{Conclusion, Start};
+
+/// The controller's column that holds the step whose end the attitude has not been brought to yet ([`TwoSided`]).
+const PENDING: usize = 3;
+
+/// A row that advances evenly with time.
+#[derive(Clone, Copy, Debug)]
+struct Advancing {
+    place: Place,
+    /// Its number among the phases, or behind them for the time.
+    number: usize,
+    /// The column of its rate a second; none for the time.
+    rate_column: Option<usize>,
+    /// The column of a ramp's progress in a tick.
+    per_tick: Option<usize>,
+}
+
+/// What a session's steps have in common.
+#[derive(Debug)]
+pub(super) struct TaylorMotion {
+    jets: Jets,
+    momentum: [Place; 3],
+    /// Rows of the orientation, where a torque asks for it.
+    orientation: Option<[Place; 4]>,
+    angular_velocity: [Place; 3],
+    advancing: Vec<Advancing>,
+    length: StepLength,
+    two_sided: TwoSided,
+    steps: AdaptiveSteps,
+}
+
+impl TaylorMotion {
+    /// The motion under the torques of a table.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::MethodUnavailable`] where a formula has no Taylor series.
+    pub fn new(table: &TorqueTable, steps: AdaptiveSteps) -> Result<Self> {
+        Self::recorded(table, steps).map_err(|fault| Error::MethodUnavailable {
+            method: Method::Taylor,
+            expected: format!("a torque has no Taylor series: {fault}").into(),
+        })
+    }
+
+    fn recorded(table: &TorqueTable, steps: AdaptiveSteps) -> std::result::Result<Self, Fault> {
+        let motion = RecordedMotion::new(table)?;
+        let order = order_of(steps.tolerance);
+        let jets = motion.lowered()?.up_to(order);
+        let state = |kind, part| jets.input(Input::new(kind, part)).ok_or(Fault::ForeignSymbol);
+        let momentum = |part| state(InputKind::AngularMomentum, part);
+        let part = |part| state(InputKind::Orientation, part);
+        let orientation = if motion.needs_attitude { Some([part(0)?, part(1)?, part(2)?, part(3)?]) } else { None };
+        let momentum = [momentum(0)?, momentum(1)?, momentum(2)?];
+        let &[x, y, z] = &jets.outputs[..] else { return Err(Fault::ForeignSymbol) };
+        let mut advancing = Vec::new();
+        for &(input, place) in &jets.given {
+            let number = match input.kind {
+                InputKind::Phase => usize::from(input.index),
+                InputKind::Time => table.phase_count(),
+                _ => continue,
+            };
+            let owner = table
+                .list()
+                .iter()
+                .find(|instance| (instance.first_phase..instance.first_phase + instance.phases).contains(&number));
+            advancing.push(Advancing {
+                place,
+                number,
+                rate_column: owner.map(|instance| instance.rate_column(number - instance.first_phase)),
+                per_tick: table.ramp_of(number).map(|first| first + PER_TICK),
+            });
+        }
+        Ok(Self {
+            momentum,
+            orientation,
+            angular_velocity: [x, y, z],
+            advancing,
+            length: StepLength::new(order, steps.tolerance),
+            two_sided: TwoSided::new(half_order_of(order), steps.tolerance),
+            steps,
+            jets,
+        })
+    }
+}
+
+/// Steps of a block in lanes; says whether any body is still under way.
+pub(super) fn steps_in_tiles<T: LaneScalar>(block: Block<'_, '_, T>) -> bool {
+    match block.motion {
+        Some(motion) => T::dispatch(Steps { block, motion }),
+        None => false,
+    }
+}
+
+/// The same one body at a time.
+pub(super) fn steps_one_by_one<T: Scalar>(block: Block<'_, '_, T>) -> bool {
+    match block.motion {
+        Some(motion) => Steps { block, motion }.run::<T>(),
+        None => false,
+    }
+}
+
+/// Lane groups of a tile: one waits for its own sums, and the coefficients of four leave the first-level cache.
+const GROUPS: usize = 2;
+
+struct Steps<'a, 'b, T> {
+    block: Block<'a, 'b, T>,
+    motion: &'a TaylorMotion,
+}
+
+/// The bodies of a tile and where they come from. A lane whose body has arrived takes the next row that has not.
+struct Tile<'a, R: Real, const G: usize> {
+    motion: &'a TaylorMotion,
+    source: Source<'a, R::Scalar>,
+    series: Series<R, G>,
+    /// What forms the factors of a lane group.
+    scratch: Scratch<R, 1>,
+    factors: Vec<Each<R, 1>>,
+    /// Rows of the block, and the bodies in them.
+    seats: [Seating; G],
+    bodies: [[usize; MOST_LANES]; G],
+    state: [State<R>; G],
+    controllers: [Controller<R>; G],
+    spans: [TwoWords<R>; G],
+    /// The reference rate, 1/s, and its reciprocal.
+    rate: [R; G],
+    seconds: [R; G],
+    least_step: [R; G],
+    /// Of what advances with time: its rate in the body's own unit of time, and a ramp's progress in a tick.
+    rates: Vec<[R; G]>,
+    per_tick: [R; G],
+    /// The series of the attitude relative to where a step starts.
+    relative: Vec<Each<Quaternion<R>, 1>>,
+    /// Turns of lanes without work since lanes were given away last.
+    idle: [usize; G],
+    /// The first row that has not been looked at.
+    next: usize,
+}
+
+impl<'a, R: Real, const G: usize> Tile<'a, R, G> {
+    #[inline(always)]
+    fn new(motion: &'a TaylorMotion, source: Source<'a, R::Scalar>) -> Self {
+        let (zero, one) = (R::splat(0.0), R::splat(1.0));
+        let state = load_state(|_| zero);
+        let words = TwoWords { value: zero, residue: zero };
+        let jets = &motion.jets;
+        Self {
+            motion,
+            source,
+            series: Series::new(jets),
+            scratch: Scratch::new(&jets.factors),
+            factors: vec![Each::zero(); jets.factors.output_count()],
+            seats: [Seating::default(); G],
+            bodies: [[0; MOST_LANES]; G],
+            state: [state; G],
+            controllers: [Controller::new(); G],
+            spans: [words; G],
+            rate: [one; G],
+            seconds: [one; G],
+            least_step: [one; G],
+            rates: vec![[zero; G]; motion.advancing.len()],
+            per_tick: [zero; G],
+            relative: vec![Each([state.orientation.value]); motion.two_sided.half_order + 1],
+            idle: [0; G],
+            next: 0,
+        }
+    }
+
+    /// Where there is something left to do.
+    #[inline(always)]
+    fn under_way(&self, group: usize) -> R::Mask {
+        let Controller { left, retried: pending, .. } = self.controllers[group];
+        R::splat(0.0).less_than(left.value.max(pending)) & self.state[group].status.less_than(R::splat(0.5))
+    }
+}
+
+impl<T: Scalar> Block<'_, '_, T> {
+    fn waits(&self, row: usize) -> bool {
+        let (left, pending) = (self.controllers[LEFT.start][row].to_f64(), self.controllers[PENDING][row].to_f64());
+        (left > 0.0 || pending > 0.0) && self.state[status_column::<T>()][row].to_f64() < 0.5
+    }
+
+    /// Gives the lanes of a group whose bodies have arrived to bodies that have not.
+    #[inline(always)]
+    fn reseat<R: Real<Scalar = T>, const G: usize>(&mut self, tile: &mut Tile<'_, R, G>, group: usize) {
+        self.put_back(&tile.seats[group], &tile.state[group], &tile.controllers[group]);
+        tile.seats[group].reassign(R::LANES, true, self.bodies, &mut tile.next, |row| self.waits(row));
+        self.seat(tile, group);
+    }
+
+    #[inline(always)]
+    fn seat<R: Real<Scalar = T>, const G: usize>(&mut self, tile: &mut Tile<'_, R, G>, group: usize) {
+        let (source, rows, motion) = (self.source, tile.seats[group].rows, tile.motion);
+        tile.state[group] = load_state(|column| gathered(self.state[column], &rows));
+        let mut controller = load_controller(|column| gathered(self.controllers[column], &rows));
+        let taken: R = tile.seats[group].occupied();
+        controller.left = TwoWords { value: controller.left.value * taken, residue: controller.left.residue * taken };
+        controller.retried = controller.retried * taken;
+        tile.controllers[group] = controller;
+        let mut bodies = rows;
+        for body in &mut bodies {
+            *body += self.first;
+        }
+        tile.bodies[group] = bodies;
+        let rate = gathered::<R>(&source.parameters[RATE_COLUMN * source.stride..], &bodies);
+        let seconds = R::splat(1.0) / rate;
+        (tile.rate[group], tile.seconds[group]) = (rate, seconds);
+        let span = |word: T| R::splat(word.to_f64()) * rate;
+        tile.spans[group] = TwoWords { value: span(self.span.value), residue: span(self.span.residue) };
+        tile.least_step[group] = match motion.steps.least_step {
+            Some(step) => R::splat(step) * rate,
+            None => R::splat(LEAST_STEP),
+        };
+        let program = &motion.jets.factors;
+        for (index, input) in program.inputs().iter().enumerate() {
+            let column = &source.parameters[usize::from(input.index) * source.stride..];
+            *tile.scratch.input(index) = Each([gathered(column, &bodies)]);
+        }
+        program.run(&mut tile.scratch, &mut tile.factors);
+        tile.series.set_factors(&motion.jets, group, &tile.factors);
+        for (advancing, rates) in motion.advancing.iter().zip(&mut tile.rates) {
+            rates[group] = match advancing.rate_column {
+                Some(column) => gathered::<R>(&source.parameters[column * source.stride..], &bodies) * seconds,
+                None => seconds,
+            };
+            if let Some(column) = advancing.per_tick {
+                tile.per_tick[group] = gathered(&source.parameters[column * source.stride..], &bodies);
+            }
+        }
+    }
+}
+
+/// [`Block::reseat`] as a function of its own.
+struct Reseat<'s, 'a, 'b, 'c, R: Real, const G: usize> {
+    block: &'s mut Block<'a, 'b, R::Scalar>,
+    tile: &'s mut Tile<'c, R, G>,
+    group: usize,
+}
+
+impl<R: Real, const G: usize> Outlined for Reseat<'_, '_, '_, '_, R, G> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        self.block.reseat(self.tile, self.group);
+    }
+}
+
+impl<T: Scalar> LaneTask<T> for Steps<'_, '_, T> {
+    type Output = bool;
+    const IN_LANES_ONLY: bool = true;
+
+    #[inline(always)]
+    fn run<R: Real<Scalar = T>>(self) -> bool {
+        let Self { block, motion } = self;
+        R::outlined(Advance::<R, GROUPS> { block, motion })
+    }
+}
+
+/// [`Steps`] in tiles of G lane groups.
+struct Advance<'a, 'b, R: Real, const G: usize> {
+    block: Block<'a, 'b, R::Scalar>,
+    motion: &'a TaylorMotion,
+}
+
+impl<R: Real, const G: usize> Outlined for Advance<'_, '_, R, G> {
+    type Output = bool;
+    #[inline(always)]
+    fn run(self) -> bool {
+        let Self { mut block, motion } = self;
+        let mut tile = Tile::<R, G>::new(motion, block.source);
+        if block.starts {
+            block.start_all();
+        }
+        let mut slots = 0;
+        for _ in 0..SLICE {
+            let mut is_under_way = false;
+            for group in 0..G {
+                let mut under_way = tile.under_way(group);
+                if tile.next < block.bodies {
+                    // To give lanes away costs some of a step of all of them, so it waits until as much is lost.
+                    tile.idle[group] += R::LANES - lanes_in::<R>(under_way);
+                    if 2 * tile.idle[group] >= R::LANES || !R::any(under_way) {
+                        R::outlined(Reseat { block: &mut block, tile: &mut tile, group });
+                        tile.idle[group] = 0;
+                        under_way = tile.under_way(group);
+                    }
+                }
+                is_under_way |= R::any(under_way);
+            }
+            if !is_under_way {
+                break;
+            }
+            slots += G * R::LANES;
+            R::outlined(Start { tile: &mut tile });
+            tile.series.form(&motion.jets);
+            for group in 0..G {
+                R::outlined(Conclusion { tile: &mut tile, group });
+            }
+        }
+        for group in 0..G {
+            block.put_back(&tile.seats[group], &tile.state[group], &tile.controllers[group]);
+        }
+        block.slots.fetch_add(slots as u64, Ordering::Relaxed);
+        (0..block.bodies).any(|row| block.waits(row))
+    }
+}

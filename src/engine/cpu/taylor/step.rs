@@ -1,0 +1,231 @@
+//! One step: what it starts from, and what comes of it.
+
+use super::Tile;
+use super::branch::Arrival;
+use crate::expression::jet::Place;
+use crate::lanes::Each;
+use crate::method::rk8_adaptive::renormalised;
+use crate::method::taylor::{Coefficients, form_relative_attitude, step_of};
+use crate::method::{Status, flagged};
+use crate::quaternion::{Quaternion, norm_correction_of_step};
+use crate::real::{Outlined, Real};
+use crate::rigid_body::State;
+use crate::torque::sum::StepTime;
+use crate::torque::tile::start_of;
+use crate::vector::{TwoWords, Vector, two_difference};
+
+/// Sets what a step starts from.
+pub(super) struct Start<'s, 'a, R: Real, const G: usize> {
+    pub tile: &'s mut Tile<'a, R, G>,
+}
+
+impl<R: Real, const G: usize> Outlined for Start<'_, '_, R, G> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { tile } = self;
+        let motion = tile.motion;
+        for group in 0..G {
+            let State { orientation: TwoWords { value: q, .. }, angular_momentum_principal, .. } = tile.state[group];
+            let m = angular_momentum_principal.value;
+            for (place, number) in motion.momentum.into_iter().zip([m.x, m.y, m.z]) {
+                tile.series.set(place, 0, group, number);
+            }
+            if let Some(places) = motion.orientation {
+                for (place, number) in places.into_iter().zip([q.x, q.y, q.z, q.w]) {
+                    tile.series.set(place, 0, group, number);
+                }
+            }
+            if motion.advancing.is_empty() {
+                continue;
+            }
+            let (span, left) = (tile.spans[group], tile.controllers[group].left);
+            let (gone, gone_residue) = two_difference(span.value, left.value);
+            let seconds = tile.seconds[group];
+            let time =
+                TwoWords { value: gone * seconds, residue: (gone_residue + (span.residue - left.residue)) * seconds };
+            let ticks = tile.source.columns::<R>(0).ticks(StepTime::Own(&time));
+            for (advancing, rates) in motion.advancing.iter().zip(&tile.rates) {
+                let per_tick = if advancing.per_tick.is_some() { Some(tile.per_tick[group]) } else { None };
+                let start = start_of(&tile.source, advancing.number, &tile.bodies[group], &ticks, per_tick);
+                tile.series.set(advancing.place, 0, group, start);
+                tile.series.set(advancing.place, 1, group, rates[group]);
+            }
+        }
+    }
+}
+
+/// What comes of a step for a lane group, now that its series are known.
+pub(super) struct Conclusion<'s, 'a, R: Real, const G: usize> {
+    pub tile: &'s mut Tile<'a, R, G>,
+    pub group: usize,
+}
+
+/// The coefficients of ω of a lane group.
+struct AngularVelocity<'s, R, const G: usize> {
+    rows: [&'s [Each<R, G>]; 3],
+    group: usize,
+}
+
+impl<R: Real, const G: usize> Coefficients<R> for AngularVelocity<'_, R, G> {
+    #[inline(always)]
+    fn at(&self, order: usize) -> Vector<R> {
+        let [x, y, z] = self.rows;
+        Vector::new(x[order].0[self.group], y[order].0[self.group], z[order].0[self.group])
+    }
+}
+
+impl<R: Real, const G: usize> Tile<'_, R, G> {
+    /// Coefficient k of m.
+    #[inline(always)]
+    fn momentum(&self, group: usize, order: usize) -> Vector<R> {
+        let [x, y, z] = self.motion.momentum;
+        let at = |place| self.series.at(place, order)[group];
+        Vector::new(at(x), at(y), at(z))
+    }
+
+    /// Coefficient k of q.
+    #[inline(always)]
+    fn orientation(&self, places: [Place; 4], group: usize, order: usize) -> Quaternion<R> {
+        let [x, y, z, w] = places;
+        let at = |place| self.series.at(place, order)[group];
+        Quaternion::new(at(x), at(y), at(z), at(w))
+    }
+
+    /// The norm of coefficient k of what the series are formed for; of m in units of `scale`.
+    #[inline(always)]
+    fn norm(&self, group: usize, order: usize, inverse_scale: R) -> R {
+        let m = self.momentum(group, order).largest() * inverse_scale;
+        match self.motion.orientation {
+            Some(places) => m.max(largest(self.orientation(places, group, order))),
+            None => m,
+        }
+    }
+
+    /// log₂ 1/h by the last coefficients of ω that the formula for the attitude leaves out.
+    #[inline(always)]
+    fn own_logarithm(&self, group: usize) -> R {
+        let (two_sided, [x, y, z]) = (&self.motion.two_sided, self.motion.angular_velocity);
+        let norm = |order: usize| {
+            let at = |place| self.series.at(place, order)[group];
+            Vector::new(at(x), at(y), at(z)).largest()
+        };
+        let last = 2 * two_sided.half_order;
+        two_sided.own_length.inverse_logarithm(norm(last), norm(last - 1))
+    }
+}
+
+/// The largest magnitude of a component.
+#[inline(always)]
+fn largest<R: Real>(q: Quaternion<R>) -> R {
+    q.vector().largest().max(q.w.abs())
+}
+
+impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { tile, group } = self;
+        let motion = tile.motion;
+        let (order, zero, one) = (motion.jets.order, R::splat(0.0), R::splat(1.0));
+        let under_way = tile.under_way(group);
+        let controller = tile.controllers[group];
+        let state = tile.state[group];
+        let (q, m) = (state.orientation.value, state.angular_momentum_principal.value);
+        let (left, pending) = (controller.left, controller.retried);
+        let is_left = under_way & zero.less_than(left.value);
+
+        // A body that starts from rest is measured by what it gains in an eighth of its unit of time.
+        let gained = tile.momentum(group, 1).largest() * R::splat(0.125);
+        let scale = m.largest().max(gained).max(R::splat(1e-15));
+        let inverse_scale = one / scale;
+        let norms = [tile.norm(group, order, inverse_scale), tile.norm(group, order - 1, inverse_scale)];
+        let limit = R::splat(1e290);
+        let mut is_number = norms[0].less_than(limit) & norms[1].less_than(limit);
+        let mut inverse_logarithm = motion.length.inverse_logarithm(norms[0], norms[1]);
+
+        if motion.orientation.is_none() {
+            let rows = motion.angular_velocity;
+            let count = motion.two_sided.half_order;
+            let [x, y, z] = rows;
+            let rows = [tile.series.row(x, count), tile.series.row(y, count), tile.series.row(z, count)];
+            let relative = &mut tile.relative;
+            form_relative_attitude(AngularVelocity { rows, group }, relative);
+            let norms = [largest(relative[count][0]), largest(relative[count - 1][0])];
+            is_number = is_number & norms[0].less_than(limit) & norms[1].less_than(limit);
+            let own = motion.two_sided.length.inverse_logarithm(norms[0], norms[1]);
+            let own = own.max(tile.own_logarithm(group));
+            inverse_logarithm = inverse_logarithm.max(own);
+        }
+        let mut step = step_of(inverse_logarithm);
+        // From where a root vanishes nothing is known of its series.
+        for &root in &motion.jets.roots {
+            let vanishes = !zero.less_than(tile.series.at(root, 0)[group]) & zero.less_than(gained);
+            step = R::select(vanishes, step.min(R::splat(0.01 * motion.steps.tolerance.sqrt())), step);
+        }
+        let too_small = !(is_number & !step.less_than(tile.least_step[group]));
+        let step = R::select(too_small, one, step);
+        let within = step.min(left.value);
+        let cut = tile.cut(group, within);
+        let is_cut = cut.less_than(within);
+        // A last step that would leave almost nothing takes the rest as well.
+        let last = left.value.less_than(step * R::splat(1.01)) & !is_cut;
+        let step = cut.max(tile.least_step[group]).min(within);
+        let h = TwoWords { value: R::select(last, left.value, step), residue: R::select(last, left.residue, zero) };
+        let taken = is_left & !too_small;
+
+        let mut m_change = tile.momentum(group, order);
+        for k in (1..order).rev() {
+            m_change = m_change.axpy(h.value, tile.momentum(group, k));
+        }
+        let mut next = state;
+        let increment = m_change * h.value + tile.momentum(group, 1) * h.residue;
+        next.angular_momentum_principal.value = m + increment;
+        let mut controller = controller;
+        match motion.orientation {
+            Some(places) => {
+                let mut q_change = tile.orientation(places, group, order);
+                for k in (1..order).rev() {
+                    q_change = q_change.axpy(h.value, tile.orientation(places, group, k));
+                }
+                let increment = q_change * h.value + tile.orientation(places, group, 1) * h.residue;
+                let correction = norm_correction_of_step(q, q + increment);
+                next.orientation.value = q + (increment + correction);
+                tile.state[group] = State::select(taken, next, state);
+            }
+            None => {
+                let [forwards, backwards] = motion.two_sided.sums(&tile.relative, h.value, pending);
+                let is_pending = under_way & zero.less_than(pending);
+                let arrived = q.product(backwards.conjugate());
+                let arrived = arrived * (one / arrived.norm_squared().sqrt());
+                // Where the series are no numbers the attitude stays where the last step began.
+                let begun = q * (one / q.norm_squared().sqrt());
+                let here = Quaternion::select(is_pending, Quaternion::select(is_number, arrived, begun), q);
+                let mut stays = state;
+                stays.orientation.value = here;
+                next.orientation.value = here.product(forwards);
+                let ends_branch = taken & is_cut;
+                let mut next_pending = h.value;
+                if R::any(ends_branch) {
+                    let begun = next.orientation.value;
+                    let arrived = R::outlined(Arrival { tile, group, h: h.value, begun: &begun });
+                    next.orientation.value = Quaternion::select(ends_branch, arrived, begun);
+                    next_pending = R::select(ends_branch, zero, next_pending);
+                }
+                tile.state[group] = State::select(taken, next, State::select(under_way, stays, state));
+                controller.retried = R::select(taken, next_pending, R::select(under_way, zero, pending));
+            }
+        }
+        let status = tile.state[group].status;
+        tile.state[group].status = flagged(status, is_left & too_small, Status::StepBelowLimit);
+
+        let (value, lost) = two_difference(left.value, h.value);
+        let rest = renormalised(value, lost + (left.residue - h.residue));
+        controller.left = TwoWords {
+            value: R::select(taken, rest.value, left.value),
+            residue: R::select(taken, rest.residue, left.residue),
+        };
+        controller.accepted = R::select(taken, controller.accepted + one, controller.accepted);
+        tile.controllers[group] = controller;
+    }
+}
