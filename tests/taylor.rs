@@ -326,6 +326,41 @@ fn a_plan_says_who_steps() {
     assert!(work.accepted.total >= 5 && work.rejected.total == 0 && work.flagged == 0);
 }
 
+#[test]
+fn zz_debug_changes() {
+    for (index, change) in changes().into_iter().enumerate() {
+        let torques = vec![change];
+        let expected = by_taylor(BODIES, &torques, 2e-15);
+        let rk8 = by_rk8(&torques, 1e-14);
+        println!("change {index}: rk8 {:.1e}", difference(&rk8, &expected));
+        for tolerance in [1e-8, 1e-10, 1e-12, 1e-13, 1e-14] {
+            let found = by_taylor(BODIES, &torques, tolerance);
+            let worst = (0..BODIES)
+                .map(|body| {
+                    let (a, b) = (found.combined(body), expected.combined(body));
+                    let d = |r: std::ops::Range<usize>| r.map(|i| (a[i] - b[i]).abs()).fold(0.0, f64::max);
+                    (d(0..4), d(4..7) / DVec3::from_slice(&b[4..]).length(), body)
+                })
+                .max_by(|a, b| a.0.max(a.1).total_cmp(&b.0.max(b.1)))
+                .unwrap();
+            let cut = ended(
+                &Engine::cpu(),
+                batch_under(BODIES, SEED, &torques, Precision::F64),
+                Method::Taylor,
+                tolerance,
+                &[0.01, 0.4841657, END],
+            )
+            .0;
+            println!(
+                "  {tolerance:e}: whole {:.1e} cut {:.1e} between {:.1e}; worst {worst:?}",
+                difference(&found, &expected),
+                difference(&cut, &expected),
+                difference(&cut, &found)
+            );
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 

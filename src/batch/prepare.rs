@@ -149,6 +149,10 @@ fn prepare_columns<T: Scalar>(
     members: &Members,
     mut order: impl FnMut(usize, &[Prepared]) -> Vec<usize>,
 ) -> Result<(Vec<BodyFrame>, Batch<T>)> {
+    for (index, torque) in torques.iter().enumerate().filter(|(_, torque)| torque.needs().position) {
+        // A scene has put functions of time in their place where it can.
+        torque.validate(index, ensemble)?;
+    }
     let body_count = members.len();
     let precision = if T::WORDS == 1 { Precision::F64 } else { Precision::F32 };
     let has_linear_rotors =

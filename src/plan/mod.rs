@@ -333,6 +333,12 @@ fn skips(scene: &Scene, groups: &[Group], outputs: usize) -> Vec<Skip> {
         if !scene.torques().is_empty() && !group.class.is_driven() {
             add(SkipName::Torque, count, Bound::default());
         }
+        let asks = |torque: &Torque| torque.needs().attitude;
+        if matches!(group.treatment, Treatment::Adaptive { method: Method::Taylor, .. })
+            && !group.class.torques.of(scene.torques()).iter().any(asks)
+        {
+            add(SkipName::Attitude, count, Bound::default());
+        }
         let adapts = matches!(group.treatment, Treatment::Adaptive { .. }) && scene.may_skip() && count > 1;
         if adapts || step_if_stepped(group).is_some_and(|step| step > longest) {
             add(SkipName::Steps, count, Bound::default());

@@ -1,5 +1,5 @@
-//! What a pilot compares with: the same bodies by `rk8` in `f64`, so fine that its error is far below what is asked for; in adaptive
-//! steps where the bodies may take them and their tolerances have room for it.
+//! What a pilot compares with: the same bodies in `f64`, so fine that the error is far below what is asked for; by Taylor series where there are
+//! any, else by `rk8`, in adaptive steps where the bodies may take them and their tolerances have room for it.
 
 use super::choice::{Rule, Scheme};
 use super::cost::Cost;
@@ -38,10 +38,10 @@ pub(super) struct Reference {
 impl Reference {
     /// Steps the pilot's bodies finer until what is left of the error is small.
     pub fn new(pilot: &Pilot<'_>) -> Result<Self> {
-        if pilot.allows(Scheme::Adaptive) {
-            let (found, is_limited) = Self::by(pilot, Scheme::Adaptive)?;
-            // Adaptive steps may not follow what dies away; equal ones do.
-            if (!is_limited && found.left <= 1.0) || found.is_saturated {
+        if let Some(scheme) = [Scheme::TAYLOR, Scheme::ADAPTIVE_RK8].into_iter().find(|scheme| pilot.allows(*scheme)) {
+            let (found, is_limited) = Self::by(pilot, scheme)?;
+            // Adaptive steps may not follow what dies away; equal ones do. Where series have no room left these have less.
+            if ((!is_limited || scheme == Scheme::TAYLOR) && found.left <= 1.0) || found.is_saturated {
                 return Ok(found);
             }
         }
@@ -53,6 +53,7 @@ impl Reference {
         let mut rule = pilot.rule(Cost::shipped(scheme), Some(Precision::F64)).with_room();
         let (mut fine, start) = (pilot.stepped(&rule)?, rule);
         let (mut coarse, mut last, mut taken) = (None, f64::INFINITY, 0.0);
+        let of_rk8 = pilot.step_seconds(&rule, Cost::shipped(Scheme::ADAPTIVE_RK8), Precision::F64);
         loop {
             let finer = rule.finer();
             let before = std::mem::replace(&mut fine, pilot.stepped(&finer)?);
@@ -61,13 +62,15 @@ impl Reference {
             let change = pilot.standing(errors);
             // By what the error falls from one to the other, as far as their tolerances have room.
             let ratio = match scheme {
-                Scheme::Adaptive => finer.tolerance(Precision::F64) / rule.tolerance(Precision::F64),
+                Scheme::Adaptive(_) => finer.tolerance(Precision::F64) / rule.tolerance(Precision::F64),
                 Scheme::Equal(_) => FINER,
             };
             // What finer steps do not lessen is rounding.
             let is_rounding = change.part > 0.5 * last && !is_saturated;
             let left = change.part * if is_rounding { 1.0 } else { ratio };
-            let next = fine.steps.map_or(0.0, |steps| steps.total as f64 * pilot.span / pilot.scene.end());
+            // The budget is in steps of `rk8`.
+            let weight = pilot.step_seconds(&finer, Cost::shipped(scheme), Precision::F64) / of_rk8;
+            let next = fine.steps.map_or(0.0, |steps| weight * steps.total as f64 * pilot.span / pilot.scene.end());
             taken += next;
             coarse.get_or_insert(before);
             // The next one would be the same.
@@ -95,7 +98,7 @@ impl Rule {
     pub(super) fn with_room(&self) -> Self {
         let greatest = self.attitude * FINER / least_tolerance(Precision::F64);
         match self.scheme {
-            Scheme::Adaptive => Self { coefficient: self.coefficient.min(greatest), ..*self },
+            Scheme::Adaptive(_) => Self { coefficient: self.coefficient.min(greatest), ..*self },
             Scheme::Equal(_) => *self,
         }
     }
