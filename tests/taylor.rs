@@ -145,6 +145,27 @@ fn the_error_is_proportional_to_the_tolerance() {
 }
 
 #[test]
+fn bodies_that_are_spun_up_are_followed() {
+    // Almost spherical bodies turn at a rate that grows evenly: what is known where a step starts says little of its end.
+    let row = |body: usize| {
+        let x = body as f64 / BODIES as f64;
+        (DVec3::new(1.0, 1.0 + 0.1 * x, 1.05 + 0.1 * x), DQuat::IDENTITY, DVec3::new(0.2 * x, -0.3, 0.1))
+    };
+    let ensemble = Ensemble::from_fn(BODIES, row).expect("valid");
+    let torques = [Torque::constant_body(DVec3::new(0.9, 0.4, -0.6)), Torque::linear_drag(0.02)];
+    let run = |method, tolerance| {
+        let (_, batch) = prepare_with(&ensemble, &torques, 10.0, Precision::F64).expect("prepared");
+        ended(&Engine::cpu(), batch, method, tolerance, &[10.0]).0
+    };
+    let expected = run(Method::Rk8, 1e-14);
+    for tolerance in [1e-6, 1e-9, 1e-12] {
+        let difference = difference(&run(Method::Taylor, tolerance), &expected);
+        println!("{tolerance:e}: {difference:.1e}");
+        assert!(difference < 300.0 * tolerance, "{tolerance:e}: {difference:e}");
+    }
+}
+
+#[test]
 fn a_torque_of_the_wrong_sign_is_seen() {
     // What the comparisons above would make of a fault: a hundredth of one torque is left out.
     let all = |factor: f64| vec![Torque::constant_body(DVec3::new(0.1, 0.2, 0.3) * factor), Torque::linear_drag(0.01)];
@@ -326,41 +347,6 @@ fn a_plan_says_who_steps() {
     assert!(work.accepted.total >= 5 && work.rejected.total == 0 && work.flagged == 0);
 }
 
-#[test]
-fn zz_debug_changes() {
-    for (index, change) in changes().into_iter().enumerate() {
-        let torques = vec![change];
-        let expected = by_taylor(BODIES, &torques, 2e-15);
-        let rk8 = by_rk8(&torques, 1e-14);
-        println!("change {index}: rk8 {:.1e}", difference(&rk8, &expected));
-        for tolerance in [1e-8, 1e-10, 1e-12, 1e-13, 1e-14] {
-            let found = by_taylor(BODIES, &torques, tolerance);
-            let worst = (0..BODIES)
-                .map(|body| {
-                    let (a, b) = (found.combined(body), expected.combined(body));
-                    let d = |r: std::ops::Range<usize>| r.map(|i| (a[i] - b[i]).abs()).fold(0.0, f64::max);
-                    (d(0..4), d(4..7) / DVec3::from_slice(&b[4..]).length(), body)
-                })
-                .max_by(|a, b| a.0.max(a.1).total_cmp(&b.0.max(b.1)))
-                .unwrap();
-            let cut = ended(
-                &Engine::cpu(),
-                batch_under(BODIES, SEED, &torques, Precision::F64),
-                Method::Taylor,
-                tolerance,
-                &[0.01, 0.4841657, END],
-            )
-            .0;
-            println!(
-                "  {tolerance:e}: whole {:.1e} cut {:.1e} between {:.1e}; worst {worst:?}",
-                difference(&found, &expected),
-                difference(&cut, &expected),
-                difference(&cut, &found)
-            );
-        }
-    }
-}
-
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
@@ -391,9 +377,6 @@ proptest! {
     fn cuts_of_the_span_change_nothing(first in 0.01_f64..0.99, second in 0.01_f64..0.99, scene in 0_usize..24) {
         let scenes = scenes();
         let (name, torques) = &scenes[scene % scenes.len()];
-        // A ramp of the moments ends within a step that is not ended there as exactly as it should be: up to 6.5e-10 was seen. They are
-        // held to 1e-9 in `every_torque_agrees_with_adaptive_rk8`.
-        prop_assume!(!name.starts_with("variable-inertia"));
         let mut times = [first * END, second * END, END];
         times.sort_by(f64::total_cmp);
         let batch = || batch_under(BODIES, SEED, torques, Precision::F64);

@@ -13,7 +13,7 @@ use super::formula::{Epoch, Following, Formula, FormulaTask, MOST_PHASES, Role, 
 use super::internal_dissipation::internal_dissipation;
 use super::linear_rotor::across_axis;
 use super::table::{Instance, TorqueTable};
-use super::variable_inertia::{Change, changed_motion};
+use super::variable_inertia::{Change, smoothly_changed_motion};
 use super::{Kind, Motion};
 use crate::expression::graph::{Binary, Operation, Unary};
 use crate::expression::jet::{Equations, Lowered, lowered};
@@ -104,7 +104,7 @@ fn recorded(table: &TorqueTable, recorder: &Recorder) -> (Vector<Symbol>, Vector
     });
     let none = Correction::none();
     let mut motion = match &change {
-        Some((change, _, done)) => changed_motion(&body, change, *done, &none, m),
+        Some((change, _, done)) => smoothly_changed_motion(&body, change, *done, m),
         None => Motion {
             angular_velocity: body.angular_velocity(m, &none),
             gyroscopic_term: body.gyroscopic_term(m, &none),

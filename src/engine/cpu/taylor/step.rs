@@ -5,7 +5,7 @@ use super::branch::Arrival;
 use crate::expression::jet::Place;
 use crate::lanes::Each;
 use crate::method::rk8_adaptive::renormalised;
-use crate::method::taylor::{Coefficients, form_relative_attitude, step_of};
+use crate::method::taylor::{Coefficients, MOST_ORDER, form_relative_attitude, step_of};
 use crate::method::{Status, flagged};
 use crate::quaternion::{Quaternion, norm_correction_of_step};
 use crate::real::{Outlined, Real};
@@ -113,13 +113,25 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
         }
     }
 
-    /// log₂ 1/h by the last coefficients of ω that the formula for the attitude leaves out.
+    /// log₂ 1/h by which the formula for the attitude keeps the tolerance, and whether that is a number.
     #[inline(always)]
-    fn own_logarithm(&self, group: usize) -> R {
-        let (two_sided, rows) = (&self.motion.two_sided, self.motion.angular_velocity);
-        let last = 2 * two_sided.half_order;
-        let (last, last_but_one) = (self.vector(rows, group, last), self.vector(rows, group, last - 1));
-        two_sided.own_length.inverse_logarithm(last.largest(), last_but_one.largest())
+    fn attitude_length(&self, group: usize) -> (R, R::Mask) {
+        let two_sided = &self.motion.two_sided;
+        let count = 2 * two_sided.half_order + 1;
+        let omega = VectorRows { rows: self.rows(self.motion.angular_velocity, count), group };
+        let mut norms = [R::splat(0.0); MOST_ORDER + 1];
+        for (order, norm) in norms.iter_mut().enumerate().take(count) {
+            // The first ones are what most depends on; three components are less than their sum.
+            let omega = omega.at(order);
+            *norm = match order {
+                0..3 => omega.dot(omega).sqrt(),
+                _ => omega.x.abs() + omega.y.abs() + omega.z.abs(),
+            };
+        }
+        let [last, last_but_one] = two_sided.majorant(&norms[..count]);
+        let limit = R::splat(1e290);
+        let is_number = last.less_than(limit) & last_but_one.less_than(limit);
+        (two_sided.length.inverse_logarithm(last, last_but_one), is_number)
     }
 }
 
@@ -157,11 +169,9 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
             let mut relative = std::mem::take(&mut tile.relative);
             let rows = tile.rows(motion.angular_velocity, count);
             form_relative_attitude(VectorRows { rows, group }, &mut relative);
-            let norms = [largest(relative[count][0]), largest(relative[count - 1][0])];
             tile.relative = relative;
-            is_number = is_number & norms[0].less_than(limit) & norms[1].less_than(limit);
-            let own = motion.two_sided.length.inverse_logarithm(norms[0], norms[1]);
-            let own = own.max(tile.own_logarithm(group));
+            let (own, is_finite) = tile.attitude_length(group);
+            is_number = is_number & is_finite;
             inverse_logarithm = inverse_logarithm.max(own);
         }
         let mut step = step_of(inverse_logarithm);
