@@ -278,6 +278,14 @@ pub enum Error {
         /// The folder.
         path: PathBuf,
     },
+    /// Another run writes to a folder for output.
+    #[error("{}: another run writes there ({holder}): wait until it has ended, or name another folder with --out", path.display())]
+    FolderInUse {
+        /// The folder.
+        path: PathBuf,
+        /// The other run's process and when it began, as far as it says.
+        holder: String,
+    },
     /// A value of one item of a list (a point, a part, a voxel) is not valid.
     #[error("{item} {index}: {field} = {value}: {expected}")]
     Item {

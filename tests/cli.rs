@@ -3,8 +3,9 @@
 #![cfg(feature = "cli")]
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::Duration;
 
 use assert_cmd::cargo::cargo_bin;
 
@@ -294,8 +295,9 @@ fn an_interrupt_ends_the_run_and_leaves_nothing() {
     // Work for hours.
     let long = SMALL.replace("count = 10", "count = 100_000").replace("end = 4.0", "end = 1e6");
     let desk = Desk::new(&long);
-    // The first snapshots are being written when the temporary file is there.
-    interrupt(&desk, || desk.path("study.out").read_dir().is_ok_and(|entries| entries.count() > 0));
+    // The first snapshots are being written when the table has been begun.
+    let begun = |partial: &Path| partial.join("snapshots.csv").exists();
+    interrupt(&desk, Duration::from_millis(300), || partial_folder(&desk).is_some_and(|partial| begun(&partial)));
 }
 
 #[cfg(unix)]
@@ -306,12 +308,22 @@ fn an_interrupt_ends_planning_and_leaves_nothing() {
     let long = start.replace("count = 10", "count = 100_000").replace("end = 4.0", "end = 1e8");
     let drag = "[[torque]]\nmodel = \"linear-drag\"\ncoefficient = 1e-9\n";
     let desk = Desk::new(&format!("{long}{drag}"));
-    interrupt(&desk, || desk.path("study.out").is_dir());
+    // While bodies are drawn, and later.
+    for after in [0, 300] {
+        interrupt(&desk, Duration::from_millis(after), || partial_folder(&desk).is_some());
+    }
 }
 
-/// Interrupts a run a moment after it has `begun`; it must end at once and leave nothing but the study.
+/// The folder that a run writes to while it works.
 #[cfg(unix)]
-fn interrupt(desk: &Desk, begun: impl Fn() -> bool) {
+fn partial_folder(desk: &Desk) -> Option<PathBuf> {
+    let is_partial = |name: &String| name.starts_with(".study.out.polhode-") && name.ends_with(".partial");
+    desk.names(".").into_iter().find(is_partial).map(|name| desk.path(&name))
+}
+
+/// Interrupts a run some time `after` it has `begun`; it must end at once and leave nothing but the study.
+#[cfg(unix)]
+fn interrupt(desk: &Desk, after: Duration, begun: impl Fn() -> bool) {
     let run = Command::new(cargo_bin!("polhode"))
         .current_dir(desk.folder())
         .args(["run", "study.toml", "--engine", "cpu"])
@@ -319,14 +331,14 @@ fn interrupt(desk: &Desk, begun: impl Fn() -> bool) {
         .stderr(std::process::Stdio::piped())
         .spawn()
         .expect("the command starts");
-    for _ in 0..600 {
+    for _ in 0..6000 {
         if begun() {
             break;
         }
-        std::thread::sleep(std::time::Duration::from_millis(50));
+        std::thread::sleep(Duration::from_millis(5));
     }
     assert!(begun(), "the run does not begin");
-    std::thread::sleep(std::time::Duration::from_millis(300));
+    std::thread::sleep(after);
     let killed = Command::new("kill").args(["-INT", &run.id().to_string()]).status().expect("kill starts");
     assert!(killed.success());
     let output = run.wait_with_output().expect("the run ends");

@@ -44,6 +44,10 @@ impl CsvFile {
     pub(super) fn write(&mut self, rows: &[Vec<u8>]) -> Result<()> {
         rows.iter().try_for_each(|rows| self.file.write(rows))
     }
+
+    pub(super) fn finish(self) -> Result<()> {
+        self.file.finish()
+    }
 }
 
 /// Rows as text. Every number has the fewest digits that read back to the same bits.

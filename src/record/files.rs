@@ -62,9 +62,9 @@ impl TableFile {
         }
     }
 
-    fn finish(&mut self) -> Result<()> {
+    fn finish(self) -> Result<()> {
         match self {
-            TableFile::Csv(_) => Ok(()),
+            TableFile::Csv(file) => file.finish(),
             TableFile::Npz(file) => file.finish(),
         }
     }
@@ -107,10 +107,12 @@ impl FileSink {
     }
 
     fn finish(&mut self) -> Result<()> {
-        let mut tables = self.final_state.iter_mut().chain(&mut self.snapshots);
-        timed(&mut self.spent.disk, || tables.try_for_each(TableFile::finish))?;
-        let statistics = &mut self.statistics;
-        timed(&mut self.spent.disk, || statistics.as_mut().map_or(Ok(()), StatisticsFile::finish))
+        let mut tables = self.final_state.take().into_iter().chain(self.snapshots.take());
+        let statistics = self.statistics.take();
+        timed(&mut self.spent.disk, || {
+            tables.try_for_each(TableFile::finish)?;
+            statistics.map_or(Ok(()), StatisticsFile::finish)
+        })
     }
 }
 
@@ -139,7 +141,7 @@ impl Sink for FileSink {
 
 /// Runs `plan` on `engine` and writes the tables that `output` asks for, `plan.json` and `report.json`, into `folder`.
 ///
-/// All files appear when all are complete, the report last; where anything fails or `observer` breaks, none appears.
+/// All files appear together when all are complete and on the disk; where anything fails or `observer` breaks, none appears.
 /// Memory does not grow with the number of output times. `since` is when the work on the study began, for the report.
 ///
 /// # Errors
@@ -158,7 +160,7 @@ pub fn run_to_folder(
     let mut sink = FileSink::begin(&mut folder, output, plan)?;
     let trust = run_into(engine, plan, &mut sink, observer)?;
     sink.finish()?;
-    folder.begin(PLAN)?.write(plan.to_json().as_bytes())?;
+    folder.write(PLAN, plan.to_json().as_bytes())?;
 
     let study = study.map(|study| StudyReport {
         file: study.file().display().to_string(),
@@ -173,7 +175,7 @@ pub fn run_to_folder(
     report.wall_time.disk = sink.spent.disk;
     report.wall_time.total = since.elapsed().as_secs_f64();
     let text = report.to_json();
-    folder.begin(REPORT)?.write(text.as_bytes())?;
+    folder.write(REPORT, text.as_bytes())?;
     folder.commit()?;
     Ok(report)
 }

@@ -23,6 +23,10 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     // The folder is tried before anything that takes long.
     let path = arguments.out.clone().unwrap_or_else(|| default_folder(&arguments.study));
     let folder = OutputFolder::create(&path, arguments.force)?;
+    progress::remove_at_end(Some(folder.traces().clone()));
+    for leftover in folder.leftovers() {
+        output::note(&format!("note: removed what a killed run had left: {}", leftover.display()));
+    }
     let scene = study.scene()?.skipping(!arguments.no_skip);
     let wanted = study.output();
     if !(wanted.final_state || wanted.snapshots || arguments.quiet) && scene.wanted_statistics().is_empty() {
@@ -32,8 +36,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let plan = match &arguments.plan {
         None => {
             let costs = crate::engine::costs(arguments.costs.as_deref(), &engine)?;
-            let made = folder.is_new().then(|| path.clone());
-            progress::planning(arguments.quiet, made, || Plan::with_costs(&scene, &engine, &costs))
+            progress::planning(arguments.quiet, || Plan::with_costs(&scene, &engine, &costs))
         }
         Some(file) => {
             let document = PlanDocument::read(file)?;
@@ -51,6 +54,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let done =
         run_to_folder(&engine, &plan, Some(&study), wanted, folder, since, &mut |progress| watch.observe(progress));
     watch.finish();
+    progress::remove_at_end(None);
     let report = done?;
     if !report.failed_bodies.is_empty() {
         output::note(&format!(
