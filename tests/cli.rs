@@ -441,3 +441,81 @@ fn versions_in_reports_are_those_of_the_lock_file() {
     let expected = format!("name = \"wgpu\"\nversion = \"{}\"", polhode::record::report::WGPU_VERSION);
     assert!(lock.contains(&expected), "{expected}");
 }
+
+// --- standard output ---
+
+/// A body that can be described without a study.
+const SPHERE: &str = "inertia = { shape = \"sphere\", mass = 10.0, radius = 1.0 }\n";
+
+/// Every command that prints, with a study (`study.toml`), a body (`sphere.toml`) and a former run (`done`).
+const PRINTING: [&[&str]; 14] = [
+    &["run", "study.toml", "--engine", "cpu"],
+    &["run", "study.toml", "--engine", "cpu", "--json"],
+    &["explain", "study.toml", "--engine", "cpu"],
+    &["explain", "study.toml", "--engine", "cpu", "--json"],
+    &["verify", "--bodies", "3", "--steps", "2", "--engine", "cpu"],
+    &["inertia", "sphere.toml"],
+    &["inertia", "sphere.toml", "--json"],
+    &["devices"],
+    &["devices", "--json"],
+    &["--version"],
+    &["plot", "done"],
+    &["completions", "bash"],
+    &["man"],
+    &["run", "--help"],
+];
+
+fn printing_desk() -> Desk {
+    let desk = Desk::new(SMALL);
+    fs::write(desk.path("sphere.toml"), SPHERE).unwrap();
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "done"]);
+    desk
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn standard_output_that_cannot_be_written_is_a_failure_of_every_command() {
+    let desk = printing_desk();
+    for arguments in PRINTING {
+        let full = fs::File::options().write(true).open("/dev/full").expect("a device that is always full");
+        let run = Command::new(cargo_bin!("polhode")).current_dir(desk.folder()).args(arguments).stdout(full).output();
+        let output = run.expect("the command starts");
+        let errors = words(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {errors}");
+        assert_eq!(
+            errors, "error: standard output cannot be written: No space left on device (os error 28)\n",
+            "{arguments:?}"
+        );
+        let _ = fs::remove_dir_all(desk.path("study.out"));
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_reader_that_goes_away_is_no_error() {
+    let desk = printing_desk();
+    for arguments in PRINTING {
+        let mut command = Command::new(cargo_bin!("polhode"));
+        let (reader, writer) = std::io::pipe().expect("a pipe");
+        drop(reader);
+        let output = command.current_dir(desk.folder()).args(arguments).stdout(writer).output().expect("it starts");
+        assert_eq!((output.status.code(), words(&output.stderr)), (Some(0), String::new()), "{arguments:?}");
+        let _ = fs::remove_dir_all(desk.path("study.out"));
+    }
+}
+
+#[test]
+fn words_from_files_have_no_power_over_the_terminal() {
+    let desk = Desk::new(&SMALL.replace("\"Ten\"", "\"\\u001b[2Jcleared\\n  failed   none\""));
+    let summary = desk.done(&["run", "study.toml", "--engine", "cpu"]);
+    assert!(summary.starts_with(" [2Jcleared   failed   none\n"), "{summary:?}");
+    fs::write(desk.path("study.toml"), SMALL.replace("count", "\"co\\u001b[2J\\nunt\"")).unwrap();
+    let line = desk.refused(&["explain", "study.toml"], 2);
+    assert!(line.contains("bodies.co [2J unt is not known"), "{line:?}");
+    fs::write(desk.path("table.csv"), "ixx,iyy,izz,wx,wy,wz\n1,2,\u{1b}[2J,0,0,1\n").unwrap();
+    fs::write(desk.path("study.toml"), "[bodies]\nfile = \"table.csv\"\n[time]\nend = 1.0\n").unwrap();
+    let line = desk.refused(&["run", "study.toml", "--engine", "cpu"], 2);
+    assert!(line.contains("izz =  [2J: a finite number is needed"), "{line:?}");
+    fs::write(desk.path("a\nb.toml"), SPHERE).unwrap();
+    assert!(desk.done(&["inertia", "a\nb.toml"]).starts_with("a b.toml\n"));
+}

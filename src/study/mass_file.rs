@@ -265,7 +265,7 @@ impl fmt::Display for MassReport {
                 .into_iter()
                 .try_for_each(|numbers| writeln!(f, "  {}", row(numbers)))
         };
-        writeln!(f, "{}", self.file)?;
+        writeln!(f, "{}", self.file.replace(char::is_control, " "))?;
         if let (Some(volume), Some(mass), Some(centre)) = (self.volume, self.mass, self.centre_of_mass) {
             writeln!(f, "volume [m³]         {volume:e}")?;
             writeln!(f, "mass [kg]           {mass:e}")?;

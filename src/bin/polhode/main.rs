@@ -47,21 +47,32 @@ fn main() -> ExitCode {
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
-        Err(Failure::Disagreement | Failure::FailedBodies) => ExitCode::from(FAILED),
-        Err(Failure::Library(polhode::Error::Interrupted { .. })) => {
+        Err(failure) => say(&failure),
+    }
+}
+
+/// Says what went wrong, where that has not been said yet; the exit status.
+fn say(failure: &Failure) -> ExitCode {
+    match failure {
+        Failure::Disagreement | Failure::FailedBodies => ExitCode::from(FAILED),
+        Failure::Output(error) => {
+            output::error(&format!("standard output cannot be written: {error}"));
+            ExitCode::from(FAILED)
+        }
+        Failure::Library(polhode::Error::Interrupted { .. }) => {
             output::error(STOPPED);
             ExitCode::from(FAILED)
         }
-        Err(Failure::Library(error)) => {
+        Failure::Library(error) => {
             output::error(&error.to_string());
-            if let polhode::Error::Input(input) = &error
+            if let polhode::Error::Input(input) = error
                 && let polhode::study::Fault::Formula { picture, .. } = &input.fault
             {
-                picture.lines().for_each(|line| output::note(&format!("    {}", output::printable(line))));
+                picture.lines().for_each(|line| output::note(&format!("    {line}")));
             }
             ExitCode::from(if error.is_input() { WRONG_INPUT } else { FAILED })
         }
-        Err(Failure::Arguments(message)) => {
+        Failure::Arguments(message) => {
             output::error(message);
             ExitCode::from(WRONG_INPUT)
         }
@@ -83,8 +94,10 @@ fn refuse_arguments(error: &clap::Error) -> ExitCode {
     use clap::error::ErrorKind;
     match error.kind() {
         ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
-            output::print(&error.render().to_string());
-            return ExitCode::SUCCESS;
+            return match output::print(&error.render().to_string()) {
+                Ok(()) => ExitCode::SUCCESS,
+                Err(failure) => say(&failure),
+            };
         }
         ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
             output::error(

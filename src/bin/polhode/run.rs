@@ -77,9 +77,9 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         ));
     }
     if arguments.json {
-        output::print(&report.to_json());
+        output::print(&report.to_json())?;
     } else if !arguments.quiet {
-        output::print(&summary(&report, &path));
+        output::show(&summary(&report, &path))?;
     }
     match report.failed_bodies.len() as u64 {
         failed if failed > study.allowed_failures() => Err(Failure::FailedBodies),
@@ -98,5 +98,5 @@ fn default_folder(study: &Path) -> PathBuf {
 fn summary(report: &Report, folder: &Path) -> String {
     let mut files = report.files.clone();
     files.push(polhode::record::REPORT.to_owned());
-    format!("{report}\n  results  {} in {}\n", files.join(", "), folder.display())
+    format!("{report}\n  results  {} in {}\n", files.join(", "), output::printable(&folder.to_string_lossy()))
 }
