@@ -519,3 +519,19 @@ fn words_from_files_have_no_power_over_the_terminal() {
     fs::write(desk.path("a\nb.toml"), SPHERE).unwrap();
     assert!(desk.done(&["inertia", "a\nb.toml"]).starts_with("a b.toml\n"));
 }
+
+// --- pictures ---
+
+#[test]
+fn a_picture_of_a_body_that_is_not_there_is_refused() {
+    let desk = Desk::new(SMALL);
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
+    let line = desk.refused(&["plot", "study.out", "--body", "3,99"], 2);
+    assert_eq!(line, "error: study.out/snapshots.csv: there is no body 99: it has 10, counted from 0\n");
+    // Neither are pictures drawn of a table that was cut.
+    let whole = fs::read(desk.path("study.out/snapshots.csv")).unwrap();
+    fs::write(desk.path("study.out/snapshots.csv"), &whole[..whole.len() - 3]).unwrap();
+    let line = desk.refused(&["plot", "study.out"], 2);
+    assert!(line.starts_with("error: study.out/snapshots.csv: line 41: ") && line.contains("may be cut"), "{line}");
+    assert_eq!(desk.names("study.out"), ["final.csv", "plan.json", "report.json", "snapshots.csv"]);
+}

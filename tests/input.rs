@@ -216,3 +216,31 @@ fn a_file_in_the_place_of_the_folder_is_refused() {
     let message = error.to_string().replace(&path.display().to_string(), "out");
     insta::assert_snapshot!(message, @"out: cannot be made: Not a directory (os error 20)");
 }
+
+#[test]
+fn a_table_cut_anywhere_but_at_a_row_s_end_is_refused() {
+    let rows = |text: &str| BodyTable::from_reader(Path::new("bodies.csv"), text.as_bytes(), usize::MAX);
+    let whole = rows(TABLE).expect("a table").len();
+    for end in 1..TABLE.len() {
+        match rows(&TABLE[..end]) {
+            Ok(table) => assert!(TABLE[..end].ends_with('\n') && table.len() <= whole, "{end}"),
+            Err(error) => assert!(error.is_input() && error.to_string().starts_with("bodies.csv:"), "{error}"),
+        }
+    }
+    let refusal = rows(TABLE.trim_end()).expect_err("no newline at the end").to_string();
+    assert!(refusal.ends_with("so the table may be cut: add a newline if it is whole"), "{refusal}");
+    // Exactly as many rows as are there: the last one is no better for it.
+    let text = "ixx,iyy,izz,wx,wy,wz\n1,1,1,0,0,1\n1,1,1,0,0,12";
+    BodyTable::from_reader(Path::new("bodies.csv"), text.as_bytes(), 2).expect_err("cut");
+    assert_eq!(
+        BodyTable::from_reader(Path::new("bodies.csv"), (text.to_owned() + "\n").as_bytes(), 2).expect("two").len(),
+        2
+    );
+}
+
+#[test]
+fn rows_behind_an_open_quote_are_not_swallowed() {
+    let text = "ixx,iyy,izz,wx,wy,wz,name\n1,1,1,0,0,1,\"a\n1,1,1,0,0,2,b\n";
+    let error = BodyTable::from_reader(Path::new("bodies.csv"), text.as_bytes(), 9).expect_err("a row would be lost");
+    assert_eq!(error.to_string(), "bodies.csv:2: a quotation mark is not closed on its line");
+}

@@ -13,7 +13,8 @@ use super::inertia::Inertia;
 use super::input::{Fault, InputError};
 use super::points::read_points;
 use super::reader::FileText;
-use crate::error::{Error, FileAction, Result};
+use super::text::read_text;
+use crate::error::{Error, Result};
 use crate::inertia::{InertiaClass, InertiaTensor, MassProperties, Validity, classify, point_masses};
 
 /// How a file is read, where it leaves that open.
@@ -214,7 +215,7 @@ fn of_mesh(file: &Path, _: &MassFileOptions) -> Result<MassProperties> {
 
 /// A body of a study, or of `inertia = { ... }` by itself.
 fn of_study(file: &Path, body: usize) -> Result<Described> {
-    let text = std::fs::read_to_string(file).map_err(|error| Error::file(file, FileAction::Read, &error))?;
+    let text = read_text(file)?;
     let alone = FileText::new(file, &text).parse(|root| match root.find("inertia") {
         Some(node) => {
             root.only(&["title", "seed", "inertia"])?;

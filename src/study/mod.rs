@@ -90,7 +90,7 @@ use std::sync::LazyLock;
 
 use crate::batch::Precision;
 use crate::ensemble::Ensemble;
-use crate::error::{Error, FileAction, Result, Text};
+use crate::error::{Error, Result, Text};
 use crate::observe::Statistic;
 use crate::scene::{Accuracy, Outputs, Scene, Target};
 
@@ -112,6 +112,7 @@ mod reader;
 mod shape_kind;
 mod solid;
 pub mod table;
+pub(crate) mod text;
 mod torque;
 
 pub use bodies::Bodies;
@@ -128,6 +129,7 @@ use accuracy::{StudyStepping, accuracy};
 use draw::Draw;
 use force::StudyForce;
 use reader::{FileText, Node, Place, Table};
+use text::read_text;
 use torque::StudyTorque;
 
 /// The key by which states are projected.
@@ -215,7 +217,7 @@ impl Study {
     /// [`Error::File`] where a file cannot be read; [`Error::Input`] with file, line, key and value where it does not
     /// describe a study.
     pub fn read(file: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(file).map_err(|error| Error::file(file, FileAction::Read, &error))?;
+        let text = read_text(file)?;
         Self::parse(file, &text)
     }
 
