@@ -187,8 +187,10 @@ fn positive(field: &'static str, value: f64) -> Result<f64> {
 
 #[cfg(feature = "mesh")]
 fn of_mesh(file: &Path, options: &MassFileOptions) -> Result<MassProperties> {
+    use crate::inertia::MeshFileProblem;
+
     let mesh = crate::inertia::read_mesh(file)?.scaled(options.scale.unwrap_or(1.0))?;
-    match (options.mass, options.density) {
+    let properties = match (options.mass, options.density) {
         (Some(mass), None) if options.shell => mesh.shell_mass_properties(mass),
         (Some(mass), None) => mesh.mass_properties(mass),
         (None, Some(density)) if !options.shell => mesh.mass_properties_of_density(density),
@@ -204,7 +206,15 @@ fn of_mesh(file: &Path, options: &MassFileOptions) -> Result<MassProperties> {
             let expected = "the mass of the mesh (kg), or its density (kg/m³), is needed";
             Err(Error::Setting { field: "mass", value: 0.0, expected })
         }
-    }
+    };
+    let sound = properties.and_then(|properties| match mesh.overlap().filter(|_| !options.shell) {
+        Some(defect) => Err(Error::Mesh(defect)),
+        None => Ok(properties),
+    });
+    sound.map_err(|error| match error {
+        Error::Mesh(defect) => Error::MeshFile { path: file.to_owned(), problem: MeshFileProblem::Surface(defect) },
+        error => error,
+    })
 }
 
 #[cfg(not(feature = "mesh"))]

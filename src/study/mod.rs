@@ -407,6 +407,13 @@ impl Study {
                 }
                 None => Error::MissingMass,
             },
+            Error::TooManyBodies { .. } => match self.places.get("bodies.count") {
+                Some(place) => {
+                    let fault = Fault::Cause { value: place.value.clone(), cause: Box::new(error) };
+                    self.input(place.line, "bodies.count", fault)
+                }
+                None => error,
+            },
             Error::Body { body, field, value, expected } => self.located_body(body, field, value, expected),
             Error::Torque { torque, body, ref field, value, ref expected, .. } => {
                 let own = torque::place(torque);
@@ -462,12 +469,12 @@ impl Study {
         // A shape's sizes, its mass among them, stand within `inertia`.
         let part = self.bodies.faulty_part(Draw::new(self.seed), body);
         let part = part.map_or(String::new(), |index| format!(".parts[{}]", index + 1));
-        let keys = [
-            format!("bodies.inertia{part}.{field}"),
-            format!("bodies.inertia{part}"),
-            format!("bodies.{key}"),
-            "bodies.inertia".to_owned(),
-        ];
+        let own = (key != "inertia").then(|| format!("bodies.{key}"));
+        let keys: Vec<String> = [format!("bodies.inertia{part}.{field}")]
+            .into_iter()
+            .chain(own)
+            .chain([format!("bodies.inertia{part}"), "bodies.inertia".to_owned()])
+            .collect();
         let key = keys.iter().find(|key| self.places.contains_key(*key)).map_or("bodies", String::as_str);
         match self.places.get(key) {
             Some(place) => {

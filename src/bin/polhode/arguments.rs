@@ -274,8 +274,8 @@ pub struct VerifyArguments {
 }
 
 const INERTIA_HELP: &str = "\
-FILE is a closed surface (.stl, .obj) with --mass or --density, point masses (.csv with the columns
-mass,x,y,z), or a TOML file with `inertia = { ... }` as in a study, or a study itself. Units are SI:
+FILE is a closed surface (.stl, .obj) with --mass or --density, of whose parts none may overlap or be
+inside out, point masses (.csv with the columns mass,x,y,z), or a TOML file with `inertia = { ... }` as in a study, or a study itself. Units are SI:
 m, kg, m³, kg m². Frame: the one of the file. The tensor's off-diagonal elements are -(integral of
 xy dm).
 
