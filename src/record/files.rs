@@ -3,7 +3,8 @@
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use super::csv_file::CsvFile;
+use super::column;
+use super::csv_file::{self, CsvFile};
 use super::folder::{OutputFolder, PLAN, REPORT};
 use super::npz_file::{NpzFile, Times};
 use super::report::{Report, StatisticsReport, StudyReport};
@@ -136,6 +137,32 @@ impl Sink for FileSink {
         }
         let Some(file) = &mut self.statistics else { return Ok(()) };
         timed(&mut self.spent.disk, || file.append(statistics))
+    }
+}
+
+/// How much a run writes: of all tables of states, but for their headers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OutputSize {
+    /// Rows, one a body and output time in each table.
+    pub rows: u64,
+    /// Bytes at the least: exact of arrays; of text if all numbers are short.
+    pub least_bytes: u64,
+    /// Bytes, of text as numbers mostly are.
+    pub likely_bytes: u64,
+}
+
+impl OutputSize {
+    /// What `output` asks of a run of `plan`.
+    pub fn of(plan: &Plan<'_>, output: Output) -> Self {
+        let ensemble = plan.scene().ensemble();
+        let times = output.snapshots as u64 * plan.times().len() as u64 + output.final_state as u64;
+        let rows = times.saturating_mul(ensemble.len() as u64);
+        let numbers = column::names(ensemble.translation().is_some()).count() as u64;
+        let (least, likely) = match output.format {
+            Format::Csv => (csv_file::LEAST_BYTES * numbers, csv_file::LIKELY_BYTES * numbers),
+            Format::Npz => (8 * numbers, 8 * numbers),
+        };
+        Self { rows, least_bytes: rows.saturating_mul(least), likely_bytes: rows.saturating_mul(likely) }
     }
 }
 

@@ -150,6 +150,11 @@ impl OutputFolder {
         &self.path
     }
 
+    /// The folder that the run writes to until it is complete; what is free on its disk is there for the results.
+    pub fn staging(&self) -> &Path {
+        &self.traces.staging
+    }
+
     /// What killed runs had left of this folder, and is removed.
     pub fn leftovers(&self) -> &[PathBuf] {
         &self.leftovers

@@ -41,7 +41,7 @@ pub use column::{ROTATION_COLUMNS, TRANSLATION_COLUMNS};
 pub(crate) use drift::{BodyDrift, DriftGatherer};
 pub use drift::{Drift, Quantiles};
 #[cfg(feature = "study")]
-pub use files::run_to_folder;
+pub use files::{OutputSize, run_to_folder};
 #[cfg(feature = "study")]
 pub use folder::{OutputFolder, PLAN, REPORT, Traces};
 #[cfg(feature = "study")]

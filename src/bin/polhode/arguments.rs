@@ -275,9 +275,9 @@ pub struct VerifyArguments {
 
 const INERTIA_HELP: &str = "\
 FILE is a closed surface (.stl, .obj) with --mass or --density, of whose parts none may overlap or be
-inside out, point masses (.csv with the columns mass,x,y,z), or a TOML file with `inertia = { ... }` as in a study, or a study itself. Units are SI:
-m, kg, m³, kg m². Frame: the one of the file. The tensor's off-diagonal elements are -(integral of
-xy dm).
+inside out, point masses (.csv with the columns mass,x,y,z), or a TOML file with `inertia = { ... }` as in
+a study, or a study itself. Units are SI: m, kg, m³, kg m². Frame: the one of the file. The tensor's
+off-diagonal elements are -(integral of xy dm).
 
 Examples:
     polhode inertia hull.stl --mass 900               a mesh in metres

@@ -16,6 +16,7 @@ mod output;
 mod plot;
 mod progress;
 mod run;
+mod threads;
 mod verify;
 
 use arguments::{Arguments, Command};
@@ -34,7 +35,18 @@ fn main() -> ExitCode {
         Ok(arguments) => arguments,
         Err(error) => return refuse_arguments(&error),
     };
-    let done = match &arguments.command {
+    let done = perform(&arguments.command);
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => say(&failure),
+    }
+}
+
+fn perform(command: &Command) -> Result<(), Failure> {
+    if !matches!(command, Command::Completions(_) | Command::Man) {
+        threads::start()?;
+    }
+    match command {
         Command::Run(arguments) => run::run(arguments),
         Command::Explain(arguments) => explain::explain(arguments),
         Command::Verify(arguments) => verify::verify(arguments),
@@ -44,10 +56,6 @@ fn main() -> ExitCode {
         Command::Plot(arguments) => plot::plot(arguments),
         Command::Completions(arguments) => completions::completions(arguments),
         Command::Man => man::man(),
-    };
-    match done {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => say(&failure),
     }
 }
 
@@ -55,6 +63,14 @@ fn main() -> ExitCode {
 fn say(failure: &Failure) -> ExitCode {
     match failure {
         Failure::Disagreement | Failure::FailedBodies => ExitCode::from(FAILED),
+        Failure::Environment(message) => {
+            output::error(message);
+            ExitCode::from(WRONG_INPUT)
+        }
+        Failure::Threads(error) => {
+            output::error(&format!("no threads to compute with: {error}; RAYON_NUM_THREADS asks for fewer"));
+            ExitCode::from(FAILED)
+        }
         Failure::Output(error) => {
             output::error(&format!("standard output cannot be written: {error}"));
             ExitCode::from(FAILED)

@@ -13,6 +13,10 @@ pub enum Failure {
     Disagreement,
     /// More bodies of a run have failed than the study allows, which has been said.
     FailedBodies,
+    /// A variable of the environment makes no sense.
+    Environment(String),
+    /// The system refuses the threads that compute.
+    Threads(rayon::ThreadPoolBuildError),
     /// Standard output cannot be written.
     Output(std::io::Error),
 }

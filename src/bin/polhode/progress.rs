@@ -71,7 +71,8 @@ pub fn planning<T>(quiet: bool, plan: impl FnOnce() -> T) -> T {
     let shown = !quiet && std::io::stderr().is_terminal();
     let planned = std::thread::scope(|scope| {
         let (finished, wait) = std::sync::mpsc::channel::<()>();
-        scope.spawn(move || {
+        // Without this thread nothing turns, that is all.
+        let _ = std::thread::Builder::new().spawn_scoped(scope, move || {
             if shown && wait.recv_timeout(QUIET_START) == Err(RecvTimeoutError::Timeout) {
                 let bar = planning_bar();
                 let _ = wait.recv();

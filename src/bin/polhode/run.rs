@@ -5,12 +5,15 @@ use std::time::Instant;
 
 use polhode::Plan;
 use polhode::plan::PlanDocument;
-use polhode::record::{OutputFolder, Report, run_to_folder};
+use polhode::record::{OutputFolder, OutputSize, Report, run_to_folder};
 use polhode::study::Study;
 
 use crate::arguments::RunArguments;
 use crate::output::{self, Failure};
 use crate::progress::{self, Watch, catch_interrupts};
+
+/// Results from this many bytes on are announced.
+const LARGE: u64 = 10_000_000_000;
 
 /// Runs a study into a folder.
 pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
@@ -50,6 +53,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     };
     let plan = plan.map_err(|error| study.located(error))?;
 
+    check_disk(&folder, OutputSize::of(&plan, wanted), arguments.quiet)?;
     let mut watch = Watch::new(arguments.quiet);
     let done =
         run_to_folder(&engine, &plan, Some(&study), wanted, folder, since, &mut |progress| watch.observe(progress));
@@ -85,6 +89,25 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         failed if failed > study.allowed_failures() => Err(Failure::FailedBodies),
         _ => Ok(()),
     }
+}
+
+/// Says of large results how large they are, and refuses those that the disk has no space for.
+fn check_disk(folder: &OutputFolder, size: OutputSize, quiet: bool) -> Result<(), Failure> {
+    let OutputSize { rows, least_bytes, likely_bytes } = size;
+    let (path, gigabytes) = (folder.path(), |bytes: u64| bytes as f64 / 1e9);
+    // Where the system does not say what is free, nothing is refused.
+    let available = fs4::available_space(folder.staging()).unwrap_or(u64::MAX);
+    if least_bytes > available {
+        return Err(polhode::Error::DiskSpace { path: path.to_owned(), rows, needed: least_bytes, available }.into());
+    }
+    let message =
+        format!("{rows} rows, about {:.1} GB, will be written to {}", gigabytes(likely_bytes), path.display());
+    if likely_bytes > available {
+        output::note(&format!("warning: {message}: only {:.1} GB are free", gigabytes(available)));
+    } else if likely_bytes > LARGE && !quiet {
+        output::note(&format!("note: {message}"));
+    }
+    Ok(())
 }
 
 /// The study's name with the ending `.out`, in the current folder.
