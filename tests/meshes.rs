@@ -292,7 +292,7 @@ fn a_text_mesh_cut_anywhere_is_refused_or_whole() {
     for (name, text) in [("cut.stl", stl_text(&mesh)), ("cut.obj", obj_text(&mesh))] {
         let whole = read_mesh(&File::new(name, text.clone()).0).expect("whole");
         for end in 0..text.len() {
-            let read = read_mesh(&File::new(name, text[..end].to_owned()).0);
+            let read = read_mesh(&File::new(name, &text[..end]).0);
             // What is left of a file that was cut between two lines is open.
             assert!(read.is_err() || read.is_ok_and(|mesh| mesh == whole || mesh.defect().is_some()), "{name}, {end}");
         }

@@ -132,7 +132,39 @@ fn spread(index: u32) -> f64 {
     (f64::from(index) * 0.618_033_988_749_895).fract()
 }
 
-/// Kills as many runs that replace one another's results, each at another time, and looks at what lies there.
+/// When a run is killed.
+#[derive(Clone, Copy, Debug)]
+enum Moment {
+    /// At this part of the time that a run takes.
+    Part(f64),
+    /// So long after its report has been begun, the last file.
+    Report(Duration),
+    /// So long after the former result has been moved aside.
+    Aside(Duration),
+}
+
+/// Kills a run, if it has not ended by then.
+fn kill(mut child: Child, desk: &Desk, moment: Moment, duration: Duration) {
+    match moment {
+        Moment::Part(part) => std::thread::sleep(duration.mul_f64(part)),
+        Moment::Report(delay) | Moment::Aside(delay) => {
+            let left = |ending: &str| hidden(desk.folder()).into_iter().find(|name| name.ends_with(ending));
+            let has_come = || match moment {
+                Moment::Aside(_) => left(".former").is_some(),
+                _ => left(".partial").is_some_and(|name| desk.path(&name).join("report.json").exists()),
+            };
+            while child.try_wait().expect("a state").is_none() && !has_come() {}
+            let since = Instant::now();
+            // Sleeping takes longer than asked for.
+            while since.elapsed() < delay {}
+        }
+    }
+    // One that has ended cannot be killed, which is as good.
+    let _ = child.kill();
+    child.wait().expect("it ends");
+}
+
+/// Kills as many runs that replace one another's results, each at another moment, and looks at what lies there.
 fn kill_loop(kills: u32) {
     let studies = Studies::new();
     let folder = studies.desk.path("results");
@@ -140,22 +172,24 @@ fn kill_loop(kills: u32) {
     assert!(finished(run(&studies.desk, 0, &folder, &[])).status.success());
     let duration = since.elapsed();
     fs::write(folder.join("notes.txt"), "mine").expect("written");
-    let (mut replaced, mut last) = (0, 0);
-    for kill in 0..kills {
-        let seed = u64::from(kill % 2);
-        let mut child = run(&studies.desk, seed, &folder, &["--force"]);
-        // Every third one late: the renames at the end take a small part of the time.
-        let part = if kill % 3 == 0 { 0.9 + 0.3 * spread(kill) } else { 1.2 * spread(kill) };
-        std::thread::sleep(duration.mul_f64(part));
-        // One that has ended cannot be killed, which is as good.
-        let _ = child.kill();
-        child.wait().expect("the run ends");
+    let (mut replaced, mut last, mut unfinished, mut aside) = (0, 0, 0, 0);
+    for number in 0..kills {
+        let child = run(&studies.desk, u64::from(number % 2), &folder, &["--force"]);
+        let moment = match number % 4 {
+            0 => Moment::Part(1.2 * spread(number)),
+            1 => Moment::Report(Duration::from_millis(30).mul_f64(spread(number))),
+            _ => Moment::Aside(Duration::from_millis(3).mul_f64(spread(number))),
+        };
+        kill(child, &studies.desk, moment, duration);
+        let left = hidden(studies.desk.folder());
+        unfinished += u32::from(left.iter().any(|name| name.ends_with(".partial")));
+        aside += u32::from(left.iter().any(|name| name.ends_with(".former")));
         match studies.seed_in(&folder) {
             Some(found) => {
                 replaced += u32::from(found != last);
                 last = found;
             }
-            None => assert!(hidden(studies.desk.folder()).iter().any(|name| name.ends_with(".former")), "lost"),
+            None => assert!(left.iter().any(|name| name.ends_with(".former")), "the result is lost: {left:?}"),
         }
     }
     let output = finished(run(&studies.desk, 0, &folder, &["--force"]));
@@ -163,16 +197,20 @@ fn kill_loop(kills: u32) {
     assert_eq!(studies.seed_in(&folder), Some(0));
     assert_eq!(fs::read_to_string(folder.join("notes.txt")).expect("still there"), "mine");
     assert_eq!(hidden(studies.desk.folder()), [""; 0], "nothing is left");
-    println!("{kills} kills: {replaced} results replaced, none lost or mixed");
+    println!(
+        "{kills} kills: {unfinished} before the new result was there, {aside} while the former one was aside, {replaced} after; \
+         none lost or mixed"
+    );
+    assert!(unfinished > 0 && replaced > 0, "the kills come at the wrong times");
 }
 
 #[test]
 fn a_kill_at_any_time_leaves_the_former_result_or_the_new_one() {
-    kill_loop(20);
+    kill_loop(40);
 }
 
 #[test]
-#[ignore = "minutes: cargo test --test results -- --ignored --nocapture"]
+#[ignore = "minutes: cargo test --test results kills -- --ignored --nocapture"]
 fn a_thousand_kills_leave_the_former_result_or_the_new_one() {
     kill_loop(1000);
 }
@@ -181,6 +219,9 @@ fn a_thousand_kills_leave_the_former_result_or_the_new_one() {
 fn two_writers(pairs: u32) {
     let studies = Studies::new();
     let (mut refused, mut both) = (0, 0);
+    let since = Instant::now();
+    assert!(finished(run(&studies.desk, 0, &studies.desk.path("first"), &[])).status.success());
+    let duration = since.elapsed();
     for pair in 0..pairs {
         let folder = studies.desk.path(&format!("pair-{pair}"));
         // New folders and such as hold a result.
@@ -189,7 +230,7 @@ fn two_writers(pairs: u32) {
             assert!(finished(run(&studies.desk, 0, &folder, &[])).status.success());
         }
         let first = run(&studies.desk, 0, &folder, more);
-        std::thread::sleep(Duration::from_millis(10).mul_f64(spread(pair)));
+        std::thread::sleep(duration.mul_f64(1.5 * spread(pair)));
         let second = run(&studies.desk, 1, &folder, more);
         let outputs = [finished(first), finished(second)];
         let done: Vec<_> = (0..2_u64).filter(|&seed| outputs[seed as usize].status.success()).collect();
@@ -217,7 +258,7 @@ fn of_two_runs_into_one_folder_one_is_refused_or_comes_after_the_other() {
 }
 
 #[test]
-#[ignore = "minutes: cargo test --test results -- --ignored --nocapture"]
+#[ignore = "minutes: cargo test --test results pairs -- --ignored --nocapture"]
 fn of_five_hundred_pairs_of_runs_into_one_folder_no_result_is_lost_or_mixed() {
     two_writers(500);
 }

@@ -14,7 +14,7 @@ const MOST: usize = 4096;
 pub fn start() -> Result<(), Failure> {
     if let Some(value) = std::env::var_os(VARIABLE).filter(|value| !value.is_empty()) {
         let count = value.to_str().and_then(|text| text.parse::<usize>().ok());
-        if !count.is_some_and(|count| count <= MOST) {
+        if count.is_none_or(|count| count > MOST) {
             let value = value.to_string_lossy();
             let message = format!("{VARIABLE} = {value}: a number of threads up to {MOST} is needed, 0 for one a core");
             return Err(Failure::Environment(message));
