@@ -418,3 +418,21 @@ fn a_folder_deleted_mid_run_is_a_failure_of_the_run() {
     assert!(errors.contains("cannot be written: No such file or directory"), "{errors}");
     assert_eq!(desk.names("."), ["study.toml"], "nothing is left");
 }
+
+#[test]
+fn results_that_cannot_get_their_name_are_kept_and_named() {
+    let desk = Desk::new(&study(0).replace(&format!("count = {BODIES}"), "count = 50_000"));
+    let run = start(&desk, "study.toml", &["--quiet", "--force"]);
+    wait_for_partial(&desk.path("study.out"));
+    // Somebody else's file, which came meanwhile.
+    fs::write(desk.path("study.out"), "mine").expect("written");
+    let output = finished(run);
+    let errors = words(&output.stderr);
+    assert_eq!((output.status.code(), errors.lines().count()), (Some(1), 1), "{errors}");
+    let kept = desk.names(".").into_iter().find(|name| name.ends_with(".kept")).expect("what was kept");
+    assert!(errors.starts_with("error: study.out: cannot be written: Not a directory"), "{errors}");
+    assert!(errors.ends_with(&format!("{kept}\n")), "{errors}");
+    assert_eq!(desk.names(&kept), ["final.csv", "plan.json", "report.json", "snapshots.csv"]);
+    assert_eq!(fs::read_to_string(desk.path("study.out")).expect("read"), "mine");
+    assert_eq!(hidden(desk.folder()), [""; 0], "nothing else is left");
+}
