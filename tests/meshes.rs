@@ -289,7 +289,7 @@ fn a_binary_stl_has_the_size_that_it_says() {
 #[test]
 fn a_text_mesh_cut_anywhere_is_refused_or_whole() {
     let mesh = cube(0.0, 1.0);
-    for (name, text) in [("cut.stl", stl_text(&mesh)), ("cut.obj", obj_text(&mesh))] {
+    for (name, text) in [("anywhere.stl", stl_text(&mesh)), ("anywhere.obj", obj_text(&mesh))] {
         let whole = read_mesh(&File::new(name, text.clone()).0).expect("whole");
         for end in 0..text.len() {
             let read = read_mesh(&File::new(name, &text[..end]).0);
