@@ -156,7 +156,10 @@ Results: final.csv (or .npz) with body, t, orientation qx qy qz qw (body to worl
 velocity wx wy wz (body axes), angular momentum lx ly lz (world axes) and kinetic_energy;
 snapshots.csv with the same at all output times; statistics.csv with t, count and of each quantity
 mean, standard_deviation, min, max, min_body, max_body at all output times; plan.json, which --plan takes; report.json with
-engine, plan, wall times, drift of what a free body conserves, and errors. They appear when all are complete; Ctrl-C leaves nothing.";
+engine, plan, wall times, drift of what a free body conserves, and errors. The folder appears, or replaces
+the former one, when all files are complete and on the disk; Ctrl-C leaves nothing. With --force, files that
+are not of a run stay. One run at a time may write to a folder. What a killed run leaves beside it
+(.NAME.polhode-*) is removed by the next one.";
 
 /// What `polhode run --help` adds to the options.
 fn run_help() -> String {
@@ -271,10 +274,10 @@ pub struct VerifyArguments {
 }
 
 const INERTIA_HELP: &str = "\
-FILE is a closed surface (.stl, .obj) with --mass or --density, point masses (.csv with the columns
-mass,x,y,z), or a TOML file with `inertia = { ... }` as in a study, or a study itself. Units are SI:
-m, kg, m³, kg m². Frame: the one of the file. The tensor's off-diagonal elements are -(integral of
-xy dm).
+FILE is a closed surface (.stl, .obj) with --mass or --density, of whose parts none may overlap or be
+inside out, point masses (.csv with the columns mass,x,y,z), or a TOML file with `inertia = { ... }` as in
+a study, or a study itself. Units are SI: m, kg, m³, kg m². Frame: the one of the file. The tensor's
+off-diagonal elements are -(integral of xy dm).
 
 Examples:
     polhode inertia hull.stl --mass 900               a mesh in metres

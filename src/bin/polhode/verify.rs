@@ -31,7 +31,11 @@ pub fn verify(arguments: &VerifyArguments) -> Result<(), Failure> {
         }
     };
     let report = verify_engine(&engine, &ensemble, method, precision, dt, arguments.steps)?;
-    output::print(&if arguments.json { json_text(&report) } else { table(&report) });
+    if arguments.json {
+        output::print(&json_text(&report))?
+    } else {
+        output::show(&table(&report))?
+    }
     if report.agrees() { Ok(()) } else { Err(Failure::Disagreement) }
 }
 

@@ -11,7 +11,8 @@ const LEAST_FOR_P99: usize = 100;
 impl fmt::Display for Report {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(title) = self.study.as_ref().and_then(|study| study.title.as_ref()) {
-            writeln!(formatter, "{title}")?;
+            // A title of several lines could say what only the report may say.
+            writeln!(formatter, "{}", title.replace(char::is_control, " "))?;
         }
         let engine = &self.engine;
         let software = if engine.software { ", a software adapter" } else { "" };
