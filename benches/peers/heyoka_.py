@@ -1,8 +1,9 @@
 """heyoka: adaptive Taylor series, SIMD batches of bodies, compiled by LLVM for the problem and the tolerance.
 
-F. Biscani, D. Izzo, MNRAS 504 (2021) 2614. The integrator is built once for a problem and a tolerance (its time is stated apart) and
-then takes one batch of bodies after the other. Options and order of bodies are those that were fastest on the problem in a trial
-before the rounds: see `choices`. Batches of twice the SIMD width were slower on all problems, and so was `compact_mode`.
+F. Biscani, D. Izzo, MNRAS 504 (2021) 2614. The integrator is built once for a problem and a tolerance (its time is
+stated apart) and then takes one batch of bodies after the other. Options and order of bodies are those that were
+fastest on the problem in a trial before the rounds: see `choices`. Batches of twice the SIMD width were slower on all
+problems, and so was `compact_mode`.
 """
 
 import itertools
@@ -20,7 +21,7 @@ VERSION = hy.__version__
 
 
 def equations(problem, carry_anomaly=False):
-    """The right-hand side as expressions; with `carry_anomaly`, the eccentric anomaly is one more state instead of Kepler's equation."""
+    """The right-hand side as expressions; `carry_anomaly`: E is one more state instead of Kepler's equation."""
     names = NAMES + (("anomaly",) if carry_anomaly else ())
     state = hy.make_vars(*names)
     parameters = [hy.par[index] for index in range(problem.parameter_count)]
@@ -80,7 +81,10 @@ class Solver:
             order = np.argsort(np.sum(start[4:] ** 2, axis=0))
             start, parameters = start[:, order], parameters[:, order]
         result = np.empty((4, count))
-        parts = [(start[:, part], parameters[:, part], result[:, part]) for part in slices(count, self.threads, self.choice["batch"])]
+        parts = [
+            (start[:, part], parameters[:, part], result[:, part])
+            for part in slices(count, self.threads, self.choice["batch"])
+        ]
         if len(parts) == 1:
             self.pass_over(self.integrators[0], *parts[0])
         else:

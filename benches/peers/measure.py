@@ -109,7 +109,10 @@ def rows(chosen):
 def prepared(chosen, problem, count, choice, folder, scipy):
     """The cases of a problem and a size; those of one decade stand beside each other."""
     bodies = problem.bodies(count)
-    first = {limit: {column: values[:limit] for column, values in bodies.items()} for limit in (chosen.sample, min(chosen.subset, count))}
+    first = {
+        limit: {column: values[:limit] for column, values in bodies.items()}
+        for limit in (chosen.sample, min(chosen.subset, count))
+    }
     polhode_.write_table(folder / "bodies.csv", bodies)
     command = (str(chosen.polhode.resolve()), folder, chosen.threads)
     reading = polhode_.reading_seconds(problem, *command)

@@ -1,9 +1,9 @@
 """numba: adaptive Dormand-Prince 8(5,3) as a user would write it for speed, compiled by LLVM.
 
-E. Hairer, S. P. Nørsett, G. Wanner, Solving ODEs I, second edition, II.5 and II.10; coefficients from SciPy. Bodies stand side by
-side in lanes, each with its own step; loops over the lanes have no branches, so that they become SIMD code. The stages' sums are
-written out from the table of coefficients, since a loop over them would read zeros. Bodies are sorted by spin, because lanes wait
-for the slowest.
+E. Hairer, S. P. Nørsett, G. Wanner, Solving ODEs I, second edition, II.5 and II.10; coefficients from SciPy. Bodies
+stand side by side in lanes, each with its own step; loops over the lanes have no branches, so that they become SIMD
+code. The stages' sums are written out from the table of coefficients, since a loop over them would read zeros. Bodies
+are sorted by spin, because lanes wait for the slowest.
 """
 
 import math
@@ -26,7 +26,7 @@ STAGES = dop853.N_STAGES
 
 @numba.njit(fastmath=True, error_model="numpy")
 def eccentric_anomaly(e, mean):
-    """E − e sin E = M: two iterations of order four (J. M. A. Danby, Celest. Mech. 40 (1987) 303) bring e = 0.3 to rounding."""
+    """E − e sin E = M: two iterations of order four (J. M. A. Danby, Celest. Mech. 40 (1987) 303)."""
     sine, cosine = math.sin(mean), math.cos(mean)
     anomaly = mean + e * sine * (1 + e * cosine)
     for _ in range(2):
@@ -39,7 +39,9 @@ def eccentric_anomaly(e, mean):
 
 
 def weighted_sum(weights, component):
-    terms = [f"{float(weight)!r} * k[{7 * stage + component}, l]" for stage, weight in enumerate(weights) if weight != 0.0]
+    terms = [
+        f"{float(weight)!r} * k[{7 * stage + component}, l]" for stage, weight in enumerate(weights) if weight != 0.0
+    ]
     return " + ".join(terms) if terms else "0.0"
 
 
@@ -62,7 +64,10 @@ def source(problem):
         emit(depth + 1, f"q = ({', '.join(f'{state}[{c}, l]' for c in range(4))})")
         emit(depth + 1, f"w = ({', '.join(f'{state}[{c}, l]' for c in range(4, 7))})")
         emit(depth + 1, f"{', '.join(f'k[{7 * stage + c}, l]' for c in range(4))} = quaternion_rate(q, w)")
-        emit(depth + 1, f"{', '.join(f'k[{7 * stage + c}, l]' for c in range(4, 7))} = acceleration(q, w, {place}, {parameters})")
+        emit(
+            depth + 1,
+            f"{', '.join(f'k[{7 * stage + c}, l]' for c in range(4, 7))} = acceleration(q, w, {place}, {parameters})",
+        )
 
     emit(0, "def integrate(start, parameters, end, tolerance, result):")
     emit(1, "count = start.shape[1]")
@@ -93,9 +98,12 @@ def source(problem):
     for c in range(7):
         emit(4, f"z[{c}, l] = y[{c}, l] + h[l] * ({weighted_sum(dop853.B, c)})")
     slopes(3, STAGES, "z", 1.0)
-    # The error of q is measured by its norm, that of ω by the greater of its norm and a part of a radian in a unit of time.
+    # The error of q is taken as it is, that of ω relative to |ω|, with a floor for bodies nearly at rest.
     emit(3, "for l in range(LANES):")
-    emit(4, "spin = math.sqrt(max(y[4, l] ** 2 + y[5, l] ** 2 + y[6, l] ** 2, z[4, l] ** 2 + z[5, l] ** 2 + z[6, l] ** 2))")
+    emit(
+        4,
+        "spin = math.sqrt(max(y[4, l] ** 2 + y[5, l] ** 2 + y[6, l] ** 2, z[4, l] ** 2 + z[5, l] ** 2 + z[6, l] ** 2))",
+    )
     emit(4, "scale = 1.0 / (0.1 + spin)")
     for c in range(7):
         factor = "" if c < 4 else "scale * "

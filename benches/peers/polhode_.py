@@ -1,11 +1,12 @@
 """polhode: the command, run once a measurement, as a user runs it.
 
-Bodies are written to a table and a study asks for an error, or pins a method and its tolerance. The command writes the final states
-and report.json, whose wall times by phase are used. Charged: the plan, set-up, integration, reading back and the recomputed sample
-behind its error estimate. Not charged: reading the table, formatting and writing files, which the peers do not do either.
+Bodies are written to a table and a study asks for an error, or pins a method and its tolerance. The command writes
+the final states and report.json, whose wall times by phase are used. Charged: the plan, set-up, integration, reading
+back and the recomputed sample behind its error estimate. Not charged: reading the table, formatting and writing
+files, which the peers do not do either.
 
-Where the report has no phase for the plan, the phase `study` holds it together with reading. What reading takes is then measured on
-the same table by a study that pins its method and so has nothing to plan.
+Where the report has no phase for the plan, the phase `study` holds it together with reading. What reading takes is
+then measured on the same table by a study that pins its method and so has nothing to plan.
 """
 
 import json
@@ -27,6 +28,7 @@ COLUMNS = {
     "centre": ("centre_x", "centre_y", "centre_z"),
     "dipole": ("dipole_x", "dipole_y", "dipole_z"),
 }
+
 
 class Refused(Exception):
     """The command says that it cannot do what is asked."""
@@ -71,7 +73,9 @@ class Solver:
         study.write_text(self.text)
         command = [self.command, "run", study, "--engine", "cpu", "--out", out, "--force", "--quiet"]
         before, clock = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-        run = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"RAYON_NUM_THREADS": str(self.threads)})
+        run = subprocess.run(
+            command, capture_output=True, text=True, env=os.environ | {"RAYON_NUM_THREADS": str(self.threads)}
+        )
         wall, after = time.perf_counter() - clock, resource.getrusage(resource.RUSAGE_CHILDREN)
         if run.returncode != 0:
             message = (run.stderr.strip() or run.stdout.strip()).splitlines()[0]

@@ -1,25 +1,23 @@
 """The problems: bodies, torques and equations of motion.
 
-State of a body: orientation q (x, y, z, w; body to world) and angular velocity ω in body axes, which are principal axes here:
+State of a body: orientation q (x, y, z, w; body to world) and angular velocity ω in body axes, which are principal
+axes here:
 
     dq/dt = ½ q ω        dω/dt = I⁻¹ (τ − ω × I ω)
 
-polhode reads the bodies from a table and the torques from a study, in SI units. The peers integrate the equations below, which are
-plain formulas and so serve expressions of heyoka, arrays of NumPy and scalars of numba alike. They see time in units of
-`Problem.time_unit`, so that ω is of order one, as a careful user of an absolute tolerance would arrange it; and what depends on a
-body's parameters alone is formed before, once a body.
+polhode reads the bodies from a table and the torques from a study, in SI units. The peers integrate the equations
+below, which are plain formulas and so serve expressions of heyoka, arrays of NumPy and scalars of numba alike. They
+see time in units of `Problem.time_unit`, so that ω is of order one, as a careful user of an absolute tolerance would
+arrange it; and what depends on a body's parameters alone is formed before, once a body.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Callable
 
 import numpy as np
 
 SEED = 20261123
 NAMES = ("qx", "qy", "qz", "qw", "wx", "wy", "wz")
-
-
-# --- Bodies -------------------------------------------------------------------------------------------------------------------
 
 
 def draws(column):
@@ -58,9 +56,6 @@ def satellites(count):
     }
 
 
-# --- Orbits -------------------------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Orbit:
     """A Kepler orbit from its pericentre, the ascending node on the world's x axis, the pericentre at the node."""
@@ -71,8 +66,9 @@ class Orbit:
     mu: float = 3.986004418e14
 
     def study(self):
-        keys = f"semi_major_axis = {self.semi_major_axis}, eccentricity = {self.eccentricity}, inclination = {self.inclination}"
-        return f"mu = {self.mu}\norbit = {{ {keys} }}"
+        keys = ("semi_major_axis", "eccentricity", "inclination")
+        elements = ", ".join(f"{key} = {getattr(self, key)}" for key in keys)
+        return f"mu = {self.mu}\norbit = {{ {elements} }}"
 
     def mean_motion(self):
         return float(np.sqrt(np.longdouble(self.mu) / np.longdouble(self.semi_major_axis) ** 3))
@@ -109,8 +105,6 @@ class Orbit:
         return (x, tilt_cos * y, tilt_sin * y, 3 * n * n * inverse * inverse * inverse), n * inverse
 
 
-# --- Angular accelerations ----------------------------------------------------------------------------------------------------
-#
 # q, w: the state; g: what `Orbit.place` gives, or nothing; p: the body's parameters, see `Problem.parameters`.
 # p[0], p[1], p[2] are (I₂ − I₃)/I₁, (I₃ − I₁)/I₂ and (I₁ − I₂)/I₃.
 
@@ -189,8 +183,6 @@ def quaternion_rate(q, w):
         -0.5 * (q[0] * w[0] + q[1] * w[1] + q[2] * w[2]),
     )
 
-
-# --- Problems -----------------------------------------------------------------------------------------------------------------
 
 GRAVITY = 9.81
 
@@ -272,7 +264,13 @@ PROBLEMS = {
     for problem in (
         Problem("free", "free", 10.0, rigid_bodies, free),
         Problem(
-            "forced", "constant torque, drag", 10.0, forced_bodies, forced, CONSTANT_TORQUE + LINEAR_DRAG, extra=("torque", "drag")
+            "forced",
+            "constant torque, drag",
+            10.0,
+            forced_bodies,
+            forced,
+            CONSTANT_TORQUE + LINEAR_DRAG,
+            extra=("torque", "drag"),
         ),
         Problem("heavy-top", "heavy top", 10.0, tops, heavy_top, HEAVY_TOP, extra=("centre", "inverse")),
         Problem(

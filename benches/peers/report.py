@@ -9,9 +9,10 @@ import re
 from problems import PROBLEMS
 
 COLUMNS = (
-    "date commit platform cpu cores python threads clock machine_note load problem span_s bodies bodies_run program program_version setting "
-    "asked_rad rounds seconds_min seconds_median cpu_share body_seconds_per_second attitude_rad_median attitude_rad_p99 attitude_rad_max "
-    "sample truth_check_rad compile_seconds process_seconds plan_seconds compute_seconds sample_seconds method precision met note"
+    "date commit platform cpu cores python threads clock machine_note load problem span_s bodies bodies_run program "
+    "program_version setting asked_rad rounds seconds_min seconds_median cpu_share body_seconds_per_second "
+    "attitude_rad_median attitude_rad_p99 attitude_rad_max sample truth_check_rad compile_seconds process_seconds "
+    "plan_seconds compute_seconds sample_seconds method precision met note"
 ).split()
 TARGETS = [10.0**-digits for digits in range(3, 14)]
 SHORT_TARGETS = [10.0**-digits for digits in (3, 5, 7, 9, 11, 13)]
@@ -19,9 +20,6 @@ PROGRAMS = ("polhode", "polhode taylor", "polhode rk8", "heyoka", "numba", "SciP
 # Points further apart than this are not joined by a line to read values from.
 FARTHEST = 100.0
 MARKS = "<!-- benches/peers: from here", "<!-- benches/peers: to here -->"
-
-
-# --- Rows ---------------------------------------------------------------------------------------------------------------------
 
 
 def processor():
@@ -57,7 +55,8 @@ def points(rows, problem, bodies, program):
     return sorted(
         (float(row["attitude_rad_p99"]), float(row["body_seconds_per_second"]))
         for row in rows
-        if (row["problem"], int(row["bodies"]), row["program"]) == (problem, bodies, program) and row["attitude_rad_p99"]
+        if (row["problem"], int(row["bodies"]), row["program"]) == (problem, bodies, program)
+        and row["attitude_rad_p99"]
     )
 
 
@@ -86,9 +85,6 @@ def speed_at(measured, error):
     (high, fast) = above[0]
     part = math.log(error / low) / math.log(high / low)
     return slow * (fast / slow) ** part
-
-
-# --- Tables -------------------------------------------------------------------------------------------------------------------
 
 
 def number(value):
@@ -122,8 +118,12 @@ def described(rows):
     clock = "wall time" if row["clock"] == "wall" else "processor time"
     programs = ", ".join(f"{name} {version}" for name, version in versions.items())
     threads = "one core" if row["threads"] == "1" else f"{row['threads']} threads"
-    text = f"{row['cpu']}, {threads} of {row['cores']}, {clock}, {row['date'][:10]}; {programs} (commit {row['commit'][:7]}), Python {row['python']}"
-    text += f"; load {min(loads):.1f} to {max(loads):.1f}, the programs had {100 * shares[len(shares) // 20]:.0f} % of their core or more in 95 % of cases"
+    share = 100 * shares[len(shares) // 20]
+    text = (
+        f"{row['cpu']}, {threads} of {row['cores']}, {clock}, {row['date'][:10]}; {programs} "
+        f"(commit {row['commit'][:7]}), Python {row['python']}; load {min(loads):.1f} to {max(loads):.1f}, "
+        f"in 95 % of cases the programs had {share:.0f} % of their core or more"
+    )
     return text + (f". {row['machine_note']}" if row["machine_note"] else "")
 
 
@@ -140,7 +140,9 @@ def short_table(rows):
             cells = []
             for error in SHORT_TARGETS:
                 here, there = speed_at(ours, error), speed_at(theirs, error)
-                cells.append(number(here) if here is None or there is None else f"{number(here)} ({ratio(here, there)})")
+                cells.append(
+                    number(here) if here is None or there is None else f"{number(here)} ({ratio(here, there)})"
+                )
             lines.append(f"| {problem.title}, {problem.span:g} s | {size:,} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
@@ -153,9 +155,9 @@ def names(rows):
 def full_tables(rows, targets):
     lines = ["# polhode beside its peers", "", described(rows) + ".", ""]
     lines += [
-        "Body·s/s at the 99th percentile of the attitude error in the first column, read from the measured points by lines in logarithms",
-        "(the best of the rounds). –: not reached. *asked*: what polhode does when the study asks for that error: speed, and the error that",
-        "came out. `benches/peers/README.md` says what is charged.",
+        "Body·s/s at the 99th percentile of the attitude error in the first column, read from the measured points by",
+        "lines in logarithms (the best of the rounds). –: not reached. *asked*: what polhode does when the study asks for",
+        "that error: speed, and the error that came out. `benches/peers/README.md` says what is charged.",
         "",
     ]
     for name in names(rows):
@@ -164,7 +166,9 @@ def full_tables(rows, targets):
             measured = {program: points(rows, name, size, program) for program in PROGRAMS}
             shown = [program for program in PROGRAMS if measured[program]]
             lines += [f"## {problem.title}, {problem.span:g} s, {size:,} bodies", ""]
-            lines.append("| error (rad) | " + " | ".join(shown) + " | polhode / heyoka | best polhode / heyoka | asked |")
+            lines.append(
+                "| error (rad) | " + " | ".join(shown) + " | polhode / heyoka | best polhode / heyoka | asked |"
+            )
             lines.append("| --- |" + " --- |" * (len(shown) + 3))
             for error in targets or TARGETS:
                 speeds = {program: speed_at(measured[program], error) for program in shown}
@@ -178,7 +182,9 @@ def full_tables(rows, targets):
 
 def asked(rows, name, size, error):
     for row in rows:
-        if (row["problem"], int(row["bodies"]), row["program"]) == (name, size, "polhode") and math.isclose(float(row["asked_rad"]), error):
+        if (row["problem"], int(row["bodies"]), row["program"]) == (name, size, "polhode") and math.isclose(
+            float(row["asked_rad"]), error
+        ):
             if not row["attitude_rad_p99"]:
                 return "refused"
             return f"{number(float(row['body_seconds_per_second']))}, {number(float(row['attitude_rad_p99']))}"
@@ -189,10 +195,16 @@ def compile_times(rows, name, size):
     texts = []
     for program in ("heyoka", "numba"):
         seconds = sorted(
-            float(row["compile_seconds"]) for row in rows if (row["problem"], int(row["bodies"]), row["program"]) == (name, size, program)
+            float(row["compile_seconds"])
+            for row in rows
+            if (row["problem"], int(row["bodies"]), row["program"]) == (name, size, program)
         )
         if seconds:
-            texts.append(f"{program} {seconds[0]:.2g} to {seconds[-1]:.2g} s" if seconds[0] != seconds[-1] else f"{program} {seconds[0]:.2g} s")
+            texts.append(
+                f"{program} {seconds[0]:.2g} to {seconds[-1]:.2g} s"
+                if seconds[0] != seconds[-1]
+                else f"{program} {seconds[0]:.2g} s"
+            )
     return "Compiling, not charged: " + ", ".join(texts) + "." if texts else ""
 
 
@@ -210,21 +222,30 @@ def write_readme(path, folder, rows):
     start = text.index("\n", start) + 1
     relative = folder.resolve().relative_to(path.resolve().parent).as_posix()
     largest = max(sizes(rows))
-    body = f"{short_table(rows)}\n\n{described(rows)}.\n\n![Speed against attitude error for {len(names(rows))} problems and four programs]({relative}/peers-{largest}.svg)\n"
+    image = f"![Speed against attitude error, {len(names(rows))} problems]({relative}/peers-{largest}.svg)"
+    body = f"{short_table(rows)}\n\n{described(rows)}.\n\n{image}\n\n[All points and tables]({relative}/peers.md).\n"
     path.write_text(text[:start] + body + text[end:])
 
 
-# --- Pictures -----------------------------------------------------------------------------------------------------------------
-
 STYLES = {
     "polhode": {"color": "#0b5fa5", "marker": "o", "linewidth": 2.0},
-    "polhode taylor": {"color": "#0b5fa5", "marker": "^", "linestyle": "--", "linewidth": 1.0, "markerfacecolor": "white"},
+    "polhode taylor": {
+        "color": "#0b5fa5",
+        "marker": "^",
+        "linestyle": "--",
+        "linewidth": 1.0,
+        "markerfacecolor": "white",
+    },
     "polhode rk8": {"color": "#0b5fa5", "marker": "s", "linestyle": ":", "linewidth": 1.0, "markerfacecolor": "white"},
     "heyoka": {"color": "#c8401e", "marker": "D", "linewidth": 1.5},
     "numba": {"color": "#3c8d2f", "marker": "v", "linewidth": 1.5},
     "SciPy": {"color": "#7a7a7a", "marker": "x", "linewidth": 1.5},
 }
-LABELS = {"polhode": "polhode, error asked for", "polhode taylor": "polhode, taylor", "polhode rk8": "polhode, adaptive rk8"}
+LABELS = {
+    "polhode": "polhode, error asked for",
+    "polhode taylor": "polhode, taylor",
+    "polhode rk8": "polhode, adaptive rk8",
+}
 
 
 def picture(path, rows, size):
@@ -232,7 +253,9 @@ def picture(path, rows, size):
 
     matplotlib.use("svg")
     # Text stays text, and the same rows make the same file.
-    matplotlib.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "peers", "font.size": 9, "font.family": "sans-serif"})
+    matplotlib.rcParams.update(
+        {"svg.fonttype": "none", "svg.hashsalt": "peers", "font.size": 9, "font.family": "sans-serif"}
+    )
     from matplotlib import pyplot
 
     shown = names(rows)
@@ -251,17 +274,23 @@ def picture(path, rows, size):
                 # All points; a line through those that the tables are read from.
                 axis.plot(*zip(*measured), linestyle="none", markersize=4, **style)
                 axis.plot(*zip(*front(measured)), label=LABELS.get(program, program), markersize=4, **style, **line)
-        axis.set(xscale="log", yscale="log", title=f"{PROBLEMS[name].title}, {PROBLEMS[name].span:g} s", xlim=(3e-2, 1e-16))
+        axis.set(
+            xscale="log", yscale="log", title=f"{PROBLEMS[name].title}, {PROBLEMS[name].span:g} s", xlim=(3e-2, 1e-16)
+        )
         axis.set_xticks([10.0**-digits for digits in (2, 5, 8, 11, 14)])
         axis.grid(True, color="#e1e1e1", linewidth=0.6)
     for axis in axes[:, 0]:
         axis.set_ylabel("body·s/s")
     for axis in axes[-1]:
         axis.set_xlabel("attitude error, 99th percentile (rad)")
-    handles, labels = max((axis.get_legend_handles_labels() for axis in axes.flat[: len(shown)]), key=lambda pair: len(pair[1]))
+    handles, labels = max(
+        (axis.get_legend_handles_labels() for axis in axes.flat[: len(shown)]), key=lambda pair: len(pair[1])
+    )
     figure.legend(handles, labels, loc="lower center", ncols=len(labels), frameon=False)
     row = rows[0]
-    figure.suptitle(f"{size:,} bodies; {row['cpu']}, {row['threads']} of {row['cores']} cores; {row['date'][:10]}", fontsize=10)
+    figure.suptitle(
+        f"{size:,} bodies; {row['cpu']}, {row['threads']} of {row['cores']} cores; {row['date'][:10]}", fontsize=10
+    )
     figure.tight_layout(rect=(0, 0.05, 1, 1))
     figure.savefig(path, metadata={"Date": None, "Creator": None})
     pyplot.close(figure)

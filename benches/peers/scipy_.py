@@ -1,7 +1,8 @@
 """SciPy: `solve_ivp` with DOP853 on many bodies at once.
 
-A call of Python a body and stage would cost a thousand times the arithmetic, so bodies are stacked into one system of equations
-and NumPy works on whole columns; the step is then common to a block. Blocks are of bodies of similar spin. SciPy uses one thread.
+A call of Python a body and stage would cost a thousand times the arithmetic, so bodies are stacked into one system of
+equations and NumPy works on whole columns; the step is then common to a block. Blocks are of bodies of similar spin.
+SciPy uses one thread.
 """
 
 import time

@@ -1,7 +1,8 @@
 """The truth: the first bodies of an ensemble, more accurately than any program here.
 
-heyoka in 80-bit arithmetic, one body at a time, with parameters formed in that arithmetic too. `matrices` checks it by other
-equations in other variables: the rotation matrix and the angular momentum in world axes, SI units, torques as vectors.
+heyoka in 80-bit arithmetic, one body at a time, with parameters formed in that arithmetic too. `matrices` checks it
+by other equations in other variables: the rotation matrix and the angular momentum in world axes, SI units, torques
+as vectors.
 """
 
 import heyoka as hy
@@ -35,7 +36,10 @@ def attitudes(problem, bodies, count):
 
 def matrices(problem, bodies, count):
     """Orientations of a few bodies by `matrix_rate` and DOP853 at a tolerance of 1e-13; four rows."""
-    return np.stack([matrix_attitude(problem, {name: column[body] for name, column in bodies.items()}) for body in range(count)], axis=1)
+    return np.stack(
+        [matrix_attitude(problem, {name: column[body] for name, column in bodies.items()}) for body in range(count)],
+        axis=1,
+    )
 
 
 def matrix_attitude(problem, body):
@@ -56,7 +60,9 @@ def matrix_attitude(problem, body):
         return matrix_rate(problem, body, unit, time, state)
 
     # Steps no longer than a thousandth of the span put the truncation error under the rounding.
-    solution = solve_ivp(rate, (0.0, problem.span), start, "DOP853", rtol=1e-13, atol=1e-14, max_step=problem.span / 1000)
+    solution = solve_ivp(
+        rate, (0.0, problem.span), start, "DOP853", rtol=1e-13, atol=1e-14, max_step=problem.span / 1000
+    )
     return quaternion(solution.y[:9, -1].reshape(3, 3))
 
 
@@ -83,7 +89,7 @@ def matrix_rate(problem, body, unit, time, state):
 
 
 def orbital_position(orbit, time):
-    """By bisection of Kepler's equation, which needs no derivative and no start, then Newton's method for the last digits."""
+    """Kepler's equation by bisection, and one step of Newton's method for the last digits."""
     e = orbit.eccentricity
     mean = np.sqrt(orbit.mu / orbit.semi_major_axis**3) * time
     low, high = mean - 1.0, mean + 1.0
