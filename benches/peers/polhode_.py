@@ -12,6 +12,7 @@ then measured on the same table by a study that pins its method and so has nothi
 import json
 import os
 import resource
+import signal
 import subprocess
 import time
 
@@ -31,7 +32,7 @@ COLUMNS = {
 
 
 class Refused(Exception):
-    """The command says that it cannot do what is asked."""
+    """The command says that it cannot do what is asked, or takes too long."""
 
 
 def version(command):
@@ -56,12 +57,16 @@ def reading_seconds(problem, command, folder, threads, repeats=5):
 
 
 class Solver:
-    """A study of a problem; `accuracy` is the text of its section, `reading` the seconds that reading takes."""
+    """A study of a problem; `accuracy` is the text of its section, `reading` the seconds that reading takes.
+
+    A run that takes longer than `limit` seconds is stopped.
+    """
 
     compile_seconds = 0.0
 
-    def __init__(self, problem, accuracy, command, folder, threads=1, reading=0.0):
-        self.command, self.folder, self.threads, self.reading = command, folder, threads, reading
+    def __init__(self, problem, accuracy, command, folder, threads=1, reading=0.0, limit=None):
+        self.command, self.folder, self.threads = command, folder, threads
+        self.reading, self.limit = reading, limit
         self.text = (
             f'title = "{problem.title}"\n\n[bodies]\nfile = "bodies.csv"\n\n{problem.torques}\n'
             f'[time]\nend = {problem.span}\n\n[accuracy]\n{accuracy}\n\n[output]\nformat = "npz"\n'
@@ -73,12 +78,17 @@ class Solver:
         study.write_text(self.text)
         command = [self.command, "run", study, "--engine", "cpu", "--out", out, "--force", "--quiet"]
         before, clock = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-        run = subprocess.run(
-            command, capture_output=True, text=True, env=os.environ | {"RAYON_NUM_THREADS": str(self.threads)}
-        )
+        environment = os.environ | {"RAYON_NUM_THREADS": str(self.threads)}
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+        try:
+            output, errors = process.communicate(timeout=self.limit)
+        except subprocess.TimeoutExpired:
+            process.send_signal(signal.SIGINT)
+            process.communicate()
+            raise Refused(f"stopped after {self.limit:g} s") from None
         wall, after = time.perf_counter() - clock, resource.getrusage(resource.RUSAGE_CHILDREN)
-        if run.returncode != 0:
-            message = (run.stderr.strip() or run.stdout.strip()).splitlines()[0]
+        if process.returncode != 0:
+            message = (errors.strip() or output.strip() or f"exit status {process.returncode}").splitlines()[0]
             raise Refused(message.replace(f"{self.folder}{os.sep}", ""))
         cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         return json.loads((out / "report.json").read_text()), wall, cpu

@@ -98,7 +98,7 @@ def ratio(ours, theirs):
     if ours is None or theirs is None:
         return "–"
     value = ours / theirs
-    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
+    return f"{value:.0f}" if value >= 10 else f"{value:.1f}" if value >= 1 else f"{value:.2f}"
 
 
 def power(value):
@@ -186,7 +186,7 @@ def asked(rows, name, size, error):
             float(row["asked_rad"]), error
         ):
             if not row["attitude_rad_p99"]:
-                return "refused"
+                return "stopped" if row["note"].startswith("stopped") else "refused"
             return f"{number(float(row['body_seconds_per_second']))}, {number(float(row['attitude_rad_p99']))}"
     return "–"
 

@@ -74,6 +74,13 @@ def arguments():
     )
     add("--polhode", type=Path, default=REPOSITORY / "target/release/polhode", metavar="PATH", help="the command")
     add("--commit", help="the commit that the command was built from [default: the repository's]")
+    add(
+        "--limit",
+        type=float,
+        default=120,
+        metavar="S",
+        help="a run of polhode that takes longer is stopped [default: 120]",
+    )
     add("--note", default="", help="a sentence for the table, such as what else the machine did")
     add(
         "--output",
