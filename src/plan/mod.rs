@@ -7,6 +7,7 @@
 //! reason and the bound that makes it safe.
 
 use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
 
 use crate::batch::Precision;
 use crate::engine::{Backend, Description};
@@ -68,6 +69,7 @@ pub struct Plan<'a> {
     groups: Vec<Group>,
     skips: Vec<Skip>,
     costs: Costs,
+    planning: Duration,
 }
 
 impl<'a> Plan<'a> {
@@ -98,12 +100,13 @@ impl<'a> Plan<'a> {
     ///
     /// As [`Plan::new`].
     pub fn with_costs(scene: &'a Scene, engine: &dyn Backend, costs: &Costs) -> Result<Self> {
+        let since = Instant::now();
         let times = Self::checked(scene)?;
         // Among the pool's threads, so that they need not be woken for each of many small parts.
         rayon::scope(|_| {
             let resolution = Resolution::new(scene, engine, &times, costs)?;
             let plan = Self::resolved(scene, engine, resolution, times)?;
-            Ok(Self { costs: costs.clone(), ..plan })
+            Ok(Self { costs: costs.clone(), planning: since.elapsed(), ..plan })
         })
     }
 
@@ -135,7 +138,9 @@ impl<'a> Plan<'a> {
         let (method, precision, longest_step) = main_treatment(&groups, scene, engine);
         let engine = engine.description();
         let costs = Costs::shipped();
-        let plan = Self { scene, engine, method, precision, longest_step, times, resolution, groups, skips, costs };
+        let planning = Duration::ZERO;
+        let plan =
+            Self { scene, engine, method, precision, longest_step, times, resolution, groups, skips, costs, planning };
         plan.check_steps()?;
         Ok(plan)
     }
@@ -183,6 +188,11 @@ impl<'a> Plan<'a> {
     /// What is left out.
     pub fn skips(&self) -> &[Skip] {
         &self.skips
+    }
+
+    /// How long it took to make; zero of one that was read.
+    pub fn planning_time(&self) -> Duration {
+        self.planning
     }
 
     /// Whether states are not read for the outputs: statistics alone are asked for ([`SkipName::States`]).

@@ -199,6 +199,12 @@ impl<'a> Pilot<'a> {
         Ok((coarse.steps.map_or(0.0, |steps| steps.total as f64) / count * needed).max(1.0))
     }
 
+    /// The time, s, that all passes together may take: where nothing meets the target, candidates would be refined without end.
+    pub fn most_seconds(&self) -> f64 {
+        let cost = Cost::shipped(Scheme::Equal(Method::Rk8));
+        self.most_steps * self.step_seconds(&self.rule(cost, Some(Precision::F64)), cost, Precision::F64)
+    }
+
     /// By what errors of the sample are multiplied for those that it does not show.
     ///
     /// Errors of a motion without dissipation grow as the square of time at most, as a drift of the energy changes the rate at which
@@ -347,9 +353,11 @@ impl<'a> Pilot<'a> {
         };
         let (mut last, mut correction) = (f64::INFINITY, 1.0);
         for _ in 0..=CORRECTIONS {
-            if self.seconds(&rule, cost, None) > limit {
+            let seconds = self.seconds(&rule, cost, None);
+            if seconds > limit || reference.spent + seconds > self.most_seconds() {
                 break;
             }
+            reference.spent += seconds;
             // The reference is in f64 whatever is asked for.
             let is_known =
                 |coarse: &Rule| *coarse == Rule { precision: coarse.precision, ..rule } && !self.has_narrow(&rule);

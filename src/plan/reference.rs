@@ -33,6 +33,8 @@ pub(super) struct Reference {
     left: f64,
     /// Whether that is by an angle that says nothing any more.
     is_saturated: bool,
+    /// The time, s, that passes over the sample should have taken so far.
+    pub spent: f64,
 }
 
 impl Reference {
@@ -50,10 +52,10 @@ impl Reference {
 
     /// By steps of one kind, and whether there were no smaller tolerances before it had settled.
     fn by(pilot: &Pilot<'_>, scheme: Scheme) -> Result<(Self, bool)> {
-        let mut rule = pilot.rule(Cost::shipped(scheme), Some(Precision::F64)).with_room();
+        let cost = Cost::shipped(scheme);
+        let mut rule = pilot.rule(cost, Some(Precision::F64)).with_room();
         let (mut fine, start) = (pilot.stepped(&rule)?, rule);
-        let (mut coarse, mut last, mut taken) = (None, f64::INFINITY, 0.0);
-        let of_rk8 = pilot.step_seconds(&rule, Cost::shipped(Scheme::ADAPTIVE_RK8), Precision::F64);
+        let (mut coarse, mut last, mut spent) = (None, f64::INFINITY, pilot.seconds(&rule, cost, fine.steps));
         loop {
             let finer = rule.finer();
             let before = std::mem::replace(&mut fine, pilot.stepped(&finer)?);
@@ -68,17 +70,15 @@ impl Reference {
             // What finer steps do not lessen is rounding.
             let is_rounding = change.part > 0.5 * last && !is_saturated;
             let left = change.part * if is_rounding { 1.0 } else { ratio };
-            // The budget is in steps of `rk8`.
-            let weight = pilot.step_seconds(&finer, Cost::shipped(scheme), Precision::F64) / of_rk8;
-            let next = fine.steps.map_or(0.0, |steps| weight * steps.total as f64 * pilot.span / pilot.scene.end());
-            taken += next;
+            spent += pilot.seconds(&finer, cost, fine.steps);
             coarse.get_or_insert(before);
             // The next one would be the same.
             let is_limited = finer.adapts_like(&finer.finer(), Precision::F64);
-            let is_last = finer.coefficient >= limit(&start) || taken + next > pilot.most_steps;
+            let next = pilot.seconds(&finer.finer(), cost, None);
+            let is_last = finer.coefficient >= limit(&start) || spent + next > pilot.most_seconds();
             if left <= SETTLED || is_rounding || is_limited || is_last {
                 let coarse = coarse.map(|sampled| (start, sampled));
-                let found = Self { states: fine.states, coarse, rule, change, left, is_saturated };
+                let found = Self { states: fine.states, coarse, rule, change, left, is_saturated, spent };
                 return Ok((found, is_limited && left > SETTLED));
             }
             (rule, last) = (finer, change.part);

@@ -27,11 +27,13 @@ impl fmt::Display for Report {
         let time = &self.wall_time;
         writeln!(
             formatter,
-            "  time     {:.2} s: {:.2} computing, {:.2} reading back, {:.2} writing; {:.2e} body-steps/s",
+            "  time     {:.2} s: {:.2} planning, {:.2} computing, {:.2} reading back, {:.2} writing, {:.2} recomputing a sample; {:.2e} body-steps/s",
             time.total,
+            time.plan,
             time.compute,
             time.read,
             time.format + time.disk,
+            time.shadow,
             self.body_steps_per_second
         )?;
         if let Some(statistics) = &self.statistics {
