@@ -48,6 +48,12 @@ impl RecordedMotion {
         Ok(Self { momentum_rate: part(0), angular_velocity: part(3), graph, needs_attitude })
     }
 
+    /// The operations, and among them the components of dm/dt and of the rate at which the axes turn.
+    pub fn graph(&self) -> (&Graph, [Node; 6]) {
+        let ([a, b, c], [d, e, f]) = (self.momentum_rate, self.angular_velocity);
+        (&self.graph, [a, b, c, d, e, f])
+    }
+
     /// As rows and operations on them: the states are the angular momentum and, where a torque asks for it, the orientation; the
     /// results are the components of the angular velocity.
     ///

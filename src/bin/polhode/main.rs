@@ -25,6 +25,9 @@ use output::Failure;
 const FAILED: u8 = 1;
 /// What is said of a request to stop.
 const STOPPED: &str = "stopped by the user: nothing was written";
+/// What is said where there is no shader to check.
+const NO_SHADER: &str = "no GPU adapter, not even in software (`polhode devices` says why): no shader was checked; \
+                         --engine cpu checks the lanes of the CPU engine";
 /// What was asked for is wrong.
 const WRONG_INPUT: u8 = 2;
 
@@ -48,6 +51,10 @@ fn main() -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure::Disagreement | Failure::FailedBodies) => ExitCode::from(FAILED),
+        Err(Failure::NoShader) => {
+            output::error(NO_SHADER);
+            ExitCode::from(FAILED)
+        }
         Err(Failure::Library(polhode::Error::Interrupted { .. })) => {
             output::error(STOPPED);
             ExitCode::from(FAILED)

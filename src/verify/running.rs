@@ -2,10 +2,10 @@
 //! Algorithms*, section 3.3), with the sizes of what is added up instead of its sum, so that it holds for any order and
 //! grouping of a sum and for products that are fused or drawn out of it.
 
-use polhode::elementary::functions;
-use polhode::expression::graph::{Binary, Graph, Input, Node, Operation, Unary};
-use polhode::real::{Function, sin_cos};
-use polhode::torque::orbit::eccentric_anomaly;
+use crate::elementary::functions;
+use crate::expression::graph::{Binary, Graph, Input, Node, Operation, Unary};
+use crate::real::{Function, sin_cos};
+use crate::torque::orbit::eccentric_anomaly;
 
 /// A number.
 #[derive(Clone, Copy, Debug)]
@@ -34,6 +34,11 @@ const GPU_ULPS: f64 = 2.5;
 const FUNCTION_ULPS: f64 = 3.0;
 
 impl Running {
+    /// The sum of the absolute values of what it is a sum of: what the roundings of a sum are measured by.
+    pub fn size(&self) -> f64 {
+        self.size
+    }
+
     fn exact(value: f64) -> Self {
         Self { value, size: value.abs(), error: 0.0 }
     }
@@ -69,6 +74,16 @@ impl Running {
 /// The bounds of some results at inputs that are exact numbers of the evaluation, whose unit roundoff is `u`; `None` where a
 /// decision hangs on rounding or a quotient may be anything.
 pub fn bounds(graph: &Graph, outputs: &[Node], input: impl Fn(Input) -> f64, u: f64) -> Vec<Option<Running>> {
+    bounds_within(graph, outputs, |which| (input(which), 0.0), u)
+}
+
+/// As [`bounds`], at inputs of which each may be off by the second number beside it.
+pub fn bounds_within(
+    graph: &Graph,
+    outputs: &[Node],
+    input: impl Fn(Input) -> (f64, f64),
+    u: f64,
+) -> Vec<Option<Running>> {
     let mut found = vec![Found::Unknown; graph.len()];
     for node in graph.live(outputs) {
         found[node.index()] = of(graph.operation(node), &found, &input, u);
@@ -80,7 +95,7 @@ pub fn bounds(graph: &Graph, outputs: &[Node], input: impl Fn(Input) -> f64, u: 
     outputs.iter().map(number).collect()
 }
 
-fn of(operation: Operation, found: &[Found], input: &impl Fn(Input) -> f64, u: f64) -> Found {
+fn of(operation: Operation, found: &[Found], input: &impl Fn(Input) -> (f64, f64), u: f64) -> Found {
     let number = |node: Node| match found[node.index()] {
         Found::Number(number) => Some(number),
         _ => None,
@@ -98,14 +113,22 @@ fn of(operation: Operation, found: &[Found], input: &impl Fn(Input) -> f64, u: f
                 Running::bounded(value, if is_exact { 0.0 } else { u * value.abs() })
             }
             Operation::Truth(truth) => Found::Truth(truth),
-            Operation::Input(which) => Found::Number(Running::exact(input(which))),
+            Operation::Input(which) => match input(which) {
+                (value, _) if !value.is_finite() => return None,
+                (value, error) if error == 0.0 => Found::Number(Running::exact(value)),
+                (value, error) => Running::bounded(value, error),
+            },
             Operation::Unary(unary, a) => match unary {
                 Unary::Not => Found::Truth(!truth(a)?),
                 Unary::Neg => Found::Number(Running { value: -number(a)?.value, ..number(a)? }),
                 Unary::Abs => Found::Number(Running { value: number(a)?.value.abs(), ..number(a)? }),
                 Unary::Sqrt => {
                     let a = number(a)?;
-                    let root = a.value.sqrt();
+                    let root = a.value.max(0.0).sqrt();
+                    // Next to 0 of a number that is off from outside: |√(a + e) − √a| ≤ √|e|.
+                    if a.value < 4.0 * a.error && a.error > 16.0 * u * a.size {
+                        return Some(Running::bounded(root, (a.error + a.value.abs()).sqrt()));
+                    }
                     let is_clear = a.is_zero() || a.value > 4.0 * a.error;
                     let slope = if a.error == 0.0 { 0.0 } else { a.error / root };
                     is_clear.then(|| Running::bounded(root, slope + 2.0 * GPU_ULPS * u * root))?
