@@ -1,5 +1,7 @@
 //! The bodies that are compared, under all their torques or under some of them, at any time of their way.
 
+use glam::DVec3;
+
 use crate::batch::{AnyBatch, BodyFrame, Precision, StateWords, prepare_acting};
 use crate::clock::Clock;
 use crate::engine::cpu::{Cpu, Width};
@@ -60,11 +62,21 @@ impl<'a> Subject<'a> {
             which.iter().map(|&torque| torques[torque].clone()).collect()
         };
         let units = of(self.scene.torques(), &self.torques);
-        let prepare = |torques: &[Torque]| {
+        let prepare = |acting: &[Torque]| -> Result<AnyBatch> {
             let (ensemble, span) = (self.scene.ensemble(), self.scene.end());
-            prepare_acting(ensemble, &units, &of(torques, acting), span, &body, self.precision)
+            Ok(prepare_acting(ensemble, &units, acting, span, &body, self.precision)?.1)
         };
-        Ok([prepare(self.scene.torques())?.1, prepare(self.twin_torques)?.1])
+        let prepare_like_all = |torques: &[Torque]| {
+            let mut acting = of(torques, acting);
+            let batch = prepare(&acting)?;
+            if acting.is_empty() || !batch.torques().is_common() || self.batch.torques().is_common() {
+                return Ok(batch);
+            }
+            // Such torques alone have a kernel of their own, which is not the one that is looked at.
+            acting.push(Torque::constant_world(DVec3::ZERO));
+            prepare(&acting)
+        };
+        Ok([prepare_like_all(self.scene.torques())?, prepare_like_all(self.twin_torques)?])
     }
 
     /// The names of its torques, with their numbers in the scene.
