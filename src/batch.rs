@@ -280,13 +280,13 @@ impl<T: Scalar> Batch<T> {
         let mut batch = self.clone();
         batch.torques.start_at(clock);
         for body in 0..states.len() {
-            let mut store = |column: usize, number: f64| batch.state[column * batch.stride + body] = T::from_f64(number);
+            let mut store =
+                |column: usize, number: f64| batch.state[column * batch.stride + body] = T::from_f64(number);
             let words = if T::WORDS == 2 { states.value[body] } else { states.combined(body) };
-            for component in 0..STATE_COMPONENTS {
-                store(component, words[component]);
-                if T::WORDS == 2 {
-                    store(STATE_COMPONENTS + component, states.residue[body][component]);
-                }
+            words.into_iter().enumerate().for_each(|(component, word)| store(component, word));
+            if T::WORDS == 2 {
+                let residue = states.residue[body].into_iter().enumerate();
+                residue.for_each(|(component, word)| store(STATE_COMPONENTS + component, word));
             }
             store(status_column::<T>(), states.status[body].code());
         }

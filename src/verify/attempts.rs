@@ -89,7 +89,8 @@ pub(super) fn compare(
         moment.clock = first.at(if index == 0 { 0.0 } else { plan.times()[index - 1] });
         moment.end = end;
         let span = Span::of(subject, &moment);
-        (moment.controllers.iter_mut().enumerate()).for_each(|(row, own)| *own = own.over(span.of_row(&subject.twin, row)));
+        (moment.controllers.iter_mut().enumerate())
+            .for_each(|(row, own)| *own = own.over(span.of_row(&subject.twin, row)));
         while (0..subject.len()).any(|row| moment.is_under_way(row, kernel.method)) {
             if round >= wanted.end {
                 break 'times;
@@ -217,24 +218,14 @@ fn trial(
     let whole = |words: &TwoWords<f64>| words.value + words.residue;
     let gone = (whole(&span) - whole(&before.left)) / rate;
     let attempts = before.accepted + before.rejected;
-    let place = Place {
-        body: subject.members.body(row),
-        step: attempts as u64 + 1,
-        time: moment.clock.seconds() + gone,
-    };
+    let place =
+        Place { body: subject.members.body(row), step: attempts as u64 + 1, time: moment.clock.seconds() + gone };
     let tries = moment.is_under_way(own, kernel.method);
     let taken = after.accepted > before.accepted;
     let none = RowBound { across: 0.0, norm: 0.0, momentum: 0.0, slopes: Slopes::default() };
     let by_series = kernel.method == Method::Taylor;
-    let mut trial = Trial {
-        place,
-        tries,
-        bound: Some(none),
-        is_close: false,
-        next: Some([after.step; 2]),
-        left: 0.0,
-        by_series,
-    };
+    let mut trial =
+        Trial { place, tries, bound: Some(none), is_close: false, next: Some([after.step; 2]), left: 0.0, by_series };
     if !tries {
         return trial;
     }

@@ -13,7 +13,7 @@
 //! ```
 //!
 //! with u the unit roundoff, W the sum of the magnitudes of the method's weights, R the roundings of what it makes of its slopes, and
-//! P those of the state itself. A state in two words of `f32` loses nothing but roundings of the second word, u² of it. The factor 2
+//! P those of the state itself (the numbers are counted in `Counts`). A state in two words of `f32` loses nothing but roundings of the second word, u² of it. The factor 2
 //! is for the two sides.
 
 use super::running::bounds_within;
@@ -70,9 +70,9 @@ impl Counts {
 const STAGE_ROUNDINGS: f64 = 3.0;
 /// Of a phase, in turns of at most one.
 const PHASE_ROUNDINGS: f64 = 4.0;
-/// Ulps of a draw of white noise (tests/torque_parity.rs), of which a component is below 7.
+/// Ulps of a draw of white noise (tests/torque_parity.rs), whose components are below 7, and so in units of roundoff.
 const DRAW_ULPS: f64 = 16.0;
-const LARGEST_DRAW: f64 = 7.0;
+const DRAW_ROUNDINGS: f64 = 2.0 * DRAW_ULPS * 4.0;
 /// Roundings of |q|² and of the correction that follows from it, along q.
 const NORM_ROUNDINGS: f64 = 8.0;
 /// Roundings of a projected component, where nothing cancels.
@@ -249,7 +249,7 @@ fn noise_error(batch: &AnyBatch, step: &Stepped<'_>) -> f64 {
     let of_instance = |instance: usize| {
         let first = noise.first + instance * Kind::WhiteNoise.columns();
         let [intensity, draws] = [first, first + 1].map(|column| batch.parameter(column, step.row));
-        2.0 * DRAW_ULPS * LARGEST_DRAW * intensity * draws / step.dt.sqrt()
+        DRAW_ROUNDINGS * intensity * draws / step.dt.sqrt()
     };
     (0..noise.count).map(of_instance).sum()
 }

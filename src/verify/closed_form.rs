@@ -33,7 +33,7 @@ pub(super) fn compare(
     let mut found = Found { steps: times.clone(), total: plan.times().len() as u64, ..Found::default() };
     let (ensemble, precision) = (plan.scene().ensemble(), subject.precision);
     let host = Cpu::new(Width::Lanes);
-    let sides = if engine.precisions().contains(&precision) { Side::all(engine) } else { Side::of_host(&host) };
+    let sides = if engine.precisions().contains(&precision) { Side::all(engine) } else { Side::all(&host) };
     let rows = |precision, set_up| -> Result<AnyRows> {
         Ok(AnyRows::prepare_members(ensemble, &subject.members, precision, set_up)?.1)
     };
@@ -87,7 +87,12 @@ fn bound(expected: &StateWords, row: usize, precision: Precision) -> RowBound {
 }
 
 /// Compares regular precessions with the closed form of the bodies as they are, at the output times of a window.
-pub(super) fn compare_precession(plan: &Plan<'_>, subject: &Subject<'_>, group: &Group, window: Window) -> Result<Found> {
+pub(super) fn compare_precession(
+    plan: &Plan<'_>,
+    subject: &Subject<'_>,
+    group: &Group,
+    window: Window,
+) -> Result<Found> {
     let times = window.of(plan.times().len() as u64);
     let mut found = Found { steps: times.clone(), total: plan.times().len() as u64, ..Found::default() };
     let (scene, members) = (plan.scene(), &subject.members);

@@ -226,6 +226,12 @@ impl Comparison {
         if !(self.judged && parts && self.parting.is_none()) {
             return false;
         }
+        self.part(gap, bound, place);
+        true
+    }
+
+    /// Names a difference as the one in which the sides part.
+    pub(super) fn part(&mut self, gap: &Gap, bound: Option<f64>, place: Place) {
         self.parting = Some(Parting {
             step: place.step,
             time: place.time,
@@ -238,7 +244,6 @@ impl Comparison {
             bound: bound.unwrap_or(f64::INFINITY),
             culprit: Culprit::NotSought,
         });
-        true
     }
 
     /// Says which torque the parting comes from.

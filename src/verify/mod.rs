@@ -172,7 +172,9 @@ fn compared(
         bodies: subject.len(),
         treatment,
         torques: subject.torque_names(),
-        torque_names: (0..plan.scene().torques().len()).map(|torque| subject::torque_name(plan.scene(), torque)).collect(),
+        torque_names: (0..plan.scene().torques().len())
+            .map(|torque| subject::torque_name(plan.scene(), torque))
+            .collect(),
         steps: found.steps,
         total: found.total,
         comparisons: found.comparisons,
@@ -180,10 +182,10 @@ fn compared(
     })
 }
 
-/// What a run of the plan does beside what is compared.
+/// What a run of the plan leaves beside what is compared.
 fn not_compared(plan: &Plan<'_>) -> Vec<String> {
     let scene = plan.scene();
-    let mut list = Vec::new();
+    let mut list = vec!["what a run's report says of it: drift, balance, error estimate".to_owned()];
     if !scene.wanted_statistics().is_empty() {
         list.push("statistics, which are formed of the states where they are".to_owned());
     }

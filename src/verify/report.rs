@@ -3,7 +3,7 @@
 use std::fmt;
 use std::ops::Range;
 
-use super::compare::{Comparison, Parting};
+use super::compare::{Comparison, Largest, Parting};
 use super::culprit::Culprit;
 use crate::free_motion::SetUp;
 use crate::plan::Treatment;
@@ -62,7 +62,10 @@ impl Report {
 
     /// The largest part of its bound that any difference was.
     pub fn largest_part(&self) -> f64 {
-        self.judged().flat_map(|comparison| &comparison.largest).filter_map(|largest| largest.of_bound).fold(0.0, f64::max)
+        self.judged()
+            .flat_map(|comparison| &comparison.largest)
+            .filter_map(|largest| largest.of_bound)
+            .fold(0.0, f64::max)
     }
 
     fn judged(&self) -> impl Iterator<Item = &Comparison> {
@@ -105,7 +108,9 @@ impl GroupReport {
         };
         match culprit {
             Culprit::NotSought => String::new(),
-            Culprit::Method => "the sides part without any torque: it is the method, or the motion of a free body".into(),
+            Culprit::Method => {
+                "the sides part without any torque: it is the method, or the motion of a free body".into()
+            }
             Culprit::Torques(torques) => format!("it comes from {}, which parts alone", named(torques)),
             Culprit::OnlyTogetherWith(torques) => format!("no torque parts alone; none do without {}", named(torques)),
             Culprit::Together => "no torque parts alone, and none can be left out: it is their sum".into(),
@@ -138,22 +143,26 @@ impl GroupReport {
         let judged = if comparison.judged { "" } else { " (not judged)" };
         writeln!(formatter, "  {side} against {other}{judged}: {} numbers", comparison.compared)?;
         for largest in &comparison.largest {
-            let place = if largest.difference > 0.0 {
-                format!(" (body {}, step {})", largest.body, largest.step)
-            } else {
-                String::new()
-            };
-            let of_bound = match largest.of_bound.filter(|_| comparison.judged && largest.difference > 0.0) {
-                Some(part) => format!(", {part:.3} of the bound"),
-                None => String::new(),
-            };
-            let name = largest.field.name();
-            let (difference, ulps) = (largest.difference, largest.ulps);
-            writeln!(formatter, "    {name:<24} {difference:>8.1e} at most, {ulps:.2} ulps{of_bound}{place}")?;
+            let Largest { field, difference, ulps, of_bound, body, step } = *largest;
+            let name = field.name();
+            if difference == 0.0 {
+                writeln!(formatter, "    {name:<24} equal")?;
+                continue;
+            }
+            let of_bound = of_bound
+                .filter(|_| comparison.judged)
+                .map_or(String::new(), |part| format!(", {part:.3} of the bound"));
+            writeln!(
+                formatter,
+                "    {name:<24} {difference:.1e} at most, {ulps:.2} ulps{of_bound} (body {body}, step {step})"
+            )?;
         }
         if comparison.undecided > 0 && comparison.judged {
             let undecided = comparison.undecided;
-            writeln!(formatter, "    {undecided} steps of a body without a bound: a decision hangs on rounding in them")?;
+            writeln!(
+                formatter,
+                "    {undecided} steps of a body without a bound: a decision hangs on rounding in them"
+            )?;
         }
         if let Some(parting) = &comparison.parting {
             let Parting { step, time, body, field, component, found, expected, difference, bound, culprit } = parting;
@@ -173,7 +182,11 @@ impl GroupReport {
 impl fmt::Display for Report {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let bodies = if self.bodies == 1 { "1 body".to_owned() } else { format!("{} bodies", self.bodies) };
-        writeln!(formatter, "{bodies} on {}, as planned; states in principal axes, each body in its own units\n", self.engine)?;
+        writeln!(
+            formatter,
+            "{bodies} on {}, as planned; states in principal axes, each body in its own units\n",
+            self.engine
+        )?;
         for group in &self.groups {
             writeln!(formatter, "{group}")?;
         }

@@ -147,7 +147,7 @@ fn of(operation: Operation, found: &[Found], input: &impl Fn(Input) -> (f64, f64
             Operation::Truth(truth) => Found::Truth(truth),
             Operation::Input(which) => match input(which) {
                 (value, _) if !value.is_finite() => return None,
-                (value, error) if error == 0.0 => Found::Number(Running::exact(value)),
+                (value, 0.0) => Found::Number(Running::exact(value)),
                 (value, error) => Running::bounded(value, error),
             },
             Operation::Unary(unary, a) => match unary {
@@ -200,7 +200,9 @@ fn of(operation: Operation, found: &[Found], input: &impl Fn(Input) -> (f64, f64
                     Found::Number(Running { value, size: a.size.max(b.size), error: a.error.max(b.error) })
                 }
             },
-            Operation::MulAdd(a, b, c) => Found::Number(number(a)?.product(number(b)?, rounding).sum(number(c)?, 1.0, rounding)),
+            Operation::MulAdd(a, b, c) => {
+                Found::Number(number(a)?.product(number(b)?, rounding).sum(number(c)?, 1.0, rounding))
+            }
             Operation::Select(condition, a, b) => match truth(condition) {
                 Some(truth) => Found::Number(if truth { number(a)? } else { number(b)? }),
                 // Either may be taken.

@@ -131,7 +131,9 @@ pub(super) fn compare(
         found.comparisons.push(reference);
     }
     if kernel.projected {
-        found.notes.push("what a body conserves is formed anew at every step that is compared, from the twin's state".into());
+        found
+            .notes
+            .push("what a body conserves is formed anew at every step that is compared, from the twin's state".into());
     }
     if let Some(flown) = Flown::of(plan.scene(), subject, treatment)? {
         let parts = schedule.parts(steps.start, steps.end);
@@ -211,10 +213,23 @@ pub(super) fn enter_row(
     let [expected, found] = [expected, found].map(|states| states.status[row].code());
     let status = Gap::number(Field::Status, expected, found);
     let of = |part: fn(&RowBound) -> f64| bound.map(part);
-    let mut parts = comparison.enter(&across, of(|bound| bound.across), precision, place);
-    parts |= comparison.enter(&along, of(|bound| bound.norm), precision, place);
-    parts |= comparison.enter(&momentum, of(|bound| bound.momentum), precision, place);
-    parts | comparison.enter(&status, bound.map(|_| 0.0), precision, place)
+    let entries = [
+        (across, of(|bound| bound.across)),
+        (along, of(|bound| bound.norm)),
+        (momentum, of(|bound| bound.momentum)),
+        (status, of(|_| 0.0)),
+    ];
+    let mut parts = false;
+    for (gap, bound) in &entries {
+        parts |= comparison.enter(gap, *bound, precision, place);
+    }
+    // Of several at once the one that is the farthest beyond its bound says the most.
+    let part =
+        |(gap, bound): &(Gap, Option<f64>)| gap.difference / bound.unwrap_or(f64::INFINITY).max(f64::MIN_POSITIVE);
+    if let (true, Some((gap, bound))) = (parts, entries.iter().max_by(|a, b| part(a).total_cmp(&part(b)))) {
+        comparison.part(gap, *bound, place);
+    }
+    parts
 }
 
 /// Which torque parts in a step of one body.

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::batch::{AnyBatch, BodyFrame, Precision, StateWords, prepare_acting};
 use crate::clock::Clock;
-use crate::engine::cpu::{Cpu, Width};
+use crate::engine::cpu::Width;
 use crate::engine::{Backend, EngineKind};
 use crate::error::Result;
 use crate::lanes;
@@ -115,11 +115,6 @@ impl<'a> Side<'a> {
             .collect()
     }
 
-    /// The lanes of the host in place of an engine that has not the arithmetic.
-    pub fn of_host(host: &'a Cpu) -> Vec<Self> {
-        Self::all(host)
-    }
-
     /// Does some work on this side.
     pub fn with<V>(&self, work: impl FnOnce(&dyn Backend) -> V) -> V {
         match self.lanes {
@@ -137,11 +132,7 @@ pub(super) fn in_one_word(states: &StateWords) -> StateWords {
 
 /// The state of one row.
 pub(super) fn row_of(states: &StateWords, row: usize) -> StateWords {
-    StateWords {
-        value: vec![states.value[row]],
-        residue: vec![states.residue[row]],
-        status: vec![states.status[row]],
-    }
+    StateWords { value: vec![states.value[row]], residue: vec![states.residue[row]], status: vec![states.status[row]] }
 }
 
 /// A batch at the start of its way.

@@ -34,7 +34,9 @@ pub fn open_for_verify(arguments: &EngineArguments) -> Result<Engine, Failure> {
         _ => open(arguments, false),
     };
     match opened {
-        Err(Failure::Library(polhode::Error::NoAdapter { .. })) if arguments.adapter.is_none() => Err(Failure::NoShader),
+        Err(Failure::Library(polhode::Error::NoAdapter { .. })) if arguments.adapter.is_none() => {
+            Err(Failure::NoShader)
+        }
         opened => opened,
     }
 }

@@ -12,12 +12,8 @@ const GENERATED_STEP: f64 = 1.0 / 64.0;
 
 /// Steps an engine beside its scalar twin and the reference.
 pub fn verify(arguments: &VerifyArguments) -> Result<(), Failure> {
-    let options = Options {
-        steps: arguments.steps,
-        from_step: arguments.from_step,
-        body: arguments.body,
-        ..Options::default()
-    };
+    let options =
+        Options { steps: arguments.steps, from_step: arguments.from_step, body: arguments.body, ..Options::default() };
     let wanted = crate::engine::precision(&arguments.engine);
     let study = match &arguments.study {
         None => None,
