@@ -80,6 +80,14 @@ fn every_example_study_agrees_on_a_gpu() {
 }
 
 #[test]
+fn what_is_not_compared_is_listed() {
+    let text = agreed(&Engine::cpu(), &example("thruster", 3), &steps(2), "thruster").to_string();
+    assert!(text.contains("centres of mass: not compared"), "{text}");
+    let text = agreed(&Engine::cpu(), &example("relaxing", 3), &steps(2), "relaxing").to_string();
+    assert!(text.contains("not compared: statistics"), "{text}");
+}
+
+#[test]
 fn the_examples_are_all_there() {
     let folder = format!("{}/examples/studies", env!("CARGO_MANIFEST_DIR"));
     let names = std::fs::read_dir(folder).expect("the examples").map(|entry| entry.expect("an entry").file_name());
@@ -401,7 +409,7 @@ fn without_numbers(text: &str) -> String {
             "N bodies on the CPU, as planned".to_owned()
         } else if let (true, Some((_, rest))) = (line.contains("lanes ("), line.split_once(" against ")) {
             format!("  CPU lanes against {rest}")
-        } else if line.contains(" at most, ") || line.ends_with(" equal") {
+        } else if line.contains(" at most") && line.contains("(body") || line.ends_with(" equal") {
             format!("{} ...", line[..28].trim_end())
         } else if line.contains(" apart, ") {
             "      # expected: # apart, # allowed".to_owned()

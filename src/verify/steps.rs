@@ -133,9 +133,9 @@ pub(super) fn compare(
     if kernel.projected {
         found
             .notes
-            .push("what a body conserves is formed anew at every step that is compared, from the twin's state".into());
+            .push("what a body conserves is formed anew for every step that is compared, from the twin's state".into());
     }
-    if let Some(flown) = Flown::of(plan.scene(), subject, treatment)? {
+    if let Some(flown) = Flown::of(plan.scene(), subject, treatment) {
         let parts = schedule.parts(steps.start, steps.end);
         let parts: Vec<_> = parts.iter().map(|(step, count)| (step.number, step.clock, step.dt, *count)).collect();
         flown.compare(engine, kernel.method, &start, &parts, &mut found)?;

@@ -24,6 +24,12 @@ use crate::scene::Scene;
 /// Roundings of an acceleration and of what a step makes of four of them; the attitude between two states has some ten.
 const ROUNDINGS: f64 = 48.0;
 
+/// Whether centres of mass are stepped along a rotation that is stepped: an engine may move them.
+pub(super) fn follows(scene: &Scene, treatment: &Treatment) -> bool {
+    let is_stepped = matches!(treatment, Treatment::Stepped { projected: false, .. });
+    is_stepped && scene.ensemble().translation().is_some() && scene.forces().iter().any(Force::needs_attitude)
+}
+
 /// The centres of mass of a group's bodies where they are stepped along the rotation.
 pub(super) struct Flown<'a> {
     scene: &'a Scene,
@@ -33,10 +39,9 @@ pub(super) struct Flown<'a> {
 
 impl<'a> Flown<'a> {
     /// None where positions follow in closed form or without the rotation, on the host and in `f64` whatever the engine.
-    pub fn of(scene: &'a Scene, subject: &'a Subject<'a>, treatment: &Treatment) -> Result<Option<Self>> {
-        let Treatment::Stepped { longest_step, projected: false, .. } = *treatment else { return Ok(None) };
-        let follows = scene.ensemble().translation().is_some() && scene.forces().iter().any(Force::needs_attitude);
-        Ok(follows.then_some(Self { scene, subject, longest_step }))
+    pub fn of(scene: &'a Scene, subject: &'a Subject<'a>, treatment: &Treatment) -> Option<Self> {
+        let Treatment::Stepped { longest_step, .. } = *treatment else { return None };
+        follows(scene, treatment).then_some(Self { scene, subject, longest_step })
     }
 
     /// Compares `parts` of equal steps: the number of the first, its time and size, and how many there are.
@@ -51,13 +56,18 @@ impl<'a> Flown<'a> {
         let Self { scene, subject, longest_step } = *self;
         let Some(&(_, clock, ..)) = parts.first() else { return Ok(()) };
         if !engine.carries_centres() {
-            found.notes.push("centres of mass: moved by the host in f64 along either side's rotation".into());
+            found
+                .notes
+                .push("centres of mass: not compared, as the host moves them along either side's rotation".into());
             return Ok(());
         }
         let carried = Flight::start(scene, &subject.members, true)?
             .and_then(|flight| flight.carried(&subject.frames, longest_step));
         let Some((centres, most)) = carried else {
-            found.notes.push("centres of mass: too many steps of theirs for the engine; the host moves them".into());
+            found.notes.push(
+                "centres of mass: not compared, as they take more steps than the engine does; the host moves them"
+                    .into(),
+            );
             return Ok(());
         };
         let sides = [engine.description().name, "the host's centres of mass in f64".to_owned()];
