@@ -67,6 +67,12 @@ impl RecordedMotion {
         self.graph.live(&outputs).into_iter().map(of_node).sum()
     }
 
+    /// The operations, and among them the components of dm/dt and of the rate at which the axes turn.
+    pub fn graph(&self) -> (&Graph, [Node; 6]) {
+        let ([a, b, c], [d, e, f]) = (self.momentum_rate, self.angular_velocity);
+        (&self.graph, [a, b, c, d, e, f])
+    }
+
     /// As rows and operations on them: the states are the angular momentum and, where a torque asks for it, the orientation; the
     /// results are the components of the angular velocity.
     ///

@@ -26,6 +26,9 @@ use output::Failure;
 const FAILED: u8 = 1;
 /// What is said of a request to stop.
 const STOPPED: &str = "stopped by the user: nothing was written";
+/// What is said where there is no shader to check.
+const NO_SHADER: &str = "no GPU adapter, not even in software (`polhode devices` says why): no shader was checked; \
+                         --engine cpu checks the lanes of the CPU engine";
 /// What was asked for is wrong.
 const WRONG_INPUT: u8 = 2;
 
@@ -63,6 +66,10 @@ fn perform(command: &Command) -> Result<(), Failure> {
 fn say(failure: &Failure) -> ExitCode {
     match failure {
         Failure::Disagreement | Failure::FailedBodies => ExitCode::from(FAILED),
+        Failure::NoShader => {
+            output::error(NO_SHADER);
+            ExitCode::from(FAILED)
+        }
         Failure::Environment(message) => {
             output::error(message);
             ExitCode::from(WRONG_INPUT)

@@ -11,6 +11,8 @@ pub enum Failure {
     Arguments(&'static str),
     /// `verify` found a difference, and has said so.
     Disagreement,
+    /// `verify` has no adapter whose shaders it could check.
+    NoShader,
     /// More bodies of a run have failed than the study allows, which has been said.
     FailedBodies,
     /// A variable of the environment makes no sense.

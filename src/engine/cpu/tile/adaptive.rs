@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering;
 
 use super::{Rk8, Tile, TileSlopes};
 use crate::batch::{load_body, load_state, status_column};
-use crate::engine::cpu::adaptive::{Block as AdaptiveBlock, LEFT, SLICE, load_controller};
+use crate::engine::cpu::adaptive::{Block as AdaptiveBlock, LEFT, load_controller};
 use crate::engine::cpu::seats::{Seating, lanes_in};
 use crate::lanes::{Each, GROUPS, LaneScalar, LaneTask};
 use crate::method::rk8::TIMES;
@@ -114,7 +114,7 @@ impl<T: Scalar> LaneTask<T> for Attempts<'_, '_, T> {
         };
         let is_rigid = block.source.table.is_rigid();
         let mut slots = 0;
-        for _ in 0..SLICE {
+        for _ in 0..block.attempts {
             tile.active = 0;
             for group in 0..GROUPS {
                 let mut under_way = seats.controllers[group].under_way(&tile.state[group]);
