@@ -78,7 +78,7 @@ impl<'a> Plan<'a> {
     /// Where method and step are pinned, every body is stepped that way; only bodies at rest without torque are not.
     /// Where an error is asked for, torque-free bodies are not stepped, and for each set of torques that act on a body a
     /// [`pilot`](Scene::without_pilot) on a few of the bodies finds method and steps: equal ones that follow each body's own
-    /// rate, or, where that is cheaper, `rk8` in steps that each body chooses ([`Scheme`]). Stepped bodies are in `f32` where
+    /// rate, or, where that is cheaper, `rk8` or Taylor series in steps that each body chooses ([`Scheme`]). Stepped bodies are in `f32` where
     /// its own floor, 1e-6 rad and 3e-8 of the angle turned, is below the error asked for, the closed form where 9.6e-7 rad
     /// are ([`CLOSED_FORM_F32`] with [`SKIP_SHARE`]); the others are in `f64`.
     ///
