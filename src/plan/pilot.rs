@@ -51,6 +51,8 @@ const SHARE: f64 = 0.1;
 const FREE_STEPS: f64 = 3e5;
 /// A reference that would take more than so many budgets is not found.
 const MOST_BUDGETS: f64 = 3.0;
+/// As many of what a reference may take the candidates may take together: where none meets the target, they would be refined without end.
+const MOST_OF_CANDIDATES: f64 = 5.0;
 /// How often it steps its bodies, in steps of the length that the class will take.
 const PASSES: f64 = 6.0;
 
@@ -199,7 +201,7 @@ impl<'a> Pilot<'a> {
         Ok((coarse.steps.map_or(0.0, |steps| steps.total as f64) / count * needed).max(1.0))
     }
 
-    /// The time, s, that all passes together may take: where nothing meets the target, candidates would be refined without end.
+    /// The time, s, that a reference may take.
     pub fn most_seconds(&self) -> f64 {
         let cost = Cost::shipped(Scheme::Equal(Method::Rk8));
         self.most_steps * self.step_seconds(&self.rule(cost, Some(Precision::F64)), cost, Precision::F64)
@@ -354,7 +356,7 @@ impl<'a> Pilot<'a> {
         let (mut last, mut correction) = (f64::INFINITY, 1.0);
         for _ in 0..=CORRECTIONS {
             let seconds = self.seconds(&rule, cost, None);
-            if seconds > limit || reference.spent + seconds > self.most_seconds() {
+            if seconds > limit || reference.spent + seconds > MOST_OF_CANDIDATES * self.most_seconds() {
                 break;
             }
             reference.spent += seconds;

@@ -40,14 +40,31 @@ pub(super) struct Reference {
 impl Reference {
     /// Steps the pilot's bodies finer until what is left of the error is small.
     pub fn new(pilot: &Pilot<'_>) -> Result<Self> {
-        if let Some(scheme) = [Scheme::TAYLOR, Scheme::ADAPTIVE_RK8].into_iter().find(|scheme| pilot.allows(*scheme)) {
-            let (found, is_limited) = Self::by(pilot, scheme)?;
-            // Adaptive steps may not follow what dies away; equal ones do. Where series have no room left these have less.
-            if ((!is_limited || scheme == Scheme::TAYLOR) && found.left <= 1.0) || found.is_saturated {
-                return Ok(found);
-            }
+        let equal = Scheme::Equal(Method::Rk8);
+        let Some(scheme) = Self::adaptive_scheme(pilot) else { return Ok(Self::by(pilot, equal)?.0) };
+        let (found, is_limited) = Self::by(pilot, scheme)?;
+        // Adaptive steps may not follow what dies away; equal ones do. Where series have no room left these have less.
+        if ((!is_limited || scheme == Scheme::TAYLOR) && found.left <= 1.0) || found.is_saturated {
+            return Ok(found);
         }
-        Ok(Self::by(pilot, Scheme::Equal(Method::Rk8))?.0)
+        let cost = Cost::shipped(equal);
+        let finer = pilot.rule(cost, Some(Precision::F64)).finer();
+        if found.spent + pilot.seconds(&finer, cost, None) > pilot.most_seconds() {
+            return Ok(found);
+        }
+        Ok(Self::by(pilot, equal)?.0)
+    }
+
+    /// The adaptive steps that are cheaper for the reference, as far as their tolerance has room.
+    fn adaptive_scheme(pilot: &Pilot<'_>) -> Option<Scheme> {
+        let seconds = |scheme: Scheme| {
+            let cost = Cost::shipped(scheme);
+            let rule = pilot.rule(cost, Some(Precision::F64));
+            let has_room = scheme == Scheme::TAYLOR || rule == rule.with_room();
+            if has_room { pilot.seconds(&rule.finer(), cost, None) } else { f64::INFINITY }
+        };
+        let allowed = [Scheme::TAYLOR, Scheme::ADAPTIVE_RK8].into_iter().filter(|scheme| pilot.allows(*scheme));
+        allowed.min_by(|a, b| seconds(*a).total_cmp(&seconds(*b)))
     }
 
     /// By steps of one kind, and whether there were no smaller tolerances before it had settled.
