@@ -320,6 +320,7 @@ const TOLERANCE_OF_POOLS: f64 = 1e-5;
 #[test]
 fn bodies_that_need_many_slices_arrive_behind_bodies_that_have() {
     const BODIES: usize = 100;
+    const END: f64 = 240.0;
     let row = |body: usize| {
         let rate = if [60, 99].contains(&body) { 60.0 } else { 0.01 };
         (DVec3::new(1.0, 1.5, 2.0), DQuat::IDENTITY, DVec3::new(0.6, 0.5, 0.4) * rate)
@@ -333,9 +334,9 @@ fn bodies_that_need_many_slices_arrive_behind_bodies_that_have() {
                 &(0..count).map(|body| row(body).2).collect::<Vec<_>>(),
             );
             let torques = [torque.clone()];
-            let (_, batch) = prepare_with(&ensemble.expect("valid"), &torques, 60.0, Precision::F64).expect("prepared");
+            let (_, batch) = prepare_with(&ensemble.expect("valid"), &torques, END, Precision::F64).expect("prepared");
             let mut session = Engine::cpu().start_adaptive(batch, steps(1e-12)).expect("started");
-            session.advance_to(60.0, &mut unobserved).expect("advanced");
+            session.advance_to(END, &mut unobserved).expect("advanced");
             (session.read(0..count).expect("read"), session.counts().expect("counted"))
         };
         let (words, counts) = run(BODIES, &row);
