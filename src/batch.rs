@@ -16,6 +16,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
+use crate::clock::Clock;
 use crate::method::{Method, Status};
 use crate::real::Scalar;
 use crate::torque::{Kind, TorqueTable};
@@ -30,7 +31,9 @@ mod user_axes;
 pub(crate) use frame::unit_product;
 pub use frame::{BodyFrame, BodyState};
 pub(crate) use groups::{load_body, load_combinations, load_invariants, load_state, store_state};
-pub(crate) use prepare::{ORDER_BLOCK, Prepared, bytes_per_body_under, frame_of, initial_state, prepare_ordered};
+pub(crate) use prepare::{
+    ORDER_BLOCK, Prepared, bytes_per_body_under, frame_of, initial_state, prepare_acting, prepare_ordered,
+};
 pub use prepare::{bytes_per_body, prepare, prepare_members, prepare_with};
 pub(crate) use user_axes::{USER_COMPONENTS, UserAxes, of_components};
 
@@ -142,6 +145,30 @@ impl AnyBatch {
         }
     }
 
+    /// A body's number in a parameter column.
+    pub(crate) fn parameter(&self, column: usize, body: usize) -> f64 {
+        match self {
+            AnyBatch::F32(batch) => f64::from(batch.parameters[column * batch.stride + body]),
+            AnyBatch::F64(batch) => batch.parameters[column * batch.stride + body],
+        }
+    }
+
+    /// The raw state of all bodies.
+    pub(crate) fn states(&self) -> StateWords {
+        match self {
+            AnyBatch::F32(batch) => batch.read(0..batch.body_count),
+            AnyBatch::F64(batch) => batch.read(0..batch.body_count),
+        }
+    }
+
+    /// The same bodies at another time of their way, in these states: what of theirs the element type does not hold is left out.
+    pub(crate) fn at(&self, states: &StateWords, clock: Clock) -> Self {
+        match self {
+            AnyBatch::F32(batch) => AnyBatch::F32(batch.at(states, clock)),
+            AnyBatch::F64(batch) => AnyBatch::F64(batch.at(states, clock)),
+        }
+    }
+
     /// The precision.
     pub fn precision(&self) -> Precision {
         match self {
@@ -246,6 +273,24 @@ impl<T: Scalar> Batch<T> {
         let Self { stride, parameters: own_parameters, state: own_state, .. } = self;
         let parameter = |column: usize, number| own_parameters[column * *stride + body] = number;
         store_row(parameters, state, parameter, |column, number| own_state[column * *stride + body] = number);
+    }
+
+    /// As [`AnyBatch::at`].
+    fn at(&self, states: &StateWords, clock: Clock) -> Self {
+        let mut batch = self.clone();
+        batch.torques.start_at(clock);
+        for body in 0..states.len() {
+            let mut store =
+                |column: usize, number: f64| batch.state[column * batch.stride + body] = T::from_f64(number);
+            let words = if T::WORDS == 2 { states.value[body] } else { states.combined(body) };
+            words.into_iter().enumerate().for_each(|(component, word)| store(component, word));
+            if T::WORDS == 2 {
+                let residue = states.residue[body].into_iter().enumerate();
+                residue.for_each(|(component, word)| store(STATE_COMPONENTS + component, word));
+            }
+            store(status_column::<T>(), states.status[body].code());
+        }
+        batch
     }
 
     /// Number of parameter columns.

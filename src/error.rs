@@ -143,6 +143,21 @@ pub enum Error {
         /// Bytes free.
         available: u64,
     },
+    /// More output than the disk has space for.
+    #[error(
+        "{}: {rows} rows need {needed} bytes or more, {available} are free: write fewer snapshots, or statistics alone",
+        path.display()
+    )]
+    DiskSpace {
+        /// The output folder.
+        path: PathBuf,
+        /// Rows of all tables.
+        rows: u64,
+        /// Bytes that they need at the least.
+        needed: u64,
+        /// Bytes that are free.
+        available: u64,
+    },
     /// A force acts on bodies that have no mass.
     #[error("a force needs masses: give the bodies mass, position and velocity (kg, m, m/s)")]
     MissingMass,
@@ -277,6 +292,14 @@ pub enum Error {
     FolderNotEmpty {
         /// The folder.
         path: PathBuf,
+    },
+    /// Another run writes to a folder for output.
+    #[error("{}: another run writes there ({holder}): wait until it has ended, or name another folder with --out", path.display())]
+    FolderInUse {
+        /// The folder.
+        path: PathBuf,
+        /// The other run's process and when it began, as far as it says.
+        holder: String,
     },
     /// A value of one item of a list (a point, a part, a voxel) is not valid.
     #[error("{item} {index}: {field} = {value}: {expected}")]

@@ -4,6 +4,8 @@
 //! [`pulp`]. A lane's result does not depend on the width: all of them fuse `mul_add`.
 
 use std::ops::{Add, BitAnd, BitOr, Deref, DerefMut, Div, Mul, Neg, Not, Sub};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use pulp::{Simd, WithSimd};
 
@@ -20,6 +22,46 @@ fn token<S: Simd>() -> S {
     // because lane types are private to the crate and named only inside `LaneTask::run`, which `dispatch` reaches
     // after it has asked the processor.
     unsafe { std::mem::zeroed() }
+}
+
+/// The widest lanes that are used, in bytes of a vector.
+static MOST_BYTES: AtomicUsize = AtomicUsize::new(usize::MAX);
+
+/// Only one caller narrows lanes at a time.
+static NARROWING: Mutex<()> = Mutex::new(());
+
+/// The instruction set in use.
+#[inline]
+fn instructions() -> pulp::Arch {
+    let widest = pulp::Arch::new();
+    #[cfg(target_arch = "x86_64")]
+    if matches!(widest, pulp::Arch::V4(_)) && MOST_BYTES.load(Ordering::Relaxed) < 64 {
+        return pulp::x86::V3::try_new().map_or(widest, pulp::Arch::V3);
+    }
+    widest
+}
+
+/// Bytes of the vectors of each instruction set with lanes that this processor has, the widest first.
+pub(crate) fn widths() -> Vec<usize> {
+    let widest = f64::lane_count() * size_of::<f64>();
+    // AVX2 comes with AVX-512.
+    let narrower = if cfg!(target_arch = "x86_64") && widest == 64 { Some(32) } else { None };
+    std::iter::once(widest).filter(|&bytes| bytes > size_of::<f64>()).chain(narrower).collect()
+}
+
+/// Does some work with lanes of no more than so many bytes: those of every session, as there is one choice for all. No result
+/// depends on it.
+pub(crate) fn with_lanes_of<V>(bytes: usize, work: impl FnOnce() -> V) -> V {
+    struct Widest;
+    impl Drop for Widest {
+        fn drop(&mut self) {
+            MOST_BYTES.store(usize::MAX, Ordering::Relaxed);
+        }
+    }
+    let _alone = NARROWING.lock().unwrap_or_else(PoisonError::into_inner);
+    let _then = Widest;
+    MOST_BYTES.store(bytes, Ordering::Relaxed);
+    work()
 }
 
 /// Bytes of the widest vector that any instruction set has here.
@@ -303,7 +345,7 @@ impl<K: LaneTask<f32>> WithSimd for InF32Lanes<K> {
 }
 impl LaneScalar for f32 {
     fn dispatch<K: LaneTask<f32>>(task: K) -> K::Output {
-        pulp::Arch::new().dispatch(InF32Lanes(task))
+        instructions().dispatch(InF32Lanes(task))
     }
 }
 
@@ -320,7 +362,7 @@ impl<K: LaneTask<f64>> WithSimd for InF64Lanes<K> {
 }
 impl LaneScalar for f64 {
     fn dispatch<K: LaneTask<f64>>(task: K) -> K::Output {
-        pulp::Arch::new().dispatch(InF64Lanes(task))
+        instructions().dispatch(InF64Lanes(task))
     }
 }
 

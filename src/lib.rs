@@ -40,7 +40,7 @@
 //!   stem under `shaders/`: `f64` is the reference, `f32` is compared with the shader, SIMD lanes of either are the fast
 //!   CPU engine.
 //! * [`run`], [`record`]: the loop over output times, and what it leaves behind.
-//! * [`verify`]: two engines stepped side by side.
+//! * [`verify`]: an engine beside its scalar twin, step by step, over a whole scene.
 //! * `bench` (feature `bench`): run time against error, and what the machine gives at most; `plot` (feature `plot`):
 //!   pictures of that and of runs.
 //!

@@ -11,6 +11,7 @@ use crate::force::Force;
 use crate::method::Method;
 use crate::observe::Statistic;
 use crate::torque::Torque;
+use crate::torque::translated::translated;
 
 /// An ensemble with what happens to it and what is asked of it.
 ///
@@ -37,6 +38,8 @@ pub struct Scene {
     forces: Vec<Force>,
     skipping: bool,
     torques: Vec<Torque>,
+    /// Torques as they were written that name a position or velocity, by their places: those above have functions of time instead.
+    moving: Vec<(usize, Torque)>,
     pilot: bool,
     statistics: Vec<Statistic>,
     states: bool,
@@ -217,6 +220,7 @@ impl Scene {
             forces: Vec::new(),
             skipping: true,
             torques: Vec::new(),
+            moving: Vec::new(),
             pilot: true,
             statistics: Vec::new(),
             states: true,
@@ -369,14 +373,27 @@ impl Scene {
     #[must_use]
     pub fn force(mut self, force: Force) -> Self {
         self.forces.push(force);
+        self.translate_torques();
         self
     }
 
     /// Adds a torque. Any number of them act together, also several of one model; parameters are checked when a plan is made.
     #[must_use]
     pub fn torque(mut self, torque: Torque) -> Self {
+        if torque.needs().position {
+            self.moving.push((self.torques.len(), torque.clone()));
+        }
         self.torques.push(torque);
+        self.translate_torques();
         self
+    }
+
+    /// Puts functions of time in the place of positions and velocities, as far as these follow in closed form; a plan refuses the others.
+    fn translate_torques(&mut self) {
+        for (place, torque) in &self.moving {
+            let moved = translated(torque, &self.ensemble, &self.forces);
+            self.torques[*place] = moved.unwrap_or_else(|| torque.clone());
+        }
     }
 
     /// Takes methods and steps from the shipped table ([`crate::plan::cost`]) instead of trying them on a few bodies first.

@@ -315,3 +315,35 @@ fn a_pool_of_one_thread_and_of_three_give_the_same_bits() {
 
 /// Within the reach of `f32`.
 const TOLERANCE_OF_POOLS: f64 = 1e-5;
+
+/// The CPU's slices are of 8,192 attempts: what is left of a block is taken up again among bodies that have arrived.
+#[test]
+fn bodies_that_need_many_slices_arrive_behind_bodies_that_have() {
+    const BODIES: usize = 100;
+    const END: f64 = 240.0;
+    let row = |body: usize| {
+        let rate = if [60, 99].contains(&body) { 60.0 } else { 0.01 };
+        (DVec3::new(1.0, 1.5, 2.0), DQuat::IDENTITY, DVec3::new(0.6, 0.5, 0.4) * rate)
+    };
+    // Lanes under internal dissipation change bodies all together, those under drag one by one.
+    for torque in [Torque::internal_dissipation(1e-9), Torque::quadratic_drag(1e-9)] {
+        let run = |count: usize, row: &dyn Fn(usize) -> (DVec3, DQuat, DVec3)| {
+            let ensemble = Ensemble::from_columns(
+                &(0..count).map(|body| row(body).0).collect::<Vec<_>>(),
+                &(0..count).map(|body| row(body).1).collect::<Vec<_>>(),
+                &(0..count).map(|body| row(body).2).collect::<Vec<_>>(),
+            );
+            let torques = [torque.clone()];
+            let (_, batch) = prepare_with(&ensemble.expect("valid"), &torques, END, Precision::F64).expect("prepared");
+            let mut session = Engine::cpu().start_adaptive(batch, steps(1e-12)).expect("started");
+            session.advance_to(END, &mut unobserved).expect("advanced");
+            (session.read(0..count).expect("read"), session.counts().expect("counted"))
+        };
+        let (words, counts) = run(BODIES, &row);
+        let (alone, _) = run(1, &|_| row(99));
+        for body in [60, 99] {
+            assert!(counts[body].attempts() > 3 * 8192, "{}: {:?}", torque.name(), counts[body]);
+            assert_eq!(words.combined(body), alone.combined(0), "{}, body {body}", torque.name());
+        }
+    }
+}

@@ -3,8 +3,9 @@
 #![cfg(feature = "cli")]
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::Duration;
 
 use assert_cmd::cargo::cargo_bin;
 
@@ -294,8 +295,9 @@ fn an_interrupt_ends_the_run_and_leaves_nothing() {
     // Work for hours.
     let long = SMALL.replace("count = 10", "count = 100_000").replace("end = 4.0", "end = 1e6");
     let desk = Desk::new(&long);
-    // The first snapshots are being written when the temporary file is there.
-    interrupt(&desk, || desk.path("study.out").read_dir().is_ok_and(|entries| entries.count() > 0));
+    // The first snapshots are being written when the table has been begun.
+    let begun = |partial: &Path| partial.join("snapshots.csv").exists();
+    interrupt(&desk, Duration::from_millis(300), || partial_folder(&desk).is_some_and(|partial| begun(&partial)));
 }
 
 #[cfg(unix)]
@@ -306,12 +308,22 @@ fn an_interrupt_ends_planning_and_leaves_nothing() {
     let long = start.replace("count = 10", "count = 100_000").replace("end = 4.0", "end = 1e8");
     let drag = "[[torque]]\nmodel = \"linear-drag\"\ncoefficient = 1e-9\n";
     let desk = Desk::new(&format!("{long}{drag}"));
-    interrupt(&desk, || desk.path("study.out").is_dir());
+    // While bodies are drawn, and later.
+    for after in [0, 300] {
+        interrupt(&desk, Duration::from_millis(after), || partial_folder(&desk).is_some());
+    }
 }
 
-/// Interrupts a run a moment after it has `begun`; it must end at once and leave nothing but the study.
+/// The folder that a run writes to while it works.
 #[cfg(unix)]
-fn interrupt(desk: &Desk, begun: impl Fn() -> bool) {
+fn partial_folder(desk: &Desk) -> Option<PathBuf> {
+    let is_partial = |name: &String| name.starts_with(".study.out.polhode-") && name.ends_with(".partial");
+    desk.names(".").into_iter().find(is_partial).map(|name| desk.path(&name))
+}
+
+/// Interrupts a run some time `after` it has `begun`; it must end at once and leave nothing but the study.
+#[cfg(unix)]
+fn interrupt(desk: &Desk, after: Duration, begun: impl Fn() -> bool) {
     let run = Command::new(cargo_bin!("polhode"))
         .current_dir(desk.folder())
         .args(["run", "study.toml", "--engine", "cpu"])
@@ -319,14 +331,14 @@ fn interrupt(desk: &Desk, begun: impl Fn() -> bool) {
         .stderr(std::process::Stdio::piped())
         .spawn()
         .expect("the command starts");
-    for _ in 0..600 {
+    for _ in 0..6000 {
         if begun() {
             break;
         }
-        std::thread::sleep(std::time::Duration::from_millis(50));
+        std::thread::sleep(Duration::from_millis(5));
     }
     assert!(begun(), "the run does not begin");
-    std::thread::sleep(std::time::Duration::from_millis(300));
+    std::thread::sleep(after);
     let killed = Command::new("kill").args(["-INT", &run.id().to_string()]).status().expect("kill starts");
     assert!(killed.success());
     let output = run.wait_with_output().expect("the run ends");
@@ -428,4 +440,98 @@ fn versions_in_reports_are_those_of_the_lock_file() {
     let lock = fs::read_to_string(format!("{}/Cargo.lock", env!("CARGO_MANIFEST_DIR"))).unwrap();
     let expected = format!("name = \"wgpu\"\nversion = \"{}\"", polhode::record::report::WGPU_VERSION);
     assert!(lock.contains(&expected), "{expected}");
+}
+
+// --- standard output ---
+
+/// A body that can be described without a study.
+const SPHERE: &str = "inertia = { shape = \"sphere\", mass = 10.0, radius = 1.0 }\n";
+
+/// Every command that prints, with a study (`study.toml`), a body (`sphere.toml`) and a former run (`done`).
+const PRINTING: [&[&str]; 14] = [
+    &["run", "study.toml", "--engine", "cpu"],
+    &["run", "study.toml", "--engine", "cpu", "--json"],
+    &["explain", "study.toml", "--engine", "cpu"],
+    &["explain", "study.toml", "--engine", "cpu", "--json"],
+    &["verify", "--bodies", "3", "--steps", "2", "--engine", "cpu"],
+    &["inertia", "sphere.toml"],
+    &["inertia", "sphere.toml", "--json"],
+    &["devices"],
+    &["devices", "--json"],
+    &["--version"],
+    &["plot", "done"],
+    &["completions", "bash"],
+    &["man"],
+    &["run", "--help"],
+];
+
+fn printing_desk() -> Desk {
+    let desk = Desk::new(SMALL);
+    fs::write(desk.path("sphere.toml"), SPHERE).unwrap();
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "done"]);
+    desk
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn standard_output_that_cannot_be_written_is_a_failure_of_every_command() {
+    let desk = printing_desk();
+    for arguments in PRINTING {
+        let full = fs::File::options().write(true).open("/dev/full").expect("a device that is always full");
+        let run = Command::new(cargo_bin!("polhode")).current_dir(desk.folder()).args(arguments).stdout(full).output();
+        let output = run.expect("the command starts");
+        let errors = words(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {errors}");
+        assert_eq!(
+            errors, "error: standard output cannot be written: No space left on device (os error 28)\n",
+            "{arguments:?}"
+        );
+        let _ = fs::remove_dir_all(desk.path("study.out"));
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_reader_that_goes_away_is_no_error() {
+    let desk = printing_desk();
+    for arguments in PRINTING {
+        let mut command = Command::new(cargo_bin!("polhode"));
+        let (reader, writer) = std::io::pipe().expect("a pipe");
+        drop(reader);
+        let output = command.current_dir(desk.folder()).args(arguments).stdout(writer).output().expect("it starts");
+        assert_eq!((output.status.code(), words(&output.stderr)), (Some(0), String::new()), "{arguments:?}");
+        let _ = fs::remove_dir_all(desk.path("study.out"));
+    }
+}
+
+#[test]
+fn words_from_files_have_no_power_over_the_terminal() {
+    let desk = Desk::new(&SMALL.replace("\"Ten\"", "\"\\u001b[2Jcleared\\n  failed   none\""));
+    let summary = desk.done(&["run", "study.toml", "--engine", "cpu"]);
+    assert!(summary.starts_with(" [2Jcleared   failed   none\n"), "{summary:?}");
+    fs::write(desk.path("study.toml"), SMALL.replace("count", "\"co\\u001b[2J\\nunt\"")).unwrap();
+    let line = desk.refused(&["explain", "study.toml"], 2);
+    assert!(line.contains("bodies.co [2J unt is not known"), "{line:?}");
+    fs::write(desk.path("table.csv"), "ixx,iyy,izz,wx,wy,wz\n1,2,\u{1b}[2J,0,0,1\n").unwrap();
+    fs::write(desk.path("study.toml"), "[bodies]\nfile = \"table.csv\"\n[time]\nend = 1.0\n").unwrap();
+    let line = desk.refused(&["run", "study.toml", "--engine", "cpu"], 2);
+    assert!(line.contains("izz =  [2J: a finite number is needed"), "{line:?}");
+    fs::write(desk.path("a\nb.toml"), SPHERE).unwrap();
+    assert!(desk.done(&["inertia", "a\nb.toml"]).starts_with("a b.toml\n"));
+}
+
+// --- pictures ---
+
+#[test]
+fn a_picture_of_a_body_that_is_not_there_is_refused() {
+    let desk = Desk::new(SMALL);
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
+    let line = desk.refused(&["plot", "study.out", "--body", "3,99"], 2);
+    assert_eq!(line, "error: study.out/snapshots.csv: there is no body 99: it has 10, counted from 0\n");
+    // Neither are pictures drawn of a table that was cut.
+    let whole = fs::read(desk.path("study.out/snapshots.csv")).unwrap();
+    fs::write(desk.path("study.out/snapshots.csv"), &whole[..whole.len() - 3]).unwrap();
+    let line = desk.refused(&["plot", "study.out"], 2);
+    assert!(line.starts_with("error: study.out/snapshots.csv: line 41: ") && line.contains("may be cut"), "{line}");
+    assert_eq!(desk.names("study.out"), ["final.csv", "plan.json", "report.json", "snapshots.csv"]);
 }

@@ -1,4 +1,4 @@
-//! A driver that runs out of memory while a batch is uploaded. Alone in its file, since it limits the whole process.
+//! Memory that a batch on the device does not find. Alone in its file, since it limits the whole process.
 #![cfg(target_os = "linux")]
 
 mod common;
@@ -33,7 +33,7 @@ fn allocated(device: &wgpu::Device) -> u64 {
 }
 
 #[test]
-fn memory_that_the_driver_refuses_is_an_error_and_nothing_is_left_allocated() {
+fn memory_that_is_not_there_is_an_error_and_nothing_is_left_allocated() {
     let (device, queue) = open_device(wgpu::Features::empty());
     if AdapterKind::from(device.adapter_info().device_type) != AdapterKind::Software {
         // Only a software adapter's memory is this process's own, which can be limited.
@@ -43,12 +43,15 @@ fn memory_that_the_driver_refuses_is_an_error_and_nothing_is_left_allocated() {
     let bodies = 8_000_000;
     let batch = AnyBatch::F32(Batch::at_rest(bodies));
     let before = allocated(&device);
-    // Room for some of the chunks but not for all: they take 672 MB.
+    // Room for some of the chunks but not for all: they take 672 MB. The limit is known before any work; a driver that refuses
+    // though there seems to be room gives the other error.
     limit_address_space(&(address_space() + (300 << 20)).to_string());
     let error = engine.start(batch, Method::Rk4).err();
     limit_address_space("unlimited");
     match &error {
-        Some(Error::DeviceMemory { bodies: found, needed, .. }) => {
+        Some(
+            Error::DeviceMemory { bodies: found, needed, .. } | Error::TooManyBodies { bodies: found, needed, .. },
+        ) => {
             assert_eq!(*found, bodies);
             assert!(*needed >= bodies as u64 * 84, "{needed}");
         }

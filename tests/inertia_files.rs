@@ -129,6 +129,27 @@ fn meshes_hulls_and_points_make_bodies() {
 }
 
 #[test]
+fn messages_about_meshes_and_points_name_the_file_and_where_it_is_named() {
+    let desk = desk("");
+    fs::write(desk.path("nan.obj"), "v 0 0 0\nv 1 0 nan\nv 0 1 0\nf 1 2 3\n").unwrap();
+    fs::write(desk.path("twice.stl"), stl_text(&box_mesh()).repeat(2)).unwrap();
+    let refused = |file: &str| desk.refused(&["inertia", file, "--mass", "1"], 2);
+    assert_eq!(refused("nan.obj"), "error: nan.obj: vertex 1 has a coordinate that is not finite\n");
+    assert_eq!(refused("twice.stl"), "error: twice.stl: 12 triangles stand twice: their volume would count twice\n");
+    let refused = |inertia: &str| refusal(&desk, inertia);
+    assert!(
+        refused("{ mesh = \"twice.stl\", mass = 1 }")
+            .starts_with("study.toml:4: bodies.inertia.mesh = \"twice.stl\": ")
+    );
+    for key in ["points", "hull"] {
+        let message = refused(&format!("{{ {key} = \"absent.csv\", mass = 1 }}"));
+        let expected =
+            format!("study.toml:4: bodies.inertia.{key} = \"absent.csv\": absent.csv: cannot be read: No such file");
+        assert!(message.starts_with(&expected), "{message}");
+    }
+}
+
+#[test]
 fn parts_and_holes_make_the_body_that_they_make() {
     let desk = desk("");
     let tube =
@@ -336,7 +357,7 @@ fn inertia_refuses_in_one_line() {
     let desk = desk("");
     let refused = |arguments: &[&str]| desk.refused(&[&["inertia"], arguments].concat(), 2);
     assert!(refused(&["box.obj"]).contains("the mass of the mesh (kg), or its density (kg/m³), is needed"));
-    assert!(refused(&["open.obj", "--mass", "1"]).contains("open along 3 edges"));
+    assert!(refused(&["open.obj", "--mass", "1"]).starts_with("error: open.obj: open along 3 edges"));
     assert!(refused(&["turned.obj", "--mass", "1"]).contains("inside out"));
     assert!(refused(&["box.obj", "--mass", "1", "--about", "1,2"]).contains("three finite numbers X,Y,Z"));
     assert!(refused(&["box.ply", "--mass", "1"]).contains(".stl, .obj, .csv or .toml"));

@@ -159,7 +159,7 @@ refuses! {
     a_force_without_a_mass: refusal("[bodies]\ncount = 1\ninertia = [1, 1, 1]\nangular_velocity = [0, 0, 1]\n[force]\nconstant = [0, 0, 1]\n[time]\nend = 1.0\n") => @"study.toml:5: bodies.mass is missing: the force needs masses, here or as a column of the table of bodies (kg)";
     a_count_and_a_file: refusal_with("count = 10", "count = 10\nfile = \"bodies.csv\"") => @"study.toml:4: bodies.file excludes count: give one of them";
     a_table_that_is_not_there: refusal_with("count = 10", "file = \"missing.csv\"") => @"missing.csv: cannot be read: No such file or directory (os error 2)";
-    more_bodies_than_memory: refusal_with("count = 10", "count = 1_000_000_000_000_000").split(", ").next().unwrap_or_default().to_owned() => @"1000000000000000 bodies: the table of bodies needs 104000000000000000 bytes";
+    more_bodies_than_memory: refusal_with("count = 10", "count = 1_000_000_000_000_000").split(", ").next().unwrap_or_default().to_owned() => @"study.toml:3: bodies.count = 1_000_000_000_000_000: 1000000000000000 bodies: their run needs 300000000000000000 bytes";
 }
 
 /// A table without fault.
@@ -215,4 +215,47 @@ fn a_file_in_the_place_of_the_folder_is_refused() {
     assert!(error.is_input());
     let message = error.to_string().replace(&path.display().to_string(), "out");
     insta::assert_snapshot!(message, @"out: cannot be made: Not a directory (os error 20)");
+}
+
+#[test]
+fn a_table_cut_anywhere_but_at_a_row_s_end_is_refused() {
+    let rows = |text: &str| BodyTable::from_reader(Path::new("bodies.csv"), text.as_bytes(), usize::MAX);
+    let whole = rows(TABLE).expect("a table").len();
+    for end in 1..TABLE.len() {
+        match rows(&TABLE[..end]) {
+            Ok(table) => assert!(TABLE[..end].ends_with('\n') && table.len() <= whole, "{end}"),
+            Err(error) => assert!(error.is_input() && error.to_string().starts_with("bodies.csv:"), "{error}"),
+        }
+    }
+    let refusal = rows(TABLE.trim_end()).expect_err("no newline at the end").to_string();
+    assert!(refusal.ends_with("so the table may be cut: add a newline if it is whole"), "{refusal}");
+    // Exactly as many rows as are there: the last one is no better for it.
+    let text = "ixx,iyy,izz,wx,wy,wz\n1,1,1,0,0,1\n1,1,1,0,0,12";
+    BodyTable::from_reader(Path::new("bodies.csv"), text.as_bytes(), 2).expect_err("cut");
+    assert_eq!(
+        BodyTable::from_reader(Path::new("bodies.csv"), (text.to_owned() + "\n").as_bytes(), 2).expect("two").len(),
+        2
+    );
+}
+
+#[test]
+fn rows_behind_an_open_quote_are_not_swallowed() {
+    let text = "ixx,iyy,izz,wx,wy,wz,name\n1,1,1,0,0,1,\"a\n1,1,1,0,0,2,b\n";
+    let error = BodyTable::from_reader(Path::new("bodies.csv"), text.as_bytes(), 9).expect_err("a row would be lost");
+    assert_eq!(error.to_string(), "bodies.csv:2: a quotation mark is not closed on its line");
+}
+
+/// Bodies that move under a force, given by `keys`; bodies.mass is line 4 of the study.
+fn refusal_of_bodies(keys: &str) -> String {
+    refusal(&format!(
+        "[bodies]\ncount = 10\ninertia = [1.0, 2.0, 2.5]\n{keys}\n[[force]]\nmodel = \"gravity\"\nacceleration = [0, 0, -9]\n\
+         [time]\nend = 1.0\n"
+    ))
+}
+
+refuses! {
+    a_bad_mass_is_named_by_its_own_line: refusal_of_bodies("mass = -1.0\nangular_velocity = [0, 0, 1]") => @"study.toml:4: bodies.mass: body 0: mass = -1.0: a finite mass above zero is needed (kg)";
+    a_drawn_rate_that_overflows_is_named_by_its_own_line: refusal_of_bodies("mass = 1.0\nangular_velocity = { distribution = \"log-normal\", median = [1e300, 1e300, 1e300], sigma = 50 }") => @"study.toml:5: bodies.angular_velocity: body 1: wx = inf: a finite number is needed";
+    a_position_that_overflows_is_named_by_its_own_line: refusal_of_bodies("mass = 1.0\nangular_velocity = [0, 0, 1]\nposition = { distribution = \"log-normal\", median = [1e300, 1e300, 1e300], sigma = 50 }") => @"study.toml:6: bodies.position: body 1: x = inf: finite components are needed";
+    tables_within_tables_without_end: refusal(&format!("a = {}{}", "[".repeat(300), "]".repeat(300))) => @"study.toml:1: tables and lists stand too deeply within one another at [";
 }

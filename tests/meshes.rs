@@ -238,3 +238,126 @@ fn files_that_hold_no_mesh_are_named_with_what_is_wrong() {
         Err(Error::MeshFile { problem: MeshFileProblem::Io(std::io::ErrorKind::NotFound), .. })
     ));
 }
+
+// --- files that say more or less than they hold ---
+
+fn cube(from: f64, edge: f64) -> TriangleMesh {
+    let mesh = Shape::Box { edges: DVec3::splat(edge) }.mesh(8).expect("a box");
+    let moved = mesh.vertices().iter().map(|&v| v + DVec3::splat(0.5 * edge) + DVec3::X * from).collect();
+    TriangleMesh::new(moved, mesh.triangles().to_vec()).expect("a mesh")
+}
+
+/// Both surfaces as one mesh.
+fn united(a: &TriangleMesh, b: &TriangleMesh) -> TriangleMesh {
+    let corners = |mesh: &TriangleMesh| {
+        mesh.triangles().iter().map(|triangle| triangle.map(|v| mesh.vertices()[v])).collect::<Vec<_>>()
+    };
+    TriangleMesh::from_corners([corners(a), corners(b)].concat()).expect("a mesh")
+}
+
+fn volume(mesh: &TriangleMesh) -> f64 {
+    assert_eq!(mesh.defect(), None);
+    assert_eq!(mesh.overlap(), None);
+    mesh.mass_properties_of_density(1.0).expect("a body").mass
+}
+
+#[test]
+fn the_second_solid_of_a_text_stl_is_read() {
+    let text = stl_text(&cube(0.0, 1.0)) + "\n" + &stl_text(&cube(3.0, 2.0));
+    for text in [text.clone(), text.to_uppercase(), text.replace('\n', "\r\n")] {
+        let file = File::new("two.stl", text);
+        assert!((volume(&read_mesh(&file.0).expect("two solids")) - 9.0).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn a_binary_stl_has_the_size_that_it_says() {
+    let whole = stl_bytes(&cube(0.0, 1.0));
+    let mut beyond = whole.clone();
+    beyond.extend([0; 600]);
+    let message = |bytes: &[u8]| read_mesh(&File::new("sized.stl", bytes).0).expect_err("refused").to_string();
+    assert!(message(&beyond).contains("it has 1284 bytes, 684 are needed for the 12 triangles that it says it has"));
+    for end in 0..whole.len() {
+        message(&whole[..end]);
+    }
+    // A header that begins as a text's.
+    let mut named = whole;
+    named[..10].copy_from_slice(b"solid cube");
+    assert!((volume(&read_mesh(&File::new("named.stl", named).0).expect("binary")) - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn a_text_mesh_cut_anywhere_is_refused_or_whole() {
+    let mesh = cube(0.0, 1.0);
+    for (name, text) in [("anywhere.stl", stl_text(&mesh)), ("anywhere.obj", obj_text(&mesh))] {
+        let whole = read_mesh(&File::new(name, text.clone()).0).expect("whole");
+        for end in 0..text.len() {
+            let read = read_mesh(&File::new(name, &text[..end]).0);
+            // What is left of a file that was cut between two lines is open.
+            assert!(read.is_err() || read.is_ok_and(|mesh| mesh == whole || mesh.defect().is_some()), "{name}, {end}");
+        }
+    }
+}
+
+#[test]
+fn surfaces_that_enclose_something_twice_are_found() {
+    let unit = cube(0.0, 1.0);
+    let doubled = united(&unit, &unit);
+    assert_eq!(doubled.defect(), None);
+    assert_eq!(doubled.overlap(), Some(MeshDefect::Doubled { triangles: 12 }));
+    let bow_tie = {
+        // A quadrilateral that crosses itself, drawn out along z; one lobe is larger.
+        let outline = [(0.0, 0.0), (3.0, 2.0), (3.0, 0.0), (0.0, 1.0)];
+        let vertices = [0.0, 1.0].iter().flat_map(|&z| outline.map(|(x, y)| DVec3::new(x, y, z))).collect();
+        let sides = (0..4).flat_map(|i| {
+            let j = (i + 1) % 4;
+            [[i, j, j + 4], [i, j + 4, i + 4]]
+        });
+        let caps = [[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]];
+        let mesh = TriangleMesh::new(vertices, sides.chain(caps).collect()).expect("a mesh");
+        if mesh.report().signed_volume > 0.0 { mesh } else { mesh.turned_inside_out() }
+    };
+    for (name, mesh, expected) in [
+        ("overlapping", united(&unit, &cube(0.5, 1.0)), 2),
+        ("overlapping askew", united(&unit, &cube(0.9, 0.7)), 2),
+        (
+            "nested",
+            united(&cube(0.0, 3.0), &Shape::Sphere { radius: 0.2 }.mesh(64).map(|ball| moved(&ball, 1.5)).unwrap()),
+            2,
+        ),
+        ("bow-tie", bow_tie, -1),
+    ] {
+        assert_eq!(mesh.defect(), None, "{name}");
+        match mesh.overlap() {
+            Some(MeshDefect::Overlapping { winding, .. }) => assert_eq!(winding, expected, "{name}"),
+            other => panic!("{name}: {other:?}"),
+        }
+    }
+}
+
+fn moved(mesh: &TriangleMesh, by: f64) -> TriangleMesh {
+    let vertices = mesh.vertices().iter().map(|&v| v + DVec3::splat(by)).collect();
+    TriangleMesh::new(vertices, mesh.triangles().to_vec()).expect("a mesh")
+}
+
+#[test]
+fn sound_surfaces_are_left_alone() {
+    let unit = cube(0.0, 1.0);
+    let cavity = united(&cube(0.0, 3.0), &moved(&unit.turned_inside_out(), 1.0));
+    assert!((volume(&cavity) - 26.0).abs() < 1e-12);
+    // Two cubes with a wall between them, and two that touch along an edge.
+    assert!((volume(&united(&unit, &cube(1.0, 1.0))) - 2.0).abs() < 1e-12);
+    assert!((volume(&united(&unit, &cube(5.0, 1.0))) - 2.0).abs() < 1e-12);
+    for shape in [
+        Shape::Torus { major_radius: 3.0, minor_radius: 1.0 },
+        Shape::Tube { inner_radius: 0.99, outer_radius: 1.0, height: 50.0 },
+        Shape::Capsule { radius: 1e-3, length: 1.0 },
+        Shape::Box { edges: DVec3::new(1e-4, 1.0, 10.0) },
+    ] {
+        for scale in [1e-9, 1e9] {
+            let mesh = shape.mesh(16).expect("a mesh").scaled(scale).expect("a scale");
+            assert_eq!(mesh.overlap(), None, "{shape:?}");
+            assert_eq!(moved(&mesh, 100.0 * scale).overlap(), None, "{shape:?} far away");
+        }
+    }
+}

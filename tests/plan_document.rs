@@ -89,7 +89,10 @@ fn a_file_that_is_no_plan_is_refused_with_its_line() {
     let scene = scene(1);
     let text = Plan::new(&scene, &engine).expect("a plan").to_json();
     for (from, to, expected) in [
-        ("\"format\": 2", "\"format\": 7", "p.json:1: its format is 7, this release reads 2"),
+        ("\"format\": 3", "\"format\": 7", "p.json:1: its format is 7, this release reads 3"),
+        ("\"polhode\": \"", "\"polhode\": \"9.", "p.json:1: it is of polhode 9."),
+        ("\"coefficient\": ", "\"coefficient\": -", "a finite number from 0 on is needed"),
+        ("\"attitude\": ", "\"attitude\": 2", "its sum differs"),
         ("\"resolution\"", "\"solution\"", "missing field `resolution`"),
         ("\"method\": \"", "\"method\": \"x", "is not known"),
         ("{\n  \"format\"", "{\n  format", "p.json:2: key must be a string"),
@@ -98,6 +101,69 @@ fn a_file_that_is_no_plan_is_refused_with_its_line() {
         let error = PlanDocument::parse(Path::new("p.json"), &text.replace(from, to)).expect_err(expected);
         assert!(error.is_input() && error.to_string().contains(expected), "{error}");
     }
+}
+
+#[test]
+fn a_plan_with_any_number_edited_or_any_end_cut_is_refused() {
+    let engine = Engine::cpu();
+    let scene = scene(1);
+    let text = Plan::new(&scene, &engine).expect("a plan").to_json();
+    // Classes and skips follow from what stands before them, and are for people.
+    let (by_which, _) = text.split_once("\"classes\"").expect("classes");
+    let mut edits = 0;
+    for (place, letter) in by_which.char_indices().filter(|(_, letter)| letter.is_ascii_digit()) {
+        let other = if letter == '1' { "2" } else { "1" };
+        let edited = [&text[..place], other, &text[place + 1..]].concat();
+        let read = PlanDocument::parse(Path::new("p.json"), &edited);
+        let same = read.as_ref().is_ok_and(|read| read_back(&scene, read) == text);
+        assert!(read.is_err_and(|error| error.is_input()) || same, "{edited}");
+        edits += 1;
+    }
+    assert!(edits > 100, "{edits}");
+    for end in (0..text.len() - 1).filter(|&end| text.is_char_boundary(end) && !text[end..].trim().is_empty()) {
+        PlanDocument::parse(Path::new("p.json"), &text[..end]).expect_err("cut");
+    }
+}
+
+/// The text of the plan that a document leads to: an edit of a digit beyond a number's precision changes nothing.
+fn read_back(scene: &Scene, document: &PlanDocument) -> String {
+    Plan::repeated(scene, &Engine::cpu(), document).map(|plan| plan.to_json()).unwrap_or_default()
+}
+
+#[test]
+fn an_index_that_drops_a_torque_is_refused() {
+    let engine = Engine::cpu();
+    let scene = scene(1);
+    let text = Plan::new(&scene, &engine).expect("a plan").to_json();
+    let (before, rest) = text
+        .split_once("\"torques\": [\n")
+        .map(|(_, rest)| rest)
+        .and_then(|rest| rest.split_once("\"torques\": [\n"))
+        .expect("a list of indices");
+    for (list, expected) in [
+        ("0, 7", "torques holds 7: the scene has 2 torques, counted from 0"),
+        ("1, 0", "ascending"),
+        ("0", "sum differs"),
+    ] {
+        let (_, after) = rest.split_once(']').expect("its end");
+        let head = &text[..text.len() - before.len() - rest.len() - "\"torques\": [\n".len()];
+        let edited = format!("{head}{before}\"torques\": [{list}]{after}");
+        let error = PlanDocument::parse(Path::new("p.json"), &edited).expect_err(expected);
+        assert!(error.to_string().contains(expected), "{error}");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_plan_or_study_without_end_is_refused() {
+    let desk = Desk::new(STUDY);
+    let line = desk.refused(&["run", "study.toml", "--engine", "cpu", "--plan", "/dev/zero"], 2);
+    assert_eq!(line, "error: /dev/zero: cannot be read: it is longer than 64 MiB\n");
+    let line = desk.refused(&["explain", "/dev/zero"], 2);
+    assert_eq!(line, "error: /dev/zero: cannot be read: it is longer than 64 MiB\n");
+    fs::write(desk.path("study.toml"), "[bodies]\nfile = \"/dev/zero\"\n[time]\nend = 1.0\n").unwrap();
+    let line = desk.refused(&["explain", "study.toml", "--engine", "cpu"], 2);
+    assert_eq!(line, "error: /dev/zero: cannot be read: a line is longer than a mebibyte: this is no table\n");
 }
 
 // --- the command ---

@@ -7,7 +7,7 @@ use std::ops::Range;
 use glam::{DQuat, DVec3};
 use polhode::free_motion::FreeMotion;
 use polhode::torque::{Orbit, Torque};
-use polhode::verify::verify;
+use polhode::verify::{Options, verify};
 use polhode::{Accuracy, Engine, Ensemble, Method, Outputs, Plan, Precision, Record, Scene};
 use proptest::prelude::*;
 
@@ -258,8 +258,9 @@ proptest! {
     fn both_engines_agree_on_random_ensembles(rows in proptest::collection::vec(row(), 1..80), precision in precision()) {
         let ensemble = Ensemble::from_fn(rows.len(), |body| rows[body]).expect("valid bodies");
         for method in [Method::Rk4, Method::Dlm] {
-            let report = verify(&common::gpu(), &ensemble, method, precision, 1.0 / 64.0, 100).expect("both engines run");
-            prop_assert!(report.agrees(), "{method}: {report:#?}");
+            let scene = Scene::new(ensemble.clone()).until(1.0).pinned(method, 1.0 / 64.0, Some(precision)).skipping(false);
+            let report = verify(&common::gpu(), &scene, &Options::default()).expect("both engines run");
+            prop_assert!(report.agrees(), "{method}: {report}");
         }
     }
 }

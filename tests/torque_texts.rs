@@ -5,8 +5,6 @@
 //! out of sums, so that a third of the components that are turned into body axes differ in their last bits.
 
 mod common;
-#[path = "common/running.rs"]
-mod running;
 
 use std::collections::HashMap;
 
@@ -21,7 +19,7 @@ use polhode::quaternion::Quaternion;
 use polhode::real::Scalar;
 use polhode::torque::twin::{Twin, twins};
 use polhode::vector::Vector;
-use running::{Running, bounds};
+use polhode::verify::running::{Running, bounds};
 
 /// Rows of a table: not a multiple of the workgroup size.
 const ROWS: usize = 331;

@@ -81,8 +81,20 @@ pub fn prepare_members(
     members: &Members,
     precision: Precision,
 ) -> Result<(Vec<BodyFrame>, AnyBatch)> {
+    prepare_acting(ensemble, torques, torques, span, members, precision)
+}
+
+/// As [`prepare_members`] in the units that follow from `torques`, where others of them act: those that are `acting`.
+pub(crate) fn prepare_acting(
+    ensemble: &Ensemble,
+    torques: &[Torque],
+    acting: &[Torque],
+    span: f64,
+    members: &Members,
+    precision: Precision,
+) -> Result<(Vec<BodyFrame>, AnyBatch)> {
     let as_they_are = |_: usize, prepared: &[Prepared]| (0..prepared.len()).collect();
-    prepare_ordered(ensemble, torques, span, members, precision, as_they_are)
+    prepare_columns_of(ensemble, (torques, acting), span, members, precision, as_they_are)
 }
 
 /// Members whose order is found at once.
@@ -93,6 +105,17 @@ pub(crate) const ORDER_BLOCK: usize = 1 << 15;
 pub(crate) fn prepare_ordered(
     ensemble: &Ensemble,
     torques: &[Torque],
+    span: f64,
+    members: &Members,
+    precision: Precision,
+    order: impl FnMut(usize, &[Prepared]) -> Vec<usize>,
+) -> Result<(Vec<BodyFrame>, AnyBatch)> {
+    prepare_columns_of(ensemble, (torques, torques), span, members, precision, order)
+}
+
+fn prepare_columns_of(
+    ensemble: &Ensemble,
+    torques: (&[Torque], &[Torque]),
     span: f64,
     members: &Members,
     precision: Precision,
@@ -142,13 +165,18 @@ fn shared_axes(ensemble: &Ensemble, members: &Members) -> Option<DQuat> {
     is_shared.then_some(first)
 }
 
+/// The columns under the second list of torques, in the units that follow from the first.
 fn prepare_columns<T: Scalar>(
     ensemble: &Ensemble,
-    torques: &[Torque],
+    (of_units, torques): (&[Torque], &[Torque]),
     span: f64,
     members: &Members,
     mut order: impl FnMut(usize, &[Prepared]) -> Vec<usize>,
 ) -> Result<(Vec<BodyFrame>, Batch<T>)> {
+    for (index, torque) in torques.iter().enumerate().filter(|(_, torque)| torque.needs().position) {
+        // A scene has put functions of time in their place where it can.
+        torque.validate(index, ensemble)?;
+    }
     let body_count = members.len();
     let precision = if T::WORDS == 1 { Precision::F64 } else { Precision::F32 };
     let has_linear_rotors =
@@ -164,7 +192,7 @@ fn prepare_columns<T: Scalar>(
     for start in (0..body_count).step_by(ORDER_BLOCK) {
         let end = (start + ORDER_BLOCK).min(body_count);
         let prepared: Vec<Prepared> =
-            (start..end).into_par_iter().map(|row| prepare_body(ensemble, torques, members.body(row))).collect();
+            (start..end).into_par_iter().map(|row| prepare_body(ensemble, of_units, members.body(row))).collect();
         let order = order(start, &prepared);
         let Batch { parameters, state, torques: table, .. } = &mut batch;
         let layout = &*table;

@@ -8,6 +8,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, FileAction, Result};
+use crate::study::text::{CUT, Lines};
 
 /// One cell.
 #[derive(Clone, Debug, PartialEq)]
@@ -177,6 +178,13 @@ pub enum RowFault {
     Columns,
     /// It cannot be read as comma-separated values.
     Csv(String),
+    /// A body is asked for that it has no row of.
+    NoBody {
+        /// The body's number, from 0.
+        body: usize,
+        /// How many bodies there are.
+        bodies: usize,
+    },
     /// It has no row that was measured on this engine.
     NoEngine {
         /// The engine's name.
@@ -191,6 +199,9 @@ impl std::fmt::Display for RowFault {
                 "its columns are not those of this version, whose rows cannot be appended: name another folder with --out",
             ),
             RowFault::Csv(reason) => formatter.write_str(reason),
+            RowFault::NoBody { body, bodies } => {
+                write!(formatter, "there is no body {body}: it has {bodies}, counted from 0")
+            }
             RowFault::NoEngine { engine } => {
                 write!(formatter, "no valid row of {engine}: `polhode bench accuracy --out` this folder leaves some")
             }
@@ -215,7 +226,8 @@ impl Table {
     pub fn open(folder: &Path, name: &str) -> Result<Self> {
         fs::create_dir_all(folder).map_err(|error| Error::file(folder, FileAction::Create, &error))?;
         let csv = folder.join(format!("{name}.csv"));
-        let header = if csv.exists() { Some(header_of(&csv)?) } else { None };
+        // All rows, as one that was cut would run into the first of this run.
+        let header = if csv.exists() { rows_of(&csv).and_then(|_| header_of(&csv)).map(Some)? } else { None };
         Ok(Self { json: csv.with_extension("json"), csv, header })
     }
 
@@ -260,16 +272,25 @@ pub fn rows(folder: &Path, name: &str) -> Result<Vec<Row>> {
     if csv.exists() { rows_of(&csv) } else { Ok(Vec::new()) }
 }
 
-/// One write, so that a row is there in full or not at all.
+/// One write, so that a row is there in full or not at all; a link is not followed.
 fn append(path: &Path, bytes: &[u8]) -> Result<()> {
     let failed = |error: &std::io::Error| Error::file(path, FileAction::Write, error);
+    if path.is_symlink() {
+        return Err(failed(&std::io::Error::other("it is a symbolic link")));
+    }
     let mut file = OpenOptions::new().create(true).append(true).open(path).map_err(|error| failed(&error))?;
     file.write_all(bytes).map_err(|error| failed(&error))
 }
 
-fn reader(path: &Path) -> Result<csv::Reader<File>> {
+fn reader(path: &Path) -> Result<csv::Reader<Lines<File>>> {
     let file = File::open(path).map_err(|error| Error::file(path, FileAction::Read, &error))?;
-    Ok(csv::Reader::from_reader(file))
+    Ok(csv::Reader::from_reader(Lines::new(file)))
+}
+
+/// Refuses a table whose last row was cut: another would be appended to it.
+fn refuse_cut(path: &Path, reader: &csv::Reader<Lines<File>>) -> Result<()> {
+    let fault = || RowFault::Csv(format!("line {}: {CUT}", reader.position().line()));
+    if reader.get_ref().are_cut() { Err(Error::Rows { path: path.to_owned(), fault: fault() }) } else { Ok(()) }
 }
 
 fn no_table(path: &Path) -> impl Fn(csv::Error) -> Error {
@@ -282,12 +303,15 @@ fn header_of(path: &Path) -> Result<Vec<String>> {
 
 fn rows_of(path: &Path) -> Result<Vec<Row>> {
     let names = header_of(path)?;
-    reader(path)?
+    let mut reader = reader(path)?;
+    let rows = reader
         .records()
         .map(|record| {
             let record = record.map_err(no_table(path))?;
             let cells = names.iter().zip(&record).map(|(name, cell)| (name.clone(), Value::from(cell)));
             Ok(Row { cells: cells.collect() })
         })
-        .collect()
+        .collect();
+    refuse_cut(path, &reader)?;
+    rows
 }

@@ -43,11 +43,14 @@ const TOLERANCE: f64 = 1e-6;
 /// The error, rad, for which the closed form's constants need two words.
 const FINE_TOLERANCE: f64 = 1e-12;
 
+/// The error, rad, for which bodies are stepped by Taylor series.
+const CLOSE_TOLERANCE: f64 = 1e-10;
+
 /// Output times of the scene that shows what outputs cost.
 const OUTPUTS: u32 = 50;
 
 /// The skips that have a scene.
-pub const SKIPS: [SkipName; 12] = [
+pub const SKIPS: [SkipName; 13] = [
     SkipName::AtRest,
     SkipName::Spherical,
     SkipName::Steady,
@@ -55,6 +58,7 @@ pub const SKIPS: [SkipName; 12] = [
     SkipName::Free,
     SkipName::SetUp,
     SkipName::Torque,
+    SkipName::Attitude,
     SkipName::Translation,
     SkipName::TranslationSteps,
     SkipName::Steps,
@@ -160,6 +164,12 @@ fn scenes(skip: SkipName, bodies: usize) -> Result<(Scene, Scene)> {
         SkipName::SetUp => {
             let scene = scene.precision(Some(Precision::F64));
             (scene.clone(), scene.accuracy(Accuracy::attitude(FINE_TOLERANCE)))
+        }
+        // Here a torque of no size that asks for the attitude.
+        SkipName::Attitude => {
+            let scene = scene.torque(Torque::linear_drag(drag(true))).accuracy(Accuracy::attitude(CLOSE_TOLERANCE));
+            let none = Torque::heavy_top(1.0, DVec3::Z * 1e-30, DVec3::NEG_Z);
+            (scene.clone(), scene.torque(none))
         }
         // And here to move centres of mass that nobody has given.
         SkipName::Translation => (scene, ask(falling(moving(&free)?))),

@@ -9,7 +9,7 @@ use crate::batch::{AnyBatch, Precision, StateWords};
 use crate::engine::work::imbalance;
 use crate::error::{Error, Result};
 use crate::method::Method;
-use crate::method::rk8_adaptive::least_tolerance;
+use crate::method::rk8_adaptive::{Controller, least_tolerance};
 use crate::real::Scalar;
 use crate::torque::Kind;
 use crate::vector::TwoWords;
@@ -143,6 +143,20 @@ pub trait AdaptiveSession: Reduce {
     fn job_to(&mut self, _time: f64) -> Result<Option<Job<'_>>> {
         Ok(None)
     }
+
+    /// One attempt of every body that is under way between the time that the session stands at and `end`, s: `controllers`, one a
+    /// body in units of its own scale, say what is left of that interval and which step is next, and become what they are after the
+    /// attempt. The session's own controllers, counts and time are not those of a run afterwards: this is how engines are compared
+    /// attempt by attempt ([`crate::verify`]).
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Setting`] where `end` is not finite; [`Error::Device`] where the device is lost.
+    ///
+    /// # Panics
+    ///
+    /// Where there are fewer controllers than bodies.
+    fn attempt(&mut self, end: f64, controllers: &mut [Controller<f64>]) -> Result<()>;
 
     /// The raw state of a range of bodies.
     ///

@@ -103,6 +103,14 @@ impl Expression {
         Self { formula: Arc::new(Part { graph, outputs }), shape }
     }
 
+    /// The formula with something else in the place of its inputs.
+    pub(crate) fn substituted(&self, mut inputs: impl FnMut(&Recorder, Input) -> Symbol) -> Result<Self, Fault> {
+        let (graph, outputs) = Graph::record::<Fault>(|recorder| {
+            Ok(self.graph().substituted(self.outputs(), |input| inputs(recorder, input)))
+        })?;
+        Ok(Self::new(&graph, &outputs, self.shape))
+    }
+
     /// The operations; there are none that no result needs.
     pub fn graph(&self) -> &Graph {
         &self.formula.graph

@@ -70,6 +70,16 @@ impl Graph {
         Replayed { outputs, rates }
     }
 
+    /// Records the operations that form `outputs` again, as they are, in the recording that runs on this thread.
+    pub(super) fn substituted(&self, outputs: &[Node], mut input: impl FnMut(Input) -> Symbol) -> Vec<Symbol> {
+        let mut values = vec![Value::Number(Symbol::splat(0.0)); self.len()];
+        for node in self.live(outputs) {
+            let operation = self.operation(node);
+            values[node.index()] = recorded(operation, |operand| values[operand.index()], None, &mut input);
+        }
+        outputs.iter().map(|output| number(values[output.index()])).collect()
+    }
+
     /// A node as r t + b, where it is one.
     fn affine(&self, node: Node, value: Value, known: &[Option<Affine>]) -> Option<Affine> {
         let dependence = self.dependence(node);

@@ -98,6 +98,20 @@ pub enum MeshDefect {
     NoVolume,
     /// The surface has no area.
     NoArea,
+    /// Triangles stand twice, turned alike.
+    Doubled {
+        /// How many are repetitions.
+        triangles: usize,
+    },
+    /// Parts of the surface overlap, lie within one another, or pass through themselves.
+    Overlapping {
+        /// How often the surface winds around a point beside it, where that is furthest from 0 and 1.
+        winding: i64,
+        /// Places of the surface with such a side.
+        found: usize,
+        /// Places that were looked at.
+        places: usize,
+    },
 }
 
 impl fmt::Display for MeshDefect {
@@ -126,6 +140,14 @@ impl fmt::Display for MeshDefect {
             ),
             Self::NoVolume => write!(f, "closed, but without volume"),
             Self::NoArea => write!(f, "without area"),
+            Self::Doubled { triangles } => {
+                write!(f, "{triangles} triangles stand twice: their volume would count twice")
+            }
+            Self::Overlapping { winding, found, places } => write!(
+                f,
+                "parts overlap, lie within one another or pass through themselves (the surface winds {winding} times around a \
+                 side of {found} of {places} places on it, 0 or 1 is needed): their volume would not count once"
+            ),
         }
     }
 }
@@ -209,7 +231,7 @@ impl TriangleMesh {
 
     /// Whether and how well the mesh is closed.
     ///
-    /// Surfaces that pass through themselves are not found out: where they overlap the volume counts twice.
+    /// Surfaces that overlap or pass through themselves are closed too; [`TriangleMesh::overlap`] finds them out.
     pub fn report(&self) -> MeshReport {
         // For each edge: how often it runs up and how often down in the numbering of vertices.
         let mut edges: HashMap<(usize, usize), [usize; 2]> = HashMap::with_capacity(self.triangles.len() * 3 / 2);

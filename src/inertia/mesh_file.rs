@@ -3,12 +3,12 @@
 use std::ffi::OsStr;
 use std::fmt;
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{ErrorKind, Read};
 use std::path::Path;
 
 use glam::DVec3;
 
-use super::TriangleMesh;
+use super::{MeshDefect, TriangleMesh};
 use crate::error::{Error, Result};
 
 /// What is wrong with a mesh file.
@@ -28,6 +28,10 @@ pub enum MeshFileProblem {
     Obj(tobj::LoadError),
     /// It has no triangles.
     Empty,
+    /// Its last line does not end in a newline, as where it was cut.
+    Cut,
+    /// Its triangles make no surface that encloses a volume once.
+    Surface(MeshDefect),
 }
 
 impl fmt::Display for MeshFileProblem {
@@ -35,9 +39,16 @@ impl fmt::Display for MeshFileProblem {
         match self {
             Self::UnknownFormat => write!(f, "the name must end in .obj or .stl"),
             Self::Io(kind) => write!(f, "{kind}"),
-            Self::Stl { message } => write!(f, "not a complete STL file ({message})"),
+            Self::Stl { message } => write!(f, "not a whole STL file ({message})"),
             Self::Obj(error) => write!(f, "not a valid OBJ file ({error})"),
             Self::Empty => write!(f, "no triangles in the file"),
+            Self::Cut => {
+                write!(
+                    f,
+                    "the last line does not end in a newline, so the file may be cut: add a newline if it is whole"
+                )
+            }
+            Self::Surface(defect) => write!(f, "{defect}"),
         }
     }
 }
@@ -50,8 +61,8 @@ impl fmt::Display for MeshFileProblem {
 /// the precision of `f32`.
 ///
 /// # Errors
-/// [`Error::MeshFile`] with the path and what is wrong, [`Error::Mesh`] where a coordinate is not finite. That the
-/// surface is closed is examined by [`TriangleMesh::mass_properties`], not here.
+/// [`Error::MeshFile`] with the path and what is wrong. That the surface is closed is examined by
+/// [`TriangleMesh::mass_properties`], and that it encloses nothing twice by [`TriangleMesh::overlap`], not here.
 ///
 /// ```
 /// use polhode::inertia::read_mesh;
@@ -72,33 +83,39 @@ pub fn read_mesh(path: impl AsRef<Path>) -> Result<TriangleMesh> {
         Some("obj") => false,
         _ => return Err(failed(MeshFileProblem::UnknownFormat)),
     };
-    let file = File::open(path).map_err(|error| failed(MeshFileProblem::Io(error.kind())))?;
-    let mut reader = BufReader::new(file);
-    let corners = if is_stl { stl_corners(&mut reader) } else { obj_corners(&mut reader) }.map_err(failed)?;
+    let bytes = read_file(path).map_err(|error| failed(MeshFileProblem::Io(error.kind())))?;
+    let corners = if is_stl { super::stl::corners(bytes) } else { obj_corners(&bytes) }.map_err(failed)?;
     if corners.is_empty() {
         return Err(failed(MeshFileProblem::Empty));
     }
-    TriangleMesh::from_corners(corners)
+    TriangleMesh::from_corners(corners).map_err(|error| match error {
+        Error::Mesh(defect) => failed(MeshFileProblem::Surface(defect)),
+        error => error,
+    })
 }
 
-type Corners = std::result::Result<Vec<[DVec3; 3]>, MeshFileProblem>;
-
-fn stl_corners(reader: &mut BufReader<File>) -> Corners {
-    let problem = |error: std::io::Error| MeshFileProblem::Stl { message: error.to_string() };
-    stl_io::create_stl_reader(reader)
-        .map_err(problem)?
-        .map(|triangle| {
-            let triangle = triangle.map_err(problem)?;
-            Ok(triangle.vertices.map(|v| DVec3::new(v[0].into(), v[1].into(), v[2].into())))
-        })
-        .collect()
+/// All bytes of a plain file; others may be without end.
+fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut file = File::open(path)?;
+    match file.metadata()?.is_file() {
+        true => {
+            let mut bytes = Vec::new();
+            file.read_to_end(&mut bytes)?;
+            Ok(bytes)
+        }
+        false => Err(ErrorKind::InvalidInput.into()),
+    }
 }
 
-fn obj_corners(reader: &mut BufReader<File>) -> Corners {
+fn obj_corners(bytes: &[u8]) -> Result<Vec<[DVec3; 3]>, MeshFileProblem> {
+    if bytes.last().is_some_and(|byte| !matches!(byte, b'\n' | b'\r')) {
+        return Err(MeshFileProblem::Cut);
+    }
     let options =
         tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
     // Materials have nothing to do with the surface, so their files are not opened.
-    let (models, _) = tobj::load_obj_buf(reader, &options, |_| Ok(Default::default())).map_err(MeshFileProblem::Obj)?;
+    let (models, _) =
+        tobj::load_obj_buf(&mut &bytes[..], &options, |_| Ok(Default::default())).map_err(MeshFileProblem::Obj)?;
     let mut corners = Vec::new();
     for model in models {
         let at = |index: u32| {

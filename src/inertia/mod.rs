@@ -31,12 +31,15 @@ mod mesh;
 #[cfg(feature = "mesh")]
 mod mesh_file;
 mod moments;
+mod overlap;
 mod points;
 mod principal;
 mod quadrature;
 mod refined;
 mod scatter;
 mod shape;
+#[cfg(feature = "mesh")]
+mod stl;
 mod tensor;
 mod tessellation;
 mod validation;

@@ -25,8 +25,10 @@
 //! up to ((N!)²/((2N)! (2N + 1)!)) h^{2N+1} q^{(2N+1)}: order 2N from N coefficients at either end (the two-point formula of C. Hermite and
 //! N. Obreshkov; E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*, 2nd ed. (1993), section II.13,
 //! equation 13.13). The series at t₁ serve the next step as well. N = ⌊(K − 1)/2⌋, and h is the lesser of the step above, for m, and of
-//! that which keeps this error at the tolerance, with the derivative's size taken from u_N and from ω_{2N}. A step that ends where something
-//! changes its sign has no later series: those at t₁ are then the polynomials ω(t) of the step itself, expanded there.
+//! that which keeps this error at the tolerance. The derivative of order 2N + 1 is bounded by that of v with v' = ½ |ω| v, whose coefficients
+//! follow from the norms of ω's (a majorant: Moore, chapter 11): u_N alone says nothing of a body that is spun up within the step.
+//! A step that ends where something changes its sign has no later series: those at t₁ are then the polynomials ω(t) of the step itself,
+//! expanded there.
 //!
 //! # Differences from the source
 //!
@@ -129,10 +131,8 @@ pub(crate) struct TwoSided {
     /// N.
     pub half_order: usize,
     weights: [f64; MOST_HALF_ORDER + 1],
-    /// By the norms of u_N and u_{N−1}.
+    /// By the coefficients of order 2N + 1 and 2N of a majorant of u.
     pub length: StepLength,
-    /// By the norms of ω_{2N} and ω_{2N−1}.
-    pub own_length: StepLength,
 }
 
 impl TwoSided {
@@ -143,23 +143,36 @@ impl TwoSided {
             let below = k as f64 - 1.0;
             weights[k] = weights[k - 1] * (n - below) / (2.0 * n - below);
         }
-        // The derivative of order 2N + 1 is taken to grow as those of order N and N − 1 say, (N! ‖u_N‖)^(1/N).
-        let factorial = |n: usize| (1..=n).map(|k| (k as f64).log2()).sum::<f64>();
         let whole = 2 * half_order + 1;
-        let constant = factorial(whole) + factorial(whole - 1) - 2.0 * factorial(half_order);
+        let factorial = |n: usize| (1..=n).map(|k| (k as f64).log2()).sum::<f64>();
+        let constant = 2.0 * factorial(half_order) - factorial(2 * half_order) - tolerance.log2();
         let length = StepLength {
-            roots: [n.recip(), (n - 1.0).recip()],
-            shifts: [factorial(half_order), factorial(half_order - 1)],
-            safety: -(tolerance.log2() + constant) / whole as f64,
+            roots: [(whole as f64).recip(), (whole as f64 - 1.0).recip()],
+            // The terms of an exponential grow by some 2/(2N + 1) from the one to the other where the step is as long as it may be.
+            shifts: [constant, constant - (0.5 * whole as f64).log2()],
+            safety: 0.0,
         };
-        // ½ ω_{2N}/(2N + 1) is a part of the coefficient 2N + 1 of u, and the only one where the series of ω begins late.
-        let part = tolerance.log2() + factorial(2 * half_order) - 2.0 * factorial(half_order) + (4.0 * n).log2();
-        let own_length = StepLength {
-            roots: [(2.0 * n + 1.0).recip(), (2.0 * n).recip()],
-            shifts: [-part; 2],
-            safety: 0.7 * std::f64::consts::LOG2_E / (2.0 * n),
-        };
-        Self { half_order, weights, length, own_length }
+        Self { half_order, weights, length }
+    }
+
+    /// The coefficients of order 2N + 1 and 2N of v with v' = ½ |ω| v, v₀ = 1, which bound those of u; of the norms of ω's coefficients.
+    #[inline(always)]
+    pub fn majorant<R: Real>(&self, norms: &[R]) -> [R; 2] {
+        let zero = R::splat(0.0);
+        let mut v = [zero; 2 * MOST_HALF_ORDER + 2];
+        v[0] = R::splat(1.0);
+        let count = norms.len().min(2 * MOST_HALF_ORDER + 1);
+        for k in 0..count {
+            let (mut even, mut odd) = (zero, zero);
+            for j in (0..=k).step_by(2) {
+                even = v[j].mul_add(norms[k - j], even);
+                if j < k {
+                    odd = v[j + 1].mul_add(norms[k - j - 1], odd);
+                }
+            }
+            v[k + 1] = (even + odd) * R::splat(0.5 / (k + 1) as f64);
+        }
+        [v[count], v[count.saturating_sub(1)]]
     }
 
     /// S(h; t) and S(−h'; t) of the series u at t.

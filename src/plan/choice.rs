@@ -19,32 +19,42 @@ use crate::torque;
 pub enum Scheme {
     /// A method in equal steps, whose length follows from a body's rate at the start.
     Equal(Method),
-    /// `rk8` in steps that each body chooses by its own estimate of their errors.
-    Adaptive,
+    /// One of [`Method::ADAPTIVE`] in steps that each body chooses by its own estimate of their errors.
+    Adaptive(Method),
 }
 
 impl Scheme {
+    /// `rk8` in adaptive steps, in either arithmetic and on every engine.
+    pub(super) const ADAPTIVE_RK8: Self = Scheme::Adaptive(Method::Rk8);
+    /// Taylor series, in `f64` and on the CPU.
+    pub(super) const TAYLOR: Self = Scheme::Adaptive(Method::Taylor);
+
     /// The integrator.
     pub fn method(self) -> Method {
         match self {
-            Scheme::Equal(method) => method,
-            Scheme::Adaptive => Method::Rk8,
+            Scheme::Equal(method) | Scheme::Adaptive(method) => method,
         }
+    }
+
+    /// Whether bodies choose their steps.
+    pub fn is_adaptive(self) -> bool {
+        matches!(self, Scheme::Adaptive(_))
     }
 
     /// The name in tables and plans.
     pub fn name(self) -> &'static str {
         match self {
-            Scheme::Equal(method) => method.name(),
-            Scheme::Adaptive => ADAPTIVE,
+            Scheme::ADAPTIVE_RK8 => ADAPTIVE,
+            Scheme::Equal(method) | Scheme::Adaptive(method) => method.name(),
         }
     }
 
     /// The scheme of a name.
     #[cfg(feature = "study")]
     pub(super) fn named(name: &str) -> Option<Self> {
-        let all = Method::ALL.into_iter().map(Scheme::Equal).chain([Scheme::Adaptive]);
-        all.into_iter().find(|scheme| scheme.name() == name)
+        let adaptive = Method::ADAPTIVE.into_iter().map(Scheme::Adaptive);
+        let mut all = Method::ALL.into_iter().map(Scheme::Equal).chain(adaptive);
+        all.find(|scheme| scheme.name() == name)
     }
 }
 
@@ -86,30 +96,37 @@ impl Rule {
 
     /// Whether `other` comes to the same adaptive steps in `precision`, as the tolerance is at a limit.
     pub(super) fn adapts_like(&self, other: &Rule, precision: Precision) -> bool {
-        self.scheme == Scheme::Adaptive && self.tolerance(precision) == other.tolerance(precision)
+        self.scheme.is_adaptive() && self.tolerance(precision) == other.tolerance(precision)
     }
 
     /// How bodies are treated that are stepped by this rule in steps of at most `longest_step` s.
     pub(super) fn treatment(&self, precision: Precision, longest_step: f64) -> Treatment {
         match self.scheme {
             Scheme::Equal(method) => Treatment::Stepped { method, precision, longest_step, projected: false },
-            Scheme::Adaptive => {
+            Scheme::Adaptive(method) => {
                 let steps = AdaptiveSteps { tolerance: self.tolerance(precision), least_step: None };
-                Treatment::Adaptive { method: Method::Rk8, precision, steps }
+                Treatment::Adaptive { method, precision, steps }
             }
         }
     }
 
     /// The steps that a body is expected to take that turns by `angle` rad, where that is known before it is stepped.
     pub(super) fn expected_attempts(&self, precision: Precision, angle: f64) -> f64 {
-        1.0 + angle / (ADAPTIVE_ANGLE * self.tolerance(precision).powf(0.125))
+        match self.scheme {
+            Scheme::TAYLOR => 1.0 + angle / TAYLOR_ANGLE,
+            _ => 1.0 + angle / (ADAPTIVE_ANGLE * self.tolerance(precision).powf(0.125)),
+        }
     }
 }
 
 /// Beyond this tolerance the error of a step says little of the error after many.
 const GREATEST_TOLERANCE: f64 = 1e-2;
 
-/// The angle, rad, that an adaptive step of tolerance 1 would turn a body by, as the eighth root says: within a third of what bodies
+/// The angle, rad, that a step by Taylor series turns a body by at any tolerance, as its order goes with that; 1 rad where torques ask for
+/// the attitude, up to 2 where none does.
+const TAYLOR_ANGLE: f64 = 1.5;
+
+/// The angle, rad, that an adaptive step of `rk8` of tolerance 1 would turn a body by, as the eighth root says: within a third of what bodies
 /// of `polhode bench accuracy` take.
 const ADAPTIVE_ANGLE: f64 = 6.0;
 

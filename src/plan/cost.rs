@@ -11,6 +11,7 @@ use crate::method::Method;
 
 #[cfg(feature = "bench")]
 mod measured;
+pub(super) mod work;
 
 /// One method.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,10 +44,16 @@ pub struct Figures {
 /// and drag, and less where the torque costs more, as its control counts less then; what stands here is 1.5 times.
 pub const COSTS: &[Cost] = &[
     Cost {
-        scheme: Scheme::Adaptive,
+        scheme: Scheme::ADAPTIVE_RK8,
         longest_angle: f64::INFINITY,
         free: Figures { coefficient: 13.0, seconds: [4.6e-8, 7.4e-8] },
         driven: Figures { coefficient: 30.0, seconds: [3.4e-8, 6.5e-8] },
+    },
+    Cost {
+        scheme: Scheme::TAYLOR,
+        longest_angle: f64::INFINITY,
+        free: Figures { coefficient: 20.0, seconds: [f64::INFINITY, 5.0e-8] },
+        driven: Figures { coefficient: 30.0, seconds: [f64::INFINITY, 5.0e-8] },
     },
     Cost {
         scheme: Scheme::Equal(Method::Rk8),
@@ -152,8 +159,12 @@ impl Costs {
         free: bool,
         body_steps: f64,
     ) -> Option<f64> {
+        Some(body_steps * self.of(scheme)?.step_seconds(precision, free) / self.at_a_time(engine)?)
+    }
+
+    /// Steps that an engine does at a time.
+    pub(super) fn at_a_time(&self, engine: &Description) -> Option<f64> {
         let cores = || (engine.kind == EngineKind::Cpu).then(|| rayon::current_num_threads() as f64);
-        let at_a_time = self.at_a_time.or_else(cores)?;
-        Some(body_steps * self.of(scheme)?.step_seconds(precision, free) / at_a_time)
+        self.at_a_time.or_else(cores)
     }
 }

@@ -1,5 +1,7 @@
 //! `plan.json`: a plan in full, by which a run is repeated to the bit.
 //!
+//! A sum tells a plan that was edited or cut from one that a run has left.
+//!
 //! The file holds what was chosen ([`Resolution`]) and marks of the scene that it was chosen for; classes and skips stand beside them for people
 //! and follow from both. Numbers are written with the digits that read back to the same bits.
 
@@ -15,13 +17,17 @@ use super::{Bound, Plan, Rule, Scheme, TorqueSet};
 use crate::batch::Precision;
 use crate::engine::Backend;
 use crate::engine::adaptive::AdaptiveSteps;
-use crate::error::{Error, FileAction, Result};
+use crate::error::{Error, Result};
 use crate::method::Method;
 use crate::record::Spread;
 use crate::scene::{Scene, Target};
+use crate::study::text::read_text;
 
 /// The version of the file's layout.
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
+
+/// The release that writes and reads plans.
+const RELEASE: &str = env!("CARGO_PKG_VERSION");
 
 /// A plan as it stands in `plan.json`.
 #[derive(Clone, Debug)]
@@ -37,6 +43,8 @@ struct PlanFile {
     engine: String,
     scene: SceneMarks,
     resolution: ResolutionEntry,
+    /// Of all that stands before it ([`PlanFile::sum`]).
+    sum: String,
     #[serde(skip_deserializing)]
     classes: Vec<ClassRow>,
     #[serde(skip_deserializing)]
@@ -100,7 +108,7 @@ impl PlanDocument {
     ///
     /// [`Error::File`] where it cannot be read; [`Error::PlanFormat`] where it is no plan of this release.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(|error| Error::file(path, FileAction::Read, &error))?;
+        let text = read_text(path)?;
         Self::parse(path, &text)
     }
 
@@ -116,8 +124,15 @@ impl PlanDocument {
         if file.format != FORMAT {
             return Err(wrong(1, format!("its format is {}, this release reads {FORMAT}", file.format)));
         }
+        if file.polhode != RELEASE {
+            return Err(wrong(1, format!("it is of polhode {}, this is {RELEASE}", file.polhode)));
+        }
+        file.check().map_err(|reason| wrong(1, reason))?;
         let document = Self { path: path.to_owned(), file };
         document.resolution().map_err(|name| wrong(1, format!("{name} is not known")))?;
+        if document.file.sum != document.file.sum() {
+            return Err(wrong(1, "it is not as the run wrote it: its sum differs".to_owned()));
+        }
         Ok(document)
     }
 
@@ -154,7 +169,55 @@ impl PlanDocument {
     }
 }
 
+impl PlanFile {
+    /// A sum of everything that a plan is repeated by, in hexadecimal digits.
+    fn sum(&self) -> String {
+        let Self { format, polhode, engine, scene, resolution, .. } = self;
+        // Fixed keys, plain numbers and strings: there is nothing to fail on.
+        let text = serde_json::to_string(&(format, polhode, engine, scene, resolution)).unwrap_or_default();
+        format!("{:08x}", crc32fast::hash(text.as_bytes()))
+    }
+
+    /// What no plan holds, whatever its scene.
+    fn check(&self) -> Result<(), String> {
+        let refused = |name: &str, value: f64, expected: &str| Err(format!("{name} = {value:?}: {expected} is needed"));
+        let positive = |name: &str, value: Option<f64>| match value {
+            Some(value) if !(value > 0.0 && value.is_finite()) => refused(name, value, "a positive, finite number"),
+            _ => Ok(()),
+        };
+        let not_negative = |name: &str, value: Option<f64>| match value {
+            Some(value) if !(value >= 0.0 && value.is_finite()) => refused(name, value, "a finite number from 0 on"),
+            _ => Ok(()),
+        };
+        match &self.resolution {
+            ResolutionEntry::Pinned { longest_step, .. } => positive("longest_step", Some(*longest_step)),
+            ResolutionEntry::Adaptive { tolerance, least_step, .. } => {
+                positive("tolerance", Some(*tolerance)).and_then(|()| positive("least_step", *least_step))
+            }
+            ResolutionEntry::Accuracy { uniform_rate, stepped, .. } => {
+                not_negative("uniform_rate", *uniform_rate)?;
+                stepped.iter().try_for_each(|entry| {
+                    not_negative("coefficient", Some(entry.coefficient))?;
+                    not_negative("longest_angle", entry.longest_angle)?;
+                    entry.check_torques(self.scene.torque_count())
+                })
+            }
+        }
+    }
+}
+
 impl SteppedEntry {
+    /// Refuses torques that the scene has not, and such as stand twice.
+    fn check_torques(&self, count: usize) -> Result<(), String> {
+        if let Some(index) = self.torques.iter().find(|&&index| index >= count) {
+            return Err(format!("torques holds {index}: the scene has {count} torques, counted from 0"));
+        }
+        match self.torques.is_sorted_by(|a, b| a < b) {
+            true => Ok(()),
+            false => Err("torques are not in ascending order".to_owned()),
+        }
+    }
+
     fn stepped(&self) -> Result<Stepped, String> {
         let rule = Rule {
             scheme: Scheme::named(&self.method).ok_or_else(|| unknown_method(&self.method))?,
@@ -220,16 +283,17 @@ impl<'a> Plan<'a> {
                     .collect(),
             },
         };
-        let file = PlanFile {
+        let mut file = PlanFile {
             format: FORMAT,
-            polhode: env!("CARGO_PKG_VERSION").to_owned(),
+            polhode: RELEASE.to_owned(),
             engine: explanation.engine,
             scene: SceneMarks::of(self.scene(), self.times().len()),
             resolution,
+            sum: String::new(),
             classes: explanation.classes,
             skips: explanation.skips,
         };
-        // Fixed keys, plain numbers and strings: there is nothing to fail on.
+        file.sum = file.sum();
         let mut text = serde_json::to_string_pretty(&file).unwrap_or_default();
         text.push('\n');
         text

@@ -6,13 +6,13 @@ use std::fmt;
 use super::choice::CLOSED_FORM_F64;
 use super::class::Bound;
 use super::cost::evaluation_seconds;
+use super::cost::work::Work;
 use super::group::{Group, Treatment};
 use super::parts::name_of;
 use super::{CLOSED_FORM_F32, Found, Plan, Resolution, Scheme, Shape, TorqueSet};
 use crate::batch::{BodyFrame, Precision, bytes_per_body_under};
 use crate::engine::EngineKind;
 use crate::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
-use crate::method::Method;
 use crate::record::Spread;
 use crate::regular_precession::RegularPrecession;
 
@@ -199,25 +199,29 @@ impl Plan<'_> {
         let bodies = group.members.len() as f64;
         let evaluations = bodies * self.times().len() as f64;
         let cores = rayon::current_num_threads() as f64;
-        let free = group.class.torques.is_empty();
         match group.treatment {
             // On the host, whatever the engine.
             Treatment::RegularPrecession => Some(evaluations * evaluation_seconds(None) / cores),
             Treatment::ClosedForm { .. } if self.engine.kind != EngineKind::Cpu => None,
             Treatment::ClosedForm { precision, .. } => Some(evaluations * evaluation_seconds(Some(precision)) / cores),
-            // Nothing is known of what series cost.
-            Treatment::Adaptive { method: Method::Taylor, .. } => None,
-            Treatment::Adaptive { precision, .. } => {
+            Treatment::Adaptive { method, precision, steps } => {
                 // Without a pilot the number of steps shows in the run alone.
                 let found = self.found(group)?;
                 let body_steps = found.steps?.total as f64 / found.bodies as f64 * bodies;
-                self.costs.seconds(&self.engine, Scheme::Adaptive, precision, free, body_steps)
+                Some(body_steps * self.step_seconds(group, Scheme::Adaptive(method), precision, steps.tolerance)?)
             }
             Treatment::Stepped { method, precision, .. } => {
                 let body_steps = self.steps_of(group) as f64 * bodies;
-                self.costs.seconds(&self.engine, Scheme::Equal(method), precision, free, body_steps)
+                Some(body_steps * self.step_seconds(group, Scheme::Equal(method), precision, 1.0)?)
             }
         }
+    }
+
+    /// The part of the wall time, s, that is one body's step in a group; the tolerance is that of adaptive steps.
+    fn step_seconds(&self, group: &Group, scheme: Scheme, precision: Precision, tolerance: f64) -> Option<f64> {
+        let work = Work::of(&group.class.torques.of(self.scene().torques()), self.scene().ensemble());
+        let of_step = work.step_seconds(self.costs.of(scheme)?, precision, tolerance);
+        Some(of_step / self.costs.at_a_time(&self.engine)?)
     }
 
     /// Memory that a group's columns take, bytes.

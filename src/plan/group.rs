@@ -68,7 +68,7 @@ impl Treatment {
         error_bound(self.precision())
     }
 
-    fn precision(&self) -> Precision {
+    pub(crate) fn precision(&self) -> Precision {
         match *self {
             Treatment::ClosedForm { precision, .. }
             | Treatment::Stepped { precision, .. }

@@ -38,6 +38,11 @@ impl SceneMarks {
         }
     }
 
+    /// Torques of the scene.
+    pub fn torque_count(&self) -> usize {
+        self.torques.len()
+    }
+
     /// The first thing in which two scenes differ.
     pub fn first_difference(&self, other: &Self) -> Option<Difference> {
         let list = |names: &[String]| if names.is_empty() { "none".to_owned() } else { names.join(", ") };

@@ -7,6 +7,7 @@
 //! reason and the bound that makes it safe.
 
 use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
 
 use crate::batch::Precision;
 use crate::engine::{Backend, Description};
@@ -68,6 +69,7 @@ pub struct Plan<'a> {
     groups: Vec<Group>,
     skips: Vec<Skip>,
     costs: Costs,
+    planning: Duration,
 }
 
 impl<'a> Plan<'a> {
@@ -76,7 +78,7 @@ impl<'a> Plan<'a> {
     /// Where method and step are pinned, every body is stepped that way; only bodies at rest without torque are not.
     /// Where an error is asked for, torque-free bodies are not stepped, and for each set of torques that act on a body a
     /// [`pilot`](Scene::without_pilot) on a few of the bodies finds method and steps: equal ones that follow each body's own
-    /// rate, or, where that is cheaper, `rk8` in steps that each body chooses ([`Scheme`]). Stepped bodies are in `f32` where
+    /// rate, or, where that is cheaper, `rk8` or Taylor series in steps that each body chooses ([`Scheme`]). Stepped bodies are in `f32` where
     /// its own floor, 1e-6 rad and 3e-8 of the angle turned, is below the error asked for, the closed form where 9.6e-7 rad
     /// are ([`CLOSED_FORM_F32`] with [`SKIP_SHARE`]); the others are in `f64`.
     ///
@@ -98,12 +100,13 @@ impl<'a> Plan<'a> {
     ///
     /// As [`Plan::new`].
     pub fn with_costs(scene: &'a Scene, engine: &dyn Backend, costs: &Costs) -> Result<Self> {
+        let since = Instant::now();
         let times = Self::checked(scene)?;
         // Among the pool's threads, so that they need not be woken for each of many small parts.
         rayon::scope(|_| {
             let resolution = Resolution::new(scene, engine, &times, costs)?;
             let plan = Self::resolved(scene, engine, resolution, times)?;
-            Ok(Self { costs: costs.clone(), ..plan })
+            Ok(Self { costs: costs.clone(), planning: since.elapsed(), ..plan })
         })
     }
 
@@ -135,7 +138,9 @@ impl<'a> Plan<'a> {
         let (method, precision, longest_step) = main_treatment(&groups, scene, engine);
         let engine = engine.description();
         let costs = Costs::shipped();
-        let plan = Self { scene, engine, method, precision, longest_step, times, resolution, groups, skips, costs };
+        let planning = Duration::ZERO;
+        let plan =
+            Self { scene, engine, method, precision, longest_step, times, resolution, groups, skips, costs, planning };
         plan.check_steps()?;
         Ok(plan)
     }
@@ -183,6 +188,11 @@ impl<'a> Plan<'a> {
     /// What is left out.
     pub fn skips(&self) -> &[Skip] {
         &self.skips
+    }
+
+    /// How long it took to make; zero of one that was read.
+    pub fn planning_time(&self) -> Duration {
+        self.planning
     }
 
     /// Whether states are not read for the outputs: statistics alone are asked for ([`SkipName::States`]).
@@ -332,6 +342,12 @@ fn skips(scene: &Scene, groups: &[Group], outputs: usize) -> Vec<Skip> {
         }
         if !scene.torques().is_empty() && !group.class.is_driven() {
             add(SkipName::Torque, count, Bound::default());
+        }
+        let asks = |torque: &Torque| torque.needs().attitude;
+        if matches!(group.treatment, Treatment::Adaptive { method: Method::Taylor, .. })
+            && !group.class.torques.of(scene.torques()).iter().any(asks)
+        {
+            add(SkipName::Attitude, count, Bound::default());
         }
         let adapts = matches!(group.treatment, Treatment::Adaptive { .. }) && scene.may_skip() && count > 1;
         if adapts || step_if_stepped(group).is_some_and(|step| step > longest) {

@@ -13,6 +13,7 @@
 use std::cmp::Ordering;
 
 use super::choice::{Look, Rule, Scheme, narrowest};
+use super::cost::work::Work;
 use super::cost::{Cost, Costs};
 use super::reference::Reference;
 use crate::batch::Precision;
@@ -50,6 +51,8 @@ const SHARE: f64 = 0.1;
 const FREE_STEPS: f64 = 3e5;
 /// A reference that would take more than so many budgets is not found.
 const MOST_BUDGETS: f64 = 3.0;
+/// As many of what a reference may take the candidates may take together: where none meets the target, they would be refined without end.
+const MOST_OF_CANDIDATES: f64 = 5.0;
 /// How often it steps its bodies, in steps of the length that the class will take.
 const PASSES: f64 = 6.0;
 
@@ -104,7 +107,11 @@ pub(super) struct Pilot<'a> {
     pub costs: &'a Costs,
     pub times: &'a [f64],
     pub torques: &'a [Torque],
+    /// What a step under them costs.
+    pub work: &'a Work,
     pub precision: Option<Precision>,
+    /// Whether the engine is the CPU's, which alone forms Taylor series.
+    pub on_cpu: bool,
     /// Bodies of the class.
     pub all: usize,
     /// The sample with the looks at them.
@@ -177,14 +184,14 @@ impl<'a> Pilot<'a> {
     /// Finds how much a few bodies err over `span` s, and the steps of a body over the whole span that are needed then.
     fn probe(&mut self, span: f64) -> Result<f64> {
         let count = self.bodies.len() as f64;
-        if !self.allows(Scheme::Adaptive) {
+        if !self.allows(Scheme::ADAPTIVE_RK8) {
             let cost = Cost::shipped(Scheme::Equal(Method::Rk8));
             let rule = self.rule(cost, Some(Precision::F64));
-            let step = cost.step_seconds(Precision::F64, self.torques.is_empty());
+            let step = self.step_seconds(&rule, cost, Precision::F64);
             return Ok((self.seconds(&rule, cost, None) / step / count).max(1.0));
         }
         let probe = Self { bodies: self.bodies.clone(), span, ..*self };
-        let rule = probe.rule(Cost::shipped(Scheme::Adaptive), Some(Precision::F64)).with_room();
+        let rule = probe.rule(Cost::shipped(Scheme::ADAPTIVE_RK8), Some(Precision::F64)).with_room();
         let (coarse, fine) = (probe.stepped(&rule)?, probe.stepped(&rule.finer())?);
         let part = probe.errors(&coarse.states, &fine.states).standing(self.accuracy, self.all).part;
         // The rule expects an error that grows with the angle.
@@ -192,6 +199,12 @@ impl<'a> Pilot<'a> {
         self.difficulty = (self.difficulty * harder).min(MOST_DIFFICULTY);
         let needed = harder.powf(f64::from(rule.scheme.method().order()).recip());
         Ok((coarse.steps.map_or(0.0, |steps| steps.total as f64) / count * needed).max(1.0))
+    }
+
+    /// The time, s, that a reference may take.
+    pub fn most_seconds(&self) -> f64 {
+        let cost = Cost::shipped(Scheme::Equal(Method::Rk8));
+        self.most_steps * self.step_seconds(&self.rule(cost, Some(Precision::F64)), cost, Precision::F64)
     }
 
     /// By what errors of the sample are multiplied for those that it does not show.
@@ -228,13 +241,17 @@ impl<'a> Pilot<'a> {
             // Between those of the kinder and of the harder problem, and as much harder as this one has been found.
             let (free, driven) = (cost.free.coefficient, cost.driven.coefficient);
             let coefficient = match start.scheme {
-                Scheme::Adaptive => start.coefficient,
+                Scheme::Adaptive(_) => start.coefficient,
                 Scheme::Equal(_) => self.difficulty * (free * driven).sqrt(),
             };
-            if self.seconds(&Rule { coefficient, ..start }, cost, None) > HOPELESS * cheapest {
+            // The reference has taken such steps already where it is of this kind.
+            let known = reference.coarse.as_ref().filter(|(rule, _)| rule.scheme == start.scheme);
+            let known = known.and_then(|(_, sampled)| sampled.steps);
+            if self.seconds(&Rule { coefficient, ..start }, cost, known) > HOPELESS * cheapest {
                 continue;
             }
-            let found = self.calibrated(self.within(start, cost, cheapest), cost, cheapest, reference)?;
+            let start = if start.scheme == Scheme::TAYLOR { start } else { self.within(start, cost, cheapest) };
+            let found = self.calibrated(start, cost, cheapest, reference)?;
             narrow_misses |= found.misses() && self.has_narrow(&start);
             if !found.misses() {
                 cheapest = cheapest.min(self.seconds(&found.rule, cost, found.steps));
@@ -267,9 +284,9 @@ impl<'a> Pilot<'a> {
     pub fn tabulated(&self) -> Found {
         let seconds = |(rule, cost): &(Rule, &Cost)| {
             let precision = rule.precision.unwrap_or_else(|| narrowest(rule.attitude, NOMINAL_ANGLE));
-            cost.step_seconds(precision, self.torques.is_empty()) / rule.longest_step(1.0, NOMINAL_ANGLE)
+            self.step_seconds(rule, cost, precision) / rule.longest_step(1.0, NOMINAL_ANGLE)
         };
-        let equal = self.candidates().into_iter().filter(|(rule, _)| rule.scheme != Scheme::Adaptive);
+        let equal = self.candidates().into_iter().filter(|(rule, _)| !rule.scheme.is_adaptive());
         let cheapest = equal.min_by(|a, b| seconds(a).total_cmp(&seconds(b)));
         let fallback = || self.rule(Cost::shipped(Scheme::Equal(Method::Rk8)), self.precision);
         let rule = cheapest.map_or_else(fallback, |(rule, _)| rule);
@@ -280,9 +297,10 @@ impl<'a> Pilot<'a> {
     fn candidates(&self) -> Vec<(Rule, &'a Cost)> {
         let mut candidates = Vec::new();
         for cost in self.costs.rows().iter().filter(|cost| self.allows(cost.scheme)) {
-            let rule = self.rule(cost, self.precision);
+            let wide = if cost.scheme == Scheme::TAYLOR { Some(Precision::F64) } else { None };
+            let rule = self.rule(cost, self.precision.or(wide));
             candidates.push((rule, cost));
-            if self.has_narrow(&rule) && self.precision.is_none() {
+            if self.has_narrow(&rule) && rule.precision.is_none() {
                 candidates.push((self.rule(cost, Some(Precision::F64)), cost));
             }
         }
@@ -298,10 +316,11 @@ impl<'a> Pilot<'a> {
     pub fn allows(&self, scheme: Scheme) -> bool {
         match scheme {
             Scheme::Equal(method) => !method.properties().rigid_only || self.torques.iter().all(Torque::leaves_rigid),
-            Scheme::Adaptive => {
+            Scheme::Adaptive(method) => {
                 let draws = self.torques.iter().any(Torque::is_random);
                 let thrust = self.scene.forces().iter().any(Force::needs_attitude);
-                self.scene.may_skip() && !draws && !thrust
+                let has_series = self.on_cpu && self.precision != Some(Precision::F32) && self.work.has_series();
+                self.scene.may_skip() && !draws && !thrust && (method != Method::Taylor || has_series)
             }
         }
     }
@@ -311,7 +330,7 @@ impl<'a> Pilot<'a> {
         let fastest = self.bodies.iter().map(|(_, look)| look.rate).fold(0.0, f64::max);
         let longer = match cost.scheme {
             Scheme::Equal(_) => 1.0,
-            Scheme::Adaptive => self.difficulty * (fastest * self.scene.end() / TABULATED_ANGLE).max(1.0),
+            Scheme::Adaptive(_) => self.difficulty * (fastest * self.scene.end() / TABULATED_ANGLE).max(1.0),
         };
         Rule {
             scheme: cost.scheme,
@@ -336,9 +355,11 @@ impl<'a> Pilot<'a> {
         };
         let (mut last, mut correction) = (f64::INFINITY, 1.0);
         for _ in 0..=CORRECTIONS {
-            if self.seconds(&rule, cost, None) > limit {
+            let seconds = self.seconds(&rule, cost, None);
+            if seconds > limit || reference.spent + seconds > MOST_OF_CANDIDATES * self.most_seconds() {
                 break;
             }
+            reference.spent += seconds;
             // The reference is in f64 whatever is asked for.
             let is_known =
                 |coarse: &Rule| *coarse == Rule { precision: coarse.precision, ..rule } && !self.has_narrow(&rule);
@@ -357,7 +378,7 @@ impl<'a> Pilot<'a> {
             if improves {
                 best = found;
             }
-            let too_good = if rule.scheme == Scheme::Adaptive { TOO_GOOD_ADAPTIVE } else { TOO_GOOD };
+            let too_good = if rule.scheme.is_adaptive() { TOO_GOOD_ADAPTIVE } else { TOO_GOOD };
             if (too_good..=ENOUGH).contains(&part) || (part <= ENOUGH && rule.takes_longest(self)) {
                 break;
             }

@@ -1,5 +1,5 @@
-//! What a pilot compares with: the same bodies by `rk8` in `f64`, so fine that its error is far below what is asked for; in adaptive
-//! steps where the bodies may take them and their tolerances have room for it.
+//! What a pilot compares with: the same bodies in `f64`, so fine that the error is far below what is asked for; by Taylor series where there are
+//! any, else by `rk8`, in adaptive steps where the bodies may take them and their tolerances have room for it.
 
 use super::choice::{Rule, Scheme};
 use super::cost::Cost;
@@ -33,26 +33,46 @@ pub(super) struct Reference {
     left: f64,
     /// Whether that is by an angle that says nothing any more.
     is_saturated: bool,
+    /// The time, s, that passes over the sample should have taken so far.
+    pub spent: f64,
 }
 
 impl Reference {
     /// Steps the pilot's bodies finer until what is left of the error is small.
     pub fn new(pilot: &Pilot<'_>) -> Result<Self> {
-        if pilot.allows(Scheme::Adaptive) {
-            let (found, is_limited) = Self::by(pilot, Scheme::Adaptive)?;
-            // Adaptive steps may not follow what dies away; equal ones do.
-            if (!is_limited && found.left <= 1.0) || found.is_saturated {
-                return Ok(found);
-            }
+        let equal = Scheme::Equal(Method::Rk8);
+        let Some(scheme) = Self::adaptive_scheme(pilot) else { return Ok(Self::by(pilot, equal)?.0) };
+        let (found, is_limited) = Self::by(pilot, scheme)?;
+        // Adaptive steps may not follow what dies away; equal ones do. Where series have no room left these have less.
+        if ((!is_limited || scheme == Scheme::TAYLOR) && found.left <= 1.0) || found.is_saturated {
+            return Ok(found);
         }
-        Ok(Self::by(pilot, Scheme::Equal(Method::Rk8))?.0)
+        let cost = Cost::shipped(equal);
+        let finer = pilot.rule(cost, Some(Precision::F64)).finer();
+        if found.spent + pilot.seconds(&finer, cost, None) > pilot.most_seconds() {
+            return Ok(found);
+        }
+        Ok(Self::by(pilot, equal)?.0)
+    }
+
+    /// The adaptive steps that are cheaper for the reference, as far as their tolerance has room.
+    fn adaptive_scheme(pilot: &Pilot<'_>) -> Option<Scheme> {
+        let seconds = |scheme: Scheme| {
+            let cost = Cost::shipped(scheme);
+            let rule = pilot.rule(cost, Some(Precision::F64));
+            let has_room = scheme == Scheme::TAYLOR || rule == rule.with_room();
+            if has_room { pilot.seconds(&rule.finer(), cost, None) } else { f64::INFINITY }
+        };
+        let allowed = [Scheme::TAYLOR, Scheme::ADAPTIVE_RK8].into_iter().filter(|scheme| pilot.allows(*scheme));
+        allowed.min_by(|a, b| seconds(*a).total_cmp(&seconds(*b)))
     }
 
     /// By steps of one kind, and whether there were no smaller tolerances before it had settled.
     fn by(pilot: &Pilot<'_>, scheme: Scheme) -> Result<(Self, bool)> {
-        let mut rule = pilot.rule(Cost::shipped(scheme), Some(Precision::F64)).with_room();
+        let cost = Cost::shipped(scheme);
+        let mut rule = pilot.rule(cost, Some(Precision::F64)).with_room();
         let (mut fine, start) = (pilot.stepped(&rule)?, rule);
-        let (mut coarse, mut last, mut taken) = (None, f64::INFINITY, 0.0);
+        let (mut coarse, mut last, mut spent) = (None, f64::INFINITY, pilot.seconds(&rule, cost, fine.steps));
         loop {
             let finer = rule.finer();
             let before = std::mem::replace(&mut fine, pilot.stepped(&finer)?);
@@ -61,21 +81,21 @@ impl Reference {
             let change = pilot.standing(errors);
             // By what the error falls from one to the other, as far as their tolerances have room.
             let ratio = match scheme {
-                Scheme::Adaptive => finer.tolerance(Precision::F64) / rule.tolerance(Precision::F64),
+                Scheme::Adaptive(_) => finer.tolerance(Precision::F64) / rule.tolerance(Precision::F64),
                 Scheme::Equal(_) => FINER,
             };
             // What finer steps do not lessen is rounding.
             let is_rounding = change.part > 0.5 * last && !is_saturated;
             let left = change.part * if is_rounding { 1.0 } else { ratio };
-            let next = fine.steps.map_or(0.0, |steps| steps.total as f64 * pilot.span / pilot.scene.end());
-            taken += next;
+            spent += pilot.seconds(&finer, cost, fine.steps);
             coarse.get_or_insert(before);
             // The next one would be the same.
             let is_limited = finer.adapts_like(&finer.finer(), Precision::F64);
-            let is_last = finer.coefficient >= limit(&start) || taken + next > pilot.most_steps;
+            let next = pilot.seconds(&finer.finer(), cost, None);
+            let is_last = finer.coefficient >= limit(&start) || spent + next > pilot.most_seconds();
             if left <= SETTLED || is_rounding || is_limited || is_last {
                 let coarse = coarse.map(|sampled| (start, sampled));
-                let found = Self { states: fine.states, coarse, rule, change, left, is_saturated };
+                let found = Self { states: fine.states, coarse, rule, change, left, is_saturated, spent };
                 return Ok((found, is_limited && left > SETTLED));
             }
             (rule, last) = (finer, change.part);
@@ -95,7 +115,7 @@ impl Rule {
     pub(super) fn with_room(&self) -> Self {
         let greatest = self.attitude * FINER / least_tolerance(Precision::F64);
         match self.scheme {
-            Scheme::Adaptive => Self { coefficient: self.coefficient.min(greatest), ..*self },
+            Scheme::Adaptive(_) => Self { coefficient: self.coefficient.min(greatest), ..*self },
             Scheme::Equal(_) => *self,
         }
     }

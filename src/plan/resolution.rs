@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::choice::{CLOSED_FORM_F32, CLOSED_FORM_F64, Look, Rule, floor_f32, least_target, look_at, skip_tolerance};
 use super::class::{Bound, Class, Shape};
+use super::cost::work::Work;
 use super::cost::{COSTS, Costs};
 use super::driven::TorqueSet;
 use super::glance::{GLANCED, Glance};
@@ -133,7 +134,8 @@ impl Resolution {
                     resolution.check_f32(scene, &accuracy, wanted)?;
                 }
                 let precision = if has_f64 { wanted } else { Some(Precision::F32) };
-                resolution.choose_steps(scene, &accuracy, precision, has_f64, (times, costs))?;
+                let on_cpu = engine.description().kind == EngineKind::Cpu;
+                resolution.choose_steps(scene, &accuracy, precision, has_f64, (on_cpu, times, costs))?;
                 Ok(resolution)
             }
         }
@@ -146,7 +148,7 @@ impl Resolution {
         accuracy: &Accuracy,
         precision: Option<Precision>,
         has_f64: bool,
-        (times, costs): (&[f64], &Costs),
+        (on_cpu, times, costs): (bool, &[f64], &Costs),
     ) -> Result<()> {
         let Self::Accuracy { tolerance, uniform_rate, stepped, .. } = self else { return Ok(()) };
         for (torques, bodies) in stepped_bodies(scene) {
@@ -154,13 +156,16 @@ impl Resolution {
             let flies = scene.has_pilot() && scene.end() > 0.0;
             let look = |body: u32| at_rate(look_at(scene, body as usize, tolerance), *uniform_rate);
             let (all, span) = (bodies.len(), scene.end());
+            let work = Work::of(&acting, scene.ensemble());
             let pilot = Pilot {
                 scene,
                 accuracy,
                 costs,
                 times,
                 torques: &acting,
+                work: &work,
                 precision,
+                on_cpu,
                 all,
                 bodies: Vec::new(),
                 span,

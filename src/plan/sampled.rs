@@ -12,6 +12,7 @@ use super::pilot::Pilot;
 use crate::batch::{BodyState, Precision};
 use crate::engine::adaptive::{AdaptiveSteps, StepCounts};
 use crate::error::Result;
+use crate::method::Method;
 use crate::record::Spread;
 use crate::run::alone::states_at_end;
 use crate::run::shadow::{Errors, Standing};
@@ -100,18 +101,22 @@ impl Pilot<'_> {
         errors
     }
 
+    /// Time of a step under the pilot's torques, s.
+    pub fn step_seconds(&self, rule: &Rule, cost: &Cost, precision: Precision) -> f64 {
+        self.work.step_seconds(cost, precision, rule.tolerance(precision))
+    }
+
     /// Time that the sample's steps take, s; of as many as they are known to be where bodies choose them.
     pub fn seconds(&self, rule: &Rule, cost: &Cost, known: Option<Spread>) -> f64 {
         let times = self.times();
-        let free = self.torques.is_empty();
-        if rule.scheme == Scheme::Adaptive {
+        if rule.scheme.is_adaptive() {
             let part = self.span / self.scene.end();
             let mean = known.map(|steps| part * steps.total as f64 / self.bodies.len() as f64);
             let of_body = |(_, look): &(u32, Look)| {
                 let precision = rule.precision_of(look.rate * self.scene.end());
                 let angle = look.rate * self.span;
                 let ahead = || rule.expected_attempts(precision, angle).max(times.len() as f64);
-                mean.unwrap_or_else(ahead) * cost.step_seconds(precision, free)
+                mean.unwrap_or_else(ahead) * self.step_seconds(rule, cost, precision)
             };
             return self.bodies.iter().map(of_body).sum();
         }
@@ -124,7 +129,7 @@ impl Pilot<'_> {
         };
         let of_group = |(treatment, members): &(Treatment, Vec<u32>)| {
             let precision = treatment.precision_of_steps().unwrap_or(Precision::F64);
-            members.len() as f64 * steps(treatment) * cost.step_seconds(precision, free)
+            members.len() as f64 * steps(treatment) * self.step_seconds(rule, cost, precision)
         };
         self.treatments(rule).iter().map(of_group).sum()
     }
@@ -141,14 +146,18 @@ impl Rule {
         let span = pilot.scene.end();
         let alike = |(_, look): &(u32, Look)| match self.scheme {
             Scheme::Equal(_) => self.longest_step(look.rate, span) == other.longest_step(look.rate, span),
-            Scheme::Adaptive => self.adapts_like(other, self.precision_of(look.rate * span)),
+            Scheme::Adaptive(_) => self.adapts_like(other, self.precision_of(look.rate * span)),
         };
         pilot.bodies.iter().all(alike)
     }
 
-    /// By what the coefficient changes from one level of steps to the next.
+    /// By what the coefficient changes from one level of steps to the next; of tolerances, which have none, as for `rk8`.
     pub(super) fn level(&self) -> f64 {
-        2.0_f64.powf(f64::from(self.scheme.method().order()) / f64::from(LEVELS_PER_OCTAVE))
+        let order = match self.scheme {
+            Scheme::Equal(method) => method.order(),
+            Scheme::Adaptive(_) => Method::Rk8.order(),
+        };
+        2.0_f64.powf(f64::from(order) / f64::from(LEVELS_PER_OCTAVE))
     }
 
     /// The arithmetic of a body that turns by `angle` rad.

@@ -33,6 +33,8 @@ pub enum SkipName {
     SetUp,
     /// Without a torque there is no torque code.
     Torque,
+    /// Where no torque asks for the attitude, Taylor series leave it out.
+    Attitude,
     /// Positions are not advanced where there are none.
     Translation,
     /// Positions that have a closed form are not stepped.
@@ -56,6 +58,7 @@ impl SkipName {
             SkipName::Free => "free",
             SkipName::SetUp => "set-up",
             SkipName::Torque => "torque",
+            SkipName::Attitude => "attitude",
             SkipName::Translation => "translation",
             SkipName::TranslationSteps => "translation-steps",
             SkipName::Steps => "steps",
@@ -78,6 +81,9 @@ impl SkipName {
                 "one word holds what the closed form needs over this span: constants are not formed in two"
             }
             SkipName::Torque => "no torque acts: its code is not in the kernel",
+            SkipName::Attitude => {
+                "no torque asks for it: the angular velocity is stepped alone, and the attitude follows within the same tolerance"
+            }
             SkipName::Translation => "no masses, positions and velocities are given: there is nothing to move",
             SkipName::TranslationSteps => {
                 "forces are constant, uniform gravity or linear drag: positions follow in closed form at output times"

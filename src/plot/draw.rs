@@ -14,6 +14,7 @@ use plotters::style::{FontStyle, register_font};
 use super::figure::{Figure, Item, Line, Mark, Outline, Panel, Scale, Style};
 use super::scale::Laid;
 use crate::error::{Error, FileAction, Result};
+use crate::record::folder::write_whole;
 
 /// Width and height of a panel in an SVG file, pixels.
 const PANEL: (u32, u32) = (400, 320);
@@ -52,7 +53,7 @@ pub fn draw(figure: &Figure, path: &Path) -> Result<()> {
         paint(figure, &backend.into_drawing_area(), 1).map_err(|reason| failure(path, reason))?;
         text.into_bytes()
     };
-    std::fs::write(path, bytes).map_err(|error| Error::file(path, FileAction::Write, &error))
+    write_whole(path, &bytes)
 }
 
 fn failure(path: &Path, reason: String) -> Error {

@@ -10,6 +10,7 @@ use glam::{DQuat, DVec3};
 use crate::bench::row::RowFault;
 use crate::error::{Error, FileAction, Result};
 use crate::record::ROTATION_COLUMNS;
+use crate::study::text::{CUT, Lines};
 
 /// One row.
 #[derive(Clone, Copy, Debug)]
@@ -61,7 +62,7 @@ impl Snapshots {
     pub fn read(folder: &Path, chosen: &[usize]) -> Result<Self> {
         let path = folder.join("snapshots.csv");
         let file = File::open(&path).map_err(|error| Error::file(&path, FileAction::Read, &error))?;
-        let mut reader = csv::Reader::from_reader(std::io::BufReader::new(file));
+        let mut reader = csv::Reader::from_reader(Lines::new(file));
         let no_table = |reason: String| Error::Rows { path: path.clone(), fault: RowFault::Csv(reason) };
         let header = reader.headers().map_err(|error| no_table(error.to_string()))?;
         if !header.iter().take(2 + ROTATION_COLUMNS.len()).eq(["body", "t"].into_iter().chain(ROTATION_COLUMNS)) {
@@ -90,8 +91,13 @@ impl Snapshots {
                 track.push(state);
             }
         }
+        if reader.get_ref().are_cut() {
+            return Err(no_table(format!("line {}: {CUT}", reader.position().line())));
+        }
         snapshots.take(&mut gatherer);
-        snapshots.tracks.retain(|(_, track)| !track.is_empty());
+        if let Some(&(body, _)) = snapshots.tracks.iter().find(|(_, track)| track.is_empty()) {
+            return Err(Error::Rows { path, fault: RowFault::NoBody { body, bodies: snapshots.bodies } });
+        }
         Ok(snapshots)
     }
 

@@ -1,5 +1,6 @@
 //! Statistics of a run's ensemble over time.
 
+use std::fs::File;
 use std::path::Path;
 
 use super::figure::{Axis, Figure, Item, Line, Panel, Style};
@@ -7,6 +8,7 @@ use super::run::caption;
 use crate::bench::row::RowFault;
 use crate::error::{Error, FileAction, Result};
 use crate::observe::Statistic;
+use crate::study::text::{CUT, Lines};
 
 const BLUE: [u8; 3] = [0, 114, 178];
 
@@ -25,11 +27,14 @@ pub(super) const TABLE: &str = "statistics.csv";
 pub(super) fn statistics(folder: &Path) -> Result<Figure> {
     let path = folder.join(TABLE);
     let no_table = |reason: String| Error::Rows { path: path.clone(), fault: RowFault::Csv(reason) };
-    let text = std::fs::read_to_string(&path).map_err(|error| Error::file(&path, FileAction::Read, &error))?;
-    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    let file = File::open(&path).map_err(|error| Error::file(&path, FileAction::Read, &error))?;
+    let mut reader = csv::Reader::from_reader(Lines::new(file));
     let header = reader.headers().map_err(|error| no_table(error.to_string()))?.clone();
     let records = reader.records().collect::<std::result::Result<Vec<_>, _>>();
     let records = records.map_err(|error| no_table(error.to_string()))?;
+    if reader.get_ref().are_cut() {
+        return Err(no_table(format!("line {}: {CUT}", reader.position().line())));
+    }
     let column = |name: &str| -> Option<Vec<f64>> {
         let index = header.iter().position(|column| column == name)?;
         let number = |record: &csv::StringRecord| record.get(index)?.parse().ok();

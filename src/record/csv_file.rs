@@ -10,6 +10,11 @@ use crate::error::Result;
 /// Rows that one task formats.
 const ROWS_PER_TASK: usize = 1024;
 
+/// Bytes of the shortest number with its comma, `0.0,`.
+pub(super) const LEAST_BYTES: u64 = 4;
+/// Bytes of a number as most are, with sign and comma.
+pub(super) const LIKELY_BYTES: u64 = 20;
+
 /// Bytes that are reserved for one number: most need 17 digits, sign, point, exponent and comma.
 const BYTES_PER_NUMBER: usize = 24;
 
@@ -43,6 +48,10 @@ impl CsvFile {
 
     pub(super) fn write(&mut self, rows: &[Vec<u8>]) -> Result<()> {
         rows.iter().try_for_each(|rows| self.file.write(rows))
+    }
+
+    pub(super) fn finish(self) -> Result<()> {
+        self.file.finish()
     }
 }
 

@@ -3,7 +3,8 @@
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use super::csv_file::CsvFile;
+use super::column;
+use super::csv_file::{self, CsvFile};
 use super::folder::{OutputFolder, PLAN, REPORT};
 use super::npz_file::{NpzFile, Times};
 use super::report::{Report, StatisticsReport, StudyReport};
@@ -62,9 +63,9 @@ impl TableFile {
         }
     }
 
-    fn finish(&mut self) -> Result<()> {
+    fn finish(self) -> Result<()> {
         match self {
-            TableFile::Csv(_) => Ok(()),
+            TableFile::Csv(file) => file.finish(),
             TableFile::Npz(file) => file.finish(),
         }
     }
@@ -107,10 +108,12 @@ impl FileSink {
     }
 
     fn finish(&mut self) -> Result<()> {
-        let mut tables = self.final_state.iter_mut().chain(&mut self.snapshots);
-        timed(&mut self.spent.disk, || tables.try_for_each(TableFile::finish))?;
-        let statistics = &mut self.statistics;
-        timed(&mut self.spent.disk, || statistics.as_mut().map_or(Ok(()), StatisticsFile::finish))
+        let mut tables = self.final_state.take().into_iter().chain(self.snapshots.take());
+        let statistics = self.statistics.take();
+        timed(&mut self.spent.disk, || {
+            tables.try_for_each(TableFile::finish)?;
+            statistics.map_or(Ok(()), StatisticsFile::finish)
+        })
     }
 }
 
@@ -137,9 +140,35 @@ impl Sink for FileSink {
     }
 }
 
+/// How much a run writes: of all tables of states, but for their headers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OutputSize {
+    /// Rows, one a body and output time in each table.
+    pub rows: u64,
+    /// Bytes at the least: exact of arrays; of text if all numbers are short.
+    pub least_bytes: u64,
+    /// Bytes, of text as numbers mostly are.
+    pub likely_bytes: u64,
+}
+
+impl OutputSize {
+    /// What `output` asks of a run of `plan`.
+    pub fn of(plan: &Plan<'_>, output: Output) -> Self {
+        let ensemble = plan.scene().ensemble();
+        let times = output.snapshots as u64 * plan.times().len() as u64 + output.final_state as u64;
+        let rows = times.saturating_mul(ensemble.len() as u64);
+        let numbers = column::names(ensemble.translation().is_some()).count() as u64;
+        let (least, likely) = match output.format {
+            Format::Csv => (csv_file::LEAST_BYTES * numbers, csv_file::LIKELY_BYTES * numbers),
+            Format::Npz => (8 * numbers, 8 * numbers),
+        };
+        Self { rows, least_bytes: rows.saturating_mul(least), likely_bytes: rows.saturating_mul(likely) }
+    }
+}
+
 /// Runs `plan` on `engine` and writes the tables that `output` asks for, `plan.json` and `report.json`, into `folder`.
 ///
-/// All files appear when all are complete, the report last; where anything fails or `observer` breaks, none appears.
+/// All files appear together when all are complete and on the disk; where anything fails or `observer` breaks, none appears.
 /// Memory does not grow with the number of output times. `since` is when the work on the study began, for the report.
 ///
 /// # Errors
@@ -158,7 +187,7 @@ pub fn run_to_folder(
     let mut sink = FileSink::begin(&mut folder, output, plan)?;
     let trust = run_into(engine, plan, &mut sink, observer)?;
     sink.finish()?;
-    folder.begin(PLAN)?.write(plan.to_json().as_bytes())?;
+    folder.write(PLAN, plan.to_json().as_bytes())?;
 
     let study = study.map(|study| StudyReport {
         file: study.file().display().to_string(),
@@ -168,12 +197,13 @@ pub fn run_to_folder(
     let mut report = Report::new(study, plan, trust);
     report.statistics = sink.at_end.as_ref().map(StatisticsReport::from);
     report.files = folder.names().to_vec();
-    report.wall_time.study = study_seconds;
+    report.wall_time.plan = plan.planning_time().as_secs_f64();
+    report.wall_time.study = (study_seconds - report.wall_time.plan).max(0.0);
     report.wall_time.format = sink.spent.format;
     report.wall_time.disk = sink.spent.disk;
     report.wall_time.total = since.elapsed().as_secs_f64();
     let text = report.to_json();
-    folder.begin(REPORT)?.write(text.as_bytes())?;
+    folder.write(REPORT, text.as_bytes())?;
     folder.commit()?;
     Ok(report)
 }

@@ -16,11 +16,15 @@ mod balance;
 mod column;
 #[cfg(feature = "study")]
 mod csv_file;
+#[cfg(feature = "study")]
+pub(crate) mod date;
 mod drift;
 #[cfg(feature = "study")]
 mod files;
 #[cfg(feature = "study")]
-mod folder;
+pub(crate) mod folder;
+#[cfg(feature = "study")]
+mod lock;
 #[cfg(feature = "study")]
 mod npz_file;
 #[cfg(feature = "study")]
@@ -37,9 +41,9 @@ pub use column::{ROTATION_COLUMNS, TRANSLATION_COLUMNS};
 pub(crate) use drift::{BodyDrift, DriftGatherer};
 pub use drift::{Drift, Quantiles};
 #[cfg(feature = "study")]
-pub use files::run_to_folder;
+pub use files::{OutputSize, run_to_folder};
 #[cfg(feature = "study")]
-pub use folder::{OutputFolder, PLAN, REPORT};
+pub use folder::{OutputFolder, PLAN, REPORT, Traces};
 #[cfg(feature = "study")]
 pub use report::Report;
 pub use statistics::{Statistics, Summary};

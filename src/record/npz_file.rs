@@ -127,7 +127,7 @@ impl Archive {
     }
 
     /// Writes all headers, now that the checksums are known.
-    pub(super) fn finish(&mut self) -> Result<()> {
+    pub(super) fn finish(mut self) -> Result<()> {
         for index in 0..self.entries.len() {
             let (offset, header) = (self.entries[index].offset, self.local_header(&self.entries[index]));
             self.file.write_at(offset, &header)?;
@@ -146,7 +146,8 @@ impl Archive {
         tail.extend((size as u32).to_le_bytes());
         tail.extend((if wide { u32::MAX } else { start as u32 }).to_le_bytes());
         tail.extend([0; 2]);
-        self.file.write_at(start, &tail)
+        self.file.write_at(start, &tail)?;
+        self.file.finish()
     }
 }
 
@@ -259,7 +260,7 @@ impl NpzFile {
         })
     }
 
-    pub(super) fn finish(&mut self) -> Result<()> {
+    pub(super) fn finish(self) -> Result<()> {
         self.archive.finish()
     }
 }
@@ -306,7 +307,6 @@ mod tests {
             }
         }
         archive.finish().unwrap();
-        drop(archive);
         output.commit().unwrap();
 
         let mut read = zip::ZipArchive::new(std::fs::File::open(folder.path().join("a.npz")).unwrap()).unwrap();

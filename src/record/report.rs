@@ -167,6 +167,8 @@ pub struct TargetReport {
 pub struct WallTimeReport {
     /// Reading the study and drawing the bodies.
     pub study: f64,
+    /// Choosing methods and steps.
+    pub plan: f64,
     /// Principal axes, scaling, columns.
     pub prepare: f64,
     /// Upload and shader compilation.

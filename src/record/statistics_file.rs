@@ -86,9 +86,9 @@ impl StatisticsFile {
         }
     }
 
-    pub fn finish(&mut self) -> Result<()> {
+    pub fn finish(self) -> Result<()> {
         match self {
-            Self::Csv(_) => Ok(()),
+            Self::Csv(file) => file.finish(),
             Self::Npz(archive) => archive.finish(),
         }
     }

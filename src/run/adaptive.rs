@@ -141,7 +141,7 @@ impl AdaptiveUnit {
 }
 
 /// Opens a session of adaptive steps by one of [`Method::ADAPTIVE`].
-pub(super) fn start(
+pub(crate) fn start(
     engine: &dyn Backend,
     method: Method,
     batch: AnyBatch,

@@ -17,7 +17,7 @@ use crate::plan::Members;
 use crate::scene::Scene;
 
 /// The centres of mass of a group's bodies, one a row, where a force of the scene depends on velocity or attitude.
-pub(super) struct Flight<'p> {
+pub(crate) struct Flight<'p> {
     scene: &'p Scene,
     members: &'p Members,
     forces: Vec<Accelerations>,
@@ -111,7 +111,7 @@ impl<'p> Flight<'p> {
 }
 
 /// A body's orientation and the rate (rad/s, body axes) at which its axes turn; internal dissipation makes that another than ω.
-fn turning(scene: &Scene, body: usize, state: &BodyState) -> (DQuat, DVec3) {
+pub(crate) fn turning(scene: &Scene, body: usize, state: &BodyState) -> (DQuat, DVec3) {
     let omega = state.angular_velocity_body;
     // I ω, whatever I has become.
     let momentum_body = state.orientation.conjugate() * state.angular_momentum_world;

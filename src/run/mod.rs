@@ -17,11 +17,11 @@ use crate::record::{
 use crate::scene::{Scene, Stepping};
 use crate::torque::Torque;
 
-mod adaptive;
+pub(crate) mod adaptive;
 pub(crate) mod alone;
 mod balance;
 pub(crate) mod confidence;
-mod flight;
+pub(crate) mod flight;
 mod once;
 pub(crate) mod shadow;
 mod statistics;

@@ -13,7 +13,8 @@ use super::inertia::Inertia;
 use super::input::{Fault, InputError};
 use super::points::read_points;
 use super::reader::FileText;
-use crate::error::{Error, FileAction, Result};
+use super::text::read_text;
+use crate::error::{Error, Result};
 use crate::inertia::{InertiaClass, InertiaTensor, MassProperties, Validity, classify, point_masses};
 
 /// How a file is read, where it leaves that open.
@@ -186,8 +187,10 @@ fn positive(field: &'static str, value: f64) -> Result<f64> {
 
 #[cfg(feature = "mesh")]
 fn of_mesh(file: &Path, options: &MassFileOptions) -> Result<MassProperties> {
+    use crate::inertia::MeshFileProblem;
+
     let mesh = crate::inertia::read_mesh(file)?.scaled(options.scale.unwrap_or(1.0))?;
-    match (options.mass, options.density) {
+    let properties = match (options.mass, options.density) {
         (Some(mass), None) if options.shell => mesh.shell_mass_properties(mass),
         (Some(mass), None) => mesh.mass_properties(mass),
         (None, Some(density)) if !options.shell => mesh.mass_properties_of_density(density),
@@ -203,7 +206,15 @@ fn of_mesh(file: &Path, options: &MassFileOptions) -> Result<MassProperties> {
             let expected = "the mass of the mesh (kg), or its density (kg/m³), is needed";
             Err(Error::Setting { field: "mass", value: 0.0, expected })
         }
-    }
+    };
+    let sound = properties.and_then(|properties| match mesh.overlap().filter(|_| !options.shell) {
+        Some(defect) => Err(Error::Mesh(defect)),
+        None => Ok(properties),
+    });
+    sound.map_err(|error| match error {
+        Error::Mesh(defect) => Error::MeshFile { path: file.to_owned(), problem: MeshFileProblem::Surface(defect) },
+        error => error,
+    })
 }
 
 #[cfg(not(feature = "mesh"))]
@@ -214,7 +225,7 @@ fn of_mesh(file: &Path, _: &MassFileOptions) -> Result<MassProperties> {
 
 /// A body of a study, or of `inertia = { ... }` by itself.
 fn of_study(file: &Path, body: usize) -> Result<Described> {
-    let text = std::fs::read_to_string(file).map_err(|error| Error::file(file, FileAction::Read, &error))?;
+    let text = read_text(file)?;
     let alone = FileText::new(file, &text).parse(|root| match root.find("inertia") {
         Some(node) => {
             root.only(&["title", "seed", "inertia"])?;
@@ -265,7 +276,7 @@ impl fmt::Display for MassReport {
                 .into_iter()
                 .try_for_each(|numbers| writeln!(f, "  {}", row(numbers)))
         };
-        writeln!(f, "{}", self.file)?;
+        writeln!(f, "{}", self.file.replace(char::is_control, " "))?;
         if let (Some(volume), Some(mass), Some(centre)) = (self.volume, self.mass, self.centre_of_mass) {
             writeln!(f, "volume [m³]         {volume:e}")?;
             writeln!(f, "mass [kg]           {mass:e}")?;

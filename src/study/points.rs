@@ -10,7 +10,8 @@ use csv::{Position, ReaderBuilder, StringRecord, Trim};
 use glam::DVec3;
 
 use super::input::Fault;
-use super::table::{csv_error, input_error};
+use super::table::{csv_error, input_error, refuse_cut, refuse_open_quotes};
+use super::text::Lines;
 use crate::error::{Error, FileAction, Result};
 
 /// All columns that a file may have.
@@ -33,10 +34,11 @@ const KNOWN: [&str; 5] = ["name", "mass", "x", "y", "z"];
 /// # Errors
 ///
 /// [`Error::File`] where the file cannot be read; [`Error::Input`] with line and column where a number is missing or not
-/// finite, a mass is negative, or there are no points.
+/// finite, a mass is negative, there are no points, or the last line does not end in a newline, as where the file was cut.
 pub fn read_points(path: &Path) -> Result<Vec<(f64, DVec3)>> {
     let file = File::open(path).map_err(|error| Error::file(path, FileAction::Read, &error))?;
-    let mut reader = ReaderBuilder::new().trim(Trim::All).comment(Some(b'#')).flexible(true).from_reader(file);
+    let mut reader =
+        ReaderBuilder::new().trim(Trim::All).comment(Some(b'#')).flexible(true).from_reader(Lines::new(file));
     let header = reader.headers().map_err(|error| csv_error(path, error))?.clone();
     let header_line = header.position().map_or(1, Position::line);
     for name in &header {
@@ -61,6 +63,7 @@ pub fn read_points(path: &Path) -> Result<Vec<(f64, DVec3)>> {
             let fault = Fault::RowLength { found: record.len(), expected: header.len() };
             return Err(input_error(path, line, "", fault));
         }
+        refuse_open_quotes(path, &record)?;
         let number = |column: usize, least: f64, expected: &'static str| {
             let field = &record[column];
             field.parse().ok().filter(|x: &f64| x.is_finite() && *x >= least).ok_or_else(|| {
@@ -75,6 +78,7 @@ pub fn read_points(path: &Path) -> Result<Vec<(f64, DVec3)>> {
         let coordinate = |axis: usize| number(places[axis], f64::NEG_INFINITY, "a finite number is needed (m)");
         points.push((mass, DVec3::new(coordinate(0)?, coordinate(1)?, coordinate(2)?)));
     }
+    refuse_cut(path, &reader)?;
     if points.is_empty() {
         let fault = Fault::Missing { expected: "at least one row, a point, is needed".into() };
         return Err(input_error(path, header_line, "mass", fault));

@@ -30,6 +30,9 @@ impl<'a> FileText<'a> {
             let span = error.span().unwrap_or(0..0);
             let start = span.start;
             let mut reason = error.message().lines().collect::<Vec<_>>().join(", ");
+            if reason.contains("recursion") {
+                "tables and lists stand too deeply within one another".clone_into(&mut reason);
+            }
             let found = self.excerpt(span);
             if !found.is_empty() {
                 reason += &format!(" at {found}");

@@ -158,7 +158,7 @@ impl Solid {
             }
             "points" => {
                 only(&["points", "mass", "scale"])?;
-                let mut points = read_points(&file(&form)?)?;
+                let mut points = read_points(&file(&form)?).map_err(|error| form.caused_by(error))?;
                 let factor = scale(table)?;
                 points.iter_mut().for_each(|(_, position)| *position *= factor);
                 let body = point_masses(&points).map_err(|error| form.caused_by(error))?;
@@ -259,7 +259,11 @@ fn mesh(node: &Node<'_>, scale: f64, is_shell: bool) -> Result<MassProperties> {
     let path = file(node)?;
     let read = || {
         let mesh = crate::inertia::read_mesh(&path)?.scaled(scale)?;
-        if is_shell { mesh.shell_mass_properties(1.0) } else { mesh.mass_properties_of_density(1.0) }
+        if is_shell {
+            return mesh.shell_mass_properties(1.0);
+        }
+        let properties = mesh.mass_properties_of_density(1.0)?;
+        mesh.overlap().map_or(Ok(properties), |defect| Err(Error::Mesh(defect)))
     };
     read().map_err(|error| node.caused_by(error))
 }
@@ -267,7 +271,8 @@ fn mesh(node: &Node<'_>, scale: f64, is_shell: bool) -> Result<MassProperties> {
 /// A body of density 1 kg/m³ that is the convex hull of points.
 #[cfg(feature = "mesh")]
 fn hull(node: &Node<'_>, scale: f64) -> Result<MassProperties> {
-    let points: Vec<DVec3> = read_points(&file(node)?)?.into_iter().map(|(_, position)| position * scale).collect();
+    let points = read_points(&file(node)?).map_err(|error| node.caused_by(error))?;
+    let points: Vec<DVec3> = points.into_iter().map(|(_, position)| position * scale).collect();
     crate::inertia::convex_hull(&points)
         .and_then(|mesh| mesh.mass_properties_of_density(1.0))
         .map_err(|error| node.caused_by(error))

@@ -3,7 +3,7 @@
 //! Columns (SI; body frame, positions and velocities in world axes), in any order:
 //! `mass`, `ixx iyy izz ixy ixz iyz`, `qx qy qz qw`, `wx wy wz`, `x y z`, `vx vy vz`. `ixy` is the tensor's off-diagonal
 //! *element* −∫ρxy; off-diagonal columns that are missing are zero. A column `name` is for the reader's use. Lines that
-//! begin with `#` are comments. A study's torques may name further columns of numbers.
+//! begin with `#` are comments. The last line ends in a newline too: a table that was cut is told by it. A study's torques may name further columns of numbers.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -14,6 +14,7 @@ use csv::{ErrorKind, Position, ReaderBuilder, StringRecord, Trim};
 use glam::{DQuat, DVec3};
 
 use super::input::{Fault, InputError};
+use super::text::{CUT, Lines, OPEN_QUOTE};
 use crate::error::{Error, FileAction, Result};
 use crate::inertia::InertiaTensor;
 
@@ -54,7 +55,7 @@ impl BodyTable {
     /// # Errors
     ///
     /// [`Error::File`] where the file cannot be read; [`Error::Input`] with line and column where it is not a table of
-    /// bodies.
+    /// bodies, or its last line does not end in a newline, as where it was cut.
     pub fn read(path: &Path, most: usize) -> Result<Self> {
         Self::read_with(path, most, &BTreeSet::new())
     }
@@ -79,7 +80,8 @@ impl BodyTable {
     }
 
     fn from_reader_with(path: &Path, source: impl Read, most: usize, extra: &BTreeSet<String>) -> Result<Self> {
-        let mut reader = ReaderBuilder::new().trim(Trim::All).comment(Some(b'#')).flexible(true).from_reader(source);
+        let mut reader =
+            ReaderBuilder::new().trim(Trim::All).comment(Some(b'#')).flexible(true).from_reader(Lines::new(source));
         let header = reader.headers().map_err(|error| csv_error(path, error))?.clone();
         // The header's own position is not kept by the reader: it is the first line that is no comment.
         let header_line = header.position().map_or(1, Position::line);
@@ -102,6 +104,7 @@ impl BodyTable {
                 let fault = Fault::RowLength { found: record.len(), expected: header.len() };
                 return Err(input_error(path, line, "", fault));
             }
+            refuse_open_quotes(path, &record)?;
             for (field, column) in record.iter().zip(&places) {
                 let Some(column) = *column else { continue };
                 let number = field.parse().ok().filter(|x: &f64| x.is_finite()).ok_or_else(|| {
@@ -118,6 +121,7 @@ impl BodyTable {
             }
             table.lines.push(line);
         }
+        refuse_cut(path, &reader)?;
         Ok(table)
     }
 
@@ -279,6 +283,23 @@ fn header_places(
 
 pub(super) fn input_error(path: &Path, line: u64, key: &str, fault: Fault) -> Error {
     InputError { file: path.to_owned(), line: line as usize, key: key.to_owned(), fault }.into()
+}
+
+/// Refuses a table that ended within a line.
+pub(super) fn refuse_cut<R: Read>(path: &Path, reader: &csv::Reader<Lines<R>>) -> Result<()> {
+    match reader.get_ref().are_cut() {
+        true => Err(input_error(path, reader.position().line(), "", Fault::Syntax { reason: CUT.to_owned() })),
+        false => Ok(()),
+    }
+}
+
+/// Refuses a row with a cell of several lines, which are rows that a quotation mark hides.
+pub(super) fn refuse_open_quotes(path: &Path, record: &StringRecord) -> Result<()> {
+    if !record.iter().any(|field| field.contains(['\n', '\r'])) {
+        return Ok(());
+    }
+    let line = record.position().map_or(0, Position::line);
+    Err(input_error(path, line, "", Fault::Syntax { reason: OPEN_QUOTE.to_owned() }))
 }
 
 /// What the CSV reader refuses: bytes that are not text, or the file system's errors.

@@ -8,10 +8,17 @@ use glam::{DQuat, DVec3};
 
 use super::expressed::{self, Expressed};
 use super::formula::{Column, Epoch, Formula, Role, Row};
-use super::{Declaration, Kind, Model, ModelRef, Needs, ParameterDeclaration, Torque, Value, Values};
+use super::{
+    Declaration, Kind, Model, ModelRef, Needs, ParameterDeclaration, Torque, ValidationContext, Value, Values,
+    translated,
+};
 use crate::batch::BodyFrame;
+use crate::ensemble::Ensemble;
+use crate::error::{Error, Result};
 use crate::expression::wgsl::WgslError;
-use crate::expression::{Expression, Fault, Input, InputKind, Program, Scope, Shape, Symbol, Symbols, TextError};
+use crate::expression::{
+    Expression, Fault, Input, InputKind, Program, Recorder, Scope, Shape, Symbol, Symbols, TextError,
+};
 use crate::inertia::InertiaTensor;
 use crate::quaternion::Quaternion;
 use crate::real::Real;
@@ -73,7 +80,7 @@ impl Default for Parameters {
 impl Parameters {
     /// No parameters.
     pub fn new() -> Self {
-        let symbols = Symbols::rotation().with_full_inertia();
+        let symbols = Symbols::rotation().with_full_inertia().with_translation();
         let energy_symbols = Symbols::attitude();
         Self { symbols, energy_symbols, declarations: Vec::new(), values: Vec::new() }
     }
@@ -142,8 +149,10 @@ impl Parameters {
 }
 
 impl Torque {
-    /// A torque by a text: a vector in body axes, N m, of `attitude`, `angular_velocity` (rad/s), `angular_momentum`, `inertia`, `time` (s)
-    /// and the parameters; the language is that of [`crate::expression`].
+    /// A torque by a text: a vector in body axes, N m, of `attitude`, `angular_velocity` (rad/s), `angular_momentum`, `inertia`, `time` (s),
+    /// `position` (m) and `velocity` (m/s) of the centre of mass in world axes, and the parameters; the language is that of
+    /// [`crate::expression`]. A [scene](crate::Scene) whose torque names a position or velocity needs bodies that have one, under forces
+    /// for which it has a closed form ([`crate::force`]).
     ///
     /// # Errors
     ///
@@ -252,6 +261,16 @@ impl ExpressionModel {
         Self::of(declaration, torque, energy)
     }
 
+    /// The model with a torque that depends on other inputs, and with parameters behind its own.
+    pub(super) fn moved(
+        &self,
+        inputs: impl FnMut(&Recorder, Input) -> Symbol,
+        parameters: Vec<ParameterDeclaration>,
+    ) -> Result<ModelRef, Fault> {
+        let energy = self.energy.as_ref().map(|(energy, _)| energy.clone());
+        Self::of(self.declaration.clone().parameters(parameters), self.torque.substituted(inputs)?, energy)
+    }
+
     /// The operations of the formula.
     pub(super) fn write_formula(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(formatter, " {:?} {:?}", self.torque, self.energy.as_ref().map(|(energy, _)| energy))
@@ -341,6 +360,14 @@ impl Model for ExpressionModel {
         };
         let greatest = attitudes.into_iter().map(size).filter(|size| size.is_finite()).fold(0.0, f64::max);
         (greatest / middle_moment).sqrt()
+    }
+
+    fn validate_bodies(&self, _: Values<'_>, context: &ValidationContext, ensemble: &Ensemble) -> Result<()> {
+        if !self.needs().position {
+            return Ok(());
+        }
+        let (torque, model) = (context.torque, context.model.clone());
+        Err(Error::TorquePair { torque, model, expected: translated::refusal(ensemble).into() })
     }
 
     fn columns(&self, _: Values<'_>, _: usize, _: &BodyFrame, _: DQuat, _: &mut [f64]) {}

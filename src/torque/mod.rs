@@ -101,9 +101,10 @@ pub(crate) mod shader;
 pub mod sine_spring;
 pub mod sinusoidal;
 pub(crate) mod sum;
-mod table;
+pub(crate) mod table;
 pub(crate) mod tile;
 #[doc(hidden)]
+pub(crate) mod translated;
 pub mod twin;
 mod validation;
 mod value;

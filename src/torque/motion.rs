@@ -13,8 +13,9 @@ use super::formula::{Epoch, Following, Formula, FormulaTask, MOST_PHASES, Role, 
 use super::internal_dissipation::internal_dissipation;
 use super::linear_rotor::across_axis;
 use super::table::{Instance, TorqueTable};
-use super::variable_inertia::{Change, changed_motion};
+use super::variable_inertia::{Change, smoothly_changed_motion};
 use super::{Kind, Motion};
+use crate::expression::graph::{Binary, Operation, Unary};
 use crate::expression::jet::{Equations, Lowered, lowered};
 use crate::expression::{Dependence, Fault, Graph, Input, InputKind, Node, Recorder, Symbol};
 use crate::quaternion::Quaternion;
@@ -46,6 +47,30 @@ impl RecordedMotion {
         let needs_attitude = graph.dependence_of(&outputs).intersects(Dependence::ATTITUDE);
         let part = |first: usize| [outputs[first], outputs[first + 1], outputs[first + 2]];
         Ok(Self { momentum_rate: part(0), angular_velocity: part(3), graph, needs_attitude })
+    }
+
+    /// Operations of one evaluation that depend on more than parameters, in additions: a division or a root counts as ten, a function as
+    /// twenty-five.
+    pub fn operations(&self) -> f64 {
+        let outputs = [self.momentum_rate, self.angular_velocity].concat();
+        let of_node = |node: Node| {
+            if self.graph.dependence(node).is_within(Dependence::PARAMETERS) {
+                return 0.0;
+            }
+            match self.graph.operation(node) {
+                Operation::Constant(_) | Operation::Truth(_) | Operation::Input(_) => 0.0,
+                Operation::Unary(Unary::Sqrt, _) | Operation::Binary(Binary::Div, ..) => 10.0,
+                Operation::Function(..) | Operation::Function2(..) => 25.0,
+                _ => 1.0,
+            }
+        };
+        self.graph.live(&outputs).into_iter().map(of_node).sum()
+    }
+
+    /// The operations, and among them the components of dm/dt and of the rate at which the axes turn.
+    pub fn graph(&self) -> (&Graph, [Node; 6]) {
+        let ([a, b, c], [d, e, f]) = (self.momentum_rate, self.angular_velocity);
+        (&self.graph, [a, b, c, d, e, f])
     }
 
     /// As rows and operations on them: the states are the angular momentum and, where a torque asks for it, the orientation; the
@@ -85,7 +110,7 @@ fn recorded(table: &TorqueTable, recorder: &Recorder) -> (Vector<Symbol>, Vector
     });
     let none = Correction::none();
     let mut motion = match &change {
-        Some((change, _, done)) => changed_motion(&body, change, *done, &none, m),
+        Some((change, _, done)) => smoothly_changed_motion(&body, change, *done, m),
         None => Motion {
             angular_velocity: body.angular_velocity(m, &none),
             gyroscopic_term: body.gyroscopic_term(m, &none),

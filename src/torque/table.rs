@@ -170,6 +170,11 @@ impl TorqueTable {
         self.clock
     }
 
+    /// The same for a session that starts at another time of the run.
+    pub(crate) fn start_at(&mut self, clock: Clock) {
+        self.clock = clock;
+    }
+
     /// Where the instances of a kind have their columns.
     pub fn instances(&self, kind: Kind) -> Instances {
         self.kinds[kind as usize]

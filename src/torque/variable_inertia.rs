@@ -370,10 +370,33 @@ pub struct Changed<R> {
 #[inline(always)]
 pub fn changed_body<R: Real>(body: &Body<R>, change: &Change<R>, done: R) -> Changed<R> {
     let one = R::splat(1.0);
-    let left = one - done;
     let unfinished = done.less_than(one);
-    let share = |kappa: R| R::select(unfinished, done / kappa.mul_add(left, done), one);
-    let share = Vector::new(share(change.kappa.x), share(change.kappa.y), share(change.kappa.z));
+    let share = change.share(done);
+    let share = Vector::new(
+        R::select(unfinished, share.x, one),
+        R::select(unfinished, share.y, one),
+        R::select(unfinished, share.z, one),
+    );
+    changed_by(body, change, share)
+}
+
+impl<R: Real> Change<R> {
+    /// The part of each reciprocal moment's change that is done with the part `done` of the moments'; 1 at the end up to rounding.
+    #[inline(always)]
+    fn share(&self, done: R) -> Vector<R> {
+        let left = R::splat(1.0) - done;
+        let kappa = self.kappa;
+        Vector::new(
+            done / kappa.x.mul_add(left, done),
+            done / kappa.y.mul_add(left, done),
+            done / kappa.z.mul_add(left, done),
+        )
+    }
+}
+
+#[inline(always)]
+fn changed_by<R: Real>(body: &Body<R>, change: &Change<R>, share: Vector<R>) -> Changed<R> {
+    let one = R::splat(1.0);
     let ones = Vector::new(one, one, one);
     let ratio = (change.kappa - ones).mul_add(share, ones);
     let (value, residue) = (body.inverse_moments.value, body.inverse_moments.residue);
@@ -401,8 +424,19 @@ pub(crate) fn changed_motion<R: Real>(
     correction: &Correction<R>,
     m: Vector<R>,
 ) -> Motion<R> {
-    let Changed { body: changed, ratio } = changed_body(body, change, done);
-    let correction = changed.carried_correction(body, correction, ratio, m);
+    motion_of(&changed_body(body, change, done), body, correction, m)
+}
+
+/// The same for series: without a decision whether the change is at its end, which rounding could take long before it is, as a ramp ends
+/// smoothly.
+pub(crate) fn smoothly_changed_motion<R: Real>(body: &Body<R>, change: &Change<R>, done: R, m: Vector<R>) -> Motion<R> {
+    motion_of(&changed_by(body, change, change.share(done)), body, &Correction::none(), m)
+}
+
+#[inline(always)]
+fn motion_of<R: Real>(changed: &Changed<R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
+    let Changed { body: changed, ratio } = changed;
+    let correction = changed.carried_correction(body, correction, *ratio, m);
     Motion {
         angular_velocity: changed.angular_velocity(m, &correction),
         gyroscopic_term: changed.gyroscopic_term(m, &correction),

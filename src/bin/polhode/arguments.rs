@@ -29,7 +29,7 @@ pub enum Command {
     Run(RunArguments),
     /// Print what a study would run, what it leaves out, and why.
     Explain(ExplainArguments),
-    /// Step the GPU and the CPU side by side and compare every step.
+    /// Step the GPU and the CPU side by side through a study and compare every step.
     Verify(VerifyArguments),
     /// Print mass, centre of mass, inertia tensor and principal axes of what a file describes.
     Inertia(InertiaArguments),
@@ -156,7 +156,10 @@ Results: final.csv (or .npz) with body, t, orientation qx qy qz qw (body to worl
 velocity wx wy wz (body axes), angular momentum lx ly lz (world axes) and kinetic_energy;
 snapshots.csv with the same at all output times; statistics.csv with t, count and of each quantity
 mean, standard_deviation, min, max, min_body, max_body at all output times; plan.json, which --plan takes; report.json with
-engine, plan, wall times, drift of what a free body conserves, and errors. They appear when all are complete; Ctrl-C leaves nothing.";
+engine, plan, wall times, drift of what a free body conserves, and errors. The folder appears, or replaces
+the former one, when all files are complete and on the disk; Ctrl-C leaves nothing. With --force, files that
+are not of a run stay. One run at a time may write to a folder. What a killed run leaves beside it
+(.NAME.polhode-*) is removed by the next one.";
 
 /// What `polhode run --help` adds to the options.
 fn run_help() -> String {
@@ -237,15 +240,29 @@ pub struct ExplainArguments {
 }
 
 const VERIFY_HELP: &str = "\
-Every kernel exists twice, as a shader and as Rust. After each step three states are compared: the
-engine's, its scalar twin's in the same arithmetic, and the scalar f64 reference's. Differences are
-given in ulps, units in the last place of the vector's largest component.
+Every kernel exists twice, as a shader and as Rust. A study is planned as `polhode run` plans it, and of each
+group of its bodies the engine is compared with its scalar twin: the same operations in the same arithmetic, one
+body at a time. All that acts is there: torques, formulas, noise, moments that change, forces that turn with the
+body. Equal steps are compared one by one and in one call, adaptive steps attempt by attempt with what their
+controller decides, closed forms at the output times. In f32 the twin is compared with the f64 reference too,
+which is not judged. What is not compared is listed.
+
+Bounds are counted in roundings of one step, for each body by its own numbers. The first difference beyond its
+bound is named with body, step, component and both numbers, and with the torque that it comes from: the step is
+taken again under each torque alone, and without each of them.
+
+Without an adapter no shader can be checked: the exit status is 1, unless --engine cpu asks for the lanes of the
+CPU engine, of every width that the processor has.
 
 Examples:
-    polhode verify                                 1,000 generated bodies, 100 steps
+    polhode verify                                 100 generated bodies, 32 steps
+    polhode verify study.toml                      a study's first 100 bodies
+    polhode verify study.toml --engine cpu --precision f64    SIMD lanes against one body at a time
+    polhode verify study.toml --from-step 5000 --steps 10 --body 17
     polhode verify --bodies 4097 --steps 1000 --seed 7
-    polhode verify study.toml --bodies 100         the first 100 bodies of a study
-    polhode verify --engine cpu --precision f64    SIMD lanes against one body at a time";
+    polhode verify study.toml --json | jq '.groups[].comparisons[].parting'
+
+Exit status: 0 they agree, 1 they do not or there is no adapter, 2 the input is wrong.";
 
 /// Arguments of `polhode verify`.
 #[derive(Debug, Args)]
@@ -255,11 +272,17 @@ pub struct VerifyArguments {
     #[arg(value_name = "STUDY.toml")]
     pub study: Option<PathBuf>,
     /// Number of bodies, the first ones of a study.
-    #[arg(long, default_value_t = 1000, value_name = "K")]
+    #[arg(long, default_value_t = 100, value_name = "K")]
     pub bodies: usize,
-    /// Number of steps.
-    #[arg(long, default_value_t = 100, value_name = "N")]
+    /// Number of steps of each group of bodies: equal steps, rounds of attempts, or output times.
+    #[arg(long, default_value_t = polhode::verify::DEFAULT_STEPS, value_name = "N")]
     pub steps: u64,
+    /// Steps before the first that is compared; the twin takes them.
+    #[arg(long, default_value_t = 0, value_name = "K")]
+    pub from_step: u64,
+    /// The only body that is compared, by its index.
+    #[arg(long, value_name = "INDEX")]
+    pub body: Option<usize>,
     /// Seed of the generated ensemble.
     #[arg(long, default_value_t = 0, value_name = "S", conflicts_with = "study")]
     pub seed: u64,
@@ -271,10 +294,10 @@ pub struct VerifyArguments {
 }
 
 const INERTIA_HELP: &str = "\
-FILE is a closed surface (.stl, .obj) with --mass or --density, point masses (.csv with the columns
-mass,x,y,z), or a TOML file with `inertia = { ... }` as in a study, or a study itself. Units are SI:
-m, kg, m³, kg m². Frame: the one of the file. The tensor's off-diagonal elements are -(integral of
-xy dm).
+FILE is a closed surface (.stl, .obj) with --mass or --density, of whose parts none may overlap or be
+inside out, point masses (.csv with the columns mass,x,y,z), or a TOML file with `inertia = { ... }` as in
+a study, or a study itself. Units are SI: m, kg, m³, kg m². Frame: the one of the file. The tensor's
+off-diagonal elements are -(integral of xy dm).
 
 Examples:
     polhode inertia hull.stl --mass 900               a mesh in metres

@@ -111,7 +111,7 @@ pub fn bench(arguments: &BenchArguments) -> Result<(), Failure> {
             if comparison.cases == 0 {
                 return Err(Failure::Arguments("the folders have no case of `polhode bench accuracy` in common"));
             }
-            output::print(&comparison.to_string());
+            output::show(&comparison.to_string())?;
             Ok(())
         }
     }
@@ -131,7 +131,7 @@ fn measure(
         return Err(Failure::Arguments("no case has such a name: --filter takes a part of one, such as cpu or f64"));
     }
     if !options.quiet {
-        output::print(&summary(&swept.rows));
+        output::show(&summary(&swept.rows))?;
         let tables: Vec<String> = swept.tables.iter().map(|table| table.display().to_string()).collect();
         output::note(&format!(
             "{} rows appended to {} and .json beside it, {} cases left out",

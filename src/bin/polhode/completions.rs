@@ -9,6 +9,5 @@ use crate::output::{self, Failure};
 pub fn completions(arguments: &CompletionsArguments) -> Result<(), Failure> {
     let mut script = Vec::new();
     clap_complete::generate(arguments.shell, &mut Arguments::command(), "polhode", &mut script);
-    output::print(&String::from_utf8_lossy(&script));
-    Ok(())
+    output::print(&String::from_utf8_lossy(&script))
 }

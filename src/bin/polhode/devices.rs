@@ -10,8 +10,10 @@ use crate::output::{self, Failure};
 /// Lists the engines of this machine.
 pub fn devices(arguments: &DevicesArguments) -> Result<(), Failure> {
     let devices = list_devices();
-    output::print(&if arguments.json { format!("{:#}\n", json_value(&devices)) } else { table(&devices) });
-    Ok(())
+    if arguments.json {
+        return output::print(&format!("{:#}\n", json_value(&devices)));
+    }
+    output::show(&table(&devices))
 }
 
 fn table(devices: &Devices) -> String {

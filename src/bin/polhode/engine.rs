@@ -26,18 +26,18 @@ pub fn open(arguments: &EngineArguments, quiet: bool) -> Result<Engine, Failure>
     }
 }
 
-/// As [`open`], but where a choice is left a software adapter is better than none: it is the shaders that are checked.
+/// As [`open`], but where a choice is left a software adapter is better than none: it is the shaders that are checked. The CPU
+/// engine is opened only where it is asked for.
 pub fn open_for_verify(arguments: &EngineArguments) -> Result<Engine, Failure> {
-    if arguments.engine != EngineName::Auto || arguments.adapter.is_some() {
-        return open(arguments, false);
-    }
-    match gpu(None) {
-        Ok(engine) => Ok(engine),
-        Err(polhode::Error::NoAdapter { .. }) => {
-            output::note("no GPU adapter, not even in software: the CPU engine's lanes are checked, no shader is");
-            Ok(Engine::cpu())
+    let opened = match (arguments.engine, arguments.adapter) {
+        (EngineName::Auto, None) => gpu(None).map_err(Failure::from),
+        _ => open(arguments, false),
+    };
+    match opened {
+        Err(Failure::Library(polhode::Error::NoAdapter { .. })) if arguments.adapter.is_none() => {
+            Err(Failure::NoShader)
         }
-        Err(error) => Err(error.into()),
+        opened => opened,
     }
 }
 

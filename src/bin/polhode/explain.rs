@@ -19,9 +19,8 @@ pub fn explain(arguments: &ExplainArguments) -> Result<(), Failure> {
     }
     let engine = crate::engine::open(&arguments.engine, arguments.json)?;
     let costs = crate::engine::costs(arguments.costs.as_deref(), &engine)?;
-    let planned = planning(arguments.json, None, || Plan::with_costs(&scene, &engine, &costs));
+    let planned = planning(arguments.json, || Plan::with_costs(&scene, &engine, &costs));
     let plan = planned.map_err(|error| study.located(error))?;
     let explanation = plan.explain();
-    output::print(&if arguments.json { explanation.to_json() } else { explanation.to_string() });
-    Ok(())
+    if arguments.json { output::print(&explanation.to_json()) } else { output::show(&explanation.to_string()) }
 }

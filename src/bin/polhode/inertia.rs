@@ -15,6 +15,5 @@ pub fn inertia(arguments: &InertiaArguments) -> Result<(), Failure> {
         body: arguments.body,
     };
     let report = MassReport::of_file(&arguments.file, &options, arguments.about)?;
-    output::print(&if arguments.json { report.to_json() } else { report.to_string() });
-    Ok(())
+    if arguments.json { output::print(&report.to_json()) } else { output::show(&report.to_string()) }
 }

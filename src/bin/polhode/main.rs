@@ -16,6 +16,7 @@ mod output;
 mod plot;
 mod progress;
 mod run;
+mod threads;
 mod verify;
 
 use arguments::{Arguments, Command};
@@ -25,6 +26,9 @@ use output::Failure;
 const FAILED: u8 = 1;
 /// What is said of a request to stop.
 const STOPPED: &str = "stopped by the user: nothing was written";
+/// What is said where there is no shader to check.
+const NO_SHADER: &str = "no GPU adapter, not even in software (`polhode devices` says why): no shader was checked; \
+                         --engine cpu checks the lanes of the CPU engine";
 /// What was asked for is wrong.
 const WRONG_INPUT: u8 = 2;
 
@@ -34,7 +38,18 @@ fn main() -> ExitCode {
         Ok(arguments) => arguments,
         Err(error) => return refuse_arguments(&error),
     };
-    let done = match &arguments.command {
+    let done = perform(&arguments.command);
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => say(&failure),
+    }
+}
+
+fn perform(command: &Command) -> Result<(), Failure> {
+    if !matches!(command, Command::Completions(_) | Command::Man) {
+        threads::start()?;
+    }
+    match command {
         Command::Run(arguments) => run::run(arguments),
         Command::Explain(arguments) => explain::explain(arguments),
         Command::Verify(arguments) => verify::verify(arguments),
@@ -44,24 +59,43 @@ fn main() -> ExitCode {
         Command::Plot(arguments) => plot::plot(arguments),
         Command::Completions(arguments) => completions::completions(arguments),
         Command::Man => man::man(),
-    };
-    match done {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(Failure::Disagreement | Failure::FailedBodies) => ExitCode::from(FAILED),
-        Err(Failure::Library(polhode::Error::Interrupted { .. })) => {
+    }
+}
+
+/// Says what went wrong, where that has not been said yet; the exit status.
+fn say(failure: &Failure) -> ExitCode {
+    match failure {
+        Failure::Disagreement | Failure::FailedBodies => ExitCode::from(FAILED),
+        Failure::NoShader => {
+            output::error(NO_SHADER);
+            ExitCode::from(FAILED)
+        }
+        Failure::Environment(message) => {
+            output::error(message);
+            ExitCode::from(WRONG_INPUT)
+        }
+        Failure::Threads(error) => {
+            output::error(&format!("no threads to compute with: {error}; RAYON_NUM_THREADS asks for fewer"));
+            ExitCode::from(FAILED)
+        }
+        Failure::Output(error) => {
+            output::error(&format!("standard output cannot be written: {error}"));
+            ExitCode::from(FAILED)
+        }
+        Failure::Library(polhode::Error::Interrupted { .. }) => {
             output::error(STOPPED);
             ExitCode::from(FAILED)
         }
-        Err(Failure::Library(error)) => {
+        Failure::Library(error) => {
             output::error(&error.to_string());
-            if let polhode::Error::Input(input) = &error
+            if let polhode::Error::Input(input) = error
                 && let polhode::study::Fault::Formula { picture, .. } = &input.fault
             {
-                picture.lines().for_each(|line| output::note(&format!("    {}", output::printable(line))));
+                picture.lines().for_each(|line| output::note(&format!("    {line}")));
             }
             ExitCode::from(if error.is_input() { WRONG_INPUT } else { FAILED })
         }
-        Err(Failure::Arguments(message)) => {
+        Failure::Arguments(message) => {
             output::error(message);
             ExitCode::from(WRONG_INPUT)
         }
@@ -83,8 +117,10 @@ fn refuse_arguments(error: &clap::Error) -> ExitCode {
     use clap::error::ErrorKind;
     match error.kind() {
         ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
-            output::print(&error.render().to_string());
-            return ExitCode::SUCCESS;
+            return match output::print(&error.render().to_string()) {
+                Ok(()) => ExitCode::SUCCESS,
+                Err(failure) => say(&failure),
+            };
         }
         ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
             output::error(

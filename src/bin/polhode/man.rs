@@ -15,6 +15,5 @@ pub fn man() -> Result<(), Failure> {
         // Writing to memory does not fail.
         let _ = clap_mangen::Man::new(page.clone()).render(&mut text);
     }
-    output::print(&String::from_utf8_lossy(&text));
-    Ok(())
+    output::print(&String::from_utf8_lossy(&text))
 }

@@ -11,8 +11,16 @@ pub enum Failure {
     Arguments(&'static str),
     /// `verify` found a difference, and has said so.
     Disagreement,
+    /// `verify` has no adapter whose shaders it could check.
+    NoShader,
     /// More bodies of a run have failed than the study allows, which has been said.
     FailedBodies,
+    /// A variable of the environment makes no sense.
+    Environment(String),
+    /// The system refuses the threads that compute.
+    Threads(rayon::ThreadPoolBuildError),
+    /// Standard output cannot be written.
+    Output(std::io::Error),
 }
 
 impl From<polhode::Error> for Failure {
@@ -22,18 +30,27 @@ impl From<polhode::Error> for Failure {
 }
 
 /// Writes to standard output; a reader that has gone away is no error.
-pub fn print(text: &str) {
-    let _ = std::io::stdout().lock().write_all(text.as_bytes());
+pub fn print(text: &str) -> Result<(), Failure> {
+    let mut output = std::io::stdout().lock();
+    match output.write_all(text.as_bytes()).and_then(|()| output.flush()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::Output(error)),
+        _ => Ok(()),
+    }
+}
+
+/// As [`print`], lines for people: words from files have no power over the terminal.
+pub fn show(text: &str) -> Result<(), Failure> {
+    print(&text.split('\n').map(printable).collect::<Vec<_>>().join("\n"))
 }
 
 /// Writes one line to standard error.
 pub fn note(message: &str) {
-    let _ = writeln!(std::io::stderr().lock(), "{message}");
+    let _ = writeln!(std::io::stderr().lock(), "{}", printable(message));
 }
 
 /// Writes an error of one line to standard error.
 pub fn error(message: &str) {
-    note(&format!("error: {}", printable(message)));
+    note(&format!("error: {message}"));
 }
 
 /// A line without characters that a terminal would obey.

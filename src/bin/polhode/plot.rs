@@ -34,6 +34,5 @@ pub fn plot(arguments: &PlotArguments) -> Result<(), Failure> {
             "the folder holds neither rows of `polhode bench` nor snapshots.csv of `polhode run` (snapshots = true)",
         ));
     }
-    files.iter().for_each(|file| output::print(&format!("{}\n", file.display())));
-    Ok(())
+    files.iter().try_for_each(|file| output::print(&format!("{}\n", output::printable(&file.to_string_lossy()))))
 }

@@ -2,7 +2,6 @@
 
 use std::io::IsTerminal;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::RecvTimeoutError;
@@ -11,6 +10,7 @@ use std::time::{Duration, Instant};
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use polhode::bench::Step;
 use polhode::engine::Progress;
+use polhode::record::Traces;
 
 /// Whether the user has asked to stop.
 static STOP: AtomicBool = AtomicBool::new(false);
@@ -18,38 +18,61 @@ static STOP: AtomicBool = AtomicBool::new(false);
 /// A run shorter than this shows no bar: it would only flash.
 const QUIET_START: Duration = Duration::from_millis(300);
 
-/// While a plan is made: the folder that was made for the results, where one was.
-static PLANNING: Mutex<Option<Option<PathBuf>>> = Mutex::new(None);
+/// Whether a plan is being made, which does not ask whether to stop.
+static PLANNING: AtomicBool = AtomicBool::new(false);
 
-/// Lets Ctrl-C (and a request to terminate) end the run in good order; a second one ends it at once.
+/// What to remove before the process is ended by a signal.
+static TRACES: Mutex<Option<Traces>> = Mutex::new(None);
+
+/// Lets Ctrl-C (and a request to terminate) end the run in good order; a second one, and one while a plan is made, ends it at
+/// once.
 pub fn catch_interrupts() {
     // Where the handler cannot be set, Ctrl-C ends the process as it does by default.
     let _ = ctrlc::set_handler(|| {
-        if let Ok(Some(made)) = PLANNING.lock().as_deref() {
-            // There is nothing in it yet; where there is, it stays.
-            let _ = made.as_ref().map(std::fs::remove_dir);
-            crate::output::error(crate::STOPPED);
-            std::process::exit(crate::FAILED.into());
+        let second = STOP.swap(true, Ordering::SeqCst);
+        if PLANNING.load(Ordering::SeqCst) {
+            stop();
         }
-        if STOP.swap(true, Ordering::SeqCst) {
+        if second {
+            remove_traces();
             std::process::exit(crate::FAILED.into());
         }
     });
 }
 
+/// Ends the process as a run that was stopped ends.
+fn stop() -> ! {
+    remove_traces();
+    crate::output::error(crate::STOPPED);
+    std::process::exit(crate::FAILED.into());
+}
+
+fn remove_traces() {
+    if let Ok(Some(traces)) = TRACES.lock().as_deref() {
+        traces.remove();
+    }
+}
+
+/// Says what a signal that ends the process at once has to remove.
+pub fn remove_at_end(traces: Option<Traces>) {
+    if let Ok(mut known) = TRACES.lock() {
+        *known = traces;
+    }
+}
+
 /// Makes a plan, which has nothing to show of how far it is: something turns on standard error while that takes long, unless
-/// `quiet`, and a request to stop ends the process at once, without the folder that was `made`.
-pub fn planning<T>(quiet: bool, made: Option<PathBuf>, plan: impl FnOnce() -> T) -> T {
-    let set = |state| {
-        if let Ok(mut planning) = PLANNING.lock() {
-            *planning = state;
-        }
-    };
-    set(Some(made));
+/// `quiet`, and a request to stop ends the process at once.
+pub fn planning<T>(quiet: bool, plan: impl FnOnce() -> T) -> T {
+    PLANNING.store(true, Ordering::SeqCst);
+    // Asked for before, while bodies were drawn: the handler did not know that this would follow.
+    if STOP.load(Ordering::SeqCst) {
+        stop();
+    }
     let shown = !quiet && std::io::stderr().is_terminal();
     let planned = std::thread::scope(|scope| {
         let (finished, wait) = std::sync::mpsc::channel::<()>();
-        scope.spawn(move || {
+        // Without this thread nothing turns, that is all.
+        let _ = std::thread::Builder::new().spawn_scoped(scope, move || {
             if shown && wait.recv_timeout(QUIET_START) == Err(RecvTimeoutError::Timeout) {
                 let bar = planning_bar();
                 let _ = wait.recv();
@@ -60,7 +83,7 @@ pub fn planning<T>(quiet: bool, made: Option<PathBuf>, plan: impl FnOnce() -> T)
         drop(finished);
         planned
     });
-    set(None);
+    PLANNING.store(false, Ordering::SeqCst);
     planned
 }
 

@@ -5,12 +5,15 @@ use std::time::Instant;
 
 use polhode::Plan;
 use polhode::plan::PlanDocument;
-use polhode::record::{OutputFolder, Report, run_to_folder};
+use polhode::record::{OutputFolder, OutputSize, Report, run_to_folder};
 use polhode::study::Study;
 
 use crate::arguments::RunArguments;
 use crate::output::{self, Failure};
 use crate::progress::{self, Watch, catch_interrupts};
+
+/// Results from this many bytes on are announced.
+const LARGE: u64 = 10_000_000_000;
 
 /// Runs a study into a folder.
 pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
@@ -23,6 +26,10 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     // The folder is tried before anything that takes long.
     let path = arguments.out.clone().unwrap_or_else(|| default_folder(&arguments.study));
     let folder = OutputFolder::create(&path, arguments.force)?;
+    progress::remove_at_end(Some(folder.traces().clone()));
+    for leftover in folder.leftovers() {
+        output::note(&format!("note: removed what a killed run had left: {}", leftover.display()));
+    }
     let scene = study.scene()?.skipping(!arguments.no_skip);
     let wanted = study.output();
     if !(wanted.final_state || wanted.snapshots || arguments.quiet) && scene.wanted_statistics().is_empty() {
@@ -32,8 +39,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let plan = match &arguments.plan {
         None => {
             let costs = crate::engine::costs(arguments.costs.as_deref(), &engine)?;
-            let made = folder.is_new().then(|| path.clone());
-            progress::planning(arguments.quiet, made, || Plan::with_costs(&scene, &engine, &costs))
+            progress::planning(arguments.quiet, || Plan::with_costs(&scene, &engine, &costs))
         }
         Some(file) => {
             let document = PlanDocument::read(file)?;
@@ -47,10 +53,12 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     };
     let plan = plan.map_err(|error| study.located(error))?;
 
+    check_disk(&folder, OutputSize::of(&plan, wanted), arguments.quiet)?;
     let mut watch = Watch::new(arguments.quiet);
     let done =
         run_to_folder(&engine, &plan, Some(&study), wanted, folder, since, &mut |progress| watch.observe(progress));
     watch.finish();
+    progress::remove_at_end(None);
     let report = done?;
     if !report.failed_bodies.is_empty() {
         output::note(&format!(
@@ -73,14 +81,33 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         ));
     }
     if arguments.json {
-        output::print(&report.to_json());
+        output::print(&report.to_json())?;
     } else if !arguments.quiet {
-        output::print(&summary(&report, &path));
+        output::show(&summary(&report, &path))?;
     }
     match report.failed_bodies.len() as u64 {
         failed if failed > study.allowed_failures() => Err(Failure::FailedBodies),
         _ => Ok(()),
     }
+}
+
+/// Says of large results how large they are, and refuses those that the disk has no space for.
+fn check_disk(folder: &OutputFolder, size: OutputSize, quiet: bool) -> Result<(), Failure> {
+    let OutputSize { rows, least_bytes, likely_bytes } = size;
+    let (path, gigabytes) = (folder.path(), |bytes: u64| bytes as f64 / 1e9);
+    // Where the system does not say what is free, nothing is refused.
+    let available = fs4::available_space(folder.staging()).unwrap_or(u64::MAX);
+    if least_bytes > available {
+        return Err(polhode::Error::DiskSpace { path: path.to_owned(), rows, needed: least_bytes, available }.into());
+    }
+    let message =
+        format!("{rows} rows, about {:.1} GB, will be written to {}", gigabytes(likely_bytes), path.display());
+    if likely_bytes > available {
+        output::note(&format!("warning: {message}: only {:.1} GB are free", gigabytes(available)));
+    } else if likely_bytes > LARGE && !quiet {
+        output::note(&format!("note: {message}"));
+    }
+    Ok(())
 }
 
 /// The study's name with the ending `.out`, in the current folder.
@@ -94,5 +121,5 @@ fn default_folder(study: &Path) -> PathBuf {
 fn summary(report: &Report, folder: &Path) -> String {
     let mut files = report.files.clone();
     files.push(polhode::record::REPORT.to_owned());
-    format!("{report}\n  results  {} in {}\n", files.join(", "), folder.display())
+    format!("{report}\n  results  {} in {}\n", files.join(", "), output::printable(&folder.to_string_lossy()))
 }

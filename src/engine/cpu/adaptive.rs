@@ -16,7 +16,7 @@ use crate::clock::{Clock, MOST_LANES};
 use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps, StepCounts, two_words_of};
 use crate::engine::watch::{Job, Watch, watched};
 use crate::engine::work::imbalance;
-use crate::engine::{Observer, check_time};
+use crate::engine::{Observer, check_time, unobserved};
 use crate::error::{Error, Result};
 use crate::lanes::{LaneScalar, LaneTask};
 use crate::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, advance};
@@ -33,7 +33,7 @@ const REJECTED: usize = 5;
 
 /// Attempts between two looks at whether to go on: some milliseconds of work for one block. Counts of one slice are exact
 /// in every element type.
-pub(super) const SLICE: u32 = 1 << 13;
+const SLICE: u32 = 1 << 13;
 
 pub(super) struct CpuAdaptiveSession<T> {
     pub(super) batch: Batch<T>,
@@ -78,6 +78,14 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
         }
     }
 
+    /// Bodies in a lane group.
+    fn lanes(&self) -> usize {
+        match self.width {
+            Width::Lanes => T::lane_count(),
+            Width::Scalar => 1,
+        }
+    }
+
     /// The way to `time`, s.
     fn work(&mut self, time: f64) -> Result<Job<'_>> {
         check_time(time)?;
@@ -86,35 +94,40 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
             // They are there.
             let bodies = self.batch.body_count as u64;
             Box::new(move |watch: &Watch| watch.add(bodies))
-        } else if let Some((_, kernel)) = &self.series {
-            let kernel = *kernel;
-            self.advance_blocks(end, kernel)
-        } else if self.batch.torques.is_empty() {
-            self.advance_in::<Nothing>(end)
-        } else if self.batch.torques.is_common() {
-            self.advance_in::<CommonTorques>(end)
-        } else if self.width.has_lanes::<T>() {
-            self.advance_blocks(end, attempts_in_tiles::<T>)
         } else {
-            self.advance_blocks(end, one_by_one::<T, AllTorques>)
+            self.advance_blocks(end, self.kernel(), None)
         })
     }
 
-    /// In lanes or singly, as the session was opened.
-    fn advance_in<S: Surroundings>(&mut self, end: Clock) -> Job<'_> {
-        let kernel = if self.width.has_lanes::<T>() { in_lanes::<T, S> } else { one_by_one::<T, S> };
-        self.advance_blocks(end, kernel)
+    /// What carries attempts out: in lanes or singly, as the session was opened, with nothing that the scene does not have.
+    fn kernel(&self) -> Kernel<T> {
+        let has_lanes = self.width.has_lanes::<T>();
+        match &self.series {
+            Some((_, kernel)) => *kernel,
+            None if self.batch.torques.is_empty() && has_lanes => in_lanes::<T, Nothing>,
+            None if self.batch.torques.is_empty() => one_by_one::<T, Nothing>,
+            None if self.batch.torques.is_common() && has_lanes => in_lanes::<T, CommonTorques>,
+            None if self.batch.torques.is_common() => one_by_one::<T, CommonTorques>,
+            None if has_lanes => attempts_in_tiles::<T>,
+            None => one_by_one::<T, AllTorques>,
+        }
     }
 
-    fn advance_blocks(&mut self, end: Clock, kernel: Kernel<T>) -> Job<'_> {
+    /// All attempts from the start of the interval to its end, or of each body so many from where its controller says.
+    fn advance_blocks(&mut self, end: Clock, kernel: Kernel<T>, some: Option<u32>) -> Job<'_> {
         let steps = self.steps;
+        let block = match some {
+            None => adaptive_block_of(self.batch.body_count),
+            // As many bodies as every kernel takes at once: none waits until another has arrived.
+            Some(_) => LEAST_GROUPS * self.lanes(),
+        };
         let Self { batch, clock, controllers, counts, slots, series, .. } = self;
         let (slots, motion) = (&*slots, series.as_ref().map(|(motion, _)| motion));
         let start = *clock;
         let (value, residue) = start.seconds_until(&end);
         let span = two_words_of::<T>(value, residue);
-        let Batch { body_count, stride, parameters, state, torques } = batch;
-        let (stride, block) = (*stride, adaptive_block_of(*body_count));
+        let Batch { stride, parameters, state, torques, .. } = batch;
+        let stride = *stride;
         let source = Source { table: torques, parameters, stride, clock: start, dt: 0.0 };
         let states = column_parts(state, stride, 0..stride, block);
         let controllers = column_parts(controllers, stride, 0..stride, block);
@@ -122,7 +135,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
             let blocks = states.into_par_iter().zip(controllers).zip(counts.par_chunks_mut(block));
             blocks.enumerate().for_each(|(index, ((mut state, mut controllers), counts))| {
                 let first = index * block;
-                let mut starts = true;
+                let mut starts = some.is_none();
                 let mut under_way = true;
                 while under_way && watch.goes_on() {
                     under_way = kernel(Block {
@@ -133,11 +146,15 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
                         span,
                         steps,
                         starts,
+                        attempts: some.unwrap_or(SLICE),
                         slots,
                         motion,
                         bodies: counts.len(),
                     });
                     starts = false;
+                    if some.is_some() {
+                        break;
+                    }
                     take_counts(&mut controllers, counts);
                 }
                 watch.add(counts.len() as u64);
@@ -146,6 +163,9 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
         })
     }
 }
+
+/// Lane groups that every kernel advances at once.
+const LEAST_GROUPS: usize = 2;
 
 impl<T: LaneScalar + observe::Kernel> AdaptiveSession for CpuAdaptiveSession<T> {
     fn body_count(&self) -> usize {
@@ -159,6 +179,24 @@ impl<T: LaneScalar + observe::Kernel> AdaptiveSession for CpuAdaptiveSession<T> 
 
     fn job_to(&mut self, time: f64) -> Result<Option<Job<'_>>> {
         self.work(time).map(Some)
+    }
+
+    fn attempt(&mut self, end: f64, controllers: &mut [Controller<f64>]) -> Result<()> {
+        check_time(end)?;
+        let (stride, start, bodies) = (self.batch.stride, self.clock, self.batch.body_count);
+        for (body, controller) in controllers[..bodies].iter().enumerate() {
+            store_controller(controller, |column, number: f64| {
+                self.controllers[column * stride + body] = T::from_f64(number);
+            });
+        }
+        let kernel = self.kernel();
+        let work = self.advance_blocks(start.at(end.max(0.0)), kernel, Some(1));
+        watched(work, bodies as u64, &mut unobserved).map_err(|_| Error::Interrupted { steps: 0 })?;
+        self.clock = start;
+        for (body, controller) in controllers[..bodies].iter_mut().enumerate() {
+            *controller = load_controller(|column| self.controllers[column * stride + body].to_f64());
+        }
+        Ok(())
     }
 
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
@@ -176,14 +214,11 @@ impl<T: LaneScalar + observe::Kernel> AdaptiveSession for CpuAdaptiveSession<T> 
             return Ok(slots as f64 / attempts as f64);
         }
         let attempts: Vec<u64> = self.counts.iter().map(StepCounts::attempts).collect();
-        Ok(imbalance(&attempts, self.side_by_side()))
+        Ok(imbalance(&attempts, self.lanes()))
     }
 
     fn side_by_side(&self) -> usize {
-        match self.width {
-            Width::Lanes => T::lane_count(),
-            Width::Scalar => 1,
-        }
+        self.lanes()
     }
 }
 
@@ -215,6 +250,8 @@ pub(super) struct Block<'a, 'b, T> {
     pub steps: AdaptiveSteps,
     /// Whether the interval starts here.
     pub starts: bool,
+    /// The most attempts of a body.
+    pub attempts: u32,
     /// Where attempts of lanes are counted.
     pub slots: &'a AtomicU64,
     /// The series of the motion, where the steps are theirs.
@@ -260,7 +297,7 @@ impl<T: Scalar, S: Surroundings> LaneTask<T> for Advance<'_, '_, T, S> {
             let state = load_state(|column| R::load(&block.state[column][offset..]));
             let controller = load_controller(|column| R::load(&block.controllers[column][offset..]));
             let controller = if block.starts { controller.over(span) } else { controller };
-            let (state, controller) = advance(&body, &environment, span, &limits, SLICE, controller, state);
+            let (state, controller) = advance(&body, &environment, span, &limits, block.attempts, controller, state);
             any_under_way |= R::any(controller.under_way(&state));
             store_state(&state, |column, number: R| number.store(&mut block.state[column][offset..]));
             store_controller(&controller, |column, number: R| number.store(&mut block.controllers[column][offset..]));

@@ -47,8 +47,8 @@ impl Seating {
     #[inline(always)]
     pub fn occupied<R: Real>(&self) -> R {
         let mut numbers = [R::Scalar::default(); MOST_LANES];
-        for lane in 0..R::LANES {
-            numbers[lane] = R::Scalar::from_f64(if self.taken[lane] { 1.0 } else { 0.0 });
+        for (number, taken) in numbers.iter_mut().zip(self.taken).take(R::LANES) {
+            *number = R::Scalar::from_f64(if taken { 1.0 } else { 0.0 });
         }
         R::load(&numbers)
     }

@@ -25,6 +25,7 @@ use crate::engine::reduction::{Marked, Reduce};
 use crate::engine::{Observer, Progress, check_time};
 use crate::error::{Error, Result};
 use crate::method::Method;
+use crate::method::rk8_adaptive::Controller;
 use crate::observe::{Partial, Statistic};
 use crate::torque::TorqueTable;
 use chunk::{BINDINGS, Chunk, Interval, READ_ONLY, next_group, row_bytes, rows_in, staging_bytes};
@@ -234,6 +235,24 @@ impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
         self.clock = end;
         // All is done, so there is nothing left to break off.
         let _ = observer(Progress { done, total });
+        Ok(())
+    }
+
+    fn attempt(&mut self, end: f64, controllers: &mut [Controller<f64>]) -> Result<()> {
+        check_time(end)?;
+        let interval = Interval::new(&self.clock, &self.clock.at(end.max(0.0)), &self.steps);
+        let before = self.counts()?;
+        let device = Arc::clone(&self.device);
+        for index in 0..self.chunks.len() {
+            self.chunks[index].take_controllers::<T>(&device, controllers)?;
+            self.run(&[index], &interval, 1)?;
+            let Some(staging) = &self.staging else { continue };
+            self.bytes_read += self.chunks[index].give_controllers::<T>(&device, staging, controllers)?;
+        }
+        for ((controller, before), after) in controllers.iter_mut().zip(before).zip(self.counts()?) {
+            controller.accepted += (after.accepted - before.accepted) as f64;
+            controller.rejected += (after.rejected - before.rejected) as f64;
+        }
         Ok(())
     }
 

@@ -81,7 +81,7 @@ pub(super) fn read_block<T: Scalar>(
 }
 
 /// Copies some rows of some columns to the host and shows them to `look`, column after column; gives the bytes moved.
-fn read_columns<T: bytemuck::Pod>(
+pub(super) fn read_columns<T: bytemuck::Pod>(
     device: &Device,
     source: &wgpu::Buffer,
     stride: usize,

@@ -1,6 +1,7 @@
 //! From a graph to rows and operations on them.
 
 mod assembly;
+mod count;
 mod functions;
 mod products;
 mod sharing;

@@ -11,7 +11,8 @@ const LEAST_FOR_P99: usize = 100;
 impl fmt::Display for Report {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(title) = self.study.as_ref().and_then(|study| study.title.as_ref()) {
-            writeln!(formatter, "{title}")?;
+            // A title of several lines could say what only the report may say.
+            writeln!(formatter, "{}", title.replace(char::is_control, " "))?;
         }
         let engine = &self.engine;
         let software = if engine.software { ", a software adapter" } else { "" };
@@ -26,11 +27,13 @@ impl fmt::Display for Report {
         let time = &self.wall_time;
         writeln!(
             formatter,
-            "  time     {:.2} s: {:.2} computing, {:.2} reading back, {:.2} writing; {:.2e} body-steps/s",
+            "  time     {:.2} s: {:.2} planning, {:.2} computing, {:.2} reading back, {:.2} writing, {:.2} recomputing a sample; {:.2e} body-steps/s",
             time.total,
+            time.plan,
             time.compute,
             time.read,
             time.format + time.disk,
+            time.shadow,
             self.body_steps_per_second
         )?;
         if let Some(statistics) = &self.statistics {

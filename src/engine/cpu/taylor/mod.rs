@@ -5,7 +5,7 @@ mod step;
 
 use std::sync::atomic::Ordering;
 
-use super::adaptive::{Block, LEFT, SLICE, load_controller};
+use super::adaptive::{Block, LEFT, load_controller};
 use super::seats::{Seating, lanes_in};
 use crate::batch::{RATE_COLUMN, load_state, status_column};
 use crate::clock::MOST_LANES;
@@ -298,7 +298,7 @@ impl<R: Real, const G: usize> Outlined for Advance<'_, '_, R, G> {
             block.start_all();
         }
         let mut slots = 0;
-        for _ in 0..SLICE {
+        for _ in 0..block.attempts {
             let mut is_under_way = false;
             for group in 0..G {
                 let mut under_way = tile.under_way(group);

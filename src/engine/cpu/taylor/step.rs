@@ -5,7 +5,7 @@ use super::branch::Arrival;
 use crate::expression::jet::Place;
 use crate::lanes::Each;
 use crate::method::rk8_adaptive::renormalised;
-use crate::method::taylor::{Coefficients, form_relative_attitude, step_of};
+use crate::method::taylor::{Coefficients, MOST_ORDER, form_relative_attitude, step_of};
 use crate::method::{Status, flagged};
 use crate::quaternion::{Quaternion, norm_correction_of_step};
 use crate::real::{Outlined, Real};
@@ -61,13 +61,13 @@ pub(super) struct Conclusion<'s, 'a, R: Real, const G: usize> {
     pub group: usize,
 }
 
-/// The coefficients of ω of a lane group.
-struct AngularVelocity<'s, R, const G: usize> {
+/// The coefficients of a vector of a lane group.
+struct VectorRows<'s, R, const G: usize> {
     rows: [&'s [Each<R, G>]; 3],
     group: usize,
 }
 
-impl<R: Real, const G: usize> Coefficients<R> for AngularVelocity<'_, R, G> {
+impl<R: Real, const G: usize> Coefficients<R> for VectorRows<'_, R, G> {
     #[inline(always)]
     fn at(&self, order: usize) -> Vector<R> {
         let [x, y, z] = self.rows;
@@ -79,17 +79,28 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
     /// Coefficient k of m.
     #[inline(always)]
     fn momentum(&self, group: usize, order: usize) -> Vector<R> {
-        let [x, y, z] = self.motion.momentum;
-        let at = |place| self.series.at(place, order)[group];
-        Vector::new(at(x), at(y), at(z))
+        self.vector(self.motion.momentum, group, order)
+    }
+
+    /// Coefficient k of three rows. No closures here: one that is not inlined is compiled for the least processor.
+    #[inline(always)]
+    fn vector(&self, [x, y, z]: [Place; 3], group: usize, order: usize) -> Vector<R> {
+        let series = &self.series;
+        Vector::new(series.at(x, order)[group], series.at(y, order)[group], series.at(z, order)[group])
+    }
+
+    /// The first coefficients of three rows.
+    #[inline(always)]
+    fn rows(&self, [x, y, z]: [Place; 3], count: usize) -> [&[Each<R, G>]; 3] {
+        [self.series.row(x, count), self.series.row(y, count), self.series.row(z, count)]
     }
 
     /// Coefficient k of q.
     #[inline(always)]
     fn orientation(&self, places: [Place; 4], group: usize, order: usize) -> Quaternion<R> {
         let [x, y, z, w] = places;
-        let at = |place| self.series.at(place, order)[group];
-        Quaternion::new(at(x), at(y), at(z), at(w))
+        let Vector { x, y, z } = self.vector([x, y, z], group, order);
+        Quaternion::new(x, y, z, self.series.at(w, order)[group])
     }
 
     /// The norm of coefficient k of what the series are formed for; of m in units of `scale`.
@@ -102,16 +113,25 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
         }
     }
 
-    /// log₂ 1/h by the last coefficients of ω that the formula for the attitude leaves out.
+    /// log₂ 1/h by which the formula for the attitude keeps the tolerance, and whether that is a number.
     #[inline(always)]
-    fn own_logarithm(&self, group: usize) -> R {
-        let (two_sided, [x, y, z]) = (&self.motion.two_sided, self.motion.angular_velocity);
-        let norm = |order: usize| {
-            let at = |place| self.series.at(place, order)[group];
-            Vector::new(at(x), at(y), at(z)).largest()
-        };
-        let last = 2 * two_sided.half_order;
-        two_sided.own_length.inverse_logarithm(norm(last), norm(last - 1))
+    fn attitude_length(&self, group: usize) -> (R, R::Mask) {
+        let two_sided = &self.motion.two_sided;
+        let count = 2 * two_sided.half_order + 1;
+        let omega = VectorRows { rows: self.rows(self.motion.angular_velocity, count), group };
+        let mut norms = [R::splat(0.0); MOST_ORDER + 1];
+        for (order, norm) in norms.iter_mut().enumerate().take(count) {
+            // The first ones are what most depends on; three components are less than their sum.
+            let omega = omega.at(order);
+            *norm = match order {
+                0..3 => omega.dot(omega).sqrt(),
+                _ => omega.x.abs() + omega.y.abs() + omega.z.abs(),
+            };
+        }
+        let [last, last_but_one] = two_sided.majorant(&norms[..count]);
+        let limit = R::splat(1e290);
+        let is_number = last.less_than(limit) & last_but_one.less_than(limit);
+        (two_sided.length.inverse_logarithm(last, last_but_one), is_number)
     }
 }
 
@@ -145,16 +165,13 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
         let mut inverse_logarithm = motion.length.inverse_logarithm(norms[0], norms[1]);
 
         if motion.orientation.is_none() {
-            let rows = motion.angular_velocity;
             let count = motion.two_sided.half_order;
-            let [x, y, z] = rows;
-            let rows = [tile.series.row(x, count), tile.series.row(y, count), tile.series.row(z, count)];
-            let relative = &mut tile.relative;
-            form_relative_attitude(AngularVelocity { rows, group }, relative);
-            let norms = [largest(relative[count][0]), largest(relative[count - 1][0])];
-            is_number = is_number & norms[0].less_than(limit) & norms[1].less_than(limit);
-            let own = motion.two_sided.length.inverse_logarithm(norms[0], norms[1]);
-            let own = own.max(tile.own_logarithm(group));
+            let mut relative = std::mem::take(&mut tile.relative);
+            let rows = tile.rows(motion.angular_velocity, count);
+            form_relative_attitude(VectorRows { rows, group }, &mut relative);
+            tile.relative = relative;
+            let (own, is_finite) = tile.attitude_length(group);
+            is_number = is_number & is_finite;
             inverse_logarithm = inverse_logarithm.max(own);
         }
         let mut step = step_of(inverse_logarithm);
@@ -174,12 +191,13 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
         let h = TwoWords { value: R::select(last, left.value, step), residue: R::select(last, left.residue, zero) };
         let taken = is_left & !too_small;
 
-        let mut m_change = tile.momentum(group, order);
+        let m_rows = VectorRows { rows: tile.rows(motion.momentum, order + 1), group };
+        let mut m_change = m_rows.at(order);
         for k in (1..order).rev() {
-            m_change = m_change.axpy(h.value, tile.momentum(group, k));
+            m_change = m_change.axpy(h.value, m_rows.at(k));
         }
         let mut next = state;
-        let increment = m_change * h.value + tile.momentum(group, 1) * h.residue;
+        let increment = m_change * h.value + m_rows.at(1) * h.residue;
         next.angular_momentum_principal.value = m + increment;
         let mut controller = controller;
         match motion.orientation {

@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering;
 
 use super::{Rk8, Tile, TileSlopes};
 use crate::batch::{load_body, load_state, status_column};
-use crate::engine::cpu::adaptive::{Block as AdaptiveBlock, LEFT, SLICE, load_controller};
+use crate::engine::cpu::adaptive::{Block as AdaptiveBlock, LEFT, load_controller};
 use crate::engine::cpu::seats::{Seating, lanes_in};
 use crate::lanes::{Each, GROUPS, LaneScalar, LaneTask};
 use crate::method::rk8::TIMES;
@@ -114,20 +114,21 @@ impl<T: Scalar> LaneTask<T> for Attempts<'_, '_, T> {
         };
         let is_rigid = block.source.table.is_rigid();
         let mut slots = 0;
-        for _ in 0..SLICE {
+        for _ in 0..block.attempts {
             tile.active = 0;
             for group in 0..GROUPS {
                 let mut under_way = seats.controllers[group].under_way(&tile.state[group]);
+                // To give lanes away costs some of an attempt of all of them, so it waits until as much is lost. Bodies that are not rigid
+                // change seats all together, and those that take them may have arrived in a slice before.
                 if seats.next < block.bodies {
-                    // To give lanes away costs some of an attempt of all of them, so it waits until as much is lost. Bodies that are
-                    // not rigid change seats all together.
                     seats.idle[group] += R::LANES - lanes_in::<R>(under_way);
-                    let is_due = is_rigid && 2 * seats.idle[group] >= R::LANES;
-                    if is_due || !R::any(under_way) {
-                        R::outlined(Fill { block: &mut block, tile: &mut tile, seats: &mut seats, group });
-                        seats.idle[group] = 0;
-                        under_way = seats.controllers[group].under_way(&tile.state[group]);
-                    }
+                }
+                let mut is_due = is_rigid && 2 * seats.idle[group] >= R::LANES;
+                while seats.next < block.bodies && (is_due || !R::any(under_way)) {
+                    R::outlined(Fill { block: &mut block, tile: &mut tile, seats: &mut seats, group });
+                    seats.idle[group] = 0;
+                    under_way = seats.controllers[group].under_way(&tile.state[group]);
+                    is_due = false;
                 }
                 if R::any(under_way) {
                     tile.groups[tile.active % GROUPS] = group;

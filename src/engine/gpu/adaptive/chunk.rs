@@ -4,12 +4,14 @@ use std::ops::Range;
 
 use super::super::buffers::{Place, STAGING_BYTES, WORKGROUP_SIZE, buffer, write_columns};
 use super::super::device::{Device, Refusal};
+use super::super::reading::read_columns;
 use crate::batch::{Batch, STRIDE_UNIT, state_columns};
 use crate::clock::Clock;
 use crate::engine::adaptive::{AdaptiveSteps, StepCounts, two_words_of};
 use crate::error::Result;
-use crate::method::rk8_adaptive::LEAST_STEP;
+use crate::method::rk8_adaptive::{Controller, LEAST_STEP};
 use crate::real::Scalar;
+use crate::vector::TwoWords;
 
 /// Columns of a controller on the device: step, left (two words), retried.
 const CONTROLLER_COLUMNS: usize = 4;
@@ -116,7 +118,7 @@ impl Chunk {
         let parameters = buffer(device, "parameters", reals(parameter_columns), input)?;
         let state = buffer(device, "state", reals(state_columns::<T>()), input | output)?;
         // Zeros, as the device fills new buffers: nothing tried, nothing counted.
-        let controllers = buffer(device, "controllers", reals(CONTROLLER_COLUMNS), wgpu::BufferUsages::STORAGE)?;
+        let controllers = buffer(device, "controllers", reals(CONTROLLER_COLUMNS), input | output)?;
         let counts = buffer(device, "counts", words(COUNT_COLUMNS), output)?;
         let list_buffer = buffer(device, "list", words(1), input)?;
         let outcomes = buffer(device, "outcomes", words(1), output)?;
@@ -170,6 +172,46 @@ impl Chunk {
         self.list = (0..self.bodies as u32).collect();
         self.starts = true;
         self.made = 0;
+    }
+
+    /// Puts its bodies where these controllers, of all bodies, say.
+    pub fn take_controllers<T: Scalar>(&mut self, device: &Device, controllers: &[Controller<f64>]) -> Result<()> {
+        self.list = (0..self.bodies as u32).collect();
+        self.starts = false;
+        let own = &controllers[self.first..self.first + self.bodies];
+        let columns = [
+            |own: &Controller<f64>| own.step,
+            |own: &Controller<f64>| own.left.value,
+            |own: &Controller<f64>| own.left.residue,
+            |own: &Controller<f64>| own.retried,
+        ];
+        let numbers: Vec<T> = columns.iter().flat_map(|of| own.iter().map(|own| T::from_f64(of(own)))).collect();
+        write_columns(device, &self.controllers, self.stride, &numbers, own.len(), 0..own.len(), T::from_f64(f64::NAN))
+    }
+
+    /// Reads where its bodies stand into their places among `controllers`, but for their counts; gives the bytes moved.
+    pub fn give_controllers<T: Scalar>(
+        &self,
+        device: &Device,
+        staging: &wgpu::Buffer,
+        controllers: &mut [Controller<f64>],
+    ) -> Result<u64> {
+        let block = staging.size() as usize / (CONTROLLER_COLUMNS * size_of::<T>());
+        let mut bytes = 0;
+        for first in (0..self.bodies).step_by(block) {
+            let rows = first..(first + block).min(self.bodies);
+            let own = &mut controllers[self.first + rows.start..self.first + rows.end];
+            let place = (0..CONTROLLER_COLUMNS, rows);
+            bytes += read_columns(device, &self.controllers, self.stride, staging, place, |numbers: &[T]| {
+                let count = own.len();
+                for (row, own) in own.iter_mut().enumerate() {
+                    let number = |column: usize| numbers[column * count + row].to_f64();
+                    (own.step, own.retried) = (number(0), number(3));
+                    own.left = TwoWords { value: number(1), residue: number(2) };
+                }
+            })?;
+        }
+        Ok(bytes)
     }
 
     /// The most attempts of the next dispatch: as many as its bodies have made in this interval, so that one that has arrived

@@ -2,10 +2,10 @@
 //! Algorithms*, section 3.3), with the sizes of what is added up instead of its sum, so that it holds for any order and
 //! grouping of a sum and for products that are fused or drawn out of it.
 
-use polhode::elementary::functions;
-use polhode::expression::graph::{Binary, Graph, Input, Node, Operation, Unary};
-use polhode::real::{Function, sin_cos};
-use polhode::torque::orbit::eccentric_anomaly;
+use crate::elementary::functions;
+use crate::expression::graph::{Binary, Graph, Input, Node, Operation, Unary};
+use crate::real::{Function, sin_cos};
+use crate::torque::orbit::eccentric_anomaly;
 
 /// A number.
 #[derive(Clone, Copy, Debug)]
@@ -33,7 +33,32 @@ const GPU_ULPS: f64 = 2.5;
 /// The largest error that is stated for a function of formulas, ulps (tests/parity.rs).
 const FUNCTION_ULPS: f64 = 3.0;
 
+/// How an evaluation rounds.
+#[derive(Clone, Copy)]
+struct Rounding {
+    /// The unit roundoff.
+    unit: f64,
+    /// Whether products of sums may be multiplied out. If not, one factor of each product may be.
+    distributes: bool,
+}
+
+impl Rounding {
+    /// What the error of another factor is multiplied by.
+    fn magnitude(self, factor: &Running) -> f64 {
+        if self.distributes { factor.size } else { factor.value.abs() }
+    }
+
+    fn size_of_product(self, a: &Running, b: &Running) -> f64 {
+        if self.distributes { a.size * b.size } else { (a.size * b.value.abs()).max(a.value.abs() * b.size) }
+    }
+}
+
 impl Running {
+    /// The sum of the absolute values of what it is a sum of: what the roundings of a sum are measured by.
+    pub fn size(&self) -> f64 {
+        self.size
+    }
+
     fn exact(value: f64) -> Self {
         Self { value, size: value.abs(), error: 0.0 }
     }
@@ -47,17 +72,18 @@ impl Running {
         self.error == 0.0 && self.value.to_bits() & ((1 << 52) - 1) == 0 && self.value.is_normal()
     }
 
-    fn sum(self, other: Self, sign: f64, u: f64) -> Self {
+    fn sum(self, other: Self, sign: f64, rounding: Rounding) -> Self {
         let (value, size) = (self.value + sign * other.value, self.size + other.size);
-        let rounding = if self.is_zero() || other.is_zero() { 0.0 } else { u * size };
+        let rounding = if self.is_zero() || other.is_zero() { 0.0 } else { rounding.unit * size };
         Self { value, size, error: self.error + other.error + rounding }
     }
 
-    fn product(self, other: Self, u: f64) -> Self {
-        let (value, size) = (self.value * other.value, self.size * other.size);
+    fn product(self, other: Self, rounding: Rounding) -> Self {
+        let (value, size) = (self.value * other.value, rounding.size_of_product(&self, &other));
         let is_exact = self.is_zero() || other.is_zero() || self.is_power_of_two() || other.is_power_of_two();
-        let rounding = if is_exact { 0.0 } else { u * size };
-        let error = self.error * other.size + self.size * other.error + self.error * other.error + rounding;
+        let [own, others] = [&self, &other].map(|factor| rounding.magnitude(factor));
+        let rounding = if is_exact { 0.0 } else { rounding.unit * size };
+        let error = self.error * others + own * other.error + self.error * other.error + rounding;
         Self { value, size, error }
     }
 
@@ -69,9 +95,29 @@ impl Running {
 /// The bounds of some results at inputs that are exact numbers of the evaluation, whose unit roundoff is `u`; `None` where a
 /// decision hangs on rounding or a quotient may be anything.
 pub fn bounds(graph: &Graph, outputs: &[Node], input: impl Fn(Input) -> f64, u: f64) -> Vec<Option<Running>> {
+    formed(graph, outputs, |which| (input(which), 0.0), Rounding { unit: u, distributes: true })
+}
+
+/// As [`bounds`], at inputs of which each may be off by the second number beside it, where products of sums by sums are not multiplied
+/// out: in long formulas that would enlarge the bound beyond all use.
+pub fn bounds_within(
+    graph: &Graph,
+    outputs: &[Node],
+    input: impl Fn(Input) -> (f64, f64),
+    u: f64,
+) -> Vec<Option<Running>> {
+    formed(graph, outputs, input, Rounding { unit: u, distributes: false })
+}
+
+fn formed(
+    graph: &Graph,
+    outputs: &[Node],
+    input: impl Fn(Input) -> (f64, f64),
+    rounding: Rounding,
+) -> Vec<Option<Running>> {
     let mut found = vec![Found::Unknown; graph.len()];
     for node in graph.live(outputs) {
-        found[node.index()] = of(graph.operation(node), &found, &input, u);
+        found[node.index()] = of(graph.operation(node), &found, &input, rounding);
     }
     let number = |output: &Node| match found[output.index()] {
         Found::Number(number) => Some(Running { error: SECOND_ORDER * number.error, ..number }),
@@ -80,7 +126,8 @@ pub fn bounds(graph: &Graph, outputs: &[Node], input: impl Fn(Input) -> f64, u: 
     outputs.iter().map(number).collect()
 }
 
-fn of(operation: Operation, found: &[Found], input: &impl Fn(Input) -> f64, u: f64) -> Found {
+fn of(operation: Operation, found: &[Found], input: &impl Fn(Input) -> (f64, f64), rounding: Rounding) -> Found {
+    let u = rounding.unit;
     let number = |node: Node| match found[node.index()] {
         Found::Number(number) => Some(number),
         _ => None,
@@ -98,14 +145,22 @@ fn of(operation: Operation, found: &[Found], input: &impl Fn(Input) -> f64, u: f
                 Running::bounded(value, if is_exact { 0.0 } else { u * value.abs() })
             }
             Operation::Truth(truth) => Found::Truth(truth),
-            Operation::Input(which) => Found::Number(Running::exact(input(which))),
+            Operation::Input(which) => match input(which) {
+                (value, _) if !value.is_finite() => return None,
+                (value, 0.0) => Found::Number(Running::exact(value)),
+                (value, error) => Running::bounded(value, error),
+            },
             Operation::Unary(unary, a) => match unary {
                 Unary::Not => Found::Truth(!truth(a)?),
                 Unary::Neg => Found::Number(Running { value: -number(a)?.value, ..number(a)? }),
                 Unary::Abs => Found::Number(Running { value: number(a)?.value.abs(), ..number(a)? }),
                 Unary::Sqrt => {
                     let a = number(a)?;
-                    let root = a.value.sqrt();
+                    let root = a.value.max(0.0).sqrt();
+                    // Next to 0 of a number that is off from outside: |√(a + e) − √a| ≤ √|e|.
+                    if a.value < 4.0 * a.error && a.error > 16.0 * u * a.size {
+                        return Some(Running::bounded(root, (a.error + a.value.abs()).sqrt()));
+                    }
                     let is_clear = a.is_zero() || a.value > 4.0 * a.error;
                     let slope = if a.error == 0.0 { 0.0 } else { a.error / root };
                     is_clear.then(|| Running::bounded(root, slope + 2.0 * GPU_ULPS * u * root))?
@@ -124,26 +179,39 @@ fn of(operation: Operation, found: &[Found], input: &impl Fn(Input) -> f64, u: f
                     let error = a.error + b.error;
                     (error == 0.0 || (a.value - b.value).abs() > error).then_some(Found::Truth(a.value < b.value))?
                 }
-                Binary::Add => Found::Number(number(a)?.sum(number(b)?, 1.0, u)),
-                Binary::Sub => Found::Number(number(a)?.sum(number(b)?, -1.0, u)),
-                Binary::Mul => Found::Number(number(a)?.product(number(b)?, u)),
+                Binary::Add => Found::Number(number(a)?.sum(number(b)?, 1.0, rounding)),
+                Binary::Sub => Found::Number(number(a)?.sum(number(b)?, -1.0, rounding)),
+                Binary::Mul => Found::Number(number(a)?.product(number(b)?, rounding)),
                 Binary::Div => {
                     let (a, b) = (number(a)?, number(b)?);
                     let least = b.value.abs() - b.error;
                     let (value, size) = (a.value / b.value, a.size / b.value.abs());
-                    let error = (a.error + size * b.error) / least + 2.0 * GPU_ULPS * u * size;
+                    let magnitude = if rounding.distributes { size } else { value.abs() };
+                    let error = (a.error + magnitude * b.error) / least + 2.0 * GPU_ULPS * u * size;
                     (least > 0.0).then_some(Found::Number(Running { value, size, error }))?
                 }
                 Binary::Min | Binary::Max => {
                     let (a, b) = (number(a)?, number(b)?);
+                    let (lesser, greater) = if a.value < b.value { (a, b) } else { (b, a) };
+                    if greater.value - lesser.value > greater.error + lesser.error {
+                        return Some(Found::Number(if binary == Binary::Min { lesser } else { greater }));
+                    }
                     let value = if binary == Binary::Min { a.value.min(b.value) } else { a.value.max(b.value) };
                     Found::Number(Running { value, size: a.size.max(b.size), error: a.error.max(b.error) })
                 }
             },
-            Operation::MulAdd(a, b, c) => Found::Number(number(a)?.product(number(b)?, u).sum(number(c)?, 1.0, u)),
-            Operation::Select(condition, a, b) => {
-                Found::Number(if truth(condition)? { number(a)? } else { number(b)? })
+            Operation::MulAdd(a, b, c) => {
+                Found::Number(number(a)?.product(number(b)?, rounding).sum(number(c)?, 1.0, rounding))
             }
+            Operation::Select(condition, a, b) => match truth(condition) {
+                Some(truth) => Found::Number(if truth { number(a)? } else { number(b)? }),
+                // Either may be taken.
+                None => {
+                    let (a, b) = (number(a)?, number(b)?);
+                    let error = a.error.max(b.error) + (a.value - b.value).abs();
+                    Found::Number(Running { size: a.size.max(b.size), error, ..a })
+                }
+            },
             // Stated: within one ulp of 1.
             Operation::Function(function @ (Function::Sin | Function::Cos), a) => {
                 let a = number(a)?;

@@ -1,0 +1,51 @@
+//! How much there is to do for the series of an order.
+
+use super::super::Kind;
+use super::Lowered;
+
+/// What a quotient or a root costs, in multiplications.
+const DIVISION: f64 = 10.0;
+
+impl Lowered {
+    /// Multiplications, with or without an addition, that form the series up to an order; what is done for the first coefficients alone
+    /// does not count.
+    pub fn multiplications(&self, order: usize) -> f64 {
+        let orders = order as f64;
+        // Σ (k + 1) over all orders k.
+        let convolution = 0.5 * orders * (orders + 1.0);
+        let of_draft = |draft: &super::Draft| {
+            let read = draft.rows.len() - draft.writes;
+            let (pairs, terms) = ((read / 2) as f64, read as f64);
+            let (convolutions, linear) = match draft.kind {
+                Kind::Linear => (0.0, terms),
+                Kind::ShortLinear | Kind::Start | Kind::Below | Kind::And | Kind::Or | Kind::Not | Kind::Round => {
+                    (0.0, 0.0)
+                }
+                Kind::Product => (1.0, 0.0),
+                Kind::Products => (pairs, 0.0),
+                Kind::VectorProducts => (0.75 * terms, 0.0),
+                Kind::Square => (0.5, 1.0),
+                Kind::Triple => (3.0, 0.0),
+                Kind::Rotation => (7.5, 18.0),
+                Kind::Euler => (3.0, 12.0),
+                Kind::Attitude => (12.0, 4.0),
+                Kind::Quotient => (1.0, DIVISION),
+                Kind::Sqrt => (0.5, DIVISION),
+                Kind::SinCosAffine => (0.0, 4.0),
+                Kind::SinCos => (2.0, 4.0),
+                Kind::Exp => (1.0, 2.0),
+                Kind::Tan => (2.5, 2.0),
+                Kind::Primitive(_) | Kind::Power => (2.0, 4.0),
+                Kind::Atan2 | Kind::Kepler => (4.0, 6.0),
+                Kind::Pick | Kind::Integral => (0.0, 1.0),
+            };
+            convolutions * convolution + linear * orders
+        };
+        self.drafts.iter().map(of_draft).sum()
+    }
+
+    /// Operations that are carried out one after the other at every order.
+    pub fn operations(&self) -> usize {
+        self.drafts.iter().filter(|draft| !matches!(draft.kind, Kind::ShortLinear | Kind::Start)).count()
+    }
+}

@@ -1,0 +1,132 @@
+//! What a step costs under the torques that act, by the operations of their recorded graph.
+//!
+//! The table knows the time of a step of free bodies and under a constant torque and linear drag ([`super::COSTS`]). What other torques add
+//! follows from how many operations an evaluation of the equations of motion takes, or, for Taylor series, how many multiplications
+//! the coefficients. Counted instead of timed, so that a plan that is made again is the same.
+
+use super::Cost;
+use crate::batch::{Precision, parameter_columns};
+use crate::ensemble::Ensemble;
+use crate::expression::jet::Lowered;
+use crate::method::taylor::{half_order_of, order_of};
+use crate::plan::Scheme;
+use crate::torque::motion::RecordedMotion;
+use crate::torque::table::{Bodies, TorqueTable};
+use crate::torque::{Kind, Torque};
+
+/// Time of an operation of a torque, s, in one lane of `f32` and `f64` of a core with AVX-512.
+const OPERATION: [f64; 2] = [0.02e-9, 0.04e-9];
+/// How much longer one takes that is interpreted.
+const INTERPRETED: f64 = 2.7;
+/// Operations of an evaluation under a constant torque and linear drag.
+const DRIVEN_OPERATIONS: f64 = 18.0;
+
+/// Time of a step by Taylor series that does not depend on its order, s; of an operation at an order, beside its multiplications; of
+/// one of those.
+const SERIES_STEP: f64 = 2.0e-8;
+const SERIES_OPERATION: f64 = 0.65e-9;
+const SERIES_MULTIPLICATION: f64 = 0.042e-9;
+
+/// What the torques on a class of bodies cost.
+#[derive(Clone, Debug)]
+pub(in crate::plan) struct Work {
+    is_free: bool,
+    /// Operations of an evaluation beyond those of the driven problem.
+    operations: f64,
+    /// Their series, and whether these contain the attitude's.
+    series: Option<(Lowered, bool)>,
+}
+
+impl Work {
+    /// Of some of a scene's torques.
+    pub fn of(torques: &[Torque], ensemble: &Ensemble) -> Self {
+        let recorded = |torques: &[Torque]| {
+            let bodies = Bodies { have_linear_rotors: ensemble.has_linear_rotors(), axes: None };
+            RecordedMotion::new(&TorqueTable::new(torques, parameter_columns::<f64>(), 0, 0.0, bodies)).ok()
+        };
+        let own = recorded(torques);
+        let compiled: Vec<Torque> = torques.iter().filter(|torque| torque.kind() != Kind::Custom).cloned().collect();
+        let all = own.as_ref().map_or(0.0, RecordedMotion::operations);
+        let interpreted = match compiled.len() < torques.len() {
+            true => all - recorded(&compiled).map_or(0.0, |motion| motion.operations()),
+            false => 0.0,
+        };
+        let series = own.and_then(|motion| Some((motion.lowered().ok()?, motion.needs_attitude)));
+        let operations = (all + (INTERPRETED - 1.0) * interpreted - DRIVEN_OPERATIONS).max(0.0);
+        Self { is_free: torques.is_empty(), operations, series }
+    }
+
+    /// Whether the motion has Taylor series.
+    pub fn has_series(&self) -> bool {
+        self.series.is_some()
+    }
+
+    /// Time of a step, s; of adaptive ones at a tolerance.
+    pub fn step_seconds(&self, cost: &Cost, precision: Precision, tolerance: f64) -> f64 {
+        let tabulated = cost.step_seconds(precision, self.is_free);
+        match (cost.scheme, &self.series) {
+            (Scheme::TAYLOR, Some((series, needs_attitude))) => series_seconds(series, *needs_attitude, tolerance),
+            (scheme, _) => {
+                let evaluations = f64::from(scheme.method().properties().evaluations);
+                let place = usize::from(precision == Precision::F64);
+                // In proportion, as the table may be of another machine.
+                let shipped = Cost::shipped(scheme).step_seconds(precision, self.is_free);
+                tabulated * (1.0 + evaluations * self.operations * OPERATION[place] / shipped)
+            }
+        }
+    }
+}
+
+fn series_seconds(series: &Lowered, needs_attitude: bool, tolerance: f64) -> f64 {
+    let order = order_of(tolerance);
+    let (orders, half) = (order as f64, half_order_of(order) as f64);
+    // Of the relative attitude 12 multiplications each, and the two sums of its series.
+    let attitude = if needs_attitude { 0.0 } else { 6.0 * half * (half - 1.0) + 12.0 * half };
+    let multiplications = series.multiplications(order) + attitude + 3.0 * orders;
+    SERIES_STEP + series.operations() as f64 * orders * SERIES_OPERATION + multiplications * SERIES_MULTIPLICATION
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DQuat, DVec3};
+
+    fn work_of(torques: &[Torque]) -> Work {
+        let rows = (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, DVec3::X);
+        Work::of(torques, &Ensemble::from_fn(3, |_| rows).expect("valid"))
+    }
+
+    #[test]
+    fn the_tables_own_problem_costs_what_the_table_says() {
+        let driven = [Torque::constant_body(DVec3::X), Torque::linear_drag(0.1)];
+        for cost in super::super::COSTS.iter().filter(|cost| cost.scheme != Scheme::TAYLOR) {
+            for precision in Precision::ALL {
+                let seconds = work_of(&driven).step_seconds(cost, precision, 1e-9);
+                assert_eq!(seconds, cost.step_seconds(precision, false), "{}", cost.scheme.name());
+                assert_eq!(work_of(&[]).step_seconds(cost, precision, 1e-9), cost.step_seconds(precision, true));
+            }
+        }
+        let table = TorqueTable::new(
+            &driven,
+            parameter_columns::<f64>(),
+            0,
+            0.0,
+            Bodies { have_linear_rotors: false, axes: None },
+        );
+        assert_eq!(RecordedMotion::new(&table).expect("a graph").operations(), DRIVEN_OPERATIONS);
+    }
+
+    #[test]
+    fn more_torques_cost_more_and_interpreted_ones_most() {
+        let drag = Torque::quadratic_drag(0.1);
+        let top = Torque::heavy_top(1.0, DVec3::Z, DVec3::NEG_Z);
+        let custom = Torque::custom("-0.1 * norm(angular_velocity) * angular_velocity", Default::default());
+        let cost = Cost::shipped(Scheme::ADAPTIVE_RK8);
+        let seconds = |torques: &[Torque]| work_of(torques).step_seconds(cost, Precision::F64, 1e-9);
+        let one = seconds(std::slice::from_ref(&drag));
+        assert!(seconds(&[drag, top]) > one);
+        assert!(seconds(&[custom.expect("a formula")]) > one);
+        let series = |tolerance| work_of(&[]).step_seconds(Cost::shipped(Scheme::TAYLOR), Precision::F64, tolerance);
+        assert!(series(1e-12) > series(1e-6));
+    }
+}

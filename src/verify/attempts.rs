@@ -1,0 +1,372 @@
+//! Adaptive steps, attempt by attempt: from the twin's state and controller each side tries one step, and says whether it takes it
+//! and which is next.
+
+use rayon::prelude::*;
+
+use super::bound::{RowBound, Slopes, StepBounds, Stepped};
+use super::compare::{Comparison, Field, Gap, Place};
+use super::culprit::{Culprit, culprit};
+use super::steps::enter_row;
+use super::subject::{Side, Subject, TWIN, in_one_word, row_of, start_clock};
+use super::{Found, Window};
+use crate::batch::{AnyBatch, Precision, RATE_COLUMN, StateWords};
+use crate::clock::Clock;
+use crate::engine::Backend;
+use crate::engine::adaptive::{AdaptiveSteps, two_words_of};
+use crate::engine::cpu::Cpu;
+use crate::error::Result;
+use crate::method::rk8_adaptive::Controller;
+use crate::method::{Method, Status};
+use crate::plan::Plan;
+use crate::real::Scalar;
+use crate::run::adaptive::start;
+use crate::vector::TwoWords;
+
+/// The kernel of a group's steps.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Kernel {
+    pub method: Method,
+    pub steps: AdaptiveSteps,
+}
+
+/// All bodies of a group at an attempt in the interval from the time of a clock to `end`, s.
+#[derive(Clone)]
+struct Moment {
+    clock: Clock,
+    end: f64,
+    states: StateWords,
+    controllers: Vec<Controller<f64>>,
+}
+
+impl Moment {
+    fn of_row(&self, row: usize) -> Self {
+        Self { states: row_of(&self.states, row), controllers: vec![self.controllers[row]], ..*self }
+    }
+
+    /// What is left of a body's interval: of a series also what its attitude has not been brought through.
+    fn is_under_way(&self, row: usize, method: Method) -> bool {
+        let Controller { left, retried, .. } = self.controllers[row];
+        let pending = method == Method::Taylor && retried > 0.0;
+        (left.value > 0.0 || pending) && self.states.status[row] == Status::Valid
+    }
+}
+
+impl Kernel {
+    /// One attempt of every body under way.
+    fn attempt(self, engine: &dyn Backend, batch: &AnyBatch, moment: &Moment) -> Result<Moment> {
+        let mut session = start(engine, self.method, batch.at(&moment.states, moment.clock), self.steps)?;
+        let mut controllers = moment.controllers.clone();
+        session.attempt(moment.end, &mut controllers)?;
+        Ok(Moment { states: session.read(0..controllers.len())?, controllers, ..*moment })
+    }
+}
+
+/// Compares the attempts of a window.
+pub(super) fn compare(
+    engine: &dyn Backend,
+    plan: &Plan<'_>,
+    subject: &Subject<'_>,
+    kernel: Kernel,
+    window: Window,
+) -> Result<Found> {
+    let wanted = window.of(u64::MAX);
+    let twin = Cpu::new(TWIN);
+    let bounds = StepBounds::new(subject.twin.torques(), kernel.method, subject.precision, false);
+    let sides = Side::all(engine);
+    let mut comparisons: Vec<Comparison> =
+        sides.iter().map(|side| Comparison::new([side.name.clone(), "the scalar twin".into()], true)).collect();
+    let mut reference = Comparison::new(["the scalar twin".into(), "the f64 reference".into()], false);
+
+    let first = start_clock(&subject.twin);
+    let mut moment = Moment {
+        clock: first,
+        end: 0.0,
+        states: subject.twin.states(),
+        controllers: vec![Controller::new(); subject.len()],
+    };
+    let mut round = 0;
+    'times: for (index, &end) in plan.times().iter().enumerate() {
+        moment.clock = first.at(if index == 0 { 0.0 } else { plan.times()[index - 1] });
+        moment.end = end;
+        let span = Span::of(subject, &moment);
+        (moment.controllers.iter_mut().enumerate())
+            .for_each(|(row, own)| *own = own.over(span.of_row(&subject.twin, row)));
+        while (0..subject.len()).any(|row| moment.is_under_way(row, kernel.method)) {
+            if round >= wanted.end {
+                break 'times;
+            }
+            let expected = kernel.attempt(&twin, &subject.twin, &moment)?;
+            if round >= wanted.start {
+                let trials = trials(subject, kernel, &bounds, &moment, &expected, &span);
+                for (side, comparison) in sides.iter().zip(&mut comparisons) {
+                    let after = side.with(|engine| kernel.attempt(engine, &subject.batch, &moment))?;
+                    let parted = (0..subject.len())
+                        .filter(|&row| enter(comparison, subject, &trials[row], (&expected, &after), row))
+                        .collect::<Vec<_>>();
+                    if let Some(&row) = parted.first() {
+                        let blamed = blamed(subject, kernel, side, &moment.of_row(row), row)?;
+                        comparison.blame(blamed);
+                    }
+                }
+                if subject.precision != Precision::F64 {
+                    let wide = Moment { states: in_one_word(&moment.states), ..moment.clone() };
+                    let after = kernel.attempt(&twin, &subject.reference, &wide)?;
+                    let expected = Moment { states: in_one_word(&expected.states), ..expected.clone() };
+                    for (row, trial) in trials.iter().enumerate() {
+                        // Where they decide alike.
+                        if trial.tries && expected.controllers[row].accepted == after.controllers[row].accepted {
+                            let states = (&after.states, &expected.states, row);
+                            enter_row(&mut reference, subject, trial.place, states, trial.bound.as_ref());
+                        }
+                    }
+                }
+            }
+            moment = expected;
+            round += 1;
+        }
+    }
+    let compared = wanted.start.min(round)..wanted.end.min(round);
+    let mut found = Found { steps: compared, total: round, comparisons, ..Found::default() };
+    if reference.compared > 0 {
+        found.comparisons.push(reference);
+    }
+    found.notes.push("attempts in one call and one by one: tests hold them equal (tests/adaptive_parity.rs)".into());
+    Ok(found)
+}
+
+/// The length of an interval, s, in the words of a precision.
+struct Span {
+    seconds: [f64; 2],
+}
+
+impl Span {
+    fn of(subject: &Subject<'_>, moment: &Moment) -> Self {
+        let (value, residue) = moment.clock.seconds_until(&moment.clock.at(moment.end));
+        fn words<T: Scalar>(value: f64, residue: f64) -> [f64; 2] {
+            let words = two_words_of::<T>(value, residue);
+            [words.value.to_f64(), words.residue.to_f64()]
+        }
+        let seconds = match subject.precision {
+            Precision::F32 => words::<f32>(value, residue),
+            Precision::F64 => words::<f64>(value, residue),
+        };
+        Self { seconds }
+    }
+
+    /// In units of a body's own scale, which are powers of two.
+    fn of_row(&self, batch: &AnyBatch, row: usize) -> TwoWords<f64> {
+        let rate = batch.parameter(RATE_COLUMN, row);
+        let [value, residue] = self.seconds.map(|seconds| seconds * rate);
+        TwoWords { value, residue }
+    }
+}
+
+/// What an attempt of one body says, as the twin makes it, and how far another may be from it.
+struct Trial {
+    place: Place,
+    tries: bool,
+    /// Of the state; zero where it must stay as it is.
+    bound: Option<RowBound>,
+    /// Whether the decision is within rounding.
+    is_close: bool,
+    /// The least and the greatest next step.
+    next: Option<[f64; 2]>,
+    /// Of what is left of the interval.
+    left: f64,
+    by_series: bool,
+}
+
+/// Errors of weights of the embedded formulas: those of order 5 add up to 4.1 in magnitude, and enter twice as the estimate is
+/// homogeneous of degree one with slope 2 at most in them; a tenth of those of order 3 to 1.3.
+const ESTIMATE_WEIGHTS: f64 = 2.0 * 4.1 + 1.3;
+/// Roundings of a slope that the estimate is made of.
+const SLOPE_ROUNDINGS: f64 = 4.0;
+/// Roundings of an estimate by its own size: stages of a step that is far too long are far larger than its start.
+const ESTIMATE_ROUNDINGS: f64 = 4096.0;
+/// Roundings of the roots that steps are formed by, each once for both sides.
+const STEP_ROUNDINGS: f64 = 16.0;
+/// How far steps by series may differ, of themselves: they follow from the last coefficients, which may cancel.
+const SERIES_STEP: f64 = 1e-6;
+
+fn trials(
+    subject: &Subject<'_>,
+    kernel: Kernel,
+    bounds: &StepBounds,
+    moment: &Moment,
+    expected: &Moment,
+    span: &Span,
+) -> Vec<Trial> {
+    let of = |row: usize| trial(subject, &subject.twin, kernel, bounds, (moment, expected), (row, row), span);
+    (0..subject.len()).into_par_iter().map(of).collect()
+}
+
+/// One body's, in row `own` of the batch and the moments, which is row `row` of the subject.
+fn trial(
+    subject: &Subject<'_>,
+    batch: &AnyBatch,
+    kernel: Kernel,
+    bounds: &StepBounds,
+    (moment, expected): (&Moment, &Moment),
+    (row, own): (usize, usize),
+    span: &Span,
+) -> Trial {
+    let (before, after) = (&moment.controllers[own], &expected.controllers[own]);
+    let u = bounds.unit_roundoff();
+    let rate = batch.parameter(RATE_COLUMN, own);
+    let span = span.of_row(batch, own);
+    let (start, end) = (moment.states.combined(own), expected.states.combined(own));
+    let whole = |words: &TwoWords<f64>| words.value + words.residue;
+    let gone = (whole(&span) - whole(&before.left)) / rate;
+    let attempts = before.accepted + before.rejected;
+    let place =
+        Place { body: subject.members.body(row), step: attempts as u64 + 1, time: moment.clock.seconds() + gone };
+    let tries = moment.is_under_way(own, kernel.method);
+    let taken = after.accepted > before.accepted;
+    let none = RowBound { across: 0.0, norm: 0.0, momentum: 0.0, slopes: Slopes::default() };
+    let by_series = kernel.method == Method::Taylor;
+    let mut trial =
+        Trial { place, tries, bound: Some(none), is_close: false, next: Some([after.step; 2]), left: 0.0, by_series };
+    if !tries {
+        return trial;
+    }
+    let ticks = moment.clock.ticks() + (gone * moment.clock.ticks_per_second()) as u64;
+    let of_step = |h: f64| bounds.of(batch, &Stepped { row: own, ticks, dt: h / rate, start: &start, end: &end });
+    if by_series {
+        let h = (whole(&before.left) - whole(&after.left)).max(before.retried);
+        trial.bound = of_step(h);
+        trial.left = SERIES_STEP * h;
+        return trial;
+    }
+    let untried = before.step <= 0.0;
+    let tolerance = kernel.steps.tolerance;
+    let omega: f64 = (0..3).map(|axis| (batch.parameter(axis, own) * start[4 + axis]).powi(2)).sum::<f64>().sqrt();
+    let step = if untried { (tolerance.powf(0.125) / omega.max(1.0)).min(span.value) } else { before.step };
+    let last = before.left.value < step * 1.01;
+    let h = if last { whole(&before.left) } else { step };
+    let bound = of_step(h);
+    if taken {
+        trial.bound = bound.map(|bound| {
+            let lengthened = if untried { STEP_ROUNDINGS * u * h } else { 0.0 };
+            RowBound {
+                across: bound.across + bound.slopes.rate * lengthened,
+                momentum: bound.momentum + bound.slopes.momentum_rate * lengthened,
+                ..bound
+            }
+        });
+    }
+    trial.left = if untried && taken && !last { STEP_ROUNDINGS * u * h } else { 0.0 };
+    let Some(bound) = bound else {
+        (trial.bound, trial.next, trial.is_close) = (None, None, true);
+        return trial;
+    };
+    let slopes = bound.slopes;
+    let momentum = slopes.momentum.max(0.1 * h * slopes.momentum_rate);
+    let of_slopes = 0.5 * (slopes.rate_error + SLOPE_ROUNDINGS * u * slopes.rate)
+        + (slopes.momentum_rate_error + SLOPE_ROUNDINGS * u * slopes.momentum_rate) / momentum.max(bounds.least());
+    let estimate = Estimate { h, step, last, taken, retried: before.retried > 0.5 };
+    let [least, most] = estimate.errors(after.step);
+    let off = |error: f64| 2.0 * ESTIMATE_WEIGHTS * h * of_slopes / tolerance + ESTIMATE_ROUNDINGS * u * error;
+    let (least, most) = ((least - off(least)).max(0.0), most + off(most));
+    trial.is_close = least <= 1.0 && 1.0 <= most;
+    let rounding = STEP_ROUNDINGS * u;
+    trial.next = Some([estimate.next(most) * (1.0 - rounding), estimate.next(least) * (1.0 + rounding)]);
+    trial
+}
+
+/// How the next step follows from the error of an attempt, in units of the tolerance.
+struct Estimate {
+    h: f64,
+    step: f64,
+    last: bool,
+    taken: bool,
+    retried: bool,
+}
+
+impl Estimate {
+    /// The greatest factor between steps.
+    fn most(&self) -> f64 {
+        if self.retried { 1.0 } else { 6.0 }
+    }
+
+    /// The step after an attempt with this error; it falls as the error grows.
+    fn next(&self, error: f64) -> f64 {
+        let factor = (0.9 / error.max(1e-20).powf(0.125)).min(self.most()).max(1.0 / 3.0);
+        let next = self.h * factor;
+        if self.taken && self.last { next.max(self.step) } else { next }
+    }
+
+    /// The least and the greatest error that lead to a step.
+    fn errors(&self, next: f64) -> [f64; 2] {
+        const SLACK: f64 = 1e-5;
+        let error = |factor: f64| (0.9 / factor).powi(8);
+        let factor = next / self.h;
+        if self.taken && self.last && next <= self.step * (1.0 + SLACK) {
+            return [error((self.step / self.h).min(self.most())), 1.0];
+        }
+        if factor >= self.most() * (1.0 - SLACK) {
+            [0.0, error(self.most())]
+        } else if factor <= (1.0 + SLACK) / 3.0 {
+            [error(1.0 / 3.0), f64::MAX]
+        } else {
+            [error(factor); 2]
+        }
+    }
+}
+
+/// Enters what an attempt of one body differs by; says whether it is the first beyond its bound.
+fn enter(
+    comparison: &mut Comparison,
+    subject: &Subject<'_>,
+    trial: &Trial,
+    (expected, found): (&Moment, &Moment),
+    row: usize,
+) -> bool {
+    let (own, other) = (&expected.controllers[row], &found.controllers[row]);
+    let (place, precision) = (trial.place, subject.precision);
+    let decided = |controller: &Controller<f64>| controller.accepted - 0.5 * controller.rejected;
+    let (expected_decision, found_decision) = (decided(own), decided(other));
+    if trial.is_close && expected_decision != found_decision {
+        comparison.undecided += 1;
+        return false;
+    }
+    let decision = Gap::number(Field::Decision, expected_decision, found_decision);
+    if comparison.enter(&decision, Some(0.0), precision, place) {
+        return true;
+    }
+    let whole = |words: &TwoWords<f64>| words.value + words.residue;
+    let left = Gap::number(Field::Left, whole(&own.left), whole(&other.left));
+    let mut parts = comparison.enter(&left, Some(trial.left), precision, place);
+    let mut next = Gap::number(Field::NextStep, own.step, other.step);
+    let bound = trial.next.map(|[least, most]| {
+        // What lies between the two is no difference.
+        let beyond = (least - other.step).max(other.step - most).max(0.0);
+        if beyond > 0.0 { next.difference - beyond } else { next.difference.max((most - least) * 0.5) }
+    });
+    if !other.step.is_finite() {
+        next.difference = f64::INFINITY;
+    }
+    parts |= comparison.enter(&next, bound, precision, place);
+    let mut state_bound = trial.bound;
+    if let (Some(bound), true) = (&mut state_bound, trial.by_series && trial.tries) {
+        let pending = Gap::number(Field::NextStep, own.retried, other.retried);
+        parts |= comparison.enter(&pending, Some(trial.left), precision, place);
+        let longer = left.difference.max(pending.difference);
+        bound.across += bound.slopes.rate * longer;
+        bound.momentum += bound.slopes.momentum_rate * longer;
+    }
+    parts | enter_row(comparison, subject, place, (&expected.states, &found.states, row), state_bound.as_ref())
+}
+
+/// Which torque parts in an attempt of one body.
+fn blamed(subject: &Subject<'_>, kernel: Kernel, side: &Side<'_>, moment: &Moment, row: usize) -> Result<Culprit> {
+    culprit(&subject.torques, &mut |acting| {
+        let [own, twin] = subject.alone(row, acting)?;
+        let bounds = StepBounds::new(twin.torques(), kernel.method, subject.precision, false);
+        let expected = kernel.attempt(&Cpu::new(TWIN), &twin, moment)?;
+        let after = side.with(|engine| kernel.attempt(engine, &own, moment))?;
+        let span = Span::of(subject, moment);
+        let trial = trial(subject, &twin, kernel, &bounds, (moment, &expected), (row, 0), &span);
+        let mut comparison = Comparison::new([String::new(), String::new()], true);
+        Ok(enter(&mut comparison, subject, &trial, (&expected, &after), 0))
+    })
+}

@@ -1,0 +1,265 @@
+//! How far two correct kernels may part in one step, for each body by its own numbers.
+//!
+//! Both sides take the step from the same bits, so they part by roundings of this step alone: compilers re-associate, and some fuse
+//! products and sums. The slopes dm/dt and ω of a body are recorded as one graph ([`RecordedMotion`]), and a running error bound
+//! ([`super::running`]) says how far roundings may take each, with the sizes of what is added up: torques that cancel keep their
+//! roundings. What a stage reads is off by roundings of the stages before it, so the slopes' bounds are formed twice, the second time
+//! at inputs that are off by as much as the first time says.
+//!
+//! A step of h then parts by at most
+//!
+//! ```text
+//! |Δm| ≤ 2 (W h (e_m + R u |m'|) + P u |m|),   |Δq| ≤ 2 (½ W h (e_ω + R u |ω|) + P u)
+//! ```
+//!
+//! with u the unit roundoff, W the sum of the magnitudes of the method's weights, R the roundings of what it makes of its slopes, and
+//! P those of the state itself (the numbers are counted in `Counts`). A state in two words of `f32` loses nothing but roundings of the second word, u² of it. The factor 2
+//! is for the two sides.
+
+use super::running::bounds_within;
+use crate::batch::{AnyBatch, Batch, Precision, RATE_COLUMN, STATE_COMPONENTS};
+use crate::clock::Ticks;
+use crate::expression::{Input, InputKind};
+use crate::method::Method;
+use crate::real::Scalar;
+use crate::torque::motion::RecordedMotion;
+use crate::torque::sum::Source;
+use crate::torque::{Kind, TorqueTable};
+
+/// What a method makes of its slopes.
+#[derive(Clone, Copy, Debug)]
+struct Counts {
+    /// The sum of the magnitudes of its weights, and 1 for what stages hand on.
+    weights: f64,
+    /// Roundings of an increment.
+    increment: f64,
+    /// Roundings of the state.
+    state: f64,
+    /// Whether the state is carried in two words of `f32`.
+    compensated: bool,
+}
+
+impl Counts {
+    fn of(method: Method, free: bool) -> Self {
+        let counts = |weights, increment, state| Self { weights, increment, state, compensated: true };
+        // Substeps of the splittings under torques; without, all three are one free flow.
+        let flow = |substeps: f64| {
+            let substeps = if free { 1.0 } else { substeps };
+            counts(1.0 + 2.0 * substeps, 16.0, 4.0 * substeps)
+        };
+        match method {
+            Method::Rk4 => counts(2.0, 8.0, 2.0),
+            // Of its weights, some are 6.
+            Method::Rk8 => counts(14.0, 8.0, 2.0),
+            Method::Cf4 => counts(4.0, 16.0, 4.0),
+            Method::Splitting2 => flow(2.0),
+            Method::Splitting4 => flow(7.0),
+            Method::Splitting6 => flow(12.0),
+            // Newton's method ends with residues of some roundings.
+            Method::ImplicitMidpoint | Method::Dlm => counts(4.0, 16.0, 8.0),
+            Method::ExplicitEuler | Method::GyroNewton | Method::ClampedEuler | Method::Spiral => {
+                Self { compensated: false, ..counts(4.0, 16.0, 8.0) }
+            }
+            // A sum of up to 31 coefficients, each of which is formed from all before it.
+            Method::Taylor => counts(4.0, 64.0, 4.0),
+        }
+    }
+}
+
+/// Roundings of the inputs of a stage.
+const STAGE_ROUNDINGS: f64 = 3.0;
+/// Of a phase, in turns of at most one.
+const PHASE_ROUNDINGS: f64 = 4.0;
+/// Ulps of a draw of white noise (tests/torque_parity.rs), whose components are below 7, and so in units of roundoff.
+const DRAW_ULPS: f64 = 16.0;
+const DRAW_ROUNDINGS: f64 = 2.0 * DRAW_ULPS * 4.0;
+/// Roundings of |q|² and of the correction that follows from it, along q.
+const NORM_ROUNDINGS: f64 = 8.0;
+/// Roundings of a projected component, where nothing cancels.
+const PROJECTION_ROUNDINGS: f64 = 16.0;
+
+/// The bounds of a group's steps.
+pub(super) struct StepBounds {
+    motion: Option<RecordedMotion>,
+    counts: Counts,
+    unit_roundoff: f64,
+    least: f64,
+    two_words: bool,
+    projected: bool,
+}
+
+/// How far a body's state may part in one step, in units of its own scale.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RowBound {
+    /// The quaternion across itself: the attitude.
+    pub across: f64,
+    /// The quaternion along itself.
+    pub norm: f64,
+    /// The angular momentum.
+    pub momentum: f64,
+    /// The slopes that it follows from.
+    pub slopes: Slopes,
+}
+
+/// The slopes of one body, as magnitudes, with how far each may be off.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Slopes {
+    pub momentum_rate: f64,
+    pub momentum_rate_error: f64,
+    pub rate: f64,
+    pub rate_error: f64,
+    pub momentum: f64,
+}
+
+impl Slopes {
+    fn or(self, other: Self) -> Self {
+        Self {
+            momentum_rate: self.momentum_rate.max(other.momentum_rate),
+            momentum_rate_error: self.momentum_rate_error.max(other.momentum_rate_error),
+            rate: self.rate.max(other.rate),
+            rate_error: self.rate_error.max(other.rate_error),
+            momentum: self.momentum.max(other.momentum),
+        }
+    }
+}
+
+/// A body at the start and at the end of a step of `dt` s, as its twin takes it.
+pub(super) struct Stepped<'a> {
+    pub row: usize,
+    /// Ticks of the clock at its start.
+    pub ticks: u64,
+    pub dt: f64,
+    pub start: &'a [f64; STATE_COMPONENTS],
+    pub end: &'a [f64; STATE_COMPONENTS],
+}
+
+impl StepBounds {
+    /// Of steps under the torques of a table.
+    pub fn new(table: &TorqueTable, method: Method, precision: Precision, projected: bool) -> Self {
+        let (unit_roundoff, least, two_words) = match precision {
+            Precision::F32 => (f32::UNIT_ROUNDOFF, f64::from(f32::MIN_POSITIVE), true),
+            Precision::F64 => (f64::UNIT_ROUNDOFF, f64::MIN_POSITIVE, false),
+        };
+        let counts = Counts::of(method, table.is_empty());
+        Self { motion: RecordedMotion::new(table).ok(), counts, unit_roundoff, least, two_words, projected }
+    }
+
+    /// The unit roundoff of the arithmetic.
+    pub fn unit_roundoff(&self) -> f64 {
+        self.unit_roundoff
+    }
+
+    /// What is below it may be taken for zero.
+    pub fn least(&self) -> f64 {
+        self.least
+    }
+
+    /// The bound of one body's step; `None` where a decision of the torques hangs on rounding, or a torque is too long to be recorded
+    /// beside the others.
+    pub fn of(&self, batch: &AnyBatch, step: &Stepped<'_>) -> Option<RowBound> {
+        let (counts, u) = (self.counts, self.unit_roundoff);
+        let rate = batch.parameter(RATE_COLUMN, step.row);
+        let h = step.dt * rate;
+        let motion = self.motion.as_ref()?;
+        let phases = phases(batch, step.row, step.ticks);
+        let noise = noise_error(batch, step) * u;
+        let at = |state| slopes(motion, batch, step.row, &phases, state, (h, counts.weights, u));
+        let mut slopes = at(step.start)?.or(at(step.end)?);
+        slopes.momentum_rate_error += noise;
+        let state = if self.two_words && counts.compensated { 2.0 * u * u } else { counts.state * u };
+        let increments =
+            |error: f64, size: f64| counts.weights * h * (error + counts.increment * u * size + self.least);
+        let mut momentum =
+            2.0 * (increments(slopes.momentum_rate_error, slopes.momentum_rate) + state * slopes.momentum + self.least);
+        if self.projected {
+            momentum = amplification(batch, step.row) * (momentum + PROJECTION_ROUNDINGS * u * slopes.momentum);
+        }
+        let across = 2.0 * (0.5 * increments(slopes.rate_error, slopes.rate) + state + self.least);
+        Some(RowBound { across, norm: across + 2.0 * NORM_ROUNDINGS * u, momentum, slopes })
+    }
+}
+
+/// The slopes of one body in a state.
+fn slopes(
+    motion: &RecordedMotion,
+    batch: &AnyBatch,
+    row: usize,
+    phases: &[f64],
+    state: &[f64; STATE_COMPONENTS],
+    (h, weights, u): (f64, f64, f64),
+) -> Option<Slopes> {
+    let (graph, outputs) = motion.graph();
+    let norm = |numbers: &[f64]| numbers.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let momentum = norm(&state[4..]);
+    let form = |of_orientation: f64, of_momentum: f64| -> Option<Slopes> {
+        let input = |input: Input| {
+            let index = usize::from(input.index);
+            match input.kind {
+                InputKind::Parameter => (batch.parameter(index, row), 0.0),
+                InputKind::Orientation => (state[index], of_orientation),
+                InputKind::AngularMomentum => (state[4 + index], of_momentum),
+                InputKind::Phase => (phases[index], PHASE_ROUNDINGS * u),
+                InputKind::Time => {
+                    let time = phases.last().copied().unwrap_or(f64::NAN);
+                    (time, STAGE_ROUNDINGS * u * time.abs())
+                }
+                // Nothing else is read by what a batch holds.
+                _ => (f64::NAN, 0.0),
+            }
+        };
+        let found = bounds_within(graph, &outputs, input, u);
+        let parts: Vec<_> = found.into_iter().collect::<Option<_>>()?;
+        let size = |part: std::ops::Range<usize>| norm(&parts[part].iter().map(|x| x.size()).collect::<Vec<_>>());
+        let error = |part: std::ops::Range<usize>| norm(&parts[part].iter().map(|x| x.error).collect::<Vec<_>>());
+        Some(Slopes {
+            momentum_rate: size(0..3),
+            momentum_rate_error: error(0..3),
+            rate: size(3..6),
+            rate_error: error(3..6),
+            momentum,
+        })
+    };
+    let (orientation, stage) = (STAGE_ROUNDINGS * u, STAGE_ROUNDINGS * u * momentum);
+    let first = form(orientation, stage)?;
+    let handed_on = weights * h;
+    form(
+        orientation + handed_on * 0.5 * (first.rate_error + u * first.rate),
+        stage + handed_on * (first.momentum_rate_error + u * first.momentum_rate),
+    )
+}
+
+/// The phases of a body at some ticks, in turns, and behind them the time, s, where it is read.
+fn phases(batch: &AnyBatch, row: usize, ticks: u64) -> Vec<f64> {
+    fn of<T: Scalar>(batch: &Batch<T>, row: usize, ticks: u64) -> Vec<f64> {
+        let Batch { parameters, stride, torques, .. } = batch;
+        let source = Source { table: torques, parameters, stride: *stride, clock: torques.clock(), dt: 0.0 };
+        let columns = source.columns::<T>(row);
+        let start = |number| columns.start_phase(number, &Ticks::Equal(ticks)).to_f64();
+        (0..torques.start_places()).map(start).collect()
+    }
+    match batch {
+        AnyBatch::F32(batch) => of(batch, row, ticks),
+        AnyBatch::F64(batch) => of(batch, row, ticks),
+    }
+}
+
+/// How far the random torque of a step may be off, in units of roundoff.
+fn noise_error(batch: &AnyBatch, step: &Stepped<'_>) -> f64 {
+    let noise = batch.torques().instances(Kind::WhiteNoise);
+    let of_instance = |instance: usize| {
+        let first = noise.first + instance * Kind::WhiteNoise.columns();
+        let [intensity, draws] = [first, first + 1].map(|column| batch.parameter(column, step.row));
+        DRAW_ROUNDINGS * intensity * draws / step.dt.sqrt()
+    };
+    (0..noise.count).map(of_instance).sum()
+}
+
+/// By how much a projection may enlarge what one component of the angular momentum is off by: it forms the others from it by
+/// (g₁/g₂)^½ times it, with the coefficients g of Euler's equations.
+fn amplification(batch: &AnyBatch, row: usize) -> f64 {
+    let inverse = [0, 1, 2].map(|axis| batch.parameter(axis, row));
+    let g = [inverse[2] - inverse[1], inverse[0] - inverse[2], inverse[1] - inverse[0]].map(f64::abs);
+    let least = g.into_iter().filter(|&g| g > 0.0).fold(f64::INFINITY, f64::min);
+    let greatest = g.into_iter().fold(0.0, f64::max);
+    if least.is_finite() { 1.0 + (greatest / least).sqrt() } else { 1.0 }
+}

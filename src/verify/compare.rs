@@ -1,0 +1,265 @@
+//! Two states of one body, and what is kept of their differences.
+
+use super::culprit::Culprit;
+use crate::batch::{Precision, STATE_COMPONENTS, StateWords};
+
+/// What is compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Field {
+    /// The orientation, principal axes to world: what its quaternion is off by across itself.
+    Orientation,
+    /// The norm of its quaternion.
+    Norm,
+    /// The angular momentum in principal axes, in units of the body's own scale.
+    AngularMomentum,
+    /// What the step had to say of the body ([`crate::method::Status`]), as a number.
+    Status,
+    /// Of an adaptive step: whether it was taken, 1 or 0.
+    Decision,
+    /// The adaptive step that is to be tried next, in units of the body's own scale.
+    NextStep,
+    /// What is left of the interval, in units of the body's own scale.
+    Left,
+    /// Steps in one call and one by one, to the bit: the first number of the state that differs.
+    Cuts,
+    /// The position of the centre of mass, m, world axes.
+    Position,
+    /// Its velocity, m/s, world axes.
+    Velocity,
+}
+
+impl Field {
+    /// The name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Field::Orientation => "orientation",
+            Field::Norm => "norm of the quaternion",
+            Field::AngularMomentum => "angular momentum",
+            Field::Status => "status",
+            Field::Decision => "decision",
+            Field::NextStep => "next step",
+            Field::Left => "rest of the interval",
+            Field::Cuts => "steps in one call",
+            Field::Position => "position",
+            Field::Velocity => "velocity",
+        }
+    }
+
+    /// The name of one of its components; empty where it is one number.
+    pub fn component(self, component: usize) -> &'static str {
+        match self {
+            Field::Orientation | Field::AngularMomentum | Field::Position | Field::Velocity => {
+                ["x", "y", "z", "w"][component.min(3)]
+            }
+            Field::Cuts => ["qx", "qy", "qz", "qw", "mx", "my", "mz"][component.min(6)],
+            _ => "",
+        }
+    }
+}
+
+/// One number of either side.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Gap {
+    pub field: Field,
+    pub component: usize,
+    pub expected: f64,
+    pub found: f64,
+    /// Infinite where one side is no number.
+    pub difference: f64,
+    /// The largest component of the vector, which ulps are counted by.
+    pub size: f64,
+}
+
+impl Gap {
+    /// Of a single number.
+    pub fn number(field: Field, expected: f64, found: f64) -> Self {
+        let difference = if expected.to_bits() == found.to_bits() { 0.0 } else { (found - expected).abs() };
+        let difference = if difference.is_finite() { difference } else { f64::INFINITY };
+        Self { field, component: 0, expected, found, difference, size: expected.abs() }
+    }
+
+    /// Of a vector: the component that is off the most.
+    pub fn vector(field: Field, expected: &[f64], found: &[f64], off: &[f64]) -> Self {
+        let size = expected.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
+        let mut gap = Self { field, component: 0, expected: expected[0], found: found[0], difference: 0.0, size };
+        for (component, &off) in off.iter().enumerate() {
+            let difference = if off.is_finite() { off.abs() } else { f64::INFINITY };
+            if difference > gap.difference {
+                let (expected, found) = (expected[component], found[component]);
+                gap = Self { component, expected, found, difference, ..gap };
+            }
+        }
+        gap
+    }
+}
+
+/// What two states of a body differ by: across the quaternion, along it, and in the angular momentum.
+pub(super) fn gaps(expected: &[f64; STATE_COMPONENTS], found: &[f64; STATE_COMPONENTS]) -> [Gap; 3] {
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let off: [f64; STATE_COMPONENTS] = std::array::from_fn(|component| found[component] - expected[component]);
+    let (q, q_off) = (&expected[..4], &off[..4]);
+    let along = dot(q, q_off) / dot(q, q);
+    let across: Vec<f64> = q_off.iter().zip(q).map(|(off, q)| off - along * q).collect();
+    let norm = |q: &[f64]| dot(q, q).sqrt();
+    let norms = Gap { difference: along.abs(), ..Gap::number(Field::Norm, norm(q), norm(&found[..4])) };
+    [
+        Gap::vector(Field::Orientation, q, &found[..4], &across),
+        Gap { difference: if along.is_finite() { norms.difference } else { f64::INFINITY }, ..norms },
+        Gap::vector(Field::AngularMomentum, &expected[4..], &found[4..], &off[4..]),
+    ]
+}
+
+/// The first number in which states differ in a bit of either word.
+pub(super) fn first_bit_difference(expected: &StateWords, found: &StateWords) -> Option<(usize, Gap)> {
+    for row in 0..expected.len() {
+        for (expected, found) in [(&expected.value, &found.value), (&expected.residue, &found.residue)] {
+            for component in 0..STATE_COMPONENTS {
+                let (expected, found) = (expected[row][component], found[row][component]);
+                if expected.to_bits() != found.to_bits() {
+                    return Some((row, Gap { component, ..Gap::number(Field::Cuts, expected, found) }));
+                }
+            }
+        }
+    }
+    None
+}
+
+/// The largest difference seen in one field.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Largest {
+    /// The field.
+    pub field: Field,
+    /// The difference, in the field's units.
+    pub difference: f64,
+    /// The same in ulps of the vector's largest component, in the precision of the group.
+    pub ulps: f64,
+    /// The largest part of its own bound that any difference was, not of necessity this one; `None` where there is no bound.
+    pub of_bound: Option<f64>,
+    /// The body.
+    pub body: usize,
+    /// The step, from 1.
+    pub step: u64,
+}
+
+/// Where two sides part by more than the bound.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parting {
+    /// The step, from 1: of equal steps since the start, of adaptive ones the attempt, of a closed form the output time.
+    pub step: u64,
+    /// The time at its start, s; of a closed form the time of the output.
+    pub time: f64,
+    /// The body.
+    pub body: usize,
+    /// What differs.
+    pub field: Field,
+    /// The component that differs the most.
+    pub component: &'static str,
+    /// The number of the side that is compared.
+    pub found: f64,
+    /// The number of the side that it is compared with.
+    pub expected: f64,
+    /// How far apart they are, where the field says in which respect.
+    pub difference: f64,
+    /// The bound.
+    pub bound: f64,
+    /// Which torque it comes from.
+    pub culprit: Culprit,
+}
+
+/// Two sides, and how far apart they were.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Comparison {
+    /// What is compared with what.
+    pub sides: [String; 2],
+    /// Whether a difference beyond the bound is a fault; of the twin and the reference none is.
+    pub judged: bool,
+    /// Numbers that were compared, one a body, step and field.
+    pub compared: u64,
+    /// Steps of a body whose bound is not known, as a decision hangs on rounding: only what is no number is a fault in them.
+    pub undecided: u64,
+    /// The largest differences, one a field.
+    pub largest: Vec<Largest>,
+    /// The first difference beyond the bound.
+    pub parting: Option<Parting>,
+}
+
+/// Where a difference was found.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    pub body: usize,
+    pub step: u64,
+    pub time: f64,
+}
+
+impl Comparison {
+    pub(super) fn new(sides: [String; 2], judged: bool) -> Self {
+        Self { sides, judged, compared: 0, undecided: 0, largest: Vec::new(), parting: None }
+    }
+
+    /// Enters a difference; says whether it is the first beyond its bound.
+    pub(super) fn enter(&mut self, gap: &Gap, bound: Option<f64>, precision: Precision, place: Place) -> bool {
+        self.compared += 1;
+        let ulps = gap.difference / ulp(gap.size, precision);
+        let part = bound.map(|bound| if gap.difference == 0.0 { 0.0 } else { gap.difference / bound });
+        let new = Largest {
+            field: gap.field,
+            difference: gap.difference,
+            ulps,
+            of_bound: part,
+            body: place.body,
+            step: place.step,
+        };
+        match self.largest.iter_mut().find(|largest| largest.field == gap.field) {
+            None => self.largest.push(new),
+            Some(largest) => {
+                let of_bound = largest.of_bound.into_iter().chain(part).reduce(f64::max);
+                if gap.difference > largest.difference {
+                    *largest = new;
+                }
+                largest.of_bound = of_bound;
+            }
+        }
+        let parts = match bound {
+            Some(bound) => gap.difference > bound,
+            None => gap.difference.is_infinite(),
+        };
+        if !(self.judged && parts && self.parting.is_none()) {
+            return false;
+        }
+        self.part(gap, bound, place);
+        true
+    }
+
+    /// Names a difference as the one in which the sides part.
+    pub(super) fn part(&mut self, gap: &Gap, bound: Option<f64>, place: Place) {
+        self.parting = Some(Parting {
+            step: place.step,
+            time: place.time,
+            body: place.body,
+            field: gap.field,
+            component: gap.field.component(gap.component),
+            found: gap.found,
+            expected: gap.expected,
+            difference: gap.difference,
+            bound: bound.unwrap_or(f64::INFINITY),
+            culprit: Culprit::NotSought,
+        });
+    }
+
+    /// Says which torque the parting comes from.
+    pub(super) fn blame(&mut self, culprit: Culprit) {
+        if let Some(parting) = &mut self.parting {
+            parting.culprit = culprit;
+        }
+    }
+}
+
+/// The distance between neighbouring numbers at `x` ≥ 0; of the least normal number below it.
+fn ulp(x: f64, precision: Precision) -> f64 {
+    let (least, digits) = match precision {
+        Precision::F32 => (f64::from(f32::MIN_POSITIVE), f64::from(f32::EPSILON)),
+        Precision::F64 => (f64::MIN_POSITIVE, f64::EPSILON),
+    };
+    let power_of_two = f64::from_bits(x.max(least).to_bits() & (0x7ff << 52));
+    digits * power_of_two
+}

@@ -1,0 +1,196 @@
+//! An engine beside its scalar twin, step by step, over a whole scene.
+//!
+//! A kernel is written twice, in WGSL and in Rust. [`verify`] takes a scene as a run would, with its plan's groups, and compares three
+//! sides: the engine, its scalar twin (the same operations in the same arithmetic, one body at a time), and, where the group is in
+//! `f32`, the twin with the `f64` reference, which says how good the arithmetic is and is not judged.
+//!
+//! * Equal steps are taken one by one, each side from the twin's state before the step, so that differences do not add up and a bound
+//!   can be counted in roundings of one step, for each body by its own numbers. What an engine makes of several steps in one call must
+//!   have the bits of single ones.
+//! * Adaptive steps are compared attempt by attempt, with what the controller decides: whether a step is taken, which is next, what is
+//!   left of the interval.
+//! * What has a closed form is compared at the output times.
+//! * Centres of mass that an engine moves along are compared with the host's, step by step.
+//!
+//! The first difference beyond its bound is named with body, step, component, numbers and bound, and with the torque that it comes
+//! from: the step is taken again under each torque alone and without each of them.
+//!
+//! ```
+//! use polhode::verify::{Options, verify};
+//! use polhode::{Engine, Method, Scene, Torque};
+//!
+//! # fn main() -> polhode::Result<()> {
+//! # use glam::{DQuat, DVec3};
+//! # let ensemble = polhode::Ensemble::from_columns(&[DVec3::new(1.0, 2.0, 2.5)], &[DQuat::IDENTITY], &[DVec3::X])?;
+//! let scene = Scene::new(ensemble).torque(Torque::linear_drag(0.1)).until(1.0).pinned(Method::Rk4, 0.01, None);
+//! let report = verify(&Engine::cpu(), &scene, &Options::default())?;
+//! assert!(report.agrees(), "{report}");
+//! # Ok(())
+//! # }
+//! ```
+
+mod attempts;
+mod bound;
+mod closed_form;
+mod compare;
+mod culprit;
+mod report;
+#[doc(hidden)]
+pub mod running;
+mod steps;
+mod subject;
+mod translation;
+
+use std::ops::Range;
+
+use crate::engine::Backend;
+use crate::error::{Error, Result};
+use crate::plan::{Group, Members, Plan, Treatment};
+use crate::scene::Scene;
+use crate::torque::Torque;
+
+pub use compare::{Comparison, Field, Largest, Parting};
+pub use culprit::Culprit;
+pub use report::{GroupReport, Report};
+
+use subject::Subject;
+
+/// Steps that are compared where nothing else is said.
+pub const DEFAULT_STEPS: u64 = 32;
+
+/// What of a scene is compared.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Steps of each group, at least one: equal steps, rounds of attempts, or output times where nothing is stepped.
+    pub steps: u64,
+    /// The steps before the first that is compared; the twin takes them.
+    pub from_step: u64,
+    /// The only body that is compared, by its index in the scene; it moves as the plan of all bodies says.
+    pub body: Option<usize>,
+    /// The twin's torques in place of the scene's, one for one: a fault planted on one side.
+    #[doc(hidden)]
+    pub twin_torques: Option<Vec<Torque>>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { steps: DEFAULT_STEPS, from_step: 0, body: None, twin_torques: None }
+    }
+}
+
+/// Steps from one number to before another.
+#[derive(Clone, Copy, Debug)]
+struct Window {
+    first: u64,
+    count: u64,
+}
+
+impl Window {
+    /// Of so many in all.
+    fn of(self, total: u64) -> Range<u64> {
+        self.first.min(total)..self.first.saturating_add(self.count).min(total)
+    }
+}
+
+/// What the comparison of a group found.
+#[derive(Default)]
+struct Found {
+    steps: Range<u64>,
+    /// Steps that the group has, as far as they are known.
+    total: u64,
+    comparisons: Vec<Comparison>,
+    notes: Vec<String>,
+}
+
+/// Compares `engine` with its scalar twin over a scene, as a run of it is planned.
+///
+/// # Errors
+///
+/// [`Error::Setting`] where no step is asked for, or a body or a first step that there is not; what [`Plan::new`] and the engine
+/// return. A difference is no error but stands in the report.
+pub fn verify(engine: &dyn Backend, scene: &Scene, options: &Options) -> Result<Report> {
+    let refused = |field, value: f64, expected| Err(Error::Setting { field, value, expected });
+    let bodies = scene.ensemble().len();
+    if options.steps == 0 {
+        return refused("steps", 0.0, "one step or more is needed, as nothing would be compared");
+    }
+    if let Some(body) = options.body.filter(|&body| body >= bodies) {
+        return refused("body", body as f64, "the index of one of the bodies is needed, from 0");
+    }
+    let twin_torques = options.twin_torques.as_deref().unwrap_or(scene.torques());
+    if twin_torques.len() != scene.torques().len() {
+        return refused("twin_torques", twin_torques.len() as f64, "one torque for each of the scene's is needed");
+    }
+    let plan = Plan::new(scene, engine)?;
+    let window = Window { first: options.from_step, count: options.steps };
+    let mut groups = Vec::new();
+    for group in plan.groups() {
+        let members = match options.body {
+            None => group.members.clone(),
+            Some(body) if group.members.rows(body..body + 1).is_empty() => continue,
+            Some(body) => Members::Some(vec![body as u32]),
+        };
+        groups.push(compared(engine, &plan, group, members, twin_torques, window)?);
+    }
+    let report = Report {
+        engine: engine.description().name,
+        bodies: if options.body.is_some() { 1 } else { bodies },
+        groups,
+        not_compared: not_compared(&plan),
+    };
+    if options.from_step > 0 && report.groups.iter().all(|group| group.steps.is_empty()) {
+        return refused("from_step", options.from_step as f64, "no body takes as many steps: an earlier one is needed");
+    }
+    Ok(report)
+}
+
+fn compared(
+    engine: &dyn Backend,
+    plan: &Plan<'_>,
+    group: &Group,
+    members: Members,
+    twin_torques: &[Torque],
+    window: Window,
+) -> Result<GroupReport> {
+    let precision = group.treatment.precision();
+    let subject = Subject::new(plan.scene(), group, members, precision, twin_torques)?;
+    let treatment = group.treatment;
+    let found = match treatment {
+        Treatment::RegularPrecession => closed_form::compare_precession(plan, &subject, group, window)?,
+        Treatment::ClosedForm { set_up, .. } => closed_form::compare(engine, plan, &subject, set_up, window)?,
+        Treatment::Stepped { method, projected, .. } => {
+            let kernel = steps::Kernel { method, projected };
+            steps::compare(engine, plan, &subject, &treatment, kernel, window)?
+        }
+        Treatment::Adaptive { method, steps, .. } => {
+            attempts::compare(engine, plan, &subject, attempts::Kernel { method, steps }, window)?
+        }
+    };
+    let mut notes = found.notes;
+    if plan.scene().ensemble().translation().is_some() && !translation::follows(plan.scene(), &treatment) {
+        notes.push("centres of mass: not compared, as the host moves them in f64 whatever the engine".into());
+    }
+    Ok(GroupReport {
+        shape: if group.class.is_driven() { "driven" } else { group.class.shape.name() },
+        bodies: subject.len(),
+        treatment,
+        torques: subject.torque_names(),
+        torque_names: (0..plan.scene().torques().len())
+            .map(|torque| subject::torque_name(plan.scene(), torque))
+            .collect(),
+        steps: found.steps,
+        total: found.total,
+        comparisons: found.comparisons,
+        notes,
+    })
+}
+
+/// What a run of the plan leaves beside what is compared.
+fn not_compared(plan: &Plan<'_>) -> Vec<String> {
+    let scene = plan.scene();
+    let mut list = vec!["what a run's report says of it: drift, balance, error estimate".to_owned()];
+    if !scene.wanted_statistics().is_empty() {
+        list.push("statistics, which are formed of the states where they are".to_owned());
+    }
+    list
+}

@@ -1,0 +1,253 @@
+//! What a comparison found, as text and as JSON.
+
+use std::fmt;
+use std::ops::Range;
+
+use super::compare::{Comparison, Field, Largest, Parting};
+use super::culprit::Culprit;
+use crate::free_motion::SetUp;
+use crate::plan::Treatment;
+
+/// What [`super::verify`] found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Report {
+    /// The engine under test.
+    pub engine: String,
+    /// Bodies that were compared.
+    pub bodies: usize,
+    /// The groups of the plan that hold them.
+    pub groups: Vec<GroupReport>,
+    /// What a run does beside what is compared.
+    pub not_compared: Vec<String>,
+}
+
+/// What was found of the bodies of one group.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GroupReport {
+    /// The bodies' class.
+    pub shape: &'static str,
+    /// Bodies that were compared.
+    pub bodies: usize,
+    /// How their motion is found.
+    pub treatment: Treatment,
+    /// The torques that act on them.
+    pub torques: Vec<String>,
+    /// The names of all torques of the scene, by their places.
+    pub torque_names: Vec<String>,
+    /// The steps that were compared, by their numbers from 0: equal steps, rounds of attempts, or output times.
+    pub steps: Range<u64>,
+    /// Steps that there are; of attempts as many as were made.
+    pub total: u64,
+    /// The sides.
+    pub comparisons: Vec<Comparison>,
+    /// What was not compared, and how what was.
+    pub notes: Vec<String>,
+}
+
+impl Report {
+    /// Whether no side ever parted from its twin by more than the bound.
+    pub fn agrees(&self) -> bool {
+        self.parting().is_none()
+    }
+
+    /// The first difference beyond its bound.
+    pub fn parting(&self) -> Option<&Parting> {
+        self.judged().find_map(|comparison| comparison.parting.as_ref())
+    }
+
+    /// Numbers that were compared and judged.
+    pub fn compared(&self) -> u64 {
+        self.judged().map(|comparison| comparison.compared).sum()
+    }
+
+    /// The largest part of its bound that any difference was.
+    pub fn largest_part(&self) -> f64 {
+        self.judged()
+            .flat_map(|comparison| &comparison.largest)
+            .filter_map(|largest| largest.of_bound)
+            .fold(0.0, f64::max)
+    }
+
+    fn judged(&self) -> impl Iterator<Item = &Comparison> {
+        self.groups.iter().flat_map(|group| &group.comparisons).filter(|comparison| comparison.judged)
+    }
+}
+
+impl GroupReport {
+    /// How the bodies move, in words.
+    fn treatment_in_words(&self) -> String {
+        match self.treatment {
+            Treatment::RegularPrecession => "two uniform rotations, f64 on the host".to_owned(),
+            Treatment::ClosedForm { precision, set_up } => {
+                let words = if set_up == SetUp::OneWord { ", constants in one word" } else { "" };
+                format!("closed form in {precision}{words}")
+            }
+            Treatment::Stepped { method, precision, longest_step, projected } => {
+                let projected = if projected { ", projected" } else { "" };
+                format!("{method} in {precision}, steps of {longest_step:.3e} s at most{projected}")
+            }
+            Treatment::Adaptive { method, precision, steps } => {
+                format!("adaptive {method} in {precision}, tolerance {:e}", steps.tolerance)
+            }
+        }
+    }
+
+    /// What its steps are called.
+    fn unit(&self) -> &'static str {
+        match self.treatment {
+            Treatment::RegularPrecession | Treatment::ClosedForm { .. } => "output times",
+            Treatment::Stepped { .. } => "steps",
+            Treatment::Adaptive { .. } => "rounds of attempts",
+        }
+    }
+
+    /// Which torque a difference comes from, in words; empty where that was not looked for.
+    pub fn blame(&self, culprit: &Culprit) -> String {
+        let named = |torques: &[usize]| {
+            torques.iter().map(|&torque| self.torque_names[torque].clone()).collect::<Vec<_>>().join(", ")
+        };
+        match culprit {
+            Culprit::NotSought => String::new(),
+            Culprit::Method => {
+                "the sides part without any torque: it is the method, or the motion of a free body".into()
+            }
+            Culprit::Torques(torques) => format!("it comes from {}, which parts alone", named(torques)),
+            Culprit::OnlyTogetherWith(torques) => format!("no torque parts alone; none do without {}", named(torques)),
+            Culprit::Together => "no torque parts alone, and none can be left out: it is their sum".into(),
+        }
+    }
+}
+
+impl fmt::Display for GroupReport {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let torques = if self.torques.is_empty() { String::new() } else { format!("; {}", self.torques.join(", ")) };
+        writeln!(formatter, "{} {}, {}{torques}", self.bodies, self.shape, self.treatment_in_words())?;
+        let Range { start, end } = self.steps;
+        match (self.steps.is_empty(), self.treatment) {
+            (true, _) => writeln!(formatter, "  nothing compared: there are {} {}", self.total, self.unit())?,
+            (false, Treatment::Adaptive { .. }) => {
+                writeln!(formatter, "  {} {} to {end}", self.unit(), start + 1)?;
+            }
+            (false, _) => writeln!(formatter, "  {} {} to {end} of {}", self.unit(), start + 1, self.total)?,
+        }
+        for comparison in &self.comparisons {
+            self.write_comparison(comparison, formatter)?;
+        }
+        self.notes.iter().try_for_each(|note| writeln!(formatter, "  {note}"))
+    }
+}
+
+impl GroupReport {
+    fn write_comparison(&self, comparison: &Comparison, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [side, other] = &comparison.sides;
+        let judged = if comparison.judged { "" } else { " (not judged)" };
+        writeln!(formatter, "  {side} against {other}{judged}: {} numbers", comparison.compared)?;
+        for largest in &comparison.largest {
+            let Largest { field, difference, ulps, of_bound, body, step } = *largest;
+            let name = field.name();
+            if difference == 0.0 {
+                writeln!(formatter, "    {name:<24} equal")?;
+                continue;
+            }
+            // The controller's numbers differ by the roundings of an estimate, not by their own.
+            let is_vector = matches!(field, Field::Orientation | Field::Norm | Field::AngularMomentum);
+            let ulps = if is_vector { format!(", {ulps:.2} ulps") } else { String::new() };
+            let of_bound = of_bound
+                .filter(|_| comparison.judged)
+                .map_or(String::new(), |part| format!(", {part:.3} of the bound"));
+            writeln!(formatter, "    {name:<24} {difference:.1e} at most{ulps}{of_bound} (body {body}, step {step})")?;
+        }
+        if comparison.undecided > 0 && comparison.judged {
+            let undecided = comparison.undecided;
+            writeln!(
+                formatter,
+                "    {undecided} steps of a body without a bound: a decision hangs on rounding in them"
+            )?;
+        }
+        if let Some(parting) = &comparison.parting {
+            let Parting { step, time, body, field, component, found, expected, difference, bound, culprit } = parting;
+            let component = if component.is_empty() { String::new() } else { format!(" {component}") };
+            let name = field.name();
+            writeln!(formatter, "    THEY PART at step {step} (t = {time:e} s), body {body}: {name}{component}")?;
+            writeln!(formatter, "      {found:e}, {expected:e} expected: {difference:.3e} apart, {bound:.3e} allowed")?;
+            let blame = self.blame(culprit);
+            if !blame.is_empty() {
+                writeln!(formatter, "      {blame}")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let bodies = if self.bodies == 1 { "1 body".to_owned() } else { format!("{} bodies", self.bodies) };
+        writeln!(
+            formatter,
+            "{bodies} on {}, as planned; states in principal axes, each body in its own units\n",
+            self.engine
+        )?;
+        for group in &self.groups {
+            writeln!(formatter, "{group}")?;
+        }
+        for left in &self.not_compared {
+            writeln!(formatter, "not compared: {left}")?;
+        }
+        let verdict = match (self.agrees(), self.compared()) {
+            (true, 0) => "nothing was compared",
+            (true, _) => "they agree",
+            (false, _) => "THEY DO NOT AGREE",
+        };
+        writeln!(formatter, "verdict: {verdict}")
+    }
+}
+
+#[cfg(feature = "study")]
+impl Report {
+    /// The report as JSON.
+    pub fn to_json(&self) -> String {
+        use serde_json::json;
+        let comparison = |group: &GroupReport, comparison: &Comparison| {
+            let largest: Vec<_> = comparison
+                .largest
+                .iter()
+                .map(|largest| {
+                    json!({
+                        "field": largest.field.name(), "difference": largest.difference, "ulps": largest.ulps,
+                        "of_bound": largest.of_bound, "body": largest.body, "step": largest.step,
+                    })
+                })
+                .collect();
+            let parting = comparison.parting.as_ref().map(|parting| {
+                let torques = match &parting.culprit {
+                    Culprit::Torques(torques) | Culprit::OnlyTogetherWith(torques) => torques.clone(),
+                    Culprit::NotSought | Culprit::Method | Culprit::Together => Vec::new(),
+                };
+                json!({
+                    "step": parting.step, "time": parting.time, "body": parting.body, "field": parting.field.name(),
+                    "component": parting.component, "found": parting.found, "expected": parting.expected,
+                    "difference": parting.difference, "bound": parting.bound, "torques": torques,
+                    "blame": group.blame(&parting.culprit),
+                })
+            });
+            json!({
+                "sides": comparison.sides, "judged": comparison.judged, "compared": comparison.compared,
+                "undecided": comparison.undecided, "largest": largest, "parting": parting,
+            })
+        };
+        let group = |group: &GroupReport| {
+            let comparisons: Vec<_> = group.comparisons.iter().map(|one| comparison(group, one)).collect();
+            json!({
+                "class": group.shape, "bodies": group.bodies, "treatment": group.treatment_in_words(),
+                "torques": group.torques, "unit": group.unit(), "first": group.steps.start + 1, "last": group.steps.end,
+                "comparisons": comparisons, "notes": group.notes,
+            })
+        };
+        let groups: Vec<_> = self.groups.iter().map(group).collect();
+        let value = json!({
+            "engine": self.engine, "bodies": self.bodies, "agrees": self.agrees(), "compared": self.compared(),
+            "groups": groups, "not_compared": self.not_compared,
+        });
+        format!("{value:#}\n")
+    }
+}

@@ -1,0 +1,287 @@
+//! Equal steps, one by one from the twin's states, and several in one call.
+
+use rayon::prelude::*;
+
+use super::bound::{RowBound, StepBounds, Stepped};
+use super::compare::{Comparison, Field, Gap, Place, first_bit_difference, gaps};
+use super::culprit::{Culprit, culprit};
+use super::subject::{Side, Subject, TWIN, in_one_word, row_of, start_clock};
+use super::translation::Flown;
+use super::{Found, Window};
+use crate::batch::{AnyBatch, StateWords};
+use crate::clock::Clock;
+use crate::engine::cpu::Cpu;
+use crate::engine::{Backend, Session, unobserved};
+use crate::error::Result;
+use crate::method::Method;
+use crate::plan::{Interval, Plan, Treatment};
+
+/// The kernel of a group's steps.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Kernel {
+    pub method: Method,
+    pub projected: bool,
+}
+
+impl Kernel {
+    fn start(self, engine: &dyn Backend, batch: AnyBatch) -> Result<Box<dyn Session>> {
+        if self.projected { engine.start_projected(batch, self.method) } else { engine.start(batch, self.method) }
+    }
+
+    /// The state of all bodies after one step.
+    fn step(self, engine: &dyn Backend, batch: AnyBatch, dt: f64) -> Result<StateWords> {
+        let bodies = batch.body_count();
+        let mut session = self.start(engine, batch)?;
+        session.advance(dt, 1, &mut unobserved)?;
+        session.read(0..bodies)
+    }
+}
+
+/// One step of a group: its number from 1, when it starts, and its size, s.
+#[derive(Clone, Copy, Debug)]
+struct OneStep {
+    number: u64,
+    clock: Clock,
+    dt: f64,
+}
+
+/// The steps of a group between output times.
+struct Schedule {
+    /// With the number of steps before each.
+    intervals: Vec<(u64, Clock, Interval)>,
+    total: u64,
+}
+
+impl Schedule {
+    fn new(plan: &Plan<'_>, treatment: &Treatment, start: Clock) -> Self {
+        let (mut clock, mut total, mut intervals) = (start, 0_u64, Vec::new());
+        for index in 0..plan.times().len() {
+            let interval = treatment.interval(plan.span_before(index));
+            intervals.push((total, clock, interval));
+            total = total.saturating_add(interval.steps);
+            clock = clock.after(interval.dt, interval.steps);
+        }
+        Self { intervals, total }
+    }
+
+    /// A step by its number from 0.
+    fn step(&self, number: u64) -> OneStep {
+        let index = self.intervals.partition_point(|(before, ..)| *before <= number) - 1;
+        let (before, clock, Interval { dt, .. }) = self.intervals[index];
+        OneStep { number: number + 1, clock: clock.after(dt, number - before), dt }
+    }
+
+    /// The steps with numbers in a window, cut where their size changes: the first of each part, and how many there are.
+    fn parts(&self, first: u64, end: u64) -> Vec<(OneStep, u64)> {
+        let cut = |&(before, _, Interval { steps, .. }): &(u64, Clock, Interval)| {
+            let (start, end) = (before.max(first), (before + steps).min(end));
+            (start < end).then(|| (self.step(start), end - start))
+        };
+        self.intervals.iter().filter_map(cut).collect()
+    }
+}
+
+/// Compares the steps of a window.
+pub(super) fn compare(
+    engine: &dyn Backend,
+    plan: &Plan<'_>,
+    subject: &Subject<'_>,
+    treatment: &Treatment,
+    kernel: Kernel,
+    window: Window,
+) -> Result<Found> {
+    let schedule = Schedule::new(plan, treatment, start_clock(&subject.twin));
+    let steps = window.of(schedule.total);
+    let mut found = Found { steps: steps.clone(), total: schedule.total, ..Found::default() };
+    if steps.is_empty() {
+        return Ok(found);
+    }
+    let twin = Cpu::new(TWIN);
+    let bounds = StepBounds::new(subject.twin.torques(), kernel.method, subject.precision, kernel.projected);
+    let sides = Side::all(engine);
+    let mut comparisons: Vec<Comparison> =
+        sides.iter().map(|side| Comparison::new([side.name.clone(), "the scalar twin".into()], true)).collect();
+    let mut reference = Comparison::new(["the scalar twin".into(), "the f64 reference".into()], false);
+
+    let start = advanced(kernel, &twin, &subject.twin, &schedule, 0, steps.start)?;
+    let mut states = start.clone();
+    for number in steps.clone() {
+        let step = schedule.step(number);
+        let at = |batch: &AnyBatch| batch.at(&states, step.clock);
+        let expected = kernel.step(&twin, at(&subject.twin), step.dt)?;
+        let row_bounds = row_bounds(subject, &bounds, &step, &states, &expected);
+        for (side, comparison) in sides.iter().zip(&mut comparisons) {
+            let after = side.with(|engine| kernel.step(engine, at(&subject.batch), step.dt))?;
+            if let Some(row) = enter_states(comparison, subject, &step, (&expected, &after), &row_bounds) {
+                let blamed = blamed(subject, kernel, side, &step, (&states, row))?;
+                comparison.blame(blamed);
+            }
+        }
+        if subject.precision != crate::batch::Precision::F64 {
+            let after = kernel.step(&twin, subject.reference.at(&in_one_word(&states), step.clock), step.dt)?;
+            enter_states(&mut reference, subject, &step, (&after, &in_one_word(&expected)), &row_bounds);
+        }
+        states = expected;
+    }
+    for (side, comparison) in sides.iter().zip(&mut comparisons) {
+        compare_cuts(kernel, side, subject, &schedule, (&start, steps.clone()), comparison)?;
+    }
+    found.comparisons = comparisons;
+    if reference.compared > 0 {
+        found.comparisons.push(reference);
+    }
+    if kernel.projected {
+        found
+            .notes
+            .push("what a body conserves is formed anew for every step that is compared, from the twin's state".into());
+    }
+    if let Some(flown) = Flown::of(plan.scene(), subject, treatment) {
+        let parts = schedule.parts(steps.start, steps.end);
+        let parts: Vec<_> = parts.iter().map(|(step, count)| (step.number, step.clock, step.dt, *count)).collect();
+        flown.compare(engine, kernel.method, &start, &parts, &mut found)?;
+    }
+    Ok(found)
+}
+
+/// The states of all bodies after the steps from number `first` to before `end`.
+fn advanced(
+    kernel: Kernel,
+    engine: &dyn Backend,
+    batch: &AnyBatch,
+    schedule: &Schedule,
+    first: u64,
+    end: u64,
+) -> Result<StateWords> {
+    let bodies = batch.body_count();
+    let mut session = kernel.start(engine, batch.clone())?;
+    for (step, count) in schedule.parts(first, end) {
+        session.advance(step.dt, count, &mut unobserved)?;
+    }
+    session.read(0..bodies)
+}
+
+/// The bounds of all bodies.
+fn row_bounds(
+    subject: &Subject<'_>,
+    bounds: &StepBounds,
+    step: &OneStep,
+    states: &StateWords,
+    expected: &StateWords,
+) -> Vec<Option<RowBound>> {
+    let of = |row: usize| {
+        let (start, end) = (states.combined(row), expected.combined(row));
+        let ticks = step.clock.ticks();
+        bounds.of(&subject.twin, &Stepped { row, ticks, dt: step.dt, start: &start, end: &end })
+    };
+    (0..subject.len()).into_par_iter().map(of).collect()
+}
+
+/// Enters what two states of all bodies differ by; gives the first row beyond its bound.
+fn enter_states(
+    comparison: &mut Comparison,
+    subject: &Subject<'_>,
+    step: &OneStep,
+    (expected, found): (&StateWords, &StateWords),
+    bounds: &[Option<RowBound>],
+) -> Option<usize> {
+    let mut first = None;
+    for (row, bound) in bounds.iter().enumerate() {
+        let place = Place { body: subject.members.body(row), step: step.number, time: step.clock.seconds() };
+        if enter_row(comparison, subject, place, (expected, found, row), bound.as_ref()) && first.is_none() {
+            first = Some(row);
+        }
+    }
+    first
+}
+
+/// The same of one body; says whether it is the first beyond its bound.
+pub(super) fn enter_row(
+    comparison: &mut Comparison,
+    subject: &Subject<'_>,
+    place: Place,
+    (expected, found, row): (&StateWords, &StateWords, usize),
+    bound: Option<&RowBound>,
+) -> bool {
+    let precision = subject.precision;
+    let (before, after) = (expected.combined(row), found.combined(row));
+    // A body that both sides have lost is compared no further.
+    if before.iter().chain(&after).all(|x| !x.is_finite()) {
+        return false;
+    }
+    comparison.undecided += u64::from(bound.is_none());
+    let [across, along, momentum] = gaps(&before, &after);
+    let [expected, found] = [expected, found].map(|states| states.status[row].code());
+    let status = Gap::number(Field::Status, expected, found);
+    let of = |part: fn(&RowBound) -> f64| bound.map(part);
+    let entries = [
+        (across, of(|bound| bound.across)),
+        (along, of(|bound| bound.norm)),
+        (momentum, of(|bound| bound.momentum)),
+        (status, of(|_| 0.0)),
+    ];
+    let mut parts = false;
+    for (gap, bound) in &entries {
+        parts |= comparison.enter(gap, *bound, precision, place);
+    }
+    // Of several at once the one that is the farthest beyond its bound says the most.
+    let part =
+        |(gap, bound): &(Gap, Option<f64>)| gap.difference / bound.unwrap_or(f64::INFINITY).max(f64::MIN_POSITIVE);
+    if let (true, Some((gap, bound))) = (parts, entries.iter().max_by(|a, b| part(a).total_cmp(&part(b)))) {
+        comparison.part(gap, *bound, place);
+    }
+    parts
+}
+
+/// Which torque parts in a step of one body.
+fn blamed(
+    subject: &Subject<'_>,
+    kernel: Kernel,
+    side: &Side<'_>,
+    step: &OneStep,
+    (states, row): (&StateWords, usize),
+) -> Result<Culprit> {
+    if kernel.projected {
+        return Ok(Culprit::Method);
+    }
+    let state = row_of(states, row);
+    culprit(&subject.torques, &mut |acting| {
+        let [own, twin] = subject.alone(row, acting)?.map(|batch| batch.at(&state, step.clock));
+        let bounds = StepBounds::new(twin.torques(), kernel.method, subject.precision, false);
+        let expected = kernel.step(&Cpu::new(TWIN), twin.clone(), step.dt)?;
+        let after = side.with(|engine| kernel.step(engine, own, step.dt))?;
+        let (start, end) = (state.combined(0), expected.combined(0));
+        let ticks = step.clock.ticks();
+        let bound = bounds.of(&twin, &Stepped { row: 0, ticks, dt: step.dt, start: &start, end: &end });
+        let mut comparison = Comparison::new([String::new(), String::new()], true);
+        let place = Place { body: 0, step: step.number, time: 0.0 };
+        Ok(enter_row(&mut comparison, subject, place, (&expected, &after, 0), bound.as_ref()))
+    })
+}
+
+/// All steps of the window in as few calls as there are, and one by one: their bits must be equal.
+fn compare_cuts(
+    kernel: Kernel,
+    side: &Side<'_>,
+    subject: &Subject<'_>,
+    schedule: &Schedule,
+    (states, steps): (&StateWords, std::ops::Range<u64>),
+    comparison: &mut Comparison,
+) -> Result<()> {
+    let first = schedule.step(steps.start);
+    let batch = subject.batch.at(states, first.clock);
+    let [whole, cut] = side.with(|engine| -> Result<_> {
+        let bodies = batch.body_count();
+        let mut session = kernel.start(engine, batch.clone())?;
+        for number in steps.clone() {
+            session.advance(schedule.step(number).dt, 1, &mut unobserved)?;
+        }
+        Ok([advanced(kernel, engine, &batch, schedule, steps.start, steps.end)?, session.read(0..bodies)?])
+    })?;
+    let (row, gap) = match first_bit_difference(&cut, &whole) {
+        Some(found) => found,
+        None => (0, Gap::number(Field::Cuts, 0.0, 0.0)),
+    };
+    let place = Place { body: subject.members.body(row), step: steps.end, time: first.clock.seconds() };
+    comparison.enter(&gap, Some(0.0), subject.precision, place);
+    Ok(())
+}
