@@ -230,7 +230,7 @@ impl<'a> Pilot<'a> {
         let mut tried = Vec::new();
         let (mut cheapest, mut narrow_misses) = (f64::INFINITY, false);
         let class = self.all as f64 / self.bodies.len() as f64 * (self.scene.end() / self.span);
-        for (start, cost) in self.candidates() {
+        for (start, cost, expected) in self.in_order(reference) {
             if class * cheapest < NEGLIGIBLE {
                 break;
             }
@@ -238,16 +238,7 @@ impl<'a> Pilot<'a> {
             if narrow_misses && start.precision.is_none() {
                 continue;
             }
-            // Between those of the kinder and of the harder problem, and as much harder as this one has been found.
-            let (free, driven) = (cost.free.coefficient, cost.driven.coefficient);
-            let coefficient = match start.scheme {
-                Scheme::Adaptive(_) => start.coefficient,
-                Scheme::Equal(_) => self.difficulty * (free * driven).sqrt(),
-            };
-            // The reference has taken such steps already where it is of this kind.
-            let known = reference.coarse.as_ref().filter(|(rule, _)| rule.scheme == start.scheme);
-            let known = known.and_then(|(_, sampled)| sampled.steps);
-            if self.seconds(&Rule { coefficient, ..start }, cost, known) > HOPELESS * cheapest {
+            if expected > HOPELESS * cheapest {
                 continue;
             }
             let start = if start.scheme == Scheme::TAYLOR { start } else { self.within(start, cost, cheapest) };
@@ -259,6 +250,26 @@ impl<'a> Pilot<'a> {
             tried.push(found);
         }
         Ok(tried)
+    }
+
+    /// The candidates with the time, s, that the table foretells for each, the cheapest first.
+    fn in_order(&self, reference: &Reference) -> Vec<(Rule, &'a Cost, f64)> {
+        let expected = |start: &Rule, cost: &Cost| {
+            // Between those of the kinder and of the harder problem, and as much harder as this one has been found.
+            let (free, driven) = (cost.free.coefficient, cost.driven.coefficient);
+            let coefficient = match start.scheme {
+                Scheme::Adaptive(_) => start.coefficient,
+                Scheme::Equal(_) => self.difficulty * (free * driven).sqrt(),
+            };
+            // The reference has taken such steps already where it is of this kind.
+            let known = reference.coarse.as_ref().filter(|(rule, _)| rule.scheme == start.scheme);
+            self.seconds(&Rule { coefficient, ..*start }, cost, known.and_then(|(_, sampled)| sampled.steps))
+        };
+        let candidates = self.candidates().into_iter();
+        let mut candidates: Vec<_> = candidates.map(|(start, cost)| (start, cost, expected(&start, cost))).collect();
+        // The table's order where two are expected to take the same.
+        candidates.sort_by(|a, b| a.2.total_cmp(&b.2));
+        candidates
     }
 
     /// A rule with steps so long that they take no more than `limit` seconds: if that misses the target, the candidate is dearer.
