@@ -23,6 +23,7 @@ mod balance;
 pub(crate) mod confidence;
 pub(crate) mod flight;
 mod once;
+mod reading;
 pub(crate) mod shadow;
 mod statistics;
 mod translation;
@@ -291,7 +292,7 @@ fn read_states(
 /// Brings a vector to a length. Where it grows, all cores touch the new memory first, which takes longer than to fill it.
 fn make_room<T: Copy + Send + Sync>(places: &mut Vec<T>, len: usize, unknown: T) {
     places.truncate(len);
-    places.par_extend((places.len()..len).into_par_iter().with_min_len(unit::TASK).map(|_| unknown));
+    places.par_extend((places.len()..len).into_par_iter().with_min_len(reading::TASK).map(|_| unknown));
 }
 
 /// What the end says of a run.
