@@ -168,24 +168,24 @@ impl TwoSided {
 
     /// The coefficients of order 2N + 1 and 2N of v with v' = ½ |ω| v, v₀ = 1, which bound those of u; of the norms of ω's coefficients.
     #[inline(always)]
-    pub fn majorant<R: Real>(&self, norms: &[R]) -> [R; 2] {
+    pub fn majorant<R: Real>(&self, norms: &[Each<R, 1>]) -> [R; 2] {
         let zero = R::splat(0.0);
-        let mut v = [zero; 2 * MOST_HALF_ORDER + 2];
-        v[0] = R::splat(1.0);
+        let mut v = [Each::<R, 1>::zero(); 2 * MOST_HALF_ORDER + 2];
+        v[0][0] = R::splat(1.0);
         let count = norms.len().min(2 * MOST_HALF_ORDER + 1);
         for k in 0..count {
             let (mut even, mut odd) = (zero, zero);
             // v_j against the norm k − j, from j = 0 in pairs: one after the other in one direction and in the other.
             for (v, norm) in v[..=k].chunks_exact(2).zip(norms[..=k].rchunks_exact(2)) {
-                even = v[0].mul_add(norm[1], even);
-                odd = v[1].mul_add(norm[0], odd);
+                even = v[0][0].mul_add(norm[1][0], even);
+                odd = v[1][0].mul_add(norm[0][0], odd);
             }
             if k.is_multiple_of(2) {
-                even = v[k].mul_add(norms[0], even);
+                even = v[k][0].mul_add(norms[0][0], even);
             }
-            v[k + 1] = (even + odd) * R::splat(HALVES[k]);
+            v[k + 1][0] = (even + odd) * R::splat(HALVES[k]);
         }
-        [v[count], v[count.saturating_sub(1)]]
+        [v[count][0], v[count.saturating_sub(1)][0]]
     }
 
     /// S(h; t) and S(−h'; t) of the series u at t.

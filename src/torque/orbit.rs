@@ -292,3 +292,32 @@ pub(super) fn gradient_torque<R: Real>(
     let u = orientation.rotate_inverse(direction_world);
     coefficients.scaled_by(Vector::new(u.y * u.z, u.z * u.x, u.x * u.y))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// M is recovered, and sine and cosine are those of E, up to the roundings that the function's documentation states; on both sides of
+    /// where one more iteration begins.
+    #[test]
+    fn keplers_equation_is_solved_to_rounding() {
+        const BOUND: f64 = 4.0 * 0.5 * f64::EPSILON * std::f64::consts::PI;
+        let eccentricities = [0.0, 1e-9, 0.05, 0.2, 0.4, 0.4_f64.next_up(), 0.7, 0.9, 0.9_f64.next_up(), 0.95, 0.99];
+        let even = (0..=2000).map(|step| f64::from(step) / 2000.0);
+        let small = (0..400).map(|step| 10.0_f64.powf(-0.03 * f64::from(step)));
+        for part in even.chain(small) {
+            for eccentricity in eccentricities {
+                for mean in [part * std::f64::consts::PI, -part * std::f64::consts::PI] {
+                    let (anomaly, sin, cos) = eccentric_anomaly(mean, eccentricity);
+                    let missed = (anomaly - mean) - eccentricity * anomaly.sin();
+                    assert!(missed.abs() <= BOUND, "e = {eccentricity}, M = {mean}: {missed:e}");
+                    let turned = [sin - anomaly.sin(), cos - anomaly.cos()];
+                    assert!(turned.iter().all(|x| x.abs() <= BOUND), "e = {eccentricity}, M = {mean}: {turned:?}");
+                    let (_, narrow, _) = eccentric_anomaly(mean as f32, eccentricity as f32);
+                    let slack = 4.0 * f64::from(f32::EPSILON) / (1.0 - eccentricity);
+                    assert!((f64::from(narrow) - sin).abs() <= slack, "e = {eccentricity}, M = {mean} in f32");
+                }
+            }
+        }
+    }
+}
