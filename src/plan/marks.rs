@@ -171,6 +171,7 @@ fn fingerprint(scene: &Scene) -> u64 {
     }
     // Numbers print with the digits that tell them from every other. Writing to memory does not fail.
     let _ = write!(folded, "{:?}", scene.output_times());
+    folded.word(scene.torques().len() as u64);
     for torque in scene.torques() {
         // With its formula, where it has one of its own.
         let _ = write!(folded, "{:?}", torque.model_ref());
@@ -186,4 +187,61 @@ fn fingerprint(scene: &Scene) -> u64 {
         }
     }
     folded.0
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DQuat, DVec3};
+
+    use super::*;
+    use crate::ensemble::{Ensemble, Translation};
+    use crate::scene::Outputs;
+    use crate::torque::Torque;
+
+    const BODIES: usize = 9000;
+
+    fn ensemble(spin: fn(usize) -> f64) -> Ensemble {
+        let row = |body| (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, DVec3::X * spin(body));
+        let (mass, position) = (vec![1.0; BODIES], vec![DVec3::ZERO; BODIES]);
+        let translation = Translation { mass, velocity: position.clone(), position };
+        let ensemble = Ensemble::from_fn(BODIES, row).expect("valid");
+        ensemble.with_translation(translation).expect("valid")
+    }
+
+    #[test]
+    fn every_number_of_a_scene_and_its_place_are_in_the_fingerprint() {
+        let drag = |body: usize, number: f64| {
+            let mut column = vec![0.1; BODIES];
+            column[body] = number;
+            Torque::linear_drag(column)
+        };
+        let custom = |text: &str| Torque::custom(text, Default::default()).expect("a formula");
+        let scene = || Scene::new(ensemble(|_| 1.0)).until(1.0);
+        let scenes = [
+            scene(),
+            Scene::new(ensemble(|body| if body == BODIES - 1 { 1.0_f64.next_up() } else { 1.0 })).until(1.0),
+            Scene::new(ensemble(|body| if body == 4096 { 1.0_f64.next_up() } else { 1.0 })).until(1.0),
+            scene().outputs(Outputs::Times(vec![0.25, 1.0])),
+            scene().outputs(Outputs::Times(vec![0.5, 1.0])),
+            scene().torque(Torque::linear_drag(0.1)),
+            scene().torque(drag(0, 0.1)),
+            scene().torque(drag(3, 0.2)),
+            scene().torque(drag(4, 0.2)),
+            scene().torque(drag(BODIES - 1, 0.2)),
+            scene().torque(Torque::constant_body(DVec3::X)),
+            scene().torque(Torque::constant_body(DVec3::Y)),
+            scene().torque(Torque::constant_world(DVec3::X)),
+            scene().torque(custom("-0.1 * angular_velocity")),
+            scene().torque(custom("-0.2 * angular_velocity")),
+            scene().force(Force::gravity(DVec3::X)),
+            scene().force(Force::constant(DVec3::X)),
+            scene().force(Force::linear_drag(0.1)),
+            scene().force(Force::linear_drag(vec![0.1; BODIES])),
+        ];
+        let found: Vec<u64> = scenes.iter().map(fingerprint).collect();
+        assert_eq!(fingerprint(&scene()), found[0], "the same scene again");
+        for (index, fingerprint) in found.iter().enumerate() {
+            assert_eq!(found.iter().position(|other| other == fingerprint), Some(index), "scenes that differ");
+        }
+    }
 }
