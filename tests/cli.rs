@@ -93,6 +93,11 @@ fn numbers_read_back_to_the_same_bits_from_both_formats() {
                     let times = array.into_vec::<f64>().unwrap();
                     assert_eq!(times, text.iter().copied().step_by(10).collect::<Vec<_>>());
                 }
+                "status" => {
+                    assert_eq!(shape, outputs.map(|count| vec![count, 10]).unwrap_or(vec![10]));
+                    assert!(array.into_vec::<u8>().unwrap().iter().all(|status| *status == 0), "{stem}");
+                    assert!(text.iter().all(|status| *status == 0.0), "{stem}");
+                }
                 _ => {
                     assert_eq!(shape, outputs.map(|count| vec![count, 10]).unwrap_or(vec![10]));
                     let bits = |numbers: &[f64]| numbers.iter().map(|x| x.to_bits()).collect::<Vec<_>>();

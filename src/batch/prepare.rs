@@ -211,13 +211,9 @@ fn prepare_columns<T: Scalar>(
                 store_row(&frame.parameters(), initial, store, |column, number| state[column][row] = number);
                 let orientation = DQuat::from_xyzw(initial[0], initial[1], initial[2], initial[3]);
                 let body = members.body(start + place);
-                layout.write_body(
-                    torques,
-                    body,
-                    (frame, orientation),
-                    (&mut memory, &mut rates),
-                    |column, number| parameters[column][row] = T::from_f64(number),
-                );
+                layout.write_body(torques, body, (frame, orientation), (&mut memory, &mut rates), |column, number| {
+                    parameters[column][row] = T::from_f64(number)
+                });
             }
             rates
         };

@@ -201,8 +201,8 @@ pub(super) fn unit_product<R: Real>(a: Quaternion<R>, b: Quaternion<R>) -> Quate
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ensemble::Ensemble;
     use crate::batch::prepare::{frame_of, initial_state};
+    use crate::ensemble::Ensemble;
     use crate::inertia::InertiaTensor;
 
     /// Some roundings of numbers of the size of the largest component.
@@ -249,7 +249,8 @@ mod tests {
         let tensors: Vec<InertiaTensor> = (0..USER_BODIES)
             .map(|body| {
                 let moments = DVec3::new(if body == 9 { 0.0 } else { 1.1 }, 1.3, 1.3 + 0.01 * f64::from(body != 9));
-                InertiaTensor::from_principal_moments(moments * 2.0_f64.powi(body as i32 % 40 - 20)).rotated(turn(body / 2))
+                InertiaTensor::from_principal_moments(moments * 2.0_f64.powi(body as i32 % 40 - 20))
+                    .rotated(turn(body / 2))
             })
             .collect();
         let orientation: Vec<DQuat> = (0..USER_BODIES).map(|body| turn(3 * body).normalize()).collect();

@@ -2,8 +2,9 @@
 
 use serde::Serialize;
 
-use super::{AdaptiveWork, Balance, Quantiles, Spread, Trust};
+use super::{AdaptiveWork, Balance, FailedBody, Quantiles, Spread, Trust};
 use crate::engine::EngineKind;
+use crate::method::Status;
 use crate::plan::explain::{ClassRow, SkipRow};
 use crate::plan::{Group, Part, Plan, Treatment};
 use crate::scene::Accuracy;
@@ -48,8 +49,10 @@ pub struct Report {
     pub balance: Option<BalanceReport>,
     /// Errors at the end.
     pub accuracy: AccuracyReport,
-    /// Bodies whose state is no longer finite, or of which a step said that it failed, ascending.
+    /// Bodies that have failed, ascending; `failed.csv` (or `.npz`) has a row for each.
     pub failed_bodies: Vec<usize>,
+    /// How many of them for which reason; empty where none has.
+    pub failures: Vec<FailureReport>,
     /// How many bodies turn further in a given step than the method's usable region reaches.
     pub outside_usable_region: usize,
     /// Files beside this one.
@@ -121,6 +124,32 @@ impl From<AdaptiveWork> for AdaptiveReport {
     fn from(work: AdaptiveWork) -> Self {
         let AdaptiveWork { accepted, rejected, flagged, side_by_side, imbalance } = work;
         Self { accepted, rejected, flagged, side_by_side, imbalance }
+    }
+}
+
+/// Bodies that have failed for one reason.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FailureReport {
+    /// The number in the column `status` of tables ([`Status`]).
+    pub status: u8,
+    /// Its word in the column `reason` of the table `failed`.
+    pub reason: &'static str,
+    /// The reason in words.
+    pub meaning: String,
+    /// How many bodies.
+    pub bodies: usize,
+}
+
+impl FailureReport {
+    /// One for each reason that occurs.
+    fn of(failures: &[FailedBody]) -> Vec<Self> {
+        let of_reason = |reason: &Status| Self {
+            status: reason.number(),
+            reason: reason.name(),
+            meaning: reason.to_string(),
+            bodies: failures.iter().filter(|failed| failed.reason == *reason).count(),
+        };
+        Status::ALL.iter().map(of_reason).filter(|report| report.bodies > 0).collect()
     }
 }
 
@@ -342,6 +371,7 @@ impl Report {
                 met: trust.shadow.met,
             },
             outside_usable_region: trust.outside_usable_region,
+            failures: FailureReport::of(&trust.failures),
             failed_bodies: trust.failed_bodies,
             files: Vec::new(),
             versions: Versions {

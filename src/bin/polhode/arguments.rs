@@ -153,7 +153,9 @@ Examples:
     polhode run study.toml --plan study.out/plan.json --out again    the same bits
 
 Results: final.csv (or .npz) with body, t, orientation qx qy qz qw (body to world), angular
-velocity wx wy wz (body axes), angular momentum lx ly lz (world axes) and kinetic_energy;
+velocity wx wy wz (body axes), angular momentum lx ly lz (world axes), kinetic_energy, x y z vx vy vz
+where bodies have positions, and status: 0, or why the body has failed (its numbers are then nan);
+failed.csv, where some have, with body, t, status, reason and the last good state that was read;
 snapshots.csv with the same at all output times; statistics.csv with t, count and of each quantity
 mean, standard_deviation, min, max, min_body, max_body at all output times; plan.json, which --plan takes; report.json with
 engine, plan, wall times, drift of what a free body conserves, and errors. The folder appears, or replaces

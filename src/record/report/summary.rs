@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{AccuracyReport, AdaptiveReport, DriftReport, QuantilesReport, Report};
+use super::{AccuracyReport, AdaptiveReport, DriftReport, FailureReport, QuantilesReport, Report};
 use crate::plan::listed;
 
 /// The nearest-rank 99th percentile of fewer values is their maximum.
@@ -49,7 +49,10 @@ impl fmt::Display for Report {
         match self.failed_bodies.first() {
             None => write!(formatter, "  failed   none"),
             Some(first) => {
-                write!(formatter, "  failed   {} bodies, the first is body {first}", self.failed_bodies.len())
+                write!(formatter, "  failed   {} bodies, the first is body {first}", self.failed_bodies.len())?;
+                self.failures.iter().try_for_each(|FailureReport { reason, meaning, bodies, .. }| {
+                    write!(formatter, "\n           {bodies} {reason}: {meaning}")
+                })
             }
         }
     }
