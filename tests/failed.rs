@@ -97,7 +97,11 @@ fn one_lost_body_of_many_is_not_met_whatever_the_percentile() {
     let states = States::read(&desk.path("study.out/final.csv"));
     for body in 0..BODIES {
         let is_lost = body == LOST;
-        assert_eq!((states.column("status")[body] > 0.0, states.column("wx")[body].is_nan()), (is_lost, is_lost), "{body}");
+        assert_eq!(
+            (states.column("status")[body] > 0.0, states.column("wx")[body].is_nan()),
+            (is_lost, is_lost),
+            "{body}"
+        );
     }
 }
 
@@ -150,7 +154,10 @@ fn failures_are_found_where_statistics_alone_are_asked_for() {
         let rows = failed(&desk);
         assert_eq!(rows.len(), 10);
         // No states were read on the way: what is known is the start, and that they had failed at the end.
-        assert!(rows.iter().all(|row| [&row[1], &row[3], &row[4], &row[8]] == ["3.0", reason, "0.0", "1.0"]), "{rows:?}");
+        assert!(
+            rows.iter().all(|row| [&row[1], &row[3], &row[4], &row[8]] == ["3.0", reason, "0.0", "1.0"]),
+            "{rows:?}"
+        );
         let statistics = fs::read_to_string(desk.path("study.out/statistics.csv")).expect("statistics");
         // Statistics are of the rotation.
         let count = statistics.lines().last().and_then(|row| row.split(',').nth(1)).expect("a count").parse::<f64>();
@@ -172,7 +179,8 @@ fn both_formats_say_the_same_of_failed_bodies() {
     assert_eq!(archive.len(), rows[0].len());
     for column in 0..archive.len() {
         let mut bytes = Vec::new();
-        std::io::Read::read_to_end(&mut archive.by_index(column).expect("an entry"), &mut bytes).expect("its checksum fits");
+        std::io::Read::read_to_end(&mut archive.by_index(column).expect("an entry"), &mut bytes)
+            .expect("its checksum fits");
         // Magic, version, length of the header, header.
         let data = &bytes[10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]))..];
         for (row, element) in rows.iter().zip(data.chunks(data.len() / rows.len())) {
@@ -185,17 +193,18 @@ fn both_formats_say_the_same_of_failed_bodies() {
             assert_eq!(found, row[column], "column {column}");
         }
     }
-    let mut states = zip::ZipArchive::new(fs::File::open(desk.path("binary/snapshots.npz")).unwrap()).expect("an archive");
+    let mut states =
+        zip::ZipArchive::new(fs::File::open(desk.path("binary/snapshots.npz")).unwrap()).expect("an archive");
     let mut bytes = Vec::new();
-    std::io::Read::read_to_end(&mut states.by_name("status.npy").expect("a column"), &mut bytes).expect("its checksum fits");
+    std::io::Read::read_to_end(&mut states.by_name("status.npy").expect("a column"), &mut bytes)
+        .expect("its checksum fits");
     assert_eq!(bytes[bytes.len() - 35..], [[0; 7], [0; 7], [0; 7], [5; 7], [5; 7]].concat(), "2, 4, 6, 8 and 10 s");
 }
 
 #[test]
 fn a_good_run_has_no_table_of_failed_bodies() {
-    let desk = Desk::new(
-        "[bodies]\ncount = 3\ninertia = [1, 2, 2.5]\nangular_velocity = [1, 0.4, 0.1]\n[time]\nend = 1.0\n",
-    );
+    let desk =
+        Desk::new("[bodies]\ncount = 3\ninertia = [1, 2, 2.5]\nangular_velocity = [1, 0.4, 0.1]\n[time]\nend = 1.0\n");
     desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
     assert_eq!(desk.names("study.out"), ["final.csv", "plan.json", "report.json"]);
     assert_eq!(report(&desk, "study.out")["failures"], serde_json::json!([]));

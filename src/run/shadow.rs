@@ -189,11 +189,8 @@ fn closed_form(scene: &Scene, members: &[u32]) -> Vec<Reference> {
     let reference = |&body: &u32| {
         let body = body as usize;
         let is_resolved = phase_error(scene, body) <= LEAST_PART * wanted;
-        let state = if is_resolved {
-            FreeMotion::of_body(scene.ensemble(), body).at(scene.end())
-        } else {
-            BodyState::UNKNOWN
-        };
+        let state =
+            if is_resolved { FreeMotion::of_body(scene.ensemble(), body).at(scene.end()) } else { BodyState::UNKNOWN };
         Reference { body, state, work: None }
     };
     members.par_iter().map(reference).collect()
