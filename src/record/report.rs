@@ -256,7 +256,7 @@ pub struct BalanceReport {
     pub total_energy: Option<QuantilesReport>,
 }
 
-/// Median, 99th percentile and maximum.
+/// Median, 99th percentile and maximum; `null` of no bodies.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct QuantilesReport {
     /// Half of the bodies are at or below.
@@ -280,6 +280,16 @@ pub struct Versions {
 
 /// The release of wgpu that this crate is built with; a test compares it with the lock file.
 pub const WGPU_VERSION: &str = "30.0.1";
+
+impl QuantilesReport {
+    /// The figures of a number of bodies; of none they are NaN, `null` in `report.json`.
+    fn of(quantiles: Quantiles, bodies: usize) -> Self {
+        match bodies {
+            0 => Self { median: f64::NAN, p99: f64::NAN, max: f64::NAN },
+            _ => quantiles.into(),
+        }
+    }
+}
 
 impl From<Quantiles> for QuantilesReport {
     fn from(quantiles: Quantiles) -> Self {
@@ -348,18 +358,18 @@ impl Report {
             statistics: None,
             drift: DriftReport {
                 bodies: trust.drift.bodies,
-                kinetic_energy: trust.drift.kinetic_energy.into(),
-                angular_momentum_world: trust.drift.angular_momentum_world.into(),
-                norm: trust.drift.norm.into(),
+                kinetic_energy: QuantilesReport::of(trust.drift.kinetic_energy, trust.drift.bodies),
+                angular_momentum_world: QuantilesReport::of(trust.drift.angular_momentum_world, trust.drift.bodies),
+                norm: QuantilesReport::of(trust.drift.norm, trust.drift.bodies),
             },
             balance: BalanceReport::of(&trust.balance),
             accuracy: AccuracyReport {
                 bodies: trust.shadow.bodies,
                 lost: trust.shadow.lost,
                 diverged: trust.shadow.diverged,
-                attitude: trust.shadow.attitude.into(),
-                angular_velocity: trust.shadow.angular_velocity.into(),
-                kinetic_energy: trust.shadow.kinetic_energy.into(),
+                attitude: QuantilesReport::of(trust.shadow.attitude, trust.shadow.bodies),
+                angular_velocity: QuantilesReport::of(trust.shadow.angular_velocity, trust.shadow.bodies),
+                kinetic_energy: QuantilesReport::of(trust.shadow.kinetic_energy, trust.shadow.bodies),
                 target: trust.shadow.target.map(|target| TargetReport {
                     attitude: target.attitude,
                     angular_velocity: target.angular_velocity,

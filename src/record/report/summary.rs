@@ -114,13 +114,16 @@ impl fmt::Display for AdaptiveReport {
 
 impl fmt::Display for AccuracyReport {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(formatter, "  error    attitude (rad)   {}", self.attitude)?;
-        writeln!(formatter, "           angular velocity {}", self.angular_velocity)?;
-        writeln!(formatter, "           kinetic energy   {}", self.kinetic_energy)?;
         let bodies = if self.bodies == 1 { "body" } else { "bodies" };
-        write!(formatter, "           estimated from {} {bodies} recomputed in f64", self.bodies)?;
+        if self.bodies > 0 {
+            writeln!(formatter, "  error    attitude (rad)   {}", self.attitude)?;
+            writeln!(formatter, "           angular velocity {}", self.angular_velocity)?;
+            writeln!(formatter, "           kinetic energy   {}", self.kinetic_energy)?;
+            write!(formatter, "           estimated from {} {bodies} recomputed in f64", self.bodies)?;
+        }
         match self.bodies {
-            0..LEAST_FOR_P99 => writeln!(formatter, " (of fewer than {LEAST_FOR_P99}, p99 is the greatest)")?,
+            0 => writeln!(formatter, "  error    not known: no body of the sample is left to compare")?,
+            1..LEAST_FOR_P99 => writeln!(formatter, " (of fewer than {LEAST_FOR_P99}, p99 is the greatest)")?,
             _ => writeln!(formatter)?,
         }
         if self.diverged > 0 {
