@@ -73,7 +73,14 @@ impl Snapshots {
         let mut snapshots = Self { tracks: chosen.iter().map(|&body| (body, Vec::new())).collect(), ..Self::default() };
         let mut gatherer = Gatherer::default();
         let mut record = csv::StringRecord::new();
-        while reader.read_record(&mut record).map_err(|error| no_table(error.to_string()))? {
+        loop {
+            match reader.read_record(&mut record) {
+                Ok(true) => {}
+                Ok(false) => break,
+                // A row that lacks cells is the last one, which is told below.
+                Err(_) if reader.get_ref().are_cut() => break,
+                Err(error) => return Err(no_table(error.to_string())),
+            }
             let has_failed = status.is_some_and(|column| record.get(column) != Some("0"));
             let cell = |column: usize| record.get(column).and_then(|cell| cell.parse::<f64>().ok()).unwrap_or(f64::NAN);
             // What is NaN is drawn nowhere; of a body whose centre alone is lost the rotation is a number.
