@@ -24,7 +24,7 @@ pub const REPORT: &str = "report.json";
 pub const PLAN: &str = "plan.json";
 
 /// Stems of the tables that a run may write.
-const TABLES: [&str; 4] = ["final", "snapshots", "statistics", "events"];
+const TABLES: [&str; 5] = ["final", "snapshots", "statistics", "events", "failed"];
 /// Endings of tables.
 const TABLE_ENDINGS: [&str; 3] = ["csv", "npz", "parquet"];
 /// Stems of the pictures that are drawn of a run.

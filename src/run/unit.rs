@@ -443,14 +443,29 @@ impl Unit<'_> {
         Ok(marked)
     }
 
-    /// How many of the bodies that failed would have needed a step below the limit; only adaptive steps end so.
-    pub fn flagged(&mut self, failed: &[usize]) -> Result<usize> {
-        if !matches!(self.motion, Motion::Adaptive(_)) {
-            return Ok(0);
+    /// Why the bodies failed that [`Unit::marked`] has found.
+    pub fn reasons(&mut self, failed: &[usize]) -> Result<Vec<(usize, Status)>> {
+        // What only the device finds is beyond its own range of numbers.
+        let reason = |state: &BodyState| match state.status {
+            Status::Valid => Status::NotFinite,
+            status => status,
+        };
+        if failed.is_empty() {
+            return Ok(Vec::new());
         }
-        let bodies: Vec<u32> = failed.iter().map(|&body| body as u32).collect();
-        let states = self.read_bodies(&bodies)?;
-        Ok(states.iter().filter(|(_, state)| state.status == Status::StepBelowLimit).count())
+        if self.session().is_some() {
+            let bodies: Vec<u32> = failed.iter().map(|&body| body as u32).collect();
+            let states = self.read_bodies(&bodies)?;
+            return Ok(states.iter().map(|(body, state)| (*body, reason(state))).collect());
+        }
+        let mut reasons = Vec::with_capacity(failed.len());
+        for start in (0..self.members.len()).step_by(BLOCK) {
+            let rows = start..(start + BLOCK).min(self.members.len());
+            let states = self.read_range(&rows)?;
+            let failed = rows.zip(&states).filter(|(_, state)| !is_sound(state));
+            reasons.extend(failed.map(|(row, state)| (self.members.body(row), reason(state))));
+        }
+        Ok(reasons)
     }
 
     /// The states of those of its bodies that are among `bodies`.
