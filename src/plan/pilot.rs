@@ -170,9 +170,10 @@ impl<'a> Pilot<'a> {
         }
         let count = (part(steps) as usize).clamp(LEAST_BODIES, self.enough().max(LEAST_BODIES));
         self = self.of(class, count, look);
-        self.span *= (part(steps) / self.bodies.len() as f64).min(1.0);
+        let shorter = (part(steps) / self.bodies.len() as f64).min(1.0);
+        self.span *= shorter;
         self.most_steps = MOST_BUDGETS * PASSES * part(steps) * steps;
-        self.most_of_body = (UNEXPECTED * steps).max(PROBED_STEPS);
+        self.most_of_body = (UNEXPECTED * steps * shorter).max(PROBED_STEPS);
         let mut reference = Reference::new(&self)?;
         if let Some(found) = reference.lost(&self) {
             return Ok(found);
