@@ -67,23 +67,27 @@ fn main() -> Result<()> {
                 );
             }
         }
-        adaptive(&ensemble, torques, &exact)?;
+        for method in [Method::Rk8, Method::Taylor] {
+            adaptive(&ensemble, torques, method, &exact)?;
+        }
     }
     evaluations(&ensemble)
 }
 
-/// Error as a multiple of the tolerance, and time of a step, those that were refused and waiting included, of adaptive `rk8`.
-fn adaptive(ensemble: &Ensemble, torques: &[Torque], exact: &[DQuat]) -> Result<()> {
+/// Error as a multiple of the tolerance, and time of a step, those that were refused and waiting included, of a method in adaptive steps.
+fn adaptive(ensemble: &Ensemble, torques: &[Torque], method: Method, exact: &[DQuat]) -> Result<()> {
     let engine = Engine::cpu();
-    for tolerance in [1e-4, 1e-6, 1e-8, 1e-10] {
+    let is_series = method == Method::Taylor;
+    for tolerance in [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11] {
         let mut error = f64::NAN;
         let mut seconds = [f64::NAN; 2];
         for (seconds, precision) in seconds.iter_mut().zip(Precision::ALL) {
-            if tolerance < least_tolerance(precision) {
+            if tolerance < least_tolerance(precision) || (is_series && precision == Precision::F32) {
                 continue;
             }
             let steps = AdaptiveSteps { tolerance, least_step: None };
-            let scene = Scene::new(ensemble.clone()).until(SPAN).adaptive(steps, Some(precision));
+            let scene = Scene::new(ensemble.clone()).until(SPAN);
+            let scene = if is_series { scene.taylor(steps) } else { scene.adaptive(steps, Some(precision)) };
             let scene = torques.iter().cloned().fold(scene, Scene::torque);
             let plan = Plan::new(&scene, &engine)?;
             let records = (0..REPEATS).map(|_| engine.run(&plan)).collect::<Result<Vec<_>>>()?;
@@ -96,7 +100,7 @@ fn adaptive(ensemble: &Ensemble, torques: &[Torque], exact: &[DQuat]) -> Result<
         }
         println!(
             "{:<16} {tolerance:>5.0e} {:>11.2e} {error:>11.1e} {:>13.2e} {:>13.2e}",
-            "rk8 adaptive",
+            if is_series { "taylor" } else { "rk8 adaptive" },
             error / tolerance,
             seconds[0],
             seconds[1]

@@ -5,15 +5,29 @@
 fn eccentric_anomaly(mean_anomaly: real, eccentricity: real) -> SinCos {
     let start = 0.85 * eccentricity;
     var anomaly = mean_anomaly + select(start, -start, mean_anomaly < 0.0);
-    anomaly = nearer_anomaly(anomaly, mean_anomaly, eccentricity);
-    anomaly = nearer_anomaly(anomaly, mean_anomaly, eccentricity);
-    anomaly = nearer_anomaly(anomaly, mean_anomaly, eccentricity);
-    anomaly = nearer_anomaly(anomaly, mean_anomaly, eccentricity);
-    return sin_cos(anomaly);
+    if eccentricity > 0.9 {
+        anomaly += anomaly_change(anomaly, mean_anomaly, eccentricity).change;
+    }
+    if eccentricity > 0.4 {
+        anomaly += anomaly_change(anomaly, mean_anomaly, eccentricity).change;
+    }
+    anomaly += anomaly_change(anomaly, mean_anomaly, eccentricity).change;
+    let last = anomaly_change(anomaly, mean_anomaly, eccentricity);
+    // 1 - cos and the sine of the change.
+    let square = last.change * last.change;
+    let short = mul_add(square * square, real(-1.0 / 24.0), 0.5 * square);
+    let turn = mul_add(square * last.change, real(-1.0 / 6.0), last.change);
+    return SinCos(last.sin + mul_add(-last.sin, short, last.cos * turn), last.cos - mul_add(last.cos, short, last.sin * turn));
 }
 
-// One iteration.
-fn nearer_anomaly(anomaly: real, mean_anomaly: real, eccentricity: real) -> real {
+struct AnomalyChange {
+    change: real,
+    sin: real,
+    cos: real,
+}
+
+// By how much one iteration changes E, and the sine and cosine of E before it.
+fn anomaly_change(anomaly: real, mean_anomaly: real, eccentricity: real) -> AnomalyChange {
     let angle = sin_cos(anomaly);
     let e_sin = eccentricity * angle.sin;
     let e_cos = eccentricity * angle.cos;
@@ -23,5 +37,5 @@ fn nearer_anomaly(anomaly: real, mean_anomaly: real, eccentricity: real) -> real
     let second = -(excess / mul_add(0.5 * first, e_sin, slope));
     let sixth = real(1.0 / 6.0);
     let third = -(excess / mul_add(sixth * second * second, e_cos, mul_add(0.5 * second, e_sin, slope)));
-    return anomaly + third;
+    return AnomalyChange(third, angle.sin, angle.cos);
 }

@@ -220,15 +220,15 @@ pub enum Error {
     },
     /// No method, step and precision that the engine has meets the accuracy asked for.
     #[error(
-        "out of reach: {target}: the best here ({method} in {precision}) misses the {} by a factor of {}: {remedy}",
-        missed.name(), rough(*factor)
+        "out of reach: {target}: the best here ({method} in {precision}) {}: {remedy}", miss(missed.name(), *factor)
     )]
     AccuracyOutOfReach {
         /// What is asked for.
         target: Box<crate::scene::Accuracy>,
         /// Of what the error is missed most.
         missed: crate::scene::Target,
-        /// What the best candidate came to there, as a multiple of what is asked for; above 1.
+        /// What the best candidate came to there, as a multiple of what is asked for; above 1, and infinite where none came to the end in the
+        /// steps that planning may take.
         factor: f64,
         /// The name of that candidate.
         method: &'static str,
@@ -400,7 +400,15 @@ fn file_reason(kind: std::io::ErrorKind, reason: &str) -> String {
     }
 }
 
-/// Some digits of a factor above 1.
+/// How a target is missed by the best candidate.
+fn miss(missed: &str, factor: f64) -> String {
+    if factor.is_infinite() {
+        return "does not come to the end in the steps that planning may take".to_owned();
+    }
+    format!("misses the {missed} by a factor of {}", rough(factor))
+}
+
+/// A factor above 1 with as many digits as it deserves.
 fn rough(factor: f64) -> String {
     match factor {
         ..1.1 => format!("{:.3}", factor.max(1.001)),

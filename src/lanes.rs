@@ -16,6 +16,7 @@ use crate::real::{Outlined, Real, Scalar};
 ///
 /// Lane types have no room for it in a static function such as `splat`, so it is made out of nothing.
 #[inline(always)]
+#[allow(unsafe_code, reason = "a value without size, whose meaning `dispatch` has checked")]
 fn token<S: Simd>() -> S {
     const { assert!(size_of::<S>() == 0) };
     // SAFETY: `S` has no size, so no bytes are invented. Its meaning, that the processor has the instructions, holds

@@ -316,13 +316,15 @@ fn a_pool_of_one_thread_and_of_three_give_the_same_bits() {
 /// Within the reach of `f32`.
 const TOLERANCE_OF_POOLS: f64 = 1e-5;
 
-/// The CPU's slices are of 8,192 attempts: what is left of a block is taken up again among bodies that have arrived.
+/// The CPU's slices are of 8,192 attempts: what is left of a block is taken up again behind more bodies that have arrived than a
+/// tile has lanes. Of one thread, so that a block has as many bodies on any machine.
 #[test]
 fn bodies_that_need_many_slices_arrive_behind_bodies_that_have() {
-    const BODIES: usize = 100;
+    const BODIES: usize = 400;
+    const LONG: [usize; 2] = [370, 399];
     const END: f64 = 240.0;
     let row = |body: usize| {
-        let rate = if [60, 99].contains(&body) { 60.0 } else { 0.01 };
+        let rate = if LONG.contains(&body) { 60.0 } else { 0.01 };
         (DVec3::new(1.0, 1.5, 2.0), DQuat::IDENTITY, DVec3::new(0.6, 0.5, 0.4) * rate)
     };
     // Lanes under internal dissipation change bodies all together, those under drag one by one.
@@ -339,9 +341,10 @@ fn bodies_that_need_many_slices_arrive_behind_bodies_that_have() {
             session.advance_to(END, &mut unobserved).expect("advanced");
             (session.read(0..count).expect("read"), session.counts().expect("counted"))
         };
-        let (words, counts) = run(BODIES, &row);
-        let (alone, _) = run(1, &|_| row(99));
-        for body in [60, 99] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
+        let (words, counts) = pool.install(|| run(BODIES, &row));
+        let (alone, _) = run(1, &|_| row(LONG[0]));
+        for body in LONG {
             assert!(counts[body].attempts() > 3 * 8192, "{}: {:?}", torque.name(), counts[body]);
             assert_eq!(words.combined(body), alone.combined(0), "{}, body {body}", torque.name());
         }

@@ -93,6 +93,11 @@ fn numbers_read_back_to_the_same_bits_from_both_formats() {
                     let times = array.into_vec::<f64>().unwrap();
                     assert_eq!(times, text.iter().copied().step_by(10).collect::<Vec<_>>());
                 }
+                "status" => {
+                    assert_eq!(shape, outputs.map(|count| vec![count, 10]).unwrap_or(vec![10]));
+                    assert!(array.into_vec::<u8>().unwrap().iter().all(|status| *status == 0), "{stem}");
+                    assert!(text.iter().all(|status| *status == 0.0), "{stem}");
+                }
                 _ => {
                     assert_eq!(shape, outputs.map(|count| vec![count, 10]).unwrap_or(vec![10]));
                     let bits = |numbers: &[f64]| numbers.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
@@ -530,8 +535,11 @@ fn a_picture_of_a_body_that_is_not_there_is_refused() {
     assert_eq!(line, "error: study.out/snapshots.csv: there is no body 99: it has 10, counted from 0\n");
     // Neither are pictures drawn of a table that was cut.
     let whole = fs::read(desk.path("study.out/snapshots.csv")).unwrap();
-    fs::write(desk.path("study.out/snapshots.csv"), &whole[..whole.len() - 3]).unwrap();
-    let line = desk.refused(&["plot", "study.out"], 2);
-    assert!(line.starts_with("error: study.out/snapshots.csv: line 41: ") && line.contains("may be cut"), "{line}");
+    // The newline, the status, its comma, and a part of the number before.
+    for cut in [1, 2, 3, 8] {
+        fs::write(desk.path("study.out/snapshots.csv"), &whole[..whole.len() - cut]).unwrap();
+        let line = desk.refused(&["plot", "study.out"], 2);
+        assert!(line.starts_with("error: study.out/snapshots.csv: line 41: ") && line.contains("may be cut"), "{line}");
+    }
     assert_eq!(desk.names("study.out"), ["final.csv", "plan.json", "report.json", "snapshots.csv"]);
 }

@@ -46,6 +46,9 @@ fn columns(first: f64) -> Vec<f64> {
     (0..BODIES).map(|body| first * (1.0 + body as f64 / 100.0)).collect()
 }
 
+/// Models of the library that are compared with themselves as texts, some of them in two ways.
+const MODELS: usize = 15;
+
 /// A model of the library, and the same as text. Numbers are such that the host forms the same columns of both.
 fn pairs() -> Vec<(Torque, Torque)> {
     let none = Parameters::new;
@@ -214,6 +217,7 @@ fn a_model_written_down_agrees_with_itself_to_the_bit_on_scalar_engines() {
 #[test]
 fn a_model_written_down_agrees_with_itself_to_rounding_on_every_engine_and_in_any_axes() {
     let gpu = common::gpu();
+    assert_eq!(pairs().len() + rounded_pairs().len(), MODELS);
     for (model, text) in pairs().into_iter().chain(rounded_pairs()) {
         let bodies = ensemble(false);
         for (engine, name) in [(Engine::cpu(), "lanes"), (Engine::cpu_scalar(), "scalar"), (gpu.clone(), "GPU")] {

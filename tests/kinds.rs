@@ -10,8 +10,8 @@ use polhode::Method;
 use polhode::batch::{Precision, StateWords};
 use polhode::engine::adaptive::AdaptiveSteps;
 use polhode::engine::{Backend, Engine, unobserved};
-use polhode::torque::Torque;
 use polhode::torque::variable_inertia::{InertiaChange, Law};
+use polhode::torque::{Torque, VelocityDependence};
 
 /// Fills no lane group of any width, and more than one tile.
 const BODIES: usize = 67;
@@ -34,12 +34,13 @@ fn both(torque: &Torque) -> [Vec<Torque>; 2] {
     [vec![torque.clone()], vec![torque.clone(), nothing]]
 }
 
-fn column(first: f64, last: f64) -> Vec<f64> {
-    (0..BODIES).map(|body| first + (last - first) * body as f64 / BODIES as f64).collect()
+fn column(bodies: usize, first: f64, last: f64) -> Vec<f64> {
+    (0..bodies).map(|body| first + (last - first) * body as f64 / bodies as f64).collect()
 }
 
 /// Moments that change, for all bodies alike and for each in its own way.
-fn changes() -> [Torque; 3] {
+fn changes(bodies: usize) -> [Torque; 3] {
+    let column = |first, last| column(bodies, first, last);
     [
         (InertiaChange::factor(0.6), Law::ramp(0.1, 0.5)),
         (InertiaChange::factor(column(0.5, 2.0)), Law::ramp(column(0.0, 0.6), column(0.2, 1.0))),
@@ -52,9 +53,9 @@ fn changes() -> [Torque; 3] {
 fn scenes() -> Vec<(String, Vec<Torque>)> {
     let all = every_torque(&middle_moments(BODIES, SEED));
     let mut scenes: Vec<(String, Vec<Torque>)> =
-        all.iter().chain(&changes()).map(|torque| (torque.name().to_owned(), vec![torque.clone()])).collect();
+        all.iter().chain(&changes(BODIES)).map(|torque| (torque.name().to_owned(), vec![torque.clone()])).collect();
     scenes.push(("all".to_owned(), all.clone()));
-    scenes.extend(changes().map(|change| ("all and moments".to_owned(), [all.clone(), vec![change]].concat())));
+    scenes.extend(changes(BODIES).map(|change| ("all and moments".to_owned(), [all.clone(), vec![change]].concat())));
     scenes
 }
 
@@ -79,9 +80,35 @@ fn moved(method: Option<Method>, count: usize, torques: &[Torque], precision: Pr
     }
 }
 
+/// How the torque of a model depends on the angular velocity, by its equation.
+fn dependence(name: &str) -> VelocityDependence {
+    match name {
+        "linear-drag" => VelocityDependence::LinearDrag,
+        "matrix-drag" | "quadratic-drag" | "eddy-current" | "orbiting-eddy-current" => VelocityDependence::General,
+        // What noise, slip and moments that change do is no torque at a frozen attitude.
+        _ => VelocityDependence::None,
+    }
+}
+
+#[test]
+fn the_dependence_on_the_angular_velocity_is_that_of_the_formulas() {
+    let of = |torques: &[Torque]| batch_under(3, SEED, torques, Precision::F64).torques().velocity_dependence();
+    let every = [every_torque(&middle_moments(3, SEED)), changes(3).to_vec()].concat();
+    let still = Torque::constant_world(DVec3::X);
+    for torque in &every {
+        let expected = dependence(torque.name());
+        assert_eq!(of(std::slice::from_ref(torque)), expected, "{}", torque.name());
+        assert_eq!(of(&[still.clone(), torque.clone()]), expected, "{} and another", torque.name());
+        let beside_drag = [Torque::linear_drag(0.1), torque.clone()];
+        let expected = if expected == VelocityDependence::None { VelocityDependence::LinearDrag } else { expected };
+        assert_eq!(of(&beside_drag), expected, "{} and drag", torque.name());
+    }
+    assert_eq!(of(&[]), VelocityDependence::None);
+}
+
 #[test]
 fn one_kind_alone_is_stepped_as_among_others() {
-    let torques = [every_torque(&middle_moments(BODIES, SEED)), changes().to_vec()].concat();
+    let torques = [every_torque(&middle_moments(BODIES, SEED)), changes(BODIES).to_vec()].concat();
     // A constant torque and drag have a kernel that takes both, whose kicks are others.
     let is_common = |torque: &&Torque| ["constant-body", "linear-drag"].contains(&torque.name());
     for torque in torques.iter().filter(|torque| !is_common(torque)) {

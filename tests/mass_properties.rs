@@ -426,6 +426,11 @@ proptest! {
         let extra = Part::new(Shape::Sphere { radius: 0.5 }.mass_properties(3.0).unwrap()).at(offset);
         let back = compose(&[Part::new(compose(&[Part::new(whole), extra]).unwrap()), extra.as_hole()]).unwrap();
         prop_assert!(deviation(&back, &whole) < ROUNDING);
+        prop_assert_eq!(back.volume, 0.0, "of points, after what was added is taken away");
+        let ball = Shape::Sphere { radius: 2.0 }.mass_properties(30.0).unwrap();
+        let hollow = compose(&[Part::new(ball), extra.at(DVec3::ZERO).as_hole()]).unwrap();
+        let expected = 4.0 / 3.0 * PI * (8.0 - 0.125);
+        prop_assert!((hollow.volume / expected - 1.0).abs() < ROUNDING, "{}", hollow.volume);
     }
 
     #[test]

@@ -139,7 +139,7 @@ fn every_declaration_is_complete() {
         }
         // Draws of one torque are told apart by their numbers; only parameters that exclude each other may share one.
         for which in [Chosen::First, Chosen::Last] {
-            let mut draws: Vec<u8> = chosen(model, which).iter().map(|parameter| parameter.draw).collect();
+            let mut draws: Vec<u16> = chosen(model, which).iter().map(|parameter| parameter.draw).collect();
             draws.sort_unstable();
             let all = draws.len();
             draws.dedup();

@@ -277,6 +277,35 @@ fn the_shadow_finds_a_step_that_is_too_long() {
     assert!(fine.trust().shadow.attitude.max < 1e-9, "{}", fine.trust().shadow);
 }
 
+/// Under torques there is no closed form: a method of high order is judged by finer steps than its own.
+#[test]
+fn the_shadow_finds_a_step_of_rk8_that_is_too_long() {
+    // Steps of half a radian are judged by steps of half of them; longer ones by finer ones still.
+    let rate = 1.4;
+    let bodies: Vec<_> =
+        mixture(64).0.into_iter().map(|(moments, spin)| (moments, rate * spin.normalize_or(DVec3::X))).collect();
+    let driven = scene(&bodies).torque(Torque::constant_world(DVec3::new(0.1, -0.3, 0.2)));
+    let coarse = run(&driven.clone().pinned(Method::Rk8, 0.3, Some(Precision::F64)));
+    let fine = run(&driven.pinned(Method::Rk8, 0.01, Some(Precision::F64)));
+    let error =
+        |body: usize| angle_between(coarse.final_state().orientation(body), fine.final_state().orientation(body));
+    let largest = (0..bodies.len()).map(error).fold(0.0, f64::max);
+    let found = coarse.trust().shadow;
+    // All bodies are in the sample. Steps of half the size err by 2⁻⁸ as much at order 8, which is what the estimate leaves out.
+    assert_eq!(found.bodies, bodies.len());
+    assert!(largest > 1e-12, "{largest:e}: the step shows nothing but rounding");
+    assert!((found.attitude.max / largest - 1.0).abs() < 0.05, "{found} against {largest:e}");
+}
+
+#[test]
+fn no_step_is_longer_than_asked_for_and_none_is_taken_in_vain() {
+    for (dt, steps) in [(0.7, 5), (0.75, 4), (0.1, 30), (3.0, 1), (50.0, 1)] {
+        let bodies = [family(Shape::Asymmetric, 0.0)];
+        let scene = scene(&bodies).torque(Torque::linear_drag(1e-3)).pinned(Method::Rk4, dt, Some(Precision::F64));
+        assert_eq!(run(&scene).trust().body_steps, steps, "{dt} s in {SPAN} s");
+    }
+}
+
 #[test]
 fn free_bodies_among_driven_ones_take_none_of_their_steps() {
     // 90 in 100 are free and of simple shapes, 10 are driven.

@@ -89,7 +89,7 @@ fn a_file_that_is_no_plan_is_refused_with_its_line() {
     let scene = scene(1);
     let text = Plan::new(&scene, &engine).expect("a plan").to_json();
     for (from, to, expected) in [
-        ("\"format\": 3", "\"format\": 7", "p.json:1: its format is 7, this release reads 3"),
+        ("\"format\": 4", "\"format\": 7", "p.json:1: its format is 7, this release reads 4"),
         ("\"polhode\": \"", "\"polhode\": \"9.", "p.json:1: it is of polhode 9."),
         ("\"coefficient\": ", "\"coefficient\": -", "a finite number from 0 on is needed"),
         ("\"attitude\": ", "\"attitude\": 2", "its sum differs"),

@@ -6,6 +6,8 @@ use std::ops::Range;
 
 use glam::{DQuat, DVec3};
 use polhode::free_motion::FreeMotion;
+use polhode::study::Scalar as Distribution;
+use polhode::study::draw::{Column, Draw};
 use polhode::torque::{Orbit, Torque};
 use polhode::verify::{Options, verify};
 use polhode::{Accuracy, Engine, Ensemble, Method, Outputs, Plan, Precision, Record, Scene};
@@ -262,5 +264,61 @@ proptest! {
             let report = verify(&common::gpu(), &scene, &Options::default()).expect("both engines run");
             prop_assert!(report.agrees(), "{method}: {report}");
         }
+    }
+}
+
+/// Mean and standard deviation.
+fn moments_of(values: &[f64]) -> (f64, f64) {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    (mean, (values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count).sqrt())
+}
+
+/// Means and deviations of 200,000 draws are within six of their own standard errors of what the definitions say.
+#[test]
+fn every_distribution_has_its_mean_and_deviation() {
+    const COUNT: usize = 200_000;
+    let draw = Draw::new(11);
+    let error = (COUNT as f64).sqrt().recip();
+    let check = |what: &str, values: &[f64], mean: f64, deviation: f64, kurtosis: f64| {
+        let found = moments_of(values);
+        assert!((found.0 - mean).abs() < 6.0 * deviation * error, "{what}: mean {}, not {mean}", found.0);
+        // The standard error of a deviation is that of the squares over two: σ √(κ − 1)/(2 √n), κ the kurtosis.
+        let of_deviation = 0.5 * (kurtosis - 1.0).sqrt() * deviation * error;
+        let apart = (found.1 - deviation).abs();
+        assert!(apart < 6.0 * of_deviation, "{what}: deviation {}, not {deviation}", found.1);
+    };
+    let numbers =
+        |of: Distribution| -> Vec<f64> { (0..COUNT).map(|body| of.sample(draw, body, Column::Mass, 0)).collect() };
+    assert!(numbers(Distribution::Constant(3.5)).iter().all(|&x| x == 3.5));
+    check("uniform", &numbers(Distribution::Uniform { low: -1.0, high: 5.0 }), 2.0, 3.0_f64.sqrt(), 1.8);
+    check("normal", &numbers(Distribution::Normal { mean: -4.0, sigma: 0.7 }), -4.0, 0.7, 3.0);
+    let logarithms: Vec<f64> =
+        numbers(Distribution::LogNormal { median: 2.5, sigma: 0.4 }).iter().map(|x| x.ln()).collect();
+    check("logarithm of log-normal", &logarithms, 2.5_f64.ln(), 0.4, 3.0);
+
+    // Directions: each component is uniform on (−1, 1); rotations: each component of the quaternion has mean 0 and square ¼, of
+    // kurtosis 2, and a rotated axis is a direction.
+    let directions: Vec<DVec3> = (0..COUNT).map(|body| draw.direction(body, Column::Position)).collect();
+    let rotations: Vec<DQuat> = (0..COUNT).map(|body| draw.rotation(body, Column::Orientation)).collect();
+    let turned: Vec<DVec3> = rotations.iter().map(|q| *q * DVec3::new(0.6, 0.0, 0.8)).collect();
+    for axis in 0..3 {
+        let third = 3.0_f64.sqrt().recip();
+        for (what, vectors) in [("direction", &directions), ("turned axis", &turned)] {
+            let components: Vec<f64> = vectors.iter().map(|v| v.to_array()[axis]).collect();
+            check(what, &components, 0.0, third, 1.8);
+            // Of different components the product has mean 0 and variance 1/15.
+            let next = |v: &DVec3| v.to_array()[(axis + 1) % 3];
+            let products: Vec<f64> = vectors.iter().map(|v| v.to_array()[axis] * next(v)).collect();
+            assert!(moments_of(&products).0.abs() < 6.0 * 15.0_f64.sqrt().recip() * error, "{what}: products");
+        }
+    }
+    for component in 0..4 {
+        let components: Vec<f64> = rotations.iter().map(|q| q.to_array()[component]).collect();
+        check("quaternion", &components, 0.0, 0.5, 2.0);
+    }
+    let vectors: Vec<DVec3> = (0..COUNT).map(|body| draw.normal_vector(body, Column::Velocity)).collect();
+    for axis in 0..3 {
+        check("normal vector", &vectors.iter().map(|v| v.to_array()[axis]).collect::<Vec<_>>(), 0.0, 1.0, 3.0);
     }
 }

@@ -391,6 +391,32 @@ fn the_current_folder_is_filled_in_place() {
 }
 
 #[test]
+fn a_users_own_files_and_folders_stay_where_they_are() {
+    let desk = Desk::new("");
+    fs::write(desk.path("0.toml"), study(0)).expect("written");
+    let folder = desk.path("o");
+    fs::create_dir_all(folder.join("notes")).expect("made");
+    for name in ["events.csv", "final.parquet", "notes.txt", "notes/a"] {
+        fs::write(folder.join(name), "mine").expect("written");
+    }
+    let output = run(&desk, 0, &folder, &["--force"]).wait_with_output().expect("the run ends");
+    assert!(output.status.success(), "{}", words(&output.stderr));
+    for name in ["events.csv", "final.parquet", "notes.txt", "notes/a"] {
+        assert_eq!(fs::read(folder.join(name)).expect("there"), b"mine", "{name}");
+    }
+
+    // A folder with the name of a table is in the way, and is left alone with all that is beside it.
+    let former = fs::read(folder.join("final.csv")).expect("there");
+    fs::remove_file(folder.join("snapshots.csv")).expect("removed");
+    fs::create_dir(folder.join("snapshots.csv")).expect("made");
+    let output = run(&desk, 0, &folder, &["--force"]).wait_with_output().expect("the run ends");
+    assert!(!output.status.success());
+    assert!(words(&output.stderr).contains("the folder snapshots.csv in it has the name of a result's file"));
+    assert_eq!(fs::read(folder.join("final.csv")).expect("there"), former);
+    assert!(folder.join("snapshots.csv").is_dir());
+}
+
+#[test]
 fn pictures_of_a_former_run_go_with_it() {
     let desk = Desk::new(&study(0));
     desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);

@@ -118,7 +118,7 @@ macro_rules! check_session {
         let words = session.read(0..$frames.len()).expect("read");
         let states = states_of(&words, $frames);
         let failed: Vec<usize> = (0..states.len()).filter(|&body| !is_sound(&states[body])).collect();
-        assert_eq!(session.marked().expect("read").failed, failed);
+        let marked = session.marked().expect("read").failed;
         let rows: Vec<usize> = (0..$frames.len()).step_by(7).collect();
         let some = session.read_rows(&rows).expect("read");
         for (index, &row) in rows.iter().enumerate() {
@@ -131,7 +131,10 @@ macro_rules! check_session {
                     .map_err(|fault| format!("{statistic}: {fault}"))
             })
             .collect::<Result<Vec<()>, String>>()
-            .map(|_| found)
+            .and_then(|_| {
+                let fault = || format!("marked as failed: {marked:?}, not {failed:?}");
+                (marked == failed).then_some(found).ok_or_else(fault)
+            })
     }};
 }
 
@@ -269,10 +272,15 @@ fn run(engine: &Engine, scene: &Scene) -> Record {
 fn bodies_that_fail_are_counted_and_left_out() {
     const BODIES: usize = 170;
     let failed: Vec<usize> = (3..BODIES).step_by(50).collect();
-    for engine in [common::gpu(), Engine::cpu(), Engine::cpu_scalar()] {
+    // The last holds its bodies in three chunks.
+    let cut = common::gpu_with(common::cut_options(64, 7));
+    for engine in [common::gpu(), Engine::cpu(), Engine::cpu_scalar(), cut] {
         for precision in Precision::ALL {
-            for method in [Method::Splitting4, Method::ExplicitEuler] {
-                let scene = some_fail(BODIES).pinned(method, 0.5, Some(precision)).statistics(&Statistic::ALL);
+            // After one step those that are flagged are numbers still, after twenty they are none.
+            for (method, end) in [(Method::Splitting4, 0.5), (Method::Splitting4, 10.0), (Method::ExplicitEuler, 10.0)]
+            {
+                let scene = some_fail(BODIES).until(end).pinned(method, 0.5, Some(precision));
+                let scene = scene.statistics(&Statistic::ALL);
                 // Spun up beyond all bounds within three steps, the fast ones are no longer numbers.
                 let scene = if method == Method::ExplicitEuler {
                     scene.torque(Torque::linear_drag(blow_up(BODIES)))
@@ -515,10 +523,10 @@ fn planted_faults_are_caught() {
     for (name, file, from, to) in FAULTS {
         let patch = Patch { file: file.to_owned(), from: from.to_owned(), to: to.to_owned() };
         let engine = common::gpu_with(GpuOptions { patches: vec![patch], ..common::any_adapter() });
-        let ensemble = ensemble.clone();
-        // A fault may also show in the marks, as a panic of its own.
-        let check = move || check_stepped(&engine, &ensemble, Precision::F32).is_err();
-        let caught = std::panic::catch_unwind(std::panic::AssertUnwindSafe(check)).unwrap_or(true);
-        assert!(caught, "{name}: not caught");
+        // A panic, as of a fault that is not planted or does not compile, is none of the comparison's findings.
+        match check_stepped(&engine, &ensemble, Precision::F32) {
+            Err(found) => println!("{name}: {found}"),
+            Ok(_) => panic!("{name}: not caught"),
+        }
     }
 }

@@ -40,7 +40,7 @@ fn the_implicit_midpoint_rule_is_solved_up_to_three_radians_a_step_and_never_sil
             let failed = &record.trust().failed_bodies;
             assert!(failed.is_empty() || angle > 3.0, "{precision}, omega dt = {angle}: {failed:?}");
             if !failed.is_empty() {
-                // Drift is taken over all finite bodies, the flagged ones too.
+                // Of bodies that have failed there is no drift.
                 continue;
             }
             let drift = record.trust().drift;

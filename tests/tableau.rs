@@ -1,6 +1,11 @@
-//! The order conditions of `rk8`'s tableau, all of them, and of its embedded formulas.
+//! The order conditions of `rk8`'s tableau, all of them, and of its embedded formulas; the coefficients of shaders.
 
+use polhode::batch::Precision;
+use polhode::engine::gpu::shader::Source;
+use polhode::method::Method;
 use polhode::method::rk8::{ERROR_WEIGHTS_5, STAGE_WEIGHTS, STAGES, TIMES, WEIGHTS, WEIGHTS_3};
+use polhode::method::splitting::{Composition, composition};
+use polhode::torque::VelocityDependence;
 
 /// A rooted tree as the multiset of its branches.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -112,4 +117,52 @@ fn stages_stand_at_the_sums_of_their_weights() {
         let (sum, size): (f64, f64) = (row.iter().sum(), row.iter().map(|a| a.abs()).sum());
         assert!((sum - time).abs() <= 4.0 * f64::EPSILON * size, "stage {stage}: {sum} for {time}");
     }
+}
+
+/// The numbers of a text that are written with ten digits or more.
+fn long_numbers(text: &str) -> Vec<f64> {
+    let is_part = |c: char| c.is_ascii_digit() || c == '.' || c == 'e' || c == '-';
+    let words = text.split(|c: char| !is_part(c)).map(|word| word.trim_start_matches('-'));
+    let long =
+        words.filter(|word| word.split('e').next().unwrap_or("").bytes().filter(u8::is_ascii_digit).count() >= 10);
+    long.filter_map(|word| word.parse().ok()).collect()
+}
+
+/// A digit far behind the point moves a step by less than roundings do, so texts are compared: each coefficient of a shader is one of its
+/// twin's, to the last bit where both are printed.
+#[test]
+fn the_coefficients_of_the_shaders_are_those_of_their_twins() {
+    let ends = |kinds: [Composition; 2]| -> Vec<f64> {
+        kinds.iter().flat_map(|of| of.kick_ends.iter().chain(of.drift_ends).copied()).collect()
+    };
+    let both = [VelocityDependence::None, VelocityDependence::General];
+    let twin = |file: &str| -> Vec<f64> {
+        match file {
+            "method/rk8.wgsl" | "method/rk8_adaptive.wgsl" => long_numbers(include_str!("../src/method/rk8.rs")),
+            "method/splitting4.wgsl" => ends(both.map(composition::<4>)),
+            "method/splitting6.wgsl" => ends(both.map(composition::<6>)),
+            _ => Vec::new(),
+        }
+    };
+    let mut compared = Vec::new();
+    let sources = [Method::Rk8, Method::Splitting4, Method::Splitting6];
+    let chunks = sources.iter().flat_map(|method| Source::advance(Precision::F64, *method).chunks().to_vec());
+    for chunk in chunks.chain(Source::adaptive_method()) {
+        let own = twin(chunk.file);
+        if own.is_empty() {
+            continue;
+        }
+        let numbers = long_numbers(&chunk.text);
+        for number in &numbers {
+            // The ends of kicks and drifts are sums, printed to 16 digits.
+            let slack = if chunk.file.contains("splitting") { 1e-15 } else { 0.0 };
+            let is_there = own.iter().any(|own| (own.abs() - number).abs() <= slack);
+            assert!(is_there, "{}: {number:?} is no coefficient of its twin's", chunk.file);
+        }
+        compared.push((chunk.file, numbers.len()));
+    }
+    println!("{compared:?}");
+    let of = |file: &str| compared.iter().filter(|(name, _)| *name == file).map(|(_, count)| *count).max().unwrap_or(0);
+    assert!(of("method/rk8.wgsl") >= 40 && of("method/rk8_adaptive.wgsl") >= 8, "{compared:?}");
+    assert!(of("method/splitting4.wgsl") >= 20 && of("method/splitting6.wgsl") >= 30, "{compared:?}");
 }

@@ -206,7 +206,7 @@ fn every_torque_of_the_shaders_is_compared() {
         "add_with_carry",
         "rate_word",
         "philox_round",
-        "nearer_anomaly",
+        "anomaly_change",
         "product_128",
         "sum_128",
         "rate_at",

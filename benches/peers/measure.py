@@ -115,17 +115,16 @@ def prepared(chosen, problem, count, choice, folder, scipy):
     }
     polhode_.write_table(folder / "bodies.csv", bodies)
     command = (str(chosen.polhode.resolve()), folder, chosen.threads)
-    reading = polhode_.reading_seconds(problem, *command)
     cases = []
     if "polhode" in chosen.programs:
         for asked in ASKED:
-            solver = polhode_.Solver(problem, f"attitude = {asked:.0e}", *command, reading, chosen.limit)
+            solver = polhode_.Solver(problem, f"attitude = {asked:.0e}", *command, chosen.limit)
             cases.append(Case("polhode", f"asked {asked:.0e}", solver, None, count, asked))
     for method in ("taylor", "rk8"):
         if method in chosen.programs and count <= chosen.pinned_up_to:
             for tolerance in TOLERANCES[method]:
                 accuracy = f'method = "{method}"\ntolerance = {tolerance:.0e}'
-                solver = polhode_.Solver(problem, accuracy, *command, reading, chosen.limit)
+                solver = polhode_.Solver(problem, accuracy, *command, chosen.limit)
                 cases.append(Case(f"polhode {method}", f"tolerance {tolerance:.0e}", solver, None, count))
     for program, module in (("heyoka", heyoka_), ("numba", numba_), ("SciPy", scipy_)):
         if program not in chosen.programs or (program == "SciPy" and not scipy):

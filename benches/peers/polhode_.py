@@ -4,9 +4,6 @@ Bodies are written to a table and a study asks for an error, or pins a method an
 the final states and report.json, whose wall times by phase are used. Charged: the plan, set-up, integration, reading
 back and the recomputed sample behind its error estimate. Not charged: reading the table, formatting and writing
 files, which the peers do not do either.
-
-Where the report has no phase for the plan, the phase `study` holds it together with reading. What reading takes is
-then measured on the same table by a study that pins its method and so has nothing to plan.
 """
 
 import json
@@ -47,26 +44,17 @@ def write_table(path, bodies):
         file.writelines(",".join(map(repr, row)) + "\n" for row in table.tolist())
 
 
-PINNED = 'method = "rk8"\ntolerance = 1e-3'
-
-
-def reading_seconds(problem, command, folder, threads, repeats=5):
-    """What reading the table takes, s: the least of some runs without a plan."""
-    solver = Solver(problem, PINNED, command, folder, threads)
-    return min(solver.run()[0]["wall_time"]["study"] for _ in range(repeats))
-
-
 class Solver:
-    """A study of a problem; `accuracy` is the text of its section, `reading` the seconds that reading takes.
+    """A study of a problem; `accuracy` is the text of its section.
 
     A run that takes longer than `limit` seconds is stopped.
     """
 
     compile_seconds = 0.0
 
-    def __init__(self, problem, accuracy, command, folder, threads=1, reading=0.0, limit=None):
+    def __init__(self, problem, accuracy, command, folder, threads=1, limit=None):
         self.command, self.folder, self.threads = command, folder, threads
-        self.reading, self.limit = reading, limit
+        self.limit = limit
         self.text = (
             f'title = "{problem.title}"\n\n[bodies]\nfile = "bodies.csv"\n\n{problem.torques}\n'
             f'[time]\nend = {problem.span}\n\n[accuracy]\n{accuracy}\n\n[output]\nformat = "npz"\n'
@@ -97,15 +85,14 @@ class Solver:
         """Seconds charged, orientations at the end (four rows) and what the report says."""
         report, wall, cpu = self.run()
         phases = report["wall_time"]
-        reading = phases["study"] if "plan" in phases else min(self.reading, phases["study"])
-        charged = phases["total"] - reading - phases["format"] - phases["disk"]
+        charged = phases["total"] - phases["study"] - phases["format"] - phases["disk"]
         with np.load(self.folder / "out" / "final.npz") as final:
             states = np.stack([final[name] for name in COLUMNS["orientation"]])
             states = states[:, np.argsort(final["body"])]
         details = {
             "process_seconds": wall,
             "cpu_share": cpu / wall / self.threads,
-            "plan_seconds": phases.get("plan", phases["study"] - reading),
+            "plan_seconds": phases["plan"],
             "compute_seconds": phases["compute"],
             "sample_seconds": phases["shadow"],
             "method": report["plan"]["method"],

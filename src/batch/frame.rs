@@ -56,6 +56,14 @@ impl BodyState {
         norm_error: f64::NAN,
         status: Status::Valid,
     };
+
+    /// Whether it is a finite number in every place that goes into results.
+    pub(crate) fn is_finite(&self) -> bool {
+        self.orientation.is_finite()
+            && self.angular_velocity_body.is_finite()
+            && self.angular_momentum_world.is_finite()
+            && self.kinetic_energy.is_finite()
+    }
 }
 
 impl BodyFrame {

@@ -204,16 +204,16 @@ fn prepare_columns<T: Scalar>(
         ));
         let tasks: Vec<_> = parts.zip(order.chunks(TASK)).collect();
         let write = |((mut parameters, mut state), order): ((ColumnPart<'_, T>, ColumnPart<'_, T>), &[usize])| {
-            let mut rates = Vec::new();
+            let (mut memory, mut rates) = (Vec::new(), Vec::new());
             for (row, &place) in order.iter().enumerate() {
                 let (frame, initial) = &prepared[place];
                 let store = |column: usize, number: T| parameters[column][row] = number;
                 store_row(&frame.parameters(), initial, store, |column, number| state[column][row] = number);
                 let orientation = DQuat::from_xyzw(initial[0], initial[1], initial[2], initial[3]);
                 let body = members.body(start + place);
-                rates.extend(layout.write_body(torques, body, frame, orientation, |column, number| {
-                    parameters[column][row] = T::from_f64(number);
-                }));
+                layout.write_body(torques, body, (frame, orientation), (&mut memory, &mut rates), |column, number| {
+                    parameters[column][row] = T::from_f64(number)
+                });
             }
             rates
         };

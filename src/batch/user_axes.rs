@@ -2,7 +2,8 @@
 //!
 //! Products are not fused with sums, so that a body's numbers are the same to the bit in lanes and alone.
 
-use super::{BodyFrame, BodyState, power_of_two_factors};
+use super::{BodyFrame, BodyState, STATE_COMPONENTS, power_of_two_factors};
+use crate::lanes::{LaneScalar, LaneTask};
 use crate::method::Status;
 use crate::quaternion::Quaternion;
 use crate::real::Real;
@@ -17,8 +18,9 @@ pub(crate) struct UserAxes<R: Real> {
     moments: Vector<R>,
     principal_to_body: Quaternion<R>,
     is_linear_rotor: R::Mask,
-    /// The units, each as two factors.
+    /// The units, each as two factors, and the reciprocal of the first.
     angular_velocity: [R; 2],
+    per_angular_velocity: [R; 2],
     angular_momentum: [R; 2],
     energy: [R; 2],
 }
@@ -43,9 +45,19 @@ impl<R: Real<Scalar = f64>> UserAxes<R> {
             ),
             is_linear_rotor: half.less_than(linear),
             angular_velocity: powers(|lane| frame(lane).rate_exponent),
+            per_angular_velocity: powers(|lane| -frame(lane).rate_exponent),
             angular_momentum: powers(|lane| frame(lane).moment_exponent + frame(lane).rate_exponent),
             energy: powers(|lane| frame(lane).moment_exponent + 2 * frame(lane).rate_exponent),
         }
+    }
+
+    /// The scaled states of bodies with an orientation and an angular velocity in body axes, rad/s ([`BodyFrame::initial`]).
+    #[inline(always)]
+    pub fn scaled(&self, orientation: Quaternion<R>, omega_body: Vector<R>) -> (Quaternion<R>, Vector<R>) {
+        let [first, second] = self.per_angular_velocity;
+        let omega = rotated(self.principal_to_body.conjugate(), omega_body * first * second);
+        let omega = Vector::new(R::select(self.is_linear_rotor, R::splat(0.0), omega.x), omega.y, omega.z);
+        (unit_product(orientation, self.principal_to_body), self.moments.scaled_by(omega))
     }
 
     /// The components of the states in the user's axes and units ([`of_components`]) from scaled ones
@@ -80,6 +92,75 @@ pub(crate) fn of_components(component: impl Fn(usize) -> f64) -> BodyState {
         kinetic_energy: component(10),
         norm_error: component(11),
         status: Status::Valid,
+    }
+}
+
+/// Bodies that a [`UserBlock`] holds; a multiple of every lane count.
+pub(crate) const USER_BODIES: usize = 64;
+
+/// Some bodies on their way to the user's axes and units, in SIMD lanes.
+pub(crate) struct UserBlock {
+    frames: [BodyFrame; USER_BODIES],
+    status: [Status; USER_BODIES],
+    /// Orientation and angular momentum, scaled, or orientation and angular velocity where they start.
+    given: [[f64; USER_BODIES]; STATE_COMPONENTS],
+    found: [[f64; USER_BODIES]; USER_COMPONENTS],
+}
+
+impl UserBlock {
+    /// Bodies at rest.
+    pub fn new() -> Self {
+        Self {
+            frames: [BodyFrame::UNIT; USER_BODIES],
+            status: [Status::Valid; USER_BODIES],
+            given: [[1.0; USER_BODIES]; STATE_COMPONENTS],
+            found: [[f64::NAN; USER_BODIES]; USER_COMPONENTS],
+        }
+    }
+
+    /// Takes the state of one body: scaled, or, where it starts, orientation and angular velocity in the user's axes.
+    #[inline]
+    pub fn set(&mut self, place: usize, frame: &BodyFrame, numbers: [f64; STATE_COMPONENTS], status: Status) {
+        self.frames[place] = *frame;
+        self.status[place] = status;
+        for (column, number) in self.given.iter_mut().zip(numbers) {
+            column[place] = number;
+        }
+    }
+
+    /// Brings all of them to the user's axes; `start` says that they were given in these.
+    pub fn form(&mut self, start: bool) {
+        f64::dispatch(FormUserBlock { block: self, start });
+    }
+
+    /// The state of one body.
+    #[inline]
+    pub fn state(&self, place: usize) -> BodyState {
+        BodyState { status: self.status[place], ..of_components(|component| self.found[component][place]) }
+    }
+}
+
+struct FormUserBlock<'a> {
+    block: &'a mut UserBlock,
+    start: bool,
+}
+
+impl LaneTask<f64> for FormUserBlock<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<R: Real<Scalar = f64>>(self) {
+        let UserBlock { frames, given, found, .. } = self.block;
+        for offset in (0..USER_BODIES).step_by(R::LANES) {
+            let axes = UserAxes::<R>::new(|lane| &frames[offset + lane]);
+            let [x, y, z, w, a, b, c] = given.each_ref().map(|column| R::load(&column[offset..]));
+            let (mut q, mut m) = (Quaternion::new(x, y, z, w), Vector::new(a, b, c));
+            if self.start {
+                (q, m) = axes.scaled(q, m);
+            }
+            for (number, column) in axes.components(q, m).into_iter().zip(&mut *found) {
+                number.store(&mut column[offset..]);
+            }
+        }
     }
 }
 
@@ -120,26 +201,9 @@ pub(super) fn unit_product<R: Real>(a: Quaternion<R>, b: Quaternion<R>) -> Quate
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lanes::{LaneScalar, LaneTask};
-
-    /// Brings some states to the user's axes lane group by lane group.
-    struct ToUser<'a>(&'a [BodyFrame], &'a [[f64; 8]; 7], &'a mut [[f64; 8]; USER_COMPONENTS]);
-
-    impl LaneTask<f64> for ToUser<'_> {
-        type Output = ();
-        #[inline(always)]
-        fn run<R: Real<Scalar = f64>>(self) {
-            let Self(frames, state, out) = self;
-            for offset in (0..8).step_by(R::LANES) {
-                let [qx, qy, qz, qw, mx, my, mz] = state.each_ref().map(|column| R::load(&column[offset..]));
-                let axes = UserAxes::<R>::new(|lane| &frames[offset + lane]);
-                let found = axes.components(Quaternion::new(qx, qy, qz, qw), Vector::new(mx, my, mz));
-                for (number, column) in found.into_iter().zip(out.iter_mut()) {
-                    number.store(&mut column[offset..]);
-                }
-            }
-        }
-    }
+    use crate::batch::prepare::{frame_of, initial_state};
+    use crate::ensemble::Ensemble;
+    use crate::inertia::InertiaTensor;
 
     /// Some roundings of numbers of the size of the largest component.
     const ROUNDINGS: f64 = 8.0 * f64::EPSILON;
@@ -155,12 +219,15 @@ mod tests {
         };
         let frames: Vec<BodyFrame> = (0..8).map(frame).collect();
         let state: [[f64; 8]; 7] = std::array::from_fn(|c| std::array::from_fn(|b| (1.0 + (7 * b + c) as f64).sin()));
-        let mut lanes = [[f64::NAN; 8]; USER_COMPONENTS];
-        f64::dispatch(ToUser(&frames, &state, &mut lanes));
+        let mut lanes = UserBlock::new();
+        for (body, frame) in frames.iter().enumerate() {
+            lanes.set(body, frame, state.map(|column| column[body]), Status::Valid);
+        }
+        lanes.form(false);
         for (body, frame) in frames.iter().enumerate() {
             let scaled = state.map(|column| column[body]);
             let alone = frame.body_state(scaled);
-            assert_eq!(of_components(|component| lanes[component][body]), alone, "{body}");
+            assert_eq!(lanes.state(body), alone, "{body}");
             let q = DQuat::from_xyzw(scaled[0], scaled[1], scaled[2], scaled[3]);
             let m = DVec3::new(if body == 5 { 0.0 } else { scaled[4] }, scaled[5], scaled[6]);
             let (unit, omega) = (q.normalize(), m / frame.scaled_moments);
@@ -173,6 +240,35 @@ mod tests {
             assert!((alone.orientation - expected).length() <= ROUNDINGS, "{body}");
             let energy = 0.5 * m.dot(omega) * rate * rate * moment;
             assert!((alone.kinetic_energy - energy).abs() <= ROUNDINGS * energy, "{body}");
+        }
+    }
+
+    #[test]
+    fn starts_in_lanes_and_of_one_body_have_the_same_bits() {
+        let turn = |body: usize| DQuat::from_rotation_z(0.4 * body as f64) * DQuat::from_rotation_x(1.1);
+        let tensors: Vec<InertiaTensor> = (0..USER_BODIES)
+            .map(|body| {
+                let moments = DVec3::new(if body == 9 { 0.0 } else { 1.1 }, 1.3, 1.3 + 0.01 * f64::from(body != 9));
+                InertiaTensor::from_principal_moments(moments * 2.0_f64.powi(body as i32 % 40 - 20))
+                    .rotated(turn(body / 2))
+            })
+            .collect();
+        let orientation: Vec<DQuat> = (0..USER_BODIES).map(|body| turn(3 * body).normalize()).collect();
+        let spin = |body: usize| DVec3::new(0.3, -0.2, 0.1) * 3.0_f64.powi(body as i32 % 30 - 15);
+        // A linear rotor has no spin about its axis.
+        let spin = |body: usize| if body == 9 { turn(4) * DVec3::new(0.0, -0.2, 0.1) } else { spin(body) };
+        let omega: Vec<DVec3> = (0..USER_BODIES).map(spin).collect();
+        let ensemble = Ensemble::from_columns(&tensors, &orientation, &omega).expect("valid");
+        assert!(ensemble.is_linear_rotor(9));
+        let mut lanes = UserBlock::new();
+        for body in 0..USER_BODIES {
+            let (q, omega) = (ensemble.orientation()[body], ensemble.angular_velocity_body()[body]);
+            let numbers = [q.x, q.y, q.z, q.w, omega.x, omega.y, omega.z];
+            lanes.set(body, &frame_of(&ensemble, &[], body), numbers, Status::Valid);
+        }
+        lanes.form(true);
+        for body in 0..USER_BODIES {
+            assert_eq!(lanes.state(body), initial_state(&ensemble, body), "{body}");
         }
     }
 }

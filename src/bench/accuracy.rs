@@ -13,6 +13,7 @@ use super::row::Row;
 use super::timing::{Timing, repeat};
 use super::way::{self, Sample, Way};
 use super::{Bench, Case, Swept, Watcher, sweep};
+use crate::batch::Precision;
 use crate::engine::adaptive::AdaptiveSteps;
 use crate::engine::{Engine, EngineKind};
 use crate::error::Result;
@@ -103,10 +104,15 @@ pub fn cases(bench: &Bench) -> Vec<AccuracyCase> {
                     }
                 }
             }
+            let among = if bench.quick { &QUICK_STEP_ERRORS[..] } else { &STEP_ERRORS[..] };
             for &precision in engine.precisions() {
-                let among = if bench.quick { &QUICK_STEP_ERRORS[..] } else { &STEP_ERRORS[..] };
                 for &tolerance in among.iter().filter(|&&tolerance| tolerance >= least_tolerance(precision)) {
-                    add(Way::Adaptive { precision, tolerance });
+                    add(Way::Adaptive { method: Method::Rk8, precision, tolerance });
+                }
+            }
+            if engine.description().kind == EngineKind::Cpu {
+                for &tolerance in among {
+                    add(Way::Adaptive { method: Method::Taylor, precision: Precision::F64, tolerance });
                 }
             }
             if free {
@@ -180,8 +186,12 @@ fn repeated(bench: &Bench, case: &AccuracyCase, problem: &Problem, truth: &Truth
         Way::Stepped { method, precision, steps } => {
             repeat(bench.repeats(), || keep(way::stepped(engine, problem, method, precision, steps)?))?
         }
-        Way::Adaptive { precision, tolerance } => {
-            let scene = scene().adaptive(AdaptiveSteps { tolerance, least_step: None }, Some(precision));
+        Way::Adaptive { method, precision, tolerance } => {
+            let steps = AdaptiveSteps { tolerance, least_step: None };
+            let scene = match method {
+                Method::Taylor => scene().taylor(steps),
+                _ => scene().adaptive(steps, Some(precision)),
+            };
             let plan = Plan::new(&scene, engine)?;
             repeat(bench.repeats(), || keep(way::planned(engine, &plan)?))?
         }

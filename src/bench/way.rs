@@ -24,8 +24,10 @@ pub enum Way {
         /// Number of steps.
         steps: u64,
     },
-    /// By `rk8` in steps that each body chooses.
+    /// In steps that each body chooses.
     Adaptive {
+        /// The integrator.
+        method: Method,
         /// The arithmetic.
         precision: Precision,
         /// The error of a step.
@@ -48,7 +50,8 @@ impl Way {
     pub fn method(&self) -> &'static str {
         match self {
             Way::Stepped { method, .. } => method.name(),
-            Way::Adaptive { .. } => crate::record::ADAPTIVE,
+            Way::Adaptive { method: Method::Rk8, .. } => crate::record::ADAPTIVE,
+            Way::Adaptive { method, .. } => method.name(),
             Way::ClosedForm { .. } => crate::record::CLOSED_FORM,
             Way::Asked { .. } => "chosen",
         }

@@ -1,8 +1,11 @@
-//! What a step has to say of a body: a number in a column of the state, 0 as long as all is well.
+//! What became of a body: a number in a column of the state and of the tables of results, 0 as long as all is well.
 
 use crate::real::Real;
 
 /// Why a body's state is not to be trusted from some step on; the first reason is kept.
+///
+/// Steps enter [`Status::NotConverged`], [`Status::StepTooLong`] and [`Status::StepBelowLimit`]. The last two are found where states
+/// are read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Status {
@@ -15,11 +18,22 @@ pub enum Status {
     StepTooLong,
     /// The error asked for needs a step below the limit.
     StepBelowLimit,
+    /// A number of the attitude or rotation is infinite or none.
+    NotFinite,
+    /// A number of the position or velocity of the centre of mass is infinite or none.
+    CentreNotFinite,
 }
 
 impl Status {
     /// All values; the index of each is its number in the column.
-    pub const ALL: [Status; 4] = [Status::Valid, Status::NotConverged, Status::StepTooLong, Status::StepBelowLimit];
+    pub const ALL: [Status; 6] = [
+        Status::Valid,
+        Status::NotConverged,
+        Status::StepTooLong,
+        Status::StepBelowLimit,
+        Status::NotFinite,
+        Status::CentreNotFinite,
+    ];
 
     /// The number in the column.
     pub const fn code(self) -> f64 {
@@ -28,6 +42,25 @@ impl Status {
             Status::NotConverged => 1.0,
             Status::StepTooLong => 2.0,
             Status::StepBelowLimit => 3.0,
+            Status::NotFinite => 4.0,
+            Status::CentreNotFinite => 5.0,
+        }
+    }
+
+    /// The number as it stands in results.
+    pub const fn number(self) -> u8 {
+        self.code() as u8
+    }
+
+    /// The word that stands for it in results.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Status::Valid => "valid",
+            Status::NotConverged => "not_converged",
+            Status::StepTooLong => "step_too_long",
+            Status::StepBelowLimit => "step_below_limit",
+            Status::NotFinite => "not_finite",
+            Status::CentreNotFinite => "centre_not_finite",
         }
     }
 
@@ -45,6 +78,8 @@ impl std::fmt::Display for Status {
             Status::NotConverged => "an implicit step was not solved",
             Status::StepTooLong => "the step is too long for the discrete free flow",
             Status::StepBelowLimit => "the error asked for needs a step below the limit",
+            Status::NotFinite => "its attitude or rotation is not finite",
+            Status::CentreNotFinite => "its position or velocity is not finite",
         })
     }
 }

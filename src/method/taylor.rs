@@ -125,6 +125,17 @@ pub(crate) fn step_of<R: Real>(inverse_logarithm: R) -> R {
 /// The most coefficients of [`TwoSided`].
 pub(crate) const MOST_HALF_ORDER: usize = MOST_ORDER.div_ceil(2);
 
+/// ½/(k + 1).
+const HALVES: [f64; 2 * MOST_HALF_ORDER + 1] = {
+    let mut halves = [0.5; 2 * MOST_HALF_ORDER + 1];
+    let mut k = 1;
+    while k < halves.len() {
+        halves[k] = 0.5 / (k + 1) as f64;
+        k += 1;
+    }
+    halves
+};
+
 /// The two-sided formula for the attitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct TwoSided {
@@ -157,22 +168,24 @@ impl TwoSided {
 
     /// The coefficients of order 2N + 1 and 2N of v with v' = ½ |ω| v, v₀ = 1, which bound those of u; of the norms of ω's coefficients.
     #[inline(always)]
-    pub fn majorant<R: Real>(&self, norms: &[R]) -> [R; 2] {
+    pub fn majorant<R: Real>(&self, norms: &[Each<R, 1>]) -> [R; 2] {
         let zero = R::splat(0.0);
-        let mut v = [zero; 2 * MOST_HALF_ORDER + 2];
-        v[0] = R::splat(1.0);
+        let mut v = [Each::<R, 1>::zero(); 2 * MOST_HALF_ORDER + 2];
+        v[0][0] = R::splat(1.0);
         let count = norms.len().min(2 * MOST_HALF_ORDER + 1);
         for k in 0..count {
             let (mut even, mut odd) = (zero, zero);
-            for j in (0..=k).step_by(2) {
-                even = v[j].mul_add(norms[k - j], even);
-                if j < k {
-                    odd = v[j + 1].mul_add(norms[k - j - 1], odd);
-                }
+            // v_j against the norm k − j, from j = 0 in pairs: one after the other in one direction and in the other.
+            for (v, norm) in v[..=k].chunks_exact(2).zip(norms[..=k].rchunks_exact(2)) {
+                even = v[0][0].mul_add(norm[1][0], even);
+                odd = v[1][0].mul_add(norm[0][0], odd);
             }
-            v[k + 1] = (even + odd) * R::splat(0.5 / (k + 1) as f64);
+            if k.is_multiple_of(2) {
+                even = v[k][0].mul_add(norms[0][0], even);
+            }
+            v[k + 1][0] = (even + odd) * R::splat(HALVES[k]);
         }
-        [v[count], v[count.saturating_sub(1)]]
+        [v[count][0], v[count.saturating_sub(1)][0]]
     }
 
     /// S(h; t) and S(−h'; t) of the series u at t.
@@ -199,13 +212,16 @@ pub(crate) fn form_relative_attitude<R: Real>(omega: impl Coefficients<R>, u: &m
     for k in 0..u.len() - 1 {
         let first = omega.at(k);
         let [mut even, mut odd] = [Quaternion::new(first.x, first.y, first.z, zero), none];
-        for j in (1..=k).step_by(2) {
+        let mut j = 1;
+        while j < k {
             odd = added_product(odd, u[j][0], omega.at(k - j));
-            if j < k {
-                even = added_product(even, u[j + 1][0], omega.at(k - j - 1));
-            }
+            even = added_product(even, u[j + 1][0], omega.at(k - j - 1));
+            j += 2;
         }
-        u[k + 1] = Each([(even + odd) * R::splat(0.5 / (k + 1) as f64)]);
+        if j == k {
+            odd = added_product(odd, u[k][0], omega.at(0));
+        }
+        u[k + 1] = Each([(even + odd) * R::splat(HALVES[k])]);
     }
 }
 

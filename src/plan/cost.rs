@@ -33,27 +33,29 @@ pub struct Figures {
     /// the bodies. Of adaptive steps the error as a multiple of the tolerance.
     pub coefficient: f64,
     /// Time of a step, s, of one core with AVX-512, in `f32` and `f64`; of adaptive steps with those that were refused and with
-    /// waiting for bodies alongside.
+    /// waiting for bodies alongside, and of Taylor series at the tolerance [`SERIES_TOLERANCE`], from which that at others follows.
     pub seconds: [f64; 2],
 }
 
+/// The tolerance at which the times of Taylor series stand in [`COSTS`]: with it their order changes.
+pub const SERIES_TOLERANCE: f64 = 1e-9;
+
 /// The methods that a plan chooses among, the one first that most scenes end with, so that hopeless ones are known early.
 ///
-/// Measured with `RAYON_NUM_THREADS=1 cargo bench --bench costs`. On the driven problem `cf4` is the cheapest above about 1e-3 rad
-/// and `rk8` in adaptive steps below. An adaptive step takes 1.9 times the time of an equal one under a constant torque
-/// and drag, and less where the torque costs more, as its control counts less then; what stands here is 1.5 times.
+/// Measured with `RAYON_NUM_THREADS=1 cargo bench --bench costs`. A step of *n* stages that chooses its length takes 1.6 times
+/// the time of an equal one here, and less where torques cost more, as its control counts less then.
 pub const COSTS: &[Cost] = &[
     Cost {
         scheme: Scheme::ADAPTIVE_RK8,
         longest_angle: f64::INFINITY,
-        free: Figures { coefficient: 13.0, seconds: [4.6e-8, 7.4e-8] },
-        driven: Figures { coefficient: 30.0, seconds: [3.4e-8, 6.5e-8] },
+        free: Figures { coefficient: 13.0, seconds: [4.0e-8, 6.7e-8] },
+        driven: Figures { coefficient: 28.0, seconds: [4.7e-8, 8.1e-8] },
     },
     Cost {
         scheme: Scheme::TAYLOR,
         longest_angle: f64::INFINITY,
-        free: Figures { coefficient: 20.0, seconds: [f64::INFINITY, 5.0e-8] },
-        driven: Figures { coefficient: 30.0, seconds: [f64::INFINITY, 5.0e-8] },
+        free: Figures { coefficient: 14.0, seconds: [f64::INFINITY, 1.32e-7] },
+        driven: Figures { coefficient: 20.0, seconds: [f64::INFINITY, 1.17e-7] },
     },
     Cost {
         scheme: Scheme::Equal(Method::Rk8),

@@ -1,6 +1,6 @@
 //! `plan.json`: a plan in full, by which a run is repeated to the bit.
 //!
-//! A sum tells a plan that was edited or cut from one that a run has left.
+//! A sum tells a plan that was edited or cut from one that a run has left; of what is read back, so not of classes and skips.
 //!
 //! The file holds what was chosen ([`Resolution`]) and marks of the scene that it was chosen for; classes and skips stand beside them for people
 //! and follow from both. Numbers are written with the digits that read back to the same bits.
@@ -24,7 +24,7 @@ use crate::scene::{Scene, Target};
 use crate::study::text::read_text;
 
 /// The version of the file's layout.
-const FORMAT: u32 = 3;
+const FORMAT: u32 = 4;
 
 /// The release that writes and reads plans.
 const RELEASE: &str = env!("CARGO_PKG_VERSION");
@@ -34,6 +34,13 @@ const RELEASE: &str = env!("CARGO_PKG_VERSION");
 pub struct PlanDocument {
     path: PathBuf,
     file: PlanFile,
+}
+
+/// What every format begins with.
+#[derive(Deserialize)]
+struct PlanHead {
+    format: u32,
+    polhode: String,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -119,14 +126,16 @@ impl PlanDocument {
     /// [`Error::PlanFormat`].
     pub fn parse(path: &Path, text: &str) -> Result<Self> {
         let wrong = |line: usize, reason: String| Error::PlanFormat { path: path.to_owned(), line, reason };
-        let file: PlanFile =
-            serde_json::from_str(text).map_err(|error| wrong(error.line(), words_of(&error.to_string())))?;
-        if file.format != FORMAT {
-            return Err(wrong(1, format!("its format is {}, this release reads {FORMAT}", file.format)));
+        let fault = |error: serde_json::Error| wrong(error.line(), words_of(&error.to_string()));
+        // What another format holds is not known.
+        let head: PlanHead = serde_json::from_str(text).map_err(fault)?;
+        if head.format != FORMAT {
+            return Err(wrong(1, format!("its format is {}, this release reads {FORMAT}", head.format)));
         }
-        if file.polhode != RELEASE {
-            return Err(wrong(1, format!("it is of polhode {}, this is {RELEASE}", file.polhode)));
+        if head.polhode != RELEASE {
+            return Err(wrong(1, format!("it is of polhode {}, this is {RELEASE}", head.polhode)));
         }
+        let file: PlanFile = serde_json::from_str(text).map_err(fault)?;
         file.check().map_err(|reason| wrong(1, reason))?;
         let document = Self { path: path.to_owned(), file };
         document.resolution().map_err(|name| wrong(1, format!("{name} is not known")))?;

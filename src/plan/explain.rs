@@ -99,6 +99,9 @@ pub struct SkipRow {
 /// Rows of the table: shape, torques, whether it translates, method, and whether in `f64`.
 type RowKey = (Shape, TorqueSet, bool, &'static str, bool);
 
+/// What the torques cost that act on stepped bodies.
+type Works = BTreeMap<TorqueSet, Work>;
+
 impl Plan<'_> {
     /// What the plan does and leaves out, as a table that prints itself.
     pub fn explain(&self) -> Explanation {
@@ -109,18 +112,25 @@ impl Plan<'_> {
             let key = (class.shape, class.torques, class.translates, method, precision == Precision::F64);
             rows.entry(key).or_default().push(group);
         }
+        let mut works = BTreeMap::new();
+        for group in self.groups().iter().filter(|group| group.treatment.precision_of_steps().is_some()) {
+            let torques = group.class.torques;
+            works
+                .entry(torques)
+                .or_insert_with(|| Work::of(&torques.of(self.scene().torques()), self.scene().ensemble()));
+        }
         Explanation {
             engine: self.engine.name.clone(),
             bodies: self.scene().ensemble().len(),
             span: self.scene().end(),
             outputs: self.times().len(),
             asked: self.scene().stepping().to_string(),
-            classes: rows.into_iter().map(|(key, groups)| self.class_row(key, &groups)).collect(),
+            classes: rows.into_iter().map(|(key, groups)| self.class_row(key, &groups, &works)).collect(),
             skips: self.skips().iter().map(skip_row).collect(),
         }
     }
 
-    fn class_row(&self, key: RowKey, groups: &[&Group]) -> ClassRow {
+    fn class_row(&self, key: RowKey, groups: &[&Group], works: &Works) -> ClassRow {
         let (shape, torques, translates, method, wide) = key;
         let names = torques.of(self.scene().torques()).iter().map(|torque| torque.name().to_owned()).collect();
         let (error, pilot_bodies) = self.expected_error(groups);
@@ -134,7 +144,7 @@ impl Plan<'_> {
             precision: if wide { Precision::F64.name() } else { Precision::F32.name() },
             error,
             pilot_bodies,
-            seconds: groups.iter().map(|group| self.expected_seconds(group)).sum(),
+            seconds: groups.iter().map(|group| self.expected_seconds(group, works)).sum(),
             bytes: groups.iter().map(|group| self.bytes(group)).sum(),
         }
     }
@@ -195,10 +205,15 @@ impl Plan<'_> {
     }
 
     /// The wall time that a group is expected to take, s, as far as it is known.
-    fn expected_seconds(&self, group: &Group) -> Option<f64> {
+    fn expected_seconds(&self, group: &Group, works: &Works) -> Option<f64> {
         let bodies = group.members.len() as f64;
         let evaluations = bodies * self.times().len() as f64;
         let cores = rayon::current_num_threads() as f64;
+        let step_seconds = |scheme, precision, tolerance| {
+            let work = works.get(&group.class.torques)?;
+            let of_step = work.step_seconds(self.costs.of(scheme)?, precision, tolerance);
+            Some(of_step / self.costs.at_a_time(&self.engine)?)
+        };
         match group.treatment {
             // On the host, whatever the engine.
             Treatment::RegularPrecession => Some(evaluations * evaluation_seconds(None) / cores),
@@ -208,20 +223,13 @@ impl Plan<'_> {
                 // Without a pilot the number of steps shows in the run alone.
                 let found = self.found(group)?;
                 let body_steps = found.steps?.total as f64 / found.bodies as f64 * bodies;
-                Some(body_steps * self.step_seconds(group, Scheme::Adaptive(method), precision, steps.tolerance)?)
+                Some(body_steps * step_seconds(Scheme::Adaptive(method), precision, steps.tolerance)?)
             }
             Treatment::Stepped { method, precision, .. } => {
                 let body_steps = self.steps_of(group) as f64 * bodies;
-                Some(body_steps * self.step_seconds(group, Scheme::Equal(method), precision, 1.0)?)
+                Some(body_steps * step_seconds(Scheme::Equal(method), precision, 1.0)?)
             }
         }
-    }
-
-    /// The part of the wall time, s, that is one body's step in a group; the tolerance is that of adaptive steps.
-    fn step_seconds(&self, group: &Group, scheme: Scheme, precision: Precision, tolerance: f64) -> Option<f64> {
-        let work = Work::of(&group.class.torques.of(self.scene().torques()), self.scene().ensemble());
-        let of_step = work.step_seconds(self.costs.of(scheme)?, precision, tolerance);
-        Some(of_step / self.costs.at_a_time(&self.engine)?)
     }
 
     /// Memory that a group's columns take, bytes.

@@ -2,11 +2,13 @@
 
 use std::fmt::{self, Write};
 
-use glam::DVec3;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use crate::force::Force;
 use crate::run::shadow::mixed;
 use crate::scene::Scene;
+use crate::torque::{Parameter, Value};
 
 /// What a plan remembers of its scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -81,21 +83,69 @@ const SKIPPING: &str = "skipping";
 /// Folds words into a number whose bits depend on all of them and their order.
 struct Folded(u64);
 
+/// Rows of a column that one task folds.
+const ROWS: usize = 1 << 12;
+
 impl Folded {
     fn word(&mut self, word: u64) {
         self.0 = mixed(self.0 ^ word);
     }
 
-    fn number(&mut self, number: f64) {
-        self.word(number.to_bits());
+    /// The rows of a column, whose numbers `numbers` gives.
+    fn column<V: Copy + Sync, const N: usize>(&mut self, rows: &[V], numbers: fn(V) -> [f64; N]) {
+        self.word(rows.len() as u64);
+        let of_part = |rows: &[V]| {
+            // A chain for each component: they do not wait for each other.
+            let mut chains = [0; N];
+            for &row in rows {
+                for (chain, number) in chains.iter_mut().zip(numbers(row)) {
+                    *chain = mixed(*chain ^ number.to_bits());
+                }
+            }
+            chains
+        };
+        let parts: Vec<[u64; N]> = rows.par_chunks(ROWS).map(of_part).collect();
+        parts.into_iter().flatten().for_each(|chain| self.word(chain));
     }
 
-    fn vector(&mut self, vector: DVec3) {
-        vector.to_array().into_iter().for_each(|x| self.number(x));
+    fn parameter<V: Copy + Sync, const N: usize>(&mut self, parameter: &Parameter<V>, numbers: fn(V) -> [f64; N]) {
+        match parameter {
+            Parameter::Shared(value) => {
+                self.word(0);
+                self.column(&[*value], numbers);
+            }
+            Parameter::PerBody(rows) => {
+                self.word(1);
+                self.column(rows, numbers);
+            }
+        }
+    }
+
+    fn value(&mut self, value: &Value) {
+        match value {
+            Value::Number(number) => self.parameter(number, |x| [x]),
+            Value::Vector(vector) => self.parameter(vector, |v| v.to_array()),
+            Value::Rotation(rotation) => self.parameter(rotation, |q| q.to_array()),
+            Value::Matrix(matrix) => self.parameter(matrix, |m| m.to_cols_array()),
+            Value::Tensor(tensor) => self.parameter(tensor, |t| t.to_array()),
+            Value::Whole(number) => {
+                self.word(2);
+                self.word(*number);
+            }
+            Value::List(tables) => {
+                self.word(3);
+                self.word(tables.len() as u64);
+                for table in tables.iter() {
+                    self.word(table.len() as u64);
+                    table.iter().for_each(|value| self.value(value));
+                }
+            }
+            Value::Absent => self.word(4),
+        }
     }
 }
 
-/// Takes what is printed, so that a description with columns of any length is folded without being held in memory.
+/// Takes what is printed.
 impl Write for Folded {
     fn write_str(&mut self, text: &str) -> fmt::Result {
         for part in text.as_bytes().chunks(size_of::<u64>()) {
@@ -111,18 +161,87 @@ impl Write for Folded {
 fn fingerprint(scene: &Scene) -> u64 {
     let ensemble = scene.ensemble();
     let mut folded = Folded(ensemble.len() as u64);
-    for tensor in ensemble.inertia() {
-        tensor.to_array().into_iter().for_each(|x| folded.number(x));
-    }
-    for orientation in ensemble.orientation() {
-        orientation.to_array().into_iter().for_each(|x| folded.number(x));
-    }
-    ensemble.angular_velocity_body().iter().for_each(|&omega| folded.vector(omega));
+    folded.column(ensemble.inertia(), |tensor| tensor.to_array());
+    folded.column(ensemble.orientation(), |orientation| orientation.to_array());
+    folded.column(ensemble.angular_velocity_body(), |omega| omega.to_array());
     if let Some(translation) = ensemble.translation() {
-        translation.mass.iter().for_each(|&mass| folded.number(mass));
-        translation.position.iter().chain(&translation.velocity).for_each(|&vector| folded.vector(vector));
+        folded.column(&translation.mass, |mass| [mass]);
+        folded.column(&translation.position, |position| position.to_array());
+        folded.column(&translation.velocity, |velocity| velocity.to_array());
     }
     // Numbers print with the digits that tell them from every other. Writing to memory does not fail.
-    let _ = write!(folded, "{:?} {:?} {:?}", scene.torques(), scene.forces(), scene.output_times());
+    let _ = write!(folded, "{:?}", scene.output_times());
+    folded.word(scene.torques().len() as u64);
+    for torque in scene.torques() {
+        // With its formula, where it has one of its own.
+        let _ = write!(folded, "{:?}", torque.model_ref());
+        torque.values().iter().for_each(|value| folded.value(value));
+    }
+    for force in scene.forces() {
+        let _ = write!(folded, "{}", force.name());
+        match force {
+            Force::Constant(vector) | Force::Gravity(vector) | Force::Thrust(vector) => {
+                folded.parameter(vector, |v| v.to_array());
+            }
+            Force::LinearDrag(number) | Force::QuadraticDrag(number) => folded.parameter(number, |x| [x]),
+        }
+    }
     folded.0
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DQuat, DVec3};
+
+    use super::*;
+    use crate::ensemble::{Ensemble, Translation};
+    use crate::scene::Outputs;
+    use crate::torque::Torque;
+
+    const BODIES: usize = 9000;
+
+    fn ensemble(spin: fn(usize) -> f64) -> Ensemble {
+        let row = |body| (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, DVec3::X * spin(body));
+        let (mass, position) = (vec![1.0; BODIES], vec![DVec3::ZERO; BODIES]);
+        let translation = Translation { mass, velocity: position.clone(), position };
+        let ensemble = Ensemble::from_fn(BODIES, row).expect("valid");
+        ensemble.with_translation(translation).expect("valid")
+    }
+
+    #[test]
+    fn every_number_of_a_scene_and_its_place_are_in_the_fingerprint() {
+        let drag = |body: usize, number: f64| {
+            let mut column = vec![0.1; BODIES];
+            column[body] = number;
+            Torque::linear_drag(column)
+        };
+        let custom = |text: &str| Torque::custom(text, Default::default()).expect("a formula");
+        let scene = || Scene::new(ensemble(|_| 1.0)).until(1.0);
+        let scenes = [
+            scene(),
+            Scene::new(ensemble(|body| if body == BODIES - 1 { 1.0_f64.next_up() } else { 1.0 })).until(1.0),
+            Scene::new(ensemble(|body| if body == 4096 { 1.0_f64.next_up() } else { 1.0 })).until(1.0),
+            scene().outputs(Outputs::Times(vec![0.25, 1.0])),
+            scene().outputs(Outputs::Times(vec![0.5, 1.0])),
+            scene().torque(Torque::linear_drag(0.1)),
+            scene().torque(drag(0, 0.1)),
+            scene().torque(drag(3, 0.2)),
+            scene().torque(drag(4, 0.2)),
+            scene().torque(drag(BODIES - 1, 0.2)),
+            scene().torque(Torque::constant_body(DVec3::X)),
+            scene().torque(Torque::constant_body(DVec3::Y)),
+            scene().torque(Torque::constant_world(DVec3::X)),
+            scene().torque(custom("-0.1 * angular_velocity")),
+            scene().torque(custom("-0.2 * angular_velocity")),
+            scene().force(Force::gravity(DVec3::X)),
+            scene().force(Force::constant(DVec3::X)),
+            scene().force(Force::linear_drag(0.1)),
+            scene().force(Force::linear_drag(vec![0.1; BODIES])),
+        ];
+        let found: Vec<u64> = scenes.iter().map(fingerprint).collect();
+        assert_eq!(fingerprint(&scene()), found[0], "the same scene again");
+        for (index, fingerprint) in found.iter().enumerate() {
+            assert_eq!(found.iter().position(|other| other == fingerprint), Some(index), "scenes that differ");
+        }
+    }
 }

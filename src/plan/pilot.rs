@@ -49,6 +49,10 @@ const PROBED_ANGLE: f64 = 30.0;
 const SHARE: f64 = 0.1;
 /// Steps that it may always take, without torques: some 20 ms of one core.
 const FREE_STEPS: f64 = 3e5;
+/// Steps that it may take at the most, some seconds of one core, and of those one body, so that what would run for days is not planned for
+/// hours.
+const MOST_STEPS: f64 = 3e7;
+const MOST_OF_BODY: f64 = 3e6;
 /// A reference that would take more than so many budgets is not found.
 const MOST_BUDGETS: f64 = 3.0;
 /// As many of what a reference may take the candidates may take together: where none meets the target, they would be refined without end.
@@ -163,16 +167,17 @@ impl<'a> Pilot<'a> {
         let mut steps = self.probe(self.span.min(PROBED_ANGLE / fastest))?;
         let free = FREE_STEPS / (1 + self.torques.len()) as f64;
         let all = self.all as f64;
-        let part = |steps: f64| (SHARE * steps * all).max(free) / PASSES / steps;
+        let part = |steps: f64| (SHARE * steps * all).max(free).min(MOST_STEPS) / PASSES / steps;
         if part(steps) > (4 * LEAST_BODIES) as f64 {
-            self.most_of_body = (UNEXPECTED * steps).max(PROBED_STEPS);
+            self.most_of_body = (UNEXPECTED * steps).clamp(PROBED_STEPS, MOST_OF_BODY);
             steps = self.probe(self.span)?;
         }
         let count = (part(steps) as usize).clamp(LEAST_BODIES, self.enough().max(LEAST_BODIES));
         self = self.of(class, count, look);
-        self.span *= (part(steps) / self.bodies.len() as f64).min(1.0);
+        let shorter = (part(steps) / self.bodies.len() as f64).min(1.0);
+        self.span *= shorter;
         self.most_steps = MOST_BUDGETS * PASSES * part(steps) * steps;
-        self.most_of_body = (UNEXPECTED * steps).max(PROBED_STEPS);
+        self.most_of_body = (UNEXPECTED * steps * shorter).clamp(PROBED_STEPS, MOST_OF_BODY);
         let mut reference = Reference::new(&self)?;
         if let Some(found) = reference.lost(&self) {
             return Ok(found);

@@ -9,7 +9,7 @@ use glam::{DQuat, DVec3};
 
 use crate::bench::row::RowFault;
 use crate::error::{Error, FileAction, Result};
-use crate::record::ROTATION_COLUMNS;
+use crate::record::{ROTATION_COLUMNS, STATUS};
 use crate::study::text::{CUT, Lines};
 
 /// One row.
@@ -68,15 +68,26 @@ impl Snapshots {
         if !header.iter().take(2 + ROTATION_COLUMNS.len()).eq(["body", "t"].into_iter().chain(ROTATION_COLUMNS)) {
             return Err(no_table("its columns are not those of a table of snapshots".to_owned()));
         }
+        // Tables that were written before there was such a column are drawn too.
+        let status = header.iter().position(|name| name == STATUS);
         let mut snapshots = Self { tracks: chosen.iter().map(|&body| (body, Vec::new())).collect(), ..Self::default() };
         let mut gatherer = Gatherer::default();
         let mut record = csv::StringRecord::new();
-        while reader.read_record(&mut record).map_err(|error| no_table(error.to_string()))? {
-            let number =
-                |column: usize| record.get(column).and_then(|cell| cell.parse::<f64>().ok()).unwrap_or(f64::NAN);
+        loop {
+            match reader.read_record(&mut record) {
+                Ok(true) => {}
+                Ok(false) => break,
+                // A row that lacks cells is the last one, which is told below.
+                Err(_) if reader.get_ref().are_cut() => break,
+                Err(error) => return Err(no_table(error.to_string())),
+            }
+            let has_failed = status.is_some_and(|column| record.get(column) != Some("0"));
+            let cell = |column: usize| record.get(column).and_then(|cell| cell.parse::<f64>().ok()).unwrap_or(f64::NAN);
+            // What is NaN is drawn nowhere; of a body whose centre alone is lost the rotation is a number.
+            let number = |column: usize| if has_failed { f64::NAN } else { cell(column) };
             let vector = |column: usize| DVec3::new(number(column), number(column + 1), number(column + 2));
             let state = State {
-                time: number(1),
+                time: cell(1),
                 orientation: DQuat::from_xyzw(number(2), number(3), number(4), number(5)),
                 angular_velocity_body: vector(6),
                 angular_momentum_world: vector(9),

@@ -1,4 +1,4 @@
-//! The columns of output tables.
+//! The columns of output tables: `body`, `t`, numbers of the state, and [`STATUS`].
 
 use super::OutputState;
 
@@ -9,10 +9,14 @@ pub const ROTATION_COLUMNS: [&str; 11] = ["qx", "qy", "qz", "qw", "wx", "wy", "w
 /// Columns that follow where the ensemble translates: position (m) and velocity (m/s), world axes.
 pub const TRANSLATION_COLUMNS: [&str; 6] = ["x", "y", "z", "vx", "vy", "vz"];
 
+/// The last column of every table of states: the number of what became of the body ([`crate::method::Status`]), 0 where all is well.
+/// Numbers of a body that has failed are NaN ([`OutputState`]).
+pub const STATUS: &str = "status";
+
 /// The most columns of numbers.
 pub(super) const MOST_COLUMNS: usize = ROTATION_COLUMNS.len() + TRANSLATION_COLUMNS.len();
 
-/// The names of a table's columns after `body` and `t`.
+/// The names of a table's columns between `t` and `status`.
 pub(super) fn names(translates: bool) -> impl Iterator<Item = &'static str> {
     let translation: &[&str] = if translates { &TRANSLATION_COLUMNS } else { &[] };
     ROTATION_COLUMNS.iter().chain(translation).copied()

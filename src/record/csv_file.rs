@@ -15,6 +15,9 @@ pub(super) const LEAST_BYTES: u64 = 4;
 /// Bytes of a number as most are, with sign and comma.
 pub(super) const LIKELY_BYTES: u64 = 20;
 
+/// Bytes of the number of what became of a body, with its comma.
+pub(super) const STATUS_BYTES: u64 = 2;
+
 /// Bytes that are reserved for one number: most need 17 digits, sign, point, exponent and comma.
 const BYTES_PER_NUMBER: usize = 24;
 
@@ -32,6 +35,8 @@ impl CsvFile {
             header.push(',');
             header.push_str(name);
         }
+        header.push(',');
+        header.push_str(column::STATUS);
         header.push('\n');
         file.write(header.as_bytes())?;
         Ok(Self { file, columns: column::names(translates).count() })
@@ -68,6 +73,8 @@ fn format_rows(columns: usize, time: f64, first_body: usize, states: &[OutputSta
             text.push(b',');
             text.extend_from_slice(number.format(*value).as_bytes());
         }
+        text.push(b',');
+        text.extend_from_slice(index.format(state.status().number()).as_bytes());
         text.push(b'\n');
     }
     text

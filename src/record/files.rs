@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use super::column;
 use super::csv_file::{self, CsvFile};
+use super::failed_file;
 use super::folder::{OutputFolder, PLAN, REPORT};
 use super::npz_file::{NpzFile, Times};
 use super::report::{Report, StatisticsReport, StudyReport};
@@ -159,14 +160,18 @@ impl OutputSize {
         let rows = times.saturating_mul(ensemble.len() as u64);
         let numbers = column::names(ensemble.translation().is_some()).count() as u64;
         let (least, likely) = match output.format {
-            Format::Csv => (csv_file::LEAST_BYTES * numbers, csv_file::LIKELY_BYTES * numbers),
-            Format::Npz => (8 * numbers, 8 * numbers),
+            Format::Csv => {
+                let status = csv_file::STATUS_BYTES;
+                (csv_file::LEAST_BYTES * numbers + status, csv_file::LIKELY_BYTES * numbers + status)
+            }
+            Format::Npz => (8 * numbers + 1, 8 * numbers + 1),
         };
         Self { rows, least_bytes: rows.saturating_mul(least), likely_bytes: rows.saturating_mul(likely) }
     }
 }
 
-/// Runs `plan` on `engine` and writes the tables that `output` asks for, `plan.json` and `report.json`, into `folder`.
+/// Runs `plan` on `engine` and writes the tables that `output` asks for, `plan.json` and `report.json`, into `folder`, and, where
+/// bodies have failed, a table `failed` of them ([`super::FailedBody`]).
 ///
 /// All files appear together when all are complete and on the disk; where anything fails or `observer` breaks, none appears.
 /// Memory does not grow with the number of output times. `since` is when the work on the study began, for the report.
@@ -187,6 +192,9 @@ pub fn run_to_folder(
     let mut sink = FileSink::begin(&mut folder, output, plan)?;
     let trust = run_into(engine, plan, &mut sink, observer)?;
     sink.finish()?;
+    if !trust.failures.is_empty() {
+        failed_file::write(&mut folder, output.format, &trust.failures)?;
+    }
     folder.write(PLAN, plan.to_json().as_bytes())?;
 
     let study = study.map(|study| StudyReport {

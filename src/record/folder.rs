@@ -24,9 +24,9 @@ pub const REPORT: &str = "report.json";
 pub const PLAN: &str = "plan.json";
 
 /// Stems of the tables that a run may write.
-const TABLES: [&str; 4] = ["final", "snapshots", "statistics", "events"];
+const TABLES: [&str; 4] = ["final", "snapshots", "statistics", "failed"];
 /// Endings of tables.
-const TABLE_ENDINGS: [&str; 3] = ["csv", "npz", "parquet"];
+const TABLE_ENDINGS: [&str; 2] = ["csv", "npz"];
 /// Stems of the pictures that are drawn of a run.
 const PICTURES: [&str; 2] = ["run", "statistics"];
 /// What stands before the number of a body in the stem of its pictures.
@@ -180,6 +180,7 @@ impl OutputFolder {
                 if !self.replace && entries.any(|entry| !entry.is_ok_and(|entry| is_own(&entry))) {
                     return Err(Error::FolderNotEmpty { path: self.path.clone() });
                 }
+                self.refuse_folders_in_the_way().map_err(&failed)?;
                 fs::create_dir(staging).map_err(&failed)?;
                 // Whoever could read the former result can read this one.
                 let permissions = fs::metadata(&self.target).map(|found| found.permissions());
@@ -188,6 +189,18 @@ impl OutputFolder {
             Err(error) if error.kind() == ErrorKind::NotFound => fs::create_dir(staging).map_err(failed),
             Err(error) => Err(failed(error)),
         }
+    }
+
+    /// A folder with the name of one of a result's files is not ours to remove.
+    fn refuse_folders_in_the_way(&self) -> io::Result<()> {
+        for entry in fs::read_dir(&self.target)? {
+            let entry = entry?;
+            let name = entry.file_name().to_string_lossy().into_owned();
+            if entry.file_type()?.is_dir() && is_result(&name) {
+                return Err(io::Error::other(format!("the folder {name} in it has the name of a result's file")));
+            }
+        }
+        Ok(())
     }
 
     /// Removes what killed runs have left, all of which lies still: this run has the lock.

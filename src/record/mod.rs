@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::batch::{BodyState, Precision};
 use crate::engine::Description;
 use crate::error::Result;
-use crate::method::Method;
+use crate::method::{Method, Status};
 use crate::plan::{Part, listed};
 use crate::scene::Accuracy;
 
@@ -19,6 +19,9 @@ mod csv_file;
 #[cfg(feature = "study")]
 pub(crate) mod date;
 mod drift;
+mod failed;
+#[cfg(feature = "study")]
+mod failed_file;
 #[cfg(feature = "study")]
 mod files;
 #[cfg(feature = "study")]
@@ -37,9 +40,10 @@ pub use adaptive::{AdaptiveWork, Spread};
 pub use balance::Balance;
 pub(crate) use balance::{BalanceGatherer, change_of_total};
 #[cfg(feature = "study")]
-pub use column::{ROTATION_COLUMNS, TRANSLATION_COLUMNS};
+pub use column::{ROTATION_COLUMNS, STATUS, TRANSLATION_COLUMNS};
 pub(crate) use drift::{BodyDrift, DriftGatherer};
 pub use drift::{Drift, Quantiles};
+pub use failed::FailedBody;
 #[cfg(feature = "study")]
 pub use files::{OutputSize, run_to_folder};
 #[cfg(feature = "study")]
@@ -73,12 +77,28 @@ pub trait Sink {
 }
 
 /// One body at an output time.
+///
+/// All numbers of a body that has failed are NaN, so that it does not look as if it had come so far; of one whose centre of mass is
+/// lost ([`Status::CentreNotFinite`]) only position and velocity, as long as its rotation is good. Its last good state is in
+/// [`Trust::failures`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OutputState {
     /// Attitude and rotation.
     pub rotation: BodyState,
     /// Position (m) and velocity (m/s) of the centre of mass, world axes, where the ensemble translates.
     pub translation: Option<(DVec3, DVec3)>,
+}
+
+impl OutputState {
+    /// What became of the body.
+    pub fn status(&self) -> Status {
+        let is_finite = |(position, velocity): (DVec3, DVec3)| position.is_finite() && velocity.is_finite();
+        match self.rotation.status {
+            Status::Valid if !self.rotation.is_finite() => Status::NotFinite,
+            Status::Valid if !self.translation.is_none_or(is_finite) => Status::CentreNotFinite,
+            status => status,
+        }
+    }
 }
 
 /// The states of all bodies at one time, by column.
@@ -89,6 +109,7 @@ pub struct Snapshot {
     angular_velocity_body: Vec<DVec3>,
     position: Vec<DVec3>,
     velocity: Vec<DVec3>,
+    status: Vec<Status>,
 }
 
 impl Snapshot {
@@ -145,18 +166,26 @@ impl Snapshot {
         &self.velocity
     }
 
+    /// What became of the bodies, shape `[body_count]`; the numbers of one that has failed are NaN ([`OutputState`]).
+    pub fn statuses(&self) -> &[Status] {
+        &self.status
+    }
+
     fn with_capacity(time: f64, body_count: usize) -> Self {
         let (orientation, angular_velocity_body) = (Vec::with_capacity(body_count), Vec::with_capacity(body_count));
-        Self { time, orientation, angular_velocity_body, ..Self::default() }
+        Self { time, orientation, angular_velocity_body, status: Vec::with_capacity(body_count), ..Self::default() }
     }
 
     /// Takes the next bodies.
     fn extend(&mut self, states: &[OutputState]) {
         let rows = || states.par_iter().with_min_len(TAKEN);
-        let Self { orientation, angular_velocity_body, .. } = self;
+        let Self { orientation, angular_velocity_body, status, .. } = self;
         rayon::join(
             || orientation.par_extend(rows().map(|state| state.rotation.orientation)),
-            || angular_velocity_body.par_extend(rows().map(|state| state.rotation.angular_velocity_body)),
+            || {
+                angular_velocity_body.par_extend(rows().map(|state| state.rotation.angular_velocity_body));
+                status.par_extend(rows().map(OutputState::status));
+            },
         );
         // All bodies of an ensemble translate, or none.
         if states.first().is_some_and(|state| state.translation.is_some()) {
@@ -258,8 +287,11 @@ pub struct Trust {
     pub balance: Balance,
     /// Errors estimated from a sample of bodies.
     pub shadow: Shadow,
-    /// Bodies whose state is no longer finite, or of which a step said that it failed, ascending.
+    /// Bodies that have failed, ascending: those of `failures`.
     pub failed_bodies: Vec<usize>,
+    /// Why and when bodies have failed, by body: those whose state or centre of mass was not finite at an output that was read, or of
+    /// which a step said that it failed.
+    pub failures: Vec<FailedBody>,
     /// Bodies that turn further in a given step, at the start or at the end, than the method's usable region reaches
     /// ([`crate::method::Properties::usable_angle`]); 0 where the step was chosen by the library.
     pub outside_usable_region: usize,

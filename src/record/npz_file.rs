@@ -199,7 +199,7 @@ pub(super) fn npy_header(element: &str, shape: &[usize]) -> Vec<u8> {
 /// A table under way, one array a column.
 ///
 /// `body` has shape `[bodies]`; `t` has shape `[outputs]`, and the other columns `[outputs, bodies]`; of a single output,
-/// `t` is a scalar and the other columns have shape `[bodies]`.
+/// `t` is a scalar and the other columns have shape `[bodies]`. `status` is of bytes.
 #[derive(Debug)]
 pub(super) struct NpzFile {
     archive: Archive,
@@ -220,11 +220,13 @@ impl NpzFile {
         let times = times.as_slice();
         let arrays = [("body", "<u8", vec![body_count]), ("t", "<f8", time_shape)]
             .into_iter()
-            .chain(column::names(translates).map(|name| (name, "<f8", state_shape.clone())));
+            .chain(column::names(translates).map(|name| (name, "<f8", state_shape.clone())))
+            .chain([(column::STATUS, "|u1", state_shape.clone())]);
         let mut headers = Vec::new();
         for (name, element, shape) in arrays {
             let header = npy_header(element, &shape);
-            let bytes = 8 * shape.iter().map(|&size| size as u64).product::<u64>();
+            let element_bytes = if name == column::STATUS { 1 } else { 8 };
+            let bytes = element_bytes * shape.iter().map(|&size| size as u64).product::<u64>();
             archive.reserve(format!("{name}.npy"), header.len() as u64 + bytes);
             headers.push(header);
         }
@@ -241,28 +243,37 @@ impl NpzFile {
             let bytes: Vec<u8> = times.iter().flat_map(|time| time.to_le_bytes()).collect();
             archive.append(1, &bytes)?;
         }
-        Ok(Self { archive, columns: headers.len() - LEADING_ENTRIES })
+        Ok(Self { archive, columns: column::names(translates).count() })
     }
 
     /// Some bodies' states by column, in the byte order of the file, gathered on all cores.
-    pub(super) fn format(&self, states: &[OutputState]) -> Vec<Vec<f64>> {
+    pub(super) fn format(&self, states: &[OutputState]) -> Columns {
         let little_endian = |number: f64| f64::from_bits(number.to_bits().to_le());
-        (0..self.columns)
+        let numbers = (0..self.columns)
             .into_par_iter()
             .map(|column| states.iter().map(|state| little_endian(column::values(state)[column])).collect())
-            .collect()
+            .collect();
+        Columns { numbers, status: states.iter().map(|state| state.status().number()).collect() }
     }
 
     /// Appends what [`NpzFile::format`] gave, in the order of outputs and bodies.
-    pub(super) fn write(&mut self, columns: &[Vec<f64>]) -> Result<()> {
-        columns.iter().enumerate().try_for_each(|(column, numbers)| {
+    pub(super) fn write(&mut self, columns: &Columns) -> Result<()> {
+        columns.numbers.iter().enumerate().try_for_each(|(column, numbers)| {
             self.archive.append(LEADING_ENTRIES + column, bytemuck::cast_slice(numbers))
-        })
+        })?;
+        self.archive.append(LEADING_ENTRIES + self.columns, &columns.status)
     }
 
     pub(super) fn finish(self) -> Result<()> {
         self.archive.finish()
     }
+}
+
+/// Some bodies' states by column.
+#[derive(Debug)]
+pub(super) struct Columns {
+    numbers: Vec<Vec<f64>>,
+    status: Vec<u8>,
 }
 
 /// The times of a table.

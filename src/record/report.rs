@@ -2,8 +2,9 @@
 
 use serde::Serialize;
 
-use super::{AdaptiveWork, Balance, Quantiles, Spread, Trust};
+use super::{AdaptiveWork, Balance, FailedBody, Quantiles, Spread, Trust};
 use crate::engine::EngineKind;
+use crate::method::Status;
 use crate::plan::explain::{ClassRow, SkipRow};
 use crate::plan::{Group, Part, Plan, Treatment};
 use crate::scene::Accuracy;
@@ -48,8 +49,10 @@ pub struct Report {
     pub balance: Option<BalanceReport>,
     /// Errors at the end.
     pub accuracy: AccuracyReport,
-    /// Bodies whose state is no longer finite, or of which a step said that it failed, ascending.
+    /// Bodies that have failed, ascending; `failed.csv` (or `.npz`) has a row for each.
     pub failed_bodies: Vec<usize>,
+    /// How many of them for which reason; empty where none has.
+    pub failures: Vec<FailureReport>,
     /// How many bodies turn further in a given step than the method's usable region reaches.
     pub outside_usable_region: usize,
     /// Files beside this one.
@@ -121,6 +124,32 @@ impl From<AdaptiveWork> for AdaptiveReport {
     fn from(work: AdaptiveWork) -> Self {
         let AdaptiveWork { accepted, rejected, flagged, side_by_side, imbalance } = work;
         Self { accepted, rejected, flagged, side_by_side, imbalance }
+    }
+}
+
+/// Bodies that have failed for one reason.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FailureReport {
+    /// The number in the column `status` of tables ([`Status`]).
+    pub status: u8,
+    /// Its word in the column `reason` of the table `failed`.
+    pub reason: &'static str,
+    /// The reason in words.
+    pub meaning: String,
+    /// How many bodies.
+    pub bodies: usize,
+}
+
+impl FailureReport {
+    /// One for each reason that occurs.
+    fn of(failures: &[FailedBody]) -> Vec<Self> {
+        let of_reason = |reason: &Status| Self {
+            status: reason.number(),
+            reason: reason.name(),
+            meaning: reason.to_string(),
+            bodies: failures.iter().filter(|failed| failed.reason == *reason).count(),
+        };
+        Status::ALL.iter().map(of_reason).filter(|report| report.bodies > 0).collect()
     }
 }
 
@@ -227,7 +256,7 @@ pub struct BalanceReport {
     pub total_energy: Option<QuantilesReport>,
 }
 
-/// Median, 99th percentile and maximum.
+/// Median, 99th percentile and maximum; `null` of no bodies.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct QuantilesReport {
     /// Half of the bodies are at or below.
@@ -251,6 +280,16 @@ pub struct Versions {
 
 /// The release of wgpu that this crate is built with; a test compares it with the lock file.
 pub const WGPU_VERSION: &str = "30.0.1";
+
+impl QuantilesReport {
+    /// The figures of a number of bodies; of none they are NaN, `null` in `report.json`.
+    fn of(quantiles: Quantiles, bodies: usize) -> Self {
+        match bodies {
+            0 => Self { median: f64::NAN, p99: f64::NAN, max: f64::NAN },
+            _ => quantiles.into(),
+        }
+    }
+}
 
 impl From<Quantiles> for QuantilesReport {
     fn from(quantiles: Quantiles) -> Self {
@@ -319,18 +358,18 @@ impl Report {
             statistics: None,
             drift: DriftReport {
                 bodies: trust.drift.bodies,
-                kinetic_energy: trust.drift.kinetic_energy.into(),
-                angular_momentum_world: trust.drift.angular_momentum_world.into(),
-                norm: trust.drift.norm.into(),
+                kinetic_energy: QuantilesReport::of(trust.drift.kinetic_energy, trust.drift.bodies),
+                angular_momentum_world: QuantilesReport::of(trust.drift.angular_momentum_world, trust.drift.bodies),
+                norm: QuantilesReport::of(trust.drift.norm, trust.drift.bodies),
             },
             balance: BalanceReport::of(&trust.balance),
             accuracy: AccuracyReport {
                 bodies: trust.shadow.bodies,
                 lost: trust.shadow.lost,
                 diverged: trust.shadow.diverged,
-                attitude: trust.shadow.attitude.into(),
-                angular_velocity: trust.shadow.angular_velocity.into(),
-                kinetic_energy: trust.shadow.kinetic_energy.into(),
+                attitude: QuantilesReport::of(trust.shadow.attitude, trust.shadow.bodies),
+                angular_velocity: QuantilesReport::of(trust.shadow.angular_velocity, trust.shadow.bodies),
+                kinetic_energy: QuantilesReport::of(trust.shadow.kinetic_energy, trust.shadow.bodies),
                 target: trust.shadow.target.map(|target| TargetReport {
                     attitude: target.attitude,
                     angular_velocity: target.angular_velocity,
@@ -342,6 +381,7 @@ impl Report {
                 met: trust.shadow.met,
             },
             outside_usable_region: trust.outside_usable_region,
+            failures: FailureReport::of(&trust.failures),
             failed_bodies: trust.failed_bodies,
             files: Vec::new(),
             versions: Versions {

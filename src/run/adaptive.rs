@@ -6,7 +6,8 @@ use std::time::Instant;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::batch::{AnyBatch, BodyFrame, BodyState, ORDER_BLOCK, Precision, Prepared, StateWords, prepare_ordered};
+use super::reading::{FormStates, each_in_lanes};
+use crate::batch::{AnyBatch, BodyFrame, ORDER_BLOCK, Precision, Prepared, StateWords, prepare_ordered};
 use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps};
 use crate::engine::reduction::Reduce;
 use crate::engine::watch::Job;
@@ -17,9 +18,6 @@ use crate::method::Method;
 use crate::plan::{Group, Members, greatest_rate};
 use crate::record::{AdaptiveWork, Spread, WallTime};
 use crate::scene::Scene;
-
-/// Gives the state of the body in a row of a group.
-pub(super) type StateOf<'a> = dyn Fn(usize) -> BodyState + Sync + 'a;
 
 /// The bodies of a group in the order of their expected work, so that those advanced side by side finish together.
 pub(super) struct AdaptiveUnit {
@@ -95,13 +93,13 @@ impl AdaptiveUnit {
         |row| frames[session_rows[row] as usize]
     }
 
-    /// Hands the states in some of the group's rows, a block at most at a time, to `then`; `now` makes the frame of a row's body
+    /// Hands what forms the states in some of the group's rows, a block at most at a time, to `then`; `now` makes the frame of a row's body
     /// into that of the present time.
     pub fn with_states(
         &mut self,
         rows: &Range<usize>,
         now: &(dyn Fn(&BodyFrame, usize) -> BodyFrame + Sync),
-        then: &mut dyn FnMut(Range<usize>, &StateOf<'_>),
+        then: &mut dyn FnMut(Range<usize>, &FormStates<'_>),
     ) -> Result<()> {
         let mut start = rows.start;
         while start < rows.end {
@@ -113,10 +111,12 @@ impl AdaptiveUnit {
             let end = block.end.min(rows.end);
             let Self { frames, session_rows, .. } = &*self;
             let (frames, session_rows) = (&frames[..], &session_rows[..]);
-            then(start..end, &|row| {
+            let scaled = |row: usize| {
                 let own = session_rows[row] as usize;
-                now(&frames[own], row).state_of(&words, own - block.start)
-            });
+                let place = own - block.start;
+                (now(&frames[own], row), words.combined(place), words.status[place])
+            };
+            then(start..end, &|rows, write| each_in_lanes(rows, false, scaled, write));
             self.last_read = Some((number, words));
             start = end;
         }

@@ -3,6 +3,7 @@
 use std::ops::{ControlFlow, Range};
 use std::time::Instant;
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::batch::BodyState;
@@ -21,8 +22,10 @@ pub(crate) mod adaptive;
 pub(crate) mod alone;
 mod balance;
 pub(crate) mod confidence;
+mod failures;
 pub(crate) mod flight;
 mod once;
+mod reading;
 pub(crate) mod shadow;
 mod statistics;
 mod translation;
@@ -32,6 +35,7 @@ mod work;
 pub use balance::balance;
 
 use balance::{push_rest, total_energy_change};
+use failures::Failures;
 use shadow::SHADOW_SEED;
 use statistics::FromStates;
 use translation::Centres;
@@ -96,6 +100,7 @@ pub fn run_into(
     let total = plan.groups().iter().map(|group| plan.work_of(group)).fold(0, u64::saturating_add);
     let mut done = 0_u64;
     let mut end = AtEnd::default();
+    let mut failures = Failures::new(scene.ensemble());
     let sample = shadow::sample(body_count, shadow::shadow_size(body_count), SHADOW_SEED);
     let mut sampled = Vec::with_capacity(sample.len());
     let count = plan.times().len();
@@ -123,7 +128,12 @@ pub fn run_into(
         if !wanted {
             if last {
                 let clock = Instant::now();
-                sampled = end.gather_sample(scene, &mut units, &sample)?;
+                sampled = end.gather_sample(scene, &mut units, &sample, &mut |body, reason| {
+                    failures.push(body, reason, time);
+                })?;
+                for body in lost_centres(&mut units, &centres, body_count, block)? {
+                    failures.push(body, Status::CentreNotFinite, time);
+                }
                 wall_time.read += clock.elapsed().as_secs_f64();
             }
             continue;
@@ -135,6 +145,7 @@ pub fn run_into(
             // Among the pool's threads, so that they need not be woken for each part of it.
             rayon::scope(|_| -> Result<()> {
                 read_states(&mut units, &centres, &range, &mut states, last.then_some(&mut initial))?;
+                failures.mark(time, last, start, &mut states)?;
                 if last {
                     end.gather(scene, start, &initial, &states);
                 }
@@ -159,6 +170,7 @@ pub fn run_into(
                 return Err(Error::Interrupted { steps });
             }
         }
+        failures.end_output(time);
         if !reduces && !statistics.is_empty() {
             sink.statistics(index, &from_states.finish(time))?;
         }
@@ -167,7 +179,7 @@ pub fn run_into(
     for unit in &mut units {
         works.extend(unit.adaptive_work()?);
     }
-    let adaptive = adaptive::total_work(works, end.flagged);
+    let adaptive = adaptive::total_work(works, failures.count(Status::StepBelowLimit));
     let bytes_read = units.iter().map(Unit::bytes_read).sum();
     drop(units);
 
@@ -181,10 +193,12 @@ pub fn run_into(
     let mut errors = shadow::Errors::default();
     let (mut lost, mut diverged) = (0, 0);
     for (state, reference) in sampled.iter().zip(&recomputed) {
-        lost += usize::from(!is_sound(state));
-        // Where the recomputation fails there is nothing to compare with.
-        diverged += usize::from(is_sound(state) && !is_sound(&reference.state));
-        if is_sound(state) && is_sound(&reference.state) {
+        if !is_sound(state) || failures.contains(reference.body) {
+            lost += 1;
+        } else if !is_sound(&reference.state) {
+            // There is nothing to compare with.
+            diverged += 1;
+        } else {
             errors.push(state, &reference.state);
             push_rest(&mut end.balance, scene, reference.body, state, reference.work.as_ref());
         }
@@ -194,7 +208,8 @@ pub fn run_into(
         Stepping::Accuracy(accuracy) => Some(accuracy),
         Stepping::Pinned { .. } | Stepping::Adaptive { .. } => None,
     };
-    let failed = end.failed_bodies.len() as f64 / body_count.max(1) as f64;
+    let failures = failures.finish();
+    let failed = failures.len() as f64 / body_count.max(1) as f64;
     let shadow = errors.shadow(target.as_ref(), draws, (lost, diverged), failed);
     wall_time.shadow = clock.elapsed().as_secs_f64();
     Ok(Trust {
@@ -209,7 +224,8 @@ pub fn run_into(
         drift,
         balance: end.balance.finish(),
         shadow,
-        failed_bodies: end.failed_bodies,
+        failed_bodies: failures.iter().map(|failed| failed.body).collect(),
+        failures,
         outside_usable_region: end.outside_usable_region,
         wall_time,
     })
@@ -279,19 +295,41 @@ fn read_states(
         places.for_each(|(body, state)| state.translation = centres.of_body(body));
     }
     if units.iter().any(Unit::has_centres) {
-        let mut flying = vec![None; bodies.len()];
-        units.iter_mut().try_for_each(|unit| unit.read_centres(bodies, &mut flying))?;
-        for (state, centre) in states.iter_mut().zip(flying) {
+        for (state, centre) in states.iter_mut().zip(flying_centres(units, bodies)?) {
             state.translation = centre.or(state.translation.filter(|_| centres.are_moving()));
         }
     }
     Ok(())
 }
 
+/// The centres of mass of some bodies, where they are stepped along the rotation.
+fn flying_centres(units: &mut [Unit<'_>], bodies: &Range<usize>) -> Result<Vec<Option<(DVec3, DVec3)>>> {
+    let mut flying = vec![None; bodies.len()];
+    units.iter_mut().try_for_each(|unit| unit.read_centres(bodies, &mut flying))?;
+    Ok(flying)
+}
+
+/// The bodies whose centres of mass are not finite, looked at by `block` bodies at a time.
+fn lost_centres(units: &mut [Unit<'_>], centres: &Centres<'_>, body_count: usize, block: usize) -> Result<Vec<usize>> {
+    let is_lost = |centre: Option<(DVec3, DVec3)>| centre.is_some_and(|(x, v)| !(x.is_finite() && v.is_finite()));
+    let mut lost = Vec::new();
+    if centres.are_moving() {
+        lost.par_extend((0..body_count).into_par_iter().filter(|&body| is_lost(centres.of_body(body))));
+    }
+    if units.iter().any(Unit::has_centres) {
+        for start in (0..body_count).step_by(block) {
+            let bodies = start..(start + block).min(body_count);
+            let flying = flying_centres(units, &bodies)?;
+            lost.extend(bodies.zip(flying).filter(|&(_, centre)| is_lost(centre)).map(|(body, _)| body));
+        }
+    }
+    Ok(lost)
+}
+
 /// Brings a vector to a length. Where it grows, all cores touch the new memory first, which takes longer than to fill it.
 fn make_room<T: Copy + Send + Sync>(places: &mut Vec<T>, len: usize, unknown: T) {
     places.truncate(len);
-    places.par_extend((places.len()..len).into_par_iter().with_min_len(unit::TASK).map(|_| unknown));
+    places.par_extend((places.len()..len).into_par_iter().with_min_len(reading::TASK).map(|_| unknown));
 }
 
 /// What the end says of a run.
@@ -299,15 +337,12 @@ fn make_room<T: Copy + Send + Sync>(places: &mut Vec<T>, len: usize, unknown: T)
 struct AtEnd {
     drift: DriftGatherer,
     balance: BalanceGatherer,
-    failed_bodies: Vec<usize>,
-    /// Bodies that would have needed a step below the limit.
-    flagged: usize,
     /// Bodies that turn too far in a given step.
     outside_usable_region: usize,
 }
 
 impl AtEnd {
-    /// Compares the end with the start, body by body from `first_body` on, and lists the bodies that failed.
+    /// Compares the end with the start, body by body from `first_body` on; bodies that have failed are left out.
     fn gather(&mut self, scene: &Scene, first_body: usize, initial: &[BodyState], states: &[OutputState]) {
         let usable_rate = usable_rate(scene);
         let too_fast = |state: &BodyState| state.angular_velocity_body.length() > usable_rate;
@@ -316,12 +351,8 @@ impl AtEnd {
             found.drift.begin_part(states.len());
             for (row, (initial, state)) in initial.iter().zip(states).enumerate() {
                 let (body, state) = (first_body + task * COMPARED + row, &state.rotation);
-                found.conserved(is_finite(state).then(|| Kept::of(scene, body, initial, state)));
+                found.conserved(is_sound(state).then(|| Kept::of(scene, body, initial, state)));
                 found.outside_usable_region += usize::from(too_fast(initial) || too_fast(state));
-                if !is_sound(state) {
-                    found.failed_bodies.push(body);
-                    found.flagged += usize::from(state.status == Status::StepBelowLimit);
-                }
             }
             found
         };
@@ -333,25 +364,27 @@ impl AtEnd {
     fn append(&mut self, found: Self) {
         self.drift.append(found.drift);
         self.balance.append(found.balance);
-        self.failed_bodies.extend(found.failed_bodies);
-        self.flagged += found.flagged;
         self.outside_usable_region += found.outside_usable_region;
     }
 
     /// The same where states are not read: drift and balance of a sample, whose states it gives back, and the rest from
-    /// what was marked where the states are.
-    fn gather_sample(&mut self, scene: &Scene, units: &mut [Unit<'_>], sample: &[u32]) -> Result<Vec<BodyState>> {
+    /// what was marked where the states are. `failed` is told of each body that has failed, and why.
+    fn gather_sample(
+        &mut self,
+        scene: &Scene,
+        units: &mut [Unit<'_>],
+        sample: &[u32],
+        failed: &mut dyn FnMut(usize, Status),
+    ) -> Result<Vec<BodyState>> {
         let usable_rate = usable_rate(scene);
         let mut states = Vec::with_capacity(sample.len());
         let mut faster = Vec::new();
         for unit in &mut *units {
             states.extend(unit.read_bodies(sample)?);
             let marked = unit.marked(usable_rate)?;
-            self.flagged += unit.flagged(&marked.failed)?;
-            self.failed_bodies.extend(marked.failed);
+            unit.reasons(&marked.failed)?.into_iter().for_each(|(body, reason)| failed(body, reason));
             faster.extend(marked.faster);
         }
-        self.failed_bodies.sort_unstable();
         faster.sort_unstable();
         if usable_rate.is_finite() {
             let start = |&body: &usize| scene.ensemble().angular_velocity_body()[body].length() > usable_rate;
@@ -363,7 +396,7 @@ impl AtEnd {
         for (body, state) in &states {
             let mut initial = [BodyState::UNKNOWN];
             units.iter().for_each(|unit| unit.read_initial(&(*body..body + 1), &mut initial));
-            self.conserved(is_finite(state).then(|| Kept::of(scene, *body, &initial[0], state)));
+            self.conserved(is_sound(state).then(|| Kept::of(scene, *body, &initial[0], state)));
         }
         Ok(states.into_iter().map(|(_, state)| state).collect())
     }
@@ -406,11 +439,7 @@ fn usable_rate(scene: &Scene) -> f64 {
     }
 }
 
-fn is_finite(state: &BodyState) -> bool {
-    state.orientation.is_finite() && state.angular_velocity_body.is_finite()
-}
-
 /// Whether a state is a number in every place and no step has failed on it.
 fn is_sound(state: &BodyState) -> bool {
-    is_finite(state) && state.status == Status::Valid
+    state.status == Status::Valid && state.is_finite()
 }

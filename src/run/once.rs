@@ -5,7 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::OutputState;
-use super::unit::TASK;
+use super::reading::TASK;
 use crate::batch::{BodyState, Precision};
 use crate::engine::cpu::Width;
 use crate::ensemble::Ensemble;

@@ -18,7 +18,7 @@ use crate::run::alone::states_at_end;
 use crate::run::confidence::{is_plausible, upper_rank};
 use crate::run::is_sound;
 use crate::run::work::{self, Alike, Recomputed, Work};
-use crate::scene::{Accuracy, Scene, Target};
+use crate::scene::{Accuracy, Scene, Stepping, Target};
 use crate::torque::{self, Torque};
 
 /// Every so many-th body is in the shadow's sample.
@@ -180,13 +180,30 @@ const REFERENCE_ANGLE: f64 = 0.5;
 /// No run that leaps over its bodies' turns is recomputed in more than so many times its own steps.
 const MOST_REFINEMENT: f64 = 64.0;
 
-/// Torque-free bodies at the end.
+/// Torque-free bodies at the end; those whose phases the closed form does not resolve have no state.
 fn closed_form(scene: &Scene, members: &[u32]) -> Vec<Reference> {
+    let wanted = match scene.stepping() {
+        Stepping::Accuracy(accuracy) => accuracy.strictest(),
+        Stepping::Pinned { .. } | Stepping::Adaptive { .. } => 1.0,
+    };
     let reference = |&body: &u32| {
         let body = body as usize;
-        Reference { body, state: FreeMotion::of_body(scene.ensemble(), body).at(scene.end()), work: None }
+        let is_resolved = phase_error(scene, body) <= LEAST_PART * wanted;
+        let state =
+            if is_resolved { FreeMotion::of_body(scene.ensemble(), body).at(scene.end()) } else { BodyState::UNKNOWN };
+        Reference { body, state, work: None }
     };
     members.par_iter().map(reference).collect()
+}
+
+/// The part of the errors asked for that a recomputation may be wrong by and still measure them.
+const LEAST_PART: f64 = 0.1;
+
+/// How far the phases of a torque-free body may be off at the end, rad: its constants are resolved to 2⁻⁹⁶ of themselves
+/// ([`crate::free_motion`]), so that beyond 2⁹⁶ rad (8e28) no digit of a phase is known.
+fn phase_error(scene: &Scene, body: usize) -> f64 {
+    let spin = scene.ensemble().angular_velocity_body()[body].length();
+    crate::batch::scaled_by_power_of_two(spin * scene.end(), -96)
 }
 
 fn contains(group: &Group, body: usize) -> bool {

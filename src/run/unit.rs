@@ -6,9 +6,10 @@ use std::time::Instant;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::adaptive::{AdaptiveUnit, StateOf, UnitWork};
+use super::adaptive::{AdaptiveUnit, UnitWork};
 use super::flight::Flight;
 use super::once::Once;
+use super::reading::{FormStates, TASK, WriteState, each_in_lanes, scatter};
 use super::{OutputState, is_sound};
 use crate::batch::{BodyFrame, BodyState, Precision, prepare_members};
 use crate::engine::cpu::{Cpu, Width};
@@ -273,8 +274,8 @@ impl<'p> Unit<'p> {
             return Ok(());
         }
         let members = self.members;
-        self.with_states(&members.rows(bodies.clone()), &mut |rows, state| {
-            scatter(members, bodies, &rows, states, |row, place| place.rotation = state(row));
+        self.with_states(&members.rows(bodies.clone()), &mut |rows, form| {
+            scatter(members, bodies, &rows, states, form, |place, state| place.rotation = state);
         })?;
         if let Some(initial) = initial {
             self.read_initial(bodies, initial);
@@ -286,52 +287,83 @@ impl<'p> Unit<'p> {
     /// route as later ones.
     pub fn read_initial(&self, bodies: &Range<usize>, states: &mut [BodyState]) {
         let (members, ensemble) = (self.members, self.ensemble);
-        let of_frame = |frame: &BodyFrame, row: usize| frame.body_state(frame.initial(ensemble, members.body(row)));
-        let state: Box<StateOf<'_>> = match &self.motion {
+        let of_frames = |rows: Range<usize>, frame: &dyn Fn(usize) -> BodyFrame, write: &mut WriteState<'_>| {
+            let start = |row: usize| {
+                let body = members.body(row);
+                let (q, omega) = (ensemble.orientation()[body], ensemble.angular_velocity_body()[body]);
+                (frame(row), [q.x, q.y, q.z, q.w, omega.x, omega.y, omega.z], Status::Valid)
+            };
+            each_in_lanes(rows, true, start, write);
+        };
+        let form: Box<FormStates<'_>> = match &self.motion {
             Motion::Stepped { frames, .. } | Motion::ClosedForm { frames, .. } => {
-                Box::new(move |row| of_frame(&frames[row], row))
+                Box::new(move |rows, write| of_frames(rows, &|row| frames[row], write))
             }
             Motion::Adaptive(unit) => {
                 let frame = unit.frames();
-                Box::new(move |row| of_frame(&frame(row), row))
+                Box::new(move |rows, write| of_frames(rows, &frame, write))
             }
             Motion::Once(once) => {
-                Box::new(move |row| of_frame(&scaled_body(ensemble, members.body(row), once.set_up).0, row))
+                let frame = |row| scaled_body(ensemble, members.body(row), once.set_up).0;
+                Box::new(move |rows, write| of_frames(rows, &frame, write))
             }
-            Motion::Precession { bodies, .. } => Box::new(move |row| bodies[row].at(0.0)),
+            Motion::Precession { bodies, .. } => {
+                Box::new(move |rows, write| rows.for_each(|row| write(row, bodies[row].at(0.0))))
+            }
         };
-        scatter(members, bodies, &members.rows(bodies.clone()), states, |row, place| *place = state(row));
+        scatter(members, bodies, &members.rows(bodies.clone()), states, &*form, |place, state| *place = state);
     }
 
     /// The states in a range of rows.
     fn read_range(&mut self, rows: &Range<usize>) -> Result<Vec<BodyState>> {
         let mut states = Vec::with_capacity(rows.len());
-        self.with_states(rows, &mut |rows, state| states.par_extend(rows.into_par_iter().map(state)))?;
+        self.with_states(rows, &mut |rows, form| {
+            let tasks: Vec<Range<usize>> =
+                rows.clone().step_by(TASK).map(|first| first..rows.end.min(first + TASK)).collect();
+            states.par_extend(tasks.into_par_iter().flat_map_iter(|rows| {
+                let mut states = Vec::with_capacity(rows.len());
+                form(rows, &mut |_, state| states.push(state));
+                states
+            }));
+        })?;
         Ok(states)
     }
 
-    /// Hands the states in a range of rows to `then`, in one piece or in several one after the other.
-    fn with_states(&mut self, rows: &Range<usize>, then: &mut dyn FnMut(Range<usize>, &StateOf<'_>)) -> Result<()> {
+    /// Hands what forms the states in a range of rows to `then`, in one piece or in several one after the other.
+    fn with_states(&mut self, rows: &Range<usize>, then: &mut dyn FnMut(Range<usize>, &FormStates<'_>)) -> Result<()> {
         if rows.is_empty() {
             return Ok(());
         }
-        let (members, torques, time) = (self.members, self.torques, self.time);
-        let now = |frame: &BodyFrame, row: usize| frame.at(torques, members.body(row), time);
+        let (members, torques, time, varies) = (self.members, self.torques, self.time, self.varies);
+        let now = |frame: &BodyFrame, row: usize| match varies {
+            true => frame.at(torques, members.body(row), time),
+            false => *frame,
+        };
         match &mut self.motion {
             Motion::Stepped { session, frames, .. } => {
                 let words = session.read(rows.clone())?;
-                then(rows.clone(), &|row| now(&frames[row], row).state_of(&words, row - rows.start));
+                let scaled = |row: usize| {
+                    let place = row - rows.start;
+                    (now(&frames[row], row), words.combined(place), words.status[place])
+                };
+                then(rows.clone(), &|rows, write| each_in_lanes(rows, false, scaled, write));
             }
             Motion::Adaptive(unit) => unit.with_states(rows, &now, then)?,
             Motion::ClosedForm { session, frames } => {
                 let words = session.read(rows.clone())?;
-                then(rows.clone(), &|row| frames[row].state_of(&words, row - rows.start));
+                let scaled = |row: usize| {
+                    let place = row - rows.start;
+                    (frames[row], words.combined(place), words.status[place])
+                };
+                then(rows.clone(), &|rows, write| each_in_lanes(rows, false, scaled, write));
             }
             Motion::Once(once) => {
                 let states = once.states(rows, time);
-                then(rows.clone(), &|row| states[row - rows.start]);
+                then(rows.clone(), &|own, write| own.for_each(|row| write(row, states[row - rows.start])));
             }
-            Motion::Precession { bodies, time } => then(rows.clone(), &|row| bodies[row].at(*time)),
+            Motion::Precession { bodies, time } => {
+                then(rows.clone(), &|rows, write| rows.for_each(|row| write(row, bodies[row].at(*time))));
+            }
         }
         Ok(())
     }
@@ -340,26 +372,6 @@ impl<'p> Unit<'p> {
 /// How closed forms in `precision` are evaluated on the host, where a run on `engine` evaluates them there.
 fn evaluates_on_host(engine: &dyn Backend, precision: Precision) -> Option<Width> {
     if engine.precisions().contains(&precision) { engine.evaluates_on_host() } else { Some(Width::Lanes) }
-}
-
-/// Bodies that one task writes.
-pub(super) const TASK: usize = 1 << 10;
-
-/// Lets `write` fill the places of those of the bodies in `rows` that are in `bodies`.
-fn scatter<T: Send>(
-    members: &Members,
-    bodies: &Range<usize>,
-    rows: &Range<usize>,
-    places: &mut [T],
-    write: impl Fn(usize, &mut T) + Sync,
-) {
-    places.par_chunks_mut(TASK).enumerate().for_each(|(task, places)| {
-        let first = bodies.start + task * TASK;
-        let own = members.rows(first..first + places.len());
-        for row in own.start.max(rows.start)..own.end.min(rows.end) {
-            write(row, &mut places[members.body(row) - first]);
-        }
-    });
 }
 
 /// Bodies whose state is read at once where statistics are formed on the host.
@@ -431,14 +443,29 @@ impl Unit<'_> {
         Ok(marked)
     }
 
-    /// How many of the bodies that failed would have needed a step below the limit; only adaptive steps end so.
-    pub fn flagged(&mut self, failed: &[usize]) -> Result<usize> {
-        if !matches!(self.motion, Motion::Adaptive(_)) {
-            return Ok(0);
+    /// Why the bodies failed that [`Unit::marked`] has found.
+    pub fn reasons(&mut self, failed: &[usize]) -> Result<Vec<(usize, Status)>> {
+        // What only the device finds is beyond its own range of numbers.
+        let reason = |state: &BodyState| match state.status {
+            Status::Valid => Status::NotFinite,
+            status => status,
+        };
+        if failed.is_empty() {
+            return Ok(Vec::new());
         }
-        let bodies: Vec<u32> = failed.iter().map(|&body| body as u32).collect();
-        let states = self.read_bodies(&bodies)?;
-        Ok(states.iter().filter(|(_, state)| state.status == Status::StepBelowLimit).count())
+        if self.session().is_some() {
+            let bodies: Vec<u32> = failed.iter().map(|&body| body as u32).collect();
+            let states = self.read_bodies(&bodies)?;
+            return Ok(states.iter().map(|(body, state)| (*body, reason(state))).collect());
+        }
+        let mut reasons = Vec::with_capacity(failed.len());
+        for start in (0..self.members.len()).step_by(BLOCK) {
+            let rows = start..(start + BLOCK).min(self.members.len());
+            let states = self.read_range(&rows)?;
+            let failed = rows.zip(&states).filter(|(_, state)| !is_sound(state));
+            reasons.extend(failed.map(|(row, state)| (self.members.body(row), reason(state))));
+        }
+        Ok(reasons)
     }
 
     /// The states of those of its bodies that are among `bodies`.

@@ -83,7 +83,7 @@ fn value(node: &Node<'_>) -> Result<StudyValue> {
     if table.find("distribution").is_some_and(|name| name.string("").is_ok_and(|name| name == "direction")) {
         return Ok(StudyValue::Vector(Triple::read(node)?));
     }
-    let has_vector = ["low", "high", "mean", "sigma", "value"]
+    let has_vector = ["low", "high", "mean", "median", "sigma", "value"]
         .iter()
         .any(|key| table.find(key).is_some_and(|node| node.elements().is_some()));
     if has_vector {

@@ -32,8 +32,8 @@ pub enum Column {
     Torque {
         /// Index of the torque in its study.
         torque: u16,
-        /// Index of the parameter in its model.
-        parameter: u8,
+        /// Index of the parameter in its model, below 4,096.
+        parameter: u16,
     },
     /// A parameter of a force.
     Force {
@@ -78,7 +78,11 @@ impl Column {
             Column::SpinRate => 7,
             Column::Part { part, of } => 0x200_0000 | u32::from(part) << 2 | of as u32,
             Column::Force { force, parameter } => 0x300_0000 | u32::from(force) << 8 | u32::from(parameter),
-            Column::Torque { torque, parameter } => 0x100_0000 | u32::from(torque) << 8 | u32::from(parameter),
+            Column::Torque { torque, parameter } => {
+                // What does not fit below the torque's number stands above it.
+                let (low, high) = (u32::from(parameter & 0xff), u32::from(parameter >> 8));
+                high << 28 | 0x100_0000 | u32::from(torque) << 8 | low
+            }
         }
     }
 }
@@ -157,6 +161,21 @@ fn open_unit(high: u32, low: u32) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    #[test]
+    fn no_two_parameters_share_their_draws() {
+        let mut numbers = std::collections::BTreeSet::new();
+        for torque in [0, 1, 255, u16::MAX] {
+            for parameter in 0..1100 {
+                assert!(numbers.insert(super::Column::Torque { torque, parameter }.number()), "{torque}, {parameter}");
+            }
+            for parameter in 0..=u8::MAX {
+                assert!(numbers.insert(super::Column::Force { force: torque, parameter }.number()));
+            }
+        }
+        // The bits of what has been drawn before stay.
+        assert_eq!(super::Column::Torque { torque: 2, parameter: 7 }.number(), 0x100_0207);
+    }
+
     use super::*;
 
     /// Bits of four draws, held so that neither a platform nor a release changes a study's bodies unnoticed.

@@ -79,6 +79,12 @@
 //!   `spin_rate`, the columns `spin_rate_mean`, `spin_rate_standard_deviation` (divided by `count`), `spin_rate_min`,
 //!   `spin_rate_max`, `spin_rate_min_body` and `spin_rate_max_body`; `statistics.npz` an array of shape `[outputs]` for each.
 //!   With `final = false` and no snapshots, statistics alone leave the device.
+//! * Tables of states end in a column `status`: 0, or the number of the reason why the body has failed, and then its numbers are NaN
+//!   (of [`Status::CentreNotFinite`] only position and velocity): 1 `not_converged`, 2 `step_too_long`, 3 `step_below_limit`, 4
+//!   `not_finite`, 5 `centre_not_finite` ([`Status`]). Where bodies have failed, `failed.csv` (or `.npz`) has a row for each: `body`, `t`
+//!   of the output at which it was seen, `status`, `reason` (its word), and the last good state that was read, `last_good_t` (0 is the
+//!   start), `qx qy qz qw wx wy wz`. Where only statistics leave the device, failures are looked for at the end.
+//!   `[failures] allow = 3` lets as many bodies fail before the exit status is 1.
 //! * A table of bodies is described in [`table`]; what it does not hold may be drawn.
 //!
 //! Every draw is a function of seed, body and column alone ([`draw`]), so a study with fewer bodies holds the first of
@@ -91,6 +97,8 @@ use std::sync::LazyLock;
 use crate::batch::Precision;
 use crate::ensemble::Ensemble;
 use crate::error::{Error, Result, Text};
+#[cfg(doc)]
+use crate::method::Status;
 use crate::observe::Statistic;
 use crate::scene::{Accuracy, Outputs, Scene, Target};
 

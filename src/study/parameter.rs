@@ -189,10 +189,9 @@ impl Source<'_> {
     }
 
     fn column(&self, parameter: usize) -> Column {
-        let parameter = parameter as u8;
         match self.of {
-            Owner::Torque(torque) => Column::Torque { torque: torque as u16, parameter },
-            Owner::Force(force) => Column::Force { force: force as u16, parameter },
+            Owner::Torque(torque) => Column::Torque { torque: torque as u16, parameter: parameter as u16 },
+            Owner::Force(force) => Column::Force { force: force as u16, parameter: parameter as u8 },
         }
     }
 

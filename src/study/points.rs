@@ -38,10 +38,14 @@ const KNOWN: [&str; 5] = ["name", "mass", "x", "y", "z"];
 pub fn read_points(path: &Path) -> Result<Vec<(f64, DVec3)>> {
     let file = File::open(path).map_err(|error| Error::file(path, FileAction::Read, &error))?;
     let mut reader =
-        ReaderBuilder::new().trim(Trim::All).comment(Some(b'#')).flexible(true).from_reader(Lines::new(file));
+        ReaderBuilder::new().trim(Trim::Headers).comment(Some(b'#')).flexible(true).from_reader(Lines::new(file));
     let header = reader.headers().map_err(|error| csv_error(path, error))?.clone();
     let header_line = header.position().map_or(1, Position::line);
-    for name in &header {
+    for (place, name) in header.iter().enumerate() {
+        if header.iter().take(place).any(|before| before == name) {
+            let fault = Fault::Syntax { reason: "this column stands twice in the header".to_owned() };
+            return Err(input_error(path, header_line, name, fault));
+        }
         if !KNOWN.contains(&name) {
             let key = if name.is_empty() { "(empty)" } else { name };
             let fault = Fault::unknown(name, &KNOWN);
@@ -64,6 +68,7 @@ pub fn read_points(path: &Path) -> Result<Vec<(f64, DVec3)>> {
             return Err(input_error(path, line, "", fault));
         }
         refuse_open_quotes(path, &record)?;
+        record.trim();
         let number = |column: usize, least: f64, expected: &'static str| {
             let field = &record[column];
             field.parse().ok().filter(|x: &f64| x.is_finite() && *x >= least).ok_or_else(|| {

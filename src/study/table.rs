@@ -81,7 +81,7 @@ impl BodyTable {
 
     fn from_reader_with(path: &Path, source: impl Read, most: usize, extra: &BTreeSet<String>) -> Result<Self> {
         let mut reader =
-            ReaderBuilder::new().trim(Trim::All).comment(Some(b'#')).flexible(true).from_reader(Lines::new(source));
+            ReaderBuilder::new().trim(Trim::Headers).comment(Some(b'#')).flexible(true).from_reader(Lines::new(source));
         let header = reader.headers().map_err(|error| csv_error(path, error))?.clone();
         // The header's own position is not kept by the reader: it is the first line that is no comment.
         let header_line = header.position().map_or(1, Position::line);
@@ -105,6 +105,7 @@ impl BodyTable {
                 return Err(input_error(path, line, "", fault));
             }
             refuse_open_quotes(path, &record)?;
+            record.trim();
             for (field, column) in record.iter().zip(&places) {
                 let Some(column) = *column else { continue };
                 let number = field.parse().ok().filter(|x: &f64| x.is_finite()).ok_or_else(|| {
@@ -254,7 +255,7 @@ fn header_places(
     }
     for name in extra {
         if !header.iter().any(|found| found == name) {
-            let expected = "a torque of the study reads this column";
+            let expected = "a torque or a force of the study reads this column";
             return Err(input_error(path, line, name, Fault::Missing { expected: expected.into() }));
         }
     }

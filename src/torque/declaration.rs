@@ -59,7 +59,7 @@ pub struct ParameterDeclaration {
     /// Of a list: the keys of each of its tables.
     pub elements: Vec<ParameterDeclaration>,
     /// Its number among the model's draws, which selects the random numbers: it must never change.
-    pub draw: u8,
+    pub draw: u16,
     /// Whether the torque is in proportion to it, so that a body for which it is zero feels none.
     pub is_factor: bool,
     /// Whether the rate of a phase follows from it.
@@ -182,7 +182,7 @@ impl Declaration {
     pub(crate) fn parameters(mut self, parameters: impl IntoIterator<Item = ParameterDeclaration>) -> Self {
         for mut parameter in parameters {
             if parameter.draw == BY_PLACE {
-                parameter.draw = self.parameters.len() as u8;
+                parameter.draw = self.parameters.len() as u16;
             }
             self.parameters.push(parameter);
         }
@@ -201,7 +201,7 @@ impl Declaration {
 }
 
 /// Until the parameter has its place.
-const BY_PLACE: u8 = u8::MAX;
+const BY_PLACE: u16 = u16::MAX;
 
 impl ParameterDeclaration {
     fn new(name: impl Into<Text>, shape: Shape, unit: impl Into<Text>, about: impl Into<Text>) -> Self {
@@ -290,7 +290,7 @@ impl ParameterDeclaration {
         Self { per_body: false, ..self }
     }
 
-    pub(crate) fn drawn_as(self, draw: u8) -> Self {
+    pub(crate) fn drawn_as(self, draw: u16) -> Self {
         Self { draw, ..self }
     }
 

@@ -65,7 +65,7 @@ impl PartialEq for ModelRef {
 impl fmt::Debug for ModelRef {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.write_str(&self.declaration().name)?;
-        // A formula is part of what tells one torque from another; plans are told apart by this text.
+        // A formula is part of what tells one torque from another; the fingerprints of plans take this text.
         self.expression().map_or(Ok(()), |model| model.write_formula(formatter))
     }
 }
@@ -211,7 +211,12 @@ impl Torque {
         &*self.model
     }
 
-    pub(super) fn values(&self) -> &[Value] {
+    /// Prints the model's name and, of one that a user has made, its formula.
+    pub(crate) fn model_ref(&self) -> &ModelRef {
+        &self.model
+    }
+
+    pub(crate) fn values(&self) -> &[Value] {
         &self.values
     }
 

@@ -7,7 +7,7 @@ use std::sync::Arc;
 pub enum Parameter<V> {
     /// The same for all bodies.
     Shared(V),
-    /// One a body, shape `[body_count]`: made by `collect` or from a `Vec` or slice by `into`. Copies of the parameter share it.
+    /// One a body, shape `[body_count]`: from a `Vec` or a slice by `into`. Copies of the parameter share it.
     PerBody(Arc<[V]>),
 }
 

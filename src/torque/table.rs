@@ -217,18 +217,16 @@ impl TorqueTable {
         }
     }
 
-    /// Hands one body's row to `store(column, number)`, for every column of the table, and gives the exact rates of those of its
-    /// phases whose rates are the body's own, in their order. `body` is its index in the scene.
+    /// Hands one body's row to `store(column, number)`, for every column of the table, and appends the exact rates of those of its
+    /// phases whose rates are the body's own to `exact`, in their order. `body` is its index in the scene; `row` is memory to work in.
     pub(crate) fn write_body(
         &self,
         torques: &[Torque],
         body: usize,
-        frame: &BodyFrame,
-        orientation: DQuat,
+        (frame, orientation): (&BodyFrame, DQuat),
+        (row, exact): (&mut Vec<f64>, &mut Vec<u128>),
         mut store: impl FnMut(usize, f64),
-    ) -> Vec<u128> {
-        let mut row = Vec::new();
-        let mut exact = Vec::new();
+    ) {
         for instance in &self.list {
             let &Instance { kind, parameters, phases, first_phase, first, .. } = instance;
             row.clear();
@@ -237,15 +235,7 @@ impl TorqueTable {
             let own = of_kind.skip(if kind.merges() { 0 } else { instance.index });
             for (torque, _) in own.take(if kind.merges() { usize::MAX } else { 1 }) {
                 let (model, values) = torque.parts();
-                let rates: Vec<(f64, f64)> = if kind == Kind::Custom {
-                    let host = expressed::host_of(values, body, frame);
-                    let rates = self.expressions[instance.index].row(&host, &mut row);
-                    rates.into_iter().map(|rate| (rate, 0.0)).collect()
-                } else {
-                    model.columns(values, body, frame, orientation, &mut row);
-                    if phases > 0 { model.phase_rates(values, body)[..phases].to_vec() } else { Vec::new() }
-                };
-                for (phase, &rates) in rates.iter().enumerate() {
+                let mut set_rates = |row: &mut [f64], phase: usize, rates: (f64, f64)| {
                     let rate = self.exact_rate(kind, rates);
                     if matches!(self.phases[first_phase + phase], PhaseRates::PerBody(_)) {
                         exact.push(rate);
@@ -257,6 +247,17 @@ impl TorqueTable {
                         columns[RATE_DIGITS] = rates.1.recip();
                         row[PER_TICK] = (rates.1 * self.clock.ticks_per_second()).recip();
                     }
+                };
+                if kind == Kind::Custom {
+                    let host = expressed::host_of(values, body, frame);
+                    let rates = self.expressions[instance.index].row(&host, row);
+                    rates.into_iter().enumerate().for_each(|(phase, rate)| set_rates(row, phase, (rate, 0.0)));
+                } else {
+                    model.columns(values, body, frame, orientation, row);
+                    if phases > 0 {
+                        let rates = model.phase_rates(values, body).into_iter().take(phases).enumerate();
+                        rates.for_each(|(phase, rates)| set_rates(row, phase, rates));
+                    }
                 }
             }
             if kind == Kind::LinearRotor {
@@ -266,7 +267,6 @@ impl TorqueTable {
                 store(first + column, number);
             }
         }
-        exact
     }
 
     /// Sets the exact rates of the rows from `first` on, row by row as [`TorqueTable::write_body`] gives them.

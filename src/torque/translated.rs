@@ -20,7 +20,7 @@ use crate::real::{Function, Real};
 use crate::vector::Vector;
 
 /// What the torque is refused with.
-pub(crate) const NEEDS_TRANSLATION: &str =
+const NEEDS_TRANSLATION: &str =
     "its position and velocity are needed: bodies have none without a mass, a position and a velocity";
 const NEEDS_CLOSED_FORM: &str =
     "its position and velocity have no closed form: forces that are constant, gravity or linear drag are needed";

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::bound::{RowBound, Slopes, StepBounds, Stepped};
 use super::compare::{Comparison, Field, Gap, Place};
 use super::culprit::{Culprit, culprit};
+use super::onset::Onset;
 use super::steps::enter_row;
 use super::subject::{Side, Subject, TWIN, in_one_word, row_of, start_clock};
 use super::{Found, Window};
@@ -105,7 +106,7 @@ pub(super) fn compare(
                         .collect::<Vec<_>>();
                     if let Some(&row) = parted.first() {
                         let blamed = blamed(subject, kernel, side, &moment.of_row(row), row)?;
-                        comparison.blame(blamed);
+                        comparison.blame(blamed, Onset::NotFound);
                     }
                 }
                 if subject.precision != Precision::F64 {

@@ -1,6 +1,7 @@
 //! Two states of one body, and what is kept of their differences.
 
 use super::culprit::Culprit;
+use super::onset::Onset;
 use crate::batch::{Precision, STATE_COMPONENTS, StateWords};
 
 /// What is compared.
@@ -164,6 +165,8 @@ pub struct Parting {
     pub bound: f64,
     /// Which torque it comes from.
     pub culprit: Culprit,
+    /// Where in the step, of equal steps, it arises.
+    pub onset: Onset,
 }
 
 /// Two sides, and how far apart they were.
@@ -243,13 +246,14 @@ impl Comparison {
             difference: gap.difference,
             bound: bound.unwrap_or(f64::INFINITY),
             culprit: Culprit::NotSought,
+            onset: Onset::NotFound,
         });
     }
 
-    /// Says which torque the parting comes from.
-    pub(super) fn blame(&mut self, culprit: Culprit) {
+    /// Says which torque the parting comes from, and where in the step it arises.
+    pub(super) fn blame(&mut self, culprit: Culprit, onset: Onset) {
         if let Some(parting) = &mut self.parting {
-            parting.culprit = culprit;
+            (parting.culprit, parting.onset) = (culprit, onset);
         }
     }
 }

@@ -13,7 +13,8 @@
 //! * Centres of mass that an engine moves along are compared with the host's, step by step.
 //!
 //! The first difference beyond its bound is named with body, step, component, numbers and bound, and with the torque that it comes
-//! from: the step is taken again under each torque alone and without each of them.
+//! from: the step is taken again under each torque alone and without each of them. Of equal steps it is said as well where in the step it
+//! arises ([`Onset`]): in a slope, at a later stage, or in how the state is carried over.
 //!
 //! ```
 //! use polhode::verify::{Options, verify};
@@ -34,6 +35,7 @@ mod bound;
 mod closed_form;
 mod compare;
 mod culprit;
+mod onset;
 mod report;
 #[doc(hidden)]
 pub mod running;
@@ -51,6 +53,7 @@ use crate::torque::Torque;
 
 pub use compare::{Comparison, Field, Largest, Parting};
 pub use culprit::Culprit;
+pub use onset::Onset;
 pub use report::{GroupReport, Report};
 
 use subject::Subject;

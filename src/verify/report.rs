@@ -165,7 +165,8 @@ impl GroupReport {
             )?;
         }
         if let Some(parting) = &comparison.parting {
-            let Parting { step, time, body, field, component, found, expected, difference, bound, culprit } = parting;
+            let Parting { step, time, body, field, component, found, expected, difference, bound, culprit, onset } =
+                parting;
             let component = if component.is_empty() { String::new() } else { format!(" {component}") };
             let name = field.name();
             writeln!(formatter, "    THEY PART at step {step} (t = {time:e} s), body {body}: {name}{component}")?;
@@ -173,6 +174,10 @@ impl GroupReport {
             let blame = self.blame(culprit);
             if !blame.is_empty() {
                 writeln!(formatter, "      {blame}")?;
+            }
+            let onset = onset.in_words();
+            if !onset.is_empty() {
+                writeln!(formatter, "      {onset}")?;
             }
         }
         Ok(())
@@ -227,7 +232,7 @@ impl Report {
                     "step": parting.step, "time": parting.time, "body": parting.body, "field": parting.field.name(),
                     "component": parting.component, "found": parting.found, "expected": parting.expected,
                     "difference": parting.difference, "bound": parting.bound, "torques": torques,
-                    "blame": group.blame(&parting.culprit),
+                    "blame": group.blame(&parting.culprit), "onset": parting.onset.in_words(),
                 })
             });
             json!({

@@ -259,6 +259,10 @@ fn of(operation: Operation, found: &[Found], input: &impl Fn(Input) -> (f64, f64
 
 /// The bound of a monotonic function from its values at the ends of what its arguments may be; none where it jumps.
 fn through(value: f64, ends: &[f64], u: f64) -> Option<Found> {
+    // At an end that is no number the function is not defined.
+    if ends.iter().any(|end| end.is_nan()) {
+        return None;
+    }
     let spread = ends.iter().fold(0.0, |spread: f64, end| spread.max((end - value).abs()));
     let error = spread + FUNCTION_ULPS * 2.0 * u * value.abs();
     (value.is_finite() && error < 1e-2 * value.abs().max(1.0)).then(|| Running::bounded(value, error))

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::bound::{RowBound, StepBounds, Stepped};
 use super::compare::{Comparison, Field, Gap, Place, first_bit_difference, gaps};
 use super::culprit::{Culprit, culprit};
+use super::onset::{Onset, onset};
 use super::subject::{Side, Subject, TWIN, in_one_word, row_of, start_clock};
 use super::translation::Flown;
 use super::{Found, Window};
@@ -114,7 +115,8 @@ pub(super) fn compare(
             let after = side.with(|engine| kernel.step(engine, at(&subject.batch), step.dt))?;
             if let Some(row) = enter_states(comparison, subject, &step, (&expected, &after), &row_bounds) {
                 let blamed = blamed(subject, kernel, side, &step, (&states, row))?;
-                comparison.blame(blamed);
+                let onset = onset_of(&blamed, subject, kernel, side, &step, (&states, row))?;
+                comparison.blame(blamed, onset);
             }
         }
         if subject.precision != crate::batch::Precision::F64 {
@@ -245,17 +247,54 @@ fn blamed(
     }
     let state = row_of(states, row);
     culprit(&subject.torques, &mut |acting| {
-        let [own, twin] = subject.alone(row, acting)?.map(|batch| batch.at(&state, step.clock));
-        let bounds = StepBounds::new(twin.torques(), kernel.method, subject.precision, false);
-        let expected = kernel.step(&Cpu::new(TWIN), twin.clone(), step.dt)?;
-        let after = side.with(|engine| kernel.step(engine, own, step.dt))?;
-        let (start, end) = (state.combined(0), expected.combined(0));
-        let ticks = step.clock.ticks();
-        let bound = bounds.of(&twin, &Stepped { row: 0, ticks, dt: step.dt, start: &start, end: &end });
-        let mut comparison = Comparison::new([String::new(), String::new()], true);
-        let place = Place { body: 0, step: step.number, time: 0.0 };
-        Ok(enter_row(&mut comparison, subject, place, (&expected, &after, 0), bound.as_ref()))
+        Ok(alone(subject, kernel, side, step, (&state, row), acting)?.parting.is_some())
     })
+}
+
+/// Where in the step the torques that are to blame, or the method where none is, make the sides part.
+fn onset_of(
+    culprit: &Culprit,
+    subject: &Subject<'_>,
+    kernel: Kernel,
+    side: &Side<'_>,
+    step: &OneStep,
+    (states, row): (&StateWords, usize),
+) -> Result<Onset> {
+    if kernel.projected {
+        return Ok(Onset::NotFound);
+    }
+    let acting = match culprit {
+        Culprit::NotSought | Culprit::Method => &[],
+        Culprit::Torques(torques) => torques.as_slice(),
+        Culprit::OnlyTogetherWith(_) | Culprit::Together => subject.torques.as_slice(),
+    };
+    let state = row_of(states, row);
+    onset(&mut |part| {
+        let step = OneStep { dt: part * step.dt, ..*step };
+        alone(subject, kernel, side, &step, (&state, row), acting)
+    })
+}
+
+/// How the sides differ after a step of one body under some of the torques.
+fn alone(
+    subject: &Subject<'_>,
+    kernel: Kernel,
+    side: &Side<'_>,
+    step: &OneStep,
+    (state, row): (&StateWords, usize),
+    acting: &[usize],
+) -> Result<Comparison> {
+    let [own, twin] = subject.alone(row, acting)?.map(|batch| batch.at(state, step.clock));
+    let bounds = StepBounds::new(twin.torques(), kernel.method, subject.precision, false);
+    let expected = kernel.step(&Cpu::new(TWIN), twin.clone(), step.dt)?;
+    let after = side.with(|engine| kernel.step(engine, own, step.dt))?;
+    let (start, end) = (state.combined(0), expected.combined(0));
+    let ticks = step.clock.ticks();
+    let bound = bounds.of(&twin, &Stepped { row: 0, ticks, dt: step.dt, start: &start, end: &end });
+    let mut comparison = Comparison::new([String::new(), String::new()], true);
+    let place = Place { body: 0, step: step.number, time: 0.0 };
+    enter_row(&mut comparison, subject, place, (&expected, &after, 0), bound.as_ref());
+    Ok(comparison)
 }
 
 /// All steps of the window in as few calls as there are, and one by one: their bits must be equal.

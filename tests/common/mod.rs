@@ -19,6 +19,16 @@ pub fn any_adapter() -> GpuOptions {
     GpuOptions { software: true, ..GpuOptions::default() }
 }
 
+/// Says that a test, or a part of one, has nothing to look at on this machine; tests/run.sh lists and counts what was skipped.
+pub fn skipped(test: &str, reason: &str) {
+    println!("SKIPPED {test}: {reason}");
+    if let Some(list) = std::env::var_os("POLHODE_SKIPPED") {
+        let mut list =
+            std::fs::OpenOptions::new().create(true).append(true).open(list).expect("the list of skipped tests");
+        std::io::Write::write_all(&mut list, format!("{test}: {reason}\n").as_bytes()).expect("written");
+    }
+}
+
 /// The GPU engine on the best adapter there is.
 pub fn gpu() -> Engine {
     gpu_with(any_adapter())

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 use polhode::batch::{AnyBatch, Precision, prepare_with};
-use polhode::torque::{Orbit, Torque};
+use polhode::torque::{Orbit, Parameter, Torque};
 
 use super::asymmetric_ensemble;
 use super::random::Random;
@@ -11,13 +11,38 @@ use super::random::Random;
 ///
 /// Amplitudes are in proportion to the bodies' moments (`scale`), so that all of them turn by about a radian a second.
 pub fn every_torque(scale: &[f64]) -> Vec<Torque> {
+    every_torque_where(scale, |_, _| true)
+}
+
+/// The same, each on the bodies alone whose numbers leave its own when they are divided by the number of `kinds`; bodies of the numbers behind
+/// feel none.
+pub fn each_torque_alone(scale: &[f64], kinds: usize) -> Vec<Torque> {
+    every_torque_where(scale, |torque, body| body % kinds == torque)
+}
+
+/// The same, where `acts` says so of the number of a torque and of a body; elsewhere they have no strength.
+pub fn every_torque_where(scale: &[f64], acts: impl Fn(usize, usize) -> bool) -> Vec<Torque> {
     let count = scale.len();
+    let part = |torque: usize, body: usize| if acts(torque, body) { 1.0 } else { 0.0 };
+    let numbers = |torque: usize, column: &[f64]| -> Vec<f64> {
+        column.iter().enumerate().map(|(body, number)| part(torque, body) * number).collect()
+    };
+    let on = |torque: usize, column: &[DVec3]| -> Vec<DVec3> {
+        column.iter().enumerate().map(|(body, vector)| part(torque, body) * *vector).collect()
+    };
+    // A planet of next to no mass, where a gradient has no strength of its own.
+    let planet = |torque: usize| -> Parameter<f64> {
+        if (0..count).all(|body| acts(torque, body)) {
+            return 1.0.into();
+        }
+        (0..count).map(|body| if acts(torque, body) { 1.0 } else { 1e-60 }).collect::<Vec<_>>().into()
+    };
     let mut random = Random::new(77);
     let mut column = |size: f64| -> Vec<f64> { scale.iter().map(|s| s * size * random.between(0.5, 1.0)).collect() };
     let (drag, quadratic, stiffness, noise, slip) =
         (column(0.05), column(0.03), column(0.3), column(0.02), scale.iter().map(|s| 0.02 / s).collect::<Vec<_>>());
     let eddy = column(0.1);
-    let matrix: Vec<DMat3> = drag
+    let matrix: Vec<DMat3> = numbers(4, &drag)
         .iter()
         .map(|d| DMat3::from_diagonal(DVec3::new(1.0, 2.0, 3.0)) * *d + DMat3::IDENTITY * (0.1 * d))
         .collect();
@@ -32,25 +57,34 @@ pub fn every_torque(scale: &[f64]) -> Vec<Torque> {
     let eccentricity: Vec<f64> = (0..count).map(|_| random.between(0.0, 0.9)).collect();
     let target = DQuat::from_xyzw(0.3, -0.2, 0.5, 0.7);
     vec![
-        Torque::constant_body(constant),
+        Torque::constant_body(on(0, &constant)),
         Torque::constant_body(DVec3::ZERO),
-        Torque::constant_world(world),
-        Torque::linear_drag(drag),
+        Torque::constant_world(on(2, &world)),
+        Torque::linear_drag(numbers(3, &drag)),
         Torque::matrix_drag(matrix),
-        Torque::quadratic_drag(quadratic),
-        Torque::sinusoidal(sine, cosine, 1.75),
-        Torque::sinusoidal(second_sine, DVec3::ZERO, rates),
-        Torque::gravity_gradient(Orbit::circular(1.0, 1.3).inclined(0.7).with_mean_anomaly(0.4)),
-        Torque::gravity_gradient(Orbit::kepler(1.0, 2.0, eccentricity).with_pericentre(0.3).with_mean_anomaly(-2.0)),
-        Torque::heavy_top(1.5, centre, DVec3::new(0.1, 0.2, -1.0)),
-        Torque::magnetic_dipole(moment, DVec3::new(0.3, 0.1, 0.5)),
-        Torque::orbiting_dipole(orbiting, Orbit::kepler(1.0, 1.5, 0.3), 1.0, 2.97, 0.2, 0.5),
-        Torque::eddy_current(eddy.clone(), DVec3::new(0.6, 0.1, 0.4)),
-        Torque::orbiting_eddy_current(eddy, Orbit::kepler(1.0, 1.5, 0.2).inclined(0.4), 1.5, 0.4, 1.2, -0.5),
-        Torque::sine_spring(stiffness.clone(), target),
-        Torque::log_spring(stiffness, target),
-        Torque::white_noise(noise, 1_234_567_890_123),
-        Torque::internal_dissipation(slip),
+        Torque::quadratic_drag(numbers(5, &quadratic)),
+        Torque::sinusoidal(on(6, &sine), on(6, &cosine), 1.75),
+        Torque::sinusoidal(on(7, &second_sine), DVec3::ZERO, rates),
+        Torque::gravity_gradient(Orbit::circular(planet(8), 1.3).inclined(0.7).with_mean_anomaly(0.4)),
+        Torque::gravity_gradient(
+            Orbit::kepler(planet(9), 2.0, eccentricity).with_pericentre(0.3).with_mean_anomaly(-2.0),
+        ),
+        Torque::heavy_top(1.5, on(10, &centre), DVec3::new(0.1, 0.2, -1.0)),
+        Torque::magnetic_dipole(on(11, &moment), DVec3::new(0.3, 0.1, 0.5)),
+        Torque::orbiting_dipole(on(12, &orbiting), Orbit::kepler(1.0, 1.5, 0.3), 1.0, 2.97, 0.2, 0.5),
+        Torque::eddy_current(numbers(13, &eddy), DVec3::new(0.6, 0.1, 0.4)),
+        Torque::orbiting_eddy_current(
+            numbers(14, &eddy),
+            Orbit::kepler(1.0, 1.5, 0.2).inclined(0.4),
+            1.5,
+            0.4,
+            1.2,
+            -0.5,
+        ),
+        Torque::sine_spring(numbers(15, &stiffness), target),
+        Torque::log_spring(numbers(16, &stiffness), target),
+        Torque::white_noise(numbers(17, &noise), 1_234_567_890_123),
+        Torque::internal_dissipation(numbers(18, &slip)),
     ]
 }
 

@@ -62,9 +62,10 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let report = done?;
     if !report.failed_bodies.is_empty() {
         output::note(&format!(
-            "warning: {} of {} bodies have failed; report.json lists them",
+            "warning: {} of {} bodies have failed; failed.{} says which, when and why",
             report.failed_bodies.len(),
-            report.bodies
+            report.bodies,
+            wanted.format.name()
         ));
     }
     if report.outside_usable_region > 0 {

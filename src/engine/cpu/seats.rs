@@ -18,7 +18,7 @@ pub(super) struct Seating {
 
 impl Seating {
     /// Gives the lanes whose bodies have arrived to the rows from `next` on, of which there are `count`. Rows that are not under way are
-    /// passed over where they may be; else their lanes stay empty.
+    /// passed over, one by one or, where those of a group have to be side by side (`may_skip` is false), a whole group's at a time.
     #[inline(always)]
     pub fn reassign(
         &mut self,
@@ -28,6 +28,10 @@ impl Seating {
         next: &mut usize,
         is_under_way: impl Fn(usize) -> bool,
     ) {
+        let group = |first: usize| first..(first + lanes).min(count);
+        while !may_skip && *next < count && !group(*next).any(&is_under_way) {
+            *next += lanes;
+        }
         for lane in 0..lanes {
             if self.taken[lane] && is_under_way(self.rows[lane]) {
                 continue;

@@ -2,18 +2,20 @@
 
 use std::path::Path;
 
-use super::{COSTS, Cost, Costs, Figures};
+use super::{COSTS, Cost, Costs, Figures, SERIES_TOLERANCE};
 use crate::batch::Precision;
 use crate::bench::accuracy;
 use crate::bench::row::{Row, RowFault, rows};
 use crate::engine::{Description, EngineKind};
 use crate::error::{Error, Result};
+use crate::plan::Scheme;
 
 impl Costs {
     /// The shipped table with the times that `polhode bench accuracy` has measured on `engine` and left in `folder`.
     ///
     /// A method that was not measured keeps its shipped times on the CPU engine, and is no candidate on a GPU. Of several rows
-    /// of a method the fastest counts: the others are slower by what a run costs beside its steps.
+    /// of a method the fastest counts: the others are slower by what a run costs beside its steps. Of Taylor series those at the
+    /// tolerance [`SERIES_TOLERANCE`] count.
     ///
     /// # Errors
     ///
@@ -44,6 +46,7 @@ fn of_method(shipped: &Cost, rows: &[&Row], kind: EngineKind) -> Option<Cost> {
             row.text("method") == shipped.scheme.name()
                 && row.text("precision") == precision.name()
                 && row.text("problem") == problem
+                && (shipped.scheme != Scheme::TAYLOR || row.number("tolerance_rad") == SERIES_TOLERANCE)
         };
         let at_a_time = |row: &Row| if kind == EngineKind::Cpu { row.number("threads") } else { 1.0 };
         let of_row = |row: &&Row| at_a_time(row) / row.number("body_steps_per_second");

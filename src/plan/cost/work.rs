@@ -21,11 +21,14 @@ const INTERPRETED: f64 = 2.7;
 /// Operations of an evaluation under a constant torque and linear drag.
 const DRIVEN_OPERATIONS: f64 = 18.0;
 
-/// Time of a step by Taylor series that does not depend on its order, s; of an operation at an order, beside its multiplications; of
-/// one of those.
-const SERIES_STEP: f64 = 2.0e-8;
-const SERIES_OPERATION: f64 = 0.65e-9;
-const SERIES_MULTIPLICATION: f64 = 0.042e-9;
+/// Time of an operation at an order of a Taylor series, s, beside its multiplications; of one of those; and of a step's attitude where it
+/// follows from ω(t). Least squares over heavy tops, gravity gradients and *orbit* (DESIGN 8.4) at tolerances of 1e-6, 1e-9 and 1e-12,
+/// which they give within 5 %.
+const SERIES_OPERATION: f64 = 0.81e-9;
+const SERIES_MULTIPLICATION: f64 = 0.037e-9;
+const SERIES_ATTITUDE: f64 = 6.0e-8;
+/// What these come to, s, for the table's own problems at its tolerance.
+const TABULATED_SERIES: f64 = 1.159e-7;
 
 /// What the torques on a class of bodies cost.
 #[derive(Clone, Debug)]
@@ -64,30 +67,37 @@ impl Work {
     /// Time of a step, s; of adaptive ones at a tolerance.
     pub fn step_seconds(&self, cost: &Cost, precision: Precision, tolerance: f64) -> f64 {
         let tabulated = cost.step_seconds(precision, self.is_free);
-        match (cost.scheme, &self.series) {
-            (Scheme::TAYLOR, Some((series, needs_attitude))) => series_seconds(series, *needs_attitude, tolerance),
-            (scheme, _) => {
-                let evaluations = f64::from(scheme.method().properties().evaluations);
-                let place = usize::from(precision == Precision::F64);
-                // In proportion, as the table may be of another machine.
-                let shipped = Cost::shipped(scheme).step_seconds(precision, self.is_free);
-                tabulated * (1.0 + evaluations * self.operations * OPERATION[place] / shipped)
+        // In proportion to what the table's own problems take, as it may be of another machine.
+        tabulated
+            * match (cost.scheme, &self.series) {
+                (Scheme::TAYLOR, Some((series, needs_attitude))) => {
+                    series_seconds(series, *needs_attitude, tolerance) / TABULATED_SERIES
+                }
+                (scheme, _) => {
+                    let evaluations = f64::from(scheme.method().properties().evaluations);
+                    let place = usize::from(precision == Precision::F64);
+                    let shipped = Cost::shipped(scheme).step_seconds(precision, self.is_free);
+                    1.0 + evaluations * self.operations * OPERATION[place] / shipped
+                }
             }
-        }
     }
 }
 
 fn series_seconds(series: &Lowered, needs_attitude: bool, tolerance: f64) -> f64 {
     let order = order_of(tolerance);
     let (orders, half) = (order as f64, half_order_of(order) as f64);
-    // Of the relative attitude 12 multiplications each, and the two sums of its series.
-    let attitude = if needs_attitude { 0.0 } else { 6.0 * half * (half - 1.0) + 12.0 * half };
-    let multiplications = series.multiplications(order) + attitude + 3.0 * orders;
-    SERIES_STEP + series.operations() as f64 * orders * SERIES_OPERATION + multiplications * SERIES_MULTIPLICATION
+    // Of the relative attitude, from both ends, 12 multiplications each, and the sums of its series.
+    let (at_orders, multiplications, attitude) = match needs_attitude {
+        true => (0.0, 0.0, 0.0),
+        false => (2.0 * half, 6.0 * half * (half - 1.0) + 12.0 * half, SERIES_ATTITUDE),
+    };
+    let operations = series.operations() as f64 * orders + at_orders;
+    attitude + operations * SERIES_OPERATION + (series.multiplications(order) + multiplications) * SERIES_MULTIPLICATION
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::SERIES_TOLERANCE;
     use super::*;
     use glam::{DQuat, DVec3};
 
@@ -99,13 +109,19 @@ mod tests {
     #[test]
     fn the_tables_own_problem_costs_what_the_table_says() {
         let driven = [Torque::constant_body(DVec3::X), Torque::linear_drag(0.1)];
-        for cost in super::super::COSTS.iter().filter(|cost| cost.scheme != Scheme::TAYLOR) {
+        for cost in super::super::COSTS {
             for precision in Precision::ALL {
-                let seconds = work_of(&driven).step_seconds(cost, precision, 1e-9);
-                assert_eq!(seconds, cost.step_seconds(precision, false), "{}", cost.scheme.name());
-                assert_eq!(work_of(&[]).step_seconds(cost, precision, 1e-9), cost.step_seconds(precision, true));
+                let within = if cost.scheme == Scheme::TAYLOR { 1e-3 } else { 0.0 };
+                for (torques, is_free) in [(&driven[..], false), (&[], true)] {
+                    let foretold = work_of(torques).step_seconds(cost, precision, SERIES_TOLERANCE);
+                    let measured = cost.step_seconds(precision, is_free);
+                    let agrees = foretold == measured || (foretold / measured - 1.0).abs() <= within;
+                    assert!(agrees, "{}: {foretold:e} and {measured:e}", cost.scheme.name());
+                }
             }
         }
+        let row = Cost::shipped(Scheme::TAYLOR).driven.seconds[1];
+        assert!((TABULATED_SERIES / row - 1.0).abs() < 0.1, "the model says {TABULATED_SERIES:e}, the table {row:e}");
         let table = TorqueTable::new(
             &driven,
             parameter_columns::<f64>(),

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{AccuracyReport, AdaptiveReport, DriftReport, QuantilesReport, Report};
+use super::{AccuracyReport, AdaptiveReport, DriftReport, FailureReport, QuantilesReport, Report};
 use crate::plan::listed;
 
 /// The nearest-rank 99th percentile of fewer values is their maximum.
@@ -49,7 +49,10 @@ impl fmt::Display for Report {
         match self.failed_bodies.first() {
             None => write!(formatter, "  failed   none"),
             Some(first) => {
-                write!(formatter, "  failed   {} bodies, the first is body {first}", self.failed_bodies.len())
+                write!(formatter, "  failed   {} bodies, the first is body {first}", self.failed_bodies.len())?;
+                self.failures.iter().try_for_each(|FailureReport { reason, meaning, bodies, .. }| {
+                    write!(formatter, "\n           {bodies} {reason}: {meaning}")
+                })
             }
         }
     }
@@ -111,13 +114,16 @@ impl fmt::Display for AdaptiveReport {
 
 impl fmt::Display for AccuracyReport {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(formatter, "  error    attitude (rad)   {}", self.attitude)?;
-        writeln!(formatter, "           angular velocity {}", self.angular_velocity)?;
-        writeln!(formatter, "           kinetic energy   {}", self.kinetic_energy)?;
         let bodies = if self.bodies == 1 { "body" } else { "bodies" };
-        write!(formatter, "           estimated from {} {bodies} recomputed in f64", self.bodies)?;
+        if self.bodies > 0 {
+            writeln!(formatter, "  error    attitude (rad)   {}", self.attitude)?;
+            writeln!(formatter, "           angular velocity {}", self.angular_velocity)?;
+            writeln!(formatter, "           kinetic energy   {}", self.kinetic_energy)?;
+            write!(formatter, "           estimated from {} {bodies} recomputed in f64", self.bodies)?;
+        }
         match self.bodies {
-            0..LEAST_FOR_P99 => writeln!(formatter, " (of fewer than {LEAST_FOR_P99}, p99 is the greatest)")?,
+            0 => writeln!(formatter, "  error    not known: no body of the sample is left to compare")?,
+            1..LEAST_FOR_P99 => writeln!(formatter, " (of fewer than {LEAST_FOR_P99}, p99 is the greatest)")?,
             _ => writeln!(formatter)?,
         }
         if self.diverged > 0 {

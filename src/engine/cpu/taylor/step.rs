@@ -119,11 +119,11 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
         let two_sided = &self.motion.two_sided;
         let count = 2 * two_sided.half_order + 1;
         let omega = VectorRows { rows: self.rows(self.motion.angular_velocity, count), group };
-        let mut norms = [R::splat(0.0); MOST_ORDER + 1];
+        let mut norms = [Each::<R, 1>::zero(); MOST_ORDER + 1];
         for (order, norm) in norms.iter_mut().enumerate().take(count) {
             // The first ones are what most depends on; three components are less than their sum.
             let omega = omega.at(order);
-            *norm = match order {
+            norm[0] = match order {
                 0..3 => omega.dot(omega).sqrt(),
                 _ => omega.x.abs() + omega.y.abs() + omega.z.abs(),
             };

@@ -119,16 +119,15 @@ impl<T: Scalar> LaneTask<T> for Attempts<'_, '_, T> {
             for group in 0..GROUPS {
                 let mut under_way = seats.controllers[group].under_way(&tile.state[group]);
                 // To give lanes away costs some of an attempt of all of them, so it waits until as much is lost. Bodies that are not rigid
-                // change seats all together, and those that take them may have arrived in a slice before.
+                // change seats all together.
                 if seats.next < block.bodies {
                     seats.idle[group] += R::LANES - lanes_in::<R>(under_way);
                 }
-                let mut is_due = is_rigid && 2 * seats.idle[group] >= R::LANES;
-                while seats.next < block.bodies && (is_due || !R::any(under_way)) {
+                let is_due = is_rigid && 2 * seats.idle[group] >= R::LANES;
+                if seats.next < block.bodies && (is_due || !R::any(under_way)) {
                     R::outlined(Fill { block: &mut block, tile: &mut tile, seats: &mut seats, group });
                     seats.idle[group] = 0;
                     under_way = seats.controllers[group].under_way(&tile.state[group]);
-                    is_due = false;
                 }
                 if R::any(under_way) {
                     tile.groups[tile.active % GROUPS] = group;

@@ -1,0 +1,97 @@
+//! The table of bodies that have failed, one row a body.
+
+use glam::{DQuat, DVec3};
+
+use super::FailedBody;
+use super::folder::OutputFolder;
+use super::npz_file::{Archive, npy_header};
+use crate::error::Result;
+use crate::study::Format;
+
+/// The columns: the body, the first output at which it had failed (s), the number and the word of the reason, the time of its last
+/// good state that is known (s; 0 is the start), and its orientation (body to world) and angular velocity (body axes, rad/s) then.
+const COLUMNS: [&str; 12] = ["body", "t", "status", "reason", "last_good_t", "qx", "qy", "qz", "qw", "wx", "wy", "wz"];
+
+/// Columns of numbers of 64 bits from that of the last good state on.
+const LAST_GOOD: usize = 8;
+
+/// Bytes of a reason in an array, which are filled up with zeros.
+const REASON_BYTES: usize = 20;
+
+/// Writes the table.
+pub(super) fn write(folder: &mut OutputFolder, format: Format, failures: &[FailedBody]) -> Result<()> {
+    let name = format!("failed.{}", format.name());
+    match format {
+        Format::Csv => folder.write(&name, text(failures).as_bytes()),
+        Format::Npz => {
+            let mut archive = Archive::new(folder.begin(&name)?);
+            let arrays = COLUMNS.iter().zip(arrays(failures)).map(|(name, (element, bytes))| {
+                let mut file = npy_header(&element, &[failures.len()]);
+                file.extend(bytes);
+                (format!("{name}.npy"), file)
+            });
+            for (entry, (name, file)) in arrays.enumerate() {
+                archive.reserve(name, file.len() as u64);
+                archive.append(entry, &file)?;
+            }
+            archive.finish()
+        }
+    }
+}
+
+fn text(failures: &[FailedBody]) -> String {
+    let mut text = COLUMNS.join(",") + "\n";
+    let mut number = zmij::Buffer::new();
+    for failed in failures {
+        text += &format!(
+            "{},{},{},{}",
+            failed.body,
+            number.format(failed.time),
+            failed.reason.number(),
+            failed.reason.name()
+        );
+        for value in last_good(failed) {
+            text.push(',');
+            text += number.format(value);
+        }
+        text.push('\n');
+    }
+    text
+}
+
+/// The columns as arrays: the type of their elements, and their bytes.
+fn arrays(failures: &[FailedBody]) -> Vec<(String, Vec<u8>)> {
+    let column = |element: &str, bytes: &dyn Fn(&FailedBody) -> Vec<u8>| {
+        (element.to_owned(), failures.iter().flat_map(bytes).collect::<Vec<u8>>())
+    };
+    let reason = |failed: &FailedBody| {
+        let mut bytes = failed.reason.name().as_bytes().to_vec();
+        bytes.resize(REASON_BYTES, 0);
+        bytes
+    };
+    let mut arrays = vec![
+        column("<u8", &|failed| (failed.body as u64).to_le_bytes().to_vec()),
+        column("<f8", &|failed| failed.time.to_le_bytes().to_vec()),
+        column("|u1", &|failed| vec![failed.reason.number()]),
+        column(&format!("|S{REASON_BYTES}"), &reason),
+    ];
+    arrays.extend((0..LAST_GOOD).map(|place| column("<f8", &|failed| last_good(failed)[place].to_le_bytes().to_vec())));
+    arrays
+}
+
+fn last_good(failed: &FailedBody) -> [f64; LAST_GOOD] {
+    let FailedBody { last_good_time, orientation, angular_velocity_body, .. } = *failed;
+    let (DQuat { x, y, z, w }, DVec3 { x: wx, y: wy, z: wz }) = (orientation, angular_velocity_body);
+    [last_good_time, x, y, z, w, wx, wy, wz]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::method::Status;
+
+    #[test]
+    fn words_of_reasons_fit_into_their_arrays() {
+        assert!(Status::ALL.iter().all(|status| status.name().len() <= REASON_BYTES));
+    }
+}

@@ -1,0 +1,136 @@
+//! Bodies that fail on the way: marked where states are read, and kept with the last state that was good.
+
+use std::collections::BTreeMap;
+
+use glam::{DQuat, DVec3};
+use rayon::prelude::*;
+
+use super::OutputState;
+use super::reading::TASK;
+use crate::batch::BodyState;
+use crate::ensemble::Ensemble;
+use crate::error::Result;
+use crate::memory;
+use crate::method::Status;
+use crate::record::FailedBody;
+
+/// The bodies that have failed so far.
+pub(super) struct Failures<'p> {
+    ensemble: &'p Ensemble,
+    found: BTreeMap<usize, FailedBody>,
+    /// The states at the last output that was read, by body; NaN of bodies that have failed. Empty where none was read, or no other
+    /// output follows.
+    earlier: Vec<Good>,
+    /// When that was, s.
+    earlier_time: Option<f64>,
+}
+
+/// What is kept of a good state.
+#[derive(Clone, Copy)]
+struct Good {
+    orientation: DQuat,
+    angular_velocity_body: DVec3,
+}
+
+impl Good {
+    const NONE: Self = Self { orientation: DQuat::NAN, angular_velocity_body: DVec3::NAN };
+
+    fn is_some(&self) -> bool {
+        !self.orientation.w.is_nan()
+    }
+}
+
+impl<'p> Failures<'p> {
+    pub fn new(ensemble: &'p Ensemble) -> Self {
+        Self { ensemble, found: BTreeMap::new(), earlier: Vec::new(), earlier_time: None }
+    }
+
+    /// Notes which of the bodies from `first_body` on have failed by `time`, s, and makes their numbers NaN. Where it is not the
+    /// `last` output, the others' states are kept until the next one.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::TooManyBodies`] where there is no memory for those.
+    pub fn mark(&mut self, time: f64, last: bool, first_body: usize, states: &mut [OutputState]) -> Result<()> {
+        let body_count = self.ensemble.len();
+        if !last && self.earlier.is_empty() {
+            memory::require(body_count, body_count.saturating_mul(size_of::<Good>()), "the bodies' last good states")?;
+            self.earlier = vec![Good::NONE; body_count];
+        }
+        let is_first = self.earlier_time.is_none();
+        let own = first_body..(first_body + states.len()).min(self.earlier.len());
+        let mut earlier = self.earlier.get_mut(own).map(|earlier| earlier.chunks_mut(TASK));
+        let next = |states| (states, earlier.as_mut().and_then(Iterator::next));
+        let tasks: Vec<_> = states.chunks_mut(TASK).map(next).collect();
+        let failed = |(task, (states, mut earlier)): (usize, (&mut [OutputState], Option<&mut [Good]>))| {
+            let mut failed = Vec::new();
+            for (place, state) in states.iter().enumerate() {
+                let good = earlier.as_mut().map(|earlier| &mut earlier[place]);
+                let status = state.status();
+                if status == Status::Valid && (is_first || good.as_ref().is_none_or(|good| good.is_some())) {
+                    let BodyState { orientation, angular_velocity_body, .. } = state.rotation;
+                    good.into_iter().for_each(|good| *good = Good { orientation, angular_velocity_body });
+                    continue;
+                }
+                let before = good.map(|good| std::mem::replace(good, Good::NONE)).filter(|_| !is_first);
+                failed.push((first_body + task * TASK + place, status, before));
+            }
+            failed
+        };
+        let failed: Vec<_> = tasks.into_par_iter().enumerate().flat_map_iter(failed).collect();
+        for (body, status, before) in failed {
+            let reason = self.note(body, status, time, before);
+            blank(&mut states[body - first_body], reason);
+        }
+        Ok(())
+    }
+
+    /// Says that the output at `time`, s, was marked as a whole.
+    pub fn end_output(&mut self, time: f64) {
+        self.earlier_time = Some(time);
+    }
+
+    /// Notes a body that was found to have failed by `time`, s, where states were not read.
+    pub fn push(&mut self, body: usize, reason: Status, time: f64) {
+        let before = self.earlier.get(body).copied().filter(|_| self.earlier_time.is_some());
+        self.note(body, reason, time, before);
+    }
+
+    /// Notes a body that has failed, and gives the reason that was noted first.
+    fn note(&mut self, body: usize, reason: Status, time: f64, before: Option<Good>) -> Status {
+        let ensemble = self.ensemble;
+        let found = self.found.entry(body).or_insert_with(|| {
+            let start = || Good {
+                orientation: ensemble.orientation()[body],
+                angular_velocity_body: ensemble.angular_velocity_body()[body],
+            };
+            let last_good_time = before.and(self.earlier_time).unwrap_or(0.0);
+            let Good { orientation, angular_velocity_body } = before.unwrap_or_else(start);
+            FailedBody { body, reason, time, last_good_time, orientation, angular_velocity_body }
+        });
+        found.reason
+    }
+
+    /// Whether a body has failed.
+    pub fn contains(&self, body: usize) -> bool {
+        self.found.contains_key(&body)
+    }
+
+    /// How many bodies have failed for a reason.
+    pub fn count(&self, reason: Status) -> usize {
+        self.found.values().filter(|failed| failed.reason == reason).count()
+    }
+
+    /// All of them, by body.
+    pub fn finish(self) -> Vec<FailedBody> {
+        self.found.into_values().collect()
+    }
+}
+
+/// Makes the numbers of a body that has failed NaN: all of them, or those of its centre of mass if only that is lost.
+fn blank(state: &mut OutputState, reason: Status) {
+    if reason != Status::CentreNotFinite || !super::is_sound(&state.rotation) {
+        state.rotation = BodyState { status: reason, ..BodyState::UNKNOWN };
+    }
+    state.translation = state.translation.map(|_| (DVec3::NAN, DVec3::NAN));
+}

@@ -1,0 +1,55 @@
+//! From what sessions hold to states in the user's axes and units, in lanes and on all cores.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use crate::batch::{BodyFrame, BodyState, STATE_COMPONENTS, USER_BODIES, UserBlock};
+use crate::method::Status;
+use crate::plan::Members;
+
+/// Bodies that one task writes.
+pub(super) const TASK: usize = 1 << 10;
+
+/// Takes the state of the body in a row of a group.
+pub(super) type WriteState<'a> = dyn FnMut(usize, BodyState) + 'a;
+
+/// Forms the states in a range of rows of a group, in their order.
+pub(super) type FormStates<'a> = dyn Fn(Range<usize>, &mut WriteState<'_>) + Sync + 'a;
+
+/// Brings the bodies in some rows to the user's axes and units: `given` has the frame of each, its numbers as
+/// [`UserBlock::set`] takes them, and its status.
+pub(super) fn each_in_lanes(
+    rows: Range<usize>,
+    start: bool,
+    given: impl Fn(usize) -> (BodyFrame, [f64; STATE_COMPONENTS], Status),
+    write: &mut WriteState<'_>,
+) {
+    let mut block = UserBlock::new();
+    for first in rows.clone().step_by(USER_BODIES) {
+        let count = USER_BODIES.min(rows.end - first);
+        for place in 0..count {
+            let (frame, numbers, status) = given(first + place);
+            block.set(place, &frame, numbers, status);
+        }
+        block.form(start);
+        (0..count).for_each(|place| write(first + place, block.state(place)));
+    }
+}
+
+/// Fills the places of those of the bodies in `rows` that are in `bodies`.
+pub(super) fn scatter<T: Send>(
+    members: &Members,
+    bodies: &Range<usize>,
+    rows: &Range<usize>,
+    places: &mut [T],
+    form: &FormStates<'_>,
+    write: impl Fn(&mut T, BodyState) + Sync,
+) {
+    places.par_chunks_mut(TASK).enumerate().for_each(|(task, places)| {
+        let first = bodies.start + task * TASK;
+        let own = members.rows(first..first + places.len());
+        let own = own.start.max(rows.start)..own.end.min(rows.end);
+        form(own, &mut |row, state| write(&mut places[members.body(row) - first], state));
+    });
+}
