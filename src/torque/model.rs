@@ -212,6 +212,7 @@ impl Torque {
     }
 
     /// Prints the model's name and, of one that a user has made, its formula.
+    #[cfg(feature = "study")]
     pub(crate) fn model_ref(&self) -> &ModelRef {
         &self.model
     }
