@@ -1,6 +1,6 @@
 //! `plan.json`: a plan in full, by which a run is repeated to the bit.
 //!
-//! A sum tells a plan that was edited or cut from one that a run has left; of what is read back, so not of classes and skips.
+//! A checksum over what is read back, so not over classes and skips, detects plans that were edited or cut.
 //!
 //! The file holds what was chosen ([`Resolution`]) and marks of the scene that it was chosen for; classes and skips stand beside them for people
 //! and follow from both. Numbers are written with the digits that read back to the same bits.

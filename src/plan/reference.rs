@@ -1,5 +1,5 @@
-//! What a pilot compares with: the same bodies in `f64`, so fine that the error is far below what is asked for; by Taylor series where there are
-//! any, else by `rk8`, in adaptive steps where the bodies may take them and their tolerances have room for it.
+//! What a pilot compares with: the same bodies in `f64`, so fine that the error is far below what is asked for. It takes the cheaper of Taylor
+//! series and adaptive `rk8`, as far as the bodies may take such steps and the tolerances have room for it, else `rk8` in equal steps.
 
 use super::choice::{Rule, Scheme};
 use super::cost::Cost;

@@ -242,16 +242,20 @@ pub struct Shadow {
     pub same_draws: bool,
     /// Whether the sample agrees with them: with 99 of 100 bodies asked for, 2 of 64 may be beyond by chance, 3 are not
     /// (one in 20 samples of bodies that meet the target shows more than is allowed here). Where a body of the sample has failed, or
-    /// more of all bodies than the percentile leaves out, they are not met. `None` of no bodies, and where a random torque acts.
+    /// more of all bodies than the percentile leaves out, they are not met. `None` where nothing is known: of no bodies, where some could
+    /// not be recomputed, and where a random torque acts.
     pub met: Option<bool>,
 }
 
 impl std::fmt::Display for Shadow {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(formatter, "attitude error {} rad in {} bodies", self.attitude, self.bodies)?;
+        match self.bodies {
+            0 => write!(formatter, "attitude error not known")?,
+            bodies => write!(formatter, "attitude error {} rad in {bodies} bodies", self.attitude)?,
+        }
         match (self.met, &self.target) {
             (Some(true), Some(target)) => write!(formatter, ", as asked for ({target})"),
-            (Some(false), Some(target)) => write!(formatter, ", MORE THAN ASKED FOR ({target})"),
+            (Some(false), Some(target)) => write!(formatter, ", NOT MET ({target})"),
             _ => Ok(()),
         }
     }

@@ -106,11 +106,16 @@ pub fn run_into(
     let count = plan.times().len();
     let block = read_block(&engine.description());
     let (mut states, mut initial) = (Vec::new(), Vec::new());
-    for (index, &time) in plan.times().iter().enumerate() {
+    let outputs = plan.times().iter().enumerate();
+    let asked: Vec<bool> = outputs.clone().map(|(index, &time)| sink.wants(index, count, time)).collect();
+    // Without skipping what nobody asked for is read too.
+    let is_read = |index: usize| asked[index] || !scene.may_skip() || (index + 1 == count && !plan.leaves_states());
+    if (0..count).filter(|&index| is_read(index)).count() > 1 {
+        failures.keep_states()?;
+    }
+    for (index, &time) in outputs {
         let last = index + 1 == count;
-        // The long way reads what nobody asked for too.
-        let asked = sink.wants(index, count, time);
-        let wanted = asked || !scene.may_skip() || (last && !plan.leaves_states());
+        let (asked, wanted) = (asked[index], is_read(index));
         let clock = Instant::now();
         let span = plan.span_before(index);
         advance(&mut units, (time, span), wanted || last || reduces, (&mut done, total), observer)?;
@@ -145,7 +150,7 @@ pub fn run_into(
             // Among the pool's threads, so that they need not be woken for each part of it.
             rayon::scope(|_| -> Result<()> {
                 read_states(&mut units, &centres, &range, &mut states, last.then_some(&mut initial))?;
-                failures.mark(time, last, start, &mut states)?;
+                failures.mark(time, start, &mut states);
                 if last {
                     end.gather(scene, start, &initial, &states);
                 }
@@ -382,7 +387,7 @@ impl AtEnd {
         for unit in &mut *units {
             states.extend(unit.read_bodies(sample)?);
             let marked = unit.marked(usable_rate)?;
-            unit.reasons(&marked.failed)?.into_iter().for_each(|(body, reason)| failed(body, reason));
+            unit.reasons(marked.failed)?.into_iter().for_each(|(body, reason)| failed(body, reason));
             faster.extend(marked.faster);
         }
         faster.sort_unstable();

@@ -182,8 +182,11 @@ const MOST_REFINEMENT: f64 = 64.0;
 
 /// Torque-free bodies at the end; those whose phases the closed form does not resolve have no state.
 fn closed_form(scene: &Scene, members: &[u32]) -> Vec<Reference> {
+    // The energy does not depend on the phases.
     let wanted = match scene.stepping() {
-        Stepping::Accuracy(accuracy) => accuracy.strictest(),
+        Stepping::Accuracy(accuracy) => {
+            accuracy.attitude.into_iter().chain(accuracy.angular_velocity).fold(f64::INFINITY, f64::min)
+        }
         Stepping::Pinned { .. } | Stepping::Adaptive { .. } => 1.0,
     };
     let reference = |&body: &u32| {

@@ -22,8 +22,8 @@ const INTERPRETED: f64 = 2.7;
 const DRIVEN_OPERATIONS: f64 = 18.0;
 
 /// Time of an operation at an order of a Taylor series, s, beside its multiplications; of one of those; and of a step's attitude where it
-/// follows from ω(t). Least squares over heavy tops, gravity gradients and *orbit* (DESIGN 8.4) at tolerances of 1e-6, 1e-9 and 1e-12,
-/// which they give within 5 %.
+/// follows from ω(t). Least squares over heavy tops, gravity gradients and *orbit* (DESIGN 8.4) at tolerances of 1e-6, 1e-9 and 1e-12;
+/// the times measured there are met within 5 %.
 const SERIES_OPERATION: f64 = 0.81e-9;
 const SERIES_MULTIPLICATION: f64 = 0.037e-9;
 const SERIES_ATTITUDE: f64 = 6.0e-8;
@@ -120,8 +120,10 @@ mod tests {
                 }
             }
         }
-        let row = Cost::shipped(Scheme::TAYLOR).driven.seconds[1];
-        assert!((TABULATED_SERIES / row - 1.0).abs() < 0.1, "the model says {TABULATED_SERIES:e}, the table {row:e}");
+        let taylor = Cost::shipped(Scheme::TAYLOR);
+        for row in [taylor.free.seconds[1], taylor.driven.seconds[1]] {
+            assert!((TABULATED_SERIES / row - 1.0).abs() < 0.15, "the model says {TABULATED_SERIES:e}, the table {row:e}");
+        }
         let table = TorqueTable::new(
             &driven,
             parameter_columns::<f64>(),
