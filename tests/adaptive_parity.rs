@@ -460,6 +460,8 @@ fn growth(torques: &[Torque], tolerance: f64) -> Vec<f64> {
 /// In `f32`, rounding of torques is a part of the estimate, so that decisions fall either way, a body may take half as many
 /// steps again, and both are right to the tolerance only: steps are off by up to
 /// √7 of it in seven components ([`polhode::method::rk8_adaptive`]).
+///
+/// The largest part of it that lavapipe came to is 0.21, in `f64` at 1e-6 under all torques.
 fn bound(precision: Precision, torques: usize, tolerance: f64) -> f64 {
     match precision {
         Precision::F32 => 2.0 * 7.0_f64.sqrt() * tolerance,
