@@ -9,7 +9,7 @@ use crate::batch::{Precision, parameter_columns};
 use crate::ensemble::Ensemble;
 use crate::expression::jet::Lowered;
 use crate::method::taylor::{half_order_of, order_of};
-use crate::plan::Scheme;
+use crate::plan::{Scheme, SkipName};
 use crate::torque::motion::RecordedMotion;
 use crate::torque::table::{Bodies, TorqueTable};
 use crate::torque::{Kind, Torque};
@@ -36,8 +36,8 @@ pub(in crate::plan) struct Work {
     is_free: bool,
     /// Operations of an evaluation beyond those of the driven problem.
     operations: f64,
-    /// Their series, and whether these contain the attitude's.
-    series: Option<(Lowered, bool)>,
+    /// Their series.
+    series: Option<Lowered>,
 }
 
 impl Work {
@@ -54,9 +54,18 @@ impl Work {
             true => all - recorded(&compiled).map_or(0.0, |motion| motion.operations()),
             false => 0.0,
         };
-        let series = own.and_then(|motion| Some((motion.lowered().ok()?, motion.needs_attitude)));
+        let series = own.and_then(|motion| motion.lowered().ok());
         let operations = (all + (INTERPRETED - 1.0) * interpreted - DRIVEN_OPERATIONS).max(0.0);
         Self { is_free: torques.is_empty(), operations, series }
+    }
+
+    /// What the motion's Taylor series leave out.
+    pub fn skip_of_series(&self) -> Option<SkipName> {
+        match &self.series {
+            Some(series) if series.has_orientation => None,
+            Some(series) if series.has_directions() => Some(SkipName::Directions),
+            _ => Some(SkipName::Attitude),
+        }
     }
 
     /// Whether the motion has Taylor series.
@@ -70,9 +79,7 @@ impl Work {
         // In proportion to what the table's own problems take, as it may be of another machine.
         tabulated
             * match (cost.scheme, &self.series) {
-                (Scheme::TAYLOR, Some((series, needs_attitude))) => {
-                    series_seconds(series, *needs_attitude, tolerance) / TABULATED_SERIES
-                }
+                (Scheme::TAYLOR, Some(series)) => series_seconds(series, tolerance) / TABULATED_SERIES,
                 (scheme, _) => {
                     let evaluations = f64::from(scheme.method().properties().evaluations);
                     let place = usize::from(precision == Precision::F64);
@@ -83,11 +90,11 @@ impl Work {
     }
 }
 
-fn series_seconds(series: &Lowered, needs_attitude: bool, tolerance: f64) -> f64 {
+fn series_seconds(series: &Lowered, tolerance: f64) -> f64 {
     let order = order_of(tolerance);
     let (orders, half) = (order as f64, half_order_of(order) as f64);
     // Of the relative attitude, from both ends, 12 multiplications each, and the sums of its series.
-    let (at_orders, multiplications, attitude) = match needs_attitude {
+    let (at_orders, multiplications, attitude) = match series.has_orientation {
         true => (0.0, 0.0, 0.0),
         false => (2.0 * half, 6.0 * half * (half - 1.0) + 12.0 * half, SERIES_ATTITUDE),
     };

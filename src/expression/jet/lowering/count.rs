@@ -29,6 +29,8 @@ impl Lowered {
                 Kind::Rotation => (7.5, 18.0),
                 Kind::Euler => (3.0, 12.0),
                 Kind::Attitude => (12.0, 4.0),
+                Kind::Direction => (6.0, 3.0),
+                Kind::Turning => (12.0, 12.0),
                 Kind::Quotient => (1.0, DIVISION),
                 Kind::Sqrt => (0.5, DIVISION),
                 Kind::SinCosAffine => (0.0, 4.0),
