@@ -53,8 +53,8 @@ pub use resolution::{Resolution, Stepped};
 pub use skip::{Skip, SkipName};
 pub use times::{Interval, MOST_OUTPUTS};
 
-pub(crate) use times::steps_over;
 use cost::work::Work;
+pub(crate) use times::steps_over;
 use times::{longest_over, output_times};
 
 /// A scene resolved for an engine: which bodies are treated how, and the output times.

@@ -33,9 +33,10 @@ pub(crate) struct RecordedMotion {
     needs_attitude: bool,
 }
 
-/// An order at which ways to form series are compared, and the multiplications by which the attitude follows from ω(t) there.
+/// An order at which ways to form series are compared, and how much longer a step may take by the orientation's: a direction turns at the
+/// rate of the body, an orientation's components at half of it, so that their steps are some 10 to 30 % longer.
 const USUAL_ORDER: usize = 15;
-const ATTITUDE_MULTIPLICATIONS: f64 = 600.0;
+const LONGER_STEPS: f64 = 1.25;
 
 impl RecordedMotion {
     /// Records what acts.
@@ -93,9 +94,8 @@ impl RecordedMotion {
         };
         let whole = lowered(&self.graph, &equations)?;
         let by_directions = if self.needs_attitude { lowered_by_directions(&self.graph, &equations)? } else { None };
-        let is_less = |other: &Lowered| {
-            other.multiplications(USUAL_ORDER) + ATTITUDE_MULTIPLICATIONS < whole.multiplications(USUAL_ORDER)
-        };
+        let is_less =
+            |other: &Lowered| LONGER_STEPS * other.step_seconds(USUAL_ORDER) < whole.step_seconds(USUAL_ORDER);
         Ok(by_directions.filter(is_less).unwrap_or(whole))
     }
 }

@@ -134,9 +134,8 @@ pub(crate) fn lowered(graph: &Graph, equations: &Equations) -> Result<Lowered, F
 pub(crate) fn lowered_by_directions(graph: &Graph, equations: &Equations) -> Result<Option<Lowered>, Fault> {
     let wanted = equations.wanted();
     let directions = Directions::of(graph, &wanted);
-    let is_orientation = |node: Node| {
-        matches!(graph.operation(node), NodeOperation::Input(Input { kind: InputKind::Orientation, .. }))
-    };
+    let is_orientation =
+        |node: Node| matches!(graph.operation(node), NodeOperation::Input(Input { kind: InputKind::Orientation, .. }));
     if directions.live(graph, &wanted).into_iter().any(is_orientation) {
         return Ok(None);
     }

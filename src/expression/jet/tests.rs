@@ -244,11 +244,8 @@ fn what_asks_for_more_of_the_attitude_than_directions_keeps_it() {
     let (graph, outputs) = recorded(|recorder| {
         let part = |index| recorder.input(Input::new(InputKind::Orientation, index));
         let q = crate::quaternion::Quaternion::new(part(0), part(1), part(2), part(3));
-        let down = q.rotate_inverse(crate::vector::Vector::new(
-            Symbol::splat(0.0),
-            Symbol::splat(0.0),
-            Symbol::splat(1.0),
-        ));
+        let down =
+            q.rotate_inverse(crate::vector::Vector::new(Symbol::splat(0.0), Symbol::splat(0.0), Symbol::splat(1.0)));
         vec![down.x, down.y, part(0)]
     });
     let equations = |outputs: &[Node]| Equations {

@@ -26,7 +26,7 @@ use crate::torque::tile::gathered;
 use crate::torque::{PER_TICK, TorqueTable};
 use crate::vector::{TwoWords, Vector};
 use branch::Finish;
-use step::{Conclusion, Start};
+use step::{AttitudeBounds, Conclusion, Start};
 
 /// The controller's column that holds the step whose end the attitude has not been brought to yet ([`TwoSided`]).
 const PENDING: usize = 3;
@@ -181,6 +181,10 @@ struct Tile<'a, R: Real, const G: usize> {
     angles: Vec<Each<[R; 2], G>>,
     /// The series of the attitude relative to where a step starts.
     relative: Vec<Each<Quaternion<R>, 1>>,
+    /// The norms of the angular velocity's coefficients, a majorant of the attitude's, and its last two coefficients.
+    norms: Vec<Each<R, G>>,
+    majorant: Vec<Each<R, G>>,
+    bounds: [Each<R, G>; 2],
     /// Turns of lanes without work since lanes were given away last.
     idle: [usize; G],
     /// The first row that has not been looked at.
@@ -215,6 +219,9 @@ impl<'a, R: Real, const G: usize> Tile<'a, R, G> {
             inverse_scales: vec![Each([zero; G]); motion.directions.len()],
             angles: vec![Each([[zero; 2]; G]); jets.directions.len()],
             relative: vec![Each([state.orientation.value]); motion.two_sided.half_order + 1],
+            norms: vec![Each::zero(); 2 * motion.two_sided.half_order + 1],
+            majorant: vec![Each::zero(); 2 * motion.two_sided.half_order + 2],
+            bounds: [Each::zero(); 2],
             idle: [0; G],
             next: 0,
         }
@@ -396,6 +403,9 @@ impl<R: Real, const G: usize> Outlined for Advance<'_, '_, R, G> {
             slots += G * R::LANES;
             R::outlined(Start { tile: &mut tile });
             tile.series.form(&motion.jets);
+            if motion.orientation.is_none() {
+                R::outlined(AttitudeBounds { tile: &mut tile });
+            }
             for group in 0..G {
                 R::outlined(Conclusion { tile: &mut tile, group });
             }

@@ -5,7 +5,7 @@ use super::branch::Arrival;
 use crate::expression::jet::Place;
 use crate::lanes::Each;
 use crate::method::rk8_adaptive::renormalised;
-use crate::method::taylor::{Coefficients, MOST_ORDER, form_relative_attitude, step_of};
+use crate::method::taylor::{Coefficients, TwoSided, form_relative_attitude, step_of};
 use crate::method::{Status, flagged};
 use crate::quaternion::{Quaternion, norm_correction_of_step};
 use crate::real::{Outlined, Real, sin_cos};
@@ -171,22 +171,37 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
     /// log₂ 1/h by which the formula for the attitude keeps the tolerance, and whether that is a number.
     #[inline(always)]
     fn attitude_length(&self, group: usize) -> (R, R::Mask) {
-        let two_sided = &self.motion.two_sided;
-        let count = 2 * two_sided.half_order + 1;
-        let omega = VectorRows { rows: self.rows(self.motion.angular_velocity, count), group };
-        let mut norms = [Each::<R, 1>::zero(); MOST_ORDER + 1];
-        for (order, norm) in norms.iter_mut().enumerate().take(count) {
-            // The first ones are what most depends on; three components are less than their sum.
-            let omega = omega.at(order);
-            norm[0] = match order {
-                0..3 => omega.dot(omega).sqrt(),
-                _ => omega.x.abs() + omega.y.abs() + omega.z.abs(),
-            };
-        }
-        let [last, last_but_one] = two_sided.majorant(&norms[..count]);
+        let (last, last_but_one) = (self.bounds[0][group], self.bounds[1][group]);
         let limit = R::splat(1e290);
         let is_number = last.less_than(limit) & last_but_one.less_than(limit);
-        (two_sided.length.inverse_logarithm(last, last_but_one), is_number)
+        (self.motion.two_sided.length.inverse_logarithm(last, last_but_one), is_number)
+    }
+}
+
+/// Bounds the coefficients of the attitude relative to where the steps start.
+pub(super) struct AttitudeBounds<'s, 'a, R: Real, const G: usize> {
+    pub tile: &'s mut Tile<'a, R, G>,
+}
+
+impl<R: Real, const G: usize> Outlined for AttitudeBounds<'_, '_, R, G> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { tile } = self;
+        let (mut norms, mut majorant) = (std::mem::take(&mut tile.norms), std::mem::take(&mut tile.majorant));
+        let [x, y, z] = tile.rows(tile.motion.angular_velocity, norms.len());
+        for (order, (norm, ((x, y), z))) in norms.iter_mut().zip(x.iter().zip(y).zip(z)).enumerate() {
+            for g in 0..G {
+                let omega = Vector::new(x[g], y[g], z[g]);
+                // The first ones are what most depends on; three components are less than their sum.
+                norm[g] = match order {
+                    0..3 => omega.dot(omega).sqrt(),
+                    _ => omega.x.abs() + omega.y.abs() + omega.z.abs(),
+                };
+            }
+        }
+        tile.bounds = TwoSided::majorant(&norms, &mut majorant);
+        (tile.norms, tile.majorant) = (norms, majorant);
     }
 }
 
@@ -277,9 +292,12 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
                 let is_pending = under_way & zero.less_than(pending);
                 let arrived = q.product(backwards.conjugate());
                 let arrived = arrived * (one / arrived.norm_squared().sqrt());
-                // Where the series are no numbers the attitude stays where the last step began.
-                let begun = q * (one / q.norm_squared().sqrt());
-                let here = Quaternion::select(is_pending, Quaternion::select(is_number, arrived, begun), q);
+                let mut here = Quaternion::select(is_pending, arrived, q);
+                if R::any(is_pending & !is_number) {
+                    // Where the series are no numbers the attitude stays where the last step began.
+                    let begun = q * (one / q.norm_squared().sqrt());
+                    here = Quaternion::select(is_pending & !is_number, begun, here);
+                }
                 let mut stays = state;
                 stays.orientation.value = here;
                 next.orientation.value = here.product(forwards);

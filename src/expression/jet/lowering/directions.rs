@@ -59,11 +59,8 @@ impl Directions {
         let mut found = Self::default();
         for node in graph.live(wanted) {
             let Some(form) = form(graph, node, &forms) else { continue };
-            if let Some((vector, component)) = graph
-                .dependence(node)
-                .intersects(Dependence::ATTITUDE)
-                .then(|| direction(&form))
-                .flatten()
+            if let Some((vector, component)) =
+                graph.dependence(node).intersects(Dependence::ATTITUDE).then(|| direction(&form)).flatten()
             {
                 found.add(node, vector, component);
             }
@@ -261,7 +258,8 @@ impl Lowering<'_> {
         let angle = self.angle(row)?;
         let [world, ahead] = vectors.map(|vector| vector.map(Factor::symbol));
         let known = self.states.iter().find(|state| {
-            state.world == world && state.turning.is_some_and(|turning| (turning.world, turning.angle) == (ahead, angle))
+            state.world == world
+                && state.turning.is_some_and(|turning| (turning.world, turning.angle) == (ahead, angle))
         });
         if let Some(state) = known {
             return Some(state.rows);
@@ -301,7 +299,8 @@ impl Lowering<'_> {
                 None => Draft::new(Kind::Direction, 0, [&rows[..], angular_velocity].concat()),
                 Some(Turning { rows: others, angle: (input, factor, _), .. }) => {
                     let row = self.given_row(input);
-                    let mut draft = Draft::new(Kind::Turning, 0, [&rows[..], &others, angular_velocity, &[row]].concat());
+                    let mut draft =
+                        Draft::new(Kind::Turning, 0, [&rows[..], &others, angular_velocity, &[row]].concat());
                     draft.factors.push(factor);
                     draft
                 }
