@@ -500,7 +500,9 @@ fn whole_runs_agree_with_the_twin() {
             let total = |counts: &[StepCounts]| counts.iter().map(StepCounts::attempts).sum::<u64>();
             let (found, expected) = (total(&counts), total(&expected_counts));
             assert!(found.abs_diff(expected) <= expected / 50, "{what}: {found} attempts, {expected} expected");
-            println!("{what}: {largest:.1e}, {of_bound:.2} of its bound, counts of {other} bodies differ, by {most} at most");
+            println!(
+                "{what}: {largest:.1e}, {of_bound:.2} of its bound, counts of {other} bodies differ, by {most} at most"
+            );
             // In f64 no decision of these bodies is within rounding, nor in f32 without torques, where no sine is formed.
             if precision == Precision::F64 || torques.is_empty() {
                 assert_eq!(other, 0, "{what}");
