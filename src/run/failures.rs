@@ -44,13 +44,16 @@ impl<'p> Failures<'p> {
         Self { ensemble, found: BTreeMap::new(), earlier: Vec::new(), earlier_time: None }
     }
 
-    /// Keeps the states of each output that is read until the next one.
+    /// Keeps the states of each output that is read from now on until the next one.
     ///
     /// # Errors
     ///
     /// [`crate::Error::TooManyBodies`] where there is no memory for them.
     pub fn keep_states(&mut self) -> Result<()> {
         let body_count = self.ensemble.len();
+        if self.earlier.len() == body_count {
+            return Ok(());
+        }
         memory::require(body_count, body_count.saturating_mul(size_of::<GoodState>()), "the bodies' last good states")?;
         make_room(&mut self.earlier, body_count, GoodState::NONE);
         Ok(())

@@ -106,16 +106,11 @@ pub fn run_into(
     let count = plan.times().len();
     let block = read_block(&engine.description());
     let (mut states, mut initial) = (Vec::new(), Vec::new());
-    let outputs = plan.times().iter().enumerate();
-    let asked: Vec<bool> = outputs.clone().map(|(index, &time)| sink.wants(index, count, time)).collect();
-    // Without skipping what nobody asked for is read too.
-    let is_read = |index: usize| asked[index] || !scene.may_skip() || (index + 1 == count && !plan.leaves_states());
-    if (0..count).filter(|&index| is_read(index)).count() > 1 {
-        failures.keep_states()?;
-    }
-    for (index, &time) in outputs {
+    for (index, &time) in plan.times().iter().enumerate() {
         let last = index + 1 == count;
-        let (asked, wanted) = (asked[index], is_read(index));
+        // Without skipping what nobody asked for is read too.
+        let asked = sink.wants(index, count, time);
+        let wanted = asked || !scene.may_skip() || (last && !plan.leaves_states());
         let clock = Instant::now();
         let span = plan.span_before(index);
         advance(&mut units, (time, span), wanted || last || reduces, (&mut done, total), observer)?;
@@ -142,6 +137,9 @@ pub fn run_into(
                 wall_time.read += clock.elapsed().as_secs_f64();
             }
             continue;
+        }
+        if !last {
+            failures.keep_states()?;
         }
         let mut from_states = FromStates::new(if reduces { &[] } else { statistics });
         for start in (0..body_count).step_by(block) {
