@@ -128,6 +128,52 @@ fn meshes_hulls_and_points_make_bodies() {
     assert!(pair.is_linear_rotor(0));
 }
 
+/// Tensors of molecules and planets, in a table and in a study: as they are read, their moments are in proportion, and their
+/// axes are the same to the rounding of the elements.
+#[test]
+fn bodies_of_any_scale_have_the_same_axes() {
+    let tensor = [2.25, 3.5, 4.75, 0.25, -0.375, 0.5];
+    let desk = Desk::new("");
+    let read = |power: i32| {
+        let row = tensor.map(|element| format!("{element}e{power}")).join(",");
+        fs::write(desk.path("bodies.csv"), format!("ixx,iyy,izz,ixy,ixz,iyz,wx,wy,wz\n{row},0,0,1\n")).unwrap();
+        let table = "[bodies]\nfile = \"bodies.csv\"\n[time]\nend = 1.0\n";
+        let of_table = Study::parse(&desk.path("study.toml"), table).and_then(|study| study.ensemble()).unwrap();
+        let of_study = ensemble(&desk, &format!("[1e{power}, 2e{power}, 2.5e{power}]")).unwrap();
+        (of_table.inertia()[0], of_study.inertia()[0])
+    };
+    let (base, _) = read(0);
+    let axes = principal_axes(&base);
+    for power in [-46, -30, -27, -10, 10, 27, 30, 38] {
+        let scale = 10.0_f64.powi(power);
+        let (found, moments) = read(power);
+        // Each number is read to the nearest one.
+        close(found, base * scale, f64::EPSILON, &format!("1e{power}"));
+        close(
+            moments,
+            InertiaTensor::from_principal_moments(DVec3::new(1.0, 2.0, 2.5)) * scale,
+            f64::EPSILON,
+            "diagonal",
+        );
+        let found = principal_axes(&found);
+        assert!((found.moments / scale - axes.moments).length() < ROUNDING * axes.moments.z, "1e{power}");
+        let apart = axes.principal_to_body.conjugate() * found.principal_to_body;
+        assert!(apart.xyz().length() < ROUNDING, "1e{power}: axes off by {:e}", apart.xyz().length());
+    }
+    for (power, name) in [(-45, "1e-15"), (0, "1"), (35, "1e12")] {
+        let scale: f64 = name.parse().unwrap();
+        // Of a mass and a length, 10^power in the inertia altogether.
+        let mass = 10.0_f64.powi(power) / (scale * scale);
+        let shape = format!(
+            "{{ shape = \"box\", mass = {mass:e}, edges = [{scale:e}, {:e}, {:e}] }}",
+            2.0 * scale,
+            3.0 * scale
+        );
+        let found = ensemble(&desk, &shape).unwrap().inertia()[0];
+        close(found, box_of(1.0).inertia * 10.0_f64.powi(power), ROUNDING, &shape);
+    }
+}
+
 #[test]
 fn messages_about_meshes_and_points_name_the_file_and_where_it_is_named() {
     let desk = desk("");
