@@ -73,12 +73,30 @@ pub fn run(engine: &dyn Backend, plan: &Plan<'_>) -> Result<Record> {
 ///
 /// # Errors
 ///
-/// [`Error::TooManyBodies`], [`Error::Device`], [`Error::Interrupted`], and what the sink returns.
+/// [`Error::TooManyBodies`], [`Error::DeviceInRun`], [`Error::Interrupted`], and what the sink returns.
 pub fn run_into(
     engine: &dyn Backend,
     plan: &Plan<'_>,
     sink: &mut dyn Sink,
     observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+) -> Result<Trust> {
+    let mut done = 0;
+    run_counted(engine, plan, sink, observer, &mut done).map_err(|error| match error {
+        Error::Device { adapter, reason } => {
+            let (outputs, bodies) = (plan.times().len(), plan.scene().ensemble().len());
+            Error::DeviceInRun { adapter, reason, done, outputs, bodies }
+        }
+        error => error,
+    })
+}
+
+/// As [`run_into`], which is told of the outputs that are done.
+fn run_counted(
+    engine: &dyn Backend,
+    plan: &Plan<'_>,
+    sink: &mut dyn Sink,
+    observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+    outputs_done: &mut usize,
 ) -> Result<Trust> {
     let scene = plan.scene();
     let body_count = scene.ensemble().len();
@@ -107,6 +125,7 @@ pub fn run_into(
     let block = read_block(&engine.description());
     let (mut states, mut initial) = (Vec::new(), Vec::new());
     for (index, &time) in plan.times().iter().enumerate() {
+        *outputs_done = index;
         let last = index + 1 == count;
         // The long way reads what nobody asked for too.
         let asked = sink.wants(index, count, time);
@@ -175,6 +194,7 @@ pub fn run_into(
             sink.statistics(index, &from_states.finish(time))?;
         }
     }
+    *outputs_done = count;
     let mut works = Vec::new();
     for unit in &mut units {
         works.extend(unit.adaptive_work()?);
