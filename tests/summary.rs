@@ -79,6 +79,69 @@ fn what_was_asked_for_stands_beside_what_came_out() {
 }
 
 #[test]
+fn drift_is_shown_of_what_bodies_conserve_alone() {
+    let desk = mixed(200);
+    let drift = |more: &str| {
+        let study = MIXED.split_once("[[torque]]").expect("torques").0.to_owned() + more + "[time]\nend = 8.0\n";
+        fs::write(desk.path("study.toml"), study).expect("written");
+        let summary = desk.done(&["run", "study.toml", "--engine", "cpu", "--force"]);
+        (report(&desk, "study.out")["drift"].clone(), summary)
+    };
+    let counts = |drift: &serde_json::Value| {
+        ["bodies", "kinetic_energy_bodies", "angular_momentum_bodies"].map(|key| drift[key].as_u64().expect("a number"))
+    };
+    let none = serde_json::json!({ "median": null, "p99": null, "max": null });
+    let torque = |words: &str| format!("[[torque]]\nmodel = {words}\n");
+
+    // Drag, which takes more than a tenth of every tenth body's energy, is no drift of the others.
+    let (found, summary) = drift(&torque("\"linear-drag\"\ncoefficient = { column = \"drag\" }"));
+    assert_eq!(counts(&found), [200, 180, 180]);
+    for quantity in ["kinetic_energy", "angular_momentum_world"] {
+        assert!(found[quantity]["max"].as_f64().expect("a number") < 1e-6, "{found}");
+    }
+    assert_eq!(summary.matches(", in the 180 of 200 bodies that keep it\n").count(), 2, "{summary}");
+
+    // All bodies alike.
+    let table = fs::read_to_string(desk.path("bodies.csv")).expect("a table");
+    let columns = |line: &str| line.rsplit_once(',').expect("columns").0.to_owned() + "\n";
+    fs::write(desk.path("bodies.csv"), table.lines().map(columns).collect::<String>()).expect("written");
+
+    let (found, summary) = drift(&torque("\"internal-dissipation\"\ncoefficient = 0.1"));
+    assert_eq!(counts(&found), [200, 0, 200]);
+    assert_eq!(found["kinetic_energy"], none);
+    assert!(found["angular_momentum_world"]["max"].as_f64().expect("a number") < 1e-6, "{found}");
+    assert!(summary.contains("\n  drift    angular momentum median "), "{summary}");
+
+    let (found, summary) = drift(&torque("\"linear-drag\"\ncoefficient = 0.1"));
+    assert_eq!(counts(&found), [200, 0, 0]);
+    assert_eq!([&found["kinetic_energy"], &found["angular_momentum_world"]], [&none, &none]);
+    assert!(summary.contains("\n  drift    |q| - 1          median "), "{summary}");
+    assert!(summary.contains("\n  balance  kinetic energy   median "), "{summary}");
+}
+
+#[test]
+fn errors_of_centres_of_mass_stand_beside_those_of_the_rotation() {
+    let bodies = "[bodies]\ncount = 12\ninertia = [1, 2, 2.5]\nangular_velocity = [1, 0.4, 0.1]\n";
+    let end = "[time]\nend = 8.0\n";
+    let flying = "mass = 2.0\nvelocity = [30, 0, 0]\n[[force]]\nmodel = \"quadratic-drag\"\ncoefficient = 0.5\n";
+    let desk = Desk::new(&format!("{bodies}{flying}{end}"));
+    let summary = desk.done(&RUN);
+    let accuracy = &report(&desk, "study.out")["accuracy"];
+    assert_eq!((&accuracy["bodies"], &accuracy["translating"]), (&12.into(), &12.into()));
+    // Steps of a sixty-fourth of the velocity's own time err by less than 1e-9 of the 100 m and 30 m/s.
+    for (quantity, most, line) in [("position", 1e-7, "position (m)     "), ("velocity", 3e-8, "velocity (m/s)   ")] {
+        let error = accuracy[quantity]["max"].as_f64().expect("a number");
+        assert!(error > 0.0 && error < most, "{quantity}: {error:e}");
+        assert!(summary.contains(&format!("\n           {line}median ")), "{summary}");
+    }
+    fs::write(desk.path("study.toml"), format!("{bodies}{end}")).expect("written");
+    let summary = desk.done(&[&RUN[..], &["--force"]].concat());
+    let accuracy = &report(&desk, "study.out")["accuracy"];
+    assert_eq!((&accuracy["translating"], &accuracy["position"]["max"]), (&0.into(), &serde_json::Value::Null));
+    assert!(!summary.contains("position (m)"), "{summary}");
+}
+
+#[test]
 fn no_bodies_have_no_figures() {
     let desk = mixed(0);
     fs::write(desk.path("study.toml"), format!("{MIXED}[output]\nstatistics = [\"spin_rate\"]\n")).expect("written");
