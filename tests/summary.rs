@@ -121,8 +121,7 @@ fn drift_is_shown_of_what_bodies_conserve_alone() {
 
 #[test]
 fn errors_of_centres_of_mass_stand_beside_those_of_the_rotation() {
-    let bodies = "[bodies]\ncount = 12\ninertia = [1, 2, 2.5]\nangular_velocity = [1, 0.4, 0.1]\n";
-    let end = "[time]\nend = 8.0\n";
+    let (bodies, end) = (bodies(12), "[time]\nend = 8.0\n");
     let flying = "mass = 2.0\nvelocity = [30, 0, 0]\n[[force]]\nmodel = \"quadratic-drag\"\ncoefficient = 0.5\n";
     let desk = Desk::new(&format!("{bodies}{flying}{end}"));
     let summary = desk.done(&RUN);
@@ -258,12 +257,21 @@ fn rates_that_overflow_are_rows_with_the_state_at_the_start() {
     assert_eq!(rows[7][1..], expected, "{:?}", rows[7]);
 }
 
+/// Bodies of which a study may say more in the same table.
+fn bodies(count: usize) -> String {
+    format!("[bodies]\ncount = {count}\ninertia = [1, 2, 2.5]\nangular_velocity = [1, 0.4, 0.1]\n")
+}
+
+/// Centres of mass that leave the range of f64 within a second.
+const FLUNG: &str = "mass = 1.0\nposition = [1e308, 0, 0]\nvelocity = [1e308, 0, 0]\n";
+
+/// A drag that no adaptive step follows.
+const STIFF: &str = "[[torque]]\nmodel = \"linear-drag\"\ncoefficient = 1e300\n";
+
 #[test]
 fn a_body_whose_adaptive_steps_are_all_refused_does_not_stand_at_its_start() {
-    let study = "[bodies]\ncount = 5\ninertia = [1, 2, 2.5]\nangular_velocity = [1, 0.4, 0.1]\n\
-                 [[torque]]\nmodel = \"linear-drag\"\ncoefficient = 1e300\n\
-                 [time]\nend = 3.0\n[accuracy]\nmethod = \"rk8\"\ntolerance = 1e-9\n";
-    let (desk, states, _) = all_fail(study, 5, "step_below_limit", 3.0);
+    let study = bodies(5) + STIFF + "[time]\nend = 3.0\n[accuracy]\nmethod = \"rk8\"\ntolerance = 1e-9\n";
+    let (desk, states, _) = all_fail(&study, 5, "step_below_limit", 3.0);
     assert!(states.column("qw").iter().chain(states.column("wx")).all(|x| x.is_nan()), "{states:?}");
     // Nor have they an error of 0.
     let accuracy = &report(&desk, "study.out")["accuracy"];
@@ -306,9 +314,8 @@ fn one_lost_body_of_many_is_not_met_whatever_the_percentile() {
 
 #[test]
 fn centres_of_mass_that_become_infinite_fail_their_bodies() {
-    let bodies = "[bodies]\ncount = 10\ninertia = [1, 2, 2.5]\nangular_velocity = [1, 0.4, 0.1]\n";
-    let end = "[time]\nend = 10.0\n[accuracy]\nattitude = 1e-6\n";
-    let flung = format!("{bodies}mass = 1.0\nposition = [1e308, 0, 0]\nvelocity = [1e308, 0, 0]\n{end}");
+    let (bodies, end) = (bodies(10), "[time]\nend = 10.0\n[accuracy]\nattitude = 1e-6\n");
+    let flung = format!("{bodies}{FLUNG}{end}");
     let pushed = format!(
         "{bodies}mass = 1e-300\nvelocity = [1, 0, 0]\n[[force]]\nmodel = \"constant\"\nforce = [1e300, 0, 0]\n{end}"
     );
@@ -321,10 +328,10 @@ fn centres_of_mass_that_become_infinite_fail_their_bodies() {
 
 #[test]
 fn the_last_good_state_is_that_of_the_output_before() {
-    let study = "[bodies]\ncount = 10\ninertia = [1, 2, 2.5]\nangular_velocity = [1, 0.4, 0.1]\nmass = 1.0\n\
-                 position = [1e308, 0, 0]\nvelocity = [1e307, 0, 0]\n\
-                 [time]\nend = 10.0\noutputs = { every = 2.0 }\n[accuracy]\nattitude = 1e-6\n[output]\nsnapshots = true\n";
-    let (desk, _, rows) = all_fail(study, 10, "centre_not_finite", 5.0);
+    let study = bodies(10)
+        + &FLUNG.replace("velocity = [1e308", "velocity = [1e307")
+        + "[time]\nend = 10.0\noutputs = { every = 2.0 }\n[accuracy]\nattitude = 1e-6\n[output]\nsnapshots = true\n";
+    let (desk, _, rows) = all_fail(&study, 10, "centre_not_finite", 5.0);
     // 1e308 + 1e307 t leaves the range of f64, 1.798e308, after 7.98 s.
     assert!(rows.iter().all(|row| (row[1].as_str(), row[4].as_str()) == ("8.0", "6.0")), "{rows:?}");
     let states = States::read(&desk.path("study.out/snapshots.csv"));
@@ -337,14 +344,10 @@ fn the_last_good_state_is_that_of_the_output_before() {
 
 #[test]
 fn failures_are_found_where_statistics_alone_are_asked_for() {
-    let states = "[bodies]\ncount = 10\ninertia = [1, 2, 2.5]\nangular_velocity = [1, 0.4, 0.1]\n";
+    let bodies = bodies(10);
     let output = "outputs = { every = 1.0 }\n[output]\nfinal = false\nstatistics = [\"spin_rate\"]\n";
-    let driven = format!(
-        "{states}[[torque]]\nmodel = \"linear-drag\"\ncoefficient = 1e300\n[time]\nend = 3.0\n{output}\
-         [accuracy]\nmethod = \"rk8\"\ntolerance = 1e-9\n"
-    );
-    let flung =
-        format!("{states}mass = 1.0\nposition = [1e308, 0, 0]\nvelocity = [1e308, 0, 0]\n[time]\nend = 3.0\n{output}");
+    let driven = format!("{bodies}{STIFF}[time]\nend = 3.0\n{output}[accuracy]\nmethod = \"rk8\"\ntolerance = 1e-9\n");
+    let flung = format!("{bodies}{FLUNG}[time]\nend = 3.0\n{output}");
     for (study, reason, counted) in [(driven, "step_below_limit", 0.0), (flung, "centre_not_finite", 10.0)] {
         let desk = Desk::new(&study);
         let output = desk.polhode(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
