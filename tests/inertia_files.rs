@@ -416,3 +416,39 @@ fn inertia_refuses_in_one_line() {
         assert!(help.contains(part), "{part} is missing in {help}");
     }
 }
+
+#[test]
+fn options_that_mean_nothing_for_a_file_are_refused() {
+    let desk = desk("");
+    fs::write(desk.path("alone.toml"), "inertia = [1.0, 2.0, 2.5]\n").unwrap();
+    fs::write(desk.path("two.csv"), "mass,x,y,z\n1,0,0,0\n1,1,0,0\n").unwrap();
+    for (arguments, expected) in [
+        (["two.csv", "--shell"].as_slice(), "error: shell = 1.0: only a mesh can be a skin: leave it out\n"),
+        (&["alone.toml", "--shell"], "error: shell = 1.0: only a mesh can be a skin: leave it out\n"),
+        (&["two.csv", "--body", "0"], "error: body = 0.0: only a study has several bodies: leave it out\n"),
+        (
+            &["box.obj", "--mass", "1", "--body", "3"],
+            "error: body = 3.0: only a study has several bodies: leave it out\n",
+        ),
+    ] {
+        assert_eq!(desk.refused(&[&["inertia"], arguments].concat(), 2), expected, "{arguments:?}");
+    }
+    desk.done(&["inertia", "alone.toml", "--body", "0"]);
+}
+
+#[test]
+fn what_makes_no_mass_is_refused_with_its_file_and_line() {
+    let desk = desk("");
+    fs::write(desk.path("light.csv"), "# two\nmass,x,y,z\n\n0,0,0,0\n0,1,0,0\n").unwrap();
+    let line = desk.refused(&["inertia", "light.csv"], 2);
+    assert_eq!(line, "error: light.csv:4: total mass = 0.0: a positive, finite number\n");
+    let sum = "# none\ninertia = { parts = [{ shape = \"sphere\", mass = 1, radius = 1 }, { shape = \"sphere\", mass = 2, radius = 1, \
+               hole = true }] }\n";
+    fs::write(desk.path("sum.toml"), sum).unwrap();
+    let line = desk.refused(&["inertia", "sum.toml"], 2);
+    assert!(line.starts_with("error: sum.toml:2: inertia = { parts = "), "{line}");
+    assert!(line.ends_with(": mass of all parts = -1.0: a positive, finite number\n"), "{line}");
+    fs::write(desk.path("far.csv"), "mass,x,y,z\n# near\n1,0,0,0\n\n1,1e999,0,0\n").unwrap();
+    let line = desk.refused(&["inertia", "far.csv"], 2);
+    assert_eq!(line, "error: far.csv:5: x = 1e999: a finite number is needed (m)\n");
+}

@@ -230,6 +230,9 @@ pub(crate) struct Errors {
     attitude: Vec<f64>,
     angular_velocity: Vec<f64>,
     energy: Vec<f64>,
+    /// Of the centres of mass, m and m/s, of bodies that translate.
+    position: Vec<f64>,
+    velocity: Vec<f64>,
     /// How many have failed whose references have not.
     lost: usize,
 }
@@ -252,6 +255,15 @@ impl Errors {
         self.angular_velocity.push(sound(relative(change, reference.angular_velocity_body.length()), f64::INFINITY));
         let change = (state.kinetic_energy - reference.kinetic_energy).abs();
         self.energy.push(sound(relative(change, reference.kinetic_energy), f64::INFINITY));
+    }
+
+    /// Takes how far a body's centre of mass (m, m/s) is from where a reference has it, if that is anywhere.
+    pub(crate) fn push_centre(&mut self, centre: (DVec3, DVec3), reference: (DVec3, DVec3)) {
+        if reference.0.is_finite() && reference.1.is_finite() {
+            let distance = |a: DVec3, b: DVec3| if a.is_finite() { a.distance(b) } else { f64::INFINITY };
+            self.position.push(distance(centre.0, reference.0));
+            self.velocity.push(distance(centre.1, reference.1));
+        }
     }
 
     /// The errors at the percentile asked for. Of a sample of more bodies, `all`, that is a bound which holds with a
@@ -329,6 +341,9 @@ impl Errors {
             attitude: Quantiles::of(&mut self.attitude),
             angular_velocity: Quantiles::of(&mut self.angular_velocity),
             kinetic_energy: Quantiles::of(&mut self.energy),
+            translating: self.position.len(),
+            position: Quantiles::of(&mut self.position),
+            velocity: Quantiles::of(&mut self.velocity),
         }
     }
 }

@@ -245,6 +245,11 @@ impl<'p> Unit<'p> {
         self.flight.is_some() || matches!(self.motion, Motion::Stepped { carries: true, .. })
     }
 
+    /// Where its bodies are, where the host steps that.
+    pub fn own_centres(&self) -> Vec<(usize, (DVec3, DVec3))> {
+        self.flight.iter().flat_map(Flight::centres).collect()
+    }
+
     /// Writes where those of its bodies that are in `bodies` are, where they are stepped there.
     pub fn read_centres(&mut self, bodies: &Range<usize>, centres: &mut [Option<(DVec3, DVec3)>]) -> Result<()> {
         if let Some(flight) = &self.flight {

@@ -117,6 +117,7 @@ mod parts;
 mod points;
 pub mod problem;
 mod reader;
+mod rows;
 mod shape_kind;
 mod solid;
 pub mod table;
