@@ -38,8 +38,11 @@ pub fn read_points(path: &Path) -> Result<Vec<(f64, DVec3)>> {
     points_with_lines(path).map(|(points, _)| points)
 }
 
-/// The same with the line of each, from 1.
-pub(super) fn points_with_lines(path: &Path) -> Result<(Vec<(f64, DVec3)>, Vec<u64>)> {
+/// Points with the lines that they stand on, from 1.
+type PointsWithLines = (Vec<(f64, DVec3)>, Vec<u64>);
+
+/// The same with the line of each.
+pub(super) fn points_with_lines(path: &Path) -> Result<PointsWithLines> {
     let file = File::open(path).map_err(|error| Error::file(path, FileAction::Read, &error))?;
     let mut rows = Rows::new(path, file)?;
     let (header, header_line) = (rows.header().clone(), rows.header_line());

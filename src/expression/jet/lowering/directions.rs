@@ -15,11 +15,13 @@ use crate::expression::graph::{Binary, Dependence, Graph, Input, InputKind, Node
 use crate::expression::symbol::Symbol;
 use crate::real::Real;
 
+/// A vector in the world: of each component the node that it is a multiple of, none for 1, and the multiple.
+type World = [(Option<Node>, f64); 3];
+
 /// Which nodes of a graph are components of directions.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Directions {
-    /// The vectors in the world: of each component the node that it is a multiple of, none for 1, and the multiple.
-    pub vectors: Vec<[(Option<Node>, f64); 3]>,
+    pub vectors: Vec<World>,
     /// By node: the vector, the component in the body, and a factor.
     pub components: HashMap<Node, (usize, usize, f64)>,
 }
@@ -79,7 +81,7 @@ impl Directions {
         graph.live_above(&wanted, is_component)
     }
 
-    fn add(&mut self, node: Node, vector: [(Option<Node>, f64); 3], component: usize) {
+    fn add(&mut self, node: Node, vector: World, component: usize) {
         // Multiples of one vector are one.
         let factor = vector.iter().map(|(_, multiple)| *multiple).find(|multiple| *multiple != 0.0).unwrap_or(1.0);
         let vector = vector.map(|(node, multiple)| (node, multiple / factor));
@@ -138,7 +140,7 @@ fn product(a: &Form, b: &Form) -> Option<Form> {
 }
 
 /// The vector v and the component i of Rᵀ v that a form is, by the entries of R.
-fn direction(form: &Form) -> Option<([(Option<Node>, f64); 3], usize)> {
+fn direction(form: &Form) -> Option<(World, usize)> {
     // By the node and the entry of R, or none: |q|² = 1.
     let mut entries: BTreeMap<(Option<Node>, Option<usize>), f64> = BTreeMap::new();
     for ((node, parts), &number) in form {
