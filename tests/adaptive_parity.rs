@@ -188,8 +188,8 @@ const STEP: usize = 15;
 
 /// Bodies before an attempt: at the start, under way, after a refusal, at a last step, at the end, flagged; with steps from one to twelve
 /// times the first one, some of which are refused.
-fn attempts<T: Scalar>() -> Vec<Vec<T>> {
-    let mut random = Random::new(42);
+fn attempts<T: Scalar>(seed: u64) -> Vec<Vec<T>> {
+    let mut random = Random::new(42 + 1000 * seed);
     (0..ROWS)
         .map(|row| {
             let [a, b, c] = [(); 3].map(|()| random.between(0.2, 1.0));
@@ -264,9 +264,15 @@ fn attempted<T: Scalar>(row: &[T]) -> Vec<f64> {
     words.into_iter().map(Scalar::to_f64).collect()
 }
 
-/// The sum of |bⱼ| of `rk8`, 13, times the four roundings of a slope, half an ulp of an increment each; increments of
-/// steps that are taken are of up to 5/2.
-const STATE_ULPS: f64 = 65.0;
+/// Roundings of a step's increments, for a rotation angle of one in it, in ulps of the largest component: the sum of |bⱼ| of `rk8`, 13,
+/// times the four roundings of a slope, half an ulp of an increment each, which is at most √3 times the largest component; and what the
+/// step itself may differ by where it is formed by roots.
+const INCREMENT_ULPS: f64 = 13.0 * 2.0 * 1.8 + 16.0;
+/// Roundings of the state itself, by the number of its words: of its second word alone where there is one.
+const STATE_ULPS: [f64; 2] = [2.0, 1e-6];
+
+/// The largest parts of these bounds over 100 tables on lavapipe, which rounds products and sums apart as the twin does: in `f32`, in `f64`.
+const MEASURED_PARTS: [f64; 2] = [0.0, 0.34];
 
 /// How far two estimates of the error of an attempt may lie apart, in units of the tolerance, for a rotation angle of one:
 /// 4 roundings of each slope, of which the fifth-order weights' sum of magnitudes, 4.1, enters doubled, as err is homogeneous
@@ -307,9 +313,9 @@ impl Tried {
     }
 }
 
-/// Compares attempts; says what is wrong, or how many errors were compared and the largest part of its bound.
-fn compare_attempts<T: Scalar>(patches: &[Patch]) -> Result<(usize, f64), String> {
-    let rows = attempts::<T>();
+/// Compares attempts; says what is wrong, or how many errors were compared and the largest part of its bound that a difference was.
+fn compare_attempts<T: Scalar>(patches: &[Patch], seed: u64) -> Result<(usize, f64), String> {
+    let rows = attempts::<T>(seed);
     let found = Harness::new().run(&method_chunks(precision_of::<T>(), patches), ATTEMPT, &rows, OUTPUTS);
     let (mut compared, mut largest) = (0, 0.0_f64);
     for (index, (row, found)) in rows.iter().zip(&found).enumerate() {
@@ -347,8 +353,10 @@ fn compare_attempts<T: Scalar>(patches: &[Patch]) -> Result<(usize, f64), String
         for (field, first, second, count) in [("orientation", 0, 4, 4), ("angular momentum", 8, 11, 3)] {
             let (expected, found) = (sum(&expected, first, second, count), sum(found, first, second, count));
             let fields = [Field { name: field, components: count }];
-            compare_rows::<T>(&fields, &[expected], &[found], |_| 1.0, STATE_ULPS)
+            let bound = STATE_ULPS[T::WORDS - 1] + INCREMENT_ULPS * tried.angle;
+            let ulps = compare_rows::<T>(&fields, &[expected], &[found], |_| 0.0, bound)
                 .map_err(|mismatch| format!("row {index}: {mismatch}"))?;
+            largest = largest.max(ulps / bound);
         }
         // What is left is an exact difference, of steps that differ where the first is formed by roots.
         let (expected, found) = (expected[16] + expected[17], found[16] + found[17]);
@@ -366,13 +374,27 @@ const LEAST_COMPARED: usize = 60;
 
 #[test]
 fn one_attempt_agrees_with_its_twin() {
-    for (precision, compared) in
-        [(Precision::F32, compare_attempts::<f32>(&[])), (Precision::F64, compare_attempts::<f64>(&[]))]
-    {
+    let gpu = common::gpu();
+    for (precision, compared, measured) in [
+        (Precision::F32, compare_attempts::<f32>(&[], 0), MEASURED_PARTS[0]),
+        (Precision::F64, compare_attempts::<f64>(&[], 0), MEASURED_PARTS[1]),
+    ] {
         let (compared, largest) = compared.unwrap_or_else(|wrong| panic!("{precision}: {wrong}"));
         println!("{precision}: {compared} errors compared, the largest difference {largest:.2} of its bound");
         assert!(compared >= LEAST_COMPARED, "{precision}: {compared}");
+        let rounds_alike = common::rounds_like_scalar_twin(&gpu, precision);
+        assert!(!rounds_alike || largest <= 4.0 * measured, "{precision}: {largest} of its bound, {measured} measured");
     }
+}
+
+#[test]
+#[ignore = "prints what MEASURED_PARTS says: cargo test --test adaptive_parity largest -- --ignored --nocapture"]
+fn the_largest_differences_over_many_seeds() {
+    let largest = |of_seed: fn(u64) -> Result<(usize, f64), String>| {
+        (0..100).map(|seed| of_seed(seed).unwrap_or_else(|wrong| panic!("seed {seed}: {wrong}")).1).fold(0.0, f64::max)
+    };
+    println!("f32: {}", largest(|seed| compare_attempts::<f32>(&[], seed)));
+    println!("f64: {}", largest(|seed| compare_attempts::<f64>(&[], seed)));
 }
 
 #[test]
@@ -392,7 +414,7 @@ fn planted_faults_in_an_attempt_are_found() {
         ),
     ] {
         let faults = std::slice::from_ref(&fault);
-        let passed = [compare_attempts::<f32>(faults), compare_attempts::<f64>(faults)].iter().all(Result::is_ok);
+        let passed = [compare_attempts::<f32>(faults, 0), compare_attempts::<f64>(faults, 0)].iter().all(Result::is_ok);
         assert!(!passed, "{fault:?} passed");
     }
 }
