@@ -1,7 +1,7 @@
 //! The order of every method under every kind of torque, over five halvings of the step.
 //!
-//! The torques are the library's: up to order 4 whole scenes are run by an engine, and above it, where rounding in `f64` leaves too few halvings,
-//! steps are taken in 32 digits under the same sum of torques ([`polhode::torque::twin::under_torques`]).
+//! The torques are the library's: up to order 4 steps are an engine's, and above it, where rounding in `f64` leaves too few halvings, they are
+//! taken in 32 digits under the same sum of torques ([`polhode::torque::twin::under_torques`]).
 
 mod common;
 mod support;
@@ -10,7 +10,7 @@ use std::sync::OnceLock;
 
 use common::torques::every_torque;
 use glam::{DMat3, DQuat, DVec3};
-use polhode::batch::{AnyBatch, Batch, Precision, prepare_with};
+use polhode::batch::{AnyBatch, Batch, BodyFrame, Precision, prepare_with};
 use polhode::engine::Engine;
 use polhode::engine::adaptive::AdaptiveSteps;
 use polhode::method::rk8::Rk8;
@@ -137,9 +137,12 @@ impl Problem {
         self.torques.iter().fold(scene, |scene, torque| scene.torque(torque.clone()))
     }
 
-    /// The batch, for a span of its own.
+    fn prepared(&self) -> (Vec<BodyFrame>, AnyBatch) {
+        prepare_with(&self.ensemble, &self.torques, self.span, Precision::F64).expect("enough memory")
+    }
+
     fn batch(&self) -> Batch<f64> {
-        match prepare_with(&self.ensemble, &self.torques, self.span, Precision::F64).expect("enough memory").1 {
+        match self.prepared().1 {
             AnyBatch::F64(batch) => batch,
             AnyBatch::F32(_) => panic!("f64 was asked for"),
         }
@@ -165,7 +168,9 @@ impl Problem {
     /// dt = 2^-k and the error at the end with it, in f64.
     fn error(&self, method: Method, k: i32) -> (f64, f64) {
         let dt = 2.0_f64.powi(-k);
-        (dt, attitude_error(attitude_at_end(self.scene().pinned(method, dt, Some(Precision::F64))), self.truth))
+        let (frames, batch) = self.prepared();
+        let words = common::advanced(&Engine::cpu(), &batch, method, dt, (self.span / dt) as u64);
+        (dt, attitude_error(frames[0].body_state(words.combined(0)).orientation, self.truth))
     }
 }
 
@@ -300,8 +305,8 @@ fn precisely(batch: &Batch<f64>, method: Method, span: f64, k: i32) -> Quaternio
     under_torques(batch, 0, dt, Precisely { method, moving: moving(batch), dt: dt * rate, steps: (span / dt) as u64 })
 }
 
-/// The finest step is 2^-FINEST s.
-const FINEST: i32 = 10;
+/// The finest step is 2^-k s with this k, after the longer span of golden cases with one more.
+const FINEST: i32 = 9;
 
 /// What a method's attitude tends to for small steps h: the parabola in h through those of the three finest steps.
 ///
@@ -347,11 +352,12 @@ fn has_phases(torque: &Torque) -> bool {
 fn precise_errors(problem: &Problem, method: Method, halvings: usize) -> Vec<(f64, f64)> {
     let batch = problem.batch();
     let run = |k: i32| precisely(&batch, method, problem.span, k);
-    let tendency = Tendency { finest: 2.0_f64.powi(-FINEST), attitudes: [FINEST, FINEST - 1, FINEST - 2].map(run) };
+    let last = FINEST + i32::from(problem.span == GOLDEN_SPAN);
+    let tendency = Tendency { finest: 2.0_f64.powi(-last), attitudes: [last, last - 1, last - 2].map(run) };
     if method != Method::Rk8 || !problem.torques.iter().any(has_phases) {
         let floor = if method == Method::Rk8 { 1e-20 } else { 1e-17 };
         let error = |k: i32| (2.0_f64.powi(-k), tendency.error(2.0_f64.powi(-k), run(k)));
-        return finest((0..FINEST - 2).map(error), floor, halvings);
+        return finest((0..last - 2).map(error), floor, halvings);
     }
     let [first, second, third] = tendency.attitudes;
     // From the finest step to four times it.
@@ -361,7 +367,7 @@ fn precise_errors(problem: &Problem, method: Method, halvings: usize) -> Vec<(f6
         2.0 * off.norm_squared().to_f64().sqrt()
     };
     let noise = from_line(2.0 * tendency.finest, second);
-    let candidates = (0..FINEST - 2).map(|k| (2.0_f64.powi(-k), from_line(2.0_f64.powi(-k), run(k))));
+    let candidates = (0..last - 2).map(|k| (2.0_f64.powi(-k), from_line(2.0_f64.powi(-k), run(k))));
     let above = candidates.take_while(|&(h, error)| error > FLOOR_WITH_PHASES.max(20.0 * noise * of_line(h)));
     finest(above, 0.0, halvings)
 }

@@ -23,7 +23,7 @@ pub const GRID_STEPS: u64 = 20;
 /// Torques of [`every_torque`], and moments that change.
 const KINDS: usize = 20;
 /// The gravity gradients among them.
-pub const GRADIENTS: [usize; 2] = [8, 9];
+const GRADIENTS: [usize; 2] = [8, 9];
 /// A body for each torque that acts alone, and one that feels the first as well: they fill no lane group of any width.
 const GRID_BODIES: usize = KINDS + 1;
 

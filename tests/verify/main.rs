@@ -11,7 +11,7 @@ mod requests;
 mod scenes;
 mod studies;
 
-use common::torques::{each_torque_alone, every_torque, every_torque_where, middle_moments};
+use common::torques::{each_torque_alone, every_torque, middle_moments};
 use polhode::batch::Precision;
 use polhode::engine::Engine;
 use polhode::engine::adaptive::AdaptiveSteps;
@@ -60,11 +60,8 @@ fn smooth(torques: Vec<Torque>) -> Vec<Torque> {
     torques.into_iter().filter(|torque| !torque.is_random()).collect()
 }
 
-/// All of them at once; the last body feels no gravity gradient, so that rates of orbits are each body's own, as where each torque acts
-/// alone: both sets have one kernel.
 fn smooth_torques() -> Vec<Torque> {
-    let acts = |torque: usize, body: usize| !(grid::GRADIENTS.contains(&torque) && body == BODIES - 1);
-    smooth(every_torque_where(&middle_moments(BODIES, SEED), acts))
+    smooth(all_torques())
 }
 
 /// Each of them on a body of its own.
