@@ -50,6 +50,8 @@ pub use parts::Part;
 pub(crate) use parts::listed;
 pub use pilot::Found;
 pub use resolution::{Resolution, Stepped};
+#[doc(hidden)]
+pub use sampled::pilot_steps;
 pub use skip::{Skip, SkipName};
 pub use times::{Interval, MOST_OUTPUTS};
 

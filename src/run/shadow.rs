@@ -10,8 +10,8 @@ use crate::engine::Observer;
 use crate::engine::adaptive::AdaptiveSteps;
 use crate::error::Result;
 use crate::free_motion::FreeMotion;
-use crate::method::Method;
 use crate::method::rk8_adaptive::least_tolerance;
+use crate::method::{Method, Status};
 use crate::plan::{Group, Interval, Members, Plan, TorqueSet, Treatment, steps_over};
 use crate::record::{Quantiles, Shadow};
 use crate::run::alone::states_at_end;
@@ -133,9 +133,13 @@ const EQUAL_FOR_ADAPTIVE: u64 = 2;
 /// A tolerance that is not less than the run's by this factor says nothing of the run's error.
 const LEAST_REFINEMENT: f64 = 8.0;
 
+/// The greatest tolerance of a recomputation: beyond it steps may leap over what changes fast.
+const GREATEST_TOLERANCE: f64 = 1e-7;
+
 /// Adaptive steps in `f64` of a hundredth of the tolerance, as far as there is one, so that their error is far below the run's.
 fn finer(steps: &AdaptiveSteps) -> AdaptiveSteps {
-    AdaptiveSteps { tolerance: (0.01 * steps.tolerance).max(least_tolerance(Precision::F64)), least_step: None }
+    let tolerance = (0.01 * steps.tolerance).clamp(least_tolerance(Precision::F64), GREATEST_TOLERANCE);
+    AdaptiveSteps { tolerance, least_step: None }
 }
 
 /// The steps in which bodies of a group are recomputed by `rk8`.
@@ -238,11 +242,15 @@ pub(crate) struct Errors {
 }
 
 impl Errors {
-    /// Takes the difference of one body from its reference.
+    /// Takes the difference of one body from its reference. Of one that no steps follow, as its reference is no number, nothing is
+    /// known; one of which the reference was given up may be anywhere.
     pub(crate) fn push(&mut self, state: &BodyState, reference: &BodyState) {
         // A state that is no number is as wrong as can be, and must not pass for the least error.
         let sound = |error: f64, worst: f64| if error.is_nan() { worst } else { error };
         let relative = |change: f64, scale: f64| if scale > 0.0 { change / scale } else { change };
+        if !is_sound(reference) && reference.status != Status::StepBelowLimit {
+            return;
+        }
         if !is_sound(state) || !is_sound(reference) {
             self.lost += usize::from(is_sound(reference));
             self.attitude.push(std::f64::consts::PI);

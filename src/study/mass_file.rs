@@ -168,7 +168,7 @@ fn mass_properties(file: &Path, options: &MassFileOptions) -> Result<Described> 
         Some("csv") => {
             own("density", options.density)?;
             let scale = positive("scale", options.scale.unwrap_or(1.0))?;
-            let (points, lines) = points_with_lines(file)?;
+            let (lines, points): (Vec<_>, Vec<_>) = points_with_lines(file)?.into_iter().unzip();
             let points: Vec<_> = points.into_iter().map(|(mass, place)| (mass, place * scale)).collect();
             let located = |error| match error {
                 Error::Item { index, field, value, expected, .. } => {

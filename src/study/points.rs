@@ -35,14 +35,11 @@ const KNOWN: [&str; 5] = ["name", "mass", "x", "y", "z"];
 /// [`Error::File`] where the file cannot be read; [`Error::Input`] with line and column where a number is missing or not
 /// finite, a mass is negative, there are no points, or the last line does not end in a newline, as where the file was cut.
 pub fn read_points(path: &Path) -> Result<Vec<(f64, DVec3)>> {
-    points_with_lines(path).map(|(points, _)| points)
+    Ok(points_with_lines(path)?.into_iter().map(|(_, point)| point).collect())
 }
 
-/// Points with the lines that they stand on, from 1.
-type PointsWithLines = (Vec<(f64, DVec3)>, Vec<u64>);
-
-/// The same with the line of each.
-pub(super) fn points_with_lines(path: &Path) -> Result<PointsWithLines> {
+/// The same, each behind its line, from 1.
+pub(super) fn points_with_lines(path: &Path) -> Result<Vec<(u64, (f64, DVec3))>> {
     let file = File::open(path).map_err(|error| Error::file(path, FileAction::Read, &error))?;
     let mut rows = Rows::new(path, file)?;
     let (header, header_line) = (rows.header().clone(), rows.header_line());
@@ -64,7 +61,7 @@ pub(super) fn points_with_lines(path: &Path) -> Result<PointsWithLines> {
     };
     let (mass, places) = (place("mass"), [need("x")?, need("y")?, need("z")?]);
 
-    let (mut points, mut lines) = (Vec::new(), Vec::new());
+    let mut points = Vec::new();
     let mut record = StringRecord::new();
     while rows.read(&mut record)? {
         let number = |column: usize, least: f64, expected: &'static str| {
@@ -79,13 +76,12 @@ pub(super) fn points_with_lines(path: &Path) -> Result<PointsWithLines> {
             None => 1.0,
         };
         let coordinate = |axis: usize| number(places[axis], f64::NEG_INFINITY, "a finite number is needed (m)");
-        points.push((mass, DVec3::new(coordinate(0)?, coordinate(1)?, coordinate(2)?)));
-        lines.push(rows.line());
+        points.push((rows.line(), (mass, DVec3::new(coordinate(0)?, coordinate(1)?, coordinate(2)?))));
     }
     rows.finish()?;
     if points.is_empty() {
         let fault = Fault::Missing { expected: "at least one row, a point, is needed".into() };
         return Err(input_error(path, header_line, "mass", fault));
     }
-    Ok((points, lines))
+    Ok(points)
 }
