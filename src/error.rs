@@ -422,7 +422,7 @@ fn file_reason(kind: std::io::ErrorKind, reason: &str) -> String {
 /// How a target is missed by the best candidate.
 fn miss(missed: &str, factor: f64) -> String {
     if factor.is_infinite() {
-        return "does not come to the end in the steps that planning may take".to_owned();
+        return "loses bodies, or does not come to the end in the steps that planning may take".to_owned();
     }
     format!("misses the {missed} by a factor of {}", rough(factor))
 }

@@ -295,6 +295,8 @@ fn one_lost_body_of_many_is_not_met_whatever_the_percentile() {
     fs::write(desk.path("bodies.csv"), format!("ixx,iyy,izz,wx,wy,wz,drag\n{table}")).expect("a table");
     let output = desk.polhode(&["run", "study.toml", "--engine", "cpu"]);
     assert_eq!(output.status.code(), Some(1), "{}", words(&output.stderr));
+    let summary = words(&output.stdout);
+    assert!(summary.contains("NOT MET, 0 of ") && summary.contains(" beyond, 1 of all bodies failed\n"), "{summary}");
     let report = report(&desk, "study.out");
     assert_eq!(report["failed_bodies"], serde_json::json!([LOST]));
     assert_eq!((&report["accuracy"]["lost"], &report["accuracy"]["met"]), (&0.into(), &false.into()));
@@ -410,7 +412,7 @@ fn a_good_run_has_no_table_of_failed_bodies() {
 }
 
 #[test]
-fn phases_beyond_all_digits_are_not_met() {
+fn phases_beyond_all_digits_are_not_said_to_be_met() {
     // 1.1e30 rad: the closed form's constants are known to 2⁻⁹⁶, so that no digit of the phase is.
     let desk = Desk::new(
         "[bodies]\ncount = 10\ninertia = [1, 2, 2.5]\nangular_velocity = [1e20, 0.4e20, 0.1e20]\n\

@@ -179,6 +179,8 @@ pub struct AccuracyReport {
     pub target: Option<TargetReport>,
     /// Bodies behind the figures that are beyond it.
     pub beyond: usize,
+    /// Bodies of the whole run that have failed, of which the percentile may leave out some.
+    pub failed: usize,
     /// Whether a random torque acts, whose draws are those of the run's own steps ([`super::Shadow::same_draws`]).
     pub same_draws: bool,
     /// Whether the sample agrees with it ([`super::Shadow::met`]).
@@ -329,8 +331,8 @@ impl BalanceReport {
         let conservative_bodies = balance.conservative_bodies;
         (balance.bodies > 0 || conservative_bodies > 0).then(|| Self {
             bodies: balance.bodies,
-            energy: balance.energy.into(),
-            angular_momentum_world: balance.angular_momentum_world.into(),
+            energy: QuantilesReport::of(balance.energy, balance.bodies),
+            angular_momentum_world: QuantilesReport::of(balance.angular_momentum_world, balance.bodies),
             conservative_bodies,
             total_energy: (conservative_bodies > 0).then(|| balance.total_energy.into()),
         })
@@ -402,6 +404,7 @@ impl Report {
                     percentile: target.percentile,
                 }),
                 beyond: trust.shadow.beyond,
+                failed: trust.failures.len(),
                 same_draws: trust.shadow.same_draws,
                 met: trust.shadow.met,
             },

@@ -159,9 +159,10 @@ impl fmt::Display for AccuracyReport {
             None => return Ok(()),
         };
         write!(formatter, "           {verdict}, {} of {} {bodies} beyond", self.beyond, self.bodies)?;
-        match self.lost {
-            0 => writeln!(formatter),
-            lost => writeln!(formatter, ", {lost} more failed"),
+        match (self.lost, self.failed) {
+            (0, 0) => writeln!(formatter),
+            (0, failed) => writeln!(formatter, ", {failed} of all bodies failed"),
+            (lost, _) => writeln!(formatter, ", {lost} more failed"),
         }
     }
 }
