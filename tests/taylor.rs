@@ -233,7 +233,8 @@ fn a_body_is_advanced_alone_as_among_others() {
 fn directions_are_kept_between_slices() {
     let end = 150.0;
     let body = |body: usize| {
-        let spin = if body == 3 { DVec3::new(90.0, 140.0, 30.0) } else { DVec3::new(0.1, 0.2, 0.3 + 0.1 * body as f64) };
+        let spin =
+            if body == 3 { DVec3::new(90.0, 140.0, 30.0) } else { DVec3::new(0.1, 0.2, 0.3 + 0.1 * body as f64) };
         (DVec3::new(1.0, 1.6, 2.1), DQuat::IDENTITY, spin)
     };
     let torques = [Torque::gravity_gradient(Orbit::circular(16.0, 1.0).inclined(0.4))];
