@@ -35,7 +35,7 @@ pub(crate) use prepare::{
     ORDER_BLOCK, Prepared, bytes_per_body_under, frame_of, initial_state, prepare_acting, prepare_ordered,
 };
 pub use prepare::{bytes_per_body, prepare, prepare_members, prepare_with};
-pub(crate) use user_axes::{USER_BODIES, USER_COMPONENTS, UserAxes, UserBlock, of_components};
+pub(crate) use user_axes::{USER_BODIES, UserAxes, UserBlock, UserColumns};
 
 /// The arithmetic that a batch is integrated in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -169,7 +169,10 @@ impl Ticks {
 #[inline(always)]
 pub fn phases_at<R: Real>(fraction: Fraction<'_>, ticks: &Ticks) -> R {
     match (fraction, ticks) {
-        (Fraction::Shared(fraction), &Ticks::Equal(ticks)) => R::splat(turns::<R::Scalar>(fraction, ticks).to_f64()),
+        (Fraction::Shared(fraction), &Ticks::Equal(ticks)) => {
+            let turns = turns::<R::Scalar>(fraction, ticks);
+            R::from_lanes(|_| turns)
+        }
         (Fraction::Shared(fraction), Ticks::Own(_)) => {
             R::from_lanes(|lane| turns::<R::Scalar>(fraction, ticks.of_lane(lane)))
         }
@@ -184,7 +187,10 @@ pub fn phases_at<R: Real>(fraction: Fraction<'_>, ticks: &Ticks) -> R {
 #[inline(always)]
 pub(crate) fn seconds_at<R: Real>(ticks: &Ticks, ticks_per_second: f64) -> R {
     match *ticks {
-        Ticks::Equal(ticks) => R::splat(seconds::<R::Scalar>(ticks, ticks_per_second).to_f64()),
+        Ticks::Equal(ticks) => {
+            let seconds = seconds::<R::Scalar>(ticks, ticks_per_second);
+            R::from_lanes(|_| seconds)
+        }
         Ticks::Own(_) => R::from_lanes(|lane| seconds::<R::Scalar>(ticks.of_lane(lane), ticks_per_second)),
     }
 }

@@ -253,6 +253,23 @@ pub enum Error {
         /// The driver's words.
         reason: String,
     },
+    /// The device was lost, or gave no answer any more, while a run was under way.
+    #[error(
+        "device {adapter}: {reason}: {done} of {outputs} outputs of {bodies} bodies were done, of which nothing is kept: \
+         run again, on another adapter (--adapter) or on the CPU (--engine cpu) if it happens again"
+    )]
+    DeviceInRun {
+        /// Name of the adapter.
+        adapter: String,
+        /// The driver's words.
+        reason: String,
+        /// Outputs that were done.
+        done: usize,
+        /// Outputs of the run.
+        outputs: usize,
+        /// Bodies of the run.
+        bodies: usize,
+    },
     /// An assembled shader is not valid; this is a bug of ours.
     #[error("{file}:{line}: {message}")]
     Shader {
@@ -378,7 +395,9 @@ impl Error {
     /// Whether what was asked for is wrong, rather than that something failed while running.
     pub fn is_input(&self) -> bool {
         match self {
-            Error::Device { .. } | Error::Shader { .. } | Error::Interrupted { .. } => false,
+            Error::Device { .. } | Error::DeviceInRun { .. } | Error::Shader { .. } | Error::Interrupted { .. } => {
+                false
+            }
             Error::File { action, .. } => *action != FileAction::Write,
             _ => true,
         }
@@ -403,7 +422,7 @@ fn file_reason(kind: std::io::ErrorKind, reason: &str) -> String {
 /// How a target is missed by the best candidate.
 fn miss(missed: &str, factor: f64) -> String {
     if factor.is_infinite() {
-        return "does not come to the end in the steps that planning may take".to_owned();
+        return "loses bodies, or does not come to the end in the steps that planning may take".to_owned();
     }
     format!("misses the {missed} by a factor of {}", rough(factor))
 }

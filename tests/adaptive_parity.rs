@@ -21,7 +21,7 @@ use polhode::real::Scalar;
 use polhode::rigid_body::{Body, State};
 use polhode::torque::{Free, TorqueTable};
 use polhode::vector::{TwoWords, Vector, two_difference};
-use polhode::{Error, Outputs, Plan, Scene, Torque};
+use polhode::{Ensemble, Error, Outputs, Plan, Scene, Torque};
 
 /// Rows of a table: not a multiple of the workgroup size.
 const ROWS: usize = 331;
@@ -188,8 +188,8 @@ const STEP: usize = 15;
 
 /// Bodies before an attempt: at the start, under way, after a refusal, at a last step, at the end, flagged; with steps from one to twelve
 /// times the first one, some of which are refused.
-fn attempts<T: Scalar>() -> Vec<Vec<T>> {
-    let mut random = Random::new(42);
+fn attempts<T: Scalar>(seed: u64) -> Vec<Vec<T>> {
+    let mut random = Random::new(42 + 1000 * seed);
     (0..ROWS)
         .map(|row| {
             let [a, b, c] = [(); 3].map(|()| random.between(0.2, 1.0));
@@ -264,9 +264,15 @@ fn attempted<T: Scalar>(row: &[T]) -> Vec<f64> {
     words.into_iter().map(Scalar::to_f64).collect()
 }
 
-/// The sum of |bⱼ| of `rk8`, 13, times the four roundings of a slope, half an ulp of an increment each; increments of
-/// steps that are taken are of up to 5/2.
-const STATE_ULPS: f64 = 65.0;
+/// Roundings of a step's increments, for a rotation angle of one in it, in ulps of the largest component: the sum of |bⱼ| of `rk8`, 13,
+/// times the four roundings of a slope, half an ulp of an increment each, which is at most √3 times the largest component; and what the
+/// step itself may differ by where it is formed by roots.
+const INCREMENT_ULPS: f64 = 13.0 * 2.0 * 1.8 + 16.0;
+/// Roundings of the state itself, by the number of its words: of its second word alone where there is one.
+const STATE_ULPS: [f64; 2] = [2.0, 1e-6];
+
+/// The largest parts of these bounds over 100 tables on lavapipe, which rounds products and sums apart as the twin does: in `f32`, in `f64`.
+const MEASURED_PARTS: [f64; 2] = [0.0, 0.34];
 
 /// How far two estimates of the error of an attempt may lie apart, in units of the tolerance, for a rotation angle of one:
 /// 4 roundings of each slope, of which the fifth-order weights' sum of magnitudes, 4.1, enters doubled, as err is homogeneous
@@ -307,9 +313,9 @@ impl Tried {
     }
 }
 
-/// Compares attempts; says what is wrong, or how many errors were compared and the largest part of its bound.
-fn compare_attempts<T: Scalar>(patches: &[Patch]) -> Result<(usize, f64), String> {
-    let rows = attempts::<T>();
+/// Compares attempts; says what is wrong, or how many errors were compared and the largest part of its bound that a difference was.
+fn compare_attempts<T: Scalar>(patches: &[Patch], seed: u64) -> Result<(usize, f64), String> {
+    let rows = attempts::<T>(seed);
     let found = Harness::new().run(&method_chunks(precision_of::<T>(), patches), ATTEMPT, &rows, OUTPUTS);
     let (mut compared, mut largest) = (0, 0.0_f64);
     for (index, (row, found)) in rows.iter().zip(&found).enumerate() {
@@ -347,8 +353,10 @@ fn compare_attempts<T: Scalar>(patches: &[Patch]) -> Result<(usize, f64), String
         for (field, first, second, count) in [("orientation", 0, 4, 4), ("angular momentum", 8, 11, 3)] {
             let (expected, found) = (sum(&expected, first, second, count), sum(found, first, second, count));
             let fields = [Field { name: field, components: count }];
-            compare_rows::<T>(&fields, &[expected], &[found], |_| 1.0, STATE_ULPS)
+            let bound = STATE_ULPS[T::WORDS - 1] + INCREMENT_ULPS * tried.angle;
+            let ulps = compare_rows::<T>(&fields, &[expected], &[found], |_| 0.0, bound)
                 .map_err(|mismatch| format!("row {index}: {mismatch}"))?;
+            largest = largest.max(ulps / bound);
         }
         // What is left is an exact difference, of steps that differ where the first is formed by roots.
         let (expected, found) = (expected[16] + expected[17], found[16] + found[17]);
@@ -366,13 +374,27 @@ const LEAST_COMPARED: usize = 60;
 
 #[test]
 fn one_attempt_agrees_with_its_twin() {
-    for (precision, compared) in
-        [(Precision::F32, compare_attempts::<f32>(&[])), (Precision::F64, compare_attempts::<f64>(&[]))]
-    {
+    let gpu = common::gpu();
+    for (precision, compared, measured) in [
+        (Precision::F32, compare_attempts::<f32>(&[], 0), MEASURED_PARTS[0]),
+        (Precision::F64, compare_attempts::<f64>(&[], 0), MEASURED_PARTS[1]),
+    ] {
         let (compared, largest) = compared.unwrap_or_else(|wrong| panic!("{precision}: {wrong}"));
         println!("{precision}: {compared} errors compared, the largest difference {largest:.2} of its bound");
         assert!(compared >= LEAST_COMPARED, "{precision}: {compared}");
+        let rounds_alike = common::rounds_like_scalar_twin(&gpu, precision);
+        assert!(!rounds_alike || largest <= 4.0 * measured, "{precision}: {largest} of its bound, {measured} measured");
     }
+}
+
+#[test]
+#[ignore = "prints what MEASURED_PARTS says: cargo test --test adaptive_parity largest -- --ignored --nocapture"]
+fn the_largest_differences_over_many_seeds() {
+    let largest = |of_seed: fn(u64) -> Result<(usize, f64), String>| {
+        (0..100).map(|seed| of_seed(seed).unwrap_or_else(|wrong| panic!("seed {seed}: {wrong}")).1).fold(0.0, f64::max)
+    };
+    println!("f32: {}", largest(|seed| compare_attempts::<f32>(&[], seed)));
+    println!("f64: {}", largest(|seed| compare_attempts::<f64>(&[], seed)));
 }
 
 #[test]
@@ -392,7 +414,7 @@ fn planted_faults_in_an_attempt_are_found() {
         ),
     ] {
         let faults = std::slice::from_ref(&fault);
-        let passed = [compare_attempts::<f32>(faults), compare_attempts::<f64>(faults)].iter().all(Result::is_ok);
+        let passed = [compare_attempts::<f32>(faults, 0), compare_attempts::<f64>(faults, 0)].iter().all(Result::is_ok);
         assert!(!passed, "{fault:?} passed");
     }
 }
@@ -417,7 +439,18 @@ fn advanced(
     precision: Precision,
     tolerance: f64,
 ) -> (StateWords, Vec<StepCounts>) {
-    let (_, batch) = prepare_with(&asymmetric_ensemble(COUNT, SEED), torques, SPAN, precision).expect("enough memory");
+    advanced_from(&asymmetric_ensemble(COUNT, SEED), engine, torques, precision, tolerance)
+}
+
+/// The same from other initial states.
+fn advanced_from(
+    ensemble: &Ensemble,
+    engine: &Engine,
+    torques: &[Torque],
+    precision: Precision,
+    tolerance: f64,
+) -> (StateWords, Vec<StepCounts>) {
+    let (_, batch) = prepare_with(ensemble, torques, SPAN, precision).expect("enough memory");
     let steps = AdaptiveSteps { tolerance, least_step: None };
     let mut session = engine.start_adaptive(batch, steps).expect("started");
     for time in [1.1, SPAN] {
@@ -426,23 +459,38 @@ fn advanced(
     (session.read(0..COUNT).expect("read"), session.counts().expect("counted"))
 }
 
-/// Roundings of a slope: four, and two of each torque, its last and that of its sum with those before it. The weights of the slopes, 13 in
-/// sum, multiply them.
-const ROUNDINGS: f64 = 4.0;
-const ROUNDINGS_OF_TORQUE: f64 = 2.0;
-const WEIGHTS: f64 = 13.0;
-/// How far a difference may grow in [`SPAN`], as neighbouring states of these bodies do.
-const GROWTH: f64 = 10.0;
+/// Roundings of an attempt in f64, in ulps: of free bodies that turn by up to 5/2 rad in it.
+const FREE_ULPS: f64 = STATE_ULPS[0] + 2.5 * INCREMENT_ULPS;
+/// A torque adds its own, 16 ulps in `torque_parity.rs`, and that of its sum with the others to the increments, weighted as the slopes are;
+/// all torques together are about as large as the slope.
+const TORQUE_ULPS: f64 = 17.0 * 13.0;
+
+/// By how much a difference grows until the end, for each body: what becomes of another start, a part of 1e-9 away.
+fn growth(torques: &[Torque], tolerance: f64) -> Vec<f64> {
+    const PART: f64 = 1e-9;
+    let (twin, precision) = (Engine::cpu_scalar(), Precision::F64);
+    let ensemble = asymmetric_ensemble(COUNT, SEED);
+    let faster: Vec<DVec3> = ensemble.angular_velocity_body().iter().map(|omega| *omega * (1.0 + PART)).collect();
+    let other = Ensemble::from_columns(ensemble.inertia(), ensemble.orientation(), &faster).expect("valid bodies");
+    let (before, _) = advanced_from(&ensemble, &twin, torques, precision, tolerance);
+    let (after, _) = advanced_from(&other, &twin, torques, precision, tolerance);
+    let of_body = |body: usize| {
+        let differences = before.combined(body).into_iter().zip(after.combined(body)).map(|(a, b)| (a - b).abs());
+        (differences.fold(0.0, f64::max) / PART).max(1.0)
+    };
+    (0..COUNT).map(of_body).collect()
+}
 
 /// In `f32`, rounding of torques is a part of the estimate, so that decisions fall either way, a body may take half as many
 /// steps again, and both are right to the tolerance only: steps are off by up to
 /// √7 of it in seven components ([`polhode::method::rk8_adaptive`]).
-fn bound(precision: Precision, torques: usize, tolerance: f64, attempts: u64) -> f64 {
-    let step = match precision {
+///
+/// The largest part of it that lavapipe came to is 0.16, in `f64` at 1e-6 under all torques.
+fn bound(precision: Precision, torques: usize, tolerance: f64) -> f64 {
+    match precision {
         Precision::F32 => 2.0 * 7.0_f64.sqrt() * tolerance,
-        Precision::F64 => 2.0_f64.powi(-53) * WEIGHTS * (ROUNDINGS + ROUNDINGS_OF_TORQUE * torques as f64),
-    };
-    GROWTH * step * attempts as f64
+        Precision::F64 => f64::EPSILON * (FREE_ULPS + if torques > 0 { TORQUE_ULPS } else { 0.0 }),
+    }
 }
 
 #[test]
@@ -453,9 +501,11 @@ fn whole_runs_agree_with_the_twin() {
             let (expected, expected_counts) = advanced(&Engine::cpu_scalar(), &torques, precision, tolerance);
             let (found, counts) = advanced(&gpu, &torques, precision, tolerance);
             let what = format!("{} torques, {precision} at {tolerance:e}", torques.len());
-            let (mut largest, mut other, mut most) = (0.0_f64, 0, 0);
+            let growth = growth(&torques, tolerance);
+            let (mut largest, mut of_bound, mut other, mut most) = (0.0_f64, 0.0_f64, 0, 0);
             for body in 0..COUNT {
-                let bound = bound(precision, torques.len(), tolerance, expected_counts[body].attempts());
+                let attempts = expected_counts[body].attempts() as f64;
+                let bound = bound(precision, torques.len(), tolerance) * attempts * growth[body];
                 let (expected, found) = (expected.combined(body), found.combined(body));
                 for (component, (expected, found)) in expected.iter().zip(found).enumerate() {
                     let difference = (expected - found).abs();
@@ -464,6 +514,7 @@ fn whole_runs_agree_with_the_twin() {
                         "{what}: body {body}, component {component}: {difference:e} of {bound:e}"
                     );
                     largest = largest.max(difference);
+                    of_bound = of_bound.max(difference / bound);
                 }
                 other += usize::from(counts[body] != expected_counts[body]);
                 let (attempts, expected) = (counts[body].attempts(), expected_counts[body].attempts());
@@ -473,7 +524,9 @@ fn whole_runs_agree_with_the_twin() {
             let total = |counts: &[StepCounts]| counts.iter().map(StepCounts::attempts).sum::<u64>();
             let (found, expected) = (total(&counts), total(&expected_counts));
             assert!(found.abs_diff(expected) <= expected / 50, "{what}: {found} attempts, {expected} expected");
-            println!("{what}: {largest:.1e}, counts of {other} bodies differ, by {most} at most");
+            println!(
+                "{what}: {largest:.1e}, {of_bound:.2} of its bound, counts of {other} bodies differ, by {most} at most"
+            );
             // In f64 no decision of these bodies is within rounding, nor in f32 without torques, where no sine is formed.
             if precision == Precision::F64 || torques.is_empty() {
                 assert_eq!(other, 0, "{what}");

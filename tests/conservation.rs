@@ -84,8 +84,8 @@ fn random_walk(precision: Precision) -> f64 {
     if precision == Precision::F64 { 3.0 * 1.1e-16 * (STEPS as f64).sqrt() } else { 0.0 }
 }
 
-/// How far |q| is from 1: it is brought back at every step, so what is left are roundings of one step, some ten, and in f32 those of |q|² in
-/// one word.
+/// How far |q| may be from 1, as the README promises: it is brought back at every step, so what is left are roundings of one step, in f32
+/// those of |q|² in one word.
 const NORM_F64: f64 = 1e-14;
 const NORM_F32: f64 = 2e-7;
 

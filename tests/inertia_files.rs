@@ -128,6 +128,52 @@ fn meshes_hulls_and_points_make_bodies() {
     assert!(pair.is_linear_rotor(0));
 }
 
+/// Tensors of molecules and planets, in a table and in a study: as they are read, their moments are in proportion, and their
+/// axes are the same to the rounding of the elements.
+#[test]
+fn bodies_of_any_scale_have_the_same_axes() {
+    let tensor = [2.25, 3.5, 4.75, 0.25, -0.375, 0.5];
+    let desk = Desk::new("");
+    let read = |power: i32| {
+        let row = tensor.map(|element| format!("{element}e{power}")).join(",");
+        fs::write(desk.path("bodies.csv"), format!("ixx,iyy,izz,ixy,ixz,iyz,wx,wy,wz\n{row},0,0,1\n")).unwrap();
+        let table = "[bodies]\nfile = \"bodies.csv\"\n[time]\nend = 1.0\n";
+        let of_table = Study::parse(&desk.path("study.toml"), table).and_then(|study| study.ensemble()).unwrap();
+        let of_study = ensemble(&desk, &format!("[1e{power}, 2e{power}, 2.5e{power}]")).unwrap();
+        (of_table.inertia()[0], of_study.inertia()[0])
+    };
+    let (base, _) = read(0);
+    let axes = principal_axes(&base);
+    for power in [-46, -30, -27, -10, 10, 27, 30, 38] {
+        let scale = 10.0_f64.powi(power);
+        let (found, moments) = read(power);
+        // Each number is read to the nearest one.
+        close(found, base * scale, f64::EPSILON, &format!("1e{power}"));
+        close(
+            moments,
+            InertiaTensor::from_principal_moments(DVec3::new(1.0, 2.0, 2.5)) * scale,
+            f64::EPSILON,
+            "diagonal",
+        );
+        let found = principal_axes(&found);
+        assert!((found.moments / scale - axes.moments).length() < ROUNDING * axes.moments.z, "1e{power}");
+        let apart = axes.principal_to_body.conjugate() * found.principal_to_body;
+        assert!(apart.xyz().length() < ROUNDING, "1e{power}: axes off by {:e}", apart.xyz().length());
+    }
+    for (power, name) in [(-45, "1e-15"), (0, "1"), (35, "1e12")] {
+        let scale: f64 = name.parse().unwrap();
+        // Of a mass and a length, 10^power in the inertia altogether.
+        let mass = 10.0_f64.powi(power) / (scale * scale);
+        let shape = format!(
+            "{{ shape = \"box\", mass = {mass:e}, edges = [{scale:e}, {:e}, {:e}] }}",
+            2.0 * scale,
+            3.0 * scale
+        );
+        let found = ensemble(&desk, &shape).unwrap().inertia()[0];
+        close(found, box_of(1.0).inertia * 10.0_f64.powi(power), ROUNDING, &shape);
+    }
+}
+
 #[test]
 fn messages_about_meshes_and_points_name_the_file_and_where_it_is_named() {
     let desk = desk("");
@@ -369,4 +415,40 @@ fn inertia_refuses_in_one_line() {
     for part in ["kg m²", "--about", "polhode inertia atoms.csv --scale 1e-10", "mass,x,y,z"] {
         assert!(help.contains(part), "{part} is missing in {help}");
     }
+}
+
+#[test]
+fn options_that_mean_nothing_for_a_file_are_refused() {
+    let desk = desk("");
+    fs::write(desk.path("alone.toml"), "inertia = [1.0, 2.0, 2.5]\n").unwrap();
+    fs::write(desk.path("two.csv"), "mass,x,y,z\n1,0,0,0\n1,1,0,0\n").unwrap();
+    for (arguments, expected) in [
+        (["two.csv", "--shell"].as_slice(), "error: shell = 1.0: only a mesh can be a skin: leave it out\n"),
+        (&["alone.toml", "--shell"], "error: shell = 1.0: only a mesh can be a skin: leave it out\n"),
+        (&["two.csv", "--body", "0"], "error: body = 0.0: only a study has several bodies: leave it out\n"),
+        (
+            &["box.obj", "--mass", "1", "--body", "3"],
+            "error: body = 3.0: only a study has several bodies: leave it out\n",
+        ),
+    ] {
+        assert_eq!(desk.refused(&[&["inertia"], arguments].concat(), 2), expected, "{arguments:?}");
+    }
+    desk.done(&["inertia", "alone.toml", "--body", "0"]);
+}
+
+#[test]
+fn what_makes_no_mass_is_refused_with_its_file_and_line() {
+    let desk = desk("");
+    fs::write(desk.path("light.csv"), "# two\nmass,x,y,z\n\n0,0,0,0\n0,1,0,0\n").unwrap();
+    let line = desk.refused(&["inertia", "light.csv"], 2);
+    assert_eq!(line, "error: light.csv:4: total mass = 0.0: a positive, finite number\n");
+    let sum = "# none\ninertia = { parts = [{ shape = \"sphere\", mass = 1, radius = 1 }, { shape = \"sphere\", mass = 2, radius = 1, \
+               hole = true }] }\n";
+    fs::write(desk.path("sum.toml"), sum).unwrap();
+    let line = desk.refused(&["inertia", "sum.toml"], 2);
+    assert!(line.starts_with("error: sum.toml:2: inertia = { parts = "), "{line}");
+    assert!(line.ends_with(": mass of all parts = -1.0: a positive, finite number\n"), "{line}");
+    fs::write(desk.path("far.csv"), "mass,x,y,z\n# near\n1,0,0,0\n\n1,1e999,0,0\n").unwrap();
+    let line = desk.refused(&["inertia", "far.csv"], 2);
+    assert_eq!(line, "error: far.csv:5: x = 1e999: a finite number is needed (m)\n");
 }

@@ -73,6 +73,17 @@ macro_rules! refuses {
 }
 
 #[test]
+fn axes_of_any_length_are_directions() {
+    for axis in ["[1e200, 0, 1e200]", "[1e-200, 0, 1e-200]", "[5e-324, 0, 5e-324]", "[1e308, 0, 1e308]"] {
+        let text = SOUND.replace("{ distribution = \"uniform\" }", &format!("{{ axis = {axis}, angle = 1 }}"));
+        let scene = Study::parse(Path::new("study.toml"), &text).and_then(|study| study.scene()).expect(axis);
+        let (sin, half) = (0.5_f64.sin(), 0.5_f64.sqrt());
+        let turned = scene.ensemble().orientation()[0];
+        assert!((turned.x - half * sin).abs() < 1e-15 && (turned.z - half * sin).abs() < 1e-15, "{axis}: {turned}");
+    }
+}
+
+#[test]
 fn the_sound_study_is_accepted() {
     accept(SOUND).unwrap();
 }
@@ -182,6 +193,10 @@ refuses! {
     a_cell_that_is_not_finite: table_refusal(&TABLE.replace("0.3\n#", "nan\n#")) => @"bodies.csv:2: wz = nan: a finite number is needed";
     a_row_that_is_too_short: table_refusal(&TABLE.replace(",0.3\n#", "\n#")) => @"bodies.csv:2: the row has 5 fields: 6 are needed, one a column of the header";
     a_row_that_is_no_body: table_refusal(&(TABLE.to_owned() + "1.0,1.0,3.0,0,0,0\n")) => @"bodies.csv:5: I1 + I2 - I3 = -1.0: no mass distribution has this tensor: I1 + I2 >= I3 is needed (principal moments, kg m²)";
+    a_row_behind_comments_and_empty_lines: table_refusal("# one\n\n# two\nixx,iyy,izz,wx,wy,wz\n1,2,2.5,0,0,1\n# three\n\r\n1,2,2.5,0,0,fast\n") => @"bodies.csv:8: wz = fast: a finite number is needed";
+    a_header_behind_comments: table_refusal("# one\n\nixx,iyy,izz,wx,wy\n") => @"bodies.csv:3: wz is missing: wx, wy and wz belong together";
+    a_body_behind_comments: table_refusal("ixx,iyy,izz,wx,wy,wz\n# one\n# two\n1,1,3,0,0,0\n") => @"bodies.csv:4: I1 + I2 - I3 = -1.0: no mass distribution has this tensor: I1 + I2 >= I3 is needed (principal moments, kg m²)";
+    an_axis_of_no_length: refusal_with("{ distribution = \"uniform\" }", "{ axis = [0, 0, 0], angle = 1 }") => @"study.toml:5: bodies.orientation.axis = [0, 0, 0]: an axis that is not zero is needed";
     an_unknown_column: table_refusal(&TABLE.replace("wz", "omega_z")) => @"bodies.csv:1: omega_z is not known: known here: name, mass, ixx, iyy, izz, ixy, ixz, iyz, qx, qy, qz, qw, wx, wy, wz, x, y, z, vx, vy, vz";
     a_column_that_stands_twice: table_refusal(&TABLE.replace("iyy", "ixx")) => @"bodies.csv:1: ixx: this column stands twice in the header";
     a_column_that_is_missing: table_refusal("ixx,iyy,izz,wx,wy\n1,2,2.5,0,0\n") => @"bodies.csv:1: wz is missing: wx, wy and wz belong together";
@@ -248,10 +263,11 @@ fn rows_behind_an_open_quote_are_not_swallowed() {
     let error = BodyTable::from_reader(Path::new("bodies.csv"), text.as_bytes(), 9).expect_err("a row would be lost");
     assert_eq!(error.to_string(), "bodies.csv:2: a quotation mark is not closed on its line");
     let text = "ixx,iyy,izz,wx,wy,wz\n1,2,2.5,0,0,\"1\n";
-    BodyTable::from_reader(Path::new("bodies.csv"), text.as_bytes(), 9).expect_err("the mark is never closed");
-    let text = "ixx, iyy,izz , wx,wy,wz\n 1, 2 ,2.5,0,0, \"1\" \n1,2,2.5,0,0,2\n";
-    let table = BodyTable::from_reader(Path::new("bodies.csv"), text.replace(" \"1\" ", "1").as_bytes(), 9);
-    assert_eq!(table.expect("spaces count for nothing").angular_velocity(0).z, 1.0);
+    let error = BodyTable::from_reader(Path::new("bodies.csv"), text.as_bytes(), 9).expect_err("never closed");
+    assert_eq!(error.to_string(), "bodies.csv:2: a quotation mark is not closed on its line");
+    let text = "ixx, iyy,izz , wx,wy,wz\n 1, 2 ,2.5,0,0,\"1\"\n1,2,2.5,0,0, 2 \n";
+    let table = BodyTable::from_reader(Path::new("bodies.csv"), text.as_bytes(), 9).expect("spaces count for nothing");
+    assert_eq!([0, 1].map(|body| table.angular_velocity(body).z), [1.0, 2.0]);
 }
 
 /// Bodies that move under a force, given by `keys`; bodies.mass is line 4 of the study.

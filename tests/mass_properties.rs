@@ -176,6 +176,83 @@ fn formulas_of_all_shapes_agree_with_quadrature() {
     }
 }
 
+/// Masses and lengths from those of molecules to those of planets.
+const MASS_SCALES: [f64; 4] = [1e-30, 1e-27, 1e24, 1e30];
+const LENGTH_SCALES: [f64; 4] = [1e-10, 1e-6, 1e6, 1e9];
+
+/// Mass properties under scale: mass and inertia in proportion to the mass, lengths to the length.
+fn check_scale(what: &str, base: &MassProperties, make: impl Fn(f64, f64) -> MassProperties) {
+    for mass in MASS_SCALES {
+        for length in LENGTH_SCALES {
+            let found = make(mass, length);
+            let expected = MassProperties {
+                mass: base.mass * mass,
+                volume: base.volume * length.powi(3),
+                centre_of_mass: base.centre_of_mass * length,
+                inertia: base.inertia * (mass * length * length),
+            };
+            let error = deviation(&found, &expected);
+            assert!(error < ROUNDING, "{what}, {mass:e} and {length:e}: {found:?} instead of {expected:?}");
+            let volume = if base.volume == 0.0 { found.volume } else { found.volume / expected.volume - 1.0 };
+            assert!(volume.abs() < ROUNDING, "{what}, {mass:e} and {length:e}: volume {:e}", found.volume);
+            let class = |body: &MassProperties| classify(body.principal_axes().moments, 1e-9);
+            assert_eq!(class(&found), class(base), "{what}, {mass:e} and {length:e}");
+            let is_valid = |body: &MassProperties| Validity::of(&body.inertia).is_valid();
+            assert_eq!(is_valid(&found), is_valid(base), "{what}, {mass:e} and {length:e}");
+        }
+    }
+}
+
+#[test]
+fn every_source_of_mass_properties_follows_the_scale() {
+    for (shape, _) in shapes() {
+        let base = shape.mass_properties(2.5).unwrap();
+        check_scale(&format!("{shape:?}"), &base, |mass, length| {
+            shape.mass_properties(2.5 * mass).unwrap().enlarged(length).unwrap().with_mass(2.5 * mass).unwrap()
+        });
+    }
+    let mesh = Shape::Tetrahedron { corners: [DVec3::ZERO, DVec3::X * 1.3, DVec3::new(0.2, 1.1, 0.0), DVec3::ONE] }
+        .mesh(8)
+        .unwrap();
+    check_scale("mesh", &mesh.mass_properties(2.5).unwrap(), |mass, length| {
+        mesh.scaled(length).unwrap().mass_properties(2.5 * mass).unwrap()
+    });
+    check_scale("shell", &mesh.shell_mass_properties(2.5).unwrap(), |mass, length| {
+        mesh.scaled(length).unwrap().shell_mass_properties(2.5 * mass).unwrap()
+    });
+    let hull = |length: f64| {
+        let points: Vec<DVec3> = mesh.vertices().iter().map(|&vertex| vertex * length).collect();
+        convex_hull(&points).unwrap()
+    };
+    check_scale("hull", &hull(1.0).mass_properties(2.5).unwrap(), |mass, length| {
+        hull(length).mass_properties(2.5 * mass).unwrap()
+    });
+    let points = |mass: f64, length: f64| {
+        let of = |(m, place): (f64, DVec3)| (m * mass, place * length);
+        point_masses(&[(1.0, DVec3::X), (2.0, DVec3::Y), (0.5, DVec3::Z), (3.0, -DVec3::ONE)].map(of)).unwrap()
+    };
+    check_scale("points", &points(1.0, 1.0), points);
+    let parts = |mass: f64, length: f64| {
+        let ball = Shape::Sphere { radius: 2.0 * length }.mass_properties(30.0 * mass).unwrap();
+        let hole = Shape::Sphere { radius: 0.5 * length }.mass_properties(3.0 * mass).unwrap();
+        compose(&[Part::new(ball), Part::new(hole).as_hole().at(0.7 * length * DVec3::X)]).unwrap()
+    };
+    check_scale("a ball with a hole", &parts(1.0, 1.0), parts);
+    let voxels = |mass: f64, length: f64| {
+        let densities = [1.0, 3.0, 2.0, 0.0, 1.0, 4.0, 0.5, 1.5].map(|density| density * mass / length.powi(3));
+        let (spacing, corner) = (DVec3::new(1.0, 0.5, 2.0) * length, DVec3::splat(0.3 * length));
+        VoxelGrid { densities: &densities, counts: [2, 2, 2], spacing, corner }.mass_properties().unwrap()
+    };
+    check_scale("voxels", &voxels(1.0, 1.0), voxels);
+    let nominal = DVec3::new(1.0, 2.0, 2.5);
+    let normals = DVec3::new(-1.0, 0.5, 2.0);
+    let scattered = scattered_moments(nominal, 0.3, normals).unwrap();
+    for scale in MASS_SCALES {
+        let found = scattered_moments(nominal * scale, 0.3, normals).unwrap();
+        assert!((found / scale - scattered).length() < ROUNDING * scattered.length(), "{scale:e}");
+    }
+}
+
 #[test]
 fn meshes_of_all_shapes_converge_at_second_order() {
     for (shape, _) in shapes() {

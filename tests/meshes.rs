@@ -361,3 +361,22 @@ fn sound_surfaces_are_left_alone() {
         }
     }
 }
+
+#[test]
+fn a_mesh_whose_volume_or_moments_leave_the_range_of_numbers_is_refused_as_such() {
+    let tetrahedron = |edge: f64| {
+        let vertices = vec![DVec3::ZERO, DVec3::X * edge, DVec3::Y * edge, DVec3::Z * edge];
+        TriangleMesh::new(vertices, vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]).expect("a mesh")
+    };
+    for edge in [1e70, 1e110, 1e308] {
+        let mesh = tetrahedron(edge);
+        for found in [mesh.mass_properties_of_density(1.0), mesh.mass_properties(1.0), mesh.shell_mass_properties(1.0)]
+        {
+            match found {
+                Err(error) => assert_eq!(error, Error::Mesh(MeshDefect::OutOfRange), "{edge:e} m"),
+                Ok(body) => assert!(edge < 1e100 && body.inertia.to_array().iter().all(|x| x.is_finite()), "{body:?}"),
+            }
+        }
+    }
+    assert!(tetrahedron(1e50).mass_properties_of_density(1.0).is_ok());
+}

@@ -2,8 +2,9 @@
 # Plants the faults of tests/mutations.txt, one at a time, in a copy of the tree, runs the test that stands beside each, and says which
 # are caught. By hand: the copy is built anew, which takes a quarter of an hour on two cores.
 #
-#   bash tests/mutate.sh [--only TEXT] [--numbers 1,2] [--record] [--alone] [--keep FOLDER]
+#   bash tests/mutate.sh [--check] [--only TEXT] [--numbers 1,2] [--record] [--alone] [--keep FOLDER]
 #
+#   --check         says which entries no longer apply and builds nothing; tests/planted_faults.rs holds them to it in every run
 #   --only TEXT     only entries whose name or file contains TEXT; may be given several times
 #   --record        writes what came of each into the table
 #   --alone         rewrites and rebuilds the copy for each fault, without the switch: slow, for one that is doubted
@@ -205,6 +206,7 @@ def judged(fault, status, output, reached, has_switch):
 
 def main():
     arguments = argparse.ArgumentParser()
+    arguments.add_argument("--check", action="store_true")
     arguments.add_argument("--only", action="append", default=[])
     arguments.add_argument("--record", action="store_true")
     arguments.add_argument("--alone", action="store_true")
@@ -218,6 +220,11 @@ def main():
     faults = [f for f in faults if not options.numbers or f.number in options.numbers]
     results = {fault.number: "DOES NOT APPLY" for fault in faults if not fault.applies}
     usable = [fault for fault in faults if fault.applies]
+    if options.check:
+        for number in results:
+            print(f"{number:3} {every[number - 1].name} ({every[number - 1].file}): DOES NOT APPLY")
+        print(f"{len(usable)} of {len(faults)} faults apply")
+        sys.exit(1 if results else 0)
     folder = pathlib.Path(options.keep or tempfile.mkdtemp(prefix="polhode-faults-"))
     folder.mkdir(parents=True, exist_ok=True)
     tests = sorted({fault.test for fault in usable})

@@ -1,5 +1,8 @@
 //! Files with random faults: studies, tables of bodies, meshes, plan documents and formulas are read or refused, never with a panic,
 //! within seconds, and each refusal names the file.
+//!
+//! The functions are those of the fuzz targets (`fuzz/`), and the sound files are their corpus. `POLHODE_MUTATIONS=1000000 cargo test
+//! --test mutations -- --nocapture` tries a million of each kind.
 
 #![cfg(feature = "cli")]
 
@@ -8,16 +11,26 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use polhode::plan::PlanDocument;
-use polhode::study::{MassFileOptions, MassReport, Study};
+use polhode::Error;
+use polhode::study::Study;
 
 #[path = "support/desk.rs"]
 mod desk;
+#[path = "../fuzz/entries.rs"]
+mod entries;
 
-use desk::{Desk, example};
+use desk::Desk;
 
-/// Files of each kind.
+/// Files of each kind, where the environment does not say how many.
 const MUTATIONS: u64 = 10_000;
+
+/// Files of each kind that go by way of the disk, with whatever reads them there.
+const ON_DISK: u64 = 1000;
+
+fn mutations() -> u64 {
+    let count = std::env::var("POLHODE_MUTATIONS").ok();
+    count.map_or(MUTATIONS, |count| count.parse().expect("POLHODE_MUTATIONS is a number"))
+}
 
 /// The longest that one file may take.
 const MOST_SECONDS: Duration = Duration::from_secs(5);
@@ -90,21 +103,20 @@ impl Draws {
     }
 }
 
-/// Reads mutations of the files as `name`, by `read`; each is taken or refused with the file's name.
-fn hold(name: &str, files: &[Vec<u8>], read: impl Fn(&Path) -> Result<(), polhode::Error>) {
-    let desk = Desk::new(STUDY);
-    let path = desk.path(name);
+/// Reads mutations of the files by `read`; each is taken or refused with the `name` that messages call the file.
+fn hold(name: &str, files: &[Vec<u8>], count: u64, read: impl Fn(&[u8]) -> Result<(), Error>) {
+    assert!(!files.is_empty(), "no sound files of {name}");
     let mut draws = Draws(0);
     let (mut taken, mut longest) = (0, Duration::ZERO);
-    for index in 0..MUTATIONS {
+    for index in 0..count {
         let file = &files[index as usize % files.len()];
         let bytes = if (index as usize) < files.len() { file.clone() } else { draws.mutated(file) };
-        fs::write(&path, &bytes).expect("written");
         let clock = Instant::now();
-        let found = catch_unwind(AssertUnwindSafe(|| read(&path)));
-        longest = longest.max(clock.elapsed());
+        let found = catch_unwind(AssertUnwindSafe(|| read(&bytes)));
+        let duration = clock.elapsed();
+        longest = longest.max(duration);
         let shown = || String::from_utf8_lossy(&bytes).into_owned();
-        assert!(clock.elapsed() < MOST_SECONDS, "{index}: {:?} for\n{}", clock.elapsed(), shown());
+        assert!(duration < MOST_SECONDS, "{index}: {duration:?} for\n{}", shown());
         match found {
             Err(_) => panic!("mutation {index} of {name} panicked:\n{}", shown()),
             Ok(Ok(())) => taken += 1,
@@ -115,101 +127,70 @@ fn hold(name: &str, files: &[Vec<u8>], read: impl Fn(&Path) -> Result<(), polhod
             }
         }
     }
-    println!("{name}: {taken} of {MUTATIONS} taken, the longest after {longest:?}");
+    println!("{name}: {taken} of {count} taken, the longest after {longest:?}");
 }
 
-/// Reads a study and draws its bodies, where they are few.
-fn read_study(path: &Path) -> Result<(), polhode::Error> {
-    let study = Study::read(path)?;
-    let count = fs::read_to_string(path).unwrap_or_default();
-    // Bodies by the million are no fault.
-    let is_large = count.lines().any(|line| line.trim_start().starts_with("count") && line.len() > 16);
-    if is_large { Ok(()) } else { study.scene().map(|_| ()) }
-}
-
-fn studies(wanted: impl Fn(&str) -> bool) -> Vec<Vec<u8>> {
-    let names = [
-        "tumbling",
-        "pointing",
-        "relaxing",
-        "thruster",
-        "bdot",
-        "booms",
-        "debris",
-        "wobbling_disc",
-        "intermediate_axis",
-    ];
-    let few = |text: String| {
-        let of_line = |line: &str| if line.starts_with("count") { "count = 3".to_owned() } else { line.to_owned() };
-        text.lines().map(of_line).collect::<Vec<_>>().join("\n") + "\n"
-    };
-    let texts = names.map(|name| few(fs::read_to_string(example(name)).expect("a study")));
-    texts.into_iter().filter(|text| wanted(text)).map(String::into_bytes).collect()
+/// The corpus of a fuzz target.
+fn corpus(target: &str) -> Vec<Vec<u8>> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus").join(target);
+    let entries = fs::read_dir(&folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+    let mut paths: Vec<_> = entries.map(|entry| entry.expect("an entry").path()).collect();
+    paths.sort();
+    paths.iter().map(|path| fs::read(path).expect("a file")).collect()
 }
 
 #[test]
 fn studies_with_random_faults_are_read_or_refused() {
-    hold("mutated.toml", &studies(|_| true), read_study);
+    hold(entries::STUDY, &corpus("study"), mutations(), entries::study);
 }
 
 #[test]
 fn formulas_with_random_faults_are_read_or_refused() {
-    hold("formula.toml", &studies(|text| text.contains("\"\"\"")), read_study);
+    hold(entries::FORMULA, &corpus("formula"), mutations(), entries::formula);
 }
 
 #[test]
 fn tables_with_random_faults_are_read_or_refused() {
-    let desk = Desk::new(&STUDY.replace("count = 3", "file = \"table.csv\"").replace("inertia = [1, 2, 2.5]\n", ""));
-    let study = desk.path("study.toml");
-    let table = "ixx,iyy,izz,wx,wy,wz,mass,name\n1,2,2.5,0.1,0.1,0.2,3,a\n2.5,2,1,1e-3,0.1,-0.2,3,\"b, c\"\n";
-    let text = fs::read_to_string(&study).expect("a study").replace("angular_velocity = [1, 0.4, 0.1]\n", "");
-    fs::write(&study, text).expect("written");
-    hold("table.csv", &[table.as_bytes().to_vec()], |path| {
-        fs::copy(path, desk.path("table.csv")).expect("copied");
-        Study::read(&study)?.scene().map(|_| ())
-    });
+    hold(entries::TABLE, &corpus("table"), mutations(), entries::table);
 }
 
 #[test]
 fn plans_with_random_faults_are_read_or_refused() {
     let desk = Desk::new(STUDY);
     desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
-    let plan = fs::read(desk.path("study.out/plan.json")).expect("a plan");
-    hold("plan.json", &[plan], |path| PlanDocument::read(path).map(|_| ()));
-}
-
-/// A tetrahedron in three formats.
-const CORNERS: [[f32; 3]; 4] = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
-
-fn hold_meshes(name: &str, file: Vec<u8>) {
-    let options = MassFileOptions { density: Some(1.0), ..MassFileOptions::default() };
-    hold(name, &[file], |path| MassReport::of_file(path, &options, None).map(|_| ()));
+    let written = fs::read(desk.path("study.out/plan.json")).expect("a plan");
+    hold(entries::PLAN, &[written], mutations(), entries::plan);
 }
 
 #[test]
-fn binary_meshes_with_random_faults_are_read_or_refused() {
-    let mut file = vec![0; 80];
-    file.extend(4_u32.to_le_bytes());
-    for face in FACES {
-        file.extend([0; 12]);
-        face.iter().flat_map(|&corner| CORNERS[corner]).for_each(|x| file.extend(x.to_le_bytes()));
-        file.extend([0; 2]);
-    }
-    hold_meshes("mesh.stl", file);
+fn stl_meshes_with_random_faults_are_read_or_refused() {
+    hold(entries::STL, &corpus("stl"), mutations(), entries::stl);
 }
 
 #[test]
-fn text_meshes_with_random_faults_are_read_or_refused() {
-    let corner =
-        |&corner: &usize| format!("vertex {} {} {}\n", CORNERS[corner][0], CORNERS[corner][1], CORNERS[corner][2]);
-    let face = |face: &[usize; 3]| {
-        let corners: String = face.iter().map(corner).collect();
-        format!("facet normal 0 0 0\nouter loop\n{corners}endloop\nendfacet\n")
-    };
-    let faces: String = FACES.iter().map(face).collect();
-    hold_meshes("mesh.stl", format!("solid a\n{faces}endsolid a\n").into_bytes());
-    let corners: String = CORNERS.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
-    let faces: String = FACES.iter().map(|[a, b, c]| format!("f {} {} {}\n", a + 1, b + 1, c + 1)).collect();
-    hold_meshes("mesh.obj", (corners + &faces).into_bytes());
+fn obj_meshes_with_random_faults_are_read_or_refused() {
+    hold(entries::OBJ, &corpus("obj"), mutations(), entries::obj);
+}
+
+#[test]
+fn studies_with_random_faults_on_the_disk_are_read_or_refused() {
+    let desk = Desk::new(STUDY);
+    let path = desk.path("mutated.toml");
+    hold("mutated.toml", &corpus("study"), ON_DISK, |bytes| {
+        fs::write(&path, bytes).expect("written");
+        let study = Study::read(&path)?;
+        if study.bodies().count > 1000 { Ok(()) } else { study.scene().map(|_| ()) }
+    });
+}
+
+#[test]
+fn tables_with_random_faults_on_the_disk_make_bodies_or_are_refused() {
+    let desk = Desk::new(&STUDY.replace("count = 3", "file = \"table.csv\"").replace("inertia = [1, 2, 2.5]\n", ""));
+    let study = desk.path("study.toml");
+    let text = fs::read_to_string(&study).expect("a study").replace("angular_velocity = [1, 0.4, 0.1]\n", "");
+    fs::write(&study, text).expect("written");
+    hold(entries::TABLE, &corpus("table"), ON_DISK, |bytes| {
+        fs::write(desk.path("table.csv"), bytes).expect("written");
+        Study::read(&study)?.scene().map(|_| ())
+    });
 }

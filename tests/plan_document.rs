@@ -89,17 +89,33 @@ fn a_file_that_is_no_plan_is_refused_with_its_line() {
     let scene = scene(1);
     let text = Plan::new(&scene, &engine).expect("a plan").to_json();
     for (from, to, expected) in [
-        ("\"format\": 4", "\"format\": 7", "p.json:1: its format is 7, this release reads 4"),
-        ("\"polhode\": \"", "\"polhode\": \"9.", "p.json:1: it is of polhode 9."),
+        ("\"format\": 5", "\"format\": 7", "its format is 7, this release reads 5"),
+        ("\"polhode\": \"", "\"polhode\": \"9.", "it is of polhode 9."),
         ("\"coefficient\": ", "\"coefficient\": -", "a finite number from 0 on is needed"),
-        ("\"attitude\": ", "\"attitude\": 2", "its sum differs"),
-        ("\"resolution\"", "\"solution\"", "missing field `resolution`"),
+        ("\"closed_form\": \"", "\"closed_form\": \"x", "is not known"),
         ("\"method\": \"", "\"method\": \"x", "is not known"),
-        ("{\n  \"format\"", "{\n  format", "p.json:2: key must be a string"),
+        ("\"skipping\": true,", "\"skipping\": true, \"more\": 1,", "unknown field `more`"),
+        ("\"closed_form\"", "\"note\": \"mine\", \"closed_form\"", "unknown field `note`"),
+        ("\"coefficient\"", "\"why\": 1, \"coefficient\"", "unknown field `why`"),
+        ("\"engine\"", "\"who\": 1, \"engine\"", "unknown field `who`"),
+        ("{\n  \"format\"", "{\n  format", "key must be a string"),
     ] {
         assert!(text.contains(from), "{from} in {text}");
-        let error = PlanDocument::parse(Path::new("p.json"), &text.replace(from, to)).expect_err(expected);
+        let line = 1 + text[..text.find(from).expect("there")].matches('\n').count();
+        let line = if from.starts_with('{') { line + 1 } else { line };
+        let error = PlanDocument::parse(Path::new("p.json"), &text.replacen(from, to, 1)).expect_err(expected);
         assert!(error.is_input() && error.to_string().contains(expected), "{error}");
+        assert!(error.to_string().starts_with(&format!("p.json:{line}: ")), "{error}, not line {line}");
+    }
+    let sum = 1 + text[..text.find("\"sum\"").expect("there")].matches('\n').count();
+    for (from, to, expected) in [
+        ("\"attitude\": ", "\"attitude\": 2", format!("p.json:{sum}: it is not as the run wrote it: its sum differs")),
+        ("\"class\": \"asymmetric\"", "\"class\": \"magic\"", format!("p.json:{sum}: ")),
+        ("\"resolution\"", "\"solution\"", "unknown field `solution`".to_owned()),
+    ] {
+        assert!(text.contains(from), "{from} in {text}");
+        let error = PlanDocument::parse(Path::new("p.json"), &text.replace(from, to)).expect_err(&expected);
+        assert!(error.is_input() && error.to_string().contains(&expected), "{error}");
     }
 }
 
@@ -108,10 +124,8 @@ fn a_plan_with_any_number_edited_or_any_end_cut_is_refused() {
     let engine = Engine::cpu();
     let scene = scene(1);
     let text = Plan::new(&scene, &engine).expect("a plan").to_json();
-    // Classes and skips follow from what stands before them, and are for people.
-    let (by_which, _) = text.split_once("\"classes\"").expect("classes");
     let mut edits = 0;
-    for (place, letter) in by_which.char_indices().filter(|(_, letter)| letter.is_ascii_digit()) {
+    for (place, letter) in text.char_indices().filter(|(_, letter)| letter.is_ascii_digit()) {
         let other = if letter == '1' { "2" } else { "1" };
         let edited = [&text[..place], other, &text[place + 1..]].concat();
         let read = PlanDocument::parse(Path::new("p.json"), &edited);

@@ -34,7 +34,7 @@ enum Check {
     Sizes,
     /// tests/determinism.rs: a run under a torque that depends on time, cut into chunks and slices, against the whole.
     Cuts,
-    /// tests/verify.rs: short steps, each from the twin's state.
+    /// tests/verify: short steps, each from the twin's state.
     ShortSteps,
     /// tests/free_motion_parity.rs: the closed form at a distant time against the scalar twin.
     ClosedForm(Precision),
@@ -269,4 +269,72 @@ fn every_planted_fault_is_caught_by_the_check_beside_it() {
         }
     }
     assert!(uncaught.is_empty(), "{}", uncaught.join("\n"));
+}
+
+/// An entry of tests/mutations.txt.
+struct Mutation<'a> {
+    name: &'a str,
+    file: &'a str,
+    /// What stands in the file, without the marks around the expression.
+    from: String,
+    to: &'a str,
+    test: &'a str,
+    filter: &'a str,
+}
+
+fn mutation<'a>(lines: &[&'a str]) -> Mutation<'a> {
+    let field = |mark: &str| {
+        let found = lines.iter().find_map(|line| line.strip_prefix(mark));
+        found.unwrap_or_else(|| panic!("{}: no line begins with {mark:?}", lines[0]))
+    };
+    let (test, filter) = field("= ").split_once(' ').unwrap_or((field("= "), ""));
+    let name = lines[0].trim_end_matches(" [issue]");
+    Mutation { name, file: lines[1], from: field("- ").replace(['«', '»'], ""), to: field("+ "), test, filter }
+}
+
+/// Says why an entry cannot be planted, or its test not be run.
+fn what_is_stale(mutation: &Mutation<'_>) -> Option<String> {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let Ok(text) = std::fs::read_to_string(root.join(mutation.file)) else {
+        return Some(format!("{} is not there", mutation.file));
+    };
+    let count = text.matches(&mutation.from).count();
+    // Every occurrence in a shader is changed, in Rust the only one.
+    if count == 0 || (count > 1 && !mutation.file.starts_with("shaders/")) {
+        return Some(format!("{:?} occurs {count} times in {}", mutation.from, mutation.file));
+    }
+    if mutation.from == mutation.to {
+        return Some("nothing is changed".to_owned());
+    }
+    let file = root.join(format!("tests/{}.rs", mutation.test));
+    let folder = root.join("tests").join(mutation.test);
+    let files = match std::fs::read_dir(&folder) {
+        _ if file.exists() => vec![file],
+        Ok(entries) => entries.map(|entry| entry.expect("an entry").path()).collect(),
+        Err(_) => return Some(format!("there is no test {}", mutation.test)),
+    };
+    let texts: String = files.iter().map(|file| std::fs::read_to_string(file).expect("a test")).collect();
+    let missing = mutation.filter.split("::").find(|part| !texts.contains(part));
+    missing.map(|part| format!("{part} stands nowhere in the test {}", mutation.test))
+}
+
+#[test]
+fn every_mutation_of_the_list_applies_and_has_its_test() {
+    let table = include_str!("mutations.txt");
+    let lines: Vec<&str> = table.lines().filter(|line| !line.starts_with('#')).collect();
+    let entries: Vec<Mutation<'_>> =
+        lines.split(|line| line.trim().is_empty()).filter(|entry| !entry.is_empty()).map(mutation).collect();
+    assert!(entries.len() >= 87, "{} entries", entries.len());
+    let stale: Vec<String> = entries
+        .iter()
+        .filter_map(|entry| what_is_stale(entry).map(|reason| format!("{}: {reason}", entry.name)))
+        .collect();
+    assert!(stale.is_empty(), "{}", stale.join("\n"));
+    // The check itself finds what is stale.
+    let first = || mutation(&lines[lines.iter().position(|line| !line.is_empty()).expect("an entry")..]);
+    let stale = |changed: Mutation<'_>| assert!(what_is_stale(&changed).is_some(), "{}", changed.name);
+    stale(Mutation { file: "shaders/none.wgsl", ..first() });
+    stale(Mutation { from: "no such text".into(), ..first() });
+    stale(Mutation { test: "no_such_test", ..first() });
+    stale(Mutation { filter: "no_such_name", ..first() });
 }

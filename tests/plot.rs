@@ -93,23 +93,26 @@ fn a_run_is_drawn_with_its_bodies() {
     use glam::{DQuat, DVec3};
     use polhode::record::{OutputFolder, run_to_folder};
     use polhode::study::{Format, Output};
-    use polhode::{Ensemble, Method, Outputs, Plan, Scene, Statistic};
+    use polhode::{Ensemble, Method, Outputs, Plan, Scene, Statistic, Torque};
 
     let desk = tempfile::tempdir().expect("a folder");
-    let folder = desk.path().join("out");
     let moments = DVec3::new(1.0, 2.0, 3.0);
     let spins = [DVec3::new(0.1, 2.0, 0.1), DVec3::new(0.0, 0.0, 1.0), DVec3::new(1.0, 1.0, 1.0)];
     let ensemble = Ensemble::from_fn(3, |body| (moments, DQuat::IDENTITY, spins[body])).expect("valid bodies");
     let scene = Scene::new(ensemble).until(20.0).outputs(Outputs::Every(0.05)).pinned(Method::Rk4, 0.05, None);
     let scene = scene.statistics(&[Statistic::SpinRate, Statistic::KineticEnergy]);
     let engine = Engine::cpu();
-    let plan = Plan::new(&scene, &engine).expect("a plan");
-    let output = Output { final_state: false, snapshots: true, format: Format::Csv };
-    let place = OutputFolder::create(&folder, false).expect("a folder");
-    let since = std::time::Instant::now();
-    run_to_folder(&engine, &plan, None, output, place, since, &mut |_| ControlFlow::Continue(())).expect("run");
+    let run = |scene: &Scene, name: &str| {
+        let folder = desk.path().join(name);
+        let plan = Plan::new(scene, &engine).expect("a plan");
+        let output = Output { final_state: false, snapshots: true, format: Format::Csv };
+        let place = OutputFolder::create(&folder, false).expect("a folder");
+        let since = std::time::Instant::now();
+        run_to_folder(&engine, &plan, None, output, place, since, &mut |_| ControlFlow::Continue(())).expect("run");
+        folder
+    };
 
-    let files = plot_folder(&folder, &[0, 1]).expect("drawn");
+    let files = plot_folder(&run(&scene, "out"), &[0, 1]).expect("drawn");
     let names: Vec<_> = files.iter().map(|file| file.file_name().expect("a name").to_string_lossy()).collect();
     let expected = [
         "run.svg",
@@ -125,8 +128,17 @@ fn a_run_is_drawn_with_its_bodies() {
     let words =
         |file: &Path| std::fs::read_to_string(file).expect("a file").split_whitespace().collect::<Vec<_>>().join(" ");
     let ensemble = words(&files[0]);
-    for text in ["time (s)", "|ω| (rad/s)", "drift of the angular momentum", "rk4 in f64", "bodies"] {
+    let drifts = ["drift of the kinetic energy", "drift of the angular momentum"];
+    for text in ["time (s)", "|ω| (rad/s)", "rk4 in f64", "bodies", drifts[0], drifts[1], "drift: median"] {
         assert!(ensemble.contains(text), "{text}");
+    }
+    // What torques change is no drift.
+    let damped = scene.clone().torque(Torque::internal_dissipation(0.01));
+    let driven = scene.clone().torque(Torque::linear_drag(vec![0.0, 0.1, 0.1]));
+    for (scene, name, drawn) in [(damped, "damped", [false, true]), (driven, "driven", [false, false])] {
+        let picture = words(&plot_folder(&run(&scene, name), &[]).expect("drawn")[0]);
+        assert_eq!(drifts.map(|text| picture.contains(text)), drawn, "{name}");
+        assert_eq!(picture.contains("drift: median"), drawn[1], "{name}");
     }
     let statistics = words(&files[6]);
     for text in ["spin rate (rad/s)", "kinetic energy (J)", "one standard deviation", "rk4 in f64"] {

@@ -196,7 +196,48 @@ fn values_that_are_not_numbers_end_the_iteration() {
     }
 }
 
+/// Powers of two near 1e-30 and 1e30, and what an element may still have below and above.
+const POWERS_OF_TWO: [i32; 6] = [-300, -100, -33, 33, 100, 300];
+/// Powers of ten, which round every element.
+const POWERS_OF_TEN: [i32; 8] = [-30, -27, -10, -3, 3, 10, 27, 30];
+
 proptest! {
+    #[test]
+    fn a_power_of_two_scales_the_moments_exactly_and_leaves_the_axes(tensor in tensor()) {
+        let (axes, refined) = (principal_axes(&tensor), principal_axes_refined(&tensor));
+        for power in POWERS_OF_TWO {
+            let scale = 2.0_f64.powi(power);
+            let found = principal_axes(&(tensor * scale));
+            prop_assert_eq!(found.moments, axes.moments * scale, "2^{}", power);
+            prop_assert_eq!(found.principal_to_body, axes.principal_to_body, "2^{}", power);
+            let found = principal_axes_refined(&(tensor * scale));
+            prop_assert_eq!(found.moments.value, refined.moments.value * scale, "2^{}", power);
+            prop_assert_eq!(found.moments.residue, refined.moments.residue * scale, "2^{}", power);
+            prop_assert_eq!(found.principal_to_body.value, refined.principal_to_body.value, "2^{}", power);
+            prop_assert_eq!(found.principal_to_body.residue, refined.principal_to_body.residue, "2^{}", power);
+        }
+    }
+
+    #[test]
+    fn any_scale_leaves_the_axes_to_the_rounding_of_the_elements(tensor in tensor()) {
+        let axes = principal_axes(&tensor);
+        let (low, high) = (axes.moments.y - axes.moments.x, axes.moments.z - axes.moments.y);
+        for power in POWERS_OF_TEN {
+            let scale = 10.0_f64.powi(power);
+            let found = principal_axes(&(tensor * scale));
+            // The nine elements are off by half an ulp each, in the Frobenius norm by as much of that of the tensor, √3 I₃ at most.
+            let elements = 0.5 * f64::EPSILON * 3.0_f64.sqrt();
+            let error = (found.moments / scale - axes.moments).abs().max_element() / axes.moments.z;
+            prop_assert!(error <= 2.0 * MOMENT_ERROR + elements, "1e{}: moments off by {:e}", power, error);
+            for (k, gap) in [low, low.min(high), high].into_iter().enumerate() {
+                // C. Davis and W. M. Kahan, SIAM J. Numer. Anal. 7 (1970) 1: sin θ ≤ ‖E‖/gap, here to the gap before the change.
+                let bound = 2.0 * AXIS_ERROR + 2.0 * elements * axes.moments.z / gap;
+                let error = found.axis_body(k).cross(axes.axis_body(k)).length();
+                prop_assert!(error <= bound || bound > 0.5, "1e{}: axis {} off by {:e} of {:e}", power, k, error, bound);
+            }
+        }
+    }
+
     #[test]
     fn a_round_trip_restores_the_tensor(tensor in tensor()) {
         let axes = principal_axes(&tensor);

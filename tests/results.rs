@@ -201,7 +201,7 @@ fn kill_loop(kills: u32) {
         "{kills} kills: {unfinished} before the new result was there, {aside} while the former one was aside, {replaced} after; \
          none lost or mixed"
     );
-    assert!(unfinished > 0 && replaced > 0, "the kills come at the wrong times");
+    assert!(unfinished > 0 && aside > 0 && replaced > 0, "the kills come at the wrong times");
 }
 
 #[test]
@@ -250,6 +250,7 @@ fn two_writers(pairs: u32) {
         assert_eq!(hidden(studies.desk.folder()), [""; 0], "nothing is left");
     }
     println!("{pairs} pairs: {refused} refused, {both} one after the other, none lost or mixed");
+    assert!(refused > 0, "no two runs met");
 }
 
 #[test]
@@ -388,6 +389,63 @@ fn the_current_folder_is_filled_in_place() {
     fs::write(desk.path("study.toml"), study(0).replace("snapshots = true", "snapshots = false")).expect("written");
     desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", ".", "--force"]);
     assert_eq!(desk.names("."), ["final.csv", "plan.json", "report.json", "study.toml"]);
+}
+
+#[test]
+fn runs_into_a_folder_from_inside_and_from_outside_exclude_each_other() {
+    let desk = Desk::new(&long_study());
+    fs::create_dir(desk.path("inner")).expect("made");
+    fs::copy(desk.path("study.toml"), desk.path("inner/study.toml")).expect("copied");
+    let refused = |folder: &str, out: &str, first: &mut Child| {
+        let output = Command::new(cargo_bin!("polhode"))
+            .current_dir(desk.path(folder))
+            .args(["run", "study.toml", "--engine", "cpu", "--quiet", "--force", "--out", out])
+            .output()
+            .expect("the command starts");
+        let errors = words(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{errors}");
+        assert!(errors.contains(&format!("another run writes there (process {}, since 20", first.id())), "{errors}");
+        first.kill().expect("killed");
+        first.wait().expect("it ends");
+    };
+    let begun = |folder: &str, out: &str, partial: &str| {
+        let child = Command::new(cargo_bin!("polhode"))
+            .current_dir(desk.path(folder))
+            .args(["run", "study.toml", "--engine", "cpu", "--quiet", "--force", "--out", out])
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("the command starts");
+        let since = Instant::now();
+        while !desk.names(partial).iter().any(|name| name.ends_with(".partial")) {
+            assert!(since.elapsed() < Duration::from_secs(60), "it does not begin");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        child
+    };
+    refused(".", "inner", &mut begun("inner", ".", "inner"));
+    // What the killed one has left in the folder goes with the next run from outside.
+    refused("inner", ".", &mut begun(".", "inner", "."));
+    fs::write(desk.path("study.toml"), study(0)).expect("written");
+    let output = desk.polhode(&["run", "study.toml", "--engine", "cpu", "--quiet", "--force", "--out", "inner"]);
+    assert!(output.status.success(), "{}", words(&output.stderr));
+    assert_eq!(desk.names("inner"), ["final.csv", "plan.json", "report.json", "snapshots.csv", "study.toml"]);
+    assert_eq!(hidden(desk.folder()), [""; 0], "nothing is left");
+}
+
+#[test]
+fn a_result_that_cannot_be_moved_into_its_folder_is_kept_whole() {
+    let desk = Desk::new(&long_study().replace("end = 1e6", "end = 20.0"));
+    let run = start(&desk, "study.toml", &["--quiet", "--out", ".", "--force"]);
+    wait_for_partial(&desk.path("study.toml"));
+    // A folder came meanwhile, where a file of the result belongs; files are moved one by one.
+    fs::create_dir_all(desk.path("final.csv/mine")).expect("made");
+    let output = finished(run);
+    let errors = words(&output.stderr);
+    assert_eq!((output.status.code(), errors.lines().count()), (Some(1), 1), "{errors}");
+    let kept = desk.names(".").into_iter().find(|name| name.ends_with(".kept")).expect("what was kept");
+    assert!(errors.ends_with(&format!("{kept}\n")), "{errors}");
+    assert!(desk.path(&kept).join("report.json").exists() && desk.path(&kept).join("final.csv").exists());
+    assert!(desk.path("final.csv/mine").is_dir());
 }
 
 #[test]

@@ -290,6 +290,10 @@ fn bodies_that_fail_are_counted_and_left_out() {
                 let [alone, read] = [scene.clone().without_states(), scene].map(|scene| run(&engine, &scene));
                 assert_eq!(alone.trust().failed_bodies, failed, "{precision} {method}");
                 assert_eq!(read.trust().failed_bodies, failed, "{precision} {method}");
+                let reasons = |record: &Record| -> Vec<(usize, Status)> {
+                    record.trust().failures.iter().map(|failure| (failure.body, failure.reason)).collect()
+                };
+                assert_eq!(reasons(&alone), reasons(&read), "{precision} {method}");
                 assert_eq!(alone.statistics(), read.statistics());
                 assert_eq!(alone.trust().outside_usable_region, read.trust().outside_usable_region);
                 assert_eq!(alone.trust().shadow.bodies, read.trust().shadow.bodies);

@@ -8,9 +8,9 @@ use common::random::Random;
 use common::torques::{batch_under, every_torque, middle_moments};
 use polhode::batch::Precision;
 use polhode::clock::{Clock, Fraction, Ticks, digits, phase_after, phases_at};
-use polhode::engine::Engine;
 use polhode::engine::gpu::Patch;
 use polhode::engine::gpu::shader::{Chunk, Source};
+use polhode::engine::{Engine, EngineKind};
 use polhode::method::Method;
 use polhode::real::Scalar;
 use polhode::rigid_body::Body;
@@ -148,7 +148,8 @@ fn cases<T: Scalar>() -> Vec<Case<T>> {
                 let (_, sin, cos) = orbit::eccentric_anomaly(row[7] * T::splat(std::f64::consts::TAU), row[8]);
                 vec![sin, cos]
             },
-            ulps: TRIGONOMETRIC * 10.0,
+            // Roundings of the anomaly are magnified by 1/(1 - e).
+            ulps: TRIGONOMETRIC,
         },
     ]
 }
@@ -179,7 +180,9 @@ fn check_functions<T: Scalar>() {
         let expected: Vec<_> = rows.iter().map(|row| to_f64(&(case.twin)(row))).collect();
         let found = harness.run(&chunks, case.line, &rows, expected[0].len());
         // Parameters are at most 1, rates 2.
-        let compared = compare_rows::<T>(case.fields, &expected, &found, |_| 1.0, case.ulps);
+        let size =
+            |row: usize| if case.name == "eccentric_anomaly" { 1.0 / (1.0 - rows[row][8].to_f64()) } else { 1.0 };
+        let compared = compare_rows::<T>(case.fields, &expected, &found, size, case.ulps);
         match compared {
             Ok(largest) => println!("{}: {largest:.2} ulps of {}", case.name, case.ulps),
             Err(mismatch) => panic!("{}: {mismatch}; inputs {:?}", case.name, to_f64(&rows[mismatch.body])),
@@ -336,21 +339,50 @@ fn the_block_function_gives_the_published_words() {
 const BODIES: usize = 203;
 const DT: f64 = 1.0 / 64.0;
 
-/// The bound after `steps` steps, in ulps of a vector's largest component: as in `parity.rs`, a few roundings of each
-/// step's increment, of which a torque adds as many as the motion itself has.
-fn bound(precision: Precision, steps: u64) -> f64 {
-    match precision {
+/// The bound after `steps` steps, in ulps of a vector's largest component: as in `parity`, a few roundings of each
+/// step's increment, of which a torque adds as many as the motion itself has. Where both sides round alike, or fuse as lanes do, it is
+/// four times what was measured.
+fn bound(engine: &Engine, precision: Precision, steps: u64) -> f64 {
+    let derived = match precision {
         Precision::F32 => 2.0 * steps as f64,
         Precision::F64 => 12.0 * steps as f64,
+    };
+    let is_gpu = engine.description().kind == EngineKind::Gpu;
+    let is_measured = !is_gpu || common::rounds_like_scalar_twin(engine, precision);
+    match STEPS.iter().position(|&other| other == steps) {
+        Some(place) if is_measured => derived.min(4.0 * measured(precision)[place]),
+        _ => derived,
+    }
+}
+
+/// Numbers of steps that are compared.
+const STEPS: [u64; 2] = [1, 50];
+
+/// The largest differences over [`SEEDS`] draws of all bodies after [`STEPS`], in ulps, in lanes, which fuse products and sums, and on lavapipe,
+/// which rounds them apart as the twin does.
+fn measured(precision: Precision) -> [f64; 2] {
+    match precision {
+        Precision::F32 => [1.4, 11.0],
+        Precision::F64 => [2.0, 52.0],
     }
 }
 
 /// The largest difference of GPU and twin under some torques.
 fn compared(gpu: &Engine, torques: &[Torque], precision: Precision, steps: u64) -> Result<f64, String> {
-    let batch = batch_under(BODIES, 12, torques, precision);
+    compared_within(gpu, torques, precision, steps, 12, bound(gpu, precision, steps))
+}
+
+fn compared_within(
+    engine: &Engine,
+    torques: &[Torque],
+    precision: Precision,
+    steps: u64,
+    seed: u64,
+    bound: f64,
+) -> Result<f64, String> {
+    let batch = batch_under(BODIES, seed, torques, precision);
     let expected = common::advanced(&Engine::cpu_scalar(), &batch, Method::Rk4, DT, steps);
-    let found = common::advanced(gpu, &batch, Method::Rk4, DT, steps);
-    let bound = bound(precision, steps);
+    let found = common::advanced(engine, &batch, Method::Rk4, DT, steps);
     match precision {
         Precision::F32 => compare_states::<f32>(&expected, &found, bound),
         Precision::F64 => compare_states::<f64>(&expected, &found, bound),
@@ -374,17 +406,10 @@ fn oscillation() -> Torque {
 #[test]
 fn steps_under_each_torque_and_under_all_of_them_agree_with_the_twin() {
     let gpu = common::gpu();
-    let all = every_torque(&middle_moments(BODIES, 12));
-    let mut scenes: Vec<(&str, Vec<Torque>)> = all.iter().map(|torque| (torque.name(), vec![torque.clone()])).collect();
-    scenes.push(("all", all.clone()));
-    for (name, change) in [("ramp", ramp()), ("oscillation", oscillation())] {
-        scenes.push((name, vec![change.clone()]));
-        scenes.push(("all while moments change", [all.clone(), vec![change]].concat()));
-    }
-    scenes.push(("all twice", [all.clone(), all.clone()].concat()));
+    let scenes = scenes(12);
     for precision in Precision::ALL {
         for (name, torques) in &scenes {
-            for steps in [1, 50] {
+            for steps in STEPS {
                 match compared(&gpu, torques, precision, steps) {
                     Ok(largest) => println!("{precision} {name}, {steps} steps: {largest:.3} ulps"),
                     Err(mismatch) => panic!("{precision} {name}, {steps} steps: {mismatch}"),
@@ -392,6 +417,46 @@ fn steps_under_each_torque_and_under_all_of_them_agree_with_the_twin() {
             }
         }
     }
+}
+
+/// Draws of all bodies that [`measured`] is of.
+const SEEDS: u64 = 100;
+
+#[test]
+#[ignore = "prints what `measured` says: cargo test --test torque_parity largest -- --ignored --nocapture"]
+fn the_largest_differences_over_many_seeds() {
+    for engine in [Engine::cpu(), common::gpu()] {
+        for precision in Precision::ALL {
+            let largest = STEPS.map(|steps| {
+                let mut largest = (0.0, String::new());
+                for seed in 0..SEEDS {
+                    for (name, torques) in scenes(seed) {
+                        let found = compared_within(&engine, &torques, precision, steps, seed, f64::MAX)
+                            .unwrap_or_else(|mismatch| panic!("{precision} {name}, seed {seed}: {mismatch}"));
+                        if found > largest.0 {
+                            largest = (found, name);
+                        }
+                    }
+                }
+                largest
+            });
+            println!("{} {precision}: {largest:?}", engine.description().name);
+        }
+    }
+}
+
+/// Each torque alone, all of them, while moments change, and each twice.
+fn scenes(seed: u64) -> Vec<(String, Vec<Torque>)> {
+    let all = every_torque(&middle_moments(BODIES, seed));
+    let mut scenes: Vec<(String, Vec<Torque>)> =
+        all.iter().map(|torque| (torque.name().to_owned(), vec![torque.clone()])).collect();
+    scenes.push(("all".into(), all.clone()));
+    for (name, change) in [("ramp", ramp()), ("oscillation", oscillation())] {
+        scenes.push((name.into(), vec![change.clone()]));
+        scenes.push(("all while moments change".into(), [all.clone(), vec![change]].concat()));
+    }
+    scenes.push(("all twice".into(), [all.clone(), all.clone()].concat()));
+    scenes
 }
 
 #[test]

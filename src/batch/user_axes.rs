@@ -2,7 +2,7 @@
 //!
 //! Products are not fused with sums, so that a body's numbers are the same to the bit in lanes and alone.
 
-use super::{BodyFrame, BodyState, STATE_COMPONENTS, power_of_two_factors};
+use super::{BodyFrame, BodyState, STATE_COMPONENTS, STRIDE_UNIT, power_of_two_factors};
 use crate::lanes::{LaneScalar, LaneTask};
 use crate::method::Status;
 use crate::quaternion::Quaternion;
@@ -60,7 +60,7 @@ impl<R: Real<Scalar = f64>> UserAxes<R> {
         (unit_product(orientation, self.principal_to_body), self.moments.scaled_by(omega))
     }
 
-    /// The components of the states in the user's axes and units ([`of_components`]) from scaled ones
+    /// The components of the states in the user's axes and units ([`UserColumns`]) from scaled ones
     /// ([`super::StateWords`]).
     #[inline(always)]
     pub fn components(&self, q: Quaternion<R>, m: Vector<R>) -> [R; USER_COMPONENTS] {
@@ -82,9 +82,34 @@ impl<R: Real<Scalar = f64>> UserAxes<R> {
     }
 }
 
+/// Bodies that [`UserColumns`] hold; a multiple of every lane count.
+pub(crate) const USER_BODIES: usize = STRIDE_UNIT;
+
+/// The states of some bodies in the user's axes and units, a column for each component.
+pub(crate) struct UserColumns([[f64; USER_BODIES]; USER_COMPONENTS]);
+
+impl UserColumns {
+    /// Not a number in every place.
+    pub const UNKNOWN: Self = Self([[f64::NAN; USER_BODIES]; USER_COMPONENTS]);
+
+    /// Takes what [`UserAxes::components`] gives for the lanes from `offset` on.
+    #[inline(always)]
+    pub fn store<R: Real<Scalar = f64>>(&mut self, offset: usize, components: [R; USER_COMPONENTS]) {
+        for (number, column) in components.into_iter().zip(&mut self.0) {
+            number.store(&mut column[offset..]);
+        }
+    }
+
+    /// The state of one body, as valid.
+    #[inline]
+    pub fn state(&self, place: usize) -> BodyState {
+        of_components(|component| self.0[component][place])
+    }
+}
+
 /// The state of the components that [`UserAxes::components`] gives.
 #[inline(always)]
-pub(crate) fn of_components(component: impl Fn(usize) -> f64) -> BodyState {
+pub(super) fn of_components(component: impl Fn(usize) -> f64) -> BodyState {
     BodyState {
         orientation: DQuat::from_xyzw(component(0), component(1), component(2), component(3)),
         angular_velocity_body: DVec3::new(component(4), component(5), component(6)),
@@ -95,16 +120,13 @@ pub(crate) fn of_components(component: impl Fn(usize) -> f64) -> BodyState {
     }
 }
 
-/// Bodies that a [`UserBlock`] holds; a multiple of every lane count.
-pub(crate) const USER_BODIES: usize = 64;
-
 /// Some bodies on their way to the user's axes and units, in SIMD lanes.
 pub(crate) struct UserBlock {
     frames: [BodyFrame; USER_BODIES],
     status: [Status; USER_BODIES],
     /// Orientation and angular momentum, scaled, or orientation and angular velocity where they start.
     given: [[f64; USER_BODIES]; STATE_COMPONENTS],
-    found: [[f64; USER_BODIES]; USER_COMPONENTS],
+    found: UserColumns,
 }
 
 impl UserBlock {
@@ -114,7 +136,7 @@ impl UserBlock {
             frames: [BodyFrame::UNIT; USER_BODIES],
             status: [Status::Valid; USER_BODIES],
             given: [[1.0; USER_BODIES]; STATE_COMPONENTS],
-            found: [[f64::NAN; USER_BODIES]; USER_COMPONENTS],
+            found: UserColumns::UNKNOWN,
         }
     }
 
@@ -136,7 +158,7 @@ impl UserBlock {
     /// The state of one body.
     #[inline]
     pub fn state(&self, place: usize) -> BodyState {
-        BodyState { status: self.status[place], ..of_components(|component| self.found[component][place]) }
+        BodyState { status: self.status[place], ..self.found.state(place) }
     }
 }
 
@@ -157,9 +179,7 @@ impl LaneTask<f64> for FormUserBlock<'_> {
             if self.start {
                 (q, m) = axes.scaled(q, m);
             }
-            for (number, column) in axes.components(q, m).into_iter().zip(&mut *found) {
-                number.store(&mut column[offset..]);
-            }
+            found.store(offset, axes.components(q, m));
         }
     }
 }

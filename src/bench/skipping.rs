@@ -7,7 +7,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
 use super::problem::SEED;
 use super::row::Row;
@@ -50,7 +50,7 @@ const CLOSE_TOLERANCE: f64 = 1e-10;
 const OUTPUTS: u32 = 50;
 
 /// The skips that have a scene.
-pub const SKIPS: [SkipName; 13] = [
+pub const SKIPS: [SkipName; 14] = [
     SkipName::AtRest,
     SkipName::Spherical,
     SkipName::Steady,
@@ -59,6 +59,7 @@ pub const SKIPS: [SkipName; 13] = [
     SkipName::SetUp,
     SkipName::Torque,
     SkipName::Attitude,
+    SkipName::Directions,
     SkipName::Translation,
     SkipName::TranslationSteps,
     SkipName::Steps,
@@ -165,11 +166,14 @@ fn scenes(skip: SkipName, bodies: usize) -> Result<(Scene, Scene)> {
             let scene = scene.precision(Some(Precision::F64));
             (scene.clone(), scene.accuracy(Accuracy::attitude(FINE_TOLERANCE)))
         }
-        // Here a torque of no size that asks for the attitude.
-        SkipName::Attitude => {
-            let scene = scene.torque(Torque::linear_drag(drag(true))).accuracy(Accuracy::attitude(CLOSE_TOLERANCE));
-            let none = Torque::heavy_top(1.0, DVec3::Z * 1e-30, DVec3::NEG_Z);
-            (scene.clone(), scene.torque(none))
+        // Here a torque of no size that asks for the whole attitude.
+        SkipName::Attitude | SkipName::Directions => {
+            let torque = match skip {
+                SkipName::Attitude => Torque::linear_drag(drag(true)),
+                _ => Torque::heavy_top(1.0, DVec3::Z * 0.1, DVec3::NEG_Z),
+            };
+            let scene = scene.torque(torque).accuracy(Accuracy::attitude(CLOSE_TOLERANCE));
+            (scene.clone(), scene.torque(Torque::sine_spring(1e-30, DQuat::IDENTITY)))
         }
         // And here to move centres of mass that nobody has given.
         SkipName::Translation => (scene, ask(falling(moving(&free)?))),

@@ -299,12 +299,17 @@ impl Graph {
 
     /// The nodes that `outputs` need, operands before their uses.
     pub fn live(&self, outputs: &[Node]) -> Vec<Node> {
+        self.live_above(outputs, |_| false)
+    }
+
+    /// The same where `is_leaf` nodes need none.
+    pub(crate) fn live_above(&self, outputs: &[Node], is_leaf: impl Fn(Node) -> bool) -> Vec<Node> {
         let mut needed = vec![false; self.len()];
         for output in outputs {
             needed[output.index()] = true;
         }
         for node in self.nodes().rev() {
-            if needed[node.index()] {
+            if needed[node.index()] && !is_leaf(node) {
                 self.operation(node).operands().for_each(|operand| needed[operand.index()] = true);
             }
         }

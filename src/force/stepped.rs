@@ -126,12 +126,23 @@ impl Centre {
 
     /// Moves on by `span` seconds while the body turns as `attitude` says.
     pub fn advance(&mut self, forces: &Accelerations, attitude: &impl Attitude, span: f64) {
+        self.advance_in_steps_shorter_by(1.0, forces, attitude, span);
+    }
+
+    /// As [`Centre::advance`], in steps that are shorter by a factor.
+    pub(crate) fn advance_in_steps_shorter_by(
+        &mut self,
+        factor: f64,
+        forces: &Accelerations,
+        attitude: &impl Attitude,
+        span: f64,
+    ) {
         let driving = forces.constant_world.length() + forces.thrust_body.length();
         let mut fraction = 0.0;
         // A velocity that is no number any more leaves at the end of its step, as nothing is less than it.
         while fraction < 1.0 {
             let rate = forces.linear_drag + quadratic_drag::rate(forces.quadratic_drag, self.velocity, driving);
-            let longest = attitude.longest().min(DRAG_ANGLE / (rate * span));
+            let longest = attitude.longest().min(DRAG_ANGLE / (rate * span)) / factor;
             // As many equal steps as would lead to the end, so that no sliver is left.
             let left = 1.0 - fraction;
             let steps = (left / longest).ceil();

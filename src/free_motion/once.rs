@@ -1,6 +1,6 @@
 //! Torque-free bodies whose states are wanted once: what leads to them stays in the cache and is not kept.
 
-use crate::batch::{BodyFrame, BodyState, STATE_COMPONENTS, USER_COMPONENTS, UserAxes, of_components};
+use crate::batch::{BodyFrame, BodyState, STATE_COMPONENTS, UserAxes, UserColumns};
 use crate::engine::cpu::Width;
 use crate::ensemble::Ensemble;
 use crate::free_motion::SetUp;
@@ -21,12 +21,9 @@ pub(crate) struct FormedBlock<T> {
     words: [[u64; BLOCK]; WORD_COLUMNS],
     constants: [[T; BLOCK]; ROW_COLUMNS],
     state: [[T; BLOCK]; STATE_COMPONENTS],
-    /// In the user's axes and units, as [`of_components`] takes them.
     end: UserColumns,
     start: UserColumns,
 }
-
-type UserColumns = [[f64; BLOCK]; USER_COMPONENTS];
 
 impl<T: LaneScalar> FormedBlock<T> {
     /// A block without bodies.
@@ -37,8 +34,8 @@ impl<T: LaneScalar> FormedBlock<T> {
             words: [[0; BLOCK]; WORD_COLUMNS],
             constants: [[T::default(); BLOCK]; ROW_COLUMNS],
             state: [[T::default(); BLOCK]; STATE_COMPONENTS],
-            end: [[f64::NAN; BLOCK]; USER_COMPONENTS],
-            start: [[f64::NAN; BLOCK]; USER_COMPONENTS],
+            end: UserColumns::UNKNOWN,
+            start: UserColumns::UNKNOWN,
         }
     }
 
@@ -80,12 +77,12 @@ impl<T: LaneScalar> FormedBlock<T> {
 
     /// The state in which one of the bodies starts, in the user's axes and units; not a number where it was not wanted.
     pub fn start(&self, place: usize) -> BodyState {
-        of_components(|component| self.start[component][place])
+        self.start.state(place)
     }
 
     /// The state of one of the bodies in the user's axes and units.
     pub fn state(&self, place: usize) -> BodyState {
-        of_components(|component| self.end[component][place])
+        self.end.state(place)
     }
 }
 
@@ -107,21 +104,14 @@ impl<T: Scalar> LaneTask<f64> for ToUserAxes<'_, T> {
             let axes = UserAxes::<R>::new(|lane| &self.frames[offset + lane]);
             if let Some(start) = &mut self.start {
                 let (q, m) = self.initial.state::<R>(offset);
-                store(axes.components(q, m), start, offset);
+                start.store(offset, axes.components(q, m));
             }
             let column = |c: usize| R::from_lanes(|lane| self.state[c][offset + lane].to_f64());
             let (q, m) = (
                 Quaternion::new(column(0), column(1), column(2), column(3)),
                 Vector::new(column(4), column(5), column(6)),
             );
-            store(axes.components(q, m), self.end, offset);
+            self.end.store(offset, axes.components(q, m));
         }
-    }
-}
-
-#[inline(always)]
-fn store<R: Real<Scalar = f64>>(components: [R; USER_COMPONENTS], columns: &mut UserColumns, offset: usize) {
-    for (number, column) in components.into_iter().zip(columns) {
-        number.store(&mut column[offset..]);
     }
 }

@@ -98,6 +98,8 @@ pub enum MeshDefect {
     NoVolume,
     /// The surface has no area.
     NoArea,
+    /// Volume, area or moments are no finite numbers.
+    OutOfRange,
     /// Triangles stand twice, turned alike.
     Doubled {
         /// How many are repetitions.
@@ -140,6 +142,9 @@ impl fmt::Display for MeshDefect {
             ),
             Self::NoVolume => write!(f, "closed, but without volume"),
             Self::NoArea => write!(f, "without area"),
+            Self::OutOfRange => {
+                write!(f, "volume, area or moments leave the range of numbers: smaller coordinates are needed (m)")
+            }
             Self::Doubled { triangles } => {
                 write!(f, "{triangles} triangles stand twice: their volume would count twice")
             }
@@ -279,6 +284,8 @@ impl TriangleMesh {
             Some(MeshDefect::Open { boundary_edges, boundary_length, closure_defect })
         } else if report.inconsistent_edges > 0 {
             Some(MeshDefect::Inconsistent { edges: report.inconsistent_edges })
+        } else if !(signed_volume.is_finite() && report.area.is_finite()) {
+            Some(MeshDefect::OutOfRange)
         } else if signed_volume.abs() <= FLAT_VOLUME * report.area * report.area.sqrt() {
             Some(MeshDefect::NoVolume)
         } else if signed_volume < 0.0 {
@@ -327,7 +334,7 @@ impl TriangleMesh {
             // ∫ r rᵀ = area/12 (Σ r rᵀ + s sᵀ) over the corners, s their sum.
             moments.add(corner_moments([a, b, c], area, 3.0, 12.0));
         }
-        let total = moments.total();
+        let total = finite(moments.total())?;
         if total[0] <= 0.0 {
             return Err(Error::Mesh(MeshDefect::NoArea));
         }
@@ -339,6 +346,7 @@ impl TriangleMesh {
             return Err(Error::Mesh(defect));
         }
         let (total, reference) = self.solid_moments();
+        let total = finite(total)?;
         Ok(mass_properties(total, total[0], reference))
     }
 
@@ -361,6 +369,12 @@ impl TriangleMesh {
         let upper = used().fold(DVec3::NEG_INFINITY, DVec3::max);
         0.5 * lower + 0.5 * upper
     }
+}
+
+/// Refuses moments that are no finite numbers.
+fn finite(moments: [f64; MOMENTS]) -> Result<[f64; MOMENTS]> {
+    let all = moments.iter().all(|moment| moment.is_finite());
+    if all { Ok(moments) } else { Err(Error::Mesh(MeshDefect::OutOfRange)) }
 }
 
 /// Moments of a simplex of the given `measure` (area or signed volume): measure s/`first` and measure (Σ r rᵀ +

@@ -76,15 +76,19 @@ impl fmt::Display for MeshFileProblem {
 /// ```
 pub fn read_mesh(path: impl AsRef<Path>) -> Result<TriangleMesh> {
     let path = path.as_ref();
+    is_stl(path)?;
+    let failed = |error: std::io::Error| MeshFileProblem::Io(error.kind());
+    let bytes = read_file(path).map_err(|error| Error::MeshFile { path: path.to_owned(), problem: failed(error) })?;
+    parse_mesh(path, bytes)
+}
+
+/// As [`read_mesh`], from a file's bytes; `path` is what messages call it, and its ending says what it is.
+///
+/// # Errors
+/// As [`read_mesh`].
+pub fn parse_mesh(path: &Path, bytes: Vec<u8>) -> Result<TriangleMesh> {
     let failed = |problem| Error::MeshFile { path: path.to_owned(), problem };
-    let ending = path.extension().and_then(OsStr::to_str).map(str::to_ascii_lowercase);
-    let is_stl = match ending.as_deref() {
-        Some("stl") => true,
-        Some("obj") => false,
-        _ => return Err(failed(MeshFileProblem::UnknownFormat)),
-    };
-    let bytes = read_file(path).map_err(|error| failed(MeshFileProblem::Io(error.kind())))?;
-    let corners = if is_stl { super::stl::corners(bytes) } else { obj_corners(&bytes) }.map_err(failed)?;
+    let corners = if is_stl(path)? { super::stl::corners(bytes) } else { obj_corners(&bytes) }.map_err(failed)?;
     if corners.is_empty() {
         return Err(failed(MeshFileProblem::Empty));
     }
@@ -92,6 +96,16 @@ pub fn read_mesh(path: impl AsRef<Path>) -> Result<TriangleMesh> {
         Error::Mesh(defect) => failed(MeshFileProblem::Surface(defect)),
         error => error,
     })
+}
+
+/// Whether the name is that of an STL file, or else of an OBJ file.
+fn is_stl(path: &Path) -> Result<bool> {
+    let ending = path.extension().and_then(OsStr::to_str).map(str::to_ascii_lowercase);
+    match ending.as_deref() {
+        Some("stl") => Ok(true),
+        Some("obj") => Ok(false),
+        _ => Err(Error::MeshFile { path: path.to_owned(), problem: MeshFileProblem::UnknownFormat }),
+    }
 }
 
 /// All bytes of a plain file; others may be without end.

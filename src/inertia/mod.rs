@@ -52,7 +52,7 @@ pub use hull::{FlatArrangement, convex_hull};
 pub use mass_properties::MassProperties;
 pub use mesh::{MeshDefect, MeshReport, TriangleMesh};
 #[cfg(feature = "mesh")]
-pub use mesh_file::{MeshFileProblem, read_mesh};
+pub use mesh_file::{MeshFileProblem, parse_mesh, read_mesh};
 pub use points::point_masses;
 pub(crate) use principal::AxisPermutation;
 pub use principal::{PrincipalAxes, principal_axes};

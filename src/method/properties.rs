@@ -71,7 +71,8 @@ pub struct Properties {
 }
 
 impl Properties {
-    /// The order of the attitude error under a kind of torque; below [`Properties::order`] where the method loses order.
+    /// The order of the attitude error under a kind of torque; below [`Properties::order`] where the method loses order. Under a torque
+    /// of several kinds it is the lowest of their orders.
     pub const fn order_under(&self, kind: TorqueKind) -> u32 {
         match kind {
             TorqueKind::Free => self.orders[0],

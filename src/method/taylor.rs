@@ -30,6 +30,13 @@
 //! A step that ends where something changes its sign has no later series: those at t₁ are then the polynomials ω(t) of the step itself,
 //! expanded there.
 //!
+//! # Where torques ask for directions alone
+//!
+//! A torque that asks for vectors of the world in body axes, d = Rᵀ v, and for nothing else of the attitude (a heavy top, a gravity
+//! gradient, a dipole in a field) makes m and these a system of their own: d' = d × ω, and for a vector that turns evenly in the world a pair
+//! that obeys u' = u × ω + n w, w' = w × ω − n u. The attitude follows as above. Each interval between outputs starts from the d of its own
+//! attitude. It is taken where it is less work ([`crate::torque`], `motion.rs`).
+//!
 //! # Differences from the source
 //!
 //! The order is three above Jorba and Zou's, as what is linear costs an order but once. Tolerances are relative. Where something that
@@ -166,26 +173,29 @@ impl TwoSided {
         Self { half_order, weights, length }
     }
 
-    /// The coefficients of order 2N + 1 and 2N of v with v' = ½ |ω| v, v₀ = 1, which bound those of u; of the norms of ω's coefficients.
+    /// The coefficients of order 2N + 1 and 2N of v with v' = ½ |ω| v, v₀ = 1, which bound those of u; of the norms of ω's first
+    /// 2N + 1 coefficients. `v` has room for one more. Lane groups side by side do not wait for their own sums.
     #[inline(always)]
-    pub fn majorant<R: Real>(&self, norms: &[Each<R, 1>]) -> [R; 2] {
-        let zero = R::splat(0.0);
-        let mut v = [Each::<R, 1>::zero(); 2 * MOST_HALF_ORDER + 2];
-        v[0][0] = R::splat(1.0);
-        let count = norms.len().min(2 * MOST_HALF_ORDER + 1);
-        for k in 0..count {
-            let (mut even, mut odd) = (zero, zero);
+    pub fn majorant<R: Real, const G: usize>(norms: &[Each<R, G>], v: &mut [Each<R, G>]) -> [Each<R, G>; 2] {
+        v[0] = Each([R::splat(1.0); G]);
+        for k in 0..norms.len() {
+            let (mut even, mut odd) = (Each::<R, G>::zero(), Each::<R, G>::zero());
             // v_j against the norm k − j, from j = 0 in pairs: one after the other in one direction and in the other.
             for (v, norm) in v[..=k].chunks_exact(2).zip(norms[..=k].rchunks_exact(2)) {
-                even = v[0][0].mul_add(norm[1][0], even);
-                odd = v[1][0].mul_add(norm[0][0], odd);
+                for g in 0..G {
+                    even[g] = v[0][g].mul_add(norm[1][g], even[g]);
+                    odd[g] = v[1][g].mul_add(norm[0][g], odd[g]);
+                }
             }
-            if k.is_multiple_of(2) {
-                even = v[k][0].mul_add(norms[0][0], even);
+            let half = R::splat(HALVES[k]);
+            for g in 0..G {
+                if k.is_multiple_of(2) {
+                    even[g] = v[k][g].mul_add(norms[0][g], even[g]);
+                }
+                v[k + 1][g] = (even[g] + odd[g]) * half;
             }
-            v[k + 1][0] = (even + odd) * R::splat(HALVES[k]);
         }
-        [v[count][0], v[count.saturating_sub(1)][0]]
+        [v[norms.len()], v[norms.len().saturating_sub(1)]]
     }
 
     /// S(h; t) and S(−h'; t) of the series u at t.

@@ -1,15 +1,15 @@
 //! `plan.json`: a plan in full, by which a run is repeated to the bit.
 //!
-//! A sum tells a plan that was edited or cut from one that a run has left; of what is read back, so not of classes and skips.
+//! A sum tells a plan that was edited or cut from one that a run has left.
 //!
 //! The file holds what was chosen ([`Resolution`]) and marks of the scene that it was chosen for; classes and skips stand beside them for people
-//! and follow from both. Numbers are written with the digits that read back to the same bits.
+//! and follow from both, which is why they are not read back. Numbers are written with the digits that read back to the same bits.
 
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
-use super::explain::{ClassRow, SkipRow};
 use super::marks::{Difference, SceneMarks};
 use super::pilot::Found;
 use super::resolution::{Resolution, Stepped};
@@ -24,7 +24,7 @@ use crate::scene::{Scene, Target};
 use crate::study::text::read_text;
 
 /// The version of the file's layout.
-const FORMAT: u32 = 4;
+const FORMAT: u32 = 5;
 
 /// The release that writes and reads plans.
 const RELEASE: &str = env!("CARGO_PKG_VERSION");
@@ -43,23 +43,23 @@ struct PlanHead {
     polhode: String,
 }
 
+/// As it is read; with rows of classes and skips, as it is written.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct PlanFile {
+#[serde(deny_unknown_fields)]
+struct PlanFile<C = Value, S = Value> {
     format: u32,
     polhode: String,
     engine: String,
     scene: SceneMarks,
     resolution: ResolutionEntry,
-    /// Of all that stands before it ([`PlanFile::sum`]).
+    /// Of all the rest ([`PlanFile::sum`]).
     sum: String,
-    #[serde(skip_deserializing)]
-    classes: Vec<ClassRow>,
-    #[serde(skip_deserializing)]
-    skips: Vec<SkipRow>,
+    classes: C,
+    skips: S,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 enum ResolutionEntry {
     Pinned {
         method: String,
@@ -85,6 +85,7 @@ enum ResolutionEntry {
 
 /// A bound whose infinite parts are left out, as JSON has no infinity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Tolerance {
     attitude: Option<f64>,
     angular_velocity: Option<f64>,
@@ -92,6 +93,7 @@ struct Tolerance {
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct SteppedEntry {
     torques: Vec<usize>,
     method: String,
@@ -129,34 +131,40 @@ impl PlanDocument {
         let fault = |error: serde_json::Error| wrong(error.line(), words_of(&error.to_string()));
         // What another format holds is not known.
         let head: PlanHead = serde_json::from_str(text).map_err(fault)?;
+        let at = |key: &str| line_of(text, 0, key, 0);
         if head.format != FORMAT {
-            return Err(wrong(1, format!("its format is {}, this release reads {FORMAT}", head.format)));
+            return Err(wrong(at("format"), format!("its format is {}, this release reads {FORMAT}", head.format)));
         }
         if head.polhode != RELEASE {
-            return Err(wrong(1, format!("it is of polhode {}, this is {RELEASE}", head.polhode)));
+            return Err(wrong(at("polhode"), format!("it is of polhode {}, this is {RELEASE}", head.polhode)));
         }
         let file: PlanFile = serde_json::from_str(text).map_err(fault)?;
-        file.check().map_err(|reason| wrong(1, reason))?;
         let document = Self { path: path.to_owned(), file };
-        document.resolution().map_err(|name| wrong(1, format!("{name} is not known")))?;
+        let start = text.find("\"resolution\"").unwrap_or(0);
+        let refused = |Refusal { key, entry, reason }| wrong(line_of(text, start, key, entry), reason);
+        document.file.check().map_err(refused)?;
+        document.resolution().map_err(refused)?;
         if document.file.sum != document.file.sum() {
-            return Err(wrong(1, "it is not as the run wrote it: its sum differs".to_owned()));
+            return Err(wrong(
+                line_of(text, start, "sum", 0),
+                "it is not as the run wrote it: its sum differs".to_owned(),
+            ));
         }
         Ok(document)
     }
 
     /// What was chosen; the first name that is not known where there is one.
-    fn resolution(&self) -> Result<Resolution, String> {
+    fn resolution(&self) -> Result<Resolution, Refusal> {
         Ok(match &self.file.resolution {
             ResolutionEntry::Pinned { method, precision, longest_step, projected } => Resolution::Pinned {
-                method: method_named(method)?,
-                precision: precision_named(precision)?,
+                method: method_named(method, 0)?,
+                precision: precision_named("precision", precision, 0)?,
                 longest_step: *longest_step,
                 projected: *projected,
             },
             ResolutionEntry::Adaptive { method, precision, tolerance, least_step } => Resolution::Adaptive {
-                method: method_named(method)?,
-                precision: precision_named(precision)?,
+                method: method_named(method, 0)?,
+                precision: precision_named("precision", precision, 0)?,
                 steps: AdaptiveSteps { tolerance: *tolerance, least_step: *least_step },
             },
             ResolutionEntry::Accuracy { tolerance, closed_form, uniform_rate, stepped } => Resolution::Accuracy {
@@ -165,9 +173,9 @@ impl PlanDocument {
                     angular_velocity: tolerance.angular_velocity.unwrap_or(f64::INFINITY),
                     energy: tolerance.energy.unwrap_or(f64::INFINITY),
                 },
-                closed_form: precision_named(closed_form)?,
+                closed_form: precision_named("closed_form", closed_form, 0)?,
                 uniform_rate: *uniform_rate,
-                stepped: stepped.iter().map(SteppedEntry::stepped).collect::<Result<_, _>>()?,
+                stepped: stepped.iter().enumerate().map(SteppedEntry::stepped).collect::<Result<_, _>>()?,
             },
         })
     }
@@ -178,24 +186,46 @@ impl PlanDocument {
     }
 }
 
-impl PlanFile {
-    /// A sum of everything that a plan is repeated by, in hexadecimal digits.
+/// What is wrong with a value of a resolution.
+struct Refusal {
+    key: &'static str,
+    /// Which of the entries in [`ResolutionEntry::Accuracy`] it stands in.
+    entry: usize,
+    reason: String,
+}
+
+/// The line, from 1, of a key of which so many stand before it, from a place in the text on; 1 where there is none.
+fn line_of(text: &str, start: usize, key: &str, before: usize) -> usize {
+    let found = text[start..].match_indices(&format!("\"{key}\":")).nth(before);
+    found.map_or(1, |(place, _)| 1 + text[..start + place].matches('\n').count())
+}
+
+impl<C: Serialize, S: Serialize> PlanFile<C, S> {
+    /// A sum of everything else, in hexadecimal digits.
     fn sum(&self) -> String {
-        let Self { format, polhode, engine, scene, resolution, .. } = self;
-        // Fixed keys, plain numbers and strings: there is nothing to fail on.
-        let text = serde_json::to_string(&(format, polhode, engine, scene, resolution)).unwrap_or_default();
+        let Self { format, polhode, engine, scene, resolution, sum: _, classes, skips } = self;
+        // Fixed keys, plain numbers and strings: there is nothing to fail on. Rows have their keys in the same order as those
+        // that were read back.
+        let rows = [serde_json::to_value(classes), serde_json::to_value(skips)].map(Result::unwrap_or_default);
+        let text = serde_json::to_string(&(format, polhode, engine, scene, resolution, rows)).unwrap_or_default();
         format!("{:08x}", crc32fast::hash(text.as_bytes()))
     }
+}
 
+impl PlanFile {
     /// What no plan holds, whatever its scene.
-    fn check(&self) -> Result<(), String> {
-        let refused = |name: &str, value: f64, expected: &str| Err(format!("{name} = {value:?}: {expected} is needed"));
-        let positive = |name: &str, value: Option<f64>| match value {
-            Some(value) if !(value > 0.0 && value.is_finite()) => refused(name, value, "a positive, finite number"),
+    fn check(&self) -> Result<(), Refusal> {
+        let refused = |key: &'static str, entry: usize, value: f64, expected: &str| {
+            Err(Refusal { key, entry, reason: format!("{key} = {value:?}: {expected} is needed") })
+        };
+        let positive = |key: &'static str, value: Option<f64>| match value {
+            Some(value) if !(value > 0.0 && value.is_finite()) => refused(key, 0, value, "a positive, finite number"),
             _ => Ok(()),
         };
-        let not_negative = |name: &str, value: Option<f64>| match value {
-            Some(value) if !(value >= 0.0 && value.is_finite()) => refused(name, value, "a finite number from 0 on"),
+        let not_negative = |key: &'static str, entry: usize, value: Option<f64>| match value {
+            Some(value) if !(value >= 0.0 && value.is_finite()) => {
+                refused(key, entry, value, "a finite number from 0 on")
+            }
             _ => Ok(()),
         };
         match &self.resolution {
@@ -204,11 +234,12 @@ impl PlanFile {
                 positive("tolerance", Some(*tolerance)).and_then(|()| positive("least_step", *least_step))
             }
             ResolutionEntry::Accuracy { uniform_rate, stepped, .. } => {
-                not_negative("uniform_rate", *uniform_rate)?;
-                stepped.iter().try_for_each(|entry| {
-                    not_negative("coefficient", Some(entry.coefficient))?;
-                    not_negative("longest_angle", entry.longest_angle)?;
-                    entry.check_torques(self.scene.torque_count())
+                not_negative("uniform_rate", 0, *uniform_rate)?;
+                stepped.iter().enumerate().try_for_each(|(index, entry)| {
+                    not_negative("coefficient", index, Some(entry.coefficient))?;
+                    not_negative("longest_angle", index, entry.longest_angle)?;
+                    let refused = |reason| Refusal { key: "torques", entry: index, reason };
+                    entry.check_torques(self.scene.torque_count()).map_err(refused)
                 })
             }
         }
@@ -227,23 +258,24 @@ impl SteppedEntry {
         }
     }
 
-    fn stepped(&self) -> Result<Stepped, String> {
+    fn stepped((entry, it): (usize, &Self)) -> Result<Stepped, Refusal> {
+        let Self { method, precision, .. } = it;
         let rule = Rule {
-            scheme: Scheme::named(&self.method).ok_or_else(|| unknown_method(&self.method))?,
-            coefficient: self.coefficient,
-            longest_angle: self.longest_angle.unwrap_or(f64::INFINITY),
-            attitude: self.attitude,
-            precision: self.precision.as_deref().map(precision_named).transpose()?,
+            scheme: Scheme::named(method).ok_or_else(|| unknown("method", method, entry))?,
+            coefficient: it.coefficient,
+            longest_angle: it.longest_angle.unwrap_or(f64::INFINITY),
+            attitude: it.attitude,
+            precision: precision.as_deref().map(|name| precision_named("precision", name, entry)).transpose()?,
         };
         let found = Found {
             rule,
-            part: self.part,
-            worst: self.worst,
-            attitude: self.pilot_attitude,
-            bodies: self.pilot_bodies,
-            steps: self.pilot_steps,
+            part: it.part,
+            worst: it.worst,
+            attitude: it.pilot_attitude,
+            bodies: it.pilot_bodies,
+            steps: it.pilot_steps,
         };
-        Ok(Stepped { torques: TorqueSet::of_indices(&self.torques), found })
+        Ok(Stepped { torques: TorqueSet::of_indices(&it.torques), found })
     }
 }
 
@@ -321,7 +353,7 @@ impl<'a> Plan<'a> {
             let (path, planned, found) = (document.path.clone(), planned.into(), found.into());
             return Err(Error::PlanMismatch { path, field, planned, found, remedy });
         }
-        let unknown = |reason| Error::PlanFormat { path: document.path.clone(), line: 1, reason };
+        let unknown = |Refusal { reason, .. }| Error::PlanFormat { path: document.path.clone(), line: 1, reason };
         let resolution = document.resolution().map_err(unknown)?;
         Self::resolved(scene, engine, resolution, times)
     }
@@ -337,19 +369,16 @@ fn rk8() -> String {
     Method::Rk8.name().to_owned()
 }
 
-fn method_named(name: &str) -> Result<Method, String> {
-    Method::ALL
-        .into_iter()
-        .chain(Method::ADAPTIVE)
-        .find(|method| method.name() == name)
-        .ok_or_else(|| unknown_method(name))
+fn method_named(name: &str, entry: usize) -> Result<Method, Refusal> {
+    let mut all = Method::ALL.into_iter().chain(Method::ADAPTIVE);
+    all.find(|method| method.name() == name).ok_or_else(|| unknown("method", name, entry))
 }
 
-fn unknown_method(name: &str) -> String {
-    format!("method {name:?}")
-}
-
-fn precision_named(name: &str) -> Result<Precision, String> {
+fn precision_named(key: &'static str, name: &str, entry: usize) -> Result<Precision, Refusal> {
     let known = Precision::ALL.into_iter().find(|precision| precision.name() == name);
-    known.ok_or_else(|| format!("precision {name:?}"))
+    known.ok_or_else(|| unknown(key, name, entry))
+}
+
+fn unknown(key: &'static str, name: &str, entry: usize) -> Refusal {
+    Refusal { key, entry, reason: format!("{key} {name:?} is not known") }
 }

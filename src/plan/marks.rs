@@ -12,6 +12,7 @@ use crate::torque::{Parameter, Value};
 
 /// What a plan remembers of its scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct SceneMarks {
     bodies: usize,
     span: f64,

@@ -50,9 +50,12 @@ pub use parts::Part;
 pub(crate) use parts::listed;
 pub use pilot::Found;
 pub use resolution::{Resolution, Stepped};
+#[doc(hidden)]
+pub use sampled::pilot_steps;
 pub use skip::{Skip, SkipName};
 pub use times::{Interval, MOST_OUTPUTS};
 
+use cost::work::Work;
 pub(crate) use times::steps_over;
 use times::{longest_over, output_times};
 
@@ -328,6 +331,7 @@ fn skips(scene: &Scene, groups: &[Group], outputs: usize) -> Vec<Skip> {
         skip.bodies += bodies;
         skip.bound = skip.bound.or(bound);
     };
+    let mut works: BTreeMap<TorqueSet, Work> = BTreeMap::new();
     let longest = groups.iter().filter_map(step_if_stepped).fold(f64::INFINITY, f64::min);
     for group in groups {
         let count = group.members.len();
@@ -343,11 +347,12 @@ fn skips(scene: &Scene, groups: &[Group], outputs: usize) -> Vec<Skip> {
         if !scene.torques().is_empty() && !group.class.is_driven() {
             add(SkipName::Torque, count, Bound::default());
         }
-        let asks = |torque: &Torque| torque.needs().attitude;
-        if matches!(group.treatment, Treatment::Adaptive { method: Method::Taylor, .. })
-            && !group.class.torques.of(scene.torques()).iter().any(asks)
-        {
-            add(SkipName::Attitude, count, Bound::default());
+        if matches!(group.treatment, Treatment::Adaptive { method: Method::Taylor, .. }) {
+            let torques = group.class.torques;
+            let work = works.entry(torques).or_insert_with(|| Work::of(&torques.of(scene.torques()), scene.ensemble()));
+            if let Some(name) = work.skip_of_series() {
+                add(name, count, Bound::default());
+            }
         }
         let adapts = matches!(group.treatment, Treatment::Adaptive { .. }) && scene.may_skip() && count > 1;
         if adapts || step_if_stepped(group).is_some_and(|step| step > longest) {

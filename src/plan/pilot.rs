@@ -9,6 +9,9 @@
 //! short time first. Where all the bodies that the percentile needs over the whole span would take more, there are fewer of them, and
 //! then a shorter span. What that leaves unseen is taken into account by margins ([`Pilot::margin`]): with methods of high order
 //! a wide margin costs few steps.
+//!
+//! What cannot be planned is refused early: bodies of which the probe foretells more steps than any run could take, and a motion that
+//! loses every digit in a small part of the pilot's span, where no torque could bring it back.
 
 use std::cmp::Ordering;
 
@@ -44,6 +47,14 @@ pub(super) const PROBED_STEPS: f64 = 1e5;
 const UNEXPECTED: f64 = 100.0;
 /// The angle, rad, that the fastest body of a probe turns by.
 const PROBED_ANGLE: f64 = 30.0;
+/// How much shorter a probe becomes in which bodies do not come to the end, and how often: torques may change at rates far above those
+/// of the bodies.
+const SHORTER_PROBE: f64 = 1e-3;
+const SHORTER_PROBES: usize = 4;
+/// More steps of a body than a core takes in a day.
+const MOST_STEPS_OF_RUN: f64 = 1e12;
+/// The parts of a pilot's span after which it is looked at first.
+const EARLY: [f64; 2] = [1.0 / 64.0, 1.0 / 8.0];
 
 /// The part of the class's steps that its pilot may take.
 const SHARE: f64 = 0.1;
@@ -53,6 +64,8 @@ const FREE_STEPS: f64 = 3e5;
 /// hours.
 const MOST_STEPS: f64 = 3e7;
 const MOST_OF_BODY: f64 = 3e6;
+/// The same where the probe had to be cut short, as it shows little of what follows.
+const MOST_AFTER_CUT: f64 = 3e6;
 /// A reference that would take more than so many budgets is not found.
 const MOST_BUDGETS: f64 = 3.0;
 /// As many of what a reference may take the candidates may take together: where none meets the target, they would be refined without end.
@@ -125,8 +138,19 @@ pub(super) struct Pilot<'a> {
     /// Steps that the reference may take, and any one body.
     pub most_steps: f64,
     pub most_of_body: f64,
+    /// Whether the probe had to be cut short.
+    pub is_cut: bool,
     /// By how much more the bodies err in adaptive steps than those of the shipped table.
     pub difficulty: f64,
+}
+
+/// What a few bodies show in a short time.
+#[derive(Clone, Copy, Debug)]
+struct Probe {
+    /// Steps of a body over the whole span.
+    steps: f64,
+    /// Bodies that did not come to the end of the short time.
+    unfinished: usize,
 }
 
 impl Found {
@@ -138,6 +162,8 @@ impl Found {
 /// The furthest, rad, that a body may turn for a pilot to follow it.
 const MOST_RADIANS: f64 = 1e15;
 const TOO_FAR: &str = "bodies turn by more than 1e15 rad, which no steps follow: a shorter span is needed (s)";
+const TOO_MANY_STEPS: &str =
+    "a body would take more than 1e12 steps, which no run comes to the end of: a shorter span is needed (s)";
 
 /// Selects the pilots' bodies; fixed, so that a plan made again is the same.
 const SEED: u64 = 1;
@@ -164,13 +190,24 @@ impl<'a> Pilot<'a> {
         }
         // A short time shows how many steps there will be, and the whole of it what they err by.
         let fastest = self.bodies.iter().map(|(_, look)| look.rate).fold(0.0, f64::max);
-        let mut steps = self.probe(self.span.min(PROBED_ANGLE / fastest))?;
+        let mut steps = self.short_probe(self.span.min(PROBED_ANGLE / fastest))?;
+        // What a probe that was cut short shows may be over soon.
+        if steps > MOST_STEPS_OF_RUN && !self.is_cut {
+            return Err(Error::Setting { field: "time.end", value: self.span, expected: TOO_MANY_STEPS });
+        }
         let free = FREE_STEPS / (1 + self.torques.len()) as f64;
         let all = self.all as f64;
-        let part = |steps: f64| (SHARE * steps * all).max(free).min(MOST_STEPS) / PASSES / steps;
+        let most = if self.is_cut { MOST_AFTER_CUT } else { MOST_STEPS };
+        let part = |steps: f64| (SHARE * steps * all).max(free).min(most) / PASSES / steps;
         if part(steps) > (4 * LEAST_BODIES) as f64 {
             self.most_of_body = (UNEXPECTED * steps).clamp(PROBED_STEPS, MOST_OF_BODY);
-            steps = self.probe(self.span)?;
+            let difficulty = self.difficulty;
+            let probe = self.probe(self.span)?;
+            if probe.unfinished == 0 {
+                steps = probe.steps;
+            } else {
+                self.difficulty = difficulty;
+            }
         }
         let count = (part(steps) as usize).clamp(LEAST_BODIES, self.enough().max(LEAST_BODIES));
         self = self.of(class, count, look);
@@ -178,6 +215,11 @@ impl<'a> Pilot<'a> {
         self.span *= shorter;
         self.most_steps = MOST_BUDGETS * PASSES * part(steps) * steps;
         self.most_of_body = (UNEXPECTED * steps * shorter).clamp(PROBED_STEPS, MOST_OF_BODY);
+        if shorter < 1.0
+            && let Some(found) = self.lost_early()?
+        {
+            return Ok(found);
+        }
         let mut reference = Reference::new(&self)?;
         if let Some(found) = reference.lost(&self) {
             return Ok(found);
@@ -186,14 +228,59 @@ impl<'a> Pilot<'a> {
         Ok(tried.into_iter().min_by(|a, b| self.order(a, b)).unwrap_or_else(|| self.tabulated()))
     }
 
+    /// What the reference has lost in a part of the span already, where it cannot be found again: under torques that do not depend on
+    /// the angular velocity the motion keeps the volume of phase space (J. Liouville, J. Math. Pures Appl. 3 (1838) 342), and motions that
+    /// have parted do not settle to one.
+    fn lost_early(&self) -> Result<Option<Found>> {
+        let keeps_volume =
+            |torque: &Torque| torque.leaves_rigid() && !torque.is_random() && !torque.needs().angular_velocity;
+        if !self.torques.iter().all(keeps_volume) {
+            return Ok(None);
+        }
+        for part in EARLY {
+            let early = Self {
+                bodies: self.bodies.clone(),
+                span: part * self.span,
+                most_steps: part * self.most_steps,
+                most_of_body: (part * self.most_of_body).max(PROBED_STEPS),
+                ..*self
+            };
+            let reference = Reference::new(&early)?;
+            if let Some(found) = reference.lost(&early).filter(|_| reference.is_saturated()) {
+                return Ok(Some(found));
+            }
+        }
+        Ok(None)
+    }
+
+    /// The steps that a probe over `span` s finds, or one over as much less as bodies come to the end of.
+    fn short_probe(&mut self, span: f64) -> Result<f64> {
+        let difficulty = self.difficulty;
+        let mut best: Option<(Probe, f64, bool)> = None;
+        for shorter in 0..=SHORTER_PROBES {
+            self.difficulty = difficulty;
+            let probe = self.probe(span * SHORTER_PROBE.powi(shorter as i32))?;
+            if best.is_none_or(|(best, ..)| probe.unfinished < best.unfinished) {
+                best = Some((probe, self.difficulty, shorter > 0));
+            }
+            if probe.unfinished == 0 {
+                break;
+            }
+        }
+        let Some((probe, difficulty, is_cut)) = best else { return Ok(1.0) };
+        (self.difficulty, self.is_cut) = (difficulty, is_cut);
+        Ok(probe.steps)
+    }
+
     /// Finds how much a few bodies err over `span` s, and the steps of a body over the whole span that are needed then.
-    fn probe(&mut self, span: f64) -> Result<f64> {
+    fn probe(&mut self, span: f64) -> Result<Probe> {
         let count = self.bodies.len() as f64;
         if !self.allows(Scheme::ADAPTIVE_RK8) {
             let cost = Cost::shipped(Scheme::Equal(Method::Rk8));
             let rule = self.rule(cost, Some(Precision::F64));
             let step = self.step_seconds(&rule, cost, Precision::F64);
-            return Ok((self.seconds(&rule, cost, None) / step / count).max(1.0));
+            let steps = (self.seconds(&rule, cost, None) / step / count).max(1.0);
+            return Ok(Probe { steps, unfinished: 0 });
         }
         let probe = Self { bodies: self.bodies.clone(), span, ..*self };
         let rule = probe.rule(Cost::shipped(Scheme::ADAPTIVE_RK8), Some(Precision::F64)).with_room();
@@ -203,13 +290,19 @@ impl<'a> Pilot<'a> {
         let harder = (part * self.span / span).clamp(1.0, MOST_DIFFICULTY);
         self.difficulty = (self.difficulty * harder).min(MOST_DIFFICULTY);
         let needed = harder.powf(f64::from(rule.scheme.method().order()).recip());
-        Ok((coarse.steps.map_or(0.0, |steps| steps.total as f64) / count * needed).max(1.0))
+        let steps = (coarse.steps.map_or(0.0, |steps| steps.total as f64) / count * needed).max(1.0);
+        Ok(Probe { steps, unfinished: coarse.unfinished() })
     }
 
     /// The time, s, that a reference may take.
     pub fn most_seconds(&self) -> f64 {
         let cost = Cost::shipped(Scheme::Equal(Method::Rk8));
         self.most_steps * self.step_seconds(&self.rule(cost, Some(Precision::F64)), cost, Precision::F64)
+    }
+
+    /// By what errors of the sample are multiplied for the part of the span that it does not show.
+    fn unseen(&self) -> f64 {
+        (self.scene.end() / self.span).powi(2)
     }
 
     /// By what errors of the sample are multiplied for those that it does not show.
@@ -221,7 +314,7 @@ impl<'a> Pilot<'a> {
     pub fn margin(&self, errors: &mut Errors) -> f64 {
         let part = 0.01 * self.accuracy.percentile;
         let (count, needed) = (self.bodies.len(), least_sample(part).min(self.all));
-        let span = (self.scene.end() / self.span).powi(2);
+        let span = self.unseen();
         if count >= needed {
             return span;
         }

@@ -1,5 +1,5 @@
-//! What a pilot compares with: the same bodies in `f64`, so fine that the error is far below what is asked for; by Taylor series where there are
-//! any, else by `rk8`, in adaptive steps where the bodies may take them and their tolerances have room for it.
+//! What a pilot compares with: the same bodies in `f64`, so fine that the error is far below what is asked for. It takes the cheaper of Taylor
+//! series and adaptive `rk8`, as far as the bodies may take such steps and the tolerances have room for it, else `rk8` in equal steps.
 
 use super::choice::{Rule, Scheme};
 use super::cost::Cost;
@@ -7,8 +7,8 @@ use super::pilot::{Found, Pilot};
 use super::sampled::{Sampled, States};
 use crate::batch::Precision;
 use crate::error::Result;
-use crate::method::Method;
 use crate::method::rk8_adaptive::least_tolerance;
+use crate::method::{Method, Status};
 use crate::run::shadow::Standing;
 
 /// What the reference's own error may be, as a part of the target.
@@ -40,19 +40,21 @@ pub(super) struct Reference {
 impl Reference {
     /// Steps the pilot's bodies finer until what is left of the error is small.
     pub fn new(pilot: &Pilot<'_>) -> Result<Self> {
-        let equal = Scheme::Equal(Method::Rk8);
-        let Some(scheme) = Self::adaptive_scheme(pilot) else { return Ok(Self::by(pilot, equal)?.0) };
-        let (found, is_limited) = Self::by(pilot, scheme)?;
-        // Adaptive steps may not follow what dies away; equal ones do. Where series have no room left these have less.
-        if ((!is_limited || scheme == Scheme::TAYLOR) && found.left <= 1.0) || found.is_saturated {
+        let (equal, most) = (Scheme::Equal(Method::Rk8), pilot.most_seconds());
+        let Some(scheme) = Self::adaptive_scheme(pilot) else { return Ok(Self::by(pilot, equal, most)?.0) };
+        let (found, is_limited) = Self::by(pilot, scheme, most)?;
+        // Adaptive steps may not follow what dies away, nor pass over a switch without steps below the least; equal ones do. Where series
+        // have no room left these have less.
+        let is_settled = (!is_limited || scheme == Scheme::TAYLOR) && found.left <= 1.0;
+        if found.arrives() && (is_settled || found.is_saturated) {
             return Ok(found);
         }
         let cost = Cost::shipped(equal);
         let finer = pilot.rule(cost, Some(Precision::F64)).finer();
-        if found.spent + pilot.seconds(&finer, cost, None) > pilot.most_seconds() {
+        if found.spent + pilot.seconds(&finer, cost, None) > most {
             return Ok(found);
         }
-        Ok(Self::by(pilot, equal)?.0)
+        Ok(Self::by(pilot, equal, most)?.0)
     }
 
     /// The adaptive steps that are cheaper for the reference, as far as their tolerance has room.
@@ -67,8 +69,8 @@ impl Reference {
         allowed.min_by(|a, b| seconds(*a).total_cmp(&seconds(*b)))
     }
 
-    /// By steps of one kind, and whether there were no smaller tolerances before it had settled.
-    fn by(pilot: &Pilot<'_>, scheme: Scheme) -> Result<(Self, bool)> {
+    /// By steps of one kind, in at most so many seconds, and whether there were no smaller tolerances before it had settled.
+    fn by(pilot: &Pilot<'_>, scheme: Scheme, most: f64) -> Result<(Self, bool)> {
         let cost = Cost::shipped(scheme);
         let mut rule = pilot.rule(cost, Some(Precision::F64)).with_room();
         let (mut fine, start) = (pilot.stepped(&rule)?, rule);
@@ -92,7 +94,7 @@ impl Reference {
             // The next one would be the same.
             let is_limited = finer.adapts_like(&finer.finer(), Precision::F64);
             let next = pilot.seconds(&finer.finer(), cost, None);
-            let is_last = finer.coefficient >= limit(&start) || spent + next > pilot.most_seconds();
+            let is_last = finer.coefficient >= limit(&start) || spent + next > most;
             if left <= SETTLED || is_rounding || is_limited || is_last {
                 let coarse = coarse.map(|sampled| (start, sampled));
                 let found = Self { states: fine.states, coarse, rule, change, left, is_saturated, spent };
@@ -102,9 +104,20 @@ impl Reference {
         }
     }
 
+    /// Whether all bodies come to the end, with no step below the least.
+    fn arrives(&self) -> bool {
+        self.states.values().all(|state| state.status == Status::Valid)
+    }
+
+    /// Whether what is left is an angle that says nothing any more.
+    pub fn is_saturated(&self) -> bool {
+        self.is_saturated
+    }
+
     /// What was found where the motion amplifies errors so much that no steps in `f64` follow it to what is asked for.
     pub fn lost(&self, pilot: &Pilot<'_>) -> Option<Found> {
         let Standing { part, worst, attitude } = self.change;
+        let part = if self.arrives() { part } else { f64::INFINITY };
         let found = || Found { rule: self.rule, part, worst, attitude, bodies: pilot.bodies.len(), steps: None };
         (self.left > 1.0).then(found)
     }

@@ -171,6 +171,7 @@ impl Resolution {
                 span,
                 most_steps: f64::INFINITY,
                 most_of_body: PROBED_STEPS,
+                is_cut: false,
                 difficulty: 1.0,
             };
             let (worst, strictest) = accuracy.strictest_target();

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
@@ -12,7 +13,7 @@ use super::pilot::Pilot;
 use crate::batch::{BodyState, Precision};
 use crate::engine::adaptive::{AdaptiveSteps, StepCounts};
 use crate::error::Result;
-use crate::method::Method;
+use crate::method::{Method, Status};
 use crate::record::Spread;
 use crate::run::alone::states_at_end;
 use crate::run::shadow::{Errors, Standing};
@@ -21,6 +22,14 @@ use crate::scene::Target;
 /// Output times beyond which the pilot goes to the end in one go.
 const MOST_TIMES: usize = 1000;
 
+static TAKEN: AtomicU64 = AtomicU64::new(0);
+
+/// Steps that the pilots of this process have taken so far, those that were tried again with them.
+#[doc(hidden)]
+pub fn pilot_steps() -> u64 {
+    TAKEN.load(Ordering::Relaxed)
+}
+
 /// States of some bodies at the end.
 pub(super) type States = BTreeMap<usize, BodyState>;
 
@@ -28,6 +37,13 @@ pub(super) type States = BTreeMap<usize, BodyState>;
 pub(super) struct Sampled {
     pub states: States,
     pub steps: Option<Spread>,
+}
+
+impl Sampled {
+    /// Bodies that did not come to the end, as their steps fell below the least.
+    pub fn unfinished(&self) -> usize {
+        self.states.values().filter(|state| state.status != Status::Valid).count()
+    }
 }
 
 impl Pilot<'_> {
@@ -43,11 +59,21 @@ impl Pilot<'_> {
             states.extend(group.states);
             counts.extend(group.counts.iter().map(StepCounts::attempts));
         }
+        let attempts: u64 = counts.iter().sum();
+        TAKEN.fetch_add(attempts.saturating_add(self.equal_steps(rule)), Ordering::Relaxed);
         // Over the whole span as many in proportion.
         let longer = self.scene.end() / self.span;
         let whole = |count: u64| (count as f64 * longer) as u64;
         let steps = (!counts.is_empty()).then(|| Spread::of(counts.into_iter().map(whole).collect()));
         Ok(Sampled { states, steps })
+    }
+
+    /// The sample's steps under a rule, where they are equal.
+    fn equal_steps(&self, rule: &Rule) -> u64 {
+        let times = self.times();
+        let of_group =
+            |(treatment, members): (Treatment, Vec<u32>)| members.len() as f64 * equal_steps(&treatment, &times);
+        self.treatments(rule).into_iter().map(of_group).sum::<f64>() as u64
     }
 
     /// The sample's bodies by how a rule steps them.
@@ -120,19 +146,18 @@ impl Pilot<'_> {
             };
             return self.bodies.iter().map(of_body).sum();
         }
-        let steps = |treatment: &Treatment| {
-            let mut last = 0.0;
-            times
-                .iter()
-                .map(|&time| treatment.interval(time - std::mem::replace(&mut last, time)).steps as f64)
-                .sum::<f64>()
-        };
         let of_group = |(treatment, members): &(Treatment, Vec<u32>)| {
             let precision = treatment.precision_of_steps().unwrap_or(Precision::F64);
-            members.len() as f64 * steps(treatment) * self.step_seconds(rule, cost, precision)
+            members.len() as f64 * equal_steps(treatment, &times) * self.step_seconds(rule, cost, precision)
         };
         self.treatments(rule).iter().map(of_group).sum()
     }
+}
+
+/// Equal steps of a body through some times.
+fn equal_steps(treatment: &Treatment, times: &[f64]) -> f64 {
+    let mut last = 0.0;
+    times.iter().map(|&time| treatment.interval(time - std::mem::replace(&mut last, time)).steps as f64).sum()
 }
 
 impl Rule {

@@ -35,6 +35,8 @@ pub enum SkipName {
     Torque,
     /// Where no torque asks for the attitude, Taylor series leave it out.
     Attitude,
+    /// Where torques ask for directions of the world alone, Taylor series are formed of these in the orientation's place.
+    Directions,
     /// Positions are not advanced where there are none.
     Translation,
     /// Positions that have a closed form are not stepped.
@@ -59,6 +61,7 @@ impl SkipName {
             SkipName::SetUp => "set-up",
             SkipName::Torque => "torque",
             SkipName::Attitude => "attitude",
+            SkipName::Directions => "directions",
             SkipName::Translation => "translation",
             SkipName::TranslationSteps => "translation-steps",
             SkipName::Steps => "steps",
@@ -83,6 +86,9 @@ impl SkipName {
             SkipName::Torque => "no torque acts: its code is not in the kernel",
             SkipName::Attitude => {
                 "no torque asks for it: the angular velocity is stepped alone, and the attitude follows within the same tolerance"
+            }
+            SkipName::Directions => {
+                "torques ask for directions of the world alone: these are stepped, and the attitude follows within the same tolerance"
             }
             SkipName::Translation => "no masses, positions and velocities are given: there is nothing to move",
             SkipName::TranslationSteps => {

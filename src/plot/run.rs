@@ -23,22 +23,45 @@ const BARS: usize = 30;
 /// [`Error::File`] and [`Error::Rows`] where `report.json` or `snapshots.csv` cannot be read.
 pub(super) fn run(folder: &Path, bodies: &[usize]) -> Result<Vec<(String, Figure)>> {
     let snapshots = Snapshots::read(folder, bodies)?;
-    let caption = caption(folder)?;
-    let mut figures = vec![("run".to_owned(), ensemble(&snapshots, &caption))];
+    let (caption, conserved) = (caption(folder)?, Conserved::read(folder)?);
+    let mut figures = vec![("run".to_owned(), ensemble(&snapshots, &caption, conserved))];
     for (body, track) in &snapshots.tracks {
         figures.push((format!("run-body-{body}"), of_body(*body, track, &caption)));
     }
     Ok(figures)
 }
 
-/// What computed, from the report.
-pub(super) fn caption(folder: &Path) -> Result<Vec<String>> {
+fn report(folder: &Path) -> Result<serde_json::Value> {
     let path = folder.join(REPORT);
     let text = std::fs::read_to_string(&path).map_err(|error| Error::file(&path, FileAction::Read, &error))?;
-    let report: serde_json::Value = serde_json::from_str(&text).map_err(|error| Error::Rows {
+    serde_json::from_str(&text).map_err(|error| Error::Rows {
         path: path.clone(),
         fault: crate::bench::row::RowFault::Csv(format!("is no report: {error}")),
-    })?;
+    })
+}
+
+/// What all bodies of a run conserve. The table of snapshots does not say which bodies are driven, so that of an ensemble of both
+/// kinds no drift is drawn.
+#[derive(Clone, Copy, Debug)]
+struct Conserved {
+    kinetic_energy: bool,
+    angular_momentum: bool,
+}
+
+impl Conserved {
+    fn read(folder: &Path) -> Result<Self> {
+        let drift = &report(folder)?["drift"];
+        let by_all = |key: &str| drift[key].as_u64().is_some_and(|bodies| bodies > 0 && drift["bodies"] == bodies);
+        Ok(Self {
+            kinetic_energy: by_all("kinetic_energy_bodies"),
+            angular_momentum: by_all("angular_momentum_bodies"),
+        })
+    }
+}
+
+/// What computed, from the report.
+pub(super) fn caption(folder: &Path) -> Result<Vec<String>> {
+    let report = report(folder)?;
     let word = |value: &serde_json::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
     let software = if report["engine"]["software"] == true { ", a SOFTWARE adapter" } else { "" };
     let study = report["study"]["file"].as_str().map_or("polhode run".to_owned(), |file| format!("polhode run {file}"));
@@ -55,12 +78,13 @@ pub(super) fn caption(folder: &Path) -> Result<Vec<String>> {
             word(&report["versions"]["polhode"]),
             word(&report["versions"]["platform"]),
         ),
-        "Drift and energies are relative to each body's first recorded state; bodies that failed are left out."
+        "Drift and energies are relative to each body's first recorded state; bodies that failed are left out, and so is the drift \
+         of what torques change."
             .to_owned(),
     ])
 }
 
-fn ensemble(snapshots: &Snapshots, caption: &[String]) -> Figure {
+fn ensemble(snapshots: &Snapshots, caption: &[String], conserved: Conserved) -> Figure {
     let moments = &snapshots.moments;
     let time = || Axis::linear("time (s)");
     let curve = |value: &dyn Fn(&Moment) -> f64, style| Item::Curve {
@@ -88,19 +112,25 @@ fn ensemble(snapshots: &Snapshots, caption: &[String]) -> Figure {
         ];
         Panel { title: title.to_owned(), x: time(), y: Axis::linear(label), items, equal: false }
     };
-    let mut panels = vec![
-        drift("drift of the kinetic energy", "|T \u{2212} T\u{2080}| / T\u{2080}", &|moment| moment.energy_drift),
-        drift("drift of the angular momentum", "|L \u{2212} L\u{2080}| / |L\u{2080}|", &|moment| moment.momentum_drift),
-        bands("spin rate", "|\u{3c9}| (rad/s)", &|moment| moment.spin),
-        bands("kinetic energy", "T / T\u{2080} \u{2212} 1", &|moment| moment.energy),
-    ];
+    let mut panels = Vec::new();
+    if conserved.kinetic_energy {
+        let label = "|T \u{2212} T\u{2080}| / T\u{2080}";
+        panels.push(drift("drift of the kinetic energy", label, &|moment| moment.energy_drift));
+    }
+    if conserved.angular_momentum {
+        let label = "|L \u{2212} L\u{2080}| / |L\u{2080}|";
+        panels.push(drift("drift of the angular momentum", label, &|moment| moment.momentum_drift));
+    }
+    let is_drawn: &[_] = if panels.is_empty() { &[] } else { &DRIFT };
+    panels.push(bands("spin rate", "|\u{3c9}| (rad/s)", &|moment| moment.spin));
+    panels.push(bands("kinetic energy", "T / T\u{2080} \u{2212} 1", &|moment| moment.energy));
     panels.push(histogram(snapshots));
     Figure {
         title: format!("A run of {} bodies", snapshots.bodies),
         caption: caption.to_vec(),
         panels,
         columns: 3,
-        legend: DRIFT
+        legend: is_drawn
             .iter()
             .map(|(name, style)| ((*name).to_owned(), *style))
             .chain([

@@ -9,7 +9,7 @@ use glam::{DQuat, DVec3};
 
 use crate::bench::row::RowFault;
 use crate::error::{Error, FileAction, Result};
-use crate::record::{ROTATION_COLUMNS, STATUS};
+use crate::record::ROTATION_COLUMNS;
 use crate::study::text::{CUT, Lines};
 
 /// One row.
@@ -68,8 +68,6 @@ impl Snapshots {
         if !header.iter().take(2 + ROTATION_COLUMNS.len()).eq(["body", "t"].into_iter().chain(ROTATION_COLUMNS)) {
             return Err(no_table("its columns are not those of a table of snapshots".to_owned()));
         }
-        // Tables that were written before there was such a column are drawn too.
-        let status = header.iter().position(|name| name == STATUS);
         let mut snapshots = Self { tracks: chosen.iter().map(|&body| (body, Vec::new())).collect(), ..Self::default() };
         let mut gatherer = Gatherer::default();
         let mut record = csv::StringRecord::new();
@@ -81,13 +79,11 @@ impl Snapshots {
                 Err(_) if reader.get_ref().are_cut() => break,
                 Err(error) => return Err(no_table(error.to_string())),
             }
-            let has_failed = status.is_some_and(|column| record.get(column) != Some("0"));
-            let cell = |column: usize| record.get(column).and_then(|cell| cell.parse::<f64>().ok()).unwrap_or(f64::NAN);
-            // What is NaN is drawn nowhere; of a body whose centre alone is lost the rotation is a number.
-            let number = |column: usize| if has_failed { f64::NAN } else { cell(column) };
+            // Numbers of a body that has failed are NaN, which is drawn nowhere.
+            let number = |column: usize| record.get(column).and_then(|cell| cell.parse().ok()).unwrap_or(f64::NAN);
             let vector = |column: usize| DVec3::new(number(column), number(column + 1), number(column + 2));
             let state = State {
-                time: cell(1),
+                time: number(1),
                 orientation: DQuat::from_xyzw(number(2), number(3), number(4), number(5)),
                 angular_velocity_body: vector(6),
                 angular_momentum_world: vector(9),
@@ -120,7 +116,8 @@ impl Snapshots {
             gatherer.first = states.iter().map(|state| (state.kinetic_energy, state.angular_momentum_world)).collect();
             self.bodies = states.len();
         }
-        let relative = |change: f64, scale: f64| if scale > 0.0 { change / scale } else { 0.0 };
+        // A body at rest has no drift; one whose numbers are none is left out.
+        let relative = |change: f64, scale: f64| if scale == 0.0 && change == 0.0 { 0.0 } else { change / scale };
         let of_bodies = |value: &dyn Fn(&State, &(f64, DVec3)) -> f64| -> Vec<f64> {
             let mut values: Vec<f64> = states
                 .iter()

@@ -7,7 +7,7 @@ pub struct AdaptiveWork {
     pub accepted: Spread,
     /// Steps tried again with a smaller size.
     pub rejected: Spread,
-    /// Bodies that would have needed a step below the limit; their states stand where that happened.
+    /// Bodies that would have needed a step below the limit; they have failed ([`super::Trust::failures`]).
     pub flagged: usize,
     /// Bodies that were advanced side by side: lanes, or a workgroup.
     pub side_by_side: usize,

@@ -54,18 +54,36 @@ impl std::fmt::Display for Quantiles {
     }
 }
 
-/// Drift of what a free body conserves, from the start to the end of a run.
+/// Drift of what bodies conserve, from the start to the end of a run. What a torque changes is no drift: it stands in
+/// [`super::Balance`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Drift {
     /// Bodies behind the figures: all that did not fail, or a sample where states were not read
     /// ([`crate::plan::SkipName::States`]).
     pub bodies: usize,
-    /// |T − T₀| / T₀ of the rotational kinetic energy.
+    /// Those of them on which no torque acts, which keep their kinetic energy.
+    pub kinetic_energy_bodies: usize,
+    /// |T − T₀| / T₀ of the rotational kinetic energy; zeros of no bodies.
     pub kinetic_energy: Quantiles,
-    /// |L − L₀| / |L₀| of the angular momentum in world axes.
+    /// Those of them on which nothing acts from outside, which keep their angular momentum
+    /// ([`crate::Torque::keeps_angular_momentum`]).
+    pub angular_momentum_bodies: usize,
+    /// |L − L₀| / |L₀| of the angular momentum in world axes; zeros of no bodies.
     pub angular_momentum_world: Quantiles,
     /// | |q| − 1 | of the orientation as integrated.
     pub norm: Quantiles,
+}
+
+impl std::fmt::Display for Drift {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.kinetic_energy_bodies > 0 {
+            write!(formatter, "energy drift {}, ", self.kinetic_energy)?;
+        }
+        if self.angular_momentum_bodies > 0 {
+            write!(formatter, "angular momentum drift {}, ", self.angular_momentum_world)?;
+        }
+        write!(formatter, "| |q| - 1 | {}", self.norm)
+    }
 }
 
 /// Gathers one row a body, in parts that are put together at the end.
@@ -100,21 +118,32 @@ impl Column {
     }
 }
 
-/// The drift of one body.
+/// Which quantities a body conserves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Conserved {
+    pub kinetic_energy: bool,
+    pub angular_momentum: bool,
+}
+
+/// The drift of one body, of what it conserves.
 pub(crate) struct BodyDrift {
-    kinetic_energy: f64,
-    angular_momentum_world: f64,
+    kinetic_energy: Option<f64>,
+    angular_momentum_world: Option<f64>,
     norm: f64,
 }
 
 impl BodyDrift {
     /// What drifted from one state to another.
-    pub(crate) fn between(initial: &BodyState, state: &BodyState) -> Self {
+    pub(crate) fn between(initial: &BodyState, state: &BodyState, conserved: Conserved) -> Self {
         let relative = |change: f64, scale: f64| if scale > 0.0 { change / scale } else { 0.0 };
-        let momentum_change = (state.angular_momentum_world - initial.angular_momentum_world).length();
+        let energy = || relative((state.kinetic_energy - initial.kinetic_energy).abs(), initial.kinetic_energy);
+        let momentum = || {
+            let change = (state.angular_momentum_world - initial.angular_momentum_world).length();
+            relative(change, initial.angular_momentum_world.length())
+        };
         Self {
-            kinetic_energy: relative((state.kinetic_energy - initial.kinetic_energy).abs(), initial.kinetic_energy),
-            angular_momentum_world: relative(momentum_change, initial.angular_momentum_world.length()),
+            kinetic_energy: conserved.kinetic_energy.then(energy),
+            angular_momentum_world: conserved.angular_momentum.then(momentum),
             norm: state.norm_error.abs(),
         }
     }
@@ -130,8 +159,8 @@ impl DriftGatherer {
 
     /// Takes the drift of one body.
     pub(crate) fn push(&mut self, body: BodyDrift) {
-        self.kinetic_energy.push(body.kinetic_energy);
-        self.angular_momentum_world.push(body.angular_momentum_world);
+        body.kinetic_energy.into_iter().for_each(|drift| self.kinetic_energy.push(drift));
+        body.angular_momentum_world.into_iter().for_each(|drift| self.angular_momentum_world.push(drift));
         self.norm.push(body.norm);
     }
 
@@ -145,11 +174,12 @@ impl DriftGatherer {
     pub(crate) fn finish(self) -> Drift {
         let Self { kinetic_energy, angular_momentum_world, norm } = self;
         let bodies = norm.len();
+        let (kinetic_energy_bodies, angular_momentum_bodies) = (kinetic_energy.len(), angular_momentum_world.len());
         let (kinetic_energy, (angular_momentum_world, norm)) = rayon::join(
             || kinetic_energy.quantiles(),
             || rayon::join(|| angular_momentum_world.quantiles(), || norm.quantiles()),
         );
-        Drift { bodies, kinetic_energy, angular_momentum_world, norm }
+        Drift { bodies, kinetic_energy_bodies, kinetic_energy, angular_momentum_bodies, angular_momentum_world, norm }
     }
 }
 

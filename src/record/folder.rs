@@ -6,8 +6,9 @@
 //! `.NAME.polhode-lock`; whatever of these names lies there when another run has taken the lock, a killed one has left.
 //!
 //! A folder that cannot get another name (the current one, the place where a file system is mounted, one in a folder that
-//! cannot be written to) is filled in place: the same names without `NAME` lie in it, a former report is removed first, and the
-//! new one comes last.
+//! cannot be written to) is filled in place: the same names without `NAME` lie in it. The complete result is first renamed to
+//! `NAME.polhode-RANDOM.kept` there, which nothing removes; then a former report is removed, and the new one comes last. The lock of
+//! the current folder is the one beside it all the same, so that runs from inside and from outside exclude each other.
 
 use std::collections::hash_map::RandomState;
 use std::fs::{self, File};
@@ -122,21 +123,23 @@ impl OutputFolder {
             Refused::Held(holder) => Error::FolderInUse { path: path.to_owned(), holder },
             Refused::Failed(error) => failed(error),
         };
-        let mut in_place = is_fixed(&target);
-        let mut prefix = prefix(&target, in_place);
-        let mut lock = Lock::take(&with_suffix(&prefix, "lock"));
-        if !in_place
+        let is_root = target.parent().is_none() || is_mounted(&target);
+        let mut in_place = is_root || is_current(&target);
+        let mut lock_path = with_suffix(&prefix(&target, is_root), "lock");
+        let mut lock = Lock::take(&lock_path);
+        if !is_root
             && target.is_dir()
             && let Err(Refused::Failed(error)) = &lock
             && [ErrorKind::PermissionDenied, ErrorKind::ReadOnlyFilesystem].contains(&error.kind())
         {
             in_place = true;
-            prefix = self::prefix(&target, in_place);
-            lock = Lock::take(&with_suffix(&prefix, "lock"));
+            lock_path = with_suffix(&prefix(&target, in_place), "lock");
+            lock = Lock::take(&lock_path);
         }
+        let prefix = prefix(&target, in_place);
         let lock = lock.map_err(refused).inspect_err(|_| remove_folders(&parents))?;
         let staging = with_suffix(&prefix, &format!("{}.{PARTIAL}", random()));
-        let traces = Traces { staging, lock: with_suffix(&prefix, "lock"), parents };
+        let traces = Traces { staging, lock: lock_path, parents };
         let (path, names) = (path.to_owned(), Vec::new());
         let mut folder =
             Self { path, target, replace, in_place, prefix, traces, leftovers: Vec::new(), names, _lock: lock };
@@ -203,9 +206,20 @@ impl OutputFolder {
         Ok(())
     }
 
-    /// Removes what killed runs have left, all of which lies still: this run has the lock.
+    /// Removes what killed runs have left beside the target and in it, all of which lies still: this run has the lock.
     fn clear_leftovers(&self) -> io::Result<Vec<PathBuf>> {
-        let (Some(place), Some(prefix)) = (self.prefix.parent(), self.prefix.file_name()) else {
+        let mut found = self.clear_leftovers_of(&self.prefix)?;
+        let inner = prefix(&self.target, true);
+        if inner != self.prefix && self.target.is_dir() {
+            found.extend(self.clear_leftovers_of(&inner)?);
+        }
+        found.sort();
+        Ok(found)
+    }
+
+    /// The same of names with one prefix.
+    fn clear_leftovers_of(&self, prefix: &Path) -> io::Result<Vec<PathBuf>> {
+        let (Some(place), Some(prefix)) = (prefix.parent(), prefix.file_name()) else {
             return Ok(Vec::new());
         };
         let mut found = Vec::new();
@@ -224,7 +238,6 @@ impl OutputFolder {
             }
             found.push(path);
         }
-        found.sort();
         Ok(found)
     }
 
@@ -248,19 +261,24 @@ impl OutputFolder {
     ///
     /// Where that fails, they stay under another name, which the error says: they may be hours of work.
     pub(super) fn commit(self) -> Result<()> {
-        let staging = &self.traces.staging;
+        let (staging, kept) = (&self.traces.staging, self.kept());
         let placed = sync_folder(staging).and_then(|()| if self.in_place { self.fill() } else { self.swap() });
         placed.map_err(|error| {
-            let number =
-                staging.file_stem().and_then(|stem| stem.to_str()?.rsplit_once('-')).map_or("", |(_, number)| number);
-            let name = self.target.file_name().unwrap_or_default().to_string_lossy();
-            let kept = self.prefix.with_file_name(format!("{name}.polhode-{number}.{KEPT}"));
-            let reason = match fs::rename(staging, &kept) {
-                Ok(()) => format!("{error}; the results are in {}", kept.display()),
-                Err(_) => error.to_string(),
+            // Where files were moved one by one, it has that name already.
+            let reason = match kept.is_dir() || fs::rename(staging, &kept).is_ok() {
+                true => format!("{error}; the results are in {}", kept.display()),
+                false => error.to_string(),
             };
             Error::File { path: self.path.clone(), action: FileAction::Write, kind: error.kind(), reason }
         })
+    }
+
+    /// The name of a complete result that is not in its place.
+    fn kept(&self) -> PathBuf {
+        let stem = self.traces.staging.file_stem();
+        let number = stem.and_then(|stem| stem.to_str()?.rsplit_once('-')).map_or("", |(_, number)| number);
+        let name = self.target.file_name().unwrap_or_default().to_string_lossy();
+        self.prefix.with_file_name(format!("{name}.polhode-{number}.{KEPT}"))
     }
 
     /// Gives the folder the target's name, and removes what had it.
@@ -300,8 +318,12 @@ impl OutputFolder {
     }
 
     /// Moves the files into the target, of which a former result is removed. The report goes first and comes last, so that a
-    /// folder with a report is always complete.
+    /// folder with a report is always complete. A process that ends on the way leaves what it has not moved under a name that
+    /// nothing removes, as the former result may be gone by then.
     fn fill(&self) -> io::Result<()> {
+        let kept = self.kept();
+        fs::rename(&self.traces.staging, &kept)?;
+        sync_parent(&kept)?;
         let missing_is_fine = |done: io::Result<()>| match done {
             Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
             _ => Ok(()),
@@ -316,9 +338,11 @@ impl OutputFolder {
         }
         let (report, others): (Vec<_>, Vec<_>) = self.names.iter().partition(|name| *name == REPORT);
         for names in [others, report] {
-            names.iter().try_for_each(|name| fs::rename(self.traces.staging.join(name), self.target.join(name)))?;
+            names.iter().try_for_each(|name| fs::rename(kept.join(name), self.target.join(name)))?;
             sync_folder(&self.target)?;
         }
+        // Nothing is left in it.
+        let _ = fs::remove_dir(&kept);
         Ok(())
     }
 }
@@ -342,7 +366,9 @@ fn absent_target(path: &Path) -> io::Result<(PathBuf, Vec<PathBuf>)> {
         .map(Path::to_owned)
         .collect();
     fs::create_dir_all(parent)?;
-    let made = made.into_iter().map(fs::canonicalize).collect::<io::Result<_>>()?;
+    let made = made.into_iter().map(fs::canonicalize).collect::<io::Result<Vec<_>>>()?;
+    // A result on the disk is lost with a folder above it that is not.
+    made.iter().try_for_each(|folder| sync_parent(folder))?;
     Ok((fs::canonicalize(parent)?.join(name), made))
 }
 
@@ -372,10 +398,9 @@ fn random() -> String {
     format!("{:016x}", RandomState::new().build_hasher().finish())
 }
 
-/// Whether a folder cannot get another name, or should not: a shell whose current folder was replaced stands in a removed one.
-fn is_fixed(target: &Path) -> bool {
-    let current = std::env::current_dir().and_then(fs::canonicalize);
-    target.parent().is_none() || current.is_ok_and(|current| current == target) || is_mounted(target)
+/// Whether a folder should not get another name, as a shell whose current folder was replaced stands in a removed one.
+fn is_current(target: &Path) -> bool {
+    std::env::current_dir().and_then(fs::canonicalize).is_ok_and(|current| current == target)
 }
 
 #[cfg(unix)]
@@ -472,5 +497,31 @@ impl OutputFile {
     /// Waits until all is on the disk: what the system could not write is known by then, at the latest.
     pub(super) fn finish(self) -> Result<()> {
         self.file.sync_all().map_err(|error| self.failed(&error))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_survive_a_process_that_ends_while_files_are_moved_into_place() {
+        let desk = tempfile::tempdir().expect("a folder");
+        let target = desk.path().join("out");
+        fs::create_dir_all(target.join("snapshots.csv")).expect("made");
+        fs::write(target.join(REPORT), "former").expect("written");
+        let mut folder = OutputFolder::create(&desk.path().join("new"), true).expect("a folder");
+        for name in ["final.csv", "snapshots.csv", REPORT] {
+            folder.write(name, b"new").expect("written");
+        }
+        folder.target = target.clone();
+        // The folder in the way ends it after the first file, as a signal might; its handler removes what is left of the run.
+        folder.fill().expect_err("a folder is in the way");
+        folder.traces.remove();
+        let kept = folder.kept();
+        let read = |folder: &Path, name: &str| fs::read(folder.join(name)).expect("a file");
+        assert_eq!(read(&target, "final.csv"), b"new");
+        assert_eq!((read(&kept, "snapshots.csv"), read(&kept, REPORT)), (b"new".to_vec(), b"new".to_vec()));
+        assert!(!target.join(REPORT).exists(), "no report beside files of two results");
     }
 }

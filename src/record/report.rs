@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{AdaptiveWork, Balance, FailedBody, Quantiles, Spread, Trust};
+use super::{AdaptiveWork, Balance, Drift, FailedBody, Quantiles, Spread, Trust};
 use crate::engine::EngineKind;
 use crate::method::Status;
 use crate::plan::explain::{ClassRow, SkipRow};
@@ -43,7 +43,7 @@ pub struct Report {
     pub repairs: Option<RepairReport>,
     /// Statistics at the end; `null` where the study asks for none.
     pub statistics: Option<StatisticsReport>,
-    /// Drift of what a free body conserves, from start to end.
+    /// Drift of what bodies conserve, from start to end.
     pub drift: DriftReport,
     /// Energy and angular momentum against what the torques give; `null` where none acts.
     pub balance: Option<BalanceReport>,
@@ -168,10 +168,19 @@ pub struct AccuracyReport {
     pub angular_velocity: QuantilesReport,
     /// Error of the rotational kinetic energy, relative.
     pub kinetic_energy: QuantilesReport,
+    /// Bodies behind the two errors that follow; 0 where none translates.
+    pub translating: usize,
+    /// Error of the position of the centre of mass, m: 0 where the run takes the closed form, and `null` figures where no body
+    /// translates.
+    pub position: QuantilesReport,
+    /// Error of the velocity of the centre of mass, m/s, likewise.
+    pub velocity: QuantilesReport,
     /// What was asked for; `null` where method and step were pinned.
     pub target: Option<TargetReport>,
     /// Bodies behind the figures that are beyond it.
     pub beyond: usize,
+    /// Bodies of the whole run that have failed, of which the percentile may leave out some.
+    pub failed: usize,
     /// Whether a random torque acts, whose draws are those of the run's own steps ([`super::Shadow::same_draws`]).
     pub same_draws: bool,
     /// Whether the sample agrees with it ([`super::Shadow::met`]).
@@ -227,13 +236,19 @@ pub struct RepairReport {
     pub limit: f64,
 }
 
-/// Drift of what a free body conserves, over the bodies that did not fail.
+/// Drift of what bodies conserve, over those that did not fail. Figures of no bodies are `null`: what torques change stands in
+/// [`BalanceReport`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct DriftReport {
-    /// Bodies behind the figures: all of them, or a sample where states were not read.
+    /// Bodies that were looked at, behind `norm`: all of them, or a sample where states were not read.
     pub bodies: usize,
+    /// Those of them on which no torque acts, behind `kinetic_energy`.
+    pub kinetic_energy_bodies: usize,
     /// |T − T₀| / T₀ of the rotational kinetic energy.
     pub kinetic_energy: QuantilesReport,
+    /// Those of them on which nothing acts from outside, behind `angular_momentum_world`: dissipation within a body and moments that
+    /// change leave it its angular momentum.
+    pub angular_momentum_bodies: usize,
     /// |L − L₀| / |L₀| of the angular momentum in world axes.
     pub angular_momentum_world: QuantilesReport,
     /// | |q| − 1 | of the orientation as integrated.
@@ -297,13 +312,27 @@ impl From<Quantiles> for QuantilesReport {
     }
 }
 
+impl DriftReport {
+    fn of(drift: &Drift) -> Self {
+        let Drift { bodies, kinetic_energy_bodies, angular_momentum_bodies, .. } = *drift;
+        Self {
+            bodies,
+            kinetic_energy_bodies,
+            kinetic_energy: QuantilesReport::of(drift.kinetic_energy, kinetic_energy_bodies),
+            angular_momentum_bodies,
+            angular_momentum_world: QuantilesReport::of(drift.angular_momentum_world, angular_momentum_bodies),
+            norm: QuantilesReport::of(drift.norm, bodies),
+        }
+    }
+}
+
 impl BalanceReport {
     fn of(balance: &Balance) -> Option<Self> {
         let conservative_bodies = balance.conservative_bodies;
         (balance.bodies > 0 || conservative_bodies > 0).then(|| Self {
             bodies: balance.bodies,
-            energy: balance.energy.into(),
-            angular_momentum_world: balance.angular_momentum_world.into(),
+            energy: QuantilesReport::of(balance.energy, balance.bodies),
+            angular_momentum_world: QuantilesReport::of(balance.angular_momentum_world, balance.bodies),
             conservative_bodies,
             total_energy: (conservative_bodies > 0).then(|| balance.total_energy.into()),
         })
@@ -356,12 +385,7 @@ impl Report {
                 limit: repairs.limit,
             }),
             statistics: None,
-            drift: DriftReport {
-                bodies: trust.drift.bodies,
-                kinetic_energy: QuantilesReport::of(trust.drift.kinetic_energy, trust.drift.bodies),
-                angular_momentum_world: QuantilesReport::of(trust.drift.angular_momentum_world, trust.drift.bodies),
-                norm: QuantilesReport::of(trust.drift.norm, trust.drift.bodies),
-            },
+            drift: DriftReport::of(&trust.drift),
             balance: BalanceReport::of(&trust.balance),
             accuracy: AccuracyReport {
                 bodies: trust.shadow.bodies,
@@ -370,6 +394,9 @@ impl Report {
                 attitude: QuantilesReport::of(trust.shadow.attitude, trust.shadow.bodies),
                 angular_velocity: QuantilesReport::of(trust.shadow.angular_velocity, trust.shadow.bodies),
                 kinetic_energy: QuantilesReport::of(trust.shadow.kinetic_energy, trust.shadow.bodies),
+                translating: trust.shadow.translating,
+                position: QuantilesReport::of(trust.shadow.position, trust.shadow.translating),
+                velocity: QuantilesReport::of(trust.shadow.velocity, trust.shadow.translating),
                 target: trust.shadow.target.map(|target| TargetReport {
                     attitude: target.attitude,
                     angular_velocity: target.angular_velocity,
@@ -377,6 +404,7 @@ impl Report {
                     percentile: target.percentile,
                 }),
                 beyond: trust.shadow.beyond,
+                failed: trust.failures.len(),
                 same_draws: trust.shadow.same_draws,
                 met: trust.shadow.met,
             },

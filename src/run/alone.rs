@@ -43,7 +43,7 @@ pub(crate) fn states_at_end(
     let (frames, batch) = prepare_ordered(scene.ensemble(), torques, scene.end(), members, precision, order)?;
     let state = |(member, &row): (usize, &u32), words: &StateWords| {
         let (body, row) = (members.body(member), row as usize);
-        (body, frames[row].at(torques, body, end).body_state(words.combined(row)))
+        (body, frames[row].at(torques, body, end).state_of(words, row))
     };
     let states_of = |words: StateWords| rows.iter().enumerate().map(|member| state(member, &words)).collect();
     let (method, projected) = match *treatment {

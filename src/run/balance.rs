@@ -49,7 +49,10 @@ pub fn balance(plan: &Plan<'_>, orientation: &[DQuat], angular_velocity_body: &[
     }
     let changes: Vec<f64> = (0..ensemble.len())
         .into_par_iter()
-        .filter_map(|body| total_energy_change(plan.scene(), body, &initial_state(ensemble, body), &state(body)))
+        .filter_map(|body| {
+            let acting = TorqueSet::acting_on(plan.scene().torques(), body);
+            total_energy_change(plan.scene(), acting, body, &initial_state(ensemble, body), &state(body))
+        })
         .collect();
     changes.into_iter().for_each(|change| gatherer.push_total(change));
     Ok(gatherer.finish())
@@ -70,10 +73,15 @@ pub(super) fn push_rest(
     gatherer.push_rest((energy.abs(), work.greatest_energy), (given.length(), work.greatest_angular_momentum));
 }
 
-/// By how much the sum of a body's kinetic and potential energies differs in two states, relative, where torques act on it that all
-/// have a potential.
-pub(super) fn total_energy_change(scene: &Scene, body: usize, start: &BodyState, end: &BodyState) -> Option<f64> {
-    let acting = TorqueSet::acting_on(scene.torques(), body);
+/// By how much the sum of a body's kinetic and potential energies differs in two states, relative, where the torques `acting` on it
+/// all have a potential.
+pub(super) fn total_energy_change(
+    scene: &Scene,
+    acting: TorqueSet,
+    body: usize,
+    start: &BodyState,
+    end: &BodyState,
+) -> Option<f64> {
     if acting.is_empty() {
         return None;
     }

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
-use super::OutputState;
 use super::reading::TASK;
+use super::{OutputState, make_room};
 use crate::batch::BodyState;
 use crate::ensemble::Ensemble;
 use crate::error::Result;
@@ -18,21 +18,20 @@ use crate::record::FailedBody;
 pub(super) struct Failures<'p> {
     ensemble: &'p Ensemble,
     found: BTreeMap<usize, FailedBody>,
-    /// The states at the last output that was read, by body; NaN of bodies that have failed. Empty where none was read, or no other
-    /// output follows.
-    earlier: Vec<Good>,
+    /// The states at the last output that was read, by body; NaN of bodies that have failed. Empty where they are not kept.
+    earlier: Vec<GoodState>,
     /// When that was, s.
     earlier_time: Option<f64>,
 }
 
 /// What is kept of a good state.
 #[derive(Clone, Copy)]
-struct Good {
+struct GoodState {
     orientation: DQuat,
     angular_velocity_body: DVec3,
 }
 
-impl Good {
+impl GoodState {
     const NONE: Self = Self { orientation: DQuat::NAN, angular_velocity_body: DVec3::NAN };
 
     fn is_some(&self) -> bool {
@@ -45,34 +44,39 @@ impl<'p> Failures<'p> {
         Self { ensemble, found: BTreeMap::new(), earlier: Vec::new(), earlier_time: None }
     }
 
-    /// Notes which of the bodies from `first_body` on have failed by `time`, s, and makes their numbers NaN. Where it is not the
-    /// `last` output, the others' states are kept until the next one.
+    /// Keeps the states of each output that is read from now on until the next one.
     ///
     /// # Errors
     ///
-    /// [`crate::Error::TooManyBodies`] where there is no memory for those.
-    pub fn mark(&mut self, time: f64, last: bool, first_body: usize, states: &mut [OutputState]) -> Result<()> {
+    /// [`crate::Error::TooManyBodies`] where there is no memory for them.
+    pub fn keep_states(&mut self) -> Result<()> {
         let body_count = self.ensemble.len();
-        if !last && self.earlier.is_empty() {
-            memory::require(body_count, body_count.saturating_mul(size_of::<Good>()), "the bodies' last good states")?;
-            self.earlier = vec![Good::NONE; body_count];
+        if self.earlier.len() == body_count {
+            return Ok(());
         }
+        memory::require(body_count, body_count.saturating_mul(size_of::<GoodState>()), "the bodies' last good states")?;
+        make_room(&mut self.earlier, body_count, GoodState::NONE);
+        Ok(())
+    }
+
+    /// Notes which of the bodies from `first_body` on have failed by `time`, s, and makes their numbers NaN.
+    pub fn mark(&mut self, time: f64, first_body: usize, states: &mut [OutputState]) {
         let is_first = self.earlier_time.is_none();
         let own = first_body..(first_body + states.len()).min(self.earlier.len());
         let mut earlier = self.earlier.get_mut(own).map(|earlier| earlier.chunks_mut(TASK));
         let next = |states| (states, earlier.as_mut().and_then(Iterator::next));
         let tasks: Vec<_> = states.chunks_mut(TASK).map(next).collect();
-        let failed = |(task, (states, mut earlier)): (usize, (&mut [OutputState], Option<&mut [Good]>))| {
+        let failed = |(task, (states, mut earlier)): (usize, (&mut [OutputState], Option<&mut [GoodState]>))| {
             let mut failed = Vec::new();
             for (place, state) in states.iter().enumerate() {
                 let good = earlier.as_mut().map(|earlier| &mut earlier[place]);
                 let status = state.status();
                 if status == Status::Valid && (is_first || good.as_ref().is_none_or(|good| good.is_some())) {
                     let BodyState { orientation, angular_velocity_body, .. } = state.rotation;
-                    good.into_iter().for_each(|good| *good = Good { orientation, angular_velocity_body });
+                    good.into_iter().for_each(|good| *good = GoodState { orientation, angular_velocity_body });
                     continue;
                 }
-                let before = good.map(|good| std::mem::replace(good, Good::NONE)).filter(|_| !is_first);
+                let before = good.map(|good| std::mem::replace(good, GoodState::NONE)).filter(|_| !is_first);
                 failed.push((first_body + task * TASK + place, status, before));
             }
             failed
@@ -82,7 +86,6 @@ impl<'p> Failures<'p> {
             let reason = self.note(body, status, time, before);
             blank(&mut states[body - first_body], reason);
         }
-        Ok(())
     }
 
     /// Says that the output at `time`, s, was marked as a whole.
@@ -97,15 +100,15 @@ impl<'p> Failures<'p> {
     }
 
     /// Notes a body that has failed, and gives the reason that was noted first.
-    fn note(&mut self, body: usize, reason: Status, time: f64, before: Option<Good>) -> Status {
+    fn note(&mut self, body: usize, reason: Status, time: f64, before: Option<GoodState>) -> Status {
         let ensemble = self.ensemble;
         let found = self.found.entry(body).or_insert_with(|| {
-            let start = || Good {
+            let start = || GoodState {
                 orientation: ensemble.orientation()[body],
                 angular_velocity_body: ensemble.angular_velocity_body()[body],
             };
             let last_good_time = before.and(self.earlier_time).unwrap_or(0.0);
-            let Good { orientation, angular_velocity_body } = before.unwrap_or_else(start);
+            let GoodState { orientation, angular_velocity_body } = before.unwrap_or_else(start);
             FailedBody { body, reason, time, last_good_time, orientation, angular_velocity_body }
         });
         found.reason

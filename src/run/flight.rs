@@ -24,6 +24,8 @@ pub(crate) struct Flight<'p> {
     centres: Vec<Centre>,
     /// The rotation at the time that the centres stand at, where a force needs it and the bodies are stepped.
     before: Vec<BodyState>,
+    /// By what steps are shorter than they have to be.
+    shorter: f64,
 }
 
 impl<'p> Flight<'p> {
@@ -48,7 +50,13 @@ impl<'p> Flight<'p> {
             } else {
                 Vec::new()
             },
+            shorter: 1.0,
         }))
+    }
+
+    /// The same in steps that are shorter by a factor, where no rotation is followed.
+    pub fn in_steps_shorter_by(self, shorter: f64) -> Self {
+        Self { shorter, ..self }
     }
 
     /// Whether it has to be told of the rotation after every step.
@@ -85,11 +93,11 @@ impl<'p> Flight<'p> {
 
     /// Moves on by `span` seconds from `start`. Torque-free bodies turn as their closed form says.
     pub fn advance(&mut self, start: f64, span: f64) {
-        let (scene, members, forces) = (self.scene, self.members, &self.forces);
+        let (scene, members, forces, shorter) = (self.scene, self.members, &self.forces, self.shorter);
         self.centres.par_iter_mut().enumerate().for_each(|(row, centre)| {
             let forces = &forces[row];
             if forces.thrust_body == DVec3::ZERO {
-                centre.advance(forces, &Irrelevant, span);
+                centre.advance_in_steps_shorter_by(shorter, forces, &Irrelevant, span);
                 return;
             }
             let body = members.body(row);
@@ -97,8 +105,15 @@ impl<'p> Flight<'p> {
             // 2T ≥ I₁ ω².
             let rate = (2.0 * initial_state(scene.ensemble(), body).kinetic_energy / least).sqrt();
             let motion = FreeMotion::of_body(scene.ensemble(), body);
-            centre.advance(forces, &Free { motion: &motion, rate, start, span }, span);
+            let attitude = Free { motion: &motion, rate, start, span };
+            centre.advance_in_steps_shorter_by(shorter, forces, &attitude, span);
         });
+    }
+
+    /// Its bodies with their positions (m) and velocities (m/s).
+    pub fn centres(&self) -> impl Iterator<Item = (usize, (DVec3, DVec3))> {
+        let rows = self.centres.iter().enumerate();
+        rows.map(|(row, centre)| (self.members.body(row), (centre.position(), centre.velocity())))
     }
 
     /// Writes position (m) and velocity (m/s) of those of its bodies that are in `bodies` to their places.

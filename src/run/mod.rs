@@ -11,9 +11,9 @@ use crate::engine::watch::{Watch, watched};
 use crate::engine::{Backend, Description, EngineKind, Observer, Progress};
 use crate::error::{Error, Result};
 use crate::method::Status;
-use crate::plan::Plan;
+use crate::plan::{Plan, TorqueSet};
 use crate::record::{
-    BalanceGatherer, BodyDrift, Drift, DriftGatherer, Memory, OutputState, Record, Sink, Trust, WallTime,
+    BalanceGatherer, BodyDrift, Conserved, Drift, DriftGatherer, Memory, OutputState, Record, Sink, Trust, WallTime,
 };
 use crate::scene::{Scene, Stepping};
 use crate::torque::Torque;
@@ -26,6 +26,7 @@ mod failures;
 pub(crate) mod flight;
 mod once;
 mod reading;
+mod recomputed_centres;
 pub(crate) mod shadow;
 mod statistics;
 mod translation;
@@ -36,6 +37,7 @@ pub use balance::balance;
 
 use balance::{push_rest, total_energy_change};
 use failures::Failures;
+use recomputed_centres::recomputed_centres;
 use shadow::SHADOW_SEED;
 use statistics::FromStates;
 use translation::Centres;
@@ -73,12 +75,30 @@ pub fn run(engine: &dyn Backend, plan: &Plan<'_>) -> Result<Record> {
 ///
 /// # Errors
 ///
-/// [`Error::TooManyBodies`], [`Error::Device`], [`Error::Interrupted`], and what the sink returns.
+/// [`Error::TooManyBodies`], [`Error::DeviceInRun`], [`Error::Interrupted`], and what the sink returns.
 pub fn run_into(
     engine: &dyn Backend,
     plan: &Plan<'_>,
     sink: &mut dyn Sink,
     observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+) -> Result<Trust> {
+    let mut done = 0;
+    run_counted(engine, plan, sink, observer, &mut done).map_err(|error| match error {
+        Error::Device { adapter, reason } => {
+            let (outputs, bodies) = (plan.times().len(), plan.scene().ensemble().len());
+            Error::DeviceInRun { adapter, reason, done, outputs, bodies }
+        }
+        error => error,
+    })
+}
+
+/// As [`run_into`], which is told of the outputs that are done.
+fn run_counted(
+    engine: &dyn Backend,
+    plan: &Plan<'_>,
+    sink: &mut dyn Sink,
+    observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+    outputs_done: &mut usize,
 ) -> Result<Trust> {
     let scene = plan.scene();
     let body_count = scene.ensemble().len();
@@ -102,13 +122,14 @@ pub fn run_into(
     let mut end = AtEnd::default();
     let mut failures = Failures::new(scene.ensemble());
     let sample = shadow::sample(body_count, shadow::shadow_size(body_count), SHADOW_SEED);
-    let mut sampled = Vec::with_capacity(sample.len());
+    let (mut sampled, mut sampled_centres) = (Vec::with_capacity(sample.len()), Vec::with_capacity(sample.len()));
     let count = plan.times().len();
     let block = read_block(&engine.description());
     let (mut states, mut initial) = (Vec::new(), Vec::new());
     for (index, &time) in plan.times().iter().enumerate() {
+        *outputs_done = index;
         let last = index + 1 == count;
-        // The long way reads what nobody asked for too.
+        // Without skipping what nobody asked for is read too.
         let asked = sink.wants(index, count, time);
         let wanted = asked || !scene.may_skip() || (last && !plan.leaves_states());
         let clock = Instant::now();
@@ -131,12 +152,16 @@ pub fn run_into(
                 sampled = end.gather_sample(scene, &mut units, &sample, &mut |body, reason| {
                     failures.push(body, reason, time);
                 })?;
+                sampled_centres = centres_of(&sample, &mut units, &centres)?;
                 for body in lost_centres(&mut units, &centres, body_count, block)? {
                     failures.push(body, Status::CentreNotFinite, time);
                 }
                 wall_time.read += clock.elapsed().as_secs_f64();
             }
             continue;
+        }
+        if !last {
+            failures.keep_states()?;
         }
         let mut from_states = FromStates::new(if reduces { &[] } else { statistics });
         for start in (0..body_count).step_by(block) {
@@ -145,7 +170,7 @@ pub fn run_into(
             // Among the pool's threads, so that they need not be woken for each part of it.
             rayon::scope(|_| -> Result<()> {
                 read_states(&mut units, &centres, &range, &mut states, last.then_some(&mut initial))?;
-                failures.mark(time, last, start, &mut states)?;
+                failures.mark(time, start, &mut states);
                 if last {
                     end.gather(scene, start, &initial, &states);
                 }
@@ -154,7 +179,11 @@ pub fn run_into(
             from_states.push(start, &states);
             if last {
                 let of_block = |body: &&u32| range.contains(&(**body as usize));
-                sampled.extend(sample.iter().filter(of_block).map(|&body| states[body as usize - start].rotation));
+                for &body in sample.iter().filter(of_block) {
+                    let state = &states[body as usize - start];
+                    sampled.push(state.rotation);
+                    sampled_centres.push(state.translation);
+                }
             }
             // What is formed as it is read is computed all the same.
             let formed: f64 = units.iter_mut().map(Unit::take_formed).sum();
@@ -175,6 +204,7 @@ pub fn run_into(
             sink.statistics(index, &from_states.finish(time))?;
         }
     }
+    *outputs_done = count;
     let mut works = Vec::new();
     for unit in &mut units {
         works.extend(unit.adaptive_work()?);
@@ -190,9 +220,10 @@ pub fn run_into(
         scope.spawn(|_| drift = gathered.finish());
         shadow::recomputed(plan, &sample, &mut |_| observer(Progress { done, total }))
     })?;
+    let recomputed_centres = recomputed_centres(plan, &sample, &mut |_| observer(Progress { done, total }))?;
     let mut errors = shadow::Errors::default();
     let (mut lost, mut diverged) = (0, 0);
-    for (state, reference) in sampled.iter().zip(&recomputed) {
+    for ((state, centre), reference) in sampled.iter().zip(sampled_centres).zip(&recomputed) {
         if !is_sound(state) || failures.contains(reference.body) {
             lost += 1;
         } else if !is_sound(&reference.state) {
@@ -200,6 +231,9 @@ pub fn run_into(
             diverged += 1;
         } else {
             errors.push(state, &reference.state);
+            if let (Some(centre), Some(reference)) = (centre, recomputed_centres.get(&reference.body)) {
+                errors.push_centre(centre, *reference);
+            }
             push_rest(&mut end.balance, scene, reference.body, state, reference.work.as_ref());
         }
     }
@@ -309,6 +343,17 @@ fn flying_centres(units: &mut [Unit<'_>], bodies: &Range<usize>) -> Result<Vec<O
     Ok(flying)
 }
 
+/// The centres of mass of a sample's bodies; `None` of those that do not move.
+fn centres_of(sample: &[u32], units: &mut [Unit<'_>], centres: &Centres<'_>) -> Result<Vec<Option<(DVec3, DVec3)>>> {
+    let has_flying = units.iter().any(Unit::has_centres);
+    let mut centre = |&body: &u32| -> Result<_> {
+        let body = body as usize;
+        let flying = if has_flying { flying_centres(units, &(body..body + 1))?.pop().flatten() } else { None };
+        Ok(flying.or_else(|| centres.of_body(body)))
+    };
+    sample.iter().map(&mut centre).collect()
+}
+
 /// The bodies whose centres of mass are not finite, looked at by `block` bodies at a time.
 fn lost_centres(units: &mut [Unit<'_>], centres: &Centres<'_>, body_count: usize, block: usize) -> Result<Vec<usize>> {
     let is_lost = |centre: Option<(DVec3, DVec3)>| centre.is_some_and(|(x, v)| !(x.is_finite() && v.is_finite()));
@@ -382,7 +427,7 @@ impl AtEnd {
         for unit in &mut *units {
             states.extend(unit.read_bodies(sample)?);
             let marked = unit.marked(usable_rate)?;
-            unit.reasons(&marked.failed)?.into_iter().for_each(|(body, reason)| failed(body, reason));
+            unit.reasons(marked.failed)?.into_iter().for_each(|(body, reason)| failed(body, reason));
             faster.extend(marked.faster);
         }
         faster.sort_unstable();
@@ -424,9 +469,17 @@ struct Kept {
 impl Kept {
     /// Compares two states of a body, which are numbers in every place.
     fn of(scene: &Scene, body: usize, initial: &BodyState, state: &BodyState) -> Self {
+        let torques = scene.torques();
+        let acting = TorqueSet::acting_on(torques, body);
+        let from_outside =
+            |(index, torque): (usize, &Torque)| acting.contains(index) && !torque.keeps_angular_momentum();
+        let conserved = Conserved {
+            kinetic_energy: acting.is_empty(),
+            angular_momentum: !torques.iter().enumerate().any(from_outside),
+        };
         Self {
-            drift: BodyDrift::between(initial, state),
-            total_energy: total_energy_change(scene, body, initial, state),
+            drift: BodyDrift::between(initial, state, conserved),
+            total_energy: total_energy_change(scene, acting, body, initial, state),
         }
     }
 }

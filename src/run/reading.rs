@@ -25,6 +25,9 @@ pub(super) fn each_in_lanes(
     given: impl Fn(usize) -> (BodyFrame, [f64; STATE_COMPONENTS], Status),
     write: &mut WriteState<'_>,
 ) {
+    if rows.is_empty() {
+        return;
+    }
     let mut block = UserBlock::new();
     for first in rows.clone().step_by(USER_BODIES) {
         let count = USER_BODIES.min(rows.end - first);

@@ -10,8 +10,8 @@ use crate::engine::Observer;
 use crate::engine::adaptive::AdaptiveSteps;
 use crate::error::Result;
 use crate::free_motion::FreeMotion;
-use crate::method::Method;
 use crate::method::rk8_adaptive::least_tolerance;
+use crate::method::{Method, Status};
 use crate::plan::{Group, Interval, Members, Plan, TorqueSet, Treatment, steps_over};
 use crate::record::{Quantiles, Shadow};
 use crate::run::alone::states_at_end;
@@ -133,9 +133,13 @@ const EQUAL_FOR_ADAPTIVE: u64 = 2;
 /// A tolerance that is not less than the run's by this factor says nothing of the run's error.
 const LEAST_REFINEMENT: f64 = 8.0;
 
+/// The greatest tolerance of a recomputation: beyond it steps may leap over what changes fast.
+const GREATEST_TOLERANCE: f64 = 1e-7;
+
 /// Adaptive steps in `f64` of a hundredth of the tolerance, as far as there is one, so that their error is far below the run's.
 fn finer(steps: &AdaptiveSteps) -> AdaptiveSteps {
-    AdaptiveSteps { tolerance: (0.01 * steps.tolerance).max(least_tolerance(Precision::F64)), least_step: None }
+    let tolerance = (0.01 * steps.tolerance).clamp(least_tolerance(Precision::F64), GREATEST_TOLERANCE);
+    AdaptiveSteps { tolerance, least_step: None }
 }
 
 /// The steps in which bodies of a group are recomputed by `rk8`.
@@ -182,8 +186,11 @@ const MOST_REFINEMENT: f64 = 64.0;
 
 /// Torque-free bodies at the end; those whose phases the closed form does not resolve have no state.
 fn closed_form(scene: &Scene, members: &[u32]) -> Vec<Reference> {
+    // The energy does not depend on the phases.
     let wanted = match scene.stepping() {
-        Stepping::Accuracy(accuracy) => accuracy.strictest(),
+        Stepping::Accuracy(accuracy) => {
+            accuracy.attitude.into_iter().chain(accuracy.angular_velocity).fold(f64::INFINITY, f64::min)
+        }
         Stepping::Pinned { .. } | Stepping::Adaptive { .. } => 1.0,
     };
     let reference = |&body: &u32| {
@@ -227,16 +234,23 @@ pub(crate) struct Errors {
     attitude: Vec<f64>,
     angular_velocity: Vec<f64>,
     energy: Vec<f64>,
+    /// Of the centres of mass, m and m/s, of bodies that translate.
+    position: Vec<f64>,
+    velocity: Vec<f64>,
     /// How many have failed whose references have not.
     lost: usize,
 }
 
 impl Errors {
-    /// Takes the difference of one body from its reference.
+    /// Takes the difference of one body from its reference. Of one that no steps follow, as its reference is no number, nothing is
+    /// known; one of which the reference was given up may be anywhere.
     pub(crate) fn push(&mut self, state: &BodyState, reference: &BodyState) {
         // A state that is no number is as wrong as can be, and must not pass for the least error.
         let sound = |error: f64, worst: f64| if error.is_nan() { worst } else { error };
         let relative = |change: f64, scale: f64| if scale > 0.0 { change / scale } else { change };
+        if !is_sound(reference) && reference.status != Status::StepBelowLimit {
+            return;
+        }
         if !is_sound(state) || !is_sound(reference) {
             self.lost += usize::from(is_sound(reference));
             self.attitude.push(std::f64::consts::PI);
@@ -249,6 +263,15 @@ impl Errors {
         self.angular_velocity.push(sound(relative(change, reference.angular_velocity_body.length()), f64::INFINITY));
         let change = (state.kinetic_energy - reference.kinetic_energy).abs();
         self.energy.push(sound(relative(change, reference.kinetic_energy), f64::INFINITY));
+    }
+
+    /// Takes how far a body's centre of mass (m, m/s) is from where a reference has it, if that is anywhere.
+    pub(crate) fn push_centre(&mut self, centre: (DVec3, DVec3), reference: (DVec3, DVec3)) {
+        if reference.0.is_finite() && reference.1.is_finite() {
+            let distance = |a: DVec3, b: DVec3| if a.is_finite() { a.distance(b) } else { f64::INFINITY };
+            self.position.push(distance(centre.0, reference.0));
+            self.velocity.push(distance(centre.1, reference.1));
+        }
     }
 
     /// The errors at the percentile asked for. Of a sample of more bodies, `all`, that is a bound which holds with a
@@ -326,6 +349,9 @@ impl Errors {
             attitude: Quantiles::of(&mut self.attitude),
             angular_velocity: Quantiles::of(&mut self.angular_velocity),
             kinetic_energy: Quantiles::of(&mut self.energy),
+            translating: self.position.len(),
+            position: Quantiles::of(&mut self.position),
+            velocity: Quantiles::of(&mut self.velocity),
         }
     }
 }

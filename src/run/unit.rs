@@ -11,7 +11,7 @@ use super::flight::Flight;
 use super::once::Once;
 use super::reading::{FormStates, TASK, WriteState, each_in_lanes, scatter};
 use super::{OutputState, is_sound};
-use crate::batch::{BodyFrame, BodyState, Precision, prepare_members};
+use crate::batch::{BodyFrame, BodyState, Precision, StateWords, prepare_members};
 use crate::engine::cpu::{Cpu, Width};
 use crate::engine::reduction::{Marked, Reduce};
 use crate::engine::watch::Job;
@@ -245,6 +245,11 @@ impl<'p> Unit<'p> {
         self.flight.is_some() || matches!(self.motion, Motion::Stepped { carries: true, .. })
     }
 
+    /// Where its bodies are, where the host steps that.
+    pub fn own_centres(&self) -> Vec<(usize, (DVec3, DVec3))> {
+        self.flight.iter().flat_map(Flight::centres).collect()
+    }
+
     /// Writes where those of its bodies that are in `bodies` are, where they are stepped there.
     pub fn read_centres(&mut self, bodies: &Range<usize>, centres: &mut [Option<(DVec3, DVec3)>]) -> Result<()> {
         if let Some(flight) = &self.flight {
@@ -339,24 +344,17 @@ impl<'p> Unit<'p> {
             true => frame.at(torques, members.body(row), time),
             false => *frame,
         };
+        let mut of_words = |words: StateWords, frames: &[BodyFrame]| {
+            let scaled = |row: usize| {
+                let place = row - rows.start;
+                (now(&frames[row], row), words.combined(place), words.status[place])
+            };
+            then(rows.clone(), &|rows, write| each_in_lanes(rows, false, scaled, write));
+        };
         match &mut self.motion {
-            Motion::Stepped { session, frames, .. } => {
-                let words = session.read(rows.clone())?;
-                let scaled = |row: usize| {
-                    let place = row - rows.start;
-                    (now(&frames[row], row), words.combined(place), words.status[place])
-                };
-                then(rows.clone(), &|rows, write| each_in_lanes(rows, false, scaled, write));
-            }
+            Motion::Stepped { session, frames, .. } => of_words(session.read(rows.clone())?, frames),
+            Motion::ClosedForm { session, frames } => of_words(session.read(rows.clone())?, frames),
             Motion::Adaptive(unit) => unit.with_states(rows, &now, then)?,
-            Motion::ClosedForm { session, frames } => {
-                let words = session.read(rows.clone())?;
-                let scaled = |row: usize| {
-                    let place = row - rows.start;
-                    (frames[row], words.combined(place), words.status[place])
-                };
-                then(rows.clone(), &|rows, write| each_in_lanes(rows, false, scaled, write));
-            }
             Motion::Once(once) => {
                 let states = once.states(rows, time);
                 then(rows.clone(), &|own, write| own.for_each(|row| write(row, states[row - rows.start])));
@@ -443,27 +441,28 @@ impl Unit<'_> {
         Ok(marked)
     }
 
-    /// Why the bodies failed that [`Unit::marked`] has found.
-    pub fn reasons(&mut self, failed: &[usize]) -> Result<Vec<(usize, Status)>> {
+    /// Why the bodies failed that [`Unit::marked`] has found, in no particular order.
+    pub fn reasons(&mut self, mut failed: Vec<usize>) -> Result<Vec<(usize, Status)>> {
+        /// Bodies that are read one by one; of more whole blocks are read.
+        const FEW: usize = 256;
         // What only the device finds is beyond its own range of numbers.
         let reason = |state: &BodyState| match state.status {
             Status::Valid => Status::NotFinite,
             status => status,
         };
-        if failed.is_empty() {
-            return Ok(Vec::new());
-        }
-        if self.session().is_some() {
+        if failed.len() <= FEW {
             let bodies: Vec<u32> = failed.iter().map(|&body| body as u32).collect();
             let states = self.read_bodies(&bodies)?;
             return Ok(states.iter().map(|(body, state)| (*body, reason(state))).collect());
         }
+        failed.sort_unstable();
         let mut reasons = Vec::with_capacity(failed.len());
         for start in (0..self.members.len()).step_by(BLOCK) {
             let rows = start..(start + BLOCK).min(self.members.len());
             let states = self.read_range(&rows)?;
-            let failed = rows.zip(&states).filter(|(_, state)| !is_sound(state));
-            reasons.extend(failed.map(|(row, state)| (self.members.body(row), reason(state))));
+            let bodies = rows.map(|row| self.members.body(row));
+            let failed = bodies.zip(&states).filter(|(body, _)| failed.binary_search(body).is_ok());
+            reasons.extend(failed.map(|(body, state)| (body, reason(state))));
         }
         Ok(reasons)
     }

@@ -195,7 +195,9 @@ impl Orientation {
             let direction = axis.vector("three finite numbers are needed")?;
             let angle = table.need("angle", "the angle turned about the axis is needed (rad)")?;
             let angle = angle.number("a finite angle is needed (rad)")?;
-            let unit = direction.try_normalize().ok_or_else(|| axis.refuse("an axis that is not zero is needed"))?;
+            // By the largest component first, so that no square leaves the range of numbers.
+            let scaled = direction / direction.abs().max_element();
+            let unit = scaled.try_normalize().ok_or_else(|| axis.refuse("an axis that is not zero is needed"))?;
             let (sin, cos) = libm::sincos(0.5 * angle);
             let vector = unit * sin;
             return Ok(Orientation::Constant(DQuat::from_xyzw(vector.x, vector.y, vector.z, cos)));

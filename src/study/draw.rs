@@ -80,6 +80,7 @@ impl Column {
             Column::Force { force, parameter } => 0x300_0000 | u32::from(force) << 8 | u32::from(parameter),
             Column::Torque { torque, parameter } => {
                 // What does not fit below the torque's number stands above it.
+                debug_assert!(parameter < 1 << 12, "four bits stand above");
                 let (low, high) = (u32::from(parameter & 0xff), u32::from(parameter >> 8));
                 high << 28 | 0x100_0000 | u32::from(torque) << 8 | low
             }
@@ -161,22 +162,23 @@ fn open_unit(high: u32, low: u32) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
     #[test]
     fn no_two_parameters_share_their_draws() {
-        let mut numbers = std::collections::BTreeSet::new();
+        let mut numbers = BTreeSet::new();
         for torque in [0, 1, 255, u16::MAX] {
             for parameter in 0..1100 {
-                assert!(numbers.insert(super::Column::Torque { torque, parameter }.number()), "{torque}, {parameter}");
+                assert!(numbers.insert(Column::Torque { torque, parameter }.number()), "{torque}, {parameter}");
             }
             for parameter in 0..=u8::MAX {
-                assert!(numbers.insert(super::Column::Force { force: torque, parameter }.number()));
+                assert!(numbers.insert(Column::Force { force: torque, parameter }.number()));
             }
         }
         // The bits of what has been drawn before stay.
-        assert_eq!(super::Column::Torque { torque: 2, parameter: 7 }.number(), 0x100_0207);
+        assert_eq!(Column::Torque { torque: 2, parameter: 7 }.number(), 0x100_0207);
     }
-
-    use super::*;
 
     /// Bits of four draws, held so that neither a platform nor a release changes a study's bodies unnoticed.
     const PINNED: [&str; 4] = ["3fe45270b4ee7881", "bfc7a494c0e01f7d", "3feb8af1ac614af7", "3fdcb7191c53e8c4"];

@@ -11,8 +11,9 @@ use super::Study;
 use super::draw::Draw;
 use super::inertia::Inertia;
 use super::input::{Fault, InputError};
-use super::points::read_points;
+use super::points::points_with_lines;
 use super::reader::FileText;
+use super::rows::input_error;
 use super::text::read_text;
 use crate::error::{Error, Result};
 use crate::inertia::{InertiaClass, InertiaTensor, MassProperties, Validity, classify, point_masses};
@@ -28,8 +29,8 @@ pub struct MassFileOptions {
     pub scale: Option<f64>,
     /// Whether a mesh is a thin skin instead of a solid.
     pub shell: bool,
-    /// Which of a study's bodies, from 0.
-    pub body: usize,
+    /// Which of a study's bodies, from 0; the first where it is left out.
+    pub body: Option<usize>,
 }
 
 /// Relative difference up to which two moments count as equal when a class is named.
@@ -79,7 +80,7 @@ pub struct TensorAbout {
 impl MassReport {
     /// Reads `file` and works out its mass properties; `about` is a point (m) about which the tensor is wanted too.
     ///
-    /// The name's ending says what the file is: a mesh (.stl, .obj), point masses (.csv, see [`read_points`]), or a table
+    /// The name's ending says what the file is: a mesh (.stl, .obj), point masses (.csv, see [`super::read_points`]), or a table
     /// `inertia` as in a study, by itself or in a study (.toml).
     ///
     /// ```
@@ -154,20 +155,40 @@ fn mass_properties(file: &Path, options: &MassFileOptions) -> Result<Described> 
         Some(value) => Err(Error::Setting { field, value, expected: "the file says this itself: leave it out" }),
         None => Ok(()),
     };
+    let is_mesh = matches!(ending.as_deref(), Some("stl" | "obj"));
+    if options.shell && !is_mesh {
+        return Err(Error::Setting { field: "shell", value: 1.0, expected: "only a mesh can be a skin: leave it out" });
+    }
+    if let Some(body) = options.body.filter(|_| ending.as_deref() != Some("toml")) {
+        let expected = "only a study has several bodies: leave it out";
+        return Err(Error::Setting { field: "body", value: body as f64, expected });
+    }
     match ending.as_deref() {
         Some("stl" | "obj") => of_mesh(file, options).map(Described::Body),
         Some("csv") => {
             own("density", options.density)?;
             let scale = positive("scale", options.scale.unwrap_or(1.0))?;
-            let points: Vec<_> = read_points(file)?.into_iter().map(|(mass, place)| (mass, place * scale)).collect();
-            let body = point_masses(&points)?;
+            let (lines, points): (Vec<_>, Vec<_>) = points_with_lines(file)?.into_iter().unzip();
+            let points: Vec<_> = points.into_iter().map(|(mass, place)| (mass, place * scale)).collect();
+            let located = |error| match error {
+                Error::Item { index, field, value, expected, .. } => {
+                    let fault = Fault::Value { value: format!("{value:?}"), expected: expected.into() };
+                    input_error(file, lines.get(index).copied().unwrap_or(1), field, fault)
+                }
+                // Of all of them together.
+                error => {
+                    let line = lines.first().copied().unwrap_or(1);
+                    input_error(file, line, "", Fault::Syntax { reason: error.to_string() })
+                }
+            };
+            let body = point_masses(&points).map_err(located)?;
             Ok(Described::Body(options.mass.map_or(Ok(body), |mass| body.with_mass(mass))?))
         }
         Some("toml") => {
             own("mass", options.mass)?;
             own("density", options.density)?;
             own("scale", options.scale)?;
-            of_study(file, options.body)
+            of_study(file, options.body.unwrap_or(0))
         }
         _ => {
             let reason = "the name must end in .stl, .obj, .csv or .toml".to_owned();
@@ -230,12 +251,16 @@ fn of_study(file: &Path, body: usize) -> Result<Described> {
         Some(node) => {
             root.only(&["title", "seed", "inertia"])?;
             let seed = root.find("seed").map(|node| node.whole("a whole number is needed")).transpose()?.unwrap_or(0);
-            Ok(Some((Inertia::read(&node)?, seed)))
+            Ok(Some((Inertia::read(&node)?, seed, node.line())))
         }
         None => Ok(None),
     })?;
-    if let Some((inertia, seed)) = alone {
-        return described(&inertia, Draw::new(seed), body);
+    if let Some((inertia, seed, line)) = alone {
+        let located = |error: Error| match error {
+            error @ (Error::Input(_) | Error::File { .. } | Error::MeshFile { .. }) => error,
+            error => input_error(file, line as u64, "inertia", Fault::Syntax { reason: error.to_string() }),
+        };
+        return described(&inertia, Draw::new(seed), body).map_err(located);
     }
     let study = Study::parse(file, &text)?;
     let bodies = study.bodies();

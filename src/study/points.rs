@@ -6,12 +6,11 @@
 use std::fs::File;
 use std::path::Path;
 
-use csv::{Position, ReaderBuilder, StringRecord, Trim};
+use csv::StringRecord;
 use glam::DVec3;
 
 use super::input::Fault;
-use super::table::{csv_error, input_error, refuse_cut, refuse_open_quotes};
-use super::text::Lines;
+use super::rows::{Rows, input_error};
 use crate::error::{Error, FileAction, Result};
 
 /// All columns that a file may have.
@@ -36,11 +35,14 @@ const KNOWN: [&str; 5] = ["name", "mass", "x", "y", "z"];
 /// [`Error::File`] where the file cannot be read; [`Error::Input`] with line and column where a number is missing or not
 /// finite, a mass is negative, there are no points, or the last line does not end in a newline, as where the file was cut.
 pub fn read_points(path: &Path) -> Result<Vec<(f64, DVec3)>> {
+    Ok(points_with_lines(path)?.into_iter().map(|(_, point)| point).collect())
+}
+
+/// The same, each behind its line, from 1.
+pub(super) fn points_with_lines(path: &Path) -> Result<Vec<(u64, (f64, DVec3))>> {
     let file = File::open(path).map_err(|error| Error::file(path, FileAction::Read, &error))?;
-    let mut reader =
-        ReaderBuilder::new().trim(Trim::Headers).comment(Some(b'#')).flexible(true).from_reader(Lines::new(file));
-    let header = reader.headers().map_err(|error| csv_error(path, error))?.clone();
-    let header_line = header.position().map_or(1, Position::line);
+    let mut rows = Rows::new(path, file)?;
+    let (header, header_line) = (rows.header().clone(), rows.header_line());
     for (place, name) in header.iter().enumerate() {
         if header.iter().take(place).any(|before| before == name) {
             let fault = Fault::Syntax { reason: "this column stands twice in the header".to_owned() };
@@ -61,19 +63,12 @@ pub fn read_points(path: &Path) -> Result<Vec<(f64, DVec3)>> {
 
     let mut points = Vec::new();
     let mut record = StringRecord::new();
-    while reader.read_record(&mut record).map_err(|error| csv_error(path, error))? {
-        let line = record.position().map_or(0, Position::line);
-        if record.len() != header.len() {
-            let fault = Fault::RowLength { found: record.len(), expected: header.len() };
-            return Err(input_error(path, line, "", fault));
-        }
-        refuse_open_quotes(path, &record)?;
-        record.trim();
+    while rows.read(&mut record)? {
         let number = |column: usize, least: f64, expected: &'static str| {
             let field = &record[column];
             field.parse().ok().filter(|x: &f64| x.is_finite() && *x >= least).ok_or_else(|| {
                 let value = if field.is_empty() { "(empty)".to_owned() } else { field.to_owned() };
-                input_error(path, line, &header[column], Fault::Value { value, expected: expected.into() })
+                rows.refused(&header[column], Fault::Value { value, expected: expected.into() })
             })
         };
         let mass = match mass {
@@ -81,9 +76,9 @@ pub fn read_points(path: &Path) -> Result<Vec<(f64, DVec3)>> {
             None => 1.0,
         };
         let coordinate = |axis: usize| number(places[axis], f64::NEG_INFINITY, "a finite number is needed (m)");
-        points.push((mass, DVec3::new(coordinate(0)?, coordinate(1)?, coordinate(2)?)));
+        points.push((rows.line(), (mass, DVec3::new(coordinate(0)?, coordinate(1)?, coordinate(2)?))));
     }
-    refuse_cut(path, &reader)?;
+    rows.finish()?;
     if points.is_empty() {
         let fault = Fault::Missing { expected: "at least one row, a point, is needed".into() };
         return Err(input_error(path, header_line, "mass", fault));

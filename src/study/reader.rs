@@ -164,6 +164,11 @@ fn is_joined(line: &str) -> bool {
 }
 
 impl<'a> Node<'a> {
+    /// Its line, from 1.
+    pub(super) fn line(&self) -> usize {
+        self.source.line(self.span.start)
+    }
+
     /// The error `fault` at this value.
     pub(super) fn fault(&self, fault: Fault) -> Error {
         self.source.error(self.span.start, self.path.clone(), fault)

@@ -10,11 +10,11 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use csv::{ErrorKind, Position, ReaderBuilder, StringRecord, Trim};
+use csv::StringRecord;
 use glam::{DQuat, DVec3};
 
-use super::input::{Fault, InputError};
-use super::text::{CUT, Lines, OPEN_QUOTE};
+use super::input::Fault;
+use super::rows::{Rows, input_error};
 use crate::error::{Error, FileAction, Result};
 use crate::inertia::InertiaTensor;
 
@@ -80,11 +80,8 @@ impl BodyTable {
     }
 
     fn from_reader_with(path: &Path, source: impl Read, most: usize, extra: &BTreeSet<String>) -> Result<Self> {
-        let mut reader =
-            ReaderBuilder::new().trim(Trim::Headers).comment(Some(b'#')).flexible(true).from_reader(Lines::new(source));
-        let header = reader.headers().map_err(|error| csv_error(path, error))?.clone();
-        // The header's own position is not kept by the reader: it is the first line that is no comment.
-        let header_line = header.position().map_or(1, Position::line);
+        let mut rows = Rows::new(path, source)?;
+        let (header, header_line) = (rows.header().clone(), rows.header_line());
         if header.is_empty() {
             let reason = "a header with the names of the columns is needed".to_owned();
             return Err(input_error(path, header_line, "", Fault::Syntax { reason }));
@@ -98,21 +95,14 @@ impl BodyTable {
             table.columns[column] = Some(Vec::new());
         }
         let mut record = StringRecord::new();
-        while table.lines.len() < most && reader.read_record(&mut record).map_err(|error| csv_error(path, error))? {
-            let line = record.position().map_or(0, Position::line);
-            if record.len() != header.len() {
-                let fault = Fault::RowLength { found: record.len(), expected: header.len() };
-                return Err(input_error(path, line, "", fault));
-            }
-            refuse_open_quotes(path, &record)?;
-            record.trim();
+        while table.lines.len() < most && rows.read(&mut record)? {
             for (field, column) in record.iter().zip(&places) {
                 let Some(column) = *column else { continue };
                 let number = field.parse().ok().filter(|x: &f64| x.is_finite()).ok_or_else(|| {
                     let value = if field.is_empty() { "(empty)".to_owned() } else { field.to_owned() };
                     let fault = Fault::Value { value, expected: "a finite number is needed".into() };
                     let name = NUMBERS.get(column).copied();
-                    input_error(path, line, name.unwrap_or_else(|| &table.extra[column - NUMBERS.len()].0), fault)
+                    rows.refused(name.unwrap_or_else(|| &table.extra[column - NUMBERS.len()].0), fault)
                 })?;
                 if column >= NUMBERS.len() {
                     table.extra[column - NUMBERS.len()].1.push(number);
@@ -120,9 +110,9 @@ impl BodyTable {
                     numbers.push(number);
                 }
             }
-            table.lines.push(line);
+            table.lines.push(rows.line());
         }
-        refuse_cut(path, &reader)?;
+        rows.finish()?;
         Ok(table)
     }
 
@@ -280,37 +270,4 @@ fn header_places(
         return Err(input_error(path, line, NUMBERS[INERTIA], Fault::Missing { expected: expected.into() }));
     }
     Ok(places)
-}
-
-pub(super) fn input_error(path: &Path, line: u64, key: &str, fault: Fault) -> Error {
-    InputError { file: path.to_owned(), line: line as usize, key: key.to_owned(), fault }.into()
-}
-
-/// Refuses a table that ended within a line.
-pub(super) fn refuse_cut<R: Read>(path: &Path, reader: &csv::Reader<Lines<R>>) -> Result<()> {
-    match reader.get_ref().are_cut() {
-        true => Err(input_error(path, reader.position().line(), "", Fault::Syntax { reason: CUT.to_owned() })),
-        false => Ok(()),
-    }
-}
-
-/// Refuses a row with a cell of several lines, which are rows that a quotation mark hides.
-pub(super) fn refuse_open_quotes(path: &Path, record: &StringRecord) -> Result<()> {
-    if !record.iter().any(|field| field.contains(['\n', '\r'])) {
-        return Ok(());
-    }
-    let line = record.position().map_or(0, Position::line);
-    Err(input_error(path, line, "", Fault::Syntax { reason: OPEN_QUOTE.to_owned() }))
-}
-
-/// What the CSV reader refuses: bytes that are not text, or the file system's errors.
-pub(super) fn csv_error(path: &Path, error: csv::Error) -> Error {
-    let line = error.position().map_or(1, Position::line);
-    match error.into_kind() {
-        ErrorKind::Io(error) => Error::file(path, FileAction::Read, &error),
-        ErrorKind::Utf8 { .. } => {
-            input_error(path, line, "", Fault::Syntax { reason: "text in UTF-8 is needed".to_owned() })
-        }
-        _ => input_error(path, line, "", Fault::Syntax { reason: "comma-separated values are needed".to_owned() }),
-    }
 }

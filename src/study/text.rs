@@ -1,5 +1,6 @@
 //! Text files that are read as a whole or refused: those that were cut, and those without end.
 
+use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
@@ -45,11 +46,54 @@ pub(crate) struct Lines<R> {
     /// Bytes since the last line end.
     length: usize,
     ended: bool,
+    /// The line under way, from 1.
+    line: u64,
+    /// Whether the last line ended in a carriage return, to which a line feed may belong.
+    after_return: bool,
+    /// Lines that are neither empty nor comments, as far as they have been read and nobody has asked for them.
+    rows: VecDeque<u64>,
 }
 
 impl<R> Lines<R> {
     pub(crate) fn new(source: R) -> Self {
-        Self { source, length: 0, ended: false }
+        Self { source, length: 0, ended: false, line: 1, after_return: false, rows: VecDeque::new() }
+    }
+
+    /// The line under way, from 1.
+    pub(crate) fn line(&self) -> u64 {
+        self.line
+    }
+
+    /// The line, from 1, of the next row, where each row is a line that is neither empty nor begins with `#`.
+    pub(crate) fn next_row(&mut self) -> u64 {
+        self.rows.pop_front().unwrap_or(self.line)
+    }
+
+    /// Takes note of the lines in some further bytes.
+    fn note(&mut self, mut bytes: &[u8]) {
+        let is_end = |byte: &u8| matches!(byte, b'\n' | b'\r');
+        while let Some(&first) = bytes.first() {
+            if self.length == 0 {
+                if std::mem::take(&mut self.after_return) && first == b'\n' {
+                    bytes = &bytes[1..];
+                    continue;
+                }
+                if !is_end(&first) && first != b'#' {
+                    self.rows.push_back(self.line);
+                }
+            }
+            match bytes.iter().position(is_end) {
+                Some(end) => {
+                    (self.length, self.after_return) = (0, bytes[end] == b'\r');
+                    self.line += 1;
+                    bytes = &bytes[end + 1..];
+                }
+                None => {
+                    self.length += bytes.len();
+                    bytes = &[];
+                }
+            }
+        }
     }
 
     /// Whether the end was reached, and in the middle of a line.
@@ -62,11 +106,7 @@ impl<R: Read> Read for Lines<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let count = self.source.read(buffer)?;
         self.ended |= count == 0 && !buffer.is_empty();
-        let is_end = |byte: &u8| matches!(byte, b'\n' | b'\r');
-        self.length = match buffer[..count].iter().rposition(is_end) {
-            Some(end) => count - end - 1,
-            None => self.length + count,
-        };
+        self.note(&buffer[..count]);
         if self.length > LONGEST_LINE {
             return Err(io::Error::new(
                 io::ErrorKind::InvalidData,
@@ -91,6 +131,18 @@ mod tests {
                 while lines.read(&mut buffer).expect("short lines") > 0 {}
                 assert_eq!(lines.are_cut(), cut, "{text:?}, {size} bytes at a time");
             }
+        }
+    }
+
+    #[test]
+    fn rows_have_their_lines_behind_comments_and_empty_lines() {
+        let text = "# a\n\nb\r\n\r\n#\nc\rd\n\n\n# e\nf";
+        for size in 1..8 {
+            let mut lines = Lines::new(text.as_bytes());
+            let mut buffer = vec![0; size];
+            while lines.read(&mut buffer).expect("short lines") > 0 {}
+            assert_eq!([0; 4].map(|_| lines.next_row()), [3, 6, 7, 11], "{size} bytes at a time");
+            assert_eq!(lines.line(), 11);
         }
     }
 

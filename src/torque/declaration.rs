@@ -118,7 +118,7 @@ pub enum Validity {
     Range(f64, f64),
     /// Of a list: so many tables, from one number to another, both included.
     Count(usize, usize),
-    /// Vectors that are not zero.
+    /// Vectors that are not zero, with a length whose square is a number without loss of digits.
     NotZero,
     /// Quaternions that are not zero.
     Rotation,
@@ -339,7 +339,7 @@ impl Validity {
             Validity::Positive => format!("{what} above zero {are} needed{unit}"),
             Validity::Range(low, high) => format!("{what} from {low} to {high} {are} needed{unit}"),
             Validity::Count(least, most) => format!("a list of {least} to {most} tables is needed"),
-            Validity::NotZero => format!("finite components that are not all zero are needed{unit}"),
+            Validity::NotZero => format!("finite components and a length from 1e-153 to 1e153 are needed{unit}"),
             Validity::Rotation => "a finite quaternion that is not zero is needed".to_owned(),
             Validity::PositiveSemidefinite => {
                 format!("a finite symmetric matrix without negative eigenvalues is needed{unit}")

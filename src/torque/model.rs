@@ -256,6 +256,12 @@ impl Torque {
         self.declaration().leaves_rigid
     }
 
+    /// Whether bodies under it keep their angular momentum in world axes: what leaves them not rigid goes on within them, and all
+    /// else is a torque from outside.
+    pub fn keeps_angular_momentum(&self) -> bool {
+        !self.leaves_rigid()
+    }
+
     /// Whether moments of inertia change in time.
     pub fn changes_inertia(&self) -> bool {
         self.model.inertia_change().is_some()

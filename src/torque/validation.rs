@@ -73,11 +73,12 @@ impl Validity {
         components.into_iter().find(|x| !self.holds(*x))
     }
 
-    /// What is wrong with a vector: a component, or its squared length where it has none in range.
+    /// What is wrong with a vector: a component, or its length where the square of that is not in range.
     fn vector_fault(&self, vector: &DVec3) -> Option<f64> {
-        let length = vector.length_squared();
-        let has_length = *self != Validity::NotZero || length.is_normal();
-        self.fault(vector.to_array()).or((!has_length).then_some(length))
+        let has_length = *self != Validity::NotZero || vector.length_squared().is_normal();
+        let largest = vector.abs().max_element();
+        let length = || if largest > 0.0 { largest * (*vector / largest).length() } else { 0.0 };
+        self.fault(vector.to_array()).or_else(|| (!has_length).then(length))
     }
 
     /// What is wrong with a matrix: an element, how far it is from being symmetric, or an eigenvalue.

@@ -5,12 +5,12 @@ use rayon::prelude::*;
 
 use super::bound::{RowBound, Slopes, StepBounds, Stepped};
 use super::compare::{Comparison, Field, Gap, Place};
-use super::culprit::{Culprit, culprit};
+use super::culprit::{Culprit, Retaken, traced};
 use super::onset::Onset;
 use super::steps::enter_row;
 use super::subject::{Side, Subject, TWIN, in_one_word, row_of, start_clock};
 use super::{Found, Window};
-use crate::batch::{AnyBatch, Precision, RATE_COLUMN, StateWords};
+use crate::batch::{AnyBatch, Precision, RATE_COLUMN, STATE_COMPONENTS, StateWords};
 use crate::clock::Clock;
 use crate::engine::Backend;
 use crate::engine::adaptive::{AdaptiveSteps, two_words_of};
@@ -22,6 +22,9 @@ use crate::plan::Plan;
 use crate::real::Scalar;
 use crate::run::adaptive::start;
 use crate::vector::TwoWords;
+
+/// A tolerance below the greatest that there is, 1.
+const LAX_TOLERANCE: f64 = 0.5;
 
 /// The kernel of a group's steps.
 #[derive(Clone, Copy, Debug)]
@@ -53,6 +56,12 @@ impl Moment {
 }
 
 impl Kernel {
+    /// The same where no error refuses an attempt; that of Taylor series refuses none, and its order follows from the tolerance.
+    fn that_takes_any_step(self) -> Self {
+        let tolerance = if self.method == Method::Taylor { self.steps.tolerance } else { LAX_TOLERANCE };
+        Self { steps: AdaptiveSteps { tolerance, ..self.steps }, ..self }
+    }
+
     /// One attempt of every body under way.
     fn attempt(self, engine: &dyn Backend, batch: &AnyBatch, moment: &Moment) -> Result<Moment> {
         let mut session = start(engine, self.method, batch.at(&moment.states, moment.clock), self.steps)?;
@@ -105,8 +114,9 @@ pub(super) fn compare(
                         .filter(|&row| enter(comparison, subject, &trials[row], (&expected, &after), row))
                         .collect::<Vec<_>>();
                     if let Some(&row) = parted.first() {
-                        let blamed = blamed(subject, kernel, side, &moment.of_row(row), row)?;
-                        comparison.blame(blamed, Onset::NotFound);
+                        let moments = (&moment, &expected);
+                        let (culprit, onset) = OneBody::new(subject, kernel, side, moments, row).traced(comparison)?;
+                        comparison.blame(culprit, onset);
                     }
                 }
                 if subject.precision != Precision::F64 {
@@ -216,7 +226,6 @@ fn trial(
     let rate = batch.parameter(RATE_COLUMN, own);
     let span = span.of_row(batch, own);
     let (start, end) = (moment.states.combined(own), expected.states.combined(own));
-    let whole = |words: &TwoWords<f64>| words.value + words.residue;
     let gone = (whole(&span) - whole(&before.left)) / rate;
     let attempts = before.accepted + before.rejected;
     let place =
@@ -233,17 +242,13 @@ fn trial(
     let ticks = moment.clock.ticks() + (gone * moment.clock.ticks_per_second()) as u64;
     let of_step = |h: f64| bounds.of(batch, &Stepped { row: own, ticks, dt: h / rate, start: &start, end: &end });
     if by_series {
-        let h = (whole(&before.left) - whole(&after.left)).max(before.retried);
+        let h = series_step(before, after);
         trial.bound = of_step(h);
         trial.left = SERIES_STEP * h;
         return trial;
     }
-    let untried = before.step <= 0.0;
     let tolerance = kernel.steps.tolerance;
-    let omega: f64 = (0..3).map(|axis| (batch.parameter(axis, own) * start[4 + axis]).powi(2)).sum::<f64>().sqrt();
-    let step = if untried { (tolerance.powf(0.125) / omega.max(1.0)).min(span.value) } else { before.step };
-    let last = before.left.value < step * 1.01;
-    let h = if last { whole(&before.left) } else { step };
+    let Tried { step, h, untried, last } = Tried::of(kernel, batch, own, &start, before, &span);
     let bound = of_step(h);
     if taken {
         trial.bound = bound.map(|bound| {
@@ -272,6 +277,47 @@ fn trial(
     let rounding = STEP_ROUNDINGS * u;
     trial.next = Some([estimate.next(most) * (1.0 - rounding), estimate.next(least) * (1.0 + rounding)]);
     trial
+}
+
+/// Both words of a number.
+fn whole(words: &TwoWords<f64>) -> f64 {
+    words.value + words.residue
+}
+
+/// The step by series between two controllers, or what the attitude was still to be brought through.
+fn series_step(before: &Controller<f64>, after: &Controller<f64>) -> f64 {
+    (whole(&before.left) - whole(&after.left)).max(before.retried)
+}
+
+/// What adaptive `rk8` tries, in units of the body's own scale.
+struct Tried {
+    /// The step that the controller wants.
+    step: f64,
+    /// The step that is tried.
+    h: f64,
+    /// Whether it is the first of all.
+    untried: bool,
+    /// Whether it takes all that is left of the interval.
+    last: bool,
+}
+
+impl Tried {
+    /// Of the body in row `own` of a batch.
+    fn of(
+        kernel: Kernel,
+        batch: &AnyBatch,
+        own: usize,
+        start: &[f64; STATE_COMPONENTS],
+        before: &Controller<f64>,
+        span: &TwoWords<f64>,
+    ) -> Self {
+        let untried = before.step <= 0.0;
+        let omega: f64 = (0..3).map(|axis| (batch.parameter(axis, own) * start[4 + axis]).powi(2)).sum::<f64>().sqrt();
+        let first = || (kernel.steps.tolerance.powf(0.125) / omega.max(1.0)).min(span.value);
+        let step = if untried { first() } else { before.step };
+        let last = before.left.value < step * 1.01;
+        Self { step, h: if last { whole(&before.left) } else { step }, untried, last }
+    }
 }
 
 /// How the next step follows from the error of an attempt, in units of the tolerance.
@@ -334,7 +380,6 @@ fn enter(
     if comparison.enter(&decision, Some(0.0), precision, place) {
         return true;
     }
-    let whole = |words: &TwoWords<f64>| words.value + words.residue;
     let left = Gap::number(Field::Left, whole(&own.left), whole(&other.left));
     let mut parts = comparison.enter(&left, Some(trial.left), precision, place);
     let mut next = Gap::number(Field::NextStep, own.step, other.step);
@@ -358,16 +403,81 @@ fn enter(
     parts | enter_row(comparison, subject, place, (&expected.states, &found.states, row), state_bound.as_ref())
 }
 
-/// Which torque parts in an attempt of one body.
-fn blamed(subject: &Subject<'_>, kernel: Kernel, side: &Side<'_>, moment: &Moment, row: usize) -> Result<Culprit> {
-    culprit(&subject.torques, &mut |acting| {
+/// One body's attempt, to be made again.
+struct OneBody<'a> {
+    subject: &'a Subject<'a>,
+    kernel: Kernel,
+    side: &'a Side<'a>,
+    /// Its row of the subject.
+    row: usize,
+    /// The body alone before the attempt.
+    moment: Moment,
+    /// When the attempt starts, and the step that the twin tries, s.
+    start: f64,
+    step: f64,
+}
+
+impl<'a> OneBody<'a> {
+    fn new(
+        subject: &'a Subject<'a>,
+        kernel: Kernel,
+        side: &'a Side<'a>,
+        (moment, expected): (&Moment, &Moment),
+        row: usize,
+    ) -> Self {
+        let span = Span::of(subject, moment).of_row(&subject.twin, row);
+        let rate = subject.twin.parameter(RATE_COLUMN, row);
+        let (before, after) = (&moment.controllers[row], &expected.controllers[row]);
+        let step = if kernel.method == Method::Taylor {
+            series_step(before, after)
+        } else {
+            Tried::of(kernel, &subject.twin, row, &moment.states.combined(row), before, &span).h
+        };
+        let start = moment.clock.seconds() + (whole(&span) - whole(&before.left)) / rate;
+        Self { subject, kernel, side, row, moment: moment.of_row(row), start, step: step / rate }
+    }
+
+    /// Which torque makes the sides part, and what in the attempt is at fault.
+    fn traced(&self, comparison: &Comparison) -> Result<(Culprit, Onset)> {
+        let (culprit, onset) = traced(&self.subject.torques, self)?;
+        let is_decision = |field| matches!(field, Field::Decision | Field::NextStep | Field::Left);
+        let decides = comparison.parting.as_ref().is_some_and(|parting| is_decision(parting.field));
+        let agreed = if decides { Onset::Controller } else { Onset::NotFound };
+        Ok((culprit, onset.unwrap_or(agreed)))
+    }
+
+    /// Before an attempt that starts where this one does and has a part of its step left, which it takes as a whole.
+    fn shortened(&self, twin: &AnyBatch, part: f64) -> Moment {
+        let clock = self.moment.clock.at(self.start);
+        let end = clock.seconds() + part * self.step;
+        let moment = Moment { clock, end, ..self.moment.clone() };
+        let left = Span::of(self.subject, &moment).of_row(twin, 0);
+        let controller = Controller { step: left.value, ..Controller::new() }.over(left);
+        Moment { controllers: vec![controller], ..moment }
+    }
+}
+
+impl Retaken for OneBody<'_> {
+    fn compared(&self, acting: &[usize], part: f64) -> Result<Comparison> {
+        let Self { subject, side, row, .. } = *self;
         let [own, twin] = subject.alone(row, acting)?;
+        let (moment, kernel) = if part < 1.0 {
+            (self.shortened(&twin, part), self.kernel.that_takes_any_step())
+        } else {
+            (self.moment.clone(), self.kernel)
+        };
         let bounds = StepBounds::new(twin.torques(), kernel.method, subject.precision, false);
-        let expected = kernel.attempt(&Cpu::new(TWIN), &twin, moment)?;
-        let after = side.with(|engine| kernel.attempt(engine, &own, moment))?;
-        let span = Span::of(subject, moment);
-        let trial = trial(subject, &twin, kernel, &bounds, (moment, &expected), (row, 0), &span);
+        let expected = kernel.attempt(&Cpu::new(TWIN), &twin, &moment)?;
+        let after = side.with(|engine| kernel.attempt(engine, &own, &moment))?;
+        let span = Span::of(subject, &moment);
+        let trial = trial(subject, &twin, kernel, &bounds, (&moment, &expected), (row, 0), &span);
         let mut comparison = Comparison::new([String::new(), String::new()], true);
-        Ok(enter(&mut comparison, subject, &trial, (&expected, &after), 0))
-    })
+        enter(&mut comparison, subject, &trial, (&expected, &after), 0);
+        Ok(comparison)
+    }
+
+    /// The parts alone are sure to be as long on both sides.
+    fn least_halvings(&self) -> u32 {
+        1
+    }
 }

@@ -165,7 +165,7 @@ pub struct Parting {
     pub bound: f64,
     /// Which torque it comes from.
     pub culprit: Culprit,
-    /// Where in the step, of equal steps, it arises.
+    /// What in the step it comes from.
     pub onset: Onset,
 }
 
@@ -250,7 +250,7 @@ impl Comparison {
         });
     }
 
-    /// Says which torque the parting comes from, and where in the step it arises.
+    /// Says which torque the parting comes from, and what in the step.
     pub(super) fn blame(&mut self, culprit: Culprit, onset: Onset) {
         if let Some(parting) = &mut self.parting {
             (parting.culprit, parting.onset) = (culprit, onset);

@@ -1,6 +1,8 @@
 //! Which torque a difference comes from: the step is taken again under some of the torques only, on both sides and from the same
 //! state. On a GPU these are the same shaders, put together with fewer torques.
 
+use super::compare::Comparison;
+use super::onset::{Onset, onset};
 use crate::error::Result;
 
 /// Where a difference comes from.
@@ -10,6 +12,8 @@ pub enum Culprit {
     NotSought,
     /// The sides part without any torque.
     Method,
+    /// The sides part where a free body's step is projected, and agree in the same step without the projection.
+    Projection,
     /// Each of these torques of the scene parts alone, and without torques the sides agree.
     Torques(Vec<usize>),
     /// No torque parts alone, but the sides agree if one of these is left out.
@@ -18,8 +22,31 @@ pub enum Culprit {
     Together,
 }
 
-/// Finds it; `parts` says whether the sides part under some of the torques.
-pub(super) fn culprit(torques: &[usize], parts: &mut dyn FnMut(&[usize]) -> Result<bool>) -> Result<Culprit> {
+/// A step, or an attempt at one, of one body, which both sides can take again from the same state.
+pub(super) trait Retaken {
+    /// How the sides differ after a part of the step, 1 for the whole of it, under these torques alone.
+    fn compared(&self, acting: &[usize], part: f64) -> Result<Comparison>;
+
+    /// How often the step is halved at the least where its parts are compared.
+    fn least_halvings(&self) -> u32 {
+        0
+    }
+}
+
+/// Which of the torques makes the sides part in a step, and what in the step is at fault; `None` where the states agree under it.
+pub(super) fn traced(torques: &[usize], step: &dyn Retaken) -> Result<(Culprit, Option<Onset>)> {
+    let culprit = culprit(torques, &mut |acting| Ok(step.compared(acting, 1.0)?.parting.is_some()))?;
+    let acting = match &culprit {
+        Culprit::NotSought | Culprit::Method | Culprit::Projection => &[],
+        Culprit::Torques(torques) => torques.as_slice(),
+        Culprit::OnlyTogetherWith(_) | Culprit::Together => torques,
+    };
+    let onset = onset(step.least_halvings(), &mut |part| step.compared(acting, part))?;
+    Ok((culprit, onset))
+}
+
+/// Which of the torques; `parts` says whether the sides part under some of them.
+fn culprit(torques: &[usize], parts: &mut dyn FnMut(&[usize]) -> Result<bool>) -> Result<Culprit> {
     if parts(&[])? {
         return Ok(Culprit::Method);
     }

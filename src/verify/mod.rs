@@ -13,8 +13,9 @@
 //! * Centres of mass that an engine moves along are compared with the host's, step by step.
 //!
 //! The first difference beyond its bound is named with body, step, component, numbers and bound, and with the torque that it comes
-//! from: the step is taken again under each torque alone and without each of them. Of equal steps it is said as well where in the step it
-//! arises ([`Onset`]): in a slope, at a later stage, or in how the state is carried over.
+//! from: the step is taken again under each torque alone and without each of them, and a projected one without the projection. It is taken
+//! again in parts of its size as well, which tells a fault in a slope from one later in the step, in how the state is carried over, or in the
+//! controller of adaptive steps ([`Onset`]).
 //!
 //! ```
 //! use polhode::verify::{Options, verify};

@@ -1,29 +1,35 @@
-//! Where in a step sides part: it is taken again in a half, a quarter and so on of its size, from the same state, and the power of the step
-//! with which the difference falls says how far behind the start it arises.
+//! Where in a step two sides begin to differ: the step is taken again from the same state in a half, a quarter and so on of its size,
+//! and the power of the step with which the difference falls says what is at fault.
 //!
-//! Of a step of h, a fault in a slope y' that every stage shares leaves a difference in proportion to h. One that is in what a later stage
-//! reads (another time, another weight of the stages before it) leaves the slope at the start as it is, and a difference in proportion to
-//! h² or a higher power. What is in no slope but in how an increment is added to the state does not fall.
+//! Let h be the step. A fault in a slope y' that all stages have in common leaves a difference in proportion to h. A fault that shows
+//! only later in the step (in the time of a later stage, or in the weights with which it is formed from those before it) leaves the slope at
+//! the start as it is: the difference is in proportion to h² or to a higher power. A fault in how an increment is added to the state, or in
+//! what is done to the state behind it, does not fall with h. Of an adaptive step the states may agree however short it is, while the
+//! decision, or the next step, differs: then it is the error estimate or the controller.
+//!
+//! Which of several later stages it is does not follow from the powers.
 
 use super::compare::{Comparison, Field};
 use crate::error::Result;
 
-/// Where in a step a difference arises.
+/// What in a step a difference comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Onset {
-    /// Nothing was tried, or roundings hide the difference in shorter steps.
+    /// It was not looked for, or roundings hide the difference in shorter steps.
     NotFound,
-    /// In no slope: it does not fall with the step.
+    /// No slope: the difference in this field does not fall with the step.
     State(Field),
-    /// In the slope of this field at every stage, or in the weights of the stages: it falls as the step.
+    /// The slope of this field at every stage, or the weights of the stages: the difference falls as the step.
     Slope(Field),
-    /// In the slope of this field at a later stage: it falls as this power of the step.
+    /// The slope of this field later in the step, not at its start: the difference falls as this power of the step.
     Stage(Field, u32),
+    /// Of an adaptive step: its error estimate, or what the controller makes of it, as the states agree.
+    Controller,
 }
 
 /// How often the step is halved.
 const HALVINGS: u32 = 8;
-/// What a difference must be of its bound to be told from roundings.
+/// The least part of its bound that a difference must be to be no rounding.
 const CLEAR: f64 = 8.0;
 
 impl Onset {
@@ -41,36 +47,50 @@ impl Onset {
                 "it falls as the step to the power {power}: the slope of the {}, right at the start, at a later stage",
                 field.name()
             ),
+            Onset::Controller => {
+                "the states of shorter steps agree: the error estimate, or what the controller makes of it".to_owned()
+            }
         }
     }
 }
 
-/// Finds it; `compared` says how two sides differ after a step of a part of the size.
-pub(super) fn onset(compared: &mut dyn FnMut(f64) -> Result<Comparison>) -> Result<Onset> {
+/// Finds it from how two sides differ after a step of a part of the size, which `compared` says, from the size that is halved `first`
+/// times on; `None` where the states agree whatever the size.
+pub(super) fn onset(first: u32, compared: &mut dyn FnMut(f64) -> Result<Comparison>) -> Result<Option<Onset>> {
     let fields = [Field::AngularMomentum, Field::Orientation];
     let mut differences = fields.map(|_| Vec::new());
-    for halving in 0..=HALVINGS {
+    let (mut sizes, mut parts) = (0, false);
+    for halving in first..=HALVINGS {
         let found = compared(0.5_f64.powi(halving as i32))?;
-        for (field, differences) in fields.iter().zip(&mut differences) {
-            let largest = found.largest.iter().find(|largest| largest.field == *field);
-            let clear = largest.filter(|largest| largest.of_bound.is_some_and(|part| part > CLEAR));
+        let largest = fields.map(|field| found.largest.iter().find(|largest| largest.field == field));
+        // Where one side takes an attempt and the other does not, nothing is known of the states.
+        parts |= found.parting.as_ref().is_some_and(|parting| parting.field == Field::Decision);
+        // An attempt that is refused leaves them as they were.
+        if sizes == 0 && largest.iter().flatten().all(|largest| largest.difference == 0.0) {
+            continue;
+        }
+        for (largest, differences) in largest.into_iter().zip(&mut differences) {
+            let of_bound = largest.and_then(|largest| largest.of_bound).unwrap_or(0.0);
+            parts |= of_bound > 1.0;
             // Behind the first one that roundings hide nothing is told from them.
-            if let (Some(largest), true) = (clear, differences.len() == halving as usize) {
+            if let (Some(largest), true) = (largest, of_bound > CLEAR && differences.len() == sizes) {
                 differences.push(largest.difference);
             }
         }
+        sizes += 1;
     }
-    // Of the shortest steps, where higher powers have died away.
+    // Of the shortest steps, in which the higher powers are the least.
     let power = |differences: &[f64]| match differences {
         [.., longer, shorter] if longer.is_finite() => Some((longer / shorter).log2().round().max(0.0) as u32),
         _ => None,
     };
     let powers = fields.iter().zip(&differences).filter_map(|(&field, found)| Some((power(found)?, field)));
-    // A slope of the angular momentum turns the orientation one power of the step later.
+    // A fault in the slope of the angular momentum reaches the orientation with one more power of the step.
     Ok(match powers.min_by_key(|&(power, _)| power) {
-        None => Onset::NotFound,
-        Some((0, field)) => Onset::State(field),
-        Some((1, field)) => Onset::Slope(field),
-        Some((power, field)) => Onset::Stage(field, power),
+        None if parts => Some(Onset::NotFound),
+        None => None,
+        Some((0, field)) => Some(Onset::State(field)),
+        Some((1, field)) => Some(Onset::Slope(field)),
+        Some((power, field)) => Some(Onset::Stage(field, power)),
     })
 }

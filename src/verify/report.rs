@@ -111,6 +111,7 @@ impl GroupReport {
             Culprit::Method => {
                 "the sides part without any torque: it is the method, or the motion of a free body".into()
             }
+            Culprit::Projection => "the sides agree without the projection: it comes from that".into(),
             Culprit::Torques(torques) => format!("it comes from {}, which parts alone", named(torques)),
             Culprit::OnlyTogetherWith(torques) => format!("no torque parts alone; none do without {}", named(torques)),
             Culprit::Together => "no torque parts alone, and none can be left out: it is their sum".into(),
@@ -226,7 +227,7 @@ impl Report {
             let parting = comparison.parting.as_ref().map(|parting| {
                 let torques = match &parting.culprit {
                     Culprit::Torques(torques) | Culprit::OnlyTogetherWith(torques) => torques.clone(),
-                    Culprit::NotSought | Culprit::Method | Culprit::Together => Vec::new(),
+                    _ => Vec::new(),
                 };
                 json!({
                     "step": parting.step, "time": parting.time, "body": parting.body, "field": parting.field.name(),

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::bound::{RowBound, StepBounds, Stepped};
 use super::compare::{Comparison, Field, Gap, Place, first_bit_difference, gaps};
-use super::culprit::{Culprit, culprit};
+use super::culprit::{Culprit, Retaken, traced};
 use super::onset::{Onset, onset};
 use super::subject::{Side, Subject, TWIN, in_one_word, row_of, start_clock};
 use super::translation::Flown;
@@ -114,9 +114,9 @@ pub(super) fn compare(
         for (side, comparison) in sides.iter().zip(&mut comparisons) {
             let after = side.with(|engine| kernel.step(engine, at(&subject.batch), step.dt))?;
             if let Some(row) = enter_states(comparison, subject, &step, (&expected, &after), &row_bounds) {
-                let blamed = blamed(subject, kernel, side, &step, (&states, row))?;
-                let onset = onset_of(&blamed, subject, kernel, side, &step, (&states, row))?;
-                comparison.blame(blamed, onset);
+                let (culprit, onset) =
+                    OneBody { subject, kernel, side, step, row, state: row_of(&states, row) }.traced()?;
+                comparison.blame(culprit, onset.unwrap_or(Onset::NotFound));
             }
         }
         if subject.precision != crate::batch::Precision::F64 {
@@ -234,67 +234,48 @@ pub(super) fn enter_row(
     parts
 }
 
-/// Which torque parts in a step of one body.
-fn blamed(
-    subject: &Subject<'_>,
+/// One body's step, to be taken again.
+struct OneBody<'a> {
+    subject: &'a Subject<'a>,
     kernel: Kernel,
-    side: &Side<'_>,
-    step: &OneStep,
-    (states, row): (&StateWords, usize),
-) -> Result<Culprit> {
-    if kernel.projected {
-        return Ok(Culprit::Method);
-    }
-    let state = row_of(states, row);
-    culprit(&subject.torques, &mut |acting| {
-        Ok(alone(subject, kernel, side, step, (&state, row), acting)?.parting.is_some())
-    })
+    side: &'a Side<'a>,
+    step: OneStep,
+    /// Its row of the subject, and its state at the start.
+    row: usize,
+    state: StateWords,
 }
 
-/// Where in the step the torques that are to blame, or the method where none is, make the sides part.
-fn onset_of(
-    culprit: &Culprit,
-    subject: &Subject<'_>,
-    kernel: Kernel,
-    side: &Side<'_>,
-    step: &OneStep,
-    (states, row): (&StateWords, usize),
-) -> Result<Onset> {
-    if kernel.projected {
-        return Ok(Onset::NotFound);
+impl OneBody<'_> {
+    /// Which torque makes the sides part, or whether it is the projection, and what in the step is at fault.
+    fn traced(&self) -> Result<(Culprit, Option<Onset>)> {
+        if !self.kernel.projected {
+            return traced(&self.subject.torques, self);
+        }
+        // A projected body feels no torque.
+        let unprojected =
+            Self { kernel: Kernel { projected: false, ..self.kernel }, state: self.state.clone(), ..*self };
+        if unprojected.compared(&[], 1.0)?.parting.is_some() {
+            return traced(&[], &unprojected);
+        }
+        Ok((Culprit::Projection, onset(0, &mut |part| self.compared(&[], part))?))
     }
-    let acting = match culprit {
-        Culprit::NotSought | Culprit::Method => &[],
-        Culprit::Torques(torques) => torques.as_slice(),
-        Culprit::OnlyTogetherWith(_) | Culprit::Together => subject.torques.as_slice(),
-    };
-    let state = row_of(states, row);
-    onset(&mut |part| {
-        let step = OneStep { dt: part * step.dt, ..*step };
-        alone(subject, kernel, side, &step, (&state, row), acting)
-    })
 }
 
-/// How the sides differ after a step of one body under some of the torques.
-fn alone(
-    subject: &Subject<'_>,
-    kernel: Kernel,
-    side: &Side<'_>,
-    step: &OneStep,
-    (state, row): (&StateWords, usize),
-    acting: &[usize],
-) -> Result<Comparison> {
-    let [own, twin] = subject.alone(row, acting)?.map(|batch| batch.at(state, step.clock));
-    let bounds = StepBounds::new(twin.torques(), kernel.method, subject.precision, false);
-    let expected = kernel.step(&Cpu::new(TWIN), twin.clone(), step.dt)?;
-    let after = side.with(|engine| kernel.step(engine, own, step.dt))?;
-    let (start, end) = (state.combined(0), expected.combined(0));
-    let ticks = step.clock.ticks();
-    let bound = bounds.of(&twin, &Stepped { row: 0, ticks, dt: step.dt, start: &start, end: &end });
-    let mut comparison = Comparison::new([String::new(), String::new()], true);
-    let place = Place { body: 0, step: step.number, time: 0.0 };
-    enter_row(&mut comparison, subject, place, (&expected, &after, 0), bound.as_ref());
-    Ok(comparison)
+impl Retaken for OneBody<'_> {
+    fn compared(&self, acting: &[usize], part: f64) -> Result<Comparison> {
+        let Self { subject, kernel, side, step, row, ref state } = *self;
+        let dt = part * step.dt;
+        let [own, twin] = subject.alone(row, acting)?.map(|batch| batch.at(state, step.clock));
+        let bounds = StepBounds::new(twin.torques(), kernel.method, subject.precision, kernel.projected);
+        let expected = kernel.step(&Cpu::new(TWIN), twin.clone(), dt)?;
+        let after = side.with(|engine| kernel.step(engine, own, dt))?;
+        let (start, end) = (state.combined(0), expected.combined(0));
+        let bound = bounds.of(&twin, &Stepped { row: 0, ticks: step.clock.ticks(), dt, start: &start, end: &end });
+        let mut comparison = Comparison::new([String::new(), String::new()], true);
+        let place = Place { body: 0, step: step.number, time: 0.0 };
+        enter_row(&mut comparison, subject, place, (&expected, &after, 0), bound.as_ref());
+        Ok(comparison)
+    }
 }
 
 /// All steps of the window in as few calls as there are, and one by one: their bits must be equal.

@@ -55,14 +55,27 @@ pub fn compare_rows<T: Scalar>(
     magnitude: impl Fn(usize) -> f64,
     bound: f64,
 ) -> Result<f64, Mismatch> {
+    compare_sized_rows::<T>(fields, expected, found, |body| vec![magnitude(body); expected[body].len()], bound)
+}
+
+/// The same by the sizes of what cancels in each number of a row.
+pub fn compare_sized_rows<T: Scalar>(
+    fields: &[Field],
+    expected: &[Vec<f64>],
+    found: &[Vec<f64>],
+    sizes: impl Fn(usize) -> Vec<f64>,
+    bound: f64,
+) -> Result<f64, Mismatch> {
     assert_eq!(expected.len(), found.len(), "rows");
     let mut largest = 0.0_f64;
     for (body, (expected, found)) in expected.iter().zip(found).enumerate() {
+        let sizes = sizes(body);
         let mut first = 0;
         for field in fields {
             let range = first..first + field.components;
             first = range.end;
-            let scale = expected[range.clone()].iter().fold(magnitude(body), |scale, x| scale.max(x.abs()));
+            let sizes = expected[range.clone()].iter().chain(&sizes[range.clone()]);
+            let scale = sizes.fold(0.0_f64, |scale, x| scale.max(x.abs()));
             for index in range.clone() {
                 let (expected, found) = (expected[index], found[index]);
                 let is_number = |x: f64| (x.to_bits() >> 52) & 0x7ff != 0x7ff;

@@ -4,6 +4,7 @@
 pub mod compare;
 pub mod kernel;
 pub mod random;
+pub mod sizes;
 pub mod torques;
 
 use glam::{DQuat, DVec3};

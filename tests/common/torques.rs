@@ -14,8 +14,7 @@ pub fn every_torque(scale: &[f64]) -> Vec<Torque> {
     every_torque_where(scale, |_, _| true)
 }
 
-/// The same, each on the bodies alone whose numbers leave its own when they are divided by the number of `kinds`; bodies of the numbers behind
-/// feel none.
+/// The same, with torque k on the bodies alone whose index modulo `kinds` is k; where there are fewer torques the other bodies are free.
 pub fn each_torque_alone(scale: &[f64], kinds: usize) -> Vec<Torque> {
     every_torque_where(scale, |torque, body| body % kinds == torque)
 }

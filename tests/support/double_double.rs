@@ -1,11 +1,12 @@
 //! Numbers of 32 digits, in which an order above 4 can be followed over five halvings: in f64 rounding ends it after three.
 //!
 //! Error-free sums and products after T. J. Dekker, Numer. Math. 18 (1971) 224, and D. E. Knuth, TAOCP vol. 2, 4.2.2.
-//! Constants of the kernels stay f64 numbers, which holds errors above about 1e-17.
+//! Constants of the kernels stay f64 numbers, which holds errors above about 1e-17. Sines, cosines and Kepler's equation, whose polynomials
+//! have the digits of f64, are those of this file.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use polhode::real::{Real, Scalar};
+use polhode::real::{Function, Real, Scalar};
 
 /// An unevaluated sum hi + lo.
 #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd, bytemuck::Pod, bytemuck::Zeroable)]
@@ -122,6 +123,24 @@ impl Real for DoubleDouble {
     fn two_product(self, other: Self) -> (Self, Self) {
         (self * other, Self::default())
     }
+    fn round(self) -> Self {
+        let hi = self.hi.round_ties_even();
+        // Of an integer the second word says to which side the number lies; a tie is decided by it.
+        if hi == self.hi {
+            return quick(hi, self.lo.round_ties_even());
+        }
+        let is_tie = (self.hi - hi).abs() == 0.5 && self.lo != 0.0;
+        Self::from(if is_tie { self.hi + 0.5_f64.copysign(self.lo) } else { hi })
+    }
+    fn recorded(function: Function, arguments: &[Self]) -> Option<Self> {
+        match (function, arguments) {
+            (Function::Sin, &[x]) => Some(sin_cos(x).0),
+            (Function::Cos, &[x]) => Some(sin_cos(x).1),
+            (Function::KeplerSin, &[m, e]) => Some(sin_cos(eccentric_anomaly(m, e)).0),
+            (Function::KeplerCos, &[m, e]) => Some(sin_cos(eccentric_anomaly(m, e)).1),
+            _ => None,
+        }
+    }
     fn from_lanes(mut of_lane: impl FnMut(usize) -> Self) -> Self {
         of_lane(0)
     }
@@ -151,31 +170,9 @@ impl Scalar for DoubleDouble {
         self.hi + self.lo
     }
     fn from_fixed_point(x: i64) -> Self {
-        Self::from(f64::from_fixed_point(x))
+        let low = x & 0xffff_ffff;
+        quick(f64::from_fixed_point(x - low), f64::from_fixed_point(low))
     }
-}
-
-/// A decimal number of up to 30 digits.
-pub fn parse(text: &str) -> DoubleDouble {
-    let (digits, exponent) = text.split_once(['e', 'E']).unwrap_or((text, "0"));
-    let exponent: i32 = exponent.parse().expect("an exponent");
-    let ten = DoubleDouble::from(10.0);
-    let mut number = DoubleDouble::default();
-    let mut places = -exponent;
-    let mut after_point = false;
-    for digit in digits.trim_start_matches('-').chars() {
-        match digit.to_digit(10) {
-            Some(digit) => {
-                number = number * ten + DoubleDouble::from(f64::from(digit));
-                places += i32::from(after_point);
-            }
-            None => after_point = true,
-        }
-    }
-    for _ in 0..places.abs() {
-        number = if places > 0 { number / ten } else { number * ten };
-    }
-    if digits.starts_with('-') { -number } else { number }
 }
 
 /// Sine and cosine of a number below some tens: Taylor's series at 1/256 of it, then doublings of 1 − cos.
@@ -199,4 +196,18 @@ pub fn sin_cos(x: DoubleDouble) -> (DoubleDouble, DoubleDouble) {
         sin = doubled;
     }
     (sin, one - versine)
+}
+
+/// E with E − e sin E = M, for |M| ≤ π: Newton's method in f64, then twice in 32 digits.
+fn eccentric_anomaly(m: DoubleDouble, e: DoubleDouble) -> DoubleDouble {
+    let mut anomaly = m.hi + 0.85 * e.hi * m.hi.signum();
+    for _ in 0..50 {
+        anomaly -= (anomaly - e.hi * anomaly.sin() - m.hi) / (1.0 - e.hi * anomaly.cos());
+    }
+    let mut anomaly = DoubleDouble::from(anomaly);
+    for _ in 0..2 {
+        let (sin, cos) = sin_cos(anomaly);
+        anomaly = anomaly - (anomaly - e * sin - m) / (DoubleDouble::from(1.0) - e * cos);
+    }
+    anomaly
 }

@@ -1,16 +1,15 @@
 //! Torques written out for the tests, and a body stepped under them without an engine around it.
 
 use glam::{DQuat, DVec3};
+use polhode::method::Step;
 use polhode::method::rk8_adaptive::Timed;
-use polhode::method::{Method, Step};
 use polhode::quaternion::Quaternion;
 use polhode::real::Real;
 use polhode::rigid_body::{Body, Invariants, State};
 use polhode::torque::{Environment, VelocityDependence};
 use polhode::vector::{TwoWords, Vector};
-use serde_json::Value;
 
-use super::double_double::{DoubleDouble, parse, sin_cos};
+use super::double_double::{DoubleDouble, sin_cos};
 use super::golden::{Case, number, vector};
 
 /// The torque of a golden case; its body axes are the principal axes.
@@ -88,8 +87,6 @@ pub fn moments(case: &Case) -> DVec3 {
 pub struct Acting {
     pub torque: Torque,
     pub dt: f64,
-    /// What is said of the dependence on ω; `None` says the truth.
-    pub claimed: Option<VelocityDependence>,
     /// The time at the start of the interval, s.
     pub start: f64,
 }
@@ -97,7 +94,7 @@ pub struct Acting {
 impl Acting {
     /// The torque for steps of `dt` from time 0.
     pub fn new(torque: Torque, dt: f64) -> Self {
-        Self { torque, dt, claimed: None, start: 0.0 }
+        Self { torque, dt, start: 0.0 }
     }
 }
 
@@ -180,11 +177,11 @@ impl<R: Real> Environment<R> for Acting {
     }
 
     fn velocity_dependence(&self) -> VelocityDependence {
-        self.claimed.unwrap_or(match self.torque {
+        match self.torque {
             Torque::LinearDrag { .. } => VelocityDependence::LinearDrag,
             Torque::MatrixDrag { .. } | Torque::QuadraticDrag { .. } => VelocityDependence::General,
             _ => VelocityDependence::None,
-        })
+        }
     }
 
     fn drag_coefficient(&self) -> R {
@@ -281,46 +278,11 @@ pub fn stepped<R: Real, M: Step, E: Environment<R>>(
     state
 }
 
-/// The same by the method's name.
-pub fn stepped_by<R: Real, E: Environment<R>>(
-    method: Method,
-    moving: &Moving<R>,
-    environment: &E,
-    dt: f64,
-    steps: u64,
-) -> State<R> {
-    use polhode::method as by;
-    match method {
-        Method::Rk4 => stepped::<R, by::rk4::Rk4, E>(moving, environment, dt, steps),
-        Method::Rk8 => stepped::<R, by::rk8::Rk8, E>(moving, environment, dt, steps),
-        Method::Cf4 => stepped::<R, by::cf4::Cf4, E>(moving, environment, dt, steps),
-        Method::Splitting2 => stepped::<R, by::splitting::Splitting<2>, E>(moving, environment, dt, steps),
-        Method::Splitting4 => stepped::<R, by::splitting::Splitting<4>, E>(moving, environment, dt, steps),
-        Method::Splitting6 => stepped::<R, by::splitting::Splitting<6>, E>(moving, environment, dt, steps),
-        Method::ImplicitMidpoint => {
-            stepped::<R, by::implicit_midpoint::ImplicitMidpoint, E>(moving, environment, dt, steps)
-        }
-        Method::Dlm => stepped::<R, by::dlm::Dlm, E>(moving, environment, dt, steps),
-        Method::ExplicitEuler => stepped::<R, by::explicit_euler::ExplicitEuler, E>(moving, environment, dt, steps),
-        Method::GyroNewton => stepped::<R, by::gyro_newton::GyroNewton, E>(moving, environment, dt, steps),
-        Method::ClampedEuler => stepped::<R, by::clamped_euler::ClampedEuler, E>(moving, environment, dt, steps),
-        Method::Spiral => stepped::<R, by::spiral::Spiral, E>(moving, environment, dt, steps),
-        other => panic!("{other} is not known to the tests"),
-    }
-}
-
 /// The attitude of a scalar state, both words added.
 pub fn attitude<R: Real<Scalar = R> + polhode::real::Scalar>(state: &State<R>) -> DQuat {
     let (q, r) = (state.orientation.value, state.orientation.residue);
     let sum = |a: R, b: R| a.to_f64() + b.to_f64();
     DQuat::from_xyzw(sum(q.x, r.x), sum(q.y, r.y), sum(q.z, r.z), sum(q.w, r.w)).normalize()
-}
-
-/// The angle between a state's attitude and a golden one, rad, from all its digits.
-pub fn precise_error(state: &State<DoubleDouble>, golden: &Value) -> f64 {
-    let [w, x, y, z] = [0, 1, 2, 3].map(|i| parse(golden["q"][i].as_str().expect("a decimal string")));
-    let q = state.orientation.value;
-    between(Quaternion::new(x, y, z, w), q)
 }
 
 /// The angle between two attitudes, rad, from all their digits.

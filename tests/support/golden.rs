@@ -1,6 +1,8 @@
 //! The golden cases in `tests/golden/`: 25 digits, from two independent methods. Quaternions there are w, x, y, z.
 
 use glam::{DMat3, DQuat, DVec3};
+use polhode::Torque;
+use polhode::torque::Orbit;
 use serde_json::Value;
 
 /// One case of a golden file.
@@ -57,6 +59,54 @@ pub fn vector(value: &Value) -> DVec3 {
 /// A list of four decimal strings w, x, y, z, normalised.
 pub fn quaternion(value: &Value) -> DQuat {
     DQuat::from_xyzw(number(&value[1]), number(&value[2]), number(&value[3]), number(&value[0])).normalize()
+}
+
+/// The torques of a case's model, their amplitudes multiplied by `factor`.
+pub fn torques(model: &Value, factor: f64) -> Vec<Torque> {
+    let scaled = |field: &str| number(&model[field]) * factor;
+    let scaled_vector = |field: &str| vector(&model[field]) * factor;
+    match model["type"].as_str().expect("a type") {
+        "const_body_torque" => vec![Torque::constant_body(scaled_vector("tau"))],
+        "const_world_torque" => vec![Torque::constant_world(scaled_vector("tau"))],
+        "linear_drag" => vec![Torque::linear_drag(scaled("c"))],
+        "quadratic_drag" => vec![Torque::quadratic_drag(scaled("c"))],
+        "matrix_drag" => {
+            let rows = &model["C"];
+            let matrix = DMat3::from_cols(vector(&rows[0]), vector(&rows[1]), vector(&rows[2])).transpose();
+            vec![Torque::matrix_drag(matrix * factor)]
+        }
+        "heavy_top" => {
+            let gravity = DVec3::new(0.0, 0.0, -number(&model["g"]));
+            vec![Torque::heavy_top(scaled("mass"), vector(&model["com_body"]), gravity)]
+        }
+        "gravity_gradient_circular" => {
+            vec![Torque::gravity_gradient(Orbit::circular(scaled("mu"), number(&model["r"])))]
+        }
+        "gravity_gradient_kepler" => {
+            let orbit = Orbit::kepler(scaled("mu"), number(&model["a"]), number(&model["e"]));
+            vec![Torque::gravity_gradient(orbit)]
+        }
+        "gravity_gradient_inclined" => {
+            let orbit = Orbit::kepler(scaled("mu"), number(&model["a"]), number(&model["e"]))
+                .inclined(number(&model["inclination"]))
+                .with_ascending_node(number(&model["ascending_node"]))
+                .with_pericentre(number(&model["pericentre"]))
+                .with_mean_anomaly(number(&model["mean_anomaly"]));
+            vec![Torque::gravity_gradient(orbit)]
+        }
+        "magnetic_dipole" => vec![Torque::magnetic_dipole(scaled_vector("m_body"), vector(&model["B_world"]))],
+        "sin_body_torque" => {
+            vec![Torque::sinusoidal(scaled_vector("tau_sin"), scaled_vector("tau_cos"), number(&model["omega"]))]
+        }
+        "spring_sin" => {
+            vec![Torque::sine_spring(scaled("k"), quaternion(&model["q_target_raw"])), Torque::linear_drag(scaled("c"))]
+        }
+        "spring_log" => {
+            vec![Torque::log_spring(scaled("k"), quaternion(&model["q_target_raw"])), Torque::linear_drag(scaled("c"))]
+        }
+        "free" => Vec::new(),
+        other => panic!("no torque for the golden model {other}"),
+    }
 }
 
 fn case(record: &Value) -> Case {

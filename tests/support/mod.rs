@@ -6,7 +6,6 @@ use glam::{DMat3, DQuat, DVec3};
 pub mod double_double;
 pub mod environment;
 pub mod golden;
-pub mod inertia;
 
 /// The angle of the rotation between two orientations, rad, in [0, π]; both are unit quaternions.
 pub fn attitude_error(a: DQuat, b: DQuat) -> f64 {

@@ -160,8 +160,8 @@ and velocity are NaN); snapshots.csv with the same at all output times; failed.c
 with body, t of the output at which it was seen, status, reason, and the last good state that was read:
 last_good_t (0 is the start) qx qy qz qw wx wy wz; statistics.csv with t, count and of each quantity
 mean, standard_deviation, min, max, min_body, max_body at all output times; plan.json, which --plan takes; report.json with
-engine, plan, wall times, drift of what a free body conserves, and errors. The folder appears, or replaces
-the former one, when all files are complete and on the disk; Ctrl-C leaves nothing. With --force, files that
+engine, plan, wall times, drift of what bodies conserve, what torques did, and errors of a recomputed sample, of
+position (m) and velocity (m/s) too where bodies translate. The folder appears, or replaces the former one, when all files are complete and on the disk; Ctrl-C leaves nothing. With --force, files that
 are not of a run stay. One run at a time may write to a folder. What a killed run leaves beside it
 (.NAME.polhode-*) is removed by the next one.";
 
@@ -333,9 +333,9 @@ pub struct InertiaArguments {
     /// Give the tensor about this point too, m.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = point)]
     pub about: Option<DVec3>,
-    /// Which of a study's bodies, from 0.
-    #[arg(long, value_name = "INDEX", default_value_t = 0)]
-    pub body: usize,
+    /// Which of a study's bodies, from 0 (the first where it is left out).
+    #[arg(long, value_name = "INDEX")]
+    pub body: Option<usize>,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,

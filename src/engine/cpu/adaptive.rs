@@ -26,7 +26,7 @@ use crate::torque::sum::Source;
 use crate::vector::TwoWords;
 
 /// Columns of a [`Controller`]: step, left (two words), retried, accepted, rejected.
-const CONTROLLER_COLUMNS: usize = 6;
+pub(super) const CONTROLLER_COLUMNS: usize = 6;
 pub(super) const LEFT: Range<usize> = 1..3;
 const ACCEPTED: usize = 4;
 const REJECTED: usize = 5;
@@ -38,7 +38,7 @@ const SLICE: u32 = 1 << 13;
 pub(super) struct CpuAdaptiveSession<T> {
     pub(super) batch: Batch<T>,
     pub(super) reducer: Option<Reducer<T>>,
-    /// Shape `[CONTROLLER_COLUMNS, stride]`.
+    /// Shape `[CONTROLLER_COLUMNS, stride]`; behind them what the series keep of a body between slices.
     controllers: Vec<T>,
     counts: Vec<StepCounts>,
     steps: AdaptiveSteps,
@@ -59,7 +59,10 @@ impl CpuAdaptiveSession<f64> {
     pub fn by_series(batch: Batch<f64>, steps: AdaptiveSteps, width: Width) -> Result<Self> {
         let motion = TaylorMotion::new(&batch.torques, steps)?;
         let kernel = if width.has_lanes::<f64>() { steps_in_tiles::<f64> } else { steps_one_by_one::<f64> };
-        Ok(Self { series: Some((motion, kernel)), ..Self::new(batch, steps, width) })
+        let mut session = Self::new(batch, steps, width);
+        session.controllers.resize((CONTROLLER_COLUMNS + motion.columns()) * session.batch.stride, 0.0);
+        session.series = Some((motion, kernel));
+        Ok(session)
     }
 }
 
@@ -147,6 +150,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
                         steps,
                         starts,
                         attempts: some.unwrap_or(SLICE),
+                        is_single: some.is_some(),
                         slots,
                         motion,
                         bodies: counts.len(),
@@ -252,6 +256,8 @@ pub(super) struct Block<'a, 'b, T> {
     pub starts: bool,
     /// The most attempts of a body.
     pub attempts: u32,
+    /// Whether states and controllers alone have to say all of a body after them.
+    pub is_single: bool,
     /// Where attempts of lanes are counted.
     pub slots: &'a AtomicU64,
     /// The series of the motion, where the steps are theirs.

@@ -59,7 +59,7 @@ impl Seating {
 
     /// Writes the lanes that hold a body to their rows.
     #[inline(always)]
-    fn scatter<R: Real>(&self, number: R, column: &mut [R::Scalar]) {
+    pub fn scatter<R: Real>(&self, number: R, column: &mut [R::Scalar]) {
         let mut numbers = [R::Scalar::default(); MOST_LANES];
         number.store(&mut numbers);
         for lane in 0..R::LANES {

@@ -5,6 +5,7 @@ use std::panic::AssertUnwindSafe;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
+use super::dispatch::SliceLimits;
 use crate::error::{Error, Result};
 
 /// What kind of hardware an adapter is.
@@ -95,6 +96,8 @@ pub(crate) struct Device {
     pub device: wgpu::Device,
     pub queue: wgpu::Queue,
     pub info: wgpu::AdapterInfo,
+    /// How long a wait for the device may take.
+    pub longest_wait: Duration,
     /// What was said when the device was lost, or when an error came outside of any scope.
     fault: Arc<Mutex<Option<String>>>,
 }
@@ -115,7 +118,8 @@ impl Device {
             .request_device(&descriptor)
             .await
             .map_err(|error| Error::Device { adapter: info.name.clone(), reason: error.to_string() })?;
-        let opened = Self { device, queue, info, fault: Arc::default() };
+        let longest_wait = SliceLimits::default().longest_wait;
+        let opened = Self { device, queue, info, longest_wait, fault: Arc::default() };
         let fault = Arc::clone(&opened.fault);
         opened.device.set_device_lost_callback(move |reason, message| {
             remember(&fault, format!("lost ({reason:?}): {message}"));
@@ -129,7 +133,8 @@ impl Device {
     /// Takes a device of the caller's, whose callbacks are left alone.
     pub fn borrowed(device: wgpu::Device, queue: wgpu::Queue) -> Self {
         let info = device.adapter_info();
-        Self { device, queue, info, fault: Arc::default() }
+        let longest_wait = SliceLimits::default().longest_wait;
+        Self { device, queue, info, longest_wait, fault: Arc::default() }
     }
 
     pub fn has(&self, feature: wgpu::Features) -> bool {
@@ -172,7 +177,7 @@ impl Device {
     /// Submits commands (or, with none, the writes so far) and waits until they are done.
     pub fn submit(&self, commands: Option<wgpu::CommandBuffer>) -> Result<()> {
         let index = self.scoped(|| self.queue.submit(commands)).map_err(|refusal| self.refused(refusal))?;
-        self.poll(wgpu::PollType::Wait { submission_index: Some(index), timeout: None })
+        self.wait(index)
     }
 
     /// Submits commands that fill a range of `staging`, waits, and shows the bytes to `look`.
@@ -193,7 +198,7 @@ impl Device {
             index
         });
         let index = index.map_err(|refusal| self.refused(refusal))?;
-        self.poll(wgpu::PollType::Wait { submission_index: Some(index), timeout: None })?;
+        self.wait(index)?;
         // Another thread's wait for the device may be the one that gives the answer, a little later.
         match mapped.recv_timeout(LONGEST_ANSWER) {
             Ok(Ok(())) => {}
@@ -213,10 +218,18 @@ impl Device {
         let _ = self.poll(wgpu::PollType::Poll);
     }
 
+    /// Waits until a submission is done.
+    fn wait(&self, index: wgpu::SubmissionIndex) -> Result<()> {
+        self.poll(wgpu::PollType::Wait { submission_index: Some(index), timeout: Some(self.longest_wait) })
+    }
+
     /// wgpu panics where the device is lost during a wait, and a refused submission shows only in the wait for it.
     fn poll(&self, poll_type: wgpu::PollType) -> Result<()> {
         match std::panic::catch_unwind(AssertUnwindSafe(|| self.device.poll(poll_type))) {
             Ok(Ok(_)) => Ok(()),
+            Ok(Err(wgpu::PollError::Timeout)) => {
+                Err(self.error(format!("hangs: it gave no answer in {:?}", self.longest_wait)))
+            }
             Ok(Err(error)) => Err(self.error(error)),
             Err(_) => Err(self.error("lost while waiting")),
         }

@@ -11,12 +11,15 @@ pub struct SliceLimits {
     pub duration: Duration,
     /// The most steps that one dispatch takes.
     pub steps: u32,
+    /// How long a submission may go without an answer before the device counts as hung.
+    pub longest_wait: Duration,
 }
 
 impl Default for SliceLimits {
-    /// Half of the 100 ms that a dispatch may take, since measured times scatter; as many steps as fit.
+    /// Half of the 100 ms that a dispatch may take, since measured times scatter; as many steps as fit. Two minutes for an answer:
+    /// drivers reset a device within seconds, and a software adapter shares a busy machine.
     fn default() -> Self {
-        Self { duration: Duration::from_millis(50), steps: u32::MAX }
+        Self { duration: Duration::from_millis(50), steps: u32::MAX, longest_wait: Duration::from_secs(120) }
     }
 }
 

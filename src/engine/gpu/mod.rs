@@ -124,7 +124,8 @@ impl Gpu {
         Self::new(Device::borrowed(device, queue), options)
     }
 
-    fn new(device: Device, options: GpuOptions) -> Result<Self> {
+    fn new(mut device: Device, options: GpuOptions) -> Result<Self> {
+        device.longest_wait = options.slice.longest_wait;
         let arithmetic = probe::probe(&device)?;
         let precisions = arithmetic.precisions();
         if precisions.is_empty() {

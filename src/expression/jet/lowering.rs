@@ -2,6 +2,7 @@
 
 mod assembly;
 mod count;
+mod directions;
 mod functions;
 mod products;
 mod sharing;
@@ -14,8 +15,9 @@ use super::super::program::Program;
 use super::super::replay;
 use super::super::symbol::{Symbol, Truth};
 use super::polynomial::{Factor, Polynomial};
-use super::{Kind, RowNumber};
+use super::{DirectionState, Kind, RowNumber, TurningState};
 use crate::real::Real;
+use directions::{Directions, Parts, State, Turning};
 
 /// What is to be formed of a graph.
 #[derive(Clone, Debug, Default)]
@@ -24,7 +26,7 @@ pub(crate) struct Equations {
     pub rates: Vec<(Input, Node)>,
     /// The angular velocity.
     pub angular_velocity: Option<[Node; 3]>,
-    /// Whether the orientation is a state too, with q' = ½ q ω.
+    /// Whether the orientation is a state too, with q' = ½ q ω, or directions are in its place ([`lowered_by_directions`]).
     pub has_orientation: bool,
     /// Series that are wanted beside those of the states and the angular velocity.
     pub outputs: Vec<Node>,
@@ -35,7 +37,7 @@ pub(crate) struct Equations {
 enum Class {
     /// A component of the orientation.
     Attitude,
-    /// An entry of the matrix of the rotation.
+    /// An entry of the matrix of the rotation, or a component of a direction.
     Rotation,
     /// Of time and parameters.
     Time,
@@ -91,6 +93,10 @@ struct Lowering<'g> {
     roots: Vec<RowNumber>,
     /// The entries of the matrix of the rotation, where they are asked for.
     rotation: Option<[RowNumber; 9]>,
+    /// The directions in the place of the orientation; what becomes of their vectors; the states that they are.
+    directions: Directions,
+    parts: Vec<Option<Parts>>,
+    states: Vec<State>,
 }
 
 /// A graph in rows and operations, of no order yet.
@@ -106,6 +112,9 @@ pub(crate) struct Lowered {
     roots: Vec<RowNumber>,
     /// The numbers of each draft's factors, and of its constant.
     numbers: Vec<(Vec<usize>, Option<usize>)>,
+    directions: Vec<DirectionState<RowNumber>>,
+    /// Whether the orientation is a state.
+    pub has_orientation: bool,
 }
 
 /// Lowers what `equations` ask for.
@@ -114,6 +123,41 @@ pub(crate) struct Lowered {
 ///
 /// Where the factors are more than a graph may have, or not finite.
 pub(crate) fn lowered(graph: &Graph, equations: &Equations) -> Result<Lowered, Fault> {
+    lowered_with(graph, equations, Directions::default())
+}
+
+/// The same with directions in the place of the orientation; nothing where something else asks for it.
+///
+/// # Errors
+///
+/// As [`lowered`].
+pub(crate) fn lowered_by_directions(graph: &Graph, equations: &Equations) -> Result<Option<Lowered>, Fault> {
+    let wanted = equations.wanted();
+    let directions = Directions::of(graph, &wanted);
+    let is_orientation =
+        |node: Node| matches!(graph.operation(node), NodeOperation::Input(Input { kind: InputKind::Orientation, .. }));
+    if directions.live(graph, &wanted).into_iter().any(is_orientation) {
+        return Ok(None);
+    }
+    lowered_with(graph, &Equations { has_orientation: false, ..equations.clone() }, directions).map(Some)
+}
+
+impl Lowered {
+    /// Whether directions are states.
+    pub fn has_directions(&self) -> bool {
+        !self.directions.is_empty()
+    }
+}
+
+impl Equations {
+    /// All nodes that are asked for.
+    fn wanted(&self) -> Vec<Node> {
+        let rates = self.rates.iter().map(|(_, rate)| *rate);
+        rates.chain(self.angular_velocity.into_iter().flatten()).chain(self.outputs.iter().copied()).collect()
+    }
+}
+
+fn lowered_with(graph: &Graph, equations: &Equations, directions: Directions) -> Result<Lowered, Fault> {
     let mut kept = None;
     let mut outputs = Vec::new();
     let (factor_graph, factor_nodes) = Graph::record::<Fault>(|recorder| {
@@ -130,6 +174,9 @@ pub(crate) fn lowered(graph: &Graph, equations: &Equations) -> Result<Lowered, F
             switches: vec![],
             roots: vec![],
             rotation: None,
+            parts: vec![None; directions.vectors.len()],
+            states: vec![],
+            directions,
         };
         outputs = lowering.lower(equations, |input| recorder.input(input))?;
         // Equal factors are one.
@@ -148,13 +195,29 @@ pub(crate) fn lowered(graph: &Graph, equations: &Equations) -> Result<Lowered, F
                 (draft.factors.iter().map(|&factor| number(factor)).collect(), draft.constant.map(&mut number))
             })
             .collect();
+        let directions: Vec<DirectionState<RowNumber>> = lowering
+            .states
+            .iter()
+            .map(|&State { rows, world, turning }| DirectionState {
+                rows,
+                world: world.map(&mut number),
+                turning: turning.map(|Turning { rows, world, angle: (input, factor, offset), .. }| TurningState {
+                    rows,
+                    world: world.map(&mut number),
+                    angle: (input, number(factor), number(offset)),
+                }),
+            })
+            .collect();
         let Lowering { rows, drafts, given, switches, roots, .. } = lowering;
-        kept = Some((rows, drafts, given, switches, roots, numbers));
+        kept = Some((rows, drafts, given, switches, roots, numbers, directions));
         Ok(factors)
     })?;
-    let Some((rows, drafts, given, switches, roots, numbers)) = kept else { return Err(Fault::ForeignSymbol) };
+    let Some((rows, drafts, given, switches, roots, numbers, directions)) = kept else {
+        return Err(Fault::ForeignSymbol);
+    };
     let factors = Program::new(&factor_graph, &factor_nodes);
-    Ok(Lowered { rows, drafts, factors, given, outputs, switches, roots, numbers })
+    let has_orientation = equations.has_orientation;
+    Ok(Lowered { rows, drafts, factors, given, outputs, switches, roots, numbers, directions, has_orientation })
 }
 
 impl Lowering<'_> {
@@ -171,10 +234,7 @@ impl Lowering<'_> {
             let row = self.new_row(class, false, true);
             self.given.push((state, row));
         }
-        let rates = equations.rates.iter().map(|(_, rate)| *rate);
-        let angular_velocity = equations.angular_velocity.into_iter().flatten();
-        let wanted: Vec<Node> = rates.chain(angular_velocity).chain(equations.outputs.iter().copied()).collect();
-        for node in self.graph.live(&wanted) {
+        for node in self.directions.live(self.graph, &equations.wanted()) {
             self.lower_node(node, &mut input)?;
         }
         let mut outputs = Vec::new();
@@ -199,6 +259,7 @@ impl Lowering<'_> {
                 [&orientation[..], &outputs[..3.min(outputs.len())]].concat(),
             ));
         }
+        self.follow_directions(&outputs[..3.min(outputs.len())]);
         self.drop_unused(&outputs);
         self.share_triples();
         self.add_products();
@@ -268,6 +329,10 @@ impl Lowering<'_> {
                 self.parameters[operand.index()].unwrap_or(unset)
             };
             self.parameters[node.index()] = Some(replay::recorded(operation, of, None, input));
+            return Ok(());
+        }
+        if let Some(&component) = self.directions.components.get(&node) {
+            self.values[node.index()] = Some(Value::Number(self.direction(component)));
             return Ok(());
         }
         let value = match operation {

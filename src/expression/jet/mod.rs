@@ -19,7 +19,8 @@
 //!
 //! A graph is lowered (`lowering.rs`) to rows, one a series, and operations on them, sorted so that those of one kind follow each
 //! other. A sum of products is expanded only as far as that saves convolutions: factors that are constant for each body are
-//! pulled out, quadratic forms of the attitude are linear in the entries of the rotation's matrix, which one operation forms, and what is
+//! pulled out, quadratic forms of the attitude are linear in the entries of the rotation's matrix, which one operation forms, or follow from
+//! directions that are states (`lowering/directions.rs`), and what is
 //! multiplied by the same function of time is added up before. Rows that no convolution reads keep one coefficient only. A tile of a few lane groups is carried through all
 //! operations of an order, then through those of the next.
 
@@ -33,7 +34,7 @@ use super::graph::Input;
 use super::program::Program;
 use crate::real::Function;
 
-pub(crate) use lowering::{Equations, Lowered, lowered};
+pub(crate) use lowering::{Equations, Lowered, lowered, lowered_by_directions};
 pub(crate) use series::Series;
 
 /// A row by its number.
@@ -113,6 +114,29 @@ pub(super) enum Kind {
     Euler,
     /// x, y, z, w; components of ω: q' = ½ q ω.
     Attitude,
+    /// d; ω: d' = d × ω.
+    Direction,
+    /// u, w; ω, t: u' = u × ω + n w, w' = w × ω − n u, where n is a factor times t'.
+    Turning,
+}
+
+/// A vector of the world in body axes that is a state, in the place of the orientation; `P` says where its rows are.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct DirectionState<P> {
+    pub rows: [P; 3],
+    /// The numbers of the factors that are the vector in the world; of one that turns, at the angle 0.
+    pub world: [usize; 3],
+    pub turning: Option<TurningState<P>>,
+}
+
+/// The vector a quarter of a turn ahead of one that turns evenly.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TurningState<P> {
+    pub rows: [P; 3],
+    /// The numbers of the factors that it is in the world at the angle 0.
+    pub world: [usize; 3],
+    /// The angle, rad: what it advances with, and the numbers of what it is multiplied by and of what is added.
+    pub angle: (Input, usize, usize),
 }
 
 /// An operation: its rows are `rows` from `first` on.
@@ -150,6 +174,8 @@ pub(crate) struct Jets {
     pub switches: Vec<Place>,
     /// Square roots, which have no series at 0.
     pub roots: Vec<Place>,
+    /// Directions that are states, which the caller starts.
+    pub directions: Vec<DirectionState<Place>>,
 }
 
 impl Jets {

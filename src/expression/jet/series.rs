@@ -273,6 +273,8 @@ impl<'a, R: Real, const G: usize> Work<'a, R, G> {
             Kind::Euler => all!(euler),
             Kind::Integral => all!(integral),
             Kind::Attitude => all!(attitude),
+            Kind::Direction => all!(direction),
+            Kind::Turning => all!(turning),
             Kind::SinCosAffine if self.k > 0 => all!(sin_cos_affine),
             Kind::Pick => all!(pick),
             Kind::Below | Kind::And | Kind::Or | Kind::Not | Kind::Round if self.k > 0 => {}

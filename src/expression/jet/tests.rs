@@ -2,7 +2,7 @@
 
 use super::super::graph::{Graph, Input, InputKind, Node};
 use super::super::{Expression, Fault, Recorder, Shape, Symbol, Symbols};
-use super::{Equations, Jets, Series, lowered};
+use super::{Equations, Jets, Series, lowered, lowered_by_directions};
 use crate::lanes::Each;
 use crate::real::Real;
 
@@ -153,4 +153,107 @@ fn products_are_shared_and_factors_pulled_out() {
     // Of sine and cosine with three components.
     assert_eq!(count(super::Kind::VectorProducts), 1);
     assert_eq!(count(super::Kind::Products) + count(super::Kind::Product), 0);
+}
+
+/// Rᵀ v of a vector that is fixed, of one that turns evenly and of one with another function of time.
+fn three_directions() -> (Graph, Vec<Node>) {
+    recorded(|recorder| {
+        let part = |index| recorder.input(Input::new(InputKind::Orientation, index));
+        let q = crate::quaternion::Quaternion::new(part(0), part(1), part(2), part(3));
+        let time = recorder.input(Input::new(InputKind::Time, 0));
+        let parameter = |index| recorder.input(Input::new(InputKind::Parameter, index));
+        let vector = |first| crate::vector::Vector::new(parameter(first), parameter(first + 1), parameter(first + 2));
+        let (sin, cos) = crate::real::sin_cos(time * parameter(9) + parameter(10));
+        let fixed = q.rotate_inverse(vector(0));
+        let turning = q.rotate_inverse(vector(3) * cos + vector(6) * sin);
+        let other = q.rotate_inverse(vector(0) * (time * time));
+        // The rate, and products that the directions are in.
+        let rate = [0.3, -0.2, 0.9].map(Symbol::splat);
+        let found = [-fixed.y, turning.x * turning.y, fixed.z * turning.z, other.x];
+        [&rate[..], &found].concat()
+    })
+}
+
+#[test]
+fn directions_as_states_give_the_series_that_the_attitude_gives() {
+    let (graph, outputs) = three_directions();
+    let equations = Equations {
+        rates: vec![],
+        angular_velocity: Some([outputs[0], outputs[1], outputs[2]]),
+        has_orientation: true,
+        outputs: outputs[3..].to_vec(),
+    };
+    let parameters = [0.4, -0.7, 0.2, 0.9, 0.1, -0.3, 0.2, 0.8, 0.5, 1.7, 0.6];
+    let attitude = crate::quaternion::Quaternion::new(0.5, -0.1, 0.7, 0.5);
+    let at = 0.3;
+    let by_attitude = lowered(&graph, &equations).unwrap().up_to(ORDER);
+    let q = [attitude.x, attitude.y, attitude.z, attitude.w];
+    let start = |input: Input| match input.kind {
+        InputKind::Orientation => [q[usize::from(input.index)], 0.0],
+        _ => [at, 1.0],
+    };
+    let expected = series(&by_attitude, start, &parameters);
+
+    let jets = lowered_by_directions(&graph, &equations).unwrap().expect("only directions are asked for").up_to(ORDER);
+    // One that is fixed, and one that turns with its partner.
+    assert_eq!(jets.directions.len(), 2);
+    assert_eq!(jets.directions.iter().filter(|state| state.turning.is_some()).count(), 1);
+    let factors: Vec<f64> = jets.factors.inputs().iter().map(|input| parameters[usize::from(input.index)]).collect();
+    let factors = jets.factors.evaluate_one(&factors);
+    let mut found = Series::<f64, 2>::new(&jets);
+    for group in 0..2 {
+        found.set_factors(&jets, group, &factors.iter().map(|&factor| Each([factor])).collect::<Vec<_>>());
+        for &(input, place) in &jets.given {
+            found.set(place, 0, group, start(input)[0]);
+            found.set(place, 1, group, start(input)[1]);
+        }
+        for state in &jets.directions {
+            let world = |numbers: [usize; 3]| {
+                let [x, y, z] = numbers.map(|number| factors[number]);
+                crate::vector::Vector::new(x, y, z)
+            };
+            let mut set = |rows: [super::Place; 3], vector: crate::vector::Vector<f64>| {
+                let direction = attitude.rotate_inverse(vector);
+                for (place, number) in rows.into_iter().zip([direction.x, direction.y, direction.z]) {
+                    found.set(place, 0, group, number);
+                }
+            };
+            let own = world(state.world);
+            let Some(turning) = &state.turning else {
+                set(state.rows, own);
+                continue;
+            };
+            let (_, factor, offset) = turning.angle;
+            let (sin, cos) = (factors[factor] * at + factors[offset]).sin_cos();
+            let ahead = world(turning.world);
+            set(state.rows, own * cos + ahead * sin);
+            set(turning.rows, ahead * cos - own * sin);
+        }
+    }
+    found.form(&jets);
+    for (output, (&place, &known)) in jets.outputs.iter().zip(&by_attitude.outputs).enumerate().skip(3) {
+        for k in 0..ORDER {
+            let (found, expected) = (found.at(place, k)[1], expected.at(known, k)[1]);
+            assert!((found - expected).abs() < 1e-13, "output {output}, coefficient {k}: {found}, not {expected}");
+        }
+    }
+}
+
+#[test]
+fn what_asks_for_more_of_the_attitude_than_directions_keeps_it() {
+    let (graph, outputs) = recorded(|recorder| {
+        let part = |index| recorder.input(Input::new(InputKind::Orientation, index));
+        let q = crate::quaternion::Quaternion::new(part(0), part(1), part(2), part(3));
+        let down =
+            q.rotate_inverse(crate::vector::Vector::new(Symbol::splat(0.0), Symbol::splat(0.0), Symbol::splat(1.0)));
+        vec![down.x, down.y, part(0)]
+    });
+    let equations = |outputs: &[Node]| Equations {
+        rates: vec![],
+        angular_velocity: Some([outputs[0]; 3]),
+        has_orientation: true,
+        outputs: outputs.to_vec(),
+    };
+    assert!(lowered_by_directions(&graph, &equations(&outputs)).unwrap().is_none());
+    assert!(lowered_by_directions(&graph, &equations(&outputs[..2])).unwrap().is_some());
 }

@@ -80,10 +80,21 @@ impl Report {
     }
 
     fn write_drift(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let DriftReport { bodies, kinetic_energy, angular_momentum_world, norm } = &self.drift;
-        writeln!(formatter, "  drift    kinetic energy   {kinetic_energy}")?;
-        writeln!(formatter, "           angular momentum {angular_momentum_world}")?;
-        writeln!(formatter, "           |q| - 1          {norm}")?;
+        let DriftReport { bodies, norm, .. } = &self.drift;
+        let conserved = [
+            ("kinetic energy  ", self.drift.kinetic_energy, self.drift.kinetic_energy_bodies),
+            ("angular momentum", self.drift.angular_momentum_world, self.drift.angular_momentum_bodies),
+            ("|q| - 1         ", *norm, *bodies),
+        ];
+        let mut word = "drift";
+        for (name, drift, count) in conserved.into_iter().filter(|(_, _, count)| *count > 0) {
+            write!(formatter, "  {word:<8} {name} {drift}")?;
+            if count < *bodies {
+                write!(formatter, ", in the {count} of {bodies} bodies that keep it")?;
+            }
+            writeln!(formatter)?;
+            word = "";
+        }
         if bodies + self.failed_bodies.len() < self.bodies {
             writeln!(formatter, "           of a sample of {bodies} bodies: states were not read")?;
         }
@@ -119,6 +130,10 @@ impl fmt::Display for AccuracyReport {
             writeln!(formatter, "  error    attitude (rad)   {}", self.attitude)?;
             writeln!(formatter, "           angular velocity {}", self.angular_velocity)?;
             writeln!(formatter, "           kinetic energy   {}", self.kinetic_energy)?;
+            if self.translating > 0 {
+                writeln!(formatter, "           position (m)     {}", self.position)?;
+                writeln!(formatter, "           velocity (m/s)   {}", self.velocity)?;
+            }
             write!(formatter, "           estimated from {} {bodies} recomputed in f64", self.bodies)?;
         }
         match self.bodies {
@@ -144,9 +159,10 @@ impl fmt::Display for AccuracyReport {
             None => return Ok(()),
         };
         write!(formatter, "           {verdict}, {} of {} {bodies} beyond", self.beyond, self.bodies)?;
-        match self.lost {
-            0 => writeln!(formatter),
-            lost => writeln!(formatter, ", {lost} more failed"),
+        match (self.lost, self.failed) {
+            (0, 0) => writeln!(formatter),
+            (0, failed) => writeln!(formatter, ", {failed} of all bodies failed"),
+            (lost, _) => writeln!(formatter, ", {lost} more failed"),
         }
     }
 }

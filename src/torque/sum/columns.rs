@@ -148,7 +148,8 @@ impl<R: Real> Columns<'_, R> {
 pub(crate) fn ticks_from<R: Real>(start: Fraction<'_>, ticks: &Ticks) -> R {
     match (start, ticks) {
         (Fraction::Shared(start), &Ticks::Equal(ticks)) => {
-            R::splat(ticks_since::<R::Scalar>(ticks, start as u64).to_f64())
+            let ticks = ticks_since::<R::Scalar>(ticks, start as u64);
+            R::from_lanes(|_| ticks)
         }
         (Fraction::Shared(start), _) => R::from_lanes(|lane| ticks_since(ticks.of_lane(lane), start as u64)),
         (Fraction::PerBody(starts), _) => {

@@ -111,3 +111,23 @@ impl<R: Real, const G: usize> Outlined for Arrival<'_, '_, R, G> {
         arrived * (one / arrived.norm_squared().sqrt())
     }
 }
+
+/// Brings the attitude of a lane group's bodies to where their steps have ended, so that it says what their directions are.
+pub(super) struct Finish<'s, 'a, R: Real, const G: usize> {
+    pub tile: &'s mut Tile<'a, R, G>,
+    pub group: usize,
+}
+
+impl<R: Real, const G: usize> Outlined for Finish<'_, '_, R, G> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { tile, group } = self;
+        let (pending, begun) = (tile.controllers[group].retried, tile.state[group].orientation.value);
+        let zero = R::splat(0.0);
+        let is_pending = zero.less_than(pending);
+        let arrived = R::outlined(Arrival { tile, group, h: pending, begun: &begun });
+        tile.state[group].orientation.value = Quaternion::select(is_pending, arrived, begun);
+        tile.controllers[group].retried = R::select(is_pending, zero, pending);
+    }
+}

@@ -5,7 +5,7 @@ mod step;
 
 use std::sync::atomic::Ordering;
 
-use super::adaptive::{Block, LEFT, load_controller};
+use super::adaptive::{Block, CONTROLLER_COLUMNS, LEFT, load_controller};
 use super::seats::{Seating, lanes_in};
 use crate::batch::{RATE_COLUMN, load_state, status_column};
 use crate::clock::MOST_LANES;
@@ -24,8 +24,9 @@ use crate::torque::motion::RecordedMotion;
 use crate::torque::sum::Source;
 use crate::torque::tile::gathered;
 use crate::torque::{PER_TICK, TorqueTable};
-use crate::vector::TwoWords;
-use step::{Conclusion, Start};
+use crate::vector::{TwoWords, Vector};
+use branch::Finish;
+use step::{AttitudeBounds, Conclusion, Start};
 
 /// The controller's column that holds the step whose end the attitude has not been brought to yet ([`TwoSided`]).
 const PENDING: usize = 3;
@@ -50,6 +51,10 @@ pub(super) struct TaylorMotion {
     /// Rows of the orientation, where a torque asks for it.
     orientation: Option<[Place; 4]>,
     angular_velocity: [Place; 3],
+    /// Vectors of the world in body axes that are states in the orientation's place, those that turn with their partners behind them.
+    directions: Vec<[Place; 3]>,
+    /// What the angles of those that turn advance with, by the number of the state.
+    turns: Vec<Option<Place>>,
     advancing: Vec<Advancing>,
     length: StepLength,
     two_sided: TwoSided,
@@ -72,11 +77,12 @@ impl TaylorMotion {
     fn recorded(table: &TorqueTable, steps: AdaptiveSteps) -> std::result::Result<Self, Fault> {
         let motion = RecordedMotion::new(table)?;
         let order = order_of(steps.tolerance);
-        let jets = motion.lowered()?.up_to(order);
+        let lowered = motion.lowered()?;
+        let jets = lowered.up_to(order);
         let state = |kind, part| jets.input(Input::new(kind, part)).ok_or(Fault::ForeignSymbol);
         let momentum = |part| state(InputKind::AngularMomentum, part);
         let part = |part| state(InputKind::Orientation, part);
-        let orientation = if motion.needs_attitude { Some([part(0)?, part(1)?, part(2)?, part(3)?]) } else { None };
+        let orientation = if lowered.has_orientation { Some([part(0)?, part(1)?, part(2)?, part(3)?]) } else { None };
         let momentum = [momentum(0)?, momentum(1)?, momentum(2)?];
         let &[x, y, z] = &jets.outputs[..] else { return Err(Fault::ForeignSymbol) };
         let mut advancing = Vec::new();
@@ -97,16 +103,28 @@ impl TaylorMotion {
                 per_tick: table.ramp_of(number).map(|first| first + PER_TICK),
             });
         }
+        let directions = jets.directions.iter().flat_map(|state| {
+            let partner = state.turning.iter().map(|turning| turning.rows);
+            std::iter::once(state.rows).chain(partner)
+        });
+        let turns = jets.directions.iter().map(|state| jets.input(state.turning?.angle.0)).collect();
         Ok(Self {
             momentum,
             orientation,
             angular_velocity: [x, y, z],
+            directions: directions.collect(),
+            turns,
             advancing,
             length: StepLength::new(order, steps.tolerance),
             two_sided: TwoSided::new(half_order_of(order), steps.tolerance),
             steps,
             jets,
         })
+    }
+
+    /// Numbers that are kept of a body beside its state.
+    pub fn columns(&self) -> usize {
+        3 * self.directions.len()
     }
 }
 
@@ -155,8 +173,18 @@ struct Tile<'a, R: Real, const G: usize> {
     /// Of what advances with time: its rate in the body's own unit of time, and a ramp's progress in a tick.
     rates: Vec<Each<R, G>>,
     per_tick: Each<R, G>,
+    /// The directions where a step starts; in the world (of those that turn at the angle 0); their magnitudes' reciprocals.
+    directions: Vec<Each<Vector<R>, G>>,
+    worlds: Vec<Each<Vector<R>, G>>,
+    inverse_scales: Vec<Each<R, G>>,
+    /// By what the angle of each state that turns is multiplied, and what is added.
+    angles: Vec<Each<[R; 2], G>>,
     /// The series of the attitude relative to where a step starts.
     relative: Vec<Each<Quaternion<R>, 1>>,
+    /// The norms of the angular velocity's coefficients, a majorant of the attitude's, and its last two coefficients.
+    norms: Vec<Each<R, G>>,
+    majorant: Vec<Each<R, G>>,
+    bounds: [Each<R, G>; 2],
     /// Turns of lanes without work since lanes were given away last.
     idle: [usize; G],
     /// The first row that has not been looked at.
@@ -186,9 +214,45 @@ impl<'a, R: Real, const G: usize> Tile<'a, R, G> {
             least_step: Each([one; G]),
             rates: vec![Each([zero; G]); motion.advancing.len()],
             per_tick: Each([zero; G]),
+            directions: vec![Each([Vector::zero(); G]); motion.directions.len()],
+            worlds: vec![Each([Vector::zero(); G]); motion.directions.len()],
+            inverse_scales: vec![Each([zero; G]); motion.directions.len()],
+            angles: vec![Each([[zero; 2]; G]); jets.directions.len()],
             relative: vec![Each([state.orientation.value]); motion.two_sided.half_order + 1],
+            norms: vec![Each::zero(); 2 * motion.two_sided.half_order + 1],
+            majorant: vec![Each::zero(); 2 * motion.two_sided.half_order + 2],
+            bounds: [Each::zero(); 2],
             idle: [0; G],
             next: 0,
+        }
+    }
+
+    /// The directions in the world of the bodies that a lane group holds, by their factors.
+    #[inline(always)]
+    fn set_worlds(&mut self, group: usize) {
+        let factors = &self.factors;
+        let world = |numbers: [usize; 3]| {
+            let [x, y, z] = numbers;
+            Vector::new(factors[x][0], factors[y][0], factors[z][0])
+        };
+        let mut vector = 0;
+        for (state, angles) in self.motion.jets.directions.iter().zip(&mut self.angles) {
+            let own = world(state.world);
+            self.worlds[vector][group] = own;
+            let mut largest = own.largest();
+            if let Some(turning) = &state.turning {
+                let (_, factor, offset) = turning.angle;
+                angles[group] = [factors[factor][0], factors[offset][0]];
+                let ahead = world(turning.world);
+                self.worlds[vector + 1][group] = ahead;
+                largest = largest.max(ahead.largest());
+            }
+            // What has no size has no error.
+            let inverse = R::splat(1.0) / largest.max(R::splat(1e-290));
+            for _ in 0..if state.turning.is_some() { 2 } else { 1 } {
+                self.inverse_scales[vector][group] = inverse;
+                vector += 1;
+            }
         }
     }
 
@@ -209,9 +273,23 @@ impl<T: Scalar> Block<'_, '_, T> {
     /// Gives the lanes of a group whose bodies have arrived to bodies that have not.
     #[inline(always)]
     fn reseat<R: Real<Scalar = T>, const G: usize>(&mut self, tile: &mut Tile<'_, R, G>, group: usize) {
-        self.put_back(&tile.seats[group], &tile.state[group], &tile.controllers[group]);
+        self.put_group_back(tile, group);
         tile.seats[group].reassign(R::LANES, true, self.bodies, &mut tile.next, |row| self.waits(row));
         self.seat(tile, group);
+    }
+
+    /// Writes the bodies of a lane group back.
+    #[inline(always)]
+    fn put_group_back<R: Real<Scalar = T>, const G: usize>(&mut self, tile: &Tile<'_, R, G>, group: usize) {
+        let seats = &tile.seats[group];
+        self.put_back(seats, &tile.state[group], &tile.controllers[group]);
+        let columns = self.controllers[CONTROLLER_COLUMNS..].chunks_exact_mut(3);
+        for (columns, direction) in columns.zip(&tile.directions) {
+            let Vector { x, y, z } = direction[group];
+            for (column, number) in columns.iter_mut().zip([x, y, z]) {
+                seats.scatter(number, column);
+            }
+        }
     }
 
     #[inline(always)]
@@ -244,6 +322,12 @@ impl<T: Scalar> Block<'_, '_, T> {
         }
         program.run(&mut tile.scratch, &mut tile.factors);
         tile.series.set_factors(&motion.jets, group, &tile.factors);
+        let columns = self.controllers[CONTROLLER_COLUMNS..].chunks_exact(3);
+        for (columns, direction) in columns.zip(&mut tile.directions) {
+            let column = |axis: usize| gathered::<R>(&*columns[axis], &rows);
+            direction[group] = Vector::new(column(0), column(1), column(2));
+        }
+        tile.set_worlds(group);
         for (advancing, rates) in motion.advancing.iter().zip(&mut tile.rates) {
             rates[group] = match advancing.rate_column {
                 Some(column) => gathered::<R>(&source.parameters[column * source.stride..], &bodies) * seconds,
@@ -319,12 +403,18 @@ impl<R: Real, const G: usize> Outlined for Advance<'_, '_, R, G> {
             slots += G * R::LANES;
             R::outlined(Start { tile: &mut tile });
             tile.series.form(&motion.jets);
+            if motion.orientation.is_none() {
+                R::outlined(AttitudeBounds { tile: &mut tile });
+            }
             for group in 0..G {
                 R::outlined(Conclusion { tile: &mut tile, group });
             }
         }
         for group in 0..G {
-            block.put_back(&tile.seats[group], &tile.state[group], &tile.controllers[group]);
+            if block.is_single && !tile.directions.is_empty() {
+                R::outlined(Finish { tile: &mut tile, group });
+            }
+            block.put_group_back(&tile, group);
         }
         block.slots.fetch_add(slots as u64, Ordering::Relaxed);
         (0..block.bodies).any(|row| block.waits(row))

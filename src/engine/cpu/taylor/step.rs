@@ -5,10 +5,10 @@ use super::branch::Arrival;
 use crate::expression::jet::Place;
 use crate::lanes::Each;
 use crate::method::rk8_adaptive::renormalised;
-use crate::method::taylor::{Coefficients, MOST_ORDER, form_relative_attitude, step_of};
+use crate::method::taylor::{Coefficients, TwoSided, form_relative_attitude, step_of};
 use crate::method::{Status, flagged};
 use crate::quaternion::{Quaternion, norm_correction_of_step};
-use crate::real::{Outlined, Real};
+use crate::real::{Outlined, Real, sin_cos};
 use crate::rigid_body::State;
 use crate::torque::sum::StepTime;
 use crate::torque::tile::start_of;
@@ -37,6 +37,7 @@ impl<R: Real, const G: usize> Outlined for Start<'_, '_, R, G> {
                 }
             }
             if motion.advancing.is_empty() {
+                tile.start_directions(group);
                 continue;
             }
             let (span, left) = (tile.spans[group], tile.controllers[group].left);
@@ -51,6 +52,7 @@ impl<R: Real, const G: usize> Outlined for Start<'_, '_, R, G> {
                 tile.series.set(advancing.place, 0, group, start);
                 tile.series.set(advancing.place, 1, group, rates[group]);
             }
+            tile.start_directions(group);
         }
     }
 }
@@ -95,6 +97,55 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
         [self.series.row(x, count), self.series.row(y, count), self.series.row(z, count)]
     }
 
+    /// Sets what directions start a step from: where the attitude is known by itself.
+    #[inline(always)]
+    fn start_directions(&mut self, group: usize) {
+        let (motion, zero) = (self.motion, R::splat(0.0));
+        if motion.directions.is_empty() {
+            return;
+        }
+        let (under_way, goes_on) = (self.under_way(group), zero.less_than(self.controllers[group].retried));
+        if R::any(under_way & !goes_on) {
+            let q = self.state[group].orientation.value;
+            let mut vector = 0;
+            for (turns, angles) in motion.turns.iter().zip(&self.angles) {
+                let own = self.worlds[vector][group];
+                if let Some(turns) = turns {
+                    let [factor, offset] = angles[group];
+                    let (sin, cos) = sin_cos(factor.mul_add(self.series.at(*turns, 0)[group], offset));
+                    let ahead = self.worlds[vector + 1][group];
+                    for now in [own * cos + ahead * sin, ahead * cos - own * sin] {
+                        let kept = self.directions[vector][group];
+                        self.directions[vector][group] = Vector::select(goes_on, kept, q.rotate_inverse(now));
+                        vector += 1;
+                    }
+                } else {
+                    let kept = self.directions[vector][group];
+                    self.directions[vector][group] = Vector::select(goes_on, kept, q.rotate_inverse(own));
+                    vector += 1;
+                }
+            }
+        }
+        for (places, direction) in motion.directions.iter().zip(&self.directions) {
+            let Vector { x, y, z } = direction[group];
+            for (place, number) in places.iter().zip([x, y, z]) {
+                self.series.set(*place, 0, group, number);
+            }
+        }
+    }
+
+    /// Brings the directions of lanes that take a step to its end.
+    #[inline(always)]
+    fn advance_directions(&mut self, group: usize, h: &TwoWords<R>, taken: R::Mask) {
+        let motion = self.motion;
+        for (place, places) in motion.directions.iter().enumerate() {
+            let rows = VectorRows { rows: self.rows(*places, motion.jets.order + 1), group };
+            let increment = increment(&rows, motion.jets.order, h);
+            let before = self.directions[place][group];
+            self.directions[place][group] = Vector::select(taken, before + increment, before);
+        }
+    }
+
     /// Coefficient k of q.
     #[inline(always)]
     fn orientation(&self, places: [Place; 4], group: usize, order: usize) -> Quaternion<R> {
@@ -107,32 +158,61 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
     #[inline(always)]
     fn norm(&self, group: usize, order: usize, inverse_scale: R) -> R {
         let m = self.momentum(group, order).largest() * inverse_scale;
-        match self.motion.orientation {
-            Some(places) => m.max(largest(self.orientation(places, group, order))),
-            None => m,
+        if let Some(places) = self.motion.orientation {
+            return m.max(largest(self.orientation(places, group, order)));
         }
+        let mut norm = m;
+        for (places, inverse_scale) in self.motion.directions.iter().zip(&self.inverse_scales) {
+            norm = norm.max(self.vector(*places, group, order).largest() * inverse_scale[group]);
+        }
+        norm
     }
 
     /// log₂ 1/h by which the formula for the attitude keeps the tolerance, and whether that is a number.
     #[inline(always)]
     fn attitude_length(&self, group: usize) -> (R, R::Mask) {
-        let two_sided = &self.motion.two_sided;
-        let count = 2 * two_sided.half_order + 1;
-        let omega = VectorRows { rows: self.rows(self.motion.angular_velocity, count), group };
-        let mut norms = [Each::<R, 1>::zero(); MOST_ORDER + 1];
-        for (order, norm) in norms.iter_mut().enumerate().take(count) {
-            // The first ones are what most depends on; three components are less than their sum.
-            let omega = omega.at(order);
-            norm[0] = match order {
-                0..3 => omega.dot(omega).sqrt(),
-                _ => omega.x.abs() + omega.y.abs() + omega.z.abs(),
-            };
-        }
-        let [last, last_but_one] = two_sided.majorant(&norms[..count]);
+        let (last, last_but_one) = (self.bounds[0][group], self.bounds[1][group]);
         let limit = R::splat(1e290);
         let is_number = last.less_than(limit) & last_but_one.less_than(limit);
-        (two_sided.length.inverse_logarithm(last, last_but_one), is_number)
+        (self.motion.two_sided.length.inverse_logarithm(last, last_but_one), is_number)
     }
+}
+
+/// Bounds the coefficients of the attitude relative to where the steps start.
+pub(super) struct AttitudeBounds<'s, 'a, R: Real, const G: usize> {
+    pub tile: &'s mut Tile<'a, R, G>,
+}
+
+impl<R: Real, const G: usize> Outlined for AttitudeBounds<'_, '_, R, G> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { tile } = self;
+        let (mut norms, mut majorant) = (std::mem::take(&mut tile.norms), std::mem::take(&mut tile.majorant));
+        let [x, y, z] = tile.rows(tile.motion.angular_velocity, norms.len());
+        for (order, (norm, ((x, y), z))) in norms.iter_mut().zip(x.iter().zip(y).zip(z)).enumerate() {
+            for g in 0..G {
+                let omega = Vector::new(x[g], y[g], z[g]);
+                // The first ones are what most depends on; three components are less than their sum.
+                norm[g] = match order {
+                    0..3 => omega.dot(omega).sqrt(),
+                    _ => omega.x.abs() + omega.y.abs() + omega.z.abs(),
+                };
+            }
+        }
+        tile.bounds = TwoSided::majorant(&norms, &mut majorant);
+        (tile.norms, tile.majorant) = (norms, majorant);
+    }
+}
+
+/// By how much a vector changes in a step.
+#[inline(always)]
+fn increment<R: Real, const G: usize>(rows: &VectorRows<'_, R, G>, order: usize, h: &TwoWords<R>) -> Vector<R> {
+    let mut change = rows.at(order);
+    for k in (1..order).rev() {
+        change = change.axpy(h.value, rows.at(k));
+    }
+    change * h.value + rows.at(1) * h.residue
 }
 
 /// The largest magnitude of a component.
@@ -192,13 +272,9 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
         let taken = is_left & !too_small;
 
         let m_rows = VectorRows { rows: tile.rows(motion.momentum, order + 1), group };
-        let mut m_change = m_rows.at(order);
-        for k in (1..order).rev() {
-            m_change = m_change.axpy(h.value, m_rows.at(k));
-        }
         let mut next = state;
-        let increment = m_change * h.value + m_rows.at(1) * h.residue;
-        next.angular_momentum_principal.value = m + increment;
+        next.angular_momentum_principal.value = m + increment(&m_rows, order, &h);
+        tile.advance_directions(group, &h, taken);
         let mut controller = controller;
         match motion.orientation {
             Some(places) => {
@@ -216,9 +292,12 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
                 let is_pending = under_way & zero.less_than(pending);
                 let arrived = q.product(backwards.conjugate());
                 let arrived = arrived * (one / arrived.norm_squared().sqrt());
-                // Where the series are no numbers the attitude stays where the last step began.
-                let begun = q * (one / q.norm_squared().sqrt());
-                let here = Quaternion::select(is_pending, Quaternion::select(is_number, arrived, begun), q);
+                let mut here = Quaternion::select(is_pending, arrived, q);
+                if R::any(is_pending & !is_number) {
+                    // Where the series are no numbers the attitude stays where the last step began.
+                    let begun = q * (one / q.norm_squared().sqrt());
+                    here = Quaternion::select(is_pending & !is_number, begun, here);
+                }
                 let mut stays = state;
                 stays.orientation.value = here;
                 next.orientation.value = here.product(forwards);

@@ -1,6 +1,6 @@
 //! Operations in the order in which they are carried out, and where their rows are.
 
-use super::super::{Jets, Operation, Place};
+use super::super::{DirectionState, Jets, Operation, Place, RowNumber, TurningState};
 use super::{Draft, Lowered};
 
 /// How many operations lie below each row, at most.
@@ -49,6 +49,7 @@ impl Lowered {
             outputs: self.outputs.iter().map(|row| rows[*row as usize]).collect(),
             switches: self.switches.iter().map(|row| rows[*row as usize]).collect(),
             roots: self.roots.iter().map(|row| rows[*row as usize]).collect(),
+            directions: self.directions.iter().map(|direction| direction.placed(&rows)).collect(),
         };
         for draft in self.sorted() {
             let (draft, (factors, constant)) = (&self.drafts[draft], &self.numbers[draft]);
@@ -76,5 +77,16 @@ impl Lowered {
         let mut order: Vec<usize> = (0..self.drafts.len()).collect();
         order.sort_by_key(|&draft| (height(&self.drafts[draft]), self.drafts[draft].kind));
         order
+    }
+}
+
+impl DirectionState<RowNumber> {
+    fn placed(&self, places: &[Place]) -> DirectionState<Place> {
+        let of = |rows: [RowNumber; 3]| rows.map(|row| places[row as usize]);
+        let turning = self.turning.map(|turning| {
+            let TurningState { rows, world, angle } = turning;
+            TurningState { rows: of(rows), world, angle }
+        });
+        DirectionState { rows: of(self.rows), world: self.world, turning }
     }
 }

@@ -6,10 +6,29 @@ use super::Lowered;
 /// What a quotient or a root costs, in multiplications.
 const DIVISION: f64 = 10.0;
 
+/// Time of an operation at an order, s, beside its multiplications; of one of those; and of a step's attitude where it follows from ω(t).
+/// Least squares over heavy tops, gravity gradients and *orbit* (DESIGN 8.4) at tolerances of 1e-6, 1e-9 and 1e-12; the times measured
+/// there are met within 5 %.
+const OPERATION: f64 = 0.81e-9;
+const MULTIPLICATION: f64 = 0.037e-9;
+const ATTITUDE: f64 = 6.0e-8;
+
 impl Lowered {
+    /// Time of a step of a body by these series, s, of one core with AVX-512.
+    pub fn step_seconds(&self, order: usize) -> f64 {
+        let (orders, half) = (order as f64, ((order - 1) / 2) as f64);
+        // Of the relative attitude, from both ends, 12 multiplications each, and the sums of its series.
+        let (at_orders, multiplications, attitude) = match self.has_orientation {
+            true => (0.0, 0.0, 0.0),
+            false => (2.0 * half, 6.0 * half * (half - 1.0) + 12.0 * half, ATTITUDE),
+        };
+        let operations = self.operations() as f64 * orders + at_orders;
+        attitude + operations * OPERATION + (self.multiplications(order) + multiplications) * MULTIPLICATION
+    }
+
     /// Multiplications, with or without an addition, that form the series up to an order; what is done for the first coefficients alone
     /// does not count.
-    pub fn multiplications(&self, order: usize) -> f64 {
+    fn multiplications(&self, order: usize) -> f64 {
         let orders = order as f64;
         // Σ (k + 1) over all orders k.
         let convolution = 0.5 * orders * (orders + 1.0);
@@ -29,6 +48,8 @@ impl Lowered {
                 Kind::Rotation => (7.5, 18.0),
                 Kind::Euler => (3.0, 12.0),
                 Kind::Attitude => (12.0, 4.0),
+                Kind::Direction => (6.0, 3.0),
+                Kind::Turning => (12.0, 12.0),
                 Kind::Quotient => (1.0, DIVISION),
                 Kind::Sqrt => (0.5, DIVISION),
                 Kind::SinCosAffine => (0.0, 4.0),
@@ -45,7 +66,7 @@ impl Lowered {
     }
 
     /// Operations that are carried out one after the other at every order.
-    pub fn operations(&self) -> usize {
+    fn operations(&self) -> usize {
         self.drafts.iter().filter(|draft| !matches!(draft.kind, Kind::ShortLinear | Kind::Start)).count()
     }
 }

@@ -2,6 +2,7 @@
 
 use super::super::polynomial::{Factor, Monomial, Polynomial};
 use super::super::{Kind, RowNumber};
+use super::directions::entries_of;
 use super::{Class, Draft, Lowering};
 
 impl Lowering<'_> {
@@ -28,9 +29,8 @@ impl Lowering<'_> {
         monomial.degree() <= 1 || (is_form && time <= 1)
     }
 
-    /// Products of two components of the orientation as entries of the matrix R of the rotation, by |q|² = 1:
-    /// 4 x y = R₁₂ + R₂₁, 4 z w = R₂₁ − R₁₂, 4 x² = 1 + R₁₁ − R₂₂ − R₃₃ and so on. Of what rotates a vector this leaves a
-    /// third of the terms.
+    /// Products of two components of the orientation as entries of the matrix R of the rotation ([`entries_of`]). Of what rotates a vector
+    /// this leaves a third of the terms.
     pub(super) fn rotated(&mut self, polynomial: Polynomial) -> Polynomial {
         let is_attitude = |row: &RowNumber| self.class(*row) == Class::Attitude;
         let pair_of = |monomial: &Monomial| {
@@ -51,28 +51,15 @@ impl Lowering<'_> {
             };
             let rest = monomial.without(a).without(b);
             let number = |row| parts.iter().position(|part| *part == row).unwrap_or(0);
-            let (a, b) = (number(a).min(number(b)), number(a).max(number(b)));
-            let mut add = |entry: Option<usize>, sign: f64| {
+            entries_of(number(a).min(number(b)), number(a).max(number(b)), &mut |entry, part| {
                 let product = match entry {
                     Some(entry) => rest.product(&Monomial::of(entries[entry])),
                     None => Some(rest),
                 };
                 if let Some(product) = product {
-                    rotated.add(product, factor.times(Factor::number(0.25 * sign)));
+                    rotated.add(product, factor.times(Factor::number(part)));
                 }
-            };
-            if a == b {
-                add(None, 1.0);
-                for axis in 0..3 {
-                    add(Some(4 * axis), if axis == a || a == 3 { 1.0 } else { -1.0 });
-                }
-            } else {
-                // Of x y and z w the entries are those of row 1 and column 2, and the other way round.
-                let axes = if b < 3 { (a, b) } else { ((a + 1) % 3, (a + 2) % 3) };
-                let (upper, lower) = (3 * axes.0 + axes.1, 3 * axes.1 + axes.0);
-                add(Some(upper), if b < 3 { 1.0 } else { -1.0 });
-                add(Some(lower), 1.0);
-            }
+            });
         }
         rotated.without_zeros()
     }

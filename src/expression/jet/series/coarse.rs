@@ -157,6 +157,55 @@ impl<R: Real, const G: usize> Work<'_, R, G> {
             self.numbers[place.at(self.k + 1)].set(each!(|g| sum.0[g] * half));
         }
     }
+
+    /// d × ω of some directions, row by row one coefficient of each and one of ω.
+    #[inline(always)]
+    fn crossed<const N: usize>(&self, directions: [[Place; 3]; N], omega: [Place; 3]) -> [[Each<R, G>; 3]; N] {
+        let part = |place| self.part(place, 0, self.k);
+        let (directions, [wx, wy, wz]) = (directions.map(|rows| rows.map(part)), omega.map(part));
+        let mut sums = [[Each::<R, G>::zero(); 3]; N];
+        for (j, ((a, b), c)) in wx.iter().rev().zip(wy.iter().rev()).zip(wz.iter().rev()).enumerate() {
+            let (a, b, c) = (a.get(), b.get(), c.get());
+            for (sums, [x, y, z]) in sums.iter_mut().zip(directions) {
+                let (x, y, z) = (x[j].get(), y[j].get(), z[j].get());
+                for g in 0..G {
+                    let (a, b, c) = (a.0[g], b.0[g], c.0[g]);
+                    let (x, y, z) = (x.0[g], y.0[g], z.0[g]);
+                    sums[0].0[g] = y.mul_add(c, (-z).mul_add(b, sums[0].0[g]));
+                    sums[1].0[g] = z.mul_add(a, (-x).mul_add(c, sums[1].0[g]));
+                    sums[2].0[g] = x.mul_add(b, (-y).mul_add(a, sums[2].0[g]));
+                }
+            }
+        }
+        sums
+    }
+
+    #[inline(always)]
+    pub(super) fn direction(&self, operation: &Operation) {
+        let &[x, y, z, wx, wy, wz] = self.places(operation) else { return };
+        let [sums] = self.crossed([[x, y, z]], [wx, wy, wz]);
+        let factor = R::splat(((self.k + 1) as f64).recip());
+        for (place, sum) in [x, y, z].into_iter().zip(sums) {
+            self.numbers[place.at(self.k + 1)].set(each!(|g| sum.0[g] * factor));
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn turning(&self, operation: &Operation) {
+        let &[ux, uy, uz, vx, vy, vz, wx, wy, wz, advances] = self.places(operation) else { return };
+        let (u, v) = ([ux, uy, uz], [vx, vy, vz]);
+        let [u_sums, v_sums] = self.crossed([u, v], [wx, wy, wz]);
+        let (advance, per_unit) = (self.numbers[advances.at(1)].get(), self.factor(operation, 0));
+        let (rate, factor) = (each!(|g| advance.0[g] * per_unit.0[g]), R::splat(((self.k + 1) as f64).recip()));
+        for axis in 0..3 {
+            let (own, other) = (self.now(u[axis]), self.now(v[axis]));
+            let (u_sum, v_sum) = (u_sums[axis], v_sums[axis]);
+            let u_next = each!(|g| rate.0[g].mul_add(other.0[g], u_sum.0[g]) * factor);
+            let v_next = each!(|g| (-rate.0[g]).mul_add(own.0[g], v_sum.0[g]) * factor);
+            self.numbers[u[axis].at(self.k + 1)].set(u_next);
+            self.numbers[v[axis].at(self.k + 1)].set(v_next);
+        }
+    }
 }
 
 impl<R: Real, const G: usize> Series<R, G> {

@@ -1,0 +1,93 @@
+//! The rows of a CSV file one after the other, each with its line.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use csv::{ErrorKind, ReaderBuilder, StringRecord, Trim};
+
+use super::input::{Fault, InputError};
+use super::text::{CUT, Lines, OPEN_QUOTE};
+use crate::error::{Error, FileAction, Result};
+
+/// A table with a header, lines of comments that begin with `#`, and rows of as many cells as the header has.
+pub(super) struct Rows<R> {
+    path: PathBuf,
+    reader: csv::Reader<Lines<R>>,
+    header: StringRecord,
+    header_line: u64,
+    /// Of the last row, from 1. The reader itself only knows where the lines before it begin, comments included.
+    line: u64,
+}
+
+impl<R: Read> Rows<R> {
+    /// Reads the header of `source`, which messages call `path`.
+    pub fn new(path: &Path, source: R) -> Result<Self> {
+        let lines = Lines::new(source);
+        let mut reader = ReaderBuilder::new().trim(Trim::Headers).comment(Some(b'#')).flexible(true).from_reader(lines);
+        let header = reader.headers().cloned();
+        let line = reader.get_mut().next_row();
+        let header = header.map_err(|error| csv_error(path, line, error))?;
+        Ok(Self { path: path.to_owned(), reader, header, header_line: line, line })
+    }
+
+    pub fn header(&self) -> &StringRecord {
+        &self.header
+    }
+
+    /// The header's line, from 1.
+    pub fn header_line(&self) -> u64 {
+        self.header_line
+    }
+
+    /// The line, from 1, of the row that was read last.
+    pub fn line(&self) -> u64 {
+        self.line
+    }
+
+    /// Reads the next row, cells without blanks around them; says whether there was one.
+    pub fn read(&mut self, record: &mut StringRecord) -> Result<bool> {
+        let read = self.reader.read_record(record);
+        if matches!(read, Ok(false)) {
+            return Ok(false);
+        }
+        self.line = self.reader.get_mut().next_row();
+        read.map_err(|error| csv_error(&self.path, self.line, error))?;
+        if record.len() != self.header.len() {
+            return Err(self.refused("", Fault::RowLength { found: record.len(), expected: self.header.len() }));
+        }
+        // A cell of several lines is rows that a quotation mark hides.
+        if record.iter().any(|cell| cell.contains(['\n', '\r'])) {
+            return Err(self.refused("", Fault::Syntax { reason: OPEN_QUOTE.to_owned() }));
+        }
+        record.trim();
+        Ok(true)
+    }
+
+    /// The refusal of a cell of the row that was read last, or of all of it.
+    pub fn refused(&self, column: &str, fault: Fault) -> Error {
+        input_error(&self.path, self.line, column, fault)
+    }
+
+    /// Refuses a table that ended within a line.
+    pub fn finish(self) -> Result<()> {
+        let lines = self.reader.get_ref();
+        match lines.are_cut() {
+            true => Err(input_error(&self.path, lines.line(), "", Fault::Syntax { reason: CUT.to_owned() })),
+            false => Ok(()),
+        }
+    }
+}
+
+pub(super) fn input_error(path: &Path, line: u64, key: &str, fault: Fault) -> Error {
+    InputError { file: path.to_owned(), line: line as usize, key: key.to_owned(), fault }.into()
+}
+
+/// What the CSV reader refuses: bytes that are not text, or the file system's errors.
+fn csv_error(path: &Path, line: u64, error: csv::Error) -> Error {
+    let reason = match error.into_kind() {
+        ErrorKind::Io(error) => return Error::file(path, FileAction::Read, &error),
+        ErrorKind::Utf8 { .. } => "text in UTF-8 is needed",
+        _ => "comma-separated values are needed",
+    };
+    input_error(path, line, "", Fault::Syntax { reason: reason.to_owned() })
+}

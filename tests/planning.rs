@@ -1,0 +1,104 @@
+//! What planning takes where it leads to nothing: studies that no run could follow are refused after a number of steps that takes less
+//! than a second, and most of them after a probe. Steps are counted, not seconds, so that the machine does not matter.
+
+use std::sync::{Mutex, PoisonError};
+
+use glam::{DQuat, DVec3};
+use polhode::plan::pilot_steps;
+use polhode::scene::Target;
+use polhode::torque::Orbit;
+use polhode::{Accuracy, Engine, Ensemble, Error, Method, Plan, Precision, Scene, Torque};
+
+const BODIES: usize = 20;
+
+/// Steps that take a fifth of a second on one core, at a tenth of a microsecond to one a microsecond each.
+const A_PROBE: u64 = 300_000;
+
+/// The end, s, that hostile scenes ask for.
+const END: f64 = 10.0;
+
+fn scene(torque: Torque) -> Scene {
+    // Orientations that differ, so that bodies do.
+    let turned = |body: usize| DQuat::from_rotation_x(0.3 + body as f64) * DQuat::from_rotation_z(0.7 * body as f64);
+    let (moments, spin) = (DVec3::new(1.0, 2.0, 2.5), DVec3::new(1.0, 0.4, 0.1));
+    let ensemble = Ensemble::from_fn(BODIES, |body| (moments, turned(body), spin)).expect("valid bodies");
+    Scene::new(ensemble).until(END).accuracy(Accuracy::attitude(1e-6)).torque(torque)
+}
+
+/// Steps are counted for the whole process: plans are made one after the other.
+static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+
+/// What planning comes to, and the steps that it takes.
+fn planned(scene: &Scene) -> (Result<(), Error>, u64) {
+    let _alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+    let before = pilot_steps();
+    let plan = Plan::new(scene, &Engine::cpu()).map(|_| ());
+    (plan, pilot_steps() - before)
+}
+
+#[test]
+fn what_no_run_could_follow_is_refused_after_a_probe() {
+    let cases = [
+        ("a constant torque of 1e20 N m", Torque::constant_world(DVec3::X * 1e20)),
+        ("a constant torque of 1e20 N m in the body", Torque::constant_body(DVec3::X * 1e20)),
+        ("a spring of 1e12 N m", Torque::sine_spring(1e12, DQuat::IDENTITY)),
+        ("an orbit of a millimetre", Torque::gravity_gradient(Orbit::circular(3.986e14, 1e-3))),
+        ("a magnet of 1e20 A m²", Torque::magnetic_dipole(DVec3::X * 1e20, DVec3::new(2e-5, -1e-5, 3e-5))),
+    ];
+    for (name, torque) in cases {
+        let (plan, steps) = planned(&scene(torque));
+        let error = plan.expect_err(name);
+        println!("{name}: {steps} steps: {error}");
+        assert!(error.is_input() && error.to_string().contains("a shorter span is needed"), "{name}: {error}");
+        assert!((1..A_PROBE).contains(&steps), "{name}: {steps} steps");
+    }
+}
+
+#[test]
+fn the_same_scenes_over_a_span_that_can_be_followed_are_planned() {
+    let cases = [
+        (1e-9, Torque::constant_world(DVec3::X * 1e20)),
+        (1e-5, Torque::sine_spring(1e12, DQuat::IDENTITY)),
+        (1e-11, Torque::gravity_gradient(Orbit::circular(3.986e14, 1e-3))),
+    ];
+    for (end, torque) in cases {
+        let (plan, _) = planned(&scene(torque).until(end));
+        plan.unwrap_or_else(|error| panic!("{end} s: {error}"));
+    }
+}
+
+#[test]
+fn torques_that_change_much_faster_than_bodies_turn_are_seen_by_the_pilot() {
+    for rate in [1e2, 1e4, 1e5, 1e6] {
+        let scene = scene(Torque::sinusoidal(DVec3::X * 0.1, DVec3::ZERO, rate)).until(1e3 / rate);
+        let engine = Engine::cpu();
+        let _alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+        let plan = Plan::new(&scene, &engine).unwrap_or_else(|error| panic!("{rate:e} rad/s: {error}"));
+        let record = engine.run(&plan).unwrap_or_else(|error| panic!("{rate:e} rad/s: {error}"));
+        let shadow = record.trust().shadow;
+        assert_eq!(shadow.met, Some(true), "{rate:e} rad/s: {shadow}");
+    }
+}
+
+#[test]
+fn a_candidate_that_never_arrives_is_said_to_need_more_steps_than_planning_may_take() {
+    let error = |factor: f64| Error::AccuracyOutOfReach {
+        target: Box::new(Accuracy::attitude(1e-6)),
+        missed: Target::Attitude,
+        factor,
+        method: "rk8",
+        precision: Precision::F64,
+        remedy: "a shorter span is needed",
+    };
+    let text = error(f64::INFINITY).to_string();
+    assert!(text.contains("does not come to the end in the steps that planning may take"), "{text}");
+    assert!(!text.contains("inf"), "{text}");
+    let text = error(20.0).to_string();
+    assert!(text.contains("misses the attitude by a factor of 20.0"), "{text}");
+}
+
+#[test]
+fn steps_that_are_given_are_not_tried_ahead() {
+    let (plan, steps) = planned(&scene(Torque::linear_drag(0.1)).pinned(Method::Rk4, 1e-12, None));
+    assert!(plan.is_ok() && steps == 0, "{steps} steps");
+}

@@ -1,0 +1,59 @@
+//! The example studies.
+
+use std::path::Path;
+
+use polhode::Scene;
+use polhode::engine::Engine;
+use polhode::study::Study;
+
+use super::{agreed, common, desk, steps};
+
+const EXAMPLES: [&str; 11] = [
+    "aero_table",
+    "bdot",
+    "booms",
+    "debris",
+    "intermediate_axis",
+    "pointing",
+    "relaxing",
+    "spacecraft",
+    "thruster",
+    "tumbling",
+    "wobbling_disc",
+];
+
+fn example(name: &str, bodies: usize) -> Scene {
+    let file = desk::example(name);
+    Study::read(Path::new(&file)).expect("a study").truncated(bodies).scene().expect("a scene")
+}
+
+#[test]
+fn every_example_study_agrees_on_the_cpu() {
+    for name in EXAMPLES {
+        agreed(&Engine::cpu(), &example(name, 8), &steps(6), name);
+    }
+}
+
+#[test]
+fn every_example_study_agrees_on_a_gpu() {
+    let gpu = common::gpu();
+    for name in EXAMPLES {
+        agreed(&gpu, &example(name, 4), &steps(4), name);
+    }
+}
+
+#[test]
+fn what_is_not_compared_is_listed() {
+    let text = agreed(&Engine::cpu(), &example("thruster", 3), &steps(2), "thruster").to_string();
+    assert!(text.contains("centres of mass: not compared"), "{text}");
+    let text = agreed(&Engine::cpu(), &example("relaxing", 3), &steps(2), "relaxing").to_string();
+    assert!(text.contains("not compared: statistics"), "{text}");
+}
+
+#[test]
+fn the_examples_are_all_there() {
+    let folder = format!("{}/examples/studies", env!("CARGO_MANIFEST_DIR"));
+    let names = std::fs::read_dir(folder).expect("the examples").map(|entry| entry.expect("an entry").file_name());
+    let studies = names.filter(|name| name.to_string_lossy().ends_with(".toml")).count();
+    assert_eq!(studies, EXAMPLES.len());
+}
