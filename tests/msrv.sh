@@ -3,8 +3,13 @@
 set -eu
 cd "$(dirname "$0")/.."
 version="$(sed -n 's/^rust-version = "\(.*\)"$/\1/p' Cargo.toml)"
-rustup toolchain list | grep -q "^$version" || rustup toolchain install "$version" --profile minimal
+# It may be installed by its full number, as 1.2.3 for 1.2.
+toolchain="$(rustup toolchain list | sed -n "s/^\(${version//./\\.}\(\.[0-9]*\)\?\)-.*/\1/p" | head -n 1)"
+if [ -z "$toolchain" ]; then
+    rustup toolchain install "$version" --profile minimal
+    toolchain="$version"
+fi
 # A folder of its own: two compilers in one would build everything anew in turn.
-CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-target}/msrv" cargo "+$version" check --all-targets "$@"
-CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-target}/msrv" cargo "+$version" check --no-default-features "$@"
+CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-target}/msrv" cargo "+$toolchain" check --all-targets "$@"
+CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-target}/msrv" cargo "+$toolchain" check --no-default-features "$@"
 echo "Rust $version builds everything"
