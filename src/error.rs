@@ -256,7 +256,7 @@ pub enum Error {
     /// The device was lost, or gave no answer any more, while a run was under way.
     #[error(
         "device {adapter}: {reason}: {done} of {outputs} outputs of {bodies} bodies were done, of which nothing is kept: \
-         run again, on another adapter (--adapter) or on the CPU (--engine cpu) if it happens again"
+         run again, on another adapter or on the CPU engine if it happens again"
     )]
     DeviceInRun {
         /// Name of the adapter.

@@ -6,7 +6,7 @@ use polhode::batch::Precision;
 use polhode::engine::Backend;
 use polhode::engine::cpu::{Cpu, Width};
 use polhode::{Ensemble, Method, Plan, Scene};
-use support::{attitude_error, golden};
+use support::{attitude_error, fitted_order, golden};
 
 /// How far an observed order may lie from the claimed one.
 const ORDER_TOLERANCE: f64 = 0.1;
@@ -23,17 +23,6 @@ fn error_at_end(engine: &dyn Backend, case: &golden::Case, method: Method, dt: f
     let record = polhode::run::run(engine, &plan).expect("runs");
     let reference = case.states.iter().find(|state| state.time == SPAN).expect("golden state at 10 s");
     attitude_error(record.final_state().orientation(0), reference.orientation)
-}
-
-/// Slope of log₂ error over log₂ dt by least squares.
-fn fitted_order(points: &[(f64, f64)]) -> f64 {
-    let count = points.len() as f64;
-    let mean = |f: &dyn Fn(&(f64, f64)) -> f64| points.iter().map(f).sum::<f64>() / count;
-    let x = mean(&|p| p.0.log2());
-    let y = mean(&|p| p.1.log2());
-    let covariance = mean(&|p| (p.0.log2() - x) * (p.1.log2() - y));
-    let variance = mean(&|p| (p.0.log2() - x).powi(2));
-    covariance / variance
 }
 
 /// Errors at dt = 2^-first … 2^-last, from the first that is in the asymptotic range to the last above `floor`.

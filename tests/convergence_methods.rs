@@ -27,7 +27,7 @@ use polhode::vector::{TwoWords, Vector};
 use polhode::{Ensemble, Method, Plan, Scene, Torque};
 use support::double_double::DoubleDouble;
 use support::environment::{Moving, between, case, stepped, two_words};
-use support::{attitude_error, golden};
+use support::{attitude_error, fitted_order, golden};
 
 /// How far an observed order may lie from the claimed one.
 const ORDER_TOLERANCE: f64 = 0.1;
@@ -183,21 +183,13 @@ fn problems() -> &'static [Problem] {
     })
 }
 
-/// Slope of log₂ error over log₂ dt by least squares.
-fn fitted_order(errors: &[(f64, f64)]) -> f64 {
-    let count = errors.len() as f64;
-    let mean = |f: &dyn Fn(&(f64, f64)) -> f64| errors.iter().map(f).sum::<f64>() / count;
-    let (x, y) = (mean(&|p| p.0.log2()), mean(&|p| p.1.log2()));
-    mean(&|p| (p.0.log2() - x) * (p.1.log2() - y)) / mean(&|p| (p.0.log2() - x).powi(2))
-}
-
 /// The finest steps of `candidates` (coarsest first) whose error is above `floor`, as many as the halvings take.
 fn finest(candidates: impl Iterator<Item = (f64, f64)>, floor: f64, halvings: usize) -> Vec<(f64, f64)> {
     let above: Vec<(f64, f64)> = candidates.take_while(|point| point.1 > floor).collect();
     above[above.len().saturating_sub(halvings + 1)..].to_vec()
 }
 
-/// The same where the next term of the error counts: p of log₂ error = a + p log₂ dt + c dt by least squares.
+/// The order where the next term of the error counts: p of log₂ error = a + p log₂ dt + c dt by least squares.
 fn fitted_order_with_next_term(errors: &[(f64, f64)]) -> f64 {
     let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
     for &(h, error) in errors {

@@ -3,13 +3,14 @@
 mod common;
 mod support;
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 use polhode::batch::{Precision, prepare_with};
 use polhode::engine::adaptive::AdaptiveSteps;
 use polhode::engine::cpu::{Cpu, Width};
 use polhode::engine::{Backend, unobserved};
 use polhode::method::Status;
-use polhode::{Ensemble, Method, Outputs, Plan, Scene};
+use polhode::{Ensemble, Method};
+use support::stepped::{Tally, larger, stepped, unit};
 use support::{attitude_error, golden, relative_error};
 
 /// Rotation angle |ω| t up to which cases are stepped.
@@ -25,33 +26,6 @@ const PERTURBATION: f64 = 1e-11;
 /// A bound above this is none. The cases that it leaves out stand under "Do not expect" in the golden data's own notes.
 const MEANINGLESS: f64 = 1e-2;
 
-/// A case's states by rk4 at the golden times, for several bodies beside each other.
-fn stepped(
-    engine: &dyn Backend,
-    rows: &[(glam::DMat3, DQuat, DVec3)],
-    times: &[f64],
-    dt: f64,
-    precision: Precision,
-) -> Vec<Vec<(DQuat, DVec3)>> {
-    let ensemble = Ensemble::from_fn(rows.len(), |body| rows[body]).expect("golden bodies are valid");
-    let end = times[times.len() - 1];
-    let scene = Scene::new(ensemble).until(end).outputs(Outputs::Times(times.to_vec())).pinned(
-        Method::Rk4,
-        dt,
-        Some(precision),
-    );
-    let plan = Plan::new(&scene, engine).expect("the plan is valid");
-    let record = polhode::run::run(engine, &plan).expect("the run succeeds");
-    assert_eq!(record.trust().failed_bodies, Vec::<usize>::new());
-    record
-        .snapshots()
-        .iter()
-        .map(|snapshot| {
-            (0..rows.len()).map(|body| (snapshot.orientation(body), snapshot.angular_velocity_body(body))).collect()
-        })
-        .collect()
-}
-
 /// How strongly the state at each of `times` answers to a small relative change of ω at any earlier one of them.
 ///
 /// Changes at the start alone would not do: next to the separatrix, at distance ε, the time of the next flip answers as
@@ -65,7 +39,9 @@ fn conditioning(engine: &dyn Backend, case: &golden::Case, times: &[f64], dt: f6
             rows.push((case.inertia, state.orientation, omega + axis * (omega.length() * PERTURBATION)));
         }
         let later: Vec<f64> = times[first..].iter().map(|time| time - state.time).collect();
-        for (offset, bodies) in stepped(engine, &rows, &later, dt, Precision::F64).iter().enumerate() {
+        for (offset, bodies) in
+            stepped(engine, (Method::Rk4, Precision::F64), &[], &rows, &later, dt).iter().enumerate()
+        {
             let (q, omega) = bodies[0];
             for &(neighbour_q, neighbour_omega) in &bodies[1..] {
                 let response = attitude_error(neighbour_q, q).max(relative_error(neighbour_omega, omega));
@@ -82,21 +58,17 @@ fn conditioning(engine: &dyn Backend, case: &golden::Case, times: &[f64], dt: f6
 /// is compensated, so that at worst u ω t adds up), magnified by the case's conditioning; and the golden digits.
 fn check(engine: &dyn Backend, precision: Precision) {
     let reference = Cpu::new(Width::Lanes);
-    let unit = match precision {
-        Precision::F32 => 2.0_f64.powi(-24),
-        Precision::F64 => 2.0_f64.powi(-53),
-    };
-    let mut failures = Vec::new();
-    let mut checked = 0;
+    let unit = unit(precision);
+    let mut tally = Tally::default();
     for case in golden::load_free() {
         let rate = case.angular_velocity_body.length();
         let times: Vec<f64> =
             case.states.iter().map(|state| state.time).filter(|time| rate * time <= LARGEST_ANGLE).collect();
         let rows = [(case.inertia, case.orientation, case.angular_velocity_body)];
         let dt = if rate > 0.0 { ANGLE_OF_A_STEP / rate } else { 1.0 };
-        let fine = stepped(&reference, &rows, &times, dt, Precision::F64);
-        let coarse = stepped(&reference, &rows, &times, 2.0 * dt, Precision::F64);
-        let tested = stepped(engine, &rows, &times, dt, precision);
+        let fine = stepped(&reference, (Method::Rk4, Precision::F64), &[], &rows, &times, dt);
+        let coarse = stepped(&reference, (Method::Rk4, Precision::F64), &[], &rows, &times, 2.0 * dt);
+        let tested = stepped(engine, (Method::Rk4, precision), &[], &rows, &times, dt);
         let conditioning = conditioning(&reference, &case, &times, 2.0 * dt);
         for (index, state) in case.states[..times.len()].iter().enumerate() {
             let (q, omega) = tested[index][0];
@@ -118,17 +90,12 @@ fn check(engine: &dyn Backend, precision: Precision) {
             if conditioning * rounding > MEANINGLESS {
                 continue;
             }
-            checked += 1;
-            if !(attitude <= bound && spin <= bound) {
-                failures.push(format!(
-                    "{} at t = {}: attitude {attitude:.2e}, angular velocity {spin:.2e}, bound {bound:.2e} (truncation {truncation:.1e}, conditioning {conditioning:.1e})",
-                    case.name, state.time
-                ));
-            }
+            tally.push(&case, state.time, larger(attitude, spin), bound, || {
+                format!("truncation {truncation:.1e}, conditioning {conditioning:.1e}")
+            });
         }
     }
-    assert!(checked >= 230, "only {checked} golden states were compared");
-    assert!(failures.is_empty(), "{} of {checked} states:\n{}", failures.len(), failures.join("\n"));
+    tally.finish(&format!("rk4 in {precision}"), 230);
 }
 
 /// As [`check`], in adaptive steps up to each golden time. An accepted step is off by at most √7 of the tolerance in the
@@ -136,13 +103,9 @@ fn check(engine: &dyn Backend, precision: Precision) {
 /// twice that, and the case's conditioning magnifies what each step leaves.
 fn check_adaptive(engine: &dyn Backend, precision: Precision, tolerance: f64) {
     let reference = Cpu::new(Width::Lanes);
-    let unit = match precision {
-        Precision::F32 => 2.0_f64.powi(-24),
-        Precision::F64 => 2.0_f64.powi(-53),
-    };
+    let unit = unit(precision);
     let steps = AdaptiveSteps { tolerance, least_step: None };
-    let mut failures = Vec::new();
-    let mut checked = 0;
+    let mut tally = Tally::default();
     for case in golden::load_free() {
         let rate = case.angular_velocity_body.length();
         let times: Vec<f64> =
@@ -167,21 +130,15 @@ fn check_adaptive(engine: &dyn Backend, precision: Precision, tolerance: f64) {
             if bound > MEANINGLESS {
                 continue;
             }
-            checked += 1;
             let reached = frames[0].body_state(words.combined(0));
             let attitude = attitude_error(reached.orientation, state.orientation);
             let spin = relative_error(reached.angular_velocity_body, state.angular_velocity_body);
-            if !(attitude <= bound && spin <= bound) {
-                failures.push(format!(
-                    "{} at t = {}: attitude {attitude:.2e}, angular velocity {spin:.2e}, bound {bound:.2e} ({accepted} steps, conditioning {:.1e})",
-                    case.name, state.time, conditioning[index]
-                ));
-            }
+            tally.push(&case, state.time, larger(attitude, spin), bound, || {
+                format!("{accepted} steps, conditioning {:.1e}", conditioning[index])
+            });
         }
     }
-    println!("{checked} golden states");
-    assert!(checked >= LEAST_CHECKED_ADAPTIVE, "only {checked} golden states were compared");
-    assert!(failures.is_empty(), "{} of {checked} states:\n{}", failures.len(), failures.join("\n"));
+    tally.finish(&format!("adaptive rk8 in {precision} at {tolerance:e}"), LEAST_CHECKED_ADAPTIVE);
 }
 
 /// Golden states that can be followed in `f32` with a tolerance of 1e-6, and so in either precision.

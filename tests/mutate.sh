@@ -230,15 +230,19 @@ def main():
     tests = sorted({fault.test for fault in usable})
     baselines = {}
 
-    def tried(fault, binaries, number):
+    def judge_baseline(fault, binaries):
+        """Whether its test passes while no fault is on."""
         key = (fault.test, fault.filter)
-        if key not in baselines and not options.alone:
-            status, count, output, _ = run(folder, binaries[fault.test], fault.filter, 0)
-            baselines[key] = None if status == 0 and count > 0 else "NO SUCH TEST" if count == 0 else "FAILS BY ITSELF"
-            if baselines[key]:
-                print(output[-2000:])
-        if baselines.get(key):
-            return baselines[key]
+        if key in baselines:
+            return
+        status, count, output, _ = run(folder, binaries[fault.test], fault.filter, 0)
+        baselines[key] = None if status == 0 and count > 0 else "NO SUCH TEST" if count == 0 else "FAILS BY ITSELF"
+        if baselines[key]:
+            print(output[-2000:])
+
+    def tried(fault, binaries, number):
+        if baselines[(fault.test, fault.filter)]:
+            return baselines[(fault.test, fault.filter)]
         status, count, output, reached = run(folder, binaries[fault.test], fault.filter, number)
         panic = re.search(r"panicked at [^\n]*\n([^\n]*)", output)
         if panic:
@@ -246,11 +250,12 @@ def main():
         return "NO SUCH TEST" if count == 0 and status == 0 else judged(fault, status, output, reached, not options.alone)
 
     try:
-        if not options.alone:
-            copy_tree(folder, all_planted([fault for fault in every if fault.applies]))
-            binaries = build(folder, tests)
-            if binaries is None:
-                sys.exit("the copy does not compile")
+        copy_tree(folder, {} if options.alone else all_planted([fault for fault in every if fault.applies]))
+        binaries = build(folder, tests)
+        if binaries is None:
+            sys.exit("the copy does not compile")
+        for fault in usable:
+            judge_baseline(fault, binaries)
         for fault in usable:
             if options.alone:
                 copy_tree(folder, one_planted(fault))

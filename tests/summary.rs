@@ -366,6 +366,10 @@ fn failures_are_found_where_statistics_alone_are_asked_for() {
         // Statistics are of the rotation.
         let count = statistics.lines().last().and_then(|row| row.split(',').nth(1)).expect("a count").parse::<f64>();
         assert_eq!(count, Ok(counted), "{reason}");
+        // The rotation of bodies whose centre is lost is good, and theirs alone is a sample's.
+        let summary = words(&desk.polhode(&["run", "study.toml", "--engine", "cpu", "--force"]).stdout);
+        let is_sample = summary.contains("of a sample of 10 bodies: states were not read\n");
+        assert_eq!(is_sample, reason == "centre_not_finite", "{summary}");
     }
 }
 

@@ -60,15 +60,16 @@ const EARLY: [f64; 2] = [1.0 / 64.0, 1.0 / 8.0];
 const SHARE: f64 = 0.1;
 /// Steps that it may always take, without torques: some 20 ms of one core.
 const FREE_STEPS: f64 = 3e5;
-/// Steps that it may take at the most, some seconds of one core, and of those one body, so that what would run for days is not planned for
-/// hours.
+/// Steps that it may take at the most, some seconds of one core, so that what would run for days is not planned for hours; and of those one
+/// body, some 16 times as many as where all take as many.
 const MOST_STEPS: f64 = 3e7;
-const MOST_OF_BODY: f64 = 3e6;
+const MOST_OF_BODY: f64 = 1e7;
 /// The same where the probe had to be cut short, as it shows little of what follows.
 const MOST_AFTER_CUT: f64 = 3e6;
 /// A reference that would take more than so many budgets is not found.
 const MOST_BUDGETS: f64 = 3.0;
-/// As many of what a reference may take the candidates may take together: where none meets the target, they would be refined without end.
+/// The reference and the candidates together may take so many times what the reference alone may: where none meets the target, they would be
+/// refined without end.
 const MOST_OF_CANDIDATES: f64 = 5.0;
 /// How often it steps its bodies, in steps of the length that the class will take.
 const PASSES: f64 = 6.0;
@@ -96,8 +97,10 @@ const NOMINAL_ANGLE: f64 = 10.0;
 const TABULATED_ANGLE: f64 = 50.0;
 /// A candidate that is this much dearer before its pilot is not tried.
 const HOPELESS: f64 = 1.5;
-/// Where a class takes less than this on one core, s, trying others costs more than they could save.
+/// Where a class takes less than this on one core, s, trying others costs more than they could save, unless they are foretold to save a
+/// good part ([`WORTH_TRYING`]).
 const NEGLIGIBLE: f64 = 0.02;
+const WORTH_TRYING: f64 = 0.5;
 
 /// What a pilot found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -144,13 +147,17 @@ pub(super) struct Pilot<'a> {
     pub difficulty: f64,
 }
 
-/// What a few bodies show in a short time.
+/// What a few bodies show in some time.
 #[derive(Clone, Copy, Debug)]
 struct Probe {
     /// Steps of a body over the whole span.
     steps: f64,
-    /// Bodies that did not come to the end of the short time.
+    /// As [`Pilot::difficulty`].
+    difficulty: f64,
+    /// Bodies that did not come to the end of that time.
     unfinished: usize,
+    /// Whether it is shorter than it was to be.
+    is_cut: bool,
 }
 
 impl Found {
@@ -190,25 +197,26 @@ impl<'a> Pilot<'a> {
         }
         // A short time shows how many steps there will be, and the whole of it what they err by.
         let fastest = self.bodies.iter().map(|(_, look)| look.rate).fold(0.0, f64::max);
-        let mut steps = self.short_probe(self.span.min(PROBED_ANGLE / fastest))?;
+        let mut probe = self.short_probe(self.span.min(PROBED_ANGLE / fastest))?;
+        self.is_cut = probe.is_cut;
         // What a probe that was cut short shows may be over soon.
-        if steps > MOST_STEPS_OF_RUN && !self.is_cut {
+        if probe.steps > MOST_STEPS_OF_RUN && !self.is_cut {
             return Err(Error::Setting { field: "time.end", value: self.span, expected: TOO_MANY_STEPS });
         }
         let free = FREE_STEPS / (1 + self.torques.len()) as f64;
         let all = self.all as f64;
         let most = if self.is_cut { MOST_AFTER_CUT } else { MOST_STEPS };
         let part = |steps: f64| (SHARE * steps * all).max(free).min(most) / PASSES / steps;
-        if part(steps) > (4 * LEAST_BODIES) as f64 {
-            self.most_of_body = (UNEXPECTED * steps).clamp(PROBED_STEPS, MOST_OF_BODY);
-            let difficulty = self.difficulty;
-            let probe = self.probe(self.span)?;
-            if probe.unfinished == 0 {
-                steps = probe.steps;
-            } else {
-                self.difficulty = difficulty;
+        self.difficulty = probe.difficulty;
+        if part(probe.steps) > (4 * LEAST_BODIES) as f64 {
+            self.most_of_body = (UNEXPECTED * probe.steps).clamp(PROBED_STEPS, MOST_OF_BODY);
+            let whole = self.probe(self.span)?;
+            if whole.unfinished == 0 {
+                probe = whole;
             }
         }
+        let steps = probe.steps;
+        self.difficulty = probe.difficulty;
         let count = (part(steps) as usize).clamp(LEAST_BODIES, self.enough().max(LEAST_BODIES));
         self = self.of(class, count, look);
         let shorter = (part(steps) / self.bodies.len() as f64).min(1.0);
@@ -253,34 +261,30 @@ impl<'a> Pilot<'a> {
         Ok(None)
     }
 
-    /// The steps that a probe over `span` s finds, or one over as much less as bodies come to the end of.
-    fn short_probe(&mut self, span: f64) -> Result<f64> {
-        let difficulty = self.difficulty;
-        let mut best: Option<(Probe, f64, bool)> = None;
-        for shorter in 0..=SHORTER_PROBES {
-            self.difficulty = difficulty;
-            let probe = self.probe(span * SHORTER_PROBE.powi(shorter as i32))?;
-            if best.is_none_or(|(best, ..)| probe.unfinished < best.unfinished) {
-                best = Some((probe, self.difficulty, shorter > 0));
-            }
-            if probe.unfinished == 0 {
+    /// A probe over `span` s, or over as much less as bodies come to the end of.
+    fn short_probe(&self, span: f64) -> Result<Probe> {
+        let mut best = self.probe(span)?;
+        for shorter in 1..=SHORTER_PROBES {
+            if best.unfinished == 0 {
                 break;
             }
+            let probe = self.probe(span * SHORTER_PROBE.powi(shorter as i32))?;
+            if probe.unfinished < best.unfinished {
+                best = Probe { is_cut: true, ..probe };
+            }
         }
-        let Some((probe, difficulty, is_cut)) = best else { return Ok(1.0) };
-        (self.difficulty, self.is_cut) = (difficulty, is_cut);
-        Ok(probe.steps)
+        Ok(best)
     }
 
     /// Finds how much a few bodies err over `span` s, and the steps of a body over the whole span that are needed then.
-    fn probe(&mut self, span: f64) -> Result<Probe> {
+    fn probe(&self, span: f64) -> Result<Probe> {
         let count = self.bodies.len() as f64;
         if !self.allows(Scheme::ADAPTIVE_RK8) {
             let cost = Cost::shipped(Scheme::Equal(Method::Rk8));
             let rule = self.rule(cost, Some(Precision::F64));
             let step = self.step_seconds(&rule, cost, Precision::F64);
             let steps = (self.seconds(&rule, cost, None) / step / count).max(1.0);
-            return Ok(Probe { steps, unfinished: 0 });
+            return Ok(Probe { steps, difficulty: self.difficulty, unfinished: 0, is_cut: false });
         }
         let probe = Self { bodies: self.bodies.clone(), span, ..*self };
         let rule = probe.rule(Cost::shipped(Scheme::ADAPTIVE_RK8), Some(Precision::F64)).with_room();
@@ -288,10 +292,10 @@ impl<'a> Pilot<'a> {
         let part = probe.errors(&coarse.states, &fine.states).standing(self.accuracy, self.all).part;
         // The rule expects an error that grows with the angle.
         let harder = (part * self.span / span).clamp(1.0, MOST_DIFFICULTY);
-        self.difficulty = (self.difficulty * harder).min(MOST_DIFFICULTY);
+        let difficulty = (self.difficulty * harder).min(MOST_DIFFICULTY);
         let needed = harder.powf(f64::from(rule.scheme.method().order()).recip());
         let steps = (coarse.steps.map_or(0.0, |steps| steps.total as f64) / count * needed).max(1.0);
-        Ok(Probe { steps, unfinished: coarse.unfinished() })
+        Ok(Probe { steps, difficulty, unfinished: coarse.unfinished(), is_cut: false })
     }
 
     /// The time, s, that a reference may take.
@@ -329,7 +333,7 @@ impl<'a> Pilot<'a> {
         let (mut cheapest, mut narrow_misses) = (f64::INFINITY, false);
         let class = self.all as f64 / self.bodies.len() as f64 * (self.scene.end() / self.span);
         for (start, cost, expected) in self.in_order(reference) {
-            if class * cheapest < NEGLIGIBLE {
+            if class * cheapest < NEGLIGIBLE && expected > WORTH_TRYING * cheapest {
                 break;
             }
             // What rounding in f32 spoils it spoils for every method.

@@ -505,7 +505,10 @@ fn out_of_reach(found: &Found, target: &Accuracy, has_f64: bool, draws: bool) ->
         (false, _) if found.worst != Target::Attitude && found.part * target.of(found.worst) >= SATURATED => {
             "it is next to nothing at the end, or no steps follow it: another span is needed, or a larger error"
         }
-        (false, _) => "rounding in f64 is in the way: a shorter span is needed, or a larger error",
+        (false, _) => {
+            "rounding in f64 is in the way, or finer steps would take more than planning may: a shorter span is needed, or a larger \
+             error"
+        }
     };
     Error::AccuracyOutOfReach {
         target: Box::new(*target),

@@ -80,8 +80,8 @@
 //!   `spin_rate_max`, `spin_rate_min_body` and `spin_rate_max_body`; `statistics.npz` an array of shape `[outputs]` for each.
 //!   With `final = false` and no snapshots, statistics alone leave the device.
 //! * Tables of states end in a column `status`: 0, or the number of the reason why the body has failed, and then its numbers are NaN
-//!   (of [`Status::CentreNotFinite`] only position and velocity, as long as the rotation is good): 1 `not_converged`, 2 `step_too_long`, 3 `step_below_limit`, 4
-//!   `not_finite`, 5 `centre_not_finite` ([`Status`]). Where bodies have failed, `failed.csv` (or `.npz`) has a row for each: `body`, `t`
+//!   (of [`Status::CentreNotFinite`] only position and velocity, as long as the rotation is good): 1 `not_converged`,
+//!   2 `step_too_long`, 3 `step_below_limit`, 4 `not_finite`, 5 `centre_not_finite` ([`Status`]). Where bodies have failed, `failed.csv` (or `.npz`) has a row for each: `body`, `t`
 //!   of the output at which it was seen, `status`, `reason` (its word), and the last good state that was read, `last_good_t` (0 is the
 //!   start), `qx qy qz qw wx wy wz`. Where only statistics leave the device, failures are looked for at the end.
 //!   `[failures] allow = 3` lets as many bodies fail before the exit status is 1.

@@ -31,6 +31,8 @@ pub enum Onset {
 const HALVINGS: u32 = 8;
 /// The least part of its bound that a difference must be to be no rounding.
 const CLEAR: f64 = 8.0;
+/// How far from a whole number a power may lie: roundings are up to an eighth of a difference, and the next power is not all gone.
+const WHOLE: f64 = 0.35;
 
 impl Onset {
     /// In words; empty where it was not found.
@@ -44,7 +46,7 @@ impl Onset {
                 format!("it falls as the step: the slope of the {}, or the weights of the stages", field.name())
             }
             Onset::Stage(field, power) => format!(
-                "it falls as the step to the power {power}: the slope of the {}, right at the start, at a later stage",
+                "it falls as the step to the power {power}: the slopes of the {} agree at the start of the step, and part later in it",
                 field.name()
             ),
             Onset::Controller => {
@@ -79,9 +81,13 @@ pub(super) fn onset(first: u32, compared: &mut dyn FnMut(f64) -> Result<Comparis
         }
         sizes += 1;
     }
-    // Of the shortest steps, in which the higher powers are the least.
+    // Of the shortest steps, in which the higher powers are the least. White noise goes by the root of the step: what is no whole power
+    // says nothing.
     let power = |differences: &[f64]| match differences {
-        [.., longer, shorter] if longer.is_finite() => Some((longer / shorter).log2().round().max(0.0) as u32),
+        [.., longer, shorter] if longer.is_finite() => {
+            let power = (longer / shorter).log2();
+            ((power - power.round()).abs() < WHOLE).then_some(power.round().max(0.0) as u32)
+        }
         _ => None,
     };
     let powers = fields.iter().zip(&differences).filter_map(|(&field, found)| Some((power(found)?, field)));

@@ -7,7 +7,8 @@ use polhode::engine::{Backend, unobserved};
 use polhode::method::Status;
 use polhode::{Ensemble, Method};
 
-use super::{MEANINGLESS, Prepared, common, difference, prepared, unit};
+use super::support::stepped::{Tally, unit};
+use super::{MEANINGLESS, Prepared, common, difference, prepared};
 
 /// Adaptive steps against all cases.
 fn check_adaptive(engine: &dyn Backend, precision: Precision, tolerance: f64) {
@@ -27,8 +28,7 @@ pub fn check<'a>(
 ) {
     let unit = unit(precision);
     let steps = AdaptiveSteps { tolerance, least_step: None };
-    let mut failures = Vec::new();
-    let (mut checked, mut largest) = (0, 0.0_f64);
+    let mut tally = Tally::default();
     for prepared in cases {
         let (case, rate) = (&prepared.case, prepared.rate);
         let ensemble = Ensemble::from_fn(1, |_| prepared.row()).expect("golden bodies are valid");
@@ -56,22 +56,15 @@ pub fn check<'a>(
             if bound > MEANINGLESS {
                 continue;
             }
-            checked += 1;
             let reached = frames[0].body_state(words.combined(0));
             let reached = (reached.orientation, reached.angular_velocity_body);
             let error = difference(reached, (state.orientation, state.angular_velocity_body), rate);
-            largest = largest.max(error / bound);
-            if error.is_nan() || error > bound {
-                failures.push(format!(
-                    "{} at t = {}: error {error:.2e}, bound {bound:.2e} ({counts:?}, conditioning {:?})",
-                    case.name, state.time, prepared.conditioning[index]
-                ));
-            }
+            tally.push(case, state.time, error, bound, || {
+                format!("{counts:?}, conditioning {:?}", prepared.conditioning[index])
+            });
         }
     }
-    println!("{method} in {precision} at {tolerance:e}: {checked} golden states, at most {largest:.3} of the bound");
-    assert!(checked >= least, "only {checked} golden states were compared");
-    assert!(failures.is_empty(), "{} of {checked} states:\n{}", failures.len(), failures.join("\n"));
+    tally.finish(&format!("{method} in {precision} at {tolerance:e}"), least);
 }
 
 /// Golden states that can be followed in `f32` with a tolerance of 1e-6, and so in either precision.

@@ -1,20 +1,21 @@
 //! Equal steps of `rk4`.
 
+use polhode::Method;
 use polhode::batch::Precision;
 use polhode::engine::Backend;
 use polhode::engine::cpu::{Cpu, Width};
 
-use super::{MEANINGLESS, common, difference, prepared, stepped, unit};
+use super::support::stepped::{Tally, stepped, unit};
+use super::{MEANINGLESS, common, difference, prepared};
 
 /// Steps every case. Truncation is estimated from the same run at twice the step (Richardson: the error is the difference over 2⁴ − 1;
 /// doubled for its own error), rounding of the state as in `golden.rs`.
 fn check(engine: &dyn Backend, precision: Precision) {
     let unit = unit(precision);
-    let mut failures = Vec::new();
-    let mut checked = 0;
+    let mut tally = Tally::default();
     for prepared in prepared() {
         let (case, rate, dt) = (&prepared.case, prepared.rate, prepared.dt);
-        let tested = stepped(engine, &prepared.torques, &[prepared.row()], &case.times(), dt, precision);
+        let tested = stepped(engine, (Method::Rk4, precision), &prepared.torques, &[prepared.row()], &case.times(), dt);
         for (index, state) in case.states.iter().enumerate() {
             let rounding = match precision {
                 Precision::F32 => unit * (4.0 + rate * state.time),
@@ -25,20 +26,14 @@ fn check(engine: &dyn Backend, precision: Precision) {
             if noise > MEANINGLESS {
                 continue;
             }
-            checked += 1;
-            let bound = truncation + noise;
             let error = difference(tested[index][0], (state.orientation, state.angular_velocity_body), rate);
-            if error.is_nan() || error > bound {
-                failures.push(format!(
-                    "{} at t = {}: error {error:.2e}, bound {bound:.2e} (truncation {truncation:.1e}, conditioning {:?} to the state and the torque)",
-                    case.name, state.time, prepared.conditioning[index]
-                ));
-            }
+            tally.push(case, state.time, error, truncation + noise, || {
+                let conditioning = prepared.conditioning[index];
+                format!("truncation {truncation:.1e}, conditioning {conditioning:?} to the state and the torque")
+            });
         }
     }
-    println!("{checked} golden states");
-    assert!(checked >= LEAST_CHECKED, "only {checked} golden states were compared");
-    assert!(failures.is_empty(), "{} of {checked} states:\n{}", failures.len(), failures.join("\n"));
+    tally.finish(&format!("rk4 in {precision}"), LEAST_CHECKED);
 }
 
 /// Golden states that can be followed in `f32`, and so in either precision.

@@ -19,9 +19,10 @@ use glam::{DMat3, DQuat, DVec3};
 use polhode::batch::Precision;
 use polhode::engine::Backend;
 use polhode::engine::cpu::{Cpu, Width};
-use polhode::{Ensemble, Method, Outputs, Plan, Scene, Torque};
+use polhode::{Method, Torque};
 use support::attitude_error;
 use support::golden::{self, Case, torques};
+use support::stepped::{larger, stepped, unit};
 
 /// Files of golden cases whose torques act on the rotation.
 const FILES: [&str; 6] =
@@ -38,48 +39,9 @@ const PERTURBATION: f64 = 1e-10;
 /// ones.
 const MEANINGLESS: f64 = 1e-2;
 
-/// A case's states at `times` by `rk4`, for several bodies beside each other.
-fn stepped(
-    engine: &dyn Backend,
-    torques: &[Torque],
-    rows: &[(DMat3, DQuat, DVec3)],
-    times: &[f64],
-    dt: f64,
-    precision: Precision,
-) -> Vec<Vec<(DQuat, DVec3)>> {
-    stepped_by(Method::Rk4, engine, torques, rows, times, dt, precision)
-}
-
-/// The same by another method.
-fn stepped_by(
-    method: Method,
-    engine: &dyn Backend,
-    torques: &[Torque],
-    rows: &[(DMat3, DQuat, DVec3)],
-    times: &[f64],
-    dt: f64,
-    precision: Precision,
-) -> Vec<Vec<(DQuat, DVec3)>> {
-    let ensemble = Ensemble::from_fn(rows.len(), |body| rows[body]).expect("golden bodies are valid");
-    let end = times[times.len() - 1];
-    let scene =
-        Scene::new(ensemble).until(end).outputs(Outputs::Times(times.to_vec())).pinned(method, dt, Some(precision));
-    let scene = torques.iter().fold(scene, |scene, torque| scene.torque(torque.clone()));
-    let plan = Plan::new(&scene, engine).expect("the plan is valid");
-    let record = polhode::run::run(engine, &plan).expect("the run succeeds");
-    assert_eq!(record.trust().failed_bodies, Vec::<usize>::new());
-    record
-        .snapshots()
-        .iter()
-        .map(|snapshot| {
-            (0..rows.len()).map(|body| (snapshot.orientation(body), snapshot.angular_velocity_body(body))).collect()
-        })
-        .collect()
-}
-
 /// The difference of two states: the greater of the attitude error and the velocity's error relative to `rate`.
 fn difference(a: (DQuat, DVec3), b: (DQuat, DVec3), rate: f64) -> f64 {
-    attitude_error(a.0, b.0).max((a.1 - b.1).length() / rate)
+    larger(attitude_error(a.0, b.0), (a.1 - b.1).length() / rate)
 }
 
 /// How strongly the states at `times` answer to relative changes of the initial state, and of the torques.
@@ -91,7 +53,7 @@ fn conditioning(engine: &dyn Backend, case: &Case, times: &[f64], dt: f64, rate:
         rows.push((case.inertia, q * DQuat::from_scaled_axis(axis * PERTURBATION), omega));
     }
     let model = &case.record["model"];
-    let run = |torques: &[Torque], rows: &[_]| stepped(engine, torques, rows, times, dt, Precision::F64);
+    let run = |torques: &[Torque], rows: &[_]| stepped(engine, (Method::Rk4, Precision::F64), torques, rows, times, dt);
     let states = run(&torques(model, 1.0), &rows);
     let stronger = run(&torques(model, 1.0 + PERTURBATION), &rows[..1]);
     let mut largest = (1.0_f64, 0.0_f64);
@@ -132,7 +94,7 @@ fn prepare(case: Case) -> Prepared {
     let rows = [(case.inertia, case.orientation, case.angular_velocity_body)];
     let torques = torques(&case.record["model"], 1.0);
     let dt = ANGLE_OF_A_STEP / rate.max(1.0);
-    let run = |dt: f64| stepped(&reference, &torques, &rows, &times, dt, Precision::F64);
+    let run = |dt: f64| stepped(&reference, (Method::Rk4, Precision::F64), &torques, &rows, &times, dt);
     let truncation = run(dt)
         .iter()
         .zip(run(2.0 * dt))
@@ -151,13 +113,5 @@ impl Prepared {
     fn noise(&self, index: usize, rounding: f64, precision: Precision) -> f64 {
         let (to_state, to_torque) = self.conditioning[index];
         to_state * rounding + to_torque * 4.0 * unit(precision)
-    }
-}
-
-/// The unit roundoff.
-fn unit(precision: Precision) -> f64 {
-    match precision {
-        Precision::F32 => 2.0_f64.powi(-24),
-        Precision::F64 => 2.0_f64.powi(-53),
     }
 }

@@ -6,6 +6,7 @@ use glam::{DMat3, DQuat, DVec3};
 pub mod double_double;
 pub mod environment;
 pub mod golden;
+pub mod stepped;
 
 /// The angle of the rotation between two orientations, rad, in [0, π]; both are unit quaternions.
 pub fn attitude_error(a: DQuat, b: DQuat) -> f64 {
@@ -22,4 +23,12 @@ pub fn relative_error(a: DVec3, b: DVec3) -> f64 {
 /// The matrix with these rows.
 pub fn from_rows(rows: [[f64; 3]; 3]) -> DMat3 {
     DMat3::from_cols_array_2d(&rows).transpose()
+}
+
+/// The observed order from steps and errors: the slope of log₂ error over log₂ dt by least squares.
+pub fn fitted_order(errors: &[(f64, f64)]) -> f64 {
+    let count = errors.len() as f64;
+    let mean = |f: &dyn Fn(&(f64, f64)) -> f64| errors.iter().map(f).sum::<f64>() / count;
+    let (x, y) = (mean(&|p| p.0.log2()), mean(&|p| p.1.log2()));
+    mean(&|p| (p.0.log2() - x) * (p.1.log2() - y)) / mean(&|p| (p.0.log2() - x).powi(2))
 }

@@ -1,7 +1,7 @@
 //! The grid: methods, torques, precisions, engines.
 
 use polhode::batch::Precision;
-use polhode::engine::Engine;
+use polhode::engine::{Engine, EngineKind};
 use polhode::torque::variable_inertia::{InertiaChange, Law};
 use polhode::{Method, Scene, Torque};
 
@@ -110,15 +110,19 @@ fn agrees_under_every_torque(engine: &Engine, method: Method) {
             let what = format!("{method} in {precision}, {name}");
             let scene = grid_scene(&torques, GRID_BODIES, method, precision);
             let report = agreed(engine, &scene, &steps(GRID_STEPS), &what);
-            let allowed = MEASURED_TIMES * measured(method, precision);
-            assert!(report.largest_part() <= allowed, "{what}: more than {allowed} of the bound: {report}");
+            // Adapters that round otherwise than those that were measured have the derived bounds alone.
+            if engine.description().kind == EngineKind::Cpu || common::rounds_like_scalar_twin(engine, precision) {
+                let allowed = MEASURED_TIMES * measured(method, precision);
+                assert!(report.largest_part() <= allowed, "{what}: more than {allowed} of the bound: {report}");
+            }
         }
     }
 }
 
-/// A test of each method, so that they run side by side.
+/// A test of each method, so that they run side by side. On the CPU engine the twin itself steps the last ones, with which there is nothing
+/// to compare.
 macro_rules! grid {
-    ($($name:ident: $method:ident,)*) => {
+    ($($name:ident: $method:ident,)*; $($scalar:ident: $own:ident,)*) => {
         mod in_lanes_under_every_torque {
             use super::*;
             $(#[test]
@@ -133,11 +137,15 @@ macro_rules! grid {
             fn $name() {
                 agrees_under_every_torque(&common::gpu(), Method::$method);
             })*
+            $(#[test]
+            fn $scalar() {
+                agrees_under_every_torque(&common::gpu(), Method::$own);
+            })*
         }
 
         #[test]
         fn every_method_has_its_place_in_the_grid() {
-            assert_eq!([$(Method::$method),*], Method::ALL);
+            assert_eq!([$(Method::$method,)* $(Method::$own,)*], Method::ALL);
         }
     };
 }
@@ -151,6 +159,7 @@ grid! {
     splitting6: Splitting6,
     implicit_midpoint: ImplicitMidpoint,
     dlm: Dlm,
+    ;
     explicit_euler: ExplicitEuler,
     gyro_newton: GyroNewton,
     clamped_euler: ClampedEuler,

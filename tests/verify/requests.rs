@@ -96,7 +96,7 @@ fn the_report_reads_well() {
         THEY PART at step 1 (t = 0e0 s), body 3: angular momentum z
           # expected: # apart, # allowed
           it comes from torque 2 (sinusoidal), which parts alone
-          it falls as the step to the power 2: the slope of the angular momentum, right at the start, at a later stage
+          it falls as the step to the power 2: the slopes of the angular momentum agree at the start of the step, and part later in it
 
     not compared: what a run's report says of it: drift, balance, error estimate
     verdict: THEY DO NOT AGREE

@@ -161,9 +161,10 @@ with body, t of the output at which it was seen, status, reason, and the last go
 last_good_t (0 is the start) qx qy qz qw wx wy wz; statistics.csv with t, count and of each quantity
 mean, standard_deviation, min, max, min_body, max_body at all output times; plan.json, which --plan takes; report.json with
 engine, plan, wall times, drift of what bodies conserve, what torques did, and errors of a recomputed sample, of
-position (m) and velocity (m/s) too where bodies translate. The folder appears, or replaces the former one, when all files are complete and on the disk; Ctrl-C leaves nothing. With --force, files that
-are not of a run stay. One run at a time may write to a folder. What a killed run leaves beside it
-(.NAME.polhode-*) is removed by the next one.";
+position (m) and velocity (m/s) too where bodies translate. The folder appears, or replaces the former one,
+when all files are complete and on the disk; Ctrl-C leaves nothing. With --force, files that are not of a run
+stay. One run at a time may write to a folder. What a killed run leaves beside it (.NAME.polhode-*) is removed
+by the next one.";
 
 /// What `polhode run --help` adds to the options.
 fn run_help() -> String {

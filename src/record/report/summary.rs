@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::{AccuracyReport, AdaptiveReport, DriftReport, FailureReport, QuantilesReport, Report};
-use crate::plan::listed;
+use crate::plan::{SkipName, listed};
 
 /// The nearest-rank 99th percentile of fewer values is their maximum.
 const LEAST_FOR_P99: usize = 100;
@@ -49,7 +49,9 @@ impl fmt::Display for Report {
         match self.failed_bodies.first() {
             None => write!(formatter, "  failed   none"),
             Some(first) => {
-                write!(formatter, "  failed   {} bodies, the first is body {first}", self.failed_bodies.len())?;
+                let (count, bodies) =
+                    (self.failed_bodies.len(), if self.failed_bodies.len() == 1 { "body" } else { "bodies" });
+                write!(formatter, "  failed   {count} {bodies}, the first is body {first}")?;
                 self.failures.iter().try_for_each(|FailureReport { reason, meaning, bodies, .. }| {
                     write!(formatter, "\n           {bodies} {reason}: {meaning}")
                 })
@@ -95,7 +97,7 @@ impl Report {
             writeln!(formatter)?;
             word = "";
         }
-        if bodies + self.failed_bodies.len() < self.bodies {
+        if *bodies > 0 && self.plan.skips.iter().any(|skip| skip.name == SkipName::States.name()) {
             writeln!(formatter, "           of a sample of {bodies} bodies: states were not read")?;
         }
         if let Some(balance) = &self.balance {

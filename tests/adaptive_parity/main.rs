@@ -1,19 +1,19 @@
 //! Adaptive steps of the shaders against their twin: sums in two words, one attempt, then whole runs; cuts; refusals.
 
+#[path = "../common/mod.rs"]
 mod common;
+mod runs;
 
 use common::asymmetric_ensemble;
-use common::compare::{Field, compare_rows, first_bit_difference};
-use common::kernel::{Harness, open_device};
+use common::compare::{Field, compare_rows};
+use common::kernel::Harness;
 use common::random::Random;
-use common::torques::{every_torque, middle_moments};
 use glam::DVec3;
-use polhode::batch::{Precision, StateWords, prepare_with};
+use polhode::Torque;
+use polhode::batch::{Precision, prepare_with};
 use polhode::clock::Clock;
-use polhode::engine::adaptive::{AdaptiveSteps, StepCounts};
+use polhode::engine::gpu::Patch;
 use polhode::engine::gpu::shader::{Chunk, Source};
-use polhode::engine::gpu::{GpuOptions, Patch, wgpu};
-use polhode::engine::{Backend, Engine, unobserved};
 use polhode::method::Status;
 use polhode::method::rk8_adaptive::{Controller, Limits, attempt};
 use polhode::quaternion::Quaternion;
@@ -21,7 +21,7 @@ use polhode::real::Scalar;
 use polhode::rigid_body::{Body, State};
 use polhode::torque::{Free, TorqueTable};
 use polhode::vector::{TwoWords, Vector, two_difference};
-use polhode::{Ensemble, Error, Outputs, Plan, Scene, Torque};
+use runs::SEED;
 
 /// Rows of a table: not a multiple of the workgroup size.
 const ROWS: usize = 331;
@@ -417,214 +417,4 @@ fn planted_faults_in_an_attempt_are_found() {
         let passed = [compare_attempts::<f32>(faults, 0), compare_attempts::<f64>(faults, 0)].iter().all(Result::is_ok);
         assert!(!passed, "{fault:?} passed");
     }
-}
-
-const SEED: u64 = 5;
-const SPAN: f64 = 6.0;
-/// Bodies: five workgroups and a part of one.
-const COUNT: usize = 64 * 5 + 7;
-
-/// No torque; every kind that has a meaning between equal steps, but the logarithmic spring's, which jumps at half a turn: a
-/// body next to it goes to one side or the other by rounding.
-fn torque_sets() -> [Vec<Torque>; 2] {
-    let mut all = every_torque(&middle_moments(COUNT, SEED));
-    all.retain(|torque| !torque.is_random() && torque.name() != "log-spring");
-    [Vec::new(), all]
-}
-
-/// States and counts after [`SPAN`], by way of another time.
-fn advanced(
-    engine: &Engine,
-    torques: &[Torque],
-    precision: Precision,
-    tolerance: f64,
-) -> (StateWords, Vec<StepCounts>) {
-    advanced_from(&asymmetric_ensemble(COUNT, SEED), engine, torques, precision, tolerance)
-}
-
-/// The same from other initial states.
-fn advanced_from(
-    ensemble: &Ensemble,
-    engine: &Engine,
-    torques: &[Torque],
-    precision: Precision,
-    tolerance: f64,
-) -> (StateWords, Vec<StepCounts>) {
-    let (_, batch) = prepare_with(ensemble, torques, SPAN, precision).expect("enough memory");
-    let steps = AdaptiveSteps { tolerance, least_step: None };
-    let mut session = engine.start_adaptive(batch, steps).expect("started");
-    for time in [1.1, SPAN] {
-        session.advance_to(time, &mut unobserved).expect("advanced");
-    }
-    (session.read(0..COUNT).expect("read"), session.counts().expect("counted"))
-}
-
-/// Roundings of an attempt in f64, in ulps: of free bodies that turn by up to 5/2 rad in it.
-const FREE_ULPS: f64 = STATE_ULPS[0] + 2.5 * INCREMENT_ULPS;
-/// A torque adds its own, 16 ulps in `torque_parity.rs`, and that of its sum with the others to the increments, weighted as the slopes are;
-/// all torques together are about as large as the slope.
-const TORQUE_ULPS: f64 = 17.0 * 13.0;
-
-/// By how much a difference grows until the end, for each body: what becomes of another start, a part of 1e-9 away.
-fn growth(torques: &[Torque], tolerance: f64) -> Vec<f64> {
-    const PART: f64 = 1e-9;
-    let (twin, precision) = (Engine::cpu_scalar(), Precision::F64);
-    let ensemble = asymmetric_ensemble(COUNT, SEED);
-    let faster: Vec<DVec3> = ensemble.angular_velocity_body().iter().map(|omega| *omega * (1.0 + PART)).collect();
-    let other = Ensemble::from_columns(ensemble.inertia(), ensemble.orientation(), &faster).expect("valid bodies");
-    let (before, _) = advanced_from(&ensemble, &twin, torques, precision, tolerance);
-    let (after, _) = advanced_from(&other, &twin, torques, precision, tolerance);
-    let of_body = |body: usize| {
-        let differences = before.combined(body).into_iter().zip(after.combined(body)).map(|(a, b)| (a - b).abs());
-        (differences.fold(0.0, f64::max) / PART).max(1.0)
-    };
-    (0..COUNT).map(of_body).collect()
-}
-
-/// In `f32`, rounding of torques is a part of the estimate, so that decisions fall either way, a body may take half as many
-/// steps again, and both are right to the tolerance only: steps are off by up to
-/// √7 of it in seven components ([`polhode::method::rk8_adaptive`]).
-///
-/// The largest part of it that lavapipe came to is 0.16, in `f64` at 1e-6 under all torques.
-fn bound(precision: Precision, torques: usize, tolerance: f64) -> f64 {
-    match precision {
-        Precision::F32 => 2.0 * 7.0_f64.sqrt() * tolerance,
-        Precision::F64 => f64::EPSILON * (FREE_ULPS + if torques > 0 { TORQUE_ULPS } else { 0.0 }),
-    }
-}
-
-#[test]
-fn whole_runs_agree_with_the_twin() {
-    let gpu = common::gpu();
-    for torques in torque_sets() {
-        for (precision, tolerance) in [(Precision::F64, 1e-6), (Precision::F64, 1e-11), (Precision::F32, 1e-5)] {
-            let (expected, expected_counts) = advanced(&Engine::cpu_scalar(), &torques, precision, tolerance);
-            let (found, counts) = advanced(&gpu, &torques, precision, tolerance);
-            let what = format!("{} torques, {precision} at {tolerance:e}", torques.len());
-            let growth = growth(&torques, tolerance);
-            let (mut largest, mut of_bound, mut other, mut most) = (0.0_f64, 0.0_f64, 0, 0);
-            for body in 0..COUNT {
-                let attempts = expected_counts[body].attempts() as f64;
-                let bound = bound(precision, torques.len(), tolerance) * attempts * growth[body];
-                let (expected, found) = (expected.combined(body), found.combined(body));
-                for (component, (expected, found)) in expected.iter().zip(found).enumerate() {
-                    let difference = (expected - found).abs();
-                    assert!(
-                        difference <= bound,
-                        "{what}: body {body}, component {component}: {difference:e} of {bound:e}"
-                    );
-                    largest = largest.max(difference);
-                    of_bound = of_bound.max(difference / bound);
-                }
-                other += usize::from(counts[body] != expected_counts[body]);
-                let (attempts, expected) = (counts[body].attempts(), expected_counts[body].attempts());
-                most = most.max(attempts.abs_diff(expected));
-                assert!(2 * attempts.abs_diff(expected) <= expected, "{what}: body {body}: {attempts}, {expected}");
-            }
-            let total = |counts: &[StepCounts]| counts.iter().map(StepCounts::attempts).sum::<u64>();
-            let (found, expected) = (total(&counts), total(&expected_counts));
-            assert!(found.abs_diff(expected) <= expected / 50, "{what}: {found} attempts, {expected} expected");
-            println!(
-                "{what}: {largest:.1e}, {of_bound:.2} of its bound, counts of {other} bodies differ, by {most} at most"
-            );
-            // In f64 no decision of these bodies is within rounding, nor in f32 without torques, where no sine is formed.
-            if precision == Precision::F64 || torques.is_empty() {
-                assert_eq!(other, 0, "{what}");
-            }
-        }
-    }
-}
-
-#[test]
-fn results_and_counts_do_not_depend_on_cuts() {
-    let whole = common::gpu();
-    // Few kinds, as each engine compiles its own kernel; among them one whose phase is formed at each step's own start.
-    let moments = middle_moments(COUNT, SEED);
-    let sine: Vec<DVec3> = moments.iter().map(|i| DVec3::new(0.3, -0.2, 0.1) * *i).collect();
-    let drag: Vec<f64> = moments.iter().map(|i| 0.05 * i).collect();
-    let driven = vec![Torque::sinusoidal(sine, DVec3::ZERO, 1.75), Torque::linear_drag(drag)];
-    for torques in [Vec::new(), driven] {
-        for (precision, tolerance) in [(Precision::F64, 1e-9), (Precision::F32, 1e-5)] {
-            let (expected, counts) = advanced(&whole, &torques, precision, tolerance);
-            for (bodies, steps) in [(64, 1), (192, 7)] {
-                let engine = common::gpu_with(common::cut_options(bodies, steps));
-                let (found, own) = advanced(&engine, &torques, precision, tolerance);
-                let what = format!("{} torques, {precision}: {bodies} bodies, {steps} attempts", torques.len());
-                if let Some(difference) = first_bit_difference(&expected, &found) {
-                    panic!("{what}: {difference}");
-                }
-                assert_eq!(own, counts, "{what}");
-            }
-        }
-    }
-}
-
-#[test]
-fn finished_bodies_do_not_hold_their_workgroups() {
-    // One body in each workgroup turns a hundred times as fast as the others.
-    let fast = |body: usize| if body.is_multiple_of(64) { 100.0 } else { 1.0 };
-    let ensemble = polhode::Ensemble::from_fn(COUNT, |body| {
-        (DVec3::new(1.0, 2.0, 2.5), glam::DQuat::IDENTITY, DVec3::new(1.0, 0.4, 0.1) * fast(body))
-    })
-    .expect("valid bodies");
-    let imbalance = |steps| {
-        let engine = common::gpu_with(common::cut_options(1 << 16, steps));
-        let (_, batch) = prepare_with(&ensemble, &[], SPAN, Precision::F64).expect("enough memory");
-        let steps = AdaptiveSteps { tolerance: 1e-9, least_step: None };
-        let mut session = engine.start_adaptive(batch, steps).expect("started");
-        session.advance_to(SPAN, &mut unobserved).expect("advanced");
-        let counts = session.counts().expect("counted");
-        let attempts: Vec<u64> = counts.iter().map(StepCounts::attempts).collect();
-        let held = polhode::engine::work::imbalance(&attempts, session.side_by_side());
-        (session.imbalance().expect("measured"), held)
-    };
-    let (measured, held) = imbalance(8);
-    println!("imbalance {measured:.2}, {held:.2} if every workgroup waited for its last body");
-    assert!(held > 10.0 && (1.0..3.0).contains(&measured), "{measured}, {held}");
-}
-
-#[test]
-fn an_adapter_without_f64_takes_adaptive_steps_in_f32() {
-    let (device, queue) = open_device(wgpu::Features::empty());
-    let narrow = Engine::gpu_on(device, queue, GpuOptions::default()).expect("an engine");
-    assert_eq!(narrow.precisions(), [Precision::F32]);
-    let steps = |tolerance| AdaptiveSteps { tolerance, least_step: None };
-    let ensemble = asymmetric_ensemble(3, SEED);
-    let (_, batch) = prepare_with(&ensemble, &[], SPAN, Precision::F64).expect("enough memory");
-    assert!(matches!(narrow.start_adaptive(batch, steps(1e-9)), Err(Error::PrecisionUnavailable { .. })));
-    let scene = |tolerance| Scene::new(ensemble.clone()).until(SPAN).adaptive(steps(tolerance), None);
-    let message = Plan::new(&scene(1e-9), &narrow).expect_err("out of reach").to_string();
-    assert!(message.contains("1e-6 or more, or precision f64"), "{message}");
-    let scene = scene(1e-5);
-    let record = narrow.run(&Plan::new(&scene, &narrow).expect("planned")).expect("run");
-    assert_eq!(record.trust().precision, Precision::F32);
-    assert!(record.trust().adaptive.expect("adaptive").accepted.total > 0);
-}
-
-#[test]
-fn what_a_gpu_cannot_hold_is_refused() {
-    let engine = common::gpu_with(GpuOptions { memory: Some(1 << 20), ..common::any_adapter() });
-    let (_, batch) = prepare_with(&asymmetric_ensemble(3, SEED), &[], SPAN, Precision::F64).expect("enough memory");
-    let refusal = engine.start_adaptive(batch, AdaptiveSteps { tolerance: 1e-9, least_step: None }).err();
-    assert!(matches!(refusal, Some(Error::TooManyBodies { .. })), "{refusal:?}");
-}
-
-#[test]
-fn a_run_counts_what_it_reads_back() {
-    let engine = common::gpu();
-    let steps = AdaptiveSteps { tolerance: 1e-9, least_step: None };
-    let scene = Scene::new(asymmetric_ensemble(COUNT, SEED))
-        .until(SPAN)
-        .outputs(Outputs::Times(vec![2.0, SPAN]))
-        .adaptive(steps, Some(Precision::F64));
-    let record = engine.run(&Plan::new(&scene, &engine).expect("planned")).expect("run");
-    let trust = record.trust();
-    let work = trust.adaptive.expect("bodies took adaptive steps");
-    println!("{work}, {} bytes", trust.bytes_read);
-    assert_eq!(work.side_by_side, 64);
-    assert!((1.0..2.0).contains(&work.imbalance), "{work}");
-    // Two outputs of eight numbers, counts of four words, and an outcome of one word for each dispatch.
-    let least = (2 * 8 * size_of::<f64>() + 4 * size_of::<u32>() + 2 * size_of::<u32>()) * COUNT;
-    assert!(trust.bytes_read >= least as u64, "{} bytes, at least {least}", trust.bytes_read);
-    assert!(trust.shadow.attitude.max < 1e-6, "{}", trust.shadow);
 }
