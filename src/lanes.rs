@@ -32,6 +32,7 @@ static MOST_BYTES: AtomicUsize = AtomicUsize::new(usize::MAX);
 static NARROWING: Mutex<()> = Mutex::new(());
 
 /// The instruction set in use.
+#[cfg(not(all(test, target_arch = "x86_64")))]
 #[inline]
 fn instructions() -> pulp::Arch {
     let widest = pulp::Arch::new();
@@ -40,6 +41,23 @@ fn instructions() -> pulp::Arch {
         return pulp::x86::V3::try_new().map_or(widest, pulp::Arch::V3);
     }
     widest
+}
+
+/// Does work that [`pulp`] compiles, with the instruction set in use.
+#[cfg(not(all(test, target_arch = "x86_64")))]
+#[inline]
+fn in_use<W: WithSimd>(work: W) -> W::Output {
+    instructions().dispatch(work)
+}
+
+/// The same in unit tests, which take AVX2 alone: every kernel for AVX-512 as well would take as long again to compile. Tests outside of
+/// the crate look at every width.
+#[cfg(all(test, target_arch = "x86_64"))]
+fn in_use<W: WithSimd>(work: W) -> W::Output {
+    match pulp::x86::V3::try_new() {
+        Some(avx2) => Simd::vectorize(avx2, work),
+        None => Simd::vectorize(pulp::Scalar::new(), work),
+    }
 }
 
 /// Bytes of the vectors of each instruction set with lanes that this processor has, the widest first.
@@ -346,7 +364,7 @@ impl<K: LaneTask<f32>> WithSimd for InF32Lanes<K> {
 }
 impl LaneScalar for f32 {
     fn dispatch<K: LaneTask<f32>>(task: K) -> K::Output {
-        instructions().dispatch(InF32Lanes(task))
+        in_use(InF32Lanes(task))
     }
 }
 
@@ -363,7 +381,7 @@ impl<K: LaneTask<f64>> WithSimd for InF64Lanes<K> {
 }
 impl LaneScalar for f64 {
     fn dispatch<K: LaneTask<f64>>(task: K) -> K::Output {
-        instructions().dispatch(InF64Lanes(task))
+        in_use(InF64Lanes(task))
     }
 }
 
@@ -391,6 +409,11 @@ mod tests {
     fn any_finds_every_lane() {
         f32::dispatch(AnyFindsEveryLane);
         f64::dispatch(AnyFindsEveryLane);
+        #[cfg(target_arch = "x86_64")]
+        if let Some(avx512) = pulp::x86::V4::try_new() {
+            Simd::vectorize(avx512, InF32Lanes(AnyFindsEveryLane));
+            Simd::vectorize(avx512, InF64Lanes(AnyFindsEveryLane));
+        }
         InF32Lanes(AnyFindsEveryLane).with_simd(pulp::Scalar::new());
         InF64Lanes(AnyFindsEveryLane).with_simd(pulp::Scalar::new());
     }

@@ -155,6 +155,26 @@ fn a_stuck_thruster_pushes_a_tumbling_stage_less_than_a_steady_one() {
     }
 }
 
+#[test]
+fn curveballs_fall_by_as_much_more_as_their_topspin_pushes_them_down() {
+    let states = States::read(&run_example("curveball").path("out/snapshots.csv"));
+    let (bodies, time, g, lift_per_mass) = (100, 0.46_f64, 9.81, 9.6e-5 / 0.145);
+    let mut spins = (f64::INFINITY, 0.0_f64);
+    for body in 0..bodies {
+        let (first, last) = (body, states.rows() - bodies + body);
+        let spin = states.vector(["wx", "wy", "wz"], last);
+        spins = (spins.0.min(spin.y), spins.1.max(spin.y));
+        let end = states.vector(["x", "y", "z"], last);
+        // The drag takes a tenth of the speed on the way; what lift and weight add up to is nearly vertical.
+        let [start, slowed] = [first, last].map(|row| states.vector(["vx", "vy", "vz"], row).x);
+        let speed = 0.5 * (start + slowed);
+        assert!(slowed < 0.93 * start && slowed > 0.85 * start, "body {body}: {slowed} m/s");
+        let fall = 0.5 * time * time * (g + lift_per_mass * spin.y * speed);
+        assert!((1.8 - end.z - fall).abs() < 0.03 * fall, "body {body}: {} m, not {fall} m", 1.8 - end.z);
+    }
+    assert!(spins.1 - spins.0 > 50.0, "{spins:?}");
+}
+
 /// What the study asks for, relative, of energies and momenta with the angle; its mean over 2,000 bodies is closer.
 const RELAXING: f64 = 1e-3;
 

@@ -112,6 +112,15 @@ impl Symbols {
         }
     }
 
+    /// What a force may ask for: `attitude`, `angular_velocity` along the body's axes, `time`, and `position` and `velocity` of the centre of
+    /// mass along the world's.
+    pub fn translation() -> Self {
+        let mut symbols = Self::attitude();
+        symbols.names.push(Name::new("angular_velocity", Shape::Vector, InputKind::AngularVelocity, 0));
+        symbols.names.push(Name::new("time", Shape::Number, InputKind::Time, 0));
+        symbols.with_translation()
+    }
+
     /// Offers `position` and `velocity` of the centre of mass too, m and m/s along the world's axes.
     #[must_use]
     pub fn with_translation(mut self) -> Self {

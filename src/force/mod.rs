@@ -4,20 +4,23 @@
 //! on them. Under a constant force, uniform gravity and linear drag positions follow in closed form at output times
 //! ([`closed_form()`]). Under quadratic drag or a thrust fixed in the body they are stepped ([`stepped`]) along the
 //! rotation: in `f64` on the host, or, where thrust follows a rotation that a GPU steps, there and in its precision
-//! ([`carried`]).
+//! ([`carried`]). Under a force of the user's own ([`custom`]) they are stepped adaptively, on the host.
 
 use glam::{DQuat, DVec3};
 
 use crate::error::{Error, Result};
 use crate::torque::{Parameter, ValidationContext, Validity, Value};
 
+pub mod adaptive;
 pub mod carried;
 mod closed_form;
+pub mod custom;
 pub mod quadratic_drag;
 pub mod stepped;
 pub mod thrust;
 
 pub use closed_form::closed_form;
+pub use custom::CustomForce;
 
 /// A force of a scene on every body's centre of mass. Parameters are one for the scene or one a body. Several forces
 /// add up.
@@ -34,6 +37,8 @@ pub enum Force {
     QuadraticDrag(Parameter<f64>),
     /// Fixed in body axes, N; see [`thrust`].
     Thrust(Parameter<DVec3>),
+    /// As written, N, world axes; see [`custom`].
+    Custom(CustomForce),
 }
 
 impl Force {
@@ -70,6 +75,7 @@ impl Force {
             Force::LinearDrag(_) => "linear-drag",
             Force::QuadraticDrag(_) => "quadratic-drag",
             Force::Thrust(_) => "thrust",
+            Force::Custom(_) => "custom",
         }
     }
 
@@ -80,12 +86,21 @@ impl Force {
 
     /// Whether positions under it have a closed form.
     pub fn has_closed_form(&self) -> bool {
-        !matches!(self, Force::QuadraticDrag(_) | Force::Thrust(_)) || self.is_zero()
+        !matches!(self, Force::QuadraticDrag(_) | Force::Thrust(_) | Force::Custom(_)) || self.is_zero()
     }
 
-    /// Whether it turns with the body.
+    /// Whether it depends on how the body turns.
     pub fn needs_attitude(&self) -> bool {
-        matches!(self, Force::Thrust(_)) && !self.is_zero()
+        match self {
+            Force::Thrust(_) => !self.is_zero(),
+            Force::Custom(force) => force.needs_attitude(),
+            _ => false,
+        }
+    }
+
+    /// Whether it is a formula of the user's own.
+    pub fn is_custom(&self) -> bool {
+        matches!(self, Force::Custom(_))
     }
 
     /// Whether it is zero for all bodies, so that nothing has to move.
@@ -120,6 +135,7 @@ impl Force {
             Force::Gravity(acceleration) => vector("m/s²", acceleration),
             Force::LinearDrag(drag) => coefficient("N s/m", drag),
             Force::QuadraticDrag(drag) => coefficient("N s²/m²", drag),
+            Force::Custom(force) => force.validate(&context),
         }
         .map_err(named_force)
     }
@@ -152,7 +168,7 @@ impl Accelerations {
     }
 }
 
-/// The sum of all forces on one body of this mass.
+/// The sum of all forces on one body of this mass but for those that are [`Force::Custom`].
 pub fn accelerations(forces: &[Force], body: usize, mass: f64) -> Accelerations {
     let mut sum = Accelerations::default();
     for force in forces {
@@ -162,6 +178,7 @@ pub fn accelerations(forces: &[Force], body: usize, mass: f64) -> Accelerations 
             Force::LinearDrag(coefficient) => sum.linear_drag += coefficient.at(body) / mass,
             Force::QuadraticDrag(coefficient) => sum.quadratic_drag += coefficient.at(body) / mass,
             Force::Thrust(force) => sum.thrust_body += force.at(body) / mass,
+            Force::Custom(_) => {}
         }
     }
     sum

@@ -30,6 +30,8 @@ pub struct Centre {
     position_residue: DVec3,
     velocity: DVec3,
     velocity_residue: DVec3,
+    /// What adaptive steps ([`super::adaptive`]) take next, s; 0 before the first.
+    pub(super) next_step: f64,
 }
 
 /// Orientations (body to world) over a span of time, at fractions of it from 0 to 1.
@@ -39,6 +41,9 @@ pub trait Attitude {
 
     /// The greatest part of the span in which the body turns by no more than [`TURN`]; one where that is of no concern.
     fn longest(&self) -> f64;
+
+    /// The angular velocity at a fraction of the span, rad/s, body axes.
+    fn angular_velocity_at(&self, fraction: f64) -> DVec3;
 }
 
 /// The orientation does not matter.
@@ -51,6 +56,10 @@ impl Attitude for Irrelevant {
 
     fn longest(&self) -> f64 {
         1.0
+    }
+
+    fn angular_velocity_at(&self, _: f64) -> DVec3 {
+        DVec3::ZERO
     }
 }
 
@@ -74,6 +83,10 @@ impl Attitude for Free<'_> {
     fn longest(&self) -> f64 {
         TURN / (self.rate * self.span)
     }
+
+    fn angular_velocity_at(&self, fraction: f64) -> DVec3 {
+        self.motion.at(self.start + fraction * self.span).angular_velocity_body
+    }
 }
 
 /// The cubic between the states before and after one step of a rotation.
@@ -82,6 +95,7 @@ pub struct Between {
     start_rate: DQuat,
     end: DQuat,
     end_rate: DQuat,
+    span: f64,
 }
 
 impl Between {
@@ -91,7 +105,7 @@ impl Between {
         let rate = |q: DQuat, omega: DVec3| q.mul_quat(DQuat::from_xyzw(omega.x, omega.y, omega.z, 0.0)) * (0.5 * span);
         // Both signs are the same orientation; the nearer one is on the way.
         let end = if start.dot(end) < 0.0 { -end } else { end };
-        Self { start, start_rate: rate(start, start_omega), end, end_rate: rate(end, end_omega) }
+        Self { start, start_rate: rate(start, start_omega), end, end_rate: rate(end, end_omega), span }
     }
 }
 
@@ -106,12 +120,23 @@ impl Attitude for Between {
     fn longest(&self) -> f64 {
         1.0
     }
+
+    /// 2 q* dq/dt of the cubic.
+    fn angular_velocity_at(&self, s: f64) -> DVec3 {
+        let r = 1.0 - s;
+        let rise = 6.0 * s * r;
+        let rate = (self.end - self.start) * rise
+            + self.start_rate * (r * (r - 2.0 * s))
+            + self.end_rate * (s * (s - 2.0 * r));
+        let turning = self.at(s).conjugate().mul_quat(rate);
+        DVec3::new(turning.x, turning.y, turning.z) * (2.0 / self.span)
+    }
 }
 
 impl Centre {
     /// A centre of mass at a position (m) and velocity (m/s), world axes.
     pub fn new(position: DVec3, velocity: DVec3) -> Self {
-        Self { position, position_residue: DVec3::ZERO, velocity, velocity_residue: DVec3::ZERO }
+        Self { position, position_residue: DVec3::ZERO, velocity, velocity_residue: DVec3::ZERO, next_step: 0.0 }
     }
 
     /// Position, m, world axes.
@@ -162,8 +187,18 @@ impl Centre {
         let k3 = forces.at(middle, v + k2 * (0.5 * h));
         let k4 = forces.at(end, v + k3 * h);
         let path = v * h + (self.velocity_residue * h + (k1 + k2 + k3) * (h * h / 6.0));
+        self.accumulate(path, (k1 + (k2 + k3) * 2.0 + k4) * (h / 6.0));
+    }
+
+    /// Adds to position and velocity, in two words.
+    pub(super) fn accumulate(&mut self, path: DVec3, change: DVec3) {
         accumulate(&mut self.position, &mut self.position_residue, path);
-        accumulate(&mut self.velocity, &mut self.velocity_residue, (k1 + (k2 + k3) * 2.0 + k4) * (h / 6.0));
+        accumulate(&mut self.velocity, &mut self.velocity_residue, change);
+    }
+
+    /// Marks it as lost.
+    pub(super) fn give_up(&mut self) {
+        (self.position, self.velocity) = (DVec3::NAN, DVec3::NAN);
     }
 }
 

@@ -185,6 +185,10 @@ fn fingerprint(scene: &Scene) -> u64 {
                 folded.parameter(vector, |v| v.to_array());
             }
             Force::LinearDrag(number) | Force::QuadraticDrag(number) => folded.parameter(number, |x| [x]),
+            Force::Custom(custom) => {
+                let _ = write!(folded, "{:?}", custom.formula());
+                custom.values().iter().for_each(|value| folded.value(value));
+            }
         }
     }
     folded.0

@@ -97,10 +97,8 @@ const NOMINAL_ANGLE: f64 = 10.0;
 const TABULATED_ANGLE: f64 = 50.0;
 /// A candidate that is this much dearer before its pilot is not tried.
 const HOPELESS: f64 = 1.5;
-/// Where a class takes less than this on one core, s, trying others costs more than they could save, unless they are foretold to save a
-/// good part ([`WORTH_TRYING`]).
+/// Where a class takes less than this on one core, s, trying others costs more than they could save.
 const NEGLIGIBLE: f64 = 0.02;
-const WORTH_TRYING: f64 = 0.5;
 
 /// What a pilot found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -333,7 +331,7 @@ impl<'a> Pilot<'a> {
         let (mut cheapest, mut narrow_misses) = (f64::INFINITY, false);
         let class = self.all as f64 / self.bodies.len() as f64 * (self.scene.end() / self.span);
         for (start, cost, expected) in self.in_order(reference) {
-            if class * cheapest < NEGLIGIBLE && expected > WORTH_TRYING * cheapest {
+            if class * cheapest < NEGLIGIBLE {
                 break;
             }
             // What rounding in f32 spoils it spoils for every method.

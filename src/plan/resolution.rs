@@ -241,7 +241,7 @@ impl Resolution {
         }
         steps.check(precision)?;
         if scene.forces().iter().any(Force::needs_attitude) {
-            let expected = "thrust follows equal steps of the attitude: a method with a step dt is needed";
+            let expected = "a force that turns with the body follows equal steps of the attitude: a method with a step dt is needed";
             return Err(Error::Setting { field: "tolerance", value: steps.tolerance, expected });
         }
         for (index, torque) in scene.torques().iter().enumerate() {

@@ -6,9 +6,12 @@ use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
 use crate::batch::{BodyFrame, BodyState, initial_state};
-use crate::error::Result;
+use crate::engine::{Observer, Progress};
+use crate::error::{Error, Result};
+use crate::force::adaptive::TOLERANCE;
 use crate::force::carried::{Carried, MOST_PARTS};
-use crate::force::stepped::{Between, Centre, Free, Irrelevant};
+use crate::force::custom::{CustomForces, Place};
+use crate::force::stepped::{Attitude, Between, Centre, Free, Irrelevant, TURN};
 use crate::force::{Accelerations, Force, accelerations};
 use crate::free_motion::FreeMotion;
 use crate::inertia::principal_axes;
@@ -21,6 +24,8 @@ pub(crate) struct Flight<'p> {
     scene: &'p Scene,
     members: &'p Members,
     forces: Vec<Accelerations>,
+    /// Those of the user's own, which are not among them.
+    custom: CustomForces<'p>,
     centres: Vec<Centre>,
     /// The rotation at the time that the centres stand at, where a force needs it and the bodies are stepped.
     before: Vec<BodyState>,
@@ -44,6 +49,7 @@ impl<'p> Flight<'p> {
             scene,
             members,
             forces: bodies().map(|body| accelerations(scene.forces(), body, translation.mass[body])).collect(),
+            custom: CustomForces::new(scene.forces()),
             centres: bodies().map(|body| Centre::new(translation.position[body], translation.velocity[body])).collect(),
             before: if needs_attitude && follows {
                 bodies().map(|body| initial_state(scene.ensemble(), body)).collect()
@@ -65,8 +71,11 @@ impl<'p> Flight<'p> {
     }
 
     /// The centres of mass as an engine takes them along in steps of at most `longest_step` seconds, and the most steps of
-    /// theirs in one; `None` where that is more than an engine takes.
+    /// theirs in one; `None` where that is more than an engine takes, or a force is the user's own.
     pub fn carried(&self, frames: &[BodyFrame], longest_step: f64) -> Option<(Vec<Carried>, u32)> {
+        if !self.custom.is_empty() {
+            return None;
+        }
         let rows = self.forces.iter().zip(&self.centres).zip(frames);
         let carried: Vec<Carried> = rows
             .map(|((forces, centre), frame)| Carried {
@@ -79,35 +88,49 @@ impl<'p> Flight<'p> {
         (parts <= f64::from(MOST_PARTS)).then_some((carried, parts as u32))
     }
 
-    /// Moves on by a step of `dt` seconds of the rotation, which is `after` it.
-    pub fn follow(&mut self, after: Vec<BodyState>, dt: f64) {
-        let (scene, members) = (self.scene, self.members);
-        let (forces, before) = (&self.forces, &self.before);
+    /// Moves on by a step of `dt` seconds of the rotation, which is `after` it and begins
+    /// from `start`, s.
+    pub fn follow(&mut self, after: Vec<BodyState>, start: f64, dt: f64) {
+        let (scene, members, before) = (self.scene, self.members, &self.before);
+        let moving = Moving { forces: &self.forces, custom: &self.custom, scene, shorter: 1.0, start, span: dt };
         self.centres.par_iter_mut().enumerate().for_each(|(row, centre)| {
-            let turning = |state: &BodyState| turning(scene, members.body(row), state);
+            let body = members.body(row);
+            let turning = |state: &BodyState| turning(scene, body, state);
             let attitude = Between::new(turning(&before[row]), turning(&after[row]), dt);
-            centre.advance(&forces[row], &attitude, dt);
+            moving.advance(centre, (row, body), &attitude);
         });
         self.before = after;
     }
 
     /// Moves on by `span` seconds from `start`. Torque-free bodies turn as their closed form says.
-    pub fn advance(&mut self, start: f64, span: f64) {
-        let (scene, members, forces, shorter) = (self.scene, self.members, &self.forces, self.shorter);
-        self.centres.par_iter_mut().enumerate().for_each(|(row, centre)| {
-            let forces = &forces[row];
-            if forces.thrust_body == DVec3::ZERO {
-                centre.advance_in_steps_shorter_by(shorter, forces, &Irrelevant, span);
-                return;
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Interrupted`] where the observer breaks off; some bodies have then moved on, and others have not.
+    pub fn advance(&mut self, start: f64, span: f64, observer: &mut Observer<'_>) -> Result<()> {
+        let (scene, members) = (self.scene, self.members);
+        let forces = &self.forces;
+        let moving = Moving { forces, custom: &self.custom, scene, shorter: self.shorter, start, span };
+        let turn = self.custom.need_attitude();
+        let total = self.centres.len() as u64;
+        for (index, centres) in self.centres.chunks_mut(AT_ONCE).enumerate() {
+            if index > 0 && observer(Progress { done: 0, total }).is_break() {
+                return Err(Error::Interrupted { steps: 0 });
             }
-            let body = members.body(row);
-            let least = principal_axes(&scene.ensemble().inertia()[body]).moments.x;
-            // 2T ≥ I₁ ω².
-            let rate = (2.0 * initial_state(scene.ensemble(), body).kinetic_energy / least).sqrt();
-            let motion = FreeMotion::of_body(scene.ensemble(), body);
-            let attitude = Free { motion: &motion, rate, start, span };
-            centre.advance_in_steps_shorter_by(shorter, forces, &attitude, span);
-        });
+            centres.par_iter_mut().enumerate().for_each(|(place, centre)| {
+                let row = index * AT_ONCE + place;
+                let body = members.body(row);
+                if forces[row].thrust_body == DVec3::ZERO && !turn {
+                    return moving.advance(centre, (row, body), &Irrelevant);
+                }
+                let least = principal_axes(&scene.ensemble().inertia()[body]).moments.x;
+                // 2T ≥ I₁ ω².
+                let rate = (2.0 * initial_state(scene.ensemble(), body).kinetic_energy / least).sqrt();
+                let motion = FreeMotion::of_body(scene.ensemble(), body);
+                moving.advance(centre, (row, body), &Free { motion: &motion, rate, start, span });
+            });
+        }
+        Ok(())
     }
 
     /// Its bodies with their positions (m) and velocities (m/s).
@@ -122,6 +145,43 @@ impl<'p> Flight<'p> {
             let centre = &self.centres[row];
             out[self.members.body(row) - bodies.start] = Some((centre.position(), centre.velocity()));
         }
+    }
+}
+
+/// Bodies between two looks at whether the run is to go on.
+const AT_ONCE: usize = 4096;
+
+/// What moves centres of mass over a span of time.
+struct Moving<'a> {
+    forces: &'a [Accelerations],
+    custom: &'a CustomForces<'a>,
+    scene: &'a Scene,
+    shorter: f64,
+    /// s.
+    start: f64,
+    span: f64,
+}
+
+impl Moving<'_> {
+    /// Moves one of a row of the flight, which is of this body.
+    fn advance(&self, centre: &mut Centre, (row, body): (usize, usize), attitude: &impl Attitude) {
+        let &Self { forces, custom, shorter, start, span, .. } = self;
+        let forces = &forces[row];
+        let Some(translation) = self.scene.ensemble().translation().filter(|_| !custom.is_empty()) else {
+            return centre.advance_in_steps_shorter_by(shorter, forces, attitude, span);
+        };
+        let mut own = custom.on_body(body, translation.mass[body]);
+        let turns = custom.need_attitude();
+        let acceleration = |elapsed: f64, position: DVec3, velocity: DVec3| {
+            let fraction = elapsed / span;
+            let orientation = attitude.at(fraction);
+            let angular_velocity_body = if turns { attitude.angular_velocity_at(fraction) } else { DVec3::ZERO };
+            let place = Place { orientation, angular_velocity_body, time: start + elapsed, position, velocity };
+            forces.at(orientation, velocity) + own.acceleration(&place)
+        };
+        // The rotation's own pace is where the first step begins; the error decides on those that follow.
+        let first = span * (attitude.longest() / TURN).min(1.0);
+        centre.advance_adaptively(acceleration, span, first, TOLERANCE / shorter.powi(5));
     }
 }
 

@@ -45,18 +45,18 @@ pub(super) fn recomputed_centres(
             sample.iter().copied().filter(|&body| !group.members.rows(body as usize..body as usize + 1).is_empty());
         let is_driven = |body: &u32| turns && !TorqueSet::acting_on(scene.torques(), *body as usize).is_empty();
         let (driven, free): (Vec<u32>, Vec<u32>) = members.partition(is_driven);
-        found.extend(alone(plan, free)?);
+        found.extend(alone(plan, free, observer)?);
         found.extend(along_rotation(plan, group, driven, observer)?);
     }
     Ok(found)
 }
 
 /// Bodies whose rotation is of no concern, or known.
-fn alone(plan: &Plan<'_>, bodies: Vec<u32>) -> Result<Vec<(usize, (DVec3, DVec3))>> {
+fn alone(plan: &Plan<'_>, bodies: Vec<u32>, observer: &mut Observer<'_>) -> Result<Vec<(usize, (DVec3, DVec3))>> {
     let (scene, members) = (plan.scene(), Members::Some(bodies));
     let Some(flight) = Flight::start(scene, &members, false)? else { return Ok(Vec::new()) };
     let mut flight = flight.in_steps_shorter_by(FINER);
-    flight.advance(0.0, scene.end());
+    flight.advance(0.0, scene.end(), observer)?;
     Ok(flight.centres().collect())
 }
 

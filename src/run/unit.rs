@@ -142,7 +142,7 @@ impl<'p> Unit<'p> {
     /// The steps from `time − span` to `time`, s, as work for the host's threads, to be run before anything else is done with the
     /// bodies; `None` where they are not of that kind, and [`Unit::advance`] is the way.
     pub fn job(&mut self, time: f64, span: f64) -> Result<Option<Job<'_>>> {
-        if self.flight.as_ref().is_some_and(Flight::follows) {
+        if self.flight.is_some() {
             return Ok(None);
         }
         let job = match &mut self.motion {
@@ -155,9 +155,6 @@ impl<'p> Unit<'p> {
         };
         if job.is_some() {
             self.time = time;
-            if let Some(flight) = &mut self.flight {
-                flight.advance(time - span, span);
-            }
         }
         Ok(job)
     }
@@ -181,12 +178,12 @@ impl<'p> Unit<'p> {
                 let words = session.read(rows.clone())?;
                 let state =
                     |row: usize| frames[row].at(self.torques, self.members.body(row), now).state_of(&words, row);
-                flight.follow(rows.clone().into_par_iter().map(state).collect(), interval.dt);
+                flight.follow(rows.clone().into_par_iter().map(state).collect(), now - interval.dt, interval.dt);
             }
             return Ok(total);
         }
         if let Some(flight) = &mut self.flight {
-            flight.advance(time - span, span);
+            flight.advance(time - span, span, observer)?;
         }
         match &mut self.motion {
             Motion::Stepped { session, treatment, .. } => {

@@ -1,4 +1,4 @@
-//! `model = "custom"` in study files: a torque that the user writes down.
+//! `model = "custom"` in study files: a torque or a force that the user writes down.
 
 use super::distribution::Orientation;
 use super::input::Fault;
@@ -7,15 +7,38 @@ use super::reader::{Node, Table};
 use super::torque::{StudyParameter, StudyValue};
 use crate::error::Result;
 use crate::expression::{self, Expression, Shape, Symbols, TextError};
+use crate::force::{CustomForce, custom};
 use crate::torque::custom::ExpressionModel;
 use crate::torque::{ModelRef, Parameters};
 
 /// The name of the model.
 pub(super) const NAME: &str = "custom";
 
-/// The formula and its parameters.
+/// A torque and its parameters.
 pub(super) fn read(table: &Table<'_>) -> Result<(ModelRef, Vec<StudyParameter>)> {
     table.only(&["model", "parameters", "torque", "energy"])?;
+    let (parameters, values) = parameters(table)?;
+    let node = table.need("torque", "a formula of a vector in body axes is needed (N m)")?;
+    let torque = formula(&node, parameters.symbols(), Shape::Vector)?;
+    let energy = match table.find("energy") {
+        Some(node) => Some(formula(&node, parameters.energy_symbols(), Shape::Number)?),
+        None => None,
+    };
+    let model = ExpressionModel::of_user(torque, energy, &parameters).map_err(|fault| refused(&node, &fault))?;
+    Ok((model, values))
+}
+
+/// A force, without the values of its parameters, and what these are drawn from.
+pub(super) fn read_force(table: &Table<'_>) -> Result<(CustomForce, Vec<StudyParameter>)> {
+    table.only(&["model", "parameters", "force"])?;
+    let (parameters, values) = parameters(table)?;
+    let node = table.need("force", "a formula of a vector in world axes is needed (N)")?;
+    let symbols = custom::symbols(&parameters).map_err(|fault| refused(&node, &fault))?;
+    let force = formula(&node, &symbols, Shape::Vector)?;
+    Ok((CustomForce::new(force, parameters), values))
+}
+
+fn parameters(table: &Table<'_>) -> Result<(Parameters, Vec<StudyParameter>)> {
     let mut parameters = Parameters::new();
     let mut values = Vec::new();
     if let Some(node) = table.find("parameters") {
@@ -31,14 +54,7 @@ pub(super) fn read(table: &Table<'_>) -> Result<(ModelRef, Vec<StudyParameter>)>
             values.push(StudyParameter::new(format!("parameters.{name}"), value));
         }
     }
-    let node = table.need("torque", "a formula of a vector in body axes is needed (N m)")?;
-    let torque = formula(&node, parameters.symbols(), Shape::Vector)?;
-    let energy = match table.find("energy") {
-        Some(node) => Some(formula(&node, parameters.energy_symbols(), Shape::Number)?),
-        None => None,
-    };
-    let model = ExpressionModel::of_user(torque, energy, &parameters).map_err(|fault| refused(&node, &fault))?;
-    Ok((model, values))
+    Ok((parameters, values))
 }
 
 fn refused(node: &Node<'_>, fault: &expression::Fault) -> crate::Error {

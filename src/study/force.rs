@@ -2,12 +2,14 @@
 
 use std::collections::BTreeSet;
 
+use super::custom;
 use super::draw::Draw;
 use super::parameter::{Number, Owner, Source, Triple};
 use super::reader::{Node, Table};
 use super::table::BodyTable;
+use super::torque::StudyParameter;
 use crate::error::Result;
-use crate::force::Force;
+use crate::force::{CustomForce, Force};
 
 /// A force of a study: parameters not yet drawn.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,8 +19,8 @@ pub(super) struct StudyForce {
     index: usize,
     /// Where it stands in the file.
     place: String,
-    /// The key of its parameter there.
-    key: String,
+    /// The key of its parameter there; empty where it has any number of them.
+    key: &'static str,
 }
 
 /// What a model reads.
@@ -29,10 +31,11 @@ enum Model {
     LinearDrag(Number),
     QuadraticDrag(Number),
     Thrust(Triple),
+    Custom(CustomForce, Vec<StudyParameter>),
 }
 
 /// The names of the models.
-const MODELS: &[&str] = &["constant", "gravity", "linear-drag", "quadratic-drag", "thrust"];
+const MODELS: &[&str] = &["constant", "gravity", "linear-drag", "quadratic-drag", "thrust", custom::NAME];
 
 /// Reads the table or the list.
 pub(super) fn read(node: &Node<'_>) -> Result<Vec<StudyForce>> {
@@ -45,7 +48,7 @@ pub(super) fn read(node: &Node<'_>) -> Result<Vec<StudyForce>> {
             element.path.clone_from(&place);
             let table = element.any_table().ok_or_else(|| element.refuse("tables [[force]] are needed"))?;
             let (model, key) = of_list(&table)?;
-            Ok(StudyForce { model, index, key: format!("{place}.{key}"), place })
+            Ok(StudyForce { model, index, place, key })
         })
         .collect()
 }
@@ -67,8 +70,7 @@ fn of_table(node: &Node<'_>) -> Result<Vec<StudyForce>> {
     if models.is_empty() {
         table.need("constant", "a vector in world axes is needed (N), or `gravity` or `linear_drag`")?;
     }
-    let force =
-        |(index, (key, model))| StudyForce { model, index, place: "force".to_owned(), key: format!("force.{key}") };
+    let force = |(index, (key, model))| StudyForce { model, index, place: "force".to_owned(), key };
     Ok(models.into_iter().enumerate().map(force).collect())
 }
 
@@ -96,9 +98,13 @@ fn of_list(table: &Table<'_>) -> Result<(Model, &'static str)> {
             let (node, key) = parameter(&["model", "coefficient"], "the coefficient is needed (N s²/m²)")?;
             (Model::QuadraticDrag(Number::read(&node)?), key)
         }
-        _ => {
+        "thrust" => {
             let (node, key) = parameter(&["model", "force"], "a vector in body axes is needed (N)")?;
             (Model::Thrust(Triple::read(&node)?), key)
+        }
+        _ => {
+            let (force, parameters) = custom::read_force(table)?;
+            (Model::Custom(force, parameters), "")
         }
     })
 }
@@ -109,11 +115,12 @@ impl StudyForce {
         match &self.model {
             Model::Constant(vector) | Model::Gravity(vector) | Model::Thrust(vector) => vector.columns(names),
             Model::LinearDrag(number) | Model::QuadraticDrag(number) => number.columns(names),
+            Model::Custom(_, parameters) => parameters.iter().for_each(|parameter| parameter.columns(names)),
         }
     }
 
-    /// The force, its parameter drawn.
-    pub(super) fn force(&self, draw: Draw, count: usize, table: Option<&BodyTable>) -> Force {
+    /// The force, its parameters drawn.
+    pub(super) fn force(&self, draw: Draw, seed: u64, count: usize, table: Option<&BodyTable>) -> Force {
         let source = Source { draw, count, table, of: Owner::Force(self.index) };
         match &self.model {
             Model::Constant(force) => Force::constant(source.vector(force, 0)),
@@ -121,11 +128,20 @@ impl StudyForce {
             Model::LinearDrag(coefficient) => Force::linear_drag(source.number(coefficient, 0)),
             Model::QuadraticDrag(coefficient) => Force::quadratic_drag(source.number(coefficient, 0)),
             Model::Thrust(force) => Force::thrust(source.vector(force, 0)),
+            Model::Custom(force, parameters) => {
+                let declared = force.declarations().iter().zip(parameters);
+                let values = declared.map(|(declared, parameter)| parameter.drawn(&source, declared, seed));
+                Force::Custom(force.with_values(values.collect()))
+            }
         }
     }
 
-    /// The keys in the file under which its parameter, or else the force itself, stands.
-    pub(super) fn keys(&self) -> [&str; 2] {
-        [&self.key, &self.place]
+    /// The keys in the file under which a parameter, or else the force itself, stands.
+    pub(super) fn keys(&self, parameter: &str) -> [String; 2] {
+        let key = match &self.model {
+            Model::Custom(..) => format!("{}.parameters.{parameter}", self.place),
+            _ => format!("{}.{}", self.place, self.key),
+        };
+        [key, self.place.clone()]
     }
 }

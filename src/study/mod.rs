@@ -65,7 +65,8 @@
 //!   centre of mass: `constant = [fx, fy, fz]` in world axes (N), `gravity = [gx, gy, gz]` in world axes (m/s²),
 //!   `linear_drag` against the velocity (N s/m). Or a list `[[force]]`, each with a `model` and its parameters
 //!   ([`crate::force`] has the equations): `constant` (`force`, world axes), `gravity` (`acceleration`), `linear-drag` and
-//!   `quadratic-drag` (`coefficient`, N s/m and N s²/m²), `thrust` (`force`, body axes). Parameters are as those of torques.
+//!   `quadratic-drag` (`coefficient`, N s/m and N s²/m²), `thrust` (`force`, body axes), `custom` (`force`, a formula in world axes, and
+//!   `parameters`; `docs/custom-torques.md`). Parameters are as those of torques.
 //! * `[[torque]]`, any number of them: a `model` and its parameters. The table in [`crate::torque`] lists the models with their
 //!   equations and keys; a key with a dot stands in a table, `orbit = { radius = 7.0e6, inclination = 0.9 }`. A parameter is a
 //!   number or vector for all bodies, a distribution, or a column of the table of bodies: `{ column = "drag" }`, or
@@ -374,7 +375,7 @@ impl Study {
         let mut scene = Scene::new(self.ensemble()?).until(self.end).outputs(self.outputs.clone());
         let (count, table) = (self.bodies.count, self.bodies.table.as_ref());
         for force in &self.forces {
-            scene = scene.force(force.force(Draw::new(self.seed), count, table));
+            scene = scene.force(force.force(Draw::new(self.seed), self.seed, count, table));
         }
         for torque in &self.torques {
             let torque = torque.torque(Draw::new(self.seed), self.seed, count, table);
@@ -443,8 +444,8 @@ impl Study {
                 }
             }
             Error::Force { force, body, ref field, value, ref expected, .. } => {
-                let keys = self.forces.get(force).map(StudyForce::keys).unwrap_or_default();
-                match keys.into_iter().find_map(|key| self.places.get_key_value(key)) {
+                let keys = self.forces.get(force).map(|force| force.keys(field)).unwrap_or_default();
+                match keys.iter().find_map(|key| self.places.get_key_value(key)) {
                     Some((key, place)) => self.input(place.line, key, parameter_fault(body, field, value, expected)),
                     None => error,
                 }

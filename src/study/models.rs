@@ -26,7 +26,8 @@ const CUSTOM: &str = "    custom: as written
         torque                  a formula (N m, body axes): `let name = ...;`, then a vector
         parameters              names: numbers, vectors, rotations, distributions, columns [none]
         energy                  a formula (J) of attitude and parameters, for the balance [none]
-        inputs                  attitude, angular_velocity, angular_momentum, inertia, time (SI)
+        inputs                  attitude, angular_velocity, angular_momentum, inertia, time,
+                                position, velocity (SI)
         operators               + - * / ^ (whole powers), < <= > >= && || !, v.x
         functions               vec quat dot cross norm normalize to_body to_world rotate conjugate
                                 sqrt abs sin cos tan asin acos atan2 exp ln pow

@@ -191,7 +191,7 @@ impl Source<'_> {
     fn column(&self, parameter: usize) -> Column {
         match self.of {
             Owner::Torque(torque) => Column::Torque { torque: torque as u16, parameter: parameter as u16 },
-            Owner::Force(force) => Column::Force { force: force as u16, parameter: parameter as u8 },
+            Owner::Force(force) => Column::Force { force: force as u16, parameter: parameter as u16 },
         }
     }
 

@@ -38,6 +38,21 @@ impl StudyParameter {
     pub(super) fn new(key: String, value: StudyValue) -> Self {
         Self { key, value }
     }
+
+    /// The names of the columns of the table of bodies that it reads.
+    pub(super) fn columns(&self, names: &mut BTreeSet<String>) {
+        match &self.value {
+            StudyValue::Number(number) => number.columns(names),
+            StudyValue::Vector(vector) | StudyValue::Tensor(Tensor::Moments(vector)) => vector.columns(names),
+            StudyValue::Rotation(Turn::Columns(columns)) => names.extend(columns.iter().cloned()),
+            _ => {}
+        }
+    }
+
+    /// Its value for all bodies.
+    pub(super) fn drawn(&self, source: &Source<'_>, declared: &ParameterDeclaration, seed: u64) -> Value {
+        self.value.drawn(source, declared, seed)
+    }
 }
 
 // A scene has a handful of these, so the room that the smaller ones leave unused does not matter.
@@ -293,7 +308,7 @@ impl StudyValue {
             StudyValue::List(list) => {
                 let row = |row: &Vec<StudyParameter>| {
                     let values = declared.elements.iter().zip(row);
-                    values.map(|(declared, parameter)| parameter.value.drawn(source, declared, seed)).collect()
+                    values.map(|(declared, parameter)| parameter.drawn(source, declared, seed)).collect()
                 };
                 Value::List(list.iter().map(row).collect())
             }
@@ -306,14 +321,7 @@ impl StudyValue {
 impl StudyTorque {
     /// The names of the columns of the table of bodies that the torque reads.
     pub(super) fn columns(&self, names: &mut BTreeSet<String>) {
-        for parameter in &self.parameters {
-            match &parameter.value {
-                StudyValue::Number(number) => number.columns(names),
-                StudyValue::Vector(vector) | StudyValue::Tensor(Tensor::Moments(vector)) => vector.columns(names),
-                StudyValue::Rotation(Turn::Columns(columns)) => names.extend(columns.iter().cloned()),
-                _ => {}
-            }
-        }
+        self.parameters.iter().for_each(|parameter| parameter.columns(names));
     }
 
     /// The torque, its parameters drawn.
@@ -322,7 +330,7 @@ impl StudyTorque {
         let declaration = self.model.declaration();
         let declared = declaration.parameters.iter().zip(&self.parameters);
         let values: Vec<Value> =
-            declared.map(|(declared, parameter)| parameter.value.drawn(&source, declared, seed)).collect();
+            declared.map(|(declared, parameter)| parameter.drawn(&source, declared, seed)).collect();
         let context = ValidationContext { torque: self.index, model: declaration.name.clone(), body_count: count };
         let made = self.model.made_for(&values, &context);
         made.unwrap_or_else(|| Ok(Torque::of_model(self.model.clone(), values)))

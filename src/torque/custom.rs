@@ -138,6 +138,22 @@ impl Parameters {
         }
     }
 
+    /// Other symbols, with these parameters behind them.
+    pub(crate) fn named_in(&self, symbols: Symbols) -> Result<Symbols, Fault> {
+        let shape = |value: &Value| match value {
+            Value::Vector(_) => Shape::Vector,
+            Value::Rotation(_) => Shape::Quaternion,
+            _ => Shape::Number,
+        };
+        let mut parameters = self.declarations.iter().zip(&self.values);
+        parameters.try_fold(symbols, |symbols, (declared, value)| symbols.parameter(&declared.name, shape(value)))
+    }
+
+    /// The parameters and their values.
+    pub(crate) fn into_parts(self) -> (Vec<ParameterDeclaration>, Vec<Value>) {
+        (self.declarations, self.values)
+    }
+
     fn with(self, declaration: ParameterDeclaration, shape: Shape, value: Value) -> Result<Self, Fault> {
         let Self { symbols, energy_symbols, mut declarations, mut values } = self;
         let symbols = symbols.parameter(&declaration.name, shape)?;
@@ -342,7 +358,7 @@ impl Model for ExpressionModel {
 
     /// From the torque on a body at rest, in some attitudes and at some times.
     fn rate(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
-        let parameters = expressed::parameters_of(values, body);
+        let parameters = expressed::numbers_of_body(values.0, body);
         let quarter = std::f64::consts::FRAC_1_SQRT_2;
         let attitudes = [
             DQuat::IDENTITY,
@@ -376,6 +392,6 @@ impl Model for ExpressionModel {
         let (_, program) = self.energy.as_ref()?;
         let tensor = InertiaTensor::default();
         let at = At { orientation, angular_velocity_body: DVec3::ZERO, tensor, time: 0.0 };
-        Some(self.evaluated(program, &at, &expressed::parameters_of(values, body))[0])
+        Some(self.evaluated(program, &at, &expressed::numbers_of_body(values.0, body))[0])
     }
 }

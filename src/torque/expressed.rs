@@ -297,9 +297,9 @@ fn in_own_units(recorder: &Recorder, expression: &Expression, axes: Option<DQuat
 }
 
 /// The numbers of a body's parameters, in order.
-pub(crate) fn parameters_of(values: Values<'_>, body: usize) -> Vec<f64> {
+pub(crate) fn numbers_of_body(values: &[Value], body: usize) -> Vec<f64> {
     let mut numbers = Vec::new();
-    for value in values.0 {
+    for value in values {
         match value {
             Value::Number(number) => numbers.push(number.at(body)),
             Value::Vector(vector) => numbers.extend(vector.at(body).to_array()),
@@ -314,6 +314,6 @@ pub(crate) fn parameters_of(values: Values<'_>, body: usize) -> Vec<f64> {
 /// All numbers of the host for a body.
 pub(crate) fn host_of(values: Values<'_>, body: usize, frame: &BodyFrame) -> Vec<f64> {
     let mut numbers = host_numbers(frame);
-    numbers.extend(parameters_of(values, body));
+    numbers.extend(numbers_of_body(values.0, body));
     numbers
 }

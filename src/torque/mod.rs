@@ -113,6 +113,7 @@ pub mod white_noise;
 
 pub use custom::Parameters;
 pub use declaration::{Declaration, Frame, OtherKey, ParameterDeclaration, Preset, Shape, Validity};
+pub(crate) use expressed::numbers_of_body;
 pub use kind::Kind;
 pub(crate) use model::Model;
 pub(crate) use model::ModelRef;

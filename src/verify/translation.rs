@@ -55,7 +55,7 @@ impl<'a> Flown<'a> {
     ) -> Result<()> {
         let Self { scene, subject, longest_step } = *self;
         let Some(&(_, clock, ..)) = parts.first() else { return Ok(()) };
-        if !engine.carries_centres() {
+        if !engine.carries_centres() || scene.forces().iter().any(Force::is_custom) {
             found
                 .notes
                 .push("centres of mass: not compared, as the host moves them along either side's rotation".into());

@@ -8,10 +8,11 @@ use polhode::study::Study;
 
 use super::{agreed, common, desk, steps};
 
-const EXAMPLES: [&str; 11] = [
+const EXAMPLES: [&str; 12] = [
     "aero_table",
     "bdot",
     "booms",
+    "curveball",
     "debris",
     "intermediate_axis",
     "pointing",

@@ -127,7 +127,9 @@ Keys (SI units):
     [[torque]] model      one of those below, and its parameters; a key with a dot stands in a table:
                           orbit = { radius = 7.0e6, inclination = 0.9 }
     [[force]] model       constant, thrust (force: world, body axes), gravity (acceleration),
-                          linear-drag, quadratic-drag (coefficient); the bodies need masses
+                          linear-drag, quadratic-drag (coefficient), custom (force: a formula, world
+                          axes, of attitude, angular_velocity, time, position, velocity, mass;
+                          parameters); the bodies need masses
     time.end, .outputs    { every } or { times = [...] }
     accuracy              errors at the end that percentile (default 99) % of the bodies keep:
                           attitude (rad, default 1e-6), angular_velocity (of its magnitude), energy

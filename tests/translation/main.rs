@@ -1,6 +1,9 @@
 //! Translation under forces that depend on velocity and attitude: golden cases, order, limits.
 
+#[path = "../common/mod.rs"]
 mod common;
+mod custom;
+#[path = "../support/mod.rs"]
 mod support;
 
 use glam::{DQuat, DVec3};
