@@ -319,6 +319,53 @@ fn an_interrupt_ends_planning_and_leaves_nothing() {
     }
 }
 
+/// The longest that a run may take to end when it is asked to.
+#[cfg(unix)]
+const LONGEST_END: Duration = Duration::from_secs(1);
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_ends_every_stage_within_a_second() {
+    let study = |bodies: &str, more: &str| format!("[bodies]\n{bodies}\n{more}");
+    let many = "count = 6_000_000\ninertia = [1, 2, 2.5]\n\
+                angular_velocity = { distribution = \"normal\", mean = [0, 0, 0], sigma = 0.5 }";
+    let row = "1,2,2.5,0.123456789,0.987654321,0.555555555\n";
+    let snapshots = "[time]\nend = 100.0\noutputs = { every = 0.5 }\n[output]\nsnapshots = true\n";
+    let drag = "[[torque]]\nmodel = \"linear-drag\"\ncoefficient = 0.01\n";
+    let adaptive = "[accuracy]\nmethod = \"rk8\"\ntolerance = 1e-13\n";
+    let studies = [
+        study(many, snapshots),
+        study(many, &format!("{snapshots}format = \"npz\"\n")),
+        study("file = \"bodies.csv\"", snapshots),
+        study(many, &format!("{drag}[time]\nend = 1e4\n{adaptive}")),
+        study("count = 1\ninertia = [1, 2, 2.5]\nangular_velocity = [1, 0.4, 0.1]", &{
+            format!("{drag}[time]\nend = 1e9\n[accuracy]\nmethod = \"rk4\"\ndt = 1e-3\n")
+        }),
+    ];
+    for (number, study) in studies.iter().enumerate() {
+        for moment in [50, 900] {
+            let desk = Desk::new(study);
+            fs::write(desk.path("bodies.csv"), format!("ixx,iyy,izz,wx,wy,wz\n{}", row.repeat(1_000_000))).unwrap();
+            let mut run = Command::new(cargo_bin!("polhode"))
+                .current_dir(desk.folder())
+                .args(["run", "study.toml", "--engine", "cpu"])
+                .stderr(std::process::Stdio::piped())
+                .spawn()
+                .expect("the command starts");
+            std::thread::sleep(Duration::from_millis(moment));
+            let begin = std::time::Instant::now();
+            let asked = Command::new("kill").args(["-INT", &run.id().to_string()]).status().expect("kill starts");
+            assert!(asked.success());
+            let status = run.wait().expect("the run ends");
+            let took = begin.elapsed();
+            assert!(took < LONGEST_END, "study {number} takes {took:?} to end after {moment} ms");
+            // Within the first milliseconds the signal does what it does by default.
+            assert!(matches!(status.code(), Some(1) | None), "study {number}: {status}");
+            assert_eq!(desk.names("."), ["bodies.csv", "study.toml"], "nothing is left of study {number}");
+        }
+    }
+}
+
 /// The folder that a run writes to while it works.
 #[cfg(unix)]
 fn partial_folder(desk: &Desk) -> Option<PathBuf> {

@@ -204,7 +204,7 @@ fn a_plan_of_the_long_way_says_how_it_is_repeated() {
 fn failed(desk: &Desk) -> Vec<Vec<String>> {
     let mut reader = csv::Reader::from_path(desk.path("study.out/failed.csv")).expect("a table of failed bodies");
     let header: Vec<&str> = reader.headers().expect("a header").iter().collect();
-    assert_eq!(header.join(","), "body,t,status,reason,last_good_t,qx,qy,qz,qw,wx,wy,wz");
+    assert_eq!(header.join(","), "body,t,status,reason,known_to,last_good_t,qx,qy,qz,qw,wx,wy,wz");
     reader.records().map(|row| row.expect("a row").iter().map(str::to_owned).collect()).collect()
 }
 
@@ -252,8 +252,8 @@ fn rates_that_overflow_are_rows_with_the_state_at_the_start() {
                  [time]\nend = 10.0\n[accuracy]\nmethod = \"rk4\"\ndt = 0.01\n";
     let (_, states, rows) = all_fail(study, 20, "not_finite", 4.0);
     assert!(states.column("wx").iter().all(|rate| rate.is_nan()));
-    // Only the end is read, so that the last good state that is known is the start.
-    let expected = ["10.0", "4", "not_finite", "0.0", "0.0", "0.0", "0.0", "1.0", "1.0", "0.1", "0.2"];
+    // The first step is lost, so that the last good state is the start.
+    let expected = ["0.01", "4", "not_finite", "step", "0.0", "0.0", "0.0", "0.0", "1.0", "1.0", "0.1", "0.2"];
     assert_eq!(rows[7][1..], expected, "{:?}", rows[7]);
 }
 
@@ -335,7 +335,8 @@ fn the_last_good_state_is_that_of_the_output_before() {
         + "[time]\nend = 10.0\noutputs = { every = 2.0 }\n[accuracy]\nattitude = 1e-6\n[output]\nsnapshots = true\n";
     let (desk, _, rows) = all_fail(&study, 10, "centre_not_finite", 5.0);
     // 1e308 + 1e307 t leaves the range of f64, 1.798e308, after 7.98 s.
-    assert!(rows.iter().all(|row| (row[1].as_str(), row[4].as_str()) == ("8.0", "6.0")), "{rows:?}");
+    // Nothing is stepped, so that there is no step to know it to.
+    assert!(rows.iter().all(|row| [&row[1], &row[4], &row[5]] == ["8.0", "output", "6.0"]), "{rows:?}");
     let states = States::read(&desk.path("study.out/snapshots.csv"));
     for row in 0..states.rows() {
         let is_lost = states.column("t")[row] > 7.98;
@@ -344,24 +345,163 @@ fn the_last_good_state_is_that_of_the_output_before() {
     }
 }
 
+/// Bodies whose kinetic energy, ½ (1e154 + 1e307 t)² J, leaves the range of f64 when they turn at 1.89616e154 rad/s, after 8.9616e-154 s:
+/// the 897th step of 1e-156 s. Each turns faster than the one before by a step's worth.
+fn spun_up(count: usize) -> (String, String) {
+    let table: String = (0..count).map(|body| format!("1,1,1,{:e},0,0\n", 1e154 + 1e151 * body as f64)).collect();
+    let study = "[bodies]\nfile = \"bodies.csv\"\n[[torque]]\nmodel = \"constant-body\"\ntorque = [1e307, 0, 0]\n\
+                 [time]\nend = 1.2e-153\noutputs = { every = 4e-154 }\n[output]\nsnapshots = true\n\
+                 [accuracy]\nmethod = \"METHOD\"\ndt = 1e-156\n";
+    (study.to_owned(), format!("ixx,iyy,izz,wx,wy,wz\n{table}"))
+}
+
+#[test]
+fn a_body_whose_energy_overflows_has_the_step_that_lost_it() {
+    const BODIES: usize = 21;
+    let (study, table) = spun_up(BODIES);
+    for method in ["rk4", "splitting4", "rk8"] {
+        let desk = Desk::new(&study.replace("METHOD", method));
+        fs::write(desk.path("bodies.csv"), &table).expect("written");
+        let output = desk.polhode(&["run", "study.toml", "--engine", "cpu"]);
+        assert_eq!(output.status.code(), Some(1), "{}", words(&output.stderr));
+        let rows = failed(&desk);
+        assert_eq!(rows.len(), BODIES);
+        for (body, row) in rows.iter().enumerate() {
+            let number = |column: usize| row[column].parse::<f64>().expect("a number");
+            let steps = |time: f64| (time / 1e-156).round() as usize;
+            let expected = 897 - body;
+            assert_eq!((row[3].as_str(), row[4].as_str()), ("not_finite", "step"), "{method}: {row:?}");
+            assert_eq!(
+                (steps(number(1)), steps(number(5))),
+                (expected, expected - 1),
+                "{method}: body {body}: {row:?}"
+            );
+            // The state before that step, of which the energy is still a number.
+            let rate = (1e154 + 1e151 * body as f64) + 1e307 * number(5);
+            assert!((number(10) - rate).abs() < 1e-12 * rate, "{method}: {row:?}");
+            let greatest = f64::MAX.sqrt() * 2.0_f64.sqrt();
+            assert!(number(10) < greatest && number(10) + 1e151 > greatest, "{method}: {row:?}");
+        }
+    }
+}
+
+#[test]
+fn the_time_of_failure_is_that_of_a_run_whose_every_step_is_read() {
+    // Drag under steps too long for it: rates grow by a factor of each body's own in every step, until they explode.
+    let table: String = (0..30).map(|body| format!("1,2,2.5,0.1,1,0.5,{}\n", 32 + 2 * body)).collect();
+    let study = |outputs: &str| {
+        format!(
+            "[bodies]\nfile = \"bodies.csv\"\n[[torque]]\nmodel = \"linear-drag\"\n\
+             coefficient = {{ column = \"drag\" }}\n[time]\nend = 8.0\n{outputs}[accuracy]\nmethod = \"rk4\"\ndt = 0.125\n"
+        )
+    };
+    let run = |study: &str, engine: &str| {
+        let desk = Desk::new(study);
+        fs::write(desk.path("bodies.csv"), format!("ixx,iyy,izz,wx,wy,wz,drag\n{table}")).expect("written");
+        let mut arguments = vec!["run", "study.toml", "--engine", engine, "--quiet"];
+        if engine == "gpu" {
+            arguments.extend(["--precision", "f32"]);
+        }
+        let output = desk.polhode(&arguments);
+        assert_eq!(output.status.code(), Some(1), "{}", words(&output.stderr));
+        failed(&desk)
+    };
+    let every_step = "outputs = { every = 0.125 }\n[output]\nsnapshots = true\n";
+    for (engine, most_apart) in [("cpu", 0.0), ("gpu", 0.125)] {
+        let read = run(&study(every_step), engine);
+        assert!(!read.is_empty(), "nothing explodes");
+        let times: std::collections::BTreeSet<&str> = read.iter().map(|row| row[1].as_str()).collect();
+        assert!(times.len() > 1, "all explode at once: {times:?}");
+        for outputs in ["", "outputs = { every = 2.0 }\n", "outputs = { every = 2.0 }\n[output]\nsnapshots = true\n"] {
+            let found = run(&study(outputs), engine);
+            assert_eq!(found.len(), read.len());
+            for (found, read) in found.iter().zip(&read) {
+                assert_eq!([&found[0], &found[3], &found[4]], [&read[0], &read[3], "step"], "{engine}: {found:?}");
+                let time = |row: &[String], column: usize| row[column].parse::<f64>().expect("a number");
+                assert!((time(found, 1) - time(read, 1)).abs() <= most_apart, "{engine}: {found:?} is {read:?}");
+                if most_apart == 0.0 {
+                    assert_eq!(found[5..], read[5..], "the state before the step, to the bit");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_centre_of_mass_that_moves_with_stepped_bodies_is_lost_at_a_step() {
+    // 1e308 + 1e307 t leaves the range of f64, 1.7977e308, after 7.977 s.
+    let study = bodies(10)
+        + &FLUNG.replace("velocity = [1e308", "velocity = [1e307")
+        + "[time]\nend = 10.0\noutputs = { every = 4.0 }\n[accuracy]\nmethod = \"rk4\"\ndt = 0.01\n";
+    let (_, _, rows) = all_fail(&study, 10, "centre_not_finite", 5.0);
+    let is_found = |row: &[String], time: f64, dt: f64| {
+        let near = |column: usize, time: f64| (row[column].parse::<f64>().expect("a number") - time).abs() < 1e-9;
+        row[4] == "step" && near(1, time) && near(5, time - dt)
+    };
+    assert!(rows.iter().all(|row| is_found(row, 7.98, 0.01)), "{rows:?}");
+    // Thrust along the attitude, which is followed step by step: the square of 1e153 m/s² t does so after 13.408 s.
+    let study = "[bodies]\ncount = 5\ninertia = [1, 2, 2.5]\nangular_velocity = [1, 0, 0]\nmass = 1.0\n\
+                 [[force]]\nmodel = \"thrust\"\nforce = [1e153, 0, 0]\n\
+                 [[torque]]\nmodel = \"linear-drag\"\ncoefficient = 0.01\n\
+                 [time]\nend = 40.0\n[accuracy]\nmethod = \"rk4\"\ndt = 0.1\n";
+    let (_, _, rows) = all_fail(study, 5, "centre_not_finite", 5.0);
+    assert!(rows.iter().all(|row| is_found(row, 13.5, 0.1)), "{rows:?}");
+}
+
+#[test]
+fn a_body_that_stops_in_adaptive_steps_has_its_own_time() {
+    // A drag that becomes stiff at 2 s, between outputs: the limit on steps is reached on the way from 1 to 3 s.
+    let study = bodies(5)
+        + "[[torque]]\nmodel = \"custom\"\n\
+           torque = \"-1e12 * max(time - 2, 0) * angular_velocity\"\n\
+           [time]\nend = 5.0\noutputs = { times = [1.0, 3.0, 5.0] }\n[output]\nsnapshots = true\n\
+           [accuracy]\nmethod = \"rk8\"\ntolerance = 1e-9\nleast_step = 1e-4\n";
+    let (_, _, rows) = all_fail(&study, 5, "step_below_limit", 3.0);
+    for row in &rows {
+        let number = |column: usize| row[column].parse::<f64>().expect("a number");
+        assert_eq!((row[4].as_str(), &row[1]), ("step", &row[5]), "{row:?}");
+        assert!(number(1) > 1.9 && number(1) < 2.1, "{row:?}");
+        let norm = (6..10).map(|column| number(column).powi(2)).sum::<f64>();
+        assert!((norm - 1.0).abs() < 1e-6 && row[10] != "1.0", "a state on the way: {row:?}");
+    }
+}
+
+#[test]
+fn more_failed_bodies_than_are_stepped_again_keep_their_outputs() {
+    const BODIES: usize = 1100;
+    let (study, table) = spun_up(BODIES);
+    // All alike.
+    let (header, rows) = table.split_once('\n').expect("lines");
+    let first = rows.lines().next().expect("a row");
+    let desk = Desk::new(&study.replace("METHOD", "rk4"));
+    fs::write(desk.path("bodies.csv"), format!("{header}\n{}", format!("{first}\n").repeat(BODIES))).expect("written");
+    let output = desk.polhode(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
+    assert_eq!(output.status.code(), Some(1), "{}", words(&output.stderr));
+    let rows = failed(&desk);
+    let count = |word: &str| rows.iter().filter(|row| row[4] == word).count();
+    assert_eq!((rows.len(), count("step"), count("output")), (BODIES, 1000, 100));
+    assert!(rows[..1000].iter().all(|row| row[4] == "step"), "the first of them");
+}
+
 #[test]
 fn failures_are_found_where_statistics_alone_are_asked_for() {
     let bodies = bodies(10);
     let output = "outputs = { every = 1.0 }\n[output]\nfinal = false\nstatistics = [\"spin_rate\"]\n";
     let driven = format!("{bodies}{STIFF}[time]\nend = 3.0\n{output}[accuracy]\nmethod = \"rk8\"\ntolerance = 1e-9\n");
     let flung = format!("{bodies}{FLUNG}[time]\nend = 3.0\n{output}");
-    for (study, reason, counted) in [(driven, "step_below_limit", 0.0), (flung, "centre_not_finite", 10.0)] {
+    // No states were read on the way: what is known of bodies that are not stepped is the start, and that they had failed at the end.
+    let (stopped, lost) = (["0.0", "step", "0.0"], ["3.0", "output", "0.0"]);
+    for (study, reason, counted, expected) in
+        [(driven, "step_below_limit", 0.0, stopped), (flung, "centre_not_finite", 10.0, lost)]
+    {
         let desk = Desk::new(&study);
         let output = desk.polhode(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
         assert_eq!(output.status.code(), Some(1), "{}", words(&output.stderr));
         assert_eq!(desk.names("study.out"), ["failed.csv", "plan.json", "report.json", "statistics.csv"]);
         let rows = failed(&desk);
         assert_eq!(rows.len(), 10);
-        // No states were read on the way: what is known is the start, and that they had failed at the end.
-        assert!(
-            rows.iter().all(|row| [&row[1], &row[3], &row[4], &row[8]] == ["3.0", reason, "0.0", "1.0"]),
-            "{rows:?}"
-        );
+        assert!(rows.iter().all(|row| row[3] == reason && row[9] == "1.0"), "{rows:?}");
+        assert!(rows.iter().all(|row| [&row[1], &row[4], &row[5]] == expected), "{rows:?}");
         let statistics = fs::read_to_string(desk.path("study.out/statistics.csv")).expect("statistics");
         // Statistics are of the rotation.
         let count = statistics.lines().last().and_then(|row| row.split(',').nth(1)).expect("a count").parse::<f64>();
@@ -395,7 +535,7 @@ fn both_formats_say_the_same_of_failed_bodies() {
             let found = match column {
                 0 => u64::from_le_bytes(element.try_into().expect("eight bytes")).to_string(),
                 2 => element[0].to_string(),
-                3 => String::from_utf8(element.to_vec()).expect("text").trim_end_matches('\0').to_owned(),
+                3 | 4 => String::from_utf8(element.to_vec()).expect("text").trim_end_matches('\0').to_owned(),
                 _ => format!("{:?}", f64::from_le_bytes(element.try_into().expect("eight bytes"))),
             };
             assert_eq!(found, row[column], "column {column}");

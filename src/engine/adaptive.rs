@@ -165,6 +165,12 @@ pub trait AdaptiveSession: Reduce {
     /// [`Error::Device`] where the device is lost.
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords>;
 
+    /// The time that each body stands at, s, shape `[body_count]`, after a call that brought them on: where a body was flagged in it, the
+    /// time at which it stopped. `None` where the controllers are not in the host's memory.
+    fn reached(&self) -> Option<Vec<f64>> {
+        None
+    }
+
     /// The steps of each body so far, shape `[body_count]`.
     ///
     /// # Errors

@@ -15,6 +15,8 @@ use std::fs::{self, File};
 use std::hash::{BuildHasher, Hasher};
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU8, Ordering};
 
 use super::lock::{self, Lock, Refused};
 use crate::error::{Error, FileAction, Result};
@@ -79,13 +81,38 @@ pub struct OutputFolder {
 /// [`OutputFolder`], as in a signal's handler.
 #[derive(Clone, Debug)]
 pub struct Traces {
+    /// What becomes of the folder: whoever comes first decides.
+    fate: Arc<AtomicU8>,
     staging: PathBuf,
     lock: PathBuf,
     /// Folders that were made to hold the target, inner ones first.
     parents: Vec<PathBuf>,
 }
 
+/// Nothing is decided yet.
+const OPEN: u8 = 0;
+/// The files are given their place.
+const PLACED: u8 = 1;
+/// The run is given up.
+const GIVEN_UP: u8 = 2;
+
 impl Traces {
+    /// Keeps the run from giving its files their place, from whatever thread; says whether that was in time. Where it was not, the
+    /// result is there, or will be at once.
+    pub fn give_up(&self) -> bool {
+        self.decide(GIVEN_UP)
+    }
+
+    /// Whether the run was given up.
+    fn is_given_up(&self) -> bool {
+        self.fate.load(Ordering::SeqCst) == GIVEN_UP
+    }
+
+    fn decide(&self, fate: u8) -> bool {
+        let decided = self.fate.compare_exchange(OPEN, fate, Ordering::SeqCst, Ordering::SeqCst);
+        decided.is_ok() || decided == Err(fate)
+    }
+
     /// Removes all of it; what cannot be removed stays, for the next run to find.
     pub fn remove(&self) {
         let _ = fs::remove_dir_all(&self.staging);
@@ -139,7 +166,7 @@ impl OutputFolder {
         let prefix = prefix(&target, in_place);
         let lock = lock.map_err(refused).inspect_err(|_| remove_folders(&parents))?;
         let staging = with_suffix(&prefix, &format!("{}.{PARTIAL}", random()));
-        let traces = Traces { staging, lock: lock_path, parents };
+        let traces = Traces { fate: Arc::default(), staging, lock: lock_path, parents };
         let (path, names) = (path.to_owned(), Vec::new());
         let mut folder =
             Self { path, target, replace, in_place, prefix, traces, leftovers: Vec::new(), names, _lock: lock };
@@ -243,6 +270,9 @@ impl OutputFolder {
 
     /// Begins a file.
     pub(super) fn begin(&mut self, name: &str) -> Result<OutputFile> {
+        if self.traces.is_given_up() {
+            return Err(Error::Interrupted { steps: 0 });
+        }
         let target = self.path.join(name);
         let file = File::create_new(self.traces.staging.join(name))
             .map_err(|error| Error::file(&target, FileAction::Write, &error))?;
@@ -261,6 +291,9 @@ impl OutputFolder {
     ///
     /// Where that fails, they stay under another name, which the error says: they may be hours of work.
     pub(super) fn commit(self) -> Result<()> {
+        if !self.traces.decide(PLACED) {
+            return Err(Error::Interrupted { steps: 0 });
+        }
         let (staging, kept) = (&self.traces.staging, self.kept());
         let placed = sync_folder(staging).and_then(|()| if self.in_place { self.fill() } else { self.swap() });
         placed.map_err(|error| {

@@ -43,7 +43,7 @@ pub(crate) use balance::{BalanceGatherer, change_of_total};
 pub use column::{ROTATION_COLUMNS, STATUS, TRANSLATION_COLUMNS};
 pub(crate) use drift::{BodyDrift, Conserved, DriftGatherer};
 pub use drift::{Drift, Quantiles};
-pub use failed::FailedBody;
+pub use failed::{FailedBody, KnownTo};
 #[cfg(feature = "study")]
 pub use files::{OutputSize, run_to_folder};
 #[cfg(feature = "study")]

@@ -123,6 +123,17 @@ impl AdaptiveUnit {
         Ok(())
     }
 
+    /// The time that the body in one of the group's rows stands at, s, where the session can say it.
+    pub fn reached(&self, row: usize) -> Option<f64> {
+        self.session.reached().map(|reached| reached[self.session_row(row)])
+    }
+
+    /// The steps that the bodies in some of the group's rows have tried.
+    pub fn attempts(&mut self, rows: &[usize]) -> Result<Vec<u64>> {
+        let counts = self.session.counts()?;
+        Ok(rows.iter().map(|&row| counts[self.session_row(row)].attempts()).collect())
+    }
+
     /// What its bodies took, in the order in which they stand side by side.
     pub fn work(&mut self) -> Result<UnitWork> {
         let counts = self.session.counts()?;

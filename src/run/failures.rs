@@ -12,7 +12,7 @@ use crate::ensemble::Ensemble;
 use crate::error::Result;
 use crate::memory;
 use crate::method::Status;
-use crate::record::FailedBody;
+use crate::record::{FailedBody, KnownTo};
 
 /// The bodies that have failed so far.
 pub(super) struct Failures<'p> {
@@ -109,14 +109,10 @@ impl<'p> Failures<'p> {
             };
             let last_good_time = before.and(self.earlier_time).unwrap_or(0.0);
             let GoodState { orientation, angular_velocity_body } = before.unwrap_or_else(start);
-            FailedBody { body, reason, time, last_good_time, orientation, angular_velocity_body }
+            let known_to = KnownTo::Output;
+            FailedBody { body, reason, time, known_to, last_good_time, orientation, angular_velocity_body }
         });
         found.reason
-    }
-
-    /// Whether a body has failed.
-    pub fn contains(&self, body: usize) -> bool {
-        self.found.contains_key(&body)
     }
 
     /// How many bodies have failed for a reason.

@@ -1,5 +1,6 @@
 //! The loop of a run: advance to an output time, read, hand on, repeat.
 
+use std::collections::BTreeMap;
 use std::ops::{ControlFlow, Range};
 use std::time::Instant;
 
@@ -13,7 +14,8 @@ use crate::error::{Error, Result};
 use crate::method::Status;
 use crate::plan::{Plan, TorqueSet};
 use crate::record::{
-    BalanceGatherer, BodyDrift, Conserved, Drift, DriftGatherer, Memory, OutputState, Record, Sink, Trust, WallTime,
+    BalanceGatherer, BodyDrift, Conserved, Drift, DriftGatherer, FailedBody, Memory, OutputState, Record, Sink, Trust,
+    WallTime,
 };
 use crate::scene::{Scene, Stepping};
 use crate::torque::Torque;
@@ -22,6 +24,7 @@ pub(crate) mod adaptive;
 pub(crate) mod alone;
 mod balance;
 pub(crate) mod confidence;
+mod failure_times;
 mod failures;
 pub(crate) mod flight;
 mod once;
@@ -211,9 +214,20 @@ fn run_counted(
     }
     let adaptive = adaptive::total_work(works, failures.count(Status::StepBelowLimit));
     let bytes_read = units.iter().map(Unit::bytes_read).sum();
+    let mut failures = failures.finish();
+    let stopped = |failed: &&FailedBody| failed.reason == Status::StepBelowLimit;
+    let stopped: Vec<usize> = failures.iter().filter(stopped).map(|failed| failed.body).collect();
+    let mut attempts = BTreeMap::new();
+    if !stopped.is_empty() {
+        for unit in &mut units {
+            attempts.extend(unit.attempts(&stopped)?);
+        }
+    }
     drop(units);
 
     let clock = Instant::now();
+    let attempts = |body: usize| attempts.get(&body).copied().unwrap_or(u64::MAX);
+    failure_times::find(plan, &mut failures, &attempts, &mut |_| observer(Progress { done, total }))?;
     // The drift's quantiles beside the shadow, whose few bodies are not enough for all cores.
     let (mut drift, gathered) = (Drift::default(), std::mem::take(&mut end.drift));
     let recomputed = rayon::in_place_scope(|scope| {
@@ -222,9 +236,10 @@ fn run_counted(
     })?;
     let recomputed_centres = recomputed_centres(plan, &sample, &mut |_| observer(Progress { done, total }))?;
     let mut errors = shadow::Errors::default();
+    let has_failed = |body: usize| failures.binary_search_by_key(&body, |failed| failed.body).is_ok();
     let (mut lost, mut diverged) = (0, 0);
     for ((state, centre), reference) in sampled.iter().zip(sampled_centres).zip(&recomputed) {
-        if !is_sound(state) || failures.contains(reference.body) {
+        if !is_sound(state) || has_failed(reference.body) {
             lost += 1;
         } else if !is_sound(&reference.state) {
             // There is nothing to compare with.
@@ -242,7 +257,6 @@ fn run_counted(
         Stepping::Accuracy(accuracy) => Some(accuracy),
         Stepping::Pinned { .. } | Stepping::Adaptive { .. } => None,
     };
-    let failures = failures.finish();
     let failed = failures.len() as f64 / body_count.max(1) as f64;
     let shadow = errors.shadow(target.as_ref(), draws, (lost, diverged), failed);
     wall_time.shadow = clock.elapsed().as_secs_f64();

@@ -1,6 +1,6 @@
 //! One group of a plan under way.
 
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 use std::time::Instant;
 
 use glam::DVec3;
@@ -14,10 +14,10 @@ use super::{OutputState, is_sound};
 use crate::batch::{BodyFrame, BodyState, Precision, StateWords, prepare_members};
 use crate::engine::cpu::{Cpu, Width};
 use crate::engine::reduction::{Marked, Reduce};
-use crate::engine::watch::Job;
+use crate::engine::watch::{Job, Watch};
 use crate::engine::{Backend, FreeSession, Observer, Progress, Session};
 use crate::ensemble::Ensemble;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::free_motion::{AnyRows, scaled_body};
 use crate::method::Status;
 use crate::observe::{self, Partial, Statistic, merge};
@@ -163,34 +163,17 @@ impl<'p> Unit<'p> {
     /// stepped is formed only where it is `wanted`.
     pub fn advance(&mut self, time: f64, span: f64, wanted: bool, observer: &mut Observer<'_>) -> Result<u64> {
         let bodies = self.members.len() as u64;
-        self.time = time;
-        if let (Motion::Stepped { session, frames, treatment, .. }, Some(flight)) = (&mut self.motion, &mut self.flight)
-            && flight.follows()
-        {
+        if let Motion::Stepped { treatment, .. } = &self.motion {
             let interval = treatment.interval(span);
-            let (total, rows) = (interval.steps.saturating_mul(bodies), 0..self.members.len());
-            for step in 0..interval.steps {
-                let before = step.saturating_mul(bodies);
-                session.advance(interval.dt, 1, &mut |progress| {
-                    observer(Progress { done: before.saturating_add(progress.done), total })
-                })?;
-                let now = (time - span) + interval.dt * (step + 1) as f64;
-                let words = session.read(rows.clone())?;
-                let state =
-                    |row: usize| frames[row].at(self.torques, self.members.body(row), now).state_of(&words, row);
-                flight.follow(rows.clone().into_par_iter().map(state).collect(), now - interval.dt, interval.dt);
-            }
-            return Ok(total);
+            self.take_steps((time - span, interval.dt), 0..interval.steps, time, observer)?;
+            return Ok(interval.steps.saturating_mul(bodies));
         }
+        self.time = time;
         if let Some(flight) = &mut self.flight {
             flight.advance(time - span, span, observer)?;
         }
         match &mut self.motion {
-            Motion::Stepped { session, treatment, .. } => {
-                let interval = treatment.interval(span);
-                session.advance(interval.dt, interval.steps, observer)?;
-                Ok(interval.steps.saturating_mul(bodies))
-            }
+            Motion::Stepped { .. } => Ok(0),
             Motion::Adaptive(unit) => {
                 unit.advance_to(time, observer)?;
                 Ok(bodies)
@@ -207,6 +190,76 @@ impl<'p> Unit<'p> {
                 Ok(bodies)
             }
         }
+    }
+
+    /// Takes some of the equal steps of `dt` seconds that begin at `start`, s, those before them having been taken; `time`, s, is then
+    /// the bodies'. Others than those in equal steps stay as they are.
+    pub fn take_steps(
+        &mut self,
+        (start, dt): (f64, f64),
+        steps: Range<u64>,
+        time: f64,
+        observer: &mut Observer<'_>,
+    ) -> Result<()> {
+        let Motion::Stepped { session, frames, .. } = &mut self.motion else { return Ok(()) };
+        self.time = time;
+        let (bodies, count) = (self.members.len() as u64, steps.end - steps.start);
+        let Some(flight) = self.flight.as_mut().filter(|flight| flight.follows()) else {
+            if let Some(flight) = &mut self.flight {
+                let begin = start + dt * steps.start as f64;
+                flight.advance(begin, time - begin, observer)?;
+            }
+            return advance(&mut **session, dt, count, bodies, observer);
+        };
+        let (total, rows) = (count.saturating_mul(bodies), 0..self.members.len());
+        for step in steps.clone() {
+            let before = (step - steps.start).saturating_mul(bodies);
+            advance(&mut **session, dt, 1, bodies, &mut |progress| {
+                observer(Progress { done: before.saturating_add(progress.done), total })
+            })?;
+            let now = start + dt * (step + 1) as f64;
+            let words = session.read(rows.clone())?;
+            let state = |row: usize| frames[row].at(self.torques, self.members.body(row), now).state_of(&words, row);
+            flight.follow(rows.clone().into_par_iter().map(state).collect(), now - dt, dt);
+        }
+        Ok(())
+    }
+
+    /// The states of all its bodies, with their centres of mass: `centre` gives those that are not stepped here.
+    pub fn output_states(&mut self, centre: &dyn Fn(usize) -> Option<(DVec3, DVec3)>) -> Result<Vec<OutputState>> {
+        let rotations = self.read_range(&(0..self.members.len()))?;
+        let has_centres = self.has_centres();
+        let state = |(row, rotation): (usize, BodyState)| {
+            let body = self.members.body(row);
+            let mut own = [None];
+            if has_centres {
+                self.read_centres(&(body..body + 1), &mut own)?;
+            }
+            Ok(OutputState { rotation, translation: own[0].or_else(|| centre(body)) })
+        };
+        rotations.into_iter().enumerate().map(state).collect()
+    }
+
+    /// When, s, and in which state the body in a row was stopped by a limit of adaptive steps, where it was in the last interval and the
+    /// engine says so.
+    pub fn stopped(&mut self, row: usize) -> Result<Option<(f64, BodyState)>> {
+        let Motion::Adaptive(unit) = &self.motion else { return Ok(None) };
+        let Some(time) = unit.reached(row) else { return Ok(None) };
+        // Moments that change are those of a time.
+        let end = std::mem::replace(&mut self.time, time);
+        let states = self.read_range(&(row..row + 1));
+        self.time = end;
+        let stopped = states?.into_iter().find(|state| state.status == Status::StepBelowLimit);
+        Ok(stopped.map(|state| (time, state)))
+    }
+
+    /// The adaptive steps that those of its bodies that are among some have tried.
+    pub fn attempts(&mut self, bodies: &[usize]) -> Result<Vec<(usize, u64)>> {
+        let Motion::Adaptive(unit) = &mut self.motion else { return Ok(Vec::new()) };
+        let row = |&body: &usize| self.members.rows(body..body + 1).next();
+        let rows: Vec<usize> = bodies.iter().filter_map(row).collect();
+        let attempts = unit.attempts(&rows)?;
+        Ok(rows.into_iter().map(|row| self.members.body(row)).zip(attempts).collect())
     }
 
     /// The wall time, s, that bodies took to be formed as they were read, since the last call.
@@ -362,6 +415,23 @@ impl<'p> Unit<'p> {
         }
         Ok(())
     }
+}
+
+/// Takes equal steps of so many bodies; few of them without a thread that watches them.
+fn advance(session: &mut dyn Session, dt: f64, steps: u64, bodies: u64, observer: &mut Observer<'_>) -> Result<()> {
+    /// Body-steps that take less time than it takes to start a thread.
+    const FEW: u64 = 1 << 8;
+    let total = steps.saturating_mul(bodies);
+    if total <= FEW
+        && let Some(job) = session.job(dt, steps)?
+    {
+        job(&Watch::default());
+        return match observer(Progress { done: total, total }) {
+            ControlFlow::Continue(()) => Ok(()),
+            ControlFlow::Break(()) => Err(Error::Interrupted { steps }),
+        };
+    }
+    session.advance(dt, steps, observer)
 }
 
 /// How closed forms in `precision` are evaluated on the host, where a run on `engine` evaluates them there.

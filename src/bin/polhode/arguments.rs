@@ -159,8 +159,9 @@ velocity wx wy wz (body axes), angular momentum lx ly lz (world axes), kinetic_e
 where bodies have positions, and status: 0, or why the body has failed, and then its numbers are NaN (1
 not_converged, 2 step_too_long, 3 step_below_limit, 4 not_finite, 5 centre_not_finite, of which only position
 and velocity are NaN); snapshots.csv with the same at all output times; failed.csv, where bodies have failed,
-with body, t of the output at which it was seen, status, reason, and the last good state that was read:
-last_good_t (0 is the start) qx qy qz qw wx wy wz; statistics.csv with t, count and of each quantity
+with body, t when it failed, status, reason, known_to, and the last good state: last_good_t (0 is the start)
+qx qy qz qw wx wy wz (known_to step: t is the end of the first step that failed, or where adaptive steps stopped;
+output: the output at which it was seen); statistics.csv with t, count and of each quantity
 mean, standard_deviation, min, max, min_body, max_body at all output times; plan.json, which --plan takes; report.json with
 engine, plan, wall times, drift of what bodies conserve, what torques did, and errors of a recomputed sample, of
 position (m) and velocity (m/s) too where bodies translate. The folder appears, or replaces the former one,

@@ -24,14 +24,30 @@ static PLANNING: AtomicBool = AtomicBool::new(false);
 /// What to remove before the process is ended by a signal.
 static TRACES: Mutex<Option<Traces>> = Mutex::new(None);
 
-/// Lets Ctrl-C (and a request to terminate) end the run in good order; a second one, and one while a plan is made, ends it at
-/// once.
+/// Whether nothing is written yet of what a run is to write, so that it can be ended at any moment.
+static RUNNING: AtomicBool = AtomicBool::new(false);
+
+/// Whether the handler is ending the process.
+static ENDING: AtomicBool = AtomicBool::new(false);
+
+/// How long a run has to end by itself: stages that do not ask whether to stop (reading, drawing, preparing, waiting for a disk) are
+/// then cut off.
+const GRACE: Duration = Duration::from_millis(400);
+
+/// Lets Ctrl-C (and a request to terminate) end the run in good order, within [`GRACE`]; a second one, and one while a plan is made,
+/// ends it at once.
 pub fn catch_interrupts() {
     // Where the handler cannot be set, Ctrl-C ends the process as it does by default.
     let _ = ctrlc::set_handler(|| {
         let second = STOP.swap(true, Ordering::SeqCst);
         if PLANNING.load(Ordering::SeqCst) {
             stop();
+        }
+        if !second && RUNNING.load(Ordering::SeqCst) {
+            std::thread::sleep(GRACE);
+            if RUNNING.load(Ordering::SeqCst) {
+                stop();
+            }
         }
         if second {
             remove_traces();
@@ -40,9 +56,37 @@ pub fn catch_interrupts() {
     });
 }
 
-/// Ends the process as a run that was stopped ends.
-fn stop() -> ! {
-    remove_traces();
+/// Says that a run begins, which may be ended at any moment until [`end_run`].
+pub fn begin_run() {
+    RUNNING.store(true, Ordering::SeqCst);
+}
+
+/// Says that the run has written its results, or has failed.
+pub fn end_run() {
+    RUNNING.store(false, Ordering::SeqCst);
+    wait_for_end();
+    if let Ok(mut known) = TRACES.lock() {
+        *known = None;
+    }
+}
+
+/// Does not return where the handler is ending the process, which pulls the folder from under the run.
+pub fn wait_for_end() {
+    while ENDING.load(Ordering::SeqCst) {
+        std::thread::sleep(GRACE / 100);
+    }
+}
+
+/// Ends the process as a run that was stopped ends, unless its results are there already.
+fn stop() {
+    ENDING.store(true, Ordering::SeqCst);
+    let Ok(traces) = TRACES.lock() else { return };
+    if traces.as_ref().is_some_and(|traces| !traces.give_up()) {
+        ENDING.store(false, Ordering::SeqCst);
+        return;
+    }
+    // Twice, as a file may be begun while the first is under way.
+    traces.iter().for_each(|traces| [(); 2].iter().for_each(|()| traces.remove()));
     crate::output::error(crate::STOPPED);
     std::process::exit(crate::FAILED.into());
 }
@@ -54,9 +98,9 @@ fn remove_traces() {
 }
 
 /// Says what a signal that ends the process at once has to remove.
-pub fn remove_at_end(traces: Option<Traces>) {
+pub fn remove_at_end(traces: Traces) {
     if let Ok(mut known) = TRACES.lock() {
-        *known = traces;
+        *known = Some(traces);
     }
 }
 

@@ -17,8 +17,17 @@ const LARGE: u64 = 10_000_000_000;
 
 /// Runs a study into a folder.
 pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
-    let since = Instant::now();
     catch_interrupts();
+    progress::begin_run();
+    let done = run_until_written(arguments);
+    progress::end_run();
+    let (study, report, path) = done?;
+    say_what_is_written(arguments, &study, &report, &path)
+}
+
+/// The study, what came out, and the folder with it.
+fn run_until_written(arguments: &RunArguments) -> Result<(Study, Report, PathBuf), Failure> {
+    let since = Instant::now();
     let mut study = Study::read(&arguments.study)?;
     if let Some(precision) = crate::engine::precision(&arguments.engine) {
         study = study.with_precision(precision);
@@ -26,7 +35,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     // The folder is tried before anything that takes long.
     let path = arguments.out.clone().unwrap_or_else(|| default_folder(&arguments.study));
     let folder = OutputFolder::create(&path, arguments.force)?;
-    progress::remove_at_end(Some(folder.traces().clone()));
+    progress::remove_at_end(folder.traces().clone());
     for leftover in folder.leftovers() {
         output::note(&format!("note: removed what a killed run had left: {}", leftover.display()));
     }
@@ -58,14 +67,18 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let done =
         run_to_folder(&engine, &plan, Some(&study), wanted, folder, since, &mut |progress| watch.observe(progress));
     watch.finish();
-    progress::remove_at_end(None);
     let report = done?;
+    Ok((study, report, path))
+}
+
+fn say_what_is_written(arguments: &RunArguments, study: &Study, report: &Report, path: &Path) -> Result<(), Failure> {
+    let format = study.output().format;
     if !report.failed_bodies.is_empty() {
         output::note(&format!(
             "warning: {} of {} bodies have failed; failed.{} says which, when and why",
             report.failed_bodies.len(),
             report.bodies,
-            wanted.format.name()
+            format.name()
         ));
     }
     if report.outside_usable_region > 0 {
@@ -84,7 +97,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     if arguments.json {
         output::print(&report.to_json())?;
     } else if !arguments.quiet {
-        output::show(&summary(&report, &path))?;
+        output::show(&summary(report, path))?;
     }
     match report.failed_bodies.len() as u64 {
         failed if failed > study.allowed_failures() => Err(Failure::FailedBodies),

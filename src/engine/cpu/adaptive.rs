@@ -11,7 +11,7 @@ use super::surroundings::{AllTorques, CommonTorques, Nothing, Surroundings};
 use super::taylor::{TaylorMotion, steps_in_tiles, steps_one_by_one};
 use super::tile::attempts_in_tiles;
 use super::{TASKS, Width};
-use crate::batch::{Batch, StateWords, column_parts, load_body, load_state, store_state};
+use crate::batch::{Batch, RATE_COLUMN, StateWords, column_parts, load_body, load_state, store_state};
 use crate::clock::{Clock, MOST_LANES};
 use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps, StepCounts, two_words_of};
 use crate::engine::watch::{Job, Watch, watched};
@@ -205,6 +205,17 @@ impl<T: LaneScalar + observe::Kernel> AdaptiveSession for CpuAdaptiveSession<T> 
 
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
         Ok(self.batch.read(bodies))
+    }
+
+    fn reached(&self) -> Option<Vec<f64>> {
+        let Batch { body_count, stride, parameters, .. } = &self.batch;
+        let left = |row: usize| {
+            let word = |column: usize| self.controllers[column * stride + row].to_f64();
+            let rate = parameters[RATE_COLUMN * stride + row].to_f64();
+            (word(LEFT.start) + word(LEFT.start + 1)) / rate
+        };
+        let end = self.clock.seconds();
+        Some((0..*body_count).map(|row| (end - left(row)).max(0.0)).collect())
     }
 
     fn counts(&mut self) -> Result<Vec<StepCounts>> {
