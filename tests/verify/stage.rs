@@ -4,11 +4,13 @@ use glam::{DMat3, DVec3};
 use polhode::batch::Precision;
 use polhode::engine::Engine;
 use polhode::engine::adaptive::AdaptiveSteps;
+use polhode::torque::Orbit;
 use polhode::verify::{Culprit, Onset, Options, Parting, Stage, Term, verify};
 use polhode::{Method, Scene, Torque};
 
+use super::common::torques::middle_moments;
 use super::onset::HALF_ANGLE;
-use super::{DT, adaptive, faulty, scene, steps};
+use super::{BODIES, DT, SEED, adaptive, faulty, scene, steps};
 
 /// Linear drag, and a torque that turns with the time: at t = 0 its cosine is 1 and its sine 0.
 fn torques() -> [Torque; 2] {
@@ -204,4 +206,53 @@ fn the_report_names_stage_and_term() {
     assert_eq!((&parting["stage"]["term"], &parting["stage"]["words"]), (&"angular momentum".into(), &words.into()));
     let onset = report.parting().expect("a fault is planted").onset;
     assert!(matches!(onset, Onset::Stage(_, 2..)), "{onset:?}");
+}
+
+/// Beside a fault behind all evaluations they agree to their bounds, whatever the method asks: the torque of a table that depends on the
+/// attitude, the angular velocity and the time, with noise where steps are equal.
+#[test]
+fn evaluations_agree_under_every_method_where_the_fault_is_behind_them() {
+    let scale = middle_moments(BODIES, SEED);
+    let drag = scale.iter().map(|s| DMat3::from_diagonal(DVec3::new(0.3, 0.2, 0.1)) * *s).collect::<Vec<_>>();
+    let orbit = Orbit::kepler(1.0, 2.0, 0.4).inclined(0.7).with_pericentre(0.3).with_mean_anomaly(-2.0);
+    let smooth = vec![Torque::matrix_drag(drag), Torque::gravity_gradient(orbit)];
+    let noise = scale.iter().map(|s| 0.02 * s).collect::<Vec<_>>();
+    let all = [smooth.clone(), vec![Torque::white_noise(noise, 7)]].concat();
+    let behind = (
+        "advance.wgsl",
+        "    store_state(state, i);",
+        "    if (!FREE) {
+        state.angular_momentum_principal.value = state.angular_momentum_principal.value * 1.001;
+    }
+    store_state(state, i);",
+    );
+    let behind_attempt = [
+        ("adaptive.wgsl", "let attempted = advance(", "var attempted = advance("),
+        (
+            "adaptive.wgsl",
+            "    store_state(attempted.state, i);",
+            "    if (!FREE) {
+        let m = attempted.state.angular_momentum_principal.value;
+        attempted.state.angular_momentum_principal.value = m * 1.001;
+    }
+    store_state(attempted.state, i);",
+        ),
+    ];
+    let agree = |parting: &Parting, torques: usize, what: &str| {
+        assert_eq!(parting.culprit, Culprit::Torques((0..torques).collect()), "{what}");
+        let stage = parting.stage.unwrap_or_else(|| panic!("{what}: no stage"));
+        assert_eq!((stage.term, stage.number), (Term::Increment, stage.of), "{what}: {stage:?}");
+    };
+    let (equal, own) = (faulty(&[behind]), faulty(&behind_attempt));
+    for precision in Precision::ALL {
+        for method in Method::ALL {
+            let scene = scene(&all).pinned(method, DT, Some(precision)).skipping(false);
+            let what = format!("{method} in {precision}");
+            agree(&parting_of(&equal, &scene, &steps(1), &what), all.len(), &what);
+        }
+        let tolerance = if precision == Precision::F32 { 1e-4 } else { 1e-10 };
+        let what = format!("attempts in {precision}");
+        let scene = adaptive(&smooth, tolerance, precision);
+        agree(&parting_of(&own, &scene, &steps(1), &what), smooth.len(), &what);
+    }
 }
