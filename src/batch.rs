@@ -169,6 +169,14 @@ impl AnyBatch {
         }
     }
 
+    /// The first body so many times, for kernels that each look at something else of its step.
+    pub(crate) fn repeated(&self, body_count: usize) -> Self {
+        match self {
+            AnyBatch::F32(batch) => AnyBatch::F32(batch.repeated(body_count)),
+            AnyBatch::F64(batch) => AnyBatch::F64(batch.repeated(body_count)),
+        }
+    }
+
     /// The precision.
     pub fn precision(&self) -> Precision {
         match self {

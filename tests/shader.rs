@@ -55,6 +55,9 @@ fn variants() -> Vec<Source> {
             let flying = |method| Source::advance_flying(precision, method, &torques, Some(7));
             variants.extend(Method::ALL.map(flying));
         }
+        let torques = every_torque(precision);
+        variants.extend(Method::ALL.map(|method| Source::advance_under(precision, method, &torques).tapped()));
+        variants.push(Source::adaptive(precision, &torques).tapped());
         variants.extend([false, true].map(|int64| Source::probe(precision, int64)));
     }
     variants

@@ -1,6 +1,6 @@
 //! Columns that a batch has for some methods, engines and scenes alone.
 
-use super::{Batch, INVARIANT_COLUMNS, PARAMETER_COMPONENTS, STATE_COMPONENTS, state_columns};
+use super::{Batch, INVARIANT_COLUMNS, PARAMETER_COMPONENTS, STATE_COMPONENTS, STRIDE_UNIT, state_columns};
 use crate::force::carried::{CENTRE_COMPONENTS, Carried, FORCE_COLUMNS};
 use crate::method::projection::combinations;
 use crate::real::Scalar;
@@ -64,6 +64,17 @@ impl<T: Scalar> Batch<T> {
         }
         self.parameters.extend_from_slice(&parameters);
         self.state.extend_from_slice(&state);
+    }
+
+    /// The first body so many times, as kernels read it: what tables keep of a body beside its columns is the first one's alone.
+    pub(crate) fn repeated(&self, body_count: usize) -> Self {
+        let stride = body_count.next_multiple_of(STRIDE_UNIT);
+        let columns = |numbers: &[T]| -> Vec<T> {
+            let firsts = numbers.iter().step_by(self.stride.max(1));
+            firsts.flat_map(|&number| std::iter::repeat_n(number, stride)).collect()
+        };
+        let (parameters, state) = (columns(&self.parameters), columns(&self.state));
+        Self { body_count, stride, parameters, state, torques: self.torques.clone() }
     }
 
     /// Number of state columns, those of centres of mass among them.

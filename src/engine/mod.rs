@@ -24,6 +24,7 @@ mod devices;
 pub mod gpu;
 pub mod projected;
 pub mod reduction;
+pub mod tap;
 pub mod watch;
 pub mod work;
 
@@ -198,6 +199,14 @@ impl Backend for Engine {
         self.backend.start_taylor(batch, steps)
     }
 
+    fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn Session>>> {
+        self.backend.start_tapped(batch, method)
+    }
+
+    fn start_adaptive_tapped(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Option<Box<dyn AdaptiveSession>>> {
+        self.backend.start_adaptive_tapped(batch, steps)
+    }
+
     fn evaluates_on_host(&self) -> Option<Width> {
         self.backend.evaluates_on_host()
     }
@@ -277,6 +286,29 @@ pub trait Backend: Send + Sync {
     /// and for a torque that has none.
     fn start_taylor(&self, _batch: AnyBatch, _steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
         Err(taylor_unavailable(TAYLOR_ON_CPU))
+    }
+
+    /// As [`Backend::start`], of bodies under torques, for one step that leaves in place of each row's state what the kernel saw of one
+    /// evaluation ([`tap`]); `None` where the engine has no such kernels.
+    ///
+    /// # Errors
+    ///
+    /// As [`Backend::start`].
+    fn start_tapped(&self, _batch: AnyBatch, _method: Method) -> Result<Option<Box<dyn Session>>> {
+        Ok(None)
+    }
+
+    /// The same of [`Backend::start_adaptive`], for one attempt.
+    ///
+    /// # Errors
+    ///
+    /// As [`Backend::start_adaptive`].
+    fn start_adaptive_tapped(
+        &self,
+        _batch: AnyBatch,
+        _steps: AdaptiveSteps,
+    ) -> Result<Option<Box<dyn AdaptiveSession>>> {
+        Ok(None)
     }
 
     /// Whether [`Backend::start_carrying`] moves centres of mass; where it does not, the host follows the rotation.

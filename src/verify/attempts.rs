@@ -5,10 +5,12 @@ use rayon::prelude::*;
 
 use super::bound::{RowBound, Slopes, StepBounds, Stepped};
 use super::compare::{Comparison, Field, Gap, Place};
-use super::culprit::{Culprit, Retaken, traced};
+use super::culprit::{Retaken, Traced, traced};
 use super::onset::Onset;
+use super::stage::{Evaluated, Stage};
 use super::steps::enter_row;
 use super::subject::{Side, Subject, TWIN, in_one_word, row_of, start_clock};
+use super::tapped::Tap;
 use super::{Found, Window};
 use crate::batch::{AnyBatch, Precision, RATE_COLUMN, STATE_COMPONENTS, StateWords};
 use crate::clock::Clock;
@@ -115,8 +117,10 @@ pub(super) fn compare(
                         .collect::<Vec<_>>();
                     if let Some(&row) = parted.first() {
                         let moments = (&moment, &expected);
-                        let (culprit, onset) = OneBody::new(subject, kernel, side, moments, row).traced(comparison)?;
-                        comparison.blame(culprit, onset);
+                        let body = OneBody::new(subject, kernel, side, moments, row);
+                        let traced: Traced = traced(&subject.torques, &body)?;
+                        let agreed = body.onset_where_states_agree(comparison);
+                        comparison.blame(traced, agreed);
                     }
                 }
                 if subject.precision != Precision::F64 {
@@ -437,13 +441,11 @@ impl<'a> OneBody<'a> {
         Self { subject, kernel, side, row, moment: moment.of_row(row), start, step: step / rate }
     }
 
-    /// Which torque makes the sides part, and what in the attempt is at fault.
-    fn traced(&self, comparison: &Comparison) -> Result<(Culprit, Onset)> {
-        let (culprit, onset) = traced(&self.subject.torques, self)?;
+    /// What is at fault where the states agree.
+    fn onset_where_states_agree(&self, comparison: &Comparison) -> Onset {
         let is_decision = |field| matches!(field, Field::Decision | Field::NextStep | Field::Left);
         let decides = comparison.parting.as_ref().is_some_and(|parting| is_decision(parting.field));
-        let agreed = if decides { Onset::Controller } else { Onset::NotFound };
-        Ok((culprit, onset.unwrap_or(agreed)))
+        if decides { Onset::Controller } else { Onset::NotFound }
     }
 
     /// Before an attempt that starts where this one does and has a part of its step left, which it takes as a whole.
@@ -457,23 +459,59 @@ impl<'a> OneBody<'a> {
     }
 }
 
+/// The sides after an attempt from the same moment.
+struct Attempted {
+    comparison: Comparison,
+    expected: Moment,
+}
+
+impl OneBody<'_> {
+    /// One attempt of each side, with its own batch.
+    fn attempted(&self, [own, twin]: &[AnyBatch; 2], kernel: Kernel, moment: &Moment) -> Result<Attempted> {
+        let Self { subject, side, row, .. } = *self;
+        let bounds = StepBounds::new(twin.torques(), kernel.method, subject.precision, false);
+        let expected = kernel.attempt(&Cpu::new(TWIN), twin, moment)?;
+        let after = side.with(|engine| kernel.attempt(engine, own, moment))?;
+        let span = Span::of(subject, moment);
+        let trial = trial(subject, twin, kernel, &bounds, (moment, &expected), (row, 0), &span);
+        let mut comparison = Comparison::new([String::new(), String::new()], true);
+        enter(&mut comparison, subject, &trial, (&expected, &after), 0);
+        Ok(Attempted { comparison, expected })
+    }
+}
+
 impl Retaken for OneBody<'_> {
     fn compared(&self, acting: &[usize], part: f64) -> Result<Comparison> {
-        let Self { subject, side, row, .. } = *self;
-        let [own, twin] = subject.alone(row, acting)?;
+        let alone = self.subject.alone(self.row, acting)?;
         let (moment, kernel) = if part < 1.0 {
-            (self.shortened(&twin, part), self.kernel.that_takes_any_step())
+            (self.shortened(&alone[1], part), self.kernel.that_takes_any_step())
         } else {
             (self.moment.clone(), self.kernel)
         };
-        let bounds = StepBounds::new(twin.torques(), kernel.method, subject.precision, false);
-        let expected = kernel.attempt(&Cpu::new(TWIN), &twin, &moment)?;
-        let after = side.with(|engine| kernel.attempt(engine, &own, &moment))?;
-        let span = Span::of(subject, &moment);
-        let trial = trial(subject, &twin, kernel, &bounds, (&moment, &expected), (row, 0), &span);
-        let mut comparison = Comparison::new([String::new(), String::new()], true);
-        enter(&mut comparison, subject, &trial, (&expected, &after), 0);
-        Ok(comparison)
+        Ok(self.attempted(&alone, kernel, &moment)?.comparison)
+    }
+
+    fn stage(&self, acting: &[usize]) -> Result<Option<Stage>> {
+        let Self { subject, side, row, kernel: Kernel { method, .. }, .. } = *self;
+        if method == Method::Taylor {
+            return Ok(None);
+        }
+        let alone = subject.driven_alone(row, acting)?;
+        // Of the whole step, as long on both sides.
+        let (moment, kernel) = (self.shortened(&alone[1], 1.0), self.kernel.that_takes_any_step());
+        let Attempted { comparison, expected } = self.attempted(&alone, kernel, &moment)?;
+        // Where decisions differ no states are compared.
+        let is_state = |field| matches!(field, Field::Orientation | Field::Norm | Field::AngularMomentum);
+        let mut states = comparison.largest.iter().filter(|largest| is_state(largest.field));
+        if !states.any(|largest| largest.of_bound.is_some_and(|part| part > 1.0)) {
+            return Ok(None);
+        }
+        let [own, twin] = &alone.map(|batch| batch.at(&moment.states, moment.clock));
+        let (start, end) = (moment.states.combined(0), expected.states.combined(0));
+        let step = Stepped { row: 0, ticks: moment.clock.ticks(), dt: self.step, start: &start, end: &end };
+        let tap = Tap::Attempt { steps: kernel.steps, end: moment.end, controller: moment.controllers[0] };
+        let bounds = &StepBounds::new(twin.torques(), method, subject.precision, false);
+        Evaluated { side, own, twin, tap, method, bounds, step }.stage()
     }
 
     /// The parts alone are sure to be as long on both sides.

@@ -68,6 +68,8 @@ impl Counts {
 
 /// Roundings of the inputs of a stage.
 const STAGE_ROUNDINGS: f64 = 3.0;
+/// Of a time in a step, each once for both sides.
+const TIME_ROUNDINGS: f64 = 8.0;
 /// Of a phase, in turns of at most one.
 const PHASE_ROUNDINGS: f64 = 4.0;
 /// Ulps of a draw of white noise (tests/torque_parity.rs), whose components are below 7, and so in units of roundoff.
@@ -99,6 +101,19 @@ pub(super) struct RowBound {
     pub momentum: f64,
     /// The slopes that it follows from.
     pub slopes: Slopes,
+}
+
+/// How far what a method asks in an evaluation may differ between two sides, and what it is answered; in units of the body's own scale, the
+/// time in s.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct EvaluationBounds {
+    pub time: f64,
+    pub orientation: f64,
+    pub angular_momentum: f64,
+    pub angular_velocity: f64,
+    /// Of the gyroscopic term and of the torque.
+    pub angular_momentum_rate: f64,
+    pub orientation_rate: f64,
 }
 
 /// The slopes of one body, as magnitudes, with how far each may be off.
@@ -158,14 +173,8 @@ impl StepBounds {
     /// beside the others.
     pub fn of(&self, batch: &AnyBatch, step: &Stepped<'_>) -> Option<RowBound> {
         let (counts, u) = (self.counts, self.unit_roundoff);
-        let rate = batch.parameter(RATE_COLUMN, step.row);
-        let h = step.dt * rate;
-        let motion = self.motion.as_ref()?;
-        let phases = phases(batch, step.row, step.ticks);
-        let noise = noise_error(batch, step) * u;
-        let at = |state| slopes(motion, batch, step.row, &phases, state, (h, counts.weights, u));
-        let mut slopes = at(step.start)?.or(at(step.end)?);
-        slopes.momentum_rate_error += noise;
+        let slopes = self.slopes(batch, step, &[])?;
+        let h = step.dt * batch.parameter(RATE_COLUMN, step.row);
         let state = if self.two_words && counts.compensated { 2.0 * u * u } else { counts.state * u };
         let increments =
             |error: f64, size: f64| counts.weights * h * (error + counts.increment * u * size + self.least);
@@ -176,6 +185,55 @@ impl StepBounds {
         }
         let across = 2.0 * (0.5 * increments(slopes.rate_error, slopes.rate) + state + self.least);
         Some(RowBound { across, norm: across + 2.0 * NORM_ROUNDINGS * u, momentum, slopes })
+    }
+
+    /// The slopes of a step at its start and its end, and at other states in it, each with its time after the start, s.
+    fn slopes(
+        &self,
+        batch: &AnyBatch,
+        step: &Stepped<'_>,
+        others: &[([f64; STATE_COMPONENTS], f64)],
+    ) -> Option<Slopes> {
+        let (counts, u) = (self.counts, self.unit_roundoff);
+        let h = step.dt * batch.parameter(RATE_COLUMN, step.row);
+        let motion = self.motion.as_ref()?;
+        let at = |state, phases: &[f64]| slopes(motion, batch, step.row, phases, state, (h, counts.weights, u));
+        let start = phases(batch, step.row, step.ticks);
+        let mut slopes = at(step.start, &start)?.or(at(step.end, &start)?);
+        let ticks_per_second = batch.torques().clock().ticks_per_second();
+        for (state, elapsed) in others {
+            let ticks = step.ticks + (elapsed * ticks_per_second) as u64;
+            slopes = slopes.or(at(state, &phases(batch, step.row, ticks))?);
+        }
+        slopes.momentum_rate_error += noise_error(batch, step) * u;
+        Some(slopes)
+    }
+
+    /// The bounds of the evaluations of one body's step, which take place at these states and times, as far as they are known; those of
+    /// the answers are what the bound of the step multiplies by its weights. `None` as with [`StepBounds::of`].
+    pub fn of_evaluations(
+        &self,
+        batch: &AnyBatch,
+        step: &Stepped<'_>,
+        states: &[([f64; STATE_COMPONENTS], f64)],
+    ) -> Option<EvaluationBounds> {
+        let (counts, u) = (self.counts, self.unit_roundoff);
+        let slopes = self.slopes(batch, step, states)?;
+        let h = step.dt * batch.parameter(RATE_COLUMN, step.row);
+        let answer = |error: f64, size: f64| 2.0 * (error + counts.increment * u * size + self.least);
+        let angular_velocity = answer(slopes.rate_error, slopes.rate);
+        let angular_momentum_rate = answer(slopes.momentum_rate_error, slopes.momentum_rate);
+        // A stage is read in one word, whatever the state is carried in.
+        let stage = 2.0 * (STAGE_ROUNDINGS + counts.state) * u;
+        let orientation = 0.5 * counts.weights * h * angular_velocity + stage;
+        Some(EvaluationBounds {
+            time: TIME_ROUNDINGS * u * step.dt,
+            orientation,
+            angular_momentum: counts.weights * h * angular_momentum_rate + stage * slopes.momentum + self.least,
+            angular_velocity,
+            angular_momentum_rate,
+            orientation_rate: 0.5 * (angular_velocity + slopes.rate * orientation),
+        })
     }
 }
 

@@ -1,7 +1,8 @@
 //! Two states of one body, and what is kept of their differences.
 
-use super::culprit::Culprit;
+use super::culprit::{Culprit, Traced};
 use super::onset::Onset;
+use super::stage::Stage;
 use crate::batch::{Precision, STATE_COMPONENTS, StateWords};
 
 /// What is compared.
@@ -167,6 +168,8 @@ pub struct Parting {
     pub culprit: Culprit,
     /// What in the step it comes from.
     pub onset: Onset,
+    /// The evaluation in which the sides part, on engines that show them; `None` also where it was not looked for.
+    pub stage: Option<Stage>,
 }
 
 /// Two sides, and how far apart they were.
@@ -247,13 +250,15 @@ impl Comparison {
             bound: bound.unwrap_or(f64::INFINITY),
             culprit: Culprit::NotSought,
             onset: Onset::NotFound,
+            stage: None,
         });
     }
 
-    /// Says which torque the parting comes from, and what in the step.
-    pub(super) fn blame(&mut self, culprit: Culprit, onset: Onset) {
+    /// Says which torque the parting comes from, and what in the step; `agreed` where the states agree under the culprit.
+    pub(super) fn blame(&mut self, traced: Traced, agreed: Onset) {
         if let Some(parting) = &mut self.parting {
-            (parting.culprit, parting.onset) = (culprit, onset);
+            let Traced { culprit, onset, stage } = traced;
+            (parting.culprit, parting.onset, parting.stage) = (culprit, onset.unwrap_or(agreed), stage);
         }
     }
 }

@@ -3,6 +3,7 @@
 
 use super::compare::Comparison;
 use super::onset::{Onset, onset};
+use super::stage::Stage;
 use crate::error::Result;
 
 /// Where a difference comes from.
@@ -27,14 +28,26 @@ pub(super) trait Retaken {
     /// How the sides differ after a part of the step, 1 for the whole of it, under these torques alone.
     fn compared(&self, acting: &[usize], part: f64) -> Result<Comparison>;
 
+    /// The evaluation in which the sides part under these torques alone, where it can be said.
+    fn stage(&self, acting: &[usize]) -> Result<Option<Stage>>;
+
     /// How often the step is halved at the least where its parts are compared.
     fn least_halvings(&self) -> u32 {
         0
     }
 }
 
-/// Which of the torques makes the sides part in a step, and what in the step is at fault; `None` where the states agree under it.
-pub(super) fn traced(torques: &[usize], step: &dyn Retaken) -> Result<(Culprit, Option<Onset>)> {
+/// What a difference was traced to.
+#[derive(Clone, Debug)]
+pub(super) struct Traced {
+    pub culprit: Culprit,
+    /// `None` where the states agree under the culprit.
+    pub onset: Option<Onset>,
+    pub stage: Option<Stage>,
+}
+
+/// Which of the torques makes the sides part in a step, and what in the step is at fault.
+pub(super) fn traced(torques: &[usize], step: &dyn Retaken) -> Result<Traced> {
     let culprit = culprit(torques, &mut |acting| Ok(step.compared(acting, 1.0)?.parting.is_some()))?;
     let acting = match &culprit {
         Culprit::NotSought | Culprit::Method | Culprit::Projection => &[],
@@ -42,7 +55,7 @@ pub(super) fn traced(torques: &[usize], step: &dyn Retaken) -> Result<(Culprit, 
         Culprit::OnlyTogetherWith(_) | Culprit::Together => torques,
     };
     let onset = onset(step.least_halvings(), &mut |part| step.compared(acting, part))?;
-    Ok((culprit, onset))
+    Ok(Traced { onset, stage: step.stage(acting)?, culprit })
 }
 
 /// Which of the torques; `parts` says whether the sides part under some of them.

@@ -15,7 +15,9 @@
 //! The first difference beyond its bound is named with body, step, component, numbers and bound, and with the torque that it comes
 //! from: the step is taken again under each torque alone and without each of them, and a projected one without the projection. It is taken
 //! again in parts of its size as well, which tells a fault in a slope from one later in the step, in how the state is carried over, or in the
-//! controller of adaptive steps ([`Onset`]).
+//! controller of adaptive steps ([`Onset`]). Where the engine has kernels that show their evaluations ([`crate::engine::tap`]; GPUs have),
+//! those of the step are compared one by one, what is asked and what is answered: the first that differs is the stage at fault, and what of
+//! it differs the term ([`Stage`]). Lanes and Taylor series show none, nor do free flows and projections, which evaluate nothing.
 //!
 //! ```
 //! use polhode::verify::{Options, verify};
@@ -40,8 +42,10 @@ mod onset;
 mod report;
 #[doc(hidden)]
 pub mod running;
+mod stage;
 mod steps;
 mod subject;
+mod tapped;
 mod translation;
 
 use std::ops::Range;
@@ -56,6 +60,7 @@ pub use compare::{Comparison, Field, Largest, Parting};
 pub use culprit::Culprit;
 pub use onset::Onset;
 pub use report::{GroupReport, Report};
+pub use stage::{Stage, Term};
 
 use subject::Subject;
 

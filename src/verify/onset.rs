@@ -7,7 +7,7 @@
 //! what is done to the state behind it, does not fall with h. Of an adaptive step the states may agree however short it is, while the
 //! decision, or the next step, differs: then it is the error estimate or the controller.
 //!
-//! Which of several later stages it is does not follow from the powers.
+//! Which of several later stages it is does not follow from the powers but from the evaluations themselves ([`super::Stage`]).
 
 use super::compare::{Comparison, Field};
 use crate::error::Result;

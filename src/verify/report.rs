@@ -166,8 +166,8 @@ impl GroupReport {
             )?;
         }
         if let Some(parting) = &comparison.parting {
-            let Parting { step, time, body, field, component, found, expected, difference, bound, culprit, onset } =
-                parting;
+            let Parting { step, time, body, field, component, found, expected, difference, bound, .. } = parting;
+            let Parting { culprit, onset, stage, .. } = parting;
             let component = if component.is_empty() { String::new() } else { format!(" {component}") };
             let name = field.name();
             writeln!(formatter, "    THEY PART at step {step} (t = {time:e} s), body {body}: {name}{component}")?;
@@ -179,6 +179,9 @@ impl GroupReport {
             let onset = onset.in_words();
             if !onset.is_empty() {
                 writeln!(formatter, "      {onset}")?;
+            }
+            if let Some(stage) = stage {
+                writeln!(formatter, "      {}", stage.in_words())?;
             }
         }
         Ok(())
@@ -229,11 +232,18 @@ impl Report {
                     Culprit::Torques(torques) | Culprit::OnlyTogetherWith(torques) => torques.clone(),
                     _ => Vec::new(),
                 };
+                let stage = parting.stage.map(|stage| {
+                    json!({
+                        "number": stage.number, "of": stage.of, "is_stage": stage.is_stage,
+                        "term": stage.term.name(), "words": stage.in_words(),
+                    })
+                });
                 json!({
                     "step": parting.step, "time": parting.time, "body": parting.body, "field": parting.field.name(),
                     "component": parting.component, "found": parting.found, "expected": parting.expected,
                     "difference": parting.difference, "bound": parting.bound, "torques": torques,
                     "blame": group.blame(&parting.culprit), "onset": parting.onset.in_words(),
+                    "stage": stage,
                 })
             });
             json!({

@@ -4,9 +4,11 @@ use rayon::prelude::*;
 
 use super::bound::{RowBound, StepBounds, Stepped};
 use super::compare::{Comparison, Field, Gap, Place, first_bit_difference, gaps};
-use super::culprit::{Culprit, Retaken, traced};
+use super::culprit::{Culprit, Retaken, Traced, traced};
 use super::onset::{Onset, onset};
+use super::stage::{Evaluated, Stage};
 use super::subject::{Side, Subject, TWIN, in_one_word, row_of, start_clock};
+use super::tapped::Tap;
 use super::translation::Flown;
 use super::{Found, Window};
 use crate::batch::{AnyBatch, StateWords};
@@ -114,9 +116,8 @@ pub(super) fn compare(
         for (side, comparison) in sides.iter().zip(&mut comparisons) {
             let after = side.with(|engine| kernel.step(engine, at(&subject.batch), step.dt))?;
             if let Some(row) = enter_states(comparison, subject, &step, (&expected, &after), &row_bounds) {
-                let (culprit, onset) =
-                    OneBody { subject, kernel, side, step, row, state: row_of(&states, row) }.traced()?;
-                comparison.blame(culprit, onset.unwrap_or(Onset::NotFound));
+                let traced = OneBody { subject, kernel, side, step, row, state: row_of(&states, row) }.traced()?;
+                comparison.blame(traced, Onset::NotFound);
             }
         }
         if subject.precision != crate::batch::Precision::F64 {
@@ -247,7 +248,7 @@ struct OneBody<'a> {
 
 impl OneBody<'_> {
     /// Which torque makes the sides part, or whether it is the projection, and what in the step is at fault.
-    fn traced(&self) -> Result<(Culprit, Option<Onset>)> {
+    fn traced(&self) -> Result<Traced> {
         if !self.kernel.projected {
             return traced(&self.subject.torques, self);
         }
@@ -257,24 +258,46 @@ impl OneBody<'_> {
         if unprojected.compared(&[], 1.0)?.parting.is_some() {
             return traced(&[], &unprojected);
         }
-        Ok((Culprit::Projection, onset(0, &mut |part| self.compared(&[], part))?))
+        let onset = onset(0, &mut |part| self.compared(&[], part))?;
+        Ok(Traced { culprit: Culprit::Projection, onset, stage: None })
+    }
+
+    /// How the sides differ after a part of the step, each with its own batch.
+    fn taken(&self, [own, twin]: &[AnyBatch; 2], part: f64) -> Result<(Comparison, StateWords)> {
+        let Self { subject, kernel, side, step, ref state, .. } = *self;
+        let dt = part * step.dt;
+        let bounds = StepBounds::new(twin.torques(), kernel.method, subject.precision, kernel.projected);
+        let expected = kernel.step(&Cpu::new(TWIN), twin.clone(), dt)?;
+        let after = side.with(|engine| kernel.step(engine, own.clone(), dt))?;
+        let (start, end) = (state.combined(0), expected.combined(0));
+        let bound = bounds.of(twin, &Stepped { row: 0, ticks: step.clock.ticks(), dt, start: &start, end: &end });
+        let mut comparison = Comparison::new([String::new(), String::new()], true);
+        let place = Place { body: 0, step: step.number, time: 0.0 };
+        enter_row(&mut comparison, subject, place, (&expected, &after, 0), bound.as_ref());
+        Ok((comparison, expected))
     }
 }
 
 impl Retaken for OneBody<'_> {
     fn compared(&self, acting: &[usize], part: f64) -> Result<Comparison> {
+        let alone = self.subject.alone(self.row, acting)?.map(|batch| batch.at(&self.state, self.step.clock));
+        Ok(self.taken(&alone, part)?.0)
+    }
+
+    fn stage(&self, acting: &[usize]) -> Result<Option<Stage>> {
         let Self { subject, kernel, side, step, row, ref state } = *self;
-        let dt = part * step.dt;
-        let [own, twin] = subject.alone(row, acting)?.map(|batch| batch.at(state, step.clock));
-        let bounds = StepBounds::new(twin.torques(), kernel.method, subject.precision, kernel.projected);
-        let expected = kernel.step(&Cpu::new(TWIN), twin.clone(), dt)?;
-        let after = side.with(|engine| kernel.step(engine, own, dt))?;
+        let [own, twin] = subject.driven_alone(row, acting)?.map(|batch| batch.at(state, step.clock));
+        let alone = [own, twin];
+        let (comparison, expected) = self.taken(&alone, 1.0)?;
+        if comparison.parting.is_none() {
+            return Ok(None);
+        }
+        let ([own, twin], OneStep { dt, clock, .. }) = (&alone, step);
         let (start, end) = (state.combined(0), expected.combined(0));
-        let bound = bounds.of(&twin, &Stepped { row: 0, ticks: step.clock.ticks(), dt, start: &start, end: &end });
-        let mut comparison = Comparison::new([String::new(), String::new()], true);
-        let place = Place { body: 0, step: step.number, time: 0.0 };
-        enter_row(&mut comparison, subject, place, (&expected, &after, 0), bound.as_ref());
-        Ok(comparison)
+        let step = Stepped { row: 0, ticks: clock.ticks(), dt, start: &start, end: &end };
+        let (tap, method) = (Tap::Step { method: kernel.method, dt }, kernel.method);
+        let bounds = &StepBounds::new(twin.torques(), method, subject.precision, false);
+        Evaluated { side, own, twin, tap, method, bounds, step }.stage()
     }
 }
 

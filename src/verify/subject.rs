@@ -57,6 +57,15 @@ impl<'a> Subject<'a> {
 
     /// One body under some of the torques, as the engine takes it and as its twin does, in the units of all of them.
     pub fn alone(&self, row: usize, acting: &[usize]) -> Result<[AnyBatch; 2]> {
+        self.alone_in(row, acting, false)
+    }
+
+    /// The same in a kernel with torques: without any under one that has no strength.
+    pub fn driven_alone(&self, row: usize, acting: &[usize]) -> Result<[AnyBatch; 2]> {
+        self.alone_in(row, acting, true)
+    }
+
+    fn alone_in(&self, row: usize, acting: &[usize], driven: bool) -> Result<[AnyBatch; 2]> {
         let body = Members::Some(vec![self.members.body(row) as u32]);
         let of = |torques: &[Torque], which: &[usize]| -> Vec<Torque> {
             which.iter().map(|&torque| torques[torque].clone()).collect()
@@ -69,10 +78,11 @@ impl<'a> Subject<'a> {
         let prepare_like_all = |torques: &[Torque]| {
             let mut acting = of(torques, acting);
             let batch = prepare(&acting)?;
-            if acting.is_empty() || !batch.torques().is_common() || self.batch.torques().is_common() {
+            // Such torques alone have a kernel of their own, which is not the one that is looked at.
+            let is_special = batch.torques().is_common() && !self.batch.torques().is_common();
+            if !(if acting.is_empty() { driven } else { is_special }) {
                 return Ok(batch);
             }
-            // Such torques alone have a kernel of their own, which is not the one that is looked at.
             acting.push(Torque::constant_world(DVec3::ZERO));
             prepare(&acting)
         };

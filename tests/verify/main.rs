@@ -9,6 +9,7 @@ mod grid;
 mod onset;
 mod requests;
 mod scenes;
+mod stage;
 mod studies;
 
 use common::torques::{each_torque_alone, every_torque, middle_moments};

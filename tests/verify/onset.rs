@@ -10,7 +10,7 @@ use polhode::{Method, Scene, Torque};
 use super::{DT, adaptive, faulty, scene, steps};
 
 /// Orientations turn twice as fast.
-const HALF_ANGLE: (&str, &str, &str) =
+pub const HALF_ANGLE: (&str, &str, &str) =
     ("rigid_body.wgsl", "product_vector(q, angular_velocity * 0.5)", "product_vector(q, angular_velocity)");
 
 /// Where in a step a fault is: in the slope of a torque, in that of the orientation, in a stage behind the first, in no slope.

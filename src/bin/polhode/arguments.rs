@@ -257,7 +257,9 @@ which is not judged. What is not compared is listed.
 
 Bounds are counted in roundings of one step, for each body by its own numbers. The first difference beyond its
 bound is named with body, step, component and both numbers, and with the torque that it comes from: the step is
-taken again under each torque alone, and without each of them.
+taken again under each torque alone, and without each of them. It is taken in parts of its size too, which tells
+a slope from a later stage, and on a GPU its evaluations are compared one by one: the first that differs is named,
+with what of it does (its time, its state, the torque, the motion of the body) or what is made of them all.
 
 Without an adapter no shader can be checked: the exit status is 1, unless --engine cpu asks for the lanes of the
 CPU engine, of every width that the processor has.

@@ -27,7 +27,6 @@ use crate::error::{Error, Result};
 use crate::method::Method;
 use crate::method::rk8_adaptive::Controller;
 use crate::observe::{Partial, Statistic};
-use crate::torque::TorqueTable;
 use chunk::{BINDINGS, Chunk, Interval, READ_ONLY, next_group, row_bytes, rows_in, staging_bytes};
 
 /// The kernels' bindings, and their pipelines, made on first use.
@@ -56,18 +55,19 @@ struct GpuAdaptiveSession<T> {
 }
 
 impl AdaptiveKernels {
-    /// Uploads a batch; on an error nothing is left allocated.
+    /// Uploads a batch; on an error nothing is left allocated. `tapped`: whether an attempt leaves evaluations in place of states.
     pub fn start<T: DeviceScalar>(
         &self,
         device: &Arc<Device>,
         batch: &Batch<T>,
         steps: AdaptiveSteps,
+        tapped: bool,
         options: &GpuOptions,
         observe: &Arc<ObserveKernels>,
     ) -> Result<Box<dyn AdaptiveSession>> {
         let layout = self.layout.get_or_init(|| bind_group_layout(&device.device));
         let precision = if T::WORDS == 2 { Precision::F32 } else { Precision::F64 };
-        let pipeline = self.pipeline(device, layout, precision, &batch.torques, options)?;
+        let pipeline = self.pipeline(device, layout, Source::adaptive(precision, &batch.torques), tapped, options)?;
         let (widest, row) = row_bytes::<T>(batch.parameter_columns());
         let capacity = chunk_capacity(device, &options.chunk, widest)?;
         let needed = (batch.body_count as u64).saturating_mul(row as u64).saturating_add(STAGING_BYTES as u64);
@@ -104,17 +104,17 @@ impl AdaptiveKernels {
         &self,
         device: &Device,
         layout: &wgpu::BindGroupLayout,
-        precision: Precision,
-        torques: &TorqueTable,
+        source: Source,
+        tapped: bool,
         options: &GpuOptions,
     ) -> Result<wgpu::ComputePipeline> {
-        let source = Source::adaptive(precision, torques);
-        let key = source.key();
+        let with_tap = |source: Source| if tapped { source.tapped() } else { source };
+        let key = with_tap(source.clone()).key();
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(pipeline) = pipelines.get(&key) {
             return Ok(pipeline.clone());
         }
-        let source = source.patched(&options.patches)?;
+        let source = with_tap(source.patched(&options.patches)?);
         let pipeline_layout = super::pipeline_layout(&device.device, layout);
         let pipeline = source.compile(&device.device, &pipeline_layout, Some(WORKGROUP_SIZE))?;
         pipelines.insert(key, pipeline.clone());

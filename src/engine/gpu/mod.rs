@@ -156,12 +156,15 @@ impl Gpu {
 
     /// The compiled kernel, compiled on first use.
     fn pipeline(&self, source: Source) -> Result<wgpu::ComputePipeline> {
-        let key = source.key();
+        self.pipeline_of(source.key(), source.patched(&self.options.patches)?)
+    }
+
+    /// The kernel of a source with its patches, by the key of what it is without them.
+    fn pipeline_of(&self, key: shader::Key, source: Source) -> Result<wgpu::ComputePipeline> {
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(pipeline) = pipelines.get(&key) {
             return Ok(pipeline.clone());
         }
-        let source = source.patched(&self.options.patches)?;
         let pipeline = source.compile(&self.device.device, &self.pipeline_layout, Some(WORKGROUP_SIZE))?;
         pipelines.insert(key, pipeline.clone());
         Ok(pipeline)
@@ -190,6 +193,37 @@ impl Gpu {
             loops = loops.saturating_add(parts).saturating_add(1);
         }
         self.session(&batch, pipeline, loops, carried.is_some())
+    }
+
+    fn start_adaptive_batch(
+        &self,
+        batch: &AnyBatch,
+        steps: AdaptiveSteps,
+        tapped: bool,
+    ) -> Result<Box<dyn AdaptiveSession>> {
+        let precision = batch.precision();
+        if !self.precisions.contains(&precision) {
+            return Err(unavailable(&self.device, &self.arithmetic, precision));
+        }
+        steps.check(precision)?;
+        check_torques(batch)?;
+        let Self { device, options, observe, .. } = self;
+        match batch {
+            AnyBatch::F32(batch) => self.adaptive.start(device, batch, steps, tapped, options, observe),
+            AnyBatch::F64(batch) => self.adaptive.start(device, batch, steps, tapped, options, observe),
+        }
+    }
+
+    /// A session whose step leaves evaluations in place of states.
+    fn start_tapped_batch<T: DeviceScalar>(&self, batch: &Batch<T>, method: Method) -> Result<Box<dyn Session>> {
+        let precision = if T::WORDS == 2 { Precision::F32 } else { Precision::F64 };
+        if !self.precisions.contains(&precision) {
+            return Err(unavailable(&self.device, &self.arithmetic, precision));
+        }
+        let source = Source::advance_under(precision, method, &batch.torques);
+        let patched = source.clone().patched(&self.options.patches)?;
+        let pipeline = self.pipeline_of(source.tapped().key(), patched.tapped())?;
+        self.session(batch, pipeline, batch.loops_of_a_step(method), false)
     }
 
     /// A session on columns that are complete; a step takes at most `loops` iterations.
@@ -266,16 +300,26 @@ impl Backend for Gpu {
     }
 
     fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
-        let precision = batch.precision();
-        if !self.precisions.contains(&precision) {
-            return Err(unavailable(&self.device, &self.arithmetic, precision));
+        self.start_adaptive_batch(&batch, steps, false)
+    }
+
+    fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn Session>>> {
+        check_equal_steps(method)?;
+        if batch.torques().is_empty() {
+            return Ok(None);
         }
-        steps.check(precision)?;
-        check_torques(&batch)?;
         match batch {
-            AnyBatch::F32(batch) => self.adaptive.start(&self.device, &batch, steps, &self.options, &self.observe),
-            AnyBatch::F64(batch) => self.adaptive.start(&self.device, &batch, steps, &self.options, &self.observe),
+            AnyBatch::F32(batch) => self.start_tapped_batch(&batch, method),
+            AnyBatch::F64(batch) => self.start_tapped_batch(&batch, method),
         }
+        .map(Some)
+    }
+
+    fn start_adaptive_tapped(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Option<Box<dyn AdaptiveSession>>> {
+        if batch.torques().is_empty() {
+            return Ok(None);
+        }
+        self.start_adaptive_batch(&batch, steps, true).map(Some)
     }
 
     fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {

@@ -53,6 +53,9 @@ pub struct Source {
 /// The chunk that a projecting kernel has another one for.
 const UNPROJECTED: &str = "method/unprojected.wgsl";
 
+/// The functions that `tap.wgsl` takes the place of.
+const TAPPED: [&str; 5] = ["load_torques", "motion", "torque", "orientation_rate", "store_state"];
+
 /// Values of the `override` constants of a shader, by name.
 pub type Constants = Vec<(String, u32)>;
 
@@ -332,6 +335,23 @@ impl Source {
             }
         }
         Ok(self)
+    }
+
+    /// The kernel of bodies under torques that keeps an evaluation of its step in place of the state ([`crate::engine::tap`]). Patches
+    /// are applied before: some functions have other names in it.
+    #[must_use]
+    pub fn tapped(mut self) -> Self {
+        for chunk in &mut self.chunks {
+            for name in TAPPED {
+                let definition = format!("fn {name}(");
+                if chunk.text.contains(&definition) {
+                    chunk.text = Cow::Owned(chunk.text.replace(&definition, &format!("fn untapped_{name}(")));
+                }
+            }
+        }
+        // The entry point stays in the last chunk.
+        self.chunks.insert(self.chunks.len() - 1, chunk!("tap.wgsl"));
+        self
     }
 
     /// The chunks in order.

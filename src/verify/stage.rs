@@ -1,0 +1,179 @@
+//! In which evaluation of a step two sides part: the evaluations of both are compared in their order, what is asked first and then what is
+//! answered ([`super::tapped`]).
+//!
+//! The first answer that differs where its question agrees names a term: the torque, or the motion of the body. The first question that
+//! differs, where all answers before it agree, names what forms it: the weights of a stage, or its time. Where all agree it is what is made
+//! of the answers. The bounds are those that the bound of the step is made of ([`super::bound`]), so that one of the three holds.
+
+use super::bound::{EvaluationBounds, StepBounds, Stepped};
+use super::subject::Side;
+use super::tapped::Tap;
+use crate::batch::{AnyBatch, STATE_COMPONENTS};
+use crate::engine::tap::Evaluations;
+use crate::error::Result;
+use crate::method::Method;
+
+/// What of an evaluation is the first to differ.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Term {
+    /// The time at which it takes place, since the start of the step.
+    Time,
+    /// The orientation at which it takes place.
+    Orientation,
+    /// The angular momentum at which it takes place.
+    AngularMomentum,
+    /// The angular velocity at which the torque is evaluated, where the method forms it itself.
+    AngularVelocity,
+    /// The rate at which the body's axes turn, at the same angular momentum.
+    Turning,
+    /// The gyroscopic term, at the same angular momentum.
+    GyroscopicTerm,
+    /// The torque, at the same time since the start of the step, orientation and angular velocity.
+    Torque,
+    /// dq/dt, at the same orientation and angular velocity.
+    OrientationRate,
+    /// Nothing of any evaluation: what is made of them.
+    Increment,
+}
+
+impl Term {
+    /// The name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Term::Time => "time",
+            Term::Orientation => "orientation",
+            Term::AngularMomentum => "angular momentum",
+            Term::AngularVelocity => "angular velocity asked for",
+            Term::Turning => "angular velocity",
+            Term::GyroscopicTerm => "gyroscopic term",
+            Term::Torque => "torque",
+            Term::OrientationRate => "rate of the orientation",
+            Term::Increment => "increment",
+        }
+    }
+}
+
+/// The evaluation in which two sides part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stage {
+    /// Its number in the step, from 1; with [`Term::Increment`] that of the last.
+    pub number: usize,
+    /// Evaluations that were compared.
+    pub of: usize,
+    /// Whether each is a stage of a Runge-Kutta method; else the torque's alone.
+    pub is_stage: bool,
+    /// What differs.
+    pub term: Term,
+}
+
+impl Stage {
+    /// In words.
+    pub fn in_words(self) -> String {
+        let Self { number, of, is_stage, term } = self;
+        let (name, weights) = if is_stage {
+            (format!("stage {number} of {of}"), "the weights of the slopes before it")
+        } else {
+            (format!("evaluation {number} of {of} of the torque"), "what the method does before it")
+        };
+        let asked = |what: &str, formed: &str| format!("{name} is the first to differ: {what}; it is {formed}");
+        let answered = |what: &str, at: &str| format!("{name} is the first to differ: {what}, at the same {at}");
+        match term {
+            Term::Time => asked("the time at which it takes place", "the fraction of the step, or its size"),
+            Term::Orientation => asked("the orientation at which it takes place", weights),
+            Term::AngularMomentum => asked("the angular momentum at which it takes place", weights),
+            Term::AngularVelocity => asked("the angular velocity at which it takes place", weights),
+            Term::Turning => answered("the angular velocity", "angular momentum"),
+            Term::GyroscopicTerm => answered("the gyroscopic term", "angular momentum"),
+            Term::Torque => answered("the torque", "time in the step, orientation and angular velocity"),
+            Term::OrientationRate => answered("the rate of the orientation", "orientation and angular velocity"),
+            Term::Increment if is_stage => {
+                format!("its {of} stages agree: it is the weights of the increment, or how that is carried over")
+            }
+            Term::Increment => {
+                format!("its first {of} evaluations of the torque agree: it is what the method does after them")
+            }
+        }
+    }
+}
+
+/// The evaluations of `implicit_midpoint` before its iteration, which enlarges roundings.
+const BEFORE_ITERATION: usize = 2;
+
+/// One body's step, as either side takes it, and under what.
+pub(super) struct Evaluated<'a> {
+    pub side: &'a Side<'a>,
+    pub own: &'a AnyBatch,
+    pub twin: &'a AnyBatch,
+    pub tap: Tap,
+    pub method: Method,
+    pub bounds: &'a StepBounds,
+    pub step: Stepped<'a>,
+}
+
+impl Evaluated<'_> {
+    /// Where in the step the sides part, which they do; `None` where it cannot be said.
+    pub fn stage(&self) -> Result<Option<Stage>> {
+        let expected = self.tap.of_twin(self.twin);
+        let Some(found) = self.tap.of_side(self.side, self.own, &expected)? else { return Ok(None) };
+        let states = states_of(&expected);
+        let Some(bounds) = self.bounds.of_evaluations(self.twin, &self.step, &states) else { return Ok(None) };
+        let made = expected.torques.len();
+        let of = if self.method == Method::ImplicitMidpoint { made.min(BEFORE_ITERATION) } else { made };
+        let is_stage = !expected.motions.is_empty();
+        let stage = |number, term| Some(Stage { number, of, is_stage, term });
+        for index in 0..of.min(found.torques.len()) {
+            if let Some(term) = term(&expected, &found, index, &bounds) {
+                return Ok(stage(index + 1, term));
+            }
+        }
+        // Sides that evaluate different numbers of times part elsewhere.
+        Ok(if of > 0 && found.torques.len() >= of { stage(of, Term::Increment) } else { None })
+    }
+}
+
+/// The states at which evaluations take place and the times since the start of the step, s, where all of a state is known.
+fn states_of(evaluations: &Evaluations) -> Vec<([f64; STATE_COMPONENTS], f64)> {
+    let calls = evaluations.motions.iter().zip(&evaluations.torques);
+    let state = |([x, y, z, w], [a, b, c]): ([f64; 4], [f64; 3])| [x, y, z, w, a, b, c];
+    calls.map(|(motion, torque)| (state((torque.orientation, motion.angular_momentum)), torque.elapsed)).collect()
+}
+
+/// The largest difference of a component, infinite where one is no number.
+fn apart<const N: usize>(expected: [f64; N], found: [f64; N]) -> f64 {
+    let off = expected.iter().zip(&found).map(|(a, b)| (a - b).abs());
+    off.fold(0.0, |most, off| if off.is_finite() { off.max(most) } else { f64::INFINITY })
+}
+
+/// What differs of the evaluation with this number, from 0.
+fn term(expected: &Evaluations, found: &Evaluations, index: usize, bounds: &EvaluationBounds) -> Option<Term> {
+    let motions = expected.motions.get(index).zip(found.motions.get(index));
+    let torques = expected.torques.get(index).zip(found.torques.get(index));
+    let rates = expected.orientation_rates.get(index).zip(found.orientation_rates.get(index));
+    let mut asked = Vec::new();
+    if let Some((expected, found)) = torques {
+        asked.push((Term::Time, apart([expected.elapsed], [found.elapsed]), bounds.time));
+        asked.push((Term::Orientation, apart(expected.orientation, found.orientation), bounds.orientation));
+    }
+    if let Some((expected, found)) = motions {
+        let off = apart(expected.angular_momentum, found.angular_momentum);
+        asked.push((Term::AngularMomentum, off, bounds.angular_momentum));
+    }
+    let part = |(_, off, bound): &(Term, f64, f64)| off / bound;
+    let farthest = asked.into_iter().max_by(|a, b| part(a).total_cmp(&part(b)));
+    let mut answered = Vec::from_iter(farthest);
+    if let Some((expected, found)) = motions {
+        let omega = apart(expected.angular_velocity, found.angular_velocity);
+        answered.push((Term::Turning, omega, bounds.angular_velocity));
+        let gyroscopic = apart(expected.gyroscopic_term, found.gyroscopic_term);
+        answered.push((Term::GyroscopicTerm, gyroscopic, bounds.angular_momentum_rate));
+    }
+    if let Some((expected, found)) = torques {
+        let omega = apart(expected.angular_velocity, found.angular_velocity);
+        answered.push((Term::AngularVelocity, omega, bounds.angular_velocity));
+        answered.push((Term::Torque, apart(expected.torque, found.torque), bounds.angular_momentum_rate));
+    }
+    if let Some((expected, found)) = rates {
+        answered.push((Term::OrientationRate, apart(*expected, *found), bounds.orientation_rate));
+    }
+    answered.into_iter().find(|(_, off, bound)| off > bound).map(|(term, ..)| term)
+}

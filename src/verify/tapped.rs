@@ -1,0 +1,255 @@
+//! The evaluations of one step on either side: of an engine by its tapped kernel, of its scalar twin by an environment that writes down
+//! what it is asked and what it answers.
+//!
+//! Bodies without torques are tapped under one without strength, so that their orientations are seen too: [`Environment::motion`] does
+//! not read them.
+
+use std::cell::RefCell;
+
+use super::subject::Side;
+use crate::batch::{AnyBatch, Batch, load_body, load_state, two_words};
+use crate::clock::Clock;
+use crate::engine::adaptive::{AdaptiveSteps, two_words_of};
+use crate::engine::tap::{Evaluations, MotionCall, TorqueCall, VIEWS};
+use crate::engine::unobserved;
+use crate::error::Result;
+use crate::method::cf4::Cf4;
+use crate::method::clamped_euler::ClampedEuler;
+use crate::method::dlm::Dlm;
+use crate::method::explicit_euler::ExplicitEuler;
+use crate::method::gyro_newton::GyroNewton;
+use crate::method::implicit_midpoint::ImplicitMidpoint;
+use crate::method::rk4::Rk4;
+use crate::method::rk8::Rk8;
+use crate::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, Timed, attempt};
+use crate::method::spiral::Spiral;
+use crate::method::splitting::Splitting;
+use crate::method::{Method, Step};
+use crate::quaternion::Quaternion;
+use crate::real::Scalar;
+use crate::rigid_body::{Body, Correction, Invariants, State, orientation_rate};
+use crate::torque::sum::{Source, Torques};
+use crate::torque::{Environment, Motion, VelocityDependence};
+use crate::vector::{TwoWords, Vector};
+
+/// What is tapped: a step of some length, s, or an attempt of one body on the way to a time, s.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Tap {
+    Step { method: Method, dt: f64 },
+    Attempt { steps: AdaptiveSteps, end: f64, controller: Controller<f64> },
+}
+
+impl Tap {
+    /// The evaluations of an engine, as far as `expected` has any; `None` where the engine has no tapped kernels.
+    pub fn of_side(self, side: &Side<'_>, batch: &AnyBatch, expected: &Evaluations) -> Result<Option<Evaluations>> {
+        let rows = VIEWS * expected.torques.len().max(expected.motions.len()).max(1);
+        let repeated = batch.repeated(rows);
+        let states = side.with(|engine| -> Result<_> {
+            match self {
+                Tap::Step { method, dt } => {
+                    let Some(mut session) = engine.start_tapped(repeated, method)? else { return Ok(None) };
+                    session.advance(dt, 1, &mut unobserved)?;
+                    session.read(0..rows).map(Some)
+                }
+                Tap::Attempt { steps, end, controller } => {
+                    let Some(mut session) = engine.start_adaptive_tapped(repeated, steps)? else { return Ok(None) };
+                    session.attempt(end, &mut vec![controller; rows])?;
+                    session.read(0..rows).map(Some)
+                }
+            }
+        })?;
+        Ok(states.map(|states| Evaluations::from_rows(&states)))
+    }
+
+    /// Those of the twin, of the first body of a batch.
+    pub fn of_twin(self, batch: &AnyBatch) -> Evaluations {
+        match batch {
+            AnyBatch::F32(batch) => self.of_scalars(batch),
+            AnyBatch::F64(batch) => self.of_scalars(batch),
+        }
+    }
+
+    fn of_scalars<T: Scalar>(self, batch: &Batch<T>) -> Evaluations {
+        let evaluations = RefCell::default();
+        match self {
+            Tap::Step { method, dt } => OneStep { batch, dt, evaluations: &evaluations }.by(method),
+            Tap::Attempt { steps, end, controller } => {
+                attempted(batch, &steps, &batch.torques.clock().at(end), &controller, &evaluations);
+            }
+        }
+        let mut evaluations = evaluations.into_inner();
+        if matches!(self, Tap::Step { method: Method::Rk4 | Method::Rk8, .. } | Tap::Attempt { .. }) {
+            evaluations.orientation_rates = evaluations.torques.iter().map(orientation_rate_at).collect();
+        }
+        evaluations
+    }
+}
+
+/// dq/dt in the methods whose slopes it is a part of.
+fn orientation_rate_at(call: &TorqueCall) -> [f64; 4] {
+    let ([x, y, z, w], [a, b, c]) = (call.orientation, call.angular_velocity);
+    let rate = orientation_rate(Quaternion::new(x, y, z, w), Vector::new(a, b, c));
+    [rate.x, rate.y, rate.z, rate.w]
+}
+
+/// Torques that write down what they are asked and what they answer.
+struct Tapped<'a, T: Scalar> {
+    torques: Torques<'a, T>,
+    /// Seconds in the unit of times after the start of a step.
+    seconds: f64,
+    evaluations: &'a RefCell<Evaluations>,
+}
+
+impl<T: Scalar> Clone for Tapped<'_, T> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<T: Scalar> Copy for Tapped<'_, T> {}
+
+type StartOf<'a, T> = <Torques<'a, T> as Environment<T>>::Start;
+type EpochOf<'a, T> = <Torques<'a, T> as Environment<T>>::Epoch;
+
+fn numbers<T: Scalar>(v: Vector<T>) -> [f64; 3] {
+    [v.x, v.y, v.z].map(Scalar::to_f64)
+}
+
+impl<'a, T: Scalar> Environment<T> for Tapped<'a, T> {
+    type Start = StartOf<'a, T>;
+    /// With the time since the start of the step, s.
+    type Epoch = (EpochOf<'a, T>, f64);
+    const FREE: bool = false;
+
+    fn start(&self, step: u64) -> StartOf<'a, T> {
+        self.torques.start(step)
+    }
+
+    fn epoch(&self, start: &StartOf<'a, T>, fraction: f64) -> (EpochOf<'a, T>, f64) {
+        (self.torques.epoch(start, fraction), fraction * self.seconds)
+    }
+
+    fn torque(&self, epoch: &Self::Epoch, body: &Body<T>, q: Quaternion<T>, omega: Vector<T>) -> Vector<T> {
+        let torque = self.torques.torque(&epoch.0, body, q, omega);
+        self.evaluations.borrow_mut().torques.push(TorqueCall {
+            elapsed: epoch.1,
+            orientation: [q.x, q.y, q.z, q.w].map(Scalar::to_f64),
+            angular_velocity: numbers(omega),
+            torque: numbers(torque),
+        });
+        torque
+    }
+
+    fn velocity_dependence(&self) -> VelocityDependence {
+        self.torques.velocity_dependence()
+    }
+
+    fn drag_coefficient(&self) -> T {
+        self.torques.drag_coefficient()
+    }
+
+    fn motion(&self, epoch: &Self::Epoch, body: &Body<T>, correction: &Correction<T>, m: Vector<T>) -> Motion<T> {
+        let motion = self.torques.motion(&epoch.0, body, correction, m);
+        self.evaluations.borrow_mut().motions.push(MotionCall {
+            angular_momentum: numbers(m),
+            angular_velocity: numbers(motion.angular_velocity),
+            gyroscopic_term: numbers(motion.gyroscopic_term),
+        });
+        motion
+    }
+}
+
+impl<'a, T: Scalar> Timed<T> for Tapped<'a, T> {
+    fn start_at(&self, time: TwoWords<T>) -> StartOf<'a, T> {
+        self.torques.start_at(time)
+    }
+
+    fn epoch_after(&self, start: &StartOf<'a, T>, elapsed: T) -> Self::Epoch {
+        (self.torques.epoch_after(start, elapsed), elapsed.to_f64() * self.seconds)
+    }
+}
+
+/// A step of the first body of a batch.
+struct OneStep<'a, T> {
+    batch: &'a Batch<T>,
+    dt: f64,
+    evaluations: &'a RefCell<Evaluations>,
+}
+
+impl<T: Scalar> OneStep<'_, T> {
+    fn by(self, method: Method) {
+        match method {
+            Method::Rk4 => self.taken::<Rk4>(),
+            Method::Rk8 => self.taken::<Rk8>(),
+            Method::Cf4 => self.taken::<Cf4>(),
+            Method::Splitting2 => self.taken::<Splitting<2>>(),
+            Method::Splitting4 => self.taken::<Splitting<4>>(),
+            Method::Splitting6 => self.taken::<Splitting<6>>(),
+            Method::ImplicitMidpoint => self.taken::<ImplicitMidpoint>(),
+            Method::Dlm => self.taken::<Dlm>(),
+            Method::ExplicitEuler => self.taken::<ExplicitEuler>(),
+            Method::GyroNewton => self.taken::<GyroNewton>(),
+            Method::ClampedEuler => self.taken::<ClampedEuler>(),
+            Method::Spiral => self.taken::<Spiral>(),
+            // It has no equal steps.
+            Method::Taylor => {}
+        }
+    }
+
+    fn taken<M: Step>(self) {
+        let Self { batch, dt, evaluations } = self;
+        let source = source_of(batch, dt);
+        let workspace = source.workspace::<T>();
+        let torques = Torques::new(source.group(0, &workspace));
+        let environment = Tapped { torques, seconds: dt, evaluations };
+        let (body, state, rate) = first_row(batch);
+        let TwoWords { value, residue } = two_words::<T>(dt);
+        let dt = TwoWords { value: value * rate, residue: residue * rate };
+        let zero = T::splat(0.0);
+        // Of free bodies alone.
+        let invariants = Invariants { angular_momentum_squared: zero, kinetic_energy: zero };
+        let prepared = M::prepare::<T, Tapped<'_, T>>(&body, &invariants, dt);
+        M::step(&body, &prepared, &environment, 0, dt, state);
+    }
+}
+
+/// Where the torques of a batch are found, in equal steps of `dt` s.
+fn source_of<T: Scalar>(batch: &Batch<T>, dt: f64) -> Source<'_, T> {
+    let Batch { parameters, stride, torques, .. } = batch;
+    Source { table: torques, parameters, stride: *stride, clock: torques.clock(), dt }
+}
+
+/// The first body, its state and its reference rate.
+fn first_row<T: Scalar>(batch: &Batch<T>) -> (Body<T>, State<T>, T) {
+    let (body, rate) = load_body(|column| batch.parameters[column * batch.stride]);
+    (body, load_state(|column| batch.state[column * batch.stride]), rate)
+}
+
+/// The attempt of a controller in the interval from the batch's time to `end`.
+fn attempted<T: Scalar>(
+    batch: &Batch<T>,
+    steps: &AdaptiveSteps,
+    end: &Clock,
+    controller: &Controller<f64>,
+    evaluations: &RefCell<Evaluations>,
+) {
+    let source = source_of(batch, 0.0);
+    let workspace = source.workspace::<T>();
+    let (body, state, rate) = first_row(batch);
+    let torques = Torques::new(source.group(0, &workspace));
+    let environment = Tapped { torques, seconds: 1.0 / rate.to_f64(), evaluations };
+    let (value, residue) = source.clock.seconds_until(end);
+    let TwoWords { value, residue } = two_words_of::<T>(value, residue);
+    let span = TwoWords { value: value * rate, residue: residue * rate };
+    let least_step = steps.least_step.map_or(T::from_f64(LEAST_STEP), |seconds| T::from_f64(seconds) * rate);
+    let limits = Limits { tolerance: T::from_f64(steps.tolerance), least_step };
+    let number = T::from_f64;
+    let controller = Controller {
+        step: number(controller.step),
+        left: TwoWords { value: number(controller.left.value), residue: number(controller.left.residue) },
+        retried: number(controller.retried),
+        accepted: number(controller.accepted),
+        rejected: number(controller.rejected),
+    };
+    attempt(&body, &environment, span, &limits, controller, state);
+}
