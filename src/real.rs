@@ -249,7 +249,7 @@ impl_real_for_scalar!(f32);
 impl_real_for_scalar!(f64);
 
 // Sine and cosine polynomials: S. Moshier, Cephes Mathematical Library 2.8, sinf.c and sin.c (1992). The minimax
-// error is below 2^-27 (f32) and 2^-56 (f64) of the result on |x| <= pi/4; tests/sin_cos.rs measures the total.
+// error is below 2^-27 (f32) and 2^-56 (f64) of the result on |x| <= pi/4; tests/truth/sin_cos.rs measures the total.
 impl Scalar for f32 {
     const WORDS: usize = 2;
     const UNIT_ROUNDOFF: f64 = 1.0 / 16_777_216.0;

@@ -11,7 +11,7 @@
 //!
 //! "A Complete Derivation of the Newton-Euler Equations", from which this project starts, has a slip of sign in its
 //! equation (9): without torque, dω/dt = −I⁻¹ (ω × I ω). The sign here is the correct one, and
-//! `tests/conservation.rs` pins it: with the other sign the angular momentum in the world turns.
+//! `tests/truth/conservation.rs` pins it: with the other sign the angular momentum in the world turns.
 //!
 //! Component by component, (m × ω)₁ = m₂ m₃ (1/I₃ − 1/I₂) and cyclic. The three differences are formed once, in two
 //! words, so that nearly equal moments cost no accuracy.

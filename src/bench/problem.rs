@@ -82,7 +82,7 @@ const REFERENCE_STEPS: u64 = 2000;
 const CHECK_STEPS: u64 = 4000;
 
 /// The greatest attitude error of the closed form against golden data of 25 digits, rad, over the spans used here
-/// (`tests/golden_free_motion.rs`).
+/// (`tests/truth/golden_free_motion.rs`).
 const CLOSED_FORM_ERROR: f64 = 1e-13;
 
 impl Truth {

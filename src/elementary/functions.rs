@@ -5,7 +5,7 @@
 //! must be known beyond one word are formed from halves of the mantissa (T. J. Dekker, Numer. Math. 18 (1971) 224), whose
 //! products are exact whether or not `mul_add` is fused.
 //!
-//! Errors are in ulps of the result: distances between neighbouring numbers there. `tests/elementary.rs` checks every
+//! Errors are in ulps of the result: distances between neighbouring numbers there. `tests/truth/elementary.rs` checks every
 //! bound, fused and unfused. *Measured* is the largest over every `f32` argument of a function of one number (reference:
 //! the library's `f64`) and over 10⁷ (`f64`), 2·10⁶ (`f32`) or 10⁵ (either, fused) random ones (reference: 32 digits).
 //! Where a result would be subnormal, its error may be one more distance between subnormals.

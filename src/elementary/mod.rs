@@ -21,7 +21,7 @@ pub struct Turns<R> {
 /// sin 2πx and cos 2πx of an angle in turns.
 ///
 /// The error is at most 1.25e-7 in `f32` and 2.2e-16 in `f64`, absolute; at whole quarter turns the results are exact.
-/// Tested in `tests/elementary.rs` over every `f32` residual that a phase can have, and on a grid in `f64`.
+/// Tested in `tests/truth/elementary.rs` over every `f32` residual that a phase can have, and on a grid in `f64`.
 #[inline(always)]
 pub fn sin_cos_turns<R: Real>(angle: Turns<R>) -> (R, R) {
     let (sin, cos) = sin_cos_eighth(angle.residual * R::splat(TAU));

@@ -61,7 +61,7 @@
 //! # Accuracy
 //!
 //! The set-up is in double-double arithmetic ([`SetUp::TwoWords`]) and phases are integers of a turn ([`crate::phase`]), so the error does
-//! not grow with time. Against the golden data (`tests/golden_free_motion.rs`), which reach 1000 s, and 1e9 s for generic bodies, the
+//! not grow with time. Against the golden data (`tests/truth/golden_free_motion.rs`), which reach 1000 s, and 1e9 s for generic bodies, the
 //! attitude error is at most 2e-15 rad in `f64` and 9e-7 rad in `f32`.
 //!
 //! The motion itself may magnify errors of its *input*: on the separatrix by e^(λt). The set-up resolves

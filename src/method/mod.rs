@@ -10,7 +10,7 @@
 //! Relative change of kinetic energy and of the angular momentum in the world, and | |q| − 1 |, after 10⁶ steps of 0.01 s of
 //! one free asymmetric body (`asym_p01` of the golden data; ω dt ≈ 0.01), on the CPU engine. Methods other than baselines
 //! carry their state in two words in `f32`. The three splittings are one free flow where there is no torque.
-//! `cargo test --test conservation drifts -- --nocapture` prints the table and holds it.
+//! `cargo test --test truth conservation::drifts -- --nocapture` prints the table and holds it.
 //!
 //! | method | precision | energy | angular momentum | norm |
 //! | --- | --- | --- | --- | --- |

@@ -6,7 +6,7 @@
 //!
 //! Source: E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*, 2nd ed. (1993), section
 //! II.5 and the program DOP853 in its appendix, after J. R. Dormand, P. J. Prince, J. Comput. Appl. Math. 6 (1980) 19.
-//! `tests/tableau.rs` checks all 200 order conditions up to order 8 on these coefficients.
+//! `tests/truth/tableau.rs` checks all 200 order conditions up to order 8 on these coefficients.
 //!
 //! Differences from the source: all sums are of differences to the first slope, kⱼ − k₁, so that Σⱼ aᵢⱼ = cᵢ and Σ bⱼ = 1
 //! hold exactly for the rounded coefficients, and nothing cancels: weights up to 43 multiply small differences only. With

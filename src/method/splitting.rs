@@ -21,7 +21,7 @@
 //! Sources. Strang: G. Strang, SIAM J. Numer. Anal. 5 (1968) 506. BM4 and BM6: S. Blanes, P. C. Moan, J. Comput. Appl.
 //! Math. 142 (2002) 313, table 2, S6 of order 4 and S10 of order 6. SRKN6b and SRKN11b: the same, table 3; they rest on
 //! the free flow's generator being quadratic in m and the kick depending on the attitude and time only. **Under drag that does
-//! not hold and SRKN11b drops to order 4**, which is why BM4 and BM6 take over there; `tests/convergence.rs` shows both.
+//! not hold and SRKN11b drops to order 4**, which is why BM4 and BM6 take over there; `tests/truth/convergence.rs` shows both.
 //!
 //! Differences from the sources: substep ends are rounded, not substeps, so that in `f32` the substeps (in two words)
 //! add up to dt exactly.

@@ -135,7 +135,7 @@ pub fn floor_f32(angle: f64) -> f64 {
     1e-6 + 3e-8 * angle
 }
 
-/// The greatest attitude error, rad, of the closed form in `f32` (`tests/golden_free_motion.rs`), at any time.
+/// The greatest attitude error, rad, of the closed form in `f32` (`tests/truth/golden_free_motion.rs`), at any time.
 pub const CLOSED_FORM_F32: f64 = 9e-7;
 /// The same in `f64`.
 pub(super) const CLOSED_FORM_F64: f64 = 1e-14;

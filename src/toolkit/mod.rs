@@ -1,7 +1,7 @@
 //! The statements of "A Complete Derivation of the Newton-Euler Equations", each as something that can be called.
 //!
 //! Everything is `f64` and of the types of `glam`, in SI units; orientations are unit quaternions that turn body
-//! coordinates to world. `tests/derivation.rs` checks the derivation's identities in its order, over random inputs.
+//! coordinates to world. `tests/truth/derivation.rs` checks the derivation's identities in its order, over random inputs.
 //!
 //! | in the derivation | here |
 //! | --- | --- |

@@ -145,7 +145,9 @@ pub(super) fn compare(
     if reference.compared > 0 {
         found.comparisons.push(reference);
     }
-    found.notes.push("attempts in one call and one by one: tests hold them equal (tests/adaptive_parity)".into());
+    found
+        .notes
+        .push("attempts in one call and one by one: tests hold them equal (tests/mirror/adaptive_parity)".into());
     Ok(found)
 }
 

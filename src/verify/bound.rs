@@ -72,7 +72,7 @@ const STAGE_ROUNDINGS: f64 = 3.0;
 const TIME_ROUNDINGS: f64 = 8.0;
 /// Of a phase, in turns of at most one.
 const PHASE_ROUNDINGS: f64 = 4.0;
-/// Ulps of a draw of white noise (tests/torque_parity.rs), whose components are below 7, and so in units of roundoff.
+/// Ulps of a draw of white noise (tests/mirror/torque_parity.rs), whose components are below 7, and so in units of roundoff.
 const DRAW_ULPS: f64 = 16.0;
 const DRAW_ROUNDINGS: f64 = 2.0 * DRAW_ULPS * 4.0;
 /// Roundings of |q|² and of the correction that follows from it, along q.

@@ -16,7 +16,7 @@ use crate::real::Scalar;
 use crate::regular_precession::RegularPrecession;
 
 /// On the way from the phases, which both sides have to the bit, to a component there are some eight roundings of half an ulp on
-/// either side (tests/free_motion_parity.rs): in units of roundoff of the largest component.
+/// either side (tests/mirror/free_motion_parity.rs): in units of roundoff of the largest component.
 const ROUNDINGS: f64 = 16.0;
 /// The same on the way of a precession, and of the closed form that it is compared with.
 const PRECESSION_ROUNDINGS: f64 = 64.0;

@@ -30,7 +30,7 @@ enum Found {
 const SECOND_ORDER: f64 = 1.1;
 /// Ulps of a quotient or a square root on a GPU; an ulp is up to two units of roundoff.
 const GPU_ULPS: f64 = 2.5;
-/// The largest error that is stated for a function of formulas, ulps (tests/parity.rs).
+/// The largest error that is stated for a function of formulas, ulps (tests/mirror/parity.rs).
 const FUNCTION_ULPS: f64 = 3.0;
 
 /// How an evaluation rounds.

@@ -6,6 +6,7 @@ pub mod kernel;
 pub mod random;
 pub mod sizes;
 pub mod torques;
+pub mod tree;
 
 use glam::{DQuat, DVec3};
 use polhode::batch::{AnyBatch, Precision, prepare};

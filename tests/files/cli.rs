@@ -1,0 +1,591 @@
+//! The command as a user meets it: files in, files out, exit status, one line where something is wrong.
+
+#![cfg(feature = "cli")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Duration;
+
+use assert_cmd::cargo::cargo_bin;
+
+use crate::desk;
+
+use desk::{Desk, States, report, words};
+
+/// A study with ten asymmetric bodies that takes no time to speak of.
+const SMALL: &str = r#"
+title = "Ten"
+seed = 5
+[bodies]
+count = 10
+inertia = { shape = "box", mass = 3.0, edges = [1.0, 2.0, 3.0] }
+orientation = { distribution = "uniform" }
+angular_velocity = { distribution = "normal", mean = 0, sigma = 1 }
+[time]
+end = 4.0
+outputs = { times = [0.0, 0.1, 1.0] }
+[accuracy]
+method = "rk4"
+dt = 0.015625
+[output]
+snapshots = true
+"#;
+
+// --- results ---
+
+#[test]
+fn a_run_writes_what_the_study_asks_for_and_says_so() {
+    let desk = Desk::new(SMALL);
+    let summary = desk.done(&["run", "study.toml", "--engine", "cpu"]);
+    assert!(summary.starts_with("Ten\n"), "{summary}");
+    assert!(summary.contains("final.csv, snapshots.csv, plan.json, report.json in study.out"), "{summary}");
+    assert_eq!(desk.names("study.out"), ["final.csv", "plan.json", "report.json", "snapshots.csv"]);
+
+    let states = States::read(&desk.path("study.out/snapshots.csv"));
+    assert_eq!(states.rows(), 40);
+    let times: Vec<f64> = states.of_body(3).into_iter().map(|row| states.column("t")[row]).collect();
+    assert_eq!(times, [0.0, 0.1, 1.0, 4.0], "output times are hit exactly, and the end is among them");
+    for row in 0..states.rows() {
+        assert!((states.orientation(row).length() - 1.0).abs() < 4.0 * f64::EPSILON, "row {row}");
+    }
+
+    let report = report(&desk, "study.out");
+    assert_eq!(report["bodies"], 10);
+    assert_eq!(report["engine"]["kind"], "cpu");
+    assert_eq!(report["plan"]["method"], "rk4");
+    assert_eq!(report["plan"]["precision"], "f64");
+    assert_eq!(report["study"]["seed"], 5);
+    assert_eq!(report["failed_bodies"], serde_json::json!([]));
+    assert!(report["drift"]["kinetic_energy"]["max"].as_f64().expect("a number") < 1e-8, "{report}");
+    assert!(report["body_steps"].as_u64().expect("a number") >= 2560, "{report}");
+}
+
+#[test]
+fn numbers_read_back_to_the_same_bits_from_both_formats() {
+    let desk = Desk::new(SMALL);
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "text"]);
+    fs::write(desk.path("study.toml"), format!("{SMALL}format = \"npz\"\n")).unwrap();
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "binary"]);
+
+    for (stem, outputs) in [("final", None), ("snapshots", Some(4))] {
+        let states = States::read(&desk.path(&format!("text/{stem}.csv")));
+        let file = fs::File::open(desk.path(&format!("binary/{stem}.npz"))).unwrap();
+        let mut archive = zip::ZipArchive::new(file).expect("a ZIP archive");
+        assert_eq!(archive.len(), states.columns.len(), "{stem}");
+        for index in 0..archive.len() {
+            // Reading an entry to its end checks its checksum.
+            let mut entry = archive.by_index(index).expect("an entry");
+            let name = entry.name().expect("a name").strip_suffix(".npy").expect("an array").to_owned();
+            let mut bytes = Vec::new();
+            std::io::Read::read_to_end(&mut entry, &mut bytes).expect("a checksum that fits");
+            let array = npyz::NpyFile::new(&bytes[..]).expect("an array");
+            let shape = array.shape().to_vec();
+            let text = states.column(&name);
+            match name.as_str() {
+                "body" => {
+                    assert_eq!(shape, [10]);
+                    assert_eq!(array.into_vec::<u64>().unwrap(), (0..10).collect::<Vec<u64>>());
+                }
+                "t" => {
+                    assert_eq!(shape, outputs.map(|count| vec![count]).unwrap_or_default());
+                    let times = array.into_vec::<f64>().unwrap();
+                    assert_eq!(times, text.iter().copied().step_by(10).collect::<Vec<_>>());
+                }
+                "status" => {
+                    assert_eq!(shape, outputs.map(|count| vec![count, 10]).unwrap_or(vec![10]));
+                    assert!(array.into_vec::<u8>().unwrap().iter().all(|status| *status == 0), "{stem}");
+                    assert!(text.iter().all(|status| *status == 0.0), "{stem}");
+                }
+                _ => {
+                    assert_eq!(shape, outputs.map(|count| vec![count, 10]).unwrap_or(vec![10]));
+                    let bits = |numbers: &[f64]| numbers.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+                    assert_eq!(bits(&array.into_vec::<f64>().unwrap()), bits(text), "{stem}, column {name}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn statistics_read_back_to_the_same_bits_from_both_formats() {
+    let study = SMALL.replace("snapshots = true", "final = false\nstatistics = [\"spin_rate\", \"kinetic_energy\"]");
+    let desk = Desk::new(&study);
+    let summary = desk.done(&["run", "study.toml", "--engine", "cpu", "--out", "text"]);
+    assert!(summary.contains("  end      spin_rate: mean "), "{summary}");
+    fs::write(desk.path("study.toml"), format!("{study}format = \"npz\"\n")).unwrap();
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "binary"]);
+    assert_eq!(desk.names("binary"), ["plan.json", "report.json", "statistics.npz"]);
+
+    let states = States::read(&desk.path("text/statistics.csv"));
+    let file = fs::File::open(desk.path("binary/statistics.npz")).unwrap();
+    let mut archive = zip::ZipArchive::new(file).expect("a ZIP archive");
+    assert_eq!((archive.len(), states.columns.len()), (14, 14));
+    for index in 0..archive.len() {
+        let mut entry = archive.by_index(index).expect("an entry");
+        let name = entry.name().expect("a name").strip_suffix(".npy").expect("an array").to_owned();
+        let mut bytes = Vec::new();
+        std::io::Read::read_to_end(&mut entry, &mut bytes).expect("a checksum that fits");
+        let array = npyz::NpyFile::new(&bytes[..]).expect("an array");
+        assert_eq!(array.shape(), [4], "{name}");
+        let numbers: Vec<f64> = if name == "count" {
+            array.into_vec::<u64>().unwrap().into_iter().map(|count| count as f64).collect()
+        } else if name.ends_with("_body") {
+            array.into_vec::<i64>().unwrap().into_iter().map(|body| body as f64).collect()
+        } else {
+            array.into_vec::<f64>().unwrap()
+        };
+        let bits = |numbers: &[f64]| numbers.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&numbers), bits(states.column(&name)), "{name}");
+    }
+    let explained = desk.done(&["explain", "study.toml", "--engine", "cpu"]);
+    assert!(explained.contains("\nstates "), "{explained}");
+}
+
+#[test]
+fn a_seed_gives_the_same_bytes_again_and_another_seed_other_bodies() {
+    let desk = Desk::new(SMALL);
+    for out in ["one", "two"] {
+        desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", out]);
+    }
+    for name in ["final.csv", "snapshots.csv"] {
+        assert!(
+            fs::read(desk.path("one").join(name)).unwrap() == fs::read(desk.path("two").join(name)).unwrap(),
+            "{name}"
+        );
+    }
+    fs::write(desk.path("study.toml"), SMALL.replace("seed = 5", "seed = 6")).unwrap();
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "three"]);
+    let (one, three) = (States::read(&desk.path("one/final.csv")), States::read(&desk.path("three/final.csv")));
+    assert!((0..10).all(|row| one.orientation(row) != three.orientation(row)));
+}
+
+#[test]
+fn a_smaller_study_holds_the_first_bodies_of_a_larger_one() {
+    let desk = Desk::new(SMALL);
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "ten"]);
+    fs::write(desk.path("study.toml"), SMALL.replace("count = 10", "count = 3")).unwrap();
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "three"]);
+    let (ten, three) =
+        (fs::read_to_string(desk.path("ten/final.csv")), fs::read_to_string(desk.path("three/final.csv")));
+    assert!(ten.unwrap().starts_with(&three.unwrap()));
+}
+
+/// Both engines run the same operations in f64; the CPU's lanes fuse multiply and add, the shader may. Steps differ by an
+/// ulp or so each, which adds up over 256 steps, and neighbouring motions part linearly with time.
+const ENGINES_AGREE: f64 = 256.0 * 8.0 * f64::EPSILON;
+
+#[test]
+fn cpu_and_gpu_give_the_same_states_and_each_the_same_bytes_again() {
+    let desk = Desk::new(SMALL);
+    for (out, engine) in [("cpu", "cpu"), ("gpu", "gpu"), ("gpu again", "gpu")] {
+        desk.done(&["run", "study.toml", "--engine", engine, "--precision", "f64", "--quiet", "--out", out]);
+    }
+    assert_eq!(report(&desk, "gpu")["engine"]["kind"], "gpu");
+    let bytes = |folder: &str| fs::read(desk.path(folder).join("snapshots.csv")).unwrap();
+    assert!(bytes("gpu") == bytes("gpu again"));
+    let (cpu, gpu) = (States::read(&desk.path("cpu/final.csv")), States::read(&desk.path("gpu/final.csv")));
+    for row in 0..10 {
+        let (a, b) = (cpu.orientation(row), gpu.orientation(row));
+        let error = 2.0 * (a.conjugate() * b).xyz().length().asin();
+        assert!(error < ENGINES_AGREE, "body {row}: attitudes differ by {error:e} rad");
+        let (a, b) = (cpu.vector(["wx", "wy", "wz"], row), gpu.vector(["wx", "wy", "wz"], row));
+        assert!((a - b).length() < ENGINES_AGREE * a.length(), "body {row}: {a} and {b}");
+    }
+}
+
+// --- bodies that fail ---
+
+/// Drag so strong that no step of a second follows it.
+const FAILING: &str = r#"
+[bodies]
+count = 4
+inertia = [1.0, 2.0, 2.5]
+angular_velocity = [0.3, 1.0, 0.2]
+[[torque]]
+model = "quadratic-drag"
+coefficient = 1e6
+[time]
+end = 20.0
+[accuracy]
+method = "rk4"
+dt = 1.0
+"#;
+
+#[test]
+fn a_run_with_failed_bodies_says_so_first_and_has_failed() {
+    let desk = Desk::new(FAILING);
+    let output = desk.polhode(&["run", "study.toml", "--engine", "cpu"]);
+    assert_eq!(output.status.code(), Some(1), "{}", words(&output.stderr));
+    assert!(words(&output.stderr).contains("4 of 4 bodies have failed"), "{}", words(&output.stderr));
+    let summary = words(&output.stdout);
+    assert!(summary.lines().nth(1).is_some_and(|line| line.contains("FAILED   4 of 4 bodies")), "{summary}");
+    let report = report(&desk, "study.out");
+    assert_eq!(report["failed_bodies"], serde_json::json!([0, 1, 2, 3]));
+    assert_eq!((&report["accuracy"]["bodies"], &report["accuracy"]["lost"]), (&0.into(), &4.into()));
+}
+
+#[test]
+fn a_study_may_allow_as_many_failures_as_there_are_and_no_fewer() {
+    for (allowed, status) in [(4, 0), (3, 1)] {
+        let desk = Desk::new(&format!("{FAILING}[failures]\nallow = {allowed}\n"));
+        let output = desk.polhode(&["run", "study.toml", "--engine", "cpu"]);
+        assert_eq!(output.status.code(), Some(status), "{allowed} allowed: {}", words(&output.stderr));
+    }
+    let desk = Desk::new(&format!("{FAILING}[failures]\nallow = -1\n"));
+    let refusal = desk.refused(&["run", "study.toml", "--engine", "cpu"], 2);
+    assert!(refusal.contains("failures.allow") && refusal.contains("may fail"), "{refusal}");
+}
+
+// --- refusals and failures ---
+
+#[test]
+fn wrong_input_is_one_line_and_status_2() {
+    let desk = Desk::new(&SMALL.replace("count = 10", "cuont = 10"));
+    let line = desk.refused(&["run", "study.toml"], 2);
+    assert_eq!(
+        line,
+        "error: study.toml:5: bodies.cuont is not known: did you mean count? known here: count, file, inertia, \
+         repair_triangle_inequality, orientation, angular_velocity, mass, position, velocity\n"
+    );
+    assert_eq!(desk.names("."), ["study.toml"], "nothing was made");
+    desk.refused(&["run", "absent.toml"], 2);
+    desk.refused(&["verify", "absent.toml"], 2);
+    let line = desk.refused(&["verfy"], 2);
+    assert_eq!(line, "error: unrecognized subcommand 'verfy' tip: a similar subcommand exists: 'verify'\n");
+    desk.refused(&["run"], 2);
+    desk.refused(&[], 2);
+    desk.refused(&["run", "study.toml", "--engine", "abacus"], 2);
+    desk.refused(&["run", "study.toml", "--engine", "cpu", "--adapter", "0"], 2);
+    desk.refused(&["verify", "--seed", "-1"], 2);
+}
+
+#[test]
+fn an_adapter_that_is_not_there_is_wrong_input() {
+    let desk = Desk::new(SMALL);
+    let line = desk.refused(&["run", "study.toml", "--adapter", "99"], 2);
+    assert!(line.contains("with index 99") && line.contains("polhode devices"), "{line}");
+    assert_eq!(desk.names("."), ["study.toml"], "nothing was made");
+}
+
+#[test]
+fn results_are_replaced_only_by_force_and_then_all_of_them() {
+    let desk = Desk::new(SMALL);
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
+    let line = desk.refused(&["run", "study.toml", "--engine", "cpu"], 2);
+    assert_eq!(
+        line,
+        "error: study.out: the output folder is not empty: name another with --out, or replace its results with --force\n"
+    );
+    fs::write(desk.path("study.out/notes.txt"), "mine").unwrap();
+    fs::write(desk.path("study.toml"), SMALL.replace("snapshots = true", "snapshots = false")).unwrap();
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--force"]);
+    // The snapshots belonged to the former run.
+    assert_eq!(desk.names("study.out"), ["final.csv", "notes.txt", "plan.json", "report.json"]);
+}
+
+#[test]
+fn quiet_is_quiet_and_json_is_the_report() {
+    let desk = Desk::new(SMALL);
+    assert_eq!(desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]), "");
+    let text = desk.done(&["run", "study.toml", "--engine", "cpu", "--json", "--force"]);
+    let value: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    assert_eq!(value, report(&desk, "study.out"));
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_ends_the_run_and_leaves_nothing() {
+    // Work for hours.
+    let long = SMALL.replace("count = 10", "count = 100_000").replace("end = 4.0", "end = 1e6");
+    let desk = Desk::new(&long);
+    // The first snapshots are being written when the table has been begun.
+    let begun = |partial: &Path| partial.join("snapshots.csv").exists();
+    interrupt(&desk, Duration::from_millis(300), || partial_folder(&desk).is_some_and(|partial| begun(&partial)));
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_ends_planning_and_leaves_nothing() {
+    // A tenth of a run of days.
+    let (start, _) = SMALL.split_once("outputs").expect("outputs");
+    let long = start.replace("count = 10", "count = 100_000").replace("end = 4.0", "end = 1e8");
+    let drag = "[[torque]]\nmodel = \"linear-drag\"\ncoefficient = 1e-9\n";
+    let desk = Desk::new(&format!("{long}{drag}"));
+    // While bodies are drawn, and later.
+    for after in [0, 300] {
+        interrupt(&desk, Duration::from_millis(after), || partial_folder(&desk).is_some());
+    }
+}
+
+/// The longest that a run may take to end when it is asked to.
+#[cfg(unix)]
+const LONGEST_END: Duration = Duration::from_secs(1);
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_ends_every_stage_within_a_second() {
+    let study = |bodies: &str, more: &str| format!("[bodies]\n{bodies}\n{more}");
+    let many = "count = 6_000_000\ninertia = [1, 2, 2.5]\n\
+                angular_velocity = { distribution = \"normal\", mean = [0, 0, 0], sigma = 0.5 }";
+    let row = "1,2,2.5,0.123456789,0.987654321,0.555555555\n";
+    let snapshots = "[time]\nend = 100.0\noutputs = { every = 0.5 }\n[output]\nsnapshots = true\n";
+    let drag = "[[torque]]\nmodel = \"linear-drag\"\ncoefficient = 0.01\n";
+    let adaptive = "[accuracy]\nmethod = \"rk8\"\ntolerance = 1e-13\n";
+    let studies = [
+        study(many, snapshots),
+        study(many, &format!("{snapshots}format = \"npz\"\n")),
+        study("file = \"bodies.csv\"", snapshots),
+        study(many, &format!("{drag}[time]\nend = 1e4\n{adaptive}")),
+        study("count = 1\ninertia = [1, 2, 2.5]\nangular_velocity = [1, 0.4, 0.1]", &{
+            format!("{drag}[time]\nend = 1e9\n[accuracy]\nmethod = \"rk4\"\ndt = 1e-3\n")
+        }),
+    ];
+    for (number, study) in studies.iter().enumerate() {
+        for moment in [50, 900] {
+            let desk = Desk::new(study);
+            fs::write(desk.path("bodies.csv"), format!("ixx,iyy,izz,wx,wy,wz\n{}", row.repeat(1_000_000))).unwrap();
+            let mut run = Command::new(cargo_bin!("polhode"))
+                .current_dir(desk.folder())
+                .args(["run", "study.toml", "--engine", "cpu"])
+                .stderr(std::process::Stdio::piped())
+                .spawn()
+                .expect("the command starts");
+            std::thread::sleep(Duration::from_millis(moment));
+            let begin = std::time::Instant::now();
+            let asked = Command::new("kill").args(["-INT", &run.id().to_string()]).status().expect("kill starts");
+            assert!(asked.success());
+            let status = run.wait().expect("the run ends");
+            let took = begin.elapsed();
+            assert!(took < LONGEST_END, "study {number} takes {took:?} to end after {moment} ms");
+            // Within the first milliseconds the signal does what it does by default.
+            assert!(matches!(status.code(), Some(1) | None), "study {number}: {status}");
+            assert_eq!(desk.names("."), ["bodies.csv", "study.toml"], "nothing is left of study {number}");
+        }
+    }
+}
+
+/// The folder that a run writes to while it works.
+#[cfg(unix)]
+fn partial_folder(desk: &Desk) -> Option<PathBuf> {
+    let is_partial = |name: &String| name.starts_with(".study.out.polhode-") && name.ends_with(".partial");
+    desk.names(".").into_iter().find(is_partial).map(|name| desk.path(&name))
+}
+
+/// Interrupts a run some time `after` it has `begun`; it must end at once and leave nothing but the study.
+#[cfg(unix)]
+fn interrupt(desk: &Desk, after: Duration, begun: impl Fn() -> bool) {
+    let run = Command::new(cargo_bin!("polhode"))
+        .current_dir(desk.folder())
+        .args(["run", "study.toml", "--engine", "cpu"])
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .expect("the command starts");
+    for _ in 0..6000 {
+        if begun() {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    assert!(begun(), "the run does not begin");
+    std::thread::sleep(after);
+    let killed = Command::new("kill").args(["-INT", &run.id().to_string()]).status().expect("kill starts");
+    assert!(killed.success());
+    let output = run.wait_with_output().expect("the run ends");
+    let errors = words(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{errors}");
+    assert_eq!(errors, "error: stopped by the user: nothing was written\n");
+    assert_eq!(desk.names("."), ["study.toml"], "nothing is left");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_disk_that_is_full_is_a_failure_that_leaves_nothing() {
+    // A limit on the size of files stands for a disk that fills up: the write fails half-way in the same place.
+    let desk = Desk::new(&SMALL.replace("count = 10", "count = 10_000"));
+    let script =
+        format!("trap '' XFSZ; ulimit -f 64; exec '{}' run study.toml --engine cpu", cargo_bin!("polhode").display());
+    let output = Command::new("bash").current_dir(desk.folder()).args(["-c", &script]).output().expect("bash starts");
+    let errors = words(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{errors}");
+    assert_eq!(errors, "error: study.out/snapshots.csv: cannot be written: File too large (os error 27)\n");
+    assert_eq!(desk.names("."), ["study.toml"], "nothing is left");
+}
+
+#[test]
+fn a_full_disk_says_what_to_do() {
+    let error = std::io::Error::from(std::io::ErrorKind::StorageFull);
+    let error = polhode::Error::file(Path::new("out/final.csv"), polhode::error::FileAction::Write, &error);
+    assert_eq!(
+        error.to_string(),
+        "out/final.csv: cannot be written: no storage space; free some space, or write fewer snapshots"
+    );
+    assert!(!error.is_input());
+}
+
+// --- the other commands ---
+
+#[test]
+fn verify_agrees_on_generated_bodies_and_on_a_study() {
+    let desk = Desk::new(SMALL);
+    for arguments in [
+        &["verify", "--bodies", "65", "--steps", "20"] as &[&str],
+        &["verify", "--bodies", "65", "--steps", "20", "--precision", "f64", "--seed", "9"],
+        &["verify", "study.toml", "--steps", "20"],
+        &["verify", "study.toml", "--bodies", "4", "--steps", "20", "--engine", "cpu"],
+    ] {
+        let text = desk.done(arguments);
+        assert!(text.contains("verdict: they agree"), "{arguments:?}: {text}");
+    }
+    let text = desk.done(&["verify", "--bodies", "7", "--steps", "3", "--json"]);
+    let value: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    assert_eq!(value["agrees"], true);
+    assert_eq!(value["bodies"], 7);
+}
+
+#[test]
+fn devices_lists_the_cpu_and_what_auto_takes() {
+    let desk = Desk::new("");
+    let text = desk.done(&["devices"]);
+    assert!(text.contains("cpu ") && text.contains("--engine auto takes:"), "{text}");
+    let value: serde_json::Value = serde_json::from_str(&desk.done(&["devices", "--json"])).expect("JSON");
+    assert!(value["adapters"].is_array() && value["cpu"].is_string(), "{value}");
+}
+
+#[test]
+fn help_teaches_with_a_study_and_examples() {
+    let desk = Desk::new("");
+    assert!(desk.done(&["--help"]).contains("polhode run examples/studies/tumbling.toml"));
+    let help = desk.done(&["run", "--help"]);
+    for part in ["[bodies]", "--precision", "polhode run study.toml --out results --force", "report.json"] {
+        assert!(help.contains(part), "{part} is missing in {help}");
+    }
+    assert!(desk.done(&["verify", "--help"]).contains("polhode verify --bodies 4097"));
+    assert!(desk.done(&["--version"]).starts_with("polhode "));
+}
+
+/// The study that `polhode run --help` shows must run.
+#[test]
+fn the_study_in_the_help_runs() {
+    let help = Desk::new("").done(&["run", "--help"]);
+    let lines = help.lines().skip_while(|line| !line.contains("seed = 42")).take_while(|line| !line.is_empty());
+    let study: String = lines.flat_map(|line| [line.trim_start(), "\n"]).collect();
+    let desk = Desk::new(&study);
+    desk.done(&["run", "study.toml", "--engine", "cpu"]);
+    assert_eq!(desk.names("study.out"), ["final.csv", "plan.json", "report.json", "snapshots.csv"]);
+}
+
+#[test]
+fn completions_and_the_manual_page_come_from_the_grammar() {
+    let desk = Desk::new("");
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        assert!(desk.done(&["completions", shell]).contains("precision"), "{shell}");
+    }
+    let page = desk.done(&["man"]);
+    assert!(page.contains(".TH polhode") && page.contains("polhode\\-run") && page.contains("STUDY.toml"), "{page}");
+}
+
+#[test]
+fn versions_in_reports_are_those_of_the_lock_file() {
+    let lock = fs::read_to_string(format!("{}/Cargo.lock", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    let expected = format!("name = \"wgpu\"\nversion = \"{}\"", polhode::record::report::WGPU_VERSION);
+    assert!(lock.contains(&expected), "{expected}");
+}
+
+// --- standard output ---
+
+/// A body that can be described without a study.
+const SPHERE: &str = "inertia = { shape = \"sphere\", mass = 10.0, radius = 1.0 }\n";
+
+/// Every command that prints, with a study (`study.toml`), a body (`sphere.toml`) and a former run (`done`).
+const PRINTING: [&[&str]; 14] = [
+    &["run", "study.toml", "--engine", "cpu"],
+    &["run", "study.toml", "--engine", "cpu", "--json"],
+    &["explain", "study.toml", "--engine", "cpu"],
+    &["explain", "study.toml", "--engine", "cpu", "--json"],
+    &["verify", "--bodies", "3", "--steps", "2", "--engine", "cpu"],
+    &["inertia", "sphere.toml"],
+    &["inertia", "sphere.toml", "--json"],
+    &["devices"],
+    &["devices", "--json"],
+    &["--version"],
+    &["plot", "done"],
+    &["completions", "bash"],
+    &["man"],
+    &["run", "--help"],
+];
+
+fn printing_desk() -> Desk {
+    let desk = Desk::new(SMALL);
+    fs::write(desk.path("sphere.toml"), SPHERE).unwrap();
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "done"]);
+    desk
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn standard_output_that_cannot_be_written_is_a_failure_of_every_command() {
+    let desk = printing_desk();
+    for arguments in PRINTING {
+        let full = fs::File::options().write(true).open("/dev/full").expect("a device that is always full");
+        let run = Command::new(cargo_bin!("polhode")).current_dir(desk.folder()).args(arguments).stdout(full).output();
+        let output = run.expect("the command starts");
+        let errors = words(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {errors}");
+        assert_eq!(
+            errors, "error: standard output cannot be written: No space left on device (os error 28)\n",
+            "{arguments:?}"
+        );
+        let _ = fs::remove_dir_all(desk.path("study.out"));
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_reader_that_goes_away_is_no_error() {
+    let desk = printing_desk();
+    for arguments in PRINTING {
+        let mut command = Command::new(cargo_bin!("polhode"));
+        let (reader, writer) = std::io::pipe().expect("a pipe");
+        drop(reader);
+        let output = command.current_dir(desk.folder()).args(arguments).stdout(writer).output().expect("it starts");
+        assert_eq!((output.status.code(), words(&output.stderr)), (Some(0), String::new()), "{arguments:?}");
+        let _ = fs::remove_dir_all(desk.path("study.out"));
+    }
+}
+
+#[test]
+fn words_from_files_have_no_power_over_the_terminal() {
+    let desk = Desk::new(&SMALL.replace("\"Ten\"", "\"\\u001b[2Jcleared\\n  failed   none\""));
+    let summary = desk.done(&["run", "study.toml", "--engine", "cpu"]);
+    assert!(summary.starts_with(" [2Jcleared   failed   none\n"), "{summary:?}");
+    fs::write(desk.path("study.toml"), SMALL.replace("count", "\"co\\u001b[2J\\nunt\"")).unwrap();
+    let line = desk.refused(&["explain", "study.toml"], 2);
+    assert!(line.contains("bodies.co [2J unt is not known"), "{line:?}");
+    fs::write(desk.path("table.csv"), "ixx,iyy,izz,wx,wy,wz\n1,2,\u{1b}[2J,0,0,1\n").unwrap();
+    fs::write(desk.path("study.toml"), "[bodies]\nfile = \"table.csv\"\n[time]\nend = 1.0\n").unwrap();
+    let line = desk.refused(&["run", "study.toml", "--engine", "cpu"], 2);
+    assert!(line.contains("izz =  [2J: a finite number is needed"), "{line:?}");
+    fs::write(desk.path("a\nb.toml"), SPHERE).unwrap();
+    assert!(desk.done(&["inertia", "a\nb.toml"]).starts_with("a b.toml\n"));
+}
+
+// --- pictures ---
+
+#[test]
+fn a_picture_of_a_body_that_is_not_there_is_refused() {
+    let desk = Desk::new(SMALL);
+    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
+    let line = desk.refused(&["plot", "study.out", "--body", "3,99"], 2);
+    assert_eq!(line, "error: study.out/snapshots.csv: there is no body 99: it has 10, counted from 0\n");
+    // Neither are pictures drawn of a table that was cut.
+    let whole = fs::read(desk.path("study.out/snapshots.csv")).unwrap();
+    // The newline, the status, its comma, and a part of the number before.
+    for cut in [1, 2, 3, 8] {
+        fs::write(desk.path("study.out/snapshots.csv"), &whole[..whole.len() - cut]).unwrap();
+        let line = desk.refused(&["plot", "study.out"], 2);
+        assert!(line.starts_with("error: study.out/snapshots.csv: line 41: ") && line.contains("may be cut"), "{line}");
+    }
+    assert_eq!(desk.names("study.out"), ["final.csv", "plan.json", "report.json", "snapshots.csv"]);
+}

@@ -1,0 +1,17 @@
+//! Files and the command: studies, tables, results, reports, pictures, and hostile input.
+
+mod bench;
+mod cli;
+#[path = "../support/desk.rs"]
+mod desk;
+#[path = "../../fuzz/entries.rs"]
+mod entries;
+mod inertia_files;
+mod input;
+mod limits;
+mod mutations;
+mod plan_document;
+mod plot;
+mod results;
+mod studies;
+mod summary;

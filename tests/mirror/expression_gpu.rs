@@ -1,0 +1,82 @@
+//! Random formulas and the torques' own on the GPU, against the scalar twins on the CPU.
+
+use crate::common;
+use crate::common::tree;
+
+use common::kernel::{Harness, chunks};
+use common::random;
+use polhode::batch::Precision;
+use polhode::engine::gpu::shader::Chunk;
+use polhode::expression::wgsl::{self, Argument, Signature, WgslError};
+use polhode::expression::{Input, InputKind, Shape};
+use polhode::method::Method;
+use polhode::real::Scalar;
+use random::Random;
+use tree::{INPUTS, Tree, inputs};
+
+/// Formulas in one shader: each is a function, and an output of the kernel.
+const TOGETHER: usize = 20;
+/// Rows of inputs; not a multiple of the workgroup's size.
+const ROWS: usize = 67;
+/// A shader may take a division and a square root to 2.5 units in the last place instead of half a unit, a fused product
+/// or not; ours of sine and cosine are made of such operations.
+const LOOSER: f64 = 6.0;
+
+/// Formulas whose texts exist, and the texts, f0 and following.
+fn formulas(seed: u64) -> (Vec<Tree>, String) {
+    let mut random = Random::new(seed);
+    let (mut trees, mut texts) = (vec![], String::new());
+    while trees.len() < TOGETHER {
+        let size = 1 + (random.bits() % 40) as usize;
+        let tree = Tree::random(&mut random, size);
+        let Ok(formula) = tree.recorded() else { continue };
+        let parameters = (0..INPUTS as u16)
+            .map(|index| Argument::new(format!("p{index}"), Shape::Number, [Input::new(InputKind::Parameter, index)]))
+            .collect();
+        let signature = Signature { name: format!("f{}", trees.len()), comment: vec![], parameters };
+        match wgsl::function(formula.graph(), formula.outputs(), &signature) {
+            Ok(text) => texts += &text,
+            Err(WgslError::ConstantOutOfRange(_)) => continue,
+            Err(error) => panic!("{error}: {tree:?}"),
+        }
+        trees.push(tree);
+    }
+    (trees, texts)
+}
+
+fn agree<T: Scalar>(precision: Precision, seeds: std::ops::Range<u64>) {
+    let harness = Harness::new();
+    for seed in seeds {
+        let (trees, texts) = formulas(seed);
+        let mut chunks = chunks(precision, Method::Rk4);
+        chunks.push(Chunk { file: "recorded", text: texts.clone().into() });
+        let parameters: Vec<String> = (0..INPUTS).map(|column| format!("r({column}u)")).collect();
+        let line: String = (0..TOGETHER).map(|f| format!("put_r({f}u, f{f}({}));\n", parameters.join(", "))).collect();
+        let mut random = Random::new(seed ^ 0x5555);
+        let rows: Vec<[f64; INPUTS]> = (0..ROWS).map(|_| inputs(&mut random)).collect();
+        let columns: Vec<Vec<T>> = rows.iter().map(|row| row.iter().map(|x| T::from_f64(*x)).collect()).collect();
+        let found = harness.run(&chunks, &line, &columns, TOGETHER);
+        for (row, found) in rows.iter().zip(found) {
+            for (tree, found) in trees.iter().zip(found) {
+                // The bound is asked for with looser operations, so that decisions near their edge are left out as well.
+                if let Some((value, error)) = tree.bounded(row, LOOSER * T::UNIT_ROUNDOFF) {
+                    let bound = LOOSER * error * T::UNIT_ROUNDOFF;
+                    assert!(
+                        (found - value).abs() <= bound,
+                        "{found:e} {value:e} {bound:e} {tree:?} at {row:?}\n{texts}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn random_formulas_agree_in_f32() {
+    agree::<f32>(Precision::F32, 0..5);
+}
+
+#[test]
+fn random_formulas_agree_in_f64() {
+    agree::<f64>(Precision::F64, 100..105);
+}

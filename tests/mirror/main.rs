@@ -1,0 +1,21 @@
+//! Mirror: the shaders against their twins on the CPU, step by step, and the engines against each other.
+
+mod adaptive_engines;
+mod adaptive_parity;
+#[path = "../common/mod.rs"]
+mod common;
+#[path = "../support/desk.rs"]
+mod desk;
+mod determinism;
+mod devices;
+mod expression_gpu;
+mod free_motion_parity;
+mod layout;
+mod parity;
+mod planted_faults;
+mod shader;
+mod statistics;
+mod step_parity;
+mod torque_parity;
+mod translation_gpu;
+mod verify;

@@ -1,0 +1,193 @@
+//! Every assembled shader is valid, and an error in a chunk is reported at its place in the chunk's own file.
+
+use crate::common;
+
+use glam::{DQuat, DVec3};
+use polhode::batch::{AnyBatch, Precision, prepare_with};
+use polhode::engine::gpu::Patch;
+use polhode::engine::gpu::shader::{Chunk, Source};
+use polhode::method::Method;
+use polhode::torque::twin::twins;
+use polhode::torque::variable_inertia::{InertiaChange, Law};
+use polhode::torque::{Torque, TorqueTable};
+use polhode::{Ensemble, Error};
+
+/// A body under every kind of torque.
+fn under_every_torque(precision: Precision) -> AnyBatch {
+    common::torques::batch_under(1, 1, &common::torques::every_torque(&[1.0]), precision)
+}
+
+/// The table of a scene with every kind of torque.
+fn every_torque(precision: Precision) -> TorqueTable {
+    under_every_torque(precision).torques().clone()
+}
+
+/// Tables of each torque alone, and of all on bodies whose moments change, which are linear rotors, or both.
+fn other_tables(precision: Precision) -> Vec<TorqueTable> {
+    let all = common::torques::every_torque(&[1.0]);
+    let change = |law| Torque::variable_inertia(InertiaChange::factor(0.6), law);
+    let changes = [change(Law::ramp(0.1, 0.5)), change(Law::oscillation(2.0))];
+    let mut scenes: Vec<Vec<Torque>> = all.iter().chain(&changes).map(|torque| vec![torque.clone()]).collect();
+    scenes.extend(changes.iter().map(|change| [all.clone(), vec![change.clone()]].concat()));
+    scenes.push([all.clone(), all.clone()].concat());
+    let rigid = common::asymmetric_ensemble(1, 1);
+    let rotor = Ensemble::from_columns(&[DVec3::new(0.0, 1.0, 1.0)], &[DQuat::IDENTITY], &[DVec3::Y]).expect("a rotor");
+    let scenes = scenes.iter().flat_map(|torques| [(&rigid, torques), (&rotor, torques)]);
+    scenes
+        .map(|(ensemble, torques)| {
+            prepare_with(ensemble, torques, 100.0, precision).expect("enough memory").1.torques().clone()
+        })
+        .collect()
+}
+
+fn variants() -> Vec<Source> {
+    let mut variants = Vec::new();
+    for precision in Precision::ALL {
+        variants.extend(Method::ALL.map(|method| Source::advance(precision, method)));
+        variants.push(Source::free_motion(precision));
+        variants.push(Source::advance_projected(precision, Method::Rk8));
+        variants.extend(Source::observe(precision));
+        variants.extend(Method::ALL.map(|method| Source::advance_under(precision, method, &every_torque(precision))));
+        variants.extend(
+            [TorqueTable::none(1.0), every_torque(precision)].map(|torques| Source::adaptive(precision, &torques)),
+        );
+        for torques in [TorqueTable::none(1.0), every_torque(precision)] {
+            let flying = |method| Source::advance_flying(precision, method, &torques, Some(7));
+            variants.extend(Method::ALL.map(flying));
+        }
+        let torques = every_torque(precision);
+        variants.extend(Method::ALL.map(|method| Source::advance_under(precision, method, &torques).tapped()));
+        variants.push(Source::adaptive(precision, &torques).tapped());
+        variants.extend([false, true].map(|int64| Source::probe(precision, int64)));
+    }
+    variants
+}
+
+/// Those under [`other_tables`].
+fn other_variants() -> Vec<Source> {
+    let tables = Precision::ALL
+        .into_iter()
+        .flat_map(|precision| other_tables(precision).into_iter().map(move |table| (precision, table)));
+    tables
+        .flat_map(|(precision, torques)| {
+            let advance = |method| Source::advance_under(precision, method, &torques);
+            [advance(Method::Rk4), advance(Method::Splitting4), Source::adaptive(precision, &torques)]
+        })
+        .collect()
+}
+
+#[test]
+fn every_variant_validates() {
+    for source in variants().into_iter().chain(other_variants()) {
+        let files: Vec<_> = source.chunks().iter().map(|chunk| chunk.file).collect();
+        source.validate().unwrap_or_else(|error| panic!("{files:?}: {error}"));
+    }
+}
+
+/// Whether every kind's text is among those that are validated, and what bodies that are not rigid or have no extent across
+/// their axis add to the sum.
+#[test]
+fn every_recorded_text_is_in_a_variant() {
+    let variants = other_variants();
+    let terms = |line: &str| {
+        let is_there = |chunk: &Chunk| chunk.file == "torque/terms.wgsl" && chunk.text.contains(line);
+        variants.iter().any(|source| source.chunks().iter().any(is_there))
+    };
+    for twin in twins() {
+        let has =
+            |source: &Source| source.chunks().iter().any(|chunk| chunk.file == twin.file && chunk.text == twin.text);
+        assert!(variants.iter().any(has), "{:?}", twin.kind);
+        assert!(terms(&format!("sum = sum + {}(", twin.kind.stem())), "{:?}", twin.kind);
+    }
+    assert!(terms("gradient_coefficients(") && terms("sum.x = torque_column("));
+}
+
+#[test]
+fn every_variant_compiles_on_the_device() {
+    let engine = common::gpu();
+    assert_eq!(engine.precisions(), Precision::ALL, "{:?}", engine.description());
+    for precision in Precision::ALL {
+        for method in Method::ALL {
+            engine
+                .start(common::asymmetric_batch(1, 1, precision), method)
+                .unwrap_or_else(|error| panic!("{precision} {method}: {error}"));
+            engine
+                .start(under_every_torque(precision), method)
+                .unwrap_or_else(|error| panic!("{precision} {method} under torques: {error}"));
+        }
+    }
+}
+
+/// Puts `broken` in a line of its own after line `line` of a chunk; the error must name that line.
+fn planted(file: &'static str, line: usize, broken: &str) -> (Patch, usize) {
+    let source = Source::advance(Precision::F32, Method::Rk4);
+    let chunk = source.chunks().iter().find(|chunk| chunk.file == file).expect("the chunk is there");
+    let lines: Vec<&str> = chunk.text.lines().collect();
+    let text = [&lines[..line], &[broken], &lines[line..]].concat().join("\n");
+    (Patch { file: file.to_owned(), from: chunk.text.clone().into_owned(), to: text }, line + 1)
+}
+
+/// Lines, after which a declaration can stand, in chunks at the start, in the middle and at the end of the text.
+const PLACES: [(&str, usize); 5] =
+    [("real_f32.wgsl", 5), ("real_f32.wgsl", 87), ("rigid_body.wgsl", 2), ("method/rk4.wgsl", 0), ("advance.wgsl", 4)];
+
+/// What the parser, name resolution, type checking and validation each find.
+const FAULTS: [&str; 4] = [
+    "fn broken( -> f32 { return 1.0; }",
+    "fn broken() -> real { return no_such_name; }",
+    "fn broken() -> u32 { return 1.5; }",
+    "fn broken(x: real) -> u32 { return x; }",
+];
+
+#[test]
+fn an_error_names_the_original_file_and_line() {
+    for (file, line) in PLACES {
+        for fault in FAULTS {
+            let (patch, expected) = planted(file, line, fault);
+            let source = Source::advance(Precision::F32, Method::Rk4).patched(&[patch]).expect("the text is there");
+            match source.validate() {
+                Err(Error::Shader { file: found_file, line: found_line, message }) => {
+                    assert_eq!((found_file, found_line), (file, expected), "{fault}: {message}");
+                    assert!(!message.is_empty());
+                }
+                other => panic!("{file}:{expected}: {fault}: {other:?}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn an_error_reaches_the_caller_of_the_engine_with_its_place() {
+    let (patch, line) = planted("rigid_body.wgsl", 2, FAULTS[3]);
+    let mut options = common::any_adapter();
+    options.patches = vec![patch];
+    let engine = common::gpu_with(options);
+    let error = engine.start(common::asymmetric_batch(5, 1, Precision::F32), Method::Rk4).err();
+    match error {
+        Some(Error::Shader { file: "rigid_body.wgsl", line: found, .. }) => assert_eq!(found, line),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn a_patch_that_finds_nothing_to_replace_is_refused() {
+    let patch = Patch { file: "rigid_body.wgsl".into(), from: "no such text".into(), to: String::new() };
+    let error = Source::advance(Precision::F64, Method::Dlm).patched(&[patch]).expect_err("refused");
+    assert_eq!(error, Error::Patch { file: "rigid_body.wgsl", text: "no such text".into() });
+}
+
+#[test]
+fn every_line_of_the_text_is_found_in_its_chunk() {
+    for source in variants() {
+        let text = source.text();
+        let mut line = 0;
+        for chunk in source.chunks() {
+            for (index, content) in chunk.text.lines().enumerate() {
+                line += 1;
+                assert_eq!(source.locate(line), (chunk.file, index + 1));
+                assert_eq!(text.lines().nth(line - 1), Some(content));
+            }
+        }
+        assert_eq!(text.lines().count(), line);
+    }
+}

@@ -1,0 +1,536 @@
+//! Statistics of an ensemble, formed where its states are, against those of the states read back, in exact arithmetic as far
+//! as `f64` goes.
+
+use crate::common;
+
+use std::ops::ControlFlow;
+
+use glam::{DQuat, DVec3};
+use polhode::batch::{BodyState, Precision, StateWords, prepare};
+use polhode::engine::gpu::{GpuOptions, Patch};
+use polhode::engine::{Engine, FreeSession, Session, unobserved};
+use polhode::free_motion::AnyRows;
+use polhode::method::Status;
+use polhode::observe::{Partial, error_bound};
+use polhode::plan::SkipName;
+use polhode::record::{OutputState, Record, Sink, Statistics};
+use polhode::run::run_into;
+use polhode::{Accuracy, Ensemble, Method, Outputs, Plan, Result, Scene, Statistic, Torque};
+
+use common::random::Random;
+
+/// Statistics that are formed from states read back are compensated sums: right to a few ulp.
+const HOST: f64 = 1e-15;
+
+/// What the states of some bodies say, by compensated summation (Neumaier 1974) of every one.
+#[derive(Debug)]
+struct Expected {
+    mean: f64,
+    deviation: f64,
+    root_mean_square: f64,
+    values: Vec<Option<f64>>,
+}
+
+fn sum(values: impl Iterator<Item = f64>) -> f64 {
+    let (mut sum, mut lost) = (0.0_f64, 0.0);
+    for x in values {
+        let next = sum + x;
+        lost += if sum.abs() >= x.abs() { (sum - next) + x } else { (x - next) + sum };
+        sum = next;
+    }
+    sum + lost
+}
+
+fn is_sound(state: &BodyState) -> bool {
+    state.orientation.is_finite() && state.angular_velocity_body.is_finite() && state.status == Status::Valid
+}
+
+fn expected(states: &[BodyState], statistic: Statistic) -> Expected {
+    let values: Vec<_> = states.iter().map(|state| is_sound(state).then(|| statistic.of(state))).collect();
+    let sound = || values.iter().flatten().copied();
+    let count = sound().count() as f64;
+    // Scaled so that squares of energies of planets are numbers.
+    let unit = sound().fold(f64::MIN_POSITIVE, f64::max);
+    let mean = sum(sound().map(|x| x / unit)) / count;
+    let deviation = (sum(sound().map(|x| (x / unit - mean).powi(2))) / count).sqrt();
+    let root_mean_square = (sum(sound().map(|x| (x / unit).powi(2))) / count).sqrt();
+    Expected { mean: mean * unit, deviation: deviation * unit, root_mean_square: root_mean_square * unit, values }
+}
+
+/// What was found of a quantity, in SI units, whatever form it has.
+struct Found {
+    count: usize,
+    mean: f64,
+    deviation: f64,
+    min: (f64, usize),
+    max: (f64, usize),
+}
+
+impl From<&Partial<f64>> for Found {
+    fn from(found: &Partial<f64>) -> Self {
+        Self {
+            count: found.count as usize,
+            mean: found.mean(),
+            deviation: found.standard_deviation(),
+            min: (found.least.value(), found.least.body as usize),
+            max: (found.greatest.value(), found.greatest.body as usize),
+        }
+    }
+}
+
+/// Refuses what is further from what the states say than `bound`.
+fn compare(found: &Found, expected: &Expected, bound: f64) -> Result<(), String> {
+    let sound = || expected.values.iter().flatten().copied();
+    if found.count != sound().count() {
+        return Err(format!("{} bodies, not {}", found.count, sound().count()));
+    }
+    let near = |name: &str, found: f64, expected: f64, scale: f64| {
+        let error = (found - expected).abs();
+        // Not so where either is no number.
+        if error <= bound * scale { Ok(()) } else { Err(format!("{name} {found:e}, not {expected:e}, +- {bound:.1e}")) }
+    };
+    near("mean", found.mean, expected.mean, expected.mean)?;
+    near("deviation", found.deviation, expected.deviation, expected.root_mean_square)?;
+    let (min, max) = (sound().fold(f64::INFINITY, f64::min), sound().fold(0.0, f64::max));
+    near("min", found.min.0, min, min)?;
+    near("max", found.max.0, max, max)?;
+    for (name, (_, body), extreme) in [("min", found.min, min), ("max", found.max, max)] {
+        let own = expected.values.get(body).copied().flatten().ok_or(format!("{name} of body {body}"))?;
+        near(&format!("{name} of body {body}"), own, extreme, extreme)?;
+    }
+    Ok(())
+}
+
+fn states_of(words: &StateWords, frames: &[polhode::batch::BodyFrame]) -> Vec<BodyState> {
+    let state = |(row, frame): (usize, &polhode::batch::BodyFrame)| BodyState {
+        status: words.status[row],
+        ..frame.body_state(words.combined(row))
+    };
+    frames.iter().enumerate().map(state).collect()
+}
+
+/// Reduces a session's state and compares it with the state itself.
+macro_rules! check_session {
+    ($session:expr, $frames:expr, $bound:expr) => {{
+        let mut session = $session;
+        session.watch(&Statistic::ALL, $frames, f64::INFINITY).expect("watched");
+        let found = session.reduce().expect("reduced");
+        let words = session.read(0..$frames.len()).expect("read");
+        let states = states_of(&words, $frames);
+        let failed: Vec<usize> = (0..states.len()).filter(|&body| !is_sound(&states[body])).collect();
+        let marked = session.marked().expect("read").failed;
+        let rows: Vec<usize> = (0..$frames.len()).step_by(7).collect();
+        let some = session.read_rows(&rows).expect("read");
+        for (index, &row) in rows.iter().enumerate() {
+            assert_eq!(some.value[index].map(f64::to_bits), words.value[row].map(f64::to_bits), "row {row}");
+        }
+        let pairs = Statistic::ALL.into_iter().zip(&found);
+        pairs
+            .map(|(statistic, found)| {
+                compare(&found.into(), &expected(&states, statistic), $bound)
+                    .map_err(|fault| format!("{statistic}: {fault}"))
+            })
+            .collect::<Result<Vec<()>, String>>()
+            .and_then(|_| {
+                let fault = || format!("marked as failed: {marked:?}, not {failed:?}");
+                (marked == failed).then_some(found).ok_or_else(fault)
+            })
+    }};
+}
+
+/// The state of an ensemble after some steps, reduced.
+fn check_stepped(engine: &Engine, ensemble: &Ensemble, precision: Precision) -> Result<Vec<Partial<f64>>, String> {
+    let (frames, batch) = prepare(ensemble, precision).expect("prepared");
+    let mut session: Box<dyn Session> = engine.start(batch, Method::Rk4).expect("started");
+    session.advance(1.0 / 64.0, 5, &mut unobserved).expect("advanced");
+    check_session!(session, &frames, bound(precision))
+}
+
+/// The closed form of an ensemble at a time, reduced.
+fn check_free(engine: &Engine, ensemble: &Ensemble, precision: Precision) -> Result<Vec<Partial<f64>>, String> {
+    let (frames, rows) = AnyRows::prepare(ensemble, precision).expect("prepared");
+    let mut session: Box<dyn FreeSession> = engine.start_free(rows).expect("started");
+    session.evaluate(3.7).expect("evaluated");
+    check_session!(session, &frames, bound(precision))
+}
+
+fn bound(precision: Precision) -> f64 {
+    error_bound(precision) + HOST
+}
+
+/// Numbers of bodies around a workgroup's lanes (64), its bodies (1,024) and the CPU's tasks (4,096).
+const SIZES: [usize; 9] = [1, 2, 63, 64, 65, 200, 1024, 1025, 4161];
+
+#[test]
+fn statistics_are_those_of_the_states() {
+    assert!(error_bound(Precision::F64) < 1e-13, "{:e}", error_bound(Precision::F64));
+    let engines = [("gpu", common::gpu()), ("cpu", Engine::cpu()), ("twin", Engine::cpu_scalar())];
+    for (name, engine) in &engines {
+        for precision in Precision::ALL {
+            for count in SIZES {
+                let ensemble = common::asymmetric_ensemble(count, 11);
+                for (kind, check) in [("stepped", check_stepped as fn(&_, &_, _) -> _), ("free", check_free)] {
+                    check(engine, &ensemble, precision)
+                        .unwrap_or_else(|fault| panic!("{name} {precision} {kind}, {count} bodies: {fault}"));
+                }
+            }
+        }
+    }
+}
+
+/// In 64 bits nothing keeps a driver from contracting and re-associating: a few roundings of some hundred are others.
+const REASSOCIATED: f64 = 16.0 * f64::EPSILON;
+
+#[test]
+fn the_shader_and_its_twin_agree_to_the_bit_in_f32_and_nearly_in_f64() {
+    let engine = common::gpu();
+    for precision in Precision::ALL {
+        if !common::rounds_like_scalar_twin(&engine, precision) {
+            continue;
+        }
+        let ensemble = common::asymmetric_ensemble(4161, 5);
+        let [gpu, twin] = [&engine, &Engine::cpu_scalar()].map(|engine| {
+            let (frames, batch) = prepare(&ensemble, precision).expect("prepared");
+            let mut session = engine.start(batch, Method::Rk4).expect("started");
+            session.watch(&Statistic::ALL, &frames, 1.0).expect("watched");
+            (session.reduce().expect("reduced"), session.marked().expect("read"))
+        });
+        if precision == Precision::F32 {
+            assert_eq!(gpu.0, twin.0);
+        }
+        for (gpu, twin) in gpu.0.iter().zip(&twin.0) {
+            assert_eq!((gpu.count, gpu.faster, gpu.exponent), (twin.count, twin.faster, twin.exponent));
+            let near = |x: f64, y: f64| (x - y).abs() <= REASSOCIATED * y;
+            let close = near(gpu.mean, twin.mean) && near(gpu.squares, twin.squares);
+            let extremes = near(gpu.least.mantissa, twin.least.mantissa)
+                && near(gpu.greatest.mantissa, twin.greatest.mantissa)
+                && (gpu.least.exponent, gpu.least.body) == (twin.least.exponent, twin.least.body)
+                && (gpu.greatest.exponent, gpu.greatest.body) == (twin.greatest.exponent, twin.greatest.body);
+            assert!(close && extremes, "{gpu:?} and {twin:?}");
+        }
+        assert!(gpu.1 == twin.1 && !gpu.1.faster.is_empty() && gpu.1.failed.is_empty(), "{precision}: marks");
+    }
+}
+
+/// Moments from those of a molecule to those of a planet, spins from 1e-9 to 1e15 rad/s.
+fn all_scales(count: usize) -> Ensemble {
+    Ensemble::from_fn(count, |body| {
+        let mut random = Random::new(body as u64);
+        let moment = 10f64.powf(random.between(-46.0, 38.0));
+        let rate = 10f64.powf(random.between(-9.0, 15.0));
+        let omega = DVec3::new(random.between(0.2, 1.0), 0.7, random.between(-1.0, 1.0)) * rate;
+        (DVec3::new(0.8, 1.1, 1.7) * moment, DQuat::IDENTITY, omega)
+    })
+    .expect("valid bodies")
+}
+
+#[test]
+fn scales_of_molecules_and_planets_stand_beside_each_other() {
+    for engine in [common::gpu(), Engine::cpu(), Engine::cpu_scalar()] {
+        for precision in Precision::ALL {
+            let (frames, batch) = prepare(&all_scales(1000), precision).expect("prepared");
+            let session = engine.start(batch, Method::Rk4).expect("started");
+            let name = engine.description().name;
+            let found = check_session!(session, &frames, bound(precision))
+                .unwrap_or_else(|fault| panic!("{name} {precision}: {fault}"));
+            let energy = &found[0];
+            assert!(energy.least.value() < 1e-50 && energy.greatest.value() > 1e50, "{energy:?}");
+        }
+    }
+}
+
+#[test]
+fn bodies_at_rest_have_statistics() {
+    let rest = |count| Ensemble::from_fn(count, |_| (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, DVec3::ZERO));
+    for engine in [common::gpu(), Engine::cpu(), Engine::cpu_scalar()] {
+        for precision in Precision::ALL {
+            let (frames, batch) = prepare(&rest(70).expect("valid"), precision).expect("prepared");
+            let mut session = engine.start(batch, Method::Rk4).expect("started");
+            session.watch(&Statistic::ALL, &frames, f64::INFINITY).expect("watched");
+            for found in session.reduce().expect("reduced") {
+                let figures = [found.mean(), found.standard_deviation(), found.least.value(), found.greatest.value()];
+                assert_eq!((found.count, figures), (70, [0.0; 4]));
+            }
+        }
+    }
+}
+
+/// Bodies of which every 50th spins too fast for the free flow of `splitting4` in steps of 1/2 s, and is flagged.
+fn some_fail(count: usize) -> Scene {
+    let bodies = Ensemble::from_fn(count, |body| {
+        let rate = if body % 50 == 3 { 8.0 } else { 0.5 + 0.001 * body as f64 };
+        (DVec3::new(1.0, 1.7, 2.2), DQuat::IDENTITY, DVec3::new(0.48, 0.6, 0.64) * rate)
+    });
+    Scene::new(bodies.expect("valid")).until(10.0)
+}
+
+fn run(engine: &Engine, scene: &Scene) -> Record {
+    engine.run(&Plan::new(scene, engine).expect("a valid plan")).expect("runs")
+}
+
+#[test]
+fn bodies_that_fail_are_counted_and_left_out() {
+    const BODIES: usize = 170;
+    let failed: Vec<usize> = (3..BODIES).step_by(50).collect();
+    // The last holds its bodies in three chunks.
+    let cut = common::gpu_with(common::cut_options(64, 7));
+    for engine in [common::gpu(), Engine::cpu(), Engine::cpu_scalar(), cut] {
+        for precision in Precision::ALL {
+            // After one step those that are flagged are numbers still, after twenty they are none.
+            for (method, end) in [(Method::Splitting4, 0.5), (Method::Splitting4, 10.0), (Method::ExplicitEuler, 10.0)]
+            {
+                let scene = some_fail(BODIES).until(end).pinned(method, 0.5, Some(precision));
+                let scene = scene.statistics(&Statistic::ALL);
+                // Spun up beyond all bounds within three steps, the fast ones are no longer numbers.
+                let scene = if method == Method::ExplicitEuler {
+                    scene.torque(Torque::linear_drag(blow_up(BODIES)))
+                } else {
+                    scene
+                };
+                let [alone, read] = [scene.clone().without_states(), scene].map(|scene| run(&engine, &scene));
+                assert_eq!(alone.trust().failed_bodies, failed, "{precision} {method}");
+                assert_eq!(read.trust().failed_bodies, failed, "{precision} {method}");
+                let reasons = |record: &Record| -> Vec<(usize, Status)> {
+                    record.trust().failures.iter().map(|failure| (failure.body, failure.reason)).collect()
+                };
+                assert_eq!(reasons(&alone), reasons(&read), "{precision} {method}");
+                assert_eq!(alone.statistics(), read.statistics());
+                assert_eq!(alone.trust().outside_usable_region, read.trust().outside_usable_region);
+                assert_eq!(alone.trust().shadow.bodies, read.trust().shadow.bodies);
+                let at_end = &alone.statistics()[0];
+                assert_eq!(at_end.count, BODIES - failed.len());
+                assert!(at_end.summaries.iter().all(|summary| summary.max.is_finite() && summary.mean > 0.0));
+            }
+        }
+    }
+}
+
+/// A drag that drives: explicit Euler multiplies the spin of every 50th body by 1e30 a step.
+fn blow_up(count: usize) -> Vec<f64> {
+    (0..count).map(|body| if body % 50 == 3 { 1e31 } else { 0.0 }).collect()
+}
+
+#[test]
+fn no_body_and_one_body_have_statistics() {
+    for engine in [common::gpu(), Engine::cpu()] {
+        let scene = |count| Scene::new(common::asymmetric_ensemble(count, 3)).until(1.0).statistics(&Statistic::ALL);
+        for scene in [scene(0), scene(0).without_states(), scene(0).skipping(false)] {
+            let record = run(&engine, &scene);
+            let [found] = record.statistics() else { panic!("one output") };
+            assert_eq!((found.time, found.count, found.summaries.len()), (1.0, 0, 3));
+            assert!(found.summaries.iter().all(|of| of.mean.is_nan() && of.min.is_nan() && of.min_body.is_none()));
+        }
+        let record = run(&engine, &scene(1).without_states());
+        let of = record.statistics()[0].of(Statistic::SpinRate).expect("asked for");
+        assert_eq!((of.standard_deviation, of.min_body, of.max_body), (0.0, Some(0), Some(0)));
+        assert!(of.mean == of.min && of.mean == of.max && of.mean > 0.0);
+        assert!(record.snapshots().is_empty());
+    }
+}
+
+/// Free and driven bodies of several classes, so that a run has several groups.
+fn mixed(count: usize) -> Scene {
+    let bodies = Ensemble::from_fn(count, |body| {
+        let mut random = Random::new(body as u64);
+        let omega = DVec3::from_array([(); 3].map(|()| random.normal()));
+        let moments = if body % 3 == 0 { DVec3::new(1.0, 1.0, 2.0) } else { DVec3::new(1.0, 2.0, 2.5) };
+        (moments, DQuat::IDENTITY, omega)
+    });
+    let drag: Vec<f64> = (0..count).map(|body| if body % 10 == 1 { 0.05 } else { 0.0 }).collect();
+    Scene::new(bodies.expect("valid"))
+        .until(2.0)
+        .outputs(Outputs::Every(0.5))
+        .torque(Torque::linear_drag(drag))
+        .statistics(&[Statistic::SpinRate, Statistic::KineticEnergy])
+        .without_pilot()
+}
+
+/// How far both ways of forming statistics may be apart where the states, too, are found in two ways: the error asked for, in
+/// the mean of many bodies.
+fn agree(found: &[Statistics], long: &[Statistics], bound: f64) {
+    assert_eq!(found.len(), long.len());
+    for (found, long) in found.iter().zip(long) {
+        assert_eq!((found.time, found.count), (long.time, long.count));
+        for (a, b) in found.summaries.iter().zip(&long.summaries) {
+            let near = |name: &str, x: f64, y: f64, scale: f64| {
+                assert!((x - y).abs() <= bound * scale, "{} {name} at {}: {x} and {y}", a.statistic, found.time);
+            };
+            near("mean", a.mean, b.mean, b.mean);
+            near("deviation", a.standard_deviation, b.standard_deviation, b.mean.hypot(b.standard_deviation));
+            near("min", a.min, b.min, b.min);
+            near("max", a.max, b.max, b.max);
+            assert_eq!((a.min_body, a.max_body), (b.min_body, b.max_body), "{}", a.statistic);
+        }
+    }
+}
+
+fn skip(scene: &Scene, engine: &Engine) -> Option<polhode::plan::Skip> {
+    let plan = Plan::new(scene, engine).expect("a valid plan");
+    plan.skips().iter().find(|skip| skip.name == SkipName::States).cloned()
+}
+
+#[test]
+fn states_are_skipped_where_statistics_alone_are_asked_for_and_nowhere_else() {
+    const BODIES: usize = 1000;
+    const TARGET: f64 = 1e-6;
+    for engine in [common::gpu(), Engine::cpu()] {
+        let states = mixed(BODIES).accuracy(Accuracy::attitude(TARGET));
+        let alone = states.clone().without_states();
+        let nothing = states.clone().statistics(&[]).without_states();
+        let taken = skip(&alone, &engine).expect("taken");
+        assert_eq!(taken.bodies, BODIES);
+        assert!(taken.bytes > 0 && taken.bound.energy > 0.0 && taken.bound.energy <= error_bound(Precision::F32));
+        for (name, scene) in
+            [("states", &states), ("the long way", &alone.clone().skipping(false)), ("no statistics", &nothing)]
+        {
+            assert_eq!(skip(scene, &engine), None, "{name}");
+        }
+        let plan = Plan::new(&alone, &engine).expect("valid");
+        assert!(plan.explain().to_string().contains("MiB stay"), "{}", plan.explain());
+
+        let (found, read, long) =
+            (run(&engine, &alone), run(&engine, &states), run(&engine, &alone.clone().skipping(false)));
+        assert_eq!(found.statistics(), read.statistics(), "whether states are read changes no statistics");
+        agree(found.statistics(), long.statistics(), TARGET + error_bound(Precision::F32));
+        // What the report promises.
+        let (found, read) = (found.trust(), read.trust());
+        assert_eq!((found.drift.bodies, read.drift.bodies), (64, BODIES));
+        assert!(found.drift.kinetic_energy.max > 0.0);
+        assert!(found.drift.norm.max <= read.drift.norm.max);
+        assert_eq!(found.shadow, read.shadow);
+        assert_eq!(found.failed_bodies, read.failed_bodies);
+    }
+}
+
+#[test]
+fn the_same_states_give_the_same_statistics_both_ways() {
+    // Steps are pinned, so that the long way finds the same states, and the bound is that of the reduction alone.
+    for engine in [common::gpu(), Engine::cpu()] {
+        for precision in Precision::ALL {
+            let scene = mixed(1000).pinned(Method::Rk4, 1.0 / 64.0, Some(precision)).without_states();
+            let (found, long) = (run(&engine, &scene), run(&engine, &scene.clone().skipping(false)));
+            agree(found.statistics(), long.statistics(), bound(precision));
+        }
+    }
+}
+
+#[test]
+fn bodies_in_steps_of_their_own_are_named_by_the_ensemble() {
+    use polhode::engine::adaptive::AdaptiveSteps;
+    // Sorted by expected work within a session, of which the statistics must not show anything.
+    let steps = AdaptiveSteps { tolerance: 1e-9, least_step: None };
+    for engine in [common::gpu(), Engine::cpu()] {
+        let scene = mixed(300).adaptive(steps, Some(Precision::F64));
+        let (alone, read) = (run(&engine, &scene.clone().without_states()), run(&engine, &scene));
+        assert_eq!(alone.statistics(), read.statistics());
+        assert_eq!(alone.trust().shadow, read.trust().shadow);
+        let last = &alone.statistics()[3];
+        let spins = read.final_state().angular_velocities_body().iter().map(|omega| omega.length());
+        let spins: Vec<f64> = spins.collect();
+        let of = last.of(Statistic::SpinRate).expect("asked for");
+        for (body, value) in [(of.min_body, of.min), (of.max_body, of.max)] {
+            let own = spins[body.expect("a body")];
+            assert!((own - value).abs() <= bound(Precision::F64) * value, "{body:?}: {own} and {value}");
+        }
+        let extremes = spins.iter().fold((f64::INFINITY, 0.0_f64), |(a, b), &x| (a.min(x), b.max(x)));
+        assert!((of.min - extremes.0).abs() <= bound(Precision::F64) * of.min);
+        assert!((of.max - extremes.1).abs() <= bound(Precision::F64) * of.max);
+    }
+}
+
+/// Takes statistics and no states.
+#[derive(Default)]
+struct Counting {
+    outputs: usize,
+    states: bool,
+}
+
+impl Sink for Counting {
+    fn wants(&mut self, _: usize, _: usize, _: f64) -> bool {
+        self.states
+    }
+    fn bodies(&mut self, _: usize, _: f64, _: usize, _: &[OutputState]) -> Result<()> {
+        Ok(())
+    }
+    fn statistics(&mut self, index: usize, statistics: &Statistics) -> Result<()> {
+        assert_eq!((index, statistics.count), (self.outputs, BYTES_BODIES));
+        self.outputs += 1;
+        Ok(())
+    }
+}
+
+const BYTES_BODIES: usize = 100_000;
+/// Of ten output times with three statistics each, and of the sample at the end.
+const FEW_BYTES: u64 = 64 << 10;
+const MANY_BYTES: u64 = 10_000_000;
+
+#[test]
+fn statistics_move_kilobytes_where_states_move_megabytes() {
+    let engine = common::gpu();
+    let bodies = Ensemble::from_fn(BYTES_BODIES, |body| {
+        let x = body as f64 / BYTES_BODIES as f64;
+        (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, DVec3::new(0.3 + x, 1.0, 0.2))
+    })
+    .expect("valid");
+    let scene =
+        Scene::new(bodies).until(10.0).outputs(Outputs::Every(1.0)).statistics(&Statistic::ALL).without_states();
+    let pinned = scene.clone().pinned(Method::Rk4, 0.25, Some(Precision::F32));
+    for scene in [scene.accuracy(Accuracy::attitude(1e-5)), pinned] {
+        let plan = Plan::new(&scene, &engine).expect("valid");
+        let [few, many] = [false, true].map(|states| {
+            let mut sink = Counting { outputs: 0, states };
+            let trust = run_into(&engine, &plan, &mut sink, &mut |_| ControlFlow::Continue(())).expect("runs");
+            assert_eq!(sink.outputs, 10);
+            trust.bytes_read
+        });
+        assert!(few > 0 && few < FEW_BYTES, "{few} bytes");
+        assert!(many > MANY_BYTES, "{many} bytes");
+        let saved = skip(&scene, &engine).expect("taken").bytes;
+        assert!(saved > MANY_BYTES && saved <= many, "{saved} of {many} bytes");
+    }
+}
+
+#[test]
+fn chunks_change_nothing_beyond_rounding() {
+    let ensemble = common::asymmetric_ensemble(1000, 7);
+    for precision in Precision::ALL {
+        let whole = check_stepped(&common::gpu(), &ensemble, precision).expect("in bounds");
+        let cut =
+            check_stepped(&common::gpu_with(common::cut_options(128, 2)), &ensemble, precision).expect("in bounds");
+        for (whole, cut) in whole.iter().zip(&cut) {
+            // Extremes are picked, not summed.
+            assert_eq!((whole.count, whole.least, whole.greatest), (cut.count, cut.least, cut.greatest));
+        }
+    }
+}
+
+/// Faults of the kernels, by chunk, text and what takes its place; each must be caught by the comparison above.
+const FAULTS: [(&str, &str, &str, &str); 7] = [
+    (
+        "the last workgroup is left out where it is not full",
+        "observe.wgsl",
+        "(settings.body_count + group_bodies - 1u) / group_bodies;",
+        "settings.body_count / group_bodies;",
+    ),
+    ("the last body is left out", "observe.wgsl", "(i >= settings", "(i + 1u >= settings"),
+    ("a scale is lost", "observe_f32.wgsl", "+ exponent + i32(scale)", "+ exponent"),
+    ("exponents are not compared", "observe.wgsl", "a.exponent < b.exponent || ", ""),
+    ("the share is that of the wrong side", "observe.wgsl", "real(b.count) / real", "real(a.count) / real"),
+    ("squares of means are left out", "observe.wgsl", "squares + difference", "squares + 0.0 * difference"),
+    ("half of a tree", "observe.wgsl", "var half = WORKGROUP / 2u;", "var half = WORKGROUP / 4u;"),
+];
+
+#[test]
+fn planted_faults_are_caught() {
+    let ensemble = common::asymmetric_ensemble(200, 11);
+    check_stepped(&common::gpu(), &ensemble, Precision::F32).expect("without a fault");
+    for (name, file, from, to) in FAULTS {
+        let patch = Patch { file: file.to_owned(), from: from.to_owned(), to: to.to_owned() };
+        let engine = common::gpu_with(GpuOptions { patches: vec![patch], ..common::any_adapter() });
+        // A panic, as of a fault that is not planted or does not compile, is none of the comparison's findings.
+        match check_stepped(&engine, &ensemble, Precision::F32) {
+            Err(found) => println!("{name}: {found}"),
+            Ok(_) => panic!("{name}: not caught"),
+        }
+    }
+}

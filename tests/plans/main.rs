@@ -1,0 +1,12 @@
+//! Plans: what is chosen, skipped and refused, and whether the accuracy that was asked for is met.
+
+mod accuracy;
+mod adaptive;
+mod adaptive_scene;
+#[path = "../common/mod.rs"]
+mod common;
+mod plan;
+mod skips;
+mod status;
+#[path = "../support/mod.rs"]
+mod support;

@@ -1,0 +1,36 @@
+//! Truth: results against closed forms, published tables, golden data of 25 digits, orders of convergence and what motions conserve.
+
+mod balance;
+#[path = "../common/mod.rs"]
+mod common;
+mod conservation;
+mod convergence;
+mod convergence_methods;
+mod derivation;
+mod elementary;
+mod extremes;
+mod flat_plates;
+mod free_motion;
+#[path = "../support/fused.rs"]
+mod fused;
+mod golden;
+mod golden_forced;
+mod golden_free_motion;
+mod linear_rotor;
+mod mass_properties;
+mod meshes;
+mod principal_axes;
+mod properties;
+mod published_tables;
+mod separatrix;
+mod sin_cos;
+#[path = "../strategies/mod.rs"]
+mod strategies;
+#[path = "../support/mod.rs"]
+mod support;
+mod tableau;
+mod taylor;
+mod toolkit;
+mod torque_physics;
+mod translation;
+mod variable_inertia;
