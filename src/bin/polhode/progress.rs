@@ -32,7 +32,7 @@ static ENDING: AtomicBool = AtomicBool::new(false);
 
 /// How long a run has to end by itself: stages that do not ask whether to stop (reading, drawing, preparing, waiting for a disk) are
 /// then cut off.
-const GRACE: Duration = Duration::from_millis(400);
+const GRACE: Duration = Duration::from_millis(250);
 
 /// Lets Ctrl-C (and a request to terminate) end the run in good order, within [`GRACE`]; a second one, and one while a plan is made,
 /// ends it at once.
