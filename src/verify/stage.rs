@@ -89,6 +89,7 @@ impl Stage {
             Term::Increment if is_stage => {
                 format!("its {of} stages agree: it is the weights of the increment, or how that is carried over")
             }
+            Term::Increment if of == 1 => "the torque agrees: it is what the method does with it".to_owned(),
             Term::Increment => {
                 format!("its first {of} evaluations of the torque agree: it is what the method does after them")
             }
