@@ -107,16 +107,19 @@ impl CustomForce {
     }
 
     /// Its parameters.
+    #[cfg(feature = "study")]
     pub(crate) fn declarations(&self) -> &[ParameterDeclaration] {
         &self.declarations
     }
 
     /// Their values.
+    #[cfg(feature = "study")]
     pub(crate) fn values(&self) -> &[Value] {
         &self.values
     }
 
     /// The formula.
+    #[cfg(feature = "study")]
     pub(crate) fn formula(&self) -> &Expression {
         &self.formula
     }
