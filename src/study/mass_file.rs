@@ -257,7 +257,9 @@ fn of_study(file: &Path, body: usize) -> Result<Described> {
     })?;
     if let Some((inertia, seed, line)) = alone {
         let located = |error: Error| match error {
-            error @ (Error::Input(_) | Error::File { .. } | Error::MeshFile { .. }) => error,
+            error @ (Error::Input(_) | Error::File { .. }) => error,
+            #[cfg(feature = "mesh")]
+            error @ Error::MeshFile { .. } => error,
             error => input_error(file, line as u64, "inertia", Fault::Syntax { reason: error.to_string() }),
         };
         return described(&inertia, Draw::new(seed), body).map_err(located);
