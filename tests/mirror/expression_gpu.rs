@@ -22,6 +22,12 @@ const ROWS: usize = 67;
 /// or not; ours of sine and cosine are made of such operations.
 const LOOSER: f64 = 6.0;
 
+/// Shaders of a precision: `POLHODE_EXPRESSIONS=100000 cargo test --release --test mirror expression_gpu` for so many formulas in both.
+fn shaders() -> u64 {
+    let formulas = std::env::var("POLHODE_EXPRESSIONS").ok().and_then(|count| count.parse().ok());
+    formulas.map_or(5, |formulas: u64| formulas.div_ceil(2 * TOGETHER as u64))
+}
+
 /// Formulas whose texts exist, and the texts, f0 and following.
 fn formulas(seed: u64) -> (Vec<Tree>, String) {
     let mut random = Random::new(seed);
@@ -73,10 +79,10 @@ fn agree<T: Scalar>(precision: Precision, seeds: std::ops::Range<u64>) {
 
 #[test]
 fn random_formulas_agree_in_f32() {
-    agree::<f32>(Precision::F32, 0..5);
+    agree::<f32>(Precision::F32, 0..shaders());
 }
 
 #[test]
 fn random_formulas_agree_in_f64() {
-    agree::<f64>(Precision::F64, 100..105);
+    agree::<f64>(Precision::F64, 1 << 32..(1 << 32) + shaders());
 }
