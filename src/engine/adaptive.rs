@@ -191,9 +191,4 @@ pub trait AdaptiveSession: Reduce {
         let attempts: Vec<u64> = self.counts()?.iter().map(StepCounts::attempts).collect();
         Ok(imbalance(&attempts, self.side_by_side()))
     }
-
-    /// Bytes that reads have moved from the device's memory to the host's so far; 0 where the state is in the host's.
-    fn bytes_read(&self) -> u64 {
-        0
-    }
 }

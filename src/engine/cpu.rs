@@ -83,6 +83,7 @@ impl Backend for Cpu {
             driver: String::new(),
             software: false,
             arithmetic: None,
+            on_host: None,
         }
     }
 
@@ -102,6 +103,14 @@ impl Backend for Cpu {
         let batch = conserving(batch, method)?;
         let clock = batch.torques.clock();
         Ok(Box::new(CpuSession { batch, method, width: self.width, clock, projected: true, reducer: None }))
+    }
+
+    fn speed(&self, _precision: Precision) -> Option<f64> {
+        Some(rayon::current_num_threads() as f64)
+    }
+
+    fn speed_of_series(&self) -> Option<f64> {
+        self.speed(Precision::F64)
     }
 
     fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {

@@ -2,6 +2,7 @@
 
 use super::cpu::{Cpu, Width};
 use super::gpu::{AdapterKind, Arithmetic, Gpu, GpuOptions, adapters, driver_of, wgpu};
+use super::paired::Paired;
 use super::{Backend, Description};
 use crate::batch::Precision;
 use crate::error::{Error, Result};
@@ -128,7 +129,7 @@ pub(super) async fn open_auto() -> (Choice, Box<dyn Backend>) {
     let mut unusable = None;
     for index in candidates(&kinds) {
         match Gpu::open_adapter(&adapters[index], GpuOptions::default()).await {
-            Ok(gpu) => return (Choice::Gpu { index, kind: kinds[index] }, Box::new(gpu)),
+            Ok(gpu) => return (Choice::Gpu { index, kind: kinds[index] }, Box::new(Paired::new(gpu))),
             Err(error) => {
                 unusable.get_or_insert(error);
             }

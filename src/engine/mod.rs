@@ -22,17 +22,21 @@ pub mod adaptive;
 pub mod cpu;
 mod devices;
 pub mod gpu;
+mod paired;
 pub mod projected;
 pub mod reduction;
 pub mod tap;
+mod traffic;
 pub mod watch;
 pub mod work;
 
 pub use devices::{Adapter, AdapterLimits, Choice, Devices, devices, devices_async};
+pub use traffic::Traffic;
 
 use adaptive::{AdaptiveSession, AdaptiveSteps, TAYLOR_ON_CPU, taylor_unavailable};
 use cpu::{Cpu, Width};
 use gpu::{Arithmetic, Gpu, GpuOptions, wgpu};
+use paired::Paired;
 use reduction::Reduce;
 use watch::Job;
 
@@ -58,6 +62,8 @@ pub struct Description {
     pub software: bool,
     /// What the probe of the adapter's arithmetic found; `None` on the CPU, whose arithmetic is that of IEEE 754.
     pub arithmetic: Option<Arithmetic>,
+    /// Of a GPU with the CPU beside it: what runs on the CPU, and why.
+    pub on_host: Option<String>,
 }
 
 /// An engine that is ready for work; copies share it.
@@ -112,8 +118,16 @@ impl Engine {
         Ok(Self { backend: Arc::new(Gpu::on(device, queue, options)?) })
     }
 
-    /// The best real GPU that can be used, else the CPU engine; [`devices`] says which and why. A software adapter is
-    /// slower than the CPU engine and never taken.
+    /// An open GPU with the CPU beside it: work in an arithmetic that the GPU lacks, or is slower in than all threads of the CPU, runs
+    /// on the CPU, and so do Taylor series. [`Description::on_host`] says what runs there.
+    ///
+    /// How fast the GPU is, is measured here, which takes some tens of milliseconds.
+    pub fn paired(gpu: Gpu) -> Self {
+        Self { backend: Arc::new(Paired::new(gpu)) }
+    }
+
+    /// The best real GPU that can be used, with the CPU beside it ([`Engine::paired`]), else the CPU engine; [`devices`] says which and
+    /// why. A software adapter is slower than the CPU engine and never taken.
     ///
     /// # Errors
     ///
@@ -191,6 +205,18 @@ impl Backend for Engine {
         self.backend.start_free(rows)
     }
 
+    fn speed(&self, precision: Precision) -> Option<f64> {
+        self.backend.speed(precision)
+    }
+
+    fn speed_of_series(&self) -> Option<f64> {
+        self.backend.speed_of_series()
+    }
+
+    fn traffic(&self) -> Traffic {
+        self.backend.traffic()
+    }
+
     fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
         self.backend.start_adaptive(batch, steps)
     }
@@ -263,6 +289,22 @@ pub trait Backend: Send + Sync {
     ///
     /// As [`Backend::start`].
     fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>>;
+
+    /// Steps in a precision that the engine does at a time, each of which takes as long as the table of costs says of one core
+    /// ([`crate::plan::cost::COSTS`]); `None` where it is not known.
+    fn speed(&self, _precision: Precision) -> Option<f64> {
+        None
+    }
+
+    /// The same of steps by Taylor series, in `f64`; `None` where the engine does not form them.
+    fn speed_of_series(&self) -> Option<f64> {
+        None
+    }
+
+    /// What has passed between the host and the engine's device since it was opened, by all of its sessions.
+    fn traffic(&self) -> Traffic {
+        Traffic::default()
+    }
 
     /// How the engine evaluates closed forms on the host, where it does: of bodies that are looked at once, constants are
     /// formed where their states are wanted, and not kept.
@@ -386,11 +428,6 @@ pub trait Session: Reduce {
     fn read_centres(&mut self, _bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
         Ok(Vec::new())
     }
-
-    /// Bytes that reads have moved from the device's memory to the host's so far; 0 where the state is in the host's.
-    fn bytes_read(&self) -> u64 {
-        0
-    }
 }
 
 /// Torque-free bodies on an engine, at a time that the caller chooses.
@@ -412,11 +449,6 @@ pub trait FreeSession: Reduce {
     ///
     /// [`crate::Error::Device`] where the device is lost.
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords>;
-
-    /// Bytes that reads have moved from the device's memory to the host's so far; 0 where the state is in the host's.
-    fn bytes_read(&self) -> u64 {
-        0
-    }
 }
 
 /// The times at which a closed form can be evaluated.

@@ -1,5 +1,7 @@
 //! What a session says of its bodies without handing all of them over.
 
+use std::ops::Range;
+
 use crate::batch::{BodyFrame, StateWords};
 use crate::error::Result;
 use crate::observe::{Partial, Statistic};
@@ -27,6 +29,15 @@ pub trait Reduce: Send {
     ///
     /// [`crate::Error::Device`] where the device is lost.
     fn marked(&mut self) -> Result<Marked>;
+
+    /// Says that the state of a range of bodies is read next, as it is now: an engine may bring it to the host meanwhile.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device is lost.
+    fn prefetch(&mut self, _bodies: Range<usize>) -> Result<()> {
+        Ok(())
+    }
 
     /// The raw state of some rows.
     ///

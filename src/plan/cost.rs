@@ -6,7 +6,7 @@
 
 use super::choice::Scheme;
 use crate::batch::Precision;
-use crate::engine::{Description, EngineKind};
+use crate::engine::{Backend, Description, EngineKind};
 use crate::method::Method;
 
 #[cfg(feature = "bench")]
@@ -162,6 +162,24 @@ impl Costs {
         body_steps: f64,
     ) -> Option<f64> {
         Some(body_steps * self.of(scheme)?.step_seconds(precision, free) / self.at_a_time(engine)?)
+    }
+
+    /// The table with an engine's own times, where it is the shipped one and the engine, not the CPU's, knows how fast it is.
+    pub(super) fn on(&self, engine: &dyn Backend) -> Self {
+        let speeds = Precision::ALL.map(|precision| engine.speed(precision));
+        if self.at_a_time.is_some() || engine.description().kind == EngineKind::Cpu || speeds == [None, None] {
+            return self.clone();
+        }
+        let [narrow, wide] = speeds.map(|speed| speed.unwrap_or(0.0));
+        let rows = self.rows.iter().map(|&cost| {
+            let wide = if cost.scheme == Scheme::TAYLOR { engine.speed_of_series().unwrap_or(0.0) } else { wide };
+            let of = |figures: Figures| {
+                let [in_f32, in_f64] = figures.seconds;
+                Figures { seconds: [in_f32 / narrow, in_f64 / wide], ..figures }
+            };
+            Cost { free: of(cost.free), driven: of(cost.driven), ..cost }
+        });
+        Self { rows: rows.collect(), at_a_time: Some(1.0) }
     }
 
     /// Steps that an engine does at a time.

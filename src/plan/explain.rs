@@ -22,6 +22,8 @@ use crate::regular_precession::RegularPrecession;
 pub struct Explanation {
     /// What will compute.
     pub engine: String,
+    /// What runs on the CPU beside a GPU, and why.
+    pub on_host: Option<String>,
     /// Number of bodies.
     pub bodies: usize,
     /// Simulated time, s.
@@ -121,6 +123,7 @@ impl Plan<'_> {
         }
         Explanation {
             engine: self.engine.name.clone(),
+            on_host: self.engine.on_host.clone(),
             bodies: self.scene().ensemble().len(),
             span: self.scene().end(),
             outputs: self.times().len(),
@@ -321,6 +324,9 @@ impl fmt::Display for Explanation {
             self.engine,
             self.asked
         )?;
+        if let Some(on_host) = &self.on_host {
+            writeln!(formatter, "{on_host}")?;
+        }
         writeln!(
             formatter,
             "

@@ -105,6 +105,7 @@ impl<'a> Plan<'a> {
     pub fn with_costs(scene: &'a Scene, engine: &dyn Backend, costs: &Costs) -> Result<Self> {
         let since = Instant::now();
         let times = Self::checked(scene)?;
+        let costs = &costs.on(engine);
         // Among the pool's threads, so that they need not be woken for each of many small parts.
         rayon::scope(|_| {
             let resolution = Resolution::new(scene, engine, &times, costs)?;

@@ -128,8 +128,8 @@ pub(super) struct Pilot<'a> {
     /// What a step under them costs.
     pub work: &'a Work,
     pub precision: Option<Precision>,
-    /// Whether the engine is the CPU's, which alone forms Taylor series.
-    pub on_cpu: bool,
+    /// Whether the engine forms Taylor series.
+    pub forms_series: bool,
     /// Bodies of the class.
     pub all: usize,
     /// The sample with the looks at them.
@@ -430,7 +430,7 @@ impl<'a> Pilot<'a> {
             Scheme::Adaptive(method) => {
                 let draws = self.torques.iter().any(Torque::is_random);
                 let thrust = self.scene.forces().iter().any(Force::needs_attitude);
-                let has_series = self.on_cpu && self.precision != Some(Precision::F32) && self.work.has_series();
+                let has_series = self.forms_series && self.precision != Some(Precision::F32) && self.work.has_series();
                 self.scene.may_skip() && !draws && !thrust && (method != Method::Taylor || has_series)
             }
         }

@@ -16,7 +16,6 @@ use super::reference::SATURATED;
 use super::times::longest_over;
 use crate::batch::Precision;
 use crate::engine::Backend;
-use crate::engine::EngineKind;
 use crate::engine::adaptive::{
     AdaptiveSteps, NOISE_REFUSED, TAYLOR_IN_F64, TAYLOR_ON_CPU, check_equal_steps, taylor_unavailable,
 };
@@ -134,8 +133,8 @@ impl Resolution {
                     resolution.check_f32(scene, &accuracy, wanted)?;
                 }
                 let precision = if has_f64 { wanted } else { Some(Precision::F32) };
-                let on_cpu = engine.description().kind == EngineKind::Cpu;
-                resolution.choose_steps(scene, &accuracy, precision, has_f64, (on_cpu, times, costs))?;
+                let has_series = engine.speed_of_series().is_some();
+                resolution.choose_steps(scene, &accuracy, precision, has_f64, (has_series, times, costs))?;
                 Ok(resolution)
             }
         }
@@ -148,7 +147,7 @@ impl Resolution {
         accuracy: &Accuracy,
         precision: Option<Precision>,
         has_f64: bool,
-        (on_cpu, times, costs): (bool, &[f64], &Costs),
+        (has_series, times, costs): (bool, &[f64], &Costs),
     ) -> Result<()> {
         let Self::Accuracy { tolerance, uniform_rate, stepped, .. } = self else { return Ok(()) };
         for (torques, bodies) in stepped_bodies(scene) {
@@ -165,7 +164,7 @@ impl Resolution {
                 torques: &acting,
                 work: &work,
                 precision,
-                on_cpu,
+                forms_series: has_series,
                 all,
                 bodies: Vec::new(),
                 span,
@@ -232,7 +231,7 @@ impl Resolution {
         let widest = if has_f64 { Precision::F64 } else { Precision::F32 };
         let precision = scene.wanted_precision().unwrap_or(widest);
         if method == Method::Taylor {
-            if engine.description().kind != EngineKind::Cpu {
+            if engine.speed_of_series().is_none() {
                 return Err(taylor_unavailable(TAYLOR_ON_CPU));
             }
             if precision != Precision::F64 {

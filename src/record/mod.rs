@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
 use crate::batch::{BodyState, Precision};
-use crate::engine::Description;
+use crate::engine::{Description, Traffic};
 use crate::error::Result;
 use crate::method::{Method, Status};
 use crate::plan::{Part, listed};
@@ -290,8 +290,8 @@ pub struct Trust {
     pub body_steps: u64,
     /// Adaptive steps; `None` where no body took any.
     pub adaptive: Option<AdaptiveWork>,
-    /// Bytes that were read back from the device; 0 on the CPU.
-    pub bytes_read: u64,
+    /// What has passed between the host and the device, where the engine's other sessions are idle; all 0 on the CPU.
+    pub traffic: Traffic,
     /// Drift at the end of what bodies conserve.
     pub drift: Drift,
     /// What is left of the changes of energy and angular momentum when the torques' share is taken off.

@@ -35,6 +35,12 @@ pub struct Report {
     pub body_steps_per_second: f64,
     /// Bytes that were read back from the device; 0 on the CPU.
     pub bytes_read: u64,
+    /// Bytes that were written to it.
+    pub bytes_written: u64,
+    /// How often the host waited for the device.
+    pub device_waits: u64,
+    /// Dispatches of kernels on it.
+    pub dispatches: u64,
     /// Adaptive steps; `null` where no body took any.
     pub adaptive: Option<AdaptiveReport>,
     /// Wall time by phase.
@@ -83,6 +89,8 @@ pub struct EngineReport {
     pub driver: String,
     /// Whether a software adapter played the GPU.
     pub software: bool,
+    /// What ran on the CPU beside a GPU, and why; `null` where nothing did.
+    pub on_host: Option<String>,
 }
 
 /// What was computed.
@@ -357,6 +365,7 @@ impl Report {
                 adapter: trust.engine.name,
                 driver: trust.engine.driver,
                 software: trust.engine.software,
+                on_host: trust.engine.on_host,
             },
             plan: PlanReport {
                 method: names(trust.parts.iter().map(|part| part.method)),
@@ -369,7 +378,10 @@ impl Report {
             },
             body_steps: trust.body_steps,
             adaptive: trust.adaptive.map(AdaptiveReport::from),
-            bytes_read: trust.bytes_read,
+            bytes_read: trust.traffic.bytes_read,
+            bytes_written: trust.traffic.bytes_written,
+            device_waits: trust.traffic.waits,
+            dispatches: trust.traffic.dispatches,
             body_steps_per_second: if trust.body_steps > 0 && rate.is_finite() { rate } else { 0.0 },
             wall_time: WallTimeReport {
                 prepare: trust.wall_time.prepare,

@@ -123,6 +123,16 @@ impl AdaptiveUnit {
         Ok(())
     }
 
+    /// Says that some of the group's rows are read next: the block of the first of them, where it is not here already.
+    pub fn prefetch(&mut self, rows: Range<usize>) -> Result<()> {
+        let block = rows.start / ORDER_BLOCK;
+        if rows.is_empty() || self.last_read.as_ref().is_some_and(|(last, _)| *last == block) {
+            return Ok(());
+        }
+        let rows = self.block(block);
+        self.session.prefetch(rows)
+    }
+
     /// The time that the body in one of the group's rows stands at, s, where the session can say it.
     pub fn reached(&self, row: usize) -> Option<f64> {
         self.session.reached().map(|reached| reached[self.session_row(row)])
@@ -143,11 +153,6 @@ impl AdaptiveUnit {
             side_by_side: self.session.side_by_side(),
             imbalance: self.session.imbalance()?,
         })
-    }
-
-    /// Bytes that were read back from a device so far.
-    pub fn bytes_read(&self) -> u64 {
-        self.session.bytes_read()
     }
 }
 

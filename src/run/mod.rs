@@ -106,6 +106,7 @@ fn run_counted(
     let scene = plan.scene();
     let body_count = scene.ensemble().len();
     let mut wall_time = WallTime::default();
+    let before = engine.traffic();
     // The long way forms statistics of the states that it reads.
     let statistics = scene.wanted_statistics();
     let reduces = !statistics.is_empty() && scene.may_skip();
@@ -179,6 +180,9 @@ fn run_counted(
                 }
                 Ok(())
             })?;
+            // While these are handed on, the next come to the host.
+            let next = range.end..(range.end + block).min(body_count);
+            units.iter_mut().try_for_each(|unit| unit.prefetch(&next))?;
             from_states.push(start, &states);
             if last {
                 let of_block = |body: &&u32| range.contains(&(**body as usize));
@@ -213,7 +217,7 @@ fn run_counted(
         works.extend(unit.adaptive_work()?);
     }
     let adaptive = adaptive::total_work(works, failures.count(Status::StepBelowLimit));
-    let bytes_read = units.iter().map(Unit::bytes_read).sum();
+    let traffic = engine.traffic().since(before);
     let mut failures = failures.finish();
     let stopped = |failed: &&FailedBody| failed.reason == Status::StepBelowLimit;
     let stopped: Vec<usize> = failures.iter().filter(stopped).map(|failed| failed.body).collect();
@@ -268,7 +272,7 @@ fn run_counted(
         parts: plan.parts(),
         body_steps: plan.body_steps() + adaptive.map_or(0, |work| work.accepted.total + work.rejected.total),
         adaptive,
-        bytes_read,
+        traffic,
         drift,
         balance: end.balance.finish(),
         shadow,

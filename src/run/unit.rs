@@ -267,16 +267,6 @@ impl<'p> Unit<'p> {
         std::mem::take(&mut self.formed)
     }
 
-    /// Bytes that were read back from a device so far.
-    pub fn bytes_read(&self) -> u64 {
-        match &self.motion {
-            Motion::Stepped { session, .. } => session.bytes_read(),
-            Motion::ClosedForm { session, .. } => session.bytes_read(),
-            Motion::Adaptive(unit) => unit.bytes_read(),
-            Motion::Once(_) | Motion::Precession { .. } => 0,
-        }
-    }
-
     /// The adaptive steps so far, where there are any.
     pub fn adaptive_work(&mut self) -> Result<Option<UnitWork>> {
         match &mut self.motion {
@@ -312,6 +302,17 @@ impl<'p> Unit<'p> {
             }
         }
         Ok(())
+    }
+
+    /// Says that those of its bodies that are in `bodies` are read next.
+    pub fn prefetch(&mut self, bodies: &Range<usize>) -> Result<()> {
+        let rows = self.members.rows(bodies.clone());
+        match &mut self.motion {
+            Motion::Stepped { session, .. } => session.prefetch(rows),
+            Motion::ClosedForm { session, .. } => session.prefetch(rows),
+            Motion::Adaptive(unit) => unit.prefetch(rows),
+            Motion::Once(_) | Motion::Precession { .. } => Ok(()),
+        }
     }
 
     /// Writes the states of those of its bodies that are in `bodies` to their places in `states`, and those in which they

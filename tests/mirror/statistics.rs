@@ -481,7 +481,7 @@ fn statistics_move_kilobytes_where_states_move_megabytes() {
             let mut sink = Counting { outputs: 0, states };
             let trust = run_into(&engine, &plan, &mut sink, &mut |_| ControlFlow::Continue(())).expect("runs");
             assert_eq!(sink.outputs, 10);
-            trust.bytes_read
+            trust.traffic.bytes_read
         });
         assert!(few > 0 && few < FEW_BYTES, "{few} bytes");
         assert!(many > MANY_BYTES, "{many} bytes");

@@ -314,7 +314,7 @@ fn nothing_is_read_back_between_outputs() {
             Precision::F32 => state_columns::<f32>() + 2 * CENTRE_COMPONENTS,
             Precision::F64 => state_columns::<f64>() + CENTRE_COMPONENTS,
         };
-        let read = run(&gpu, &scene).trust().bytes_read;
+        let read = run(&gpu, &scene).trust().traffic.bytes_read;
         assert_eq!(read, (columns * size * COUNT) as u64 * u64::from(outputs as u32), "{precision}");
     }
 }
@@ -330,7 +330,7 @@ fn a_scene_without_thrust_has_no_code_of_translation() {
     // Nor does it read more than the rotation.
     let gpu = common::gpu();
     let scene = Scene::new(asymmetric_ensemble(COUNT, SEED)).until(1.0).pinned(Method::Rk4, DT, Some(Precision::F64));
-    let read = run(&gpu, &scene.skipping(false)).trust().bytes_read;
+    let read = run(&gpu, &scene.skipping(false)).trust().traffic.bytes_read;
     assert_eq!(read, (state_columns::<f64>() * size_of::<f64>() * COUNT) as u64);
 }
 
@@ -361,6 +361,6 @@ fn drag_beyond_what_an_engine_takes_is_left_to_the_host() {
     let (found, expected) = (strong(&common::gpu()), strong(&Engine::cpu_scalar()));
     let (position, velocity) = differences(&found, &expected);
     assert!(position <= 1e-13 && velocity <= 1e-13, "{position:e}, {velocity:e}");
-    assert!(found.trust().bytes_read > (4 * state_columns::<f64>() * size_of::<f64>() * COUNT) as u64);
+    assert!(found.trust().traffic.bytes_read > (4 * state_columns::<f64>() * size_of::<f64>() * COUNT) as u64);
     assert!(common::gpu().carries_centres() && !Engine::cpu().carries_centres());
 }

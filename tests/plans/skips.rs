@@ -161,7 +161,7 @@ fn outputs_that_nobody_wants_do_not_leave_the_device() {
         let plan = Plan::new(&scene, &engine).expect("valid");
         let bytes = |wants: fn(usize, usize) -> bool| {
             let mut sink = Wanting(wants);
-            run_into(&engine, &plan, &mut sink, &mut |_| ControlFlow::Continue(())).expect("runs").bytes_read
+            run_into(&engine, &plan, &mut sink, &mut |_| ControlFlow::Continue(())).expect("runs").traffic.bytes_read
         };
         assert_eq!(plan.times().len(), 6);
         assert_eq!(bytes(|_, _| true), 6 * table);

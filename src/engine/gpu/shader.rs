@@ -209,8 +209,16 @@ impl Source {
             constants = torque_constants(torques);
         }
         chunks.extend(Self::adaptive_method());
-        chunks.extend([chunk!("columns.wgsl"), chunk!("adaptive.wgsl")]);
+        chunks.extend([chunk!("columns.wgsl"), chunk!("control.wgsl"), chunk!("adaptive.wgsl")]);
         Self { chunks, entry_point: "adaptive", constants }
+    }
+
+    /// The kernels behind a round of adaptive steps: `tally`, what its bodies did, and `compact`, the list of the next round.
+    pub fn compact() -> [Self; 2] {
+        ["tally", "compact"].map(|entry_point| {
+            let chunks = vec![chunk!("control.wgsl"), chunk!("compact.wgsl")];
+            Self { chunks, entry_point, constants: Vec::new() }
+        })
     }
 
     /// The chunks of `rk8` in adaptive steps. They read times by `start_at` and `epoch_after`, which `torque/none.wgsl` and
@@ -311,6 +319,16 @@ impl Source {
         };
         let chunks = vec![real_chunk(precision), barrier, chunk!("probe.wgsl")];
         Self { chunks, entry_point: "probe", constants: Vec::new() }
+    }
+
+    /// A kernel of `rates.wgsl`.
+    pub(super) fn rates(precision: Precision, entry_point: &'static str) -> Self {
+        let (file, alias) = match precision {
+            Precision::F32 => ("rates_f32.wgsl", "alias real = f32;"),
+            Precision::F64 => ("rates_f64.wgsl", "alias real = f64;"),
+        };
+        let alias = Chunk { file, text: Cow::Borrowed(alias) };
+        Self { chunks: vec![alias, chunk!("rates.wgsl")], entry_point, constants: Vec::new() }
     }
 
     /// The chunks that every kernel shares: numbers, algebra, Euler's equations. They read `settings.zero`, which the

@@ -34,7 +34,12 @@ fn precision_of<T: Scalar>() -> Precision {
 /// The chunks of adaptive steps of torque-free bodies, some of them patched, without columns and entry point.
 fn method_chunks(precision: Precision, patches: &[Patch]) -> Vec<Chunk> {
     let source = Source::adaptive(precision, &TorqueTable::none(1.0)).patched(patches).expect("the text is there");
-    source.chunks().iter().filter(|chunk| !matches!(chunk.file, "columns.wgsl" | "adaptive.wgsl")).cloned().collect()
+    source
+        .chunks()
+        .iter()
+        .filter(|chunk| !matches!(chunk.file, "columns.wgsl" | "control.wgsl" | "adaptive.wgsl"))
+        .cloned()
+        .collect()
 }
 
 fn patch(file: &str, from: &str, to: &str) -> Patch {

@@ -1,0 +1,109 @@
+//! A GPU with the CPU beside it: each kind of work runs where it is done sooner, or where it can be done at all.
+
+use super::adaptive::{AdaptiveSession, AdaptiveSteps};
+use super::cpu::{Cpu, Width};
+use super::gpu::Gpu;
+use super::{Backend, Description, FreeSession, Session, Traffic};
+use crate::batch::{AnyBatch, Precision};
+use crate::error::Result;
+use crate::force::carried::Carried;
+use crate::free_motion::AnyRows;
+use crate::method::Method;
+
+/// A GPU, and the CPU for the arithmetic that the GPU lacks or is slower in. Taylor series are formed on the CPU.
+#[derive(Debug)]
+pub(super) struct Paired {
+    gpu: Gpu,
+    cpu: Cpu,
+    /// Whether work in `f32` and `f64` runs on the CPU, and why.
+    on_host: [Option<String>; 2],
+}
+
+impl Paired {
+    pub fn new(gpu: Gpu) -> Self {
+        let cpu = Cpu::new(Width::Lanes);
+        let on_host = Precision::ALL.map(|precision| {
+            if !gpu.precisions().contains(&precision) {
+                return Some(format!("{precision} on the CPU, as the adapter cannot compute in it"));
+            }
+            let [of_gpu, of_cpu] = [gpu.speed(precision)?, cpu.speed(precision)?];
+            (of_gpu < of_cpu).then(|| {
+                format!("{precision} on the CPU, as the adapter does as much in it as {of_gpu:.1} of {of_cpu} threads")
+            })
+        });
+        Self { gpu, cpu, on_host }
+    }
+
+    /// Where work in a precision runs.
+    fn place(&self, precision: Precision) -> &dyn Backend {
+        let is_on_host = self.on_host[usize::from(precision == Precision::F64)].is_some();
+        if is_on_host { &self.cpu } else { &self.gpu }
+    }
+}
+
+impl Backend for Paired {
+    fn description(&self) -> Description {
+        let notes: Vec<&str> = self.on_host.iter().flatten().map(String::as_str).collect();
+        let on_host = (!notes.is_empty()).then(|| notes.join("; "));
+        Description { on_host, ..self.gpu.description() }
+    }
+
+    fn precisions(&self) -> &[Precision] {
+        &Precision::ALL
+    }
+
+    fn speed(&self, precision: Precision) -> Option<f64> {
+        self.place(precision).speed(precision)
+    }
+
+    fn speed_of_series(&self) -> Option<f64> {
+        self.cpu.speed_of_series()
+    }
+
+    fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+        self.place(batch.precision()).start(batch, method)
+    }
+
+    fn start_projected(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
+        self.place(Precision::F64).start_projected(batch, method)
+    }
+
+    fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
+        self.place(rows.precision()).start_free(rows)
+    }
+
+    fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+        self.place(batch.precision()).start_adaptive(batch, steps)
+    }
+
+    fn start_taylor(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
+        self.cpu.start_taylor(batch, steps)
+    }
+
+    fn start_tapped(&self, batch: AnyBatch, method: Method) -> Result<Option<Box<dyn Session>>> {
+        self.place(batch.precision()).start_tapped(batch, method)
+    }
+
+    fn start_adaptive_tapped(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Option<Box<dyn AdaptiveSession>>> {
+        self.place(batch.precision()).start_adaptive_tapped(batch, steps)
+    }
+
+    /// Only where all work is the GPU's: the caller asks before it knows a batch's arithmetic.
+    fn carries_centres(&self) -> bool {
+        self.on_host.iter().all(Option::is_none) && self.gpu.carries_centres()
+    }
+
+    fn start_carrying(
+        &self,
+        batch: AnyBatch,
+        method: Method,
+        centres: &[Carried],
+        parts: u32,
+    ) -> Result<Box<dyn Session>> {
+        self.gpu.start_carrying(batch, method, centres, parts)
+    }
+
+    fn traffic(&self) -> Traffic {
+        self.gpu.traffic()
+    }
+}
