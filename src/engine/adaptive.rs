@@ -144,6 +144,11 @@ pub trait AdaptiveSession: Reduce {
         Ok(None)
     }
 
+    /// Whether [`AdaptiveSession::job_to`] gives work.
+    fn has_jobs(&self) -> bool {
+        false
+    }
+
     /// One attempt of every body that is under way between the time that the session stands at and `end`, s: `controllers`, one a
     /// body in units of its own scale, say what is left of that interval and which step is next, and become what they are after the
     /// attempt. The session's own controllers, counts and time are not those of a run afterwards: this is how engines are compared

@@ -223,6 +223,10 @@ impl<T: LaneScalar + Kernel> Session for CpuSession<T> {
         self.work(dt, steps).map(Some)
     }
 
+    fn has_jobs(&self) -> bool {
+        true
+    }
+
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
         Ok(self.batch.read(bodies))
     }

@@ -123,12 +123,12 @@ pub async fn devices_async() -> Devices {
 }
 
 /// Opens the engine that is taken where none is named.
-pub(super) async fn open_auto() -> (Choice, Box<dyn Backend>) {
+pub(super) async fn open_auto(options: GpuOptions) -> (Choice, Box<dyn Backend>) {
     let adapters = adapters().await;
     let kinds: Vec<AdapterKind> = adapters.iter().map(|adapter| adapter.get_info().device_type.into()).collect();
     let mut unusable = None;
     for index in candidates(&kinds) {
-        match Gpu::open_adapter(&adapters[index], GpuOptions::default()).await {
+        match Gpu::open_adapter(&adapters[index], options.clone()).await {
             Ok(gpu) => return (Choice::Gpu { index, kind: kinds[index] }, Box::new(Paired::new(gpu))),
             Err(error) => {
                 unusable.get_or_insert(error);

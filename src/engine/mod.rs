@@ -133,16 +133,25 @@ impl Engine {
     ///
     /// None at present: a GPU that fails to open gives way to the CPU engine.
     pub fn auto() -> Result<Self> {
-        pollster::block_on(Self::auto_async())
+        Self::auto_with(GpuOptions::default())
     }
 
-    /// As [`Engine::auto`], for programs with an executor of their own.
+    /// As [`Engine::auto`], within these bounds; `options.adapter` and `options.software` are not read.
     ///
     /// # Errors
     ///
     /// As [`Engine::auto`].
-    pub async fn auto_async() -> Result<Self> {
-        let (_, backend) = devices::open_auto().await;
+    pub fn auto_with(options: GpuOptions) -> Result<Self> {
+        pollster::block_on(Self::auto_async(options))
+    }
+
+    /// As [`Engine::auto_with`], for programs with an executor of their own.
+    ///
+    /// # Errors
+    ///
+    /// As [`Engine::auto`].
+    pub async fn auto_async(options: GpuOptions) -> Result<Self> {
+        let (_, backend) = devices::open_auto(options).await;
         Ok(Self { backend: backend.into() })
     }
 
@@ -411,6 +420,11 @@ pub trait Session: Reduce {
     /// As [`Session::advance`].
     fn job(&mut self, _dt: f64, _steps: u64) -> Result<Option<Job<'_>>> {
         Ok(None)
+    }
+
+    /// Whether [`Session::job`] gives work.
+    fn has_jobs(&self) -> bool {
+        false
     }
 
     /// The raw state of a range of bodies.

@@ -65,6 +65,11 @@ impl AdaptiveUnit {
         self.session.job_to(time)
     }
 
+    /// Whether [`AdaptiveUnit::job_to`] gives work.
+    pub fn has_jobs(&self) -> bool {
+        self.session.has_jobs()
+    }
+
     /// The session, and the frames of its rows.
     pub fn session(&mut self) -> (&mut dyn Reduce, &[BodyFrame]) {
         (&mut *self.session, &self.frames)

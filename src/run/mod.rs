@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::ops::{ControlFlow, Range};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -283,7 +283,7 @@ fn run_counted(
     })
 }
 
-/// Brings all units from `time − span` to `time`, s: side by side those that the host's threads step, and the others one by one.
+/// Brings all units from `time − span` to `time`, s: side by side those that the host's threads step, and beside these the others one by one.
 /// What is not stepped is formed where it is `wanted`. `done`, of `total`, is raised by the work.
 fn advance(
     units: &mut [Unit<'_>],
@@ -292,35 +292,61 @@ fn advance(
     (done, total): (&mut u64, u64),
     observer: &mut Observer<'_>,
 ) -> Result<()> {
-    let bodies = units.iter().map(|unit| unit.body_count() as u64).sum::<u64>();
-    let mut others = Vec::new();
-    {
-        let mut jobs = Vec::new();
-        for (index, unit) in units.iter_mut().enumerate() {
-            match unit.job(time, span)? {
-                Some(job) => jobs.push(job),
-                None => others.push(index),
+    let bodies = units.iter().map(|unit| unit.body_count() as u64).sum::<u64>().max(1);
+    let (on_host, mut others): (Vec<_>, Vec<_>) = units.iter_mut().partition(|unit| unit.has_job());
+    let is_on_host = !on_host.is_empty();
+    let mut jobs = Vec::new();
+    for unit in on_host {
+        jobs.extend(unit.job(time, span)?);
+    }
+    let before = *done;
+    let work = |watch: &Watch| jobs.into_par_iter().for_each(|job| job(watch));
+    let mut advance_others = |observer: &mut Observer<'_>| -> Result<u64> {
+        others.iter_mut().try_fold(0, |sum: u64, unit| {
+            let mut report = |progress: Progress| observer(Progress { done: sum.saturating_add(progress.done), total });
+            Ok(sum.saturating_add(unit.advance(time, span, wanted, &mut report)?))
+        })
+    };
+    if !is_on_host {
+        let mut report = |progress: Progress| observer(Progress { done: before.saturating_add(progress.done), total });
+        *done = before.saturating_add(advance_others(&mut report)?);
+        return Ok(());
+    }
+    // What the threads have done is known to this one, and what the device has done, to a thread that waits for it.
+    let of_others = Watch::default();
+    std::thread::scope(|scope| {
+        let others = scope.spawn(|| {
+            advance_others(&mut |progress| {
+                of_others.set(progress.done);
+                if of_others.goes_on() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+            })
+        });
+        let mut report = |progress: Progress| {
+            *done = before.saturating_add(progress.done).saturating_add(of_others.done());
+            let answer = observer(Progress { done: *done, total });
+            if answer.is_break() {
+                of_others.stop();
             }
+            answer
+        };
+        let mut own = 0;
+        let finished = watched(work, total, &mut |progress| {
+            own = progress.done;
+            report(progress)
+        });
+        while !others.is_finished() {
+            std::thread::sleep(POLL);
+            let _ = report(Progress { done: own, total });
         }
-        if !jobs.is_empty() {
-            let before = *done;
-            let work = |watch: &Watch| jobs.into_par_iter().for_each(|job| job(watch));
-            let mut report = |progress: Progress| {
-                *done = before.saturating_add(progress.done);
-                observer(Progress { done: *done, total })
-            };
-            watched(work, total, &mut report).map_err(|_| Error::Interrupted { steps: *done / bodies.max(1) })?;
-        }
-    }
-    for unit in others {
-        let before = *done;
-        let work = units[unit].advance(time, span, wanted, &mut |progress| {
-            observer(Progress { done: before.saturating_add(progress.done), total })
-        })?;
-        *done = before.saturating_add(work);
-    }
-    Ok(())
+        let of_others = others.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        finished.map_err(|_| Error::Interrupted { steps: *done / bodies })?;
+        *done = before.saturating_add(own).saturating_add(of_others?);
+        Ok(())
+    })
 }
+
+/// How often this thread looks whether a device has come to the end.
+const POLL: Duration = Duration::from_millis(2);
 
 /// Some bodies in the user's axes and units, to `states`, and as they started, to `initial`. Each body is of one unit, so every
 /// place is written, whatever stood there; with debug assertions nothing stands there, so that one left out shows.

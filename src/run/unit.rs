@@ -159,6 +159,16 @@ impl<'p> Unit<'p> {
         Ok(job)
     }
 
+    /// Whether [`Unit::job`] gives work.
+    pub fn has_job(&self) -> bool {
+        self.flight.is_none()
+            && match &self.motion {
+                Motion::Stepped { session, .. } => session.has_jobs(),
+                Motion::Adaptive(unit) => unit.has_jobs(),
+                Motion::ClosedForm { .. } | Motion::Once(_) | Motion::Precession { .. } => false,
+            }
+    }
+
     /// Brings the bodies from `time − span` to `time`, s; gives the work done ([`crate::plan::Plan::work_of`]). What is not
     /// stepped is formed only where it is `wanted`.
     pub fn advance(&mut self, time: f64, span: f64, wanted: bool, observer: &mut Observer<'_>) -> Result<u64> {

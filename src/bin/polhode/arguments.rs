@@ -78,6 +78,9 @@ pub struct EngineArguments {
     /// GPU adapter, by its index in `polhode devices`.
     #[arg(long, value_name = "INDEX")]
     pub adapter: Option<usize>,
+    /// Seconds without an answer after which a GPU counts as hung and the command ends.
+    #[arg(long, value_name = "SECONDS", default_value = "120", value_parser = clap::value_parser!(u64).range(1..))]
+    pub device_timeout: u64,
     /// Arithmetic.
     #[arg(long, value_enum, default_value = "auto", value_name = "PRECISION")]
     pub precision: PrecisionName,

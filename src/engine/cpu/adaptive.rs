@@ -181,6 +181,10 @@ impl<T: LaneScalar + observe::Kernel> AdaptiveSession for CpuAdaptiveSession<T> 
         watched(self.work(time)?, bodies, observer).map_err(|_| Error::Interrupted { steps: 0 })
     }
 
+    fn has_jobs(&self) -> bool {
+        true
+    }
+
     fn job_to(&mut self, time: f64) -> Result<Option<Job<'_>>> {
         self.work(time).map(Some)
     }

@@ -245,7 +245,7 @@ impl<T: DeviceScalar> GpuAdaptiveSession<T> {
         });
         let commands = commands.map_err(|refusal| device.refused(refusal))?;
         let bytes = size_of::<Control>() as u64;
-        let left = device.read(commands, staging, 0..bytes, |view| bytemuck::pod_read_unaligned::<Control>(view))?;
+        let left = device.read(commands, staging, 0..bytes, bytemuck::pod_read_unaligned::<Control>)?;
         self.attempts += left.all_tried();
         self.held += left.all_held();
         self.arrived += chunk.take(&control, &left) as u64;

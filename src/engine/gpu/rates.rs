@@ -15,6 +15,7 @@ const OPERATIONS: f64 = 64.0;
 /// The most iterations: software adapters leave a shader's loops after 65,535.
 const MOST_ITERATIONS: u32 = 60_000;
 /// Numbers that are copied: 64 MiB of `f32`.
+#[cfg(feature = "bench")]
 const COPIED: u64 = 1 << 24;
 
 /// What is timed.
@@ -22,6 +23,7 @@ const COPIED: u64 = 1 << 24;
 enum Kernel {
     Fused,
     Separate,
+    #[cfg(feature = "bench")]
     Copy,
 }
 
@@ -39,6 +41,7 @@ impl<'a> Timed<'a> {
         let entry_point = match kernel {
             Kernel::Fused => "fused",
             Kernel::Separate => "separate",
+            #[cfg(feature = "bench")]
             Kernel::Copy => "copy",
         };
         let word = match precision {
@@ -137,6 +140,7 @@ pub(crate) fn flops(device: &Device, precision: Precision, tries: usize, seconds
 }
 
 /// Bytes a second, read and written together: the best of `tries`.
+#[cfg(feature = "bench")]
 pub(crate) fn bandwidth(device: &Device, precision: Precision, tries: usize) -> Result<f64> {
     let word = match precision {
         Precision::F32 => size_of::<f32>(),
