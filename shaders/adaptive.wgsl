@@ -62,10 +62,11 @@ fn count(first: u32, i: u32, more_steps: u32) {
 
 @compute @workgroup_size(workgroup_size)
 fn adaptive(@builtin(global_invocation_id) id: vec3<u32>) {
-    if (id.x >= entry_count()) {
+    let entry = id.x;
+    if (entry >= entry_count()) {
         return;
     }
-    let i = row_of(id.x);
+    let i = row_of(entry);
     let body = load_body(i);
     load_torques(i);
     // In units of the body's own scale: the rate is a power of two, so that all products by it are exact.
@@ -75,7 +76,7 @@ fn adaptive(@builtin(global_invocation_id) id: vec3<u32>) {
     let limits = Limits(settings.tolerance, settings.least_step * unit);
     let state = load_state(i);
     var controller = load_controller(i);
-    if (is_fresh(id.x) && control.starts != 0u) {
+    if (is_fresh(entry) && control.starts != 0u) {
         controller = over(controller, span);
     }
     let attempted = advance(body, span, limits, control.attempts, controller, state);
@@ -86,5 +87,5 @@ fn adaptive(@builtin(global_invocation_id) id: vec3<u32>) {
     count(0u, i, accepted);
     count(2u, i, rejected);
     let flag = select(0u, UNDER_WAY, under_way(attempted.controller, attempted.state));
-    outcomes[id.x] = (accepted + rejected) | flag;
+    outcomes[entry] = (accepted + rejected) | flag;
 }

@@ -65,6 +65,12 @@ fn two_difference(a: vector, b: vector) -> TwoWordsVector {
     return TwoWordsVector(difference, rounded_vector(a - a_taken) - rounded_vector(b - b_taken));
 }
 
+// x, or what stands for it where it is infinite or not a number: told by its bits, as compilers may take it for granted that
+// comparisons see numbers (Metal's fast arithmetic).
+fn finite_or(x: real, otherwise: real) -> real {
+    return select(x, otherwise, (bitcast<u32>(x) & 0x7f800000u) == 0x7f800000u);
+}
+
 // 2/pi and pi/2 in words with trailing zeros, so that a product by a small integer is exact.
 const TWO_OVER_PI: real = 0.63661977236758134308;
 const HALF_PI_1: real = 1.5703125;

@@ -237,6 +237,8 @@ impl<R: Real> Trial<R> {
         let left = controller.left;
         let next_state = advanced(tried, h, state);
         let error = estimated_error(tried, h.value, limits.tolerance, &state, &next_state);
+        // Not a number: the step was far too long.
+        let error = R::select(error.less_than(R::splat(1e30)), error, R::splat(1e30));
         let taken = trying & error.less_than(one);
         let refused = trying & !taken;
 
@@ -245,8 +247,6 @@ impl<R: Real> Trial<R> {
 
         let eighth_root = error.max(R::splat(1e-20)).sqrt().sqrt().sqrt();
         let factor = (R::splat(0.9) / eighth_root).min(R::splat(6.0)).max(R::splat(1.0 / 3.0));
-        // Not a number: the step was far too long.
-        let factor = R::select(error.less_than(R::splat(1e30)), factor, R::splat(1.0 / 3.0));
         // A step does not grow right after a refusal, and the one that the end cut short says nothing about the next.
         let factor = R::select(R::splat(0.5).less_than(controller.retried), factor.min(one), factor);
         let next = h.value * factor;

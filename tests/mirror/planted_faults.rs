@@ -271,7 +271,7 @@ fn every_planted_fault_is_caught_by_the_check_beside_it() {
     assert!(uncaught.is_empty(), "{}", uncaught.join("\n"));
 }
 
-/// An entry of tests/files/mutations.txt.
+/// An entry of tests/mutations.txt.
 struct Mutation<'a> {
     name: &'a str,
     file: &'a str,

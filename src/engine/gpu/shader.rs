@@ -446,6 +446,9 @@ impl Source {
 
     /// The compiled pipeline; `workgroup_size` sets the override of that name where it is given.
     ///
+    /// With the checks of bounds and loops that wgpu inserts: without them `rk4` and adaptive `rk8` took between 0 and 5 % less on
+    /// lavapipe, which is within the scatter, and it would need unsafe code.
+    ///
     /// # Errors
     ///
     /// [`Error::Shader`] with the original file and line.

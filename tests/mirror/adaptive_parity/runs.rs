@@ -1,5 +1,7 @@
 //! Whole runs in adaptive steps: against the twin, cut into chunks and slices, and what is refused.
 
+use std::time::Duration;
+
 use glam::{DQuat, DVec3};
 use polhode::batch::{Precision, StateWords, prepare_with};
 use polhode::engine::adaptive::{AdaptiveSteps, StepCounts};
@@ -140,10 +142,14 @@ fn results_and_counts_do_not_depend_on_cuts() {
     for torques in [Vec::new(), driven] {
         for (precision, tolerance) in [(Precision::F64, 1e-9), (Precision::F32, 1e-5)] {
             let (expected, counts) = advanced(&whole, &torques, precision, tolerance);
-            for (bodies, steps) in [(64, 1), (192, 7)] {
-                let engine = common::gpu_with(common::cut_options(bodies, steps));
+            // The last is so short that few bodies are side by side, and others join them as they arrive.
+            for (bodies, steps, slice) in [(64, 1, 50_000_000), (192, 7, 50_000_000), (1 << 16, u32::MAX, 10_000)] {
+                let mut options = common::cut_options(bodies, steps);
+                options.slice.duration = Duration::from_nanos(slice);
+                let engine = common::gpu_with(options);
                 let (found, own) = advanced(&engine, &torques, precision, tolerance);
-                let what = format!("{} torques, {precision}: {bodies} bodies, {steps} attempts", torques.len());
+                let what =
+                    format!("{} torques, {precision}: {bodies} bodies, {steps} attempts, {slice} ns", torques.len());
                 if let Some(difference) = first_bit_difference(&expected, &found) {
                     panic!("{what}: {difference}");
                 }
