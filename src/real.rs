@@ -338,6 +338,12 @@ impl Scalar for f64 {
     }
 }
 
+/// `x`, or `otherwise` where it is infinite or not a number. Twin: `finite_or` in `shaders/real_f32.wgsl` and `real_f64.wgsl`.
+#[inline(always)]
+pub fn finite_or<R: Real>(x: R, otherwise: R) -> R {
+    R::select(x.abs().less_than(R::splat(f64::INFINITY)), x, otherwise)
+}
+
 /// sin x and cos x for |x| ≤ 2¹⁰ (`f32`) or 2²⁰ (`f64`).
 ///
 /// The error is at most 1 ulp of 1 in `f32` (1.2e-7) and in `f64` (2.2e-16), absolute. Outside the range the

@@ -29,7 +29,7 @@ use crate::batch::Precision;
 use crate::method::rk8::{ERROR_WEIGHTS_5, Place, Slopes, WEIGHTS, WEIGHTS_3, advanced, slopes, weighted};
 use crate::method::slope::Slope;
 use crate::method::{Status, flagged};
-use crate::real::Real;
+use crate::real::{Real, finite_or};
 use crate::rigid_body::{Body, State};
 use crate::torque::{Conserving, Environment, Free};
 use crate::vector::{TwoWords, Vector, two_difference};
@@ -236,9 +236,9 @@ impl<R: Real> Trial<R> {
         let Self { h, step, trying, last, .. } = *self;
         let left = controller.left;
         let next_state = advanced(tried, h, state);
-        let error = estimated_error(tried, h.value, limits.tolerance, &state, &next_state);
         // Not a number: the step was far too long.
-        let error = R::select(error.less_than(R::splat(1e30)), error, R::splat(1e30));
+        let error = estimated_error(tried, h.value, limits.tolerance, &state, &next_state);
+        let error = finite_or(error, R::splat(1e30));
         let taken = trying & error.less_than(one);
         let refused = trying & !taken;
 

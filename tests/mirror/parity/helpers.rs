@@ -1,7 +1,7 @@
 //! Arithmetic of vectors and quaternions, sums in two words, sines and cosines.
 
 use polhode::quaternion::{norm_correction, norm_correction_of_step};
-use polhode::real::{Scalar, sin_cos, sin_cos_eighth};
+use polhode::real::{Scalar, finite_or, sin_cos, sin_cos_eighth};
 use polhode::rigid_body::{Body, angular_momentum_world, orientation_rate};
 use polhode::vector::{TwoWords, Vector, accumulate};
 
@@ -30,6 +30,18 @@ pub fn cases<T: Scalar>() -> Vec<Case<T>> {
             &[REAL],
             |row| vec![row[0].mul_add(row[1], row[2])],
             FEW_ROUNDINGS,
+        ),
+        case(
+            "finite_or",
+            // Quotients by zero for a part of the rows.
+            "let zero = r(1u) - r(1u); put_r(0u, finite_or(select(r(0u), r(0u) / zero, r(2u) < 0.0), r(1u)));",
+            3,
+            &[REAL],
+            |row| {
+                let zero = row[1] - row[1];
+                vec![finite_or(if row[2] < T::from_f64(0.0) { row[0] / zero } else { row[0] }, row[1])]
+            },
+            EXACT,
         ),
         case("rounded", "put_r(0u, rounded(r(0u)));", 1, &[REAL], |row| vec![row[0]], EXACT),
         case("separated", "put_r(0u, separated(r(0u)));", 1, &[REAL], |row| vec![row[0]], EXACT),
