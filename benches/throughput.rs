@@ -11,10 +11,10 @@
 use std::time::Instant;
 
 use glam::DQuat;
-use polhode::batch::{Precision, prepare};
+use polhode::engine::batch::{Precision, prepare};
 use polhode::engine::gpu::GpuOptions;
 use polhode::engine::unobserved;
-use polhode::free_motion::FreeMotion;
+use polhode::kernel::free_motion::FreeMotion;
 use polhode::record::Quantiles;
 use polhode::study::problem;
 use polhode::{Engine, Ensemble, Method, Result};

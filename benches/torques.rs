@@ -7,7 +7,7 @@
 use std::time::Instant;
 
 use glam::{DMat3, DQuat, DVec3};
-use polhode::batch::{Precision, prepare_with};
+use polhode::engine::batch::{Precision, prepare_with};
 use polhode::engine::{Engine, unobserved};
 use polhode::study::problem;
 use polhode::torque::variable_inertia::{InertiaChange, Law};

@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use polhode::Error;
-use polhode::inertia::{MeshFileProblem, TriangleMesh, parse_mesh};
+use polhode::bodies::inertia::{MeshFileProblem, TriangleMesh, parse_mesh};
 use polhode::plan::PlanDocument;
 use polhode::study::{BodyTable, Study};
 

@@ -20,7 +20,7 @@ struct Settings {
     least_step_in_seconds: u32,
     // Whether the interval starts here.
     starts: u32,
-    // Whole ticks from the initial state to the start of the interval, low word first; see src/clock.rs.
+    // Whole ticks from the initial state to the start of the interval, low word first; see src/math/clock.rs.
     ticks: vec2<u32>,
     // Ticks in a second times 2^-60.
     tick_scale: real,

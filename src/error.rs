@@ -99,7 +99,7 @@ pub enum Error {
     #[error("projection of {method}: {expected}")]
     Projection {
         /// The integrator.
-        method: crate::method::Method,
+        method: crate::kernel::method::Method,
         /// What would be valid.
         expected: &'static str,
     },
@@ -111,13 +111,13 @@ pub enum Error {
         /// The model's name.
         model: Text,
         /// The integrator.
-        method: crate::method::Method,
+        method: crate::kernel::method::Method,
     },
     /// A method is asked for what it cannot do.
     #[error("{method}: {expected}")]
     MethodUnavailable {
         /// The integrator.
-        method: crate::method::Method,
+        method: crate::kernel::method::Method,
         /// What would be valid.
         expected: Text,
     },
@@ -206,7 +206,7 @@ pub enum Error {
         /// Name of the adapter.
         adapter: String,
         /// The precision that the fault concerns.
-        precision: crate::batch::Precision,
+        precision: crate::engine::batch::Precision,
         /// What the adapter gets wrong.
         fault: crate::engine::gpu::ArithmeticFault,
     },
@@ -216,7 +216,7 @@ pub enum Error {
         /// Name of the adapter.
         adapter: String,
         /// The precision asked for.
-        precision: crate::batch::Precision,
+        precision: crate::engine::batch::Precision,
     },
     /// No method, step and precision that the engine has meets the accuracy asked for.
     #[error(
@@ -233,7 +233,7 @@ pub enum Error {
         /// The name of that candidate.
         method: &'static str,
         /// Its arithmetic.
-        precision: crate::batch::Precision,
+        precision: crate::engine::batch::Precision,
         /// What would reach it.
         remedy: &'static str,
     },
@@ -334,10 +334,10 @@ pub enum Error {
     },
     /// An inertia tensor is not that of a rigid body.
     #[error("inertia tensor: {0}")]
-    Inertia(crate::inertia::InertiaDefect),
+    Inertia(crate::bodies::inertia::InertiaDefect),
     /// A triangle mesh does not enclose a volume.
     #[error("mesh: {0}")]
-    Mesh(crate::inertia::MeshDefect),
+    Mesh(crate::bodies::inertia::MeshDefect),
     /// A mesh file could not be read.
     #[cfg(feature = "mesh")]
     #[error("{}: {problem}", path.display())]
@@ -345,7 +345,7 @@ pub enum Error {
         /// The file.
         path: std::path::PathBuf,
         /// What is wrong with it.
-        problem: crate::inertia::MeshFileProblem,
+        problem: crate::bodies::inertia::MeshFileProblem,
     },
     /// A file of benchmark rows is not as this version writes it.
     #[cfg(feature = "bench")]
@@ -363,7 +363,7 @@ pub enum Error {
         /// Number of points given.
         points: usize,
         /// How they lie.
-        arrangement: crate::inertia::FlatArrangement,
+        arrangement: crate::bodies::inertia::FlatArrangement,
     },
     /// A quadrature ended at its limit before it was accurate enough.
     #[error(

@@ -33,7 +33,7 @@
 //! ```
 //!
 //! * [`ensemble`], [`inertia`], [`scene`]: what the user describes, in SI units and the body's own axes.
-//! * [`batch`]: the same bodies in principal axes, scaled by powers of two, as columns.
+//! * [`engine::batch`]: the same bodies in principal axes, scaled by powers of two, as columns.
 //! * [`plan`]: a scene resolved for an engine.
 //! * [`engine`]: the trait [`engine::Backend`] and its two implementations. The kernels themselves are generic over
 //!   [`real::Real`] ([`vector`], [`quaternion`], [`rigid_body`], [`method`], [`torque`], [`observe`]) and each has a twin of the same
@@ -52,49 +52,33 @@
 //! * SI units throughout.
 //! * An attitude error is the angle of the rotation between two orientations, in [0, π].
 
-pub mod batch;
 #[cfg(feature = "bench")]
 pub mod bench;
-pub mod clock;
-pub mod double_double;
-pub mod elementary;
+pub mod bodies;
 pub mod engine;
-pub mod ensemble;
 pub mod error;
 pub mod expression;
-pub mod force;
-pub mod free_motion;
-pub mod inertia;
-mod lanes;
-pub mod memory;
-pub mod method;
-pub mod observe;
-pub mod phase;
+pub mod kernel;
+pub mod math;
 pub mod plan;
 #[cfg(feature = "plot")]
 pub mod plot;
-pub mod quaternion;
-pub mod real;
 pub mod record;
-pub mod regular_precession;
-pub mod rigid_body;
 pub mod run;
 pub mod scene;
 #[cfg(feature = "study")]
 pub mod study;
-pub mod toolkit;
 pub mod torque;
-pub mod vector;
 pub mod verify;
 
-pub use batch::Precision;
+pub use bodies::Ensemble;
 pub use engine::Engine;
-pub use ensemble::Ensemble;
+pub use engine::batch::Precision;
 pub use error::{Error, Result};
-pub use force::Force;
-pub use method::Method;
-pub use observe::Statistic;
+pub use kernel::method::Method;
+pub use kernel::observe::Statistic;
 pub use plan::Plan;
 pub use record::Record;
 pub use scene::{Accuracy, Outputs, Scene};
 pub use torque::Torque;
+pub use torque::force::Force;

@@ -4,13 +4,13 @@ use std::fmt;
 
 use glam::DVec3;
 
-use crate::batch::Precision;
+use crate::bodies::Ensemble;
 use crate::engine::adaptive::AdaptiveSteps;
-use crate::ensemble::Ensemble;
-use crate::force::Force;
-use crate::method::Method;
-use crate::observe::Statistic;
+use crate::engine::batch::Precision;
+use crate::kernel::method::Method;
+use crate::kernel::observe::Statistic;
 use crate::torque::Torque;
+use crate::torque::force::Force;
 use crate::torque::translated::translated;
 
 /// An ensemble with what happens to it and what is asked of it.
@@ -289,7 +289,7 @@ impl Scene {
     }
 
     /// Pins method and step (s), in `f64`, and projects the state of each body after each step onto what it conserves
-    /// ([`crate::method::projection`]): next to the separatrix stepping keeps the phase in no other way. For scenes without
+    /// ([`crate::kernel::method::projection`]): next to the separatrix stepping keeps the phase in no other way. For scenes without
     /// torques; a plan refuses others.
     #[must_use]
     pub fn projected(mut self, method: Method, dt: f64) -> Self {
@@ -297,7 +297,7 @@ impl Scene {
         self
     }
 
-    /// Lets each body choose its steps by `rk8`'s estimate of their errors ([`crate::method::rk8_adaptive`]).
+    /// Lets each body choose its steps by `rk8`'s estimate of their errors ([`crate::kernel::method::rk8_adaptive`]).
     ///
     /// ```
     /// # use glam::{DQuat, DVec3};
@@ -319,7 +319,7 @@ impl Scene {
         self
     }
 
-    /// Lets each body choose its steps by the size of the last terms of its Taylor series ([`crate::method::taylor`]): in `f64`, on the
+    /// Lets each body choose its steps by the size of the last terms of its Taylor series ([`crate::kernel::method::taylor`]): in `f64`, on the
     /// CPU.
     ///
     /// ```

@@ -7,10 +7,10 @@ use std::process::Command;
 
 use common::kernel::open_device;
 use polhode::Error;
-use polhode::batch::{AnyBatch, Batch, Precision};
 use polhode::engine::Engine;
+use polhode::engine::batch::{AnyBatch, Batch, Precision};
 use polhode::engine::gpu::{AdapterKind, GpuOptions, wgpu};
-use polhode::method::Method;
+use polhode::kernel::method::Method;
 
 /// Bytes of address space that this process uses.
 fn address_space() -> u64 {

@@ -4,9 +4,9 @@ mod common;
 
 use common::random::Random;
 use glam::{DQuat, DVec3};
-use polhode::batch::BodyFrame;
-use polhode::free_motion::{AnyRows, SetUp};
-use polhode::inertia::InertiaTensor;
+use polhode::bodies::inertia::InertiaTensor;
+use polhode::engine::batch::BodyFrame;
+use polhode::kernel::free_motion::{AnyRows, SetUp};
 use polhode::plan::class::FreeBody;
 use polhode::plan::{Members, Plan, SkipName};
 use polhode::{Accuracy, Engine, Ensemble, Precision, Scene};

@@ -1,5 +1,5 @@
 // Centres of mass that move along with the steps of the rotation. Twin: Flight in src/run/flight.rs, on the host; the columns
-// are those of src/force/carried.rs.
+// are those of src/torque/force/carried.rs.
 
 // The first parameter column of the forces.
 override forces_first: u32 = 0u;

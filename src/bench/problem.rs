@@ -2,12 +2,12 @@
 
 use rayon::prelude::*;
 
-use crate::batch::{BodyState, Precision, prepare_with};
+use crate::bodies::Ensemble;
+use crate::engine::batch::{BodyState, Precision, prepare_with};
 use crate::engine::{Engine, unobserved};
-use crate::ensemble::Ensemble;
 use crate::error::Result;
-use crate::free_motion::FreeMotion;
-use crate::method::{Method, Status};
+use crate::kernel::free_motion::FreeMotion;
+use crate::kernel::method::{Method, Status};
 use crate::record::Quantiles;
 use crate::run::shadow::attitude_error;
 use crate::study::problem;

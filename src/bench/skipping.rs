@@ -13,13 +13,13 @@ use super::problem::SEED;
 use super::row::Row;
 use super::timing::{Timing, repeat};
 use super::{Bench, Case, Swept, Watcher, sweep};
-use crate::batch::{self, BodyState, Precision, STATE_COMPONENTS};
+use crate::bodies::Ensemble;
+use crate::bodies::ensemble::Translation;
+use crate::engine::batch::{self, BodyState, Precision, STATE_COMPONENTS};
 use crate::engine::{Engine, EngineKind};
-use crate::ensemble::{Ensemble, Translation};
 use crate::error::Result;
-use crate::force::Force;
-use crate::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
-use crate::observe::Statistic;
+use crate::kernel::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
+use crate::kernel::observe::Statistic;
 use crate::plan::{Plan, SkipName, Treatment};
 use crate::record::{OutputState, Quantiles, Sink};
 use crate::run::run_into;
@@ -27,6 +27,7 @@ use crate::run::shadow::attitude_error;
 use crate::scene::{Accuracy, Outputs, Scene};
 use crate::study::problem;
 use crate::torque::Torque;
+use crate::torque::force::Force;
 
 /// The table's name.
 pub const TABLE: &str = "skipping";

@@ -10,12 +10,12 @@ use glam::{DQuat, DVec3};
 
 use super::row::Row;
 use super::{Bench, Case, Swept, Watcher, sweep};
-use crate::batch::{BodyState, Precision, prepare};
+use crate::bodies::Ensemble;
+use crate::engine::batch::{BodyState, Precision, prepare};
 use crate::engine::{Engine, EngineKind, unobserved};
-use crate::ensemble::Ensemble;
 use crate::error::Result;
-use crate::free_motion::FreeMotion;
-use crate::method::{Method, Status, TorqueKind};
+use crate::kernel::free_motion::FreeMotion;
+use crate::kernel::method::{Method, Status, TorqueKind};
 use crate::run::shadow::attitude_error;
 use crate::study::draw::{Column, Draw};
 

@@ -4,11 +4,11 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use super::problem::Problem;
-use crate::batch::{BodyFrame, BodyState, Precision, StateWords, prepare_with};
+use crate::engine::batch::{BodyFrame, BodyState, Precision, StateWords, prepare_with};
 use crate::engine::{Engine, unobserved};
 use crate::error::Result;
-use crate::free_motion::AnyRows;
-use crate::method::Method;
+use crate::kernel::free_motion::AnyRows;
+use crate::kernel::method::Method;
 use crate::plan::Plan;
 use crate::record::{OutputState, Sink};
 

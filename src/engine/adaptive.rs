@@ -5,14 +5,14 @@ use std::ops::Range;
 use super::Observer;
 use super::reduction::Reduce;
 use super::watch::Job;
-use crate::batch::{AnyBatch, Precision, StateWords};
+use crate::engine::batch::{AnyBatch, Precision, StateWords};
 use crate::engine::work::imbalance;
 use crate::error::{Error, Result};
-use crate::method::Method;
-use crate::method::rk8_adaptive::{Controller, least_tolerance};
-use crate::real::Scalar;
+use crate::kernel::method::Method;
+use crate::kernel::method::rk8_adaptive::{Controller, least_tolerance};
+use crate::math::real::Scalar;
+use crate::math::vector::TwoWords;
 use crate::torque::Kind;
-use crate::vector::TwoWords;
 
 /// What is asked of adaptive steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,7 +21,7 @@ pub struct AdaptiveSteps {
     /// least [`least_tolerance`] of the arithmetic, below 1.
     pub tolerance: f64,
     /// A body that would need a shorter step, s, is flagged and left as it stands. `None`:
-    /// [`crate::method::rk8_adaptive::LEAST_STEP`] in units of the body's own time, about the time of a radian.
+    /// [`crate::kernel::method::rk8_adaptive::LEAST_STEP`] in units of the body's own time, about the time of a radian.
     pub least_step: Option<f64>,
 }
 
@@ -117,8 +117,8 @@ impl StepCounts {
     }
 }
 
-/// A batch on an engine whose bodies take steps of their own size, by [`crate::method::rk8_adaptive`] or
-/// [`crate::method::taylor`].
+/// A batch on an engine whose bodies take steps of their own size, by [`crate::kernel::method::rk8_adaptive`] or
+/// [`crate::kernel::method::taylor`].
 pub trait AdaptiveSession: Reduce {
     /// Number of bodies.
     fn body_count(&self) -> usize;

@@ -11,24 +11,30 @@ use super::adaptive::{
 use super::projected::conserving;
 use super::watch::{Job, Watch, watched};
 use super::{Backend, Description, EngineKind, FreeSession, Observer, Session, check_step, check_time};
-use crate::batch::{
+use crate::engine::batch::{
     AnyBatch, Batch, Precision, StateWords, column_parts, load_body, load_invariants, load_state, state_columns,
     store_state, two_words,
 };
-use crate::clock::{Clock, MOST_LANES};
 use crate::error::{Error, Result};
-use crate::free_motion::{AnyRows, FreeMotionRows};
-use crate::lanes::{LaneScalar, LaneTask};
-use crate::method::{
-    Method, Step, cf4::Cf4, clamped_euler::ClampedEuler, dlm::Dlm, explicit_euler::ExplicitEuler,
-    gyro_newton::GyroNewton, implicit_midpoint::ImplicitMidpoint, rk4::Rk4, rk8::Rk8, spiral::Spiral,
-    splitting::Splitting,
-};
-use crate::observe::Kernel;
-use crate::real::{Real, Scalar};
+use crate::kernel::free_motion::{AnyRows, FreeMotionRows};
+use crate::kernel::method::cf4::Cf4;
+use crate::kernel::method::clamped_euler::ClampedEuler;
+use crate::kernel::method::dlm::Dlm;
+use crate::kernel::method::explicit_euler::ExplicitEuler;
+use crate::kernel::method::gyro_newton::GyroNewton;
+use crate::kernel::method::implicit_midpoint::ImplicitMidpoint;
+use crate::kernel::method::rk4::Rk4;
+use crate::kernel::method::rk8::Rk8;
+use crate::kernel::method::spiral::Spiral;
+use crate::kernel::method::splitting::Splitting;
+use crate::kernel::method::{Method, Step};
+use crate::kernel::observe::Kernel;
+use crate::math::clock::{Clock, MOST_LANES};
+use crate::math::lanes::{LaneScalar, LaneTask};
+use crate::math::real::{Real, Scalar};
+use crate::math::vector::TwoWords;
 use crate::torque::sum::Source;
 use crate::torque::{Environment, TorqueTable};
-use crate::vector::TwoWords;
 
 mod adaptive;
 mod observe;

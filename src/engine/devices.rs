@@ -3,7 +3,7 @@
 use super::cpu::{Cpu, Width};
 use super::gpu::{AdapterKind, Arithmetic, Gpu, GpuOptions, adapters, driver_of, wgpu};
 use super::{Backend, Description};
-use crate::batch::Precision;
+use crate::engine::batch::Precision;
 use crate::error::{Error, Result};
 
 /// An adapter's limits as far as they bound an ensemble.

@@ -10,15 +10,16 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use crate::batch::{AnyBatch, Precision, StateWords};
+use crate::engine::batch::{AnyBatch, Precision, StateWords};
 use crate::error::Result;
-use crate::force::carried::Carried;
-use crate::free_motion::AnyRows;
-use crate::method::Method;
+use crate::kernel::free_motion::AnyRows;
+use crate::kernel::method::Method;
 use crate::plan::Plan;
 use crate::record::Record;
+use crate::torque::force::carried::Carried;
 
 pub mod adaptive;
+pub mod batch;
 pub mod cpu;
 mod devices;
 pub mod gpu;
@@ -250,7 +251,7 @@ pub trait Backend: Send + Sync {
     fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>>;
 
     /// As [`Backend::start`], for torque-free bodies in `f64`, with the state projected after each step onto what they conserve
-    /// ([`crate::method::projection`]).
+    /// ([`crate::kernel::method::projection`]).
     ///
     /// # Errors
     ///
@@ -270,7 +271,7 @@ pub trait Backend: Send + Sync {
         None
     }
 
-    /// Takes a batch and stands ready to advance it in adaptive steps, by [`crate::method::rk8_adaptive`].
+    /// Takes a batch and stands ready to advance it in adaptive steps, by [`crate::kernel::method::rk8_adaptive`].
     ///
     /// # Errors
     ///
@@ -278,7 +279,7 @@ pub trait Backend: Send + Sync {
     /// noise acts.
     fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>>;
 
-    /// The same by [`crate::method::taylor`], in `f64`.
+    /// The same by [`crate::kernel::method::taylor`], in `f64`.
     ///
     /// # Errors
     ///
@@ -317,7 +318,7 @@ pub trait Backend: Send + Sync {
     }
 
     /// As [`Backend::start`], with the centres of mass of the batch's bodies, one a row, that every step moves along
-    /// ([`crate::force::carried`]). `parts`: the most steps of a centre of mass in one of the rotation.
+    /// ([`crate::torque::force::carried`]). `parts`: the most steps of a centre of mass in one of the rotation.
     ///
     /// # Errors
     ///

@@ -4,9 +4,9 @@
 //!
 //! ```
 //! use glam::{DQuat, DVec3};
-//! use polhode::batch::{Precision, prepare};
+//! use polhode::engine::batch::{Precision, prepare};
 //! use polhode::engine::{Backend, Engine, unobserved};
-//! use polhode::free_motion::FreeMotion;
+//! use polhode::kernel::free_motion::FreeMotion;
 //! use polhode::{Ensemble, Method};
 //!
 //! // Almost on the separatrix: it flips every few seconds.
@@ -28,9 +28,9 @@
 //!
 //! In a scene: [`crate::Scene::projected`].
 
-use crate::batch::{AnyBatch, Batch, Precision};
+use crate::engine::batch::{AnyBatch, Batch, Precision};
 use crate::error::{Error, Result};
-use crate::method::Method;
+use crate::kernel::method::Method;
 
 /// Refuses what cannot be projected.
 ///

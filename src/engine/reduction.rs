@@ -1,8 +1,8 @@
 //! What a session says of its bodies without handing all of them over.
 
-use crate::batch::{BodyFrame, StateWords};
+use crate::engine::batch::{BodyFrame, StateWords};
 use crate::error::Result;
-use crate::observe::{Partial, Statistic};
+use crate::kernel::observe::{Partial, Statistic};
 
 /// A session that reduces its state where it is.
 pub trait Reduce: Send {

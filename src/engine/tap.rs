@@ -5,7 +5,7 @@
 //! their calls and leaves what it saw of one in place of its body's state. So that a dispatch shows a whole step, the body stands in the
 //! batch once for each view of each evaluation: row i keeps view i % [`VIEWS`] of evaluation i / [`VIEWS`].
 
-use crate::batch::StateWords;
+use crate::engine::batch::StateWords;
 
 /// Views of an evaluation: the argument of `motion`, its results, the arguments of `torque`, its result with the time, dq/dt, and the
 /// numbers of calls.

@@ -5,9 +5,9 @@
 //! (`Costs::measured`, feature `bench`).
 
 use super::choice::Scheme;
-use crate::batch::Precision;
+use crate::engine::batch::Precision;
 use crate::engine::{Description, EngineKind};
-use crate::method::Method;
+use crate::kernel::method::Method;
 
 #[cfg(feature = "bench")]
 mod measured;

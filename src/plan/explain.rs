@@ -10,11 +10,11 @@ use super::cost::work::Work;
 use super::group::{Group, Treatment};
 use super::parts::name_of;
 use super::{CLOSED_FORM_F32, Found, Plan, Resolution, Scheme, Shape, TorqueSet};
-use crate::batch::{BodyFrame, Precision, bytes_per_body_under};
 use crate::engine::EngineKind;
-use crate::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
+use crate::engine::batch::{BodyFrame, Precision, bytes_per_body_under};
+use crate::kernel::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
+use crate::plan::regular_precession::RegularPrecession;
 use crate::record::Spread;
-use crate::regular_precession::RegularPrecession;
 
 /// What a plan does and leaves out.
 #[derive(Clone, Debug, PartialEq)]

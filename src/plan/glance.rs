@@ -3,10 +3,10 @@
 use super::choice::{Look, aligned};
 use super::class::{Bound, FreeLanes, Shape, Verdict};
 use super::driven::TorqueSet;
-use crate::lanes::{LaneScalar, LaneTask};
-use crate::real::Real;
+use crate::math::lanes::{LaneScalar, LaneTask};
+use crate::math::real::Real;
+use crate::math::vector::Vector;
 use crate::scene::Scene;
-use crate::vector::Vector;
 
 /// Bodies that are glanced at together: a multiple of every lane count.
 pub(super) const GLANCED: usize = 64;
@@ -90,8 +90,8 @@ mod tests {
 
     use super::super::choice::look_at;
     use super::*;
-    use crate::ensemble::Ensemble;
-    use crate::inertia::InertiaTensor;
+    use crate::bodies::Ensemble;
+    use crate::bodies::inertia::InertiaTensor;
     use crate::torque::Torque;
 
     /// Bodies of all classes, one in seven not along its axes and one in eleven driven.

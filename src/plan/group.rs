@@ -4,18 +4,18 @@ use std::ops::Range;
 
 use super::class::{Bound, Class};
 use super::times::{Interval, steps_over};
-use crate::batch::{Precision, state_columns};
 use crate::engine::adaptive::AdaptiveSteps;
-use crate::free_motion::SetUp;
-use crate::method::Method;
-use crate::observe::error_bound;
+use crate::engine::batch::{Precision, state_columns};
+use crate::kernel::free_motion::SetUp;
+use crate::kernel::method::Method;
+use crate::kernel::observe::error_bound;
 
 /// How the motion of a group's bodies is found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Treatment {
-    /// As two uniform rotations, in `f64` on the host, at the output times alone ([`crate::regular_precession`]).
+    /// As two uniform rotations, in `f64` on the host, at the output times alone ([`crate::plan::regular_precession`]).
     RegularPrecession,
-    /// By elliptic functions, at the output times alone ([`crate::free_motion`]); on the host where the engine has not
+    /// By elliptic functions, at the output times alone ([`crate::kernel::free_motion`]); on the host where the engine has not
     /// the arithmetic.
     ClosedForm {
         /// The arithmetic.
@@ -159,8 +159,8 @@ const FRACTIONS: [f64; LEVELS_PER_OCTAVE as usize] =
 
 /// The level of the longest step that is no longer than `dt` s (finite, above zero).
 pub(crate) fn level_of(dt: f64) -> i32 {
-    let exponent = crate::batch::binary_exponent(dt);
-    let mantissa = crate::batch::scaled_by_power_of_two(dt, -exponent);
+    let exponent = crate::engine::batch::binary_exponent(dt);
+    let mantissa = crate::engine::batch::scaled_by_power_of_two(dt, -exponent);
     let fraction = FRACTIONS.iter().rposition(|&fraction| fraction <= mantissa).unwrap_or(0);
     exponent * LEVELS_PER_OCTAVE + fraction as i32
 }
@@ -168,5 +168,5 @@ pub(crate) fn level_of(dt: f64) -> i32 {
 /// The step of a level, s.
 pub(crate) fn step_of(level: i32) -> f64 {
     let (exponent, fraction) = (level.div_euclid(LEVELS_PER_OCTAVE), level.rem_euclid(LEVELS_PER_OCTAVE));
-    crate::batch::scaled_by_power_of_two(FRACTIONS[fraction as usize], exponent)
+    crate::engine::batch::scaled_by_power_of_two(FRACTIONS[fraction as usize], exponent)
 }

@@ -5,9 +5,9 @@ use std::fmt::{self, Write};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::force::Force;
 use crate::run::shadow::mixed;
 use crate::scene::Scene;
+use crate::torque::force::Force;
 use crate::torque::{Parameter, Value};
 
 /// What a plan remembers of its scene.
@@ -199,7 +199,8 @@ mod tests {
     use glam::{DQuat, DVec3};
 
     use super::*;
-    use crate::ensemble::{Ensemble, Translation};
+    use crate::bodies::Ensemble;
+    use crate::bodies::ensemble::Translation;
     use crate::scene::Outputs;
     use crate::torque::Torque;
 

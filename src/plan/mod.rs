@@ -9,14 +9,14 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use crate::batch::Precision;
+use crate::engine::batch::Precision;
 use crate::engine::{Backend, Description};
 use crate::error::{Error, Result};
-use crate::force::Force;
-use crate::free_motion::SetUp;
-use crate::method::Method;
+use crate::kernel::free_motion::SetUp;
+use crate::kernel::method::Method;
 use crate::scene::{Outputs, Scene, Stepping};
 use crate::torque::Torque;
+use crate::torque::force::Force;
 
 pub mod choice;
 pub mod class;
@@ -32,6 +32,7 @@ mod marks;
 mod parts;
 mod pilot;
 mod reference;
+pub mod regular_precession;
 mod resolution;
 mod sampled;
 pub mod skip;

@@ -4,8 +4,8 @@ use std::fmt;
 
 use super::Plan;
 use super::group::Treatment;
-use crate::batch::Precision;
-use crate::method::Method;
+use crate::engine::batch::Precision;
+use crate::kernel::method::Method;
 use crate::record::{ADAPTIVE, CLOSED_FORM};
 
 /// Bodies that are brought to their output times by one method in one arithmetic.

@@ -19,15 +19,15 @@ use super::choice::{Look, Rule, Scheme, narrowest};
 use super::cost::work::Work;
 use super::cost::{Cost, Costs};
 use super::reference::Reference;
-use crate::batch::Precision;
+use crate::engine::batch::Precision;
 use crate::error::{Error, Result};
-use crate::force::Force;
-use crate::method::Method;
+use crate::kernel::method::Method;
 use crate::record::Spread;
 use crate::run::confidence::least_sample;
 use crate::run::shadow::{Errors, Standing, sample};
 use crate::scene::{Accuracy, Scene, Target};
 use crate::torque::Torque;
+use crate::torque::force::Force;
 
 /// Errors below this part of the target, and how they are distributed, say nothing of those beyond it.
 const NEGLIGIBLE_PART: f64 = 1e-2;

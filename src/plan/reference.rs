@@ -5,10 +5,10 @@ use super::choice::{Rule, Scheme};
 use super::cost::Cost;
 use super::pilot::{Found, Pilot};
 use super::sampled::{Sampled, States};
-use crate::batch::Precision;
+use crate::engine::batch::Precision;
 use crate::error::Result;
-use crate::method::rk8_adaptive::least_tolerance;
-use crate::method::{Method, Status};
+use crate::kernel::method::rk8_adaptive::least_tolerance;
+use crate::kernel::method::{Method, Status};
 use crate::run::shadow::Standing;
 
 /// What the reference's own error may be, as a part of the target.

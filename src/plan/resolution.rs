@@ -14,18 +14,18 @@ use super::group::{Group, Members, Treatment, level_of, step_of};
 use super::pilot::{Found, PROBED_STEPS, Pilot};
 use super::reference::SATURATED;
 use super::times::longest_over;
-use crate::batch::Precision;
 use crate::engine::Backend;
 use crate::engine::EngineKind;
 use crate::engine::adaptive::{
     AdaptiveSteps, NOISE_REFUSED, TAYLOR_IN_F64, TAYLOR_ON_CPU, check_equal_steps, taylor_unavailable,
 };
+use crate::engine::batch::Precision;
 use crate::error::{Error, Result};
-use crate::force::Force;
-use crate::free_motion::SetUp;
-use crate::method::Method;
+use crate::kernel::free_motion::SetUp;
+use crate::kernel::method::Method;
 use crate::record::CLOSED_FORM;
 use crate::scene::{Accuracy, Scene, Stepping, Target};
+use crate::torque::force::Force;
 use crate::torque::{Torque, Value};
 
 /// Everything from which, with the scene, a plan's groups follow, to the bit.
@@ -77,7 +77,7 @@ pub struct Stepped {
 const LOOK_BLOCK: usize = 1 << 12;
 
 /// The angle (rad) that a body turns by in a step where a thrust turns with it: the cubic between the attitudes of two steps
-/// ([`crate::force::stepped`]) is then wrong by (1/16)⁴/384 = 4e-8 rad at most.
+/// ([`crate::torque::force::stepped`]) is then wrong by (1/16)⁴/384 = 4e-8 rad at most.
 const LONGEST_TURN: f64 = 1.0 / 16.0;
 
 /// What `f32` needs.

@@ -261,7 +261,7 @@ fn of_body(body: usize, track: &[State], caption: &[String]) -> Figure {
 fn ellipsoid(track: &[State]) -> Option<Panel> {
     let inertia = fitted_inertia(track)?;
     let first = track.first()?;
-    let axes = crate::inertia::principal_axes(&inertia.into());
+    let axes = crate::bodies::inertia::principal_axes(&inertia.into());
     let radii = DVec3::from_array(axes.moments.to_array().map(|moment| (2.0 * first.kinetic_energy / moment).sqrt()));
     if !radii.is_finite() {
         return None;

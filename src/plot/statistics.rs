@@ -7,7 +7,7 @@ use super::figure::{Axis, Figure, Item, Line, Panel, Style};
 use super::run::caption;
 use crate::bench::row::RowFault;
 use crate::error::{Error, FileAction, Result};
-use crate::observe::Statistic;
+use crate::kernel::observe::Statistic;
 use crate::study::text::{CUT, Lines};
 
 const BLUE: [u8; 3] = [0, 114, 178];

@@ -9,7 +9,7 @@ pub const ROTATION_COLUMNS: [&str; 11] = ["qx", "qy", "qz", "qw", "wx", "wy", "w
 /// Columns that follow where the ensemble translates: position (m) and velocity (m/s), world axes.
 pub const TRANSLATION_COLUMNS: [&str; 6] = ["x", "y", "z", "vx", "vy", "vz"];
 
-/// The last column of every table of states: the number of what became of the body ([`crate::method::Status`]), 0 where all is well.
+/// The last column of every table of states: the number of what became of the body ([`crate::kernel::method::Status`]), 0 where all is well.
 /// Numbers of a body that has failed are NaN ([`OutputState`]).
 pub const STATUS: &str = "status";
 

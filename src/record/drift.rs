@@ -1,6 +1,6 @@
 //! How far the invariants have drifted.
 
-use crate::batch::BodyState;
+use crate::engine::batch::BodyState;
 
 /// Median, 99th percentile and maximum over the bodies that did not fail.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -95,7 +95,7 @@ fn last_good(failed: &FailedBody) -> [f64; LAST_GOOD] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::method::Status;
+    use crate::kernel::method::Status;
     use crate::record::KnownTo;
 
     #[test]

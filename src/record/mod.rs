@@ -3,10 +3,10 @@
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
-use crate::batch::{BodyState, Precision};
 use crate::engine::Description;
+use crate::engine::batch::{BodyState, Precision};
 use crate::error::Result;
-use crate::method::{Method, Status};
+use crate::kernel::method::{Method, Status};
 use crate::plan::{Part, listed};
 use crate::scene::Accuracy;
 
@@ -235,7 +235,7 @@ pub struct Shadow {
     pub kinetic_energy: Quantiles,
     /// Bodies behind the two figures that follow: those of `bodies` that translate, as far as their centres of mass could be recomputed.
     pub translating: usize,
-    /// Error of the position of the centre of mass, m. Where positions have a closed form ([`crate::force`]), which the run takes
+    /// Error of the position of the centre of mass, m. Where positions have a closed form ([`crate::torque::force`]), which the run takes
     /// too, it is 0; nobody asks for a target.
     pub position: Quantiles,
     /// Error of the velocity of the centre of mass, m/s, likewise.
@@ -304,7 +304,7 @@ pub struct Trust {
     /// which a step said that it failed.
     pub failures: Vec<FailedBody>,
     /// Bodies that turn further in a given step, at the start or at the end, than the method's usable region reaches
-    /// ([`crate::method::Properties::usable_angle`]); 0 where the step was chosen by the library.
+    /// ([`crate::kernel::method::Properties::usable_angle`]); 0 where the step was chosen by the library.
     pub outside_usable_region: usize,
     /// Wall time by phase.
     pub wall_time: WallTime,

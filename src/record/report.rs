@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{AdaptiveWork, Balance, Drift, FailedBody, Quantiles, Spread, Trust};
 use crate::engine::EngineKind;
-use crate::method::Status;
+use crate::kernel::method::Status;
 use crate::plan::explain::{ClassRow, SkipRow};
 use crate::plan::{Group, Part, Plan, Treatment};
 use crate::scene::Accuracy;

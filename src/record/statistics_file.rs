@@ -4,7 +4,7 @@ use super::folder::{OutputFile, OutputFolder};
 use super::npz_file::{Archive, npy_header};
 use super::{Statistics, Summary};
 use crate::error::Result;
-use crate::observe::Statistic;
+use crate::kernel::observe::Statistic;
 use crate::study::Format;
 
 /// Columns of a quantity, behind its name.

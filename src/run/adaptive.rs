@@ -7,14 +7,14 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::reading::{FormStates, each_in_lanes};
-use crate::batch::{AnyBatch, BodyFrame, ORDER_BLOCK, Precision, Prepared, StateWords, prepare_ordered};
 use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps};
+use crate::engine::batch::{AnyBatch, BodyFrame, ORDER_BLOCK, Precision, Prepared, StateWords, prepare_ordered};
 use crate::engine::reduction::Reduce;
 use crate::engine::watch::Job;
 use crate::engine::work::order;
 use crate::engine::{Backend, Observer};
 use crate::error::Result;
-use crate::method::Method;
+use crate::kernel::method::Method;
 use crate::plan::{Group, Members, greatest_rate};
 use crate::record::{AdaptiveWork, Spread, WallTime};
 use crate::scene::Scene;

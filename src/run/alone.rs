@@ -1,8 +1,8 @@
 //! Some bodies of a scene by themselves, on the CPU.
 
 use super::adaptive::{order_by_work, start};
-use crate::batch::{BodyState, Prepared, StateWords, prepare_ordered};
 use crate::engine::adaptive::StepCounts;
+use crate::engine::batch::{BodyState, Prepared, StateWords, prepare_ordered};
 use crate::engine::cpu::{Cpu, Width};
 use crate::engine::watch::{Job, Watch};
 use crate::engine::{Backend, Observer};

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::shadow::{self, SHADOW_SEED};
 use super::work::Work;
-use crate::batch::{BodyState, initial_state};
+use crate::engine::batch::{BodyState, initial_state};
 use crate::error::{Error, Result};
 use crate::plan::{Plan, TorqueSet};
 use crate::record::{Balance, BalanceGatherer, change_of_total};

@@ -13,7 +13,7 @@ use super::unit::Unit;
 use crate::engine::cpu::{Cpu, Width};
 use crate::engine::{Observer, Progress};
 use crate::error::{Error, Result};
-use crate::method::Status;
+use crate::kernel::method::Status;
 use crate::plan::{Group, Interval, Members, Plan, Treatment};
 use crate::record::{FailedBody, KnownTo, WallTime};
 
@@ -212,7 +212,7 @@ fn passage(
     observer: &mut Observer<'_>,
 ) -> Result<u64> {
     let scene = plan.scene();
-    let weight = if scene.forces().iter().any(crate::force::Force::needs_attitude) { FOLLOWED } else { 1 };
+    let weight = if scene.forces().iter().any(crate::torque::force::Force::needs_attitude) { FOLLOWED } else { 1 };
     // All of them go as far as the last one has to.
     let mut last = 0;
     let affordable = open.iter().zip(1_u64..).take_while(|(bracket, count)| {

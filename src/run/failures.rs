@@ -7,11 +7,11 @@ use rayon::prelude::*;
 
 use super::reading::TASK;
 use super::{OutputState, make_room};
-use crate::batch::BodyState;
-use crate::ensemble::Ensemble;
+use crate::bodies::Ensemble;
+use crate::bodies::memory;
+use crate::engine::batch::BodyState;
 use crate::error::Result;
-use crate::memory;
-use crate::method::Status;
+use crate::kernel::method::Status;
 use crate::record::{FailedBody, KnownTo};
 
 /// The bodies that have failed so far.

@@ -5,19 +5,19 @@ use std::ops::Range;
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
-use crate::batch::{BodyFrame, BodyState, initial_state};
+use crate::bodies::inertia::principal_axes;
+use crate::bodies::memory;
+use crate::engine::batch::{BodyFrame, BodyState, initial_state};
 use crate::engine::{Observer, Progress};
 use crate::error::{Error, Result};
-use crate::force::adaptive::TOLERANCE;
-use crate::force::carried::{Carried, MOST_PARTS};
-use crate::force::custom::{CustomForces, Place};
-use crate::force::stepped::{Attitude, Between, Centre, Free, Irrelevant, TURN};
-use crate::force::{Accelerations, Force, accelerations};
-use crate::free_motion::FreeMotion;
-use crate::inertia::principal_axes;
-use crate::memory;
+use crate::kernel::free_motion::FreeMotion;
 use crate::plan::Members;
 use crate::scene::Scene;
+use crate::torque::force::adaptive::TOLERANCE;
+use crate::torque::force::carried::{Carried, MOST_PARTS};
+use crate::torque::force::custom::{CustomForces, Place};
+use crate::torque::force::stepped::{Attitude, Between, Centre, Free, Irrelevant, TURN};
+use crate::torque::force::{Accelerations, Force, accelerations};
 
 /// The centres of mass of a group's bodies, one a row, where a force of the scene depends on velocity or attitude.
 pub(crate) struct Flight<'p> {

@@ -7,11 +7,11 @@ use std::time::Instant;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::batch::BodyState;
+use crate::engine::batch::BodyState;
 use crate::engine::watch::{Watch, watched};
 use crate::engine::{Backend, Description, EngineKind, Observer, Progress};
 use crate::error::{Error, Result};
-use crate::method::Status;
+use crate::kernel::method::Status;
 use crate::plan::{Plan, TorqueSet};
 use crate::record::{
     BalanceGatherer, BodyDrift, Conserved, Drift, DriftGatherer, FailedBody, Memory, OutputState, Record, Sink, Trust,

@@ -6,11 +6,11 @@ use rayon::prelude::*;
 
 use super::OutputState;
 use super::reading::TASK;
-use crate::batch::{BodyState, Precision};
+use crate::bodies::Ensemble;
+use crate::engine::batch::{BodyState, Precision};
 use crate::engine::cpu::Width;
-use crate::ensemble::Ensemble;
-use crate::free_motion::{FORMED_BODIES, FormedBlock, SetUp};
-use crate::lanes::LaneScalar;
+use crate::kernel::free_motion::{FORMED_BODIES, FormedBlock, SetUp};
+use crate::math::lanes::LaneScalar;
 use crate::plan::Members;
 
 /// A group of such bodies.

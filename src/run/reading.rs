@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::batch::{BodyFrame, BodyState, STATE_COMPONENTS, USER_BODIES, UserBlock};
-use crate::method::Status;
+use crate::engine::batch::{BodyFrame, BodyState, STATE_COMPONENTS, USER_BODIES, UserBlock};
+use crate::kernel::method::Status;
 use crate::plan::Members;
 
 /// Bodies that one task writes.

@@ -1,6 +1,6 @@
 //! Centres of mass of a sample, recomputed more accurately.
 //!
-//! Where positions have a closed form it is taken; else they are stepped as the run's are ([`crate::force::stepped`]), in shorter steps:
+//! Where positions have a closed form it is taken; else they are stepped as the run's are ([`crate::torque::force::stepped`]), in shorter steps:
 //! along the closed form of a torque-free rotation, or along a rotation that is recomputed by `rk8` in `f64` on the CPU.
 
 use std::collections::BTreeMap;
@@ -9,15 +9,15 @@ use glam::DVec3;
 
 use super::flight::Flight;
 use super::unit::Unit;
-use crate::batch::Precision;
 use crate::engine::Observer;
+use crate::engine::batch::Precision;
 use crate::engine::cpu::{Cpu, Width};
 use crate::error::Result;
-use crate::force::{Force, accelerations, closed_form};
-use crate::method::Method;
+use crate::kernel::method::Method;
 use crate::plan::{Group, Members, Plan, TorqueSet, Treatment};
 use crate::record::WallTime;
 use crate::torque::Torque;
+use crate::torque::force::{Force, accelerations, closed_form};
 
 /// How much shorter steps of centres of mass are than the run's: their error of order 4 is then below a hundredth of its.
 pub(super) const FINER: f64 = 4.0;

@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::batch::{BodyState, Precision};
 use crate::engine::Observer;
 use crate::engine::adaptive::AdaptiveSteps;
+use crate::engine::batch::{BodyState, Precision};
 use crate::error::Result;
-use crate::free_motion::FreeMotion;
-use crate::method::rk8_adaptive::least_tolerance;
-use crate::method::{Method, Status};
+use crate::kernel::free_motion::FreeMotion;
+use crate::kernel::method::rk8_adaptive::least_tolerance;
+use crate::kernel::method::{Method, Status};
 use crate::plan::{Group, Interval, Members, Plan, TorqueSet, Treatment, steps_over};
 use crate::record::{Quantiles, Shadow};
 use crate::run::alone::states_at_end;
@@ -157,7 +157,7 @@ fn reference_intervals(plan: &Plan<'_>, group: &Group, torques: &[Torque], membe
     let fine = if of_high_order(group) { 0.5 } else { 1.0 };
     let rate = |&body: &u32| {
         let body = body as usize;
-        let middle_moment = crate::inertia::principal_axes(&scene.ensemble().inertia()[body]).moments.y;
+        let middle_moment = crate::bodies::inertia::principal_axes(&scene.ensemble().inertia()[body]).moments.y;
         let spin = scene.ensemble().angular_velocity_body()[body].length();
         let growth = torque::variable_inertia::spin_growth(torques, body, &scene.ensemble().inertia()[body]);
         let driven =
@@ -207,10 +207,10 @@ fn closed_form(scene: &Scene, members: &[u32]) -> Vec<Reference> {
 const LEAST_PART: f64 = 0.1;
 
 /// How far the phases of a torque-free body may be off at the end, rad: its constants are resolved to 2⁻⁹⁶ of themselves
-/// ([`crate::free_motion`]), so that beyond 2⁹⁶ rad (8e28) no digit of a phase is known.
+/// ([`crate::kernel::free_motion`]), so that beyond 2⁹⁶ rad (8e28) no digit of a phase is known.
 fn phase_error(scene: &Scene, body: usize) -> f64 {
     let spin = scene.ensemble().angular_velocity_body()[body].length();
-    crate::batch::scaled_by_power_of_two(spin * scene.end(), -96)
+    crate::engine::batch::scaled_by_power_of_two(spin * scene.end(), -96)
 }
 
 fn contains(group: &Group, body: usize) -> bool {
@@ -391,7 +391,7 @@ mod tests {
             angular_momentum_world: DVec3::X,
             kinetic_energy: 0.5,
             norm_error: 0.0,
-            status: crate::method::Status::Valid,
+            status: crate::kernel::method::Status::Valid,
         };
         let lost = BodyState { angular_velocity_body: DVec3::NAN, ..sound };
         let asked = Accuracy { percentile: 50.0, ..Accuracy::attitude(1e-6) };

@@ -3,7 +3,7 @@
 use super::unit::Unit;
 use super::{OutputState, is_sound};
 use crate::error::Result;
-use crate::observe::{Partial, Statistic, merge};
+use crate::kernel::observe::{Partial, Statistic, merge};
 use crate::record::Statistics;
 
 /// The statistics of all units' bodies, formed where their states are.

@@ -3,10 +3,10 @@
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
-use crate::ensemble::Translation;
-use crate::force::{Accelerations, Force, accelerations, closed_form};
+use crate::bodies::ensemble::Translation;
 use crate::plan::{Interval, Plan};
 use crate::scene::Scene;
+use crate::torque::force::{Accelerations, Force, accelerations, closed_form};
 
 /// Positions and velocities on their way through time.
 pub(super) enum Centres<'a> {

@@ -11,19 +11,19 @@ use super::flight::Flight;
 use super::once::Once;
 use super::reading::{FormStates, TASK, WriteState, each_in_lanes, scatter};
 use super::{OutputState, is_sound};
-use crate::batch::{BodyFrame, BodyState, Precision, StateWords, prepare_members};
+use crate::bodies::Ensemble;
+use crate::engine::batch::{BodyFrame, BodyState, Precision, StateWords, prepare_members};
 use crate::engine::cpu::{Cpu, Width};
 use crate::engine::reduction::{Marked, Reduce};
 use crate::engine::watch::{Job, Watch};
 use crate::engine::{Backend, FreeSession, Observer, Progress, Session};
-use crate::ensemble::Ensemble;
 use crate::error::{Error, Result};
-use crate::free_motion::{AnyRows, scaled_body};
-use crate::method::Status;
-use crate::observe::{self, Partial, Statistic, merge};
+use crate::kernel::free_motion::{AnyRows, scaled_body};
+use crate::kernel::method::Status;
+use crate::kernel::observe::{self, Partial, Statistic, merge};
+use crate::plan::regular_precession::RegularPrecession;
 use crate::plan::{Group, Members, Treatment};
 use crate::record::WallTime;
-use crate::regular_precession::RegularPrecession;
 use crate::scene::Scene;
 use crate::torque::Torque;
 
@@ -78,7 +78,7 @@ impl<'p> Unit<'p> {
         let motion = match group.treatment {
             Treatment::RegularPrecession => {
                 let bytes = members.len().saturating_mul(size_of::<RegularPrecession>());
-                crate::memory::require(members.len(), bytes, "the constants of regular precessions")?;
+                crate::bodies::memory::require(members.len(), bytes, "the constants of regular precessions")?;
                 let bodies = (0..members.len())
                     .into_par_iter()
                     .map(|row| {
@@ -447,7 +447,7 @@ impl Unit<'_> {
     pub fn watch(&mut self, statistics: &[Statistic], fastest: f64) -> Result<()> {
         let bodies = self.members.len();
         let bytes = bodies.saturating_mul(observe::bytes_per_body(statistics.len()));
-        crate::memory::require(bodies, bytes, "the columns of the statistics")?;
+        crate::bodies::memory::require(bodies, bytes, "the columns of the statistics")?;
         let Some((session, frames)) = self.session() else { return Ok(()) };
         session.watch(statistics, frames, fastest)
     }

@@ -9,25 +9,25 @@ use std::cell::Cell;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::batch::{
+use crate::engine::Observer;
+use crate::engine::batch::{
     AnyBatch, Batch, BodyFrame, BodyState, Precision, STATE_COMPONENTS, load_body, load_state, prepare_members,
     scaled_by_power_of_two, state_columns, store_state, two_words,
 };
-use crate::clock::Clock;
-use crate::engine::Observer;
 use crate::engine::watch::{Watch, watched};
 use crate::error::{Error, Result};
-use crate::lanes::{LaneScalar, LaneTask};
-use crate::method::Step;
-use crate::method::rk8::{Rk8, WEIGHTS};
+use crate::kernel::method::Step;
+use crate::kernel::method::rk8::{Rk8, WEIGHTS};
+use crate::kernel::rigid_body::{Body, Correction};
+use crate::math::clock::Clock;
+use crate::math::lanes::{LaneScalar, LaneTask};
+use crate::math::quaternion::Quaternion;
+use crate::math::real::Real;
+use crate::math::vector::{TwoWords, Vector};
 use crate::plan::{Interval, Members};
-use crate::quaternion::Quaternion;
-use crate::real::Real;
-use crate::rigid_body::{Body, Correction};
 use crate::scene::Scene;
 use crate::torque::sum::{Epoch, Source, StepStart, Torques};
 use crate::torque::{Environment, Motion, Torque, VelocityDependence};
-use crate::vector::{TwoWords, Vector};
 
 /// What the torques did to a body from the start to the end, and the scales that it is measured by.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

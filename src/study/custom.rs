@@ -7,8 +7,8 @@ use super::reader::{Node, Table};
 use super::torque::{StudyParameter, StudyValue};
 use crate::error::Result;
 use crate::expression::{self, Expression, Shape, Symbols, TextError};
-use crate::force::{CustomForce, custom};
 use crate::torque::custom::ExpressionModel;
+use crate::torque::force::{CustomForce, custom};
 use crate::torque::{ModelRef, Parameters};
 
 /// The name of the model.

@@ -15,8 +15,8 @@ use super::points::points_with_lines;
 use super::reader::FileText;
 use super::rows::input_error;
 use super::text::read_text;
+use crate::bodies::inertia::{InertiaClass, InertiaTensor, MassProperties, Validity, classify, point_masses};
 use crate::error::{Error, Result};
-use crate::inertia::{InertiaClass, InertiaTensor, MassProperties, Validity, classify, point_masses};
 
 /// How a file is read, where it leaves that open.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -61,7 +61,7 @@ pub struct MassReport {
     pub class: &'static str,
     /// I₁/I₃; above 0 for a body that can spin about every axis.
     pub least_over_largest: f64,
-    /// (I₃ − I₁ − I₂)/I₃: 0 for a flat plate, −1 for a sphere; above [`crate::inertia::TRIANGLE_TOLERANCE`] for what no
+    /// (I₃ − I₁ − I₂)/I₃: 0 for a flat plate, −1 for a sphere; above [`crate::bodies::inertia::TRIANGLE_TOLERANCE`] for what no
     /// body has.
     pub relative_excess: f64,
     /// What keeps the tensor from being that of a body that can spin about every axis.
@@ -208,9 +208,9 @@ fn positive(field: &'static str, value: f64) -> Result<f64> {
 
 #[cfg(feature = "mesh")]
 fn of_mesh(file: &Path, options: &MassFileOptions) -> Result<MassProperties> {
-    use crate::inertia::MeshFileProblem;
+    use crate::bodies::inertia::MeshFileProblem;
 
-    let mesh = crate::inertia::read_mesh(file)?.scaled(options.scale.unwrap_or(1.0))?;
+    let mesh = crate::bodies::inertia::read_mesh(file)?.scaled(options.scale.unwrap_or(1.0))?;
     let properties = match (options.mass, options.density) {
         (Some(mass), None) if options.shell => mesh.shell_mass_properties(mass),
         (Some(mass), None) => mesh.mass_properties(mass),

@@ -36,7 +36,7 @@
 //!   * a shape of constant density with `mass` (kg) or `density` (kg/m³): `sphere`, `spherical-shell`, `circular-plate`
 //!     (`radius`), `ellipsoid` (`semi_axes`), `box` (`edges`), `cylinder`, `cone` (`radius`, `height`), `tube` (`inner_radius`,
 //!     `outer_radius`, `height`), `capsule` (`radius`, `length`), `torus` (`major_radius`, `minor_radius`), `rectangular-plate`
-//!     (`width`, `depth`), `rod` (`length`), `point`, all about z and as in [`crate::inertia::Shape`], or `tetrahedron`
+//!     (`width`, `depth`), `rod` (`length`), `point`, all about z and as in [`crate::bodies::inertia::Shape`], or `tetrahedron`
 //!     (`corners`, four places);
 //!   * a closed surface `{ mesh = "hull.stl", mass = ... }` (STL or OBJ, beside the study; or `density`), with `scale = 0.001`
 //!     where the file is in millimetres, and `shell = true` for a thin skin of that mass, which may be open;
@@ -47,7 +47,7 @@
 //!     `hole = true` takes a part away; `mass` or `density` beside `parts` scales the whole;
 //!   * moments along the body axes `[ixx, iyy, izz]`; `{ moments = ... }` with each drawn from a distribution, which may break
 //!     the triangle inequality and is then refused; `{ moments = [...], scatter = 0.05 }`, whose every draw is a valid tensor with
-//!     that relative deviation ([`crate::inertia::scattered_moments`]);
+//!     that relative deviation ([`crate::bodies::inertia::scattered_moments`]);
 //!   * a tensor `{ ixx = ..., iyy = ..., izz = ..., ixy = ..., ixz = ..., iyz = ... }`, where `ixy` is the tensor's element
 //!     −∫ρxy, also with `scatter`, which leaves its principal axes as they are.
 //!
@@ -64,7 +64,7 @@
 //! * `position`, `velocity` (world axes) and `mass`: for bodies that move through space. `[force]` acts on every body's
 //!   centre of mass: `constant = [fx, fy, fz]` in world axes (N), `gravity = [gx, gy, gz]` in world axes (m/s²),
 //!   `linear_drag` against the velocity (N s/m). Or a list `[[force]]`, each with a `model` and its parameters
-//!   ([`crate::force`] has the equations): `constant` (`force`, world axes), `gravity` (`acceleration`), `linear-drag` and
+//!   ([`crate::torque::force`] has the equations): `constant` (`force`, world axes), `gravity` (`acceleration`), `linear-drag` and
 //!   `quadratic-drag` (`coefficient`, N s/m and N s²/m²), `thrust` (`force`, body axes), `custom` (`force`, a formula in world axes, and
 //!   `parameters`; `docs/custom-torques.md`). Parameters are as those of torques.
 //! * `[[torque]]`, any number of them: a `model` and its parameters. The table in [`crate::torque`] lists the models with their
@@ -97,12 +97,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use crate::batch::Precision;
-use crate::ensemble::Ensemble;
+use crate::bodies::Ensemble;
+use crate::engine::batch::Precision;
 use crate::error::{Error, Result, Text};
 #[cfg(doc)]
-use crate::method::Status;
-use crate::observe::Statistic;
+use crate::kernel::method::Status;
+use crate::kernel::observe::Statistic;
 use crate::scene::{Accuracy, Outputs, Scene, Target};
 
 mod accuracy;
@@ -372,7 +372,7 @@ impl Study {
     /// As [`Study::ensemble`]; [`Error::Input`] for a torque whose formula cannot be made from its parameters.
     pub fn scene(&self) -> Result<Scene> {
         let row = RUN_BYTES + TORQUE_BYTES * self.torques.len().saturating_sub(1);
-        crate::memory::require(self.bodies.count, self.bodies.count.saturating_mul(row), "their run")
+        crate::bodies::memory::require(self.bodies.count, self.bodies.count.saturating_mul(row), "their run")
             .map_err(|error| self.located(error))?;
         let mut scene = Scene::new(self.ensemble()?).until(self.end).outputs(self.outputs.clone());
         let (count, table) = (self.bodies.count, self.bodies.table.as_ref());

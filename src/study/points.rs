@@ -19,7 +19,7 @@ const KNOWN: [&str; 5] = ["name", "mass", "x", "y", "z"];
 /// The points of a file: mass (kg; 1 where the file has no masses) and position (m).
 ///
 /// ```
-/// use polhode::inertia::point_masses;
+/// use polhode::bodies::inertia::point_masses;
 /// use polhode::study::read_points;
 ///
 /// let path = std::env::temp_dir().join(format!("polhode-points-{}.csv", std::process::id()));

@@ -15,8 +15,8 @@ use glam::{DQuat, DVec3};
 
 use super::input::Fault;
 use super::rows::{Rows, input_error};
+use crate::bodies::inertia::InertiaTensor;
 use crate::error::{Error, FileAction, Result};
-use crate::inertia::InertiaTensor;
 
 /// The columns of numbers, in the order in which a row is kept.
 pub const NUMBERS: [&str; 20] = [

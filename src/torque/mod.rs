@@ -53,11 +53,11 @@
 //! file names its twin in its first line.
 
 pub use crate::error::Text;
-use crate::method::projection::{Combinations, projected};
-use crate::quaternion::Quaternion;
-use crate::real::Real;
-use crate::rigid_body::{Body, Correction, State};
-use crate::vector::Vector;
+use crate::kernel::method::projection::{Combinations, projected};
+use crate::kernel::rigid_body::{Body, Correction, State};
+use crate::math::quaternion::Quaternion;
+use crate::math::real::Real;
+use crate::math::vector::Vector;
 
 /// How a torque depends on the angular velocity, which decides how a splitting kicks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -77,6 +77,7 @@ pub(crate) mod declaration;
 pub mod eddy_current;
 pub(crate) mod expressed;
 pub mod flat_plates;
+pub mod force;
 pub(crate) mod formula;
 pub mod gravity_gradient;
 pub mod gravity_gradient_kepler;

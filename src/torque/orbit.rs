@@ -4,9 +4,9 @@ use glam::{DMat3, DVec3};
 
 use super::{Parameter, ParameterDeclaration, Preset, ValidationContext, Validity, Value, Values};
 use crate::error::Result;
-use crate::quaternion::Quaternion;
-use crate::real::{Function, Real, sin_cos};
-use crate::vector::Vector;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::{Function, Real, sin_cos};
+use crate::math::vector::Vector;
 
 /// The largest eccentricity for which [`eccentric_anomaly`]'s fixed number of iterations is enough.
 pub const LARGEST_ECCENTRICITY: f64 = 0.99;

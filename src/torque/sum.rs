@@ -14,14 +14,14 @@ use super::formula::{Following, Formula, FormulaTask, MOST_PHASES, Role, Row};
 use super::linear_rotor::across_axis;
 use super::table::Instance;
 use super::{Environment, Kind, Motion, VelocityDependence};
-use crate::batch::RATE_COLUMN;
-use crate::clock::phase_after;
-use crate::lanes::Each;
-use crate::method::rk8_adaptive::Timed;
-use crate::quaternion::Quaternion;
-use crate::real::{Outlined, Real};
-use crate::rigid_body::{Body, Correction};
-use crate::vector::{TwoWords, Vector};
+use crate::engine::batch::RATE_COLUMN;
+use crate::kernel::method::rk8_adaptive::Timed;
+use crate::kernel::rigid_body::{Body, Correction};
+use crate::math::clock::phase_after;
+use crate::math::lanes::Each;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::{Outlined, Real};
+use crate::math::vector::{TwoWords, Vector};
 
 /// A torque that is constant in body axes, and linear drag: the set that most scenes have, held in registers.
 #[derive(Clone, Copy, Debug)]

@@ -4,13 +4,13 @@
 use super::formula::{Formula, FormulaTask, MOST_PHASES, Role, Row};
 use super::sum::{Common, Source, Torques};
 use super::{Free, Kind, shader};
-use crate::batch::Batch;
+use crate::engine::batch::Batch;
 use crate::expression::wgsl::Argument;
 use crate::expression::{Graph, Node};
-use crate::method::rk8_adaptive::Timed;
-use crate::quaternion::Quaternion;
-use crate::real::Scalar;
-use crate::vector::Vector;
+use crate::kernel::method::rk8_adaptive::Timed;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::Scalar;
+use crate::math::vector::Vector;
 
 /// The kernel of a kind as a text and as what it was written from.
 #[derive(Clone, Debug)]

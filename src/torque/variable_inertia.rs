@@ -32,7 +32,7 @@
 //! Methods that take for granted that ω = I₀⁻¹ m are refused ([`crate::Error::RigidOnly`]).
 
 use super::formula::{Column, Epoch, Formula, MOST_PHASES, Role, Row};
-use crate::quaternion::Quaternion;
+use crate::math::quaternion::Quaternion;
 use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
@@ -42,13 +42,13 @@ use super::model::InertiaModel;
 use super::{
     Declaration, Kind, Model, Motion, ParameterDeclaration, Torque, ValidationContext, Validity, Value, Values,
 };
-use crate::batch::BodyFrame;
-use crate::ensemble::Ensemble;
+use crate::bodies::Ensemble;
+use crate::bodies::inertia::{InertiaTensor, TRIANGLE_TOLERANCE, VANISHING_MOMENT, principal_axes};
+use crate::engine::batch::BodyFrame;
 use crate::error::Result;
-use crate::inertia::{InertiaTensor, TRIANGLE_TOLERANCE, VANISHING_MOMENT, principal_axes};
-use crate::real::{Real, Scalar, sin_cos};
-use crate::rigid_body::{Body, Correction};
-use crate::vector::{TwoWords, Vector, two_difference};
+use crate::kernel::rigid_body::{Body, Correction};
+use crate::math::real::{Real, Scalar, sin_cos};
+use crate::math::vector::{TwoWords, Vector, two_difference};
 
 /// Moments of inertia that change in time; see the [module](self). A scene has one at most.
 ///

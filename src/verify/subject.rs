@@ -2,12 +2,12 @@
 
 use glam::DVec3;
 
-use crate::batch::{AnyBatch, BodyFrame, Precision, StateWords, prepare_acting};
-use crate::clock::Clock;
+use crate::engine::batch::{AnyBatch, BodyFrame, Precision, StateWords, prepare_acting};
 use crate::engine::cpu::Width;
 use crate::engine::{Backend, EngineKind};
 use crate::error::Result;
-use crate::lanes;
+use crate::math::clock::Clock;
+use crate::math::lanes;
 use crate::plan::{Group, Members};
 use crate::scene::Scene;
 use crate::torque::Torque;

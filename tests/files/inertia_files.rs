@@ -5,7 +5,9 @@
 use std::fs;
 
 use glam::{DQuat, DVec3};
-use polhode::inertia::{InertiaTensor, MassProperties, Part, Shape, TriangleMesh, Validity, compose, principal_axes};
+use polhode::bodies::inertia::{
+    InertiaTensor, MassProperties, Part, Shape, TriangleMesh, Validity, compose, principal_axes,
+};
 use polhode::study::Study;
 use polhode::{Ensemble, Error};
 

@@ -8,9 +8,9 @@ use std::path::Path;
 
 use common::random::Random;
 use glam::{DMat3, DQuat, DVec3};
-use polhode::batch::{Precision, StateWords, prepare_with};
 use polhode::engine::Engine;
 use polhode::engine::adaptive::AdaptiveSteps;
+use polhode::engine::batch::{Precision, StateWords, prepare_with};
 use polhode::plan::PlanDocument;
 use polhode::study::Study;
 use polhode::torque::{Orbit, Parameters, Torque};
@@ -35,7 +35,7 @@ fn ensemble(turned: bool) -> Ensemble {
         let moments = DVec3::new(a + b, a + c, b + c);
         let turn =
             if turned { DQuat::from_array([(); 4].map(|()| random.normal())).normalize() } else { DQuat::IDENTITY };
-        let tensor = polhode::inertia::InertiaTensor::from(moments).rotated(turn);
+        let tensor = polhode::bodies::inertia::InertiaTensor::from(moments).rotated(turn);
         let q = DQuat::from_array([(); 4].map(|()| random.normal())).normalize();
         (tensor, q, DVec3::from_array([(); 3].map(|()| random.normal())))
     })

@@ -4,8 +4,8 @@ use crate::common;
 
 use common::random::Random;
 use glam::{DQuat, DVec3};
+use polhode::bodies::ensemble::Translation;
 use polhode::engine::Engine;
-use polhode::ensemble::Translation;
 use polhode::torque::{Parameters, Torque};
 use polhode::{Ensemble, Force, Method, Plan, Precision, Scene};
 

@@ -6,12 +6,12 @@ use crate::common;
 use std::ops::ControlFlow;
 
 use glam::{DQuat, DVec3};
-use polhode::batch::{BodyState, Precision, StateWords, prepare};
+use polhode::engine::batch::{BodyState, Precision, StateWords, prepare};
 use polhode::engine::gpu::{GpuOptions, Patch};
 use polhode::engine::{Engine, FreeSession, Session, unobserved};
-use polhode::free_motion::AnyRows;
-use polhode::method::Status;
-use polhode::observe::{Partial, error_bound};
+use polhode::kernel::free_motion::AnyRows;
+use polhode::kernel::method::Status;
+use polhode::kernel::observe::{Partial, error_bound};
 use polhode::plan::SkipName;
 use polhode::record::{OutputState, Record, Sink, Statistics};
 use polhode::run::run_into;
@@ -101,8 +101,8 @@ fn compare(found: &Found, expected: &Expected, bound: f64) -> Result<(), String>
     Ok(())
 }
 
-fn states_of(words: &StateWords, frames: &[polhode::batch::BodyFrame]) -> Vec<BodyState> {
-    let state = |(row, frame): (usize, &polhode::batch::BodyFrame)| BodyState {
+fn states_of(words: &StateWords, frames: &[polhode::engine::batch::BodyFrame]) -> Vec<BodyState> {
+    let state = |(row, frame): (usize, &polhode::engine::batch::BodyFrame)| BodyState {
         status: words.status[row],
         ..frame.body_state(words.combined(row))
     };

@@ -6,20 +6,20 @@ use common::compare::{Field, compare_rows, compare_states};
 use common::kernel::{Harness, chunks};
 use common::random::Random;
 use common::torques::{batch_under, every_torque, middle_moments};
-use polhode::batch::Precision;
-use polhode::clock::{Clock, Fraction, Ticks, digits, phase_after, phases_at};
+use polhode::engine::batch::Precision;
 use polhode::engine::gpu::Patch;
 use polhode::engine::gpu::shader::{Chunk, Source};
 use polhode::engine::{Engine, EngineKind};
-use polhode::method::Method;
-use polhode::real::Scalar;
-use polhode::rigid_body::Body;
+use polhode::kernel::method::Method;
+use polhode::kernel::rigid_body::Body;
+use polhode::math::clock::{Clock, Fraction, Ticks, digits, phase_after, phases_at};
+use polhode::math::real::Scalar;
+use polhode::math::vector::{TwoWords, Vector};
 use polhode::torque::Torque;
 use polhode::torque::twin::twins;
 use polhode::torque::variable_inertia::{Change, InertiaChange, Law, changed_body};
 use polhode::torque::white_noise::{minus_log, normal_vector, philox, uniform_parts, uniform_turns};
 use polhode::torque::{internal_dissipation, orbit, variable_inertia};
-use polhode::vector::{TwoWords, Vector};
 
 /// Rows of a table: not a multiple of the workgroup size.
 const ROWS: usize = 331;

@@ -1,10 +1,10 @@
 //! The error that was asked for is met, on bodies that no coefficient was tuned on, and not overpaid.
 
 use glam::{DQuat, DVec3};
-use polhode::batch::AnyBatch;
 use polhode::engine::adaptive::{AdaptiveSession, AdaptiveSteps};
+use polhode::engine::batch::AnyBatch;
 use polhode::engine::{Backend, Description, FreeSession, Session};
-use polhode::free_motion::AnyRows;
+use polhode::kernel::free_motion::AnyRows;
 use polhode::run::run;
 use polhode::study::draw::{Column, Draw};
 use polhode::study::problem;

@@ -3,10 +3,10 @@
 use crate::support;
 
 use polhode::engine::work::{imbalance, order};
-use polhode::method::Status;
-use polhode::method::rk8_adaptive::{Controller, Limits, advance};
-use polhode::real::Real;
-use polhode::rigid_body::State;
+use polhode::kernel::method::Status;
+use polhode::kernel::method::rk8_adaptive::{Controller, Limits, advance};
+use polhode::kernel::rigid_body::State;
+use polhode::math::real::Real;
 use polhode::torque::Free;
 use support::attitude_error;
 use support::environment::{Acting, Moving, Torque, attitude, case, start_of, two_words};

@@ -5,8 +5,8 @@
 use std::ops::ControlFlow;
 
 use glam::{DQuat, DVec3};
+use polhode::bodies::ensemble::Translation;
 use polhode::engine::gpu::GpuOptions;
-use polhode::ensemble::Translation;
 use polhode::plan::{Plan, SkipName, Treatment};
 use polhode::record::{OutputState, Record, Sink};
 use polhode::run::run_into;

@@ -1,13 +1,13 @@
 //! Torques written out for the tests, and a body stepped under them without an engine around it.
 
 use glam::{DQuat, DVec3};
-use polhode::method::Step;
-use polhode::method::rk8_adaptive::Timed;
-use polhode::quaternion::Quaternion;
-use polhode::real::Real;
-use polhode::rigid_body::{Body, Invariants, State};
+use polhode::kernel::method::Step;
+use polhode::kernel::method::rk8_adaptive::Timed;
+use polhode::kernel::rigid_body::{Body, Invariants, State};
+use polhode::math::quaternion::Quaternion;
+use polhode::math::real::Real;
+use polhode::math::vector::{TwoWords, Vector};
 use polhode::torque::{Environment, VelocityDependence};
-use polhode::vector::{TwoWords, Vector};
 
 use super::double_double::{DoubleDouble, sin_cos};
 use super::golden::{Case, number, vector};
@@ -121,7 +121,7 @@ fn wide<R: Real>(x: DoubleDouble) -> R {
     R::splat(x.hi) + R::splat(x.lo)
 }
 
-impl<R: Real<Scalar = R> + polhode::real::Scalar> Timed<R> for Acting {
+impl<R: Real<Scalar = R> + polhode::math::real::Scalar> Timed<R> for Acting {
     fn start_at(&self, time: TwoWords<R>) -> DoubleDouble {
         let [start, value, residue] = [self.start, time.value.to_f64(), time.residue.to_f64()].map(DoubleDouble::from);
         start + value + residue
@@ -194,7 +194,7 @@ impl<R: Real> Environment<R> for Acting {
 
 /// A number in the words of `R`.
 pub fn two_words<R: Real>(x: f64) -> TwoWords<R> {
-    use polhode::real::Scalar;
+    use polhode::math::real::Scalar;
     let (value, residue) = R::Scalar::two_words(x);
     TwoWords { value: R::splat(value.to_f64()), residue: R::splat(residue.to_f64()) }
 }
@@ -214,7 +214,7 @@ pub struct Moving<R> {
 
 /// A body in its principal axes at its start; `raw` is the orientation x, y, z, w before it is normalised.
 pub fn at_start<R: Real>(moments: DVec3, raw: [f64; 4], angular_velocity: DVec3) -> Moving<R> {
-    use polhode::real::Scalar;
+    use polhode::math::real::Scalar;
     let m = moments * angular_velocity;
     if R::Scalar::WORDS == 1 {
         // In the arithmetic of the words themselves, which may be wider than f64; m is exact in it for golden bodies.
@@ -279,7 +279,7 @@ pub fn stepped<R: Real, M: Step, E: Environment<R>>(
 }
 
 /// The attitude of a scalar state, both words added.
-pub fn attitude<R: Real<Scalar = R> + polhode::real::Scalar>(state: &State<R>) -> DQuat {
+pub fn attitude<R: Real<Scalar = R> + polhode::math::real::Scalar>(state: &State<R>) -> DQuat {
     let (q, r) = (state.orientation.value, state.orientation.residue);
     let sum = |a: R, b: R| a.to_f64() + b.to_f64();
     DQuat::from_xyzw(sum(q.x, r.x), sum(q.y, r.y), sum(q.z, r.z), sum(q.w, r.w)).normalize()
@@ -287,7 +287,7 @@ pub fn attitude<R: Real<Scalar = R> + polhode::real::Scalar>(state: &State<R>) -
 
 /// The angle between two attitudes, rad, from all their digits.
 pub fn between(a: Quaternion<DoubleDouble>, b: Quaternion<DoubleDouble>) -> f64 {
-    use polhode::real::Scalar;
+    use polhode::math::real::Scalar;
     let difference = a.conjugate().product(b);
     let v = difference.vector();
     2.0 * v.dot(v).to_f64().sqrt().atan2(difference.w.to_f64().abs())

@@ -1,7 +1,7 @@
 //! Energy and angular momentum change by what the torques give, and the report of it would show where they did not.
 
 use glam::{DQuat, DVec3};
-use polhode::batch::Precision;
+use polhode::engine::batch::Precision;
 use polhode::engine::cpu::{Cpu, Width};
 use polhode::record::Balance;
 use polhode::torque::Orbit;

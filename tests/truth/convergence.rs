@@ -2,8 +2,8 @@
 
 use crate::support;
 
-use polhode::batch::Precision;
 use polhode::engine::Backend;
+use polhode::engine::batch::Precision;
 use polhode::engine::cpu::{Cpu, Width};
 use polhode::{Ensemble, Method, Plan, Scene};
 use support::{attitude_error, fitted_order, golden};

@@ -7,9 +7,9 @@ use crate::support;
 use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
-use polhode::free_motion::FreeMotion;
-use polhode::method::splitting::Splitting;
-use polhode::quaternion::Quaternion;
+use polhode::kernel::free_motion::FreeMotion;
+use polhode::kernel::method::splitting::Splitting;
+use polhode::math::quaternion::Quaternion;
 use polhode::torque::{Free, Torque};
 use polhode::{Accuracy, Engine, Ensemble, Method, Outputs, Plan, Precision, Record, Scene};
 use support::double_double::DoubleDouble;

@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 
 use common::random::Random;
 use glam::{DQuat, DVec3};
-use polhode::batch::Precision;
+use polhode::engine::batch::Precision;
 use polhode::engine::cpu::{Cpu, Width};
 use polhode::expression::{Dependence, Expression, InputKind};
 use polhode::torque::flat_plates::{Facet, MOST_FACETS, Surface, formula};

@@ -6,10 +6,10 @@ use crate::support;
 
 use glam::{DQuat, DVec3};
 use polhode::Ensemble;
-use polhode::batch::{BodyFrame, BodyState, STATE_COMPONENTS};
-use polhode::free_motion::{FreeMotion, FreeMotionRows};
+use polhode::engine::batch::{BodyFrame, BodyState, STATE_COMPONENTS};
+use polhode::kernel::free_motion::{FreeMotion, FreeMotionRows};
+use polhode::math::real::Scalar;
 use polhode::plan::CLOSED_FORM_F32;
-use polhode::real::Scalar;
 use support::golden::Case;
 use support::{attitude_error, golden, relative_error};
 

@@ -6,8 +6,8 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use glam::{DQuat, DVec3};
-use polhode::batch::{AnyBatch, Precision, prepare_with};
-use polhode::inertia::{InertiaTensor, point_masses};
+use polhode::bodies::inertia::{InertiaTensor, point_masses};
+use polhode::engine::batch::{AnyBatch, Precision, prepare_with};
 use polhode::plan::Treatment;
 use polhode::torque::Orbit;
 use polhode::{Accuracy, Engine, Ensemble, Error, Method, Outputs, Plan, Record, Scene, Torque};

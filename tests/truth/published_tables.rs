@@ -3,7 +3,7 @@
 #![cfg(feature = "study")]
 
 use glam::DQuat;
-use polhode::batch::{Precision, prepare_with};
+use polhode::engine::batch::{Precision, prepare_with};
 use polhode::engine::{Engine, unobserved};
 use polhode::study::problem;
 use polhode::torque::Torque;

@@ -7,12 +7,12 @@ use crate::support;
 use std::path::Path;
 
 use glam::{DMat3, DQuat, DVec3};
-use polhode::batch::prepare;
+use polhode::engine::batch::prepare;
 use polhode::engine::cpu::{Cpu, Width};
 use polhode::engine::{Backend, unobserved};
-use polhode::free_motion::FreeMotion;
-use polhode::method::splitting::Splitting;
-use polhode::quaternion::Quaternion;
+use polhode::kernel::free_motion::FreeMotion;
+use polhode::kernel::method::splitting::Splitting;
+use polhode::math::quaternion::Quaternion;
 use polhode::scene::Stepping;
 use polhode::study::Study;
 use polhode::torque::{Free, Torque};

@@ -11,19 +11,19 @@ use super::surroundings::{AllTorques, CommonTorques, Nothing, Surroundings};
 use super::taylor::{TaylorMotion, steps_in_tiles, steps_one_by_one};
 use super::tile::attempts_in_tiles;
 use super::{TASKS, Width};
-use crate::batch::{Batch, RATE_COLUMN, StateWords, column_parts, load_body, load_state, store_state};
-use crate::clock::{Clock, MOST_LANES};
 use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps, StepCounts, two_words_of};
+use crate::engine::batch::{Batch, RATE_COLUMN, StateWords, column_parts, load_body, load_state, store_state};
 use crate::engine::watch::{Job, Watch, watched};
 use crate::engine::work::imbalance;
 use crate::engine::{Observer, check_time, unobserved};
 use crate::error::{Error, Result};
-use crate::lanes::{LaneScalar, LaneTask};
-use crate::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, advance};
-use crate::observe;
-use crate::real::{Real, Scalar};
+use crate::kernel::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, advance};
+use crate::kernel::observe;
+use crate::math::clock::{Clock, MOST_LANES};
+use crate::math::lanes::{LaneScalar, LaneTask};
+use crate::math::real::{Real, Scalar};
+use crate::math::vector::TwoWords;
 use crate::torque::sum::Source;
-use crate::vector::TwoWords;
 
 /// Columns of a [`Controller`]: step, left (two words), retried, accepted, rejected.
 pub(super) const CONTROLLER_COLUMNS: usize = 6;
@@ -55,7 +55,7 @@ pub(super) struct CpuAdaptiveSession<T> {
 type Kernel<T> = fn(Block<'_, '_, T>) -> bool;
 
 impl CpuAdaptiveSession<f64> {
-    /// Steps by [`crate::method::taylor`].
+    /// Steps by [`crate::kernel::method::taylor`].
     pub fn by_series(batch: Batch<f64>, steps: AdaptiveSteps, width: Width) -> Result<Self> {
         let motion = TaylorMotion::new(&batch.torques, steps)?;
         let kernel = if width.has_lanes::<f64>() { steps_in_tiles::<f64> } else { steps_one_by_one::<f64> };

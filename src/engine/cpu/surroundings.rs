@@ -1,8 +1,8 @@
 //! What acts on bodies, as types: what a scene does not have is not in its loop.
 
-use crate::batch::load_combinations;
-use crate::method::rk8_adaptive::Timed;
-use crate::real::Real;
+use crate::engine::batch::load_combinations;
+use crate::kernel::method::rk8_adaptive::Timed;
+use crate::math::real::Real;
 use crate::torque::sum::{Columns, Common, Torques};
 use crate::torque::{Conserving, Free};
 

@@ -5,9 +5,9 @@
 
 use super::device::{Device, Refusal};
 use super::shader::Source;
-use crate::batch::Precision;
+use crate::engine::batch::Precision;
 use crate::error::Result;
-use crate::real::Scalar;
+use crate::math::real::Scalar;
 
 /// Whether a product and a sum are rounded once or twice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

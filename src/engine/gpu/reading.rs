@@ -6,11 +6,11 @@ use glam::DVec3;
 
 use super::buffers::{Columns, DeviceScalar, Place, buffer};
 use super::device::Device;
-use crate::batch::{STATE_COMPONENTS, StateWords, state_columns, status_column};
+use crate::engine::batch::{STATE_COMPONENTS, StateWords, state_columns, status_column};
 use crate::error::Result;
-use crate::force::carried::CENTRE_COMPONENTS;
-use crate::method::Status;
-use crate::real::Scalar;
+use crate::kernel::method::Status;
+use crate::math::real::Scalar;
+use crate::torque::force::carried::CENTRE_COMPONENTS;
 
 impl Columns {
     /// The raw state of a range of bodies, through the staging buffer block by block.

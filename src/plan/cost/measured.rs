@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use super::{COSTS, Cost, Costs, Figures, SERIES_TOLERANCE};
-use crate::batch::Precision;
 use crate::bench::accuracy;
 use crate::bench::row::{Row, RowFault, rows};
+use crate::engine::batch::Precision;
 use crate::engine::{Description, EngineKind};
 use crate::error::{Error, Result};
 use crate::plan::Scheme;

@@ -1,15 +1,15 @@
 //! How bodies turn under what changes them: internal dissipation and moments of inertia that change in time.
 
 use super::{Epoch, Instance, Time, Torques};
-use crate::batch::RATE_COLUMN;
-use crate::real::{Outlined, Real};
-use crate::rigid_body::{Body, Correction};
+use crate::engine::batch::RATE_COLUMN;
+use crate::kernel::rigid_body::{Body, Correction};
+use crate::math::real::{Outlined, Real};
+use crate::math::vector::{TwoWords, Vector};
 use crate::torque::internal_dissipation::internal_dissipation;
 use crate::torque::variable_inertia::{
     Change, changed_motion, inertia_oscillation, inertia_ramp, oscillation_slope, ramp_progress, ramp_slope,
 };
 use crate::torque::{Kind, Motion};
-use crate::vector::{TwoWords, Vector};
 
 impl<'a, R: Real> Torques<'a, R> {
     /// The progress of the ramp, cut to [0, 1], and its rate, 1/s.

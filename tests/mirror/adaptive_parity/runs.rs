@@ -1,8 +1,8 @@
 //! Whole runs in adaptive steps: against the twin, cut into chunks and slices, and what is refused.
 
 use glam::{DQuat, DVec3};
-use polhode::batch::{Precision, StateWords, prepare_with};
 use polhode::engine::adaptive::{AdaptiveSteps, StepCounts};
+use polhode::engine::batch::{Precision, StateWords, prepare_with};
 use polhode::engine::gpu::{GpuOptions, wgpu};
 use polhode::engine::{Backend, Engine, unobserved};
 use polhode::{Ensemble, Error, Outputs, Plan, Scene, Torque};
@@ -77,7 +77,7 @@ fn growth(torques: &[Torque], tolerance: f64) -> Vec<f64> {
 
 /// In `f32`, rounding of torques is a part of the estimate, so that decisions fall either way, a body may take half as many
 /// steps again, and both are right to the tolerance only: steps are off by up to
-/// √7 of it in seven components ([`polhode::method::rk8_adaptive`]).
+/// √7 of it in seven components ([`polhode::kernel::method::rk8_adaptive`]).
 ///
 /// The largest part of it that lavapipe came to is 0.16, in `f64` at 1e-6 under all torques.
 fn bound(precision: Precision, torques: usize, tolerance: f64) -> f64 {

@@ -1,6 +1,6 @@
 //! The grid: methods, torques, precisions, engines.
 
-use polhode::batch::Precision;
+use polhode::engine::batch::Precision;
 use polhode::engine::{Engine, EngineKind};
 use polhode::torque::variable_inertia::{InertiaChange, Law};
 use polhode::{Method, Scene, Torque};

@@ -11,9 +11,9 @@ mod stage;
 mod studies;
 
 use common::torques::{each_torque_alone, every_torque, middle_moments};
-use polhode::batch::Precision;
 use polhode::engine::Engine;
 use polhode::engine::adaptive::AdaptiveSteps;
+use polhode::engine::batch::Precision;
 use polhode::engine::gpu::{GpuOptions, Patch};
 use polhode::torque::variable_inertia::{InertiaChange, Law};
 use polhode::verify::{Options, Report, verify};

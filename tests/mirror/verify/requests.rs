@@ -3,8 +3,8 @@
 use std::process::Command;
 
 use glam::DVec3;
-use polhode::batch::Precision;
 use polhode::engine::Engine;
+use polhode::engine::batch::Precision;
 use polhode::verify::{Culprit, Options, verify};
 use polhode::{Error, Method, Torque};
 

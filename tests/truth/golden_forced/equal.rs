@@ -1,8 +1,8 @@
 //! Equal steps of `rk4`.
 
 use polhode::Method;
-use polhode::batch::Precision;
 use polhode::engine::Backend;
+use polhode::engine::batch::Precision;
 use polhode::engine::cpu::{Cpu, Width};
 
 use super::support::stepped::{Tally, stepped, unit};

@@ -2,8 +2,8 @@
 //! (`golden/forced_gg_inclined.py`): every method that follows them to rounding, and the order of `rk4`.
 
 use polhode::Method;
-use polhode::batch::Precision;
 use polhode::engine::Backend;
+use polhode::engine::batch::Precision;
 use polhode::engine::cpu::{Cpu, Width};
 
 use super::support::fitted_order;

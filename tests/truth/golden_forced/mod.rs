@@ -14,8 +14,8 @@ use crate::support;
 use std::sync::OnceLock;
 
 use glam::{DMat3, DQuat, DVec3};
-use polhode::batch::Precision;
 use polhode::engine::Backend;
+use polhode::engine::batch::Precision;
 use polhode::engine::cpu::{Cpu, Width};
 use polhode::{Method, Torque};
 use support::attitude_error;

@@ -1,17 +1,17 @@
 //! Forces of the user's own, as texts and as closures: golden cases, closed forms, refusals, lost bodies.
 
 use glam::{DQuat, DVec3};
+use polhode::bodies::ensemble::Translation;
 use polhode::engine::Backend;
 use polhode::engine::cpu::{Cpu, Width};
-use polhode::ensemble::Translation;
-use polhode::method::Status;
+use polhode::kernel::method::Status;
 use polhode::torque::Parameters;
 use polhode::{Accuracy, Ensemble, Force, Method, Outputs, Plan, Precision, Scene, Torque};
 
 use super::support::golden::{number, vector};
 use super::{ATTITUDE_F32, BETWEEN, attitude, case, common, run, scene, within};
 
-/// Errors of steps of [`polhode::force::adaptive::TOLERANCE`], some thousands of them.
+/// Errors of steps of [`polhode::torque::force::adaptive::TOLERANCE`], some thousands of them.
 const ADAPTIVE: f64 = 1e-10;
 
 fn text(text: &str, parameters: Parameters) -> Force {
@@ -37,7 +37,7 @@ fn a_copy_of_quadratic_drag_moves_bodies_as_the_golden_case_says() {
     let written = text("mass * g - c * norm(velocity) * velocity", parameters());
     let recorded = Force::recorded(parameters(), |s| {
         let (g, v) = (s.vector("g"), s.velocity());
-        let speed = polhode::real::Real::sqrt(v.dot(v));
+        let speed = polhode::math::real::Real::sqrt(v.dot(v));
         g * s.number("mass") - v * (s.number("c") * speed)
     });
     let engine = Cpu::new(Width::Lanes);

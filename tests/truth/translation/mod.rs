@@ -5,13 +5,13 @@ mod custom;
 use crate::support;
 
 use glam::{DQuat, DVec3};
-use polhode::batch::Precision;
+use polhode::bodies::ensemble::Translation;
 use polhode::engine::Backend;
+use polhode::engine::batch::Precision;
 use polhode::engine::cpu::{Cpu, Width};
-use polhode::ensemble::Translation;
-use polhode::force::accelerations;
-use polhode::force::stepped::{Attitude, Between, Centre, Irrelevant};
-use polhode::free_motion::FreeMotion;
+use polhode::kernel::free_motion::FreeMotion;
+use polhode::torque::force::accelerations;
+use polhode::torque::force::stepped::{Attitude, Between, Centre, Irrelevant};
 use polhode::{Accuracy, Ensemble, Force, Method, Outputs, Plan, Record, Scene, Torque};
 use support::golden::{self, Case, number, vector};
 

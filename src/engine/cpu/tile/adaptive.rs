@@ -3,15 +3,15 @@
 use std::sync::atomic::Ordering;
 
 use super::{Rk8, Tile, TileSlopes};
-use crate::batch::{load_body, load_state, status_column};
+use crate::engine::batch::{load_body, load_state, status_column};
 use crate::engine::cpu::adaptive::{Block as AdaptiveBlock, LEFT, load_controller};
 use crate::engine::cpu::seats::{Seating, lanes_in};
-use crate::lanes::{Each, GROUPS, LaneScalar, LaneTask};
-use crate::method::rk8::TIMES;
-use crate::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, Trial};
-use crate::real::{Outlined, Real, Scalar};
+use crate::kernel::method::rk8::TIMES;
+use crate::kernel::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, Trial};
+use crate::math::lanes::{Each, GROUPS, LaneScalar, LaneTask};
+use crate::math::real::{Outlined, Real, Scalar};
+use crate::math::vector::TwoWords;
 use crate::torque::tile::{TileTime, gathered};
-use crate::vector::TwoWords;
 
 /// Attempts of a block; says whether any body is still under way.
 pub(in crate::engine::cpu) fn attempts_in_tiles<T: LaneScalar>(block: AdaptiveBlock<'_, '_, T>) -> bool {
