@@ -5,7 +5,8 @@ use std::time::Instant;
 
 use glam::{DQuat, DVec3};
 use polhode::Ensemble;
-use polhode::engine::batch::{BodyFrame, STATE_COMPONENTS};
+use polhode::bodies::BodyFrame;
+use polhode::bodies::columns::STATE_COMPONENTS;
 use polhode::kernel::free_motion::{FreeMotion, FreeMotionRows, ROW_COLUMNS, WORD_COLUMNS};
 use polhode::math::real::Scalar;
 

@@ -12,7 +12,8 @@ use std::hint::black_box;
 use std::time::Duration;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use polhode::engine::batch::{STATE_COMPONENTS, prepare};
+use polhode::bodies::columns::STATE_COMPONENTS;
+use polhode::engine::batch::prepare;
 use polhode::engine::gpu::GpuOptions;
 use polhode::engine::unobserved;
 use polhode::kernel::free_motion::FreeMotionRows;

@@ -12,7 +12,7 @@ struct State {
     orientation: TwoWordsQuaternion,
     // m = I omega, in units of the body's own scale.
     angular_momentum_principal: TwoWordsVector,
-    // 0 until a step fails on this body, then the number of what failed first (src/kernel/method/status.rs).
+    // 0 until a step fails on this body, then the number of what failed first (src/bodies/status.rs).
     status: real,
 }
 

@@ -8,9 +8,10 @@ use std::process::Command;
 use common::kernel::open_device;
 use polhode::Error;
 use polhode::engine::Engine;
-use polhode::engine::batch::{AnyBatch, Batch, Precision};
+use polhode::engine::batch::{AnyBatch, Batch};
 use polhode::engine::gpu::{AdapterKind, GpuOptions, wgpu};
 use polhode::kernel::method::Method;
+use polhode::math::Precision;
 
 /// Bytes of address space that this process uses.
 fn address_space() -> u64 {

@@ -13,11 +13,12 @@ use std::time::{Duration, Instant};
 use common::kernel::open_device;
 use glam::DVec3;
 use polhode::bodies::ensemble::Translation;
-use polhode::engine::adaptive::AdaptiveSteps;
-use polhode::engine::batch::Precision;
 use polhode::engine::gpu::{GpuOptions, SliceLimits, wgpu};
 use polhode::engine::{Engine, unobserved};
-use polhode::record::{OutputFolder, Report, run_to_folder};
+use polhode::math::Precision;
+use polhode::record::{OutputFolder, Report};
+use polhode::run::run_to_folder;
+use polhode::scene::AdaptiveSteps;
 use polhode::study::{Format, Output, problem};
 use polhode::{Accuracy, Error, Force, Method, Outputs, Plan, Scene, Statistic, Torque};
 

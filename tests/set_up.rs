@@ -4,11 +4,12 @@ mod common;
 
 use common::random::Random;
 use glam::{DQuat, DVec3};
+use polhode::bodies::BodyFrame;
+use polhode::bodies::Members;
 use polhode::bodies::inertia::InertiaTensor;
-use polhode::engine::batch::BodyFrame;
 use polhode::kernel::free_motion::{AnyRows, SetUp};
 use polhode::plan::class::FreeBody;
-use polhode::plan::{Members, Plan, SkipName};
+use polhode::plan::{Plan, SkipName};
 use polhode::{Accuracy, Engine, Ensemble, Precision, Scene};
 
 const BODIES: usize = 4096;

@@ -13,14 +13,14 @@ use super::row::Row;
 use super::timing::{Timing, repeat};
 use super::way::{self, Sample, Way};
 use super::{Bench, Case, Swept, Watcher, sweep};
-use crate::engine::adaptive::AdaptiveSteps;
-use crate::engine::batch::Precision;
 use crate::engine::{Engine, EngineKind};
 use crate::error::Result;
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::least_tolerance;
+use crate::math::Precision;
+use crate::math::Quantiles;
 use crate::plan::Plan;
-use crate::record::Quantiles;
+use crate::scene::AdaptiveSteps;
 use crate::scene::{Accuracy, Scene};
 
 /// The table's name.

@@ -3,10 +3,10 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use crate::engine::batch::Precision;
 use crate::engine::gpu::{adapters, wgpu};
 use crate::engine::{Description, EngineKind};
 use crate::error::{Error, Result};
+use crate::math::Precision;
 use crate::math::lanes::{LaneScalar, LaneTask};
 use crate::math::real::{Real, Scalar};
 

@@ -15,6 +15,7 @@ use crate::error::Result;
 pub mod accuracy;
 pub mod ceiling;
 pub mod compare;
+mod costs;
 pub mod drift;
 pub mod front;
 pub mod problem;

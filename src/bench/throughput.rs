@@ -14,12 +14,14 @@ use super::row::Row;
 use super::timing::{Timing, repeat};
 use super::{Bench, Case, Swept, Watcher, sweep};
 use crate::bodies::Ensemble;
-use crate::engine::batch::{Precision, prepare};
+use crate::engine::batch::prepare;
 use crate::engine::{Engine, EngineKind, unobserved};
 use crate::error::{Error, Result};
 use crate::kernel::method::Method;
+use crate::math::Precision;
 use crate::plan::Plan;
-use crate::record::{OutputFolder, run_to_folder};
+use crate::record::OutputFolder;
+use crate::run::run_to_folder;
 use crate::scene::{Outputs, Scene};
 use crate::study::{Format, Output, problem};
 

@@ -4,11 +4,14 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use super::problem::Problem;
-use crate::engine::batch::{BodyFrame, BodyState, Precision, StateWords, prepare_with};
+use crate::bodies::columns::StateWords;
+use crate::bodies::{BodyFrame, BodyState};
+use crate::engine::batch::prepare_with;
 use crate::engine::{Engine, unobserved};
 use crate::error::Result;
 use crate::kernel::free_motion::AnyRows;
 use crate::kernel::method::Method;
+use crate::math::Precision;
 use crate::plan::Plan;
 use crate::record::{OutputState, Sink};
 
@@ -50,9 +53,9 @@ impl Way {
     pub fn method(&self) -> &'static str {
         match self {
             Way::Stepped { method, .. } => method.name(),
-            Way::Adaptive { method: Method::Rk8, .. } => crate::record::ADAPTIVE,
+            Way::Adaptive { method: Method::Rk8, .. } => crate::plan::ADAPTIVE,
             Way::Adaptive { method, .. } => method.name(),
-            Way::ClosedForm { .. } => crate::record::CLOSED_FORM,
+            Way::ClosedForm { .. } => crate::plan::CLOSED_FORM,
             Way::Asked { .. } => "chosen",
         }
     }

@@ -3,7 +3,8 @@
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
-use crate::bodies::inertia::{InertiaDefect, InertiaTensor, Validity, repair_triangle_inequality};
+use crate::bodies::inertia::{InertiaTensor, Validity, repair_triangle_inequality};
+use crate::error::InertiaDefect;
 use crate::error::{Error, Result};
 
 /// A table of independent rigid bodies, by column.

@@ -6,15 +6,13 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::adaptive::{
-    AdaptiveSession, AdaptiveSteps, TAYLOR_ADAPTS, TAYLOR_IN_F64, check_equal_steps, check_torques, taylor_unavailable,
+    AdaptiveSession, TAYLOR_ADAPTS, TAYLOR_IN_F64, check_equal_steps, check_torques, taylor_unavailable,
 };
 use super::projected::conserving;
 use super::watch::{Job, Watch, watched};
 use super::{Backend, Description, EngineKind, FreeSession, Observer, Session, check_step, check_time};
-use crate::engine::batch::{
-    AnyBatch, Batch, Precision, StateWords, column_parts, load_body, load_invariants, load_state, state_columns,
-    store_state, two_words,
-};
+use crate::bodies::columns::{StateWords, column_parts, state_columns};
+use crate::engine::batch::{AnyBatch, Batch, load_body, load_invariants, load_state, store_state};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::{AnyRows, FreeMotionRows};
 use crate::kernel::method::cf4::Cf4;
@@ -29,12 +27,17 @@ use crate::kernel::method::spiral::Spiral;
 use crate::kernel::method::splitting::Splitting;
 use crate::kernel::method::{Method, Step};
 use crate::kernel::observe::Kernel;
+use crate::kernel::torque_kernel::TorqueKernel;
+use crate::math::Precision;
+use crate::math::Width;
 use crate::math::clock::{Clock, MOST_LANES};
 use crate::math::lanes::{LaneScalar, LaneTask};
 use crate::math::real::{Real, Scalar};
 use crate::math::vector::TwoWords;
+use crate::math::vector::two_words;
+use crate::scene::AdaptiveSteps;
+use crate::torque::TorqueTable;
 use crate::torque::sum::Source;
-use crate::torque::{Environment, TorqueTable};
 
 mod adaptive;
 mod observe;
@@ -47,22 +50,6 @@ use adaptive::CpuAdaptiveSession;
 use observe::Reducer;
 use surroundings::{AllTorques, CommonTorques, Nothing, Projected, Surroundings};
 use tile::TileStep;
-
-/// Whether the CPU engine runs in SIMD lanes or one body at a time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Width {
-    /// The widest lanes of this processor, with fused multiply-add.
-    Lanes,
-    /// One body at a time without fused multiply-add: the reference in `f64`, the shader's twin in `f32`.
-    Scalar,
-}
-
-impl Width {
-    /// Whether bodies are stepped several at a time.
-    fn has_lanes<T: LaneScalar>(self) -> bool {
-        self == Width::Lanes && T::lane_count() > 1
-    }
-}
 
 /// Integrates on the processor.
 #[derive(Clone, Copy, Debug)]
@@ -402,7 +389,7 @@ impl<T: Scalar, M: Step, S: Surroundings> LaneTask<T> for Advance<'_, '_, T, M, 
                 value: R::splat(block.dt_words.value.to_f64()) * rate,
                 residue: R::splat(block.dt_words.residue.to_f64()) * rate,
             };
-            let wanted = M::INVARIANTS && <S::At<'_, R> as Environment<R>>::FREE;
+            let wanted = M::INVARIANTS && <S::At<'_, R> as TorqueKernel<R>>::FREE;
             let invariants = load_invariants(wanted, |column| columns.column(column));
             let mut state = load_state(|column| R::load(&block.state[column][offset..]));
             let prepared = M::prepare::<R, S::At<'_, R>>(&body, &invariants, dt);

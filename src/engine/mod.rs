@@ -10,12 +10,14 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use crate::engine::batch::{AnyBatch, Precision, StateWords};
+use crate::bodies::columns::StateWords;
+use crate::engine::batch::AnyBatch;
 use crate::error::Result;
 use crate::kernel::free_motion::AnyRows;
 use crate::kernel::method::Method;
-use crate::plan::Plan;
-use crate::record::Record;
+use crate::math::Precision;
+use crate::math::Width;
+use crate::scene::AdaptiveSteps;
 use crate::torque::force::carried::Carried;
 
 pub mod adaptive;
@@ -26,13 +28,14 @@ pub mod gpu;
 pub mod projected;
 pub mod reduction;
 pub mod tap;
+pub mod under_torques;
 pub mod watch;
 pub mod work;
 
 pub use devices::{Adapter, AdapterLimits, Choice, Devices, devices, devices_async};
 
-use adaptive::{AdaptiveSession, AdaptiveSteps, TAYLOR_ON_CPU, taylor_unavailable};
-use cpu::{Cpu, Width};
+use adaptive::{AdaptiveSession, TAYLOR_ON_CPU, taylor_unavailable};
+use cpu::Cpu;
 use gpu::{Arithmetic, Gpu, GpuOptions, wgpu};
 use reduction::Reduce;
 use watch::Job;
@@ -150,15 +153,6 @@ impl Engine {
     /// As [`Backend::start`].
     pub fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         self.backend.start(batch, method)
-    }
-
-    /// Runs a plan and keeps every output in memory.
-    ///
-    /// # Errors
-    ///
-    /// As [`crate::run::run_into`], which hands outputs on instead of keeping them.
-    pub fn run(&self, plan: &Plan<'_>) -> Result<Record> {
-        crate::run::run(self, plan)
     }
 
     /// Takes the closed forms of torque-free bodies and stands ready to evaluate them at any time.

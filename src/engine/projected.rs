@@ -4,7 +4,8 @@
 //!
 //! ```
 //! use glam::{DQuat, DVec3};
-//! use polhode::engine::batch::{Precision, prepare};
+//! use polhode::math::Precision;
+//! use polhode::engine::batch::prepare;
 //! use polhode::engine::{Backend, Engine, unobserved};
 //! use polhode::kernel::free_motion::FreeMotion;
 //! use polhode::{Ensemble, Method};
@@ -28,9 +29,10 @@
 //!
 //! In a scene: [`crate::Scene::projected`].
 
-use crate::engine::batch::{AnyBatch, Batch, Precision};
+use crate::engine::batch::{AnyBatch, Batch};
 use crate::error::{Error, Result};
 use crate::kernel::method::Method;
+use crate::math::Precision;
 
 /// Refuses what cannot be projected.
 ///

@@ -1,6 +1,7 @@
 //! What a session says of its bodies without handing all of them over.
 
-use crate::engine::batch::{BodyFrame, StateWords};
+use crate::bodies::BodyFrame;
+use crate::bodies::columns::StateWords;
 use crate::error::Result;
 use crate::kernel::observe::{Partial, Statistic};
 

@@ -2,8 +2,8 @@
 
 use super::wgsl::{Argument, Signature};
 use super::*;
-use crate::engine::batch::Precision;
 use crate::engine::gpu::shader::Source;
+use crate::math::Precision;
 use crate::math::lanes::{Each, LaneScalar, LaneTask};
 use crate::math::quaternion::Quaternion;
 use crate::math::real::{Function, Real, Scalar};
@@ -333,6 +333,6 @@ fn kepler_is_one_instruction() {
     })
     .unwrap();
     assert_eq!(formula.program().len(), 2);
-    let (_, sin, cos) = crate::torque::orbit::eccentric_anomaly(0.7, 0.3);
+    let (_, sin, cos) = crate::math::kepler::eccentric_anomaly(0.7, 0.3);
     assert_eq!(formula.program().evaluate_one(&[0.7, 0.3]), [sin + cos]);
 }

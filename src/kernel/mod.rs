@@ -6,3 +6,4 @@ pub mod free_motion;
 pub mod method;
 pub mod observe;
 pub mod rigid_body;
+pub mod torque_kernel;

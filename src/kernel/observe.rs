@@ -23,7 +23,10 @@
 //! [`error_bound`] of itself. The standard deviation is a seminorm of the values: it is within [`error_bound`] of the root
 //! mean square.
 
-use crate::engine::batch::{BodyFrame, Precision, STRIDE_UNIT, binary_exponent, scaled_by_power_of_two};
+use crate::bodies::BodyFrame;
+use crate::bodies::columns::STRIDE_UNIT;
+use crate::math::Precision;
+use crate::math::power_of_two::{binary_exponent, scaled_by_power_of_two};
 use crate::math::real::{Real, Scalar};
 use crate::math::vector::Vector;
 

@@ -36,7 +36,7 @@ pub struct State<R> {
     pub orientation: TwoWords<Quaternion<R>>,
     /// m = I ω, in units of the body's own scale.
     pub angular_momentum_principal: TwoWords<Vector<R>>,
-    /// The number of a [`crate::kernel::method::Status`]: 0 until a step fails on this body, then what failed first.
+    /// The number of a [`crate::bodies::Status`]: 0 until a step fails on this body, then what failed first.
     pub status: R,
 }
 

@@ -31,7 +31,7 @@ pub struct Clock {
 impl Clock {
     /// The clock of a run over `span` seconds, at its start. `span` is finite and not negative.
     pub fn new(span: f64) -> Self {
-        let exponent = if span > 0.0 { crate::engine::batch::binary_exponent(span) } else { 0 };
+        let exponent = if span > 0.0 { crate::math::power_of_two::binary_exponent(span) } else { 0 };
         Self { tick_exponent: exponent - 60, now: 0, step: 0 }
     }
 
@@ -54,7 +54,7 @@ impl Clock {
 
     /// The time since the initial state in seconds, rounded.
     pub fn seconds(&self) -> f64 {
-        crate::engine::batch::scaled_by_power_of_two(self.now as f64, self.tick_exponent - 64)
+        crate::math::power_of_two::scaled_by_power_of_two(self.now as f64, self.tick_exponent - 64)
     }
 
     /// The clock at `time` seconds after the initial state, rounded to the unit.
@@ -69,7 +69,7 @@ impl Clock {
         let units = later.now.saturating_sub(self.now);
         let value = units as f64;
         let residue = (units as i128).wrapping_sub(value as i128) as f64;
-        let seconds = |units: f64| crate::engine::batch::scaled_by_power_of_two(units, self.tick_exponent - 64);
+        let seconds = |units: f64| crate::math::power_of_two::scaled_by_power_of_two(units, self.tick_exponent - 64);
         (seconds(value), seconds(residue))
     }
 
@@ -86,7 +86,7 @@ impl Clock {
 
     /// Ticks in a second, a power of two.
     pub fn ticks_per_second(&self) -> f64 {
-        crate::engine::batch::scaled_by_power_of_two(1.0, -self.tick_exponent)
+        crate::math::power_of_two::scaled_by_power_of_two(1.0, -self.tick_exponent)
     }
 
     /// A step of `dt` seconds in units of 2⁻⁶⁴ tick.

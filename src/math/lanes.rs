@@ -385,6 +385,22 @@ impl LaneScalar for f64 {
     }
 }
 
+/// Whether the CPU engine runs in SIMD lanes or one body at a time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Width {
+    /// The widest lanes of this processor, with fused multiply-add.
+    Lanes,
+    /// One body at a time without fused multiply-add: the reference in `f64`, the shader's twin in `f32`.
+    Scalar,
+}
+
+impl Width {
+    /// Whether bodies are stepped several at a time.
+    pub(crate) fn has_lanes<T: LaneScalar>(self) -> bool {
+        self == Width::Lanes && T::lane_count() > 1
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

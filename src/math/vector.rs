@@ -168,3 +168,9 @@ impl<R: Real> TwoWords<Vector<R>> {
         Self { value, residue: Vector::zero() }
     }
 }
+
+/// A number, as a step size, in the two words of an element type.
+pub(crate) fn two_words<T: Scalar>(dt: f64) -> TwoWords<T> {
+    let (value, residue) = T::two_words(dt);
+    TwoWords { value, residue }
+}

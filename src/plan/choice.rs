@@ -5,12 +5,14 @@ use glam::DVec3;
 use super::class::{Bound, FreeBody, Shape, Verdict};
 use super::driven::TorqueSet;
 use super::group::Treatment;
-use crate::engine::adaptive::AdaptiveSteps;
-use crate::engine::batch::{BodyFrame, Precision, frame_of, scaled_by_power_of_two};
+use crate::bodies::BodyFrame;
+use crate::engine::batch::frame_of;
 use crate::kernel::free_motion::Aligned;
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::least_tolerance;
-use crate::record::ADAPTIVE;
+use crate::math::Precision;
+use crate::math::power_of_two::scaled_by_power_of_two;
+use crate::scene::AdaptiveSteps;
 use crate::scene::{Accuracy, Scene};
 use crate::torque;
 
@@ -27,7 +29,7 @@ impl Scheme {
     /// `rk8` in adaptive steps, in either arithmetic and on every engine.
     pub(super) const ADAPTIVE_RK8: Self = Scheme::Adaptive(Method::Rk8);
     /// Taylor series, in `f64` and on the CPU.
-    pub(super) const TAYLOR: Self = Scheme::Adaptive(Method::Taylor);
+    pub(crate) const TAYLOR: Self = Scheme::Adaptive(Method::Taylor);
 
     /// The integrator.
     pub fn method(self) -> Method {
@@ -134,6 +136,11 @@ const ADAPTIVE_ANGLE: f64 = 6.0;
 pub fn floor_f32(angle: f64) -> f64 {
     1e-6 + 3e-8 * angle
 }
+
+/// What a report calls the closed form, where it otherwise names a method.
+pub(crate) const CLOSED_FORM: &str = "closed form";
+/// What `rk8` in steps that each body chooses is called in tables.
+pub(crate) const ADAPTIVE: &str = "rk8 adaptive";
 
 /// The greatest attitude error, rad, of the closed form in `f32` (`tests/truth/golden_free_motion.rs`), at any time.
 pub const CLOSED_FORM_F32: f64 = 9e-7;

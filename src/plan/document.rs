@@ -15,11 +15,11 @@ use super::pilot::Found;
 use super::resolution::{Resolution, Stepped};
 use super::{Bound, Plan, Rule, Scheme, TorqueSet};
 use crate::engine::Backend;
-use crate::engine::adaptive::AdaptiveSteps;
-use crate::engine::batch::Precision;
 use crate::error::{Error, Result};
 use crate::kernel::method::Method;
-use crate::record::Spread;
+use crate::math::Precision;
+use crate::math::Spread;
+use crate::scene::AdaptiveSteps;
 use crate::scene::{Scene, Target};
 use crate::study::text::read_text;
 

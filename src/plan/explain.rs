@@ -10,11 +10,13 @@ use super::cost::work::Work;
 use super::group::{Group, Treatment};
 use super::parts::name_of;
 use super::{CLOSED_FORM_F32, Found, Plan, Resolution, Scheme, Shape, TorqueSet};
+use crate::bodies::BodyFrame;
 use crate::engine::EngineKind;
-use crate::engine::batch::{BodyFrame, Precision, bytes_per_body_under};
+use crate::engine::batch::bytes_per_body_under;
 use crate::kernel::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
+use crate::math::Precision;
+use crate::math::Spread;
 use crate::plan::regular_precession::RegularPrecession;
-use crate::record::Spread;
 
 /// What a plan does and leaves out.
 #[derive(Clone, Debug, PartialEq)]

@@ -5,7 +5,7 @@ use std::fmt::{self, Write};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::run::shadow::mixed;
+use crate::plan::sampling::mixed;
 use crate::scene::Scene;
 use crate::torque::force::Force;
 use crate::torque::{Parameter, Value};

@@ -4,9 +4,9 @@ use std::fmt;
 
 use super::Plan;
 use super::group::Treatment;
-use crate::engine::batch::Precision;
 use crate::kernel::method::Method;
-use crate::record::{ADAPTIVE, CLOSED_FORM};
+use crate::math::Precision;
+use crate::plan::{ADAPTIVE, CLOSED_FORM};
 
 /// Bodies that are brought to their output times by one method in one arithmetic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,11 +5,12 @@ use super::choice::{Rule, Scheme};
 use super::cost::Cost;
 use super::pilot::{Found, Pilot};
 use super::sampled::{Sampled, States};
-use crate::engine::batch::Precision;
+use crate::bodies::Status;
 use crate::error::Result;
+use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::least_tolerance;
-use crate::kernel::method::{Method, Status};
-use crate::run::shadow::Standing;
+use crate::math::Precision;
+use crate::plan::errors::Standing;
 
 /// What the reference's own error may be, as a part of the target.
 const SETTLED: f64 = 0.02;

@@ -16,7 +16,7 @@
 use glam::{DQuat, DVec3};
 
 use crate::bodies::Ensemble;
-use crate::engine::batch::{BodyFrame, BodyState};
+use crate::bodies::{BodyFrame, BodyState};
 use crate::kernel::free_motion::{SetUp, scaled_body};
 use crate::math::double_double::DoubleDouble;
 use crate::math::elementary::{power_of_two, sin_cos_turns};
@@ -55,7 +55,7 @@ impl RegularPrecession {
         let momentum: [Dd; 3] = std::array::from_fn(|axis| initial.moments[axis] * initial.angular_velocity[axis]);
         let m = DVec3::from_array(momentum.map(Dd::to_f64));
         let length = (momentum[0].squared() + momentum[1].squared() + momentum[2].squared()).sqrt();
-        let unit = crate::engine::batch::scaled_by_power_of_two(1.0, frame.rate_exponent);
+        let unit = crate::math::power_of_two::scaled_by_power_of_two(1.0, frame.rate_exponent);
         let free = FreeBody { moments: frame.scaled_moments, angular_momentum_principal: m, span: span * unit };
         let axis = free.bound(shape).axis;
 

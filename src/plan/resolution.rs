@@ -10,20 +10,20 @@ use super::cost::work::Work;
 use super::cost::{COSTS, Costs};
 use super::driven::TorqueSet;
 use super::glance::{GLANCED, Glance};
-use super::group::{Group, Members, Treatment, level_of, step_of};
+use super::group::{Group, Treatment, level_of, step_of};
 use super::pilot::{Found, PROBED_STEPS, Pilot};
 use super::reference::SATURATED;
 use super::times::longest_over;
+use crate::bodies::Members;
 use crate::engine::Backend;
 use crate::engine::EngineKind;
-use crate::engine::adaptive::{
-    AdaptiveSteps, NOISE_REFUSED, TAYLOR_IN_F64, TAYLOR_ON_CPU, check_equal_steps, taylor_unavailable,
-};
-use crate::engine::batch::Precision;
+use crate::engine::adaptive::{NOISE_REFUSED, TAYLOR_IN_F64, TAYLOR_ON_CPU, check_equal_steps, taylor_unavailable};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::SetUp;
 use crate::kernel::method::Method;
-use crate::record::CLOSED_FORM;
+use crate::math::Precision;
+use crate::plan::CLOSED_FORM;
+use crate::scene::AdaptiveSteps;
 use crate::scene::{Accuracy, Scene, Stepping, Target};
 use crate::torque::force::Force;
 use crate::torque::{Torque, Value};

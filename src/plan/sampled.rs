@@ -8,15 +8,19 @@ use rayon::prelude::*;
 
 use super::choice::{Look, Rule, Scheme, narrowest};
 use super::cost::Cost;
-use super::group::{LEVELS_PER_OCTAVE, Members, Treatment, level_of, step_of};
+use super::group::{LEVELS_PER_OCTAVE, Treatment, level_of, step_of};
 use super::pilot::Pilot;
-use crate::engine::adaptive::{AdaptiveSteps, StepCounts};
-use crate::engine::batch::{BodyState, Precision};
+use crate::bodies::BodyState;
+use crate::bodies::Members;
+use crate::bodies::Status;
+use crate::engine::adaptive::StepCounts;
 use crate::error::Result;
-use crate::kernel::method::{Method, Status};
-use crate::record::Spread;
-use crate::run::alone::states_at_end;
-use crate::run::shadow::{Errors, Standing};
+use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::math::Spread;
+use crate::plan::errors::{Errors, Standing};
+use crate::plan::subset::states_at_end;
+use crate::scene::AdaptiveSteps;
 use crate::scene::Target;
 
 /// Output times beyond which the pilot goes to the end in one go.

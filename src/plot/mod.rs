@@ -45,7 +45,7 @@ pub fn plot_folder(folder: &Path, bodies: &[usize]) -> Result<Vec<PathBuf>> {
     for (machine, rows) in by_machine(crate::bench::row::rows(folder, crate::bench::skipping::TABLE)?) {
         figures.push((format!("skipping-{machine}"), skipping(&rows)));
     }
-    for precision in crate::engine::batch::Precision::ALL {
+    for precision in crate::math::Precision::ALL {
         let table = crate::bench::stability::table(precision);
         for (machine, rows) in by_machine(crate::bench::row::rows(folder, &table)?) {
             figures.push((format!("stability-{machine}-{precision}"), stability(&rows, precision.name())));

@@ -36,7 +36,7 @@ fn report(folder: &Path) -> Result<serde_json::Value> {
     let text = std::fs::read_to_string(&path).map_err(|error| Error::file(&path, FileAction::Read, &error))?;
     serde_json::from_str(&text).map_err(|error| Error::Rows {
         path: path.clone(),
-        fault: crate::bench::row::RowFault::Csv(format!("is no report: {error}")),
+        fault: crate::error::RowFault::Csv(format!("is no report: {error}")),
     })
 }
 

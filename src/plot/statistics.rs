@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::figure::{Axis, Figure, Item, Line, Panel, Style};
 use super::run::caption;
-use crate::bench::row::RowFault;
+use crate::error::RowFault;
 use crate::error::{Error, FileAction, Result};
 use crate::kernel::observe::Statistic;
 use crate::study::text::{CUT, Lines};

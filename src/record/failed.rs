@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use crate::kernel::method::Status;
+use crate::bodies::Status;
 
 /// How sharply it is known when a body failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -3,49 +3,48 @@
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
+use crate::bodies::BodyState;
+use crate::bodies::Status;
 use crate::engine::Description;
-use crate::engine::batch::{BodyState, Precision};
 use crate::error::Result;
-use crate::kernel::method::{Method, Status};
+use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::math::Quantiles;
 use crate::plan::{Part, listed};
 use crate::scene::Accuracy;
 
 mod adaptive;
 mod balance;
 #[cfg(feature = "study")]
-mod column;
+pub(crate) mod column;
 #[cfg(feature = "study")]
-mod csv_file;
+pub(crate) mod csv_file;
 #[cfg(feature = "study")]
 pub(crate) mod date;
 mod drift;
 mod failed;
 #[cfg(feature = "study")]
-mod failed_file;
-#[cfg(feature = "study")]
-mod files;
+pub(crate) mod failed_file;
 #[cfg(feature = "study")]
 pub(crate) mod folder;
 #[cfg(feature = "study")]
 mod lock;
 #[cfg(feature = "study")]
-mod npz_file;
+pub(crate) mod npz_file;
 #[cfg(feature = "study")]
 pub mod report;
 mod statistics;
 #[cfg(feature = "study")]
-mod statistics_file;
+pub(crate) mod statistics_file;
 
-pub use adaptive::{AdaptiveWork, Spread};
+pub use adaptive::AdaptiveWork;
 pub use balance::Balance;
 pub(crate) use balance::{BalanceGatherer, change_of_total};
 #[cfg(feature = "study")]
 pub use column::{ROTATION_COLUMNS, STATUS, TRANSLATION_COLUMNS};
+pub use drift::Drift;
 pub(crate) use drift::{BodyDrift, Conserved, DriftGatherer};
-pub use drift::{Drift, Quantiles};
 pub use failed::{FailedBody, KnownTo};
-#[cfg(feature = "study")]
-pub use files::{OutputSize, run_to_folder};
 #[cfg(feature = "study")]
 pub use folder::{OutputFolder, PLAN, REPORT, Traces};
 #[cfg(feature = "study")]
@@ -267,11 +266,6 @@ impl std::fmt::Display for Shadow {
         }
     }
 }
-
-/// What a report calls the closed form, where it otherwise names a method.
-pub(crate) const CLOSED_FORM: &str = "closed form";
-/// What `rk8` in steps that each body chooses is called in tables.
-pub(crate) const ADAPTIVE: &str = "rk8 adaptive";
 
 /// What a run did and how well.
 #[derive(Clone, Debug, PartialEq)]

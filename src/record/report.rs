@@ -2,9 +2,10 @@
 
 use serde::Serialize;
 
-use super::{AdaptiveWork, Balance, Drift, FailedBody, Quantiles, Spread, Trust};
+use super::{AdaptiveWork, Balance, Drift, FailedBody, Trust};
+use crate::bodies::Status;
 use crate::engine::EngineKind;
-use crate::kernel::method::Status;
+use crate::math::{Quantiles, Spread};
 use crate::plan::explain::{ClassRow, SkipRow};
 use crate::plan::{Group, Part, Plan, Treatment};
 use crate::scene::Accuracy;
@@ -340,7 +341,7 @@ impl BalanceReport {
 }
 
 impl Report {
-    pub(super) fn new(study: Option<StudyReport>, plan: &Plan<'_>, trust: Trust) -> Self {
+    pub(crate) fn new(study: Option<StudyReport>, plan: &Plan<'_>, trust: Trust) -> Self {
         let compute = trust.wall_time.compute;
         let explanation = plan.explain();
         let rate = trust.body_steps as f64 / compute;

@@ -17,7 +17,7 @@ const BODY_COLUMNS: usize = 2;
 ///
 /// As comma-separated values without a body where there is none; as arrays of shape `[outputs]`, with −1.
 #[derive(Debug)]
-pub(super) enum StatisticsFile {
+pub(crate) enum StatisticsFile {
     Csv(OutputFile),
     Npz(Box<Archive>),
 }

@@ -3,20 +3,22 @@
 use std::ops::Range;
 use std::time::Instant;
 
-use glam::DVec3;
-use rayon::prelude::*;
-
 use super::reading::{FormStates, each_in_lanes};
-use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps};
-use crate::engine::batch::{AnyBatch, BodyFrame, ORDER_BLOCK, Precision, Prepared, StateWords, prepare_ordered};
+use crate::bodies::BodyFrame;
+use crate::bodies::columns::StateWords;
+use crate::engine::adaptive::AdaptiveSession;
+use crate::engine::batch::{ORDER_BLOCK, Prepared, prepare_ordered};
 use crate::engine::reduction::Reduce;
 use crate::engine::watch::Job;
-use crate::engine::work::order;
 use crate::engine::{Backend, Observer};
 use crate::error::Result;
 use crate::kernel::method::Method;
-use crate::plan::{Group, Members, greatest_rate};
-use crate::record::{AdaptiveWork, Spread, WallTime};
+use crate::math::Precision;
+use crate::math::Spread;
+use crate::plan::Group;
+use crate::plan::subset::{order_by_work, start};
+use crate::record::{AdaptiveWork, WallTime};
+use crate::scene::AdaptiveSteps;
 use crate::scene::Scene;
 
 /// The bodies of a group in the order of their expected work, so that those advanced side by side finish together.
@@ -149,37 +151,6 @@ impl AdaptiveUnit {
     pub fn bytes_read(&self) -> u64 {
         self.session.bytes_read()
     }
-}
-
-/// Opens a session of adaptive steps by one of [`Method::ADAPTIVE`].
-pub(crate) fn start(
-    engine: &dyn Backend,
-    method: Method,
-    batch: AnyBatch,
-    steps: AdaptiveSteps,
-) -> Result<Box<dyn AdaptiveSession>> {
-    if method == Method::Taylor { engine.start_taylor(batch, steps) } else { engine.start_adaptive(batch, steps) }
-}
-
-/// Members from `start` on in the order of their expected work, as places among those that are prepared. Which row of the session
-/// each of them then has is noted in `session_rows`.
-pub(super) fn order_by_work(
-    scene: &Scene,
-    members: &Members,
-    start: usize,
-    prepared: &[Prepared],
-    session_rows: &mut [u32],
-) -> Vec<usize> {
-    // All have the same span, so the greatest rate is their work up to a factor.
-    let rate = |(place, (frame, state)): (usize, &Prepared)| {
-        let m = DVec3::new(state[4], state[5], state[6]);
-        greatest_rate(scene, members.body(start + place), frame, m)
-    };
-    let order = order(&prepared.par_iter().enumerate().map(rate).collect::<Vec<_>>());
-    for (session_row, &place) in order.iter().enumerate() {
-        session_rows[start + place] = (start + session_row) as u32;
-    }
-    order
 }
 
 /// Steps of the bodies of one unit.

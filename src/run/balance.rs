@@ -5,12 +5,14 @@ use std::ops::ControlFlow;
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
-use super::shadow::{self, SHADOW_SEED};
 use super::work::Work;
-use crate::engine::batch::{BodyState, initial_state};
+use crate::bodies::BodyState;
+use crate::bodies::frame::initial_state;
 use crate::error::{Error, Result};
+use crate::plan::sampling::sample;
 use crate::plan::{Plan, TorqueSet};
 use crate::record::{Balance, BalanceGatherer, change_of_total};
+use crate::run::recomputed_sample::{SHADOW_SEED, recomputed, shadow_size};
 use crate::scene::Scene;
 use crate::torque::variable_inertia;
 
@@ -43,8 +45,8 @@ pub fn balance(plan: &Plan<'_>, orientation: &[DQuat], angular_velocity_body: &[
         }
     };
     let mut gatherer = BalanceGatherer::default();
-    let sample = shadow::sample(ensemble.len(), shadow::shadow_size(ensemble.len()), SHADOW_SEED);
-    for reference in shadow::recomputed(plan, &sample, &mut |_| ControlFlow::Continue(()))? {
+    let sample = sample(ensemble.len(), shadow_size(ensemble.len()), SHADOW_SEED);
+    for reference in recomputed(plan, &sample, &mut |_| ControlFlow::Continue(()))? {
         push_rest(&mut gatherer, plan.scene(), reference.body, &state(reference.body), reference.work.as_ref());
     }
     let changes: Vec<f64> = (0..ensemble.len())

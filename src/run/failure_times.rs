@@ -10,11 +10,13 @@ use std::collections::BTreeSet;
 use super::OutputState;
 use super::translation::Centres;
 use super::unit::Unit;
-use crate::engine::cpu::{Cpu, Width};
+use crate::bodies::Members;
+use crate::bodies::Status;
+use crate::engine::cpu::Cpu;
 use crate::engine::{Observer, Progress};
 use crate::error::{Error, Result};
-use crate::kernel::method::Status;
-use crate::plan::{Group, Interval, Members, Plan, Treatment};
+use crate::math::Width;
+use crate::plan::{Group, Interval, Plan, Treatment};
 use crate::record::{FailedBody, KnownTo, WallTime};
 
 /// The most bodies whose steps are taken again.

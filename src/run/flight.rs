@@ -5,13 +5,14 @@ use std::ops::Range;
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
+use crate::bodies::Members;
+use crate::bodies::frame::initial_state;
 use crate::bodies::inertia::principal_axes;
 use crate::bodies::memory;
-use crate::engine::batch::{BodyFrame, BodyState, initial_state};
+use crate::bodies::{BodyFrame, BodyState};
 use crate::engine::{Observer, Progress};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::FreeMotion;
-use crate::plan::Members;
 use crate::scene::Scene;
 use crate::torque::force::adaptive::TOLERANCE;
 use crate::torque::force::carried::{Carried, MOST_PARTS};

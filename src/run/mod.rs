@@ -7,11 +7,14 @@ use std::time::Instant;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::engine::batch::BodyState;
+use crate::bodies::BodyState;
+use crate::bodies::Status;
+use crate::engine::Engine;
 use crate::engine::watch::{Watch, watched};
 use crate::engine::{Backend, Description, EngineKind, Observer, Progress};
 use crate::error::{Error, Result};
-use crate::kernel::method::Status;
+use crate::plan::errors::Errors;
+use crate::plan::sampling::sample;
 use crate::plan::{Plan, TorqueSet};
 use crate::record::{
     BalanceGatherer, BodyDrift, Conserved, Drift, DriftGatherer, FailedBody, Memory, OutputState, Record, Sink, Trust,
@@ -21,27 +24,29 @@ use crate::scene::{Scene, Stepping};
 use crate::torque::Torque;
 
 pub(crate) mod adaptive;
-pub(crate) mod alone;
 mod balance;
-pub(crate) mod confidence;
 mod failure_times;
 mod failures;
+#[cfg(feature = "study")]
+mod files;
 pub(crate) mod flight;
 mod once;
 mod reading;
 mod recomputed_centres;
-pub(crate) mod shadow;
+mod recomputed_sample;
 mod statistics;
 mod translation;
 mod unit;
 mod work;
 
 pub use balance::balance;
+#[cfg(feature = "study")]
+pub use files::{OutputSize, run_to_folder};
 
 use balance::{push_rest, total_energy_change};
 use failures::Failures;
 use recomputed_centres::recomputed_centres;
-use shadow::SHADOW_SEED;
+use recomputed_sample::{SHADOW_SEED, recomputed, shadow_size};
 use statistics::FromStates;
 use translation::Centres;
 use unit::Unit;
@@ -52,6 +57,17 @@ fn read_block(engine: &Description) -> usize {
     match engine.kind {
         EngineKind::Cpu => 1 << 13,
         EngineKind::Gpu => 1 << 15,
+    }
+}
+
+impl Engine {
+    /// Runs a plan and keeps every output in memory.
+    ///
+    /// # Errors
+    ///
+    /// As [`run_into`], which hands outputs on instead of keeping them.
+    pub fn run(&self, plan: &Plan<'_>) -> Result<Record> {
+        run(self, plan)
     }
 }
 
@@ -124,7 +140,7 @@ fn run_counted(
     let mut done = 0_u64;
     let mut end = AtEnd::default();
     let mut failures = Failures::new(scene.ensemble());
-    let sample = shadow::sample(body_count, shadow::shadow_size(body_count), SHADOW_SEED);
+    let sample = sample(body_count, shadow_size(body_count), SHADOW_SEED);
     let (mut sampled, mut sampled_centres) = (Vec::with_capacity(sample.len()), Vec::with_capacity(sample.len()));
     let count = plan.times().len();
     let block = read_block(&engine.description());
@@ -232,16 +248,16 @@ fn run_counted(
     let (mut drift, gathered) = (Drift::default(), std::mem::take(&mut end.drift));
     let recomputed = rayon::in_place_scope(|scope| {
         scope.spawn(|_| drift = gathered.finish());
-        shadow::recomputed(plan, &sample, &mut |_| observer(Progress { done, total }))
+        recomputed(plan, &sample, &mut |_| observer(Progress { done, total }))
     })?;
     let recomputed_centres = recomputed_centres(plan, &sample, &mut |_| observer(Progress { done, total }))?;
-    let mut errors = shadow::Errors::default();
+    let mut errors = Errors::default();
     let has_failed = |body: usize| failures.binary_search_by_key(&body, |failed| failed.body).is_ok();
     let (mut lost, mut diverged) = (0, 0);
     for ((state, centre), reference) in sampled.iter().zip(sampled_centres).zip(&recomputed) {
-        if !is_sound(state) || has_failed(reference.body) {
+        if !state.is_sound() || has_failed(reference.body) {
             lost += 1;
-        } else if !is_sound(&reference.state) {
+        } else if !reference.state.is_sound() {
             // There is nothing to compare with.
             diverged += 1;
         } else {
@@ -410,7 +426,7 @@ impl AtEnd {
             found.drift.begin_part(states.len());
             for (row, (initial, state)) in initial.iter().zip(states).enumerate() {
                 let (body, state) = (first_body + task * COMPARED + row, &state.rotation);
-                found.conserved(is_sound(state).then(|| Kept::of(scene, body, initial, state)));
+                found.conserved(state.is_sound().then(|| Kept::of(scene, body, initial, state)));
                 found.outside_usable_region += usize::from(too_fast(initial) || too_fast(state));
             }
             found
@@ -455,7 +471,7 @@ impl AtEnd {
         for (body, state) in &states {
             let mut initial = [BodyState::UNKNOWN];
             units.iter().for_each(|unit| unit.read_initial(&(*body..body + 1), &mut initial));
-            self.conserved(is_sound(state).then(|| Kept::of(scene, *body, &initial[0], state)));
+            self.conserved(state.is_sound().then(|| Kept::of(scene, *body, &initial[0], state)));
         }
         Ok(states.into_iter().map(|(_, state)| state).collect())
     }
@@ -504,9 +520,4 @@ fn usable_rate(scene: &Scene) -> f64 {
         Stepping::Pinned { method, dt, .. } if scene.end() > 0.0 => method.properties().usable_angle / dt,
         Stepping::Pinned { .. } | Stepping::Accuracy(_) | Stepping::Adaptive { .. } => f64::INFINITY,
     }
-}
-
-/// Whether a state is a number in every place and no step has failed on it.
-fn is_sound(state: &BodyState) -> bool {
-    state.status == Status::Valid && state.is_finite()
 }

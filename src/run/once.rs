@@ -6,12 +6,13 @@ use rayon::prelude::*;
 
 use super::OutputState;
 use super::reading::TASK;
+use crate::bodies::BodyState;
 use crate::bodies::Ensemble;
-use crate::engine::batch::{BodyState, Precision};
-use crate::engine::cpu::Width;
+use crate::bodies::Members;
 use crate::kernel::free_motion::{FORMED_BODIES, FormedBlock, SetUp};
+use crate::math::Precision;
+use crate::math::Width;
 use crate::math::lanes::LaneScalar;
-use crate::plan::Members;
 
 /// A group of such bodies.
 pub(super) struct Once<'p> {

@@ -9,12 +9,14 @@ use glam::DVec3;
 
 use super::flight::Flight;
 use super::unit::Unit;
+use crate::bodies::Members;
 use crate::engine::Observer;
-use crate::engine::batch::Precision;
-use crate::engine::cpu::{Cpu, Width};
+use crate::engine::cpu::Cpu;
 use crate::error::Result;
 use crate::kernel::method::Method;
-use crate::plan::{Group, Members, Plan, TorqueSet, Treatment};
+use crate::math::Precision;
+use crate::math::Width;
+use crate::plan::{Group, Plan, TorqueSet, Treatment};
 use crate::record::WallTime;
 use crate::torque::Torque;
 use crate::torque::force::{Force, accelerations, closed_form};

@@ -1,7 +1,7 @@
 //! Statistics at output times: where the states are, or from the states that were read.
 
+use super::OutputState;
 use super::unit::Unit;
-use super::{OutputState, is_sound};
 use crate::error::Result;
 use crate::kernel::observe::{Partial, Statistic, merge};
 use crate::record::Statistics;
@@ -31,7 +31,7 @@ impl<'a> FromStates<'a> {
     /// Takes the states of the bodies from `first_body` on.
     pub fn push(&mut self, first_body: usize, states: &[OutputState]) {
         for (total, &statistic) in self.total.iter_mut().zip(self.statistics) {
-            let sound = states.iter().enumerate().filter(|(_, state)| is_sound(&state.rotation));
+            let sound = states.iter().enumerate().filter(|(_, state)| state.rotation.is_sound());
             let values: Vec<(u32, f64)> =
                 sound.map(|(row, state)| ((first_body + row) as u32, statistic.of(&state.rotation))).collect();
             *total = merge(*total, Partial::of_values(&values, 0));

@@ -6,23 +6,28 @@ use std::time::Instant;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::OutputState;
 use super::adaptive::{AdaptiveUnit, UnitWork};
 use super::flight::Flight;
 use super::once::Once;
 use super::reading::{FormStates, TASK, WriteState, each_in_lanes, scatter};
-use super::{OutputState, is_sound};
 use crate::bodies::Ensemble;
-use crate::engine::batch::{BodyFrame, BodyState, Precision, StateWords, prepare_members};
-use crate::engine::cpu::{Cpu, Width};
+use crate::bodies::Members;
+use crate::bodies::Status;
+use crate::bodies::columns::StateWords;
+use crate::bodies::{BodyFrame, BodyState};
+use crate::engine::batch::prepare_members;
+use crate::engine::cpu::Cpu;
 use crate::engine::reduction::{Marked, Reduce};
 use crate::engine::watch::{Job, Watch};
 use crate::engine::{Backend, FreeSession, Observer, Progress, Session};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::{AnyRows, scaled_body};
-use crate::kernel::method::Status;
 use crate::kernel::observe::{self, Partial, Statistic, merge};
+use crate::math::Precision;
+use crate::math::Width;
 use crate::plan::regular_precession::RegularPrecession;
-use crate::plan::{Group, Members, Treatment};
+use crate::plan::{Group, Treatment};
 use crate::record::WallTime;
 use crate::scene::Scene;
 use crate::torque::Torque;
@@ -473,7 +478,7 @@ impl Unit<'_> {
             let rows = start..(start + BLOCK).min(self.members.len());
             let states = self.read_range(&rows)?;
             for (total, &statistic) in total.iter_mut().zip(statistics) {
-                let sound = rows.clone().zip(&states).filter(|(_, state)| is_sound(state));
+                let sound = rows.clone().zip(&states).filter(|(_, state)| state.is_sound());
                 let values: Vec<_> = sound.map(|(row, state)| (row as u32, statistic.of(state))).collect();
                 *total = merge(*total, Partial::of_values(&values, 0));
             }
@@ -498,7 +503,7 @@ impl Unit<'_> {
         for start in (0..self.members.len()).step_by(BLOCK) {
             let rows = start..(start + BLOCK).min(self.members.len());
             for (row, state) in rows.clone().zip(self.read_range(&rows)?) {
-                if !is_sound(&state) {
+                if !state.is_sound() {
                     marked.failed.push(row);
                 } else if state.angular_velocity_body.length() > fastest {
                     marked.faster.push(row);

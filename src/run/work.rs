@@ -9,25 +9,29 @@ use std::cell::Cell;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use crate::bodies::Members;
+use crate::bodies::columns::{STATE_COMPONENTS, state_columns};
+use crate::bodies::{BodyFrame, BodyState};
 use crate::engine::Observer;
-use crate::engine::batch::{
-    AnyBatch, Batch, BodyFrame, BodyState, Precision, STATE_COMPONENTS, load_body, load_state, prepare_members,
-    scaled_by_power_of_two, state_columns, store_state, two_words,
-};
+use crate::engine::batch::{AnyBatch, Batch, load_body, load_state, prepare_members, store_state};
 use crate::engine::watch::{Watch, watched};
 use crate::error::{Error, Result};
 use crate::kernel::method::Step;
 use crate::kernel::method::rk8::{Rk8, WEIGHTS};
 use crate::kernel::rigid_body::{Body, Correction};
+use crate::kernel::torque_kernel::{Motion, TorqueKernel, VelocityDependence};
+use crate::math::Precision;
 use crate::math::clock::Clock;
 use crate::math::lanes::{LaneScalar, LaneTask};
+use crate::math::power_of_two::scaled_by_power_of_two;
 use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
+use crate::math::vector::two_words;
 use crate::math::vector::{TwoWords, Vector};
-use crate::plan::{Interval, Members};
+use crate::plan::Interval;
 use crate::scene::Scene;
+use crate::torque::Torque;
 use crate::torque::sum::{Epoch, Source, StepStart, Torques};
-use crate::torque::{Environment, Motion, Torque, VelocityDependence};
 
 /// What the torques did to a body from the start to the end, and the scales that it is measured by.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -272,7 +276,7 @@ struct Recorded<'a, R: Real> {
     given: &'a Given<R>,
 }
 
-impl<'a, R: Real> Environment<R> for Recorded<'a, R> {
+impl<'a, R: Real> TorqueKernel<R> for Recorded<'a, R> {
     type Start = StepStart<'a, R>;
     type Epoch = Epoch<'a, R>;
     const FREE: bool = false;
@@ -304,7 +308,7 @@ impl<'a, R: Real> Environment<R> for Recorded<'a, R> {
         self.acting.velocity_dependence()
     }
 
-    /// Called before [`Environment::torque`] at every stage; notes ω = I⁻¹ m and the power of what goes on in the body.
+    /// Called before [`TorqueKernel::torque`] at every stage; notes ω = I⁻¹ m and the power of what goes on in the body.
     #[inline(always)]
     fn motion(&self, epoch: &Epoch<'a, R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
         let turning = self.acting.turning_at(epoch, body, correction, m);

@@ -98,11 +98,13 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use crate::bodies::Ensemble;
-use crate::engine::batch::Precision;
-use crate::error::{Error, Result, Text};
 #[cfg(doc)]
-use crate::kernel::method::Status;
+use crate::bodies::Status;
+use crate::error::InputError;
+use crate::error::InputFault;
+use crate::error::{Error, Result, Text};
 use crate::kernel::observe::Statistic;
+use crate::math::Precision;
 use crate::scene::{Accuracy, Outputs, Scene, Target};
 
 mod accuracy;
@@ -112,7 +114,6 @@ mod distribution;
 pub mod draw;
 mod force;
 mod inertia;
-mod input;
 mod mass_file;
 mod models;
 mod parameter;
@@ -130,7 +131,6 @@ mod torque;
 pub use bodies::Bodies;
 pub use distribution::{Orientation, Scalar, Vector};
 pub use inertia::Inertia;
-pub use input::{Fault, InputError};
 pub use mass_file::{CLASS_TOLERANCE, MassFileOptions, MassReport, TensorAbout};
 pub use models::{describe_models, models_table};
 pub use points::read_points;
@@ -275,7 +275,7 @@ impl Study {
                 file: file.to_owned(),
                 line,
                 key,
-                fault: Fault::Missing { expected: expected.into() },
+                fault: InputFault::Missing { expected: expected.into() },
             }
             .into());
         }
@@ -405,7 +405,7 @@ impl Study {
                     Some(place) => self.input(
                         place.line,
                         key,
-                        Fault::Value { value: place.value.clone(), expected: expected.into() },
+                        InputFault::Value { value: place.value.clone(), expected: expected.into() },
                     ),
                     None => Error::Setting { field, value, expected },
                 }
@@ -417,20 +417,20 @@ impl Study {
                 Some(place) => self.input(
                     place.line,
                     PROJECTION,
-                    Fault::Value { value: place.value.clone(), expected: expected.into() },
+                    InputFault::Value { value: place.value.clone(), expected: expected.into() },
                 ),
                 None => error,
             },
             Error::MissingMass => match self.places.get("force") {
                 Some(place) => {
                     let expected = "the force needs masses, here or as a column of the table of bodies (kg)";
-                    self.input(place.line, "bodies.mass", Fault::Missing { expected: expected.into() })
+                    self.input(place.line, "bodies.mass", InputFault::Missing { expected: expected.into() })
                 }
                 None => Error::MissingMass,
             },
             Error::TooManyBodies { .. } => match self.places.get("bodies.count") {
                 Some(place) => {
-                    let fault = Fault::Cause { value: place.value.clone(), cause: Box::new(error) };
+                    let fault = InputFault::Cause { value: place.value.clone(), cause: Box::new(error) };
                     self.input(place.line, "bodies.count", fault)
                 }
                 None => error,
@@ -467,7 +467,7 @@ impl Study {
             (Some(place), _) => (place.line, place.value.clone()),
             (None, table) => (table.map_or(1, |place| place.line), format!("{wanted:e} (where nothing is said)")),
         };
-        self.input(line, key, Fault::Cause { value, cause: Box::new(error) })
+        self.input(line, key, InputFault::Cause { value, cause: Box::new(error) })
     }
 
     fn located_body(&self, body: usize, field: &'static str, value: f64, expected: &'static str) -> Error {
@@ -498,14 +498,16 @@ impl Study {
             .collect();
         let key = keys.iter().find(|key| self.places.contains_key(*key)).map_or("bodies", String::as_str);
         match self.places.get(key) {
-            Some(place) => {
-                self.input(place.line, key, Fault::Body { body, field: field.into(), value, expected: expected.into() })
-            }
+            Some(place) => self.input(
+                place.line,
+                key,
+                InputFault::Body { body, field: field.into(), value, expected: expected.into() },
+            ),
             None => error,
         }
     }
 
-    fn input(&self, line: usize, key: &str, fault: Fault) -> Error {
+    fn input(&self, line: usize, key: &str, fault: InputFault) -> Error {
         InputError { file: self.file.clone(), line, key: key.to_owned(), fault }.into()
     }
 }
@@ -585,10 +587,10 @@ fn statistics(node: &Node<'_>) -> Result<Vec<Statistic>> {
 }
 
 /// What is wrong with the value of a parameter that all bodies share, or one body has.
-fn parameter_fault(body: Option<usize>, field: &Text, value: f64, expected: &Text) -> Fault {
+fn parameter_fault(body: Option<usize>, field: &Text, value: f64, expected: &Text) -> InputFault {
     let expected = expected.clone();
     match body {
-        Some(body) => Fault::Body { body, field: field.clone(), value, expected },
-        None => Fault::Value { value: format!("{value:?}"), expected },
+        Some(body) => InputFault::Body { body, field: field.clone(), value, expected },
+        None => InputFault::Value { value: format!("{value:?}"), expected },
     }
 }

@@ -4,12 +4,12 @@ use glam::DVec3;
 
 use super::distribution::{Scalar, Vector};
 use super::draw::{Column, Draw};
-use super::input::Fault;
 use super::parts::{self, StudyPart};
 use super::points::read_points;
 use super::reader::{Node, Table};
 use super::shape_kind::{NAMES, ShapeKind, TETRAHEDRON};
 use crate::bodies::inertia::{MassProperties, Part, Shape, compose, point_masses};
+use crate::error::InputFault;
 use crate::error::{Error, Result};
 
 /// A body whose matter is described.
@@ -308,7 +308,7 @@ impl Node<'_> {
     pub(super) fn caused_by(&self, cause: Error) -> Error {
         match cause {
             Error::Input(_) => cause,
-            cause => self.fault(Fault::Cause { value: self.text(), cause: Box::new(cause) }),
+            cause => self.fault(InputFault::Cause { value: self.text(), cause: Box::new(cause) }),
         }
     }
 }

@@ -12,9 +12,9 @@ use super::{
     Declaration, Kind, Model, ModelRef, Needs, ParameterDeclaration, Torque, ValidationContext, Value, Values,
     translated,
 };
+use crate::bodies::BodyFrame;
 use crate::bodies::Ensemble;
 use crate::bodies::inertia::InertiaTensor;
-use crate::engine::batch::BodyFrame;
 use crate::error::{Error, Result};
 use crate::expression::wgsl::WgslError;
 use crate::expression::{

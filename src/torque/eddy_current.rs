@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use glam::{DQuat, DVec3};
 
 use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
-use crate::engine::batch::BodyFrame;
+use crate::bodies::BodyFrame;
 use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
 use crate::math::vector::Vector;

@@ -8,7 +8,7 @@
 use glam::{DMat3, DQuat};
 
 use super::{Needs, Value, Values};
-use crate::engine::batch::BodyFrame;
+use crate::bodies::BodyFrame;
 use crate::expression::wgsl::{self, Argument, Signature};
 use crate::expression::{
     Dependence, Expression, Fault, Graph, Input, InputKind, Part, Program, Recorder, Shape, Symbol,

@@ -11,7 +11,7 @@ use super::ValidationContext;
 use super::{
     Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Preset, Torque, Validity, Value, Values,
 };
-use crate::engine::batch::BodyFrame;
+use crate::bodies::BodyFrame;
 use crate::error::{Error, Result};
 use crate::expression::{Expression, Fault, Shape, Symbol, Symbols};
 use crate::math::real::Real;

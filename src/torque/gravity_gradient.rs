@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 
 use super::orbit::{self, circular_place, elements, gradient_torque};
 use super::{Declaration, Kind, Model, Orbit, Torque, ValidationContext, Values};
-use crate::engine::batch::BodyFrame;
+use crate::bodies::BodyFrame;
 use crate::error::Result;
 use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;

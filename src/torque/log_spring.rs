@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use glam::DQuat;
 
 use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
-use crate::engine::batch::BodyFrame;
+use crate::bodies::BodyFrame;
 use crate::math::elementary::functions::arctangent_ratio;
 use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 
 use super::{Declaration, Kind, Text, ValidationContext, Value, Values};
+use crate::bodies::BodyFrame;
 use crate::bodies::Ensemble;
 use crate::bodies::inertia::InertiaTensor;
-use crate::engine::batch::BodyFrame;
 use crate::error::Result;
 
 /// A torque of a scene: a model and the values of its parameters, each one for the scene or a column with one row a body

@@ -8,17 +8,18 @@
 //! rate. Inputs are the state, the columns of the batch by their numbers, and the table's phases in turns by theirs (of a ramp its progress),
 //! which advance evenly; the time, where it is read, is in seconds. Every formula records itself.
 
+use super::Kind;
 use super::expressed::Given;
 use super::formula::{Epoch, Following, Formula, FormulaTask, MOST_PHASES, Role, Row};
 use super::internal_dissipation::internal_dissipation;
 use super::linear_rotor::across_axis;
 use super::table::{Instance, TorqueTable};
 use super::variable_inertia::{Change, smoothly_changed_motion};
-use super::{Kind, Motion};
 use crate::expression::graph::{Binary, Operation, Unary};
 use crate::expression::jet::{Equations, Lowered, lowered, lowered_by_directions};
 use crate::expression::{Dependence, Fault, Graph, Input, InputKind, Node, Recorder, Symbol};
 use crate::kernel::rigid_body::{Body, Correction};
+use crate::kernel::torque_kernel::Motion;
 use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
 use crate::math::vector::{TwoWords, Vector};

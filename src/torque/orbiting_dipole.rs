@@ -13,7 +13,7 @@ use super::{
     Declaration, Frame, Kind, Model, Orbit, Parameter, ParameterDeclaration, Preset, Torque, ValidationContext, Value,
     Values,
 };
-use crate::engine::batch::BodyFrame;
+use crate::bodies::BodyFrame;
 use crate::error::Result;
 use crate::math::quaternion::Quaternion;
 use crate::math::real::{Real, sin_cos};

@@ -16,7 +16,7 @@ use super::{
     Declaration, Kind, Model, Orbit, Parameter, ParameterDeclaration, Torque, ValidationContext, Validity, Value,
     Values,
 };
-use crate::engine::batch::BodyFrame;
+use crate::bodies::BodyFrame;
 use crate::error::Result;
 use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;

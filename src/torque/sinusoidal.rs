@@ -8,7 +8,7 @@ use glam::{DQuat, DVec3};
 use std::sync::LazyLock;
 
 use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Preset, Torque, Value, Values};
-use crate::engine::batch::BodyFrame;
+use crate::bodies::BodyFrame;
 use crate::math::real::{Real, sin_cos};
 use crate::math::vector::Vector;
 

@@ -4,11 +4,12 @@ use std::sync::Arc;
 
 use glam::DQuat;
 
+use super::Torque;
 use super::expressed::{self, Expressed};
 use super::formula::Role;
 use super::kind::Kind;
-use super::{Torque, VelocityDependence};
-use crate::engine::batch::BodyFrame;
+use crate::bodies::BodyFrame;
+use crate::kernel::torque_kernel::VelocityDependence;
 use crate::math::clock::{Clock, Fraction, MOST_LANES, RATE_DIGITS, digits};
 use crate::math::real::Scalar;
 

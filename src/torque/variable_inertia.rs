@@ -39,14 +39,14 @@ use glam::{DQuat, DVec3};
 
 pub use super::inertia_change::{InertiaChange, Law};
 use super::model::InertiaModel;
-use super::{
-    Declaration, Kind, Model, Motion, ParameterDeclaration, Torque, ValidationContext, Validity, Value, Values,
-};
+use super::{Declaration, Kind, Model, ParameterDeclaration, Torque, ValidationContext, Validity, Value, Values};
+use crate::bodies::BodyFrame;
 use crate::bodies::Ensemble;
-use crate::bodies::inertia::{InertiaTensor, TRIANGLE_TOLERANCE, VANISHING_MOMENT, principal_axes};
-use crate::engine::batch::BodyFrame;
+use crate::bodies::inertia::{InertiaTensor, VANISHING_MOMENT, principal_axes};
 use crate::error::Result;
+use crate::error::TRIANGLE_TOLERANCE;
 use crate::kernel::rigid_body::{Body, Correction};
+use crate::kernel::torque_kernel::Motion;
 use crate::math::real::{Real, Scalar, sin_cos};
 use crate::math::vector::{TwoWords, Vector, two_difference};
 
@@ -494,5 +494,14 @@ impl Formula for InertiaOscillation {
     #[inline(always)]
     fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
         Vector::zero()
+    }
+}
+
+impl BodyFrame {
+    /// The frame with the moments that the body has at `time`, s: of another one where `torques` hold moments that change.
+    /// `body` is its index in the scene.
+    #[must_use]
+    pub fn at(&self, torques: &[Torque], body: usize, time: f64) -> Self {
+        Self { scaled_moments: scaled_moments_at(torques, body, self, time), ..*self }
     }
 }

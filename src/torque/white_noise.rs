@@ -11,7 +11,7 @@ use std::sync::LazyLock;
 use glam::DQuat;
 
 use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Preset, Torque, Validity, Value, Values};
-use crate::engine::batch::BodyFrame;
+use crate::bodies::BodyFrame;
 use crate::math::real::{Real, Scalar, sin_cos};
 use crate::math::vector::Vector;
 

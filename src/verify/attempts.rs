@@ -12,18 +12,22 @@ use super::steps::enter_row;
 use super::subject::{Side, Subject, TWIN, in_one_word, row_of, start_clock};
 use super::tapped::Tap;
 use super::{Found, Window};
+use crate::bodies::Status;
+use crate::bodies::columns::{RATE_COLUMN, STATE_COMPONENTS, StateWords};
 use crate::engine::Backend;
-use crate::engine::adaptive::{AdaptiveSteps, two_words_of};
-use crate::engine::batch::{AnyBatch, Precision, RATE_COLUMN, STATE_COMPONENTS, StateWords};
+use crate::engine::adaptive::two_words_of;
+use crate::engine::batch::AnyBatch;
 use crate::engine::cpu::Cpu;
 use crate::error::Result;
+use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::Controller;
-use crate::kernel::method::{Method, Status};
+use crate::math::Precision;
 use crate::math::clock::Clock;
 use crate::math::real::Scalar;
 use crate::math::vector::TwoWords;
 use crate::plan::Plan;
-use crate::run::adaptive::start;
+use crate::plan::subset::start;
+use crate::scene::AdaptiveSteps;
 
 /// A tolerance below the greatest that there is, 1.
 const LAX_TOLERANCE: f64 = 0.5;

@@ -17,9 +17,11 @@
 //! is for the two sides.
 
 use super::running::bounds_within;
-use crate::engine::batch::{AnyBatch, Batch, Precision, RATE_COLUMN, STATE_COMPONENTS};
+use crate::bodies::columns::{RATE_COLUMN, STATE_COMPONENTS};
+use crate::engine::batch::{AnyBatch, Batch};
 use crate::expression::{Input, InputKind};
 use crate::kernel::method::Method;
+use crate::math::Precision;
 use crate::math::clock::Ticks;
 use crate::math::real::Scalar;
 use crate::torque::motion::RecordedMotion;

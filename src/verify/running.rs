@@ -4,8 +4,8 @@
 
 use crate::expression::graph::{Binary, Graph, Input, Node, Operation, Unary};
 use crate::math::elementary::functions;
+use crate::math::kepler::eccentric_anomaly;
 use crate::math::real::{Function, sin_cos};
-use crate::torque::orbit::eccentric_anomaly;
 
 /// A number.
 #[derive(Clone, Copy, Debug)]

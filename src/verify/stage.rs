@@ -8,7 +8,8 @@
 use super::bound::{EvaluationBounds, StepBounds, Stepped};
 use super::subject::Side;
 use super::tapped::Tap;
-use crate::engine::batch::{AnyBatch, STATE_COMPONENTS};
+use crate::bodies::columns::STATE_COMPONENTS;
+use crate::engine::batch::AnyBatch;
 use crate::engine::tap::Evaluations;
 use crate::error::Result;
 use crate::kernel::method::Method;

@@ -8,10 +8,12 @@ use glam::DVec3;
 use super::Found;
 use super::compare::{Comparison, Field, Gap, Place};
 use super::subject::Subject;
-use crate::engine::batch::{BodyState, Precision, StateWords};
+use crate::bodies::BodyState;
+use crate::bodies::columns::StateWords;
 use crate::engine::{Backend, unobserved};
 use crate::error::Result;
 use crate::kernel::method::Method;
+use crate::math::Precision;
 use crate::math::clock::Clock;
 use crate::math::real::Scalar;
 use crate::plan::Treatment;
@@ -96,7 +98,7 @@ impl<'a> Flown<'a> {
 
     fn states(&self, words: &StateWords, time: f64) -> Vec<BodyState> {
         let Self { subject, scene, .. } = self;
-        let of = |(row, frame): (usize, &crate::engine::batch::BodyFrame)| {
+        let of = |(row, frame): (usize, &crate::bodies::BodyFrame)| {
             frame.at(scene.torques(), subject.members.body(row), time).state_of(words, row)
         };
         subject.frames.iter().enumerate().map(of).collect()

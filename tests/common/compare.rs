@@ -1,6 +1,6 @@
 //! The comparator: differences in ulps of a vector's largest component, named by body and field.
 
-use polhode::engine::batch::{STATE_COMPONENTS, StateWords};
+use polhode::bodies::columns::{STATE_COMPONENTS, StateWords};
 use polhode::math::real::Scalar;
 
 /// A vector quantity among the numbers of a row.

@@ -1,9 +1,9 @@
 //! One-line kernels: a function of the shaders, called on a GPU for every row of a table.
 
-use polhode::engine::batch::Precision;
 use polhode::engine::gpu::shader::{Chunk, Source};
 use polhode::engine::gpu::wgpu;
 use polhode::kernel::method::Method;
+use polhode::math::Precision;
 use polhode::math::real::Scalar;
 
 /// What a one-line kernel is wrapped in: `r`, `v` and `q` read a real, a vector or a quaternion from a column on,

@@ -10,10 +10,11 @@ pub mod tree;
 
 use glam::{DQuat, DVec3};
 use polhode::bodies::Ensemble;
-use polhode::engine::batch::{AnyBatch, Precision, prepare};
+use polhode::engine::batch::{AnyBatch, prepare};
 use polhode::engine::gpu::{ChunkLimits, GpuOptions, SliceLimits};
 use polhode::engine::{Engine, unobserved};
 use polhode::kernel::method::Method;
+use polhode::math::Precision;
 use random::Random;
 
 /// The options by which tests open an adapter: any kind will do, and none is a failure of the test.
@@ -84,7 +85,7 @@ pub fn advanced(
     method: Method,
     dt: f64,
     steps: u64,
-) -> polhode::engine::batch::StateWords {
+) -> polhode::bodies::columns::StateWords {
     let count = batch.body_count();
     let mut session = engine.start(batch.clone(), method).expect("started");
     session.advance(dt, steps, &mut unobserved).expect("advanced");

@@ -1,7 +1,8 @@
 //! One torque of every kind, and how a batch under them is prepared.
 
 use glam::{DMat3, DQuat, DVec3};
-use polhode::engine::batch::{AnyBatch, Precision, prepare_with};
+use polhode::engine::batch::{AnyBatch, prepare_with};
+use polhode::math::Precision;
 use polhode::torque::{Orbit, Parameter, Torque};
 
 use super::asymmetric_ensemble;

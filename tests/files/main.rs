@@ -8,6 +8,7 @@ mod desk;
 mod entries;
 mod inertia_files;
 mod input;
+mod layers;
 mod limits;
 mod mutations;
 mod plan_document;

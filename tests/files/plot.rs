@@ -91,7 +91,8 @@ fn what_is_not_finite_or_has_no_logarithm_is_left_out() {
 #[test]
 fn a_run_is_drawn_with_its_bodies() {
     use glam::{DQuat, DVec3};
-    use polhode::record::{OutputFolder, run_to_folder};
+    use polhode::record::OutputFolder;
+    use polhode::run::run_to_folder;
     use polhode::study::{Format, Output};
     use polhode::{Ensemble, Method, Outputs, Plan, Scene, Statistic, Torque};
 

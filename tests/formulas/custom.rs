@@ -8,10 +8,12 @@ use std::path::Path;
 
 use common::random::Random;
 use glam::{DMat3, DQuat, DVec3};
+use polhode::bodies::columns::StateWords;
 use polhode::engine::Engine;
-use polhode::engine::adaptive::AdaptiveSteps;
-use polhode::engine::batch::{Precision, StateWords, prepare_with};
+use polhode::engine::batch::prepare_with;
+use polhode::math::Precision;
 use polhode::plan::PlanDocument;
+use polhode::scene::AdaptiveSteps;
 use polhode::study::Study;
 use polhode::torque::{Orbit, Parameters, Torque};
 use polhode::{Accuracy, Ensemble, Method, Plan, Scene};

@@ -4,9 +4,11 @@ use crate::common;
 
 use common::compare::first_bit_difference;
 use polhode::bodies::Ensemble;
-use polhode::engine::batch::{AnyBatch, Batch, Precision, StateWords, prepare};
+use polhode::bodies::columns::StateWords;
+use polhode::engine::batch::{AnyBatch, Batch, prepare};
 use polhode::engine::{Engine, unobserved};
 use polhode::kernel::method::Method;
+use polhode::math::Precision;
 use polhode::math::real::Scalar;
 
 const DT: f64 = 1.0 / 64.0;

@@ -5,11 +5,11 @@ use crate::common::tree;
 
 use common::kernel::{Harness, chunks};
 use common::random;
-use polhode::engine::batch::Precision;
 use polhode::engine::gpu::shader::Chunk;
 use polhode::expression::wgsl::{self, Argument, Signature, WgslError};
 use polhode::expression::{Input, InputKind, Shape};
 use polhode::kernel::method::Method;
+use polhode::math::Precision;
 use polhode::math::real::Scalar;
 use random::Random;
 use tree::{INPUTS, Tree, inputs};

@@ -1,7 +1,9 @@
 //! How bodies lie in columns, and that scaling changes no digit.
 
 use glam::{DQuat, DVec3};
-use polhode::engine::batch::{AnyBatch, Batch, Precision, STRIDE_UNIT, parameter_columns, prepare, state_columns};
+use polhode::bodies::columns::{STRIDE_UNIT, parameter_columns, state_columns};
+use polhode::engine::batch::{AnyBatch, Batch, prepare};
+use polhode::math::Precision;
 use polhode::math::real::Scalar;
 use polhode::{Ensemble, Error};
 

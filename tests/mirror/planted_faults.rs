@@ -5,10 +5,12 @@ use crate::common;
 
 use common::compare::{compare_states, first_bit_difference};
 use common::torques::{batch_under, every_torque, middle_moments};
+use polhode::bodies::columns::StateWords;
 use polhode::engine::Engine;
-use polhode::engine::batch::{AnyBatch, Precision, StateWords};
+use polhode::engine::batch::AnyBatch;
 use polhode::engine::gpu::{GpuOptions, Patch};
 use polhode::kernel::free_motion::AnyRows;
+use polhode::math::Precision;
 use polhode::study::problem;
 use polhode::torque::Torque;
 use polhode::verify::{Options, verify};

@@ -6,12 +6,15 @@ use crate::common;
 use std::ops::ControlFlow;
 
 use glam::{DQuat, DVec3};
-use polhode::engine::batch::{BodyState, Precision, StateWords, prepare};
+use polhode::bodies::BodyState;
+use polhode::bodies::Status;
+use polhode::bodies::columns::StateWords;
+use polhode::engine::batch::prepare;
 use polhode::engine::gpu::{GpuOptions, Patch};
 use polhode::engine::{Engine, FreeSession, Session, unobserved};
 use polhode::kernel::free_motion::AnyRows;
-use polhode::kernel::method::Status;
 use polhode::kernel::observe::{Partial, error_bound};
+use polhode::math::Precision;
 use polhode::plan::SkipName;
 use polhode::record::{OutputState, Record, Sink, Statistics};
 use polhode::run::run_into;
@@ -101,8 +104,8 @@ fn compare(found: &Found, expected: &Expected, bound: f64) -> Result<(), String>
     Ok(())
 }
 
-fn states_of(words: &StateWords, frames: &[polhode::engine::batch::BodyFrame]) -> Vec<BodyState> {
-    let state = |(row, frame): (usize, &polhode::engine::batch::BodyFrame)| BodyState {
+fn states_of(words: &StateWords, frames: &[polhode::bodies::BodyFrame]) -> Vec<BodyState> {
+    let state = |(row, frame): (usize, &polhode::bodies::BodyFrame)| BodyState {
         status: words.status[row],
         ..frame.body_state(words.combined(row))
     };
@@ -416,7 +419,7 @@ fn the_same_states_give_the_same_statistics_both_ways() {
 
 #[test]
 fn bodies_in_steps_of_their_own_are_named_by_the_ensemble() {
-    use polhode::engine::adaptive::AdaptiveSteps;
+    use polhode::scene::AdaptiveSteps;
     // Sorted by expected work within a session, of which the statistics must not show anything.
     let steps = AdaptiveSteps { tolerance: 1e-9, least_step: None };
     for engine in [common::gpu(), Engine::cpu()] {

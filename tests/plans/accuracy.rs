@@ -1,11 +1,12 @@
 //! The error that was asked for is met, on bodies that no coefficient was tuned on, and not overpaid.
 
 use glam::{DQuat, DVec3};
-use polhode::engine::adaptive::{AdaptiveSession, AdaptiveSteps};
+use polhode::engine::adaptive::AdaptiveSession;
 use polhode::engine::batch::AnyBatch;
 use polhode::engine::{Backend, Description, FreeSession, Session};
 use polhode::kernel::free_motion::AnyRows;
 use polhode::run::run;
+use polhode::scene::AdaptiveSteps;
 use polhode::study::draw::{Column, Draw};
 use polhode::study::problem;
 use polhode::torque::{Orbit, Torque};

@@ -2,12 +2,12 @@
 
 use crate::support;
 
+use polhode::bodies::Status;
 use polhode::engine::work::{imbalance, order};
-use polhode::kernel::method::Status;
 use polhode::kernel::method::rk8_adaptive::{Controller, Limits, advance};
 use polhode::kernel::rigid_body::State;
+use polhode::kernel::torque_kernel::Free;
 use polhode::math::real::Real;
-use polhode::torque::Free;
 use support::attitude_error;
 use support::environment::{Acting, Moving, Torque, attitude, case, start_of, two_words};
 

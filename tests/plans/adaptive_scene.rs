@@ -9,13 +9,14 @@ use common::asymmetric_ensemble;
 use common::torques::middle_moments;
 use glam::{DQuat, DVec3};
 use polhode::engine::Progress;
-use polhode::engine::adaptive::AdaptiveSteps;
-use polhode::engine::batch::Precision;
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::engine::cpu::Cpu;
 use polhode::kernel::free_motion::FreeMotion;
 use polhode::kernel::method::rk8_adaptive::least_tolerance;
+use polhode::math::Precision;
+use polhode::math::Width;
 use polhode::record::{OutputState, Sink};
 use polhode::run::run_into;
+use polhode::scene::AdaptiveSteps;
 use polhode::study::Study;
 use polhode::{Accuracy, Engine, Ensemble, Method, Outputs, Plan, Scene, Torque};
 

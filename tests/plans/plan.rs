@@ -1,8 +1,9 @@
 //! A plan leaves out what a body does not need, and no more than its bounds allow.
 
 use glam::{DQuat, DVec3};
+use polhode::bodies::Members;
 use polhode::plan::class::FreeBody;
-use polhode::plan::{Bound, Class, Members, Plan, Shape, SkipName, TorqueSet, Treatment};
+use polhode::plan::{Bound, Class, Plan, Shape, SkipName, TorqueSet, Treatment};
 use polhode::record::Record;
 use polhode::torque::Torque;
 use polhode::{Accuracy, Engine, Ensemble, Method, Precision, Scene};

@@ -4,10 +4,10 @@ use glam::{DQuat, DVec3};
 use polhode::kernel::method::Step;
 use polhode::kernel::method::rk8_adaptive::Timed;
 use polhode::kernel::rigid_body::{Body, Invariants, State};
+use polhode::kernel::torque_kernel::{TorqueKernel, VelocityDependence};
 use polhode::math::quaternion::Quaternion;
 use polhode::math::real::Real;
 use polhode::math::vector::{TwoWords, Vector};
-use polhode::torque::{Environment, VelocityDependence};
 
 use super::double_double::{DoubleDouble, sin_cos};
 use super::golden::{Case, number, vector};
@@ -136,7 +136,7 @@ fn splat<R: Real>(v: DVec3) -> Vector<R> {
     Vector::new(R::splat(v.x), R::splat(v.y), R::splat(v.z))
 }
 
-impl<R: Real> Environment<R> for Acting {
+impl<R: Real> TorqueKernel<R> for Acting {
     /// s.
     type Start = DoubleDouble;
     /// Sine and cosine of the torque's phase.
@@ -263,7 +263,7 @@ pub fn start_of<R: Real>(case: &Case) -> Moving<R> {
 }
 
 /// `steps` steps of `dt` by `M`.
-pub fn stepped<R: Real, M: Step, E: Environment<R>>(
+pub fn stepped<R: Real, M: Step, E: TorqueKernel<R>>(
     moving: &Moving<R>,
     environment: &E,
     dt: f64,

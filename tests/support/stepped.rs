@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 use polhode::engine::Backend;
-use polhode::engine::batch::Precision;
+use polhode::math::Precision;
 use polhode::{Ensemble, Method, Outputs, Plan, Scene, Torque};
 
 use super::golden::Case;

@@ -1,8 +1,9 @@
 //! Energy and angular momentum change by what the torques give, and the report of it would show where they did not.
 
 use glam::{DQuat, DVec3};
-use polhode::engine::batch::Precision;
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::engine::cpu::Cpu;
+use polhode::math::Precision;
+use polhode::math::Width;
 use polhode::record::Balance;
 use polhode::torque::Orbit;
 use polhode::{Ensemble, Method, Outputs, Plan, Record, Scene, Torque};

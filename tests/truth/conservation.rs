@@ -3,9 +3,10 @@
 use crate::support;
 
 use glam::{DQuat, DVec3};
-use polhode::engine::batch::Precision;
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::engine::cpu::Cpu;
 use polhode::kernel::rigid_body::{Body, State};
+use polhode::math::Precision;
+use polhode::math::Width;
 use polhode::math::vector::{TwoWords, Vector};
 use polhode::{Ensemble, Method, Outputs, Plan, Record, Scene};
 use support::golden;

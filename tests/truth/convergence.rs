@@ -3,8 +3,9 @@
 use crate::support;
 
 use polhode::engine::Backend;
-use polhode::engine::batch::Precision;
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::engine::cpu::Cpu;
+use polhode::math::Precision;
+use polhode::math::Width;
 use polhode::{Ensemble, Method, Plan, Scene};
 use support::{attitude_error, fitted_order, golden};
 

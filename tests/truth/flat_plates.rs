@@ -6,9 +6,10 @@ use std::f64::consts::PI;
 
 use common::random::Random;
 use glam::{DQuat, DVec3};
-use polhode::engine::batch::Precision;
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::engine::cpu::Cpu;
 use polhode::expression::{Dependence, Expression, InputKind};
+use polhode::math::Precision;
+use polhode::math::Width;
 use polhode::torque::flat_plates::{Facet, MOST_FACETS, Surface, formula};
 use polhode::torque::{Torque, Validity, Value, declarations};
 use polhode::{Ensemble, Error, Method, Plan, Scene};

@@ -6,8 +6,8 @@ use crate::support;
 use std::f64::consts::TAU;
 
 use glam::{DMat3, DQuat, DVec3};
+use polhode::bodies::BodyState;
 use polhode::engine::Engine;
-use polhode::engine::batch::BodyState;
 use polhode::kernel::free_motion::{FreeMotion, Polhode};
 use polhode::math::phase::Time;
 use polhode::plan::CLOSED_FORM_F32;

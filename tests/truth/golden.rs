@@ -4,11 +4,13 @@ use crate::common;
 use crate::support;
 
 use glam::DVec3;
-use polhode::engine::adaptive::AdaptiveSteps;
-use polhode::engine::batch::{Precision, prepare_with};
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::bodies::Status;
+use polhode::engine::batch::prepare_with;
+use polhode::engine::cpu::Cpu;
 use polhode::engine::{Backend, unobserved};
-use polhode::kernel::method::Status;
+use polhode::math::Precision;
+use polhode::math::Width;
+use polhode::scene::AdaptiveSteps;
 use polhode::{Ensemble, Method};
 use support::stepped::{Tally, larger, stepped, unit};
 use support::{attitude_error, golden, relative_error};

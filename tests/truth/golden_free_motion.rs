@@ -6,7 +6,8 @@ use crate::support;
 
 use glam::{DQuat, DVec3};
 use polhode::Ensemble;
-use polhode::engine::batch::{BodyFrame, BodyState, STATE_COMPONENTS};
+use polhode::bodies::columns::STATE_COMPONENTS;
+use polhode::bodies::{BodyFrame, BodyState};
 use polhode::kernel::free_motion::{FreeMotion, FreeMotionRows};
 use polhode::math::real::Scalar;
 use polhode::plan::CLOSED_FORM_F32;

@@ -7,7 +7,8 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 
 use glam::{DQuat, DVec3};
 use polhode::bodies::inertia::{InertiaTensor, point_masses};
-use polhode::engine::batch::{AnyBatch, Precision, prepare_with};
+use polhode::engine::batch::{AnyBatch, prepare_with};
+use polhode::math::Precision;
 use polhode::plan::Treatment;
 use polhode::torque::Orbit;
 use polhode::{Accuracy, Engine, Ensemble, Error, Method, Outputs, Plan, Record, Scene, Torque};

@@ -8,14 +8,16 @@ use std::path::Path;
 
 use glam::{DMat3, DQuat, DVec3};
 use polhode::engine::batch::prepare;
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::engine::cpu::Cpu;
 use polhode::engine::{Backend, unobserved};
 use polhode::kernel::free_motion::FreeMotion;
 use polhode::kernel::method::splitting::Splitting;
+use polhode::kernel::torque_kernel::Free;
+use polhode::math::Width;
 use polhode::math::quaternion::Quaternion;
 use polhode::scene::Stepping;
 use polhode::study::Study;
-use polhode::torque::{Free, Torque};
+use polhode::torque::Torque;
 use polhode::{Accuracy, Engine, Ensemble, Method, Plan, Precision, Scene};
 use rayon::prelude::*;
 use support::double_double::DoubleDouble;

@@ -1,11 +1,11 @@
 //! The order conditions of `rk8`'s tableau, all of them, and of its embedded formulas; the coefficients of shaders.
 
-use polhode::engine::batch::Precision;
 use polhode::engine::gpu::shader::Source;
 use polhode::kernel::method::Method;
 use polhode::kernel::method::rk8::{ERROR_WEIGHTS_5, STAGE_WEIGHTS, STAGES, TIMES, WEIGHTS, WEIGHTS_3};
 use polhode::kernel::method::splitting::{Composition, composition};
-use polhode::torque::VelocityDependence;
+use polhode::kernel::torque_kernel::VelocityDependence;
+use polhode::math::Precision;
 
 /// A rooted tree as the multiset of its branches.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]

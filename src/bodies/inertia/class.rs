@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::mass_properties::positive;
 use super::principal::PrincipalAxes;
-use super::validation::InertiaDefect;
+use crate::error::InertiaDefect;
 use crate::error::{Error, Result};
 
 /// The kind of rotor that a body is.

@@ -2,8 +2,9 @@
 
 use glam::{DQuat, DVec3};
 
-use super::validation::{InertiaDefect, Validity};
+use super::validation::Validity;
 use super::{InertiaTensor, MassProperties};
+use crate::error::InertiaDefect;
 use crate::error::{Error, Result};
 
 /// A part of a body: mass properties in the part's own frame, and where that frame is.

@@ -1,35 +1,14 @@
 //! The convex hull of points, as a mesh.
 
 use std::collections::HashMap;
-use std::fmt;
 
 use glam::DVec3;
 use robust::{Coord, Coord3D, orient2d, orient3d};
 
 use super::TriangleMesh;
 use super::mass_properties::finite;
+use crate::error::FlatArrangement;
 use crate::error::{Error, Result};
-
-/// How points lie that have no convex hull with a volume.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FlatArrangement {
-    /// All at the same place, or none at all.
-    Coincide,
-    /// On a line.
-    OnALine,
-    /// In a plane.
-    InAPlane,
-}
-
-impl fmt::Display for FlatArrangement {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Coincide => "coincide",
-            Self::OnALine => "lie on a line",
-            Self::InAPlane => "lie in a plane",
-        })
-    }
-}
 
 /// The surface of the convex hull of `points` (m), as a closed mesh whose vertices are those points that are corners of
 /// it (and, where more than three lie in one of its faces, perhaps some of these).

@@ -1,57 +1,15 @@
 //! Triangle meshes from OBJ and STL files.
 
 use std::ffi::OsStr;
-use std::fmt;
 use std::fs::File;
 use std::io::{ErrorKind, Read};
 use std::path::Path;
 
 use glam::DVec3;
 
-use super::{MeshDefect, TriangleMesh};
+use super::TriangleMesh;
+use crate::error::MeshFileProblem;
 use crate::error::{Error, Result};
-
-/// What is wrong with a mesh file.
-#[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
-pub enum MeshFileProblem {
-    /// The name ends in neither .obj nor .stl.
-    UnknownFormat,
-    /// The operating system could not open or read it.
-    Io(std::io::ErrorKind),
-    /// It is not an STL file, or is cut short.
-    Stl {
-        /// The reader's words.
-        message: String,
-    },
-    /// It is not a valid OBJ file.
-    Obj(tobj::LoadError),
-    /// It has no triangles.
-    Empty,
-    /// Its last line does not end in a newline, as where it was cut.
-    Cut,
-    /// Its triangles make no surface that encloses a volume once.
-    Surface(MeshDefect),
-}
-
-impl fmt::Display for MeshFileProblem {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::UnknownFormat => write!(f, "the name must end in .obj or .stl"),
-            Self::Io(kind) => write!(f, "{kind}"),
-            Self::Stl { message } => write!(f, "not a whole STL file ({message})"),
-            Self::Obj(error) => write!(f, "not a valid OBJ file ({error})"),
-            Self::Empty => write!(f, "no triangles in the file"),
-            Self::Cut => {
-                write!(
-                    f,
-                    "the last line does not end in a newline, so the file may be cut: add a newline if it is whole"
-                )
-            }
-            Self::Surface(defect) => write!(f, "{defect}"),
-        }
-    }
-}
 
 /// Reads a mesh from an OBJ file (polygons are cut into triangles, all objects and groups belong to one surface) or
 /// an STL file (binary or text), told apart by the ending of the name.

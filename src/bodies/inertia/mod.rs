@@ -48,11 +48,11 @@ mod voxels;
 pub use class::{InertiaClass, LinearRotor, classify};
 pub use composition::{Part, compose};
 #[cfg(feature = "mesh")]
-pub use hull::{FlatArrangement, convex_hull};
+pub use hull::convex_hull;
 pub use mass_properties::MassProperties;
-pub use mesh::{MeshDefect, MeshReport, TriangleMesh};
+pub use mesh::{MeshReport, TriangleMesh};
 #[cfg(feature = "mesh")]
-pub use mesh_file::{MeshFileProblem, parse_mesh, read_mesh};
+pub use mesh_file::{parse_mesh, read_mesh};
 pub use points::point_masses;
 pub(crate) use principal::AxisPermutation;
 pub use principal::{PrincipalAxes, principal_axes};
@@ -63,8 +63,5 @@ pub use scatter::scattered_moments;
 pub(crate) use scatter::{check_scatter, scaled_second_moments};
 pub use shape::Shape;
 pub use tensor::InertiaTensor;
-pub use validation::{
-    InertiaDefect, Repair, TRIANGLE_TOLERANCE, VANISHING_MOMENT, Validity, repair_triangle_inequality,
-    validated_principal_axes,
-};
+pub use validation::{Repair, VANISHING_MOMENT, Validity, repair_triangle_inequality, validated_principal_axes};
 pub use voxels::VoxelGrid;

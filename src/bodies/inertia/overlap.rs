@@ -9,7 +9,8 @@ use std::f64::consts::TAU;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::mesh::{MeshDefect, TriangleMesh};
+use super::mesh::TriangleMesh;
+use crate::error::MeshDefect;
 
 /// Solid angles that are computed for one mesh: about a second.
 const SOLID_ANGLES: usize = 20_000_000;

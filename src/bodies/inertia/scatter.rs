@@ -3,7 +3,8 @@
 use glam::DVec3;
 
 use super::mass_properties::finite;
-use super::validation::{InertiaDefect, Validity};
+use super::validation::Validity;
+use crate::error::InertiaDefect;
 use crate::error::{Error, Result};
 
 /// One draw of principal moments (kg m²) around `nominal`, from three independent standard normal numbers.

@@ -7,7 +7,7 @@ use std::io::Cursor;
 
 use glam::DVec3;
 
-use super::mesh_file::MeshFileProblem;
+use crate::error::MeshFileProblem;
 
 /// Header and count of a binary file, bytes.
 const HEADER: usize = 84;

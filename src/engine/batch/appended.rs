@@ -1,6 +1,7 @@
 //! Columns that a batch has for some methods, engines and scenes alone.
 
-use super::{Batch, INVARIANT_COLUMNS, PARAMETER_COMPONENTS, STATE_COMPONENTS, STRIDE_UNIT, state_columns};
+use super::Batch;
+use crate::bodies::columns::{INVARIANT_COLUMNS, PARAMETER_COMPONENTS, STATE_COMPONENTS, STRIDE_UNIT, state_columns};
 use crate::kernel::method::projection::combinations;
 use crate::math::real::Scalar;
 use crate::torque::force::carried::{CENTRE_COMPONENTS, Carried, FORCE_COLUMNS};

@@ -1,6 +1,6 @@
 //! Lane groups of bodies, from columns and back.
 
-use super::{INVARIANT_COLUMNS, RATE_COLUMN, STATE_COMPONENTS, parameter_columns, status_column};
+use crate::bodies::columns::{INVARIANT_COLUMNS, RATE_COLUMN, STATE_COMPONENTS, parameter_columns, status_column};
 use crate::kernel::method::projection::Combinations;
 use crate::kernel::rigid_body::{Body, Invariants, State};
 use crate::math::quaternion::Quaternion;

@@ -8,92 +8,28 @@
 //! bring it within about a radian. Angular momentum is in units of 2^(k+r), and the step size
 //! becomes dt · 2^r, formed in the kernel from the column `rate`.
 //!
-//! # Layout
-//!
-//! Component c of body i is at `c * stride + i`. A number that is carried in two words has its residue `residue`
-//! columns further on; in `f64` there are no residue columns.
+//! Their order and that of their rows is that of [`crate::bodies::columns`].
 
-use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::kernel::method::{Method, Status};
+use crate::bodies::Status;
+use crate::bodies::columns::{
+    PARAMETER_COMPONENTS, STATE_COMPONENTS, STRIDE_UNIT, StateWords, parameter_columns, state_columns, status_column,
+    store_row,
+};
+use crate::kernel::method::Method;
+use crate::math::Precision;
 use crate::math::clock::Clock;
 use crate::math::real::Scalar;
-use crate::math::vector::TwoWords;
 use crate::torque::{Kind, TorqueTable};
 
 mod appended;
-mod frame;
 mod groups;
 mod prepare;
-mod user_axes;
 
-pub(crate) use frame::unit_product;
-pub use frame::{BodyFrame, BodyState};
 pub(crate) use groups::{load_body, load_combinations, load_invariants, load_state, store_state};
-pub(crate) use prepare::{
-    ORDER_BLOCK, Prepared, bytes_per_body_under, frame_of, initial_state, prepare_acting, prepare_ordered,
-};
+pub(crate) use prepare::{ORDER_BLOCK, Prepared, bytes_per_body_under, frame_of, prepare_acting, prepare_ordered};
 pub use prepare::{bytes_per_body, prepare, prepare_members, prepare_with};
-pub(crate) use user_axes::{USER_BODIES, UserAxes, UserBlock, UserColumns};
-
-/// The arithmetic that a batch is integrated in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[cfg_attr(feature = "study", derive(serde::Serialize), serde(rename_all = "lowercase"))]
-pub enum Precision {
-    /// 32-bit floating point, states and parameters carried in two words.
-    F32,
-    /// 64-bit floating point.
-    F64,
-}
-
-impl Precision {
-    /// Both, narrow first.
-    pub const ALL: [Precision; 2] = [Precision::F32, Precision::F64];
-
-    /// The name in study files and on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Precision::F32 => "f32",
-            Precision::F64 => "f64",
-        }
-    }
-}
-
-impl std::fmt::Display for Precision {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        formatter.write_str(self.name())
-    }
-}
-
-/// Columns of the state: orientation x, y, z, w, then angular momentum x, y, z.
-pub const STATE_COMPONENTS: usize = 7;
-/// Columns of the parameters: 1/I₁, 1/I₂, 1/I₃, then the reference rate; residues of 1/I follow in `f32`.
-pub const PARAMETER_COMPONENTS: usize = 4;
-
-/// The parameter column of the reference rate, rad/s: a power of two.
-pub(crate) const RATE_COLUMN: usize = 3;
-
-/// Number of state columns of an element type: the components' words, then the status.
-pub const fn state_columns<T: Scalar>() -> usize {
-    STATE_COMPONENTS * T::WORDS + 1
-}
-
-/// The state column that holds the number of a [`Status`].
-pub const fn status_column<T: Scalar>() -> usize {
-    STATE_COMPONENTS * T::WORDS
-}
-
-/// Columns that [`Batch::append_invariants`] adds to the parameters: |m|² and the kinetic energy at the start.
-pub const INVARIANT_COLUMNS: usize = 2;
-
-/// Number of parameter columns of an element type.
-pub const fn parameter_columns<T: Scalar>() -> usize {
-    PARAMETER_COMPONENTS + 3 * (T::WORDS - 1)
-}
-
-/// Bodies a stride is rounded up to: a multiple of every lane count and of the workgroup size.
-pub const STRIDE_UNIT: usize = 64;
 
 /// The scaled bodies of an ensemble as columns of one element type, ready for an engine.
 #[derive(Clone, Debug, PartialEq)]
@@ -102,7 +38,7 @@ pub struct Batch<T> {
     pub body_count: usize,
     /// Distance between the starts of two columns; at least `body_count`. The rows between are bodies at rest.
     pub stride: usize,
-    /// Parameters, shape `[parameter_columns + torques.columns(), stride]`; [`INVARIANT_COLUMNS`] more after
+    /// Parameters, shape `[parameter_columns + torques.columns(), stride]`; [`INVARIANT_COLUMNS`](crate::bodies::columns::INVARIANT_COLUMNS) more after
     /// [`Batch::append_invariants`].
     pub parameters: Vec<T>,
     /// State, shape `[state_columns, stride]`.
@@ -184,69 +120,6 @@ impl AnyBatch {
             AnyBatch::F64(_) => Precision::F64,
         }
     }
-}
-
-/// The raw state of some bodies as an engine holds it, exactly, in `f64`.
-///
-/// Columns as in [`Batch::state`], one row a body: x, y, z, w of the orientation (principal axes to world), then the
-/// angular momentum in principal axes, scaled.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct StateWords {
-    /// First words.
-    pub value: Vec<[f64; STATE_COMPONENTS]>,
-    /// Second words; zero in `f64`.
-    pub residue: Vec<[f64; STATE_COMPONENTS]>,
-    /// What the steps so far had to say of each body.
-    pub status: Vec<Status>,
-}
-
-impl StateWords {
-    /// Number of bodies.
-    pub fn len(&self) -> usize {
-        self.value.len()
-    }
-
-    /// Whether there are no bodies.
-    pub fn is_empty(&self) -> bool {
-        self.value.is_empty()
-    }
-
-    /// The state of one body, both words added.
-    pub fn combined(&self, body: usize) -> [f64; STATE_COMPONENTS] {
-        std::array::from_fn(|component| self.value[body][component] + self.residue[body][component])
-    }
-}
-
-/// x · 2^n, exactly as long as the result is a normal number.
-#[inline]
-pub(crate) fn scaled_by_power_of_two(x: f64, n: i32) -> f64 {
-    let [first, second] = power_of_two_factors(n);
-    x * first * second
-}
-
-/// [`scaled_by_power_of_two`] of each component.
-#[inline]
-pub(crate) fn vector_scaled_by_power_of_two(v: DVec3, n: i32) -> DVec3 {
-    let [first, second] = power_of_two_factors(n);
-    v * first * second
-}
-
-/// Two numbers whose product is 2^n, as one alone may be out of range.
-#[inline]
-fn power_of_two_factors(n: i32) -> [f64; 2] {
-    let power = |n: i32| f64::from_bits(((1023 + n) as u64) << 52);
-    let half = (n / 2).clamp(-1000, 1000);
-    [power(half), power((n - half).clamp(-1000, 1000))]
-}
-
-/// ⌊log₂ x⌋ for x > 0, 0 for x = 0.
-#[inline]
-pub(crate) fn binary_exponent(x: f64) -> i32 {
-    if x == 0.0 {
-        return 0;
-    }
-    let exponent = |x: f64| ((x.to_bits() >> 52) & 0x7ff) as i32 - 1023;
-    if x >= f64::MIN_POSITIVE { exponent(x) } else { exponent(scaled_by_power_of_two(x, 200)) - 200 }
 }
 
 /// The fewest bodies that are worth a task of their own when states are read.
@@ -334,55 +207,4 @@ impl<T: Scalar> Batch<T> {
             status: bodies.clone().map(|body| Status::from_code(value(body, status_column::<T>()))).collect(),
         }
     }
-}
-
-/// A step size in the two words of an element type.
-pub(crate) fn two_words<T: Scalar>(dt: f64) -> TwoWords<T> {
-    let (value, residue) = T::two_words(dt);
-    TwoWords { value, residue }
-}
-
-/// Hands the columns of one body's scaled parameters and state to `parameter` and `component`, with their numbers.
-fn store_row<T: Scalar>(
-    parameters: &[f64; PARAMETER_COMPONENTS],
-    state: &[f64; STATE_COMPONENTS],
-    mut parameter: impl FnMut(usize, T),
-    mut component: impl FnMut(usize, T),
-) {
-    for (column, &number) in parameters.iter().enumerate() {
-        let (value, residue) = T::two_words(number);
-        parameter(column, value);
-        if T::WORDS == 2 && column < 3 {
-            parameter(PARAMETER_COMPONENTS + column, residue);
-        }
-    }
-    for (column, &number) in state.iter().enumerate() {
-        let (value, residue) = T::two_words(number);
-        component(column, value);
-        if T::WORDS == 2 {
-            component(STATE_COMPONENTS + column, residue);
-        }
-    }
-}
-
-/// Some rows of every column.
-pub(crate) type ColumnPart<'a, T> = Vec<&'a mut [T]>;
-
-/// Of columns that are `stride` apart the given rows, `count` rows a part.
-pub(crate) fn column_parts<T>(
-    columns: &mut [T],
-    stride: usize,
-    rows: std::ops::Range<usize>,
-    count: usize,
-) -> Vec<ColumnPart<'_, T>> {
-    let number = columns.len().checked_div(stride).unwrap_or(0);
-    let mut parts: Vec<_> = (0..rows.len().div_ceil(count)).map(|_| Vec::with_capacity(number)).collect();
-    if stride > 0 {
-        for column in columns.chunks_exact_mut(stride) {
-            for (part, rows) in parts.iter_mut().zip(column[rows.clone()].chunks_mut(count)) {
-                part.push(rows);
-            }
-        }
-    }
-    parts
 }

@@ -1,18 +1,19 @@
 //! An ensemble's bodies brought into their principal axes, scaled and written as columns.
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DMat3, DQuat};
 use rayon::prelude::*;
 
-use super::{
-    AnyBatch, Batch, BodyFrame, BodyState, ColumnPart, Precision, STATE_COMPONENTS, STRIDE_UNIT, binary_exponent,
-    column_parts, parameter_columns, state_columns, store_row, vector_scaled_by_power_of_two,
-};
+use super::{AnyBatch, Batch};
 use crate::bodies::Ensemble;
+use crate::bodies::columns::{
+    ColumnPart, STATE_COMPONENTS, STRIDE_UNIT, column_parts, parameter_columns, state_columns, store_row,
+};
 use crate::bodies::inertia::principal_axes;
 use crate::bodies::memory;
+use crate::bodies::{BodyFrame, Members};
 use crate::error::Result;
+use crate::math::Precision;
 use crate::math::real::Scalar;
-use crate::plan::group::Members;
 use crate::torque::{self, Bodies, Torque, TorqueTable};
 
 /// A body's frame and its initial state in it.
@@ -26,23 +27,7 @@ pub(crate) fn prepare_body(ensemble: &Ensemble, torques: &[Torque], body: usize)
 
 /// The frame of one body at the start.
 pub(crate) fn frame_of(ensemble: &Ensemble, torques: &[Torque], body: usize) -> BodyFrame {
-    let mut axes = principal_axes(&ensemble.inertia()[body]);
-    let is_linear_rotor = ensemble.is_linear_rotor(body);
-    if is_linear_rotor {
-        axes.moments = DVec3::splat(0.5 * axes.moments.y + 0.5 * axes.moments.z);
-    }
-    let moment_exponent = binary_exponent(axes.moments.y);
-    let scaled_moments = vector_scaled_by_power_of_two(axes.moments, -moment_exponent);
-    let spin = ensemble.angular_velocity_body()[body].abs().max_element();
-    let rate_exponent = binary_exponent(spin.max(torque::rate_of(torques, body, axes.moments.y)));
-    let principal_to_body = axes.principal_to_body;
-    BodyFrame { scaled_moments, is_linear_rotor, principal_to_body, moment_exponent, rate_exponent }
-}
-
-/// The state of one body at the start, by the route of the bodies that are stepped.
-pub(crate) fn initial_state(ensemble: &Ensemble, body: usize) -> BodyState {
-    let (frame, scaled) = prepare_body(ensemble, &[], body);
-    frame.body_state(scaled)
+    BodyFrame::of_body(ensemble, body, |middle_moment| torque::rate_of(torques, body, middle_moment))
 }
 
 /// Brings an ensemble without torques into principal axes and scales it, in `f64`, and writes it as columns of

@@ -6,23 +6,26 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
+use super::TASKS;
 use super::observe::Reducer;
 use super::surroundings::{AllTorques, CommonTorques, Nothing, Surroundings};
 use super::taylor::{TaylorMotion, steps_in_tiles, steps_one_by_one};
 use super::tile::attempts_in_tiles;
-use super::{TASKS, Width};
-use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps, StepCounts, two_words_of};
-use crate::engine::batch::{Batch, RATE_COLUMN, StateWords, column_parts, load_body, load_state, store_state};
+use crate::bodies::columns::{RATE_COLUMN, StateWords, column_parts};
+use crate::engine::adaptive::{AdaptiveSession, StepCounts, two_words_of};
+use crate::engine::batch::{Batch, load_body, load_state, store_state};
 use crate::engine::watch::{Job, Watch, watched};
 use crate::engine::work::imbalance;
 use crate::engine::{Observer, check_time, unobserved};
 use crate::error::{Error, Result};
 use crate::kernel::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, advance};
 use crate::kernel::observe;
+use crate::math::Width;
 use crate::math::clock::{Clock, MOST_LANES};
 use crate::math::lanes::{LaneScalar, LaneTask};
 use crate::math::real::{Real, Scalar};
 use crate::math::vector::TwoWords;
+use crate::scene::AdaptiveSteps;
 use crate::torque::sum::Source;
 
 /// Columns of a [`Controller`]: step, left (two words), retried, accepted, rejected.

@@ -7,14 +7,17 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::{CpuAdaptiveSession, CpuFreeSession, CpuSession, Width};
-use crate::engine::batch::{Batch, BodyFrame, STATE_COMPONENTS, StateWords, status_column};
+use super::{CpuAdaptiveSession, CpuFreeSession, CpuSession};
+use crate::bodies::BodyFrame;
+use crate::bodies::columns::{STATE_COMPONENTS, StateWords, status_column};
+use crate::engine::batch::Batch;
 use crate::engine::reduction::{Marked, Reduce};
 use crate::error::Result;
 use crate::kernel::observe::{
     Columns, Extreme, GROUP_BODIES, Kernel, ObservedRow, Partial, SCALE_COLUMN, Statistic, WORKGROUP, combine, merge,
     observe, quantity, without_axis,
 };
+use crate::math::Width;
 use crate::math::lanes::{LaneScalar, LaneTask};
 use crate::math::real::{Real, Scalar};
 use crate::math::vector::Vector;

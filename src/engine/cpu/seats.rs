@@ -1,7 +1,8 @@
 //! Rows of a block in the lanes of a tile: a lane whose body has arrived is given to another body.
 
 use super::adaptive::{Block, LEFT, store_controller};
-use crate::engine::batch::{RATE_COLUMN, store_state};
+use crate::bodies::columns::RATE_COLUMN;
+use crate::engine::batch::store_state;
 use crate::kernel::method::rk8_adaptive::Controller;
 use crate::kernel::rigid_body::State;
 use crate::math::clock::MOST_LANES;

@@ -2,9 +2,9 @@
 
 use crate::engine::batch::load_combinations;
 use crate::kernel::method::rk8_adaptive::Timed;
+use crate::kernel::torque_kernel::{Conserving, Free};
 use crate::math::real::Real;
 use crate::torque::sum::{Columns, Common, Torques};
-use crate::torque::{Conserving, Free};
 
 /// One kind of surroundings, each compiled into loops of its own.
 pub(super) trait Surroundings {

@@ -18,15 +18,19 @@ use super::dispatch::Slicer;
 use super::observe::{ObserveKernels, Reducer, reduces};
 use super::reading::{read_block, read_single_rows};
 use super::shader::Source;
-use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps, StepCounts};
-use crate::engine::batch::{Batch, BodyFrame, Precision, StateWords, state_columns};
+use crate::bodies::BodyFrame;
+use crate::bodies::columns::{StateWords, state_columns};
+use crate::engine::adaptive::{AdaptiveSession, StepCounts};
+use crate::engine::batch::Batch;
 use crate::engine::reduction::{Marked, Reduce};
 use crate::engine::{Observer, Progress, check_time};
 use crate::error::{Error, Result};
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::Controller;
 use crate::kernel::observe::{Partial, Statistic};
+use crate::math::Precision;
 use crate::math::clock::Clock;
+use crate::scene::AdaptiveSteps;
 use chunk::{BINDINGS, Chunk, Interval, READ_ONLY, next_group, row_bytes, rows_in, staging_bytes};
 
 /// The kernels' bindings, and their pipelines, made on first use.

@@ -3,8 +3,9 @@
 use std::ops::Range;
 
 use super::device::{Device, Refusal};
+use crate::bodies::columns::{STRIDE_UNIT, state_columns};
 use crate::bodies::memory;
-use crate::engine::batch::{Batch, STRIDE_UNIT, state_columns};
+use crate::engine::batch::Batch;
 use crate::error::{Error, Result};
 use crate::kernel::observe::Kernel;
 use crate::math::clock::Clock;
@@ -373,8 +374,8 @@ mod tests {
     use super::super::{Gpu, GpuOptions, shader::Source};
     use super::*;
     use crate::engine::Session;
-    use crate::engine::batch::Precision;
     use crate::kernel::method::Method;
+    use crate::math::Precision;
 
     #[test]
     fn rows_that_are_no_bodies_stay_nan_and_touch_nothing() {

@@ -11,12 +11,14 @@ use super::device::{Device, Refusal};
 use super::observe::{ObserveKernels, Reducer, reduces};
 use super::reading::{read_block, read_single_rows};
 use super::shader::Source;
-use crate::engine::batch::{BodyFrame, Precision, STRIDE_UNIT, StateWords, state_columns};
+use crate::bodies::BodyFrame;
+use crate::bodies::columns::{STRIDE_UNIT, StateWords, state_columns};
 use crate::engine::reduction::{Marked, Reduce};
 use crate::engine::{FreeSession, check_time};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::{FreeMotionRows, ROW_COLUMNS, WORD_COLUMNS};
 use crate::kernel::observe::{Partial, Statistic};
+use crate::math::Precision;
 use crate::math::phase::Time;
 
 /// The kernels' bindings, and their pipelines by precision, made on first use.

@@ -25,18 +25,20 @@ pub mod shader;
 pub use buffers::ChunkLimits;
 pub use device::AdapterKind;
 pub use dispatch::SliceLimits;
-pub use probe::{Arithmetic, ArithmeticFault, Fusing, Probe};
+pub use probe::{Arithmetic, Fusing, Probe};
 pub use shader::Patch;
 
 pub(crate) use device::{adapters, driver_of};
 
-use super::adaptive::{AdaptiveSession, AdaptiveSteps, check_equal_steps, check_torques};
+use super::adaptive::{AdaptiveSession, check_equal_steps, check_torques};
 use super::projected::conserving;
 use super::{Backend, Description, EngineKind, FreeSession, Session};
-use crate::engine::batch::{AnyBatch, Batch, Precision};
+use crate::engine::batch::{AnyBatch, Batch};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::AnyRows;
 use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::scene::AdaptiveSteps;
 use crate::torque::force::carried::Carried;
 use adaptive::AdaptiveKernels;
 use buffers::{Columns, DeviceScalar, WORKGROUP_SIZE};

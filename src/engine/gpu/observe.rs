@@ -5,10 +5,11 @@ use std::sync::{Arc, OnceLock};
 use super::buffers::{DeviceScalar, Place, buffer, write_columns};
 use super::device::{Device, Refusal};
 use super::shader::{Patch, Source};
-use crate::engine::batch::{BodyFrame, Precision};
+use crate::bodies::BodyFrame;
 use crate::engine::reduction::Marked;
 use crate::error::Result;
 use crate::kernel::observe::{Columns, Extreme, GROUP_BODIES, Partial, Statistic, WORKGROUP, merge};
+use crate::math::Precision;
 
 /// The kernels' bindings, and their pipelines by precision, made on first use.
 #[derive(Debug, Default)]

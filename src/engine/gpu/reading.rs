@@ -6,9 +6,9 @@ use glam::DVec3;
 
 use super::buffers::{Columns, DeviceScalar, Place, buffer};
 use super::device::Device;
-use crate::engine::batch::{STATE_COMPONENTS, StateWords, state_columns, status_column};
+use crate::bodies::Status;
+use crate::bodies::columns::{STATE_COMPONENTS, StateWords, state_columns, status_column};
 use crate::error::Result;
-use crate::kernel::method::Status;
 use crate::math::real::Scalar;
 use crate::torque::force::carried::CENTRE_COMPONENTS;
 

@@ -11,11 +11,13 @@ use super::device::Device;
 use super::dispatch::{Slicer, next_group};
 use super::observe::{Reducer, reduces};
 use super::reading::read_single_rows;
-use crate::engine::batch::{BodyFrame, Precision, StateWords};
+use crate::bodies::BodyFrame;
+use crate::bodies::columns::StateWords;
 use crate::engine::reduction::{Marked, Reduce};
 use crate::engine::{Observer, Progress, Session, check_step};
 use crate::error::{Error, Result};
 use crate::kernel::observe::{Partial, Statistic};
+use crate::math::Precision;
 use crate::math::clock::Clock;
 
 pub(super) struct GpuSession<T> {

@@ -6,13 +6,13 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
+use crate::bodies::BodyFrame;
 use crate::bodies::Ensemble;
+use crate::bodies::frame::unit_product;
 use crate::bodies::inertia::{AxisPermutation, InertiaTensor, principal_axes};
-use crate::engine::batch::{
-    BodyFrame, binary_exponent, scaled_by_power_of_two, unit_product, vector_scaled_by_power_of_two,
-};
 use crate::kernel::free_motion::setup::{Initial, SetUp};
 use crate::math::double_double::DoubleDouble;
+use crate::math::power_of_two::{binary_exponent, scaled_by_power_of_two, vector_scaled_by_power_of_two};
 use crate::math::quaternion::Quaternion;
 
 type Dd = DoubleDouble<f64>;

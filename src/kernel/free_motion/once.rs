@@ -1,11 +1,13 @@
 //! Torque-free bodies whose states are wanted once: what leads to them stays in the cache and is not kept.
 
 use crate::bodies::Ensemble;
-use crate::engine::batch::{BodyFrame, BodyState, STATE_COMPONENTS, UserAxes, UserColumns};
-use crate::engine::cpu::Width;
+use crate::bodies::columns::STATE_COMPONENTS;
+use crate::bodies::user_axes::{UserAxes, UserColumns};
+use crate::bodies::{BodyFrame, BodyState};
 use crate::kernel::free_motion::SetUp;
 use crate::kernel::free_motion::evaluation::ROW_COLUMNS;
 use crate::kernel::free_motion::rows::{BLOCK, EvaluatePart, InitialBlock, SetUpBlock, WORD_COLUMNS};
+use crate::math::Width;
 use crate::math::lanes::{LaneScalar, LaneTask};
 use crate::math::quaternion::Quaternion;
 use crate::math::real::{Real, Scalar};

@@ -2,14 +2,17 @@
 
 use rayon::prelude::*;
 
+use crate::bodies::BodyFrame;
 use crate::bodies::Ensemble;
-use crate::engine::batch::{BodyFrame, Precision, STATE_COMPONENTS, STRIDE_UNIT, column_parts};
+use crate::bodies::Members;
+use crate::bodies::columns::{STATE_COMPONENTS, STRIDE_UNIT, column_parts};
 use crate::error::Result;
 use crate::kernel::free_motion::evaluation::{Instant, ROW_COLUMNS, Row, SHAPE_COLUMNS, evaluate};
 use crate::kernel::free_motion::frame::scaled_body;
 use crate::kernel::free_motion::number::Single;
 use crate::kernel::free_motion::setup::{Constants, Initial, SetUp, separatrix_row, set_up};
 use crate::kernel::free_motion::solution::{HEADROOM, Phases};
+use crate::math::Precision;
 use crate::math::double_double::DoubleDouble;
 use crate::math::elementary::Turns;
 use crate::math::lanes::{LaneScalar, LaneTask};
@@ -17,7 +20,6 @@ use crate::math::phase::{Rate, Time, phase_at, phase_turns};
 use crate::math::quaternion::Quaternion;
 use crate::math::real::{Real, Scalar};
 use crate::math::vector::Vector;
-use crate::plan::Members;
 
 /// Columns of the table of integers: low and high word of the polhode's rate, of the precession's, the polhode's phase
 /// at the start, and the rates' unit with their signs.
@@ -239,7 +241,7 @@ impl InitialBlock {
         }
     }
 
-    /// The states in which a lane group's bodies start, scaled ([`crate::engine::batch::StateWords`]).
+    /// The states in which a lane group's bodies start, scaled ([`crate::bodies::columns::StateWords`]).
     #[inline(always)]
     pub(super) fn state<R: Real<Scalar = f64>>(&self, offset: usize) -> (Quaternion<R>, Vector<R>) {
         let column = |c: usize| R::load(&self.0[c][offset..]);

@@ -5,8 +5,10 @@ use std::f64::consts::TAU;
 use glam::{DQuat, DVec3};
 
 use crate::bodies::Ensemble;
+use crate::bodies::columns::STATE_COMPONENTS;
+use crate::bodies::frame::initial_state;
 use crate::bodies::inertia::InertiaTensor;
-use crate::engine::batch::{BodyFrame, BodyState, STATE_COMPONENTS, initial_state, scaled_by_power_of_two};
+use crate::bodies::{BodyFrame, BodyState};
 use crate::error::Result;
 use crate::kernel::free_motion::evaluation::{Instant, OFFSET, Row, SLOPE, evaluate};
 use crate::kernel::free_motion::frame::scaled_body;
@@ -14,6 +16,7 @@ use crate::kernel::free_motion::setup::{Constants, SetUp, Theory, separatrix_row
 use crate::math::double_double::DoubleDouble;
 use crate::math::elementary::power_of_two;
 use crate::math::phase::{Rate, Time, fraction_from_turns, phase_at, phase_from_turns, phase_turns};
+use crate::math::power_of_two::scaled_by_power_of_two;
 
 /// Binary places by which rates are held below one turn per unit of time; the unit is 2^−r s with the largest
 /// component of ω in [1, 2) · 2^r rad/s, and no rate exceeds half a turn in it.

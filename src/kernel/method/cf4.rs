@@ -20,10 +20,10 @@
 use crate::kernel::method::Step;
 use crate::kernel::method::slope::sixth_of;
 use crate::kernel::rigid_body::{Body, Correction, Invariants, State};
+use crate::kernel::torque_kernel::TorqueKernel;
 use crate::math::quaternion::{Quaternion, exponential_less_one, norm_correction};
 use crate::math::real::Real;
 use crate::math::vector::{TwoWords, Vector, accumulate};
-use crate::torque::Environment;
 
 /// The method as a type.
 pub struct Cf4;
@@ -32,10 +32,10 @@ impl Step for Cf4 {
     type Prepared<R: Real> = ();
 
     #[inline(always)]
-    fn prepare<R: Real, E: Environment<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
+    fn prepare<R: Real, E: TorqueKernel<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
 
     #[inline(always)]
-    fn step<R: Real, E: Environment<R>>(
+    fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
         (): &(),
         environment: &E,
@@ -56,7 +56,7 @@ pub(crate) struct Turn<R> {
 }
 
 #[inline(always)]
-fn rates<R: Real, E: Environment<R>>(
+fn rates<R: Real, E: TorqueKernel<R>>(
     body: &Body<R>,
     environment: &E,
     epoch: &E::Epoch,
@@ -80,7 +80,7 @@ pub(crate) fn rotated<R: Real>(q: Quaternion<R>, rotation_vector: Vector<R>) -> 
 
 /// One step.
 #[inline(always)]
-pub fn step<R: Real, E: Environment<R>>(
+pub fn step<R: Real, E: TorqueKernel<R>>(
     body: &Body<R>,
     environment: &E,
     step_index: u64,

@@ -14,10 +14,10 @@
 use crate::kernel::method::Step;
 use crate::kernel::method::kick::kick;
 use crate::kernel::rigid_body::{Body, Invariants, State};
+use crate::kernel::torque_kernel::TorqueKernel;
 use crate::math::quaternion::{Quaternion, norm_correction};
 use crate::math::real::{Real, sin_cos};
 use crate::math::vector::{TwoWords, Vector, accumulate};
-use crate::torque::Environment;
 
 /// The method as a type.
 pub struct Dlm;
@@ -26,10 +26,10 @@ impl Step for Dlm {
     type Prepared<R: Real> = ();
 
     #[inline(always)]
-    fn prepare<R: Real, E: Environment<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
+    fn prepare<R: Real, E: TorqueKernel<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
 
     #[inline(always)]
-    fn step<R: Real, E: Environment<R>>(
+    fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
         (): &(),
         environment: &E,
@@ -43,7 +43,7 @@ impl Step for Dlm {
 
 /// One step: half a kick by the torque, the free rotations, half a kick.
 #[inline(always)]
-pub fn step<R: Real, E: Environment<R>>(
+pub fn step<R: Real, E: TorqueKernel<R>>(
     body: &Body<R>,
     environment: &E,
     step_index: u64,

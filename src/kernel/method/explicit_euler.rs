@@ -8,10 +8,10 @@
 
 use crate::kernel::method::Step;
 use crate::kernel::rigid_body::{Body, Invariants, State, orientation_rate};
+use crate::kernel::torque_kernel::TorqueKernel;
 use crate::math::quaternion::plainly_normalised;
 use crate::math::real::Real;
 use crate::math::vector::{TwoWords, Vector};
-use crate::torque::Environment;
 
 /// The method as a type.
 pub struct ExplicitEuler;
@@ -20,10 +20,10 @@ impl Step for ExplicitEuler {
     type Prepared<R: Real> = ();
 
     #[inline(always)]
-    fn prepare<R: Real, E: Environment<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
+    fn prepare<R: Real, E: TorqueKernel<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
 
     #[inline(always)]
-    fn step<R: Real, E: Environment<R>>(
+    fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
         (): &(),
         environment: &E,
@@ -37,7 +37,7 @@ impl Step for ExplicitEuler {
 
 /// One step.
 #[inline(always)]
-pub fn step<R: Real, E: Environment<R>>(
+pub fn step<R: Real, E: TorqueKernel<R>>(
     body: &Body<R>,
     environment: &E,
     step_index: u64,

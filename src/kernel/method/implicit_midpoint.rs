@@ -16,13 +16,15 @@
 //! cap of [`ITERATIONS`] leaves unsolved is flagged as [`Status::NotConverged`]. Increments are added to a state in two
 //! words.
 
+use crate::bodies::Status;
+use crate::bodies::status::flagged;
+use crate::kernel::method::Step;
 use crate::kernel::method::midpoint::{cayley_increment, jacobian, newton_tolerance, scale_of};
-use crate::kernel::method::{Status, Step, flagged};
 use crate::kernel::rigid_body::{Body, Invariants, State};
+use crate::kernel::torque_kernel::TorqueKernel;
 use crate::math::quaternion::{Quaternion, norm_correction};
 use crate::math::real::Real;
 use crate::math::vector::{TwoWords, Vector, accumulate};
-use crate::torque::Environment;
 
 /// The cap on Newton iterations.
 pub const ITERATIONS: u32 = 32;
@@ -34,10 +36,10 @@ impl Step for ImplicitMidpoint {
     type Prepared<R: Real> = ();
 
     #[inline(always)]
-    fn prepare<R: Real, E: Environment<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
+    fn prepare<R: Real, E: TorqueKernel<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
 
     #[inline(always)]
-    fn step<R: Real, E: Environment<R>>(
+    fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
         (): &(),
         environment: &E,
@@ -51,7 +53,7 @@ impl Step for ImplicitMidpoint {
 
 /// One step.
 #[inline(always)]
-pub fn step<R: Real, E: Environment<R>>(
+pub fn step<R: Real, E: TorqueKernel<R>>(
     body: &Body<R>,
     environment: &E,
     step_index: u64,

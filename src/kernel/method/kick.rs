@@ -14,14 +14,14 @@
 
 use crate::kernel::method::slope::sixth_of;
 use crate::kernel::rigid_body::{Body, Correction, State};
+use crate::kernel::torque_kernel::{TorqueKernel, VelocityDependence};
 use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
 use crate::math::vector::{TwoWords, Vector, accumulate};
-use crate::torque::{Environment, VelocityDependence};
 
 /// `state` after the torque alone has acted for h, with an error of order `ORDER` + 1 in h at most.
 #[inline(always)]
-pub fn kick<R: Real, E: Environment<R>, const ORDER: u32>(
+pub fn kick<R: Real, E: TorqueKernel<R>, const ORDER: u32>(
     body: &Body<R>,
     environment: &E,
     epoch: &E::Epoch,
@@ -47,7 +47,7 @@ pub fn kick<R: Real, E: Environment<R>, const ORDER: u32>(
 }
 
 /// The torque at a frozen attitude and time.
-struct Acting<'a, R: Real, E: Environment<R>> {
+struct Acting<'a, R: Real, E: TorqueKernel<R>> {
     body: &'a Body<R>,
     environment: &'a E,
     epoch: &'a E::Epoch,
@@ -55,7 +55,7 @@ struct Acting<'a, R: Real, E: Environment<R>> {
     q: Quaternion<R>,
 }
 
-impl<R: Real, E: Environment<R>> Acting<'_, R, E> {
+impl<R: Real, E: TorqueKernel<R>> Acting<'_, R, E> {
     /// At an angular momentum m.
     #[inline(always)]
     fn at(&self, m: Vector<R>) -> Vector<R> {
@@ -100,7 +100,7 @@ pub fn relative_growth<R: Real>(y: R) -> R {
 
 /// The classical Runge-Kutta method on dm/dt = τ(m).
 #[inline(always)]
-fn increment_of_order_4<R: Real, E: Environment<R>>(
+fn increment_of_order_4<R: Real, E: TorqueKernel<R>>(
     h: TwoWords<R>,
     m: Vector<R>,
     acting: &Acting<'_, R, E>,
@@ -118,7 +118,7 @@ fn increment_of_order_4<R: Real, E: Environment<R>>(
 ///
 /// The weights multiply differences to the fifth slope, so that their roundings do not change the sum of all, 1.
 #[inline(always)]
-fn increment_of_order_6<R: Real, E: Environment<R>>(
+fn increment_of_order_6<R: Real, E: TorqueKernel<R>>(
     h: TwoWords<R>,
     m: Vector<R>,
     acting: &Acting<'_, R, E>,

@@ -31,9 +31,9 @@
 //! | `spiral` | f64 | 1.1e-6 | 2.0e-6 | 0 |
 
 use crate::kernel::rigid_body::{Body, Invariants, State};
+use crate::kernel::torque_kernel::TorqueKernel;
 use crate::math::real::Real;
 use crate::math::vector::TwoWords;
-use crate::torque::Environment;
 
 pub mod cf4;
 pub mod clamped_euler;
@@ -52,11 +52,9 @@ pub mod rk8_adaptive;
 pub mod slope;
 pub mod spiral;
 pub mod splitting;
-mod status;
 pub mod taylor;
 
 pub use properties::{Conserved, Properties, TorqueKind};
-pub use status::{Status, flagged};
 
 /// How a body is advanced in time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -141,7 +139,7 @@ pub trait Step {
     ///
     /// It may depend on the body, on `dt` and on the invariants at the start of the run but not on the state, so that
     /// the result does not depend on how a run is cut.
-    fn prepare<R: Real, E: Environment<R>>(
+    fn prepare<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
         invariants: &Invariants<R>,
         dt: TwoWords<R>,
@@ -149,7 +147,7 @@ pub trait Step {
 
     /// Advances `state` by one step of `dt` (in units of the body's own scale), the `step_index`-th of its interval,
     /// from 0.
-    fn step<R: Real, E: Environment<R>>(
+    fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
         prepared: &Self::Prepared<R>,
         environment: &E,

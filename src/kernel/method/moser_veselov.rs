@@ -22,8 +22,9 @@
 //!
 //! Limits: |h ω| < 1, and all 1/Jᵢ > 0; both are flagged as [`Status::StepTooLong`].
 
+use crate::bodies::Status;
+use crate::bodies::status::flagged;
 use crate::kernel::method::midpoint::{cayley_increment, solve_discrete};
-use crate::kernel::method::{Status, flagged};
 use crate::kernel::rigid_body::{Body, Invariants, State};
 use crate::math::quaternion::norm_correction;
 use crate::math::real::Real;

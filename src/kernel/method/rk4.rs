@@ -13,10 +13,10 @@
 use crate::kernel::method::Step;
 use crate::kernel::method::slope::{Slope, rates, sixth_of};
 use crate::kernel::rigid_body::{Body, Invariants, State};
+use crate::kernel::torque_kernel::TorqueKernel;
 use crate::math::quaternion::norm_correction_of_step;
 use crate::math::real::Real;
 use crate::math::vector::{TwoWords, accumulate};
-use crate::torque::Environment;
 
 /// The method as a type.
 pub struct Rk4;
@@ -25,10 +25,10 @@ impl Step for Rk4 {
     type Prepared<R: Real> = ();
 
     #[inline(always)]
-    fn prepare<R: Real, E: Environment<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
+    fn prepare<R: Real, E: TorqueKernel<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
 
     #[inline(always)]
-    fn step<R: Real, E: Environment<R>>(
+    fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
         (): &(),
         environment: &E,
@@ -42,7 +42,7 @@ impl Step for Rk4 {
 
 /// One step.
 #[inline(always)]
-pub fn step<R: Real, E: Environment<R>>(
+pub fn step<R: Real, E: TorqueKernel<R>>(
     body: &Body<R>,
     environment: &E,
     step_index: u64,

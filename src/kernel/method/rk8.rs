@@ -16,10 +16,10 @@
 use crate::kernel::method::Step;
 use crate::kernel::method::slope::{Slope, rates};
 use crate::kernel::rigid_body::{Body, Correction, Invariants, State};
+use crate::kernel::torque_kernel::TorqueKernel;
 use crate::math::quaternion::norm_correction_of_step;
 use crate::math::real::Real;
 use crate::math::vector::{TwoWords, accumulate};
-use crate::torque::Environment;
 
 /// Stages.
 pub const STAGES: usize = 12;
@@ -218,10 +218,10 @@ impl Step for Rk8 {
     type Prepared<R: Real> = ();
 
     #[inline(always)]
-    fn prepare<R: Real, E: Environment<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
+    fn prepare<R: Real, E: TorqueKernel<R>>(_: &Body<R>, _: &Invariants<R>, _: TwoWords<R>) {}
 
     #[inline(always)]
-    fn step<R: Real, E: Environment<R>>(
+    fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
         (): &(),
         environment: &E,
@@ -235,7 +235,7 @@ impl Step for Rk8 {
 }
 
 /// A step's place in time. A trait rather than a closure, for the reason that [`crate::math::real::Outlined`] gives.
-pub(crate) trait Place<R: Real, E: Environment<R>> {
+pub(crate) trait Place<R: Real, E: TorqueKernel<R>> {
     /// What depends on time alone, at a fraction of the step.
     fn epoch(&self, environment: &E, fraction: f64) -> E::Epoch;
 }
@@ -243,7 +243,7 @@ pub(crate) trait Place<R: Real, E: Environment<R>> {
 /// The start of one of the interval's equal steps.
 struct EqualStep<S>(S);
 
-impl<R: Real, E: Environment<R>> Place<R, E> for EqualStep<E::Start> {
+impl<R: Real, E: TorqueKernel<R>> Place<R, E> for EqualStep<E::Start> {
     #[inline(always)]
     fn epoch(&self, environment: &E, fraction: f64) -> E::Epoch {
         environment.epoch(&self.0, fraction)
@@ -329,7 +329,7 @@ impl<R: Real> Slopes<R> for Held<R> {
 
 /// The slopes of all stages of a step of `h` at a place in time.
 #[inline(always)]
-pub(crate) fn slopes<R: Real, E: Environment<R>>(
+pub(crate) fn slopes<R: Real, E: TorqueKernel<R>>(
     body: &Body<R>,
     place: &impl Place<R, E>,
     environment: &E,

@@ -25,17 +25,18 @@
 //!
 //! Twin: `shaders/method/rk8_adaptive.wgsl`.
 
-use crate::engine::batch::Precision;
+use crate::bodies::Status;
+use crate::bodies::status::flagged;
 use crate::kernel::method::rk8::{ERROR_WEIGHTS_5, Place, Slopes, WEIGHTS, WEIGHTS_3, advanced, slopes, weighted};
 use crate::kernel::method::slope::Slope;
-use crate::kernel::method::{Status, flagged};
 use crate::kernel::rigid_body::{Body, State};
+use crate::kernel::torque_kernel::{Conserving, Free, TorqueKernel};
+use crate::math::Precision;
 use crate::math::real::Real;
 use crate::math::vector::{TwoWords, Vector, two_difference};
-use crate::torque::{Conserving, Environment, Free};
 
 /// An environment that knows its state at any time, not only at fractions of equal steps.
-pub trait Timed<R: Real>: Environment<R> {
+pub trait Timed<R: Real>: TorqueKernel<R> {
     /// The start of a step `time` after the start of the interval, in units of the body's own scale, lane by lane. It
     /// holds until the next is formed.
     fn start_at(&self, time: TwoWords<R>) -> Self::Start;

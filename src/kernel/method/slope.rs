@@ -1,10 +1,10 @@
 //! What the Runge-Kutta methods on (q, m) share: the rates, and dt/6.
 
 use crate::kernel::rigid_body::{Body, Correction, orientation_rate};
+use crate::kernel::torque_kernel::TorqueKernel;
 use crate::math::quaternion::Quaternion;
 use crate::math::real::{Real, Scalar};
 use crate::math::vector::{TwoWords, Vector};
-use crate::torque::Environment;
 
 /// A rate of change of the state.
 #[derive(Clone, Copy, Debug)]
@@ -17,7 +17,7 @@ pub struct Slope<R> {
 
 /// dq/dt and dm/dt.
 #[inline(always)]
-pub fn rates<R: Real, E: Environment<R>>(
+pub fn rates<R: Real, E: TorqueKernel<R>>(
     body: &Body<R>,
     environment: &E,
     epoch: &E::Epoch,

@@ -30,9 +30,9 @@ use crate::kernel::method::Step;
 use crate::kernel::method::kick::kick;
 use crate::kernel::method::moser_veselov::{Modification, drift};
 use crate::kernel::rigid_body::{Body, Invariants, State};
+use crate::kernel::torque_kernel::{TorqueKernel, VelocityDependence};
 use crate::math::real::{Real, Scalar};
 use crate::math::vector::{TwoWords, two_difference};
-use crate::torque::{Environment, VelocityDependence};
 
 /// A palindromic sequence of kicks and free flows, by the ends of its substeps as fractions of the step.
 #[derive(Clone, Copy, Debug)]
@@ -154,13 +154,17 @@ impl<const ORDER: u32> Step for Splitting<ORDER> {
     const INVARIANTS: bool = true;
 
     #[inline(always)]
-    fn prepare<R: Real, E: Environment<R>>(body: &Body<R>, invariants: &Invariants<R>, dt: TwoWords<R>) -> Prepared<R> {
+    fn prepare<R: Real, E: TorqueKernel<R>>(
+        body: &Body<R>,
+        invariants: &Invariants<R>,
+        dt: TwoWords<R>,
+    ) -> Prepared<R> {
         let modification = Modification::new(body);
         Prepared { modification, free: modification.modified(body, dt.value, invariants) }
     }
 
     #[inline(always)]
-    fn step<R: Real, E: Environment<R>>(
+    fn step<R: Real, E: TorqueKernel<R>>(
         body: &Body<R>,
         prepared: &Prepared<R>,
         environment: &E,
@@ -178,7 +182,7 @@ impl<const ORDER: u32> Step for Splitting<ORDER> {
 
 /// One step of a composition.
 #[inline(always)]
-pub fn composed<R: Real, E: Environment<R>, const ORDER: u32>(
+pub fn composed<R: Real, E: TorqueKernel<R>, const ORDER: u32>(
     composition: &Composition,
     body: &Body<R>,
     prepared: &Prepared<R>,

@@ -42,7 +42,7 @@
 //! The order is three above Jorba and Zou's, as what is linear costs an order but once. Tolerances are relative. Where something that
 //! decides, the lesser of two numbers or a truth value, would change within a step, the step ends there; two changes within one
 //! step may cancel and go unnoticed. A square root of 0 has no series: the step from there is short. A body that would need a step below the
-//! limit, or whose coefficients are no numbers any more, is flagged ([`super::Status::StepBelowLimit`]) and left as it stands.
+//! limit, or whose coefficients are no numbers any more, is flagged ([`crate::bodies::Status::StepBelowLimit`]) and left as it stands.
 //!
 //! It conserves nothing exactly; the drift of energy and angular momentum is that of the error. The quaternion's norm is restored as in `rk8`.
 

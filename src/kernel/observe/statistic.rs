@@ -1,6 +1,6 @@
 //! The quantities of which an ensemble has statistics.
 
-use crate::engine::batch::{BodyFrame, BodyState};
+use crate::bodies::{BodyFrame, BodyState};
 
 /// A quantity of a body, of which an ensemble has statistics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

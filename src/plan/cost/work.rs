@@ -6,9 +6,10 @@
 
 use super::Cost;
 use crate::bodies::Ensemble;
-use crate::engine::batch::{Precision, parameter_columns};
+use crate::bodies::columns::parameter_columns;
 use crate::expression::jet::Lowered;
 use crate::kernel::method::taylor::order_of;
+use crate::math::Precision;
 use crate::plan::{Scheme, SkipName};
 use crate::torque::motion::RecordedMotion;
 use crate::torque::table::{Bodies, TorqueTable};

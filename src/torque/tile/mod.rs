@@ -9,7 +9,6 @@ use expression::TileExpression;
 
 use std::ops::Range;
 
-use super::Motion;
 use super::PER_TICK;
 use super::formula::{Epoch, Following, Formula, FormulaTask, MOST_PHASES, Role, Row};
 use super::kind::Kind;
@@ -17,8 +16,9 @@ use super::linear_rotor::across_axis;
 use super::sum::{Columns, Source, StepTime, Torques, ticks_from};
 use super::table::Instance;
 use super::variable_inertia::ramp_progress;
-use crate::engine::batch::RATE_COLUMN;
+use crate::bodies::columns::RATE_COLUMN;
 use crate::kernel::rigid_body::{Body, Correction};
+use crate::kernel::torque_kernel::Motion;
 use crate::math::clock::{MOST_LANES, Ticks, phase_after, phases_at, seconds_at};
 use crate::math::lanes::{Each, GROUPS};
 use crate::math::quaternion::Quaternion;

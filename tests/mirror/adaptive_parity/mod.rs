@@ -9,17 +9,19 @@ use common::kernel::Harness;
 use common::random::Random;
 use glam::DVec3;
 use polhode::Torque;
-use polhode::engine::batch::{Precision, prepare_with};
+use polhode::bodies::Status;
+use polhode::engine::batch::prepare_with;
 use polhode::engine::gpu::Patch;
 use polhode::engine::gpu::shader::{Chunk, Source};
-use polhode::kernel::method::Status;
 use polhode::kernel::method::rk8_adaptive::{Controller, Limits, attempt};
 use polhode::kernel::rigid_body::{Body, State};
+use polhode::kernel::torque_kernel::Free;
+use polhode::math::Precision;
 use polhode::math::clock::Clock;
 use polhode::math::quaternion::Quaternion;
 use polhode::math::real::Scalar;
 use polhode::math::vector::{TwoWords, Vector, two_difference};
-use polhode::torque::{Free, TorqueTable};
+use polhode::torque::TorqueTable;
 use runs::SEED;
 
 /// Rows of a table: not a multiple of the workgroup size.

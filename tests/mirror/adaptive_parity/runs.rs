@@ -1,10 +1,13 @@
 //! Whole runs in adaptive steps: against the twin, cut into chunks and slices, and what is refused.
 
 use glam::{DQuat, DVec3};
-use polhode::engine::adaptive::{AdaptiveSteps, StepCounts};
-use polhode::engine::batch::{Precision, StateWords, prepare_with};
+use polhode::bodies::columns::StateWords;
+use polhode::engine::adaptive::StepCounts;
+use polhode::engine::batch::prepare_with;
 use polhode::engine::gpu::{GpuOptions, wgpu};
 use polhode::engine::{Backend, Engine, unobserved};
+use polhode::math::Precision;
+use polhode::scene::AdaptiveSteps;
 use polhode::{Ensemble, Error, Outputs, Plan, Scene, Torque};
 
 use super::common::compare::first_bit_difference;

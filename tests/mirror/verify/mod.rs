@@ -12,9 +12,9 @@ mod studies;
 
 use common::torques::{each_torque_alone, every_torque, middle_moments};
 use polhode::engine::Engine;
-use polhode::engine::adaptive::AdaptiveSteps;
-use polhode::engine::batch::Precision;
 use polhode::engine::gpu::{GpuOptions, Patch};
+use polhode::math::Precision;
+use polhode::scene::AdaptiveSteps;
 use polhode::torque::variable_inertia::{InertiaChange, Law};
 use polhode::verify::{Options, Report, verify};
 use polhode::{Outputs, Scene, Torque};

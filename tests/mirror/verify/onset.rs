@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 use polhode::engine::Engine;
-use polhode::engine::adaptive::AdaptiveSteps;
-use polhode::engine::batch::Precision;
+use polhode::math::Precision;
+use polhode::scene::AdaptiveSteps;
 use polhode::verify::{Culprit, Field, Onset, Options, verify};
 use polhode::{Method, Scene, Torque};
 

@@ -4,7 +4,7 @@ use std::process::Command;
 
 use glam::DVec3;
 use polhode::engine::Engine;
-use polhode::engine::batch::Precision;
+use polhode::math::Precision;
 use polhode::verify::{Culprit, Options, verify};
 use polhode::{Error, Method, Torque};
 

@@ -3,8 +3,8 @@
 use glam::DVec3;
 use polhode::bodies::ensemble::Translation;
 use polhode::engine::Engine;
-use polhode::engine::adaptive::AdaptiveSteps;
-use polhode::engine::batch::Precision;
+use polhode::math::Precision;
+use polhode::scene::AdaptiveSteps;
 use polhode::verify::Field;
 use polhode::{Force, Method, Outputs, Scene, Torque};
 

@@ -1,10 +1,12 @@
 //! Adaptive steps of `rk8`, and of `taylor`.
 
-use polhode::engine::adaptive::AdaptiveSteps;
-use polhode::engine::batch::{Precision, prepare_with};
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::bodies::Status;
+use polhode::engine::batch::prepare_with;
+use polhode::engine::cpu::Cpu;
 use polhode::engine::{Backend, unobserved};
-use polhode::kernel::method::Status;
+use polhode::math::Precision;
+use polhode::math::Width;
+use polhode::scene::AdaptiveSteps;
 use polhode::{Ensemble, Method};
 
 use super::support::stepped::{Tally, unit};

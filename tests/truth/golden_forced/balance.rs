@@ -1,7 +1,8 @@
 //! What torques do along the recomputed motion, and translation in closed form.
 
-use polhode::engine::batch::Precision;
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::engine::cpu::Cpu;
+use polhode::math::Precision;
+use polhode::math::Width;
 use polhode::{Ensemble, Force, Method, Outputs, Plan, Scene};
 
 use super::support::golden::{self, number, vector};

@@ -2,8 +2,9 @@
 
 use polhode::Method;
 use polhode::engine::Backend;
-use polhode::engine::batch::Precision;
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::engine::cpu::Cpu;
+use polhode::math::Precision;
+use polhode::math::Width;
 
 use super::support::stepped::{Tally, stepped, unit};
 use super::{MEANINGLESS, common, difference, prepared};

@@ -3,8 +3,9 @@
 
 use polhode::Method;
 use polhode::engine::Backend;
-use polhode::engine::batch::Precision;
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::engine::cpu::Cpu;
+use polhode::math::Precision;
+use polhode::math::Width;
 
 use super::support::fitted_order;
 use super::support::golden::number;

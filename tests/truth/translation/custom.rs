@@ -1,10 +1,11 @@
 //! Forces of the user's own, as texts and as closures: golden cases, closed forms, refusals, lost bodies.
 
 use glam::{DQuat, DVec3};
+use polhode::bodies::Status;
 use polhode::bodies::ensemble::Translation;
 use polhode::engine::Backend;
-use polhode::engine::cpu::{Cpu, Width};
-use polhode::kernel::method::Status;
+use polhode::engine::cpu::Cpu;
+use polhode::math::Width;
 use polhode::torque::Parameters;
 use polhode::{Accuracy, Ensemble, Force, Method, Outputs, Plan, Precision, Scene, Torque};
 
@@ -201,7 +202,7 @@ fn what_cannot_act_is_refused() {
         @"force 1 (custom): k = NaN: a finite number is needed"
     );
     let thrust = Scene::new(body()).until(1.0).force(text("to_world(vec(1, 0, 0))", Parameters::new()));
-    let steps = polhode::engine::adaptive::AdaptiveSteps { tolerance: 1e-9, least_step: None };
+    let steps = polhode::scene::AdaptiveSteps { tolerance: 1e-9, least_step: None };
     insta::assert_snapshot!(refusal(thrust.adaptive(steps, None)), @"tolerance = 1e-9: a force that turns with the body follows equal steps of the attitude: a method with a step dt is needed");
     let massless = Ensemble::from_fn(1, |_| (DVec3::new(1.0, 1.5, 2.0), DQuat::IDENTITY, DVec3::Z)).expect("valid");
     let scene = Scene::new(massless).until(1.0).force(text("vec(1, 0, 0)", Parameters::new()));

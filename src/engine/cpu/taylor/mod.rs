@@ -7,8 +7,8 @@ use std::sync::atomic::Ordering;
 
 use super::adaptive::{Block, CONTROLLER_COLUMNS, LEFT, load_controller};
 use super::seats::{Seating, lanes_in};
-use crate::engine::adaptive::AdaptiveSteps;
-use crate::engine::batch::{RATE_COLUMN, load_state, status_column};
+use crate::bodies::columns::{RATE_COLUMN, status_column};
+use crate::engine::batch::load_state;
 use crate::error::{Error, Result};
 use crate::expression::jet::{Jets, Place, Series};
 use crate::expression::{Fault, Input, InputKind, Scratch};
@@ -21,6 +21,7 @@ use crate::math::lanes::{Each, LaneScalar, LaneTask};
 use crate::math::quaternion::Quaternion;
 use crate::math::real::{Outlined, Real, Scalar};
 use crate::math::vector::{TwoWords, Vector};
+use crate::scene::AdaptiveSteps;
 use crate::torque::motion::RecordedMotion;
 use crate::torque::sum::Source;
 use crate::torque::tile::gathered;

@@ -2,10 +2,11 @@
 
 use super::Tile;
 use super::branch::Arrival;
+use crate::bodies::Status;
+use crate::bodies::status::flagged;
 use crate::expression::jet::Place;
 use crate::kernel::method::rk8_adaptive::renormalised;
 use crate::kernel::method::taylor::{Coefficients, TwoSided, form_relative_attitude, step_of};
-use crate::kernel::method::{Status, flagged};
 use crate::kernel::rigid_body::State;
 use crate::math::lanes::Each;
 use crate::math::quaternion::{Quaternion, norm_correction_of_step};

@@ -3,7 +3,8 @@
 use std::sync::atomic::Ordering;
 
 use super::{Rk8, Tile, TileSlopes};
-use crate::engine::batch::{load_body, load_state, status_column};
+use crate::bodies::columns::status_column;
+use crate::engine::batch::{load_body, load_state};
 use crate::engine::cpu::adaptive::{Block as AdaptiveBlock, LEFT, load_controller};
 use crate::engine::cpu::seats::{Seating, lanes_in};
 use crate::kernel::method::rk8::TIMES;

@@ -5,13 +5,15 @@ use std::ops::Range;
 use super::super::buffers::{Place, STAGING_BYTES, WORKGROUP_SIZE, buffer, write_columns};
 use super::super::device::{Device, Refusal};
 use super::super::reading::read_columns;
-use crate::engine::adaptive::{AdaptiveSteps, StepCounts, two_words_of};
-use crate::engine::batch::{Batch, STRIDE_UNIT, state_columns};
+use crate::bodies::columns::{STRIDE_UNIT, state_columns};
+use crate::engine::adaptive::{StepCounts, two_words_of};
+use crate::engine::batch::Batch;
 use crate::error::Result;
 use crate::kernel::method::rk8_adaptive::{Controller, LEAST_STEP};
 use crate::math::clock::Clock;
 use crate::math::real::Scalar;
 use crate::math::vector::TwoWords;
+use crate::scene::AdaptiveSteps;
 
 /// Columns of a controller on the device: step, left (two words), retried.
 const CONTROLLER_COLUMNS: usize = 4;
@@ -55,7 +57,7 @@ impl<T: Scalar> Interval<T> {
             least_step_in_seconds: steps.least_step.is_some(),
             ticks: start.ticks(),
             // A run has about 2^60 ticks: their number in a second would leave the range of f32.
-            tick_scale: T::from_f64(crate::engine::batch::scaled_by_power_of_two(start.ticks_per_second(), -60)),
+            tick_scale: T::from_f64(crate::math::power_of_two::scaled_by_power_of_two(start.ticks_per_second(), -60)),
         }
     }
 }

@@ -3,6 +3,26 @@
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
+mod arithmetic;
+mod inertia;
+#[cfg(feature = "study")]
+mod input;
+mod mesh;
+#[cfg(feature = "bench")]
+mod rows;
+
+pub use arithmetic::ArithmeticFault;
+pub use inertia::{InertiaDefect, TRIANGLE_TOLERANCE};
+#[cfg(feature = "study")]
+pub(crate) use input::nearest;
+#[cfg(feature = "study")]
+pub use input::{InputError, InputFault};
+pub use mesh::MeshDefect;
+#[cfg(feature = "mesh")]
+pub use mesh::{FlatArrangement, MeshFileProblem};
+#[cfg(feature = "bench")]
+pub use rows::RowFault;
+
 /// Text that is part of the program, or made when it runs.
 pub type Text = Cow<'static, str>;
 
@@ -206,9 +226,9 @@ pub enum Error {
         /// Name of the adapter.
         adapter: String,
         /// The precision that the fault concerns.
-        precision: crate::engine::batch::Precision,
+        precision: crate::math::Precision,
         /// What the adapter gets wrong.
-        fault: crate::engine::gpu::ArithmeticFault,
+        fault: crate::error::ArithmeticFault,
     },
     /// The adapter has no arithmetic of the precision asked for.
     #[error("{adapter} has no {precision}: take precision f32, or the CPU engine, which has both")]
@@ -216,7 +236,7 @@ pub enum Error {
         /// Name of the adapter.
         adapter: String,
         /// The precision asked for.
-        precision: crate::engine::batch::Precision,
+        precision: crate::math::Precision,
     },
     /// No method, step and precision that the engine has meets the accuracy asked for.
     #[error(
@@ -233,7 +253,7 @@ pub enum Error {
         /// The name of that candidate.
         method: &'static str,
         /// Its arithmetic.
-        precision: crate::engine::batch::Precision,
+        precision: crate::math::Precision,
         /// What would reach it.
         remedy: &'static str,
     },
@@ -291,7 +311,7 @@ pub enum Error {
     /// A study file or a table of bodies is not valid.
     #[cfg(feature = "study")]
     #[error(transparent)]
-    Input(Box<crate::study::InputError>),
+    Input(Box<crate::error::InputError>),
     /// A file or folder could not be read or written.
     #[error("{}: cannot be {action}: {}", path.display(), file_reason(*kind, reason))]
     File {
@@ -334,10 +354,10 @@ pub enum Error {
     },
     /// An inertia tensor is not that of a rigid body.
     #[error("inertia tensor: {0}")]
-    Inertia(crate::bodies::inertia::InertiaDefect),
+    Inertia(crate::error::InertiaDefect),
     /// A triangle mesh does not enclose a volume.
     #[error("mesh: {0}")]
-    Mesh(crate::bodies::inertia::MeshDefect),
+    Mesh(crate::error::MeshDefect),
     /// A mesh file could not be read.
     #[cfg(feature = "mesh")]
     #[error("{}: {problem}", path.display())]
@@ -345,7 +365,7 @@ pub enum Error {
         /// The file.
         path: std::path::PathBuf,
         /// What is wrong with it.
-        problem: crate::bodies::inertia::MeshFileProblem,
+        problem: crate::error::MeshFileProblem,
     },
     /// A file of benchmark rows is not as this version writes it.
     #[cfg(feature = "bench")]
@@ -354,7 +374,7 @@ pub enum Error {
         /// The file.
         path: PathBuf,
         /// What is wrong with it.
-        fault: crate::bench::row::RowFault,
+        fault: crate::error::RowFault,
     },
     /// Points have no convex hull with a volume.
     #[cfg(feature = "mesh")]
@@ -363,7 +383,7 @@ pub enum Error {
         /// Number of points given.
         points: usize,
         /// How they lie.
-        arrangement: crate::bodies::inertia::FlatArrangement,
+        arrangement: crate::error::FlatArrangement,
     },
     /// A quadrature ended at its limit before it was accurate enough.
     #[error(
@@ -405,8 +425,8 @@ impl Error {
 }
 
 #[cfg(feature = "study")]
-impl From<crate::study::InputError> for Error {
-    fn from(error: crate::study::InputError) -> Self {
+impl From<crate::error::InputError> for Error {
+    fn from(error: crate::error::InputError) -> Self {
         Error::Input(Box::new(error))
     }
 }

@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
-use super::{COSTS, Cost, Costs, Figures, SERIES_TOLERANCE};
 use crate::bench::accuracy;
-use crate::bench::row::{Row, RowFault, rows};
-use crate::engine::batch::Precision;
+use crate::bench::row::{Row, rows};
 use crate::engine::{Description, EngineKind};
+use crate::error::RowFault;
 use crate::error::{Error, Result};
+use crate::math::Precision;
 use crate::plan::Scheme;
+use crate::plan::cost::{COSTS, Cost, Costs, Figures, SERIES_TOLERANCE};
 
 impl Costs {
     /// The shipped table with the times that `polhode bench accuracy` has measured on `engine` and left in `folder`.

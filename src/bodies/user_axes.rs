@@ -2,9 +2,10 @@
 //!
 //! Products are not fused with sums, so that a body's numbers are the same to the bit in lanes and alone.
 
-use super::{BodyFrame, BodyState, STATE_COMPONENTS, STRIDE_UNIT, power_of_two_factors};
-use crate::kernel::method::Status;
+use super::columns::{STATE_COMPONENTS, STRIDE_UNIT};
+use super::{BodyFrame, BodyState, Status};
 use crate::math::lanes::{LaneScalar, LaneTask};
+use crate::math::power_of_two::power_of_two_factors;
 use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
 use crate::math::vector::Vector;
@@ -61,7 +62,7 @@ impl<R: Real<Scalar = f64>> UserAxes<R> {
     }
 
     /// The components of the states in the user's axes and units ([`UserColumns`]) from scaled ones
-    /// ([`super::StateWords`]).
+    /// ([`super::columns::StateWords`]).
     #[inline(always)]
     pub fn components(&self, q: Quaternion<R>, m: Vector<R>) -> [R; USER_COMPONENTS] {
         let (zero, one) = (R::splat(0.0), R::splat(1.0));
@@ -222,8 +223,8 @@ pub(super) fn unit_product<R: Real>(a: Quaternion<R>, b: Quaternion<R>) -> Quate
 mod tests {
     use super::*;
     use crate::bodies::Ensemble;
+    use crate::bodies::frame::initial_state;
     use crate::bodies::inertia::InertiaTensor;
-    use crate::engine::batch::prepare::{frame_of, initial_state};
 
     /// Some roundings of numbers of the size of the largest component.
     const ROUNDINGS: f64 = 8.0 * f64::EPSILON;
@@ -284,7 +285,7 @@ mod tests {
         for body in 0..USER_BODIES {
             let (q, omega) = (ensemble.orientation()[body], ensemble.angular_velocity_body()[body]);
             let numbers = [q.x, q.y, q.z, q.w, omega.x, omega.y, omega.z];
-            lanes.set(body, &frame_of(&ensemble, &[], body), numbers, Status::Valid);
+            lanes.set(body, &BodyFrame::of_body(&ensemble, body, |_| 0.0), numbers, Status::Valid);
         }
         lanes.form(true);
         for body in 0..USER_BODIES {

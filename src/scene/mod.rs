@@ -5,13 +5,16 @@ use std::fmt;
 use glam::DVec3;
 
 use crate::bodies::Ensemble;
-use crate::engine::adaptive::AdaptiveSteps;
-use crate::engine::batch::Precision;
 use crate::kernel::method::Method;
 use crate::kernel::observe::Statistic;
+use crate::math::Precision;
 use crate::torque::Torque;
 use crate::torque::force::Force;
 use crate::torque::translated::translated;
+
+mod adaptive_steps;
+
+pub use adaptive_steps::AdaptiveSteps;
 
 /// An ensemble with what happens to it and what is asked of it.
 ///
@@ -301,7 +304,7 @@ impl Scene {
     ///
     /// ```
     /// # use glam::{DQuat, DVec3};
-    /// use polhode::engine::adaptive::AdaptiveSteps;
+    /// use polhode::scene::AdaptiveSteps;
     /// use polhode::{Engine, Ensemble, Plan, Scene};
     ///
     /// # let ensemble = Ensemble::from_columns(&[DVec3::new(1.0, 2.0, 2.5)], &[DQuat::IDENTITY], &[DVec3::X])?;
@@ -324,7 +327,7 @@ impl Scene {
     ///
     /// ```
     /// # use glam::{DQuat, DVec3};
-    /// use polhode::engine::adaptive::AdaptiveSteps;
+    /// use polhode::scene::AdaptiveSteps;
     /// use polhode::{Engine, Ensemble, Plan, Scene, Torque};
     ///
     /// # let ensemble = Ensemble::from_columns(&[DVec3::new(1.0, 2.0, 2.5)], &[DQuat::IDENTITY], &[DVec3::X])?;

@@ -2,15 +2,14 @@
 
 use glam::{DQuat, DVec3};
 
+use super::Status;
+use super::columns::{PARAMETER_COMPONENTS, STATE_COMPONENTS, StateWords};
+use super::inertia::principal_axes;
 use super::user_axes::{self, UserAxes, of_components};
-use super::{
-    PARAMETER_COMPONENTS, STATE_COMPONENTS, StateWords, scaled_by_power_of_two, vector_scaled_by_power_of_two,
-};
 use crate::bodies::Ensemble;
-use crate::kernel::method::Status;
+use crate::math::power_of_two::{binary_exponent, scaled_by_power_of_two, vector_scaled_by_power_of_two};
 use crate::math::quaternion::Quaternion;
 use crate::math::vector::Vector;
-use crate::torque::{self, Torque};
 
 /// What leads from a scaled state back to the user's axes and units; where moments of inertia change in time, at the time that
 /// it is made for, which is 0 at first ([`BodyFrame::at`]).
@@ -57,6 +56,11 @@ impl BodyState {
         status: Status::Valid,
     };
 
+    /// Whether it is a number in every place and no step has failed on it.
+    pub(crate) fn is_sound(&self) -> bool {
+        self.status == Status::Valid && self.is_finite()
+    }
+
     /// Whether it is a finite number in every place that goes into results.
     pub(crate) fn is_finite(&self) -> bool {
         self.orientation.is_finite()
@@ -76,13 +80,29 @@ impl BodyFrame {
         rate_exponent: 0,
     };
 
+    /// The frame of one body of an ensemble at the start; `driven_rate` gives for its middle moment, kg m², the rate (rad/s) to which
+    /// torques bring it within about a radian, 0 without torques.
+    pub(crate) fn of_body(ensemble: &Ensemble, body: usize, driven_rate: impl FnOnce(f64) -> f64) -> Self {
+        let mut axes = principal_axes(&ensemble.inertia()[body]);
+        let is_linear_rotor = ensemble.is_linear_rotor(body);
+        if is_linear_rotor {
+            axes.moments = DVec3::splat(0.5 * axes.moments.y + 0.5 * axes.moments.z);
+        }
+        let moment_exponent = binary_exponent(axes.moments.y);
+        let scaled_moments = vector_scaled_by_power_of_two(axes.moments, -moment_exponent);
+        let spin = ensemble.angular_velocity_body()[body].abs().max_element();
+        let rate_exponent = binary_exponent(spin.max(driven_rate(axes.moments.y)));
+        let principal_to_body = axes.principal_to_body;
+        Self { scaled_moments, is_linear_rotor, principal_to_body, moment_exponent, rate_exponent }
+    }
+
     /// The principal moments of the body's tensor, in units of 2^`moment_exponent` kg m², ascending.
     pub(crate) fn tensor_moments(&self) -> DVec3 {
         if self.is_linear_rotor { self.scaled_moments * DVec3::new(0.0, 1.0, 1.0) } else { self.scaled_moments }
     }
 
     /// The scaled parameters: 1/I₁, 1/I₂, 1/I₃ and 2^r.
-    pub(super) fn parameters(&self) -> [f64; PARAMETER_COMPONENTS] {
+    pub(crate) fn parameters(&self) -> [f64; PARAMETER_COMPONENTS] {
         let inverse = self.scaled_moments.recip();
         [inverse.x, inverse.y, inverse.z, scaled_by_power_of_two(1.0, self.rate_exponent)]
     }
@@ -119,13 +139,6 @@ impl BodyFrame {
         vector_scaled_by_power_of_two(torque, -(self.moment_exponent + 2 * self.rate_exponent))
     }
 
-    /// The frame with the moments that the body has at `time`, s: of another one where `torques` hold moments that change.
-    /// `body` is its index in the scene.
-    #[must_use]
-    pub fn at(&self, torques: &[Torque], body: usize, time: f64) -> Self {
-        Self { scaled_moments: torque::variable_inertia::scaled_moments_at(torques, body, self, time), ..*self }
-    }
-
     /// The state in the user's axes and units of one row of what was read.
     pub(crate) fn state_of(&self, words: &StateWords, row: usize) -> BodyState {
         BodyState { status: words.status[row], ..self.body_state(words.combined(row)) }
@@ -137,6 +150,19 @@ impl BodyFrame {
         let found = UserAxes::<f64>::new(|_| self).components(Quaternion::new(qx, qy, qz, qw), Vector::new(mx, my, mz));
         of_components(|component| found[component])
     }
+}
+
+/// The state of one body at the start, by the route of the bodies that are stepped.
+pub(crate) fn initial_state(ensemble: &Ensemble, body: usize) -> BodyState {
+    let frame = BodyFrame::of_body(ensemble, body, |_| 0.0);
+    frame.body_state(frame.initial(ensemble, body))
+}
+
+/// The angle of the rotation between two orientations, rad, in [0, π]: twice the arc tangent of the vector part of
+/// conj(p) q over its scalar part, which keeps small angles.
+pub(crate) fn attitude_error(a: &BodyState, b: &BodyState) -> f64 {
+    let relative = a.orientation.conjugate() * b.orientation;
+    2.0 * DVec3::new(relative.x, relative.y, relative.z).length().atan2(relative.w.abs())
 }
 
 /// The product of two unit quaternions, with the norm's roundings taken out.

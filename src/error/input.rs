@@ -14,13 +14,13 @@ pub struct InputError {
     /// The key, with the tables that it stands in (`bodies.inertia.mass`), or the column of a table of bodies.
     pub key: String,
     /// What is wrong there.
-    pub fault: Fault,
+    pub fault: InputFault,
 }
 
 /// What is wrong at one place of an input file.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
-pub enum Fault {
+pub enum InputFault {
     /// The text is not TOML, or not CSV.
     Syntax {
         /// The parser's words.
@@ -95,11 +95,11 @@ pub enum Fault {
     },
 }
 
-impl Fault {
+impl InputFault {
     /// A name that is not among those known.
-    pub(super) fn unknown(name: &str, known: &[&str]) -> Self {
+    pub(crate) fn unknown(name: &str, known: &[&str]) -> Self {
         let known_names = known.iter().map(|&name| name.to_owned()).collect();
-        Fault::Unknown { nearest: nearest(name, known).map(str::to_owned), known: known_names }
+        InputFault::Unknown { nearest: nearest(name, known).map(str::to_owned), known: known_names }
     }
 }
 
@@ -113,9 +113,9 @@ impl std::fmt::Display for InputError {
         write!(formatter, "{}:{}: ", self.file.display(), self.line)?;
         let key = &self.key;
         match &self.fault {
-            Fault::Syntax { reason } if key.is_empty() => formatter.write_str(reason),
-            Fault::Syntax { reason } => write!(formatter, "{key}: {reason}"),
-            Fault::Unknown { nearest, known } => {
+            InputFault::Syntax { reason } if key.is_empty() => formatter.write_str(reason),
+            InputFault::Syntax { reason } => write!(formatter, "{key}: {reason}"),
+            InputFault::Unknown { nearest, known } => {
                 write!(
                     formatter,
                     "{key} is not known: {}known here: {}",
@@ -123,18 +123,18 @@ impl std::fmt::Display for InputError {
                     known.join(", ")
                 )
             }
-            Fault::Missing { expected } => write!(formatter, "{key} is missing: {expected}"),
-            Fault::Value { value, expected } => write!(formatter, "{key} = {value}: {expected}"),
-            Fault::Choice { value, nearest, choices } => {
+            InputFault::Missing { expected } => write!(formatter, "{key} is missing: {expected}"),
+            InputFault::Value { value, expected } => write!(formatter, "{key} = {value}: {expected}"),
+            InputFault::Choice { value, nearest, choices } => {
                 write!(formatter, "{key} = {value}: {}possible: {}", suggestion(*nearest), choices.join(", "))
             }
-            Fault::Formula { column, reason, .. } => write!(formatter, "{key}: column {column}: {reason}"),
-            Fault::Conflict { other } => write!(formatter, "{key} excludes {other}: give one of them"),
-            Fault::Cause { value, cause } => write!(formatter, "{key} = {value}: {cause}"),
-            Fault::RowLength { found, expected } => {
+            InputFault::Formula { column, reason, .. } => write!(formatter, "{key}: column {column}: {reason}"),
+            InputFault::Conflict { other } => write!(formatter, "{key} excludes {other}: give one of them"),
+            InputFault::Cause { value, cause } => write!(formatter, "{key} = {value}: {cause}"),
+            InputFault::RowLength { found, expected } => {
                 write!(formatter, "the row has {found} fields: {expected} are needed, one a column of the header")
             }
-            Fault::Body { body, field, value, expected } => {
+            InputFault::Body { body, field, value, expected } => {
                 write!(formatter, "{key}: body {body}: {field} = {value:?}: {expected}")
             }
         }
@@ -144,7 +144,7 @@ impl std::fmt::Display for InputError {
 impl std::error::Error for InputError {}
 
 /// The name among `known` that differs least from `name`, if it differs by little.
-pub(super) fn nearest<'k>(name: &str, known: &[&'k str]) -> Option<&'k str> {
+pub(crate) fn nearest<'k>(name: &str, known: &[&'k str]) -> Option<&'k str> {
     let distance = |candidate: &str| strsim::damerau_levenshtein(name, candidate);
     let best = known.iter().copied().min_by_key(|candidate| distance(candidate))?;
     // A third of the letters may be wrong; beyond that a suggestion confuses more than it helps.

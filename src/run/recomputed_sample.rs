@@ -2,23 +2,24 @@
 
 use std::collections::BTreeMap;
 
-use glam::DVec3;
 use rayon::prelude::*;
 
+use crate::bodies::BodyState;
+use crate::bodies::Members;
 use crate::engine::Observer;
-use crate::engine::adaptive::AdaptiveSteps;
-use crate::engine::batch::{BodyState, Precision};
 use crate::error::Result;
 use crate::kernel::free_motion::FreeMotion;
+use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::least_tolerance;
-use crate::kernel::method::{Method, Status};
-use crate::plan::{Group, Interval, Members, Plan, TorqueSet, Treatment, steps_over};
-use crate::record::{Quantiles, Shadow};
-use crate::run::alone::states_at_end;
-use crate::run::confidence::{is_plausible, upper_rank};
-use crate::run::is_sound;
+use crate::math::Precision;
+use crate::math::Quantiles;
+use crate::plan::errors::Errors;
+use crate::plan::subset::states_at_end;
+use crate::plan::{Group, Interval, Plan, TorqueSet, Treatment, steps_over};
+use crate::record::Shadow;
 use crate::run::work::{self, Alike, Recomputed, Work};
-use crate::scene::{Accuracy, Scene, Stepping, Target};
+use crate::scene::AdaptiveSteps;
+use crate::scene::{Accuracy, Scene, Stepping};
 use crate::torque::{self, Torque};
 
 /// Every so many-th body is in the shadow's sample.
@@ -32,26 +33,6 @@ pub(super) const SHADOW_SEED: u64 = 0;
 /// How many of a number of bodies are recomputed.
 pub(super) fn shadow_size(body_count: usize) -> usize {
     (body_count / ONE_IN).max(LEAST_BODIES).min(body_count)
-}
-
-/// `count` bodies of `body_count`, ascending: the range of bodies is cut into equal parts and one is drawn from each.
-pub(crate) fn sample(body_count: usize, count: usize, seed: u64) -> Vec<u32> {
-    let start = |part: usize| (part as u128 * body_count as u128 / count as u128) as usize;
-    (0..count)
-        .map(|part| {
-            let width = start(part + 1) - start(part);
-            (start(part) + (mixed(seed ^ part as u64) % width as u64) as usize) as u32
-        })
-        .collect()
-}
-
-/// A number whose bits depend on all of `x` (G. L. Steele, D. Lea, C. H. Flood, *Fast splittable pseudorandom number
-/// generators*, OOPSLA 2014, figure 16: the finaliser of SplitMix64).
-pub(crate) fn mixed(x: u64) -> u64 {
-    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ (x >> 31)
 }
 
 /// A body of the sample at the end, and, of a body on which torques act, what they did to it.
@@ -210,122 +191,14 @@ const LEAST_PART: f64 = 0.1;
 /// ([`crate::kernel::free_motion`]), so that beyond 2⁹⁶ rad (8e28) no digit of a phase is known.
 fn phase_error(scene: &Scene, body: usize) -> f64 {
     let spin = scene.ensemble().angular_velocity_body()[body].length();
-    crate::engine::batch::scaled_by_power_of_two(spin * scene.end(), -96)
+    crate::math::power_of_two::scaled_by_power_of_two(spin * scene.end(), -96)
 }
 
 fn contains(group: &Group, body: usize) -> bool {
     !group.members.rows(body..body + 1).is_empty()
 }
 
-/// How the errors of some bodies stand to those asked for.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Standing {
-    /// The greatest of the errors as parts of those asked for.
-    pub part: f64,
-    /// Of what that is.
-    pub worst: Target,
-    /// The attitude error, rad, whether it was asked for or not.
-    pub attitude: f64,
-}
-
-/// Errors of some bodies.
-#[derive(Debug, Default)]
-pub(crate) struct Errors {
-    attitude: Vec<f64>,
-    angular_velocity: Vec<f64>,
-    energy: Vec<f64>,
-    /// Of the centres of mass, m and m/s, of bodies that translate.
-    position: Vec<f64>,
-    velocity: Vec<f64>,
-    /// How many have failed whose references have not.
-    lost: usize,
-}
-
 impl Errors {
-    /// Takes the difference of one body from its reference. Of one that no steps follow, as its reference is no number, nothing is
-    /// known; one of which the reference was given up may be anywhere.
-    pub(crate) fn push(&mut self, state: &BodyState, reference: &BodyState) {
-        // A state that is no number is as wrong as can be, and must not pass for the least error.
-        let sound = |error: f64, worst: f64| if error.is_nan() { worst } else { error };
-        let relative = |change: f64, scale: f64| if scale > 0.0 { change / scale } else { change };
-        if !is_sound(reference) && reference.status != Status::StepBelowLimit {
-            return;
-        }
-        if !is_sound(state) || !is_sound(reference) {
-            self.lost += usize::from(is_sound(reference));
-            self.attitude.push(std::f64::consts::PI);
-            self.angular_velocity.push(f64::INFINITY);
-            self.energy.push(f64::INFINITY);
-            return;
-        }
-        self.attitude.push(sound(attitude_error(state, reference), std::f64::consts::PI));
-        let change = (state.angular_velocity_body - reference.angular_velocity_body).length();
-        self.angular_velocity.push(sound(relative(change, reference.angular_velocity_body.length()), f64::INFINITY));
-        let change = (state.kinetic_energy - reference.kinetic_energy).abs();
-        self.energy.push(sound(relative(change, reference.kinetic_energy), f64::INFINITY));
-    }
-
-    /// Takes how far a body's centre of mass (m, m/s) is from where a reference has it, if that is anywhere.
-    pub(crate) fn push_centre(&mut self, centre: (DVec3, DVec3), reference: (DVec3, DVec3)) {
-        if reference.0.is_finite() && reference.1.is_finite() {
-            let distance = |a: DVec3, b: DVec3| if a.is_finite() { a.distance(b) } else { f64::INFINITY };
-            self.position.push(distance(centre.0, reference.0));
-            self.velocity.push(distance(centre.1, reference.1));
-        }
-    }
-
-    /// The errors at the percentile asked for. Of a sample of more bodies, `all`, that is a bound which holds with a
-    /// probability of 95 %. Without limit where a body is lost whose reference is not: none that can be followed is given up.
-    pub(crate) fn standing(&mut self, asked: &Accuracy, all: usize) -> Standing {
-        let (part, count) = (0.01 * asked.percentile, self.attitude.len());
-        let rank = if count < all { upper_rank(count, part) as f64 / count as f64 } else { part };
-        let mut standing = Standing { attitude: Quantiles::rank(&mut self.attitude, rank), ..Standing::default() };
-        for (values, target, wanted) in self.targets(asked) {
-            let part = wanted.map_or(0.0, |wanted| Quantiles::rank(values, rank) / wanted);
-            if part > standing.part {
-                (standing.part, standing.worst) = (part, target);
-            }
-        }
-        if self.lost > 0 {
-            standing.part = f64::INFINITY;
-        }
-        standing
-    }
-
-    /// The greatest attitude error as a multiple of the median, or, where that is less, of `least`.
-    pub(crate) fn spread(&mut self, least: f64) -> f64 {
-        let [median, greatest] = [0.5, 1.0].map(|rank| Quantiles::rank(&mut self.attitude, rank));
-        (greatest / median.max(least)).max(1.0)
-    }
-
-    /// Whether the sample speaks against the errors asked for: whether more of it are beyond than chance brings there in
-    /// one of 20 samples.
-    fn meets(&mut self, target: &Accuracy) -> bool {
-        let (part, count) = (0.01 * target.percentile, self.attitude.len());
-        self.targets(target).into_iter().all(|(values, _, wanted)| {
-            let beyond = wanted.map_or(0, |wanted| values.iter().filter(|&&error| error > wanted).count());
-            is_plausible(beyond, count, part)
-        })
-    }
-
-    fn targets(&mut self, asked: &Accuracy) -> [(&mut Vec<f64>, Target, Option<f64>); 3] {
-        [
-            (&mut self.attitude, Target::Attitude, asked.attitude),
-            (&mut self.angular_velocity, Target::AngularVelocity, asked.angular_velocity),
-            (&mut self.energy, Target::Energy, asked.energy),
-        ]
-    }
-
-    /// How many are beyond one of the errors asked for.
-    fn beyond(&mut self, asked: &Accuracy) -> usize {
-        let count = self.attitude.len();
-        let targets = self.targets(asked);
-        let is_beyond = |body: &usize| {
-            targets.iter().any(|(values, _, wanted)| wanted.is_some_and(|wanted| values[*body] > wanted))
-        };
-        (0..count).filter(is_beyond).count()
-    }
-
     /// What a run says of itself, of whose sample `lost` bodies have failed and `diverged` could not be recomputed, and of all of its
     /// bodies the part `failed`; `same_draws` as in [`Shadow`].
     pub(crate) fn shadow(
@@ -356,13 +229,6 @@ impl Errors {
     }
 }
 
-/// The angle of the rotation between two orientations, rad, in [0, π]: twice the arc tangent of the vector part of
-/// conj(p) q over its scalar part, which keeps small angles.
-pub(crate) fn attitude_error(a: &BodyState, b: &BodyState) -> f64 {
-    let relative = a.orientation.conjugate() * b.orientation;
-    2.0 * DVec3::new(relative.x, relative.y, relative.z).length().atan2(relative.w.abs())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -381,28 +247,5 @@ mod tests {
             Some(false),
             "more than the percentile leaves out"
         );
-    }
-
-    #[test]
-    fn a_body_that_is_lost_alone_outweighs_any_percentile() {
-        let sound = BodyState {
-            orientation: glam::DQuat::IDENTITY,
-            angular_velocity_body: DVec3::X,
-            angular_momentum_world: DVec3::X,
-            kinetic_energy: 0.5,
-            norm_error: 0.0,
-            status: crate::kernel::method::Status::Valid,
-        };
-        let lost = BodyState { angular_velocity_body: DVec3::NAN, ..sound };
-        let asked = Accuracy { percentile: 50.0, ..Accuracy::attitude(1e-6) };
-        let standing = |states: [(&BodyState, &BodyState); 4]| {
-            let mut errors = Errors::default();
-            states.into_iter().for_each(|(state, reference)| errors.push(state, reference));
-            errors.standing(&asked, 4)
-        };
-        let good = (&sound, &sound);
-        assert_eq!(standing([good; 4]), Standing::default());
-        assert_eq!(standing([good, good, good, (&lost, &sound)]).part, f64::INFINITY);
-        assert_eq!(standing([good, good, good, (&lost, &lost)]).part, 0.0, "what nothing follows may be left out");
     }
 }

@@ -1,15 +1,26 @@
 //! Some bodies of a scene by themselves, on the CPU.
 
-use super::adaptive::{order_by_work, start};
+use super::greatest_rate;
+use crate::bodies::BodyState;
+use crate::bodies::Members;
+use crate::bodies::columns::StateWords;
+use crate::engine::adaptive::AdaptiveSession;
 use crate::engine::adaptive::StepCounts;
-use crate::engine::batch::{BodyState, Prepared, StateWords, prepare_ordered};
-use crate::engine::cpu::{Cpu, Width};
+use crate::engine::batch::AnyBatch;
+use crate::engine::batch::{Prepared, prepare_ordered};
+use crate::engine::cpu::Cpu;
 use crate::engine::watch::{Job, Watch};
+use crate::engine::work::order;
 use crate::engine::{Backend, Observer};
 use crate::error::Result;
-use crate::plan::{Members, Treatment};
+use crate::kernel::method::Method;
+use crate::math::Width;
+use crate::plan::Treatment;
+use crate::scene::AdaptiveSteps;
 use crate::scene::Scene;
 use crate::torque::Torque;
+use glam::DVec3;
+use rayon::prelude::*;
 
 /// Some bodies at the end.
 #[derive(Debug, Default)]
@@ -81,4 +92,35 @@ fn finish(job: Option<Job<'_>>) {
     if let Some(job) = job {
         job(&Watch::default());
     }
+}
+
+/// Opens a session of adaptive steps by one of [`Method::ADAPTIVE`].
+pub(crate) fn start(
+    engine: &dyn Backend,
+    method: Method,
+    batch: AnyBatch,
+    steps: AdaptiveSteps,
+) -> Result<Box<dyn AdaptiveSession>> {
+    if method == Method::Taylor { engine.start_taylor(batch, steps) } else { engine.start_adaptive(batch, steps) }
+}
+
+/// Members from `start` on in the order of their expected work, as places among those that are prepared. Which row of the session
+/// each of them then has is noted in `session_rows`.
+pub(crate) fn order_by_work(
+    scene: &Scene,
+    members: &Members,
+    start: usize,
+    prepared: &[Prepared],
+    session_rows: &mut [u32],
+) -> Vec<usize> {
+    // All have the same span, so the greatest rate is their work up to a factor.
+    let rate = |(place, (frame, state)): (usize, &Prepared)| {
+        let m = DVec3::new(state[4], state[5], state[6]);
+        greatest_rate(scene, members.body(start + place), frame, m)
+    };
+    let order = order(&prepared.par_iter().enumerate().map(rate).collect::<Vec<_>>());
+    for (session_row, &place) in order.iter().enumerate() {
+        session_rows[start + place] = (start + session_row) as u32;
+    }
+    order
 }

@@ -1,4 +1,4 @@
-//! What a sample says of a percentile of all bodies.
+//! Samples of bodies: how they are drawn, and what one says of a percentile of all bodies.
 //!
 //! Of n bodies drawn from many, the number below the quantile of order p is binomial with probability p (W. J. Conover, *Practical
 //! Nonparametric Statistics*, 3rd ed. (1999), section 3.2). A sample without replacement from few bodies says more, not
@@ -45,6 +45,26 @@ fn at_least(least: usize, count: usize, part: f64) -> f64 {
         choices += ((count - successes) as f64).ln() - (successes as f64 + 1.0).ln();
     }
     sum.min(1.0)
+}
+
+/// `count` bodies of `body_count`, ascending: the range of bodies is cut into equal parts and one is drawn from each.
+pub(crate) fn sample(body_count: usize, count: usize, seed: u64) -> Vec<u32> {
+    let start = |part: usize| (part as u128 * body_count as u128 / count as u128) as usize;
+    (0..count)
+        .map(|part| {
+            let width = start(part + 1) - start(part);
+            (start(part) + (mixed(seed ^ part as u64) % width as u64) as usize) as u32
+        })
+        .collect()
+}
+
+/// A number whose bits depend on all of `x` (G. L. Steele, D. Lea, C. H. Flood, *Fast splittable pseudorandom number
+/// generators*, OOPSLA 2014, figure 16: the finaliser of SplitMix64).
+pub(crate) fn mixed(x: u64) -> u64 {
+    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
 }
 
 #[cfg(test)]

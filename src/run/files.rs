@@ -3,17 +3,17 @@
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use super::column;
-use super::csv_file::{self, CsvFile};
-use super::failed_file;
-use super::folder::{OutputFolder, PLAN, REPORT};
-use super::npz_file::{NpzFile, Times};
-use super::report::{Report, StatisticsReport, StudyReport};
-use super::statistics_file::StatisticsFile;
-use super::{OutputState, Sink, Statistics};
 use crate::engine::{Backend, Progress};
 use crate::error::Result;
 use crate::plan::Plan;
+use crate::record::column;
+use crate::record::csv_file::{self, CsvFile};
+use crate::record::failed_file;
+use crate::record::folder::{OutputFolder, PLAN, REPORT};
+use crate::record::npz_file::{NpzFile, Times};
+use crate::record::report::{Report, StatisticsReport, StudyReport};
+use crate::record::statistics_file::StatisticsFile;
+use crate::record::{OutputState, Sink, Statistics};
 use crate::run::run_into;
 use crate::study::{Format, Output, Study};
 
@@ -171,7 +171,7 @@ impl OutputSize {
 }
 
 /// Runs `plan` on `engine` and writes the tables that `output` asks for, `plan.json` and `report.json`, into `folder`, and, where
-/// bodies have failed, a table `failed` of them ([`super::FailedBody`]).
+/// bodies have failed, a table `failed` of them ([`crate::record::FailedBody`]).
 ///
 /// All files appear together when all are complete and on the disk; where anything fails or `observer` breaks, none appears.
 /// Memory does not grow with the number of output times. `since` is when the work on the study began, for the report.
