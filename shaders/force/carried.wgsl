@@ -1,4 +1,4 @@
-// Centres of mass that move along with the steps of the rotation. Twin: Flight in src/run/flight.rs, on the host; the columns
+// Centres of mass that move along with the steps of the rotation. Twin: Flight in src/run/stepped_translation.rs, on the host; the columns
 // are those of src/torque/force/carried.rs.
 
 // The first parameter column of the forces.

@@ -23,9 +23,9 @@ pub mod provenance;
 pub mod row;
 pub mod skipping;
 pub mod stability;
+pub mod strategy;
 pub mod throughput;
 pub mod timing;
-pub mod way;
 
 use provenance::Provenance;
 use row::{Row, Table};

@@ -5,13 +5,13 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::adaptive::{
-    AdaptiveSession, TAYLOR_ADAPTS, TAYLOR_IN_F64, check_equal_steps, check_torques, taylor_unavailable,
-};
 use super::projected::conserving;
 use super::watch::{Job, Watch, watched};
 use super::{Backend, Description, EngineKind, FreeSession, Observer, Session, check_step, check_time};
 use crate::bodies::columns::{StateWords, column_parts, state_columns};
+use crate::engine::adaptive_session::{
+    AdaptiveSession, TAYLOR_ADAPTS, TAYLOR_IN_F64, check_equal_steps, check_torques, taylor_unavailable,
+};
 use crate::engine::batch::{AnyBatch, Batch, load_body, load_invariants, load_state, store_state};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::{AnyRows, FreeMotionRows};
@@ -42,14 +42,14 @@ use crate::torque::sum::Source;
 mod adaptive;
 mod observe;
 mod seats;
-mod surroundings;
 mod taylor;
 mod tile;
+mod torque_kernels;
 
 use adaptive::CpuAdaptiveSession;
 use observe::Reducer;
-use surroundings::{AllTorques, CommonTorques, Nothing, Projected, Surroundings};
 use tile::TileStep;
+use torque_kernels::{AllTorques, CommonTorques, LaneTorques, Nothing, Projected};
 
 /// Integrates on the processor.
 #[derive(Clone, Copy, Debug)]
@@ -306,7 +306,7 @@ impl<T: LaneScalar> CpuSession<T> {
     }
 
     /// In lanes or singly, as the session was opened.
-    fn advance_in<M: Step, S: Surroundings>(&mut self, dt: f64, steps: u64) -> Job<'_> {
+    fn advance_in<M: Step, S: LaneTorques>(&mut self, dt: f64, steps: u64) -> Job<'_> {
         let kernel = if self.width.has_lanes::<T>() { in_lanes::<T, M, S> } else { one_by_one::<T, M, S> };
         self.advance_blocks(dt, steps, kernel)
     }
@@ -362,18 +362,18 @@ struct Block<'a, 'b, T> {
     steps: u64,
 }
 
-fn in_lanes<T: LaneScalar, M: Step, S: Surroundings>(block: Block<'_, '_, T>) {
+fn in_lanes<T: LaneScalar, M: Step, S: LaneTorques>(block: Block<'_, '_, T>) {
     T::dispatch(Advance::<T, M, S>(block, PhantomData));
 }
 
-fn one_by_one<T: Scalar, M: Step, S: Surroundings>(block: Block<'_, '_, T>) {
+fn one_by_one<T: Scalar, M: Step, S: LaneTorques>(block: Block<'_, '_, T>) {
     Advance::<T, M, S>(block, PhantomData).run::<T>();
 }
 
 /// Advances a block, lane group by lane group.
 struct Advance<'a, 'b, T, M, S>(Block<'a, 'b, T>, PhantomData<(M, S)>);
 
-impl<T: Scalar, M: Step, S: Surroundings> LaneTask<T> for Advance<'_, '_, T, M, S> {
+impl<T: Scalar, M: Step, S: LaneTorques> LaneTask<T> for Advance<'_, '_, T, M, S> {
     type Output = ();
     const IN_LANES_ONLY: bool = true;
 

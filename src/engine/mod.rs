@@ -20,21 +20,21 @@ use crate::math::Width;
 use crate::scene::AdaptiveSteps;
 use crate::torque::force::carried::Carried;
 
-pub mod adaptive;
+pub mod adaptive_session;
 pub mod batch;
 pub mod cpu;
 mod devices;
 pub mod gpu;
+pub mod load_balance;
 pub mod projected;
 pub mod reduction;
 pub mod tap;
 pub mod under_torques;
 pub mod watch;
-pub mod work;
 
 pub use devices::{Adapter, AdapterLimits, Choice, Devices, devices, devices_async};
 
-use adaptive::{AdaptiveSession, TAYLOR_ON_CPU, taylor_unavailable};
+use adaptive_session::{AdaptiveSession, TAYLOR_ON_CPU, taylor_unavailable};
 use cpu::Cpu;
 use gpu::{Arithmetic, Gpu, GpuOptions, wgpu};
 use reduction::Reduce;

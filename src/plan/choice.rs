@@ -167,7 +167,7 @@ pub fn skip_tolerance(accuracy: &Accuracy) -> Bound {
 
 /// What a plan wants to know of one body.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Look {
+pub(super) struct Classification {
     pub torques: TorqueSet,
     pub verdict: Verdict,
     /// What a closed form can be wrong by whose constants are formed in one word; [`Bound::NONE`] of a body that has no
@@ -178,7 +178,7 @@ pub(super) struct Look {
 }
 
 /// Looks at one body of a scene.
-pub(super) fn look_at(scene: &Scene, body: usize, tolerance: &Bound) -> Look {
+pub(super) fn classify(scene: &Scene, body: usize, tolerance: &Bound) -> Classification {
     let torques = TorqueSet::acting_on(scene.torques(), body);
     let (ensemble, is_free) = (scene.ensemble(), torques.is_empty());
     // What is not stepped has no step that would follow a rate.
@@ -186,7 +186,7 @@ pub(super) fn look_at(scene: &Scene, body: usize, tolerance: &Bound) -> Look {
         && scene.may_skip()
         && let Some(free) = aligned(scene, body)
     {
-        return look_at_free(&free, tolerance, true, 0.0);
+        return classify_free(&free, tolerance, true, 0.0);
     }
     // What does not act brings no rate.
     let frame = frame_of(ensemble, if is_free { &[] } else { scene.torques() }, body);
@@ -196,10 +196,10 @@ pub(super) fn look_at(scene: &Scene, body: usize, tolerance: &Bound) -> Look {
         let span = span_of(scene, frame.rate_exponent);
         let free = FreeBody { moments: frame.scaled_moments, angular_momentum_principal: m, span };
         let rate = if scene.may_skip() { 0.0 } else { rate() };
-        return look_at_free(&free, tolerance, ensemble.inertia()[body].is_diagonal(), rate);
+        return classify_free(&free, tolerance, ensemble.inertia()[body].is_diagonal(), rate);
     }
     let verdict = Verdict { shape: Shape::Asymmetric, axis: 0, bound: Bound::default() };
-    Look { torques, verdict, set_up: Bound::NONE, rate: rate() }
+    Classification { torques, verdict, set_up: Bound::NONE, rate: rate() }
 }
 
 /// A body without torque, if its principal axes lie along its body axes and it is no linear rotor.
@@ -219,11 +219,11 @@ fn span_of(scene: &Scene, rate_exponent: i32) -> f64 {
     scene.end() * scaled_by_power_of_two(1.0, rate_exponent)
 }
 
-fn look_at_free(free: &FreeBody, tolerance: &Bound, is_diagonal: bool, rate: f64) -> Look {
+fn classify_free(free: &FreeBody, tolerance: &Bound, is_diagonal: bool, rate: f64) -> Classification {
     let verdict = free.verdict(tolerance);
     let is_general = verdict.shape == Shape::Asymmetric;
     let set_up = if is_general { free.set_up_bound(is_diagonal) } else { Bound::NONE };
-    Look { torques: TorqueSet::default(), verdict, set_up, rate }
+    Classification { torques: TorqueSet::default(), verdict, set_up, rate }
 }
 
 /// The greatest rate of a body, rad/s: of its spin at the start, with m in the units of its frame, or to which torques bring it.

@@ -10,7 +10,6 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::marks::{Difference, SceneMarks};
 use super::pilot::Found;
 use super::resolution::{Resolution, Stepped};
 use super::{Bound, Plan, Rule, Scheme, TorqueSet};
@@ -19,6 +18,7 @@ use crate::error::{Error, Result};
 use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::math::Spread;
+use crate::plan::fingerprint::{Difference, SceneFingerprint};
 use crate::scene::AdaptiveSteps;
 use crate::scene::{Scene, Target};
 use crate::study::text::read_text;
@@ -50,7 +50,7 @@ struct PlanFile<C = Value, S = Value> {
     format: u32,
     polhode: String,
     engine: String,
-    scene: SceneMarks,
+    scene: SceneFingerprint,
     resolution: ResolutionEntry,
     /// Of all the rest ([`PlanFile::sum`]).
     sum: String,
@@ -328,7 +328,7 @@ impl<'a> Plan<'a> {
             format: FORMAT,
             polhode: RELEASE.to_owned(),
             engine: explanation.engine,
-            scene: SceneMarks::of(self.scene(), self.times().len()),
+            scene: SceneFingerprint::of(self.scene(), self.times().len()),
             resolution,
             sum: String::new(),
             classes: explanation.classes,
@@ -348,7 +348,7 @@ impl<'a> Plan<'a> {
     /// [`Error::PlanMismatch`] where the plan was made for another scene; otherwise as [`Plan::new`].
     pub fn repeated(scene: &'a Scene, engine: &dyn Backend, document: &PlanDocument) -> Result<Self> {
         let times = Self::checked(scene)?;
-        let marks = SceneMarks::of(scene, times.len());
+        let marks = SceneFingerprint::of(scene, times.len());
         if let Some(Difference { field, planned, found, remedy }) = document.file.scene.first_difference(&marks) {
             let (path, planned, found) = (document.path.clone(), planned.into(), found.into());
             return Err(Error::PlanMismatch { path, field, planned, found, remedy });

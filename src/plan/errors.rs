@@ -10,7 +10,7 @@ use glam::DVec3;
 
 /// How the errors of some bodies stand to those asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Standing {
+pub(crate) struct ErrorRatio {
     /// The greatest of the errors as parts of those asked for.
     pub part: f64,
     /// Of what that is.
@@ -67,10 +67,10 @@ impl Errors {
 
     /// The errors at the percentile asked for. Of a sample of more bodies, `all`, that is a bound which holds with a
     /// probability of 95 %. Without limit where a body is lost whose reference is not: none that can be followed is given up.
-    pub(crate) fn standing(&mut self, asked: &Accuracy, all: usize) -> Standing {
+    pub(crate) fn error_ratio(&mut self, asked: &Accuracy, all: usize) -> ErrorRatio {
         let (part, count) = (0.01 * asked.percentile, self.attitude.len());
         let rank = if count < all { upper_rank(count, part) as f64 / count as f64 } else { part };
-        let mut standing = Standing { attitude: Quantiles::rank(&mut self.attitude, rank), ..Standing::default() };
+        let mut standing = ErrorRatio { attitude: Quantiles::rank(&mut self.attitude, rank), ..ErrorRatio::default() };
         for (values, target, wanted) in self.targets(asked) {
             let part = wanted.map_or(0.0, |wanted| Quantiles::rank(values, rank) / wanted);
             if part > standing.part {
@@ -136,14 +136,14 @@ mod tests {
         };
         let lost = BodyState { angular_velocity_body: DVec3::NAN, ..sound };
         let asked = Accuracy { percentile: 50.0, ..Accuracy::attitude(1e-6) };
-        let standing = |states: [(&BodyState, &BodyState); 4]| {
+        let error_ratio = |states: [(&BodyState, &BodyState); 4]| {
             let mut errors = Errors::default();
             states.into_iter().for_each(|(state, reference)| errors.push(state, reference));
-            errors.standing(&asked, 4)
+            errors.error_ratio(&asked, 4)
         };
         let good = (&sound, &sound);
-        assert_eq!(standing([good; 4]), Standing::default());
-        assert_eq!(standing([good, good, good, (&lost, &sound)]).part, f64::INFINITY);
-        assert_eq!(standing([good, good, good, (&lost, &lost)]).part, 0.0, "what nothing follows may be left out");
+        assert_eq!(error_ratio([good; 4]), ErrorRatio::default());
+        assert_eq!(error_ratio([good, good, good, (&lost, &sound)]).part, f64::INFINITY);
+        assert_eq!(error_ratio([good, good, good, (&lost, &lost)]).part, 0.0, "what nothing follows may be left out");
     }
 }

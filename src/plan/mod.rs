@@ -26,10 +26,10 @@ mod document;
 mod driven;
 pub(crate) mod errors;
 pub mod explain;
-mod glance;
-pub mod group;
 #[cfg(feature = "study")]
-mod marks;
+mod fingerprint;
+pub mod group;
+mod lane_classification;
 mod parts;
 mod pilot;
 mod reference;

@@ -15,7 +15,7 @@
 
 use std::cmp::Ordering;
 
-use super::choice::{Look, Rule, Scheme, narrowest};
+use super::choice::{Classification, Rule, Scheme, narrowest};
 use super::cost::work::Work;
 use super::cost::{Cost, Costs};
 use super::reference::Reference;
@@ -23,7 +23,7 @@ use crate::error::{Error, Result};
 use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::math::Spread;
-use crate::plan::errors::{Errors, Standing};
+use crate::plan::errors::{ErrorRatio, Errors};
 use crate::plan::sampling::least_sample;
 use crate::plan::sampling::sample;
 use crate::scene::{Accuracy, Scene, Target};
@@ -134,7 +134,7 @@ pub(super) struct Pilot<'a> {
     /// Bodies of the class.
     pub all: usize,
     /// The sample with the looks at them.
-    pub bodies: Vec<(u32, Look)>,
+    pub bodies: Vec<(u32, Classification)>,
     /// How long the sample is followed, s.
     pub span: f64,
     /// Steps that the reference may take, and any one body.
@@ -176,7 +176,7 @@ const SEED: u64 = 1;
 
 impl<'a> Pilot<'a> {
     /// The pilot with some bodies of its class.
-    fn of(self, class: &[u32], count: usize, look: impl Fn(u32) -> Look) -> Self {
+    fn of(self, class: &[u32], count: usize, look: impl Fn(u32) -> Classification) -> Self {
         let drawn = sample(class.len(), count.min(class.len()), SEED);
         let bodies = drawn.into_iter().map(|index| class[index as usize]).map(|body| (body, look(body))).collect();
         Self { bodies, ..self }
@@ -189,7 +189,7 @@ impl<'a> Pilot<'a> {
     }
 
     /// The cheapest rule that meets the target; the most accurate where none does.
-    pub fn fly(mut self, class: &[u32], look: impl Fn(u32) -> Look) -> Result<Found> {
+    pub fn calibrate(mut self, class: &[u32], look: impl Fn(u32) -> Classification) -> Result<Found> {
         self = self.of(class, LEAST_BODIES, &look);
         if self.bodies.iter().any(|(_, look)| look.rate * self.span > MOST_RADIANS) {
             return Err(Error::Setting { field: "time.end", value: self.span, expected: TOO_FAR });
@@ -288,7 +288,7 @@ impl<'a> Pilot<'a> {
         let probe = Self { bodies: self.bodies.clone(), span, ..*self };
         let rule = probe.rule(Cost::shipped(Scheme::ADAPTIVE_RK8), Some(Precision::F64)).with_room();
         let (coarse, fine) = (probe.stepped(&rule)?, probe.stepped(&rule.finer())?);
-        let part = probe.errors(&coarse.states, &fine.states).standing(self.accuracy, self.all).part;
+        let part = probe.errors(&coarse.states, &fine.states).error_ratio(self.accuracy, self.all).part;
         // The rule expects an error that grows with the angle.
         let harder = (part * self.span / span).clamp(1.0, MOST_DIFFICULTY);
         let difficulty = (self.difficulty * harder).min(MOST_DIFFICULTY);
@@ -479,7 +479,8 @@ impl<'a> Pilot<'a> {
                 Some((_, sampled)) => sampled,
                 None => self.stepped(&rule)?,
             };
-            let Standing { part, worst, attitude } = self.standing(self.errors(&sampled.states, &reference.states));
+            let ErrorRatio { part, worst, attitude } =
+                self.error_ratio(self.errors(&sampled.states, &reference.states));
             let found = Found { rule, part, worst, attitude, bodies: self.bodies.len(), steps: sampled.steps };
             // Of two that are good enough the one with longer steps, else the more accurate.
             let improves = match (part <= ENOUGH, best.part <= ENOUGH) {

@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::least_tolerance;
 use crate::math::Precision;
-use crate::plan::errors::Standing;
+use crate::plan::errors::ErrorRatio;
 
 /// What the reference's own error may be, as a part of the target.
 const SETTLED: f64 = 0.02;
@@ -30,7 +30,7 @@ pub(super) struct Reference {
     pub coarse: Option<(Rule, Sampled)>,
     /// The finest steps that were compared, how far the states were from those in them, and what is left of that.
     rule: Rule,
-    change: Standing,
+    change: ErrorRatio,
     left: f64,
     /// Whether that is by an angle that says nothing any more.
     is_saturated: bool,
@@ -80,8 +80,8 @@ impl Reference {
             let finer = rule.finer();
             let before = std::mem::replace(&mut fine, pilot.stepped(&finer)?);
             let mut errors = pilot.errors(&before.states, &fine.states);
-            let is_saturated = errors.standing(pilot.accuracy, pilot.all).attitude >= SATURATED;
-            let change = pilot.standing(errors);
+            let is_saturated = errors.error_ratio(pilot.accuracy, pilot.all).attitude >= SATURATED;
+            let change = pilot.error_ratio(errors);
             // By what the error falls from one to the other, as far as their tolerances have room.
             let ratio = match scheme {
                 Scheme::Adaptive(_) => finer.tolerance(Precision::F64) / rule.tolerance(Precision::F64),
@@ -117,7 +117,7 @@ impl Reference {
 
     /// What was found where the motion amplifies errors so much that no steps in `f64` follow it to what is asked for.
     pub fn lost(&self, pilot: &Pilot<'_>) -> Option<Found> {
-        let Standing { part, worst, attitude } = self.change;
+        let ErrorRatio { part, worst, attitude } = self.change;
         let part = if self.arrives() { part } else { f64::INFINITY };
         let found = || Found { rule: self.rule, part, worst, attitude, bodies: pilot.bodies.len(), steps: None };
         (self.left > 1.0).then(found)

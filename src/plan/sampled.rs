@@ -6,20 +6,20 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
-use super::choice::{Look, Rule, Scheme, narrowest};
+use super::choice::{Classification, Rule, Scheme, narrowest};
 use super::cost::Cost;
 use super::group::{LEVELS_PER_OCTAVE, Treatment, level_of, step_of};
 use super::pilot::Pilot;
 use crate::bodies::BodyState;
 use crate::bodies::Members;
 use crate::bodies::Status;
-use crate::engine::adaptive::StepCounts;
+use crate::engine::adaptive_session::StepCounts;
 use crate::error::Result;
 use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::math::Spread;
-use crate::plan::errors::{Errors, Standing};
-use crate::plan::subset::states_at_end;
+use crate::plan::errors::{ErrorRatio, Errors};
+use crate::plan::subset::propagate_subset;
 use crate::scene::AdaptiveSteps;
 use crate::scene::Target;
 
@@ -56,7 +56,7 @@ impl Pilot<'_> {
         let times = self.times();
         // Side by side, as each of them alone is too little for all cores.
         let groups = self.treatments(rule).into_par_iter().map(|(treatment, members)| {
-            states_at_end(self.scene, &times, self.torques, &Members::Some(members), &treatment, None)
+            propagate_subset(self.scene, &times, self.torques, &Members::Some(members), &treatment, None)
         });
         let (mut states, mut counts) = (States::new(), Vec::new());
         for group in groups.collect::<Result<Vec<_>>>()? {
@@ -111,13 +111,13 @@ impl Pilot<'_> {
     }
 
     /// How the errors of the class over the whole span, at the percentile asked for, stand to the targets.
-    pub fn standing(&self, mut errors: Errors) -> Standing {
+    pub fn error_ratio(&self, mut errors: Errors) -> ErrorRatio {
         let margin = self.margin(&mut errors);
-        let Standing { part, worst, attitude } = errors.standing(self.accuracy, self.all);
+        let ErrorRatio { part, worst, attitude } = errors.error_ratio(self.accuracy, self.all);
         // There is no greater angle than π.
         let most =
             self.accuracy.attitude.filter(|_| worst == Target::Attitude).map_or(f64::INFINITY, |target| PI / target);
-        Standing { part: (margin * part).min(most.max(part)), worst, attitude: (margin * attitude).min(PI) }
+        ErrorRatio { part: (margin * part).min(most.max(part)), worst, attitude: (margin * attitude).min(PI) }
     }
 
     /// How far the bodies end from where a reference has them.
@@ -142,7 +142,7 @@ impl Pilot<'_> {
         if rule.scheme.is_adaptive() {
             let part = self.span / self.scene.end();
             let mean = known.map(|steps| part * steps.total as f64 / self.bodies.len() as f64);
-            let of_body = |(_, look): &(u32, Look)| {
+            let of_body = |(_, look): &(u32, Classification)| {
                 let precision = rule.precision_of(look.rate * self.scene.end());
                 let angle = look.rate * self.span;
                 let ahead = || rule.expected_attempts(precision, angle).max(times.len() as f64);
@@ -173,7 +173,7 @@ impl Rule {
     /// Whether every body of a pilot steps by this rule as by another of the same scheme.
     pub(super) fn steps_like(&self, other: &Rule, pilot: &Pilot<'_>) -> bool {
         let span = pilot.scene.end();
-        let alike = |(_, look): &(u32, Look)| match self.scheme {
+        let alike = |(_, look): &(u32, Classification)| match self.scheme {
             Scheme::Equal(_) => self.longest_step(look.rate, span) == other.longest_step(look.rate, span),
             Scheme::Adaptive(_) => self.adapts_like(other, self.precision_of(look.rate * span)),
         };

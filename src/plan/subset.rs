@@ -4,13 +4,13 @@ use super::greatest_rate;
 use crate::bodies::BodyState;
 use crate::bodies::Members;
 use crate::bodies::columns::StateWords;
-use crate::engine::adaptive::AdaptiveSession;
-use crate::engine::adaptive::StepCounts;
+use crate::engine::adaptive_session::AdaptiveSession;
+use crate::engine::adaptive_session::StepCounts;
 use crate::engine::batch::AnyBatch;
 use crate::engine::batch::{Prepared, prepare_ordered};
 use crate::engine::cpu::Cpu;
+use crate::engine::load_balance::order;
 use crate::engine::watch::{Job, Watch};
-use crate::engine::work::order;
 use crate::engine::{Backend, Observer};
 use crate::error::Result;
 use crate::kernel::method::Method;
@@ -24,7 +24,7 @@ use rayon::prelude::*;
 
 /// Some bodies at the end.
 #[derive(Debug, Default)]
-pub(crate) struct Alone {
+pub(crate) struct SubsetStates {
     /// The bodies with their states.
     pub states: Vec<(usize, BodyState)>,
     /// The steps of each body, in the same order; none where steps are equal.
@@ -34,15 +34,15 @@ pub(crate) struct Alone {
 /// Some bodies after the last of `times`, stepped on all cores as `treatment` says, which must be [`Treatment::Stepped`] or
 /// [`Treatment::Adaptive`]; other treatments give none. Without an observer the work is this thread's and that of its pool, which may
 /// have other such work to do.
-pub(crate) fn states_at_end(
+pub(crate) fn propagate_subset(
     scene: &Scene,
     times: &[f64],
     torques: &[Torque],
     members: &Members,
     treatment: &Treatment,
     mut observer: Option<&mut Observer<'_>>,
-) -> Result<Alone> {
-    let Some(precision) = treatment.precision_of_steps() else { return Ok(Alone::default()) };
+) -> Result<SubsetStates> {
+    let Some(precision) = treatment.precision_of_steps() else { return Ok(SubsetStates::default()) };
     let end = times.last().copied().unwrap_or(0.0);
     // The session's row of each of the members.
     let mut rows: Vec<u32> = (0..members.len() as u32).collect();
@@ -69,9 +69,9 @@ pub(crate) fn states_at_end(
             }
             let states = states_of(session.read(0..members.len())?);
             let counts = session.counts()?;
-            return Ok(Alone { states, counts: rows.iter().map(|&row| counts[row as usize]).collect() });
+            return Ok(SubsetStates { states, counts: rows.iter().map(|&row| counts[row as usize]).collect() });
         }
-        Treatment::RegularPrecession | Treatment::ClosedForm { .. } => return Ok(Alone::default()),
+        Treatment::RegularPrecession | Treatment::ClosedForm { .. } => return Ok(SubsetStates::default()),
     };
     let engine = Cpu::new(Width::Lanes);
     let mut session = if projected { engine.start_projected(batch, method)? } else { engine.start(batch, method)? };
@@ -84,7 +84,7 @@ pub(crate) fn states_at_end(
         }
         last = time;
     }
-    Ok(Alone { states: states_of(session.read(0..members.len())?), counts: Vec::new() })
+    Ok(SubsetStates { states: states_of(session.read(0..members.len())?), counts: Vec::new() })
 }
 
 /// Does what a session of the processor's has to do.

@@ -16,7 +16,7 @@ mod scale;
 mod skipping;
 mod snapshots;
 mod stability;
-mod statistics;
+mod statistics_over_time;
 mod throughput;
 mod work_precision;
 
@@ -54,8 +54,8 @@ pub fn plot_folder(folder: &Path, bodies: &[usize]) -> Result<Vec<PathBuf>> {
     if folder.join("snapshots.csv").exists() {
         figures.extend(run::run(folder, bodies)?);
     }
-    if folder.join(statistics::TABLE).exists() {
-        figures.push(("statistics".to_owned(), statistics::statistics(folder)?));
+    if folder.join(statistics_over_time::TABLE).exists() {
+        figures.push(("statistics".to_owned(), statistics_over_time::statistics(folder)?));
     }
     let mut written = Vec::new();
     for (name, figure) in figures {

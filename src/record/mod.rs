@@ -13,7 +13,7 @@ use crate::math::Quantiles;
 use crate::plan::{Part, listed};
 use crate::scene::Accuracy;
 
-mod adaptive;
+mod adaptive_work;
 mod balance;
 #[cfg(feature = "study")]
 pub(crate) mod column;
@@ -37,7 +37,7 @@ mod statistics;
 #[cfg(feature = "study")]
 pub(crate) mod statistics_file;
 
-pub use adaptive::AdaptiveWork;
+pub use adaptive_work::AdaptiveWork;
 pub use balance::Balance;
 pub(crate) use balance::{BalanceGatherer, change_of_total};
 #[cfg(feature = "study")]
@@ -212,14 +212,14 @@ pub struct WallTime {
     /// Handing states to the sink.
     pub write: f64,
     /// Recomputing the sample of bodies, and the quantiles of the drift beside it.
-    pub shadow: f64,
+    pub recomputed_sample: f64,
 }
 
 /// How far a run's states at the end are from those of a sample of its bodies that was recomputed on the CPU in `f64`:
 /// torque-free bodies by the closed form, the others by `rk8`, in steps of half the size where the run's own method is of
 /// order 6 or more and of the same size where it is of a lower order.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Shadow {
+pub struct RecomputedSample {
     /// Bodies behind the figures; those that failed are left out.
     pub bodies: usize,
     /// Bodies of the sample that failed.
@@ -253,7 +253,7 @@ pub struct Shadow {
     pub met: Option<bool>,
 }
 
-impl std::fmt::Display for Shadow {
+impl std::fmt::Display for RecomputedSample {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self.bodies {
             0 => write!(formatter, "attitude error not known")?,
@@ -291,7 +291,7 @@ pub struct Trust {
     /// What is left of the changes of energy and angular momentum when the torques' share is taken off.
     pub balance: Balance,
     /// Errors estimated from a sample of bodies.
-    pub shadow: Shadow,
+    pub recomputed_sample: RecomputedSample,
     /// Bodies that have failed, ascending: those of `failures`.
     pub failed_bodies: Vec<usize>,
     /// Why and when bodies have failed, by body: those whose state or centre of mass was not finite at an output that was read, or of
@@ -306,7 +306,14 @@ pub struct Trust {
 
 impl std::fmt::Display for Trust {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(formatter, "{} on {}: {}, {}", listed(&self.parts), self.engine.name, self.shadow, self.drift)?;
+        write!(
+            formatter,
+            "{} on {}: {}, {}",
+            listed(&self.parts),
+            self.engine.name,
+            self.recomputed_sample,
+            self.drift
+        )?;
         if self.balance.bodies > 0 {
             write!(formatter, ", {}", self.balance)?;
         }

@@ -9,7 +9,6 @@ use std::collections::BTreeSet;
 
 use super::OutputState;
 use super::translation::Centres;
-use super::unit::Unit;
 use crate::bodies::Members;
 use crate::bodies::Status;
 use crate::engine::cpu::Cpu;
@@ -18,6 +17,7 @@ use crate::error::{Error, Result};
 use crate::math::Width;
 use crate::plan::{Group, Interval, Plan, Treatment};
 use crate::record::{FailedBody, KnownTo, WallTime};
+use crate::run::group_run::GroupRun;
 
 /// The most bodies whose steps are taken again.
 const MOST_BODIES: usize = 1000;
@@ -105,12 +105,17 @@ impl<'p> Steps<'p> {
     }
 
     /// Brings bodies on that have taken the first steps of `taken`.
-    fn advance(&self, unit: &mut Unit<'_>, taken: std::ops::Range<u64>, observer: &mut Observer<'_>) -> Result<()> {
+    fn advance(
+        &self,
+        group_run: &mut GroupRun<'_>,
+        taken: std::ops::Range<u64>,
+        observer: &mut Observer<'_>,
+    ) -> Result<()> {
         let mut at = taken.start;
         while at < taken.end {
             let (index, interval, start, before) = self.interval(at);
             let end = taken.end.min(self.ends[index]);
-            unit.take_steps((start, interval.dt), at - before..end - before, self.time(end), observer)?;
+            group_run.take_steps((start, interval.dt), at - before..end - before, self.time(end), observer)?;
             at = end;
         }
         Ok(())
@@ -230,7 +235,7 @@ fn passage(
 
     let members = Members::Some(open.iter().map(|bracket| bracket.failed.body as u32).collect());
     let group = Group { members, ..group.clone() };
-    let mut unit = Unit::start(&Cpu::new(Width::Lanes), scene, &group, false, &mut WallTime::default())?;
+    let mut group_run = GroupRun::start(&Cpu::new(Width::Lanes), scene, &group, false, &mut WallTime::default())?;
     // Those of the long way are stepped for all bodies at once, and not here.
     let mut centres = scene.may_skip().then(|| Centres::start(plan));
     let mut taken = 0;
@@ -238,12 +243,12 @@ fn passage(
         if open.iter().all(|bracket| look > bracket.bad || !bracket.agrees) {
             break;
         }
-        steps.advance(&mut unit, taken..look, observer)?;
+        steps.advance(&mut group_run, taken..look, observer)?;
         taken = look;
         if let Some(centres) = &mut centres {
             centres.advance(steps.time(look), Interval { steps: 0, dt: 0.0 });
         }
-        let states = unit.output_states(&|body| centres.as_ref().and_then(|centres| centres.of_body(body)))?;
+        let states = group_run.output_states(&|body| centres.as_ref().and_then(|centres| centres.of_body(body)))?;
         open.iter_mut().zip(&states).for_each(|(bracket, state)| bracket.take(look, state));
         let done = taken.saturating_mul(count as u64);
         if observer(Progress { done, total: last.saturating_mul(count as u64) }).is_break() {
@@ -276,16 +281,17 @@ fn in_adaptive_steps(
     if failures.is_empty() {
         return Ok(());
     }
-    let mut unit = Unit::start(&Cpu::new(Width::Lanes), plan.scene(), &group, false, &mut WallTime::default())?;
+    let mut group_run =
+        GroupRun::start(&Cpu::new(Width::Lanes), plan.scene(), &group, false, &mut WallTime::default())?;
     let mut left: Vec<Option<&mut FailedBody>> = failures.into_iter().map(Some).collect();
     for (index, &time) in plan.times().iter().enumerate() {
-        unit.advance(time, plan.span_before(index), true, observer)?;
+        group_run.advance(time, plan.span_before(index), true, observer)?;
         for (row, place) in left.iter_mut().enumerate() {
             let Some(failed) = place else { continue };
             if time > failed.time {
                 *place = None;
             } else if time > failed.last_good_time
-                && let Some((stopped, state)) = unit.stopped(row)?
+                && let Some((stopped, state)) = group_run.stopped(row)?
             {
                 if state.is_finite() && stopped >= failed.last_good_time {
                     (failed.time, failed.last_good_time, failed.known_to) = (stopped, stopped, KnownTo::Step);

@@ -23,21 +23,21 @@ use crate::record::{
 use crate::scene::{Scene, Stepping};
 use crate::torque::Torque;
 
-pub(crate) mod adaptive;
+pub(crate) mod adaptive_group;
 mod balance;
+mod evaluated_when_read;
 mod failure_times;
 mod failures;
 #[cfg(feature = "study")]
 mod files;
-pub(crate) mod flight;
-mod once;
+mod group_run;
+mod output_statistics;
 mod reading;
 mod recomputed_centres;
 mod recomputed_sample;
-mod statistics;
+pub(crate) mod stepped_translation;
+mod torque_work;
 mod translation;
-mod unit;
-mod work;
 
 pub use balance::balance;
 #[cfg(feature = "study")]
@@ -45,11 +45,11 @@ pub use files::{OutputSize, run_to_folder};
 
 use balance::{push_rest, total_energy_change};
 use failures::Failures;
+use group_run::GroupRun;
+use output_statistics::FromStates;
 use recomputed_centres::recomputed_centres;
-use recomputed_sample::{SHADOW_SEED, recomputed, shadow_size};
-use statistics::FromStates;
+use recomputed_sample::{SAMPLE_SEED, recomputed, sample_size};
 use translation::Centres;
-use unit::Unit;
 
 /// Bodies that are read and handed on at once: on the host little enough for its cache, and from a device so many that a transfer takes
 /// longer than its start.
@@ -126,12 +126,12 @@ fn run_counted(
     let statistics = scene.wanted_statistics();
     let reduces = !statistics.is_empty() && scene.may_skip();
     let once = plan.looks_once();
-    let units = plan.groups().iter().map(|group| Unit::start(engine, scene, group, once, &mut wall_time));
-    let mut units = units.collect::<Result<Vec<_>>>()?;
+    let group_runs = plan.groups().iter().map(|group| GroupRun::start(engine, scene, group, once, &mut wall_time));
+    let mut group_runs = group_runs.collect::<Result<Vec<_>>>()?;
     let mut centres = Centres::start(plan);
     if reduces {
         let clock = Instant::now();
-        units.iter_mut().try_for_each(|unit| unit.watch(statistics, usable_rate(scene)))?;
+        group_runs.iter_mut().try_for_each(|group_run| group_run.watch(statistics, usable_rate(scene)))?;
         wall_time.start += clock.elapsed().as_secs_f64();
     }
 
@@ -140,7 +140,7 @@ fn run_counted(
     let mut done = 0_u64;
     let mut end = AtEnd::default();
     let mut failures = Failures::new(scene.ensemble());
-    let sample = sample(body_count, shadow_size(body_count), SHADOW_SEED);
+    let sample = sample(body_count, sample_size(body_count), SAMPLE_SEED);
     let (mut sampled, mut sampled_centres) = (Vec::with_capacity(sample.len()), Vec::with_capacity(sample.len()));
     let count = plan.times().len();
     let block = read_block(&engine.description());
@@ -153,7 +153,7 @@ fn run_counted(
         let wanted = asked || !scene.may_skip() || (last && !plan.leaves_states());
         let clock = Instant::now();
         let span = plan.span_before(index);
-        advance(&mut units, (time, span), wanted || last || reduces, (&mut done, total), observer)?;
+        advance(&mut group_runs, (time, span), wanted || last || reduces, (&mut done, total), observer)?;
         centres.advance(time, plan.interval(index));
         wall_time.compute += clock.elapsed().as_secs_f64();
         if plan.is_closed_form() && observer(Progress { done, total }).is_break() {
@@ -161,18 +161,18 @@ fn run_counted(
         }
         if reduces {
             let clock = Instant::now();
-            let found = statistics::reduced(&mut units, statistics, time)?;
+            let found = output_statistics::reduced(&mut group_runs, statistics, time)?;
             wall_time.read += clock.elapsed().as_secs_f64();
             sink.statistics(index, &found)?;
         }
         if !wanted {
             if last {
                 let clock = Instant::now();
-                sampled = end.gather_sample(scene, &mut units, &sample, &mut |body, reason| {
+                sampled = end.gather_sample(scene, &mut group_runs, &sample, &mut |body, reason| {
                     failures.push(body, reason, time);
                 })?;
-                sampled_centres = centres_of(&sample, &mut units, &centres)?;
-                for body in lost_centres(&mut units, &centres, body_count, block)? {
+                sampled_centres = centres_of(&sample, &mut group_runs, &centres)?;
+                for body in lost_centres(&mut group_runs, &centres, body_count, block)? {
                     failures.push(body, Status::CentreNotFinite, time);
                 }
                 wall_time.read += clock.elapsed().as_secs_f64();
@@ -188,7 +188,7 @@ fn run_counted(
             let clock = Instant::now();
             // Among the pool's threads, so that they need not be woken for each part of it.
             rayon::scope(|_| -> Result<()> {
-                read_states(&mut units, &centres, &range, &mut states, last.then_some(&mut initial))?;
+                read_states(&mut group_runs, &centres, &range, &mut states, last.then_some(&mut initial))?;
                 failures.mark(time, start, &mut states);
                 if last {
                     end.gather(scene, start, &initial, &states);
@@ -205,7 +205,7 @@ fn run_counted(
                 }
             }
             // What is formed as it is read is computed all the same.
-            let formed: f64 = units.iter_mut().map(Unit::take_formed).sum();
+            let formed: f64 = group_runs.iter_mut().map(GroupRun::take_formed).sum();
             wall_time.read += clock.elapsed().as_secs_f64() - formed;
             wall_time.compute += formed;
             if asked {
@@ -225,26 +225,26 @@ fn run_counted(
     }
     *outputs_done = count;
     let mut works = Vec::new();
-    for unit in &mut units {
-        works.extend(unit.adaptive_work()?);
+    for group_run in &mut group_runs {
+        works.extend(group_run.adaptive_work()?);
     }
-    let adaptive = adaptive::total_work(works, failures.count(Status::StepBelowLimit));
-    let bytes_read = units.iter().map(Unit::bytes_read).sum();
+    let adaptive = adaptive_group::total_work(works, failures.count(Status::StepBelowLimit));
+    let bytes_read = group_runs.iter().map(GroupRun::bytes_read).sum();
     let mut failures = failures.finish();
     let stopped = |failed: &&FailedBody| failed.reason == Status::StepBelowLimit;
     let stopped: Vec<usize> = failures.iter().filter(stopped).map(|failed| failed.body).collect();
     let mut attempts = BTreeMap::new();
     if !stopped.is_empty() {
-        for unit in &mut units {
-            attempts.extend(unit.attempts(&stopped)?);
+        for group_run in &mut group_runs {
+            attempts.extend(group_run.attempts(&stopped)?);
         }
     }
-    drop(units);
+    drop(group_runs);
 
     let clock = Instant::now();
     let attempts = |body: usize| attempts.get(&body).copied().unwrap_or(u64::MAX);
     failure_times::find(plan, &mut failures, &attempts, &mut |_| observer(Progress { done, total }))?;
-    // The drift's quantiles beside the shadow, whose few bodies are not enough for all cores.
+    // The drift's quantiles beside the recomputed sample, whose few bodies are not enough for all cores.
     let (mut drift, gathered) = (Drift::default(), std::mem::take(&mut end.drift));
     let recomputed = rayon::in_place_scope(|scope| {
         scope.spawn(|_| drift = gathered.finish());
@@ -274,8 +274,8 @@ fn run_counted(
         Stepping::Pinned { .. } | Stepping::Adaptive { .. } => None,
     };
     let failed = failures.len() as f64 / body_count.max(1) as f64;
-    let shadow = errors.shadow(target.as_ref(), draws, (lost, diverged), failed);
-    wall_time.shadow = clock.elapsed().as_secs_f64();
+    let recomputed_sample = errors.into_recomputed_sample(target.as_ref(), draws, (lost, diverged), failed);
+    wall_time.recomputed_sample = clock.elapsed().as_secs_f64();
     Ok(Trust {
         engine: engine.description(),
         method: plan.method(),
@@ -287,7 +287,7 @@ fn run_counted(
         bytes_read,
         drift,
         balance: end.balance.finish(),
-        shadow,
+        recomputed_sample,
         failed_bodies: failures.iter().map(|failed| failed.body).collect(),
         failures,
         outside_usable_region: end.outside_usable_region,
@@ -295,21 +295,21 @@ fn run_counted(
     })
 }
 
-/// Brings all units from `time − span` to `time`, s: side by side those that the host's threads step, and the others one by one.
+/// Brings all groups from `time − span` to `time`, s: side by side those that the host's threads step, and the others one by one.
 /// What is not stepped is formed where it is `wanted`. `done`, of `total`, is raised by the work.
 fn advance(
-    units: &mut [Unit<'_>],
+    group_runs: &mut [GroupRun<'_>],
     (time, span): (f64, f64),
     wanted: bool,
     (done, total): (&mut u64, u64),
     observer: &mut Observer<'_>,
 ) -> Result<()> {
-    let bodies = units.iter().map(|unit| unit.body_count() as u64).sum::<u64>();
+    let bodies = group_runs.iter().map(|group_run| group_run.body_count() as u64).sum::<u64>();
     let mut others = Vec::new();
     {
         let mut jobs = Vec::new();
-        for (index, unit) in units.iter_mut().enumerate() {
-            match unit.job(time, span)? {
+        for (index, group_run) in group_runs.iter_mut().enumerate() {
+            match group_run.job(time, span)? {
                 Some(job) => jobs.push(job),
                 None => others.push(index),
             }
@@ -324,9 +324,9 @@ fn advance(
             watched(work, total, &mut report).map_err(|_| Error::Interrupted { steps: *done / bodies.max(1) })?;
         }
     }
-    for unit in others {
+    for group_run in others {
         let before = *done;
-        let work = units[unit].advance(time, span, wanted, &mut |progress| {
+        let work = group_runs[group_run].advance(time, span, wanted, &mut |progress| {
             observer(Progress { done: before.saturating_add(progress.done), total })
         })?;
         *done = before.saturating_add(work);
@@ -334,10 +334,10 @@ fn advance(
     Ok(())
 }
 
-/// Some bodies in the user's axes and units, to `states`, and as they started, to `initial`. Each body is of one unit, so every
+/// Some bodies in the user's axes and units, to `states`, and as they started, to `initial`. Each body is of one group, so every
 /// place is written, whatever stood there; with debug assertions nothing stands there, so that one left out shows.
 fn read_states(
-    units: &mut [Unit<'_>],
+    group_runs: &mut [GroupRun<'_>],
     centres: &Centres<'_>,
     bodies: &Range<usize>,
     states: &mut Vec<OutputState>,
@@ -351,15 +351,15 @@ fn read_states(
     if let Some(initial) = &mut initial {
         make_room(initial, bodies.len(), BodyState::UNKNOWN);
     }
-    units
+    group_runs
         .iter_mut()
-        .try_for_each(|unit| unit.read(bodies, states, initial.as_mut().map(|initial| &mut initial[..])))?;
+        .try_for_each(|group_run| group_run.read(bodies, states, initial.as_mut().map(|initial| &mut initial[..])))?;
     if centres.are_moving() {
         let places = bodies.clone().into_par_iter().zip(&mut *states);
         places.for_each(|(body, state)| state.translation = centres.of_body(body));
     }
-    if units.iter().any(Unit::has_centres) {
-        for (state, centre) in states.iter_mut().zip(flying_centres(units, bodies)?) {
+    if group_runs.iter().any(GroupRun::has_centres) {
+        for (state, centre) in states.iter_mut().zip(stepped_centres(group_runs, bodies)?) {
             state.translation = centre.or(state.translation.filter(|_| centres.are_moving()));
         }
     }
@@ -367,35 +367,44 @@ fn read_states(
 }
 
 /// The centres of mass of some bodies, where they are stepped along the rotation.
-fn flying_centres(units: &mut [Unit<'_>], bodies: &Range<usize>) -> Result<Vec<Option<(DVec3, DVec3)>>> {
-    let mut flying = vec![None; bodies.len()];
-    units.iter_mut().try_for_each(|unit| unit.read_centres(bodies, &mut flying))?;
-    Ok(flying)
+fn stepped_centres(group_runs: &mut [GroupRun<'_>], bodies: &Range<usize>) -> Result<Vec<Option<(DVec3, DVec3)>>> {
+    let mut stepped = vec![None; bodies.len()];
+    group_runs.iter_mut().try_for_each(|group_run| group_run.read_centres(bodies, &mut stepped))?;
+    Ok(stepped)
 }
 
 /// The centres of mass of a sample's bodies; `None` of those that do not move.
-fn centres_of(sample: &[u32], units: &mut [Unit<'_>], centres: &Centres<'_>) -> Result<Vec<Option<(DVec3, DVec3)>>> {
-    let has_flying = units.iter().any(Unit::has_centres);
+fn centres_of(
+    sample: &[u32],
+    group_runs: &mut [GroupRun<'_>],
+    centres: &Centres<'_>,
+) -> Result<Vec<Option<(DVec3, DVec3)>>> {
+    let has_stepped = group_runs.iter().any(GroupRun::has_centres);
     let mut centre = |&body: &u32| -> Result<_> {
         let body = body as usize;
-        let flying = if has_flying { flying_centres(units, &(body..body + 1))?.pop().flatten() } else { None };
-        Ok(flying.or_else(|| centres.of_body(body)))
+        let stepped = if has_stepped { stepped_centres(group_runs, &(body..body + 1))?.pop().flatten() } else { None };
+        Ok(stepped.or_else(|| centres.of_body(body)))
     };
     sample.iter().map(&mut centre).collect()
 }
 
 /// The bodies whose centres of mass are not finite, looked at by `block` bodies at a time.
-fn lost_centres(units: &mut [Unit<'_>], centres: &Centres<'_>, body_count: usize, block: usize) -> Result<Vec<usize>> {
+fn lost_centres(
+    group_runs: &mut [GroupRun<'_>],
+    centres: &Centres<'_>,
+    body_count: usize,
+    block: usize,
+) -> Result<Vec<usize>> {
     let is_lost = |centre: Option<(DVec3, DVec3)>| centre.is_some_and(|(x, v)| !(x.is_finite() && v.is_finite()));
     let mut lost = Vec::new();
     if centres.are_moving() {
         lost.par_extend((0..body_count).into_par_iter().filter(|&body| is_lost(centres.of_body(body))));
     }
-    if units.iter().any(Unit::has_centres) {
+    if group_runs.iter().any(GroupRun::has_centres) {
         for start in (0..body_count).step_by(block) {
             let bodies = start..(start + block).min(body_count);
-            let flying = flying_centres(units, &bodies)?;
-            lost.extend(bodies.zip(flying).filter(|&(_, centre)| is_lost(centre)).map(|(body, _)| body));
+            let stepped = stepped_centres(group_runs, &bodies)?;
+            lost.extend(bodies.zip(stepped).filter(|&(_, centre)| is_lost(centre)).map(|(body, _)| body));
         }
     }
     Ok(lost)
@@ -447,17 +456,17 @@ impl AtEnd {
     fn gather_sample(
         &mut self,
         scene: &Scene,
-        units: &mut [Unit<'_>],
+        group_runs: &mut [GroupRun<'_>],
         sample: &[u32],
         failed: &mut dyn FnMut(usize, Status),
     ) -> Result<Vec<BodyState>> {
         let usable_rate = usable_rate(scene);
         let mut states = Vec::with_capacity(sample.len());
         let mut faster = Vec::new();
-        for unit in &mut *units {
-            states.extend(unit.read_bodies(sample)?);
-            let marked = unit.marked(usable_rate)?;
-            unit.reasons(marked.failed)?.into_iter().for_each(|(body, reason)| failed(body, reason));
+        for group_run in &mut *group_runs {
+            states.extend(group_run.read_bodies(sample)?);
+            let marked = group_run.marked(usable_rate)?;
+            group_run.reasons(marked.failed)?.into_iter().for_each(|(body, reason)| failed(body, reason));
             faster.extend(marked.faster);
         }
         faster.sort_unstable();
@@ -470,7 +479,7 @@ impl AtEnd {
         states.sort_unstable_by_key(|&(body, _)| body);
         for (body, state) in &states {
             let mut initial = [BodyState::UNKNOWN];
-            units.iter().for_each(|unit| unit.read_initial(&(*body..body + 1), &mut initial));
+            group_runs.iter().for_each(|group_run| group_run.read_initial(&(*body..body + 1), &mut initial));
             self.conserved(state.is_sound().then(|| Kept::of(scene, *body, &initial[0], state)));
         }
         Ok(states.into_iter().map(|(_, state)| state).collect())

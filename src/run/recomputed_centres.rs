@@ -7,8 +7,6 @@ use std::collections::BTreeMap;
 
 use glam::DVec3;
 
-use super::flight::Flight;
-use super::unit::Unit;
 use crate::bodies::Members;
 use crate::engine::Observer;
 use crate::engine::cpu::Cpu;
@@ -18,6 +16,8 @@ use crate::math::Precision;
 use crate::math::Width;
 use crate::plan::{Group, Plan, TorqueSet, Treatment};
 use crate::record::WallTime;
+use crate::run::group_run::GroupRun;
+use crate::run::stepped_translation::SteppedTranslation;
 use crate::torque::Torque;
 use crate::torque::force::{Force, accelerations, closed_form};
 
@@ -56,10 +56,10 @@ pub(super) fn recomputed_centres(
 /// Bodies whose rotation is of no concern, or known.
 fn alone(plan: &Plan<'_>, bodies: Vec<u32>, observer: &mut Observer<'_>) -> Result<Vec<(usize, (DVec3, DVec3))>> {
     let (scene, members) = (plan.scene(), Members::Some(bodies));
-    let Some(flight) = Flight::start(scene, &members, false)? else { return Ok(Vec::new()) };
-    let mut flight = flight.in_steps_shorter_by(FINER);
-    flight.advance(0.0, scene.end(), observer)?;
-    Ok(flight.centres().collect())
+    let Some(stepped_translation) = SteppedTranslation::start(scene, &members, false)? else { return Ok(Vec::new()) };
+    let mut stepped_translation = stepped_translation.in_steps_shorter_by(FINER);
+    stepped_translation.advance(0.0, scene.end(), observer)?;
+    Ok(stepped_translation.centres().collect())
 }
 
 /// Bodies under a thrust that turns with them, of one of the plan's groups.
@@ -83,9 +83,9 @@ fn along_rotation(
     if group.members.is_empty() {
         return Ok(Vec::new());
     }
-    let mut unit = Unit::start(&Cpu::new(Width::Lanes), scene, &group, false, &mut WallTime::default())?;
+    let mut group_run = GroupRun::start(&Cpu::new(Width::Lanes), scene, &group, false, &mut WallTime::default())?;
     for (index, &time) in plan.times().iter().enumerate() {
-        unit.advance(time, plan.span_before(index), false, observer)?;
+        group_run.advance(time, plan.span_before(index), false, observer)?;
     }
-    Ok(unit.own_centres())
+    Ok(group_run.own_centres())
 }

@@ -1,4 +1,4 @@
-//! The shadow of a run: a sample of its bodies, recomputed more accurately.
+//! A sample of a run's bodies, recomputed more accurately.
 
 use std::collections::BTreeMap;
 
@@ -14,24 +14,24 @@ use crate::kernel::method::rk8_adaptive::least_tolerance;
 use crate::math::Precision;
 use crate::math::Quantiles;
 use crate::plan::errors::Errors;
-use crate::plan::subset::states_at_end;
+use crate::plan::subset::propagate_subset;
 use crate::plan::{Group, Interval, Plan, TorqueSet, Treatment, steps_over};
-use crate::record::Shadow;
-use crate::run::work::{self, Alike, Recomputed, Work};
+use crate::record::RecomputedSample;
+use crate::run::torque_work::{self, Alike, Recomputed, Work};
 use crate::scene::AdaptiveSteps;
 use crate::scene::{Accuracy, Scene, Stepping};
 use crate::torque::{self, Torque};
 
-/// Every so many-th body is in the shadow's sample.
+/// Every so many-th body is in the sample.
 const ONE_IN: usize = 1000;
-/// The least number of bodies in the shadow's sample, as far as there are so many.
+/// The least number of bodies in the sample, as far as there are so many.
 const LEAST_BODIES: usize = 64;
 
 /// Selects the bodies whose motion is recomputed; fixed, so that two runs of a plan are checked on the same bodies.
-pub(super) const SHADOW_SEED: u64 = 0;
+pub(super) const SAMPLE_SEED: u64 = 0;
 
 /// How many of a number of bodies are recomputed.
-pub(super) fn shadow_size(body_count: usize) -> usize {
+pub(super) fn sample_size(body_count: usize) -> usize {
     (body_count / ONE_IN).max(LEAST_BODIES).min(body_count)
 }
 
@@ -60,7 +60,7 @@ pub(super) fn recomputed(plan: &Plan<'_>, sample: &[u32], observer: &mut Observe
                 continue;
             }
             let intervals = reference_intervals(plan, group, &torques, &driven);
-            let found = work::recomputed(scene, &torques, vec![Alike { members: driven, intervals }], observer)?;
+            let found = torque_work::recomputed(scene, &torques, vec![Alike { members: driven, intervals }], observer)?;
             let reference = |Recomputed { body, state, work }| Reference { body, state, work: Some(work) };
             references.extend(found.into_iter().map(reference));
         }
@@ -80,7 +80,7 @@ fn adaptively(
 ) -> Result<Vec<Reference>> {
     let scene = plan.scene();
     let fine = finer(steps);
-    let found = states_at_end(
+    let found = propagate_subset(
         scene,
         plan.times(),
         torques,
@@ -96,7 +96,7 @@ fn adaptively(
         let steps = count.saturating_mul(EQUAL_FOR_ADAPTIVE);
         Alike { members, intervals: vec![steps_over(scene.end(), scene.end() / steps as f64)] }
     };
-    let equal = work::recomputed(scene, torques, alike.into_iter().map(in_equal_steps).collect(), observer)?;
+    let equal = torque_work::recomputed(scene, torques, alike.into_iter().map(in_equal_steps).collect(), observer)?;
     let equal: BTreeMap<usize, Recomputed> = equal.into_iter().map(|found| (found.body, found)).collect();
     // Near the least tolerance nothing finer is adaptive.
     let is_finer = LEAST_REFINEMENT * fine.tolerance <= steps.tolerance;
@@ -200,18 +200,18 @@ fn contains(group: &Group, body: usize) -> bool {
 
 impl Errors {
     /// What a run says of itself, of whose sample `lost` bodies have failed and `diverged` could not be recomputed, and of all of its
-    /// bodies the part `failed`; `same_draws` as in [`Shadow`].
-    pub(crate) fn shadow(
+    /// bodies the part `failed`; `same_draws` as in [`RecomputedSample`].
+    pub(crate) fn into_recomputed_sample(
         mut self,
         target: Option<&Accuracy>,
         same_draws: bool,
         (lost, diverged): (usize, usize),
         failed: f64,
-    ) -> Shadow {
+    ) -> RecomputedSample {
         let is_measured = !self.attitude.is_empty() && !same_draws && diverged == 0;
         let says = target.filter(|_| lost > 0 || is_measured);
         let is_whole = |target: &Accuracy| lost == 0 && failed <= 1.0 - 0.01 * target.percentile;
-        Shadow {
+        RecomputedSample {
             bodies: self.attitude.len(),
             lost,
             diverged,
@@ -236,14 +236,14 @@ mod tests {
     #[test]
     fn a_run_that_lost_bodies_has_not_met_its_target() {
         let asked = Accuracy::attitude(1e-6);
-        let met = |lost, failed| Errors::default().shadow(Some(&asked), false, (lost, 0), failed).met;
+        let met = |lost, failed| Errors::default().into_recomputed_sample(Some(&asked), false, (lost, 0), failed).met;
         assert_eq!([met(0, 0.0), met(1, 0.5), met(1, 1e-9)], [None, Some(false), Some(false)]);
         let mut errors = Errors::default();
         errors.attitude.push(1e-9);
         errors.angular_velocity.push(0.0);
         errors.energy.push(0.0);
         assert_eq!(
-            errors.shadow(Some(&asked), false, (0, 0), 0.02).met,
+            errors.into_recomputed_sample(Some(&asked), false, (0, 0), 0.02).met,
             Some(false),
             "more than the percentile leaves out"
         );

@@ -10,7 +10,7 @@ use crate::torque::force::{Accelerations, Force, accelerations, closed_form};
 
 /// Positions and velocities on their way through time.
 pub(super) enum Centres<'a> {
-    /// The bodies do not move through space, or along their rotation ([`super::flight`]).
+    /// The bodies do not move through space, or along their rotation ([`crate::run::stepped_translation`]).
     Still,
     /// Formed where they are asked for.
     ClosedForm { scene: &'a Scene, translation: &'a Translation, time: f64 },

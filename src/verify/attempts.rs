@@ -15,7 +15,7 @@ use super::{Found, Window};
 use crate::bodies::Status;
 use crate::bodies::columns::{RATE_COLUMN, STATE_COMPONENTS, StateWords};
 use crate::engine::Backend;
-use crate::engine::adaptive::two_words_of;
+use crate::engine::adaptive_session::two_words_of;
 use crate::engine::batch::AnyBatch;
 use crate::engine::cpu::Cpu;
 use crate::error::Result;

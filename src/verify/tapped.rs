@@ -7,7 +7,7 @@
 use std::cell::RefCell;
 
 use super::subject::Side;
-use crate::engine::adaptive::two_words_of;
+use crate::engine::adaptive_session::two_words_of;
 use crate::engine::batch::{AnyBatch, Batch, load_body, load_state};
 use crate::engine::tap::{Evaluations, MotionCall, TorqueCall, VIEWS};
 use crate::engine::unobserved;

@@ -17,7 +17,7 @@ use crate::math::Precision;
 use crate::math::clock::Clock;
 use crate::math::real::Scalar;
 use crate::plan::Treatment;
-use crate::run::flight::{Flight, turning};
+use crate::run::stepped_translation::{SteppedTranslation, turning};
 use crate::scene::Scene;
 use crate::torque::force::Force;
 use crate::torque::force::accelerations;
@@ -63,7 +63,7 @@ impl<'a> Flown<'a> {
                 .push("centres of mass: not compared, as the host moves them along either side's rotation".into());
             return Ok(());
         }
-        let carried = Flight::start(scene, &subject.members, true)?
+        let carried = SteppedTranslation::start(scene, &subject.members, true)?
             .and_then(|flight| flight.carried(&subject.frames, longest_step));
         let Some((centres, most)) = carried else {
             found.notes.push(

@@ -2,8 +2,6 @@
 
 mod bench;
 mod cli;
-#[path = "../support/desk.rs"]
-mod desk;
 #[path = "../../fuzz/entries.rs"]
 mod entries;
 mod inertia_files;
@@ -16,3 +14,5 @@ mod plot;
 mod results;
 mod studies;
 mod summary;
+#[path = "../support/workspace.rs"]
+mod workspace;

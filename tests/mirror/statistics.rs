@@ -299,7 +299,7 @@ fn bodies_that_fail_are_counted_and_left_out() {
                 assert_eq!(reasons(&alone), reasons(&read), "{precision} {method}");
                 assert_eq!(alone.statistics(), read.statistics());
                 assert_eq!(alone.trust().outside_usable_region, read.trust().outside_usable_region);
-                assert_eq!(alone.trust().shadow.bodies, read.trust().shadow.bodies);
+                assert_eq!(alone.trust().recomputed_sample.bodies, read.trust().recomputed_sample.bodies);
                 let at_end = &alone.statistics()[0];
                 assert_eq!(at_end.count, BODIES - failed.len());
                 assert!(at_end.summaries.iter().all(|summary| summary.max.is_finite() && summary.mean > 0.0));
@@ -400,7 +400,7 @@ fn states_are_skipped_where_statistics_alone_are_asked_for_and_nowhere_else() {
         assert_eq!((found.drift.bodies, read.drift.bodies), (64, BODIES));
         assert!(found.drift.kinetic_energy.max > 0.0);
         assert!(found.drift.norm.max <= read.drift.norm.max);
-        assert_eq!(found.shadow, read.shadow);
+        assert_eq!(found.recomputed_sample, read.recomputed_sample);
         assert_eq!(found.failed_bodies, read.failed_bodies);
     }
 }
@@ -426,7 +426,7 @@ fn bodies_in_steps_of_their_own_are_named_by_the_ensemble() {
         let scene = mixed(300).adaptive(steps, Some(Precision::F64));
         let (alone, read) = (run(&engine, &scene.clone().without_states()), run(&engine, &scene));
         assert_eq!(alone.statistics(), read.statistics());
-        assert_eq!(alone.trust().shadow, read.trust().shadow);
+        assert_eq!(alone.trust().recomputed_sample, read.trust().recomputed_sample);
         let last = &alone.statistics()[3];
         let spins = read.final_state().angular_velocities_body().iter().map(|omega| omega.length());
         let spins: Vec<f64> = spins.collect();

@@ -137,14 +137,15 @@ fn the_shadow_sees_the_error_of_driven_bodies() {
     for tolerance in [1e-5, 1e-8] {
         let scene = scene(tolerance);
         let record = engine.run(&Plan::new(&scene, &engine).expect("planned")).expect("run");
-        let error = record.trust().shadow.attitude;
+        let error = record.trust().recomputed_sample.attitude;
         // Tolerance bounds a step's estimate, which is of a lower order than the step: errors lie up to a hundred times
         // below it, and the largest of 10 s of steps above.
         assert!(error.median > 0.01 * tolerance && error.max < 300.0 * tolerance, "{tolerance:e}: {error}");
     }
     // With no tolerance below its own a run would be compared with itself.
     let least = scene(least_tolerance(Precision::F64));
-    let error = engine.run(&Plan::new(&least, &engine).expect("planned")).expect("run").trust().shadow.attitude;
+    let error =
+        engine.run(&Plan::new(&least, &engine).expect("planned")).expect("run").trust().recomputed_sample.attitude;
     assert!(error.median > 0.0 && error.max < 1e-12, "{error}");
 }
 

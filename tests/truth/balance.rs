@@ -129,5 +129,5 @@ fn energy_is_total_where_all_torques_have_a_potential_and_only_there() {
 #[test]
 fn a_random_torque_is_recomputed_on_the_run_s_own_path() {
     let record = run(&[Torque::white_noise(0.1, 7)], Method::Rk8, DT, Precision::F64);
-    assert!(record.trust().shadow.attitude.max < ROUNDING_F64, "{}", record.trust());
+    assert!(record.trust().recomputed_sample.attitude.max < ROUNDING_F64, "{}", record.trust());
 }

@@ -29,7 +29,7 @@ use polhode::torque::Parameters;
 use polhode::torque::variable_inertia::{InertiaChange, Law};
 use polhode::{Ensemble, Method, Plan, Scene, Torque};
 use support::double_double::DoubleDouble;
-use support::environment::{Moving, between, case, stepped, two_words};
+use support::torque_kernel::{Moving, between, case, stepped, two_words};
 use support::{attitude_error, fitted_order, golden};
 
 /// How far an observed order may lie from the claimed one.

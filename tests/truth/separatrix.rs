@@ -21,7 +21,7 @@ use polhode::torque::Torque;
 use polhode::{Accuracy, Engine, Ensemble, Method, Plan, Precision, Scene};
 use rayon::prelude::*;
 use support::double_double::DoubleDouble;
-use support::environment::{at_start, between, stepped};
+use support::torque_kernel::{at_start, between, stepped};
 
 /// Simulated time, s.
 const SPAN: f64 = 100.0;

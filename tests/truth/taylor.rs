@@ -8,7 +8,7 @@ use common::torques::{batch_under, every_torque, middle_moments};
 use glam::{DQuat, DVec3};
 use polhode::bodies::Status;
 use polhode::bodies::columns::StateWords;
-use polhode::engine::adaptive::StepCounts;
+use polhode::engine::adaptive_session::StepCounts;
 use polhode::engine::batch::{AnyBatch, prepare_with};
 use polhode::engine::{Backend, Engine, unobserved};
 use polhode::math::Precision;

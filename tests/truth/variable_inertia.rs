@@ -392,7 +392,7 @@ fn methods_that_take_a_body_for_rigid_are_refused_and_never_chosen() {
         assert!(!plan.is_closed_form());
         assert!(METHODS.contains(&plan.method()), "{}", plan.method());
         let record = engine.run(&plan).expect("a run");
-        assert_eq!(record.trust().shadow.met, Some(true), "{}", record.trust());
+        assert_eq!(record.trust().recomputed_sample.met, Some(true), "{}", record.trust());
     }
 }
 

@@ -20,7 +20,7 @@ use super::reading::{read_block, read_single_rows};
 use super::shader::Source;
 use crate::bodies::BodyFrame;
 use crate::bodies::columns::{StateWords, state_columns};
-use crate::engine::adaptive::{AdaptiveSession, StepCounts};
+use crate::engine::adaptive_session::{AdaptiveSession, StepCounts};
 use crate::engine::batch::Batch;
 use crate::engine::reduction::{Marked, Reduce};
 use crate::engine::{Observer, Progress, check_time};

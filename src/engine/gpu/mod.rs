@@ -30,9 +30,9 @@ pub use shader::Patch;
 
 pub(crate) use device::{adapters, driver_of};
 
-use super::adaptive::{AdaptiveSession, check_equal_steps, check_torques};
 use super::projected::conserving;
 use super::{Backend, Description, EngineKind, FreeSession, Session};
+use crate::engine::adaptive_session::{AdaptiveSession, check_equal_steps, check_torques};
 use crate::engine::batch::{AnyBatch, Batch};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::AnyRows;

@@ -70,16 +70,16 @@
 
 mod elliptic;
 pub mod evaluation;
+mod formed;
 mod frame;
 mod number;
-mod once;
 mod rows;
 mod setup;
 mod solution;
 
 pub use evaluation::ROW_COLUMNS;
+pub(crate) use formed::{FORMED_BODIES, FormedBlock};
 pub(crate) use frame::{Aligned, scaled_body};
-pub(crate) use once::{FORMED_BODIES, FormedBlock};
 pub use rows::{AnyRows, FreeMotionRows, WORD_COLUMNS};
 pub use setup::SetUp;
 pub use solution::{FreeMotion, Polhode};

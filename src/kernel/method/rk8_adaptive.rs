@@ -11,7 +11,7 @@
 //! equation 10.17, and the program's controller with β = 0.) A step with err ≤ 1 is taken, any other is tried again.
 //!
 //! Everything is per lane, by masks: a lane's steps depend on its own body alone, and a lane that has come to the end of
-//! the interval waits unchanged. Bodies are therefore to be ordered by expected work ([`crate::engine::work`]), so that those
+//! the interval waits unchanged. Bodies are therefore to be ordered by expected work ([`crate::engine::load_balance`]), so that those
 //! side by side finish together.
 //!
 //! Order 8, twelve evaluations an attempt, explicit. Like `rk8` it conserves nothing exactly: the drift of energy and

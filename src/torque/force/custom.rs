@@ -2,7 +2,7 @@
 //!
 //! It is a vector in world axes, N, of `attitude`, `angular_velocity` (rad/s, body axes), `time` (s), `position` (m) and `velocity` (m/s)
 //! in world axes, `mass` (kg) and parameters; the language is that of [`crate::expression`]. Centres of mass under it are stepped on the
-//! host, in `f64` and adaptive steps ([`super::adaptive`]), whatever the engine.
+//! host, in `f64` and adaptive steps ([`crate::torque::force::adaptive_translation`]), whatever the engine.
 
 use glam::{DQuat, DVec3};
 

@@ -11,7 +11,7 @@ use glam::{DQuat, DVec3};
 use crate::error::{Error, Result};
 use crate::torque::{Parameter, ValidationContext, Validity, Value};
 
-pub mod adaptive;
+pub mod adaptive_translation;
 pub mod carried;
 mod closed_form;
 pub mod custom;

@@ -30,7 +30,7 @@ pub struct Centre {
     position_residue: DVec3,
     velocity: DVec3,
     velocity_residue: DVec3,
-    /// What adaptive steps ([`super::adaptive`]) take next, s; 0 before the first.
+    /// What adaptive steps ([`crate::torque::force::adaptive_translation`]) take next, s; 0 before the first.
     pub(super) next_step: f64,
 }
 
@@ -47,9 +47,9 @@ pub trait Attitude {
 }
 
 /// The orientation does not matter.
-pub struct Irrelevant;
+pub struct NoAttitude;
 
-impl Attitude for Irrelevant {
+impl Attitude for NoAttitude {
     fn at(&self, _: f64) -> DQuat {
         DQuat::IDENTITY
     }

@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 use polhode::bodies::columns::StateWords;
-use polhode::engine::adaptive::StepCounts;
+use polhode::engine::adaptive_session::StepCounts;
 use polhode::engine::batch::prepare_with;
 use polhode::engine::gpu::{GpuOptions, wgpu};
 use polhode::engine::{Backend, Engine, unobserved};
@@ -172,7 +172,7 @@ fn finished_bodies_do_not_hold_their_workgroups() {
         session.advance_to(SPAN, &mut unobserved).expect("advanced");
         let counts = session.counts().expect("counted");
         let attempts: Vec<u64> = counts.iter().map(StepCounts::attempts).collect();
-        let held = polhode::engine::work::imbalance(&attempts, session.side_by_side());
+        let held = polhode::engine::load_balance::imbalance(&attempts, session.side_by_side());
         (session.imbalance().expect("measured"), held)
     };
     let (measured, held) = imbalance(8);
@@ -223,5 +223,5 @@ fn a_run_counts_what_it_reads_back() {
     // Two outputs of eight numbers, counts of four words, and an outcome of one word for each dispatch.
     let least = (2 * 8 * size_of::<f64>() + 4 * size_of::<u32>() + 2 * size_of::<u32>()) * COUNT;
     assert!(trust.bytes_read >= least as u64, "{} bytes, at least {least}", trust.bytes_read);
-    assert!(trust.shadow.attitude.max < 1e-6, "{}", trust.shadow);
+    assert!(trust.recomputed_sample.attitude.max < 1e-6, "{}", trust.recomputed_sample);
 }

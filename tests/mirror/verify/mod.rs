@@ -1,7 +1,7 @@
 //! `verify` agrees over whole scenes where the kernels agree, and finds and names faults that are planted on one side.
 
 use crate::common;
-use crate::desk;
+use crate::workspace;
 mod faults;
 mod grid;
 mod onset;

@@ -12,7 +12,7 @@ use polhode::{Accuracy, Ensemble, Force, Method, Outputs, Plan, Precision, Scene
 use super::support::golden::{number, vector};
 use super::{ATTITUDE_F32, BETWEEN, attitude, case, common, run, scene, within};
 
-/// Errors of steps of [`polhode::torque::force::adaptive::TOLERANCE`], some thousands of them.
+/// Errors of steps of [`polhode::torque::force::adaptive_translation::TOLERANCE`], some thousands of them.
 const ADAPTIVE: f64 = 1e-10;
 
 fn text(text: &str, parameters: Parameters) -> Force {
@@ -100,7 +100,7 @@ fn bodies_on_ellipses_return_after_their_periods() {
         assert!(x < bound && v < bound, "eccentricity {e}: {x:e}, {v:e}, bound {bound:e}");
     }
     // The report's own reference is stepped more finely, and sees that.
-    let shadow = record.trust().shadow;
+    let shadow = record.trust().recomputed_sample;
     assert_eq!(shadow.translating, 4);
     assert!((shadow.position.max / largest - 1.0).abs() < 0.1, "{largest:e} m, {}", shadow.position);
 }

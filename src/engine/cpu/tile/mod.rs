@@ -3,10 +3,10 @@
 //!
 //! What a step makes of its slopes is the text of the method's own file.
 
-mod adaptive;
+mod attempts;
 mod cf4;
 
-pub(super) use adaptive::attempts_in_tiles;
+pub(super) use attempts::attempts_in_tiles;
 pub(super) use cf4::Cf4;
 
 use std::marker::PhantomData;

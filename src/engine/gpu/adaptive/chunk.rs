@@ -6,7 +6,7 @@ use super::super::buffers::{Place, STAGING_BYTES, WORKGROUP_SIZE, buffer, write_
 use super::super::device::{Device, Refusal};
 use super::super::reading::read_columns;
 use crate::bodies::columns::{STRIDE_UNIT, state_columns};
-use crate::engine::adaptive::{StepCounts, two_words_of};
+use crate::engine::adaptive_session::{StepCounts, two_words_of};
 use crate::engine::batch::Batch;
 use crate::error::Result;
 use crate::kernel::method::rk8_adaptive::{Controller, LEAST_STEP};

@@ -7,9 +7,6 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::OutputState;
-use super::adaptive::{AdaptiveUnit, UnitWork};
-use super::flight::Flight;
-use super::once::Once;
 use super::reading::{FormStates, TASK, WriteState, each_in_lanes, scatter};
 use crate::bodies::Ensemble;
 use crate::bodies::Members;
@@ -29,14 +26,17 @@ use crate::math::Width;
 use crate::plan::regular_precession::RegularPrecession;
 use crate::plan::{Group, Treatment};
 use crate::record::WallTime;
+use crate::run::adaptive_group::{AdaptiveGroupRun, GroupWork};
+use crate::run::evaluated_when_read::EvaluatedWhenRead;
+use crate::run::stepped_translation::SteppedTranslation;
 use crate::scene::Scene;
 use crate::torque::Torque;
 
 /// The bodies of one group on their way through time.
-pub(super) struct Unit<'p> {
+pub(super) struct GroupRun<'p> {
     members: &'p Members,
     motion: Motion<'p>,
-    flight: Option<Flight<'p>>,
+    stepped_translation: Option<SteppedTranslation<'p>>,
     ensemble: &'p Ensemble,
     torques: &'p [Torque],
     /// Whether moments of inertia change in time.
@@ -55,20 +55,20 @@ enum Motion<'p> {
         treatment: Treatment,
         carries: bool,
     },
-    Adaptive(AdaptiveUnit),
+    Adaptive(AdaptiveGroupRun),
     ClosedForm {
         session: Box<dyn FreeSession>,
         frames: Vec<BodyFrame>,
     },
     /// The same of bodies that are looked at once.
-    Once(Once<'p>),
+    EvaluatedWhenRead(EvaluatedWhenRead<'p>),
     Precession {
         bodies: Vec<RegularPrecession>,
         time: f64,
     },
 }
 
-impl<'p> Unit<'p> {
+impl<'p> GroupRun<'p> {
     /// Makes the bodies ready. `once`: states are wanted at one time only, and all of them then.
     pub fn start(
         engine: &dyn Backend,
@@ -79,7 +79,7 @@ impl<'p> Unit<'p> {
     ) -> Result<Self> {
         let clock = Instant::now();
         let members = &group.members;
-        let mut flight = None;
+        let mut stepped_translation = None;
         let motion = match group.treatment {
             Treatment::RegularPrecession => {
                 let bytes = members.len().saturating_mul(size_of::<RegularPrecession>());
@@ -96,7 +96,13 @@ impl<'p> Unit<'p> {
             }
             Treatment::ClosedForm { precision, set_up } => {
                 match evaluates_on_host(engine, precision).filter(|_| once) {
-                    Some(width) => Motion::Once(Once { ensemble: scene.ensemble(), members, precision, set_up, width }),
+                    Some(width) => Motion::EvaluatedWhenRead(EvaluatedWhenRead {
+                        ensemble: scene.ensemble(),
+                        members,
+                        precision,
+                        set_up,
+                        width,
+                    }),
                     None => {
                         let (frames, rows) = AnyRows::prepare_members(scene.ensemble(), members, precision, set_up)?;
                         wall_time.prepare += clock.elapsed().as_secs_f64();
@@ -112,18 +118,20 @@ impl<'p> Unit<'p> {
                 }
             }
             Treatment::Adaptive { method, precision, steps } => {
-                Motion::Adaptive(AdaptiveUnit::start(engine, scene, group, (method, precision), steps, wall_time)?)
+                Motion::Adaptive(AdaptiveGroupRun::start(engine, scene, group, (method, precision), steps, wall_time)?)
             }
             Treatment::Stepped { method, precision, longest_step, projected } => {
                 let torques = group.class.torques.of(scene.torques());
                 let (frames, batch) = prepare_members(scene.ensemble(), &torques, scene.end(), members, precision)?;
                 wall_time.prepare += clock.elapsed().as_secs_f64();
                 let clock = Instant::now();
-                flight = Flight::start(scene, members, true)?;
-                let carried = flight
+                stepped_translation = SteppedTranslation::start(scene, members, true)?;
+                let carried = stepped_translation
                     .as_ref()
-                    .filter(|flight| flight.follows() && engine.carries_centres() && !projected)
-                    .and_then(|flight| flight.carried(&frames, longest_step));
+                    .filter(|stepped_translation| {
+                        stepped_translation.follows() && engine.carries_centres() && !projected
+                    })
+                    .and_then(|stepped_translation| stepped_translation.carried(&frames, longest_step));
                 let session = match &carried {
                     Some((centres, parts)) => engine.start_carrying(batch, method, centres, *parts)?,
                     None if projected => engine.start_projected(batch, method)?,
@@ -131,23 +139,23 @@ impl<'p> Unit<'p> {
                 };
                 wall_time.start += clock.elapsed().as_secs_f64();
                 if carried.is_some() {
-                    flight = None;
+                    stepped_translation = None;
                 }
                 Motion::Stepped { session, frames, treatment: group.treatment, carries: carried.is_some() }
             }
         };
         if !matches!(motion, Motion::Stepped { .. }) {
-            flight = Flight::start(scene, members, false)?;
+            stepped_translation = SteppedTranslation::start(scene, members, false)?;
         }
         let varies = scene.torques().iter().any(Torque::changes_inertia);
         let (ensemble, torques) = (scene.ensemble(), scene.torques());
-        Ok(Self { members, motion, flight, ensemble, torques, varies, time: 0.0, formed: 0.0 })
+        Ok(Self { members, motion, stepped_translation, ensemble, torques, varies, time: 0.0, formed: 0.0 })
     }
 
     /// The steps from `time − span` to `time`, s, as work for the host's threads, to be run before anything else is done with the
-    /// bodies; `None` where they are not of that kind, and [`Unit::advance`] is the way.
+    /// bodies; `None` where they are not of that kind, and [`GroupRun::advance`] is the way.
     pub fn job(&mut self, time: f64, span: f64) -> Result<Option<Job<'_>>> {
-        if self.flight.is_some() {
+        if self.stepped_translation.is_some() {
             return Ok(None);
         }
         let job = match &mut self.motion {
@@ -155,8 +163,8 @@ impl<'p> Unit<'p> {
                 let interval = treatment.interval(span);
                 session.job(interval.dt, interval.steps)?
             }
-            Motion::Adaptive(unit) => unit.job_to(time)?,
-            Motion::ClosedForm { .. } | Motion::Once(_) | Motion::Precession { .. } => None,
+            Motion::Adaptive(group_run) => group_run.job_to(time)?,
+            Motion::ClosedForm { .. } | Motion::EvaluatedWhenRead(_) | Motion::Precession { .. } => None,
         };
         if job.is_some() {
             self.time = time;
@@ -174,13 +182,13 @@ impl<'p> Unit<'p> {
             return Ok(interval.steps.saturating_mul(bodies));
         }
         self.time = time;
-        if let Some(flight) = &mut self.flight {
-            flight.advance(time - span, span, observer)?;
+        if let Some(stepped_translation) = &mut self.stepped_translation {
+            stepped_translation.advance(time - span, span, observer)?;
         }
         match &mut self.motion {
             Motion::Stepped { .. } => Ok(0),
-            Motion::Adaptive(unit) => {
-                unit.advance_to(time, observer)?;
+            Motion::Adaptive(group_run) => {
+                group_run.advance_to(time, observer)?;
                 Ok(bodies)
             }
             Motion::ClosedForm { session, .. } => {
@@ -189,7 +197,7 @@ impl<'p> Unit<'p> {
                 }
                 Ok(bodies)
             }
-            Motion::Once(_) => Ok(bodies),
+            Motion::EvaluatedWhenRead(_) => Ok(bodies),
             Motion::Precession { time: now, .. } => {
                 *now = time;
                 Ok(bodies)
@@ -209,10 +217,12 @@ impl<'p> Unit<'p> {
         let Motion::Stepped { session, frames, .. } = &mut self.motion else { return Ok(()) };
         self.time = time;
         let (bodies, count) = (self.members.len() as u64, steps.end - steps.start);
-        let Some(flight) = self.flight.as_mut().filter(|flight| flight.follows()) else {
-            if let Some(flight) = &mut self.flight {
+        let Some(stepped_translation) =
+            self.stepped_translation.as_mut().filter(|stepped_translation| stepped_translation.follows())
+        else {
+            if let Some(stepped_translation) = &mut self.stepped_translation {
                 let begin = start + dt * steps.start as f64;
-                flight.advance(begin, time - begin, observer)?;
+                stepped_translation.advance(begin, time - begin, observer)?;
             }
             return advance(&mut **session, dt, count, bodies, observer);
         };
@@ -225,7 +235,7 @@ impl<'p> Unit<'p> {
             let now = start + dt * (step + 1) as f64;
             let words = session.read(rows.clone())?;
             let state = |row: usize| frames[row].at(self.torques, self.members.body(row), now).state_of(&words, row);
-            flight.follow(rows.clone().into_par_iter().map(state).collect(), now - dt, dt);
+            stepped_translation.follow(rows.clone().into_par_iter().map(state).collect(), now - dt, dt);
         }
         Ok(())
     }
@@ -248,8 +258,8 @@ impl<'p> Unit<'p> {
     /// When, s, and in which state the body in a row was stopped by a limit of adaptive steps, where it was in the last interval and the
     /// engine says so.
     pub fn stopped(&mut self, row: usize) -> Result<Option<(f64, BodyState)>> {
-        let Motion::Adaptive(unit) = &self.motion else { return Ok(None) };
-        let Some(time) = unit.reached(row) else { return Ok(None) };
+        let Motion::Adaptive(group_run) = &self.motion else { return Ok(None) };
+        let Some(time) = group_run.reached(row) else { return Ok(None) };
         // Moments that change are those of a time.
         let end = std::mem::replace(&mut self.time, time);
         let states = self.read_range(&(row..row + 1));
@@ -260,10 +270,10 @@ impl<'p> Unit<'p> {
 
     /// The adaptive steps that those of its bodies that are among some have tried.
     pub fn attempts(&mut self, bodies: &[usize]) -> Result<Vec<(usize, u64)>> {
-        let Motion::Adaptive(unit) = &mut self.motion else { return Ok(Vec::new()) };
+        let Motion::Adaptive(group_run) = &mut self.motion else { return Ok(Vec::new()) };
         let row = |&body: &usize| self.members.rows(body..body + 1).next();
         let rows: Vec<usize> = bodies.iter().filter_map(row).collect();
-        let attempts = unit.attempts(&rows)?;
+        let attempts = group_run.attempts(&rows)?;
         Ok(rows.into_iter().map(|row| self.members.body(row)).zip(attempts).collect())
     }
 
@@ -277,15 +287,15 @@ impl<'p> Unit<'p> {
         match &self.motion {
             Motion::Stepped { session, .. } => session.bytes_read(),
             Motion::ClosedForm { session, .. } => session.bytes_read(),
-            Motion::Adaptive(unit) => unit.bytes_read(),
-            Motion::Once(_) | Motion::Precession { .. } => 0,
+            Motion::Adaptive(group_run) => group_run.bytes_read(),
+            Motion::EvaluatedWhenRead(_) | Motion::Precession { .. } => 0,
         }
     }
 
     /// The adaptive steps so far, where there are any.
-    pub fn adaptive_work(&mut self) -> Result<Option<UnitWork>> {
+    pub fn adaptive_work(&mut self) -> Result<Option<GroupWork>> {
         match &mut self.motion {
-            Motion::Adaptive(unit) => unit.work().map(Some),
+            Motion::Adaptive(group_run) => group_run.work().map(Some),
             _ => Ok(None),
         }
     }
@@ -297,18 +307,18 @@ impl<'p> Unit<'p> {
 
     /// Whether its bodies' centres of mass are stepped here.
     pub fn has_centres(&self) -> bool {
-        self.flight.is_some() || matches!(self.motion, Motion::Stepped { carries: true, .. })
+        self.stepped_translation.is_some() || matches!(self.motion, Motion::Stepped { carries: true, .. })
     }
 
     /// Where its bodies are, where the host steps that.
     pub fn own_centres(&self) -> Vec<(usize, (DVec3, DVec3))> {
-        self.flight.iter().flat_map(Flight::centres).collect()
+        self.stepped_translation.iter().flat_map(SteppedTranslation::centres).collect()
     }
 
     /// Writes where those of its bodies that are in `bodies` are, where they are stepped there.
     pub fn read_centres(&mut self, bodies: &Range<usize>, centres: &mut [Option<(DVec3, DVec3)>]) -> Result<()> {
-        if let Some(flight) = &self.flight {
-            flight.read(bodies, centres);
+        if let Some(stepped_translation) = &self.stepped_translation {
+            stepped_translation.read(bodies, centres);
         }
         if let Motion::Stepped { session, carries: true, .. } = &mut self.motion {
             let rows = self.members.rows(bodies.clone());
@@ -327,7 +337,7 @@ impl<'p> Unit<'p> {
         states: &mut [OutputState],
         initial: Option<&mut [BodyState]>,
     ) -> Result<()> {
-        if let Motion::Once(once) = &self.motion {
+        if let Motion::EvaluatedWhenRead(once) = &self.motion {
             let clock = Instant::now();
             once.read(self.time, bodies, states, initial);
             self.formed += clock.elapsed().as_secs_f64();
@@ -359,11 +369,11 @@ impl<'p> Unit<'p> {
             Motion::Stepped { frames, .. } | Motion::ClosedForm { frames, .. } => {
                 Box::new(move |rows, write| of_frames(rows, &|row| frames[row], write))
             }
-            Motion::Adaptive(unit) => {
-                let frame = unit.frames();
+            Motion::Adaptive(group_run) => {
+                let frame = group_run.frames();
                 Box::new(move |rows, write| of_frames(rows, &frame, write))
             }
-            Motion::Once(once) => {
+            Motion::EvaluatedWhenRead(once) => {
                 let frame = |row| scaled_body(ensemble, members.body(row), once.set_up).0;
                 Box::new(move |rows, write| of_frames(rows, &frame, write))
             }
@@ -409,8 +419,8 @@ impl<'p> Unit<'p> {
         match &mut self.motion {
             Motion::Stepped { session, frames, .. } => of_words(session.read(rows.clone())?, frames),
             Motion::ClosedForm { session, frames } => of_words(session.read(rows.clone())?, frames),
-            Motion::Adaptive(unit) => unit.with_states(rows, &now, then)?,
-            Motion::Once(once) => {
+            Motion::Adaptive(group_run) => group_run.with_states(rows, &now, then)?,
+            Motion::EvaluatedWhenRead(once) => {
                 let states = once.states(rows, time);
                 then(rows.clone(), &|own, write| own.for_each(|row| write(row, states[row - rows.start])));
             }
@@ -447,8 +457,8 @@ fn evaluates_on_host(engine: &dyn Backend, precision: Precision) -> Option<Width
 /// Bodies whose state is read at once where statistics are formed on the host.
 const BLOCK: usize = 1 << 12;
 
-impl Unit<'_> {
-    /// Makes ready for [`Unit::reduce`]; a body that spins faster than `fastest` rad/s is marked.
+impl GroupRun<'_> {
+    /// Makes ready for [`GroupRun::reduce`]; a body that spins faster than `fastest` rad/s is marked.
     pub fn watch(&mut self, statistics: &[Statistic], fastest: f64) -> Result<()> {
         let bodies = self.members.len();
         let bytes = bodies.saturating_mul(observe::bytes_per_body(statistics.len()));
@@ -486,7 +496,7 @@ impl Unit<'_> {
         Ok(total)
     }
 
-    /// The bodies that failed, and those that spin faster than the rate watched, as the last [`Unit::reduce`] found them.
+    /// The bodies that failed, and those that spin faster than the rate watched, as the last [`GroupRun::reduce`] found them.
     pub fn marked(&mut self, fastest: f64) -> Result<Marked> {
         let mut marked = match self.session() {
             Some((session, _)) => session.marked()?,
@@ -513,7 +523,7 @@ impl Unit<'_> {
         Ok(marked)
     }
 
-    /// Why the bodies failed that [`Unit::marked`] has found, in no particular order.
+    /// Why the bodies failed that [`GroupRun::marked`] has found, in no particular order.
     pub fn reasons(&mut self, mut failed: Vec<usize>) -> Result<Vec<(usize, Status)>> {
         /// Bodies that are read one by one; of more whole blocks are read.
         const FEW: usize = 256;
@@ -544,7 +554,7 @@ impl Unit<'_> {
         let row = |&body: &u32| self.members.rows(body as usize..body as usize + 1).next();
         let rows: Vec<usize> = bodies.iter().filter_map(row).collect();
         let own: Vec<usize> = match &self.motion {
-            Motion::Adaptive(unit) => rows.iter().map(|&row| unit.session_row(row)).collect(),
+            Motion::Adaptive(group_run) => rows.iter().map(|&row| group_run.session_row(row)).collect(),
             _ => rows.clone(),
         };
         let states = match self.session() {
@@ -570,15 +580,15 @@ impl Unit<'_> {
             _ if self.varies => None,
             Motion::Stepped { session, frames, .. } => Some((&mut **session, frames)),
             Motion::ClosedForm { session, frames } => Some((&mut **session, frames)),
-            Motion::Adaptive(unit) => Some(unit.session()),
-            Motion::Once(_) | Motion::Precession { .. } => None,
+            Motion::Adaptive(group_run) => Some(group_run.session()),
+            Motion::EvaluatedWhenRead(_) | Motion::Precession { .. } => None,
         }
     }
 
-    /// The body in a row of the session, or of the group where [`Unit::session`] gives none.
+    /// The body in a row of the session, or of the group where [`GroupRun::session`] gives none.
     fn body(&self, session_row: usize) -> usize {
         match &self.motion {
-            Motion::Adaptive(unit) if !self.varies => self.members.body(unit.group_row(session_row)),
+            Motion::Adaptive(group_run) if !self.varies => self.members.body(group_run.group_row(session_row)),
             _ => self.members.body(session_row),
         }
     }

@@ -17,7 +17,7 @@ use crate::record::{OutputState, Sink};
 
 /// How a problem is solved.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Way {
+pub enum Strategy {
     /// In equal steps over the span.
     Stepped {
         /// The integrator.
@@ -48,25 +48,25 @@ pub enum Way {
     },
 }
 
-impl Way {
+impl Strategy {
     /// The name of the method, `closed form`, or `chosen`.
     pub fn method(&self) -> &'static str {
         match self {
-            Way::Stepped { method, .. } => method.name(),
-            Way::Adaptive { method: Method::Rk8, .. } => crate::plan::ADAPTIVE,
-            Way::Adaptive { method, .. } => method.name(),
-            Way::ClosedForm { .. } => crate::plan::CLOSED_FORM,
-            Way::Asked { .. } => "chosen",
+            Strategy::Stepped { method, .. } => method.name(),
+            Strategy::Adaptive { method: Method::Rk8, .. } => crate::plan::ADAPTIVE,
+            Strategy::Adaptive { method, .. } => method.name(),
+            Strategy::ClosedForm { .. } => crate::plan::CLOSED_FORM,
+            Strategy::Asked { .. } => "chosen",
         }
     }
 
     /// The name of the arithmetic, or `chosen`.
     pub fn precision(&self) -> &'static str {
         match self {
-            Way::Stepped { precision, .. } | Way::Adaptive { precision, .. } | Way::ClosedForm { precision } => {
-                precision.name()
-            }
-            Way::Asked { .. } => "chosen",
+            Strategy::Stepped { precision, .. }
+            | Strategy::Adaptive { precision, .. }
+            | Strategy::ClosedForm { precision } => precision.name(),
+            Strategy::Asked { .. } => "chosen",
         }
     }
 }

@@ -1,16 +1,16 @@
 //! Statistics at output times: where the states are, or from the states that were read.
 
 use super::OutputState;
-use super::unit::Unit;
 use crate::error::Result;
 use crate::kernel::observe::{Partial, Statistic, merge};
 use crate::record::Statistics;
+use crate::run::group_run::GroupRun;
 
-/// The statistics of all units' bodies, formed where their states are.
-pub(super) fn reduced(units: &mut [Unit<'_>], statistics: &[Statistic], time: f64) -> Result<Statistics> {
+/// The statistics of all groups' bodies, formed where their states are.
+pub(super) fn reduced(group_runs: &mut [GroupRun<'_>], statistics: &[Statistic], time: f64) -> Result<Statistics> {
     let mut total = vec![Partial::none(); statistics.len()];
-    for unit in units {
-        for (total, found) in total.iter_mut().zip(unit.reduce(statistics)?) {
+    for group_run in group_runs {
+        for (total, found) in total.iter_mut().zip(group_run.reduce(statistics)?) {
             *total = merge(*total, found);
         }
     }

@@ -7,7 +7,7 @@ use crate::math::real::Real;
 use crate::torque::sum::{Columns, Common, Torques};
 
 /// One kind of surroundings, each compiled into loops of its own.
-pub(super) trait Surroundings {
+pub(super) trait LaneTorques {
     /// What acts on one lane group.
     type At<'a, R: Real>: Timed<R>;
     /// What acts on the lane group of some columns.
@@ -17,7 +17,7 @@ pub(super) trait Surroundings {
 /// No torque.
 pub(super) struct Nothing;
 
-impl Surroundings for Nothing {
+impl LaneTorques for Nothing {
     type At<'a, R: Real> = Free;
     #[inline(always)]
     fn at<R: Real>(_: Columns<'_, R>) -> Free {
@@ -28,7 +28,7 @@ impl Surroundings for Nothing {
 /// No torque, and what a free body conserves.
 pub(super) struct Projected;
 
-impl Surroundings for Projected {
+impl LaneTorques for Projected {
     type At<'a, R: Real> = Conserving<R>;
     #[inline(always)]
     fn at<R: Real>(columns: Columns<'_, R>) -> Conserving<R> {
@@ -39,7 +39,7 @@ impl Surroundings for Projected {
 /// A constant torque in body axes and linear drag.
 pub(super) struct CommonTorques;
 
-impl Surroundings for CommonTorques {
+impl LaneTorques for CommonTorques {
     type At<'a, R: Real> = Common<R>;
     #[inline(always)]
     fn at<R: Real>(columns: Columns<'_, R>) -> Common<R> {
@@ -50,7 +50,7 @@ impl Surroundings for CommonTorques {
 /// Whatever the scene has.
 pub(super) struct AllTorques;
 
-impl Surroundings for AllTorques {
+impl LaneTorques for AllTorques {
     type At<'a, R: Real> = Torques<'a, R>;
     #[inline(always)]
     fn at<R: Real>(columns: Columns<'_, R>) -> Torques<'_, R> {

@@ -1,6 +1,6 @@
 //! Looks at torque-free bodies in SIMD lanes: at those that need no closer one.
 
-use super::choice::{Look, aligned};
+use super::choice::{Classification, aligned};
 use super::class::{Bound, FreeLanes, Shape, Verdict};
 use super::driven::TorqueSet;
 use crate::math::lanes::{LaneScalar, LaneTask};
@@ -9,32 +9,32 @@ use crate::math::vector::Vector;
 use crate::scene::Scene;
 
 /// Bodies that are glanced at together: a multiple of every lane count.
-pub(super) const GLANCED: usize = 64;
+pub(super) const CLASSIFIED_TOGETHER: usize = 64;
 
 /// Moments, angular momentum and span.
 const COLUMNS: usize = 7;
 
 /// Some bodies of a scene.
-pub(super) struct Glance {
-    bodies: [[f64; GLANCED]; COLUMNS],
+pub(super) struct LaneClassification {
+    bodies: [[f64; CLASSIFIED_TOGETHER]; COLUMNS],
     /// Whether a body was among those looked at, and is of no simpler class by far.
-    is_general: [bool; GLANCED],
-    set_up_error: [f64; GLANCED],
+    is_general: [bool; CLASSIFIED_TOGETHER],
+    set_up_error: [f64; CLASSIFIED_TOGETHER],
 }
 
-impl Glance {
-    /// A glance at up to [`GLANCED`] bodies from `first` on. Driven bodies, those whose principal axes do not lie along body axes and
+impl LaneClassification {
+    /// A glance at up to [`CLASSIFIED_TOGETHER`] bodies from `first` on. Driven bodies, those whose principal axes do not lie along body axes and
     /// linear rotors are passed over.
     pub fn at(scene: &Scene, first: usize, tolerance: &Bound) -> Self {
         let mut glance = Self {
-            bodies: [[1.0; GLANCED]; COLUMNS],
-            is_general: [false; GLANCED],
-            set_up_error: [f64::INFINITY; GLANCED],
+            bodies: [[1.0; CLASSIFIED_TOGETHER]; COLUMNS],
+            is_general: [false; CLASSIFIED_TOGETHER],
+            set_up_error: [f64::INFINITY; CLASSIFIED_TOGETHER],
         };
         if !scene.may_skip() {
             return glance;
         }
-        let count = GLANCED.min(scene.ensemble().len() - first);
+        let count = CLASSIFIED_TOGETHER.min(scene.ensemble().len() - first);
         for (offset, is_seen) in glance.is_general[..count].iter_mut().enumerate() {
             if !TorqueSet::acting_on(scene.torques(), first + offset).is_empty() {
                 continue;
@@ -54,14 +54,14 @@ impl Glance {
     }
 
     /// What there is to know of the body at an offset, where the glance was enough.
-    pub fn look(&self, offset: usize) -> Option<Look> {
+    pub fn look(&self, offset: usize) -> Option<Classification> {
         let verdict = Verdict { shape: Shape::Asymmetric, axis: 0, bound: Bound::default() };
         let set_up = Bound::of_set_up(self.set_up_error[offset]);
-        self.is_general[offset].then_some(Look { torques: TorqueSet::default(), verdict, set_up, rate: 0.0 })
+        self.is_general[offset].then_some(Classification { torques: TorqueSet::default(), verdict, set_up, rate: 0.0 })
     }
 }
 
-struct InLanes<'a>(&'a mut Glance, &'a Bound);
+struct InLanes<'a>(&'a mut LaneClassification, &'a Bound);
 
 impl LaneTask<f64> for InLanes<'_> {
     type Output = ();
@@ -69,8 +69,8 @@ impl LaneTask<f64> for InLanes<'_> {
     #[inline(always)]
     fn run<R: Real<Scalar = f64>>(self) {
         let Self(glance, tolerance) = self;
-        let mut is_far = [0.0; GLANCED];
-        for offset in (0..GLANCED).step_by(R::LANES) {
+        let mut is_far = [0.0; CLASSIFIED_TOGETHER];
+        for offset in (0..CLASSIFIED_TOGETHER).step_by(R::LANES) {
             let [i1, i2, i3, m1, m2, m3, span] = glance.bodies.each_ref().map(|column| R::load(&column[offset..]));
             let (moments, m) = (Vector::new(i1, i2, i3), Vector::new(m1, m2, m3));
             let bodies = FreeLanes { moments, angular_momentum_principal: m, span };
@@ -88,7 +88,7 @@ impl LaneTask<f64> for InLanes<'_> {
 mod tests {
     use glam::{DQuat, DVec3};
 
-    use super::super::choice::look_at;
+    use super::super::choice::classify;
     use super::*;
     use crate::bodies::Ensemble;
     use crate::bodies::inertia::InertiaTensor;
@@ -123,12 +123,12 @@ mod tests {
         for attitude in [1e-2, 1e-5, 1e-9, 1e-12] {
             let tolerance = Bound { attitude, ..Bound::NONE };
             let (mut enough, mut closer) = (0, 0);
-            for first in (0..scene.ensemble().len()).step_by(GLANCED) {
-                let glance = Glance::at(&scene, first, &tolerance);
-                for body in first..(first + GLANCED).min(scene.ensemble().len()) {
+            for first in (0..scene.ensemble().len()).step_by(CLASSIFIED_TOGETHER) {
+                let glance = LaneClassification::at(&scene, first, &tolerance);
+                for body in first..(first + CLASSIFIED_TOGETHER).min(scene.ensemble().len()) {
                     match glance.look(body - first) {
                         Some(look) => {
-                            assert_eq!(look, look_at(&scene, body, &tolerance), "body {body}, {attitude:e} rad");
+                            assert_eq!(look, classify(&scene, body, &tolerance), "body {body}, {attitude:e} rad");
                             enough += 1;
                         }
                         None => closer += 1,
@@ -142,7 +142,7 @@ mod tests {
     #[test]
     fn the_long_way_does_without_glances() {
         let scene = scene().skipping(false);
-        let glance = Glance::at(&scene, 0, &Bound { attitude: 1e-9, ..Bound::NONE });
-        assert!((0..GLANCED).all(|offset| glance.look(offset).is_none()));
+        let glance = LaneClassification::at(&scene, 0, &Bound { attitude: 1e-9, ..Bound::NONE });
+        assert!((0..CLASSIFIED_TOGETHER).all(|offset| glance.look(offset).is_none()));
     }
 }

@@ -15,7 +15,7 @@ use crate::math::Width;
 use crate::math::lanes::LaneScalar;
 
 /// A group of such bodies.
-pub(super) struct Once<'p> {
+pub(super) struct EvaluatedWhenRead<'p> {
     pub ensemble: &'p Ensemble,
     pub members: &'p Members,
     pub precision: Precision,
@@ -23,7 +23,7 @@ pub(super) struct Once<'p> {
     pub width: Width,
 }
 
-impl Once<'_> {
+impl EvaluatedWhenRead<'_> {
     /// Hands the states at `time` of the bodies in some rows of the group to `write`, with those in which they started where
     /// these are wanted.
     fn each(

@@ -7,7 +7,7 @@ use super::reduction::Reduce;
 use super::watch::Job;
 use crate::bodies::columns::StateWords;
 use crate::engine::batch::AnyBatch;
-use crate::engine::work::imbalance;
+use crate::engine::load_balance::imbalance;
 use crate::error::{Error, Result};
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::Controller;

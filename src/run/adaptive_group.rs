@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::reading::{FormStates, each_in_lanes};
 use crate::bodies::BodyFrame;
 use crate::bodies::columns::StateWords;
-use crate::engine::adaptive::AdaptiveSession;
+use crate::engine::adaptive_session::AdaptiveSession;
 use crate::engine::batch::{ORDER_BLOCK, Prepared, prepare_ordered};
 use crate::engine::reduction::Reduce;
 use crate::engine::watch::Job;
@@ -22,7 +22,7 @@ use crate::scene::AdaptiveSteps;
 use crate::scene::Scene;
 
 /// The bodies of a group in the order of their expected work, so that those advanced side by side finish together.
-pub(super) struct AdaptiveUnit {
+pub(super) struct AdaptiveGroupRun {
     session: Box<dyn AdaptiveSession>,
     /// By the session's rows.
     frames: Vec<BodyFrame>,
@@ -33,7 +33,7 @@ pub(super) struct AdaptiveUnit {
     last_read: Option<(usize, StateWords)>,
 }
 
-impl AdaptiveUnit {
+impl AdaptiveGroupRun {
     pub fn start(
         engine: &dyn Backend,
         scene: &Scene,
@@ -137,9 +137,9 @@ impl AdaptiveUnit {
     }
 
     /// What its bodies took, in the order in which they stand side by side.
-    pub fn work(&mut self) -> Result<UnitWork> {
+    pub fn work(&mut self) -> Result<GroupWork> {
         let counts = self.session.counts()?;
-        Ok(UnitWork {
+        Ok(GroupWork {
             accepted: counts.iter().map(|counts| counts.accepted).collect(),
             rejected: counts.iter().map(|counts| counts.rejected).collect(),
             side_by_side: self.session.side_by_side(),
@@ -153,27 +153,29 @@ impl AdaptiveUnit {
     }
 }
 
-/// Steps of the bodies of one unit.
-pub(super) struct UnitWork {
+/// Steps of the bodies of one group.
+pub(super) struct GroupWork {
     accepted: Vec<u64>,
     rejected: Vec<u64>,
     side_by_side: usize,
     imbalance: f64,
 }
 
-/// The work of all units together; `None` without any.
-pub(super) fn total_work(units: Vec<UnitWork>, flagged: usize) -> Option<AdaptiveWork> {
-    let side_by_side = units.iter().map(|unit| unit.side_by_side).max()?;
+/// The work of all groups together; `None` without any.
+pub(super) fn total_work(group_runs: Vec<GroupWork>, flagged: usize) -> Option<AdaptiveWork> {
+    let side_by_side = group_runs.iter().map(|group_run| group_run.side_by_side).max()?;
     let (mut own, mut with_waiting) = (0.0, 0.0);
-    for unit in &units {
-        let attempts = unit.accepted.iter().chain(&unit.rejected).sum::<u64>() as f64;
+    for group_run in &group_runs {
+        let attempts = group_run.accepted.iter().chain(&group_run.rejected).sum::<u64>() as f64;
         own += attempts;
-        with_waiting += attempts * unit.imbalance;
+        with_waiting += attempts * group_run.imbalance;
     }
-    let spread = |of: fn(&UnitWork) -> &Vec<u64>| Spread::of(units.iter().flat_map(|unit| of(unit).clone()).collect());
+    let spread = |of: fn(&GroupWork) -> &Vec<u64>| {
+        Spread::of(group_runs.iter().flat_map(|group_run| of(group_run).clone()).collect())
+    };
     Some(AdaptiveWork {
-        accepted: spread(|unit| &unit.accepted),
-        rejected: spread(|unit| &unit.rejected),
+        accepted: spread(|group_run| &group_run.accepted),
+        rejected: spread(|group_run| &group_run.rejected),
         flagged,
         side_by_side,
         imbalance: if own > 0.0 { with_waiting / own } else { 1.0 },

@@ -13,7 +13,7 @@ use crate::torque::{Parameter, Value};
 /// What a plan remembers of its scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct SceneMarks {
+pub(super) struct SceneFingerprint {
     bodies: usize,
     span: f64,
     outputs: usize,
@@ -26,7 +26,7 @@ pub(super) struct SceneMarks {
     fingerprint: String,
 }
 
-impl SceneMarks {
+impl SceneFingerprint {
     pub fn of(scene: &Scene, outputs: usize) -> Self {
         Self {
             bodies: scene.ensemble().len(),

@@ -14,14 +14,14 @@ use crate::engine::{Observer, Progress};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::FreeMotion;
 use crate::scene::Scene;
-use crate::torque::force::adaptive::TOLERANCE;
+use crate::torque::force::adaptive_translation::TOLERANCE;
 use crate::torque::force::carried::{Carried, MOST_PARTS};
 use crate::torque::force::custom::{CustomForces, Place};
-use crate::torque::force::stepped::{Attitude, Between, Centre, Free, Irrelevant, TURN};
+use crate::torque::force::stepped::{Attitude, Between, Centre, Free, NoAttitude, TURN};
 use crate::torque::force::{Accelerations, Force, accelerations};
 
 /// The centres of mass of a group's bodies, one a row, where a force of the scene depends on velocity or attitude.
-pub(crate) struct Flight<'p> {
+pub(crate) struct SteppedTranslation<'p> {
     scene: &'p Scene,
     members: &'p Members,
     forces: Vec<Accelerations>,
@@ -34,7 +34,7 @@ pub(crate) struct Flight<'p> {
     shorter: f64,
 }
 
-impl<'p> Flight<'p> {
+impl<'p> SteppedTranslation<'p> {
     /// The centres of mass at the start, or nothing where all positions have a closed form. `follows` says whether the
     /// rotation is stepped.
     pub fn start(scene: &'p Scene, members: &'p Members, follows: bool) -> Result<Option<Self>> {
@@ -122,7 +122,7 @@ impl<'p> Flight<'p> {
                 let row = index * AT_ONCE + place;
                 let body = members.body(row);
                 if forces[row].thrust_body == DVec3::ZERO && !turn {
-                    return moving.advance(centre, (row, body), &Irrelevant);
+                    return moving.advance(centre, (row, body), &NoAttitude);
                 }
                 let least = principal_axes(&scene.ensemble().inertia()[body]).moments.x;
                 // 2T ≥ I₁ ω².

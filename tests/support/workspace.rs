@@ -12,11 +12,11 @@ use glam::{DQuat, DVec3};
 use tempfile::TempDir;
 
 /// A folder with a study in it.
-pub struct Desk {
+pub struct Workspace {
     folder: TempDir,
 }
 
-impl Desk {
+impl Workspace {
     pub fn new(study: &str) -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder");
         fs::write(folder.path().join("study.toml"), study).expect("the study is written");
@@ -121,6 +121,7 @@ impl States {
 }
 
 /// The report in a folder of results.
-pub fn report(desk: &Desk, folder: &str) -> serde_json::Value {
-    serde_json::from_str(&fs::read_to_string(desk.path(folder).join("report.json")).expect("a report")).expect("JSON")
+pub fn report(workspace: &Workspace, folder: &str) -> serde_json::Value {
+    serde_json::from_str(&fs::read_to_string(workspace.path(folder).join("report.json")).expect("a report"))
+        .expect("JSON")
 }
