@@ -1,4 +1,4 @@
-// Entry point: loads a body of a list, tries steps of its own size, stores it and says how far it came. Twin: AdaptiveBlock
+// Entry point: loads a body of a list, tries steps of its own size, stores it and says how far it came. Twin: Advance
 // in src/engine/cpu/adaptive.rs.
 
 override workgroup_size: u32 = 64u;

@@ -1,4 +1,4 @@
-// Entry point: loads a body, runs its steps, stores it. Twin: AdvanceBlock in src/engine/cpu.rs.
+// Entry point: loads a body, runs its steps, stores it. Twin: Advance in src/engine/cpu.rs.
 
 override workgroup_size: u32 = 64u;
 

@@ -61,6 +61,10 @@
 //! * An orientation is a unit quaternion that rotates body coordinates to world, x, y, z, w as `glam` writes it.
 //! * SI units throughout.
 //! * An attitude error is the angle of the rotation between two orientations, in [0, π].
+//!
+//! # Glossary
+//!
+#![doc = include_str!("../docs/glossary.md")]
 
 #[cfg(feature = "bench")]
 pub mod bench;

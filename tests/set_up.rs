@@ -148,7 +148,7 @@ fn a_plan_takes_one_word_just_inside_the_bound_and_two_just_outside() {
         assert_eq!(end(&inside), one[0]);
         assert_eq!(end(&outside), two[0]);
         assert!(angle(one[0], two[0]) <= attitude, "{:e} beyond {attitude:e}", angle(one[0], two[0]));
-        // The long way, which steps the body, agrees with both.
+        // Without skipping the body is stepped, which agrees with both.
         let long = end(&inside.clone().skipping(false));
         assert!(angle(one[0], long) < 2.0 * least && angle(two[0], long) < 2.0 * least);
     }

@@ -1,7 +1,7 @@
 //! What is saved by leaving out work that a scene does not need: each scene with and without.
 //!
 //! A scene is made so that one kind of skip matters in it. It is run twice with the same error asked for, once as planned
-//! and once the long way ([`Scene::skipping`]), and the ends are compared.
+//! and once without skipping ([`Scene::skipping`]), and the ends are compared.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -115,7 +115,7 @@ fn falling(ensemble: Ensemble) -> Scene {
     Scene::new(ensemble).force(gravity).force(Force::linear_drag(0.1))
 }
 
-/// The scene in which a skip matters, as it is planned, and the long way.
+/// The scene in which a skip matters, as it is planned, and without skipping.
 fn scenes(skip: SkipName, bodies: usize) -> Result<(Scene, Scene)> {
     let free = problem::free(bodies, SEED)?;
     // The bodies of the free problem with other moments or spins.
@@ -160,7 +160,7 @@ fn scenes(skip: SkipName, bodies: usize) -> Result<(Scene, Scene)> {
     let scene = ask(scene);
     let often = || Outputs::Every(SPAN / f64::from(OUTPUTS));
     Ok(match skip {
-        // Here the long way is to hand out states that nobody reads.
+        // Without this skip the run hands out states that nobody reads.
         SkipName::Outputs => (scene.clone(), scene.outputs(often())),
         SkipName::States => {
             let scene = scene.outputs(often()).statistics(&Statistic::ALL);

@@ -1,4 +1,4 @@
-//! The ways in which a problem is solved, and one repeat of each with its times.
+//! The strategies by which a problem is solved, and one timed repeat of each.
 
 use std::ops::ControlFlow;
 use std::time::Instant;

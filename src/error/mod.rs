@@ -23,7 +23,7 @@ pub use mesh::{FlatArrangement, MeshFileProblem};
 #[cfg(feature = "bench")]
 pub use rows::RowFault;
 
-/// Text that is part of the program, or made when it runs.
+/// Text that is static or formed at run time.
 pub type Text = Cow<'static, str>;
 
 /// What was to be done with a file.
@@ -31,7 +31,7 @@ pub type Text = Cow<'static, str>;
 pub enum FileAction {
     /// To read it.
     Read,
-    /// To make it.
+    /// To create it.
     Create,
     /// To write to it.
     Write,
@@ -41,7 +41,7 @@ impl std::fmt::Display for FileAction {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         formatter.write_str(match self {
             FileAction::Read => "read",
-            FileAction::Create => "made",
+            FileAction::Create => "created",
             FileAction::Write => "written",
         })
     }
@@ -407,7 +407,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// The failure of `action` on `path`.
+    /// The error of a failed `action` on `path`.
     pub fn file(path: &Path, action: FileAction, error: &std::io::Error) -> Self {
         Error::File { path: path.to_owned(), action, kind: error.kind(), reason: error.to_string() }
     }
@@ -431,7 +431,7 @@ impl From<crate::error::InputError> for Error {
     }
 }
 
-/// What to do about a failure, where that is known, after the system's words.
+/// The system's message, followed by a remedy where one is known.
 fn file_reason(kind: std::io::ErrorKind, reason: &str) -> String {
     match kind {
         std::io::ErrorKind::StorageFull => format!("{reason}; free some space, or write fewer snapshots"),
@@ -442,12 +442,12 @@ fn file_reason(kind: std::io::ErrorKind, reason: &str) -> String {
 /// How a target is missed by the best candidate.
 fn miss(missed: &str, factor: f64) -> String {
     if factor.is_infinite() {
-        return "loses bodies, or does not come to the end in the steps that planning may take".to_owned();
+        return "loses bodies, or does not reach the end within the steps that planning may take".to_owned();
     }
     format!("misses the {missed} by a factor of {}", rough(factor))
 }
 
-/// A factor above 1 with as many digits as it deserves.
+/// A factor above 1, rounded for a message.
 fn rough(factor: f64) -> String {
     match factor {
         ..1.1 => format!("{:.3}", factor.max(1.001)),
@@ -456,7 +456,7 @@ fn rough(factor: f64) -> String {
     }
 }
 
-/// The words for the body of a column's value.
+/// The body of a column's value, as part of a message.
 fn of_body(body: Option<usize>) -> String {
     body.map_or_else(String::new, |body| format!(", body {body}"))
 }

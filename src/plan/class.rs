@@ -54,7 +54,7 @@ impl Shape {
 pub struct Class {
     /// Its free motion.
     pub shape: Shape,
-    /// The torques that act on it. A driven body's shape is not looked at and is [`Shape::Asymmetric`].
+    /// The torques that act on it. The shape of a driven body is not classified and is [`Shape::Asymmetric`].
     pub torques: TorqueSet,
     /// Whether it is a linear rotor, which takes no torque about its axis.
     pub is_linear_rotor: bool,

@@ -83,7 +83,7 @@ enum ResolutionEntry {
     },
 }
 
-/// A bound whose infinite parts are left out, as JSON has no infinity.
+/// A bound without its infinite parts: JSON has no infinity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Tolerance {
@@ -194,7 +194,7 @@ struct Refusal {
     reason: String,
 }
 
-/// The line, from 1, of a key of which so many stand before it, from a place in the text on; 1 where there is none.
+/// The line, from 1, of the nth occurrence of a key after a place in the text; 1 where there is none.
 fn line_of(text: &str, start: usize, key: &str, before: usize) -> usize {
     let found = text[start..].match_indices(&format!("\"{key}\":")).nth(before);
     found.map_or(1, |(place, _)| 1 + text[..start + place].matches('\n').count())
@@ -213,7 +213,7 @@ impl<C: Serialize, S: Serialize> PlanFile<C, S> {
 }
 
 impl PlanFile {
-    /// What no plan holds, whatever its scene.
+    /// Faults that are wrong for every scene.
     fn check(&self) -> Result<(), Refusal> {
         let refused = |key: &'static str, entry: usize, value: f64, expected: &str| {
             Err(Refusal { key, entry, reason: format!("{key} = {value:?}: {expected} is needed") })

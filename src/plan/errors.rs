@@ -8,7 +8,7 @@ use crate::plan::sampling::upper_rank;
 use crate::scene::{Accuracy, Target};
 use glam::DVec3;
 
-/// How the errors of some bodies stand to those asked for.
+/// The errors of some bodies relative to those asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct ErrorRatio {
     /// The greatest of the errors as parts of those asked for.
@@ -33,8 +33,8 @@ pub(crate) struct Errors {
 }
 
 impl Errors {
-    /// Takes the difference of one body from its reference. Of one that no steps follow, as its reference is no number, nothing is
-    /// known; one of which the reference was given up may be anywhere.
+    /// Adds the difference of one body from its reference. Nothing is known of a body whose reference is not a number, so it is left out.
+    /// A body whose reference was given up counts as lost.
     pub(crate) fn push(&mut self, state: &BodyState, reference: &BodyState) {
         // A state that is no number is as wrong as can be, and must not pass for the least error.
         let sound = |error: f64, worst: f64| if error.is_nan() { worst } else { error };
@@ -66,7 +66,7 @@ impl Errors {
     }
 
     /// The errors at the percentile asked for. Of a sample of more bodies, `all`, that is a bound which holds with a
-    /// probability of 95 %. Without limit where a body is lost whose reference is not: none that can be followed is given up.
+    /// probability of 95 %. Infinite where a body is lost whose reference is sound: no body that can be followed may be given up.
     pub(crate) fn error_ratio(&mut self, asked: &Accuracy, all: usize) -> ErrorRatio {
         let (part, count) = (0.01 * asked.percentile, self.attitude.len());
         let rank = if count < all { upper_rank(count, part) as f64 / count as f64 } else { part };

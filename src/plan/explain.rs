@@ -94,7 +94,7 @@ pub struct SkipRow {
     pub angular_velocity: f64,
     /// The same of the kinetic energy, relative.
     pub energy: f64,
-    /// Bytes of states that are not read; 0 where the skip saves none.
+    /// Bytes of states that the skip saves reading; 0 where it saves none.
     pub bytes: u64,
 }
 

@@ -1,4 +1,4 @@
-//! By which a scene is told from another.
+//! Fingerprints of scenes, by which a plan is matched with the scene that it was made for.
 
 use std::fmt::{self, Write};
 
@@ -10,7 +10,7 @@ use crate::scene::Scene;
 use crate::torque::force::Force;
 use crate::torque::{Parameter, Value};
 
-/// What a plan remembers of its scene.
+/// What a plan records of its scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SceneFingerprint {

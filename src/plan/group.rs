@@ -89,7 +89,7 @@ impl Treatment {
 }
 
 /// Bodies of one class that are treated alike; a step of its own for each power of 2^(1/4), so that each body takes the
-/// steps that it needs whatever stands beside it.
+/// steps that it needs, independent of its neighbours.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Group {
     /// The class.

@@ -1,4 +1,4 @@
-//! Looks at torque-free bodies in SIMD lanes: at those that need no closer one.
+//! Classification of torque-free bodies in SIMD lanes. It settles those that are far from every simpler class.
 
 use super::choice::{Classification, aligned};
 use super::class::{Bound, FreeLanes, Shape, Verdict};
@@ -8,7 +8,7 @@ use crate::math::real::Real;
 use crate::math::vector::Vector;
 use crate::scene::Scene;
 
-/// Bodies that are glanced at together: a multiple of every lane count.
+/// Bodies that are classified together: a multiple of every lane count.
 pub(super) const CLASSIFIED_TOGETHER: usize = 64;
 
 /// Moments, angular momentum and span.
@@ -17,44 +17,44 @@ const COLUMNS: usize = 7;
 /// Some bodies of a scene.
 pub(super) struct LaneClassification {
     bodies: [[f64; CLASSIFIED_TOGETHER]; COLUMNS],
-    /// Whether a body was among those looked at, and is of no simpler class by far.
+    /// Whether the body was classified and is far from every simpler class.
     is_general: [bool; CLASSIFIED_TOGETHER],
     set_up_error: [f64; CLASSIFIED_TOGETHER],
 }
 
 impl LaneClassification {
-    /// A glance at up to [`CLASSIFIED_TOGETHER`] bodies from `first` on. Driven bodies, those whose principal axes do not lie along body axes and
+    /// Classifies up to [`CLASSIFIED_TOGETHER`] bodies from `first` on. Driven bodies, those whose principal axes do not lie along body axes and
     /// linear rotors are passed over.
     pub fn at(scene: &Scene, first: usize, tolerance: &Bound) -> Self {
-        let mut glance = Self {
+        let mut lanes = Self {
             bodies: [[1.0; CLASSIFIED_TOGETHER]; COLUMNS],
             is_general: [false; CLASSIFIED_TOGETHER],
             set_up_error: [f64::INFINITY; CLASSIFIED_TOGETHER],
         };
         if !scene.may_skip() {
-            return glance;
+            return lanes;
         }
         let count = CLASSIFIED_TOGETHER.min(scene.ensemble().len() - first);
-        for (offset, is_seen) in glance.is_general[..count].iter_mut().enumerate() {
+        for (offset, is_seen) in lanes.is_general[..count].iter_mut().enumerate() {
             if !TorqueSet::acting_on(scene.torques(), first + offset).is_empty() {
                 continue;
             }
             if let Some(body) = aligned(scene, first + offset) {
                 let (i, m) = (body.moments, body.angular_momentum_principal);
                 for (column, number) in [i.x, i.y, i.z, m.x, m.y, m.z, body.span].into_iter().enumerate() {
-                    glance.bodies[column][offset] = number;
+                    lanes.bodies[column][offset] = number;
                 }
                 *is_seen = true;
             }
         }
-        if glance.is_general.contains(&true) {
-            f64::dispatch(InLanes(&mut glance, tolerance));
+        if lanes.is_general.contains(&true) {
+            f64::dispatch(InLanes(&mut lanes, tolerance));
         }
-        glance
+        lanes
     }
 
-    /// What there is to know of the body at an offset, where the glance was enough.
-    pub fn look(&self, offset: usize) -> Option<Classification> {
+    /// The classification of the body at an offset, or `None` where it needs the scalar one.
+    pub fn classification(&self, offset: usize) -> Option<Classification> {
         let verdict = Verdict { shape: Shape::Asymmetric, axis: 0, bound: Bound::default() };
         let set_up = Bound::of_set_up(self.set_up_error[offset]);
         self.is_general[offset].then_some(Classification { torques: TorqueSet::default(), verdict, set_up, rate: 0.0 })
@@ -68,17 +68,17 @@ impl LaneTask<f64> for InLanes<'_> {
 
     #[inline(always)]
     fn run<R: Real<Scalar = f64>>(self) {
-        let Self(glance, tolerance) = self;
+        let Self(lanes, tolerance) = self;
         let mut is_far = [0.0; CLASSIFIED_TOGETHER];
         for offset in (0..CLASSIFIED_TOGETHER).step_by(R::LANES) {
-            let [i1, i2, i3, m1, m2, m3, span] = glance.bodies.each_ref().map(|column| R::load(&column[offset..]));
+            let [i1, i2, i3, m1, m2, m3, span] = lanes.bodies.each_ref().map(|column| R::load(&column[offset..]));
             let (moments, m) = (Vector::new(i1, i2, i3), Vector::new(m1, m2, m3));
             let bodies = FreeLanes { moments, angular_momentum_principal: m, span };
             let [a, b, c, d] = bodies.least_attitudes().map(|least| tolerance.is_far(least));
             R::select(a & b & c & d, R::splat(1.0), R::splat(0.0)).store(&mut is_far[offset..]);
-            bodies.set_up_error(true).store(&mut glance.set_up_error[offset..]);
+            bodies.set_up_error(true).store(&mut lanes.set_up_error[offset..]);
         }
-        for (is_general, is_far) in glance.is_general.iter_mut().zip(is_far) {
+        for (is_general, is_far) in lanes.is_general.iter_mut().zip(is_far) {
             *is_general &= is_far == 1.0;
         }
     }
@@ -118,17 +118,21 @@ mod tests {
     }
 
     #[test]
-    fn a_glance_that_is_enough_says_what_a_look_says() {
+    fn lanes_agree_with_the_scalar_classification() {
         let scene = scene();
         for attitude in [1e-2, 1e-5, 1e-9, 1e-12] {
             let tolerance = Bound { attitude, ..Bound::NONE };
             let (mut enough, mut closer) = (0, 0);
             for first in (0..scene.ensemble().len()).step_by(CLASSIFIED_TOGETHER) {
-                let glance = LaneClassification::at(&scene, first, &tolerance);
+                let lanes = LaneClassification::at(&scene, first, &tolerance);
                 for body in first..(first + CLASSIFIED_TOGETHER).min(scene.ensemble().len()) {
-                    match glance.look(body - first) {
-                        Some(look) => {
-                            assert_eq!(look, classify(&scene, body, &tolerance), "body {body}, {attitude:e} rad");
+                    match lanes.classification(body - first) {
+                        Some(classification) => {
+                            assert_eq!(
+                                classification,
+                                classify(&scene, body, &tolerance),
+                                "body {body}, {attitude:e} rad"
+                            );
                             enough += 1;
                         }
                         None => closer += 1,
@@ -140,9 +144,9 @@ mod tests {
     }
 
     #[test]
-    fn the_long_way_does_without_glances() {
+    fn nothing_is_classified_in_lanes_without_skipping() {
         let scene = scene().skipping(false);
-        let glance = LaneClassification::at(&scene, 0, &Bound { attitude: 1e-9, ..Bound::NONE });
-        assert!((0..CLASSIFIED_TOGETHER).all(|offset| glance.look(offset).is_none()));
+        let lanes = LaneClassification::at(&scene, 0, &Bound { attitude: 1e-9, ..Bound::NONE });
+        assert!((0..CLASSIFIED_TOGETHER).all(|offset| lanes.classification(offset).is_none()));
     }
 }

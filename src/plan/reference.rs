@@ -12,9 +12,9 @@ use crate::kernel::method::rk8_adaptive::least_tolerance;
 use crate::math::Precision;
 use crate::plan::errors::ErrorRatio;
 
-/// What the reference's own error may be, as a part of the target.
+/// The reference's own error may be this fraction of the target.
 const SETTLED: f64 = 0.02;
-/// The error that it aims at, as a part of that of the steps which it is compared with.
+/// The error it aims at, as a fraction of the error of the steps that it is compared with.
 const FINER: f64 = 1e-3;
 /// How often it is made finer.
 const REFINEMENTS: usize = 4;
@@ -58,7 +58,7 @@ impl Reference {
         Ok(Self::by(pilot, equal, most)?.0)
     }
 
-    /// The adaptive steps that are cheaper for the reference, as far as their tolerance has room.
+    /// The adaptive steps that cost the reference less, where their tolerance leaves room.
     fn adaptive_scheme(pilot: &Pilot<'_>) -> Option<Scheme> {
         let seconds = |scheme: Scheme| {
             let cost = Cost::shipped(scheme);
@@ -70,7 +70,7 @@ impl Reference {
         allowed.min_by(|a, b| seconds(*a).total_cmp(&seconds(*b)))
     }
 
-    /// By steps of one kind, in at most so many seconds, and whether there were no smaller tolerances before it had settled.
+    /// The reference by one kind of steps within a budget of seconds, and whether the tolerances ran out before it settled.
     fn by(pilot: &Pilot<'_>, scheme: Scheme, most: f64) -> Result<(Self, bool)> {
         let cost = Cost::shipped(scheme);
         let mut rule = pilot.rule(cost, Some(Precision::F64)).with_room();

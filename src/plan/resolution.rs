@@ -77,7 +77,7 @@ pub struct Stepped {
     pub found: Found,
 }
 
-/// Bodies that one task looks at and sorts.
+/// Bodies that one task classifies and sorts.
 const LOOK_BLOCK: usize = 1 << 12;
 
 /// The angle (rad) that a body turns by in a step where a thrust turns with it: the cubic between the attitudes of two steps
@@ -158,7 +158,7 @@ impl Resolution {
         for (torques, bodies) in stepped_bodies(scene) {
             let acting = torques.of(scene.torques());
             let flies = scene.has_pilot() && scene.end() > 0.0;
-            let look = |body: u32| at_rate(classify(scene, body as usize, tolerance), *uniform_rate);
+            let classification = |body: u32| at_rate(classify(scene, body as usize, tolerance), *uniform_rate);
             let (all, span) = (bodies.len(), scene.end());
             let work = Work::of(&acting, scene.ensemble());
             let pilot = Pilot {
@@ -183,7 +183,7 @@ impl Resolution {
                 let found = pilot.tabulated();
                 Found { part: ROUNDING_F64 / strictest, worst, attitude: ROUNDING_F64, ..found }
             } else if flies {
-                pilot.calibrate(&bodies, look)?
+                pilot.calibrate(&bodies, classification)?
             } else {
                 pilot.tabulated()
             };
@@ -203,12 +203,12 @@ impl Resolution {
         let ((missed, strictest), count) = (accuracy.strictest_target(), scene.ensemble().len());
         let left_out = ((1.0 - 0.01 * accuracy.percentile) * count as f64) as usize;
         let floor = |body: usize| {
-            let look = at_rate(classify(scene, body, tolerance), *uniform_rate);
-            match (look.torques.is_empty() && scene.may_skip(), look.verdict.shape) {
+            let classification = at_rate(classify(scene, body, tolerance), *uniform_rate);
+            match (classification.torques.is_empty() && scene.may_skip(), classification.verdict.shape) {
                 // An engine without f64 leaves these to the processor.
                 (true, Shape::Asymmetric) if wanted == Some(Precision::F32) => least_target(CLOSED_FORM_F32),
                 (true, _) => 0.0,
-                (false, _) => floor_f32(look.rate * scene.end()),
+                (false, _) => floor_f32(classification.rate * scene.end()),
             }
         };
         let mut floors: Vec<f64> = (0..count).into_par_iter().map(floor).filter(|&floor| floor > strictest).collect();
@@ -272,10 +272,10 @@ impl Resolution {
             Self::Pinned { .. } | Self::Adaptive { .. } => &exact,
             Self::Accuracy { tolerance, .. } => tolerance,
         };
-        sorted(scene, tolerance, |look| self.place(scene, look))
+        sorted(scene, tolerance, |classification| self.place(scene, classification))
             .into_iter()
-            .map(|((class, way), (members, bound))| {
-                let treatment = match way {
+            .map(|((class, strategy), (members, bound))| {
+                let treatment = match strategy {
                     Strategy::Precession => Treatment::RegularPrecession,
                     Strategy::ClosedForm { wide, set_up } => {
                         Treatment::ClosedForm { precision: precision(wide), set_up }
@@ -316,35 +316,35 @@ impl Resolution {
     }
 
     /// Where a body belongs.
-    fn place(&self, scene: &Scene, look: &Classification) -> (Shape, Strategy) {
-        let free = look.torques.is_empty() && scene.may_skip();
+    fn place(&self, scene: &Scene, classification: &Classification) -> (Shape, Strategy) {
+        let free = classification.torques.is_empty() && scene.may_skip();
         match self {
-            Self::Pinned { .. } | Self::Adaptive { .. } if free && look.verdict.shape == Shape::AtRest => {
+            Self::Pinned { .. } | Self::Adaptive { .. } if free && classification.verdict.shape == Shape::AtRest => {
                 (Shape::AtRest, Strategy::Precession)
             }
             Self::Pinned { .. } | Self::Adaptive { .. } => (Shape::Asymmetric, Strategy::Longest { wide: false }),
             Self::Accuracy { tolerance, closed_form, uniform_rate, .. } => {
-                if free && look.verdict.shape != Shape::Asymmetric {
-                    return (look.verdict.shape, Strategy::Precession);
+                if free && classification.verdict.shape != Shape::Asymmetric {
+                    return (classification.verdict.shape, Strategy::Precession);
                 }
                 if free {
-                    let set_up = if look.set_up.within(tolerance) { SetUp::OneWord } else { SetUp::TwoWords };
+                    let set_up = if classification.set_up.within(tolerance) { SetUp::OneWord } else { SetUp::TwoWords };
                     return (Shape::Asymmetric, Strategy::ClosedForm { wide: *closed_form == Precision::F64, set_up });
                 }
-                let torques = torques_for(scene, look);
-                let (rate, span) = (at_rate(*look, *uniform_rate).rate, scene.end());
+                let torques = torques_for(scene, classification);
+                let (rate, span) = (at_rate(*classification, *uniform_rate).rate, scene.end());
                 let Some(rule) = self.rule(torques) else {
                     return (Shape::Asymmetric, Strategy::Longest { wide: true });
                 };
                 let (step, wide) = (rule.longest_step(rate, span), rule.is_wide(rate * span));
                 let turning = scene.forces().iter().any(Force::needs_attitude) && rate > 0.0;
                 let step = if turning { step.min(LONGEST_TURN / rate) } else { step };
-                let way = if step < span {
+                let strategy = if step < span {
                     Strategy::Level { wide, level: level_of(step) }
                 } else {
                     Strategy::Longest { wide }
                 };
-                (Shape::Asymmetric, way)
+                (Shape::Asymmetric, strategy)
             }
         }
     }
@@ -373,12 +373,12 @@ fn precision(wide: bool) -> Precision {
 }
 
 /// The torques that a body's kernel has.
-fn torques_for(scene: &Scene, look: &Classification) -> TorqueSet {
-    if !scene.may_skip() { TorqueSet::all(scene.torques().len()) } else { look.torques }
+fn torques_for(scene: &Scene, classification: &Classification) -> TorqueSet {
+    if !scene.may_skip() { TorqueSet::all(scene.torques().len()) } else { classification.torques }
 }
 
-fn at_rate(look: Classification, uniform: Option<f64>) -> Classification {
-    Classification { rate: uniform.unwrap_or(look.rate), ..look }
+fn at_rate(classification: Classification, uniform: Option<f64>) -> Classification {
+    Classification { rate: uniform.unwrap_or(classification.rate), ..classification }
 }
 
 fn fastest_rate(scene: &Scene, tolerance: &Bound) -> f64 {
@@ -424,23 +424,23 @@ fn sorted(
     let looked = |block: usize| {
         const { assert!(LOOK_BLOCK.is_multiple_of(CLASSIFIED_TOGETHER)) };
         let mut lists = Lists::default();
-        let mut glance = None;
+        let mut lanes = None;
         for body in block * LOOK_BLOCK..body_count.min((block + 1) * LOOK_BLOCK) {
             let offset = body % CLASSIFIED_TOGETHER;
             if offset == 0 {
-                glance = Some(LaneClassification::at(scene, body, tolerance));
+                lanes = Some(LaneClassification::at(scene, body, tolerance));
             }
-            let glanced = glance.as_ref().and_then(|glance: &LaneClassification| glance.look(offset));
-            let look = glanced.unwrap_or_else(|| classify(scene, body, tolerance));
-            let (shape, way) = place(&look);
-            let bound = match way {
-                Strategy::ClosedForm { set_up: SetUp::OneWord, .. } => look.set_up,
-                _ if shape == look.verdict.shape => look.verdict.bound,
+            let classified = lanes.as_ref().and_then(|lanes: &LaneClassification| lanes.classification(offset));
+            let classification = classified.unwrap_or_else(|| classify(scene, body, tolerance));
+            let (shape, strategy) = place(&classification);
+            let bound = match strategy {
+                Strategy::ClosedForm { set_up: SetUp::OneWord, .. } => classification.set_up,
+                _ if shape == classification.verdict.shape => classification.verdict.bound,
                 _ => Bound::default(),
             };
-            let torques = torques_for(scene, &look);
+            let torques = torques_for(scene, &classification);
             let is_linear_rotor = scene.ensemble().is_linear_rotor(body);
-            let (list, greatest) = lists.of((Class { shape, torques, is_linear_rotor, translates }, way));
+            let (list, greatest) = lists.of((Class { shape, torques, is_linear_rotor, translates }, strategy));
             list.push(body as u32);
             *greatest = greatest.or(bound);
         }

@@ -44,7 +44,7 @@ pub(super) struct Sampled {
 }
 
 impl Sampled {
-    /// Bodies that did not come to the end, as their steps fell below the least.
+    /// Bodies whose steps fell below the limit before the end.
     pub fn unfinished(&self) -> usize {
         self.states.values().filter(|state| state.status != Status::Valid).count()
     }
@@ -84,10 +84,10 @@ impl Pilot<'_> {
     fn treatments(&self, rule: &Rule) -> Vec<(Treatment, Vec<u32>)> {
         let span = self.scene.end();
         let mut groups: BTreeMap<(Option<i32>, bool), Vec<u32>> = BTreeMap::new();
-        for (body, look) in &self.bodies {
-            let step = rule.longest_step(look.rate, span);
+        for (body, classification) in &self.bodies {
+            let step = rule.longest_step(classification.rate, span);
             let level = (step < span).then(|| level_of(step));
-            groups.entry((level, rule.is_wide(look.rate * span))).or_default().push(*body);
+            groups.entry((level, rule.is_wide(classification.rate * span))).or_default().push(*body);
         }
         let treatment = |(level, wide): (Option<i32>, bool)| {
             let precision = if wide { Precision::F64 } else { Precision::F32 };
@@ -142,9 +142,9 @@ impl Pilot<'_> {
         if rule.scheme.is_adaptive() {
             let part = self.span / self.scene.end();
             let mean = known.map(|steps| part * steps.total as f64 / self.bodies.len() as f64);
-            let of_body = |(_, look): &(u32, Classification)| {
-                let precision = rule.precision_of(look.rate * self.scene.end());
-                let angle = look.rate * self.span;
+            let of_body = |(_, classification): &(u32, Classification)| {
+                let precision = rule.precision_of(classification.rate * self.scene.end());
+                let angle = classification.rate * self.span;
                 let ahead = || rule.expected_attempts(precision, angle).max(times.len() as f64);
                 mean.unwrap_or_else(ahead) * self.step_seconds(rule, cost, precision)
             };
@@ -173,9 +173,11 @@ impl Rule {
     /// Whether every body of a pilot steps by this rule as by another of the same scheme.
     pub(super) fn steps_like(&self, other: &Rule, pilot: &Pilot<'_>) -> bool {
         let span = pilot.scene.end();
-        let alike = |(_, look): &(u32, Classification)| match self.scheme {
-            Scheme::Equal(_) => self.longest_step(look.rate, span) == other.longest_step(look.rate, span),
-            Scheme::Adaptive(_) => self.adapts_like(other, self.precision_of(look.rate * span)),
+        let alike = |(_, classification): &(u32, Classification)| match self.scheme {
+            Scheme::Equal(_) => {
+                self.longest_step(classification.rate, span) == other.longest_step(classification.rate, span)
+            }
+            Scheme::Adaptive(_) => self.adapts_like(other, self.precision_of(classification.rate * span)),
         };
         pilot.bodies.iter().all(alike)
     }

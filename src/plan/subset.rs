@@ -1,4 +1,4 @@
-//! Some bodies of a scene by themselves, on the CPU.
+//! Propagates a subset of a scene's bodies on the CPU.
 
 use super::greatest_rate;
 use crate::bodies::BodyState;
@@ -22,7 +22,7 @@ use crate::torque::Torque;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Some bodies at the end.
+/// The states of a subset of bodies at the end.
 #[derive(Debug, Default)]
 pub(crate) struct SubsetStates {
     /// The bodies with their states.

@@ -99,7 +99,7 @@ impl BodyDrift {
 }
 
 impl DriftGatherer {
-    /// Makes room for so many bodies that follow.
+    /// Makes room for further bodies.
     pub(crate) fn begin_part(&mut self, bodies: usize) {
         for column in [&mut self.kinetic_energy, &mut self.angular_momentum_world, &mut self.norm] {
             column.0.push(Vec::with_capacity(bodies));

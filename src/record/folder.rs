@@ -426,7 +426,7 @@ fn with_suffix(prefix: &Path, suffix: &str) -> PathBuf {
 
 const RANDOM_DIGITS: usize = 16;
 
-/// A number that no other run has, in whatever container: the seed of the standard library's hash maps.
+/// A number that no other run has, in any container: the seed of the standard library's hash maps.
 fn random() -> String {
     format!("{:016x}", RandomState::new().build_hasher().finish())
 }
@@ -481,7 +481,7 @@ fn sync_parent(path: &Path) -> io::Result<()> {
     path.parent().map_or(Ok(()), sync_folder)
 }
 
-/// Writes a file that appears as a whole, in place of whatever has its name; a link is replaced, not followed.
+/// Writes a file that appears as a whole and replaces any file of its name; a link is replaced, not followed.
 #[cfg(feature = "plot")]
 pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     let mut name = std::ffi::OsString::from(".");

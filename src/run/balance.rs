@@ -60,7 +60,7 @@ pub fn balance(plan: &Plan<'_>, orientation: &[DQuat], angular_velocity_body: &[
     Ok(gatherer.finish())
 }
 
-/// Takes what is left of a body's changes when what the torques did is taken off; nothing where none acted.
+/// Adds what remains of a body's changes after the torques' work is subtracted; nothing where no torque acted.
 pub(super) fn push_rest(
     gatherer: &mut BalanceGatherer,
     scene: &Scene,

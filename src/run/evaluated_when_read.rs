@@ -1,4 +1,4 @@
-//! Torque-free bodies of a run with one output: brought there when they are read, and nothing kept of them.
+//! Torque-free bodies of a run with one output: evaluated when they are read, with nothing kept.
 
 use std::ops::Range;
 
@@ -14,7 +14,7 @@ use crate::math::Precision;
 use crate::math::Width;
 use crate::math::lanes::LaneScalar;
 
-/// A group of such bodies.
+/// A group of bodies that is evaluated when it is read.
 pub(super) struct EvaluatedWhenRead<'p> {
     pub ensemble: &'p Ensemble,
     pub members: &'p Members,

@@ -34,7 +34,7 @@ const LOOKS: u64 = 4096;
 /// What a step is counted as where the host follows the rotation step by step with the centres of mass.
 const FOLLOWED: u64 = 16;
 
-/// Finds out at which step bodies have failed, as far as the budget goes. `attempts` says how many adaptive steps a failed body has
+/// Finds the step at which each body failed, within the budget. `attempts` says how many adaptive steps a failed body has
 /// tried.
 pub(super) fn find(
     plan: &Plan<'_>,
@@ -97,7 +97,7 @@ impl<'p> Steps<'p> {
         (index, interval, start, before)
     }
 
-    /// The time after so many steps, s.
+    /// The time after a number of steps, s.
     fn time(&self, steps: u64) -> f64 {
         let Some(last) = steps.checked_sub(1) else { return 0.0 };
         let (index, interval, start, before) = self.interval(last);
@@ -136,7 +136,7 @@ struct Bracket<'f> {
 }
 
 impl Bracket<'_> {
-    /// Takes the state after so many steps.
+    /// Advances to the state after a number of steps.
     fn take(&mut self, steps: u64, state: &OutputState) {
         if steps < self.good || steps > self.bad {
             return;
@@ -154,7 +154,7 @@ impl Bracket<'_> {
         }
     }
 
-    /// Steps after which to look, in about so many parts.
+    /// The steps after which states are examined, in about this many parts.
     fn looks(&self, parts: u64) -> impl Iterator<Item = u64> {
         let (good, width) = (self.good, self.bad - self.good);
         let parts = parts.min(width).max(1);
@@ -236,7 +236,7 @@ fn passage(
     let members = Members::Some(open.iter().map(|bracket| bracket.failed.body as u32).collect());
     let group = Group { members, ..group.clone() };
     let mut group_run = GroupRun::start(&Cpu::new(Width::Lanes), scene, &group, false, &mut WallTime::default())?;
-    // Those of the long way are stepped for all bodies at once, and not here.
+    // Without skipping they are stepped for all bodies at once, and not here.
     let mut centres = scene.may_skip().then(|| Centres::start(plan));
     let mut taken = 0;
     for look in looks {

@@ -32,7 +32,7 @@ use crate::run::stepped_translation::SteppedTranslation;
 use crate::scene::Scene;
 use crate::torque::Torque;
 
-/// The bodies of one group on their way through time.
+/// The run of one group of bodies.
 pub(super) struct GroupRun<'p> {
     members: &'p Members,
     motion: Motion<'p>,
@@ -432,7 +432,7 @@ impl<'p> GroupRun<'p> {
     }
 }
 
-/// Takes equal steps of so many bodies; few of them without a thread that watches them.
+/// Takes equal steps of some bodies. A few bodies are stepped without a watching thread.
 fn advance(session: &mut dyn Session, dt: f64, steps: u64, bodies: u64, observer: &mut Observer<'_>) -> Result<()> {
     /// Body-steps that take less time than it takes to start a thread.
     const FEW: u64 = 1 << 8;
@@ -496,7 +496,7 @@ impl GroupRun<'_> {
         Ok(total)
     }
 
-    /// The bodies that failed, and those that spin faster than the rate watched, as the last [`GroupRun::reduce`] found them.
+    /// The bodies that failed and those that spin faster than the watched rate, as found by the last [`GroupRun::reduce`].
     pub fn marked(&mut self, fastest: f64) -> Result<Marked> {
         let mut marked = match self.session() {
             Some((session, _)) => session.marked()?,

@@ -111,7 +111,7 @@ pub fn run_into(
     })
 }
 
-/// As [`run_into`], which is told of the outputs that are done.
+/// As [`run_into`]; counts the outputs that are done in `outputs_done`.
 fn run_counted(
     engine: &dyn Backend,
     plan: &Plan<'_>,
@@ -122,7 +122,7 @@ fn run_counted(
     let scene = plan.scene();
     let body_count = scene.ensemble().len();
     let mut wall_time = WallTime::default();
-    // The long way forms statistics of the states that it reads.
+    // Without skipping, statistics are formed of the states that are read.
     let statistics = scene.wanted_statistics();
     let reduces = !statistics.is_empty() && scene.may_skip();
     let once = plan.looks_once();

@@ -22,9 +22,9 @@ use crate::scene::AdaptiveSteps;
 use crate::scene::{Accuracy, Scene, Stepping};
 use crate::torque::{self, Torque};
 
-/// Every so many-th body is in the sample.
+/// One body in this many is in the sample.
 const ONE_IN: usize = 1000;
-/// The least number of bodies in the sample, as far as there are so many.
+/// The fewest bodies in the sample, or all where there are fewer.
 const LEAST_BODIES: usize = 64;
 
 /// Selects the bodies whose motion is recomputed; fixed, so that two runs of a plan are checked on the same bodies.
@@ -117,7 +117,7 @@ const LEAST_REFINEMENT: f64 = 8.0;
 /// The greatest tolerance of a recomputation: beyond it steps may leap over what changes fast.
 const GREATEST_TOLERANCE: f64 = 1e-7;
 
-/// Adaptive steps in `f64` of a hundredth of the tolerance, as far as there is one, so that their error is far below the run's.
+/// Adaptive steps in `f64` at a hundredth of the run's tolerance, or the least there is, so that their error is far below the run's.
 fn finer(steps: &AdaptiveSteps) -> AdaptiveSteps {
     let tolerance = (0.01 * steps.tolerance).clamp(least_tolerance(Precision::F64), GREATEST_TOLERANCE);
     AdaptiveSteps { tolerance, least_step: None }
@@ -162,7 +162,7 @@ const HIGH_ORDER: u32 = 6;
 /// of `rk8` is then about 1e-10 a radian.
 const REFERENCE_ANGLE: f64 = 0.5;
 
-/// No run that leaps over its bodies' turns is recomputed in more than so many times its own steps.
+/// The most steps of a recomputation, as a multiple of the run's: a run whose steps leap over whole turns is not followed further.
 const MOST_REFINEMENT: f64 = 64.0;
 
 /// Torque-free bodies at the end; those whose phases the closed form does not resolve have no state.

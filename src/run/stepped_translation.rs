@@ -164,7 +164,7 @@ struct Moving<'a> {
 }
 
 impl Moving<'_> {
-    /// Moves one of a row of the flight, which is of this body.
+    /// Moves the centre of mass in a row, which is that of this body.
     fn advance(&self, centre: &mut Centre, (row, body): (usize, usize), attitude: &impl Attitude) {
         let &Self { forces, custom, shorter, start, span, .. } = self;
         let forces = &forces[row];

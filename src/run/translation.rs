@@ -1,4 +1,4 @@
-//! The motion of the centres of mass: in closed form at output times, or the long way, in steps.
+//! The motion of the centres of mass: in closed form at output times, or in steps where skipping is off.
 
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;

@@ -208,7 +208,7 @@ impl FormulaTask for Text {
             };
             wgsl::function(&recorded.graph, &recorded.outputs, &signature).map_err(|error| error.to_string())
         });
-        // A formula of the library that has no text is a bug of ours; `every_kind_has_a_text` holds it.
+        // A formula of the library that has no text is a bug of ours; the test `every_kind_has_a_text_of_its_own` holds it.
         text.unwrap_or_else(|reason| format!("// {}: {reason}\n", F::STEM))
     }
 }

@@ -384,7 +384,7 @@ fn states_are_skipped_where_statistics_alone_are_asked_for_and_nowhere_else() {
         assert_eq!(taken.bodies, BODIES);
         assert!(taken.bytes > 0 && taken.bound.energy > 0.0 && taken.bound.energy <= error_bound(Precision::F32));
         for (name, scene) in
-            [("states", &states), ("the long way", &alone.clone().skipping(false)), ("no statistics", &nothing)]
+            [("states", &states), ("without skipping", &alone.clone().skipping(false)), ("no statistics", &nothing)]
         {
             assert_eq!(skip(scene, &engine), None, "{name}");
         }
@@ -407,7 +407,7 @@ fn states_are_skipped_where_statistics_alone_are_asked_for_and_nowhere_else() {
 
 #[test]
 fn the_same_states_give_the_same_statistics_both_ways() {
-    // Steps are pinned, so that the long way finds the same states, and the bound is that of the reduction alone.
+    // Steps are pinned, so that a run without skipping finds the same states, and the bound is that of the reduction alone.
     for engine in [common::gpu(), Engine::cpu()] {
         for precision in Precision::ALL {
             let scene = mixed(1000).pinned(Method::Rk4, 1.0 / 64.0, Some(precision)).without_states();

@@ -95,7 +95,7 @@ fn each_skip_is_taken_just_inside_its_bound_and_not_just_outside() {
         assert_eq!(plan.body_steps(), 0, "{name}: nothing is stepped");
 
         let all = run(&skipped.clone().skipping(false));
-        assert!(all.trust().body_steps > 0, "{name}: the long way takes steps");
+        assert!(all.trust().body_steps > 0, "{name}: without skipping there are steps");
         let found = run(&skipped);
         let error = angle_between(found.final_state().orientation(0), all.final_state().orientation(0));
         assert!(error <= TOLERANCE + STEPPED, "{name}: attitudes differ by {error:e}");
@@ -108,7 +108,7 @@ const ROUNDING: f64 = 1e-12;
 
 #[test]
 fn bounds_hold_and_are_not_idle_over_many_bodies() {
-    // The skip's own error alone: the long way is taken with fine steps in f64.
+    // The skip's own error alone: the run without skipping takes fine steps in f64.
     for shape in [Shape::AtRest, Shape::Spherical, Shape::Steady, Shape::Axisymmetric] {
         let mut largest_part: f64 = 0.0;
         for exponent in 2..9 {
@@ -259,7 +259,7 @@ fn the_mixture_agrees_with_the_long_way_and_says_how_accurate_it_is() {
     assert_eq!(shadow.bodies, 64);
     assert_eq!(shadow.met, Some(true), "{shadow}");
     assert!(shadow.attitude.max > 0.0 && shadow.attitude.max <= 4.0 * TARGET, "{shadow}");
-    // Each body's own error is that of its steps, known here from the long way.
+    // Each body's own error is that of its steps, known here from a run without skipping.
     assert!(found.trust().body_steps < all.trust().body_steps / 4, "{} steps", found.trust().body_steps);
 }
 

@@ -1,4 +1,4 @@
-//! What acts on bodies, as types: what a scene does not have is not in its loop.
+//! Torque kernels as types: each is compiled into loops of its own, without the torques that a scene does not have.
 
 use crate::engine::batch::load_combinations;
 use crate::kernel::method::rk8_adaptive::Timed;
@@ -6,7 +6,7 @@ use crate::kernel::torque_kernel::{Conserving, Free};
 use crate::math::real::Real;
 use crate::torque::sum::{Columns, Common, Torques};
 
-/// One kind of surroundings, each compiled into loops of its own.
+/// Gives each lane group its torque kernel.
 pub(super) trait LaneTorques {
     /// What acts on one lane group.
     type At<'a, R: Real>: Timed<R>;

@@ -1,4 +1,4 @@
-//! Torque-free bodies whose states are wanted once: what leads to them stays in the cache and is not kept.
+//! Torque-free bodies evaluated at a single time: their constants stay in the cache and are not kept.
 
 use crate::bodies::Ensemble;
 use crate::bodies::columns::STATE_COMPONENTS;

@@ -46,7 +46,7 @@ fn a_copy_of_quadratic_drag_moves_bodies_as_the_golden_case_says() {
         let scene = scene(&case, &[force]);
         within("in closed form", &run(&engine, &scene), &case, ADAPTIVE);
         within("in steps", &run(&engine, &scene.clone().pinned(Method::Rk4, 0.5, None)), &case, ADAPTIVE);
-        within("the long way", &run(&engine, &scene.skipping(false)), &case, ADAPTIVE);
+        within("without skipping", &run(&engine, &scene.skipping(false)), &case, ADAPTIVE);
     }
 }
 

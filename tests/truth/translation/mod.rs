@@ -263,7 +263,7 @@ fn errors_of_position_and_velocity_are_reported_as_they_are() {
     let drag = Some(Torque::linear_drag(0.4));
     let air = [Force::gravity(falling), Force::linear_drag(1.0)];
     let cases = [
-        ("drag, the long way", scene(None, &air).skipping(false), fallen),
+        ("drag, without skipping", scene(None, &air).skipping(false), fallen),
         ("quadratic drag", scene(None, &[Force::quadratic_drag(0.5)]), slowed),
         ("thrust of a body that is slowed down", scene(drag, &[Force::thrust(DVec3::X)]), thrust),
     ];
