@@ -1,4 +1,4 @@
-// Entry point: loads a body of a list, tries steps of its own size, stores it and says how far it came. Twin: AdaptiveBlock
+// Entry point: loads a body of a list, tries steps of its own size, stores it and says how far it came. Twin: Advance
 // in src/engine/cpu/adaptive.rs. Which bodies, and how many attempts, the control block says (control.wgsl).
 
 override workgroup_size: u32 = 64u;
@@ -15,7 +15,7 @@ struct Settings {
     least_step: real,
     least_step_in_seconds: u32,
     padding: u32,
-    // Whole ticks from the initial state to the start of the interval, low word first; see src/clock.rs.
+    // Whole ticks from the initial state to the start of the interval, low word first; see src/math/clock.rs.
     ticks: vec2<u32>,
     // Ticks in a second times 2^-60.
     tick_scale: real,

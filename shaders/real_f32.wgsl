@@ -1,4 +1,4 @@
-// The number type of the kernels, in 32 bits. Twin: src/real.rs and src/vector.rs for f32.
+// The number type of the kernels, in 32 bits. Twin: src/math/real.rs and src/math/vector.rs for f32.
 // This file and real_f64.wgsl define the same names; no other file knows the precision.
 
 alias real = f32;

@@ -1,4 +1,4 @@
-// The number type of the kernels, in 64 bits. Twin: src/real.rs and src/vector.rs for f64.
+// The number type of the kernels, in 64 bits. Twin: src/math/real.rs and src/math/vector.rs for f64.
 // This file and real_f32.wgsl define the same names; no other file knows the precision.
 
 alias real = f64;

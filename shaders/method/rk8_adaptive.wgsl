@@ -1,4 +1,4 @@
-// rk8 with steps that fit each body, by its own estimate of each step's error. Twin: src/method/rk8_adaptive.rs, where the
+// rk8 with steps that fit each body, by its own estimate of each step's error. Twin: src/kernel/method/rk8_adaptive.rs, where the
 // method, its controller and its limits are described.
 
 // What is asked of the steps.

@@ -11,16 +11,16 @@ use super::front::{self, Point};
 use super::problem::{Errors, NAMES, Problem, Truth};
 use super::row::Row;
 use super::timing::{Timing, repeat};
-use super::way::{self, Sample, Way};
 use super::{Bench, Case, Swept, Watcher, sweep};
-use crate::batch::Precision;
-use crate::engine::adaptive::AdaptiveSteps;
+use crate::bench::strategy::{self, Sample, Strategy};
 use crate::engine::{Engine, EngineKind};
 use crate::error::Result;
-use crate::method::Method;
-use crate::method::rk8_adaptive::least_tolerance;
+use crate::kernel::method::Method;
+use crate::kernel::method::rk8_adaptive::least_tolerance;
+use crate::math::Precision;
+use crate::math::Quantiles;
 use crate::plan::Plan;
-use crate::record::Quantiles;
+use crate::scene::AdaptiveSteps;
 use crate::scene::{Accuracy, Scene};
 
 /// The table's name.
@@ -59,7 +59,7 @@ pub struct AccuracyCase {
     /// One of [`NAMES`].
     pub problem: &'static str,
     /// How it is solved.
-    pub way: Way,
+    pub way: Strategy,
     /// What solves it.
     pub engine: Engine,
 }
@@ -72,10 +72,10 @@ impl Case for AccuracyCase {
         };
         let (method, precision) = (self.way.method(), self.way.precision());
         let amount = match self.way {
-            Way::Stepped { steps, .. } => format!("{steps} steps"),
-            Way::Adaptive { tolerance, .. } => format!("tolerance {tolerance:e}"),
-            Way::ClosedForm { .. } => "1 evaluation".to_owned(),
-            Way::Asked { tolerance } => format!("{tolerance:e} rad"),
+            Strategy::Stepped { steps, .. } => format!("{steps} steps"),
+            Strategy::Adaptive { tolerance, .. } => format!("tolerance {tolerance:e}"),
+            Strategy::ClosedForm { .. } => "1 evaluation".to_owned(),
+            Strategy::Asked { tolerance } => format!("{tolerance:e} rad"),
         };
         format!("{}/{engine}/{method}/{precision}/{amount}", self.problem)
     }
@@ -100,25 +100,25 @@ pub fn cases(bench: &Bench) -> Vec<AccuracyCase> {
                 for &precision in engine.precisions() {
                     for &steps in steps {
                         let steps = if problem == "separatrix" { LONG * steps } else { steps };
-                        add(Way::Stepped { method, precision, steps });
+                        add(Strategy::Stepped { method, precision, steps });
                     }
                 }
             }
             let among = if bench.quick { &QUICK_STEP_ERRORS[..] } else { &STEP_ERRORS[..] };
             for &precision in engine.precisions() {
                 for &tolerance in among.iter().filter(|&&tolerance| tolerance >= least_tolerance(precision)) {
-                    add(Way::Adaptive { method: Method::Rk8, precision, tolerance });
+                    add(Strategy::Adaptive { method: Method::Rk8, precision, tolerance });
                 }
             }
             if engine.description().kind == EngineKind::Cpu {
                 for &tolerance in among {
-                    add(Way::Adaptive { method: Method::Taylor, precision: Precision::F64, tolerance });
+                    add(Strategy::Adaptive { method: Method::Taylor, precision: Precision::F64, tolerance });
                 }
             }
             if free {
-                engine.precisions().iter().for_each(|&precision| add(Way::ClosedForm { precision }));
+                engine.precisions().iter().for_each(|&precision| add(Strategy::ClosedForm { precision }));
             }
-            tolerances.iter().for_each(|&tolerance| add(Way::Asked { tolerance }));
+            tolerances.iter().for_each(|&tolerance| add(Strategy::Asked { tolerance }));
         }
     }
     cases
@@ -183,27 +183,27 @@ fn repeated(bench: &Bench, case: &AccuracyCase, problem: &Problem, truth: &Truth
     };
     let mut planning = 0.0;
     let compute = match case.way {
-        Way::Stepped { method, precision, steps } => {
-            repeat(bench.repeats(), || keep(way::stepped(engine, problem, method, precision, steps)?))?
+        Strategy::Stepped { method, precision, steps } => {
+            repeat(bench.repeats(), || keep(strategy::stepped(engine, problem, method, precision, steps)?))?
         }
-        Way::Adaptive { method, precision, tolerance } => {
+        Strategy::Adaptive { method, precision, tolerance } => {
             let steps = AdaptiveSteps { tolerance, least_step: None };
             let scene = match method {
                 Method::Taylor => scene().taylor(steps),
                 _ => scene().adaptive(steps, Some(precision)),
             };
             let plan = Plan::new(&scene, engine)?;
-            repeat(bench.repeats(), || keep(way::planned(engine, &plan)?))?
+            repeat(bench.repeats(), || keep(strategy::planned(engine, &plan)?))?
         }
-        Way::ClosedForm { precision } => {
-            repeat(bench.repeats(), || keep(way::closed_form(engine, problem, precision)?))?
+        Strategy::ClosedForm { precision } => {
+            repeat(bench.repeats(), || keep(strategy::closed_form(engine, problem, precision)?))?
         }
-        Way::Asked { tolerance } => {
+        Strategy::Asked { tolerance } => {
             let scene = scene().accuracy(Accuracy::attitude(tolerance));
             let clock = Instant::now();
             let plan = Plan::new(&scene, engine)?;
             planning = clock.elapsed().as_secs_f64();
-            repeat(bench.repeats(), || keep(way::planned(engine, &plan)?))?
+            repeat(bench.repeats(), || keep(strategy::planned(engine, &plan)?))?
         }
     };
     let sample = first.unwrap_or_default();
@@ -213,11 +213,11 @@ fn repeated(bench: &Bench, case: &AccuracyCase, problem: &Problem, truth: &Truth
 }
 
 /// Why a result fails its check; empty where it passes.
-fn fault(errors: &Errors, way: Way) -> String {
+fn fault(errors: &Errors, way: Strategy) -> String {
     let error = errors.attitude.p99;
     match way {
         _ if errors.failed > 0 => format!("{} bodies failed", errors.failed),
-        Way::Asked { tolerance } if error > tolerance => {
+        Strategy::Asked { tolerance } if error > tolerance => {
             format!("attitude error {error:.1e} rad at the 99th percentile; {tolerance:e} was asked for")
         }
         _ if error > GREATEST_ERROR => format!("attitude error above {GREATEST_ERROR} rad at the 99th percentile"),
@@ -237,10 +237,10 @@ impl Measured {
     fn row(&self, case: &AccuracyCase, problem: &Problem, truth: &Truth) -> Row {
         let bodies = problem.ensemble.len();
         let (steps, tolerance) = match case.way {
-            Way::Stepped { steps, .. } => (steps as f64, f64::NAN),
-            Way::Adaptive { tolerance, .. } => (self.sample.body_steps as f64 / bodies as f64, tolerance),
-            Way::ClosedForm { .. } => (0.0, f64::NAN),
-            Way::Asked { tolerance } => (self.sample.body_steps as f64 / bodies as f64, tolerance),
+            Strategy::Stepped { steps, .. } => (steps as f64, f64::NAN),
+            Strategy::Adaptive { tolerance, .. } => (self.sample.body_steps as f64 / bodies as f64, tolerance),
+            Strategy::ClosedForm { .. } => (0.0, f64::NAN),
+            Strategy::Asked { tolerance } => (self.sample.body_steps as f64 / bodies as f64, tolerance),
         };
         let seconds = self.compute.median;
         let rate = |amount: f64| if seconds > 0.0 { amount / seconds } else { f64::NAN };

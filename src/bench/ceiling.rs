@@ -3,12 +3,12 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use crate::batch::Precision;
 use crate::engine::gpu::{Device, adapters, rates};
 use crate::engine::{Description, EngineKind};
 use crate::error::{Error, Result};
-use crate::lanes::{LaneScalar, LaneTask};
-use crate::real::{Real, Scalar};
+use crate::math::Precision;
+use crate::math::lanes::{LaneScalar, LaneTask};
+use crate::math::real::{Real, Scalar};
 
 /// Ceilings of one engine in one precision.
 #[derive(Clone, Copy, Debug, PartialEq)]

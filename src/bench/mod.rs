@@ -15,6 +15,7 @@ use crate::error::Result;
 pub mod accuracy;
 pub mod ceiling;
 pub mod compare;
+mod costs;
 pub mod drift;
 pub mod front;
 pub mod problem;
@@ -22,9 +23,9 @@ pub mod provenance;
 pub mod row;
 pub mod skipping;
 pub mod stability;
+pub mod strategy;
 pub mod throughput;
 pub mod timing;
-pub mod way;
 
 use provenance::Provenance;
 use row::{Row, Table};

@@ -1,11 +1,12 @@
 //! Which engines this machine has, and which one [`crate::engine::Engine::auto`] takes.
 
-use super::cpu::{Cpu, Width};
+use super::cpu::Cpu;
 use super::gpu::{AdapterKind, Arithmetic, Gpu, GpuOptions, adapters, driver_of, wgpu};
 use super::paired::Paired;
 use super::{Backend, Description};
-use crate::batch::Precision;
 use crate::error::{Error, Result};
+use crate::math::Precision;
+use crate::math::Width;
 
 /// An adapter's limits as far as they bound an ensemble.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

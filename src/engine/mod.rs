@@ -10,31 +10,35 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use crate::batch::{AnyBatch, Precision, StateWords};
+use crate::bodies::columns::StateWords;
+use crate::engine::batch::AnyBatch;
 use crate::error::Result;
-use crate::force::carried::Carried;
-use crate::free_motion::AnyRows;
-use crate::method::Method;
-use crate::plan::Plan;
-use crate::record::Record;
+use crate::kernel::free_motion::AnyRows;
+use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::math::Width;
+use crate::scene::AdaptiveSteps;
+use crate::torque::force::carried::Carried;
 
-pub mod adaptive;
+pub mod adaptive_session;
+pub mod batch;
 pub mod cpu;
 mod devices;
 pub mod gpu;
+pub mod load_balance;
 mod paired;
 pub mod projected;
 pub mod reduction;
 pub mod tap;
 mod traffic;
+pub mod under_torques;
 pub mod watch;
-pub mod work;
 
 pub use devices::{Adapter, AdapterLimits, Choice, Devices, devices, devices_async};
 pub use traffic::Traffic;
 
-use adaptive::{AdaptiveSession, AdaptiveSteps, TAYLOR_ON_CPU, taylor_unavailable};
-use cpu::{Cpu, Width};
+use adaptive_session::{AdaptiveSession, TAYLOR_ON_CPU, taylor_unavailable};
+use cpu::Cpu;
 use gpu::{Arithmetic, Gpu, GpuOptions, wgpu};
 use paired::Paired;
 use reduction::Reduce;
@@ -174,15 +178,6 @@ impl Engine {
         self.backend.start(batch, method)
     }
 
-    /// Runs a plan and keeps every output in memory.
-    ///
-    /// # Errors
-    ///
-    /// As [`crate::run::run_into`], which hands outputs on instead of keeping them.
-    pub fn run(&self, plan: &Plan<'_>) -> Result<Record> {
-        crate::run::run(self, plan)
-    }
-
     /// Takes the closed forms of torque-free bodies and stands ready to evaluate them at any time.
     ///
     /// # Errors
@@ -285,7 +280,7 @@ pub trait Backend: Send + Sync {
     fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>>;
 
     /// As [`Backend::start`], for torque-free bodies in `f64`, with the state projected after each step onto what they conserve
-    /// ([`crate::method::projection`]).
+    /// ([`crate::kernel::method::projection`]).
     ///
     /// # Errors
     ///
@@ -321,7 +316,7 @@ pub trait Backend: Send + Sync {
         None
     }
 
-    /// Takes a batch and stands ready to advance it in adaptive steps, by [`crate::method::rk8_adaptive`].
+    /// Takes a batch and stands ready to advance it in adaptive steps, by [`crate::kernel::method::rk8_adaptive`].
     ///
     /// # Errors
     ///
@@ -329,7 +324,7 @@ pub trait Backend: Send + Sync {
     /// noise acts.
     fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>>;
 
-    /// The same by [`crate::method::taylor`], in `f64`.
+    /// The same by [`crate::kernel::method::taylor`], in `f64`.
     ///
     /// # Errors
     ///
@@ -368,7 +363,7 @@ pub trait Backend: Send + Sync {
     }
 
     /// As [`Backend::start`], with the centres of mass of the batch's bodies, one a row, that every step moves along
-    /// ([`crate::force::carried`]). `parts`: the most steps of a centre of mass in one of the rotation.
+    /// ([`crate::torque::force::carried`]). `parts`: the most steps of a centre of mass in one of the rotation.
     ///
     /// # Errors
     ///

@@ -1,14 +1,16 @@
 //! A GPU with the CPU beside it: each kind of work runs where it is done sooner, or where it can be done at all.
 
-use super::adaptive::{AdaptiveSession, AdaptiveSteps};
-use super::cpu::{Cpu, Width};
+use super::adaptive_session::AdaptiveSession;
+use super::batch::AnyBatch;
+use super::cpu::Cpu;
 use super::gpu::Gpu;
 use super::{Backend, Description, FreeSession, Session, Traffic};
-use crate::batch::{AnyBatch, Precision};
 use crate::error::Result;
-use crate::force::carried::Carried;
-use crate::free_motion::AnyRows;
-use crate::method::Method;
+use crate::kernel::free_motion::AnyRows;
+use crate::kernel::method::Method;
+use crate::math::{Precision, Width};
+use crate::scene::AdaptiveSteps;
+use crate::torque::force::carried::Carried;
 
 /// A GPU, and the CPU for the arithmetic that the GPU lacks or is slower in. Taylor series are formed on the CPU.
 #[derive(Debug)]
@@ -162,7 +164,7 @@ mod tests {
         assert_eq!([bodies_in(Precision::F32), bodies_in(Precision::F64)], [100, 100], "{:?}", trust.parts);
         assert!(trust.traffic.dispatches > 0, "{:?}", trust.traffic);
         assert_eq!(greatest.done, greatest.total);
-        assert!(trust.shadow.attitude.p99 <= 1e-5, "{}", trust.shadow);
+        assert!(trust.recomputed_sample.attitude.p99 <= 1e-5, "{}", trust.recomputed_sample);
         // What ran on the CPU beside the GPU has the bits of the CPU alone, under the same plan.
         let [paired, alone] = [&engine as &dyn Backend, &Cpu::new(Width::Lanes)]
             .map(|engine| run(engine, &plan).expect("runs").final_state().clone());

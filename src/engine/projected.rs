@@ -4,9 +4,10 @@
 //!
 //! ```
 //! use glam::{DQuat, DVec3};
-//! use polhode::batch::{Precision, prepare};
+//! use polhode::math::Precision;
+//! use polhode::engine::batch::prepare;
 //! use polhode::engine::{Backend, Engine, unobserved};
-//! use polhode::free_motion::FreeMotion;
+//! use polhode::kernel::free_motion::FreeMotion;
 //! use polhode::{Ensemble, Method};
 //!
 //! // Almost on the separatrix: it flips every few seconds.
@@ -28,9 +29,10 @@
 //!
 //! In a scene: [`crate::Scene::projected`].
 
-use crate::batch::{AnyBatch, Batch, Precision};
+use crate::engine::batch::{AnyBatch, Batch};
 use crate::error::{Error, Result};
-use crate::method::Method;
+use crate::kernel::method::Method;
+use crate::math::Precision;
 
 /// Refuses what cannot be projected.
 ///

@@ -2,9 +2,10 @@
 
 use std::ops::Range;
 
-use crate::batch::{BodyFrame, StateWords};
+use crate::bodies::BodyFrame;
+use crate::bodies::columns::StateWords;
 use crate::error::Result;
-use crate::observe::{Partial, Statistic};
+use crate::kernel::observe::{Partial, Statistic};
 
 /// A session that reduces its state where it is.
 pub trait Reduce: Send {

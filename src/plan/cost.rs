@@ -5,12 +5,10 @@
 //! (`Costs::measured`, feature `bench`).
 
 use super::choice::Scheme;
-use crate::batch::Precision;
 use crate::engine::{Backend, Description, EngineKind};
-use crate::method::Method;
+use crate::kernel::method::Method;
+use crate::math::Precision;
 
-#[cfg(feature = "bench")]
-mod measured;
 pub(super) mod work;
 
 /// One method.
@@ -131,9 +129,9 @@ impl Cost {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Costs {
-    rows: Vec<Cost>,
+    pub(crate) rows: Vec<Cost>,
     /// How many steps the engine does at a time that each take as long as a row says; `None` where rows are of another engine.
-    at_a_time: Option<f64>,
+    pub(crate) at_a_time: Option<f64>,
 }
 
 impl Costs {

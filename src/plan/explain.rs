@@ -10,11 +10,13 @@ use super::cost::work::Work;
 use super::group::{Group, Treatment};
 use super::parts::name_of;
 use super::{CLOSED_FORM_F32, Found, Plan, Resolution, Scheme, Shape, TorqueSet};
-use crate::batch::{BodyFrame, Precision, bytes_per_body_under};
+use crate::bodies::BodyFrame;
 use crate::engine::EngineKind;
-use crate::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
-use crate::record::Spread;
-use crate::regular_precession::RegularPrecession;
+use crate::engine::batch::bytes_per_body_under;
+use crate::kernel::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
+use crate::math::Precision;
+use crate::math::Spread;
+use crate::plan::regular_precession::RegularPrecession;
 
 /// What a plan does and leaves out.
 #[derive(Clone, Debug, PartialEq)]
@@ -94,7 +96,7 @@ pub struct SkipRow {
     pub angular_velocity: f64,
     /// The same of the kinetic energy, relative.
     pub energy: f64,
-    /// Bytes of states that are not read; 0 where the skip saves none.
+    /// Bytes of states that the skip saves reading; 0 where it saves none.
     pub bytes: u64,
 }
 

@@ -4,27 +4,31 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use super::choice::{CLOSED_FORM_F32, CLOSED_FORM_F64, Look, Rule, floor_f32, least_target, look_at, skip_tolerance};
+use super::choice::{
+    CLOSED_FORM_F32, CLOSED_FORM_F64, Classification, Rule, classify, floor_f32, least_target, skip_tolerance,
+};
 use super::class::{Bound, Class, Shape};
 use super::cost::work::Work;
 use super::cost::{COSTS, Costs};
 use super::driven::TorqueSet;
-use super::glance::{GLANCED, Glance};
-use super::group::{Group, Members, Treatment, level_of, step_of};
+use super::group::{Group, Treatment, level_of, step_of};
 use super::pilot::{Found, PROBED_STEPS, Pilot};
 use super::reference::SATURATED;
 use super::times::longest_over;
-use crate::batch::Precision;
+use crate::bodies::Members;
 use crate::engine::Backend;
-use crate::engine::adaptive::{
-    AdaptiveSteps, NOISE_REFUSED, TAYLOR_IN_F64, TAYLOR_ON_CPU, check_equal_steps, taylor_unavailable,
+use crate::engine::adaptive_session::{
+    NOISE_REFUSED, TAYLOR_IN_F64, TAYLOR_ON_CPU, check_equal_steps, taylor_unavailable,
 };
 use crate::error::{Error, Result};
-use crate::force::Force;
-use crate::free_motion::SetUp;
-use crate::method::Method;
-use crate::record::CLOSED_FORM;
+use crate::kernel::free_motion::SetUp;
+use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::plan::CLOSED_FORM;
+use crate::plan::lane_classification::{CLASSIFIED_TOGETHER, LaneClassification};
+use crate::scene::AdaptiveSteps;
 use crate::scene::{Accuracy, Scene, Stepping, Target};
+use crate::torque::force::Force;
 use crate::torque::{Torque, Value};
 
 /// Everything from which, with the scene, a plan's groups follow, to the bit.
@@ -72,11 +76,11 @@ pub struct Stepped {
     pub found: Found,
 }
 
-/// Bodies that one task looks at and sorts.
+/// Bodies that one task classifies and sorts.
 const LOOK_BLOCK: usize = 1 << 12;
 
 /// The angle (rad) that a body turns by in a step where a thrust turns with it: the cubic between the attitudes of two steps
-/// ([`crate::force::stepped`]) is then wrong by (1/16)⁴/384 = 4e-8 rad at most.
+/// ([`crate::torque::force::stepped`]) is then wrong by (1/16)⁴/384 = 4e-8 rad at most.
 const LONGEST_TURN: f64 = 1.0 / 16.0;
 
 /// What `f32` needs.
@@ -153,7 +157,7 @@ impl Resolution {
         for (torques, bodies) in stepped_bodies(scene) {
             let acting = torques.of(scene.torques());
             let flies = scene.has_pilot() && scene.end() > 0.0;
-            let look = |body: u32| at_rate(look_at(scene, body as usize, tolerance), *uniform_rate);
+            let classification = |body: u32| at_rate(classify(scene, body as usize, tolerance), *uniform_rate);
             let (all, span) = (bodies.len(), scene.end());
             let work = Work::of(&acting, scene.ensemble());
             let pilot = Pilot {
@@ -178,7 +182,7 @@ impl Resolution {
                 let found = pilot.tabulated();
                 Found { part: ROUNDING_F64 / strictest, worst, attitude: ROUNDING_F64, ..found }
             } else if flies {
-                pilot.fly(&bodies, look)?
+                pilot.calibrate(&bodies, classification)?
             } else {
                 pilot.tabulated()
             };
@@ -198,12 +202,12 @@ impl Resolution {
         let ((missed, strictest), count) = (accuracy.strictest_target(), scene.ensemble().len());
         let left_out = ((1.0 - 0.01 * accuracy.percentile) * count as f64) as usize;
         let floor = |body: usize| {
-            let look = at_rate(look_at(scene, body, tolerance), *uniform_rate);
-            match (look.torques.is_empty() && scene.may_skip(), look.verdict.shape) {
+            let classification = at_rate(classify(scene, body, tolerance), *uniform_rate);
+            match (classification.torques.is_empty() && scene.may_skip(), classification.verdict.shape) {
                 // An engine without f64 leaves these to the processor.
                 (true, Shape::Asymmetric) if wanted == Some(Precision::F32) => least_target(CLOSED_FORM_F32),
                 (true, _) => 0.0,
-                (false, _) => floor_f32(look.rate * scene.end()),
+                (false, _) => floor_f32(classification.rate * scene.end()),
             }
         };
         let mut floors: Vec<f64> = (0..count).into_par_iter().map(floor).filter(|&floor| floor > strictest).collect();
@@ -267,14 +271,16 @@ impl Resolution {
             Self::Pinned { .. } | Self::Adaptive { .. } => &exact,
             Self::Accuracy { tolerance, .. } => tolerance,
         };
-        sorted(scene, tolerance, |look| self.place(scene, look))
+        sorted(scene, tolerance, |classification| self.place(scene, classification))
             .into_iter()
-            .map(|((class, way), (members, bound))| {
-                let treatment = match way {
-                    Way::Precession => Treatment::RegularPrecession,
-                    Way::ClosedForm { wide, set_up } => Treatment::ClosedForm { precision: precision(wide), set_up },
-                    Way::Level { wide, level } => self.stepped(&class, wide, step_of(level)),
-                    Way::Longest { wide } => self.stepped(&class, wide, longest_over(span)),
+            .map(|((class, strategy), (members, bound))| {
+                let treatment = match strategy {
+                    Strategy::Precession => Treatment::RegularPrecession,
+                    Strategy::ClosedForm { wide, set_up } => {
+                        Treatment::ClosedForm { precision: precision(wide), set_up }
+                    }
+                    Strategy::Level { wide, level } => self.stepped(&class, wide, step_of(level)),
+                    Strategy::Longest { wide } => self.stepped(&class, wide, longest_over(span)),
                 };
                 Group { class, treatment, members, bound }
             })
@@ -309,29 +315,35 @@ impl Resolution {
     }
 
     /// Where a body belongs.
-    fn place(&self, scene: &Scene, look: &Look) -> (Shape, Way) {
-        let free = look.torques.is_empty() && scene.may_skip();
+    fn place(&self, scene: &Scene, classification: &Classification) -> (Shape, Strategy) {
+        let free = classification.torques.is_empty() && scene.may_skip();
         match self {
-            Self::Pinned { .. } | Self::Adaptive { .. } if free && look.verdict.shape == Shape::AtRest => {
-                (Shape::AtRest, Way::Precession)
+            Self::Pinned { .. } | Self::Adaptive { .. } if free && classification.verdict.shape == Shape::AtRest => {
+                (Shape::AtRest, Strategy::Precession)
             }
-            Self::Pinned { .. } | Self::Adaptive { .. } => (Shape::Asymmetric, Way::Longest { wide: false }),
+            Self::Pinned { .. } | Self::Adaptive { .. } => (Shape::Asymmetric, Strategy::Longest { wide: false }),
             Self::Accuracy { tolerance, closed_form, uniform_rate, .. } => {
-                if free && look.verdict.shape != Shape::Asymmetric {
-                    return (look.verdict.shape, Way::Precession);
+                if free && classification.verdict.shape != Shape::Asymmetric {
+                    return (classification.verdict.shape, Strategy::Precession);
                 }
                 if free {
-                    let set_up = if look.set_up.within(tolerance) { SetUp::OneWord } else { SetUp::TwoWords };
-                    return (Shape::Asymmetric, Way::ClosedForm { wide: *closed_form == Precision::F64, set_up });
+                    let set_up = if classification.set_up.within(tolerance) { SetUp::OneWord } else { SetUp::TwoWords };
+                    return (Shape::Asymmetric, Strategy::ClosedForm { wide: *closed_form == Precision::F64, set_up });
                 }
-                let torques = torques_for(scene, look);
-                let (rate, span) = (at_rate(*look, *uniform_rate).rate, scene.end());
-                let Some(rule) = self.rule(torques) else { return (Shape::Asymmetric, Way::Longest { wide: true }) };
+                let torques = torques_for(scene, classification);
+                let (rate, span) = (at_rate(*classification, *uniform_rate).rate, scene.end());
+                let Some(rule) = self.rule(torques) else {
+                    return (Shape::Asymmetric, Strategy::Longest { wide: true });
+                };
                 let (step, wide) = (rule.longest_step(rate, span), rule.is_wide(rate * span));
                 let turning = scene.forces().iter().any(Force::needs_attitude) && rate > 0.0;
                 let step = if turning { step.min(LONGEST_TURN / rate) } else { step };
-                let way = if step < span { Way::Level { wide, level: level_of(step) } } else { Way::Longest { wide } };
-                (Shape::Asymmetric, way)
+                let strategy = if step < span {
+                    Strategy::Level { wide, level: level_of(step) }
+                } else {
+                    Strategy::Longest { wide }
+                };
+                (Shape::Asymmetric, strategy)
             }
         }
     }
@@ -339,7 +351,7 @@ impl Resolution {
 
 /// How a body's motion is found. Orders groups.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Way {
+enum Strategy {
     Precession,
     ClosedForm {
         wide: bool,
@@ -360,16 +372,16 @@ fn precision(wide: bool) -> Precision {
 }
 
 /// The torques that a body's kernel has.
-fn torques_for(scene: &Scene, look: &Look) -> TorqueSet {
-    if !scene.may_skip() { TorqueSet::all(scene.torques().len()) } else { look.torques }
+fn torques_for(scene: &Scene, classification: &Classification) -> TorqueSet {
+    if !scene.may_skip() { TorqueSet::all(scene.torques().len()) } else { classification.torques }
 }
 
-fn at_rate(look: Look, uniform: Option<f64>) -> Look {
-    Look { rate: uniform.unwrap_or(look.rate), ..look }
+fn at_rate(classification: Classification, uniform: Option<f64>) -> Classification {
+    Classification { rate: uniform.unwrap_or(classification.rate), ..classification }
 }
 
 fn fastest_rate(scene: &Scene, tolerance: &Bound) -> f64 {
-    let rate = |body| look_at(scene, body, tolerance).rate;
+    let rate = |body| classify(scene, body, tolerance).rate;
     (0..scene.ensemble().len()).into_par_iter().map(rate).reduce(|| 0.0, f64::max)
 }
 
@@ -404,30 +416,30 @@ fn stepped_bodies(scene: &Scene) -> BTreeMap<TorqueSet, Vec<u32>> {
 fn sorted(
     scene: &Scene,
     tolerance: &Bound,
-    place: impl Fn(&Look) -> (Shape, Way) + Sync,
+    place: impl Fn(&Classification) -> (Shape, Strategy) + Sync,
 ) -> BTreeMap<Key, (Members, Bound)> {
     let body_count = scene.ensemble().len();
     let translates = scene.ensemble().translation().is_some();
     let looked = |block: usize| {
-        const { assert!(LOOK_BLOCK.is_multiple_of(GLANCED)) };
+        const { assert!(LOOK_BLOCK.is_multiple_of(CLASSIFIED_TOGETHER)) };
         let mut lists = Lists::default();
-        let mut glance = None;
+        let mut lanes = None;
         for body in block * LOOK_BLOCK..body_count.min((block + 1) * LOOK_BLOCK) {
-            let offset = body % GLANCED;
+            let offset = body % CLASSIFIED_TOGETHER;
             if offset == 0 {
-                glance = Some(Glance::at(scene, body, tolerance));
+                lanes = Some(LaneClassification::at(scene, body, tolerance));
             }
-            let glanced = glance.as_ref().and_then(|glance: &Glance| glance.look(offset));
-            let look = glanced.unwrap_or_else(|| look_at(scene, body, tolerance));
-            let (shape, way) = place(&look);
-            let bound = match way {
-                Way::ClosedForm { set_up: SetUp::OneWord, .. } => look.set_up,
-                _ if shape == look.verdict.shape => look.verdict.bound,
+            let classified = lanes.as_ref().and_then(|lanes: &LaneClassification| lanes.classification(offset));
+            let classification = classified.unwrap_or_else(|| classify(scene, body, tolerance));
+            let (shape, strategy) = place(&classification);
+            let bound = match strategy {
+                Strategy::ClosedForm { set_up: SetUp::OneWord, .. } => classification.set_up,
+                _ if shape == classification.verdict.shape => classification.verdict.bound,
                 _ => Bound::default(),
             };
-            let torques = torques_for(scene, &look);
+            let torques = torques_for(scene, &classification);
             let is_linear_rotor = scene.ensemble().is_linear_rotor(body);
-            let (list, greatest) = lists.of((Class { shape, torques, is_linear_rotor, translates }, way));
+            let (list, greatest) = lists.of((Class { shape, torques, is_linear_rotor, translates }, strategy));
             list.push(body as u32);
             *greatest = greatest.or(bound);
         }
@@ -446,7 +458,7 @@ fn sorted(
 }
 
 /// What the bodies of a group have in common.
-type Key = (Class, Way);
+type Key = (Class, Strategy);
 
 /// Bodies by what they have in common, and the greatest bound of each list.
 #[derive(Default)]

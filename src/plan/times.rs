@@ -27,7 +27,7 @@ pub(crate) fn steps_over(span: f64, longest: f64) -> Interval {
     Interval { steps: steps as u64, dt: span / steps }
 }
 
-/// The longest step that there is over `span` seconds; over none any step does, as none is taken.
+/// The longest step over `span` seconds. A span of zero takes no step, so every length is allowed.
 pub(crate) fn longest_over(span: f64) -> f64 {
     if span > 0.0 { span } else { 1.0 }
 }

@@ -2,17 +2,18 @@
 
 use serde::Serialize;
 
-use super::{AdaptiveWork, Balance, Drift, FailedBody, Quantiles, Spread, Trust};
+use super::{AdaptiveWork, Balance, Drift, FailedBody, Trust};
+use crate::bodies::Status;
 use crate::engine::EngineKind;
-use crate::method::Status;
+use crate::math::{Quantiles, Spread};
 use crate::plan::explain::{ClassRow, SkipRow};
 use crate::plan::{Group, Part, Plan, Treatment};
 use crate::scene::Accuracy;
 
-mod statistics;
+mod statistics_report;
 mod summary;
 
-pub use statistics::{StatisticsReport, SummaryReport};
+pub use statistics_report::{StatisticsReport, SummaryReport};
 
 /// A run in figures, as it stands in `report.json`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -189,9 +190,9 @@ pub struct AccuracyReport {
     pub beyond: usize,
     /// Bodies of the whole run that have failed, of which the percentile may leave out some.
     pub failed: usize,
-    /// Whether a random torque acts, whose draws are those of the run's own steps ([`super::Shadow::same_draws`]).
+    /// Whether a random torque acts, whose draws are those of the run's own steps ([`super::RecomputedSample::same_draws`]).
     pub same_draws: bool,
-    /// Whether the sample agrees with it ([`super::Shadow::met`]).
+    /// Whether the sample agrees with it ([`super::RecomputedSample::met`]).
     pub met: Option<bool>,
 }
 
@@ -348,7 +349,7 @@ impl BalanceReport {
 }
 
 impl Report {
-    pub(super) fn new(study: Option<StudyReport>, plan: &Plan<'_>, trust: Trust) -> Self {
+    pub(crate) fn new(study: Option<StudyReport>, plan: &Plan<'_>, trust: Trust) -> Self {
         let compute = trust.wall_time.compute;
         let explanation = plan.explain();
         let rate = trust.body_steps as f64 / compute;
@@ -388,7 +389,7 @@ impl Report {
                 start: trust.wall_time.start,
                 compute,
                 read: trust.wall_time.read,
-                shadow: trust.wall_time.shadow,
+                shadow: trust.wall_time.recomputed_sample,
                 ..WallTimeReport::default()
             },
             repairs: plan.scene().ensemble().repairs().map(|repairs| RepairReport {
@@ -400,25 +401,31 @@ impl Report {
             drift: DriftReport::of(&trust.drift),
             balance: BalanceReport::of(&trust.balance),
             accuracy: AccuracyReport {
-                bodies: trust.shadow.bodies,
-                lost: trust.shadow.lost,
-                diverged: trust.shadow.diverged,
-                attitude: QuantilesReport::of(trust.shadow.attitude, trust.shadow.bodies),
-                angular_velocity: QuantilesReport::of(trust.shadow.angular_velocity, trust.shadow.bodies),
-                kinetic_energy: QuantilesReport::of(trust.shadow.kinetic_energy, trust.shadow.bodies),
-                translating: trust.shadow.translating,
-                position: QuantilesReport::of(trust.shadow.position, trust.shadow.translating),
-                velocity: QuantilesReport::of(trust.shadow.velocity, trust.shadow.translating),
-                target: trust.shadow.target.map(|target| TargetReport {
+                bodies: trust.recomputed_sample.bodies,
+                lost: trust.recomputed_sample.lost,
+                diverged: trust.recomputed_sample.diverged,
+                attitude: QuantilesReport::of(trust.recomputed_sample.attitude, trust.recomputed_sample.bodies),
+                angular_velocity: QuantilesReport::of(
+                    trust.recomputed_sample.angular_velocity,
+                    trust.recomputed_sample.bodies,
+                ),
+                kinetic_energy: QuantilesReport::of(
+                    trust.recomputed_sample.kinetic_energy,
+                    trust.recomputed_sample.bodies,
+                ),
+                translating: trust.recomputed_sample.translating,
+                position: QuantilesReport::of(trust.recomputed_sample.position, trust.recomputed_sample.translating),
+                velocity: QuantilesReport::of(trust.recomputed_sample.velocity, trust.recomputed_sample.translating),
+                target: trust.recomputed_sample.target.map(|target| TargetReport {
                     attitude: target.attitude,
                     angular_velocity: target.angular_velocity,
                     energy: target.energy,
                     percentile: target.percentile,
                 }),
-                beyond: trust.shadow.beyond,
+                beyond: trust.recomputed_sample.beyond,
                 failed: trust.failures.len(),
-                same_draws: trust.shadow.same_draws,
-                met: trust.shadow.met,
+                same_draws: trust.recomputed_sample.same_draws,
+                met: trust.recomputed_sample.met,
             },
             outside_usable_region: trust.outside_usable_region,
             failures: FailureReport::of(&trust.failures),

@@ -4,10 +4,10 @@ use std::sync::LazyLock;
 
 use super::DEFAULT_ATTITUDE;
 use super::reader::Node;
-use crate::batch::Precision;
-use crate::engine::adaptive::AdaptiveSteps;
 use crate::error::Result;
-use crate::method::Method;
+use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::scene::AdaptiveSteps;
 use crate::scene::{Accuracy, Scene};
 
 /// How a study says that steps are chosen.

@@ -9,9 +9,10 @@ use super::inertia::Inertia;
 use super::reader::Node;
 use super::solid::SolidFault;
 use super::table::BodyTable;
-use crate::ensemble::{Ensemble, Translation};
+use crate::bodies::Ensemble;
+use crate::bodies::ensemble::Translation;
+use crate::bodies::inertia::InertiaTensor;
 use crate::error::{Error, Result};
-use crate::inertia::InertiaTensor;
 
 /// A tensor that is wrong by more than a tenth is wrong rather than measured imprecisely.
 const MOST_REPAIR: f64 = 0.1;

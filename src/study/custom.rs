@@ -1,14 +1,14 @@
 //! `model = "custom"` in study files: a torque or a force that the user writes down.
 
 use super::distribution::Orientation;
-use super::input::Fault;
 use super::parameter::{Number, Triple, Turn};
 use super::reader::{Node, Table};
 use super::torque::{StudyParameter, StudyValue};
+use crate::error::InputFault;
 use crate::error::Result;
 use crate::expression::{self, Expression, Shape, Symbols, TextError};
-use crate::force::{CustomForce, custom};
 use crate::torque::custom::ExpressionModel;
+use crate::torque::force::{CustomForce, custom};
 use crate::torque::{ModelRef, Parameters};
 
 /// The name of the model.
@@ -58,7 +58,7 @@ fn parameters(table: &Table<'_>) -> Result<(Parameters, Vec<StudyParameter>)> {
 }
 
 fn refused(node: &Node<'_>, fault: &expression::Fault) -> crate::Error {
-    node.fault(Fault::Syntax { reason: fault.to_string() })
+    node.fault(InputFault::Syntax { reason: fault.to_string() })
 }
 
 fn formula(node: &Node<'_>, symbols: &Symbols, shape: Shape) -> Result<Expression> {
@@ -69,7 +69,7 @@ fn formula(node: &Node<'_>, symbols: &Symbols, shape: Shape) -> Result<Expressio
 /// The refusal of a formula, at its own line of the file.
 fn at(node: &Node<'_>, error: &TextError) -> crate::Error {
     let (reason, picture) = (error.fault.to_string(), error.picture());
-    node.fault_in_text(error.line, error.column, |column| Fault::Formula { column, reason, picture })
+    node.fault_in_text(error.line, error.column, |column| InputFault::Formula { column, reason, picture })
 }
 
 /// A number, a vector or a rotation, by what stands there.

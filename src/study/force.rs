@@ -9,7 +9,7 @@ use super::reader::{Node, Table};
 use super::table::BodyTable;
 use super::torque::StudyParameter;
 use crate::error::Result;
-use crate::force::{CustomForce, Force};
+use crate::torque::force::{CustomForce, Force};
 
 /// A force of a study: parameters not yet drawn.
 #[derive(Clone, Debug, PartialEq)]

@@ -6,8 +6,8 @@ use super::distribution::Vector;
 use super::draw::{Column, Draw};
 use super::reader::{Node, Table};
 use super::solid::{FORMS, Solid};
+use crate::bodies::inertia::{InertiaTensor, check_scatter, principal_axes, scaled_second_moments};
 use crate::error::Result;
-use crate::inertia::{InertiaTensor, check_scatter, principal_axes, scaled_second_moments};
 
 /// What a body's inertia tensor comes from.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,7 +17,7 @@ pub enum Inertia {
     /// One tensor in body axes for all bodies, kg m².
     Tensor(InertiaTensor),
     /// Moments about axes that all bodies share, scattered such that every draw is a valid tensor
-    /// ([`crate::inertia::scattered_moments`]).
+    /// ([`crate::bodies::inertia::scattered_moments`]).
     Scattered {
         /// Mean of the moments, kg m².
         nominal: DVec3,

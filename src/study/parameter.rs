@@ -10,8 +10,8 @@ use super::draw::{Column, Draw};
 use super::inertia::Inertia;
 use super::reader::Node;
 use super::table::BodyTable;
+use crate::bodies::inertia::InertiaTensor;
 use crate::error::Result;
-use crate::inertia::InertiaTensor;
 use crate::torque::Parameter;
 
 /// A number of each body: drawn, or a column of the table of bodies.

@@ -6,8 +6,8 @@ use super::distribution::{Orientation, Vector};
 use super::draw::{Column, Draw, PartColumn};
 use super::reader::{Node, Table};
 use super::solid::{self, DrawnUnder, FORMS, Solid, SolidFault};
+use crate::bodies::inertia::Part;
 use crate::error::{Error, Result};
-use crate::inertia::Part;
 
 /// A part of a body, not yet drawn.
 #[derive(Clone, Debug, PartialEq)]

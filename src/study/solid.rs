@@ -4,13 +4,13 @@ use glam::DVec3;
 
 use super::distribution::{Scalar, Vector};
 use super::draw::{Column, Draw};
-use super::input::Fault;
 use super::parts::{self, StudyPart};
 use super::points::read_points;
 use super::reader::{Node, Table};
 use super::shape_kind::{NAMES, ShapeKind, TETRAHEDRON};
+use crate::bodies::inertia::{MassProperties, Part, Shape, compose, point_masses};
+use crate::error::InputFault;
 use crate::error::{Error, Result};
-use crate::inertia::{MassProperties, Part, Shape, compose, point_masses};
 
 /// A body whose matter is described.
 ///
@@ -258,7 +258,7 @@ fn file(node: &Node<'_>) -> Result<std::path::PathBuf> {
 fn mesh(node: &Node<'_>, scale: f64, is_shell: bool) -> Result<MassProperties> {
     let path = file(node)?;
     let read = || {
-        let mesh = crate::inertia::read_mesh(&path)?.scaled(scale)?;
+        let mesh = crate::bodies::inertia::read_mesh(&path)?.scaled(scale)?;
         if is_shell {
             return mesh.shell_mass_properties(1.0);
         }
@@ -273,7 +273,7 @@ fn mesh(node: &Node<'_>, scale: f64, is_shell: bool) -> Result<MassProperties> {
 fn hull(node: &Node<'_>, scale: f64) -> Result<MassProperties> {
     let points = read_points(&file(node)?).map_err(|error| node.caused_by(error))?;
     let points: Vec<DVec3> = points.into_iter().map(|(_, position)| position * scale).collect();
-    crate::inertia::convex_hull(&points)
+    crate::bodies::inertia::convex_hull(&points)
         .and_then(|mesh| mesh.mass_properties_of_density(1.0))
         .map_err(|error| node.caused_by(error))
 }
@@ -308,7 +308,7 @@ impl Node<'_> {
     pub(super) fn caused_by(&self, cause: Error) -> Error {
         match cause {
             Error::Input(_) => cause,
-            cause => self.fault(Fault::Cause { value: self.text(), cause: Box::new(cause) }),
+            cause => self.fault(InputFault::Cause { value: self.text(), cause: Box::new(cause) }),
         }
     }
 }

@@ -11,11 +11,11 @@ use super::ValidationContext;
 use super::{
     Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Preset, Torque, Validity, Value, Values,
 };
-use crate::batch::BodyFrame;
+use crate::bodies::BodyFrame;
 use crate::error::{Error, Result};
 use crate::expression::{Expression, Fault, Shape, Symbol, Symbols};
-use crate::real::Real;
-use crate::vector::Vector;
+use crate::math::real::Real;
+use crate::math::vector::Vector;
 
 /// τ = Σ r × F, where each plate that faces the source, c = n · u > 0, feels F = −p A c (a u + (b + d c) n).
 ///

@@ -8,16 +8,16 @@
 //! v = v₀ (1 − p φ₁) + a t φ₁
 //! ```
 //!
-//! ([`crate::force::closed_form()`]). They take the place of the two inputs, and what they start from becomes parameters, one a body.
+//! ([`crate::torque::force::closed_form()`]). They take the place of the two inputs, and what they start from becomes parameters, one a body.
 
 use glam::DVec3;
 
 use super::{ParameterDeclaration, Shape, Torque, Value};
-use crate::ensemble::Ensemble;
+use crate::bodies::Ensemble;
 use crate::expression::{Input, InputKind, Recorder, Symbol};
-use crate::force::{Accelerations, Force, accelerations};
-use crate::real::{Function, Real};
-use crate::vector::Vector;
+use crate::math::real::{Function, Real};
+use crate::math::vector::Vector;
+use crate::torque::force::{Accelerations, Force, accelerations};
 
 /// What the torque is refused with.
 const NEEDS_TRANSLATION: &str =

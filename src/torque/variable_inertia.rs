@@ -32,23 +32,23 @@
 //! Methods that take for granted that ω = I₀⁻¹ m are refused ([`crate::Error::RigidOnly`]).
 
 use super::formula::{Column, Epoch, Formula, MOST_PHASES, Role, Row};
-use crate::quaternion::Quaternion;
+use crate::math::quaternion::Quaternion;
 use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
 
 pub use super::inertia_change::{InertiaChange, Law};
 use super::model::InertiaModel;
-use super::{
-    Declaration, Kind, Model, Motion, ParameterDeclaration, Torque, ValidationContext, Validity, Value, Values,
-};
-use crate::batch::BodyFrame;
-use crate::ensemble::Ensemble;
+use super::{Declaration, Kind, Model, ParameterDeclaration, Torque, ValidationContext, Validity, Value, Values};
+use crate::bodies::BodyFrame;
+use crate::bodies::Ensemble;
+use crate::bodies::inertia::{InertiaTensor, VANISHING_MOMENT, principal_axes};
 use crate::error::Result;
-use crate::inertia::{InertiaTensor, TRIANGLE_TOLERANCE, VANISHING_MOMENT, principal_axes};
-use crate::real::{Real, Scalar, sin_cos};
-use crate::rigid_body::{Body, Correction};
-use crate::vector::{TwoWords, Vector, two_difference};
+use crate::error::TRIANGLE_TOLERANCE;
+use crate::kernel::rigid_body::{Body, Correction};
+use crate::kernel::torque_kernel::Motion;
+use crate::math::real::{Real, Scalar, sin_cos};
+use crate::math::vector::{TwoWords, Vector, two_difference};
 
 /// Moments of inertia that change in time; see the [module](self). A scene has one at most.
 ///
@@ -494,5 +494,14 @@ impl Formula for InertiaOscillation {
     #[inline(always)]
     fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
         Vector::zero()
+    }
+}
+
+impl BodyFrame {
+    /// The frame with the moments that the body has at `time`, s: of another one where `torques` hold moments that change.
+    /// `body` is its index in the scene.
+    #[must_use]
+    pub fn at(&self, torques: &[Torque], body: usize, time: f64) -> Self {
+        Self { scaled_moments: scaled_moments_at(torques, body, self, time), ..*self }
     }
 }

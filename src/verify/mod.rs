@@ -50,9 +50,10 @@ mod translation;
 
 use std::ops::Range;
 
+use crate::bodies::Members;
 use crate::engine::Backend;
 use crate::error::{Error, Result};
-use crate::plan::{Group, Members, Plan, Treatment};
+use crate::plan::{Group, Plan, Treatment};
 use crate::scene::Scene;
 use crate::torque::Torque;
 

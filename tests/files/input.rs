@@ -229,7 +229,7 @@ fn a_file_in_the_place_of_the_folder_is_refused() {
     let error = OutputFolder::create(&path, false).unwrap_err();
     assert!(error.is_input());
     let message = error.to_string().replace(&path.display().to_string(), "out");
-    insta::assert_snapshot!(message, @"out: cannot be made: Not a directory (os error 20)");
+    insta::assert_snapshot!(message, @"out: cannot be created: Not a directory (os error 20)");
 }
 
 #[test]

@@ -4,8 +4,8 @@ use crate::common;
 
 use common::random::Random;
 use glam::{DQuat, DVec3};
+use polhode::bodies::ensemble::Translation;
 use polhode::engine::Engine;
-use polhode::ensemble::Translation;
 use polhode::torque::{Parameters, Torque};
 use polhode::{Ensemble, Force, Method, Plan, Precision, Scene};
 
@@ -100,7 +100,7 @@ fn they_follow_drag_at_any_rate() {
 fn taylor_series_follow_them_too() {
     let torque = Torque::custom(TORQUE, Parameters::new()).expect("a formula");
     let scene = Scene::new(bodies()).until(END).force(Force::linear_drag(0.2)).torque(torque);
-    let steps = polhode::engine::adaptive::AdaptiveSteps { tolerance: 1e-12, least_step: None };
+    let steps = polhode::scene::AdaptiveSteps { tolerance: 1e-12, least_step: None };
     let engine = Engine::cpu();
     let expected = orientations(&scene.clone().adaptive(steps, Some(Precision::F64)), &engine);
     let found = orientations(&scene.taylor(steps), &engine);

@@ -1,7 +1,7 @@
 //! Formulas through the public interface: random ones on every evaluator of the CPU, and the users' language.
 
 use polhode::expression::{Dependence, Expression, Fault, InputKind, Program, Shape, Symbols};
-use polhode::real::{Real, Scalar};
+use polhode::math::real::{Real, Scalar};
 use proptest::prelude::*;
 use proptest::test_runner::Config;
 
@@ -126,7 +126,7 @@ fn a_text_records_what_a_closure_does() {
     let text = "# a pendulum with drag\nlet up = to_body(vec(0, 0, 1)); // body axes\n\
                 -k * cross(moment, up) - k * angular_velocity * norm(angular_velocity)";
     let closure = Expression::record(&offered(), |s| {
-        use polhode::vector::Vector;
+        use polhode::math::vector::Vector;
         let c = polhode::expression::Symbol::splat;
         let up = s.to_body(Vector::new(c(0.0), c(0.0), c(1.0)));
         let (k, omega) = (s.number("k"), s.angular_velocity());

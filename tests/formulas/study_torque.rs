@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use glam::DVec3;
-use polhode::inertia::InertiaTensor;
+use polhode::bodies::inertia::InertiaTensor;
 use polhode::study::Study;
 use polhode::torque::flat_plates::{Facet, Surface};
 use polhode::torque::variable_inertia::{InertiaChange, Law};

@@ -7,10 +7,10 @@ use std::time::{Duration, Instant};
 
 use common::kernel::open_device;
 use polhode::Error;
-use polhode::batch::Precision;
 use polhode::engine::gpu::{AdapterKind, ChunkLimits, Gpu, GpuOptions, SliceLimits, wgpu};
 use polhode::engine::{Choice, Engine, EngineKind, devices, unobserved};
-use polhode::method::Method;
+use polhode::kernel::method::Method;
+use polhode::math::Precision;
 
 #[test]
 fn devices_lists_adapters_with_what_the_probe_found() {

@@ -8,17 +8,18 @@ use common::compare::{Field, compare_rows};
 use common::kernel::{Harness, chunks};
 use common::random::Random;
 use glam::{DQuat, DVec3};
-use polhode::batch::{Precision, state_columns};
+use polhode::bodies::columns::state_columns;
+use polhode::bodies::ensemble::Translation;
 use polhode::engine::gpu::shader::{Chunk, Source};
 use polhode::engine::gpu::{GpuOptions, Patch};
 use polhode::engine::{Backend, Engine};
-use polhode::ensemble::Translation;
-use polhode::force::Accelerations;
-use polhode::force::carried::CENTRE_COMPONENTS;
-use polhode::force::quadratic_drag::rate;
-use polhode::force::stepped::{Attitude, Between, Centre};
-use polhode::real::Scalar;
+use polhode::math::Precision;
+use polhode::math::real::Scalar;
 use polhode::torque::TorqueTable;
+use polhode::torque::force::Accelerations;
+use polhode::torque::force::carried::CENTRE_COMPONENTS;
+use polhode::torque::force::quadratic_drag::rate;
+use polhode::torque::force::stepped::{Attitude, Between, Centre};
 use polhode::{Force, Method, Outputs, Plan, Record, Scene, Torque};
 
 /// Rows of a table: not a multiple of the workgroup size.
@@ -233,8 +234,8 @@ fn planted_faults_in_the_translation_are_found() {
         ("force/stepped.wgsl", "select(end_rate, -end_rate, opposite)", "-end_rate"),
         (
             "force/carried.wgsl",
-            "return Flight(centre, flight.forces, state.orientation.value, rate)",
-            "return Flight(centre, flight.forces, flight.orientation, rate)",
+            "return SteppedTranslation(centre, translation.forces, state.orientation.value, rate)",
+            "return SteppedTranslation(centre, translation.forces, translation.orientation, rate)",
         ),
     ] {
         let patch = Patch { file: file.into(), from: from.into(), to: to.into() };

@@ -7,19 +7,21 @@ use crate::support;
 use std::path::Path;
 
 use glam::{DMat3, DQuat, DVec3};
-use polhode::batch::prepare;
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::engine::batch::prepare;
+use polhode::engine::cpu::Cpu;
 use polhode::engine::{Backend, unobserved};
-use polhode::free_motion::FreeMotion;
-use polhode::method::splitting::Splitting;
-use polhode::quaternion::Quaternion;
+use polhode::kernel::free_motion::FreeMotion;
+use polhode::kernel::method::splitting::Splitting;
+use polhode::kernel::torque_kernel::Free;
+use polhode::math::Width;
+use polhode::math::quaternion::Quaternion;
 use polhode::scene::Stepping;
 use polhode::study::Study;
-use polhode::torque::{Free, Torque};
+use polhode::torque::Torque;
 use polhode::{Accuracy, Engine, Ensemble, Method, Plan, Precision, Scene};
 use rayon::prelude::*;
 use support::double_double::DoubleDouble;
-use support::environment::{at_start, between, stepped};
+use support::torque_kernel::{at_start, between, stepped};
 
 /// Simulated time, s.
 const SPAN: f64 = 100.0;

@@ -193,7 +193,7 @@ pub struct RunArguments {
     /// Write into a folder that is not empty; results of a former run in it are replaced.
     #[arg(long)]
     pub force: bool,
-    /// Go the long way: step every body with all torques, as finely as the fastest needs.
+    /// Turn skipping off: step every body under all torques, as finely as the fastest needs.
     #[arg(long)]
     pub no_skip: bool,
     /// Repeat a run by the plan.json that it left; on the same engine the bits are the same.
@@ -236,7 +236,7 @@ pub struct ExplainArguments {
     /// Take methods and steps from the shipped table instead of trying them on a few bodies.
     #[arg(long)]
     pub no_pilot: bool,
-    /// Show the long way, on which nothing is left out.
+    /// Show the plan without skipping.
     #[arg(long)]
     pub no_skip: bool,
     /// Rank methods by what `polhode bench accuracy` has measured on this engine and left in this folder, instead of by the

@@ -5,7 +5,8 @@ use std::time::Instant;
 
 use polhode::Plan;
 use polhode::plan::PlanDocument;
-use polhode::record::{OutputFolder, OutputSize, Report, run_to_folder};
+use polhode::record::{OutputFolder, Report};
+use polhode::run::{OutputSize, run_to_folder};
 use polhode::study::Study;
 
 use crate::arguments::RunArguments;

@@ -17,7 +17,7 @@ pub fn start() -> Result<(), Failure> {
         if count.is_none_or(|count| count > MOST) {
             let value = value.to_string_lossy();
             let message = format!("{VARIABLE} = {value}: a number of threads up to {MOST} is needed, 0 for one a core");
-            return Err(Failure::Environment(message));
+            return Err(Failure::TorqueKernel(message));
         }
     }
     ThreadPoolBuilder::new().build_global().map_err(Failure::Threads)

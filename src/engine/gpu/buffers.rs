@@ -5,12 +5,13 @@ use std::ops::Range;
 
 use super::device::{Device, Refusal};
 use super::reading::Reader;
-use crate::batch::{Batch, STRIDE_UNIT};
-use crate::clock::Clock;
+use crate::bodies::columns::STRIDE_UNIT;
+use crate::bodies::memory;
+use crate::engine::batch::Batch;
 use crate::error::{Error, Result};
-use crate::memory;
-use crate::observe::Kernel;
-use crate::real::Scalar;
+use crate::kernel::observe::Kernel;
+use crate::math::clock::Clock;
+use crate::math::real::Scalar;
 
 /// Bounds of one chunk. What is not given is the device's own limit; what is given can only lower it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -410,9 +411,9 @@ mod tests {
 
     use super::super::{Gpu, GpuOptions, shader::Source};
     use super::*;
-    use crate::batch::Precision;
     use crate::engine::Session;
-    use crate::method::Method;
+    use crate::kernel::method::Method;
+    use crate::math::Precision;
 
     #[test]
     fn rows_that_are_no_bodies_stay_nan_and_touch_nothing() {

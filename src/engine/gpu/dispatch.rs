@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::time::Duration;
 
-use crate::batch::STRIDE_UNIT;
+use crate::bodies::columns::STRIDE_UNIT;
 
 /// Bounds of one submission.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -11,13 +11,15 @@ use super::device::{Device, Refusal};
 use super::observe::{ObserveKernels, Reducer, reduces};
 use super::reading::{Reader, read_single_rows};
 use super::shader::Source;
-use crate::batch::{BodyFrame, Precision, STRIDE_UNIT, StateWords, state_columns};
+use crate::bodies::BodyFrame;
+use crate::bodies::columns::{STRIDE_UNIT, StateWords, state_columns};
 use crate::engine::reduction::{Marked, Reduce};
 use crate::engine::{FreeSession, check_time};
 use crate::error::{Error, Result};
-use crate::free_motion::{FreeMotionRows, ROW_COLUMNS, WORD_COLUMNS};
-use crate::observe::{Partial, Statistic};
-use crate::phase::Time;
+use crate::kernel::free_motion::{FreeMotionRows, ROW_COLUMNS, WORD_COLUMNS};
+use crate::kernel::observe::{Partial, Statistic};
+use crate::math::Precision;
+use crate::math::phase::Time;
 
 /// The kernels' bindings, and their pipelines by precision, made on first use.
 #[derive(Debug, Default)]

@@ -26,19 +26,21 @@ pub mod shader;
 pub use buffers::ChunkLimits;
 pub use device::AdapterKind;
 pub use dispatch::SliceLimits;
-pub use probe::{Arithmetic, ArithmeticFault, Fusing, Probe};
+pub use probe::{Arithmetic, Fusing, Probe};
 pub use shader::Patch;
 
 pub(crate) use device::{Device, adapters, driver_of};
 
-use super::adaptive::{AdaptiveSession, AdaptiveSteps, check_equal_steps, check_torques};
 use super::projected::conserving;
 use super::{Backend, Description, EngineKind, FreeSession, Session, Traffic};
-use crate::batch::{AnyBatch, Batch, Precision};
+use crate::engine::adaptive_session::{AdaptiveSession, check_equal_steps, check_torques};
+use crate::engine::batch::{AnyBatch, Batch};
 use crate::error::{Error, Result};
-use crate::force::carried::Carried;
-use crate::free_motion::AnyRows;
-use crate::method::Method;
+use crate::kernel::free_motion::AnyRows;
+use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::scene::AdaptiveSteps;
+use crate::torque::force::carried::Carried;
 use adaptive::AdaptiveKernels;
 use buffers::{Columns, DeviceScalar, WORKGROUP_SIZE};
 use dispatch::Slicer;

@@ -5,10 +5,11 @@ use std::sync::{Arc, OnceLock};
 use super::buffers::{DeviceScalar, Place, Upload, buffer};
 use super::device::{Device, Refusal};
 use super::shader::{Patch, Source};
-use crate::batch::{BodyFrame, Precision};
+use crate::bodies::BodyFrame;
 use crate::engine::reduction::Marked;
 use crate::error::Result;
-use crate::observe::{Columns, Extreme, GROUP_BODIES, Partial, Statistic, WORKGROUP, merge};
+use crate::kernel::observe::{Columns, Extreme, GROUP_BODIES, Partial, Statistic, WORKGROUP, merge};
+use crate::math::Precision;
 
 /// The kernels' bindings, and their pipelines by precision, made on first use.
 #[derive(Debug, Default)]
@@ -166,7 +167,7 @@ impl Reducer {
 
     fn chunk<T: DeviceScalar>(&self, device: &Device, place: &Place<'_>, statistics: usize) -> Result<Chunk, Refusal> {
         let groups = place.bodies.div_ceil(GROUP_BODIES);
-        let column_bytes = (crate::observe::SCALE_COLUMN + statistics) * place.stride * size_of::<T>();
+        let column_bytes = (crate::kernel::observe::SCALE_COLUMN + statistics) * place.stride * size_of::<T>();
         let partial_bytes = (1 + groups) * statistics * partial_bytes::<T>();
         let input = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let output = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;

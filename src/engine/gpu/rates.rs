@@ -5,8 +5,8 @@ use std::time::Instant;
 use super::buffers::buffer;
 use super::device::Device;
 use super::shader::Source;
-use crate::batch::Precision;
 use crate::error::Result;
+use crate::math::Precision;
 
 /// Invocations of a dispatch.
 const INVOCATIONS: u32 = 1 << 16;

@@ -7,11 +7,11 @@ use rayon::prelude::*;
 
 use super::buffers::{DeviceScalar, Place, STAGING_BYTES, buffer};
 use super::device::{Device, Refusal, Request};
-use crate::batch::{STATE_COMPONENTS, STRIDE_UNIT, StateWords, state_columns, status_column};
+use crate::bodies::Status;
+use crate::bodies::columns::{STATE_COMPONENTS, STRIDE_UNIT, StateWords, state_columns, status_column};
 use crate::error::Result;
-use crate::force::carried::CENTRE_COMPONENTS;
-use crate::method::Status;
-use crate::real::Scalar;
+use crate::math::real::Scalar;
+use crate::torque::force::carried::CENTRE_COMPONENTS;
 
 /// Two buffers through which a session's columns are read.
 pub(super) struct Reader {

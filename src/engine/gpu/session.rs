@@ -11,12 +11,14 @@ use super::device::Device;
 use super::dispatch::{Slicer, next_group};
 use super::observe::{Reducer, reduces};
 use super::reading::{Reader, read_single_rows};
-use crate::batch::{BodyFrame, Precision, StateWords};
-use crate::clock::Clock;
+use crate::bodies::BodyFrame;
+use crate::bodies::columns::StateWords;
 use crate::engine::reduction::{Marked, Reduce};
 use crate::engine::{Observer, Progress, Session, check_step};
 use crate::error::{Error, Result};
-use crate::observe::{Partial, Statistic};
+use crate::kernel::observe::{Partial, Statistic};
+use crate::math::Precision;
+use crate::math::clock::Clock;
 
 pub(super) struct GpuSession<T> {
     pub device: Arc<Device>,

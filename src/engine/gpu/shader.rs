@@ -6,9 +6,9 @@ use std::error::Error as _;
 
 use wgpu::naga;
 
-use crate::batch::Precision;
 use crate::error::{Error, Result};
-use crate::method::Method;
+use crate::kernel::method::Method;
+use crate::math::Precision;
 use crate::torque::{Kind, TorqueTable, shader as torque_shader};
 
 /// One file under `shaders/`.

@@ -9,17 +9,19 @@ use common::kernel::Harness;
 use common::random::Random;
 use glam::DVec3;
 use polhode::Torque;
-use polhode::batch::{Precision, prepare_with};
-use polhode::clock::Clock;
+use polhode::bodies::Status;
+use polhode::engine::batch::prepare_with;
 use polhode::engine::gpu::Patch;
 use polhode::engine::gpu::shader::{Chunk, Source};
-use polhode::method::Status;
-use polhode::method::rk8_adaptive::{Controller, Limits, attempt};
-use polhode::quaternion::Quaternion;
-use polhode::real::Scalar;
-use polhode::rigid_body::{Body, State};
-use polhode::torque::{Free, TorqueTable};
-use polhode::vector::{TwoWords, Vector, two_difference};
+use polhode::kernel::method::rk8_adaptive::{Controller, Limits, attempt};
+use polhode::kernel::rigid_body::{Body, State};
+use polhode::kernel::torque_kernel::Free;
+use polhode::math::Precision;
+use polhode::math::clock::Clock;
+use polhode::math::quaternion::Quaternion;
+use polhode::math::real::Scalar;
+use polhode::math::vector::{TwoWords, Vector, two_difference};
+use polhode::torque::TorqueTable;
 use runs::SEED;
 
 /// Rows of a table: not a multiple of the workgroup size.

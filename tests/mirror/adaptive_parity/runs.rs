@@ -3,10 +3,13 @@
 use std::time::Duration;
 
 use glam::{DQuat, DVec3};
-use polhode::batch::{Precision, StateWords, prepare_with};
-use polhode::engine::adaptive::{AdaptiveSteps, StepCounts};
+use polhode::bodies::columns::StateWords;
+use polhode::engine::adaptive_session::StepCounts;
+use polhode::engine::batch::prepare_with;
 use polhode::engine::gpu::{GpuOptions, wgpu};
 use polhode::engine::{Backend, Engine, unobserved};
+use polhode::math::Precision;
+use polhode::scene::AdaptiveSteps;
 use polhode::{Ensemble, Error, Outputs, Plan, Scene, Torque};
 
 use super::common::compare::first_bit_difference;
@@ -79,7 +82,7 @@ fn growth(torques: &[Torque], tolerance: f64) -> Vec<f64> {
 
 /// In `f32`, rounding of torques is a part of the estimate, so that decisions fall either way, a body may take half as many
 /// steps again, and both are right to the tolerance only: steps are off by up to
-/// √7 of it in seven components ([`polhode::method::rk8_adaptive`]).
+/// √7 of it in seven components ([`polhode::kernel::method::rk8_adaptive`]).
 ///
 /// The largest part of it that lavapipe came to is 0.16, in `f64` at 1e-6 under all torques.
 fn bound(precision: Precision, torques: usize, tolerance: f64) -> f64 {
@@ -175,7 +178,7 @@ fn finished_bodies_do_not_hold_their_workgroups() {
         session.advance_to(SPAN, &mut unobserved).expect("advanced");
         let counts = session.counts().expect("counted");
         let attempts: Vec<u64> = counts.iter().map(StepCounts::attempts).collect();
-        let held = polhode::engine::work::imbalance(&attempts, session.side_by_side());
+        let held = polhode::engine::load_balance::imbalance(&attempts, session.side_by_side());
         (session.imbalance().expect("measured"), held)
     };
     let (measured, held) = imbalance(8);
@@ -227,5 +230,5 @@ fn a_run_counts_what_it_reads_back() {
     let asked = (2 * 8 * size_of::<f64>() + 4 * size_of::<u32>()) as u64 * COUNT as u64;
     assert!((asked..=asked + (64 << 10)).contains(&trust.traffic.bytes_read), "{:?}, asked for {asked}", trust.traffic);
     assert!(trust.traffic.dispatches >= 6 && trust.traffic.waits > 0, "{:?}", trust.traffic);
-    assert!(trust.shadow.attitude.max < 1e-6, "{}", trust.shadow);
+    assert!(trust.recomputed_sample.attitude.max < 1e-6, "{}", trust.recomputed_sample);
 }

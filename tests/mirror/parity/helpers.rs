@@ -1,9 +1,9 @@
 //! Arithmetic of vectors and quaternions, sums in two words, sines and cosines.
 
-use polhode::quaternion::{norm_correction, norm_correction_of_step};
-use polhode::real::{Scalar, finite_or, sin_cos, sin_cos_eighth};
-use polhode::rigid_body::{Body, angular_momentum_world, orientation_rate};
-use polhode::vector::{TwoWords, Vector, accumulate};
+use polhode::kernel::rigid_body::{Body, angular_momentum_world, orientation_rate};
+use polhode::math::quaternion::{norm_correction, norm_correction_of_step};
+use polhode::math::real::{Scalar, finite_or, sin_cos, sin_cos_eighth};
+use polhode::math::vector::{TwoWords, Vector, accumulate};
 
 use super::bodies::body_cases;
 use super::{

@@ -5,8 +5,9 @@ mod dipole;
 use std::f64::consts::TAU;
 
 use glam::{DMat3, DQuat, DVec3};
-use polhode::batch::Precision;
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::engine::cpu::Cpu;
+use polhode::math::Precision;
+use polhode::math::Width;
 use polhode::torque::Orbit;
 use polhode::{Ensemble, Error, Method, Outputs, Plan, Record, Scene, Torque};
 

@@ -5,13 +5,15 @@ use super::super::device::{Device, Refusal};
 use super::super::reading::{Reader, read_columns};
 use super::control::{ADVANCE_GROUPS, Bodies, COMPACT_GROUPS, Control, GROUP_ENTRIES, TALLY_BYTES};
 use super::{Layouts, Pipelines};
-use crate::batch::{Batch, STRIDE_UNIT, state_columns};
-use crate::clock::Clock;
-use crate::engine::adaptive::{AdaptiveSteps, StepCounts, two_words_of};
+use crate::bodies::columns::{STRIDE_UNIT, state_columns};
+use crate::engine::adaptive_session::{StepCounts, two_words_of};
+use crate::engine::batch::Batch;
 use crate::error::Result;
-use crate::method::rk8_adaptive::{Controller, LEAST_STEP};
-use crate::real::Scalar;
-use crate::vector::TwoWords;
+use crate::kernel::method::rk8_adaptive::{Controller, LEAST_STEP};
+use crate::math::clock::Clock;
+use crate::math::real::Scalar;
+use crate::math::vector::TwoWords;
+use crate::scene::AdaptiveSteps;
 
 /// Columns of a controller on the device: step, left (two words), retried.
 const CONTROLLER_COLUMNS: usize = 4;
@@ -57,7 +59,7 @@ impl<T: Scalar> Interval<T> {
             least_step_in_seconds: steps.least_step.is_some(),
             ticks: start.ticks(),
             // A run has about 2^60 ticks: their number in a second would leave the range of f32.
-            tick_scale: T::from_f64(crate::batch::scaled_by_power_of_two(start.ticks_per_second(), -60)),
+            tick_scale: T::from_f64(crate::math::power_of_two::scaled_by_power_of_two(start.ticks_per_second(), -60)),
         }
     }
 }
