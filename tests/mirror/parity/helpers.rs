@@ -38,8 +38,8 @@ pub fn cases<T: Scalar>() -> Vec<Case<T>> {
             3,
             &[REAL],
             |row| {
-                let zero = row[1] - row[1];
-                vec![finite_or(if row[2] < T::from_f64(0.0) { row[0] / zero } else { row[0] }, row[1])]
+                let zero = T::from_f64(0.0);
+                vec![finite_or(if row[2] < zero { row[0] / zero } else { row[0] }, row[1])]
             },
             EXACT,
         ),
