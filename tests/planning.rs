@@ -49,7 +49,7 @@ fn what_no_run_could_follow_is_refused_after_a_probe() {
         let (plan, steps) = planned(&scene(torque));
         let error = plan.expect_err(name);
         println!("{name}: {steps} steps: {error}");
-        assert!(error.is_input() && error.to_string().contains("a shorter span is needed"), "{name}: {error}");
+        assert!(error.is_input() && error.to_string().contains("use a shorter span"), "{name}: {error}");
         assert!((1..A_PROBE).contains(&steps), "{name}: {steps} steps");
     }
 }
@@ -88,7 +88,7 @@ fn a_candidate_that_never_arrives_is_said_to_need_more_steps_than_planning_may_t
         factor,
         method: "rk8",
         precision: Precision::F64,
-        remedy: "a shorter span is needed",
+        remedy: "use a shorter span",
     };
     let text = error(f64::INFINITY).to_string();
     assert!(text.contains("does not reach the end within the steps that planning may take"), "{text}");

@@ -143,7 +143,7 @@ impl Ensemble {
     {
         let limit = largest_relative_change;
         if !(limit >= 0.0 && limit.is_finite()) {
-            let expected = "a number that is not negative is needed";
+            let expected = "expected a number that is not negative";
             return Err(Error::Setting { field: "largest_relative_change", value: limit, expected });
         }
         let mut ensemble = Self::filled(count, body)?;
@@ -210,13 +210,13 @@ impl Ensemble {
                     body,
                     field: "mass",
                     value: mass,
-                    expected: "a finite mass above zero is needed (kg)",
+                    expected: "expected a finite mass above zero (kg)",
                 });
             }
             let vectors = [("x", translation.position[body]), ("vx", translation.velocity[body])];
             for (field, vector) in vectors {
                 if let Some(value) = vector.to_array().into_iter().find(|x| !x.is_finite()) {
-                    return Err(Error::Body { body, field, value, expected: "finite components are needed" });
+                    return Err(Error::Body { body, field, value, expected: "expected finite components" });
                 }
             }
         }
@@ -324,7 +324,7 @@ fn validate_row(
         if value.is_finite() {
             Ok(())
         } else {
-            Err(Error::Body { body, field, value, expected: "a finite number is needed" })
+            Err(Error::Body { body, field, value, expected: "expected a finite number" })
         }
     };
     let validity = Validity::of(inertia);
@@ -344,7 +344,7 @@ fn validate_row(
             body,
             field: "orientation (qx, qy, qz, qw)",
             value: 0.0,
-            expected: "a quaternion that is not zero is needed",
+            expected: "expected a quaternion that is not zero",
         });
     }
     // Scaled first, so that the norm neither overflows nor underflows.
@@ -358,7 +358,7 @@ fn validate_row(
             let whole = angular_velocity_body.abs().max_element();
             if along.abs() > AXIAL_SPIN_ROUNDING * whole {
                 let expected =
-                    "a linear rotor (principal moments 0, I, I) has no spin about its axis: 0 is needed (rad/s)";
+                    "a linear rotor (principal moments 0, I, I) has no spin about its axis: expected 0 (rad/s)";
                 return Err(Error::Body { body, field: "angular velocity along the axis", value: along, expected });
             }
             *angular_velocity_body -= axis * along;

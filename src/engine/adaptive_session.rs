@@ -17,7 +17,7 @@ use crate::torque::Kind;
 
 /// What a torque that is drawn step by step is refused with.
 pub(crate) const NOISE_REFUSED: &str =
-    "white noise is drawn for steps of equal length and has no adaptive ones: a method with a step dt is needed";
+    "white noise is drawn for steps of equal length and has no adaptive ones: use a method with a step dt";
 
 /// Refuses a batch with a torque that has no meaning between equal steps.
 pub(crate) fn check_torques(batch: &AnyBatch) -> Result<()> {
@@ -37,13 +37,13 @@ pub(crate) fn check_torques(batch: &AnyBatch) -> Result<()> {
 }
 
 /// What `taylor` in another arithmetic is refused with.
-pub(crate) const TAYLOR_IN_F64: &str = "its series are formed in f64: precision \"f64\", or method \"rk8\", is needed";
+pub(crate) const TAYLOR_IN_F64: &str = "its series are formed in f64: use precision \"f64\", or method \"rk8\"";
 
 /// What `taylor` on another engine is refused with.
-pub(crate) const TAYLOR_ON_CPU: &str = "its series are formed on the CPU: engine \"cpu\", or method \"rk8\", is needed";
+pub(crate) const TAYLOR_ON_CPU: &str = "its series are formed on the CPU: use engine \"cpu\", or method \"rk8\"";
 
 /// What `taylor` with equal steps is refused with.
-pub(crate) const TAYLOR_ADAPTS: &str = "its steps are adaptive: a tolerance instead of dt is needed";
+pub(crate) const TAYLOR_ADAPTS: &str = "its steps are adaptive: use a tolerance instead of dt";
 
 /// Refuses equal steps of a method that has none.
 pub(crate) fn check_equal_steps(method: Method) -> Result<()> {

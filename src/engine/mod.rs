@@ -462,7 +462,7 @@ pub trait FreeSession: Reduce {
 
 /// The times at which a closed form can be evaluated.
 pub(crate) fn check_time(time: f64) -> Result<()> {
-    let expected = "a finite time is needed (s)";
+    let expected = "expected a finite time (s)";
     if time.is_finite() { Ok(()) } else { Err(crate::Error::Setting { field: "time", value: time, expected }) }
 }
 
@@ -474,8 +474,8 @@ pub fn unobserved(_: Progress) -> ControlFlow<()> {
 /// The step sizes that a precision can carry in two words without subnormal numbers.
 pub(crate) fn check_step(dt: f64, precision: Precision) -> Result<()> {
     let (least, greatest, expected) = match precision {
-        Precision::F32 => (1e-30, 1e30, "a step of 1e-30 to 1e30 s is needed in f32"),
-        Precision::F64 => (f64::MIN_POSITIVE, f64::MAX, "a finite step above zero is needed (s)"),
+        Precision::F32 => (1e-30, 1e30, "expected a step of 1e-30 to 1e30 s in f32"),
+        Precision::F64 => (f64::MIN_POSITIVE, f64::MAX, "expected a finite step above zero (s)"),
     };
     if dt >= least && dt <= greatest { Ok(()) } else { Err(crate::Error::Setting { field: "dt", value: dt, expected }) }
 }

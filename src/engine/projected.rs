@@ -43,16 +43,16 @@ use crate::math::Precision;
 pub fn check(precision: Precision, free: bool, method: Method) -> Result<()> {
     let refused = |expected| Err(Error::Projection { method, expected });
     if precision != Precision::F64 {
-        return refused("f64 is needed");
+        return refused("expected f64");
     }
     if !free {
-        return refused("bodies without torques are needed, as others conserve nothing of the kind");
+        return refused("expected bodies without torques, as others conserve nothing of the kind");
     }
     match method {
         Method::Rk4 | Method::Rk8 | Method::Cf4 | Method::Splitting2 | Method::Splitting4 | Method::Splitting6 => {
             Ok(())
         }
-        _ => refused("one of the methods rk4, rk8, cf4, splitting2, splitting4, splitting6 is needed"),
+        _ => refused("expected one of the methods rk4, rk8, cf4, splitting2, splitting4, splitting6"),
     }
 }
 
@@ -60,7 +60,7 @@ pub fn check(precision: Precision, free: bool, method: Method) -> Result<()> {
 pub(super) fn conserving(batch: AnyBatch, method: Method) -> Result<Batch<f64>> {
     check(batch.precision(), batch.torques().is_empty(), method)?;
     let AnyBatch::F64(mut batch) = batch else {
-        return Err(Error::Projection { method, expected: "f64 is needed" });
+        return Err(Error::Projection { method, expected: "expected f64" });
     };
     batch.append_invariants();
     batch.append_combinations();

@@ -63,12 +63,12 @@ impl InertiaDefect {
     /// The error of the body of an ensemble that has it.
     pub(crate) fn of_body(&self, body: usize) -> Error {
         let (field, value, expected) = match *self {
-            Self::NotFinite { element, value } => (element, value, "a finite number is needed"),
+            Self::NotFinite { element, value } => (element, value, "expected a finite number"),
             Self::NoInertia { largest } => {
-                ("the greatest principal moment of inertia", largest, "a positive number is needed (kg m²)")
+                ("the greatest principal moment of inertia", largest, "expected a positive number (kg m²)")
             }
             Self::NegativeMoment { moment, .. } | Self::VanishingMoment { moment, .. } => {
-                ("the least principal moment of inertia", moment, "a positive definite tensor is needed (kg m²)")
+                ("the least principal moment of inertia", moment, "expected a positive definite tensor (kg m²)")
             }
             Self::TriangleInequality { moments, .. } | Self::NotLinear { moments, .. } => (
                 "I1 + I2 - I3",
@@ -83,9 +83,9 @@ impl InertiaDefect {
 impl fmt::Display for InertiaDefect {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
-            Self::NotFinite { element, value } => write!(f, "{element} = {value}: a finite number is needed"),
+            Self::NotFinite { element, value } => write!(f, "{element} = {value}: expected a finite number"),
             Self::NoInertia { largest } => {
-                write!(f, "largest principal moment = {largest} kg m²: a positive number is needed")
+                write!(f, "largest principal moment = {largest} kg m²: expected a positive number")
             }
             Self::NegativeMoment { moment, relative } => write!(
                 f,

@@ -132,7 +132,7 @@ impl std::fmt::Display for InputError {
             InputFault::Conflict { other } => write!(formatter, "{key} excludes {other}: give one of them"),
             InputFault::Cause { value, cause } => write!(formatter, "{key} = {value}: {cause}"),
             InputFault::RowLength { found, expected } => {
-                write!(formatter, "the row has {found} fields: {expected} are needed, one a column of the header")
+                write!(formatter, "the row has {found} fields: expected {expected}, one a column of the header")
             }
             InputFault::Body { body, field, value, expected } => {
                 write!(formatter, "{key}: body {body}: {field} = {value:?}: {expected}")

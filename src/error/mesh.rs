@@ -74,7 +74,7 @@ impl fmt::Display for MeshDefect {
             Self::Open { boundary_edges, boundary_length, closure_defect } => write!(
                 f,
                 "open along {boundary_edges} edges of {boundary_length} m in all (area vectors add up to \
-                 {closure_defect:e} of the area instead of 0): a closed surface is needed"
+                 {closure_defect:e} of the area instead of 0): expected a closed surface"
             ),
             Self::Inconsistent { edges } => {
                 write!(
@@ -90,7 +90,7 @@ impl fmt::Display for MeshDefect {
             Self::NoVolume => write!(f, "closed, but without volume"),
             Self::NoArea => write!(f, "without area"),
             Self::OutOfRange => {
-                write!(f, "volume, area or moments leave the range of numbers: smaller coordinates are needed (m)")
+                write!(f, "volume, area or moments leave the range of numbers: use smaller coordinates (m)")
             }
             Self::Doubled { triangles } => {
                 write!(f, "{triangles} triangles stand twice: their volume would count twice")

@@ -142,7 +142,7 @@ pub enum Error {
         expected: Text,
     },
     /// Columns that belong together differ in length.
-    #[error("column {column} has {found} rows: {expected} are needed, one a body")]
+    #[error("column {column} has {found} rows: expected {expected}, one a body")]
     ColumnLength {
         /// Name of the column.
         column: Text,
@@ -201,7 +201,7 @@ pub enum Error {
     },
     /// A file is no plan of this release.
     #[cfg(feature = "study")]
-    #[error("{}:{line}: {reason}: a plan.json that a run of this release has left is needed", path.display())]
+    #[error("{}:{line}: {reason}: expected a plan.json that a run of this release has left", path.display())]
     PlanFormat {
         /// The file.
         path: PathBuf,
@@ -378,7 +378,7 @@ pub enum Error {
     },
     /// Points have no convex hull with a volume.
     #[cfg(feature = "mesh")]
-    #[error("convex hull: the {points} points {arrangement}; four points that do not lie in a plane are needed")]
+    #[error("convex hull: the {points} points {arrangement}: expected four points that do not lie in a plane")]
     FlatHull {
         /// Number of points given.
         points: usize,

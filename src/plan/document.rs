@@ -216,7 +216,7 @@ impl PlanFile {
     /// Faults that are wrong for every scene.
     fn check(&self) -> Result<(), Refusal> {
         let refused = |key: &'static str, entry: usize, value: f64, expected: &str| {
-            Err(Refusal { key, entry, reason: format!("{key} = {value:?}: {expected} is needed") })
+            Err(Refusal { key, entry, reason: format!("{key} = {value:?}: expected {expected}") })
         };
         let positive = |key: &'static str, value: Option<f64>| match value {
             Some(value) if !(value > 0.0 && value.is_finite()) => refused(key, 0, value, "a positive, finite number"),

@@ -262,7 +262,7 @@ impl<'a> Plan<'a> {
             return Err(Error::Setting {
                 field: "dt",
                 value: self.longest_step,
-                expected: "more than 1e15 steps would be needed: a longer step or a shorter span is needed (s)",
+                expected: "more than 1e15 steps would be needed: use a longer step or a shorter span (s)",
             });
         }
         Ok(())

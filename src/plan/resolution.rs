@@ -84,13 +84,13 @@ const LOOK_BLOCK: usize = 1 << 12;
 const LONGEST_TURN: f64 = 1.0 / 16.0;
 
 /// What `f32` needs.
-const F32_MISSES: &str = "precision f64 is needed, or more than 1e-6 and 3e-8 of the angle turned (rad)";
+const F32_MISSES: &str = "use precision f64, or more than 1e-6 and 3e-8 of the angle turned (rad)";
 
 /// No steps in `f64` are better than some units in the last place of the quaternion, rad.
 const ROUNDING_F64: f64 = 1e-15;
 
 /// What an engine without `f64` needs.
-const F64_ELSEWHERE: &str = "an adapter with f64 or the CPU engine is needed, or a larger error";
+const F64_ELSEWHERE: &str = "use an adapter with f64 or the CPU engine, or a larger error";
 
 impl Resolution {
     /// Resolves `scene` for `engine`; `times` are its output times.
@@ -244,7 +244,8 @@ impl Resolution {
         }
         steps.check(precision)?;
         if scene.forces().iter().any(Force::needs_attitude) {
-            let expected = "a force that turns with the body follows equal steps of the attitude: a method with a step dt is needed";
+            let expected =
+                "a force that turns with the body follows equal steps of the attitude: use a method with a step dt";
             return Err(Error::Setting { field: "tolerance", value: steps.tolerance, expected });
         }
         for (index, torque) in scene.torques().iter().enumerate() {
@@ -497,7 +498,7 @@ fn check_f64(scene: &Scene, accuracy: &Accuracy) -> Result<()> {
         factor: least / strictest,
         method: CLOSED_FORM,
         precision: Precision::F64,
-        remedy: "rounding in f64 is in the way: a larger error is needed",
+        remedy: "rounding in f64 is in the way: use a larger error",
     })
 }
 
@@ -506,18 +507,16 @@ fn out_of_reach(found: &Found, target: &Accuracy, has_f64: bool, draws: bool) ->
     let remedy = match (narrow, has_f64) {
         (true, true) => F32_MISSES,
         (true, false) => F64_ELSEWHERE,
-        (false, _) if draws => {
-            "a random torque is in the way: a larger error is needed, or a method and a step of your own"
-        }
+        (false, _) if draws => "a random torque is in the way: use a larger error, or a method and a step of your own",
         (false, _) if found.attitude >= SATURATED => {
             "the motion amplifies every error until nothing is left of the attitude, or torques change faster than any steps \
-             follow: a shorter span is needed"
+             follow: use a shorter span"
         }
         (false, _) if found.worst != Target::Attitude && found.part * target.of(found.worst) >= SATURATED => {
-            "it is next to nothing at the end, or no steps follow it: another span is needed, or a larger error"
+            "it is next to nothing at the end, or no steps follow it: use another span, or a larger error"
         }
         (false, _) => {
-            "rounding in f64 is in the way, or finer steps would take more than planning may: a shorter span is needed, or a larger \
+            "rounding in f64 is in the way, or finer steps would take more than planning may: use a shorter span, or a larger \
              error"
         }
     };
@@ -535,16 +534,16 @@ fn out_of_reach(found: &Found, target: &Accuracy, has_f64: bool, draws: bool) ->
 fn check_accuracy(accuracy: &Accuracy) -> Result<()> {
     let wrong = |field, value, expected| Err(Error::Setting { field, value, expected });
     if let Some(value) = accuracy.attitude.filter(|target| !(*target > 0.0 && *target <= std::f64::consts::PI)) {
-        return wrong("accuracy.attitude", value, "an angle above 0 and up to pi is needed (rad)");
+        return wrong("accuracy.attitude", value, "expected an angle above 0 and up to pi (rad)");
     }
     let relative = [("accuracy.angular_velocity", accuracy.angular_velocity), ("accuracy.energy", accuracy.energy)];
     for (field, target) in relative {
         if let Some(value) = target.filter(|target| !(*target > 0.0 && target.is_finite())) {
-            return wrong(field, value, "a relative error above 0 is needed");
+            return wrong(field, value, "expected a relative error above 0");
         }
     }
     if !(accuracy.percentile > 0.0 && accuracy.percentile <= 100.0) {
-        let expected = "a percentile above 0 and up to 100 is needed";
+        let expected = "expected a percentile above 0 and up to 100";
         return wrong("accuracy.percentile", accuracy.percentile, expected);
     }
     Ok(())

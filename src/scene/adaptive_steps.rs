@@ -25,20 +25,18 @@ impl AdaptiveSteps {
     pub fn check(&self, precision: Precision) -> Result<()> {
         let wrong = |field, value, expected| Err(Error::Setting { field, value, expected });
         if !(self.tolerance > 0.0 && self.tolerance < 1.0) {
-            return wrong("tolerance", self.tolerance, "a number above 0 and below 1 is needed");
+            return wrong("tolerance", self.tolerance, "expected a number above 0 and below 1");
         }
         if self.tolerance < least_tolerance(precision) {
             let expected = match precision {
-                Precision::F32 => {
-                    "rounding in f32 hides smaller errors than 1e-6: 1e-6 or more, or precision f64, is needed"
-                }
-                Precision::F64 => "rounding in f64 hides smaller errors than 2e-15: 2e-15 or more is needed",
+                Precision::F32 => "rounding in f32 hides smaller errors than 1e-6: use 1e-6 or more, or precision f64",
+                Precision::F64 => "rounding in f64 hides smaller errors than 2e-15: use 2e-15 or more",
             };
             return wrong("tolerance", self.tolerance, expected);
         }
         match self.least_step {
             Some(step) if !(step.is_finite() && step > 0.0) => {
-                wrong("least_step", step, "a finite step above zero is needed (s)")
+                wrong("least_step", step, "expected a finite step above zero (s)")
             }
             _ => Ok(()),
         }

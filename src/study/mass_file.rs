@@ -112,7 +112,7 @@ impl MassReport {
                 Some(TensorAbout { point: point.to_array(), inertia: body.inertia_about(point).to_array() })
             }
             (Some(point), None) => {
-                let expected = "a body with a mass is needed: a tensor alone says nothing about other points";
+                let expected = "expected a body with a mass: a tensor alone says nothing about other points";
                 return Err(Error::Setting { field: "about", value: point.x, expected });
             }
         };
@@ -224,7 +224,7 @@ fn of_mesh(file: &Path, options: &MassFileOptions) -> Result<MassProperties> {
             Err(Error::Setting { field: "density", value: density, expected: "a shell has no volume: give its mass" })
         }
         (None, None) => {
-            let expected = "the mass of the mesh (kg), or its density (kg/m³), is needed";
+            let expected = "expected the mass of the mesh (kg), or its density (kg/m³)";
             Err(Error::Setting { field: "mass", value: 0.0, expected })
         }
     };
@@ -250,7 +250,7 @@ fn of_study(file: &Path, body: usize) -> Result<Described> {
     let alone = FileText::new(file, &text).parse(|root| match root.find("inertia") {
         Some(node) => {
             root.only(&["title", "seed", "inertia"])?;
-            let seed = root.find("seed").map(|node| node.whole("a whole number is needed")).transpose()?.unwrap_or(0);
+            let seed = root.find("seed").map(|node| node.whole("expected a whole number")).transpose()?.unwrap_or(0);
             Ok(Some((Inertia::read(&node)?, seed, node.line())))
         }
         None => Ok(None),
@@ -267,7 +267,7 @@ fn of_study(file: &Path, body: usize) -> Result<Described> {
     let study = Study::parse(file, &text)?;
     let bodies = study.bodies();
     if body >= bodies.count {
-        let expected = "the index of one of the study's bodies, from 0, is needed";
+        let expected = "expected the index of one of the study's bodies, from 0";
         return Err(Error::Setting { field: "body", value: body as f64, expected });
     }
     match (&bodies.table, &bodies.inertia) {

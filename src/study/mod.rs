@@ -253,14 +253,14 @@ impl Study {
         let mut places = BTreeMap::new();
         root.places(&mut places);
 
-        let title = root.find("title").map(|node| node.string("a text is needed")).transpose()?.map(str::to_owned);
-        let seed = root.find("seed").map(|node| node.whole("a whole number is needed")).transpose()?.unwrap_or(0);
+        let title = root.find("title").map(|node| node.string("expected a text")).transpose()?.map(str::to_owned);
+        let seed = root.find("seed").map(|node| node.whole("expected a whole number")).transpose()?.unwrap_or(0);
         let torques = root.find("torque").map(|node| torque::read(&node)).transpose()?.unwrap_or_default();
         let mut columns = BTreeSet::new();
         torques.iter().for_each(|torque| torque.columns(&mut columns));
         let forces = root.find("force").map(|node| force::read(&node)).transpose()?.unwrap_or_default();
         forces.iter().for_each(|force| force.columns(&mut columns));
-        let bodies = root.need("bodies", "a table that describes the bodies is needed")?;
+        let bodies = root.need("bodies", "expected a table that describes the bodies")?;
         let bodies = Bodies::read(&bodies, |_, name| {
             let folder = file.parent().unwrap_or(Path::new(""));
             BodyTable::read_with(&folder.join(name), usize::MAX, &columns)
@@ -279,7 +279,7 @@ impl Study {
             }
             .into());
         }
-        let (end, outputs) = time(&root.need("time", "a table with the end of the simulated span is needed")?)?;
+        let (end, outputs) = time(&root.need("time", "expected a table with the end of the simulated span")?)?;
         let stepping = root.find("accuracy").map(|node| accuracy(&node)).transpose()?;
         let stepping = stepping
             .unwrap_or(StudyStepping::Accuracy { accuracy: Accuracy::attitude(DEFAULT_ATTITUDE), precision: None });
@@ -513,31 +513,31 @@ impl Study {
 }
 
 fn time(node: &Node<'_>) -> Result<(f64, Outputs)> {
-    let table = node.table("a table [time] is needed", &["end", "outputs"])?;
-    let end = table.need("end", "the end of the simulated span is needed (s)")?;
-    let end = end.number("a finite number is needed (s)")?;
+    let table = node.table("expected a table [time]", &["end", "outputs"])?;
+    let end = table.need("end", "expected the end of the simulated span (s)")?;
+    let end = end.number("expected a finite number (s)")?;
     let Some(outputs) = table.find("outputs") else {
         return Ok((end, Outputs::End));
     };
-    const EXPECTED: &str = "{ every = seconds } or { times = [seconds, ...] } is needed";
+    const EXPECTED: &str = "expected { every = seconds } or { times = [seconds, ...] }";
     let table = outputs.table(EXPECTED, &["every", "times"])?;
     table.exclusive("every", "times")?;
     if let Some(every) = table.find("every") {
-        return Ok((end, Outputs::Every(every.positive("an interval above zero is needed (s)")?)));
+        return Ok((end, Outputs::Every(every.positive("expected an interval above zero (s)")?)));
     }
     let Some(times) = table.find("times") else {
         return Err(outputs.refuse(EXPECTED));
     };
-    const TIMES: &str = "a list of finite numbers is needed (s)";
+    const TIMES: &str = "expected a list of finite numbers (s)";
     let elements = times.elements().ok_or_else(|| times.refuse(TIMES))?;
     let mut list: Vec<f64> = Vec::with_capacity(elements.len());
     for element in elements {
         let time = element.number(TIMES)?;
         if list.last().is_some_and(|last| time <= *last) {
-            return Err(element.refuse("increasing times are needed: this one is not after the one before it (s)"));
+            return Err(element.refuse("expected increasing times: this one is not after the one before it (s)"));
         }
         if !(0.0..=end).contains(&time) {
-            return Err(element.refuse("times from 0 to time.end are needed (s)"));
+            return Err(element.refuse("expected times from 0 to time.end (s)"));
         }
         list.push(time);
     }
@@ -548,11 +548,11 @@ fn time(node: &Node<'_>) -> Result<(f64, Outputs)> {
 static STATISTICS: LazyLock<Vec<&'static str>> = LazyLock::new(|| Statistic::ALL.map(Statistic::name).to_vec());
 
 fn output(node: &Node<'_>) -> Result<(Output, Vec<Statistic>)> {
-    let table = node.table("a table [output] is needed", &["final", "snapshots", "statistics", "format"])?;
+    let table = node.table("expected a table [output]", &["final", "snapshots", "statistics", "format"])?;
     let flag = |key: &str, default: bool| {
         table
             .find(key)
-            .map(|node| node.boolean("true or false is needed"))
+            .map(|node| node.boolean("expected true or false"))
             .transpose()
             .map(|flag| flag.unwrap_or(default))
     };
@@ -565,21 +565,21 @@ fn output(node: &Node<'_>) -> Result<(Output, Vec<Statistic>)> {
 }
 
 fn failures(node: &Node<'_>) -> Result<u64> {
-    let table = node.table("a table [failures] is needed", &["allow"])?;
+    let table = node.table("expected a table [failures]", &["allow"])?;
     let allow =
-        table.find("allow").map(|node| node.whole("the number of bodies that may fail is needed")).transpose()?;
+        table.find("allow").map(|node| node.whole("expected the number of bodies that may fail")).transpose()?;
     Ok(allow.unwrap_or(0))
 }
 
 fn statistics(node: &Node<'_>) -> Result<Vec<Statistic>> {
-    const LIST: &str = "a list of quantities is needed: [\"kinetic_energy\", \"spin_rate\", \"angular_momentum\"]";
+    const LIST: &str = "expected a list of quantities: [\"kinetic_energy\", \"spin_rate\", \"angular_momentum\"]";
     let elements = node.elements().ok_or_else(|| node.refuse(LIST))?;
     let mut found = Vec::with_capacity(elements.len());
     for element in elements {
         let name = element.choice(&STATISTICS)?;
         let of_name = Statistic::ALL.into_iter().find(|statistic| statistic.name() == name);
         if of_name.is_some_and(|statistic| found.contains(&statistic)) {
-            return Err(element.refuse("each quantity once is needed"));
+            return Err(element.refuse("expected each quantity once"));
         }
         found.extend(of_name);
     }

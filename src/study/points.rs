@@ -56,7 +56,7 @@ pub(super) fn points_with_lines(path: &Path) -> Result<Vec<(u64, (f64, DVec3))>>
     }
     let place = |name: &str| header.iter().position(|found| found == name);
     let need = |name: &'static str| {
-        let fault = InputFault::Missing { expected: "the columns mass, x, y and z are needed (kg, m)".into() };
+        let fault = InputFault::Missing { expected: "expected the columns mass, x, y and z (kg, m)".into() };
         place(name).ok_or_else(|| input_error(path, header_line, name, fault))
     };
     let (mass, places) = (place("mass"), [need("x")?, need("y")?, need("z")?]);
@@ -72,15 +72,15 @@ pub(super) fn points_with_lines(path: &Path) -> Result<Vec<(u64, (f64, DVec3))>>
             })
         };
         let mass = match mass {
-            Some(column) => number(column, 0.0, "a finite mass that is not negative is needed (kg)")?,
+            Some(column) => number(column, 0.0, "expected a finite mass that is not negative (kg)")?,
             None => 1.0,
         };
-        let coordinate = |axis: usize| number(places[axis], f64::NEG_INFINITY, "a finite number is needed (m)");
+        let coordinate = |axis: usize| number(places[axis], f64::NEG_INFINITY, "expected a finite number (m)");
         points.push((rows.line(), (mass, DVec3::new(coordinate(0)?, coordinate(1)?, coordinate(2)?))));
     }
     rows.finish()?;
     if points.is_empty() {
-        let fault = InputFault::Missing { expected: "at least one row, a point, is needed".into() };
+        let fault = InputFault::Missing { expected: "expected at least one row, a point".into() };
         return Err(input_error(path, header_line, "mass", fault));
     }
     Ok(points)

@@ -86,8 +86,8 @@ pub(super) fn input_error(path: &Path, line: u64, key: &str, fault: InputFault) 
 fn csv_error(path: &Path, line: u64, error: csv::Error) -> Error {
     let reason = match error.into_kind() {
         ErrorKind::Io(error) => return Error::file(path, FileAction::Read, &error),
-        ErrorKind::Utf8 { .. } => "text in UTF-8 is needed",
-        _ => "comma-separated values are needed",
+        ErrorKind::Utf8 { .. } => "expected text in UTF-8",
+        _ => "expected comma-separated values",
     };
     input_error(path, line, "", InputFault::Syntax { reason: reason.to_owned() })
 }

@@ -83,7 +83,7 @@ impl BodyTable {
         let mut rows = Rows::new(path, source)?;
         let (header, header_line) = (rows.header().clone(), rows.header_line());
         if header.is_empty() {
-            let reason = "a header with the names of the columns is needed".to_owned();
+            let reason = "expected a header with the names of the columns".to_owned();
             return Err(input_error(path, header_line, "", InputFault::Syntax { reason }));
         }
         let places = header_places(path, &header, header_line, extra)?;
@@ -100,7 +100,7 @@ impl BodyTable {
                 let Some(column) = *column else { continue };
                 let number = field.parse().ok().filter(|x: &f64| x.is_finite()).ok_or_else(|| {
                     let value = if field.is_empty() { "(empty)".to_owned() } else { field.to_owned() };
-                    let fault = InputFault::Value { value, expected: "a finite number is needed".into() };
+                    let fault = InputFault::Value { value, expected: "expected a finite number".into() };
                     let name = NUMBERS.get(column).copied();
                     rows.refused(name.unwrap_or_else(|| &table.extra[column - NUMBERS.len()].0), fault)
                 })?;

@@ -23,7 +23,7 @@ use crate::torque::force::{Accelerations, Force, accelerations};
 const NEEDS_TRANSLATION: &str =
     "its position and velocity are needed: bodies have none without a mass, a position and a velocity";
 const NEEDS_CLOSED_FORM: &str =
-    "its position and velocity have no closed form: forces that are constant, gravity or linear drag are needed";
+    "its position and velocity have no closed form: expected forces that are constant, gravity or linear drag";
 
 /// Why a torque that names a position or a velocity cannot act.
 pub(crate) fn refusal(ensemble: &Ensemble) -> &'static str {

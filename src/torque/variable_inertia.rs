@@ -80,7 +80,7 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let source = "P. C. Hughes, Spacecraft Attitude Dynamics, 1986, section 3.3";
     Declaration::new("variable-inertia", "ω = I(t)⁻¹ m, I(t) = I₀ + (I₁ − I₀) s(t)", source)
         .not_rigid()
-        .only_one("the moments of a body change by one law: one such entry is needed, whose parameters may be columns")
+        .only_one("the moments of a body change by one law: expected one such entry, whose parameters may be columns")
         .parameters([
             ParameterDeclaration::tensor("inertia", "the tensor after the change").choice("change").drawn_as(0),
             factor.valid(Validity::Positive).choice("change").drawn_as(0),
@@ -198,9 +198,9 @@ impl InertiaModel for VariableInertia {
 /// element. What rounding of six elements leaves; a body with nearly equal moments has axes that are known no better.
 const AXES_TOLERANCE: f64 = 1e-9;
 
-const AXES: &str = "an inertia with the principal axes of the body's own is needed: off-diagonal elements along them must vanish (kg m²)";
-const POSITIVE: &str = "an inertia with positive principal moments is needed (kg m²)";
-const LINEAR: &str = "a linear rotor stays one: an inertia with no moment about the body's axis is needed (kg m²)";
+const AXES: &str = "expected an inertia with the principal axes of the body's own: off-diagonal elements along them must vanish (kg m²)";
+const POSITIVE: &str = "expected an inertia with positive principal moments (kg m²)";
+const LINEAR: &str = "a linear rotor stays one: expected an inertia with no moment about the body's axis (kg m²)";
 const TRIANGLE: &str = "no mass distribution has this inertia: I1 + I2 >= I3 is needed (this is I1 + I2 - I3, kg m²)";
 
 impl Model for VariableInertia {

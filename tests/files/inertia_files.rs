@@ -270,25 +270,25 @@ fn every_shape_of_the_library_is_reachable() {
 fn what_makes_no_body_is_refused_where_it_stands() {
     let workspace = workspace("");
     let refused = |inertia: &str| refusal(&workspace, inertia);
-    insta::assert_snapshot!(refused("{ mesh = \"open.obj\", mass = 1 }"), @r##"study.toml:4: bodies.inertia.mesh = "open.obj": mesh: open along 3 edges of 5.23606797749979 m in all (area vectors add up to 4.7619047619047616e-2 of the area instead of 0): a closed surface is needed"##);
+    insta::assert_snapshot!(refused("{ mesh = \"open.obj\", mass = 1 }"), @r##"study.toml:4: bodies.inertia.mesh = "open.obj": mesh: open along 3 edges of 5.23606797749979 m in all (area vectors add up to 4.7619047619047616e-2 of the area instead of 0): expected a closed surface"##);
     insta::assert_snapshot!(refused("{ mesh = \"turned.obj\", mass = 1 }"), @r##"study.toml:4: bodies.inertia.mesh = "turned.obj": mesh: inside out (volume -6 m³): triangles must be counter-clockwise seen from outside"##);
     insta::assert_snapshot!(refused("{ mesh = \"absent.stl\", mass = 1 }"), @r##"study.toml:4: bodies.inertia.mesh = "absent.stl": absent.stl: entity not found"##);
     insta::assert_snapshot!(refused("{ mesh = \"box.ply\", mass = 1 }"), @r##"study.toml:4: bodies.inertia.mesh = "box.ply": box.ply: the name must end in .obj or .stl"##);
-    insta::assert_snapshot!(refused("{ mesh = \"box.obj\" }"), @r##"study.toml:4: bodies.inertia.mass is missing: the mass (kg), or a density (kg/m³), is needed"##);
+    insta::assert_snapshot!(refused("{ mesh = \"box.obj\" }"), @r##"study.toml:4: bodies.inertia.mass is missing: expected the mass (kg), or a density (kg/m³)"##);
     insta::assert_snapshot!(refused("{ mesh = \"box.obj\", mass = -1 }"), @r##"study.toml:4: bodies.inertia.mass = -1: a positive, finite number"##);
-    insta::assert_snapshot!(refused("{ mesh = \"box.obj\", mass = 1, scale = 0 }"), @r##"study.toml:4: bodies.inertia.scale = 0: the length of the file's unit, above zero, is needed (m): 0.001 for millimetres"##);
+    insta::assert_snapshot!(refused("{ mesh = \"box.obj\", mass = 1, scale = 0 }"), @r##"study.toml:4: bodies.inertia.scale = 0: expected the length of the file's unit, above zero (m): 0.001 for millimetres"##);
     insta::assert_snapshot!(refused("{ mesh = \"box.obj\", masss = 1 }"), @r##"study.toml:4: bodies.inertia.masss is not known: did you mean mass? known here: mesh, mass, density, scale, shell"##);
     insta::assert_snapshot!(refused("{ points = \"box.obj\" }"), @r##"box.obj:1: v 4.5 -1.0 -1.5 is not known: known here: name, mass, x, y, z"##);
-    insta::assert_snapshot!(refused("{ parts = [] }"), @r##"study.toml:4: bodies.inertia.parts = []: a list of parts is needed: at least one, at most 65,536"##);
-    insta::assert_snapshot!(refused("{ parts = [{ shape = \"sphere\", mass = 1 }] }"), @r##"study.toml:4: bodies.inertia.parts[1].radius is missing: a length is needed (m)"##);
+    insta::assert_snapshot!(refused("{ parts = [] }"), @r##"study.toml:4: bodies.inertia.parts = []: expected a list of parts: at least one, at most 65,536"##);
+    insta::assert_snapshot!(refused("{ parts = [{ shape = \"sphere\", mass = 1 }] }"), @r##"study.toml:4: bodies.inertia.parts[1].radius is missing: expected a length (m)"##);
     insta::assert_snapshot!(refused("{ parts = [{ shape = \"sphere\", mass = 1, radius = 1 }, { shape = \"sphere\", mass = 1, radius = -2 }] }"), @r##"study.toml:4: bodies.inertia.parts[2].radius = -2: a positive, finite number"##);
     insta::assert_snapshot!(refused("{ parts = [{ shape = \"sphere\", mass = 1, radius = 1 }, { shape = \"sphere\", mass = 2, radius = 1, hole = true }] }"), @r##"study.toml:4: bodies.inertia = { parts = [{ shape = "sphere", mass = 1, radius = 1 }, { ...: mass of all parts = -1.0: a positive, finite number"##);
-    insta::assert_snapshot!(refused("{ parts = [{ shape = \"sphere\", mass = 1, radius = 1 }, { shape = \"sphere\", mass = 0.9, radius = 2, hole = true }] }"), @r##"study.toml:4: bodies.inertia = { parts = [{ shape = "sphere", mass = 1, radius = 1 }, { ...: inertia tensor: largest principal moment = -1.04 kg m²: a positive number is needed"##);
+    insta::assert_snapshot!(refused("{ parts = [{ shape = \"sphere\", mass = 1, radius = 1 }, { shape = \"sphere\", mass = 0.9, radius = 2, hole = true }] }"), @r##"study.toml:4: bodies.inertia = { parts = [{ shape = "sphere", mass = 1, radius = 1 }, { ...: inertia tensor: largest principal moment = -1.04 kg m²: expected a positive number"##);
     insta::assert_snapshot!(refused("{ parts = [{ shape = \"sphere\", mass = 1, radius = { distribution = \"normal\", mean = 0, sigma = 1 } }, { shape = \"point\", mass = 1 }] }"), @r##"study.toml:4: bodies.inertia.parts[1].radius: body 0: radius = -1.2133095591435885: a positive, finite number"##);
     insta::assert_snapshot!(refused("{ moments = [1, 2, 3.5], scatter = 0.1 }"), @r##"study.toml:4: bodies.inertia.moments = [1, 2, 3.5]: inertia tensor: principal moments 1, 2, 3.5 kg m²: the largest exceeds the sum of the others by 1.4285714285714285e-1 of itself; at most 1e-12 is rounding"##);
-    insta::assert_snapshot!(refused("{ moments = [1, 2, 3], scatter = -0.1 }"), @r##"study.toml:4: bodies.inertia.scatter = -0.1: a relative standard deviation that is not negative is needed"##);
-    insta::assert_snapshot!(refused("{ shape = \"tetrahedron\", mass = 1, corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]] }"), @r##"study.toml:4: bodies.inertia.corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]: four corners that do not lie in a plane are needed (m)"##);
-    insta::assert_snapshot!(refused("{ shape = \"point\", mass = 1 }"), @r##"study.toml:4: bodies.inertia: body 0: the greatest principal moment of inertia = 0.0: a positive number is needed (kg m²)"##);
+    insta::assert_snapshot!(refused("{ moments = [1, 2, 3], scatter = -0.1 }"), @r##"study.toml:4: bodies.inertia.scatter = -0.1: expected a relative standard deviation that is not negative"##);
+    insta::assert_snapshot!(refused("{ shape = \"tetrahedron\", mass = 1, corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]] }"), @r##"study.toml:4: bodies.inertia.corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]: expected four corners that do not lie in a plane (m)"##);
+    insta::assert_snapshot!(refused("{ shape = \"point\", mass = 1 }"), @r##"study.toml:4: bodies.inertia: body 0: the greatest principal moment of inertia = 0.0: expected a positive number (kg m²)"##);
 }
 
 /// Six moments of which the second breaks the triangle inequality by 1 %, as a measurement may.
@@ -335,7 +335,7 @@ fn linear_rotors_come_from_studies_and_tables() {
     fs::write(workspace.path("bodies.csv"), "ixx,iyy,izz,wx,wy,wz\n2,0,2,0.5,0.25,0.1\n").unwrap();
     let line = workspace.refused(&["run", "study.toml", "--engine", "cpu", "--force"], 2);
     assert!(line.starts_with("error: bodies.csv:2: angular velocity along the axis = 0.25"), "{line}");
-    let expected = "a linear rotor (principal moments 0, I, I) has no spin about its axis: 0 is needed (rad/s)\n";
+    let expected = "a linear rotor (principal moments 0, I, I) has no spin about its axis: expected 0 (rad/s)\n";
     assert!(line.ends_with(expected), "{line}");
 }
 
@@ -404,7 +404,7 @@ fn inertia_reads_points_tables_and_studies() {
 fn inertia_refuses_in_one_line() {
     let workspace = workspace("");
     let refused = |arguments: &[&str]| workspace.refused(&[&["inertia"], arguments].concat(), 2);
-    assert!(refused(&["box.obj"]).contains("the mass of the mesh (kg), or its density (kg/m³), is needed"));
+    assert!(refused(&["box.obj"]).contains("expected the mass of the mesh (kg), or its density (kg/m³)"));
     assert!(refused(&["open.obj", "--mass", "1"]).starts_with("error: open.obj: open along 3 edges"));
     assert!(refused(&["turned.obj", "--mass", "1"]).contains("inside out"));
     assert!(refused(&["box.obj", "--mass", "1", "--about", "1,2"]).contains("three finite numbers X,Y,Z"));
@@ -452,5 +452,5 @@ fn what_makes_no_mass_is_refused_with_its_file_and_line() {
     assert!(line.ends_with(": mass of all parts = -1.0: a positive, finite number\n"), "{line}");
     fs::write(workspace.path("far.csv"), "mass,x,y,z\n# near\n1,0,0,0\n\n1,1e999,0,0\n").unwrap();
     let line = workspace.refused(&["inertia", "far.csv"], 2);
-    assert_eq!(line, "error: far.csv:5: x = 1e999: a finite number is needed (m)\n");
+    assert_eq!(line, "error: far.csv:5: x = 1e999: expected a finite number (m)\n");
 }

@@ -90,7 +90,7 @@ fn a_file_that_is_no_plan_is_refused_with_its_line() {
     for (from, to, expected) in [
         ("\"format\": 5", "\"format\": 7", "its format is 7, this release reads 5"),
         ("\"polhode\": \"", "\"polhode\": \"9.", "it is of polhode 9."),
-        ("\"coefficient\": ", "\"coefficient\": -", "a finite number from 0 on is needed"),
+        ("\"coefficient\": ", "\"coefficient\": -", "expected a finite number from 0 on"),
         ("\"closed_form\": \"", "\"closed_form\": \"x", "is not known"),
         ("\"method\": \"", "\"method\": \"x", "is not known"),
         ("\"skipping\": true,", "\"skipping\": true, \"more\": 1,", "unknown field `more`"),

@@ -232,12 +232,12 @@ fn what_cannot_be_asked_of_adaptive_steps_is_refused() {
     let message = refusal(&[], Precision::F32, steps(1e-9));
     assert_eq!(
         message,
-        "tolerance = 1e-9: rounding in f32 hides smaller errors than 1e-6: 1e-6 or more, or precision f64, is needed"
+        "tolerance = 1e-9: rounding in f32 hides smaller errors than 1e-6: use 1e-6 or more, or precision f64"
     );
     assert!(refusal(&[], Precision::F64, steps(1e-16)).contains("2e-15 or more"));
     assert!(refusal(&[], Precision::F64, steps(1.0)).contains("below 1"));
     let least = AdaptiveSteps { tolerance: 1e-6, least_step: Some(0.0) };
-    assert!(refusal(&[], Precision::F64, least).contains("above zero is needed (s)"));
+    assert!(refusal(&[], Precision::F64, least).contains("above zero (s)"));
     let noise = refusal(&[Torque::white_noise(0.1, 7)], Precision::F64, steps(1e-6));
     assert!(noise.contains("white-noise") && noise.contains("equal length"), "{noise}");
 }

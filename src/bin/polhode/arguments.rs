@@ -356,7 +356,7 @@ fn point(text: &str) -> Result<DVec3, String> {
         text.split(',').map(|number| number.trim().parse().ok().filter(|x: &f64| x.is_finite())).collect();
     match numbers.as_deref() {
         Some(&[x, y, z]) => Ok(DVec3::new(x, y, z)),
-        _ => Err("three finite numbers X,Y,Z are needed (m)".to_owned()),
+        _ => Err("expected three finite numbers X,Y,Z (m)".to_owned()),
     }
 }
 

@@ -125,7 +125,7 @@ fn refuse_arguments(error: &clap::Error) -> ExitCode {
         }
         ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
             output::error(
-                "a command is needed: polhode run, explain, verify, inertia, devices, bench, plot, completions or man; `polhode --help` teaches them",
+                "expected a command: polhode run, explain, verify, inertia, devices, bench, plot, completions or man; `polhode --help` teaches them",
             );
             return ExitCode::from(WRONG_INPUT);
         }

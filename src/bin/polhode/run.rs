@@ -84,7 +84,7 @@ fn say_what_is_written(arguments: &RunArguments, study: &Study, report: &Report,
     }
     if report.outside_usable_region > 0 {
         output::note(&format!(
-            "warning: {} of {} bodies turn further in a step than the method's usable region reaches: a shorter dt is needed \
+            "warning: {} of {} bodies turn further in a step than the method's usable region reaches: use a shorter dt \
              (`polhode bench stability` shows what happens)",
             report.outside_usable_region, report.bodies
         ));

@@ -51,7 +51,7 @@ fn text_corners(bytes: &[u8]) -> Result<Vec<[DVec3; 3]>, String> {
         }
         if solid.is_empty() {
             if first != b"solid" {
-                return Err(format!("line {}: a solid is needed here", number + 1));
+                return Err(format!("line {}: expected a solid here", number + 1));
             }
             // Its name, which may be missing or hold any bytes.
             solid.extend(b"solid name\n");

@@ -188,7 +188,7 @@ pub(super) fn chunk_capacity(device: &Device, limits: &ChunkLimits, row: usize, 
     let unit = STRIDE_UNIT as u64;
     let units = (binding.min(buffer) / (row * unit)).min(u64::from(workgroups)).min(most as u64 / unit);
     if units == 0 {
-        let expected = "room for the columns of 64 bodies and one workgroup are needed";
+        let expected = "expected room for the columns of 64 bodies and one workgroup";
         return Err(Error::Setting { field: "chunk bytes", value: binding.min(buffer) as f64, expected });
     }
     Ok((units * unit) as usize)

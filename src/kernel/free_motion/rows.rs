@@ -175,7 +175,7 @@ impl<T: LaneScalar> FreeMotionRows<T> {
     ///
     /// Where `state` has not whole columns of [`FreeMotionRows::stride`].
     pub fn evaluate(&self, time: f64, state: &mut [T]) {
-        assert!(self.stride == 0 || state.len().is_multiple_of(self.stride), "whole columns are needed");
+        assert!(self.stride == 0 || state.len().is_multiple_of(self.stride), "expected whole columns");
         column_parts(state, self.stride, 0..self.stride, TASK).into_par_iter().enumerate().for_each(
             |(task, mut columns)| {
                 T::dispatch(self.evaluation(task * TASK, time, &mut columns));
@@ -185,7 +185,7 @@ impl<T: LaneScalar> FreeMotionRows<T> {
 
     /// As [`FreeMotionRows::evaluate`], one body after the other without fused multiply-add: the shader's twin.
     pub fn evaluate_one_by_one(&self, time: f64, state: &mut [T]) {
-        assert!(self.stride == 0 || state.len().is_multiple_of(self.stride), "whole columns are needed");
+        assert!(self.stride == 0 || state.len().is_multiple_of(self.stride), "expected whole columns");
         for (task, mut columns) in column_parts(state, self.stride, 0..self.stride, TASK).into_iter().enumerate() {
             self.evaluation(task * TASK, time, &mut columns).run::<T>();
         }

@@ -136,7 +136,7 @@ fn the_command_compares_a_study() {
         );
     }
     let line = workspace.refused(&["verify", "study.toml", "--engine", "cpu", "--steps", "0"], 2);
-    assert_eq!(line, "error: steps = 0.0: one step or more is needed, as nothing would be compared\n");
+    assert_eq!(line, "error: steps = 0.0: expected one step or more, as nothing would be compared\n");
     workspace.refused(&["verify", "study.toml", "--engine", "cpu", "--body", "5"], 2);
     workspace.refused(&["verify", "study.toml", "--engine", "cpu", "--from-step", "40"], 2);
 }

@@ -199,11 +199,11 @@ fn what_cannot_act_is_refused() {
     let parameters = Parameters::new().number("k", f64::NAN).expect("a name");
     insta::assert_snapshot!(
         refusal(Scene::new(body()).until(1.0).force(text("vec(k, 0, 0)", parameters))),
-        @"force 1 (custom): k = NaN: a finite number is needed"
+        @"force 1 (custom): k = NaN: expected a finite number"
     );
     let thrust = Scene::new(body()).until(1.0).force(text("to_world(vec(1, 0, 0))", Parameters::new()));
     let steps = polhode::scene::AdaptiveSteps { tolerance: 1e-9, least_step: None };
-    insta::assert_snapshot!(refusal(thrust.adaptive(steps, None)), @"tolerance = 1e-9: a force that turns with the body follows equal steps of the attitude: a method with a step dt is needed");
+    insta::assert_snapshot!(refusal(thrust.adaptive(steps, None)), @"tolerance = 1e-9: a force that turns with the body follows equal steps of the attitude: use a method with a step dt");
     let massless = Ensemble::from_fn(1, |_| (DVec3::new(1.0, 1.5, 2.0), DQuat::IDENTITY, DVec3::Z)).expect("valid");
     let scene = Scene::new(massless).until(1.0).force(text("vec(1, 0, 0)", Parameters::new()));
     assert!(refusal(scene).contains("mass"));
