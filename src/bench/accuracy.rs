@@ -5,12 +5,11 @@
 //! back is not timed. Errors come from a run's first repeat and are the same to the last bit in every run on a machine.
 
 use std::path::Path;
-use std::time::Instant;
 
 use super::front::{self, Point};
 use super::problem::{Errors, NAMES, Problem, Truth};
 use super::row::Row;
-use super::timing::{Timing, repeat};
+use super::timing::Timing;
 use super::{Bench, Case, Swept, Watcher, sweep};
 use crate::bench::strategy::{self, Sample, Strategy};
 use crate::engine::{Engine, EngineKind};
@@ -19,9 +18,6 @@ use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::least_tolerance;
 use crate::math::Precision;
 use crate::math::Quantiles;
-use crate::plan::Plan;
-use crate::scene::AdaptiveSteps;
-use crate::scene::{Accuracy, Scene};
 
 /// The table's name.
 pub const TABLE: &str = "accuracy";
@@ -170,43 +166,7 @@ fn measure(bench: &Bench, case: &AccuracyCase, problem: &Problem, truth: &Truth)
 }
 
 fn repeated(bench: &Bench, case: &AccuracyCase, problem: &Problem, truth: &Truth) -> Result<Measured> {
-    let engine = &case.engine;
-    let mut first: Option<Sample> = None;
-    let mut keep = |sample: Sample| {
-        let seconds = sample.compute;
-        first.get_or_insert(sample);
-        Ok(seconds)
-    };
-    let scene = || {
-        let scene = Scene::new(problem.ensemble.clone()).until(problem.span);
-        problem.torques.iter().cloned().fold(scene, Scene::torque)
-    };
-    let mut planning = 0.0;
-    let compute = match case.way {
-        Strategy::Stepped { method, precision, steps } => {
-            repeat(bench.repeats(), || keep(strategy::stepped(engine, problem, method, precision, steps)?))?
-        }
-        Strategy::Adaptive { method, precision, tolerance } => {
-            let steps = AdaptiveSteps { tolerance, least_step: None };
-            let scene = match method {
-                Method::Taylor => scene().taylor(steps),
-                _ => scene().adaptive(steps, Some(precision)),
-            };
-            let plan = Plan::new(&scene, engine)?;
-            repeat(bench.repeats(), || keep(strategy::planned(engine, &plan)?))?
-        }
-        Strategy::ClosedForm { precision } => {
-            repeat(bench.repeats(), || keep(strategy::closed_form(engine, problem, precision)?))?
-        }
-        Strategy::Asked { tolerance } => {
-            let scene = scene().accuracy(Accuracy::attitude(tolerance));
-            let clock = Instant::now();
-            let plan = Plan::new(&scene, engine)?;
-            planning = clock.elapsed().as_secs_f64();
-            repeat(bench.repeats(), || keep(strategy::planned(engine, &plan)?))?
-        }
-    };
-    let sample = first.unwrap_or_default();
+    let (planning, sample, compute) = strategy::repeated(bench.repeats(), &case.engine, problem, case.way)?;
     let errors = truth.errors(&sample.states);
     let fault = fault(&errors, case.way);
     Ok(Measured { planning, sample, compute, errors, fault })

@@ -18,6 +18,7 @@ pub mod compare;
 mod costs;
 pub mod drift;
 pub mod front;
+pub mod kernels;
 pub mod problem;
 pub mod provenance;
 pub mod row;

@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use super::problem::Problem;
+use super::timing::{Repeats, Timing, repeat};
 use crate::bodies::columns::StateWords;
 use crate::bodies::{BodyFrame, BodyState};
 use crate::engine::batch::prepare_with;
@@ -14,6 +15,7 @@ use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::plan::Plan;
 use crate::record::{OutputState, Sink};
+use crate::scene::{Accuracy, AdaptiveSteps, Scene};
 
 /// How a problem is solved.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,6 +86,50 @@ pub(super) struct Sample {
     pub body_steps: u64,
     /// The states at the end.
     pub states: Vec<BodyState>,
+}
+
+/// The first of some repeats, with the time that its choice of method and step took (s; 0 where they are given) and the wall times of
+/// all of them.
+pub(super) fn repeated(
+    repeats: Repeats,
+    engine: &Engine,
+    problem: &Problem,
+    strategy: Strategy,
+) -> Result<(f64, Sample, Timing)> {
+    let mut first: Option<Sample> = None;
+    let mut keep = |sample: Sample| {
+        let seconds = sample.compute;
+        first.get_or_insert(sample);
+        Ok(seconds)
+    };
+    let scene = || {
+        let scene = Scene::new(problem.ensemble.clone()).until(problem.span);
+        problem.torques.iter().cloned().fold(scene, Scene::torque)
+    };
+    let mut planning = 0.0;
+    let compute = match strategy {
+        Strategy::Stepped { method, precision, steps } => {
+            repeat(repeats, || keep(stepped(engine, problem, method, precision, steps)?))?
+        }
+        Strategy::Adaptive { method, precision, tolerance } => {
+            let steps = AdaptiveSteps { tolerance, least_step: None };
+            let scene = match method {
+                Method::Taylor => scene().taylor(steps),
+                _ => scene().adaptive(steps, Some(precision)),
+            };
+            let plan = Plan::new(&scene, engine)?;
+            repeat(repeats, || keep(planned(engine, &plan)?))?
+        }
+        Strategy::ClosedForm { precision } => repeat(repeats, || keep(closed_form(engine, problem, precision)?))?,
+        Strategy::Asked { tolerance } => {
+            let scene = scene().accuracy(Accuracy::attitude(tolerance));
+            let clock = Instant::now();
+            let plan = Plan::new(&scene, engine)?;
+            planning = clock.elapsed().as_secs_f64();
+            repeat(repeats, || keep(planned(engine, &plan)?))?
+        }
+    };
+    Ok((planning, first.unwrap_or_default(), compute))
 }
 
 /// One repeat in equal steps.
