@@ -1,6 +1,6 @@
 //! Work-precision: wall time against attitude error, of every method on every problem.
 //!
-//! A case is a problem, a way of solving it and an engine. What is timed is the compute phase alone: set-up (principal
+//! A case is a problem, a strategy and an engine. What is timed is the compute phase alone: set-up (principal
 //! axes, scaling, constants of the closed form) and start (upload, shader compilation) have columns of their own, reading
 //! back is not timed. Errors come from a run's first repeat and are the same to the last bit in every run on a machine.
 
@@ -49,13 +49,13 @@ const QUICK_STEP_ERRORS: [f64; 3] = [1e-4, 1e-6, 1e-9];
 /// its check.
 pub const GREATEST_ERROR: f64 = 0.1;
 
-/// A problem, a way and an engine.
+/// A problem, a strategy and an engine.
 #[derive(Clone, Debug)]
 pub struct AccuracyCase {
     /// One of [`NAMES`].
     pub problem: &'static str,
     /// How it is solved.
-    pub way: Strategy,
+    pub strategy: Strategy,
     /// What solves it.
     pub engine: Engine,
 }
@@ -66,8 +66,8 @@ impl Case for AccuracyCase {
             EngineKind::Cpu => "cpu",
             EngineKind::Gpu => "gpu",
         };
-        let (method, precision) = (self.way.method(), self.way.precision());
-        let amount = match self.way {
+        let (method, precision) = (self.strategy.method(), self.strategy.precision());
+        let amount = match self.strategy {
             Strategy::Stepped { steps, .. } => format!("{steps} steps"),
             Strategy::Adaptive { tolerance, .. } => format!("tolerance {tolerance:e}"),
             Strategy::ClosedForm { .. } => "1 evaluation".to_owned(),
@@ -81,7 +81,7 @@ impl Case for AccuracyCase {
     }
 }
 
-/// All cases: problem by problem, on each engine by each way.
+/// All cases: problem by problem, on each engine by each strategy.
 pub fn cases(bench: &Bench) -> Vec<AccuracyCase> {
     let (steps, tolerances): (&[u64], &[f64]) =
         if bench.quick { (&QUICK_STEPS, &QUICK_TOLERANCES) } else { (&STEPS, &TOLERANCES) };
@@ -89,7 +89,7 @@ pub fn cases(bench: &Bench) -> Vec<AccuracyCase> {
     for problem in NAMES {
         let free = matches!(problem, "free" | "separatrix");
         for engine in &bench.engines {
-            let mut add = |way| cases.push(AccuracyCase { problem, way, engine: engine.clone() });
+            let mut add = |strategy| cases.push(AccuracyCase { problem, strategy, engine: engine.clone() });
             // Shaders take long to compile, above all on a software adapter.
             let few = bench.quick && engine.description().kind == EngineKind::Gpu;
             for method in Method::ALL.into_iter().filter(|method| !few || QUICK_SHADERS.contains(method)) {
@@ -166,16 +166,16 @@ fn measure(bench: &Bench, case: &AccuracyCase, problem: &Problem, truth: &Truth)
 }
 
 fn repeated(bench: &Bench, case: &AccuracyCase, problem: &Problem, truth: &Truth) -> Result<Measured> {
-    let (planning, sample, compute) = strategy::repeated(bench.repeats(), &case.engine, problem, case.way)?;
+    let (planning, sample, compute) = strategy::repeated(bench.repeats(), &case.engine, problem, case.strategy)?;
     let errors = truth.errors(&sample.states);
-    let fault = fault(&errors, case.way);
+    let fault = fault(&errors, case.strategy);
     Ok(Measured { planning, sample, compute, errors, fault })
 }
 
 /// Why a result fails its check; empty where it passes.
-fn fault(errors: &Errors, way: Strategy) -> String {
+fn fault(errors: &Errors, strategy: Strategy) -> String {
     let error = errors.attitude.p99;
-    match way {
+    match strategy {
         _ if errors.failed > 0 => format!("{} bodies failed", errors.failed),
         Strategy::Asked { tolerance } if error > tolerance => {
             format!("attitude error {error:.1e} rad at the 99th percentile; {tolerance:e} was asked for")
@@ -196,7 +196,7 @@ impl Measured {
 
     fn row(&self, case: &AccuracyCase, problem: &Problem, truth: &Truth) -> Row {
         let bodies = problem.ensemble.len();
-        let (steps, tolerance) = match case.way {
+        let (steps, tolerance) = match case.strategy {
             Strategy::Stepped { steps, .. } => (steps as f64, f64::NAN),
             Strategy::Adaptive { tolerance, .. } => (self.sample.body_steps as f64 / bodies as f64, tolerance),
             Strategy::ClosedForm { .. } => (0.0, f64::NAN),
@@ -206,8 +206,8 @@ impl Measured {
         let rate = |amount: f64| if seconds > 0.0 { amount / seconds } else { f64::NAN };
         Row::new()
             .with("problem", problem.name)
-            .with("method", case.way.method())
-            .with("precision", case.way.precision())
+            .with("method", case.strategy.method())
+            .with("precision", case.strategy.precision())
             .with("bodies", bodies)
             .with("span_s", problem.span)
             .with("steps_mean", steps)
