@@ -33,13 +33,16 @@ pub fn cases<T: Scalar>() -> Vec<Case<T>> {
         ),
         case(
             "finite_or",
-            // Quotients by zero for a part of the rows.
-            "let zero = r(1u) - r(1u); put_r(0u, finite_or(select(r(0u), r(0u) / zero, r(2u) < 0.0), r(1u)));",
+            // A power that overflows for a part of the rows, the root of a negative number for another.
+            "var x = abs(r(0u)) + 1e30; for (var n = 0u; n < 6u; n += 1u) { x = x * x; } \
+             x = select(select(r(0u), x, r(1u) < 0.0), sqrt(-1.0 - abs(r(0u))), r(2u) < 0.0); put_r(0u, finite_or(x, 7.0));",
             3,
             &[REAL],
             |row| {
-                let zero = T::from_f64(0.0);
-                vec![finite_or(if row[2] < zero { row[0] / zero } else { row[0] }, row[1])]
+                let (zero, seven) = (T::from_f64(0.0), T::from_f64(7.0));
+                let overflow = T::from_f64(f64::INFINITY);
+                let x = if row[1] < zero { overflow } else { row[0] };
+                vec![finite_or(if row[2] < zero { (-T::from_f64(1.0)).sqrt() } else { x }, seven)]
             },
             EXACT,
         ),
