@@ -334,10 +334,10 @@ impl Validity {
             _ => ("finite components", "are"),
         };
         match self {
-            Validity::Finite => format!("{what} {are} needed{unit}"),
-            Validity::NotNegative => format!("{what} that {are} not negative {are} needed{unit}"),
-            Validity::Positive => format!("{what} above zero {are} needed{unit}"),
-            Validity::Range(low, high) => format!("{what} from {low} to {high} {are} needed{unit}"),
+            Validity::Finite => format!("expected {what}{unit}"),
+            Validity::NotNegative => format!("expected {what} that {are} not negative{unit}"),
+            Validity::Positive => format!("expected {what} above zero{unit}"),
+            Validity::Range(low, high) => format!("expected {what} from {low} to {high}{unit}"),
             Validity::Count(least, most) => format!("expected a list of {least} to {most} tables"),
             Validity::NotZero => format!("expected finite components and a length from 1e-153 to 1e153{unit}"),
             Validity::Rotation => "expected a finite quaternion that is not zero".to_owned(),
