@@ -11,10 +11,11 @@
 use std::time::Instant;
 
 use glam::DQuat;
-use polhode::batch::{Precision, prepare_with};
-use polhode::engine::adaptive::AdaptiveSteps;
+use polhode::engine::batch::prepare_with;
 use polhode::engine::unobserved;
-use polhode::method::rk8_adaptive::least_tolerance;
+use polhode::kernel::method::rk8_adaptive::least_tolerance;
+use polhode::math::Precision;
+use polhode::scene::AdaptiveSteps;
 use polhode::study::draw::{Column, Draw};
 use polhode::study::problem;
 use polhode::torque::Torque;

@@ -5,9 +5,10 @@ use std::time::Instant;
 
 use glam::{DQuat, DVec3};
 use polhode::Ensemble;
-use polhode::batch::{BodyFrame, STATE_COMPONENTS};
-use polhode::free_motion::{FreeMotion, FreeMotionRows, ROW_COLUMNS, WORD_COLUMNS};
-use polhode::real::Scalar;
+use polhode::bodies::BodyFrame;
+use polhode::bodies::columns::STATE_COMPONENTS;
+use polhode::kernel::free_motion::{FreeMotion, FreeMotionRows, ROW_COLUMNS, WORD_COLUMNS};
+use polhode::math::real::Scalar;
 
 /// splitmix64 (G. L. Steele, D. Lea, C. H. Flood 2014), as numbers in [0, 1).
 struct Draws(u64);

@@ -12,12 +12,13 @@ use std::hint::black_box;
 use std::time::Duration;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use polhode::batch::{STATE_COMPONENTS, prepare};
-use polhode::elementary::exp_negative;
+use polhode::bodies::columns::STATE_COMPONENTS;
+use polhode::engine::batch::prepare;
 use polhode::engine::gpu::GpuOptions;
 use polhode::engine::unobserved;
-use polhode::free_motion::FreeMotionRows;
-use polhode::real::sin_cos;
+use polhode::kernel::free_motion::FreeMotionRows;
+use polhode::math::elementary::exp_negative;
+use polhode::math::real::sin_cos;
 use polhode::study::problem;
 use polhode::{Engine, Method};
 

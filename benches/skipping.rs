@@ -126,9 +126,9 @@ fn report<const SCENES: usize>(scenes: [(&str, &Scene); SCENES], repeats: usize)
             trust.wall_time.start,
             trust.wall_time.compute,
             trust.wall_time.read + trust.wall_time.write,
-            trust.wall_time.shadow,
+            trust.wall_time.recomputed_sample,
             trust.body_steps as f64,
-            trust.shadow
+            trust.recomputed_sample
         );
         *median = *seconds;
     }

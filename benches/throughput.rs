@@ -11,11 +11,12 @@
 use std::time::Instant;
 
 use glam::DQuat;
-use polhode::batch::{Precision, prepare};
+use polhode::engine::batch::prepare;
 use polhode::engine::gpu::GpuOptions;
 use polhode::engine::unobserved;
-use polhode::free_motion::FreeMotion;
-use polhode::record::Quantiles;
+use polhode::kernel::free_motion::FreeMotion;
+use polhode::math::Precision;
+use polhode::math::Quantiles;
 use polhode::study::problem;
 use polhode::{Engine, Ensemble, Method, Result};
 

@@ -7,8 +7,9 @@
 use std::time::Instant;
 
 use glam::{DMat3, DQuat, DVec3};
-use polhode::batch::{Precision, prepare_with};
+use polhode::engine::batch::prepare_with;
 use polhode::engine::{Engine, unobserved};
+use polhode::math::Precision;
 use polhode::study::problem;
 use polhode::torque::variable_inertia::{InertiaChange, Law};
 use polhode::torque::{Orbit, Torque};

@@ -5,7 +5,7 @@
 
 use glam::{DQuat, DVec3};
 use polhode::Result;
-use polhode::free_motion::FreeMotion;
+use polhode::kernel::free_motion::FreeMotion;
 
 fn main() -> Result<()> {
     // A steel nut with two wings: moments in kg m² along its body axes, the screw's axis being the middle one.

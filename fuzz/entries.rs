@@ -5,7 +5,8 @@
 use std::path::Path;
 
 use polhode::Error;
-use polhode::inertia::{MeshFileProblem, TriangleMesh, parse_mesh};
+use polhode::bodies::inertia::{TriangleMesh, parse_mesh};
+use polhode::error::MeshFileProblem;
 use polhode::plan::PlanDocument;
 use polhode::study::{BodyTable, Study};
 

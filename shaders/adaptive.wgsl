@@ -1,14 +1,10 @@
-// Entry point: loads a body of a list, tries steps of its own size, stores it and says how far it came. Twin: AdaptiveBlock
-// in src/engine/cpu/adaptive.rs.
+// Entry point: loads a body of a list, tries steps of its own size, stores it and says how far it came. Twin: Advance
+// in src/engine/cpu/adaptive.rs. Which bodies, and how many attempts, the control block says (control.wgsl).
 
 override workgroup_size: u32 = 64u;
 
 struct Settings {
-    // Bodies in the list.
-    listed: u32,
     stride: u32,
-    // The most attempts of a body in this dispatch.
-    attempts: u32,
     // Always 0, which no compiler knows; see `rounded` in real_f32.wgsl.
     zero: u32,
     // Length of the interval in seconds, in two words.
@@ -18,9 +14,8 @@ struct Settings {
     // In seconds, or in units of the body's own scale.
     least_step: real,
     least_step_in_seconds: u32,
-    // Whether the interval starts here.
-    starts: u32,
-    // Whole ticks from the initial state to the start of the interval, low word first; see src/clock.rs.
+    padding: u32,
+    // Whole ticks from the initial state to the start of the interval, low word first; see src/math/clock.rs.
     ticks: vec2<u32>,
     // Ticks in a second times 2^-60.
     tick_scale: real,
@@ -33,12 +28,11 @@ struct Settings {
 @group(0) @binding(3) var<storage, read_write> controllers: array<real>;
 // Steps taken and steps refused since the initial state, two words each, low word first.
 @group(0) @binding(4) var<storage, read_write> counts: array<u32>;
-// The bodies to advance.
+// Rows of the bodies under way.
 @group(0) @binding(5) var<storage, read> list: array<u32>;
-// Of each body in the list the attempts in this dispatch, and in the highest bit whether it is still under way.
+// Of each body of this round its attempts, and whether it is still under way.
 @group(0) @binding(6) var<storage, read_write> outcomes: array<u32>;
-
-const UNDER_WAY: u32 = 0x80000000u;
+@group(0) @binding(7) var<storage, read> control: Control;
 
 fn controller_at(column: u32, i: u32) -> real {
     return controllers[column * settings.stride + i];
@@ -68,10 +62,11 @@ fn count(first: u32, i: u32, more_steps: u32) {
 
 @compute @workgroup_size(workgroup_size)
 fn adaptive(@builtin(global_invocation_id) id: vec3<u32>) {
-    if (id.x >= settings.listed) {
+    let entry = id.x;
+    if (entry >= entry_count()) {
         return;
     }
-    let i = list[id.x];
+    let i = row_of(entry);
     let body = load_body(i);
     load_torques(i);
     // In units of the body's own scale: the rate is a power of two, so that all products by it are exact.
@@ -81,10 +76,10 @@ fn adaptive(@builtin(global_invocation_id) id: vec3<u32>) {
     let limits = Limits(settings.tolerance, settings.least_step * unit);
     let state = load_state(i);
     var controller = load_controller(i);
-    if (settings.starts != 0u) {
+    if (is_fresh(entry) && control.starts != 0u) {
         controller = over(controller, span);
     }
-    let attempted = advance(body, span, limits, settings.attempts, controller, state);
+    let attempted = advance(body, span, limits, control.attempts, controller, state);
     store_state(attempted.state, i);
     store_controller(attempted.controller, i);
     let accepted = u32(attempted.controller.accepted);
@@ -92,5 +87,5 @@ fn adaptive(@builtin(global_invocation_id) id: vec3<u32>) {
     count(0u, i, accepted);
     count(2u, i, rejected);
     let flag = select(0u, UNDER_WAY, under_way(attempted.controller, attempted.state));
-    outcomes[id.x] = (accepted + rejected) | flag;
+    outcomes[entry] = (accepted + rejected) | flag;
 }

@@ -1,4 +1,4 @@
-// Entry point: loads a body, runs its steps, stores it. Twin: AdvanceBlock in src/engine/cpu.rs.
+// Entry point: loads a body, runs its steps, stores it. Twin: Advance in src/engine/cpu.rs.
 
 override workgroup_size: u32 = 64u;
 
@@ -14,7 +14,7 @@ struct Settings {
     // Index within the interval of the first of these steps, modulo 2^32.
     first_step: u32,
     padding: u32,
-    // Time at that step, and a step, in units of 2^-64 tick, low word first; see src/clock.rs.
+    // Time at that step, and a step, in units of 2^-64 tick, low word first; see src/math/clock.rs.
     clock: vec4<u32>,
     clock_step: vec4<u32>,
     // That step counted from the initial state, low word first.

@@ -1,4 +1,4 @@
-// Exact time and phases that advance with it. Twin: src/clock.rs, where they are described; what is one
+// Exact time and phases that advance with it. Twin: src/math/clock.rs, where they are described; what is one
 // function here, the phase at an instant, is phases_at at the start of a step and phase_after from there on.
 
 // Digits of 16 bits that a rate is stored as in columns, lowest first.

@@ -1,4 +1,4 @@
-// The columns of bodies: component c of body i at c * stride + i. Twin: src/batch.rs. The entry point's chunk declares
+// The columns of bodies: component c of body i at c * stride + i. Twin: src/bodies/columns.rs. The entry point's chunk declares
 // `settings`, `parameters` and `state_columns`.
 
 // The parameter column of the body's reference rate, a power of two, rad/s.

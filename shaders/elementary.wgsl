@@ -1,4 +1,4 @@
-// Sine and cosine of a turn count, and the exponential of a number that is not positive. Twin: src/elementary.rs.
+// Sine and cosine of a turn count, and the exponential of a number that is not positive. Twin: src/math/elementary/mod.rs.
 
 const TAU: real = 6.283185307179586477;
 

@@ -1,4 +1,4 @@
-// What the elementary functions need to know of 32 bits. Twin: the constants of src/real.rs for f32.
+// What the elementary functions need to know of 32 bits. Twin: the constants of src/math/real.rs for f32.
 // This file and elementary_f64.wgsl define the same names.
 
 // What vanishes next to 1, and a number whose fourth power does.

@@ -1,4 +1,4 @@
-// What the elementary functions need to know of 64 bits. Twin: the constants of src/real.rs for f64.
+// What the elementary functions need to know of 64 bits. Twin: the constants of src/math/real.rs for f64.
 // This file and elementary_f32.wgsl define the same names.
 
 // What vanishes next to 1, and a number whose fourth power does.

@@ -1,4 +1,4 @@
-// Entry point: the closed-form torque-free motion at a time. Twin: EvaluatePart in src/free_motion/rows.rs; component
+// Entry point: the closed-form torque-free motion at a time. Twin: EvaluatePart in src/kernel/free_motion/rows.rs; component
 // c of body i is at c * stride + i in every table.
 
 override workgroup_size: u32 = 64u;

@@ -1,4 +1,4 @@
-// The elementary functions of formulas. Twin: src/elementary/functions.rs, where methods, domains and errors are
+// The elementary functions of formulas. Twin: src/math/elementary/functions.rs, where methods, domains and errors are
 // described. The functions hide WGSL's own of the same names, which are inaccurate in 32 bits and missing in 64.
 
 // A number as high + low.

@@ -1,4 +1,4 @@
-// Kepler's equation. Twin: src/torque/orbit.rs, where the iteration is described.
+// Kepler's equation. Twin: src/math/kepler.rs, where the iteration is described.
 
 // Sine and cosine of E with E - e sin E = M; the iterations are written out for the bound on loops in
 // src/engine/gpu/dispatch.rs.

@@ -1,4 +1,4 @@
-// Entry points: statistics of the bodies' state by workgroup, and of a chunk from those. Twin: src/observe.rs; component
+// Entry points: statistics of the bodies' state by workgroup, and of a chunk from those. Twin: src/kernel/observe.rs; component
 // c of body i is at c * stride + i in every table.
 
 struct Settings {

@@ -1,4 +1,4 @@
-// What observe.wgsl needs to know of 32 bits. Twin: Kernel for f32 in src/observe.rs.
+// What observe.wgsl needs to know of 32 bits. Twin: Kernel for f32 in src/kernel/observe.rs.
 // This file and observe_f64.wgsl define the same names.
 
 // Whether the number in a column of the state is finite: shaders must not compare with NaN, which compilers may assume

@@ -1,4 +1,4 @@
-// What observe.wgsl needs to know of 64 bits. Twin: Kernel for f64 in src/observe.rs.
+// What observe.wgsl needs to know of 64 bits. Twin: Kernel for f64 in src/kernel/observe.rs.
 // This file and observe_f32.wgsl define the same names. An f64 reaches from the least scale to the greatest, so that all
 // exponents of a column are one, which the host knows, and 0 here.
 

@@ -1,5 +1,5 @@
 // Phases as integers of a turn: a 128-bit rate times a time, the 64 bits behind the point of a turn.
-// Twin: src/phase.rs, which gives the same bits. Numbers of 64 bits are vec2<u32>, low word first.
+// Twin: src/math/phase.rs, which gives the same bits. Numbers of 64 bits are vec2<u32>, low word first.
 
 // A time, sign * mantissa * 2^exponent seconds.
 struct Time {

@@ -1,4 +1,4 @@
-// Unit quaternions that rotate body (or principal) coordinates to world. Twin: src/quaternion.rs.
+// Unit quaternions that rotate body (or principal) coordinates to world. Twin: src/math/quaternion.rs.
 
 fn dot_vector(a: vector, b: vector) -> real {
     return mul_add(a.z, b.z, mul_add(a.y, b.y, a.x * b.x));

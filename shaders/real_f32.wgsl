@@ -1,4 +1,4 @@
-// The number type of the kernels, in 32 bits. Twin: src/real.rs and src/vector.rs for f32.
+// The number type of the kernels, in 32 bits. Twin: src/math/real.rs and src/math/vector.rs for f32.
 // This file and real_f64.wgsl define the same names; no other file knows the precision.
 
 alias real = f32;
@@ -63,6 +63,12 @@ fn two_difference(a: vector, b: vector) -> TwoWordsVector {
     let b_taken = rounded_vector(a - difference);
     let a_taken = rounded_vector(difference + b_taken);
     return TwoWordsVector(difference, rounded_vector(a - a_taken) - rounded_vector(b - b_taken));
+}
+
+// x, or what stands for it where it is infinite or not a number: told by its bits, as compilers may take it for granted that
+// comparisons see numbers (Metal's fast arithmetic).
+fn finite_or(x: real, otherwise: real) -> real {
+    return select(x, otherwise, (bitcast<u32>(x) & 0x7f800000u) == 0x7f800000u);
 }
 
 // 2/pi and pi/2 in words with trailing zeros, so that a product by a small integer is exact.

@@ -1,4 +1,4 @@
-// The number type of the kernels, in 64 bits. Twin: src/real.rs and src/vector.rs for f64.
+// The number type of the kernels, in 64 bits. Twin: src/math/real.rs and src/math/vector.rs for f64.
 // This file and real_f32.wgsl define the same names; no other file knows the precision.
 
 alias real = f64;
@@ -57,6 +57,11 @@ fn two_difference(a: vector, b: vector) -> TwoWordsVector {
 }
 
 // 2/pi and pi/2 in words of 33, 33 and 53 bits (fdlibm, e_rem_pio2.c), so that a product by a small integer is exact.
+// x, or what stands for it where it is infinite or not a number. WGSL has no bits of f64; adapters that have f64 compare exactly.
+fn finite_or(x: real, otherwise: real) -> real {
+    return select(otherwise, x, abs(x) <= 1.7976931348623157e308);
+}
+
 const TWO_OVER_PI: real = 0.63661977236758134308;
 const HALF_PI_1: real = 1.57079632673412561417e+00;
 const HALF_PI_2: real = 6.07710050630396597660e-11;

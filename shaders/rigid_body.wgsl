@@ -1,4 +1,4 @@
-// Euler's equations of a rigid body in its principal axes. Twin: src/rigid_body.rs.
+// Euler's equations of a rigid body in its principal axes. Twin: src/kernel/rigid_body.rs.
 
 struct Body {
     // 1/I1, 1/I2, 1/I3 in units of the body's own scale.
@@ -12,7 +12,7 @@ struct State {
     orientation: TwoWordsQuaternion,
     // m = I omega, in units of the body's own scale.
     angular_momentum_principal: TwoWordsVector,
-    // 0 until a step fails on this body, then the number of what failed first (src/method/status.rs).
+    // 0 until a step fails on this body, then the number of what failed first (src/bodies/status.rs).
     status: real,
 }
 

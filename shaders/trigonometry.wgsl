@@ -1,4 +1,4 @@
-// Sine and cosine without library functions. Twin: sin_cos in src/real.rs.
+// Sine and cosine without library functions. Twin: sin_cos in src/math/real.rs.
 
 struct SinCos {
     sin: real,

@@ -1,7 +1,7 @@
 //! Rotation of large ensembles of independent rigid bodies, on the GPU and on all cores of the CPU.
 //!
 //! Each body has its own inertia tensor; its rotation follows Euler's equations with their gyroscopic term
-//! ([`rigid_body`]). The GPU engine runs WGSL compute shaders through wgpu, the CPU engine runs the same kernels in SIMD
+//! ([`kernel::rigid_body`]). The GPU engine runs WGSL compute shaders through wgpu, the CPU engine runs the same kernels in SIMD
 //! lanes, and [`verify`] steps both side by side.
 //!
 //! # Five lines
@@ -32,17 +32,27 @@
 //! study file ─▶ Ensemble ─▶ Plan ─▶ Engine (cpu | gpu) ─▶ Record ─▶ files, report
 //! ```
 //!
-//! * [`ensemble`], [`inertia`], [`scene`]: what the user describes, in SI units and the body's own axes.
-//! * [`batch`]: the same bodies in principal axes, scaled by powers of two, as columns.
-//! * [`plan`]: a scene resolved for an engine.
-//! * [`engine`]: the trait [`engine::Backend`] and its two implementations. The kernels themselves are generic over
-//!   [`real::Real`] ([`vector`], [`quaternion`], [`rigid_body`], [`method`], [`torque`], [`observe`]) and each has a twin of the same
-//!   stem under `shaders/`: `f64` is the reference, `f32` is compared with the shader, SIMD lanes of either are the fast
-//!   CPU engine.
-//! * [`run`], [`record`]: the loop over output times, and what it leaves behind.
-//! * [`verify`]: an engine beside its scalar twin, step by step, over a whole scene.
-//! * `bench` (feature `bench`): run time against error, and what the machine gives at most; `plot` (feature `plot`):
-//!   pictures of that and of runs.
+//! # Layers
+//!
+//! Each module uses those above it in this list and none below it; `tests/files/layers.rs` reads the sources and holds this.
+//!
+//! 1. `math`: scalars, SIMD lanes of them, vectors, quaternions, elementary functions and exact time; nothing of it knows of bodies.
+//! 2. `error`: the one error type and its payloads. (It also names integrators and accuracies, which return no errors.)
+//! 3. `bodies`: inertia tensors, the ensemble, the state of a body, and how bodies lie in columns.
+//! 4. `expression`: formulas as graphs, and what follows from them: WGSL text, tiles, Taylor series.
+//! 5. `kernel`: what is computed of one body or a lane group: the equations of motion, integrators, closed forms, statistics. Each
+//!    kernel has a twin of the same stem under `shaders/`: `f64` is the reference, `f32` is compared with the shader, SIMD
+//!    lanes of either are the fast CPU engine.
+//! 6. `torque`: the models of torques and forces, each a declaration and a formula.
+//! 7. `scene`: what the user asks for: bodies, torques, output times, accuracy.
+//! 8. `study` (feature `study`): scenes as files.
+//! 9. `engine`: batches of scaled bodies, and the sessions on the CPU or a GPU that advance them.
+//! 10. `plan`: a scene resolved for an engine: what is computed how, what is skipped, and why.
+//! 11. `record`: what a run leaves behind, in memory and in files.
+//! 12. `run`: the loop over output times, and the trust figures.
+//! 13. `verify`: an engine beside its scalar twin, step by step, over a whole scene.
+//! 14. `bench` (feature `bench`): run time against error.
+//! 15. `plot` (feature `plot`): pictures of benchmarks and runs.
 //!
 //! # Conventions
 //!
@@ -51,50 +61,38 @@
 //! * An orientation is a unit quaternion that rotates body coordinates to world, x, y, z, w as `glam` writes it.
 //! * SI units throughout.
 //! * An attitude error is the angle of the rotation between two orientations, in [0, π].
+//!
+//! # Glossary
+//!
+#![doc = include_str!("../docs/glossary.md")]
 
-pub mod batch;
 #[cfg(feature = "bench")]
 pub mod bench;
-pub mod clock;
-pub mod double_double;
-pub mod elementary;
+pub mod bodies;
 pub mod engine;
-pub mod ensemble;
 pub mod error;
 pub mod expression;
-pub mod force;
-pub mod free_motion;
-pub mod inertia;
-mod lanes;
-pub mod memory;
-pub mod method;
-pub mod observe;
-pub mod phase;
+pub mod kernel;
+pub mod math;
 pub mod plan;
 #[cfg(feature = "plot")]
 pub mod plot;
-pub mod quaternion;
-pub mod real;
 pub mod record;
-pub mod regular_precession;
-pub mod rigid_body;
 pub mod run;
 pub mod scene;
 #[cfg(feature = "study")]
 pub mod study;
-pub mod toolkit;
 pub mod torque;
-pub mod vector;
 pub mod verify;
 
-pub use batch::Precision;
+pub use bodies::Ensemble;
 pub use engine::Engine;
-pub use ensemble::Ensemble;
 pub use error::{Error, Result};
-pub use force::Force;
-pub use method::Method;
-pub use observe::Statistic;
+pub use kernel::method::Method;
+pub use kernel::observe::Statistic;
+pub use math::Precision;
 pub use plan::Plan;
 pub use record::Record;
 pub use scene::{Accuracy, Outputs, Scene};
 pub use torque::Torque;
+pub use torque::force::Force;

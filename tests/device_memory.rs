@@ -1,4 +1,4 @@
-//! Memory that a batch on the device does not find. Alone in its file, since it limits the whole process.
+//! Memory that a batch on the device does not find. SubsetStates in its file, since it limits the whole process.
 #![cfg(target_os = "linux")]
 
 mod common;
@@ -7,10 +7,11 @@ use std::process::Command;
 
 use common::kernel::open_device;
 use polhode::Error;
-use polhode::batch::{AnyBatch, Batch, Precision};
 use polhode::engine::Engine;
+use polhode::engine::batch::{AnyBatch, Batch};
 use polhode::engine::gpu::{AdapterKind, GpuOptions, wgpu};
-use polhode::method::Method;
+use polhode::kernel::method::Method;
+use polhode::math::Precision;
 
 /// Bytes of address space that this process uses.
 fn address_space() -> u64 {

@@ -12,12 +12,13 @@ use std::time::{Duration, Instant};
 
 use common::kernel::open_device;
 use glam::DVec3;
-use polhode::batch::Precision;
-use polhode::engine::adaptive::AdaptiveSteps;
+use polhode::bodies::ensemble::Translation;
 use polhode::engine::gpu::{GpuOptions, SliceLimits, wgpu};
 use polhode::engine::{Engine, unobserved};
-use polhode::ensemble::Translation;
-use polhode::record::{OutputFolder, Report, run_to_folder};
+use polhode::math::Precision;
+use polhode::record::{OutputFolder, Report};
+use polhode::run::run_to_folder;
+use polhode::scene::AdaptiveSteps;
 use polhode::study::{Format, Output, problem};
 use polhode::{Accuracy, Error, Force, Method, Outputs, Plan, Scene, Statistic, Torque};
 
@@ -95,8 +96,8 @@ fn files(folder: &Path) -> Vec<(String, Vec<u8>)> {
 fn a_device_that_is_lost_in_a_run_leaves_the_former_result() {
     let mut losses = 0;
     for (name, scene) in scenes() {
-        let desk = tempfile::tempdir().expect("a folder");
-        let folder = desk.path().join("out");
+        let workspace = tempfile::tempdir().expect("a folder");
+        let folder = workspace.path().join("out");
         let (done, calls, _) = run(&scene, &folder, None);
         done.unwrap_or_else(|error| panic!("{name}: {error}"));
         assert!(calls >= OUTPUTS, "{name}: {calls} calls");
@@ -115,7 +116,7 @@ fn a_device_that_is_lost_in_a_run_leaves_the_former_result() {
             assert!(!error.is_input() && error.to_string().contains(" outputs of 70 bodies were done"), "{error}");
             failed += 1;
             assert!(files(&folder) == former, "{name}, lost at {loss} of {calls}: the former result is touched");
-            assert_eq!(fs::read_dir(desk.path()).expect("a folder").count(), 1, "{name}: something is left");
+            assert_eq!(fs::read_dir(workspace.path()).expect("a folder").count(), 1, "{name}: something is left");
         }
         assert!(failed > 0, "{name}: no run met the loss");
         losses += failed;

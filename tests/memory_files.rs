@@ -5,7 +5,8 @@
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use polhode::record::{OutputFolder, run_to_folder};
+use polhode::record::OutputFolder;
+use polhode::run::run_to_folder;
 use polhode::study::{Format, Output, problem};
 use polhode::{Engine, Method, Outputs, Plan, Scene};
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Plants the faults of tests/files/mutations.txt, one at a time, in a copy of the tree, runs the test that stands beside each, and says which
+# Plants the faults of tests/mutations.txt, one at a time, in a copy of the tree, runs the test that stands beside each, and says which
 # are caught. By hand: the copy is built anew, which takes a quarter of an hour on two cores.
 #
 #   bash tests/mutate.sh [--check] [--only TEXT] [--numbers 1,2] [--record] [--alone] [--keep FOLDER]
@@ -19,7 +19,7 @@ cd "$(dirname "$0")/.."
 exec nice -n 19 python3 - "$@" <<'PYTHON'
 import argparse, collections, datetime, json, os, pathlib, re, shutil, subprocess, sys, tempfile
 
-TABLE = pathlib.Path("tests/files/mutations.txt")
+TABLE = pathlib.Path("tests/mutations.txt")
 TIMEOUT = 900
 
 FAULT_RS = '''//! Which fault is on, in a copy of the tree that tests/mutate.sh has made.

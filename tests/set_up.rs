@@ -4,11 +4,12 @@ mod common;
 
 use common::random::Random;
 use glam::{DQuat, DVec3};
-use polhode::batch::BodyFrame;
-use polhode::free_motion::{AnyRows, SetUp};
-use polhode::inertia::InertiaTensor;
+use polhode::bodies::BodyFrame;
+use polhode::bodies::Members;
+use polhode::bodies::inertia::InertiaTensor;
+use polhode::kernel::free_motion::{AnyRows, SetUp};
 use polhode::plan::class::FreeBody;
-use polhode::plan::{Members, Plan, SkipName};
+use polhode::plan::{Plan, SkipName};
 use polhode::{Accuracy, Engine, Ensemble, Precision, Scene};
 
 const BODIES: usize = 4096;
@@ -147,7 +148,7 @@ fn a_plan_takes_one_word_just_inside_the_bound_and_two_just_outside() {
         assert_eq!(end(&inside), one[0]);
         assert_eq!(end(&outside), two[0]);
         assert!(angle(one[0], two[0]) <= attitude, "{:e} beyond {attitude:e}", angle(one[0], two[0]));
-        // The long way, which steps the body, agrees with both.
+        // Without skipping the body is stepped, which agrees with both.
         let long = end(&inside.clone().skipping(false));
         assert!(angle(one[0], long) < 2.0 * least && angle(two[0], long) < 2.0 * least);
     }

@@ -1,5 +1,5 @@
-// Centres of mass that move along with the steps of the rotation. Twin: Flight in src/run/flight.rs, on the host; the columns
-// are those of src/force/carried.rs.
+// Centres of mass that move along with the steps of the rotation. Twin: SteppedTranslation in
+// src/run/stepped_translation.rs, on the host; the columns are those of src/torque/force/carried.rs.
 
 // The first parameter column of the forces.
 override forces_first: u32 = 0u;
@@ -8,7 +8,7 @@ override forces_first: u32 = 0u;
 const CENTRE_FIRST: u32 = 7u * WORDS + 1u;
 
 // A body's centre of mass with what moves it, and the rotation at the time that it stands at.
-struct Flight {
+struct SteppedTranslation {
     centre: Centre,
     forces: Accelerations,
     orientation: quaternion,
@@ -23,18 +23,18 @@ fn turning_in_step(body: Body, step_index: u32, dt: TwoWordsReal, state: State) 
     return orientation_rate(state.orientation.value, motion.angular_velocity * dt.value);
 }
 
-fn take_off(i: u32, body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> Flight {
-    return Flight(load_centre(i), load_forces(i), state.orientation.value, turning_in_step(body, step_index, dt, state));
+fn take_off(i: u32, body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> SteppedTranslation {
+    return SteppedTranslation(load_centre(i), load_forces(i), state.orientation.value, turning_in_step(body, step_index, dt, state));
 }
 
 // Moves the centre of mass along a step of the rotation, which is `state` after it.
-fn follow(flight: Flight, body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> Flight {
+fn follow(translation: SteppedTranslation, body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> SteppedTranslation {
     // The state stands at the start of the next step.
     let rate = turning_in_step(body, step_index + 1u, dt, state);
-    let attitude = between_new(flight.orientation, flight.rate, state.orientation.value, rate);
+    let attitude = between_new(translation.orientation, translation.rate, state.orientation.value, rate);
     let span = TwoWordsReal(settings.dt_value, settings.dt_residue);
-    let centre = centre_advance(flight.centre, flight.forces, attitude, span);
-    return Flight(centre, flight.forces, state.orientation.value, rate);
+    let centre = centre_advance(translation.centre, translation.forces, attitude, span);
+    return SteppedTranslation(centre, translation.forces, state.orientation.value, rate);
 }
 
 fn force_vector(column: u32, i: u32) -> vector {
@@ -77,11 +77,11 @@ fn store_centre_vector(column: u32, i: u32, v: vector) {
     state_columns[(first + 2u) * stride + i] = v.z;
 }
 
-fn land(flight: Flight, i: u32) {
-    store_centre_vector(0u, i, flight.centre.position.value);
-    store_centre_vector(3u, i, flight.centre.velocity.value);
+fn land(translation: SteppedTranslation, i: u32) {
+    store_centre_vector(0u, i, translation.centre.position.value);
+    store_centre_vector(3u, i, translation.centre.velocity.value);
     if (WORDS == 2u) {
-        store_centre_vector(6u, i, flight.centre.position.residue);
-        store_centre_vector(9u, i, flight.centre.velocity.residue);
+        store_centre_vector(6u, i, translation.centre.position.residue);
+        store_centre_vector(9u, i, translation.centre.velocity.residue);
     }
 }

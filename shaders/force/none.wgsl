@@ -1,16 +1,16 @@
 // No centre of mass to move along: positions are still, in closed form, or on the host. Twin: none, as nothing is done.
 
-struct Flight {
+struct SteppedTranslation {
     unused: u32,
 }
 
-fn take_off(i: u32, body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> Flight {
-    return Flight(0u);
+fn take_off(i: u32, body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> SteppedTranslation {
+    return SteppedTranslation(0u);
 }
 
-fn follow(flight: Flight, body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> Flight {
-    return flight;
+fn follow(translation: SteppedTranslation, body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> SteppedTranslation {
+    return translation;
 }
 
-fn land(flight: Flight, i: u32) {
+fn land(translation: SteppedTranslation, i: u32) {
 }

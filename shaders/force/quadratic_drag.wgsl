@@ -1,4 +1,4 @@
-// quadratic-drag: a force against the velocity and in proportion to its square. Twin: src/force/quadratic_drag.rs.
+// quadratic-drag: a force against the velocity and in proportion to its square. Twin: src/torque/force/quadratic_drag.rs.
 
 // -k |v| v, m/s^2.
 fn quadratic_drag_acceleration(coefficient: real, velocity: vector) -> vector {

@@ -1,5 +1,5 @@
-// Translation along the rotation, in steps of the classical Runge-Kutta method. Twin: src/force/stepped.rs, where the method
-// and its errors are described; `Accelerations` is src/force/mod.rs's.
+// Translation along the rotation, in steps of the classical Runge-Kutta method. Twin: src/torque/force/stepped.rs, where the method
+// and its errors are described; `Accelerations` is src/torque/force/mod.rs's.
 
 const DRAG_ANGLE: real = 0.015625;
 

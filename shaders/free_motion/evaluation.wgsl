@@ -1,5 +1,5 @@
-// The closed form of a torque-free body at a time, from its row of constants. Twin: src/free_motion/evaluation.rs.
-// The formulas and their sources stand there and in src/free_motion/mod.rs.
+// The closed form of a torque-free body at a time, from its row of constants. Twin: src/kernel/free_motion/evaluation.rs.
+// The formulas and their sources stand there and in src/kernel/free_motion/mod.rs.
 
 // Row.shape where the series in the nome converge fast (the direct series).
 const ALPHA_REAL: u32 = 0u;

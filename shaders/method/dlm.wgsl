@@ -1,4 +1,4 @@
-// dlm: splitting into rotations about the principal axes. Twin: src/method/dlm.rs, where the method is described.
+// dlm: splitting into rotations about the principal axes. Twin: src/kernel/method/dlm.rs, where the method is described.
 
 fn step(body: Body, prepared: Prepared, step_index: u32, dt: TwoWordsReal, initial: State) -> State {
     let half = TwoWordsReal(dt.value * 0.5, dt.residue * 0.5);

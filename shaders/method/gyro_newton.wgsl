@@ -1,4 +1,4 @@
-// gyro_newton: one Newton step on the implicit gyroscopic term, a baseline. Twin: src/method/gyro_newton.rs, where the
+// gyro_newton: one Newton step on the implicit gyroscopic term, a baseline. Twin: src/kernel/method/gyro_newton.rs, where the
 // method is described.
 
 fn step(body: Body, prepared: Prepared, step_index: u32, dt: TwoWordsReal, state: State) -> State {

@@ -1,4 +1,4 @@
-// implicit_midpoint: the implicit midpoint rule on the rotation group. Twin: src/method/implicit_midpoint.rs, where the
+// implicit_midpoint: the implicit midpoint rule on the rotation group. Twin: src/kernel/method/implicit_midpoint.rs, where the
 // method is described.
 
 const ITERATIONS: u32 = 32u;

@@ -1,4 +1,4 @@
-// The flow of the torque alone, at a frozen attitude and time. Twin: src/method/kick.rs, where it is described.
+// The flow of the torque alone, at a frozen attitude and time. Twin: src/kernel/method/kick.rs, where it is described.
 
 // `state` after the torque alone has acted for h, with an error of order `order` + 1 in h at most.
 fn kick(body: Body, epoch: Epoch, h: TwoWordsReal, state: State, order: u32) -> State {

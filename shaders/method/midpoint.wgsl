@@ -1,4 +1,4 @@
-// The midpoint equation of the free body. Twin: src/method/midpoint.rs, where it is described.
+// The midpoint equation of the free body. Twin: src/kernel/method/midpoint.rs, where it is described.
 
 // Three columns of a 3 x 3 matrix.
 struct Matrix {

@@ -1,4 +1,4 @@
-// Projection of a torque-free body's state onto what it conserves, after each step. Twin: src/method/projection.rs, where the
+// Projection of a torque-free body's state onto what it conserves, after each step. Twin: src/kernel/method/projection.rs, where the
 // method is described.
 
 // What a free body conserves, from its state at the start.

@@ -1,4 +1,4 @@
-// rk8: Dormand and Prince's Runge-Kutta method of order 8 on (q, m). Twin: src/method/rk8.rs, where the method is described.
+// rk8: Dormand and Prince's Runge-Kutta method of order 8 on (q, m). Twin: src/kernel/method/rk8.rs, where the method is described.
 // The time of a step is a StepPlace, which the chunk that takes the step declares: rk8_equal.wgsl or rk8_adaptive.wgsl.
 
 // A slope less the first one.

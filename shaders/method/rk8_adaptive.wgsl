@@ -1,4 +1,4 @@
-// rk8 with steps that fit each body, by its own estimate of each step's error. Twin: src/method/rk8_adaptive.rs, where the
+// rk8 with steps that fit each body, by its own estimate of each step's error. Twin: src/kernel/method/rk8_adaptive.rs, where the
 // method, its controller and its limits are described.
 
 // What is asked of the steps.
@@ -78,7 +78,8 @@ fn attempt(body: Body, span: TwoWordsReal, limits: Limits, controller: Controlle
     let place = StepPlace(start_at(gone), h.value);
     let tried = slopes(body, place, h.value, state);
     let next_state = advanced(tried, h, state);
-    let error = estimated_error(tried, h.value, limits.tolerance, state, next_state);
+    // Not a number: the step was far too long.
+    let error = finite_or(estimated_error(tried, h.value, limits.tolerance, state, next_state), 1e30);
     let taken = trying && error < 1.0;
     let refused = trying && !taken;
 
@@ -87,8 +88,6 @@ fn attempt(body: Body, span: TwoWordsReal, limits: Limits, controller: Controlle
 
     let eighth_root = sqrt(sqrt(sqrt(max(error, 1e-20))));
     var factor = max(min(0.9 / eighth_root, 6.0), 1.0 / 3.0);
-    // Not a number: the step was far too long.
-    factor = select(real(1.0 / 3.0), factor, error < 1e30);
     // A step does not grow right after a refusal, and the one that the end cut short says nothing about the next.
     factor = select(factor, min(factor, 1.0), 0.5 < controller.retried);
     var next = h.value * factor;

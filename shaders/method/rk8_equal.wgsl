@@ -1,4 +1,4 @@
-// Equal steps of rk8. Twin: Rk8 and EqualStep in src/method/rk8.rs.
+// Equal steps of rk8. Twin: Rk8 and EqualStep in src/kernel/method/rk8.rs.
 
 // A step of the interval's equal ones.
 struct StepPlace {

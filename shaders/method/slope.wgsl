@@ -1,4 +1,4 @@
-// What the Runge-Kutta methods on (q, m) share: the rates, and dt/6. Twin: src/method/slope.rs.
+// What the Runge-Kutta methods on (q, m) share: the rates, and dt/6. Twin: src/kernel/method/slope.rs.
 
 struct Slope {
     q: quaternion,

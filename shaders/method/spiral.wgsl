@@ -1,4 +1,4 @@
-// spiral: two rotations a step by omega and its rate, a baseline. Twin: src/method/spiral.rs, where the method is described.
+// spiral: two rotations a step by omega and its rate, a baseline. Twin: src/kernel/method/spiral.rs, where the method is described.
 
 // dm/dt at the torque of the start.
 fn rate(body: Body, start: Epoch, q: quaternion, m: vector) -> vector {

@@ -1,4 +1,4 @@
-// splitting2, splitting4, splitting6: kicks by the torque between free flows. Twin: src/method/splitting.rs, where the
+// splitting2, splitting4, splitting6: kicks by the torque between free flows. Twin: src/kernel/method/splitting.rs, where the
 // methods are described. The order and the ends of the substeps stand in splitting2.wgsl, splitting4.wgsl or
 // splitting6.wgsl.
 

@@ -1,4 +1,4 @@
-// Strang's composition, by the ends of its substeps as fractions of the step. Twin: STRANG in src/method/splitting.rs.
+// Strang's composition, by the ends of its substeps as fractions of the step. Twin: STRANG in src/kernel/method/splitting.rs.
 
 const ORDER: u32 = 2u;
 

@@ -1,5 +1,5 @@
 // The compositions of splitting6, by the ends of their substeps as fractions of the step. Twin: the constants of
-// src/method/splitting.rs.
+// src/kernel/method/splitting.rs.
 
 const ORDER: u32 = 6u;
 

@@ -1,4 +1,4 @@
-// What a step has to say of a body, as numbers in a column of the state. Twin: src/method/status.rs.
+// What a step has to say of a body, as numbers in a column of the state. Twin: src/bodies/status.rs.
 
 const NOT_CONVERGED: real = 1.0;
 const STEP_TOO_LONG: real = 2.0;

@@ -1,8 +1,8 @@
-// No torque. Twin: Free in src/torque/mod.rs.
+// No torque. Twin: Free in src/kernel/torque_kernel.rs.
 
 const FREE: bool = true;
 
-// VelocityDependence in src/torque/mod.rs.
+// VelocityDependence in src/kernel/torque_kernel.rs.
 const NO_DEPENDENCE: u32 = 0u;
 const LINEAR_DRAG: u32 = 1u;
 const GENERAL_DEPENDENCE: u32 = 2u;

@@ -1,4 +1,4 @@
-// Times of steps that each body starts when it likes. Twin: src/torque/sum/columns.rs and ticks_in in src/clock.rs.
+// Times of steps that each body starts when it likes. Twin: src/torque/sum/columns.rs and ticks_in in src/math/clock.rs.
 
 // The start of a step.
 struct Start {

@@ -1,4 +1,4 @@
-// Constants and series of the torques, in 64 bits. Twin: ARTANH_TERMS of f64 in src/real.rs.
+// Constants and series of the torques, in 64 bits. Twin: ARTANH_TERMS of f64 in src/math/real.rs.
 
 const TAU: real = 6.28318530717958647693;
 const SQRT_2: real = 1.41421356237309504880;

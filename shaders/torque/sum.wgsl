@@ -20,7 +20,7 @@ override inertia_ramp_first: u32 = 0u;
 override inertia_oscillation_count: u32 = 0u;
 override inertia_oscillation_first: u32 = 0u;
 
-// VelocityDependence in src/torque/mod.rs.
+// VelocityDependence in src/kernel/torque_kernel.rs.
 const NO_DEPENDENCE: u32 = 0u;
 const LINEAR_DRAG: u32 = 1u;
 const GENERAL_DEPENDENCE: u32 = 2u;

@@ -1,27 +1,23 @@
 //! Work-precision: wall time against attitude error, of every method on every problem.
 //!
-//! A case is a problem, a way of solving it and an engine. What is timed is the compute phase alone: set-up (principal
+//! A case is a problem, a strategy and an engine. What is timed is the compute phase alone: set-up (principal
 //! axes, scaling, constants of the closed form) and start (upload, shader compilation) have columns of their own, reading
 //! back is not timed. Errors come from a run's first repeat and are the same to the last bit in every run on a machine.
 
 use std::path::Path;
-use std::time::Instant;
 
 use super::front::{self, Point};
 use super::problem::{Errors, NAMES, Problem, Truth};
 use super::row::Row;
-use super::timing::{Timing, repeat};
-use super::way::{self, Sample, Way};
+use super::timing::Timing;
 use super::{Bench, Case, Swept, Watcher, sweep};
-use crate::batch::Precision;
-use crate::engine::adaptive::AdaptiveSteps;
+use crate::bench::strategy::{self, Sample, Strategy};
 use crate::engine::{Engine, EngineKind};
 use crate::error::Result;
-use crate::method::Method;
-use crate::method::rk8_adaptive::least_tolerance;
-use crate::plan::Plan;
-use crate::record::Quantiles;
-use crate::scene::{Accuracy, Scene};
+use crate::kernel::method::Method;
+use crate::kernel::method::rk8_adaptive::least_tolerance;
+use crate::math::Precision;
+use crate::math::Quantiles;
 
 /// The table's name.
 pub const TABLE: &str = "accuracy";
@@ -53,13 +49,13 @@ const QUICK_STEP_ERRORS: [f64; 3] = [1e-4, 1e-6, 1e-9];
 /// its check.
 pub const GREATEST_ERROR: f64 = 0.1;
 
-/// A problem, a way and an engine.
+/// A problem, a strategy and an engine.
 #[derive(Clone, Debug)]
 pub struct AccuracyCase {
     /// One of [`NAMES`].
     pub problem: &'static str,
     /// How it is solved.
-    pub way: Way,
+    pub strategy: Strategy,
     /// What solves it.
     pub engine: Engine,
 }
@@ -70,12 +66,12 @@ impl Case for AccuracyCase {
             EngineKind::Cpu => "cpu",
             EngineKind::Gpu => "gpu",
         };
-        let (method, precision) = (self.way.method(), self.way.precision());
-        let amount = match self.way {
-            Way::Stepped { steps, .. } => format!("{steps} steps"),
-            Way::Adaptive { tolerance, .. } => format!("tolerance {tolerance:e}"),
-            Way::ClosedForm { .. } => "1 evaluation".to_owned(),
-            Way::Asked { tolerance } => format!("{tolerance:e} rad"),
+        let (method, precision) = (self.strategy.method(), self.strategy.precision());
+        let amount = match self.strategy {
+            Strategy::Stepped { steps, .. } => format!("{steps} steps"),
+            Strategy::Adaptive { tolerance, .. } => format!("tolerance {tolerance:e}"),
+            Strategy::ClosedForm { .. } => "1 evaluation".to_owned(),
+            Strategy::Asked { tolerance } => format!("{tolerance:e} rad"),
         };
         format!("{}/{engine}/{method}/{precision}/{amount}", self.problem)
     }
@@ -85,7 +81,7 @@ impl Case for AccuracyCase {
     }
 }
 
-/// All cases: problem by problem, on each engine by each way.
+/// All cases: problem by problem, on each engine by each strategy.
 pub fn cases(bench: &Bench) -> Vec<AccuracyCase> {
     let (steps, tolerances): (&[u64], &[f64]) =
         if bench.quick { (&QUICK_STEPS, &QUICK_TOLERANCES) } else { (&STEPS, &TOLERANCES) };
@@ -93,32 +89,32 @@ pub fn cases(bench: &Bench) -> Vec<AccuracyCase> {
     for problem in NAMES {
         let free = matches!(problem, "free" | "separatrix");
         for engine in &bench.engines {
-            let mut add = |way| cases.push(AccuracyCase { problem, way, engine: engine.clone() });
+            let mut add = |strategy| cases.push(AccuracyCase { problem, strategy, engine: engine.clone() });
             // Shaders take long to compile, above all on a software adapter.
             let few = bench.quick && engine.description().kind == EngineKind::Gpu;
             for method in Method::ALL.into_iter().filter(|method| !few || QUICK_SHADERS.contains(method)) {
                 for &precision in engine.precisions() {
                     for &steps in steps {
                         let steps = if problem == "separatrix" { LONG * steps } else { steps };
-                        add(Way::Stepped { method, precision, steps });
+                        add(Strategy::Stepped { method, precision, steps });
                     }
                 }
             }
             let among = if bench.quick { &QUICK_STEP_ERRORS[..] } else { &STEP_ERRORS[..] };
             for &precision in engine.precisions() {
                 for &tolerance in among.iter().filter(|&&tolerance| tolerance >= least_tolerance(precision)) {
-                    add(Way::Adaptive { method: Method::Rk8, precision, tolerance });
+                    add(Strategy::Adaptive { method: Method::Rk8, precision, tolerance });
                 }
             }
             if engine.description().kind == EngineKind::Cpu {
                 for &tolerance in among {
-                    add(Way::Adaptive { method: Method::Taylor, precision: Precision::F64, tolerance });
+                    add(Strategy::Adaptive { method: Method::Taylor, precision: Precision::F64, tolerance });
                 }
             }
             if free {
-                engine.precisions().iter().for_each(|&precision| add(Way::ClosedForm { precision }));
+                engine.precisions().iter().for_each(|&precision| add(Strategy::ClosedForm { precision }));
             }
-            tolerances.iter().for_each(|&tolerance| add(Way::Asked { tolerance }));
+            tolerances.iter().for_each(|&tolerance| add(Strategy::Asked { tolerance }));
         }
     }
     cases
@@ -170,54 +166,18 @@ fn measure(bench: &Bench, case: &AccuracyCase, problem: &Problem, truth: &Truth)
 }
 
 fn repeated(bench: &Bench, case: &AccuracyCase, problem: &Problem, truth: &Truth) -> Result<Measured> {
-    let engine = &case.engine;
-    let mut first: Option<Sample> = None;
-    let mut keep = |sample: Sample| {
-        let seconds = sample.compute;
-        first.get_or_insert(sample);
-        Ok(seconds)
-    };
-    let scene = || {
-        let scene = Scene::new(problem.ensemble.clone()).until(problem.span);
-        problem.torques.iter().cloned().fold(scene, Scene::torque)
-    };
-    let mut planning = 0.0;
-    let compute = match case.way {
-        Way::Stepped { method, precision, steps } => {
-            repeat(bench.repeats(), || keep(way::stepped(engine, problem, method, precision, steps)?))?
-        }
-        Way::Adaptive { method, precision, tolerance } => {
-            let steps = AdaptiveSteps { tolerance, least_step: None };
-            let scene = match method {
-                Method::Taylor => scene().taylor(steps),
-                _ => scene().adaptive(steps, Some(precision)),
-            };
-            let plan = Plan::new(&scene, engine)?;
-            repeat(bench.repeats(), || keep(way::planned(engine, &plan)?))?
-        }
-        Way::ClosedForm { precision } => {
-            repeat(bench.repeats(), || keep(way::closed_form(engine, problem, precision)?))?
-        }
-        Way::Asked { tolerance } => {
-            let scene = scene().accuracy(Accuracy::attitude(tolerance));
-            let clock = Instant::now();
-            let plan = Plan::new(&scene, engine)?;
-            planning = clock.elapsed().as_secs_f64();
-            repeat(bench.repeats(), || keep(way::planned(engine, &plan)?))?
-        }
-    };
-    let sample = first.unwrap_or_default();
+    let (planning, sample, compute) = strategy::repeated(bench.repeats(), &case.engine, problem, case.strategy)?;
     let errors = truth.errors(&sample.states);
-    let fault = fault(&errors, case.way);
+    let fault = fault(&errors, case.strategy);
     Ok(Measured { planning, sample, compute, errors, fault })
 }
 
 /// Why a result fails its check; empty where it passes.
-fn fault(errors: &Errors, way: Way) -> String {
+fn fault(errors: &Errors, strategy: Strategy) -> String {
     let error = errors.attitude.p99;
-    match way {
+    match strategy {
         _ if errors.failed > 0 => format!("{} bodies failed", errors.failed),
-        Way::Asked { tolerance } if error > tolerance => {
+        Strategy::Asked { tolerance } if error > tolerance => {
             format!("attitude error {error:.1e} rad at the 99th percentile; {tolerance:e} was asked for")
         }
         _ if error > GREATEST_ERROR => format!("attitude error above {GREATEST_ERROR} rad at the 99th percentile"),
@@ -236,18 +196,18 @@ impl Measured {
 
     fn row(&self, case: &AccuracyCase, problem: &Problem, truth: &Truth) -> Row {
         let bodies = problem.ensemble.len();
-        let (steps, tolerance) = match case.way {
-            Way::Stepped { steps, .. } => (steps as f64, f64::NAN),
-            Way::Adaptive { tolerance, .. } => (self.sample.body_steps as f64 / bodies as f64, tolerance),
-            Way::ClosedForm { .. } => (0.0, f64::NAN),
-            Way::Asked { tolerance } => (self.sample.body_steps as f64 / bodies as f64, tolerance),
+        let (steps, tolerance) = match case.strategy {
+            Strategy::Stepped { steps, .. } => (steps as f64, f64::NAN),
+            Strategy::Adaptive { tolerance, .. } => (self.sample.body_steps as f64 / bodies as f64, tolerance),
+            Strategy::ClosedForm { .. } => (0.0, f64::NAN),
+            Strategy::Asked { tolerance } => (self.sample.body_steps as f64 / bodies as f64, tolerance),
         };
         let seconds = self.compute.median;
         let rate = |amount: f64| if seconds > 0.0 { amount / seconds } else { f64::NAN };
         Row::new()
             .with("problem", problem.name)
-            .with("method", case.way.method())
-            .with("precision", case.way.precision())
+            .with("method", case.strategy.method())
+            .with("precision", case.strategy.precision())
             .with("bodies", bodies)
             .with("span_s", problem.span)
             .with("steps_mean", steps)

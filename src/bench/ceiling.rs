@@ -3,12 +3,12 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use crate::batch::Precision;
-use crate::engine::gpu::{adapters, wgpu};
+use crate::engine::gpu::{Device, adapters, rates};
 use crate::engine::{Description, EngineKind};
 use crate::error::{Error, Result};
-use crate::lanes::{LaneScalar, LaneTask};
-use crate::real::{Real, Scalar};
+use crate::math::Precision;
+use crate::math::lanes::{LaneScalar, LaneTask};
+use crate::math::real::{Real, Scalar};
 
 /// Ceilings of one engine in one precision.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -100,142 +100,13 @@ fn fastest(mut measure: impl FnMut() -> f64) -> f64 {
     (0..TRIES).map(|_| measure()).fold(0.0, f64::max)
 }
 
-/// Invocations of one dispatch.
-const INVOCATIONS: u32 = 1 << 16;
-/// Iterations of an invocation's loop; software adapters leave a shader's loops after 65,535.
-const ITERATIONS: u32 = 1 << 12;
-/// Numbers that the copying kernel reads and writes: 64 MiB of `f32`.
-const COPIED: u32 = 1 << 24;
-
-/// Eight independent chains of four lanes, once with `fma`, which adapters without the instruction emulate at great cost,
-/// and once with a product and a sum, which compilers may fuse; every invocation copies its share with the stride of all,
-/// as kernels do.
-const SHADER: &str = "
-@group(0) @binding(0) var<storage, read> source: array<real>;
-@group(0) @binding(1) var<storage, read_write> target_: array<real>;
-
-@compute @workgroup_size(64)
-fn fused(@builtin(global_invocation_id) id: vec3<u32>) {
-    let factor = vec4<real>(source[0]);
-    let addend = vec4<real>(source[1]);
-    var a = vec4<real>(source[id.x]);
-    var b = a + addend; var c = b + addend; var d = c + addend;
-    var e = d + addend; var f = e + addend; var g = f + addend; var h = g + addend;
-    for (var i = 0u; i < ITERATIONSu; i += 1u) {
-        a = fma(a, factor, addend); b = fma(b, factor, addend); c = fma(c, factor, addend); d = fma(d, factor, addend);
-        e = fma(e, factor, addend); f = fma(f, factor, addend); g = fma(g, factor, addend); h = fma(h, factor, addend);
-    }
-    let sum = a + b + c + d + e + f + g + h;
-    target_[id.x] = sum.x + sum.y + sum.z + sum.w;
-}
-
-@compute @workgroup_size(64)
-fn separate(@builtin(global_invocation_id) id: vec3<u32>) {
-    let factor = vec4<real>(source[0]);
-    let addend = vec4<real>(source[1]);
-    var a = vec4<real>(source[id.x]);
-    var b = a + addend; var c = b + addend; var d = c + addend;
-    var e = d + addend; var f = e + addend; var g = f + addend; var h = g + addend;
-    for (var i = 0u; i < ITERATIONSu; i += 1u) {
-        a = a * factor + addend; b = b * factor + addend; c = c * factor + addend; d = d * factor + addend;
-        e = e * factor + addend; f = f * factor + addend; g = g * factor + addend; h = h * factor + addend;
-    }
-    let sum = a + b + c + d + e + f + g + h;
-    target_[id.x] = sum.x + sum.y + sum.z + sum.w;
-}
-
-@compute @workgroup_size(64)
-fn copy(@builtin(global_invocation_id) id: vec3<u32>) {
-    for (var i = id.x; i < arrayLength(&source); i += INVOCATIONSu) { target_[i] = source[i]; }
-}
-";
+/// How long a dispatch takes, s.
+const DISPATCH: f64 = 0.02;
 
 async fn graphics(description: &Description, precision: Precision) -> Result<Ceiling> {
-    let failed = |reason: String| Error::Device { adapter: description.name.clone(), reason };
+    let gone = || Error::Device { adapter: description.name.clone(), reason: "is no longer there".to_owned() };
     let adapter = adapters().await.into_iter().find(|adapter| adapter.get_info().name == description.name);
-    let adapter = adapter.ok_or_else(|| failed("is no longer there".to_owned()))?;
-    let descriptor = wgpu::DeviceDescriptor {
-        required_features: adapter.features() & wgpu::Features::SHADER_F64,
-        required_limits: adapter.limits(),
-        ..Default::default()
-    };
-    let (device, queue) = adapter.request_device(&descriptor).await.map_err(|error| failed(error.to_string()))?;
-    let (alias, word) = match precision {
-        Precision::F32 => ("alias real = f32;", size_of::<f32>()),
-        Precision::F64 => ("alias real = f64;", size_of::<f64>()),
-    };
-    let text = format!("{alias}{SHADER}");
-    let text =
-        text.replace("ITERATIONSu", &format!("{ITERATIONS}u")).replace("INVOCATIONSu", &format!("{INVOCATIONS}u"));
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some("ceilings"),
-        source: wgpu::ShaderSource::Wgsl(text.into()),
-    });
-    // As many numbers as one binding takes.
-    let numbers = u64::from(COPIED).min(device.limits().max_storage_buffer_binding_size / word as u64);
-    let buffer = || {
-        device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("ceilings"),
-            size: numbers * word as u64,
-            usage: wgpu::BufferUsages::STORAGE,
-            mapped_at_creation: false,
-        })
-    };
-    let buffers = [buffer(), buffer()];
-    let entry = |binding, read_only| wgpu::BindGroupLayoutEntry {
-        binding,
-        visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer {
-            ty: wgpu::BufferBindingType::Storage { read_only },
-            has_dynamic_offset: false,
-            min_binding_size: None,
-        },
-        count: None,
-    };
-    let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("ceilings"),
-        entries: &[entry(0, true), entry(1, false)],
-    });
-    let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        bind_group_layouts: &[Some(&layout)],
-        ..Default::default()
-    });
-    let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: Some("ceilings"),
-        layout: &layout,
-        entries: &std::array::from_fn::<_, 2, _>(|binding| wgpu::BindGroupEntry {
-            binding: binding as u32,
-            resource: buffers[binding].as_entire_binding(),
-        }),
-    });
-    let seconds = |entry_point: &str| -> Result<f64> {
-        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(entry_point),
-            layout: Some(&pipeline_layout),
-            module: &module,
-            entry_point: Some(entry_point),
-            compilation_options: Default::default(),
-            cache: None,
-        });
-        let mut least = f64::INFINITY;
-        for _ in 0..TRIES {
-            let mut encoder = device.create_command_encoder(&Default::default());
-            let mut pass = encoder.begin_compute_pass(&Default::default());
-            pass.set_pipeline(&pipeline);
-            pass.set_bind_group(0, &group, &[]);
-            pass.dispatch_workgroups(INVOCATIONS / 64, 1, 1);
-            drop(pass);
-            let commands = encoder.finish();
-            let clock = Instant::now();
-            queue.submit([commands]);
-            device.poll(wgpu::PollType::wait_indefinitely()).map_err(|error| failed(error.to_string()))?;
-            least = least.min(clock.elapsed().as_secs_f64());
-        }
-        Ok(least)
-    };
-    // Eight chains of four lanes, two operations each.
-    let operations = 2.0 * 8.0 * 4.0 * f64::from(ITERATIONS) * f64::from(INVOCATIONS);
-    let flops = operations / seconds("fused")?.min(seconds("separate")?);
-    let bandwidth = 2.0 * numbers as f64 * word as f64 / seconds("copy")?;
-    Ok(Ceiling { flops, bandwidth })
+    let device = Device::open(&adapter.ok_or_else(gone)?).await?;
+    let flops = rates::flops(&device, precision, TRIES, DISPATCH)?;
+    Ok(Ceiling { flops, bandwidth: rates::bandwidth(&device, precision, TRIES)? })
 }

@@ -11,11 +11,14 @@ use glam::{DQuat, DVec3};
 
 use super::row::Row;
 use super::{Bench, Case, Swept, Watcher, sweep};
-use crate::batch::{BodyState, Precision, prepare_with};
+use crate::bodies::BodyState;
+use crate::bodies::Ensemble;
+use crate::bodies::Status;
+use crate::engine::batch::prepare_with;
 use crate::engine::{Engine, EngineKind, unobserved};
-use crate::ensemble::Ensemble;
 use crate::error::Result;
-use crate::method::{Method, Status};
+use crate::kernel::method::Method;
+use crate::math::Precision;
 use crate::study::draw::{Column, Draw};
 use crate::torque::{Orbit, Torque};
 

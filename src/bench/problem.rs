@@ -2,14 +2,17 @@
 
 use rayon::prelude::*;
 
-use crate::batch::{BodyState, Precision, prepare_with};
+use crate::bodies::BodyState;
+use crate::bodies::Ensemble;
+use crate::bodies::Status;
+use crate::bodies::frame::attitude_error;
+use crate::engine::batch::prepare_with;
 use crate::engine::{Engine, unobserved};
-use crate::ensemble::Ensemble;
 use crate::error::Result;
-use crate::free_motion::FreeMotion;
-use crate::method::{Method, Status};
-use crate::record::Quantiles;
-use crate::run::shadow::attitude_error;
+use crate::kernel::free_motion::FreeMotion;
+use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::math::Quantiles;
 use crate::study::problem;
 use crate::torque::Torque;
 

@@ -7,6 +7,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use crate::error::RowFault;
 use crate::error::{Error, FileAction, Result};
 use crate::study::text::{CUT, Lines};
 
@@ -105,7 +106,7 @@ impl Row {
 
     /// The row with the median, 99th percentile and maximum of a quantity: `name_median`, `name_p99`, `name_max`.
     #[must_use]
-    pub fn with_quantiles(self, name: &str, quantiles: &crate::record::Quantiles) -> Self {
+    pub fn with_quantiles(self, name: &str, quantiles: &crate::math::Quantiles) -> Self {
         self.with(&format!("{name}_median"), quantiles.median)
             .with(&format!("{name}_p99"), quantiles.p99)
             .with(&format!("{name}_max"), quantiles.max)
@@ -169,44 +170,6 @@ fn csv_line(cells: impl Iterator<Item = String>) -> Vec<u8> {
     // Writing to memory does not fail.
     let _ = writer.write_record(cells);
     writer.into_inner().unwrap_or_default()
-}
-
-/// What is wrong with a file of rows.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum RowFault {
-    /// Its columns are not those that this version writes.
-    Columns,
-    /// It cannot be read as comma-separated values.
-    Csv(String),
-    /// A body is asked for that it has no row of.
-    NoBody {
-        /// The body's number, from 0.
-        body: usize,
-        /// How many bodies there are.
-        bodies: usize,
-    },
-    /// It has no row that was measured on this engine.
-    NoEngine {
-        /// The engine's name.
-        engine: String,
-    },
-}
-
-impl std::fmt::Display for RowFault {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            RowFault::Columns => formatter.write_str(
-                "its columns are not those of this version, whose rows cannot be appended: name another folder with --out",
-            ),
-            RowFault::Csv(reason) => formatter.write_str(reason),
-            RowFault::NoBody { body, bodies } => {
-                write!(formatter, "there is no body {body}: it has {bodies}, counted from 0")
-            }
-            RowFault::NoEngine { engine } => {
-                write!(formatter, "no valid row of {engine}: `polhode bench accuracy --out` this folder leaves some")
-            }
-        }
-    }
 }
 
 /// The rows of one benchmark: `NAME.csv` and the same as lines of JSON in `NAME.json`.

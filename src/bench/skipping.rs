@@ -1,7 +1,7 @@
 //! What is saved by leaving out work that a scene does not need: each scene with and without.
 //!
 //! A scene is made so that one kind of skip matters in it. It is run twice with the same error asked for, once as planned
-//! and once the long way ([`Scene::skipping`]), and the ends are compared.
+//! and once without skipping ([`Scene::skipping`]), and the ends are compared.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -13,20 +13,25 @@ use super::problem::SEED;
 use super::row::Row;
 use super::timing::{Timing, repeat};
 use super::{Bench, Case, Swept, Watcher, sweep};
-use crate::batch::{self, BodyState, Precision, STATE_COMPONENTS};
+use crate::bodies::BodyState;
+use crate::bodies::Ensemble;
+use crate::bodies::columns::STATE_COMPONENTS;
+use crate::bodies::ensemble::Translation;
+use crate::bodies::frame::attitude_error;
+use crate::engine::batch;
 use crate::engine::{Engine, EngineKind};
-use crate::ensemble::{Ensemble, Translation};
 use crate::error::Result;
-use crate::force::Force;
-use crate::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
-use crate::observe::Statistic;
+use crate::kernel::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
+use crate::kernel::observe::Statistic;
+use crate::math::Precision;
+use crate::math::Quantiles;
 use crate::plan::{Plan, SkipName, Treatment};
-use crate::record::{OutputState, Quantiles, Sink};
+use crate::record::{OutputState, Sink};
 use crate::run::run_into;
-use crate::run::shadow::attitude_error;
 use crate::scene::{Accuracy, Outputs, Scene};
 use crate::study::problem;
 use crate::torque::Torque;
+use crate::torque::force::Force;
 
 /// The table's name.
 pub const TABLE: &str = "skipping";
@@ -110,7 +115,7 @@ fn falling(ensemble: Ensemble) -> Scene {
     Scene::new(ensemble).force(gravity).force(Force::linear_drag(0.1))
 }
 
-/// The scene in which a skip matters, as it is planned, and the long way.
+/// The scene in which a skip matters, as it is planned, and without skipping.
 fn scenes(skip: SkipName, bodies: usize) -> Result<(Scene, Scene)> {
     let free = problem::free(bodies, SEED)?;
     // The bodies of the free problem with other moments or spins.
@@ -155,7 +160,7 @@ fn scenes(skip: SkipName, bodies: usize) -> Result<(Scene, Scene)> {
     let scene = ask(scene);
     let often = || Outputs::Every(SPAN / f64::from(OUTPUTS));
     Ok(match skip {
-        // Here the long way is to hand out states that nobody reads.
+        // Without this skip the run hands out states that nobody reads.
         SkipName::Outputs => (scene.clone(), scene.outputs(often())),
         SkipName::States => {
             let scene = scene.outputs(often()).statistics(&Statistic::ALL);

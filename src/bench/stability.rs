@@ -10,13 +10,16 @@ use glam::{DQuat, DVec3};
 
 use super::row::Row;
 use super::{Bench, Case, Swept, Watcher, sweep};
-use crate::batch::{BodyState, Precision, prepare};
+use crate::bodies::BodyState;
+use crate::bodies::Ensemble;
+use crate::bodies::Status;
+use crate::bodies::frame::attitude_error;
+use crate::engine::batch::prepare;
 use crate::engine::{Engine, EngineKind, unobserved};
-use crate::ensemble::Ensemble;
 use crate::error::Result;
-use crate::free_motion::FreeMotion;
-use crate::method::{Method, Status, TorqueKind};
-use crate::run::shadow::attitude_error;
+use crate::kernel::free_motion::FreeMotion;
+use crate::kernel::method::{Method, TorqueKind};
+use crate::math::Precision;
 use crate::study::draw::{Column, Draw};
 
 /// The name of the table of an arithmetic: the whole atlas in one file would be larger than a repository should hold.

@@ -5,58 +5,51 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::adaptive::{
-    AdaptiveSession, AdaptiveSteps, TAYLOR_ADAPTS, TAYLOR_IN_F64, check_equal_steps, check_torques, taylor_unavailable,
-};
 use super::projected::conserving;
 use super::watch::{Job, Watch, watched};
 use super::{Backend, Description, EngineKind, FreeSession, Observer, Session, check_step, check_time};
-use crate::batch::{
-    AnyBatch, Batch, Precision, StateWords, column_parts, load_body, load_invariants, load_state, state_columns,
-    store_state, two_words,
+use crate::bodies::columns::{StateWords, column_parts, state_columns};
+use crate::engine::adaptive_session::{
+    AdaptiveSession, TAYLOR_ADAPTS, TAYLOR_IN_F64, check_equal_steps, check_torques, taylor_unavailable,
 };
-use crate::clock::{Clock, MOST_LANES};
+use crate::engine::batch::{AnyBatch, Batch, load_body, load_invariants, load_state, store_state};
 use crate::error::{Error, Result};
-use crate::free_motion::{AnyRows, FreeMotionRows};
-use crate::lanes::{LaneScalar, LaneTask};
-use crate::method::{
-    Method, Step, cf4::Cf4, clamped_euler::ClampedEuler, dlm::Dlm, explicit_euler::ExplicitEuler,
-    gyro_newton::GyroNewton, implicit_midpoint::ImplicitMidpoint, rk4::Rk4, rk8::Rk8, spiral::Spiral,
-    splitting::Splitting,
-};
-use crate::observe::Kernel;
-use crate::real::{Real, Scalar};
+use crate::kernel::free_motion::{AnyRows, FreeMotionRows};
+use crate::kernel::method::cf4::Cf4;
+use crate::kernel::method::clamped_euler::ClampedEuler;
+use crate::kernel::method::dlm::Dlm;
+use crate::kernel::method::explicit_euler::ExplicitEuler;
+use crate::kernel::method::gyro_newton::GyroNewton;
+use crate::kernel::method::implicit_midpoint::ImplicitMidpoint;
+use crate::kernel::method::rk4::Rk4;
+use crate::kernel::method::rk8::Rk8;
+use crate::kernel::method::spiral::Spiral;
+use crate::kernel::method::splitting::Splitting;
+use crate::kernel::method::{Method, Step};
+use crate::kernel::observe::Kernel;
+use crate::kernel::torque_kernel::TorqueKernel;
+use crate::math::Precision;
+use crate::math::Width;
+use crate::math::clock::{Clock, MOST_LANES};
+use crate::math::lanes::{LaneScalar, LaneTask};
+use crate::math::real::{Real, Scalar};
+use crate::math::vector::TwoWords;
+use crate::math::vector::two_words;
+use crate::scene::AdaptiveSteps;
+use crate::torque::TorqueTable;
 use crate::torque::sum::Source;
-use crate::torque::{Environment, TorqueTable};
-use crate::vector::TwoWords;
 
 mod adaptive;
 mod observe;
 mod seats;
-mod surroundings;
 mod taylor;
 mod tile;
+mod torque_kernels;
 
 use adaptive::CpuAdaptiveSession;
 use observe::Reducer;
-use surroundings::{AllTorques, CommonTorques, Nothing, Projected, Surroundings};
 use tile::TileStep;
-
-/// Whether the CPU engine runs in SIMD lanes or one body at a time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Width {
-    /// The widest lanes of this processor, with fused multiply-add.
-    Lanes,
-    /// One body at a time without fused multiply-add: the reference in `f64`, the shader's twin in `f32`.
-    Scalar,
-}
-
-impl Width {
-    /// Whether bodies are stepped several at a time.
-    fn has_lanes<T: LaneScalar>(self) -> bool {
-        self == Width::Lanes && T::lane_count() > 1
-    }
-}
+use torque_kernels::{AllTorques, CommonTorques, LaneTorques, Nothing, Projected};
 
 /// Integrates on the processor.
 #[derive(Clone, Copy, Debug)]
@@ -83,6 +76,7 @@ impl Backend for Cpu {
             driver: String::new(),
             software: false,
             arithmetic: None,
+            on_host: None,
         }
     }
 
@@ -102,6 +96,14 @@ impl Backend for Cpu {
         let batch = conserving(batch, method)?;
         let clock = batch.torques.clock();
         Ok(Box::new(CpuSession { batch, method, width: self.width, clock, projected: true, reducer: None }))
+    }
+
+    fn speed(&self, _precision: Precision) -> Option<f64> {
+        Some(rayon::current_num_threads() as f64)
+    }
+
+    fn speed_of_series(&self) -> Option<f64> {
+        self.speed(Precision::F64)
     }
 
     fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
@@ -214,6 +216,10 @@ impl<T: LaneScalar + Kernel> Session for CpuSession<T> {
         self.work(dt, steps).map(Some)
     }
 
+    fn has_jobs(&self) -> bool {
+        true
+    }
+
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
         Ok(self.batch.read(bodies))
     }
@@ -313,7 +319,7 @@ impl<T: LaneScalar> CpuSession<T> {
     }
 
     /// In lanes or singly, as the session was opened.
-    fn advance_in<M: Step, S: Surroundings>(&mut self, dt: f64, steps: u64) -> Job<'_> {
+    fn advance_in<M: Step, S: LaneTorques>(&mut self, dt: f64, steps: u64) -> Job<'_> {
         let kernel = if self.width.has_lanes::<T>() { in_lanes::<T, M, S> } else { one_by_one::<T, M, S> };
         self.advance_blocks(dt, steps, kernel)
     }
@@ -369,18 +375,18 @@ struct Block<'a, 'b, T> {
     steps: u64,
 }
 
-fn in_lanes<T: LaneScalar, M: Step, S: Surroundings>(block: Block<'_, '_, T>) {
+fn in_lanes<T: LaneScalar, M: Step, S: LaneTorques>(block: Block<'_, '_, T>) {
     T::dispatch(Advance::<T, M, S>(block, PhantomData));
 }
 
-fn one_by_one<T: Scalar, M: Step, S: Surroundings>(block: Block<'_, '_, T>) {
+fn one_by_one<T: Scalar, M: Step, S: LaneTorques>(block: Block<'_, '_, T>) {
     Advance::<T, M, S>(block, PhantomData).run::<T>();
 }
 
 /// Advances a block, lane group by lane group.
 struct Advance<'a, 'b, T, M, S>(Block<'a, 'b, T>, PhantomData<(M, S)>);
 
-impl<T: Scalar, M: Step, S: Surroundings> LaneTask<T> for Advance<'_, '_, T, M, S> {
+impl<T: Scalar, M: Step, S: LaneTorques> LaneTask<T> for Advance<'_, '_, T, M, S> {
     type Output = ();
     const IN_LANES_ONLY: bool = true;
 
@@ -396,7 +402,7 @@ impl<T: Scalar, M: Step, S: Surroundings> LaneTask<T> for Advance<'_, '_, T, M, 
                 value: R::splat(block.dt_words.value.to_f64()) * rate,
                 residue: R::splat(block.dt_words.residue.to_f64()) * rate,
             };
-            let wanted = M::INVARIANTS && <S::At<'_, R> as Environment<R>>::FREE;
+            let wanted = M::INVARIANTS && <S::At<'_, R> as TorqueKernel<R>>::FREE;
             let invariants = load_invariants(wanted, |column| columns.column(column));
             let mut state = load_state(|column| R::load(&block.state[column][offset..]));
             let prepared = M::prepare::<R, S::At<'_, R>>(&body, &invariants, dt);

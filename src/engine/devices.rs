@@ -1,10 +1,12 @@
 //! Which engines this machine has, and which one [`crate::engine::Engine::auto`] takes.
 
-use super::cpu::{Cpu, Width};
+use super::cpu::Cpu;
 use super::gpu::{AdapterKind, Arithmetic, Gpu, GpuOptions, adapters, driver_of, wgpu};
+use super::paired::Paired;
 use super::{Backend, Description};
-use crate::batch::Precision;
 use crate::error::{Error, Result};
+use crate::math::Precision;
+use crate::math::Width;
 
 /// An adapter's limits as far as they bound an ensemble.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -122,13 +124,13 @@ pub async fn devices_async() -> Devices {
 }
 
 /// Opens the engine that is taken where none is named.
-pub(super) async fn open_auto() -> (Choice, Box<dyn Backend>) {
+pub(super) async fn open_auto(options: GpuOptions) -> (Choice, Box<dyn Backend>) {
     let adapters = adapters().await;
     let kinds: Vec<AdapterKind> = adapters.iter().map(|adapter| adapter.get_info().device_type.into()).collect();
     let mut unusable = None;
     for index in candidates(&kinds) {
-        match Gpu::open_adapter(&adapters[index], GpuOptions::default()).await {
-            Ok(gpu) => return (Choice::Gpu { index, kind: kinds[index] }, Box::new(gpu)),
+        match Gpu::open_adapter(&adapters[index], options.clone()).await {
+            Ok(gpu) => return (Choice::Gpu { index, kind: kinds[index] }, Box::new(Paired::new(gpu))),
             Err(error) => {
                 unusable.get_or_insert(error);
             }

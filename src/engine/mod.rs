@@ -10,29 +10,37 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use crate::batch::{AnyBatch, Precision, StateWords};
+use crate::bodies::columns::StateWords;
+use crate::engine::batch::AnyBatch;
 use crate::error::Result;
-use crate::force::carried::Carried;
-use crate::free_motion::AnyRows;
-use crate::method::Method;
-use crate::plan::Plan;
-use crate::record::Record;
+use crate::kernel::free_motion::AnyRows;
+use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::math::Width;
+use crate::scene::AdaptiveSteps;
+use crate::torque::force::carried::Carried;
 
-pub mod adaptive;
+pub mod adaptive_session;
+pub mod batch;
 pub mod cpu;
 mod devices;
 pub mod gpu;
+pub mod load_balance;
+mod paired;
 pub mod projected;
 pub mod reduction;
 pub mod tap;
+mod traffic;
+pub mod under_torques;
 pub mod watch;
-pub mod work;
 
 pub use devices::{Adapter, AdapterLimits, Choice, Devices, devices, devices_async};
+pub use traffic::Traffic;
 
-use adaptive::{AdaptiveSession, AdaptiveSteps, TAYLOR_ON_CPU, taylor_unavailable};
-use cpu::{Cpu, Width};
+use adaptive_session::{AdaptiveSession, TAYLOR_ON_CPU, taylor_unavailable};
+use cpu::Cpu;
 use gpu::{Arithmetic, Gpu, GpuOptions, wgpu};
+use paired::Paired;
 use reduction::Reduce;
 use watch::Job;
 
@@ -58,6 +66,8 @@ pub struct Description {
     pub software: bool,
     /// What the probe of the adapter's arithmetic found; `None` on the CPU, whose arithmetic is that of IEEE 754.
     pub arithmetic: Option<Arithmetic>,
+    /// Of a GPU with the CPU beside it: what runs on the CPU, and why.
+    pub on_host: Option<String>,
 }
 
 /// An engine that is ready for work; copies share it.
@@ -112,23 +122,40 @@ impl Engine {
         Ok(Self { backend: Arc::new(Gpu::on(device, queue, options)?) })
     }
 
-    /// The best real GPU that can be used, else the CPU engine; [`devices`] says which and why. A software adapter is
-    /// slower than the CPU engine and never taken.
+    /// An open GPU with the CPU beside it: work in an arithmetic that the GPU lacks, or is slower in than all threads of the CPU, runs
+    /// on the CPU, and so do Taylor series. [`Description::on_host`] says what runs there.
+    ///
+    /// How fast the GPU is, is measured here, which takes some tens of milliseconds.
+    pub fn paired(gpu: Gpu) -> Self {
+        Self { backend: Arc::new(Paired::new(gpu)) }
+    }
+
+    /// The best real GPU that can be used, with the CPU beside it ([`Engine::paired`]), else the CPU engine; [`devices`] says which and
+    /// why. A software adapter is slower than the CPU engine and never taken.
     ///
     /// # Errors
     ///
     /// None at present: a GPU that fails to open gives way to the CPU engine.
     pub fn auto() -> Result<Self> {
-        pollster::block_on(Self::auto_async())
+        Self::auto_with(GpuOptions::default())
     }
 
-    /// As [`Engine::auto`], for programs with an executor of their own.
+    /// As [`Engine::auto`], within these bounds; `options.adapter` and `options.software` are not read.
     ///
     /// # Errors
     ///
     /// As [`Engine::auto`].
-    pub async fn auto_async() -> Result<Self> {
-        let (_, backend) = devices::open_auto().await;
+    pub fn auto_with(options: GpuOptions) -> Result<Self> {
+        pollster::block_on(Self::auto_async(options))
+    }
+
+    /// As [`Engine::auto_with`], for programs with an executor of their own.
+    ///
+    /// # Errors
+    ///
+    /// As [`Engine::auto`].
+    pub async fn auto_async(options: GpuOptions) -> Result<Self> {
+        let (_, backend) = devices::open_auto(options).await;
         Ok(Self { backend: backend.into() })
     }
 
@@ -149,15 +176,6 @@ impl Engine {
     /// As [`Backend::start`].
     pub fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {
         self.backend.start(batch, method)
-    }
-
-    /// Runs a plan and keeps every output in memory.
-    ///
-    /// # Errors
-    ///
-    /// As [`crate::run::run_into`], which hands outputs on instead of keeping them.
-    pub fn run(&self, plan: &Plan<'_>) -> Result<Record> {
-        crate::run::run(self, plan)
     }
 
     /// Takes the closed forms of torque-free bodies and stands ready to evaluate them at any time.
@@ -189,6 +207,18 @@ impl Backend for Engine {
 
     fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>> {
         self.backend.start_free(rows)
+    }
+
+    fn speed(&self, precision: Precision) -> Option<f64> {
+        self.backend.speed(precision)
+    }
+
+    fn speed_of_series(&self) -> Option<f64> {
+        self.backend.speed_of_series()
+    }
+
+    fn traffic(&self) -> Traffic {
+        self.backend.traffic()
     }
 
     fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>> {
@@ -250,7 +280,7 @@ pub trait Backend: Send + Sync {
     fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>>;
 
     /// As [`Backend::start`], for torque-free bodies in `f64`, with the state projected after each step onto what they conserve
-    /// ([`crate::method::projection`]).
+    /// ([`crate::kernel::method::projection`]).
     ///
     /// # Errors
     ///
@@ -264,13 +294,29 @@ pub trait Backend: Send + Sync {
     /// As [`Backend::start`].
     fn start_free(&self, rows: AnyRows) -> Result<Box<dyn FreeSession>>;
 
+    /// Steps in a precision that the engine does at a time, each of which takes as long as the table of costs says of one core
+    /// ([`crate::plan::cost::COSTS`]); `None` where it is not known.
+    fn speed(&self, _precision: Precision) -> Option<f64> {
+        None
+    }
+
+    /// The same of steps by Taylor series, in `f64`; `None` where the engine does not form them.
+    fn speed_of_series(&self) -> Option<f64> {
+        None
+    }
+
+    /// What has passed between the host and the engine's device since it was opened, by all of its sessions.
+    fn traffic(&self) -> Traffic {
+        Traffic::default()
+    }
+
     /// How the engine evaluates closed forms on the host, where it does: of bodies that are looked at once, constants are
     /// formed where their states are wanted, and not kept.
     fn evaluates_on_host(&self) -> Option<Width> {
         None
     }
 
-    /// Takes a batch and stands ready to advance it in adaptive steps, by [`crate::method::rk8_adaptive`].
+    /// Takes a batch and stands ready to advance it in adaptive steps, by [`crate::kernel::method::rk8_adaptive`].
     ///
     /// # Errors
     ///
@@ -278,7 +324,7 @@ pub trait Backend: Send + Sync {
     /// noise acts.
     fn start_adaptive(&self, batch: AnyBatch, steps: AdaptiveSteps) -> Result<Box<dyn AdaptiveSession>>;
 
-    /// The same by [`crate::method::taylor`], in `f64`.
+    /// The same by [`crate::kernel::method::taylor`], in `f64`.
     ///
     /// # Errors
     ///
@@ -317,7 +363,7 @@ pub trait Backend: Send + Sync {
     }
 
     /// As [`Backend::start`], with the centres of mass of the batch's bodies, one a row, that every step moves along
-    /// ([`crate::force::carried`]). `parts`: the most steps of a centre of mass in one of the rotation.
+    /// ([`crate::torque::force::carried`]). `parts`: the most steps of a centre of mass in one of the rotation.
     ///
     /// # Errors
     ///
@@ -371,6 +417,11 @@ pub trait Session: Reduce {
         Ok(None)
     }
 
+    /// Whether [`Session::job`] gives work.
+    fn has_jobs(&self) -> bool {
+        false
+    }
+
     /// The raw state of a range of bodies.
     ///
     /// # Errors
@@ -385,11 +436,6 @@ pub trait Session: Reduce {
     /// [`crate::Error::Device`] where the device is lost.
     fn read_centres(&mut self, _bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
         Ok(Vec::new())
-    }
-
-    /// Bytes that reads have moved from the device's memory to the host's so far; 0 where the state is in the host's.
-    fn bytes_read(&self) -> u64 {
-        0
     }
 }
 
@@ -412,16 +458,11 @@ pub trait FreeSession: Reduce {
     ///
     /// [`crate::Error::Device`] where the device is lost.
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords>;
-
-    /// Bytes that reads have moved from the device's memory to the host's so far; 0 where the state is in the host's.
-    fn bytes_read(&self) -> u64 {
-        0
-    }
 }
 
 /// The times at which a closed form can be evaluated.
 pub(crate) fn check_time(time: f64) -> Result<()> {
-    let expected = "a finite time is needed (s)";
+    let expected = "expected a finite time (s)";
     if time.is_finite() { Ok(()) } else { Err(crate::Error::Setting { field: "time", value: time, expected }) }
 }
 
@@ -433,8 +474,8 @@ pub fn unobserved(_: Progress) -> ControlFlow<()> {
 /// The step sizes that a precision can carry in two words without subnormal numbers.
 pub(crate) fn check_step(dt: f64, precision: Precision) -> Result<()> {
     let (least, greatest, expected) = match precision {
-        Precision::F32 => (1e-30, 1e30, "a step of 1e-30 to 1e30 s is needed in f32"),
-        Precision::F64 => (f64::MIN_POSITIVE, f64::MAX, "a finite step above zero is needed (s)"),
+        Precision::F32 => (1e-30, 1e30, "expected a step of 1e-30 to 1e30 s in f32"),
+        Precision::F64 => (f64::MIN_POSITIVE, f64::MAX, "expected a finite step above zero (s)"),
     };
     if dt >= least && dt <= greatest { Ok(()) } else { Err(crate::Error::Setting { field: "dt", value: dt, expected }) }
 }

@@ -4,9 +4,10 @@
 //!
 //! ```
 //! use glam::{DQuat, DVec3};
-//! use polhode::batch::{Precision, prepare};
+//! use polhode::math::Precision;
+//! use polhode::engine::batch::prepare;
 //! use polhode::engine::{Backend, Engine, unobserved};
-//! use polhode::free_motion::FreeMotion;
+//! use polhode::kernel::free_motion::FreeMotion;
 //! use polhode::{Ensemble, Method};
 //!
 //! // Almost on the separatrix: it flips every few seconds.
@@ -28,9 +29,10 @@
 //!
 //! In a scene: [`crate::Scene::projected`].
 
-use crate::batch::{AnyBatch, Batch, Precision};
+use crate::engine::batch::{AnyBatch, Batch};
 use crate::error::{Error, Result};
-use crate::method::Method;
+use crate::kernel::method::Method;
+use crate::math::Precision;
 
 /// Refuses what cannot be projected.
 ///
@@ -41,16 +43,16 @@ use crate::method::Method;
 pub fn check(precision: Precision, free: bool, method: Method) -> Result<()> {
     let refused = |expected| Err(Error::Projection { method, expected });
     if precision != Precision::F64 {
-        return refused("f64 is needed");
+        return refused("expected f64");
     }
     if !free {
-        return refused("bodies without torques are needed, as others conserve nothing of the kind");
+        return refused("expected bodies without torques, as others conserve nothing of the kind");
     }
     match method {
         Method::Rk4 | Method::Rk8 | Method::Cf4 | Method::Splitting2 | Method::Splitting4 | Method::Splitting6 => {
             Ok(())
         }
-        _ => refused("one of the methods rk4, rk8, cf4, splitting2, splitting4, splitting6 is needed"),
+        _ => refused("expected one of the methods rk4, rk8, cf4, splitting2, splitting4, splitting6"),
     }
 }
 
@@ -58,7 +60,7 @@ pub fn check(precision: Precision, free: bool, method: Method) -> Result<()> {
 pub(super) fn conserving(batch: AnyBatch, method: Method) -> Result<Batch<f64>> {
     check(batch.precision(), batch.torques().is_empty(), method)?;
     let AnyBatch::F64(mut batch) = batch else {
-        return Err(Error::Projection { method, expected: "f64 is needed" });
+        return Err(Error::Projection { method, expected: "expected f64" });
     };
     batch.append_invariants();
     batch.append_combinations();

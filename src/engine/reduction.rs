@@ -1,8 +1,11 @@
 //! What a session says of its bodies without handing all of them over.
 
-use crate::batch::{BodyFrame, StateWords};
+use std::ops::Range;
+
+use crate::bodies::BodyFrame;
+use crate::bodies::columns::StateWords;
 use crate::error::Result;
-use crate::observe::{Partial, Statistic};
+use crate::kernel::observe::{Partial, Statistic};
 
 /// A session that reduces its state where it is.
 pub trait Reduce: Send {
@@ -27,6 +30,15 @@ pub trait Reduce: Send {
     ///
     /// [`crate::Error::Device`] where the device is lost.
     fn marked(&mut self) -> Result<Marked>;
+
+    /// Says that the state of a range of bodies is read next, as it is now: an engine may bring it to the host meanwhile.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device is lost.
+    fn prefetch(&mut self, _bodies: Range<usize>) -> Result<()> {
+        Ok(())
+    }
 
     /// The raw state of some rows.
     ///

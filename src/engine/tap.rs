@@ -1,11 +1,11 @@
 //! What a method asks of its torques in one step, evaluation by evaluation, and what it is answered.
 //!
-//! Every method reaches the scene through two functions, [`Environment::motion`](crate::torque::Environment::motion) and
-//! [`Environment::torque`](crate::torque::Environment::torque), and forms dq/dt by a third. A tapped kernel (`shaders/tap.wgsl`) counts
+//! Every method reaches the scene through two functions, [`TorqueKernel::motion`](crate::kernel::torque_kernel::TorqueKernel::motion) and
+//! [`TorqueKernel::torque`](crate::kernel::torque_kernel::TorqueKernel::torque), and forms dq/dt by a third. A tapped kernel (`shaders/tap.wgsl`) counts
 //! their calls and leaves what it saw of one in place of its body's state. So that a dispatch shows a whole step, the body stands in the
 //! batch once for each view of each evaluation: row i keeps view i % [`VIEWS`] of evaluation i / [`VIEWS`].
 
-use crate::batch::StateWords;
+use crate::bodies::columns::StateWords;
 
 /// Views of an evaluation: the argument of `motion`, its results, the arguments of `torque`, its result with the time, dq/dt, and the
 /// numbers of calls.

@@ -18,6 +18,11 @@ impl Watch {
         self.done.fetch_add(done, Ordering::Relaxed);
     }
 
+    /// Says what was done, where one alone does the work.
+    pub fn set(&self, done: u64) {
+        self.done.store(done, Ordering::Relaxed);
+    }
+
     /// What was done so far.
     pub fn done(&self) -> u64 {
         self.done.load(Ordering::Relaxed)

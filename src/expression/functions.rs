@@ -1,8 +1,8 @@
 //! Elementary functions as evaluators call them: the one place where they are connected.
 
-use crate::elementary::functions::{acos, arctangent_ratio, asin, atan2, exp, ln, pow, tan};
-use crate::real::{Function, Real, sin_cos};
-use crate::torque::orbit::eccentric_anomaly;
+use crate::math::elementary::functions::{acos, arctangent_ratio, asin, atan2, exp, ln, pow, tan};
+use crate::math::kepler::eccentric_anomaly;
+use crate::math::real::{Function, Real, sin_cos};
 
 /// A function of one argument other than sine and cosine, which are formed together.
 #[inline(always)]

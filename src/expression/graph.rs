@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use std::ops::{BitOr, BitOrAssign};
 
 use super::fault::Fault;
-use crate::real::Function;
+use crate::math::real::Function;
 
 /// The most nodes of a graph.
 pub const MOST_NODES: usize = 10_000;
@@ -169,7 +169,7 @@ pub enum Operation {
     Unary(Unary, Node),
     /// Of two operands.
     Binary(Binary, Node, Node),
-    /// a b + c as [`crate::real::Real::mul_add`].
+    /// a b + c as [`crate::math::real::Real::mul_add`].
     MulAdd(Node, Node, Node),
     /// The second operand where the first, a truth value, holds, the third elsewhere.
     Select(Node, Node, Node),

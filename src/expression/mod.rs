@@ -8,7 +8,7 @@
 //! ```
 //!
 //! * [`Symbol`] is a number that records what is done with it, so that vectors, quaternions and torques, which are generic
-//!   over [`crate::real::Real`], record themselves.
+//!   over [`crate::math::real::Real`], record themselves.
 //! * [`graph`] holds scalar operations; equal ones are one node, constants are folded (`simplify.rs`).
 //! * [`Program`] is the lowered form, carried out over tiles (`tile.rs`).
 //! * Jets (`jet`) give its Taylor series, coefficient by coefficient.

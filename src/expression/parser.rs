@@ -12,9 +12,9 @@ use super::symbols::{Scope, Shape};
 use super::text::{MOST_LEVELS, Placed, Span};
 use super::value::{Value, called, joined, power, prefixed};
 use super::vocabulary;
-use crate::quaternion::Quaternion;
-use crate::real::Real;
-use crate::vector::Vector;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::Real;
+use crate::math::vector::Vector;
 
 /// How tightly operators bind, from the loosest.
 fn binding(sign: &str) -> Option<u8> {

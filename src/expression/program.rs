@@ -7,7 +7,7 @@
 use std::collections::HashMap;
 
 use super::graph::{Binary, Graph, Input, Node, Operation, Unary};
-use crate::real::Function;
+use crate::math::real::Function;
 
 /// Instructions that form some results from inputs. [`Program::evaluate_columns`] carries them out.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,12 +1,12 @@
 //! A formula recorded again with other inputs, and with exact phases instead of products by time.
 //!
 //! A time in `f32` is soon too coarse for a sine. Where the argument of a sine or cosine is r t + b, and r and b depend on
-//! parameters alone, r t is a phase that the clock counts exactly ([`crate::clock`]): an input in turns, whose rate r is formed
+//! parameters alone, r t is a phase that the clock counts exactly ([`crate::math::clock`]): an input in turns, whose rate r is formed
 //! once a body.
 
 use super::graph::{Binary, Dependence, Graph, Input, InputKind, Node, Operation, Unary};
 use super::symbol::{Symbol, Truth};
-use crate::real::{Function, Real};
+use crate::math::real::{Function, Real};
 
 /// What stands for a node.
 #[derive(Clone, Copy)]

@@ -112,7 +112,7 @@ mod tests {
     use super::super::fault::Fault;
     use super::super::graph::Binary;
     use super::*;
-    use crate::real::Real;
+    use crate::math::real::Real;
 
     #[test]
     fn a_formula_is_cut_where_its_dependence_changes() {

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use super::fault::Fault;
 use super::graph::{Binary, Builder, Graph, Input, Node, Operation, Unary};
-use crate::real::{Function, Outlined, Real};
+use crate::math::real::{Function, Outlined, Real};
 
 /// A node of the graph that the current thread records. It means nothing outside of its recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

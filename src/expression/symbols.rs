@@ -4,8 +4,8 @@ use super::fault::{Fault, nearest};
 use super::graph::{Input, InputKind};
 use super::symbol::{Recorder, Symbol};
 use super::vocabulary;
-use crate::quaternion::Quaternion;
-use crate::vector::Vector;
+use crate::math::quaternion::Quaternion;
+use crate::math::vector::Vector;
 
 /// How many numbers a value has, and what they are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -276,7 +276,7 @@ impl<'a> Scope<'a> {
         if self.symbols.inertia != Inertia::Full {
             return Vector::new(xx, yy, zz).scaled_by(v);
         }
-        use crate::real::Real;
+        use crate::math::real::Real;
         let [xy, xz, yz] = ["xy", "xz", "yz"].map(|name| self.inertia(name));
         Vector::new(
             xx.mul_add(v.x, xy.mul_add(v.y, xz * v.z)),

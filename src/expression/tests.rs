@@ -2,13 +2,13 @@
 
 use super::wgsl::{Argument, Signature};
 use super::*;
-use crate::batch::Precision;
 use crate::engine::gpu::shader::Source;
-use crate::lanes::{Each, LaneScalar, LaneTask};
-use crate::quaternion::Quaternion;
-use crate::real::{Function, Real, Scalar};
+use crate::math::Precision;
+use crate::math::lanes::{Each, LaneScalar, LaneTask};
+use crate::math::quaternion::Quaternion;
+use crate::math::real::{Function, Real, Scalar};
+use crate::math::vector::Vector;
 use crate::torque::orbiting_dipole::DipoleField;
-use crate::vector::Vector;
 use Shape::{Number, Quaternion as Rotation, Vector as Triple};
 
 /// A formula over any number type, its arguments one after another.
@@ -333,6 +333,6 @@ fn kepler_is_one_instruction() {
     })
     .unwrap();
     assert_eq!(formula.program().len(), 2);
-    let (_, sin, cos) = crate::torque::orbit::eccentric_anomaly(0.7, 0.3);
+    let (_, sin, cos) = crate::math::kepler::eccentric_anomaly(0.7, 0.3);
     assert_eq!(formula.program().evaluate_one(&[0.7, 0.3]), [sin + cos]);
 }

@@ -6,8 +6,8 @@
 
 use super::functions;
 use super::program::{Instruction, Kind, Program};
-use crate::lanes::{Each, GROUPS, LaneScalar, LaneTask};
-use crate::real::{Outlined, Real};
+use crate::math::lanes::{Each, GROUPS, LaneScalar, LaneTask};
+use crate::math::real::{Outlined, Real};
 
 /// What a program works on, for tiles of `GROUPS` lane groups: its inputs, its constants and its slots, one after another.
 #[derive(Clone)]
@@ -83,7 +83,7 @@ impl Program {
     /// # Panics
     ///
     /// If the number of inputs is not that of [`Program::inputs`].
-    pub fn evaluate_one<T: crate::real::Scalar>(&self, inputs: &[T]) -> Vec<T> {
+    pub fn evaluate_one<T: crate::math::real::Scalar>(&self, inputs: &[T]) -> Vec<T> {
         assert_eq!(inputs.len(), self.inputs.len(), "a number an input");
         let mut scratch = Scratch::<T, 1>::new(self);
         for (index, &input) in inputs.iter().enumerate() {
@@ -193,7 +193,7 @@ impl<R: Real, const GROUPS: usize> Outlined for FunctionOfTile<'_, R, GROUPS> {
             Kind::SinCos => {
                 let a = numbers[a];
                 for (k, &x) in a.iter().enumerate() {
-                    (numbers[to][k], numbers[c][k]) = crate::real::sin_cos(x);
+                    (numbers[to][k], numbers[c][k]) = crate::math::real::sin_cos(x);
                 }
             }
             Kind::Kepler => {

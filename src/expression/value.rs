@@ -4,9 +4,9 @@ use super::fault::Fault;
 use super::symbol::{Symbol, Truth};
 use super::symbols::{Scope, Shape};
 use super::vocabulary;
-use crate::quaternion::Quaternion;
-use crate::real::{Function, Real, sin_cos};
-use crate::vector::Vector;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::{Function, Real, sin_cos};
+use crate::math::vector::Vector;
 
 /// A value.
 #[derive(Clone, Copy, Debug)]

@@ -8,7 +8,7 @@ use std::fmt::{self, Write};
 
 use super::graph::{Binary, Graph, Input, Node, Operation, Unary};
 use super::symbols::Shape;
-use crate::real::Function;
+use crate::math::real::Function;
 
 /// A function's name, its parameters and what is said about it.
 #[derive(Clone, Debug, Default)]

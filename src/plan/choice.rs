@@ -5,12 +5,14 @@ use glam::DVec3;
 use super::class::{Bound, FreeBody, Shape, Verdict};
 use super::driven::TorqueSet;
 use super::group::Treatment;
-use crate::batch::{BodyFrame, Precision, frame_of, scaled_by_power_of_two};
-use crate::engine::adaptive::AdaptiveSteps;
-use crate::free_motion::Aligned;
-use crate::method::Method;
-use crate::method::rk8_adaptive::least_tolerance;
-use crate::record::ADAPTIVE;
+use crate::bodies::BodyFrame;
+use crate::engine::batch::frame_of;
+use crate::kernel::free_motion::Aligned;
+use crate::kernel::method::Method;
+use crate::kernel::method::rk8_adaptive::least_tolerance;
+use crate::math::Precision;
+use crate::math::power_of_two::scaled_by_power_of_two;
+use crate::scene::AdaptiveSteps;
 use crate::scene::{Accuracy, Scene};
 use crate::torque;
 
@@ -27,7 +29,7 @@ impl Scheme {
     /// `rk8` in adaptive steps, in either arithmetic and on every engine.
     pub(super) const ADAPTIVE_RK8: Self = Scheme::Adaptive(Method::Rk8);
     /// Taylor series, in `f64` and on the CPU.
-    pub(super) const TAYLOR: Self = Scheme::Adaptive(Method::Taylor);
+    pub(crate) const TAYLOR: Self = Scheme::Adaptive(Method::Taylor);
 
     /// The integrator.
     pub fn method(self) -> Method {
@@ -135,6 +137,11 @@ pub fn floor_f32(angle: f64) -> f64 {
     1e-6 + 3e-8 * angle
 }
 
+/// What a report calls the closed form, where it otherwise names a method.
+pub(crate) const CLOSED_FORM: &str = "closed form";
+/// What `rk8` in steps that each body chooses is called in tables.
+pub(crate) const ADAPTIVE: &str = "rk8 adaptive";
+
 /// The greatest attitude error, rad, of the closed form in `f32` (`tests/truth/golden_free_motion.rs`), at any time.
 pub const CLOSED_FORM_F32: f64 = 9e-7;
 /// The same in `f64`.
@@ -160,7 +167,7 @@ pub fn skip_tolerance(accuracy: &Accuracy) -> Bound {
 
 /// What a plan wants to know of one body.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Look {
+pub(super) struct Classification {
     pub torques: TorqueSet,
     pub verdict: Verdict,
     /// What a closed form can be wrong by whose constants are formed in one word; [`Bound::NONE`] of a body that has no
@@ -171,7 +178,7 @@ pub(super) struct Look {
 }
 
 /// Looks at one body of a scene.
-pub(super) fn look_at(scene: &Scene, body: usize, tolerance: &Bound) -> Look {
+pub(super) fn classify(scene: &Scene, body: usize, tolerance: &Bound) -> Classification {
     let torques = TorqueSet::acting_on(scene.torques(), body);
     let (ensemble, is_free) = (scene.ensemble(), torques.is_empty());
     // What is not stepped has no step that would follow a rate.
@@ -179,7 +186,7 @@ pub(super) fn look_at(scene: &Scene, body: usize, tolerance: &Bound) -> Look {
         && scene.may_skip()
         && let Some(free) = aligned(scene, body)
     {
-        return look_at_free(&free, tolerance, true, 0.0);
+        return classify_free(&free, tolerance, true, 0.0);
     }
     // What does not act brings no rate.
     let frame = frame_of(ensemble, if is_free { &[] } else { scene.torques() }, body);
@@ -189,10 +196,10 @@ pub(super) fn look_at(scene: &Scene, body: usize, tolerance: &Bound) -> Look {
         let span = span_of(scene, frame.rate_exponent);
         let free = FreeBody { moments: frame.scaled_moments, angular_momentum_principal: m, span };
         let rate = if scene.may_skip() { 0.0 } else { rate() };
-        return look_at_free(&free, tolerance, ensemble.inertia()[body].is_diagonal(), rate);
+        return classify_free(&free, tolerance, ensemble.inertia()[body].is_diagonal(), rate);
     }
     let verdict = Verdict { shape: Shape::Asymmetric, axis: 0, bound: Bound::default() };
-    Look { torques, verdict, set_up: Bound::NONE, rate: rate() }
+    Classification { torques, verdict, set_up: Bound::NONE, rate: rate() }
 }
 
 /// A body without torque, if its principal axes lie along its body axes and it is no linear rotor.
@@ -212,11 +219,11 @@ fn span_of(scene: &Scene, rate_exponent: i32) -> f64 {
     scene.end() * scaled_by_power_of_two(1.0, rate_exponent)
 }
 
-fn look_at_free(free: &FreeBody, tolerance: &Bound, is_diagonal: bool, rate: f64) -> Look {
+fn classify_free(free: &FreeBody, tolerance: &Bound, is_diagonal: bool, rate: f64) -> Classification {
     let verdict = free.verdict(tolerance);
     let is_general = verdict.shape == Shape::Asymmetric;
     let set_up = if is_general { free.set_up_bound(is_diagonal) } else { Bound::NONE };
-    Look { torques: TorqueSet::default(), verdict, set_up, rate }
+    Classification { torques: TorqueSet::default(), verdict, set_up, rate }
 }
 
 /// The greatest rate of a body, rad/s: of its spin at the start, with m in the units of its frame, or to which torques bring it.

@@ -9,13 +9,13 @@
 //! ω̃ = a m̃ + λ e_k,   m̃(t) = R_k(−λ t) m(0)
 //! ```
 //!
-//! that keeps the angular momentum exactly; classes differ in a, λ and k ([`crate::regular_precession`]).
+//! that keeps the angular momentum exactly; classes differ in a, λ and k ([`crate::plan::regular_precession`]).
 
 use glam::DVec3;
 
 use super::driven::TorqueSet;
-use crate::real::Real;
-use crate::vector::Vector;
+use crate::math::real::Real;
+use crate::math::vector::Vector;
 
 /// What a body's inertia and spin make of its free motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -54,7 +54,7 @@ impl Shape {
 pub struct Class {
     /// Its free motion.
     pub shape: Shape,
-    /// The torques that act on it. A driven body's shape is not looked at and is [`Shape::Asymmetric`].
+    /// The torques that act on it. The shape of a driven body is not classified and is [`Shape::Asymmetric`].
     pub torques: TorqueSet,
     /// Whether it is a linear rotor, which takes no torque about its axis.
     pub is_linear_rotor: bool,
@@ -164,7 +164,7 @@ impl FreeBody {
         Verdict { shape, axis, bound }
     }
 
-    /// What the closed form can be wrong by where its constants are formed in one word ([`crate::free_motion::SetUp`]).
+    /// What the closed form can be wrong by where its constants are formed in one word ([`crate::kernel::free_motion::SetUp`]).
     ///
     /// Its rates and phases are then wrong by some roundings, of which the angle turned makes as many radians. Roundings of the
     /// two terms of L² − 2T I₂ count in units of the difference, which decides the regime and the period; those of moments that

@@ -5,12 +5,10 @@
 //! (`Costs::measured`, feature `bench`).
 
 use super::choice::Scheme;
-use crate::batch::Precision;
-use crate::engine::{Description, EngineKind};
-use crate::method::Method;
+use crate::engine::{Backend, Description, EngineKind};
+use crate::kernel::method::Method;
+use crate::math::Precision;
 
-#[cfg(feature = "bench")]
-mod measured;
 pub(super) mod work;
 
 /// One method.
@@ -131,9 +129,9 @@ impl Cost {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Costs {
-    rows: Vec<Cost>,
+    pub(crate) rows: Vec<Cost>,
     /// How many steps the engine does at a time that each take as long as a row says; `None` where rows are of another engine.
-    at_a_time: Option<f64>,
+    pub(crate) at_a_time: Option<f64>,
 }
 
 impl Costs {
@@ -162,6 +160,24 @@ impl Costs {
         body_steps: f64,
     ) -> Option<f64> {
         Some(body_steps * self.of(scheme)?.step_seconds(precision, free) / self.at_a_time(engine)?)
+    }
+
+    /// The table with an engine's own times, where it is the shipped one and the engine, not the CPU's, knows how fast it is.
+    pub(super) fn on(&self, engine: &dyn Backend) -> Self {
+        let speeds = Precision::ALL.map(|precision| engine.speed(precision));
+        if self.at_a_time.is_some() || engine.description().kind == EngineKind::Cpu || speeds == [None, None] {
+            return self.clone();
+        }
+        let [narrow, wide] = speeds.map(|speed| speed.unwrap_or(0.0));
+        let rows = self.rows.iter().map(|&cost| {
+            let wide = if cost.scheme == Scheme::TAYLOR { engine.speed_of_series().unwrap_or(0.0) } else { wide };
+            let of = |figures: Figures| {
+                let [in_f32, in_f64] = figures.seconds;
+                Figures { seconds: [in_f32 / narrow, in_f64 / wide], ..figures }
+            };
+            Cost { free: of(cost.free), driven: of(cost.driven), ..cost }
+        });
+        Self { rows: rows.collect(), at_a_time: Some(1.0) }
     }
 
     /// Steps that an engine does at a time.

@@ -10,16 +10,16 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::marks::{Difference, SceneMarks};
 use super::pilot::Found;
 use super::resolution::{Resolution, Stepped};
 use super::{Bound, Plan, Rule, Scheme, TorqueSet};
-use crate::batch::Precision;
 use crate::engine::Backend;
-use crate::engine::adaptive::AdaptiveSteps;
 use crate::error::{Error, Result};
-use crate::method::Method;
-use crate::record::Spread;
+use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::math::Spread;
+use crate::plan::fingerprint::{Difference, SceneFingerprint};
+use crate::scene::AdaptiveSteps;
 use crate::scene::{Scene, Target};
 use crate::study::text::read_text;
 
@@ -50,7 +50,7 @@ struct PlanFile<C = Value, S = Value> {
     format: u32,
     polhode: String,
     engine: String,
-    scene: SceneMarks,
+    scene: SceneFingerprint,
     resolution: ResolutionEntry,
     /// Of all the rest ([`PlanFile::sum`]).
     sum: String,
@@ -83,7 +83,7 @@ enum ResolutionEntry {
     },
 }
 
-/// A bound whose infinite parts are left out, as JSON has no infinity.
+/// A bound without its infinite parts: JSON has no infinity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Tolerance {
@@ -194,7 +194,7 @@ struct Refusal {
     reason: String,
 }
 
-/// The line, from 1, of a key of which so many stand before it, from a place in the text on; 1 where there is none.
+/// The line, from 1, of the nth occurrence of a key after a place in the text; 1 where there is none.
 fn line_of(text: &str, start: usize, key: &str, before: usize) -> usize {
     let found = text[start..].match_indices(&format!("\"{key}\":")).nth(before);
     found.map_or(1, |(place, _)| 1 + text[..start + place].matches('\n').count())
@@ -213,10 +213,10 @@ impl<C: Serialize, S: Serialize> PlanFile<C, S> {
 }
 
 impl PlanFile {
-    /// What no plan holds, whatever its scene.
+    /// Faults that are wrong for every scene.
     fn check(&self) -> Result<(), Refusal> {
         let refused = |key: &'static str, entry: usize, value: f64, expected: &str| {
-            Err(Refusal { key, entry, reason: format!("{key} = {value:?}: {expected} is needed") })
+            Err(Refusal { key, entry, reason: format!("{key} = {value:?}: expected {expected}") })
         };
         let positive = |key: &'static str, value: Option<f64>| match value {
             Some(value) if !(value > 0.0 && value.is_finite()) => refused(key, 0, value, "a positive, finite number"),
@@ -328,7 +328,7 @@ impl<'a> Plan<'a> {
             format: FORMAT,
             polhode: RELEASE.to_owned(),
             engine: explanation.engine,
-            scene: SceneMarks::of(self.scene(), self.times().len()),
+            scene: SceneFingerprint::of(self.scene(), self.times().len()),
             resolution,
             sum: String::new(),
             classes: explanation.classes,
@@ -348,7 +348,7 @@ impl<'a> Plan<'a> {
     /// [`Error::PlanMismatch`] where the plan was made for another scene; otherwise as [`Plan::new`].
     pub fn repeated(scene: &'a Scene, engine: &dyn Backend, document: &PlanDocument) -> Result<Self> {
         let times = Self::checked(scene)?;
-        let marks = SceneMarks::of(scene, times.len());
+        let marks = SceneFingerprint::of(scene, times.len());
         if let Some(Difference { field, planned, found, remedy }) = document.file.scene.first_difference(&marks) {
             let (path, planned, found) = (document.path.clone(), planned.into(), found.into());
             return Err(Error::PlanMismatch { path, field, planned, found, remedy });

@@ -4,7 +4,7 @@ use crate::torque::Torque;
 
 /// Torques of a scene as a set of their indices.
 ///
-/// Beyond 32 torques the last bit stands for all that follow.
+/// With more than 32 torques the last bit means all the rest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct TorqueSet(u32);
 
@@ -39,7 +39,7 @@ impl TorqueSet {
         Self(indices.iter().fold(0, |set, &index| set | 1 << index.min(OWN_BITS)))
     }
 
-    /// The indices of the members; the last one stands for all that follow.
+    /// The indices of the members; the last one means all the rest.
     #[cfg(feature = "study")]
     pub(crate) fn indices(self) -> Vec<usize> {
         (0..=OWN_BITS).filter(|&index| self.contains(index)).collect()

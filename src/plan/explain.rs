@@ -10,11 +10,13 @@ use super::cost::work::Work;
 use super::group::{Group, Treatment};
 use super::parts::name_of;
 use super::{CLOSED_FORM_F32, Found, Plan, Resolution, Scheme, Shape, TorqueSet};
-use crate::batch::{BodyFrame, Precision, bytes_per_body_under};
+use crate::bodies::BodyFrame;
 use crate::engine::EngineKind;
-use crate::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
-use crate::record::Spread;
-use crate::regular_precession::RegularPrecession;
+use crate::engine::batch::bytes_per_body_under;
+use crate::kernel::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
+use crate::math::Precision;
+use crate::math::Spread;
+use crate::plan::regular_precession::RegularPrecession;
 
 /// What a plan does and leaves out.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,6 +24,8 @@ use crate::regular_precession::RegularPrecession;
 pub struct Explanation {
     /// What will compute.
     pub engine: String,
+    /// What runs on the CPU beside a GPU, and why.
+    pub on_host: Option<String>,
     /// Number of bodies.
     pub bodies: usize,
     /// Simulated time, s.
@@ -92,7 +96,7 @@ pub struct SkipRow {
     pub angular_velocity: f64,
     /// The same of the kinetic energy, relative.
     pub energy: f64,
-    /// Bytes of states that are not read; 0 where the skip saves none.
+    /// Bytes of states that the skip saves reading; 0 where it saves none.
     pub bytes: u64,
 }
 
@@ -121,6 +125,7 @@ impl Plan<'_> {
         }
         Explanation {
             engine: self.engine.name.clone(),
+            on_host: self.engine.on_host.clone(),
             bodies: self.scene().ensemble().len(),
             span: self.scene().end(),
             outputs: self.times().len(),
@@ -321,6 +326,9 @@ impl fmt::Display for Explanation {
             self.engine,
             self.asked
         )?;
+        if let Some(on_host) = &self.on_host {
+            writeln!(formatter, "{on_host}")?;
+        }
         writeln!(
             formatter,
             "

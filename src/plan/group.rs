@@ -1,21 +1,21 @@
 //! Bodies that are treated alike.
 
-use std::ops::Range;
-
 use super::class::{Bound, Class};
 use super::times::{Interval, steps_over};
-use crate::batch::{Precision, state_columns};
-use crate::engine::adaptive::AdaptiveSteps;
-use crate::free_motion::SetUp;
-use crate::method::Method;
-use crate::observe::error_bound;
+use crate::bodies::Members;
+use crate::bodies::columns::state_columns;
+use crate::kernel::free_motion::SetUp;
+use crate::kernel::method::Method;
+use crate::kernel::observe::error_bound;
+use crate::math::Precision;
+use crate::scene::AdaptiveSteps;
 
 /// How the motion of a group's bodies is found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Treatment {
-    /// As two uniform rotations, in `f64` on the host, at the output times alone ([`crate::regular_precession`]).
+    /// As two uniform rotations, in `f64` on the host, at the output times alone ([`crate::plan::regular_precession`]).
     RegularPrecession,
-    /// By elliptic functions, at the output times alone ([`crate::free_motion`]); on the host where the engine has not
+    /// By elliptic functions, at the output times alone ([`crate::kernel::free_motion`]); on the host where the engine has not
     /// the arithmetic.
     ClosedForm {
         /// The arithmetic.
@@ -88,56 +88,8 @@ impl Treatment {
     }
 }
 
-/// The bodies of a group, ascending: all of an ensemble, or a list.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Members {
-    /// Every body.
-    All(usize),
-    /// Some bodies, ascending.
-    Some(Vec<u32>),
-}
-
-impl Members {
-    /// Number of bodies.
-    pub fn len(&self) -> usize {
-        match self {
-            Members::All(count) => *count,
-            Members::Some(list) => list.len(),
-        }
-    }
-
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// The body in a row of the group.
-    ///
-    /// # Panics
-    ///
-    /// If there is no such row.
-    pub fn body(&self, row: usize) -> usize {
-        match self {
-            Members::All(_) => row,
-            Members::Some(list) => list[row] as usize,
-        }
-    }
-
-    /// The rows of the bodies that lie in a range of the ensemble's. As rows keep the ensemble's order they are
-    /// contiguous, so outputs are read block by block in that order and memory stays bounded.
-    pub fn rows(&self, bodies: Range<usize>) -> Range<usize> {
-        match self {
-            Members::All(count) => bodies.start.min(*count)..bodies.end.min(*count),
-            Members::Some(list) => {
-                let row = |body: usize| list.partition_point(|&member| (member as usize) < body);
-                row(bodies.start)..row(bodies.end)
-            }
-        }
-    }
-}
-
 /// Bodies of one class that are treated alike; a step of its own for each power of 2^(1/4), so that each body takes the
-/// steps that it needs whatever stands beside it.
+/// steps that it needs, independent of its neighbours.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Group {
     /// The class.
@@ -159,8 +111,8 @@ const FRACTIONS: [f64; LEVELS_PER_OCTAVE as usize] =
 
 /// The level of the longest step that is no longer than `dt` s (finite, above zero).
 pub(crate) fn level_of(dt: f64) -> i32 {
-    let exponent = crate::batch::binary_exponent(dt);
-    let mantissa = crate::batch::scaled_by_power_of_two(dt, -exponent);
+    let exponent = crate::math::power_of_two::binary_exponent(dt);
+    let mantissa = crate::math::power_of_two::scaled_by_power_of_two(dt, -exponent);
     let fraction = FRACTIONS.iter().rposition(|&fraction| fraction <= mantissa).unwrap_or(0);
     exponent * LEVELS_PER_OCTAVE + fraction as i32
 }
@@ -168,5 +120,5 @@ pub(crate) fn level_of(dt: f64) -> i32 {
 /// The step of a level, s.
 pub(crate) fn step_of(level: i32) -> f64 {
     let (exponent, fraction) = (level.div_euclid(LEVELS_PER_OCTAVE), level.rem_euclid(LEVELS_PER_OCTAVE));
-    crate::batch::scaled_by_power_of_two(FRACTIONS[fraction as usize], exponent)
+    crate::math::power_of_two::scaled_by_power_of_two(FRACTIONS[fraction as usize], exponent)
 }

@@ -9,14 +9,14 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use crate::batch::Precision;
 use crate::engine::{Backend, Description};
 use crate::error::{Error, Result};
-use crate::force::Force;
-use crate::free_motion::SetUp;
-use crate::method::Method;
+use crate::kernel::free_motion::SetUp;
+use crate::kernel::method::Method;
+use crate::math::Precision;
 use crate::scene::{Outputs, Scene, Stepping};
 use crate::torque::Torque;
+use crate::torque::force::Force;
 
 pub mod choice;
 pub mod class;
@@ -24,20 +24,24 @@ pub mod cost;
 #[cfg(feature = "study")]
 mod document;
 mod driven;
+pub(crate) mod errors;
 pub mod explain;
-mod glance;
-pub mod group;
 #[cfg(feature = "study")]
-mod marks;
+mod fingerprint;
+pub mod group;
+mod lane_classification;
 mod parts;
 mod pilot;
 mod reference;
+pub mod regular_precession;
 mod resolution;
 mod sampled;
+pub(crate) mod sampling;
 pub mod skip;
+pub(crate) mod subset;
 mod times;
 
-pub(crate) use choice::greatest_rate;
+pub(crate) use choice::{ADAPTIVE, CLOSED_FORM, greatest_rate};
 pub use choice::{CLOSED_FORM_F32, Rule, SKIP_SHARE, Scheme};
 pub use class::{Bound, Class, Shape};
 pub use cost::Costs;
@@ -45,7 +49,7 @@ pub use cost::Costs;
 pub use document::PlanDocument;
 pub use driven::TorqueSet;
 pub use explain::Explanation;
-pub use group::{Group, Members, Treatment};
+pub use group::{Group, Treatment};
 pub use parts::Part;
 pub(crate) use parts::listed;
 pub use pilot::Found;
@@ -105,6 +109,7 @@ impl<'a> Plan<'a> {
     pub fn with_costs(scene: &'a Scene, engine: &dyn Backend, costs: &Costs) -> Result<Self> {
         let since = Instant::now();
         let times = Self::checked(scene)?;
+        let costs = &costs.on(engine);
         // Among the pool's threads, so that they need not be woken for each of many small parts.
         rayon::scope(|_| {
             let resolution = Resolution::new(scene, engine, &times, costs)?;
@@ -257,7 +262,7 @@ impl<'a> Plan<'a> {
             return Err(Error::Setting {
                 field: "dt",
                 value: self.longest_step,
-                expected: "more than 1e15 steps would be needed: a longer step or a shorter span is needed (s)",
+                expected: "more than 1e15 steps would be needed: use a longer step or a shorter span (s)",
             });
         }
         Ok(())

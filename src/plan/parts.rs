@@ -4,9 +4,9 @@ use std::fmt;
 
 use super::Plan;
 use super::group::Treatment;
-use crate::batch::Precision;
-use crate::method::Method;
-use crate::record::{ADAPTIVE, CLOSED_FORM};
+use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::plan::{ADAPTIVE, CLOSED_FORM};
 
 /// Bodies that are brought to their output times by one method in one arithmetic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

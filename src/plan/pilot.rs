@@ -15,27 +15,28 @@
 
 use std::cmp::Ordering;
 
-use super::choice::{Look, Rule, Scheme, narrowest};
+use super::choice::{Classification, Rule, Scheme, narrowest};
 use super::cost::work::Work;
 use super::cost::{Cost, Costs};
 use super::reference::Reference;
-use crate::batch::Precision;
 use crate::error::{Error, Result};
-use crate::force::Force;
-use crate::method::Method;
-use crate::record::Spread;
-use crate::run::confidence::least_sample;
-use crate::run::shadow::{Errors, Standing, sample};
+use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::math::Spread;
+use crate::plan::errors::{ErrorRatio, Errors};
+use crate::plan::sampling::least_sample;
+use crate::plan::sampling::sample;
 use crate::scene::{Accuracy, Scene, Target};
 use crate::torque::Torque;
+use crate::torque::force::Force;
 
 /// Errors below this part of the target, and how they are distributed, say nothing of those beyond it.
 const NEGLIGIBLE_PART: f64 = 1e-2;
 /// The most bodies of a class in its pilot, where the percentile asked for needs no more ([`least_sample`]).
 const MOST_BODIES: usize = 1000;
-/// The least that are enough, as far as there are so many: about what the 99th percentile needs.
+/// The fewest bodies of a sample, or all where there are fewer: about what the 99th percentile needs.
 const ENOUGH_BODIES: usize = 300;
-/// At most every so many-th body, so that the pilot stays small beside the run.
+/// At most one body in this many, so that the pilot costs little compared with the run.
 const ONE_IN: usize = 32;
 /// The bodies that a budget always allows, and those of the probe: a lane group.
 const LEAST_BODIES: usize = 8;
@@ -53,7 +54,7 @@ const SHORTER_PROBE: f64 = 1e-3;
 const SHORTER_PROBES: usize = 4;
 /// More steps of a body than a core takes in a day.
 const MOST_STEPS_OF_RUN: f64 = 1e12;
-/// The parts of a pilot's span after which it is looked at first.
+/// The parts of a pilot's span after which its errors are first compared.
 const EARLY: [f64; 2] = [1.0 / 64.0, 1.0 / 8.0];
 
 /// The part of the class's steps that its pilot may take.
@@ -64,9 +65,9 @@ const FREE_STEPS: f64 = 3e5;
 /// body, some 16 times as many as where all take as many.
 const MOST_STEPS: f64 = 3e7;
 const MOST_OF_BODY: f64 = 1e7;
-/// The same where the probe had to be cut short, as it shows little of what follows.
+/// The same where the probe had to be cut short and so says little of the rest.
 const MOST_AFTER_CUT: f64 = 3e6;
-/// A reference that would take more than so many budgets is not found.
+/// A reference that would take more than this many budgets is given up.
 const MOST_BUDGETS: f64 = 3.0;
 /// The reference and the candidates together may take so many times what the reference alone may: where none meets the target, they would be
 /// refined without end.
@@ -91,7 +92,7 @@ const MOST_CORRECTION: f64 = 1e4;
 const MOST_NARROW_CORRECTION: f64 = 100.0;
 /// The least: a sample without any error must not make it vanish.
 const LEAST_CORRECTION: f64 = 1e-4;
-/// The angle, rad, over which methods are compared where no bodies are looked at.
+/// The angle, rad, over which methods are compared where there is no sample.
 const NOMINAL_ANGLE: f64 = 10.0;
 /// The angle, rad, over which the table's coefficients of adaptive steps were measured: of the fastest bodies there.
 const TABULATED_ANGLE: f64 = 50.0;
@@ -128,12 +129,12 @@ pub(super) struct Pilot<'a> {
     /// What a step under them costs.
     pub work: &'a Work,
     pub precision: Option<Precision>,
-    /// Whether the engine is the CPU's, which alone forms Taylor series.
-    pub on_cpu: bool,
+    /// Whether the engine forms Taylor series.
+    pub forms_series: bool,
     /// Bodies of the class.
     pub all: usize,
-    /// The sample with the looks at them.
-    pub bodies: Vec<(u32, Look)>,
+    /// The sample, each body with its classification.
+    pub bodies: Vec<(u32, Classification)>,
     /// How long the sample is followed, s.
     pub span: f64,
     /// Steps that the reference may take, and any one body.
@@ -166,18 +167,19 @@ impl Found {
 
 /// The furthest, rad, that a body may turn for a pilot to follow it.
 const MOST_RADIANS: f64 = 1e15;
-const TOO_FAR: &str = "bodies turn by more than 1e15 rad, which no steps follow: a shorter span is needed (s)";
+const TOO_FAR: &str = "bodies turn by more than 1e15 rad, which no steps follow: use a shorter span (s)";
 const TOO_MANY_STEPS: &str =
-    "a body would take more than 1e12 steps, which no run comes to the end of: a shorter span is needed (s)";
+    "a body would take more than 1e12 steps, which no run comes to the end of: use a shorter span (s)";
 
 /// Selects the pilots' bodies; fixed, so that a plan made again is the same.
 const SEED: u64 = 1;
 
 impl<'a> Pilot<'a> {
     /// The pilot with some bodies of its class.
-    fn of(self, class: &[u32], count: usize, look: impl Fn(u32) -> Look) -> Self {
+    fn of(self, class: &[u32], count: usize, classification: impl Fn(u32) -> Classification) -> Self {
         let drawn = sample(class.len(), count.min(class.len()), SEED);
-        let bodies = drawn.into_iter().map(|index| class[index as usize]).map(|body| (body, look(body))).collect();
+        let bodies =
+            drawn.into_iter().map(|index| class[index as usize]).map(|body| (body, classification(body))).collect();
         Self { bodies, ..self }
     }
 
@@ -188,13 +190,13 @@ impl<'a> Pilot<'a> {
     }
 
     /// The cheapest rule that meets the target; the most accurate where none does.
-    pub fn fly(mut self, class: &[u32], look: impl Fn(u32) -> Look) -> Result<Found> {
-        self = self.of(class, LEAST_BODIES, &look);
-        if self.bodies.iter().any(|(_, look)| look.rate * self.span > MOST_RADIANS) {
+    pub fn calibrate(mut self, class: &[u32], classification: impl Fn(u32) -> Classification) -> Result<Found> {
+        self = self.of(class, LEAST_BODIES, &classification);
+        if self.bodies.iter().any(|(_, classification)| classification.rate * self.span > MOST_RADIANS) {
             return Err(Error::Setting { field: "time.end", value: self.span, expected: TOO_FAR });
         }
         // A short time shows how many steps there will be, and the whole of it what they err by.
-        let fastest = self.bodies.iter().map(|(_, look)| look.rate).fold(0.0, f64::max);
+        let fastest = self.bodies.iter().map(|(_, classification)| classification.rate).fold(0.0, f64::max);
         let mut probe = self.short_probe(self.span.min(PROBED_ANGLE / fastest))?;
         self.is_cut = probe.is_cut;
         // What a probe that was cut short shows may be over soon.
@@ -216,7 +218,7 @@ impl<'a> Pilot<'a> {
         let steps = probe.steps;
         self.difficulty = probe.difficulty;
         let count = (part(steps) as usize).clamp(LEAST_BODIES, self.enough().max(LEAST_BODIES));
-        self = self.of(class, count, look);
+        self = self.of(class, count, classification);
         let shorter = (part(steps) / self.bodies.len() as f64).min(1.0);
         self.span *= shorter;
         self.most_steps = MOST_BUDGETS * PASSES * part(steps) * steps;
@@ -287,7 +289,7 @@ impl<'a> Pilot<'a> {
         let probe = Self { bodies: self.bodies.clone(), span, ..*self };
         let rule = probe.rule(Cost::shipped(Scheme::ADAPTIVE_RK8), Some(Precision::F64)).with_room();
         let (coarse, fine) = (probe.stepped(&rule)?, probe.stepped(&rule.finer())?);
-        let part = probe.errors(&coarse.states, &fine.states).standing(self.accuracy, self.all).part;
+        let part = probe.errors(&coarse.states, &fine.states).error_ratio(self.accuracy, self.all).part;
         // The rule expects an error that grows with the angle.
         let harder = (part * self.span / span).clamp(1.0, MOST_DIFFICULTY);
         let difficulty = (self.difficulty * harder).min(MOST_DIFFICULTY);
@@ -324,7 +326,7 @@ impl<'a> Pilot<'a> {
         span * 2.0 * errors.spread(NEGLIGIBLE_PART * self.accuracy.strictest()).powf(beyond)
     }
 
-    /// What candidates come to; those that are dearer than one that meets the target are left out, as far as the shipped table foretells
+    /// The results of the candidates. Those that cost more than one that meets the target are left out, as far as the shipped table foretells
     /// it. Of the reference's own kind a pass is known.
     fn tried(&self, reference: &mut Reference) -> Result<Vec<Found>> {
         let mut tried = Vec::new();
@@ -420,7 +422,7 @@ impl<'a> Pilot<'a> {
 
     /// Whether a rule steps some of the bodies in `f32`.
     fn has_narrow(&self, rule: &Rule) -> bool {
-        self.bodies.iter().any(|(_, look)| !rule.is_wide(look.rate * self.scene.end()))
+        self.bodies.iter().any(|(_, classification)| !rule.is_wide(classification.rate * self.scene.end()))
     }
 
     /// Whether steps of this kind follow what acts on the bodies.
@@ -430,7 +432,7 @@ impl<'a> Pilot<'a> {
             Scheme::Adaptive(method) => {
                 let draws = self.torques.iter().any(Torque::is_random);
                 let thrust = self.scene.forces().iter().any(Force::needs_attitude);
-                let has_series = self.on_cpu && self.precision != Some(Precision::F32) && self.work.has_series();
+                let has_series = self.forms_series && self.precision != Some(Precision::F32) && self.work.has_series();
                 self.scene.may_skip() && !draws && !thrust && (method != Method::Taylor || has_series)
             }
         }
@@ -438,7 +440,7 @@ impl<'a> Pilot<'a> {
 
     /// The rule that the table gives, before bodies are tried. Errors of adaptive steps add up with the angle that bodies turn by.
     pub fn rule(&self, cost: &Cost, precision: Option<Precision>) -> Rule {
-        let fastest = self.bodies.iter().map(|(_, look)| look.rate).fold(0.0, f64::max);
+        let fastest = self.bodies.iter().map(|(_, classification)| classification.rate).fold(0.0, f64::max);
         let longer = match cost.scheme {
             Scheme::Equal(_) => 1.0,
             Scheme::Adaptive(_) => self.difficulty * (fastest * self.scene.end() / TABULATED_ANGLE).max(1.0),
@@ -478,7 +480,8 @@ impl<'a> Pilot<'a> {
                 Some((_, sampled)) => sampled,
                 None => self.stepped(&rule)?,
             };
-            let Standing { part, worst, attitude } = self.standing(self.errors(&sampled.states, &reference.states));
+            let ErrorRatio { part, worst, attitude } =
+                self.error_ratio(self.errors(&sampled.states, &reference.states));
             let found = Found { rule, part, worst, attitude, bodies: self.bodies.len(), steps: sampled.steps };
             // Of two that are good enough the one with longer steps, else the more accurate.
             let improves = match (part <= ENOUGH, best.part <= ENOUGH) {

@@ -5,15 +5,16 @@ use super::choice::{Rule, Scheme};
 use super::cost::Cost;
 use super::pilot::{Found, Pilot};
 use super::sampled::{Sampled, States};
-use crate::batch::Precision;
+use crate::bodies::Status;
 use crate::error::Result;
-use crate::method::rk8_adaptive::least_tolerance;
-use crate::method::{Method, Status};
-use crate::run::shadow::Standing;
+use crate::kernel::method::Method;
+use crate::kernel::method::rk8_adaptive::least_tolerance;
+use crate::math::Precision;
+use crate::plan::errors::ErrorRatio;
 
-/// What the reference's own error may be, as a part of the target.
+/// The reference's own error may be this fraction of the target.
 const SETTLED: f64 = 0.02;
-/// The error that it aims at, as a part of that of the steps which it is compared with.
+/// The error it aims at, as a fraction of the error of the steps that it is compared with.
 const FINER: f64 = 1e-3;
 /// How often it is made finer.
 const REFINEMENTS: usize = 4;
@@ -29,7 +30,7 @@ pub(super) struct Reference {
     pub coarse: Option<(Rule, Sampled)>,
     /// The finest steps that were compared, how far the states were from those in them, and what is left of that.
     rule: Rule,
-    change: Standing,
+    change: ErrorRatio,
     left: f64,
     /// Whether that is by an angle that says nothing any more.
     is_saturated: bool,
@@ -57,7 +58,7 @@ impl Reference {
         Ok(Self::by(pilot, equal, most)?.0)
     }
 
-    /// The adaptive steps that are cheaper for the reference, as far as their tolerance has room.
+    /// The adaptive steps that cost the reference less, where their tolerance leaves room.
     fn adaptive_scheme(pilot: &Pilot<'_>) -> Option<Scheme> {
         let seconds = |scheme: Scheme| {
             let cost = Cost::shipped(scheme);
@@ -69,7 +70,7 @@ impl Reference {
         allowed.min_by(|a, b| seconds(*a).total_cmp(&seconds(*b)))
     }
 
-    /// By steps of one kind, in at most so many seconds, and whether there were no smaller tolerances before it had settled.
+    /// The reference by one kind of steps within a budget of seconds, and whether the tolerances ran out before it settled.
     fn by(pilot: &Pilot<'_>, scheme: Scheme, most: f64) -> Result<(Self, bool)> {
         let cost = Cost::shipped(scheme);
         let mut rule = pilot.rule(cost, Some(Precision::F64)).with_room();
@@ -79,8 +80,8 @@ impl Reference {
             let finer = rule.finer();
             let before = std::mem::replace(&mut fine, pilot.stepped(&finer)?);
             let mut errors = pilot.errors(&before.states, &fine.states);
-            let is_saturated = errors.standing(pilot.accuracy, pilot.all).attitude >= SATURATED;
-            let change = pilot.standing(errors);
+            let is_saturated = errors.error_ratio(pilot.accuracy, pilot.all).attitude >= SATURATED;
+            let change = pilot.error_ratio(errors);
             // By what the error falls from one to the other, as far as their tolerances have room.
             let ratio = match scheme {
                 Scheme::Adaptive(_) => finer.tolerance(Precision::F64) / rule.tolerance(Precision::F64),
@@ -116,7 +117,7 @@ impl Reference {
 
     /// What was found where the motion amplifies errors so much that no steps in `f64` follow it to what is asked for.
     pub fn lost(&self, pilot: &Pilot<'_>) -> Option<Found> {
-        let Standing { part, worst, attitude } = self.change;
+        let ErrorRatio { part, worst, attitude } = self.change;
         let part = if self.arrives() { part } else { f64::INFINITY };
         let found = || Found { rule: self.rule, part, worst, attitude, bodies: pilot.bodies.len(), steps: None };
         (self.left > 1.0).then(found)

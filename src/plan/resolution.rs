@@ -4,28 +4,31 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use super::choice::{CLOSED_FORM_F32, CLOSED_FORM_F64, Look, Rule, floor_f32, least_target, look_at, skip_tolerance};
+use super::choice::{
+    CLOSED_FORM_F32, CLOSED_FORM_F64, Classification, Rule, classify, floor_f32, least_target, skip_tolerance,
+};
 use super::class::{Bound, Class, Shape};
 use super::cost::work::Work;
 use super::cost::{COSTS, Costs};
 use super::driven::TorqueSet;
-use super::glance::{GLANCED, Glance};
-use super::group::{Group, Members, Treatment, level_of, step_of};
+use super::group::{Group, Treatment, level_of, step_of};
 use super::pilot::{Found, PROBED_STEPS, Pilot};
 use super::reference::SATURATED;
 use super::times::longest_over;
-use crate::batch::Precision;
+use crate::bodies::Members;
 use crate::engine::Backend;
-use crate::engine::EngineKind;
-use crate::engine::adaptive::{
-    AdaptiveSteps, NOISE_REFUSED, TAYLOR_IN_F64, TAYLOR_ON_CPU, check_equal_steps, taylor_unavailable,
+use crate::engine::adaptive_session::{
+    NOISE_REFUSED, TAYLOR_IN_F64, TAYLOR_ON_CPU, check_equal_steps, taylor_unavailable,
 };
 use crate::error::{Error, Result};
-use crate::force::Force;
-use crate::free_motion::SetUp;
-use crate::method::Method;
-use crate::record::CLOSED_FORM;
+use crate::kernel::free_motion::SetUp;
+use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::plan::CLOSED_FORM;
+use crate::plan::lane_classification::{CLASSIFIED_TOGETHER, LaneClassification};
+use crate::scene::AdaptiveSteps;
 use crate::scene::{Accuracy, Scene, Stepping, Target};
+use crate::torque::force::Force;
 use crate::torque::{Torque, Value};
 
 /// Everything from which, with the scene, a plan's groups follow, to the bit.
@@ -73,21 +76,21 @@ pub struct Stepped {
     pub found: Found,
 }
 
-/// Bodies that one task looks at and sorts.
+/// Bodies that one task classifies and sorts.
 const LOOK_BLOCK: usize = 1 << 12;
 
 /// The angle (rad) that a body turns by in a step where a thrust turns with it: the cubic between the attitudes of two steps
-/// ([`crate::force::stepped`]) is then wrong by (1/16)⁴/384 = 4e-8 rad at most.
+/// ([`crate::torque::force::stepped`]) is then wrong by (1/16)⁴/384 = 4e-8 rad at most.
 const LONGEST_TURN: f64 = 1.0 / 16.0;
 
 /// What `f32` needs.
-const F32_MISSES: &str = "precision f64 is needed, or more than 1e-6 and 3e-8 of the angle turned (rad)";
+const F32_MISSES: &str = "use precision f64, or more than 1e-6 and 3e-8 of the angle turned (rad)";
 
 /// No steps in `f64` are better than some units in the last place of the quaternion, rad.
 const ROUNDING_F64: f64 = 1e-15;
 
 /// What an engine without `f64` needs.
-const F64_ELSEWHERE: &str = "an adapter with f64 or the CPU engine is needed, or a larger error";
+const F64_ELSEWHERE: &str = "use an adapter with f64 or the CPU engine, or a larger error";
 
 impl Resolution {
     /// Resolves `scene` for `engine`; `times` are its output times.
@@ -134,8 +137,8 @@ impl Resolution {
                     resolution.check_f32(scene, &accuracy, wanted)?;
                 }
                 let precision = if has_f64 { wanted } else { Some(Precision::F32) };
-                let on_cpu = engine.description().kind == EngineKind::Cpu;
-                resolution.choose_steps(scene, &accuracy, precision, has_f64, (on_cpu, times, costs))?;
+                let has_series = engine.speed_of_series().is_some();
+                resolution.choose_steps(scene, &accuracy, precision, has_f64, (has_series, times, costs))?;
                 Ok(resolution)
             }
         }
@@ -148,13 +151,13 @@ impl Resolution {
         accuracy: &Accuracy,
         precision: Option<Precision>,
         has_f64: bool,
-        (on_cpu, times, costs): (bool, &[f64], &Costs),
+        (has_series, times, costs): (bool, &[f64], &Costs),
     ) -> Result<()> {
         let Self::Accuracy { tolerance, uniform_rate, stepped, .. } = self else { return Ok(()) };
         for (torques, bodies) in stepped_bodies(scene) {
             let acting = torques.of(scene.torques());
             let flies = scene.has_pilot() && scene.end() > 0.0;
-            let look = |body: u32| at_rate(look_at(scene, body as usize, tolerance), *uniform_rate);
+            let classification = |body: u32| at_rate(classify(scene, body as usize, tolerance), *uniform_rate);
             let (all, span) = (bodies.len(), scene.end());
             let work = Work::of(&acting, scene.ensemble());
             let pilot = Pilot {
@@ -165,7 +168,7 @@ impl Resolution {
                 torques: &acting,
                 work: &work,
                 precision,
-                on_cpu,
+                forms_series: has_series,
                 all,
                 bodies: Vec::new(),
                 span,
@@ -179,7 +182,7 @@ impl Resolution {
                 let found = pilot.tabulated();
                 Found { part: ROUNDING_F64 / strictest, worst, attitude: ROUNDING_F64, ..found }
             } else if flies {
-                pilot.fly(&bodies, look)?
+                pilot.calibrate(&bodies, classification)?
             } else {
                 pilot.tabulated()
             };
@@ -199,12 +202,12 @@ impl Resolution {
         let ((missed, strictest), count) = (accuracy.strictest_target(), scene.ensemble().len());
         let left_out = ((1.0 - 0.01 * accuracy.percentile) * count as f64) as usize;
         let floor = |body: usize| {
-            let look = at_rate(look_at(scene, body, tolerance), *uniform_rate);
-            match (look.torques.is_empty() && scene.may_skip(), look.verdict.shape) {
+            let classification = at_rate(classify(scene, body, tolerance), *uniform_rate);
+            match (classification.torques.is_empty() && scene.may_skip(), classification.verdict.shape) {
                 // An engine without f64 leaves these to the processor.
                 (true, Shape::Asymmetric) if wanted == Some(Precision::F32) => least_target(CLOSED_FORM_F32),
                 (true, _) => 0.0,
-                (false, _) => floor_f32(look.rate * scene.end()),
+                (false, _) => floor_f32(classification.rate * scene.end()),
             }
         };
         let mut floors: Vec<f64> = (0..count).into_par_iter().map(floor).filter(|&floor| floor > strictest).collect();
@@ -232,7 +235,7 @@ impl Resolution {
         let widest = if has_f64 { Precision::F64 } else { Precision::F32 };
         let precision = scene.wanted_precision().unwrap_or(widest);
         if method == Method::Taylor {
-            if engine.description().kind != EngineKind::Cpu {
+            if engine.speed_of_series().is_none() {
                 return Err(taylor_unavailable(TAYLOR_ON_CPU));
             }
             if precision != Precision::F64 {
@@ -241,7 +244,8 @@ impl Resolution {
         }
         steps.check(precision)?;
         if scene.forces().iter().any(Force::needs_attitude) {
-            let expected = "a force that turns with the body follows equal steps of the attitude: a method with a step dt is needed";
+            let expected =
+                "a force that turns with the body follows equal steps of the attitude: use a method with a step dt";
             return Err(Error::Setting { field: "tolerance", value: steps.tolerance, expected });
         }
         for (index, torque) in scene.torques().iter().enumerate() {
@@ -268,14 +272,16 @@ impl Resolution {
             Self::Pinned { .. } | Self::Adaptive { .. } => &exact,
             Self::Accuracy { tolerance, .. } => tolerance,
         };
-        sorted(scene, tolerance, |look| self.place(scene, look))
+        sorted(scene, tolerance, |classification| self.place(scene, classification))
             .into_iter()
-            .map(|((class, way), (members, bound))| {
-                let treatment = match way {
-                    Way::Precession => Treatment::RegularPrecession,
-                    Way::ClosedForm { wide, set_up } => Treatment::ClosedForm { precision: precision(wide), set_up },
-                    Way::Level { wide, level } => self.stepped(&class, wide, step_of(level)),
-                    Way::Longest { wide } => self.stepped(&class, wide, longest_over(span)),
+            .map(|((class, strategy), (members, bound))| {
+                let treatment = match strategy {
+                    Strategy::Precession => Treatment::RegularPrecession,
+                    Strategy::ClosedForm { wide, set_up } => {
+                        Treatment::ClosedForm { precision: precision(wide), set_up }
+                    }
+                    Strategy::Level { wide, level } => self.stepped(&class, wide, step_of(level)),
+                    Strategy::Longest { wide } => self.stepped(&class, wide, longest_over(span)),
                 };
                 Group { class, treatment, members, bound }
             })
@@ -310,29 +316,35 @@ impl Resolution {
     }
 
     /// Where a body belongs.
-    fn place(&self, scene: &Scene, look: &Look) -> (Shape, Way) {
-        let free = look.torques.is_empty() && scene.may_skip();
+    fn place(&self, scene: &Scene, classification: &Classification) -> (Shape, Strategy) {
+        let free = classification.torques.is_empty() && scene.may_skip();
         match self {
-            Self::Pinned { .. } | Self::Adaptive { .. } if free && look.verdict.shape == Shape::AtRest => {
-                (Shape::AtRest, Way::Precession)
+            Self::Pinned { .. } | Self::Adaptive { .. } if free && classification.verdict.shape == Shape::AtRest => {
+                (Shape::AtRest, Strategy::Precession)
             }
-            Self::Pinned { .. } | Self::Adaptive { .. } => (Shape::Asymmetric, Way::Longest { wide: false }),
+            Self::Pinned { .. } | Self::Adaptive { .. } => (Shape::Asymmetric, Strategy::Longest { wide: false }),
             Self::Accuracy { tolerance, closed_form, uniform_rate, .. } => {
-                if free && look.verdict.shape != Shape::Asymmetric {
-                    return (look.verdict.shape, Way::Precession);
+                if free && classification.verdict.shape != Shape::Asymmetric {
+                    return (classification.verdict.shape, Strategy::Precession);
                 }
                 if free {
-                    let set_up = if look.set_up.within(tolerance) { SetUp::OneWord } else { SetUp::TwoWords };
-                    return (Shape::Asymmetric, Way::ClosedForm { wide: *closed_form == Precision::F64, set_up });
+                    let set_up = if classification.set_up.within(tolerance) { SetUp::OneWord } else { SetUp::TwoWords };
+                    return (Shape::Asymmetric, Strategy::ClosedForm { wide: *closed_form == Precision::F64, set_up });
                 }
-                let torques = torques_for(scene, look);
-                let (rate, span) = (at_rate(*look, *uniform_rate).rate, scene.end());
-                let Some(rule) = self.rule(torques) else { return (Shape::Asymmetric, Way::Longest { wide: true }) };
+                let torques = torques_for(scene, classification);
+                let (rate, span) = (at_rate(*classification, *uniform_rate).rate, scene.end());
+                let Some(rule) = self.rule(torques) else {
+                    return (Shape::Asymmetric, Strategy::Longest { wide: true });
+                };
                 let (step, wide) = (rule.longest_step(rate, span), rule.is_wide(rate * span));
                 let turning = scene.forces().iter().any(Force::needs_attitude) && rate > 0.0;
                 let step = if turning { step.min(LONGEST_TURN / rate) } else { step };
-                let way = if step < span { Way::Level { wide, level: level_of(step) } } else { Way::Longest { wide } };
-                (Shape::Asymmetric, way)
+                let strategy = if step < span {
+                    Strategy::Level { wide, level: level_of(step) }
+                } else {
+                    Strategy::Longest { wide }
+                };
+                (Shape::Asymmetric, strategy)
             }
         }
     }
@@ -340,7 +352,7 @@ impl Resolution {
 
 /// How a body's motion is found. Orders groups.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Way {
+enum Strategy {
     Precession,
     ClosedForm {
         wide: bool,
@@ -361,16 +373,16 @@ fn precision(wide: bool) -> Precision {
 }
 
 /// The torques that a body's kernel has.
-fn torques_for(scene: &Scene, look: &Look) -> TorqueSet {
-    if !scene.may_skip() { TorqueSet::all(scene.torques().len()) } else { look.torques }
+fn torques_for(scene: &Scene, classification: &Classification) -> TorqueSet {
+    if !scene.may_skip() { TorqueSet::all(scene.torques().len()) } else { classification.torques }
 }
 
-fn at_rate(look: Look, uniform: Option<f64>) -> Look {
-    Look { rate: uniform.unwrap_or(look.rate), ..look }
+fn at_rate(classification: Classification, uniform: Option<f64>) -> Classification {
+    Classification { rate: uniform.unwrap_or(classification.rate), ..classification }
 }
 
 fn fastest_rate(scene: &Scene, tolerance: &Bound) -> f64 {
-    let rate = |body| look_at(scene, body, tolerance).rate;
+    let rate = |body| classify(scene, body, tolerance).rate;
     (0..scene.ensemble().len()).into_par_iter().map(rate).reduce(|| 0.0, f64::max)
 }
 
@@ -405,30 +417,30 @@ fn stepped_bodies(scene: &Scene) -> BTreeMap<TorqueSet, Vec<u32>> {
 fn sorted(
     scene: &Scene,
     tolerance: &Bound,
-    place: impl Fn(&Look) -> (Shape, Way) + Sync,
+    place: impl Fn(&Classification) -> (Shape, Strategy) + Sync,
 ) -> BTreeMap<Key, (Members, Bound)> {
     let body_count = scene.ensemble().len();
     let translates = scene.ensemble().translation().is_some();
     let looked = |block: usize| {
-        const { assert!(LOOK_BLOCK.is_multiple_of(GLANCED)) };
+        const { assert!(LOOK_BLOCK.is_multiple_of(CLASSIFIED_TOGETHER)) };
         let mut lists = Lists::default();
-        let mut glance = None;
+        let mut lanes = None;
         for body in block * LOOK_BLOCK..body_count.min((block + 1) * LOOK_BLOCK) {
-            let offset = body % GLANCED;
+            let offset = body % CLASSIFIED_TOGETHER;
             if offset == 0 {
-                glance = Some(Glance::at(scene, body, tolerance));
+                lanes = Some(LaneClassification::at(scene, body, tolerance));
             }
-            let glanced = glance.as_ref().and_then(|glance: &Glance| glance.look(offset));
-            let look = glanced.unwrap_or_else(|| look_at(scene, body, tolerance));
-            let (shape, way) = place(&look);
-            let bound = match way {
-                Way::ClosedForm { set_up: SetUp::OneWord, .. } => look.set_up,
-                _ if shape == look.verdict.shape => look.verdict.bound,
+            let classified = lanes.as_ref().and_then(|lanes: &LaneClassification| lanes.classification(offset));
+            let classification = classified.unwrap_or_else(|| classify(scene, body, tolerance));
+            let (shape, strategy) = place(&classification);
+            let bound = match strategy {
+                Strategy::ClosedForm { set_up: SetUp::OneWord, .. } => classification.set_up,
+                _ if shape == classification.verdict.shape => classification.verdict.bound,
                 _ => Bound::default(),
             };
-            let torques = torques_for(scene, &look);
+            let torques = torques_for(scene, &classification);
             let is_linear_rotor = scene.ensemble().is_linear_rotor(body);
-            let (list, greatest) = lists.of((Class { shape, torques, is_linear_rotor, translates }, way));
+            let (list, greatest) = lists.of((Class { shape, torques, is_linear_rotor, translates }, strategy));
             list.push(body as u32);
             *greatest = greatest.or(bound);
         }
@@ -447,7 +459,7 @@ fn sorted(
 }
 
 /// What the bodies of a group have in common.
-type Key = (Class, Way);
+type Key = (Class, Strategy);
 
 /// Bodies by what they have in common, and the greatest bound of each list.
 #[derive(Default)]
@@ -486,7 +498,7 @@ fn check_f64(scene: &Scene, accuracy: &Accuracy) -> Result<()> {
         factor: least / strictest,
         method: CLOSED_FORM,
         precision: Precision::F64,
-        remedy: "rounding in f64 is in the way: a larger error is needed",
+        remedy: "rounding in f64 is in the way: use a larger error",
     })
 }
 
@@ -495,18 +507,16 @@ fn out_of_reach(found: &Found, target: &Accuracy, has_f64: bool, draws: bool) ->
     let remedy = match (narrow, has_f64) {
         (true, true) => F32_MISSES,
         (true, false) => F64_ELSEWHERE,
-        (false, _) if draws => {
-            "a random torque is in the way: a larger error is needed, or a method and a step of your own"
-        }
+        (false, _) if draws => "a random torque is in the way: use a larger error, or a method and a step of your own",
         (false, _) if found.attitude >= SATURATED => {
             "the motion amplifies every error until nothing is left of the attitude, or torques change faster than any steps \
-             follow: a shorter span is needed"
+             follow: use a shorter span"
         }
         (false, _) if found.worst != Target::Attitude && found.part * target.of(found.worst) >= SATURATED => {
-            "it is next to nothing at the end, or no steps follow it: another span is needed, or a larger error"
+            "it is next to nothing at the end, or no steps follow it: use another span, or a larger error"
         }
         (false, _) => {
-            "rounding in f64 is in the way, or finer steps would take more than planning may: a shorter span is needed, or a larger \
+            "rounding in f64 is in the way, or finer steps would take more than planning may: use a shorter span, or a larger \
              error"
         }
     };
@@ -524,16 +534,16 @@ fn out_of_reach(found: &Found, target: &Accuracy, has_f64: bool, draws: bool) ->
 fn check_accuracy(accuracy: &Accuracy) -> Result<()> {
     let wrong = |field, value, expected| Err(Error::Setting { field, value, expected });
     if let Some(value) = accuracy.attitude.filter(|target| !(*target > 0.0 && *target <= std::f64::consts::PI)) {
-        return wrong("accuracy.attitude", value, "an angle above 0 and up to pi is needed (rad)");
+        return wrong("accuracy.attitude", value, "expected an angle above 0 and up to pi (rad)");
     }
     let relative = [("accuracy.angular_velocity", accuracy.angular_velocity), ("accuracy.energy", accuracy.energy)];
     for (field, target) in relative {
         if let Some(value) = target.filter(|target| !(*target > 0.0 && target.is_finite())) {
-            return wrong(field, value, "a relative error above 0 is needed");
+            return wrong(field, value, "expected a relative error above 0");
         }
     }
     if !(accuracy.percentile > 0.0 && accuracy.percentile <= 100.0) {
-        let expected = "a percentile above 0 and up to 100 is needed";
+        let expected = "expected a percentile above 0 and up to 100";
         return wrong("accuracy.percentile", accuracy.percentile, expected);
     }
     Ok(())

@@ -6,17 +6,21 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
-use super::choice::{Look, Rule, Scheme, narrowest};
+use super::choice::{Classification, Rule, Scheme, narrowest};
 use super::cost::Cost;
-use super::group::{LEVELS_PER_OCTAVE, Members, Treatment, level_of, step_of};
+use super::group::{LEVELS_PER_OCTAVE, Treatment, level_of, step_of};
 use super::pilot::Pilot;
-use crate::batch::{BodyState, Precision};
-use crate::engine::adaptive::{AdaptiveSteps, StepCounts};
+use crate::bodies::BodyState;
+use crate::bodies::Members;
+use crate::bodies::Status;
+use crate::engine::adaptive_session::StepCounts;
 use crate::error::Result;
-use crate::method::{Method, Status};
-use crate::record::Spread;
-use crate::run::alone::states_at_end;
-use crate::run::shadow::{Errors, Standing};
+use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::math::Spread;
+use crate::plan::errors::{ErrorRatio, Errors};
+use crate::plan::subset::propagate_subset;
+use crate::scene::AdaptiveSteps;
 use crate::scene::Target;
 
 /// Output times beyond which the pilot goes to the end in one go.
@@ -40,7 +44,7 @@ pub(super) struct Sampled {
 }
 
 impl Sampled {
-    /// Bodies that did not come to the end, as their steps fell below the least.
+    /// Bodies whose steps fell below the limit before the end.
     pub fn unfinished(&self) -> usize {
         self.states.values().filter(|state| state.status != Status::Valid).count()
     }
@@ -52,7 +56,7 @@ impl Pilot<'_> {
         let times = self.times();
         // Side by side, as each of them alone is too little for all cores.
         let groups = self.treatments(rule).into_par_iter().map(|(treatment, members)| {
-            states_at_end(self.scene, &times, self.torques, &Members::Some(members), &treatment, None)
+            propagate_subset(self.scene, &times, self.torques, &Members::Some(members), &treatment, None)
         });
         let (mut states, mut counts) = (States::new(), Vec::new());
         for group in groups.collect::<Result<Vec<_>>>()? {
@@ -80,10 +84,10 @@ impl Pilot<'_> {
     fn treatments(&self, rule: &Rule) -> Vec<(Treatment, Vec<u32>)> {
         let span = self.scene.end();
         let mut groups: BTreeMap<(Option<i32>, bool), Vec<u32>> = BTreeMap::new();
-        for (body, look) in &self.bodies {
-            let step = rule.longest_step(look.rate, span);
+        for (body, classification) in &self.bodies {
+            let step = rule.longest_step(classification.rate, span);
             let level = (step < span).then(|| level_of(step));
-            groups.entry((level, rule.is_wide(look.rate * span))).or_default().push(*body);
+            groups.entry((level, rule.is_wide(classification.rate * span))).or_default().push(*body);
         }
         let treatment = |(level, wide): (Option<i32>, bool)| {
             let precision = if wide { Precision::F64 } else { Precision::F32 };
@@ -107,13 +111,13 @@ impl Pilot<'_> {
     }
 
     /// How the errors of the class over the whole span, at the percentile asked for, stand to the targets.
-    pub fn standing(&self, mut errors: Errors) -> Standing {
+    pub fn error_ratio(&self, mut errors: Errors) -> ErrorRatio {
         let margin = self.margin(&mut errors);
-        let Standing { part, worst, attitude } = errors.standing(self.accuracy, self.all);
+        let ErrorRatio { part, worst, attitude } = errors.error_ratio(self.accuracy, self.all);
         // There is no greater angle than π.
         let most =
             self.accuracy.attitude.filter(|_| worst == Target::Attitude).map_or(f64::INFINITY, |target| PI / target);
-        Standing { part: (margin * part).min(most.max(part)), worst, attitude: (margin * attitude).min(PI) }
+        ErrorRatio { part: (margin * part).min(most.max(part)), worst, attitude: (margin * attitude).min(PI) }
     }
 
     /// How far the bodies end from where a reference has them.
@@ -138,9 +142,9 @@ impl Pilot<'_> {
         if rule.scheme.is_adaptive() {
             let part = self.span / self.scene.end();
             let mean = known.map(|steps| part * steps.total as f64 / self.bodies.len() as f64);
-            let of_body = |(_, look): &(u32, Look)| {
-                let precision = rule.precision_of(look.rate * self.scene.end());
-                let angle = look.rate * self.span;
+            let of_body = |(_, classification): &(u32, Classification)| {
+                let precision = rule.precision_of(classification.rate * self.scene.end());
+                let angle = classification.rate * self.span;
                 let ahead = || rule.expected_attempts(precision, angle).max(times.len() as f64);
                 mean.unwrap_or_else(ahead) * self.step_seconds(rule, cost, precision)
             };
@@ -169,9 +173,11 @@ impl Rule {
     /// Whether every body of a pilot steps by this rule as by another of the same scheme.
     pub(super) fn steps_like(&self, other: &Rule, pilot: &Pilot<'_>) -> bool {
         let span = pilot.scene.end();
-        let alike = |(_, look): &(u32, Look)| match self.scheme {
-            Scheme::Equal(_) => self.longest_step(look.rate, span) == other.longest_step(look.rate, span),
-            Scheme::Adaptive(_) => self.adapts_like(other, self.precision_of(look.rate * span)),
+        let alike = |(_, classification): &(u32, Classification)| match self.scheme {
+            Scheme::Equal(_) => {
+                self.longest_step(classification.rate, span) == other.longest_step(classification.rate, span)
+            }
+            Scheme::Adaptive(_) => self.adapts_like(other, self.precision_of(classification.rate * span)),
         };
         pilot.bodies.iter().all(alike)
     }

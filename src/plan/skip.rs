@@ -11,7 +11,7 @@ pub struct Skip {
     pub bodies: usize,
     /// The most that it can change any of them, beside rounding.
     pub bound: Bound,
-    /// Bytes of states that are not read; 0 where the skip saves none.
+    /// Bytes of states that the skip saves reading; 0 where it saves none.
     pub bytes: u64,
 }
 

@@ -27,7 +27,7 @@ pub(crate) fn steps_over(span: f64, longest: f64) -> Interval {
     Interval { steps: steps as u64, dt: span / steps }
 }
 
-/// The longest step that there is over `span` seconds; over none any step does, as none is taken.
+/// The longest step over `span` seconds. A span of zero takes no step, so every length is allowed.
 pub(crate) fn longest_over(span: f64) -> f64 {
     if span > 0.0 { span } else { 1.0 }
 }
@@ -39,7 +39,7 @@ pub(crate) fn output_times(scene: &Scene) -> Result<Vec<f64>> {
         return Err(Error::Setting {
             field: "time.end",
             value: end,
-            expected: "a finite time that is not negative is needed (s)",
+            expected: "expected a finite time that is not negative (s)",
         });
     }
     match scene.output_times() {
@@ -49,7 +49,7 @@ pub(crate) fn output_times(scene: &Scene) -> Result<Vec<f64>> {
                 return Err(Error::Setting {
                     field: "time.outputs.every",
                     value: *interval,
-                    expected: "a finite interval above zero is needed (s)",
+                    expected: "expected a finite interval above zero (s)",
                 });
             }
             let count = end / interval;
@@ -57,7 +57,7 @@ pub(crate) fn output_times(scene: &Scene) -> Result<Vec<f64>> {
                 return Err(Error::Setting {
                     field: "time.outputs.every",
                     value: *interval,
-                    expected: "more than 1e7 outputs would follow: a longer interval is needed (s)",
+                    expected: "more than 1e7 outputs would follow: use a longer interval (s)",
                 });
             }
             let whole = steps_over(end, *interval).steps as usize;
@@ -74,14 +74,14 @@ pub(crate) fn output_times(scene: &Scene) -> Result<Vec<f64>> {
                     return Err(Error::Setting {
                         field: "time.outputs.times",
                         value: time,
-                        expected: "times from 0 to the end are needed (s)",
+                        expected: "expected times from 0 to the end (s)",
                     });
                 }
                 if time <= last {
                     return Err(Error::Setting {
                         field: "time.outputs.times",
                         value: time,
-                        expected: "increasing times are needed (s)",
+                        expected: "expected increasing times (s)",
                     });
                 }
                 last = time;

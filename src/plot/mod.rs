@@ -16,7 +16,7 @@ mod scale;
 mod skipping;
 mod snapshots;
 mod stability;
-mod statistics;
+mod statistics_over_time;
 mod throughput;
 mod work_precision;
 
@@ -45,7 +45,7 @@ pub fn plot_folder(folder: &Path, bodies: &[usize]) -> Result<Vec<PathBuf>> {
     for (machine, rows) in by_machine(crate::bench::row::rows(folder, crate::bench::skipping::TABLE)?) {
         figures.push((format!("skipping-{machine}"), skipping(&rows)));
     }
-    for precision in crate::batch::Precision::ALL {
+    for precision in crate::math::Precision::ALL {
         let table = crate::bench::stability::table(precision);
         for (machine, rows) in by_machine(crate::bench::row::rows(folder, &table)?) {
             figures.push((format!("stability-{machine}-{precision}"), stability(&rows, precision.name())));
@@ -54,8 +54,8 @@ pub fn plot_folder(folder: &Path, bodies: &[usize]) -> Result<Vec<PathBuf>> {
     if folder.join("snapshots.csv").exists() {
         figures.extend(run::run(folder, bodies)?);
     }
-    if folder.join(statistics::TABLE).exists() {
-        figures.push(("statistics".to_owned(), statistics::statistics(folder)?));
+    if folder.join(statistics_over_time::TABLE).exists() {
+        figures.push(("statistics".to_owned(), statistics_over_time::statistics(folder)?));
     }
     let mut written = Vec::new();
     for (name, figure) in figures {

@@ -36,7 +36,7 @@ fn report(folder: &Path) -> Result<serde_json::Value> {
     let text = std::fs::read_to_string(&path).map_err(|error| Error::file(&path, FileAction::Read, &error))?;
     serde_json::from_str(&text).map_err(|error| Error::Rows {
         path: path.clone(),
-        fault: crate::bench::row::RowFault::Csv(format!("is no report: {error}")),
+        fault: crate::error::RowFault::Csv(format!("is no report: {error}")),
     })
 }
 
@@ -261,7 +261,7 @@ fn of_body(body: usize, track: &[State], caption: &[String]) -> Figure {
 fn ellipsoid(track: &[State]) -> Option<Panel> {
     let inertia = fitted_inertia(track)?;
     let first = track.first()?;
-    let axes = crate::inertia::principal_axes(&inertia.into());
+    let axes = crate::bodies::inertia::principal_axes(&inertia.into());
     let radii = DVec3::from_array(axes.moments.to_array().map(|moment| (2.0 * first.kinetic_energy / moment).sqrt()));
     if !radii.is_finite() {
         return None;

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use glam::{DQuat, DVec3};
 
-use crate::bench::row::RowFault;
+use crate::error::RowFault;
 use crate::error::{Error, FileAction, Result};
 use crate::record::ROTATION_COLUMNS;
 use crate::study::text::{CUT, Lines};

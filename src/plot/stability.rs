@@ -3,7 +3,7 @@
 use super::figure::{Axis, Figure, Item, Line, Mark, Outline, Panel, Style};
 use crate::bench::row::Row;
 use crate::bench::stability::{Outcome, column, exponents};
-use crate::method::Method;
+use crate::kernel::method::Method;
 
 /// Colour and mark of an outcome: dark and marked where states cannot be used.
 fn style(outcome: Outcome) -> Style {

@@ -5,8 +5,8 @@ use crate::bench::accuracy::point;
 use crate::bench::front::{Point, pareto};
 use crate::bench::problem::NAMES;
 use crate::bench::row::Row;
-use crate::method::Method;
-use crate::record::ADAPTIVE;
+use crate::kernel::method::Method;
+use crate::plan::ADAPTIVE;
 
 /// The methods in the order of the legend: what is drawn in colour, then the baselines in grey.
 fn methods() -> Vec<(String, Style)> {

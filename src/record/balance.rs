@@ -1,6 +1,6 @@
 //! Whether energy and angular momentum change by what the torques give.
 
-use super::Quantiles;
+use crate::math::Quantiles;
 
 /// How far the changes of energy and angular momentum over a run are from what the torques account for.
 ///

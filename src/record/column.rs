@@ -9,21 +9,21 @@ pub const ROTATION_COLUMNS: [&str; 11] = ["qx", "qy", "qz", "qw", "wx", "wy", "w
 /// Columns that follow where the ensemble translates: position (m) and velocity (m/s), world axes.
 pub const TRANSLATION_COLUMNS: [&str; 6] = ["x", "y", "z", "vx", "vy", "vz"];
 
-/// The last column of every table of states: the number of what became of the body ([`crate::method::Status`]), 0 where all is well.
+/// The last column of every table of states: the number of what became of the body ([`crate::bodies::Status`]), 0 where all is well.
 /// Numbers of a body that has failed are NaN ([`OutputState`]).
 pub const STATUS: &str = "status";
 
 /// The most columns of numbers.
-pub(super) const MOST_COLUMNS: usize = ROTATION_COLUMNS.len() + TRANSLATION_COLUMNS.len();
+pub(crate) const MOST_COLUMNS: usize = ROTATION_COLUMNS.len() + TRANSLATION_COLUMNS.len();
 
 /// The names of a table's columns between `t` and `status`.
-pub(super) fn names(translates: bool) -> impl Iterator<Item = &'static str> {
+pub(crate) fn names(translates: bool) -> impl Iterator<Item = &'static str> {
     let translation: &[&str] = if translates { &TRANSLATION_COLUMNS } else { &[] };
     ROTATION_COLUMNS.iter().chain(translation).copied()
 }
 
 /// One row; columns of translation are zero where there is none.
-pub(super) fn values(state: &OutputState) -> [f64; MOST_COLUMNS] {
+pub(crate) fn values(state: &OutputState) -> [f64; MOST_COLUMNS] {
     let rotation = &state.rotation;
     let (q, w, l) = (rotation.orientation, rotation.angular_velocity_body, rotation.angular_momentum_world);
     let (x, v) = state.translation.unwrap_or_default();

@@ -11,25 +11,25 @@ use crate::error::Result;
 const ROWS_PER_TASK: usize = 1024;
 
 /// Bytes of the shortest number with its comma, `0.0,`.
-pub(super) const LEAST_BYTES: u64 = 4;
+pub(crate) const LEAST_BYTES: u64 = 4;
 /// Bytes of a number as most are, with sign and comma.
-pub(super) const LIKELY_BYTES: u64 = 20;
+pub(crate) const LIKELY_BYTES: u64 = 20;
 
 /// Bytes of the number of what became of a body, with its comma.
-pub(super) const STATUS_BYTES: u64 = 2;
+pub(crate) const STATUS_BYTES: u64 = 2;
 
 /// Bytes that are reserved for one number: most need 17 digits, sign, point, exponent and comma.
 const BYTES_PER_NUMBER: usize = 24;
 
 /// A table under way: one row a body and output time, in that order.
 #[derive(Debug)]
-pub(super) struct CsvFile {
+pub(crate) struct CsvFile {
     file: OutputFile,
     columns: usize,
 }
 
 impl CsvFile {
-    pub(super) fn begin(mut file: OutputFile, translates: bool) -> Result<Self> {
+    pub(crate) fn begin(mut file: OutputFile, translates: bool) -> Result<Self> {
         let mut header = "body,t".to_owned();
         for name in column::names(translates) {
             header.push(',');
@@ -43,7 +43,7 @@ impl CsvFile {
     }
 
     /// The rows as text, formatted on all cores.
-    pub(super) fn format(&self, time: f64, first_body: usize, states: &[OutputState]) -> Vec<Vec<u8>> {
+    pub(crate) fn format(&self, time: f64, first_body: usize, states: &[OutputState]) -> Vec<Vec<u8>> {
         states
             .par_chunks(ROWS_PER_TASK)
             .enumerate()
@@ -51,11 +51,11 @@ impl CsvFile {
             .collect()
     }
 
-    pub(super) fn write(&mut self, rows: &[Vec<u8>]) -> Result<()> {
+    pub(crate) fn write(&mut self, rows: &[Vec<u8>]) -> Result<()> {
         rows.iter().try_for_each(|rows| self.file.write(rows))
     }
 
-    pub(super) fn finish(self) -> Result<()> {
+    pub(crate) fn finish(self) -> Result<()> {
         self.file.finish()
     }
 }

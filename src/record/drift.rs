@@ -1,58 +1,7 @@
 //! How far the invariants have drifted.
 
-use crate::batch::BodyState;
-
-/// Median, 99th percentile and maximum over the bodies that did not fail.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Quantiles {
-    /// Half of the bodies are at or below.
-    pub median: f64,
-    /// 99 in 100 are at or below.
-    pub p99: f64,
-    /// All are at or below.
-    pub max: f64,
-}
-
-impl Quantiles {
-    /// The quantiles of `values`, which are reordered; 0 where there are none. No value may be NaN.
-    pub fn of(values: &mut [f64]) -> Self {
-        if values.is_empty() {
-            return Self::default();
-        }
-        let (middle, place) = (index(values.len(), 0.5), index(values.len(), 0.99));
-        // Those behind it are not less, and half as many are left to look through.
-        let (_, &mut median, above) = values.select_nth_unstable_by(middle, f64::total_cmp);
-        let Some(place) = place.checked_sub(middle + 1) else {
-            return Self { median, p99: median, max: greatest(above).unwrap_or(median) };
-        };
-        let (_, &mut p99, above) = above.select_nth_unstable_by(place, f64::total_cmp);
-        Self { median, p99, max: greatest(above).unwrap_or(p99) }
-    }
-
-    /// The smallest of `values`, which are reordered, with at least `part` of all at or below it; 0 where there are none.
-    pub(crate) fn rank(values: &mut [f64], part: f64) -> f64 {
-        if values.is_empty() {
-            return 0.0;
-        }
-        let index = index(values.len(), part);
-        *values.select_nth_unstable_by(index, f64::total_cmp).1
-    }
-}
-
-fn greatest(values: &[f64]) -> Option<f64> {
-    values.iter().copied().max_by(f64::total_cmp)
-}
-
-/// Where among `count` sorted values, of which there are some, the first one stands with at least `part` of all at or before it.
-fn index(count: usize, part: f64) -> usize {
-    ((part * count as f64).ceil() as usize).clamp(1, count) - 1
-}
-
-impl std::fmt::Display for Quantiles {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(formatter, "{:.1e} (p99 {:.1e}, max {:.1e})", self.median, self.p99, self.max)
-    }
-}
+use crate::bodies::BodyState;
+use crate::math::Quantiles;
 
 /// Drift of what bodies conserve, from the start to the end of a run. What a torque changes is no drift: it stands in
 /// [`super::Balance`].
@@ -150,7 +99,7 @@ impl BodyDrift {
 }
 
 impl DriftGatherer {
-    /// Makes room for so many bodies that follow.
+    /// Makes room for further bodies.
     pub(crate) fn begin_part(&mut self, bodies: usize) {
         for column in [&mut self.kinetic_energy, &mut self.angular_momentum_world, &mut self.norm] {
             column.0.push(Vec::with_capacity(bodies));

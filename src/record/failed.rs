@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use crate::method::Status;
+use crate::bodies::Status;
 
 /// How sharply it is known when a body failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -39,7 +39,7 @@ pub struct FailedBody {
     pub body: usize,
     /// Why.
     pub reason: Status,
-    /// When it failed, s, as sharply as `known_to` says.
+    /// When it failed, s, to the precision that `known_to` says.
     pub time: f64,
     /// How sharply that is known.
     pub known_to: KnownTo,

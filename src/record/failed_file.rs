@@ -24,7 +24,7 @@ const REASON_BYTES: usize = 20;
 const KNOWN_TO_BYTES: usize = 8;
 
 /// Writes the table.
-pub(super) fn write(folder: &mut OutputFolder, format: Format, failures: &[FailedBody]) -> Result<()> {
+pub(crate) fn write(folder: &mut OutputFolder, format: Format, failures: &[FailedBody]) -> Result<()> {
     let name = format!("failed.{}", format.name());
     match format {
         Format::Csv => folder.write(&name, text(failures).as_bytes()),
@@ -95,7 +95,7 @@ fn last_good(failed: &FailedBody) -> [f64; LAST_GOOD] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::method::Status;
+    use crate::bodies::Status;
     use crate::record::KnownTo;
 
     #[test]

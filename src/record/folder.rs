@@ -196,7 +196,7 @@ impl OutputFolder {
     }
 
     /// Names of the files begun so far.
-    pub(super) fn names(&self) -> &[String] {
+    pub(crate) fn names(&self) -> &[String] {
         &self.names
     }
 
@@ -269,7 +269,7 @@ impl OutputFolder {
     }
 
     /// Begins a file.
-    pub(super) fn begin(&mut self, name: &str) -> Result<OutputFile> {
+    pub(crate) fn begin(&mut self, name: &str) -> Result<OutputFile> {
         if self.traces.is_given_up() {
             return Err(Error::Interrupted { steps: 0 });
         }
@@ -281,7 +281,7 @@ impl OutputFolder {
     }
 
     /// Writes a whole file.
-    pub(super) fn write(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
+    pub(crate) fn write(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
         let mut file = self.begin(name)?;
         file.write(bytes)?;
         file.finish()
@@ -290,7 +290,7 @@ impl OutputFolder {
     /// Gives the files, which are all finished, their place.
     ///
     /// Where that fails, they stay under another name, which the error says: they may be hours of work.
-    pub(super) fn commit(self) -> Result<()> {
+    pub(crate) fn commit(self) -> Result<()> {
         if !self.traces.decide(PLACED) {
             return Err(Error::Interrupted { steps: 0 });
         }
@@ -426,7 +426,7 @@ fn with_suffix(prefix: &Path, suffix: &str) -> PathBuf {
 
 const RANDOM_DIGITS: usize = 16;
 
-/// A number that no other run has, in whatever container: the seed of the standard library's hash maps.
+/// A number that no other run has, in any container: the seed of the standard library's hash maps.
 fn random() -> String {
     format!("{:016x}", RandomState::new().build_hasher().finish())
 }
@@ -481,7 +481,7 @@ fn sync_parent(path: &Path) -> io::Result<()> {
     path.parent().map_or(Ok(()), sync_folder)
 }
 
-/// Writes a file that appears as a whole, in place of whatever has its name; a link is replaced, not followed.
+/// Writes a file that appears as a whole and replaces any file of its name; a link is replaced, not followed.
 #[cfg(feature = "plot")]
 pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     let mut name = std::ffi::OsString::from(".");
@@ -499,7 +499,7 @@ pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
 
 /// A file of a result under way; errors call it by its final name.
 #[derive(Debug)]
-pub(super) struct OutputFile {
+pub(crate) struct OutputFile {
     file: File,
     target: PathBuf,
     position: u64,
@@ -511,14 +511,14 @@ impl OutputFile {
     }
 
     /// Appends bytes.
-    pub(super) fn write(&mut self, bytes: &[u8]) -> Result<()> {
+    pub(crate) fn write(&mut self, bytes: &[u8]) -> Result<()> {
         self.file.write_all(bytes).map_err(|error| self.failed(&error))?;
         self.position += bytes.len() as u64;
         Ok(())
     }
 
     /// Writes bytes at an offset.
-    pub(super) fn write_at(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
+    pub(crate) fn write_at(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
         use std::io::{Seek, SeekFrom};
         if offset != self.position {
             self.file.seek(SeekFrom::Start(offset)).map_err(|error| self.failed(&error))?;
@@ -528,7 +528,7 @@ impl OutputFile {
     }
 
     /// Waits until all is on the disk: what the system could not write is known by then, at the latest.
-    pub(super) fn finish(self) -> Result<()> {
+    pub(crate) fn finish(self) -> Result<()> {
         self.file.sync_all().map_err(|error| self.failed(&error))
     }
 }

@@ -3,49 +3,48 @@
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
-use crate::batch::{BodyState, Precision};
-use crate::engine::Description;
+use crate::bodies::BodyState;
+use crate::bodies::Status;
+use crate::engine::{Description, Traffic};
 use crate::error::Result;
-use crate::method::{Method, Status};
+use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::math::Quantiles;
 use crate::plan::{Part, listed};
 use crate::scene::Accuracy;
 
-mod adaptive;
+mod adaptive_work;
 mod balance;
 #[cfg(feature = "study")]
-mod column;
+pub(crate) mod column;
 #[cfg(feature = "study")]
-mod csv_file;
+pub(crate) mod csv_file;
 #[cfg(feature = "study")]
 pub(crate) mod date;
 mod drift;
 mod failed;
 #[cfg(feature = "study")]
-mod failed_file;
-#[cfg(feature = "study")]
-mod files;
+pub(crate) mod failed_file;
 #[cfg(feature = "study")]
 pub(crate) mod folder;
 #[cfg(feature = "study")]
 mod lock;
 #[cfg(feature = "study")]
-mod npz_file;
+pub(crate) mod npz_file;
 #[cfg(feature = "study")]
 pub mod report;
 mod statistics;
 #[cfg(feature = "study")]
-mod statistics_file;
+pub(crate) mod statistics_file;
 
-pub use adaptive::{AdaptiveWork, Spread};
+pub use adaptive_work::AdaptiveWork;
 pub use balance::Balance;
 pub(crate) use balance::{BalanceGatherer, change_of_total};
 #[cfg(feature = "study")]
 pub use column::{ROTATION_COLUMNS, STATUS, TRANSLATION_COLUMNS};
+pub use drift::Drift;
 pub(crate) use drift::{BodyDrift, Conserved, DriftGatherer};
-pub use drift::{Drift, Quantiles};
 pub use failed::{FailedBody, KnownTo};
-#[cfg(feature = "study")]
-pub use files::{OutputSize, run_to_folder};
 #[cfg(feature = "study")]
 pub use folder::{OutputFolder, PLAN, REPORT, Traces};
 #[cfg(feature = "study")]
@@ -213,14 +212,14 @@ pub struct WallTime {
     /// Handing states to the sink.
     pub write: f64,
     /// Recomputing the sample of bodies, and the quantiles of the drift beside it.
-    pub shadow: f64,
+    pub recomputed_sample: f64,
 }
 
 /// How far a run's states at the end are from those of a sample of its bodies that was recomputed on the CPU in `f64`:
 /// torque-free bodies by the closed form, the others by `rk8`, in steps of half the size where the run's own method is of
 /// order 6 or more and of the same size where it is of a lower order.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Shadow {
+pub struct RecomputedSample {
     /// Bodies behind the figures; those that failed are left out.
     pub bodies: usize,
     /// Bodies of the sample that failed.
@@ -235,7 +234,7 @@ pub struct Shadow {
     pub kinetic_energy: Quantiles,
     /// Bodies behind the two figures that follow: those of `bodies` that translate, as far as their centres of mass could be recomputed.
     pub translating: usize,
-    /// Error of the position of the centre of mass, m. Where positions have a closed form ([`crate::force`]), which the run takes
+    /// Error of the position of the centre of mass, m. Where positions have a closed form ([`crate::torque::force`]), which the run takes
     /// too, it is 0; nobody asks for a target.
     pub position: Quantiles,
     /// Error of the velocity of the centre of mass, m/s, likewise.
@@ -254,7 +253,7 @@ pub struct Shadow {
     pub met: Option<bool>,
 }
 
-impl std::fmt::Display for Shadow {
+impl std::fmt::Display for RecomputedSample {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self.bodies {
             0 => write!(formatter, "attitude error not known")?,
@@ -267,11 +266,6 @@ impl std::fmt::Display for Shadow {
         }
     }
 }
-
-/// What a report calls the closed form, where it otherwise names a method.
-pub(crate) const CLOSED_FORM: &str = "closed form";
-/// What `rk8` in steps that each body chooses is called in tables.
-pub(crate) const ADAPTIVE: &str = "rk8 adaptive";
 
 /// What a run did and how well.
 #[derive(Clone, Debug, PartialEq)]
@@ -290,21 +284,21 @@ pub struct Trust {
     pub body_steps: u64,
     /// Adaptive steps; `None` where no body took any.
     pub adaptive: Option<AdaptiveWork>,
-    /// Bytes that were read back from the device; 0 on the CPU.
-    pub bytes_read: u64,
+    /// What has passed between the host and the device, where the engine's other sessions are idle; all 0 on the CPU.
+    pub traffic: Traffic,
     /// Drift at the end of what bodies conserve.
     pub drift: Drift,
     /// What is left of the changes of energy and angular momentum when the torques' share is taken off.
     pub balance: Balance,
     /// Errors estimated from a sample of bodies.
-    pub shadow: Shadow,
+    pub recomputed_sample: RecomputedSample,
     /// Bodies that have failed, ascending: those of `failures`.
     pub failed_bodies: Vec<usize>,
     /// Why and when bodies have failed, by body: those whose state or centre of mass was not finite at an output that was read, or of
     /// which a step said that it failed.
     pub failures: Vec<FailedBody>,
     /// Bodies that turn further in a given step, at the start or at the end, than the method's usable region reaches
-    /// ([`crate::method::Properties::usable_angle`]); 0 where the step was chosen by the library.
+    /// ([`crate::kernel::method::Properties::usable_angle`]); 0 where the step was chosen by the library.
     pub outside_usable_region: usize,
     /// Wall time by phase.
     pub wall_time: WallTime,
@@ -312,7 +306,14 @@ pub struct Trust {
 
 impl std::fmt::Display for Trust {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(formatter, "{} on {}: {}, {}", listed(&self.parts), self.engine.name, self.shadow, self.drift)?;
+        write!(
+            formatter,
+            "{} on {}: {}, {}",
+            listed(&self.parts),
+            self.engine.name,
+            self.recomputed_sample,
+            self.drift
+        )?;
         if self.balance.bodies > 0 {
             write!(formatter, ", {}", self.balance)?;
         }

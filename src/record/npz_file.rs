@@ -33,7 +33,7 @@ struct Entry {
 
 /// A ZIP archive of files of known sizes, all open at once.
 #[derive(Debug)]
-pub(super) struct Archive {
+pub(crate) struct Archive {
     file: OutputFile,
     entries: Vec<Entry>,
     end: u64,
@@ -42,12 +42,12 @@ pub(super) struct Archive {
 }
 
 impl Archive {
-    pub(super) fn new(file: OutputFile) -> Self {
+    pub(crate) fn new(file: OutputFile) -> Self {
         Self { file, entries: Vec::new(), end: 0, wide: WIDE }
     }
 
     /// Gives a file of `size` bytes its place.
-    pub(super) fn reserve(&mut self, name: String, size: u64) {
+    pub(crate) fn reserve(&mut self, name: String, size: u64) {
         let offset = self.end;
         let mut entry = Entry { name, offset, position: 0, size, checksum: crc32fast::Hasher::new() };
         entry.position = offset + self.local_header(&entry).len() as u64;
@@ -56,7 +56,7 @@ impl Archive {
     }
 
     /// Appends bytes to a file.
-    pub(super) fn append(&mut self, entry: usize, bytes: &[u8]) -> Result<()> {
+    pub(crate) fn append(&mut self, entry: usize, bytes: &[u8]) -> Result<()> {
         let entry = &mut self.entries[entry];
         self.file.write_at(entry.position, bytes)?;
         entry.position += bytes.len() as u64;
@@ -127,7 +127,7 @@ impl Archive {
     }
 
     /// Writes all headers, now that the checksums are known.
-    pub(super) fn finish(mut self) -> Result<()> {
+    pub(crate) fn finish(mut self) -> Result<()> {
         for index in 0..self.entries.len() {
             let (offset, header) = (self.entries[index].offset, self.local_header(&self.entries[index]));
             self.file.write_at(offset, &header)?;
@@ -179,7 +179,7 @@ fn zip64_end(count: u64, size: u64, start: u64) -> Vec<u8> {
 }
 
 /// The header of a `.npy` file: magic, version 1.0, and a Python dictionary padded to a multiple of 64 bytes.
-pub(super) fn npy_header(element: &str, shape: &[usize]) -> Vec<u8> {
+pub(crate) fn npy_header(element: &str, shape: &[usize]) -> Vec<u8> {
     let mut sizes: String = shape.iter().map(|size| format!("{size}, ")).collect();
     if shape.len() > 1 {
         sizes.truncate(sizes.len() - 2);
@@ -201,7 +201,7 @@ pub(super) fn npy_header(element: &str, shape: &[usize]) -> Vec<u8> {
 /// `body` has shape `[bodies]`; `t` has shape `[outputs]`, and the other columns `[outputs, bodies]`; of a single output,
 /// `t` is a scalar and the other columns have shape `[bodies]`. `status` is of bytes.
 #[derive(Debug)]
-pub(super) struct NpzFile {
+pub(crate) struct NpzFile {
     archive: Archive,
     columns: usize,
 }
@@ -211,7 +211,7 @@ const LEADING_ENTRIES: usize = 2;
 
 impl NpzFile {
     /// `times`: `Some` for a table over output times, `None` with the one time for a table of one.
-    pub(super) fn begin(file: OutputFile, body_count: usize, times: Times<'_>, translates: bool) -> Result<Self> {
+    pub(crate) fn begin(file: OutputFile, body_count: usize, times: Times<'_>, translates: bool) -> Result<Self> {
         let mut archive = Archive::new(file);
         let (time_shape, state_shape) = match times {
             Times::One(_) => (vec![], vec![body_count]),
@@ -247,7 +247,7 @@ impl NpzFile {
     }
 
     /// Some bodies' states by column, in the byte order of the file, gathered on all cores.
-    pub(super) fn format(&self, states: &[OutputState]) -> Columns {
+    pub(crate) fn format(&self, states: &[OutputState]) -> Columns {
         let little_endian = |number: f64| f64::from_bits(number.to_bits().to_le());
         let numbers = (0..self.columns)
             .into_par_iter()
@@ -257,28 +257,28 @@ impl NpzFile {
     }
 
     /// Appends what [`NpzFile::format`] gave, in the order of outputs and bodies.
-    pub(super) fn write(&mut self, columns: &Columns) -> Result<()> {
+    pub(crate) fn write(&mut self, columns: &Columns) -> Result<()> {
         columns.numbers.iter().enumerate().try_for_each(|(column, numbers)| {
             self.archive.append(LEADING_ENTRIES + column, bytemuck::cast_slice(numbers))
         })?;
         self.archive.append(LEADING_ENTRIES + self.columns, &columns.status)
     }
 
-    pub(super) fn finish(self) -> Result<()> {
+    pub(crate) fn finish(self) -> Result<()> {
         self.archive.finish()
     }
 }
 
 /// Some bodies' states by column.
 #[derive(Debug)]
-pub(super) struct Columns {
+pub(crate) struct Columns {
     numbers: Vec<Vec<f64>>,
     status: Vec<u8>,
 }
 
 /// The times of a table.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Times<'a> {
+pub(crate) enum Times<'a> {
     /// One, so that the table has no axis of time.
     One(f64),
     /// Any number of them.

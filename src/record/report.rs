@@ -2,17 +2,18 @@
 
 use serde::Serialize;
 
-use super::{AdaptiveWork, Balance, Drift, FailedBody, Quantiles, Spread, Trust};
+use super::{AdaptiveWork, Balance, Drift, FailedBody, Trust};
+use crate::bodies::Status;
 use crate::engine::EngineKind;
-use crate::method::Status;
+use crate::math::{Quantiles, Spread};
 use crate::plan::explain::{ClassRow, SkipRow};
 use crate::plan::{Group, Part, Plan, Treatment};
 use crate::scene::Accuracy;
 
-mod statistics;
+mod statistics_report;
 mod summary;
 
-pub use statistics::{StatisticsReport, SummaryReport};
+pub use statistics_report::{StatisticsReport, SummaryReport};
 
 /// A run in figures, as it stands in `report.json`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -35,6 +36,12 @@ pub struct Report {
     pub body_steps_per_second: f64,
     /// Bytes that were read back from the device; 0 on the CPU.
     pub bytes_read: u64,
+    /// Bytes that were written to it.
+    pub bytes_written: u64,
+    /// How often the host waited for the device.
+    pub device_waits: u64,
+    /// Dispatches of kernels on it.
+    pub dispatches: u64,
     /// Adaptive steps; `null` where no body took any.
     pub adaptive: Option<AdaptiveReport>,
     /// Wall time by phase.
@@ -83,6 +90,8 @@ pub struct EngineReport {
     pub driver: String,
     /// Whether a software adapter played the GPU.
     pub software: bool,
+    /// What ran on the CPU beside a GPU, and why; `null` where nothing did.
+    pub on_host: Option<String>,
 }
 
 /// What was computed.
@@ -181,9 +190,9 @@ pub struct AccuracyReport {
     pub beyond: usize,
     /// Bodies of the whole run that have failed, of which the percentile may leave out some.
     pub failed: usize,
-    /// Whether a random torque acts, whose draws are those of the run's own steps ([`super::Shadow::same_draws`]).
+    /// Whether a random torque acts, whose draws are those of the run's own steps ([`super::RecomputedSample::same_draws`]).
     pub same_draws: bool,
-    /// Whether the sample agrees with it ([`super::Shadow::met`]).
+    /// Whether the sample agrees with it ([`super::RecomputedSample::met`]).
     pub met: Option<bool>,
 }
 
@@ -340,7 +349,7 @@ impl BalanceReport {
 }
 
 impl Report {
-    pub(super) fn new(study: Option<StudyReport>, plan: &Plan<'_>, trust: Trust) -> Self {
+    pub(crate) fn new(study: Option<StudyReport>, plan: &Plan<'_>, trust: Trust) -> Self {
         let compute = trust.wall_time.compute;
         let explanation = plan.explain();
         let rate = trust.body_steps as f64 / compute;
@@ -357,6 +366,7 @@ impl Report {
                 adapter: trust.engine.name,
                 driver: trust.engine.driver,
                 software: trust.engine.software,
+                on_host: trust.engine.on_host,
             },
             plan: PlanReport {
                 method: names(trust.parts.iter().map(|part| part.method)),
@@ -369,14 +379,17 @@ impl Report {
             },
             body_steps: trust.body_steps,
             adaptive: trust.adaptive.map(AdaptiveReport::from),
-            bytes_read: trust.bytes_read,
+            bytes_read: trust.traffic.bytes_read,
+            bytes_written: trust.traffic.bytes_written,
+            device_waits: trust.traffic.waits,
+            dispatches: trust.traffic.dispatches,
             body_steps_per_second: if trust.body_steps > 0 && rate.is_finite() { rate } else { 0.0 },
             wall_time: WallTimeReport {
                 prepare: trust.wall_time.prepare,
                 start: trust.wall_time.start,
                 compute,
                 read: trust.wall_time.read,
-                shadow: trust.wall_time.shadow,
+                shadow: trust.wall_time.recomputed_sample,
                 ..WallTimeReport::default()
             },
             repairs: plan.scene().ensemble().repairs().map(|repairs| RepairReport {
@@ -388,25 +401,31 @@ impl Report {
             drift: DriftReport::of(&trust.drift),
             balance: BalanceReport::of(&trust.balance),
             accuracy: AccuracyReport {
-                bodies: trust.shadow.bodies,
-                lost: trust.shadow.lost,
-                diverged: trust.shadow.diverged,
-                attitude: QuantilesReport::of(trust.shadow.attitude, trust.shadow.bodies),
-                angular_velocity: QuantilesReport::of(trust.shadow.angular_velocity, trust.shadow.bodies),
-                kinetic_energy: QuantilesReport::of(trust.shadow.kinetic_energy, trust.shadow.bodies),
-                translating: trust.shadow.translating,
-                position: QuantilesReport::of(trust.shadow.position, trust.shadow.translating),
-                velocity: QuantilesReport::of(trust.shadow.velocity, trust.shadow.translating),
-                target: trust.shadow.target.map(|target| TargetReport {
+                bodies: trust.recomputed_sample.bodies,
+                lost: trust.recomputed_sample.lost,
+                diverged: trust.recomputed_sample.diverged,
+                attitude: QuantilesReport::of(trust.recomputed_sample.attitude, trust.recomputed_sample.bodies),
+                angular_velocity: QuantilesReport::of(
+                    trust.recomputed_sample.angular_velocity,
+                    trust.recomputed_sample.bodies,
+                ),
+                kinetic_energy: QuantilesReport::of(
+                    trust.recomputed_sample.kinetic_energy,
+                    trust.recomputed_sample.bodies,
+                ),
+                translating: trust.recomputed_sample.translating,
+                position: QuantilesReport::of(trust.recomputed_sample.position, trust.recomputed_sample.translating),
+                velocity: QuantilesReport::of(trust.recomputed_sample.velocity, trust.recomputed_sample.translating),
+                target: trust.recomputed_sample.target.map(|target| TargetReport {
                     attitude: target.attitude,
                     angular_velocity: target.angular_velocity,
                     energy: target.energy,
                     percentile: target.percentile,
                 }),
-                beyond: trust.shadow.beyond,
+                beyond: trust.recomputed_sample.beyond,
                 failed: trust.failures.len(),
-                same_draws: trust.shadow.same_draws,
-                met: trust.shadow.met,
+                same_draws: trust.recomputed_sample.same_draws,
+                met: trust.recomputed_sample.met,
             },
             outside_usable_region: trust.outside_usable_region,
             failures: FailureReport::of(&trust.failures),

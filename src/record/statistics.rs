@@ -1,6 +1,6 @@
 //! Statistics of an ensemble at an output time.
 
-use crate::observe::{Partial, Statistic};
+use crate::kernel::observe::{Partial, Statistic};
 
 /// Statistics of all bodies at one time.
 #[derive(Clone, Debug, PartialEq)]

@@ -4,7 +4,7 @@ use super::folder::{OutputFile, OutputFolder};
 use super::npz_file::{Archive, npy_header};
 use super::{Statistics, Summary};
 use crate::error::Result;
-use crate::observe::Statistic;
+use crate::kernel::observe::Statistic;
 use crate::study::Format;
 
 /// Columns of a quantity, behind its name.
@@ -17,7 +17,7 @@ const BODY_COLUMNS: usize = 2;
 ///
 /// As comma-separated values without a body where there is none; as arrays of shape `[outputs]`, with −1.
 #[derive(Debug)]
-pub(super) enum StatisticsFile {
+pub(crate) enum StatisticsFile {
     Csv(OutputFile),
     Npz(Box<Archive>),
 }

@@ -5,12 +5,14 @@ use std::ops::ControlFlow;
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
-use super::shadow::{self, SHADOW_SEED};
-use super::work::Work;
-use crate::batch::{BodyState, initial_state};
+use crate::bodies::BodyState;
+use crate::bodies::frame::initial_state;
 use crate::error::{Error, Result};
+use crate::plan::sampling::sample;
 use crate::plan::{Plan, TorqueSet};
 use crate::record::{Balance, BalanceGatherer, change_of_total};
+use crate::run::recomputed_sample::{SAMPLE_SEED, recomputed, sample_size};
+use crate::run::torque_work::Work;
 use crate::scene::Scene;
 use crate::torque::variable_inertia;
 
@@ -43,8 +45,8 @@ pub fn balance(plan: &Plan<'_>, orientation: &[DQuat], angular_velocity_body: &[
         }
     };
     let mut gatherer = BalanceGatherer::default();
-    let sample = shadow::sample(ensemble.len(), shadow::shadow_size(ensemble.len()), SHADOW_SEED);
-    for reference in shadow::recomputed(plan, &sample, &mut |_| ControlFlow::Continue(()))? {
+    let sample = sample(ensemble.len(), sample_size(ensemble.len()), SAMPLE_SEED);
+    for reference in recomputed(plan, &sample, &mut |_| ControlFlow::Continue(()))? {
         push_rest(&mut gatherer, plan.scene(), reference.body, &state(reference.body), reference.work.as_ref());
     }
     let changes: Vec<f64> = (0..ensemble.len())
@@ -58,7 +60,7 @@ pub fn balance(plan: &Plan<'_>, orientation: &[DQuat], angular_velocity_body: &[
     Ok(gatherer.finish())
 }
 
-/// Takes what is left of a body's changes when what the torques did is taken off; nothing where none acted.
+/// Adds what remains of a body's changes after the torques' work is subtracted; nothing where no torque acted.
 pub(super) fn push_rest(
     gatherer: &mut BalanceGatherer,
     scene: &Scene,

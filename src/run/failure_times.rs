@@ -9,13 +9,15 @@ use std::collections::BTreeSet;
 
 use super::OutputState;
 use super::translation::Centres;
-use super::unit::Unit;
-use crate::engine::cpu::{Cpu, Width};
+use crate::bodies::Members;
+use crate::bodies::Status;
+use crate::engine::cpu::Cpu;
 use crate::engine::{Observer, Progress};
 use crate::error::{Error, Result};
-use crate::method::Status;
-use crate::plan::{Group, Interval, Members, Plan, Treatment};
+use crate::math::Width;
+use crate::plan::{Group, Interval, Plan, Treatment};
 use crate::record::{FailedBody, KnownTo, WallTime};
+use crate::run::group_run::GroupRun;
 
 /// The most bodies whose steps are taken again.
 const MOST_BODIES: usize = 1000;
@@ -32,7 +34,7 @@ const LOOKS: u64 = 4096;
 /// What a step is counted as where the host follows the rotation step by step with the centres of mass.
 const FOLLOWED: u64 = 16;
 
-/// Finds out at which step bodies have failed, as far as the budget goes. `attempts` says how many adaptive steps a failed body has
+/// Finds the step at which each body failed, within the budget. `attempts` says how many adaptive steps a failed body has
 /// tried.
 pub(super) fn find(
     plan: &Plan<'_>,
@@ -95,7 +97,7 @@ impl<'p> Steps<'p> {
         (index, interval, start, before)
     }
 
-    /// The time after so many steps, s.
+    /// The time after a number of steps, s.
     fn time(&self, steps: u64) -> f64 {
         let Some(last) = steps.checked_sub(1) else { return 0.0 };
         let (index, interval, start, before) = self.interval(last);
@@ -103,12 +105,17 @@ impl<'p> Steps<'p> {
     }
 
     /// Brings bodies on that have taken the first steps of `taken`.
-    fn advance(&self, unit: &mut Unit<'_>, taken: std::ops::Range<u64>, observer: &mut Observer<'_>) -> Result<()> {
+    fn advance(
+        &self,
+        group_run: &mut GroupRun<'_>,
+        taken: std::ops::Range<u64>,
+        observer: &mut Observer<'_>,
+    ) -> Result<()> {
         let mut at = taken.start;
         while at < taken.end {
             let (index, interval, start, before) = self.interval(at);
             let end = taken.end.min(self.ends[index]);
-            unit.take_steps((start, interval.dt), at - before..end - before, self.time(end), observer)?;
+            group_run.take_steps((start, interval.dt), at - before..end - before, self.time(end), observer)?;
             at = end;
         }
         Ok(())
@@ -129,7 +136,7 @@ struct Bracket<'f> {
 }
 
 impl Bracket<'_> {
-    /// Takes the state after so many steps.
+    /// Advances to the state after a number of steps.
     fn take(&mut self, steps: u64, state: &OutputState) {
         if steps < self.good || steps > self.bad {
             return;
@@ -147,7 +154,7 @@ impl Bracket<'_> {
         }
     }
 
-    /// Steps after which to look, in about so many parts.
+    /// The steps after which states are examined, in about this many parts.
     fn looks(&self, parts: u64) -> impl Iterator<Item = u64> {
         let (good, width) = (self.good, self.bad - self.good);
         let parts = parts.min(width).max(1);
@@ -212,7 +219,7 @@ fn passage(
     observer: &mut Observer<'_>,
 ) -> Result<u64> {
     let scene = plan.scene();
-    let weight = if scene.forces().iter().any(crate::force::Force::needs_attitude) { FOLLOWED } else { 1 };
+    let weight = if scene.forces().iter().any(crate::torque::force::Force::needs_attitude) { FOLLOWED } else { 1 };
     // All of them go as far as the last one has to.
     let mut last = 0;
     let affordable = open.iter().zip(1_u64..).take_while(|(bracket, count)| {
@@ -228,20 +235,20 @@ fn passage(
 
     let members = Members::Some(open.iter().map(|bracket| bracket.failed.body as u32).collect());
     let group = Group { members, ..group.clone() };
-    let mut unit = Unit::start(&Cpu::new(Width::Lanes), scene, &group, false, &mut WallTime::default())?;
-    // Those of the long way are stepped for all bodies at once, and not here.
+    let mut group_run = GroupRun::start(&Cpu::new(Width::Lanes), scene, &group, false, &mut WallTime::default())?;
+    // Without skipping they are stepped for all bodies at once, and not here.
     let mut centres = scene.may_skip().then(|| Centres::start(plan));
     let mut taken = 0;
     for look in looks {
         if open.iter().all(|bracket| look > bracket.bad || !bracket.agrees) {
             break;
         }
-        steps.advance(&mut unit, taken..look, observer)?;
+        steps.advance(&mut group_run, taken..look, observer)?;
         taken = look;
         if let Some(centres) = &mut centres {
             centres.advance(steps.time(look), Interval { steps: 0, dt: 0.0 });
         }
-        let states = unit.output_states(&|body| centres.as_ref().and_then(|centres| centres.of_body(body)))?;
+        let states = group_run.output_states(&|body| centres.as_ref().and_then(|centres| centres.of_body(body)))?;
         open.iter_mut().zip(&states).for_each(|(bracket, state)| bracket.take(look, state));
         let done = taken.saturating_mul(count as u64);
         if observer(Progress { done, total: last.saturating_mul(count as u64) }).is_break() {
@@ -274,16 +281,17 @@ fn in_adaptive_steps(
     if failures.is_empty() {
         return Ok(());
     }
-    let mut unit = Unit::start(&Cpu::new(Width::Lanes), plan.scene(), &group, false, &mut WallTime::default())?;
+    let mut group_run =
+        GroupRun::start(&Cpu::new(Width::Lanes), plan.scene(), &group, false, &mut WallTime::default())?;
     let mut left: Vec<Option<&mut FailedBody>> = failures.into_iter().map(Some).collect();
     for (index, &time) in plan.times().iter().enumerate() {
-        unit.advance(time, plan.span_before(index), true, observer)?;
+        group_run.advance(time, plan.span_before(index), true, observer)?;
         for (row, place) in left.iter_mut().enumerate() {
             let Some(failed) = place else { continue };
             if time > failed.time {
                 *place = None;
             } else if time > failed.last_good_time
-                && let Some((stopped, state)) = unit.stopped(row)?
+                && let Some((stopped, state)) = group_run.stopped(row)?
             {
                 if state.is_finite() && stopped >= failed.last_good_time {
                     (failed.time, failed.last_good_time, failed.known_to) = (stopped, stopped, KnownTo::Step);

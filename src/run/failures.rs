@@ -7,11 +7,11 @@ use rayon::prelude::*;
 
 use super::reading::TASK;
 use super::{OutputState, make_room};
-use crate::batch::BodyState;
-use crate::ensemble::Ensemble;
+use crate::bodies::BodyState;
+use crate::bodies::Ensemble;
+use crate::bodies::Status;
+use crate::bodies::memory;
 use crate::error::Result;
-use crate::memory;
-use crate::method::Status;
 use crate::record::{FailedBody, KnownTo};
 
 /// The bodies that have failed so far.
@@ -128,7 +128,7 @@ impl<'p> Failures<'p> {
 
 /// Makes the numbers of a body that has failed NaN: all of them, or those of its centre of mass if only that is lost.
 fn blank(state: &mut OutputState, reason: Status) {
-    if reason != Status::CentreNotFinite || !super::is_sound(&state.rotation) {
+    if reason != Status::CentreNotFinite || !state.rotation.is_sound() {
         state.rotation = BodyState { status: reason, ..BodyState::UNKNOWN };
     }
     state.translation = state.translation.map(|_| (DVec3::NAN, DVec3::NAN));

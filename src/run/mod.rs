@@ -2,16 +2,19 @@
 
 use std::collections::BTreeMap;
 use std::ops::{ControlFlow, Range};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::batch::BodyState;
+use crate::bodies::BodyState;
+use crate::bodies::Status;
+use crate::engine::Engine;
 use crate::engine::watch::{Watch, watched};
 use crate::engine::{Backend, Description, EngineKind, Observer, Progress};
 use crate::error::{Error, Result};
-use crate::method::Status;
+use crate::plan::errors::Errors;
+use crate::plan::sampling::sample;
 use crate::plan::{Plan, TorqueSet};
 use crate::record::{
     BalanceGatherer, BodyDrift, Conserved, Drift, DriftGatherer, FailedBody, Memory, OutputState, Record, Sink, Trust,
@@ -20,31 +23,33 @@ use crate::record::{
 use crate::scene::{Scene, Stepping};
 use crate::torque::Torque;
 
-pub(crate) mod adaptive;
-pub(crate) mod alone;
+pub(crate) mod adaptive_group;
 mod balance;
-pub(crate) mod confidence;
+mod evaluated_when_read;
 mod failure_times;
 mod failures;
-pub(crate) mod flight;
-mod once;
+#[cfg(feature = "study")]
+mod files;
+mod group_run;
+mod output_statistics;
 mod reading;
 mod recomputed_centres;
-pub(crate) mod shadow;
-mod statistics;
+mod recomputed_sample;
+pub(crate) mod stepped_translation;
+mod torque_work;
 mod translation;
-mod unit;
-mod work;
 
 pub use balance::balance;
+#[cfg(feature = "study")]
+pub use files::{OutputSize, run_to_folder};
 
 use balance::{push_rest, total_energy_change};
 use failures::Failures;
+use group_run::GroupRun;
+use output_statistics::FromStates;
 use recomputed_centres::recomputed_centres;
-use shadow::SHADOW_SEED;
-use statistics::FromStates;
+use recomputed_sample::{SAMPLE_SEED, recomputed, sample_size};
 use translation::Centres;
-use unit::Unit;
 
 /// Bodies that are read and handed on at once: on the host little enough for its cache, and from a device so many that a transfer takes
 /// longer than its start.
@@ -52,6 +57,17 @@ fn read_block(engine: &Description) -> usize {
     match engine.kind {
         EngineKind::Cpu => 1 << 13,
         EngineKind::Gpu => 1 << 15,
+    }
+}
+
+impl Engine {
+    /// Runs a plan and keeps every output in memory.
+    ///
+    /// # Errors
+    ///
+    /// As [`run_into`], which hands outputs on instead of keeping them.
+    pub fn run(&self, plan: &Plan<'_>) -> Result<Record> {
+        run(self, plan)
     }
 }
 
@@ -95,7 +111,7 @@ pub fn run_into(
     })
 }
 
-/// As [`run_into`], which is told of the outputs that are done.
+/// As [`run_into`]; counts the outputs that are done in `outputs_done`.
 fn run_counted(
     engine: &dyn Backend,
     plan: &Plan<'_>,
@@ -106,16 +122,17 @@ fn run_counted(
     let scene = plan.scene();
     let body_count = scene.ensemble().len();
     let mut wall_time = WallTime::default();
-    // The long way forms statistics of the states that it reads.
+    let before = engine.traffic();
+    // Without skipping, statistics are formed of the states that are read.
     let statistics = scene.wanted_statistics();
     let reduces = !statistics.is_empty() && scene.may_skip();
     let once = plan.looks_once();
-    let units = plan.groups().iter().map(|group| Unit::start(engine, scene, group, once, &mut wall_time));
-    let mut units = units.collect::<Result<Vec<_>>>()?;
+    let group_runs = plan.groups().iter().map(|group| GroupRun::start(engine, scene, group, once, &mut wall_time));
+    let mut group_runs = group_runs.collect::<Result<Vec<_>>>()?;
     let mut centres = Centres::start(plan);
     if reduces {
         let clock = Instant::now();
-        units.iter_mut().try_for_each(|unit| unit.watch(statistics, usable_rate(scene)))?;
+        group_runs.iter_mut().try_for_each(|group_run| group_run.watch(statistics, usable_rate(scene)))?;
         wall_time.start += clock.elapsed().as_secs_f64();
     }
 
@@ -124,7 +141,7 @@ fn run_counted(
     let mut done = 0_u64;
     let mut end = AtEnd::default();
     let mut failures = Failures::new(scene.ensemble());
-    let sample = shadow::sample(body_count, shadow::shadow_size(body_count), SHADOW_SEED);
+    let sample = sample(body_count, sample_size(body_count), SAMPLE_SEED);
     let (mut sampled, mut sampled_centres) = (Vec::with_capacity(sample.len()), Vec::with_capacity(sample.len()));
     let count = plan.times().len();
     let block = read_block(&engine.description());
@@ -137,7 +154,7 @@ fn run_counted(
         let wanted = asked || !scene.may_skip() || (last && !plan.leaves_states());
         let clock = Instant::now();
         let span = plan.span_before(index);
-        advance(&mut units, (time, span), wanted || last || reduces, (&mut done, total), observer)?;
+        advance(&mut group_runs, (time, span), wanted || last || reduces, (&mut done, total), observer)?;
         centres.advance(time, plan.interval(index));
         wall_time.compute += clock.elapsed().as_secs_f64();
         if plan.is_closed_form() && observer(Progress { done, total }).is_break() {
@@ -145,18 +162,18 @@ fn run_counted(
         }
         if reduces {
             let clock = Instant::now();
-            let found = statistics::reduced(&mut units, statistics, time)?;
+            let found = output_statistics::reduced(&mut group_runs, statistics, time)?;
             wall_time.read += clock.elapsed().as_secs_f64();
             sink.statistics(index, &found)?;
         }
         if !wanted {
             if last {
                 let clock = Instant::now();
-                sampled = end.gather_sample(scene, &mut units, &sample, &mut |body, reason| {
+                sampled = end.gather_sample(scene, &mut group_runs, &sample, &mut |body, reason| {
                     failures.push(body, reason, time);
                 })?;
-                sampled_centres = centres_of(&sample, &mut units, &centres)?;
-                for body in lost_centres(&mut units, &centres, body_count, block)? {
+                sampled_centres = centres_of(&sample, &mut group_runs, &centres)?;
+                for body in lost_centres(&mut group_runs, &centres, body_count, block)? {
                     failures.push(body, Status::CentreNotFinite, time);
                 }
                 wall_time.read += clock.elapsed().as_secs_f64();
@@ -172,13 +189,16 @@ fn run_counted(
             let clock = Instant::now();
             // Among the pool's threads, so that they need not be woken for each part of it.
             rayon::scope(|_| -> Result<()> {
-                read_states(&mut units, &centres, &range, &mut states, last.then_some(&mut initial))?;
+                read_states(&mut group_runs, &centres, &range, &mut states, last.then_some(&mut initial))?;
                 failures.mark(time, start, &mut states);
                 if last {
                     end.gather(scene, start, &initial, &states);
                 }
                 Ok(())
             })?;
+            // While these are handed on, the next come to the host.
+            let next = range.end..(range.end + block).min(body_count);
+            group_runs.iter_mut().try_for_each(|group_run| group_run.prefetch(&next))?;
             from_states.push(start, &states);
             if last {
                 let of_block = |body: &&u32| range.contains(&(**body as usize));
@@ -189,7 +209,7 @@ fn run_counted(
                 }
             }
             // What is formed as it is read is computed all the same.
-            let formed: f64 = units.iter_mut().map(Unit::take_formed).sum();
+            let formed: f64 = group_runs.iter_mut().map(GroupRun::take_formed).sum();
             wall_time.read += clock.elapsed().as_secs_f64() - formed;
             wall_time.compute += formed;
             if asked {
@@ -209,39 +229,39 @@ fn run_counted(
     }
     *outputs_done = count;
     let mut works = Vec::new();
-    for unit in &mut units {
-        works.extend(unit.adaptive_work()?);
+    for group_run in &mut group_runs {
+        works.extend(group_run.adaptive_work()?);
     }
-    let adaptive = adaptive::total_work(works, failures.count(Status::StepBelowLimit));
-    let bytes_read = units.iter().map(Unit::bytes_read).sum();
+    let adaptive = adaptive_group::total_work(works, failures.count(Status::StepBelowLimit));
+    let traffic = engine.traffic().since(before);
     let mut failures = failures.finish();
     let stopped = |failed: &&FailedBody| failed.reason == Status::StepBelowLimit;
     let stopped: Vec<usize> = failures.iter().filter(stopped).map(|failed| failed.body).collect();
     let mut attempts = BTreeMap::new();
     if !stopped.is_empty() {
-        for unit in &mut units {
-            attempts.extend(unit.attempts(&stopped)?);
+        for group_run in &mut group_runs {
+            attempts.extend(group_run.attempts(&stopped)?);
         }
     }
-    drop(units);
+    drop(group_runs);
 
     let clock = Instant::now();
     let attempts = |body: usize| attempts.get(&body).copied().unwrap_or(u64::MAX);
     failure_times::find(plan, &mut failures, &attempts, &mut |_| observer(Progress { done, total }))?;
-    // The drift's quantiles beside the shadow, whose few bodies are not enough for all cores.
+    // The drift's quantiles beside the recomputed sample, whose few bodies are not enough for all cores.
     let (mut drift, gathered) = (Drift::default(), std::mem::take(&mut end.drift));
     let recomputed = rayon::in_place_scope(|scope| {
         scope.spawn(|_| drift = gathered.finish());
-        shadow::recomputed(plan, &sample, &mut |_| observer(Progress { done, total }))
+        recomputed(plan, &sample, &mut |_| observer(Progress { done, total }))
     })?;
     let recomputed_centres = recomputed_centres(plan, &sample, &mut |_| observer(Progress { done, total }))?;
-    let mut errors = shadow::Errors::default();
+    let mut errors = Errors::default();
     let has_failed = |body: usize| failures.binary_search_by_key(&body, |failed| failed.body).is_ok();
     let (mut lost, mut diverged) = (0, 0);
     for ((state, centre), reference) in sampled.iter().zip(sampled_centres).zip(&recomputed) {
-        if !is_sound(state) || has_failed(reference.body) {
+        if !state.is_sound() || has_failed(reference.body) {
             lost += 1;
-        } else if !is_sound(&reference.state) {
+        } else if !reference.state.is_sound() {
             // There is nothing to compare with.
             diverged += 1;
         } else {
@@ -258,8 +278,8 @@ fn run_counted(
         Stepping::Pinned { .. } | Stepping::Adaptive { .. } => None,
     };
     let failed = failures.len() as f64 / body_count.max(1) as f64;
-    let shadow = errors.shadow(target.as_ref(), draws, (lost, diverged), failed);
-    wall_time.shadow = clock.elapsed().as_secs_f64();
+    let recomputed_sample = errors.into_recomputed_sample(target.as_ref(), draws, (lost, diverged), failed);
+    wall_time.recomputed_sample = clock.elapsed().as_secs_f64();
     Ok(Trust {
         engine: engine.description(),
         method: plan.method(),
@@ -268,10 +288,10 @@ fn run_counted(
         parts: plan.parts(),
         body_steps: plan.body_steps() + adaptive.map_or(0, |work| work.accepted.total + work.rejected.total),
         adaptive,
-        bytes_read,
+        traffic,
         drift,
         balance: end.balance.finish(),
-        shadow,
+        recomputed_sample,
         failed_bodies: failures.iter().map(|failed| failed.body).collect(),
         failures,
         outside_usable_region: end.outside_usable_region,
@@ -279,49 +299,75 @@ fn run_counted(
     })
 }
 
-/// Brings all units from `time − span` to `time`, s: side by side those that the host's threads step, and the others one by one.
+/// Brings all groups from `time − span` to `time`, s: side by side those that the host's threads step, and beside these the others one by one.
 /// What is not stepped is formed where it is `wanted`. `done`, of `total`, is raised by the work.
 fn advance(
-    units: &mut [Unit<'_>],
+    group_runs: &mut [GroupRun<'_>],
     (time, span): (f64, f64),
     wanted: bool,
     (done, total): (&mut u64, u64),
     observer: &mut Observer<'_>,
 ) -> Result<()> {
-    let bodies = units.iter().map(|unit| unit.body_count() as u64).sum::<u64>();
-    let mut others = Vec::new();
-    {
-        let mut jobs = Vec::new();
-        for (index, unit) in units.iter_mut().enumerate() {
-            match unit.job(time, span)? {
-                Some(job) => jobs.push(job),
-                None => others.push(index),
+    let bodies = group_runs.iter().map(|group_run| group_run.body_count() as u64).sum::<u64>().max(1);
+    let (on_host, mut others): (Vec<_>, Vec<_>) = group_runs.iter_mut().partition(|group_run| group_run.has_job());
+    let is_on_host = !on_host.is_empty();
+    let mut jobs = Vec::new();
+    for group_run in on_host {
+        jobs.extend(group_run.job(time, span)?);
+    }
+    let before = *done;
+    let work = |watch: &Watch| jobs.into_par_iter().for_each(|job| job(watch));
+    let mut advance_others = |observer: &mut Observer<'_>| -> Result<u64> {
+        others.iter_mut().try_fold(0, |sum: u64, group_run| {
+            let mut report = |progress: Progress| observer(Progress { done: sum.saturating_add(progress.done), total });
+            Ok(sum.saturating_add(group_run.advance(time, span, wanted, &mut report)?))
+        })
+    };
+    if !is_on_host {
+        let mut report = |progress: Progress| observer(Progress { done: before.saturating_add(progress.done), total });
+        *done = before.saturating_add(advance_others(&mut report)?);
+        return Ok(());
+    }
+    // What the threads have done is known to this one, and what the device has done, to a thread that waits for it.
+    let of_others = Watch::default();
+    std::thread::scope(|scope| {
+        let others = scope.spawn(|| {
+            advance_others(&mut |progress| {
+                of_others.set(progress.done);
+                if of_others.goes_on() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+            })
+        });
+        let mut report = |progress: Progress| {
+            *done = before.saturating_add(progress.done).saturating_add(of_others.done());
+            let answer = observer(Progress { done: *done, total });
+            if answer.is_break() {
+                of_others.stop();
             }
+            answer
+        };
+        let mut own = 0;
+        let finished = watched(work, total, &mut |progress| {
+            own = progress.done;
+            report(progress)
+        });
+        while !others.is_finished() {
+            std::thread::sleep(POLL);
+            let _ = report(Progress { done: own, total });
         }
-        if !jobs.is_empty() {
-            let before = *done;
-            let work = |watch: &Watch| jobs.into_par_iter().for_each(|job| job(watch));
-            let mut report = |progress: Progress| {
-                *done = before.saturating_add(progress.done);
-                observer(Progress { done: *done, total })
-            };
-            watched(work, total, &mut report).map_err(|_| Error::Interrupted { steps: *done / bodies.max(1) })?;
-        }
-    }
-    for unit in others {
-        let before = *done;
-        let work = units[unit].advance(time, span, wanted, &mut |progress| {
-            observer(Progress { done: before.saturating_add(progress.done), total })
-        })?;
-        *done = before.saturating_add(work);
-    }
-    Ok(())
+        let of_others = others.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        finished.map_err(|_| Error::Interrupted { steps: *done / bodies })?;
+        *done = before.saturating_add(own).saturating_add(of_others?);
+        Ok(())
+    })
 }
 
-/// Some bodies in the user's axes and units, to `states`, and as they started, to `initial`. Each body is of one unit, so every
+/// How often this thread looks whether a device has come to the end.
+const POLL: Duration = Duration::from_millis(2);
+
+/// Some bodies in the user's axes and units, to `states`, and as they started, to `initial`. Each body is of one group, so every
 /// place is written, whatever stood there; with debug assertions nothing stands there, so that one left out shows.
 fn read_states(
-    units: &mut [Unit<'_>],
+    group_runs: &mut [GroupRun<'_>],
     centres: &Centres<'_>,
     bodies: &Range<usize>,
     states: &mut Vec<OutputState>,
@@ -335,15 +381,15 @@ fn read_states(
     if let Some(initial) = &mut initial {
         make_room(initial, bodies.len(), BodyState::UNKNOWN);
     }
-    units
+    group_runs
         .iter_mut()
-        .try_for_each(|unit| unit.read(bodies, states, initial.as_mut().map(|initial| &mut initial[..])))?;
+        .try_for_each(|group_run| group_run.read(bodies, states, initial.as_mut().map(|initial| &mut initial[..])))?;
     if centres.are_moving() {
         let places = bodies.clone().into_par_iter().zip(&mut *states);
         places.for_each(|(body, state)| state.translation = centres.of_body(body));
     }
-    if units.iter().any(Unit::has_centres) {
-        for (state, centre) in states.iter_mut().zip(flying_centres(units, bodies)?) {
+    if group_runs.iter().any(GroupRun::has_centres) {
+        for (state, centre) in states.iter_mut().zip(stepped_centres(group_runs, bodies)?) {
             state.translation = centre.or(state.translation.filter(|_| centres.are_moving()));
         }
     }
@@ -351,35 +397,44 @@ fn read_states(
 }
 
 /// The centres of mass of some bodies, where they are stepped along the rotation.
-fn flying_centres(units: &mut [Unit<'_>], bodies: &Range<usize>) -> Result<Vec<Option<(DVec3, DVec3)>>> {
-    let mut flying = vec![None; bodies.len()];
-    units.iter_mut().try_for_each(|unit| unit.read_centres(bodies, &mut flying))?;
-    Ok(flying)
+fn stepped_centres(group_runs: &mut [GroupRun<'_>], bodies: &Range<usize>) -> Result<Vec<Option<(DVec3, DVec3)>>> {
+    let mut stepped = vec![None; bodies.len()];
+    group_runs.iter_mut().try_for_each(|group_run| group_run.read_centres(bodies, &mut stepped))?;
+    Ok(stepped)
 }
 
 /// The centres of mass of a sample's bodies; `None` of those that do not move.
-fn centres_of(sample: &[u32], units: &mut [Unit<'_>], centres: &Centres<'_>) -> Result<Vec<Option<(DVec3, DVec3)>>> {
-    let has_flying = units.iter().any(Unit::has_centres);
+fn centres_of(
+    sample: &[u32],
+    group_runs: &mut [GroupRun<'_>],
+    centres: &Centres<'_>,
+) -> Result<Vec<Option<(DVec3, DVec3)>>> {
+    let has_stepped = group_runs.iter().any(GroupRun::has_centres);
     let mut centre = |&body: &u32| -> Result<_> {
         let body = body as usize;
-        let flying = if has_flying { flying_centres(units, &(body..body + 1))?.pop().flatten() } else { None };
-        Ok(flying.or_else(|| centres.of_body(body)))
+        let stepped = if has_stepped { stepped_centres(group_runs, &(body..body + 1))?.pop().flatten() } else { None };
+        Ok(stepped.or_else(|| centres.of_body(body)))
     };
     sample.iter().map(&mut centre).collect()
 }
 
 /// The bodies whose centres of mass are not finite, looked at by `block` bodies at a time.
-fn lost_centres(units: &mut [Unit<'_>], centres: &Centres<'_>, body_count: usize, block: usize) -> Result<Vec<usize>> {
+fn lost_centres(
+    group_runs: &mut [GroupRun<'_>],
+    centres: &Centres<'_>,
+    body_count: usize,
+    block: usize,
+) -> Result<Vec<usize>> {
     let is_lost = |centre: Option<(DVec3, DVec3)>| centre.is_some_and(|(x, v)| !(x.is_finite() && v.is_finite()));
     let mut lost = Vec::new();
     if centres.are_moving() {
         lost.par_extend((0..body_count).into_par_iter().filter(|&body| is_lost(centres.of_body(body))));
     }
-    if units.iter().any(Unit::has_centres) {
+    if group_runs.iter().any(GroupRun::has_centres) {
         for start in (0..body_count).step_by(block) {
             let bodies = start..(start + block).min(body_count);
-            let flying = flying_centres(units, &bodies)?;
-            lost.extend(bodies.zip(flying).filter(|&(_, centre)| is_lost(centre)).map(|(body, _)| body));
+            let stepped = stepped_centres(group_runs, &bodies)?;
+            lost.extend(bodies.zip(stepped).filter(|&(_, centre)| is_lost(centre)).map(|(body, _)| body));
         }
     }
     Ok(lost)
@@ -410,7 +465,7 @@ impl AtEnd {
             found.drift.begin_part(states.len());
             for (row, (initial, state)) in initial.iter().zip(states).enumerate() {
                 let (body, state) = (first_body + task * COMPARED + row, &state.rotation);
-                found.conserved(is_sound(state).then(|| Kept::of(scene, body, initial, state)));
+                found.conserved(state.is_sound().then(|| Kept::of(scene, body, initial, state)));
                 found.outside_usable_region += usize::from(too_fast(initial) || too_fast(state));
             }
             found
@@ -431,17 +486,17 @@ impl AtEnd {
     fn gather_sample(
         &mut self,
         scene: &Scene,
-        units: &mut [Unit<'_>],
+        group_runs: &mut [GroupRun<'_>],
         sample: &[u32],
         failed: &mut dyn FnMut(usize, Status),
     ) -> Result<Vec<BodyState>> {
         let usable_rate = usable_rate(scene);
         let mut states = Vec::with_capacity(sample.len());
         let mut faster = Vec::new();
-        for unit in &mut *units {
-            states.extend(unit.read_bodies(sample)?);
-            let marked = unit.marked(usable_rate)?;
-            unit.reasons(marked.failed)?.into_iter().for_each(|(body, reason)| failed(body, reason));
+        for group_run in &mut *group_runs {
+            states.extend(group_run.read_bodies(sample)?);
+            let marked = group_run.marked(usable_rate)?;
+            group_run.reasons(marked.failed)?.into_iter().for_each(|(body, reason)| failed(body, reason));
             faster.extend(marked.faster);
         }
         faster.sort_unstable();
@@ -454,8 +509,8 @@ impl AtEnd {
         states.sort_unstable_by_key(|&(body, _)| body);
         for (body, state) in &states {
             let mut initial = [BodyState::UNKNOWN];
-            units.iter().for_each(|unit| unit.read_initial(&(*body..body + 1), &mut initial));
-            self.conserved(is_sound(state).then(|| Kept::of(scene, *body, &initial[0], state)));
+            group_runs.iter().for_each(|group_run| group_run.read_initial(&(*body..body + 1), &mut initial));
+            self.conserved(state.is_sound().then(|| Kept::of(scene, *body, &initial[0], state)));
         }
         Ok(states.into_iter().map(|(_, state)| state).collect())
     }
@@ -504,9 +559,4 @@ fn usable_rate(scene: &Scene) -> f64 {
         Stepping::Pinned { method, dt, .. } if scene.end() > 0.0 => method.properties().usable_angle / dt,
         Stepping::Pinned { .. } | Stepping::Accuracy(_) | Stepping::Adaptive { .. } => f64::INFINITY,
     }
-}
-
-/// Whether a state is a number in every place and no step has failed on it.
-fn is_sound(state: &BodyState) -> bool {
-    state.status == Status::Valid && state.is_finite()
 }

@@ -4,9 +4,11 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::batch::{BodyFrame, BodyState, STATE_COMPONENTS, USER_BODIES, UserBlock};
-use crate::method::Status;
-use crate::plan::Members;
+use crate::bodies::Members;
+use crate::bodies::Status;
+use crate::bodies::columns::STATE_COMPONENTS;
+use crate::bodies::user_axes::{USER_BODIES, UserBlock};
+use crate::bodies::{BodyFrame, BodyState};
 
 /// Bodies that one task writes.
 pub(super) const TASK: usize = 1 << 10;

@@ -1,23 +1,25 @@
 //! Centres of mass of a sample, recomputed more accurately.
 //!
-//! Where positions have a closed form it is taken; else they are stepped as the run's are ([`crate::force::stepped`]), in shorter steps:
+//! Where positions have a closed form it is taken; else they are stepped as the run's are ([`crate::torque::force::stepped`]), in shorter steps:
 //! along the closed form of a torque-free rotation, or along a rotation that is recomputed by `rk8` in `f64` on the CPU.
 
 use std::collections::BTreeMap;
 
 use glam::DVec3;
 
-use super::flight::Flight;
-use super::unit::Unit;
-use crate::batch::Precision;
+use crate::bodies::Members;
 use crate::engine::Observer;
-use crate::engine::cpu::{Cpu, Width};
+use crate::engine::cpu::Cpu;
 use crate::error::Result;
-use crate::force::{Force, accelerations, closed_form};
-use crate::method::Method;
-use crate::plan::{Group, Members, Plan, TorqueSet, Treatment};
+use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::math::Width;
+use crate::plan::{Group, Plan, TorqueSet, Treatment};
 use crate::record::WallTime;
+use crate::run::group_run::GroupRun;
+use crate::run::stepped_translation::SteppedTranslation;
 use crate::torque::Torque;
+use crate::torque::force::{Force, accelerations, closed_form};
 
 /// How much shorter steps of centres of mass are than the run's: their error of order 4 is then below a hundredth of its.
 pub(super) const FINER: f64 = 4.0;
@@ -54,10 +56,10 @@ pub(super) fn recomputed_centres(
 /// Bodies whose rotation is of no concern, or known.
 fn alone(plan: &Plan<'_>, bodies: Vec<u32>, observer: &mut Observer<'_>) -> Result<Vec<(usize, (DVec3, DVec3))>> {
     let (scene, members) = (plan.scene(), Members::Some(bodies));
-    let Some(flight) = Flight::start(scene, &members, false)? else { return Ok(Vec::new()) };
-    let mut flight = flight.in_steps_shorter_by(FINER);
-    flight.advance(0.0, scene.end(), observer)?;
-    Ok(flight.centres().collect())
+    let Some(stepped_translation) = SteppedTranslation::start(scene, &members, false)? else { return Ok(Vec::new()) };
+    let mut stepped_translation = stepped_translation.in_steps_shorter_by(FINER);
+    stepped_translation.advance(0.0, scene.end(), observer)?;
+    Ok(stepped_translation.centres().collect())
 }
 
 /// Bodies under a thrust that turns with them, of one of the plan's groups.
@@ -81,9 +83,9 @@ fn along_rotation(
     if group.members.is_empty() {
         return Ok(Vec::new());
     }
-    let mut unit = Unit::start(&Cpu::new(Width::Lanes), scene, &group, false, &mut WallTime::default())?;
+    let mut group_run = GroupRun::start(&Cpu::new(Width::Lanes), scene, &group, false, &mut WallTime::default())?;
     for (index, &time) in plan.times().iter().enumerate() {
-        unit.advance(time, plan.span_before(index), false, observer)?;
+        group_run.advance(time, plan.span_before(index), false, observer)?;
     }
-    Ok(unit.own_centres())
+    Ok(group_run.own_centres())
 }

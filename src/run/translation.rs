@@ -1,16 +1,16 @@
-//! The motion of the centres of mass: in closed form at output times, or the long way, in steps.
+//! The motion of the centres of mass: in closed form at output times, or in steps where skipping is off.
 
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
-use crate::ensemble::Translation;
-use crate::force::{Accelerations, Force, accelerations, closed_form};
+use crate::bodies::ensemble::Translation;
 use crate::plan::{Interval, Plan};
 use crate::scene::Scene;
+use crate::torque::force::{Accelerations, Force, accelerations, closed_form};
 
 /// Positions and velocities on their way through time.
 pub(super) enum Centres<'a> {
-    /// The bodies do not move through space, or along their rotation ([`super::flight`]).
+    /// The bodies do not move through space, or along their rotation ([`crate::run::stepped_translation`]).
     Still,
     /// Formed where they are asked for.
     ClosedForm { scene: &'a Scene, translation: &'a Translation, time: f64 },

@@ -4,10 +4,10 @@ use std::sync::LazyLock;
 
 use super::DEFAULT_ATTITUDE;
 use super::reader::Node;
-use crate::batch::Precision;
-use crate::engine::adaptive::AdaptiveSteps;
 use crate::error::Result;
-use crate::method::Method;
+use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::scene::AdaptiveSteps;
 use crate::scene::{Accuracy, Scene};
 
 /// How a study says that steps are chosen.
@@ -55,7 +55,7 @@ pub(super) fn accuracy(node: &Node<'_>) -> Result<StudyStepping> {
         "least_step",
         "precision",
     ];
-    let table = node.table("a table [accuracy] is needed", &KEYS)?;
+    let table = node.table("expected a table [accuracy]", &KEYS)?;
     for target in &KEYS[..4] {
         table.exclusive(target, "method")?;
         table.exclusive(target, "dt")?;
@@ -72,12 +72,12 @@ pub(super) fn accuracy(node: &Node<'_>) -> Result<StudyStepping> {
     };
     if table.find("tolerance").is_some() || table.find("least_step").is_some() {
         let tolerance = table.need("tolerance", "a least step needs the error of a step beside it")?;
-        let tolerance = tolerance.positive("a number above 0 and below 1 is needed")?;
-        let least_step = table.find("least_step").map(|node| node.positive("a step above zero is needed (s)"));
+        let tolerance = tolerance.positive("expected a number above 0 and below 1")?;
+        let least_step = table.find("least_step").map(|node| node.positive("expected a step above zero (s)"));
         let method = table.need("method", "adaptive steps need their method beside them: \"rk8\" or \"taylor\"")?;
         let chosen = method.choice(&METHODS)?;
         let Some(adaptive) = Method::ADAPTIVE.into_iter().find(|method| method.name() == chosen) else {
-            const ADAPTIVE: &str = "methods with adaptive steps are \"rk8\" and \"taylor\": one of them, or dt instead of tolerance, is needed";
+            const ADAPTIVE: &str = "methods with adaptive steps are \"rk8\" and \"taylor\": expected one of them, or dt instead of tolerance";
             return Err(method.refuse(ADAPTIVE));
         };
         let steps = AdaptiveSteps { tolerance, least_step: least_step.transpose()? };
@@ -86,9 +86,9 @@ pub(super) fn accuracy(node: &Node<'_>) -> Result<StudyStepping> {
     let projection = table.find("projection");
     if table.find("method").is_none() && table.find("dt").is_none() && projection.is_none() {
         let positive = |key: &str, expected| table.find(key).map(|node| node.positive(expected)).transpose();
-        const RELATIVE: &str = "a relative error above 0 is needed";
-        const PERCENTILE: &str = "a percentile above 0 and up to 100 is needed";
-        let attitude = positive("attitude", "an angle above 0 and up to pi is needed (rad)")?;
+        const RELATIVE: &str = "expected a relative error above 0";
+        const PERCENTILE: &str = "expected a percentile above 0 and up to 100";
+        let attitude = positive("attitude", "expected an angle above 0 and up to pi (rad)")?;
         let default = Accuracy::attitude(attitude.unwrap_or(DEFAULT_ATTITUDE));
         let accuracy = Accuracy {
             angular_velocity: positive("angular_velocity", RELATIVE)?,
@@ -101,12 +101,12 @@ pub(super) fn accuracy(node: &Node<'_>) -> Result<StudyStepping> {
     let method = table.need("method", "a step that is given needs a method beside it: \"rk4\" or \"dlm\"")?;
     let chosen = method.choice(&METHODS)?;
     if chosen == Method::Taylor.name() {
-        return Err(method.refuse("the steps of \"taylor\" are adaptive: a tolerance instead of dt is needed"));
+        return Err(method.refuse("the steps of \"taylor\" are adaptive: use a tolerance instead of dt"));
     }
     let dt =
         table.need("dt", "a method that is given needs a step beside it (s), or \"rk8\" or \"taylor\" a tolerance")?;
-    let dt = dt.positive("a step above zero is needed (s)")?;
+    let dt = dt.positive("expected a step above zero (s)")?;
     let method = Method::ALL.into_iter().find(|method| method.name() == chosen).unwrap_or(Method::Rk4);
-    let projected = projection.map(|node| node.boolean("true or false is needed")).transpose()?.unwrap_or(false);
+    let projected = projection.map(|node| node.boolean("expected true or false")).transpose()?.unwrap_or(false);
     Ok(StudyStepping::Pinned { method, dt, precision, projected })
 }

@@ -9,9 +9,10 @@ use super::inertia::Inertia;
 use super::reader::Node;
 use super::solid::SolidFault;
 use super::table::BodyTable;
-use crate::ensemble::{Ensemble, Translation};
+use crate::bodies::Ensemble;
+use crate::bodies::ensemble::Translation;
+use crate::bodies::inertia::InertiaTensor;
 use crate::error::{Error, Result};
-use crate::inertia::InertiaTensor;
 
 /// A tensor that is wrong by more than a tenth is wrong rather than measured imprecisely.
 const MOST_REPAIR: f64 = 0.1;
@@ -53,17 +54,17 @@ impl Bodies {
             "position",
             "velocity",
         ];
-        let table = node.table("a table [bodies] is needed", known)?;
+        let table = node.table("expected a table [bodies]", known)?;
         table.exclusive("file", "count")?;
         let body_table = match table.find("file") {
-            Some(file) => Some(open(&file, file.string("the name of a CSV file is needed")?)?),
+            Some(file) => Some(open(&file, file.string("expected the name of a CSV file")?)?),
             None => None,
         };
         let count = match &body_table {
             Some(rows) => rows.len(),
             None => {
-                let count = table.need("count", "the number of bodies (or `file`, a table of bodies) is needed")?;
-                const EXPECTED: &str = "a whole number of bodies is needed";
+                let count = table.need("count", "expected the number of bodies (or `file`, a table of bodies)")?;
+                const EXPECTED: &str = "expected a whole number of bodies";
                 usize::try_from(count.whole(EXPECTED)?).map_err(|_| count.refuse(EXPECTED))?
             }
         };
@@ -75,7 +76,7 @@ impl Bodies {
             (node, _) => Ok(node),
         };
         let inertia = given("inertia", BodyTable::has_inertia)?.map(|node| Inertia::read(&node)).transpose()?;
-        const LARGEST_CHANGE: &str = "the greatest relative change of a tensor, above 0 and up to 0.1, is needed";
+        const LARGEST_CHANGE: &str = "expected the greatest relative change of a tensor, above 0 and up to 0.1";
         let repair_triangle_inequality = match table.find("repair_triangle_inequality") {
             Some(node) => {
                 let limit = node.positive(LARGEST_CHANGE)?;
@@ -104,10 +105,10 @@ impl Bodies {
 
         let has = |in_table: fn(&BodyTable) -> bool| body_table.as_ref().is_some_and(in_table);
         if inertia.is_none() && !has(BodyTable::has_inertia) {
-            table.need("inertia", "a shape, moments or a tensor is needed (kg m²)")?;
+            table.need("inertia", "expected a shape, moments or a tensor (kg m²)")?;
         }
         if angular_velocity.is_none() && !has(BodyTable::has_angular_velocity) {
-            table.need("angular_velocity", "a vector in body axes, or a distribution, is needed (rad/s)")?;
+            table.need("angular_velocity", "expected a vector in body axes, or a distribution (rad/s)")?;
         }
         Ok(Self {
             count,

@@ -1,14 +1,14 @@
 //! `model = "custom"` in study files: a torque or a force that the user writes down.
 
 use super::distribution::Orientation;
-use super::input::Fault;
 use super::parameter::{Number, Triple, Turn};
 use super::reader::{Node, Table};
 use super::torque::{StudyParameter, StudyValue};
+use crate::error::InputFault;
 use crate::error::Result;
 use crate::expression::{self, Expression, Shape, Symbols, TextError};
-use crate::force::{CustomForce, custom};
 use crate::torque::custom::ExpressionModel;
+use crate::torque::force::{CustomForce, custom};
 use crate::torque::{ModelRef, Parameters};
 
 /// The name of the model.
@@ -18,7 +18,7 @@ pub(super) const NAME: &str = "custom";
 pub(super) fn read(table: &Table<'_>) -> Result<(ModelRef, Vec<StudyParameter>)> {
     table.only(&["model", "parameters", "torque", "energy"])?;
     let (parameters, values) = parameters(table)?;
-    let node = table.need("torque", "a formula of a vector in body axes is needed (N m)")?;
+    let node = table.need("torque", "expected a formula of a vector in body axes (N m)")?;
     let torque = formula(&node, parameters.symbols(), Shape::Vector)?;
     let energy = match table.find("energy") {
         Some(node) => Some(formula(&node, parameters.energy_symbols(), Shape::Number)?),
@@ -32,7 +32,7 @@ pub(super) fn read(table: &Table<'_>) -> Result<(ModelRef, Vec<StudyParameter>)>
 pub(super) fn read_force(table: &Table<'_>) -> Result<(CustomForce, Vec<StudyParameter>)> {
     table.only(&["model", "parameters", "force"])?;
     let (parameters, values) = parameters(table)?;
-    let node = table.need("force", "a formula of a vector in world axes is needed (N)")?;
+    let node = table.need("force", "expected a formula of a vector in world axes (N)")?;
     let symbols = custom::symbols(&parameters).map_err(|fault| refused(&node, &fault))?;
     let force = formula(&node, &symbols, Shape::Vector)?;
     Ok((CustomForce::new(force, parameters), values))
@@ -42,7 +42,7 @@ fn parameters(table: &Table<'_>) -> Result<(Parameters, Vec<StudyParameter>)> {
     let mut parameters = Parameters::new();
     let mut values = Vec::new();
     if let Some(node) = table.find("parameters") {
-        let named = node.any_table().ok_or_else(|| node.refuse("a table of names and values is needed"))?;
+        let named = node.any_table().ok_or_else(|| node.refuse("expected a table of names and values"))?;
         for (name, node) in named.nodes() {
             let value = value(&node)?;
             let shape = match value {
@@ -58,24 +58,23 @@ fn parameters(table: &Table<'_>) -> Result<(Parameters, Vec<StudyParameter>)> {
 }
 
 fn refused(node: &Node<'_>, fault: &expression::Fault) -> crate::Error {
-    node.fault(Fault::Syntax { reason: fault.to_string() })
+    node.fault(InputFault::Syntax { reason: fault.to_string() })
 }
 
 fn formula(node: &Node<'_>, symbols: &Symbols, shape: Shape) -> Result<Expression> {
-    let text = node.string("a formula is needed, as text")?;
+    let text = node.string("expected a formula, as text")?;
     Expression::parse(text, symbols, shape).map_err(|error| at(node, &error))
 }
 
 /// The refusal of a formula, at its own line of the file.
 fn at(node: &Node<'_>, error: &TextError) -> crate::Error {
     let (reason, picture) = (error.fault.to_string(), error.picture());
-    node.fault_in_text(error.line, error.column, |column| Fault::Formula { column, reason, picture })
+    node.fault_in_text(error.line, error.column, |column| InputFault::Formula { column, reason, picture })
 }
 
 /// A number, a vector or a rotation, by what stands there.
 fn value(node: &Node<'_>) -> Result<StudyValue> {
-    const EXPECTED: &str =
-        "a number, a vector, a rotation, a distribution or columns of the table of bodies are needed";
+    const EXPECTED: &str = "expected a number, a vector, a rotation, a distribution or columns of the table of bodies";
     if node.is_number() {
         return Ok(StudyValue::Number(Number::read(node)?));
     }

@@ -52,28 +52,28 @@ impl Scalar {
 
     pub(super) fn read(node: &Node<'_>) -> Result<Self> {
         const EXPECTED: &str =
-            "a number, or a distribution such as { distribution = \"normal\", mean = 1.0, sigma = 0.1 }, is needed";
+            "expected a number, or a distribution such as { distribution = \"normal\", mean = 1.0, sigma = 0.1 }";
         const CHOICES: &[&str] = &["constant", "uniform", "normal", "log-normal"];
         if node.is_number() {
-            return node.number("a finite number is needed").map(Scalar::Constant);
+            return node.number("expected a finite number").map(Scalar::Constant);
         }
         let table = node.any_table().ok_or_else(|| node.refuse(EXPECTED))?;
         match parameters(&table, CHOICES, EXPECTED)? {
-            Parameters::Constant(value) => value.number("a finite number is needed").map(Scalar::Constant),
+            Parameters::Constant(value) => value.number("expected a finite number").map(Scalar::Constant),
             Parameters::Uniform { low, high } => {
-                let low = low.number("a finite number is needed")?;
-                let upper = high.number("a finite number is needed")?;
+                let low = low.number("expected a finite number")?;
+                let upper = high.number("expected a finite number")?;
                 if upper < low {
-                    return Err(high.refuse("a number not below `low` is needed"));
+                    return Err(high.refuse("expected a number not below `low`"));
                 }
                 Ok(Scalar::Uniform { low, high: upper })
             }
             Parameters::Normal { mean, sigma } => Ok(Scalar::Normal {
-                mean: mean.number("a finite number is needed")?,
+                mean: mean.number("expected a finite number")?,
                 sigma: standard_deviation(&sigma)?,
             }),
             Parameters::LogNormal { median, sigma } => Ok(Scalar::LogNormal {
-                median: median.positive("a number above zero is needed")?,
+                median: median.positive("expected a number above zero")?,
                 sigma: standard_deviation(&sigma)?,
             }),
         }
@@ -116,27 +116,27 @@ impl Vector {
     }
 
     pub(super) fn read(node: &Node<'_>) -> Result<Self> {
-        const EXPECTED: &str = "a vector [x, y, z], or a distribution such as { distribution = \"normal\", mean = [0, 0, 0.1], sigma = 0.02 }, is needed";
+        const EXPECTED: &str = "expected a vector [x, y, z], or a distribution such as { distribution = \"normal\", mean = [0, 0, 0.1], sigma = 0.02 }";
         const CHOICES: &[&str] = &["constant", "uniform", "normal", "log-normal", "direction"];
         if node.elements().is_some() {
-            return node.vector("three finite numbers are needed").map(Vector::constant);
+            return node.vector("expected three finite numbers").map(Vector::constant);
         }
         let table = node.any_table().ok_or_else(|| node.refuse(EXPECTED))?;
         if let Some(kind) = table.find("distribution")
             && kind.choice(CHOICES)? == "direction"
         {
             table.only(&["distribution", "magnitude"])?;
-            let magnitude = table.need("magnitude", "the vector's length, a number or a distribution, is needed")?;
+            let magnitude = table.need("magnitude", "expected the vector's length, a number or a distribution")?;
             return Ok(Vector::Direction { magnitude: Scalar::read(&magnitude)? });
         }
         let components = match parameters(&table, CHOICES, EXPECTED)? {
             Parameters::Constant(value) => {
-                return value.vector("three finite numbers are needed").map(Vector::constant);
+                return value.vector("expected three finite numbers").map(Vector::constant);
             }
             Parameters::Uniform { low, high } => {
                 let (lower, upper) = (one_or_three(&low)?, one_or_three(&high)?);
                 if (0..3).any(|c| upper[c] < lower[c]) {
-                    return Err(high.refuse("numbers not below those of `low` are needed"));
+                    return Err(high.refuse("expected numbers not below those of `low`"));
                 }
                 [0, 1, 2].map(|c| Scalar::Uniform { low: lower[c], high: upper[c] })
             }
@@ -147,7 +147,7 @@ impl Vector {
             Parameters::LogNormal { median, sigma } => {
                 let (medians, sigma) = (one_or_three(&median)?, standard_deviations(&sigma)?);
                 if medians.iter().any(|x| *x <= 0.0) {
-                    return Err(median.refuse("numbers above zero are needed"));
+                    return Err(median.refuse("expected numbers above zero"));
                 }
                 [0, 1, 2].map(|c| Scalar::LogNormal { median: medians[c], sigma: sigma[c] })
             }
@@ -185,19 +185,19 @@ impl Orientation {
     }
 
     pub(super) fn read(node: &Node<'_>) -> Result<Self> {
-        const EXPECTED: &str = "a quaternion [x, y, z, w], { axis = [x, y, z], angle = radians } or { distribution = \"uniform\" } is needed";
+        const EXPECTED: &str = "expected a quaternion [x, y, z, w], { axis = [x, y, z], angle = radians } or { distribution = \"uniform\" }";
         if node.elements().is_some() {
             return quaternion(node);
         }
         let table = node.any_table().ok_or_else(|| node.refuse(EXPECTED))?;
         if let Some(axis) = table.find("axis") {
             table.only(&["axis", "angle"])?;
-            let direction = axis.vector("three finite numbers are needed")?;
-            let angle = table.need("angle", "the angle turned about the axis is needed (rad)")?;
-            let angle = angle.number("a finite angle is needed (rad)")?;
+            let direction = axis.vector("expected three finite numbers")?;
+            let angle = table.need("angle", "expected the angle turned about the axis (rad)")?;
+            let angle = angle.number("expected a finite angle (rad)")?;
             // By the largest component first, so that no square leaves the range of numbers.
             let scaled = direction / direction.abs().max_element();
-            let unit = scaled.try_normalize().ok_or_else(|| axis.refuse("an axis that is not zero is needed"))?;
+            let unit = scaled.try_normalize().ok_or_else(|| axis.refuse("expected an axis that is not zero"))?;
             let (sin, cos) = libm::sincos(0.5 * angle);
             let vector = unit * sin;
             return Ok(Orientation::Constant(DQuat::from_xyzw(vector.x, vector.y, vector.z, cos)));
@@ -206,7 +206,7 @@ impl Orientation {
         match kind.choice(&["uniform", "constant"])? {
             "constant" => {
                 table.only(&["distribution", "value"])?;
-                quaternion(&table.need("value", "a quaternion [x, y, z, w] is needed")?)
+                quaternion(&table.need("value", "expected a quaternion [x, y, z, w]")?)
             }
             _ => {
                 table.only(&["distribution"])?;
@@ -218,9 +218,9 @@ impl Orientation {
 
 /// A quaternion [x, y, z, w].
 fn quaternion(node: &Node<'_>) -> Result<Orientation> {
-    let elements: [f64; 4] = node.numbers("four finite numbers x, y, z, w are needed")?;
+    let elements: [f64; 4] = node.numbers("expected four finite numbers x, y, z, w")?;
     if elements == [0.0; 4] {
-        return Err(node.refuse("a quaternion that is not zero is needed"));
+        return Err(node.refuse("expected a quaternion that is not zero"));
     }
     Ok(Orientation::Constant(DQuat::from_array(elements)))
 }
@@ -238,32 +238,32 @@ fn parameters<'a>(
     choices: &'static [&'static str],
     expected: &'static str,
 ) -> Result<Parameters<'a>> {
-    const SIGMA: &str = "the standard deviation is needed";
+    const SIGMA: &str = "expected the standard deviation";
     match table.need("distribution", expected)?.choice(choices)? {
         "uniform" => {
             table.only(&["distribution", "low", "high"])?;
             Ok(Parameters::Uniform {
-                low: table.need("low", "the lower end is needed")?,
-                high: table.need("high", "the upper end is needed")?,
+                low: table.need("low", "expected the lower end")?,
+                high: table.need("high", "expected the upper end")?,
             })
         }
         "normal" => {
             table.only(&["distribution", "mean", "sigma"])?;
             Ok(Parameters::Normal {
-                mean: table.need("mean", "the mean is needed")?,
+                mean: table.need("mean", "expected the mean")?,
                 sigma: table.need("sigma", SIGMA)?,
             })
         }
         "log-normal" => {
             table.only(&["distribution", "median", "sigma"])?;
             Ok(Parameters::LogNormal {
-                median: table.need("median", "the median is needed")?,
-                sigma: table.need("sigma", "the standard deviation of the logarithm is needed")?,
+                median: table.need("median", "expected the median")?,
+                sigma: table.need("sigma", "expected the standard deviation of the logarithm")?,
             })
         }
         _ => {
             table.only(&["distribution", "value"])?;
-            Ok(Parameters::Constant(table.need("value", "the value is needed")?))
+            Ok(Parameters::Constant(table.need("value", "expected the value")?))
         }
     }
 }
@@ -271,13 +271,13 @@ fn parameters<'a>(
 /// A number, taken for all three components, or three.
 fn one_or_three(node: &Node<'_>) -> Result<[f64; 3]> {
     if node.is_number() {
-        return Ok([node.number("a finite number is needed")?; 3]);
+        return Ok([node.number("expected a finite number")?; 3]);
     }
-    node.numbers("a finite number, or three, is needed")
+    node.numbers("expected a finite number, or three")
 }
 
 fn standard_deviation(node: &Node<'_>) -> Result<f64> {
-    const EXPECTED: &str = "a standard deviation that is not negative is needed";
+    const EXPECTED: &str = "expected a standard deviation that is not negative";
     let sigma = node.number(EXPECTED)?;
     if sigma < 0.0 { Err(node.refuse(EXPECTED)) } else { Ok(sigma) }
 }
@@ -285,7 +285,7 @@ fn standard_deviation(node: &Node<'_>) -> Result<f64> {
 fn standard_deviations(node: &Node<'_>) -> Result<[f64; 3]> {
     let sigma = one_or_three(node)?;
     if sigma.iter().any(|s| *s < 0.0) {
-        return Err(node.refuse("standard deviations that are not negative are needed"));
+        return Err(node.refuse("expected standard deviations that are not negative"));
     }
     Ok(sigma)
 }

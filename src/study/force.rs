@@ -9,7 +9,7 @@ use super::reader::{Node, Table};
 use super::table::BodyTable;
 use super::torque::StudyParameter;
 use crate::error::Result;
-use crate::force::{CustomForce, Force};
+use crate::torque::force::{CustomForce, Force};
 
 /// A force of a study: parameters not yet drawn.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,7 +46,7 @@ pub(super) fn read(node: &Node<'_>) -> Result<Vec<StudyForce>> {
         .map(|(index, mut element)| {
             let place = format!("force[{}]", index + 1);
             element.path.clone_from(&place);
-            let table = element.any_table().ok_or_else(|| element.refuse("tables [[force]] are needed"))?;
+            let table = element.any_table().ok_or_else(|| element.refuse("expected tables [[force]]"))?;
             let (model, key) = of_list(&table)?;
             Ok(StudyForce { model, index, place, key })
         })
@@ -55,8 +55,7 @@ pub(super) fn read(node: &Node<'_>) -> Result<Vec<StudyForce>> {
 
 /// The table, whose keys are the forces.
 fn of_table(node: &Node<'_>) -> Result<Vec<StudyForce>> {
-    let table =
-        node.table("a table [force] or tables [[force]] are needed", &["constant", "gravity", "linear_drag"])?;
+    let table = node.table("expected a table [force] or tables [[force]]", &["constant", "gravity", "linear_drag"])?;
     let mut models = Vec::new();
     if let Some(constant) = table.find("constant") {
         models.push(("constant", Model::Constant(Triple::read(&constant)?)));
@@ -68,7 +67,7 @@ fn of_table(node: &Node<'_>) -> Result<Vec<StudyForce>> {
         models.push(("linear_drag", Model::LinearDrag(Number::read(&drag)?)));
     }
     if models.is_empty() {
-        table.need("constant", "a vector in world axes is needed (N), or `gravity` or `linear_drag`")?;
+        table.need("constant", "expected a vector in world axes (N), or `gravity` or `linear_drag`")?;
     }
     let force = |(index, (key, model))| StudyForce { model, index, place: "force".to_owned(), key };
     Ok(models.into_iter().enumerate().map(force).collect())
@@ -76,30 +75,30 @@ fn of_table(node: &Node<'_>) -> Result<Vec<StudyForce>> {
 
 /// One force of the list, and the key of its parameter.
 fn of_list(table: &Table<'_>) -> Result<(Model, &'static str)> {
-    const WORLD: &str = "a vector in world axes is needed (N)";
+    const WORLD: &str = "expected a vector in world axes (N)";
     let parameter = |known: &'static [&'static str], expected| {
         table.only(known)?;
         table.need(known[1], expected).map(|node| (node, known[1]))
     };
-    Ok(match table.need("model", "the name of a force's model is needed")?.choice(MODELS)? {
+    Ok(match table.need("model", "expected the name of a force's model")?.choice(MODELS)? {
         "constant" => {
             let (node, key) = parameter(&["model", "force"], WORLD)?;
             (Model::Constant(Triple::read(&node)?), key)
         }
         "gravity" => {
-            let (node, key) = parameter(&["model", "acceleration"], "a vector in world axes is needed (m/s²)")?;
+            let (node, key) = parameter(&["model", "acceleration"], "expected a vector in world axes (m/s²)")?;
             (Model::Gravity(Triple::read(&node)?), key)
         }
         "linear-drag" => {
-            let (node, key) = parameter(&["model", "coefficient"], "the coefficient is needed (N s/m)")?;
+            let (node, key) = parameter(&["model", "coefficient"], "expected the coefficient (N s/m)")?;
             (Model::LinearDrag(Number::read(&node)?), key)
         }
         "quadratic-drag" => {
-            let (node, key) = parameter(&["model", "coefficient"], "the coefficient is needed (N s²/m²)")?;
+            let (node, key) = parameter(&["model", "coefficient"], "expected the coefficient (N s²/m²)")?;
             (Model::QuadraticDrag(Number::read(&node)?), key)
         }
         "thrust" => {
-            let (node, key) = parameter(&["model", "force"], "a vector in body axes is needed (N)")?;
+            let (node, key) = parameter(&["model", "force"], "expected a vector in body axes (N)")?;
             (Model::Thrust(Triple::read(&node)?), key)
         }
         _ => {

@@ -6,8 +6,8 @@ use super::distribution::Vector;
 use super::draw::{Column, Draw};
 use super::reader::{Node, Table};
 use super::solid::{FORMS, Solid};
+use crate::bodies::inertia::{InertiaTensor, check_scatter, principal_axes, scaled_second_moments};
 use crate::error::Result;
-use crate::inertia::{InertiaTensor, check_scatter, principal_axes, scaled_second_moments};
 
 /// What a body's inertia tensor comes from.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,7 +17,7 @@ pub enum Inertia {
     /// One tensor in body axes for all bodies, kg m².
     Tensor(InertiaTensor),
     /// Moments about axes that all bodies share, scattered such that every draw is a valid tensor
-    /// ([`crate::inertia::scattered_moments`]).
+    /// ([`crate::bodies::inertia::scattered_moments`]).
     Scattered {
         /// Mean of the moments, kg m².
         nominal: DVec3,
@@ -33,7 +33,7 @@ pub enum Inertia {
 /// No body has this tensor, so none passes with it.
 const NO_TENSOR: InertiaTensor = InertiaTensor { xx: f64::NAN, yy: f64::NAN, zz: f64::NAN, xy: 0.0, xz: 0.0, yz: 0.0 };
 
-const EXPECTED: &str = "{ shape = \"box\", mass = 10.0, edges = [1, 2, 3] }, { mesh = \"hull.stl\", mass = 10.0 }, { points = \"atoms.csv\" }, { parts = [...] }, moments [ixx, iyy, izz], { moments = ... } or { ixx = ..., iyy = ..., izz = ..., ixy = ..., ixz = ..., iyz = ... } is needed";
+const EXPECTED: &str = "expected { shape = \"box\", mass = 10.0, edges = [1, 2, 3] }, { mesh = \"hull.stl\", mass = 10.0 }, { points = \"atoms.csv\" }, { parts = [...] }, moments [ixx, iyy, izz], { moments = ... } or { ixx = ..., iyy = ..., izz = ..., ixy = ..., ixz = ..., iyz = ... }";
 
 impl Inertia {
     /// The tensor of `body` about its centre of mass, body axes, kg m². A solid that is not valid makes a tensor that is
@@ -57,7 +57,7 @@ impl Inertia {
     pub(super) fn read(node: &Node<'_>) -> Result<Self> {
         if node.elements().is_some() {
             return node
-                .vector("three finite moments along the body axes are needed (kg m²)")
+                .vector("expected three finite moments along the body axes (kg m²)")
                 .map(|moments| Inertia::Tensor(InertiaTensor::from_principal_moments(moments)));
         }
         let table = node.any_table().ok_or_else(|| node.refuse(EXPECTED))?;
@@ -70,7 +70,7 @@ impl Inertia {
             return match scatter {
                 None => Vector::read(&moments).map(Inertia::Moments),
                 Some(scatter) => {
-                    let expected = "three moments are needed beside `scatter`, which draws from them (kg m²)";
+                    let expected = "expected three moments beside `scatter`, which draws from them (kg m²)";
                     scattered(&scatter, &moments, moments.vector(expected)?, DQuat::IDENTITY)
                 }
             };
@@ -88,7 +88,7 @@ impl Inertia {
 
 /// Moments about `axes`, given at `node`, scattered by the number at `scatter`.
 fn scattered(scatter: &Node<'_>, node: &Node<'_>, nominal: DVec3, axes: DQuat) -> Result<Inertia> {
-    const EXPECTED: &str = "a relative standard deviation that is not negative is needed";
+    const EXPECTED: &str = "expected a relative standard deviation that is not negative";
     let relative_sigma = scatter.number(EXPECTED)?;
     if relative_sigma < 0.0 {
         return Err(scatter.refuse(EXPECTED));
@@ -105,10 +105,10 @@ fn tensor(node: &Node<'_>, table: &Table<'_>) -> Result<InertiaTensor> {
         return Err(node.refuse(EXPECTED));
     }
     let diagonal = |key: &str| {
-        table.need(key, "the tensor's diagonal element is needed (kg m²)")?.number("a finite number is needed (kg m²)")
+        table.need(key, "expected the tensor's diagonal element (kg m²)")?.number("expected a finite number (kg m²)")
     };
     let product = |key: &str| match table.find(key) {
-        Some(node) => node.number("a finite number is needed (kg m²)"),
+        Some(node) => node.number("expected a finite number (kg m²)"),
         None => Ok(0.0),
     };
     Ok(InertiaTensor {

@@ -10,13 +10,13 @@ use serde::Serialize;
 use super::Study;
 use super::draw::Draw;
 use super::inertia::Inertia;
-use super::input::{Fault, InputError};
 use super::points::points_with_lines;
 use super::reader::FileText;
 use super::rows::input_error;
 use super::text::read_text;
+use crate::bodies::inertia::{InertiaClass, InertiaTensor, MassProperties, Validity, classify, point_masses};
 use crate::error::{Error, Result};
-use crate::inertia::{InertiaClass, InertiaTensor, MassProperties, Validity, classify, point_masses};
+use crate::error::{InputError, InputFault};
 
 /// How a file is read, where it leaves that open.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -61,7 +61,7 @@ pub struct MassReport {
     pub class: &'static str,
     /// I₁/I₃; above 0 for a body that can spin about every axis.
     pub least_over_largest: f64,
-    /// (I₃ − I₁ − I₂)/I₃: 0 for a flat plate, −1 for a sphere; above [`crate::inertia::TRIANGLE_TOLERANCE`] for what no
+    /// (I₃ − I₁ − I₂)/I₃: 0 for a flat plate, −1 for a sphere; above [`crate::error::TRIANGLE_TOLERANCE`] for what no
     /// body has.
     pub relative_excess: f64,
     /// What keeps the tensor from being that of a body that can spin about every axis.
@@ -112,7 +112,7 @@ impl MassReport {
                 Some(TensorAbout { point: point.to_array(), inertia: body.inertia_about(point).to_array() })
             }
             (Some(point), None) => {
-                let expected = "a body with a mass is needed: a tensor alone says nothing about other points";
+                let expected = "expected a body with a mass: a tensor alone says nothing about other points";
                 return Err(Error::Setting { field: "about", value: point.x, expected });
             }
         };
@@ -172,13 +172,13 @@ fn mass_properties(file: &Path, options: &MassFileOptions) -> Result<Described> 
             let points: Vec<_> = points.into_iter().map(|(mass, place)| (mass, place * scale)).collect();
             let located = |error| match error {
                 Error::Item { index, field, value, expected, .. } => {
-                    let fault = Fault::Value { value: format!("{value:?}"), expected: expected.into() };
+                    let fault = InputFault::Value { value: format!("{value:?}"), expected: expected.into() };
                     input_error(file, lines.get(index).copied().unwrap_or(1), field, fault)
                 }
                 // Of all of them together.
                 error => {
                     let line = lines.first().copied().unwrap_or(1);
-                    input_error(file, line, "", Fault::Syntax { reason: error.to_string() })
+                    input_error(file, line, "", InputFault::Syntax { reason: error.to_string() })
                 }
             };
             let body = point_masses(&points).map_err(located)?;
@@ -192,7 +192,7 @@ fn mass_properties(file: &Path, options: &MassFileOptions) -> Result<Described> 
         }
         _ => {
             let reason = "the name must end in .stl, .obj, .csv or .toml".to_owned();
-            Err(InputError { file: file.to_owned(), line: 1, key: String::new(), fault: Fault::Syntax { reason } }
+            Err(InputError { file: file.to_owned(), line: 1, key: String::new(), fault: InputFault::Syntax { reason } }
                 .into())
         }
     }
@@ -208,9 +208,9 @@ fn positive(field: &'static str, value: f64) -> Result<f64> {
 
 #[cfg(feature = "mesh")]
 fn of_mesh(file: &Path, options: &MassFileOptions) -> Result<MassProperties> {
-    use crate::inertia::MeshFileProblem;
+    use crate::error::MeshFileProblem;
 
-    let mesh = crate::inertia::read_mesh(file)?.scaled(options.scale.unwrap_or(1.0))?;
+    let mesh = crate::bodies::inertia::read_mesh(file)?.scaled(options.scale.unwrap_or(1.0))?;
     let properties = match (options.mass, options.density) {
         (Some(mass), None) if options.shell => mesh.shell_mass_properties(mass),
         (Some(mass), None) => mesh.mass_properties(mass),
@@ -224,7 +224,7 @@ fn of_mesh(file: &Path, options: &MassFileOptions) -> Result<MassProperties> {
             Err(Error::Setting { field: "density", value: density, expected: "a shell has no volume: give its mass" })
         }
         (None, None) => {
-            let expected = "the mass of the mesh (kg), or its density (kg/m³), is needed";
+            let expected = "expected the mass of the mesh (kg), or its density (kg/m³)";
             Err(Error::Setting { field: "mass", value: 0.0, expected })
         }
     };
@@ -241,7 +241,7 @@ fn of_mesh(file: &Path, options: &MassFileOptions) -> Result<MassProperties> {
 #[cfg(not(feature = "mesh"))]
 fn of_mesh(file: &Path, _: &MassFileOptions) -> Result<MassProperties> {
     let reason = super::solid::NO_MESHES.to_owned();
-    Err(InputError { file: file.to_owned(), line: 1, key: String::new(), fault: Fault::Syntax { reason } }.into())
+    Err(InputError { file: file.to_owned(), line: 1, key: String::new(), fault: InputFault::Syntax { reason } }.into())
 }
 
 /// A body of a study, or of `inertia = { ... }` by itself.
@@ -250,7 +250,7 @@ fn of_study(file: &Path, body: usize) -> Result<Described> {
     let alone = FileText::new(file, &text).parse(|root| match root.find("inertia") {
         Some(node) => {
             root.only(&["title", "seed", "inertia"])?;
-            let seed = root.find("seed").map(|node| node.whole("a whole number is needed")).transpose()?.unwrap_or(0);
+            let seed = root.find("seed").map(|node| node.whole("expected a whole number")).transpose()?.unwrap_or(0);
             Ok(Some((Inertia::read(&node)?, seed, node.line())))
         }
         None => Ok(None),
@@ -260,14 +260,14 @@ fn of_study(file: &Path, body: usize) -> Result<Described> {
             error @ (Error::Input(_) | Error::File { .. }) => error,
             #[cfg(feature = "mesh")]
             error @ Error::MeshFile { .. } => error,
-            error => input_error(file, line as u64, "inertia", Fault::Syntax { reason: error.to_string() }),
+            error => input_error(file, line as u64, "inertia", InputFault::Syntax { reason: error.to_string() }),
         };
         return described(&inertia, Draw::new(seed), body).map_err(located);
     }
     let study = Study::parse(file, &text)?;
     let bodies = study.bodies();
     if body >= bodies.count {
-        let expected = "the index of one of the study's bodies, from 0, is needed";
+        let expected = "expected the index of one of the study's bodies, from 0";
         return Err(Error::Setting { field: "body", value: body as f64, expected });
     }
     match (&bodies.table, &bodies.inertia) {

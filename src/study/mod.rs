@@ -36,7 +36,7 @@
 //!   * a shape of constant density with `mass` (kg) or `density` (kg/m³): `sphere`, `spherical-shell`, `circular-plate`
 //!     (`radius`), `ellipsoid` (`semi_axes`), `box` (`edges`), `cylinder`, `cone` (`radius`, `height`), `tube` (`inner_radius`,
 //!     `outer_radius`, `height`), `capsule` (`radius`, `length`), `torus` (`major_radius`, `minor_radius`), `rectangular-plate`
-//!     (`width`, `depth`), `rod` (`length`), `point`, all about z and as in [`crate::inertia::Shape`], or `tetrahedron`
+//!     (`width`, `depth`), `rod` (`length`), `point`, all about z and as in [`crate::bodies::inertia::Shape`], or `tetrahedron`
 //!     (`corners`, four places);
 //!   * a closed surface `{ mesh = "hull.stl", mass = ... }` (STL or OBJ, beside the study; or `density`), with `scale = 0.001`
 //!     where the file is in millimetres, and `shell = true` for a thin skin of that mass, which may be open;
@@ -47,7 +47,7 @@
 //!     `hole = true` takes a part away; `mass` or `density` beside `parts` scales the whole;
 //!   * moments along the body axes `[ixx, iyy, izz]`; `{ moments = ... }` with each drawn from a distribution, which may break
 //!     the triangle inequality and is then refused; `{ moments = [...], scatter = 0.05 }`, whose every draw is a valid tensor with
-//!     that relative deviation ([`crate::inertia::scattered_moments`]);
+//!     that relative deviation ([`crate::bodies::inertia::scattered_moments`]);
 //!   * a tensor `{ ixx = ..., iyy = ..., izz = ..., ixy = ..., ixz = ..., iyz = ... }`, where `ixy` is the tensor's element
 //!     −∫ρxy, also with `scatter`, which leaves its principal axes as they are.
 //!
@@ -64,7 +64,7 @@
 //! * `position`, `velocity` (world axes) and `mass`: for bodies that move through space. `[force]` acts on every body's
 //!   centre of mass: `constant = [fx, fy, fz]` in world axes (N), `gravity = [gx, gy, gz]` in world axes (m/s²),
 //!   `linear_drag` against the velocity (N s/m). Or a list `[[force]]`, each with a `model` and its parameters
-//!   ([`crate::force`] has the equations): `constant` (`force`, world axes), `gravity` (`acceleration`), `linear-drag` and
+//!   ([`crate::torque::force`] has the equations): `constant` (`force`, world axes), `gravity` (`acceleration`), `linear-drag` and
 //!   `quadratic-drag` (`coefficient`, N s/m and N s²/m²), `thrust` (`force`, body axes), `custom` (`force`, a formula in world axes, and
 //!   `parameters`; `docs/custom-torques.md`). Parameters are as those of torques.
 //! * `[[torque]]`, any number of them: a `model` and its parameters. The table in [`crate::torque`] lists the models with their
@@ -97,12 +97,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use crate::batch::Precision;
-use crate::ensemble::Ensemble;
-use crate::error::{Error, Result, Text};
+use crate::bodies::Ensemble;
 #[cfg(doc)]
-use crate::method::Status;
-use crate::observe::Statistic;
+use crate::bodies::Status;
+use crate::error::InputError;
+use crate::error::InputFault;
+use crate::error::{Error, Result, Text};
+use crate::kernel::observe::Statistic;
+use crate::math::Precision;
 use crate::scene::{Accuracy, Outputs, Scene, Target};
 
 mod accuracy;
@@ -112,7 +114,6 @@ mod distribution;
 pub mod draw;
 mod force;
 mod inertia;
-mod input;
 mod mass_file;
 mod models;
 mod parameter;
@@ -130,7 +131,6 @@ mod torque;
 pub use bodies::Bodies;
 pub use distribution::{Orientation, Scalar, Vector};
 pub use inertia::Inertia;
-pub use input::{Fault, InputError};
 pub use mass_file::{CLASS_TOLERANCE, MassFileOptions, MassReport, TensorAbout};
 pub use models::{describe_models, models_table};
 pub use points::read_points;
@@ -253,14 +253,14 @@ impl Study {
         let mut places = BTreeMap::new();
         root.places(&mut places);
 
-        let title = root.find("title").map(|node| node.string("a text is needed")).transpose()?.map(str::to_owned);
-        let seed = root.find("seed").map(|node| node.whole("a whole number is needed")).transpose()?.unwrap_or(0);
+        let title = root.find("title").map(|node| node.string("expected a text")).transpose()?.map(str::to_owned);
+        let seed = root.find("seed").map(|node| node.whole("expected a whole number")).transpose()?.unwrap_or(0);
         let torques = root.find("torque").map(|node| torque::read(&node)).transpose()?.unwrap_or_default();
         let mut columns = BTreeSet::new();
         torques.iter().for_each(|torque| torque.columns(&mut columns));
         let forces = root.find("force").map(|node| force::read(&node)).transpose()?.unwrap_or_default();
         forces.iter().for_each(|force| force.columns(&mut columns));
-        let bodies = root.need("bodies", "a table that describes the bodies is needed")?;
+        let bodies = root.need("bodies", "expected a table that describes the bodies")?;
         let bodies = Bodies::read(&bodies, |_, name| {
             let folder = file.parent().unwrap_or(Path::new(""));
             BodyTable::read_with(&folder.join(name), usize::MAX, &columns)
@@ -275,11 +275,11 @@ impl Study {
                 file: file.to_owned(),
                 line,
                 key,
-                fault: Fault::Missing { expected: expected.into() },
+                fault: InputFault::Missing { expected: expected.into() },
             }
             .into());
         }
-        let (end, outputs) = time(&root.need("time", "a table with the end of the simulated span is needed")?)?;
+        let (end, outputs) = time(&root.need("time", "expected a table with the end of the simulated span")?)?;
         let stepping = root.find("accuracy").map(|node| accuracy(&node)).transpose()?;
         let stepping = stepping
             .unwrap_or(StudyStepping::Accuracy { accuracy: Accuracy::attitude(DEFAULT_ATTITUDE), precision: None });
@@ -372,7 +372,7 @@ impl Study {
     /// As [`Study::ensemble`]; [`Error::Input`] for a torque whose formula cannot be made from its parameters.
     pub fn scene(&self) -> Result<Scene> {
         let row = RUN_BYTES + TORQUE_BYTES * self.torques.len().saturating_sub(1);
-        crate::memory::require(self.bodies.count, self.bodies.count.saturating_mul(row), "their run")
+        crate::bodies::memory::require(self.bodies.count, self.bodies.count.saturating_mul(row), "their run")
             .map_err(|error| self.located(error))?;
         let mut scene = Scene::new(self.ensemble()?).until(self.end).outputs(self.outputs.clone());
         let (count, table) = (self.bodies.count, self.bodies.table.as_ref());
@@ -405,7 +405,7 @@ impl Study {
                     Some(place) => self.input(
                         place.line,
                         key,
-                        Fault::Value { value: place.value.clone(), expected: expected.into() },
+                        InputFault::Value { value: place.value.clone(), expected: expected.into() },
                     ),
                     None => Error::Setting { field, value, expected },
                 }
@@ -417,20 +417,20 @@ impl Study {
                 Some(place) => self.input(
                     place.line,
                     PROJECTION,
-                    Fault::Value { value: place.value.clone(), expected: expected.into() },
+                    InputFault::Value { value: place.value.clone(), expected: expected.into() },
                 ),
                 None => error,
             },
             Error::MissingMass => match self.places.get("force") {
                 Some(place) => {
                     let expected = "the force needs masses, here or as a column of the table of bodies (kg)";
-                    self.input(place.line, "bodies.mass", Fault::Missing { expected: expected.into() })
+                    self.input(place.line, "bodies.mass", InputFault::Missing { expected: expected.into() })
                 }
                 None => Error::MissingMass,
             },
             Error::TooManyBodies { .. } => match self.places.get("bodies.count") {
                 Some(place) => {
-                    let fault = Fault::Cause { value: place.value.clone(), cause: Box::new(error) };
+                    let fault = InputFault::Cause { value: place.value.clone(), cause: Box::new(error) };
                     self.input(place.line, "bodies.count", fault)
                 }
                 None => error,
@@ -467,7 +467,7 @@ impl Study {
             (Some(place), _) => (place.line, place.value.clone()),
             (None, table) => (table.map_or(1, |place| place.line), format!("{wanted:e} (where nothing is said)")),
         };
-        self.input(line, key, Fault::Cause { value, cause: Box::new(error) })
+        self.input(line, key, InputFault::Cause { value, cause: Box::new(error) })
     }
 
     fn located_body(&self, body: usize, field: &'static str, value: f64, expected: &'static str) -> Error {
@@ -498,44 +498,46 @@ impl Study {
             .collect();
         let key = keys.iter().find(|key| self.places.contains_key(*key)).map_or("bodies", String::as_str);
         match self.places.get(key) {
-            Some(place) => {
-                self.input(place.line, key, Fault::Body { body, field: field.into(), value, expected: expected.into() })
-            }
+            Some(place) => self.input(
+                place.line,
+                key,
+                InputFault::Body { body, field: field.into(), value, expected: expected.into() },
+            ),
             None => error,
         }
     }
 
-    fn input(&self, line: usize, key: &str, fault: Fault) -> Error {
+    fn input(&self, line: usize, key: &str, fault: InputFault) -> Error {
         InputError { file: self.file.clone(), line, key: key.to_owned(), fault }.into()
     }
 }
 
 fn time(node: &Node<'_>) -> Result<(f64, Outputs)> {
-    let table = node.table("a table [time] is needed", &["end", "outputs"])?;
-    let end = table.need("end", "the end of the simulated span is needed (s)")?;
-    let end = end.number("a finite number is needed (s)")?;
+    let table = node.table("expected a table [time]", &["end", "outputs"])?;
+    let end = table.need("end", "expected the end of the simulated span (s)")?;
+    let end = end.number("expected a finite number (s)")?;
     let Some(outputs) = table.find("outputs") else {
         return Ok((end, Outputs::End));
     };
-    const EXPECTED: &str = "{ every = seconds } or { times = [seconds, ...] } is needed";
+    const EXPECTED: &str = "expected { every = seconds } or { times = [seconds, ...] }";
     let table = outputs.table(EXPECTED, &["every", "times"])?;
     table.exclusive("every", "times")?;
     if let Some(every) = table.find("every") {
-        return Ok((end, Outputs::Every(every.positive("an interval above zero is needed (s)")?)));
+        return Ok((end, Outputs::Every(every.positive("expected an interval above zero (s)")?)));
     }
     let Some(times) = table.find("times") else {
         return Err(outputs.refuse(EXPECTED));
     };
-    const TIMES: &str = "a list of finite numbers is needed (s)";
+    const TIMES: &str = "expected a list of finite numbers (s)";
     let elements = times.elements().ok_or_else(|| times.refuse(TIMES))?;
     let mut list: Vec<f64> = Vec::with_capacity(elements.len());
     for element in elements {
         let time = element.number(TIMES)?;
         if list.last().is_some_and(|last| time <= *last) {
-            return Err(element.refuse("increasing times are needed: this one is not after the one before it (s)"));
+            return Err(element.refuse("expected increasing times: this one is not after the one before it (s)"));
         }
         if !(0.0..=end).contains(&time) {
-            return Err(element.refuse("times from 0 to time.end are needed (s)"));
+            return Err(element.refuse("expected times from 0 to time.end (s)"));
         }
         list.push(time);
     }
@@ -546,11 +548,11 @@ fn time(node: &Node<'_>) -> Result<(f64, Outputs)> {
 static STATISTICS: LazyLock<Vec<&'static str>> = LazyLock::new(|| Statistic::ALL.map(Statistic::name).to_vec());
 
 fn output(node: &Node<'_>) -> Result<(Output, Vec<Statistic>)> {
-    let table = node.table("a table [output] is needed", &["final", "snapshots", "statistics", "format"])?;
+    let table = node.table("expected a table [output]", &["final", "snapshots", "statistics", "format"])?;
     let flag = |key: &str, default: bool| {
         table
             .find(key)
-            .map(|node| node.boolean("true or false is needed"))
+            .map(|node| node.boolean("expected true or false"))
             .transpose()
             .map(|flag| flag.unwrap_or(default))
     };
@@ -563,21 +565,21 @@ fn output(node: &Node<'_>) -> Result<(Output, Vec<Statistic>)> {
 }
 
 fn failures(node: &Node<'_>) -> Result<u64> {
-    let table = node.table("a table [failures] is needed", &["allow"])?;
+    let table = node.table("expected a table [failures]", &["allow"])?;
     let allow =
-        table.find("allow").map(|node| node.whole("the number of bodies that may fail is needed")).transpose()?;
+        table.find("allow").map(|node| node.whole("expected the number of bodies that may fail")).transpose()?;
     Ok(allow.unwrap_or(0))
 }
 
 fn statistics(node: &Node<'_>) -> Result<Vec<Statistic>> {
-    const LIST: &str = "a list of quantities is needed: [\"kinetic_energy\", \"spin_rate\", \"angular_momentum\"]";
+    const LIST: &str = "expected a list of quantities: [\"kinetic_energy\", \"spin_rate\", \"angular_momentum\"]";
     let elements = node.elements().ok_or_else(|| node.refuse(LIST))?;
     let mut found = Vec::with_capacity(elements.len());
     for element in elements {
         let name = element.choice(&STATISTICS)?;
         let of_name = Statistic::ALL.into_iter().find(|statistic| statistic.name() == name);
         if of_name.is_some_and(|statistic| found.contains(&statistic)) {
-            return Err(element.refuse("each quantity once is needed"));
+            return Err(element.refuse("expected each quantity once"));
         }
         found.extend(of_name);
     }
@@ -585,10 +587,10 @@ fn statistics(node: &Node<'_>) -> Result<Vec<Statistic>> {
 }
 
 /// What is wrong with the value of a parameter that all bodies share, or one body has.
-fn parameter_fault(body: Option<usize>, field: &Text, value: f64, expected: &Text) -> Fault {
+fn parameter_fault(body: Option<usize>, field: &Text, value: f64, expected: &Text) -> InputFault {
     let expected = expected.clone();
     match body {
-        Some(body) => Fault::Body { body, field: field.clone(), value, expected },
-        None => Fault::Value { value: format!("{value:?}"), expected },
+        Some(body) => InputFault::Body { body, field: field.clone(), value, expected },
+        None => InputFault::Value { value: format!("{value:?}"), expected },
     }
 }

@@ -10,8 +10,8 @@ use super::draw::{Column, Draw};
 use super::inertia::Inertia;
 use super::reader::Node;
 use super::table::BodyTable;
+use crate::bodies::inertia::InertiaTensor;
 use crate::error::Result;
-use crate::inertia::InertiaTensor;
 use crate::torque::Parameter;
 
 /// A number of each body: drawn, or a column of the table of bodies.
@@ -50,7 +50,7 @@ impl Number {
             && let Some(column) = table.find("column")
         {
             table.only(&["column"])?;
-            let name = column.string("the name of a column of the table of bodies is needed")?;
+            let name = column.string("expected the name of a column of the table of bodies")?;
             return Ok(Number::Column(name.to_owned()));
         }
         Scalar::read(node).map(Number::Drawn)
@@ -59,7 +59,7 @@ impl Number {
 
 impl Triple {
     pub(super) fn read(node: &Node<'_>) -> Result<Self> {
-        const EXPECTED: &str = "the names of three columns of the table of bodies are needed";
+        const EXPECTED: &str = "expected the names of three columns of the table of bodies";
         match columns(node, EXPECTED)? {
             Some(names) => Ok(Triple::Columns(names)),
             None => Vector::read(node).map(Triple::Drawn),
@@ -69,7 +69,7 @@ impl Triple {
 
 impl Turn {
     pub(super) fn read(node: &Node<'_>) -> Result<Self> {
-        const EXPECTED: &str = "the names of four columns of the table of bodies are needed (x, y, z, w)";
+        const EXPECTED: &str = "expected the names of four columns of the table of bodies (x, y, z, w)";
         match columns(node, EXPECTED)? {
             Some(names) => Ok(Turn::Columns(names)),
             None => Orientation::read(node).map(Turn::Drawn),

@@ -6,8 +6,8 @@ use super::distribution::{Orientation, Vector};
 use super::draw::{Column, Draw, PartColumn};
 use super::reader::{Node, Table};
 use super::solid::{self, DrawnUnder, FORMS, Solid, SolidFault};
+use crate::bodies::inertia::Part;
 use crate::error::{Error, Result};
-use crate::inertia::Part;
 
 /// A part of a body, not yet drawn.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,7 +43,7 @@ impl StudyPart {
     }
 
     fn read(node: &Node<'_>, index: u16) -> Result<Self> {
-        const EXPECTED: &str = "a part { shape = ..., mass = ..., position = [x, y, z] } is needed, or one with mesh, hull or points instead of a shape";
+        const EXPECTED: &str = "expected a part { shape = ..., mass = ..., position = [x, y, z] }, or one with mesh, hull or points instead of a shape";
         let table = node.any_table().ok_or_else(|| node.refuse(EXPECTED))?;
         let form = FORMS.into_iter().find(|form| *form != "parts" && table.find(form).is_some());
         let Some(form) = form else {
@@ -60,7 +60,7 @@ impl StudyPart {
             None => Orientation::Constant(DQuat::IDENTITY),
         };
         let is_hole = match table.find("hole") {
-            Some(hole) => hole.boolean("true or false is needed: whether the part is taken away")?,
+            Some(hole) => hole.boolean("expected true or false: whether the part is taken away")?,
             None => false,
         };
         Ok(Self { solid, position, orientation, is_hole, index })
@@ -69,7 +69,7 @@ impl StudyPart {
 
 /// Reads the list of parts.
 pub(super) fn read(node: &Node<'_>) -> Result<Vec<StudyPart>> {
-    const EXPECTED: &str = "a list of parts is needed: at least one, at most 65,536";
+    const EXPECTED: &str = "expected a list of parts: at least one, at most 65,536";
     let elements = elements(node).filter(|elements| !elements.is_empty()).ok_or_else(|| node.refuse(EXPECTED))?;
     let part = |(index, element): (usize, Node<'_>)| {
         StudyPart::read(&element, u16::try_from(index).map_err(|_| node.refuse(EXPECTED))?)

@@ -9,8 +9,8 @@ use std::path::Path;
 use csv::StringRecord;
 use glam::DVec3;
 
-use super::input::Fault;
 use super::rows::{Rows, input_error};
+use crate::error::InputFault;
 use crate::error::{Error, FileAction, Result};
 
 /// All columns that a file may have.
@@ -19,7 +19,7 @@ const KNOWN: [&str; 5] = ["name", "mass", "x", "y", "z"];
 /// The points of a file: mass (kg; 1 where the file has no masses) and position (m).
 ///
 /// ```
-/// use polhode::inertia::point_masses;
+/// use polhode::bodies::inertia::point_masses;
 /// use polhode::study::read_points;
 ///
 /// let path = std::env::temp_dir().join(format!("polhode-points-{}.csv", std::process::id()));
@@ -45,18 +45,18 @@ pub(super) fn points_with_lines(path: &Path) -> Result<Vec<(u64, (f64, DVec3))>>
     let (header, header_line) = (rows.header().clone(), rows.header_line());
     for (place, name) in header.iter().enumerate() {
         if header.iter().take(place).any(|before| before == name) {
-            let fault = Fault::Syntax { reason: "this column stands twice in the header".to_owned() };
+            let fault = InputFault::Syntax { reason: "this column stands twice in the header".to_owned() };
             return Err(input_error(path, header_line, name, fault));
         }
         if !KNOWN.contains(&name) {
             let key = if name.is_empty() { "(empty)" } else { name };
-            let fault = Fault::unknown(name, &KNOWN);
+            let fault = InputFault::unknown(name, &KNOWN);
             return Err(input_error(path, header_line, key, fault));
         }
     }
     let place = |name: &str| header.iter().position(|found| found == name);
     let need = |name: &'static str| {
-        let fault = Fault::Missing { expected: "the columns mass, x, y and z are needed (kg, m)".into() };
+        let fault = InputFault::Missing { expected: "expected the columns mass, x, y and z (kg, m)".into() };
         place(name).ok_or_else(|| input_error(path, header_line, name, fault))
     };
     let (mass, places) = (place("mass"), [need("x")?, need("y")?, need("z")?]);
@@ -68,19 +68,19 @@ pub(super) fn points_with_lines(path: &Path) -> Result<Vec<(u64, (f64, DVec3))>>
             let field = &record[column];
             field.parse().ok().filter(|x: &f64| x.is_finite() && *x >= least).ok_or_else(|| {
                 let value = if field.is_empty() { "(empty)".to_owned() } else { field.to_owned() };
-                rows.refused(&header[column], Fault::Value { value, expected: expected.into() })
+                rows.refused(&header[column], InputFault::Value { value, expected: expected.into() })
             })
         };
         let mass = match mass {
-            Some(column) => number(column, 0.0, "a finite mass that is not negative is needed (kg)")?,
+            Some(column) => number(column, 0.0, "expected a finite mass that is not negative (kg)")?,
             None => 1.0,
         };
-        let coordinate = |axis: usize| number(places[axis], f64::NEG_INFINITY, "a finite number is needed (m)");
+        let coordinate = |axis: usize| number(places[axis], f64::NEG_INFINITY, "expected a finite number (m)");
         points.push((rows.line(), (mass, DVec3::new(coordinate(0)?, coordinate(1)?, coordinate(2)?))));
     }
     rows.finish()?;
     if points.is_empty() {
-        let fault = Fault::Missing { expected: "at least one row, a point, is needed".into() };
+        let fault = InputFault::Missing { expected: "expected at least one row, a point".into() };
         return Err(input_error(path, header_line, "mass", fault));
     }
     Ok(points)

@@ -3,7 +3,7 @@
 use glam::{DQuat, DVec3};
 
 use super::draw::{Column, Draw};
-use crate::ensemble::Ensemble;
+use crate::bodies::Ensemble;
 use crate::error::Result;
 use crate::torque::{Orbit, Torque};
 

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use toml::de::{DeTable, DeValue};
 
-use super::input::{Fault, InputError, nearest};
 use crate::error::{Error, Result, Text};
+use crate::error::{InputError, InputFault, nearest};
 
 /// The longest excerpt of the file that a message repeats, characters.
 const LONGEST_EXCERPT: usize = 60;
@@ -37,7 +37,7 @@ impl<'a> FileText<'a> {
             if !found.is_empty() {
                 reason += &format!(" at {found}");
             }
-            self.error(start, String::new(), Fault::Syntax { reason })
+            self.error(start, String::new(), InputFault::Syntax { reason })
         })?;
         // A missing key of the root is reported at the file's first line.
         read(Table { source: self, path: String::new(), table: root.get_ref(), start: 0 })
@@ -47,7 +47,7 @@ impl<'a> FileText<'a> {
         1 + self.text[..offset.min(self.text.len())].matches('\n').count()
     }
 
-    fn error(&self, offset: usize, key: String, fault: Fault) -> Error {
+    fn error(&self, offset: usize, key: String, fault: InputFault) -> Error {
         InputError { file: self.file.to_owned(), line: self.line(offset), key, fault }.into()
     }
 
@@ -108,7 +108,8 @@ impl<'a> Table<'a> {
 
     /// The value of `key`, which must be there.
     pub(super) fn need(&self, key: &str, expected: impl Into<Text>) -> Result<Node<'a>> {
-        let missing = || self.source.error(self.start, self.path_of(key), Fault::Missing { expected: expected.into() });
+        let missing =
+            || self.source.error(self.start, self.path_of(key), InputFault::Missing { expected: expected.into() });
         self.find(key).ok_or_else(missing)
     }
 
@@ -118,7 +119,7 @@ impl<'a> Table<'a> {
         match unknown.min_by_key(|key| key.span().start) {
             None => Ok(()),
             Some(key) => {
-                let fault = Fault::unknown(key.get_ref(), known);
+                let fault = InputFault::unknown(key.get_ref(), known);
                 Err(self.source.error(key.span().start, self.path_of(key.get_ref()), fault))
             }
         }
@@ -127,7 +128,7 @@ impl<'a> Table<'a> {
     /// Refuses two keys at once.
     pub(super) fn exclusive(&self, key: &str, other: &str) -> Result<()> {
         match (self.find(key), self.find(other)) {
-            (Some(node), Some(_)) => Err(node.fault(Fault::Conflict { other: other.to_owned() })),
+            (Some(node), Some(_)) => Err(node.fault(InputFault::Conflict { other: other.to_owned() })),
             _ => Ok(()),
         }
     }
@@ -170,12 +171,12 @@ impl<'a> Node<'a> {
     }
 
     /// The error `fault` at this value.
-    pub(super) fn fault(&self, fault: Fault) -> Error {
+    pub(super) fn fault(&self, fault: InputFault) -> Error {
         self.source.error(self.span.start, self.path.clone(), fault)
     }
 
     /// The error at a line and column, both from 1, of the text that this value is; `fault` is given the column in the file.
-    pub(super) fn fault_in_text(&self, line: usize, column: usize, fault: impl FnOnce(usize) -> Fault) -> Error {
+    pub(super) fn fault_in_text(&self, line: usize, column: usize, fault: impl FnOnce(usize) -> InputFault) -> Error {
         let (text, start) = (self.source.text, self.span.start);
         let raw = &text[self.span.clone()];
         let quotes = if raw.starts_with("\"\"\"") || raw.starts_with("'''") { 3 } else { 1 };
@@ -194,7 +195,7 @@ impl<'a> Node<'a> {
 
     /// The error for a value that is not `expected`.
     pub(super) fn refuse(&self, expected: impl Into<Text>) -> Error {
-        self.fault(Fault::Value { value: self.text(), expected: expected.into() })
+        self.fault(InputFault::Value { value: self.text(), expected: expected.into() })
     }
 
     /// The value as it stands in the file.
@@ -297,11 +298,9 @@ impl<'a> Node<'a> {
             DeValue::String(text) => text.as_ref(),
             _ => "",
         };
-        choices
-            .iter()
-            .copied()
-            .find(|choice| *choice == found)
-            .ok_or_else(|| self.fault(Fault::Choice { value: self.text(), nearest: nearest(found, choices), choices }))
+        choices.iter().copied().find(|choice| *choice == found).ok_or_else(|| {
+            self.fault(InputFault::Choice { value: self.text(), nearest: nearest(found, choices), choices })
+        })
     }
 
     /// `N` finite numbers.

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use csv::{ErrorKind, ReaderBuilder, StringRecord, Trim};
 
-use super::input::{Fault, InputError};
 use super::text::{CUT, Lines, OPEN_QUOTE};
 use crate::error::{Error, FileAction, Result};
+use crate::error::{InputError, InputFault};
 
 /// A table with a header, lines of comments that begin with `#`, and rows of as many cells as the header has.
 pub(super) struct Rows<R> {
@@ -53,18 +53,18 @@ impl<R: Read> Rows<R> {
         self.line = self.reader.get_mut().next_row();
         read.map_err(|error| csv_error(&self.path, self.line, error))?;
         if record.len() != self.header.len() {
-            return Err(self.refused("", Fault::RowLength { found: record.len(), expected: self.header.len() }));
+            return Err(self.refused("", InputFault::RowLength { found: record.len(), expected: self.header.len() }));
         }
         // A cell of several lines is rows that a quotation mark hides.
         if record.iter().any(|cell| cell.contains(['\n', '\r'])) {
-            return Err(self.refused("", Fault::Syntax { reason: OPEN_QUOTE.to_owned() }));
+            return Err(self.refused("", InputFault::Syntax { reason: OPEN_QUOTE.to_owned() }));
         }
         record.trim();
         Ok(true)
     }
 
     /// The refusal of a cell of the row that was read last, or of all of it.
-    pub fn refused(&self, column: &str, fault: Fault) -> Error {
+    pub fn refused(&self, column: &str, fault: InputFault) -> Error {
         input_error(&self.path, self.line, column, fault)
     }
 
@@ -72,13 +72,13 @@ impl<R: Read> Rows<R> {
     pub fn finish(self) -> Result<()> {
         let lines = self.reader.get_ref();
         match lines.are_cut() {
-            true => Err(input_error(&self.path, lines.line(), "", Fault::Syntax { reason: CUT.to_owned() })),
+            true => Err(input_error(&self.path, lines.line(), "", InputFault::Syntax { reason: CUT.to_owned() })),
             false => Ok(()),
         }
     }
 }
 
-pub(super) fn input_error(path: &Path, line: u64, key: &str, fault: Fault) -> Error {
+pub(super) fn input_error(path: &Path, line: u64, key: &str, fault: InputFault) -> Error {
     InputError { file: path.to_owned(), line: line as usize, key: key.to_owned(), fault }.into()
 }
 
@@ -86,8 +86,8 @@ pub(super) fn input_error(path: &Path, line: u64, key: &str, fault: Fault) -> Er
 fn csv_error(path: &Path, line: u64, error: csv::Error) -> Error {
     let reason = match error.into_kind() {
         ErrorKind::Io(error) => return Error::file(path, FileAction::Read, &error),
-        ErrorKind::Utf8 { .. } => "text in UTF-8 is needed",
-        _ => "comma-separated values are needed",
+        ErrorKind::Utf8 { .. } => "expected text in UTF-8",
+        _ => "expected comma-separated values",
     };
-    input_error(path, line, "", Fault::Syntax { reason: reason.to_owned() })
+    input_error(path, line, "", InputFault::Syntax { reason: reason.to_owned() })
 }

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::inertia::Shape;
+use crate::bodies::inertia::Shape;
 
 /// A shape whose lengths can be drawn. A tetrahedron, given by its corners, is none of these.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,13 +4,13 @@ use glam::DVec3;
 
 use super::distribution::{Scalar, Vector};
 use super::draw::{Column, Draw};
-use super::input::Fault;
 use super::parts::{self, StudyPart};
 use super::points::read_points;
 use super::reader::{Node, Table};
 use super::shape_kind::{NAMES, ShapeKind, TETRAHEDRON};
+use crate::bodies::inertia::{MassProperties, Part, Shape, compose, point_masses};
+use crate::error::InputFault;
 use crate::error::{Error, Result};
-use crate::inertia::{MassProperties, Part, Shape, compose, point_masses};
 
 /// A body whose matter is described.
 ///
@@ -138,14 +138,14 @@ impl Solid {
     /// body.
     pub(super) fn read(node: &Node<'_>, table: &Table<'_>, key: &str, others: &[&'static str]) -> Result<Self> {
         let only = |known: &[&'static str]| table.only(&[known, others].concat());
-        let form = table.need(key, "a description of the body's matter is needed")?;
+        let form = table.need(key, "expected a description of the body's matter")?;
         table.exclusive("density", "mass")?;
         let solid = match key {
             "shape" => return Self::read_shape(table, &form, only),
             "mesh" => {
                 only(&["mesh", "mass", "density", "scale", "shell"])?;
                 let is_shell = match table.find("shell") {
-                    Some(shell) => shell.boolean("true or false is needed")?,
+                    Some(shell) => shell.boolean("expected true or false")?,
                     None => false,
                 };
                 let unit = mesh(&form, scale(table)?, is_shell)?;
@@ -183,11 +183,11 @@ impl Solid {
         let keys = kind.lengths();
         only(&[&["shape", "mass", "density"], keys].concat())?;
         let lengths = if kind.takes_vector() {
-            Vector::read(&table.need(keys[0], "three lengths are needed (m)")?)?
+            Vector::read(&table.need(keys[0], "expected three lengths (m)")?)?
         } else {
             let mut components = [Scalar::Constant(0.0); 3];
             for (component, key) in components.iter_mut().zip(keys) {
-                *component = Scalar::read(&table.need(key, "a length is needed (m)")?)?;
+                *component = Scalar::read(&table.need(key, "expected a length (m)")?)?;
             }
             Vector::Components(components)
         };
@@ -222,7 +222,7 @@ pub(super) fn refusal(node: &Node<'_>, table: &Table<'_>, error: Error) -> Error
 fn matter(table: &Table<'_>, has_volume: bool) -> Result<Matter> {
     match own_matter(table, has_volume)? {
         Matter::Own => {
-            let expected = "the mass (kg), or a density (kg/m³), is needed";
+            let expected = "expected the mass (kg), or a density (kg/m³)";
             Ok(Matter::Mass(Scalar::read(&table.need("mass", expected)?)?))
         }
         matter => Ok(matter),
@@ -232,9 +232,7 @@ fn matter(table: &Table<'_>, has_volume: bool) -> Result<Matter> {
 /// `mass` or `density`, if one is there.
 fn own_matter(table: &Table<'_>, has_volume: bool) -> Result<Matter> {
     match (table.find("density"), table.find("mass")) {
-        (Some(density), _) if !has_volume => {
-            Err(density.refuse("this shape has no volume: a mass is needed instead (kg)"))
-        }
+        (Some(density), _) if !has_volume => Err(density.refuse("this shape has no volume: use a mass instead (kg)")),
         (Some(density), _) => Ok(Matter::Density(Scalar::read(&density)?)),
         (None, Some(mass)) => Ok(Matter::Mass(Scalar::read(&mass)?)),
         (None, None) => Ok(Matter::Own),
@@ -244,13 +242,13 @@ fn own_matter(table: &Table<'_>, has_volume: bool) -> Result<Matter> {
 /// The factor that makes metres of a file's lengths.
 fn scale(table: &Table<'_>) -> Result<f64> {
     match table.find("scale") {
-        Some(node) => node.positive("the length of the file's unit, above zero, is needed (m): 0.001 for millimetres"),
+        Some(node) => node.positive("expected the length of the file's unit, above zero (m): 0.001 for millimetres"),
         None => Ok(1.0),
     }
 }
 
 fn file(node: &Node<'_>) -> Result<std::path::PathBuf> {
-    node.string("the name of a file is needed").map(|name| node.beside(name))
+    node.string("expected the name of a file").map(|name| node.beside(name))
 }
 
 /// A body of density 1 kg/m³ (or, as a shell, of 1 kg) with a mesh as its surface.
@@ -258,7 +256,7 @@ fn file(node: &Node<'_>) -> Result<std::path::PathBuf> {
 fn mesh(node: &Node<'_>, scale: f64, is_shell: bool) -> Result<MassProperties> {
     let path = file(node)?;
     let read = || {
-        let mesh = crate::inertia::read_mesh(&path)?.scaled(scale)?;
+        let mesh = crate::bodies::inertia::read_mesh(&path)?.scaled(scale)?;
         if is_shell {
             return mesh.shell_mass_properties(1.0);
         }
@@ -273,14 +271,14 @@ fn mesh(node: &Node<'_>, scale: f64, is_shell: bool) -> Result<MassProperties> {
 fn hull(node: &Node<'_>, scale: f64) -> Result<MassProperties> {
     let points = read_points(&file(node)?).map_err(|error| node.caused_by(error))?;
     let points: Vec<DVec3> = points.into_iter().map(|(_, position)| position * scale).collect();
-    crate::inertia::convex_hull(&points)
+    crate::bodies::inertia::convex_hull(&points)
         .and_then(|mesh| mesh.mass_properties_of_density(1.0))
         .map_err(|error| node.caused_by(error))
 }
 
 /// What a build without meshes says.
 #[cfg(not(feature = "mesh"))]
-pub(super) const NO_MESHES: &str = "this build of polhode reads no meshes: one with the feature `mesh` is needed";
+pub(super) const NO_MESHES: &str = "this build of polhode reads no meshes: use one with the feature `mesh`";
 
 #[cfg(not(feature = "mesh"))]
 fn mesh(node: &Node<'_>, _: f64, _: bool) -> Result<MassProperties> {
@@ -294,13 +292,13 @@ fn hull(node: &Node<'_>, _: f64) -> Result<MassProperties> {
 
 /// A tetrahedron of density 1 kg/m³.
 fn tetrahedron(table: &Table<'_>) -> Result<MassProperties> {
-    const EXPECTED: &str = "four corners [x, y, z] are needed (m)";
+    const EXPECTED: &str = "expected four corners [x, y, z] (m)";
     let node = table.need("corners", EXPECTED)?;
     let elements = node.elements().ok_or_else(|| node.refuse(EXPECTED))?;
     let corners = elements.iter().map(|corner| corner.vector(EXPECTED)).collect::<Result<Vec<DVec3>>>()?;
     let corners = <[DVec3; 4]>::try_from(corners).map_err(|_| node.refuse(EXPECTED))?;
     let properties = Shape::Tetrahedron { corners }.mass_properties_of_density(1.0);
-    properties.map_err(|_| node.refuse("four corners that do not lie in a plane are needed (m)"))
+    properties.map_err(|_| node.refuse("expected four corners that do not lie in a plane (m)"))
 }
 
 impl Node<'_> {
@@ -308,7 +306,7 @@ impl Node<'_> {
     pub(super) fn caused_by(&self, cause: Error) -> Error {
         match cause {
             Error::Input(_) => cause,
-            cause => self.fault(Fault::Cause { value: self.text(), cause: Box::new(cause) }),
+            cause => self.fault(InputFault::Cause { value: self.text(), cause: Box::new(cause) }),
         }
     }
 }

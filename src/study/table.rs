@@ -13,10 +13,10 @@ use std::path::{Path, PathBuf};
 use csv::StringRecord;
 use glam::{DQuat, DVec3};
 
-use super::input::Fault;
 use super::rows::{Rows, input_error};
+use crate::bodies::inertia::InertiaTensor;
+use crate::error::InputFault;
 use crate::error::{Error, FileAction, Result};
-use crate::inertia::InertiaTensor;
 
 /// The columns of numbers, in the order in which a row is kept.
 pub const NUMBERS: [&str; 20] = [
@@ -83,8 +83,8 @@ impl BodyTable {
         let mut rows = Rows::new(path, source)?;
         let (header, header_line) = (rows.header().clone(), rows.header_line());
         if header.is_empty() {
-            let reason = "a header with the names of the columns is needed".to_owned();
-            return Err(input_error(path, header_line, "", Fault::Syntax { reason }));
+            let reason = "expected a header with the names of the columns".to_owned();
+            return Err(input_error(path, header_line, "", InputFault::Syntax { reason }));
         }
         let places = header_places(path, &header, header_line, extra)?;
 
@@ -100,7 +100,7 @@ impl BodyTable {
                 let Some(column) = *column else { continue };
                 let number = field.parse().ok().filter(|x: &f64| x.is_finite()).ok_or_else(|| {
                     let value = if field.is_empty() { "(empty)".to_owned() } else { field.to_owned() };
-                    let fault = Fault::Value { value, expected: "a finite number is needed".into() };
+                    let fault = InputFault::Value { value, expected: "expected a finite number".into() };
                     let name = NUMBERS.get(column).copied();
                     rows.refused(name.unwrap_or_else(|| &table.extra[column - NUMBERS.len()].0), fault)
                 })?;
@@ -212,7 +212,7 @@ impl BodyTable {
                 &self.file,
                 self.lines[body],
                 field,
-                Fault::Value { value: format!("{value:?}"), expected: expected.into() },
+                InputFault::Value { value: format!("{value:?}"), expected: expected.into() },
             ),
             other => other,
         }
@@ -232,13 +232,13 @@ fn header_places(
     for name in header {
         if !KNOWN.contains(&name) && !extra.contains(name) {
             let key = if name.is_empty() { "(empty)" } else { name };
-            let fault = Fault::unknown(name, KNOWN);
+            let fault = InputFault::unknown(name, KNOWN);
             return Err(input_error(path, line, key, fault));
         }
         let known = NUMBERS.iter().position(|known| *known == name);
         let place = known.or_else(|| Some(NUMBERS.len() + extra.iter().position(|wanted| wanted == name)?));
         if place.is_some() && places.contains(&place) {
-            let fault = Fault::Syntax { reason: "this column stands twice in the header".to_owned() };
+            let fault = InputFault::Syntax { reason: "this column stands twice in the header".to_owned() };
             return Err(input_error(path, line, name, fault));
         }
         places.push(place);
@@ -246,7 +246,7 @@ fn header_places(
     for name in extra {
         if !header.iter().any(|found| found == name) {
             let expected = "a torque or a force of the study reads this column";
-            return Err(input_error(path, line, name, Fault::Missing { expected: expected.into() }));
+            return Err(input_error(path, line, name, InputFault::Missing { expected: expected.into() }));
         }
     }
     // Columns that make up one value stand together or not at all; off-diagonal elements may be left out.
@@ -262,12 +262,12 @@ fn header_places(
         if let Some(missing) = group.clone().find(|&column| !has(column))
             && group.clone().any(has)
         {
-            return Err(input_error(path, line, NUMBERS[missing], Fault::Missing { expected: expected.into() }));
+            return Err(input_error(path, line, NUMBERS[missing], InputFault::Missing { expected: expected.into() }));
         }
     }
     if (PRODUCTS..ORIENTATION).any(has) && !has(INERTIA) {
         let expected = "off-diagonal elements need ixx, iyy and izz beside them";
-        return Err(input_error(path, line, NUMBERS[INERTIA], Fault::Missing { expected: expected.into() }));
+        return Err(input_error(path, line, NUMBERS[INERTIA], InputFault::Missing { expected: expected.into() }));
     }
     Ok(places)
 }

@@ -77,7 +77,7 @@ static NAMES: LazyLock<Vec<&'static str>> =
 
 /// Reads the list `[[torque]]`.
 pub(super) fn read(node: &Node<'_>) -> Result<Vec<StudyTorque>> {
-    const EXPECTED: &str = "tables [[torque]] are needed";
+    const EXPECTED: &str = "expected tables [[torque]]";
     let elements = node.elements().ok_or_else(|| node.refuse(EXPECTED))?;
     elements
         .into_iter()
@@ -85,7 +85,7 @@ pub(super) fn read(node: &Node<'_>) -> Result<Vec<StudyTorque>> {
         .map(|(index, mut element)| {
             element.path = place(index);
             let table = element.any_table().ok_or_else(|| element.refuse(EXPECTED))?;
-            let name = table.need("model", "the name of a torque's model is needed")?.choice(&NAMES)?;
+            let name = table.need("model", "expected the name of a torque's model")?.choice(&NAMES)?;
             if name == custom::NAME {
                 let (model, parameters) = custom::read(&table)?;
                 return Ok(StudyTorque { parameters, model, index });
@@ -103,7 +103,7 @@ pub(super) fn place(index: usize) -> String {
 
 fn model(table: &Table<'_>, name: &str) -> Result<ModelRef> {
     let named = MODELS.iter().find(|model| model.declaration().names().any(|known| known == name));
-    let unknown = || table.need("model", "the name of a model is needed").map(|node| node.refuse("a model is needed"));
+    let unknown = || table.need("model", "expected the name of a model").map(|node| node.refuse("expected a model"));
     named.map(|model| ModelRef::Built(*model)).ok_or_else(|| unknown().unwrap_or_else(|error| error))
 }
 
@@ -132,7 +132,7 @@ fn list(node: &Node<'_>, parameter: &ParameterDeclaration) -> Result<Vec<Vec<Stu
     }
     let read = |(index, mut element): (usize, Node<'_>)| {
         element.path = format!("{}[{}]", element.path, index + 1);
-        let table = element.any_table().ok_or_else(|| element.refuse("a table is needed"))?;
+        let table = element.any_table().ok_or_else(|| element.refuse("expected a table"))?;
         parameters(&table, "", &parameter.elements)
     };
     elements.into_iter().enumerate().map(read).collect()
@@ -170,7 +170,7 @@ fn check_choices(table: &Table<'_>, declared: &[ParameterDeclaration]) -> Result
         names.dedup();
         let mut given = of_choice.filter(|(key, _)| table.find(key).is_some());
         match given.next() {
-            None => drop(table.need(names[0], format!("`{}` is needed", names.join("` or `")))?),
+            None => drop(table.need(names[0], format!("expected `{}`", names.join("` or `")))?),
             Some((key, one)) => {
                 if let Some((other, _)) = given.find(|(_, other)| other.alternative() != one.alternative()) {
                     table.exclusive(other, key)?;
@@ -217,7 +217,7 @@ fn find<'a, 'p>(
     let node = match (within.find(key), other, own) {
         (None, ..) if parameter.default.is_some() || is_at_choice => None,
         (None, Some((_, other_key)), Some(own)) => {
-            return Err(own.refuse(format!("`{other_key}` or `{key}` is needed{}", in_brackets(&parameter.unit))));
+            return Err(own.refuse(format!("expected `{other_key}` or `{key}`{}", in_brackets(&parameter.unit))));
         }
         _ => Some(within.need(key, needed(parameter))?),
     };
@@ -226,7 +226,7 @@ fn find<'a, 'p>(
 
 /// What a refusal says of a key that is missing.
 fn needed(parameter: &ParameterDeclaration) -> Text {
-    format!("{} is needed{}", parameter.with_axes(), in_brackets(&parameter.unit)).into()
+    format!("expected {}{}", parameter.with_axes(), in_brackets(&parameter.unit)).into()
 }
 
 /// What a refusal says of a table that is missing.
@@ -246,7 +246,7 @@ fn of_group(members: &[(&str, &ParameterDeclaration)]) -> Text {
         text += &format!("{between}{key} = {}", member.unit);
         last = Some(&member.name);
     }
-    format!("{{ {text} }} is needed").into()
+    format!("expected {{ {text} }}").into()
 }
 
 impl StudyValue {
@@ -267,7 +267,7 @@ impl StudyValue {
             Shape::Rotation if is_table || node.elements().is_some() => StudyValue::Rotation(Turn::read(node)?),
             Shape::Tensor => StudyValue::Tensor(Tensor::read(node)?),
             Shape::Matrix => {
-                let expected = format!("three rows of three finite numbers are needed{}", in_brackets(&parameter.unit));
+                let expected = format!("expected three rows of three finite numbers{}", in_brackets(&parameter.unit));
                 let rows = node.elements().filter(|rows| rows.len() == 3);
                 let rows = rows.ok_or_else(|| node.refuse(expected.clone()))?;
                 let rows: Vec<DVec3> = rows.iter().map(|row| row.vector(expected.clone())).collect::<Result<_>>()?;

@@ -1,15 +1,15 @@
 //! `constant-body`: a torque that is constant in body axes, such as a thruster pair's.
 
 use super::formula::{Column, Epoch, Formula, Row};
-use crate::quaternion::Quaternion;
+use crate::math::quaternion::Quaternion;
 use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
 
 use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Torque, Value, Values};
-use crate::batch::BodyFrame;
-use crate::real::Real;
-use crate::vector::Vector;
+use crate::bodies::BodyFrame;
+use crate::math::real::Real;
+use crate::math::vector::Vector;
 
 /// τ = const in body axes. Several add up to one.
 pub struct ConstantBody;

@@ -12,17 +12,17 @@ use super::{
     Declaration, Kind, Model, ModelRef, Needs, ParameterDeclaration, Torque, ValidationContext, Value, Values,
     translated,
 };
-use crate::batch::BodyFrame;
-use crate::ensemble::Ensemble;
+use crate::bodies::BodyFrame;
+use crate::bodies::Ensemble;
+use crate::bodies::inertia::InertiaTensor;
 use crate::error::{Error, Result};
 use crate::expression::wgsl::WgslError;
 use crate::expression::{
     Expression, Fault, Input, InputKind, Program, Recorder, Scope, Shape, Symbol, Symbols, TextError,
 };
-use crate::inertia::InertiaTensor;
-use crate::quaternion::Quaternion;
-use crate::real::Real;
-use crate::vector::Vector;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::Real;
+use crate::math::vector::Vector;
 
 /// Torques whose formula is data; what kernels read of them is [`super::expressed`].
 #[derive(Clone, Copy, Debug)]
@@ -168,7 +168,7 @@ impl Torque {
     /// A torque by a text: a vector in body axes, N m, of `attitude`, `angular_velocity` (rad/s), `angular_momentum`, `inertia`, `time` (s),
     /// `position` (m) and `velocity` (m/s) of the centre of mass in world axes, and the parameters; the language is that of
     /// [`crate::expression`]. A [scene](crate::Scene) whose torque names a position or velocity needs bodies that have one, under forces
-    /// for which it has a closed form ([`crate::force`]).
+    /// for which it has a closed form ([`crate::torque::force`]).
     ///
     /// # Errors
     ///

@@ -37,7 +37,7 @@ pub struct ParameterDeclaration {
     pub name: Text,
     /// Another key for the same number, with which those that it stands for are excluded.
     pub other_key: Option<OtherKey>,
-    /// What it is, as "the coefficient c", to be followed by its axes and by "is needed".
+    /// What it is, as "the coefficient c", to stand between "expected" and its axes.
     pub about: Text,
     /// The unit; `1` of a number without one.
     pub unit: Text,
@@ -334,15 +334,15 @@ impl Validity {
             _ => ("finite components", "are"),
         };
         match self {
-            Validity::Finite => format!("{what} {are} needed{unit}"),
-            Validity::NotNegative => format!("{what} that {are} not negative {are} needed{unit}"),
-            Validity::Positive => format!("{what} above zero {are} needed{unit}"),
-            Validity::Range(low, high) => format!("{what} from {low} to {high} {are} needed{unit}"),
-            Validity::Count(least, most) => format!("a list of {least} to {most} tables is needed"),
-            Validity::NotZero => format!("finite components and a length from 1e-153 to 1e153 are needed{unit}"),
-            Validity::Rotation => "a finite quaternion that is not zero is needed".to_owned(),
+            Validity::Finite => format!("expected {what}{unit}"),
+            Validity::NotNegative => format!("expected {what} that {are} not negative{unit}"),
+            Validity::Positive => format!("expected {what} above zero{unit}"),
+            Validity::Range(low, high) => format!("expected {what} from {low} to {high}{unit}"),
+            Validity::Count(least, most) => format!("expected a list of {least} to {most} tables"),
+            Validity::NotZero => format!("expected finite components and a length from 1e-153 to 1e153{unit}"),
+            Validity::Rotation => "expected a finite quaternion that is not zero".to_owned(),
             Validity::PositiveSemidefinite => {
-                format!("a finite symmetric matrix without negative eigenvalues is needed{unit}")
+                format!("expected a finite symmetric matrix without negative eigenvalues{unit}")
             }
         }
         .into()

@@ -6,10 +6,10 @@ use std::sync::LazyLock;
 use glam::{DQuat, DVec3};
 
 use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
-use crate::batch::BodyFrame;
-use crate::quaternion::Quaternion;
-use crate::real::Real;
-use crate::vector::Vector;
+use crate::bodies::BodyFrame;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::Real;
+use crate::math::vector::Vector;
 
 /// τ = k (ω × B) × B, which takes only the part of ω across the field (G. L. Smith, *A theoretical study of the torques
 /// induced by a magnetic field on rotating cylinders and spheres*, NASA TR R-129, 1962; a conducting sphere of

@@ -8,14 +8,14 @@
 use glam::{DMat3, DQuat};
 
 use super::{Needs, Value, Values};
-use crate::batch::BodyFrame;
+use crate::bodies::BodyFrame;
 use crate::expression::wgsl::{self, Argument, Signature};
 use crate::expression::{
     Dependence, Expression, Fault, Graph, Input, InputKind, Part, Program, Recorder, Shape, Symbol,
 };
-use crate::quaternion::Quaternion;
-use crate::real::Real;
-use crate::vector::Vector;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::Real;
+use crate::math::vector::Vector;
 
 /// What the host knows of a body, by number: the reference rate and the torque's unit.
 const RATE: usize = 0;

@@ -11,11 +11,11 @@ use super::ValidationContext;
 use super::{
     Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Preset, Torque, Validity, Value, Values,
 };
-use crate::batch::BodyFrame;
+use crate::bodies::BodyFrame;
 use crate::error::{Error, Result};
 use crate::expression::{Expression, Fault, Shape, Symbol, Symbols};
-use crate::real::Real;
-use crate::vector::Vector;
+use crate::math::real::Real;
+use crate::math::vector::Vector;
 
 /// τ = Σ r × F, where each plate that faces the source, c = n · u > 0, feels F = −p A c (a u + (b + d c) n).
 ///
@@ -190,7 +190,7 @@ impl Model for FlatPlates {
 /// Within the recording of another formula.
 pub fn formula(facets: &[Facet]) -> Result<Expression> {
     if facets.is_empty() || facets.len() > MOST_FACETS {
-        let expected = "a list of 1 to 16 facets is needed";
+        let expected = "expected a list of 1 to 16 facets";
         return Err(Error::Setting { field: "facets", value: facets.len() as f64, expected });
     }
     let plates = facets.iter().enumerate().map(|(index, facet)| facet.plate(index)).collect::<Result<Vec<_>>>()?;
@@ -282,16 +282,16 @@ impl Facet {
         let refuse = |field, value, expected| Err(Error::Item { item: "facet", index, field, value, expected });
         let Self { area, normal_body, centre_body, surface } = *self;
         if !(area.is_finite() && area >= 0.0) {
-            return refuse("area", area, "a finite number that is not negative is needed (m²)");
+            return refuse("area", area, "expected a finite number that is not negative (m²)");
         }
         // By the largest component first, so that no square leaves the range of numbers.
         let largest = normal_body.abs().max_element();
         if !(normal_body.is_finite() && largest > 0.0) {
-            return refuse("normal", largest, "finite components that are not all zero are needed");
+            return refuse("normal", largest, "expected finite components that are not all zero");
         }
         let normal = (normal_body / largest).normalize();
         if !centre_body.is_finite() {
-            return refuse("centre", centre_body.length(), "finite components are needed (m)");
+            return refuse("centre", centre_body.length(), "expected finite components (m)");
         }
         let coefficients = match surface.coefficients() {
             Ok(coefficients) => coefficients,
@@ -316,16 +316,16 @@ type Refused = (&'static str, f64, &'static str);
 impl Surface {
     /// a, b and d.
     fn coefficients(self) -> std::result::Result<[f64; 3], Refused> {
-        const PART: &str = "a finite number from 0 to 1 is needed";
+        const PART: &str = "expected a finite number from 0 to 1";
         let part = |field, value: f64| if (0.0..=1.0).contains(&value) { Ok(value) } else { Err((field, value, PART)) };
         match self {
             Surface::Coefficients { along, constant, across } => {
                 part("along", along)?;
                 if !(-1.0..=1.0).contains(&constant) {
-                    return Err(("constant", constant, "a finite number from -1 to 1 is needed"));
+                    return Err(("constant", constant, "expected a finite number from -1 to 1"));
                 }
                 if !(0.0..=2.0).contains(&across) {
-                    return Err(("across", across, "a finite number from 0 to 2 is needed"));
+                    return Err(("across", across, "expected a finite number from 0 to 2"));
                 }
                 Ok([along, constant, across])
             }

@@ -5,9 +5,9 @@
 
 use std::ops::Range;
 
-use crate::quaternion::Quaternion;
-use crate::real::Real;
-use crate::vector::Vector;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::Real;
+use crate::math::vector::Vector;
 
 /// The most phases of one instance.
 pub(crate) const MOST_PHASES: usize = 2;

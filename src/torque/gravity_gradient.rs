@@ -8,11 +8,11 @@ use std::sync::LazyLock;
 
 use super::orbit::{self, circular_place, elements, gradient_torque};
 use super::{Declaration, Kind, Model, Orbit, Torque, ValidationContext, Values};
-use crate::batch::BodyFrame;
+use crate::bodies::BodyFrame;
 use crate::error::Result;
-use crate::quaternion::Quaternion;
-use crate::real::Real;
-use crate::vector::Vector;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::Real;
+use crate::math::vector::Vector;
 
 /// τ = 3 μ/r³ u × I u, u = Rᵀ r̂ (J. d'Alembert 1749; P. C. Hughes, *Spacecraft Attitude Dynamics*, 1986, equation
 /// 8.1.14), on a circular orbit or, where the orbit is eccentric, on an ellipse.

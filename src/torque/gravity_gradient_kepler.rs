@@ -4,9 +4,9 @@ use std::ops::Range;
 
 use super::formula::{Column, Epoch, Formula, MOST_PHASES, Row};
 use super::orbit::{gradient_torque, kepler_place};
-use crate::quaternion::Quaternion;
-use crate::real::Real;
-use crate::vector::Vector;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::Real;
+use crate::math::vector::Vector;
 
 /// The direction from the centre in world axes and (a/r)³, at a mean anomaly in turns; `start` is the one at t = 0.
 #[inline(always)]

@@ -6,10 +6,10 @@ use std::sync::LazyLock;
 use glam::{DQuat, DVec3};
 
 use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
-use crate::batch::BodyFrame;
-use crate::quaternion::Quaternion;
-use crate::real::Real;
-use crate::vector::Vector;
+use crate::bodies::BodyFrame;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::Real;
+use crate::math::vector::Vector;
 
 /// τ = c × Rᵀ (M g), c from the pivot to the centre of mass (Lagrange, *Mécanique analytique*, 1788; F. Klein,
 /// A. Sommerfeld, *Über die Theorie des Kreisels*, 1897, chapter IV). Potential energy: −M g · R c.

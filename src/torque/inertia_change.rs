@@ -1,7 +1,7 @@
 //! How moments of inertia change, as a scene describes it; see [`super::variable_inertia`].
 
 use super::Parameter;
-use crate::inertia::InertiaTensor;
+use crate::bodies::inertia::InertiaTensor;
 
 /// The tensor I₁ after the change; the one before is the body's own.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,15 +1,15 @@
 //! `internal-dissipation`: loss of energy inside the body, which keeps its angular momentum.
 
 use super::formula::{Column, Epoch, Formula, Role, Row};
-use crate::quaternion::Quaternion;
+use crate::math::quaternion::Quaternion;
 use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
 
 use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
-use crate::batch::BodyFrame;
-use crate::real::Real;
-use crate::vector::Vector;
+use crate::bodies::BodyFrame;
+use crate::math::real::Real;
+use crate::math::vector::Vector;
 
 /// dm/dt = m × ω + k m × (m × ω): the double-bracket form (A. M. Bloch, P. S. Krishnaprasad, J. E. Marsden,
 /// T. S. Ratiu, *The Euler-Poincaré equations and double bracket dissipation*, Comm. Math. Phys. 175 (1996) 1,

@@ -1,7 +1,7 @@
 //! Kinds of torques as columns and kernels tell them apart.
 
 use super::formula::{Formula, FormulaTask, Role};
-use crate::clock::RATE_DIGITS;
+use crate::math::clock::RATE_DIGITS;
 
 /// Registers kernels: a line each, in the order in which the sum is formed on every engine.
 macro_rules! kinds {

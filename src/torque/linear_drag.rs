@@ -1,15 +1,15 @@
 //! `linear-drag`: a torque against the angular velocity and in proportion to it, the same about every axis.
 
 use super::formula::{Column, Epoch, Formula, Row};
-use crate::quaternion::Quaternion;
+use crate::math::quaternion::Quaternion;
 use std::sync::LazyLock;
 
 use glam::DQuat;
 
 use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
-use crate::batch::BodyFrame;
-use crate::real::Real;
-use crate::vector::Vector;
+use crate::bodies::BodyFrame;
+use crate::math::real::Real;
+use crate::math::vector::Vector;
 
 /// τ = −c ω (a slowly turning sphere of radius a in a fluid of viscosity η has c = 8πηa³: G. Kirchhoff, *Mechanik*, 1876,
 /// lecture 26). Several add up to one.

@@ -9,9 +9,9 @@
 //! This is no model that a scene names: a table has its column where one of its bodies is a linear rotor.
 
 use super::formula::{Column, Epoch, Formula, Role, Row};
-use crate::quaternion::Quaternion;
-use crate::real::Real;
-use crate::vector::Vector;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::Real;
+use crate::math::vector::Vector;
 
 /// The torque in principal axes with its part along the first one multiplied by `factor`: 0 for a linear rotor, 1 for
 /// another body.

@@ -6,10 +6,10 @@ use std::sync::LazyLock;
 use glam::{DQuat, DVec3};
 
 use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Torque, Value, Values};
-use crate::batch::BodyFrame;
-use crate::quaternion::Quaternion;
-use crate::real::Real;
-use crate::vector::Vector;
+use crate::bodies::BodyFrame;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::Real;
+use crate::math::vector::Vector;
 
 /// τ = m × Rᵀ B (J. C. Maxwell, *A Treatise on Electricity and Magnetism*, 1873, § 390). Potential energy: −B · R m.
 pub struct MagneticDipole;

@@ -1,15 +1,15 @@
 //! `matrix-drag`: a torque that is linear in the angular velocity, with a symmetric matrix.
 
 use super::formula::{Column, Epoch, Formula, Row};
-use crate::quaternion::Quaternion;
+use crate::math::quaternion::Quaternion;
 use std::sync::LazyLock;
 
 use glam::{DMat3, DQuat};
 
 use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
-use crate::batch::BodyFrame;
-use crate::real::Real;
-use crate::vector::Vector;
+use crate::bodies::BodyFrame;
+use crate::math::real::Real;
+use crate::math::vector::Vector;
 
 /// τ = −C ω with C symmetric and without negative eigenvalues (J. Happel, H. Brenner, *Low Reynolds Number
 /// Hydrodynamics*, 1965, section 5.2: the rotation tensor of a body of any shape). Several add up to one.

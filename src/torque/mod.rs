@@ -35,10 +35,10 @@
 //!
 //! # Kernels
 //!
-//! Integrators are generic over an [`Environment`], which is the sum of what acts. [`Free`] is the one without torques, and
-//! with it no torque code is compiled into a kernel. The WGSL twin of an environment is one chunk that defines `torque`
+//! Integrators are generic over a [`TorqueKernel`], which is the sum of what acts. [`Free`] is the one without torques, and
+//! with it no torque code is compiled into a kernel. The WGSL twin of a torque kernel is one chunk that defines `torque`
 //! (`shaders/torque/none.wgsl` or `sum.wgsl`). Internal dissipation and changing moments of inertia are in the same list:
-//! they turn no angular momentum but change the rate at which the axes turn ([`Environment::motion`]).
+//! they turn no angular momentum but change the rate at which the axes turn ([`TorqueKernel::motion`]).
 //!
 //! A new model is a file here, with its declaration and its formula, its `pub mod`, and a line each in `registry.rs` and, where it
 //! has a kernel of its own, in `kind.rs`. One whose formula follows from its values is made for them (`Model::made_for`), as
@@ -51,25 +51,14 @@
 //!
 //! `shaders/torque` holds what no formula says: how columns and times are read, the draws of white noise, moments that change. Each
 //! file names its twin in its first line.
+//!
+//! [`TorqueKernel`]: crate::kernel::torque_kernel::TorqueKernel
+//! [`TorqueKernel::motion`]: crate::kernel::torque_kernel::TorqueKernel::motion
+//! [`Free`]: crate::kernel::torque_kernel::Free
+//! [`Real`]: crate::math::real::Real
 
 pub use crate::error::Text;
-use crate::method::projection::{Combinations, projected};
-use crate::quaternion::Quaternion;
-use crate::real::Real;
-use crate::rigid_body::{Body, Correction, State};
-use crate::vector::Vector;
 
-/// How a torque depends on the angular velocity, which decides how a splitting kicks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u32)]
-pub enum VelocityDependence {
-    /// Not at all: at a frozen attitude the torque is constant.
-    None,
-    /// As τ₀ − c ω with one coefficient c ≥ 0 for all axes: the flow at a frozen attitude is an exponential.
-    LinearDrag,
-    /// In any other way: the flow at a frozen attitude is integrated.
-    General,
-}
 pub mod constant_body;
 pub mod constant_world;
 pub mod custom;
@@ -77,6 +66,7 @@ pub(crate) mod declaration;
 pub mod eddy_current;
 pub(crate) mod expressed;
 pub mod flat_plates;
+pub mod force;
 pub(crate) mod formula;
 pub mod gravity_gradient;
 pub mod gravity_gradient_kepler;
@@ -126,129 +116,3 @@ pub use table::{Instances, TorqueTable};
 pub(crate) use validation::ValidationContext;
 pub use value::Value;
 pub(crate) use value::Values;
-
-/// All torques of a scene as one body (or lane group) feels them.
-pub trait Environment<R: Real>: Copy {
-    /// What is formed once for all evaluations in a step.
-    type Start: Copy;
-
-    /// What depends on time alone, formed once for all evaluations at that time. It holds as long as its step's start does.
-    type Epoch: Copy;
-
-    /// Whether there is no torque at all, so that the kernel leaves it out.
-    const FREE: bool;
-
-    /// The start of step `step` of the current interval. It holds until the next is formed.
-    fn start(&self, step: u64) -> Self::Start;
-
-    /// What depends on time alone, `fraction` of a step after its start.
-    fn epoch(&self, start: &Self::Start, fraction: f64) -> Self::Epoch;
-
-    /// The torque in principal axes, in units of the body's own scale.
-    fn torque(
-        &self,
-        epoch: &Self::Epoch,
-        body: &Body<R>,
-        orientation: Quaternion<R>,
-        angular_velocity_principal: Vector<R>,
-    ) -> Vector<R>;
-
-    /// How the torque depends on the angular velocity. `General` is right for every torque and costs the most.
-    #[inline(always)]
-    fn velocity_dependence(&self) -> VelocityDependence {
-        VelocityDependence::General
-    }
-
-    /// The coefficient c of the part −c ω, in units of the body's own scale; asked for with
-    /// [`VelocityDependence::LinearDrag`] only.
-    #[inline(always)]
-    fn drag_coefficient(&self) -> R {
-        R::splat(0.0)
-    }
-
-    /// The state after a step, brought back to what the body conserves where the environment says so.
-    #[inline(always)]
-    fn projected(&self, _: &Body<R>, state: State<R>) -> State<R> {
-        state
-    }
-
-    /// The rate at which the body's axes turn, and m × that rate, at an angular momentum m in principal axes.
-    ///
-    /// Of a rigid body the first is ω = I⁻¹ m. A method that does not ask for it can integrate rigid bodies only.
-    #[inline(always)]
-    fn motion(&self, _: &Self::Epoch, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
-        Motion {
-            angular_velocity: body.angular_velocity(m, correction),
-            gyroscopic_term: body.gyroscopic_term(m, correction),
-        }
-    }
-}
-
-/// How a body turns at an angular momentum m.
-#[derive(Clone, Copy, Debug)]
-pub struct Motion<R> {
-    /// The rate at which its axes turn, in principal axes.
-    pub angular_velocity: Vector<R>,
-    /// m × that rate.
-    pub gyroscopic_term: Vector<R>,
-}
-
-/// No torque.
-#[derive(Clone, Copy, Debug)]
-pub struct Free;
-
-impl<R: Real> Environment<R> for Free {
-    type Start = ();
-    type Epoch = ();
-    const FREE: bool = true;
-
-    #[inline(always)]
-    fn start(&self, _: u64) {}
-
-    #[inline(always)]
-    fn epoch(&self, (): &(), _: f64) {}
-
-    #[inline(always)]
-    fn torque(&self, _: &(), _: &Body<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
-        Vector::zero()
-    }
-
-    #[inline(always)]
-    fn velocity_dependence(&self) -> VelocityDependence {
-        VelocityDependence::None
-    }
-}
-
-/// No torque, and the state projected onto what a free body conserves after each step.
-#[derive(Clone, Copy, Debug)]
-pub struct Conserving<R> {
-    /// Of the start.
-    pub combinations: Combinations<R>,
-}
-
-impl<R: Real> Environment<R> for Conserving<R> {
-    type Start = ();
-    type Epoch = ();
-    const FREE: bool = true;
-
-    #[inline(always)]
-    fn start(&self, _: u64) {}
-
-    #[inline(always)]
-    fn epoch(&self, (): &(), _: f64) {}
-
-    #[inline(always)]
-    fn torque(&self, _: &(), _: &Body<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
-        Vector::zero()
-    }
-
-    #[inline(always)]
-    fn velocity_dependence(&self) -> VelocityDependence {
-        VelocityDependence::None
-    }
-
-    #[inline(always)]
-    fn projected(&self, body: &Body<R>, state: State<R>) -> State<R> {
-        projected(body, &self.combinations, state)
-    }
-}

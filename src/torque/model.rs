@@ -6,10 +6,10 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 
 use super::{Declaration, Kind, Text, ValidationContext, Value, Values};
-use crate::batch::BodyFrame;
-use crate::ensemble::Ensemble;
+use crate::bodies::BodyFrame;
+use crate::bodies::Ensemble;
+use crate::bodies::inertia::InertiaTensor;
 use crate::error::Result;
-use crate::inertia::InertiaTensor;
 
 /// A torque of a scene: a model and the values of its parameters, each one for the scene or a column with one row a body
 /// ([`super::Parameter`]). Each model's constructor stands in the model's own file.
@@ -251,7 +251,7 @@ impl Torque {
     }
 
     /// Whether bodies under it turn at I⁻¹ m with the moments that they start with. Where they do not, only methods follow
-    /// them that ask for the rate at which their axes turn ([`crate::method::Properties::rigid_only`]).
+    /// them that ask for the rate at which their axes turn ([`crate::kernel::method::Properties::rigid_only`]).
     pub fn leaves_rigid(&self) -> bool {
         self.declaration().leaves_rigid
     }

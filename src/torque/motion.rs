@@ -4,24 +4,25 @@
 //! m' = m × ω + τ,   q' = ½ q ω,   ω = I⁻¹ m (and what internal dissipation adds)
 //! ```
 //!
-//! in principal axes and in the units of each body's own scale ([`crate::batch`]): a unit of time is the reciprocal of the reference
+//! in principal axes and in the units of each body's own scale ([`crate::engine::batch`]): a unit of time is the reciprocal of the reference
 //! rate. Inputs are the state, the columns of the batch by their numbers, and the table's phases in turns by theirs (of a ramp its progress),
 //! which advance evenly; the time, where it is read, is in seconds. Every formula records itself.
 
+use super::Kind;
 use super::expressed::Given;
 use super::formula::{Epoch, Following, Formula, FormulaTask, MOST_PHASES, Role, Row};
 use super::internal_dissipation::internal_dissipation;
 use super::linear_rotor::across_axis;
 use super::table::{Instance, TorqueTable};
 use super::variable_inertia::{Change, smoothly_changed_motion};
-use super::{Kind, Motion};
 use crate::expression::graph::{Binary, Operation, Unary};
 use crate::expression::jet::{Equations, Lowered, lowered, lowered_by_directions};
 use crate::expression::{Dependence, Fault, Graph, Input, InputKind, Node, Recorder, Symbol};
-use crate::quaternion::Quaternion;
-use crate::real::Real;
-use crate::rigid_body::{Body, Correction};
-use crate::vector::{TwoWords, Vector};
+use crate::kernel::rigid_body::{Body, Correction};
+use crate::kernel::torque_kernel::Motion;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::Real;
+use crate::math::vector::{TwoWords, Vector};
 
 /// The equations of motion under the torques of a table.
 #[derive(Clone, Debug)]

@@ -4,9 +4,10 @@ use glam::{DMat3, DVec3};
 
 use super::{Parameter, ParameterDeclaration, Preset, ValidationContext, Validity, Value, Values};
 use crate::error::Result;
-use crate::quaternion::Quaternion;
-use crate::real::{Function, Real, sin_cos};
-use crate::vector::Vector;
+use crate::math::kepler::eccentric_anomaly;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::{Function, Real, sin_cos};
+use crate::math::vector::Vector;
 
 /// The largest eccentricity for which [`eccentric_anomaly`]'s fixed number of iterations is enough.
 pub const LARGEST_ECCENTRICITY: f64 = 0.99;
@@ -237,49 +238,6 @@ pub fn kepler_sin_cos<R: Real>(mean_anomaly: R, eccentricity: R) -> (R, R) {
     }
     let (_, sin, cos) = eccentric_anomaly(mean_anomaly, eccentricity);
     (sin, cos)
-}
-
-/// Eccentricities beyond which one more iteration of [`eccentric_anomaly`] is needed.
-const MORE_ITERATIONS: [f64; 2] = [0.9, 0.4];
-
-/// E with E − e sin E = M, and its sine and cosine, for |M| ≤ π and 0 ≤ e ≤ 0.99.
-///
-/// Two to four iterations of order four (J. M. A. Danby, *The solution of Kepler's equation III*, Celest. Mech. 40 (1987) 303,
-/// equations 11 to 14) from E = M ± 0.85 e, as many as leave an error below rounding: the last changes E by less than 2e-4, so that
-/// sine and cosine follow from those before it by their series. Rounding is at most 4 units of roundoff of π, divided by 1 − e.
-#[inline(always)]
-pub fn eccentric_anomaly<R: Real>(mean_anomaly: R, eccentricity: R) -> (R, R, R) {
-    let start = R::splat(0.85) * eccentricity;
-    let mut anomaly = mean_anomaly + R::select(mean_anomaly.less_than(R::splat(0.0)), -start, start);
-    for greatest in MORE_ITERATIONS {
-        let is_beyond = R::splat(greatest).less_than(eccentricity);
-        if R::any(is_beyond) {
-            let (change, ..) = anomaly_change(anomaly, mean_anomaly, eccentricity);
-            anomaly = R::select(is_beyond, anomaly + change, anomaly);
-        }
-    }
-    let (change, ..) = anomaly_change(anomaly, mean_anomaly, eccentricity);
-    anomaly = anomaly + change;
-    let (change, sin, cos) = anomaly_change(anomaly, mean_anomaly, eccentricity);
-    // 1 − cos and the sine of the change.
-    let square = change * change;
-    let short = (square * square).mul_add(R::splat(-1.0 / 24.0), R::splat(0.5) * square);
-    let turn = (square * change).mul_add(R::splat(-1.0 / 6.0), change);
-    (anomaly + change, sin + (-sin).mul_add(short, cos * turn), cos - cos.mul_add(short, sin * turn))
-}
-
-/// By how much one iteration of [`eccentric_anomaly`] changes E, and the sine and cosine of E before it.
-#[inline(always)]
-fn anomaly_change<R: Real>(anomaly: R, mean_anomaly: R, eccentricity: R) -> (R, R, R) {
-    let (one, half, sixth) = (R::splat(1.0), R::splat(0.5), R::splat(1.0 / 6.0));
-    let (sin, cos) = sin_cos(anomaly);
-    let (e_sin, e_cos) = (eccentricity * sin, eccentricity * cos);
-    let excess = (anomaly - mean_anomaly) - e_sin;
-    let slope = one - e_cos;
-    let first = -(excess / slope);
-    let second = -(excess / (half * first).mul_add(e_sin, slope));
-    let third = -(excess / (sixth * second * second).mul_add(e_cos, (half * second).mul_add(e_sin, slope)));
-    (third, sin, cos)
 }
 
 /// u × (I u) · c with u = Rᵀ `direction_world`: `coefficients` are c (I₃ − I₂), c (I₁ − I₃), c (I₂ − I₁).

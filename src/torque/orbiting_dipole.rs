@@ -13,11 +13,11 @@ use super::{
     Declaration, Frame, Kind, Model, Orbit, Parameter, ParameterDeclaration, Preset, Torque, ValidationContext, Value,
     Values,
 };
-use crate::batch::BodyFrame;
+use crate::bodies::BodyFrame;
 use crate::error::Result;
-use crate::quaternion::Quaternion;
-use crate::real::{Real, sin_cos};
-use crate::vector::Vector;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::{Real, sin_cos};
+use crate::math::vector::Vector;
 
 /// τ = m × Rᵀ B with B = b/r³ (3 (d · r̂) r̂ − d), d the direction of the planet's dipole, which turns about the world's
 /// z axis (J. R. Wertz, *Spacecraft Attitude Determination and Control*, 1978, equation H-16).

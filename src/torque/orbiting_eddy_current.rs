@@ -16,11 +16,11 @@ use super::{
     Declaration, Kind, Model, Orbit, Parameter, ParameterDeclaration, Torque, ValidationContext, Validity, Value,
     Values,
 };
-use crate::batch::BodyFrame;
+use crate::bodies::BodyFrame;
 use crate::error::Result;
-use crate::quaternion::Quaternion;
-use crate::real::Real;
-use crate::vector::Vector;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::Real;
+use crate::math::vector::Vector;
 
 /// τ = k (ω × B) × B as in [`super::eddy_current`], with the field B of [`super::orbiting_dipole`] (N. Praly et al., *Study on
 /// the eddy current damping of the spin dynamics of space debris from the Ariane launcher upper stages*, Acta Astronautica

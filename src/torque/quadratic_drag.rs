@@ -1,15 +1,15 @@
 //! `quadratic-drag`: a torque against the angular velocity that grows with its square, the same about every axis.
 
 use super::formula::{Column, Epoch, Formula, Row};
-use crate::quaternion::Quaternion;
+use crate::math::quaternion::Quaternion;
 use std::sync::LazyLock;
 
 use glam::DQuat;
 
 use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
-use crate::batch::BodyFrame;
-use crate::real::Real;
-use crate::vector::Vector;
+use crate::bodies::BodyFrame;
+use crate::math::real::Real;
+use crate::math::vector::Vector;
 
 /// τ = −c |ω| ω, the form at large Reynolds numbers (Newton, *Principia*, 1687, book II, section II, for a
 /// translation). Several add up to one.

@@ -9,12 +9,12 @@ use super::Needs;
 use super::expressed::{Given, needs};
 use super::formula::{Column, Formula, FormulaTask, MOST_PHASES, Role, Row};
 use super::table::{Instance, TorqueTable};
-use crate::clock::{RATE_DIGITS, seconds_per_word};
 use crate::expression::wgsl::{self, Argument, Signature, WgslError};
 use crate::expression::{Fault, Graph, Input, InputKind, Recorder, Shape, Symbol};
-use crate::quaternion::Quaternion;
+use crate::math::clock::{RATE_DIGITS, seconds_per_word};
+use crate::math::quaternion::Quaternion;
+use crate::math::vector::Vector;
 use crate::torque::Kind;
-use crate::vector::Vector;
 
 /// The functions of the kinds of torque that are wanted, one text a kind: file and text.
 pub(crate) fn functions(wanted: impl Fn(Kind) -> bool) -> Vec<(&'static str, String)> {
@@ -82,7 +82,7 @@ pub(crate) fn custom_functions(table: &TorqueTable) -> Result<String, WgslError>
     }
     if table.reads_time() {
         let [upper, lower] = seconds_per_word(table.clock().ticks_per_second());
-        // Twin: `seconds` in src/clock.rs.
+        // Twin: `seconds` in src/math/clock.rs.
         let _ = writeln!(
             text,
             "// The time, s.\nfn seconds(instant: Instant) -> real {{\n    return mul_add(real(instant.ticks.y), \
@@ -208,7 +208,7 @@ impl FormulaTask for Text {
             };
             wgsl::function(&recorded.graph, &recorded.outputs, &signature).map_err(|error| error.to_string())
         });
-        // A formula of the library that has no text is a bug of ours; `every_kind_has_a_text` holds it.
+        // A formula of the library that has no text is a bug of ours; the test `every_kind_has_a_text_of_its_own` holds it.
         text.unwrap_or_else(|reason| format!("// {}: {reason}\n", F::STEM))
     }
 }

@@ -6,10 +6,10 @@ use std::sync::LazyLock;
 use glam::DQuat;
 
 use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Torque, Validity, Value, Values};
-use crate::batch::BodyFrame;
-use crate::quaternion::Quaternion;
-use crate::real::Real;
-use crate::vector::Vector;
+use crate::bodies::BodyFrame;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::Real;
+use crate::math::vector::Vector;
 
 /// τ = −k sin θ n = −2 k s v with (v, s) = conj(q_target) q (B. Wie, P. M. Barba, J. Guid. Control Dyn. 8 (1985) 360,
 /// the quaternion feedback, symmetrised so that q and −q feel the same). Smooth everywhere; potential energy k (1 − cos θ).

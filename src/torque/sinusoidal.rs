@@ -3,14 +3,14 @@
 use std::ops::Range;
 
 use super::formula::{Column, Epoch, Formula, MOST_PHASES, Row};
-use crate::quaternion::Quaternion;
+use crate::math::quaternion::Quaternion;
 use glam::{DQuat, DVec3};
 use std::sync::LazyLock;
 
 use super::{Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Preset, Torque, Value, Values};
-use crate::batch::BodyFrame;
-use crate::real::{Real, sin_cos};
-use crate::vector::Vector;
+use crate::bodies::BodyFrame;
+use crate::math::real::{Real, sin_cos};
+use crate::math::vector::Vector;
 
 /// τ = τ_sin sin Ωt + τ_cos cos Ωt in body axes.
 pub struct Sinusoidal;

@@ -9,19 +9,20 @@ use turning::ChangeDone;
 
 use std::cell::Cell;
 
+use super::Kind;
 use super::expressed::{Given, Instructions};
 use super::formula::{Following, Formula, FormulaTask, MOST_PHASES, Role, Row};
 use super::linear_rotor::across_axis;
 use super::table::Instance;
-use super::{Environment, Kind, Motion, VelocityDependence};
-use crate::batch::RATE_COLUMN;
-use crate::clock::phase_after;
-use crate::lanes::Each;
-use crate::method::rk8_adaptive::Timed;
-use crate::quaternion::Quaternion;
-use crate::real::{Outlined, Real};
-use crate::rigid_body::{Body, Correction};
-use crate::vector::{TwoWords, Vector};
+use crate::bodies::columns::RATE_COLUMN;
+use crate::kernel::method::rk8_adaptive::Timed;
+use crate::kernel::rigid_body::{Body, Correction};
+use crate::kernel::torque_kernel::{Motion, TorqueKernel, VelocityDependence};
+use crate::math::clock::phase_after;
+use crate::math::lanes::Each;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::{Outlined, Real};
+use crate::math::vector::{TwoWords, Vector};
 
 /// A torque that is constant in body axes, and linear drag: the set that most scenes have, held in registers.
 #[derive(Clone, Copy, Debug)]
@@ -43,7 +44,7 @@ impl<R: Real> Common<R> {
     }
 }
 
-impl<R: Real> Environment<R> for Common<R> {
+impl<R: Real> TorqueKernel<R> for Common<R> {
     type Start = ();
     type Epoch = ();
     const FREE: bool = false;
@@ -234,7 +235,7 @@ impl<R: Real> Outlined for Sum<'_, '_, R> {
     }
 }
 
-impl<'a, R: Real> Environment<R> for Torques<'a, R> {
+impl<'a, R: Real> TorqueKernel<R> for Torques<'a, R> {
     type Start = StepStart<'a, R>;
     type Epoch = Epoch<'a, R>;
     const FREE: bool = false;

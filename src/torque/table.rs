@@ -4,13 +4,14 @@ use std::sync::Arc;
 
 use glam::DQuat;
 
+use super::Torque;
 use super::expressed::{self, Expressed};
 use super::formula::Role;
 use super::kind::Kind;
-use super::{Torque, VelocityDependence};
-use crate::batch::BodyFrame;
-use crate::clock::{Clock, Fraction, MOST_LANES, RATE_DIGITS, digits};
-use crate::real::Scalar;
+use crate::bodies::BodyFrame;
+use crate::kernel::torque_kernel::VelocityDependence;
+use crate::math::clock::{Clock, Fraction, MOST_LANES, RATE_DIGITS, digits};
+use crate::math::real::Scalar;
 
 /// The column of a ramp's parameters that holds ramps per tick.
 pub(crate) const PER_TICK: usize = 12;
@@ -56,7 +57,7 @@ impl Instance {
 
 /// The torques of a scene as a kernel sees them: how many of each kind, and where their columns are.
 ///
-/// The columns stand behind the bodies' own in [`crate::batch::Batch::parameters`].
+/// The columns stand behind the bodies' own in [`crate::engine::batch::Batch::parameters`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct TorqueTable {
     clock: Clock,

@@ -8,22 +8,22 @@
 //! v = v₀ (1 − p φ₁) + a t φ₁
 //! ```
 //!
-//! ([`crate::force::closed_form()`]). They take the place of the two inputs, and what they start from becomes parameters, one a body.
+//! ([`crate::torque::force::closed_form()`]). They take the place of the two inputs, and what they start from becomes parameters, one a body.
 
 use glam::DVec3;
 
 use super::{ParameterDeclaration, Shape, Torque, Value};
-use crate::ensemble::Ensemble;
+use crate::bodies::Ensemble;
 use crate::expression::{Input, InputKind, Recorder, Symbol};
-use crate::force::{Accelerations, Force, accelerations};
-use crate::real::{Function, Real};
-use crate::vector::Vector;
+use crate::math::real::{Function, Real};
+use crate::math::vector::Vector;
+use crate::torque::force::{Accelerations, Force, accelerations};
 
 /// What the torque is refused with.
 const NEEDS_TRANSLATION: &str =
     "its position and velocity are needed: bodies have none without a mass, a position and a velocity";
 const NEEDS_CLOSED_FORM: &str =
-    "its position and velocity have no closed form: forces that are constant, gravity or linear drag are needed";
+    "its position and velocity have no closed form: expected forces that are constant, gravity or linear drag";
 
 /// Why a torque that names a position or a velocity cannot act.
 pub(crate) fn refusal(ensemble: &Ensemble) -> &'static str {

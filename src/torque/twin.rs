@@ -2,15 +2,12 @@
 //! sum of torques in an arithmetic of the test's own.
 
 use super::formula::{Formula, FormulaTask, MOST_PHASES, Role, Row};
-use super::sum::{Common, Source, Torques};
-use super::{Free, Kind, shader};
-use crate::batch::Batch;
+use super::{Kind, shader};
 use crate::expression::wgsl::Argument;
 use crate::expression::{Graph, Node};
-use crate::method::rk8_adaptive::Timed;
-use crate::quaternion::Quaternion;
-use crate::real::Scalar;
-use crate::vector::Vector;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::Scalar;
+use crate::math::vector::Vector;
 
 /// The kernel of a kind as a text and as what it was written from.
 #[derive(Clone, Debug)]
@@ -91,27 +88,4 @@ impl<T: Scalar> FormulaTask for Evaluated<'_, T> {
         let row = Numbers(self.row);
         F::torque(&row, &F::epoch(&row, phases), self.orientation, self.angular_velocity_principal)
     }
-}
-
-/// Work under the torques that act on one body.
-pub trait UnderTorques<T: Scalar> {
-    /// What the work returns.
-    type Output;
-    /// Does the work.
-    fn run<E: Timed<T>>(self, torques: &E) -> Self::Output;
-}
-
-/// Does some work under the torques of a batch that act on its body `body`, in equal steps of `dt` s from the batch's time on. They are
-/// summed as kernels sum them, from the batch's columns, in an arithmetic that may have more digits than these: orders above 4 show in
-/// no other over five halvings of a step.
-pub fn under_torques<T: Scalar, W: UnderTorques<T>>(batch: &Batch<f64>, body: usize, dt: f64, work: W) -> W::Output {
-    let table = &batch.torques;
-    if table.is_empty() {
-        return work.run(&Free);
-    }
-    let parameters: Vec<T> = batch.parameters.iter().map(|&number| T::from_f64(number)).collect();
-    let source = Source { table, parameters: &parameters, stride: batch.stride, clock: table.clock(), dt };
-    let workspace = source.workspace::<T>();
-    let columns = source.group::<T>(body, &workspace);
-    if table.is_common() { work.run(&Common::load(&columns)) } else { work.run(&Torques::new(columns)) }
 }

@@ -3,8 +3,8 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use super::{Parameter, Shape, Text, Validity, Value};
+use crate::bodies::inertia::InertiaTensor;
 use crate::error::{Error, Result};
-use crate::inertia::InertiaTensor;
 
 /// Which torque of the scene is looked at.
 #[derive(Clone, Debug)]
@@ -92,7 +92,7 @@ impl Validity {
         if skew > 1e-12 * largest {
             return Some(skew);
         }
-        let least = crate::inertia::principal_axes(&(*matrix).into()).moments.x;
+        let least = crate::bodies::inertia::principal_axes(&(*matrix).into()).moments.x;
         (least < -1e-12 * largest).then_some(least)
     }
 }

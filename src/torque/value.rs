@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DMat3, DQuat, DVec3};
 
 use super::Parameter;
-use crate::inertia::InertiaTensor;
+use crate::bodies::inertia::InertiaTensor;
 
 /// The value of a parameter, of one of the shapes that parameters have.
 #[derive(Clone, Debug, PartialEq)]

@@ -32,23 +32,23 @@
 //! Methods that take for granted that ω = I₀⁻¹ m are refused ([`crate::Error::RigidOnly`]).
 
 use super::formula::{Column, Epoch, Formula, MOST_PHASES, Role, Row};
-use crate::quaternion::Quaternion;
+use crate::math::quaternion::Quaternion;
 use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
 
 pub use super::inertia_change::{InertiaChange, Law};
 use super::model::InertiaModel;
-use super::{
-    Declaration, Kind, Model, Motion, ParameterDeclaration, Torque, ValidationContext, Validity, Value, Values,
-};
-use crate::batch::BodyFrame;
-use crate::ensemble::Ensemble;
+use super::{Declaration, Kind, Model, ParameterDeclaration, Torque, ValidationContext, Validity, Value, Values};
+use crate::bodies::BodyFrame;
+use crate::bodies::Ensemble;
+use crate::bodies::inertia::{InertiaTensor, VANISHING_MOMENT, principal_axes};
 use crate::error::Result;
-use crate::inertia::{InertiaTensor, TRIANGLE_TOLERANCE, VANISHING_MOMENT, principal_axes};
-use crate::real::{Real, Scalar, sin_cos};
-use crate::rigid_body::{Body, Correction};
-use crate::vector::{TwoWords, Vector, two_difference};
+use crate::error::TRIANGLE_TOLERANCE;
+use crate::kernel::rigid_body::{Body, Correction};
+use crate::kernel::torque_kernel::Motion;
+use crate::math::real::{Real, Scalar, sin_cos};
+use crate::math::vector::{TwoWords, Vector, two_difference};
 
 /// Moments of inertia that change in time; see the [module](self). A scene has one at most.
 ///
@@ -80,7 +80,7 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let source = "P. C. Hughes, Spacecraft Attitude Dynamics, 1986, section 3.3";
     Declaration::new("variable-inertia", "ω = I(t)⁻¹ m, I(t) = I₀ + (I₁ − I₀) s(t)", source)
         .not_rigid()
-        .only_one("the moments of a body change by one law: one such entry is needed, whose parameters may be columns")
+        .only_one("the moments of a body change by one law: expected one such entry, whose parameters may be columns")
         .parameters([
             ParameterDeclaration::tensor("inertia", "the tensor after the change").choice("change").drawn_as(0),
             factor.valid(Validity::Positive).choice("change").drawn_as(0),
@@ -198,9 +198,9 @@ impl InertiaModel for VariableInertia {
 /// element. What rounding of six elements leaves; a body with nearly equal moments has axes that are known no better.
 const AXES_TOLERANCE: f64 = 1e-9;
 
-const AXES: &str = "an inertia with the principal axes of the body's own is needed: off-diagonal elements along them must vanish (kg m²)";
-const POSITIVE: &str = "an inertia with positive principal moments is needed (kg m²)";
-const LINEAR: &str = "a linear rotor stays one: an inertia with no moment about the body's axis is needed (kg m²)";
+const AXES: &str = "expected an inertia with the principal axes of the body's own: off-diagonal elements along them must vanish (kg m²)";
+const POSITIVE: &str = "expected an inertia with positive principal moments (kg m²)";
+const LINEAR: &str = "a linear rotor stays one: expected an inertia with no moment about the body's axis (kg m²)";
 const TRIANGLE: &str = "no mass distribution has this inertia: I1 + I2 >= I3 is needed (this is I1 + I2 - I3, kg m²)";
 
 impl Model for VariableInertia {
@@ -494,5 +494,14 @@ impl Formula for InertiaOscillation {
     #[inline(always)]
     fn torque<R: Real>(_: &impl Row<R>, _: &Epoch<R>, _: Quaternion<R>, _: Vector<R>) -> Vector<R> {
         Vector::zero()
+    }
+}
+
+impl BodyFrame {
+    /// The frame with the moments that the body has at `time`, s: of another one where `torques` hold moments that change.
+    /// `body` is its index in the scene.
+    #[must_use]
+    pub fn at(&self, torques: &[Torque], body: usize, time: f64) -> Self {
+        Self { scaled_moments: scaled_moments_at(torques, body, self, time), ..*self }
     }
 }

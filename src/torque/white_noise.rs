@@ -5,15 +5,15 @@
 //! one draw to the next, so a body's torque depends neither on which bodies stand beside it nor on how a run is cut.
 
 use super::formula::{Column, Epoch, Formula, Role, Row};
-use crate::quaternion::Quaternion;
+use crate::math::quaternion::Quaternion;
 use std::sync::LazyLock;
 
 use glam::DQuat;
 
 use super::{Declaration, Kind, Model, Parameter, ParameterDeclaration, Preset, Torque, Validity, Value, Values};
-use crate::batch::BodyFrame;
-use crate::real::{Real, Scalar, sin_cos};
-use crate::vector::Vector;
+use crate::bodies::BodyFrame;
+use crate::math::real::{Real, Scalar, sin_cos};
+use crate::math::vector::Vector;
 
 /// dm = σ dW with three independent Wiener processes (Langevin's equation of rotation; J. R. McConnell, *Rotational
 /// Brownian Motion and Dielectric Theory*, 1980, chapter 2): each component of m has the variance σ² t after a time t.

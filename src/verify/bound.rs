@@ -17,11 +17,13 @@
 //! is for the two sides.
 
 use super::running::bounds_within;
-use crate::batch::{AnyBatch, Batch, Precision, RATE_COLUMN, STATE_COMPONENTS};
-use crate::clock::Ticks;
+use crate::bodies::columns::{RATE_COLUMN, STATE_COMPONENTS};
+use crate::engine::batch::{AnyBatch, Batch};
 use crate::expression::{Input, InputKind};
-use crate::method::Method;
-use crate::real::Scalar;
+use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::math::clock::Ticks;
+use crate::math::real::Scalar;
 use crate::torque::motion::RecordedMotion;
 use crate::torque::sum::Source;
 use crate::torque::{Kind, TorqueTable};

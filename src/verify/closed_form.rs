@@ -6,14 +6,16 @@ use super::compare::{Comparison, Field, Gap, Place};
 use super::steps::enter_row;
 use super::subject::{Side, Subject, TWIN, in_one_word};
 use super::{Found, Window};
-use crate::batch::{Precision, StateWords};
+use crate::bodies::columns::StateWords;
 use crate::engine::Backend;
-use crate::engine::cpu::{Cpu, Width};
+use crate::engine::cpu::Cpu;
 use crate::error::Result;
-use crate::free_motion::{AnyRows, SetUp};
+use crate::kernel::free_motion::{AnyRows, SetUp};
+use crate::math::Precision;
+use crate::math::Width;
+use crate::math::real::Scalar;
+use crate::plan::regular_precession::RegularPrecession;
 use crate::plan::{Group, Plan};
-use crate::real::Scalar;
-use crate::regular_precession::RegularPrecession;
 
 /// On the way from the phases, which both sides have to the bit, to a component there are some eight roundings of half an ulp on
 /// either side (tests/mirror/free_motion_parity.rs): in units of roundoff of the largest component.

@@ -3,7 +3,8 @@
 use super::culprit::{Culprit, Traced};
 use super::onset::Onset;
 use super::stage::Stage;
-use crate::batch::{Precision, STATE_COMPONENTS, StateWords};
+use crate::bodies::columns::{STATE_COMPONENTS, StateWords};
+use crate::math::Precision;
 
 /// What is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,7 +15,7 @@ pub enum Field {
     Norm,
     /// The angular momentum in principal axes, in units of the body's own scale.
     AngularMomentum,
-    /// What the step had to say of the body ([`crate::method::Status`]), as a number.
+    /// What the step had to say of the body ([`crate::bodies::Status`]), as a number.
     Status,
     /// Of an adaptive step: whether it was taken, 1 or 0.
     Decision,

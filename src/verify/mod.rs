@@ -50,9 +50,10 @@ mod translation;
 
 use std::ops::Range;
 
+use crate::bodies::Members;
 use crate::engine::Backend;
 use crate::error::{Error, Result};
-use crate::plan::{Group, Members, Plan, Treatment};
+use crate::plan::{Group, Plan, Treatment};
 use crate::scene::Scene;
 use crate::torque::Torque;
 
@@ -121,14 +122,14 @@ pub fn verify(engine: &dyn Backend, scene: &Scene, options: &Options) -> Result<
     let refused = |field, value: f64, expected| Err(Error::Setting { field, value, expected });
     let bodies = scene.ensemble().len();
     if options.steps == 0 {
-        return refused("steps", 0.0, "one step or more is needed, as nothing would be compared");
+        return refused("steps", 0.0, "expected one step or more, as nothing would be compared");
     }
     if let Some(body) = options.body.filter(|&body| body >= bodies) {
-        return refused("body", body as f64, "the index of one of the bodies is needed, from 0");
+        return refused("body", body as f64, "expected the index of one of the bodies, from 0");
     }
     let twin_torques = options.twin_torques.as_deref().unwrap_or(scene.torques());
     if twin_torques.len() != scene.torques().len() {
-        return refused("twin_torques", twin_torques.len() as f64, "one torque for each of the scene's is needed");
+        return refused("twin_torques", twin_torques.len() as f64, "expected one torque for each of the scene's");
     }
     let plan = Plan::new(scene, engine)?;
     let window = Window { first: options.from_step, count: options.steps };
@@ -148,7 +149,7 @@ pub fn verify(engine: &dyn Backend, scene: &Scene, options: &Options) -> Result<
         not_compared: not_compared(&plan),
     };
     if options.from_step > 0 && report.groups.iter().all(|group| group.steps.is_empty()) {
-        return refused("from_step", options.from_step as f64, "no body takes as many steps: an earlier one is needed");
+        return refused("from_step", options.from_step as f64, "no body takes as many steps: expected an earlier one");
     }
     Ok(report)
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::compare::{Comparison, Field, Largest, Parting};
 use super::culprit::Culprit;
-use crate::free_motion::SetUp;
+use crate::kernel::free_motion::SetUp;
 use crate::plan::Treatment;
 
 /// What [`super::verify`] found.

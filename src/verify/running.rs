@@ -2,10 +2,10 @@
 //! Algorithms*, section 3.3), with the sizes of what is added up instead of its sum, so that it holds for any order and
 //! grouping of a sum and for products that are fused or drawn out of it.
 
-use crate::elementary::functions;
 use crate::expression::graph::{Binary, Graph, Input, Node, Operation, Unary};
-use crate::real::{Function, sin_cos};
-use crate::torque::orbit::eccentric_anomaly;
+use crate::math::elementary::functions;
+use crate::math::kepler::eccentric_anomaly;
+use crate::math::real::{Function, sin_cos};
 
 /// A number.
 #[derive(Clone, Copy, Debug)]

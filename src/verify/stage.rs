@@ -8,10 +8,11 @@
 use super::bound::{EvaluationBounds, StepBounds, Stepped};
 use super::subject::Side;
 use super::tapped::Tap;
-use crate::batch::{AnyBatch, STATE_COMPONENTS};
+use crate::bodies::columns::STATE_COMPONENTS;
+use crate::engine::batch::AnyBatch;
 use crate::engine::tap::Evaluations;
 use crate::error::Result;
-use crate::method::Method;
+use crate::kernel::method::Method;
 
 /// What of an evaluation is the first to differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -11,12 +11,13 @@ use super::subject::{Side, Subject, TWIN, in_one_word, row_of, start_clock};
 use super::tapped::Tap;
 use super::translation::Flown;
 use super::{Found, Window};
-use crate::batch::{AnyBatch, StateWords};
-use crate::clock::Clock;
+use crate::bodies::columns::StateWords;
+use crate::engine::batch::AnyBatch;
 use crate::engine::cpu::Cpu;
 use crate::engine::{Backend, Session, unobserved};
 use crate::error::Result;
-use crate::method::Method;
+use crate::kernel::method::Method;
+use crate::math::clock::Clock;
 use crate::plan::{Interval, Plan, Treatment};
 
 /// The kernel of a group's steps.
@@ -120,7 +121,7 @@ pub(super) fn compare(
                 comparison.blame(traced, Onset::NotFound);
             }
         }
-        if subject.precision != crate::batch::Precision::F64 {
+        if subject.precision != crate::math::Precision::F64 {
             let after = kernel.step(&twin, subject.reference.at(&in_one_word(&states), step.clock), step.dt)?;
             enter_states(&mut reference, subject, &step, (&after, &in_one_word(&expected)), &row_bounds);
         }

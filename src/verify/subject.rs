@@ -2,13 +2,17 @@
 
 use glam::DVec3;
 
-use crate::batch::{AnyBatch, BodyFrame, Precision, StateWords, prepare_acting};
-use crate::clock::Clock;
-use crate::engine::cpu::Width;
+use crate::bodies::BodyFrame;
+use crate::bodies::Members;
+use crate::bodies::columns::StateWords;
+use crate::engine::batch::{AnyBatch, prepare_acting};
 use crate::engine::{Backend, EngineKind};
 use crate::error::Result;
-use crate::lanes;
-use crate::plan::{Group, Members};
+use crate::math::Precision;
+use crate::math::Width;
+use crate::math::clock::Clock;
+use crate::math::lanes;
+use crate::plan::Group;
 use crate::scene::Scene;
 use crate::torque::Torque;
 

@@ -1,36 +1,38 @@
 //! The evaluations of one step on either side: of an engine by its tapped kernel, of its scalar twin by an environment that writes down
 //! what it is asked and what it answers.
 //!
-//! Bodies without torques are tapped under one without strength, so that their orientations are seen too: [`Environment::motion`] does
+//! Bodies without torques are tapped under one without strength, so that their orientations are seen too: [`TorqueKernel::motion`] does
 //! not read them.
 
 use std::cell::RefCell;
 
 use super::subject::Side;
-use crate::batch::{AnyBatch, Batch, load_body, load_state, two_words};
-use crate::clock::Clock;
-use crate::engine::adaptive::{AdaptiveSteps, two_words_of};
+use crate::engine::adaptive_session::two_words_of;
+use crate::engine::batch::{AnyBatch, Batch, load_body, load_state};
 use crate::engine::tap::{Evaluations, MotionCall, TorqueCall, VIEWS};
 use crate::engine::unobserved;
 use crate::error::Result;
-use crate::method::cf4::Cf4;
-use crate::method::clamped_euler::ClampedEuler;
-use crate::method::dlm::Dlm;
-use crate::method::explicit_euler::ExplicitEuler;
-use crate::method::gyro_newton::GyroNewton;
-use crate::method::implicit_midpoint::ImplicitMidpoint;
-use crate::method::rk4::Rk4;
-use crate::method::rk8::Rk8;
-use crate::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, Timed, attempt};
-use crate::method::spiral::Spiral;
-use crate::method::splitting::Splitting;
-use crate::method::{Method, Step};
-use crate::quaternion::Quaternion;
-use crate::real::Scalar;
-use crate::rigid_body::{Body, Correction, Invariants, State, orientation_rate};
+use crate::kernel::method::cf4::Cf4;
+use crate::kernel::method::clamped_euler::ClampedEuler;
+use crate::kernel::method::dlm::Dlm;
+use crate::kernel::method::explicit_euler::ExplicitEuler;
+use crate::kernel::method::gyro_newton::GyroNewton;
+use crate::kernel::method::implicit_midpoint::ImplicitMidpoint;
+use crate::kernel::method::rk4::Rk4;
+use crate::kernel::method::rk8::Rk8;
+use crate::kernel::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, Timed, attempt};
+use crate::kernel::method::spiral::Spiral;
+use crate::kernel::method::splitting::Splitting;
+use crate::kernel::method::{Method, Step};
+use crate::kernel::rigid_body::{Body, Correction, Invariants, State, orientation_rate};
+use crate::kernel::torque_kernel::{Motion, TorqueKernel, VelocityDependence};
+use crate::math::clock::Clock;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::Scalar;
+use crate::math::vector::two_words;
+use crate::math::vector::{TwoWords, Vector};
+use crate::scene::AdaptiveSteps;
 use crate::torque::sum::{Source, Torques};
-use crate::torque::{Environment, Motion, VelocityDependence};
-use crate::vector::{TwoWords, Vector};
 
 /// What is tapped: a step of some length, s, or an attempt of one body on the way to a time, s.
 #[derive(Clone, Copy, Debug)]
@@ -108,14 +110,14 @@ impl<T: Scalar> Clone for Tapped<'_, T> {
 
 impl<T: Scalar> Copy for Tapped<'_, T> {}
 
-type StartOf<'a, T> = <Torques<'a, T> as Environment<T>>::Start;
-type EpochOf<'a, T> = <Torques<'a, T> as Environment<T>>::Epoch;
+type StartOf<'a, T> = <Torques<'a, T> as TorqueKernel<T>>::Start;
+type EpochOf<'a, T> = <Torques<'a, T> as TorqueKernel<T>>::Epoch;
 
 fn numbers<T: Scalar>(v: Vector<T>) -> [f64; 3] {
     [v.x, v.y, v.z].map(Scalar::to_f64)
 }
 
-impl<'a, T: Scalar> Environment<T> for Tapped<'a, T> {
+impl<'a, T: Scalar> TorqueKernel<T> for Tapped<'a, T> {
     type Start = StartOf<'a, T>;
     /// With the time since the start of the step, s.
     type Epoch = (EpochOf<'a, T>, f64);

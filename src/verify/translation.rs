@@ -8,18 +8,20 @@ use glam::DVec3;
 use super::Found;
 use super::compare::{Comparison, Field, Gap, Place};
 use super::subject::Subject;
-use crate::batch::{BodyState, Precision, StateWords};
-use crate::clock::Clock;
+use crate::bodies::BodyState;
+use crate::bodies::columns::StateWords;
 use crate::engine::{Backend, unobserved};
 use crate::error::Result;
-use crate::force::Force;
-use crate::force::accelerations;
-use crate::force::stepped::{Between, Centre};
-use crate::method::Method;
+use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::math::clock::Clock;
+use crate::math::real::Scalar;
 use crate::plan::Treatment;
-use crate::real::Scalar;
-use crate::run::flight::{Flight, turning};
+use crate::run::stepped_translation::{SteppedTranslation, turning};
 use crate::scene::Scene;
+use crate::torque::force::Force;
+use crate::torque::force::accelerations;
+use crate::torque::force::stepped::{Between, Centre};
 
 /// Roundings of an acceleration and of what a step makes of four of them; the attitude between two states has some ten.
 const ROUNDINGS: f64 = 48.0;
@@ -61,7 +63,7 @@ impl<'a> Flown<'a> {
                 .push("centres of mass: not compared, as the host moves them along either side's rotation".into());
             return Ok(());
         }
-        let carried = Flight::start(scene, &subject.members, true)?
+        let carried = SteppedTranslation::start(scene, &subject.members, true)?
             .and_then(|flight| flight.carried(&subject.frames, longest_step));
         let Some((centres, most)) = carried else {
             found.notes.push(
@@ -96,7 +98,7 @@ impl<'a> Flown<'a> {
 
     fn states(&self, words: &StateWords, time: f64) -> Vec<BodyState> {
         let Self { subject, scene, .. } = self;
-        let of = |(row, frame): (usize, &crate::batch::BodyFrame)| {
+        let of = |(row, frame): (usize, &crate::bodies::BodyFrame)| {
             frame.at(scene.torques(), subject.members.body(row), time).state_of(words, row)
         };
         subject.frames.iter().enumerate().map(of).collect()

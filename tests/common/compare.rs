@@ -1,7 +1,7 @@
 //! The comparator: differences in ulps of a vector's largest component, named by body and field.
 
-use polhode::batch::{STATE_COMPONENTS, StateWords};
-use polhode::real::Scalar;
+use polhode::bodies::columns::{STATE_COMPONENTS, StateWords};
+use polhode::math::real::Scalar;
 
 /// A vector quantity among the numbers of a row.
 #[derive(Clone, Copy, Debug)]

@@ -1,10 +1,10 @@
 //! One-line kernels: a function of the shaders, called on a GPU for every row of a table.
 
-use polhode::batch::Precision;
 use polhode::engine::gpu::shader::{Chunk, Source};
 use polhode::engine::gpu::wgpu;
-use polhode::method::Method;
-use polhode::real::Scalar;
+use polhode::kernel::method::Method;
+use polhode::math::Precision;
+use polhode::math::real::Scalar;
 
 /// What a one-line kernel is wrapped in: `r`, `v` and `q` read a real, a vector or a quaternion from a column on,
 /// `put_r`, `put_v` and `put_q` write one.

@@ -9,11 +9,12 @@ pub mod torques;
 pub mod tree;
 
 use glam::{DQuat, DVec3};
-use polhode::batch::{AnyBatch, Precision, prepare};
+use polhode::bodies::Ensemble;
+use polhode::engine::batch::{AnyBatch, prepare};
 use polhode::engine::gpu::{ChunkLimits, GpuOptions, SliceLimits};
 use polhode::engine::{Engine, unobserved};
-use polhode::ensemble::Ensemble;
-use polhode::method::Method;
+use polhode::kernel::method::Method;
+use polhode::math::Precision;
 use random::Random;
 
 /// The options by which tests open an adapter: any kind will do, and none is a failure of the test.
@@ -78,7 +79,13 @@ pub fn asymmetric_batch(count: usize, seed: u64, precision: Precision) -> AnyBat
 }
 
 /// The state of all bodies after `steps` steps.
-pub fn advanced(engine: &Engine, batch: &AnyBatch, method: Method, dt: f64, steps: u64) -> polhode::batch::StateWords {
+pub fn advanced(
+    engine: &Engine,
+    batch: &AnyBatch,
+    method: Method,
+    dt: f64,
+    steps: u64,
+) -> polhode::bodies::columns::StateWords {
     let count = batch.body_count();
     let mut session = engine.start(batch.clone(), method).expect("started");
     session.advance(dt, steps, &mut unobserved).expect("advanced");

@@ -2,7 +2,7 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use polhode::real::{Outlined, Real, Scalar};
+use polhode::math::real::{Outlined, Real, Scalar};
 
 /// The sum of the absolute values of what a number is a sum of. A kernel of sums and products gives that of its results from
 /// that of its arguments; argument reductions and decisions have no meaning in it.

@@ -1,7 +1,8 @@
 //! One torque of every kind, and how a batch under them is prepared.
 
 use glam::{DMat3, DQuat, DVec3};
-use polhode::batch::{AnyBatch, Precision, prepare_with};
+use polhode::engine::batch::{AnyBatch, prepare_with};
+use polhode::math::Precision;
 use polhode::torque::{Orbit, Parameter, Torque};
 
 use super::asymmetric_ensemble;
@@ -90,7 +91,7 @@ pub fn every_torque_where(scale: &[f64], acts: impl Fn(usize, usize) -> bool) ->
 /// The middle moments of [`asymmetric_ensemble`]'s bodies.
 pub fn middle_moments(count: usize, seed: u64) -> Vec<f64> {
     let ensemble = asymmetric_ensemble(count, seed);
-    ensemble.inertia().iter().map(|tensor| polhode::inertia::principal_axes(tensor).moments.y).collect()
+    ensemble.inertia().iter().map(|tensor| polhode::bodies::inertia::principal_axes(tensor).moments.y).collect()
 }
 
 /// The batch of [`asymmetric_ensemble`] under some torques, for a span of 100 s.

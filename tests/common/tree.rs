@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "each test file uses its part")]
 
 use polhode::expression::{Expression, Fault, Scope, Shape, Symbol, Symbols};
-use polhode::real::{Real, sin_cos};
+use polhode::math::real::{Real, sin_cos};
 
 use super::random::Random;
 

@@ -7,8 +7,9 @@ use std::path::Path;
 use polhode::bench::compare::compare;
 use polhode::bench::provenance::Provenance;
 use polhode::bench::row::{self, Row, Table};
-use polhode::bench::{Bench, Swept, accuracy, front, skipping, throughput};
+use polhode::bench::{Bench, Swept, accuracy, front, kernels, skipping, throughput};
 use polhode::engine::Engine;
+use polhode::engine::gpu::GpuOptions;
 use polhode::plan::{Costs, Scheme, Treatment};
 use polhode::{Accuracy, Method, Plan, Precision, Scene};
 
@@ -154,6 +155,39 @@ fn throughput_rows_carry_phases_and_the_ceilings_of_the_machine() {
     let names: Vec<_> =
         std::fs::read_dir(folder.path()).expect("a folder").map(|entry| entry.expect("a file")).collect();
     assert_eq!(names.len(), 2, "what was written to be timed is gone: {names:?}");
+}
+
+#[test]
+fn rows_of_kernels_carry_the_error_beside_the_speed_and_what_a_device_moves() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let gpu = Engine::gpu(GpuOptions { software: true, ..GpuOptions::default() }).expect("tests need a Vulkan driver");
+    let all = Bench { engines: vec![Engine::cpu(), gpu], ..bench("") };
+    let mut rows = Vec::new();
+    for filter in ["free/cpu/rk4/f64", "forced/cpu/taylor/f64", "free/gpu/rk8 adaptive/f64", "free/gpu/closed form/f32"]
+    {
+        let bench = Bench { filter: Some(filter.to_owned()), ..all.clone() };
+        let swept = kernels::run(&bench, folder.path(), &mut |_| ControlFlow::Continue(())).expect("measured");
+        assert_eq!(swept.rows.len(), 1, "{filter}");
+        rows.extend(swept.rows);
+    }
+    let [stepped, series, adaptive, closed_form] = rows.as_slice() else { panic!("{} rows", rows.len()) };
+    for (row, greatest) in [(stepped, 1e-6), (series, 1e-7), (adaptive, 1e-6), (closed_form, 1e-5)] {
+        let error = row.number("attitude_rad_p99");
+        assert!(error > 0.0 && error < greatest, "{}: {error:e} rad", row.text("case"));
+        assert_eq!(row.number("failed_bodies"), 0.0);
+    }
+    for (row, part) in [(stepped, "part_of_flops"), (adaptive, "part_of_flops"), (closed_form, "part_of_copies")] {
+        let part = row.number(part);
+        assert!(part > 0.0 && part < 2.0, "{}: {part} of the ceiling", row.text("case"));
+    }
+    let moved = |row: &Row| ["device_waits", "dispatches", "bytes_written", "bytes_read"].map(|name| row.number(name));
+    assert_eq!(moved(stepped), [0.0; 4]);
+    // States of eight numbers and counts of four words.
+    let asked = adaptive.number("bodies") * (8.0 * 8.0 + 4.0 * 4.0);
+    let [waits, dispatches, written, read] = moved(adaptive);
+    assert!(waits > 0.0 && dispatches >= 3.0 && written > 0.0, "{waits} waits, {dispatches} dispatches");
+    assert!((asked..=asked + f64::from(64 << 10)).contains(&read), "{read} bytes, {asked} asked for");
+    assert!(kernels::summary(&rows).contains("| free/gpu/closed form/f32 |"));
 }
 
 #[test]

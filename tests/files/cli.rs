@@ -9,9 +9,9 @@ use std::time::Duration;
 
 use assert_cmd::cargo::cargo_bin;
 
-use crate::desk;
+use crate::workspace;
 
-use desk::{Desk, States, report, words};
+use workspace::{States, Workspace, report, words};
 
 /// A study with ten asymmetric bodies that takes no time to speak of.
 const SMALL: &str = r#"
@@ -36,13 +36,13 @@ snapshots = true
 
 #[test]
 fn a_run_writes_what_the_study_asks_for_and_says_so() {
-    let desk = Desk::new(SMALL);
-    let summary = desk.done(&["run", "study.toml", "--engine", "cpu"]);
+    let workspace = Workspace::new(SMALL);
+    let summary = workspace.done(&["run", "study.toml", "--engine", "cpu"]);
     assert!(summary.starts_with("Ten\n"), "{summary}");
     assert!(summary.contains("final.csv, snapshots.csv, plan.json, report.json in study.out"), "{summary}");
-    assert_eq!(desk.names("study.out"), ["final.csv", "plan.json", "report.json", "snapshots.csv"]);
+    assert_eq!(workspace.names("study.out"), ["final.csv", "plan.json", "report.json", "snapshots.csv"]);
 
-    let states = States::read(&desk.path("study.out/snapshots.csv"));
+    let states = States::read(&workspace.path("study.out/snapshots.csv"));
     assert_eq!(states.rows(), 40);
     let times: Vec<f64> = states.of_body(3).into_iter().map(|row| states.column("t")[row]).collect();
     assert_eq!(times, [0.0, 0.1, 1.0, 4.0], "output times are hit exactly, and the end is among them");
@@ -50,7 +50,7 @@ fn a_run_writes_what_the_study_asks_for_and_says_so() {
         assert!((states.orientation(row).length() - 1.0).abs() < 4.0 * f64::EPSILON, "row {row}");
     }
 
-    let report = report(&desk, "study.out");
+    let report = report(&workspace, "study.out");
     assert_eq!(report["bodies"], 10);
     assert_eq!(report["engine"]["kind"], "cpu");
     assert_eq!(report["plan"]["method"], "rk4");
@@ -63,14 +63,14 @@ fn a_run_writes_what_the_study_asks_for_and_says_so() {
 
 #[test]
 fn numbers_read_back_to_the_same_bits_from_both_formats() {
-    let desk = Desk::new(SMALL);
-    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "text"]);
-    fs::write(desk.path("study.toml"), format!("{SMALL}format = \"npz\"\n")).unwrap();
-    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "binary"]);
+    let workspace = Workspace::new(SMALL);
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "text"]);
+    fs::write(workspace.path("study.toml"), format!("{SMALL}format = \"npz\"\n")).unwrap();
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "binary"]);
 
     for (stem, outputs) in [("final", None), ("snapshots", Some(4))] {
-        let states = States::read(&desk.path(&format!("text/{stem}.csv")));
-        let file = fs::File::open(desk.path(&format!("binary/{stem}.npz"))).unwrap();
+        let states = States::read(&workspace.path(&format!("text/{stem}.csv")));
+        let file = fs::File::open(workspace.path(&format!("binary/{stem}.npz"))).unwrap();
         let mut archive = zip::ZipArchive::new(file).expect("a ZIP archive");
         assert_eq!(archive.len(), states.columns.len(), "{stem}");
         for index in 0..archive.len() {
@@ -110,15 +110,15 @@ fn numbers_read_back_to_the_same_bits_from_both_formats() {
 #[test]
 fn statistics_read_back_to_the_same_bits_from_both_formats() {
     let study = SMALL.replace("snapshots = true", "final = false\nstatistics = [\"spin_rate\", \"kinetic_energy\"]");
-    let desk = Desk::new(&study);
-    let summary = desk.done(&["run", "study.toml", "--engine", "cpu", "--out", "text"]);
+    let workspace = Workspace::new(&study);
+    let summary = workspace.done(&["run", "study.toml", "--engine", "cpu", "--out", "text"]);
     assert!(summary.contains("  end      spin_rate: mean "), "{summary}");
-    fs::write(desk.path("study.toml"), format!("{study}format = \"npz\"\n")).unwrap();
-    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "binary"]);
-    assert_eq!(desk.names("binary"), ["plan.json", "report.json", "statistics.npz"]);
+    fs::write(workspace.path("study.toml"), format!("{study}format = \"npz\"\n")).unwrap();
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "binary"]);
+    assert_eq!(workspace.names("binary"), ["plan.json", "report.json", "statistics.npz"]);
 
-    let states = States::read(&desk.path("text/statistics.csv"));
-    let file = fs::File::open(desk.path("binary/statistics.npz")).unwrap();
+    let states = States::read(&workspace.path("text/statistics.csv"));
+    let file = fs::File::open(workspace.path("binary/statistics.npz")).unwrap();
     let mut archive = zip::ZipArchive::new(file).expect("a ZIP archive");
     assert_eq!((archive.len(), states.columns.len()), (14, 14));
     for index in 0..archive.len() {
@@ -138,36 +138,37 @@ fn statistics_read_back_to_the_same_bits_from_both_formats() {
         let bits = |numbers: &[f64]| numbers.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
         assert_eq!(bits(&numbers), bits(states.column(&name)), "{name}");
     }
-    let explained = desk.done(&["explain", "study.toml", "--engine", "cpu"]);
+    let explained = workspace.done(&["explain", "study.toml", "--engine", "cpu"]);
     assert!(explained.contains("\nstates "), "{explained}");
 }
 
 #[test]
 fn a_seed_gives_the_same_bytes_again_and_another_seed_other_bodies() {
-    let desk = Desk::new(SMALL);
+    let workspace = Workspace::new(SMALL);
     for out in ["one", "two"] {
-        desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", out]);
+        workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", out]);
     }
     for name in ["final.csv", "snapshots.csv"] {
         assert!(
-            fs::read(desk.path("one").join(name)).unwrap() == fs::read(desk.path("two").join(name)).unwrap(),
+            fs::read(workspace.path("one").join(name)).unwrap() == fs::read(workspace.path("two").join(name)).unwrap(),
             "{name}"
         );
     }
-    fs::write(desk.path("study.toml"), SMALL.replace("seed = 5", "seed = 6")).unwrap();
-    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "three"]);
-    let (one, three) = (States::read(&desk.path("one/final.csv")), States::read(&desk.path("three/final.csv")));
+    fs::write(workspace.path("study.toml"), SMALL.replace("seed = 5", "seed = 6")).unwrap();
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "three"]);
+    let (one, three) =
+        (States::read(&workspace.path("one/final.csv")), States::read(&workspace.path("three/final.csv")));
     assert!((0..10).all(|row| one.orientation(row) != three.orientation(row)));
 }
 
 #[test]
 fn a_smaller_study_holds_the_first_bodies_of_a_larger_one() {
-    let desk = Desk::new(SMALL);
-    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "ten"]);
-    fs::write(desk.path("study.toml"), SMALL.replace("count = 10", "count = 3")).unwrap();
-    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "three"]);
+    let workspace = Workspace::new(SMALL);
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "ten"]);
+    fs::write(workspace.path("study.toml"), SMALL.replace("count = 10", "count = 3")).unwrap();
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "three"]);
     let (ten, three) =
-        (fs::read_to_string(desk.path("ten/final.csv")), fs::read_to_string(desk.path("three/final.csv")));
+        (fs::read_to_string(workspace.path("ten/final.csv")), fs::read_to_string(workspace.path("three/final.csv")));
     assert!(ten.unwrap().starts_with(&three.unwrap()));
 }
 
@@ -177,14 +178,14 @@ const ENGINES_AGREE: f64 = 256.0 * 8.0 * f64::EPSILON;
 
 #[test]
 fn cpu_and_gpu_give_the_same_states_and_each_the_same_bytes_again() {
-    let desk = Desk::new(SMALL);
+    let workspace = Workspace::new(SMALL);
     for (out, engine) in [("cpu", "cpu"), ("gpu", "gpu"), ("gpu again", "gpu")] {
-        desk.done(&["run", "study.toml", "--engine", engine, "--precision", "f64", "--quiet", "--out", out]);
+        workspace.done(&["run", "study.toml", "--engine", engine, "--precision", "f64", "--quiet", "--out", out]);
     }
-    assert_eq!(report(&desk, "gpu")["engine"]["kind"], "gpu");
-    let bytes = |folder: &str| fs::read(desk.path(folder).join("snapshots.csv")).unwrap();
+    assert_eq!(report(&workspace, "gpu")["engine"]["kind"], "gpu");
+    let bytes = |folder: &str| fs::read(workspace.path(folder).join("snapshots.csv")).unwrap();
     assert!(bytes("gpu") == bytes("gpu again"));
-    let (cpu, gpu) = (States::read(&desk.path("cpu/final.csv")), States::read(&desk.path("gpu/final.csv")));
+    let (cpu, gpu) = (States::read(&workspace.path("cpu/final.csv")), States::read(&workspace.path("gpu/final.csv")));
     for row in 0..10 {
         let (a, b) = (cpu.orientation(row), gpu.orientation(row));
         let error = 2.0 * (a.conjugate() * b).xyz().length().asin();
@@ -214,13 +215,13 @@ dt = 1.0
 
 #[test]
 fn a_run_with_failed_bodies_says_so_first_and_has_failed() {
-    let desk = Desk::new(FAILING);
-    let output = desk.polhode(&["run", "study.toml", "--engine", "cpu"]);
+    let workspace = Workspace::new(FAILING);
+    let output = workspace.polhode(&["run", "study.toml", "--engine", "cpu"]);
     assert_eq!(output.status.code(), Some(1), "{}", words(&output.stderr));
     assert!(words(&output.stderr).contains("4 of 4 bodies have failed"), "{}", words(&output.stderr));
     let summary = words(&output.stdout);
     assert!(summary.lines().nth(1).is_some_and(|line| line.contains("FAILED   4 of 4 bodies")), "{summary}");
-    let report = report(&desk, "study.out");
+    let report = report(&workspace, "study.out");
     assert_eq!(report["failed_bodies"], serde_json::json!([0, 1, 2, 3]));
     assert_eq!((&report["accuracy"]["bodies"], &report["accuracy"]["lost"]), (&0.into(), &4.into()));
 }
@@ -228,12 +229,12 @@ fn a_run_with_failed_bodies_says_so_first_and_has_failed() {
 #[test]
 fn a_study_may_allow_as_many_failures_as_there_are_and_no_fewer() {
     for (allowed, status) in [(4, 0), (3, 1)] {
-        let desk = Desk::new(&format!("{FAILING}[failures]\nallow = {allowed}\n"));
-        let output = desk.polhode(&["run", "study.toml", "--engine", "cpu"]);
+        let workspace = Workspace::new(&format!("{FAILING}[failures]\nallow = {allowed}\n"));
+        let output = workspace.polhode(&["run", "study.toml", "--engine", "cpu"]);
         assert_eq!(output.status.code(), Some(status), "{allowed} allowed: {}", words(&output.stderr));
     }
-    let desk = Desk::new(&format!("{FAILING}[failures]\nallow = -1\n"));
-    let refusal = desk.refused(&["run", "study.toml", "--engine", "cpu"], 2);
+    let workspace = Workspace::new(&format!("{FAILING}[failures]\nallow = -1\n"));
+    let refusal = workspace.refused(&["run", "study.toml", "--engine", "cpu"], 2);
     assert!(refusal.contains("failures.allow") && refusal.contains("may fail"), "{refusal}");
 }
 
@@ -241,56 +242,56 @@ fn a_study_may_allow_as_many_failures_as_there_are_and_no_fewer() {
 
 #[test]
 fn wrong_input_is_one_line_and_status_2() {
-    let desk = Desk::new(&SMALL.replace("count = 10", "cuont = 10"));
-    let line = desk.refused(&["run", "study.toml"], 2);
+    let workspace = Workspace::new(&SMALL.replace("count = 10", "cuont = 10"));
+    let line = workspace.refused(&["run", "study.toml"], 2);
     assert_eq!(
         line,
         "error: study.toml:5: bodies.cuont is not known: did you mean count? known here: count, file, inertia, \
          repair_triangle_inequality, orientation, angular_velocity, mass, position, velocity\n"
     );
-    assert_eq!(desk.names("."), ["study.toml"], "nothing was made");
-    desk.refused(&["run", "absent.toml"], 2);
-    desk.refused(&["verify", "absent.toml"], 2);
-    let line = desk.refused(&["verfy"], 2);
+    assert_eq!(workspace.names("."), ["study.toml"], "nothing was made");
+    workspace.refused(&["run", "absent.toml"], 2);
+    workspace.refused(&["verify", "absent.toml"], 2);
+    let line = workspace.refused(&["verfy"], 2);
     assert_eq!(line, "error: unrecognized subcommand 'verfy' tip: a similar subcommand exists: 'verify'\n");
-    desk.refused(&["run"], 2);
-    desk.refused(&[], 2);
-    desk.refused(&["run", "study.toml", "--engine", "abacus"], 2);
-    desk.refused(&["run", "study.toml", "--engine", "cpu", "--adapter", "0"], 2);
-    desk.refused(&["verify", "--seed", "-1"], 2);
+    workspace.refused(&["run"], 2);
+    workspace.refused(&[], 2);
+    workspace.refused(&["run", "study.toml", "--engine", "abacus"], 2);
+    workspace.refused(&["run", "study.toml", "--engine", "cpu", "--adapter", "0"], 2);
+    workspace.refused(&["verify", "--seed", "-1"], 2);
 }
 
 #[test]
 fn an_adapter_that_is_not_there_is_wrong_input() {
-    let desk = Desk::new(SMALL);
-    let line = desk.refused(&["run", "study.toml", "--adapter", "99"], 2);
+    let workspace = Workspace::new(SMALL);
+    let line = workspace.refused(&["run", "study.toml", "--adapter", "99"], 2);
     assert!(line.contains("with index 99") && line.contains("polhode devices"), "{line}");
-    assert_eq!(desk.names("."), ["study.toml"], "nothing was made");
+    assert_eq!(workspace.names("."), ["study.toml"], "nothing was made");
 }
 
 #[test]
 fn results_are_replaced_only_by_force_and_then_all_of_them() {
-    let desk = Desk::new(SMALL);
-    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
-    let line = desk.refused(&["run", "study.toml", "--engine", "cpu"], 2);
+    let workspace = Workspace::new(SMALL);
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
+    let line = workspace.refused(&["run", "study.toml", "--engine", "cpu"], 2);
     assert_eq!(
         line,
         "error: study.out: the output folder is not empty: name another with --out, or replace its results with --force\n"
     );
-    fs::write(desk.path("study.out/notes.txt"), "mine").unwrap();
-    fs::write(desk.path("study.toml"), SMALL.replace("snapshots = true", "snapshots = false")).unwrap();
-    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--force"]);
+    fs::write(workspace.path("study.out/notes.txt"), "mine").unwrap();
+    fs::write(workspace.path("study.toml"), SMALL.replace("snapshots = true", "snapshots = false")).unwrap();
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--force"]);
     // The snapshots belonged to the former run.
-    assert_eq!(desk.names("study.out"), ["final.csv", "notes.txt", "plan.json", "report.json"]);
+    assert_eq!(workspace.names("study.out"), ["final.csv", "notes.txt", "plan.json", "report.json"]);
 }
 
 #[test]
 fn quiet_is_quiet_and_json_is_the_report() {
-    let desk = Desk::new(SMALL);
-    assert_eq!(desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]), "");
-    let text = desk.done(&["run", "study.toml", "--engine", "cpu", "--json", "--force"]);
+    let workspace = Workspace::new(SMALL);
+    assert_eq!(workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]), "");
+    let text = workspace.done(&["run", "study.toml", "--engine", "cpu", "--json", "--force"]);
     let value: serde_json::Value = serde_json::from_str(&text).expect("JSON");
-    assert_eq!(value, report(&desk, "study.out"));
+    assert_eq!(value, report(&workspace, "study.out"));
 }
 
 #[cfg(unix)]
@@ -298,10 +299,12 @@ fn quiet_is_quiet_and_json_is_the_report() {
 fn an_interrupt_ends_the_run_and_leaves_nothing() {
     // Work for hours.
     let long = SMALL.replace("count = 10", "count = 100_000").replace("end = 4.0", "end = 1e6");
-    let desk = Desk::new(&long);
+    let workspace = Workspace::new(&long);
     // The first snapshots are being written when the table has been begun.
     let begun = |partial: &Path| partial.join("snapshots.csv").exists();
-    interrupt(&desk, Duration::from_millis(300), || partial_folder(&desk).is_some_and(|partial| begun(&partial)));
+    interrupt(&workspace, Duration::from_millis(300), || {
+        partial_folder(&workspace).is_some_and(|partial| begun(&partial))
+    });
 }
 
 #[cfg(unix)]
@@ -311,10 +314,10 @@ fn an_interrupt_ends_planning_and_leaves_nothing() {
     let (start, _) = SMALL.split_once("outputs").expect("outputs");
     let long = start.replace("count = 10", "count = 100_000").replace("end = 4.0", "end = 1e8");
     let drag = "[[torque]]\nmodel = \"linear-drag\"\ncoefficient = 1e-9\n";
-    let desk = Desk::new(&format!("{long}{drag}"));
+    let workspace = Workspace::new(&format!("{long}{drag}"));
     // While bodies are drawn, and later.
     for after in [0, 300] {
-        interrupt(&desk, Duration::from_millis(after), || partial_folder(&desk).is_some());
+        interrupt(&workspace, Duration::from_millis(after), || partial_folder(&workspace).is_some());
     }
 }
 
@@ -343,10 +346,11 @@ fn an_interrupt_ends_every_stage_within_a_second() {
     ];
     for (number, study) in studies.iter().enumerate() {
         for moment in [50, 900] {
-            let desk = Desk::new(study);
-            fs::write(desk.path("bodies.csv"), format!("ixx,iyy,izz,wx,wy,wz\n{}", row.repeat(1_000_000))).unwrap();
+            let workspace = Workspace::new(study);
+            fs::write(workspace.path("bodies.csv"), format!("ixx,iyy,izz,wx,wy,wz\n{}", row.repeat(1_000_000)))
+                .unwrap();
             let mut run = Command::new(cargo_bin!("polhode"))
-                .current_dir(desk.folder())
+                .current_dir(workspace.folder())
                 .args(["run", "study.toml", "--engine", "cpu"])
                 .stderr(std::process::Stdio::piped())
                 .spawn()
@@ -360,23 +364,23 @@ fn an_interrupt_ends_every_stage_within_a_second() {
             assert!(took < LONGEST_END, "study {number} takes {took:?} to end after {moment} ms");
             // Within the first milliseconds the signal does what it does by default.
             assert!(matches!(status.code(), Some(1) | None), "study {number}: {status}");
-            assert_eq!(desk.names("."), ["bodies.csv", "study.toml"], "nothing is left of study {number}");
+            assert_eq!(workspace.names("."), ["bodies.csv", "study.toml"], "nothing is left of study {number}");
         }
     }
 }
 
 /// The folder that a run writes to while it works.
 #[cfg(unix)]
-fn partial_folder(desk: &Desk) -> Option<PathBuf> {
+fn partial_folder(workspace: &Workspace) -> Option<PathBuf> {
     let is_partial = |name: &String| name.starts_with(".study.out.polhode-") && name.ends_with(".partial");
-    desk.names(".").into_iter().find(is_partial).map(|name| desk.path(&name))
+    workspace.names(".").into_iter().find(is_partial).map(|name| workspace.path(&name))
 }
 
 /// Interrupts a run some time `after` it has `begun`; it must end at once and leave nothing but the study.
 #[cfg(unix)]
-fn interrupt(desk: &Desk, after: Duration, begun: impl Fn() -> bool) {
+fn interrupt(workspace: &Workspace, after: Duration, begun: impl Fn() -> bool) {
     let run = Command::new(cargo_bin!("polhode"))
-        .current_dir(desk.folder())
+        .current_dir(workspace.folder())
         .args(["run", "study.toml", "--engine", "cpu"])
         .stdout(std::process::Stdio::piped())
         .stderr(std::process::Stdio::piped())
@@ -396,21 +400,22 @@ fn interrupt(desk: &Desk, after: Duration, begun: impl Fn() -> bool) {
     let errors = words(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{errors}");
     assert_eq!(errors, "error: stopped by the user: nothing was written\n");
-    assert_eq!(desk.names("."), ["study.toml"], "nothing is left");
+    assert_eq!(workspace.names("."), ["study.toml"], "nothing is left");
 }
 
 #[cfg(unix)]
 #[test]
 fn a_disk_that_is_full_is_a_failure_that_leaves_nothing() {
     // A limit on the size of files stands for a disk that fills up: the write fails half-way in the same place.
-    let desk = Desk::new(&SMALL.replace("count = 10", "count = 10_000"));
+    let workspace = Workspace::new(&SMALL.replace("count = 10", "count = 10_000"));
     let script =
         format!("trap '' XFSZ; ulimit -f 64; exec '{}' run study.toml --engine cpu", cargo_bin!("polhode").display());
-    let output = Command::new("bash").current_dir(desk.folder()).args(["-c", &script]).output().expect("bash starts");
+    let output =
+        Command::new("bash").current_dir(workspace.folder()).args(["-c", &script]).output().expect("bash starts");
     let errors = words(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{errors}");
     assert_eq!(errors, "error: study.out/snapshots.csv: cannot be written: File too large (os error 27)\n");
-    assert_eq!(desk.names("."), ["study.toml"], "nothing is left");
+    assert_eq!(workspace.names("."), ["study.toml"], "nothing is left");
 }
 
 #[test]
@@ -428,17 +433,17 @@ fn a_full_disk_says_what_to_do() {
 
 #[test]
 fn verify_agrees_on_generated_bodies_and_on_a_study() {
-    let desk = Desk::new(SMALL);
+    let workspace = Workspace::new(SMALL);
     for arguments in [
         &["verify", "--bodies", "65", "--steps", "20"] as &[&str],
         &["verify", "--bodies", "65", "--steps", "20", "--precision", "f64", "--seed", "9"],
         &["verify", "study.toml", "--steps", "20"],
         &["verify", "study.toml", "--bodies", "4", "--steps", "20", "--engine", "cpu"],
     ] {
-        let text = desk.done(arguments);
+        let text = workspace.done(arguments);
         assert!(text.contains("verdict: they agree"), "{arguments:?}: {text}");
     }
-    let text = desk.done(&["verify", "--bodies", "7", "--steps", "3", "--json"]);
+    let text = workspace.done(&["verify", "--bodies", "7", "--steps", "3", "--json"]);
     let value: serde_json::Value = serde_json::from_str(&text).expect("JSON");
     assert_eq!(value["agrees"], true);
     assert_eq!(value["bodies"], 7);
@@ -446,43 +451,43 @@ fn verify_agrees_on_generated_bodies_and_on_a_study() {
 
 #[test]
 fn devices_lists_the_cpu_and_what_auto_takes() {
-    let desk = Desk::new("");
-    let text = desk.done(&["devices"]);
+    let workspace = Workspace::new("");
+    let text = workspace.done(&["devices"]);
     assert!(text.contains("cpu ") && text.contains("--engine auto takes:"), "{text}");
-    let value: serde_json::Value = serde_json::from_str(&desk.done(&["devices", "--json"])).expect("JSON");
+    let value: serde_json::Value = serde_json::from_str(&workspace.done(&["devices", "--json"])).expect("JSON");
     assert!(value["adapters"].is_array() && value["cpu"].is_string(), "{value}");
 }
 
 #[test]
 fn help_teaches_with_a_study_and_examples() {
-    let desk = Desk::new("");
-    assert!(desk.done(&["--help"]).contains("polhode run examples/studies/tumbling.toml"));
-    let help = desk.done(&["run", "--help"]);
+    let workspace = Workspace::new("");
+    assert!(workspace.done(&["--help"]).contains("polhode run examples/studies/tumbling.toml"));
+    let help = workspace.done(&["run", "--help"]);
     for part in ["[bodies]", "--precision", "polhode run study.toml --out results --force", "report.json"] {
         assert!(help.contains(part), "{part} is missing in {help}");
     }
-    assert!(desk.done(&["verify", "--help"]).contains("polhode verify --bodies 4097"));
-    assert!(desk.done(&["--version"]).starts_with("polhode "));
+    assert!(workspace.done(&["verify", "--help"]).contains("polhode verify --bodies 4097"));
+    assert!(workspace.done(&["--version"]).starts_with("polhode "));
 }
 
 /// The study that `polhode run --help` shows must run.
 #[test]
 fn the_study_in_the_help_runs() {
-    let help = Desk::new("").done(&["run", "--help"]);
+    let help = Workspace::new("").done(&["run", "--help"]);
     let lines = help.lines().skip_while(|line| !line.contains("seed = 42")).take_while(|line| !line.is_empty());
     let study: String = lines.flat_map(|line| [line.trim_start(), "\n"]).collect();
-    let desk = Desk::new(&study);
-    desk.done(&["run", "study.toml", "--engine", "cpu"]);
-    assert_eq!(desk.names("study.out"), ["final.csv", "plan.json", "report.json", "snapshots.csv"]);
+    let workspace = Workspace::new(&study);
+    workspace.done(&["run", "study.toml", "--engine", "cpu"]);
+    assert_eq!(workspace.names("study.out"), ["final.csv", "plan.json", "report.json", "snapshots.csv"]);
 }
 
 #[test]
 fn completions_and_the_manual_page_come_from_the_grammar() {
-    let desk = Desk::new("");
+    let workspace = Workspace::new("");
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
-        assert!(desk.done(&["completions", shell]).contains("precision"), "{shell}");
+        assert!(workspace.done(&["completions", shell]).contains("precision"), "{shell}");
     }
-    let page = desk.done(&["man"]);
+    let page = workspace.done(&["man"]);
     assert!(page.contains(".TH polhode") && page.contains("polhode\\-run") && page.contains("STUDY.toml"), "{page}");
 }
 
@@ -516,20 +521,21 @@ const PRINTING: [&[&str]; 14] = [
     &["run", "--help"],
 ];
 
-fn printing_desk() -> Desk {
-    let desk = Desk::new(SMALL);
-    fs::write(desk.path("sphere.toml"), SPHERE).unwrap();
-    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "done"]);
-    desk
+fn printing_desk() -> Workspace {
+    let workspace = Workspace::new(SMALL);
+    fs::write(workspace.path("sphere.toml"), SPHERE).unwrap();
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "done"]);
+    workspace
 }
 
 #[cfg(target_os = "linux")]
 #[test]
 fn standard_output_that_cannot_be_written_is_a_failure_of_every_command() {
-    let desk = printing_desk();
+    let workspace = printing_desk();
     for arguments in PRINTING {
         let full = fs::File::options().write(true).open("/dev/full").expect("a device that is always full");
-        let run = Command::new(cargo_bin!("polhode")).current_dir(desk.folder()).args(arguments).stdout(full).output();
+        let run =
+            Command::new(cargo_bin!("polhode")).current_dir(workspace.folder()).args(arguments).stdout(full).output();
         let output = run.expect("the command starts");
         let errors = words(&output.stderr);
         assert_eq!(output.status.code(), Some(1), "{arguments:?}: {errors}");
@@ -537,55 +543,56 @@ fn standard_output_that_cannot_be_written_is_a_failure_of_every_command() {
             errors, "error: standard output cannot be written: No space left on device (os error 28)\n",
             "{arguments:?}"
         );
-        let _ = fs::remove_dir_all(desk.path("study.out"));
+        let _ = fs::remove_dir_all(workspace.path("study.out"));
     }
 }
 
 #[cfg(unix)]
 #[test]
 fn a_reader_that_goes_away_is_no_error() {
-    let desk = printing_desk();
+    let workspace = printing_desk();
     for arguments in PRINTING {
         let mut command = Command::new(cargo_bin!("polhode"));
         let (reader, writer) = std::io::pipe().expect("a pipe");
         drop(reader);
-        let output = command.current_dir(desk.folder()).args(arguments).stdout(writer).output().expect("it starts");
+        let output =
+            command.current_dir(workspace.folder()).args(arguments).stdout(writer).output().expect("it starts");
         assert_eq!((output.status.code(), words(&output.stderr)), (Some(0), String::new()), "{arguments:?}");
-        let _ = fs::remove_dir_all(desk.path("study.out"));
+        let _ = fs::remove_dir_all(workspace.path("study.out"));
     }
 }
 
 #[test]
 fn words_from_files_have_no_power_over_the_terminal() {
-    let desk = Desk::new(&SMALL.replace("\"Ten\"", "\"\\u001b[2Jcleared\\n  failed   none\""));
-    let summary = desk.done(&["run", "study.toml", "--engine", "cpu"]);
+    let workspace = Workspace::new(&SMALL.replace("\"Ten\"", "\"\\u001b[2Jcleared\\n  failed   none\""));
+    let summary = workspace.done(&["run", "study.toml", "--engine", "cpu"]);
     assert!(summary.starts_with(" [2Jcleared   failed   none\n"), "{summary:?}");
-    fs::write(desk.path("study.toml"), SMALL.replace("count", "\"co\\u001b[2J\\nunt\"")).unwrap();
-    let line = desk.refused(&["explain", "study.toml"], 2);
+    fs::write(workspace.path("study.toml"), SMALL.replace("count", "\"co\\u001b[2J\\nunt\"")).unwrap();
+    let line = workspace.refused(&["explain", "study.toml"], 2);
     assert!(line.contains("bodies.co [2J unt is not known"), "{line:?}");
-    fs::write(desk.path("table.csv"), "ixx,iyy,izz,wx,wy,wz\n1,2,\u{1b}[2J,0,0,1\n").unwrap();
-    fs::write(desk.path("study.toml"), "[bodies]\nfile = \"table.csv\"\n[time]\nend = 1.0\n").unwrap();
-    let line = desk.refused(&["run", "study.toml", "--engine", "cpu"], 2);
-    assert!(line.contains("izz =  [2J: a finite number is needed"), "{line:?}");
-    fs::write(desk.path("a\nb.toml"), SPHERE).unwrap();
-    assert!(desk.done(&["inertia", "a\nb.toml"]).starts_with("a b.toml\n"));
+    fs::write(workspace.path("table.csv"), "ixx,iyy,izz,wx,wy,wz\n1,2,\u{1b}[2J,0,0,1\n").unwrap();
+    fs::write(workspace.path("study.toml"), "[bodies]\nfile = \"table.csv\"\n[time]\nend = 1.0\n").unwrap();
+    let line = workspace.refused(&["run", "study.toml", "--engine", "cpu"], 2);
+    assert!(line.contains("izz =  [2J: expected a finite number"), "{line:?}");
+    fs::write(workspace.path("a\nb.toml"), SPHERE).unwrap();
+    assert!(workspace.done(&["inertia", "a\nb.toml"]).starts_with("a b.toml\n"));
 }
 
 // --- pictures ---
 
 #[test]
 fn a_picture_of_a_body_that_is_not_there_is_refused() {
-    let desk = Desk::new(SMALL);
-    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
-    let line = desk.refused(&["plot", "study.out", "--body", "3,99"], 2);
+    let workspace = Workspace::new(SMALL);
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
+    let line = workspace.refused(&["plot", "study.out", "--body", "3,99"], 2);
     assert_eq!(line, "error: study.out/snapshots.csv: there is no body 99: it has 10, counted from 0\n");
     // Neither are pictures drawn of a table that was cut.
-    let whole = fs::read(desk.path("study.out/snapshots.csv")).unwrap();
+    let whole = fs::read(workspace.path("study.out/snapshots.csv")).unwrap();
     // The newline, the status, its comma, and a part of the number before.
     for cut in [1, 2, 3, 8] {
-        fs::write(desk.path("study.out/snapshots.csv"), &whole[..whole.len() - cut]).unwrap();
-        let line = desk.refused(&["plot", "study.out"], 2);
+        fs::write(workspace.path("study.out/snapshots.csv"), &whole[..whole.len() - cut]).unwrap();
+        let line = workspace.refused(&["plot", "study.out"], 2);
         assert!(line.starts_with("error: study.out/snapshots.csv: line 41: ") && line.contains("may be cut"), "{line}");
     }
-    assert_eq!(desk.names("study.out"), ["final.csv", "plan.json", "report.json", "snapshots.csv"]);
+    assert_eq!(workspace.names("study.out"), ["final.csv", "plan.json", "report.json", "snapshots.csv"]);
 }

@@ -117,56 +117,56 @@ refuses! {
     an_unknown_key_with_the_nearest: refusal_with("outputs =", "output =") => @"study.toml:9: time.output is not known: did you mean outputs? known here: end, outputs";
     an_unknown_key_with_no_near_one: refusal_with("seed", "colour") => @"study.toml:1: colour is not known: known here: title, seed, bodies, torque, force, time, accuracy, output, failures";
     an_unknown_parameter_of_a_shape: refusal_with("radius = 0.5", "raduis = 0.5") => @"study.toml:4: bodies.inertia.raduis is not known: did you mean radius? known here: shape, mass, density, radius, height";
-    a_missing_table: refusal("[time]\nend = 1.0\n") => @"study.toml:1: bodies is missing: a table that describes the bodies is needed";
-    a_missing_time: refusal("[bodies]\ncount = 1\ninertia = [1, 1, 1]\nangular_velocity = [0, 0, 1]\n") => @"study.toml:1: time is missing: a table with the end of the simulated span is needed";
-    a_missing_key: refusal_with("radius = 0.5, ", "") => @"study.toml:4: bodies.inertia.radius is missing: a length is needed (m)";
-    a_missing_inertia: refusal_with("inertia = { shape = \"cylinder\", mass = 2.0, radius = 0.5, height = 2.0 }\n", "") => @"study.toml:2: bodies.inertia is missing: a shape, moments or a tensor is needed (kg m²)";
-    a_text_for_a_number: refusal_with("end = 10.0", "end = \"ten\"") => @r#"study.toml:8: time.end = "ten": a finite number is needed (s)"#;
-    a_number_for_a_table: refusal_with("outputs = { every = 2.5 }", "outputs = 2.5") => @"study.toml:9: time.outputs = 2.5: { every = seconds } or { times = [seconds, ...] } is needed";
-    a_fraction_of_a_body: refusal_with("count = 10", "count = 10.5") => @"study.toml:3: bodies.count = 10.5: a whole number of bodies is needed";
-    a_negative_count: refusal_with("count = 10", "count = -10") => @"study.toml:3: bodies.count = -10: a whole number of bodies is needed";
-    a_negative_seed: refusal_with("seed = 1", "seed = -1") => @"study.toml:1: seed = -1: a whole number is needed";
+    a_missing_table: refusal("[time]\nend = 1.0\n") => @"study.toml:1: bodies is missing: expected a table that describes the bodies";
+    a_missing_time: refusal("[bodies]\ncount = 1\ninertia = [1, 1, 1]\nangular_velocity = [0, 0, 1]\n") => @"study.toml:1: time is missing: expected a table with the end of the simulated span";
+    a_missing_key: refusal_with("radius = 0.5, ", "") => @"study.toml:4: bodies.inertia.radius is missing: expected a length (m)";
+    a_missing_inertia: refusal_with("inertia = { shape = \"cylinder\", mass = 2.0, radius = 0.5, height = 2.0 }\n", "") => @"study.toml:2: bodies.inertia is missing: expected a shape, moments or a tensor (kg m²)";
+    a_text_for_a_number: refusal_with("end = 10.0", "end = \"ten\"") => @r#"study.toml:8: time.end = "ten": expected a finite number (s)"#;
+    a_number_for_a_table: refusal_with("outputs = { every = 2.5 }", "outputs = 2.5") => @"study.toml:9: time.outputs = 2.5: expected { every = seconds } or { times = [seconds, ...] }";
+    a_fraction_of_a_body: refusal_with("count = 10", "count = 10.5") => @"study.toml:3: bodies.count = 10.5: expected a whole number of bodies";
+    a_negative_count: refusal_with("count = 10", "count = -10") => @"study.toml:3: bodies.count = -10: expected a whole number of bodies";
+    a_negative_seed: refusal_with("seed = 1", "seed = -1") => @"study.toml:1: seed = -1: expected a whole number";
     an_unknown_shape: refusal_with("\"cylinder\"", "\"cilinder\"") => @r#"study.toml:4: bodies.inertia.shape = "cilinder": did you mean cylinder? possible: point, rod, sphere, spherical-shell, ellipsoid, box, cylinder, tube, capsule, cone, torus, rectangular-plate, circular-plate, tetrahedron"#;
     an_unknown_distribution: refusal_with("\"normal\"", "\"gaussian\"") => @r#"study.toml:6: bodies.angular_velocity.distribution = "gaussian": possible: constant, uniform, normal, log-normal, direction"#;
-    a_vector_of_two: refusal_with("mean = [0, 0, 1]", "mean = [0, 1]") => @"study.toml:6: bodies.angular_velocity.mean = [0, 1]: a finite number, or three, is needed";
-    a_negative_deviation: refusal_with("sigma = 0.1", "sigma = -0.1") => @"study.toml:6: bodies.angular_velocity.sigma = -0.1: standard deviations that are not negative are needed";
-    an_interval_upside_down: refusal_with("radius = 0.5", "radius = { distribution = \"uniform\", low = 2, high = 1 }") => @"study.toml:4: bodies.inertia.radius.high = 1: a number not below `low` is needed";
-    a_zero_quaternion: refusal_with("{ distribution = \"uniform\" }", "[0, 0, 0, 0]") => @"study.toml:5: bodies.orientation = [0, 0, 0, 0]: a quaternion that is not zero is needed";
-    a_zero_axis: refusal_with("{ distribution = \"uniform\" }", "{ axis = [0, 0, 0], angle = 1 }") => @"study.toml:5: bodies.orientation.axis = [0, 0, 0]: an axis that is not zero is needed";
+    a_vector_of_two: refusal_with("mean = [0, 0, 1]", "mean = [0, 1]") => @"study.toml:6: bodies.angular_velocity.mean = [0, 1]: expected a finite number, or three";
+    a_negative_deviation: refusal_with("sigma = 0.1", "sigma = -0.1") => @"study.toml:6: bodies.angular_velocity.sigma = -0.1: expected standard deviations that are not negative";
+    an_interval_upside_down: refusal_with("radius = 0.5", "radius = { distribution = \"uniform\", low = 2, high = 1 }") => @"study.toml:4: bodies.inertia.radius.high = 1: expected a number not below `low`";
+    a_zero_quaternion: refusal_with("{ distribution = \"uniform\" }", "[0, 0, 0, 0]") => @"study.toml:5: bodies.orientation = [0, 0, 0, 0]: expected a quaternion that is not zero";
+    a_zero_axis: refusal_with("{ distribution = \"uniform\" }", "{ axis = [0, 0, 0], angle = 1 }") => @"study.toml:5: bodies.orientation.axis = [0, 0, 0]: expected an axis that is not zero";
     an_inertia_that_is_no_mass: refusal_with("{ shape = \"cylinder\", mass = 2.0, radius = 0.5, height = 2.0 }", "[1.0, 1.0, 3.0]") => @"study.toml:4: bodies.inertia: body 0: I1 + I2 - I3 = -1.0: no mass distribution has this tensor: I1 + I2 >= I3 is needed (principal moments, kg m²)";
-    an_inertia_below_zero: refusal_with("{ shape = \"cylinder\", mass = 2.0, radius = 0.5, height = 2.0 }", "{ ixx = 1, iyy = 1, izz = 1, ixy = 2 }") => @"study.toml:4: bodies.inertia: body 0: the least principal moment of inertia = -1.0: a positive definite tensor is needed (kg m²)";
+    an_inertia_below_zero: refusal_with("{ shape = \"cylinder\", mass = 2.0, radius = 0.5, height = 2.0 }", "{ ixx = 1, iyy = 1, izz = 1, ixy = 2 }") => @"study.toml:4: bodies.inertia: body 0: the least principal moment of inertia = -1.0: expected a positive definite tensor (kg m²)";
     a_drawn_mass_below_zero: refusal_with("mass = 2.0", "mass = { distribution = \"normal\", mean = 0.1, sigma = 5 }") => @"study.toml:4: bodies.inertia.mass: body 0: mass = -2.6784561043931405: a positive, finite number";
     a_drawn_length_below_zero: refusal_with("height = 2.0", "height = { distribution = \"normal\", mean = 0.1, sigma = 5 }") => @"study.toml:4: bodies.inertia.height: body 0: height = -6.454693540894965: a positive, finite number";
     a_bore_wider_than_its_tube: refusal_with("shape = \"cylinder\", mass = 2.0, radius = 0.5, height = 2.0", "shape = \"tube\", mass = 2.0, inner_radius = 2, outer_radius = 1, height = 2.0") => @"study.toml:4: bodies.inertia.inner_radius: body 0: inner_radius = 2.0: at least 0 and less than outer_radius";
-    a_density_of_a_plate: refusal_with("shape = \"cylinder\", mass = 2.0, radius = 0.5, height = 2.0", "shape = \"circular-plate\", density = 2.0, radius = 0.5") => @"study.toml:4: bodies.inertia.density = 2.0: this shape has no volume: a mass is needed instead (kg)";
+    a_density_of_a_plate: refusal_with("shape = \"cylinder\", mass = 2.0, radius = 0.5, height = 2.0", "shape = \"circular-plate\", density = 2.0, radius = 0.5") => @"study.toml:4: bodies.inertia.density = 2.0: this shape has no volume: use a mass instead (kg)";
     a_mass_and_a_density: refusal_with("mass = 2.0", "mass = 2.0, density = 1.0") => @"study.toml:4: bodies.inertia.density excludes mass: give one of them";
-    neither_mass_nor_density: refusal_with("mass = 2.0, ", "") => @"study.toml:4: bodies.inertia.mass is missing: the mass (kg), or a density (kg/m³), is needed";
+    neither_mass_nor_density: refusal_with("mass = 2.0, ", "") => @"study.toml:4: bodies.inertia.mass is missing: expected the mass (kg), or a density (kg/m³)";
     a_mass_beside_a_shape: refusal_with("count = 10", "count = 10\nmass = 2.0") => @"study.toml:4: bodies.mass = 2.0: the shape has the mass: leave it out here";
-    a_number_that_is_not_finite: refusal_with("mean = [0, 0, 1]", "mean = [0, 0, inf]") => @"study.toml:6: bodies.angular_velocity.mean = inf: a finite number, or three, is needed";
-    an_end_before_the_start: refusal_with("end = 10.0", "end = -10.0") => @"study.toml:8: time.end = -10.0: a finite time that is not negative is needed (s)";
-    a_billion_outputs: refusal_with("every = 2.5", "every = 1e-8") => @"study.toml:9: time.outputs.every = 1e-8: more than 1e7 outputs would follow: a longer interval is needed (s)";
-    an_interval_of_zero: refusal_with("every = 2.5", "every = 0") => @"study.toml:9: time.outputs.every = 0: an interval above zero is needed (s)";
-    times_that_do_not_increase: refusal_with("every = 2.5", "times = [1.0, 3.0, 2.0]") => @"study.toml:9: time.outputs.times = 2.0: increasing times are needed: this one is not after the one before it (s)";
-    a_time_beyond_the_end: refusal_with("every = 2.5", "times = [1.0, 30.0]") => @"study.toml:9: time.outputs.times = 30.0: times from 0 to time.end are needed (s)";
+    a_number_that_is_not_finite: refusal_with("mean = [0, 0, 1]", "mean = [0, 0, inf]") => @"study.toml:6: bodies.angular_velocity.mean = inf: expected a finite number, or three";
+    an_end_before_the_start: refusal_with("end = 10.0", "end = -10.0") => @"study.toml:8: time.end = -10.0: expected a finite time that is not negative (s)";
+    a_billion_outputs: refusal_with("every = 2.5", "every = 1e-8") => @"study.toml:9: time.outputs.every = 1e-8: more than 1e7 outputs would follow: use a longer interval (s)";
+    an_interval_of_zero: refusal_with("every = 2.5", "every = 0") => @"study.toml:9: time.outputs.every = 0: expected an interval above zero (s)";
+    times_that_do_not_increase: refusal_with("every = 2.5", "times = [1.0, 3.0, 2.0]") => @"study.toml:9: time.outputs.times = 2.0: expected increasing times: this one is not after the one before it (s)";
+    a_time_beyond_the_end: refusal_with("every = 2.5", "times = [1.0, 30.0]") => @"study.toml:9: time.outputs.times = 30.0: expected times from 0 to time.end (s)";
     an_interval_and_times: refusal_with("every = 2.5", "every = 2.5, times = [1.0]") => @"study.toml:9: time.outputs.every excludes times: give one of them";
     an_accuracy_and_a_step: refusal_with("attitude = 1e-6", "attitude = 1e-6\nmethod = \"rk4\"\ndt = 0.1") => @"study.toml:11: accuracy.attitude excludes method: give one of them";
-    an_accuracy_of_zero: refusal_with("attitude = 1e-6", "attitude = 0") => @"study.toml:11: accuracy.attitude = 0: an angle above 0 and up to pi is needed (rad)";
-    an_accuracy_beyond_pi: refusal_with("attitude = 1e-6", "attitude = 4") => @"study.toml:11: accuracy.attitude = 4: an angle above 0 and up to pi is needed (rad)";
-    an_energy_error_of_zero: refusal_with("attitude = 1e-6", "energy = 0") => @"study.toml:11: accuracy.energy = 0: a relative error above 0 is needed";
-    a_percentile_beyond_100: refusal_with("attitude = 1e-6", "percentile = 101") => @"study.toml:11: accuracy.percentile = 101: a percentile above 0 and up to 100 is needed";
+    an_accuracy_of_zero: refusal_with("attitude = 1e-6", "attitude = 0") => @"study.toml:11: accuracy.attitude = 0: expected an angle above 0 and up to pi (rad)";
+    an_accuracy_beyond_pi: refusal_with("attitude = 1e-6", "attitude = 4") => @"study.toml:11: accuracy.attitude = 4: expected an angle above 0 and up to pi (rad)";
+    an_energy_error_of_zero: refusal_with("attitude = 1e-6", "energy = 0") => @"study.toml:11: accuracy.energy = 0: expected a relative error above 0";
+    a_percentile_beyond_100: refusal_with("attitude = 1e-6", "percentile = 101") => @"study.toml:11: accuracy.percentile = 101: expected a percentile above 0 and up to 100";
     a_percentile_and_a_step: refusal_with("attitude = 1e-6", "percentile = 95\nmethod = \"rk4\"\ndt = 0.1") => @"study.toml:11: accuracy.percentile excludes method: give one of them";
-    an_accuracy_that_f32_does_not_reach: refusal("[bodies]\ncount = 1\ninertia = [1, 2, 2.5]\nangular_velocity = [0.1, 1, 0.2]\n[time]\nend = 1.0\n[accuracy]\nattitude = 1e-9\nprecision = \"f32\"\n") => @"study.toml:8: accuracy.attitude = 1e-9: out of reach: attitude 1e-9 rad, in 99 % of the bodies: the best here (closed form in f32) misses the attitude by a factor of 9.6e2: precision f64 is needed, or more than 1e-6 and 3e-8 of the angle turned (rad)";
+    an_accuracy_that_f32_does_not_reach: refusal("[bodies]\ncount = 1\ninertia = [1, 2, 2.5]\nangular_velocity = [0.1, 1, 0.2]\n[time]\nend = 1.0\n[accuracy]\nattitude = 1e-9\nprecision = \"f32\"\n") => @"study.toml:8: accuracy.attitude = 1e-9: out of reach: attitude 1e-9 rad, in 99 % of the bodies: the best here (closed form in f32) misses the attitude by a factor of 9.6e2: use precision f64, or more than 1e-6 and 3e-8 of the angle turned (rad)";
     a_method_without_a_step: refusal_with("attitude = 1e-6", "method = \"rk4\"") => @r#"study.toml:10: accuracy.dt is missing: a method that is given needs a step beside it (s), or "rk8" or "taylor" a tolerance"#;
     a_step_without_a_method: refusal_with("attitude = 1e-6", "dt = 0.1") => @r#"study.toml:10: accuracy.method is missing: a step that is given needs a method beside it: "rk4" or "dlm""#;
     an_unknown_method: refusal_with("attitude = 1e-6", "method = \"rk5\"\ndt = 0.1") => @r#"study.toml:11: accuracy.method = "rk5": did you mean rk4? possible: rk4, rk8, cf4, splitting2, splitting4, splitting6, implicit_midpoint, dlm, explicit_euler, gyro_newton, clamped_euler, spiral, taylor"#;
-    a_step_below_zero: refusal_with("attitude = 1e-6", "method = \"rk4\"\ndt = -0.1") => @"study.toml:12: accuracy.dt = -0.1: a step above zero is needed (s)";
-    a_step_too_small_to_finish: refusal_with("attitude = 1e-6", "method = \"rk4\"\ndt = 1e-20") => @"study.toml:12: accuracy.dt = 1e-20: more than 1e15 steps would be needed: a longer step or a shorter span is needed (s)";
+    a_step_below_zero: refusal_with("attitude = 1e-6", "method = \"rk4\"\ndt = -0.1") => @"study.toml:12: accuracy.dt = -0.1: expected a step above zero (s)";
+    a_step_too_small_to_finish: refusal_with("attitude = 1e-6", "method = \"rk4\"\ndt = 1e-20") => @"study.toml:12: accuracy.dt = 1e-20: more than 1e15 steps would be needed: use a longer step or a shorter span (s)";
     an_unknown_precision: refusal_with("attitude = 1e-6", "precision = \"f16\"") => @r#"study.toml:11: accuracy.precision = "f16": possible: auto, f32, f64"#;
     an_unknown_format: refusal_with("snapshots = true", "format = \"xlsx\"") => @r#"study.toml:13: output.format = "xlsx": possible: csv, npz"#;
-    a_flag_that_is_a_text: refusal_with("snapshots = true", "snapshots = \"yes\"") => @r#"study.toml:13: output.snapshots = "yes": true or false is needed"#;
+    a_flag_that_is_a_text: refusal_with("snapshots = true", "snapshots = \"yes\"") => @r#"study.toml:13: output.snapshots = "yes": expected true or false"#;
     an_unknown_statistic: refusal_with("snapshots = true", "statistics = [\"spin_rates\"]") => @r#"study.toml:13: output.statistics = "spin_rates": did you mean spin_rate? possible: kinetic_energy, spin_rate, angular_momentum"#;
-    a_statistic_named_twice: refusal_with("snapshots = true", "statistics = [\"spin_rate\", \"spin_rate\"]") => @r#"study.toml:13: output.statistics = "spin_rate": each quantity once is needed"#;
-    a_statistic_that_is_no_list: refusal_with("snapshots = true", "statistics = \"spin_rate\"") => @r#"study.toml:13: output.statistics = "spin_rate": a list of quantities is needed: ["kinetic_energy", "spin_rate", "angular_momentum"]"#;
+    a_statistic_named_twice: refusal_with("snapshots = true", "statistics = [\"spin_rate\", \"spin_rate\"]") => @r#"study.toml:13: output.statistics = "spin_rate": expected each quantity once"#;
+    a_statistic_that_is_no_list: refusal_with("snapshots = true", "statistics = \"spin_rate\"") => @r#"study.toml:13: output.statistics = "spin_rate": expected a list of quantities: ["kinetic_energy", "spin_rate", "angular_momentum"]"#;
     a_force_without_a_mass: refusal("[bodies]\ncount = 1\ninertia = [1, 1, 1]\nangular_velocity = [0, 0, 1]\n[force]\nconstant = [0, 0, 1]\n[time]\nend = 1.0\n") => @"study.toml:5: bodies.mass is missing: the force needs masses, here or as a column of the table of bodies (kg)";
     a_count_and_a_file: refusal_with("count = 10", "count = 10\nfile = \"bodies.csv\"") => @"study.toml:4: bodies.file excludes count: give one of them";
     a_table_that_is_not_there: refusal_with("count = 10", "file = \"missing.csv\"") => @"missing.csv: cannot be read: No such file or directory (os error 2)";
@@ -188,21 +188,21 @@ fn the_sound_table_is_accepted() {
 }
 
 refuses! {
-    a_cell_that_is_no_number: table_refusal(&TABLE.replace("1.0,2.0,2.5,0.1,0.2,0.3\n#", "1.0,2.0,2.5,fast,0.2,0.3\n#")) => @"bodies.csv:2: wx = fast: a finite number is needed";
-    an_empty_cell: table_refusal(&TABLE.replace("0.3\n#", "\n#")) => @"bodies.csv:2: wz = (empty): a finite number is needed";
-    a_cell_that_is_not_finite: table_refusal(&TABLE.replace("0.3\n#", "nan\n#")) => @"bodies.csv:2: wz = nan: a finite number is needed";
-    a_row_that_is_too_short: table_refusal(&TABLE.replace(",0.3\n#", "\n#")) => @"bodies.csv:2: the row has 5 fields: 6 are needed, one a column of the header";
+    a_cell_that_is_no_number: table_refusal(&TABLE.replace("1.0,2.0,2.5,0.1,0.2,0.3\n#", "1.0,2.0,2.5,fast,0.2,0.3\n#")) => @"bodies.csv:2: wx = fast: expected a finite number";
+    an_empty_cell: table_refusal(&TABLE.replace("0.3\n#", "\n#")) => @"bodies.csv:2: wz = (empty): expected a finite number";
+    a_cell_that_is_not_finite: table_refusal(&TABLE.replace("0.3\n#", "nan\n#")) => @"bodies.csv:2: wz = nan: expected a finite number";
+    a_row_that_is_too_short: table_refusal(&TABLE.replace(",0.3\n#", "\n#")) => @"bodies.csv:2: the row has 5 fields: expected 6, one a column of the header";
     a_row_that_is_no_body: table_refusal(&(TABLE.to_owned() + "1.0,1.0,3.0,0,0,0\n")) => @"bodies.csv:5: I1 + I2 - I3 = -1.0: no mass distribution has this tensor: I1 + I2 >= I3 is needed (principal moments, kg m²)";
-    a_row_behind_comments_and_empty_lines: table_refusal("# one\n\n# two\nixx,iyy,izz,wx,wy,wz\n1,2,2.5,0,0,1\n# three\n\r\n1,2,2.5,0,0,fast\n") => @"bodies.csv:8: wz = fast: a finite number is needed";
+    a_row_behind_comments_and_empty_lines: table_refusal("# one\n\n# two\nixx,iyy,izz,wx,wy,wz\n1,2,2.5,0,0,1\n# three\n\r\n1,2,2.5,0,0,fast\n") => @"bodies.csv:8: wz = fast: expected a finite number";
     a_header_behind_comments: table_refusal("# one\n\nixx,iyy,izz,wx,wy\n") => @"bodies.csv:3: wz is missing: wx, wy and wz belong together";
     a_body_behind_comments: table_refusal("ixx,iyy,izz,wx,wy,wz\n# one\n# two\n1,1,3,0,0,0\n") => @"bodies.csv:4: I1 + I2 - I3 = -1.0: no mass distribution has this tensor: I1 + I2 >= I3 is needed (principal moments, kg m²)";
-    an_axis_of_no_length: refusal_with("{ distribution = \"uniform\" }", "{ axis = [0, 0, 0], angle = 1 }") => @"study.toml:5: bodies.orientation.axis = [0, 0, 0]: an axis that is not zero is needed";
+    an_axis_of_no_length: refusal_with("{ distribution = \"uniform\" }", "{ axis = [0, 0, 0], angle = 1 }") => @"study.toml:5: bodies.orientation.axis = [0, 0, 0]: expected an axis that is not zero";
     an_unknown_column: table_refusal(&TABLE.replace("wz", "omega_z")) => @"bodies.csv:1: omega_z is not known: known here: name, mass, ixx, iyy, izz, ixy, ixz, iyz, qx, qy, qz, qw, wx, wy, wz, x, y, z, vx, vy, vz";
     a_column_that_stands_twice: table_refusal(&TABLE.replace("iyy", "ixx")) => @"bodies.csv:1: ixx: this column stands twice in the header";
     a_column_that_is_missing: table_refusal("ixx,iyy,izz,wx,wy\n1,2,2.5,0,0\n") => @"bodies.csv:1: wz is missing: wx, wy and wz belong together";
-    a_table_without_inertia: table_refusal("wx,wy,wz\n0,0,1\n") => @"study.toml:1: bodies.inertia is missing: a shape, moments or a tensor is needed (kg m²)";
-    a_table_that_is_empty: table_refusal("") => @"bodies.csv:1: a header with the names of the columns is needed";
-    a_table_that_is_not_text: table_refusal_of_bytes(b"ixx,iyy,izz\n\xff\xfe,1,1\n") => @"bodies.csv:2: text in UTF-8 is needed";
+    a_table_without_inertia: table_refusal("wx,wy,wz\n0,0,1\n") => @"study.toml:1: bodies.inertia is missing: expected a shape, moments or a tensor (kg m²)";
+    a_table_that_is_empty: table_refusal("") => @"bodies.csv:1: expected a header with the names of the columns";
+    a_table_that_is_not_text: table_refusal_of_bytes(b"ixx,iyy,izz\n\xff\xfe,1,1\n") => @"bodies.csv:2: expected text in UTF-8";
 }
 
 /// The message for a table of any bytes.
@@ -229,7 +229,7 @@ fn a_file_in_the_place_of_the_folder_is_refused() {
     let error = OutputFolder::create(&path, false).unwrap_err();
     assert!(error.is_input());
     let message = error.to_string().replace(&path.display().to_string(), "out");
-    insta::assert_snapshot!(message, @"out: cannot be made: Not a directory (os error 20)");
+    insta::assert_snapshot!(message, @"out: cannot be created: Not a directory (os error 20)");
 }
 
 #[test]
@@ -279,8 +279,8 @@ fn refusal_of_bodies(keys: &str) -> String {
 }
 
 refuses! {
-    a_bad_mass_is_named_by_its_own_line: refusal_of_bodies("mass = -1.0\nangular_velocity = [0, 0, 1]") => @"study.toml:4: bodies.mass: body 0: mass = -1.0: a finite mass above zero is needed (kg)";
-    a_drawn_rate_that_overflows_is_named_by_its_own_line: refusal_of_bodies("mass = 1.0\nangular_velocity = { distribution = \"log-normal\", median = [1e300, 1e300, 1e300], sigma = 50 }") => @"study.toml:5: bodies.angular_velocity: body 1: wx = inf: a finite number is needed";
-    a_position_that_overflows_is_named_by_its_own_line: refusal_of_bodies("mass = 1.0\nangular_velocity = [0, 0, 1]\nposition = { distribution = \"log-normal\", median = [1e300, 1e300, 1e300], sigma = 50 }") => @"study.toml:6: bodies.position: body 1: x = inf: finite components are needed";
+    a_bad_mass_is_named_by_its_own_line: refusal_of_bodies("mass = -1.0\nangular_velocity = [0, 0, 1]") => @"study.toml:4: bodies.mass: body 0: mass = -1.0: expected a finite mass above zero (kg)";
+    a_drawn_rate_that_overflows_is_named_by_its_own_line: refusal_of_bodies("mass = 1.0\nangular_velocity = { distribution = \"log-normal\", median = [1e300, 1e300, 1e300], sigma = 50 }") => @"study.toml:5: bodies.angular_velocity: body 1: wx = inf: expected a finite number";
+    a_position_that_overflows_is_named_by_its_own_line: refusal_of_bodies("mass = 1.0\nangular_velocity = [0, 0, 1]\nposition = { distribution = \"log-normal\", median = [1e300, 1e300, 1e300], sigma = 50 }") => @"study.toml:6: bodies.position: body 1: x = inf: expected finite components";
     tables_within_tables_without_end: refusal(&format!("a = {}{}", "[".repeat(300), "]".repeat(300))) => @"study.toml:1: tables and lists stand too deeply within one another at [";
 }

@@ -6,9 +6,9 @@ use std::process::{Command, Output};
 
 use assert_cmd::cargo::cargo_bin;
 
-use crate::desk;
+use crate::workspace;
 
-use desk::{Desk, words};
+use workspace::{Workspace, words};
 
 /// A study of so many bodies in two steps.
 fn study(bodies: u64) -> String {
@@ -20,10 +20,10 @@ fn study(bodies: u64) -> String {
 }
 
 /// Runs the command under `limits` of bash's `ulimit`.
-fn limited(desk: &Desk, limits: &str, arguments: &str, threads: &str) -> Output {
+fn limited(workspace: &Workspace, limits: &str, arguments: &str, threads: &str) -> Output {
     let script = format!("{limits}; exec '{}' {arguments}", cargo_bin!("polhode").display());
     let mut bash = Command::new("bash");
-    bash.current_dir(desk.folder())
+    bash.current_dir(workspace.folder())
         .env("RAYON_NUM_THREADS", threads)
         .args(["-c", &script])
         .output()
@@ -39,42 +39,42 @@ fn refused(output: &Output, status: i32) -> String {
 
 #[test]
 fn three_million_bodies_under_a_limit_of_memory_are_refused_and_do_not_abort() {
-    let desk = Desk::new(&study(3_000_000));
+    let workspace = Workspace::new(&study(3_000_000));
     for limit in ["-v 400000", "-v 600000", "-v 800000", "-v 1000000", "-d 300000", "-d 600000"] {
         let run = "run study.toml --engine cpu --quiet";
-        let line = refused(&limited(&desk, &format!("ulimit {limit}"), run, "2"), 2);
+        let line = refused(&limited(&workspace, &format!("ulimit {limit}"), run, "2"), 2);
         assert!(
             line.starts_with(
                 "error: study.toml:2: bodies.count = 3000000: 3000000 bodies: their run needs 900000000 bytes, "
             ),
             "{limit}: {line}"
         );
-        assert_eq!(desk.names("."), ["study.toml"], "nothing is left");
+        assert_eq!(workspace.names("."), ["study.toml"], "nothing is left");
     }
     for limit in ["-v 1000000", "-d 1000000"] {
-        std::fs::write(desk.path("study.toml"), study(1000)).expect("written");
+        std::fs::write(workspace.path("study.toml"), study(1000)).expect("written");
         let run = "run study.toml --engine cpu --quiet --force";
-        let output = limited(&desk, &format!("ulimit {limit}"), run, "2");
+        let output = limited(&workspace, &format!("ulimit {limit}"), run, "2");
         assert!(output.status.success(), "{limit}: {}", words(&output.stderr));
     }
 }
 
 #[test]
 fn threads_that_make_no_sense_or_are_refused_are_an_error_and_no_panic() {
-    let desk = Desk::new(&study(10));
+    let workspace = Workspace::new(&study(10));
     for threads in ["99999999", "-1", "two", "1e3"] {
-        let line = refused(&limited(&desk, "true", "explain study.toml --engine cpu", threads), 2);
+        let line = refused(&limited(&workspace, "true", "explain study.toml --engine cpu", threads), 2);
         let expected = format!(
-            "error: RAYON_NUM_THREADS = {threads}: a number of threads up to 4096 is needed, 0 for one a core\n"
+            "error: RAYON_NUM_THREADS = {threads}: expected a number of threads up to 4096, 0 for one a core\n"
         );
         assert_eq!(line, expected);
     }
     for command in ["explain study.toml", "run study.toml --engine cpu", "verify --engine cpu --bodies 2", "devices"] {
-        let line = refused(&limited(&desk, "ulimit -v 300000", command, "1000"), 1);
+        let line = refused(&limited(&workspace, "ulimit -v 300000", command, "1000"), 1);
         assert!(line.starts_with("error: no threads to compute with: "), "{command}: {line}");
     }
     for threads in ["", "0", "1", "3"] {
-        let output = limited(&desk, "true", "explain study.toml --engine cpu", threads);
+        let output = limited(&workspace, "true", "explain study.toml --engine cpu", threads);
         assert!(output.status.success(), "{threads:?}: {}", words(&output.stderr));
     }
 }
@@ -83,12 +83,13 @@ fn threads_that_make_no_sense_or_are_refused_are_an_error_and_no_panic() {
 fn a_trillion_rows_are_refused_before_they_are_begun() {
     for format in ["csv", "npz"] {
         let more = format!("snapshots = true\nformat = \"{format}\"\n");
-        let desk = Desk::new(&(study(1_000_000).replace("end = 0.1", "end = 1e6\noutputs = { every = 1.0 }") + &more));
-        let line = desk.refused(&["run", "study.toml", "--engine", "cpu"], 2);
+        let workspace =
+            Workspace::new(&(study(1_000_000).replace("end = 0.1", "end = 1e6\noutputs = { every = 1.0 }") + &more));
+        let line = workspace.refused(&["run", "study.toml", "--engine", "cpu"], 2);
         assert!(
             line.starts_with("error: study.out: 1000001000000 rows need ") && line.contains(" are free: "),
             "{line}"
         );
-        assert_eq!(desk.names("."), ["study.toml"], "nothing is left");
+        assert_eq!(workspace.names("."), ["study.toml"], "nothing is left");
     }
 }

@@ -2,12 +2,11 @@
 
 mod bench;
 mod cli;
-#[path = "../support/desk.rs"]
-mod desk;
 #[path = "../../fuzz/entries.rs"]
 mod entries;
 mod inertia_files;
 mod input;
+mod layers;
 mod limits;
 mod mutations;
 mod plan_document;
@@ -15,3 +14,5 @@ mod plot;
 mod results;
 mod studies;
 mod summary;
+#[path = "../support/workspace.rs"]
+mod workspace;

@@ -14,10 +14,10 @@ use std::time::{Duration, Instant};
 use polhode::Error;
 use polhode::study::Study;
 
-use crate::desk;
 use crate::entries;
+use crate::workspace;
 
-use desk::Desk;
+use workspace::Workspace;
 
 /// Files of each kind, where the environment does not say how many.
 const MUTATIONS: u64 = 10_000;
@@ -154,9 +154,9 @@ fn tables_with_random_faults_are_read_or_refused() {
 
 #[test]
 fn plans_with_random_faults_are_read_or_refused() {
-    let desk = Desk::new(STUDY);
-    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
-    let written = fs::read(desk.path("study.out/plan.json")).expect("a plan");
+    let workspace = Workspace::new(STUDY);
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
+    let written = fs::read(workspace.path("study.out/plan.json")).expect("a plan");
     hold(entries::PLAN, &[written], mutations(), entries::plan);
 }
 
@@ -172,8 +172,8 @@ fn obj_meshes_with_random_faults_are_read_or_refused() {
 
 #[test]
 fn studies_with_random_faults_on_the_disk_are_read_or_refused() {
-    let desk = Desk::new(STUDY);
-    let path = desk.path("mutated.toml");
+    let workspace = Workspace::new(STUDY);
+    let path = workspace.path("mutated.toml");
     hold("mutated.toml", &corpus("study"), ON_DISK, |bytes| {
         fs::write(&path, bytes).expect("written");
         let study = Study::read(&path)?;
@@ -183,12 +183,13 @@ fn studies_with_random_faults_on_the_disk_are_read_or_refused() {
 
 #[test]
 fn tables_with_random_faults_on_the_disk_make_bodies_or_are_refused() {
-    let desk = Desk::new(&STUDY.replace("count = 3", "file = \"table.csv\"").replace("inertia = [1, 2, 2.5]\n", ""));
-    let study = desk.path("study.toml");
+    let workspace =
+        Workspace::new(&STUDY.replace("count = 3", "file = \"table.csv\"").replace("inertia = [1, 2, 2.5]\n", ""));
+    let study = workspace.path("study.toml");
     let text = fs::read_to_string(&study).expect("a study").replace("angular_velocity = [1, 0.4, 0.1]\n", "");
     fs::write(&study, text).expect("written");
     hold(entries::TABLE, &corpus("table"), ON_DISK, |bytes| {
-        fs::write(desk.path("table.csv"), bytes).expect("written");
+        fs::write(workspace.path("table.csv"), bytes).expect("written");
         Study::read(&study)?.scene().map(|_| ())
     });
 }

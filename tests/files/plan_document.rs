@@ -11,9 +11,9 @@ use polhode::study::problem;
 use polhode::torque::Torque;
 use polhode::{Accuracy, Engine, Error, Method, Plan, Precision, Record, Scene};
 
-use crate::desk;
+use crate::workspace;
 
-use desk::{Desk, report};
+use workspace::{Workspace, report};
 
 const BODIES: usize = 300;
 
@@ -90,7 +90,7 @@ fn a_file_that_is_no_plan_is_refused_with_its_line() {
     for (from, to, expected) in [
         ("\"format\": 5", "\"format\": 7", "its format is 7, this release reads 5"),
         ("\"polhode\": \"", "\"polhode\": \"9.", "it is of polhode 9."),
-        ("\"coefficient\": ", "\"coefficient\": -", "a finite number from 0 on is needed"),
+        ("\"coefficient\": ", "\"coefficient\": -", "expected a finite number from 0 on"),
         ("\"closed_form\": \"", "\"closed_form\": \"x", "is not known"),
         ("\"method\": \"", "\"method\": \"x", "is not known"),
         ("\"skipping\": true,", "\"skipping\": true, \"more\": 1,", "unknown field `more`"),
@@ -169,13 +169,13 @@ fn an_index_that_drops_a_torque_is_refused() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_plan_or_study_without_end_is_refused() {
-    let desk = Desk::new(STUDY);
-    let line = desk.refused(&["run", "study.toml", "--engine", "cpu", "--plan", "/dev/zero"], 2);
+    let workspace = Workspace::new(STUDY);
+    let line = workspace.refused(&["run", "study.toml", "--engine", "cpu", "--plan", "/dev/zero"], 2);
     assert_eq!(line, "error: /dev/zero: cannot be read: it is longer than 64 MiB\n");
-    let line = desk.refused(&["explain", "/dev/zero"], 2);
+    let line = workspace.refused(&["explain", "/dev/zero"], 2);
     assert_eq!(line, "error: /dev/zero: cannot be read: it is longer than 64 MiB\n");
-    fs::write(desk.path("study.toml"), "[bodies]\nfile = \"/dev/zero\"\n[time]\nend = 1.0\n").unwrap();
-    let line = desk.refused(&["explain", "study.toml", "--engine", "cpu"], 2);
+    fs::write(workspace.path("study.toml"), "[bodies]\nfile = \"/dev/zero\"\n[time]\nend = 1.0\n").unwrap();
+    let line = workspace.refused(&["explain", "study.toml", "--engine", "cpu"], 2);
     assert_eq!(line, "error: /dev/zero: cannot be read: a line is longer than a mebibyte: this is no table\n");
 }
 
@@ -199,15 +199,25 @@ attitude = 1e-5
 
 #[test]
 fn a_run_leaves_its_plan_and_the_plan_repeats_the_run() {
-    let desk = Desk::new(STUDY);
-    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
-    assert_eq!(desk.names("study.out"), ["final.csv", "plan.json", "report.json"]);
-    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--plan", "study.out/plan.json", "--out", "again"]);
+    let workspace = Workspace::new(STUDY);
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
+    assert_eq!(workspace.names("study.out"), ["final.csv", "plan.json", "report.json"]);
+    workspace.done(&[
+        "run",
+        "study.toml",
+        "--engine",
+        "cpu",
+        "--quiet",
+        "--plan",
+        "study.out/plan.json",
+        "--out",
+        "again",
+    ]);
     for name in ["final.csv", "plan.json"] {
-        let bytes = |folder: &str| fs::read(desk.path(folder).join(name)).expect("written");
+        let bytes = |folder: &str| fs::read(workspace.path(folder).join(name)).expect("written");
         assert!(bytes("study.out") == bytes("again"), "{name}");
     }
-    let report = report(&desk, "study.out");
+    let report = report(&workspace, "study.out");
     assert_eq!(report["plan"]["classes"][0]["bodies"], 200);
     assert_eq!(report["plan"]["classes"][0]["torques"][0], "linear-drag");
     let skips = report["plan"]["skips"].as_array().expect("a list");
@@ -216,23 +226,23 @@ fn a_run_leaves_its_plan_and_the_plan_repeats_the_run() {
     assert_eq!(report["accuracy"]["bodies"], 64);
     assert_eq!(report["accuracy"]["target"]["attitude"], 1e-5);
 
-    fs::write(desk.path("study.toml"), STUDY.replace("seed = 5", "seed = 6")).unwrap();
-    let line =
-        desk.refused(&["run", "study.toml", "--engine", "cpu", "--plan", "study.out/plan.json", "--out", "third"], 2);
+    fs::write(workspace.path("study.toml"), STUDY.replace("seed = 5", "seed = 6")).unwrap();
+    let line = workspace
+        .refused(&["run", "study.toml", "--engine", "cpu", "--plan", "study.out/plan.json", "--out", "third"], 2);
     assert!(line.starts_with("error: study.out/plan.json: the fingerprint of bodies and parameters is "), "{line}");
-    desk.refused(&["run", "study.toml", "--engine", "cpu", "--plan", "absent.json", "--out", "third"], 2);
-    assert_eq!(desk.names("."), ["again", "study.out", "study.toml"], "nothing was made");
+    workspace.refused(&["run", "study.toml", "--engine", "cpu", "--plan", "absent.json", "--out", "third"], 2);
+    assert_eq!(workspace.names("."), ["again", "study.out", "study.toml"], "nothing was made");
 }
 
 #[test]
 fn explain_prints_what_runs_and_what_does_not_and_runs_nothing() {
-    let desk = Desk::new(STUDY);
-    let text = desk.done(&["explain", "study.toml", "--engine", "cpu"]);
+    let workspace = Workspace::new(STUDY);
+    let text = workspace.done(&["explain", "study.toml", "--engine", "cpu"]);
     for part in ["200 bodies, 4 s, 1 output time, on CPU", "asymmetric", "linear-drag", "translation", "outputs"] {
         assert!(text.contains(part), "{part} is missing in\n{text}");
     }
-    assert_eq!(desk.names("."), ["study.toml"], "nothing was made");
-    let json = desk.done(&["explain", "study.toml", "--engine", "cpu", "--json"]);
+    assert_eq!(workspace.names("."), ["study.toml"], "nothing was made");
+    let json = workspace.done(&["explain", "study.toml", "--engine", "cpu", "--json"]);
     let value: serde_json::Value = serde_json::from_str(&json).expect("JSON");
     let class = &value["classes"][0];
     assert!(class["error"].as_f64().expect("a number") <= 1e-5, "{class}");
@@ -243,21 +253,21 @@ fn explain_prints_what_runs_and_what_does_not_and_runs_nothing() {
     assert!(class["bytes"].as_u64().expect("a number") > 200 * 100);
     // Other targets beside the attitude, and another percentile.
     fs::write(
-        desk.path("more.toml"),
+        workspace.path("more.toml"),
         STUDY.replace("attitude = 1e-5", "attitude = 1e-2\nenergy = 1e-9\npercentile = 90"),
     )
     .unwrap();
-    desk.done(&["run", "more.toml", "--engine", "cpu", "--quiet"]);
-    let more = report(&desk, "more.out");
+    workspace.done(&["run", "more.toml", "--engine", "cpu", "--quiet"]);
+    let more = report(&workspace, "more.out");
     assert_eq!(more["accuracy"]["target"]["percentile"], 90.0);
     assert_eq!(more["accuracy"]["target"]["energy"], 1e-9);
     assert!(more["accuracy"]["kinetic_energy"]["median"].as_f64().expect("a number") <= 1e-9, "{more}");
-    let unpiloted = desk.done(&["explain", "study.toml", "--engine", "cpu", "--json", "--no-pilot"]);
+    let unpiloted = workspace.done(&["explain", "study.toml", "--engine", "cpu", "--json", "--no-pilot"]);
     let value: serde_json::Value = serde_json::from_str(&unpiloted).expect("JSON");
     assert_eq!(value["classes"][0]["pilot_bodies"], 0);
     // The plan that is explained is the plan that runs.
-    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
-    let run = report(&desk, "study.out");
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
+    let run = report(&workspace, "study.out");
     assert_eq!(run["plan"]["classes"][0]["method"], class["method"]);
     assert_eq!(run["plan"]["classes"][0]["steps"], class["steps"]);
 }

@@ -91,11 +91,12 @@ fn what_is_not_finite_or_has_no_logarithm_is_left_out() {
 #[test]
 fn a_run_is_drawn_with_its_bodies() {
     use glam::{DQuat, DVec3};
-    use polhode::record::{OutputFolder, run_to_folder};
+    use polhode::record::OutputFolder;
+    use polhode::run::run_to_folder;
     use polhode::study::{Format, Output};
     use polhode::{Ensemble, Method, Outputs, Plan, Scene, Statistic, Torque};
 
-    let desk = tempfile::tempdir().expect("a folder");
+    let workspace = tempfile::tempdir().expect("a folder");
     let moments = DVec3::new(1.0, 2.0, 3.0);
     let spins = [DVec3::new(0.1, 2.0, 0.1), DVec3::new(0.0, 0.0, 1.0), DVec3::new(1.0, 1.0, 1.0)];
     let ensemble = Ensemble::from_fn(3, |body| (moments, DQuat::IDENTITY, spins[body])).expect("valid bodies");
@@ -103,7 +104,7 @@ fn a_run_is_drawn_with_its_bodies() {
     let scene = scene.statistics(&[Statistic::SpinRate, Statistic::KineticEnergy]);
     let engine = Engine::cpu();
     let run = |scene: &Scene, name: &str| {
-        let folder = desk.path().join(name);
+        let folder = workspace.path().join(name);
         let plan = Plan::new(scene, &engine).expect("a plan");
         let output = Output { final_state: false, snapshots: true, format: Format::Csv };
         let place = OutputFolder::create(&folder, false).expect("a folder");

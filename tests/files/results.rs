@@ -10,9 +10,9 @@ use std::time::{Duration, Instant};
 
 use assert_cmd::cargo::cargo_bin;
 
-use crate::desk;
+use crate::workspace;
 
-use desk::{Desk, words};
+use workspace::{Workspace, words};
 
 const BODIES: usize = 200;
 
@@ -37,18 +37,18 @@ const TABLES: [&str; 2] = ["final.csv", "snapshots.csv"];
 
 /// A folder with a study for each seed, and the tables that each gives.
 struct Studies {
-    desk: Desk,
+    workspace: Workspace,
     expected: Vec<[Vec<u8>; TABLES.len()]>,
 }
 
 impl Studies {
     fn new() -> Self {
-        let desk = Desk::new("");
+        let workspace = Workspace::new("");
         let expected = (0..2)
             .map(|seed| {
-                fs::write(desk.path(&format!("{seed}.toml")), study(seed)).expect("written");
-                let folder = desk.path(&format!("expected-{seed}"));
-                let output = run(&desk, seed, &folder, &[]).wait_with_output().expect("the run ends");
+                fs::write(workspace.path(&format!("{seed}.toml")), study(seed)).expect("written");
+                let folder = workspace.path(&format!("expected-{seed}"));
+                let output = run(&workspace, seed, &folder, &[]).wait_with_output().expect("the run ends");
                 assert!(output.status.success(), "{}", words(&output.stderr));
                 let tables = TABLES.map(|name| fs::read(folder.join(name)).expect("a table"));
                 fs::remove_dir_all(folder).expect("removed");
@@ -56,7 +56,7 @@ impl Studies {
             })
             .collect::<Vec<_>>();
         assert!(expected[0] != expected[1]);
-        Self { desk, expected }
+        Self { workspace, expected }
     }
 
     /// Which seed's result lies in `folder`, whole; `None` where there is none at all.
@@ -85,13 +85,13 @@ impl Studies {
 }
 
 /// Begins a run of one of the [`Studies`].
-fn run(desk: &Desk, seed: u64, folder: &Path, more: &[&str]) -> Child {
-    start(desk, &format!("{seed}.toml"), &[&["--out", folder.to_str().expect("text"), "--quiet"], more].concat())
+fn run(workspace: &Workspace, seed: u64, folder: &Path, more: &[&str]) -> Child {
+    start(workspace, &format!("{seed}.toml"), &[&["--out", folder.to_str().expect("text"), "--quiet"], more].concat())
 }
 
-fn start(desk: &Desk, study: &str, more: &[&str]) -> Child {
+fn start(workspace: &Workspace, study: &str, more: &[&str]) -> Child {
     Command::new(cargo_bin!("polhode"))
-        .current_dir(desk.folder())
+        .current_dir(workspace.folder())
         .args(["run", study, "--engine", "cpu"])
         .args(more)
         .stdout(Stdio::piped())
@@ -143,14 +143,14 @@ enum Moment {
 }
 
 /// Kills a run, if it has not ended by then.
-fn kill(mut child: Child, desk: &Desk, moment: Moment, duration: Duration) {
+fn kill(mut child: Child, workspace: &Workspace, moment: Moment, duration: Duration) {
     match moment {
         Moment::Part(part) => std::thread::sleep(duration.mul_f64(part)),
         Moment::Report(delay) | Moment::Aside(delay) => {
-            let left = |ending: &str| hidden(desk.folder()).into_iter().find(|name| name.ends_with(ending));
+            let left = |ending: &str| hidden(workspace.folder()).into_iter().find(|name| name.ends_with(ending));
             let has_come = || match moment {
                 Moment::Aside(_) => left(".former").is_some(),
-                _ => left(".partial").is_some_and(|name| desk.path(&name).join("report.json").exists()),
+                _ => left(".partial").is_some_and(|name| workspace.path(&name).join("report.json").exists()),
             };
             while child.try_wait().expect("a state").is_none() && !has_come() {}
             let since = Instant::now();
@@ -166,21 +166,21 @@ fn kill(mut child: Child, desk: &Desk, moment: Moment, duration: Duration) {
 /// Kills as many runs that replace one another's results, each at another moment, and looks at what lies there.
 fn kill_loop(kills: u32) {
     let studies = Studies::new();
-    let folder = studies.desk.path("results");
+    let folder = studies.workspace.path("results");
     let since = Instant::now();
-    assert!(finished(run(&studies.desk, 0, &folder, &[])).status.success());
+    assert!(finished(run(&studies.workspace, 0, &folder, &[])).status.success());
     let duration = since.elapsed();
     fs::write(folder.join("notes.txt"), "mine").expect("written");
     let (mut replaced, mut last, mut unfinished, mut aside) = (0, 0, 0, 0);
     for number in 0..kills {
-        let child = run(&studies.desk, u64::from(number % 2), &folder, &["--force"]);
+        let child = run(&studies.workspace, u64::from(number % 2), &folder, &["--force"]);
         let moment = match number % 4 {
             0 => Moment::Part(1.2 * spread(number)),
             1 => Moment::Report(Duration::from_millis(30).mul_f64(spread(number))),
             _ => Moment::Aside(Duration::from_millis(3).mul_f64(spread(number))),
         };
-        kill(child, &studies.desk, moment, duration);
-        let left = hidden(studies.desk.folder());
+        kill(child, &studies.workspace, moment, duration);
+        let left = hidden(studies.workspace.folder());
         unfinished += u32::from(left.iter().any(|name| name.ends_with(".partial")));
         aside += u32::from(left.iter().any(|name| name.ends_with(".former")));
         match studies.seed_in(&folder) {
@@ -191,11 +191,11 @@ fn kill_loop(kills: u32) {
             None => assert!(left.iter().any(|name| name.ends_with(".former")), "the result is lost: {left:?}"),
         }
     }
-    let output = finished(run(&studies.desk, 0, &folder, &["--force"]));
+    let output = finished(run(&studies.workspace, 0, &folder, &["--force"]));
     assert!(output.status.success(), "{}", words(&output.stderr));
     assert_eq!(studies.seed_in(&folder), Some(0));
     assert_eq!(fs::read_to_string(folder.join("notes.txt")).expect("still there"), "mine");
-    assert_eq!(hidden(studies.desk.folder()), [""; 0], "nothing is left");
+    assert_eq!(hidden(studies.workspace.folder()), [""; 0], "nothing is left");
     println!(
         "{kills} kills: {unfinished} before the new result was there, {aside} while the former one was aside, {replaced} after; \
          none lost or mixed"
@@ -219,18 +219,18 @@ fn two_writers(pairs: u32) {
     let studies = Studies::new();
     let (mut refused, mut both) = (0, 0);
     let since = Instant::now();
-    assert!(finished(run(&studies.desk, 0, &studies.desk.path("first"), &[])).status.success());
+    assert!(finished(run(&studies.workspace, 0, &studies.workspace.path("first"), &[])).status.success());
     let duration = since.elapsed();
     for pair in 0..pairs {
-        let folder = studies.desk.path(&format!("pair-{pair}"));
+        let folder = studies.workspace.path(&format!("pair-{pair}"));
         // New folders and such as hold a result.
         let more: &[&str] = if pair % 2 == 0 { &[] } else { &["--force"] };
         if pair % 2 == 1 {
-            assert!(finished(run(&studies.desk, 0, &folder, &[])).status.success());
+            assert!(finished(run(&studies.workspace, 0, &folder, &[])).status.success());
         }
-        let first = run(&studies.desk, 0, &folder, more);
+        let first = run(&studies.workspace, 0, &folder, more);
         std::thread::sleep(duration.mul_f64(1.5 * spread(pair)));
-        let second = run(&studies.desk, 1, &folder, more);
+        let second = run(&studies.workspace, 1, &folder, more);
         let outputs = [finished(first), finished(second)];
         let done: Vec<_> = (0..2_u64).filter(|&seed| outputs[seed as usize].status.success()).collect();
         for output in outputs.iter().filter(|output| !output.status.success()) {
@@ -246,7 +246,7 @@ fn two_writers(pairs: u32) {
         assert!(done.contains(&found), "seed {found} lies there, {done:?} said that they were done");
         assert!(done.len() == 1 || !more.is_empty(), "both runs wrote into a new folder");
         both += u32::from(done.len() == 2);
-        assert_eq!(hidden(studies.desk.folder()), [""; 0], "nothing is left");
+        assert_eq!(hidden(studies.workspace.folder()), [""; 0], "nothing is left");
     }
     println!("{pairs} pairs: {refused} refused, {both} one after the other, none lost or mixed");
     assert!(refused > 0, "no two runs met");
@@ -265,11 +265,11 @@ fn of_five_hundred_pairs_of_runs_into_one_folder_no_result_is_lost_or_mixed() {
 
 #[test]
 fn a_second_run_is_refused_at_once_and_names_the_first() {
-    let desk = Desk::new(&long_study());
-    let mut first = start(&desk, "study.toml", &["--quiet"]);
-    wait_for_partial(&desk.path("study.out"));
+    let workspace = Workspace::new(&long_study());
+    let mut first = start(&workspace, "study.toml", &["--quiet"]);
+    wait_for_partial(&workspace.path("study.out"));
     let since = Instant::now();
-    let line = desk.refused(&["run", "study.toml", "--engine", "cpu"], 2);
+    let line = workspace.refused(&["run", "study.toml", "--engine", "cpu"], 2);
     assert!(since.elapsed() < Duration::from_secs(5), "{:?}", since.elapsed());
     let expected = format!("error: study.out: another run writes there (process {}, since 20", first.id());
     assert!(line.starts_with(&expected) && line.ends_with(", or name another folder with --out\n"), "{line}");
@@ -279,47 +279,47 @@ fn a_second_run_is_refused_at_once_and_names_the_first() {
 
 #[test]
 fn what_a_killed_run_has_left_is_reported_and_removed() {
-    let desk = Desk::new(&long_study());
-    let mut killed = start(&desk, "study.toml", &["--quiet"]);
-    let partial = wait_for_partial(&desk.path("study.out"));
+    let workspace = Workspace::new(&long_study());
+    let mut killed = start(&workspace, "study.toml", &["--quiet"]);
+    let partial = wait_for_partial(&workspace.path("study.out"));
     killed.kill().expect("killed");
     killed.wait().expect("it ends");
     assert_eq!(
-        desk.names("."),
+        workspace.names("."),
         [partial.file_name().unwrap().to_str().unwrap(), ".study.out.polhode-lock", "study.toml"]
     );
     // Of other runs, and of nobody.
     let others = [".study.out.polhode-0123456789abcdef.mine", ".study.out.polhode-1.partial", ".other.polhode-lock"];
-    others.iter().for_each(|name| fs::write(desk.path(name), "").expect("written"));
+    others.iter().for_each(|name| fs::write(workspace.path(name), "").expect("written"));
 
-    fs::write(desk.path("study.toml"), study(0)).expect("written");
-    let output = desk.polhode(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
+    fs::write(workspace.path("study.toml"), study(0)).expect("written");
+    let output = workspace.polhode(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
     assert!(output.status.success());
     let note =
         format!("note: removed what a killed run had left: {}\n", partial.canonicalize().unwrap_or(partial).display());
     assert_eq!(words(&output.stderr), note);
     let mut expected = [&others[..], &["study.out", "study.toml"]].concat();
     expected.sort_unstable();
-    assert_eq!(desk.names("."), expected);
+    assert_eq!(workspace.names("."), expected);
 }
 
 #[test]
 fn a_result_that_was_aside_when_its_run_was_killed_is_put_back() {
-    let desk = Desk::new(&study(0));
-    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
-    let aside = desk.path(".study.out.polhode-0123456789abcdef.former");
-    fs::rename(desk.path("study.out"), &aside).expect("renamed");
-    let output = desk.polhode(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
+    let workspace = Workspace::new(&study(0));
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
+    let aside = workspace.path(".study.out.polhode-0123456789abcdef.former");
+    fs::rename(workspace.path("study.out"), &aside).expect("renamed");
+    let output = workspace.polhode(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(words(&output.stderr).contains("the output folder is not empty"), "{}", words(&output.stderr));
-    assert_eq!(desk.names("study.out"), ["final.csv", "plan.json", "report.json", "snapshots.csv"]);
+    assert_eq!(workspace.names("study.out"), ["final.csv", "plan.json", "report.json", "snapshots.csv"]);
 }
 
 #[test]
 fn a_full_disk_at_any_size_is_a_failure_that_leaves_the_former_result() {
     let studies = Studies::new();
-    let folder = studies.desk.path("results");
-    assert!(finished(run(&studies.desk, 0, &folder, &[])).status.success());
+    let folder = studies.workspace.path("results");
+    assert!(finished(run(&studies.workspace, 0, &folder, &[])).status.success());
     // A limit on the size of files, in KiB, stands for a disk that fills up.
     let (mut failed, mut done) = (0, 0);
     for limit in (1..40).step_by(3).chain([400, 4000]) {
@@ -328,7 +328,7 @@ fn a_full_disk_at_any_size_is_a_failure_that_leaves_the_former_result() {
             cargo_bin!("polhode").display()
         );
         let output = Command::new("bash")
-            .current_dir(studies.desk.folder())
+            .current_dir(studies.workspace.folder())
             .args(["-c", &script])
             .output()
             .expect("bash starts");
@@ -342,62 +342,63 @@ fn a_full_disk_at_any_size_is_a_failure_that_leaves_the_former_result() {
             assert!(errors.contains("cannot be written: File too large"), "{errors}");
             assert_eq!(studies.seed_in(&folder), Some(0), "{limit} KiB");
         }
-        assert_eq!(hidden(studies.desk.folder()), [""; 0], "nothing is left");
+        assert_eq!(hidden(studies.workspace.folder()), [""; 0], "nothing is left");
     }
     assert!(failed > 10 && done > 0, "{failed} failed, {done} done");
 }
 
 #[test]
 fn links_are_replaced_and_never_written_through() {
-    let desk = Desk::new(&study(0));
-    fs::create_dir(desk.path("elsewhere")).expect("made");
-    fs::write(desk.path("elsewhere/final.csv"), "precious").expect("written");
-    fs::create_dir(desk.path("study.out")).expect("made");
+    let workspace = Workspace::new(&study(0));
+    fs::create_dir(workspace.path("elsewhere")).expect("made");
+    fs::write(workspace.path("elsewhere/final.csv"), "precious").expect("written");
+    fs::create_dir(workspace.path("study.out")).expect("made");
     for name in ["final.csv", "report.json"] {
-        symlink(desk.path("elsewhere/final.csv"), desk.path("study.out").join(name)).expect("linked");
+        symlink(workspace.path("elsewhere/final.csv"), workspace.path("study.out").join(name)).expect("linked");
     }
-    symlink("../elsewhere", desk.path("study.out/mine")).expect("linked");
-    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--force"]);
-    assert_eq!(fs::read_to_string(desk.path("elsewhere/final.csv")).expect("read"), "precious");
-    assert_eq!(fs::read_to_string(desk.path("study.out/mine/final.csv")).expect("read"), "precious");
-    assert!(fs::symlink_metadata(desk.path("study.out/final.csv")).expect("there").is_file());
+    symlink("../elsewhere", workspace.path("study.out/mine")).expect("linked");
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--force"]);
+    assert_eq!(fs::read_to_string(workspace.path("elsewhere/final.csv")).expect("read"), "precious");
+    assert_eq!(fs::read_to_string(workspace.path("study.out/mine/final.csv")).expect("read"), "precious");
+    assert!(fs::symlink_metadata(workspace.path("study.out/final.csv")).expect("there").is_file());
 
     // A lock that leads out of the folder.
-    symlink(desk.path("elsewhere/final.csv"), desk.path(".b.polhode-lock")).expect("linked");
-    let line = desk.refused(&["run", "study.toml", "--engine", "cpu", "--out", "b"], 2);
+    symlink(workspace.path("elsewhere/final.csv"), workspace.path(".b.polhode-lock")).expect("linked");
+    let line = workspace.refused(&["run", "study.toml", "--engine", "cpu", "--out", "b"], 2);
     assert!(line.contains("is no plain file"), "{line}");
-    assert_eq!(fs::read_to_string(desk.path("elsewhere/final.csv")).expect("read"), "precious");
+    assert_eq!(fs::read_to_string(workspace.path("elsewhere/final.csv")).expect("read"), "precious");
 
     // The output folder itself may be a link, to a folder.
-    fs::create_dir(desk.path("real")).expect("made");
-    symlink("real", desk.path("link")).expect("linked");
-    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "link"]);
-    assert!(fs::symlink_metadata(desk.path("link")).expect("there").is_symlink());
-    assert!(desk.path("real/report.json").exists());
-    symlink("nowhere", desk.path("dangling")).expect("linked");
-    let line = desk.refused(&["run", "study.toml", "--engine", "cpu", "--out", "dangling"], 2);
+    fs::create_dir(workspace.path("real")).expect("made");
+    symlink("real", workspace.path("link")).expect("linked");
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "link"]);
+    assert!(fs::symlink_metadata(workspace.path("link")).expect("there").is_symlink());
+    assert!(workspace.path("real/report.json").exists());
+    symlink("nowhere", workspace.path("dangling")).expect("linked");
+    let line = workspace.refused(&["run", "study.toml", "--engine", "cpu", "--out", "dangling"], 2);
     assert!(line.contains("a symbolic link that leads nowhere"), "{line}");
 }
 
 #[test]
 fn the_current_folder_is_filled_in_place() {
-    let desk = Desk::new(&study(0));
-    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", ".", "--force"]);
+    let workspace = Workspace::new(&study(0));
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", ".", "--force"]);
     let names = ["final.csv", "plan.json", "report.json", "snapshots.csv", "study.toml"];
-    assert_eq!(desk.names("."), names);
-    fs::write(desk.path("study.toml"), study(0).replace("snapshots = true", "snapshots = false")).expect("written");
-    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", ".", "--force"]);
-    assert_eq!(desk.names("."), ["final.csv", "plan.json", "report.json", "study.toml"]);
+    assert_eq!(workspace.names("."), names);
+    fs::write(workspace.path("study.toml"), study(0).replace("snapshots = true", "snapshots = false"))
+        .expect("written");
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", ".", "--force"]);
+    assert_eq!(workspace.names("."), ["final.csv", "plan.json", "report.json", "study.toml"]);
 }
 
 #[test]
 fn runs_into_a_folder_from_inside_and_from_outside_exclude_each_other() {
-    let desk = Desk::new(&long_study());
-    fs::create_dir(desk.path("inner")).expect("made");
-    fs::copy(desk.path("study.toml"), desk.path("inner/study.toml")).expect("copied");
+    let workspace = Workspace::new(&long_study());
+    fs::create_dir(workspace.path("inner")).expect("made");
+    fs::copy(workspace.path("study.toml"), workspace.path("inner/study.toml")).expect("copied");
     let refused = |folder: &str, out: &str, first: &mut Child| {
         let output = Command::new(cargo_bin!("polhode"))
-            .current_dir(desk.path(folder))
+            .current_dir(workspace.path(folder))
             .args(["run", "study.toml", "--engine", "cpu", "--quiet", "--force", "--out", out])
             .output()
             .expect("the command starts");
@@ -409,13 +410,13 @@ fn runs_into_a_folder_from_inside_and_from_outside_exclude_each_other() {
     };
     let begun = |folder: &str, out: &str, partial: &str| {
         let child = Command::new(cargo_bin!("polhode"))
-            .current_dir(desk.path(folder))
+            .current_dir(workspace.path(folder))
             .args(["run", "study.toml", "--engine", "cpu", "--quiet", "--force", "--out", out])
             .stderr(Stdio::null())
             .spawn()
             .expect("the command starts");
         let since = Instant::now();
-        while !desk.names(partial).iter().any(|name| name.ends_with(".partial")) {
+        while !workspace.names(partial).iter().any(|name| name.ends_with(".partial")) {
             assert!(since.elapsed() < Duration::from_secs(60), "it does not begin");
             std::thread::sleep(Duration::from_millis(5));
         }
@@ -424,39 +425,39 @@ fn runs_into_a_folder_from_inside_and_from_outside_exclude_each_other() {
     refused(".", "inner", &mut begun("inner", ".", "inner"));
     // What the killed one has left in the folder goes with the next run from outside.
     refused("inner", ".", &mut begun(".", "inner", "."));
-    fs::write(desk.path("study.toml"), study(0)).expect("written");
-    let output = desk.polhode(&["run", "study.toml", "--engine", "cpu", "--quiet", "--force", "--out", "inner"]);
+    fs::write(workspace.path("study.toml"), study(0)).expect("written");
+    let output = workspace.polhode(&["run", "study.toml", "--engine", "cpu", "--quiet", "--force", "--out", "inner"]);
     assert!(output.status.success(), "{}", words(&output.stderr));
-    assert_eq!(desk.names("inner"), ["final.csv", "plan.json", "report.json", "snapshots.csv", "study.toml"]);
-    assert_eq!(hidden(desk.folder()), [""; 0], "nothing is left");
+    assert_eq!(workspace.names("inner"), ["final.csv", "plan.json", "report.json", "snapshots.csv", "study.toml"]);
+    assert_eq!(hidden(workspace.folder()), [""; 0], "nothing is left");
 }
 
 #[test]
 fn a_result_that_cannot_be_moved_into_its_folder_is_kept_whole() {
-    let desk = Desk::new(&long_study().replace("end = 1e6", "end = 20.0"));
-    let run = start(&desk, "study.toml", &["--quiet", "--out", ".", "--force"]);
-    wait_for_partial(&desk.path("study.toml"));
+    let workspace = Workspace::new(&long_study().replace("end = 1e6", "end = 20.0"));
+    let run = start(&workspace, "study.toml", &["--quiet", "--out", ".", "--force"]);
+    wait_for_partial(&workspace.path("study.toml"));
     // A folder came meanwhile, where a file of the result belongs; files are moved one by one.
-    fs::create_dir_all(desk.path("final.csv/mine")).expect("made");
+    fs::create_dir_all(workspace.path("final.csv/mine")).expect("made");
     let output = finished(run);
     let errors = words(&output.stderr);
     assert_eq!((output.status.code(), errors.lines().count()), (Some(1), 1), "{errors}");
-    let kept = desk.names(".").into_iter().find(|name| name.ends_with(".kept")).expect("what was kept");
+    let kept = workspace.names(".").into_iter().find(|name| name.ends_with(".kept")).expect("what was kept");
     assert!(errors.ends_with(&format!("{kept}\n")), "{errors}");
-    assert!(desk.path(&kept).join("report.json").exists() && desk.path(&kept).join("final.csv").exists());
-    assert!(desk.path("final.csv/mine").is_dir());
+    assert!(workspace.path(&kept).join("report.json").exists() && workspace.path(&kept).join("final.csv").exists());
+    assert!(workspace.path("final.csv/mine").is_dir());
 }
 
 #[test]
 fn a_users_own_files_and_folders_stay_where_they_are() {
-    let desk = Desk::new("");
-    fs::write(desk.path("0.toml"), study(0)).expect("written");
-    let folder = desk.path("o");
+    let workspace = Workspace::new("");
+    fs::write(workspace.path("0.toml"), study(0)).expect("written");
+    let folder = workspace.path("o");
     fs::create_dir_all(folder.join("notes")).expect("made");
     for name in ["events.csv", "final.parquet", "notes.txt", "notes/a"] {
         fs::write(folder.join(name), "mine").expect("written");
     }
-    let output = run(&desk, 0, &folder, &["--force"]).wait_with_output().expect("the run ends");
+    let output = run(&workspace, 0, &folder, &["--force"]).wait_with_output().expect("the run ends");
     assert!(output.status.success(), "{}", words(&output.stderr));
     for name in ["events.csv", "final.parquet", "notes.txt", "notes/a"] {
         assert_eq!(fs::read(folder.join(name)).expect("there"), b"mine", "{name}");
@@ -466,7 +467,7 @@ fn a_users_own_files_and_folders_stay_where_they_are() {
     let former = fs::read(folder.join("final.csv")).expect("there");
     fs::remove_file(folder.join("snapshots.csv")).expect("removed");
     fs::create_dir(folder.join("snapshots.csv")).expect("made");
-    let output = run(&desk, 0, &folder, &["--force"]).wait_with_output().expect("the run ends");
+    let output = run(&workspace, 0, &folder, &["--force"]).wait_with_output().expect("the run ends");
     assert!(!output.status.success());
     assert!(words(&output.stderr).contains("the folder snapshots.csv in it has the name of a result's file"));
     assert_eq!(fs::read(folder.join("final.csv")).expect("there"), former);
@@ -475,47 +476,47 @@ fn a_users_own_files_and_folders_stay_where_they_are() {
 
 #[test]
 fn pictures_of_a_former_run_go_with_it() {
-    let desk = Desk::new(&study(0));
-    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
-    desk.done(&["plot", "study.out", "--body", "3"]);
-    fs::write(desk.path("study.out/running.png"), "mine").expect("written");
-    assert!(desk.path("study.out/run-body-3.svg").exists());
-    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--force"]);
-    assert_eq!(desk.names("study.out"), ["final.csv", "plan.json", "report.json", "running.png", "snapshots.csv"]);
+    let workspace = Workspace::new(&study(0));
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
+    workspace.done(&["plot", "study.out", "--body", "3"]);
+    fs::write(workspace.path("study.out/running.png"), "mine").expect("written");
+    assert!(workspace.path("study.out/run-body-3.svg").exists());
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet", "--force"]);
+    assert_eq!(workspace.names("study.out"), ["final.csv", "plan.json", "report.json", "running.png", "snapshots.csv"]);
 }
 
 #[test]
 fn a_folder_deleted_mid_run_is_a_failure_of_the_run() {
-    let desk = Desk::new(&long_study().replace("end = 1e6", "end = 20.0"));
-    let run = start(&desk, "study.toml", &["--quiet", "--out", "deep/study.out"]);
+    let workspace = Workspace::new(&long_study().replace("end = 1e6", "end = 20.0"));
+    let run = start(&workspace, "study.toml", &["--quiet", "--out", "deep/study.out"]);
     let partial = wait_for_partial(&{
-        while !desk.path("deep").is_dir() {
+        while !workspace.path("deep").is_dir() {
             std::thread::sleep(Duration::from_millis(5));
         }
-        desk.path("deep/study.out")
+        workspace.path("deep/study.out")
     });
     fs::remove_dir_all(partial).expect("removed");
     let output = finished(run);
     let errors = words(&output.stderr);
     assert_eq!((output.status.code(), errors.lines().count()), (Some(1), 1), "{errors}");
     assert!(errors.contains("cannot be written: No such file or directory"), "{errors}");
-    assert_eq!(desk.names("."), ["study.toml"], "nothing is left");
+    assert_eq!(workspace.names("."), ["study.toml"], "nothing is left");
 }
 
 #[test]
 fn results_that_cannot_get_their_name_are_kept_and_named() {
-    let desk = Desk::new(&study(0).replace(&format!("count = {BODIES}"), "count = 50_000"));
-    let run = start(&desk, "study.toml", &["--quiet", "--force"]);
-    wait_for_partial(&desk.path("study.out"));
+    let workspace = Workspace::new(&study(0).replace(&format!("count = {BODIES}"), "count = 50_000"));
+    let run = start(&workspace, "study.toml", &["--quiet", "--force"]);
+    wait_for_partial(&workspace.path("study.out"));
     // Somebody else's file, which came meanwhile.
-    fs::write(desk.path("study.out"), "mine").expect("written");
+    fs::write(workspace.path("study.out"), "mine").expect("written");
     let output = finished(run);
     let errors = words(&output.stderr);
     assert_eq!((output.status.code(), errors.lines().count()), (Some(1), 1), "{errors}");
-    let kept = desk.names(".").into_iter().find(|name| name.ends_with(".kept")).expect("what was kept");
+    let kept = workspace.names(".").into_iter().find(|name| name.ends_with(".kept")).expect("what was kept");
     assert!(errors.starts_with("error: study.out: cannot be written: Not a directory"), "{errors}");
     assert!(errors.ends_with(&format!("{kept}\n")), "{errors}");
-    assert_eq!(desk.names(&kept), ["final.csv", "plan.json", "report.json", "snapshots.csv"]);
-    assert_eq!(fs::read_to_string(desk.path("study.out")).expect("read"), "mine");
-    assert_eq!(hidden(desk.folder()), [""; 0], "nothing else is left");
+    assert_eq!(workspace.names(&kept), ["final.csv", "plan.json", "report.json", "snapshots.csv"]);
+    assert_eq!(fs::read_to_string(workspace.path("study.out")).expect("read"), "mine");
+    assert_eq!(hidden(workspace.folder()), [""; 0], "nothing else is left");
 }

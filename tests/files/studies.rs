@@ -6,21 +6,21 @@ use std::fs;
 
 use glam::DVec3;
 
-use crate::desk;
+use crate::workspace;
 
-use desk::{Desk, States, example, report};
+use workspace::{States, Workspace, example, report};
 
-fn run_example(name: &str) -> Desk {
-    let desk = Desk::new("");
-    desk.done(&["run", &example(name), "--engine", "cpu", "--out", "out"]);
-    assert_eq!(report(&desk, "out")["failed_bodies"], serde_json::json!([]));
-    desk
+fn run_example(name: &str) -> Workspace {
+    let workspace = Workspace::new("");
+    workspace.done(&["run", &example(name), "--engine", "cpu", "--out", "out"]);
+    assert_eq!(report(&workspace, "out")["failed_bodies"], serde_json::json!([]));
+    workspace
 }
 
 #[test]
 fn tumbling_upper_stages_keep_what_free_bodies_keep() {
-    let desk = run_example("tumbling");
-    let report = report(&desk, "out");
+    let workspace = run_example("tumbling");
+    let report = report(&workspace, "out");
     assert_eq!(report["bodies"], 100_000);
     for quantity in ["kinetic_energy", "angular_momentum_world"] {
         // The study asks for 1e-6 rad; what is conserved must be kept no worse.
@@ -30,7 +30,7 @@ fn tumbling_upper_stages_keep_what_free_bodies_keep() {
     // Many parts of a table, written side by side; the study's cylinder of 1400 kg, 1.2 m and 6.5 m.
     let across = 1400.0 * (3.0 * 1.2 * 1.2 + 6.5 * 6.5) / 12.0;
     let moments = DVec3::new(across, across, 1400.0 * 1.2 * 1.2 / 2.0);
-    let states = States::read(&desk.path("out/final.csv"));
+    let states = States::read(&workspace.path("out/final.csv"));
     assert_eq!(states.rows(), 100_000);
     for (body, (&number, row)) in states.column("body").iter().zip(0..).enumerate() {
         assert_eq!(number, body as f64);
@@ -55,11 +55,11 @@ fn the_intermediate_axis_flips_again_and_again() {
 
 #[test]
 fn the_disc_wobbles_twice_as_fast_as_it_turns() {
-    let desk = Desk::new("");
+    let workspace = Workspace::new("");
     let text = fs::read_to_string(example("wobbling_disc")).unwrap().replace("format = \"npz\"", "format = \"csv\"");
-    fs::write(desk.path("disc.toml"), text).unwrap();
-    desk.done(&["run", "disc.toml", "--engine", "cpu", "--out", "out"]);
-    let states = States::read(&desk.path("out/snapshots.csv"));
+    fs::write(workspace.path("disc.toml"), text).unwrap();
+    workspace.done(&["run", "disc.toml", "--engine", "cpu", "--out", "out"]);
+    let states = States::read(&workspace.path("out/snapshots.csv"));
     let momentum = states.vector(["lx", "ly", "lz"], 0);
     // The disc's axis goes round the angular momentum; its azimuth, unwound, gives the rate.
     let across = momentum.normalize().any_orthonormal_pair();
@@ -112,9 +112,9 @@ fn spacecraft_tumble_in_their_own_axes() {
 
 #[test]
 fn fragments_drift_as_a_constant_force_demands() {
-    let desk = run_example("debris");
-    let states = States::read(&desk.path("out/final.csv"));
-    let report = report(&desk, "out");
+    let workspace = run_example("debris");
+    let states = States::read(&workspace.path("out/final.csv"));
+    let report = report(&workspace, "out");
     assert_eq!(report["bodies"], 1000);
     let time = 60.0;
     for row in 0..states.rows() {
@@ -181,9 +181,9 @@ const RELAXING: f64 = 1e-3;
 
 #[test]
 fn stages_that_dissipate_keep_their_momentum_and_end_in_a_flat_spin() {
-    let desk = run_example("relaxing");
-    assert_eq!(desk.names("out"), ["plan.json", "report.json", "statistics.csv"]);
-    let states = States::read(&desk.path("out/statistics.csv"));
+    let workspace = run_example("relaxing");
+    assert_eq!(workspace.names("out"), ["plan.json", "report.json", "statistics.csv"]);
+    let states = States::read(&workspace.path("out/statistics.csv"));
     let (time, momentum) = (states.column("t"), states.column("angular_momentum_mean"));
     assert_eq!((time.len(), time[0], time[19]), (20, 360.0, 7200.0));
     assert!(states.column("count").iter().all(|&count| count == 2000.0));
@@ -195,7 +195,7 @@ fn stages_that_dissipate_keep_their_momentum_and_end_in_a_flat_spin() {
     let squared = momentum[19].powi(2) + states.column("angular_momentum_standard_deviation")[19].powi(2);
     let least = squared / (2.0 * across);
     assert!(energy[19] > least * (1.0 - RELAXING) && energy[19] < 0.8 * energy[0], "{energy:?}, at least {least}");
-    let report = report(&desk, "out");
+    let report = report(&workspace, "out");
     assert_eq!(report["drift"]["bodies"], 64);
     assert_eq!(report["statistics"]["count"], 2000);
     assert!(report["plan"]["skips"].as_array().expect("a list").iter().any(|skip| skip["name"] == "states"));
@@ -233,14 +233,14 @@ fn a_spring_and_a_damper_bring_cameras_to_a_moving_target() {
 
 #[test]
 fn bodies_that_swing_by_a_table_keep_their_total_energy() {
-    let desk = run_example("aero_table");
-    let report = report(&desk, "out");
+    let workspace = run_example("aero_table");
+    let report = report(&workspace, "out");
     let balance = &report["balance"];
     assert_eq!(balance["conservative_bodies"], 300);
     // The potential is the table's integral; steps at its kinks cost most of the error.
     let worst = balance["total_energy"]["max"].as_f64().expect("a number");
     assert!(worst < 1e-6, "{worst:e}");
-    let states = States::read(&desk.path("out/snapshots.csv"));
+    let states = States::read(&workspace.path("out/snapshots.csv"));
     let (mut nose_first, mut tail_first) = (0, 0);
     for body in 0..300 {
         let beyond = |row: usize| (states.orientation(row) * DVec3::X).x < 140.0_f64.to_radians().cos();

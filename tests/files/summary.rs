@@ -5,9 +5,9 @@
 
 use std::fs;
 
-use crate::desk;
+use crate::workspace;
 
-use desk::{Desk, States, report, words};
+use workspace::{States, Workspace, report, words};
 
 /// Bodies of which every tenth is slowed down by drag.
 const MIXED: &str = r#"
@@ -24,24 +24,24 @@ energy = 1e-4
 percentile = 95
 "#;
 
-fn mixed(count: usize) -> Desk {
-    let desk = Desk::new(MIXED);
+fn mixed(count: usize) -> Workspace {
+    let workspace = Workspace::new(MIXED);
     let mut table = "ixx,iyy,izz,wx,wy,wz,drag\n".to_owned();
     for body in 0..count {
         let drag = if body % 10 == 0 { 0.1 } else { 0.0 };
         table += &format!("1,2,2.5,{},1,0.5,{drag}\n", 0.1 + 0.001 * body as f64);
     }
-    fs::write(desk.path("bodies.csv"), table).expect("the table is written");
-    desk
+    fs::write(workspace.path("bodies.csv"), table).expect("the table is written");
+    workspace
 }
 
 const RUN: [&str; 4] = ["run", "study.toml", "--engine", "cpu"];
 
 #[test]
 fn all_methods_of_a_mixed_run_are_named() {
-    let desk = mixed(200);
-    let summary = desk.done(&RUN);
-    let plan = &report(&desk, "study.out")["plan"];
+    let workspace = mixed(200);
+    let summary = workspace.done(&RUN);
+    let plan = &report(&workspace, "study.out")["plan"];
     let parts = plan["parts"].as_array().expect("a list");
     assert_eq!(parts.len(), 2, "{plan}");
     assert_eq!((&parts[0]["method"], &parts[0]["bodies"]), (&"closed form".into(), &180.into()), "{plan}");
@@ -57,34 +57,34 @@ fn all_methods_of_a_mixed_run_are_named() {
 
 #[test]
 fn what_was_asked_for_stands_beside_what_came_out() {
-    let desk = mixed(200);
-    let summary = desk.done(&RUN);
+    let workspace = mixed(200);
+    let summary = workspace.done(&RUN);
     let asked = "attitude 1e-5 rad, energy 1e-4 of its value, in 95 % of the bodies";
     assert!(summary.contains(&format!("  asked    {asked}\n           met, 0 of 64 bodies beyond\n")), "{summary}");
     assert!(summary.contains("recomputed in f64 (of fewer than 100, p99 is the greatest)\n"), "{summary}");
     let errors = summary.split_once("  error    attitude (rad)   median ").expect("errors").1;
     assert!(errors.contains("\n           kinetic energy   median "), "{summary}");
-    let explained = desk.done(&["explain", "study.toml", "--engine", "cpu"]);
+    let explained = workspace.done(&["explain", "study.toml", "--engine", "cpu"]);
     assert!(explained.contains(&format!("\nasked for: {asked}\n")), "{explained}");
     assert!(!explained.contains("no pilot"), "{explained}");
-    let unpiloted = desk.done(&["explain", "study.toml", "--engine", "cpu", "--no-pilot"]);
+    let unpiloted = workspace.done(&["explain", "study.toml", "--engine", "cpu", "--no-pilot"]);
     assert!(unpiloted.contains("\nno pilot: "), "{unpiloted}");
 
     let pinned = MIXED.split_once("attitude").expect("targets").0.to_owned() + "method = \"rk4\"\ndt = 0.01\n";
-    fs::write(desk.path("study.toml"), pinned).expect("written");
-    let summary = desk.done(&["run", "study.toml", "--engine", "cpu", "--force"]);
+    fs::write(workspace.path("study.toml"), pinned).expect("written");
+    let summary = workspace.done(&["run", "study.toml", "--engine", "cpu", "--force"]);
     assert!(summary.contains("200 bodies, 8 s: rk4 in f64, 800 steps of 1.000e-2 s or less\n"), "{summary}");
     assert!(!summary.contains("  asked "), "{summary}");
 }
 
 #[test]
 fn drift_is_shown_of_what_bodies_conserve_alone() {
-    let desk = mixed(200);
+    let workspace = mixed(200);
     let drift = |more: &str| {
         let study = MIXED.split_once("[[torque]]").expect("torques").0.to_owned() + more + "[time]\nend = 8.0\n";
-        fs::write(desk.path("study.toml"), study).expect("written");
-        let summary = desk.done(&["run", "study.toml", "--engine", "cpu", "--force"]);
-        (report(&desk, "study.out")["drift"].clone(), summary)
+        fs::write(workspace.path("study.toml"), study).expect("written");
+        let summary = workspace.done(&["run", "study.toml", "--engine", "cpu", "--force"]);
+        (report(&workspace, "study.out")["drift"].clone(), summary)
     };
     let counts = |drift: &serde_json::Value| {
         ["bodies", "kinetic_energy_bodies", "angular_momentum_bodies"].map(|key| drift[key].as_u64().expect("a number"))
@@ -101,9 +101,9 @@ fn drift_is_shown_of_what_bodies_conserve_alone() {
     assert_eq!(summary.matches(", in the 180 of 200 bodies that keep it\n").count(), 2, "{summary}");
 
     // All bodies alike.
-    let table = fs::read_to_string(desk.path("bodies.csv")).expect("a table");
+    let table = fs::read_to_string(workspace.path("bodies.csv")).expect("a table");
     let columns = |line: &str| line.rsplit_once(',').expect("columns").0.to_owned() + "\n";
-    fs::write(desk.path("bodies.csv"), table.lines().map(columns).collect::<String>()).expect("written");
+    fs::write(workspace.path("bodies.csv"), table.lines().map(columns).collect::<String>()).expect("written");
 
     let (found, summary) = drift(&torque("\"internal-dissipation\"\ncoefficient = 0.1"));
     assert_eq!(counts(&found), [200, 0, 200]);
@@ -122,9 +122,9 @@ fn drift_is_shown_of_what_bodies_conserve_alone() {
 fn errors_of_centres_of_mass_stand_beside_those_of_the_rotation() {
     let (bodies, end) = (bodies(12), "[time]\nend = 8.0\n");
     let flying = "mass = 2.0\nvelocity = [30, 0, 0]\n[[force]]\nmodel = \"quadratic-drag\"\ncoefficient = 0.5\n";
-    let desk = Desk::new(&format!("{bodies}{flying}{end}"));
-    let summary = desk.done(&RUN);
-    let accuracy = &report(&desk, "study.out")["accuracy"];
+    let workspace = Workspace::new(&format!("{bodies}{flying}{end}"));
+    let summary = workspace.done(&RUN);
+    let accuracy = &report(&workspace, "study.out")["accuracy"];
     assert_eq!((&accuracy["bodies"], &accuracy["translating"]), (&12.into(), &12.into()));
     // Steps of a sixty-fourth of the velocity's own time err by less than 1e-9 of the 100 m and 30 m/s.
     for (quantity, most, line) in [("position", 1e-7, "position (m)     "), ("velocity", 3e-8, "velocity (m/s)   ")] {
@@ -132,40 +132,42 @@ fn errors_of_centres_of_mass_stand_beside_those_of_the_rotation() {
         assert!(error > 0.0 && error < most, "{quantity}: {error:e}");
         assert!(summary.contains(&format!("\n           {line}median ")), "{summary}");
     }
-    fs::write(desk.path("study.toml"), format!("{bodies}{end}")).expect("written");
-    let summary = desk.done(&[&RUN[..], &["--force"]].concat());
-    let accuracy = &report(&desk, "study.out")["accuracy"];
+    fs::write(workspace.path("study.toml"), format!("{bodies}{end}")).expect("written");
+    let summary = workspace.done(&[&RUN[..], &["--force"]].concat());
+    let accuracy = &report(&workspace, "study.out")["accuracy"];
     assert_eq!((&accuracy["translating"], &accuracy["position"]["max"]), (&0.into(), &serde_json::Value::Null));
     assert!(!summary.contains("position (m)"), "{summary}");
 }
 
 #[test]
 fn no_bodies_have_no_figures() {
-    let desk = mixed(0);
-    fs::write(desk.path("study.toml"), format!("{MIXED}[output]\nstatistics = [\"spin_rate\"]\n")).expect("written");
-    let summary = desk.done(&RUN);
+    let workspace = mixed(0);
+    fs::write(workspace.path("study.toml"), format!("{MIXED}[output]\nstatistics = [\"spin_rate\"]\n"))
+        .expect("written");
+    let summary = workspace.done(&RUN);
     assert!(summary.contains("  work     0 bodies, 8 s: nothing to do\n"), "{summary}");
     assert!(!summary.contains("NaN") && !summary.contains("median"), "{summary}");
-    assert_eq!(report(&desk, "study.out")["accuracy"]["met"], serde_json::Value::Null);
+    assert_eq!(report(&workspace, "study.out")["accuracy"]["met"], serde_json::Value::Null);
 }
 
 #[test]
 fn a_study_that_asks_for_no_results_is_told_so() {
-    let desk = mixed(20);
-    fs::write(desk.path("study.toml"), format!("{MIXED}[output]\nfinal = false\n")).expect("written");
-    let output = desk.polhode(&RUN);
+    let workspace = mixed(20);
+    fs::write(workspace.path("study.toml"), format!("{MIXED}[output]\nfinal = false\n")).expect("written");
+    let output = workspace.polhode(&RUN);
     assert!(output.status.success());
     let note = words(&output.stderr);
     assert_eq!(note, "note: the study asks for no results: all that is written is plan.json and report.json\n");
-    assert_eq!(desk.names("study.out"), ["plan.json", "report.json"]);
+    assert_eq!(workspace.names("study.out"), ["plan.json", "report.json"]);
 }
 
 #[test]
 fn a_target_out_of_reach_is_named_with_its_line_and_unit() {
-    let desk = mixed(20);
+    let workspace = mixed(20);
     let refused = |targets: &str| {
-        fs::write(desk.path("study.toml"), MIXED.replace("attitude = 1e-5\nenergy = 1e-4", targets)).expect("written");
-        desk.refused(&RUN, 2)
+        fs::write(workspace.path("study.toml"), MIXED.replace("attitude = 1e-5\nenergy = 1e-4", targets))
+            .expect("written");
+        workspace.refused(&RUN, 2)
     };
     let line = refused("attitude = 1e-17");
     let start =
@@ -178,54 +180,54 @@ fn a_target_out_of_reach_is_named_with_its_line_and_unit() {
     // What nobody wrote is missed all the same, and what is written is innocent.
     let chaos = MIXED.replace("end = 8.0", "end = 800.0").replace("attitude = 1e-5\nenergy = 1e-4", "energy = 0.1")
         + "[[torque]]\nmodel = \"heavy-top\"\nmass = 3.0\ncentre = [0.3, 0.2, 0.5]\ngravity = [0, 0, -9.81]\n";
-    fs::write(desk.path("study.toml"), chaos).expect("written");
-    let line = desk.refused(&RUN, 2);
+    fs::write(workspace.path("study.toml"), chaos).expect("written");
+    let line = workspace.refused(&RUN, 2);
     assert!(line.starts_with("error: study.toml:9: accuracy.attitude = 1e-6 (where nothing is said): "), "{line}");
     assert!(line.contains("the motion amplifies every error"), "{line}");
 }
 
 #[test]
 fn a_plan_of_the_long_way_says_how_it_is_repeated() {
-    let desk = mixed(20);
+    let workspace = mixed(20);
     let run = |more: &[&'static str]| [&RUN[..], &["--quiet"], more].concat();
-    desk.done(&run(&["--no-skip", "--out", "long"]));
-    let line = desk.refused(&run(&["--plan", "long/plan.json", "--out", "again"]), 2);
+    workspace.done(&run(&["--no-skip", "--out", "long"]));
+    let line = workspace.refused(&run(&["--plan", "long/plan.json", "--out", "again"]), 2);
     assert!(line.contains("skipping is forbidden") && line.contains("repeat it with --no-skip"), "{line}");
-    desk.done(&run(&["--plan", "long/plan.json", "--no-skip", "--out", "again"]));
-    desk.done(&run(&["--out", "short"]));
-    let line = desk.refused(&run(&["--plan", "short/plan.json", "--no-skip", "--out", "third"]), 2);
+    workspace.done(&run(&["--plan", "long/plan.json", "--no-skip", "--out", "again"]));
+    workspace.done(&run(&["--out", "short"]));
+    let line = workspace.refused(&run(&["--plan", "short/plan.json", "--no-skip", "--out", "third"]), 2);
     assert!(line.contains("skipping is allowed") && line.contains("repeat it without --no-skip"), "{line}");
-    let bytes = |folder: &str| fs::read(desk.path(folder).join("final.csv")).expect("written");
+    let bytes = |folder: &str| fs::read(workspace.path(folder).join("final.csv")).expect("written");
     assert!(bytes("long") == bytes("again"));
 }
 
 /// Rows of the table of failed bodies, as texts.
-fn failed(desk: &Desk) -> Vec<Vec<String>> {
-    let mut reader = csv::Reader::from_path(desk.path("study.out/failed.csv")).expect("a table of failed bodies");
+fn failed(workspace: &Workspace) -> Vec<Vec<String>> {
+    let mut reader = csv::Reader::from_path(workspace.path("study.out/failed.csv")).expect("a table of failed bodies");
     let header: Vec<&str> = reader.headers().expect("a header").iter().collect();
     assert_eq!(header.join(","), "body,t,status,reason,known_to,last_good_t,qx,qy,qz,qw,wx,wy,wz");
     reader.records().map(|row| row.expect("a row").iter().map(str::to_owned).collect()).collect()
 }
 
 /// Runs a study that must end with exit status 1, all of whose bodies fail for `reason`; gives its tables.
-fn all_fail(study: &str, bodies: usize, reason: &str, status: f64) -> (Desk, States, Vec<Vec<String>>) {
-    let desk = Desk::new(study);
-    let output = desk.polhode(&["run", "study.toml", "--engine", "cpu"]);
+fn all_fail(study: &str, bodies: usize, reason: &str, status: f64) -> (Workspace, States, Vec<Vec<String>>) {
+    let workspace = Workspace::new(study);
+    let output = workspace.polhode(&["run", "study.toml", "--engine", "cpu"]);
     let errors = words(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{errors}");
     assert!(errors.contains("failed.csv says which, when and why"), "{errors}");
-    let report = report(&desk, "study.out");
+    let report = report(&workspace, "study.out");
     assert_eq!(report["failed_bodies"].as_array().expect("a list").len(), bodies);
     assert_eq!(report["failures"][0]["reason"], reason);
     assert_eq!(report["failures"][0]["bodies"], bodies);
     assert_ne!(report["accuracy"]["met"], true, "{}", report["accuracy"]);
     assert!(report["files"].as_array().expect("a list").contains(&"failed.csv".into()), "{report}");
-    let rows = failed(&desk);
+    let rows = failed(&workspace);
     assert_eq!(rows.len(), bodies);
     assert!(rows.iter().all(|row| row[3] == reason), "{rows:?}");
-    let states = States::read(&desk.path("study.out/final.csv"));
+    let states = States::read(&workspace.path("study.out/final.csv"));
     assert!(states.column("status").iter().all(|found| *found == status), "{:?}", states.column("status"));
-    (desk, states, rows)
+    (workspace, states, rows)
 }
 
 #[test]
@@ -233,13 +235,13 @@ fn bodies_that_become_nan_under_an_accuracy_are_not_met() {
     let study = "[bodies]\ncount = 20\ninertia = [1e-12, 1, 1]\nangular_velocity = [1, 0.1, 0.2]\n\
                  [[torque]]\nmodel = \"linear-drag\"\ncoefficient = 0.01\n\
                  [time]\nend = 10.0\n[accuracy]\nattitude = 1e-6\n";
-    let desk = Desk::new(study);
-    let output = desk.polhode(&["run", "study.toml", "--engine", "cpu"]);
+    let workspace = Workspace::new(study);
+    let output = workspace.polhode(&["run", "study.toml", "--engine", "cpu"]);
     assert_eq!(output.status.code(), Some(1), "{}", words(&output.stderr));
-    let report = report(&desk, "study.out");
+    let report = report(&workspace, "study.out");
     assert_eq!(report["accuracy"]["met"], false, "{}", report["accuracy"]);
-    assert_eq!(failed(&desk).len(), 20);
-    let states = States::read(&desk.path("study.out/final.csv"));
+    assert_eq!(failed(&workspace).len(), 20);
+    let states = States::read(&workspace.path("study.out/final.csv"));
     assert!(states.column("status").iter().all(|status| *status > 0.0));
     assert!(["qx", "wx", "lx", "kinetic_energy"].iter().all(|name| states.column(name).iter().all(|x| x.is_nan())));
 }
@@ -270,13 +272,13 @@ const STIFF: &str = "[[torque]]\nmodel = \"linear-drag\"\ncoefficient = 1e300\n"
 #[test]
 fn a_body_whose_adaptive_steps_are_all_refused_does_not_stand_at_its_start() {
     let study = bodies(5) + STIFF + "[time]\nend = 3.0\n[accuracy]\nmethod = \"rk8\"\ntolerance = 1e-9\n";
-    let (desk, states, _) = all_fail(&study, 5, "step_below_limit", 3.0);
+    let (workspace, states, _) = all_fail(&study, 5, "step_below_limit", 3.0);
     assert!(states.column("qw").iter().chain(states.column("wx")).all(|x| x.is_nan()), "{states:?}");
     // Nor have they an error of 0.
-    let accuracy = &report(&desk, "study.out")["accuracy"];
+    let accuracy = &report(&workspace, "study.out")["accuracy"];
     assert_eq!((&accuracy["bodies"], &accuracy["lost"]), (&0.into(), &5.into()));
     assert!(accuracy["attitude"]["max"].is_null(), "{accuracy}");
-    let summary = words(&desk.polhode(&["run", "study.toml", "--engine", "cpu", "--force"]).stdout);
+    let summary = words(&workspace.polhode(&["run", "study.toml", "--engine", "cpu", "--force"]).stdout);
     assert!(summary.contains("\n  error    not known: no body of the sample is left to compare\n"), "{summary}");
     let failed = "\n  failed   5 bodies, the first is body 0\n           5 step_below_limit: the error asked for needs";
     assert!(summary.contains(failed), "{summary}");
@@ -290,19 +292,19 @@ fn one_lost_body_of_many_is_not_met_whatever_the_percentile() {
     let table: String = (0..BODIES)
         .map(|body| if body == LOST { "1e-12,1,1,1,0.1,0.2,0.01\n" } else { "1,2,2.5,1,0.1,0.2,0.01\n" })
         .collect();
-    let desk = Desk::new(
+    let workspace = Workspace::new(
         "[bodies]\nfile = \"bodies.csv\"\n[[torque]]\nmodel = \"linear-drag\"\ncoefficient = { column = \"drag\" }\n\
          [time]\nend = 10.0\n[accuracy]\nattitude = 1e-6\npercentile = 100\n",
     );
-    fs::write(desk.path("bodies.csv"), format!("ixx,iyy,izz,wx,wy,wz,drag\n{table}")).expect("a table");
-    let output = desk.polhode(&["run", "study.toml", "--engine", "cpu"]);
+    fs::write(workspace.path("bodies.csv"), format!("ixx,iyy,izz,wx,wy,wz,drag\n{table}")).expect("a table");
+    let output = workspace.polhode(&["run", "study.toml", "--engine", "cpu"]);
     assert_eq!(output.status.code(), Some(1), "{}", words(&output.stderr));
     let summary = words(&output.stdout);
     assert!(summary.contains("NOT MET, 0 of ") && summary.contains(" beyond, 1 of all bodies failed\n"), "{summary}");
-    let report = report(&desk, "study.out");
+    let report = report(&workspace, "study.out");
     assert_eq!(report["failed_bodies"], serde_json::json!([LOST]));
     assert_eq!((&report["accuracy"]["lost"], &report["accuracy"]["met"]), (&0.into(), &false.into()));
-    let states = States::read(&desk.path("study.out/final.csv"));
+    let states = States::read(&workspace.path("study.out/final.csv"));
     for body in 0..BODIES {
         let is_lost = body == LOST;
         assert_eq!(
@@ -332,11 +334,11 @@ fn the_last_good_state_is_that_of_the_output_before() {
     let study = bodies(10)
         + &FLUNG.replace("velocity = [1e308", "velocity = [1e307")
         + "[time]\nend = 10.0\noutputs = { every = 2.0 }\n[accuracy]\nattitude = 1e-6\n[output]\nsnapshots = true\n";
-    let (desk, _, rows) = all_fail(&study, 10, "centre_not_finite", 5.0);
+    let (workspace, _, rows) = all_fail(&study, 10, "centre_not_finite", 5.0);
     // 1e308 + 1e307 t leaves the range of f64, 1.798e308, after 7.98 s.
     // Nothing is stepped, so that there is no step to know it to.
     assert!(rows.iter().all(|row| [&row[1], &row[4], &row[5]] == ["8.0", "output", "6.0"]), "{rows:?}");
-    let states = States::read(&desk.path("study.out/snapshots.csv"));
+    let states = States::read(&workspace.path("study.out/snapshots.csv"));
     for row in 0..states.rows() {
         let is_lost = states.column("t")[row] > 7.98;
         assert_eq!(states.column("status")[row] > 0.0, is_lost, "t = {}", states.column("t")[row]);
@@ -359,11 +361,11 @@ fn a_body_whose_energy_overflows_has_the_step_that_lost_it() {
     const BODIES: usize = 21;
     let (study, table) = spun_up(BODIES);
     for method in ["rk4", "splitting4", "rk8"] {
-        let desk = Desk::new(&study.replace("METHOD", method));
-        fs::write(desk.path("bodies.csv"), &table).expect("written");
-        let output = desk.polhode(&["run", "study.toml", "--engine", "cpu"]);
+        let workspace = Workspace::new(&study.replace("METHOD", method));
+        fs::write(workspace.path("bodies.csv"), &table).expect("written");
+        let output = workspace.polhode(&["run", "study.toml", "--engine", "cpu"]);
         assert_eq!(output.status.code(), Some(1), "{}", words(&output.stderr));
-        let rows = failed(&desk);
+        let rows = failed(&workspace);
         assert_eq!(rows.len(), BODIES);
         for (body, row) in rows.iter().enumerate() {
             let number = |column: usize| row[column].parse::<f64>().expect("a number");
@@ -395,15 +397,15 @@ fn the_time_of_failure_is_that_of_a_run_whose_every_step_is_read() {
         )
     };
     let run = |study: &str, engine: &str| {
-        let desk = Desk::new(study);
-        fs::write(desk.path("bodies.csv"), format!("ixx,iyy,izz,wx,wy,wz,drag\n{table}")).expect("written");
+        let workspace = Workspace::new(study);
+        fs::write(workspace.path("bodies.csv"), format!("ixx,iyy,izz,wx,wy,wz,drag\n{table}")).expect("written");
         let mut arguments = vec!["run", "study.toml", "--engine", engine, "--quiet"];
         if engine == "gpu" {
             arguments.extend(["--precision", "f32"]);
         }
-        let output = desk.polhode(&arguments);
+        let output = workspace.polhode(&arguments);
         assert_eq!(output.status.code(), Some(1), "{}", words(&output.stderr));
-        failed(&desk)
+        failed(&workspace)
     };
     let every_step = "outputs = { every = 0.125 }\n[output]\nsnapshots = true\n";
     for (engine, most_apart) in [("cpu", 0.0), ("gpu", 0.125)] {
@@ -472,11 +474,12 @@ fn more_failed_bodies_than_are_stepped_again_keep_their_outputs() {
     // All alike.
     let (header, rows) = table.split_once('\n').expect("lines");
     let first = rows.lines().next().expect("a row");
-    let desk = Desk::new(&study.replace("METHOD", "rk4"));
-    fs::write(desk.path("bodies.csv"), format!("{header}\n{}", format!("{first}\n").repeat(BODIES))).expect("written");
-    let output = desk.polhode(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
+    let workspace = Workspace::new(&study.replace("METHOD", "rk4"));
+    fs::write(workspace.path("bodies.csv"), format!("{header}\n{}", format!("{first}\n").repeat(BODIES)))
+        .expect("written");
+    let output = workspace.polhode(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
     assert_eq!(output.status.code(), Some(1), "{}", words(&output.stderr));
-    let rows = failed(&desk);
+    let rows = failed(&workspace);
     let count = |word: &str| rows.iter().filter(|row| row[4] == word).count();
     assert_eq!((rows.len(), count("step"), count("output")), (BODIES, 1000, 100));
     assert!(rows[..1000].iter().all(|row| row[4] == "step"), "the first of them");
@@ -493,20 +496,20 @@ fn failures_are_found_where_statistics_alone_are_asked_for() {
     for (study, reason, counted, expected) in
         [(driven, "step_below_limit", 0.0, stopped), (flung, "centre_not_finite", 10.0, lost)]
     {
-        let desk = Desk::new(&study);
-        let output = desk.polhode(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
+        let workspace = Workspace::new(&study);
+        let output = workspace.polhode(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
         assert_eq!(output.status.code(), Some(1), "{}", words(&output.stderr));
-        assert_eq!(desk.names("study.out"), ["failed.csv", "plan.json", "report.json", "statistics.csv"]);
-        let rows = failed(&desk);
+        assert_eq!(workspace.names("study.out"), ["failed.csv", "plan.json", "report.json", "statistics.csv"]);
+        let rows = failed(&workspace);
         assert_eq!(rows.len(), 10);
         assert!(rows.iter().all(|row| row[3] == reason && row[9] == "1.0"), "{rows:?}");
         assert!(rows.iter().all(|row| [&row[1], &row[4], &row[5]] == expected), "{rows:?}");
-        let statistics = fs::read_to_string(desk.path("study.out/statistics.csv")).expect("statistics");
+        let statistics = fs::read_to_string(workspace.path("study.out/statistics.csv")).expect("statistics");
         // Statistics are of the rotation.
         let count = statistics.lines().last().and_then(|row| row.split(',').nth(1)).expect("a count").parse::<f64>();
         assert_eq!(count, Ok(counted), "{reason}");
         // The rotation of bodies whose centre is lost is good, and theirs alone is a sample's.
-        let summary = words(&desk.polhode(&["run", "study.toml", "--engine", "cpu", "--force"]).stdout);
+        let summary = words(&workspace.polhode(&["run", "study.toml", "--engine", "cpu", "--force"]).stdout);
         let is_sample = summary.contains("of a sample of 10 bodies: states were not read\n");
         assert_eq!(is_sample, reason == "centre_not_finite", "{summary}");
     }
@@ -517,11 +520,11 @@ fn both_formats_say_the_same_of_failed_bodies() {
     let study = "[bodies]\ncount = 7\ninertia = [1, 2, 2.5]\nangular_velocity = [1, 0.4, 0.1]\nmass = 1.0\n\
                  position = [1e308, 0, 0]\nvelocity = [1e307, 0, 0]\n\
                  [time]\nend = 10.0\noutputs = { every = 2.0 }\n[accuracy]\nattitude = 1e-6\n[output]\nsnapshots = true\n";
-    let (desk, _, rows) = all_fail(study, 7, "centre_not_finite", 5.0);
-    fs::write(desk.path("study.toml"), format!("{study}format = \"npz\"\n")).expect("written");
-    let output = desk.polhode(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "binary"]);
+    let (workspace, _, rows) = all_fail(study, 7, "centre_not_finite", 5.0);
+    fs::write(workspace.path("study.toml"), format!("{study}format = \"npz\"\n")).expect("written");
+    let output = workspace.polhode(&["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "binary"]);
     assert_eq!(output.status.code(), Some(1), "{}", words(&output.stderr));
-    let file = fs::File::open(desk.path("binary/failed.npz")).expect("a table of failed bodies");
+    let file = fs::File::open(workspace.path("binary/failed.npz")).expect("a table of failed bodies");
     let mut archive = zip::ZipArchive::new(file).expect("a ZIP archive");
     assert_eq!(archive.len(), rows[0].len());
     for column in 0..archive.len() {
@@ -541,7 +544,7 @@ fn both_formats_say_the_same_of_failed_bodies() {
         }
     }
     let mut states =
-        zip::ZipArchive::new(fs::File::open(desk.path("binary/snapshots.npz")).unwrap()).expect("an archive");
+        zip::ZipArchive::new(fs::File::open(workspace.path("binary/snapshots.npz")).unwrap()).expect("an archive");
     let mut bytes = Vec::new();
     std::io::Read::read_to_end(&mut states.by_name("status.npy").expect("a column"), &mut bytes)
         .expect("its checksum fits");
@@ -550,22 +553,23 @@ fn both_formats_say_the_same_of_failed_bodies() {
 
 #[test]
 fn a_good_run_has_no_table_of_failed_bodies() {
-    let desk =
-        Desk::new("[bodies]\ncount = 3\ninertia = [1, 2, 2.5]\nangular_velocity = [1, 0.4, 0.1]\n[time]\nend = 1.0\n");
-    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
-    assert_eq!(desk.names("study.out"), ["final.csv", "plan.json", "report.json"]);
-    assert_eq!(report(&desk, "study.out")["failures"], serde_json::json!([]));
+    let workspace = Workspace::new(
+        "[bodies]\ncount = 3\ninertia = [1, 2, 2.5]\nangular_velocity = [1, 0.4, 0.1]\n[time]\nend = 1.0\n",
+    );
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
+    assert_eq!(workspace.names("study.out"), ["final.csv", "plan.json", "report.json"]);
+    assert_eq!(report(&workspace, "study.out")["failures"], serde_json::json!([]));
 }
 
 #[test]
 fn phases_beyond_all_digits_are_not_said_to_be_met() {
     // 1.1e30 rad: the closed form's constants are known to 2⁻⁹⁶, so that no digit of the phase is.
-    let desk = Desk::new(
+    let workspace = Workspace::new(
         "[bodies]\ncount = 10\ninertia = [1, 2, 2.5]\nangular_velocity = [1e20, 0.4e20, 0.1e20]\n\
          [time]\nend = 1e10\n[accuracy]\nattitude = 1\n",
     );
-    desk.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
-    let accuracy = &report(&desk, "study.out")["accuracy"];
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
+    let accuracy = &report(&workspace, "study.out")["accuracy"];
     assert_eq!((&accuracy["diverged"], &accuracy["bodies"]), (&10.into(), &0.into()), "{accuracy}");
     assert!(accuracy["met"].is_null(), "{accuracy}");
 }

@@ -8,10 +8,12 @@ use std::path::Path;
 
 use common::random::Random;
 use glam::{DMat3, DQuat, DVec3};
-use polhode::batch::{Precision, StateWords, prepare_with};
+use polhode::bodies::columns::StateWords;
 use polhode::engine::Engine;
-use polhode::engine::adaptive::AdaptiveSteps;
+use polhode::engine::batch::prepare_with;
+use polhode::math::Precision;
 use polhode::plan::PlanDocument;
+use polhode::scene::AdaptiveSteps;
 use polhode::study::Study;
 use polhode::torque::{Orbit, Parameters, Torque};
 use polhode::{Accuracy, Ensemble, Method, Plan, Scene};
@@ -35,7 +37,7 @@ fn ensemble(turned: bool) -> Ensemble {
         let moments = DVec3::new(a + b, a + c, b + c);
         let turn =
             if turned { DQuat::from_array([(); 4].map(|()| random.normal())).normalize() } else { DQuat::IDENTITY };
-        let tensor = polhode::inertia::InertiaTensor::from(moments).rotated(turn);
+        let tensor = polhode::bodies::inertia::InertiaTensor::from(moments).rotated(turn);
         let q = DQuat::from_array([(); 4].map(|()| random.normal())).normalize();
         (tensor, q, DVec3::from_array([(); 3].map(|()| random.normal())))
     })

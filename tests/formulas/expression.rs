@@ -1,7 +1,7 @@
 //! Formulas through the public interface: random ones on every evaluator of the CPU, and the users' language.
 
 use polhode::expression::{Dependence, Expression, Fault, InputKind, Program, Shape, Symbols};
-use polhode::real::{Real, Scalar};
+use polhode::math::real::{Real, Scalar};
 use proptest::prelude::*;
 use proptest::test_runner::Config;
 
@@ -126,7 +126,7 @@ fn a_text_records_what_a_closure_does() {
     let text = "# a pendulum with drag\nlet up = to_body(vec(0, 0, 1)); // body axes\n\
                 -k * cross(moment, up) - k * angular_velocity * norm(angular_velocity)";
     let closure = Expression::record(&offered(), |s| {
-        use polhode::vector::Vector;
+        use polhode::math::vector::Vector;
         let c = polhode::expression::Symbol::splat;
         let up = s.to_body(Vector::new(c(0.0), c(0.0), c(1.0)));
         let (k, omega) = (s.number("k"), s.angular_velocity());
@@ -262,11 +262,11 @@ fn refusals_name_the_place_and_the_reason() {
         ("moment^2", "line 1, column 7: `^`: found a vector, needed a number; |v|² is `dot(v, v)`"),
         (
             "moment * k^2.5",
-            "line 1, column 12: behind `^` a whole number from -16 to 16 is needed; otherwise use `pow(x, y)`",
+            "line 1, column 12: expected a whole number from -16 to 16 behind `^`; otherwise use `pow(x, y)`",
         ),
         (
             "moment * k^17",
-            "line 1, column 12: behind `^` a whole number from -16 to 16 is needed; otherwise use `pow(x, y)`",
+            "line 1, column 12: expected a whole number from -16 to 16 behind `^`; otherwise use `pow(x, y)`",
         ),
         ("!k", "line 1, column 1: `!`: found a number, needed a truth value"),
         ("-(k < 1)", "line 1, column 1: `-`: found a truth value, needed a number, a vector or a rotation"),

@@ -7,11 +7,13 @@ use common::compare::{compare_states, first_bit_difference};
 use common::torques::{batch_under, every_torque, middle_moments};
 use glam::DVec3;
 use polhode::Method;
-use polhode::batch::{Precision, StateWords};
-use polhode::engine::adaptive::AdaptiveSteps;
+use polhode::bodies::columns::StateWords;
 use polhode::engine::{Backend, Engine, unobserved};
+use polhode::kernel::torque_kernel::VelocityDependence;
+use polhode::math::Precision;
+use polhode::scene::AdaptiveSteps;
+use polhode::torque::Torque;
 use polhode::torque::variable_inertia::{InertiaChange, Law};
-use polhode::torque::{Torque, VelocityDependence};
 
 /// Fills no lane group of any width, and more than one tile.
 const BODIES: usize = 67;

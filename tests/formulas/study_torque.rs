@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use glam::DVec3;
-use polhode::inertia::InertiaTensor;
+use polhode::bodies::inertia::InertiaTensor;
 use polhode::study::Study;
 use polhode::torque::flat_plates::{Facet, Surface};
 use polhode::torque::variable_inertia::{InertiaChange, Law};
@@ -227,7 +227,7 @@ fn changes_of_inertia_are_numbers_draws_columns_and_shapes() {
 fn wrong_changes_of_inertia_are_located() {
     let text = |rest: &str| format!("[[torque]]\nmodel = \"variable-inertia\"\n{rest}");
     for (rest, expected) in [
-        ("factor = 2\n", "torque[1].ramp is missing: `ramp` or `oscillation` is needed"),
+        ("factor = 2\n", "torque[1].ramp is missing: expected `ramp` or `oscillation`"),
         ("ramp = { start = 1, duration = 2 }\n", "torque[1].inertia is missing"),
         ("factor = 2\ninertia = [1, 1, 1]\nramp = { start = 1, duration = 2 }\n", "torque[1].factor excludes inertia"),
         ("factor = 2\nramp = { start = 1 }\n", "study.toml:12: torque[1].ramp.duration is missing"),
@@ -310,7 +310,7 @@ fn wrong_facets_are_refused_by_their_key() {
         ),
         (
             "{ area = 1, normal = [0, 0, 1], centre = [0, 0, 0] }",
-            "torque[1].facets[2].along is missing: `along` or `solar` or `drag` is needed",
+            "torque[1].facets[2].along is missing: expected `along` or `solar` or `drag`",
         ),
         (
             "{ area = 1, normal = [0, 0, 1], centre = [0, 0, 0], across = 1, solar = { specular = 1, diffuse = 0 } }",
@@ -324,14 +324,14 @@ fn wrong_facets_are_refused_by_their_key() {
             "{ area = 1, normals = [0, 0, 1], centre = [0, 0, 0], along = 1 }",
             "torque[1].facets[2].normals is not known: did you mean normal?",
         ),
-        ("7", "torque[1].facets[2] = 7: a table is needed"),
+        ("7", "torque[1].facets[2] = 7: expected a table"),
     ] {
         let message = refusal(&second(facet));
         assert!(message.contains(expected), "{message}: {expected}");
     }
     for (facets, expected) in [
-        (String::new(), "study.toml:13: torque[1].facets = [ ]: a list of 1 to 16 tables is needed"),
-        (good.repeat(17), "a list of 1 to 16 tables is needed"),
+        (String::new(), "study.toml:13: torque[1].facets = [ ]: expected a list of 1 to 16 tables"),
+        (good.repeat(17), "expected a list of 1 to 16 tables"),
     ] {
         let message = refusal(&text(&facets));
         assert!(message.contains(expected), "{message}: {expected}");
@@ -340,11 +340,11 @@ fn wrong_facets_are_refused_by_their_key() {
     for (facet, expected) in [
         (
             "{ area = -1, normal = [0, 0, 1], centre = [0, 0, 0], along = 1 }",
-            "study.toml:15: torque[1].facets[2].area = -1.0: a finite number that is not negative is needed (m²)",
+            "study.toml:15: torque[1].facets[2].area = -1.0: expected a finite number that is not negative (m²)",
         ),
         (
             "{ area = 1, normal = [0, 0, 0], centre = [0, 0, 0], along = 1 }",
-            "study.toml:15: torque[1].facets[2].normal = 0.0: finite components that are not all zero are needed",
+            "study.toml:15: torque[1].facets[2].normal = 0.0: expected finite components that are not all zero",
         ),
         (
             "{ area = 1, normal = [0, 0, 1], centre = [0, 0, 0], solar = { specular = 0.5, diffuse = 0.75 } }",
@@ -368,11 +368,11 @@ fn wrong_torques_are_refused_at_their_line() {
         ),
         (
             "[[torque]]\nmodel = \"gravity-gradient\"\nmu = 1\norbit = { }\n",
-            "study.toml:12: torque[1].orbit = { }: `radius` or `semi_major_axis` is needed (m)",
+            "study.toml:12: torque[1].orbit = { }: expected `radius` or `semi_major_axis` (m)",
         ),
         (
             "[[torque]]\nmodel = \"gravity-gradient\"\nmu = 1\n",
-            "torque[1].orbit is missing: { semi_major_axis = m or radius = m } is needed",
+            "torque[1].orbit is missing: expected { semi_major_axis = m or radius = m }",
         ),
         (
             "[[torque]]\nmodel = \"gravity-gradient\"\nmu = 1\norbit = { radius = 1, eccentricity = 0.1 }\n",
@@ -380,7 +380,7 @@ fn wrong_torques_are_refused_at_their_line() {
         ),
         (
             "[[torque]]\nmodel = \"viscous\"\ncoefficient = true\n",
-            "study.toml:11: torque[1].coefficient = true: the coefficient c is needed (N m s)",
+            "study.toml:11: torque[1].coefficient = true: expected the coefficient c (N m s)",
         ),
         (
             "[[torque]]\nmodel = \"white-noise\"\nintensity = 1\ndraws_per_step = 0\n",
@@ -449,7 +449,7 @@ fn wrong_forces_are_refused_at_their_line() {
             "[[force]]\nmodel = \"trust\"\nforce = [1, 0, 0]\n",
             "study.toml:10: force[1].model = \"trust\": did you mean thrust?",
         ),
-        ("[[force]]\nmodel = \"thrust\"\n", "force[1].force is missing: a vector in body axes is needed (N)"),
+        ("[[force]]\nmodel = \"thrust\"\n", "force[1].force is missing: expected a vector in body axes (N)"),
         ("[[force]]\nmodel = \"gravity\"\nforce = [0, 0, 1]\n", "study.toml:11: force[1].force is not known"),
         ("[[force]]\nmodel = \"quadratic-drag\"\ncoefficient = { column = \"area\" }\n", "name its file here"),
     ] {

@@ -11,14 +11,14 @@ use std::collections::HashMap;
 use common::kernel::{Harness, chunks};
 use common::random::Random;
 use glam::DQuat;
-use polhode::batch::Precision;
 use polhode::engine::gpu::shader::{Chunk, Source};
 use polhode::expression::{Input, InputKind};
-use polhode::method::Method;
-use polhode::quaternion::Quaternion;
-use polhode::real::Scalar;
+use polhode::kernel::method::Method;
+use polhode::math::Precision;
+use polhode::math::quaternion::Quaternion;
+use polhode::math::real::Scalar;
+use polhode::math::vector::Vector;
 use polhode::torque::twin::{Twin, twins};
-use polhode::vector::Vector;
 use polhode::verify::running::{Running, bounds};
 
 /// Rows of a table: not a multiple of the workgroup size.

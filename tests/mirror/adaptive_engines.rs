@@ -5,13 +5,19 @@ use crate::common;
 use common::asymmetric_ensemble;
 use common::torques::{every_torque, middle_moments};
 use glam::{DQuat, DVec3};
-use polhode::batch::{BodyFrame, BodyState, Precision, StateWords, prepare_members, prepare_with};
-use polhode::engine::adaptive::{AdaptiveSession, AdaptiveSteps};
-use polhode::engine::cpu::{Cpu, Width};
-use polhode::engine::work::{imbalance, order};
+use polhode::bodies::Members;
+use polhode::bodies::Status;
+use polhode::bodies::columns::StateWords;
+use polhode::bodies::{BodyFrame, BodyState};
+use polhode::engine::adaptive_session::AdaptiveSession;
+use polhode::engine::batch::{prepare_members, prepare_with};
+use polhode::engine::cpu::Cpu;
+use polhode::engine::load_balance::{imbalance, order};
 use polhode::engine::{Backend, Engine, unobserved};
-use polhode::method::{Method, Status};
-use polhode::plan::Members;
+use polhode::kernel::method::Method;
+use polhode::math::Precision;
+use polhode::math::Width;
+use polhode::scene::AdaptiveSteps;
 use polhode::torque::Orbit;
 use polhode::{Ensemble, Torque};
 
@@ -226,12 +232,12 @@ fn what_cannot_be_asked_of_adaptive_steps_is_refused() {
     let message = refusal(&[], Precision::F32, steps(1e-9));
     assert_eq!(
         message,
-        "tolerance = 1e-9: rounding in f32 hides smaller errors than 1e-6: 1e-6 or more, or precision f64, is needed"
+        "tolerance = 1e-9: rounding in f32 hides smaller errors than 1e-6: use 1e-6 or more, or precision f64"
     );
     assert!(refusal(&[], Precision::F64, steps(1e-16)).contains("2e-15 or more"));
     assert!(refusal(&[], Precision::F64, steps(1.0)).contains("below 1"));
     let least = AdaptiveSteps { tolerance: 1e-6, least_step: Some(0.0) };
-    assert!(refusal(&[], Precision::F64, least).contains("above zero is needed (s)"));
+    assert!(refusal(&[], Precision::F64, least).contains("above zero (s)"));
     let noise = refusal(&[Torque::white_noise(0.1, 7)], Precision::F64, steps(1e-6));
     assert!(noise.contains("white-noise") && noise.contains("equal length"), "{noise}");
 }

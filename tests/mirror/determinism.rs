@@ -3,11 +3,13 @@
 use crate::common;
 
 use common::compare::first_bit_difference;
-use polhode::batch::{AnyBatch, Batch, Precision, StateWords, prepare};
+use polhode::bodies::Ensemble;
+use polhode::bodies::columns::StateWords;
+use polhode::engine::batch::{AnyBatch, Batch, prepare};
 use polhode::engine::{Engine, unobserved};
-use polhode::ensemble::Ensemble;
-use polhode::method::Method;
-use polhode::real::Scalar;
+use polhode::kernel::method::Method;
+use polhode::math::Precision;
+use polhode::math::real::Scalar;
 
 const DT: f64 = 1.0 / 64.0;
 const STEPS: u64 = 40;

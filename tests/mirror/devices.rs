@@ -7,10 +7,10 @@ use std::time::{Duration, Instant};
 
 use common::kernel::open_device;
 use polhode::Error;
-use polhode::batch::Precision;
-use polhode::engine::gpu::{AdapterKind, ChunkLimits, GpuOptions, SliceLimits, wgpu};
+use polhode::engine::gpu::{AdapterKind, ChunkLimits, Gpu, GpuOptions, SliceLimits, wgpu};
 use polhode::engine::{Choice, Engine, EngineKind, devices, unobserved};
-use polhode::method::Method;
+use polhode::kernel::method::Method;
+use polhode::math::Precision;
 
 #[test]
 fn devices_lists_adapters_with_what_the_probe_found() {
@@ -81,6 +81,20 @@ fn f64_on_a_device_without_it_is_refused_and_the_alternatives_are_named() {
     assert!(matches!(&error, Error::PrecisionUnavailable { precision: Precision::F64, .. }), "{error:?}");
     let text = error.to_string();
     assert!(text.contains("f32") && text.contains("CPU engine"), "{text}");
+}
+
+#[test]
+fn beside_a_cpu_a_device_without_f64_has_it() {
+    let (device, queue) = open_device(wgpu::Features::empty());
+    let gpu = Gpu::on(device, queue, GpuOptions::default()).expect("opened");
+    let engine = Engine::paired(gpu);
+    assert_eq!(engine.precisions(), Precision::ALL);
+    let on_host = engine.description().on_host.expect("f64 is on the CPU");
+    assert!(on_host.contains("f64 on the CPU, as the adapter cannot compute in it"), "{on_host}");
+    let batch = common::asymmetric_batch(70, 31, Precision::F64);
+    let [expected, found] =
+        [Engine::cpu(), engine].map(|engine| common::advanced(&engine, &batch, Method::Rk4, 0.01, 20));
+    assert_eq!(common::compare::first_bit_difference(&expected, &found), None);
 }
 
 #[test]

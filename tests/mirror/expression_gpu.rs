@@ -5,12 +5,12 @@ use crate::common::tree;
 
 use common::kernel::{Harness, chunks};
 use common::random;
-use polhode::batch::Precision;
 use polhode::engine::gpu::shader::Chunk;
 use polhode::expression::wgsl::{self, Argument, Signature, WgslError};
 use polhode::expression::{Input, InputKind, Shape};
-use polhode::method::Method;
-use polhode::real::Scalar;
+use polhode::kernel::method::Method;
+use polhode::math::Precision;
+use polhode::math::real::Scalar;
 use random::Random;
 use tree::{INPUTS, Tree, inputs};
 

@@ -6,14 +6,15 @@ use common::compare::{Field, compare_rows, compare_states};
 use common::kernel::Harness;
 use common::random::Random;
 use polhode::Ensemble;
-use polhode::batch::{Precision, StateWords};
-use polhode::elementary::{Turns, exp_negative, sin_cos_turns, turned_by};
+use polhode::bodies::columns::StateWords;
 use polhode::engine::gpu::shader::{Chunk, Source};
 use polhode::engine::gpu::{GpuOptions, Patch};
 use polhode::engine::{Backend, Engine};
-use polhode::free_motion::AnyRows;
-use polhode::phase::{Rate, Time, phase_at, phase_turns};
-use polhode::real::Scalar;
+use polhode::kernel::free_motion::AnyRows;
+use polhode::math::Precision;
+use polhode::math::elementary::{Turns, exp_negative, sin_cos_turns, turned_by};
+use polhode::math::phase::{Rate, Time, phase_at, phase_turns};
+use polhode::math::real::Scalar;
 
 use glam::{DQuat, DVec3};
 

@@ -1,8 +1,10 @@
 //! How bodies lie in columns, and that scaling changes no digit.
 
 use glam::{DQuat, DVec3};
-use polhode::batch::{AnyBatch, Batch, Precision, STRIDE_UNIT, parameter_columns, prepare, state_columns};
-use polhode::real::Scalar;
+use polhode::bodies::columns::{STRIDE_UNIT, parameter_columns, state_columns};
+use polhode::engine::batch::{AnyBatch, Batch, prepare};
+use polhode::math::Precision;
+use polhode::math::real::Scalar;
 use polhode::{Ensemble, Error};
 
 const MOMENTS: DVec3 = DVec3::new(0.75, 1.3, 1.9);

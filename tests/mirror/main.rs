@@ -4,8 +4,6 @@ mod adaptive_engines;
 mod adaptive_parity;
 #[path = "../common/mod.rs"]
 mod common;
-#[path = "../support/desk.rs"]
-mod desk;
 mod determinism;
 mod devices;
 mod expression_gpu;
@@ -19,3 +17,5 @@ mod step_parity;
 mod torque_parity;
 mod translation_gpu;
 mod verify;
+#[path = "../support/workspace.rs"]
+mod workspace;

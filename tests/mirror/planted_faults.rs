@@ -5,10 +5,12 @@ use crate::common;
 
 use common::compare::{compare_states, first_bit_difference};
 use common::torques::{batch_under, every_torque, middle_moments};
-use polhode::batch::{AnyBatch, Precision, StateWords};
+use polhode::bodies::columns::StateWords;
 use polhode::engine::Engine;
+use polhode::engine::batch::AnyBatch;
 use polhode::engine::gpu::{GpuOptions, Patch};
-use polhode::free_motion::AnyRows;
+use polhode::kernel::free_motion::AnyRows;
+use polhode::math::Precision;
 use polhode::study::problem;
 use polhode::torque::Torque;
 use polhode::verify::{Options, verify};
@@ -271,7 +273,7 @@ fn every_planted_fault_is_caught_by_the_check_beside_it() {
     assert!(uncaught.is_empty(), "{}", uncaught.join("\n"));
 }
 
-/// An entry of tests/files/mutations.txt.
+/// An entry of tests/mutations.txt.
 struct Mutation<'a> {
     name: &'a str,
     file: &'a str,
@@ -384,7 +386,7 @@ fn unsafe_code_stands_where_it_was_reviewed_alone() {
     // Cargo.toml denies it elsewhere, which a second `allow` would lift.
     let reviewed = [
         "src/bin/polhode/main.rs: unsafe { std::env::set_var(FOLDER, \"/nonexistent\") };",
-        "src/lanes.rs: unsafe { std::mem::zeroed() }",
+        "src/math/lanes.rs: unsafe { std::mem::zeroed() }",
     ];
     assert_eq!(found, reviewed);
 }

@@ -3,10 +3,11 @@
 use crate::common;
 
 use glam::{DQuat, DVec3};
-use polhode::batch::{AnyBatch, Precision, prepare_with};
+use polhode::engine::batch::{AnyBatch, prepare_with};
 use polhode::engine::gpu::Patch;
 use polhode::engine::gpu::shader::{Chunk, Source};
-use polhode::method::Method;
+use polhode::kernel::method::Method;
+use polhode::math::Precision;
 use polhode::torque::twin::twins;
 use polhode::torque::variable_inertia::{InertiaChange, Law};
 use polhode::torque::{Torque, TorqueTable};

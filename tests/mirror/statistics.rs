@@ -6,12 +6,15 @@ use crate::common;
 use std::ops::ControlFlow;
 
 use glam::{DQuat, DVec3};
-use polhode::batch::{BodyState, Precision, StateWords, prepare};
+use polhode::bodies::BodyState;
+use polhode::bodies::Status;
+use polhode::bodies::columns::StateWords;
+use polhode::engine::batch::prepare;
 use polhode::engine::gpu::{GpuOptions, Patch};
 use polhode::engine::{Engine, FreeSession, Session, unobserved};
-use polhode::free_motion::AnyRows;
-use polhode::method::Status;
-use polhode::observe::{Partial, error_bound};
+use polhode::kernel::free_motion::AnyRows;
+use polhode::kernel::observe::{Partial, error_bound};
+use polhode::math::Precision;
 use polhode::plan::SkipName;
 use polhode::record::{OutputState, Record, Sink, Statistics};
 use polhode::run::run_into;
@@ -101,8 +104,8 @@ fn compare(found: &Found, expected: &Expected, bound: f64) -> Result<(), String>
     Ok(())
 }
 
-fn states_of(words: &StateWords, frames: &[polhode::batch::BodyFrame]) -> Vec<BodyState> {
-    let state = |(row, frame): (usize, &polhode::batch::BodyFrame)| BodyState {
+fn states_of(words: &StateWords, frames: &[polhode::bodies::BodyFrame]) -> Vec<BodyState> {
+    let state = |(row, frame): (usize, &polhode::bodies::BodyFrame)| BodyState {
         status: words.status[row],
         ..frame.body_state(words.combined(row))
     };
@@ -296,7 +299,7 @@ fn bodies_that_fail_are_counted_and_left_out() {
                 assert_eq!(reasons(&alone), reasons(&read), "{precision} {method}");
                 assert_eq!(alone.statistics(), read.statistics());
                 assert_eq!(alone.trust().outside_usable_region, read.trust().outside_usable_region);
-                assert_eq!(alone.trust().shadow.bodies, read.trust().shadow.bodies);
+                assert_eq!(alone.trust().recomputed_sample.bodies, read.trust().recomputed_sample.bodies);
                 let at_end = &alone.statistics()[0];
                 assert_eq!(at_end.count, BODIES - failed.len());
                 assert!(at_end.summaries.iter().all(|summary| summary.max.is_finite() && summary.mean > 0.0));
@@ -381,7 +384,7 @@ fn states_are_skipped_where_statistics_alone_are_asked_for_and_nowhere_else() {
         assert_eq!(taken.bodies, BODIES);
         assert!(taken.bytes > 0 && taken.bound.energy > 0.0 && taken.bound.energy <= error_bound(Precision::F32));
         for (name, scene) in
-            [("states", &states), ("the long way", &alone.clone().skipping(false)), ("no statistics", &nothing)]
+            [("states", &states), ("without skipping", &alone.clone().skipping(false)), ("no statistics", &nothing)]
         {
             assert_eq!(skip(scene, &engine), None, "{name}");
         }
@@ -397,14 +400,14 @@ fn states_are_skipped_where_statistics_alone_are_asked_for_and_nowhere_else() {
         assert_eq!((found.drift.bodies, read.drift.bodies), (64, BODIES));
         assert!(found.drift.kinetic_energy.max > 0.0);
         assert!(found.drift.norm.max <= read.drift.norm.max);
-        assert_eq!(found.shadow, read.shadow);
+        assert_eq!(found.recomputed_sample, read.recomputed_sample);
         assert_eq!(found.failed_bodies, read.failed_bodies);
     }
 }
 
 #[test]
 fn the_same_states_give_the_same_statistics_both_ways() {
-    // Steps are pinned, so that the long way finds the same states, and the bound is that of the reduction alone.
+    // Steps are pinned, so that a run without skipping finds the same states, and the bound is that of the reduction alone.
     for engine in [common::gpu(), Engine::cpu()] {
         for precision in Precision::ALL {
             let scene = mixed(1000).pinned(Method::Rk4, 1.0 / 64.0, Some(precision)).without_states();
@@ -416,14 +419,14 @@ fn the_same_states_give_the_same_statistics_both_ways() {
 
 #[test]
 fn bodies_in_steps_of_their_own_are_named_by_the_ensemble() {
-    use polhode::engine::adaptive::AdaptiveSteps;
+    use polhode::scene::AdaptiveSteps;
     // Sorted by expected work within a session, of which the statistics must not show anything.
     let steps = AdaptiveSteps { tolerance: 1e-9, least_step: None };
     for engine in [common::gpu(), Engine::cpu()] {
         let scene = mixed(300).adaptive(steps, Some(Precision::F64));
         let (alone, read) = (run(&engine, &scene.clone().without_states()), run(&engine, &scene));
         assert_eq!(alone.statistics(), read.statistics());
-        assert_eq!(alone.trust().shadow, read.trust().shadow);
+        assert_eq!(alone.trust().recomputed_sample, read.trust().recomputed_sample);
         let last = &alone.statistics()[3];
         let spins = read.final_state().angular_velocities_body().iter().map(|omega| omega.length());
         let spins: Vec<f64> = spins.collect();
@@ -481,7 +484,7 @@ fn statistics_move_kilobytes_where_states_move_megabytes() {
             let mut sink = Counting { outputs: 0, states };
             let trust = run_into(&engine, &plan, &mut sink, &mut |_| ControlFlow::Continue(())).expect("runs");
             assert_eq!(sink.outputs, 10);
-            trust.bytes_read
+            trust.traffic.bytes_read
         });
         assert!(few > 0 && few < FEW_BYTES, "{few} bytes");
         assert!(many > MANY_BYTES, "{many} bytes");

@@ -5,10 +5,12 @@
 use crate::common;
 
 use common::compare::{Mismatch, compare_states, first_bit_difference};
-use polhode::batch::{AnyBatch, Precision, StateWords};
+use polhode::bodies::columns::StateWords;
 use polhode::engine::Engine;
+use polhode::engine::batch::AnyBatch;
 use polhode::engine::gpu::Patch;
-use polhode::method::Method;
+use polhode::kernel::method::Method;
+use polhode::math::Precision;
 
 /// One step, by precision. In f32 the state is carried in two words, so that sides differ only by the last bits of the
 /// increments, which are at most ω dt = 1/16 of the state here: four roundings of them. In f64 the state itself is

@@ -6,20 +6,20 @@ use common::compare::{Field, compare_rows, compare_states};
 use common::kernel::{Harness, chunks};
 use common::random::Random;
 use common::torques::{batch_under, every_torque, middle_moments};
-use polhode::batch::Precision;
-use polhode::clock::{Clock, Fraction, Ticks, digits, phase_after, phases_at};
 use polhode::engine::gpu::Patch;
 use polhode::engine::gpu::shader::{Chunk, Source};
 use polhode::engine::{Engine, EngineKind};
-use polhode::method::Method;
-use polhode::real::Scalar;
-use polhode::rigid_body::Body;
+use polhode::kernel::method::Method;
+use polhode::kernel::rigid_body::Body;
+use polhode::math::Precision;
+use polhode::math::clock::{Clock, Fraction, Ticks, digits, phase_after, phases_at};
+use polhode::math::real::Scalar;
+use polhode::math::vector::{TwoWords, Vector};
 use polhode::torque::Torque;
 use polhode::torque::twin::twins;
 use polhode::torque::variable_inertia::{Change, InertiaChange, Law, changed_body};
 use polhode::torque::white_noise::{minus_log, normal_vector, philox, uniform_parts, uniform_turns};
-use polhode::torque::{internal_dissipation, orbit, variable_inertia};
-use polhode::vector::{TwoWords, Vector};
+use polhode::torque::{internal_dissipation, variable_inertia};
 
 /// Rows of a table: not a multiple of the workgroup size.
 const ROWS: usize = 331;
@@ -145,7 +145,8 @@ fn cases<T: Scalar>() -> Vec<Case<T>> {
             line: "let e = eccentric_anomaly(r(7u) * TAU, r(8u)); put_r(0u, e.sin); put_r(1u, e.cos);",
             fields: &[Field { name: "sine and cosine", components: 2 }],
             twin: |row| {
-                let (_, sin, cos) = orbit::eccentric_anomaly(row[7] * T::splat(std::f64::consts::TAU), row[8]);
+                let (_, sin, cos) =
+                    polhode::math::kepler::eccentric_anomaly(row[7] * T::splat(std::f64::consts::TAU), row[8]);
                 vec![sin, cos]
             },
             // Roundings of the anomaly are magnified by 1/(1 - e).

@@ -8,17 +8,18 @@ use common::compare::{Field, compare_rows};
 use common::kernel::{Harness, chunks};
 use common::random::Random;
 use glam::{DQuat, DVec3};
-use polhode::batch::{Precision, state_columns};
+use polhode::bodies::columns::state_columns;
+use polhode::bodies::ensemble::Translation;
 use polhode::engine::gpu::shader::{Chunk, Source};
 use polhode::engine::gpu::{GpuOptions, Patch};
 use polhode::engine::{Backend, Engine};
-use polhode::ensemble::Translation;
-use polhode::force::Accelerations;
-use polhode::force::carried::CENTRE_COMPONENTS;
-use polhode::force::quadratic_drag::rate;
-use polhode::force::stepped::{Attitude, Between, Centre};
-use polhode::real::Scalar;
+use polhode::math::Precision;
+use polhode::math::real::Scalar;
 use polhode::torque::TorqueTable;
+use polhode::torque::force::Accelerations;
+use polhode::torque::force::carried::CENTRE_COMPONENTS;
+use polhode::torque::force::quadratic_drag::rate;
+use polhode::torque::force::stepped::{Attitude, Between, Centre};
 use polhode::{Force, Method, Outputs, Plan, Record, Scene, Torque};
 
 /// Rows of a table: not a multiple of the workgroup size.
@@ -233,8 +234,8 @@ fn planted_faults_in_the_translation_are_found() {
         ("force/stepped.wgsl", "select(end_rate, -end_rate, opposite)", "-end_rate"),
         (
             "force/carried.wgsl",
-            "return Flight(centre, flight.forces, state.orientation.value, rate)",
-            "return Flight(centre, flight.forces, flight.orientation, rate)",
+            "return SteppedTranslation(centre, translation.forces, state.orientation.value, rate)",
+            "return SteppedTranslation(centre, translation.forces, translation.orientation, rate)",
         ),
     ] {
         let patch = Patch { file: file.into(), from: from.into(), to: to.into() };
@@ -314,7 +315,7 @@ fn nothing_is_read_back_between_outputs() {
             Precision::F32 => state_columns::<f32>() + 2 * CENTRE_COMPONENTS,
             Precision::F64 => state_columns::<f64>() + CENTRE_COMPONENTS,
         };
-        let read = run(&gpu, &scene).trust().bytes_read;
+        let read = run(&gpu, &scene).trust().traffic.bytes_read;
         assert_eq!(read, (columns * size * COUNT) as u64 * u64::from(outputs as u32), "{precision}");
     }
 }
@@ -330,7 +331,7 @@ fn a_scene_without_thrust_has_no_code_of_translation() {
     // Nor does it read more than the rotation.
     let gpu = common::gpu();
     let scene = Scene::new(asymmetric_ensemble(COUNT, SEED)).until(1.0).pinned(Method::Rk4, DT, Some(Precision::F64));
-    let read = run(&gpu, &scene.skipping(false)).trust().bytes_read;
+    let read = run(&gpu, &scene.skipping(false)).trust().traffic.bytes_read;
     assert_eq!(read, (state_columns::<f64>() * size_of::<f64>() * COUNT) as u64);
 }
 
@@ -361,6 +362,6 @@ fn drag_beyond_what_an_engine_takes_is_left_to_the_host() {
     let (found, expected) = (strong(&common::gpu()), strong(&Engine::cpu_scalar()));
     let (position, velocity) = differences(&found, &expected);
     assert!(position <= 1e-13 && velocity <= 1e-13, "{position:e}, {velocity:e}");
-    assert!(found.trust().bytes_read > (4 * state_columns::<f64>() * size_of::<f64>() * COUNT) as u64);
+    assert!(found.trust().traffic.bytes_read > (4 * state_columns::<f64>() * size_of::<f64>() * COUNT) as u64);
     assert!(common::gpu().carries_centres() && !Engine::cpu().carries_centres());
 }

@@ -2,14 +2,14 @@
 
 use crate::support;
 
-use polhode::engine::work::{imbalance, order};
-use polhode::method::Status;
-use polhode::method::rk8_adaptive::{Controller, Limits, advance};
-use polhode::real::Real;
-use polhode::rigid_body::State;
-use polhode::torque::Free;
+use polhode::bodies::Status;
+use polhode::engine::load_balance::{imbalance, order};
+use polhode::kernel::method::rk8_adaptive::{Controller, Limits, advance};
+use polhode::kernel::rigid_body::State;
+use polhode::kernel::torque_kernel::Free;
+use polhode::math::real::Real;
 use support::attitude_error;
-use support::environment::{Acting, Moving, Torque, attitude, case, start_of, two_words};
+use support::torque_kernel::{Acting, Moving, Torque, attitude, case, start_of, two_words};
 
 const CASES: [(&str, &str); 6] = [
     ("free_asymmetric", "asym_p12"),

@@ -8,14 +8,15 @@ use std::path::Path;
 use common::asymmetric_ensemble;
 use common::torques::middle_moments;
 use glam::{DQuat, DVec3};
-use polhode::batch::Precision;
 use polhode::engine::Progress;
-use polhode::engine::adaptive::AdaptiveSteps;
-use polhode::engine::cpu::{Cpu, Width};
-use polhode::free_motion::FreeMotion;
-use polhode::method::rk8_adaptive::least_tolerance;
+use polhode::engine::cpu::Cpu;
+use polhode::kernel::free_motion::FreeMotion;
+use polhode::kernel::method::rk8_adaptive::least_tolerance;
+use polhode::math::Precision;
+use polhode::math::Width;
 use polhode::record::{OutputState, Sink};
 use polhode::run::run_into;
+use polhode::scene::AdaptiveSteps;
 use polhode::study::Study;
 use polhode::{Accuracy, Engine, Ensemble, Method, Outputs, Plan, Scene, Torque};
 
@@ -136,14 +137,15 @@ fn the_shadow_sees_the_error_of_driven_bodies() {
     for tolerance in [1e-5, 1e-8] {
         let scene = scene(tolerance);
         let record = engine.run(&Plan::new(&scene, &engine).expect("planned")).expect("run");
-        let error = record.trust().shadow.attitude;
+        let error = record.trust().recomputed_sample.attitude;
         // Tolerance bounds a step's estimate, which is of a lower order than the step: errors lie up to a hundred times
         // below it, and the largest of 10 s of steps above.
         assert!(error.median > 0.01 * tolerance && error.max < 300.0 * tolerance, "{tolerance:e}: {error}");
     }
     // With no tolerance below its own a run would be compared with itself.
     let least = scene(least_tolerance(Precision::F64));
-    let error = engine.run(&Plan::new(&least, &engine).expect("planned")).expect("run").trust().shadow.attitude;
+    let error =
+        engine.run(&Plan::new(&least, &engine).expect("planned")).expect("run").trust().recomputed_sample.attitude;
     assert!(error.median > 0.0 && error.max < 1e-12, "{error}");
 }
 

@@ -1,8 +1,9 @@
 //! A plan leaves out what a body does not need, and no more than its bounds allow.
 
 use glam::{DQuat, DVec3};
+use polhode::bodies::Members;
 use polhode::plan::class::FreeBody;
-use polhode::plan::{Bound, Class, Members, Plan, Shape, SkipName, TorqueSet, Treatment};
+use polhode::plan::{Bound, Class, Plan, Shape, SkipName, TorqueSet, Treatment};
 use polhode::record::Record;
 use polhode::torque::Torque;
 use polhode::{Accuracy, Engine, Ensemble, Method, Precision, Scene};
@@ -94,7 +95,7 @@ fn each_skip_is_taken_just_inside_its_bound_and_not_just_outside() {
         assert_eq!(plan.body_steps(), 0, "{name}: nothing is stepped");
 
         let all = run(&skipped.clone().skipping(false));
-        assert!(all.trust().body_steps > 0, "{name}: the long way takes steps");
+        assert!(all.trust().body_steps > 0, "{name}: without skipping there are steps");
         let found = run(&skipped);
         let error = angle_between(found.final_state().orientation(0), all.final_state().orientation(0));
         assert!(error <= TOLERANCE + STEPPED, "{name}: attitudes differ by {error:e}");
@@ -107,7 +108,7 @@ const ROUNDING: f64 = 1e-12;
 
 #[test]
 fn bounds_hold_and_are_not_idle_over_many_bodies() {
-    // The skip's own error alone: the long way is taken with fine steps in f64.
+    // The skip's own error alone: the run without skipping takes fine steps in f64.
     for shape in [Shape::AtRest, Shape::Spherical, Shape::Steady, Shape::Axisymmetric] {
         let mut largest_part: f64 = 0.0;
         for exponent in 2..9 {
@@ -254,11 +255,11 @@ fn the_mixture_agrees_with_the_long_way_and_says_how_accurate_it_is() {
     // 99 in 100 bodies are within the target on either way.
     let error = errors[errors.len() * 99 / 100 - 1];
     assert!(error <= 2.0 * TARGET, "{error:e}");
-    let shadow = found.trust().shadow;
+    let shadow = found.trust().recomputed_sample;
     assert_eq!(shadow.bodies, 64);
     assert_eq!(shadow.met, Some(true), "{shadow}");
     assert!(shadow.attitude.max > 0.0 && shadow.attitude.max <= 4.0 * TARGET, "{shadow}");
-    // Each body's own error is that of its steps, known here from the long way.
+    // Each body's own error is that of its steps, known here from a run without skipping.
     assert!(found.trust().body_steps < all.trust().body_steps / 4, "{} steps", found.trust().body_steps);
 }
 
@@ -267,14 +268,14 @@ fn the_shadow_finds_a_step_that_is_too_long() {
     let (bodies, _) = mixture(211);
     let coarse = run(&scene(&bodies).pinned(Method::Rk4, 0.2, Some(Precision::F64)));
     let fine = run(&scene(&bodies).pinned(Method::Rk4, 1e-3, Some(Precision::F64)));
-    assert_eq!(coarse.trust().shadow.met, None);
+    assert_eq!(coarse.trust().recomputed_sample.met, None);
     let error =
         |body: usize| angle_between(coarse.final_state().orientation(body), fine.final_state().orientation(body));
     let largest = (0..bodies.len()).map(error).fold(0.0, f64::max);
-    let found = coarse.trust().shadow.attitude;
+    let found = coarse.trust().recomputed_sample.attitude;
     // 64 bodies of 211 hold some of the worst.
     assert!(found.max > 0.2 * largest && found.max < 1.05 * largest, "{found} against {largest:e}");
-    assert!(fine.trust().shadow.attitude.max < 1e-9, "{}", fine.trust().shadow);
+    assert!(fine.trust().recomputed_sample.attitude.max < 1e-9, "{}", fine.trust().recomputed_sample);
 }
 
 /// Under torques there is no closed form: a method of high order is judged by finer steps than its own.
@@ -290,7 +291,7 @@ fn the_shadow_finds_a_step_of_rk8_that_is_too_long() {
     let error =
         |body: usize| angle_between(coarse.final_state().orientation(body), fine.final_state().orientation(body));
     let largest = (0..bodies.len()).map(error).fold(0.0, f64::max);
-    let found = coarse.trust().shadow;
+    let found = coarse.trust().recomputed_sample;
     // All bodies are in the sample. Steps of half the size err by 2⁻⁸ as much at order 8, which is what the estimate leaves out.
     assert_eq!(found.bodies, bodies.len());
     assert!(largest > 1e-12, "{largest:e}: the step shows nothing but rounding");

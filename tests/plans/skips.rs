@@ -1,12 +1,12 @@
-//! Every skip from both sides of its condition: taken just inside, with the result of the long way; not taken just outside.
+//! Every skip from both sides of its condition: taken just inside, with the result of a run without skipping; not taken just outside.
 //!
 //! The classes of free bodies are in `plan.rs`, states that statistics do without in `statistics.rs`.
 
 use std::ops::ControlFlow;
 
 use glam::{DQuat, DVec3};
+use polhode::bodies::ensemble::Translation;
 use polhode::engine::gpu::GpuOptions;
-use polhode::ensemble::Translation;
 use polhode::plan::{Plan, SkipName, Treatment};
 use polhode::record::{OutputState, Record, Sink};
 use polhode::run::run_into;
@@ -72,7 +72,7 @@ fn a_torque_of_no_strength_has_no_code_and_the_least_that_there_is_has() {
         assert_eq!(skipped(&without, name), BODIES, "{name}");
         let with = scene(ensemble()).torque(drag(f64::MIN_POSITIVE));
         assert_eq!(skipped(&with, name), BODIES - 1, "{name}");
-        assert_eq!(skipped(&without.clone().skipping(false), name), 0, "{name}, the long way");
+        assert_eq!(skipped(&without.clone().skipping(false), name), 0, "{name}, without skipping");
     }
     let scene = scene(ensemble()).torque(drag(0.0));
     let (found, all) = (run(&scene), run(&scene.clone().skipping(false)));
@@ -161,7 +161,7 @@ fn outputs_that_nobody_wants_do_not_leave_the_device() {
         let plan = Plan::new(&scene, &engine).expect("valid");
         let bytes = |wants: fn(usize, usize) -> bool| {
             let mut sink = Wanting(wants);
-            run_into(&engine, &plan, &mut sink, &mut |_| ControlFlow::Continue(())).expect("runs").bytes_read
+            run_into(&engine, &plan, &mut sink, &mut |_| ControlFlow::Continue(())).expect("runs").traffic.bytes_read
         };
         assert_eq!(plan.times().len(), 6);
         assert_eq!(bytes(|_, _| true), 6 * table);

@@ -3,8 +3,8 @@
 #![allow(dead_code, reason = "each test file uses some of them")]
 
 use glam::{DQuat, DVec3};
-use polhode::inertia::{InertiaTensor, MassProperties, point_masses};
-use polhode::toolkit::exponential;
+use polhode::bodies::inertia::{InertiaTensor, MassProperties, point_masses};
+use polhode::bodies::toolkit::exponential;
 use proptest::prelude::*;
 
 /// A vector with components in ±`size`.

@@ -6,7 +6,7 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use polhode::real::{Function, Real, Scalar};
+use polhode::math::real::{Function, Real, Scalar};
 
 /// An unevaluated sum hi + lo.
 #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd, bytemuck::Pod, bytemuck::Zeroable)]
@@ -144,7 +144,7 @@ impl Real for DoubleDouble {
     fn from_lanes(mut of_lane: impl FnMut(usize) -> Self) -> Self {
         of_lane(0)
     }
-    fn outlined<W: polhode::real::Outlined>(work: W) -> W::Output {
+    fn outlined<W: polhode::math::real::Outlined>(work: W) -> W::Output {
         work.run()
     }
 }

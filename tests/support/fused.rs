@@ -2,7 +2,7 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use polhode::real::{Outlined, Real};
+use polhode::math::real::{Outlined, Real};
 
 macro_rules! fused {
     ($name:ident, $scalar:ident) => {

@@ -4,9 +4,9 @@
 use glam::{DMat3, DQuat, DVec3};
 
 pub mod double_double;
-pub mod environment;
 pub mod golden;
 pub mod stepped;
+pub mod torque_kernel;
 
 /// The angle of the rotation between two orientations, rad, in [0, π]; both are unit quaternions.
 pub fn attitude_error(a: DQuat, b: DQuat) -> f64 {

@@ -1,6 +1,6 @@
 //! The peak memory of a run; a test file of its own for each engine, since the peak is that of the process.
 
-use polhode::batch::Precision;
+use polhode::math::Precision;
 use polhode::study::problem;
 use polhode::{Engine, Method, Plan, Scene};
 

@@ -1,8 +1,8 @@
 //! Golden cases in equal steps, and errors of golden states against their bounds.
 
 use glam::{DMat3, DQuat, DVec3};
-use polhode::batch::Precision;
 use polhode::engine::Backend;
+use polhode::math::Precision;
 use polhode::{Ensemble, Method, Outputs, Plan, Scene, Torque};
 
 use super::golden::Case;

@@ -1,8 +1,9 @@
 //! Energy and angular momentum change by what the torques give, and the report of it would show where they did not.
 
 use glam::{DQuat, DVec3};
-use polhode::batch::Precision;
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::engine::cpu::Cpu;
+use polhode::math::Precision;
+use polhode::math::Width;
 use polhode::record::Balance;
 use polhode::torque::Orbit;
 use polhode::{Ensemble, Method, Outputs, Plan, Record, Scene, Torque};
@@ -128,5 +129,5 @@ fn energy_is_total_where_all_torques_have_a_potential_and_only_there() {
 #[test]
 fn a_random_torque_is_recomputed_on_the_run_s_own_path() {
     let record = run(&[Torque::white_noise(0.1, 7)], Method::Rk8, DT, Precision::F64);
-    assert!(record.trust().shadow.attitude.max < ROUNDING_F64, "{}", record.trust());
+    assert!(record.trust().recomputed_sample.attitude.max < ROUNDING_F64, "{}", record.trust());
 }

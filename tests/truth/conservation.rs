@@ -3,10 +3,11 @@
 use crate::support;
 
 use glam::{DQuat, DVec3};
-use polhode::batch::Precision;
-use polhode::engine::cpu::{Cpu, Width};
-use polhode::rigid_body::{Body, State};
-use polhode::vector::{TwoWords, Vector};
+use polhode::engine::cpu::Cpu;
+use polhode::kernel::rigid_body::{Body, State};
+use polhode::math::Precision;
+use polhode::math::Width;
+use polhode::math::vector::{TwoWords, Vector};
 use polhode::{Ensemble, Method, Outputs, Plan, Record, Scene};
 use support::golden;
 
@@ -57,7 +58,7 @@ fn drift_and_oscillation(errors: &[f64]) -> (f64, f64) {
     ((slope * count).abs(), residual)
 }
 
-/// Steps of the table of drifts in `src/method/mod.rs`.
+/// Steps of the table of drifts in `src/kernel/method/mod.rs`.
 const STEPS: u64 = 1_000_000;
 
 /// Largest relative drift of energy and of the world angular momentum, f64 and f32, after [`STEPS`] steps of 0.01 s of the
@@ -209,8 +210,8 @@ fn the_gyroscopic_term_is_m_cross_omega() {
     let m = MOMENTS * SPIN;
     let state = State {
         orientation: TwoWords {
-            value: polhode::quaternion::Quaternion::new(0.0, 0.0, 0.0, 1.0),
-            residue: polhode::quaternion::Quaternion::new(0.0, 0.0, 0.0, 0.0),
+            value: polhode::math::quaternion::Quaternion::new(0.0, 0.0, 0.0, 1.0),
+            residue: polhode::math::quaternion::Quaternion::new(0.0, 0.0, 0.0, 0.0),
         },
         angular_momentum_principal: TwoWords { value: Vector::new(m.x, m.y, m.z), residue: Vector::zero() },
         status: 0.0,

@@ -2,9 +2,10 @@
 
 use crate::support;
 
-use polhode::batch::Precision;
 use polhode::engine::Backend;
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::engine::cpu::Cpu;
+use polhode::math::Precision;
+use polhode::math::Width;
 use polhode::{Ensemble, Method, Plan, Scene};
 use support::{attitude_error, fitted_order, golden};
 

@@ -1,7 +1,7 @@
 //! The order of every method under every kind of torque, over five halvings of the step.
 //!
 //! The torques are the library's: up to order 4 steps are an engine's, and above it, where rounding in `f64` leaves too few halvings, they are
-//! taken in 32 digits under the same sum of torques ([`polhode::torque::twin::under_torques`]).
+//! taken in 32 digits under the same sum of torques ([`polhode::engine::under_torques::under_torques`]).
 
 use crate::common;
 use crate::support;
@@ -10,23 +10,26 @@ use std::sync::OnceLock;
 
 use common::torques::every_torque;
 use glam::{DMat3, DQuat, DVec3};
-use polhode::batch::{AnyBatch, Batch, BodyFrame, Precision, prepare_with};
+use polhode::bodies::BodyFrame;
 use polhode::engine::Engine;
-use polhode::engine::adaptive::AdaptiveSteps;
-use polhode::method::rk8::Rk8;
-use polhode::method::rk8_adaptive::Timed;
-use polhode::method::splitting::{self, BM6, Composition, SRKN11B, Splitting};
-use polhode::method::{Step, TorqueKind};
-use polhode::quaternion::Quaternion;
-use polhode::real::Scalar;
-use polhode::rigid_body::{Body, Invariants, State};
-use polhode::torque::twin::{UnderTorques, under_torques};
+use polhode::engine::batch::{AnyBatch, Batch, prepare_with};
+use polhode::engine::under_torques::{UnderTorques, under_torques};
+use polhode::kernel::method::rk8::Rk8;
+use polhode::kernel::method::rk8_adaptive::Timed;
+use polhode::kernel::method::splitting::{self, BM6, Composition, SRKN11B, Splitting};
+use polhode::kernel::method::{Step, TorqueKind};
+use polhode::kernel::rigid_body::{Body, Invariants, State};
+use polhode::kernel::torque_kernel::VelocityDependence;
+use polhode::math::Precision;
+use polhode::math::quaternion::Quaternion;
+use polhode::math::real::Scalar;
+use polhode::math::vector::{TwoWords, Vector};
+use polhode::scene::AdaptiveSteps;
+use polhode::torque::Parameters;
 use polhode::torque::variable_inertia::{InertiaChange, Law};
-use polhode::torque::{Parameters, VelocityDependence};
-use polhode::vector::{TwoWords, Vector};
 use polhode::{Ensemble, Method, Plan, Scene, Torque};
 use support::double_double::DoubleDouble;
-use support::environment::{Moving, between, case, stepped, two_words};
+use support::torque_kernel::{Moving, between, case, stepped, two_words};
 use support::{attitude_error, fitted_order, golden};
 
 /// How far an observed order may lie from the claimed one.

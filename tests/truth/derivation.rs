@@ -4,8 +4,8 @@
 use crate::strategies;
 
 use glam::{DMat3, DQuat, DVec3};
-use polhode::inertia::{InertiaTensor, MassProperties, point_masses};
-use polhode::toolkit::*;
+use polhode::bodies::inertia::{InertiaTensor, MassProperties, point_masses};
+use polhode::bodies::toolkit::*;
 use proptest::prelude::*;
 use strategies::{body, cloud, orientation, vector};
 

@@ -7,11 +7,11 @@ use crate::fused;
 use std::thread;
 
 use fused::{FusedF32, FusedF64};
-use polhode::double_double::DoubleDouble;
-use polhode::elementary::functions;
-use polhode::elementary::{EXP_LEAST, Turns, exp_negative, sin_cos_turns, turned_by};
-use polhode::phase::{Rate, Time, fraction_of_turn, phase_at, phase_turns};
-use polhode::real::{Real, Scalar, sin_cos_eighth};
+use polhode::math::double_double::DoubleDouble;
+use polhode::math::elementary::functions;
+use polhode::math::elementary::{EXP_LEAST, Turns, exp_negative, sin_cos_turns, turned_by};
+use polhode::math::phase::{Rate, Time, fraction_of_turn, phase_at, phase_turns};
+use polhode::math::real::{Real, Scalar, sin_cos_eighth};
 
 /// The stated bound of sines and cosines.
 const SIN_COS_F32: f64 = 1.25e-7;

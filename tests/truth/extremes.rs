@@ -7,13 +7,14 @@ use crate::support;
 use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
-use polhode::free_motion::FreeMotion;
-use polhode::method::splitting::Splitting;
-use polhode::quaternion::Quaternion;
-use polhode::torque::{Free, Torque};
+use polhode::kernel::free_motion::FreeMotion;
+use polhode::kernel::method::splitting::Splitting;
+use polhode::kernel::torque_kernel::Free;
+use polhode::math::quaternion::Quaternion;
+use polhode::torque::Torque;
 use polhode::{Accuracy, Engine, Ensemble, Method, Outputs, Plan, Precision, Record, Scene};
 use support::double_double::DoubleDouble;
-use support::environment::{at_start, between, stepped};
+use support::torque_kernel::{at_start, between, stepped};
 
 const START: [f64; 4] = [0.1, -0.7, 0.3, 0.4];
 
@@ -125,7 +126,7 @@ fn a_billion_revolutions_end_where_the_period_says() {
 
 /// The largest error that a run of one body reports of itself.
 fn reported(record: &Record) -> f64 {
-    record.trust().shadow.attitude.max
+    record.trust().recomputed_sample.attitude.max
 }
 
 /// The least and the greatest step, rad, as powers of ten.
@@ -189,7 +190,7 @@ fn stiff_drag_stops_a_body_or_is_flagged_or_reported() {
             let omega = record.final_state().angular_velocity_body(0);
             let stopped = omega.length() < 1e-6;
             let trust = record.trust();
-            let shadow = &trust.shadow;
+            let shadow = &trust.recomputed_sample;
             let said = !trust.failed_bodies.is_empty() || shadow.angular_velocity.max > 0.1 || shadow.diverged > 0;
             assert!(stopped || said, "{method}, {name}, c dt / I = {stiffness:e}: {omega} and nothing said");
         }
@@ -306,7 +307,7 @@ fn a_hundred_million_steps() {
         let record = run(&Engine::cpu(), &scene);
         let trust = record.trust();
         assert_eq!(trust.body_steps, STEPS * omegas.len() as u64);
-        let (energy, attitude) = (trust.drift.kinetic_energy.max, trust.shadow.attitude.max);
+        let (energy, attitude) = (trust.drift.kinetic_energy.max, trust.recomputed_sample.attitude.max);
         println!("{method} {precision}: energy {energy:.1e}, attitude {attitude:.1e} rad");
         assert!(energy <= energy_bound, "{method} {precision}: energy drifts by {energy:e}");
         assert!(attitude <= attitude_bound, "{method} {precision}: {attitude:e} rad");

@@ -6,9 +6,10 @@ use std::f64::consts::PI;
 
 use common::random::Random;
 use glam::{DQuat, DVec3};
-use polhode::batch::Precision;
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::engine::cpu::Cpu;
 use polhode::expression::{Dependence, Expression, InputKind};
+use polhode::math::Precision;
+use polhode::math::Width;
 use polhode::torque::flat_plates::{Facet, MOST_FACETS, Surface, formula};
 use polhode::torque::{Torque, Validity, Value, declarations};
 use polhode::{Ensemble, Error, Method, Plan, Scene};
@@ -18,13 +19,13 @@ const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 /// What is around a body.
 #[derive(Clone, Copy)]
-struct Surroundings {
+struct LaneTorques {
     pressure: f64,
     direction_world: DVec3,
     orientation: DQuat,
 }
 
-impl Surroundings {
+impl LaneTorques {
     fn random(random: &mut Random) -> Self {
         Self {
             pressure: random.between(0.5, 2.0),
@@ -43,7 +44,7 @@ fn vector(random: &mut Random) -> DVec3 {
     DVec3::from_array([(); 3].map(|()| random.normal()))
 }
 
-fn evaluated(formula: &Expression, around: Surroundings) -> DVec3 {
+fn evaluated(formula: &Expression, around: LaneTorques) -> DVec3 {
     let program = formula.program();
     let parameters = [around.pressure, around.direction_world.x, around.direction_world.y, around.direction_world.z];
     let input = |kind, index: usize| match kind {
@@ -55,7 +56,7 @@ fn evaluated(formula: &Expression, around: Surroundings) -> DVec3 {
     DVec3::from_slice(&program.evaluate_one(&inputs))
 }
 
-fn torque(facets: &[Facet], around: Surroundings) -> DVec3 {
+fn torque(facets: &[Facet], around: LaneTorques) -> DVec3 {
     evaluated(&formula(facets).expect("valid facets"), around)
 }
 
@@ -64,13 +65,13 @@ fn facet(random: &mut Random, surface: Surface) -> Facet {
     Facet { area: random.between(0.1, 2.0), normal_body, centre_body, surface }
 }
 
-fn size(facets: &[Facet], around: Surroundings) -> f64 {
+fn size(facets: &[Facet], around: LaneTorques) -> f64 {
     facets.iter().map(|facet| around.pressure * facet.area * facet.centre_body.length()).sum()
 }
 
 /// The force of light: what arrives gives its momentum, what is reflected as by a mirror leaves along the mirrored ray, what is
 /// scattered by Lambert's law leaves with two thirds of its momentum along the normal.
-fn solar_torque(facet: &Facet, around: Surroundings, specular: f64, diffuse: f64) -> DVec3 {
+fn solar_torque(facet: &Facet, around: LaneTorques, specular: f64, diffuse: f64) -> DVec3 {
     let (u, n) = (around.u(), facet.normal_body.normalize());
     if u.dot(n) <= 0.0 {
         return DVec3::ZERO;
@@ -88,7 +89,7 @@ fn a_plate_in_the_sun_feels_the_balance_of_momentum() {
         let specular = random.between(0.0, 1.0);
         let diffuse = random.between(0.0, 1.0 - specular);
         let facet = facet(&mut random, Surface::Solar { specular, diffuse });
-        let around = Surroundings::random(&mut random);
+        let around = LaneTorques::random(&mut random);
         let (found, expected) = (torque(&[facet], around), solar_torque(&facet, around, specular, diffuse));
         let bound = ROUNDING * size(&[facet], around);
         assert!((found - expected).length() <= bound, "{facet:?}: {found}, {expected}");
@@ -121,7 +122,7 @@ fn drag_is_the_fast_limit_of_free_molecular_flow() {
             wall_speed_ratio: wall,
         };
         let facet = facet(&mut random, surface);
-        let around = Surroundings::random(&mut random);
+        let around = LaneTorques::random(&mut random);
         let (u, n) = (around.u(), facet.normal_body.normalize());
         let c = u.dot(n);
         if c <= 1e-3 {
@@ -149,13 +150,13 @@ fn an_offset_plate_has_the_torque_of_its_lever() {
     let plate = Facet { area: 2.0, normal_body: DVec3::Z * 7.0, centre_body: DVec3::Y * 0.5, surface };
     for angle in [0.0, 0.3, 1.0, 1.5] {
         let direction_world = DVec3::new(f64::sin(angle), 0.0, f64::cos(angle)) * 3.0;
-        let around = Surroundings { pressure: 5.0, direction_world, orientation: DQuat::IDENTITY };
+        let around = LaneTorques { pressure: 5.0, direction_world, orientation: DQuat::IDENTITY };
         let expected = 5.0 * 2.0 * 0.5 * f64::cos(angle) * DVec3::new(-f64::cos(angle), 0.0, f64::sin(angle));
         let found = torque(&[plate], around);
         assert!((found - expected).length() < ROUNDING * 5.0, "{angle}: {found}, {expected}");
         // Body and source turned together, it is the same in body axes.
         let turn = DQuat::from_xyzw(0.5, -0.1, 0.7, 0.2).normalize();
-        let turned = Surroundings { direction_world: turn * direction_world, orientation: turn, ..around };
+        let turned = LaneTorques { direction_world: turn * direction_world, orientation: turn, ..around };
         let found = torque(&[plate], turned);
         assert!((found - expected).length() < ROUNDING * 5.0, "{angle}, turned: {found}, {expected}");
     }
@@ -176,7 +177,7 @@ fn a_cube_about_its_centre_feels_no_torque_and_one_with_another_centre_does() {
         };
         let (centred, offset) = (cube(DVec3::ZERO), cube(DVec3::new(0.1, 0.0, 0.0)));
         for _ in 0..20 {
-            let around = Surroundings::random(&mut random);
+            let around = LaneTorques::random(&mut random);
             let bound = ROUNDING * size(&centred, around);
             assert!(torque(&centred, around).length() < bound, "{surface:?}");
             assert!(torque(&offset, around).length() > 1e3 * bound, "{surface:?}");
@@ -191,7 +192,7 @@ fn a_plate_turns_into_the_light_without_a_jump_and_feels_nothing_from_behind() {
     let formula = formula(&[plate]).expect("valid");
     let at = |angle: f64| {
         let orientation = DQuat::from_rotation_z(angle);
-        evaluated(&formula, Surroundings { pressure: 1.0, direction_world: DVec3::Y, orientation })
+        evaluated(&formula, LaneTorques { pressure: 1.0, direction_world: DVec3::Y, orientation })
     };
     // The normal is at right angles to the source at the angle 0, and lit above.
     for angle in [-1.5, -0.5, -1e-3, -1e-9] {
@@ -220,7 +221,7 @@ fn plates_add_up_and_depend_on_the_attitude_alone() {
     assert!(all.graph().len() < 1000, "{} operations", all.graph().len());
     assert!(!all.dependence().intersects(Dependence::TIME) && all.dependence().intersects(Dependence::ATTITUDE));
     for _ in 0..20 {
-        let around = Surroundings::random(&mut random);
+        let around = LaneTorques::random(&mut random);
         let sum: DVec3 = facets.iter().map(|facet| torque(std::slice::from_ref(facet), around)).sum();
         let found = evaluated(&all, around);
         assert!((found - sum).length() < 4.0 * ROUNDING * size(&facets, around), "{found}, {sum}");
@@ -255,7 +256,7 @@ fn facets_that_are_not_valid_are_refused_with_their_place() {
         assert_eq!(refused(&[good, bad]), format!("1 {field}"));
     }
     // Any length of a normal will do, and a plate without area too.
-    let around = Surroundings { pressure: 1.0, direction_world: DVec3::X, orientation: DQuat::IDENTITY };
+    let around = LaneTorques { pressure: 1.0, direction_world: DVec3::X, orientation: DQuat::IDENTITY };
     for length in [1e-320, 1e-200, 1.0, 1e200] {
         let found = torque(&[Facet { normal_body: DVec3::X * length, ..good }], around);
         assert!((found - DVec3::Z).length() < ROUNDING, "{length:e}: {found}");
@@ -325,7 +326,7 @@ fn an_engine_turns_a_body_as_the_balance_of_momentum_says() {
     let (mut q, mut omega) = (DQuat::from_xyzw(0.1, -0.1, 0.2, 0.9).normalize(), DVec3::new(0.1, -0.05, 0.08));
     let row = (moments, q, omega);
     let rate = |q: DQuat, omega: DVec3| {
-        let around = Surroundings { pressure, direction_world, orientation: q.normalize() };
+        let around = LaneTorques { pressure, direction_world, orientation: q.normalize() };
         let torque = solar_torque(&lit, around, specular, diffuse);
         assert!(torque != DVec3::ZERO);
         (q * DQuat::from_vec4((0.5 * omega).extend(0.0)), (torque - omega.cross(moments * omega)) / moments)

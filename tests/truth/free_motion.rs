@@ -6,10 +6,10 @@ use crate::support;
 use std::f64::consts::TAU;
 
 use glam::{DMat3, DQuat, DVec3};
-use polhode::batch::BodyState;
+use polhode::bodies::BodyState;
 use polhode::engine::Engine;
-use polhode::free_motion::{FreeMotion, Polhode};
-use polhode::phase::Time;
+use polhode::kernel::free_motion::{FreeMotion, Polhode};
+use polhode::math::phase::Time;
 use polhode::plan::CLOSED_FORM_F32;
 use polhode::{Accuracy, Ensemble, Method, Outputs, Plan, Precision, Scene};
 use support::{attitude_error, relative_error};
@@ -533,7 +533,7 @@ fn the_long_way_gives_the_same_answer() {
 
 /// The states of all bodies of an ensemble, as an engine holds them.
 fn states(engine: &Engine, bodies: &Ensemble, precision: Precision, time: f64) -> Vec<[f64; 7]> {
-    let (_, rows) = polhode::free_motion::AnyRows::prepare(bodies, precision).expect("enough memory");
+    let (_, rows) = polhode::kernel::free_motion::AnyRows::prepare(bodies, precision).expect("enough memory");
     let mut session = engine.start_free(rows).expect("started");
     session.evaluate(-3.0).expect("evaluated elsewhere first");
     session.evaluate(time).expect("evaluated");
@@ -570,7 +570,8 @@ fn no_bodies_and_no_number_are_handled() {
     for engine in [Engine::cpu(), Engine::gpu(options).expect("tests need a Vulkan driver")] {
         for precision in Precision::ALL {
             assert_eq!(states(&engine, &Ensemble::new(), precision, 1.0), Vec::<[f64; 7]>::new());
-            let (_, rows) = polhode::free_motion::AnyRows::prepare(&ensemble(3), precision).expect("enough memory");
+            let (_, rows) =
+                polhode::kernel::free_motion::AnyRows::prepare(&ensemble(3), precision).expect("enough memory");
             let mut session = engine.start_free(rows).expect("started");
             for time in [f64::NAN, f64::INFINITY] {
                 let refused = session.evaluate(time);

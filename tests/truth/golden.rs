@@ -4,11 +4,13 @@ use crate::common;
 use crate::support;
 
 use glam::DVec3;
-use polhode::batch::{Precision, prepare_with};
-use polhode::engine::adaptive::AdaptiveSteps;
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::bodies::Status;
+use polhode::engine::batch::prepare_with;
+use polhode::engine::cpu::Cpu;
 use polhode::engine::{Backend, unobserved};
-use polhode::method::Status;
+use polhode::math::Precision;
+use polhode::math::Width;
+use polhode::scene::AdaptiveSteps;
 use polhode::{Ensemble, Method};
 use support::stepped::{Tally, larger, stepped, unit};
 use support::{attitude_error, golden, relative_error};
@@ -99,7 +101,7 @@ fn check(engine: &dyn Backend, precision: Precision) {
 }
 
 /// As [`check`], in adaptive steps up to each golden time. An accepted step is off by at most √7 of the tolerance in the
-/// quaternion and in the angular momentum ([`polhode::method::rk8_adaptive`]; 7 components in its mean square), the angle by
+/// quaternion and in the angular momentum ([`polhode::kernel::method::rk8_adaptive`]; 7 components in its mean square), the angle by
 /// twice that, and the case's conditioning magnifies what each step leaves.
 fn check_adaptive(engine: &dyn Backend, precision: Precision, tolerance: f64) {
     let reference = Cpu::new(Width::Lanes);

@@ -6,10 +6,11 @@ use crate::support;
 
 use glam::{DQuat, DVec3};
 use polhode::Ensemble;
-use polhode::batch::{BodyFrame, BodyState, STATE_COMPONENTS};
-use polhode::free_motion::{FreeMotion, FreeMotionRows};
+use polhode::bodies::columns::STATE_COMPONENTS;
+use polhode::bodies::{BodyFrame, BodyState};
+use polhode::kernel::free_motion::{FreeMotion, FreeMotionRows};
+use polhode::math::real::Scalar;
 use polhode::plan::CLOSED_FORM_F32;
-use polhode::real::Scalar;
 use support::golden::Case;
 use support::{attitude_error, golden, relative_error};
 

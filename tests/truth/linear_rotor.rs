@@ -6,8 +6,9 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use glam::{DQuat, DVec3};
-use polhode::batch::{AnyBatch, Precision, prepare_with};
-use polhode::inertia::{InertiaTensor, point_masses};
+use polhode::bodies::inertia::{InertiaTensor, point_masses};
+use polhode::engine::batch::{AnyBatch, prepare_with};
+use polhode::math::Precision;
 use polhode::plan::Treatment;
 use polhode::torque::Orbit;
 use polhode::{Accuracy, Engine, Ensemble, Error, Method, Outputs, Plan, Record, Scene, Torque};
@@ -85,7 +86,7 @@ fn a_free_rotor_turns_in_its_plane_at_any_time() {
     // The rounding of ω is multiplied by the time.
     assert!((found - expected(1e4)).length() < 1e4 * ROUNDING, "{found} {}", expected(1e4));
     assert!((rate - omega).length() < ROUNDING * omega.length(), "{rate} {omega}");
-    // The long way.
+    // Without skipping.
     for (engine, precision, bound) in engines() {
         let record = stepped(&engine, Scene::new(ensemble.clone()).until(10.0), precision);
         let (found, rate) = end_of(&record, 0);

@@ -6,7 +6,9 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DQuat, DVec3};
 use polhode::Error;
-use polhode::inertia::*;
+use polhode::bodies::inertia::*;
+use polhode::error::InertiaDefect;
+use polhode::error::MeshDefect;
 use proptest::prelude::*;
 use strategies::{body, cloud, moments, orientation, vector};
 

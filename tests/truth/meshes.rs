@@ -5,7 +5,10 @@ use std::path::PathBuf;
 
 use glam::DVec3;
 use polhode::Error;
-use polhode::inertia::*;
+use polhode::bodies::inertia::*;
+use polhode::error::FlatArrangement;
+use polhode::error::MeshDefect;
+use polhode::error::MeshFileProblem;
 use proptest::prelude::*;
 
 /// Six times the volume of the tetrahedron a, b, c, p: exact for coordinates that are integers below 2¹⁵.

@@ -3,7 +3,7 @@
 use crate::strategies;
 
 use glam::{DMat3, DQuat, DVec3};
-use polhode::inertia::{InertiaTensor, principal_axes, principal_axes_refined};
+use polhode::bodies::inertia::{InertiaTensor, principal_axes, principal_axes_refined};
 use proptest::prelude::*;
 use strategies::{orientation, tensor};
 

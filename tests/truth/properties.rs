@@ -5,7 +5,7 @@ use crate::common;
 use std::ops::Range;
 
 use glam::{DQuat, DVec3};
-use polhode::free_motion::FreeMotion;
+use polhode::kernel::free_motion::FreeMotion;
 use polhode::study::Scalar as Distribution;
 use polhode::study::draw::{Column, Draw};
 use polhode::torque::{Orbit, Torque};

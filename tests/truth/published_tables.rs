@@ -3,8 +3,9 @@
 #![cfg(feature = "study")]
 
 use glam::DQuat;
-use polhode::batch::{Precision, prepare_with};
+use polhode::engine::batch::prepare_with;
 use polhode::engine::{Engine, unobserved};
+use polhode::math::Precision;
 use polhode::study::problem;
 use polhode::torque::Torque;
 use polhode::{Ensemble, Method};

@@ -7,19 +7,21 @@ use crate::support;
 use std::path::Path;
 
 use glam::{DMat3, DQuat, DVec3};
-use polhode::batch::prepare;
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::engine::batch::prepare;
+use polhode::engine::cpu::Cpu;
 use polhode::engine::{Backend, unobserved};
-use polhode::free_motion::FreeMotion;
-use polhode::method::splitting::Splitting;
-use polhode::quaternion::Quaternion;
+use polhode::kernel::free_motion::FreeMotion;
+use polhode::kernel::method::splitting::Splitting;
+use polhode::kernel::torque_kernel::Free;
+use polhode::math::Width;
+use polhode::math::quaternion::Quaternion;
 use polhode::scene::Stepping;
 use polhode::study::Study;
-use polhode::torque::{Free, Torque};
+use polhode::torque::Torque;
 use polhode::{Accuracy, Engine, Ensemble, Method, Plan, Precision, Scene};
 use rayon::prelude::*;
 use support::double_double::DoubleDouble;
-use support::environment::{at_start, between, stepped};
+use support::torque_kernel::{at_start, between, stepped};
 
 /// Simulated time, s.
 const SPAN: f64 = 100.0;
@@ -183,11 +185,11 @@ fn projection_is_refused_where_nothing_of_the_kind_is_conserved() {
     };
     assert_eq!(
         message(engine.start_projected(batch(Precision::F32), Method::Rk8).map(|_| ())),
-        "projection of rk8: f64 is needed"
+        "projection of rk8: expected f64"
     );
     assert_eq!(
         message(engine.start_projected(batch(Precision::F64), Method::Dlm).map(|_| ())),
-        "projection of dlm: one of the methods rk4, rk8, cf4, splitting2, splitting4, splitting6 is needed"
+        "projection of dlm: expected one of the methods rk4, rk8, cf4, splitting2, splitting4, splitting6"
     );
 }
 
@@ -195,10 +197,10 @@ fn projection_is_refused_where_nothing_of_the_kind_is_conserved() {
 fn a_plan_refuses_to_project_bodies_under_torques() {
     let scene = Scene::new(ensemble()).until(1.0).projected(Method::Rk8, 0.01).torque(Torque::linear_drag(0.1));
     let refusal = Plan::new(&scene, &Engine::cpu()).map(|_| ()).expect_err("refused").to_string();
-    assert_eq!(refusal, "projection of rk8: bodies without torques are needed, as others conserve nothing of the kind");
+    assert_eq!(refusal, "projection of rk8: expected bodies without torques, as others conserve nothing of the kind");
     let scene = Scene::new(ensemble()).until(1.0).projected(Method::Rk8, 0.01).precision(Some(Precision::F32));
     let refusal = Plan::new(&scene, &Engine::cpu()).map(|_| ()).expect_err("refused").to_string();
-    assert_eq!(refusal, "projection of rk8: f64 is needed");
+    assert_eq!(refusal, "projection of rk8: expected f64");
 }
 
 #[test]
@@ -248,8 +250,8 @@ fn studies_ask_for_projection_and_are_told_where_there_is_none() {
 
     let drag = "[[torque]]\nmodel = 'viscous'\ncoefficient = 0.1";
     for (accuracy, more, line, expected) in [
-        ("method = 'rk8'\ndt = 0.01\nprojection = true", drag, 10, "bodies without torques are needed"),
-        ("method = 'rk8'\ndt = 0.01\nprojection = true\nprecision = 'f32'", "", 10, "f64 is needed"),
+        ("method = 'rk8'\ndt = 0.01\nprojection = true", drag, 10, "expected bodies without torques"),
+        ("method = 'rk8'\ndt = 0.01\nprojection = true\nprecision = 'f32'", "", 10, "expected f64"),
         ("method = 'dlm'\ndt = 0.01\nprojection = true", "", 10, "one of the methods rk4"),
         ("method = 'rk8'\nprojection = true", "", 7, "needs a step beside it"),
         ("attitude = 1e-6\nprojection = true", "", 8, "projection"),

@@ -1,6 +1,6 @@
 //! The crate's own sine and cosine against the host's in more digits, over the stated ranges.
 
-use polhode::real::{Scalar, sin_cos, sin_cos_eighth};
+use polhode::math::real::{Scalar, sin_cos, sin_cos_eighth};
 
 /// The stated bound, in units of the spacing of numbers next to 1 from above.
 const ULPS_OF_ONE: f64 = 1.0;

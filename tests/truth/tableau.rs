@@ -1,11 +1,11 @@
 //! The order conditions of `rk8`'s tableau, all of them, and of its embedded formulas; the coefficients of shaders.
 
-use polhode::batch::Precision;
 use polhode::engine::gpu::shader::Source;
-use polhode::method::Method;
-use polhode::method::rk8::{ERROR_WEIGHTS_5, STAGE_WEIGHTS, STAGES, TIMES, WEIGHTS, WEIGHTS_3};
-use polhode::method::splitting::{Composition, composition};
-use polhode::torque::VelocityDependence;
+use polhode::kernel::method::Method;
+use polhode::kernel::method::rk8::{ERROR_WEIGHTS_5, STAGE_WEIGHTS, STAGES, TIMES, WEIGHTS, WEIGHTS_3};
+use polhode::kernel::method::splitting::{Composition, composition};
+use polhode::kernel::torque_kernel::VelocityDependence;
+use polhode::math::Precision;
 
 /// A rooted tree as the multiset of its branches.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -138,7 +138,9 @@ fn the_coefficients_of_the_shaders_are_those_of_their_twins() {
     let both = [VelocityDependence::None, VelocityDependence::General];
     let twin = |file: &str| -> Vec<f64> {
         match file {
-            "method/rk8.wgsl" | "method/rk8_adaptive.wgsl" => long_numbers(include_str!("../../src/method/rk8.rs")),
+            "method/rk8.wgsl" | "method/rk8_adaptive.wgsl" => {
+                long_numbers(include_str!("../../src/kernel/method/rk8.rs"))
+            }
             "method/splitting4.wgsl" => ends(both.map(composition::<4>)),
             "method/splitting6.wgsl" => ends(both.map(composition::<6>)),
             _ => Vec::new(),

@@ -6,10 +6,13 @@ use crate::support;
 use common::compare::{compare_states, first_bit_difference};
 use common::torques::{batch_under, every_torque, middle_moments};
 use glam::{DQuat, DVec3};
-use polhode::batch::{AnyBatch, Precision, StateWords, prepare_with};
-use polhode::engine::adaptive::{AdaptiveSteps, StepCounts};
+use polhode::bodies::Status;
+use polhode::bodies::columns::StateWords;
+use polhode::engine::adaptive_session::StepCounts;
+use polhode::engine::batch::{AnyBatch, prepare_with};
 use polhode::engine::{Backend, Engine, unobserved};
-use polhode::method::Status;
+use polhode::math::Precision;
+use polhode::scene::AdaptiveSteps;
 use polhode::torque::variable_inertia::{InertiaChange, Law};
 use polhode::torque::{Orbit, Parameters, Torque};
 use polhode::{Ensemble, Error, Method, Plan, Scene};
@@ -354,14 +357,14 @@ fn a_body_that_would_need_a_step_below_the_limit_is_flagged() {
 #[test]
 fn what_it_cannot_do_is_refused() {
     let refused = |batch: AnyBatch| Engine::cpu().start_taylor(batch, steps(1e-4)).err().expect("refused").to_string();
-    insta::assert_snapshot!(refused(batch_under(3, SEED, &[], Precision::F32)), @r#"taylor: its series are formed in f64: precision "f64", or method "rk8", is needed"#);
+    insta::assert_snapshot!(refused(batch_under(3, SEED, &[], Precision::F32)), @r#"taylor: its series are formed in f64: use precision "f64", or method "rk8""#);
     let moving = Parameters::new();
     let torque = Torque::custom("vec(kepler_sin(time, 0.1 + 0.01 * sin(time)), 0, 0)", moving).expect("a formula");
     insta::assert_snapshot!(refused(batch_under(3, SEED, &[torque], Precision::F64)), @"taylor: a torque has no Taylor series: Kepler's equation has a series here for an eccentricity that is constant in time only");
     let ensemble = common::asymmetric_ensemble(3, SEED);
     let pinned = Scene::new(ensemble.clone()).until(1.0).pinned(Method::Taylor, 0.1, None);
     let refusal = Plan::new(&pinned, &Engine::cpu()).expect_err("refused");
-    insta::assert_snapshot!(refusal.to_string(), @"taylor: its steps are adaptive: a tolerance instead of dt is needed");
+    insta::assert_snapshot!(refusal.to_string(), @"taylor: its steps are adaptive: use a tolerance instead of dt");
     let narrow = Scene::new(ensemble).until(1.0).taylor(steps(1e-4)).precision(Some(Precision::F32));
     assert!(matches!(Plan::new(&narrow, &Engine::cpu()), Err(Error::MethodUnavailable { .. })));
     let noise = Torque::white_noise(0.1, 1);

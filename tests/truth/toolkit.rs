@@ -5,8 +5,8 @@ use crate::strategies;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{DMat3, DQuat, DVec3};
-use polhode::inertia::InertiaTensor;
-use polhode::toolkit::*;
+use polhode::bodies::inertia::InertiaTensor;
+use polhode::bodies::toolkit::*;
 use proptest::prelude::*;
 use strategies::{orientation, vector, vector_of_any_size};
 

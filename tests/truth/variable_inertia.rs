@@ -6,18 +6,18 @@ use crate::support;
 use std::f64::consts::TAU;
 
 use glam::{DQuat, DVec3};
-use polhode::batch::Precision;
+use polhode::bodies::ensemble::Translation;
+use polhode::bodies::inertia::InertiaTensor;
 use polhode::engine::Engine;
-use polhode::engine::adaptive::AdaptiveSteps;
 use polhode::engine::gpu::Patch;
-use polhode::ensemble::Translation;
-use polhode::inertia::InertiaTensor;
-use polhode::observe::Statistic;
+use polhode::kernel::observe::Statistic;
+use polhode::kernel::rigid_body::Body;
+use polhode::math::Precision;
+use polhode::math::vector::{TwoWords, Vector};
 use polhode::plan::choice::floor_f32;
-use polhode::rigid_body::Body;
+use polhode::scene::AdaptiveSteps;
 use polhode::torque::Orbit;
 use polhode::torque::variable_inertia::{Change, InertiaChange, Law, changed_body};
-use polhode::vector::{TwoWords, Vector};
 use polhode::{Accuracy, Ensemble, Error, Force, Method, Outputs, Plan, Record, Scene, Torque};
 use support::attitude_error;
 use support::golden::number;
@@ -392,7 +392,7 @@ fn methods_that_take_a_body_for_rigid_are_refused_and_never_chosen() {
         assert!(!plan.is_closed_form());
         assert!(METHODS.contains(&plan.method()), "{}", plan.method());
         let record = engine.run(&plan).expect("a run");
-        assert_eq!(record.trust().shadow.met, Some(true), "{}", record.trust());
+        assert_eq!(record.trust().recomputed_sample.met, Some(true), "{}", record.trust());
     }
 }
 

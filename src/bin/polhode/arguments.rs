@@ -78,6 +78,9 @@ pub struct EngineArguments {
     /// GPU adapter, by its index in `polhode devices`.
     #[arg(long, value_name = "INDEX")]
     pub adapter: Option<usize>,
+    /// Seconds without an answer after which a GPU counts as hung and the command ends.
+    #[arg(long, value_name = "SECONDS", default_value = "120", value_parser = clap::value_parser!(u64).range(1..))]
+    pub device_timeout: u64,
     /// Arithmetic.
     #[arg(long, value_enum, default_value = "auto", value_name = "PRECISION")]
     pub precision: PrecisionName,
@@ -190,7 +193,7 @@ pub struct RunArguments {
     /// Write into a folder that is not empty; results of a former run in it are replaced.
     #[arg(long)]
     pub force: bool,
-    /// Go the long way: step every body with all torques, as finely as the fastest needs.
+    /// Turn skipping off: step every body under all torques, as finely as the fastest needs.
     #[arg(long)]
     pub no_skip: bool,
     /// Repeat a run by the plan.json that it left; on the same engine the bits are the same.
@@ -233,7 +236,7 @@ pub struct ExplainArguments {
     /// Take methods and steps from the shipped table instead of trying them on a few bodies.
     #[arg(long)]
     pub no_pilot: bool,
-    /// Show the long way, on which nothing is left out.
+    /// Show the plan without skipping.
     #[arg(long)]
     pub no_skip: bool,
     /// Rank methods by what `polhode bench accuracy` has measured on this engine and left in this folder, instead of by the
@@ -353,7 +356,7 @@ fn point(text: &str) -> Result<DVec3, String> {
         text.split(',').map(|number| number.trim().parse().ok().filter(|x: &f64| x.is_finite())).collect();
     match numbers.as_deref() {
         Some(&[x, y, z]) => Ok(DVec3::new(x, y, z)),
-        _ => Err("three finite numbers X,Y,Z are needed (m)".to_owned()),
+        _ => Err("expected three finite numbers X,Y,Z (m)".to_owned()),
     }
 }
 

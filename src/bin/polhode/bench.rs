@@ -6,7 +6,7 @@ use clap::{Args, Subcommand, ValueEnum};
 use polhode::bench::compare::compare;
 use polhode::bench::provenance::Provenance;
 use polhode::bench::row::Row;
-use polhode::bench::{Bench, Swept, Watcher, accuracy, drift, skipping, stability, throughput};
+use polhode::bench::{Bench, Swept, Watcher, accuracy, drift, kernels, skipping, stability, throughput};
 use polhode::engine::Engine;
 use polhode::engine::gpu::GpuOptions;
 
@@ -39,6 +39,8 @@ enum Benchmark {
     Accuracy(Options),
     /// Body-steps a second: bodies, steps per dispatch, outputs, cores, beside the machine's ceilings.
     Throughput(Options),
+    /// Every kernel with its error, beside the machine's ceilings; waits, dispatches and bytes of a run.
+    Kernels(Options),
     /// Time and bytes saved by each kind of skipped work, and what it changes in the result.
     Skipping(Options),
     /// The atlas: what becomes of free bodies under every method, for steps from 1e-4 to 1e3 rad.
@@ -103,6 +105,7 @@ pub fn bench(arguments: &BenchArguments) -> Result<(), Failure> {
     match &arguments.benchmark {
         Benchmark::Accuracy(options) => measure(options, accuracy::run, accuracy::summary),
         Benchmark::Throughput(options) => measure(options, throughput::run, throughput::summary),
+        Benchmark::Kernels(options) => measure(options, kernels::run, kernels::summary),
         Benchmark::Skipping(options) => measure(options, skipping::run, skipping::summary),
         Benchmark::Stability(options) => measure(options, stability::run, stability::summary),
         Benchmark::Drift(options) => measure(options, drift::run, drift::summary),

@@ -1,9 +1,10 @@
 //! The engine that the arguments ask for.
 
 use std::path::Path;
+use std::time::Duration;
 
 use polhode::Precision;
-use polhode::engine::gpu::GpuOptions;
+use polhode::engine::gpu::{GpuOptions, SliceLimits};
 use polhode::engine::{Engine, EngineKind};
 use polhode::plan::Costs;
 
@@ -16,13 +17,13 @@ pub fn open(arguments: &EngineArguments, quiet: bool) -> Result<Engine, Failure>
         (EngineName::Cpu, Some(_)) => Err(Failure::Arguments("--adapter excludes --engine cpu: give one of them")),
         (EngineName::Cpu, None) => Ok(Engine::cpu()),
         (EngineName::Auto, None) => {
-            let engine = Engine::auto()?;
+            let engine = Engine::auto_with(options(arguments))?;
             if engine.description().kind == EngineKind::Cpu && !quiet {
                 output::note("no GPU to use: the CPU engine computes (`polhode devices` says why)");
             }
             Ok(engine)
         }
-        (EngineName::Auto | EngineName::Gpu, adapter) => Ok(gpu(adapter)?),
+        (EngineName::Auto | EngineName::Gpu, _) => Ok(gpu(arguments)?),
     }
 }
 
@@ -30,7 +31,7 @@ pub fn open(arguments: &EngineArguments, quiet: bool) -> Result<Engine, Failure>
 /// engine is opened only where it is asked for.
 pub fn open_for_verify(arguments: &EngineArguments) -> Result<Engine, Failure> {
     let opened = match (arguments.engine, arguments.adapter) {
-        (EngineName::Auto, None) => gpu(None).map_err(Failure::from),
+        (EngineName::Auto, None) => gpu(arguments).map_err(Failure::from),
         _ => open(arguments, false),
     };
     match opened {
@@ -41,8 +42,14 @@ pub fn open_for_verify(arguments: &EngineArguments) -> Result<Engine, Failure> {
     }
 }
 
-fn gpu(adapter: Option<usize>) -> polhode::Result<Engine> {
-    Engine::gpu(GpuOptions { adapter, software: true, ..GpuOptions::default() })
+fn gpu(arguments: &EngineArguments) -> polhode::Result<Engine> {
+    Engine::gpu(GpuOptions { software: true, ..options(arguments) })
+}
+
+fn options(arguments: &EngineArguments) -> GpuOptions {
+    let longest_wait = Duration::from_secs(arguments.device_timeout);
+    let slice = SliceLimits { longest_wait, ..SliceLimits::default() };
+    GpuOptions { adapter: arguments.adapter, slice, ..GpuOptions::default() }
 }
 
 /// The arithmetic that the arguments ask for.

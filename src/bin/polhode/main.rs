@@ -70,7 +70,7 @@ fn say(failure: &Failure) -> ExitCode {
             output::error(NO_SHADER);
             ExitCode::from(FAILED)
         }
-        Failure::Environment(message) => {
+        Failure::TorqueKernel(message) => {
             output::error(message);
             ExitCode::from(WRONG_INPUT)
         }
@@ -89,7 +89,7 @@ fn say(failure: &Failure) -> ExitCode {
         Failure::Library(error) => {
             output::error(&error.to_string());
             if let polhode::Error::Input(input) = error
-                && let polhode::study::Fault::Formula { picture, .. } = &input.fault
+                && let polhode::error::InputFault::Formula { picture, .. } = &input.fault
             {
                 picture.lines().for_each(|line| output::note(&format!("    {line}")));
             }
@@ -125,7 +125,7 @@ fn refuse_arguments(error: &clap::Error) -> ExitCode {
         }
         ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
             output::error(
-                "a command is needed: polhode run, explain, verify, inertia, devices, bench, plot, completions or man; `polhode --help` teaches them",
+                "expected a command: polhode run, explain, verify, inertia, devices, bench, plot, completions or man; `polhode --help` teaches them",
             );
             return ExitCode::from(WRONG_INPUT);
         }

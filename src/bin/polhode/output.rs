@@ -16,7 +16,7 @@ pub enum Failure {
     /// More bodies of a run have failed than the study allows, which has been said.
     FailedBodies,
     /// A variable of the environment makes no sense.
-    Environment(String),
+    TorqueKernel(String),
     /// The system refuses the threads that compute.
     Threads(rayon::ThreadPoolBuildError),
     /// Standard output cannot be written.

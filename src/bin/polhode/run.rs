@@ -5,7 +5,8 @@ use std::time::Instant;
 
 use polhode::Plan;
 use polhode::plan::PlanDocument;
-use polhode::record::{OutputFolder, OutputSize, Report, run_to_folder};
+use polhode::record::{OutputFolder, Report};
+use polhode::run::{OutputSize, run_to_folder};
 use polhode::study::Study;
 
 use crate::arguments::RunArguments;
@@ -83,7 +84,7 @@ fn say_what_is_written(arguments: &RunArguments, study: &Study, report: &Report,
     }
     if report.outside_usable_region > 0 {
         output::note(&format!(
-            "warning: {} of {} bodies turn further in a step than the method's usable region reaches: a shorter dt is needed \
+            "warning: {} of {} bodies turn further in a step than the method's usable region reaches: use a shorter dt \
              (`polhode bench stability` shows what happens)",
             report.outside_usable_region, report.bodies
         ));

@@ -16,8 +16,8 @@ pub fn start() -> Result<(), Failure> {
         let count = value.to_str().and_then(|text| text.parse::<usize>().ok());
         if count.is_none_or(|count| count > MOST) {
             let value = value.to_string_lossy();
-            let message = format!("{VARIABLE} = {value}: a number of threads up to {MOST} is needed, 0 for one a core");
-            return Err(Failure::Environment(message));
+            let message = format!("{VARIABLE} = {value}: expected a number of threads up to {MOST}, 0 for one a core");
+            return Err(Failure::TorqueKernel(message));
         }
     }
     ThreadPoolBuilder::new().build_global().map_err(Failure::Threads)

@@ -6,24 +6,27 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
+use super::TASKS;
 use super::observe::Reducer;
-use super::surroundings::{AllTorques, CommonTorques, Nothing, Surroundings};
 use super::taylor::{TaylorMotion, steps_in_tiles, steps_one_by_one};
 use super::tile::attempts_in_tiles;
-use super::{TASKS, Width};
-use crate::batch::{Batch, RATE_COLUMN, StateWords, column_parts, load_body, load_state, store_state};
-use crate::clock::{Clock, MOST_LANES};
-use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps, StepCounts, two_words_of};
+use crate::bodies::columns::{RATE_COLUMN, StateWords, column_parts};
+use crate::engine::adaptive_session::{AdaptiveSession, StepCounts, two_words_of};
+use crate::engine::batch::{Batch, load_body, load_state, store_state};
+use crate::engine::cpu::torque_kernels::{AllTorques, CommonTorques, LaneTorques, Nothing};
+use crate::engine::load_balance::imbalance;
 use crate::engine::watch::{Job, Watch, watched};
-use crate::engine::work::imbalance;
 use crate::engine::{Observer, check_time, unobserved};
 use crate::error::{Error, Result};
-use crate::lanes::{LaneScalar, LaneTask};
-use crate::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, advance};
-use crate::observe;
-use crate::real::{Real, Scalar};
+use crate::kernel::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, advance};
+use crate::kernel::observe;
+use crate::math::Width;
+use crate::math::clock::{Clock, MOST_LANES};
+use crate::math::lanes::{LaneScalar, LaneTask};
+use crate::math::real::{Real, Scalar};
+use crate::math::vector::TwoWords;
+use crate::scene::AdaptiveSteps;
 use crate::torque::sum::Source;
-use crate::vector::TwoWords;
 
 /// Columns of a [`Controller`]: step, left (two words), retried, accepted, rejected.
 pub(super) const CONTROLLER_COLUMNS: usize = 6;
@@ -55,7 +58,7 @@ pub(super) struct CpuAdaptiveSession<T> {
 type Kernel<T> = fn(Block<'_, '_, T>) -> bool;
 
 impl CpuAdaptiveSession<f64> {
-    /// Steps by [`crate::method::taylor`].
+    /// Steps by [`crate::kernel::method::taylor`].
     pub fn by_series(batch: Batch<f64>, steps: AdaptiveSteps, width: Width) -> Result<Self> {
         let motion = TaylorMotion::new(&batch.torques, steps)?;
         let kernel = if width.has_lanes::<f64>() { steps_in_tiles::<f64> } else { steps_one_by_one::<f64> };
@@ -181,6 +184,10 @@ impl<T: LaneScalar + observe::Kernel> AdaptiveSession for CpuAdaptiveSession<T> 
         watched(self.work(time)?, bodies, observer).map_err(|_| Error::Interrupted { steps: 0 })
     }
 
+    fn has_jobs(&self) -> bool {
+        true
+    }
+
     fn job_to(&mut self, time: f64) -> Result<Option<Job<'_>>> {
         self.work(time).map(Some)
     }
@@ -277,18 +284,18 @@ pub(super) struct Block<'a, 'b, T> {
     pub bodies: usize,
 }
 
-fn in_lanes<T: LaneScalar, S: Surroundings>(block: Block<'_, '_, T>) -> bool {
+fn in_lanes<T: LaneScalar, S: LaneTorques>(block: Block<'_, '_, T>) -> bool {
     T::dispatch(Advance::<T, S>(block, PhantomData))
 }
 
-fn one_by_one<T: Scalar, S: Surroundings>(block: Block<'_, '_, T>) -> bool {
+fn one_by_one<T: Scalar, S: LaneTorques>(block: Block<'_, '_, T>) -> bool {
     Advance::<T, S>(block, PhantomData).run::<T>()
 }
 
 /// Advances a block, lane group by lane group; says whether any body is still under way.
 struct Advance<'a, 'b, T, S>(Block<'a, 'b, T>, PhantomData<S>);
 
-impl<T: Scalar, S: Surroundings> LaneTask<T> for Advance<'_, '_, T, S> {
+impl<T: Scalar, S: LaneTorques> LaneTask<T> for Advance<'_, '_, T, S> {
     type Output = bool;
     const IN_LANES_ONLY: bool = true;
 

@@ -7,17 +7,20 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::{CpuAdaptiveSession, CpuFreeSession, CpuSession, Width};
-use crate::batch::{Batch, BodyFrame, STATE_COMPONENTS, StateWords, status_column};
+use super::{CpuAdaptiveSession, CpuFreeSession, CpuSession};
+use crate::bodies::BodyFrame;
+use crate::bodies::columns::{STATE_COMPONENTS, StateWords, status_column};
+use crate::engine::batch::Batch;
 use crate::engine::reduction::{Marked, Reduce};
 use crate::error::Result;
-use crate::lanes::{LaneScalar, LaneTask};
-use crate::observe::{
+use crate::kernel::observe::{
     Columns, Extreme, GROUP_BODIES, Kernel, ObservedRow, Partial, SCALE_COLUMN, Statistic, WORKGROUP, combine, merge,
     observe, quantity, without_axis,
 };
-use crate::real::{Real, Scalar};
-use crate::vector::Vector;
+use crate::math::Width;
+use crate::math::lanes::{LaneScalar, LaneTask};
+use crate::math::real::{Real, Scalar};
+use crate::math::vector::Vector;
 
 /// Rows that one task reduces.
 const TASK: usize = 64 * WORKGROUP;

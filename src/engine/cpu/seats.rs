@@ -1,11 +1,12 @@
 //! Rows of a block in the lanes of a tile: a lane whose body has arrived is given to another body.
 
 use super::adaptive::{Block, LEFT, store_controller};
-use crate::batch::{RATE_COLUMN, store_state};
-use crate::clock::MOST_LANES;
-use crate::method::rk8_adaptive::Controller;
-use crate::real::{Real, Scalar};
-use crate::rigid_body::State;
+use crate::bodies::columns::RATE_COLUMN;
+use crate::engine::batch::store_state;
+use crate::kernel::method::rk8_adaptive::Controller;
+use crate::kernel::rigid_body::State;
+use crate::math::clock::MOST_LANES;
+use crate::math::real::{Real, Scalar};
 
 /// The rows that are in the lanes of one lane group.
 #[derive(Clone, Copy, Debug, Default)]

@@ -1,10 +1,12 @@
 //! A batch on a device whose bodies take steps of their own size.
 //!
-//! A dispatch advances a list of bodies by a bounded number of attempts and says of each how many it made and whether it is
-//! still under way. Those that are make the list of the next dispatch, so that a finished body holds its workgroup no
-//! longer than one dispatch. No body reads what another wrote, so that results depend neither on lists nor on cuts.
+//! A round advances a list of bodies by a bounded number of attempts. Those that are then still under way make the list of the next
+//! round, so that a finished body holds its workgroup no longer than one round. Lists and their lengths stay on the device
+//! ([`control`]): a submission has as many rounds as its time allows, and some bytes come back. No body reads what another wrote, so
+//! that results depend neither on lists nor on cuts.
 
 mod chunk;
+mod control;
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -12,44 +14,65 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Instant;
 
 use super::GpuOptions;
-use super::buffers::{DeviceScalar, STAGING_BYTES, WORKGROUP_SIZE, buffer, chunk_capacity, require};
+use super::buffers::{DeviceScalar, STAGING_BYTES, Upload, WORKGROUP_SIZE, chunk_capacity, require};
 use super::device::{Device, Refusal};
-use super::dispatch::Slicer;
+use super::dispatch::{GROUP_BODIES, Slicer};
 use super::observe::{ObserveKernels, Reducer, reduces};
-use super::reading::{read_block, read_single_rows};
-use super::shader::Source;
-use crate::batch::{Batch, BodyFrame, Precision, StateWords, state_columns};
-use crate::clock::Clock;
-use crate::engine::adaptive::{AdaptiveSession, AdaptiveSteps, StepCounts};
+use super::reading::{Reader, read_single_rows};
+use super::shader::{Patch, Source};
+use crate::bodies::BodyFrame;
+use crate::bodies::columns::StateWords;
+use crate::engine::adaptive_session::{AdaptiveSession, StepCounts};
+use crate::engine::batch::Batch;
 use crate::engine::reduction::{Marked, Reduce};
 use crate::engine::{Observer, Progress, check_time};
 use crate::error::{Error, Result};
-use crate::method::Method;
-use crate::method::rk8_adaptive::Controller;
-use crate::observe::{Partial, Statistic};
-use chunk::{BINDINGS, Chunk, Interval, READ_ONLY, next_group, row_bytes, rows_in, staging_bytes};
+use crate::kernel::method::Method;
+use crate::kernel::method::rk8_adaptive::Controller;
+use crate::kernel::observe::{Partial, Statistic};
+use crate::math::Precision;
+use crate::math::clock::Clock;
+use crate::scene::AdaptiveSteps;
+use chunk::{Chunk, Interval, row_bytes};
+use control::{Bodies, Control};
 
 /// The kernels' bindings, and their pipelines, made on first use.
 #[derive(Debug, Default)]
 pub(super) struct AdaptiveKernels {
-    layout: OnceLock<wgpu::BindGroupLayout>,
-    pipelines: Mutex<HashMap<super::shader::Key, wgpu::ComputePipeline>>,
+    layouts: OnceLock<Layouts>,
+    compact: OnceLock<[wgpu::ComputePipeline; 2]>,
+    advance: Mutex<HashMap<super::shader::Key, wgpu::ComputePipeline>>,
+}
+
+/// Bindings of `adaptive.wgsl` and of `compact.wgsl`.
+#[derive(Debug)]
+struct Layouts {
+    advance: wgpu::BindGroupLayout,
+    compact: wgpu::BindGroupLayout,
+}
+
+/// The kernels of a round, in order.
+#[derive(Clone, Debug)]
+struct Pipelines {
+    advance: wgpu::ComputePipeline,
+    compact: [wgpu::ComputePipeline; 2],
 }
 
 struct GpuAdaptiveSession<T> {
     device: Arc<Device>,
-    pipeline: wgpu::ComputePipeline,
+    pipelines: Pipelines,
     chunks: Vec<Chunk>,
-    staging: Option<wgpu::Buffer>,
+    reader: Option<Reader>,
     body_count: usize,
     steps: AdaptiveSteps,
     /// The time that the state stands at.
     clock: Clock,
     slicer: Slicer,
-    bytes_read: u64,
     /// Attempts so far, alone and with those that bodies waited.
     attempts: u64,
     held: u64,
+    /// Bodies that have come to the end of an interval so far.
+    arrived: u64,
     reducer: Reducer,
     scalar: std::marker::PhantomData<T>,
 }
@@ -65,139 +88,179 @@ impl AdaptiveKernels {
         options: &GpuOptions,
         observe: &Arc<ObserveKernels>,
     ) -> Result<Box<dyn AdaptiveSession>> {
-        let layout = self.layout.get_or_init(|| bind_group_layout(&device.device));
+        let layouts = self.layouts.get_or_init(|| Layouts::new(&device.device));
         let precision = if T::WORDS == 2 { Precision::F32 } else { Precision::F64 };
-        let pipeline = self.pipeline(device, layout, Source::adaptive(precision, &batch.torques), tapped, options)?;
+        let source = Source::adaptive(precision, &batch.torques);
+        let pipelines = Pipelines {
+            advance: self.advance(device, layouts, source, tapped, options)?,
+            compact: self.compact(device, layouts, options)?,
+        };
         let (widest, row) = row_bytes::<T>(batch.parameter_columns());
-        let capacity = chunk_capacity(device, &options.chunk, widest)?;
+        let capacity = chunk_capacity(device, &options.chunk, widest, GROUP_BODIES)?;
         let needed = (batch.body_count as u64).saturating_mul(row as u64).saturating_add(STAGING_BYTES as u64);
         require(device, batch.body_count, needed, options.memory)?;
         let mut session = GpuAdaptiveSession {
             device: Arc::clone(device),
-            pipeline,
+            pipelines,
             chunks: Vec::new(),
-            staging: None,
+            reader: None,
             body_count: batch.body_count,
             steps,
             clock: batch.torques.clock(),
             slicer: Slicer::new(options.slice, batch.loops_of_a_step(Method::Rk8)),
-            bytes_read: 0,
             attempts: 0,
             held: 0,
+            arrived: 0,
             reducer: Reducer::new(observe),
             scalar: std::marker::PhantomData,
         };
         // Dropped on an error, the session releases what it has.
-        session.allocate(layout, batch, capacity).map_err(|refusal| match refusal {
+        session.allocate(layouts, batch, capacity).map_err(|refusal| match refusal {
             Refusal::OutOfMemory => {
                 Error::DeviceMemory { adapter: device.info.name.clone(), bodies: batch.body_count, needed }
             }
             other => device.refused(other),
         })?;
+        let mut upload = Upload::new(device);
         for chunk in &session.chunks {
-            chunk.upload(device, batch)?;
+            chunk.upload(&mut upload, batch)?;
         }
+        upload.finish()?;
         Ok(Box::new(session))
     }
 
-    fn pipeline(
+    fn compact(&self, device: &Device, layouts: &Layouts, options: &GpuOptions) -> Result<[wgpu::ComputePipeline; 2]> {
+        if let Some(pipelines) = self.compact.get() {
+            return Ok(pipelines.clone());
+        }
+        let pipelines = compact_pipelines(device, layouts, &options.patches)?;
+        Ok(self.compact.get_or_init(|| pipelines).clone())
+    }
+
+    fn advance(
         &self,
         device: &Device,
-        layout: &wgpu::BindGroupLayout,
+        layouts: &Layouts,
         source: Source,
         tapped: bool,
         options: &GpuOptions,
     ) -> Result<wgpu::ComputePipeline> {
         let with_tap = |source: Source| if tapped { source.tapped() } else { source };
         let key = with_tap(source.clone()).key();
-        let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut pipelines = self.advance.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(pipeline) = pipelines.get(&key) {
             return Ok(pipeline.clone());
         }
         let source = with_tap(source.patched(&options.patches)?);
-        let pipeline_layout = super::pipeline_layout(&device.device, layout);
+        let pipeline_layout = super::pipeline_layout(&device.device, &layouts.advance);
         let pipeline = source.compile(&device.device, &pipeline_layout, Some(WORKGROUP_SIZE))?;
         pipelines.insert(key, pipeline.clone());
         Ok(pipeline)
     }
 }
 
-fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
-    let entries: [_; BINDINGS] = std::array::from_fn(|binding| wgpu::BindGroupLayoutEntry {
-        binding: binding as u32,
-        visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer {
-            ty: match binding {
-                0 => wgpu::BufferBindingType::Uniform,
-                _ => wgpu::BufferBindingType::Storage { read_only: READ_ONLY[binding] },
-            },
-            has_dynamic_offset: false,
-            min_binding_size: None,
-        },
-        count: None,
-    });
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("adaptive"), entries: &entries })
+/// The kernels of `compact.wgsl`, in the order of their use.
+fn compact_pipelines(device: &Device, layouts: &Layouts, patches: &[Patch]) -> Result<[wgpu::ComputePipeline; 2]> {
+    let layout = super::pipeline_layout(&device.device, &layouts.compact);
+    let [tally, compact] = Source::compact();
+    let compile = |source: Source| source.patched(patches)?.compile(&device.device, &layout, None);
+    Ok([compile(tally)?, compile(compact)?])
+}
+
+impl Layouts {
+    fn new(device: &wgpu::Device) -> Self {
+        let (read, write) = (true, false);
+        let storage = |read_only| wgpu::BufferBindingType::Storage { read_only };
+        let advance = [read, write, write, write, read, write, read].map(storage);
+        let layout = |label, types: &mut dyn Iterator<Item = wgpu::BufferBindingType>| {
+            let entry = |(binding, ty)| wgpu::BindGroupLayoutEntry {
+                binding,
+                visibility: wgpu::ShaderStages::COMPUTE,
+                ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
+                count: None,
+            };
+            let entries: Vec<_> = (0..).zip(types).map(entry).collect();
+            device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
+        };
+        Self {
+            advance: layout("adaptive", &mut [wgpu::BufferBindingType::Uniform].into_iter().chain(advance)),
+            compact: layout("compact", &mut [read, write, read, write, read, write].map(storage).into_iter()),
+        }
+    }
+
+    fn bind_advance(
+        &self,
+        device: &Device,
+        buffers: [&wgpu::Buffer; 8],
+    ) -> std::result::Result<wgpu::BindGroup, Refusal> {
+        bind(device, &self.advance, &buffers)
+    }
+
+    fn bind_compact(
+        &self,
+        device: &Device,
+        buffers: [&wgpu::Buffer; 6],
+    ) -> std::result::Result<wgpu::BindGroup, Refusal> {
+        bind(device, &self.compact, &buffers)
+    }
+}
+
+/// Whole buffers for the bindings of a layout.
+fn bind(
+    device: &Device,
+    layout: &wgpu::BindGroupLayout,
+    buffers: &[&wgpu::Buffer],
+) -> std::result::Result<wgpu::BindGroup, Refusal> {
+    let entries: Vec<_> = (0..)
+        .zip(buffers)
+        .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+        .collect();
+    device.scoped(|| {
+        let label = Some("adaptive");
+        device.device.create_bind_group(&wgpu::BindGroupDescriptor { label, layout, entries: &entries })
+    })
 }
 
 impl<T: DeviceScalar> GpuAdaptiveSession<T> {
-    fn allocate(
-        &mut self,
-        layout: &wgpu::BindGroupLayout,
-        batch: &Batch<T>,
-        capacity: usize,
-    ) -> std::result::Result<(), Refusal> {
+    fn allocate(&mut self, layouts: &Layouts, batch: &Batch<T>, capacity: usize) -> std::result::Result<(), Refusal> {
         if batch.body_count == 0 {
             return Ok(());
         }
-        let read = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
-        let bytes = staging_bytes::<T>(batch.body_count, self.slicer.group_bodies());
-        self.staging = Some(buffer(&self.device, "staging", bytes, read)?);
+        self.reader = Some(Reader::new::<T>(&self.device, batch.body_count, size_of::<Control>() as u64)?);
         for first in (0..batch.body_count).step_by(capacity) {
             let bodies = capacity.min(batch.body_count - first);
-            self.chunks.push(Chunk::new::<T>(&self.device, layout, first, bodies, batch.parameter_columns())?);
+            self.chunks.push(Chunk::new::<T>(&self.device, layouts, first, bodies, batch.parameter_columns())?);
         }
         Ok(())
     }
 
-    /// One submission: at most `attempts` attempts of each body in the lists of a group of chunks. Gives the most attempts
-    /// of a body and the number of bodies that have come to their end.
-    fn run(&mut self, group: &[usize], interval: &Interval<T>, attempts: u32) -> Result<(u32, usize)> {
-        let Some(staging) = &self.staging else { return Ok((0, 0)) };
+    /// One submission for some bodies of a chunk: at most `attempts` attempts of each. Gives what was left.
+    fn run(&mut self, index: usize, bodies: Bodies, attempts: u32) -> Result<Control> {
+        let Some(reader) = &mut self.reader else { return Ok(Control::default()) };
+        let staging = reader.staging();
         let device = Arc::clone(&self.device);
-        let chunks = &mut self.chunks;
+        let chunk = &mut self.chunks[index];
+        let control = Control::new(bodies, attempts, self.slicer.most_steps(), chunk.made_by(&bodies));
         let commands = device.scoped(|| {
             let label = Some("adaptive");
             let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label });
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            pass.set_pipeline(&self.pipeline);
-            for &index in group {
-                chunks[index].set(&device.queue, interval, attempts);
-                chunks[index].dispatch(&mut pass);
-            }
-            drop(pass);
-            let mut offset = 0;
-            for &index in group {
-                chunks[index].copy_outcomes(&mut encoder, staging, offset);
-                offset += chunks[index].outcome_bytes();
-            }
-            (encoder.finish(), offset)
+            chunk.encode(&device, &mut encoder, &self.pipelines, &control, staging);
+            encoder.finish()
         });
-        let (commands, bytes) = commands.map_err(|refusal| device.refused(refusal))?;
-        let tallies = device.read(commands, staging, 0..bytes, |view| {
-            let mut outcomes: &[u32] = bytemuck::cast_slice(view);
-            let mut tallies = Vec::with_capacity(group.len());
-            for &index in group {
-                let (own, others) = outcomes.split_at(chunks[index].list.len());
-                tallies.push(chunks[index].compact(own));
-                outcomes = others;
-            }
-            tallies
-        })?;
-        self.bytes_read += bytes;
-        self.attempts += tallies.iter().map(|tally| tally.attempts).sum::<u64>();
-        self.held += tallies.iter().map(|tally| tally.held).sum::<u64>();
-        let longest = tallies.iter().map(|tally| tally.longest).max().unwrap_or(0);
-        Ok((longest, tallies.iter().map(|tally| tally.finished).sum()))
+        let commands = commands.map_err(|refusal| device.refused(refusal))?;
+        let bytes = size_of::<Control>() as u64;
+        let left = device.read(commands, staging, 0..bytes, bytemuck::pod_read_unaligned::<Control>)?;
+        self.attempts += left.all_tried();
+        self.held += left.all_held();
+        self.arrived += chunk.take(&control, &left) as u64;
+        Ok(left)
+    }
+
+    /// Bodies that are advanced side by side: as many as fill a submission while each makes as many attempts as bodies have needed on
+    /// average, or as pay for loading and storing it.
+    fn side_by_side_bodies(&self) -> usize {
+        let needed = self.attempts.checked_div(self.arrived).unwrap_or(u64::MAX);
+        self.slicer.bodies(u32::try_from(needed).unwrap_or(u32::MAX))
     }
 }
 
@@ -212,42 +275,44 @@ impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
         if end.now() <= self.clock.now() {
             return Ok(());
         }
-        let interval = Interval::new(&self.clock, &end, &self.steps);
-        self.chunks.iter_mut().for_each(Chunk::start_interval);
-        let (total, mut done) = (self.body_count as u64, 0);
-        loop {
-            let lists = self.chunks.iter().map(|chunk| chunk.list.len());
-            let group = next_group(lists, self.slicer.group_bodies());
-            if group.is_empty() {
-                break;
+        let interval = Interval::<T>::new(&self.clock, &end, &self.steps);
+        for chunk in &mut self.chunks {
+            chunk.start_interval(&self.device, &interval);
+        }
+        let total = self.body_count as u64;
+        let mut index = 0;
+        while index < self.chunks.len() {
+            if self.chunks[index].left() == 0 {
+                index += 1;
+                continue;
             }
-            let bodies = group.iter().map(|&index| self.chunks[index].list.len()).sum();
-            let fair = group.iter().map(|&index| self.chunks[index].next_attempts()).min().unwrap_or(1);
-            let attempts = self.slicer.steps(bodies, u64::from(fair));
+            let bodies = self.chunks[index].next_bodies(self.side_by_side_bodies());
+            let attempts = self.slicer.fitting_steps(bodies.count() as usize);
             let start = Instant::now();
-            let (longest, finished) = self.run(&group, &interval, attempts)?;
-            self.slicer.record(bodies, longest.max(1), start.elapsed());
-            done += finished as u64;
+            let left = self.run(index, bodies, attempts)?;
+            self.slicer.record_attempts(left.all_held(), left.longest, start.elapsed());
+            let done = total - self.chunks.iter().map(|chunk| chunk.left() as u64).sum::<u64>();
             if done < total && observer(Progress { done, total }).is_break() {
                 return Err(Error::Interrupted { steps: 0 });
             }
         }
         self.clock = end;
         // All is done, so there is nothing left to break off.
-        let _ = observer(Progress { done, total });
+        let _ = observer(Progress { done: total, total });
         Ok(())
     }
 
     fn attempt(&mut self, end: f64, controllers: &mut [Controller<f64>]) -> Result<()> {
         check_time(end)?;
-        let interval = Interval::new(&self.clock, &self.clock.at(end.max(0.0)), &self.steps);
+        let interval = Interval::<T>::new(&self.clock, &self.clock.at(end.max(0.0)), &self.steps);
         let before = self.counts()?;
         let device = Arc::clone(&self.device);
         for index in 0..self.chunks.len() {
+            self.chunks[index].start_interval(&device, &interval);
             self.chunks[index].take_controllers::<T>(&device, controllers)?;
-            self.run(&[index], &interval, 1)?;
-            let Some(staging) = &self.staging else { continue };
-            self.bytes_read += self.chunks[index].give_controllers::<T>(&device, staging, controllers)?;
+            self.run(index, self.chunks[index].all_bodies(), 1)?;
+            let Some(reader) = &mut self.reader else { continue };
+            self.chunks[index].give_controllers::<T>(&device, reader, controllers)?;
         }
         for ((controller, before), after) in controllers.iter_mut().zip(before).zip(self.counts()?) {
             controller.accepted += (after.accepted - before.accepted) as f64;
@@ -257,25 +322,16 @@ impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
     }
 
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
-        let mut words = StateWords::default();
-        let Some(staging) = &self.staging else { return Ok(words) };
-        let block = staging.size() as usize / (state_columns::<T>() * size_of::<T>());
-        for chunk in &self.chunks {
-            let rows = rows_in(chunk, &bodies);
-            for first in rows.clone().step_by(block) {
-                let rows = first..(first + block).min(rows.end);
-                self.bytes_read +=
-                    read_block::<T>(&self.device, &chunk.state, chunk.stride, staging, rows, &mut words)?;
-            }
-        }
-        Ok(words)
+        let places: Vec<_> = self.chunks.iter().map(Chunk::place).collect();
+        let reader = self.reader.as_mut();
+        reader.map_or_else(|| Ok(StateWords::default()), |reader| reader.read::<T>(&self.device, &places, bodies))
     }
 
     fn counts(&mut self) -> Result<Vec<StepCounts>> {
         let mut counts = Vec::with_capacity(self.body_count);
-        let Some(staging) = &self.staging else { return Ok(counts) };
+        let Some(reader) = &mut self.reader else { return Ok(counts) };
         for chunk in &self.chunks {
-            self.bytes_read += chunk.read_counts(&self.device, staging, &mut counts)?;
+            chunk.read_counts(&self.device, reader, &mut counts)?;
         }
         Ok(counts)
     }
@@ -287,21 +343,15 @@ impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
     fn imbalance(&mut self) -> Result<f64> {
         Ok(if self.attempts > 0 { self.held as f64 / self.attempts as f64 } else { 1.0 })
     }
-
-    fn bytes_read(&self) -> u64 {
-        self.bytes_read + self.reducer.bytes_read
-    }
 }
 
-reduces!(GpuAdaptiveSession, chunks, bytes_read);
+reduces!(GpuAdaptiveSession, chunks, reader);
 
 impl<T> Drop for GpuAdaptiveSession<T> {
     fn drop(&mut self) {
         self.reducer.release();
         self.chunks.drain(..).for_each(|chunk| chunk.destroy());
-        if let Some(staging) = self.staging.take() {
-            staging.destroy();
-        }
+        self.reader.iter_mut().for_each(Reader::release);
         self.device.release();
     }
 }

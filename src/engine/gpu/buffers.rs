@@ -1,14 +1,17 @@
 //! Columns on the device, in chunks that fit its limits.
 
+use std::collections::VecDeque;
 use std::ops::Range;
 
 use super::device::{Device, Refusal};
-use crate::batch::{Batch, STRIDE_UNIT, state_columns};
-use crate::clock::Clock;
+use super::reading::Reader;
+use crate::bodies::columns::STRIDE_UNIT;
+use crate::bodies::memory;
+use crate::engine::batch::Batch;
 use crate::error::{Error, Result};
-use crate::memory;
-use crate::observe::Kernel;
-use crate::real::Scalar;
+use crate::kernel::observe::Kernel;
+use crate::math::clock::Clock;
+use crate::math::real::Scalar;
 
 /// Bounds of one chunk. What is not given is the device's own limit; what is given can only lower it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -146,6 +149,15 @@ pub(super) struct Place<'a> {
     pub state: &'a wgpu::Buffer,
 }
 
+impl Place<'_> {
+    /// Its rows of those of a range of bodies that it has.
+    pub fn rows(&self, bodies: &Range<usize>) -> Range<usize> {
+        let start = bodies.start.max(self.first);
+        let end = bodies.end.min(self.first + self.bodies).max(start);
+        start - self.first..end - self.first
+    }
+}
+
 impl Chunk {
     /// Where its state is.
     pub fn place(&self) -> Place<'_> {
@@ -153,30 +165,30 @@ impl Chunk {
     }
 
     /// Sets the uniform block for the next submission.
-    pub fn set<T: DeviceScalar>(&self, queue: &wgpu::Queue, slice: &Slice<T>) {
-        queue.write_buffer(&self.settings, 0, &T::settings(self.bodies as u32, self.stride as u32, slice));
+    pub fn set<T: DeviceScalar>(&self, device: &Device, slice: &Slice<T>) {
+        device.write(&self.settings, 0, &T::settings(self.bodies as u32, self.stride as u32, slice));
     }
 
     /// Adds the chunk's dispatch to a pass.
-    pub fn dispatch(&self, pass: &mut wgpu::ComputePass<'_>) {
+    pub fn dispatch(&self, device: &Device, pass: &mut wgpu::ComputePass<'_>) {
         pass.set_bind_group(0, &self.bind_group, &[]);
-        pass.dispatch_workgroups((self.bodies as u32).div_ceil(WORKGROUP_SIZE), 1, 1);
+        device.dispatch(pass, (self.bodies as u32).div_ceil(WORKGROUP_SIZE));
     }
 }
 
-/// Bodies that one chunk can hold.
+/// Bodies that one chunk can hold, `most` at most.
 ///
 /// `row`: bytes of a body in the widest buffer.
-pub(super) fn chunk_capacity(device: &Device, limits: &ChunkLimits, row: usize) -> Result<usize> {
+pub(super) fn chunk_capacity(device: &Device, limits: &ChunkLimits, row: usize, most: usize) -> Result<usize> {
     let own = device.device.limits();
     let binding = own.max_storage_buffer_binding_size.min(limits.binding_bytes.unwrap_or(u64::MAX));
     let buffer = own.max_buffer_size.min(limits.buffer_bytes.unwrap_or(u64::MAX));
     let workgroups = own.max_compute_workgroups_per_dimension.min(limits.workgroups.unwrap_or(u32::MAX));
     let row = row as u64;
     let unit = STRIDE_UNIT as u64;
-    let units = (binding.min(buffer) / (row * unit)).min(u64::from(workgroups)).min(CHUNK_BODIES as u64 / unit);
+    let units = (binding.min(buffer) / (row * unit)).min(u64::from(workgroups)).min(most as u64 / unit);
     if units == 0 {
-        let expected = "room for the columns of 64 bodies and one workgroup are needed";
+        let expected = "expected room for the columns of 64 bodies and one workgroup";
         return Err(Error::Setting { field: "chunk bytes", value: binding.min(buffer) as f64, expected });
     }
     Ok((units * unit) as usize)
@@ -185,10 +197,8 @@ pub(super) fn chunk_capacity(device: &Device, limits: &ChunkLimits, row: usize) 
 /// A batch on the device.
 pub(super) struct Columns {
     pub chunks: Vec<Chunk>,
-    /// Bytes moved to the host so far.
-    pub bytes_read: u64,
-    /// The buffer through which it is read; none without bodies.
-    pub staging: Option<wgpu::Buffer>,
+    /// What it is read through; none without bodies.
+    pub reader: Option<Reader>,
 }
 
 impl Columns {
@@ -204,10 +214,10 @@ impl Columns {
         memory: Option<u64>,
     ) -> Result<Self> {
         let (parameters, state) = (batch.parameter_columns(), batch.all_state_columns());
-        let capacity = chunk_capacity(device, limits, state.max(parameters) * size_of::<T>())?;
+        let capacity = chunk_capacity(device, limits, state.max(parameters) * size_of::<T>(), CHUNK_BODIES)?;
         let needed = device_bytes::<T>(batch.body_count, parameters + state);
         require(device, batch.body_count, needed, memory)?;
-        let mut columns = Self { chunks: Vec::new(), bytes_read: 0, staging: None };
+        let mut columns = Self { chunks: Vec::new(), reader: None };
         let filled = columns.fill(device, layout, batch, capacity);
         if let Err(refusal) = filled {
             columns.release(device);
@@ -232,28 +242,24 @@ impl Columns {
         if batch.body_count == 0 {
             return Ok(());
         }
-        let row = state_columns::<T>() * size_of::<T>();
-        // Rows are staged in whole numbers of the unit, and no more than there are.
-        let rows = (STAGING_BYTES / row / STRIDE_UNIT * STRIDE_UNIT).min(batch.stride);
-        let staging =
-            buffer(device, "staging", (rows * row) as u64, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
-        self.staging = Some(staging.map_err(UploadError::Buffers)?);
+        self.reader = Some(Reader::new::<T>(device, batch.body_count, 0).map_err(UploadError::Buffers)?);
         for first in (0..batch.body_count).step_by(capacity) {
             let bodies = capacity.min(batch.body_count - first);
             let columns = [batch.parameter_columns(), batch.all_state_columns()];
             let chunk = new_chunk::<T>(device, layout, first, bodies, columns).map_err(UploadError::Buffers)?;
             self.chunks.push(chunk);
         }
+        let mut upload = Upload::new(device);
         for chunk in &self.chunks {
             let rows = chunk.first..chunk.first + chunk.bodies;
             let nan = T::from_f64(f64::NAN);
             let (parameters, state) = (&batch.parameters, &batch.state);
-            write_columns(device, &chunk.parameters, chunk.stride, parameters, batch.stride, rows.clone(), nan)
-                .map_err(UploadError::Copy)?;
-            write_columns(device, &chunk.state, chunk.stride, state, batch.stride, rows, nan)
+            upload
+                .columns(&chunk.parameters, chunk.stride, parameters, batch.stride, rows.clone(), nan)
+                .and_then(|()| upload.columns(&chunk.state, chunk.stride, state, batch.stride, rows, nan))
                 .map_err(UploadError::Copy)?;
         }
-        Ok(())
+        upload.finish().map_err(UploadError::Copy)
     }
 
     /// Gives the memory back at once rather than when wgpu next looks.
@@ -263,8 +269,8 @@ impl Columns {
                 buffer.destroy();
             }
         }
-        if let Some(staging) = self.staging.take() {
-            staging.destroy();
+        if let Some(mut reader) = self.reader.take() {
+            reader.release();
         }
         device.release();
     }
@@ -332,38 +338,71 @@ fn new_chunk<T: DeviceScalar>(
     Ok(Chunk { first, bodies, stride, parameters, state, settings, bind_group })
 }
 
-/// Writes every column's rows and `pad` up to the stride, a bounded number of bytes at a time.
-pub(super) fn write_columns<T: bytemuck::Pod>(
-    device: &Device,
-    target: &wgpu::Buffer,
-    stride: usize,
-    source: &[T],
-    source_stride: usize,
-    rows: Range<usize>,
-    pad: T,
-) -> Result<()> {
-    let (size, part) = (size_of::<T>(), STAGING_BYTES / size_of::<T>());
-    let pad = vec![pad; stride - rows.len()];
-    let mut in_flight = 0;
-    for (column, numbers) in source.chunks_exact(source_stride).enumerate() {
-        let mut row = column * stride;
-        for piece in numbers[rows.clone()].chunks(part).chain(std::iter::once(pad.as_slice())) {
-            if piece.is_empty() {
-                continue;
-            }
-            let offset = (row * size) as u64;
-            device
-                .scoped(|| device.queue.write_buffer(target, offset, bytemuck::cast_slice(piece)))
-                .map_err(|refusal| device.refused(refusal))?;
-            row += piece.len();
-            in_flight += size_of_val(piece);
-            if in_flight >= STAGING_BYTES {
-                device.submit(None)?;
-                in_flight = 0;
+/// Columns on their way to the device, a bounded number of bytes at a time: while some are copied, the next are handed over.
+pub(super) struct Upload<'a> {
+    device: &'a Device,
+    /// Bytes since the last submission.
+    unsubmitted: usize,
+    submitted: VecDeque<wgpu::SubmissionIndex>,
+}
+
+/// Submissions of [`STAGING_BYTES`] that may be on their way.
+const UPLOADS: usize = 4;
+
+impl<'a> Upload<'a> {
+    pub fn new(device: &'a Device) -> Self {
+        Self { device, unsubmitted: 0, submitted: VecDeque::new() }
+    }
+
+    /// Writes every column's rows and `pad` up to the stride.
+    pub fn columns<T: bytemuck::Pod>(
+        &mut self,
+        target: &wgpu::Buffer,
+        stride: usize,
+        source: &[T],
+        source_stride: usize,
+        rows: Range<usize>,
+        pad: T,
+    ) -> Result<()> {
+        let (size, part) = (size_of::<T>(), STAGING_BYTES / size_of::<T>());
+        let pad = vec![pad; stride - rows.len()];
+        for (column, numbers) in source.chunks_exact(source_stride).enumerate() {
+            let mut row = column * stride;
+            for piece in numbers[rows.clone()].chunks(part).chain(std::iter::once(pad.as_slice())) {
+                if piece.is_empty() {
+                    continue;
+                }
+                let offset = (row * size) as u64;
+                let device = self.device;
+                device
+                    .scoped(|| device.write(target, offset, bytemuck::cast_slice(piece)))
+                    .map_err(|refusal| device.refused(refusal))?;
+                row += piece.len();
+                self.unsubmitted += size_of_val(piece);
+                if self.unsubmitted >= STAGING_BYTES {
+                    self.submit()?;
+                }
             }
         }
+        Ok(())
     }
-    device.submit(None)
+
+    fn submit(&mut self) -> Result<()> {
+        self.unsubmitted = 0;
+        self.submitted.push_back(self.device.submit_only(None)?);
+        if self.submitted.len() > UPLOADS
+            && let Some(first) = self.submitted.pop_front()
+        {
+            self.device.wait(first)?;
+        }
+        Ok(())
+    }
+
+    /// Waits until all is there, so that its memory on the host is free.
+    pub fn finish(mut self) -> Result<()> {
+        self.submit()?;
+        self.submitted.pop_back().map_or(Ok(()), |last| self.device.wait(last))
+    }
 }
 
 #[cfg(test)]
@@ -372,9 +411,9 @@ mod tests {
 
     use super::super::{Gpu, GpuOptions, shader::Source};
     use super::*;
-    use crate::batch::Precision;
     use crate::engine::Session;
-    use crate::method::Method;
+    use crate::kernel::method::Method;
+    use crate::math::Precision;
 
     #[test]
     fn rows_that_are_no_bodies_stay_nan_and_touch_nothing() {
@@ -402,7 +441,7 @@ mod tests {
         let chunk = &mut session.columns.chunks[0];
         assert_eq!(chunk.stride, 128);
         chunk.bodies = chunk.stride;
-        let words = session.columns.read::<f32>(device, 0..128).expect("read");
+        let words = session.read(0..128).expect("read");
         for (body, (value, residue)) in words.value.iter().zip(&words.residue).enumerate() {
             let unwritten = value.iter().chain(residue).filter(|x| x.to_bits() & !(1 << 63) > f64::INFINITY.to_bits());
             assert_eq!(unwritten.count(), if body < bodies { 0 } else { 14 }, "row {body}");

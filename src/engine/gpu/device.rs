@@ -2,10 +2,13 @@
 
 use std::ops::Range;
 use std::panic::AssertUnwindSafe;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::Receiver;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use super::dispatch::SliceLimits;
+use crate::engine::Traffic;
 use crate::error::{Error, Result};
 
 /// What kind of hardware an adapter is.
@@ -90,6 +93,30 @@ pub(crate) enum Refusal {
     Other(String),
 }
 
+/// What has passed between host and device, counted.
+#[derive(Debug, Default)]
+struct Counters {
+    waits: AtomicU64,
+    dispatches: AtomicU64,
+    bytes_written: AtomicU64,
+    bytes_read: AtomicU64,
+}
+
+/// Bytes on their way to the host.
+pub(crate) struct Request {
+    submission: wgpu::SubmissionIndex,
+    mapped: Receiver<Result<(), wgpu::BufferAsyncError>>,
+    staging: wgpu::Buffer,
+    range: Range<u64>,
+}
+
+impl Request {
+    /// Gives the buffer back; what was on its way is lost.
+    pub fn cancel(self) {
+        self.staging.unmap();
+    }
+}
+
 /// An open device with its queue.
 #[derive(Debug)]
 pub(crate) struct Device {
@@ -100,6 +127,7 @@ pub(crate) struct Device {
     pub longest_wait: Duration,
     /// What was said when the device was lost, or when an error came outside of any scope.
     fault: Arc<Mutex<Option<String>>>,
+    counters: Counters,
 }
 
 impl Device {
@@ -119,7 +147,7 @@ impl Device {
             .await
             .map_err(|error| Error::Device { adapter: info.name.clone(), reason: error.to_string() })?;
         let longest_wait = SliceLimits::default().longest_wait;
-        let opened = Self { device, queue, info, longest_wait, fault: Arc::default() };
+        let opened = Self { device, queue, info, longest_wait, fault: Arc::default(), counters: Counters::default() };
         let fault = Arc::clone(&opened.fault);
         opened.device.set_device_lost_callback(move |reason, message| {
             remember(&fault, format!("lost ({reason:?}): {message}"));
@@ -134,7 +162,7 @@ impl Device {
     pub fn borrowed(device: wgpu::Device, queue: wgpu::Queue) -> Self {
         let info = device.adapter_info();
         let longest_wait = SliceLimits::default().longest_wait;
-        Self { device, queue, info, longest_wait, fault: Arc::default() }
+        Self { device, queue, info, longest_wait, fault: Arc::default(), counters: Counters::default() }
     }
 
     pub fn has(&self, feature: wgpu::Features) -> bool {
@@ -148,6 +176,32 @@ impl Device {
     /// Driver and version, as far as the driver gives them.
     pub fn driver(&self) -> String {
         driver_of(&self.info)
+    }
+
+    /// What has passed between host and device so far.
+    pub fn traffic(&self) -> Traffic {
+        let Counters { waits, dispatches, bytes_written, bytes_read } = &self.counters;
+        let [waits, dispatches, bytes_written, bytes_read] =
+            [waits, dispatches, bytes_written, bytes_read].map(|counter| counter.load(Ordering::Relaxed));
+        Traffic { waits, dispatches, bytes_written, bytes_read }
+    }
+
+    /// Writes to a buffer before the next submission.
+    pub fn write(&self, buffer: &wgpu::Buffer, offset: u64, bytes: &[u8]) {
+        self.counters.bytes_written.fetch_add(bytes.len() as u64, Ordering::Relaxed);
+        self.queue.write_buffer(buffer, offset, bytes);
+    }
+
+    /// Adds a dispatch of so many workgroups to a pass.
+    pub fn dispatch(&self, pass: &mut wgpu::ComputePass<'_>, workgroups: u32) {
+        self.counters.dispatches.fetch_add(1, Ordering::Relaxed);
+        pass.dispatch_workgroups(workgroups, 1, 1);
+    }
+
+    /// Adds a dispatch of as many workgroups as a buffer says at a place.
+    pub fn dispatch_indirect(&self, pass: &mut wgpu::ComputePass<'_>, buffer: &wgpu::Buffer, offset: u64) {
+        self.counters.dispatches.fetch_add(1, Ordering::Relaxed);
+        pass.dispatch_workgroups_indirect(buffer, offset);
     }
 
     /// A typed error about this device.
@@ -176,8 +230,12 @@ impl Device {
 
     /// Submits commands (or, with none, the writes so far) and waits until they are done.
     pub fn submit(&self, commands: Option<wgpu::CommandBuffer>) -> Result<()> {
-        let index = self.scoped(|| self.queue.submit(commands)).map_err(|refusal| self.refused(refusal))?;
-        self.wait(index)
+        self.wait(self.submit_only(commands)?)
+    }
+
+    /// Submits commands or the writes so far.
+    pub fn submit_only(&self, commands: Option<wgpu::CommandBuffer>) -> Result<wgpu::SubmissionIndex> {
+        self.scoped(|| self.queue.submit(commands)).map_err(|refusal| self.refused(refusal))
     }
 
     /// Submits commands that fill a range of `staging`, waits, and shows the bytes to `look`.
@@ -188,6 +246,12 @@ impl Device {
         range: Range<u64>,
         look: impl FnOnce(&[u8]) -> T,
     ) -> Result<T> {
+        let request = self.request(commands, staging, range)?;
+        self.fulfil(request, look)
+    }
+
+    /// Submits commands that fill a range of `staging`, which is the request's until it is fulfilled or cancelled.
+    pub fn request(&self, commands: wgpu::CommandBuffer, staging: &wgpu::Buffer, range: Range<u64>) -> Result<Request> {
         let (sender, mapped) = std::sync::mpsc::channel();
         let index = self.scoped(|| {
             let index = self.queue.submit([commands]);
@@ -197,14 +261,21 @@ impl Device {
             });
             index
         });
-        let index = index.map_err(|refusal| self.refused(refusal))?;
-        self.wait(index)?;
+        let submission = index.map_err(|refusal| self.refused(refusal))?;
+        Ok(Request { submission, mapped, staging: staging.clone(), range })
+    }
+
+    /// Waits until a request is there and shows its bytes to `look`.
+    pub fn fulfil<T>(&self, request: Request, look: impl FnOnce(&[u8]) -> T) -> Result<T> {
+        let Request { submission, mapped, staging, range } = request;
+        self.wait(submission)?;
         // Another thread's wait for the device may be the one that gives the answer, a little later.
         match mapped.recv_timeout(LONGEST_ANSWER) {
             Ok(Ok(())) => {}
             Ok(Err(error)) => return Err(self.error(error)),
             Err(_) => return Err(self.error("gave no answer to a request to read")),
         }
+        self.counters.bytes_read.fetch_add(range.end - range.start, Ordering::Relaxed);
         let view = staging.get_mapped_range(range).map_err(|error| self.error(error))?;
         let seen = look(&view);
         drop(view);
@@ -219,13 +290,23 @@ impl Device {
     }
 
     /// Waits until a submission is done.
-    fn wait(&self, index: wgpu::SubmissionIndex) -> Result<()> {
-        self.poll(wgpu::PollType::Wait { submission_index: Some(index), timeout: Some(self.longest_wait) })
+    pub fn wait(&self, index: wgpu::SubmissionIndex) -> Result<()> {
+        let until = |timeout| wgpu::PollType::Wait { submission_index: Some(index.clone()), timeout: Some(timeout) };
+        // What is done already is not waited for.
+        if self.poll_once(until(Duration::ZERO)).is_ok_and(|answer| answer.is_ok()) {
+            return Ok(());
+        }
+        self.counters.waits.fetch_add(1, Ordering::Relaxed);
+        self.poll(until(self.longest_wait))
     }
 
     /// wgpu panics where the device is lost during a wait, and a refused submission shows only in the wait for it.
+    fn poll_once(&self, poll_type: wgpu::PollType) -> std::thread::Result<Result<wgpu::PollStatus, wgpu::PollError>> {
+        std::panic::catch_unwind(AssertUnwindSafe(|| self.device.poll(poll_type)))
+    }
+
     fn poll(&self, poll_type: wgpu::PollType) -> Result<()> {
-        match std::panic::catch_unwind(AssertUnwindSafe(|| self.device.poll(poll_type))) {
+        match self.poll_once(poll_type) {
             Ok(Ok(_)) => Ok(()),
             Ok(Err(wgpu::PollError::Timeout)) => {
                 Err(self.error(format!("hangs: it gave no answer in {:?}", self.longest_wait)))

@@ -3,6 +3,8 @@
 use std::ops::Range;
 use std::time::Duration;
 
+use crate::bodies::columns::STRIDE_UNIT;
+
 /// Bounds of one submission.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SliceLimits {
@@ -30,7 +32,10 @@ const GROWTH: u64 = 16;
 ///
 /// It bounds the one thing that slicing cannot make shorter, a single step: at 1e7 body-steps/s, far below any GPU,
 /// this many take 100 ms. One submission of them fills any GPU there is.
-const GROUP_BODIES: usize = 1 << 20;
+pub(super) const GROUP_BODIES: usize = 1 << 20;
+
+/// Bodies of the first submission of adaptive steps, which shows how long an attempt takes.
+const FIRST_BODIES: usize = 1 << 16;
 
 /// The iterations of all loops of a shader together after which a dispatch ends.
 ///
@@ -55,6 +60,8 @@ pub(super) struct Slicer {
     limits: SliceLimits,
     group_bodies: usize,
     measured: Option<Measured>,
+    /// Seconds of one attempt of one body where the most were side by side.
+    attempt: Option<f64>,
 }
 
 impl Slicer {
@@ -63,7 +70,7 @@ impl Slicer {
         // One more for the step itself, one for the comparison that ends its loops.
         let most = (LOOP_ITERATIONS / loops.saturating_add(2)).max(1);
         let limits = SliceLimits { steps: limits.steps.min(most), ..limits };
-        Self { limits, group_bodies: GROUP_BODIES, measured: None }
+        Self { limits, group_bodies: GROUP_BODIES, measured: None, attempt: None }
     }
 
     /// The most bodies of the next submission, where it has more than one chunk.
@@ -71,11 +78,21 @@ impl Slicer {
         self.group_bodies
     }
 
-    /// Steps of the next submission of `bodies`, at most `left`.
+    /// Steps of the next submission of `bodies` in one dispatch, at most `left`.
+    pub fn steps(&self, bodies: usize, left: u64) -> u32 {
+        u64::from(self.fitting_steps(bodies).min(self.most_steps())).min(left) as u32
+    }
+
+    /// The most steps of one dispatch.
+    pub fn most_steps(&self) -> u32 {
+        self.limits.steps.max(1)
+    }
+
+    /// Steps of the next submission of `bodies`, in however many dispatches.
     ///
     /// The first is a single step, which the size of a group keeps short. Time for a step does not fall with fewer
     /// bodies (a GPU that is not full waits as long), and grows at most in proportion with more.
-    pub fn steps(&self, bodies: usize, left: u64) -> u32 {
+    pub fn fitting_steps(&self, bodies: usize) -> u32 {
         let steps = match self.measured {
             None => 1,
             Some(measured) => {
@@ -85,7 +102,30 @@ impl Slicer {
                 (fitting as u64).clamp(1, u64::from(measured.steps) * GROWTH)
             }
         };
-        steps.min(u64::from(self.limits.steps.max(1))).min(left).min(u64::from(u32::MAX)) as u32
+        steps.min(u64::from(u32::MAX)) as u32
+    }
+
+    /// Bodies of which one submission makes `attempts` attempts each, or as many as pay for loading and storing a body, if that is less.
+    pub fn bodies(&self, attempts: u32) -> usize {
+        let fitting = self.attempt.map_or(FIRST_BODIES, |attempt| {
+            let all = self.limits.duration.as_secs_f64() / attempt;
+            (all / f64::from(attempts.clamp(1, ENOUGH_STEPS))) as usize
+        });
+        // Whole workgroups: the rest would be lanes that idle.
+        (fitting / STRIDE_UNIT * STRIDE_UNIT).clamp(STRIDE_UNIT, GROUP_BODIES)
+    }
+
+    /// Learns from a submission of rounds of attempts, `longest` of one body and `held` of all of them with those that they waited. The
+    /// first may contain the driver's own compilation.
+    pub fn record_attempts(&mut self, held: u64, longest: u32, elapsed: Duration) {
+        if held == 0 {
+            return;
+        }
+        let attempt = elapsed.as_secs_f64() / held as f64;
+        // A device that is not full waits as long for fewer bodies: the shortest time is that of a full one.
+        self.attempt = self.measured.map(|_| self.attempt.map_or(attempt, |least| least.min(attempt)));
+        // As if the same number of bodies had been there all the time.
+        self.record(held.div_ceil(u64::from(longest)) as usize, longest, elapsed);
     }
 
     /// Learns from a submission.

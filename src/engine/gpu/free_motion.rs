@@ -5,19 +5,21 @@ use std::sync::{Arc, OnceLock};
 
 use super::GpuOptions;
 use super::buffers::{
-    DeviceScalar, Place, STAGING_BYTES, WORKGROUP_SIZE, buffer, chunk_capacity, require, write_columns,
+    CHUNK_BODIES, DeviceScalar, Place, STAGING_BYTES, Upload, WORKGROUP_SIZE, buffer, chunk_capacity, require,
 };
 use super::device::{Device, Refusal};
 use super::observe::{ObserveKernels, Reducer, reduces};
-use super::reading::{read_block, read_single_rows};
+use super::reading::{Reader, read_single_rows};
 use super::shader::Source;
-use crate::batch::{BodyFrame, Precision, STRIDE_UNIT, StateWords, state_columns};
+use crate::bodies::BodyFrame;
+use crate::bodies::columns::{STRIDE_UNIT, StateWords, state_columns};
 use crate::engine::reduction::{Marked, Reduce};
 use crate::engine::{FreeSession, check_time};
 use crate::error::{Error, Result};
-use crate::free_motion::{FreeMotionRows, ROW_COLUMNS, WORD_COLUMNS};
-use crate::observe::{Partial, Statistic};
-use crate::phase::Time;
+use crate::kernel::free_motion::{FreeMotionRows, ROW_COLUMNS, WORD_COLUMNS};
+use crate::kernel::observe::{Partial, Statistic};
+use crate::math::Precision;
+use crate::math::phase::Time;
 
 /// The kernels' bindings, and their pipelines by precision, made on first use.
 #[derive(Debug, Default)]
@@ -65,8 +67,7 @@ struct GpuFreeSession<T> {
     device: Arc<Device>,
     pipeline: wgpu::ComputePipeline,
     chunks: Vec<Chunk>,
-    staging: Option<wgpu::Buffer>,
-    bytes_read: u64,
+    reader: Option<Reader>,
     body_count: usize,
     reducer: Reducer,
     scalar: std::marker::PhantomData<T>,
@@ -89,15 +90,14 @@ impl FreeMotionKernels {
         let layout = self.layout.get_or_init(|| bind_group_layout(&device.device));
         let pipeline = self.pipeline::<T>(device, layout, options)?;
         let bytes = row_bytes::<T>();
-        let capacity = chunk_capacity(device, &options.chunk, bytes.into_iter().max().unwrap_or(0))?;
+        let capacity = chunk_capacity(device, &options.chunk, bytes.into_iter().max().unwrap_or(0), CHUNK_BODIES)?;
         let needed = (rows.body_count as u64).saturating_mul(bytes.iter().sum::<usize>() as u64);
         require(device, rows.body_count, needed.saturating_add(STAGING_BYTES as u64), options.memory)?;
         let mut session = GpuFreeSession {
             device: Arc::clone(device),
             pipeline,
             chunks: Vec::new(),
-            staging: None,
-            bytes_read: 0,
+            reader: None,
             body_count: rows.body_count,
             reducer: Reducer::new(observe),
             scalar: std::marker::PhantomData,
@@ -161,10 +161,7 @@ impl<T: DeviceScalar> GpuFreeSession<T> {
             return Ok(());
         }
         let device = Arc::clone(&self.device);
-        let row = row_bytes::<T>()[2];
-        let block = (STAGING_BYTES / row / STRIDE_UNIT * STRIDE_UNIT).min(rows.stride);
-        let read = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
-        self.staging = Some(buffer(&device, "staging", (block * row) as u64, read)?);
+        self.reader = Some(Reader::new::<T>(&device, rows.body_count, 0)?);
         for first in (0..rows.body_count).step_by(capacity) {
             let bodies = capacity.min(rows.body_count - first);
             let stride = bodies.next_multiple_of(STRIDE_UNIT);
@@ -194,14 +191,14 @@ impl<T: DeviceScalar> GpuFreeSession<T> {
     }
 
     fn upload(&self, rows: &FreeMotionRows<T>) -> Result<()> {
+        let mut upload = Upload::new(&self.device);
         for chunk in &self.chunks {
             let bodies = chunk.first..chunk.first + chunk.bodies;
-            let (device, stride) = (&self.device, chunk.stride);
-            write_columns(device, &chunk.words, stride, &rows.words, rows.stride, bodies.clone(), u64::MAX)?;
+            upload.columns(&chunk.words, chunk.stride, &rows.words, rows.stride, bodies.clone(), u64::MAX)?;
             let nan = T::from_f64(f64::NAN);
-            write_columns(device, &chunk.constants, stride, &rows.constants, rows.stride, bodies, nan)?;
+            upload.columns(&chunk.constants, chunk.stride, &rows.constants, rows.stride, bodies, nan)?;
         }
-        Ok(())
+        upload.finish()
     }
 }
 
@@ -212,6 +209,7 @@ impl<T: DeviceScalar> FreeSession for GpuFreeSession<T> {
 
     fn evaluate(&mut self, time: f64) -> Result<()> {
         check_time(time)?;
+        self.reader.iter_mut().for_each(Reader::discard);
         let exact = Time::from_seconds(time);
         let fraction = T::from_f64(exact.signed_fraction());
         let mut bytes = [0_u8; 8];
@@ -233,9 +231,9 @@ impl<T: DeviceScalar> FreeSession for GpuFreeSession<T> {
                     negative: u32::from(exact.negative),
                     fraction: bytemuck::cast(bytes),
                 };
-                device.queue.write_buffer(&chunk.settings, 0, bytemuck::bytes_of(&settings));
+                device.write(&chunk.settings, 0, bytemuck::bytes_of(&settings));
                 pass.set_bind_group(0, &chunk.bind_group, &[]);
-                pass.dispatch_workgroups((chunk.bodies as u32).div_ceil(WORKGROUP_SIZE), 1, 1);
+                device.dispatch(&mut pass, (chunk.bodies as u32).div_ceil(WORKGROUP_SIZE));
             }
             drop(pass);
             encoder.finish()
@@ -244,27 +242,13 @@ impl<T: DeviceScalar> FreeSession for GpuFreeSession<T> {
     }
 
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
-        let mut words = StateWords::default();
-        let Some(staging) = &self.staging else { return Ok(words) };
-        let block = staging.size() as usize / row_bytes::<T>()[2];
-        for chunk in &self.chunks {
-            let start = bodies.start.max(chunk.first);
-            let end = bodies.end.min(chunk.first + chunk.bodies);
-            for first in (start..end.max(start)).step_by(block) {
-                let rows = first - chunk.first..block.min(end - first) + first - chunk.first;
-                self.bytes_read +=
-                    read_block::<T>(&self.device, &chunk.state, chunk.stride, staging, rows, &mut words)?;
-            }
-        }
-        Ok(words)
-    }
-
-    fn bytes_read(&self) -> u64 {
-        self.bytes_read + self.reducer.bytes_read
+        let places: Vec<_> = self.chunks.iter().map(Chunk::place).collect();
+        let reader = self.reader.as_mut();
+        reader.map_or_else(|| Ok(StateWords::default()), |reader| reader.read::<T>(&self.device, &places, bodies))
     }
 }
 
-reduces!(GpuFreeSession, chunks, bytes_read);
+reduces!(GpuFreeSession, chunks, reader);
 
 impl<T> Drop for GpuFreeSession<T> {
     fn drop(&mut self) {
@@ -274,9 +258,7 @@ impl<T> Drop for GpuFreeSession<T> {
                 buffer.destroy();
             }
         }
-        if let Some(staging) = self.staging.take() {
-            staging.destroy();
-        }
+        self.reader.iter_mut().for_each(Reader::release);
         self.device.release();
     }
 }

@@ -6,7 +6,7 @@
 //! it is opened ([`Arithmetic`]), and a precision whose kernels would go wrong there is refused.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// The graphics library, for programs that bring their own device.
 pub use wgpu;
@@ -18,6 +18,7 @@ mod dispatch;
 mod free_motion;
 mod observe;
 mod probe;
+pub(crate) mod rates;
 mod reading;
 mod session;
 pub mod shader;
@@ -25,22 +26,23 @@ pub mod shader;
 pub use buffers::ChunkLimits;
 pub use device::AdapterKind;
 pub use dispatch::SliceLimits;
-pub use probe::{Arithmetic, ArithmeticFault, Fusing, Probe};
+pub use probe::{Arithmetic, Fusing, Probe};
 pub use shader::Patch;
 
-pub(crate) use device::{adapters, driver_of};
+pub(crate) use device::{Device, adapters, driver_of};
 
-use super::adaptive::{AdaptiveSession, AdaptiveSteps, check_equal_steps, check_torques};
 use super::projected::conserving;
-use super::{Backend, Description, EngineKind, FreeSession, Session};
-use crate::batch::{AnyBatch, Batch, Precision};
+use super::{Backend, Description, EngineKind, FreeSession, Session, Traffic};
+use crate::engine::adaptive_session::{AdaptiveSession, check_equal_steps, check_torques};
+use crate::engine::batch::{AnyBatch, Batch};
 use crate::error::{Error, Result};
-use crate::force::carried::Carried;
-use crate::free_motion::AnyRows;
-use crate::method::Method;
+use crate::kernel::free_motion::AnyRows;
+use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::scene::AdaptiveSteps;
+use crate::torque::force::carried::Carried;
 use adaptive::AdaptiveKernels;
 use buffers::{Columns, DeviceScalar, WORKGROUP_SIZE};
-use device::Device;
 use dispatch::Slicer;
 use free_motion::FreeMotionKernels;
 use observe::{ObserveKernels, Reducer};
@@ -77,7 +79,16 @@ pub struct Gpu {
     free_motion: FreeMotionKernels,
     adaptive: AdaptiveKernels,
     observe: Arc<ObserveKernels>,
+    /// In `f32` and `f64`; measured on first use.
+    speeds: [OnceLock<Option<f64>>; 2],
 }
+
+/// Floating-point operations a second of the core whose times the table of costs has, in `f32` and `f64` (`polhode bench throughput`).
+const CORE_FLOPS: [f64; 2] = [1.16e11, 5.8e10];
+
+/// Dispatches by which a device's speed is measured, and how long each takes, s.
+const SPEED_TRIES: usize = 3;
+const SPEED_SECONDS: f64 = 2e-3;
 
 impl Gpu {
     /// Opens the adapter that `options` ask for and probes its arithmetic.
@@ -146,6 +157,7 @@ impl Gpu {
             free_motion: FreeMotionKernels::default(),
             adaptive: AdaptiveKernels::default(),
             observe,
+            speeds: Default::default(),
         })
     }
 
@@ -257,11 +269,27 @@ impl Backend for Gpu {
             driver: self.device.driver(),
             software: self.device.kind() == AdapterKind::Software,
             arithmetic: Some(self.arithmetic),
+            on_host: None,
         }
     }
 
     fn precisions(&self) -> &[Precision] {
         &self.precisions
+    }
+
+    fn speed(&self, precision: Precision) -> Option<f64> {
+        if !self.precisions.contains(&precision) {
+            return None;
+        }
+        let place = usize::from(precision == Precision::F64);
+        *self.speeds[place].get_or_init(|| {
+            let flops = rates::flops(&self.device, precision, SPEED_TRIES, SPEED_SECONDS).ok()?;
+            Some(flops / CORE_FLOPS[place])
+        })
+    }
+
+    fn traffic(&self) -> Traffic {
+        self.device.traffic()
     }
 
     fn start(&self, batch: AnyBatch, method: Method) -> Result<Box<dyn Session>> {

@@ -2,13 +2,14 @@
 
 use std::sync::{Arc, OnceLock};
 
-use super::buffers::{DeviceScalar, Place, buffer, write_columns};
+use super::buffers::{DeviceScalar, Place, Upload, buffer};
 use super::device::{Device, Refusal};
 use super::shader::{Patch, Source};
-use crate::batch::{BodyFrame, Precision};
+use crate::bodies::BodyFrame;
 use crate::engine::reduction::Marked;
 use crate::error::Result;
-use crate::observe::{Columns, Extreme, GROUP_BODIES, Partial, Statistic, WORKGROUP, merge};
+use crate::kernel::observe::{Columns, Extreme, GROUP_BODIES, Partial, Statistic, WORKGROUP, merge};
+use crate::math::Precision;
 
 /// The kernels' bindings, and their pipelines by precision, made on first use.
 #[derive(Debug, Default)]
@@ -77,8 +78,6 @@ struct Settings {
 pub(super) struct Reducer {
     kernels: Arc<ObserveKernels>,
     watched: Option<Watched>,
-    /// Bytes moved to the host so far.
-    pub bytes_read: u64,
 }
 
 /// What is watched, in the chunks of the session.
@@ -121,7 +120,7 @@ impl Chunk {
 
 impl Reducer {
     pub fn new(kernels: &Arc<ObserveKernels>) -> Self {
-        Self { kernels: Arc::clone(kernels), watched: None, bytes_read: 0 }
+        Self { kernels: Arc::clone(kernels), watched: None }
     }
 
     pub fn watch<T: DeviceScalar>(
@@ -145,6 +144,7 @@ impl Reducer {
             staging: (staging > 0).then(|| buffer(device, "statistics", staging, read)).transpose().map_err(refused)?,
         };
         let codes = std::array::from_fn(|index| statistics.get(index).map_or(0, |statistic| statistic.code()));
+        let mut upload = Upload::new(device);
         for place in places {
             let chunk = self.chunk::<T>(device, place, statistics.len()).map_err(refused)?;
             let rows = place.first..place.first + place.bodies;
@@ -155,18 +155,19 @@ impl Reducer {
                 statistic_count: statistics.len() as u32,
                 statistics: codes,
             };
-            device.queue.write_buffer(&chunk.settings, 0, bytemuck::bytes_of(&settings));
+            device.write(&chunk.settings, 0, bytemuck::bytes_of(&settings));
             let nan = T::from_f64(f64::NAN);
-            write_columns(device, &chunk.columns, place.stride, &columns.columns, columns.stride, rows, nan)?;
+            upload.columns(&chunk.columns, place.stride, &columns.columns, columns.stride, rows, nan)?;
             watched.chunks.push(chunk);
         }
+        upload.finish()?;
         self.watched = Some(watched);
         Ok(())
     }
 
     fn chunk<T: DeviceScalar>(&self, device: &Device, place: &Place<'_>, statistics: usize) -> Result<Chunk, Refusal> {
         let groups = place.bodies.div_ceil(GROUP_BODIES);
-        let column_bytes = (crate::observe::SCALE_COLUMN + statistics) * place.stride * size_of::<T>();
+        let column_bytes = (crate::kernel::observe::SCALE_COLUMN + statistics) * place.stride * size_of::<T>();
         let partial_bytes = (1 + groups) * statistics * partial_bytes::<T>();
         let input = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let output = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
@@ -205,12 +206,12 @@ impl Reducer {
             pass.set_pipeline(observe);
             for chunk in &watched.chunks {
                 pass.set_bind_group(0, &chunk.bind_group, &[]);
-                pass.dispatch_workgroups(chunk.groups() as u32, 1, 1);
+                device.dispatch(&mut pass, chunk.groups() as u32);
             }
             pass.set_pipeline(combine);
             for chunk in &watched.chunks {
                 pass.set_bind_group(0, &chunk.bind_group, &[]);
-                pass.dispatch_workgroups(watched.statistics as u32, 1, 1);
+                device.dispatch(&mut pass, watched.statistics as u32);
             }
             drop(pass);
             for (index, chunk) in watched.chunks.iter().enumerate() {
@@ -221,7 +222,6 @@ impl Reducer {
         let commands = commands.map_err(|refusal| device.refused(refusal))?;
         let (chunks, offsets) = (&mut watched.chunks, &watched.offsets);
         let range = 0..bytes * chunks.len() as u64;
-        self.bytes_read += range.end;
         device.read(commands, staging, range, |view| {
             for (chunk, view) in chunks.iter_mut().zip(view.chunks_exact(bytes as usize)) {
                 let partials = view.chunks_exact(partial_bytes::<T>()).map(partial::<T>);
@@ -256,7 +256,6 @@ impl Reducer {
             });
             staging.destroy();
             read?;
-            self.bytes_read += bytes;
         }
         Ok(marked)
     }
@@ -297,9 +296,9 @@ fn partial<T: DeviceScalar>(bytes: &[u8]) -> Partial<T> {
     }
 }
 
-/// Reductions of a session whose chunks and count of bytes read are in these fields.
+/// Reductions of a session whose chunks and reader are in these fields.
 macro_rules! reduces {
-    ($session:ident, $($chunks:ident).+, $($bytes_read:ident).+) => {
+    ($session:ident, $($chunks:ident).+, $($reader:ident).+) => {
         impl<T: DeviceScalar> Reduce for $session<T> {
             fn watch(&mut self, statistics: &[Statistic], frames: &[BodyFrame], fastest: f64) -> Result<()> {
                 let places: Vec<_> = self.$($chunks).+.iter().map(|chunk| chunk.place()).collect();
@@ -314,11 +313,14 @@ macro_rules! reduces {
                 self.reducer.marked(&self.device)
             }
 
+            fn prefetch(&mut self, bodies: Range<usize>) -> Result<()> {
+                let places: Vec<_> = self.$($chunks).+.iter().map(|chunk| chunk.place()).collect();
+                self.$($reader).+.as_mut().map_or(Ok(()), |reader| reader.prefetch::<T>(&self.device, &places, &bodies))
+            }
+
             fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
                 let places: Vec<_> = self.$($chunks).+.iter().map(|chunk| chunk.place()).collect();
-                let (words, bytes) = read_single_rows::<T>(&self.device, &places, rows)?;
-                self.$($bytes_read).+ += bytes;
-                Ok(words)
+                read_single_rows::<T>(&self.device, &places, rows)
             }
         }
     };

@@ -5,9 +5,10 @@
 
 use super::device::{Device, Refusal};
 use super::shader::Source;
-use crate::batch::Precision;
+use crate::error::ArithmeticFault;
 use crate::error::Result;
-use crate::real::Scalar;
+use crate::math::Precision;
+use crate::math::real::Scalar;
 
 /// Whether a product and a sum are rounded once or twice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,26 +27,6 @@ impl std::fmt::Display for Fusing {
             Fusing::Fused => "fused",
             Fusing::Separate => "not fused",
             Fusing::Mixed => "mixed",
-        })
-    }
-}
-
-/// Why an adapter cannot be used in a precision.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum ArithmeticFault {
-    /// Sums or products of normal numbers are not correctly rounded.
-    Rounding,
-    /// The rounding error of a sum comes out wrong in spite of the barrier, so that no state can be carried in two
-    /// words.
-    TwoSum,
-}
-
-impl std::fmt::Display for ArithmeticFault {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        formatter.write_str(match self {
-            ArithmeticFault::Rounding => "its sums or products are not correctly rounded",
-            ArithmeticFault::TwoSum => "its compiler re-associates sums, so that their rounding errors are lost",
         })
     }
 }

@@ -1,52 +1,126 @@
-//! Columns on the device brought to the host, block by block.
+//! Columns on the device brought to the host, block by block: while one is taken apart, the next is on its way.
 
 use std::ops::Range;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
-use super::buffers::{Columns, DeviceScalar, Place, buffer};
-use super::device::Device;
-use crate::batch::{STATE_COMPONENTS, StateWords, state_columns, status_column};
+use super::buffers::{DeviceScalar, Place, STAGING_BYTES, buffer};
+use super::device::{Device, Refusal, Request};
+use crate::bodies::Status;
+use crate::bodies::columns::{STATE_COMPONENTS, STRIDE_UNIT, StateWords, state_columns, status_column};
 use crate::error::Result;
-use crate::force::carried::CENTRE_COMPONENTS;
-use crate::method::Status;
-use crate::real::Scalar;
+use crate::math::real::Scalar;
+use crate::torque::force::carried::CENTRE_COMPONENTS;
 
-impl Columns {
-    /// The raw state of a range of bodies, through the staging buffer block by block.
-    pub fn read<T: DeviceScalar>(&mut self, device: &Device, bodies: Range<usize>) -> Result<StateWords> {
+/// Two buffers through which a session's columns are read.
+pub(super) struct Reader {
+    staging: [wgpu::Buffer; 2],
+    /// Which of them the next request takes.
+    turn: usize,
+    /// A request that was made ahead, and the bodies whose states it brings.
+    ahead: Option<(Range<usize>, Request)>,
+}
+
+impl Reader {
+    /// For a session of `bodies` bodies, from which at least `least` bytes can be read at a time.
+    pub fn new<T: Scalar>(device: &Device, bodies: usize, least: u64) -> Result<Self, Refusal> {
+        let row = state_columns::<T>() * size_of::<T>();
+        // Rows are staged in whole numbers of the unit, and no more than there are.
+        let rows = (STAGING_BYTES / row / STRIDE_UNIT * STRIDE_UNIT).min(bodies.next_multiple_of(STRIDE_UNIT));
+        let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+        let staging = || buffer(device, "staging", ((rows * row) as u64).max(least), usage);
+        Ok(Self { staging: [staging()?, staging()?], turn: 0, ahead: None })
+    }
+
+    /// The buffer for what is read at once, now that nothing is on its way.
+    pub fn staging(&mut self) -> &wgpu::Buffer {
+        self.discard();
+        &self.staging[self.turn]
+    }
+
+    /// Rows of so many bytes that are read at a time.
+    pub fn block(&self, row_bytes: usize) -> usize {
+        self.staging[0].size() as usize / row_bytes
+    }
+
+    /// Drops what was requested ahead: the state has changed since, or changes now.
+    pub fn discard(&mut self) {
+        if let Some((_, request)) = self.ahead.take() {
+            request.cancel();
+        }
+    }
+
+    /// Requests the state of bodies ahead of [`Reader::read`].
+    pub fn prefetch<T: Scalar>(&mut self, device: &Device, places: &[Place<'_>], bodies: &Range<usize>) -> Result<()> {
+        self.discard();
+        if let Some(piece) = self.piece::<T>(places, bodies) {
+            self.ahead = Some((piece.clone(), self.request::<T>(device, places, &piece)?));
+        }
+        Ok(())
+    }
+
+    /// The state of a range of bodies.
+    pub fn read<T: DeviceScalar>(
+        &mut self,
+        device: &Device,
+        places: &[Place<'_>],
+        bodies: Range<usize>,
+    ) -> Result<StateWords> {
         let mut words = StateWords::default();
         words.value.reserve_exact(bodies.len());
         words.residue.reserve_exact(bodies.len());
         words.status.reserve_exact(bodies.len());
-        let Some(staging) = &self.staging else { return Ok(words) };
-        let block = staging.size() as usize / (state_columns::<T>() * size_of::<T>());
-        for chunk in &self.chunks {
-            let start = bodies.start.max(chunk.first);
-            let end = bodies.end.min(chunk.first + chunk.bodies);
-            for first in (start..end.max(start)).step_by(block) {
-                let rows = first - chunk.first..block.min(end - first) + first - chunk.first;
-                self.bytes_read += read_block::<T>(device, &chunk.state, chunk.stride, staging, rows, &mut words)?;
+        let mut next = self.piece::<T>(places, &bodies);
+        while let Some(piece) = next {
+            let request = match self.ahead.take() {
+                Some((ahead, request)) if ahead == piece => request,
+                stale => {
+                    self.ahead = stale;
+                    self.discard();
+                    self.request::<T>(device, places, &piece)?
+                }
+            };
+            next = self.piece::<T>(places, &(piece.end..bodies.end));
+            if let Some(next) = &next {
+                self.ahead = Some((next.clone(), self.request::<T>(device, places, next)?));
             }
+            device.fulfil(request, |view| append_words::<T>(bytemuck::cast_slice(view), piece.len(), &mut words))?;
         }
         Ok(words)
+    }
+
+    /// The first of some bodies, as many as lie in one place and fit.
+    fn piece<T: Scalar>(&self, places: &[Place<'_>], bodies: &Range<usize>) -> Option<Range<usize>> {
+        let place = places.iter().find(|place| bodies.start < place.first + place.bodies)?;
+        let end = bodies.end.min(place.first + place.bodies);
+        let block = self.block(state_columns::<T>() * size_of::<T>());
+        (bodies.start < end).then(|| bodies.start..end.min(bodies.start + block))
+    }
+
+    fn request<T: Scalar>(&mut self, device: &Device, places: &[Place<'_>], piece: &Range<usize>) -> Result<Request> {
+        let place = &places[places.partition_point(|place| place.first + place.bodies <= piece.start)];
+        let rows = piece.start - place.first..piece.end - place.first;
+        let columns = (0..state_columns::<T>(), rows);
+        let request = request_columns::<T>(device, place.state, place.stride, &self.staging[self.turn], columns);
+        self.turn = 1 - self.turn;
+        request
     }
 
     /// Positions (m) and velocities (m/s) of a range of bodies, where their columns stand behind those of the state.
     pub fn read_centres<T: DeviceScalar>(
         &mut self,
         device: &Device,
+        places: &[Place<'_>],
         bodies: Range<usize>,
     ) -> Result<Vec<(DVec3, DVec3)>> {
         let mut centres = Vec::with_capacity(bodies.len());
-        let Some(staging) = &self.staging else { return Ok(centres) };
         let columns = state_columns::<T>()..state_columns::<T>() + CENTRE_COMPONENTS * T::WORDS;
-        let block = staging.size() as usize / (columns.len() * size_of::<T>());
-        for chunk in &self.chunks {
-            let start = bodies.start.max(chunk.first);
-            let end = bodies.end.min(chunk.first + chunk.bodies);
-            for first in (start..end.max(start)).step_by(block) {
-                let rows = first - chunk.first..block.min(end - first) + first - chunk.first;
+        let block = self.block(columns.len() * size_of::<T>());
+        for place in places {
+            let rows = place.rows(&bodies);
+            for first in rows.clone().step_by(block) {
+                let rows = first..(first + block).min(rows.end);
                 let count = rows.len();
                 let read = |numbers: &[T]| {
                     let number = |column: usize, row: usize| numbers[column * count + row].to_f64();
@@ -58,37 +132,27 @@ impl Columns {
                         |first: usize, row: usize| DVec3::from_array([0, 1, 2].map(|axis| words(first + axis, row)));
                     centres.extend((0..count).map(|row| (vector(0, row), vector(3, row))));
                 };
-                self.bytes_read +=
-                    read_columns(device, &chunk.state, chunk.stride, staging, (columns.clone(), rows), read)?;
+                read_columns(device, place.state, place.stride, self.staging(), (columns.clone(), rows), read)?;
             }
         }
         Ok(centres)
     }
+
+    /// Gives the memory back.
+    pub fn release(&mut self) {
+        self.discard();
+        self.staging.iter().for_each(wgpu::Buffer::destroy);
+    }
 }
 
-/// Copies some rows of a chunk's state to the host and appends them to `words`; gives the bytes moved.
-pub(super) fn read_block<T: Scalar>(
-    device: &Device,
-    state: &wgpu::Buffer,
-    stride: usize,
-    staging: &wgpu::Buffer,
-    rows: Range<usize>,
-    words: &mut StateWords,
-) -> Result<u64> {
-    read_columns(device, state, stride, staging, (0..state_columns::<T>(), rows.clone()), |numbers: &[T]| {
-        append_words(numbers, rows.len(), words);
-    })
-}
-
-/// Copies some rows of some columns to the host and shows them to `look`, column after column; gives the bytes moved.
-pub(super) fn read_columns<T: bytemuck::Pod>(
+/// Requests some rows of some columns, column after column.
+fn request_columns<T>(
     device: &Device,
     source: &wgpu::Buffer,
     stride: usize,
     staging: &wgpu::Buffer,
     (columns, rows): (Range<usize>, Range<usize>),
-    look: impl FnOnce(&[T]),
-) -> Result<u64> {
+) -> Result<Request> {
     let size = size_of::<T>();
     let bytes = (rows.len() * size) as u64;
     let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("read") });
@@ -96,21 +160,28 @@ pub(super) fn read_columns<T: bytemuck::Pod>(
         let from = ((column * stride + rows.start) * size) as u64;
         encoder.copy_buffer_to_buffer(source, from, staging, index as u64 * bytes, bytes);
     }
-    let all = columns.len() as u64 * bytes;
     let commands = device.scoped(|| encoder.finish()).map_err(|refusal| device.refused(refusal))?;
-    device.read(commands, staging, 0..all, |view| look(bytemuck::cast_slice(view)))?;
-    Ok(all)
+    device.request(commands, staging, 0..columns.len() as u64 * bytes)
 }
 
-/// Copies single rows, each after the other, to the host; gives their state and the bytes moved.
-pub(super) fn read_single_rows<T: Scalar>(
+/// Copies some rows of some columns to the host and shows them to `look`, column after column.
+pub(super) fn read_columns<T: bytemuck::Pod>(
     device: &Device,
-    places: &[Place<'_>],
-    rows: &[usize],
-) -> Result<(StateWords, u64)> {
+    source: &wgpu::Buffer,
+    stride: usize,
+    staging: &wgpu::Buffer,
+    place: (Range<usize>, Range<usize>),
+    look: impl FnOnce(&[T]),
+) -> Result<()> {
+    let request = request_columns::<T>(device, source, stride, staging, place)?;
+    device.fulfil(request, |view| look(bytemuck::cast_slice(view)))
+}
+
+/// Copies single rows, each after the other, to the host; gives their state.
+pub(super) fn read_single_rows<T: Scalar>(device: &Device, places: &[Place<'_>], rows: &[usize]) -> Result<StateWords> {
     let mut words = StateWords::default();
     if rows.is_empty() {
-        return Ok((words, 0));
+        return Ok(words);
     }
     let (size, count) = (size_of::<T>() as u64, rows.len() as u64);
     let bytes = state_columns::<T>() as u64 * count * size;
@@ -130,17 +201,24 @@ pub(super) fn read_single_rows<T: Scalar>(
     let look = |view: &[u8]| append_words::<T>(bytemuck::cast_slice(view), rows.len(), &mut words);
     let read = device.read(commands, &staging, 0..bytes, look);
     staging.destroy();
-    read.map(|()| (words, bytes))
+    read.map(|()| words)
 }
+
+/// Rows that one thread takes apart at a time.
+const ROWS_OF_A_THREAD: usize = 4096;
 
 /// Appends the state of `count` bodies, by column, to `words`.
 fn append_words<T: Scalar>(numbers: &[T], count: usize, words: &mut StateWords) {
     let at = |row: usize, first: usize| -> [f64; STATE_COMPONENTS] {
         std::array::from_fn(|component| numbers[(first + component) * count + row].to_f64())
     };
-    for row in 0..count {
-        words.value.push(at(row, 0));
-        words.residue.push(if T::WORDS == 2 { at(row, STATE_COMPONENTS) } else { [0.0; STATE_COMPONENTS] });
-        words.status.push(Status::from_code(numbers[status_column::<T>() * count + row].to_f64()));
+    let rows = || (0..count).into_par_iter().with_min_len(ROWS_OF_A_THREAD);
+    words.value.par_extend(rows().map(|row| at(row, 0)));
+    if T::WORDS == 2 {
+        words.residue.par_extend(rows().map(|row| at(row, STATE_COMPONENTS)));
+    } else {
+        words.residue.resize(words.value.len(), [0.0; STATE_COMPONENTS]);
     }
+    let status = |row: usize| Status::from_code(numbers[status_column::<T>() * count + row].to_f64());
+    words.status.par_extend(rows().map(status));
 }

@@ -10,13 +10,15 @@ use super::buffers::{Chunk, Columns, DeviceScalar, Slice};
 use super::device::Device;
 use super::dispatch::{Slicer, next_group};
 use super::observe::{Reducer, reduces};
-use super::reading::read_single_rows;
-use crate::batch::{BodyFrame, Precision, StateWords};
-use crate::clock::Clock;
+use super::reading::{Reader, read_single_rows};
+use crate::bodies::BodyFrame;
+use crate::bodies::columns::StateWords;
 use crate::engine::reduction::{Marked, Reduce};
 use crate::engine::{Observer, Progress, Session, check_step};
 use crate::error::{Error, Result};
-use crate::observe::{Partial, Statistic};
+use crate::kernel::observe::{Partial, Statistic};
+use crate::math::Precision;
+use crate::math::clock::Clock;
 
 pub(super) struct GpuSession<T> {
     pub device: Arc<Device>,
@@ -39,6 +41,7 @@ impl<T: DeviceScalar> Session for GpuSession<T> {
 
     fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
         check_step(dt, if T::WORDS == 2 { Precision::F32 } else { Precision::F64 })?;
+        self.columns.reader.iter_mut().for_each(Reader::discard);
         let start_clock = self.clock;
         let dt_words = T::two_words(dt);
         let total = steps.saturating_mul(self.body_count as u64);
@@ -67,19 +70,21 @@ impl<T: DeviceScalar> Session for GpuSession<T> {
     }
 
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
-        self.columns.read::<T>(&self.device, bodies)
+        let places: Vec<_> = self.columns.chunks.iter().map(Chunk::place).collect();
+        let reader = self.columns.reader.as_mut();
+        reader.map_or_else(|| Ok(StateWords::default()), |reader| reader.read::<T>(&self.device, &places, bodies))
     }
 
     fn read_centres(&mut self, bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
-        if self.carries { self.columns.read_centres::<T>(&self.device, bodies) } else { Ok(Vec::new()) }
-    }
-
-    fn bytes_read(&self) -> u64 {
-        self.columns.bytes_read + self.reducer.bytes_read
+        let places: Vec<_> = self.columns.chunks.iter().map(Chunk::place).collect();
+        match &mut self.columns.reader {
+            Some(reader) if self.carries => reader.read_centres::<T>(&self.device, &places, bodies),
+            _ => Ok(Vec::new()),
+        }
     }
 }
 
-reduces!(GpuSession, columns.chunks, columns.bytes_read);
+reduces!(GpuSession, columns.chunks, columns.reader);
 
 impl<T> Drop for GpuSession<T> {
     fn drop(&mut self) {
@@ -101,8 +106,8 @@ fn run<T: DeviceScalar>(
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(pipeline);
         for chunk in group {
-            chunk.set(&device.queue, slice);
-            chunk.dispatch(&mut pass);
+            chunk.set(device, slice);
+            chunk.dispatch(device, &mut pass);
         }
         drop(pass);
         encoder.finish()

@@ -16,7 +16,7 @@ use super::super::replay;
 use super::super::symbol::{Symbol, Truth};
 use super::polynomial::{Factor, Polynomial};
 use super::{DirectionState, Kind, RowNumber, TurningState};
-use crate::real::Real;
+use crate::math::real::Real;
 use directions::{Directions, Parts, State, Turning};
 
 /// What is to be formed of a graph.

@@ -32,7 +32,7 @@ mod tests;
 
 use super::graph::Input;
 use super::program::Program;
-use crate::real::Function;
+use crate::math::real::Function;
 
 pub(crate) use lowering::{Equations, Lowered, lowered, lowered_by_directions};
 pub(crate) use series::Series;

@@ -2,7 +2,7 @@
 
 use super::super::symbol::Symbol;
 use super::RowNumber;
-use crate::real::Real;
+use crate::math::real::Real;
 
 /// The most rows of a product.
 const MOST_FACTORS: usize = 3;

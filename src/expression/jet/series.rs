@@ -3,8 +3,8 @@
 use std::cell::Cell;
 
 use super::{Jets, Kind, Operation, Place};
-use crate::lanes::Each;
-use crate::real::{Outlined, Real};
+use crate::math::lanes::Each;
+use crate::math::real::{Outlined, Real};
 
 /// Carries out something for all groups. It is a macro because a closure cannot be made to be inlined.
 macro_rules! each {

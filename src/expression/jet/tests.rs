@@ -3,8 +3,8 @@
 use super::super::graph::{Graph, Input, InputKind, Node};
 use super::super::{Expression, Fault, Recorder, Shape, Symbol, Symbols};
 use super::{Equations, Jets, Series, lowered, lowered_by_directions};
-use crate::lanes::Each;
-use crate::real::Real;
+use crate::math::lanes::Each;
+use crate::math::real::Real;
 
 const ORDER: usize = 20;
 
@@ -133,11 +133,11 @@ fn products_are_shared_and_factors_pulled_out() {
     // R(q)ᵀ d for a direction that turns: ten products of the attitude in one operation and nine by the direction.
     let (graph, outputs) = recorded(|recorder| {
         let part = |index| recorder.input(Input::new(InputKind::Orientation, index));
-        let q = crate::quaternion::Quaternion::new(part(0), part(1), part(2), part(3));
+        let q = crate::math::quaternion::Quaternion::new(part(0), part(1), part(2), part(3));
         let time = recorder.input(Input::new(InputKind::Time, 0));
-        let (sin, cos) = crate::real::sin_cos(time);
+        let (sin, cos) = crate::math::real::sin_cos(time);
         let parameter = |index| recorder.input(Input::new(InputKind::Parameter, index));
-        let direction = crate::vector::Vector::new(sin * parameter(0), cos * parameter(1), sin + cos);
+        let direction = crate::math::vector::Vector::new(sin * parameter(0), cos * parameter(1), sin + cos);
         let u = q.rotate_inverse(direction);
         vec![u.x, u.y, u.z, time]
     });
@@ -159,11 +159,12 @@ fn products_are_shared_and_factors_pulled_out() {
 fn three_directions() -> (Graph, Vec<Node>) {
     recorded(|recorder| {
         let part = |index| recorder.input(Input::new(InputKind::Orientation, index));
-        let q = crate::quaternion::Quaternion::new(part(0), part(1), part(2), part(3));
+        let q = crate::math::quaternion::Quaternion::new(part(0), part(1), part(2), part(3));
         let time = recorder.input(Input::new(InputKind::Time, 0));
         let parameter = |index| recorder.input(Input::new(InputKind::Parameter, index));
-        let vector = |first| crate::vector::Vector::new(parameter(first), parameter(first + 1), parameter(first + 2));
-        let (sin, cos) = crate::real::sin_cos(time * parameter(9) + parameter(10));
+        let vector =
+            |first| crate::math::vector::Vector::new(parameter(first), parameter(first + 1), parameter(first + 2));
+        let (sin, cos) = crate::math::real::sin_cos(time * parameter(9) + parameter(10));
         let fixed = q.rotate_inverse(vector(0));
         let turning = q.rotate_inverse(vector(3) * cos + vector(6) * sin);
         let other = q.rotate_inverse(vector(0) * (time * time));
@@ -184,7 +185,7 @@ fn directions_as_states_give_the_series_that_the_attitude_gives() {
         outputs: outputs[3..].to_vec(),
     };
     let parameters = [0.4, -0.7, 0.2, 0.9, 0.1, -0.3, 0.2, 0.8, 0.5, 1.7, 0.6];
-    let attitude = crate::quaternion::Quaternion::new(0.5, -0.1, 0.7, 0.5);
+    let attitude = crate::math::quaternion::Quaternion::new(0.5, -0.1, 0.7, 0.5);
     let at = 0.3;
     let by_attitude = lowered(&graph, &equations).unwrap().up_to(ORDER);
     let q = [attitude.x, attitude.y, attitude.z, attitude.w];
@@ -210,9 +211,9 @@ fn directions_as_states_give_the_series_that_the_attitude_gives() {
         for state in &jets.directions {
             let world = |numbers: [usize; 3]| {
                 let [x, y, z] = numbers.map(|number| factors[number]);
-                crate::vector::Vector::new(x, y, z)
+                crate::math::vector::Vector::new(x, y, z)
             };
-            let mut set = |rows: [super::Place; 3], vector: crate::vector::Vector<f64>| {
+            let mut set = |rows: [super::Place; 3], vector: crate::math::vector::Vector<f64>| {
                 let direction = attitude.rotate_inverse(vector);
                 for (place, number) in rows.into_iter().zip([direction.x, direction.y, direction.z]) {
                     found.set(place, 0, group, number);
@@ -243,9 +244,12 @@ fn directions_as_states_give_the_series_that_the_attitude_gives() {
 fn what_asks_for_more_of_the_attitude_than_directions_keeps_it() {
     let (graph, outputs) = recorded(|recorder| {
         let part = |index| recorder.input(Input::new(InputKind::Orientation, index));
-        let q = crate::quaternion::Quaternion::new(part(0), part(1), part(2), part(3));
-        let down =
-            q.rotate_inverse(crate::vector::Vector::new(Symbol::splat(0.0), Symbol::splat(0.0), Symbol::splat(1.0)));
+        let q = crate::math::quaternion::Quaternion::new(part(0), part(1), part(2), part(3));
+        let down = q.rotate_inverse(crate::math::vector::Vector::new(
+            Symbol::splat(0.0),
+            Symbol::splat(0.0),
+            Symbol::splat(1.0),
+        ));
         vec![down.x, down.y, part(0)]
     });
     let equations = |outputs: &[Node]| Equations {

@@ -5,10 +5,11 @@
 //! the coefficients. Counted instead of timed, so that a plan that is made again is the same.
 
 use super::Cost;
-use crate::batch::{Precision, parameter_columns};
-use crate::ensemble::Ensemble;
+use crate::bodies::Ensemble;
+use crate::bodies::columns::parameter_columns;
 use crate::expression::jet::Lowered;
-use crate::method::taylor::order_of;
+use crate::kernel::method::taylor::order_of;
+use crate::math::Precision;
 use crate::plan::{Scheme, SkipName};
 use crate::torque::motion::RecordedMotion;
 use crate::torque::table::{Bodies, TorqueTable};

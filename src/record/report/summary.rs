@@ -16,7 +16,8 @@ impl fmt::Display for Report {
         }
         let engine = &self.engine;
         let software = if engine.software { ", a software adapter" } else { "" };
-        writeln!(formatter, "  engine   {} ({}{software})", engine.adapter, engine.kind)?;
+        let on_host = engine.on_host.as_ref().map_or(String::new(), |on_host| format!("; {on_host}"));
+        writeln!(formatter, "  engine   {} ({}{software}{on_host})", engine.adapter, engine.kind)?;
         if !self.failed_bodies.is_empty() {
             writeln!(formatter, "  FAILED   {} of {} bodies: see below", self.failed_bodies.len(), self.bodies)?;
         }

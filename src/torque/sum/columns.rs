@@ -2,12 +2,12 @@
 
 use std::cell::{Cell, RefCell};
 
-use crate::clock::{Clock, Fraction, MOST_LANES, Ticks, phases_at, seconds_at, ticks_in};
 use crate::expression::Scratch;
-use crate::real::{Outlined, Real, Scalar};
+use crate::math::clock::{Clock, Fraction, MOST_LANES, Ticks, phases_at, seconds_at, ticks_in};
+use crate::math::real::{Outlined, Real, Scalar};
+use crate::math::vector::{TwoWords, Vector};
 use crate::torque::variable_inertia::ticks_since;
 use crate::torque::{Kind, PER_TICK, TorqueTable};
-use crate::vector::{TwoWords, Vector};
 
 /// Where the lane groups of a batch find their bodies and torques, and the time.
 #[derive(Clone, Copy, Debug)]

@@ -1,11 +1,11 @@
 //! White noise, which is constant over a step.
 
 use super::Columns;
-use crate::clock::MOST_LANES;
-use crate::real::{Outlined, Real, Scalar};
+use crate::math::clock::MOST_LANES;
+use crate::math::real::{Outlined, Real, Scalar};
+use crate::math::vector::Vector;
 use crate::torque::Kind;
 use crate::torque::white_noise::{NoiseKey, minus_log, noise_words, normal_vector, uniform_parts, uniform_turns};
-use crate::vector::Vector;
 
 impl<R: Real> Columns<'_, R> {
     /// The torque of all instances of white noise over equal step `step` of the interval.

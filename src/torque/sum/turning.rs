@@ -1,15 +1,16 @@
 //! How bodies turn under what changes them: internal dissipation and moments of inertia that change in time.
 
 use super::{Epoch, Instance, Time, Torques};
-use crate::batch::RATE_COLUMN;
-use crate::real::{Outlined, Real};
-use crate::rigid_body::{Body, Correction};
+use crate::bodies::columns::RATE_COLUMN;
+use crate::kernel::rigid_body::{Body, Correction};
+use crate::kernel::torque_kernel::Motion;
+use crate::math::real::{Outlined, Real};
+use crate::math::vector::{TwoWords, Vector};
+use crate::torque::Kind;
 use crate::torque::internal_dissipation::internal_dissipation;
 use crate::torque::variable_inertia::{
     Change, changed_motion, inertia_oscillation, inertia_ramp, oscillation_slope, ramp_progress, ramp_slope,
 };
-use crate::torque::{Kind, Motion};
-use crate::vector::{TwoWords, Vector};
 
 impl<'a, R: Real> Torques<'a, R> {
     /// The progress of the ramp, cut to [0, 1], and its rate, 1/s.
@@ -91,7 +92,7 @@ impl<'a, R: Real> Torques<'a, R> {
         Turning { motion, angular_velocity: omega }
     }
 
-    /// As [`Environment::motion`], with ω = I⁻¹ m beside it.
+    /// As [`TorqueKernel::motion`], with ω = I⁻¹ m beside it.
     #[inline(always)]
     pub(crate) fn turning_at(
         &self,

@@ -1,12 +1,12 @@
 //! Torques that are expressions, carried out over a tile.
 
-use crate::clock::phase_after;
 use crate::expression::Scratch;
-use crate::lanes::{Each, GROUPS};
-use crate::quaternion::Quaternion;
-use crate::real::Real;
+use crate::math::clock::phase_after;
+use crate::math::lanes::{Each, GROUPS};
+use crate::math::quaternion::Quaternion;
+use crate::math::real::Real;
+use crate::math::vector::Vector;
 use crate::torque::expressed::{Expressed, Given};
-use crate::vector::Vector;
 
 /// A torque that is an expression, on a tile.
 pub(super) struct TileExpression<'a, R: Real> {

@@ -9,7 +9,6 @@ use expression::TileExpression;
 
 use std::ops::Range;
 
-use super::Motion;
 use super::PER_TICK;
 use super::formula::{Epoch, Following, Formula, FormulaTask, MOST_PHASES, Role, Row};
 use super::kind::Kind;
@@ -17,13 +16,14 @@ use super::linear_rotor::across_axis;
 use super::sum::{Columns, Source, StepTime, Torques, ticks_from};
 use super::table::Instance;
 use super::variable_inertia::ramp_progress;
-use crate::batch::RATE_COLUMN;
-use crate::clock::{MOST_LANES, Ticks, phase_after, phases_at, seconds_at};
-use crate::lanes::{Each, GROUPS};
-use crate::quaternion::Quaternion;
-use crate::real::{Outlined, Real};
-use crate::rigid_body::{Body, Correction};
-use crate::vector::{TwoWords, Vector};
+use crate::bodies::columns::RATE_COLUMN;
+use crate::kernel::rigid_body::{Body, Correction};
+use crate::kernel::torque_kernel::Motion;
+use crate::math::clock::{MOST_LANES, Ticks, phase_after, phases_at, seconds_at};
+use crate::math::lanes::{Each, GROUPS};
+use crate::math::quaternion::Quaternion;
+use crate::math::real::{Outlined, Real};
+use crate::math::vector::{TwoWords, Vector};
 
 /// One instance of a torque on a tile.
 #[derive(Clone, Copy, Debug)]
@@ -361,9 +361,9 @@ impl<R: Real> Outlined for Load<'_, '_, R> {
 /// Whether all lanes of all groups are the same number.
 #[inline(always)]
 fn are_equal<R: Real>(groups: &[R]) -> bool {
-    let mut lanes = [<R::Scalar as Default>::default(); crate::clock::MOST_LANES];
+    let mut lanes = [<R::Scalar as Default>::default(); crate::math::clock::MOST_LANES];
     groups[0].store(&mut lanes);
-    let first = R::splat(crate::real::Scalar::to_f64(lanes[0]));
+    let first = R::splat(crate::math::real::Scalar::to_f64(lanes[0]));
     groups.iter().all(|&number| !R::any(number.less_than(first) | first.less_than(number)))
 }
 

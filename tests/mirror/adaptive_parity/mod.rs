@@ -9,17 +9,19 @@ use common::kernel::Harness;
 use common::random::Random;
 use glam::DVec3;
 use polhode::Torque;
-use polhode::batch::{Precision, prepare_with};
-use polhode::clock::Clock;
+use polhode::bodies::Status;
+use polhode::engine::batch::prepare_with;
 use polhode::engine::gpu::Patch;
 use polhode::engine::gpu::shader::{Chunk, Source};
-use polhode::method::Status;
-use polhode::method::rk8_adaptive::{Controller, Limits, attempt};
-use polhode::quaternion::Quaternion;
-use polhode::real::Scalar;
-use polhode::rigid_body::{Body, State};
-use polhode::torque::{Free, TorqueTable};
-use polhode::vector::{TwoWords, Vector, two_difference};
+use polhode::kernel::method::rk8_adaptive::{Controller, Limits, attempt};
+use polhode::kernel::rigid_body::{Body, State};
+use polhode::kernel::torque_kernel::Free;
+use polhode::math::Precision;
+use polhode::math::clock::Clock;
+use polhode::math::quaternion::Quaternion;
+use polhode::math::real::Scalar;
+use polhode::math::vector::{TwoWords, Vector, two_difference};
+use polhode::torque::TorqueTable;
 use runs::SEED;
 
 /// Rows of a table: not a multiple of the workgroup size.
@@ -34,7 +36,12 @@ fn precision_of<T: Scalar>() -> Precision {
 /// The chunks of adaptive steps of torque-free bodies, some of them patched, without columns and entry point.
 fn method_chunks(precision: Precision, patches: &[Patch]) -> Vec<Chunk> {
     let source = Source::adaptive(precision, &TorqueTable::none(1.0)).patched(patches).expect("the text is there");
-    source.chunks().iter().filter(|chunk| !matches!(chunk.file, "columns.wgsl" | "adaptive.wgsl")).cloned().collect()
+    source
+        .chunks()
+        .iter()
+        .filter(|chunk| !matches!(chunk.file, "columns.wgsl" | "control.wgsl" | "adaptive.wgsl"))
+        .cloned()
+        .collect()
 }
 
 fn patch(file: &str, from: &str, to: &str) -> Patch {

@@ -1,10 +1,10 @@
 //! Functions of a body, with what is added up in each.
 
 use glam::DVec3;
-use polhode::quaternion::Quaternion;
-use polhode::real::Scalar;
-use polhode::rigid_body::{Body, Correction, State};
-use polhode::vector::{TwoWords, Vector};
+use polhode::kernel::rigid_body::{Body, Correction, State};
+use polhode::math::quaternion::Quaternion;
+use polhode::math::real::Scalar;
+use polhode::math::vector::{TwoWords, Vector};
 
 use super::{Case, FEW_ROUNDINGS, REAL, VECTOR, bodies, two_vectors, v_out, vector};
 

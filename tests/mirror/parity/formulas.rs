@@ -1,7 +1,7 @@
 //! The functions of formulas.
 
-use polhode::elementary::functions;
-use polhode::real::Scalar;
+use polhode::math::elementary::functions;
+use polhode::math::real::Scalar;
 
 use super::common::random::Random;
 use super::{Case, REAL, ROWS, angles};

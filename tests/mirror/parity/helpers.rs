@@ -1,9 +1,9 @@
 //! Arithmetic of vectors and quaternions, sums in two words, sines and cosines.
 
-use polhode::quaternion::{norm_correction, norm_correction_of_step};
-use polhode::real::{Scalar, sin_cos, sin_cos_eighth};
-use polhode::rigid_body::{Body, angular_momentum_world, orientation_rate};
-use polhode::vector::{TwoWords, Vector, accumulate};
+use polhode::kernel::rigid_body::{Body, angular_momentum_world, orientation_rate};
+use polhode::math::quaternion::{norm_correction, norm_correction_of_step};
+use polhode::math::real::{Scalar, finite_or, sin_cos, sin_cos_eighth};
+use polhode::math::vector::{TwoWords, Vector, accumulate};
 
 use super::bodies::body_cases;
 use super::{
@@ -30,6 +30,21 @@ pub fn cases<T: Scalar>() -> Vec<Case<T>> {
             &[REAL],
             |row| vec![row[0].mul_add(row[1], row[2])],
             FEW_ROUNDINGS,
+        ),
+        case(
+            "finite_or",
+            // A power that overflows for a part of the rows, the root of a negative number for another.
+            "var x = abs(r(0u)) + 1e30; for (var n = 0u; n < 6u; n += 1u) { x = x * x; } \
+             x = select(select(r(0u), x, r(1u) < 0.0), sqrt(-1.0 - abs(r(0u))), r(2u) < 0.0); put_r(0u, finite_or(x, 7.0));",
+            3,
+            &[REAL],
+            |row| {
+                let (zero, seven) = (T::from_f64(0.0), T::from_f64(7.0));
+                let overflow = T::from_f64(f64::INFINITY);
+                let x = if row[1] < zero { overflow } else { row[0] };
+                vec![finite_or(if row[2] < zero { (-T::from_f64(1.0)).sqrt() } else { x }, seven)]
+            },
+            EXACT,
         ),
         case("rounded", "put_r(0u, rounded(r(0u)));", 1, &[REAL], |row| vec![row[0]], EXACT),
         case("separated", "put_r(0u, separated(r(0u)));", 1, &[REAL], |row| vec![row[0]], EXACT),

@@ -15,12 +15,12 @@ use common::random::Random;
 use common::sizes::Size;
 use formulas::formula_cases;
 use helpers::cases;
-use polhode::batch::Precision;
 use polhode::engine::gpu::shader::{Chunk, Source};
-use polhode::method::Method;
-use polhode::quaternion::Quaternion;
-use polhode::real::Scalar;
-use polhode::vector::{TwoWords, Vector};
+use polhode::kernel::method::Method;
+use polhode::math::Precision;
+use polhode::math::quaternion::Quaternion;
+use polhode::math::real::Scalar;
+use polhode::math::vector::{TwoWords, Vector};
 
 /// Rows of a table: not a multiple of the workgroup size.
 const ROWS: usize = 331;

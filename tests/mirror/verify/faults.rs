@@ -1,9 +1,9 @@
 //! Faults that are planted on one side are found, and named.
 
 use glam::DVec3;
-use polhode::batch::Precision;
 use polhode::engine::Engine;
-use polhode::engine::adaptive::AdaptiveSteps;
+use polhode::math::Precision;
+use polhode::scene::AdaptiveSteps;
 use polhode::study::problem;
 use polhode::verify::{Culprit, Options, verify};
 use polhode::{Method, Scene, Torque};

@@ -1,7 +1,7 @@
 //! The grid: methods, torques, precisions, engines.
 
-use polhode::batch::Precision;
 use polhode::engine::{Engine, EngineKind};
+use polhode::math::Precision;
 use polhode::torque::variable_inertia::{InertiaChange, Law};
 use polhode::{Method, Scene, Torque};
 

@@ -1,7 +1,7 @@
 //! `verify` agrees over whole scenes where the kernels agree, and finds and names faults that are planted on one side.
 
 use crate::common;
-use crate::desk;
+use crate::workspace;
 mod faults;
 mod grid;
 mod onset;
@@ -11,10 +11,10 @@ mod stage;
 mod studies;
 
 use common::torques::{each_torque_alone, every_torque, middle_moments};
-use polhode::batch::Precision;
 use polhode::engine::Engine;
-use polhode::engine::adaptive::AdaptiveSteps;
 use polhode::engine::gpu::{GpuOptions, Patch};
+use polhode::math::Precision;
+use polhode::scene::AdaptiveSteps;
 use polhode::torque::variable_inertia::{InertiaChange, Law};
 use polhode::verify::{Options, Report, verify};
 use polhode::{Outputs, Scene, Torque};

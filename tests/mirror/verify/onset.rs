@@ -1,9 +1,9 @@
 //! What in a step a fault is traced to.
 
 use glam::DVec3;
-use polhode::batch::Precision;
 use polhode::engine::Engine;
-use polhode::engine::adaptive::AdaptiveSteps;
+use polhode::math::Precision;
+use polhode::scene::AdaptiveSteps;
 use polhode::verify::{Culprit, Field, Onset, Options, verify};
 use polhode::{Method, Scene, Torque};
 

@@ -3,12 +3,12 @@
 use std::process::Command;
 
 use glam::DVec3;
-use polhode::batch::Precision;
 use polhode::engine::Engine;
+use polhode::math::Precision;
 use polhode::verify::{Culprit, Options, verify};
 use polhode::{Error, Method, Torque};
 
-use super::{BODIES, DT, desk, scene, steps};
+use super::{BODIES, DT, scene, steps, workspace};
 
 #[test]
 fn a_body_and_a_first_step_are_picked_out() {
@@ -123,36 +123,36 @@ dt = 0.05
 
 #[test]
 fn the_command_compares_a_study() {
-    let desk = desk::Desk::new(STUDY);
+    let workspace = workspace::Workspace::new(STUDY);
     for engine in ["cpu", "gpu"] {
-        let text = desk.done(&["verify", "study.toml", "--engine", engine, "--steps", "5"]);
+        let text = workspace.done(&["verify", "study.toml", "--engine", engine, "--steps", "5"]);
         assert!(text.contains("torque 1 (sinusoidal)") && text.contains("verdict: they agree"), "{text}");
         let text =
-            desk.done(&["verify", "study.toml", "--engine", engine, "--from-step", "20", "--body", "3", "--json"]);
+            workspace.done(&["verify", "study.toml", "--engine", engine, "--from-step", "20", "--body", "3", "--json"]);
         let value: serde_json::Value = serde_json::from_str(&text).expect("JSON");
         assert_eq!(
             (&value["agrees"], &value["bodies"], &value["groups"][0]["first"]),
             (&true.into(), &1.into(), &21.into())
         );
     }
-    let line = desk.refused(&["verify", "study.toml", "--engine", "cpu", "--steps", "0"], 2);
-    assert_eq!(line, "error: steps = 0.0: one step or more is needed, as nothing would be compared\n");
-    desk.refused(&["verify", "study.toml", "--engine", "cpu", "--body", "5"], 2);
-    desk.refused(&["verify", "study.toml", "--engine", "cpu", "--from-step", "40"], 2);
+    let line = workspace.refused(&["verify", "study.toml", "--engine", "cpu", "--steps", "0"], 2);
+    assert_eq!(line, "error: steps = 0.0: expected one step or more, as nothing would be compared\n");
+    workspace.refused(&["verify", "study.toml", "--engine", "cpu", "--body", "5"], 2);
+    workspace.refused(&["verify", "study.toml", "--engine", "cpu", "--from-step", "40"], 2);
 }
 
 #[test]
 fn without_an_adapter_nothing_is_called_checked() {
-    let desk = desk::Desk::new(STUDY);
+    let workspace = workspace::Workspace::new(STUDY);
     let run = |arguments: &[&str]| {
         // The loader of Vulkan finds no driver.
         let mut command = Command::new(assert_cmd::cargo::cargo_bin!("polhode"));
         command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
-        command.current_dir(desk.folder()).args(arguments).output().expect("the command starts")
+        command.current_dir(workspace.folder()).args(arguments).output().expect("the command starts")
     };
     for arguments in [&["verify", "study.toml"] as &[&str], &["verify", "study.toml", "--engine", "gpu"]] {
         let output = run(arguments);
-        let errors = desk::words(&output.stderr);
+        let errors = workspace::words(&output.stderr);
         assert_eq!((output.status.code(), errors.lines().count()), (Some(1), 1), "{errors}");
         assert!(errors.starts_with("error: no GPU adapter") && errors.contains("--engine cpu"), "{errors}");
     }

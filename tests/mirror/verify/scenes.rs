@@ -1,10 +1,10 @@
 //! Adaptive steps, projected ones, closed forms, centres of mass, and accuracies that are asked for.
 
 use glam::DVec3;
-use polhode::batch::Precision;
+use polhode::bodies::ensemble::Translation;
 use polhode::engine::Engine;
-use polhode::engine::adaptive::AdaptiveSteps;
-use polhode::ensemble::Translation;
+use polhode::math::Precision;
+use polhode::scene::AdaptiveSteps;
 use polhode::verify::Field;
 use polhode::{Force, Method, Outputs, Scene, Torque};
 

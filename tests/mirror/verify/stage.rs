@@ -1,9 +1,9 @@
 //! In which evaluation of a step a fault shows first, and in what of it.
 
 use glam::{DMat3, DVec3};
-use polhode::batch::Precision;
 use polhode::engine::Engine;
-use polhode::engine::adaptive::AdaptiveSteps;
+use polhode::math::Precision;
+use polhode::scene::AdaptiveSteps;
 use polhode::verify::{Culprit, Onset, Options, Parting, Stage, Term, verify};
 use polhode::{Method, Scene, Torque};
 

@@ -6,7 +6,7 @@ use polhode::Scene;
 use polhode::engine::Engine;
 use polhode::study::Study;
 
-use super::{agreed, common, desk, steps};
+use super::{agreed, common, steps, workspace};
 
 const EXAMPLES: [&str; 12] = [
     "aero_table",
@@ -24,7 +24,7 @@ const EXAMPLES: [&str; 12] = [
 ];
 
 fn example(name: &str, bodies: usize) -> Scene {
-    let file = desk::example(name);
+    let file = workspace::example(name);
     Study::read(Path::new(&file)).expect("a study").truncated(bodies).scene().expect("a scene")
 }
 

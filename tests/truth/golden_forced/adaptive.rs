@@ -1,10 +1,12 @@
 //! Adaptive steps of `rk8`, and of `taylor`.
 
-use polhode::batch::{Precision, prepare_with};
-use polhode::engine::adaptive::AdaptiveSteps;
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::bodies::Status;
+use polhode::engine::batch::prepare_with;
+use polhode::engine::cpu::Cpu;
 use polhode::engine::{Backend, unobserved};
-use polhode::method::Status;
+use polhode::math::Precision;
+use polhode::math::Width;
+use polhode::scene::AdaptiveSteps;
 use polhode::{Ensemble, Method};
 
 use super::support::stepped::{Tally, unit};
@@ -16,7 +18,7 @@ fn check_adaptive(engine: &dyn Backend, precision: Precision, tolerance: f64) {
 }
 
 /// An accepted step is off by at most √7 of the tolerance in the quaternion and in the angular momentum's direction and magnitude
-/// ([`polhode::method::rk8_adaptive`]; 7 components in its mean square; of `taylor` each is below the tolerance), the angle by twice that, and
+/// ([`polhode::kernel::method::rk8_adaptive`]; 7 components in its mean square; of `taylor` each is below the tolerance), the angle by twice that, and
 /// the case's conditioning magnifies what each step leaves. At least `least` golden states must have been compared.
 pub fn check<'a>(
     engine: &dyn Backend,

@@ -1,7 +1,8 @@
 //! What torques do along the recomputed motion, and translation in closed form.
 
-use polhode::batch::Precision;
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::engine::cpu::Cpu;
+use polhode::math::Precision;
+use polhode::math::Width;
 use polhode::{Ensemble, Force, Method, Outputs, Plan, Scene};
 
 use super::support::golden::{self, number, vector};
@@ -22,7 +23,7 @@ fn golden_states_balance_against_the_work_of_their_torques() {
             }
             let ensemble = Ensemble::from_columns(&[case.inertia], &[case.orientation], &[case.angular_velocity_body])
                 .expect("golden bodies are valid");
-            let moments = polhode::inertia::principal_axes(&ensemble.inertia()[0]).moments;
+            let moments = polhode::bodies::inertia::principal_axes(&ensemble.inertia()[0]).moments;
             let dt = 4.0 * dt;
             let scene = Scene::new(ensemble).until(state.time).pinned(Method::Rk8, dt, Some(Precision::F64));
             let scene = torques.iter().fold(scene, |scene, torque| scene.torque(torque.clone()));
@@ -64,7 +65,7 @@ fn gravity_and_linear_drag_move_bodies_as_the_golden_case_says() {
     let (model, initial) = (&case.record["model"], &case.record["initial"]);
     let ensemble = Ensemble::from_columns(&[case.inertia], &[case.orientation], &[case.angular_velocity_body])
         .and_then(|ensemble| {
-            ensemble.with_translation(polhode::ensemble::Translation {
+            ensemble.with_translation(polhode::bodies::ensemble::Translation {
                 mass: vec![number(&model["mass"])],
                 position: vec![vector(&initial["x"])],
                 velocity: vec![vector(&initial["v"])],

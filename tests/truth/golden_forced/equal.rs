@@ -1,9 +1,10 @@
 //! Equal steps of `rk4`.
 
 use polhode::Method;
-use polhode::batch::Precision;
 use polhode::engine::Backend;
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::engine::cpu::Cpu;
+use polhode::math::Precision;
+use polhode::math::Width;
 
 use super::support::stepped::{Tally, stepped, unit};
 use super::{MEANINGLESS, common, difference, prepared};

@@ -2,9 +2,10 @@
 //! (`golden/forced_gg_inclined.py`): every method that follows them to rounding, and the order of `rk4`.
 
 use polhode::Method;
-use polhode::batch::Precision;
 use polhode::engine::Backend;
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::engine::cpu::Cpu;
+use polhode::math::Precision;
+use polhode::math::Width;
 
 use super::support::fitted_order;
 use super::support::golden::number;

@@ -14,9 +14,10 @@ use crate::support;
 use std::sync::OnceLock;
 
 use glam::{DMat3, DQuat, DVec3};
-use polhode::batch::Precision;
 use polhode::engine::Backend;
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::engine::cpu::Cpu;
+use polhode::math::Precision;
+use polhode::math::Width;
 use polhode::{Method, Torque};
 use support::attitude_error;
 use support::golden::{self, Case, torques};

@@ -1,8 +1,9 @@
 //! Eddy currents and magnets in the field of a tilted dipole, against equations of motion written out in inertial axes.
 
 use glam::{DMat3, DQuat, DVec3};
-use polhode::batch::Precision;
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::engine::cpu::Cpu;
+use polhode::math::Precision;
+use polhode::math::Width;
 use polhode::torque::Orbit;
 use polhode::{Ensemble, Method, Outputs, Plan, Scene, Torque};
 

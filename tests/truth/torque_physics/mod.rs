@@ -5,8 +5,9 @@ mod dipole;
 use std::f64::consts::TAU;
 
 use glam::{DMat3, DQuat, DVec3};
-use polhode::batch::Precision;
-use polhode::engine::cpu::{Cpu, Width};
+use polhode::engine::cpu::Cpu;
+use polhode::math::Precision;
+use polhode::math::Width;
 use polhode::torque::Orbit;
 use polhode::{Ensemble, Error, Method, Outputs, Plan, Record, Scene, Torque};
 
@@ -431,7 +432,7 @@ fn parameters_that_are_not_valid_are_refused_with_their_place() {
     let error = refusal(Torque::linear_drag(vec![0.1, -0.2, 0.3]));
     assert_eq!(
         error.to_string(),
-        "torque 2 (linear-drag), body 1: coefficient = -0.2: a finite number that is not negative is needed (N m s)"
+        "torque 2 (linear-drag), body 1: coefficient = -0.2: expected a finite number that is not negative (N m s)"
     );
     assert!(matches!(refusal(Torque::linear_drag(vec![0.1])), Error::ColumnLength { found: 1, expected: 3, .. }));
     for torque in [

@@ -1,17 +1,18 @@
 //! Forces of the user's own, as texts and as closures: golden cases, closed forms, refusals, lost bodies.
 
 use glam::{DQuat, DVec3};
+use polhode::bodies::Status;
+use polhode::bodies::ensemble::Translation;
 use polhode::engine::Backend;
-use polhode::engine::cpu::{Cpu, Width};
-use polhode::ensemble::Translation;
-use polhode::method::Status;
+use polhode::engine::cpu::Cpu;
+use polhode::math::Width;
 use polhode::torque::Parameters;
 use polhode::{Accuracy, Ensemble, Force, Method, Outputs, Plan, Precision, Scene, Torque};
 
 use super::support::golden::{number, vector};
 use super::{ATTITUDE_F32, BETWEEN, attitude, case, common, run, scene, within};
 
-/// Errors of steps of [`polhode::force::adaptive::TOLERANCE`], some thousands of them.
+/// Errors of steps of [`polhode::torque::force::adaptive_translation::TOLERANCE`], some thousands of them.
 const ADAPTIVE: f64 = 1e-10;
 
 fn text(text: &str, parameters: Parameters) -> Force {
@@ -37,7 +38,7 @@ fn a_copy_of_quadratic_drag_moves_bodies_as_the_golden_case_says() {
     let written = text("mass * g - c * norm(velocity) * velocity", parameters());
     let recorded = Force::recorded(parameters(), |s| {
         let (g, v) = (s.vector("g"), s.velocity());
-        let speed = polhode::real::Real::sqrt(v.dot(v));
+        let speed = polhode::math::real::Real::sqrt(v.dot(v));
         g * s.number("mass") - v * (s.number("c") * speed)
     });
     let engine = Cpu::new(Width::Lanes);
@@ -45,7 +46,7 @@ fn a_copy_of_quadratic_drag_moves_bodies_as_the_golden_case_says() {
         let scene = scene(&case, &[force]);
         within("in closed form", &run(&engine, &scene), &case, ADAPTIVE);
         within("in steps", &run(&engine, &scene.clone().pinned(Method::Rk4, 0.5, None)), &case, ADAPTIVE);
-        within("the long way", &run(&engine, &scene.skipping(false)), &case, ADAPTIVE);
+        within("without skipping", &run(&engine, &scene.skipping(false)), &case, ADAPTIVE);
     }
 }
 
@@ -99,7 +100,7 @@ fn bodies_on_ellipses_return_after_their_periods() {
         assert!(x < bound && v < bound, "eccentricity {e}: {x:e}, {v:e}, bound {bound:e}");
     }
     // The report's own reference is stepped more finely, and sees that.
-    let shadow = record.trust().shadow;
+    let shadow = record.trust().recomputed_sample;
     assert_eq!(shadow.translating, 4);
     assert!((shadow.position.max / largest - 1.0).abs() < 0.1, "{largest:e} m, {}", shadow.position);
 }
@@ -198,11 +199,11 @@ fn what_cannot_act_is_refused() {
     let parameters = Parameters::new().number("k", f64::NAN).expect("a name");
     insta::assert_snapshot!(
         refusal(Scene::new(body()).until(1.0).force(text("vec(k, 0, 0)", parameters))),
-        @"force 1 (custom): k = NaN: a finite number is needed"
+        @"force 1 (custom): k = NaN: expected a finite number"
     );
     let thrust = Scene::new(body()).until(1.0).force(text("to_world(vec(1, 0, 0))", Parameters::new()));
-    let steps = polhode::engine::adaptive::AdaptiveSteps { tolerance: 1e-9, least_step: None };
-    insta::assert_snapshot!(refusal(thrust.adaptive(steps, None)), @"tolerance = 1e-9: a force that turns with the body follows equal steps of the attitude: a method with a step dt is needed");
+    let steps = polhode::scene::AdaptiveSteps { tolerance: 1e-9, least_step: None };
+    insta::assert_snapshot!(refusal(thrust.adaptive(steps, None)), @"tolerance = 1e-9: a force that turns with the body follows equal steps of the attitude: use a method with a step dt");
     let massless = Ensemble::from_fn(1, |_| (DVec3::new(1.0, 1.5, 2.0), DQuat::IDENTITY, DVec3::Z)).expect("valid");
     let scene = Scene::new(massless).until(1.0).force(text("vec(1, 0, 0)", Parameters::new()));
     assert!(refusal(scene).contains("mass"));

@@ -5,13 +5,14 @@ mod custom;
 use crate::support;
 
 use glam::{DQuat, DVec3};
-use polhode::batch::Precision;
+use polhode::bodies::ensemble::Translation;
 use polhode::engine::Backend;
-use polhode::engine::cpu::{Cpu, Width};
-use polhode::ensemble::Translation;
-use polhode::force::accelerations;
-use polhode::force::stepped::{Attitude, Between, Centre, Irrelevant};
-use polhode::free_motion::FreeMotion;
+use polhode::engine::cpu::Cpu;
+use polhode::kernel::free_motion::FreeMotion;
+use polhode::math::Precision;
+use polhode::math::Width;
+use polhode::torque::force::accelerations;
+use polhode::torque::force::stepped::{Attitude, Between, Centre, NoAttitude};
 use polhode::{Accuracy, Ensemble, Force, Method, Outputs, Plan, Record, Scene, Torque};
 use support::golden::{self, Case, number, vector};
 
@@ -196,11 +197,11 @@ fn a_thrown_body_rises_stops_and_falls_as_the_formulas_say() {
     let forces = accelerations(&[Force::gravity(-DVec3::Z * g), Force::quadratic_drag(2.0 * k)], 0, 2.0);
     let mut centre = Centre::new(DVec3::ZERO, DVec3::Z * v);
     let stop = (v * (k / g).sqrt()).atan() / (g * k).sqrt();
-    centre.advance(&forces, &Irrelevant, stop);
+    centre.advance(&forces, &NoAttitude, stop);
     let height = (k * v * v / g).ln_1p() / (2.0 * k);
     assert!(centre.velocity().length() < STEPPED * v, "{}", centre.velocity());
     assert!((centre.position().z - height).abs() < STEPPED * height, "{} m, not {height} m", centre.position().z);
-    centre.advance(&forces, &Irrelevant, 1000.0);
+    centre.advance(&forces, &NoAttitude, 1000.0);
     let limit = (g / k).sqrt();
     assert!((centre.velocity().z + limit).abs() < STEPPED * limit, "{} m/s", centre.velocity().z);
 }
@@ -262,14 +263,14 @@ fn errors_of_position_and_velocity_are_reported_as_they_are() {
     let drag = Some(Torque::linear_drag(0.4));
     let air = [Force::gravity(falling), Force::linear_drag(1.0)];
     let cases = [
-        ("drag, the long way", scene(None, &air).skipping(false), fallen),
+        ("drag, without skipping", scene(None, &air).skipping(false), fallen),
         ("quadratic drag", scene(None, &[Force::quadratic_drag(0.5)]), slowed),
         ("thrust of a body that is slowed down", scene(drag, &[Force::thrust(DVec3::X)]), thrust),
     ];
     let cpu = Cpu::new(Width::Lanes);
     for (name, scene, (x, v)) in cases {
         let record = run(&cpu, &scene);
-        let (end, shadow) = (record.final_state(), record.trust().shadow);
+        let (end, shadow) = (record.final_state(), record.trust().recomputed_sample);
         assert_eq!(shadow.translating, 1, "{name}");
         let errors = [(end.positions()[0], x, shadow.position), (end.velocities()[0], v, shadow.velocity)];
         for (found, truth, reported) in errors {
@@ -278,9 +279,9 @@ fn errors_of_position_and_velocity_are_reported_as_they_are() {
         }
     }
     // In closed form there is none, and nothing is said of bodies that stay where they are.
-    let shadow = run(&cpu, &scene(None, &air)).trust().shadow;
+    let shadow = run(&cpu, &scene(None, &air)).trust().recomputed_sample;
     assert_eq!((shadow.translating, shadow.position.max, shadow.velocity.max), (1, 0.0, 0.0));
     let still = Ensemble::from_columns(&[DVec3::ONE], &[DQuat::IDENTITY], &[DVec3::X]).expect("a valid body");
-    let shadow = run(&cpu, &Scene::new(still).until(END).accuracy(Accuracy::attitude(1e-6))).trust().shadow;
+    let shadow = run(&cpu, &Scene::new(still).until(END).accuracy(Accuracy::attitude(1e-6))).trust().recomputed_sample;
     assert_eq!((shadow.bodies, shadow.translating), (1, 0));
 }

@@ -2,10 +2,10 @@
 
 use super::Tile;
 use crate::expression::jet::Place;
-use crate::method::taylor::{Coefficients, MOST_ORDER, form_relative_attitude};
-use crate::quaternion::Quaternion;
-use crate::real::{Outlined, Real};
-use crate::vector::Vector;
+use crate::kernel::method::taylor::{Coefficients, MOST_ORDER, form_relative_attitude};
+use crate::math::quaternion::Quaternion;
+use crate::math::real::{Outlined, Real};
+use crate::math::vector::Vector;
 
 impl<R: Real, const G: usize> Tile<'_, R, G> {
     /// The step after which something that decides has changed its sign, where that is shorter than `h`.

@@ -1,4 +1,4 @@
-//! [`crate::method::taylor`] on tiles, whose lanes are given to other bodies as theirs arrive.
+//! [`crate::kernel::method::taylor`] on tiles, whose lanes are given to other bodies as theirs arrive.
 
 mod branch;
 mod step;
@@ -7,24 +7,25 @@ use std::sync::atomic::Ordering;
 
 use super::adaptive::{Block, CONTROLLER_COLUMNS, LEFT, load_controller};
 use super::seats::{Seating, lanes_in};
-use crate::batch::{RATE_COLUMN, load_state, status_column};
-use crate::clock::MOST_LANES;
-use crate::engine::adaptive::AdaptiveSteps;
+use crate::bodies::columns::{RATE_COLUMN, status_column};
+use crate::engine::batch::load_state;
 use crate::error::{Error, Result};
 use crate::expression::jet::{Jets, Place, Series};
 use crate::expression::{Fault, Input, InputKind, Scratch};
-use crate::lanes::{Each, LaneScalar, LaneTask};
-use crate::method::Method;
-use crate::method::rk8_adaptive::{Controller, LEAST_STEP};
-use crate::method::taylor::{StepLength, TwoSided, half_order_of, order_of};
-use crate::quaternion::Quaternion;
-use crate::real::{Outlined, Real, Scalar};
-use crate::rigid_body::State;
+use crate::kernel::method::Method;
+use crate::kernel::method::rk8_adaptive::{Controller, LEAST_STEP};
+use crate::kernel::method::taylor::{StepLength, TwoSided, half_order_of, order_of};
+use crate::kernel::rigid_body::State;
+use crate::math::clock::MOST_LANES;
+use crate::math::lanes::{Each, LaneScalar, LaneTask};
+use crate::math::quaternion::Quaternion;
+use crate::math::real::{Outlined, Real, Scalar};
+use crate::math::vector::{TwoWords, Vector};
+use crate::scene::AdaptiveSteps;
 use crate::torque::motion::RecordedMotion;
 use crate::torque::sum::Source;
 use crate::torque::tile::gathered;
 use crate::torque::{PER_TICK, TorqueTable};
-use crate::vector::{TwoWords, Vector};
 use branch::Finish;
 use step::{AttitudeBounds, Conclusion, Start};
 

@@ -2,17 +2,18 @@
 
 use super::Tile;
 use super::branch::Arrival;
+use crate::bodies::Status;
+use crate::bodies::status::flagged;
 use crate::expression::jet::Place;
-use crate::lanes::Each;
-use crate::method::rk8_adaptive::renormalised;
-use crate::method::taylor::{Coefficients, TwoSided, form_relative_attitude, step_of};
-use crate::method::{Status, flagged};
-use crate::quaternion::{Quaternion, norm_correction_of_step};
-use crate::real::{Outlined, Real, sin_cos};
-use crate::rigid_body::State;
+use crate::kernel::method::rk8_adaptive::renormalised;
+use crate::kernel::method::taylor::{Coefficients, TwoSided, form_relative_attitude, step_of};
+use crate::kernel::rigid_body::State;
+use crate::math::lanes::Each;
+use crate::math::quaternion::{Quaternion, norm_correction_of_step};
+use crate::math::real::{Outlined, Real, sin_cos};
+use crate::math::vector::{TwoWords, Vector, two_difference};
 use crate::torque::sum::StepTime;
 use crate::torque::tile::start_of;
-use crate::vector::{TwoWords, Vector, two_difference};
 
 /// Sets what a step starts from.
 pub(super) struct Start<'s, 'a, R: Real, const G: usize> {

@@ -1,14 +1,14 @@
 //! `cf4` on tiles.
 
 use super::{Tile, TileStep};
-use crate::lanes::{Each, GROUPS};
-use crate::method::cf4::{self, Turn};
-use crate::quaternion::Quaternion;
-use crate::real::{Outlined, Real};
+use crate::kernel::method::cf4::{self, Turn};
+use crate::math::lanes::{Each, GROUPS};
+use crate::math::quaternion::Quaternion;
+use crate::math::real::{Outlined, Real};
+use crate::math::vector::Vector;
 use crate::torque::tile::TileTime;
-use crate::vector::Vector;
 
-/// [`crate::method::cf4`].
+/// [`crate::kernel::method::cf4`].
 pub(in crate::engine::cpu) struct Cf4;
 
 impl TileStep for Cf4 {

@@ -3,27 +3,27 @@
 //!
 //! What a step makes of its slopes is the text of the method's own file.
 
-mod adaptive;
+mod attempts;
 mod cf4;
 
-pub(super) use adaptive::attempts_in_tiles;
+pub(super) use attempts::attempts_in_tiles;
 pub(super) use cf4::Cf4;
 
 use std::marker::PhantomData;
 
 use super::Block;
-use crate::batch::{load_body, load_state, store_state};
-use crate::lanes::{Each, GROUPS, LaneScalar, LaneTask};
-use crate::method::rk8::{STAGES, Slopes, TIMES};
-use crate::method::slope::Slope;
-use crate::method::{rk4, rk8};
-use crate::quaternion::Quaternion;
-use crate::real::{Outlined, Real, Scalar};
-use crate::rigid_body::{Body, Correction, State, orientation_rate};
+use crate::engine::batch::{load_body, load_state, store_state};
+use crate::kernel::method::rk8::{STAGES, Slopes, TIMES};
+use crate::kernel::method::slope::Slope;
+use crate::kernel::method::{rk4, rk8};
+use crate::kernel::rigid_body::{Body, Correction, State, orientation_rate};
+use crate::math::lanes::{Each, GROUPS, LaneScalar, LaneTask};
+use crate::math::quaternion::Quaternion;
+use crate::math::real::{Outlined, Real, Scalar};
+use crate::math::vector::{TwoWords, Vector};
 use crate::torque::formula::{Formula, FormulaTask, Role};
 use crate::torque::sum::Source;
 use crate::torque::tile::{TileTime, TileTorques};
-use crate::vector::{TwoWords, Vector};
 
 /// A method with equal steps, on tiles.
 pub(super) trait TileStep {
@@ -389,7 +389,7 @@ impl<R: Real> Slopes<R> for TileSlopes<'_, R> {
     }
 }
 
-/// [`crate::method::rk8`].
+/// [`crate::kernel::method::rk8`].
 pub(super) struct Rk8;
 
 impl TileStep for Rk8 {
@@ -407,7 +407,7 @@ impl TileStep for Rk8 {
     }
 }
 
-/// [`crate::method::rk4`].
+/// [`crate::kernel::method::rk4`].
 pub(super) struct Rk4;
 
 impl TileStep for Rk4 {

@@ -1,17 +1,19 @@
-//! Columns of some bodies in adaptive steps, and the list of those that are under way.
+//! Columns of some bodies in adaptive steps, and how far they have come.
 
-use std::ops::Range;
-
-use super::super::buffers::{Place, STAGING_BYTES, WORKGROUP_SIZE, buffer, write_columns};
+use super::super::buffers::{Place, Upload, buffer};
 use super::super::device::{Device, Refusal};
-use super::super::reading::read_columns;
-use crate::batch::{Batch, STRIDE_UNIT, state_columns};
-use crate::clock::Clock;
-use crate::engine::adaptive::{AdaptiveSteps, StepCounts, two_words_of};
+use super::super::reading::{Reader, read_columns};
+use super::control::{ADVANCE_GROUPS, Bodies, COMPACT_GROUPS, Control, GROUP_ENTRIES, TALLY_BYTES};
+use super::{Layouts, Pipelines};
+use crate::bodies::columns::{STRIDE_UNIT, state_columns};
+use crate::engine::adaptive_session::{StepCounts, two_words_of};
+use crate::engine::batch::Batch;
 use crate::error::Result;
-use crate::method::rk8_adaptive::{Controller, LEAST_STEP};
-use crate::real::Scalar;
-use crate::vector::TwoWords;
+use crate::kernel::method::rk8_adaptive::{Controller, LEAST_STEP};
+use crate::math::clock::Clock;
+use crate::math::real::Scalar;
+use crate::math::vector::TwoWords;
+use crate::scene::AdaptiveSteps;
 
 /// Columns of a controller on the device: step, left (two words), retried.
 const CONTROLLER_COLUMNS: usize = 4;
@@ -27,6 +29,8 @@ pub(super) fn row_bytes<T: Scalar>(parameters: usize) -> (usize, usize) {
         state_columns::<T>() * size_of::<T>(),
         CONTROLLER_COLUMNS * size_of::<T>(),
         COUNT_COLUMNS * words,
+        // Two lists and the outcomes.
+        words,
         words,
         words,
     ];
@@ -55,7 +59,7 @@ impl<T: Scalar> Interval<T> {
             least_step_in_seconds: steps.least_step.is_some(),
             ticks: start.ticks(),
             // A run has about 2^60 ticks: their number in a second would leave the range of f32.
-            tick_scale: T::from_f64(crate::batch::scaled_by_power_of_two(start.ticks_per_second(), -60)),
+            tick_scale: T::from_f64(crate::math::power_of_two::scaled_by_power_of_two(start.ticks_per_second(), -60)),
         }
     }
 }
@@ -68,44 +72,30 @@ pub(super) struct Chunk {
     pub bodies: usize,
     pub stride: usize,
     pub state: wgpu::Buffer,
-    /// Rows of the bodies under way, in order.
-    pub list: Vec<u32>,
-    /// Whether no body has been advanced in this interval yet.
-    starts: bool,
-    /// The most attempts of a body in this interval so far.
+    /// Rows from here on have not been tried in this interval.
+    untried: u32,
+    /// Length of the list of bodies under way.
+    listed: u32,
+    /// Attempts since rows were last added to the list.
     made: u32,
+    /// Which of the lists and control blocks the next round reads.
+    turn: usize,
     parameters: wgpu::Buffer,
     controllers: wgpu::Buffer,
     counts: wgpu::Buffer,
-    list_buffer: wgpu::Buffer,
+    lists: [wgpu::Buffer; 2],
+    controls: [wgpu::Buffer; 2],
     outcomes: wgpu::Buffer,
+    tallies: wgpu::Buffer,
     settings: wgpu::Buffer,
-    bind_group: wgpu::BindGroup,
-}
-
-/// Attempts of the first dispatch of an interval: of fewer, the cost of loading and storing a body is a part that counts.
-const FIRST_ATTEMPTS: u32 = 8;
-
-/// What a dispatch says of a body: its attempts, and in this bit whether it is still under way.
-const UNDER_WAY: u32 = 1 << 31;
-
-/// What the bodies of a list did in a dispatch.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Tally {
-    /// Attempts of all bodies.
-    pub attempts: u64,
-    /// The same with those that bodies waited for the slowest of their workgroup.
-    pub held: u64,
-    /// The most of a body.
-    pub longest: u32,
-    /// Bodies that have nothing left to do.
-    pub finished: usize,
+    /// Of `adaptive.wgsl` and of `compact.wgsl`, by turn.
+    bind_groups: [[wgpu::BindGroup; 2]; 2],
 }
 
 impl Chunk {
     pub fn new<T: Scalar>(
         device: &Device,
-        layout: &wgpu::BindGroupLayout,
+        layouts: &Layouts,
         first: usize,
         bodies: usize,
         parameter_columns: usize,
@@ -120,37 +110,41 @@ impl Chunk {
         // Zeros, as the device fills new buffers: nothing tried, nothing counted.
         let controllers = buffer(device, "controllers", reals(CONTROLLER_COLUMNS), input | output)?;
         let counts = buffer(device, "counts", words(COUNT_COLUMNS), output)?;
-        let list_buffer = buffer(device, "list", words(1), input)?;
+        let lists = [buffer(device, "list", words(1), output)?, buffer(device, "list", words(1), output)?];
         let outcomes = buffer(device, "outcomes", words(1), output)?;
+        let tallies = (stride as u64).div_ceil(u64::from(GROUP_ENTRIES)) * TALLY_BYTES;
+        let tallies = buffer(device, "tallies", tallies, output)?;
+        let control =
+            || buffer(device, "control", size_of::<Control>() as u64, input | output | wgpu::BufferUsages::INDIRECT);
+        let controls = [control()?, control()?];
         let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let settings = buffer(device, "settings", settings_bytes::<T>(), uniform)?;
-        let buffers = [&settings, &parameters, &state, &controllers, &counts, &list_buffer, &outcomes];
-        let entries: [_; BINDINGS] = std::array::from_fn(|binding| wgpu::BindGroupEntry {
-            binding: binding as u32,
-            resource: buffers[binding].as_entire_binding(),
-        });
-        let bind_group = device.scoped(|| {
-            device.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some("adaptive"),
-                layout,
-                entries: &entries,
-            })
-        })?;
+        let bind = |turn: usize| {
+            let (list, next_list) = (&lists[turn], &lists[1 - turn]);
+            let (control, next_control) = (&controls[turn], &controls[1 - turn]);
+            let advance = [&settings, &parameters, &state, &controllers, &counts, list, &outcomes, control];
+            let compact = [control, next_control, list, next_list, &outcomes, &tallies];
+            Ok([layouts.bind_advance(device, advance)?, layouts.bind_compact(device, compact)?])
+        };
+        let bind_groups = [bind(0)?, bind(1)?];
         Ok(Self {
             first,
             bodies,
             stride,
             state,
-            list: Vec::new(),
-            starts: false,
+            untried: bodies as u32,
+            listed: 0,
             made: 0,
+            turn: 0,
             parameters,
             controllers,
             counts,
-            list_buffer,
+            lists,
+            controls,
             outcomes,
+            tallies,
             settings,
-            bind_group,
+            bind_groups,
         })
     }
 
@@ -160,24 +154,84 @@ impl Chunk {
     }
 
     /// Uploads the bodies' parameters and states; rows that are no bodies are NaN.
-    pub fn upload<T: Scalar>(&self, device: &Device, batch: &Batch<T>) -> Result<()> {
+    pub fn upload<T: Scalar>(&self, upload: &mut Upload<'_>, batch: &Batch<T>) -> Result<()> {
         let rows = self.first..self.first + self.bodies;
         let nan = T::from_f64(f64::NAN);
-        write_columns(device, &self.parameters, self.stride, &batch.parameters, batch.stride, rows.clone(), nan)?;
-        write_columns(device, &self.state, self.stride, &batch.state, batch.stride, rows, nan)
+        upload.columns(&self.parameters, self.stride, &batch.parameters, batch.stride, rows.clone(), nan)?;
+        upload.columns(&self.state, self.stride, &batch.state, batch.stride, rows, nan)
     }
 
     /// Puts all bodies at the start of an interval.
-    pub fn start_interval(&mut self) {
-        self.list = (0..self.bodies as u32).collect();
-        self.starts = true;
-        self.made = 0;
+    pub fn start_interval<T: Scalar>(&mut self, device: &Device, interval: &Interval<T>) {
+        (self.untried, self.listed) = (0, 0);
+        device.write(&self.settings, 0, &settings(self.stride as u32, interval));
+    }
+
+    /// Its bodies that have not come to the end of the interval.
+    pub fn left(&self) -> usize {
+        (self.bodies as u32 - self.untried + self.listed) as usize
+    }
+
+    /// The bodies of the next submission: those under way, and of the others as many as make up `most`.
+    pub fn next_bodies(&self, most: usize) -> Bodies {
+        let most = u32::try_from(most).unwrap_or(u32::MAX);
+        let fresh = most.saturating_sub(self.listed).min(self.bodies as u32 - self.untried);
+        Bodies { listed: self.listed, fresh, first_fresh: self.untried, starts: true }
+    }
+
+    /// All its bodies, which stand where their controllers say.
+    pub fn all_bodies(&self) -> Bodies {
+        Bodies { listed: 0, fresh: self.bodies as u32, first_fresh: 0, starts: false }
+    }
+
+    /// Adds a submission's rounds to an encoder, and a copy of what comes of them to `target`.
+    pub fn encode(
+        &self,
+        device: &Device,
+        encoder: &mut wgpu::CommandEncoder,
+        pipelines: &Pipelines,
+        control: &Control,
+        target: &wgpu::Buffer,
+    ) {
+        device.write(&self.controls[self.turn], 0, bytemuck::bytes_of(control));
+        let rounds = control.rounds();
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        for turn in (0..rounds).map(|round| (self.turn + round) % 2) {
+            let (control, [advance, compact]) = (&self.controls[turn], &self.bind_groups[turn]);
+            pass.set_pipeline(&pipelines.advance);
+            pass.set_bind_group(0, advance, &[]);
+            device.dispatch_indirect(&mut pass, control, ADVANCE_GROUPS);
+            pass.set_bind_group(0, compact, &[]);
+            for pipeline in &pipelines.compact {
+                pass.set_pipeline(pipeline);
+                device.dispatch_indirect(&mut pass, control, COMPACT_GROUPS);
+            }
+        }
+        drop(pass);
+        encoder.copy_buffer_to_buffer(
+            &self.controls[(self.turn + rounds) % 2],
+            0,
+            target,
+            0,
+            size_of::<Control>() as u64,
+        );
+    }
+
+    /// Attempts since rows were last added, where a submission adds as many as `bodies` says.
+    pub fn made_by(&self, bodies: &Bodies) -> u32 {
+        if bodies.fresh > 0 { 0 } else { self.made }
+    }
+
+    /// Notes what a submission left; gives the number of bodies that have arrived.
+    pub fn take(&mut self, asked: &Control, left: &Control) -> usize {
+        self.turn = (self.turn + asked.rounds()) % 2;
+        self.untried = self.untried.max(asked.first_fresh + asked.fresh);
+        (self.listed, self.made) = (left.listed, left.made);
+        (asked.listed + asked.fresh - left.listed) as usize
     }
 
     /// Puts its bodies where these controllers, of all bodies, say.
-    pub fn take_controllers<T: Scalar>(&mut self, device: &Device, controllers: &[Controller<f64>]) -> Result<()> {
-        self.list = (0..self.bodies as u32).collect();
-        self.starts = false;
+    pub fn take_controllers<T: Scalar>(&self, device: &Device, controllers: &[Controller<f64>]) -> Result<()> {
         let own = &controllers[self.first..self.first + self.bodies];
         let columns = [
             |own: &Controller<f64>| own.step,
@@ -186,23 +240,24 @@ impl Chunk {
             |own: &Controller<f64>| own.retried,
         ];
         let numbers: Vec<T> = columns.iter().flat_map(|of| own.iter().map(|own| T::from_f64(of(own)))).collect();
-        write_columns(device, &self.controllers, self.stride, &numbers, own.len(), 0..own.len(), T::from_f64(f64::NAN))
+        let mut upload = Upload::new(device);
+        upload.columns(&self.controllers, self.stride, &numbers, own.len(), 0..own.len(), T::from_f64(f64::NAN))?;
+        upload.finish()
     }
 
-    /// Reads where its bodies stand into their places among `controllers`, but for their counts; gives the bytes moved.
+    /// Reads where its bodies stand into their places among `controllers`, but for their counts.
     pub fn give_controllers<T: Scalar>(
         &self,
         device: &Device,
-        staging: &wgpu::Buffer,
+        reader: &mut Reader,
         controllers: &mut [Controller<f64>],
-    ) -> Result<u64> {
-        let block = staging.size() as usize / (CONTROLLER_COLUMNS * size_of::<T>());
-        let mut bytes = 0;
+    ) -> Result<()> {
+        let block = reader.block(CONTROLLER_COLUMNS * size_of::<T>());
         for first in (0..self.bodies).step_by(block) {
             let rows = first..(first + block).min(self.bodies);
             let own = &mut controllers[self.first + rows.start..self.first + rows.end];
             let place = (0..CONTROLLER_COLUMNS, rows);
-            bytes += read_columns(device, &self.controllers, self.stride, staging, place, |numbers: &[T]| {
+            read_columns(device, &self.controllers, self.stride, reader.staging(), place, |numbers: &[T]| {
                 let count = own.len();
                 for (row, own) in own.iter_mut().enumerate() {
                     let number = |column: usize| numbers[column * count + row].to_f64();
@@ -211,162 +266,53 @@ impl Chunk {
                 }
             })?;
         }
-        Ok(bytes)
+        Ok(())
     }
 
-    /// The most attempts of the next dispatch: as many as its bodies have made in this interval, so that one that has arrived
-    /// holds its workgroup for no more attempts than its own. The number of dispatches is the logarithm of the attempts.
-    pub fn next_attempts(&self) -> u32 {
-        self.made.max(FIRST_ATTEMPTS)
-    }
-
-    /// Sets the uniform block and the list for the next submission.
-    pub fn set<T: Scalar>(&mut self, queue: &wgpu::Queue, interval: &Interval<T>, attempts: u32) {
-        let starts = std::mem::take(&mut self.starts);
-        let settings = settings(self.list.len() as u32, self.stride as u32, attempts, starts, interval);
-        queue.write_buffer(&self.settings, 0, &settings);
-        queue.write_buffer(&self.list_buffer, 0, bytemuck::cast_slice(&self.list));
-    }
-
-    /// Adds the dispatch of the list to a pass.
-    pub fn dispatch(&self, pass: &mut wgpu::ComputePass<'_>) {
-        pass.set_bind_group(0, &self.bind_group, &[]);
-        pass.dispatch_workgroups((self.list.len() as u32).div_ceil(WORKGROUP_SIZE), 1, 1);
-    }
-
-    /// Bytes of the outcomes of the list.
-    pub fn outcome_bytes(&self) -> u64 {
-        size_of_val(self.list.as_slice()) as u64
-    }
-
-    /// Copies the outcomes of the list to `target` from byte `offset` on.
-    pub fn copy_outcomes(&self, encoder: &mut wgpu::CommandEncoder, target: &wgpu::Buffer, offset: u64) {
-        encoder.copy_buffer_to_buffer(&self.outcomes, 0, target, offset, self.outcome_bytes());
-    }
-
-    /// Keeps the bodies that are still under way in the list.
-    pub fn compact(&mut self, outcomes: &[u32]) -> Tally {
-        let tally = tally(outcomes, WORKGROUP_SIZE as usize);
-        self.made = self.made.saturating_add(tally.longest);
-        let mut outcome = outcomes.iter();
-        self.list.retain(|_| outcome.next().is_some_and(|outcome| outcome & UNDER_WAY != 0));
-        tally
-    }
-
-    /// The counts of its bodies, appended to `counts`; gives the bytes moved.
-    pub fn read_counts(&self, device: &Device, staging: &wgpu::Buffer, counts: &mut Vec<StepCounts>) -> Result<u64> {
-        let bytes = (COUNT_COLUMNS * self.stride * size_of::<u32>()) as u64;
-        let mut encoder =
-            device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("counts") });
-        encoder.copy_buffer_to_buffer(&self.counts, 0, staging, 0, bytes);
-        let commands = device.scoped(|| encoder.finish()).map_err(|refusal| device.refused(refusal))?;
-        device.read(commands, staging, 0..bytes, |view| {
-            let words: &[u32] = bytemuck::cast_slice(view);
-            let count = |column: usize, row: usize| {
-                let word = |column: usize| u64::from(words[column * self.stride + row]);
-                word(column) | (word(column + 1) << 32)
-            };
-            counts.extend((0..self.bodies).map(|row| StepCounts { accepted: count(0, row), rejected: count(2, row) }));
-        })?;
-        Ok(bytes)
+    /// The counts of its bodies, appended to `counts`.
+    pub fn read_counts(&self, device: &Device, reader: &mut Reader, counts: &mut Vec<StepCounts>) -> Result<()> {
+        let block = reader.block(COUNT_COLUMNS * size_of::<u32>());
+        for first in (0..self.bodies).step_by(block) {
+            let rows = first..(first + block).min(self.bodies);
+            let place = (0..COUNT_COLUMNS, rows.clone());
+            read_columns(device, &self.counts, self.stride, reader.staging(), place, |words: &[u32]| {
+                let count = |column: usize, row: usize| {
+                    let word = |column: usize| u64::from(words[column * rows.len() + row]);
+                    word(column) | (word(column + 1) << 32)
+                };
+                let of_row = |row| StepCounts { accepted: count(0, row), rejected: count(2, row) };
+                counts.extend((0..rows.len()).map(of_row));
+            })?;
+        }
+        Ok(())
     }
 
     /// Gives its memory back.
     pub fn destroy(&self) {
-        let own = [&self.parameters, &self.state, &self.controllers, &self.counts, &self.list_buffer, &self.outcomes];
-        own.into_iter().chain([&self.settings]).for_each(wgpu::Buffer::destroy);
+        let own = [&self.parameters, &self.state, &self.controllers, &self.counts, &self.outcomes, &self.tallies];
+        let blocks = self.lists.iter().chain(&self.controls).chain([&self.settings]);
+        own.into_iter().chain(blocks).for_each(wgpu::Buffer::destroy);
     }
 }
-
-/// Bytes of the buffer through which `bodies` bodies are read, `group` of whose outcomes are read at a time.
-pub(super) fn staging_bytes<T: Scalar>(bodies: usize, group: usize) -> u64 {
-    let row = state_columns::<T>() * size_of::<T>();
-    let stride = bodies.next_multiple_of(STRIDE_UNIT);
-    let states = (STAGING_BYTES / row / STRIDE_UNIT * STRIDE_UNIT).min(stride) * row;
-    states.max(stride.min(group) * size_of::<u32>()) as u64
-}
-
-/// What the bodies of a list did, in workgroups of `group`.
-fn tally(outcomes: &[u32], group: usize) -> Tally {
-    let attempts = |outcome: &u32| outcome & !UNDER_WAY;
-    let mut tally = Tally::default();
-    for beside in outcomes.chunks(group) {
-        let longest = beside.iter().map(attempts).max().unwrap_or(0);
-        tally.attempts += beside.iter().map(|outcome| u64::from(attempts(outcome))).sum::<u64>();
-        tally.held += u64::from(longest) * beside.len() as u64;
-        tally.longest = tally.longest.max(longest);
-        tally.finished += beside.iter().filter(|outcome| *outcome & UNDER_WAY == 0).count();
-    }
-    tally
-}
-
-/// Bindings of `adaptive.wgsl`.
-pub(super) const BINDINGS: usize = 7;
-
-/// Which of them hold what is only read, from the second on; the first is the uniform block.
-pub(super) const READ_ONLY: [bool; BINDINGS] = [true, true, false, false, false, true, false];
 
 /// The uniform block of `adaptive.wgsl`: in either precision its members follow each other without gaps.
-fn settings<T: Scalar>(listed: u32, stride: u32, attempts: u32, starts: bool, interval: &Interval<T>) -> Vec<u8> {
+fn settings<T: Scalar>(stride: u32, interval: &Interval<T>) -> Vec<u8> {
     let mut bytes = Vec::new();
     let mut put = |part: &[u8]| bytes.extend_from_slice(part);
-    put(bytemuck::cast_slice(&[listed, stride, attempts, 0_u32]));
+    put(bytemuck::cast_slice(&[stride, 0_u32]));
     put(bytemuck::cast_slice(&[interval.span[0], interval.span[1], interval.tolerance, interval.least_step]));
     let ticks = [interval.ticks as u32, (interval.ticks >> 32) as u32];
-    put(bytemuck::cast_slice(&[u32::from(interval.least_step_in_seconds), u32::from(starts), ticks[0], ticks[1]]));
+    put(bytemuck::cast_slice(&[u32::from(interval.least_step_in_seconds), 0, ticks[0], ticks[1]]));
     put(bytemuck::bytes_of(&interval.tick_scale));
     bytes.resize(settings_bytes::<T>() as usize, 0);
     bytes
 }
 
 /// Its members of 32 bits, and those of the element type.
-const SETTINGS_WORDS: usize = 8;
+const SETTINGS_WORDS: usize = 6;
 const SETTINGS_REALS: usize = 5;
 
 /// Its size, a multiple of the alignment of its members.
 fn settings_bytes<T: Scalar>() -> u64 {
     ((SETTINGS_WORDS * size_of::<u32>() + SETTINGS_REALS * size_of::<T>()) as u64).next_multiple_of(8)
-}
-
-/// Chunks whose bodies are advanced together: from the first with bodies under way on, as many as fit.
-pub(super) fn next_group(lists: impl Iterator<Item = usize>, group_bodies: usize) -> Vec<usize> {
-    let mut bodies = 0;
-    let mut group = Vec::new();
-    for (index, listed) in lists.enumerate().filter(|&(_, listed)| listed > 0) {
-        bodies += listed;
-        if !group.is_empty() && bodies > group_bodies {
-            break;
-        }
-        group.push(index);
-    }
-    group
-}
-
-/// Rows of a chunk that lie in a range of bodies.
-pub(super) fn rows_in(chunk: &Chunk, bodies: &Range<usize>) -> Range<usize> {
-    let start = bodies.start.max(chunk.first);
-    let end = bodies.end.min(chunk.first + chunk.bodies).max(start);
-    start - chunk.first..end - chunk.first
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_tally_counts_waiting_by_workgroup() {
-        let under_way = |attempts: u32| attempts | UNDER_WAY;
-        // Two workgroups of two, and one body alone.
-        let outcomes = [under_way(4), 1, 0, 3, under_way(2)];
-        let expected = Tally { attempts: 10, held: 8 + 6 + 2, longest: 4, finished: 3 };
-        assert_eq!(tally(&outcomes, 2), expected);
-    }
-
-    #[test]
-    fn groups_pass_over_chunks_without_bodies_under_way() {
-        let group = |lists: &[usize], most| next_group(lists.iter().copied(), most);
-        assert_eq!(group(&[0, 5, 0, 7, 3], 12), [1, 3]);
-        assert_eq!(group(&[20, 1], 12), [0]);
-        assert_eq!(group(&[0, 0], 12), Vec::<usize>::new());
-    }
 }

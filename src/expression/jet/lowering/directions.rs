@@ -13,7 +13,7 @@ use super::super::{Kind, RowNumber};
 use super::{Class, Draft, Lowering};
 use crate::expression::graph::{Binary, Dependence, Graph, Input, InputKind, Node, Operation, Unary};
 use crate::expression::symbol::Symbol;
-use crate::real::Real;
+use crate::math::real::Real;
 
 /// A vector in the world: of each component the node that it is a multiple of, none for 1, and the multiple.
 type World = [(Option<Node>, f64); 3];

@@ -4,7 +4,7 @@ use super::super::polynomial::{Factor, Polynomial};
 use super::super::{Kind, RowNumber};
 use super::Lowering;
 use crate::expression::fault::Fault;
-use crate::real::{Function, Scalar};
+use crate::math::real::{Function, Scalar};
 
 impl Lowering<'_> {
     pub(super) fn quotient(&mut self, a: &Polynomial, b: &Polynomial) -> Polynomial {

@@ -4,8 +4,8 @@ use std::cell::Cell;
 
 use super::super::{Jets, Operation, Place};
 use super::{Series, Work};
-use crate::lanes::Each;
-use crate::real::Real;
+use crate::math::lanes::Each;
+use crate::math::real::Real;
 
 impl<R: Real, const G: usize> Work<'_, R, G> {
     #[inline(always)]

@@ -3,8 +3,8 @@
 use super::super::{Kind, Operation, Place};
 use super::{Work, convolution};
 use crate::expression::functions;
-use crate::lanes::Each;
-use crate::real::{Function, Real, sin_cos};
+use crate::math::lanes::Each;
+use crate::math::real::{Function, Real, sin_cos};
 
 impl<R: Real, const G: usize> Work<'_, R, G> {
     #[inline(always)]

@@ -1,0 +1,205 @@
+//! The strategies by which a problem is solved, and one timed repeat of each.
+
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+use super::problem::Problem;
+use super::timing::{Repeats, Timing, repeat};
+use crate::bodies::columns::StateWords;
+use crate::bodies::{BodyFrame, BodyState};
+use crate::engine::batch::prepare_with;
+use crate::engine::{Engine, unobserved};
+use crate::error::Result;
+use crate::kernel::free_motion::AnyRows;
+use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::plan::Plan;
+use crate::record::{OutputState, Sink};
+use crate::scene::{Accuracy, AdaptiveSteps, Scene};
+
+/// How a problem is solved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Strategy {
+    /// In equal steps over the span.
+    Stepped {
+        /// The integrator.
+        method: Method,
+        /// The arithmetic.
+        precision: Precision,
+        /// Number of steps.
+        steps: u64,
+    },
+    /// In steps that each body chooses.
+    Adaptive {
+        /// The integrator.
+        method: Method,
+        /// The arithmetic.
+        precision: Precision,
+        /// The error of a step.
+        tolerance: f64,
+    },
+    /// By the closed form of torque-free motion.
+    ClosedForm {
+        /// The arithmetic.
+        precision: Precision,
+    },
+    /// As the library chooses for an attitude error asked for, rad.
+    Asked {
+        /// The attitude error in the 99th percentile, rad.
+        tolerance: f64,
+    },
+}
+
+impl Strategy {
+    /// The name of the method, `closed form`, or `chosen`.
+    pub fn method(&self) -> &'static str {
+        match self {
+            Strategy::Stepped { method, .. } => method.name(),
+            Strategy::Adaptive { method: Method::Rk8, .. } => crate::plan::ADAPTIVE,
+            Strategy::Adaptive { method, .. } => method.name(),
+            Strategy::ClosedForm { .. } => crate::plan::CLOSED_FORM,
+            Strategy::Asked { .. } => "chosen",
+        }
+    }
+
+    /// The name of the arithmetic, or `chosen`.
+    pub fn precision(&self) -> &'static str {
+        match self {
+            Strategy::Stepped { precision, .. }
+            | Strategy::Adaptive { precision, .. }
+            | Strategy::ClosedForm { precision } => precision.name(),
+            Strategy::Asked { .. } => "chosen",
+        }
+    }
+}
+
+/// One repeat of a case.
+#[derive(Debug, Default)]
+pub(super) struct Sample {
+    /// Principal axes, scaling, columns, constants, s.
+    pub prepare: f64,
+    /// Upload and shader compilation, s.
+    pub start: f64,
+    /// Integration or evaluation, s.
+    pub compute: f64,
+    /// Steps of all bodies together.
+    pub body_steps: u64,
+    /// The states at the end.
+    pub states: Vec<BodyState>,
+}
+
+/// The first of some repeats, with the time that its choice of method and step took (s; 0 where they are given) and the wall times of
+/// all of them.
+pub(super) fn repeated(
+    repeats: Repeats,
+    engine: &Engine,
+    problem: &Problem,
+    strategy: Strategy,
+) -> Result<(f64, Sample, Timing)> {
+    let mut first: Option<Sample> = None;
+    let mut keep = |sample: Sample| {
+        let seconds = sample.compute;
+        first.get_or_insert(sample);
+        Ok(seconds)
+    };
+    let scene = || {
+        let scene = Scene::new(problem.ensemble.clone()).until(problem.span);
+        problem.torques.iter().cloned().fold(scene, Scene::torque)
+    };
+    let mut planning = 0.0;
+    let compute = match strategy {
+        Strategy::Stepped { method, precision, steps } => {
+            repeat(repeats, || keep(stepped(engine, problem, method, precision, steps)?))?
+        }
+        Strategy::Adaptive { method, precision, tolerance } => {
+            let steps = AdaptiveSteps { tolerance, least_step: None };
+            let scene = match method {
+                Method::Taylor => scene().taylor(steps),
+                _ => scene().adaptive(steps, Some(precision)),
+            };
+            let plan = Plan::new(&scene, engine)?;
+            repeat(repeats, || keep(planned(engine, &plan)?))?
+        }
+        Strategy::ClosedForm { precision } => repeat(repeats, || keep(closed_form(engine, problem, precision)?))?,
+        Strategy::Asked { tolerance } => {
+            let scene = scene().accuracy(Accuracy::attitude(tolerance));
+            let clock = Instant::now();
+            let plan = Plan::new(&scene, engine)?;
+            planning = clock.elapsed().as_secs_f64();
+            repeat(repeats, || keep(planned(engine, &plan)?))?
+        }
+    };
+    Ok((planning, first.unwrap_or_default(), compute))
+}
+
+/// One repeat in equal steps.
+pub(super) fn stepped(
+    engine: &Engine,
+    problem: &Problem,
+    method: Method,
+    precision: Precision,
+    steps: u64,
+) -> Result<Sample> {
+    let dt = problem.span / steps as f64;
+    let clock = Instant::now();
+    let (frames, batch) = prepare_with(&problem.ensemble, &problem.torques, problem.span, precision)?;
+    let prepare = clock.elapsed().as_secs_f64();
+    let clock = Instant::now();
+    let mut session = engine.start(batch, method)?;
+    let start = clock.elapsed().as_secs_f64();
+    // One step that is not timed, so that shaders are compiled and threads awake; results do not depend on the cut.
+    session.advance(dt, 1, &mut unobserved)?;
+    let clock = Instant::now();
+    session.advance(dt, steps - 1, &mut unobserved)?;
+    let compute = clock.elapsed().as_secs_f64() * steps as f64 / (steps - 1) as f64;
+    let states = states(&frames, &session.read(0..frames.len())?);
+    Ok(Sample { prepare, start, compute, body_steps: steps * frames.len() as u64, states })
+}
+
+/// One repeat in closed form.
+pub(super) fn closed_form(engine: &Engine, problem: &Problem, precision: Precision) -> Result<Sample> {
+    let clock = Instant::now();
+    let (frames, rows) = AnyRows::prepare(&problem.ensemble, precision)?;
+    let prepare = clock.elapsed().as_secs_f64();
+    let clock = Instant::now();
+    let mut session = engine.start_free(rows)?;
+    let start = clock.elapsed().as_secs_f64();
+    // Once that is not timed, for the same reason as with steps.
+    session.evaluate(0.5 * problem.span)?;
+    let clock = Instant::now();
+    session.evaluate(problem.span)?;
+    let compute = clock.elapsed().as_secs_f64();
+    let states = states(&frames, &session.read(0..frames.len())?);
+    Ok(Sample { prepare, start, compute, body_steps: 0, states })
+}
+
+/// One repeat of a plan.
+pub(super) fn planned(engine: &Engine, plan: &Plan<'_>) -> Result<Sample> {
+    let mut last = Last::default();
+    let trust = crate::run::run_into(engine, plan, &mut last, &mut |_| ControlFlow::Continue(()))?;
+    let time = trust.wall_time;
+    let sample = Sample { prepare: time.prepare, start: time.start, compute: time.compute, ..Sample::default() };
+    Ok(Sample { body_steps: trust.body_steps, states: last.states, ..sample })
+}
+
+/// Keeps the states at the end.
+#[derive(Debug, Default)]
+struct Last {
+    states: Vec<BodyState>,
+}
+
+impl Sink for Last {
+    fn wants(&mut self, _: usize, _: usize, _: f64) -> bool {
+        true
+    }
+
+    fn bodies(&mut self, _: usize, _: f64, _: usize, states: &[OutputState]) -> Result<()> {
+        self.states.extend(states.iter().map(|state| state.rotation));
+        Ok(())
+    }
+}
+
+fn states(frames: &[BodyFrame], words: &StateWords) -> Vec<BodyState> {
+    let state = |body: usize| BodyState { status: words.status[body], ..frames[body].body_state(words.combined(body)) };
+    (0..frames.len()).map(state).collect()
+}

@@ -1,0 +1,112 @@
+//! How bodies lie in columns: which numbers a body has, in which order, and rows of them.
+//!
+//! Component c of body i is at `c * stride + i`. A number that is carried in two words has its residue `residue`
+//! columns further on; in `f64` there are no residue columns.
+
+use super::Status;
+use crate::math::real::Scalar;
+
+/// Columns of the state: orientation x, y, z, w, then angular momentum x, y, z.
+pub const STATE_COMPONENTS: usize = 7;
+/// Columns of the parameters: 1/I₁, 1/I₂, 1/I₃, then the reference rate; residues of 1/I follow in `f32`.
+pub const PARAMETER_COMPONENTS: usize = 4;
+
+/// The parameter column of the reference rate, rad/s: a power of two.
+pub(crate) const RATE_COLUMN: usize = 3;
+
+/// Number of state columns of an element type: the components' words, then the status.
+pub const fn state_columns<T: Scalar>() -> usize {
+    STATE_COMPONENTS * T::WORDS + 1
+}
+
+/// The state column that holds the number of a [`Status`].
+pub const fn status_column<T: Scalar>() -> usize {
+    STATE_COMPONENTS * T::WORDS
+}
+
+/// Columns that [`crate::engine::batch::Batch::append_invariants`] adds to the parameters: |m|² and the kinetic energy at the start.
+pub const INVARIANT_COLUMNS: usize = 2;
+
+/// Number of parameter columns of an element type.
+pub const fn parameter_columns<T: Scalar>() -> usize {
+    PARAMETER_COMPONENTS + 3 * (T::WORDS - 1)
+}
+
+/// Bodies a stride is rounded up to: a multiple of every lane count and of the workgroup size.
+pub const STRIDE_UNIT: usize = 64;
+
+/// The raw state of some bodies as an engine holds it, exactly, in `f64`.
+///
+/// Columns as in [`crate::engine::batch::Batch::state`], one row a body: x, y, z, w of the orientation (principal axes to world), then the
+/// angular momentum in principal axes, scaled.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StateWords {
+    /// First words.
+    pub value: Vec<[f64; STATE_COMPONENTS]>,
+    /// Second words; zero in `f64`.
+    pub residue: Vec<[f64; STATE_COMPONENTS]>,
+    /// What the steps so far had to say of each body.
+    pub status: Vec<Status>,
+}
+
+impl StateWords {
+    /// Number of bodies.
+    pub fn len(&self) -> usize {
+        self.value.len()
+    }
+
+    /// Whether there are no bodies.
+    pub fn is_empty(&self) -> bool {
+        self.value.is_empty()
+    }
+
+    /// The state of one body, both words added.
+    pub fn combined(&self, body: usize) -> [f64; STATE_COMPONENTS] {
+        std::array::from_fn(|component| self.value[body][component] + self.residue[body][component])
+    }
+}
+
+/// Hands the columns of one body's scaled parameters and state to `parameter` and `component`, with their numbers.
+pub(crate) fn store_row<T: Scalar>(
+    parameters: &[f64; PARAMETER_COMPONENTS],
+    state: &[f64; STATE_COMPONENTS],
+    mut parameter: impl FnMut(usize, T),
+    mut component: impl FnMut(usize, T),
+) {
+    for (column, &number) in parameters.iter().enumerate() {
+        let (value, residue) = T::two_words(number);
+        parameter(column, value);
+        if T::WORDS == 2 && column < 3 {
+            parameter(PARAMETER_COMPONENTS + column, residue);
+        }
+    }
+    for (column, &number) in state.iter().enumerate() {
+        let (value, residue) = T::two_words(number);
+        component(column, value);
+        if T::WORDS == 2 {
+            component(STATE_COMPONENTS + column, residue);
+        }
+    }
+}
+
+/// Some rows of every column.
+pub(crate) type ColumnPart<'a, T> = Vec<&'a mut [T]>;
+
+/// Of columns that are `stride` apart the given rows, `count` rows a part.
+pub(crate) fn column_parts<T>(
+    columns: &mut [T],
+    stride: usize,
+    rows: std::ops::Range<usize>,
+    count: usize,
+) -> Vec<ColumnPart<'_, T>> {
+    let number = columns.len().checked_div(stride).unwrap_or(0);
+    let mut parts: Vec<_> = (0..rows.len().div_ceil(count)).map(|_| Vec::with_capacity(number)).collect();
+    if stride > 0 {
+        for column in columns.chunks_exact_mut(stride) {
+            for (part, rows) in parts.iter_mut().zip(column[rows.clone()].chunks_mut(count)) {
+                part.push(rows);
+            }
+        }
+    }
+    parts
+}

@@ -1,0 +1,16 @@
+//! Bodies: their inertia tensors, the table of them, their state and how they lie in columns.
+
+pub mod columns;
+pub mod ensemble;
+pub(crate) mod frame;
+pub mod inertia;
+mod members;
+pub mod memory;
+pub mod status;
+pub mod toolkit;
+pub(crate) mod user_axes;
+
+pub use ensemble::Ensemble;
+pub use frame::{BodyFrame, BodyState};
+pub use members::Members;
+pub use status::Status;

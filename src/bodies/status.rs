@@ -1,0 +1,92 @@
+//! What became of a body: a number in a column of the state and of the tables of results, 0 as long as all is well.
+
+use crate::math::real::Real;
+
+/// Why a body's state is not to be trusted from some step on; the first reason is kept.
+///
+/// Steps enter [`Status::NotConverged`], [`Status::StepTooLong`] and [`Status::StepBelowLimit`]. The last two are found where states
+/// are read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Status {
+    /// Every step so far did what it promises.
+    #[default]
+    Valid,
+    /// An implicit equation was not solved to the precision of the arithmetic within the cap on iterations.
+    NotConverged,
+    /// The step is too long for the discrete free flow: a modified moment is not positive, or no rotation solves it.
+    StepTooLong,
+    /// The error asked for needs a step below the limit.
+    StepBelowLimit,
+    /// A number of the attitude or rotation is infinite or none.
+    NotFinite,
+    /// A number of the position or velocity of the centre of mass is infinite or none.
+    CentreNotFinite,
+}
+
+impl Status {
+    /// All values; the index of each is its number in the column.
+    pub const ALL: [Status; 6] = [
+        Status::Valid,
+        Status::NotConverged,
+        Status::StepTooLong,
+        Status::StepBelowLimit,
+        Status::NotFinite,
+        Status::CentreNotFinite,
+    ];
+
+    /// The number in the column.
+    pub const fn code(self) -> f64 {
+        match self {
+            Status::Valid => 0.0,
+            Status::NotConverged => 1.0,
+            Status::StepTooLong => 2.0,
+            Status::StepBelowLimit => 3.0,
+            Status::NotFinite => 4.0,
+            Status::CentreNotFinite => 5.0,
+        }
+    }
+
+    /// The number as it stands in results.
+    pub const fn number(self) -> u8 {
+        self.code() as u8
+    }
+
+    /// The word that stands for it in results.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Status::Valid => "valid",
+            Status::NotConverged => "not_converged",
+            Status::StepTooLong => "step_too_long",
+            Status::StepBelowLimit => "step_below_limit",
+            Status::NotFinite => "not_finite",
+            Status::CentreNotFinite => "centre_not_finite",
+        }
+    }
+
+    /// The value whose number stands in the column; a number that no kernel writes, as in a row that none has reached, is
+    /// a body that has not been solved.
+    pub fn from_code(code: f64) -> Self {
+        Self::ALL.iter().copied().find(|status| status.code() == code).unwrap_or(Status::NotConverged)
+    }
+}
+
+impl std::fmt::Display for Status {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(match self {
+            Status::Valid => "valid",
+            Status::NotConverged => "an implicit step was not solved",
+            Status::StepTooLong => "the step is too long for the discrete free flow",
+            Status::StepBelowLimit => "the error asked for needs a step below the limit",
+            Status::NotFinite => "its attitude or rotation is not finite",
+            Status::CentreNotFinite => "its position or velocity is not finite",
+        })
+    }
+}
+
+/// `status` with `reason` entered where the mask is set and nothing stands there yet.
+#[inline(always)]
+pub fn flagged<R: Real>(status: R, fault: R::Mask, reason: Status) -> R {
+    let unset = status.less_than(R::splat(0.5));
+    R::select(fault & unset, R::splat(reason.code()), status)
+}

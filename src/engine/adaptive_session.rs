@@ -1,0 +1,159 @@
+//! Sessions whose bodies take steps of their own size.
+
+use std::ops::Range;
+
+use super::Observer;
+use super::reduction::Reduce;
+use super::watch::Job;
+use crate::bodies::columns::StateWords;
+use crate::engine::batch::AnyBatch;
+use crate::engine::load_balance::imbalance;
+use crate::error::{Error, Result};
+use crate::kernel::method::Method;
+use crate::kernel::method::rk8_adaptive::Controller;
+use crate::math::real::Scalar;
+use crate::math::vector::TwoWords;
+use crate::torque::Kind;
+
+/// What a torque that is drawn step by step is refused with.
+pub(crate) const NOISE_REFUSED: &str =
+    "white noise is drawn for steps of equal length and has no adaptive ones: use a method with a step dt";
+
+/// Refuses a batch with a torque that has no meaning between equal steps.
+pub(crate) fn check_torques(batch: &AnyBatch) -> Result<()> {
+    let noise = batch.torques().instances(Kind::WhiteNoise);
+    if noise.count == 0 {
+        return Ok(());
+    }
+    let torque = batch.torques().list().iter().position(|instance| instance.kind == Kind::WhiteNoise).unwrap_or(0);
+    Err(Error::Torque {
+        torque,
+        model: "white-noise".into(),
+        body: None,
+        field: "draws_per_step".into(),
+        value: batch.first_parameter(noise.first + 1),
+        expected: NOISE_REFUSED.into(),
+    })
+}
+
+/// What `taylor` in another arithmetic is refused with.
+pub(crate) const TAYLOR_IN_F64: &str = "its series are formed in f64: use precision \"f64\", or method \"rk8\"";
+
+/// What `taylor` on another engine is refused with.
+pub(crate) const TAYLOR_ON_CPU: &str = "its series are formed on the CPU: use engine \"cpu\", or method \"rk8\"";
+
+/// What `taylor` with equal steps is refused with.
+pub(crate) const TAYLOR_ADAPTS: &str = "its steps are adaptive: use a tolerance instead of dt";
+
+/// Refuses equal steps of a method that has none.
+pub(crate) fn check_equal_steps(method: Method) -> Result<()> {
+    if method == Method::Taylor { Err(taylor_unavailable(TAYLOR_ADAPTS)) } else { Ok(()) }
+}
+
+/// The refusal of `taylor`, with what would be valid.
+pub(crate) fn taylor_unavailable(expected: &'static str) -> Error {
+    Error::MethodUnavailable { method: Method::Taylor, expected: expected.into() }
+}
+
+/// A number in two words of `f64` in those of an element type.
+pub(crate) fn two_words_of<T: Scalar>(value: f64, residue: f64) -> TwoWords<T> {
+    let first = T::from_f64(value);
+    TwoWords { value: first, residue: T::from_f64((value - first.to_f64()) + residue) }
+}
+
+/// Attempts of one body since its initial state.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StepCounts {
+    /// Steps taken.
+    pub accepted: u64,
+    /// Steps tried again with a smaller size.
+    pub rejected: u64,
+}
+
+impl StepCounts {
+    /// Both: what a body costs.
+    pub fn attempts(&self) -> u64 {
+        self.accepted + self.rejected
+    }
+}
+
+/// A batch on an engine whose bodies take steps of their own size, by [`crate::kernel::method::rk8_adaptive`] or
+/// [`crate::kernel::method::taylor`].
+pub trait AdaptiveSession: Reduce {
+    /// Number of bodies.
+    fn body_count(&self) -> usize;
+
+    /// Brings every body to exactly `time` seconds after its initial state, except those that are flagged on the way,
+    /// which stay as they stand. A time that is not later than the last is passed over. A body's result depends neither
+    /// on the bodies beside it nor on how the engine cuts the work; it depends on the times asked for, at which a step ends.
+    ///
+    /// `observer` is told of bodies that have arrived; where it breaks, the call returns [`Error::Interrupted`] and the
+    /// session must be dropped.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Setting`] where `time` is not finite; [`Error::Device`] where the device is lost.
+    fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()>;
+
+    /// The same as work that the caller runs ([`super::Session::job`]); it counts bodies that have arrived.
+    ///
+    /// # Errors
+    ///
+    /// As [`AdaptiveSession::advance_to`].
+    fn job_to(&mut self, _time: f64) -> Result<Option<Job<'_>>> {
+        Ok(None)
+    }
+
+    /// Whether [`AdaptiveSession::job_to`] gives work.
+    fn has_jobs(&self) -> bool {
+        false
+    }
+
+    /// One attempt of every body that is under way between the time that the session stands at and `end`, s: `controllers`, one a
+    /// body in units of its own scale, say what is left of that interval and which step is next, and become what they are after the
+    /// attempt. The session's own controllers, counts and time are not those of a run afterwards: this is how engines are compared
+    /// attempt by attempt ([`crate::verify`]).
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Setting`] where `end` is not finite; [`Error::Device`] where the device is lost.
+    ///
+    /// # Panics
+    ///
+    /// Where there are fewer controllers than bodies.
+    fn attempt(&mut self, end: f64, controllers: &mut [Controller<f64>]) -> Result<()>;
+
+    /// The raw state of a range of bodies.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Device`] where the device is lost.
+    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords>;
+
+    /// The time that each body stands at, s, shape `[body_count]`, after a call that brought them on: where a body was flagged in it, the
+    /// time at which it stopped. `None` where the controllers are not in the host's memory.
+    fn reached(&self) -> Option<Vec<f64>> {
+        None
+    }
+
+    /// The steps of each body so far, shape `[body_count]`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Device`] where the device is lost.
+    fn counts(&mut self) -> Result<Vec<StepCounts>>;
+
+    /// Bodies that are advanced side by side, so that all wait for the slowest of them: lanes, or a workgroup.
+    fn side_by_side(&self) -> usize;
+
+    /// Attempts including those that bodies waited for others beside them, as a multiple of the attempts alone; 1 without
+    /// attempts. Where lists of bodies are made anew as some arrive, as measured; else from the counts.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Device`] where the device is lost.
+    fn imbalance(&mut self) -> Result<f64> {
+        let attempts: Vec<u64> = self.counts()?.iter().map(StepCounts::attempts).collect();
+        Ok(imbalance(&attempts, self.side_by_side()))
+    }
+}

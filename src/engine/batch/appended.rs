@@ -1,0 +1,85 @@
+//! Columns that a batch has for some methods, engines and scenes alone.
+
+use super::Batch;
+use crate::bodies::columns::{INVARIANT_COLUMNS, PARAMETER_COMPONENTS, STATE_COMPONENTS, STRIDE_UNIT, state_columns};
+use crate::kernel::method::projection::combinations;
+use crate::math::real::Scalar;
+use crate::torque::force::carried::{CENTRE_COMPONENTS, Carried, FORCE_COLUMNS};
+
+impl<T: Scalar> Batch<T> {
+    /// Adds the columns of [`crate::kernel::rigid_body::Invariants`], from the state as it stands.
+    ///
+    /// Only a method that reads them asks for them ([`crate::kernel::method::Step::INVARIANTS`]).
+    pub fn append_invariants(&mut self) {
+        let stride = self.stride;
+        let mut columns = vec![T::default(); INVARIANT_COLUMNS * stride];
+        let words = |columns: &[T], column: usize, residue: usize, body: usize| {
+            let value = columns[column * stride + body].to_f64();
+            if T::WORDS == 2 { value + columns[(column + residue) * stride + body].to_f64() } else { value }
+        };
+        for body in 0..self.body_count {
+            let (mut squared, mut twice_energy) = (0.0, 0.0);
+            for axis in 0..3 {
+                let m = words(&self.state, 4 + axis, STATE_COMPONENTS, body);
+                squared += m * m;
+                twice_energy += words(&self.parameters, axis, PARAMETER_COMPONENTS, body) * m * m;
+            }
+            columns[body] = T::from_f64(squared);
+            columns[stride + body] = T::from_f64(0.5 * twice_energy);
+        }
+        self.parameters.extend_from_slice(&columns);
+    }
+
+    /// Adds the columns of [`crate::kernel::method::projection::Combinations`], from the state as it stands; behind those of the invariants.
+    pub(crate) fn append_combinations(&mut self) {
+        let stride = self.stride;
+        let mut columns = vec![T::default(); 3 * stride];
+        for body in 0..self.body_count {
+            let at = |columns: &[T], column: usize| columns[column * stride + body].to_f64();
+            let inverse = [0, 1, 2].map(|axis| at(&self.parameters, axis));
+            let kept = combinations(inverse, [4, 5, 6].map(|column| at(&self.state, column)));
+            for (column, number) in [kept.first_second, kept.second_third, kept.first_third].into_iter().enumerate() {
+                columns[column * stride + body] = T::from_f64(number);
+            }
+        }
+        self.parameters.extend_from_slice(&columns);
+    }
+
+    /// Adds the columns of centres of mass, one a body in the order of rows: forces behind the parameters, position and
+    /// velocity behind the state.
+    pub(crate) fn append_centres(&mut self, centres: &[Carried]) {
+        let stride = self.stride;
+        let mut parameters = vec![T::default(); FORCE_COLUMNS * stride];
+        let mut state = vec![T::default(); CENTRE_COMPONENTS * T::WORDS * stride];
+        for (row, centre) in centres.iter().enumerate() {
+            for (column, number) in centre.parameters().into_iter().enumerate() {
+                parameters[column * stride + row] = T::from_f64(number);
+            }
+            for (column, number) in centre.state().into_iter().enumerate() {
+                let (value, residue) = T::two_words(number);
+                state[column * stride + row] = value;
+                if T::WORDS == 2 {
+                    state[(CENTRE_COMPONENTS + column) * stride + row] = residue;
+                }
+            }
+        }
+        self.parameters.extend_from_slice(&parameters);
+        self.state.extend_from_slice(&state);
+    }
+
+    /// The first body so many times, as kernels read it: what tables keep of a body beside its columns is the first one's alone.
+    pub(crate) fn repeated(&self, body_count: usize) -> Self {
+        let stride = body_count.next_multiple_of(STRIDE_UNIT);
+        let columns = |numbers: &[T]| -> Vec<T> {
+            let firsts = numbers.iter().step_by(self.stride.max(1));
+            firsts.flat_map(|&number| std::iter::repeat_n(number, stride)).collect()
+        };
+        let (parameters, state) = (columns(&self.parameters), columns(&self.state));
+        Self { body_count, stride, parameters, state, torques: self.torques.clone() }
+    }
+
+    /// Number of state columns, those of centres of mass among them.
+    pub(crate) fn all_state_columns(&self) -> usize {
+        self.state.len().checked_div(self.stride).unwrap_or(state_columns::<T>())
+    }
+}

@@ -1,0 +1,210 @@
+//! Bodies as the kernels see them: principal axes, scaled, by column.
+//!
+//! # Scaling
+//!
+//! Moments from 1e-46 to 1e38 kg m² and spins from 1e-9 to 1e15 rad/s must work in `f32`. Each body is measured in
+//! its own units, both powers of two, so that no digit changes: 2^k kg m², the power of two below its middle moment,
+//! and 2^r rad/s, the power of two below its spin rate or, where that is greater, below the rate to which the scene's torques
+//! bring it within about a radian. Angular momentum is in units of 2^(k+r), and the step size
+//! becomes dt · 2^r, formed in the kernel from the column `rate`.
+//!
+//! Their order and that of their rows is that of [`crate::bodies::columns`].
+
+use rayon::prelude::*;
+
+use crate::bodies::Status;
+use crate::bodies::columns::{
+    PARAMETER_COMPONENTS, STATE_COMPONENTS, STRIDE_UNIT, StateWords, parameter_columns, state_columns, status_column,
+    store_row,
+};
+use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::math::clock::Clock;
+use crate::math::real::Scalar;
+use crate::torque::{Kind, TorqueTable};
+
+mod appended;
+mod groups;
+mod prepare;
+
+pub(crate) use groups::{load_body, load_combinations, load_invariants, load_state, store_state};
+pub(crate) use prepare::{ORDER_BLOCK, Prepared, bytes_per_body_under, frame_of, prepare_acting, prepare_ordered};
+pub use prepare::{bytes_per_body, prepare, prepare_members, prepare_with};
+
+/// The scaled bodies of an ensemble as columns of one element type, ready for an engine.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Batch<T> {
+    /// Number of bodies.
+    pub body_count: usize,
+    /// Distance between the starts of two columns; at least `body_count`. The rows between are bodies at rest.
+    pub stride: usize,
+    /// Parameters, shape `[parameter_columns + torques.columns(), stride]`; [`INVARIANT_COLUMNS`](crate::bodies::columns::INVARIANT_COLUMNS) more after
+    /// [`Batch::append_invariants`].
+    pub parameters: Vec<T>,
+    /// State, shape `[state_columns, stride]`.
+    pub state: Vec<T>,
+    /// The torques; their columns stand behind the bodies' own parameters.
+    pub torques: TorqueTable,
+}
+
+/// A batch of either precision.
+#[derive(Clone, Debug, PartialEq)]
+pub enum AnyBatch {
+    /// In `f32`.
+    F32(Batch<f32>),
+    /// In `f64`.
+    F64(Batch<f64>),
+}
+
+impl AnyBatch {
+    /// Number of bodies.
+    pub fn body_count(&self) -> usize {
+        match self {
+            AnyBatch::F32(batch) => batch.body_count,
+            AnyBatch::F64(batch) => batch.body_count,
+        }
+    }
+
+    /// The torques.
+    pub fn torques(&self) -> &TorqueTable {
+        match self {
+            AnyBatch::F32(batch) => &batch.torques,
+            AnyBatch::F64(batch) => &batch.torques,
+        }
+    }
+
+    /// The first body's number in a parameter column; 0 without bodies.
+    pub(crate) fn first_parameter(&self, column: usize) -> f64 {
+        match self {
+            AnyBatch::F32(batch) => batch.parameters.get(column * batch.stride).map_or(0.0, |x| f64::from(*x)),
+            AnyBatch::F64(batch) => batch.parameters.get(column * batch.stride).copied().unwrap_or(0.0),
+        }
+    }
+
+    /// A body's number in a parameter column.
+    pub(crate) fn parameter(&self, column: usize, body: usize) -> f64 {
+        match self {
+            AnyBatch::F32(batch) => f64::from(batch.parameters[column * batch.stride + body]),
+            AnyBatch::F64(batch) => batch.parameters[column * batch.stride + body],
+        }
+    }
+
+    /// The raw state of all bodies.
+    pub(crate) fn states(&self) -> StateWords {
+        match self {
+            AnyBatch::F32(batch) => batch.read(0..batch.body_count),
+            AnyBatch::F64(batch) => batch.read(0..batch.body_count),
+        }
+    }
+
+    /// The same bodies at another time of their way, in these states: what of theirs the element type does not hold is left out.
+    pub(crate) fn at(&self, states: &StateWords, clock: Clock) -> Self {
+        match self {
+            AnyBatch::F32(batch) => AnyBatch::F32(batch.at(states, clock)),
+            AnyBatch::F64(batch) => AnyBatch::F64(batch.at(states, clock)),
+        }
+    }
+
+    /// The first body so many times, for kernels that each look at something else of its step.
+    pub(crate) fn repeated(&self, body_count: usize) -> Self {
+        match self {
+            AnyBatch::F32(batch) => AnyBatch::F32(batch.repeated(body_count)),
+            AnyBatch::F64(batch) => AnyBatch::F64(batch.repeated(body_count)),
+        }
+    }
+
+    /// The precision.
+    pub fn precision(&self) -> Precision {
+        match self {
+            AnyBatch::F32(_) => Precision::F32,
+            AnyBatch::F64(_) => Precision::F64,
+        }
+    }
+}
+
+/// The fewest bodies that are worth a task of their own when states are read.
+const READ_TASK: usize = 1024;
+
+impl<T: Scalar> Batch<T> {
+    /// A batch of spherical bodies at rest, without torques.
+    pub fn at_rest(body_count: usize) -> Self {
+        Self::at_rest_with(body_count, TorqueTable::none(0.0))
+    }
+
+    fn at_rest_with(body_count: usize, torques: TorqueTable) -> Self {
+        let stride = body_count.next_multiple_of(STRIDE_UNIT);
+        let columns = parameter_columns::<T>() + torques.columns();
+        let mut batch = Self {
+            body_count,
+            stride,
+            parameters: vec![T::default(); columns * stride],
+            state: vec![T::default(); state_columns::<T>() * stride],
+            torques,
+        };
+        batch.parameters[..3 * stride].fill(T::from_f64(1.0));
+        for column in batch.torques.ratio_columns() {
+            batch.parameters[column * stride..][..stride].fill(T::from_f64(1.0));
+        }
+        batch.state[3 * stride..4 * stride].fill(T::from_f64(1.0));
+        batch
+    }
+
+    /// Sets one body: `[1/I₁, 1/I₂, 1/I₃, rate]` and `[q x, y, z, w, m x, y, z]`, all scaled.
+    pub fn set_row(&mut self, body: usize, parameters: &[f64; PARAMETER_COMPONENTS], state: &[f64; STATE_COMPONENTS]) {
+        let Self { stride, parameters: own_parameters, state: own_state, .. } = self;
+        let parameter = |column: usize, number| own_parameters[column * *stride + body] = number;
+        store_row(parameters, state, parameter, |column, number| own_state[column * *stride + body] = number);
+    }
+
+    /// As [`AnyBatch::at`].
+    fn at(&self, states: &StateWords, clock: Clock) -> Self {
+        let mut batch = self.clone();
+        batch.torques.start_at(clock);
+        for body in 0..states.len() {
+            let mut store =
+                |column: usize, number: f64| batch.state[column * batch.stride + body] = T::from_f64(number);
+            let words = if T::WORDS == 2 { states.value[body] } else { states.combined(body) };
+            words.into_iter().enumerate().for_each(|(component, word)| store(component, word));
+            if T::WORDS == 2 {
+                let residue = states.residue[body].into_iter().enumerate();
+                residue.for_each(|(component, word)| store(STATE_COMPONENTS + component, word));
+            }
+            store(status_column::<T>(), states.status[body].code());
+        }
+        batch
+    }
+
+    /// Number of parameter columns.
+    pub fn parameter_columns(&self) -> usize {
+        self.parameters.len().checked_div(self.stride).unwrap_or(parameter_columns::<T>())
+    }
+
+    /// The most iterations of loops in one step of `method`: its own, and in each evaluation of the torques one for each
+    /// instance and as many more as there are draws of noise.
+    pub fn loops_of_a_step(&self, method: Method) -> u32 {
+        let instances: usize = Kind::ALL.iter().map(|&kind| self.torques.instances(kind).count).sum();
+        let noise = self.torques.instances(Kind::WhiteNoise);
+        let draws: f64 = (0..noise.count)
+            .map(|instance| {
+                let column = noise.first + instance * Kind::WhiteNoise.columns() + 1;
+                self.parameters.get(column * self.stride).map_or(0.0, |draws| draws.to_f64())
+            })
+            .sum();
+        let own = f64::from(method.most_loops(self.torques.is_empty()));
+        (own + f64::from(method.most_evaluations()) * (instances as f64 + draws)).min(f64::from(u32::MAX)) as u32
+    }
+
+    /// The raw state of a range of bodies.
+    pub fn read(&self, bodies: std::ops::Range<usize>) -> StateWords {
+        let value = |body: usize, component: usize| self.state[component * self.stride + body].to_f64();
+        let words = |first: usize| -> Vec<[f64; STATE_COMPONENTS]> {
+            let rows = bodies.clone().into_par_iter().with_min_len(READ_TASK);
+            rows.map(|body| std::array::from_fn(|component| value(body, first + component))).collect()
+        };
+        StateWords {
+            value: words(0),
+            residue: if T::WORDS == 2 { words(STATE_COMPONENTS) } else { vec![[0.0; STATE_COMPONENTS]; bodies.len()] },
+            status: bodies.clone().map(|body| Status::from_code(value(body, status_column::<T>()))).collect(),
+        }
+    }
+}

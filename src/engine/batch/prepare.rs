@@ -1,0 +1,210 @@
+//! An ensemble's bodies brought into their principal axes, scaled and written as columns.
+
+use glam::{DMat3, DQuat};
+use rayon::prelude::*;
+
+use super::{AnyBatch, Batch};
+use crate::bodies::Ensemble;
+use crate::bodies::columns::{
+    ColumnPart, STATE_COMPONENTS, STRIDE_UNIT, column_parts, parameter_columns, state_columns, store_row,
+};
+use crate::bodies::inertia::principal_axes;
+use crate::bodies::memory;
+use crate::bodies::{BodyFrame, Members};
+use crate::error::Result;
+use crate::math::Precision;
+use crate::math::real::Scalar;
+use crate::torque::{self, Bodies, Torque, TorqueTable};
+
+/// A body's frame and its initial state in it.
+pub(crate) type Prepared = (BodyFrame, [f64; STATE_COMPONENTS]);
+
+/// The frame of one body and its initial state in it.
+pub(crate) fn prepare_body(ensemble: &Ensemble, torques: &[Torque], body: usize) -> Prepared {
+    let frame = frame_of(ensemble, torques, body);
+    (frame, frame.initial(ensemble, body))
+}
+
+/// The frame of one body at the start.
+pub(crate) fn frame_of(ensemble: &Ensemble, torques: &[Torque], body: usize) -> BodyFrame {
+    BodyFrame::of_body(ensemble, body, |middle_moment| torque::rate_of(torques, body, middle_moment))
+}
+
+/// Brings an ensemble without torques into principal axes and scales it, in `f64`, and writes it as columns of
+/// `precision`.
+///
+/// # Errors
+///
+/// [`crate::Error::TooManyBodies`] where the memory does not suffice.
+pub fn prepare(ensemble: &Ensemble, precision: Precision) -> Result<(Vec<BodyFrame>, AnyBatch)> {
+    prepare_with(ensemble, &[], 0.0, precision)
+}
+
+/// As [`prepare`], with torques that act over a span of `span` seconds. The torques' parameters must be valid.
+///
+/// # Errors
+///
+/// As [`prepare`].
+pub fn prepare_with(
+    ensemble: &Ensemble,
+    torques: &[Torque],
+    span: f64,
+    precision: Precision,
+) -> Result<(Vec<BodyFrame>, AnyBatch)> {
+    prepare_members(ensemble, torques, span, &Members::All(ensemble.len()), precision)
+}
+
+/// As [`prepare_with`], of some bodies of the ensemble, one a row. A body's row does not depend on the others.
+///
+/// # Errors
+///
+/// As [`prepare`].
+pub fn prepare_members(
+    ensemble: &Ensemble,
+    torques: &[Torque],
+    span: f64,
+    members: &Members,
+    precision: Precision,
+) -> Result<(Vec<BodyFrame>, AnyBatch)> {
+    prepare_acting(ensemble, torques, torques, span, members, precision)
+}
+
+/// As [`prepare_members`] in the units that follow from `torques`, where others of them act: those that are `acting`.
+pub(crate) fn prepare_acting(
+    ensemble: &Ensemble,
+    torques: &[Torque],
+    acting: &[Torque],
+    span: f64,
+    members: &Members,
+    precision: Precision,
+) -> Result<(Vec<BodyFrame>, AnyBatch)> {
+    let as_they_are = |_: usize, prepared: &[Prepared]| (0..prepared.len()).collect();
+    prepare_columns_of(ensemble, (torques, acting), span, members, precision, as_they_are)
+}
+
+/// Members whose order is found at once.
+pub(crate) const ORDER_BLOCK: usize = 1 << 15;
+
+/// As [`prepare_members`], each block of [`ORDER_BLOCK`] members in an order of its own: `order` is given the block's first
+/// member and the block, and gives the place in it of what stands first, second, and so on.
+pub(crate) fn prepare_ordered(
+    ensemble: &Ensemble,
+    torques: &[Torque],
+    span: f64,
+    members: &Members,
+    precision: Precision,
+    order: impl FnMut(usize, &[Prepared]) -> Vec<usize>,
+) -> Result<(Vec<BodyFrame>, AnyBatch)> {
+    prepare_columns_of(ensemble, (torques, torques), span, members, precision, order)
+}
+
+fn prepare_columns_of(
+    ensemble: &Ensemble,
+    torques: (&[Torque], &[Torque]),
+    span: f64,
+    members: &Members,
+    precision: Precision,
+    order: impl FnMut(usize, &[Prepared]) -> Vec<usize>,
+) -> Result<(Vec<BodyFrame>, AnyBatch)> {
+    Ok(match precision {
+        Precision::F32 => {
+            let (frames, batch) = prepare_columns::<f32>(ensemble, torques, span, members, order)?;
+            (frames, AnyBatch::F32(batch))
+        }
+        Precision::F64 => {
+            let (frames, batch) = prepare_columns::<f64>(ensemble, torques, span, members, order)?;
+            (frames, AnyBatch::F64(batch))
+        }
+    })
+}
+
+/// Bytes that [`prepare`] takes for one body, frames included.
+pub fn bytes_per_body(precision: Precision) -> usize {
+    let columns = match precision {
+        Precision::F32 => (state_columns::<f32>() + parameter_columns::<f32>()) * size_of::<f32>(),
+        Precision::F64 => (state_columns::<f64>() + parameter_columns::<f64>()) * size_of::<f64>(),
+    };
+    columns + size_of::<BodyFrame>()
+}
+
+/// Bytes that [`prepare_with`] takes for one body under some torques, frames included.
+pub(crate) fn bytes_per_body_under(precision: Precision, torques: &[Torque], span: f64) -> usize {
+    let bodies = Bodies { have_linear_rotors: false, axes: None };
+    let of_torques = match precision {
+        Precision::F32 => torque::bytes_per_body::<f32>(&TorqueTable::new(torques, 0, STRIDE_UNIT, span, bodies)),
+        Precision::F64 => torque::bytes_per_body::<f64>(&TorqueTable::new(torques, 0, STRIDE_UNIT, span, bodies)),
+    };
+    bytes_per_body(precision) + of_torques
+}
+
+/// Bodies that one task writes.
+const TASK: usize = 512;
+
+/// The rotation from principal to body axes, where all members have the same and it only changes names and signs of axes. Constants of
+/// any other would be rounded elsewhere than columns are, and a body's result would depend on those beside it.
+fn shared_axes(ensemble: &Ensemble, members: &Members) -> Option<DQuat> {
+    let axes = |row: usize| principal_axes(&ensemble.inertia()[members.body(row)]).principal_to_body;
+    let first = (!members.is_empty()).then(|| axes(0))?;
+    let is_exact = |axes: DQuat| DMat3::from_quat(axes).to_cols_array().iter().all(|x| [-1.0, 0.0, 1.0].contains(x));
+    let is_shared = is_exact(first) && (1..members.len()).into_par_iter().all(|row| axes(row) == first);
+    is_shared.then_some(first)
+}
+
+/// The columns under the second list of torques, in the units that follow from the first.
+fn prepare_columns<T: Scalar>(
+    ensemble: &Ensemble,
+    (of_units, torques): (&[Torque], &[Torque]),
+    span: f64,
+    members: &Members,
+    mut order: impl FnMut(usize, &[Prepared]) -> Vec<usize>,
+) -> Result<(Vec<BodyFrame>, Batch<T>)> {
+    for (index, torque) in torques.iter().enumerate().filter(|(_, torque)| torque.needs().position) {
+        // A scene has put functions of time in their place where it can.
+        torque.validate(index, ensemble)?;
+    }
+    let body_count = members.len();
+    let precision = if T::WORDS == 1 { Precision::F64 } else { Precision::F32 };
+    let has_linear_rotors =
+        ensemble.has_linear_rotors() && (0..body_count).any(|row| ensemble.is_linear_rotor(members.body(row)));
+    let stride = body_count.next_multiple_of(STRIDE_UNIT);
+    let axes = if torques.iter().any(Torque::is_expressed) { shared_axes(ensemble, members) } else { None };
+    let bodies = Bodies { have_linear_rotors: has_linear_rotors, axes };
+    let table = TorqueTable::new(torques, parameter_columns::<T>(), stride, span, bodies);
+    let row = bytes_per_body(precision) + torque::bytes_per_body::<T>(&table);
+    memory::require(body_count, body_count.saturating_mul(row), "the columns of the kernels")?;
+    let mut batch = Batch::<T>::at_rest_with(body_count, table);
+    let mut frames = Vec::with_capacity(body_count);
+    for start in (0..body_count).step_by(ORDER_BLOCK) {
+        let end = (start + ORDER_BLOCK).min(body_count);
+        let prepared: Vec<Prepared> =
+            (start..end).into_par_iter().map(|row| prepare_body(ensemble, of_units, members.body(row))).collect();
+        let order = order(start, &prepared);
+        let Batch { parameters, state, torques: table, .. } = &mut batch;
+        let layout = &*table;
+        let parts = column_parts(parameters, stride, start..end, TASK).into_iter().zip(column_parts(
+            state,
+            stride,
+            start..end,
+            TASK,
+        ));
+        let tasks: Vec<_> = parts.zip(order.chunks(TASK)).collect();
+        let write = |((mut parameters, mut state), order): ((ColumnPart<'_, T>, ColumnPart<'_, T>), &[usize])| {
+            let (mut memory, mut rates) = (Vec::new(), Vec::new());
+            for (row, &place) in order.iter().enumerate() {
+                let (frame, initial) = &prepared[place];
+                let store = |column: usize, number: T| parameters[column][row] = number;
+                store_row(&frame.parameters(), initial, store, |column, number| state[column][row] = number);
+                let orientation = DQuat::from_xyzw(initial[0], initial[1], initial[2], initial[3]);
+                let body = members.body(start + place);
+                layout.write_body(torques, body, (frame, orientation), (&mut memory, &mut rates), |column, number| {
+                    parameters[column][row] = T::from_f64(number)
+                });
+            }
+            rates
+        };
+        let rates: Vec<Vec<u128>> = tasks.into_par_iter().map(write).collect();
+        table.set_rates(start, &rates.concat());
+        frames.extend(order.iter().map(|&place| prepared[place].0));
+    }
+    Ok((frames, batch))
+}

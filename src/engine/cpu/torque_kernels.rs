@@ -1,0 +1,59 @@
+//! Torque kernels as types: each is compiled into loops of its own, without the torques that a scene does not have.
+
+use crate::engine::batch::load_combinations;
+use crate::kernel::method::rk8_adaptive::Timed;
+use crate::kernel::torque_kernel::{Conserving, Free};
+use crate::math::real::Real;
+use crate::torque::sum::{Columns, Common, Torques};
+
+/// Gives each lane group its torque kernel.
+pub(super) trait LaneTorques {
+    /// What acts on one lane group.
+    type At<'a, R: Real>: Timed<R>;
+    /// What acts on the lane group of some columns.
+    fn at<R: Real>(columns: Columns<'_, R>) -> Self::At<'_, R>;
+}
+
+/// No torque.
+pub(super) struct Nothing;
+
+impl LaneTorques for Nothing {
+    type At<'a, R: Real> = Free;
+    #[inline(always)]
+    fn at<R: Real>(_: Columns<'_, R>) -> Free {
+        Free
+    }
+}
+
+/// No torque, and what a free body conserves.
+pub(super) struct Projected;
+
+impl LaneTorques for Projected {
+    type At<'a, R: Real> = Conserving<R>;
+    #[inline(always)]
+    fn at<R: Real>(columns: Columns<'_, R>) -> Conserving<R> {
+        Conserving { combinations: load_combinations(|column| columns.column(column)) }
+    }
+}
+
+/// A constant torque in body axes and linear drag.
+pub(super) struct CommonTorques;
+
+impl LaneTorques for CommonTorques {
+    type At<'a, R: Real> = Common<R>;
+    #[inline(always)]
+    fn at<R: Real>(columns: Columns<'_, R>) -> Common<R> {
+        Common::load(&columns)
+    }
+}
+
+/// Whatever the scene has.
+pub(super) struct AllTorques;
+
+impl LaneTorques for AllTorques {
+    type At<'a, R: Real> = Torques<'a, R>;
+    #[inline(always)]
+    fn at<R: Real>(columns: Columns<'_, R>) -> Torques<'_, R> {
+        Torques::new(columns)
+    }
+}

@@ -1,0 +1,27 @@
+//! What passes between the host and a device.
+
+/// Counts of what has passed between the host and a device; all 0 where the state is in the host's memory.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// How often the host has waited for the device.
+    pub waits: u64,
+    /// Dispatches of kernels, those included that had nothing left to do.
+    pub dispatches: u64,
+    /// Bytes written to the device's memory.
+    pub bytes_written: u64,
+    /// Bytes read back from it.
+    pub bytes_read: u64,
+}
+
+impl Traffic {
+    /// What has passed since `earlier`.
+    #[must_use]
+    pub fn since(self, earlier: Self) -> Self {
+        Self {
+            waits: self.waits - earlier.waits,
+            dispatches: self.dispatches - earlier.dispatches,
+            bytes_written: self.bytes_written - earlier.bytes_written,
+            bytes_read: self.bytes_read - earlier.bytes_read,
+        }
+    }
+}

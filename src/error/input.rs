@@ -1,0 +1,152 @@
+//! What is wrong with an input file, and where.
+
+use std::path::PathBuf;
+
+use crate::error::Text;
+
+/// An input file that is not valid: which file, where in it, and why.
+#[derive(Clone, Debug, PartialEq)]
+pub struct InputError {
+    /// The file.
+    pub file: PathBuf,
+    /// The line, from 1.
+    pub line: usize,
+    /// The key, with the tables that it stands in (`bodies.inertia.mass`), or the column of a table of bodies.
+    pub key: String,
+    /// What is wrong there.
+    pub fault: InputFault,
+}
+
+/// What is wrong at one place of an input file.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum InputFault {
+    /// The text is not TOML, or not CSV.
+    Syntax {
+        /// The parser's words.
+        reason: String,
+    },
+    /// No such key or column.
+    Unknown {
+        /// The known name that is spelt most nearly so.
+        nearest: Option<String>,
+        /// All known names.
+        known: Vec<String>,
+    },
+    /// A key or column that is needed is missing.
+    Missing {
+        /// What it would hold.
+        expected: Text,
+    },
+    /// A value of the wrong type or out of range.
+    Value {
+        /// As it stands in the file.
+        value: String,
+        /// What would be valid.
+        expected: Text,
+    },
+    /// A word that is not one of the possible ones.
+    Choice {
+        /// As it stands in the file.
+        value: String,
+        /// The possible word that is spelt most nearly so.
+        nearest: Option<&'static str>,
+        /// The possible words.
+        choices: &'static [&'static str],
+    },
+    /// A formula that is none.
+    Formula {
+        /// The column in its line, characters from 1.
+        column: usize,
+        /// What is wrong.
+        reason: String,
+        /// The line, and carets below what is meant.
+        picture: String,
+    },
+    /// Two keys that exclude each other.
+    Conflict {
+        /// The other key.
+        other: String,
+    },
+    /// A value that is well formed but leads to an error: a mesh that is open, parts that are no body.
+    Cause {
+        /// As it stands in the file.
+        value: String,
+        /// The error.
+        cause: Box<crate::error::Error>,
+    },
+    /// A row with too few or too many fields.
+    RowLength {
+        /// Fields found.
+        found: usize,
+        /// Fields of the header.
+        expected: usize,
+    },
+    /// A body made from this key is not valid.
+    Body {
+        /// Index of the body, from 0.
+        body: usize,
+        /// Name of the field.
+        field: Text,
+        /// The value found.
+        value: f64,
+        /// What would be valid.
+        expected: Text,
+    },
+}
+
+impl InputFault {
+    /// A name that is not among those known.
+    pub(crate) fn unknown(name: &str, known: &[&str]) -> Self {
+        let known_names = known.iter().map(|&name| name.to_owned()).collect();
+        InputFault::Unknown { nearest: nearest(name, known).map(str::to_owned), known: known_names }
+    }
+}
+
+/// A suggestion in brackets, or nothing.
+fn suggestion(nearest: Option<&str>) -> String {
+    nearest.map(|name| format!("did you mean {name}? ")).unwrap_or_default()
+}
+
+impl std::fmt::Display for InputError {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(formatter, "{}:{}: ", self.file.display(), self.line)?;
+        let key = &self.key;
+        match &self.fault {
+            InputFault::Syntax { reason } if key.is_empty() => formatter.write_str(reason),
+            InputFault::Syntax { reason } => write!(formatter, "{key}: {reason}"),
+            InputFault::Unknown { nearest, known } => {
+                write!(
+                    formatter,
+                    "{key} is not known: {}known here: {}",
+                    suggestion(nearest.as_deref()),
+                    known.join(", ")
+                )
+            }
+            InputFault::Missing { expected } => write!(formatter, "{key} is missing: {expected}"),
+            InputFault::Value { value, expected } => write!(formatter, "{key} = {value}: {expected}"),
+            InputFault::Choice { value, nearest, choices } => {
+                write!(formatter, "{key} = {value}: {}possible: {}", suggestion(*nearest), choices.join(", "))
+            }
+            InputFault::Formula { column, reason, .. } => write!(formatter, "{key}: column {column}: {reason}"),
+            InputFault::Conflict { other } => write!(formatter, "{key} excludes {other}: give one of them"),
+            InputFault::Cause { value, cause } => write!(formatter, "{key} = {value}: {cause}"),
+            InputFault::RowLength { found, expected } => {
+                write!(formatter, "the row has {found} fields: expected {expected}, one a column of the header")
+            }
+            InputFault::Body { body, field, value, expected } => {
+                write!(formatter, "{key}: body {body}: {field} = {value:?}: {expected}")
+            }
+        }
+    }
+}
+
+impl std::error::Error for InputError {}
+
+/// The name among `known` that differs least from `name`, if it differs by little.
+pub(crate) fn nearest<'k>(name: &str, known: &[&'k str]) -> Option<&'k str> {
+    let distance = |candidate: &str| strsim::damerau_levenshtein(name, candidate);
+    let best = known.iter().copied().min_by_key(|candidate| distance(candidate))?;
+    // A third of the letters may be wrong; beyond that a suggestion confuses more than it helps.
+    (distance(best) * 3 <= best.len().max(3)).then_some(best)
+}

@@ -1,0 +1,465 @@
+//! The one error type.
+
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+
+mod arithmetic;
+mod inertia;
+#[cfg(feature = "study")]
+mod input;
+mod mesh;
+#[cfg(feature = "bench")]
+mod rows;
+
+pub use arithmetic::ArithmeticFault;
+pub use inertia::{InertiaDefect, TRIANGLE_TOLERANCE};
+#[cfg(feature = "study")]
+pub(crate) use input::nearest;
+#[cfg(feature = "study")]
+pub use input::{InputError, InputFault};
+pub use mesh::MeshDefect;
+#[cfg(feature = "mesh")]
+pub use mesh::{FlatArrangement, MeshFileProblem};
+#[cfg(feature = "bench")]
+pub use rows::RowFault;
+
+/// Text that is static or formed at run time.
+pub type Text = Cow<'static, str>;
+
+/// What was to be done with a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FileAction {
+    /// To read it.
+    Read,
+    /// To create it.
+    Create,
+    /// To write to it.
+    Write,
+}
+
+impl std::fmt::Display for FileAction {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(match self {
+            FileAction::Read => "read",
+            FileAction::Create => "created",
+            FileAction::Write => "written",
+        })
+    }
+}
+
+/// Why something could not be done. Every variant names what was found and what would be valid.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A value of one body is not valid.
+    #[error("body {body}: {field} = {value:?}: {expected}")]
+    Body {
+        /// Index of the body, from 0.
+        body: usize,
+        /// Name of the field.
+        field: &'static str,
+        /// The value found.
+        value: f64,
+        /// What would be valid.
+        expected: &'static str,
+    },
+    /// A setting is not valid.
+    #[error("{field} = {value:?}: {expected}")]
+    Setting {
+        /// Name of the setting.
+        field: &'static str,
+        /// The value found.
+        value: f64,
+        /// What would be valid.
+        expected: &'static str,
+    },
+    /// A parameter of a torque is not valid.
+    #[error("torque {} ({model}){}: {field} = {value}: {expected}", torque + 1, of_body(*body))]
+    Torque {
+        /// Index of the torque in its scene, from 0.
+        torque: usize,
+        /// The model's name.
+        model: Text,
+        /// Index of the body, from 0, where the parameter is a column.
+        body: Option<usize>,
+        /// Name of the parameter.
+        field: Text,
+        /// The value found.
+        value: f64,
+        /// What would be valid.
+        expected: Text,
+    },
+    /// A torque does not go with another of its scene.
+    #[error("torque {} ({model}): {expected}", torque + 1)]
+    TorquePair {
+        /// Index of the later torque in its scene, from 0.
+        torque: usize,
+        /// The model's name.
+        model: Text,
+        /// What would be valid.
+        expected: Text,
+    },
+    /// A parameter of a force is not valid.
+    #[error("force {} ({model}){}: {field} = {value}: {expected}", force + 1, of_body(*body))]
+    Force {
+        /// Index of the force in its scene, from 0.
+        force: usize,
+        /// The force's name.
+        model: Text,
+        /// Index of the body, from 0, where the parameter is a column.
+        body: Option<usize>,
+        /// Name of the parameter.
+        field: Text,
+        /// The value found.
+        value: f64,
+        /// What would be valid.
+        expected: Text,
+    },
+    /// Projection onto what a free body conserves is asked of something else.
+    #[error("projection of {method}: {expected}")]
+    Projection {
+        /// The integrator.
+        method: crate::kernel::method::Method,
+        /// What would be valid.
+        expected: &'static str,
+    },
+    /// An integrator of rigid bodies is asked to follow one whose axes do not turn at I⁻¹ m with the moments of the start.
+    #[error("torque {} ({model}): {method} integrates rigid bodies only; take rk4, rk8 or cf4", torque + 1)]
+    RigidOnly {
+        /// Index of the torque in its scene, from 0.
+        torque: usize,
+        /// The model's name.
+        model: Text,
+        /// The integrator.
+        method: crate::kernel::method::Method,
+    },
+    /// A method is asked for what it cannot do.
+    #[error("{method}: {expected}")]
+    MethodUnavailable {
+        /// The integrator.
+        method: crate::kernel::method::Method,
+        /// What would be valid.
+        expected: Text,
+    },
+    /// Columns that belong together differ in length.
+    #[error("column {column} has {found} rows: expected {expected}, one a body")]
+    ColumnLength {
+        /// Name of the column.
+        column: Text,
+        /// Rows found.
+        found: usize,
+        /// Rows needed.
+        expected: usize,
+    },
+    /// More bodies than there is memory for.
+    #[error("{bodies} bodies: {purpose} needs {needed} bytes, {available} are free; take fewer bodies, or f32")]
+    TooManyBodies {
+        /// Number of bodies asked for.
+        bodies: usize,
+        /// What the memory is for.
+        purpose: &'static str,
+        /// Bytes needed.
+        needed: u64,
+        /// Bytes free.
+        available: u64,
+    },
+    /// More output than the disk has space for.
+    #[error(
+        "{}: {rows} rows need {needed} bytes or more, {available} are free: write fewer snapshots, or statistics alone",
+        path.display()
+    )]
+    DiskSpace {
+        /// The output folder.
+        path: PathBuf,
+        /// Rows of all tables.
+        rows: u64,
+        /// Bytes that they need at the least.
+        needed: u64,
+        /// Bytes that are free.
+        available: u64,
+    },
+    /// A force acts on bodies that have no mass.
+    #[error("a force needs masses: give the bodies mass, position and velocity (kg, m, m/s)")]
+    MissingMass,
+    /// A plan was made for another scene.
+    #[cfg(feature = "study")]
+    #[error(
+        "{}: {field} is {planned} in the plan, {found} in the study: {remedy}",
+        path.display()
+    )]
+    PlanMismatch {
+        /// The plan's file.
+        path: PathBuf,
+        /// What differs.
+        field: &'static str,
+        /// What the plan holds.
+        planned: Box<str>,
+        /// What the study has.
+        found: Box<str>,
+        /// What would do.
+        remedy: &'static str,
+    },
+    /// A file is no plan of this release.
+    #[cfg(feature = "study")]
+    #[error("{}:{line}: {reason}: expected a plan.json that a run of this release has left", path.display())]
+    PlanFormat {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The driver gave less device memory than the bodies need.
+    #[error("{bodies} bodies: {adapter} has no {needed} bytes free; take fewer bodies, f32, or the CPU engine")]
+    DeviceMemory {
+        /// Name of the adapter.
+        adapter: String,
+        /// Number of bodies asked for.
+        bodies: usize,
+        /// Bytes needed on the device.
+        needed: u64,
+    },
+    /// The adapter computes, but not as the kernels need it; found by the probe at start-up.
+    #[error("{adapter} cannot be used in {precision}: {fault}; take another precision, or the CPU engine")]
+    Arithmetic {
+        /// Name of the adapter.
+        adapter: String,
+        /// The precision that the fault concerns.
+        precision: crate::math::Precision,
+        /// What the adapter gets wrong.
+        fault: crate::error::ArithmeticFault,
+    },
+    /// The adapter has no arithmetic of the precision asked for.
+    #[error("{adapter} has no {precision}: take precision f32, or the CPU engine, which has both")]
+    PrecisionUnavailable {
+        /// Name of the adapter.
+        adapter: String,
+        /// The precision asked for.
+        precision: crate::math::Precision,
+    },
+    /// No method, step and precision that the engine has meets the accuracy asked for.
+    #[error(
+        "out of reach: {target}: the best here ({method} in {precision}) {}: {remedy}", miss(missed.name(), *factor)
+    )]
+    AccuracyOutOfReach {
+        /// What is asked for.
+        target: Box<crate::scene::Accuracy>,
+        /// Of what the error is missed most.
+        missed: crate::scene::Target,
+        /// What the best candidate came to there, as a multiple of what is asked for; above 1, and infinite where none came to the end in the
+        /// steps that planning may take.
+        factor: f64,
+        /// The name of that candidate.
+        method: &'static str,
+        /// Its arithmetic.
+        precision: crate::math::Precision,
+        /// What would reach it.
+        remedy: &'static str,
+    },
+    /// No adapter fits what was asked for.
+    #[error("no GPU adapter {wanted}: {found} found; `polhode devices` lists them, the CPU engine needs none")]
+    NoAdapter {
+        /// What was asked for.
+        wanted: String,
+        /// How many adapters there are.
+        found: usize,
+    },
+    /// The device refused to be opened or was lost.
+    #[error("device {adapter}: {reason}")]
+    Device {
+        /// Name of the adapter.
+        adapter: String,
+        /// The driver's words.
+        reason: String,
+    },
+    /// The device was lost, or gave no answer any more, while a run was under way.
+    #[error(
+        "device {adapter}: {reason}: {done} of {outputs} outputs of {bodies} bodies were done, of which nothing is kept: \
+         run again, on another adapter or on the CPU engine if it happens again"
+    )]
+    DeviceInRun {
+        /// Name of the adapter.
+        adapter: String,
+        /// The driver's words.
+        reason: String,
+        /// Outputs that were done.
+        done: usize,
+        /// Outputs of the run.
+        outputs: usize,
+        /// Bodies of the run.
+        bodies: usize,
+    },
+    /// An assembled shader is not valid; this is a bug of ours.
+    #[error("{file}:{line}: {message}")]
+    Shader {
+        /// The shader file under `shaders/`.
+        file: &'static str,
+        /// The line in that file, from 1.
+        line: usize,
+        /// The compiler's words.
+        message: String,
+    },
+    /// The text that a patch is to replace does not occur in its shader file.
+    #[error("{file}: the text to be replaced does not occur: {text}")]
+    Patch {
+        /// The shader file under `shaders/`.
+        file: &'static str,
+        /// The text looked for.
+        text: String,
+    },
+    /// A study file or a table of bodies is not valid.
+    #[cfg(feature = "study")]
+    #[error(transparent)]
+    Input(Box<crate::error::InputError>),
+    /// A file or folder could not be read or written.
+    #[error("{}: cannot be {action}: {}", path.display(), file_reason(*kind, reason))]
+    File {
+        /// The file or folder.
+        path: PathBuf,
+        /// What was attempted.
+        action: FileAction,
+        /// The kind of failure.
+        kind: std::io::ErrorKind,
+        /// The system's words.
+        reason: String,
+    },
+    /// A folder for output already holds something.
+    #[error("{}: the output folder is not empty: name another with --out, or replace its results with --force", path.display())]
+    FolderNotEmpty {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// Another run writes to a folder for output.
+    #[error("{}: another run writes there ({holder}): wait until it has ended, or name another folder with --out", path.display())]
+    FolderInUse {
+        /// The folder.
+        path: PathBuf,
+        /// The other run's process and when it began, as far as it says.
+        holder: String,
+    },
+    /// A value of one item of a list (a point, a part, a voxel) is not valid.
+    #[error("{item} {index}: {field} = {value}: {expected}")]
+    Item {
+        /// What the list is of.
+        item: &'static str,
+        /// Number of the item, from 0.
+        index: usize,
+        /// Name of the field.
+        field: &'static str,
+        /// The value found.
+        value: f64,
+        /// What would be valid.
+        expected: &'static str,
+    },
+    /// An inertia tensor is not that of a rigid body.
+    #[error("inertia tensor: {0}")]
+    Inertia(crate::error::InertiaDefect),
+    /// A triangle mesh does not enclose a volume.
+    #[error("mesh: {0}")]
+    Mesh(crate::error::MeshDefect),
+    /// A mesh file could not be read.
+    #[cfg(feature = "mesh")]
+    #[error("{}: {problem}", path.display())]
+    MeshFile {
+        /// The file.
+        path: std::path::PathBuf,
+        /// What is wrong with it.
+        problem: crate::error::MeshFileProblem,
+    },
+    /// A file of benchmark rows is not as this version writes it.
+    #[cfg(feature = "bench")]
+    #[error("{}: {fault}", path.display())]
+    Rows {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        fault: crate::error::RowFault,
+    },
+    /// Points have no convex hull with a volume.
+    #[cfg(feature = "mesh")]
+    #[error("convex hull: the {points} points {arrangement}: expected four points that do not lie in a plane")]
+    FlatHull {
+        /// Number of points given.
+        points: usize,
+        /// How they lie.
+        arrangement: crate::error::FlatArrangement,
+    },
+    /// A quadrature ended at its limit before it was accurate enough.
+    #[error(
+        "quadrature of the density: relative error {relative_error:e} after {evaluations} evaluations, \
+         {relative_tolerance:e} was asked for; raise the limit, or put jumps of the density on faces of the box"
+    )]
+    Quadrature {
+        /// Evaluations done.
+        evaluations: usize,
+        /// The estimated relative error reached.
+        relative_error: f64,
+        /// The relative error asked for.
+        relative_tolerance: f64,
+    },
+    /// The caller asked to stop.
+    #[error("stopped after {steps} steps")]
+    Interrupted {
+        /// Steps done of the current interval.
+        steps: u64,
+    },
+}
+
+impl Error {
+    /// The error of a failed `action` on `path`.
+    pub fn file(path: &Path, action: FileAction, error: &std::io::Error) -> Self {
+        Error::File { path: path.to_owned(), action, kind: error.kind(), reason: error.to_string() }
+    }
+
+    /// Whether what was asked for is wrong, rather than that something failed while running.
+    pub fn is_input(&self) -> bool {
+        match self {
+            Error::Device { .. } | Error::DeviceInRun { .. } | Error::Shader { .. } | Error::Interrupted { .. } => {
+                false
+            }
+            Error::File { action, .. } => *action != FileAction::Write,
+            _ => true,
+        }
+    }
+}
+
+#[cfg(feature = "study")]
+impl From<crate::error::InputError> for Error {
+    fn from(error: crate::error::InputError) -> Self {
+        Error::Input(Box::new(error))
+    }
+}
+
+/// The system's message, followed by a remedy where one is known.
+fn file_reason(kind: std::io::ErrorKind, reason: &str) -> String {
+    match kind {
+        std::io::ErrorKind::StorageFull => format!("{reason}; free some space, or write fewer snapshots"),
+        _ => reason.to_owned(),
+    }
+}
+
+/// How a target is missed by the best candidate.
+fn miss(missed: &str, factor: f64) -> String {
+    if factor.is_infinite() {
+        return "loses bodies, or does not reach the end within the steps that planning may take".to_owned();
+    }
+    format!("misses the {missed} by a factor of {}", rough(factor))
+}
+
+/// A factor above 1, rounded for a message.
+fn rough(factor: f64) -> String {
+    match factor {
+        ..1.1 => format!("{:.3}", factor.max(1.001)),
+        ..100.0 => format!("{factor:.1}"),
+        _ => format!("{factor:.1e}"),
+    }
+}
+
+/// The body of a column's value, as part of a message.
+fn of_body(body: Option<usize>) -> String {
+    body.map_or_else(String::new, |body| format!(", body {body}"))
+}
+
+/// `Result` with this crate's [`Error`].
+pub type Result<T, E = Error> = std::result::Result<T, E>;

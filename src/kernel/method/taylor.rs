@@ -1,0 +1,253 @@
+//! `taylor`: Taylor series of the motion, with an order that follows from the tolerance and steps that fit each body in time.
+//!
+//! All coefficients of (q, m) up to an order K are formed from the equations of motion themselves
+//! (`src/expression/jet`), whatever torques act: q(t + h) = Σ q_k hᵏ, and m likewise. Adaptive steps only, in `f64`, on the CPU.
+//!
+//! ```text
+//! K = ⌈−½ ln tol + 1⌉ + 3, at most 30
+//! 1/h = max((‖x_K‖/tol)^(1/K), (‖x_{K−1}‖/tol)^(1/(K−1))) exp(0.7/(K − 1))
+//! ```
+//!
+//! (À. Jorba, M. Zou, *A software package for the numerical integration of ODEs by means of high-order Taylor methods*, Experimental
+//! Mathematics 14 (2005) 99, equations 11 and 13 and section 3.2.) The norm is the largest component, of m relative to |m|, so that the
+//! tolerance means what it does for adaptive `rk8`: the error of a step. No step is refused.
+//!
+//! # Where no torque asks for the attitude
+//!
+//! Then m' = f(m, t) is a system of three, and q' = ½ q ω is linear with a known polynomial ω(t). Let q(t + τ) = q(t) u(τ; t), u₀ = 1,
+//! u_{k+1} = ½ Σ_j u_j ω_{k−j} / (k + 1). With β₀ = 1, β_k = β_{k−1} (N − k + 1)/(2N − k + 1) and
+//! S(h; t) = Σ_{k=0}^{N} β_k hᵏ u_k(t),
+//!
+//! ```text
+//! q(t₁) S(−h; t₁) = q(t₀) S(h; t₀)
+//! ```
+//!
+//! up to ((N!)²/((2N)! (2N + 1)!)) h^{2N+1} q^{(2N+1)}: order 2N from N coefficients at either end (the two-point formula of C. Hermite and
+//! N. Obreshkov; E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*, 2nd ed. (1993), section II.13,
+//! equation 13.13). The series at t₁ serve the next step as well. N = ⌊(K − 1)/2⌋, and h is the lesser of the step above, for m, and of
+//! that which keeps this error at the tolerance. The derivative of order 2N + 1 is bounded by that of v with v' = ½ |ω| v, whose coefficients
+//! follow from the norms of ω's (a majorant: Moore, chapter 11): u_N alone says nothing of a body that is spun up within the step.
+//! A step that ends where something changes its sign has no later series: those at t₁ are then the polynomials ω(t) of the step itself,
+//! expanded there.
+//!
+//! # Where torques ask for directions alone
+//!
+//! A torque that asks for vectors of the world in body axes, d = Rᵀ v, and for nothing else of the attitude (a heavy top, a gravity
+//! gradient, a dipole in a field) makes m and these a system of their own: d' = d × ω, and for a vector that turns evenly in the world a pair
+//! that obeys u' = u × ω + n w, w' = w × ω − n u. The attitude follows as above. Each interval between outputs starts from the d of its own
+//! attitude. It is taken where it is less work ([`crate::torque`], `motion.rs`).
+//!
+//! # Differences from the source
+//!
+//! The order is three above Jorba and Zou's, as what is linear costs an order but once. Tolerances are relative. Where something that
+//! decides, the lesser of two numbers or a truth value, would change within a step, the step ends there; two changes within one
+//! step may cancel and go unnoticed. A square root of 0 has no series: the step from there is short. A body that would need a step below the
+//! limit, or whose coefficients are no numbers any more, is flagged ([`crate::bodies::Status::StepBelowLimit`]) and left as it stands.
+//!
+//! It conserves nothing exactly; the drift of energy and angular momentum is that of the error. The quaternion's norm is restored as in `rk8`.
+
+use crate::math::clock::MOST_LANES;
+use crate::math::lanes::Each;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::{Real, Scalar};
+use crate::math::vector::Vector;
+
+/// The highest order.
+pub const MOST_ORDER: usize = 30;
+
+/// Orders above those of the source.
+const ORDERS_ABOVE: usize = 3;
+
+/// The order for a tolerance.
+pub fn order_of(tolerance: f64) -> usize {
+    let least = (1.0 - 0.5 * tolerance.ln()).ceil().max(2.0) as usize;
+    (least + ORDERS_ABOVE).min(MOST_ORDER)
+}
+
+/// N, the order of the series on which the attitude follows from ω: with one more its error would be far below that of m.
+pub(crate) fn half_order_of(order: usize) -> usize {
+    (order - 1) / 2
+}
+
+/// How long steps are at an order and a tolerance. Logarithms are to the base 2, and rough: a step may be off by a part in 500.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct StepLength {
+    /// 1/K and 1/(K − 1).
+    roots: [f64; 2],
+    /// What is added to the logarithm of either norm.
+    shifts: [f64; 2],
+    safety: f64,
+}
+
+impl StepLength {
+    pub fn new(order: usize, tolerance: f64) -> Self {
+        let order = order as f64;
+        Self {
+            roots: [order.recip(), (order - 1.0).recip()],
+            shifts: [-tolerance.log2(); 2],
+            safety: 0.7 * std::f64::consts::LOG2_E / (order - 1.0),
+        }
+    }
+
+    /// log₂ 1/h by the norms of the coefficients of the order and of the one below, which are finite.
+    #[inline(always)]
+    pub fn inverse_logarithm<R: Real>(&self, last: R, last_but_one: R) -> R {
+        let first = (rough_logarithm(last) + R::splat(self.shifts[0])) * R::splat(self.roots[0]);
+        let second = (rough_logarithm(last_but_one) + R::splat(self.shifts[1])) * R::splat(self.roots[1]);
+        first.max(second) + R::splat(self.safety)
+    }
+}
+
+/// log₂ x of each lane to 0.01; of zero, −1022.
+#[inline(always)]
+fn rough_logarithm<R: Real>(x: R) -> R {
+    let mut lanes = [R::Scalar::default(); MOST_LANES];
+    x.store(&mut lanes);
+    for lane in &mut lanes[..R::LANES] {
+        let bits = lane.to_f64().to_bits();
+        let exponent = ((bits >> 52) & 0x7ff) as f64 - 1023.0;
+        let mantissa = f64::from_bits((bits & ((1 << 52) - 1)) | (1023 << 52));
+        // The parabola through log₂ at 1 and 2 that is least wrong between.
+        let logarithm = mantissa.mul_add(mantissa.mul_add(-1.0 / 3.0, 2.0), -5.0 / 3.0);
+        *lane = R::Scalar::from_f64(exponent + logarithm);
+    }
+    R::load(&lanes)
+}
+
+/// A step from log₂ 1/h, to a part in 500.
+#[inline(always)]
+pub(crate) fn step_of<R: Real>(inverse_logarithm: R) -> R {
+    let mut lanes = [R::Scalar::default(); MOST_LANES];
+    inverse_logarithm.store(&mut lanes);
+    for lane in &mut lanes[..R::LANES] {
+        let logarithm = 1000.0 - lane.to_f64().clamp(-900.0, 900.0);
+        let whole = logarithm as u64;
+        let part = logarithm - whole as f64;
+        let power = f64::from_bits((whole + 23) << 52);
+        *lane = R::Scalar::from_f64(power * part.mul_add(part.mul_add(0.3435, 0.6565), 1.0));
+    }
+    R::load(&lanes)
+}
+
+/// The most coefficients of [`TwoSided`].
+pub(crate) const MOST_HALF_ORDER: usize = MOST_ORDER.div_ceil(2);
+
+/// ½/(k + 1).
+const HALVES: [f64; 2 * MOST_HALF_ORDER + 1] = {
+    let mut halves = [0.5; 2 * MOST_HALF_ORDER + 1];
+    let mut k = 1;
+    while k < halves.len() {
+        halves[k] = 0.5 / (k + 1) as f64;
+        k += 1;
+    }
+    halves
+};
+
+/// The two-sided formula for the attitude.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct TwoSided {
+    /// N.
+    pub half_order: usize,
+    weights: [f64; MOST_HALF_ORDER + 1],
+    /// By the coefficients of order 2N + 1 and 2N of a majorant of u.
+    pub length: StepLength,
+}
+
+impl TwoSided {
+    pub fn new(half_order: usize, tolerance: f64) -> Self {
+        let n = half_order as f64;
+        let mut weights = [1.0; MOST_HALF_ORDER + 1];
+        for k in 1..=half_order {
+            let below = k as f64 - 1.0;
+            weights[k] = weights[k - 1] * (n - below) / (2.0 * n - below);
+        }
+        let whole = 2 * half_order + 1;
+        let factorial = |n: usize| (1..=n).map(|k| (k as f64).log2()).sum::<f64>();
+        let constant = 2.0 * factorial(half_order) - factorial(2 * half_order) - tolerance.log2();
+        let length = StepLength {
+            roots: [(whole as f64).recip(), (whole as f64 - 1.0).recip()],
+            // The terms of an exponential grow by some 2/(2N + 1) from the one to the other where the step is as long as it may be.
+            shifts: [constant, constant - (0.5 * whole as f64).log2()],
+            safety: 0.0,
+        };
+        Self { half_order, weights, length }
+    }
+
+    /// The coefficients of order 2N + 1 and 2N of v with v' = ½ |ω| v, v₀ = 1, which bound those of u; of the norms of ω's first
+    /// 2N + 1 coefficients. `v` has room for one more. Lane groups side by side do not wait for their own sums.
+    #[inline(always)]
+    pub fn majorant<R: Real, const G: usize>(norms: &[Each<R, G>], v: &mut [Each<R, G>]) -> [Each<R, G>; 2] {
+        v[0] = Each([R::splat(1.0); G]);
+        for k in 0..norms.len() {
+            let (mut even, mut odd) = (Each::<R, G>::zero(), Each::<R, G>::zero());
+            // v_j against the norm k − j, from j = 0 in pairs: one after the other in one direction and in the other.
+            for (v, norm) in v[..=k].chunks_exact(2).zip(norms[..=k].rchunks_exact(2)) {
+                for g in 0..G {
+                    even[g] = v[0][g].mul_add(norm[1][g], even[g]);
+                    odd[g] = v[1][g].mul_add(norm[0][g], odd[g]);
+                }
+            }
+            let half = R::splat(HALVES[k]);
+            for g in 0..G {
+                if k.is_multiple_of(2) {
+                    even[g] = v[k][g].mul_add(norms[0][g], even[g]);
+                }
+                v[k + 1][g] = (even[g] + odd[g]) * half;
+            }
+        }
+        [v[norms.len()], v[norms.len().saturating_sub(1)]]
+    }
+
+    /// S(h; t) and S(−h'; t) of the series u at t.
+    #[inline(always)]
+    pub fn sums<R: Real>(&self, u: &[Each<Quaternion<R>, 1>], forwards: R, backwards: R) -> [Quaternion<R>; 2] {
+        let zero = R::splat(0.0);
+        let mut sums = [Quaternion::new(zero, zero, zero, zero); 2];
+        for (u, weight) in u.iter().zip(&self.weights).rev() {
+            let term = u[0] * R::splat(*weight);
+            sums[0] = sums[0].axpy(forwards, term);
+            sums[1] = sums[1].axpy(-backwards, term);
+        }
+        sums
+    }
+}
+
+/// Forms the series of u with u' = ½ u ω, u₀ = 1, from the coefficients of ω.
+#[inline(always)]
+pub(crate) fn form_relative_attitude<R: Real>(omega: impl Coefficients<R>, u: &mut [Each<Quaternion<R>, 1>]) {
+    let (zero, one) = (R::splat(0.0), R::splat(1.0));
+    let none = Quaternion::new(zero, zero, zero, zero);
+    u[0] = Each([Quaternion::new(zero, zero, zero, one)]);
+    // u₀ = 1.
+    for k in 0..u.len() - 1 {
+        let first = omega.at(k);
+        let [mut even, mut odd] = [Quaternion::new(first.x, first.y, first.z, zero), none];
+        let mut j = 1;
+        while j < k {
+            odd = added_product(odd, u[j][0], omega.at(k - j));
+            even = added_product(even, u[j + 1][0], omega.at(k - j - 1));
+            j += 2;
+        }
+        if j == k {
+            odd = added_product(odd, u[k][0], omega.at(0));
+        }
+        u[k + 1] = Each([(even + odd) * R::splat(HALVES[k])]);
+    }
+}
+
+/// `sum` and Hamilton's product q (v, 0).
+#[inline(always)]
+fn added_product<R: Real>(sum: Quaternion<R>, q: Quaternion<R>, v: Vector<R>) -> Quaternion<R> {
+    Quaternion::new(
+        q.w.mul_add(v.x, q.y.mul_add(v.z, (-q.z).mul_add(v.y, sum.x))),
+        q.w.mul_add(v.y, q.z.mul_add(v.x, (-q.x).mul_add(v.z, sum.y))),
+        q.w.mul_add(v.z, q.x.mul_add(v.y, (-q.y).mul_add(v.x, sum.z))),
+        (-q.x).mul_add(v.x, (-q.y).mul_add(v.y, (-q.z).mul_add(v.z, sum.w))),
+    )
+}
+
+/// Coefficients of the angular velocity.
+pub(crate) trait Coefficients<R> {
+    /// Coefficient k. Must be `#[inline(always)]`.
+    fn at(&self, order: usize) -> Vector<R>;
+}

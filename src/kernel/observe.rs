@@ -1,0 +1,429 @@
+//! Statistics of an ensemble: a quantity of each body, reduced to count, mean, spread and extremes.
+//!
+//! Twin: `shaders/observe.wgsl`, of which [`Kernel`] holds what depends on the precision (`shaders/observe_f32.wgsl` and
+//! `shaders/observe_f64.wgsl`).
+//!
+//! # How a mean over bodies of any scale is formed
+//!
+//! Each body is measured in units of its own ([`crate::engine::batch`]), so that energies of one ensemble may lie 2²⁷⁹ and more apart.
+//! A quantity is therefore a mantissa and an exponent of two, and so are sums of it: [`Partial`] holds mean and sum of squared
+//! deviations as multiples of the power of two of its greatest member, and what lies beyond the precision below that one
+//! is nothing beside it. Extremes are compared by exponent first, so that the least is as accurate as the greatest.
+//!
+//! Partial results are merged in pairs by the update of Chan, Golub and LeVeque (*Algorithms for computing the sample
+//! variance*, The American Statistician 37, 1983, equation 2.1), which forms no difference of large sums; the mean is
+//! carried in two words in `f32`. Each of 64 lanes of a workgroup merges 16 bodies, one after the other; then the lanes are merged as
+//! a tree; then the workgroups, in a fixed order, by one workgroup a chunk; then the chunks, in `f64`, on the host. The result does not depend on threads.
+//!
+//! # Error
+//!
+//! With u half an ulp of 1, a quantity of one body is off by at most [`VALUE_ROUNDINGS`] u of itself. A merge adds at most
+//! [`MERGE_ROUNDINGS`] u of the mean (all quantities are positive or zero, so that a share of the difference of two means is no
+//! more than the mean of both), and no body passes through more than [`MERGES`] of them. So the mean is within
+//! [`error_bound`] of itself. The standard deviation is a seminorm of the values: it is within [`error_bound`] of the root
+//! mean square.
+
+use crate::bodies::BodyFrame;
+use crate::bodies::columns::STRIDE_UNIT;
+use crate::math::Precision;
+use crate::math::power_of_two::{binary_exponent, scaled_by_power_of_two};
+use crate::math::real::{Real, Scalar};
+use crate::math::vector::Vector;
+
+mod statistic;
+
+pub use statistic::Statistic;
+
+/// Roundings that a quantity of one body takes: seven of words and products of a squared component, halved by the root or
+/// not, and nine of the root itself, for which Vulkan allows 4.5 ulp in 32 bits.
+pub const VALUE_ROUNDINGS: u32 = 16;
+
+/// Roundings that a merge of two means takes: three of the difference, three of its share (Vulkan's division is within 2.5
+/// ulp) and the product.
+pub const MERGE_ROUNDINGS: u32 = 7;
+
+/// Merges on a body's way to the total: sixteen in its lane, six in its workgroup, at most sixteen and six in its chunk (of a
+/// million bodies), and those of the chunks in `f64`, which add nothing.
+pub const MERGES: u32 = 16 + 6 + 16 + 6;
+
+/// How far statistics that are formed where the states are may be from those of the same states in exact arithmetic: the
+/// mean, relative to itself; the standard deviation, relative to the root mean square; extremes, relative to themselves.
+pub fn error_bound(precision: Precision) -> f64 {
+    let roundings = f64::from(VALUE_ROUNDINGS + MERGE_ROUNDINGS * MERGES);
+    roundings
+        * match precision {
+            Precision::F32 => f32::UNIT_ROUNDOFF,
+            Precision::F64 => f64::UNIT_ROUNDOFF,
+        }
+}
+
+/// Lanes of a workgroup, whose results are merged as a tree.
+pub(crate) const WORKGROUP: usize = STRIDE_UNIT;
+
+/// Bodies that a lane merges before that.
+const BODIES_PER_LANE: usize = 16;
+
+/// Bodies of a workgroup.
+pub(crate) const GROUP_BODIES: usize = WORKGROUP * BODIES_PER_LANE;
+
+/// Columns before those of the scales: 1/I₁, 1/I₂, 1/I₃, and the spin rate beyond which a body is marked.
+pub(crate) const SCALE_COLUMN: usize = 4;
+
+/// mantissa · 2^exponent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scaled<T> {
+    /// The mantissa.
+    pub mantissa: T,
+    /// The exponent of two.
+    pub exponent: i32,
+}
+
+/// The exponent of zero, below all others.
+pub(crate) const ZERO_EXPONENT: i32 = -16384;
+
+/// What the kernels must know of a precision.
+pub trait Kernel: Scalar {
+    /// A unit of 2^`exponent` as a column holds it; `common` is the greatest of its column.
+    fn scale(exponent: i32, common: i32) -> Self;
+    /// What the exponents of a column are relative to.
+    fn offset(common: i32) -> i32;
+    /// `x` in units of `scale` and of 2^`exponent`.
+    fn normalised(x: Self, scale: Self, exponent: i32) -> Scaled<Self>;
+    /// The exponent of the power of two that brings `x` near 1.
+    fn exponent_of(x: Self) -> i32;
+    /// 2^n; 0 where that is below the precision's range.
+    fn power_of_two(n: i32) -> Self;
+}
+
+/// Mantissas in [1, 2), exponents of any size.
+impl Kernel for f32 {
+    fn scale(exponent: i32, _: i32) -> Self {
+        exponent as Self
+    }
+    fn offset(_: i32) -> i32 {
+        0
+    }
+    fn normalised(x: Self, scale: Self, exponent: i32) -> Scaled<Self> {
+        let field = (x.to_bits() >> 23) & 0xff;
+        if field == 0 {
+            return Scaled { mantissa: 0.0, exponent: ZERO_EXPONENT };
+        }
+        Scaled {
+            mantissa: Self::from_bits((x.to_bits() & 0x007f_ffff) | 0x3f80_0000),
+            exponent: field as i32 - 127 + exponent + scale as i32,
+        }
+    }
+    fn exponent_of(x: Self) -> i32 {
+        let field = (x.to_bits() >> 23) & 0xff;
+        (field as i32 - 127).clamp(-126, 126)
+    }
+    fn power_of_two(n: i32) -> Self {
+        if n < -126 { 0.0 } else { Self::from_bits(((n + 127) as u32) << 23) }
+    }
+}
+
+/// An `f64` reaches from the least scale to the greatest, so that all exponents of a column are one.
+impl Kernel for f64 {
+    fn scale(exponent: i32, common: i32) -> Self {
+        scaled_by_power_of_two(1.0, exponent - common)
+    }
+    fn offset(common: i32) -> i32 {
+        common
+    }
+    fn normalised(x: Self, scale: Self, _: i32) -> Scaled<Self> {
+        Scaled { mantissa: x * scale, exponent: 0 }
+    }
+    fn exponent_of(_: Self) -> i32 {
+        0
+    }
+    fn power_of_two(n: i32) -> Self {
+        if n < -1022 { 0.0 } else { Self::from_bits(((n + 1023) as u64) << 52) }
+    }
+}
+
+/// What the kernels read beside the state, by column.
+pub(crate) struct Columns<T> {
+    pub stride: usize,
+    pub columns: Vec<T>,
+    /// What the exponents of each statistic are relative to.
+    pub offsets: Vec<i32>,
+}
+
+/// Bytes that [`Columns`] take for one body, at most.
+pub(crate) fn bytes_per_body(statistics: usize) -> usize {
+    (SCALE_COLUMN + statistics) * size_of::<f64>()
+}
+
+impl<T: Kernel> Columns<T> {
+    /// The columns of bodies with these frames; a body that spins faster than `fastest` rad/s is marked.
+    pub fn new(statistics: &[Statistic], frames: &[BodyFrame], fastest: f64) -> Self {
+        let stride = frames.len().next_multiple_of(STRIDE_UNIT);
+        let mut columns = vec![T::default(); (SCALE_COLUMN + statistics.len()) * stride];
+        for (row, frame) in frames.iter().enumerate() {
+            let inverse = frame.scaled_moments.recip();
+            // A linear rotor has no spin about its axis, and what a method makes of it does not count.
+            let inverse = if frame.is_linear_rotor { inverse.with_x(0.0) } else { inverse };
+            for (axis, inverse) in inverse.to_array().into_iter().enumerate() {
+                columns[axis * stride + row] = T::from_f64(inverse);
+            }
+            // Beyond what any state that is a number reaches.
+            let limit = scaled_by_power_of_two(fastest, -frame.rate_exponent).min(1e30);
+            columns[3 * stride + row] = T::from_f64(limit);
+        }
+        let offset = |(index, statistic): (usize, &Statistic)| {
+            let common = frames.iter().map(|frame| statistic.exponent(frame)).max().unwrap_or(0);
+            for (row, frame) in frames.iter().enumerate() {
+                columns[(SCALE_COLUMN + index) * stride + row] = T::scale(statistic.exponent(frame), common);
+            }
+            T::offset(common)
+        };
+        let offsets = statistics.iter().enumerate().map(offset).collect();
+        Self { stride, columns, offsets }
+    }
+}
+
+/// A body's quantity at one end of the range.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Extreme<T> {
+    /// In [1, 2) where extremes of different exponents are compared.
+    pub mantissa: T,
+    /// The quantity is mantissa · 2^exponent.
+    pub exponent: i32,
+    /// Whose it is.
+    pub body: u32,
+}
+
+/// Statistics of some bodies: multiples of 2^`exponent`, or of its square.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Partial<T> {
+    /// Bodies that did not fail.
+    pub count: u32,
+    /// Bodies of those that are marked as spinning too fast.
+    pub faster: u32,
+    /// Of the unit of what follows.
+    pub exponent: i32,
+    /// The mean, in two words.
+    pub mean: T,
+    /// Its second word.
+    pub residue: T,
+    /// The sum of squared deviations from the mean.
+    pub squares: T,
+    /// The least; without bodies it means nothing.
+    pub least: Extreme<T>,
+    /// The greatest.
+    pub greatest: Extreme<T>,
+}
+
+impl<T: Kernel> Partial<T> {
+    /// Of no body.
+    pub(crate) fn none() -> Self {
+        let zero = T::default();
+        let extreme = Extreme { mantissa: zero, exponent: 0, body: 0 };
+        Self {
+            count: 0,
+            faster: 0,
+            exponent: 0,
+            mean: zero,
+            residue: zero,
+            squares: zero,
+            least: extreme,
+            greatest: extreme,
+        }
+    }
+
+    /// Of one body.
+    pub(crate) fn of_body(x: Scaled<T>, body: u32, faster: bool) -> Self {
+        let extreme = Extreme { mantissa: x.mantissa, exponent: x.exponent, body };
+        Self {
+            count: 1,
+            faster: u32::from(faster),
+            exponent: x.exponent,
+            mean: x.mantissa,
+            residue: T::default(),
+            squares: T::default(),
+            least: extreme,
+            greatest: extreme,
+        }
+    }
+}
+
+fn is_less<T: Kernel>(a: Extreme<T>, b: Extreme<T>) -> bool {
+    a.exponent < b.exponent || (a.exponent == b.exponent && a.mantissa < b.mantissa)
+}
+
+/// Of both; of equal extremes the first stays.
+pub(crate) fn merge<T: Kernel>(a: Partial<T>, b: Partial<T>) -> Partial<T> {
+    if b.count == 0 {
+        return a;
+    }
+    if a.count == 0 {
+        return b;
+    }
+    let exponent = a.exponent.max(b.exponent);
+    let a_scale = T::power_of_two(a.exponent - exponent);
+    let b_scale = T::power_of_two(b.exponent - exponent);
+    let number = |count: u32| T::from_f64(f64::from(count));
+    let share = number(b.count) / number(a.count + b.count);
+    let mean = a.mean * a_scale;
+    let residue = a.residue * a_scale;
+    let difference = (b.mean * b_scale - mean) + (b.residue * b_scale - residue);
+    let corrected = difference * share + residue;
+    let sum = mean + corrected;
+    let squares = (a.squares * a_scale) * a_scale + (b.squares * b_scale) * b_scale;
+    Partial {
+        count: a.count + b.count,
+        faster: a.faster + b.faster,
+        exponent,
+        mean: sum,
+        residue: corrected - (sum - mean),
+        squares: squares + difference * difference * (number(a.count) * share),
+        least: if is_less(b.least, a.least) { b.least } else { a.least },
+        greatest: if is_less(a.greatest, b.greatest) { b.greatest } else { a.greatest },
+    }
+}
+
+/// Of all, in the order of a workgroup's tree.
+pub(crate) fn merge_tree<T: Kernel>(mut partials: [Partial<T>; WORKGROUP]) -> Partial<T> {
+    let mut half = WORKGROUP / 2;
+    while half > 0 {
+        for lane in 0..half {
+            partials[lane] = merge(partials[lane], partials[lane + half]);
+        }
+        half /= 2;
+    }
+    partials[0]
+}
+
+/// The angular momentum without the spin that a method may give a linear rotor about its axis, whose inverse moment is zero
+/// here.
+#[inline(always)]
+pub(crate) fn without_axis<R: Real>(inverse_moments: Vector<R>, m: Vector<R>) -> Vector<R> {
+    let zero = R::splat(0.0);
+    Vector { x: R::select(zero.less_than(inverse_moments.x), m.x, zero), ..m }
+}
+
+/// The quantity of angular momentum `m` in a body's own scale.
+#[inline(always)]
+pub(crate) fn quantity<R: Real>(statistic: Statistic, inverse_moments: Vector<R>, m: Vector<R>) -> R {
+    let omega = inverse_moments.scaled_by(m);
+    match statistic {
+        Statistic::KineticEnergy => R::splat(0.5) * m.dot(omega),
+        Statistic::SpinRate => omega.dot(omega).sqrt(),
+        Statistic::AngularMomentum => m.dot(m).sqrt(),
+    }
+}
+
+/// The statistics of one workgroup, body by body as the shader forms them: `row` gives what there is to read of the
+/// workgroup's bodies, or nothing where there is no sound body.
+pub(crate) fn observe<T: Kernel>(
+    statistics: &[Statistic],
+    row: impl Fn(usize) -> Option<ObservedRow<T>>,
+    first: u32,
+) -> Vec<Partial<T>> {
+    let of_statistic = |(index, &statistic): (usize, &Statistic)| {
+        let of_body = |offset: usize| {
+            let Some(row) = row(offset) else { return Partial::none() };
+            let (m, exponent) = row.near_one();
+            let x = quantity(statistic, row.inverse_moments, m);
+            let x = T::normalised(x, row.scales[index], statistic.degree() * exponent);
+            Partial::of_body(x, first + offset as u32, row.is_faster())
+        };
+        let of_lane = |lane: usize| (lane..GROUP_BODIES).step_by(WORKGROUP).map(of_body).fold(Partial::none(), merge);
+        merge_tree(std::array::from_fn(of_lane))
+    };
+    statistics.iter().enumerate().map(of_statistic).collect()
+}
+
+/// What [`observe`] reads of a body.
+pub(crate) struct ObservedRow<T> {
+    pub inverse_moments: Vector<T>,
+    pub limit: T,
+    pub m: Vector<T>,
+    /// By the statistics' order.
+    pub scales: [T; Statistic::ALL.len()],
+}
+
+impl<T: Kernel> ObservedRow<T> {
+    /// The angular momentum scaled by a power of two to near 1, and the exponent that brings it back.
+    fn near_one(&self) -> (Vector<T>, i32) {
+        let own = without_axis(self.inverse_moments, self.m);
+        let exponent = T::exponent_of(own.largest());
+        let factor = T::power_of_two(-exponent);
+        (own.scaled_by(Vector::new(factor, factor, factor)), exponent)
+    }
+
+    /// Whether the body is marked.
+    pub fn is_faster(&self) -> bool {
+        let (m, exponent) = self.near_one();
+        quantity(Statistic::SpinRate, self.inverse_moments, m) * T::power_of_two(exponent) > self.limit
+    }
+}
+
+/// The statistics of a chunk from those of its workgroups, `partial(group)`.
+pub(crate) fn combine<T: Kernel>(groups: usize, partial: impl Fn(usize) -> Partial<T>) -> Partial<T> {
+    let lane = |lane: usize| (lane..groups).step_by(WORKGROUP).map(&partial).fold(Partial::none(), merge);
+    merge_tree(std::array::from_fn(lane))
+}
+
+impl<T: Kernel> Partial<T> {
+    /// The same in `f64`, its bodies counted from `first` and its exponents from `offset`.
+    pub(crate) fn widened(&self, first: u32, offset: i32) -> Partial<f64> {
+        let extreme = |x: &Extreme<T>| Extreme::normal(x.mantissa.to_f64(), x.exponent + offset, x.body + first);
+        Partial {
+            count: self.count,
+            faster: self.faster,
+            exponent: self.exponent + offset,
+            mean: self.mean.to_f64() + self.residue.to_f64(),
+            residue: 0.0,
+            squares: self.squares.to_f64(),
+            least: extreme(&self.least),
+            greatest: extreme(&self.greatest),
+        }
+    }
+}
+
+impl Partial<f64> {
+    /// Of some bodies' values, by their indices; in two passes, as they are all there.
+    pub(crate) fn of_values(values: &[(u32, f64)], exponent: i32) -> Self {
+        let mut partial = Self::none();
+        for block in values.chunks(WORKGROUP) {
+            let count = block.len() as f64;
+            let mean = block.iter().map(|(_, x)| x).sum::<f64>() / count;
+            let squares = block.iter().map(|(_, x)| (x - mean) * (x - mean)).sum();
+            let extreme = |&(body, x): &(u32, f64)| Extreme::normal(x, exponent, body);
+            let least = block.iter().map(extreme).reduce(|a, b| if is_less(b, a) { b } else { a });
+            let greatest = block.iter().map(extreme).reduce(|a, b| if is_less(a, b) { b } else { a });
+            let (Some(least), Some(greatest)) = (least, greatest) else { continue };
+            let count = block.len() as u32;
+            let of_block = Self { count, faster: 0, exponent, mean, residue: 0.0, squares, least, greatest };
+            partial = merge(partial, of_block);
+        }
+        partial
+    }
+
+    /// The mean, in SI units; NaN of no body.
+    pub fn mean(&self) -> f64 {
+        if self.count == 0 { f64::NAN } else { scaled_by_power_of_two(self.mean + self.residue, self.exponent) }
+    }
+
+    /// The standard deviation of the bodies themselves (divided by their number), in SI units; NaN of no body.
+    pub fn standard_deviation(&self) -> f64 {
+        scaled_by_power_of_two((self.squares / f64::from(self.count)).sqrt(), self.exponent)
+    }
+}
+
+impl Extreme<f64> {
+    /// x · 2^exponent with its mantissa in [1, 2), so that it can be compared with others.
+    fn normal(x: f64, exponent: i32, body: u32) -> Self {
+        if x == 0.0 {
+            return Self { mantissa: 0.0, exponent: ZERO_EXPONENT, body };
+        }
+        let own = binary_exponent(x);
+        Self { mantissa: scaled_by_power_of_two(x, -own), exponent: exponent + own, body }
+    }
+
+    /// In SI units.
+    pub fn value(&self) -> f64 {
+        if self.mantissa == 0.0 { 0.0 } else { scaled_by_power_of_two(self.mantissa, self.exponent) }
+    }
+}

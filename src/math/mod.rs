@@ -1,0 +1,20 @@
+//! Numbers: the scalars and SIMD lanes that kernels are generic over, vectors, quaternions, elementary functions, exact time.
+//!
+//! Nothing here knows of bodies.
+
+pub mod clock;
+pub mod double_double;
+pub mod elementary;
+pub mod kepler;
+pub(crate) mod lanes;
+pub mod phase;
+pub(crate) mod power_of_two;
+mod precision;
+mod quantiles;
+pub mod quaternion;
+pub mod real;
+pub mod vector;
+
+pub use lanes::Width;
+pub use precision::Precision;
+pub use quantiles::{Quantiles, Spread};

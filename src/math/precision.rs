@@ -1,0 +1,30 @@
+//! Which of the two arithmetics a kernel is compiled in.
+
+/// The arithmetic that bodies are integrated in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "study", derive(serde::Serialize), serde(rename_all = "lowercase"))]
+pub enum Precision {
+    /// 32-bit floating point, states and parameters carried in two words.
+    F32,
+    /// 64-bit floating point.
+    F64,
+}
+
+impl Precision {
+    /// Both, narrow first.
+    pub const ALL: [Precision; 2] = [Precision::F32, Precision::F64];
+
+    /// The name in study files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Precision::F32 => "f32",
+            Precision::F64 => "f64",
+        }
+    }
+}
+
+impl std::fmt::Display for Precision {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(self.name())
+    }
+}

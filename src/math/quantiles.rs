@@ -1,0 +1,87 @@
+//! How numbers are spread over bodies.
+
+/// Median, 99th percentile and maximum over the bodies that did not fail.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Quantiles {
+    /// Half of the bodies are at or below.
+    pub median: f64,
+    /// 99 in 100 are at or below.
+    pub p99: f64,
+    /// All are at or below.
+    pub max: f64,
+}
+
+impl Quantiles {
+    /// The quantiles of `values`, which are reordered; 0 where there are none. No value may be NaN.
+    pub fn of(values: &mut [f64]) -> Self {
+        if values.is_empty() {
+            return Self::default();
+        }
+        let (middle, place) = (index(values.len(), 0.5), index(values.len(), 0.99));
+        // Those behind it are not less, and half as many are left to look through.
+        let (_, &mut median, above) = values.select_nth_unstable_by(middle, f64::total_cmp);
+        let Some(place) = place.checked_sub(middle + 1) else {
+            return Self { median, p99: median, max: greatest(above).unwrap_or(median) };
+        };
+        let (_, &mut p99, above) = above.select_nth_unstable_by(place, f64::total_cmp);
+        Self { median, p99, max: greatest(above).unwrap_or(p99) }
+    }
+
+    /// The smallest of `values`, which are reordered, with at least `part` of all at or below it; 0 where there are none.
+    pub(crate) fn rank(values: &mut [f64], part: f64) -> f64 {
+        if values.is_empty() {
+            return 0.0;
+        }
+        let index = index(values.len(), part);
+        *values.select_nth_unstable_by(index, f64::total_cmp).1
+    }
+}
+
+fn greatest(values: &[f64]) -> Option<f64> {
+    values.iter().copied().max_by(f64::total_cmp)
+}
+
+/// Where among `count` sorted values, of which there are some, the first one stands with at least `part` of all at or before it.
+fn index(count: usize, part: f64) -> usize {
+    ((part * count as f64).ceil() as usize).clamp(1, count) - 1
+}
+
+impl std::fmt::Display for Quantiles {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(formatter, "{:.1e} (p99 {:.1e}, max {:.1e})", self.median, self.p99, self.max)
+    }
+}
+
+/// How a count is spread over bodies.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize, serde::Deserialize))]
+pub struct Spread {
+    /// Of all bodies together.
+    pub total: u64,
+    /// The least of a body.
+    pub min: u64,
+    /// Half of the bodies are at or below.
+    pub median: u64,
+    /// The most of a body.
+    pub max: u64,
+}
+
+impl Spread {
+    /// The spread of one count a body; zeros without bodies.
+    pub(crate) fn of(mut counts: Vec<u64>) -> Self {
+        counts.sort_unstable();
+        let at = |index: usize| counts.get(index).copied().unwrap_or(0);
+        Self {
+            total: counts.iter().sum(),
+            min: at(0),
+            median: at(counts.len().saturating_sub(1) / 2),
+            max: at(counts.len().saturating_sub(1)),
+        }
+    }
+}
+
+impl std::fmt::Display for Spread {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(formatter, "{} (min {}, median {}, max {} a body)", self.total, self.min, self.median, self.max)
+    }
+}

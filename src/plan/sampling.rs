@@ -1,0 +1,94 @@
+//! Samples of bodies: how they are drawn, and what one says of a percentile of all bodies.
+//!
+//! Of n bodies drawn from many, the number below the quantile of order p is binomial with probability p (W. J. Conover, *Practical
+//! Nonparametric Statistics*, 3rd ed. (1999), section 3.2). A sample without replacement from few bodies says more, not
+//! less.
+
+/// The probability of being misled that is accepted.
+const RISK: f64 = 0.05;
+
+/// The rank, from 1, of the value of a sample of `count` that is at or above the quantile of order `part` of all with a
+/// probability of 95 %; the greatest where the sample is too small for that.
+pub(crate) fn upper_rank(count: usize, part: f64) -> usize {
+    // P(fewer than `rank` of the sample below the quantile) must be 1 - RISK.
+    (1..=count).rev().take_while(|&rank| at_least(rank, count, part) <= RISK).last().unwrap_or(count)
+}
+
+/// The fewest bodies of which the greatest value is at or above the quantile of order `part` of all with a probability of 95 %
+/// (S. S. Wilks 1941); without limit for the greatest of all.
+pub(crate) fn least_sample(part: f64) -> usize {
+    if part < 1.0 { (RISK.ln() / part.ln()).ceil() as usize } else { usize::MAX }
+}
+
+/// Whether `beyond` of a sample of `count` may lie above a value that at least `part` of all bodies are at or below; if
+/// that were so and the chance of it is below 5 %, it is not believed.
+pub(crate) fn is_plausible(beyond: usize, count: usize, part: f64) -> bool {
+    beyond == 0 || at_least(beyond, count, 1.0 - part) >= RISK
+}
+
+/// The probability that at least `least` of `count` draws succeed, each with probability `part`.
+fn at_least(least: usize, count: usize, part: f64) -> f64 {
+    if part <= 0.0 {
+        return if least == 0 { 1.0 } else { 0.0 };
+    }
+    if part >= 1.0 {
+        return 1.0;
+    }
+    // Logarithms, as the first terms of large samples underflow.
+    let (success, failure) = (part.ln(), (-part).ln_1p());
+    let mut choices = 0.0_f64;
+    let mut sum = 0.0;
+    for successes in 0..=count {
+        if successes >= least {
+            sum += (choices + successes as f64 * success + (count - successes) as f64 * failure).exp();
+        }
+        choices += ((count - successes) as f64).ln() - (successes as f64 + 1.0).ln();
+    }
+    sum.min(1.0)
+}
+
+/// `count` bodies of `body_count`, ascending: the range of bodies is cut into equal parts and one is drawn from each.
+pub(crate) fn sample(body_count: usize, count: usize, seed: u64) -> Vec<u32> {
+    let start = |part: usize| (part as u128 * body_count as u128 / count as u128) as usize;
+    (0..count)
+        .map(|part| {
+            let width = start(part + 1) - start(part);
+            (start(part) + (mixed(seed ^ part as u64) % width as u64) as usize) as u32
+        })
+        .collect()
+}
+
+/// A number whose bits depend on all of `x` (G. L. Steele, D. Lea, C. H. Flood, *Fast splittable pseudorandom number
+/// generators*, OOPSLA 2014, figure 16: the finaliser of SplitMix64).
+pub(crate) fn mixed(x: u64) -> u64 {
+    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranks_are_those_of_the_tables() {
+        // 299 is the least sample whose greatest value bounds the 99th percentile (Wilks 1941).
+        assert_eq!(upper_rank(64, 0.99), 64);
+        assert!(0.99_f64.powi(299) <= RISK && 0.99_f64.powi(298) > RISK);
+        assert_eq!(upper_rank(299, 0.99), 299);
+        assert_eq!([0.99, 0.95, 0.5].map(least_sample), [299, 59, 5]);
+        assert!(least_sample(1e-9) == 1 && least_sample(1.0) == usize::MAX);
+        // Of the median of 10: P(X ≥ 9) = 11/1024, P(X ≥ 8) = 56/1024 > 0.05.
+        assert_eq!(upper_rank(10, 0.5), 9);
+        assert_eq!(upper_rank(10, 1.0), 10);
+    }
+
+    #[test]
+    fn two_of_64_may_be_beyond_the_99th_percentile_and_three_may_not() {
+        let known: f64 = 1.0 - 0.99_f64.powi(64);
+        assert!((at_least(1, 64, 0.01) - known).abs() < 1e-12);
+        assert!(is_plausible(2, 64, 0.99) && !is_plausible(3, 64, 0.99));
+        assert!(is_plausible(0, 64, 1.0) && !is_plausible(1, 64, 1.0));
+    }
+}

@@ -1,0 +1,126 @@
+//! Propagates a subset of a scene's bodies on the CPU.
+
+use super::greatest_rate;
+use crate::bodies::BodyState;
+use crate::bodies::Members;
+use crate::bodies::columns::StateWords;
+use crate::engine::adaptive_session::AdaptiveSession;
+use crate::engine::adaptive_session::StepCounts;
+use crate::engine::batch::AnyBatch;
+use crate::engine::batch::{Prepared, prepare_ordered};
+use crate::engine::cpu::Cpu;
+use crate::engine::load_balance::order;
+use crate::engine::watch::{Job, Watch};
+use crate::engine::{Backend, Observer};
+use crate::error::Result;
+use crate::kernel::method::Method;
+use crate::math::Width;
+use crate::plan::Treatment;
+use crate::scene::AdaptiveSteps;
+use crate::scene::Scene;
+use crate::torque::Torque;
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// The states of a subset of bodies at the end.
+#[derive(Debug, Default)]
+pub(crate) struct SubsetStates {
+    /// The bodies with their states.
+    pub states: Vec<(usize, BodyState)>,
+    /// The steps of each body, in the same order; none where steps are equal.
+    pub counts: Vec<StepCounts>,
+}
+
+/// Some bodies after the last of `times`, stepped on all cores as `treatment` says, which must be [`Treatment::Stepped`] or
+/// [`Treatment::Adaptive`]; other treatments give none. Without an observer the work is this thread's and that of its pool, which may
+/// have other such work to do.
+pub(crate) fn propagate_subset(
+    scene: &Scene,
+    times: &[f64],
+    torques: &[Torque],
+    members: &Members,
+    treatment: &Treatment,
+    mut observer: Option<&mut Observer<'_>>,
+) -> Result<SubsetStates> {
+    let Some(precision) = treatment.precision_of_steps() else { return Ok(SubsetStates::default()) };
+    let end = times.last().copied().unwrap_or(0.0);
+    // The session's row of each of the members.
+    let mut rows: Vec<u32> = (0..members.len() as u32).collect();
+    let adapts = matches!(treatment, Treatment::Adaptive { .. });
+    let order = |start: usize, prepared: &[Prepared]| match adapts {
+        true => order_by_work(scene, members, start, prepared, &mut rows),
+        false => (0..prepared.len()).collect(),
+    };
+    let (frames, batch) = prepare_ordered(scene.ensemble(), torques, scene.end(), members, precision, order)?;
+    let state = |(member, &row): (usize, &u32), words: &StateWords| {
+        let (body, row) = (members.body(member), row as usize);
+        (body, frames[row].at(torques, body, end).state_of(words, row))
+    };
+    let states_of = |words: StateWords| rows.iter().enumerate().map(|member| state(member, &words)).collect();
+    let (method, projected) = match *treatment {
+        Treatment::Stepped { method, projected, .. } => (method, projected),
+        Treatment::Adaptive { method, steps, .. } => {
+            let mut session = start(&Cpu::new(Width::Lanes), method, batch, steps)?;
+            for &time in times {
+                match &mut observer {
+                    Some(observer) => session.advance_to(time, observer)?,
+                    None => finish(session.job_to(time)?),
+                }
+            }
+            let states = states_of(session.read(0..members.len())?);
+            let counts = session.counts()?;
+            return Ok(SubsetStates { states, counts: rows.iter().map(|&row| counts[row as usize]).collect() });
+        }
+        Treatment::RegularPrecession | Treatment::ClosedForm { .. } => return Ok(SubsetStates::default()),
+    };
+    let engine = Cpu::new(Width::Lanes);
+    let mut session = if projected { engine.start_projected(batch, method)? } else { engine.start(batch, method)? };
+    let mut last = 0.0;
+    for &time in times {
+        let interval = treatment.interval(time - last);
+        match &mut observer {
+            Some(observer) => session.advance(interval.dt, interval.steps, observer)?,
+            None => finish(session.job(interval.dt, interval.steps)?),
+        }
+        last = time;
+    }
+    Ok(SubsetStates { states: states_of(session.read(0..members.len())?), counts: Vec::new() })
+}
+
+/// Does what a session of the processor's has to do.
+fn finish(job: Option<Job<'_>>) {
+    if let Some(job) = job {
+        job(&Watch::default());
+    }
+}
+
+/// Opens a session of adaptive steps by one of [`Method::ADAPTIVE`].
+pub(crate) fn start(
+    engine: &dyn Backend,
+    method: Method,
+    batch: AnyBatch,
+    steps: AdaptiveSteps,
+) -> Result<Box<dyn AdaptiveSession>> {
+    if method == Method::Taylor { engine.start_taylor(batch, steps) } else { engine.start_adaptive(batch, steps) }
+}
+
+/// Members from `start` on in the order of their expected work, as places among those that are prepared. Which row of the session
+/// each of them then has is noted in `session_rows`.
+pub(crate) fn order_by_work(
+    scene: &Scene,
+    members: &Members,
+    start: usize,
+    prepared: &[Prepared],
+    session_rows: &mut [u32],
+) -> Vec<usize> {
+    // All have the same span, so the greatest rate is their work up to a factor.
+    let rate = |(place, (frame, state)): (usize, &Prepared)| {
+        let m = DVec3::new(state[4], state[5], state[6]);
+        greatest_rate(scene, members.body(start + place), frame, m)
+    };
+    let order = order(&prepared.par_iter().enumerate().map(rate).collect::<Vec<_>>());
+    for (session_row, &place) in order.iter().enumerate() {
+        session_rows[start + place] = (start + session_row) as u32;
+    }
+    order
+}

@@ -1,0 +1,29 @@
+//! What adaptive steps took.
+
+use crate::math::Spread;
+
+/// Steps of the bodies that were advanced in adaptive steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AdaptiveWork {
+    /// Steps taken.
+    pub accepted: Spread,
+    /// Steps tried again with a smaller size.
+    pub rejected: Spread,
+    /// Bodies that would have needed a step below the limit; they have failed ([`super::Trust::failures`]).
+    pub flagged: usize,
+    /// Bodies that were advanced side by side: lanes, or a workgroup.
+    pub side_by_side: usize,
+    /// Attempts including those that bodies waited for others beside them, as a multiple of the attempts alone: 1 where all
+    /// finish together, [`AdaptiveWork::side_by_side`] where one works and the others wait.
+    pub imbalance: f64,
+}
+
+impl std::fmt::Display for AdaptiveWork {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            formatter,
+            "{} accepted, {} rejected, {} flagged, imbalance {:.3} over {} side by side",
+            self.accepted, self.rejected, self.flagged, self.imbalance, self.side_by_side
+        )
+    }
+}

@@ -1,0 +1,193 @@
+//! A group of bodies in adaptive steps, ordered by expected work.
+
+use std::ops::Range;
+use std::time::Instant;
+
+use super::reading::{FormStates, each_in_lanes};
+use crate::bodies::BodyFrame;
+use crate::bodies::columns::StateWords;
+use crate::engine::adaptive_session::AdaptiveSession;
+use crate::engine::batch::{ORDER_BLOCK, Prepared, prepare_ordered};
+use crate::engine::reduction::Reduce;
+use crate::engine::watch::Job;
+use crate::engine::{Backend, Observer};
+use crate::error::Result;
+use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::math::Spread;
+use crate::plan::Group;
+use crate::plan::subset::{order_by_work, start};
+use crate::record::{AdaptiveWork, WallTime};
+use crate::scene::AdaptiveSteps;
+use crate::scene::Scene;
+
+/// The bodies of a group in the order of their expected work, so that those advanced side by side finish together.
+pub(super) struct AdaptiveGroupRun {
+    session: Box<dyn AdaptiveSession>,
+    /// By the session's rows.
+    frames: Vec<BodyFrame>,
+    /// The session's row of each of the group's rows. Both lie in the same block of [`ORDER_BLOCK`] rows, so that outputs
+    /// are put together block by block in bounded memory.
+    session_rows: Vec<u32>,
+    /// A block of rows as it was read last, since the bodies were advanced.
+    last_read: Option<(usize, StateWords)>,
+}
+
+impl AdaptiveGroupRun {
+    pub fn start(
+        engine: &dyn Backend,
+        scene: &Scene,
+        group: &Group,
+        (method, precision): (Method, Precision),
+        steps: AdaptiveSteps,
+        wall_time: &mut WallTime,
+    ) -> Result<Self> {
+        let clock = Instant::now();
+        let members = &group.members;
+        let mut session_rows = vec![0; members.len()];
+        let by_work =
+            |start: usize, prepared: &[Prepared]| order_by_work(scene, members, start, prepared, &mut session_rows);
+        let torques = group.class.torques.of(scene.torques());
+        let (frames, batch) = prepare_ordered(scene.ensemble(), &torques, scene.end(), members, precision, by_work)?;
+        wall_time.prepare += clock.elapsed().as_secs_f64();
+        let clock = Instant::now();
+        let session = start(engine, method, batch, steps)?;
+        wall_time.start += clock.elapsed().as_secs_f64();
+        Ok(Self { session, frames, session_rows, last_read: None })
+    }
+
+    pub fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {
+        self.last_read = None;
+        self.session.advance_to(time, observer)
+    }
+
+    /// The way there as work for the host's threads, where the engine works on them.
+    pub fn job_to(&mut self, time: f64) -> Result<Option<Job<'_>>> {
+        self.last_read = None;
+        self.session.job_to(time)
+    }
+
+    /// Whether [`AdaptiveUnit::job_to`] gives work.
+    pub fn has_jobs(&self) -> bool {
+        self.session.has_jobs()
+    }
+
+    /// The session, and the frames of its rows.
+    pub fn session(&mut self) -> (&mut dyn Reduce, &[BodyFrame]) {
+        (&mut *self.session, &self.frames)
+    }
+
+    /// The session's row of one of the group's.
+    pub fn session_row(&self, row: usize) -> usize {
+        self.session_rows[row] as usize
+    }
+
+    /// The group's row of one of the session's, which lies in the same block.
+    pub fn group_row(&self, session_row: usize) -> usize {
+        let Range { start, end } = self.block(session_row / ORDER_BLOCK);
+        let found = self.session_rows[start..end].iter().position(|&row| row as usize == session_row);
+        start + found.unwrap_or(0)
+    }
+
+    /// The rows of a block.
+    fn block(&self, block: usize) -> Range<usize> {
+        block * ORDER_BLOCK..((block + 1) * ORDER_BLOCK).min(self.session_rows.len())
+    }
+
+    /// The frames of the group's rows at the start.
+    pub fn frames(&self) -> impl Fn(usize) -> BodyFrame + Sync {
+        let (frames, session_rows) = (&self.frames[..], &self.session_rows[..]);
+        |row| frames[session_rows[row] as usize]
+    }
+
+    /// Hands what forms the states in some of the group's rows, a block at most at a time, to `then`; `now` makes the frame of a row's body
+    /// into that of the present time.
+    pub fn with_states(
+        &mut self,
+        rows: &Range<usize>,
+        now: &(dyn Fn(&BodyFrame, usize) -> BodyFrame + Sync),
+        then: &mut dyn FnMut(Range<usize>, &FormStates<'_>),
+    ) -> Result<()> {
+        let mut start = rows.start;
+        while start < rows.end {
+            let (number, block) = (start / ORDER_BLOCK, self.block(start / ORDER_BLOCK));
+            let words = match self.last_read.take() {
+                Some((last, words)) if last == number => words,
+                _ => self.session.read(block.clone())?,
+            };
+            let end = block.end.min(rows.end);
+            let Self { frames, session_rows, .. } = &*self;
+            let (frames, session_rows) = (&frames[..], &session_rows[..]);
+            let scaled = |row: usize| {
+                let own = session_rows[row] as usize;
+                let place = own - block.start;
+                (now(&frames[own], row), words.combined(place), words.status[place])
+            };
+            then(start..end, &|rows, write| each_in_lanes(rows, false, scaled, write));
+            self.last_read = Some((number, words));
+            start = end;
+        }
+        Ok(())
+    }
+
+    /// Says that some of the group's rows are read next: the block of the first of them, where it is not here already.
+    pub fn prefetch(&mut self, rows: Range<usize>) -> Result<()> {
+        let block = rows.start / ORDER_BLOCK;
+        if rows.is_empty() || self.last_read.as_ref().is_some_and(|(last, _)| *last == block) {
+            return Ok(());
+        }
+        let rows = self.block(block);
+        self.session.prefetch(rows)
+    }
+
+    /// The time that the body in one of the group's rows stands at, s, where the session can say it.
+    pub fn reached(&self, row: usize) -> Option<f64> {
+        self.session.reached().map(|reached| reached[self.session_row(row)])
+    }
+
+    /// The steps that the bodies in some of the group's rows have tried.
+    pub fn attempts(&mut self, rows: &[usize]) -> Result<Vec<u64>> {
+        let counts = self.session.counts()?;
+        Ok(rows.iter().map(|&row| counts[self.session_row(row)].attempts()).collect())
+    }
+
+    /// What its bodies took, in the order in which they stand side by side.
+    pub fn work(&mut self) -> Result<GroupWork> {
+        let counts = self.session.counts()?;
+        Ok(GroupWork {
+            accepted: counts.iter().map(|counts| counts.accepted).collect(),
+            rejected: counts.iter().map(|counts| counts.rejected).collect(),
+            side_by_side: self.session.side_by_side(),
+            imbalance: self.session.imbalance()?,
+        })
+    }
+}
+
+/// Steps of the bodies of one group.
+pub(super) struct GroupWork {
+    accepted: Vec<u64>,
+    rejected: Vec<u64>,
+    side_by_side: usize,
+    imbalance: f64,
+}
+
+/// The work of all groups together; `None` without any.
+pub(super) fn total_work(group_runs: Vec<GroupWork>, flagged: usize) -> Option<AdaptiveWork> {
+    let side_by_side = group_runs.iter().map(|group_run| group_run.side_by_side).max()?;
+    let (mut own, mut with_waiting) = (0.0, 0.0);
+    for group_run in &group_runs {
+        let attempts = group_run.accepted.iter().chain(&group_run.rejected).sum::<u64>() as f64;
+        own += attempts;
+        with_waiting += attempts * group_run.imbalance;
+    }
+    let spread = |of: fn(&GroupWork) -> &Vec<u64>| {
+        Spread::of(group_runs.iter().flat_map(|group_run| of(group_run).clone()).collect())
+    };
+    Some(AdaptiveWork {
+        accepted: spread(|group_run| &group_run.accepted),
+        rejected: spread(|group_run| &group_run.rejected),
+        flagged,
+        side_by_side,
+        imbalance: if own > 0.0 { with_waiting / own } else { 1.0 },
+    })
+}

@@ -1,0 +1,606 @@
+//! One group of a plan under way.
+
+use std::ops::{ControlFlow, Range};
+use std::time::Instant;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::OutputState;
+use super::reading::{FormStates, TASK, WriteState, each_in_lanes, scatter};
+use crate::bodies::Ensemble;
+use crate::bodies::Members;
+use crate::bodies::Status;
+use crate::bodies::columns::StateWords;
+use crate::bodies::{BodyFrame, BodyState};
+use crate::engine::batch::prepare_members;
+use crate::engine::cpu::Cpu;
+use crate::engine::reduction::{Marked, Reduce};
+use crate::engine::watch::{Job, Watch};
+use crate::engine::{Backend, FreeSession, Observer, Progress, Session};
+use crate::error::{Error, Result};
+use crate::kernel::free_motion::{AnyRows, scaled_body};
+use crate::kernel::observe::{self, Partial, Statistic, merge};
+use crate::math::Precision;
+use crate::math::Width;
+use crate::plan::regular_precession::RegularPrecession;
+use crate::plan::{Group, Treatment};
+use crate::record::WallTime;
+use crate::run::adaptive_group::{AdaptiveGroupRun, GroupWork};
+use crate::run::evaluated_when_read::EvaluatedWhenRead;
+use crate::run::stepped_translation::SteppedTranslation;
+use crate::scene::Scene;
+use crate::torque::Torque;
+
+/// The run of one group of bodies.
+pub(super) struct GroupRun<'p> {
+    members: &'p Members,
+    motion: Motion<'p>,
+    stepped_translation: Option<SteppedTranslation<'p>>,
+    ensemble: &'p Ensemble,
+    torques: &'p [Torque],
+    /// Whether moments of inertia change in time.
+    varies: bool,
+    /// Of the last state, s.
+    time: f64,
+    /// Wall time in which bodies were formed as they were read, s, since it was last asked for.
+    formed: f64,
+}
+
+enum Motion<'p> {
+    /// `carries`: whether the session moves the centres of mass along.
+    Stepped {
+        session: Box<dyn Session>,
+        frames: Vec<BodyFrame>,
+        treatment: Treatment,
+        carries: bool,
+    },
+    Adaptive(AdaptiveGroupRun),
+    ClosedForm {
+        session: Box<dyn FreeSession>,
+        frames: Vec<BodyFrame>,
+    },
+    /// The same of bodies that are looked at once.
+    EvaluatedWhenRead(EvaluatedWhenRead<'p>),
+    Precession {
+        bodies: Vec<RegularPrecession>,
+        time: f64,
+    },
+}
+
+impl<'p> GroupRun<'p> {
+    /// Makes the bodies ready. `once`: states are wanted at one time only, and all of them then.
+    pub fn start(
+        engine: &dyn Backend,
+        scene: &'p Scene,
+        group: &'p Group,
+        once: bool,
+        wall_time: &mut WallTime,
+    ) -> Result<Self> {
+        let clock = Instant::now();
+        let members = &group.members;
+        let mut stepped_translation = None;
+        let motion = match group.treatment {
+            Treatment::RegularPrecession => {
+                let bytes = members.len().saturating_mul(size_of::<RegularPrecession>());
+                crate::bodies::memory::require(members.len(), bytes, "the constants of regular precessions")?;
+                let bodies = (0..members.len())
+                    .into_par_iter()
+                    .map(|row| {
+                        let (body, shape) = (members.body(row), group.class.shape);
+                        RegularPrecession::of_body(scene.ensemble(), body, shape, scene.end())
+                    })
+                    .collect();
+                wall_time.prepare += clock.elapsed().as_secs_f64();
+                Motion::Precession { bodies, time: 0.0 }
+            }
+            Treatment::ClosedForm { precision, set_up } => {
+                match evaluates_on_host(engine, precision).filter(|_| once) {
+                    Some(width) => Motion::EvaluatedWhenRead(EvaluatedWhenRead {
+                        ensemble: scene.ensemble(),
+                        members,
+                        precision,
+                        set_up,
+                        width,
+                    }),
+                    None => {
+                        let (frames, rows) = AnyRows::prepare_members(scene.ensemble(), members, precision, set_up)?;
+                        wall_time.prepare += clock.elapsed().as_secs_f64();
+                        let clock = Instant::now();
+                        let session = if engine.precisions().contains(&precision) {
+                            engine.start_free(rows)?
+                        } else {
+                            Cpu::new(Width::Lanes).start_free(rows)?
+                        };
+                        wall_time.start += clock.elapsed().as_secs_f64();
+                        Motion::ClosedForm { session, frames }
+                    }
+                }
+            }
+            Treatment::Adaptive { method, precision, steps } => {
+                Motion::Adaptive(AdaptiveGroupRun::start(engine, scene, group, (method, precision), steps, wall_time)?)
+            }
+            Treatment::Stepped { method, precision, longest_step, projected } => {
+                let torques = group.class.torques.of(scene.torques());
+                let (frames, batch) = prepare_members(scene.ensemble(), &torques, scene.end(), members, precision)?;
+                wall_time.prepare += clock.elapsed().as_secs_f64();
+                let clock = Instant::now();
+                stepped_translation = SteppedTranslation::start(scene, members, true)?;
+                let carried = stepped_translation
+                    .as_ref()
+                    .filter(|stepped_translation| {
+                        stepped_translation.follows() && engine.carries_centres() && !projected
+                    })
+                    .and_then(|stepped_translation| stepped_translation.carried(&frames, longest_step));
+                let session = match &carried {
+                    Some((centres, parts)) => engine.start_carrying(batch, method, centres, *parts)?,
+                    None if projected => engine.start_projected(batch, method)?,
+                    None => engine.start(batch, method)?,
+                };
+                wall_time.start += clock.elapsed().as_secs_f64();
+                if carried.is_some() {
+                    stepped_translation = None;
+                }
+                Motion::Stepped { session, frames, treatment: group.treatment, carries: carried.is_some() }
+            }
+        };
+        if !matches!(motion, Motion::Stepped { .. }) {
+            stepped_translation = SteppedTranslation::start(scene, members, false)?;
+        }
+        let varies = scene.torques().iter().any(Torque::changes_inertia);
+        let (ensemble, torques) = (scene.ensemble(), scene.torques());
+        Ok(Self { members, motion, stepped_translation, ensemble, torques, varies, time: 0.0, formed: 0.0 })
+    }
+
+    /// The steps from `time − span` to `time`, s, as work for the host's threads, to be run before anything else is done with the
+    /// bodies; `None` where they are not of that kind, and [`GroupRun::advance`] is the way.
+    pub fn job(&mut self, time: f64, span: f64) -> Result<Option<Job<'_>>> {
+        if self.stepped_translation.is_some() {
+            return Ok(None);
+        }
+        let job = match &mut self.motion {
+            Motion::Stepped { session, treatment, .. } => {
+                let interval = treatment.interval(span);
+                session.job(interval.dt, interval.steps)?
+            }
+            Motion::Adaptive(group_run) => group_run.job_to(time)?,
+            Motion::ClosedForm { .. } | Motion::EvaluatedWhenRead(_) | Motion::Precession { .. } => None,
+        };
+        if job.is_some() {
+            self.time = time;
+        }
+        Ok(job)
+    }
+
+    /// Whether [`Unit::job`] gives work.
+    pub fn has_job(&self) -> bool {
+        self.stepped_translation.is_none()
+            && match &self.motion {
+                Motion::Stepped { session, .. } => session.has_jobs(),
+                Motion::Adaptive(unit) => unit.has_jobs(),
+                Motion::ClosedForm { .. } | Motion::EvaluatedWhenRead(_) | Motion::Precession { .. } => false,
+            }
+    }
+
+    /// Brings the bodies from `time − span` to `time`, s; gives the work done ([`crate::plan::Plan::work_of`]). What is not
+    /// stepped is formed only where it is `wanted`.
+    pub fn advance(&mut self, time: f64, span: f64, wanted: bool, observer: &mut Observer<'_>) -> Result<u64> {
+        let bodies = self.members.len() as u64;
+        if let Motion::Stepped { treatment, .. } = &self.motion {
+            let interval = treatment.interval(span);
+            self.take_steps((time - span, interval.dt), 0..interval.steps, time, observer)?;
+            return Ok(interval.steps.saturating_mul(bodies));
+        }
+        self.time = time;
+        if let Some(stepped_translation) = &mut self.stepped_translation {
+            stepped_translation.advance(time - span, span, observer)?;
+        }
+        match &mut self.motion {
+            Motion::Stepped { .. } => Ok(0),
+            Motion::Adaptive(group_run) => {
+                group_run.advance_to(time, observer)?;
+                Ok(bodies)
+            }
+            Motion::ClosedForm { session, .. } => {
+                if wanted {
+                    session.evaluate(time)?;
+                }
+                Ok(bodies)
+            }
+            Motion::EvaluatedWhenRead(_) => Ok(bodies),
+            Motion::Precession { time: now, .. } => {
+                *now = time;
+                Ok(bodies)
+            }
+        }
+    }
+
+    /// Takes some of the equal steps of `dt` seconds that begin at `start`, s, those before them having been taken; `time`, s, is then
+    /// the bodies'. Others than those in equal steps stay as they are.
+    pub fn take_steps(
+        &mut self,
+        (start, dt): (f64, f64),
+        steps: Range<u64>,
+        time: f64,
+        observer: &mut Observer<'_>,
+    ) -> Result<()> {
+        let Motion::Stepped { session, frames, .. } = &mut self.motion else { return Ok(()) };
+        self.time = time;
+        let (bodies, count) = (self.members.len() as u64, steps.end - steps.start);
+        let Some(stepped_translation) =
+            self.stepped_translation.as_mut().filter(|stepped_translation| stepped_translation.follows())
+        else {
+            if let Some(stepped_translation) = &mut self.stepped_translation {
+                let begin = start + dt * steps.start as f64;
+                stepped_translation.advance(begin, time - begin, observer)?;
+            }
+            return advance(&mut **session, dt, count, bodies, observer);
+        };
+        let (total, rows) = (count.saturating_mul(bodies), 0..self.members.len());
+        for step in steps.clone() {
+            let before = (step - steps.start).saturating_mul(bodies);
+            advance(&mut **session, dt, 1, bodies, &mut |progress| {
+                observer(Progress { done: before.saturating_add(progress.done), total })
+            })?;
+            let now = start + dt * (step + 1) as f64;
+            let words = session.read(rows.clone())?;
+            let state = |row: usize| frames[row].at(self.torques, self.members.body(row), now).state_of(&words, row);
+            stepped_translation.follow(rows.clone().into_par_iter().map(state).collect(), now - dt, dt);
+        }
+        Ok(())
+    }
+
+    /// The states of all its bodies, with their centres of mass: `centre` gives those that are not stepped here.
+    pub fn output_states(&mut self, centre: &dyn Fn(usize) -> Option<(DVec3, DVec3)>) -> Result<Vec<OutputState>> {
+        let rotations = self.read_range(&(0..self.members.len()))?;
+        let has_centres = self.has_centres();
+        let state = |(row, rotation): (usize, BodyState)| {
+            let body = self.members.body(row);
+            let mut own = [None];
+            if has_centres {
+                self.read_centres(&(body..body + 1), &mut own)?;
+            }
+            Ok(OutputState { rotation, translation: own[0].or_else(|| centre(body)) })
+        };
+        rotations.into_iter().enumerate().map(state).collect()
+    }
+
+    /// When, s, and in which state the body in a row was stopped by a limit of adaptive steps, where it was in the last interval and the
+    /// engine says so.
+    pub fn stopped(&mut self, row: usize) -> Result<Option<(f64, BodyState)>> {
+        let Motion::Adaptive(group_run) = &self.motion else { return Ok(None) };
+        let Some(time) = group_run.reached(row) else { return Ok(None) };
+        // Moments that change are those of a time.
+        let end = std::mem::replace(&mut self.time, time);
+        let states = self.read_range(&(row..row + 1));
+        self.time = end;
+        let stopped = states?.into_iter().find(|state| state.status == Status::StepBelowLimit);
+        Ok(stopped.map(|state| (time, state)))
+    }
+
+    /// The adaptive steps that those of its bodies that are among some have tried.
+    pub fn attempts(&mut self, bodies: &[usize]) -> Result<Vec<(usize, u64)>> {
+        let Motion::Adaptive(group_run) = &mut self.motion else { return Ok(Vec::new()) };
+        let row = |&body: &usize| self.members.rows(body..body + 1).next();
+        let rows: Vec<usize> = bodies.iter().filter_map(row).collect();
+        let attempts = group_run.attempts(&rows)?;
+        Ok(rows.into_iter().map(|row| self.members.body(row)).zip(attempts).collect())
+    }
+
+    /// The wall time, s, that bodies took to be formed as they were read, since the last call.
+    pub fn take_formed(&mut self) -> f64 {
+        std::mem::take(&mut self.formed)
+    }
+
+    /// The adaptive steps so far, where there are any.
+    pub fn adaptive_work(&mut self) -> Result<Option<GroupWork>> {
+        match &mut self.motion {
+            Motion::Adaptive(group_run) => group_run.work().map(Some),
+            _ => Ok(None),
+        }
+    }
+
+    /// Number of bodies.
+    pub fn body_count(&self) -> usize {
+        self.members.len()
+    }
+
+    /// Whether its bodies' centres of mass are stepped here.
+    pub fn has_centres(&self) -> bool {
+        self.stepped_translation.is_some() || matches!(self.motion, Motion::Stepped { carries: true, .. })
+    }
+
+    /// Where its bodies are, where the host steps that.
+    pub fn own_centres(&self) -> Vec<(usize, (DVec3, DVec3))> {
+        self.stepped_translation.iter().flat_map(SteppedTranslation::centres).collect()
+    }
+
+    /// Writes where those of its bodies that are in `bodies` are, where they are stepped there.
+    pub fn read_centres(&mut self, bodies: &Range<usize>, centres: &mut [Option<(DVec3, DVec3)>]) -> Result<()> {
+        if let Some(stepped_translation) = &self.stepped_translation {
+            stepped_translation.read(bodies, centres);
+        }
+        if let Motion::Stepped { session, carries: true, .. } = &mut self.motion {
+            let rows = self.members.rows(bodies.clone());
+            for (row, centre) in rows.clone().zip(session.read_centres(rows)?) {
+                centres[self.members.body(row) - bodies.start] = Some(centre);
+            }
+        }
+        Ok(())
+    }
+
+    /// Says that those of its bodies that are in `bodies` are read next.
+    pub fn prefetch(&mut self, bodies: &Range<usize>) -> Result<()> {
+        let rows = self.members.rows(bodies.clone());
+        match &mut self.motion {
+            Motion::Stepped { session, .. } => session.prefetch(rows),
+            Motion::ClosedForm { session, .. } => session.prefetch(rows),
+            Motion::Adaptive(unit) => unit.prefetch(rows),
+            Motion::EvaluatedWhenRead(_) | Motion::Precession { .. } => Ok(()),
+        }
+    }
+
+    /// Writes the states of those of its bodies that are in `bodies` to their places in `states`, and those in which they
+    /// started, by the same route, to their places in `initial`.
+    pub fn read(
+        &mut self,
+        bodies: &Range<usize>,
+        states: &mut [OutputState],
+        initial: Option<&mut [BodyState]>,
+    ) -> Result<()> {
+        if let Motion::EvaluatedWhenRead(once) = &self.motion {
+            let clock = Instant::now();
+            once.read(self.time, bodies, states, initial);
+            self.formed += clock.elapsed().as_secs_f64();
+            return Ok(());
+        }
+        let members = self.members;
+        self.with_states(&members.rows(bodies.clone()), &mut |rows, form| {
+            scatter(members, bodies, &rows, states, form, |place, state| place.rotation = state);
+        })?;
+        if let Some(initial) = initial {
+            self.read_initial(bodies, initial);
+        }
+        Ok(())
+    }
+
+    /// Writes the states in which those of its bodies that are in `bodies` started to their places in `states`, by the same
+    /// route as later ones.
+    pub fn read_initial(&self, bodies: &Range<usize>, states: &mut [BodyState]) {
+        let (members, ensemble) = (self.members, self.ensemble);
+        let of_frames = |rows: Range<usize>, frame: &dyn Fn(usize) -> BodyFrame, write: &mut WriteState<'_>| {
+            let start = |row: usize| {
+                let body = members.body(row);
+                let (q, omega) = (ensemble.orientation()[body], ensemble.angular_velocity_body()[body]);
+                (frame(row), [q.x, q.y, q.z, q.w, omega.x, omega.y, omega.z], Status::Valid)
+            };
+            each_in_lanes(rows, true, start, write);
+        };
+        let form: Box<FormStates<'_>> = match &self.motion {
+            Motion::Stepped { frames, .. } | Motion::ClosedForm { frames, .. } => {
+                Box::new(move |rows, write| of_frames(rows, &|row| frames[row], write))
+            }
+            Motion::Adaptive(group_run) => {
+                let frame = group_run.frames();
+                Box::new(move |rows, write| of_frames(rows, &frame, write))
+            }
+            Motion::EvaluatedWhenRead(once) => {
+                let frame = |row| scaled_body(ensemble, members.body(row), once.set_up).0;
+                Box::new(move |rows, write| of_frames(rows, &frame, write))
+            }
+            Motion::Precession { bodies, .. } => {
+                Box::new(move |rows, write| rows.for_each(|row| write(row, bodies[row].at(0.0))))
+            }
+        };
+        scatter(members, bodies, &members.rows(bodies.clone()), states, &*form, |place, state| *place = state);
+    }
+
+    /// The states in a range of rows.
+    fn read_range(&mut self, rows: &Range<usize>) -> Result<Vec<BodyState>> {
+        let mut states = Vec::with_capacity(rows.len());
+        self.with_states(rows, &mut |rows, form| {
+            let tasks: Vec<Range<usize>> =
+                rows.clone().step_by(TASK).map(|first| first..rows.end.min(first + TASK)).collect();
+            states.par_extend(tasks.into_par_iter().flat_map_iter(|rows| {
+                let mut states = Vec::with_capacity(rows.len());
+                form(rows, &mut |_, state| states.push(state));
+                states
+            }));
+        })?;
+        Ok(states)
+    }
+
+    /// Hands what forms the states in a range of rows to `then`, in one piece or in several one after the other.
+    fn with_states(&mut self, rows: &Range<usize>, then: &mut dyn FnMut(Range<usize>, &FormStates<'_>)) -> Result<()> {
+        if rows.is_empty() {
+            return Ok(());
+        }
+        let (members, torques, time, varies) = (self.members, self.torques, self.time, self.varies);
+        let now = |frame: &BodyFrame, row: usize| match varies {
+            true => frame.at(torques, members.body(row), time),
+            false => *frame,
+        };
+        let mut of_words = |words: StateWords, frames: &[BodyFrame]| {
+            let scaled = |row: usize| {
+                let place = row - rows.start;
+                (now(&frames[row], row), words.combined(place), words.status[place])
+            };
+            then(rows.clone(), &|rows, write| each_in_lanes(rows, false, scaled, write));
+        };
+        match &mut self.motion {
+            Motion::Stepped { session, frames, .. } => of_words(session.read(rows.clone())?, frames),
+            Motion::ClosedForm { session, frames } => of_words(session.read(rows.clone())?, frames),
+            Motion::Adaptive(group_run) => group_run.with_states(rows, &now, then)?,
+            Motion::EvaluatedWhenRead(once) => {
+                let states = once.states(rows, time);
+                then(rows.clone(), &|own, write| own.for_each(|row| write(row, states[row - rows.start])));
+            }
+            Motion::Precession { bodies, time } => {
+                then(rows.clone(), &|rows, write| rows.for_each(|row| write(row, bodies[row].at(*time))));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Takes equal steps of some bodies. A few bodies are stepped without a watching thread.
+fn advance(session: &mut dyn Session, dt: f64, steps: u64, bodies: u64, observer: &mut Observer<'_>) -> Result<()> {
+    /// Body-steps that take less time than it takes to start a thread.
+    const FEW: u64 = 1 << 8;
+    let total = steps.saturating_mul(bodies);
+    if total <= FEW
+        && let Some(job) = session.job(dt, steps)?
+    {
+        job(&Watch::default());
+        return match observer(Progress { done: total, total }) {
+            ControlFlow::Continue(()) => Ok(()),
+            ControlFlow::Break(()) => Err(Error::Interrupted { steps }),
+        };
+    }
+    session.advance(dt, steps, observer)
+}
+
+/// How closed forms in `precision` are evaluated on the host, where a run on `engine` evaluates them there.
+fn evaluates_on_host(engine: &dyn Backend, precision: Precision) -> Option<Width> {
+    if engine.precisions().contains(&precision) { engine.evaluates_on_host() } else { Some(Width::Lanes) }
+}
+
+/// Bodies whose state is read at once where statistics are formed on the host.
+const BLOCK: usize = 1 << 12;
+
+impl GroupRun<'_> {
+    /// Makes ready for [`GroupRun::reduce`]; a body that spins faster than `fastest` rad/s is marked.
+    pub fn watch(&mut self, statistics: &[Statistic], fastest: f64) -> Result<()> {
+        let bodies = self.members.len();
+        let bytes = bodies.saturating_mul(observe::bytes_per_body(statistics.len()));
+        crate::bodies::memory::require(bodies, bytes, "the columns of the statistics")?;
+        let Some((session, frames)) = self.session() else { return Ok(()) };
+        session.watch(statistics, frames, fastest)
+    }
+
+    /// Statistics of its bodies as they stand; extremes name bodies.
+    pub fn reduce(&mut self, statistics: &[Statistic]) -> Result<Vec<Partial<f64>>> {
+        let mut found = match self.session() {
+            Some((session, _)) => session.reduce()?,
+            None => self.reduce_on_host(statistics)?,
+        };
+        for found in found.iter_mut().filter(|found| found.count > 0) {
+            for extreme in [&mut found.least, &mut found.greatest] {
+                extreme.body = self.body(extreme.body as usize) as u32;
+            }
+        }
+        Ok(found)
+    }
+
+    /// The same of what the host forms; extremes name rows of the group.
+    fn reduce_on_host(&mut self, statistics: &[Statistic]) -> Result<Vec<Partial<f64>>> {
+        let mut total = vec![Partial::none(); statistics.len()];
+        for start in (0..self.members.len()).step_by(BLOCK) {
+            let rows = start..(start + BLOCK).min(self.members.len());
+            let states = self.read_range(&rows)?;
+            for (total, &statistic) in total.iter_mut().zip(statistics) {
+                let sound = rows.clone().zip(&states).filter(|(_, state)| state.is_sound());
+                let values: Vec<_> = sound.map(|(row, state)| (row as u32, statistic.of(state))).collect();
+                *total = merge(*total, Partial::of_values(&values, 0));
+            }
+        }
+        Ok(total)
+    }
+
+    /// The bodies that failed and those that spin faster than the watched rate, as found by the last [`GroupRun::reduce`].
+    pub fn marked(&mut self, fastest: f64) -> Result<Marked> {
+        let mut marked = match self.session() {
+            Some((session, _)) => session.marked()?,
+            None => self.marked_on_host(fastest)?,
+        };
+        for row in marked.failed.iter_mut().chain(&mut marked.faster) {
+            *row = self.body(*row);
+        }
+        Ok(marked)
+    }
+
+    fn marked_on_host(&mut self, fastest: f64) -> Result<Marked> {
+        let mut marked = Marked::default();
+        for start in (0..self.members.len()).step_by(BLOCK) {
+            let rows = start..(start + BLOCK).min(self.members.len());
+            for (row, state) in rows.clone().zip(self.read_range(&rows)?) {
+                if !state.is_sound() {
+                    marked.failed.push(row);
+                } else if state.angular_velocity_body.length() > fastest {
+                    marked.faster.push(row);
+                }
+            }
+        }
+        Ok(marked)
+    }
+
+    /// Why the bodies failed that [`GroupRun::marked`] has found, in no particular order.
+    pub fn reasons(&mut self, mut failed: Vec<usize>) -> Result<Vec<(usize, Status)>> {
+        /// Bodies that are read one by one; of more whole blocks are read.
+        const FEW: usize = 256;
+        // What only the device finds is beyond its own range of numbers.
+        let reason = |state: &BodyState| match state.status {
+            Status::Valid => Status::NotFinite,
+            status => status,
+        };
+        if failed.len() <= FEW {
+            let bodies: Vec<u32> = failed.iter().map(|&body| body as u32).collect();
+            let states = self.read_bodies(&bodies)?;
+            return Ok(states.iter().map(|(body, state)| (*body, reason(state))).collect());
+        }
+        failed.sort_unstable();
+        let mut reasons = Vec::with_capacity(failed.len());
+        for start in (0..self.members.len()).step_by(BLOCK) {
+            let rows = start..(start + BLOCK).min(self.members.len());
+            let states = self.read_range(&rows)?;
+            let bodies = rows.map(|row| self.members.body(row));
+            let failed = bodies.zip(&states).filter(|(body, _)| failed.binary_search(body).is_ok());
+            reasons.extend(failed.map(|(body, state)| (body, reason(state))));
+        }
+        Ok(reasons)
+    }
+
+    /// The states of those of its bodies that are among `bodies`.
+    pub fn read_bodies(&mut self, bodies: &[u32]) -> Result<Vec<(usize, BodyState)>> {
+        let row = |&body: &u32| self.members.rows(body as usize..body as usize + 1).next();
+        let rows: Vec<usize> = bodies.iter().filter_map(row).collect();
+        let own: Vec<usize> = match &self.motion {
+            Motion::Adaptive(group_run) => rows.iter().map(|&row| group_run.session_row(row)).collect(),
+            _ => rows.clone(),
+        };
+        let states = match self.session() {
+            Some((session, frames)) => {
+                let words = session.read_rows(&own)?;
+                own.iter().enumerate().map(|(index, &row)| frames[row].state_of(&words, index)).collect()
+            }
+            None => {
+                let mut states = Vec::with_capacity(rows.len());
+                for &row in &rows {
+                    states.extend(self.read_range(&(row..row + 1))?);
+                }
+                states
+            }
+        };
+        Ok(rows.into_iter().map(|row| self.members.body(row)).zip(states).collect())
+    }
+
+    /// The engine's session, where there is one that can reduce, and the frames of its rows. Moments that change are those of
+    /// a time, and only the host's frames are.
+    fn session(&mut self) -> Option<(&mut dyn Reduce, &[BodyFrame])> {
+        match &mut self.motion {
+            _ if self.varies => None,
+            Motion::Stepped { session, frames, .. } => Some((&mut **session, frames)),
+            Motion::ClosedForm { session, frames } => Some((&mut **session, frames)),
+            Motion::Adaptive(group_run) => Some(group_run.session()),
+            Motion::EvaluatedWhenRead(_) | Motion::Precession { .. } => None,
+        }
+    }
+
+    /// The body in a row of the session, or of the group where [`GroupRun::session`] gives none.
+    fn body(&self, session_row: usize) -> usize {
+        match &self.motion {
+            Motion::Adaptive(group_run) if !self.varies => self.members.body(group_run.group_row(session_row)),
+            _ => self.members.body(session_row),
+        }
+    }
+}

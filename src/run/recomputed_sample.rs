@@ -1,0 +1,251 @@
+//! A sample of a run's bodies, recomputed more accurately.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+
+use crate::bodies::BodyState;
+use crate::bodies::Members;
+use crate::engine::Observer;
+use crate::error::Result;
+use crate::kernel::free_motion::FreeMotion;
+use crate::kernel::method::Method;
+use crate::kernel::method::rk8_adaptive::least_tolerance;
+use crate::math::Precision;
+use crate::math::Quantiles;
+use crate::plan::errors::Errors;
+use crate::plan::subset::propagate_subset;
+use crate::plan::{Group, Interval, Plan, TorqueSet, Treatment, steps_over};
+use crate::record::RecomputedSample;
+use crate::run::torque_work::{self, Alike, Recomputed, Work};
+use crate::scene::AdaptiveSteps;
+use crate::scene::{Accuracy, Scene, Stepping};
+use crate::torque::{self, Torque};
+
+/// One body in this many is in the sample.
+const ONE_IN: usize = 1000;
+/// The fewest bodies in the sample, or all where there are fewer.
+const LEAST_BODIES: usize = 64;
+
+/// Selects the bodies whose motion is recomputed; fixed, so that two runs of a plan are checked on the same bodies.
+pub(super) const SAMPLE_SEED: u64 = 0;
+
+/// How many of a number of bodies are recomputed.
+pub(super) fn sample_size(body_count: usize) -> usize {
+    (body_count / ONE_IN).max(LEAST_BODIES).min(body_count)
+}
+
+/// A body of the sample at the end, and, of a body on which torques act, what they did to it.
+pub(super) struct Reference {
+    pub body: usize,
+    pub state: BodyState,
+    pub work: Option<Work>,
+}
+
+/// The bodies of a sample recomputed on the CPU in `f64`: torque-free ones by the closed form, the others by `rk8` in the
+/// steps of [`reference_intervals`], or, where the run's steps are adaptive, in adaptive steps too.
+pub(super) fn recomputed(plan: &Plan<'_>, sample: &[u32], observer: &mut Observer<'_>) -> Result<Vec<Reference>> {
+    let scene = plan.scene();
+    let mut references = Vec::with_capacity(sample.len());
+    for group in plan.groups() {
+        let members: Vec<u32> = sample.iter().copied().filter(|&body| contains(group, body as usize)).collect();
+        let acting = |&body: &u32| !TorqueSet::acting_on(scene.torques(), body as usize).is_empty();
+        let stepped = group.treatment.precision_of_steps().is_some();
+        let (driven, free): (Vec<u32>, Vec<u32>) = members.into_iter().partition(|body| stepped && acting(body));
+        references.extend(closed_form(scene, &free));
+        if !driven.is_empty() {
+            let torques = group.class.torques.of(scene.torques());
+            if let Treatment::Adaptive { steps, .. } = group.treatment {
+                references.extend(adaptively(plan, &torques, driven, &steps, observer)?);
+                continue;
+            }
+            let intervals = reference_intervals(plan, group, &torques, &driven);
+            let found = torque_work::recomputed(scene, &torques, vec![Alike { members: driven, intervals }], observer)?;
+            let reference = |Recomputed { body, state, work }| Reference { body, state, work: Some(work) };
+            references.extend(found.into_iter().map(reference));
+        }
+    }
+    references.sort_by_key(|reference| reference.body);
+    Ok(references)
+}
+
+/// Bodies recomputed in adaptive steps; what torques do to them on the way in equal ones, of which each body takes at least as
+/// many as it has chosen.
+fn adaptively(
+    plan: &Plan<'_>,
+    torques: &[Torque],
+    members: Vec<u32>,
+    steps: &AdaptiveSteps,
+    observer: &mut Observer<'_>,
+) -> Result<Vec<Reference>> {
+    let scene = plan.scene();
+    let fine = finer(steps);
+    let found = propagate_subset(
+        scene,
+        plan.times(),
+        torques,
+        &Members::Some(members),
+        &Treatment::Adaptive { method: Method::Rk8, precision: Precision::F64, steps: fine },
+        Some(observer),
+    )?;
+    let mut alike: BTreeMap<u64, Vec<u32>> = BTreeMap::new();
+    for ((body, _), counts) in found.states.iter().zip(&found.counts) {
+        alike.entry(counts.accepted.max(1).next_power_of_two()).or_default().push(*body as u32);
+    }
+    let in_equal_steps = |(count, members): (u64, Vec<u32>)| {
+        let steps = count.saturating_mul(EQUAL_FOR_ADAPTIVE);
+        Alike { members, intervals: vec![steps_over(scene.end(), scene.end() / steps as f64)] }
+    };
+    let equal = torque_work::recomputed(scene, torques, alike.into_iter().map(in_equal_steps).collect(), observer)?;
+    let equal: BTreeMap<usize, Recomputed> = equal.into_iter().map(|found| (found.body, found)).collect();
+    // Near the least tolerance nothing finer is adaptive.
+    let is_finer = LEAST_REFINEMENT * fine.tolerance <= steps.tolerance;
+    let reference = |(body, state): (usize, BodyState)| match equal.get(&body) {
+        Some(found) => Reference { body, state: if is_finer { state } else { found.state }, work: Some(found.work) },
+        None => Reference { body, state, work: None },
+    };
+    Ok(found.states.into_iter().map(reference).collect())
+}
+
+/// Equal steps that are as fine where a body needs it most as the steps that it chooses, of which it takes as many: in a ratio of
+/// spins of two between start and end.
+const EQUAL_FOR_ADAPTIVE: u64 = 2;
+
+/// A tolerance that is not less than the run's by this factor says nothing of the run's error.
+const LEAST_REFINEMENT: f64 = 8.0;
+
+/// The greatest tolerance of a recomputation: beyond it steps may leap over what changes fast.
+const GREATEST_TOLERANCE: f64 = 1e-7;
+
+/// Adaptive steps in `f64` at a hundredth of the run's tolerance, or the least there is, so that their error is far below the run's.
+fn finer(steps: &AdaptiveSteps) -> AdaptiveSteps {
+    let tolerance = (0.01 * steps.tolerance).clamp(least_tolerance(Precision::F64), GREATEST_TOLERANCE);
+    AdaptiveSteps { tolerance, least_step: None }
+}
+
+/// The steps in which bodies of a group are recomputed by `rk8`.
+///
+/// One interval of equal steps, of half the longest that the run takes where its method is of order 6 or more, else as
+/// long as that one; finer where `rk8` would not follow the bodies' own rates otherwise. A random torque is a constant
+/// over each of the run's steps, so that the steps then have to be the run's.
+fn reference_intervals(plan: &Plan<'_>, group: &Group, torques: &[Torque], members: &[u32]) -> Vec<Interval> {
+    let of_run = (0..plan.times().len()).map(|index| group.treatment.interval(plan.span_before(index)));
+    if torques.iter().any(Torque::is_random) {
+        return of_run.collect();
+    }
+    let scene = plan.scene();
+    let longest = of_run.filter(|interval| interval.steps > 0).map(|interval| interval.dt).fold(0.0, f64::max);
+    let fine = if of_high_order(group) { 0.5 } else { 1.0 };
+    let rate = |&body: &u32| {
+        let body = body as usize;
+        let middle_moment = crate::bodies::inertia::principal_axes(&scene.ensemble().inertia()[body]).moments.y;
+        let spin = scene.ensemble().angular_velocity_body()[body].length();
+        let growth = torque::variable_inertia::spin_growth(torques, body, &scene.ensemble().inertia()[body]);
+        let driven =
+            torque::rate_of(torques, body, middle_moment).max(torque::damping_of(torques, body, middle_moment));
+        (spin * growth).max(driven)
+    };
+    let fastest = members.iter().map(rate).fold(0.0, f64::max);
+    let own = REFERENCE_ANGLE / fastest;
+    vec![steps_over(scene.end(), (fine * longest).min(own.max(longest / MOST_REFINEMENT)))]
+}
+
+fn of_high_order(group: &Group) -> bool {
+    matches!(group.treatment, Treatment::Stepped { method, .. } if method.order() >= HIGH_ORDER)
+}
+
+/// A method of this order or more is compared with `rk8` in finer steps, one of a lower order in its own steps, in which
+/// the error of `rk8` is far below its.
+const HIGH_ORDER: u32 = 6;
+
+/// The angle (rad) that the fastest body of a group turns by in a step of its recomputation at the start, at most: the error
+/// of `rk8` is then about 1e-10 a radian.
+const REFERENCE_ANGLE: f64 = 0.5;
+
+/// The most steps of a recomputation, as a multiple of the run's: a run whose steps leap over whole turns is not followed further.
+const MOST_REFINEMENT: f64 = 64.0;
+
+/// Torque-free bodies at the end; those whose phases the closed form does not resolve have no state.
+fn closed_form(scene: &Scene, members: &[u32]) -> Vec<Reference> {
+    // The energy does not depend on the phases.
+    let wanted = match scene.stepping() {
+        Stepping::Accuracy(accuracy) => {
+            accuracy.attitude.into_iter().chain(accuracy.angular_velocity).fold(f64::INFINITY, f64::min)
+        }
+        Stepping::Pinned { .. } | Stepping::Adaptive { .. } => 1.0,
+    };
+    let reference = |&body: &u32| {
+        let body = body as usize;
+        let is_resolved = phase_error(scene, body) <= LEAST_PART * wanted;
+        let state =
+            if is_resolved { FreeMotion::of_body(scene.ensemble(), body).at(scene.end()) } else { BodyState::UNKNOWN };
+        Reference { body, state, work: None }
+    };
+    members.par_iter().map(reference).collect()
+}
+
+/// The part of the errors asked for that a recomputation may be wrong by and still measure them.
+const LEAST_PART: f64 = 0.1;
+
+/// How far the phases of a torque-free body may be off at the end, rad: its constants are resolved to 2⁻⁹⁶ of themselves
+/// ([`crate::kernel::free_motion`]), so that beyond 2⁹⁶ rad (8e28) no digit of a phase is known.
+fn phase_error(scene: &Scene, body: usize) -> f64 {
+    let spin = scene.ensemble().angular_velocity_body()[body].length();
+    crate::math::power_of_two::scaled_by_power_of_two(spin * scene.end(), -96)
+}
+
+fn contains(group: &Group, body: usize) -> bool {
+    !group.members.rows(body..body + 1).is_empty()
+}
+
+impl Errors {
+    /// What a run says of itself, of whose sample `lost` bodies have failed and `diverged` could not be recomputed, and of all of its
+    /// bodies the part `failed`; `same_draws` as in [`RecomputedSample`].
+    pub(crate) fn into_recomputed_sample(
+        mut self,
+        target: Option<&Accuracy>,
+        same_draws: bool,
+        (lost, diverged): (usize, usize),
+        failed: f64,
+    ) -> RecomputedSample {
+        let is_measured = !self.attitude.is_empty() && !same_draws && diverged == 0;
+        let says = target.filter(|_| lost > 0 || is_measured);
+        let is_whole = |target: &Accuracy| lost == 0 && failed <= 1.0 - 0.01 * target.percentile;
+        RecomputedSample {
+            bodies: self.attitude.len(),
+            lost,
+            diverged,
+            target: target.copied(),
+            beyond: target.map_or(0, |target| self.beyond(target)),
+            same_draws,
+            met: says.map(|target| is_whole(target) && self.meets(target)),
+            attitude: Quantiles::of(&mut self.attitude),
+            angular_velocity: Quantiles::of(&mut self.angular_velocity),
+            kinetic_energy: Quantiles::of(&mut self.energy),
+            translating: self.position.len(),
+            position: Quantiles::of(&mut self.position),
+            velocity: Quantiles::of(&mut self.velocity),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_that_lost_bodies_has_not_met_its_target() {
+        let asked = Accuracy::attitude(1e-6);
+        let met = |lost, failed| Errors::default().into_recomputed_sample(Some(&asked), false, (lost, 0), failed).met;
+        assert_eq!([met(0, 0.0), met(1, 0.5), met(1, 1e-9)], [None, Some(false), Some(false)]);
+        let mut errors = Errors::default();
+        errors.attitude.push(1e-9);
+        errors.angular_velocity.push(0.0);
+        errors.energy.push(0.0);
+        assert_eq!(
+            errors.into_recomputed_sample(Some(&asked), false, (0, 0), 0.02).met,
+            Some(false),
+            "more than the percentile leaves out"
+        );
+    }
+}

@@ -1,0 +1,196 @@
+//! Centres of mass that are stepped along the rotation.
+
+use std::ops::Range;
+
+use glam::{DQuat, DVec3};
+use rayon::prelude::*;
+
+use crate::bodies::Members;
+use crate::bodies::frame::initial_state;
+use crate::bodies::inertia::principal_axes;
+use crate::bodies::memory;
+use crate::bodies::{BodyFrame, BodyState};
+use crate::engine::{Observer, Progress};
+use crate::error::{Error, Result};
+use crate::kernel::free_motion::FreeMotion;
+use crate::scene::Scene;
+use crate::torque::force::adaptive_translation::TOLERANCE;
+use crate::torque::force::carried::{Carried, MOST_PARTS};
+use crate::torque::force::custom::{CustomForces, Place};
+use crate::torque::force::stepped::{Attitude, Between, Centre, Free, NoAttitude, TURN};
+use crate::torque::force::{Accelerations, Force, accelerations};
+
+/// The centres of mass of a group's bodies, one a row, where a force of the scene depends on velocity or attitude.
+pub(crate) struct SteppedTranslation<'p> {
+    scene: &'p Scene,
+    members: &'p Members,
+    forces: Vec<Accelerations>,
+    /// Those of the user's own, which are not among them.
+    custom: CustomForces<'p>,
+    centres: Vec<Centre>,
+    /// The rotation at the time that the centres stand at, where a force needs it and the bodies are stepped.
+    before: Vec<BodyState>,
+    /// By what steps are shorter than they have to be.
+    shorter: f64,
+}
+
+impl<'p> SteppedTranslation<'p> {
+    /// The centres of mass at the start, or nothing where all positions have a closed form. `follows` says whether the
+    /// rotation is stepped.
+    pub fn start(scene: &'p Scene, members: &'p Members, follows: bool) -> Result<Option<Self>> {
+        let Some(translation) = scene.ensemble().translation() else { return Ok(None) };
+        if scene.forces().iter().all(Force::has_closed_form) {
+            return Ok(None);
+        }
+        let row = size_of::<Accelerations>() + size_of::<Centre>() + size_of::<BodyState>();
+        memory::require(members.len(), members.len().saturating_mul(row), "the centres of mass")?;
+        let bodies = || (0..members.len()).map(|row| members.body(row));
+        let needs_attitude = scene.forces().iter().any(Force::needs_attitude);
+        Ok(Some(Self {
+            scene,
+            members,
+            forces: bodies().map(|body| accelerations(scene.forces(), body, translation.mass[body])).collect(),
+            custom: CustomForces::new(scene.forces()),
+            centres: bodies().map(|body| Centre::new(translation.position[body], translation.velocity[body])).collect(),
+            before: if needs_attitude && follows {
+                bodies().map(|body| initial_state(scene.ensemble(), body)).collect()
+            } else {
+                Vec::new()
+            },
+            shorter: 1.0,
+        }))
+    }
+
+    /// The same in steps that are shorter by a factor, where no rotation is followed.
+    pub fn in_steps_shorter_by(self, shorter: f64) -> Self {
+        Self { shorter, ..self }
+    }
+
+    /// Whether it has to be told of the rotation after every step.
+    pub fn follows(&self) -> bool {
+        !self.before.is_empty()
+    }
+
+    /// The centres of mass as an engine takes them along in steps of at most `longest_step` seconds, and the most steps of
+    /// theirs in one; `None` where that is more than an engine takes, or a force is the user's own.
+    pub fn carried(&self, frames: &[BodyFrame], longest_step: f64) -> Option<(Vec<Carried>, u32)> {
+        if !self.custom.is_empty() {
+            return None;
+        }
+        let rows = self.forces.iter().zip(&self.centres).zip(frames);
+        let carried: Vec<Carried> = rows
+            .map(|((forces, centre), frame)| Carried {
+                forces: Accelerations { thrust_body: frame.to_principal(forces.thrust_body), ..*forces },
+                position: centre.position(),
+                velocity: centre.velocity(),
+            })
+            .collect();
+        let parts = carried.iter().map(|centre| centre.most_parts(longest_step)).fold(1.0, f64::max);
+        (parts <= f64::from(MOST_PARTS)).then_some((carried, parts as u32))
+    }
+
+    /// Moves on by a step of `dt` seconds of the rotation, which is `after` it and begins
+    /// from `start`, s.
+    pub fn follow(&mut self, after: Vec<BodyState>, start: f64, dt: f64) {
+        let (scene, members, before) = (self.scene, self.members, &self.before);
+        let moving = Moving { forces: &self.forces, custom: &self.custom, scene, shorter: 1.0, start, span: dt };
+        self.centres.par_iter_mut().enumerate().for_each(|(row, centre)| {
+            let body = members.body(row);
+            let turning = |state: &BodyState| turning(scene, body, state);
+            let attitude = Between::new(turning(&before[row]), turning(&after[row]), dt);
+            moving.advance(centre, (row, body), &attitude);
+        });
+        self.before = after;
+    }
+
+    /// Moves on by `span` seconds from `start`. Torque-free bodies turn as their closed form says.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Interrupted`] where the observer breaks off; some bodies have then moved on, and others have not.
+    pub fn advance(&mut self, start: f64, span: f64, observer: &mut Observer<'_>) -> Result<()> {
+        let (scene, members) = (self.scene, self.members);
+        let forces = &self.forces;
+        let moving = Moving { forces, custom: &self.custom, scene, shorter: self.shorter, start, span };
+        let turn = self.custom.need_attitude();
+        let total = self.centres.len() as u64;
+        for (index, centres) in self.centres.chunks_mut(AT_ONCE).enumerate() {
+            if index > 0 && observer(Progress { done: 0, total }).is_break() {
+                return Err(Error::Interrupted { steps: 0 });
+            }
+            centres.par_iter_mut().enumerate().for_each(|(place, centre)| {
+                let row = index * AT_ONCE + place;
+                let body = members.body(row);
+                if forces[row].thrust_body == DVec3::ZERO && !turn {
+                    return moving.advance(centre, (row, body), &NoAttitude);
+                }
+                let least = principal_axes(&scene.ensemble().inertia()[body]).moments.x;
+                // 2T ≥ I₁ ω².
+                let rate = (2.0 * initial_state(scene.ensemble(), body).kinetic_energy / least).sqrt();
+                let motion = FreeMotion::of_body(scene.ensemble(), body);
+                moving.advance(centre, (row, body), &Free { motion: &motion, rate, start, span });
+            });
+        }
+        Ok(())
+    }
+
+    /// Its bodies with their positions (m) and velocities (m/s).
+    pub fn centres(&self) -> impl Iterator<Item = (usize, (DVec3, DVec3))> {
+        let rows = self.centres.iter().enumerate();
+        rows.map(|(row, centre)| (self.members.body(row), (centre.position(), centre.velocity())))
+    }
+
+    /// Writes position (m) and velocity (m/s) of those of its bodies that are in `bodies` to their places.
+    pub fn read(&self, bodies: &Range<usize>, out: &mut [Option<(DVec3, DVec3)>]) {
+        for row in self.members.rows(bodies.clone()) {
+            let centre = &self.centres[row];
+            out[self.members.body(row) - bodies.start] = Some((centre.position(), centre.velocity()));
+        }
+    }
+}
+
+/// Bodies between two looks at whether the run is to go on.
+const AT_ONCE: usize = 4096;
+
+/// What moves centres of mass over a span of time.
+struct Moving<'a> {
+    forces: &'a [Accelerations],
+    custom: &'a CustomForces<'a>,
+    scene: &'a Scene,
+    shorter: f64,
+    /// s.
+    start: f64,
+    span: f64,
+}
+
+impl Moving<'_> {
+    /// Moves the centre of mass in a row, which is that of this body.
+    fn advance(&self, centre: &mut Centre, (row, body): (usize, usize), attitude: &impl Attitude) {
+        let &Self { forces, custom, shorter, start, span, .. } = self;
+        let forces = &forces[row];
+        let Some(translation) = self.scene.ensemble().translation().filter(|_| !custom.is_empty()) else {
+            return centre.advance_in_steps_shorter_by(shorter, forces, attitude, span);
+        };
+        let mut own = custom.on_body(body, translation.mass[body]);
+        let turns = custom.need_attitude();
+        let acceleration = |elapsed: f64, position: DVec3, velocity: DVec3| {
+            let fraction = elapsed / span;
+            let orientation = attitude.at(fraction);
+            let angular_velocity_body = if turns { attitude.angular_velocity_at(fraction) } else { DVec3::ZERO };
+            let place = Place { orientation, angular_velocity_body, time: start + elapsed, position, velocity };
+            forces.at(orientation, velocity) + own.acceleration(&place)
+        };
+        // The rotation's own pace is where the first step begins; the error decides on those that follow.
+        let first = span * (attitude.longest() / TURN).min(1.0);
+        centre.advance_adaptively(acceleration, span, first, TOLERANCE / shorter.powi(5));
+    }
+}
+
+/// A body's orientation and the rate (rad/s, body axes) at which its axes turn; internal dissipation makes that another than ω.
+pub(crate) fn turning(scene: &Scene, body: usize, state: &BodyState) -> (DQuat, DVec3) {
+    let omega = state.angular_velocity_body;
+    // I ω, whatever I has become.
+    let momentum_body = state.orientation.conjugate() * state.angular_momentum_world;
+    let slip: DVec3 = scene.torques().iter().map(|torque| torque.slip(body, momentum_body, omega)).sum();
+    (state.orientation, omega + slip)
+}

@@ -1,0 +1,324 @@
+//! Bodies under torques, recomputed on the CPU in `f64`, with what the torques do to them on the way.
+//!
+//! The work ∫ τ·ω dt (with that of internal dissipation, ∫ ω·(m × slip) dt, and of changing moments, −½ ∫ ω·(dI/dt) ω dt) and the angular momentum that the
+//! torques give, ∫ R τ dt, are integrated by `rk8` as further components of its state: the torque at each of its stages,
+//! weighted as its slopes are. They are thus as accurate as the recomputed motion itself, to order 8.
+
+use std::cell::Cell;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::bodies::Members;
+use crate::bodies::columns::{STATE_COMPONENTS, state_columns};
+use crate::bodies::{BodyFrame, BodyState};
+use crate::engine::Observer;
+use crate::engine::batch::{AnyBatch, Batch, load_body, load_state, prepare_members, store_state};
+use crate::engine::watch::{Watch, watched};
+use crate::error::{Error, Result};
+use crate::kernel::method::Step;
+use crate::kernel::method::rk8::{Rk8, WEIGHTS};
+use crate::kernel::rigid_body::{Body, Correction};
+use crate::kernel::torque_kernel::{Motion, TorqueKernel, VelocityDependence};
+use crate::math::Precision;
+use crate::math::clock::Clock;
+use crate::math::lanes::{LaneScalar, LaneTask};
+use crate::math::power_of_two::scaled_by_power_of_two;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::Real;
+use crate::math::vector::two_words;
+use crate::math::vector::{TwoWords, Vector};
+use crate::plan::Interval;
+use crate::scene::Scene;
+use crate::torque::Torque;
+use crate::torque::sum::{Epoch, Source, StepStart, Torques};
+
+/// What the torques did to a body from the start to the end, and the scales that it is measured by.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Work {
+    /// ∫ τ·ω dt, J.
+    pub energy: f64,
+    /// ∫ R τ dt, N m s, world axes.
+    pub angular_momentum_world: DVec3,
+    /// The greatest kinetic energy on the way, J.
+    pub greatest_energy: f64,
+    /// The greatest |L| on the way, N m s.
+    pub greatest_angular_momentum: f64,
+}
+
+/// A recomputed body at the end.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Recomputed {
+    pub body: usize,
+    pub state: BodyState,
+    pub work: Work,
+}
+
+/// Bodies of one task: few, so that a small sample keeps all cores busy, and a multiple of every lane count.
+const BLOCK: usize = 8;
+
+/// Steps between two looks at whether to go on.
+const SLICE: u64 = 1 << 14;
+
+/// Sums of a body: the work and the angular momentum given with their residues, then T and |m|² at their greatest.
+const SUMS: usize = 10;
+const ENERGY: usize = 0;
+const ANGULAR_MOMENTUM: usize = 2;
+const GREATEST_ENERGY: usize = 8;
+const GREATEST_SQUARE: usize = 9;
+
+/// The part of a sample that one task advances.
+struct Block {
+    state: [[f64; BLOCK]; state_columns::<f64>()],
+    sums: [[f64; BLOCK]; SUMS],
+}
+
+/// Bodies that take the same steps, one interval after the other from time 0.
+pub(crate) struct Alike {
+    pub members: Vec<u32>,
+    pub intervals: Vec<Interval>,
+}
+
+/// Brings bodies through their intervals by `rk8`.
+pub(crate) fn recomputed(
+    scene: &Scene,
+    torques: &[Torque],
+    all: Vec<Alike>,
+    observer: &mut Observer<'_>,
+) -> Result<Vec<Recomputed>> {
+    let steps_of = |alike: &Alike| alike.intervals.iter().map(|interval| interval.steps).fold(0, u64::saturating_add);
+    let total =
+        all.iter().map(|alike| steps_of(alike).saturating_mul(alike.members.len() as u64)).fold(0, u64::saturating_add);
+    let started = all.into_iter().map(|Alike { members, intervals }| Started::of(scene, torques, members, intervals));
+    let mut started = started.collect::<Result<Vec<_>>>()?;
+    // Side by side, as each of them alone may be too little for all cores.
+    let work = |watch: &Watch| started.par_iter_mut().for_each(|started| started.advance(watch));
+    watched(work, total, observer).map_err(|steps| Error::Interrupted { steps })?;
+    Ok(started.iter().flat_map(|started| started.finished(scene, torques)).collect())
+}
+
+/// Bodies that take the same steps, on their way.
+struct Started {
+    members: Members,
+    intervals: Vec<Interval>,
+    frames: Vec<BodyFrame>,
+    batch: Batch<f64>,
+    blocks: Vec<Block>,
+}
+
+impl Started {
+    fn of(scene: &Scene, torques: &[Torque], members: Vec<u32>, intervals: Vec<Interval>) -> Result<Self> {
+        let members = Members::Some(members);
+        let (frames, batch) = prepare_members(scene.ensemble(), torques, scene.end(), &members, Precision::F64)?;
+        let AnyBatch::F64(batch) = batch else { unreachable!("columns in f64 were asked for") };
+        let blocks = (0..batch.body_count).step_by(BLOCK).map(|first| Block::of(&batch, first)).collect();
+        Ok(Self { members, intervals, frames, batch, blocks })
+    }
+
+    /// Brings its bodies to the end, unless the watch says otherwise.
+    fn advance(&mut self, watch: &Watch) {
+        let Self { intervals, batch, blocks, .. } = self;
+        blocks.par_iter_mut().enumerate().for_each(|(index, block)| {
+            let first = index * BLOCK;
+            let mut clock = batch.torques.clock();
+            for &Interval { dt, steps } in &*intervals {
+                for first_step in (0..steps).step_by(SLICE as usize) {
+                    if !watch.goes_on() {
+                        return;
+                    }
+                    let slice = SLICE.min(steps - first_step);
+                    let block = &mut *block;
+                    f64::dispatch(RecomputeBlock { batch, first, block, clock, dt, first_step, steps: slice });
+                    watch.add(slice * BLOCK.min(batch.body_count - first) as u64);
+                }
+                clock = clock.after(dt, steps);
+            }
+        });
+    }
+
+    fn finished(&self, scene: &Scene, torques: &[Torque]) -> impl Iterator<Item = Recomputed> {
+        (0..self.batch.body_count).map(move |row| {
+            let body = self.members.body(row);
+            self.blocks[row / BLOCK].finished(row % BLOCK, &self.frames[row].at(torques, body, scene.end()), body)
+        })
+    }
+}
+
+impl Block {
+    fn of(batch: &Batch<f64>, first: usize) -> Self {
+        let column = |column: usize| {
+            let start = column * batch.stride + first;
+            std::array::from_fn(|lane| batch.state[start + lane])
+        };
+        Self { state: std::array::from_fn(column), sums: [[0.0; BLOCK]; SUMS] }
+    }
+
+    /// The body in one lane in SI units.
+    fn finished(&self, lane: usize, frame: &BodyFrame, body: usize) -> Recomputed {
+        let sum = |index: usize| self.sums[index][lane] + self.sums[index + 1][lane];
+        let (energy_exponent, momentum_exponent) =
+            (frame.moment_exponent + 2 * frame.rate_exponent, frame.moment_exponent + frame.rate_exponent);
+        let energy = |x: f64| scaled_by_power_of_two(x, energy_exponent);
+        let momentum = |x: f64| scaled_by_power_of_two(x, momentum_exponent);
+        let given = [0, 2, 4].map(|axis| momentum(sum(ANGULAR_MOMENTUM + axis)));
+        let scaled: [f64; STATE_COMPONENTS] = std::array::from_fn(|component| self.state[component][lane]);
+        let state = frame.body_state(scaled);
+        Recomputed {
+            body,
+            state,
+            work: Work {
+                energy: energy(sum(ENERGY)),
+                angular_momentum_world: DVec3::from_array(given),
+                greatest_energy: energy(self.sums[GREATEST_ENERGY][lane]).max(state.kinetic_energy),
+                greatest_angular_momentum: momentum(self.sums[GREATEST_SQUARE][lane].sqrt())
+                    .max(state.angular_momentum_world.length()),
+            },
+        }
+    }
+}
+
+/// Advances one block, lane group by lane group.
+struct RecomputeBlock<'a> {
+    batch: &'a Batch<f64>,
+    /// First body of the block.
+    first: usize,
+    block: &'a mut Block,
+    /// At step 0 of the interval.
+    clock: Clock,
+    dt: f64,
+    first_step: u64,
+    steps: u64,
+}
+
+impl LaneTask<f64> for RecomputeBlock<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<R: Real<Scalar = f64>>(self) {
+        let Batch { parameters, stride, torques, .. } = self.batch;
+        let source = Source { table: torques, parameters, stride: *stride, clock: self.clock, dt: self.dt };
+        let workspace = source.workspace();
+        let bodies = BLOCK.min(self.batch.body_count - self.first);
+        for offset in (0..bodies).step_by(R::LANES) {
+            let columns = source.group(self.first + offset, &workspace);
+            let (body, rate) = load_body(|column| columns.column(column));
+            let given = Given::new();
+            let acting = Torques::<R>::new(columns);
+            let environment = Recorded { acting, given: &given };
+            let words = two_words::<f64>(self.dt);
+            let dt = TwoWords { value: R::splat(words.value) * rate, residue: R::splat(0.0) };
+            let mut state = load_state(|column| R::load(&self.block.state[column][offset..]));
+            let mut sums: [R; SUMS] = std::array::from_fn(|index| R::load(&self.block.sums[index][offset..]));
+            for step in 0..self.steps {
+                let m = state.angular_momentum_principal.value;
+                sums[GREATEST_SQUARE] = sums[GREATEST_SQUARE].max(m.dot(m));
+                state = Rk8::step(&body, &(), &environment, self.first_step + step, dt, state);
+                sums[GREATEST_ENERGY] = sums[GREATEST_ENERGY].max(given.energy.get());
+                let (power, torque) = given.taken();
+                for (index, rate) in [power, torque.x, torque.y, torque.z].into_iter().enumerate() {
+                    add(&mut sums, 2 * index, rate * dt.value);
+                }
+            }
+            store_state(&state, |column, number: R| number.store(&mut self.block.state[column][offset..]));
+            for (index, sum) in sums.into_iter().enumerate() {
+                sum.store(&mut self.block.sums[index][offset..]);
+            }
+        }
+    }
+}
+
+/// Kahan's sum at `index`, its residue behind it: over 1e7 steps a plain one would lose four digits.
+#[inline(always)]
+fn add<R: Real>(sums: &mut [R; SUMS], index: usize, increment: R) {
+    let corrected = increment + sums[index + 1];
+    let sum = sums[index] + corrected;
+    sums[index + 1] = corrected - (sum - sums[index]);
+    sums[index] = sum;
+}
+
+/// What the torques give in a step, from the stages of `rk8` as they come.
+struct Given<R> {
+    stage: Cell<usize>,
+    angular_velocity: Cell<Vector<R>>,
+    inner_power: Cell<R>,
+    power: Cell<R>,
+    /// T at the start of the step.
+    energy: Cell<R>,
+    torque_world: Cell<Vector<R>>,
+}
+
+impl<R: Real> Given<R> {
+    #[inline(always)]
+    fn new() -> Self {
+        let zero = R::splat(0.0);
+        Self {
+            stage: Cell::new(0),
+            angular_velocity: Cell::new(Vector::zero()),
+            inner_power: Cell::new(zero),
+            power: Cell::new(zero),
+            energy: Cell::new(zero),
+            torque_world: Cell::new(Vector::zero()),
+        }
+    }
+
+    /// The weighted sums over a step's stages, which start afresh.
+    #[inline(always)]
+    fn taken(&self) -> (R, Vector<R>) {
+        self.stage.set(0);
+        (self.power.replace(R::splat(0.0)), self.torque_world.replace(Vector::zero()))
+    }
+}
+
+/// Torques whose power and torque in the world are noted at each evaluation.
+#[derive(Clone, Copy)]
+struct Recorded<'a, R: Real> {
+    acting: Torques<'a, R>,
+    given: &'a Given<R>,
+}
+
+impl<'a, R: Real> TorqueKernel<R> for Recorded<'a, R> {
+    type Start = StepStart<'a, R>;
+    type Epoch = Epoch<'a, R>;
+    const FREE: bool = false;
+
+    #[inline(always)]
+    fn start(&self, step: u64) -> StepStart<'a, R> {
+        self.acting.start(step)
+    }
+
+    #[inline(always)]
+    fn epoch(&self, start: &StepStart<'a, R>, fraction: f64) -> Epoch<'a, R> {
+        self.acting.epoch(start, fraction)
+    }
+
+    #[inline(always)]
+    fn torque(&self, epoch: &Epoch<'a, R>, body: &Body<R>, q: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
+        let torque = self.acting.torque(epoch, body, q, omega);
+        let given = self.given;
+        let weight = R::splat(WEIGHTS[given.stage.get()]);
+        given.stage.set(given.stage.get() + 1);
+        let power = torque.dot(given.angular_velocity.get()) + given.inner_power.get();
+        given.power.set(power.mul_add(weight, given.power.get()));
+        given.torque_world.set(q.rotate(torque).axpy(weight, given.torque_world.get()));
+        torque
+    }
+
+    #[inline(always)]
+    fn velocity_dependence(&self) -> VelocityDependence {
+        self.acting.velocity_dependence()
+    }
+
+    /// Called before [`TorqueKernel::torque`] at every stage; notes ω = I⁻¹ m and the power of what goes on in the body.
+    #[inline(always)]
+    fn motion(&self, epoch: &Epoch<'a, R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
+        let turning = self.acting.turning_at(epoch, body, correction, m);
+        let (motion, omega) = (turning.motion, turning.angular_velocity);
+        self.given.angular_velocity.set(omega);
+        if self.given.stage.get() == 0 {
+            self.given.energy.set(R::splat(0.5) * m.dot(omega));
+        }
+        let slip_power = omega.dot(m.cross(motion.angular_velocity - omega));
+        self.given.inner_power.set(slip_power + self.acting.change_power(epoch, body, omega));
+        motion
+    }
+}

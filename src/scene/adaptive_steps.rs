@@ -1,0 +1,44 @@
+//! Steps that each body chooses.
+
+use crate::error::{Error, Result};
+use crate::kernel::method::rk8_adaptive::least_tolerance;
+use crate::math::Precision;
+
+/// What is asked of adaptive steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AdaptiveSteps {
+    /// Error of one step: of the quaternion's components, and of the angular momentum's relative to its magnitude; at
+    /// least [`least_tolerance`] of the arithmetic, below 1.
+    pub tolerance: f64,
+    /// A body that would need a shorter step, s, is flagged and left as it stands. `None`:
+    /// [`crate::kernel::method::rk8_adaptive::LEAST_STEP`] in units of the body's own time, about the time of a radian.
+    pub least_step: Option<f64>,
+}
+
+impl AdaptiveSteps {
+    /// Refuses what an arithmetic cannot give.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Setting`] for a tolerance below [`least_tolerance`] or of 1 and above, and for a least step that is not
+    /// finite and above zero.
+    pub fn check(&self, precision: Precision) -> Result<()> {
+        let wrong = |field, value, expected| Err(Error::Setting { field, value, expected });
+        if !(self.tolerance > 0.0 && self.tolerance < 1.0) {
+            return wrong("tolerance", self.tolerance, "expected a number above 0 and below 1");
+        }
+        if self.tolerance < least_tolerance(precision) {
+            let expected = match precision {
+                Precision::F32 => "rounding in f32 hides smaller errors than 1e-6: use 1e-6 or more, or precision f64",
+                Precision::F64 => "rounding in f64 hides smaller errors than 2e-15: use 2e-15 or more",
+            };
+            return wrong("tolerance", self.tolerance, expected);
+        }
+        match self.least_step {
+            Some(step) if !(step.is_finite() && step > 0.0) => {
+                wrong("least_step", step, "expected a finite step above zero (s)")
+            }
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,461 @@
+//! What is to be simulated: an ensemble, a span, output times and how accurately.
+
+use std::fmt;
+
+use glam::DVec3;
+
+use crate::bodies::Ensemble;
+use crate::kernel::method::Method;
+use crate::kernel::observe::Statistic;
+use crate::math::Precision;
+use crate::torque::Torque;
+use crate::torque::force::Force;
+use crate::torque::translated::translated;
+
+mod adaptive_steps;
+
+pub use adaptive_steps::AdaptiveSteps;
+
+/// An ensemble with what happens to it and what is asked of it.
+///
+/// ```
+/// use glam::{DQuat, DVec3};
+/// use polhode::{Accuracy, Ensemble, Scene};
+///
+/// let ensemble = Ensemble::from_columns(
+///     &[DVec3::new(1.0, 2.0, 2.5)],
+///     &[DQuat::IDENTITY],
+///     &[DVec3::new(0.1, 2.0, 0.1)],
+/// )?;
+/// let scene = Scene::new(ensemble).until(60.0).accuracy(Accuracy::attitude(1e-6));
+/// assert_eq!(scene.end(), 60.0);
+/// # Ok::<(), polhode::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    ensemble: Ensemble,
+    end: f64,
+    outputs: Outputs,
+    stepping: Stepping,
+    precision: Option<Precision>,
+    forces: Vec<Force>,
+    skipping: bool,
+    torques: Vec<Torque>,
+    /// Torques as they were written that name a position or velocity, by their places: those above have functions of time instead.
+    moving: Vec<(usize, Torque)>,
+    pilot: bool,
+    statistics: Vec<Statistic>,
+    states: bool,
+}
+
+/// When the state is recorded.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Outputs {
+    /// At the end only.
+    #[default]
+    End,
+    /// At multiples of an interval, s, from the first to the end; the end itself is always recorded.
+    Every(f64),
+    /// At these times, s, increasing, none beyond the end; the end itself is always recorded.
+    Times(Vec<f64>),
+}
+
+/// The errors that are asked for, each as a percentile over the bodies at the end.
+///
+/// ```
+/// use polhode::Accuracy;
+///
+/// let both = Accuracy { energy: Some(1e-9), ..Accuracy::attitude(1e-6) };
+/// assert_eq!(both.percentile, 99.0);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Accuracy {
+    /// Attitude error, rad, in (0, π].
+    pub attitude: Option<f64>,
+    /// Error of the angular velocity in body axes relative to its magnitude, above 0.
+    pub angular_velocity: Option<f64>,
+    /// Error of the rotational kinetic energy, relative, above 0.
+    pub energy: Option<f64>,
+    /// The percentile, in (0, 100].
+    pub percentile: f64,
+}
+
+impl Accuracy {
+    /// An attitude error of `angle` rad in the 99th percentile.
+    pub fn attitude(angle: f64) -> Self {
+        Self { attitude: Some(angle), angular_velocity: None, energy: None, percentile: 99.0 }
+    }
+
+    /// What is asked for of one thing; without limit where nothing is.
+    pub(crate) fn of(&self, target: Target) -> f64 {
+        let wanted = match target {
+            Target::Attitude => self.attitude,
+            Target::AngularVelocity => self.angular_velocity,
+            Target::Energy => self.energy,
+        };
+        wanted.unwrap_or(f64::INFINITY)
+    }
+
+    /// The errors asked for, one by one.
+    pub fn targets(&self) -> [(Target, Option<f64>); 3] {
+        [
+            (Target::Attitude, self.attitude),
+            (Target::AngularVelocity, self.angular_velocity),
+            (Target::Energy, self.energy),
+        ]
+    }
+
+    /// The least of the errors asked for: an attitude error of that size comes with relative errors of about that
+    /// size. π where none is asked for.
+    pub(crate) fn strictest(&self) -> f64 {
+        self.strictest_target().1
+    }
+
+    /// The same, and of what it is.
+    pub(crate) fn strictest_target(&self) -> (Target, f64) {
+        let wanted = self.targets().into_iter().filter_map(|(target, wanted)| Some((target, wanted?)));
+        wanted.fold((Target::Attitude, std::f64::consts::PI), |least, next| if next.1 < least.1 { next } else { least })
+    }
+}
+
+/// A number as people write it; all its digits.
+fn plain(number: f64) -> String {
+    if (1e-3..1e4).contains(&number) { number.to_string() } else { format!("{number:e}") }
+}
+
+impl fmt::Display for Accuracy {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (target, wanted) in self.targets() {
+            if let Some(wanted) = wanted {
+                write!(formatter, "{} {} {}, ", target.name(), plain(wanted), target.unit())?;
+            }
+        }
+        write!(formatter, "in {} % of the bodies", plain(self.percentile))
+    }
+}
+
+/// Of what an error may be asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+pub enum Target {
+    /// The attitude.
+    #[default]
+    Attitude,
+    /// The angular velocity in body axes.
+    AngularVelocity,
+    /// The rotational kinetic energy.
+    Energy,
+}
+
+impl Target {
+    /// The name in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Target::Attitude => "attitude",
+            Target::AngularVelocity => "angular velocity",
+            Target::Energy => "energy",
+        }
+    }
+
+    /// In what its error is given.
+    fn unit(self) -> &'static str {
+        match self {
+            Target::Attitude => "rad",
+            Target::AngularVelocity => "of its magnitude",
+            Target::Energy => "of its value",
+        }
+    }
+}
+
+/// How steps are chosen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Stepping {
+    /// From an error asked for; method, step and precision follow.
+    Accuracy(Accuracy),
+    /// By the user.
+    Pinned {
+        /// The integrator.
+        method: Method,
+        /// Step size, s, above zero. Shortened where needed so that output times are hit exactly.
+        dt: f64,
+        /// The arithmetic; `None` takes `f64` where the engine has it.
+        precision: Option<Precision>,
+        /// Whether states are projected after each step onto what torque-free bodies conserve.
+        projected: bool,
+    },
+    /// By each body for itself, as the error of each step asks.
+    Adaptive {
+        /// The integrator, one of [`Method::ADAPTIVE`].
+        method: Method,
+        /// What is asked of the steps.
+        steps: AdaptiveSteps,
+        /// The arithmetic; `None` takes `f64` where the engine has it.
+        precision: Option<Precision>,
+    },
+}
+
+impl fmt::Display for Stepping {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Stepping::Accuracy(accuracy) => accuracy.fmt(formatter),
+            Stepping::Pinned { method, dt, projected, .. } => {
+                let projected = if *projected { ", projected" } else { "" };
+                write!(formatter, "{method}, dt = {dt:?} s{projected}")
+            }
+            Stepping::Adaptive { method, steps, .. } => {
+                let of = if *method == Method::Rk8 { String::new() } else { format!(" {method}") };
+                write!(formatter, "adaptive{of}, tolerance {:?}", steps.tolerance)?;
+                steps.least_step.map_or(Ok(()), |step| write!(formatter, ", least step {step:?} s"))
+            }
+        }
+    }
+}
+
+impl Scene {
+    /// The scene of free bodies over no time at all, to be filled in by the methods below.
+    pub fn new(ensemble: Ensemble) -> Self {
+        Self {
+            ensemble,
+            end: 0.0,
+            outputs: Outputs::End,
+            stepping: Stepping::Accuracy(Accuracy::attitude(1e-6)),
+            precision: None,
+            forces: Vec::new(),
+            skipping: true,
+            torques: Vec::new(),
+            moving: Vec::new(),
+            pilot: true,
+            statistics: Vec::new(),
+            states: true,
+        }
+    }
+
+    /// Simulates from 0 to `end` seconds; `end` is finite and not negative.
+    #[must_use]
+    pub fn until(mut self, end: f64) -> Self {
+        self.end = end;
+        self
+    }
+
+    /// Records the state at these times.
+    #[must_use]
+    pub fn outputs(mut self, outputs: Outputs) -> Self {
+        self.outputs = outputs;
+        self
+    }
+
+    /// Asks for statistics of these quantities over all bodies, at every output time; each quantity once, in this order.
+    ///
+    /// ```
+    /// # use glam::{DQuat, DVec3};
+    /// use polhode::{Engine, Ensemble, Plan, Scene, Statistic};
+    ///
+    /// # let ensemble = Ensemble::from_columns(&[DVec3::new(1.0, 2.0, 2.5)], &[DQuat::IDENTITY], &[DVec3::X])?;
+    /// let scene = Scene::new(ensemble).until(60.0).statistics(&[Statistic::KineticEnergy]).without_states();
+    /// let engine = Engine::cpu();
+    /// let record = engine.run(&Plan::new(&scene, &engine)?)?;
+    /// let energy = record.statistics()[0].of(Statistic::KineticEnergy).expect("asked for");
+    /// assert!((energy.mean - 0.5).abs() < 1e-12);
+    /// # Ok::<(), polhode::Error>(())
+    /// ```
+    #[must_use]
+    pub fn statistics(mut self, statistics: &[Statistic]) -> Self {
+        self.statistics.clear();
+        for &statistic in statistics {
+            if !self.statistics.contains(&statistic) {
+                self.statistics.push(statistic);
+            }
+        }
+        self
+    }
+
+    /// Records no states of bodies: where statistics are asked for, they alone leave the device
+    /// ([`crate::plan::SkipName::States`]), and the drift in the report is that of a sample of the bodies.
+    #[must_use]
+    pub fn without_states(mut self) -> Self {
+        self.states = false;
+        self
+    }
+
+    /// Asks for an error, from which method, step and precision follow.
+    #[must_use]
+    pub fn accuracy(mut self, accuracy: Accuracy) -> Self {
+        self.stepping = Stepping::Accuracy(accuracy);
+        self
+    }
+
+    /// Pins method, step (s) and precision.
+    #[must_use]
+    pub fn pinned(mut self, method: Method, dt: f64, precision: Option<Precision>) -> Self {
+        self.stepping = Stepping::Pinned { method, dt, precision, projected: false };
+        self
+    }
+
+    /// Pins method and step (s), in `f64`, and projects the state of each body after each step onto what it conserves
+    /// ([`crate::kernel::method::projection`]): next to the separatrix stepping keeps the phase in no other way. For scenes without
+    /// torques; a plan refuses others.
+    #[must_use]
+    pub fn projected(mut self, method: Method, dt: f64) -> Self {
+        self.stepping = Stepping::Pinned { method, dt, precision: Some(Precision::F64), projected: true };
+        self
+    }
+
+    /// Lets each body choose its steps by `rk8`'s estimate of their errors ([`crate::kernel::method::rk8_adaptive`]).
+    ///
+    /// ```
+    /// # use glam::{DQuat, DVec3};
+    /// use polhode::scene::AdaptiveSteps;
+    /// use polhode::{Engine, Ensemble, Plan, Scene};
+    ///
+    /// # let ensemble = Ensemble::from_columns(&[DVec3::new(1.0, 2.0, 2.5)], &[DQuat::IDENTITY], &[DVec3::X])?;
+    /// let steps = AdaptiveSteps { tolerance: 1e-9, least_step: None };
+    /// let scene = Scene::new(ensemble).until(60.0).adaptive(steps, None);
+    /// let engine = Engine::cpu();
+    /// let record = engine.run(&Plan::new(&scene, &engine)?)?;
+    /// let work = record.trust().adaptive.expect("bodies took adaptive steps");
+    /// assert!(work.accepted.total > 0 && work.flagged == 0);
+    /// # Ok::<(), polhode::Error>(())
+    /// ```
+    #[must_use]
+    pub fn adaptive(mut self, steps: AdaptiveSteps, precision: Option<Precision>) -> Self {
+        self.stepping = Stepping::Adaptive { method: Method::Rk8, steps, precision };
+        self
+    }
+
+    /// Lets each body choose its steps by the size of the last terms of its Taylor series ([`crate::kernel::method::taylor`]): in `f64`, on the
+    /// CPU.
+    ///
+    /// ```
+    /// # use glam::{DQuat, DVec3};
+    /// use polhode::scene::AdaptiveSteps;
+    /// use polhode::{Engine, Ensemble, Plan, Scene, Torque};
+    ///
+    /// # let ensemble = Ensemble::from_columns(&[DVec3::new(1.0, 2.0, 2.5)], &[DQuat::IDENTITY], &[DVec3::X])?;
+    /// let steps = AdaptiveSteps { tolerance: 1e-12, least_step: None };
+    /// let scene = Scene::new(ensemble).until(60.0).torque(Torque::linear_drag(0.01)).taylor(steps);
+    /// let engine = Engine::cpu();
+    /// let record = engine.run(&Plan::new(&scene, &engine)?)?;
+    /// assert_eq!(record.trust().adaptive.expect("bodies took adaptive steps").rejected.total, 0);
+    /// # Ok::<(), polhode::Error>(())
+    /// ```
+    #[must_use]
+    pub fn taylor(mut self, steps: AdaptiveSteps) -> Self {
+        self.stepping = Stepping::Adaptive { method: Method::Taylor, steps, precision: Some(Precision::F64) };
+        self
+    }
+
+    /// Pins the arithmetic and leaves the rest as it is; `None` leaves the choice to the plan.
+    #[must_use]
+    pub fn precision(mut self, precision: Option<Precision>) -> Self {
+        self.precision = precision;
+        self
+    }
+
+    /// Whether work that the scene does not need may be skipped ([`crate::plan::SkipName`] lists what may). It is, unless
+    /// this says no: every body is then stepped with all torques, and all take the steps that the fastest needs.
+    #[must_use]
+    pub fn skipping(mut self, skipping: bool) -> Self {
+        self.skipping = skipping;
+        self
+    }
+
+    /// Whether work that the scene does not need may be skipped.
+    pub fn may_skip(&self) -> bool {
+        self.skipping
+    }
+
+    /// A constant force on every body's centre of mass, N, world axes. Needs bodies with masses
+    /// ([`Ensemble::with_translation`]).
+    #[must_use]
+    pub fn force_world(self, force: DVec3) -> Self {
+        self.force(Force::constant(force))
+    }
+
+    /// Adds a force on the bodies' centres of mass. Any number of them act together; parameters are checked when a plan is
+    /// made. Needs bodies with masses ([`Ensemble::with_translation`]).
+    #[must_use]
+    pub fn force(mut self, force: Force) -> Self {
+        self.forces.push(force);
+        self.translate_torques();
+        self
+    }
+
+    /// Adds a torque. Any number of them act together, also several of one model; parameters are checked when a plan is made.
+    #[must_use]
+    pub fn torque(mut self, torque: Torque) -> Self {
+        if torque.needs().position {
+            self.moving.push((self.torques.len(), torque.clone()));
+        }
+        self.torques.push(torque);
+        self.translate_torques();
+        self
+    }
+
+    /// Puts functions of time in the place of positions and velocities, as far as these follow in closed form; a plan refuses the others.
+    fn translate_torques(&mut self) {
+        for (place, torque) in &self.moving {
+            let moved = translated(torque, &self.ensemble, &self.forces);
+            self.torques[*place] = moved.unwrap_or_else(|| torque.clone());
+        }
+    }
+
+    /// Takes methods and steps from the shipped table ([`crate::plan::cost`]) instead of trying them on a few bodies first.
+    #[must_use]
+    pub fn without_pilot(mut self) -> Self {
+        self.pilot = false;
+        self
+    }
+
+    /// Whether methods and steps are tried on a few bodies first.
+    pub fn has_pilot(&self) -> bool {
+        self.pilot
+    }
+
+    /// The bodies.
+    pub fn ensemble(&self) -> &Ensemble {
+        &self.ensemble
+    }
+
+    /// The end of the simulated span, s.
+    pub fn end(&self) -> f64 {
+        self.end
+    }
+
+    /// When the state is recorded.
+    pub fn output_times(&self) -> &Outputs {
+        &self.outputs
+    }
+
+    /// The quantities of which statistics are recorded.
+    pub fn wanted_statistics(&self) -> &[Statistic] {
+        &self.statistics
+    }
+
+    /// Whether states of bodies are recorded.
+    pub fn keeps_states(&self) -> bool {
+        self.states
+    }
+
+    /// How steps are chosen.
+    pub fn stepping(&self) -> Stepping {
+        self.stepping
+    }
+
+    /// The arithmetic that was asked for, by [`Scene::precision`] or else by [`Scene::pinned`].
+    pub fn wanted_precision(&self) -> Option<Precision> {
+        match self.stepping {
+            Stepping::Pinned { precision, .. } | Stepping::Adaptive { precision, .. } => self.precision.or(precision),
+            Stepping::Accuracy(_) => self.precision,
+        }
+    }
+
+    /// The forces, in the order in which they were added.
+    pub fn forces(&self) -> &[Force] {
+        &self.forces
+    }
+
+    /// The torques, in the order in which they were added.
+    pub fn torques(&self) -> &[Torque] {
+        &self.torques
+    }
+}
