@@ -119,7 +119,10 @@ fn measure(bench: &Bench, case: &KernelCase, (problem, truth): (&Problem, &Truth
     let errors = truth.errors(&sample.states);
     let of_run = |count: u64| count as f64 / compute.repeats.max(1) as f64;
     let evaluations = match case.strategy {
-        Strategy::Stepped { method, .. } | Strategy::Adaptive { method, .. } if method != Method::Taylor => {
+        // Of the other methods a step is not so many evaluations and their sums.
+        Strategy::Stepped { method, .. } | Strategy::Adaptive { method, .. }
+            if matches!(method, Method::Rk4 | Method::Rk8 | Method::Cf4) =>
+        {
             sample.body_steps as f64 * f64::from(method.properties().evaluations)
         }
         _ => f64::NAN,
