@@ -45,11 +45,13 @@ mod seats;
 mod taylor;
 mod tile;
 mod torque_kernels;
+mod trials;
 
 use adaptive::CpuAdaptiveSession;
 use observe::Reducer;
 use tile::TileStep;
 use torque_kernels::{AllTorques, CommonTorques, LaneTorques, Nothing, Projected};
+pub(crate) use trials::Trials;
 
 /// Integrates on the processor.
 #[derive(Clone, Copy, Debug)]

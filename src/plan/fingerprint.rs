@@ -172,6 +172,9 @@ fn fingerprint(scene: &Scene) -> u64 {
     }
     // Numbers print with the digits that tell them from every other. Writing to memory does not fail.
     let _ = write!(folded, "{:?}", scene.output_times());
+    if scene.records_start() {
+        folded.word(1);
+    }
     folded.word(scene.torques().len() as u64);
     for torque in scene.torques() {
         // With its formula, where it has one of its own.

@@ -10,9 +10,11 @@ use crate::plan::explain::{ClassRow, SkipRow};
 use crate::plan::{Group, Part, Plan, Treatment};
 use crate::scene::Accuracy;
 
+mod event_report;
 mod statistics_report;
 mod summary;
 
+pub use event_report::EventReport;
 pub use statistics_report::{StatisticsReport, SummaryReport};
 
 /// A run in figures, as it stands in `report.json`.
@@ -50,6 +52,9 @@ pub struct Report {
     pub repairs: Option<RepairReport>,
     /// Statistics at the end; `null` where the study asks for none.
     pub statistics: Option<StatisticsReport>,
+    /// Events; empty where the study asks for none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub events: Vec<EventReport>,
     /// Drift of what bodies conserve, from start to end.
     pub drift: DriftReport,
     /// Energy and angular momentum against what the torques give; `null` where none acts.
@@ -224,6 +229,8 @@ pub struct WallTimeReport {
     pub compute: f64,
     /// Reading states back and bringing them to the user's axes and units.
     pub read: f64,
+    /// Finding the times of events, and what a sink does with statistics and histograms.
+    pub observe: f64,
     /// Numbers to text or bytes.
     pub format: f64,
     /// Handing bytes to the file system.
@@ -389,6 +396,7 @@ impl Report {
                 start: trust.wall_time.start,
                 compute,
                 read: trust.wall_time.read,
+                observe: trust.wall_time.observe,
                 shadow: trust.wall_time.recomputed_sample,
                 ..WallTimeReport::default()
             },
@@ -398,6 +406,7 @@ impl Report {
                 limit: repairs.limit,
             }),
             statistics: None,
+            events: Vec::new(),
             drift: DriftReport::of(&trust.drift),
             balance: BalanceReport::of(&trust.balance),
             accuracy: AccuracyReport {

@@ -11,9 +11,10 @@ use crate::record::csv_file::{self, CsvFile};
 use crate::record::failed_file;
 use crate::record::folder::{OutputFolder, PLAN, REPORT};
 use crate::record::npz_file::{NpzFile, Times};
-use crate::record::report::{Report, StatisticsReport, StudyReport};
+use crate::record::observed_files::{write_events, write_histograms};
+use crate::record::report::{EventReport, Report, StatisticsReport, StudyReport};
 use crate::record::statistics_file::StatisticsFile;
-use crate::record::{OutputState, Sink, Statistics};
+use crate::record::{EventRecord, HistogramCounts, OutputState, Sink, Statistics};
 use crate::run::run_into;
 use crate::study::{Format, Output, Study};
 
@@ -78,6 +79,8 @@ struct FileSink {
     statistics: Option<StatisticsFile>,
     /// Those of the end.
     at_end: Option<Statistics>,
+    histograms: Vec<Vec<HistogramCounts>>,
+    events: Vec<EventRecord>,
     final_state: Option<TableFile>,
     snapshots: Option<TableFile>,
     last: usize,
@@ -94,13 +97,15 @@ impl FileSink {
             table(output.final_state, "final", Times::One(plan.scene().end()))?,
             table(output.snapshots, "snapshots", Times::Many(times))?,
         );
-        let wanted = plan.scene().wanted_statistics();
+        let (wanted, quantiles) = (plan.scene().wanted_statistics(), plan.scene().wanted_quantiles());
         let statistics = (!wanted.is_empty())
-            .then(|| StatisticsFile::begin(folder, output.format, wanted, times.len()))
+            .then(|| StatisticsFile::begin(folder, output.format, wanted, quantiles, times.len()))
             .transpose()?;
         Ok(Self {
             statistics,
             at_end: None,
+            histograms: Vec::new(),
+            events: Vec::new(),
             final_state,
             snapshots,
             last: times.len() - 1,
@@ -138,6 +143,16 @@ impl Sink for FileSink {
         }
         let Some(file) = &mut self.statistics else { return Ok(()) };
         timed(&mut self.spent.disk, || file.append(statistics))
+    }
+
+    fn histograms(&mut self, _: usize, histograms: &[HistogramCounts]) -> Result<()> {
+        self.histograms.push(histograms.to_vec());
+        Ok(())
+    }
+
+    fn events(&mut self, events: Vec<EventRecord>) -> Result<()> {
+        self.events = events;
+        Ok(())
     }
 }
 
@@ -195,6 +210,13 @@ pub fn run_to_folder(
     if !trust.failures.is_empty() {
         failed_file::write(&mut folder, output.format, &trust.failures)?;
     }
+    let scene = plan.scene();
+    if !sink.events.is_empty() {
+        write_events(&mut folder, output.format, &sink.events, plan.times())?;
+    }
+    if !sink.histograms.is_empty() {
+        write_histograms(&mut folder, output.format, scene.wanted_histograms(), &sink.histograms)?;
+    }
     folder.write(PLAN, plan.to_json().as_bytes())?;
 
     let study = study.map(|study| StudyReport {
@@ -204,6 +226,7 @@ pub fn run_to_folder(
     });
     let mut report = Report::new(study, plan, trust);
     report.statistics = sink.at_end.as_ref().map(StatisticsReport::from);
+    report.events = sink.events.iter().map(|record| EventReport::new(record, scene.end())).collect();
     report.files = folder.names().to_vec();
     report.wall_time.plan = plan.planning_time().as_secs_f64();
     report.wall_time.study = (study_seconds - report.wall_time.plan).max(0.0);

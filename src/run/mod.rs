@@ -31,6 +31,7 @@ mod failures;
 #[cfg(feature = "study")]
 mod files;
 mod group_run;
+mod observed;
 mod output_statistics;
 mod reading;
 mod recomputed_centres;
@@ -46,7 +47,7 @@ pub use files::{OutputSize, run_to_folder};
 use balance::{push_rest, total_energy_change};
 use failures::Failures;
 use group_run::GroupRun;
-use output_statistics::FromStates;
+use observed::{Observation, compare_events};
 use recomputed_centres::recomputed_centres;
 use recomputed_sample::{SAMPLE_SEED, recomputed, sample_size};
 use translation::Centres;
@@ -85,7 +86,7 @@ pub fn run(engine: &dyn Backend, plan: &Plan<'_>) -> Result<Record> {
         // No bodies, so nothing was handed on; the end is recorded all the same.
         memory.snapshots.push(crate::record::Snapshot::default());
     }
-    Ok(Record::new(memory.snapshots, memory.statistics, trust))
+    Ok(Record::new(memory, trust))
 }
 
 /// Runs `plan` on `engine` and hands every output to `sink`, some bodies at a time.
@@ -123,9 +124,10 @@ fn run_counted(
     let body_count = scene.ensemble().len();
     let mut wall_time = WallTime::default();
     let before = engine.traffic();
-    // Without skipping, statistics are formed of the states that are read.
-    let statistics = scene.wanted_statistics();
-    let reduces = !statistics.is_empty() && scene.may_skip();
+    // What engines do not reduce is formed of the states that are read.
+    let statistics = &scene.reduced_statistics()[..];
+    let reduces = !statistics.is_empty();
+    let mut observation = Observation::new(plan)?;
     let once = plan.looks_once();
     let group_runs = plan.groups().iter().map(|group| GroupRun::start(engine, scene, group, once, &mut wall_time));
     let mut group_runs = group_runs.collect::<Result<Vec<_>>>()?;
@@ -146,12 +148,21 @@ fn run_counted(
     let count = plan.times().len();
     let block = read_block(&engine.description());
     let (mut states, mut initial) = (Vec::new(), Vec::new());
+    if let Some(observation) = observation.as_mut().filter(|observation| observation.wants_start()) {
+        let clock = Instant::now();
+        for start in (0..body_count).step_by(block) {
+            initial_states(&group_runs, &(start..(start + block).min(body_count)), &mut initial);
+            let rotations = initial.iter().map(|&rotation| OutputState { rotation, translation: None });
+            observation.begin(start, &rotations.collect::<Vec<_>>());
+        }
+        wall_time.read += clock.elapsed().as_secs_f64();
+    }
     for (index, &time) in plan.times().iter().enumerate() {
         *outputs_done = index;
         let last = index + 1 == count;
         // Without skipping what nobody asked for is read too.
         let asked = sink.wants(index, count, time);
-        let wanted = asked || !scene.may_skip() || (last && !plan.leaves_states());
+        let wanted = asked || observation.is_some() || !scene.may_skip() || (last && !plan.leaves_states());
         let clock = Instant::now();
         let span = plan.span_before(index);
         advance(&mut group_runs, (time, span), wanted || last || reduces, (&mut done, total), observer)?;
@@ -183,7 +194,6 @@ fn run_counted(
         if !last {
             failures.keep_states()?;
         }
-        let mut from_states = FromStates::new(if reduces { &[] } else { statistics });
         for start in (0..body_count).step_by(block) {
             let range = start..(start + block).min(body_count);
             let clock = Instant::now();
@@ -199,7 +209,9 @@ fn run_counted(
             // While these are handed on, the next come to the host.
             let next = range.end..(range.end + block).min(body_count);
             group_runs.iter_mut().try_for_each(|group_run| group_run.prefetch(&next))?;
-            from_states.push(start, &states);
+            if let Some(observation) = &mut observation {
+                observation.push(start, time, &states);
+            }
             if last {
                 let of_block = |body: &&u32| range.contains(&(**body as usize));
                 for &body in sample.iter().filter(of_block) {
@@ -223,8 +235,10 @@ fn run_counted(
             }
         }
         failures.end_output(time);
-        if !reduces && !statistics.is_empty() {
-            sink.statistics(index, &from_states.finish(time))?;
+        if let Some(observation) = &mut observation {
+            let clock = Instant::now();
+            observation.finish_output(index, time, sink, &mut |_| observer(Progress { done, total }))?;
+            wall_time.observe += clock.elapsed().as_secs_f64();
         }
     }
     *outputs_done = count;
@@ -255,6 +269,11 @@ fn run_counted(
         recomputed(plan, &sample, &mut |_| observer(Progress { done, total }))
     })?;
     let recomputed_centres = recomputed_centres(plan, &sample, &mut |_| observer(Progress { done, total }))?;
+    if let Some(observation) = observation {
+        let mut events = observation.finish();
+        compare_events(plan, &sample, &mut events, &mut |_| observer(Progress { done, total }))?;
+        sink.events(events)?;
+    }
     let mut errors = Errors::default();
     let has_failed = |body: usize| failures.binary_search_by_key(&body, |failed| failed.body).is_ok();
     let (mut lost, mut diverged) = (0, 0);
@@ -394,6 +413,12 @@ fn read_states(
         }
     }
     Ok(())
+}
+
+/// The states in which some bodies start.
+fn initial_states(group_runs: &[GroupRun<'_>], bodies: &Range<usize>, initial: &mut Vec<BodyState>) {
+    make_room(initial, bodies.len(), BodyState::UNKNOWN);
+    group_runs.iter().for_each(|group_run| group_run.read_initial(bodies, initial));
 }
 
 /// The centres of mass of some bodies, where they are stepped along the rotation.

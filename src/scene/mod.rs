@@ -6,15 +6,22 @@ use glam::DVec3;
 
 use crate::bodies::Ensemble;
 use crate::kernel::method::Method;
-use crate::kernel::observe::Statistic;
 use crate::math::Precision;
 use crate::torque::Torque;
 use crate::torque::force::Force;
 use crate::torque::translated::translated;
 
 mod adaptive_steps;
+mod event;
+mod histogram;
+mod observed;
+mod quantity;
 
 pub use adaptive_steps::AdaptiveSteps;
+pub use event::{Condition, Event};
+pub use histogram::{Histogram, MOST_BINS};
+pub(crate) use observed::Observed;
+pub use quantity::{FormulaQuantity, Quantity};
 
 /// An ensemble with what happens to it and what is asked of it.
 ///
@@ -44,8 +51,9 @@ pub struct Scene {
     /// Torques as they were written that name a position or velocity, by their places: those above have functions of time instead.
     moving: Vec<(usize, Torque)>,
     pilot: bool,
-    statistics: Vec<Statistic>,
+    observed: Observed,
     states: bool,
+    starts: bool,
 }
 
 /// When the state is recorded.
@@ -225,8 +233,9 @@ impl Scene {
             torques: Vec::new(),
             moving: Vec::new(),
             pilot: true,
-            statistics: Vec::new(),
+            observed: Observed::default(),
             states: true,
+            starts: false,
         }
     }
 
@@ -244,28 +253,10 @@ impl Scene {
         self
     }
 
-    /// Asks for statistics of these quantities over all bodies, at every output time; each quantity once, in this order.
-    ///
-    /// ```
-    /// # use glam::{DQuat, DVec3};
-    /// use polhode::{Engine, Ensemble, Plan, Scene, Statistic};
-    ///
-    /// # let ensemble = Ensemble::from_columns(&[DVec3::new(1.0, 2.0, 2.5)], &[DQuat::IDENTITY], &[DVec3::X])?;
-    /// let scene = Scene::new(ensemble).until(60.0).statistics(&[Statistic::KineticEnergy]).without_states();
-    /// let engine = Engine::cpu();
-    /// let record = engine.run(&Plan::new(&scene, &engine)?)?;
-    /// let energy = record.statistics()[0].of(Statistic::KineticEnergy).expect("asked for");
-    /// assert!((energy.mean - 0.5).abs() < 1e-12);
-    /// # Ok::<(), polhode::Error>(())
-    /// ```
+    /// Records the start, 0 s, too, where the output times do not hold it.
     #[must_use]
-    pub fn statistics(mut self, statistics: &[Statistic]) -> Self {
-        self.statistics.clear();
-        for &statistic in statistics {
-            if !self.statistics.contains(&statistic) {
-                self.statistics.push(statistic);
-            }
-        }
+    pub fn with_start(mut self) -> Self {
+        self.starts = true;
         self
     }
 
@@ -426,9 +417,9 @@ impl Scene {
         &self.outputs
     }
 
-    /// The quantities of which statistics are recorded.
-    pub fn wanted_statistics(&self) -> &[Statistic] {
-        &self.statistics
+    /// Whether the start is recorded too.
+    pub fn records_start(&self) -> bool {
+        self.starts
     }
 
     /// Whether states of bodies are recorded.

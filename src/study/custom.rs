@@ -63,11 +63,11 @@ fn refused(node: &Node<'_>, fault: &expression::Fault) -> crate::Error {
 
 fn formula(node: &Node<'_>, symbols: &Symbols, shape: Shape) -> Result<Expression> {
     let text = node.string("expected a formula, as text")?;
-    Expression::parse(text, symbols, shape).map_err(|error| at(node, &error))
+    Expression::parse(text, symbols, shape).map_err(|error| formula_at(node, &error))
 }
 
 /// The refusal of a formula, at its own line of the file.
-fn at(node: &Node<'_>, error: &TextError) -> crate::Error {
+pub(super) fn formula_at(node: &Node<'_>, error: &TextError) -> crate::Error {
     let (reason, picture) = (error.fault.to_string(), error.picture());
     node.fault_in_text(error.line, error.column, |column| InputFault::Formula { column, reason, picture })
 }

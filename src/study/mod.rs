@@ -95,7 +95,6 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-use std::sync::LazyLock;
 
 use crate::bodies::Ensemble;
 #[cfg(doc)]
@@ -103,7 +102,6 @@ use crate::bodies::Status;
 use crate::error::InputError;
 use crate::error::InputFault;
 use crate::error::{Error, Result, Text};
-use crate::kernel::observe::Statistic;
 use crate::math::Precision;
 use crate::scene::{Accuracy, Outputs, Scene, Target};
 
@@ -116,6 +114,7 @@ mod force;
 mod inertia;
 mod mass_file;
 mod models;
+mod observed;
 mod parameter;
 mod parts;
 mod points;
@@ -140,6 +139,7 @@ pub use table::BodyTable;
 use accuracy::{StudyStepping, accuracy};
 use draw::Draw;
 use force::StudyForce;
+use observed::StudyObserved;
 use reader::{FileText, Node, Place, Table};
 use text::read_text;
 use torque::StudyTorque;
@@ -193,7 +193,8 @@ pub struct Study {
     outputs: Outputs,
     stepping: StudyStepping,
     output: Output,
-    statistics: Vec<Statistic>,
+    starts: bool,
+    observed: StudyObserved,
     failures: u64,
 }
 
@@ -249,7 +250,20 @@ impl Study {
     }
 
     fn from_root(file: &Path, root: &Table<'_>) -> Result<Self> {
-        root.only(&["title", "seed", "bodies", "torque", "force", "time", "accuracy", "output", "failures"])?;
+        root.only(&[
+            "title",
+            "seed",
+            "bodies",
+            "torque",
+            "force",
+            "time",
+            "accuracy",
+            "output",
+            "failures",
+            "quantity",
+            "histogram",
+            "event",
+        ])?;
         let mut places = BTreeMap::new();
         root.places(&mut places);
 
@@ -279,14 +293,15 @@ impl Study {
             }
             .into());
         }
-        let (end, outputs) = time(&root.need("time", "expected a table with the end of the simulated span")?)?;
+        let (end, outputs, starts) = time(&root.need("time", "expected a table with the end of the simulated span")?)?;
         let stepping = root.find("accuracy").map(|node| accuracy(&node)).transpose()?;
         let stepping = stepping
             .unwrap_or(StudyStepping::Accuracy { accuracy: Accuracy::attitude(DEFAULT_ATTITUDE), precision: None });
-        let output = root.find("output").map(|node| output(&node)).transpose()?;
+        let output_table = root.find("output").map(|node| output_table(&node)).transpose()?;
+        let observed = StudyObserved::read(root, output_table.as_ref())?;
+        let output = output_table.as_ref().map(output).transpose()?;
         let failures = root.find("failures").map(|node| failures(&node)).transpose()?.unwrap_or(0);
-        let (output, statistics) =
-            output.unwrap_or((Output { final_state: true, snapshots: false, format: Format::Csv }, Vec::new()));
+        let output = output.unwrap_or(Output { final_state: true, snapshots: false, format: Format::Csv });
         Ok(Self {
             file: file.to_owned(),
             places,
@@ -297,9 +312,10 @@ impl Study {
             forces,
             end,
             outputs,
+            starts,
             stepping,
             output,
-            statistics,
+            observed,
             failures,
         })
     }
@@ -383,8 +399,11 @@ impl Study {
             let torque = torque.torque(Draw::new(self.seed), self.seed, count, table);
             scene = scene.torque(torque.map_err(|error| self.located(error))?);
         }
-        scene = scene.statistics(&self.statistics);
-        if !self.statistics.is_empty() && !self.output.final_state && !self.output.snapshots {
+        scene = self.observed.applied_to(scene)?;
+        if self.starts {
+            scene = scene.with_start();
+        }
+        if !self.observed.is_empty() && !self.output.final_state && !self.output.snapshots {
             scene = scene.without_states();
         }
         Ok(self.stepping.applied_to(scene))
@@ -512,21 +531,24 @@ impl Study {
     }
 }
 
-fn time(node: &Node<'_>) -> Result<(f64, Outputs)> {
+/// The end, the output times, and whether the start is one of them.
+fn time(node: &Node<'_>) -> Result<(f64, Outputs, bool)> {
     let table = node.table("expected a table [time]", &["end", "outputs"])?;
     let end = table.need("end", "expected the end of the simulated span (s)")?;
     let end = end.number("expected a finite number (s)")?;
     let Some(outputs) = table.find("outputs") else {
-        return Ok((end, Outputs::End));
+        return Ok((end, Outputs::End, false));
     };
-    const EXPECTED: &str = "expected { every = seconds } or { times = [seconds, ...] }";
-    let table = outputs.table(EXPECTED, &["every", "times"])?;
+    const EXPECTED: &str =
+        "expected { every = seconds } or { times = [seconds, ...] }, with start = true for the start too";
+    let table = outputs.table(EXPECTED, &["every", "times", "start"])?;
     table.exclusive("every", "times")?;
+    let starts = table.find("start").map(|node| node.boolean("expected true or false")).transpose()? == Some(true);
     if let Some(every) = table.find("every") {
-        return Ok((end, Outputs::Every(every.positive("expected an interval above zero (s)")?)));
+        return Ok((end, Outputs::Every(every.positive("expected an interval above zero (s)")?), starts));
     }
     let Some(times) = table.find("times") else {
-        return Err(outputs.refuse(EXPECTED));
+        return if starts { Ok((end, Outputs::End, true)) } else { Err(outputs.refuse(EXPECTED)) };
     };
     const TIMES: &str = "expected a list of finite numbers (s)";
     let elements = times.elements().ok_or_else(|| times.refuse(TIMES))?;
@@ -541,14 +563,14 @@ fn time(node: &Node<'_>) -> Result<(f64, Outputs)> {
         }
         list.push(time);
     }
-    Ok((end, Outputs::Times(list)))
+    Ok((end, Outputs::Times(list), starts))
 }
 
-/// Names of all quantities.
-static STATISTICS: LazyLock<Vec<&'static str>> = LazyLock::new(|| Statistic::ALL.map(Statistic::name).to_vec());
+fn output_table<'a>(node: &Node<'a>) -> Result<Table<'a>> {
+    node.table("expected a table [output]", &["final", "snapshots", "statistics", "quantiles", "format"])
+}
 
-fn output(node: &Node<'_>) -> Result<(Output, Vec<Statistic>)> {
-    let table = node.table("expected a table [output]", &["final", "snapshots", "statistics", "format"])?;
+fn output(table: &Table<'_>) -> Result<Output> {
     let flag = |key: &str, default: bool| {
         table
             .find(key)
@@ -560,8 +582,7 @@ fn output(node: &Node<'_>) -> Result<(Output, Vec<Statistic>)> {
         Some("npz") => Format::Npz,
         _ => Format::Csv,
     };
-    let statistics = table.find("statistics").map(|node| statistics(&node)).transpose()?.unwrap_or_default();
-    Ok((Output { final_state: flag("final", true)?, snapshots: flag("snapshots", false)?, format }, statistics))
+    Ok(Output { final_state: flag("final", true)?, snapshots: flag("snapshots", false)?, format })
 }
 
 fn failures(node: &Node<'_>) -> Result<u64> {
@@ -569,21 +590,6 @@ fn failures(node: &Node<'_>) -> Result<u64> {
     let allow =
         table.find("allow").map(|node| node.whole("expected the number of bodies that may fail")).transpose()?;
     Ok(allow.unwrap_or(0))
-}
-
-fn statistics(node: &Node<'_>) -> Result<Vec<Statistic>> {
-    const LIST: &str = "expected a list of quantities: [\"kinetic_energy\", \"spin_rate\", \"angular_momentum\"]";
-    let elements = node.elements().ok_or_else(|| node.refuse(LIST))?;
-    let mut found = Vec::with_capacity(elements.len());
-    for element in elements {
-        let name = element.choice(&STATISTICS)?;
-        let of_name = Statistic::ALL.into_iter().find(|statistic| statistic.name() == name);
-        if of_name.is_some_and(|statistic| found.contains(&statistic)) {
-            return Err(element.refuse("expected each quantity once"));
-        }
-        found.extend(of_name);
-    }
-    Ok(found)
 }
 
 /// What is wrong with the value of a parameter that all bodies share, or one body has.

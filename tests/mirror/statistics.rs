@@ -356,13 +356,13 @@ fn agree(found: &[Statistics], long: &[Statistics], bound: f64) {
         assert_eq!((found.time, found.count), (long.time, long.count));
         for (a, b) in found.summaries.iter().zip(&long.summaries) {
             let near = |name: &str, x: f64, y: f64, scale: f64| {
-                assert!((x - y).abs() <= bound * scale, "{} {name} at {}: {x} and {y}", a.statistic, found.time);
+                assert!((x - y).abs() <= bound * scale, "{} {name} at {}: {x} and {y}", a.quantity, found.time);
             };
             near("mean", a.mean, b.mean, b.mean);
             near("deviation", a.standard_deviation, b.standard_deviation, b.mean.hypot(b.standard_deviation));
             near("min", a.min, b.min, b.min);
             near("max", a.max, b.max, b.max);
-            assert_eq!((a.min_body, a.max_body), (b.min_body, b.max_body), "{}", a.statistic);
+            assert_eq!((a.min_body, a.max_body), (b.min_body, b.max_body), "{}", a.quantity);
         }
     }
 }
@@ -379,7 +379,7 @@ fn states_are_skipped_where_statistics_alone_are_asked_for_and_nowhere_else() {
     for engine in [common::gpu(), Engine::cpu()] {
         let states = mixed(BODIES).accuracy(Accuracy::attitude(TARGET));
         let alone = states.clone().without_states();
-        let nothing = states.clone().statistics(&[]).without_states();
+        let nothing = states.clone().statistics(&[] as &[Statistic]).without_states();
         let taken = skip(&alone, &engine).expect("taken");
         assert_eq!(taken.bodies, BODIES);
         assert!(taken.bytes > 0 && taken.bound.energy > 0.0 && taken.bound.energy <= error_bound(Precision::F32));
