@@ -111,6 +111,11 @@ impl Expression {
         Ok(Self::new(&graph, &outputs, self.shape))
     }
 
+    /// The formula in the recording that runs on this thread.
+    pub(crate) fn recorded(&self, recorder: &Recorder) -> Vec<Symbol> {
+        self.graph().substituted(self.outputs(), |input| recorder.input(input))
+    }
+
     /// The operations; there are none that no result needs.
     pub fn graph(&self) -> &Graph {
         &self.formula.graph

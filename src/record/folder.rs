@@ -31,7 +31,7 @@ const TABLES: [&str; 7] = ["final", "snapshots", "statistics", "failed", "events
 /// Endings of tables.
 const TABLE_ENDINGS: [&str; 2] = ["csv", "npz"];
 /// Stems of the pictures that are drawn of a run.
-const PICTURES: [&str; 2] = ["run", "statistics"];
+const PICTURES: [&str; 4] = ["run", "statistics", "histograms", "survival"];
 /// What stands before the number of a body in the stem of its pictures.
 const PICTURE_OF_BODY: &str = "run-body-";
 /// Endings of pictures.

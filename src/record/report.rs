@@ -14,7 +14,7 @@ mod event_report;
 mod statistics_report;
 mod summary;
 
-pub use event_report::EventReport;
+pub use event_report::{EventReport, QuantityReport};
 pub use statistics_report::{StatisticsReport, SummaryReport};
 
 /// A run in figures, as it stands in `report.json`.
@@ -50,6 +50,9 @@ pub struct Report {
     pub wall_time: WallTimeReport,
     /// Inertia tensors that were repaired before the run, where the study asks for that.
     pub repairs: Option<RepairReport>,
+    /// What statistics, histograms and events are formed of; empty where the study asks for none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub quantities: Vec<QuantityReport>,
     /// Statistics at the end; `null` where the study asks for none.
     pub statistics: Option<StatisticsReport>,
     /// Events; empty where the study asks for none.
@@ -405,6 +408,7 @@ impl Report {
                 largest_relative_change: repairs.largest_relative_change,
                 limit: repairs.limit,
             }),
+            quantities: QuantityReport::of(plan.scene()),
             statistics: None,
             events: Vec::new(),
             drift: DriftReport::of(&trust.drift),

@@ -14,6 +14,21 @@ pub(crate) struct Observed {
     pub events: Vec<Event>,
 }
 
+impl Observed {
+    /// Every quantity that is asked for, once.
+    pub fn quantities(&self) -> Vec<Quantity> {
+        let Self { statistics, histograms, events, .. } = self;
+        let all = statistics.iter().chain(histograms.iter().map(Histogram::quantity));
+        let mut found: Vec<Quantity> = Vec::new();
+        for quantity in all.chain(events.iter().map(Event::quantity)) {
+            if !found.contains(quantity) {
+                found.push(quantity.clone());
+            }
+        }
+        found
+    }
+}
+
 impl Scene {
     /// Asks for statistics of these quantities over all bodies, at every output time; each quantity once, in this order.
     ///

@@ -7,8 +7,11 @@ use glam::DVec3;
 
 use crate::bodies::toolkit::EulerSequence;
 use crate::error::{Error, Result};
-use crate::expression::{Expression, Program, Shape, Symbols, TextError};
+use crate::expression::{Expression, Fault, Graph, Node, Recorder, Scope, Shape, Symbol, Symbols, TextError};
 use crate::kernel::observe::Statistic;
+use crate::math::elementary::functions::atan2;
+use crate::math::real::Real;
+use crate::math::vector::Vector;
 
 /// A number that follows from a body's state at one time.
 ///
@@ -32,7 +35,7 @@ use crate::kernel::observe::Statistic;
 /// | [`AxisAngle`](Self::AxisAngle) | the angle between a body axis and a direction of the world | rad | [0, π] |
 /// | [`Formula`](Self::Formula) | the user's own | as given | |
 ///
-/// A body at rest has no nutation, dynamic inertia or distance: these are NaN then, and so is any quantity of a body that has failed. Bodies
+/// A body at rest has no dynamic inertia and no distance: these are NaN then, and so is any quantity of a body that has failed. Bodies
 /// without a number are left out of statistics. The dynamic inertia and the distance are those of N. H. Samarasinha and M. F. A'Hearn
 /// (*Icarus* 93 (1991) 194): −1 is rotation about the least axis, 0 the separatrix, 1 rotation about the greatest axis. Euler angles jump
 /// by a turn at the ends of their ranges.
@@ -93,14 +96,6 @@ pub struct FormulaQuantity {
     name: String,
     unit: String,
     expression: Expression,
-    program: Program,
-}
-
-impl FormulaQuantity {
-    /// The formula as instructions.
-    pub(crate) fn program(&self) -> &Program {
-        &self.program
-    }
 }
 
 impl Quantity {
@@ -159,9 +154,8 @@ impl Quantity {
     pub fn formula(name: &str, unit: &str, text: &str) -> std::result::Result<Self, TextError> {
         let symbols = Symbols::rotation().with_full_inertia();
         let expression = Expression::parse(text, &symbols, Shape::Number)?;
-        let program = expression.program();
         let (name, unit) = (name.to_owned(), unit.to_owned());
-        Ok(Self::Formula(Arc::new(FormulaQuantity { name, unit, expression, program })))
+        Ok(Self::Formula(Arc::new(FormulaQuantity { name, unit, expression })))
     }
 
     /// The name in study files and tables.
@@ -203,6 +197,68 @@ impl Quantity {
         }
     }
 
+    /// Several quantities as one formula, which forms what they share once.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Setting`] where there are too many operations.
+    pub(crate) fn expression(quantities: &[Self]) -> Result<(Graph, Vec<Node>)> {
+        Self::recorded_together(quantities).map_err(|_| Error::Setting {
+            field: "quantities",
+            value: quantities.len() as f64,
+            expected: "expected formulas of at most 10000 operations together",
+        })
+    }
+
+    fn recorded_together(quantities: &[Self]) -> std::result::Result<(Graph, Vec<Node>), Fault> {
+        let mut symbols = Symbols::rotation().with_full_inertia();
+        for parameter in PARAMETERS {
+            symbols = symbols.parameter(parameter, Shape::Number)?;
+        }
+        Graph::record(|recorder| {
+            let scope = Scope::new(&symbols, recorder);
+            Ok(quantities.iter().map(|quantity| quantity.recorded(&scope, recorder)).collect())
+        })
+    }
+
+    /// The formula.
+    fn recorded(&self, scope: &Scope<'_>, recorder: &Recorder) -> Symbol {
+        let (omega, momentum) = (|| scope.angular_velocity(), || scope.angular_momentum());
+        let number = |name| scope.number(name);
+        let euler = |sequence: EulerSequence, index: usize| sequence.angles_of(scope.attitude()).0[index % 3];
+        let component = |vector: Vector<Symbol>, axis: &usize| [vector.x, vector.y, vector.z][axis % 3];
+        let length = |vector: Vector<Symbol>| vector.dot(vector).sqrt();
+        let dynamic_inertia = || {
+            let length = length(momentum());
+            // In this order, as squares of a molecule's momentum are far below those of its energy.
+            length / (Symbol::splat(2.0) * number(KINETIC_ENERGY)) * length
+        };
+        match self {
+            Self::KineticEnergy => number(KINETIC_ENERGY),
+            Self::SpinRate => length(omega()),
+            Self::AngularMomentum => length(momentum()),
+            Self::AngularMomentumWorld(axis) => component(scope.to_world(momentum()), axis),
+            Self::AngularVelocityBody(axis) => component(omega(), axis),
+            Self::Nutation => angle_between(omega(), momentum()),
+            Self::DynamicInertia => dynamic_inertia(),
+            Self::SeparatrixDistance => {
+                let moments = MOMENTS.map(number);
+                separatrix_distance(moments, dynamic_inertia())
+            }
+            Self::Yaw => euler(EulerSequence::YAW_PITCH_ROLL, 0),
+            Self::Pitch => euler(EulerSequence::YAW_PITCH_ROLL, 1),
+            Self::Roll => euler(EulerSequence::YAW_PITCH_ROLL, 2),
+            Self::EulerAngle { sequence, index, .. } => euler(*sequence, *index),
+            Self::AxisAngle { axis_body, direction_world, .. } => {
+                let constant = |v: &DVec3| Vector::new(Symbol::splat(v.x), Symbol::splat(v.y), Symbol::splat(v.z));
+                angle_between(scope.to_world(constant(axis_body)), constant(direction_world))
+            }
+            Self::PotentialEnergy => number(POTENTIAL_ENERGY),
+            Self::TotalEnergy => number(KINETIC_ENERGY) + number(POTENTIAL_ENERGY),
+            Self::Formula(formula) => formula.expression.recorded(recorder)[0],
+        }
+    }
+
     /// The statistic that engines form where the states are, where it is one of those.
     pub(crate) fn statistic(&self) -> Option<Statistic> {
         match self {
@@ -212,6 +268,32 @@ impl Quantity {
             _ => None,
         }
     }
+}
+
+/// What the formulas of quantities read beside the state, J and kg m²: the kinetic energy, the principal moments, ascending, and the
+/// potential energy of the torques.
+pub(crate) const PARAMETERS: [&str; 5] = [KINETIC_ENERGY, MOMENTS[0], MOMENTS[1], MOMENTS[2], POTENTIAL_ENERGY];
+const KINETIC_ENERGY: &str = "kinetic_energy";
+const MOMENTS: [&str; 3] = ["least_moment", "middle_moment", "greatest_moment"];
+const POTENTIAL_ENERGY: &str = "potential_energy";
+
+/// The angle between two vectors, rad, which keeps small ones.
+fn angle_between<R: Real>(a: Vector<R>, b: Vector<R>) -> R {
+    let across = a.cross(b);
+    atan2(across.dot(across).sqrt(), a.dot(b))
+}
+
+/// −1 to 1: see [`Quantity::SeparatrixDistance`].
+fn separatrix_distance<R: Real>([least, middle, greatest]: [R; 3], dynamic_inertia: R) -> R {
+    let (zero, one) = (R::splat(0.0), R::splat(1.0));
+    let excess = dynamic_inertia - middle;
+    let room = R::select(excess.less_than(zero), middle - least, greatest - middle);
+    // Without room there is no distance but what rounding makes.
+    let has_room = zero.less_than(room);
+    let distance = excess / R::select(has_room, room, one);
+    let distance = R::select(has_room, distance, distance * zero);
+    let distance = R::select(one.less_than(distance), one, distance);
+    R::select(distance.less_than(-one), -one, distance)
 }
 
 impl From<Statistic> for Quantity {
@@ -251,6 +333,22 @@ mod tests {
     fn names_are_unique() {
         let names: BTreeSet<&str> = Quantity::NAMED.iter().map(Quantity::name).collect();
         assert_eq!(names.len(), Quantity::NAMED.len());
+    }
+
+    #[test]
+    fn small_angles_are_kept() {
+        let angle = angle_between(Vector::new(3.0, 0.0, 0.0), Vector::new(1e-20, 1e-32, 0.0));
+        assert!((angle - 1e-12).abs() < 1e-27, "{angle:e}");
+        let opposite: f64 = angle_between(Vector::new(1.0, 0.0, 0.0), Vector::new(-1.0, 0.0, 0.0));
+        assert!((opposite - std::f64::consts::PI).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_distance_from_the_separatrix_ends_at_the_axes() {
+        let found = [1.0, 1.5, 2.0, 3.0, 4.0].map(|inertia| separatrix_distance([1.0, 2.0, 4.0], inertia));
+        assert_eq!(found, [-1.0, -0.5, 0.0, 0.5, 1.0]);
+        assert_eq!(separatrix_distance([1.0; 3], 1.0), 0.0);
+        assert!(separatrix_distance([1.0, 2.0, 4.0], f64::NAN).is_nan());
     }
 
     #[test]

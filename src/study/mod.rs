@@ -16,7 +16,7 @@
 //!
 //! [time]
 //! end = 600.0
-//! outputs = { every = 60.0 }          # or { times = [0.1, 1.0] }; none: the end only
+//! outputs = { every = 60.0 }          # or { times = [0.1, 1.0] }; none: the end only; start = true: the start too
 //!
 //! [accuracy]
 //! attitude = 1e-6                     # rad; or: method = "rk4", dt = 0.01, precision = "f32"
@@ -75,11 +75,24 @@
 //! * A number may be a distribution: `constant` (`value`), `uniform` (`low`, `high`), `normal` (`mean`, `sigma`),
 //!   `log-normal` (`median`, `sigma` of the logarithm). So may a vector, where one number stands for three; and
 //!   `direction` (`magnitude`) is uniform on the sphere.
-//! * `statistics`: any of `kinetic_energy` (rotational, J), `spin_rate` (|ω|, rad/s) and `angular_momentum` (|L|, kg m²/s).
-//!   `statistics.csv` has one row an output time: `t`, `count` (bodies that did not fail) and of each quantity, say
-//!   `spin_rate`, the columns `spin_rate_mean`, `spin_rate_standard_deviation` (divided by `count`), `spin_rate_min`,
-//!   `spin_rate_max`, `spin_rate_min_body` and `spin_rate_max_body`; `statistics.npz` an array of shape `[outputs]` for each.
-//!   With `final = false` and no snapshots, statistics alone leave the device.
+//! * `statistics`: any quantities ([`Quantity`] has the list with formulas and units). `statistics.csv` has one row an output time: `t`,
+//!   `count` (bodies that did not fail) and of each quantity, say `spin_rate`, the columns `spin_rate_mean`,
+//!   `spin_rate_standard_deviation` (over the bodies as they are), `spin_rate_min`, `spin_rate_max`, `spin_rate_min_body`,
+//!   `spin_rate_max_body` and, with `quantiles = [5, 50, 95]` (percent), `spin_rate_q5` and so on; `statistics.npz` an array of shape
+//!   `[outputs]` for each. With `final = false`, no snapshots and `kinetic_energy`, `spin_rate` and `angular_momentum` alone, statistics
+//!   are all that leaves the device; of anything else the states are read at every output time.
+//! * `[[histogram]]`, any number of them: `quantity`, `low`, `high`, `bins` (50) and `scale` (`linear` or `log`).
+//!   `histograms.csv` has a row an output time, histogram and bin: `t`, `histogram` (from 0), `quantity`, `low`, `high`, `count`; what
+//!   lies outside of the bins has rows with an infinite edge.
+//! * `[[event]]`, any number of them: a `name`, a `quantity`, and one of `below`, `above`, `falls_below`, `rises_above`, `crosses` with a level
+//!   ([`Condition`]); `occurrence = 3` for the third time. Events are looked for from one output time to the next ([`Event`]).
+//!   `events.csv` has a row a body and event that it had: `event`, `body`, `t`, `known_to` ([`EventTime`]), and the state then; `survival.csv` for each
+//!   event and output time `remaining` bodies, the `share` that has not had it, and its 95 % confidence interval `low`, `high`
+//!   ([`EventRecord::survival`]).
+//! * `[[quantity]]`: a quantity of the study's own, with a `name`: a `formula` with its `unit`, a number of `attitude`, `angular_velocity`,
+//!   `angular_momentum`, `inertia` and `time` (the language is that of `docs/custom-torques.md`); an `axis` of the body and a `direction` of the
+//!   world, the angle between which it is; or `euler = "zxz"`, `angle = 2` and, where the turns are about the world's axes,
+//!   `about = "world"`.
 //! * Tables of states end in a column `status`: 0, or the number of the reason why the body has failed, and then its numbers are NaN
 //!   (of [`Status::CentreNotFinite`] only position and velocity, as long as the rotation is good): 1 `not_converged`,
 //!   2 `step_too_long`, 3 `step_below_limit`, 4 `not_finite`, 5 `centre_not_finite` ([`Status`]). Where bodies have failed, `failed.csv`
@@ -103,7 +116,11 @@ use crate::error::InputError;
 use crate::error::InputFault;
 use crate::error::{Error, Result, Text};
 use crate::math::Precision;
+#[cfg(doc)]
+use crate::record::{EventRecord, EventTime};
 use crate::scene::{Accuracy, Outputs, Scene, Target};
+#[cfg(doc)]
+use crate::scene::{Condition, Event, Quantity};
 
 mod accuracy;
 mod bodies;

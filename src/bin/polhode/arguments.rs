@@ -133,7 +133,7 @@ Keys (SI units):
                           linear-drag, quadratic-drag (coefficient), custom (force: a formula, world
                           axes, of attitude, angular_velocity, time, position, velocity, mass;
                           parameters); the bodies need masses
-    time.end, .outputs    { every } or { times = [...] }
+    time.end, .outputs    { every } or { times = [...] }; start = true records the start too
     accuracy              errors at the end that percentile (default 99) % of the bodies keep:
                           attitude (rad, default 1e-6), angular_velocity (of its magnitude), energy
                           (kinetic, of its value) [precision: f32, f64];
@@ -142,7 +142,17 @@ Keys (SI units):
                           clamped_euler, spiral), dt, or rk8 or taylor (f64, CPU) and tolerance
                           [precision: f32, f64]
     output                final, snapshots (true or false), format (csv, npz); statistics = [...] of
-                          kinetic_energy, spin_rate, angular_momentum over all bodies
+                          quantities over all bodies; quantiles = [5, 50, 95] of them, in percent
+    [[histogram]]         quantity, low, high, bins (default 50), scale (linear, log)
+    [[event]]             name, quantity and one of below, above, falls_below, rises_above, crosses with
+                          a level; occurrence = 3 for the third time. Looked for from output to output
+    [[quantity]]          name and formula (a number of attitude, angular_velocity, angular_momentum,
+                          inertia, time) [unit]; or axis (body) and direction (world): the angle between
+                          them; or euler = \"zxz\" [about = \"world\"] and angle (1, 2, 3)
+Quantities: kinetic_energy (J), spin_rate (rad/s), angular_momentum (kg m²/s; _x, _y, _z in world axes),
+angular_velocity_x, _y, _z (rad/s, body axes), nutation (rad, between spin and angular momentum),
+dynamic_inertia (kg m², L²/2T), separatrix_distance (-1 about the least axis, 0 separatrix, 1 about the
+greatest), yaw, pitch, roll (rad), potential_energy, total_energy (J), and the study's own.
     failures.allow        how many bodies may fail before the exit status is 1; default 0
 Any number or vector of a body may be a distribution: constant (value), uniform (low, high),
 normal (mean, sigma), log-normal (median, sigma of the logarithm); a vector also direction
@@ -165,7 +175,10 @@ and velocity are NaN); snapshots.csv with the same at all output times; failed.c
 with body, t when it failed, status, reason, known_to, and the last good state: last_good_t (0 is the start)
 qx qy qz qw wx wy wz (known_to step: t is the end of the first step that failed, or where adaptive steps stopped;
 output: the output at which it was seen); statistics.csv with t, count and of each quantity
-mean, standard_deviation, min, max, min_body, max_body at all output times; plan.json, which --plan takes; report.json with
+mean, standard_deviation, min, max, min_body, max_body and quantiles q5, q50, ... at all output times;
+histograms.csv with t, histogram (from 0), quantity, low, high, count; events.csv with event, body, t, known_to
+(start, located, output) and the orientation and angular velocity then; survival.csv with event, t, remaining
+bodies, the share that has not had it and its 95 % interval low, high; plan.json, which --plan takes; report.json with
 engine, plan, wall times, drift of what bodies conserve, what torques did, and errors of a recomputed sample, of
 position (m) and velocity (m/s) too where bodies translate. The folder appears, or replaces the former one,
 when all files are complete and on the disk; Ctrl-C leaves nothing. With --force, files that are not of a run

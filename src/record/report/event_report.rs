@@ -1,4 +1,4 @@
-//! Events in `report.json`.
+//! Quantities and events in `report.json`.
 
 use std::fmt;
 
@@ -6,6 +6,27 @@ use serde::Serialize;
 
 use super::QuantilesReport;
 use crate::record::EventRecord;
+use crate::scene::Scene;
+
+/// A quantity that a study asks for.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct QuantityReport {
+    /// Its name in tables.
+    pub name: String,
+    /// Its unit.
+    pub unit: String,
+}
+
+impl QuantityReport {
+    /// Those of a scene, each once.
+    pub(crate) fn of(scene: &Scene) -> Vec<Self> {
+        let report = |quantity: &crate::Quantity| {
+            let (name, unit) = (quantity.name().to_owned(), quantity.unit().to_owned());
+            Self { name, unit }
+        };
+        scene.observed().quantities().iter().map(report).collect()
+    }
+}
 
 /// An event of all bodies.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -22,23 +22,26 @@ struct Moments {
 impl Moments {
     /// In two passes; what is not finite is left out.
     fn of(first_body: usize, values: &[f64]) -> Self {
-        let finite = || values.iter().copied().filter(|value| value.is_finite());
-        let count = finite().count() as u64;
-        if count == 0 {
+        let is_finite = |value: &f64| f64::from(u8::from(value.is_finite()));
+        let finite = |value: &f64| if value.is_finite() { *value } else { 0.0 };
+        let count = sum_in_lanes(values, is_finite);
+        if count == 0.0 {
             return Self::default();
         }
-        let mean = finite().sum::<f64>() / count as f64;
-        let squares = finite().map(|value| (value - mean) * (value - mean)).sum();
-        let mut found = Self { count, mean, squares, least: (f64::INFINITY, 0), greatest: (f64::NEG_INFINITY, 0) };
-        for (row, &value) in values.iter().enumerate().filter(|(_, value)| value.is_finite()) {
-            if value < found.least.0 {
-                found.least = (value, first_body + row);
-            }
-            if value > found.greatest.0 {
-                found.greatest = (value, first_body + row);
-            }
+        let mean = sum_in_lanes(values, finite) / count;
+        let squares = sum_in_lanes(values, |value| {
+            let deviation = if value.is_finite() { value - mean } else { 0.0 };
+            deviation * deviation
+        });
+        let (mut least, mut greatest) = (f64::INFINITY, f64::NEG_INFINITY);
+        for &value in values {
+            let low = if value.is_finite() { value } else { f64::INFINITY };
+            let high = if value.is_finite() { value } else { f64::NEG_INFINITY };
+            least = if low < least { low } else { least };
+            greatest = if high > greatest { high } else { greatest };
         }
-        found
+        let body = |extreme: f64| first_body + values.iter().position(|&value| value == extreme).unwrap_or(0);
+        Self { count: count as u64, mean, squares, least: (least, body(least)), greatest: (greatest, body(greatest)) }
     }
 
     /// Of both (Chan, Golub and LeVeque 1983, equation 2.1); of equal extremes the first stays.
@@ -57,6 +60,19 @@ impl Moments {
             greatest: if other.greatest.0 > self.greatest.0 { other.greatest } else { self.greatest },
         }
     }
+}
+
+/// A sum in eight parts, which processors form side by side, in an order that does not depend on them.
+fn sum_in_lanes(values: &[f64], term: impl Fn(&f64) -> f64) -> f64 {
+    let mut parts = [0.0; 8];
+    let groups = values.chunks_exact(parts.len());
+    let rest: f64 = groups.remainder().iter().map(&term).sum();
+    for group in groups {
+        for (part, value) in parts.iter_mut().zip(group) {
+            *part += term(value);
+        }
+    }
+    parts.iter().sum::<f64>() + rest
 }
 
 /// What is gathered at an output time.

@@ -12,7 +12,7 @@ use crate::engine::Observer;
 use crate::error::Result;
 use crate::plan::Plan;
 use crate::record::{EventRecord, OutputState, Sink};
-use crate::scene::{Observed, Quantity, Scene};
+use crate::scene::{Observed, Quantity};
 
 use distribution::Distributions;
 use evaluator::Evaluator;
@@ -25,20 +25,6 @@ pub(super) struct Observation<'p> {
     evaluator: Evaluator<'p>,
     distributions: Distributions<'p>,
     events: Option<EventWatch<'p>>,
-}
-
-/// Every quantity that a scene asks for, once.
-fn quantities(scene: &Scene) -> Vec<Quantity> {
-    let Observed { statistics, histograms, events, .. } = scene.observed();
-    let all = statistics.iter();
-    let all = all.chain(histograms.iter().map(|histogram| histogram.quantity()));
-    let mut found: Vec<Quantity> = Vec::new();
-    for quantity in all.chain(events.iter().map(|event| event.quantity())) {
-        if !found.contains(quantity) {
-            found.push(quantity.clone());
-        }
-    }
-    found
 }
 
 /// The number of a quantity among all of a scene.
@@ -57,20 +43,20 @@ impl<'p> Observation<'p> {
         let events = scene.wanted_events().len();
         let of_body = 8 * events + if events > 0 { 56 } else { 0 };
         crate::bodies::memory::require(bodies, bodies.saturating_mul(of_body), "what is kept of them for events")?;
-        Ok(Some(Self::of(plan, Members::All(bodies))))
+        Self::of(plan, Members::All(bodies)).map(Some)
     }
 
-    fn of(plan: &'p Plan<'p>, members: Members) -> Self {
+    fn of(plan: &'p Plan<'p>, members: Members) -> Result<Self> {
         let scene = plan.scene();
-        let quantities = quantities(scene);
+        let quantities = scene.observed().quantities();
         let of_event = |event: &crate::scene::Event| number(&quantities, event.quantity());
         let of_events: Vec<usize> = scene.wanted_events().iter().map(of_event).collect();
-        Self {
+        Ok(Self {
             observed: scene.observed(),
             distributions: Distributions::new(scene.observed(), |quantity| number(&quantities, quantity)),
             events: (!of_events.is_empty()).then(|| EventWatch::new(plan, members, of_events)),
-            evaluator: Evaluator::new(scene, quantities),
-        }
+            evaluator: Evaluator::new(scene, &quantities)?,
+        })
     }
 
     /// Whether the states at the start are wanted.

@@ -1,7 +1,7 @@
 //! Event times of a sample of bodies, recomputed more accurately.
 
 use super::evaluator::Evaluator;
-use super::{EventWatch, number, quantities};
+use super::{EventWatch, number};
 use crate::bodies::Members;
 use crate::engine::Observer;
 use crate::engine::cpu::Cpu;
@@ -67,9 +67,9 @@ fn recomputed(plan: &Plan<'_>, sample: &[u32], observer: &mut Observer<'_>) -> R
         Group { members: Members::Some(members), treatment, ..group.clone() }
     };
     let groups: Vec<Group> = plan.groups().iter().map(own).filter(|group| !group.members.is_empty()).collect();
-    let quantities = quantities(scene);
+    let quantities = scene.observed().quantities();
     let of_events = scene.wanted_events().iter().map(|event| number(&quantities, event.quantity())).collect();
-    let evaluator = Evaluator::new(scene, quantities);
+    let evaluator = Evaluator::new(scene, &quantities)?;
     let mut watch = EventWatch::new(plan, Members::Some(sample.to_vec()), of_events);
     let engine = Cpu::new(Width::Lanes);
     let mut wall_time = WallTime::default();
