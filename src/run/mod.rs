@@ -201,6 +201,9 @@ fn run_counted(
             rayon::scope(|_| -> Result<()> {
                 read_states(&mut group_runs, &centres, &range, &mut states, last.then_some(&mut initial))?;
                 failures.mark(time, start, &mut states);
+                if let Some(observation) = &mut observation {
+                    observation.push(start, time, &states);
+                }
                 if last {
                     end.gather(scene, start, &initial, &states);
                 }
@@ -209,9 +212,6 @@ fn run_counted(
             // While these are handed on, the next come to the host.
             let next = range.end..(range.end + block).min(body_count);
             group_runs.iter_mut().try_for_each(|group_run| group_run.prefetch(&next))?;
-            if let Some(observation) = &mut observation {
-                observation.push(start, time, &states);
-            }
             if last {
                 let of_block = |body: &&u32| range.contains(&(**body as usize));
                 for &body in sample.iter().filter(of_block) {

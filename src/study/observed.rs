@@ -127,7 +127,9 @@ fn quantity<'a>(table: &Table<'a>) -> Result<(Quantity, Node<'a>)> {
         return Ok((Quantity::axis_angle(name, axis_body, direction_world).map_err(refused)?, name_node));
     }
     const KINDS: &str = "expected how it is formed: `formula`, `axis` with `direction`, or `euler` with `angle`";
-    let node = table.need("euler", KINDS)?;
+    let Some(node) = table.find("euler") else {
+        return Err(table.need("formula", KINDS).map_or_else(|error| error, |node| node.refuse(KINDS)));
+    };
     table.only(&["name", "euler", "about", "angle"])?;
     let sequence = sequence(table, &node)?;
     let angle = table.need("angle", "expected which of the three angles it is: 1, 2 or 3")?;

@@ -9,6 +9,7 @@ mod input;
 mod layers;
 mod limits;
 mod mutations;
+mod observed;
 mod plan_document;
 mod plot;
 mod results;

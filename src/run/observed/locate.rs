@@ -41,6 +41,9 @@ const FIRST_ANGLE: f64 = 0.1;
 /// Passages that are searched side by side.
 const TOGETHER: usize = 1 << 15;
 
+/// Of so many bodies or fewer the calling thread forms what it has to by itself.
+const FEW: usize = 64;
+
 /// The most attempts of a search; a body that needs more has the time of the output.
 const MOST_ATTEMPTS: u64 = 100_000;
 
@@ -123,9 +126,8 @@ impl<'p> Locator<'p> {
         observer: &mut Observer<'_>,
     ) -> Result<Vec<(Passage, Located)>> {
         let mut by_motion: BTreeMap<Motion, Vec<Passage>> = BTreeMap::new();
-        let motions: Vec<Motion> = passages.par_iter().map(|passage| self.motion(passage.body)).collect();
-        for (passage, motion) in passages.into_iter().zip(motions) {
-            by_motion.entry(motion).or_default().push(passage);
+        for passage in passages {
+            by_motion.entry(self.motion(passage.body)).or_default().push(passage);
         }
         let mut all = Vec::new();
         for (motion, mut passages) in by_motion {
@@ -140,7 +142,10 @@ impl<'p> Locator<'p> {
                         let located = search.free(&passage, motion == Motion::ClosedForm);
                         (passage, located)
                     };
-                    all.par_extend(passages.into_par_iter().map(located));
+                    match passages.len() {
+                        ..=FEW => all.extend(passages.into_iter().map(located)),
+                        _ => all.par_extend(passages.into_par_iter().map(located)),
+                    }
                 }
                 Motion::Driven(set) => {
                     passages.sort_by_key(|passage| passage.body);
@@ -272,8 +277,10 @@ impl Search<'_> {
                 let state = frame.body_state(trials.state(row));
                 Some((self.excess(passage, time, &state), state))
             };
-            let rows = walks.par_iter().zip(&passages).with_min_len(64).enumerate();
-            let points: Vec<Option<(f64, BodyState)>> = rows.map(tried).collect();
+            let points: Vec<Option<(f64, BodyState)>> = match walks.len() {
+                ..=FEW => walks.iter().zip(&passages).enumerate().map(tried).collect(),
+                _ => walks.par_iter().zip(&passages).with_min_len(FEW).enumerate().map(tried).collect(),
+            };
             for (row, ((walk, passage), point)) in walks.iter_mut().zip(&passages).zip(points).enumerate() {
                 let Some(point) = point else { continue };
                 if walk.take(self.condition(passage), passage, trials.outcome(row), trials.state(row), point) {
