@@ -16,7 +16,7 @@ use crate::engine::batch::{Batch, load_body, load_state, store_state};
 use crate::engine::cpu::torque_kernels::{AllTorques, CommonTorques, LaneTorques, Nothing};
 use crate::engine::load_balance::imbalance;
 use crate::engine::watch::{Job, Watch, watched};
-use crate::engine::{Observer, check_time, unobserved};
+use crate::engine::{Observer, check_time};
 use crate::error::{Error, Result};
 use crate::kernel::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, advance};
 use crate::kernel::observe;
