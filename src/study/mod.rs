@@ -86,9 +86,9 @@
 //!   lies outside of the bins has rows with an infinite edge.
 //! * `[[event]]`, any number of them: a `name`, a `quantity`, and one of `below`, `above`, `falls_below`, `rises_above`, `crosses` with a level
 //!   ([`Condition`]); `occurrence = 3` for the third time. Events are looked for from one output time to the next ([`Event`]).
-//!   `events.csv` has a row a body and event that it had: `event`, `body`, `t`, `known_to` ([`EventTime`]), and the state then; `survival.csv` for each
+//!   `events.csv` has a row a body and event that it had: `event`, `body`, `t`, `known_to` ([`EventTime`](crate::record::EventTime)), and the state then; `survival.csv` for each
 //!   event and output time `remaining` bodies, the `share` that has not had it, and its 95 % confidence interval `low`, `high`
-//!   ([`EventRecord::survival`]).
+//!   ([`EventRecord::survival`](crate::record::EventRecord::survival)).
 //! * `[[quantity]]`: a quantity of the study's own, with a `name`: a `formula` with its `unit`, a number of `attitude`, `angular_velocity`,
 //!   `angular_momentum`, `inertia` and `time` (the language is that of `docs/custom-torques.md`); an `axis` of the body and a `direction` of the
 //!   world, the angle between which it is; or `euler = "zxz"`, `angle = 2` and, where the turns are about the world's axes,
@@ -116,8 +116,6 @@ use crate::error::InputError;
 use crate::error::InputFault;
 use crate::error::{Error, Result, Text};
 use crate::math::Precision;
-#[cfg(doc)]
-use crate::record::{EventRecord, EventTime};
 use crate::scene::{Accuracy, Outputs, Scene, Target};
 #[cfg(doc)]
 use crate::scene::{Condition, Event, Quantity};
