@@ -111,9 +111,9 @@ impl Expression {
         Ok(Self::new(&graph, &outputs, self.shape))
     }
 
-    /// The formula in the recording that runs on this thread.
-    pub(crate) fn recorded(&self, recorder: &Recorder) -> Vec<Symbol> {
-        self.graph().substituted(self.outputs(), |input| recorder.input(input))
+    /// The formula in the recording that runs on this thread, with something else in the place of its inputs.
+    pub(crate) fn recorded_with(&self, inputs: impl FnMut(Input) -> Symbol) -> Vec<Symbol> {
+        self.graph().substituted(self.outputs(), inputs)
     }
 
     /// The operations; there are none that no result needs.

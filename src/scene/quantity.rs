@@ -7,7 +7,9 @@ use glam::DVec3;
 
 use crate::bodies::toolkit::EulerSequence;
 use crate::error::{Error, Result};
-use crate::expression::{Expression, Fault, Graph, Node, Recorder, Scope, Shape, Symbol, Symbols, TextError};
+use crate::expression::{
+    Expression, Fault, Graph, Input, InputKind, Node, Recorder, Scope, Shape, Symbol, Symbols, TextError,
+};
 use crate::kernel::observe::Statistic;
 use crate::math::elementary::functions::atan2;
 use crate::math::real::Real;
@@ -223,8 +225,13 @@ impl Quantity {
 
     /// The formula.
     fn recorded(&self, scope: &Scope<'_>, recorder: &Recorder) -> Symbol {
-        let (omega, momentum) = (|| scope.angular_velocity(), || scope.angular_momentum());
+        let omega = || scope.angular_velocity();
         let number = |name| scope.number(name);
+        // In world axes, as states hold it.
+        let momentum = || {
+            let [x, y, z] = MOMENTUM.map(number);
+            Vector::new(x, y, z)
+        };
         let euler = |sequence: EulerSequence, index: usize| sequence.angles_of(scope.attitude()).0[index % 3];
         let component = |vector: Vector<Symbol>, axis: &usize| [vector.x, vector.y, vector.z][axis % 3];
         let length = |vector: Vector<Symbol>| vector.dot(vector).sqrt();
@@ -237,9 +244,9 @@ impl Quantity {
             Self::KineticEnergy => number(KINETIC_ENERGY),
             Self::SpinRate => length(omega()),
             Self::AngularMomentum => length(momentum()),
-            Self::AngularMomentumWorld(axis) => component(scope.to_world(momentum()), axis),
+            Self::AngularMomentumWorld(axis) => component(momentum(), axis),
             Self::AngularVelocityBody(axis) => component(omega(), axis),
-            Self::Nutation => angle_between(omega(), momentum()),
+            Self::Nutation => angle_between(scope.to_world(omega()), momentum()),
             Self::DynamicInertia => dynamic_inertia(),
             Self::SeparatrixDistance => {
                 let moments = MOMENTS.map(number);
@@ -255,7 +262,14 @@ impl Quantity {
             }
             Self::PotentialEnergy => number(POTENTIAL_ENERGY),
             Self::TotalEnergy => number(KINETIC_ENERGY) + number(POTENTIAL_ENERGY),
-            Self::Formula(formula) => formula.expression.recorded(recorder)[0],
+            Self::Formula(formula) => {
+                let own = scope.to_body(momentum());
+                let input = |input: Input| match input.kind {
+                    InputKind::AngularMomentum => [own.x, own.y, own.z][usize::from(input.index) % 3],
+                    _ => recorder.input(input),
+                };
+                formula.expression.recorded_with(input)[0]
+            }
         }
     }
 
@@ -270,9 +284,11 @@ impl Quantity {
     }
 }
 
-/// What the formulas of quantities read beside the state, J and kg m²: the kinetic energy, the principal moments, ascending, and the
-/// potential energy of the torques.
-pub(crate) const PARAMETERS: [&str; 5] = [KINETIC_ENERGY, MOMENTS[0], MOMENTS[1], MOMENTS[2], POTENTIAL_ENERGY];
+/// What the formulas of quantities read beside attitude, angular velocity, inertia and time, in SI units: the angular momentum in world axes,
+/// the kinetic energy, the principal moments, ascending, and the potential energy of the torques.
+pub(crate) const PARAMETERS: [&str; 8] =
+    [MOMENTUM[0], MOMENTUM[1], MOMENTUM[2], KINETIC_ENERGY, MOMENTS[0], MOMENTS[1], MOMENTS[2], POTENTIAL_ENERGY];
+const MOMENTUM: [&str; 3] = ["momentum_world_x", "momentum_world_y", "momentum_world_z"];
 const KINETIC_ENERGY: &str = "kinetic_energy";
 const MOMENTS: [&str; 3] = ["least_moment", "middle_moment", "greatest_moment"];
 const POTENTIAL_ENERGY: &str = "potential_energy";

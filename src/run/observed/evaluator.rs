@@ -56,10 +56,7 @@ impl<'p> Evaluator<'p> {
     pub fn values(&self, first_body: usize, time: f64, states: &[OutputState]) -> Values {
         let of_block = |(block, states): (usize, &[OutputState])| {
             let first = first_body + block * BLOCK;
-            let column = |&input: &Input| -> Vec<f64> {
-                let bodies = states.iter().enumerate();
-                bodies.map(|(row, state)| self.input(input, first + row, time, &state.rotation)).collect()
-            };
+            let column = |&input: &Input| self.column(input, first, time, states);
             let columns: Vec<Vec<f64>> = self.all.inputs().iter().map(column).collect();
             let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
             let mut found = self.all.evaluate_columns(&columns, states.len());
@@ -83,6 +80,25 @@ impl<'p> Evaluator<'p> {
         if self.varies { variable_inertia::tensor_at(self.scene.torques(), body, tensor, time) } else { tensor }
     }
 
+    /// What a formula reads of some bodies.
+    fn column(&self, input: Input, first: usize, time: f64, states: &[OutputState]) -> Vec<f64> {
+        let index = usize::from(input.index);
+        // The choice is made once, so that each column is a loop of loads.
+        let loaded = |load: fn(&BodyState, usize) -> f64| -> Vec<f64> {
+            states.iter().map(|state| load(&state.rotation, index)).collect()
+        };
+        match input.kind {
+            InputKind::Orientation => loaded(|state, index| state.orientation.to_array()[index]),
+            InputKind::AngularVelocity => loaded(|state, index| state.angular_velocity_body.to_array()[index]),
+            InputKind::Parameter if index < 3 => loaded(|state, index| state.angular_momentum_world.to_array()[index]),
+            InputKind::Parameter if index == 3 => loaded(|state, _| state.kinetic_energy),
+            _ => {
+                let bodies = states.iter().enumerate();
+                bodies.map(|(row, state)| self.input(input, first + row, time, &state.rotation)).collect()
+            }
+        }
+    }
+
     /// What a formula reads.
     #[inline]
     fn input(&self, input: Input, body: usize, time: f64, state: &BodyState) -> f64 {
@@ -90,9 +106,6 @@ impl<'p> Evaluator<'p> {
         match input.kind {
             InputKind::Orientation => state.orientation.to_array()[index],
             InputKind::AngularVelocity => state.angular_velocity_body.to_array()[index],
-            InputKind::AngularMomentum => {
-                (state.orientation.conjugate() * state.angular_momentum_world).to_array()[index]
-            }
             InputKind::Inertia => {
                 let tensor = self.tensor(body, time);
                 [tensor.xx, tensor.yy, tensor.zz, tensor.xy, tensor.xz, tensor.yz][index]
@@ -100,11 +113,12 @@ impl<'p> Evaluator<'p> {
             InputKind::Time => time,
             // In the order of `PARAMETERS`.
             InputKind::Parameter => match index {
-                0 => state.kinetic_energy,
-                1..=3 => {
+                0..=2 => state.angular_momentum_world.to_array()[index],
+                3 => state.kinetic_energy,
+                4..=6 => {
                     let moments = self.moments.get(body).copied();
                     let moments = moments.unwrap_or_else(|| principal_axes(&self.tensor(body, time)).moments);
-                    moments.to_array()[index - 1]
+                    moments.to_array()[index - 4]
                 }
                 _ => {
                     let torques = self.scene.torques().iter();
