@@ -57,7 +57,7 @@ fn scenes() -> Vec<(&'static str, Scene)> {
         ("closed form", free().accuracy(Accuracy::attitude(1e-4))),
         (
             "statistics",
-            free().torque(drag).statistics(&[Statistic::SpinRate]).without_states().pinned(Method::Rk4, 0.01, f32),
+            free().torque(drag).statistics([Statistic::SpinRate]).without_states().pinned(Method::Rk4, 0.01, f32),
         ),
     ]
 }

@@ -40,7 +40,7 @@ impl Scene {
     /// use polhode::{Engine, Ensemble, Plan, Quantity, Scene};
     ///
     /// # let ensemble = Ensemble::from_columns(&[DVec3::new(1.0, 2.0, 2.5)], &[DQuat::IDENTITY], &[DVec3::X])?;
-    /// let scene = Scene::new(ensemble).until(60.0).statistics(&[Quantity::KineticEnergy]).without_states();
+    /// let scene = Scene::new(ensemble).until(60.0).statistics([Quantity::KineticEnergy]).without_states();
     /// let engine = Engine::cpu();
     /// let record = engine.run(&Plan::new(&scene, &engine)?)?;
     /// let energy = record.statistics()[0].of(Quantity::KineticEnergy).expect("asked for");

@@ -283,7 +283,7 @@ fn bodies_that_fail_are_counted_and_left_out() {
             for (method, end) in [(Method::Splitting4, 0.5), (Method::Splitting4, 10.0), (Method::ExplicitEuler, 10.0)]
             {
                 let scene = some_fail(BODIES).until(end).pinned(method, 0.5, Some(precision));
-                let scene = scene.statistics(&Statistic::ALL);
+                let scene = scene.statistics(Statistic::ALL);
                 // Spun up beyond all bounds within three steps, the fast ones are no longer numbers.
                 let scene = if method == Method::ExplicitEuler {
                     scene.torque(Torque::linear_drag(blow_up(BODIES)))
@@ -316,7 +316,7 @@ fn blow_up(count: usize) -> Vec<f64> {
 #[test]
 fn no_body_and_one_body_have_statistics() {
     for engine in [common::gpu(), Engine::cpu()] {
-        let scene = |count| Scene::new(common::asymmetric_ensemble(count, 3)).until(1.0).statistics(&Statistic::ALL);
+        let scene = |count| Scene::new(common::asymmetric_ensemble(count, 3)).until(1.0).statistics(Statistic::ALL);
         for scene in [scene(0), scene(0).without_states(), scene(0).skipping(false)] {
             let record = run(&engine, &scene);
             let [found] = record.statistics() else { panic!("one output") };
@@ -344,7 +344,7 @@ fn mixed(count: usize) -> Scene {
         .until(2.0)
         .outputs(Outputs::Every(0.5))
         .torque(Torque::linear_drag(drag))
-        .statistics(&[Statistic::SpinRate, Statistic::KineticEnergy])
+        .statistics([Statistic::SpinRate, Statistic::KineticEnergy])
         .without_pilot()
 }
 
@@ -475,8 +475,7 @@ fn statistics_move_kilobytes_where_states_move_megabytes() {
         (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, DVec3::new(0.3 + x, 1.0, 0.2))
     })
     .expect("valid");
-    let scene =
-        Scene::new(bodies).until(10.0).outputs(Outputs::Every(1.0)).statistics(&Statistic::ALL).without_states();
+    let scene = Scene::new(bodies).until(10.0).outputs(Outputs::Every(1.0)).statistics(Statistic::ALL).without_states();
     let pinned = scene.clone().pinned(Method::Rk4, 0.25, Some(Precision::F32));
     for scene in [scene.accuracy(Accuracy::attitude(1e-5)), pinned] {
         let plan = Plan::new(&scene, &engine).expect("valid");

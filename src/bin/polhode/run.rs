@@ -42,7 +42,7 @@ fn run_until_written(arguments: &RunArguments) -> Result<(Study, Report, PathBuf
     }
     let scene = study.scene()?.skipping(!arguments.no_skip);
     let wanted = study.output();
-    if !(wanted.final_state || wanted.snapshots || arguments.quiet) && !scene.observes() {
+    if !(wanted.final_state || wanted.snapshots || arguments.quiet || scene.observes()) {
         output::note("note: the study asks for no results: all that is written is plan.json and report.json");
     }
     let engine = crate::engine::open(&arguments.engine, arguments.quiet)?;

@@ -138,10 +138,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
         let states = column_parts(state, stride, 0..stride, block);
         let controllers = column_parts(controllers, stride, 0..stride, block);
         Box::new(move |watch: &Watch| {
-            let advance = |(index, ((mut state, mut controllers), counts)): (
-                usize,
-                ((Part<'_, T>, Part<'_, T>), &mut [StepCounts]),
-            )| {
+            let advance = |index: usize, (mut state, mut controllers): Parts<'_, T>, counts: &mut [StepCounts]| {
                 let first = index * block;
                 let mut starts = some.is_none();
                 let mut under_way = true;
@@ -171,10 +168,10 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
             // A few attempts take less time than it takes to wake a thread.
             if some.is_some() && states.len() <= FEW_BLOCKS {
                 let blocks = states.into_iter().zip(controllers).zip(counts.chunks_mut(block));
-                blocks.enumerate().for_each(advance);
+                blocks.enumerate().for_each(|(index, (parts, counts))| advance(index, parts, counts));
             } else {
                 let blocks = states.into_par_iter().zip(controllers).zip(counts.par_chunks_mut(block));
-                blocks.enumerate().for_each(advance);
+                blocks.enumerate().for_each(|(index, (parts, counts))| advance(index, parts, counts));
             }
             *clock = end;
         })
@@ -187,8 +184,8 @@ const LEAST_GROUPS: usize = 2;
 /// Blocks of single attempts that the calling thread makes by itself.
 const FEW_BLOCKS: usize = 8;
 
-/// The columns of a block.
-type Part<'a, T> = Vec<&'a mut [T]>;
+/// The columns of a block: its state and its controllers.
+type Parts<'a, T> = (Vec<&'a mut [T]>, Vec<&'a mut [T]>);
 
 impl<T: LaneScalar + observe::Kernel> AdaptiveSession for CpuAdaptiveSession<T> {
     fn body_count(&self) -> usize {

@@ -272,7 +272,7 @@ impl Search<'_> {
             }
             trials.attempt()?;
             let tried = |(row, (walk, passage)): (usize, (&Walk, &Passage))| {
-                let Some(time) = walk.tried.filter(|_| walk.located.is_none()) else { return None };
+                let time = walk.tried.filter(|_| walk.located.is_none())?;
                 let frame = trials.frame(row).at(torques, passage.body, time);
                 let state = frame.body_state(trials.state(row));
                 Some((self.excess(passage, time, &state), state))
