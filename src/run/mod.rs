@@ -17,8 +17,8 @@ use crate::plan::errors::Errors;
 use crate::plan::sampling::sample;
 use crate::plan::{Plan, TorqueSet};
 use crate::record::{
-    BalanceGatherer, BodyDrift, Conserved, Drift, DriftGatherer, FailedBody, Memory, OutputState, Record, Sink, Trust,
-    WallTime,
+    BalanceGatherer, BodyDrift, Conserved, Drift, DriftGatherer, FailedBody, Memory, OutputState, Record, Sink,
+    Statistics, Trust, WallTime,
 };
 use crate::scene::{Scene, Stepping};
 use crate::torque::Torque;
@@ -31,21 +31,27 @@ mod failures;
 #[cfg(feature = "study")]
 mod files;
 mod group_run;
+#[cfg(feature = "study")]
+mod merge;
 mod output_statistics;
 mod reading;
 mod recomputed_centres;
 mod recomputed_sample;
+mod replay;
 pub(crate) mod stepped_translation;
 mod torque_work;
 mod translation;
 
 pub use balance::balance;
 #[cfg(feature = "study")]
-pub use files::{OutputSize, run_to_folder};
+pub use files::{OutputSize, run_shard_to_folder, run_to_folder};
+#[cfg(feature = "study")]
+pub use merge::{MergedAccuracy, MergedReport, merge};
+pub use replay::{How, Replay, StateError, alone, replay};
 
 use balance::{push_rest, total_energy_change};
 use failures::Failures;
-use group_run::GroupRun;
+use group_run::{GroupRun, blocks_of};
 use output_statistics::FromStates;
 use recomputed_centres::recomputed_centres;
 use recomputed_sample::{SAMPLE_SEED, recomputed, sample_size};
@@ -162,9 +168,10 @@ fn run_counted(
         }
         if reduces {
             let clock = Instant::now();
-            let found = output_statistics::reduced(&mut group_runs, statistics, time)?;
+            let found = output_statistics::reduced(&mut group_runs, statistics)?;
             wall_time.read += clock.elapsed().as_secs_f64();
-            sink.statistics(index, &found)?;
+            sink.statistics_of_blocks(index, time, &found)?;
+            sink.statistics(index, &Statistics::new(time, statistics, &found))?;
         }
         if !wanted {
             if last {
@@ -183,7 +190,7 @@ fn run_counted(
         if !last {
             failures.keep_states()?;
         }
-        let mut from_states = FromStates::new(if reduces { &[] } else { statistics });
+        let mut from_states = FromStates::new(if reduces { &[] } else { statistics }, blocks_of(scene).collect());
         for start in (0..body_count).step_by(block) {
             let range = start..(start + block).min(body_count);
             let clock = Instant::now();
@@ -224,7 +231,9 @@ fn run_counted(
         }
         failures.end_output(time);
         if !reduces && !statistics.is_empty() {
-            sink.statistics(index, &from_states.finish(time))?;
+            let found = from_states.finish();
+            sink.statistics_of_blocks(index, time, &found)?;
+            sink.statistics(index, &Statistics::new(time, statistics, &found))?;
         }
     }
     *outputs_done = count;

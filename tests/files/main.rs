@@ -11,7 +11,9 @@ mod limits;
 mod mutations;
 mod plan_document;
 mod plot;
+mod replay;
 mod results;
+mod shards;
 mod studies;
 mod summary;
 #[path = "../support/workspace.rs"]
