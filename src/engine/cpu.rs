@@ -155,6 +155,7 @@ impl<T: LaneScalar + Kernel> CpuFreeSession<T> {
             parameters: Vec::new(),
             state,
             torques: TorqueTable::none(0.0),
+            ends: Vec::new(),
         };
         Box::new(Self { rows, columns, width, reducer: None })
     }
@@ -332,7 +333,7 @@ impl<T: LaneScalar> CpuSession<T> {
     fn advance_blocks(&mut self, dt: f64, steps: u64, kernel: fn(Block<'_, '_, T>)) -> Job<'_> {
         let Self { batch, clock, .. } = self;
         let start = *clock;
-        let Batch { body_count, stride, parameters, state, torques } = batch;
+        let Batch { body_count, stride, parameters, state, torques, .. } = batch;
         let (body_count, stride) = (*body_count, *stride);
         let source = Source { table: torques, parameters, stride, clock: start, dt };
         let dt_words = two_words::<T>(dt);

@@ -324,6 +324,15 @@ pub enum Error {
         /// The system's words.
         reason: String,
     },
+    /// A table that a run has left cannot be read.
+    #[cfg(feature = "study")]
+    #[error("{}: {reason}", path.display())]
+    Table {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it, and what is expected.
+        reason: String,
+    },
     /// A folder for output already holds something.
     #[error("{}: the output folder is not empty: name another with --out, or replace its results with --force", path.display())]
     FolderNotEmpty {

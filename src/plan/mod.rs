@@ -153,6 +153,17 @@ impl<'a> Plan<'a> {
         Ok(plan)
     }
 
+    /// The same plan for a part of its scene ([`Scene::only`]): each body moves as in the whole, to the bit.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::PrecisionUnavailable`] where another engine lacks a precision.
+    pub fn of_part<'p>(&self, part: &'p Scene, engine: &dyn Backend) -> Result<Plan<'p>> {
+        let plan = Plan::resolved(part, engine, self.resolution.clone(), self.times.clone())?;
+        // Of the part's bodies none may take it.
+        Ok(Plan { longest_step: self.longest_step, ..plan })
+    }
+
     /// The scene.
     pub fn scene(&self) -> &'a Scene {
         self.scene

@@ -30,15 +30,7 @@ pub(crate) struct CsvFile {
 
 impl CsvFile {
     pub(crate) fn begin(mut file: OutputFile, translates: bool) -> Result<Self> {
-        let mut header = "body,t".to_owned();
-        for name in column::names(translates) {
-            header.push(',');
-            header.push_str(name);
-        }
-        header.push(',');
-        header.push_str(column::STATUS);
-        header.push('\n');
-        file.write(header.as_bytes())?;
+        file.write(header(translates).as_bytes())?;
         Ok(Self { file, columns: column::names(translates).count() })
     }
 
@@ -58,6 +50,19 @@ impl CsvFile {
     pub(crate) fn finish(self) -> Result<()> {
         self.file.finish()
     }
+}
+
+fn header(translates: bool) -> String {
+    let columns = ["body", "t"].into_iter().chain(column::names(translates)).chain([column::STATUS]);
+    columns.collect::<Vec<_>>().join(",") + "\n"
+}
+
+/// A table of one body at several times.
+pub(crate) fn track(body: usize, states: &[(f64, OutputState)]) -> Vec<u8> {
+    let translates = states.iter().any(|(_, state)| state.translation.is_some());
+    let columns = column::names(translates).count();
+    let rows = states.iter().flat_map(|&(time, state)| format_rows(columns, time, body, &[state]));
+    header(translates).into_bytes().into_iter().chain(rows).collect()
 }
 
 /// Rows as text. Every number has the fewest digits that read back to the same bits.

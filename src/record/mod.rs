@@ -8,6 +8,7 @@ use crate::bodies::Status;
 use crate::engine::{Description, Traffic};
 use crate::error::Result;
 use crate::kernel::method::Method;
+use crate::kernel::observe::Partial;
 use crate::math::Precision;
 use crate::math::Quantiles;
 use crate::plan::{Part, listed};
@@ -37,6 +38,10 @@ pub(crate) mod npz_file;
 pub(crate) mod observed_files;
 #[cfg(feature = "study")]
 pub mod report;
+#[cfg(feature = "study")]
+pub(crate) mod shard;
+#[cfg(feature = "study")]
+mod state_table;
 mod statistics;
 #[cfg(feature = "study")]
 pub(crate) mod statistics_file;
@@ -58,6 +63,10 @@ pub use failed::{FailedBody, KnownTo};
 pub use folder::{OutputFolder, PLAN, REPORT, Traces};
 #[cfg(feature = "study")]
 pub use report::Report;
+#[cfg(feature = "study")]
+pub use shard::{Shard, ShardState, is_complete, ranges, status};
+#[cfg(feature = "study")]
+pub use state_table::{StateRow, StateTable};
 pub use statistics::{Statistics, Summary};
 
 /// Takes the states of a run as they come, some bodies at a time, so that memory stays bounded.
@@ -100,6 +109,18 @@ pub trait Sink {
     /// Whatever hinders the sink; the run ends with it.
     fn events(&mut self, events: Vec<EventRecord>) -> Result<()> {
         let _ = events;
+        Ok(())
+    }
+
+    /// The statistics of each [block](crate::bodies::Blocks) of bodies at output `index`, at `time` seconds: those of all bodies are merged of
+    /// them in this order. Extremes name bodies of the scene. Called before [`Sink::statistics`], where all that is asked for are kinetic energy,
+    /// spin rate and angular momentum; without this method they are passed over.
+    ///
+    /// # Errors
+    ///
+    /// Whatever hinders the sink; the run ends with it.
+    fn statistics_of_blocks(&mut self, index: usize, time: f64, blocks: &[Vec<Partial<f64>>]) -> Result<()> {
+        let _ = (index, time, blocks);
         Ok(())
     }
 }

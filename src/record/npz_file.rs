@@ -8,6 +8,8 @@
 //! Sources: PKWARE, *APPNOTE.TXT*, version 6.3.10, sections 4.3 and 4.5.3 (ZIP64); NumPy enhancement proposal 1,
 //! *A Simple File Format for NumPy Arrays*, format version 1.0.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::OutputState;
@@ -211,7 +213,8 @@ const LEADING_ENTRIES: usize = 2;
 
 impl NpzFile {
     /// `times`: `Some` for a table over output times, `None` with the one time for a table of one.
-    pub(crate) fn begin(file: OutputFile, body_count: usize, times: Times<'_>, translates: bool) -> Result<Self> {
+    pub(crate) fn begin(file: OutputFile, bodies: Range<usize>, times: Times<'_>, translates: bool) -> Result<Self> {
+        let body_count = bodies.len();
         let mut archive = Archive::new(file);
         let (time_shape, state_shape) = match times {
             Times::One(_) => (vec![], vec![body_count]),
@@ -234,9 +237,9 @@ impl NpzFile {
             archive.append(entry, header)?;
         }
         const BLOCK: usize = 1 << 16;
-        for start in (0..body_count).step_by(BLOCK) {
-            let bodies = start..(start + BLOCK).min(body_count);
-            let bytes: Vec<u8> = bodies.flat_map(|body| (body as u64).to_le_bytes()).collect();
+        for start in bodies.clone().step_by(BLOCK) {
+            let block = start..(start + BLOCK).min(bodies.end);
+            let bytes: Vec<u8> = block.flat_map(|body| (body as u64).to_le_bytes()).collect();
             archive.append(0, &bytes)?;
         }
         for times in times.chunks(BLOCK) {

@@ -9,6 +9,7 @@ use crate::math::{Quantiles, Spread};
 use crate::plan::explain::{ClassRow, SkipRow};
 use crate::plan::{Group, Part, Plan, Treatment};
 use crate::scene::Accuracy;
+use crate::study::Study;
 
 mod event_report;
 mod statistics_report;
@@ -87,6 +88,13 @@ pub struct StudyReport {
     pub seed: u64,
 }
 
+impl StudyReport {
+    pub(crate) fn of(study: &Study) -> Self {
+        let title = study.title().map(str::to_owned);
+        Self { file: study.file().display().to_string(), title, seed: study.seed() }
+    }
+}
+
 /// Which engine computed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EngineReport {
@@ -159,7 +167,7 @@ pub struct FailureReport {
 
 impl FailureReport {
     /// One for each reason that occurs.
-    fn of(failures: &[FailedBody]) -> Vec<Self> {
+    pub(crate) fn of(failures: &[FailedBody]) -> Vec<Self> {
         let of_reason = |reason: &Status| Self {
             status: reason.number(),
             reason: reason.name(),

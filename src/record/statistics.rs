@@ -1,5 +1,6 @@
 //! Statistics of an ensemble at an output time.
 
+use crate::engine::reduction::merged;
 use crate::kernel::observe::{Partial, Statistic};
 use crate::scene::Quantity;
 
@@ -37,7 +38,9 @@ pub struct Summary {
 }
 
 impl Statistics {
-    pub(crate) fn new(time: f64, statistics: &[Statistic], found: &[Partial<f64>]) -> Self {
+    /// Statistics of all bodies from those of each of their blocks, in order.
+    pub(crate) fn new(time: f64, statistics: &[Statistic], blocks: &[Vec<Partial<f64>>]) -> Self {
+        let found = &merged(blocks, statistics.len());
         let summary = |(&statistic, found): (&Statistic, &Partial<f64>)| {
             let any = found.count > 0;
             Summary {

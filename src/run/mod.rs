@@ -17,8 +17,8 @@ use crate::plan::errors::Errors;
 use crate::plan::sampling::sample;
 use crate::plan::{Plan, TorqueSet};
 use crate::record::{
-    BalanceGatherer, BodyDrift, Conserved, Drift, DriftGatherer, FailedBody, Memory, OutputState, Record, Sink, Trust,
-    WallTime,
+    BalanceGatherer, BodyDrift, Conserved, Drift, DriftGatherer, FailedBody, Memory, OutputState, Record, Sink,
+    Statistics, Trust, WallTime,
 };
 use crate::scene::{Scene, Stepping};
 use crate::torque::Torque;
@@ -31,23 +31,30 @@ mod failures;
 #[cfg(feature = "study")]
 mod files;
 mod group_run;
+#[cfg(feature = "study")]
+mod merge;
 mod observed;
 mod output_statistics;
 mod reading;
 mod recomputed_centres;
 mod recomputed_sample;
+mod replay;
 pub(crate) mod stepped_translation;
 mod torque_work;
 mod translation;
 
 pub use balance::balance;
 #[cfg(feature = "study")]
-pub use files::{OutputSize, run_to_folder};
+pub use files::{OutputSize, run_shard_to_folder, run_to_folder};
+#[cfg(feature = "study")]
+pub use merge::{MergedAccuracy, MergedReport, merge};
+pub use replay::{How, Replay, StateError, alone, replay};
 
 use balance::{push_rest, total_energy_change};
 use failures::Failures;
-use group_run::GroupRun;
+use group_run::{GroupRun, blocks_of};
 use observed::{Observation, compare_events};
+use output_statistics::FromStates;
 use recomputed_centres::recomputed_centres;
 use recomputed_sample::{SAMPLE_SEED, recomputed, sample_size};
 use translation::Centres;
@@ -124,9 +131,9 @@ fn run_counted(
     let body_count = scene.ensemble().len();
     let mut wall_time = WallTime::default();
     let before = engine.traffic();
-    // What engines do not reduce is formed of the states that are read.
-    let statistics = &scene.reduced_statistics()[..];
-    let reduces = !statistics.is_empty();
+    // Without skipping they are formed of the states that are read, as is whatever engines do not reduce.
+    let statistics = &scene.plain_statistics()[..];
+    let reduces = !statistics.is_empty() && scene.may_skip();
     let mut observation = Observation::new(plan)?;
     let once = plan.looks_once();
     let group_runs = plan.groups().iter().map(|group| GroupRun::start(engine, scene, group, once, &mut wall_time));
@@ -173,9 +180,10 @@ fn run_counted(
         }
         if reduces {
             let clock = Instant::now();
-            let found = output_statistics::reduced(&mut group_runs, statistics, time)?;
+            let found = output_statistics::reduced(&mut group_runs, statistics)?;
             wall_time.read += clock.elapsed().as_secs_f64();
-            sink.statistics(index, &found)?;
+            sink.statistics_of_blocks(index, time, &found)?;
+            sink.statistics(index, &Statistics::new(time, statistics, &found))?;
         }
         if !wanted {
             if last {
@@ -194,6 +202,7 @@ fn run_counted(
         if !last {
             failures.keep_states()?;
         }
+        let mut from_states = FromStates::new(if reduces { &[] } else { statistics }, blocks_of(scene).collect());
         for start in (0..body_count).step_by(block) {
             let range = start..(start + block).min(body_count);
             let clock = Instant::now();
@@ -201,8 +210,9 @@ fn run_counted(
             rayon::scope(|_| -> Result<()> {
                 read_states(&mut group_runs, &centres, &range, &mut states, last.then_some(&mut initial))?;
                 failures.mark(time, start, &mut states);
-                if let Some(observation) = &mut observation {
-                    observation.push(start, time, &states);
+                match &mut observation {
+                    Some(observation) => observation.push(start, time, &states),
+                    None => from_states.push(start, &states),
                 }
                 if last {
                     end.gather(scene, start, &initial, &states);
@@ -239,6 +249,10 @@ fn run_counted(
             let clock = Instant::now();
             observation.finish_output(index, time, sink, &mut |_| observer(Progress { done, total }))?;
             wall_time.observe += clock.elapsed().as_secs_f64();
+        } else if !reduces && !statistics.is_empty() {
+            let found = from_states.finish();
+            sink.statistics_of_blocks(index, time, &found)?;
+            sink.statistics(index, &Statistics::new(time, statistics, &found))?;
         }
     }
     *outputs_done = count;

@@ -1,6 +1,7 @@
 //! What is to be simulated: an ensemble, a span, output times and how accurately.
 
 use std::fmt;
+use std::ops::Range;
 
 use glam::DVec3;
 
@@ -41,6 +42,7 @@ pub use quantity::{FormulaQuantity, Quantity};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
     ensemble: Ensemble,
+    part: Part,
     end: f64,
     outputs: Outputs,
     stepping: Stepping,
@@ -54,6 +56,15 @@ pub struct Scene {
     observed: Observed,
     states: bool,
     starts: bool,
+}
+
+/// Where the bodies of a scene are among those of a larger one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// The index there of the body that is 0 here.
+    pub first_body: usize,
+    /// How many bodies the larger scene has.
+    pub of: usize,
 }
 
 /// When the state is recorded.
@@ -223,6 +234,7 @@ impl Scene {
     /// The scene of free bodies over no time at all, to be filled in by the methods below.
     pub fn new(ensemble: Ensemble) -> Self {
         Self {
+            part: Part { first_body: 0, of: ensemble.len() },
             ensemble,
             end: 0.0,
             outputs: Outputs::End,
@@ -237,6 +249,43 @@ impl Scene {
             states: true,
             starts: false,
         }
+    }
+
+    /// Says that the bodies are a part of those of a larger scene. Indices in plans, records and sinks still count from 0; random
+    /// torques, statistics and files are those of the larger scene's bodies.
+    #[must_use]
+    pub fn part_of(mut self, part: Part) -> Self {
+        self.part = part;
+        self.torques.iter_mut().for_each(|torque| torque.count_from(part.first_body));
+        self
+    }
+
+    /// The scene of some of the bodies, which are counted from 0 there; it knows that it is a part of this one
+    /// ([`Scene::part_of`]).
+    ///
+    /// # Panics
+    ///
+    /// If there are not all of these bodies.
+    #[must_use]
+    pub fn only(&self, bodies: Range<usize>) -> Self {
+        let part = Part { first_body: self.part.first_body + bodies.start, of: self.part.of };
+        let only = |torque: &Torque| torque.only(&bodies);
+        let mut scene = Self {
+            ensemble: self.ensemble.only(bodies.clone()),
+            forces: self.forces.iter().map(|force| force.only(&bodies)).collect(),
+            torques: self.torques.iter().map(only).collect(),
+            moving: self.moving.iter().map(|(place, torque)| (*place, only(torque))).collect(),
+            outputs: self.outputs.clone(),
+            observed: self.observed.clone(),
+            ..*self
+        };
+        scene.translate_torques();
+        scene.part_of(part)
+    }
+
+    /// Where the bodies are among those of the scene that they are a part of; all of them where they are no part.
+    pub fn part(&self) -> Part {
+        self.part
     }
 
     /// Simulates from 0 to `end` seconds; `end` is finite and not negative.
@@ -373,7 +422,8 @@ impl Scene {
 
     /// Adds a torque. Any number of them act together, also several of one model; parameters are checked when a plan is made.
     #[must_use]
-    pub fn torque(mut self, torque: Torque) -> Self {
+    pub fn torque(mut self, mut torque: Torque) -> Self {
+        torque.count_from(self.part.first_body);
         if torque.needs().position {
             self.moving.push((self.torques.len(), torque.clone()));
         }

@@ -106,6 +106,13 @@ impl Scene {
         self
     }
 
+    /// The same scene with nothing asked of its bodies beside their states.
+    #[must_use]
+    pub fn unobserved(mut self) -> Self {
+        self.observed = Observed::default();
+        self
+    }
+
     /// The quantities of which statistics are recorded.
     pub fn wanted_statistics(&self) -> &[Quantity] {
         &self.observed.statistics
@@ -136,11 +143,21 @@ impl Scene {
         !(statistics.is_empty() && histograms.is_empty() && events.is_empty())
     }
 
-    /// The statistics that are formed where the states are; none where anything that is asked for needs the states read.
-    pub(crate) fn reduced_statistics(&self) -> Vec<Statistic> {
+    /// The statistics, where all that is asked for are those that engines form; else none.
+    pub(crate) fn plain_statistics(&self) -> Vec<Statistic> {
         let Observed { statistics, quantiles, histograms, events } = &self.observed;
         let found: Option<Vec<Statistic>> = statistics.iter().map(Quantity::statistic).collect();
-        let are_enough = self.may_skip() && quantiles.is_empty() && histograms.is_empty() && events.is_empty();
-        found.filter(|_| are_enough).unwrap_or_default()
+        let are_all = quantiles.is_empty() && histograms.is_empty() && events.is_empty();
+        found.filter(|_| are_all).unwrap_or_default()
+    }
+
+    /// Those of them that are formed where the states are.
+    pub(crate) fn reduced_statistics(&self) -> Vec<Statistic> {
+        if self.may_skip() { self.plain_statistics() } else { Vec::new() }
+    }
+
+    /// Whether the states of all bodies have to be read at every output time for what is asked of them.
+    pub fn needs_states(&self) -> bool {
+        self.observes() && self.plain_statistics().is_empty()
     }
 }

@@ -1,5 +1,7 @@
 //! The bodies of a study: drawn from distributions, read from a table, or both.
 
+use std::ops::Range;
+
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
@@ -123,10 +125,10 @@ impl Bodies {
         })
     }
 
-    /// The first `most` of the bodies: the same bodies, fewer of them.
-    #[must_use]
-    pub fn truncated(mut self, most: usize) -> Self {
-        self.count = self.count.min(most);
+    /// Some of the bodies, which lie in their range: the same bodies, fewer of them.
+    pub(super) fn part(mut self, bodies: &Range<usize>) -> Self {
+        self.count = bodies.len();
+        self.table = self.table.map(|table| table.part(bodies));
         self
     }
 

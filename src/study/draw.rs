@@ -94,17 +94,25 @@ impl Column {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Draw {
     seed: u64,
+    /// What is added to the index of a body.
+    first_body: u64,
 }
 
 impl Draw {
     /// The draws of `seed`.
     pub fn new(seed: u64) -> Self {
-        Self { seed }
+        Self { seed, first_body: 0 }
+    }
+
+    /// The same draws for a part of the bodies, in which body `first_body` is the first and is called 0.
+    #[must_use]
+    pub fn counted_from(self, first_body: usize) -> Self {
+        Self { first_body: first_body as u64, ..self }
     }
 
     /// The 128 bits of one block; a vector's component c is made from block c.
     fn block(self, body: usize, column: Column, block: u32) -> [u32; 4] {
-        let (seed, body) = (self.seed, body as u64);
+        let (seed, body) = (self.seed, self.first_body + body as u64);
         rand_philox::philox4x32_10(
             [body as u32, (body >> 32) as u32, column.number(), block],
             [seed as u32, (seed >> 32) as u32],

@@ -107,6 +107,7 @@
 //! those of a larger one.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::bodies::Ensemble;
@@ -116,7 +117,7 @@ use crate::error::InputError;
 use crate::error::InputFault;
 use crate::error::{Error, Result, Text};
 use crate::math::Precision;
-use crate::scene::{Accuracy, Outputs, Scene, Target};
+use crate::scene::{Accuracy, Outputs, Part, Scene, Target};
 #[cfg(doc)]
 use crate::scene::{Condition, Event, Quantity};
 
@@ -202,6 +203,8 @@ pub struct Study {
     title: Option<String>,
     seed: u64,
     bodies: Bodies,
+    /// Where the bodies are in the study as it was read.
+    part: Part,
     torques: Vec<StudyTorque>,
     forces: Vec<StudyForce>,
     end: f64,
@@ -234,6 +237,9 @@ pub enum Format {
 }
 
 impl Format {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Format::Csv, Format::Npz];
+
     /// The name in study files and the ending of files.
     pub fn name(self) -> &'static str {
         match self {
@@ -322,6 +328,7 @@ impl Study {
             places,
             title,
             seed,
+            part: Part { first_body: 0, of: bodies.count },
             bodies,
             torques,
             forces,
@@ -367,9 +374,26 @@ impl Study {
 
     /// The same study with the first `most` of its bodies.
     #[must_use]
-    pub fn truncated(mut self, most: usize) -> Self {
-        self.bodies = self.bodies.truncated(most);
+    pub fn truncated(self, most: usize) -> Self {
+        let mut first = self.part(0..most);
+        first.part.of = first.bodies.count;
+        first
+    }
+
+    /// A part of the study: those of its bodies that are in a range. They are drawn, move and are counted as in the whole, of which nothing
+    /// else is drawn.
+    #[must_use]
+    pub fn part(mut self, bodies: Range<usize>) -> Self {
+        let end = bodies.end.min(self.bodies.count);
+        let bodies = bodies.start.min(end)..end;
+        self.part.first_body += bodies.start;
+        self.bodies = self.bodies.part(&bodies);
         self
+    }
+
+    /// The draws of the study's bodies.
+    fn draw(&self) -> Draw {
+        Draw::new(self.seed).counted_from(self.part.first_body)
     }
 
     /// The same study in this arithmetic, whatever the file says.
@@ -392,7 +416,7 @@ impl Study {
     /// [`Error::Input`] for the first body that is not valid, with the line that it came from;
     /// [`Error::TooManyBodies`]; [`Error::MissingMass`].
     pub fn ensemble(&self) -> Result<Ensemble> {
-        let ensemble = self.bodies.ensemble(Draw::new(self.seed), !self.forces.is_empty());
+        let ensemble = self.bodies.ensemble(self.draw(), !self.forces.is_empty());
         ensemble.map_err(|error| self.located(error))
     }
 
@@ -405,13 +429,13 @@ impl Study {
         let row = RUN_BYTES + TORQUE_BYTES * self.torques.len().saturating_sub(1);
         crate::bodies::memory::require(self.bodies.count, self.bodies.count.saturating_mul(row), "their run")
             .map_err(|error| self.located(error))?;
-        let mut scene = Scene::new(self.ensemble()?).until(self.end).outputs(self.outputs.clone());
+        let mut scene = Scene::new(self.ensemble()?).until(self.end).outputs(self.outputs.clone()).part_of(self.part);
         let (count, table) = (self.bodies.count, self.bodies.table.as_ref());
         for force in &self.forces {
-            scene = scene.force(force.force(Draw::new(self.seed), self.seed, count, table));
+            scene = scene.force(force.force(self.draw(), self.seed, count, table));
         }
         for torque in &self.torques {
-            let torque = torque.torque(Draw::new(self.seed), self.seed, count, table);
+            let torque = torque.torque(self.draw(), self.seed, count, table);
             scene = scene.torque(torque.map_err(|error| self.located(error))?);
         }
         scene = self.observed.applied_to(scene)?;
@@ -471,6 +495,7 @@ impl Study {
             },
             Error::Body { body, field, value, expected } => self.located_body(body, field, value, expected),
             Error::Torque { torque, body, ref field, value, ref expected, .. } => {
+                let body = body.map(|body| self.part.first_body + body);
                 let own = torque::place(torque);
                 let key = self.torques.get(torque).map_or_else(|| own.clone(), |torque| torque.key(field));
                 // A key may be left out: then the torque's own line is named.
@@ -480,6 +505,7 @@ impl Study {
                 }
             }
             Error::Force { force, body, ref field, value, ref expected, .. } => {
+                let body = body.map(|body| self.part.first_body + body);
                 let keys = self.forces.get(force).map(|force| force.keys(field)).unwrap_or_default();
                 match keys.iter().find_map(|key| self.places.get_key_value(key)) {
                     Some((key, place)) => self.input(place.line, key, parameter_fault(body, field, value, expected)),
@@ -522,7 +548,7 @@ impl Study {
             return table.located(error);
         }
         // A shape's sizes, its mass among them, stand within `inertia`.
-        let part = self.bodies.faulty_part(Draw::new(self.seed), body);
+        let part = self.bodies.faulty_part(self.draw(), body);
         let part = part.map_or(String::new(), |index| format!(".parts[{}]", index + 1));
         let own = (key != "inertia").then(|| format!("bodies.{key}"));
         let keys: Vec<String> = [format!("bodies.inertia{part}.{field}")]
@@ -535,7 +561,12 @@ impl Study {
             Some(place) => self.input(
                 place.line,
                 key,
-                InputFault::Body { body, field: field.into(), value, expected: expected.into() },
+                InputFault::Body {
+                    body: self.part.first_body + body,
+                    field: field.into(),
+                    value,
+                    expected: expected.into(),
+                },
             ),
             None => error,
         }

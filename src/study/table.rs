@@ -8,6 +8,7 @@
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::Read;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use csv::StringRecord;
@@ -114,6 +115,17 @@ impl BodyTable {
         }
         rows.finish()?;
         Ok(table)
+    }
+
+    /// Some of the rows.
+    pub(super) fn part(self, rows: &Range<usize>) -> Self {
+        let of = |numbers: Vec<f64>| numbers[rows.clone()].to_vec();
+        Self {
+            file: self.file,
+            columns: self.columns.map(|column| column.map(of)),
+            extra: self.extra.into_iter().map(|(name, numbers)| (name, of(numbers))).collect(),
+            lines: self.lines[rows.clone()].to_vec(),
+        }
     }
 
     /// Number of rows.

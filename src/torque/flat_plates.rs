@@ -257,7 +257,7 @@ impl Facet {
     /// From values in that order, of which defaults may stand beside what is given.
     #[cfg(feature = "study")]
     fn of(values: &[Value]) -> Self {
-        let values = Values(values);
+        let values = Values { values, first_body: 0 };
         let given = |place| values.given(place).and_then(Value::as_number).map(|number| number.at(0));
         let or_zero = |place| given(place).unwrap_or(0.0);
         let surface = match (given(6), given(8)) {

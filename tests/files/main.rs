@@ -12,7 +12,9 @@ mod mutations;
 mod observed;
 mod plan_document;
 mod plot;
+mod replay;
 mod results;
+mod shards;
 mod studies;
 mod summary;
 #[path = "../support/workspace.rs"]

@@ -29,8 +29,16 @@ pub enum Command {
     Run(RunArguments),
     /// Print what a study would run, what it leaves out, and why.
     Explain(ExplainArguments),
+    /// Make the plan of a study once, for runs and parts that follow it.
+    Plan(PlanArguments),
+    /// Say which parts of a study are there, and which are to be run again.
+    Status(StatusArguments),
+    /// Merge the parts of a study into the files of one run.
+    Merge(MergeArguments),
     /// Step the GPU and the CPU side by side through a study and compare every step.
     Verify(VerifyArguments),
+    /// Compute one body of a study or a run alone, more accurately, and compare.
+    Replay(ReplayArguments),
     /// Print mass, centre of mass, inertia tensor and principal axes of what a file describes.
     Inertia(InertiaArguments),
     /// List the engines of this machine and which one is taken.
@@ -166,6 +174,7 @@ Examples:
     polhode run study.toml --engine gpu --precision f32
     polhode run study.toml --quiet --json | jq .drift
     polhode run study.toml --plan study.out/plan.json --out again    the same bits
+    polhode run study.toml --plan plan.json --shard 3/64 --out parts  one part; see `polhode merge --help`
 
 Results: final.csv (or .npz) with body, t, orientation qx qy qz qw (body to world), angular
 velocity wx wy wz (body axes), angular momentum lx ly lz (world axes), kinetic_energy, x y z vx vy vz
@@ -212,6 +221,10 @@ pub struct RunArguments {
     /// Repeat a run by the plan.json that it left; on the same engine the bits are the same.
     #[arg(long, value_name = "FILE")]
     pub plan: Option<PathBuf>,
+    /// Run one of COUNT parts of the study, from 1 on, into a folder of its own in --out; auto asks the launcher (Slurm, PBS and
+    /// Grid Engine arrays, HyperQueue, MPI), auto/COUNT for the index alone.
+    #[arg(long, value_name = "INDEX/COUNT|auto", requires = "plan", value_parser = crate::launcher::shard_argument)]
+    pub shard: Option<crate::launcher::ShardArgument>,
     /// Rank methods by what `polhode bench accuracy` has measured on this engine and left in this folder, instead of by the
     /// shipped table.
     #[arg(long, value_name = "DIR", conflicts_with = "plan")]
@@ -259,6 +272,100 @@ pub struct ExplainArguments {
     #[command(flatten)]
     pub engine: EngineArguments,
     /// Print the table as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+const PLAN_HELP: &str = "\
+The plan is what `polhode run` would make and leave as plan.json: which method, steps and arithmetic bodies of each class get,
+with a fingerprint of the study, block by block. What follows one plan gives the same bits on the same engine, whether as one
+run (`polhode run --plan`) or in parts on any number of machines (`polhode run --plan --shard`).
+
+Examples:
+    polhode plan study.toml --out plan.json
+    polhode plan study.toml | jq .resolution";
+
+/// Arguments of `polhode plan`.
+#[derive(Debug, Args)]
+#[command(after_long_help = PLAN_HELP, after_help = "`polhode plan --help` gives examples.")]
+pub struct PlanArguments {
+    /// Study file.
+    #[arg(value_name = "STUDY.toml")]
+    pub study: PathBuf,
+    /// File for the plan; one of that name is replaced [default: standard output].
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Plan without skipping.
+    #[arg(long)]
+    pub no_skip: bool,
+    /// Rank methods by what `polhode bench accuracy` has measured on this engine and left in this folder, instead of by the
+    /// shipped table.
+    #[arg(long, value_name = "DIR")]
+    pub costs: Option<PathBuf>,
+    #[command(flatten)]
+    pub engine: EngineArguments,
+    /// Say nothing of what was written.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+const STATUS_HELP: &str = "\
+A part is complete, running, failed (it has left word why), incomplete (its process was killed) or missing (nothing is
+there). What is neither complete nor running is to be run again; a part that is run again replaces what was left of it.
+
+Examples:
+    polhode status parts
+    sbatch --array=$(polhode status parts --due) job.sh
+    polhode status parts --json | jq .failed
+
+Exit status: 0 all parts are complete, 1 some are not, 2 the folder has no parts.";
+
+/// Arguments of `polhode status`.
+#[derive(Debug, Args)]
+#[command(after_long_help = STATUS_HELP, after_help = "`polhode status --help` gives examples.")]
+pub struct StatusArguments {
+    /// Folder of all parts: what --out was for them.
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+    /// Print only the parts that are to be run again, as array launchers take them: 3,7-9.
+    #[arg(long, conflicts_with = "json")]
+    pub due: bool,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+const MERGE_HELP: &str = "\
+Parts are cut at fixed blocks of bodies, and statistics are formed block by block, so the tables are those of one run, byte
+for byte, whatever the number of parts, threads and machines (of one kind of engine). Parts that are missing, failed or not
+as they were written, and parts of another plan, study or version, are refused. The parts stay as they are; report.json
+holds the reports of all.
+
+Examples:
+    polhode plan study.toml --out plan.json
+    for i in 1 2 3; do polhode run study.toml --plan plan.json --shard $i/3 --out parts; done
+    polhode merge parts --out study.out
+
+docs/scaling.md and examples/launchers show the same with Slurm, HyperQueue, GNU parallel, MPI and Snakemake.
+Exit status as of `polhode run`.";
+
+/// Arguments of `polhode merge`.
+#[derive(Debug, Args)]
+#[command(after_long_help = MERGE_HELP, after_help = "`polhode merge --help` gives examples.")]
+pub struct MergeArguments {
+    /// Folder of all parts: what --out was for them.
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+    /// Folder for the results [default: the folder merged in DIR].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Write into a folder that is not empty; results of a former run in it are replaced.
+    #[arg(long)]
+    pub force: bool,
+    /// No progress bar and no summary.
+    #[arg(long, short)]
+    pub quiet: bool,
+    /// Print the report as JSON instead of the summary.
     #[arg(long)]
     pub json: bool,
 }
@@ -312,6 +419,48 @@ pub struct VerifyArguments {
     /// Seed of the generated ensemble.
     #[arg(long, default_value_t = 0, value_name = "S", conflicts_with = "study")]
     pub seed: u64,
+    #[command(flatten)]
+    pub engine: EngineArguments,
+    /// Print what was found as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+const REPLAY_HELP: &str = "\
+The body is drawn from seed and index, and computed alone on the CPU in f64: torque-free bodies by their closed form,
+others by rk8 at a tolerance of 1e-14. Its track has the columns of snapshots.csv, at N times from 0 to the end and at the
+output times of the study. Beside it stands how far the run's own values of that body are from it, and how far the replay
+may be off itself.
+
+Of a study the body's values are those of the plan that `polhode run` would make (or of --plan): a body moves alone as it
+does among others, to the bit on the same engine. Of a run's folder they are those of its tables, and the plan is its own;
+the study is looked for where the run has read it. Under a random torque the track has the output times alone, as other
+steps would be other draws.
+
+Examples:
+    polhode replay study.toml --body 123456
+    polhode replay study.out --body 123456 --samples 5000 --out track.csv
+    polhode replay study.toml --plan study.out/plan.json --body 7 --json | jq .errors";
+
+/// Arguments of `polhode replay`.
+#[derive(Debug, Args)]
+#[command(after_long_help = REPLAY_HELP, after_help = "`polhode replay --help` gives examples.")]
+pub struct ReplayArguments {
+    /// Study file, or the folder of a run.
+    #[arg(value_name = "STUDY.toml|DIR")]
+    pub study: PathBuf,
+    /// The body, by its index from 0.
+    #[arg(long, value_name = "INDEX")]
+    pub body: usize,
+    /// Times of the track, evenly from 0 to the end, beside the output times.
+    #[arg(long, value_name = "N", default_value = "1000", value_parser = clap::value_parser!(u32).range(2..=10_000_000))]
+    pub samples: u32,
+    /// File for the track [default: the study's name with the ending .body-INDEX.csv, in the current folder].
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Take the study's values of the body from this plan instead of making one.
+    #[arg(long, value_name = "FILE")]
+    pub plan: Option<PathBuf>,
     #[command(flatten)]
     pub engine: EngineArguments,
     /// Print what was found as JSON.

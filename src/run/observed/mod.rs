@@ -36,7 +36,7 @@ impl<'p> Observation<'p> {
     /// Of all bodies of a plan's scene; nothing where it asks for nothing that the states have to be read for.
     pub fn new(plan: &'p Plan<'p>) -> Result<Option<Self>> {
         let scene = plan.scene();
-        if !scene.observes() || !scene.reduced_statistics().is_empty() {
+        if !scene.needs_states() {
             return Ok(None);
         }
         let bodies = scene.ensemble().len();

@@ -6,6 +6,8 @@
 //! rotation: in `f64` on the host, or, where thrust follows a rotation that a GPU steps, there and in its precision
 //! ([`carried`]). Under a force of the user's own ([`custom`]) they are stepped adaptively, on the host.
 
+use std::ops::Range;
+
 use glam::{DQuat, DVec3};
 
 use crate::error::{Error, Result};
@@ -45,6 +47,22 @@ impl Force {
     /// A force that is constant in world axes, N.
     pub fn constant(force_world: impl Into<Parameter<DVec3>>) -> Self {
         Self::Constant(force_world.into())
+    }
+
+    /// The same for some of the bodies, which are then counted from 0.
+    pub(crate) fn only(&self, bodies: &Range<usize>) -> Self {
+        let bodies = bodies.clone();
+        match self {
+            Self::Constant(force) => Self::Constant(force.only(bodies)),
+            Self::Gravity(acceleration) => Self::Gravity(acceleration.only(bodies)),
+            Self::LinearDrag(coefficient) => Self::LinearDrag(coefficient.only(bodies)),
+            Self::QuadraticDrag(coefficient) => Self::QuadraticDrag(coefficient.only(bodies)),
+            Self::Thrust(force) => Self::Thrust(force.only(bodies)),
+            Self::Custom(force) => {
+                let values = force.values().iter().map(|value| value.only(bodies.clone())).collect();
+                Self::Custom(force.with_values(values))
+            }
+        }
     }
 
     /// A uniform field of gravity, m/s², world axes.
