@@ -205,7 +205,6 @@ pub fn run_to_folder(
     let mut report = Report::new(study, plan, trust);
     report.statistics = sink.at_end.as_ref().map(StatisticsReport::from);
     report.files = folder.names().to_vec();
-    report.wall_time.plan = plan.planning_time().as_secs_f64();
     report.wall_time.study = (study_seconds - report.wall_time.plan).max(0.0);
     report.wall_time.format = sink.spent.format;
     report.wall_time.disk = sink.spent.disk;

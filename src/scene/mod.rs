@@ -1,6 +1,7 @@
 //! What is to be simulated: an ensemble, a span, output times and how accurately.
 
 use std::fmt;
+use std::sync::Arc;
 
 use glam::DVec3;
 
@@ -33,7 +34,7 @@ pub use adaptive_steps::AdaptiveSteps;
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
-    ensemble: Ensemble,
+    ensemble: Arc<Ensemble>,
     end: f64,
     outputs: Outputs,
     stepping: Stepping,
@@ -212,10 +213,11 @@ impl fmt::Display for Stepping {
 }
 
 impl Scene {
-    /// The scene of free bodies over no time at all, to be filled in by the methods below.
-    pub fn new(ensemble: Ensemble) -> Self {
+    /// The scene of free bodies over no time at all, to be filled in by the methods below. Scenes that are given the same
+    /// [`Arc`] share one table of bodies.
+    pub fn new(ensemble: impl Into<Arc<Ensemble>>) -> Self {
         Self {
-            ensemble,
+            ensemble: ensemble.into(),
             end: 0.0,
             outputs: Outputs::End,
             stepping: Stepping::Accuracy(Accuracy::attitude(1e-6)),
