@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import contextmanager
+from typing import Any
 
 from . import _native
 from ._errors import InputError
@@ -46,35 +47,35 @@ class Engine:
 
     __slots__ = ("_engine",)
 
-    def __init__(self, name="auto", *, adapter=None):
+    def __init__(self, name: str = "auto", *, adapter: int | None = None) -> None:
         self._engine = _open(name, adapter)
 
     @property
-    def kind(self):
+    def kind(self) -> str:
         """"cpu" or "gpu"."""
         return self._engine.kind
 
     @property
-    def name(self):
+    def name(self) -> str:
         """The adapter's name, or the processor's instruction set and cores."""
         return self._engine.name
 
     @property
-    def driver(self):
+    def driver(self) -> str:
         """The driver and its version; empty on the CPU."""
         return self._engine.driver
 
     @property
-    def software(self):
+    def software(self) -> bool:
         """Whether a software adapter plays the GPU."""
         return self._engine.software
 
     @property
-    def precisions(self):
+    def precisions(self) -> tuple[str, ...]:
         """The precisions that it computes in: "f32", "f64"."""
         return tuple(self._engine.precisions)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<polhode.Engine {self.kind}: {self.name}>"
 
 
@@ -87,19 +88,21 @@ def opened(engine):
     raise InputError(f'engine = {engine!r}: expected "auto", "cpu", "gpu" or a polhode.Engine')
 
 
-class Devices(list):
+class Devices(list[dict[str, Any]]):
     """The adapters of this machine, a dict each, and what `engine="auto"` takes (`auto`)."""
 
-    def __init__(self, adapters, auto):
+    auto: str
+
+    def __init__(self, adapters: list[dict[str, Any]], auto: str) -> None:
         super().__init__(adapters)
         self.auto = auto
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         lines = [f"  {one['index']}  {one['name']} ({one['kind']}, {one['backend']}; {', '.join(one['precisions']) or 'not usable'})" for one in self]
         return "\n".join(["adapters" if lines else "no adapters", *lines, f"auto takes {self.auto}"])
 
 
-def devices():
+def devices() -> Devices:
     """The GPU adapters of this machine, each opened and probed, and what `engine="auto"` takes."""
     with _quiet_drivers():
         return Devices(*_native.adapters())

@@ -2,12 +2,28 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
 from . import _native
 from ._arrays import array, broadcast, columns, number, rows, tensor_columns
 from ._errors import InputError
 from ._tables import BODY_COLUMNS, frame_to_columns, table_columns
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Mapping
+    from typing import TypeAlias
+
+    import pandas
+    import polars
+    import pyarrow
+    from numpy.typing import ArrayLike, NDArray
+    from scipy.spatial.transform import Rotation
+
+    #: Quaternions x, y, z, w of shape (4,) or (n, 4), or rotations of SciPy.
+    Orientation: TypeAlias = ArrayLike | Rotation
 
 
 class Ensemble:
@@ -42,25 +58,25 @@ class Ensemble:
 
     def __init__(
         self,
-        inertia,
-        orientation=None,
-        angular_velocity_body=None,
+        inertia: ArrayLike,
+        orientation: Orientation | None = None,
+        angular_velocity_body: ArrayLike | None = None,
         *,
-        mass=None,
-        position=None,
-        velocity=None,
-        repair_triangle_inequality=None,
-    ):
+        mass: ArrayLike | None = None,
+        position: ArrayLike | None = None,
+        velocity: ArrayLike | None = None,
+        repair_triangle_inequality: float | None = None,
+    ) -> None:
         if angular_velocity_body is None:
             raise InputError("angular_velocity_body: expected an array of shape (3,) or (n, 3), one row a body (rad/s, body axes)")
         if mass is None and not (position is None and velocity is None):
             raise InputError("mass: expected the masses of bodies that have a position or velocity (kg)")
-        inertia = array(inertia, "inertia")
+        tensors = array(inertia, "inertia")
         # Rows of moments, one a body, as of any array of two axes.
-        is_square = inertia.shape == (3, 3)
+        is_square = tensors.shape == (3, 3)
         try:
             self._bodies = self._made(
-                inertia,
+                tensors,
                 [(3,)] if is_square else [(3,), (3, 3)],
                 {
                     "orientation": (orientation, [(4,)]),
@@ -112,7 +128,7 @@ class Ensemble:
         return made
 
     @classmethod
-    def from_table(cls, table, *, repair_triangle_inequality=None):
+    def from_table(cls, table: Any, *, repair_triangle_inequality: float | None = None) -> Ensemble:
         """The ensemble of a table: a pandas, polars or Arrow table, a structured array, or a dict of columns.
 
         Columns, SI, body axes, positions and velocities in world axes: ``ixx iyy izz`` and ``wx wy wz``, which are needed; ``ixy ixz iyz``
@@ -157,34 +173,34 @@ class Ensemble:
         )
 
     @classmethod
-    def from_study(cls, study):
+    def from_study(cls, study: str | os.PathLike[str] | Mapping[str, Any]) -> Ensemble:
         """The bodies that a study draws or reads: the path of a file, or a dict of the same tables and keys."""
         from ._study import study_text
 
         return cls._of(_native.study_bodies(*study_text(study)))
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self._bodies)
 
     @property
-    def inertia(self):
+    def inertia(self) -> NDArray[np.float64]:
         """Tensors about the centre of mass, (n, 3, 3), kg m², body axes. A copy."""
         return self._bodies.inertia()
 
     @property
-    def orientation(self):
+    def orientation(self) -> NDArray[np.float64]:
         """Unit quaternions x, y, z, w that rotate body coordinates to world, (n, 4). A copy."""
         return self._bodies.orientation()
 
     @property
-    def rotation(self):
+    def rotation(self) -> Rotation:
         """The orientations as `scipy.spatial.transform.Rotation`."""
         from ._scipy import rotation
 
         return rotation(self.orientation)
 
     @property
-    def angular_velocity_body(self):
+    def angular_velocity_body(self) -> NDArray[np.float64]:
         """Angular velocities, (n, 3), rad/s, body axes. A copy."""
         return self._bodies.angular_velocity()
 
@@ -193,22 +209,22 @@ class Ensemble:
         return None if translation is None else translation[place]
 
     @property
-    def mass(self):
+    def mass(self) -> NDArray[np.float64] | None:
         """Masses, (n,), kg; None where the bodies do not move through space. A copy."""
         return self._of_translation(0)
 
     @property
-    def position(self):
+    def position(self) -> NDArray[np.float64] | None:
         """Positions of the centres of mass at t = 0, (n, 3), m, world axes, or None. A copy."""
         return self._of_translation(1)
 
     @property
-    def velocity(self):
+    def velocity(self) -> NDArray[np.float64] | None:
         """Velocities of the centres of mass at t = 0, (n, 3), m/s, world axes, or None. A copy."""
         return self._of_translation(2)
 
     @property
-    def repairs(self):
+    def repairs(self) -> dict[str, float] | None:
         """What `repair_triangle_inequality` has changed: a dict of `bodies`, `largest_relative_change` and `limit`, or None."""
         repairs = self._bodies.repairs()
         return repairs and dict(zip(("bodies", "largest_relative_change", "limit"), repairs))
@@ -222,19 +238,19 @@ class Ensemble:
             made.update(zip(BODY_COLUMNS[14:], [*columns(self.position), *columns(self.velocity)]))
         return made
 
-    def to_arrow(self):
+    def to_arrow(self) -> pyarrow.Table:
         """The table as `pyarrow.Table`, with the columns of `from_table`."""
         return frame_to_columns("arrow", self._columns())
 
-    def to_polars(self):
+    def to_polars(self) -> polars.DataFrame:
         """The table as `polars.DataFrame`, with the columns of `from_table`."""
         return frame_to_columns("polars", self._columns())
 
-    def to_pandas(self):
+    def to_pandas(self) -> pandas.DataFrame:
         """The table as `pandas.DataFrame`, with the columns of `from_table`."""
         return frame_to_columns("pandas", self._columns())
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         bodies = "body" if len(self) == 1 else "bodies"
         moving = "" if self._bodies.translation() is None else ", with mass, position and velocity"
         return f"<polhode.Ensemble of {len(self):,} {bodies}{moving}>"

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from . import _native
 from ._arrays import array
 from ._ensemble import Ensemble
 from ._errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+    from scipy.spatial.transform import Rotation
+
+    from ._ensemble import Orientation
 
 
 class FreeMotion:
@@ -30,7 +38,19 @@ class FreeMotion:
     mean_precession_rate : (n,), rad/s, about the angular momentum
     """
 
-    def __init__(self, found, times, ensemble, is_single):
+    times: NDArray[np.float64]
+    orientation: NDArray[np.float64]
+    angular_velocity_body: NDArray[np.float64]
+    angular_momentum_world: NDArray[np.float64]
+    kinetic_energy: NDArray[np.float64]
+    polhode: NDArray[np.str_]
+    modulus: NDArray[np.float64]
+    complementary_modulus: NDArray[np.float64]
+    polhode_period: NDArray[np.float64]
+    nutation_period: NDArray[np.float64]
+    mean_precession_rate: NDArray[np.float64]
+
+    def __init__(self, found: dict, times: NDArray[np.float64], ensemble: Ensemble, is_single: bool) -> None:
         self.times, self._ensemble = times, ensemble
 
         def shaped(values, has_times=True):
@@ -47,24 +67,26 @@ class FreeMotion:
             setattr(self, name, shaped(found[name], False))
 
     @property
-    def rotation(self):
+    def rotation(self) -> Rotation:
         """The orientations as `scipy.spatial.transform.Rotation`, with bodies and times in one axis."""
         from ._scipy import rotation
 
         return rotation(self.orientation.reshape(-1, 4))
 
-    def flips(self, start, end, body=0):
+    def flips(self, start: float, end: float, body: int = 0) -> NDArray[np.float64]:
         """The times from `start` to `end`, s, at which the spin of one body about its middle axis changes sign: the wing nut's flips."""
         if not 0 <= body < len(self._ensemble):
             raise InputError(f"body = {body}: expected an index below {len(self._ensemble)}")
         return _native.flips(self._ensemble._bodies, body, start, end)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         bodies = "body" if len(self._ensemble) == 1 else "bodies"
         return f"<polhode.FreeMotion of {len(self._ensemble):,} {bodies} at {self.times.size:,} times>"
 
 
-def free_motion(inertia, orientation, angular_velocity_body, t):
+def free_motion(
+    inertia: ArrayLike, orientation: Orientation | None, angular_velocity_body: ArrayLike, t: ArrayLike
+) -> FreeMotion:
     """The state of torque-free bodies at any times, in closed form: at a cost that does not depend on the time, to about 1e-15 rad.
 
     Parameters

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import html
 import json
+from typing import Any
 
 
 class Report:
     """A part of `report.json` as attributes; the keys are those of the file. `print(report)` shows what the command shows."""
 
-    def __init__(self, entries, summary=None):
+    def __init__(self, entries: dict[str, Any], summary: str | None = None) -> None:
         self._entries, self._summary = entries, summary
 
-    def __getattr__(self, name):
+    def __getattr__(self, name: str) -> Any:
         entries = self.__dict__.get("_entries", {})
         if name in entries:
             return _wrapped(entries[name])
@@ -20,31 +21,31 @@ class Report:
             raise AttributeError(name)
         raise AttributeError(f"the report has no {name!r}: it has {', '.join(entries)}")
 
-    def __getitem__(self, name):
+    def __getitem__(self, name: str) -> Any:
         return _wrapped(self._entries[name])
 
-    def __dir__(self):
+    def __dir__(self) -> list[str]:
         return [*self._entries, "to_dict", "to_json"]
 
-    def __eq__(self, other):
+    def __eq__(self, other: object) -> bool:
         return isinstance(other, Report) and self._entries == other._entries
 
-    __hash__ = None
+    __hash__ = None  # type: ignore[assignment]
 
-    def to_dict(self):
+    def to_dict(self) -> dict[str, Any]:
         """The report as dicts and lists."""
         return json.loads(self.to_json())
 
-    def to_json(self):
+    def to_json(self) -> str:
         """The report as `report.json` has it."""
         return json.dumps(self._entries, indent=2)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         if self._summary is not None:
             return self._summary
         return "\n".join(f"{name}: {_short(value)}" for name, value in self._entries.items())
 
-    def _repr_html_(self):
+    def _repr_html_(self) -> str:
         if self._summary is None:
             rows = [(name, _short(value)) for name, value in self._entries.items()]
         else:

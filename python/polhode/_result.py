@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +11,13 @@ from ._arrays import columns
 from ._errors import InputError
 from ._report import Report
 from ._tables import frame_to_columns
+
+if TYPE_CHECKING:
+    import pandas
+    import polars
+    import pyarrow
+    from numpy.typing import NDArray
+    from scipy.spatial.transform import Rotation
 
 #: Why a body has failed, by its number in `status`.
 REASONS = ("valid", "not_converged", "step_too_long", "step_below_limit", "not_finite", "centre_not_finite")
@@ -29,18 +37,16 @@ class Snapshots:
     status : (t, n), 0 or the number of the reason why a body has failed (`polhode.Result.reasons`)
     """
 
-    __slots__ = (
-        "times",
-        "orientation",
-        "angular_velocity_body",
-        "angular_momentum_world",
-        "kinetic_energy",
-        "position",
-        "velocity",
-        "status",
-    )
+    times: NDArray[np.float64]
+    orientation: NDArray[np.float64]
+    angular_velocity_body: NDArray[np.float64]
+    angular_momentum_world: NDArray[np.float64]
+    kinetic_energy: NDArray[np.float64]
+    position: NDArray[np.float64] | None
+    velocity: NDArray[np.float64] | None
+    status: NDArray[np.uint8]
 
-    def __init__(self, found):
+    def __init__(self, found: dict) -> None:
         self.times = found["times"]
         self.orientation = found["orientation"]
         self.angular_velocity_body = found["angular_velocity"]
@@ -50,7 +56,7 @@ class Snapshots:
         self.velocity = found.get("velocity")
         self.status = found["status"]
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.times)
 
     def _columns(self, outputs):
@@ -76,19 +82,19 @@ class Snapshots:
         made["status"] = flat(self.status)
         return made
 
-    def to_arrow(self):
+    def to_arrow(self) -> pyarrow.Table:
         """All bodies at all output times as `pyarrow.Table`, with the columns of `snapshots.csv`."""
         return frame_to_columns("arrow", self._columns(slice(None)))
 
-    def to_polars(self):
+    def to_polars(self) -> polars.DataFrame:
         """All bodies at all output times as `polars.DataFrame`, with the columns of `snapshots.csv`."""
         return frame_to_columns("polars", self._columns(slice(None)))
 
-    def to_pandas(self):
+    def to_pandas(self) -> pandas.DataFrame:
         """All bodies at all output times as `pandas.DataFrame`, with the columns of `snapshots.csv`."""
         return frame_to_columns("pandas", self._columns(slice(None)))
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         times, bodies = self.status.shape
         return f"<polhode.Snapshots of {bodies:,} bodies at {times:,} times>"
 
@@ -103,14 +109,22 @@ class Summary:
     min_body, max_body : (t,), the bodies with the least and the greatest value; -1 where no body is left
     """
 
-    def __init__(self, figures):
+    unit: str
+    mean: NDArray[np.float64]
+    standard_deviation: NDArray[np.float64]
+    min: NDArray[np.float64]
+    max: NDArray[np.float64]
+    min_body: NDArray[np.int64]
+    max_body: NDArray[np.int64]
+
+    def __init__(self, figures: dict) -> None:
         self.__dict__.update(figures)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<mean {self.mean[-1]:.6g}, min {self.min[-1]:.6g}, max {self.max[-1]:.6g} {self.unit} at the end>"
 
 
-class Statistics(dict):
+class Statistics(dict[str, Summary]):
     """Of each quantity asked for its `Summary`.
 
     Attributes
@@ -119,7 +133,10 @@ class Statistics(dict):
     count : (t,), bodies behind the figures
     """
 
-    def __init__(self, found):
+    times: NDArray[np.float64]
+    count: NDArray[np.int64]
+
+    def __init__(self, found: dict) -> None:
         super().__init__({name: Summary(figures) for name, figures in found["quantities"].items()})
         self.times, self.count = found["time"], found["count"]
 
@@ -130,15 +147,15 @@ class Statistics(dict):
                 made[f"{name}_{figure}"] = getattr(summary, figure)
         return made
 
-    def to_arrow(self):
+    def to_arrow(self) -> pyarrow.Table:
         """One row an output time as `pyarrow.Table`, with the columns of `statistics.csv`."""
         return frame_to_columns("arrow", self._columns())
 
-    def to_polars(self):
+    def to_polars(self) -> polars.DataFrame:
         """One row an output time as `polars.DataFrame`, with the columns of `statistics.csv`."""
         return frame_to_columns("polars", self._columns())
 
-    def to_pandas(self):
+    def to_pandas(self) -> pandas.DataFrame:
         """One row an output time as `pandas.DataFrame`, with the columns of `statistics.csv`."""
         return frame_to_columns("pandas", self._columns())
 
@@ -164,9 +181,14 @@ class Result:
     """
 
     #: The words for the numbers in `status`.
-    reasons = REASONS
+    reasons: tuple[str, ...] = REASONS
 
-    def __init__(self, found):
+    report: Report
+    statistics: Statistics | None
+    snapshots: Snapshots | None
+    failures: dict
+
+    def __init__(self, found: dict) -> None:
         self.report = Report(json.loads(found["report"]), found["summary"])
         self.statistics = None if found["statistics"] is None else Statistics(found["statistics"])
         self.snapshots = Snapshots(found) if "orientation" in found else None
@@ -183,38 +205,67 @@ class Result:
         values = getattr(self._states(), name)
         return None if values is None else values[-1]
 
-    time = property(lambda self: float(self._states().times[-1]), doc="The time of the end, s.")
-    orientation = property(lambda self: self._at_end("orientation"), doc="Unit quaternions x, y, z, w, body to world, (n, 4).")
-    angular_velocity_body = property(lambda self: self._at_end("angular_velocity_body"), doc="Angular velocities, (n, 3), rad/s, body axes.")
-    angular_momentum_world = property(
-        lambda self: self._at_end("angular_momentum_world"), doc="Angular momenta, (n, 3), kg m²/s, world axes."
-    )
-    kinetic_energy = property(lambda self: self._at_end("kinetic_energy"), doc="Rotational kinetic energies, (n,), J.")
-    position = property(lambda self: self._at_end("position"), doc="Centres of mass, (n, 3), m, world axes, or None.")
-    velocity = property(lambda self: self._at_end("velocity"), doc="Velocities of the centres of mass, (n, 3), m/s, world axes, or None.")
-    status = property(lambda self: self._at_end("status"), doc="0, or the number of the reason why a body has failed, (n,).")
+    @property
+    def time(self) -> float:
+        """The time of the end, s."""
+        return float(self._states().times[-1])
 
     @property
-    def rotation(self):
+    def orientation(self) -> NDArray[np.float64]:
+        """Unit quaternions x, y, z, w, body to world, (n, 4)."""
+        return self._at_end("orientation")
+
+    @property
+    def angular_velocity_body(self) -> NDArray[np.float64]:
+        """Angular velocities, (n, 3), rad/s, body axes."""
+        return self._at_end("angular_velocity_body")
+
+    @property
+    def angular_momentum_world(self) -> NDArray[np.float64]:
+        """Angular momenta, (n, 3), kg m²/s, world axes."""
+        return self._at_end("angular_momentum_world")
+
+    @property
+    def kinetic_energy(self) -> NDArray[np.float64]:
+        """Rotational kinetic energies, (n,), J."""
+        return self._at_end("kinetic_energy")
+
+    @property
+    def position(self) -> NDArray[np.float64] | None:
+        """Centres of mass, (n, 3), m, world axes, or None."""
+        return self._at_end("position")
+
+    @property
+    def velocity(self) -> NDArray[np.float64] | None:
+        """Velocities of the centres of mass, (n, 3), m/s, world axes, or None."""
+        return self._at_end("velocity")
+
+    @property
+    def status(self) -> NDArray[np.uint8]:
+        """0, or the number of the reason why a body has failed, (n,)."""
+        return self._at_end("status")
+
+    @property
+    def rotation(self) -> Rotation:
         """The orientations at the end as `scipy.spatial.transform.Rotation`."""
         from ._scipy import rotation
 
         return rotation(self.orientation)
 
-    def to_arrow(self):
+    def to_arrow(self) -> pyarrow.Table:
         """All bodies at the end as `pyarrow.Table`, with the columns of `final.csv`."""
         return frame_to_columns("arrow", self._states()._columns(slice(-1, None)))
 
-    def to_polars(self):
+    def to_polars(self) -> polars.DataFrame:
         """All bodies at the end as `polars.DataFrame`, with the columns of `final.csv`."""
         return frame_to_columns("polars", self._states()._columns(slice(-1, None)))
 
-    def to_pandas(self):
+    def to_pandas(self) -> pandas.DataFrame:
         """All bodies at the end as `pandas.DataFrame`, with the columns of `final.csv`."""
         return frame_to_columns("pandas", self._states()._columns(slice(-1, None)))
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<polhode.Result>\n{self.report!r}"
 
-    def _repr_html_(self):
+    def _repr_html_(self) -> str:
         return self.report._repr_html_()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from . import _native
 from ._arrays import array, number
@@ -11,6 +12,19 @@ from ._ensemble import Ensemble
 from ._errors import InputError
 from ._progress import shown
 from ._result import Result
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Callable, Iterable, Mapping
+    from typing import TypeAlias
+
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+    from ._engine import Engine
+
+    #: Whether a bar is shown, or what is told instead.
+    Progress: TypeAlias = bool | Callable[[int | None, int | None], object] | None
 
 
 @dataclass(frozen=True)
@@ -58,18 +72,36 @@ class Scene:
 
     __slots__ = ("ensemble", "torques", "forces", "end", "outputs", "statistics", "states", "skip")
 
-    def __init__(self, ensemble, torques=(), forces=(), *, end, outputs=None, statistics=(), states=True, skip=True):
+    ensemble: Ensemble
+    torques: tuple[_native.Torque, ...]
+    forces: tuple[_native.Force, ...]
+    end: float
+    outputs: NDArray[np.float64] | None
+    statistics: tuple[str, ...]
+    states: bool
+    skip: bool
+
+    def __init__(
+        self,
+        ensemble: Ensemble,
+        torques: _native.Torque | Iterable[_native.Torque] = (),
+        forces: _native.Force | Iterable[_native.Force] = (),
+        *,
+        end: float,
+        outputs: ArrayLike | None = None,
+        statistics: str | Iterable[str] = (),
+        states: bool = True,
+        skip: bool = True,
+    ) -> None:
         if not isinstance(ensemble, Ensemble):
             raise InputError(f"ensemble: found {type(ensemble).__name__}, expected polhode.Ensemble")
         self.ensemble = ensemble
         self.torques = _list(torques, _native.Torque, "torques")
         self.forces = _list(forces, _native.Force, "forces")
         self.end = number(end, "end")
-        if outputs is not None:
-            outputs = array(outputs, "outputs")
-            if outputs.ndim > 1:
-                raise InputError(f"outputs: shape {outputs.shape}: expected an interval or times of shape (t,) (s)")
-        self.outputs = outputs
+        self.outputs = None if outputs is None else array(outputs, "outputs")
+        if self.outputs is not None and self.outputs.ndim > 1:
+            raise InputError(f"outputs: shape {self.outputs.shape}: expected an interval or times of shape (t,) (s)")
         self.statistics = (statistics,) if isinstance(statistics, str) else tuple(statistics)
         self.states, self.skip = bool(states), bool(skip)
 
@@ -87,7 +119,7 @@ class Scene:
             "skip": self.skip,
         }
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         lines = [f"<polhode.Scene: {len(self.ensemble):,} bodies for {self.end:g} s"]
         lines += [f"  {acting!r}" for acting in (*self.torques, *self.forces)]
         return "\n".join(lines) + ">"
@@ -124,18 +156,18 @@ def _stepping(accuracy, method, dt, tolerance, least_step, precision, projection
 
 
 def run(
-    scene,
-    engine="auto",
+    scene: Scene,
+    engine: str | Engine = "auto",
     *,
-    accuracy=None,
-    method=None,
-    dt=None,
-    tolerance=None,
-    least_step=None,
-    precision=None,
-    projection=False,
-    progress=None,
-):
+    accuracy: float | Accuracy | Mapping[str, float | None] | None = None,
+    method: str | None = None,
+    dt: float | None = None,
+    tolerance: float | None = None,
+    least_step: float | None = None,
+    precision: str | None = None,
+    projection: bool = False,
+    progress: Progress = None,
+) -> Result:
     """Runs a scene and gives the states of all bodies.
 
     Parameters
@@ -178,8 +210,17 @@ def run(
 
 
 def explain(
-    scene, engine="auto", *, accuracy=None, method=None, dt=None, tolerance=None, least_step=None, precision=None, projection=False
-):
+    scene: Scene,
+    engine: str | Engine = "auto",
+    *,
+    accuracy: float | Accuracy | Mapping[str, float | None] | None = None,
+    method: str | None = None,
+    dt: float | None = None,
+    tolerance: float | None = None,
+    least_step: float | None = None,
+    precision: str | None = None,
+    projection: bool = False,
+) -> Explanation:
     """What `run` would do with the same arguments, what it would skip, and why, as text."""
     if not isinstance(scene, Scene):
         raise InputError(f"scene: found {type(scene).__name__}, expected polhode.Scene")
@@ -190,11 +231,20 @@ def explain(
 class Explanation(str):
     """A text that shows its lines."""
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return str(self)
 
 
-def run_study(study, engine="auto", *, precision=None, skip=True, out=None, force=False, progress=None):
+def run_study(
+    study: str | os.PathLike[str] | Mapping[str, Any],
+    engine: str | Engine = "auto",
+    *,
+    precision: str | None = None,
+    skip: bool = True,
+    out: str | os.PathLike[str] | None = None,
+    force: bool = False,
+    progress: Progress = None,
+) -> Result:
     """Runs a study: the path of a file, or a dict of the same tables and keys.
 
     Parameters

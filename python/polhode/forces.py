@@ -6,10 +6,15 @@ an array with one row a body.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from . import _native
 from ._arrays import array
 from ._call import call_text
 from .formula import custom_force as custom
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 __all__ = ["constant", "custom", "gravity", "linear_drag", "quadratic_drag", "thrust"]
 
@@ -18,7 +23,7 @@ def _made(name, function, key, value):
     return _native.force(name, array(value, key), call_text(f"polhode.forces.{function}", {key: value}))
 
 
-def constant(*, force):
+def constant(*, force: ArrayLike) -> _native.Force:
     """A force that is constant in world axes.
 
     Parameters
@@ -28,7 +33,7 @@ def constant(*, force):
     return _made("constant", "constant", "force", force)
 
 
-def gravity(*, acceleration):
+def gravity(*, acceleration: ArrayLike) -> _native.Force:
     """A uniform field of gravity.
 
     Parameters
@@ -38,7 +43,7 @@ def gravity(*, acceleration):
     return _made("gravity", "gravity", "acceleration", acceleration)
 
 
-def linear_drag(*, coefficient):
+def linear_drag(*, coefficient: ArrayLike) -> _native.Force:
     """−c v.
 
     Parameters
@@ -48,7 +53,7 @@ def linear_drag(*, coefficient):
     return _made("linear-drag", "linear_drag", "coefficient", coefficient)
 
 
-def quadratic_drag(*, coefficient):
+def quadratic_drag(*, coefficient: ArrayLike) -> _native.Force:
     """−C \\|v\\| v.
 
     Parameters
@@ -58,7 +63,7 @@ def quadratic_drag(*, coefficient):
     return _made("quadratic-drag", "quadratic_drag", "coefficient", coefficient)
 
 
-def thrust(*, force):
+def thrust(*, force: ArrayLike) -> _native.Force:
     """A force fixed in the body, through its centre of mass: it gives no torque.
 
     Parameters

@@ -16,11 +16,22 @@ body to world axes), `angular_velocity`, `angular_momentum` (body axes), `inerti
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, NoReturn
+
 import numpy as np
 
 from . import _native
 from ._arrays import array
 from ._errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from typing import TypeAlias
+
+    from numpy.typing import ArrayLike
+
+    #: What can stand in a formula.
+    Operand: TypeAlias = "Expression | ArrayLike"
 
 __all__ = [
     "Expression",
@@ -70,6 +81,9 @@ __all__ = [
 ]
 
 
+_NO_EQUALITY = "formulas have no ==: numbers that are computed are hardly ever equal; compare with < and >"
+
+
 class Expression:
     """A number, vector, rotation, tensor or truth value of a formula; operators make others of it.
 
@@ -86,88 +100,89 @@ class Expression:
         # Texts and expressions in turn; of a parameter no text, but a value.
         self._parts, self._value = parts, value
 
-    def __getattr__(self, name):
+    def __getattr__(self, name: str) -> Expression:
         if name in ("x", "y", "z", "w", "xx", "yy", "zz", "xy", "xz", "yz"):
             return Expression((self, f".{name}"))
         raise AttributeError(f"an expression of a formula has no {name!r}: it has the components x, y, z, w, and of inertia xx, yy, zz, xy, xz, yz")
 
-    def __add__(self, other):
+    def __add__(self, other: Operand) -> Expression:
         return _operated(self, "+", other)
 
-    def __radd__(self, other):
+    def __radd__(self, other: Operand) -> Expression:
         return _operated(other, "+", self)
 
-    def __sub__(self, other):
+    def __sub__(self, other: Operand) -> Expression:
         return _operated(self, "-", other)
 
-    def __rsub__(self, other):
+    def __rsub__(self, other: Operand) -> Expression:
         return _operated(other, "-", self)
 
-    def __mul__(self, other):
+    def __mul__(self, other: Operand) -> Expression:
         return _operated(self, "*", other)
 
-    def __rmul__(self, other):
+    def __rmul__(self, other: Operand) -> Expression:
         return _operated(other, "*", self)
 
-    def __truediv__(self, other):
+    def __truediv__(self, other: Operand) -> Expression:
         return _operated(self, "/", other)
 
-    def __rtruediv__(self, other):
+    def __rtruediv__(self, other: Operand) -> Expression:
         return _operated(other, "/", self)
 
-    def __pow__(self, other):
+    def __pow__(self, other: Operand) -> Expression:
         if isinstance(other, (int, np.integer)) and -16 <= other <= 16:
             return Expression(("(", self, f"^{int(other)})"))
         return pow(self, other)
 
-    def __rpow__(self, other):
+    def __rpow__(self, other: Operand) -> Expression:
         return pow(other, self)
 
-    def __neg__(self):
+    def __neg__(self) -> Expression:
         return Expression(("(-", self, ")"))
 
-    def __pos__(self):
+    def __pos__(self) -> Expression:
         return self
 
-    def __abs__(self):
+    def __abs__(self) -> Expression:
         return abs(self)
 
-    def __lt__(self, other):
+    def __lt__(self, other: Operand) -> Expression:
         return _operated(self, "<", other)
 
-    def __le__(self, other):
+    def __le__(self, other: Operand) -> Expression:
         return _operated(self, "<=", other)
 
-    def __gt__(self, other):
+    def __gt__(self, other: Operand) -> Expression:
         return _operated(self, ">", other)
 
-    def __ge__(self, other):
+    def __ge__(self, other: Operand) -> Expression:
         return _operated(self, ">=", other)
 
-    def __and__(self, other):
+    def __and__(self, other: Operand) -> Expression:
         return _operated(self, "&&", other)
 
-    def __or__(self, other):
+    def __or__(self, other: Operand) -> Expression:
         return _operated(self, "||", other)
 
-    def __invert__(self):
+    def __invert__(self) -> Expression:
         return Expression(("!", self))
 
-    def __eq__(self, other):
-        raise TypeError("formulas have no ==: numbers that are computed are hardly ever equal; compare with < and >")
+    def __eq__(self, other: object) -> NoReturn:
+        raise TypeError(_NO_EQUALITY)
 
-    __ne__ = __eq__
+    def __ne__(self, other: object) -> NoReturn:
+        raise TypeError(_NO_EQUALITY)
 
-    def __bool__(self):
+    def __bool__(self) -> NoReturn:
         raise TypeError("a formula has no truth value before it runs: use polhode.formula.select, and & | ~ for and, or, not")
 
-    def __iter__(self):
+    def __iter__(self) -> NoReturn:
         raise TypeError("a formula cannot be iterated: take .x, .y and .z")
 
-    def __str__(self):
+    def __str__(self) -> str:
         return _written(self)[0]
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<polhode.formula.Expression {str(self)!r}>"
 
 
@@ -208,7 +223,7 @@ def _called(name, *arguments):
     return Expression((*parts, ")"))
 
 
-def parameter(value, *, per_body=False):
+def parameter(value: ArrayLike, *, per_body: bool = False) -> Expression:
     """A number, vector (three numbers) or rotation (four, x, y, z, w; normalised) of the formula, the same for all bodies; with `per_body` an
     array with one row a body, shape (n,), (n, 3) or (n, 4).
     """
@@ -280,7 +295,9 @@ def _title(function, text):
     return f"polhode.{function}({(line if len(line) <= 60 else line[:57] + '...')!r})"
 
 
-def custom(torque, parameters=None, *, energy=None):
+def custom(
+    torque: Expression | str, parameters: Mapping[str, Operand] | None = None, *, energy: Expression | str | None = None
+) -> _native.Torque:
     """A torque of your own.
 
     Parameters
@@ -304,7 +321,7 @@ def custom(torque, parameters=None, *, energy=None):
     return _native.custom_torque(text, given, energy, _title("torques.custom", text))
 
 
-def custom_force(force, parameters=None):
+def custom_force(force: Expression | str, parameters: Mapping[str, Operand] | None = None) -> _native.Force:
     """A force of your own on the centres of mass.
 
     Parameters
@@ -328,151 +345,151 @@ pi = Expression(("pi",))
 tau = Expression(("tau",))
 
 
-def dot(a, b):
+def dot(a: Operand, b: Operand) -> Expression:
     """The scalar product of two vectors."""
     return _called("dot", a, b)
 
 
-def cross(a, b):
+def cross(a: Operand, b: Operand) -> Expression:
     """The vector product of two vectors."""
     return _called("cross", a, b)
 
 
-def norm(a):
+def norm(a: Operand) -> Expression:
     """The length of a vector or quaternion."""
     return _called("norm", a)
 
 
-def normalize(a):
+def normalize(a: Operand) -> Expression:
     """A vector or quaternion over its length."""
     return _called("normalize", a)
 
 
-def vec(x, y, z):
+def vec(x: Operand, y: Operand, z: Operand) -> Expression:
     """The vector of three numbers."""
     return _called("vec", x, y, z)
 
 
-def quat(x, y, z, w):
+def quat(x: Operand, y: Operand, z: Operand, w: Operand) -> Expression:
     """The quaternion x, y, z, w; not normalised."""
     return _called("quat", x, y, z, w)
 
 
-def to_body(v):
+def to_body(v: Operand) -> Expression:
     """A vector in world axes, in body axes."""
     return _called("to_body", v)
 
 
-def to_world(v):
+def to_world(v: Operand) -> Expression:
     """A vector in body axes, in world axes."""
     return _called("to_world", v)
 
 
-def rotate(q, v):
+def rotate(q: Operand, v: Operand) -> Expression:
     """A vector turned by a rotation."""
     return _called("rotate", q, v)
 
 
-def rotate_inverse(q, v):
+def rotate_inverse(q: Operand, v: Operand) -> Expression:
     """A vector turned back by a rotation."""
     return _called("rotate_inverse", q, v)
 
 
-def conjugate(q):
+def conjugate(q: Operand) -> Expression:
     """The inverse of a rotation."""
     return _called("conjugate", q)
 
 
-def sin(x):
+def sin(x: Operand) -> Expression:
     """The sine, rad."""
     return _called("sin", x)
 
 
-def cos(x):
+def cos(x: Operand) -> Expression:
     """The cosine, rad."""
     return _called("cos", x)
 
 
-def tan(x):
+def tan(x: Operand) -> Expression:
     """The tangent, rad."""
     return _called("tan", x)
 
 
-def asin(x):
+def asin(x: Operand) -> Expression:
     """The inverse sine, rad."""
     return _called("asin", x)
 
 
-def acos(x):
+def acos(x: Operand) -> Expression:
     """The inverse cosine, rad."""
     return _called("acos", x)
 
 
-def atan2(y, x):
+def atan2(y: Operand, x: Operand) -> Expression:
     """The angle of the point (x, y), rad."""
     return _called("atan2", y, x)
 
 
-def exp(x):
+def exp(x: Operand) -> Expression:
     """The exponential."""
     return _called("exp", x)
 
 
-def ln(x):
+def ln(x: Operand) -> Expression:
     """The natural logarithm."""
     return _called("ln", x)
 
 
-def sqrt(x):
+def sqrt(x: Operand) -> Expression:
     """The square root."""
     return _called("sqrt", x)
 
 
-def abs(x):
+def abs(x: Operand) -> Expression:
     """The absolute value of a number."""
     return _called("abs", x)
 
 
-def pow(x, y):
+def pow(x: Operand, y: Operand) -> Expression:
     """x to the power of y; whole powers up to 16 are written ``x ** n``."""
     return _called("pow", x, y)
 
 
-def min(a, b):
+def min(a: Operand, b: Operand) -> Expression:
     """The lesser of two numbers."""
     return _called("min", a, b)
 
 
-def max(a, b):
+def max(a: Operand, b: Operand) -> Expression:
     """The greater of two numbers."""
     return _called("max", a, b)
 
 
-def clamp(x, low, high):
+def clamp(x: Operand, low: Operand, high: Operand) -> Expression:
     """A number kept between two others."""
     return _called("clamp", x, low, high)
 
 
-def step(edge, x):
+def step(edge: Operand, x: Operand) -> Expression:
     """0 where x < edge, else 1."""
     return _called("step", edge, x)
 
 
-def smoothstep(low, high, x):
+def smoothstep(low: Operand, high: Operand, x: Operand) -> Expression:
     """0 to 1 along 3t² − 2t³ between two numbers."""
     return _called("smoothstep", low, high, x)
 
 
-def select(truth, a, b):
+def select(truth: Operand, a: Operand, b: Operand) -> Expression:
     """`a` where the truth value holds, else `b`."""
     return _called("select", truth, a, b)
 
 
-def kepler_sin(mean_anomaly, eccentricity):
+def kepler_sin(mean_anomaly: Operand, eccentricity: Operand) -> Expression:
     """The sine of the eccentric anomaly."""
     return _called("kepler_sin", mean_anomaly, eccentricity)
 
 
-def kepler_cos(mean_anomaly, eccentricity):
+def kepler_cos(mean_anomaly: Operand, eccentricity: Operand) -> Expression:
     """The cosine of the eccentric anomaly."""
     return _called("kepler_cos", mean_anomaly, eccentricity)

@@ -8,12 +8,20 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from . import _native
 from ._arrays import array, columns, number, tensor_columns
 from ._errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from ._ensemble import Orientation
 
 __all__ = [
     "MassProperties",
@@ -51,9 +59,18 @@ class MassProperties:
     inertia : (..., 3, 3), about the centre of mass, kg m²; off-diagonal elements are −∫ρxy
     """
 
-    __slots__ = ("mass", "volume", "centre_of_mass", "inertia")
+    mass: NDArray[np.float64]
+    volume: NDArray[np.float64]
+    centre_of_mass: NDArray[np.float64]
+    inertia: NDArray[np.float64]
 
-    def __init__(self, mass, volume, centre_of_mass, inertia):
+    def __init__(
+        self,
+        mass: NDArray[np.float64],
+        volume: NDArray[np.float64],
+        centre_of_mass: NDArray[np.float64],
+        inertia: NDArray[np.float64],
+    ) -> None:
         self.mass, self.volume, self.centre_of_mass, self.inertia = mass, volume, centre_of_mass, inertia
 
     @classmethod
@@ -66,17 +83,17 @@ class MassProperties:
         )
 
     @property
-    def principal_moments(self):
+    def principal_moments(self) -> NDArray[np.float64]:
         """I₁ ≤ I₂ ≤ I₃, (..., 3), kg m²."""
         return principal_axes(self.inertia)[0]
 
     @property
-    def density(self):
+    def density(self) -> NDArray[np.float64]:
         """kg/m³; NaN without a volume."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(np.asarray(self.volume) > 0, self.mass / np.asarray(self.volume), np.nan)[()]
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         if np.ndim(self.mass):
             return f"<polhode.inertia.MassProperties of shape {np.shape(self.mass)}>"
         moments = ", ".join(f"{moment:.6g}" for moment in self.principal_moments)
@@ -88,8 +105,8 @@ class Part:
     """A part of a body: turned by `orientation` (x, y, z, w) about its own origin and put at `position` (m); or taken away, as a hole."""
 
     properties: MassProperties
-    position: tuple = (0.0, 0.0, 0.0)
-    orientation: tuple = (0.0, 0.0, 0.0, 1.0)
+    position: ArrayLike = (0.0, 0.0, 0.0)
+    orientation: Orientation = (0.0, 0.0, 0.0, 1.0)
     hole: bool = False
 
 
@@ -117,78 +134,89 @@ def _shape(name, mass, density, **lengths):
     return MassProperties._of(_native.shape_mass_properties(name, flat[:-1], flat[-1], is_density), shape)
 
 
-def point(*, mass):
+def point(*, mass: ArrayLike) -> MassProperties:
     """A point at the origin, without inertia of its own, for `compose`."""
     return _shape("point", mass, None)
 
 
-def rod(*, mass, length):
+def rod(*, mass: ArrayLike, length: ArrayLike) -> MassProperties:
     """A straight line along z."""
     return _shape("rod", mass, None, length=(length, ()))
 
 
-def sphere(*, radius, mass=None, density=None):
+def sphere(*, radius: ArrayLike, mass: ArrayLike | None = None, density: ArrayLike | None = None) -> MassProperties:
     """A solid sphere."""
     return _shape("sphere", mass, density, radius=(radius, ()))
 
 
-def spherical_shell(*, mass, radius):
+def spherical_shell(*, mass: ArrayLike, radius: ArrayLike) -> MassProperties:
     """A sphere with all mass on its surface."""
     return _shape("spherical_shell", mass, None, radius=(radius, ()))
 
 
-def ellipsoid(*, semi_axes, mass=None, density=None):
+def ellipsoid(*, semi_axes: ArrayLike, mass: ArrayLike | None = None, density: ArrayLike | None = None) -> MassProperties:
     """A solid ellipsoid; `semi_axes` along x, y, z, shape (..., 3)."""
     return _shape("ellipsoid", mass, density, semi_axes=(semi_axes, (3,)))
 
 
-def box(*, edges, mass=None, density=None):
+def box(*, edges: ArrayLike, mass: ArrayLike | None = None, density: ArrayLike | None = None) -> MassProperties:
     """A solid box; whole `edges` along x, y, z, shape (..., 3)."""
     return _shape("box", mass, density, edges=(edges, (3,)))
 
 
-def cylinder(*, radius, height, mass=None, density=None):
+def cylinder(*, radius: ArrayLike, height: ArrayLike, mass: ArrayLike | None = None, density: ArrayLike | None = None) -> MassProperties:
     """A solid cylinder about z."""
     return _shape("cylinder", mass, density, radius=(radius, ()), height=(height, ()))
 
 
-def tube(*, inner_radius, outer_radius, height, mass=None, density=None):
+def tube(
+    *, inner_radius: ArrayLike, outer_radius: ArrayLike, height: ArrayLike, mass: ArrayLike | None = None, density: ArrayLike | None = None
+) -> MassProperties:
     """A cylinder about z with a coaxial bore."""
     lengths = {"inner_radius": (inner_radius, ()), "outer_radius": (outer_radius, ()), "height": (height, ())}
     return _shape("tube", mass, density, **lengths)
 
 
-def capsule(*, radius, length, mass=None, density=None):
+def capsule(*, radius: ArrayLike, length: ArrayLike, mass: ArrayLike | None = None, density: ArrayLike | None = None) -> MassProperties:
     """A cylinder about z of this length, closed by two half spheres."""
     return _shape("capsule", mass, density, radius=(radius, ()), length=(length, ()))
 
 
-def cone(*, radius, height, mass=None, density=None):
+def cone(*, radius: ArrayLike, height: ArrayLike, mass: ArrayLike | None = None, density: ArrayLike | None = None) -> MassProperties:
     """A solid cone with its base in the plane z = 0 and its apex at z = height; the centre of mass is at height/4."""
     return _shape("cone", mass, density, radius=(radius, ()), height=(height, ()))
 
 
-def torus(*, major_radius, minor_radius, mass=None, density=None):
+def torus(
+    *, major_radius: ArrayLike, minor_radius: ArrayLike, mass: ArrayLike | None = None, density: ArrayLike | None = None
+) -> MassProperties:
     """A solid ring about z."""
     return _shape("torus", mass, density, major_radius=(major_radius, ()), minor_radius=(minor_radius, ()))
 
 
-def rectangular_plate(*, mass, width, depth):
+def rectangular_plate(*, mass: ArrayLike, width: ArrayLike, depth: ArrayLike) -> MassProperties:
     """A rectangle without thickness in the plane z = 0, `width` along x and `depth` along y."""
     return _shape("rectangular_plate", mass, None, width=(width, ()), depth=(depth, ()))
 
 
-def circular_plate(*, mass, radius):
+def circular_plate(*, mass: ArrayLike, radius: ArrayLike) -> MassProperties:
     """A disc without thickness in the plane z = 0."""
     return _shape("circular_plate", mass, None, radius=(radius, ()))
 
 
-def tetrahedron(*, corners, mass=None, density=None):
+def tetrahedron(*, corners: ArrayLike, mass: ArrayLike | None = None, density: ArrayLike | None = None) -> MassProperties:
     """A solid tetrahedron; `corners`, shape (..., 4, 3)."""
     return _shape("tetrahedron", mass, density, corners=(corners, (4, 3)))
 
 
-def from_mesh(path, *, mass=None, density=None, scale=1.0, shell=False):
+def from_mesh(
+    path: str | os.PathLike[str],
+    *,
+    mass: float | None = None,
+    density: float | None = None,
+    scale: float = 1.0,
+    shell: bool = False,
+) -> MassProperties:
     """Of the closed surface in an STL or OBJ file, or of a thin skin.
 
     Parameters
@@ -218,7 +246,7 @@ def _points(value, name):
     return given
 
 
-def from_hull(points, *, mass=None, density=None):
+def from_hull(points: ArrayLike, *, mass: float | None = None, density: float | None = None) -> MassProperties:
     """Of the convex hull of points, shape (n, 3), m."""
     amount, is_density = _amount(mass, density)
     amount = number(amount, "density" if is_density else "mass")
@@ -226,16 +254,15 @@ def from_hull(points, *, mass=None, density=None):
     return MassProperties._of(_native.hull_mass_properties(_points(points, "points"), *given), ())
 
 
-def from_points(mass, position):
+def from_points(mass: ArrayLike, position: ArrayLike) -> MassProperties:
     """Of point masses: `mass`, shape (n,), kg, at `position`, shape (n, 3), m."""
-    position = _points(position, "position")
-    mass = array(mass, "mass")
-    if mass.shape not in ((), (len(position),)):
-        raise InputError(f"mass: shape {mass.shape}: expected ({len(position)},), one a point (kg)")
-    return MassProperties._of(_native.points_mass_properties(np.broadcast_to(mass, len(position)), position), ())
+    places, masses = _points(position, "position"), array(mass, "mass")
+    if masses.shape not in ((), (len(places),)):
+        raise InputError(f"mass: shape {masses.shape}: expected ({len(places)},), one a point (kg)")
+    return MassProperties._of(_native.points_mass_properties(np.broadcast_to(masses, len(places)), places), ())
 
 
-def compose(parts):
+def compose(parts: Iterable[Part | MassProperties]) -> MassProperties:
     """Of a body that is put together from parts: `Part`, or mass properties as they stand."""
     given = []
     for place, part in enumerate(parts):
@@ -253,7 +280,7 @@ def compose(parts):
     return MassProperties._of(_native.composed_mass_properties(given), ())
 
 
-def principal_axes(inertia):
+def principal_axes(inertia: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Principal moments I₁ ≤ I₂ ≤ I₃, (..., 3), kg m², and the rotations from principal to body axes, (..., 4), x, y, z, w, of tensors of shape
     (..., 3, 3) about the centre of mass.
     """

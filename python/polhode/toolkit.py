@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from . import _native
 from ._arrays import array, columns
 from ._errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from ._ensemble import Orientation
 
 __all__ = ["attitude_error", "exponential", "logarithm"]
 
@@ -28,19 +35,19 @@ def _rows(**given):
     return flat, shape
 
 
-def attitude_error(a, b):
+def attitude_error(a: Orientation, b: Orientation) -> NDArray[np.float64]:
     """The angle of the rotation between two orientations, x, y, z, w, in [0, π], rad. Quaternions need not be normalised."""
     (a, b), shape = _rows(a=(a, 4), b=(b, 4))
     return _native.attitude_error(len(a), columns(a), columns(b)).reshape(shape)[()]
 
 
-def exponential(rotation_vector):
+def exponential(rotation_vector: ArrayLike) -> NDArray[np.float64]:
     """The rotation by |v| rad about v, as a quaternion x, y, z, w."""
     (vectors,), shape = _rows(rotation_vector=(rotation_vector, 3))
     return _native.exponential(len(vectors), columns(vectors)).reshape(*shape, 4)
 
 
-def logarithm(orientation):
+def logarithm(orientation: Orientation) -> NDArray[np.float64]:
     """The rotation vector, rad, of length in [0, π], of an orientation x, y, z, w."""
     (rotations,), shape = _rows(orientation=(orientation, 4))
     return _native.logarithm(len(rotations), columns(rotations)).reshape(*shape, 3)
