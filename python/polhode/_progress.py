@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import sys
 import time
+import warnings
+from importlib.util import find_spec
+
+from ._errors import InputError
 
 #: A run shorter than this, s, shows no bar: it would only flash.
 QUIET_START = 0.3
@@ -18,15 +22,23 @@ def _is_watched():
     return type(shell).__name__ == "ZMQInteractiveShell"
 
 
+def _bar(total):
+    with warnings.catch_warnings():
+        # A notebook without its widgets gets a bar of text, and no page of advice.
+        warnings.simplefilter("ignore")
+        from tqdm.auto import tqdm
+    return tqdm(total=total, unit=" body-steps", unit_scale=True, leave=False, desc="planning")
+
+
 class _Bar:
-    def __init__(self, tqdm):
-        self.tqdm, self.since, self.bar = tqdm, time.monotonic(), None
+    def __init__(self):
+        self.since, self.bar = time.monotonic(), None
 
     def __call__(self, done, total):
         if self.bar is None and time.monotonic() - self.since < QUIET_START:
             return
         if self.bar is None:
-            self.bar = self.tqdm(total=total, unit=" body-steps", unit_scale=True, leave=False, desc="planning")
+            self.bar = _bar(total)
         if total is not None:
             self.bar.total = total
             self.bar.set_description_str("running", refresh=False)
@@ -61,12 +73,8 @@ def shown(progress):
         return _Own(progress)
     if progress is False or (progress is None and not _is_watched()):
         return _Silent()
-    try:
-        from tqdm.auto import tqdm
-    except ImportError:
-        if progress:
-            from ._errors import InputError
-
-            raise InputError("progress = True: expected tqdm to be installed, or a function of what is done and the whole") from None
-        return _Silent()
-    return _Bar(tqdm)
+    if find_spec("tqdm") is not None:
+        return _Bar()
+    if progress:
+        raise InputError("progress = True: expected tqdm to be installed, or a function of what is done and the whole")
+    return _Silent()
