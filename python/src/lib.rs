@@ -13,6 +13,7 @@ mod errors;
 mod free_motion;
 mod mass;
 mod run;
+mod toolkit;
 mod torque;
 mod worker;
 
@@ -24,11 +25,13 @@ mod _native {
     use crate::free_motion::{flips, free_motion};
     #[pymodule_export]
     use crate::mass::{
-        attitude_error, composed_mass_properties, exponential, hull_mass_properties, logarithm, mesh_mass_properties,
-        points_mass_properties, principal, shape_mass_properties,
+        composed_mass_properties, hull_mass_properties, mesh_mass_properties, points_mass_properties, principal,
+        shape_mass_properties,
     };
     #[pymodule_export]
     use crate::run::{OpenEngine, adapters, explain, open_engine, run, run_study, study_bodies};
+    #[pymodule_export]
+    use crate::toolkit::{attitude_error, exponential, logarithm, of_motion};
     #[pymodule_export]
     use crate::torque::{PyForce, PyTorque, custom_force, custom_torque, force, models, torque};
 

@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
 
-use crate::arrays::{Column, View, moved, moved_rows, quaternion_at, tensors, vector_at, views};
+use crate::arrays::{Column, View, moved, moved_rows, tensors, vector_at, views};
 use crate::errors;
 
 /// Mass properties as arrays, one row a body.
@@ -174,41 +174,4 @@ pub(crate) fn principal<'py>(
     };
     let (moments, rotations): (Vec<DVec3>, Vec<DQuat>) = (0..count).into_par_iter().map(axes).unzip();
     Ok((moved_rows(py, moments, &[count])?, moved_rows(py, rotations, &[count])?))
-}
-
-/// The angle of the rotation between two orientations, rad, row by row.
-#[pyfunction]
-pub(crate) fn attitude_error<'py>(
-    py: Python<'py>,
-    count: usize,
-    first: Vec<Column<'py>>,
-    second: Vec<Column<'py>>,
-) -> PyResult<Bound<'py, PyAny>> {
-    let (first, second) = (views(py, "a", &first, 4, count)?, views(py, "b", &second, 4, count)?);
-    let angle = |row| polhode::bodies::toolkit::attitude_error(quaternion_at(&first, row), quaternion_at(&second, row));
-    moved(py, (0..count).into_par_iter().map(angle).collect::<Vec<f64>>(), &[count])
-}
-
-/// The rotation by a vector, x, y, z, w, row by row.
-#[pyfunction]
-pub(crate) fn exponential<'py>(
-    py: Python<'py>,
-    count: usize,
-    vectors: Vec<Column<'py>>,
-) -> PyResult<Bound<'py, PyAny>> {
-    let vectors = views(py, "rotation_vector", &vectors, 3, count)?;
-    let turned = |row| polhode::bodies::toolkit::exponential(vector_at(&vectors, row));
-    moved_rows(py, (0..count).into_par_iter().map(turned).collect::<Vec<DQuat>>(), &[count])
-}
-
-/// The vector of a rotation, row by row.
-#[pyfunction]
-pub(crate) fn logarithm<'py>(
-    py: Python<'py>,
-    count: usize,
-    rotations: Vec<Column<'py>>,
-) -> PyResult<Bound<'py, PyAny>> {
-    let rotations = views(py, "orientation", &rotations, 4, count)?;
-    let vector = |row| polhode::bodies::toolkit::logarithm(quaternion_at(&rotations, row).normalize());
-    moved_rows(py, (0..count).into_par_iter().map(vector).collect::<Vec<DVec3>>(), &[count])
 }

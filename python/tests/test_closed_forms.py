@@ -186,3 +186,23 @@ def test_attitudes_agree_with_scipy():
         toolkit.attitude_error(np.ones((2, 4)), np.ones((3, 4)))
     with pytest.raises(polhode.InputError, match=r"a: shape \(3,\): expected \(..., 4\)"):
         toolkit.attitude_error([1, 2, 3], [0, 0, 0, 1])
+
+
+def test_the_equations_of_motion_are_those_of_numpy():
+    bodies = tumbling(6)
+    inertia, spin = bodies.inertia.reshape(2, 3, 3, 3), bodies.angular_velocity_body.reshape(2, 3, 3)
+    torque = np.array([0.3, -0.1, 0.2])
+    momentum = np.einsum("abij,abj->abi", inertia, spin)
+    np.testing.assert_allclose(toolkit.angular_momentum(inertia, spin), momentum, rtol=1e-13)
+    np.testing.assert_allclose(toolkit.rotational_kinetic_energy(inertia, spin), 0.5 * np.sum(spin * momentum, -1), rtol=1e-13)
+    expected = np.linalg.solve(inertia, (torque - np.cross(spin, momentum))[..., None])[..., 0]
+    rate = toolkit.angular_acceleration_body(inertia, spin, torque)
+    np.testing.assert_allclose(rate, expected, rtol=1e-12)
+    np.testing.assert_allclose(toolkit.torque_of_motion(inertia, spin, rate), np.broadcast_to(torque, (2, 3, 3)), atol=1e-13)
+    cosine = np.sum(spin * momentum, -1) / np.linalg.norm(spin, axis=-1) / np.linalg.norm(momentum, axis=-1)
+    np.testing.assert_allclose(toolkit.momentum_angle(inertia, spin), np.arccos(cosine), rtol=1e-7)
+    # Torque-free, with the sign of Euler's equations: (I2 - I3)/I1, (I3 - I1)/I2, (I1 - I2)/I3.
+    free = toolkit.angular_acceleration_body(np.diag([1.0, 2.0, 3.0]), [1.0, 1.0, 1.0])
+    np.testing.assert_allclose(free, [-1.0, 1.0, -1 / 3], rtol=1e-15)
+    with pytest.raises(polhode.InputError, match=r"inertia: shape \(3,\): expected \(..., 3, 3\)"):
+        toolkit.angular_momentum([1, 2, 3], [1, 0, 0])
