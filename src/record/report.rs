@@ -367,7 +367,9 @@ impl BalanceReport {
 }
 
 impl Report {
-    pub(crate) fn new(study: Option<StudyReport>, plan: &Plan<'_>, trust: Trust) -> Self {
+    /// The report of a run of `plan` that has left `trust` behind. Statistics, the names of files, and the wall times of what lies outside
+    /// of planning and run are left to the caller.
+    pub fn new(study: Option<StudyReport>, plan: &Plan<'_>, trust: Trust) -> Self {
         let compute = trust.wall_time.compute;
         let explanation = plan.explain();
         let rate = trust.body_steps as f64 / compute;
@@ -403,6 +405,7 @@ impl Report {
             dispatches: trust.traffic.dispatches,
             body_steps_per_second: if trust.body_steps > 0 && rate.is_finite() { rate } else { 0.0 },
             wall_time: WallTimeReport {
+                plan: plan.planning_time().as_secs_f64(),
                 prepare: trust.wall_time.prepare,
                 start: trust.wall_time.start,
                 compute,

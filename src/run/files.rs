@@ -313,7 +313,6 @@ fn run_files(
     report.statistics = sink.at_end.as_ref().map(StatisticsReport::from);
     report.events = sink.events.iter().map(|record| EventReport::new(record, scene.end())).collect();
     report.files = folder.names().to_vec();
-    report.wall_time.plan = plan.planning_time().as_secs_f64();
     report.wall_time.study = (study_seconds - report.wall_time.plan).max(0.0);
     report.wall_time.format = sink.spent.format;
     report.wall_time.disk = sink.spent.disk;

@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::ops::Range;
+use std::sync::Arc;
 
 use glam::DVec3;
 
@@ -41,7 +42,7 @@ pub use quantity::{FormulaQuantity, Quantity};
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
-    ensemble: Ensemble,
+    ensemble: Arc<Ensemble>,
     part: Part,
     end: f64,
     outputs: Outputs,
@@ -231,8 +232,10 @@ impl fmt::Display for Stepping {
 }
 
 impl Scene {
-    /// The scene of free bodies over no time at all, to be filled in by the methods below.
-    pub fn new(ensemble: Ensemble) -> Self {
+    /// The scene of free bodies over no time at all, to be filled in by the methods below. Scenes that are given the same
+    /// [`Arc`] share one table of bodies.
+    pub fn new(ensemble: impl Into<Arc<Ensemble>>) -> Self {
+        let ensemble = ensemble.into();
         Self {
             part: Part { first_body: 0, of: ensemble.len() },
             ensemble,
@@ -271,7 +274,7 @@ impl Scene {
         let part = Part { first_body: self.part.first_body + bodies.start, of: self.part.of };
         let only = |torque: &Torque| torque.only(&bodies);
         let mut scene = Self {
-            ensemble: self.ensemble.only(bodies.clone()),
+            ensemble: Arc::new(self.ensemble.only(bodies.clone())),
             forces: self.forces.iter().map(|force| force.only(&bodies)).collect(),
             torques: self.torques.iter().map(only).collect(),
             moving: self.moving.iter().map(|(place, torque)| (*place, only(torque))).collect(),

@@ -115,7 +115,6 @@ pub(crate) trait Model: Send + Sync {
 
     /// The torque with these values, where a model with a formula of its own is made for them; `None` where torques are of this
     /// model itself.
-    #[cfg(feature = "study")]
     fn made_for(&self, _: &[Value], _: &ValidationContext) -> Option<Result<Torque>> {
         None
     }
