@@ -26,10 +26,12 @@ const BYTES_PER_NUMBER: usize = 24;
 pub(crate) struct CsvFile {
     file: OutputFile,
     columns: usize,
+    /// Cells of the study's design, where it has one: body b lies in cell b modulo this.
+    cells: Option<usize>,
 }
 
 impl CsvFile {
-    pub(crate) fn begin(mut file: OutputFile, translates: bool) -> Result<Self> {
+    pub(crate) fn begin(mut file: OutputFile, translates: bool, cells: Option<usize>) -> Result<Self> {
         let mut header = "body,t".to_owned();
         for name in column::names(translates) {
             header.push(',');
@@ -37,9 +39,13 @@ impl CsvFile {
         }
         header.push(',');
         header.push_str(column::STATUS);
+        if cells.is_some() {
+            header.push(',');
+            header.push_str(column::CELL);
+        }
         header.push('\n');
         file.write(header.as_bytes())?;
-        Ok(Self { file, columns: column::names(translates).count() })
+        Ok(Self { file, columns: column::names(translates).count(), cells })
     }
 
     /// The rows as text, formatted on all cores.
@@ -47,7 +53,7 @@ impl CsvFile {
         states
             .par_chunks(ROWS_PER_TASK)
             .enumerate()
-            .map(|(task, states)| format_rows(self.columns, time, first_body + task * ROWS_PER_TASK, states))
+            .map(|(task, states)| self.rows(time, first_body + task * ROWS_PER_TASK, states))
             .collect()
     }
 
@@ -58,24 +64,28 @@ impl CsvFile {
     pub(crate) fn finish(self) -> Result<()> {
         self.file.finish()
     }
-}
 
-/// Rows as text. Every number has the fewest digits that read back to the same bits.
-fn format_rows(columns: usize, time: f64, first_body: usize, states: &[OutputState]) -> Vec<u8> {
-    let mut text = Vec::with_capacity(states.len() * (columns + 2) * BYTES_PER_NUMBER);
-    let (mut index, mut number) = (itoa::Buffer::new(), zmij::Buffer::new());
-    let time = zmij::Buffer::new().format(time).to_owned();
-    for (offset, state) in states.iter().enumerate() {
-        text.extend_from_slice(index.format(first_body + offset).as_bytes());
-        text.push(b',');
-        text.extend_from_slice(time.as_bytes());
-        for value in &column::values(state)[..columns] {
+    /// Rows as text. Every number has the fewest digits that read back to the same bits.
+    fn rows(&self, time: f64, first_body: usize, states: &[OutputState]) -> Vec<u8> {
+        let mut text = Vec::with_capacity(states.len() * (self.columns + 2) * BYTES_PER_NUMBER);
+        let (mut index, mut number) = (itoa::Buffer::new(), zmij::Buffer::new());
+        let time = zmij::Buffer::new().format(time).to_owned();
+        for (offset, state) in states.iter().enumerate() {
+            text.extend_from_slice(index.format(first_body + offset).as_bytes());
             text.push(b',');
-            text.extend_from_slice(number.format(*value).as_bytes());
+            text.extend_from_slice(time.as_bytes());
+            for value in &column::values(state)[..self.columns] {
+                text.push(b',');
+                text.extend_from_slice(number.format(*value).as_bytes());
+            }
+            text.push(b',');
+            text.extend_from_slice(index.format(state.status().number()).as_bytes());
+            if let Some(cells) = self.cells {
+                text.push(b',');
+                text.extend_from_slice(index.format((first_body + offset) % cells).as_bytes());
+            }
+            text.push(b'\n');
         }
-        text.push(b',');
-        text.extend_from_slice(index.format(state.status().number()).as_bytes());
-        text.push(b'\n');
+        text
     }
-    text
 }

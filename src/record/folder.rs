@@ -27,7 +27,7 @@ pub const REPORT: &str = "report.json";
 pub const PLAN: &str = "plan.json";
 
 /// Stems of the tables that a run may write.
-const TABLES: [&str; 4] = ["final", "snapshots", "statistics", "failed"];
+const TABLES: [&str; 6] = ["final", "snapshots", "statistics", "failed", "initial", "cells"];
 /// Endings of tables.
 const TABLE_ENDINGS: [&str; 2] = ["csv", "npz"];
 /// Stems of the pictures that are drawn of a run.

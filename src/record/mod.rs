@@ -36,12 +36,14 @@ pub mod report;
 mod statistics;
 #[cfg(feature = "study")]
 pub(crate) mod statistics_file;
+#[cfg(feature = "study")]
+pub(crate) mod table_file;
 
 pub use adaptive_work::AdaptiveWork;
 pub use balance::Balance;
 pub(crate) use balance::{BalanceGatherer, change_of_total};
 #[cfg(feature = "study")]
-pub use column::{ROTATION_COLUMNS, STATUS, TRANSLATION_COLUMNS};
+pub use column::{CELL, ROTATION_COLUMNS, STATUS, TRANSLATION_COLUMNS};
 pub use drift::Drift;
 pub(crate) use drift::{BodyDrift, Conserved, DriftGatherer};
 pub use failed::{FailedBody, KnownTo};

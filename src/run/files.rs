@@ -14,7 +14,7 @@ use crate::record::npz_file::{NpzFile, Times};
 use crate::record::report::{Report, StatisticsReport, StudyReport};
 use crate::record::statistics_file::StatisticsFile;
 use crate::record::{OutputState, Sink, Statistics};
-use crate::run::run_into;
+use crate::run::{initial_file, run_into};
 use crate::study::{Format, Output, Study};
 
 /// Wall time of writing tables, s.
@@ -40,13 +40,20 @@ enum TableFile {
 }
 
 impl TableFile {
-    fn begin(folder: &mut OutputFolder, stem: &str, format: Format, plan: &Plan<'_>, times: Times<'_>) -> Result<Self> {
-        let file = folder.begin(&format!("{stem}.{}", format.name()))?;
+    fn begin(
+        folder: &mut OutputFolder,
+        stem: &str,
+        output: Output,
+        cells: Option<usize>,
+        plan: &Plan<'_>,
+        times: Times<'_>,
+    ) -> Result<Self> {
+        let file = folder.begin(&format!("{stem}.{}", output.format.name()))?;
         let ensemble = plan.scene().ensemble();
         let translates = ensemble.translation().is_some();
-        Ok(match format {
-            Format::Csv => TableFile::Csv(CsvFile::begin(file, translates)?),
-            Format::Npz => TableFile::Npz(NpzFile::begin(file, ensemble.len(), times, translates)?),
+        Ok(match output.format {
+            Format::Csv => TableFile::Csv(CsvFile::begin(file, translates, cells)?),
+            Format::Npz => TableFile::Npz(NpzFile::begin(file, ensemble.len(), times, translates, cells)?),
         })
     }
 
@@ -85,10 +92,11 @@ struct FileSink {
 }
 
 impl FileSink {
-    fn begin(folder: &mut OutputFolder, output: Output, plan: &Plan<'_>) -> Result<Self> {
+    /// `cells`: of the study's design, where it has one.
+    fn begin(folder: &mut OutputFolder, output: Output, cells: Option<usize>, plan: &Plan<'_>) -> Result<Self> {
         let times = plan.times();
         let mut table = |wanted: bool, stem: &str, times: Times<'_>| {
-            wanted.then(|| TableFile::begin(folder, stem, output.format, plan, times)).transpose()
+            wanted.then(|| TableFile::begin(folder, stem, output, cells, plan, times)).transpose()
         };
         let (final_state, snapshots) = (
             table(output.final_state, "final", Times::One(plan.scene().end()))?,
@@ -166,7 +174,19 @@ impl OutputSize {
             }
             Format::Npz => (8 * numbers + 1, 8 * numbers + 1),
         };
-        Self { rows, least_bytes: rows.saturating_mul(least), likely_bytes: rows.saturating_mul(likely) }
+        let initial = if output.initial { ensemble.len() as u64 } else { 0 };
+        let in_all = |bytes: u64, of_number: u64| {
+            rows.saturating_mul(bytes).saturating_add(initial.saturating_mul(of_number * initial_file::LEAST_NUMBERS))
+        };
+        let (least_number, likely_number) = match output.format {
+            Format::Csv => (csv_file::LEAST_BYTES, csv_file::LIKELY_BYTES),
+            Format::Npz => (8, 8),
+        };
+        Self {
+            rows: rows + initial,
+            least_bytes: in_all(least, least_number),
+            likely_bytes: in_all(likely, likely_number),
+        }
     }
 }
 
@@ -189,7 +209,18 @@ pub fn run_to_folder(
     observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Report> {
     let study_seconds = since.elapsed().as_secs_f64();
-    let mut sink = FileSink::begin(&mut folder, output, plan)?;
+    let design = study.and_then(Study::design);
+    let mut sink = FileSink::begin(&mut folder, output, design.map(|design| design.cells()), plan)?;
+    let mut initial_seconds = 0.0;
+    timed(&mut initial_seconds, || {
+        if let Some(design) = design {
+            initial_file::write_cells(&mut folder, output.format, design, plan.scene().ensemble().len())?;
+        }
+        match output.initial {
+            true => initial_file::write_initial(&mut folder, output.format, study, plan.scene()),
+            false => Ok(()),
+        }
+    })?;
     let trust = run_into(engine, plan, &mut sink, observer)?;
     sink.finish()?;
     if !trust.failures.is_empty() {
@@ -208,7 +239,7 @@ pub fn run_to_folder(
     report.wall_time.plan = plan.planning_time().as_secs_f64();
     report.wall_time.study = (study_seconds - report.wall_time.plan).max(0.0);
     report.wall_time.format = sink.spent.format;
-    report.wall_time.disk = sink.spent.disk;
+    report.wall_time.disk = sink.spent.disk + initial_seconds;
     report.wall_time.total = since.elapsed().as_secs_f64();
     let text = report.to_json();
     folder.write(REPORT, text.as_bytes())?;

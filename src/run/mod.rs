@@ -31,6 +31,8 @@ mod failures;
 #[cfg(feature = "study")]
 mod files;
 mod group_run;
+#[cfg(feature = "study")]
+mod initial_file;
 mod output_statistics;
 mod reading;
 mod recomputed_centres;

@@ -2,6 +2,7 @@
 
 mod bench;
 mod cli;
+mod draws;
 #[path = "../../fuzz/entries.rs"]
 mod entries;
 mod inertia_files;
@@ -14,5 +15,7 @@ mod plot;
 mod results;
 mod studies;
 mod summary;
+mod sweeps;
+mod units;
 #[path = "../support/workspace.rs"]
 mod workspace;

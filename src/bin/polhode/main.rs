@@ -11,6 +11,7 @@ mod devices;
 mod engine;
 mod explain;
 mod inertia;
+mod inputs_help;
 mod man;
 mod output;
 mod plot;
