@@ -28,7 +28,8 @@ pub const REPORT: &str = "report.json";
 pub const PLAN: &str = "plan.json";
 
 /// Stems of the tables that a run may write.
-const TABLES: [&str; 7] = ["final", "snapshots", "statistics", "failed", "events", "survival", "histograms"];
+const TABLES: [&str; 9] =
+    ["final", "snapshots", "statistics", "failed", "events", "survival", "histograms", "initial", "cells"];
 /// Endings of tables.
 const TABLE_ENDINGS: [&str; 2] = ["csv", "npz"];
 /// Stems of the pictures that are drawn of a run.

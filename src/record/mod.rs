@@ -46,6 +46,7 @@ mod statistics;
 #[cfg(feature = "study")]
 pub(crate) mod statistics_file;
 #[cfg(feature = "study")]
+pub(crate) mod table_file;
 mod whole_table;
 
 pub use crate::math::QUANTILE_ERROR;
@@ -53,7 +54,7 @@ pub use adaptive_work::AdaptiveWork;
 pub use balance::Balance;
 pub(crate) use balance::{BalanceGatherer, change_of_total};
 #[cfg(feature = "study")]
-pub use column::{ROTATION_COLUMNS, STATUS, TRANSLATION_COLUMNS};
+pub use column::{CELL, ROTATION_COLUMNS, STATUS, TRANSLATION_COLUMNS};
 pub use distribution::HistogramCounts;
 pub use drift::Drift;
 pub(crate) use drift::{BodyDrift, Conserved, DriftGatherer};

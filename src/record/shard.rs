@@ -247,7 +247,8 @@ impl PartFile {
     /// The tables that were asked for.
     pub fn output(&self) -> Output {
         let format = Format::ALL.into_iter().find(|format| format.name() == self.output_format);
-        Output { final_state: self.final_state, snapshots: self.snapshots, format: format.unwrap_or(Format::Csv) }
+        let format = format.unwrap_or(Format::Csv);
+        Output { final_state: self.final_state, snapshots: self.snapshots, initial: false, format }
     }
 
     /// The statistics that were asked for.

@@ -17,7 +17,7 @@ use crate::record::report::{EventReport, Report, StatisticsReport, StudyReport};
 use crate::record::shard::{BLOCKS, BlocksLine, PART, PartContents, PartFile, Shard};
 use crate::record::statistics_file::StatisticsFile;
 use crate::record::{EventRecord, HistogramCounts, OutputState, Sink, Statistics};
-use crate::run::run_into;
+use crate::run::{initial_file, run_into};
 use crate::study::{Format, Output, Study};
 
 /// Wall time of writing tables, s.
@@ -43,17 +43,19 @@ pub(super) enum TableFile {
 }
 
 impl TableFile {
-    /// Begins a table of the bodies in a range, counted as in the whole that they are a part of.
+    /// Begins a table of the bodies in a range, counted as in the whole that they are a part of; `cells` of the study's design, where it
+    /// has one.
     pub fn begin(
         folder: &mut OutputFolder,
         (stem, format): (&str, Format),
         (bodies, translates): (Range<usize>, bool),
+        cells: Option<usize>,
         times: Times<'_>,
     ) -> Result<Self> {
         let file = folder.begin(&format!("{stem}.{}", format.name()))?;
         Ok(match format {
-            Format::Csv => TableFile::Csv(CsvFile::begin(file, translates)?),
-            Format::Npz => TableFile::Npz(NpzFile::begin(file, bodies, times, translates)?),
+            Format::Csv => TableFile::Csv(CsvFile::begin(file, translates, cells)?),
+            Format::Npz => TableFile::Npz(NpzFile::begin(file, bodies, times, translates, cells)?),
         })
     }
 
@@ -104,13 +106,20 @@ struct FileSink {
 }
 
 impl FileSink {
-    fn begin(folder: &mut OutputFolder, output: Output, plan: &Plan<'_>, is_part: bool) -> Result<Self> {
+    /// `cells`: of the study's design, where it has one.
+    fn begin(
+        folder: &mut OutputFolder,
+        output: Output,
+        cells: Option<usize>,
+        plan: &Plan<'_>,
+        is_part: bool,
+    ) -> Result<Self> {
         let (times, ensemble) = (plan.times(), plan.scene().ensemble());
         let first_body = plan.scene().part().first_body;
         let bodies = first_body..first_body + ensemble.len();
         let mut table = |wanted: bool, stem: &str, times: Times<'_>| {
             let columns = (bodies.clone(), ensemble.translation().is_some());
-            wanted.then(|| TableFile::begin(folder, (stem, output.format), columns, times)).transpose()
+            wanted.then(|| TableFile::begin(folder, (stem, output.format), columns, cells, times)).transpose()
         };
         let (final_state, snapshots) = (
             table(output.final_state, "final", Times::One(plan.scene().end()))?,
@@ -214,7 +223,19 @@ impl OutputSize {
             }
             Format::Npz => (8 * numbers + 1, 8 * numbers + 1),
         };
-        Self { rows, least_bytes: rows.saturating_mul(least), likely_bytes: rows.saturating_mul(likely) }
+        let initial = if output.initial { ensemble.len() as u64 } else { 0 };
+        let in_all = |bytes: u64, of_number: u64| {
+            rows.saturating_mul(bytes).saturating_add(initial.saturating_mul(of_number * initial_file::LEAST_NUMBERS))
+        };
+        let (least_number, likely_number) = match output.format {
+            Format::Csv => (csv_file::LEAST_BYTES, csv_file::LIKELY_BYTES),
+            Format::Npz => (8, 8),
+        };
+        Self {
+            rows: rows + initial,
+            least_bytes: in_all(least, least_number),
+            likely_bytes: in_all(likely, likely_number),
+        }
     }
 }
 
@@ -273,7 +294,19 @@ fn run_files(
     observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Report> {
     let study_seconds = since.elapsed().as_secs_f64();
-    let mut sink = FileSink::begin(&mut folder, output, plan, shard.is_some())?;
+    let design = study.and_then(Study::design);
+    let cells = design.map(|design| design.cells());
+    let mut sink = FileSink::begin(&mut folder, output, cells, plan, shard.is_some())?;
+    let mut initial_seconds = 0.0;
+    timed(&mut initial_seconds, || {
+        if let Some(design) = design {
+            initial_file::write_cells(&mut folder, output.format, design, plan.scene().ensemble().len())?;
+        }
+        match output.initial {
+            true => initial_file::write_initial(&mut folder, output.format, study, plan.scene()),
+            false => Ok(()),
+        }
+    })?;
     let mut trust = run_into(engine, plan, &mut sink, observer)?;
     sink.finish()?;
     let (part, scene) = (plan.scene().part(), plan.scene());
@@ -315,7 +348,7 @@ fn run_files(
     report.files = folder.names().to_vec();
     report.wall_time.study = (study_seconds - report.wall_time.plan).max(0.0);
     report.wall_time.format = sink.spent.format;
-    report.wall_time.disk = sink.spent.disk;
+    report.wall_time.disk = sink.spent.disk + initial_seconds;
     report.wall_time.total = since.elapsed().as_secs_f64();
     let text = report.to_json();
     folder.write(REPORT, text.as_bytes())?;

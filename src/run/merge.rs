@@ -111,7 +111,8 @@ pub fn merge(
     let rows = (output.snapshots as usize * times.len() + output.final_state as usize) * first.body_count;
     let mut rows = Rows { done: 0, total: rows as u64, observer };
     if output.final_state {
-        let mut table = TableFile::begin(&mut folder, ("final", output.format), columns.clone(), Times::One(end))?;
+        let mut table =
+            TableFile::begin(&mut folder, ("final", output.format), columns.clone(), None, Times::One(end))?;
         for piece in &pieces {
             let mut source = StateTable::open(&piece.folder.join(format!("final.{}", output.format.name())))?;
             rows.copy(&mut source, &piece.part, 0, &mut table)?;
@@ -119,7 +120,7 @@ pub fn merge(
         table.finish()?;
     }
     if output.snapshots {
-        let mut table = TableFile::begin(&mut folder, ("snapshots", output.format), columns, Times::Many(times))?;
+        let mut table = TableFile::begin(&mut folder, ("snapshots", output.format), columns, None, Times::Many(times))?;
         let open = |piece: &Piece| StateTable::open(&piece.folder.join(format!("snapshots.{}", output.format.name())));
         let mut sources = pieces.iter().map(open).collect::<Result<Vec<_>>>()?;
         for time in 0..times.len() {

@@ -32,6 +32,8 @@ mod failures;
 mod files;
 mod group_run;
 #[cfg(feature = "study")]
+mod initial_file;
+#[cfg(feature = "study")]
 mod merge;
 mod observed;
 mod output_statistics;

@@ -2,7 +2,8 @@
 //!
 //! # Study files
 //!
-//! A study is a TOML file. Everything is in SI units. Only `[bodies]` and `[time]` are required.
+//! A study is a TOML file. Numbers are in SI units, or texts with a unit: `"30 deg"`, `"2 rpm"`, `"7000 km"` ([`mod@unit`]). Only `[bodies]`
+//! and `[time]` are required.
 //!
 //! ```toml
 //! title = "Tumbling upper stages"     # for reports
@@ -26,6 +27,7 @@
 //!                                     # or: method = "rk8", dt = 0.01, projection = true, for free bodies near the separatrix
 //!
 //! [output]
+//! initial = true                      # initial.csv: moments, states and what was drawn of all bodies at t = 0
 //! final = true                        # final.csv: all bodies at the end (the default)
 //! snapshots = true                    # snapshots.csv: all bodies at all output times
 //! statistics = ["kinetic_energy", "spin_rate"]   # statistics.csv: over all bodies at all output times
@@ -72,9 +74,12 @@
 //!   number or vector for all bodies, a distribution, or a column of the table of bodies: `{ column = "drag" }`, or
 //!   `{ columns = ["tx", "ty", "tz"] }` for a vector, with four for an orientation. The tables of a list hold plain numbers:
 //!   `facets = [{ area = 0.02, normal = [0, 0, 1], centre = [0, 0, 0.15], solar = { specular = 0.1, diffuse = 0.3 } }]`.
-//! * A number may be a distribution: `constant` (`value`), `uniform` (`low`, `high`), `normal` (`mean`, `sigma`),
-//!   `log-normal` (`median`, `sigma` of the logarithm). So may a vector, where one number stands for three; and
-//!   `direction` (`magnitude`) is uniform on the sphere.
+//! * A number may be a distribution, and so may a vector or an orientation: [`distribution`] has all of them. `[correlated.NAME]`
+//!   declares numbers that are drawn together.
+//! * `[orbit]`: `mu` and the keys of a torque's `orbit`, for all torques that need an orbit and state neither.
+//! * `[[sweep]]` and `[design]`: parameters that take several values in one run ([`sweep`]); `{ sweep = "name" }` stands for a number.
+//! * `[output] initial = true` writes `initial.csv`: what each body starts with, and was drawn with. `bodies.carry = ["operator"]`
+//!   takes further columns of the table of bodies there.
 //! * `statistics`: any quantities ([`Quantity`] has the list with formulas and units). `statistics.csv` has one row an output time: `t`,
 //!   `count` (bodies that did not fail) and of each quantity, say `spin_rate`, the columns `spin_rate_mean`,
 //!   `spin_rate_standard_deviation` (over the bodies as they are), `spin_rate_min`, `spin_rate_max`, `spin_rate_min_body`,
@@ -93,7 +98,7 @@
 //!   `angular_momentum`, `inertia` and `time` (the language is that of `docs/custom-torques.md`); an `axis` of the body and a `direction` of the
 //!   world, the angle between which it is; or `euler = "zxz"`, `angle = 2` and, where the turns are about the world's axes,
 //!   `about = "world"`.
-//! * Tables of states end in a column `status`: 0, or the number of the reason why the body has failed, and then its numbers are NaN
+//! * Tables of states end in a column `status` (and then `cell`, where a study sweeps): 0, or the number of the reason why the body has failed, and then its numbers are NaN
 //!   (of [`Status::CentreNotFinite`] only position and velocity, as long as the rotation is good): 1 `not_converged`,
 //!   2 `step_too_long`, 3 `step_below_limit`, 4 `not_finite`, 5 `centre_not_finite` ([`Status`]). Where bodies have failed, `failed.csv`
 //!   (or `.npz`) has a row for each: `body`, `t` when it failed, `status`, `reason` (its word), `known_to`, and the last good state: `last_good_t` (0 is the start),
@@ -109,6 +114,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use crate::bodies::Ensemble;
 #[cfg(doc)]
@@ -123,8 +129,9 @@ use crate::scene::{Condition, Event, Quantity};
 
 mod accuracy;
 mod bodies;
+mod context;
 mod custom;
-mod distribution;
+pub mod distribution;
 pub mod draw;
 mod force;
 mod inertia;
@@ -139,20 +146,25 @@ mod reader;
 mod rows;
 mod shape_kind;
 mod solid;
+pub mod sweep;
 pub mod table;
 pub(crate) mod text;
 mod torque;
+pub mod unit;
 
 pub use bodies::Bodies;
-pub use distribution::{Orientation, Scalar, Vector};
+pub use distribution::{AngularVelocity, Orientation, Scalar, Vector};
 pub use inertia::Inertia;
 pub use mass_file::{CLASS_TOLERANCE, MassFileOptions, MassReport, TensorAbout};
 pub use models::{describe_models, models_table};
 pub use points::read_points;
 pub use solid::Solid;
+pub use sweep::Design;
 pub use table::BodyTable;
+pub use unit::describe_units;
 
 use accuracy::{StudyStepping, accuracy};
+use distribution::Correlated;
 use draw::Draw;
 use force::StudyForce;
 use observed::StudyObserved;
@@ -165,6 +177,26 @@ use torque::StudyTorque;
 const RUN_BYTES: usize = 300;
 /// Bytes a body of each further torque (measured: 44 in `f32`, 92 in `f64`).
 const TORQUE_BYTES: usize = 40;
+
+/// The keys of a study.
+const KEYS: [&str; 16] = [
+    "title",
+    "seed",
+    "bodies",
+    "torque",
+    "force",
+    "time",
+    "accuracy",
+    "output",
+    "failures",
+    "quantity",
+    "histogram",
+    "event",
+    "sweep",
+    "design",
+    "correlated",
+    "orbit",
+];
 
 /// The key by which states are projected.
 const PROJECTION: &str = "accuracy.projection";
@@ -202,6 +234,7 @@ pub struct Study {
     places: BTreeMap<String, Place>,
     title: Option<String>,
     seed: u64,
+    design: Option<Arc<Design>>,
     bodies: Bodies,
     /// Where the bodies are in the study as it was read.
     part: Part,
@@ -223,7 +256,9 @@ pub struct Output {
     pub final_state: bool,
     /// All bodies at all output times.
     pub snapshots: bool,
-    /// The format of both.
+    /// What was drawn and read: moments, parameters and state of all bodies at t = 0.
+    pub initial: bool,
+    /// The format of all.
     pub format: Format,
 }
 
@@ -271,34 +306,36 @@ impl Study {
     }
 
     fn from_root(file: &Path, root: &Table<'_>) -> Result<Self> {
-        root.only(&[
-            "title",
-            "seed",
-            "bodies",
-            "torque",
-            "force",
-            "time",
-            "accuracy",
-            "output",
-            "failures",
-            "quantity",
-            "histogram",
-            "event",
-        ])?;
+        root.only(&KEYS)?;
         let mut places = BTreeMap::new();
         root.places(&mut places);
 
         let title = root.find("title").map(|node| node.string("expected a text")).transpose()?.map(str::to_owned);
         let seed = root.find("seed").map(|node| node.whole("expected a whole number")).transpose()?.unwrap_or(0);
+        let design = Design::read(root, Draw::new(seed))?.map(Arc::new);
+        design.iter().for_each(|design| root.context().set_design(design.clone()));
+        root.context().set_correlated(Correlated::read_all(root)?);
+        let orbit = root.find(torque::ORBIT);
+        if let Some(orbit) = &orbit {
+            root.context().set_orbit(torque::orbit(orbit)?);
+        }
         let torques = root.find("torque").map(|node| torque::read(&node)).transpose()?.unwrap_or_default();
+        if let Some(orbit) = orbit.filter(|_| !root.context().is_orbit_used()) {
+            return Err(
+                orbit.refuse("no torque takes this orbit: expected one that needs an orbit and states none of its own")
+            );
+        }
         let mut columns = BTreeSet::new();
         torques.iter().for_each(|torque| torque.columns(&mut columns));
         let forces = root.find("force").map(|node| force::read(&node)).transpose()?.unwrap_or_default();
         forces.iter().for_each(|force| force.columns(&mut columns));
         let bodies = root.need("bodies", "expected a table that describes the bodies")?;
-        let bodies = Bodies::read(&bodies, |_, name| {
+        let initial = root.find("output").and_then(|output| output.any_table()?.find("initial"));
+        let is_initial_wanted =
+            initial.map(|node| node.boolean("expected true or false")).transpose()?.unwrap_or(false);
+        let bodies = Bodies::read(&bodies, is_initial_wanted, |name, carried| {
             let folder = file.parent().unwrap_or(Path::new(""));
-            BodyTable::read_with(&folder.join(name), usize::MAX, &columns)
+            BodyTable::read_with(&folder.join(name), usize::MAX, &columns, carried)
         })?;
         if bodies.table.is_none()
             && let Some(name) = columns.first()
@@ -318,17 +355,22 @@ impl Study {
         let stepping = root.find("accuracy").map(|node| accuracy(&node)).transpose()?;
         let stepping = stepping
             .unwrap_or(StudyStepping::Accuracy { accuracy: Accuracy::attitude(DEFAULT_ATTITUDE), precision: None });
+        if let Some(design) = &design {
+            design.check_use(root)?;
+        }
         let output_table = root.find("output").map(|node| output_table(&node)).transpose()?;
         let observed = StudyObserved::read(root, output_table.as_ref())?;
         let output = output_table.as_ref().map(output).transpose()?;
         let failures = root.find("failures").map(|node| failures(&node)).transpose()?.unwrap_or(0);
-        let output = output.unwrap_or(Output { final_state: true, snapshots: false, format: Format::Csv });
+        let nothing = Output { final_state: true, snapshots: false, initial: false, format: Format::Csv };
+        let output = output.unwrap_or(nothing);
         Ok(Self {
             file: file.to_owned(),
             places,
             title,
             seed,
             part: Part { first_body: 0, of: bodies.count },
+            design,
             bodies,
             torques,
             forces,
@@ -355,6 +397,18 @@ impl Study {
     /// The seed of all draws.
     pub fn seed(&self) -> u64 {
         self.seed
+    }
+
+    /// The points at which the study sweeps over parameters, where it does.
+    pub fn design(&self) -> Option<&Arc<Design>> {
+        self.design.as_ref()
+    }
+
+    /// The draws of the study.
+    pub(crate) fn draw(&self) -> Draw {
+        let common = self.design.as_ref().filter(|design| design.has_common_draws());
+        let draw = Draw::new(self.seed).counted_from(self.part.first_body);
+        draw.common_to(common.map_or(1, |design| design.cells()))
     }
 
     /// The bodies, not yet drawn.
@@ -391,11 +445,6 @@ impl Study {
         self
     }
 
-    /// The draws of the study's bodies.
-    fn draw(&self) -> Draw {
-        Draw::new(self.seed).counted_from(self.part.first_body)
-    }
-
     /// The same study in this arithmetic, whatever the file says.
     #[must_use]
     pub fn with_precision(mut self, wanted: Precision) -> Self {
@@ -430,12 +479,11 @@ impl Study {
         crate::bodies::memory::require(self.bodies.count, self.bodies.count.saturating_mul(row), "their run")
             .map_err(|error| self.located(error))?;
         let mut scene = Scene::new(self.ensemble()?).until(self.end).outputs(self.outputs.clone()).part_of(self.part);
-        let (count, table) = (self.bodies.count, self.bodies.table.as_ref());
         for force in &self.forces {
-            scene = scene.force(force.force(self.draw(), self.seed, count, table));
+            scene = scene.force(force.force(self.draw(), self.seed, &self.bodies));
         }
         for torque in &self.torques {
-            let torque = torque.torque(self.draw(), self.seed, count, table);
+            let torque = torque.torque(self.draw(), self.seed, &self.bodies);
             scene = scene.torque(torque.map_err(|error| self.located(error))?);
         }
         scene = self.observed.applied_to(scene)?;
@@ -545,7 +593,7 @@ impl Study {
         };
         let error = Error::Body { body, field, value, expected };
         if let Some(table) = self.bodies.table.as_ref().filter(|table| in_table(table)) {
-            return table.located(error);
+            return table.located(error, self.bodies.row(body));
         }
         // A shape's sizes, its mass among them, stand within `inertia`.
         let part = self.bodies.faulty_part(self.draw(), body);
@@ -581,7 +629,7 @@ impl Study {
 fn time(node: &Node<'_>) -> Result<(f64, Outputs, bool)> {
     let table = node.table("expected a table [time]", &["end", "outputs"])?;
     let end = table.need("end", "expected the end of the simulated span (s)")?;
-    let end = end.number("expected a finite number (s)")?;
+    let end = end.quantity("s", "expected a finite number (s)")?;
     let Some(outputs) = table.find("outputs") else {
         return Ok((end, Outputs::End, false));
     };
@@ -591,7 +639,7 @@ fn time(node: &Node<'_>) -> Result<(f64, Outputs, bool)> {
     table.exclusive("every", "times")?;
     let starts = table.find("start").map(|node| node.boolean("expected true or false")).transpose()? == Some(true);
     if let Some(every) = table.find("every") {
-        return Ok((end, Outputs::Every(every.positive("expected an interval above zero (s)")?), starts));
+        return Ok((end, Outputs::Every(every.positive_quantity("s", "expected an interval above zero (s)")?), starts));
     }
     let Some(times) = table.find("times") else {
         return if starts { Ok((end, Outputs::End, true)) } else { Err(outputs.refuse(EXPECTED)) };
@@ -600,7 +648,7 @@ fn time(node: &Node<'_>) -> Result<(f64, Outputs, bool)> {
     let elements = times.elements().ok_or_else(|| times.refuse(TIMES))?;
     let mut list: Vec<f64> = Vec::with_capacity(elements.len());
     for element in elements {
-        let time = element.number(TIMES)?;
+        let time = element.quantity("s", TIMES)?;
         if list.last().is_some_and(|last| time <= *last) {
             return Err(element.refuse("expected increasing times: this one is not after the one before it (s)"));
         }
@@ -613,7 +661,7 @@ fn time(node: &Node<'_>) -> Result<(f64, Outputs, bool)> {
 }
 
 fn output_table<'a>(node: &Node<'a>) -> Result<Table<'a>> {
-    node.table("expected a table [output]", &["final", "snapshots", "statistics", "quantiles", "format"])
+    node.table("expected a table [output]", &["final", "snapshots", "initial", "statistics", "quantiles", "format"])
 }
 
 fn output(table: &Table<'_>) -> Result<Output> {
@@ -628,7 +676,8 @@ fn output(table: &Table<'_>) -> Result<Output> {
         Some("npz") => Format::Npz,
         _ => Format::Csv,
     };
-    Ok(Output { final_state: flag("final", true)?, snapshots: flag("snapshots", false)?, format })
+    let (final_state, snapshots, initial) = (flag("final", true)?, flag("snapshots", false)?, flag("initial", false)?);
+    Ok(Output { final_state, snapshots, initial, format })
 }
 
 fn failures(node: &Node<'_>) -> Result<u64> {

@@ -117,8 +117,8 @@ fn quantity<'a>(table: &Table<'a>) -> Result<(Quantity, Node<'a>)> {
     if let Some(axis) = table.find("axis") {
         table.only(&["name", "axis", "direction"])?;
         let direction = table.need("direction", "expected a direction in world axes [x, y, z]")?;
-        let axis_body = axis.vector("expected an axis of the body [x, y, z]")?;
-        let direction_world = direction.vector("expected a direction in world axes [x, y, z]")?;
+        let axis_body = axis.vector("1", "expected an axis of the body [x, y, z]")?;
+        let direction_world = direction.vector("1", "expected a direction in world axes [x, y, z]")?;
         let refused = |error: Error| match error {
             Error::Setting { field: "direction", expected, .. } => direction.refuse(expected),
             Error::Setting { expected, .. } => axis.refuse(expected),
@@ -177,7 +177,7 @@ fn quantiles(node: &Node<'_>) -> Result<Vec<f64>> {
     const LIST: &str = "expected a list of percentages from 0 to 100, such as [5, 50, 95]";
     let elements = node.elements().ok_or_else(|| node.refuse(LIST))?;
     let percent = |element: &Node<'_>| {
-        let percent = element.number(LIST)?;
+        let percent = element.quantity("1", LIST)?;
         if (0.0..=100.0).contains(&percent) { Ok(percent) } else { Err(element.refuse(LIST)) }
     };
     elements.iter().map(percent).collect()
@@ -191,7 +191,8 @@ fn histogram(table: &Table<'_>, own: &[Quantity]) -> Result<Histogram> {
     let bins = table.find("bins");
     let count = bins.as_ref().map(|node| node.whole("expected a number of bins")).transpose()?.unwrap_or(50);
     let count = usize::try_from(count).unwrap_or(usize::MAX);
-    let (first, last) = (low.number("expected a finite number")?, high.number("expected a finite number")?);
+    let edge = |node: &Node<'_>| node.quantity(quantity.unit(), "expected a finite number, in the quantity's unit");
+    let (first, last) = (edge(&low)?, edge(&high)?);
     let is_logarithmic = table.find("scale").map(|node| node.choice(&["linear", "log"])).transpose()? == Some("log");
     let made = match is_logarithmic {
         true => Histogram::logarithmic(quantity, first, last, count),
@@ -222,7 +223,8 @@ fn event<'a>(table: &Table<'a>, own: &[Quantity]) -> Result<(Event, Node<'a>)> {
     let found = Condition::ALL.iter().find(|condition| table.find(condition.name()).is_some());
     let condition = found.unwrap_or(&Condition::ALL[0]);
     let level = table.need(condition.name(), format!("expected one of {}, with a level", conditions.join(", ")))?;
-    let condition = condition.with_level(level.number("expected a finite level, in the quantity's unit")?);
+    let expected = "expected a finite level, in the quantity's unit";
+    let condition = condition.with_level(level.quantity(quantity.unit(), expected)?);
     let event = Event::new(name, quantity, condition)?;
     let Some(node) = table.find("occurrence") else { return Ok((event, name_node)) };
     const NTH: &str = "expected 1 for the first time, 2 for the second, and so on";

@@ -2,6 +2,7 @@
 
 mod bench;
 mod cli;
+mod draws;
 #[path = "../../fuzz/entries.rs"]
 mod entries;
 mod inertia_files;
@@ -17,5 +18,7 @@ mod results;
 mod shards;
 mod studies;
 mod summary;
+mod sweeps;
+mod units;
 #[path = "../support/workspace.rs"]
 mod workspace;

@@ -106,7 +106,7 @@ fn a_run_is_drawn_with_its_bodies() {
     let run = |scene: &Scene, name: &str| {
         let folder = workspace.path().join(name);
         let plan = Plan::new(scene, &engine).expect("a plan");
-        let output = Output { final_state: false, snapshots: true, format: Format::Csv };
+        let output = Output { final_state: false, snapshots: true, initial: false, format: Format::Csv };
         let place = OutputFolder::create(&folder, false).expect("a folder");
         let since = std::time::Instant::now();
         run_to_folder(&engine, &plan, None, output, place, since, &mut |_| ControlFlow::Continue(())).expect("run");

@@ -112,36 +112,42 @@ A study file in TOML describes the bodies, the time and what is written:
     snapshots = true                  # all output times, not the end alone
     format = \"csv\"                    # or \"npz\" for NumPy
 
-Keys (SI units):
+Keys (SI units, in brackets; a number with another one is a text: \"30 deg\", \"2 rpm\", \"7000 km\"):
     title, seed           a text; a whole number, default 0
     bodies.count, .file   how many; or a CSV table: ixx iyy izz [ixy ixz iyz] wx wy wz [mass]
                           [qx qy qz qw] [x y z] [vx vy vz] [name]; what it lacks is drawn
-    bodies.inertia        { shape, mass or density, lengths }: sphere, spherical-shell,
-                          circular-plate (radius), ellipsoid (semi_axes), box (edges), cylinder,
-                          cone (radius, height), tube (inner_radius, outer_radius, height), capsule
-                          (radius, length), torus (major_radius, minor_radius), rectangular-plate
-                          (width, depth), tetrahedron (corners), rod (length), point;
+    bodies.inertia        { shape, mass (kg) or density (kg/m³), lengths (m) }: sphere,
+                          spherical-shell, circular-plate (radius), ellipsoid (semi_axes),
+                          box (edges), cylinder, cone (radius, height), tube (inner_radius,
+                          outer_radius, height), capsule (radius, length), torus (major_radius,
+                          minor_radius), rectangular-plate (width, depth), tetrahedron (corners),
+                          rod (length), point;
                           { mesh = \"hull.stl\", mass or density [scale, shell] } (STL or OBJ);
                           { hull = \"corners.csv\", mass or density [scale] } (x y z);
                           { points = \"atoms.csv\" [scale, mass] } (mass x y z);
                           { parts = [{ shape, mesh, hull or points as above, position, orientation,
-                          hole }, ...] [mass or density] }; moments [ixx, iyy, izz];
+                          hole }, ...] [mass or density] }; moments [ixx, iyy, izz] (kg m²);
                           { moments = distribution }; { moments, scatter = relative deviation };
                           or a tensor { ixx, iyy, izz, ixy, ixz, iyz [scatter] },
                           ixy = -(integral of xy dm); `polhode inertia` prints what follows.
                           Origin and position of a body are its centre of mass, wherever that lies
     bodies.repair_triangle_inequality
                           largest relative change by which measured tensors are mended
-    bodies.orientation    [x, y, z, w], { axis, angle }, or { distribution = \"uniform\" }
+    bodies.orientation    [x, y, z, w], { axis, angle (rad) }, or { distribution = \"uniform\" }
     bodies.angular_velocity, .position, .velocity, .mass
-                          the first in body axes, the next two in world axes
-    [[torque]] model      one of those below, and its parameters; a key with a dot stands in a table:
-                          orbit = { radius = 7.0e6, inclination = 0.9 }
-    [[force]] model       constant, thrust (force: world, body axes), gravity (acceleration),
-                          linear-drag, quadratic-drag (coefficient), custom (force: a formula, world
-                          axes, of attitude, angular_velocity, time, position, velocity, mass;
-                          parameters); the bodies need masses
-    time.end, .outputs    { every } or { times = [...] }; start = true records the start too
+                          rad/s in body axes; m and m/s in world axes; kg
+    bodies.carry          names of further columns of the table, for initial.csv
+    [orbit]               mu (m³/s²) and radius or semi_major_axis (m), [eccentricity, inclination,
+                          ascending_node, pericentre, mean_anomaly (rad)]: stated once, for
+                          every torque that needs an orbit and states none of its own
+    [[sweep]], [design]   parameters that take several values, and which; below
+    [[torque]] model      one of those below, and its parameters; a key with a dot stands in a
+                          table: orbit = { radius = 7.0e6, inclination = 0.9 }
+    [[force]] model       constant, thrust (force, N: world, body axes), gravity (acceleration,
+                          m/s²), linear-drag, quadratic-drag (coefficient, N s/m, N s²/m²),
+                          custom (force: a formula, N, world axes, of attitude, angular_velocity,
+                          time, position, velocity, mass; parameters); the bodies need masses
+    time.end, .outputs    s; { every } or { times = [...] } (s); start = true records the start too
     accuracy              errors at the end that percentile (default 99) % of the bodies keep:
                           attitude (rad, default 1e-6), angular_velocity (of its magnitude), energy
                           (kinetic, of its value) [precision: f32, f64];
@@ -149,23 +155,20 @@ Keys (SI units):
                           implicit_midpoint and, for comparison, dlm, explicit_euler, gyro_newton,
                           clamped_euler, spiral), dt, or rk8 or taylor (f64, CPU) and tolerance
                           [precision: f32, f64]
-    output                final, snapshots (true or false), format (csv, npz); statistics = [...] of
-                          quantities over all bodies; quantiles = [5, 50, 95] of them, in percent
+    output                final, snapshots, initial (true or false), format (csv, npz);
+                          statistics = [...] of quantities over all bodies; quantiles = [5, 50, 95] of
+                          them, in percent
     [[histogram]]         quantity, low, high, bins (default 50), scale (linear, log)
     [[event]]             name, quantity and one of below, above, falls_below, rises_above, crosses with
                           a level; occurrence = 3 for the third time. Looked for from output to output
     [[quantity]]          name and formula (a number of attitude, angular_velocity, angular_momentum,
                           inertia, time) [unit]; or axis (body) and direction (world): the angle between
                           them; or euler = \"zxz\" [about = \"world\"] and angle (1, 2, 3)
+    failures.allow        how many bodies may fail before the exit status is 1; default 0
 Quantities: kinetic_energy (J), spin_rate (rad/s), angular_momentum (kg m²/s; _x, _y, _z in world axes),
 angular_velocity_x, _y, _z (rad/s, body axes), nutation (rad, between spin and angular momentum),
 dynamic_inertia (kg m², L²/2T), separatrix_distance (-1 about the least axis, 0 separatrix, 1 about the
-greatest), yaw, pitch, roll (rad), potential_energy, total_energy (J), and the study's own.
-    failures.allow        how many bodies may fail before the exit status is 1; default 0
-Any number or vector of a body may be a distribution: constant (value), uniform (low, high),
-normal (mean, sigma), log-normal (median, sigma of the logarithm); a vector also direction
-(magnitude), uniform on the sphere. Every draw depends on seed, body and column alone. Parameters of
-torques may be distributions too, or columns of the table: { column = \"drag\" }, { columns = [...] }.";
+greatest), yaw, pitch, roll (rad), potential_energy, total_energy (J), and the study's own.";
 
 const RUN_EXAMPLES: &str = "\
 Examples:
@@ -183,7 +186,10 @@ not_converged, 2 step_too_long, 3 step_below_limit, 4 not_finite, 5 centre_not_f
 and velocity are NaN); snapshots.csv with the same at all output times; failed.csv, where bodies have failed,
 with body, t when it failed, status, reason, known_to, and the last good state: last_good_t (0 is the start)
 qx qy qz qw wx wy wz (known_to step: t is the end of the first step that failed, or where adaptive steps stopped;
-output: the output at which it was seen); statistics.csv with t, count and of each quantity
+output: the output at which it was seen); initial.csv, where asked for, with what each body starts with:
+name and carried columns, tensor (kg m²), moments i1 i2 i3 and axes ax ay az aw (principal to body), state
+at t = 0, and torque[1].KEY, force[1].KEY of all that was drawn; of a sweep cells.csv with cell, bodies and
+the axes' values, and a column cell in all tables of bodies; statistics.csv with t, count and of each quantity
 mean, standard_deviation, min, max, min_body, max_body and quantiles q5, q50, ... at all output times;
 histograms.csv with t, histogram (from 0), quantity, low, high, count; events.csv with event, body, t, known_to
 (start, located, output) and the orientation and angular velocity then; survival.csv with event, t, remaining
@@ -197,8 +203,9 @@ by the next one.";
 /// What `polhode run --help` adds to the options.
 fn run_help() -> String {
     let models = polhode::study::describe_models();
+    let (inputs, units) = (crate::inputs_help::INPUTS_HELP, polhode::study::describe_units());
     format!(
-        "{RUN_HELP}\n\nTorques, their equations and parameters [what holds where a key is left out]:\n{models}\n\n{RUN_EXAMPLES}"
+        "{RUN_HELP}\n\n{inputs}\n{units}\nTorques, their equations and parameters [what holds where a key is left out]:\n{models}\n\n{RUN_EXAMPLES}"
     )
 }
 

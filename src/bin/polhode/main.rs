@@ -11,6 +11,7 @@ mod devices;
 mod engine;
 mod explain;
 mod inertia;
+mod inputs_help;
 mod launcher;
 mod man;
 mod output;

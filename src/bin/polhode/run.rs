@@ -81,8 +81,9 @@ fn run_until_written(
         output::note(&format!("note: removed what a killed run had left: {}", leftover.display()));
     }
     let scene = study.scene()?.skipping(!arguments.no_skip);
-    if part.is_some() && scene.needs_states() {
-        let expected = "quantiles, histograms, events and derived quantities are not merged from parts";
+    if part.is_some() && (scene.needs_states() || study.design().is_some() || study.output().initial) {
+        let expected =
+            "sweeps, initial states, quantiles, histograms, events and derived quantities are not merged from parts";
         return Err(Failure::Value(format!("--shard: {expected}: run the study as a whole")));
     }
     let wanted = study.output();

@@ -10,6 +10,8 @@ use std::ops::Range;
 
 use glam::{DQuat, DVec3};
 
+#[cfg(feature = "study")]
+use crate::error::Text;
 use crate::error::{Error, Result};
 use crate::torque::{Parameter, ValidationContext, Validity, Value};
 
@@ -94,6 +96,22 @@ impl Force {
             Force::QuadraticDrag(_) => "quadratic-drag",
             Force::Thrust(_) => "thrust",
             Force::Custom(_) => "custom",
+        }
+    }
+
+    /// Its parameters with their names, as studies have them.
+    #[cfg(feature = "study")]
+    pub(crate) fn parameters(&self) -> Vec<(Text, Value)> {
+        let vector = |name: &'static str, value: &Parameter<DVec3>| vec![(name.into(), Value::Vector(value.clone()))];
+        let number = |value: &Parameter<f64>| vec![("coefficient".into(), Value::Number(value.clone()))];
+        match self {
+            Force::Constant(force) | Force::Thrust(force) => vector("force", force),
+            Force::Gravity(acceleration) => vector("acceleration", acceleration),
+            Force::LinearDrag(coefficient) | Force::QuadraticDrag(coefficient) => number(coefficient),
+            Force::Custom(force) => {
+                let names = force.declarations().iter().map(|declared| declared.name.clone());
+                names.zip(force.values().iter().cloned()).collect()
+            }
         }
     }
 
