@@ -47,6 +47,15 @@ pub struct EventOccurrence {
     pub angular_velocity_body: DVec3,
 }
 
+/// A body that failed without having had an event.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Censored {
+    /// The body.
+    pub body: usize,
+    /// When it was seen to have failed, s.
+    pub time: f64,
+}
+
 /// An event of all bodies.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EventRecord {
@@ -56,8 +65,8 @@ pub struct EventRecord {
     pub bodies: usize,
     /// Who had it, by time and of equal times by body.
     pub occurrences: Vec<EventOccurrence>,
-    /// When bodies failed without having had it, s, ascending: nothing is known of them from then on.
-    pub censored: Vec<f64>,
+    /// Who failed without having had it, by time: nothing is known of them from then on.
+    pub censored: Vec<Censored>,
     /// How far the times are from those of the recomputed sample's bodies.
     pub errors: EventErrors,
 }
@@ -103,14 +112,14 @@ impl EventRecord {
         let of_time = |&time: &f64| {
             while let Some(next) = self.occurrences.get(had).filter(|next| next.time <= time) {
                 // Who fails at the same time has been there.
-                lost += self.censored[lost..].iter().take_while(|&&censored| censored < next.time).count();
+                lost += self.censored[lost..].iter().take_while(|censored| censored.time < next.time).count();
                 let at_once = self.occurrences[had..].iter().take_while(|other| other.time == next.time).count();
                 let at_risk = (self.bodies - had - lost) as f64;
                 share *= 1.0 - at_once as f64 / at_risk;
                 sum += at_once as f64 / (at_risk * (at_risk - at_once as f64));
                 had += at_once;
             }
-            lost += self.censored[lost..].iter().take_while(|&&censored| censored <= time).count();
+            lost += self.censored[lost..].iter().take_while(|censored| censored.time <= time).count();
             let remaining = self.bodies - had - lost;
             // As many bodies without failures would give this variance.
             let is_inner = share > 0.0 && share < 1.0 && sum.is_finite();
@@ -119,6 +128,17 @@ impl EventRecord {
             Survival { time, remaining, share, low, high }
         };
         times.iter().map(of_time).collect()
+    }
+
+    /// The same of the bodies in one of some cells: body b lies in cell b modulo their number ([`crate::study::Design`]).
+    #[must_use]
+    pub fn of_cell(&self, cell: usize, cells: usize) -> Self {
+        let is_own = |body: usize| body % cells == cell;
+        let mut own = Self { errors: EventErrors::default(), ..self.clone() };
+        own.occurrences.retain(|occurrence| is_own(occurrence.body));
+        own.censored.retain(|censored| is_own(censored.body));
+        own.bodies = self.bodies / cells + usize::from(cell < self.bodies % cells);
+        own
     }
 
     /// The time by which the share has come down to one half, s, where it has.
@@ -156,7 +176,7 @@ mod tests {
             event: Event::new("e", Quantity::SpinRate, Condition::Below(1.0)).expect("a level"),
             bodies,
             occurrences: times.iter().enumerate().map(occurrence).collect(),
-            censored: censored.to_vec(),
+            censored: censored.iter().enumerate().map(|(body, &time)| Censored { body, time }).collect(),
             errors: EventErrors::default(),
         }
     }
@@ -184,6 +204,17 @@ mod tests {
         // Of 10 in 10: 0.722 to 1.
         assert!((survival[0].low - 0.7225).abs() < 1e-4 && survival[0].high == 1.0, "{survival:?}");
         assert_eq!(record.median(), None);
+    }
+
+    #[test]
+    fn cells_are_the_bodies_in_turn() {
+        let record = record(7, &[1.0, 2.0, 3.0, 4.0, 5.0], &[]);
+        let remaining = |cell: usize| {
+            let points = record.of_cell(cell, 3).survival(&[0.0, 9.0]);
+            (points[0].remaining, points[1].remaining)
+        };
+        // Bodies 0, 3, 6; 1, 4; 2, 5, of which 0 to 4 had it.
+        assert_eq!([0, 1, 2].map(remaining), [(3, 1), (2, 0), (2, 1)]);
     }
 
     #[test]

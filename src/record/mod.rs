@@ -47,7 +47,6 @@ mod statistics;
 pub(crate) mod statistics_file;
 #[cfg(feature = "study")]
 pub(crate) mod table_file;
-mod whole_table;
 
 pub use crate::math::QUANTILE_ERROR;
 pub use adaptive_work::AdaptiveWork;
@@ -58,7 +57,7 @@ pub use column::{CELL, ROTATION_COLUMNS, STATUS, TRANSLATION_COLUMNS};
 pub use distribution::HistogramCounts;
 pub use drift::Drift;
 pub(crate) use drift::{BodyDrift, Conserved, DriftGatherer};
-pub use events::{EventErrors, EventOccurrence, EventRecord, EventTime, Survival};
+pub use events::{Censored, EventErrors, EventOccurrence, EventRecord, EventTime, Survival};
 pub use failed::{FailedBody, KnownTo};
 #[cfg(feature = "study")]
 pub use folder::{OutputFolder, PLAN, REPORT, Traces};

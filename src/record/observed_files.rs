@@ -1,68 +1,81 @@
 //! The tables of events, of how many bodies have not had them yet, and of histograms.
 
-use super::events::{EventRecord, EventTime, Survival};
+use super::events::{EventRecord, Survival};
 use super::folder::OutputFolder;
-use super::whole_table::{Column, write};
+use super::table_file::{self, TableColumn};
 use super::{EventOccurrence, HistogramCounts};
 use crate::error::Result;
 use crate::scene::Histogram;
 use crate::study::Format;
 
-/// Writes `events`, a row a body and event that it had, and `survival`, a row an event and output time (and the start).
+/// Writes `events`, a row a body and event that it had, and `survival`, a row an event and output time (and the start). `cells` of the
+/// study's design, where it has one: body b lies in cell b modulo this.
 pub(crate) fn write_events(
     folder: &mut OutputFolder,
     format: Format,
     events: &[EventRecord],
     times: &[f64],
+    cells: Option<usize>,
 ) -> Result<()> {
-    let longest = events.iter().map(|record| record.event.name().len()).max().unwrap_or(0);
     let rows: Vec<(&str, EventOccurrence)> = events
         .iter()
         .flat_map(|record| record.occurrences.iter().map(|occurrence| (record.event.name(), *occurrence)))
         .collect();
-    let known_to = EventTime::ALL.iter().map(|known_to| known_to.name().len()).max().unwrap_or(0);
-    let orientation = |part: usize| {
-        Column::numbers({
-            let rows = &rows;
-            move |row: usize| rows[row].1.orientation.to_array()[part]
-        })
+    let rows = &rows;
+    let orientation =
+        |name: &str, part: usize| TableColumn::number(name, move |row: usize| rows[row].1.orientation.to_array()[part]);
+    let velocity = |name: &str, part: usize| {
+        TableColumn::number(name, move |row: usize| rows[row].1.angular_velocity_body.to_array()[part])
     };
-    let velocity = |part: usize| {
-        Column::numbers({
-            let rows = &rows;
-            move |row: usize| rows[row].1.angular_velocity_body.to_array()[part]
-        })
-    };
-    let columns = [
-        ("event", Column::words(longest, |row| rows[row].0)),
-        ("body", Column::counts(|row| rows[row].1.body as u64)),
-        ("t", Column::numbers(|row| rows[row].1.time)),
-        ("known_to", Column::words(known_to, |row| rows[row].1.known_to.name())),
-        ("qx", orientation(0)),
-        ("qy", orientation(1)),
-        ("qz", orientation(2)),
-        ("qw", orientation(3)),
-        ("wx", velocity(0)),
-        ("wy", velocity(1)),
-        ("wz", velocity(2)),
+    let mut columns = vec![
+        TableColumn::text("event", |row| rows[row].0),
+        TableColumn::whole("body", |row| rows[row].1.body as u64),
+        TableColumn::number("t", |row| rows[row].1.time),
+        TableColumn::text("known_to", |row| rows[row].1.known_to.name()),
+        orientation("qx", 0),
+        orientation("qy", 1),
+        orientation("qz", 2),
+        orientation("qw", 3),
+        velocity("wx", 0),
+        velocity("wy", 1),
+        velocity("wz", 2),
     ];
-    write(folder, "events", format, rows.len(), &columns)?;
+    if let Some(cells) = cells {
+        columns.push(TableColumn::whole("cell", move |row| (rows[row].1.body % cells) as u64));
+    }
+    table_file::write(folder, "events", format, rows.len(), &columns)?;
 
     let mut with_start = vec![0.0];
     with_start.extend(times.iter().copied().filter(|&time| time > 0.0));
-    let rows: Vec<(&str, Survival)> = events
+    let rows: Vec<(&str, Survival, usize)> = events
         .iter()
-        .flat_map(|record| record.survival(&with_start).into_iter().map(|survival| (record.event.name(), survival)))
+        .flat_map(|record| {
+            let name = record.event.name();
+            // Of all bodies, or cell by cell.
+            (0..cells.unwrap_or(1)).flat_map({
+                let with_start = &with_start;
+                move |cell| {
+                    let survival = match cells {
+                        Some(cells) => record.of_cell(cell, cells).survival(with_start),
+                        None => record.survival(with_start),
+                    };
+                    survival.into_iter().map(move |survival| (name, survival, cell))
+                }
+            })
+        })
         .collect();
-    let columns = [
-        ("event", Column::words(longest, |row| rows[row].0)),
-        ("t", Column::numbers(|row| rows[row].1.time)),
-        ("remaining", Column::counts(|row| rows[row].1.remaining as u64)),
-        ("share", Column::numbers(|row| rows[row].1.share)),
-        ("low", Column::numbers(|row| rows[row].1.low)),
-        ("high", Column::numbers(|row| rows[row].1.high)),
+    let mut columns = vec![
+        TableColumn::text("event", |row| rows[row].0),
+        TableColumn::number("t", |row| rows[row].1.time),
+        TableColumn::whole("remaining", |row| rows[row].1.remaining as u64),
+        TableColumn::number("share", |row| rows[row].1.share),
+        TableColumn::number("low", |row| rows[row].1.low),
+        TableColumn::number("high", |row| rows[row].1.high),
     ];
-    write(folder, "survival", format, rows.len(), &columns)
+    if cells.is_some() {
+        columns.push(TableColumn::whole("cell", |row| rows[row].2 as u64));
+    }
+    table_file::write(folder, "survival", format, rows.len(), &columns)
 }
 
 /// Writes `histograms`, a row an output time, histogram and bin; what lies outside of the bins has rows with an infinite edge.
@@ -80,17 +93,17 @@ pub(crate) fn write_histograms(
         rows.map(move |(index, place)| (output, index, place)).collect::<Vec<_>>()
     };
     let rows: Vec<(usize, usize, usize)> = (0..counts.len()).flat_map(of_output).collect();
-    let longest = histograms.iter().map(|histogram| histogram.quantity().name().len()).max().unwrap_or(0);
+    let rows = &rows;
     let edge = |index: usize, place: Option<usize>, outside: f64| {
         place.and_then(|place| histograms[index].edges().get(place)).copied().unwrap_or(outside)
     };
     let columns = [
-        ("t", Column::numbers(|row| counts[rows[row].0][rows[row].1].time)),
-        ("histogram", Column::counts(|row| rows[row].1 as u64)),
-        ("quantity", Column::words(longest, |row| histograms[rows[row].1].quantity().name())),
-        ("low", Column::numbers(|row| edge(rows[row].1, rows[row].2.checked_sub(1), f64::NEG_INFINITY))),
-        ("high", Column::numbers(|row| edge(rows[row].1, Some(rows[row].2), f64::INFINITY))),
-        ("count", Column::counts(|row| counts[rows[row].0][rows[row].1].counts[rows[row].2])),
+        TableColumn::number("t", |row| counts[rows[row].0][rows[row].1].time),
+        TableColumn::whole("histogram", |row| rows[row].1 as u64),
+        TableColumn::text("quantity", |row| histograms[rows[row].1].quantity().name()),
+        TableColumn::number("low", |row| edge(rows[row].1, rows[row].2.checked_sub(1), f64::NEG_INFINITY)),
+        TableColumn::number("high", |row| edge(rows[row].1, Some(rows[row].2), f64::INFINITY)),
+        TableColumn::whole("count", |row| counts[rows[row].0][rows[row].1].counts[rows[row].2]),
     ];
-    write(folder, "histograms", format, rows.len(), &columns)
+    table_file::write(folder, "histograms", format, rows.len(), &columns)
 }

@@ -1,4 +1,4 @@
-//! Tables of a row a body, or a cell, whose columns are known when they are written.
+//! Tables whose columns are known when they are written: what bodies start with, cells, events, survival, histograms, bodies that failed.
 
 use rayon::prelude::*;
 
@@ -21,12 +21,17 @@ pub(crate) struct TableColumn<'a> {
 type OfRow<'a, T> = Box<dyn Fn(usize) -> T + Sync + 'a>;
 
 enum Values<'a> {
+    Code(OfRow<'a, u8>),
     Whole(OfRow<'a, u64>),
     Number(OfRow<'a, f64>),
     Text(OfRow<'a, &'a str>),
 }
 
 impl<'a> TableColumn<'a> {
+    pub(crate) fn code(name: &str, values: impl Fn(usize) -> u8 + Sync + 'a) -> Self {
+        Self { name: name.to_owned(), values: Values::Code(Box::new(values)) }
+    }
+
     pub(crate) fn whole(name: &str, values: impl Fn(usize) -> u64 + Sync + 'a) -> Self {
         Self { name: name.to_owned(), values: Values::Whole(Box::new(values)) }
     }
@@ -68,6 +73,7 @@ pub(crate) fn write(
                     _ => 0,
                 };
                 let (element, bytes) = match &column.values {
+                    Values::Code(_) => ("|u1".to_owned(), 1),
                     Values::Whole(_) => ("<u8".to_owned(), 8),
                     Values::Number(_) => ("<f8".to_owned(), 8),
                     Values::Text(_) => (format!("<U{longest}"), 4 * longest),
@@ -78,6 +84,7 @@ pub(crate) fn write(
                 for start in (0..rows).step_by(BLOCK) {
                     let rows = start..(start + BLOCK).min(rows);
                     let bytes: Vec<u8> = match &column.values {
+                        Values::Code(value) => rows.map(value).collect(),
                         Values::Whole(value) => rows.flat_map(|row| value(row).to_le_bytes()).collect(),
                         Values::Number(value) => rows.flat_map(|row| value(row).to_le_bytes()).collect(),
                         Values::Text(value) => rows.flat_map(|row| wide(value(row), longest)).collect(),
@@ -98,6 +105,7 @@ fn line(columns: &[TableColumn<'_>], row: usize) -> String {
             text.push(',');
         }
         match &column.values {
+            Values::Code(value) => text += itoa::Buffer::new().format(value(row)),
             Values::Whole(value) => text += itoa::Buffer::new().format(value(row)),
             Values::Number(value) => text += zmij::Buffer::new().format(value(row)),
             Values::Text(value) => text += &quoted(value(row)),

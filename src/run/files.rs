@@ -316,7 +316,7 @@ fn run_files(
         failed_file::write(&mut folder, output.format, &trust.failures)?;
     }
     if !sink.events.is_empty() {
-        write_events(&mut folder, output.format, &sink.events, plan.times())?;
+        write_events(&mut folder, output.format, &sink.events, plan.times(), cells)?;
     }
     if !sink.histograms.is_empty() {
         write_histograms(&mut folder, output.format, scene.wanted_histograms(), &sink.histograms)?;

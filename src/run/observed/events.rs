@@ -11,7 +11,7 @@ use crate::bodies::{BodyState, Members};
 use crate::engine::Observer;
 use crate::error::Result;
 use crate::plan::Plan;
-use crate::record::{EventErrors, EventOccurrence, EventRecord, EventTime, OutputState};
+use crate::record::{Censored, EventErrors, EventOccurrence, EventRecord, EventTime, OutputState};
 use crate::scene::Event;
 
 /// Where a body stands with an event.
@@ -44,7 +44,7 @@ pub(super) struct EventWatch<'p> {
     starts: Vec<Start>,
     time: f64,
     occurrences: Vec<Vec<EventOccurrence>>,
-    censored: Vec<Vec<f64>>,
+    censored: Vec<Vec<Censored>>,
     passages: Vec<Passage>,
     locator: Locator<'p>,
 }
@@ -100,7 +100,7 @@ impl<'p> EventWatch<'p> {
             let blocks: Vec<(usize, &[f64])> = values.of(self.quantities[index]).collect();
             let tracks = &mut self.tracks[index][rows.clone()];
             let of_block = |(tracks, (first, values)): (&mut [Track], &(usize, &[f64]))| {
-                let (mut passages, mut censored) = (Vec::new(), 0_usize);
+                let (mut passages, mut censored) = (Vec::new(), Vec::new());
                 for (row, (track, &value)) in tracks.iter_mut().zip(*values).enumerate() {
                     if track.closed {
                         continue;
@@ -108,7 +108,7 @@ impl<'p> EventWatch<'p> {
                     let (place, state) = (first + row, &states[first + row].rotation);
                     if !state.is_sound() {
                         track.closed = true;
-                        censored += 1;
+                        censored.push(Censored { body: members.body(rows.start + place), time });
                         continue;
                     }
                     // A body without a value, as one at rest has no nutation, stays on its side.
@@ -132,7 +132,7 @@ impl<'p> EventWatch<'p> {
             let found: Vec<_> = tracks.par_chunks_mut(BLOCK).zip(&blocks).map(of_block).collect();
             for (passages, censored) in found {
                 self.passages.extend(passages);
-                self.censored[index].extend(std::iter::repeat_n(time, censored));
+                self.censored[index].extend(censored);
             }
         }
         self.keep(&rows, states);
@@ -166,7 +166,7 @@ impl<'p> EventWatch<'p> {
     pub fn finish(self) -> Vec<EventRecord> {
         let bodies = self.members.len();
         let found = self.events.iter().zip(self.occurrences).zip(self.censored);
-        let record = |((event, mut occurrences), censored): ((&Event, Vec<EventOccurrence>), Vec<f64>)| {
+        let record = |((event, mut occurrences), censored): ((&Event, Vec<EventOccurrence>), Vec<Censored>)| {
             occurrences.par_sort_by(|a, b| a.time.total_cmp(&b.time).then(a.body.cmp(&b.body)));
             EventRecord { event: event.clone(), bodies, occurrences, censored, errors: EventErrors::default() }
         };
