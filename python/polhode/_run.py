@@ -65,7 +65,9 @@ class Scene:
     end : the simulated time from 0, s, finite, not negative
     outputs : number, the interval in s at which states are recorded; or an array of increasing times, s; None: the end alone
         The end itself is always recorded.
-    statistics : list of "kinetic_energy", "spin_rate", "angular_momentum", over all bodies at all output times
+    statistics : list of quantities, over all bodies at all output times: "kinetic_energy", "spin_rate", "angular_momentum" (and
+        "_x", "_y", "_z" of it in world axes), "angular_velocity_x", "_y", "_z", "nutation", "dynamic_inertia", "separatrix_distance",
+        "yaw", "pitch", "roll", "potential_energy", "total_energy"
     states : whether states of bodies are recorded. With statistics and without states, statistics alone leave the device.
     skip : whether work that the scene does not need may be left out; it never changes a result beyond its bound
     """

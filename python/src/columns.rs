@@ -156,14 +156,14 @@ fn statistics<'py>(py: Python<'py>, found: &[Statistics]) -> PyResult<Option<Bou
     for (place, summary) in first.summaries.iter().enumerate() {
         let over_time = || found.iter().map(|at| &at.summaries[place]);
         let figures = PyDict::new(py);
-        figures.set_item("unit", summary.statistic.unit())?;
+        figures.set_item("unit", summary.quantity.unit())?;
         figures.set_item("mean", column(py, over_time().map(|of| of.mean))?)?;
         figures.set_item("standard_deviation", column(py, over_time().map(|of| of.standard_deviation))?)?;
         figures.set_item("min", column(py, over_time().map(|of| of.min))?)?;
         figures.set_item("max", column(py, over_time().map(|of| of.max))?)?;
         figures.set_item("min_body", column(py, over_time().map(|of| body(of.min_body)))?)?;
         figures.set_item("max_body", column(py, over_time().map(|of| body(of.max_body)))?)?;
-        quantities.set_item(summary.statistic.name(), figures)?;
+        quantities.set_item(summary.quantity.name(), figures)?;
     }
     all.set_item("quantities", quantities)?;
     Ok(Some(all))

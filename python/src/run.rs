@@ -10,7 +10,7 @@ use polhode::record::{FailedBody, OutputFolder, Report};
 use polhode::run::{run_into, run_to_folder};
 use polhode::scene::AdaptiveSteps;
 use polhode::study::Study;
-use polhode::{Accuracy, Engine, Method, Outputs, Plan, Precision, Result, Scene, Statistic};
+use polhode::{Accuracy, Engine, Method, Outputs, Plan, Precision, Quantity, Result, Scene};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -175,14 +175,14 @@ impl Parts<'_> {
             (None, None) => Outputs::End,
         };
         let named = |name: &String| {
-            Statistic::ALL.into_iter().find(|statistic| statistic.name() == name).ok_or_else(|| {
-                let known: Vec<&str> = Statistic::ALL.into_iter().map(Statistic::name).collect();
+            Quantity::NAMED.iter().find(|quantity| quantity.name() == name).ok_or_else(|| {
+                let known: Vec<&str> = Quantity::NAMED.iter().map(Quantity::name).collect();
                 errors::input(py, format!("statistics: {name:?}: expected {}", known.join(", ")))
             })
         };
         let statistics = self.statistics.iter().map(named).collect::<PyResult<Vec<_>>>()?;
         let scene = Scene::new(self.bodies.get().0.clone()).until(self.end).outputs(outputs);
-        let scene = scene.statistics(&statistics).skipping(self.skip);
+        let scene = scene.statistics(statistics).skipping(self.skip);
         let scene = if self.states { scene } else { scene.without_states() };
         let scene = self.forces.iter().fold(scene, |scene, force| scene.force(force.get().force.clone()));
         let scene = self.torques.iter().fold(scene, |scene, torque| scene.torque(torque.get().torque.clone()));
