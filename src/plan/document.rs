@@ -365,15 +365,6 @@ impl<'a> Plan<'a> {
         text
     }
 
-    /// Writes [`Plan::to_json`] to a file, which appears as a whole and replaces any of its name.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::File`].
-    pub fn write(&self, path: &Path) -> Result<()> {
-        crate::record::folder::write_whole(path, self.to_json().as_bytes())
-    }
-
     /// The plan that `document` holds, for the scene that it was made for, or a part of it ([`Scene::part_of`]); no pilot is flown. On the same engine a run gives the
     /// same bits.
     ///

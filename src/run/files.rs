@@ -1,6 +1,7 @@
 //! A run whose outputs go to files.
 
 use std::ops::{ControlFlow, Range};
+use std::path::Path;
 use std::time::Instant;
 
 use crate::engine::{Backend, Progress};
@@ -10,7 +11,7 @@ use crate::plan::{Plan, PlanDocument};
 use crate::record::column;
 use crate::record::csv_file::{self, CsvFile};
 use crate::record::failed_file;
-use crate::record::folder::{OutputFile, OutputFolder, PLAN, REPORT};
+use crate::record::folder::{OutputFile, OutputFolder, PLAN, REPORT, write_whole};
 use crate::record::npz_file::{NpzFile, Times};
 use crate::record::observed_files::{write_events, write_histograms};
 use crate::record::report::{EventReport, Report, StatisticsReport, StudyReport};
@@ -237,6 +238,15 @@ impl OutputSize {
             likely_bytes: in_all(likely, likely_number),
         }
     }
+}
+
+/// Writes a plan ([`Plan::to_json`]) to a file, which appears as a whole and replaces any of its name.
+///
+/// # Errors
+///
+/// [`Error::File`].
+pub fn write_plan(plan: &Plan<'_>, path: &Path) -> Result<()> {
+    write_whole(path, plan.to_json().as_bytes())
 }
 
 /// Runs `plan` on `engine` and writes the tables that `output` asks for, `plan.json` and `report.json`, into `folder`, and, where

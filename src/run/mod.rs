@@ -47,7 +47,7 @@ mod translation;
 
 pub use balance::balance;
 #[cfg(feature = "study")]
-pub use files::{OutputSize, run_shard_to_folder, run_to_folder};
+pub use files::{OutputSize, run_shard_to_folder, run_to_folder, write_plan};
 #[cfg(feature = "study")]
 pub use merge::{MergedAccuracy, MergedReport, merge};
 pub use replay::{How, Replay, StateError, alone, replay};

@@ -167,7 +167,7 @@ fn arrays_hold_the_same_as_text() {
 #[test]
 fn parts_of_a_study_with_events_are_refused() {
     let workspace = Workspace::new(&format!("{BODIES}{QUESTIONS}"));
-    workspace.done(&["plan", "study.toml", "--engine", "cpu", "--out", "plan.json"]);
+    workspace.done(&["plan", "study.toml", "--engine", "cpu", "--quiet", "--out", "plan.json"]);
     let arguments = ["run", "study.toml", "--engine", "cpu", "--plan", "plan.json", "--shard", "1/1", "--out", "parts"];
     let message = workspace.refused(&arguments, 2);
     assert!(message.contains("are not merged from parts: run the study as a whole"), "{message}");

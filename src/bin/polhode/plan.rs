@@ -2,6 +2,7 @@
 
 use polhode::Plan;
 use polhode::bodies::Blocks;
+use polhode::run::write_plan;
 use polhode::study::Study;
 
 use crate::arguments::PlanArguments;
@@ -20,7 +21,7 @@ pub fn plan(arguments: &PlanArguments) -> Result<(), Failure> {
     let planned = planning(arguments.quiet, || Plan::with_costs(&scene, &engine, &costs));
     let plan = planned.map_err(|error| study.located(error))?;
     let Some(path) = &arguments.out else { return output::print(&plan.to_json()) };
-    plan.write(path)?;
+    write_plan(&plan, path)?;
     if !arguments.quiet {
         let blocks = Blocks::of(scene.ensemble().len());
         output::note(&format!(
