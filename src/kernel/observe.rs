@@ -15,7 +15,7 @@
 //! carried in two words in `f32`. Bodies are cut into [blocks](crate::bodies::Blocks), and each block into pieces of at most 1,024 of its bodies
 //! that are treated alike. Of a piece each of 64 lanes of a workgroup merges 16 bodies, one after the other; then the lanes are merged as
 //! a tree. The pieces of a block, what else the block has, and then the blocks are merged as a tree in their order, in `f64`, on the host
-//! ([`merge_all`]). So the result does not depend on threads, chunks, or in how many parts an ensemble is run.
+//! (`merge_all`). So the result does not depend on threads, chunks, or in how many parts an ensemble is run.
 //!
 //! # Error
 //!

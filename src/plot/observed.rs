@@ -88,29 +88,40 @@ pub(super) fn survival(folder: &Path) -> Result<Figure> {
             names.push(event);
         }
     });
+    let cells: Vec<usize> = rows.numbers("cell").unwrap_or_default().iter().map(|&cell| cell as usize).collect();
+    let count = cells.iter().max().map_or(1, |last| last + 1);
+    let cell_of = |row: usize| cells.get(row).copied().unwrap_or(0);
     let panel = |name: &&str| {
-        let own: Vec<usize> = (0..events.len()).filter(|&row| events[row] == *name).collect();
-        let items = vec![
-            Item::Band {
-                points: own.iter().map(|&row| (times[row], lows[row], highs[row])).collect(),
-                style: INTERVAL,
-            },
-            Item::Curve { points: own.iter().map(|&row| (times[row], shares[row])).collect(), style: SHARE },
-        ];
+        let rows_of = |cell: usize| (0..events.len()).filter(move |&row| cell_of(row) == cell);
+        let mut items = Vec::new();
+        for cell in 0..count {
+            let own: Vec<usize> = rows_of(cell).filter(|&row| events[row] == *name).collect();
+            // Bands of many cells would hide each other.
+            if count == 1 {
+                let band = own.iter().map(|&row| (times[row], lows[row], highs[row])).collect();
+                items.push(Item::Band { points: band, style: INTERVAL });
+            }
+            let style = if count == 1 { SHARE } else { Style::nth(cell) };
+            items.push(Item::Curve { points: own.iter().map(|&row| (times[row], shares[row])).collect(), style });
+        }
         let y = Axis { include: vec![0.0, 1.0], ..Axis::linear("share of bodies without it yet") };
         Panel { title: (*name).to_owned(), x: Axis::linear("time (s)"), y, items, equal: false }
+    };
+    let legend = match count {
+        1 => vec![("Kaplan-Meier estimate".to_owned(), SHARE), ("band: 95 % confidence interval".to_owned(), INTERVAL)],
+        _ => (0..count.min(MOST_NAMED)).map(|cell| (format!("cell {cell}"), Style::nth(cell))).collect(),
     };
     Ok(Figure {
         title: titled(folder, "Events")?,
         caption: caption(folder)?.into_iter().take(1).collect(),
         columns: names.len().clamp(1, 2),
         panels: names.iter().map(panel).collect(),
-        legend: vec![
-            ("Kaplan-Meier estimate".to_owned(), SHARE),
-            ("band: 95 % confidence interval".to_owned(), INTERVAL),
-        ],
+        legend,
     })
 }
+
+/// The most cells that the legend names.
+const MOST_NAMED: usize = 12;
 
 /// A panel for each histogram of the table in `folder`, at the first and the last output time.
 ///

@@ -25,6 +25,8 @@ enum Values<'a> {
     Whole(OfRow<'a, u64>),
     Number(OfRow<'a, f64>),
     Text(OfRow<'a, &'a str>),
+    /// Of ASCII letters.
+    Word(OfRow<'a, &'a str>),
 }
 
 impl<'a> TableColumn<'a> {
@@ -40,12 +42,17 @@ impl<'a> TableColumn<'a> {
         Self { name: name.into(), values: Values::Number(Box::new(values)) }
     }
 
+    /// Words of ASCII letters, which take a byte each in arrays.
+    pub(crate) fn word(name: &str, values: impl Fn(usize) -> &'a str + Sync + 'a) -> Self {
+        Self { name: name.to_owned(), values: Values::Word(Box::new(values)) }
+    }
+
     pub(crate) fn text(name: impl Into<String>, values: impl Fn(usize) -> &'a str + Sync + 'a) -> Self {
         Self { name: name.into(), values: Values::Text(Box::new(values)) }
     }
 }
 
-/// Writes a table of `rows` rows. As an archive, each column is an array of shape `[rows]`; texts are of the type `U`.
+/// Writes a table of `rows` rows. As an archive, each column is an array of shape `[rows]`; texts are of the type `U`, words of the type `S`.
 pub(crate) fn write(
     folder: &mut OutputFolder,
     stem: &str,
@@ -69,7 +76,9 @@ pub(crate) fn write(
             let mut archive = Archive::new(file);
             for (entry, column) in columns.iter().enumerate() {
                 let longest = match &column.values {
-                    Values::Text(text) => (0..rows).map(|row| text(row).chars().count()).max().unwrap_or(0).max(1),
+                    Values::Text(text) | Values::Word(text) => {
+                        (0..rows).map(|row| text(row).chars().count()).max().unwrap_or(0).max(1)
+                    }
                     _ => 0,
                 };
                 let (element, bytes) = match &column.values {
@@ -77,6 +86,7 @@ pub(crate) fn write(
                     Values::Whole(_) => ("<u8".to_owned(), 8),
                     Values::Number(_) => ("<f8".to_owned(), 8),
                     Values::Text(_) => (format!("<U{longest}"), 4 * longest),
+                    Values::Word(_) => (format!("|S{longest}"), longest),
                 };
                 let header = npy_header(&element, &[rows]);
                 archive.reserve(format!("{}.npy", column.name), (header.len() + bytes * rows) as u64);
@@ -88,6 +98,9 @@ pub(crate) fn write(
                         Values::Whole(value) => rows.flat_map(|row| value(row).to_le_bytes()).collect(),
                         Values::Number(value) => rows.flat_map(|row| value(row).to_le_bytes()).collect(),
                         Values::Text(value) => rows.flat_map(|row| wide(value(row), longest)).collect(),
+                        Values::Word(value) => {
+                            rows.flat_map(|row| value(row).bytes().chain(std::iter::repeat(0)).take(longest)).collect()
+                        }
                     };
                     archive.append(entry, &bytes)?;
                 }
@@ -108,7 +121,7 @@ fn line(columns: &[TableColumn<'_>], row: usize) -> String {
             Values::Code(value) => text += itoa::Buffer::new().format(value(row)),
             Values::Whole(value) => text += itoa::Buffer::new().format(value(row)),
             Values::Number(value) => text += zmij::Buffer::new().format(value(row)),
-            Values::Text(value) => text += &quoted(value(row)),
+            Values::Text(value) | Values::Word(value) => text += &quoted(value(row)),
         }
     }
     text.push('\n');
