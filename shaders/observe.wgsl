@@ -1,12 +1,13 @@
-// Entry points: statistics of the bodies' state by workgroup, and of a chunk from those. Twin: src/kernel/observe.rs; component
-// c of body i is at c * stride + i in every table.
+// Entry point: statistics of the bodies' state by workgroup. Twin: src/kernel/observe.rs; component c of body i is at c * stride + i in
+// every table, where i is the body's row in the state and its place in the other tables.
 
 struct Settings {
-    body_count: u32,
     stride: u32,
     // Always 0, which no compiler knows; see `rounded` in real_f32.wgsl.
     zero: u32,
     statistic_count: u32,
+    // Workgroups, one a piece of the places.
+    piece_count: u32,
     // The statistics asked for, by the numbers below.
     statistics: vec4<u32>,
 }
@@ -47,10 +48,13 @@ struct Partial {
 @group(0) @binding(2) var<storage, read> state_words: array<u32>;
 // 1/I1, 1/I2, 1/I3, the spin rate beyond which a body is marked, and each statistic's scale.
 @group(0) @binding(3) var<storage, read> columns: array<real>;
-// The chunk's, by statistic, then those of its workgroups.
+// One a workgroup and statistic.
 @group(0) @binding(4) var<storage, read_write> partials: array<Partial>;
 // Four words for 64 bodies: a bit for each body that failed, then one for each that spins too fast.
 @group(0) @binding(5) var<storage, read_write> marks: array<u32>;
+
+// The first place of each piece and how many there are, then the row of each place.
+@group(0) @binding(6) var<storage, read> places: array<u32>;
 
 const WORKGROUP: u32 = 64u;
 // A lane merges so many bodies before the workgroup's tree: few, so that a GPU is filled, and enough that barriers, which a
@@ -66,8 +70,8 @@ const ANGULAR_MOMENTUM: u32 = 2u;
 var<workgroup> tree: array<Partial, WORKGROUP>;
 var<workgroup> workgroup_marks: array<atomic<u32>, 64>;
 
-fn column_at(column: u32, i: u32) -> real {
-    return columns[column * settings.stride + i];
+fn column_at(column: u32, place: u32) -> real {
+    return columns[column * settings.stride + place];
 }
 
 // Whether body i is a number in every place and no step has failed on it.
@@ -165,17 +169,21 @@ fn observe(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let stride = settings.stride;
+    let first = places[2u * group.x];
+    let count = places[2u * group.x + 1u];
     var own: array<Partial, 3>;
     for (var round = 0u; round < BODIES_PER_LANE; round += 1u) {
-        let i = (group.x * BODIES_PER_LANE + round) * WORKGROUP + lane;
-        if (i >= settings.body_count) {
+        let offset = round * WORKGROUP + lane;
+        if (offset >= count) {
             break;
         }
+        let place = first + offset;
+        let i = places[2u * settings.piece_count + place];
         if (!is_sound(i)) {
             atomicOr(&workgroup_marks[4u * round + lane / 32u], 1u << (lane % 32u));
             continue;
         }
-        let inverse_moments = vector(column_at(0u, i), column_at(1u, i), column_at(2u, i));
+        let inverse_moments = vector(column_at(0u, place), column_at(1u, place), column_at(2u, place));
         let momentum = without_axis(
             inverse_moments,
             vector(state_columns[4u * stride + i], state_columns[5u * stride + i], state_columns[6u * stride + i]),
@@ -183,43 +191,24 @@ fn observe(
         let exponent = exponent_of(max(max(abs(momentum.x), abs(momentum.y)), abs(momentum.z)));
         let m = momentum * power_of_two(-exponent);
         let rate = quantity(SPIN_RATE, inverse_moments, m);
-        let faster = rate * power_of_two(exponent) > column_at(3u, i);
+        let faster = rate * power_of_two(exponent) > column_at(3u, place);
         if (faster) {
             atomicOr(&workgroup_marks[4u * round + 2u + lane / 32u], 1u << (lane % 32u));
         }
         for (var index = 0u; index < settings.statistic_count; index += 1u) {
             let statistic = settings.statistics[index];
-            let scale = column_at(SCALE_COLUMN + index, i);
+            let scale = column_at(SCALE_COLUMN + index, place);
             let x = normalised(quantity(statistic, inverse_moments, m), scale, degree(statistic) * exponent);
-            own[index] = merge(own[index], partial_of_body(x, i, faster));
+            own[index] = merge(own[index], partial_of_body(x, place, faster));
         }
     }
     for (var index = 0u; index < settings.statistic_count; index += 1u) {
         tree[lane] = own[index];
         merge_tree(lane);
         if (lane == 0u) {
-            partials[(1u + group.x) * settings.statistic_count + index] = tree[0];
+            partials[group.x * settings.statistic_count + index] = tree[0];
         }
         workgroupBarrier();
     }
     marks[64u * group.x + lane] = atomicLoad(&workgroup_marks[lane]);
-}
-
-@compute @workgroup_size(WORKGROUP)
-fn combine(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let count = settings.statistic_count;
-    let group_bodies = WORKGROUP * BODIES_PER_LANE;
-    let groups = (settings.body_count + group_bodies - 1u) / group_bodies;
-    var own = Partial();
-    for (var index = lane; index < groups; index += WORKGROUP) {
-        own = merge(own, partials[(1u + index) * count + group.x]);
-    }
-    tree[lane] = own;
-    merge_tree(lane);
-    if (lane == 0u) {
-        partials[group.x] = tree[0];
-    }
 }

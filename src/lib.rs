@@ -93,6 +93,6 @@ pub use kernel::observe::Statistic;
 pub use math::Precision;
 pub use plan::Plan;
 pub use record::Record;
-pub use scene::{Accuracy, Outputs, Scene};
+pub use scene::{Accuracy, Outputs, Quantity, Scene};
 pub use torque::Torque;
 pub use torque::force::Force;

@@ -57,7 +57,7 @@ fn scenes() -> Vec<(&'static str, Scene)> {
         ("closed form", free().accuracy(Accuracy::attitude(1e-4))),
         (
             "statistics",
-            free().torque(drag).statistics(&[Statistic::SpinRate]).without_states().pinned(Method::Rk4, 0.01, f32),
+            free().torque(drag).statistics([Statistic::SpinRate]).without_states().pinned(Method::Rk4, 0.01, f32),
         ),
     ]
 }
@@ -69,7 +69,12 @@ fn run(scene: &Scene, folder: &Path, loss: Option<usize>) -> (Result<Report, Err
     let options = GpuOptions { slice: SliceLimits { steps: 20, ..SliceLimits::default() }, ..GpuOptions::default() };
     let engine = Engine::gpu_on(device.clone(), queue, options).expect("opened");
     let plan = Plan::new(scene, &engine).expect("a plan");
-    let output = Output { final_state: scene.keeps_states(), snapshots: scene.keeps_states(), format: Format::Csv };
+    let output = Output {
+        final_state: scene.keeps_states(),
+        snapshots: scene.keeps_states(),
+        initial: false,
+        format: Format::Csv,
+    };
     let place = OutputFolder::create(folder, true).expect("a folder");
     let (mut calls, mut since) = (0, Instant::now());
     let done = run_to_folder(&engine, &plan, None, output, place, Instant::now(), &mut |_| {

@@ -163,7 +163,7 @@ fn scenes(skip: SkipName, bodies: usize) -> Result<(Scene, Scene)> {
         // Without this skip the run hands out states that nobody reads.
         SkipName::Outputs => (scene.clone(), scene.outputs(often())),
         SkipName::States => {
-            let scene = scene.outputs(often()).statistics(&Statistic::ALL);
+            let scene = scene.outputs(often()).statistics(Statistic::ALL);
             (scene.clone().without_states(), scene)
         }
         // Here to ask for more digits.

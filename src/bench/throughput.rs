@@ -267,7 +267,7 @@ fn written(bench: &Bench, case: &ThroughputCase, ensemble: Ensemble, folder: &Pa
     let scene = Scene::new(ensemble).until(end).pinned(Method::Rk4, DT, Some(case.precision));
     let scene = scene.outputs(Outputs::Every(end / case.outputs as f64));
     let plan = Plan::new(&scene, &case.engine)?;
-    let output = Output { final_state: false, snapshots: true, format: Format::Npz };
+    let output = Output { final_state: false, snapshots: true, initial: false, format: Format::Npz };
     let path = folder.join(format!(".throughput.{}", std::process::id()));
     let mut phases = Phases::default();
     let removed = |done: Result<Timing>| {

@@ -1,5 +1,7 @@
 //! The table of bodies.
 
+use std::ops::Range;
+
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
@@ -222,6 +224,29 @@ impl Ensemble {
         }
         self.translation = Some(translation);
         Ok(self)
+    }
+
+    /// Some of the bodies, which are then counted from 0.
+    ///
+    /// # Panics
+    ///
+    /// If there are not all of these.
+    #[must_use]
+    pub fn only(&self, bodies: Range<usize>) -> Self {
+        let translation = self.translation.as_ref().map(|translation| Translation {
+            mass: translation.mass[bodies.clone()].to_vec(),
+            position: translation.position[bodies.clone()].to_vec(),
+            velocity: translation.velocity[bodies.clone()].to_vec(),
+        });
+        let linear_rotors = self.linear_rotors.iter().map(|&body| body as usize).filter(|body| bodies.contains(body));
+        Self {
+            linear_rotors: linear_rotors.map(|body| (body - bodies.start) as u32).collect(),
+            inertia: self.inertia[bodies.clone()].to_vec(),
+            orientation: self.orientation[bodies.clone()].to_vec(),
+            angular_velocity_body: self.angular_velocity_body[bodies].to_vec(),
+            translation,
+            repairs: None,
+        }
     }
 
     /// Which tensors were repaired, where that was asked for.

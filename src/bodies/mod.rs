@@ -1,5 +1,6 @@
 //! Bodies: their inertia tensors, the table of them, their state and how they lie in columns.
 
+pub(crate) mod blocks;
 pub mod columns;
 pub mod ensemble;
 pub(crate) mod frame;
@@ -10,6 +11,7 @@ pub mod status;
 pub mod toolkit;
 pub(crate) mod user_axes;
 
+pub use blocks::Blocks;
 pub use ensemble::Ensemble;
 pub use frame::{BodyFrame, BodyState};
 pub use members::Members;

@@ -45,11 +45,13 @@ mod seats;
 mod taylor;
 mod tile;
 mod torque_kernels;
+mod trials;
 
 use adaptive::CpuAdaptiveSession;
 use observe::Reducer;
 use tile::TileStep;
 use torque_kernels::{AllTorques, CommonTorques, LaneTorques, Nothing, Projected};
+pub(crate) use trials::Trials;
 
 /// Integrates on the processor.
 #[derive(Clone, Copy, Debug)]
@@ -153,6 +155,7 @@ impl<T: LaneScalar + Kernel> CpuFreeSession<T> {
             parameters: Vec::new(),
             state,
             torques: TorqueTable::none(0.0),
+            ends: Vec::new(),
         };
         Box::new(Self { rows, columns, width, reducer: None })
     }
@@ -330,7 +333,7 @@ impl<T: LaneScalar> CpuSession<T> {
     fn advance_blocks(&mut self, dt: f64, steps: u64, kernel: fn(Block<'_, '_, T>)) -> Job<'_> {
         let Self { batch, clock, .. } = self;
         let start = *clock;
-        let Batch { body_count, stride, parameters, state, torques } = batch;
+        let Batch { body_count, stride, parameters, state, torques, .. } = batch;
         let (body_count, stride) = (*body_count, *stride);
         let source = Source { table: torques, parameters, stride, clock: start, dt };
         let dt_words = two_words::<T>(dt);

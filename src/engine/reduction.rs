@@ -5,26 +5,83 @@ use std::ops::Range;
 use crate::bodies::BodyFrame;
 use crate::bodies::columns::StateWords;
 use crate::error::Result;
-use crate::kernel::observe::{Partial, Statistic};
+use crate::kernel::observe::{Partial, Statistic, merge_all};
+
+/// The rows of a session by the blocks of bodies that they belong to ([`crate::bodies::Blocks`]). A row has a place: places follow the order
+/// of the bodies, rows may follow another.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BlockRows {
+    /// The place after the last of each block.
+    ends: Vec<usize>,
+    /// The row of each place, where that is another number.
+    rows: Option<Vec<u32>>,
+}
+
+impl BlockRows {
+    /// Blocks that end before the places `ends`, ascending; `rows` are the rows of all places where they have another order.
+    pub fn new(ends: Vec<usize>, rows: Option<Vec<u32>>) -> Self {
+        Self { ends, rows }
+    }
+
+    /// One block of all rows.
+    pub fn one(rows: usize) -> Self {
+        Self::new(vec![rows], None)
+    }
+
+    /// Number of places.
+    pub fn len(&self) -> usize {
+        self.ends.last().copied().unwrap_or(0)
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Number of blocks; some may be empty.
+    pub fn count(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// The places of a block.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such block.
+    pub fn places(&self, block: usize) -> Range<usize> {
+        if block == 0 { 0..self.ends[0] } else { self.ends[block - 1]..self.ends[block] }
+    }
+
+    /// The row of a place.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such place.
+    pub fn row(&self, place: usize) -> usize {
+        self.rows.as_ref().map_or(place, |rows| rows[place] as usize)
+    }
+}
 
 /// A session that reduces its state where it is.
 pub trait Reduce: Send {
-    /// Makes ready for [`Reduce::reduce`]: the statistics wanted, the frames of all bodies, and the spin rate, rad/s, beyond
-    /// which a body is marked.
+    /// Makes ready for [`Reduce::reduce`]: the statistics wanted, the frames of all rows, the blocks that they belong to, and the spin
+    /// rate, rad/s, beyond which a body is marked.
     ///
     /// # Errors
     ///
     /// [`crate::Error::TooManyBodies`] where memory does not suffice; [`crate::Error::Device`] where the device fails.
-    fn watch(&mut self, statistics: &[Statistic], frames: &[BodyFrame], fastest: f64) -> Result<()>;
+    fn watch(&mut self, statistics: &[Statistic], frames: &[BodyFrame], blocks: &BlockRows, fastest: f64)
+    -> Result<()>;
 
-    /// The statistics watched, of all bodies that did not fail, as the state stands; extremes name rows of the session.
+    /// For each block the statistics watched, of its bodies that did not fail, as the state stands; extremes name places. What is said
+    /// of a block depends on its bodies alone.
     ///
     /// # Errors
     ///
     /// [`crate::Error::Device`] where the device is lost.
-    fn reduce(&mut self) -> Result<Vec<Partial<f64>>>;
+    fn reduce(&mut self) -> Result<Vec<Vec<Partial<f64>>>>;
 
-    /// The rows that the last [`Reduce::reduce`] marked.
+    /// The places that the last [`Reduce::reduce`] marked.
     ///
     /// # Errors
     ///
@@ -48,7 +105,13 @@ pub trait Reduce: Send {
     fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords>;
 }
 
-/// Rows of a session, ascending.
+/// Of several partial results of each of some statistics, which follow each other, one.
+pub(crate) fn merged(partials: &[Vec<Partial<f64>>], statistics: usize) -> Vec<Partial<f64>> {
+    let of_statistic = |index: usize| merge_all(&partials.iter().map(|of_part| of_part[index]).collect::<Vec<_>>());
+    (0..statistics).map(of_statistic).collect()
+}
+
+/// Places of a session's rows.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Marked {
     /// Those whose state is no longer finite, or of which a step said that it failed.

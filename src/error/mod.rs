@@ -89,6 +89,24 @@ pub enum Error {
         /// What would be valid.
         expected: Text,
     },
+    /// No torque has this name.
+    #[error("{name}: expected the name of a torque: {expected}")]
+    UnknownModel {
+        /// The name given.
+        name: String,
+        /// The names of all torques.
+        expected: String,
+    },
+    /// A parameter of a torque that is named in a program is missing, unknown or of another shape.
+    #[error("{model}: {field}: {expected}")]
+    TorqueParameter {
+        /// The model's name.
+        model: Text,
+        /// Name of the parameter.
+        field: Text,
+        /// What would be valid.
+        expected: Text,
+    },
     /// A torque does not go with another of its scene.
     #[error("torque {} ({model}): {expected}", torque + 1)]
     TorquePair {
@@ -322,6 +340,15 @@ pub enum Error {
         /// The kind of failure.
         kind: std::io::ErrorKind,
         /// The system's words.
+        reason: String,
+    },
+    /// A table that a run has left cannot be read.
+    #[cfg(feature = "study")]
+    #[error("{}: {reason}", path.display())]
+    Table {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it, and what is expected.
         reason: String,
     },
     /// A folder for output already holds something.

@@ -111,6 +111,11 @@ impl Expression {
         Ok(Self::new(&graph, &outputs, self.shape))
     }
 
+    /// The formula in the recording that runs on this thread, with something else in the place of its inputs.
+    pub(crate) fn recorded_with(&self, inputs: impl FnMut(Input) -> Symbol) -> Vec<Symbol> {
+        self.graph().substituted(self.outputs(), inputs)
+    }
+
     /// The operations; there are none that no result needs.
     pub fn graph(&self) -> &Graph {
         &self.formula.graph

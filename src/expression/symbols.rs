@@ -218,7 +218,7 @@ pub struct Scope<'a> {
 }
 
 impl<'a> Scope<'a> {
-    pub(super) fn new(symbols: &'a Symbols, recorder: &'a Recorder) -> Self {
+    pub(crate) fn new(symbols: &'a Symbols, recorder: &'a Recorder) -> Self {
         Self { symbols, recorder }
     }
 

@@ -12,8 +12,10 @@
 //!
 //! Partial results are merged in pairs by the update of Chan, Golub and LeVeque (*Algorithms for computing the sample
 //! variance*, The American Statistician 37, 1983, equation 2.1), which forms no difference of large sums; the mean is
-//! carried in two words in `f32`. Each of 64 lanes of a workgroup merges 16 bodies, one after the other; then the lanes are merged as
-//! a tree; then the workgroups, in a fixed order, by one workgroup a chunk; then the chunks, in `f64`, on the host. The result does not depend on threads.
+//! carried in two words in `f32`. Bodies are cut into [blocks](crate::bodies::Blocks), and each block into pieces of at most 1,024 of its bodies
+//! that are treated alike. Of a piece each of 64 lanes of a workgroup merges 16 bodies, one after the other; then the lanes are merged as
+//! a tree. The pieces of a block, what else the block has, and then the blocks are merged as a tree in their order, in `f64`, on the host
+//! (`merge_all`). So the result does not depend on threads, chunks, or in how many parts an ensemble is run.
 //!
 //! # Error
 //!
@@ -22,6 +24,8 @@
 //! more than the mean of both), and no body passes through more than [`MERGES`] of them. So the mean is within
 //! [`error_bound`] of itself. The standard deviation is a seminorm of the values: it is within [`error_bound`] of the root
 //! mean square.
+
+use std::ops::Range;
 
 use crate::bodies::BodyFrame;
 use crate::bodies::columns::STRIDE_UNIT;
@@ -42,9 +46,9 @@ pub const VALUE_ROUNDINGS: u32 = 16;
 /// ulp) and the product.
 pub const MERGE_ROUNDINGS: u32 = 7;
 
-/// Merges on a body's way to the total: sixteen in its lane, six in its workgroup, at most sixteen and six in its chunk (of a
-/// million bodies), and those of the chunks in `f64`, which add nothing.
-pub const MERGES: u32 = 16 + 6 + 16 + 6;
+/// Merges on a body's way to the total: sixteen in its lane, six in its workgroup; six of the pieces of its block, seven of bodies that are
+/// treated otherwise and eleven of the blocks, in `f64`.
+pub const MERGES: u32 = 16 + 6 + 6 + 7 + 11;
 
 /// How far statistics that are formed where the states are may be from those of the same states in exact arithmetic: the
 /// mean, relative to itself; the standard deviation, relative to the root mean square; extremes, relative to themselves.
@@ -63,7 +67,7 @@ pub(crate) const WORKGROUP: usize = STRIDE_UNIT;
 /// Bodies that a lane merges before that.
 const BODIES_PER_LANE: usize = 16;
 
-/// Bodies of a workgroup.
+/// The most bodies of a piece, which one workgroup reduces.
 pub(crate) const GROUP_BODIES: usize = WORKGROUP * BODIES_PER_LANE;
 
 /// Columns before those of the scales: 1/I₁, 1/I₂, 1/I₃, and the spin rate beyond which a body is marked.
@@ -145,8 +149,8 @@ impl Kernel for f64 {
 pub(crate) struct Columns<T> {
     pub stride: usize,
     pub columns: Vec<T>,
-    /// What the exponents of each statistic are relative to.
-    pub offsets: Vec<i32>,
+    /// What the exponents of each statistic are relative to, for each part of the rows.
+    pub offsets: Vec<Vec<i32>>,
 }
 
 /// Bytes that [`Columns`] take for one body, at most.
@@ -155,11 +159,19 @@ pub(crate) fn bytes_per_body(statistics: usize) -> usize {
 }
 
 impl<T: Kernel> Columns<T> {
-    /// The columns of bodies with these frames; a body that spins faster than `fastest` rad/s is marked.
-    pub fn new(statistics: &[Statistic], frames: &[BodyFrame], fastest: f64) -> Self {
-        let stride = frames.len().next_multiple_of(STRIDE_UNIT);
+    /// The columns of rows of which each has its body's frame; `parts` are ranges of rows that depend on nothing but themselves. A body
+    /// that spins faster than `fastest` rad/s is marked. A workgroup of rows may begin at any of them.
+    pub fn new<'a>(
+        statistics: &[Statistic],
+        rows: usize,
+        frame: impl Fn(usize) -> &'a BodyFrame,
+        parts: &[Range<usize>],
+        fastest: f64,
+    ) -> Self {
+        let stride = rows.next_multiple_of(STRIDE_UNIT) + WORKGROUP;
         let mut columns = vec![T::default(); (SCALE_COLUMN + statistics.len()) * stride];
-        for (row, frame) in frames.iter().enumerate() {
+        for row in 0..rows {
+            let frame = frame(row);
             let inverse = frame.scaled_moments.recip();
             // A linear rotor has no spin about its axis, and what a method makes of it does not count.
             let inverse = if frame.is_linear_rotor { inverse.with_x(0.0) } else { inverse };
@@ -170,20 +182,22 @@ impl<T: Kernel> Columns<T> {
             let limit = scaled_by_power_of_two(fastest, -frame.rate_exponent).min(1e30);
             columns[3 * stride + row] = T::from_f64(limit);
         }
-        let offset = |(index, statistic): (usize, &Statistic)| {
-            let common = frames.iter().map(|frame| statistic.exponent(frame)).max().unwrap_or(0);
-            for (row, frame) in frames.iter().enumerate() {
-                columns[(SCALE_COLUMN + index) * stride + row] = T::scale(statistic.exponent(frame), common);
+        let mut offset = |part: &Range<usize>, (index, statistic): (usize, &Statistic)| {
+            let common = part.clone().map(|row| statistic.exponent(frame(row))).max().unwrap_or(0);
+            for row in part.clone() {
+                columns[(SCALE_COLUMN + index) * stride + row] = T::scale(statistic.exponent(frame(row)), common);
             }
             T::offset(common)
         };
-        let offsets = statistics.iter().enumerate().map(offset).collect();
+        let mut of_part = |part| statistics.iter().enumerate().map(|statistic| offset(part, statistic)).collect();
+        let offsets = parts.iter().map(&mut of_part).collect();
         Self { stride, columns, offsets }
     }
 }
 
 /// A body's quantity at one end of the range.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize, serde::Deserialize))]
 pub struct Extreme<T> {
     /// In [1, 2) where extremes of different exponents are compared.
     pub mantissa: T,
@@ -195,6 +209,7 @@ pub struct Extreme<T> {
 
 /// Statistics of some bodies: multiples of 2^`exponent`, or of its square.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize, serde::Deserialize))]
 pub struct Partial<T> {
     /// Bodies that did not fail.
     pub count: u32,
@@ -282,6 +297,18 @@ pub(crate) fn merge<T: Kernel>(a: Partial<T>, b: Partial<T>) -> Partial<T> {
     }
 }
 
+/// Of all, as a tree in their order.
+pub(crate) fn merge_all<T: Kernel>(partials: &[Partial<T>]) -> Partial<T> {
+    match partials {
+        [] => Partial::none(),
+        [one] => *one,
+        several => {
+            let (first, second) = several.split_at(several.len().next_power_of_two() / 2);
+            merge(merge_all(first), merge_all(second))
+        }
+    }
+}
+
 /// Of all, in the order of a workgroup's tree.
 pub(crate) fn merge_tree<T: Kernel>(mut partials: [Partial<T>; WORKGROUP]) -> Partial<T> {
     let mut half = WORKGROUP / 2;
@@ -313,12 +340,12 @@ pub(crate) fn quantity<R: Real>(statistic: Statistic, inverse_moments: Vector<R>
     }
 }
 
-/// The statistics of one workgroup, body by body as the shader forms them: `row` gives what there is to read of the
-/// workgroup's bodies, or nothing where there is no sound body.
+/// The statistics of a piece of `count` bodies, body by body as a workgroup of the shader forms them: `row` gives what there is to read
+/// of them, or nothing where there is no sound body.
 pub(crate) fn observe<T: Kernel>(
     statistics: &[Statistic],
     row: impl Fn(usize) -> Option<ObservedRow<T>>,
-    first: u32,
+    (first, count): (u32, usize),
 ) -> Vec<Partial<T>> {
     let of_statistic = |(index, &statistic): (usize, &Statistic)| {
         let of_body = |offset: usize| {
@@ -328,7 +355,7 @@ pub(crate) fn observe<T: Kernel>(
             let x = T::normalised(x, row.scales[index], statistic.degree() * exponent);
             Partial::of_body(x, first + offset as u32, row.is_faster())
         };
-        let of_lane = |lane: usize| (lane..GROUP_BODIES).step_by(WORKGROUP).map(of_body).fold(Partial::none(), merge);
+        let of_lane = |lane: usize| (lane..count).step_by(WORKGROUP).map(of_body).fold(Partial::none(), merge);
         merge_tree(std::array::from_fn(of_lane))
     };
     statistics.iter().enumerate().map(of_statistic).collect()
@@ -359,16 +386,10 @@ impl<T: Kernel> ObservedRow<T> {
     }
 }
 
-/// The statistics of a chunk from those of its workgroups, `partial(group)`.
-pub(crate) fn combine<T: Kernel>(groups: usize, partial: impl Fn(usize) -> Partial<T>) -> Partial<T> {
-    let lane = |lane: usize| (lane..groups).step_by(WORKGROUP).map(&partial).fold(Partial::none(), merge);
-    merge_tree(std::array::from_fn(lane))
-}
-
 impl<T: Kernel> Partial<T> {
-    /// The same in `f64`, its bodies counted from `first` and its exponents from `offset`.
-    pub(crate) fn widened(&self, first: u32, offset: i32) -> Partial<f64> {
-        let extreme = |x: &Extreme<T>| Extreme::normal(x.mantissa.to_f64(), x.exponent + offset, x.body + first);
+    /// The same in `f64`, its exponents counted from `offset`.
+    pub(crate) fn widened(&self, offset: i32) -> Partial<f64> {
+        let extreme = |x: &Extreme<T>| Extreme::normal(x.mantissa.to_f64(), x.exponent + offset, x.body);
         Partial {
             count: self.count,
             faster: self.faster,

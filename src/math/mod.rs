@@ -13,8 +13,10 @@ mod precision;
 mod quantiles;
 pub mod quaternion;
 pub mod real;
+mod sketch;
 pub mod vector;
 
 pub use lanes::Width;
 pub use precision::Precision;
 pub use quantiles::{Quantiles, Spread};
+pub use sketch::{QUANTILE_ERROR, Sketch};

@@ -24,7 +24,7 @@ use crate::scene::{Scene, Target};
 use crate::study::text::read_text;
 
 /// The version of the file's layout.
-const FORMAT: u32 = 5;
+const FORMAT: u32 = 6;
 
 /// The release that writes and reads plans.
 const RELEASE: &str = env!("CARGO_PKG_VERSION");
@@ -33,6 +33,7 @@ const RELEASE: &str = env!("CARGO_PKG_VERSION");
 #[derive(Clone, Debug)]
 pub struct PlanDocument {
     path: PathBuf,
+    text: String,
     file: PlanFile,
 }
 
@@ -51,6 +52,8 @@ struct PlanFile<C = Value, S = Value> {
     polhode: String,
     engine: String,
     scene: SceneFingerprint,
+    /// Of all bodies, s; infinite (`null`) where none is stepped.
+    longest_step: Option<f64>,
     resolution: ResolutionEntry,
     /// Of all the rest ([`PlanFile::sum`]).
     sum: String,
@@ -139,7 +142,7 @@ impl PlanDocument {
             return Err(wrong(at("polhode"), format!("it is of polhode {}, this is {RELEASE}", head.polhode)));
         }
         let file: PlanFile = serde_json::from_str(text).map_err(fault)?;
-        let document = Self { path: path.to_owned(), file };
+        let document = Self { path: path.to_owned(), text: text.to_owned(), file };
         let start = text.find("\"resolution\"").unwrap_or(0);
         let refused = |Refusal { key, entry, reason }| wrong(line_of(text, start, key, entry), reason);
         document.file.check().map_err(refused)?;
@@ -184,6 +187,26 @@ impl PlanDocument {
     pub fn engine(&self) -> &str {
         &self.file.engine
     }
+
+    /// Whether the plan leaves out work that its scene does not need.
+    pub fn may_skip(&self) -> bool {
+        self.file.scene.may_skip()
+    }
+
+    /// The arithmetic that was asked for, where one was.
+    pub fn wanted_precision(&self) -> Option<Precision> {
+        self.file.scene.wanted_precision()
+    }
+
+    /// The text that was read.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// Number of bodies of the scene.
+    pub fn body_count(&self) -> usize {
+        self.file.scene.body_count()
+    }
 }
 
 /// What is wrong with a value of a resolution.
@@ -203,11 +226,12 @@ fn line_of(text: &str, start: usize, key: &str, before: usize) -> usize {
 impl<C: Serialize, S: Serialize> PlanFile<C, S> {
     /// A sum of everything else, in hexadecimal digits.
     fn sum(&self) -> String {
-        let Self { format, polhode, engine, scene, resolution, sum: _, classes, skips } = self;
+        let Self { format, polhode, engine, scene, longest_step, resolution, sum: _, classes, skips } = self;
         // Fixed keys, plain numbers and strings: there is nothing to fail on. Rows have their keys in the same order as those
         // that were read back.
         let rows = [serde_json::to_value(classes), serde_json::to_value(skips)].map(Result::unwrap_or_default);
-        let text = serde_json::to_string(&(format, polhode, engine, scene, resolution, rows)).unwrap_or_default();
+        let text = serde_json::to_string(&(format, polhode, engine, scene, longest_step, resolution, rows))
+            .unwrap_or_default();
         format!("{:08x}", crc32fast::hash(text.as_bytes()))
     }
 }
@@ -329,6 +353,7 @@ impl<'a> Plan<'a> {
             polhode: RELEASE.to_owned(),
             engine: explanation.engine,
             scene: SceneFingerprint::of(self.scene(), self.times().len()),
+            longest_step: limit(self.longest_step()),
             resolution,
             sum: String::new(),
             classes: explanation.classes,
@@ -340,7 +365,7 @@ impl<'a> Plan<'a> {
         text
     }
 
-    /// The plan that `document` holds, for the scene that it was made for; no pilot is flown. On the same engine a run gives the
+    /// The plan that `document` holds, for the scene that it was made for, or a part of it ([`Scene::part_of`]); no pilot is flown. On the same engine a run gives the
     /// same bits.
     ///
     /// # Errors
@@ -349,13 +374,16 @@ impl<'a> Plan<'a> {
     pub fn repeated(scene: &'a Scene, engine: &dyn Backend, document: &PlanDocument) -> Result<Self> {
         let times = Self::checked(scene)?;
         let marks = SceneFingerprint::of(scene, times.len());
-        if let Some(Difference { field, planned, found, remedy }) = document.file.scene.first_difference(&marks) {
+        let planned = document.file.scene.of_part(scene);
+        if let Some(Difference { field, planned, found, remedy }) = planned.first_difference(&marks) {
             let (path, planned, found) = (document.path.clone(), planned.into(), found.into());
             return Err(Error::PlanMismatch { path, field, planned, found, remedy });
         }
         let unknown = |Refusal { reason, .. }| Error::PlanFormat { path: document.path.clone(), line: 1, reason };
         let resolution = document.resolution().map_err(unknown)?;
-        Self::resolved(scene, engine, resolution, times)
+        let plan = Self::resolved(scene, engine, resolution, times)?;
+        // Of a part's bodies none may take it.
+        Ok(Self { longest_step: document.file.longest_step.unwrap_or(f64::INFINITY), ..plan })
     }
 }
 

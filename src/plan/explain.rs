@@ -17,6 +17,7 @@ use crate::kernel::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
 use crate::math::Precision;
 use crate::math::Spread;
 use crate::plan::regular_precession::RegularPrecession;
+use crate::scene::Scene;
 
 /// What a plan does and leaves out.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,6 +35,8 @@ pub struct Explanation {
     pub outputs: usize,
     /// What was asked for: errors, or a method and its steps.
     pub asked: String,
+    /// What is formed of the states at each output time, and where; `null` where nothing is.
+    pub observed: Option<String>,
     /// One row for each class that is treated in one way.
     pub classes: Vec<ClassRow>,
     /// What is left out.
@@ -130,6 +133,7 @@ impl Plan<'_> {
             span: self.scene().end(),
             outputs: self.times().len(),
             asked: self.scene().stepping().to_string(),
+            observed: observed(self.scene()),
             classes: rows.into_iter().map(|(key, groups)| self.class_row(key, &groups, &works)).collect(),
             skips: self.skips().iter().map(skip_row).collect(),
         }
@@ -307,6 +311,24 @@ impl fmt::Display for ClassRow {
 }
 
 /// Bytes in MiB, with a digit where there are few.
+/// What a scene asks of its bodies beside their states.
+fn observed(scene: &Scene) -> Option<String> {
+    let counted = |count: usize, one: &str, more: &str| {
+        (count > 0).then(|| format!("{count} {}", if count == 1 { one } else { more }))
+    };
+    let parts = [
+        counted(scene.wanted_statistics().len(), "quantity's statistics", "quantities' statistics"),
+        counted(scene.wanted_histograms().len(), "histogram", "histograms"),
+        counted(scene.wanted_events().len(), "event", "events"),
+    ];
+    let parts: Vec<String> = parts.into_iter().flatten().collect();
+    let place = match scene.reduced_statistics().is_empty() {
+        true => "from all states, which are read for that",
+        false => "where the states are",
+    };
+    (!parts.is_empty()).then(|| format!("{}, {place}", parts.join(", ")))
+}
+
 fn mebibytes(bytes: u64) -> String {
     let mebibytes = bytes as f64 / f64::from(1 << 20);
     if mebibytes < 10.0 { format!("{mebibytes:.2}") } else { format!("{mebibytes:.0}") }
@@ -328,6 +350,9 @@ impl fmt::Display for Explanation {
         )?;
         if let Some(on_host) = &self.on_host {
             writeln!(formatter, "{on_host}")?;
+        }
+        if let Some(observed) = &self.observed {
+            writeln!(formatter, "formed at each: {observed}")?;
         }
         writeln!(
             formatter,

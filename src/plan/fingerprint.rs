@@ -1,10 +1,13 @@
 //! Fingerprints of scenes, by which a plan is matched with the scene that it was made for.
 
 use std::fmt::{self, Write};
+use std::ops::Range;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use crate::bodies::Blocks;
+use crate::math::Precision;
 use crate::plan::sampling::mixed;
 use crate::scene::Scene;
 use crate::torque::force::Force;
@@ -22,14 +25,20 @@ pub(super) struct SceneFingerprint {
     torques: Vec<String>,
     forces: Vec<String>,
     skipping: bool,
-    /// Of all columns and parameters, in hexadecimal digits.
+    /// Of what all bodies share, in hexadecimal digits.
     fingerprint: String,
+    /// Of the columns and parameters of each of [`Blocks`], eight hexadecimal digits a block.
+    blocks: String,
 }
 
+/// Digits of a block's fingerprint.
+const BLOCK_DIGITS: usize = 8;
+
 impl SceneFingerprint {
+    /// Of a scene, or of a part of one as far as it is there.
     pub fn of(scene: &Scene, outputs: usize) -> Self {
         Self {
-            bodies: scene.ensemble().len(),
+            bodies: scene.part().of,
             span: scene.end(),
             outputs,
             accuracy: scene.stepping().to_string(),
@@ -37,8 +46,35 @@ impl SceneFingerprint {
             torques: scene.torques().iter().map(|torque| torque.name().to_owned()).collect(),
             forces: scene.forces().iter().map(|force| force.name().to_owned()).collect(),
             skipping: scene.may_skip(),
-            fingerprint: format!("{:016x}", fingerprint(scene)),
+            fingerprint: format!("{:016x}", of_shared(scene)),
+            blocks: of_blocks(scene).into_iter().map(|block| format!("{block:08x}")).collect(),
         }
+    }
+
+    /// Of the blocks that a part of the scene has in full; of all for the whole.
+    pub fn of_part(&self, scene: &Scene) -> Self {
+        let part = scene.part();
+        let whole = Blocks::of(part.of);
+        let size = whole.size();
+        let end = part.first_body + scene.ensemble().len();
+        let blocks = part.first_body.div_ceil(size)..if end == part.of { whole.count() } else { end / size };
+        let digits = blocks.start * BLOCK_DIGITS..blocks.end.max(blocks.start) * BLOCK_DIGITS;
+        Self { blocks: self.blocks.get(digits).unwrap_or_default().to_owned(), ..self.clone() }
+    }
+
+    /// Bodies of the scene.
+    pub fn body_count(&self) -> usize {
+        self.bodies
+    }
+
+    /// Whether work may be skipped.
+    pub fn may_skip(&self) -> bool {
+        self.skipping
+    }
+
+    /// The arithmetic that was asked for, where one was.
+    pub fn wanted_precision(&self) -> Option<Precision> {
+        Precision::ALL.into_iter().find(|precision| precision.name() == self.precision)
     }
 
     /// Torques of the scene.
@@ -59,7 +95,8 @@ impl SceneFingerprint {
             ("the list of torques", list(&self.torques), list(&other.torques)),
             ("the list of forces", list(&self.forces), list(&other.forces)),
             (SKIPPING, skipping(self.skipping), skipping(other.skipping)),
-            ("the fingerprint of bodies and parameters", self.fingerprint.clone(), other.fingerprint.clone()),
+            ("the fingerprint of shared parameters", self.fingerprint.clone(), other.fingerprint.clone()),
+            (BODIES, digest(&self.blocks), digest(&other.blocks)),
         ];
         let (field, planned, found) = fields.into_iter().find(|(_, here, there)| here != there)?;
         let remedy = match (field == SKIPPING, self.skipping) {
@@ -81,42 +118,55 @@ pub(super) struct Difference {
 
 const SKIPPING: &str = "skipping";
 
-/// Folds words into a number whose bits depend on all of them and their order.
-struct Folded(u64);
+const BODIES: &str = "the fingerprint of bodies and their parameters";
 
-/// Rows of a column that one task folds.
-const ROWS: usize = 1 << 12;
+/// Some digits that stand for many.
+fn digest(blocks: &str) -> String {
+    let mut folded = Folded { state: 0, rows: None };
+    let _ = folded.write_str(blocks);
+    format!("{:016x}", folded.state)
+}
+
+/// Folds words into a number whose bits depend on all of them and their order.
+struct Folded {
+    state: u64,
+    /// The bodies whose rows are folded; without them, what all bodies share.
+    rows: Option<Range<usize>>,
+}
 
 impl Folded {
     fn word(&mut self, word: u64) {
-        self.0 = mixed(self.0 ^ word);
+        self.state = mixed(self.state ^ word);
+    }
+
+    /// A word of what all bodies share.
+    fn shared(&mut self, word: u64) {
+        if self.rows.is_none() {
+            self.word(word);
+        }
     }
 
     /// The rows of a column, whose numbers `numbers` gives.
-    fn column<V: Copy + Sync, const N: usize>(&mut self, rows: &[V], numbers: fn(V) -> [f64; N]) {
-        self.word(rows.len() as u64);
-        let of_part = |rows: &[V]| {
-            // A chain for each component: they do not wait for each other.
-            let mut chains = [0; N];
-            for &row in rows {
-                for (chain, number) in chains.iter_mut().zip(numbers(row)) {
-                    *chain = mixed(*chain ^ number.to_bits());
-                }
+    fn column<V: Copy, const N: usize>(&mut self, rows: &[V], numbers: fn(V) -> [f64; N]) {
+        let Some(own) = self.rows.clone() else { return };
+        // A chain for each component: they do not wait for each other.
+        let mut chains = [0; N];
+        for &row in &rows[own] {
+            for (chain, number) in chains.iter_mut().zip(numbers(row)) {
+                *chain = mixed(*chain ^ number.to_bits());
             }
-            chains
-        };
-        let parts: Vec<[u64; N]> = rows.par_chunks(ROWS).map(of_part).collect();
-        parts.into_iter().flatten().for_each(|chain| self.word(chain));
+        }
+        chains.into_iter().for_each(|chain| self.word(chain));
     }
 
-    fn parameter<V: Copy + Sync, const N: usize>(&mut self, parameter: &Parameter<V>, numbers: fn(V) -> [f64; N]) {
+    fn parameter<V: Copy, const N: usize>(&mut self, parameter: &Parameter<V>, numbers: fn(V) -> [f64; N]) {
         match parameter {
             Parameter::Shared(value) => {
-                self.word(0);
-                self.column(&[*value], numbers);
+                self.shared(0);
+                numbers(*value).into_iter().for_each(|number| self.shared(number.to_bits()));
             }
             Parameter::PerBody(rows) => {
-                self.word(1);
+                self.shared(1);
                 self.column(rows, numbers);
             }
         }
@@ -130,18 +180,18 @@ impl Folded {
             Value::Matrix(matrix) => self.parameter(matrix, |m| m.to_cols_array()),
             Value::Tensor(tensor) => self.parameter(tensor, |t| t.to_array()),
             Value::Whole(number) => {
-                self.word(2);
-                self.word(*number);
+                self.shared(2);
+                self.shared(*number);
             }
             Value::List(tables) => {
-                self.word(3);
-                self.word(tables.len() as u64);
+                self.shared(3);
+                self.shared(tables.len() as u64);
                 for table in tables.iter() {
-                    self.word(table.len() as u64);
+                    self.shared(table.len() as u64);
                     table.iter().for_each(|value| self.value(value));
                 }
             }
-            Value::Absent => self.word(4),
+            Value::Absent => self.shared(4),
         }
     }
 }
@@ -152,27 +202,47 @@ impl Write for Folded {
         for part in text.as_bytes().chunks(size_of::<u64>()) {
             let mut bytes = [0; size_of::<u64>()];
             bytes[..part.len()].copy_from_slice(part);
-            self.word(u64::from_le_bytes(bytes));
+            self.shared(u64::from_le_bytes(bytes));
         }
         Ok(())
     }
 }
 
-/// A number of every column and parameter of a scene.
-fn fingerprint(scene: &Scene) -> u64 {
+/// A number of all that the bodies of a scene share.
+fn of_shared(scene: &Scene) -> u64 {
+    folded(scene, Folded { state: scene.part().of as u64, rows: None })
+}
+
+/// A number of every column and parameter of each block of bodies that the scene has in full.
+fn of_blocks(scene: &Scene) -> Vec<u32> {
+    let (part, count) = (scene.part(), scene.ensemble().len());
+    let (bodies, size) = (part.first_body..part.first_body + count, Blocks::of(part.of).size());
+    let blocks: Vec<Range<usize>> = Blocks::of(part.of)
+        .within(&bodies)
+        .filter(|block| block.start.is_multiple_of(size) && (block.len() == size || block.end == part.of))
+        .map(|block| block.start - part.first_body..block.end - part.first_body)
+        .collect();
+    let of_block = |block: Range<usize>| folded(scene, Folded { state: 0, rows: Some(block) }) as u32;
+    blocks.into_par_iter().map(of_block).collect()
+}
+
+fn folded(scene: &Scene, mut folded: Folded) -> u64 {
     let ensemble = scene.ensemble();
-    let mut folded = Folded(ensemble.len() as u64);
     folded.column(ensemble.inertia(), |tensor| tensor.to_array());
     folded.column(ensemble.orientation(), |orientation| orientation.to_array());
     folded.column(ensemble.angular_velocity_body(), |omega| omega.to_array());
     if let Some(translation) = ensemble.translation() {
+        folded.shared(1);
         folded.column(&translation.mass, |mass| [mass]);
         folded.column(&translation.position, |position| position.to_array());
         folded.column(&translation.velocity, |velocity| velocity.to_array());
     }
     // Numbers print with the digits that tell them from every other. Writing to memory does not fail.
     let _ = write!(folded, "{:?}", scene.output_times());
-    folded.word(scene.torques().len() as u64);
+    if scene.records_start() {
+        folded.shared(1);
+    }
+    folded.shared(scene.torques().len() as u64);
     for torque in scene.torques() {
         // With its formula, where it has one of its own.
         let _ = write!(folded, "{:?}", torque.model_ref());
@@ -191,7 +261,7 @@ fn fingerprint(scene: &Scene) -> u64 {
             }
         }
     }
-    folded.0
+    folded.state
 }
 
 #[cfg(test)]
@@ -244,7 +314,8 @@ mod tests {
             scene().force(Force::linear_drag(0.1)),
             scene().force(Force::linear_drag(vec![0.1; BODIES])),
         ];
-        let found: Vec<u64> = scenes.iter().map(fingerprint).collect();
+        let fingerprint = |scene: &Scene| SceneFingerprint::of(scene, 1);
+        let found: Vec<SceneFingerprint> = scenes.iter().map(fingerprint).collect();
         assert_eq!(fingerprint(&scene()), found[0], "the same scene again");
         for (index, fingerprint) in found.iter().enumerate() {
             assert_eq!(found.iter().position(|other| other == fingerprint), Some(index), "scenes that differ");

@@ -153,6 +153,17 @@ impl<'a> Plan<'a> {
         Ok(plan)
     }
 
+    /// The same plan for a part of its scene ([`Scene::only`]): each body moves as in the whole, to the bit.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::PrecisionUnavailable`] where another engine lacks a precision.
+    pub fn of_part<'p>(&self, part: &'p Scene, engine: &dyn Backend) -> Result<Plan<'p>> {
+        let plan = Plan::resolved(part, engine, self.resolution.clone(), self.times.clone())?;
+        // Of the part's bodies none may take it.
+        Ok(Plan { longest_step: self.longest_step, ..plan })
+    }
+
     /// The scene.
     pub fn scene(&self) -> &'a Scene {
         self.scene
@@ -210,8 +221,7 @@ impl<'a> Plan<'a> {
 
     /// Whether states are wanted at one time only, and all of them then.
     pub(crate) fn looks_once(&self) -> bool {
-        let reduces = self.scene.may_skip() && !self.scene.wanted_statistics().is_empty();
-        self.times.len() == 1 && !reduces
+        self.times.len() == 1 && self.scene.reduced_statistics().is_empty()
     }
 
     /// The time from output `index`'s predecessor (the start for the first) to output `index`, s.
@@ -325,7 +335,7 @@ fn main_treatment(groups: &[Group], scene: &Scene, engine: &dyn Backend) -> (Met
 
 /// Whether statistics are all that is asked for, and states stay where they are.
 fn leaves_states(scene: &Scene) -> bool {
-    scene.may_skip() && !scene.keeps_states() && !scene.wanted_statistics().is_empty()
+    !scene.keeps_states() && !scene.reduced_statistics().is_empty()
 }
 
 /// What the groups leave out.
@@ -372,7 +382,7 @@ fn skips(scene: &Scene, groups: &[Group], outputs: usize) -> Vec<Skip> {
         }
         Some(_) => {}
     }
-    if matches!(scene.output_times(), Outputs::End) {
+    if matches!(scene.output_times(), Outputs::End) && !scene.records_start() {
         add(SkipName::Outputs, body_count, Bound::default());
     }
     if leaves_states(scene) {

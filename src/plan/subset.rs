@@ -3,11 +3,12 @@
 use super::greatest_rate;
 use crate::bodies::BodyState;
 use crate::bodies::Members;
+use crate::bodies::blocks::cut;
 use crate::bodies::columns::StateWords;
 use crate::engine::adaptive_session::AdaptiveSession;
 use crate::engine::adaptive_session::StepCounts;
 use crate::engine::batch::AnyBatch;
-use crate::engine::batch::{Prepared, prepare_ordered};
+use crate::engine::batch::{ORDERED_TOGETHER, Prepared, prepare_ordered};
 use crate::engine::cpu::Cpu;
 use crate::engine::load_balance::order;
 use crate::engine::watch::{Job, Watch};
@@ -51,7 +52,8 @@ pub(crate) fn propagate_subset(
         true => order_by_work(scene, members, start, prepared, &mut rows),
         false => (0..prepared.len()).collect(),
     };
-    let (frames, batch) = prepare_ordered(scene.ensemble(), torques, scene.end(), members, precision, order)?;
+    let cuts = cut(members.len(), ORDERED_TOGETHER, &[]);
+    let (frames, batch) = prepare_ordered(scene.ensemble(), torques, scene.end(), members, precision, (&cuts, order))?;
     let state = |(member, &row): (usize, &u32), words: &StateWords| {
         let (body, row) = (members.body(member), row as usize);
         (body, frames[row].at(torques, body, end).state_of(words, row))

@@ -34,6 +34,14 @@ pub(crate) fn longest_over(span: f64) -> f64 {
 
 /// The output times of a scene, checked.
 pub(crate) fn output_times(scene: &Scene) -> Result<Vec<f64>> {
+    let mut times = times_asked_for(scene)?;
+    if scene.records_start() && times.first() != Some(&0.0) {
+        times.insert(0, 0.0);
+    }
+    Ok(times)
+}
+
+fn times_asked_for(scene: &Scene) -> Result<Vec<f64>> {
     let end = scene.end();
     if !(end.is_finite() && end >= 0.0) {
         return Err(Error::Setting {

@@ -11,6 +11,7 @@ use crate::error::Result;
 
 mod draw;
 pub mod figure;
+mod observed;
 mod run;
 mod scale;
 mod skipping;
@@ -29,7 +30,7 @@ pub use work_precision::work_precision;
 use figure::Figure;
 
 /// Draws what is in `folder`, into it: every benchmark table, the snapshots of a run (`snapshots.csv`) with a picture
-/// for each of `bodies`, and its statistics (`statistics.csv`). Gives the files written; none where there is nothing that can be drawn.
+/// for each of `bodies`, its statistics (`statistics.csv`), histograms (`histograms.csv`) and events (`survival.csv`). Gives the files written; none where there is nothing that can be drawn.
 ///
 /// # Errors
 ///
@@ -54,8 +55,19 @@ pub fn plot_folder(folder: &Path, bodies: &[usize]) -> Result<Vec<PathBuf>> {
     if folder.join("snapshots.csv").exists() {
         figures.extend(run::run(folder, bodies)?);
     }
+    let units = || run::units(folder);
     if folder.join(statistics_over_time::TABLE).exists() {
-        figures.push(("statistics".to_owned(), statistics_over_time::statistics(folder)?));
+        let units = units()?;
+        let unit = |quantity: &str| units.get(quantity).cloned();
+        figures.push(("statistics".to_owned(), statistics_over_time::statistics(folder, &unit)?));
+    }
+    if folder.join(observed::HISTOGRAMS).exists() {
+        let units = units()?;
+        let unit = |quantity: &str| units.get(quantity).cloned();
+        figures.push(("histograms".to_owned(), observed::histograms(folder, &unit)?));
+    }
+    if folder.join(observed::SURVIVAL).exists() {
+        figures.push(("survival".to_owned(), observed::survival(folder)?));
     }
     let mut written = Vec::new();
     for (name, figure) in figures {

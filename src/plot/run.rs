@@ -1,5 +1,6 @@
 //! Pictures of a run: the ensemble over time, and chosen bodies.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use glam::{DMat3, DVec3};
@@ -8,6 +9,7 @@ use super::figure::{Axis, Figure, GREY, Item, Line, Panel, Style};
 use super::snapshots::{Moment, Snapshots, State};
 use crate::error::{Error, FileAction, Result};
 use crate::record::REPORT;
+use crate::scene::Quantity;
 
 const BLUE: [u8; 3] = [0, 114, 178];
 const VERMILION: [u8; 3] = [213, 94, 0];
@@ -82,6 +84,30 @@ pub(super) fn caption(folder: &Path) -> Result<Vec<String>> {
          of what torques change."
             .to_owned(),
     ])
+}
+
+/// A picture's title: the study's own, where it has one, and what is shown.
+pub(super) fn titled(folder: &Path, shown: &str) -> Result<String> {
+    let report = report(folder)?;
+    let title = report["study"]["title"].as_str().map(|title| title.replace(char::is_control, " "));
+    Ok(title.map_or_else(|| shown.to_owned(), |title| format!("{title}: {}", lower_case(shown))))
+}
+
+fn lower_case(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| first.to_lowercase().chain(letters).collect())
+}
+
+/// The units of a study's quantities, from the report.
+pub(super) fn units(folder: &Path) -> Result<BTreeMap<String, String>> {
+    let report = report(folder)?;
+    let text = |value: &serde_json::Value| value.as_str().map(str::to_owned);
+    let known = Quantity::NAMED.iter().map(|quantity| (quantity.name().to_owned(), quantity.unit().to_owned()));
+    let mut units: BTreeMap<String, String> = known.collect();
+    for quantity in report["quantities"].as_array().into_iter().flatten() {
+        units.extend(text(&quantity["name"]).zip(text(&quantity["unit"])));
+    }
+    Ok(units)
 }
 
 fn ensemble(snapshots: &Snapshots, caption: &[String], conserved: Conserved) -> Figure {

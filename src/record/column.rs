@@ -1,4 +1,4 @@
-//! The columns of output tables: `body`, `t`, numbers of the state, and [`STATUS`].
+//! The columns of output tables: `body`, `t`, numbers of the state, [`STATUS`] and, where a study sweeps, [`CELL`].
 
 use super::OutputState;
 
@@ -9,9 +9,12 @@ pub const ROTATION_COLUMNS: [&str; 11] = ["qx", "qy", "qz", "qw", "wx", "wy", "w
 /// Columns that follow where the ensemble translates: position (m) and velocity (m/s), world axes.
 pub const TRANSLATION_COLUMNS: [&str; 6] = ["x", "y", "z", "vx", "vy", "vz"];
 
-/// The last column of every table of states: the number of what became of the body ([`crate::bodies::Status`]), 0 where all is well.
+/// The column behind the numbers of every table of states: the number of what became of the body ([`crate::bodies::Status`]), 0 where all is well.
 /// Numbers of a body that has failed are NaN ([`OutputState`]).
 pub const STATUS: &str = "status";
+
+/// The column behind [`STATUS`] of studies that sweep: the cell in which the body lies, from 0 ([`crate::study::sweep`]).
+pub const CELL: &str = "cell";
 
 /// The most columns of numbers.
 pub(crate) const MOST_COLUMNS: usize = ROTATION_COLUMNS.len() + TRANSLATION_COLUMNS.len();

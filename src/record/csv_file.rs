@@ -26,20 +26,14 @@ const BYTES_PER_NUMBER: usize = 24;
 pub(crate) struct CsvFile {
     file: OutputFile,
     columns: usize,
+    /// Cells of the study's design, where it has one: body b lies in cell b modulo this.
+    cells: Option<usize>,
 }
 
 impl CsvFile {
-    pub(crate) fn begin(mut file: OutputFile, translates: bool) -> Result<Self> {
-        let mut header = "body,t".to_owned();
-        for name in column::names(translates) {
-            header.push(',');
-            header.push_str(name);
-        }
-        header.push(',');
-        header.push_str(column::STATUS);
-        header.push('\n');
-        file.write(header.as_bytes())?;
-        Ok(Self { file, columns: column::names(translates).count() })
+    pub(crate) fn begin(mut file: OutputFile, translates: bool, cells: Option<usize>) -> Result<Self> {
+        file.write(header(translates, cells.is_some()).as_bytes())?;
+        Ok(Self { file, columns: column::names(translates).count(), cells })
     }
 
     /// The rows as text, formatted on all cores.
@@ -47,7 +41,9 @@ impl CsvFile {
         states
             .par_chunks(ROWS_PER_TASK)
             .enumerate()
-            .map(|(task, states)| format_rows(self.columns, time, first_body + task * ROWS_PER_TASK, states))
+            .map(|(task, states)| {
+                format_rows((self.columns, self.cells), time, first_body + task * ROWS_PER_TASK, states)
+            })
             .collect()
     }
 
@@ -60,8 +56,26 @@ impl CsvFile {
     }
 }
 
+fn header(translates: bool, has_cells: bool) -> String {
+    let columns = ["body", "t"].into_iter().chain(column::names(translates)).chain([column::STATUS]);
+    columns.chain(has_cells.then_some(column::CELL)).collect::<Vec<_>>().join(",") + "\n"
+}
+
+/// A table of one body at several times.
+pub(crate) fn track(body: usize, states: &[(f64, OutputState)]) -> Vec<u8> {
+    let translates = states.iter().any(|(_, state)| state.translation.is_some());
+    let columns = column::names(translates).count();
+    let rows = states.iter().flat_map(|&(time, state)| format_rows((columns, None), time, body, &[state]));
+    header(translates, false).into_bytes().into_iter().chain(rows).collect()
+}
+
 /// Rows as text. Every number has the fewest digits that read back to the same bits.
-fn format_rows(columns: usize, time: f64, first_body: usize, states: &[OutputState]) -> Vec<u8> {
+fn format_rows(
+    (columns, cells): (usize, Option<usize>),
+    time: f64,
+    first_body: usize,
+    states: &[OutputState],
+) -> Vec<u8> {
     let mut text = Vec::with_capacity(states.len() * (columns + 2) * BYTES_PER_NUMBER);
     let (mut index, mut number) = (itoa::Buffer::new(), zmij::Buffer::new());
     let time = zmij::Buffer::new().format(time).to_owned();
@@ -75,6 +89,10 @@ fn format_rows(columns: usize, time: f64, first_body: usize, states: &[OutputSta
         }
         text.push(b',');
         text.extend_from_slice(index.format(state.status().number()).as_bytes());
+        if let Some(cells) = cells {
+            text.push(b',');
+            text.extend_from_slice(index.format((first_body + offset) % cells).as_bytes());
+        }
         text.push(b'\n');
     }
     text

@@ -13,12 +13,13 @@
 use std::collections::hash_map::RandomState;
 use std::fs::{self, File};
 use std::hash::{BuildHasher, Hasher};
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 
 use super::lock::{self, Lock, Refused};
+use super::shard::{BLOCKS, FileEntry, PART};
 use crate::error::{Error, FileAction, Result};
 
 /// The file that appears last, when a run is complete.
@@ -27,11 +28,12 @@ pub const REPORT: &str = "report.json";
 pub const PLAN: &str = "plan.json";
 
 /// Stems of the tables that a run may write.
-const TABLES: [&str; 4] = ["final", "snapshots", "statistics", "failed"];
+const TABLES: [&str; 9] =
+    ["final", "snapshots", "statistics", "failed", "events", "survival", "histograms", "initial", "cells"];
 /// Endings of tables.
 const TABLE_ENDINGS: [&str; 2] = ["csv", "npz"];
 /// Stems of the pictures that are drawn of a run.
-const PICTURES: [&str; 2] = ["run", "statistics"];
+const PICTURES: [&str; 4] = ["run", "statistics", "histograms", "survival"];
 /// What stands before the number of a body in the stem of its pictures.
 const PICTURE_OF_BODY: &str = "run-body-";
 /// Endings of pictures.
@@ -49,7 +51,7 @@ fn is_result(name: &str) -> bool {
     let Some((stem, ending)) = name.rsplit_once('.') else { return false };
     let body = stem.strip_prefix(PICTURE_OF_BODY).unwrap_or_default();
     let of_body = !body.is_empty() && body.bytes().all(|digit| digit.is_ascii_digit());
-    [PLAN, REPORT].contains(&name)
+    [PLAN, REPORT, PART, BLOCKS].contains(&name)
         || TABLES.contains(&stem) && TABLE_ENDINGS.contains(&ending)
         || (PICTURES.contains(&stem) || of_body) && PICTURE_ENDINGS.contains(&ending)
 }
@@ -287,6 +289,12 @@ impl OutputFolder {
         file.finish()
     }
 
+    /// Sizes and checksums of the files so far, all of which are finished.
+    pub(crate) fn entries(&self) -> Result<Vec<FileEntry>> {
+        let entry = |name: &String| file_entry(&self.traces.staging, name);
+        self.names.iter().map(entry).collect()
+    }
+
     /// Gives the files, which are all finished, their place.
     ///
     /// Where that fails, they stay under another name, which the error says: they may be hours of work.
@@ -405,6 +413,27 @@ fn absent_target(path: &Path) -> io::Result<(PathBuf, Vec<PathBuf>)> {
     Ok((fs::canonicalize(parent)?.join(name), made))
 }
 
+/// What a run that has not finished has left of a folder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Residue {
+    /// Its process has the lock.
+    Running,
+    /// Its process is gone.
+    Killed,
+}
+
+/// What a run that has not finished has left of `target`, which need not exist.
+pub(crate) fn residue(target: &Path) -> Option<Residue> {
+    let prefix = prefix(target, false);
+    if lock::is_held(&with_suffix(&prefix, "lock")) {
+        return Some(Residue::Running);
+    }
+    let own = prefix.file_name()?.to_string_lossy().into_owned() + "-";
+    let is_partial = |name: &str| name.strip_prefix(&own).is_some_and(|rest| rest.ends_with(PARTIAL));
+    let mut names = fs::read_dir(target.parent()?).ok()?.flatten().map(|entry| entry.file_name());
+    names.any(|name| is_partial(&name.to_string_lossy())).then_some(Residue::Killed)
+}
+
 /// What the names of lock and temporary folders of a target begin with.
 fn prefix(target: &Path, in_place: bool) -> PathBuf {
     let name = target.file_name().unwrap_or_default();
@@ -457,6 +486,26 @@ fn is_mounted(_: &Path) -> bool {
     false
 }
 
+/// Size and checksum of a file as it is.
+pub(crate) fn file_entry(folder: &Path, name: &str) -> Result<FileEntry> {
+    let path = folder.join(name);
+    let mut checksum = crc32fast::Hasher::new();
+    let mut read = || -> io::Result<u64> {
+        let (mut file, mut buffer, mut bytes) = (File::open(&path)?, vec![0; 1 << 20], 0);
+        loop {
+            match file.read(&mut buffer)? {
+                0 => return Ok(bytes),
+                count => {
+                    checksum.update(&buffer[..count]);
+                    bytes += count as u64;
+                }
+            }
+        }
+    };
+    let bytes = read().map_err(|error| Error::file(&path, FileAction::Read, &error))?;
+    Ok(FileEntry { name: name.to_owned(), bytes, checksum: checksum.finalize() })
+}
+
 /// Whether an entry of a folder is a file of a result; a link is removed rather than followed.
 fn is_replaceable(entry: &fs::DirEntry) -> bool {
     let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
@@ -482,7 +531,6 @@ fn sync_parent(path: &Path) -> io::Result<()> {
 }
 
 /// Writes a file that appears as a whole and replaces any file of its name; a link is replaced, not followed.
-#[cfg(feature = "plot")]
 pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     let mut name = std::ffi::OsString::from(".");
     name.push(path.file_name().unwrap_or_default());

@@ -46,6 +46,13 @@ impl Lock {
     }
 }
 
+/// Whether another process has the lock at `path`.
+pub(super) fn is_held(path: &Path) -> bool {
+    let opened = OpenOptions::new().read(true).write(true).open(path);
+    // It is given back at once, and removed by whoever had left it.
+    opened.is_ok_and(|file| matches!(file.try_lock(), Err(TryLockError::WouldBlock)))
+}
+
 /// The file at `path`, and whether it was made here; `None` where it vanished in between. A link is not followed.
 fn open(path: &Path) -> io::Result<Option<(File, bool)>> {
     let mut options = OpenOptions::new();

@@ -8,6 +8,7 @@ use crate::bodies::Status;
 use crate::engine::{Description, Traffic};
 use crate::error::Result;
 use crate::kernel::method::Method;
+use crate::kernel::observe::Partial;
 use crate::math::Precision;
 use crate::math::Quantiles;
 use crate::plan::{Part, listed};
@@ -21,7 +22,9 @@ pub(crate) mod column;
 pub(crate) mod csv_file;
 #[cfg(feature = "study")]
 pub(crate) mod date;
+mod distribution;
 mod drift;
+mod events;
 mod failed;
 #[cfg(feature = "study")]
 pub(crate) mod failed_file;
@@ -32,23 +35,38 @@ mod lock;
 #[cfg(feature = "study")]
 pub(crate) mod npz_file;
 #[cfg(feature = "study")]
+pub(crate) mod observed_files;
+#[cfg(feature = "study")]
 pub mod report;
+#[cfg(feature = "study")]
+pub(crate) mod shard;
+#[cfg(feature = "study")]
+mod state_table;
 mod statistics;
 #[cfg(feature = "study")]
 pub(crate) mod statistics_file;
+#[cfg(feature = "study")]
+pub(crate) mod table_file;
 
+pub use crate::math::QUANTILE_ERROR;
 pub use adaptive_work::AdaptiveWork;
 pub use balance::Balance;
 pub(crate) use balance::{BalanceGatherer, change_of_total};
 #[cfg(feature = "study")]
-pub use column::{ROTATION_COLUMNS, STATUS, TRANSLATION_COLUMNS};
+pub use column::{CELL, ROTATION_COLUMNS, STATUS, TRANSLATION_COLUMNS};
+pub use distribution::HistogramCounts;
 pub use drift::Drift;
 pub(crate) use drift::{BodyDrift, Conserved, DriftGatherer};
+pub use events::{Censored, EventErrors, EventOccurrence, EventRecord, EventTime, Survival};
 pub use failed::{FailedBody, KnownTo};
 #[cfg(feature = "study")]
 pub use folder::{OutputFolder, PLAN, REPORT, Traces};
 #[cfg(feature = "study")]
 pub use report::Report;
+#[cfg(feature = "study")]
+pub use shard::{Shard, ShardState, is_complete, ranges, status};
+#[cfg(feature = "study")]
+pub use state_table::{StateRow, StateTable};
 pub use statistics::{Statistics, Summary};
 
 /// Takes the states of a run as they come, some bodies at a time, so that memory stays bounded.
@@ -71,6 +89,38 @@ pub trait Sink {
     /// Whatever hinders the sink; the run ends with it.
     fn statistics(&mut self, index: usize, statistics: &Statistics) -> Result<()> {
         let _ = (index, statistics);
+        Ok(())
+    }
+
+    /// The histograms of output `index`, in the order in which the scene asks for them; likewise.
+    ///
+    /// # Errors
+    ///
+    /// Whatever hinders the sink; the run ends with it.
+    fn histograms(&mut self, index: usize, histograms: &[HistogramCounts]) -> Result<()> {
+        let _ = (index, histograms);
+        Ok(())
+    }
+
+    /// The events, in the order in which the scene asks for them, once at the end; likewise.
+    ///
+    /// # Errors
+    ///
+    /// Whatever hinders the sink; the run ends with it.
+    fn events(&mut self, events: Vec<EventRecord>) -> Result<()> {
+        let _ = events;
+        Ok(())
+    }
+
+    /// The statistics of each [block](crate::bodies::Blocks) of bodies at output `index`, at `time` seconds: those of all bodies are merged of
+    /// them in this order. Extremes name bodies of the scene. Called before [`Sink::statistics`], where all that is asked for are kinetic energy,
+    /// spin rate and angular momentum; without this method they are passed over.
+    ///
+    /// # Errors
+    ///
+    /// Whatever hinders the sink; the run ends with it.
+    fn statistics_of_blocks(&mut self, index: usize, time: f64, blocks: &[Vec<Partial<f64>>]) -> Result<()> {
+        let _ = (index, time, blocks);
         Ok(())
     }
 }
@@ -209,6 +259,8 @@ pub struct WallTime {
     pub compute: f64,
     /// Reading states back and bringing them to the user's axes and units.
     pub read: f64,
+    /// Finding the times of events, and handing statistics and histograms to the sink.
+    pub observe: f64,
     /// Handing states to the sink.
     pub write: f64,
     /// Recomputing the sample of bodies, and the quantiles of the drift beside it.
@@ -331,12 +383,15 @@ impl std::fmt::Display for Trust {
 pub struct Record {
     snapshots: Vec<Snapshot>,
     statistics: Vec<Statistics>,
+    histograms: Vec<Vec<HistogramCounts>>,
+    events: Vec<EventRecord>,
     trust: Trust,
 }
 
 impl Record {
-    pub(crate) fn new(snapshots: Vec<Snapshot>, statistics: Vec<Statistics>, trust: Trust) -> Self {
-        Self { snapshots, statistics, trust }
+    pub(crate) fn new(memory: Memory, trust: Trust) -> Self {
+        let Memory { snapshots, statistics, histograms, events, .. } = memory;
+        Self { snapshots, statistics, histograms, events, trust }
     }
 
     /// All bodies at all output times, in order; the last one is the end. Empty where the scene keeps no states.
@@ -358,6 +413,16 @@ impl Record {
         &self.statistics
     }
 
+    /// The histograms at all output times, in order: at each time those of the scene in their order; empty where it asks for none.
+    pub fn histograms(&self) -> &[Vec<HistogramCounts>] {
+        &self.histograms
+    }
+
+    /// The events, in the scene's order.
+    pub fn events(&self) -> &[EventRecord] {
+        &self.events
+    }
+
     /// What was done and how well.
     pub fn trust(&self) -> &Trust {
         &self.trust
@@ -371,6 +436,8 @@ pub(crate) struct Memory {
     pub(crate) body_count: usize,
     pub(crate) snapshots: Vec<Snapshot>,
     pub(crate) statistics: Vec<Statistics>,
+    pub(crate) histograms: Vec<Vec<HistogramCounts>>,
+    pub(crate) events: Vec<EventRecord>,
 }
 
 impl Sink for Memory {
@@ -380,6 +447,16 @@ impl Sink for Memory {
 
     fn statistics(&mut self, _: usize, statistics: &Statistics) -> Result<()> {
         self.statistics.push(statistics.clone());
+        Ok(())
+    }
+
+    fn histograms(&mut self, _: usize, histograms: &[HistogramCounts]) -> Result<()> {
+        self.histograms.push(histograms.to_vec());
+        Ok(())
+    }
+
+    fn events(&mut self, events: Vec<EventRecord>) -> Result<()> {
+        self.events = events;
         Ok(())
     }
 

@@ -8,6 +8,8 @@
 //! Sources: PKWARE, *APPNOTE.TXT*, version 6.3.10, sections 4.3 and 4.5.3 (ZIP64); NumPy enhancement proposal 1,
 //! *A Simple File Format for NumPy Arrays*, format version 1.0.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::OutputState;
@@ -199,19 +201,26 @@ pub(crate) fn npy_header(element: &str, shape: &[usize]) -> Vec<u8> {
 /// A table under way, one array a column.
 ///
 /// `body` has shape `[bodies]`; `t` has shape `[outputs]`, and the other columns `[outputs, bodies]`; of a single output,
-/// `t` is a scalar and the other columns have shape `[bodies]`. `status` is of bytes.
+/// `t` is a scalar and the other columns have shape `[bodies]`. `status` is of bytes. Where a study sweeps there is `cell` of shape
+/// `[bodies]`.
 #[derive(Debug)]
 pub(crate) struct NpzFile {
     archive: Archive,
+    /// Entries before those of the states: `body`, `t` and, where a study sweeps, `cell`.
+    leading_entries: usize,
     columns: usize,
 }
 
-/// Entries before those of the states: `body` and `t`.
-const LEADING_ENTRIES: usize = 2;
-
 impl NpzFile {
     /// `times`: `Some` for a table over output times, `None` with the one time for a table of one.
-    pub(crate) fn begin(file: OutputFile, body_count: usize, times: Times<'_>, translates: bool) -> Result<Self> {
+    pub(crate) fn begin(
+        file: OutputFile,
+        bodies: Range<usize>,
+        times: Times<'_>,
+        translates: bool,
+        cells: Option<usize>,
+    ) -> Result<Self> {
+        let body_count = bodies.len();
         let mut archive = Archive::new(file);
         let (time_shape, state_shape) = match times {
             Times::One(_) => (vec![], vec![body_count]),
@@ -220,6 +229,7 @@ impl NpzFile {
         let times = times.as_slice();
         let arrays = [("body", "<u8", vec![body_count]), ("t", "<f8", time_shape)]
             .into_iter()
+            .chain(cells.map(|_| (column::CELL, "<u8", vec![body_count])))
             .chain(column::names(translates).map(|name| (name, "<f8", state_shape.clone())))
             .chain([(column::STATUS, "|u1", state_shape.clone())]);
         let mut headers = Vec::new();
@@ -234,16 +244,24 @@ impl NpzFile {
             archive.append(entry, header)?;
         }
         const BLOCK: usize = 1 << 16;
-        for start in (0..body_count).step_by(BLOCK) {
-            let bodies = start..(start + BLOCK).min(body_count);
-            let bytes: Vec<u8> = bodies.flat_map(|body| (body as u64).to_le_bytes()).collect();
+        for start in bodies.clone().step_by(BLOCK) {
+            let block = start..(start + BLOCK).min(bodies.end);
+            let bytes: Vec<u8> = block.clone().flat_map(|body| (body as u64).to_le_bytes()).collect();
             archive.append(0, &bytes)?;
+            if let Some(cells) = cells {
+                let bytes: Vec<u8> = block.flat_map(|body| ((body % cells) as u64).to_le_bytes()).collect();
+                archive.append(2, &bytes)?;
+            }
         }
         for times in times.chunks(BLOCK) {
             let bytes: Vec<u8> = times.iter().flat_map(|time| time.to_le_bytes()).collect();
             archive.append(1, &bytes)?;
         }
-        Ok(Self { archive, columns: column::names(translates).count() })
+        Ok(Self {
+            archive,
+            leading_entries: 2 + usize::from(cells.is_some()),
+            columns: column::names(translates).count(),
+        })
     }
 
     /// Some bodies' states by column, in the byte order of the file, gathered on all cores.
@@ -259,9 +277,9 @@ impl NpzFile {
     /// Appends what [`NpzFile::format`] gave, in the order of outputs and bodies.
     pub(crate) fn write(&mut self, columns: &Columns) -> Result<()> {
         columns.numbers.iter().enumerate().try_for_each(|(column, numbers)| {
-            self.archive.append(LEADING_ENTRIES + column, bytemuck::cast_slice(numbers))
+            self.archive.append(self.leading_entries + column, bytemuck::cast_slice(numbers))
         })?;
-        self.archive.append(LEADING_ENTRIES + self.columns, &columns.status)
+        self.archive.append(self.leading_entries + self.columns, &columns.status)
     }
 
     pub(crate) fn finish(self) -> Result<()> {

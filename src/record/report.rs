@@ -9,10 +9,13 @@ use crate::math::{Quantiles, Spread};
 use crate::plan::explain::{ClassRow, SkipRow};
 use crate::plan::{Group, Part, Plan, Treatment};
 use crate::scene::Accuracy;
+use crate::study::Study;
 
+mod event_report;
 mod statistics_report;
 mod summary;
 
+pub use event_report::{EventReport, QuantityReport};
 pub use statistics_report::{StatisticsReport, SummaryReport};
 
 /// A run in figures, as it stands in `report.json`.
@@ -48,8 +51,14 @@ pub struct Report {
     pub wall_time: WallTimeReport,
     /// Inertia tensors that were repaired before the run, where the study asks for that.
     pub repairs: Option<RepairReport>,
+    /// What statistics, histograms and events are formed of; empty where the study asks for none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub quantities: Vec<QuantityReport>,
     /// Statistics at the end; `null` where the study asks for none.
     pub statistics: Option<StatisticsReport>,
+    /// Events; empty where the study asks for none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub events: Vec<EventReport>,
     /// Drift of what bodies conserve, from start to end.
     pub drift: DriftReport,
     /// Energy and angular momentum against what the torques give; `null` where none acts.
@@ -77,6 +86,13 @@ pub struct StudyReport {
     pub title: Option<String>,
     /// The seed of its draws.
     pub seed: u64,
+}
+
+impl StudyReport {
+    pub(crate) fn of(study: &Study) -> Self {
+        let title = study.title().map(str::to_owned);
+        Self { file: study.file().display().to_string(), title, seed: study.seed() }
+    }
 }
 
 /// Which engine computed.
@@ -151,7 +167,7 @@ pub struct FailureReport {
 
 impl FailureReport {
     /// One for each reason that occurs.
-    fn of(failures: &[FailedBody]) -> Vec<Self> {
+    pub(crate) fn of(failures: &[FailedBody]) -> Vec<Self> {
         let of_reason = |reason: &Status| Self {
             status: reason.number(),
             reason: reason.name(),
@@ -224,6 +240,8 @@ pub struct WallTimeReport {
     pub compute: f64,
     /// Reading states back and bringing them to the user's axes and units.
     pub read: f64,
+    /// Finding the times of events, and what a sink does with statistics and histograms.
+    pub observe: f64,
     /// Numbers to text or bytes.
     pub format: f64,
     /// Handing bytes to the file system.
@@ -349,7 +367,9 @@ impl BalanceReport {
 }
 
 impl Report {
-    pub(crate) fn new(study: Option<StudyReport>, plan: &Plan<'_>, trust: Trust) -> Self {
+    /// The report of a run of `plan` that has left `trust` behind. Statistics, the names of files, and the wall times of what lies outside
+    /// of planning and run are left to the caller.
+    pub fn new(study: Option<StudyReport>, plan: &Plan<'_>, trust: Trust) -> Self {
         let compute = trust.wall_time.compute;
         let explanation = plan.explain();
         let rate = trust.body_steps as f64 / compute;
@@ -385,10 +405,12 @@ impl Report {
             dispatches: trust.traffic.dispatches,
             body_steps_per_second: if trust.body_steps > 0 && rate.is_finite() { rate } else { 0.0 },
             wall_time: WallTimeReport {
+                plan: plan.planning_time().as_secs_f64(),
                 prepare: trust.wall_time.prepare,
                 start: trust.wall_time.start,
                 compute,
                 read: trust.wall_time.read,
+                observe: trust.wall_time.observe,
                 shadow: trust.wall_time.recomputed_sample,
                 ..WallTimeReport::default()
             },
@@ -397,7 +419,9 @@ impl Report {
                 largest_relative_change: repairs.largest_relative_change,
                 limit: repairs.limit,
             }),
+            quantities: QuantityReport::of(plan.scene()),
             statistics: None,
+            events: Vec::new(),
             drift: DriftReport::of(&trust.drift),
             balance: BalanceReport::of(&trust.balance),
             accuracy: AccuracyReport {

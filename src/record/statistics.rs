@@ -1,6 +1,8 @@
 //! Statistics of an ensemble at an output time.
 
+use crate::engine::reduction::merged;
 use crate::kernel::observe::{Partial, Statistic};
+use crate::scene::Quantity;
 
 /// Statistics of all bodies at one time.
 #[derive(Clone, Debug, PartialEq)]
@@ -13,11 +15,11 @@ pub struct Statistics {
     pub summaries: Vec<Summary>,
 }
 
-/// Statistics of one quantity, in its SI unit ([`Statistic::unit`]); without bodies all figures are NaN.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Statistics of one quantity, in its unit ([`Quantity::unit`]); without bodies all figures are NaN.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Summary {
     /// The quantity.
-    pub statistic: Statistic,
+    pub quantity: Quantity,
     /// The arithmetic mean over the bodies.
     pub mean: f64,
     /// The square root of the mean squared deviation from the mean, over the bodies as they are (not of a larger population
@@ -31,20 +33,25 @@ pub struct Summary {
     pub min_body: Option<usize>,
     /// The body with the greatest; of equal ones, one of them.
     pub max_body: Option<usize>,
+    /// The quantiles that the scene asks for, in that order ([`crate::Scene::quantiles`]).
+    pub quantiles: Vec<f64>,
 }
 
 impl Statistics {
-    pub(crate) fn new(time: f64, statistics: &[Statistic], found: &[Partial<f64>]) -> Self {
+    /// Statistics of all bodies from those of each of their blocks, in order.
+    pub(crate) fn new(time: f64, statistics: &[Statistic], blocks: &[Vec<Partial<f64>>]) -> Self {
+        let found = &merged(blocks, statistics.len());
         let summary = |(&statistic, found): (&Statistic, &Partial<f64>)| {
             let any = found.count > 0;
             Summary {
-                statistic,
+                quantity: statistic.into(),
                 mean: found.mean(),
                 standard_deviation: found.standard_deviation(),
                 min: if any { found.least.value() } else { f64::NAN },
                 max: if any { found.greatest.value() } else { f64::NAN },
                 min_body: any.then_some(found.least.body as usize),
                 max_body: any.then_some(found.greatest.body as usize),
+                quantiles: Vec::new(),
             }
         };
         Self {
@@ -55,7 +62,8 @@ impl Statistics {
     }
 
     /// Those of one quantity, where it was asked for.
-    pub fn of(&self, statistic: Statistic) -> Option<&Summary> {
-        self.summaries.iter().find(|summary| summary.statistic == statistic)
+    pub fn of(&self, quantity: impl Into<Quantity>) -> Option<&Summary> {
+        let quantity = quantity.into();
+        self.summaries.iter().find(|summary| summary.quantity == quantity)
     }
 }

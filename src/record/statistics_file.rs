@@ -4,14 +4,17 @@ use super::folder::{OutputFile, OutputFolder};
 use super::npz_file::{Archive, npy_header};
 use super::{Statistics, Summary};
 use crate::error::Result;
-use crate::kernel::observe::Statistic;
+use crate::scene::Quantity;
 use crate::study::Format;
 
 /// Columns of a quantity, behind its name.
 const COLUMNS: [&str; 6] = ["mean", "standard_deviation", "min", "max", "min_body", "max_body"];
 
-/// Columns of a quantity that hold indices of bodies: the last ones.
+/// Columns of a quantity that hold indices of bodies: the last ones of these.
 const BODY_COLUMNS: usize = 2;
+
+/// Numbers of a quantity before those.
+const NUMBERS: usize = COLUMNS.len() - BODY_COLUMNS;
 
 /// A table under way.
 ///
@@ -23,9 +26,21 @@ pub(crate) enum StatisticsFile {
 }
 
 impl StatisticsFile {
-    pub fn begin(folder: &mut OutputFolder, format: Format, statistics: &[Statistic], outputs: usize) -> Result<Self> {
+    /// `quantiles` in percent, each of which is a column `q5`, say, of every quantity.
+    pub fn begin(
+        folder: &mut OutputFolder,
+        format: Format,
+        statistics: &[Quantity],
+        quantiles: &[f64],
+        outputs: usize,
+    ) -> Result<Self> {
         let mut file = folder.begin(&format!("statistics.{}", format.name()))?;
-        let names = statistics.iter().flat_map(|statistic| COLUMNS.map(|column| format!("{statistic}_{column}")));
+        let columns = || {
+            let quantiles = quantiles.iter().map(|percent| format!("q{percent}"));
+            COLUMNS.map(str::to_owned).into_iter().chain(quantiles)
+        };
+        let width = columns().count();
+        let names = statistics.iter().flat_map(|quantity| columns().map(move |column| format!("{quantity}_{column}")));
         let names: Vec<String> = ["t".to_owned(), "count".to_owned()].into_iter().chain(names).collect();
         match format {
             Format::Csv => {
@@ -37,7 +52,7 @@ impl StatisticsFile {
                 let element = |column: usize| match column {
                     0 => "<f8",
                     1 => "<u8",
-                    _ if (column - 2) % COLUMNS.len() >= COLUMNS.len() - BODY_COLUMNS => "<i8",
+                    _ if (NUMBERS..COLUMNS.len()).contains(&((column - 2) % width)) => "<i8",
                     _ => "<f8",
                 };
                 let header = |column: usize| npy_header(element(column), &[outputs]);
@@ -63,6 +78,9 @@ impl StatisticsFile {
                     for body in [summary.min_body, summary.max_body] {
                         row += &body.map_or(",".to_owned(), |body| format!(",{body}"));
                     }
+                    for &value in &summary.quantiles {
+                        row += &format!(",{}", number(value));
+                    }
                 }
                 row.push('\n');
                 file.write(row.as_bytes())
@@ -80,6 +98,10 @@ impl StatisticsFile {
                         archive.append(column, &body.map_or(-1, |body| body as i64).to_le_bytes())?;
                         column += 1;
                     }
+                    for value in &summary.quantiles {
+                        archive.append(column, &value.to_le_bytes())?;
+                        column += 1;
+                    }
                 }
                 Ok(())
             }
@@ -94,7 +116,7 @@ impl StatisticsFile {
     }
 }
 
-fn figures(summary: &Summary) -> [f64; COLUMNS.len() - BODY_COLUMNS] {
+fn figures(summary: &Summary) -> [f64; NUMBERS] {
     [summary.mean, summary.standard_deviation, summary.min, summary.max]
 }
 

@@ -5,10 +5,11 @@ use std::time::Instant;
 
 use super::reading::{FormStates, each_in_lanes};
 use crate::bodies::BodyFrame;
+use crate::bodies::blocks::cut;
 use crate::bodies::columns::StateWords;
 use crate::engine::adaptive_session::AdaptiveSession;
-use crate::engine::batch::{ORDER_BLOCK, Prepared, prepare_ordered};
-use crate::engine::reduction::Reduce;
+use crate::engine::batch::{ORDERED_TOGETHER, Prepared, prepare_ordered};
+use crate::engine::reduction::{BlockRows, Reduce};
 use crate::engine::watch::Job;
 use crate::engine::{Backend, Observer};
 use crate::error::Result;
@@ -26,10 +27,12 @@ pub(super) struct AdaptiveGroupRun {
     session: Box<dyn AdaptiveSession>,
     /// By the session's rows.
     frames: Vec<BodyFrame>,
-    /// The session's row of each of the group's rows. Both lie in the same block of [`ORDER_BLOCK`] rows, so that outputs
-    /// are put together block by block in bounded memory.
+    /// The session's row of each of the group's rows. Both lie in the same of `cuts`, so that outputs are put together piece by piece in
+    /// bounded memory.
     session_rows: Vec<u32>,
-    /// A block of rows as it was read last, since the bodies were advanced.
+    /// The group's rows in pieces that are ordered each for itself, and end where blocks of bodies do.
+    cuts: Vec<Range<usize>>,
+    /// A piece of rows as it was read last, since the bodies were advanced.
     last_read: Option<(usize, StateWords)>,
 }
 
@@ -39,7 +42,7 @@ impl AdaptiveGroupRun {
         scene: &Scene,
         group: &Group,
         (method, precision): (Method, Precision),
-        steps: AdaptiveSteps,
+        (steps, ends): (AdaptiveSteps, &[usize]),
         wall_time: &mut WallTime,
     ) -> Result<Self> {
         let clock = Instant::now();
@@ -48,12 +51,14 @@ impl AdaptiveGroupRun {
         let by_work =
             |start: usize, prepared: &[Prepared]| order_by_work(scene, members, start, prepared, &mut session_rows);
         let torques = group.class.torques.of(scene.torques());
-        let (frames, batch) = prepare_ordered(scene.ensemble(), &torques, scene.end(), members, precision, by_work)?;
+        let cuts = cut(members.len(), ORDERED_TOGETHER, ends);
+        let ordered = (&cuts[..], by_work);
+        let (frames, batch) = prepare_ordered(scene.ensemble(), &torques, scene.end(), members, precision, ordered)?;
         wall_time.prepare += clock.elapsed().as_secs_f64();
         let clock = Instant::now();
         let session = start(engine, method, batch, steps)?;
         wall_time.start += clock.elapsed().as_secs_f64();
-        Ok(Self { session, frames, session_rows, last_read: None })
+        Ok(Self { session, frames, session_rows, cuts, last_read: None })
     }
 
     pub fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {
@@ -82,16 +87,14 @@ impl AdaptiveGroupRun {
         self.session_rows[row] as usize
     }
 
-    /// The group's row of one of the session's, which lies in the same block.
-    pub fn group_row(&self, session_row: usize) -> usize {
-        let Range { start, end } = self.block(session_row / ORDER_BLOCK);
-        let found = self.session_rows[start..end].iter().position(|&row| row as usize == session_row);
-        start + found.unwrap_or(0)
+    /// The session's rows by blocks that end before these of the group's rows.
+    pub fn blocks(&self, ends: Vec<usize>) -> BlockRows {
+        BlockRows::new(ends, Some(self.session_rows.clone()))
     }
 
-    /// The rows of a block.
-    fn block(&self, block: usize) -> Range<usize> {
-        block * ORDER_BLOCK..((block + 1) * ORDER_BLOCK).min(self.session_rows.len())
+    /// The piece that a row lies in.
+    fn cut_of(&self, row: usize) -> usize {
+        self.cuts.partition_point(|cut| cut.end <= row)
     }
 
     /// The frames of the group's rows at the start.
@@ -100,7 +103,7 @@ impl AdaptiveGroupRun {
         |row| frames[session_rows[row] as usize]
     }
 
-    /// Hands what forms the states in some of the group's rows, a block at most at a time, to `then`; `now` makes the frame of a row's body
+    /// Hands what forms the states in some of the group's rows, a piece at most at a time, to `then`; `now` makes the frame of a row's body
     /// into that of the present time.
     pub fn with_states(
         &mut self,
@@ -110,7 +113,8 @@ impl AdaptiveGroupRun {
     ) -> Result<()> {
         let mut start = rows.start;
         while start < rows.end {
-            let (number, block) = (start / ORDER_BLOCK, self.block(start / ORDER_BLOCK));
+            let number = self.cut_of(start);
+            let block = self.cuts[number].clone();
             let words = match self.last_read.take() {
                 Some((last, words)) if last == number => words,
                 _ => self.session.read(block.clone())?,
@@ -130,14 +134,14 @@ impl AdaptiveGroupRun {
         Ok(())
     }
 
-    /// Says that some of the group's rows are read next: the block of the first of them, where it is not here already.
+    /// Says that some of the group's rows are read next: the piece of the first of them, where it is not here already.
     pub fn prefetch(&mut self, rows: Range<usize>) -> Result<()> {
-        let block = rows.start / ORDER_BLOCK;
-        if rows.is_empty() || self.last_read.as_ref().is_some_and(|(last, _)| *last == block) {
+        let number = self.cut_of(rows.start);
+        if rows.is_empty() || self.last_read.as_ref().is_some_and(|(last, _)| *last == number) {
             return Ok(());
         }
-        let rows = self.block(block);
-        self.session.prefetch(rows)
+        let piece = self.cuts[number].clone();
+        self.session.prefetch(piece)
     }
 
     /// The time that the body in one of the group's rows stands at, s, where the session can say it.

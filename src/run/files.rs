@@ -1,27 +1,31 @@
 //! A run whose outputs go to files.
 
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
+use std::path::Path;
 use std::time::Instant;
 
 use crate::engine::{Backend, Progress};
-use crate::error::Result;
-use crate::plan::Plan;
+use crate::error::{Error, Result};
+use crate::kernel::observe::Partial;
+use crate::plan::{Plan, PlanDocument};
 use crate::record::column;
 use crate::record::csv_file::{self, CsvFile};
 use crate::record::failed_file;
-use crate::record::folder::{OutputFolder, PLAN, REPORT};
+use crate::record::folder::{OutputFile, OutputFolder, PLAN, REPORT, write_whole};
 use crate::record::npz_file::{NpzFile, Times};
-use crate::record::report::{Report, StatisticsReport, StudyReport};
+use crate::record::observed_files::{write_events, write_histograms};
+use crate::record::report::{EventReport, Report, StatisticsReport, StudyReport};
+use crate::record::shard::{BLOCKS, BlocksLine, PART, PartContents, PartFile, Shard};
 use crate::record::statistics_file::StatisticsFile;
-use crate::record::{OutputState, Sink, Statistics};
-use crate::run::run_into;
+use crate::record::{EventRecord, HistogramCounts, OutputState, Sink, Statistics};
+use crate::run::{initial_file, run_into};
 use crate::study::{Format, Output, Study};
 
 /// Wall time of writing tables, s.
 #[derive(Clone, Copy, Debug, Default)]
-struct WriteTime {
-    format: f64,
-    disk: f64,
+pub(super) struct WriteTime {
+    pub format: f64,
+    pub disk: f64,
 }
 
 /// What `work` returns; the time that it takes is added to `seconds`.
@@ -34,24 +38,36 @@ fn timed<T>(seconds: &mut f64, work: impl FnOnce() -> T) -> T {
 
 /// A table under way in either format.
 #[derive(Debug)]
-enum TableFile {
+pub(super) enum TableFile {
     Csv(CsvFile),
     Npz(NpzFile),
 }
 
 impl TableFile {
-    fn begin(folder: &mut OutputFolder, stem: &str, format: Format, plan: &Plan<'_>, times: Times<'_>) -> Result<Self> {
+    /// Begins a table of the bodies in a range, counted as in the whole that they are a part of; `cells` of the study's design, where it
+    /// has one.
+    pub fn begin(
+        folder: &mut OutputFolder,
+        (stem, format): (&str, Format),
+        (bodies, translates): (Range<usize>, bool),
+        cells: Option<usize>,
+        times: Times<'_>,
+    ) -> Result<Self> {
         let file = folder.begin(&format!("{stem}.{}", format.name()))?;
-        let ensemble = plan.scene().ensemble();
-        let translates = ensemble.translation().is_some();
         Ok(match format {
-            Format::Csv => TableFile::Csv(CsvFile::begin(file, translates)?),
-            Format::Npz => TableFile::Npz(NpzFile::begin(file, ensemble.len(), times, translates)?),
+            Format::Csv => TableFile::Csv(CsvFile::begin(file, translates, cells)?),
+            Format::Npz => TableFile::Npz(NpzFile::begin(file, bodies, times, translates, cells)?),
         })
     }
 
     /// Appends the states of the bodies from `first_body` on.
-    fn append(&mut self, time: f64, first_body: usize, states: &[OutputState], spent: &mut WriteTime) -> Result<()> {
+    pub fn append(
+        &mut self,
+        time: f64,
+        first_body: usize,
+        states: &[OutputState],
+        spent: &mut WriteTime,
+    ) -> Result<()> {
         match self {
             TableFile::Csv(file) => {
                 let rows = timed(&mut spent.format, || file.format(time, first_body, states));
@@ -64,7 +80,7 @@ impl TableFile {
         }
     }
 
-    fn finish(self) -> Result<()> {
+    pub fn finish(self) -> Result<()> {
         match self {
             TableFile::Csv(file) => file.finish(),
             TableFile::Npz(file) => file.finish(),
@@ -78,29 +94,50 @@ struct FileSink {
     statistics: Option<StatisticsFile>,
     /// Those of the end.
     at_end: Option<Statistics>,
+    histograms: Vec<Vec<HistogramCounts>>,
+    events: Vec<EventRecord>,
     final_state: Option<TableFile>,
     snapshots: Option<TableFile>,
+    /// The statistics of each block, of a part of a study.
+    blocks: Option<OutputFile>,
+    /// Of the study that the bodies are a part of.
+    first_body: usize,
     last: usize,
     spent: WriteTime,
 }
 
 impl FileSink {
-    fn begin(folder: &mut OutputFolder, output: Output, plan: &Plan<'_>) -> Result<Self> {
-        let times = plan.times();
+    /// `cells`: of the study's design, where it has one.
+    fn begin(
+        folder: &mut OutputFolder,
+        output: Output,
+        cells: Option<usize>,
+        plan: &Plan<'_>,
+        is_part: bool,
+    ) -> Result<Self> {
+        let (times, ensemble) = (plan.times(), plan.scene().ensemble());
+        let first_body = plan.scene().part().first_body;
+        let bodies = first_body..first_body + ensemble.len();
         let mut table = |wanted: bool, stem: &str, times: Times<'_>| {
-            wanted.then(|| TableFile::begin(folder, stem, output.format, plan, times)).transpose()
+            let columns = (bodies.clone(), ensemble.translation().is_some());
+            wanted.then(|| TableFile::begin(folder, (stem, output.format), columns, cells, times)).transpose()
         };
         let (final_state, snapshots) = (
             table(output.final_state, "final", Times::One(plan.scene().end()))?,
             table(output.snapshots, "snapshots", Times::Many(times))?,
         );
-        let wanted = plan.scene().wanted_statistics();
+        let (wanted, quantiles) = (plan.scene().wanted_statistics(), plan.scene().wanted_quantiles());
         let statistics = (!wanted.is_empty())
-            .then(|| StatisticsFile::begin(folder, output.format, wanted, times.len()))
+            .then(|| StatisticsFile::begin(folder, output.format, wanted, quantiles, times.len()))
             .transpose()?;
+        let blocks = (is_part && !wanted.is_empty()).then(|| folder.begin(BLOCKS)).transpose()?;
         Ok(Self {
             statistics,
+            blocks,
+            first_body,
             at_end: None,
+            histograms: Vec::new(),
+            events: Vec::new(),
             final_state,
             snapshots,
             last: times.len() - 1,
@@ -110,10 +147,11 @@ impl FileSink {
 
     fn finish(&mut self) -> Result<()> {
         let mut tables = self.final_state.take().into_iter().chain(self.snapshots.take());
-        let statistics = self.statistics.take();
+        let (statistics, blocks) = (self.statistics.take(), self.blocks.take());
         timed(&mut self.spent.disk, || {
             tables.try_for_each(TableFile::finish)?;
-            statistics.map_or(Ok(()), StatisticsFile::finish)
+            statistics.map_or(Ok(()), StatisticsFile::finish)?;
+            blocks.map_or(Ok(()), OutputFile::finish)
         })
     }
 }
@@ -127,17 +165,37 @@ impl Sink for FileSink {
         let at_end = index == self.last;
         let tables = self.snapshots.iter_mut().chain(self.final_state.iter_mut().filter(|_| at_end));
         for table in tables {
-            table.append(time, first_body, states, &mut self.spent)?;
+            table.append(time, self.first_body + first_body, states, &mut self.spent)?;
         }
         Ok(())
     }
 
     fn statistics(&mut self, index: usize, statistics: &Statistics) -> Result<()> {
+        let statistics = statistics.clone().counted_from(self.first_body);
+        let done = match &mut self.statistics {
+            Some(file) => timed(&mut self.spent.disk, || file.append(&statistics)),
+            None => Ok(()),
+        };
         if index == self.last {
-            self.at_end = Some(statistics.clone());
+            self.at_end = Some(statistics);
         }
-        let Some(file) = &mut self.statistics else { return Ok(()) };
-        timed(&mut self.spent.disk, || file.append(statistics))
+        done
+    }
+
+    fn statistics_of_blocks(&mut self, _: usize, time: f64, blocks: &[Vec<Partial<f64>>]) -> Result<()> {
+        let Some(file) = &mut self.blocks else { return Ok(()) };
+        let line = timed(&mut self.spent.format, || BlocksLine::new(time, blocks, self.first_body).to_line());
+        timed(&mut self.spent.disk, || file.write(line.as_bytes()))
+    }
+
+    fn histograms(&mut self, _: usize, histograms: &[HistogramCounts]) -> Result<()> {
+        self.histograms.push(histograms.to_vec());
+        Ok(())
+    }
+
+    fn events(&mut self, events: Vec<EventRecord>) -> Result<()> {
+        self.events = events;
+        Ok(())
     }
 }
 
@@ -166,8 +224,29 @@ impl OutputSize {
             }
             Format::Npz => (8 * numbers + 1, 8 * numbers + 1),
         };
-        Self { rows, least_bytes: rows.saturating_mul(least), likely_bytes: rows.saturating_mul(likely) }
+        let initial = if output.initial { ensemble.len() as u64 } else { 0 };
+        let in_all = |bytes: u64, of_number: u64| {
+            rows.saturating_mul(bytes).saturating_add(initial.saturating_mul(of_number * initial_file::LEAST_NUMBERS))
+        };
+        let (least_number, likely_number) = match output.format {
+            Format::Csv => (csv_file::LEAST_BYTES, csv_file::LIKELY_BYTES),
+            Format::Npz => (8, 8),
+        };
+        Self {
+            rows: rows + initial,
+            least_bytes: in_all(least, least_number),
+            likely_bytes: in_all(likely, likely_number),
+        }
     }
+}
+
+/// Writes a plan ([`Plan::to_json`]) to a file, which appears as a whole and replaces any of its name.
+///
+/// # Errors
+///
+/// [`Error::File`].
+pub fn write_plan(plan: &Plan<'_>, path: &Path) -> Result<()> {
+    write_whole(path, plan.to_json().as_bytes())
 }
 
 /// Runs `plan` on `engine` and writes the tables that `output` asks for, `plan.json` and `report.json`, into `folder`, and, where
@@ -184,31 +263,102 @@ pub fn run_to_folder(
     plan: &Plan<'_>,
     study: Option<&Study>,
     output: Output,
-    mut folder: OutputFolder,
+    folder: OutputFolder,
+    since: Instant,
+    observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+) -> Result<Report> {
+    run_files(engine, plan, study, output, (folder, None), since, observer)
+}
+
+/// As [`run_to_folder`], of a part of a study ([`Study::part`]), whose folder is that of `shard`. `document` is the plan that all parts
+/// follow, which is written as it was read. Beside the tables stands what [`crate::run::merge`] needs to make those of the whole.
+///
+/// # Errors
+///
+/// As [`run_to_folder`], and [`Error::Setting`] where the study asks for quantiles, histograms, events or derived quantities.
+pub fn run_shard_to_folder(
+    engine: &dyn Backend,
+    plan: &Plan<'_>,
+    study: &Study,
+    (shard, document): (Shard, &PlanDocument),
+    folder: OutputFolder,
+    since: Instant,
+    observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+) -> Result<Report> {
+    if plan.scene().needs_states() {
+        let value = plan.scene().observed().quantities().len() as f64;
+        let expected =
+            "quantiles, histograms, events and derived quantities are not merged from parts: run the study as a whole";
+        return Err(Error::Setting { field: "quantities", value, expected });
+    }
+    run_files(engine, plan, Some(study), study.output(), (folder, Some((shard, document))), since, observer)
+}
+
+fn run_files(
+    engine: &dyn Backend,
+    plan: &Plan<'_>,
+    study: Option<&Study>,
+    output: Output,
+    (mut folder, shard): (OutputFolder, Option<(Shard, &PlanDocument)>),
     since: Instant,
     observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Report> {
     let study_seconds = since.elapsed().as_secs_f64();
-    let mut sink = FileSink::begin(&mut folder, output, plan)?;
-    let trust = run_into(engine, plan, &mut sink, observer)?;
+    let design = study.and_then(Study::design);
+    let cells = design.map(|design| design.cells());
+    let mut sink = FileSink::begin(&mut folder, output, cells, plan, shard.is_some())?;
+    let mut initial_seconds = 0.0;
+    timed(&mut initial_seconds, || {
+        if let Some(design) = design {
+            initial_file::write_cells(&mut folder, output.format, design, plan.scene().ensemble().len())?;
+        }
+        match output.initial {
+            true => initial_file::write_initial(&mut folder, output.format, study, plan.scene()),
+            false => Ok(()),
+        }
+    })?;
+    let mut trust = run_into(engine, plan, &mut sink, observer)?;
     sink.finish()?;
+    let (part, scene) = (plan.scene().part(), plan.scene());
+    trust.failures.iter_mut().for_each(|failed| failed.body += part.first_body);
+    trust.failed_bodies.iter_mut().for_each(|body| *body += part.first_body);
     if !trust.failures.is_empty() {
         failed_file::write(&mut folder, output.format, &trust.failures)?;
     }
-    folder.write(PLAN, plan.to_json().as_bytes())?;
+    if !sink.events.is_empty() {
+        write_events(&mut folder, output.format, &sink.events, plan.times(), cells)?;
+    }
+    if !sink.histograms.is_empty() {
+        write_histograms(&mut folder, output.format, scene.wanted_histograms(), &sink.histograms)?;
+    }
+    match shard {
+        None => folder.write(PLAN, plan.to_json().as_bytes())?,
+        Some((shard, document)) => {
+            folder.write(PLAN, document.text().as_bytes())?;
+            let contents = PartFile::new(PartContents {
+                shard,
+                bodies: part.first_body..part.first_body + scene.ensemble().len(),
+                body_count: part.of,
+                translates: scene.ensemble().translation().is_some(),
+                times: plan.times(),
+                output,
+                statistics: &scene.plain_statistics(),
+                allowed_failures: study.map_or(0, Study::allowed_failures),
+                failures: &trust.failures,
+                files: folder.entries()?,
+            });
+            folder.write(PART, contents.to_json().as_bytes())?;
+        }
+    }
 
-    let study = study.map(|study| StudyReport {
-        file: study.file().display().to_string(),
-        title: study.title().map(str::to_owned),
-        seed: study.seed(),
-    });
+    let study = study.map(StudyReport::of);
     let mut report = Report::new(study, plan, trust);
     report.statistics = sink.at_end.as_ref().map(StatisticsReport::from);
+    report.events = sink.events.iter().map(|record| EventReport::new(record, scene.end())).collect();
     report.files = folder.names().to_vec();
-    report.wall_time.plan = plan.planning_time().as_secs_f64();
     report.wall_time.study = (study_seconds - report.wall_time.plan).max(0.0);
     report.wall_time.format = sink.spent.format;
-    report.wall_time.disk = sink.spent.disk;
+    report.wall_time.disk = sink.spent.disk + initial_seconds;
     report.wall_time.total = since.elapsed().as_secs_f64();
     let text = report.to_json();
     folder.write(REPORT, text.as_bytes())?;

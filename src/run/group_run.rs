@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::OutputState;
 use super::reading::{FormStates, TASK, WriteState, each_in_lanes, scatter};
+use crate::bodies::Blocks;
 use crate::bodies::Ensemble;
 use crate::bodies::Members;
 use crate::bodies::Status;
@@ -15,12 +16,12 @@ use crate::bodies::columns::StateWords;
 use crate::bodies::{BodyFrame, BodyState};
 use crate::engine::batch::prepare_members;
 use crate::engine::cpu::Cpu;
-use crate::engine::reduction::{Marked, Reduce};
+use crate::engine::reduction::{BlockRows, Marked, Reduce, merged};
 use crate::engine::watch::{Job, Watch};
 use crate::engine::{Backend, FreeSession, Observer, Progress, Session};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::{AnyRows, scaled_body};
-use crate::kernel::observe::{self, Partial, Statistic, merge};
+use crate::kernel::observe::{self, Partial, Statistic};
 use crate::math::Precision;
 use crate::math::Width;
 use crate::plan::regular_precession::RegularPrecession;
@@ -29,12 +30,14 @@ use crate::record::WallTime;
 use crate::run::adaptive_group::{AdaptiveGroupRun, GroupWork};
 use crate::run::evaluated_when_read::EvaluatedWhenRead;
 use crate::run::stepped_translation::SteppedTranslation;
-use crate::scene::Scene;
+use crate::scene::{Part, Scene};
 use crate::torque::Torque;
 
 /// The run of one group of bodies.
 pub(super) struct GroupRun<'p> {
     members: &'p Members,
+    /// The rows after the last of each block of bodies.
+    ends: Vec<usize>,
     motion: Motion<'p>,
     stepped_translation: Option<SteppedTranslation<'p>>,
     ensemble: &'p Ensemble,
@@ -79,6 +82,7 @@ impl<'p> GroupRun<'p> {
     ) -> Result<Self> {
         let clock = Instant::now();
         let members = &group.members;
+        let ends: Vec<usize> = blocks_of(scene).map(|block| members.rows(block).end).collect();
         let mut stepped_translation = None;
         let motion = match group.treatment {
             Treatment::RegularPrecession => {
@@ -104,7 +108,9 @@ impl<'p> GroupRun<'p> {
                         width,
                     }),
                     None => {
-                        let (frames, rows) = AnyRows::prepare_members(scene.ensemble(), members, precision, set_up)?;
+                        let (frames, mut rows) =
+                            AnyRows::prepare_members(scene.ensemble(), members, precision, set_up)?;
+                        rows.cut_at(ends.clone());
                         wall_time.prepare += clock.elapsed().as_secs_f64();
                         let clock = Instant::now();
                         let session = if engine.precisions().contains(&precision) {
@@ -118,11 +124,13 @@ impl<'p> GroupRun<'p> {
                 }
             }
             Treatment::Adaptive { method, precision, steps } => {
-                Motion::Adaptive(AdaptiveGroupRun::start(engine, scene, group, (method, precision), steps, wall_time)?)
+                let method = (method, precision);
+                Motion::Adaptive(AdaptiveGroupRun::start(engine, scene, group, method, (steps, &ends), wall_time)?)
             }
             Treatment::Stepped { method, precision, longest_step, projected } => {
                 let torques = group.class.torques.of(scene.torques());
-                let (frames, batch) = prepare_members(scene.ensemble(), &torques, scene.end(), members, precision)?;
+                let (frames, mut batch) = prepare_members(scene.ensemble(), &torques, scene.end(), members, precision)?;
+                batch.cut_at(ends.clone());
                 wall_time.prepare += clock.elapsed().as_secs_f64();
                 let clock = Instant::now();
                 stepped_translation = SteppedTranslation::start(scene, members, true)?;
@@ -149,7 +157,7 @@ impl<'p> GroupRun<'p> {
         }
         let varies = scene.torques().iter().any(Torque::changes_inertia);
         let (ensemble, torques) = (scene.ensemble(), scene.torques());
-        Ok(Self { members, motion, stepped_translation, ensemble, torques, varies, time: 0.0, formed: 0.0 })
+        Ok(Self { members, ends, motion, stepped_translation, ensemble, torques, varies, time: 0.0, formed: 0.0 })
     }
 
     /// The steps from `time − span` to `time`, s, as work for the host's threads, to be run before anything else is done with the
@@ -465,6 +473,13 @@ fn evaluates_on_host(engine: &dyn Backend, precision: Precision) -> Option<Width
     if engine.precisions().contains(&precision) { engine.evaluates_on_host() } else { Some(Width::Lanes) }
 }
 
+/// The blocks of a scene's bodies, as far as they are there, by the scene's own indices.
+pub(super) fn blocks_of(scene: &Scene) -> impl Iterator<Item = Range<usize>> + Clone + use<> {
+    let Part { first_body, of } = scene.part();
+    let blocks = Blocks::of(of).within(&(first_body..first_body + scene.ensemble().len()));
+    blocks.map(move |block| block.start - first_body..block.end - first_body)
+}
+
 /// Bodies whose state is read at once where statistics are formed on the host.
 const BLOCK: usize = 1 << 12;
 
@@ -474,37 +489,48 @@ impl GroupRun<'_> {
         let bodies = self.members.len();
         let bytes = bodies.saturating_mul(observe::bytes_per_body(statistics.len()));
         crate::bodies::memory::require(bodies, bytes, "the columns of the statistics")?;
+        let ends = self.ends.clone();
+        let blocks = match &self.motion {
+            Motion::Adaptive(group_run) => group_run.blocks(ends),
+            _ => BlockRows::new(ends, None),
+        };
         let Some((session, frames)) = self.session() else { return Ok(()) };
-        session.watch(statistics, frames, fastest)
+        session.watch(statistics, frames, &blocks, fastest)
     }
 
-    /// Statistics of its bodies as they stand; extremes name bodies.
-    pub fn reduce(&mut self, statistics: &[Statistic]) -> Result<Vec<Partial<f64>>> {
+    /// Statistics of its bodies as they stand, by block; extremes name bodies.
+    pub fn reduce(&mut self, statistics: &[Statistic]) -> Result<Vec<Vec<Partial<f64>>>> {
         let mut found = match self.session() {
             Some((session, _)) => session.reduce()?,
             None => self.reduce_on_host(statistics)?,
         };
-        for found in found.iter_mut().filter(|found| found.count > 0) {
+        for found in found.iter_mut().flatten().filter(|found| found.count > 0) {
             for extreme in [&mut found.least, &mut found.greatest] {
-                extreme.body = self.body(extreme.body as usize) as u32;
+                extreme.body = self.members.body(extreme.body as usize) as u32;
             }
         }
         Ok(found)
     }
 
     /// The same of what the host forms; extremes name rows of the group.
-    fn reduce_on_host(&mut self, statistics: &[Statistic]) -> Result<Vec<Partial<f64>>> {
-        let mut total = vec![Partial::none(); statistics.len()];
-        for start in (0..self.members.len()).step_by(BLOCK) {
-            let rows = start..(start + BLOCK).min(self.members.len());
-            let states = self.read_range(&rows)?;
-            for (total, &statistic) in total.iter_mut().zip(statistics) {
-                let sound = rows.clone().zip(&states).filter(|(_, state)| state.is_sound());
-                let values: Vec<_> = sound.map(|(row, state)| (row as u32, statistic.of(state))).collect();
-                *total = merge(*total, Partial::of_values(&values, 0));
+    fn reduce_on_host(&mut self, statistics: &[Statistic]) -> Result<Vec<Vec<Partial<f64>>>> {
+        let blocks = BlockRows::new(self.ends.clone(), None);
+        let mut found = Vec::with_capacity(blocks.count());
+        for block in 0..blocks.count() {
+            let (places, mut pieces) = (blocks.places(block), Vec::new());
+            for start in places.clone().step_by(BLOCK) {
+                let rows = start..(start + BLOCK).min(places.end);
+                let states = self.read_range(&rows)?;
+                let of_statistic = |&statistic: &Statistic| {
+                    let sound = rows.clone().zip(&states).filter(|(_, state)| state.is_sound());
+                    let values: Vec<_> = sound.map(|(row, state)| (row as u32, statistic.of(state))).collect();
+                    Partial::of_values(&values, 0)
+                };
+                pieces.push(statistics.iter().map(of_statistic).collect());
             }
+            found.push(merged(&pieces, statistics.len()));
         }
-        Ok(total)
+        Ok(found)
     }
 
     /// The bodies that failed and those that spin faster than the watched rate, as found by the last [`GroupRun::reduce`].
@@ -514,7 +540,7 @@ impl GroupRun<'_> {
             None => self.marked_on_host(fastest)?,
         };
         for row in marked.failed.iter_mut().chain(&mut marked.faster) {
-            *row = self.body(*row);
+            *row = self.members.body(*row);
         }
         Ok(marked)
     }
@@ -593,14 +619,6 @@ impl GroupRun<'_> {
             Motion::ClosedForm { session, frames } => Some((&mut **session, frames)),
             Motion::Adaptive(group_run) => Some(group_run.session()),
             Motion::EvaluatedWhenRead(_) | Motion::Precession { .. } => None,
-        }
-    }
-
-    /// The body in a row of the session, or of the group where [`GroupRun::session`] gives none.
-    fn body(&self, session_row: usize) -> usize {
-        match &self.motion {
-            Motion::Adaptive(group_run) if !self.varies => self.members.body(group_run.group_row(session_row)),
-            _ => self.members.body(session_row),
         }
     }
 }

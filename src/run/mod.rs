@@ -17,8 +17,8 @@ use crate::plan::errors::Errors;
 use crate::plan::sampling::sample;
 use crate::plan::{Plan, TorqueSet};
 use crate::record::{
-    BalanceGatherer, BodyDrift, Conserved, Drift, DriftGatherer, FailedBody, Memory, OutputState, Record, Sink, Trust,
-    WallTime,
+    BalanceGatherer, BodyDrift, Conserved, Drift, DriftGatherer, FailedBody, Memory, OutputState, Record, Sink,
+    Statistics, Trust, WallTime,
 };
 use crate::scene::{Scene, Stepping};
 use crate::torque::Torque;
@@ -31,21 +31,31 @@ mod failures;
 #[cfg(feature = "study")]
 mod files;
 mod group_run;
+#[cfg(feature = "study")]
+mod initial_file;
+#[cfg(feature = "study")]
+mod merge;
+mod observed;
 mod output_statistics;
 mod reading;
 mod recomputed_centres;
 mod recomputed_sample;
+mod replay;
 pub(crate) mod stepped_translation;
 mod torque_work;
 mod translation;
 
 pub use balance::balance;
 #[cfg(feature = "study")]
-pub use files::{OutputSize, run_to_folder};
+pub use files::{OutputSize, run_shard_to_folder, run_to_folder, write_plan};
+#[cfg(feature = "study")]
+pub use merge::{MergedAccuracy, MergedReport, merge};
+pub use replay::{How, Replay, StateError, alone, replay};
 
 use balance::{push_rest, total_energy_change};
 use failures::Failures;
-use group_run::GroupRun;
+use group_run::{GroupRun, blocks_of};
+use observed::{Observation, compare_events};
 use output_statistics::FromStates;
 use recomputed_centres::recomputed_centres;
 use recomputed_sample::{SAMPLE_SEED, recomputed, sample_size};
@@ -85,7 +95,7 @@ pub fn run(engine: &dyn Backend, plan: &Plan<'_>) -> Result<Record> {
         // No bodies, so nothing was handed on; the end is recorded all the same.
         memory.snapshots.push(crate::record::Snapshot::default());
     }
-    Ok(Record::new(memory.snapshots, memory.statistics, trust))
+    Ok(Record::new(memory, trust))
 }
 
 /// Runs `plan` on `engine` and hands every output to `sink`, some bodies at a time.
@@ -123,9 +133,10 @@ fn run_counted(
     let body_count = scene.ensemble().len();
     let mut wall_time = WallTime::default();
     let before = engine.traffic();
-    // Without skipping, statistics are formed of the states that are read.
-    let statistics = scene.wanted_statistics();
+    // Without skipping they are formed of the states that are read, as is whatever engines do not reduce.
+    let statistics = &scene.plain_statistics()[..];
     let reduces = !statistics.is_empty() && scene.may_skip();
+    let mut observation = Observation::new(plan)?;
     let once = plan.looks_once();
     let group_runs = plan.groups().iter().map(|group| GroupRun::start(engine, scene, group, once, &mut wall_time));
     let mut group_runs = group_runs.collect::<Result<Vec<_>>>()?;
@@ -146,12 +157,21 @@ fn run_counted(
     let count = plan.times().len();
     let block = read_block(&engine.description());
     let (mut states, mut initial) = (Vec::new(), Vec::new());
+    if let Some(observation) = observation.as_mut().filter(|observation| observation.wants_start()) {
+        let clock = Instant::now();
+        for start in (0..body_count).step_by(block) {
+            initial_states(&group_runs, &(start..(start + block).min(body_count)), &mut initial);
+            let rotations = initial.iter().map(|&rotation| OutputState { rotation, translation: None });
+            observation.begin(start, &rotations.collect::<Vec<_>>());
+        }
+        wall_time.read += clock.elapsed().as_secs_f64();
+    }
     for (index, &time) in plan.times().iter().enumerate() {
         *outputs_done = index;
         let last = index + 1 == count;
         // Without skipping what nobody asked for is read too.
         let asked = sink.wants(index, count, time);
-        let wanted = asked || !scene.may_skip() || (last && !plan.leaves_states());
+        let wanted = asked || observation.is_some() || !scene.may_skip() || (last && !plan.leaves_states());
         let clock = Instant::now();
         let span = plan.span_before(index);
         advance(&mut group_runs, (time, span), wanted || last || reduces, (&mut done, total), observer)?;
@@ -162,9 +182,10 @@ fn run_counted(
         }
         if reduces {
             let clock = Instant::now();
-            let found = output_statistics::reduced(&mut group_runs, statistics, time)?;
+            let found = output_statistics::reduced(&mut group_runs, statistics)?;
             wall_time.read += clock.elapsed().as_secs_f64();
-            sink.statistics(index, &found)?;
+            sink.statistics_of_blocks(index, time, &found)?;
+            sink.statistics(index, &Statistics::new(time, statistics, &found))?;
         }
         if !wanted {
             if last {
@@ -183,7 +204,7 @@ fn run_counted(
         if !last {
             failures.keep_states()?;
         }
-        let mut from_states = FromStates::new(if reduces { &[] } else { statistics });
+        let mut from_states = FromStates::new(if reduces { &[] } else { statistics }, blocks_of(scene).collect());
         for start in (0..body_count).step_by(block) {
             let range = start..(start + block).min(body_count);
             let clock = Instant::now();
@@ -191,6 +212,10 @@ fn run_counted(
             rayon::scope(|_| -> Result<()> {
                 read_states(&mut group_runs, &centres, &range, &mut states, last.then_some(&mut initial))?;
                 failures.mark(time, start, &mut states);
+                match &mut observation {
+                    Some(observation) => observation.push(start, time, &states),
+                    None => from_states.push(start, &states),
+                }
                 if last {
                     end.gather(scene, start, &initial, &states);
                 }
@@ -199,7 +224,6 @@ fn run_counted(
             // While these are handed on, the next come to the host.
             let next = range.end..(range.end + block).min(body_count);
             group_runs.iter_mut().try_for_each(|group_run| group_run.prefetch(&next))?;
-            from_states.push(start, &states);
             if last {
                 let of_block = |body: &&u32| range.contains(&(**body as usize));
                 for &body in sample.iter().filter(of_block) {
@@ -223,8 +247,14 @@ fn run_counted(
             }
         }
         failures.end_output(time);
-        if !reduces && !statistics.is_empty() {
-            sink.statistics(index, &from_states.finish(time))?;
+        if let Some(observation) = &mut observation {
+            let clock = Instant::now();
+            observation.finish_output(index, time, sink, &mut |_| observer(Progress { done, total }))?;
+            wall_time.observe += clock.elapsed().as_secs_f64();
+        } else if !reduces && !statistics.is_empty() {
+            let found = from_states.finish();
+            sink.statistics_of_blocks(index, time, &found)?;
+            sink.statistics(index, &Statistics::new(time, statistics, &found))?;
         }
     }
     *outputs_done = count;
@@ -255,6 +285,11 @@ fn run_counted(
         recomputed(plan, &sample, &mut |_| observer(Progress { done, total }))
     })?;
     let recomputed_centres = recomputed_centres(plan, &sample, &mut |_| observer(Progress { done, total }))?;
+    if let Some(observation) = observation {
+        let mut events = observation.finish();
+        compare_events(plan, &sample, &mut events, &mut |_| observer(Progress { done, total }))?;
+        sink.events(events)?;
+    }
     let mut errors = Errors::default();
     let has_failed = |body: usize| failures.binary_search_by_key(&body, |failed| failed.body).is_ok();
     let (mut lost, mut diverged) = (0, 0);
@@ -394,6 +429,12 @@ fn read_states(
         }
     }
     Ok(())
+}
+
+/// The states in which some bodies start.
+fn initial_states(group_runs: &[GroupRun<'_>], bodies: &Range<usize>, initial: &mut Vec<BodyState>) {
+    make_room(initial, bodies.len(), BodyState::UNKNOWN);
+    group_runs.iter().for_each(|group_run| group_run.read_initial(bodies, initial));
 }
 
 /// The centres of mass of some bodies, where they are stepped along the rotation.

@@ -1,44 +1,66 @@
 //! Statistics at output times: where the states are, or from the states that were read.
 
+use std::ops::Range;
+
 use super::OutputState;
+use crate::engine::reduction::merged;
 use crate::error::Result;
-use crate::kernel::observe::{Partial, Statistic, merge};
-use crate::record::Statistics;
+use crate::kernel::observe::{Partial, Statistic, merge_all};
 use crate::run::group_run::GroupRun;
 
-/// The statistics of all groups' bodies, formed where their states are.
-pub(super) fn reduced(group_runs: &mut [GroupRun<'_>], statistics: &[Statistic], time: f64) -> Result<Statistics> {
-    let mut total = vec![Partial::none(); statistics.len()];
-    for group_run in group_runs {
-        for (total, found) in total.iter_mut().zip(group_run.reduce(statistics)?) {
-            *total = merge(*total, found);
-        }
-    }
-    Ok(Statistics::new(time, statistics, &total))
+/// The statistics of each block of bodies, formed where their states are.
+pub(super) fn reduced(group_runs: &mut [GroupRun<'_>], statistics: &[Statistic]) -> Result<Vec<Vec<Partial<f64>>>> {
+    let found = group_runs.iter_mut().map(|group_run| group_run.reduce(statistics)).collect::<Result<Vec<_>>>()?;
+    let blocks = found.first().map_or(0, Vec::len);
+    let of_block = |block: usize| -> Vec<Partial<f64>> {
+        let of_statistic = |index: usize| {
+            // Without the groups that have no bodies here: which groups there are depends on the other blocks.
+            let own = found.iter().map(|group| group[block][index]).filter(|found| found.count > 0);
+            merge_all(&own.collect::<Vec<_>>())
+        };
+        (0..statistics.len()).map(of_statistic).collect()
+    };
+    Ok((0..blocks).map(of_block).collect())
 }
 
 /// Takes states as they are read.
 pub(super) struct FromStates<'a> {
     statistics: &'a [Statistic],
-    total: Vec<Partial<f64>>,
+    blocks: Vec<Range<usize>>,
+    /// Of each block that has begun, its pieces.
+    found: Vec<Vec<Vec<Partial<f64>>>>,
 }
 
 impl<'a> FromStates<'a> {
-    pub fn new(statistics: &'a [Statistic]) -> Self {
-        Self { statistics, total: vec![Partial::none(); statistics.len()] }
+    pub fn new(statistics: &'a [Statistic], blocks: Vec<Range<usize>>) -> Self {
+        Self { statistics, found: vec![Vec::new(); blocks.len()], blocks }
     }
 
     /// Takes the states of the bodies from `first_body` on.
     pub fn push(&mut self, first_body: usize, states: &[OutputState]) {
-        for (total, &statistic) in self.total.iter_mut().zip(self.statistics) {
-            let sound = states.iter().enumerate().filter(|(_, state)| state.rotation.is_sound());
-            let values: Vec<(u32, f64)> =
-                sound.map(|(row, state)| ((first_body + row) as u32, statistic.of(&state.rotation))).collect();
-            *total = merge(*total, Partial::of_values(&values, 0));
+        if self.statistics.is_empty() {
+            return;
+        }
+        let end = first_body + states.len();
+        let first = self.blocks.partition_point(|block| block.end <= first_body);
+        for (block, found) in self.blocks.iter().zip(&mut self.found).skip(first) {
+            if block.start >= end {
+                break;
+            }
+            let bodies = block.start.max(first_body)..block.end.min(end);
+            let of_statistic = |&statistic: &Statistic| {
+                let own = bodies.clone().zip(&states[bodies.start - first_body..]);
+                let sound = own.filter(|(_, state)| state.rotation.is_sound());
+                let values: Vec<(u32, f64)> =
+                    sound.map(|(body, state)| (body as u32, statistic.of(&state.rotation))).collect();
+                Partial::of_values(&values, 0)
+            };
+            found.push(self.statistics.iter().map(of_statistic).collect());
         }
     }
 
-    pub fn finish(self, time: f64) -> Statistics {
-        Statistics::new(time, self.statistics, &self.total)
+    /// The statistics of each block.
+    pub fn finish(self) -> Vec<Vec<Partial<f64>>> {
+        self.found.iter().map(|pieces| merged(pieces, self.statistics.len())).collect()
     }
 }

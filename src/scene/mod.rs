@@ -1,20 +1,29 @@
 //! What is to be simulated: an ensemble, a span, output times and how accurately.
 
 use std::fmt;
+use std::ops::Range;
+use std::sync::Arc;
 
 use glam::DVec3;
 
 use crate::bodies::Ensemble;
 use crate::kernel::method::Method;
-use crate::kernel::observe::Statistic;
 use crate::math::Precision;
 use crate::torque::Torque;
 use crate::torque::force::Force;
 use crate::torque::translated::translated;
 
 mod adaptive_steps;
+mod event;
+mod histogram;
+mod observed;
+mod quantity;
 
 pub use adaptive_steps::AdaptiveSteps;
+pub use event::{Condition, Event};
+pub use histogram::{Histogram, MOST_BINS};
+pub(crate) use observed::Observed;
+pub use quantity::{FormulaQuantity, Quantity};
 
 /// An ensemble with what happens to it and what is asked of it.
 ///
@@ -33,7 +42,8 @@ pub use adaptive_steps::AdaptiveSteps;
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
-    ensemble: Ensemble,
+    ensemble: Arc<Ensemble>,
+    part: Part,
     end: f64,
     outputs: Outputs,
     stepping: Stepping,
@@ -44,8 +54,18 @@ pub struct Scene {
     /// Torques as they were written that name a position or velocity, by their places: those above have functions of time instead.
     moving: Vec<(usize, Torque)>,
     pilot: bool,
-    statistics: Vec<Statistic>,
+    observed: Observed,
     states: bool,
+    starts: bool,
+}
+
+/// Where the bodies of a scene are among those of a larger one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// The index there of the body that is 0 here.
+    pub first_body: usize,
+    /// How many bodies the larger scene has.
+    pub of: usize,
 }
 
 /// When the state is recorded.
@@ -212,9 +232,12 @@ impl fmt::Display for Stepping {
 }
 
 impl Scene {
-    /// The scene of free bodies over no time at all, to be filled in by the methods below.
-    pub fn new(ensemble: Ensemble) -> Self {
+    /// The scene of free bodies over no time at all, to be filled in by the methods below. Scenes that are given the same
+    /// [`Arc`] share one table of bodies.
+    pub fn new(ensemble: impl Into<Arc<Ensemble>>) -> Self {
+        let ensemble = ensemble.into();
         Self {
+            part: Part { first_body: 0, of: ensemble.len() },
             ensemble,
             end: 0.0,
             outputs: Outputs::End,
@@ -225,9 +248,47 @@ impl Scene {
             torques: Vec::new(),
             moving: Vec::new(),
             pilot: true,
-            statistics: Vec::new(),
+            observed: Observed::default(),
             states: true,
+            starts: false,
         }
+    }
+
+    /// Says that the bodies are a part of those of a larger scene. Indices in plans, records and sinks still count from 0; random
+    /// torques, statistics and files are those of the larger scene's bodies.
+    #[must_use]
+    pub fn part_of(mut self, part: Part) -> Self {
+        self.part = part;
+        self.torques.iter_mut().for_each(|torque| torque.count_from(part.first_body));
+        self
+    }
+
+    /// The scene of some of the bodies, which are counted from 0 there; it knows that it is a part of this one
+    /// ([`Scene::part_of`]).
+    ///
+    /// # Panics
+    ///
+    /// If there are not all of these bodies.
+    #[must_use]
+    pub fn only(&self, bodies: Range<usize>) -> Self {
+        let part = Part { first_body: self.part.first_body + bodies.start, of: self.part.of };
+        let only = |torque: &Torque| torque.only(&bodies);
+        let mut scene = Self {
+            ensemble: Arc::new(self.ensemble.only(bodies.clone())),
+            forces: self.forces.iter().map(|force| force.only(&bodies)).collect(),
+            torques: self.torques.iter().map(only).collect(),
+            moving: self.moving.iter().map(|(place, torque)| (*place, only(torque))).collect(),
+            outputs: self.outputs.clone(),
+            observed: self.observed.clone(),
+            ..*self
+        };
+        scene.translate_torques();
+        scene.part_of(part)
+    }
+
+    /// Where the bodies are among those of the scene that they are a part of; all of them where they are no part.
+    pub fn part(&self) -> Part {
+        self.part
     }
 
     /// Simulates from 0 to `end` seconds; `end` is finite and not negative.
@@ -244,28 +305,10 @@ impl Scene {
         self
     }
 
-    /// Asks for statistics of these quantities over all bodies, at every output time; each quantity once, in this order.
-    ///
-    /// ```
-    /// # use glam::{DQuat, DVec3};
-    /// use polhode::{Engine, Ensemble, Plan, Scene, Statistic};
-    ///
-    /// # let ensemble = Ensemble::from_columns(&[DVec3::new(1.0, 2.0, 2.5)], &[DQuat::IDENTITY], &[DVec3::X])?;
-    /// let scene = Scene::new(ensemble).until(60.0).statistics(&[Statistic::KineticEnergy]).without_states();
-    /// let engine = Engine::cpu();
-    /// let record = engine.run(&Plan::new(&scene, &engine)?)?;
-    /// let energy = record.statistics()[0].of(Statistic::KineticEnergy).expect("asked for");
-    /// assert!((energy.mean - 0.5).abs() < 1e-12);
-    /// # Ok::<(), polhode::Error>(())
-    /// ```
+    /// Records the start, 0 s, too, where the output times do not hold it.
     #[must_use]
-    pub fn statistics(mut self, statistics: &[Statistic]) -> Self {
-        self.statistics.clear();
-        for &statistic in statistics {
-            if !self.statistics.contains(&statistic) {
-                self.statistics.push(statistic);
-            }
-        }
+    pub fn with_start(mut self) -> Self {
+        self.starts = true;
         self
     }
 
@@ -382,7 +425,8 @@ impl Scene {
 
     /// Adds a torque. Any number of them act together, also several of one model; parameters are checked when a plan is made.
     #[must_use]
-    pub fn torque(mut self, torque: Torque) -> Self {
+    pub fn torque(mut self, mut torque: Torque) -> Self {
+        torque.count_from(self.part.first_body);
         if torque.needs().position {
             self.moving.push((self.torques.len(), torque.clone()));
         }
@@ -426,9 +470,9 @@ impl Scene {
         &self.outputs
     }
 
-    /// The quantities of which statistics are recorded.
-    pub fn wanted_statistics(&self) -> &[Statistic] {
-        &self.statistics
+    /// Whether the start is recorded too.
+    pub fn records_start(&self) -> bool {
+        self.starts
     }
 
     /// Whether states of bodies are recorded.

@@ -73,7 +73,8 @@ pub(super) fn accuracy(node: &Node<'_>) -> Result<StudyStepping> {
     if table.find("tolerance").is_some() || table.find("least_step").is_some() {
         let tolerance = table.need("tolerance", "a least step needs the error of a step beside it")?;
         let tolerance = tolerance.positive("expected a number above 0 and below 1")?;
-        let least_step = table.find("least_step").map(|node| node.positive("expected a step above zero (s)"));
+        let least_step =
+            table.find("least_step").map(|node| node.positive_quantity("s", "expected a step above zero (s)"));
         let method = table.need("method", "adaptive steps need their method beside them: \"rk8\" or \"taylor\"")?;
         let chosen = method.choice(&METHODS)?;
         let Some(adaptive) = Method::ADAPTIVE.into_iter().find(|method| method.name() == chosen) else {
@@ -85,10 +86,12 @@ pub(super) fn accuracy(node: &Node<'_>) -> Result<StudyStepping> {
     }
     let projection = table.find("projection");
     if table.find("method").is_none() && table.find("dt").is_none() && projection.is_none() {
-        let positive = |key: &str, expected| table.find(key).map(|node| node.positive(expected)).transpose();
+        let positive =
+            |key: &str, expected| table.find(key).map(|node| node.positive_quantity("1", expected)).transpose();
         const RELATIVE: &str = "expected a relative error above 0";
         const PERCENTILE: &str = "expected a percentile above 0 and up to 100";
-        let attitude = positive("attitude", "expected an angle above 0 and up to pi (rad)")?;
+        const ATTITUDE: &str = "expected an angle above 0 and up to pi (rad)";
+        let attitude = table.find("attitude").map(|node| node.positive_quantity("rad", ATTITUDE)).transpose()?;
         let default = Accuracy::attitude(attitude.unwrap_or(DEFAULT_ATTITUDE));
         let accuracy = Accuracy {
             angular_velocity: positive("angular_velocity", RELATIVE)?,
@@ -105,7 +108,7 @@ pub(super) fn accuracy(node: &Node<'_>) -> Result<StudyStepping> {
     }
     let dt =
         table.need("dt", "a method that is given needs a step beside it (s), or \"rk8\" or \"taylor\" a tolerance")?;
-    let dt = dt.positive("expected a step above zero (s)")?;
+    let dt = dt.positive_quantity("s", "expected a step above zero (s)")?;
     let method = Method::ALL.into_iter().find(|method| method.name() == chosen).unwrap_or(Method::Rk4);
     let projected = projection.map(|node| node.boolean("expected true or false")).transpose()?.unwrap_or(false);
     Ok(StudyStepping::Pinned { method, dt, precision, projected })

@@ -1,14 +1,18 @@
 //! The bodies of a study: drawn from distributions, read from a table, or both.
 
+use std::collections::BTreeSet;
+use std::ops::Range;
+
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
-use super::distribution::{Orientation, Scalar, Vector};
+use super::distribution::{AngularVelocity, Orientation, Scalar, Vector};
 use super::draw::{Column, Draw};
 use super::inertia::Inertia;
-use super::reader::Node;
+use super::reader::{Node, Table};
 use super::solid::SolidFault;
-use super::table::BodyTable;
+use super::sweep::Design;
+use super::table::{BodyTable, NAME};
 use crate::bodies::Ensemble;
 use crate::bodies::ensemble::Translation;
 use crate::bodies::inertia::InertiaTensor;
@@ -20,8 +24,10 @@ const MOST_REPAIR: f64 = 0.1;
 /// The bodies of a study.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bodies {
-    /// How many.
+    /// How many, of all cells together.
     pub count: usize,
+    /// Cells of the study's design: body b lies in cell b modulo this, and has row b / cells of the table.
+    pub cells: usize,
     /// Rows read from a file; a column that it has is taken from it.
     pub table: Option<BodyTable>,
     /// Inertia tensors, where the table has none.
@@ -31,7 +37,7 @@ pub struct Bodies {
     /// Orientations, where the table has none.
     pub orientation: Orientation,
     /// Angular velocities in body axes, rad/s, where the table has none.
-    pub angular_velocity: Option<Vector>,
+    pub angular_velocity: Option<AngularVelocity>,
     /// Masses, kg, where neither table nor shape has them.
     pub mass: Option<Scalar>,
     /// Positions at t = 0 in world axes, m, where the table has none.
@@ -41,11 +47,16 @@ pub struct Bodies {
 }
 
 impl Bodies {
-    /// Reads the table `[bodies]`; `open` reads the table of bodies of that name.
-    pub(super) fn read(node: &Node<'_>, open: impl FnOnce(&Node<'_>, &str) -> Result<BodyTable>) -> Result<Self> {
+    /// Reads the table `[bodies]`; `open` reads the table of bodies of that name, with the columns of text that are carried through.
+    pub(super) fn read(
+        node: &Node<'_>,
+        is_initial_wanted: bool,
+        open: impl FnOnce(&str, &BTreeSet<String>) -> Result<BodyTable>,
+    ) -> Result<Self> {
         let known = &[
             "count",
             "file",
+            "carry",
             "inertia",
             "repair_triangle_inequality",
             "orientation",
@@ -57,17 +68,28 @@ impl Bodies {
         let table = node.table("expected a table [bodies]", known)?;
         table.exclusive("file", "count")?;
         let body_table = match table.find("file") {
-            Some(file) => Some(open(&file, file.string("expected the name of a CSV file")?)?),
+            Some(file) => {
+                Some(open(file.string("expected the name of a CSV file")?, &carried(&table, is_initial_wanted)?)?)
+            }
             None => None,
         };
-        let count = match &body_table {
-            Some(rows) => rows.len(),
-            None => {
+        if let (None, Some(carry)) = (&body_table, table.find("carry")) {
+            return Err(
+                carry.refuse("a study without a table of bodies has no columns to carry: expected `file` beside it")
+            );
+        }
+        let cells = node.context().design().map_or(1, Design::cells);
+        let (count, counted) = match (&body_table, table.find("file")) {
+            (Some(rows), Some(file)) => (rows.len(), file),
+            _ => {
                 let count = table.need("count", "expected the number of bodies (or `file`, a table of bodies)")?;
                 const EXPECTED: &str = "expected a whole number of bodies";
-                usize::try_from(count.whole(EXPECTED)?).map_err(|_| count.refuse(EXPECTED))?
+                (usize::try_from(count.whole(EXPECTED)?).map_err(|_| count.refuse(EXPECTED))?, count)
             }
         };
+        let count = count
+            .checked_mul(cells)
+            .ok_or_else(|| counted.refuse("expected fewer bodies: each cell of the design has as many"))?;
         // A column comes from one place only.
         let given = |key: &str, in_table: fn(&BodyTable) -> bool| match (table.find(key), &body_table) {
             (Some(node), Some(rows)) if in_table(rows) => {
@@ -79,7 +101,7 @@ impl Bodies {
         const LARGEST_CHANGE: &str = "expected the greatest relative change of a tensor, above 0 and up to 0.1";
         let repair_triangle_inequality = match table.find("repair_triangle_inequality") {
             Some(node) => {
-                let limit = node.positive(LARGEST_CHANGE)?;
+                let limit = node.positive_quantity("1", LARGEST_CHANGE)?;
                 if limit > MOST_REPAIR {
                     return Err(node.refuse(LARGEST_CHANGE));
                 }
@@ -91,17 +113,18 @@ impl Bodies {
             Some(node) => Orientation::read(&node)?,
             None => Orientation::Constant(DQuat::IDENTITY),
         };
-        let vector = |key: &str, in_table: fn(&BodyTable) -> bool| {
-            given(key, in_table)?.map(|node| Vector::read(&node)).transpose()
+        let vector = |key: &str, unit: &str, in_table: fn(&BodyTable) -> bool| {
+            given(key, in_table)?.map(|node| Vector::read(&node, unit)).transpose()
         };
-        let angular_velocity = vector("angular_velocity", BodyTable::has_angular_velocity)?;
-        let position = vector("position", BodyTable::has_position)?;
-        let velocity = vector("velocity", BodyTable::has_velocity)?;
+        let angular_velocity = given("angular_velocity", BodyTable::has_angular_velocity)?;
+        let angular_velocity = angular_velocity.map(|node| AngularVelocity::read(&node)).transpose()?;
+        let position = vector("position", "m", BodyTable::has_position)?;
+        let velocity = vector("velocity", "m/s", BodyTable::has_velocity)?;
         let mass = given("mass", BodyTable::has_mass)?;
         if let (Some(Inertia::Solid(_)), Some(mass)) = (&inertia, &mass) {
             return Err(mass.refuse("the shape has the mass: leave it out here"));
         }
-        let mass = mass.map(|node| Scalar::read(&node)).transpose()?;
+        let mass = mass.map(|node| Scalar::read(&node, "kg")).transpose()?;
 
         let has = |in_table: fn(&BodyTable) -> bool| body_table.as_ref().is_some_and(in_table);
         if inertia.is_none() && !has(BodyTable::has_inertia) {
@@ -112,6 +135,7 @@ impl Bodies {
         }
         Ok(Self {
             count,
+            cells,
             table: body_table,
             inertia,
             repair_triangle_inequality,
@@ -123,10 +147,10 @@ impl Bodies {
         })
     }
 
-    /// The first `most` of the bodies: the same bodies, fewer of them.
-    #[must_use]
-    pub fn truncated(mut self, most: usize) -> Self {
-        self.count = self.count.min(most);
+    /// Some of the bodies, which lie in their range: the same bodies, fewer of them.
+    pub(super) fn part(mut self, bodies: &Range<usize>) -> Self {
+        self.count = bodies.len();
+        self.table = self.table.map(|table| table.part(bodies));
         self
     }
 
@@ -134,6 +158,11 @@ impl Bodies {
     fn translates(&self) -> bool {
         let in_table = self.table.as_ref().is_some_and(|table| table.has_position() || table.has_velocity());
         in_table || self.position.is_some() || self.velocity.is_some()
+    }
+
+    /// The row of the table of bodies that a body has.
+    pub(crate) fn row(&self, body: usize) -> usize {
+        body / self.cells
     }
 
     /// The ensemble; `forced` says whether a force acts, so that masses are needed.
@@ -144,26 +173,20 @@ impl Bodies {
         let angular_velocity_rows = rows(BodyTable::has_angular_velocity);
         let row = |body| {
             let inertia = match (inertia_rows, &self.inertia) {
-                (Some(table), _) => table.inertia(body),
+                (Some(table), _) => table.inertia(self.row(body)),
                 (None, Some(inertia)) => inertia.sample(draw, body),
                 (None, None) => InertiaTensor::default(),
             };
             let orientation = match orientation_rows {
-                Some(table) => table.orientation(body),
+                Some(table) => table.orientation(self.row(body)),
                 None => self.orientation.sample(draw, body),
             };
-            (
-                inertia,
-                orientation,
-                sampled(
-                    angular_velocity_rows,
-                    BodyTable::angular_velocity,
-                    &self.angular_velocity,
-                    draw,
-                    body,
-                    Column::AngularVelocity,
-                ),
-            )
+            let angular_velocity = match (angular_velocity_rows, &self.angular_velocity) {
+                (Some(table), _) => table.angular_velocity(self.row(body)),
+                (None, Some(angular_velocity)) => angular_velocity.sample(draw, body, &inertia),
+                (None, None) => DVec3::ZERO,
+            };
+            (inertia, orientation, angular_velocity)
         };
         let ensemble = match self.repair_triangle_inequality {
             Some(limit) => Ensemble::from_fn_repaired(self.count, limit, row),
@@ -204,7 +227,7 @@ impl Bodies {
     fn translation(&self, draw: Draw, forced: bool) -> Result<Translation> {
         let rows = |has: fn(&BodyTable) -> bool| self.table.as_ref().filter(|table| has(table));
         let mass: Vec<f64> = match (rows(BodyTable::has_mass), &self.mass, &self.inertia) {
-            (Some(table), _, _) => (0..self.count).map(|body| table.mass(body)).collect(),
+            (Some(table), _, _) => (0..self.count).map(|body| table.mass(self.row(body))).collect(),
             (None, Some(mass), _) => {
                 (0..self.count).into_par_iter().map(|body| mass.sample(draw, body, Column::Mass, 0)).collect()
             }
@@ -221,7 +244,12 @@ impl Bodies {
                       vector: &Option<Vector>,
                       column: Column| {
             let table = rows(has);
-            (0..self.count).into_par_iter().map(|body| sampled(table, of_row, vector, draw, body, column)).collect()
+            let of_body = |body| match (table, vector) {
+                (Some(table), _) => of_row(table, self.row(body)),
+                (None, Some(vector)) => vector.sample(draw, body, column),
+                (None, None) => DVec3::ZERO,
+            };
+            (0..self.count).into_par_iter().map(of_body).collect()
         };
         Ok(Translation {
             mass,
@@ -231,18 +259,23 @@ impl Bodies {
     }
 }
 
-/// A vector of a body from the table, else from its distribution, else zero.
-fn sampled(
-    table: Option<&BodyTable>,
-    of_row: fn(&BodyTable, usize) -> DVec3,
-    vector: &Option<Vector>,
-    draw: Draw,
-    body: usize,
-    column: Column,
-) -> DVec3 {
-    match (table, vector) {
-        (Some(table), _) => of_row(table, body),
-        (None, Some(vector)) => vector.sample(draw, body, column),
-        (None, None) => DVec3::ZERO,
+/// The columns of the table of bodies that are carried through as they stand: `name`, and those of `carry`.
+fn carried(table: &Table<'_>, is_initial_wanted: bool) -> Result<BTreeSet<String>> {
+    const EXPECTED: &str = "expected a list of names of columns of the table of bodies";
+    let mut names = BTreeSet::new();
+    if is_initial_wanted {
+        names.insert(NAME.to_owned());
     }
+    if let Some(node) = table.find("carry") {
+        if !is_initial_wanted {
+            return Err(
+                node.refuse("columns are carried to the table of initial states: expected output.initial = true")
+            );
+        }
+        let elements = node.elements().ok_or_else(|| node.refuse(EXPECTED))?;
+        for name in elements {
+            names.insert(name.string(EXPECTED)?.to_owned());
+        }
+    }
+    Ok(names)
 }

@@ -4,6 +4,7 @@ use super::distribution::Orientation;
 use super::parameter::{Number, Triple, Turn};
 use super::reader::{Node, Table};
 use super::torque::{StudyParameter, StudyValue};
+use super::unit::ANY;
 use crate::error::InputFault;
 use crate::error::Result;
 use crate::expression::{self, Expression, Shape, Symbols, TextError};
@@ -63,11 +64,11 @@ fn refused(node: &Node<'_>, fault: &expression::Fault) -> crate::Error {
 
 fn formula(node: &Node<'_>, symbols: &Symbols, shape: Shape) -> Result<Expression> {
     let text = node.string("expected a formula, as text")?;
-    Expression::parse(text, symbols, shape).map_err(|error| at(node, &error))
+    Expression::parse(text, symbols, shape).map_err(|error| formula_at(node, &error))
 }
 
 /// The refusal of a formula, at its own line of the file.
-fn at(node: &Node<'_>, error: &TextError) -> crate::Error {
+pub(super) fn formula_at(node: &Node<'_>, error: &TextError) -> crate::Error {
     let (reason, picture) = (error.fault.to_string(), error.picture());
     node.fault_in_text(error.line, error.column, |column| InputFault::Formula { column, reason, picture })
 }
@@ -76,37 +77,54 @@ fn at(node: &Node<'_>, error: &TextError) -> crate::Error {
 fn value(node: &Node<'_>) -> Result<StudyValue> {
     const EXPECTED: &str = "expected a number, a vector, a rotation, a distribution or columns of the table of bodies";
     if node.is_number() {
-        return Ok(StudyValue::Number(Number::read(node)?));
+        return Ok(StudyValue::Number(Number::read(node, ANY)?));
     }
     if let Some(elements) = node.elements() {
         return match elements.len() {
-            3 => Ok(StudyValue::Vector(Triple::read(node)?)),
+            3 => Ok(StudyValue::Vector(Triple::read(node, ANY)?)),
             4 => Ok(StudyValue::Rotation(Turn::Drawn(Orientation::read(node)?))),
             _ => Err(node.refuse(EXPECTED)),
         };
     }
     let table = node.any_table().ok_or_else(|| node.refuse(EXPECTED))?;
-    if let Some(columns) = table.find("columns") {
+    if table.find("distribution").is_none()
+        && let Some(columns) = table.find("columns")
+    {
         return match columns.elements().map(|columns| columns.len()) {
             Some(4) => Ok(StudyValue::Rotation(Turn::read(node)?)),
-            _ => Ok(StudyValue::Vector(Triple::read(node)?)),
+            _ => Ok(StudyValue::Vector(Triple::read(node, ANY)?)),
         };
     }
-    if table.find("axis").is_some() || table.find("angle").is_some() {
+    if table.find("distribution").is_none() && (table.find("axis").is_some() || table.find("angle").is_some()) {
         return Ok(StudyValue::Rotation(Turn::read(node)?));
     }
-    if table.find("distribution").is_some_and(|name| name.string("").is_ok_and(|name| name == "direction")) {
-        return Ok(StudyValue::Vector(Triple::read(node)?));
+    let name = table.find("distribution").and_then(|name| name.string("").ok()).unwrap_or_default();
+    let has = |keys: &[&str]| keys.iter().any(|key| table.find(key).is_some());
+    let has_list = |keys: &[&str]| keys.iter().any(|key| table.find(key).is_some_and(|node| node.elements().is_some()));
+    match name {
+        // The parts are all of one shape.
+        "mixture" => {
+            let parts = table.find("of").and_then(|of| of.elements()).unwrap_or_default();
+            return match parts.first().map(value).transpose()? {
+                Some(StudyValue::Vector(_)) => Ok(StudyValue::Vector(Triple::read(node, ANY)?)),
+                Some(StudyValue::Rotation(_)) => Ok(StudyValue::Rotation(Turn::read(node)?)),
+                _ => Ok(StudyValue::Number(Number::read(node, ANY)?)),
+            };
+        }
+        "rows" => {
+            return match table.find("columns").and_then(|columns| columns.elements()).map(|columns| columns.len()) {
+                Some(4) => Ok(StudyValue::Rotation(Turn::read(node)?)),
+                Some(_) => Ok(StudyValue::Vector(Triple::read(node, ANY)?)),
+                None => Ok(StudyValue::Number(Number::read(node, ANY)?)),
+            };
+        }
+        "direction" | "von-mises-fisher" | "cone" => return Ok(StudyValue::Vector(Triple::read(node, ANY)?)),
+        "scatter" => return Ok(StudyValue::Rotation(Turn::read(node)?)),
+        "uniform" if !has(&["low", "high"]) => return Ok(StudyValue::Rotation(Turn::read(node)?)),
+        _ => {}
     }
-    let has_vector = ["low", "high", "mean", "median", "sigma", "value"]
-        .iter()
-        .any(|key| table.find(key).is_some_and(|node| node.elements().is_some()));
-    if has_vector {
-        return Ok(StudyValue::Vector(Triple::read(node)?));
+    if has_list(&["low", "high", "mean", "median", "mode", "sigma", "value"]) {
+        return Ok(StudyValue::Vector(Triple::read(node, ANY)?));
     }
-    let is_uniform = table.find("distribution").is_some_and(|name| name.string("").is_ok_and(|name| name == "uniform"));
-    if is_uniform && table.find("low").is_none() && table.find("high").is_none() {
-        return Ok(StudyValue::Rotation(Turn::read(node)?));
-    }
-    Ok(StudyValue::Number(Number::read(node)?))
+    Ok(StudyValue::Number(Number::read(node, ANY)?))
 }

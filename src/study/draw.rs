@@ -49,6 +49,20 @@ pub enum Column {
         /// Which value.
         of: PartColumn,
     },
+    /// An element of the orbit that a study states once.
+    Orbit {
+        /// Index of the element, below 4,096.
+        parameter: u16,
+    },
+    /// A point of a design.
+    Design {
+        /// Index of the axis.
+        axis: u16,
+    },
+    /// The row of a table that a body takes; blocks are the hash of the table's name.
+    Rows,
+    /// Variables that are drawn together; blocks are the hash of the variable's name.
+    Correlated,
 }
 
 /// What is drawn of a part; the number enters the counter, so it must never change.
@@ -76,6 +90,10 @@ impl Column {
             Column::Position => 5,
             Column::Velocity => 6,
             Column::SpinRate => 7,
+            Column::Rows => 8,
+            Column::Correlated => 9,
+            Column::Design { axis } => 0x400_0000 | u32::from(axis),
+            Column::Orbit { parameter } => 0x500_0000 | u32::from(parameter),
             Column::Part { part, of } => 0x200_0000 | u32::from(part) << 2 | of as u32,
             Column::Force { force, parameter } => 0x300_0000 | Self::around(force, parameter),
             Column::Torque { torque, parameter } => 0x100_0000 | Self::around(torque, parameter),
@@ -94,17 +112,37 @@ impl Column {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Draw {
     seed: u64,
+    /// What is added to the index of a body.
+    first_body: u64,
+    /// Bodies that follow one another and have the same draws.
+    together: usize,
 }
 
 impl Draw {
     /// The draws of `seed`.
     pub fn new(seed: u64) -> Self {
-        Self { seed }
+        Self { seed, first_body: 0, together: 1 }
+    }
+
+    /// The same draws for a part of the bodies, in which body `first_body` is the first and is called 0.
+    #[must_use]
+    pub fn counted_from(self, first_body: usize) -> Self {
+        Self { first_body: first_body as u64, ..self }
+    }
+
+    /// In which of some cells a body lies.
+    pub(super) fn cell(self, body: usize, cells: usize) -> usize {
+        (self.first_body as usize + body) % cells
+    }
+
+    /// The same draws, but each for so many bodies that follow one another.
+    pub(super) fn common_to(self, together: usize) -> Self {
+        Self { together: together.max(1), ..self }
     }
 
     /// The 128 bits of one block; a vector's component c is made from block c.
-    fn block(self, body: usize, column: Column, block: u32) -> [u32; 4] {
-        let (seed, body) = (self.seed, body as u64);
+    pub(super) fn bits(self, body: usize, column: Column, block: u32) -> [u32; 4] {
+        let (seed, body) = (self.seed, (self.first_body + body as u64) / self.together as u64);
         rand_philox::philox4x32_10(
             [body as u32, (body >> 32) as u32, column.number(), block],
             [seed as u32, (seed >> 32) as u32],
@@ -112,8 +150,8 @@ impl Draw {
     }
 
     /// Two numbers, uniform on the open interval (0, 1): the 2⁵² midpoints (n + ½) 2⁻⁵².
-    fn pair(self, body: usize, column: Column, block: u32) -> (f64, f64) {
-        let [a, b, c, d] = self.block(body, column, block);
+    pub(super) fn pair(self, body: usize, column: Column, block: u32) -> (f64, f64) {
+        let [a, b, c, d] = self.bits(body, column, block);
         (open_unit(a, b), open_unit(c, d))
     }
 
@@ -157,7 +195,7 @@ impl Draw {
 }
 
 /// (n + ½) 2⁻⁵² with the upper 52 of 64 bits as n; exact.
-fn open_unit(high: u32, low: u32) -> f64 {
+pub(super) fn open_unit(high: u32, low: u32) -> f64 {
     let bits = (u64::from(high) << 32) | u64::from(low);
     ((bits >> 12) as f64 + 0.5) * (1.0 / (1_u64 << 52) as f64)
 }

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeSet;
 
+use super::bodies::Bodies;
 use super::custom;
 use super::draw::Draw;
 use super::parameter::{Number, Owner, Source, Triple};
 use super::reader::{Node, Table};
-use super::table::BodyTable;
 use super::torque::StudyParameter;
 use crate::error::Result;
 use crate::torque::force::{CustomForce, Force};
@@ -58,13 +58,13 @@ fn of_table(node: &Node<'_>) -> Result<Vec<StudyForce>> {
     let table = node.table("expected a table [force] or tables [[force]]", &["constant", "gravity", "linear_drag"])?;
     let mut models = Vec::new();
     if let Some(constant) = table.find("constant") {
-        models.push(("constant", Model::Constant(Triple::read(&constant)?)));
+        models.push(("constant", Model::Constant(Triple::read(&constant, "N")?)));
     }
     if let Some(gravity) = table.find("gravity") {
-        models.push(("gravity", Model::Gravity(Triple::read(&gravity)?)));
+        models.push(("gravity", Model::Gravity(Triple::read(&gravity, "m/s²")?)));
     }
     if let Some(drag) = table.find("linear_drag") {
-        models.push(("linear_drag", Model::LinearDrag(Number::read(&drag)?)));
+        models.push(("linear_drag", Model::LinearDrag(Number::read(&drag, "N s/m")?)));
     }
     if models.is_empty() {
         table.need("constant", "expected a vector in world axes (N), or `gravity` or `linear_drag`")?;
@@ -83,23 +83,23 @@ fn of_list(table: &Table<'_>) -> Result<(Model, &'static str)> {
     Ok(match table.need("model", "expected the name of a force's model")?.choice(MODELS)? {
         "constant" => {
             let (node, key) = parameter(&["model", "force"], WORLD)?;
-            (Model::Constant(Triple::read(&node)?), key)
+            (Model::Constant(Triple::read(&node, "N")?), key)
         }
         "gravity" => {
             let (node, key) = parameter(&["model", "acceleration"], "expected a vector in world axes (m/s²)")?;
-            (Model::Gravity(Triple::read(&node)?), key)
+            (Model::Gravity(Triple::read(&node, "m/s²")?), key)
         }
         "linear-drag" => {
             let (node, key) = parameter(&["model", "coefficient"], "expected the coefficient (N s/m)")?;
-            (Model::LinearDrag(Number::read(&node)?), key)
+            (Model::LinearDrag(Number::read(&node, "N s/m")?), key)
         }
         "quadratic-drag" => {
             let (node, key) = parameter(&["model", "coefficient"], "expected the coefficient (N s²/m²)")?;
-            (Model::QuadraticDrag(Number::read(&node)?), key)
+            (Model::QuadraticDrag(Number::read(&node, "N s²/m²")?), key)
         }
         "thrust" => {
             let (node, key) = parameter(&["model", "force"], "expected a vector in body axes (N)")?;
-            (Model::Thrust(Triple::read(&node)?), key)
+            (Model::Thrust(Triple::read(&node, "N")?), key)
         }
         _ => {
             let (force, parameters) = custom::read_force(table)?;
@@ -119,8 +119,8 @@ impl StudyForce {
     }
 
     /// The force, its parameters drawn.
-    pub(super) fn force(&self, draw: Draw, seed: u64, count: usize, table: Option<&BodyTable>) -> Force {
-        let source = Source { draw, count, table, of: Owner::Force(self.index) };
+    pub(super) fn force(&self, draw: Draw, seed: u64, bodies: &Bodies) -> Force {
+        let source = Source::of(bodies, draw, Owner::Force(self.index));
         match &self.model {
             Model::Constant(force) => Force::constant(source.vector(force, 0)),
             Model::Gravity(acceleration) => Force::gravity(source.vector(acceleration, 0)),

@@ -1,5 +1,7 @@
 //! `bodies.inertia` in study files.
 
+use std::sync::Arc;
+
 use glam::{DQuat, DVec3};
 
 use super::distribution::Vector;
@@ -28,6 +30,8 @@ pub enum Inertia {
     },
     /// Matter that is described, about its centre of mass.
     Solid(Solid),
+    /// One for each cell of the study's design; body b has that of cell b modulo their number.
+    PerCell(Arc<[Inertia]>),
 }
 
 /// No body has this tensor, so none passes with it.
@@ -50,14 +54,20 @@ impl Inertia {
                 let tensor = InertiaTensor::from_principal_moments(scaled_second_moments(*nominal, factors));
                 if *axes == DQuat::IDENTITY { tensor } else { tensor.rotated(*axes) }
             }
+            Inertia::PerCell(cells) => cells[draw.cell(body, cells.len())].sample(draw, body),
             Inertia::Solid(solid) => solid.sample(draw, body).map_or(NO_TENSOR, |properties| properties.inertia),
         }
     }
 
     pub(super) fn read(node: &Node<'_>) -> Result<Self> {
+        // Matter has distributions for each cell of its own: meshes are read once.
+        let is_solid = node.any_table().is_some_and(|table| FORMS.into_iter().any(|form| table.find(form).is_some()));
+        if !is_solid && let Some(cells) = node.per_cell(Self::read)? {
+            return Ok(Inertia::PerCell(cells));
+        }
         if node.elements().is_some() {
             return node
-                .vector("expected three finite moments along the body axes (kg m²)")
+                .vector("kg m²", "expected three finite moments along the body axes (kg m²)")
                 .map(|moments| Inertia::Tensor(InertiaTensor::from_principal_moments(moments)));
         }
         let table = node.any_table().ok_or_else(|| node.refuse(EXPECTED))?;
@@ -68,10 +78,10 @@ impl Inertia {
         if let Some(moments) = table.find("moments") {
             table.only(&["moments", "scatter"])?;
             return match scatter {
-                None => Vector::read(&moments).map(Inertia::Moments),
+                None => Vector::read(&moments, "kg m²").map(Inertia::Moments),
                 Some(scatter) => {
                     let expected = "expected three moments beside `scatter`, which draws from them (kg m²)";
-                    scattered(&scatter, &moments, moments.vector(expected)?, DQuat::IDENTITY)
+                    scattered(&scatter, &moments, moments.vector("kg m²", expected)?, DQuat::IDENTITY)
                 }
             };
         }
@@ -89,7 +99,7 @@ impl Inertia {
 /// Moments about `axes`, given at `node`, scattered by the number at `scatter`.
 fn scattered(scatter: &Node<'_>, node: &Node<'_>, nominal: DVec3, axes: DQuat) -> Result<Inertia> {
     const EXPECTED: &str = "expected a relative standard deviation that is not negative";
-    let relative_sigma = scatter.number(EXPECTED)?;
+    let relative_sigma = scatter.quantity("1", EXPECTED)?;
     if relative_sigma < 0.0 {
         return Err(scatter.refuse(EXPECTED));
     }
@@ -105,10 +115,11 @@ fn tensor(node: &Node<'_>, table: &Table<'_>) -> Result<InertiaTensor> {
         return Err(node.refuse(EXPECTED));
     }
     let diagonal = |key: &str| {
-        table.need(key, "expected the tensor's diagonal element (kg m²)")?.number("expected a finite number (kg m²)")
+        let node = table.need(key, "expected the tensor's diagonal element (kg m²)")?;
+        node.quantity("kg m²", "expected a finite number (kg m²)")
     };
     let product = |key: &str| match table.find(key) {
-        Some(node) => node.number("expected a finite number (kg m²)"),
+        Some(node) => node.quantity("kg m²", "expected a finite number (kg m²)"),
         None => Ok(0.0),
     };
     Ok(InertiaTensor {

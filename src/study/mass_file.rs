@@ -271,8 +271,8 @@ fn of_study(file: &Path, body: usize) -> Result<Described> {
         return Err(Error::Setting { field: "body", value: body as f64, expected });
     }
     match (&bodies.table, &bodies.inertia) {
-        (_, Some(inertia)) => described(inertia, Draw::new(study.seed()), body).map_err(|error| study.located(error)),
-        (Some(table), None) => Ok(Described::Tensor(table.inertia(body))),
+        (_, Some(inertia)) => described(inertia, study.draw(), body).map_err(|error| study.located(error)),
+        (Some(table), None) => Ok(Described::Tensor(table.inertia(bodies.row(body)))),
         (None, None) => Ok(Described::Tensor(InertiaTensor::default())),
     }
 }

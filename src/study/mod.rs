@@ -2,7 +2,8 @@
 //!
 //! # Study files
 //!
-//! A study is a TOML file. Everything is in SI units. Only `[bodies]` and `[time]` are required.
+//! A study is a TOML file. Numbers are in SI units, or texts with a unit: `"30 deg"`, `"2 rpm"`, `"7000 km"` ([`mod@unit`]). Only `[bodies]`
+//! and `[time]` are required.
 //!
 //! ```toml
 //! title = "Tumbling upper stages"     # for reports
@@ -16,7 +17,7 @@
 //!
 //! [time]
 //! end = 600.0
-//! outputs = { every = 60.0 }          # or { times = [0.1, 1.0] }; none: the end only
+//! outputs = { every = 60.0 }          # or { times = [0.1, 1.0] }; none: the end only; start = true: the start too
 //!
 //! [accuracy]
 //! attitude = 1e-6                     # rad; or: method = "rk4", dt = 0.01, precision = "f32"
@@ -26,6 +27,7 @@
 //!                                     # or: method = "rk8", dt = 0.01, projection = true, for free bodies near the separatrix
 //!
 //! [output]
+//! initial = true                      # initial.csv: moments, states and what was drawn of all bodies at t = 0
 //! final = true                        # final.csv: all bodies at the end (the default)
 //! snapshots = true                    # snapshots.csv: all bodies at all output times
 //! statistics = ["kinetic_energy", "spin_rate"]   # statistics.csv: over all bodies at all output times
@@ -72,15 +74,31 @@
 //!   number or vector for all bodies, a distribution, or a column of the table of bodies: `{ column = "drag" }`, or
 //!   `{ columns = ["tx", "ty", "tz"] }` for a vector, with four for an orientation. The tables of a list hold plain numbers:
 //!   `facets = [{ area = 0.02, normal = [0, 0, 1], centre = [0, 0, 0.15], solar = { specular = 0.1, diffuse = 0.3 } }]`.
-//! * A number may be a distribution: `constant` (`value`), `uniform` (`low`, `high`), `normal` (`mean`, `sigma`),
-//!   `log-normal` (`median`, `sigma` of the logarithm). So may a vector, where one number stands for three; and
-//!   `direction` (`magnitude`) is uniform on the sphere.
-//! * `statistics`: any of `kinetic_energy` (rotational, J), `spin_rate` (|ω|, rad/s) and `angular_momentum` (|L|, kg m²/s).
-//!   `statistics.csv` has one row an output time: `t`, `count` (bodies that did not fail) and of each quantity, say
-//!   `spin_rate`, the columns `spin_rate_mean`, `spin_rate_standard_deviation` (divided by `count`), `spin_rate_min`,
-//!   `spin_rate_max`, `spin_rate_min_body` and `spin_rate_max_body`; `statistics.npz` an array of shape `[outputs]` for each.
-//!   With `final = false` and no snapshots, statistics alone leave the device.
-//! * Tables of states end in a column `status`: 0, or the number of the reason why the body has failed, and then its numbers are NaN
+//! * A number may be a distribution, and so may a vector or an orientation: [`distribution`] has all of them. `[correlated.NAME]`
+//!   declares numbers that are drawn together.
+//! * `[orbit]`: `mu` and the keys of a torque's `orbit`, for all torques that need an orbit and state neither.
+//! * `[[sweep]]` and `[design]`: parameters that take several values in one run ([`sweep`]); `{ sweep = "name" }` stands for a number.
+//! * `[output] initial = true` writes `initial.csv`: what each body starts with, and was drawn with. `bodies.carry = ["operator"]`
+//!   takes further columns of the table of bodies there.
+//! * `statistics`: any quantities ([`Quantity`] has the list with formulas and units). `statistics.csv` has one row an output time: `t`,
+//!   `count` (bodies that did not fail) and of each quantity, say `spin_rate`, the columns `spin_rate_mean`,
+//!   `spin_rate_standard_deviation` (over the bodies as they are), `spin_rate_min`, `spin_rate_max`, `spin_rate_min_body`,
+//!   `spin_rate_max_body` and, with `quantiles = [5, 50, 95]` (percent), `spin_rate_q5` and so on; `statistics.npz` an array of shape
+//!   `[outputs]` for each. With `final = false`, no snapshots and `kinetic_energy`, `spin_rate` and `angular_momentum` alone, statistics
+//!   are all that leaves the device; of anything else the states are read at every output time.
+//! * `[[histogram]]`, any number of them: `quantity`, `low`, `high`, `bins` (50) and `scale` (`linear` or `log`).
+//!   `histograms.csv` has a row an output time, histogram and bin: `t`, `histogram` (from 0), `quantity`, `low`, `high`, `count`; what
+//!   lies outside of the bins has rows with an infinite edge.
+//! * `[[event]]`, any number of them: a `name`, a `quantity`, and one of `below`, `above`, `falls_below`, `rises_above`, `crosses` with a level
+//!   ([`Condition`]); `occurrence = 3` for the third time. Events are looked for from one output time to the next ([`Event`]).
+//!   `events.csv` has a row a body and event that it had: `event`, `body`, `t`, `known_to` ([`EventTime`](crate::record::EventTime)), and the state then; `survival.csv` for each
+//!   event and output time `remaining` bodies, the `share` that has not had it, and its 95 % confidence interval `low`, `high`
+//!   ([`EventRecord::survival`](crate::record::EventRecord::survival)).
+//! * `[[quantity]]`: a quantity of the study's own, with a `name`: a `formula` with its `unit`, a number of `attitude`, `angular_velocity`,
+//!   `angular_momentum`, `inertia` and `time` (the language is that of `docs/custom-torques.md`); an `axis` of the body and a `direction` of the
+//!   world, the angle between which it is; or `euler = "zxz"`, `angle = 2` and, where the turns are about the world's axes,
+//!   `about = "world"`.
+//! * Tables of states end in a column `status` (and then `cell`, where a study sweeps): 0, or the number of the reason why the body has failed, and then its numbers are NaN
 //!   (of [`Status::CentreNotFinite`] only position and velocity, as long as the rotation is good): 1 `not_converged`,
 //!   2 `step_too_long`, 3 `step_below_limit`, 4 `not_finite`, 5 `centre_not_finite` ([`Status`]). Where bodies have failed, `failed.csv`
 //!   (or `.npz`) has a row for each: `body`, `t` when it failed, `status`, `reason` (its word), `known_to`, and the last good state: `last_good_t` (0 is the start),
@@ -94,8 +112,9 @@
 //! those of a larger one.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::LazyLock;
+use std::sync::Arc;
 
 use crate::bodies::Ensemble;
 #[cfg(doc)]
@@ -103,19 +122,22 @@ use crate::bodies::Status;
 use crate::error::InputError;
 use crate::error::InputFault;
 use crate::error::{Error, Result, Text};
-use crate::kernel::observe::Statistic;
 use crate::math::Precision;
-use crate::scene::{Accuracy, Outputs, Scene, Target};
+use crate::scene::{Accuracy, Outputs, Part, Scene, Target};
+#[cfg(doc)]
+use crate::scene::{Condition, Event, Quantity};
 
 mod accuracy;
 mod bodies;
+mod context;
 mod custom;
-mod distribution;
+pub mod distribution;
 pub mod draw;
 mod force;
 mod inertia;
 mod mass_file;
 mod models;
+mod observed;
 mod parameter;
 mod parts;
 mod points;
@@ -124,22 +146,28 @@ mod reader;
 mod rows;
 mod shape_kind;
 mod solid;
+pub mod sweep;
 pub mod table;
 pub(crate) mod text;
 mod torque;
+pub mod unit;
 
 pub use bodies::Bodies;
-pub use distribution::{Orientation, Scalar, Vector};
+pub use distribution::{AngularVelocity, Orientation, Scalar, Vector};
 pub use inertia::Inertia;
 pub use mass_file::{CLASS_TOLERANCE, MassFileOptions, MassReport, TensorAbout};
 pub use models::{describe_models, models_table};
 pub use points::read_points;
 pub use solid::Solid;
+pub use sweep::Design;
 pub use table::BodyTable;
+pub use unit::describe_units;
 
 use accuracy::{StudyStepping, accuracy};
+use distribution::Correlated;
 use draw::Draw;
 use force::StudyForce;
+use observed::StudyObserved;
 use reader::{FileText, Node, Place, Table};
 use text::read_text;
 use torque::StudyTorque;
@@ -149,6 +177,26 @@ use torque::StudyTorque;
 const RUN_BYTES: usize = 300;
 /// Bytes a body of each further torque (measured: 44 in `f32`, 92 in `f64`).
 const TORQUE_BYTES: usize = 40;
+
+/// The keys of a study.
+const KEYS: [&str; 16] = [
+    "title",
+    "seed",
+    "bodies",
+    "torque",
+    "force",
+    "time",
+    "accuracy",
+    "output",
+    "failures",
+    "quantity",
+    "histogram",
+    "event",
+    "sweep",
+    "design",
+    "correlated",
+    "orbit",
+];
 
 /// The key by which states are projected.
 const PROJECTION: &str = "accuracy.projection";
@@ -186,14 +234,18 @@ pub struct Study {
     places: BTreeMap<String, Place>,
     title: Option<String>,
     seed: u64,
+    design: Option<Arc<Design>>,
     bodies: Bodies,
+    /// Where the bodies are in the study as it was read.
+    part: Part,
     torques: Vec<StudyTorque>,
     forces: Vec<StudyForce>,
     end: f64,
     outputs: Outputs,
     stepping: StudyStepping,
     output: Output,
-    statistics: Vec<Statistic>,
+    starts: bool,
+    observed: StudyObserved,
     failures: u64,
 }
 
@@ -204,7 +256,9 @@ pub struct Output {
     pub final_state: bool,
     /// All bodies at all output times.
     pub snapshots: bool,
-    /// The format of both.
+    /// What was drawn and read: moments, parameters and state of all bodies at t = 0.
+    pub initial: bool,
+    /// The format of all.
     pub format: Format,
 }
 
@@ -218,6 +272,9 @@ pub enum Format {
 }
 
 impl Format {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Format::Csv, Format::Npz];
+
     /// The name in study files and the ending of files.
     pub fn name(self) -> &'static str {
         match self {
@@ -249,21 +306,36 @@ impl Study {
     }
 
     fn from_root(file: &Path, root: &Table<'_>) -> Result<Self> {
-        root.only(&["title", "seed", "bodies", "torque", "force", "time", "accuracy", "output", "failures"])?;
+        root.only(&KEYS)?;
         let mut places = BTreeMap::new();
         root.places(&mut places);
 
         let title = root.find("title").map(|node| node.string("expected a text")).transpose()?.map(str::to_owned);
         let seed = root.find("seed").map(|node| node.whole("expected a whole number")).transpose()?.unwrap_or(0);
+        let design = Design::read(root, Draw::new(seed))?.map(Arc::new);
+        design.iter().for_each(|design| root.context().set_design(design.clone()));
+        root.context().set_correlated(Correlated::read_all(root)?);
+        let orbit = root.find(torque::ORBIT);
+        if let Some(orbit) = &orbit {
+            root.context().set_orbit(torque::orbit(orbit)?);
+        }
         let torques = root.find("torque").map(|node| torque::read(&node)).transpose()?.unwrap_or_default();
+        if let Some(orbit) = orbit.filter(|_| !root.context().is_orbit_used()) {
+            return Err(
+                orbit.refuse("no torque takes this orbit: expected one that needs an orbit and states none of its own")
+            );
+        }
         let mut columns = BTreeSet::new();
         torques.iter().for_each(|torque| torque.columns(&mut columns));
         let forces = root.find("force").map(|node| force::read(&node)).transpose()?.unwrap_or_default();
         forces.iter().for_each(|force| force.columns(&mut columns));
         let bodies = root.need("bodies", "expected a table that describes the bodies")?;
-        let bodies = Bodies::read(&bodies, |_, name| {
+        let initial = root.find("output").and_then(|output| output.any_table()?.find("initial"));
+        let is_initial_wanted =
+            initial.map(|node| node.boolean("expected true or false")).transpose()?.unwrap_or(false);
+        let bodies = Bodies::read(&bodies, is_initial_wanted, |name, carried| {
             let folder = file.parent().unwrap_or(Path::new(""));
-            BodyTable::read_with(&folder.join(name), usize::MAX, &columns)
+            BodyTable::read_with(&folder.join(name), usize::MAX, &columns, carried)
         })?;
         if bodies.table.is_none()
             && let Some(name) = columns.first()
@@ -279,27 +351,35 @@ impl Study {
             }
             .into());
         }
-        let (end, outputs) = time(&root.need("time", "expected a table with the end of the simulated span")?)?;
+        let (end, outputs, starts) = time(&root.need("time", "expected a table with the end of the simulated span")?)?;
         let stepping = root.find("accuracy").map(|node| accuracy(&node)).transpose()?;
         let stepping = stepping
             .unwrap_or(StudyStepping::Accuracy { accuracy: Accuracy::attitude(DEFAULT_ATTITUDE), precision: None });
-        let output = root.find("output").map(|node| output(&node)).transpose()?;
+        if let Some(design) = &design {
+            design.check_use(root)?;
+        }
+        let output_table = root.find("output").map(|node| output_table(&node)).transpose()?;
+        let observed = StudyObserved::read(root, output_table.as_ref())?;
+        let output = output_table.as_ref().map(output).transpose()?;
         let failures = root.find("failures").map(|node| failures(&node)).transpose()?.unwrap_or(0);
-        let (output, statistics) =
-            output.unwrap_or((Output { final_state: true, snapshots: false, format: Format::Csv }, Vec::new()));
+        let nothing = Output { final_state: true, snapshots: false, initial: false, format: Format::Csv };
+        let output = output.unwrap_or(nothing);
         Ok(Self {
             file: file.to_owned(),
             places,
             title,
             seed,
+            part: Part { first_body: 0, of: bodies.count },
+            design,
             bodies,
             torques,
             forces,
             end,
             outputs,
+            starts,
             stepping,
             output,
-            statistics,
+            observed,
             failures,
         })
     }
@@ -319,6 +399,18 @@ impl Study {
         self.seed
     }
 
+    /// The points at which the study sweeps over parameters, where it does.
+    pub fn design(&self) -> Option<&Arc<Design>> {
+        self.design.as_ref()
+    }
+
+    /// The draws of the study.
+    pub(crate) fn draw(&self) -> Draw {
+        let common = self.design.as_ref().filter(|design| design.has_common_draws());
+        let draw = Draw::new(self.seed).counted_from(self.part.first_body);
+        draw.common_to(common.map_or(1, |design| design.cells()))
+    }
+
     /// The bodies, not yet drawn.
     pub fn bodies(&self) -> &Bodies {
         &self.bodies
@@ -336,8 +428,20 @@ impl Study {
 
     /// The same study with the first `most` of its bodies.
     #[must_use]
-    pub fn truncated(mut self, most: usize) -> Self {
-        self.bodies = self.bodies.truncated(most);
+    pub fn truncated(self, most: usize) -> Self {
+        let mut first = self.part(0..most);
+        first.part.of = first.bodies.count;
+        first
+    }
+
+    /// A part of the study: those of its bodies that are in a range. They are drawn, move and are counted as in the whole, of which nothing
+    /// else is drawn.
+    #[must_use]
+    pub fn part(mut self, bodies: Range<usize>) -> Self {
+        let end = bodies.end.min(self.bodies.count);
+        let bodies = bodies.start.min(end)..end;
+        self.part.first_body += bodies.start;
+        self.bodies = self.bodies.part(&bodies);
         self
     }
 
@@ -361,7 +465,7 @@ impl Study {
     /// [`Error::Input`] for the first body that is not valid, with the line that it came from;
     /// [`Error::TooManyBodies`]; [`Error::MissingMass`].
     pub fn ensemble(&self) -> Result<Ensemble> {
-        let ensemble = self.bodies.ensemble(Draw::new(self.seed), !self.forces.is_empty());
+        let ensemble = self.bodies.ensemble(self.draw(), !self.forces.is_empty());
         ensemble.map_err(|error| self.located(error))
     }
 
@@ -374,17 +478,19 @@ impl Study {
         let row = RUN_BYTES + TORQUE_BYTES * self.torques.len().saturating_sub(1);
         crate::bodies::memory::require(self.bodies.count, self.bodies.count.saturating_mul(row), "their run")
             .map_err(|error| self.located(error))?;
-        let mut scene = Scene::new(self.ensemble()?).until(self.end).outputs(self.outputs.clone());
-        let (count, table) = (self.bodies.count, self.bodies.table.as_ref());
+        let mut scene = Scene::new(self.ensemble()?).until(self.end).outputs(self.outputs.clone()).part_of(self.part);
         for force in &self.forces {
-            scene = scene.force(force.force(Draw::new(self.seed), self.seed, count, table));
+            scene = scene.force(force.force(self.draw(), self.seed, &self.bodies));
         }
         for torque in &self.torques {
-            let torque = torque.torque(Draw::new(self.seed), self.seed, count, table);
+            let torque = torque.torque(self.draw(), self.seed, &self.bodies);
             scene = scene.torque(torque.map_err(|error| self.located(error))?);
         }
-        scene = scene.statistics(&self.statistics);
-        if !self.statistics.is_empty() && !self.output.final_state && !self.output.snapshots {
+        scene = self.observed.applied_to(scene)?;
+        if self.starts {
+            scene = scene.with_start();
+        }
+        if !self.observed.is_empty() && !self.output.final_state && !self.output.snapshots {
             scene = scene.without_states();
         }
         Ok(self.stepping.applied_to(scene))
@@ -437,6 +543,7 @@ impl Study {
             },
             Error::Body { body, field, value, expected } => self.located_body(body, field, value, expected),
             Error::Torque { torque, body, ref field, value, ref expected, .. } => {
+                let body = body.map(|body| self.part.first_body + body);
                 let own = torque::place(torque);
                 let key = self.torques.get(torque).map_or_else(|| own.clone(), |torque| torque.key(field));
                 // A key may be left out: then the torque's own line is named.
@@ -446,6 +553,7 @@ impl Study {
                 }
             }
             Error::Force { force, body, ref field, value, ref expected, .. } => {
+                let body = body.map(|body| self.part.first_body + body);
                 let keys = self.forces.get(force).map(|force| force.keys(field)).unwrap_or_default();
                 match keys.iter().find_map(|key| self.places.get_key_value(key)) {
                     Some((key, place)) => self.input(place.line, key, parameter_fault(body, field, value, expected)),
@@ -485,10 +593,10 @@ impl Study {
         };
         let error = Error::Body { body, field, value, expected };
         if let Some(table) = self.bodies.table.as_ref().filter(|table| in_table(table)) {
-            return table.located(error);
+            return table.located(error, self.bodies.row(body));
         }
         // A shape's sizes, its mass among them, stand within `inertia`.
-        let part = self.bodies.faulty_part(Draw::new(self.seed), body);
+        let part = self.bodies.faulty_part(self.draw(), body);
         let part = part.map_or(String::new(), |index| format!(".parts[{}]", index + 1));
         let own = (key != "inertia").then(|| format!("bodies.{key}"));
         let keys: Vec<String> = [format!("bodies.inertia{part}.{field}")]
@@ -501,7 +609,12 @@ impl Study {
             Some(place) => self.input(
                 place.line,
                 key,
-                InputFault::Body { body, field: field.into(), value, expected: expected.into() },
+                InputFault::Body {
+                    body: self.part.first_body + body,
+                    field: field.into(),
+                    value,
+                    expected: expected.into(),
+                },
             ),
             None => error,
         }
@@ -512,27 +625,30 @@ impl Study {
     }
 }
 
-fn time(node: &Node<'_>) -> Result<(f64, Outputs)> {
+/// The end, the output times, and whether the start is one of them.
+fn time(node: &Node<'_>) -> Result<(f64, Outputs, bool)> {
     let table = node.table("expected a table [time]", &["end", "outputs"])?;
     let end = table.need("end", "expected the end of the simulated span (s)")?;
-    let end = end.number("expected a finite number (s)")?;
+    let end = end.quantity("s", "expected a finite number (s)")?;
     let Some(outputs) = table.find("outputs") else {
-        return Ok((end, Outputs::End));
+        return Ok((end, Outputs::End, false));
     };
-    const EXPECTED: &str = "expected { every = seconds } or { times = [seconds, ...] }";
-    let table = outputs.table(EXPECTED, &["every", "times"])?;
+    const EXPECTED: &str =
+        "expected { every = seconds } or { times = [seconds, ...] }, with start = true for the start too";
+    let table = outputs.table(EXPECTED, &["every", "times", "start"])?;
     table.exclusive("every", "times")?;
+    let starts = table.find("start").map(|node| node.boolean("expected true or false")).transpose()? == Some(true);
     if let Some(every) = table.find("every") {
-        return Ok((end, Outputs::Every(every.positive("expected an interval above zero (s)")?)));
+        return Ok((end, Outputs::Every(every.positive_quantity("s", "expected an interval above zero (s)")?), starts));
     }
     let Some(times) = table.find("times") else {
-        return Err(outputs.refuse(EXPECTED));
+        return if starts { Ok((end, Outputs::End, true)) } else { Err(outputs.refuse(EXPECTED)) };
     };
     const TIMES: &str = "expected a list of finite numbers (s)";
     let elements = times.elements().ok_or_else(|| times.refuse(TIMES))?;
     let mut list: Vec<f64> = Vec::with_capacity(elements.len());
     for element in elements {
-        let time = element.number(TIMES)?;
+        let time = element.quantity("s", TIMES)?;
         if list.last().is_some_and(|last| time <= *last) {
             return Err(element.refuse("expected increasing times: this one is not after the one before it (s)"));
         }
@@ -541,14 +657,14 @@ fn time(node: &Node<'_>) -> Result<(f64, Outputs)> {
         }
         list.push(time);
     }
-    Ok((end, Outputs::Times(list)))
+    Ok((end, Outputs::Times(list), starts))
 }
 
-/// Names of all quantities.
-static STATISTICS: LazyLock<Vec<&'static str>> = LazyLock::new(|| Statistic::ALL.map(Statistic::name).to_vec());
+fn output_table<'a>(node: &Node<'a>) -> Result<Table<'a>> {
+    node.table("expected a table [output]", &["final", "snapshots", "initial", "statistics", "quantiles", "format"])
+}
 
-fn output(node: &Node<'_>) -> Result<(Output, Vec<Statistic>)> {
-    let table = node.table("expected a table [output]", &["final", "snapshots", "statistics", "format"])?;
+fn output(table: &Table<'_>) -> Result<Output> {
     let flag = |key: &str, default: bool| {
         table
             .find(key)
@@ -560,8 +676,8 @@ fn output(node: &Node<'_>) -> Result<(Output, Vec<Statistic>)> {
         Some("npz") => Format::Npz,
         _ => Format::Csv,
     };
-    let statistics = table.find("statistics").map(|node| statistics(&node)).transpose()?.unwrap_or_default();
-    Ok((Output { final_state: flag("final", true)?, snapshots: flag("snapshots", false)?, format }, statistics))
+    let (final_state, snapshots, initial) = (flag("final", true)?, flag("snapshots", false)?, flag("initial", false)?);
+    Ok(Output { final_state, snapshots, initial, format })
 }
 
 fn failures(node: &Node<'_>) -> Result<u64> {
@@ -569,21 +685,6 @@ fn failures(node: &Node<'_>) -> Result<u64> {
     let allow =
         table.find("allow").map(|node| node.whole("expected the number of bodies that may fail")).transpose()?;
     Ok(allow.unwrap_or(0))
-}
-
-fn statistics(node: &Node<'_>) -> Result<Vec<Statistic>> {
-    const LIST: &str = "expected a list of quantities: [\"kinetic_energy\", \"spin_rate\", \"angular_momentum\"]";
-    let elements = node.elements().ok_or_else(|| node.refuse(LIST))?;
-    let mut found = Vec::with_capacity(elements.len());
-    for element in elements {
-        let name = element.choice(&STATISTICS)?;
-        let of_name = Statistic::ALL.into_iter().find(|statistic| statistic.name() == name);
-        if of_name.is_some_and(|statistic| found.contains(&statistic)) {
-            return Err(element.refuse("expected each quantity once"));
-        }
-        found.extend(of_name);
-    }
-    Ok(found)
 }
 
 /// What is wrong with the value of a parameter that all bodies share, or one body has.

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
+use super::bodies::Bodies;
 use super::distribution::{Orientation, Scalar, Vector};
 use super::draw::{Column, Draw};
 use super::inertia::Inertia;
@@ -45,24 +46,25 @@ pub(super) enum Tensor {
 }
 
 impl Number {
-    pub(super) fn read(node: &Node<'_>) -> Result<Self> {
-        if let Some(table) = node.any_table()
+    /// Reads a number in `unit`, one of the SI; columns are in SI units.
+    pub(super) fn read(node: &Node<'_>, unit: &str) -> Result<Self> {
+        if let Some(table) = node.any_table().filter(|table| table.find("distribution").is_none())
             && let Some(column) = table.find("column")
         {
             table.only(&["column"])?;
             let name = column.string("expected the name of a column of the table of bodies")?;
             return Ok(Number::Column(name.to_owned()));
         }
-        Scalar::read(node).map(Number::Drawn)
+        Scalar::read(node, unit).map(Number::Drawn)
     }
 }
 
 impl Triple {
-    pub(super) fn read(node: &Node<'_>) -> Result<Self> {
+    pub(super) fn read(node: &Node<'_>, unit: &str) -> Result<Self> {
         const EXPECTED: &str = "expected the names of three columns of the table of bodies";
         match columns(node, EXPECTED)? {
             Some(names) => Ok(Triple::Columns(names)),
-            None => Vector::read(node).map(Triple::Drawn),
+            None => Vector::read(node, unit).map(Triple::Drawn),
         }
     }
 }
@@ -80,7 +82,7 @@ impl Turn {
 impl Tensor {
     pub(super) fn read(node: &Node<'_>) -> Result<Self> {
         if node.any_table().is_some_and(|table| table.find("columns").is_some()) {
-            return Triple::read(node).map(Tensor::Moments);
+            return Triple::read(node, "kg m²").map(Tensor::Moments);
         }
         Ok(match Inertia::read(node)? {
             Inertia::Moments(moments) => Tensor::Moments(Triple::Drawn(moments)),
@@ -91,8 +93,8 @@ impl Tensor {
 
 /// The names in `{ columns = [...] }`, where the value is that.
 fn columns<const N: usize>(node: &Node<'_>, expected: &'static str) -> Result<Option<[String; N]>> {
-    let Some((table, columns)) = node.any_table().and_then(|table| table.find("columns").map(|found| (table, found)))
-    else {
+    let table = node.any_table().filter(|table| table.find("distribution").is_none());
+    let Some((table, columns)) = table.and_then(|table| table.find("columns").map(|found| (table, found))) else {
         return Ok(None);
     };
     table.only(&["columns"])?;
@@ -109,6 +111,8 @@ pub(super) struct Source<'a> {
     pub count: usize,
     /// The table of bodies, if there is one.
     pub table: Option<&'a BodyTable>,
+    /// Bodies that follow one another and have one row of it.
+    pub cells: usize,
     /// Whose parameters they are.
     pub of: Owner,
 }
@@ -120,9 +124,20 @@ pub(super) enum Owner {
     Torque(usize),
     /// The force of this index, from 0.
     Force(usize),
+    /// The orbit that the study states once, for all torques that need one.
+    Orbit,
 }
 
-impl Source<'_> {
+impl<'a> Source<'a> {
+    pub(super) fn of(bodies: &'a Bodies, draw: Draw, of: Owner) -> Self {
+        Self { draw, count: bodies.count, table: bodies.table.as_ref(), cells: bodies.cells, of }
+    }
+
+    /// The same, of what the study's orbit is drawn from.
+    pub(super) fn of_orbit(&self) -> Self {
+        Self { of: Owner::Orbit, ..*self }
+    }
+
     /// The number of the `parameter`-th parameter of the torque or force, for all bodies.
     pub(super) fn number(&self, number: &Number, parameter: usize) -> Parameter<f64> {
         match number {
@@ -132,7 +147,10 @@ impl Source<'_> {
                 let bodies = (0..self.count).into_par_iter();
                 Parameter::PerBody(bodies.map(|body| scalar.sample(self.draw, body, column, 0)).collect())
             }
-            Number::Column(name) => Parameter::PerBody(self.rows(name).into()),
+            Number::Column(name) => {
+                let rows = self.rows(name);
+                Parameter::PerBody((0..self.count).map(|body| rows[body / self.cells]).collect())
+            }
         }
     }
 
@@ -148,8 +166,8 @@ impl Source<'_> {
             }
             Triple::Columns(names) => {
                 let [x, y, z] = names.each_ref().map(|name| self.rows(name));
-                let rows = x.iter().zip(y).zip(z);
-                Parameter::PerBody(rows.map(|((&x, &y), &z)| DVec3::new(x, y, z)).collect())
+                let rows = (0..self.count).map(|body| body / self.cells);
+                Parameter::PerBody(rows.map(|row| DVec3::new(x[row], y[row], z[row])).collect())
             }
         }
     }
@@ -157,15 +175,15 @@ impl Source<'_> {
     pub(super) fn rotation(&self, rotation: &Turn, parameter: usize) -> Parameter<DQuat> {
         match rotation {
             Turn::Drawn(Orientation::Constant(orientation)) => Parameter::Shared(*orientation),
-            Turn::Drawn(Orientation::Uniform) => {
+            Turn::Drawn(orientation) => {
                 let column = self.column(parameter);
                 let bodies = (0..self.count).into_par_iter();
-                Parameter::PerBody(bodies.map(|body| self.draw.rotation(body, column)).collect())
+                Parameter::PerBody(bodies.map(|body| orientation.sample_as(self.draw, body, column)).collect())
             }
             Turn::Columns(names) => {
                 let columns = names.each_ref().map(|name| self.rows(name));
-                let count = columns.iter().map(|rows| rows.len()).min().unwrap_or(0);
-                Parameter::PerBody((0..count).map(|body| DQuat::from_array(columns.map(|rows| rows[body]))).collect())
+                let rows = (0..self.count).map(|body| body / self.cells);
+                Parameter::PerBody(rows.map(|row| DQuat::from_array(columns.map(|rows| rows[row]))).collect())
             }
         }
     }
@@ -191,13 +209,14 @@ impl Source<'_> {
     fn column(&self, parameter: usize) -> Column {
         match self.of {
             Owner::Torque(torque) => Column::Torque { torque: torque as u16, parameter: parameter as u16 },
+            Owner::Orbit => Column::Orbit { parameter: parameter as u16 },
             Owner::Force(force) => Column::Force { force: force as u16, parameter: parameter as u16 },
         }
     }
 
     /// The rows of a column; the table was read with all columns that torques name.
     fn rows(&self, name: &str) -> &[f64] {
-        self.table.and_then(|table| table.extra(name)).map_or(&[], |rows| &rows[..self.count.min(rows.len())])
+        self.table.and_then(|table| table.extra(name)).unwrap_or_default()
     }
 }
 

@@ -52,7 +52,7 @@ impl StudyPart {
         };
         let solid = Solid::read(node, &table, form, &PLACING)?;
         let position = match table.find("position") {
-            Some(position) => Vector::read(&position)?,
+            Some(position) => Vector::read(&position, "m")?,
             None => Vector::constant(DVec3::ZERO),
         };
         let orientation = match table.find("orientation") {

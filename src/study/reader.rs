@@ -3,25 +3,33 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use glam::DVec3;
 use toml::de::{DeTable, DeValue};
 
+use super::context::Context;
+use super::sweep::Design;
+use super::unit::{Quantity, Unit};
 use crate::error::{Error, Result, Text};
 use crate::error::{InputError, InputFault, nearest};
 
 /// The longest excerpt of the file that a message repeats, characters.
 const LONGEST_EXCERPT: usize = 60;
 
+/// The key that stands for a number by the name of an axis.
+const SWEEP: &str = "sweep";
+
 /// A file's text and where its lines begin.
 pub(super) struct FileText<'a> {
     file: &'a Path,
     text: &'a str,
+    context: Context,
 }
 
 impl<'a> FileText<'a> {
     pub(super) fn new(file: &'a Path, text: &'a str) -> Self {
-        Self { file, text }
+        Self { file, text, context: Context::default() }
     }
 
     /// Parses the text and hands its root table to `read`.
@@ -89,6 +97,11 @@ pub(super) struct Node<'a> {
 }
 
 impl<'a> Table<'a> {
+    /// What values of the file refer to by name.
+    pub(super) fn context(&self) -> &'a Context {
+        &self.source.context
+    }
+
     fn path_of(&self, key: &str) -> String {
         if self.path.is_empty() { key.to_owned() } else { format!("{}.{key}", self.path) }
     }
@@ -252,19 +265,106 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// A finite number.
-    pub(super) fn number(&self, expected: impl Into<Text>) -> Result<f64> {
-        self.any_number().filter(|x| x.is_finite()).ok_or_else(|| self.refuse(expected))
-    }
-
-    /// A finite number above zero.
+    /// A finite number above zero that has no unit.
     pub(super) fn positive(&self, expected: &'static str) -> Result<f64> {
         self.any_number().filter(|x| x.is_finite() && *x > 0.0).ok_or_else(|| self.refuse(expected))
     }
 
-    /// Whether the value is a number.
+    /// A finite number in SI units, with its unit where it is a text that has one.
+    pub(super) fn quantity_as_written(&self, expected: impl Into<Text>) -> Result<(f64, Option<Unit>)> {
+        let (value, unit) = match self.value {
+            DeValue::String(text) => match Quantity::parse(text) {
+                None => return Err(self.refuse(expected)),
+                Some(quantity) => {
+                    let Quantity { value, unit } = quantity.map_err(|fault| self.refuse(fault.expected()))?;
+                    (Some(value), Some(unit))
+                }
+            },
+            _ => (self.any_number(), None),
+        };
+        match value.filter(|x| x.is_finite()) {
+            Some(value) => Ok((value, unit)),
+            None => Err(self.refuse(expected)),
+        }
+    }
+
+    /// A finite number in `unit`, which is one of the SI: as it stands, converted from its own unit, or the value of an axis in
+    /// the cell that is read.
+    pub(super) fn quantity(&self, unit: &str, expected: impl Into<Text>) -> Result<f64> {
+        let (value, own) = match self.axis() {
+            Some(name) => self.swept(&name)?,
+            None => self.quantity_as_written(expected)?,
+        };
+        match own.map_or(Ok(()), |own| own.check(unit)) {
+            Ok(()) => Ok(value),
+            Err(expected) => Err(self.refuse(expected)),
+        }
+    }
+
+    /// A finite number above zero in `unit`.
+    pub(super) fn positive_quantity(&self, unit: &str, expected: impl Into<Text>) -> Result<f64> {
+        let expected = expected.into();
+        self.quantity(unit, expected.clone()).and_then(|x| if x > 0.0 { Ok(x) } else { Err(self.refuse(expected)) })
+    }
+
+    /// The axis of the sweep that the value names: `{ sweep = "name" }`.
+    fn axis(&self) -> Option<Node<'a>> {
+        self.any_table()?.find(SWEEP)
+    }
+
+    /// The value of an axis.
+    fn swept(&self, name: &Node<'_>) -> Result<(f64, Option<Unit>)> {
+        self.table("expected { sweep = \"name\" }", &[SWEEP])?;
+        let wanted = name.string("expected the name of a [[sweep]]")?;
+        let context = &self.source.context;
+        let axis = context.design().and_then(|design| design.axis(wanted)).ok_or_else(|| {
+            let known: Vec<&str> = context.design().into_iter().flat_map(Design::names).collect();
+            match known.is_empty() {
+                true => name.refuse("the study has no [[sweep]] of this name, and no other"),
+                false => name.refuse(unknown_name(wanted, &known, "a [[sweep]]")),
+            }
+        })?;
+        let cell = context.cell().ok_or_else(|| {
+            self.refuse("expected a number: all bodies share this one, so it cannot be swept within a run")
+        })?;
+        context.note_use(wanted);
+        Ok((axis.value(cell), axis.unit().cloned()))
+    }
+
+    /// Whether a number of the value, at any depth, is swept.
+    fn mentions_sweep(&self) -> bool {
+        fn mentions(value: &DeValue<'_>) -> bool {
+            match value {
+                DeValue::Table(table) => {
+                    table.iter().any(|(key, value)| key.get_ref() == SWEEP || mentions(value.get_ref()))
+                }
+                DeValue::Array(array) => array.iter().any(|value| mentions(value.get_ref())),
+                _ => false,
+            }
+        }
+        mentions(self.value)
+    }
+
+    /// What `read` makes of the value in each cell, where any number of it is swept.
+    pub(super) fn per_cell<T>(&self, read: impl Fn(&Self) -> Result<T>) -> Result<Option<Arc<[T]>>> {
+        let context = &self.source.context;
+        if context.cell().is_some() || !self.mentions_sweep() {
+            return Ok(None);
+        }
+        // Without a design the first read says so.
+        let cells = context.design().map_or(1, Design::cells);
+        (0..cells).map(|cell| context.for_cell(cell, || read(self))).collect::<Result<_>>().map(Some)
+    }
+
+    /// What values of the file refer to by name.
+    pub(super) fn context(&self) -> &'a Context {
+        &self.source.context
+    }
+
+    /// Whether the value is a number, begins with one, or is that of an axis.
     pub(super) fn is_number(&self) -> bool {
-        self.any_number().is_some()
+        let begins_with_one = || matches!(self.value, DeValue::String(text) if Quantity::parse(text).is_some());
+        self.any_number().is_some() || begins_with_one() || self.axis().is_some()
     }
 
     /// A whole number, not negative.
@@ -303,17 +403,23 @@ impl<'a> Node<'a> {
         })
     }
 
-    /// `N` finite numbers.
-    pub(super) fn numbers<const N: usize>(&self, expected: impl Into<Text>) -> Result<[f64; N]> {
+    /// `N` finite numbers in `unit`.
+    pub(super) fn quantities<const N: usize>(&self, unit: &str, expected: impl Into<Text>) -> Result<[f64; N]> {
         let expected = expected.into();
         let elements = self.elements().ok_or_else(|| self.refuse(expected.clone()))?;
-        let number = |element: &Node<'_>| element.number(expected.clone());
+        let number = |element: &Node<'_>| element.quantity(unit, expected.clone());
         let numbers: Vec<f64> = elements.iter().map(number).collect::<Result<_>>()?;
         numbers.try_into().map_err(|_| self.refuse(expected))
     }
 
-    /// Three finite numbers.
-    pub(super) fn vector(&self, expected: impl Into<Text>) -> Result<DVec3> {
-        self.numbers(expected).map(DVec3::from_array)
+    /// Three finite numbers in `unit`.
+    pub(super) fn vector(&self, unit: &str, expected: impl Into<Text>) -> Result<DVec3> {
+        self.quantities(unit, expected).map(DVec3::from_array)
     }
+}
+
+/// What is said of a name that is none of those known.
+pub(super) fn unknown_name(name: &str, known: &[&str], what: &str) -> String {
+    let guess = nearest(name, known).map(|name| format!("did you mean {name}? ")).unwrap_or_default();
+    format!("expected the name of {what}: {guess}known: {}", known.join(", "))
 }

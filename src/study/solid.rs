@@ -34,7 +34,7 @@ enum Form {
 }
 
 /// How much matter there is.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 enum Matter {
     /// Mass, kg.
     Mass(Scalar),
@@ -183,11 +183,11 @@ impl Solid {
         let keys = kind.lengths();
         only(&[&["shape", "mass", "density"], keys].concat())?;
         let lengths = if kind.takes_vector() {
-            Vector::read(&table.need(keys[0], "expected three lengths (m)")?)?
+            Vector::read(&table.need(keys[0], "expected three lengths (m)")?, "m")?
         } else {
-            let mut components = [Scalar::Constant(0.0); 3];
+            let mut components = [0.0; 3].map(Scalar::Constant);
             for (component, key) in components.iter_mut().zip(keys) {
-                *component = Scalar::read(&table.need(key, "expected a length (m)")?)?;
+                *component = Scalar::read(&table.need(key, "expected a length (m)")?, "m")?;
             }
             Vector::Components(components)
         };
@@ -223,7 +223,7 @@ fn matter(table: &Table<'_>, has_volume: bool) -> Result<Matter> {
     match own_matter(table, has_volume)? {
         Matter::Own => {
             let expected = "expected the mass (kg), or a density (kg/m³)";
-            Ok(Matter::Mass(Scalar::read(&table.need("mass", expected)?)?))
+            Ok(Matter::Mass(Scalar::read(&table.need("mass", expected)?, "kg")?))
         }
         matter => Ok(matter),
     }
@@ -233,8 +233,8 @@ fn matter(table: &Table<'_>, has_volume: bool) -> Result<Matter> {
 fn own_matter(table: &Table<'_>, has_volume: bool) -> Result<Matter> {
     match (table.find("density"), table.find("mass")) {
         (Some(density), _) if !has_volume => Err(density.refuse("this shape has no volume: use a mass instead (kg)")),
-        (Some(density), _) => Ok(Matter::Density(Scalar::read(&density)?)),
-        (None, Some(mass)) => Ok(Matter::Mass(Scalar::read(&mass)?)),
+        (Some(density), _) => Ok(Matter::Density(Scalar::read(&density, "kg/m³")?)),
+        (None, Some(mass)) => Ok(Matter::Mass(Scalar::read(&mass, "kg")?)),
         (None, None) => Ok(Matter::Own),
     }
 }
@@ -242,7 +242,10 @@ fn own_matter(table: &Table<'_>, has_volume: bool) -> Result<Matter> {
 /// The factor that makes metres of a file's lengths.
 fn scale(table: &Table<'_>) -> Result<f64> {
     match table.find("scale") {
-        Some(node) => node.positive("expected the length of the file's unit, above zero (m): 0.001 for millimetres"),
+        Some(node) => {
+            let expected = "expected the length of the file's unit, above zero (m): 0.001 for millimetres";
+            node.positive_quantity("m", expected)
+        }
         None => Ok(1.0),
     }
 }
@@ -295,7 +298,7 @@ fn tetrahedron(table: &Table<'_>) -> Result<MassProperties> {
     const EXPECTED: &str = "expected four corners [x, y, z] (m)";
     let node = table.need("corners", EXPECTED)?;
     let elements = node.elements().ok_or_else(|| node.refuse(EXPECTED))?;
-    let corners = elements.iter().map(|corner| corner.vector(EXPECTED)).collect::<Result<Vec<DVec3>>>()?;
+    let corners = elements.iter().map(|corner| corner.vector("m", EXPECTED)).collect::<Result<Vec<DVec3>>>()?;
     let corners = <[DVec3; 4]>::try_from(corners).map_err(|_| node.refuse(EXPECTED))?;
     let properties = Shape::Tetrahedron { corners }.mass_properties_of_density(1.0);
     properties.map_err(|_| node.refuse("expected four corners that do not lie in a plane (m)"))

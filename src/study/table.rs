@@ -8,6 +8,7 @@
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::Read;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use csv::StringRecord;
@@ -30,6 +31,9 @@ const KNOWN: &[&str] = &[
     "vx", "vy", "vz",
 ];
 
+/// The column of names.
+pub(super) const NAME: &str = "name";
+
 const MASS: usize = 0;
 const INERTIA: usize = 1;
 const PRODUCTS: usize = 4;
@@ -45,6 +49,8 @@ pub struct BodyTable {
     columns: [Option<Vec<f64>>; NUMBERS.len()],
     /// Columns that a study's torques name, beside those that describe bodies.
     extra: Vec<(String, Vec<f64>)>,
+    /// Columns that are carried through to the table of initial states, as they stand.
+    carried: Vec<(String, Vec<Box<str>>)>,
     /// The line of each row, from 1.
     lines: Vec<u64>,
 }
@@ -57,17 +63,18 @@ impl BodyTable {
     /// [`Error::File`] where the file cannot be read; [`Error::Input`] with line and column where it is not a table of
     /// bodies, or its last line does not end in a newline, as where it was cut.
     pub fn read(path: &Path, most: usize) -> Result<Self> {
-        Self::read_with(path, most, &BTreeSet::new())
+        Self::read_with(path, most, &BTreeSet::new(), &BTreeSet::new())
     }
 
-    /// As [`BodyTable::read`], with further columns of numbers of these names, each of which must be there.
+    /// As [`BodyTable::read`], with further columns of numbers of the names `extra`, and of text of the names `carried`; each must be
+    /// there, but for `name`.
     ///
     /// # Errors
     ///
     /// As [`BodyTable::read`].
-    pub fn read_with(path: &Path, most: usize, extra: &BTreeSet<String>) -> Result<Self> {
+    pub fn read_with(path: &Path, most: usize, extra: &BTreeSet<String>, carried: &BTreeSet<String>) -> Result<Self> {
         let file = File::open(path).map_err(|error| Error::file(path, FileAction::Read, &error))?;
-        Self::from_reader_with(path, file, most, extra)
+        Self::from_reader_with(path, file, most, extra, carried)
     }
 
     /// Reads the first `most` rows of `source`, which messages call `path`.
@@ -76,20 +83,33 @@ impl BodyTable {
     ///
     /// As [`BodyTable::read`].
     pub fn from_reader(path: &Path, source: impl Read, most: usize) -> Result<Self> {
-        Self::from_reader_with(path, source, most, &BTreeSet::new())
+        Self::from_reader_with(path, source, most, &BTreeSet::new(), &BTreeSet::new())
     }
 
-    fn from_reader_with(path: &Path, source: impl Read, most: usize, extra: &BTreeSet<String>) -> Result<Self> {
+    fn from_reader_with(
+        path: &Path,
+        source: impl Read,
+        most: usize,
+        extra: &BTreeSet<String>,
+        carried: &BTreeSet<String>,
+    ) -> Result<Self> {
         let mut rows = Rows::new(path, source)?;
         let (header, header_line) = (rows.header().clone(), rows.header_line());
         if header.is_empty() {
             let reason = "expected a header with the names of the columns".to_owned();
             return Err(input_error(path, header_line, "", InputFault::Syntax { reason }));
         }
-        let places = header_places(path, &header, header_line, extra)?;
+        let places = header_places(path, &header, header_line, extra, carried)?;
 
-        let mut table =
-            Self { file: path.to_owned(), columns: Default::default(), extra: Vec::new(), lines: Vec::new() };
+        let mut table = Self {
+            file: path.to_owned(),
+            columns: Default::default(),
+            extra: Vec::new(),
+            carried: Vec::new(),
+            lines: Vec::new(),
+        };
+        let texts: Vec<usize> = (0..header.len()).filter(|&place| carried.contains(&header[place])).collect();
+        table.carried.extend(texts.iter().map(|&place| (header[place].to_owned(), Vec::new())));
         table.extra.extend(extra.iter().map(|name| (name.clone(), Vec::new())));
         for &column in places.iter().flatten().filter(|&&column| column < NUMBERS.len()) {
             table.columns[column] = Some(Vec::new());
@@ -110,10 +130,25 @@ impl BodyTable {
                     numbers.push(number);
                 }
             }
+            for ((_, texts), &place) in table.carried.iter_mut().zip(&texts) {
+                texts.push(record[place].into());
+            }
             table.lines.push(rows.line());
         }
         rows.finish()?;
         Ok(table)
+    }
+
+    /// Some of the rows.
+    pub(super) fn part(self, rows: &Range<usize>) -> Self {
+        let of = |numbers: Vec<f64>| numbers[rows.clone()].to_vec();
+        Self {
+            file: self.file,
+            columns: self.columns.map(|column| column.map(of)),
+            extra: self.extra.into_iter().map(|(name, numbers)| (name, of(numbers))).collect(),
+            carried: self.carried.into_iter().map(|(name, texts)| (name, texts[rows.clone()].to_vec())).collect(),
+            lines: self.lines[rows.clone()].to_vec(),
+        }
     }
 
     /// Number of rows.
@@ -132,6 +167,16 @@ impl BodyTable {
             Some(column) => self.columns[column].as_deref(),
             None => self.extra.iter().find(|(known, _)| known == name).map(|(_, numbers)| numbers.as_slice()),
         }
+    }
+
+    /// The names of the columns that are carried through, in the order of the file.
+    pub fn carried(&self) -> impl Iterator<Item = &str> {
+        self.carried.iter().map(|(name, _)| name.as_str())
+    }
+
+    /// What stands in a row of the carried column of this index.
+    pub(crate) fn carried_text(&self, column: usize, row: usize) -> &str {
+        &self.carried[column].1[row]
     }
 
     /// Whether the table has inertia tensors.
@@ -206,11 +251,11 @@ impl BodyTable {
     }
 
     /// The error of a row's value, where `error` is one of a body made from the row.
-    pub(super) fn located(&self, error: Error) -> Error {
+    pub(super) fn located(&self, error: Error, row: usize) -> Error {
         match error {
-            Error::Body { body, field, value, expected } if body < self.len() => input_error(
+            Error::Body { field, value, expected, .. } if row < self.len() => input_error(
                 &self.file,
-                self.lines[body],
+                self.lines[row],
                 field,
                 InputFault::Value { value: format!("{value:?}"), expected: expected.into() },
             ),
@@ -227,10 +272,11 @@ fn header_places(
     header: &StringRecord,
     line: u64,
     extra: &BTreeSet<String>,
+    carried: &BTreeSet<String>,
 ) -> Result<Vec<Option<usize>>> {
     let mut places = Vec::with_capacity(header.len());
     for name in header {
-        if !KNOWN.contains(&name) && !extra.contains(name) {
+        if !KNOWN.contains(&name) && !extra.contains(name) && !carried.contains(name) {
             let key = if name.is_empty() { "(empty)" } else { name };
             let fault = InputFault::unknown(name, KNOWN);
             return Err(input_error(path, line, key, fault));
@@ -246,6 +292,12 @@ fn header_places(
     for name in extra {
         if !header.iter().any(|found| found == name) {
             let expected = "a torque or a force of the study reads this column";
+            return Err(input_error(path, line, name, InputFault::Missing { expected: expected.into() }));
+        }
+    }
+    for name in carried {
+        if name != NAME && !header.iter().any(|found| found == name) {
+            let expected = "bodies.carry of the study names this column";
             return Err(input_error(path, line, name, InputFault::Missing { expected: expected.into() }));
         }
     }

@@ -5,13 +5,14 @@ use std::sync::LazyLock;
 
 use glam::{DMat3, DVec3};
 
+use super::bodies::Bodies;
 use super::custom;
 use super::distribution::{Scalar, Vector};
 use super::draw::Draw;
 use super::parameter::{Number, Owner, Source, Tensor, Triple, Turn};
 use super::reader::{Node, Table};
-use super::table::BodyTable;
 use crate::error::{Result, Text};
+use crate::torque::Model;
 use crate::torque::declaration::in_brackets;
 use crate::torque::registry::MODELS;
 use crate::torque::{ModelRef, ParameterDeclaration, Preset, Shape, Torque, ValidationContext, Validity, Value};
@@ -32,11 +33,13 @@ pub(super) struct StudyParameter {
     /// The key that it stands under.
     key: String,
     value: StudyValue,
+    /// Whether it stands in the table `[orbit]`, of which all torques have the same draws.
+    is_of_orbit: bool,
 }
 
 impl StudyParameter {
     pub(super) fn new(key: String, value: StudyValue) -> Self {
-        Self { key, value }
+        Self { key, value, is_of_orbit: false }
     }
 
     /// The names of the columns of the table of bodies that it reads.
@@ -51,7 +54,10 @@ impl StudyParameter {
 
     /// Its value for all bodies.
     pub(super) fn drawn(&self, source: &Source<'_>, declared: &ParameterDeclaration, seed: u64) -> Value {
-        self.value.drawn(source, declared, seed)
+        match self.is_of_orbit {
+            true => self.value.drawn(&source.of_orbit(), declared, seed),
+            false => self.value.drawn(source, declared, seed),
+        }
     }
 }
 
@@ -112,16 +118,61 @@ fn parameters(table: &Table<'_>, other: &str, declared: &[ParameterDeclaration])
     let keys = keys_below(declared, "").into_iter().map(|(key, _)| key);
     table.only(&std::iter::once(other).filter(|other| !other.is_empty()).chain(keys).collect::<Vec<_>>())?;
     check_choices(table, declared)?;
+    // An orbit that the torque does not state is the study's.
+    let own_orbit = ["mu", "orbit"].into_iter().any(|key| table.find(key).is_some());
+    let of_study = table.context().orbit().filter(|_| !own_orbit);
     let read = |parameter: &ParameterDeclaration| -> Result<StudyParameter> {
+        let shared = of_study.and_then(|orbit| orbit.iter().find(|(name, _)| *name == parameter.name));
+        if let Some((_, shared)) = shared.filter(|_| is_of_orbit(&parameter.name)) {
+            table.context().note_orbit_use();
+            return Ok(shared.clone());
+        }
         let (key, node) = find(table, declared, parameter)?;
         let value = match (node, parameter.default) {
             (Some(node), _) => StudyValue::read(&node, parameter)?,
             (None, Some(preset)) => StudyValue::preset(parameter.shape, preset),
             (None, None) => StudyValue::Absent,
         };
-        Ok(StudyParameter { key: key.to_owned(), value })
+        Ok(StudyParameter::new(key.to_owned(), value))
     };
     declared.iter().map(read).collect()
+}
+
+/// The table in which a study states the orbit once.
+pub(super) const ORBIT: &str = "orbit";
+
+/// Whether a parameter of a model belongs to its orbit.
+fn is_of_orbit(name: &str) -> bool {
+    name == "mu" || name.starts_with("orbit.")
+}
+
+/// The parameters of the table `[orbit]`, each with the name that models have for it.
+pub(super) fn orbit(node: &Node<'_>) -> Result<Vec<(String, StudyParameter)>> {
+    let table = node.any_table().ok_or_else(|| node.refuse("expected a table [orbit]"))?;
+    let of_model = |model: &&dyn Model| -> Vec<ParameterDeclaration> {
+        let parameters = model.declaration().parameters.iter();
+        parameters.filter(|parameter| is_of_orbit(&parameter.name)).cloned().collect()
+    };
+    let all = MODELS.iter().map(of_model).find(|parameters| parameters.len() > 1).unwrap_or_default();
+    let own = |name: &Text| Text::from(name.strip_prefix("orbit.").unwrap_or(name).to_owned());
+    let declared: Vec<ParameterDeclaration> = all
+        .iter()
+        .map(|parameter| {
+            let mut own_key = parameter.clone();
+            own_key.name = own(&parameter.name);
+            if let Some(other) = &mut own_key.other_key {
+                other.name = own(&other.name);
+                other.excludes.iter_mut().for_each(|excluded| *excluded = own(excluded));
+            }
+            own_key
+        })
+        .collect();
+    let read = parameters(&table, "", &declared)?;
+    let named = read
+        .into_iter()
+        .zip(&all)
+        .map(|(parameter, declared)| (declared.name.to_string(), StudyParameter { is_of_orbit: true, ..parameter }));
+    Ok(named.collect())
 }
 
 /// The tables of a list; they are counted from 1 in messages.
@@ -252,25 +303,27 @@ fn of_group(members: &[(&str, &ParameterDeclaration)]) -> Text {
 impl StudyValue {
     fn read(node: &Node<'_>, parameter: &ParameterDeclaration) -> Result<Self> {
         let is_table = node.any_table().is_some();
+        let unit = &parameter.unit;
         // What is neither of the shapes that a value may have is refused with what the parameter is.
         let refused = || Err(node.refuse(needed(parameter)));
         Ok(match parameter.shape {
             Shape::Number if !parameter.per_body => {
-                StudyValue::Number(Number::Drawn(Scalar::Constant(node.number(needed(parameter))?)))
+                StudyValue::Number(Number::Drawn(Scalar::Constant(node.quantity(unit, needed(parameter))?)))
             }
             Shape::Vector if !parameter.per_body => {
-                StudyValue::Vector(Triple::Drawn(Vector::constant(node.vector(needed(parameter))?)))
+                StudyValue::Vector(Triple::Drawn(Vector::constant(node.vector(unit, needed(parameter))?)))
             }
             Shape::List => StudyValue::List(list(node, parameter)?),
-            Shape::Number if is_table || node.is_number() => StudyValue::Number(Number::read(node)?),
-            Shape::Vector if is_table || node.elements().is_some() => StudyValue::Vector(Triple::read(node)?),
+            Shape::Number if is_table || node.is_number() => StudyValue::Number(Number::read(node, unit)?),
+            Shape::Vector if is_table || node.elements().is_some() => StudyValue::Vector(Triple::read(node, unit)?),
             Shape::Rotation if is_table || node.elements().is_some() => StudyValue::Rotation(Turn::read(node)?),
             Shape::Tensor => StudyValue::Tensor(Tensor::read(node)?),
             Shape::Matrix => {
                 let expected = format!("expected three rows of three finite numbers{}", in_brackets(&parameter.unit));
                 let rows = node.elements().filter(|rows| rows.len() == 3);
                 let rows = rows.ok_or_else(|| node.refuse(expected.clone()))?;
-                let rows: Vec<DVec3> = rows.iter().map(|row| row.vector(expected.clone())).collect::<Result<_>>()?;
+                let rows: Vec<DVec3> =
+                    rows.iter().map(|row| row.vector(unit, expected.clone())).collect::<Result<_>>()?;
                 StudyValue::Matrix(DMat3::from_cols(rows[0], rows[1], rows[2]).transpose())
             }
             Shape::Whole => {
@@ -325,13 +378,14 @@ impl StudyTorque {
     }
 
     /// The torque, its parameters drawn.
-    pub(super) fn torque(&self, draw: Draw, seed: u64, count: usize, table: Option<&BodyTable>) -> Result<Torque> {
-        let source = Source { draw, count, table, of: Owner::Torque(self.index) };
+    pub(super) fn torque(&self, draw: Draw, seed: u64, bodies: &Bodies) -> Result<Torque> {
+        let source = Source::of(bodies, draw, Owner::Torque(self.index));
         let declaration = self.model.declaration();
         let declared = declaration.parameters.iter().zip(&self.parameters);
         let values: Vec<Value> =
             declared.map(|(declared, parameter)| parameter.drawn(&source, declared, seed)).collect();
-        let context = ValidationContext { torque: self.index, model: declaration.name.clone(), body_count: count };
+        let context =
+            ValidationContext { torque: self.index, model: declaration.name.clone(), body_count: bodies.count };
         let made = self.model.made_for(&values, &context);
         made.unwrap_or_else(|| Ok(Torque::of_model(self.model.clone(), values)))
     }
@@ -339,6 +393,9 @@ impl StudyTorque {
     /// The key in the file of a parameter that turned out not to be valid.
     pub(super) fn key(&self, name: &str) -> String {
         let parameter = self.model.declaration().position(name).and_then(|place| self.parameters.get(place));
+        if let Some(parameter) = parameter.filter(|parameter| parameter.is_of_orbit) {
+            return format!("{ORBIT}.{}", parameter.key);
+        }
         format!("{}.{}", place(self.index), parameter.map_or(name, |parameter| &parameter.key))
     }
 }

@@ -358,7 +358,7 @@ impl Model for ExpressionModel {
 
     /// From the torque on a body at rest, in some attitudes and at some times.
     fn rate(&self, values: Values<'_>, body: usize, middle_moment: f64) -> f64 {
-        let parameters = expressed::numbers_of_body(values.0, body);
+        let parameters = expressed::numbers_of_body(values.values, body);
         let quarter = std::f64::consts::FRAC_1_SQRT_2;
         let attitudes = [
             DQuat::IDENTITY,
@@ -392,6 +392,6 @@ impl Model for ExpressionModel {
         let (_, program) = self.energy.as_ref()?;
         let tensor = InertiaTensor::default();
         let at = At { orientation, angular_velocity_body: DVec3::ZERO, tensor, time: 0.0 };
-        Some(self.evaluated(program, &at, &expressed::numbers_of_body(values.0, body))[0])
+        Some(self.evaluated(program, &at, &expressed::numbers_of_body(values.values, body))[0])
     }
 }

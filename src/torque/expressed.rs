@@ -314,6 +314,6 @@ pub(crate) fn numbers_of_body(values: &[Value], body: usize) -> Vec<f64> {
 /// All numbers of the host for a body.
 pub(crate) fn host_of(values: Values<'_>, body: usize, frame: &BodyFrame) -> Vec<f64> {
     let mut numbers = host_numbers(frame);
-    numbers.extend(numbers_of_body(values.0, body));
+    numbers.extend(numbers_of_body(values.values, body));
     numbers
 }

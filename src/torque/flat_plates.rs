@@ -6,10 +6,9 @@ use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
 
-#[cfg(feature = "study")]
-use super::ValidationContext;
 use super::{
-    Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Preset, Torque, Validity, Value, Values,
+    Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Preset, Torque, ValidationContext, Validity,
+    Value, Values,
 };
 use crate::bodies::BodyFrame;
 use crate::error::{Error, Result};
@@ -91,7 +90,6 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
 });
 const PRESSURE: usize = 0;
 const DIRECTION: usize = 1;
-#[cfg(feature = "study")]
 const FACETS: usize = 2;
 
 /// The parameters of a plate, in the order of [`Facet::values`].
@@ -164,7 +162,6 @@ impl Model for FlatPlates {
 
     fn columns(&self, _: Values<'_>, _: usize, _: &BodyFrame, _: DQuat, _: &mut [f64]) {}
 
-    #[cfg(feature = "study")]
     fn made_for(&self, values: &[Value], context: &ValidationContext) -> Option<Result<Torque>> {
         let facets: Vec<Facet> = values[FACETS].as_list().unwrap_or(&[]).iter().map(|row| Facet::of(row)).collect();
         let refused = |error| match error {
@@ -255,9 +252,8 @@ impl Facet {
     }
 
     /// From values in that order, of which defaults may stand beside what is given.
-    #[cfg(feature = "study")]
     fn of(values: &[Value]) -> Self {
-        let values = Values(values);
+        let values = Values { values, first_body: 0 };
         let given = |place| values.given(place).and_then(Value::as_number).map(|number| number.at(0));
         let or_zero = |place| given(place).unwrap_or(0.0);
         let surface = match (given(6), given(8)) {

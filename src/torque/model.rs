@@ -1,6 +1,7 @@
 //! Torques as a scene holds them, and what a model does with their values.
 
 use std::fmt;
+use std::ops::Range;
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
@@ -29,6 +30,8 @@ use crate::error::Result;
 pub struct Torque {
     model: ModelRef,
     values: Vec<Value>,
+    /// What is added to a body's index to tell it from all others, where the bodies are a part of more.
+    first_body: usize,
 }
 
 /// A model that is part of the program, or one made when it runs.
@@ -112,7 +115,6 @@ pub(crate) trait Model: Send + Sync {
 
     /// The torque with these values, where a model with a formula of its own is made for them; `None` where torques are of this
     /// model itself.
-    #[cfg(feature = "study")]
     fn made_for(&self, _: &[Value], _: &ValidationContext) -> Option<Result<Torque>> {
         None
     }
@@ -132,7 +134,8 @@ pub(crate) trait Model: Send + Sync {
 
     /// Whether it does anything to a body, in any state.
     fn acts_on(&self, values: Values<'_>, body: usize) -> bool {
-        let factors = self.declaration().parameters.iter().zip(values.0).filter(|(parameter, _)| parameter.is_factor);
+        let factors =
+            self.declaration().parameters.iter().zip(values.values).filter(|(parameter, _)| parameter.is_factor);
         factors.into_iter().all(|(_, value)| !value.is_zero(body))
     }
 
@@ -194,17 +197,32 @@ pub(crate) trait InertiaModel {
 impl Torque {
     /// A torque of a model that is part of the program, with its values in the order of their declarations.
     pub(crate) fn built(model: &'static dyn Model, values: impl Into<Vec<Value>>) -> Self {
-        Self { model: ModelRef::Built(model), values: values.into() }
+        Self::of_model(ModelRef::Built(model), values.into())
     }
 
     /// A torque of any model, with its values in the order of their declarations.
     pub(crate) fn of_model(model: ModelRef, values: Vec<Value>) -> Self {
-        Self { model, values }
+        Self { model, values, first_body: 0 }
+    }
+
+    /// Says that the body called 0 is the `first_body`-th of more bodies.
+    pub(crate) fn count_from(&mut self, first_body: usize) {
+        self.first_body = first_body;
+    }
+
+    /// The same for some of the bodies, which are then counted from 0.
+    pub(crate) fn only(&self, bodies: &Range<usize>) -> Self {
+        let values = self.values.iter().map(|value| value.only(bodies.clone())).collect();
+        Self { values, ..self.clone() }
+    }
+
+    fn own_values(&self) -> Values<'_> {
+        Values { values: &self.values, first_body: self.first_body }
     }
 
     /// The model, and the values that its functions take.
     pub(crate) fn parts(&self) -> (&dyn Model, Values<'_>) {
-        (&*self.model, Values(&self.values))
+        (&*self.model, self.own_values())
     }
 
     pub(super) fn model(&self) -> &dyn Model {
@@ -239,7 +257,7 @@ impl Torque {
     /// The value of a parameter by its declared name ([`super::ParameterDeclaration::name`]); `None` where the model has no
     /// such parameter, or where another of the same choice is given.
     pub fn parameter(&self, name: &str) -> Option<&Value> {
-        self.declaration().position(name).and_then(|place| Values(&self.values).given(place))
+        self.declaration().position(name).and_then(|place| self.own_values().given(place))
     }
 
     /// What it depends on.
@@ -279,35 +297,35 @@ impl Torque {
 
     /// Whether it does anything to a body, in any state.
     pub fn acts_on(&self, body: usize) -> bool {
-        self.model.acts_on(Values(&self.values), body)
+        self.model.acts_on(self.own_values(), body)
     }
 
     /// The potential energy (J) of a body at an orientation (body to world), where the torque has one that does not
     /// depend on time.
     pub fn potential_energy(&self, body: usize, orientation: DQuat) -> Option<f64> {
-        self.model.potential_energy(Values(&self.values), body, orientation)
+        self.model.potential_energy(self.own_values(), body, orientation)
     }
 
     /// What it adds to the rate I⁻¹ m at which the body's axes turn, rad/s, body axes.
     pub(crate) fn slip(&self, body: usize, momentum_body: DVec3, angular_velocity_body: DVec3) -> DVec3 {
-        self.model.slip(Values(&self.values), body, momentum_body, angular_velocity_body)
+        self.model.slip(self.own_values(), body, momentum_body, angular_velocity_body)
     }
 
     /// The tensor (kg m², body axes) at `time` (s) of a body whose own is `initial`: another one under
     /// [`super::variable_inertia`] alone.
     pub fn tensor_at(&self, body: usize, initial: InertiaTensor, time: f64) -> InertiaTensor {
         let change = self.model.inertia_change();
-        change.map_or(initial, |change| change.tensor_at(Values(&self.values), body, initial, time))
+        change.map_or(initial, |change| change.tensor_at(self.own_values(), body, initial, time))
     }
 
     /// How it changes moments of inertia, and with which values, where it does.
     pub(super) fn inertia_change(&self) -> Option<(&dyn InertiaModel, Values<'_>)> {
-        self.model.inertia_change().map(|change| (change, Values(&self.values)))
+        self.model.inertia_change().map(|change| (change, self.own_values()))
     }
 
     /// Which columns and which kernel function it has.
     pub(crate) fn kind(&self) -> Kind {
-        self.model.kind(Values(&self.values))
+        self.model.kind(self.own_values())
     }
 
     /// Whether all bodies have the same phases.

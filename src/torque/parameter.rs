@@ -1,5 +1,6 @@
 //! Parameters of torques: one for the scene or one a body.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 /// A parameter of a torque or force: the same for all bodies, or a column with one row a body.
@@ -21,6 +22,19 @@ impl<V: Copy> Parameter<V> {
         match self {
             Parameter::Shared(value) => *value,
             Parameter::PerBody(column) => column[body],
+        }
+    }
+
+    /// The same for some of the bodies, which are then counted from 0.
+    ///
+    /// # Panics
+    ///
+    /// If a column has not all of these rows.
+    #[must_use]
+    pub fn only(&self, bodies: Range<usize>) -> Self {
+        match self {
+            Parameter::Shared(value) => Parameter::Shared(*value),
+            Parameter::PerBody(column) => Parameter::PerBody(column[bodies].into()),
         }
     }
 

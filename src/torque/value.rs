@@ -1,5 +1,6 @@
 //! Values of a torque's parameters.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use glam::{DMat3, DQuat, DVec3};
@@ -66,6 +67,18 @@ impl Value {
         if let Value::List(list) = self { Some(list) } else { None }
     }
 
+    /// The same for some of the bodies, which are then counted from 0. Lists are of values that all bodies share.
+    pub(crate) fn only(&self, bodies: Range<usize>) -> Self {
+        match self {
+            Value::Number(number) => Value::Number(number.only(bodies)),
+            Value::Vector(vector) => Value::Vector(vector.only(bodies)),
+            Value::Rotation(rotation) => Value::Rotation(rotation.only(bodies)),
+            Value::Matrix(matrix) => Value::Matrix(matrix.only(bodies)),
+            Value::Tensor(tensor) => Value::Tensor(tensor.only(bodies)),
+            Value::Whole(_) | Value::List(_) | Value::Absent => self.clone(),
+        }
+    }
+
     /// Whether all bodies have the same.
     pub fn is_shared(&self) -> bool {
         match self {
@@ -96,33 +109,37 @@ impl Value {
 /// A shape other than the declared one is a fault of ours: values are made by the models' own constructors and by the reader
 /// of studies, both from the declaration.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Values<'a>(pub &'a [Value]);
+pub(crate) struct Values<'a> {
+    pub values: &'a [Value],
+    /// What is added to a body's index to tell it from all others, where the bodies are a part of more.
+    pub first_body: usize,
+}
 
 const OTHER_SHAPE: &str = "a value has the shape that its parameter declares";
 
 impl<'a> Values<'a> {
     pub fn number(self, place: usize) -> &'a Parameter<f64> {
-        self.0[place].as_number().expect(OTHER_SHAPE)
+        self.values[place].as_number().expect(OTHER_SHAPE)
     }
 
     pub fn vector(self, place: usize) -> &'a Parameter<DVec3> {
-        self.0[place].as_vector().expect(OTHER_SHAPE)
+        self.values[place].as_vector().expect(OTHER_SHAPE)
     }
 
     pub fn rotation(self, place: usize) -> &'a Parameter<DQuat> {
-        self.0[place].as_rotation().expect(OTHER_SHAPE)
+        self.values[place].as_rotation().expect(OTHER_SHAPE)
     }
 
     pub fn matrix(self, place: usize) -> &'a Parameter<DMat3> {
-        self.0[place].as_matrix().expect(OTHER_SHAPE)
+        self.values[place].as_matrix().expect(OTHER_SHAPE)
     }
 
     pub fn whole(self, place: usize) -> u64 {
-        self.0[place].as_whole().expect(OTHER_SHAPE)
+        self.values[place].as_whole().expect(OTHER_SHAPE)
     }
 
     /// Of a choice: the one that is given.
     pub fn given(self, place: usize) -> Option<&'a Value> {
-        Some(&self.0[place]).filter(|value| **value != Value::Absent)
+        Some(&self.values[place]).filter(|value| **value != Value::Absent)
     }
 }

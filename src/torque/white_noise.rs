@@ -73,7 +73,7 @@ impl Model for WhiteNoise {
         // The square root of the time stays in seconds: dt is known to the kernel in seconds too.
         out[0] = frame.scaled(values.number(INTENSITY).at(body), 1, 2) / draws_per_step.sqrt();
         out[1] = draws_per_step;
-        let body = body as u64;
+        let body = (values.first_body + body) as u64;
         let words = [body as u32, (body >> 32) as u32, seed as u32, (seed >> 32) as u32];
         for (word, digits) in words.into_iter().zip(out[2..10].chunks_exact_mut(2)) {
             digits[0] = f64::from(word & 0xffff);

@@ -199,8 +199,8 @@ fn compared(
 fn not_compared(plan: &Plan<'_>) -> Vec<String> {
     let scene = plan.scene();
     let mut list = vec!["what a run's report says of it: drift, balance, error estimate".to_owned()];
-    if !scene.wanted_statistics().is_empty() {
-        list.push("statistics, which are formed of the states where they are".to_owned());
+    if scene.observes() {
+        list.push("statistics, histograms and events, which are formed of the states".to_owned());
     }
     list
 }

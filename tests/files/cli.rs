@@ -246,7 +246,7 @@ fn wrong_input_is_one_line_and_status_2() {
     let line = workspace.refused(&["run", "study.toml"], 2);
     assert_eq!(
         line,
-        "error: study.toml:5: bodies.cuont is not known: did you mean count? known here: count, file, inertia, \
+        "error: study.toml:5: bodies.cuont is not known: did you mean count? known here: count, file, carry, inertia, \
          repair_triangle_inequality, orientation, angular_velocity, mass, position, velocity\n"
     );
     assert_eq!(workspace.names("."), ["study.toml"], "nothing was made");

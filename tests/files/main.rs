@@ -2,6 +2,7 @@
 
 mod bench;
 mod cli;
+mod draws;
 #[path = "../../fuzz/entries.rs"]
 mod entries;
 mod inertia_files;
@@ -9,10 +10,15 @@ mod input;
 mod layers;
 mod limits;
 mod mutations;
+mod observed;
 mod plan_document;
 mod plot;
+mod replay;
 mod results;
+mod shards;
 mod studies;
 mod summary;
+mod sweeps;
+mod units;
 #[path = "../support/workspace.rs"]
 mod workspace;

@@ -73,7 +73,7 @@ fn a_plan_for_another_scene_is_refused_and_says_what_differs() {
         (scene(1).precision(Some(Precision::F64)), "the precision is auto in the plan, f64"),
         (scene(1).torque(Torque::linear_drag(0.0)), "the list of torques is linear-drag, constant-world in the plan"),
         (scene(1).skipping(false), "skipping is allowed in the plan, forbidden (--no-skip)"),
-        (scene(2), "the fingerprint of bodies and parameters"),
+        (scene(2), "the fingerprint of bodies and their parameters"),
     ];
     for (other, expected) in others {
         let error = Plan::repeated(&other, &engine, &document).expect_err(expected);
@@ -88,7 +88,7 @@ fn a_file_that_is_no_plan_is_refused_with_its_line() {
     let scene = scene(1);
     let text = Plan::new(&scene, &engine).expect("a plan").to_json();
     for (from, to, expected) in [
-        ("\"format\": 5", "\"format\": 7", "its format is 7, this release reads 5"),
+        ("\"format\": 6", "\"format\": 7", "its format is 7, this release reads 6"),
         ("\"polhode\": \"", "\"polhode\": \"9.", "it is of polhode 9."),
         ("\"coefficient\": ", "\"coefficient\": -", "expected a finite number from 0 on"),
         ("\"closed_form\": \"", "\"closed_form\": \"x", "is not known"),
@@ -229,7 +229,10 @@ fn a_run_leaves_its_plan_and_the_plan_repeats_the_run() {
     fs::write(workspace.path("study.toml"), STUDY.replace("seed = 5", "seed = 6")).unwrap();
     let line = workspace
         .refused(&["run", "study.toml", "--engine", "cpu", "--plan", "study.out/plan.json", "--out", "third"], 2);
-    assert!(line.starts_with("error: study.out/plan.json: the fingerprint of bodies and parameters is "), "{line}");
+    assert!(
+        line.starts_with("error: study.out/plan.json: the fingerprint of bodies and their parameters is "),
+        "{line}"
+    );
     workspace.refused(&["run", "study.toml", "--engine", "cpu", "--plan", "absent.json", "--out", "third"], 2);
     assert_eq!(workspace.names("."), ["again", "study.out", "study.toml"], "nothing was made");
 }

@@ -101,12 +101,12 @@ fn a_run_is_drawn_with_its_bodies() {
     let spins = [DVec3::new(0.1, 2.0, 0.1), DVec3::new(0.0, 0.0, 1.0), DVec3::new(1.0, 1.0, 1.0)];
     let ensemble = Ensemble::from_fn(3, |body| (moments, DQuat::IDENTITY, spins[body])).expect("valid bodies");
     let scene = Scene::new(ensemble).until(20.0).outputs(Outputs::Every(0.05)).pinned(Method::Rk4, 0.05, None);
-    let scene = scene.statistics(&[Statistic::SpinRate, Statistic::KineticEnergy]);
+    let scene = scene.statistics([Statistic::SpinRate, Statistic::KineticEnergy]);
     let engine = Engine::cpu();
     let run = |scene: &Scene, name: &str| {
         let folder = workspace.path().join(name);
         let plan = Plan::new(scene, &engine).expect("a plan");
-        let output = Output { final_state: false, snapshots: true, format: Format::Csv };
+        let output = Output { final_state: false, snapshots: true, initial: false, format: Format::Csv };
         let place = OutputFolder::create(&folder, false).expect("a folder");
         let since = std::time::Instant::now();
         run_to_folder(&engine, &plan, None, output, place, since, &mut |_| ControlFlow::Continue(())).expect("run");

@@ -47,7 +47,7 @@ fn variants() -> Vec<Source> {
         variants.extend(Method::ALL.map(|method| Source::advance(precision, method)));
         variants.push(Source::free_motion(precision));
         variants.push(Source::advance_projected(precision, Method::Rk8));
-        variants.extend(Source::observe(precision));
+        variants.push(Source::observe(precision));
         variants.extend(Method::ALL.map(|method| Source::advance_under(precision, method, &every_torque(precision))));
         variants.extend(
             [TorqueTable::none(1.0), every_torque(precision)].map(|torques| Source::adaptive(precision, &torques)),

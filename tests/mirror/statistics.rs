@@ -11,6 +11,7 @@ use polhode::bodies::Status;
 use polhode::bodies::columns::StateWords;
 use polhode::engine::batch::prepare;
 use polhode::engine::gpu::{GpuOptions, Patch};
+use polhode::engine::reduction::BlockRows;
 use polhode::engine::{Engine, FreeSession, Session, unobserved};
 use polhode::kernel::free_motion::AnyRows;
 use polhode::kernel::observe::{Partial, error_bound};
@@ -116,8 +117,8 @@ fn states_of(words: &StateWords, frames: &[polhode::bodies::BodyFrame]) -> Vec<B
 macro_rules! check_session {
     ($session:expr, $frames:expr, $bound:expr) => {{
         let mut session = $session;
-        session.watch(&Statistic::ALL, $frames, f64::INFINITY).expect("watched");
-        let found = session.reduce().expect("reduced");
+        session.watch(&Statistic::ALL, $frames, &BlockRows::one($frames.len()), f64::INFINITY).expect("watched");
+        let found = session.reduce().expect("reduced").remove(0);
         let words = session.read(0..$frames.len()).expect("read");
         let states = states_of(&words, $frames);
         let failed: Vec<usize> = (0..states.len()).filter(|&body| !is_sound(&states[body])).collect();
@@ -181,6 +182,66 @@ fn statistics_are_those_of_the_states() {
     }
 }
 
+/// The state of an ensemble after some steps, reduced by blocks whose bodies lie scattered over the session's rows: each block against its
+/// own states.
+fn check_blocks(engine: &Engine, precision: Precision) -> Result<(), String> {
+    const COUNT: usize = 3000;
+    let (frames, batch) = prepare(&common::asymmetric_ensemble(COUNT, 13), precision).expect("prepared");
+    let mut session = engine.start(batch, Method::Rk4).expect("started");
+    session.advance(1.0 / 64.0, 5, &mut unobserved).expect("advanced");
+    let rows: Vec<u32> = (0..COUNT).map(|place| ((place * 7 + 3) % COUNT) as u32).collect();
+    // Some without bodies, some of more than a workgroup's.
+    let blocks = BlockRows::new(vec![0, 1, 70, 70, 1300, COUNT], Some(rows.clone()));
+    session.watch(&Statistic::ALL, &frames, &blocks, f64::INFINITY).expect("watched");
+    let found = session.reduce().expect("reduced");
+    let by_row = states_of(&session.read(0..COUNT).expect("read"), &frames);
+    for (block, found) in found.iter().enumerate() {
+        let states: Vec<BodyState> = (0..COUNT)
+            .map(|place| {
+                let state = by_row[rows[place] as usize];
+                let status = if blocks.places(block).contains(&place) { state.status } else { Status::StepTooLong };
+                BodyState { status, ..state }
+            })
+            .collect();
+        for (statistic, found) in Statistic::ALL.into_iter().zip(found) {
+            if found.count == 0 && blocks.places(block).is_empty() {
+                continue;
+            }
+            compare(&found.into(), &expected(&states, statistic), bound(precision))
+                .map_err(|fault| format!("block {block}, {statistic}: {fault}"))?;
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn blocks_are_reduced_each_for_itself_wherever_their_bodies_lie() {
+    // The last holds its bodies in many chunks.
+    let engines = [common::gpu(), Engine::cpu(), Engine::cpu_scalar(), common::gpu_with(common::cut_options(128, 7))];
+    for engine in &engines {
+        for precision in Precision::ALL {
+            let name = engine.description().name;
+            check_blocks(engine, precision).unwrap_or_else(|fault| panic!("{name} {precision}: {fault}"));
+        }
+    }
+}
+
+/// Faults in where a block's bodies are.
+const BLOCK_FAULTS: [(&str, &str, &str); 3] = [
+    ("every piece begins with the first place", "let first = places[2u * group.x];", "let first = 0u;"),
+    ("places are taken for rows", "let i = places[2u * settings.piece_count + place];", "let i = place;"),
+    ("a piece is as long as the next", "places[2u * group.x + 1u]", "places[2u * group.x + 3u]"),
+];
+
+#[test]
+fn planted_faults_of_blocks_are_caught() {
+    for (name, from, to) in BLOCK_FAULTS {
+        let patch = Patch { file: "observe.wgsl".to_owned(), from: from.to_owned(), to: to.to_owned() };
+        let engine = common::gpu_with(GpuOptions { patches: vec![patch], ..common::any_adapter() });
+        assert!(check_blocks(&engine, Precision::F32).is_err(), "{name}: not caught");
+    }
+}
+
 /// In 64 bits nothing keeps a driver from contracting and re-associating: a few roundings of some hundred are others.
 const REASSOCIATED: f64 = 16.0 * f64::EPSILON;
 
@@ -195,8 +256,8 @@ fn the_shader_and_its_twin_agree_to_the_bit_in_f32_and_nearly_in_f64() {
         let [gpu, twin] = [&engine, &Engine::cpu_scalar()].map(|engine| {
             let (frames, batch) = prepare(&ensemble, precision).expect("prepared");
             let mut session = engine.start(batch, Method::Rk4).expect("started");
-            session.watch(&Statistic::ALL, &frames, 1.0).expect("watched");
-            (session.reduce().expect("reduced"), session.marked().expect("read"))
+            session.watch(&Statistic::ALL, &frames, &BlockRows::one(frames.len()), 1.0).expect("watched");
+            (session.reduce().expect("reduced").remove(0), session.marked().expect("read"))
         });
         if precision == Precision::F32 {
             assert_eq!(gpu.0, twin.0);
@@ -249,8 +310,8 @@ fn bodies_at_rest_have_statistics() {
         for precision in Precision::ALL {
             let (frames, batch) = prepare(&rest(70).expect("valid"), precision).expect("prepared");
             let mut session = engine.start(batch, Method::Rk4).expect("started");
-            session.watch(&Statistic::ALL, &frames, f64::INFINITY).expect("watched");
-            for found in session.reduce().expect("reduced") {
+            session.watch(&Statistic::ALL, &frames, &BlockRows::one(frames.len()), f64::INFINITY).expect("watched");
+            for found in session.reduce().expect("reduced").remove(0) {
                 let figures = [found.mean(), found.standard_deviation(), found.least.value(), found.greatest.value()];
                 assert_eq!((found.count, figures), (70, [0.0; 4]));
             }
@@ -283,7 +344,7 @@ fn bodies_that_fail_are_counted_and_left_out() {
             for (method, end) in [(Method::Splitting4, 0.5), (Method::Splitting4, 10.0), (Method::ExplicitEuler, 10.0)]
             {
                 let scene = some_fail(BODIES).until(end).pinned(method, 0.5, Some(precision));
-                let scene = scene.statistics(&Statistic::ALL);
+                let scene = scene.statistics(Statistic::ALL);
                 // Spun up beyond all bounds within three steps, the fast ones are no longer numbers.
                 let scene = if method == Method::ExplicitEuler {
                     scene.torque(Torque::linear_drag(blow_up(BODIES)))
@@ -316,7 +377,7 @@ fn blow_up(count: usize) -> Vec<f64> {
 #[test]
 fn no_body_and_one_body_have_statistics() {
     for engine in [common::gpu(), Engine::cpu()] {
-        let scene = |count| Scene::new(common::asymmetric_ensemble(count, 3)).until(1.0).statistics(&Statistic::ALL);
+        let scene = |count| Scene::new(common::asymmetric_ensemble(count, 3)).until(1.0).statistics(Statistic::ALL);
         for scene in [scene(0), scene(0).without_states(), scene(0).skipping(false)] {
             let record = run(&engine, &scene);
             let [found] = record.statistics() else { panic!("one output") };
@@ -344,7 +405,7 @@ fn mixed(count: usize) -> Scene {
         .until(2.0)
         .outputs(Outputs::Every(0.5))
         .torque(Torque::linear_drag(drag))
-        .statistics(&[Statistic::SpinRate, Statistic::KineticEnergy])
+        .statistics([Statistic::SpinRate, Statistic::KineticEnergy])
         .without_pilot()
 }
 
@@ -356,13 +417,13 @@ fn agree(found: &[Statistics], long: &[Statistics], bound: f64) {
         assert_eq!((found.time, found.count), (long.time, long.count));
         for (a, b) in found.summaries.iter().zip(&long.summaries) {
             let near = |name: &str, x: f64, y: f64, scale: f64| {
-                assert!((x - y).abs() <= bound * scale, "{} {name} at {}: {x} and {y}", a.statistic, found.time);
+                assert!((x - y).abs() <= bound * scale, "{} {name} at {}: {x} and {y}", a.quantity, found.time);
             };
             near("mean", a.mean, b.mean, b.mean);
             near("deviation", a.standard_deviation, b.standard_deviation, b.mean.hypot(b.standard_deviation));
             near("min", a.min, b.min, b.min);
             near("max", a.max, b.max, b.max);
-            assert_eq!((a.min_body, a.max_body), (b.min_body, b.max_body), "{}", a.statistic);
+            assert_eq!((a.min_body, a.max_body), (b.min_body, b.max_body), "{}", a.quantity);
         }
     }
 }
@@ -379,7 +440,7 @@ fn states_are_skipped_where_statistics_alone_are_asked_for_and_nowhere_else() {
     for engine in [common::gpu(), Engine::cpu()] {
         let states = mixed(BODIES).accuracy(Accuracy::attitude(TARGET));
         let alone = states.clone().without_states();
-        let nothing = states.clone().statistics(&[]).without_states();
+        let nothing = states.clone().statistics(&[] as &[Statistic]).without_states();
         let taken = skip(&alone, &engine).expect("taken");
         assert_eq!(taken.bodies, BODIES);
         assert!(taken.bytes > 0 && taken.bound.energy > 0.0 && taken.bound.energy <= error_bound(Precision::F32));
@@ -463,8 +524,8 @@ impl Sink for Counting {
 }
 
 const BYTES_BODIES: usize = 100_000;
-/// Of ten output times with three statistics each, and of the sample at the end.
-const FEW_BYTES: u64 = 64 << 10;
+/// Of ten output times with three statistics each, for each block of bodies what is known of it (52 bytes), and of the sample at the end.
+const FEW_BYTES: u64 = 10 * 3 * 391 * 52 + (32 << 10);
 const MANY_BYTES: u64 = 10_000_000;
 
 #[test]
@@ -475,8 +536,7 @@ fn statistics_move_kilobytes_where_states_move_megabytes() {
         (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, DVec3::new(0.3 + x, 1.0, 0.2))
     })
     .expect("valid");
-    let scene =
-        Scene::new(bodies).until(10.0).outputs(Outputs::Every(1.0)).statistics(&Statistic::ALL).without_states();
+    let scene = Scene::new(bodies).until(10.0).outputs(Outputs::Every(1.0)).statistics(Statistic::ALL).without_states();
     let pinned = scene.clone().pinned(Method::Rk4, 0.25, Some(Precision::F32));
     for scene in [scene.accuracy(Accuracy::attitude(1e-5)), pinned] {
         let plan = Plan::new(&scene, &engine).expect("valid");
@@ -508,14 +568,8 @@ fn chunks_change_nothing_beyond_rounding() {
 }
 
 /// Faults of the kernels, by chunk, text and what takes its place; each must be caught by the comparison above.
-const FAULTS: [(&str, &str, &str, &str); 7] = [
-    (
-        "the last workgroup is left out where it is not full",
-        "observe.wgsl",
-        "(settings.body_count + group_bodies - 1u) / group_bodies;",
-        "settings.body_count / group_bodies;",
-    ),
-    ("the last body is left out", "observe.wgsl", "(i >= settings", "(i + 1u >= settings"),
+const FAULTS: [(&str, &str, &str, &str); 6] = [
+    ("the last body is left out", "observe.wgsl", "(offset >= count", "(offset + 1u >= count"),
     ("a scale is lost", "observe_f32.wgsl", "+ exponent + i32(scale)", "+ exponent"),
     ("exponents are not compared", "observe.wgsl", "a.exponent < b.exponent || ", ""),
     ("the share is that of the wrong side", "observe.wgsl", "real(b.count) / real", "real(a.count) / real"),

@@ -8,6 +8,7 @@ mod convergence;
 mod convergence_methods;
 mod derivation;
 mod elementary;
+mod events;
 mod extremes;
 mod flat_plates;
 mod free_motion;
@@ -22,6 +23,7 @@ mod meshes;
 mod principal_axes;
 mod properties;
 mod published_tables;
+mod quantities;
 mod separatrix;
 mod sin_cos;
 #[path = "../strategies/mod.rs"]

@@ -243,7 +243,7 @@ fn angular_momentum_stays_and_energy_changes_by_the_work_of_the_change() {
 fn statistics_without_states_take_the_moments_of_their_time() {
     let change = Torque::variable_inertia(InertiaChange::factor(0.5), Law::ramp(0.5, 2.0));
     let (moments, omega) = (DVec3::new(1.0, 1.6, 2.2), DVec3::new(0.5, 0.9, -0.4));
-    let scene = Scene::new(body(moments, omega)).until(3.0).torque(change).statistics(&Statistic::ALL).without_states();
+    let scene = Scene::new(body(moments, omega)).until(3.0).torque(change).statistics(Statistic::ALL).without_states();
     let energy = 0.5 * omega.dot(moments * omega);
     for (name, engine, precision) in platforms() {
         for scene in [

@@ -29,8 +29,16 @@ pub enum Command {
     Run(RunArguments),
     /// Print what a study would run, what it leaves out, and why.
     Explain(ExplainArguments),
+    /// Make the plan of a study once, for runs and parts that follow it.
+    Plan(PlanArguments),
+    /// Say which parts of a study are there, and which are to be run again.
+    Status(StatusArguments),
+    /// Merge the parts of a study into the files of one run.
+    Merge(MergeArguments),
     /// Step the GPU and the CPU side by side through a study and compare every step.
     Verify(VerifyArguments),
+    /// Compute one body of a study or a run alone, more accurately, and compare.
+    Replay(ReplayArguments),
     /// Print mass, centre of mass, inertia tensor and principal axes of what a file describes.
     Inertia(InertiaArguments),
     /// List the engines of this machine and which one is taken.
@@ -104,36 +112,42 @@ A study file in TOML describes the bodies, the time and what is written:
     snapshots = true                  # all output times, not the end alone
     format = \"csv\"                    # or \"npz\" for NumPy
 
-Keys (SI units):
+Keys (SI units, in brackets; a number with another one is a text: \"30 deg\", \"2 rpm\", \"7000 km\"):
     title, seed           a text; a whole number, default 0
     bodies.count, .file   how many; or a CSV table: ixx iyy izz [ixy ixz iyz] wx wy wz [mass]
                           [qx qy qz qw] [x y z] [vx vy vz] [name]; what it lacks is drawn
-    bodies.inertia        { shape, mass or density, lengths }: sphere, spherical-shell,
-                          circular-plate (radius), ellipsoid (semi_axes), box (edges), cylinder,
-                          cone (radius, height), tube (inner_radius, outer_radius, height), capsule
-                          (radius, length), torus (major_radius, minor_radius), rectangular-plate
-                          (width, depth), tetrahedron (corners), rod (length), point;
+    bodies.inertia        { shape, mass (kg) or density (kg/m³), lengths (m) }: sphere,
+                          spherical-shell, circular-plate (radius), ellipsoid (semi_axes),
+                          box (edges), cylinder, cone (radius, height), tube (inner_radius,
+                          outer_radius, height), capsule (radius, length), torus (major_radius,
+                          minor_radius), rectangular-plate (width, depth), tetrahedron (corners),
+                          rod (length), point;
                           { mesh = \"hull.stl\", mass or density [scale, shell] } (STL or OBJ);
                           { hull = \"corners.csv\", mass or density [scale] } (x y z);
                           { points = \"atoms.csv\" [scale, mass] } (mass x y z);
                           { parts = [{ shape, mesh, hull or points as above, position, orientation,
-                          hole }, ...] [mass or density] }; moments [ixx, iyy, izz];
+                          hole }, ...] [mass or density] }; moments [ixx, iyy, izz] (kg m²);
                           { moments = distribution }; { moments, scatter = relative deviation };
                           or a tensor { ixx, iyy, izz, ixy, ixz, iyz [scatter] },
                           ixy = -(integral of xy dm); `polhode inertia` prints what follows.
                           Origin and position of a body are its centre of mass, wherever that lies
     bodies.repair_triangle_inequality
                           largest relative change by which measured tensors are mended
-    bodies.orientation    [x, y, z, w], { axis, angle }, or { distribution = \"uniform\" }
+    bodies.orientation    [x, y, z, w], { axis, angle (rad) }, or { distribution = \"uniform\" }
     bodies.angular_velocity, .position, .velocity, .mass
-                          the first in body axes, the next two in world axes
-    [[torque]] model      one of those below, and its parameters; a key with a dot stands in a table:
-                          orbit = { radius = 7.0e6, inclination = 0.9 }
-    [[force]] model       constant, thrust (force: world, body axes), gravity (acceleration),
-                          linear-drag, quadratic-drag (coefficient), custom (force: a formula, world
-                          axes, of attitude, angular_velocity, time, position, velocity, mass;
-                          parameters); the bodies need masses
-    time.end, .outputs    { every } or { times = [...] }
+                          rad/s in body axes; m and m/s in world axes; kg
+    bodies.carry          names of further columns of the table, for initial.csv
+    [orbit]               mu (m³/s²) and radius or semi_major_axis (m), [eccentricity, inclination,
+                          ascending_node, pericentre, mean_anomaly (rad)]: stated once, for
+                          every torque that needs an orbit and states none of its own
+    [[sweep]], [design]   parameters that take several values, and which; below
+    [[torque]] model      one of those below, and its parameters; a key with a dot stands in a
+                          table: orbit = { radius = 7.0e6, inclination = 0.9 }
+    [[force]] model       constant, thrust (force, N: world, body axes), gravity (acceleration,
+                          m/s²), linear-drag, quadratic-drag (coefficient, N s/m, N s²/m²),
+                          custom (force: a formula, N, world axes, of attitude, angular_velocity,
+                          time, position, velocity, mass; parameters); the bodies need masses
+    time.end, .outputs    s; { every } or { times = [...] } (s); start = true records the start too
     accuracy              errors at the end that percentile (default 99) % of the bodies keep:
                           attitude (rad, default 1e-6), angular_velocity (of its magnitude), energy
                           (kinetic, of its value) [precision: f32, f64];
@@ -141,13 +155,20 @@ Keys (SI units):
                           implicit_midpoint and, for comparison, dlm, explicit_euler, gyro_newton,
                           clamped_euler, spiral), dt, or rk8 or taylor (f64, CPU) and tolerance
                           [precision: f32, f64]
-    output                final, snapshots (true or false), format (csv, npz); statistics = [...] of
-                          kinetic_energy, spin_rate, angular_momentum over all bodies
+    output                final, snapshots, initial (true or false), format (csv, npz);
+                          statistics = [...] of quantities over all bodies; quantiles = [5, 50, 95] of
+                          them, in percent
+    [[histogram]]         quantity, low, high, bins (default 50), scale (linear, log)
+    [[event]]             name, quantity and one of below, above, falls_below, rises_above, crosses with
+                          a level; occurrence = 3 for the third time. Looked for from output to output
+    [[quantity]]          name and formula (a number of attitude, angular_velocity, angular_momentum,
+                          inertia, time) [unit]; or axis (body) and direction (world): the angle between
+                          them; or euler = \"zxz\" [about = \"world\"] and angle (1, 2, 3)
     failures.allow        how many bodies may fail before the exit status is 1; default 0
-Any number or vector of a body may be a distribution: constant (value), uniform (low, high),
-normal (mean, sigma), log-normal (median, sigma of the logarithm); a vector also direction
-(magnitude), uniform on the sphere. Every draw depends on seed, body and column alone. Parameters of
-torques may be distributions too, or columns of the table: { column = \"drag\" }, { columns = [...] }.";
+Quantities: kinetic_energy (J), spin_rate (rad/s), angular_momentum (kg m²/s; _x, _y, _z in world axes),
+angular_velocity_x, _y, _z (rad/s, body axes), nutation (rad, between spin and angular momentum),
+dynamic_inertia (kg m², L²/2T), separatrix_distance (-1 about the least axis, 0 separatrix, 1 about the
+greatest), yaw, pitch, roll (rad), potential_energy, total_energy (J), and the study's own.";
 
 const RUN_EXAMPLES: &str = "\
 Examples:
@@ -156,6 +177,7 @@ Examples:
     polhode run study.toml --engine gpu --precision f32
     polhode run study.toml --quiet --json | jq .drift
     polhode run study.toml --plan study.out/plan.json --out again    the same bits
+    polhode run study.toml --plan plan.json --shard 3/64 --out parts  one part; see `polhode merge --help`
 
 Results: final.csv (or .npz) with body, t, orientation qx qy qz qw (body to world), angular
 velocity wx wy wz (body axes), angular momentum lx ly lz (world axes), kinetic_energy, x y z vx vy vz
@@ -164,8 +186,14 @@ not_converged, 2 step_too_long, 3 step_below_limit, 4 not_finite, 5 centre_not_f
 and velocity are NaN); snapshots.csv with the same at all output times; failed.csv, where bodies have failed,
 with body, t when it failed, status, reason, known_to, and the last good state: last_good_t (0 is the start)
 qx qy qz qw wx wy wz (known_to step: t is the end of the first step that failed, or where adaptive steps stopped;
-output: the output at which it was seen); statistics.csv with t, count and of each quantity
-mean, standard_deviation, min, max, min_body, max_body at all output times; plan.json, which --plan takes; report.json with
+output: the output at which it was seen); initial.csv, where asked for, with what each body starts with:
+name and carried columns, tensor (kg m²), moments i1 i2 i3 and axes ax ay az aw (principal to body), state
+at t = 0, and torque[1].KEY, force[1].KEY of all that was drawn; of a sweep cells.csv with cell, bodies and
+the axes' values, and a column cell in all tables of bodies; statistics.csv with t, count and of each quantity
+mean, standard_deviation, min, max, min_body, max_body and quantiles q5, q50, ... at all output times;
+histograms.csv with t, histogram (from 0), quantity, low, high, count; events.csv with event, body, t, known_to
+(start, located, output) and the orientation and angular velocity then; survival.csv with event, t, remaining
+bodies, the share that has not had it and its 95 % interval low, high; plan.json, which --plan takes; report.json with
 engine, plan, wall times, drift of what bodies conserve, what torques did, and errors of a recomputed sample, of
 position (m) and velocity (m/s) too where bodies translate. The folder appears, or replaces the former one,
 when all files are complete and on the disk; Ctrl-C leaves nothing. With --force, files that are not of a run
@@ -175,8 +203,9 @@ by the next one.";
 /// What `polhode run --help` adds to the options.
 fn run_help() -> String {
     let models = polhode::study::describe_models();
+    let (inputs, units) = (crate::inputs_help::INPUTS_HELP, polhode::study::describe_units());
     format!(
-        "{RUN_HELP}\n\nTorques, their equations and parameters [what holds where a key is left out]:\n{models}\n\n{RUN_EXAMPLES}"
+        "{RUN_HELP}\n\n{inputs}\n{units}\nTorques, their equations and parameters [what holds where a key is left out]:\n{models}\n\n{RUN_EXAMPLES}"
     )
 }
 
@@ -199,6 +228,10 @@ pub struct RunArguments {
     /// Repeat a run by the plan.json that it left; on the same engine the bits are the same.
     #[arg(long, value_name = "FILE")]
     pub plan: Option<PathBuf>,
+    /// Run one of COUNT parts of the study, from 1 on, into a folder of its own in --out; auto asks the launcher (Slurm, PBS and
+    /// Grid Engine arrays, HyperQueue, MPI), auto/COUNT for the index alone.
+    #[arg(long, value_name = "INDEX/COUNT|auto", requires = "plan", value_parser = crate::launcher::shard_argument)]
+    pub shard: Option<crate::launcher::ShardArgument>,
     /// Rank methods by what `polhode bench accuracy` has measured on this engine and left in this folder, instead of by the
     /// shipped table.
     #[arg(long, value_name = "DIR", conflicts_with = "plan")]
@@ -246,6 +279,100 @@ pub struct ExplainArguments {
     #[command(flatten)]
     pub engine: EngineArguments,
     /// Print the table as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+const PLAN_HELP: &str = "\
+The plan is what `polhode run` would make and leave as plan.json: which method, steps and arithmetic bodies of each class get,
+with a fingerprint of the study, block by block. What follows one plan gives the same bits on the same engine, whether as one
+run (`polhode run --plan`) or in parts on any number of machines (`polhode run --plan --shard`).
+
+Examples:
+    polhode plan study.toml --out plan.json
+    polhode plan study.toml | jq .resolution";
+
+/// Arguments of `polhode plan`.
+#[derive(Debug, Args)]
+#[command(after_long_help = PLAN_HELP, after_help = "`polhode plan --help` gives examples.")]
+pub struct PlanArguments {
+    /// Study file.
+    #[arg(value_name = "STUDY.toml")]
+    pub study: PathBuf,
+    /// File for the plan; one of that name is replaced [default: standard output].
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Plan without skipping.
+    #[arg(long)]
+    pub no_skip: bool,
+    /// Rank methods by what `polhode bench accuracy` has measured on this engine and left in this folder, instead of by the
+    /// shipped table.
+    #[arg(long, value_name = "DIR")]
+    pub costs: Option<PathBuf>,
+    #[command(flatten)]
+    pub engine: EngineArguments,
+    /// Say nothing of what was written.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+const STATUS_HELP: &str = "\
+A part is complete, running, failed (it has left word why), incomplete (its process was killed) or missing (nothing is
+there). What is neither complete nor running is to be run again; a part that is run again replaces what was left of it.
+
+Examples:
+    polhode status parts
+    sbatch --array=$(polhode status parts --due) job.sh
+    polhode status parts --json | jq .failed
+
+Exit status: 0 all parts are complete, 1 some are not, 2 the folder has no parts.";
+
+/// Arguments of `polhode status`.
+#[derive(Debug, Args)]
+#[command(after_long_help = STATUS_HELP, after_help = "`polhode status --help` gives examples.")]
+pub struct StatusArguments {
+    /// Folder of all parts: what --out was for them.
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+    /// Print only the parts that are to be run again, as array launchers take them: 3,7-9.
+    #[arg(long, conflicts_with = "json")]
+    pub due: bool,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+const MERGE_HELP: &str = "\
+Parts are cut at fixed blocks of bodies, and statistics are formed block by block, so the tables are those of one run, byte
+for byte, whatever the number of parts, threads and machines (of one kind of engine). Parts that are missing, failed or not
+as they were written, and parts of another plan, study or version, are refused. The parts stay as they are; report.json
+holds the reports of all.
+
+Examples:
+    polhode plan study.toml --out plan.json
+    for i in 1 2 3; do polhode run study.toml --plan plan.json --shard $i/3 --out parts; done
+    polhode merge parts --out study.out
+
+docs/scaling.md and examples/launchers show the same with Slurm, HyperQueue, GNU parallel, MPI and Snakemake.
+Exit status as of `polhode run`.";
+
+/// Arguments of `polhode merge`.
+#[derive(Debug, Args)]
+#[command(after_long_help = MERGE_HELP, after_help = "`polhode merge --help` gives examples.")]
+pub struct MergeArguments {
+    /// Folder of all parts: what --out was for them.
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+    /// Folder for the results [default: the folder merged in DIR].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Write into a folder that is not empty; results of a former run in it are replaced.
+    #[arg(long)]
+    pub force: bool,
+    /// No progress bar and no summary.
+    #[arg(long, short)]
+    pub quiet: bool,
+    /// Print the report as JSON instead of the summary.
     #[arg(long)]
     pub json: bool,
 }
@@ -299,6 +426,48 @@ pub struct VerifyArguments {
     /// Seed of the generated ensemble.
     #[arg(long, default_value_t = 0, value_name = "S", conflicts_with = "study")]
     pub seed: u64,
+    #[command(flatten)]
+    pub engine: EngineArguments,
+    /// Print what was found as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+const REPLAY_HELP: &str = "\
+The body is drawn from seed and index, and computed alone on the CPU in f64: torque-free bodies by their closed form,
+others by rk8 at a tolerance of 1e-14. Its track has the columns of snapshots.csv, at N times from 0 to the end and at the
+output times of the study. Beside it stands how far the run's own values of that body are from it, and how far the replay
+may be off itself.
+
+Of a study the body's values are those of the plan that `polhode run` would make (or of --plan): a body moves alone as it
+does among others, to the bit on the same engine. Of a run's folder they are those of its tables, and the plan is its own;
+the study is looked for where the run has read it. Under a random torque the track has the output times alone, as other
+steps would be other draws.
+
+Examples:
+    polhode replay study.toml --body 123456
+    polhode replay study.out --body 123456 --samples 5000 --out track.csv
+    polhode replay study.toml --plan study.out/plan.json --body 7 --json | jq .errors";
+
+/// Arguments of `polhode replay`.
+#[derive(Debug, Args)]
+#[command(after_long_help = REPLAY_HELP, after_help = "`polhode replay --help` gives examples.")]
+pub struct ReplayArguments {
+    /// Study file, or the folder of a run.
+    #[arg(value_name = "STUDY.toml|DIR")]
+    pub study: PathBuf,
+    /// The body, by its index from 0.
+    #[arg(long, value_name = "INDEX")]
+    pub body: usize,
+    /// Times of the track, evenly from 0 to the end, beside the output times.
+    #[arg(long, value_name = "N", default_value = "1000", value_parser = clap::value_parser!(u32).range(2..=10_000_000))]
+    pub samples: u32,
+    /// File for the track [default: the study's name with the ending .body-INDEX.csv, in the current folder].
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Take the study's values of the body from this plan instead of making one.
+    #[arg(long, value_name = "FILE")]
+    pub plan: Option<PathBuf>,
     #[command(flatten)]
     pub engine: EngineArguments,
     /// Print what was found as JSON.

@@ -11,11 +11,16 @@ mod devices;
 mod engine;
 mod explain;
 mod inertia;
+mod inputs_help;
+mod launcher;
 mod man;
 mod output;
+mod plan;
 mod plot;
 mod progress;
+mod replay;
 mod run;
+mod shards;
 mod threads;
 mod verify;
 
@@ -52,7 +57,11 @@ fn perform(command: &Command) -> Result<(), Failure> {
     match command {
         Command::Run(arguments) => run::run(arguments),
         Command::Explain(arguments) => explain::explain(arguments),
+        Command::Plan(arguments) => plan::plan(arguments),
+        Command::Status(arguments) => shards::status(arguments),
+        Command::Merge(arguments) => shards::merge(arguments),
         Command::Verify(arguments) => verify::verify(arguments),
+        Command::Replay(arguments) => replay::replay(arguments),
         Command::Devices(arguments) => devices::devices(arguments),
         Command::Inertia(arguments) => inertia::inertia(arguments),
         Command::Bench(arguments) => bench::bench(arguments),
@@ -65,12 +74,12 @@ fn perform(command: &Command) -> Result<(), Failure> {
 /// Says what went wrong, where that has not been said yet; the exit status.
 fn say(failure: &Failure) -> ExitCode {
     match failure {
-        Failure::Disagreement | Failure::FailedBodies => ExitCode::from(FAILED),
+        Failure::Disagreement | Failure::FailedBodies | Failure::PartsMissing => ExitCode::from(FAILED),
         Failure::NoShader => {
             output::error(NO_SHADER);
             ExitCode::from(FAILED)
         }
-        Failure::TorqueKernel(message) => {
+        Failure::TorqueKernel(message) | Failure::Value(message) => {
             output::error(message);
             ExitCode::from(WRONG_INPUT)
         }
@@ -125,7 +134,7 @@ fn refuse_arguments(error: &clap::Error) -> ExitCode {
         }
         ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
             output::error(
-                "expected a command: polhode run, explain, verify, inertia, devices, bench, plot, completions or man; `polhode --help` teaches them",
+                "expected a command: polhode run, plan, status, merge, explain, verify, replay, inertia, devices, bench, plot, completions or man; `polhode --help` teaches them",
             );
             return ExitCode::from(WRONG_INPUT);
         }

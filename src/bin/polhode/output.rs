@@ -9,18 +9,35 @@ pub enum Failure {
     Library(polhode::Error),
     /// Arguments that do not go together.
     Arguments(&'static str),
+    /// An argument that makes no sense: which, its value, and what would be valid.
+    Value(String),
     /// `verify` found a difference, and has said so.
     Disagreement,
     /// `verify` has no adapter whose shaders it could check.
     NoShader,
     /// More bodies of a run have failed than the study allows, which has been said.
     FailedBodies,
+    /// Parts of a study are not there, which has been said.
+    PartsMissing,
     /// A variable of the environment makes no sense.
     TorqueKernel(String),
     /// The system refuses the threads that compute.
     Threads(rayon::ThreadPoolBuildError),
     /// Standard output cannot be written.
     Output(std::io::Error),
+}
+
+impl Failure {
+    /// What a part's run that has failed says of it in its folder.
+    pub fn reason(&self) -> Option<String> {
+        match self {
+            Failure::Library(polhode::Error::FolderInUse { .. } | polhode::Error::FolderNotEmpty { .. }) => None,
+            Failure::Library(polhode::Error::Interrupted { .. }) => Some("stopped".to_owned()),
+            Failure::Library(error) => Some(error.to_string()),
+            // Of arguments that are wrong it is not known which part was meant.
+            _ => None,
+        }
+    }
 }
 
 impl From<polhode::Error> for Failure {

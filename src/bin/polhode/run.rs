@@ -4,12 +4,14 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use polhode::Plan;
+use polhode::bodies::Blocks;
 use polhode::plan::PlanDocument;
-use polhode::record::{OutputFolder, Report};
-use polhode::run::{OutputSize, run_to_folder};
+use polhode::record::{OutputFolder, Report, Shard, is_complete};
+use polhode::run::{OutputSize, run_shard_to_folder, run_to_folder};
 use polhode::study::Study;
 
 use crate::arguments::RunArguments;
+use crate::launcher::{self, ShardArgument};
 use crate::output::{self, Failure};
 use crate::progress::{self, Watch, catch_interrupts};
 
@@ -20,56 +22,109 @@ const LARGE: u64 = 10_000_000_000;
 pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     catch_interrupts();
     progress::begin_run();
-    let done = run_until_written(arguments);
+    let part = match arguments.shard {
+        None => None,
+        Some(ShardArgument::Given(shard)) => Some(shard),
+        Some(ShardArgument::Auto(count)) => {
+            let found = launcher::find(count, |name| std::env::var(name).ok()).map_err(Failure::Value)?;
+            let (shard, from) = found;
+            output::note(&format!("part {shard} ({from})"));
+            Some(shard)
+        }
+    };
+    let all = arguments.out.clone().unwrap_or_else(|| default_folder(&arguments.study));
+    let done = run_until_written(arguments, (part, &all));
     progress::end_run();
-    let (study, report, path) = done?;
-    say_what_is_written(arguments, &study, &report, &path)
+    match (&done, part) {
+        (Ok(_), Some(shard)) => shard.forget_failure(&all),
+        (Err(failure), Some(shard)) => {
+            if let Some(reason) = failure.reason().filter(|_| all.is_dir()) {
+                shard.leave_failure(&all, &reason);
+            }
+        }
+        (_, None) => {}
+    }
+    match done? {
+        Some((study, report, path)) => say_what_is_written(arguments, &study, &report, &path),
+        None => Ok(()),
+    }
 }
 
-/// The study, what came out, and the folder with it.
-fn run_until_written(arguments: &RunArguments) -> Result<(Study, Report, PathBuf), Failure> {
+/// The study, what came out, and the folder with it; nothing where the part is there already.
+fn run_until_written(
+    arguments: &RunArguments,
+    (part, all): (Option<Shard>, &Path),
+) -> Result<Option<(Study, Report, PathBuf)>, Failure> {
     let since = Instant::now();
     let mut study = Study::read(&arguments.study)?;
     if let Some(precision) = crate::engine::precision(&arguments.engine) {
         study = study.with_precision(precision);
     }
+    let document = arguments.plan.as_deref().map(PlanDocument::read).transpose()?;
     // The folder is tried before anything that takes long.
-    let path = arguments.out.clone().unwrap_or_else(|| default_folder(&arguments.study));
+    let path = part.map_or_else(|| all.to_owned(), |shard| shard.folder(all));
+    if let Some((shard, document)) = part.zip(document.as_ref()) {
+        if !arguments.force && is_complete(shard, all, document.text()) {
+            output::note(&format!("part {shard} is complete already, and follows this plan: nothing to do"));
+            return Ok(None);
+        }
+        let count = study.bodies().count;
+        let bodies = shard.bodies(count).ok_or_else(|| {
+            let blocks = Blocks::of(count).count();
+            Failure::Value(format!("--shard {shard}: expected up to {blocks} parts of the study's {count} bodies"))
+        })?;
+        study = study.part(bodies);
+    }
     let folder = OutputFolder::create(&path, arguments.force)?;
     progress::remove_at_end(folder.traces().clone());
     for leftover in folder.leftovers() {
         output::note(&format!("note: removed what a killed run had left: {}", leftover.display()));
     }
     let scene = study.scene()?.skipping(!arguments.no_skip);
+    if part.is_some() && (scene.needs_states() || study.design().is_some() || study.output().initial) {
+        let expected =
+            "sweeps, initial states, quantiles, histograms, events and derived quantities are not merged from parts";
+        return Err(Failure::Value(format!("--shard: {expected}: run the study as a whole")));
+    }
     let wanted = study.output();
-    if !(wanted.final_state || wanted.snapshots || arguments.quiet) && scene.wanted_statistics().is_empty() {
+    if !(wanted.final_state || wanted.snapshots || arguments.quiet || scene.observes()) {
         output::note("note: the study asks for no results: all that is written is plan.json and report.json");
     }
     let engine = crate::engine::open(&arguments.engine, arguments.quiet)?;
-    let plan = match &arguments.plan {
+    let plan = match &document {
         None => {
             let costs = crate::engine::costs(arguments.costs.as_deref(), &engine)?;
             progress::planning(arguments.quiet, || Plan::with_costs(&scene, &engine, &costs))
         }
-        Some(file) => {
-            let document = PlanDocument::read(file)?;
+        Some(document) => {
             let engine_name = engine.description().name;
-            if document.engine() != engine_name && !arguments.quiet {
+            if !same_arithmetic(document.engine(), &engine_name) && !arguments.quiet {
                 let planned = document.engine();
                 output::note(&format!("the plan is for {planned}, this is {engine_name}: bits may differ"));
             }
-            Plan::repeated(&scene, &engine, &document)
+            Plan::repeated(&scene, &engine, document)
         }
     };
     let plan = plan.map_err(|error| study.located(error))?;
 
     check_disk(&folder, OutputSize::of(&plan, wanted), arguments.quiet)?;
     let mut watch = Watch::new(arguments.quiet);
-    let done =
-        run_to_folder(&engine, &plan, Some(&study), wanted, folder, since, &mut |progress| watch.observe(progress));
+    let mut observe = |progress| watch.observe(progress);
+    let done = match part.zip(document.as_ref()) {
+        None => run_to_folder(&engine, &plan, Some(&study), wanted, folder, since, &mut observe),
+        Some(shard) => run_shard_to_folder(&engine, &plan, &study, shard, folder, since, &mut observe),
+    };
     watch.finish();
     let report = done?;
-    Ok((study, report, path))
+    Ok(Some((study, report, path)))
+}
+
+/// Whether two engines by their names give the same bits: the number of threads changes none.
+fn same_arithmetic(planned: &str, here: &str) -> bool {
+    let without_threads = |name: &str| -> Vec<String> {
+        name.split(", ").filter(|part| !part.ends_with(" threads")).map(str::to_owned).collect()
+    };
+    without_threads(planned) == without_threads(here)
 }
 
 fn say_what_is_written(arguments: &RunArguments, study: &Study, report: &Report, path: &Path) -> Result<(), Failure> {

@@ -5,6 +5,9 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::{DQuat, DVec3};
 
 use crate::error::{Error, Result};
+use crate::math::elementary::functions::atan2;
+use crate::math::quaternion::Quaternion;
+use crate::math::real::Real;
 
 /// An axis of coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -116,6 +119,14 @@ impl EulerSequence {
     /// different axes becomes one whose first axis returns by a quarter turn about the middle axis, and that one's
     /// half sum and half difference of the outer angles are two arc tangents of the quaternion's components.
     pub fn angles(self, orientation: DQuat) -> EulerAngles {
+        let [x, y, z, w] = orientation.to_array();
+        let (angles, is_gimbal_locked) = self.angles_of(Quaternion::new(x, y, z, w));
+        EulerAngles { angles, is_gimbal_locked }
+    }
+
+    /// The same of any number type; the mask says where the sequence is in gimbal lock.
+    #[inline(always)]
+    pub(crate) fn angles_of<R: Real>(self, q: Quaternion<R>) -> ([R; 3], R::Mask) {
         // About world axes in the order i, j, k; turns about body axes are the same in reverse order.
         let [mut i, j, mut k] = self.axes.map(|axis| axis as usize);
         if self.about == TurnedAxes::Body {
@@ -125,47 +136,44 @@ impl EulerSequence {
         if returns {
             k = 3 - i - j;
         }
-        let parity = if (i + 1) % 3 == j { 1.0 } else { -1.0 };
-        let q = orientation.to_array();
+        let signed = |x: R| if (i + 1) % 3 == j { x } else { -x };
+        let (v, w) = ([q.x, q.y, q.z], q.w);
         let (a, b, c, d) = if returns {
-            (q[3], q[i], q[j], parity * q[k])
+            (w, v[i], v[j], signed(v[k]))
         } else {
-            (q[3] - q[j], q[i] + parity * q[k], q[j] + q[3], parity * q[k] - q[i])
+            (w - v[j], v[i] + signed(v[k]), v[j] + w, signed(v[k]) - v[i])
         };
-        let middle = 2.0 * c.hypot(d).atan2(a.hypot(b));
-        let (half_sum, half_difference) = (b.atan2(a), d.atan2(c));
-        let (is_low, is_high) = (middle <= LOCK, PI - middle <= LOCK);
+        let length = |x: R, y: R| x.mul_add(x, y * y).sqrt();
+        let middle = R::splat(2.0) * atan2(length(c, d), length(a, b));
+        let (half_sum, half_difference) = (atan2(b, a), atan2(d, c));
+        let lock = R::splat(LOCK);
+        let (is_low, is_high) = (!lock.less_than(middle), !lock.less_than(R::splat(PI) - middle));
+        let is_locked = is_low | is_high;
+        // Where c and d vanish only the sum is determined, where a and b vanish only the difference.
+        let (sum, difference) = (R::splat(2.0) * half_sum, R::splat(2.0) * half_difference);
+        let zero = R::splat(0.0);
+        let (alone_first, alone_last) = match self.about {
+            TurnedAxes::World => (R::select(is_low, sum, -difference), zero),
+            TurnedAxes::Body => (zero, R::select(is_low, sum, difference)),
+        };
         // The turns about i (first about world axes) and about k (last).
-        let (mut first, mut last) = (half_sum - half_difference, half_sum + half_difference);
-        if is_low || is_high {
-            let (sum, difference) = (2.0 * half_sum, -2.0 * half_difference);
-            // Where c and d vanish only the sum is determined, where a and b vanish only the difference.
-            let alone = if is_low { sum } else { difference };
-            (first, last) = match self.about {
-                TurnedAxes::World => (alone, 0.0),
-                TurnedAxes::Body => (0.0, if is_low { sum } else { -difference }),
-            };
-        }
-        if !returns {
-            last *= parity;
-        }
-        let shift = if returns { 0.0 } else { FRAC_PI_2 };
+        let first = R::select(is_locked, alone_first, half_sum - half_difference);
+        let last = R::select(is_locked, alone_last, half_sum + half_difference);
+        let last = if returns { last } else { signed(last) };
+        let middle = if returns { middle } else { middle - R::splat(FRAC_PI_2) };
         let (first, last) = (wrapped(first), wrapped(last));
         let angles = match self.about {
-            TurnedAxes::World => [first, middle - shift, last],
-            TurnedAxes::Body => [last, middle - shift, first],
+            TurnedAxes::World => [first, middle, last],
+            TurnedAxes::Body => [last, middle, first],
         };
-        EulerAngles { angles, is_gimbal_locked: is_low || is_high }
+        (angles, is_locked)
     }
 }
 
 /// The same angle in (−π, π].
-fn wrapped(angle: f64) -> f64 {
-    if angle > PI {
-        angle - TAU
-    } else if angle <= -PI {
-        angle + TAU
-    } else {
-        angle
-    }
+#[inline(always)]
+fn wrapped<R: Real>(angle: R) -> R {
+    let (pi, turn) = (R::splat(PI), R::splat(TAU));
+    let angle = R::select(pi.less_than(angle), angle - turn, angle);
+    R::select(!(-pi).less_than(angle), angle + turn, angle)
 }

@@ -75,7 +75,7 @@ impl<T: Scalar> Batch<T> {
             firsts.flat_map(|&number| std::iter::repeat_n(number, stride)).collect()
         };
         let (parameters, state) = (columns(&self.parameters), columns(&self.state));
-        Self { body_count, stride, parameters, state, torques: self.torques.clone() }
+        Self { body_count, stride, parameters, state, torques: self.torques.clone(), ends: Vec::new() }
     }
 
     /// Number of state columns, those of centres of mass among them.

@@ -28,7 +28,7 @@ mod groups;
 mod prepare;
 
 pub(crate) use groups::{load_body, load_combinations, load_invariants, load_state, store_state};
-pub(crate) use prepare::{ORDER_BLOCK, Prepared, bytes_per_body_under, frame_of, prepare_acting, prepare_ordered};
+pub(crate) use prepare::{ORDERED_TOGETHER, Prepared, bytes_per_body_under, frame_of, prepare_acting, prepare_ordered};
 pub use prepare::{bytes_per_body, prepare, prepare_members, prepare_with};
 
 /// The scaled bodies of an ensemble as columns of one element type, ready for an engine.
@@ -45,6 +45,8 @@ pub struct Batch<T> {
     pub state: Vec<T>,
     /// The torques; their columns stand behind the bodies' own parameters.
     pub torques: TorqueTable,
+    /// Rows before which engines that hold bodies in chunks may cut, ascending; without any, anywhere.
+    pub ends: Vec<usize>,
 }
 
 /// A batch of either precision.
@@ -70,6 +72,14 @@ impl AnyBatch {
         match self {
             AnyBatch::F32(batch) => &batch.torques,
             AnyBatch::F64(batch) => &batch.torques,
+        }
+    }
+
+    /// Says where engines that hold bodies in chunks may cut.
+    pub(crate) fn cut_at(&mut self, ends: Vec<usize>) {
+        match self {
+            AnyBatch::F32(batch) => batch.ends = ends,
+            AnyBatch::F64(batch) => batch.ends = ends,
         }
     }
 
@@ -140,6 +150,7 @@ impl<T: Scalar> Batch<T> {
             parameters: vec![T::default(); columns * stride],
             state: vec![T::default(); state_columns::<T>() * stride],
             torques,
+            ends: Vec::new(),
         };
         batch.parameters[..3 * stride].fill(T::from_f64(1.0));
         for column in batch.torques.ratio_columns() {

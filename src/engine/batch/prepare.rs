@@ -1,10 +1,13 @@
 //! An ensemble's bodies brought into their principal axes, scaled and written as columns.
 
+use std::ops::Range;
+
 use glam::{DMat3, DQuat};
 use rayon::prelude::*;
 
 use super::{AnyBatch, Batch};
 use crate::bodies::Ensemble;
+use crate::bodies::blocks::cut;
 use crate::bodies::columns::{
     ColumnPart, STATE_COMPONENTS, STRIDE_UNIT, column_parts, parameter_columns, state_columns, store_row,
 };
@@ -79,23 +82,27 @@ pub(crate) fn prepare_acting(
     precision: Precision,
 ) -> Result<(Vec<BodyFrame>, AnyBatch)> {
     let as_they_are = |_: usize, prepared: &[Prepared]| (0..prepared.len()).collect();
-    prepare_columns_of(ensemble, (torques, acting), span, members, precision, as_they_are)
+    let cuts = cut(members.len(), ORDERED_TOGETHER, &[]);
+    prepare_columns_of(ensemble, (torques, acting), span, members, precision, (&cuts, as_they_are))
 }
 
-/// Members whose order is found at once.
-pub(crate) const ORDER_BLOCK: usize = 1 << 15;
+/// The most members whose order is found at once.
+pub(crate) const ORDERED_TOGETHER: usize = 1 << 15;
 
-/// As [`prepare_members`], each block of [`ORDER_BLOCK`] members in an order of its own: `order` is given the block's first
-/// member and the block, and gives the place in it of what stands first, second, and so on.
+/// As [`prepare_members`], each range of `cuts` of the members in an order of its own: `order` is given the range's first member and the
+/// members prepared, and gives the place among them of what stands first, second, and so on. Chunks end where ranges do.
 pub(crate) fn prepare_ordered(
     ensemble: &Ensemble,
     torques: &[Torque],
     span: f64,
     members: &Members,
     precision: Precision,
-    order: impl FnMut(usize, &[Prepared]) -> Vec<usize>,
+    (cuts, order): (&[Range<usize>], impl FnMut(usize, &[Prepared]) -> Vec<usize>),
 ) -> Result<(Vec<BodyFrame>, AnyBatch)> {
-    prepare_columns_of(ensemble, (torques, torques), span, members, precision, order)
+    let (frames, mut batch) =
+        prepare_columns_of(ensemble, (torques, torques), span, members, precision, (cuts, order))?;
+    batch.cut_at(cuts.iter().map(|cut| cut.end).collect());
+    Ok((frames, batch))
 }
 
 fn prepare_columns_of(
@@ -104,7 +111,7 @@ fn prepare_columns_of(
     span: f64,
     members: &Members,
     precision: Precision,
-    order: impl FnMut(usize, &[Prepared]) -> Vec<usize>,
+    order: (&[Range<usize>], impl FnMut(usize, &[Prepared]) -> Vec<usize>),
 ) -> Result<(Vec<BodyFrame>, AnyBatch)> {
     Ok(match precision {
         Precision::F32 => {
@@ -156,7 +163,7 @@ fn prepare_columns<T: Scalar>(
     (of_units, torques): (&[Torque], &[Torque]),
     span: f64,
     members: &Members,
-    mut order: impl FnMut(usize, &[Prepared]) -> Vec<usize>,
+    (cuts, mut order): (&[Range<usize>], impl FnMut(usize, &[Prepared]) -> Vec<usize>),
 ) -> Result<(Vec<BodyFrame>, Batch<T>)> {
     for (index, torque) in torques.iter().enumerate().filter(|(_, torque)| torque.needs().position) {
         // A scene has put functions of time in their place where it can.
@@ -174,8 +181,7 @@ fn prepare_columns<T: Scalar>(
     memory::require(body_count, body_count.saturating_mul(row), "the columns of the kernels")?;
     let mut batch = Batch::<T>::at_rest_with(body_count, table);
     let mut frames = Vec::with_capacity(body_count);
-    for start in (0..body_count).step_by(ORDER_BLOCK) {
-        let end = (start + ORDER_BLOCK).min(body_count);
+    for &Range { start, end } in cuts {
         let prepared: Vec<Prepared> =
             (start..end).into_par_iter().map(|row| prepare_body(ensemble, of_units, members.body(row))).collect();
         let order = order(start, &prepared);

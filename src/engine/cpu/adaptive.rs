@@ -16,7 +16,7 @@ use crate::engine::batch::{Batch, load_body, load_state, store_state};
 use crate::engine::cpu::torque_kernels::{AllTorques, CommonTorques, LaneTorques, Nothing};
 use crate::engine::load_balance::imbalance;
 use crate::engine::watch::{Job, Watch, watched};
-use crate::engine::{Observer, check_time, unobserved};
+use crate::engine::{Observer, check_time};
 use crate::error::{Error, Result};
 use crate::kernel::method::rk8_adaptive::{Controller, LEAST_STEP, Limits, advance};
 use crate::kernel::observe;
@@ -138,8 +138,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
         let states = column_parts(state, stride, 0..stride, block);
         let controllers = column_parts(controllers, stride, 0..stride, block);
         Box::new(move |watch: &Watch| {
-            let blocks = states.into_par_iter().zip(controllers).zip(counts.par_chunks_mut(block));
-            blocks.enumerate().for_each(|(index, ((mut state, mut controllers), counts))| {
+            let advance = |index: usize, (mut state, mut controllers): Parts<'_, T>, counts: &mut [StepCounts]| {
                 let first = index * block;
                 let mut starts = some.is_none();
                 let mut under_way = true;
@@ -165,7 +164,15 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
                     take_counts(&mut controllers, counts);
                 }
                 watch.add(counts.len() as u64);
-            });
+            };
+            // A few attempts take less time than it takes to wake a thread.
+            if some.is_some() && states.len() <= FEW_BLOCKS {
+                let blocks = states.into_iter().zip(controllers).zip(counts.chunks_mut(block));
+                blocks.enumerate().for_each(|(index, (parts, counts))| advance(index, parts, counts));
+            } else {
+                let blocks = states.into_par_iter().zip(controllers).zip(counts.par_chunks_mut(block));
+                blocks.enumerate().for_each(|(index, (parts, counts))| advance(index, parts, counts));
+            }
             *clock = end;
         })
     }
@@ -173,6 +180,12 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
 
 /// Lane groups that every kernel advances at once.
 const LEAST_GROUPS: usize = 2;
+
+/// Blocks of single attempts that the calling thread makes by itself.
+const FEW_BLOCKS: usize = 8;
+
+/// The columns of a block: its state and its controllers.
+type Parts<'a, T> = (Vec<&'a mut [T]>, Vec<&'a mut [T]>);
 
 impl<T: LaneScalar + observe::Kernel> AdaptiveSession for CpuAdaptiveSession<T> {
     fn body_count(&self) -> usize {
@@ -201,8 +214,7 @@ impl<T: LaneScalar + observe::Kernel> AdaptiveSession for CpuAdaptiveSession<T> 
             });
         }
         let kernel = self.kernel();
-        let work = self.advance_blocks(start.at(end.max(0.0)), kernel, Some(1));
-        watched(work, bodies as u64, &mut unobserved).map_err(|_| Error::Interrupted { steps: 0 })?;
+        self.advance_blocks(start.at(end.max(0.0)), kernel, Some(1))(&Watch::default());
         self.clock = start;
         for (body, controller) in controllers[..bodies].iter_mut().enumerate() {
             *controller = load_controller(|column| self.controllers[column * stride + body].to_f64());

@@ -11,10 +11,10 @@ use super::{CpuAdaptiveSession, CpuFreeSession, CpuSession};
 use crate::bodies::BodyFrame;
 use crate::bodies::columns::{STATE_COMPONENTS, StateWords, status_column};
 use crate::engine::batch::Batch;
-use crate::engine::reduction::{Marked, Reduce};
+use crate::engine::reduction::{BlockRows, Marked, Reduce, merged};
 use crate::error::Result;
 use crate::kernel::observe::{
-    Columns, Extreme, GROUP_BODIES, Kernel, ObservedRow, Partial, SCALE_COLUMN, Statistic, WORKGROUP, combine, merge,
+    Columns, Extreme, GROUP_BODIES, Kernel, ObservedRow, Partial, SCALE_COLUMN, Statistic, WORKGROUP, merge, merge_all,
     observe, quantity, without_axis,
 };
 use crate::math::Width;
@@ -22,12 +22,14 @@ use crate::math::lanes::{LaneScalar, LaneTask};
 use crate::math::real::{Real, Scalar};
 use crate::math::vector::Vector;
 
-/// Rows that one task reduces.
+/// Places that one task reduces.
 const TASK: usize = 64 * WORKGROUP;
 
 /// What a session watches.
 pub(super) struct Reducer<T> {
     statistics: Vec<Statistic>,
+    blocks: BlockRows,
+    /// By place.
     columns: Watched<T>,
 }
 
@@ -37,69 +39,74 @@ enum Watched<T> {
 }
 
 impl<T: LaneScalar + Kernel> Reducer<T> {
-    pub fn new(width: Width, statistics: &[Statistic], frames: &[BodyFrame], fastest: f64) -> Self {
+    pub fn new(width: Width, statistics: &[Statistic], frames: &[BodyFrame], blocks: &BlockRows, fastest: f64) -> Self {
+        let parts: Vec<Range<usize>> = (0..blocks.count()).map(|block| blocks.places(block)).collect();
+        let (places, frame) = (blocks.len(), |place: usize| &frames[blocks.row(place)]);
         let columns = match width {
-            Width::Lanes => Watched::Lanes(Columns::new(statistics, frames, fastest)),
-            Width::Scalar => Watched::Twin(Columns::new(statistics, frames, fastest)),
+            Width::Lanes => Watched::Lanes(Columns::new(statistics, places, frame, &parts, fastest)),
+            Width::Scalar => Watched::Twin(Columns::new(statistics, places, frame, &parts, fastest)),
         };
-        Self { statistics: statistics.to_vec(), columns }
+        Self { statistics: statistics.to_vec(), blocks: blocks.clone(), columns }
     }
 
-    pub fn reduce(&self, batch: &Batch<T>) -> Vec<Partial<f64>> {
+    pub fn reduce(&self, batch: &Batch<T>) -> Vec<Vec<Partial<f64>>> {
         match &self.columns {
             Watched::Lanes(columns) => self.in_lanes(columns, batch),
             Watched::Twin(columns) => self.one_by_one(columns, batch),
         }
     }
 
-    fn in_lanes(&self, columns: &Columns<f64>, batch: &Batch<T>) -> Vec<Partial<f64>> {
-        let statistics = &self.statistics;
-        let starts: Vec<usize> = (0..batch.body_count).step_by(TASK).collect();
-        let task = |&start: &usize| {
-            let rows = start..(start + TASK).min(batch.body_count);
-            f64::dispatch(ObserveRows { statistics, columns, batch, rows })
+    fn in_lanes(&self, columns: &Columns<f64>, batch: &Batch<T>) -> Vec<Vec<Partial<f64>>> {
+        let (statistics, blocks) = (&self.statistics, &self.blocks);
+        let of_block = |places: Range<usize>| -> Vec<Partial<f64>> {
+            let task = |start: usize| {
+                let places = start..(start + TASK).min(places.end);
+                f64::dispatch(ObservePlaces { statistics, columns, batch, blocks, places })
+            };
+            let tasks: Vec<Vec<Partial<f64>>> = places.clone().step_by(TASK).map(task).collect();
+            let of_statistic = |index: usize| merge_all(&tasks.iter().map(|task| task[index]).collect::<Vec<_>>());
+            (0..statistics.len()).map(of_statistic).collect()
         };
-        // Merged in the order of the rows, whichever thread was first.
-        let tasks: Vec<Vec<Partial<f64>>> = starts.par_iter().map(task).collect();
-        let total = |(index, &offset): (usize, &i32)| {
-            tasks.iter().map(|task| task[index]).fold(Partial::none(), merge).widened(0, offset)
-        };
-        columns.offsets.iter().enumerate().map(total).collect()
+        let blocks = (0..blocks.count()).into_par_iter().map(|block| of_block(blocks.places(block)));
+        blocks.zip(&columns.offsets).map(|(found, offsets)| widened(&found, offsets)).collect()
     }
 
-    fn one_by_one(&self, columns: &Columns<T>, batch: &Batch<T>) -> Vec<Partial<f64>> {
-        let groups = batch.body_count.div_ceil(GROUP_BODIES);
-        let of_group = |group: usize| {
-            let first = group * GROUP_BODIES;
-            observe(&self.statistics, |offset| observed_row(columns, batch, first + offset), first as u32)
+    fn one_by_one(&self, columns: &Columns<T>, batch: &Batch<T>) -> Vec<Vec<Partial<f64>>> {
+        let of_piece = |first: usize, end: usize, offsets: &[i32]| {
+            let row = |offset| observed_row(columns, batch, (first + offset, self.blocks.row(first + offset)));
+            widened(&observe(&self.statistics, row, (first as u32, GROUP_BODIES.min(end - first))), offsets)
         };
-        let found: Vec<Vec<Partial<T>>> = (0..groups).map(of_group).collect();
-        let total = |(index, &offset): (usize, &i32)| combine(groups, |group| found[group][index]).widened(0, offset);
-        columns.offsets.iter().enumerate().map(total).collect()
+        let of_block = |(block, offsets): (usize, &Vec<i32>)| {
+            let places = self.blocks.places(block);
+            let pieces = places.clone().step_by(GROUP_BODIES).map(|first| of_piece(first, places.end, offsets));
+            merged(&pieces.collect::<Vec<_>>(), self.statistics.len())
+        };
+        columns.offsets.iter().enumerate().map(of_block).collect()
     }
 
     pub fn marked(&self, batch: &Batch<T>) -> Marked {
         let mut marked = Marked::default();
-        for row in 0..batch.body_count {
+        for place in 0..self.blocks.len() {
+            let row = self.blocks.row(place);
             if !is_sound(batch, row) {
-                marked.failed.push(row);
-            } else if self.is_faster(batch, row) {
-                marked.faster.push(row);
+                marked.failed.push(place);
+            } else if self.is_faster(batch, place, row) {
+                marked.faster.push(place);
             }
         }
         marked
     }
 
-    fn is_faster(&self, batch: &Batch<T>, row: usize) -> bool {
+    fn is_faster(&self, batch: &Batch<T>, place: usize, row: usize) -> bool {
         match &self.columns {
             Watched::Lanes(columns) => {
-                let column = |column: usize| columns.columns[column * columns.stride + row];
+                let column = |column: usize| columns.columns[column * columns.stride + place];
                 let inverse_moments = Vector::new(column(0), column(1), column(2));
                 let [x, y, z] = angular_momentum(batch, row);
                 let m = without_axis(inverse_moments, Vector::new(x, y, z));
                 quantity(Statistic::SpinRate, inverse_moments, m) > column(3)
             }
-            Watched::Twin(columns) => observed_row(columns, batch, row).is_some_and(|row| row.is_faster()),
+            Watched::Twin(columns) => observed_row(columns, batch, (place, row)).is_some_and(|row| row.is_faster()),
         }
     }
 }
@@ -130,13 +137,18 @@ fn angular_momentum<T: Scalar>(batch: &Batch<T>, row: usize) -> [f64; 3] {
     [4, 5, 6].map(|column| if T::WORDS == 2 { at(column) + at(column + STATE_COMPONENTS) } else { at(column) })
 }
 
-fn observed_row<T: Kernel>(columns: &Columns<T>, batch: &Batch<T>, row: usize) -> Option<ObservedRow<T>> {
-    if row >= batch.body_count || !is_sound(batch, row) {
+fn observed_row<T: Kernel>(
+    columns: &Columns<T>,
+    batch: &Batch<T>,
+    (place, row): (usize, usize),
+) -> Option<ObservedRow<T>> {
+    if !is_sound(batch, row) {
         return None;
     }
-    let column = |column: usize| columns.columns[column * columns.stride + row];
+    let column = |column: usize| columns.columns[column * columns.stride + place];
     let state = |column: usize| batch.state[column * batch.stride + row];
-    let scale = |index: usize| if index < columns.offsets.len() { column(SCALE_COLUMN + index) } else { T::default() };
+    let statistics = columns.columns.len() / columns.stride - SCALE_COLUMN;
+    let scale = |index: usize| if index < statistics { column(SCALE_COLUMN + index) } else { T::default() };
     Some(ObservedRow {
         inverse_moments: Vector::new(column(0), column(1), column(2)),
         limit: column(3),
@@ -145,28 +157,35 @@ fn observed_row<T: Kernel>(columns: &Columns<T>, batch: &Batch<T>, row: usize) -
     })
 }
 
-/// Reduces some rows, workgroup by workgroup.
-struct ObserveRows<'a, T> {
+/// The same partial results in units of their own.
+fn widened<T: Kernel>(found: &[Partial<T>], offsets: &[i32]) -> Vec<Partial<f64>> {
+    found.iter().zip(offsets).map(|(found, &offset)| found.widened(offset)).collect()
+}
+
+/// Reduces the rows of some places, workgroup by workgroup.
+struct ObservePlaces<'a, T> {
     statistics: &'a [Statistic],
     columns: &'a Columns<f64>,
     batch: &'a Batch<T>,
-    rows: Range<usize>,
+    blocks: &'a BlockRows,
+    places: Range<usize>,
 }
 
-impl<T: Scalar> LaneTask<f64> for ObserveRows<'_, T> {
+impl<T: Scalar> LaneTask<f64> for ObservePlaces<'_, T> {
     type Output = Vec<Partial<f64>>;
 
     #[inline(always)]
     fn run<R: Real<Scalar = f64>>(self) -> Self::Output {
         let mut found = vec![Partial::none(); self.statistics.len()];
-        for first in self.rows.clone().step_by(WORKGROUP) {
-            let bodies = WORKGROUP.min(self.rows.end - first);
+        for first in self.places.clone().step_by(WORKGROUP) {
+            let bodies = WORKGROUP.min(self.places.end - first);
             let (mut sound, mut m) = ([0.0; WORKGROUP], [[0.0; WORKGROUP]; 3]);
-            for row in 0..bodies {
-                if is_sound(self.batch, first + row) {
-                    sound[row] = 1.0;
-                    let own = angular_momentum(self.batch, first + row);
-                    (m[0][row], m[1][row], m[2][row]) = (own[0], own[1], own[2]);
+            for place in 0..bodies {
+                let row = self.blocks.row(first + place);
+                if is_sound(self.batch, row) {
+                    sound[place] = 1.0;
+                    let own = angular_momentum(self.batch, row);
+                    (m[0][place], m[1][place], m[2][place]) = (own[0], own[1], own[2]);
                 }
             }
             let block = MomentumBlock { columns: self.columns, m: &m, first };
@@ -263,12 +282,18 @@ fn tree_sum(mut values: [f64; WORKGROUP]) -> f64 {
 macro_rules! reduces {
     ($session:ident, $columns:ident) => {
         impl<T: LaneScalar + Kernel> Reduce for $session<T> {
-            fn watch(&mut self, statistics: &[Statistic], frames: &[BodyFrame], fastest: f64) -> Result<()> {
-                self.reducer = Some(Reducer::new(self.width, statistics, frames, fastest));
+            fn watch(
+                &mut self,
+                statistics: &[Statistic],
+                frames: &[BodyFrame],
+                blocks: &BlockRows,
+                fastest: f64,
+            ) -> Result<()> {
+                self.reducer = Some(Reducer::new(self.width, statistics, frames, blocks, fastest));
                 Ok(())
             }
 
-            fn reduce(&mut self) -> Result<Vec<Partial<f64>>> {
+            fn reduce(&mut self) -> Result<Vec<Vec<Partial<f64>>>> {
                 Ok(self.reducer.as_ref().map(|reducer| reducer.reduce(&self.$columns)).unwrap_or_default())
             }
 

@@ -21,10 +21,11 @@ use super::observe::{ObserveKernels, Reducer, reduces};
 use super::reading::{Reader, read_single_rows};
 use super::shader::{Patch, Source};
 use crate::bodies::BodyFrame;
+use crate::bodies::blocks::cut;
 use crate::bodies::columns::StateWords;
 use crate::engine::adaptive_session::{AdaptiveSession, StepCounts};
 use crate::engine::batch::Batch;
-use crate::engine::reduction::{Marked, Reduce};
+use crate::engine::reduction::{BlockRows, Marked, Reduce};
 use crate::engine::{Observer, Progress, check_time};
 use crate::error::{Error, Result};
 use crate::kernel::method::Method;
@@ -227,8 +228,8 @@ impl<T: DeviceScalar> GpuAdaptiveSession<T> {
             return Ok(());
         }
         self.reader = Some(Reader::new::<T>(&self.device, batch.body_count, size_of::<Control>() as u64)?);
-        for first in (0..batch.body_count).step_by(capacity) {
-            let bodies = capacity.min(batch.body_count - first);
+        for Range { start: first, end } in cut(batch.body_count, capacity, &batch.ends) {
+            let bodies = end - first;
             self.chunks.push(Chunk::new::<T>(&self.device, layouts, first, bodies, batch.parameter_columns())?);
         }
         Ok(())

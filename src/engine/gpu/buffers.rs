@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use super::device::{Device, Refusal};
 use super::reading::Reader;
+use crate::bodies::blocks::cut;
 use crate::bodies::columns::STRIDE_UNIT;
 use crate::bodies::memory;
 use crate::engine::batch::Batch;
@@ -243,8 +244,8 @@ impl Columns {
             return Ok(());
         }
         self.reader = Some(Reader::new::<T>(device, batch.body_count, 0).map_err(UploadError::Buffers)?);
-        for first in (0..batch.body_count).step_by(capacity) {
-            let bodies = capacity.min(batch.body_count - first);
+        for Range { start: first, end } in cut(batch.body_count, capacity, &batch.ends) {
+            let bodies = end - first;
             let columns = [batch.parameter_columns(), batch.all_state_columns()];
             let chunk = new_chunk::<T>(device, layout, first, bodies, columns).map_err(UploadError::Buffers)?;
             self.chunks.push(chunk);

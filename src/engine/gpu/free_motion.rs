@@ -12,8 +12,9 @@ use super::observe::{ObserveKernels, Reducer, reduces};
 use super::reading::{Reader, read_single_rows};
 use super::shader::Source;
 use crate::bodies::BodyFrame;
+use crate::bodies::blocks::cut;
 use crate::bodies::columns::{STRIDE_UNIT, StateWords, state_columns};
-use crate::engine::reduction::{Marked, Reduce};
+use crate::engine::reduction::{BlockRows, Marked, Reduce};
 use crate::engine::{FreeSession, check_time};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::{FreeMotionRows, ROW_COLUMNS, WORD_COLUMNS};
@@ -162,8 +163,8 @@ impl<T: DeviceScalar> GpuFreeSession<T> {
         }
         let device = Arc::clone(&self.device);
         self.reader = Some(Reader::new::<T>(&device, rows.body_count, 0)?);
-        for first in (0..rows.body_count).step_by(capacity) {
-            let bodies = capacity.min(rows.body_count - first);
+        for Range { start: first, end } in cut(rows.body_count, capacity, &rows.ends) {
+            let bodies = end - first;
             let stride = bodies.next_multiple_of(STRIDE_UNIT);
             let [words, constants, state] = row_bytes::<T>().map(|row| (row * stride) as u64);
             let input = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;

@@ -1,23 +1,24 @@
-//! Statistics of the state on a device, of which some hundred bytes a chunk come back.
+//! Statistics of the state on a device, of which some hundred bytes a thousand bodies come back.
 
+use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 use super::buffers::{DeviceScalar, Place, Upload, buffer};
 use super::device::{Device, Refusal};
 use super::shader::{Patch, Source};
 use crate::bodies::BodyFrame;
-use crate::engine::reduction::Marked;
+use crate::engine::reduction::{BlockRows, Marked, merged};
 use crate::error::Result;
-use crate::kernel::observe::{Columns, Extreme, GROUP_BODIES, Partial, Statistic, WORKGROUP, merge};
+use crate::kernel::observe::{Columns, Extreme, GROUP_BODIES, Partial, Statistic, WORKGROUP};
 use crate::math::Precision;
 
-/// The kernels' bindings, and their pipelines by precision, made on first use.
+/// The kernel's bindings, and its pipelines by precision, made on first use.
 #[derive(Debug, Default)]
 pub(super) struct ObserveKernels {
     patches: Vec<Patch>,
     layout: OnceLock<wgpu::BindGroupLayout>,
-    f32: OnceLock<[wgpu::ComputePipeline; 2]>,
-    f64: OnceLock<[wgpu::ComputePipeline; 2]>,
+    f32: OnceLock<wgpu::ComputePipeline>,
+    f64: OnceLock<wgpu::ComputePipeline>,
 }
 
 impl ObserveKernels {
@@ -25,7 +26,7 @@ impl ObserveKernels {
         Self { patches, ..Self::default() }
     }
 
-    /// A uniform block, three tables that are read, two that are written.
+    /// A uniform block, four tables that are read, two that are written.
     fn layout(&self, device: &wgpu::Device) -> &wgpu::BindGroupLayout {
         let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
             binding,
@@ -44,21 +45,20 @@ impl ObserveKernels {
                     entry(3, storage(true)),
                     entry(4, storage(false)),
                     entry(5, storage(false)),
+                    entry(6, storage(true)),
                 ],
             })
         })
     }
 
-    fn pipelines<T: DeviceScalar>(&self, device: &Device) -> Result<[wgpu::ComputePipeline; 2]> {
+    fn pipeline<T: DeviceScalar>(&self, device: &Device) -> Result<wgpu::ComputePipeline> {
         let (cell, precision) = if T::WORDS == 2 { (&self.f32, Precision::F32) } else { (&self.f64, Precision::F64) };
-        if let Some(pipelines) = cell.get() {
-            return Ok(pipelines.clone());
+        if let Some(pipeline) = cell.get() {
+            return Ok(pipeline.clone());
         }
         let layout = super::pipeline_layout(&device.device, self.layout(&device.device));
-        let [observe, combine] = Source::observe(precision);
-        let compile = |source: Source| source.patched(&self.patches)?.compile(&device.device, &layout, None);
-        let pipelines = [compile(observe)?, compile(combine)?];
-        Ok(cell.get_or_init(|| pipelines).clone())
+        let pipeline = Source::observe(precision).patched(&self.patches)?.compile(&device.device, &layout, None)?;
+        Ok(cell.get_or_init(|| pipeline).clone())
     }
 }
 
@@ -66,10 +66,10 @@ impl ObserveKernels {
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 struct Settings {
-    body_count: u32,
     stride: u32,
     zero: u32,
     statistic_count: u32,
+    piece_count: u32,
     statistics: [u32; 4],
 }
 
@@ -82,37 +82,44 @@ pub(super) struct Reducer {
 
 /// What is watched, in the chunks of the session.
 struct Watched {
-    pipelines: [wgpu::ComputePipeline; 2],
+    pipeline: wgpu::ComputePipeline,
     statistics: usize,
-    /// What the exponents of each statistic are relative to.
-    offsets: Vec<i32>,
+    blocks: usize,
     chunks: Vec<Chunk>,
     staging: Option<wgpu::Buffer>,
 }
 
 /// Bodies of one chunk.
 struct Chunk {
-    first: usize,
-    bodies: usize,
+    /// The places whose rows are in the chunk.
+    places: Vec<u32>,
+    pieces: Vec<Piece>,
     columns: wgpu::Buffer,
     partials: wgpu::Buffer,
     marks: wgpu::Buffer,
+    order: wgpu::Buffer,
     settings: wgpu::Buffer,
     bind_group: wgpu::BindGroup,
     /// Whether the last reduction has marked any.
     has_marks: bool,
 }
 
+/// Places of one block that one workgroup reduces.
+struct Piece {
+    block: usize,
+    /// Among the chunk's places.
+    first: usize,
+    count: usize,
+    /// What the exponents of each statistic are relative to.
+    offsets: Vec<i32>,
+}
+
 /// Words of marks for as many bodies as a workgroup has lanes: a bit a body that failed, then a bit a body that spins too fast.
 const MARKS: usize = 4;
 
 impl Chunk {
-    fn groups(&self) -> usize {
-        self.bodies.div_ceil(GROUP_BODIES)
-    }
-
     fn release(&self) {
-        for buffer in [&self.columns, &self.partials, &self.marks, &self.settings] {
+        for buffer in [&self.columns, &self.partials, &self.marks, &self.order, &self.settings] {
             buffer.destroy();
         }
     }
@@ -126,59 +133,85 @@ impl Reducer {
     pub fn watch<T: DeviceScalar>(
         &mut self,
         device: &Device,
-        places: &[Place<'_>],
-        statistics: &[Statistic],
-        frames: &[BodyFrame],
+        chunks: &[Place<'_>],
+        (statistics, frames): (&[Statistic], &[BodyFrame]),
+        blocks: &BlockRows,
         fastest: f64,
     ) -> Result<()> {
         self.release();
-        let columns = Columns::<T>::new(statistics, frames, fastest);
-        let staging = (places.len() * statistics.len() * partial_bytes::<T>()) as u64;
-        let read = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
         let refused = |refusal| device.refused(refusal);
         let mut watched = Watched {
-            pipelines: self.kernels.pipelines::<T>(device)?,
+            pipeline: self.kernels.pipeline::<T>(device)?,
             statistics: statistics.len(),
-            offsets: columns.offsets.clone(),
-            chunks: Vec::with_capacity(places.len()),
-            staging: (staging > 0).then(|| buffer(device, "statistics", staging, read)).transpose().map_err(refused)?,
+            blocks: blocks.count(),
+            chunks: Vec::with_capacity(chunks.len()),
+            staging: None,
         };
         let codes = std::array::from_fn(|index| statistics.get(index).map_or(0, |statistic| statistic.code()));
         let mut upload = Upload::new(device);
-        for place in places {
-            let chunk = self.chunk::<T>(device, place, statistics.len()).map_err(refused)?;
-            let rows = place.first..place.first + place.bodies;
+        for (place, places) in chunks.iter().zip(places_by_chunk(chunks, blocks)) {
+            let parts = parts_of(&places, blocks);
+            let ranges: Vec<Range<usize>> = parts.iter().map(|(_, range)| range.clone()).collect();
+            let row = |index: usize| blocks.row(places[index] as usize);
+            let frame = |index: usize| &frames[row(index)];
+            let columns = Columns::<T>::new(statistics, places.len(), frame, &ranges, fastest);
+            let mut pieces = Vec::new();
+            for ((block, range), offsets) in parts.into_iter().zip(&columns.offsets) {
+                pieces.extend(range.clone().step_by(GROUP_BODIES).map(|first| {
+                    let count = GROUP_BODIES.min(range.end - first);
+                    Piece { block, first, count, offsets: offsets.clone() }
+                }));
+            }
+            let mut order: Vec<u32> =
+                pieces.iter().flat_map(|piece| [piece.first as u32, piece.count as u32]).collect();
+            order.extend((0..places.len()).map(|index| (row(index) - place.first) as u32));
             let settings = Settings {
-                body_count: place.bodies as u32,
                 stride: place.stride as u32,
                 zero: 0,
                 statistic_count: statistics.len() as u32,
+                piece_count: pieces.len() as u32,
                 statistics: codes,
             };
+            let rows = 0..places.len();
+            let chunk = self.chunk::<T>(device, place, places, pieces, statistics.len()).map_err(refused)?;
             device.write(&chunk.settings, 0, bytemuck::bytes_of(&settings));
+            device.write(&chunk.order, 0, bytemuck::cast_slice(&order));
             let nan = T::from_f64(f64::NAN);
             upload.columns(&chunk.columns, place.stride, &columns.columns, columns.stride, rows, nan)?;
             watched.chunks.push(chunk);
         }
         upload.finish()?;
+        let pieces: usize = watched.chunks.iter().map(|chunk| chunk.pieces.len()).sum();
+        let staging = (pieces * statistics.len() * partial_bytes::<T>()) as u64;
+        let read = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+        if staging > 0 {
+            watched.staging = Some(buffer(device, "statistics", staging, read).map_err(refused)?);
+        }
         self.watched = Some(watched);
         Ok(())
     }
 
-    fn chunk<T: DeviceScalar>(&self, device: &Device, place: &Place<'_>, statistics: usize) -> Result<Chunk, Refusal> {
-        let groups = place.bodies.div_ceil(GROUP_BODIES);
+    fn chunk<T: DeviceScalar>(
+        &self,
+        device: &Device,
+        place: &Place<'_>,
+        places: Vec<u32>,
+        pieces: Vec<Piece>,
+        statistics: usize,
+    ) -> Result<Chunk, Refusal> {
         let column_bytes = (crate::kernel::observe::SCALE_COLUMN + statistics) * place.stride * size_of::<T>();
-        let partial_bytes = (1 + groups) * statistics * partial_bytes::<T>();
+        let partial_bytes = pieces.len() * statistics.max(1) * partial_bytes::<T>();
+        let mark_bytes = pieces.len() * GROUP_BODIES / WORKGROUP * MARKS * size_of::<u32>();
         let input = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let output = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
         let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let columns = buffer(device, "observed", column_bytes as u64, input)?;
         let partials = buffer(device, "partials", partial_bytes as u64, output)?;
-        let marks =
-            buffer(device, "marks", (groups * GROUP_BODIES / WORKGROUP * MARKS * size_of::<u32>()) as u64, output)?;
+        let marks = buffer(device, "marks", mark_bytes as u64, output)?;
+        let order = buffer(device, "places", ((2 * pieces.len() + places.len()) * size_of::<u32>()) as u64, input)?;
         let settings = buffer(device, "settings", size_of::<Settings>() as u64, uniform)?;
-        let buffers = [&settings, place.state, place.state, &columns, &partials, &marks];
-        let entries: [_; 6] = std::array::from_fn(|binding| wgpu::BindGroupEntry {
+        let buffers = [&settings, place.state, place.state, &columns, &partials, &marks, &order];
+        let entries: [_; 7] = std::array::from_fn(|binding| wgpu::BindGroupEntry {
             binding: binding as u32,
             resource: buffers[binding].as_entire_binding(),
         });
@@ -189,49 +222,56 @@ impl Reducer {
                 entries: &entries,
             })
         })?;
-        let (first, bodies) = (place.first, place.bodies);
-        Ok(Chunk { first, bodies, columns, partials, marks, settings, bind_group, has_marks: false })
+        Ok(Chunk { places, pieces, columns, partials, marks, order, settings, bind_group, has_marks: false })
     }
 
-    pub fn reduce<T: DeviceScalar>(&mut self, device: &Device) -> Result<Vec<Partial<f64>>> {
+    pub fn reduce<T: DeviceScalar>(&mut self, device: &Device) -> Result<Vec<Vec<Partial<f64>>>> {
         let Some(watched) = &mut self.watched else { return Ok(Vec::new()) };
-        let mut total = vec![Partial::none(); watched.statistics];
-        let Some(staging) = &watched.staging else { return Ok(total) };
-        let bytes = (watched.statistics * partial_bytes::<T>()) as u64;
-        let commands = device.scoped(|| {
-            let label = Some("observe");
-            let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label });
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            let [observe, combine] = &watched.pipelines;
-            pass.set_pipeline(observe);
-            for chunk in &watched.chunks {
-                pass.set_bind_group(0, &chunk.bind_group, &[]);
-                device.dispatch(&mut pass, chunk.groups() as u32);
-            }
-            pass.set_pipeline(combine);
-            for chunk in &watched.chunks {
-                pass.set_bind_group(0, &chunk.bind_group, &[]);
-                device.dispatch(&mut pass, watched.statistics as u32);
-            }
-            drop(pass);
-            for (index, chunk) in watched.chunks.iter().enumerate() {
-                encoder.copy_buffer_to_buffer(&chunk.partials, 0, staging, index as u64 * bytes, bytes);
-            }
-            encoder.finish()
-        });
-        let commands = commands.map_err(|refusal| device.refused(refusal))?;
-        let (chunks, offsets) = (&mut watched.chunks, &watched.offsets);
-        let range = 0..bytes * chunks.len() as u64;
-        device.read(commands, staging, range, |view| {
-            for (chunk, view) in chunks.iter_mut().zip(view.chunks_exact(bytes as usize)) {
-                let partials = view.chunks_exact(partial_bytes::<T>()).map(partial::<T>);
-                for (index, found) in partials.enumerate() {
-                    chunk.has_marks = (found.count as usize) < chunk.bodies || found.faster > 0;
-                    total[index] = merge(total[index], found.widened(chunk.first as u32, offsets[index]));
+        let mut found: Vec<Vec<Vec<Partial<f64>>>> = vec![Vec::new(); watched.blocks];
+        if let Some(staging) = &watched.staging {
+            let bytes = (watched.statistics * partial_bytes::<T>()) as u64;
+            let commands = device.scoped(|| {
+                let label = Some("observe");
+                let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label });
+                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+                pass.set_pipeline(&watched.pipeline);
+                for chunk in &watched.chunks {
+                    pass.set_bind_group(0, &chunk.bind_group, &[]);
+                    device.dispatch(&mut pass, chunk.pieces.len() as u32);
                 }
-            }
-        })?;
-        Ok(total)
+                drop(pass);
+                let mut offset = 0;
+                for chunk in &watched.chunks {
+                    let bytes = bytes * chunk.pieces.len() as u64;
+                    encoder.copy_buffer_to_buffer(&chunk.partials, 0, staging, offset, bytes);
+                    offset += bytes;
+                }
+                encoder.finish()
+            });
+            let commands = commands.map_err(|refusal| device.refused(refusal))?;
+            let chunks = &mut watched.chunks;
+            device.read(commands, staging, 0..staging.size(), |view| {
+                let mut views = view.chunks_exact(bytes as usize);
+                for chunk in chunks.iter_mut() {
+                    chunk.has_marks = false;
+                    for (piece, view) in chunk.pieces.iter().zip(&mut views) {
+                        let own = view.chunks_exact(partial_bytes::<T>()).map(partial::<T>).zip(&piece.offsets);
+                        let own = own.map(|(partial, &offset)| {
+                            chunk.has_marks |= (partial.count as usize) < piece.count || partial.faster > 0;
+                            let mut wide = partial.widened(offset);
+                            if wide.count > 0 {
+                                let place = |index: u32| chunk.places[index as usize];
+                                wide.least.body = place(wide.least.body);
+                                wide.greatest.body = place(wide.greatest.body);
+                            }
+                            wide
+                        });
+                        found[piece.block].push(own.collect());
+                    }
+                }
+            })?;
+        }
+        Ok(found.iter().map(|pieces| merged(pieces, watched.statistics)).collect())
     }
 
     pub fn marked(&mut self, device: &Device) -> Result<Marked> {
@@ -247,12 +287,14 @@ impl Reducer {
             let commands = device.scoped(|| encoder.finish()).map_err(|refusal| device.refused(refusal))?;
             let read = device.read(commands, &staging, 0..bytes, |view| {
                 let words: &[u32] = bytemuck::cast_slice(view);
-                let bit = |row: usize, kind: usize| {
-                    words[MARKS * (row / WORKGROUP) + 2 * kind + row % WORKGROUP / 32] >> (row % 32) & 1 == 1
-                };
-                let rows = || 0..chunk.bodies;
-                marked.failed.extend(rows().filter(|&row| bit(row, 0)).map(|row| chunk.first + row));
-                marked.faster.extend(rows().filter(|&row| bit(row, 1)).map(|row| chunk.first + row));
+                for (words, piece) in words.chunks_exact(GROUP_BODIES / WORKGROUP * MARKS).zip(&chunk.pieces) {
+                    let bit = |row: usize, kind: usize| {
+                        words[MARKS * (row / WORKGROUP) + 2 * kind + row % WORKGROUP / 32] >> (row % 32) & 1 == 1
+                    };
+                    let place = |row: usize| chunk.places[piece.first + row] as usize;
+                    marked.failed.extend((0..piece.count).filter(|&row| bit(row, 0)).map(place));
+                    marked.faster.extend((0..piece.count).filter(|&row| bit(row, 1)).map(place));
+                }
             });
             staging.destroy();
             read?;
@@ -269,6 +311,29 @@ impl Reducer {
             }
         }
     }
+}
+
+/// For each chunk the places whose rows it holds, ascending.
+fn places_by_chunk(chunks: &[Place<'_>], blocks: &BlockRows) -> Vec<Vec<u32>> {
+    let mut places: Vec<Vec<u32>> = chunks.iter().map(|chunk| Vec::with_capacity(chunk.bodies)).collect();
+    for place in 0..blocks.len() {
+        let row = blocks.row(place);
+        let chunk = chunks.partition_point(|chunk| chunk.first <= row) - 1;
+        places[chunk].push(place as u32);
+    }
+    places
+}
+
+/// The blocks that some places, ascending, belong to, each with those of them that do.
+fn parts_of(places: &[u32], blocks: &BlockRows) -> Vec<(usize, Range<usize>)> {
+    let end = |block: usize| places.partition_point(|&place| (place as usize) < blocks.places(block).end);
+    let mut first = 0;
+    let part = |block: usize| {
+        let range = first..end(block);
+        first = range.end;
+        (block, range)
+    };
+    (0..blocks.count()).map(part).filter(|(_, range)| !range.is_empty()).collect()
 }
 
 /// Bytes of a `Partial` of the shader: four words, three numbers, and twice a number and two words.
@@ -300,12 +365,18 @@ fn partial<T: DeviceScalar>(bytes: &[u8]) -> Partial<T> {
 macro_rules! reduces {
     ($session:ident, $($chunks:ident).+, $($reader:ident).+) => {
         impl<T: DeviceScalar> Reduce for $session<T> {
-            fn watch(&mut self, statistics: &[Statistic], frames: &[BodyFrame], fastest: f64) -> Result<()> {
+            fn watch(
+                &mut self,
+                statistics: &[Statistic],
+                frames: &[BodyFrame],
+                blocks: &BlockRows,
+                fastest: f64,
+            ) -> Result<()> {
                 let places: Vec<_> = self.$($chunks).+.iter().map(|chunk| chunk.place()).collect();
-                self.reducer.watch::<T>(&self.device, &places, statistics, frames, fastest)
+                self.reducer.watch::<T>(&self.device, &places, (statistics, frames), blocks, fastest)
             }
 
-            fn reduce(&mut self) -> Result<Vec<Partial<f64>>> {
+            fn reduce(&mut self) -> Result<Vec<Vec<Partial<f64>>>> {
                 self.reducer.reduce::<T>(&self.device)
             }
 

@@ -13,7 +13,7 @@ use super::observe::{Reducer, reduces};
 use super::reading::{Reader, read_single_rows};
 use crate::bodies::BodyFrame;
 use crate::bodies::columns::StateWords;
-use crate::engine::reduction::{Marked, Reduce};
+use crate::engine::reduction::{BlockRows, Marked, Reduce};
 use crate::engine::{Observer, Progress, Session, check_step};
 use crate::error::{Error, Result};
 use crate::kernel::observe::{Partial, Statistic};

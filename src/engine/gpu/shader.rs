@@ -279,17 +279,15 @@ impl Source {
         Self { chunks, entry_point: "free_motion", constants: Vec::new() }
     }
 
-    /// The kernels that reduce the state to statistics: `observe`, by workgroup, and `combine`, of a chunk.
-    pub fn observe(precision: Precision) -> [Self; 2] {
-        ["observe", "combine"].map(|entry_point| {
-            let numbers = match precision {
-                Precision::F32 => chunk!("observe_f32.wgsl"),
-                Precision::F64 => chunk!("observe_f64.wgsl"),
-            };
-            let mut chunks = Self::functions(precision);
-            chunks.extend([numbers, chunk!("observe.wgsl")]);
-            Self { chunks, entry_point, constants: Vec::new() }
-        })
+    /// The kernel that reduces the state to statistics, by workgroup.
+    pub fn observe(precision: Precision) -> Self {
+        let numbers = match precision {
+            Precision::F32 => chunk!("observe_f32.wgsl"),
+            Precision::F64 => chunk!("observe_f64.wgsl"),
+        };
+        let mut chunks = Self::functions(precision);
+        chunks.extend([numbers, chunk!("observe.wgsl")]);
+        Self { chunks, entry_point: "observe", constants: Vec::new() }
     }
 
     /// The chunks that the closed form adds to [`Source::functions`].

@@ -49,6 +49,8 @@ pub struct FreeMotionRows<T> {
     pub words: Vec<u64>,
     /// Constants of the series, shape `[ROW_COLUMNS, stride]`.
     pub constants: Vec<T>,
+    /// Rows before which engines that hold bodies in chunks may cut, ascending; without any, anywhere.
+    pub ends: Vec<usize>,
 }
 
 /// Rows of either precision.
@@ -91,6 +93,14 @@ impl AnyRows {
                 (frames, Self::F64(rows))
             }
         })
+    }
+
+    /// Says where engines that hold bodies in chunks may cut.
+    pub(crate) fn cut_at(&mut self, ends: Vec<usize>) {
+        match self {
+            Self::F32(rows) => rows.ends = ends,
+            Self::F64(rows) => rows.ends = ends,
+        }
     }
 
     /// Number of bodies.
@@ -165,6 +175,7 @@ impl<T: LaneScalar> FreeMotionRows<T> {
             stride,
             words: vec![0; WORD_COLUMNS * stride],
             constants: vec![T::default(); ROW_COLUMNS * stride],
+            ends: Vec::new(),
         }
     }
 

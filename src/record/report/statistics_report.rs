@@ -16,12 +16,12 @@ pub struct StatisticsReport {
 }
 
 /// Statistics of one quantity.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SummaryReport {
     /// Its name.
-    pub quantity: &'static str,
+    pub quantity: String,
     /// Its unit.
-    pub unit: &'static str,
+    pub unit: String,
     /// The arithmetic mean over the bodies.
     pub mean: f64,
     /// The standard deviation of the bodies as they are (divided by their number).
@@ -34,14 +34,18 @@ pub struct SummaryReport {
     pub min_body: Option<usize>,
     /// The body with the greatest.
     pub max_body: Option<usize>,
+    /// The quantiles asked for, in ascending order.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub quantiles: Vec<f64>,
 }
 
 impl From<&Statistics> for StatisticsReport {
     fn from(statistics: &Statistics) -> Self {
         let summary = |summary: &Summary| {
-            let Summary { statistic, mean, standard_deviation, min, max, min_body, max_body } = *summary;
-            let (quantity, unit) = (statistic.name(), statistic.unit());
-            SummaryReport { quantity, unit, mean, standard_deviation, min, max, min_body, max_body }
+            let Summary { mean, standard_deviation, min, max, min_body, max_body, .. } = *summary;
+            let (quantity, unit) = (summary.quantity.name().to_owned(), summary.quantity.unit().to_owned());
+            let quantiles = summary.quantiles.clone();
+            SummaryReport { quantity, unit, mean, standard_deviation, min, max, min_body, max_body, quantiles }
         };
         Self { count: statistics.count, quantities: statistics.summaries.iter().map(summary).collect() }
     }

@@ -40,6 +40,7 @@ impl fmt::Display for Report {
         if let Some(statistics) = &self.statistics {
             write!(formatter, "{statistics}")?;
         }
+        self.events.iter().try_for_each(|event| write!(formatter, "{event}"))?;
         // There is nothing to say of no bodies.
         if self.drift.bodies > 0 {
             self.write_drift(formatter)?;

@@ -101,7 +101,6 @@ impl CustomForce {
     }
 
     /// The same with other values of its parameters, in their order.
-    #[cfg(feature = "study")]
     pub(crate) fn with_values(&self, values: Vec<Value>) -> Self {
         Self { values, ..self.clone() }
     }
@@ -113,7 +112,6 @@ impl CustomForce {
     }
 
     /// Their values.
-    #[cfg(feature = "study")]
     pub(crate) fn values(&self) -> &[Value] {
         &self.values
     }

@@ -6,8 +6,12 @@
 //! rotation: in `f64` on the host, or, where thrust follows a rotation that a GPU steps, there and in its precision
 //! ([`carried`]). Under a force of the user's own ([`custom`]) they are stepped adaptively, on the host.
 
+use std::ops::Range;
+
 use glam::{DQuat, DVec3};
 
+#[cfg(feature = "study")]
+use crate::error::Text;
 use crate::error::{Error, Result};
 use crate::torque::{Parameter, ValidationContext, Validity, Value};
 
@@ -47,6 +51,22 @@ impl Force {
         Self::Constant(force_world.into())
     }
 
+    /// The same for some of the bodies, which are then counted from 0.
+    pub(crate) fn only(&self, bodies: &Range<usize>) -> Self {
+        let bodies = bodies.clone();
+        match self {
+            Self::Constant(force) => Self::Constant(force.only(bodies)),
+            Self::Gravity(acceleration) => Self::Gravity(acceleration.only(bodies)),
+            Self::LinearDrag(coefficient) => Self::LinearDrag(coefficient.only(bodies)),
+            Self::QuadraticDrag(coefficient) => Self::QuadraticDrag(coefficient.only(bodies)),
+            Self::Thrust(force) => Self::Thrust(force.only(bodies)),
+            Self::Custom(force) => {
+                let values = force.values().iter().map(|value| value.only(bodies.clone())).collect();
+                Self::Custom(force.with_values(values))
+            }
+        }
+    }
+
     /// A uniform field of gravity, m/s², world axes.
     pub fn gravity(acceleration_world: impl Into<Parameter<DVec3>>) -> Self {
         Self::Gravity(acceleration_world.into())
@@ -76,6 +96,22 @@ impl Force {
             Force::QuadraticDrag(_) => "quadratic-drag",
             Force::Thrust(_) => "thrust",
             Force::Custom(_) => "custom",
+        }
+    }
+
+    /// Its parameters with their names, as studies have them.
+    #[cfg(feature = "study")]
+    pub(crate) fn parameters(&self) -> Vec<(Text, Value)> {
+        let vector = |name: &'static str, value: &Parameter<DVec3>| vec![(name.into(), Value::Vector(value.clone()))];
+        let number = |value: &Parameter<f64>| vec![("coefficient".into(), Value::Number(value.clone()))];
+        match self {
+            Force::Constant(force) | Force::Thrust(force) => vector("force", force),
+            Force::Gravity(acceleration) => vector("acceleration", acceleration),
+            Force::LinearDrag(coefficient) | Force::QuadraticDrag(coefficient) => number(coefficient),
+            Force::Custom(force) => {
+                let names = force.declarations().iter().map(|declared| declared.name.clone());
+                names.zip(force.values().iter().cloned()).collect()
+            }
         }
     }
 

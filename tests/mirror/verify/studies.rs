@@ -8,12 +8,15 @@ use polhode::study::Study;
 
 use super::{agreed, common, steps, workspace};
 
-const EXAMPLES: [&str; 12] = [
+const EXAMPLES: [&str; 15] = [
     "aero_table",
+    "asteroids",
     "bdot",
     "booms",
     "curveball",
     "debris",
+    "despin",
+    "flip_times",
     "intermediate_axis",
     "pointing",
     "relaxing",

@@ -1,0 +1,271 @@
+"""What a run leaves behind."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ._arrays import columns
+from ._errors import InputError
+from ._report import Report
+from ._tables import frame_to_columns
+
+if TYPE_CHECKING:
+    import pandas
+    import polars
+    import pyarrow
+    from numpy.typing import NDArray
+    from scipy.spatial.transform import Rotation
+
+#: Why a body has failed, by its number in `status`.
+REASONS = ("valid", "not_converged", "step_too_long", "step_below_limit", "not_finite", "centre_not_finite")
+
+
+class Snapshots:
+    """All bodies at all output times, arrays of shape (t, n, ...). The numbers of a body that has failed are NaN.
+
+    Attributes
+    ----------
+    times : (t,), s
+    orientation : (t, n, 4), unit quaternions x, y, z, w, body to world
+    angular_velocity_body : (t, n, 3), rad/s, body axes
+    angular_momentum_world : (t, n, 3), kg m²/s, world axes
+    kinetic_energy : (t, n), rotational, J
+    position, velocity : (t, n, 3), m and m/s, world axes; None where the bodies do not move through space
+    status : (t, n), 0 or the number of the reason why a body has failed (`polhode.Result.reasons`)
+    """
+
+    times: NDArray[np.float64]
+    orientation: NDArray[np.float64]
+    angular_velocity_body: NDArray[np.float64]
+    angular_momentum_world: NDArray[np.float64]
+    kinetic_energy: NDArray[np.float64]
+    position: NDArray[np.float64] | None
+    velocity: NDArray[np.float64] | None
+    status: NDArray[np.uint8]
+
+    def __init__(self, found: dict) -> None:
+        self.times = found["times"]
+        self.orientation = found["orientation"]
+        self.angular_velocity_body = found["angular_velocity"]
+        self.angular_momentum_world = found["angular_momentum"]
+        self.kinetic_energy = found["kinetic_energy"]
+        self.position = found.get("position")
+        self.velocity = found.get("velocity")
+        self.status = found["status"]
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    def _columns(self, outputs):
+        """One column a component, one row a body and output time, as the tables of the command."""
+        bodies = self.status.shape[1]
+        times = self.times[outputs]
+
+        def flat(values):
+            values = values[outputs]
+            return values.reshape(values.shape[0] * values.shape[1], *values.shape[2:])
+
+        made = {
+            "body": np.tile(np.arange(bodies), len(times)),
+            "t": np.repeat(times, bodies),
+            **dict(zip(("qx", "qy", "qz", "qw"), columns(flat(self.orientation)))),
+            **dict(zip(("wx", "wy", "wz"), columns(flat(self.angular_velocity_body)))),
+            **dict(zip(("lx", "ly", "lz"), columns(flat(self.angular_momentum_world)))),
+            "kinetic_energy": flat(self.kinetic_energy),
+        }
+        if self.position is not None:
+            made.update(zip(("x", "y", "z"), columns(flat(self.position))))
+            made.update(zip(("vx", "vy", "vz"), columns(flat(self.velocity))))
+        made["status"] = flat(self.status)
+        return made
+
+    def to_arrow(self) -> pyarrow.Table:
+        """All bodies at all output times as `pyarrow.Table`, with the columns of `snapshots.csv`."""
+        return frame_to_columns("arrow", self._columns(slice(None)))
+
+    def to_polars(self) -> polars.DataFrame:
+        """All bodies at all output times as `polars.DataFrame`, with the columns of `snapshots.csv`."""
+        return frame_to_columns("polars", self._columns(slice(None)))
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """All bodies at all output times as `pandas.DataFrame`, with the columns of `snapshots.csv`."""
+        return frame_to_columns("pandas", self._columns(slice(None)))
+
+    def __repr__(self) -> str:
+        times, bodies = self.status.shape
+        return f"<polhode.Snapshots of {bodies:,} bodies at {times:,} times>"
+
+
+class Summary:
+    """One quantity over all bodies that did not fail, at each output time.
+
+    Attributes
+    ----------
+    unit : str
+    mean, standard_deviation, min, max : (t,); the deviation is that of the bodies as they are, divided by their number
+    min_body, max_body : (t,), the bodies with the least and the greatest value; -1 where no body is left
+    """
+
+    unit: str
+    mean: NDArray[np.float64]
+    standard_deviation: NDArray[np.float64]
+    min: NDArray[np.float64]
+    max: NDArray[np.float64]
+    min_body: NDArray[np.int64]
+    max_body: NDArray[np.int64]
+
+    def __init__(self, figures: dict) -> None:
+        self.__dict__.update(figures)
+
+    def __repr__(self) -> str:
+        return f"<mean {self.mean[-1]:.6g}, min {self.min[-1]:.6g}, max {self.max[-1]:.6g} {self.unit} at the end>"
+
+
+class Statistics(dict[str, Summary]):
+    """Of each quantity asked for its `Summary`.
+
+    Attributes
+    ----------
+    times : (t,), s
+    count : (t,), bodies behind the figures
+    """
+
+    times: NDArray[np.float64]
+    count: NDArray[np.int64]
+
+    def __init__(self, found: dict) -> None:
+        super().__init__({name: Summary(figures) for name, figures in found["quantities"].items()})
+        self.times, self.count = found["time"], found["count"]
+
+    def _columns(self):
+        made = {"t": self.times, "count": self.count}
+        for name, summary in self.items():
+            for figure in ("mean", "standard_deviation", "min", "max", "min_body", "max_body"):
+                made[f"{name}_{figure}"] = getattr(summary, figure)
+        return made
+
+    def to_arrow(self) -> pyarrow.Table:
+        """One row an output time as `pyarrow.Table`, with the columns of `statistics.csv`."""
+        return frame_to_columns("arrow", self._columns())
+
+    def to_polars(self) -> polars.DataFrame:
+        """One row an output time as `polars.DataFrame`, with the columns of `statistics.csv`."""
+        return frame_to_columns("polars", self._columns())
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """One row an output time as `pandas.DataFrame`, with the columns of `statistics.csv`."""
+        return frame_to_columns("pandas", self._columns())
+
+
+class Result:
+    """What a run leaves behind: the states of all bodies at the end, and at all output times (`snapshots`).
+
+    Arrays are the memory that the run has written, not copies of it. The numbers of a body that has failed are NaN.
+
+    Attributes
+    ----------
+    time : float, s, of the end
+    orientation : (n, 4), unit quaternions x, y, z, w, body to world
+    angular_velocity_body : (n, 3), rad/s, body axes
+    angular_momentum_world : (n, 3), kg m²/s, world axes
+    kinetic_energy : (n,), rotational, J
+    position, velocity : (n, 3), m and m/s, world axes; None where the bodies do not move through space
+    status : (n,), 0 or the number of the reason why a body has failed, an index of `reasons`
+    snapshots : Snapshots, or None where no states were asked for
+    statistics : dict of `Summary` by quantity, or None where none were asked for
+    failures : dict of arrays, one row a body that has failed: body, t, status, reason, known_to, last_good_t, orientation, angular_velocity
+    report : Report
+    """
+
+    #: The words for the numbers in `status`.
+    reasons: tuple[str, ...] = REASONS
+
+    report: Report
+    statistics: Statistics | None
+    snapshots: Snapshots | None
+    failures: dict
+
+    def __init__(self, found: dict) -> None:
+        self.report = Report(json.loads(found["report"]), found["summary"])
+        self.statistics = None if found["statistics"] is None else Statistics(found["statistics"])
+        self.snapshots = Snapshots(found) if "orientation" in found else None
+        self.failures = found["failures"]
+
+    def _states(self):
+        if self.snapshots is None:
+            files = self.report.files
+            where = f"they were written to {', '.join(files)}" if files else "the scene keeps none (states=False)"
+            raise InputError(f"the result holds no states: {where}")
+        return self.snapshots
+
+    def _at_end(self, name):
+        values = getattr(self._states(), name)
+        return None if values is None else values[-1]
+
+    @property
+    def time(self) -> float:
+        """The time of the end, s."""
+        return float(self._states().times[-1])
+
+    @property
+    def orientation(self) -> NDArray[np.float64]:
+        """Unit quaternions x, y, z, w, body to world, (n, 4)."""
+        return self._at_end("orientation")
+
+    @property
+    def angular_velocity_body(self) -> NDArray[np.float64]:
+        """Angular velocities, (n, 3), rad/s, body axes."""
+        return self._at_end("angular_velocity_body")
+
+    @property
+    def angular_momentum_world(self) -> NDArray[np.float64]:
+        """Angular momenta, (n, 3), kg m²/s, world axes."""
+        return self._at_end("angular_momentum_world")
+
+    @property
+    def kinetic_energy(self) -> NDArray[np.float64]:
+        """Rotational kinetic energies, (n,), J."""
+        return self._at_end("kinetic_energy")
+
+    @property
+    def position(self) -> NDArray[np.float64] | None:
+        """Centres of mass, (n, 3), m, world axes, or None."""
+        return self._at_end("position")
+
+    @property
+    def velocity(self) -> NDArray[np.float64] | None:
+        """Velocities of the centres of mass, (n, 3), m/s, world axes, or None."""
+        return self._at_end("velocity")
+
+    @property
+    def status(self) -> NDArray[np.uint8]:
+        """0, or the number of the reason why a body has failed, (n,)."""
+        return self._at_end("status")
+
+    @property
+    def rotation(self) -> Rotation:
+        """The orientations at the end as `scipy.spatial.transform.Rotation`."""
+        from ._scipy import rotation
+
+        return rotation(self.orientation)
+
+    def to_arrow(self) -> pyarrow.Table:
+        """All bodies at the end as `pyarrow.Table`, with the columns of `final.csv`."""
+        return frame_to_columns("arrow", self._states()._columns(slice(-1, None)))
+
+    def to_polars(self) -> polars.DataFrame:
+        """All bodies at the end as `polars.DataFrame`, with the columns of `final.csv`."""
+        return frame_to_columns("polars", self._states()._columns(slice(-1, None)))
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """All bodies at the end as `pandas.DataFrame`, with the columns of `final.csv`."""
+        return frame_to_columns("pandas", self._states()._columns(slice(-1, None)))
+
+    def __repr__(self) -> str:
+        return f"<polhode.Result>\n{self.report!r}"
+
+    def _repr_html_(self) -> str:
+        return self.report._repr_html_()

@@ -1,0 +1,37 @@
+//! `polhode plan`.
+
+use polhode::Plan;
+use polhode::bodies::Blocks;
+use polhode::run::write_plan;
+use polhode::study::Study;
+
+use crate::arguments::PlanArguments;
+use crate::output::{self, Failure};
+use crate::progress::planning;
+
+/// Makes the plan of a study and writes it out.
+pub fn plan(arguments: &PlanArguments) -> Result<(), Failure> {
+    let mut study = Study::read(&arguments.study)?;
+    if let Some(precision) = crate::engine::precision(&arguments.engine) {
+        study = study.with_precision(precision);
+    }
+    let scene = study.scene()?.skipping(!arguments.no_skip);
+    let engine = crate::engine::open(&arguments.engine, arguments.quiet)?;
+    let costs = crate::engine::costs(arguments.costs.as_deref(), &engine)?;
+    let planned = planning(arguments.quiet, || Plan::with_costs(&scene, &engine, &costs));
+    let plan = planned.map_err(|error| study.located(error))?;
+    let Some(path) = &arguments.out else { return output::print(&plan.to_json()) };
+    write_plan(&plan, path)?;
+    if !arguments.quiet {
+        let blocks = Blocks::of(scene.ensemble().len());
+        output::note(&format!(
+            "{}: {} bodies in {} blocks of {}, so up to {} parts (`polhode run --shard`)",
+            path.display(),
+            scene.ensemble().len(),
+            blocks.count(),
+            blocks.size(),
+            blocks.count()
+        ));
+    }
+    Ok(())
+}

@@ -1,0 +1,145 @@
+//! `polhode status` and `polhode merge`: the parts of a study in one folder.
+
+use std::path::Path;
+
+use polhode::record::{OutputFolder, ShardState, ranges, status as states};
+use polhode::run::merge as merge_parts;
+use serde::Serialize;
+
+use crate::arguments::{MergeArguments, StatusArguments};
+use crate::output::{self, Failure};
+use crate::progress::{self, Watch, catch_interrupts};
+
+/// The most reasons of failures that are shown.
+const MOST_REASONS: usize = 10;
+
+/// What is known of the parts, as JSON: lists of their numbers.
+#[derive(Default, Serialize)]
+struct Found {
+    parts: usize,
+    complete: Vec<usize>,
+    running: Vec<usize>,
+    failed: Vec<usize>,
+    incomplete: Vec<usize>,
+    missing: Vec<usize>,
+    /// What is to be run again, as array launchers take it.
+    due: String,
+}
+
+impl Found {
+    fn of(states: &[ShardState]) -> Self {
+        let mut found = Self { parts: states.len(), ..Self::default() };
+        let due: Vec<usize> = (1..).zip(states).filter(|(_, state)| state.is_due()).map(|(number, _)| number).collect();
+        found.due = ranges(&due);
+        for (number, state) in (1..).zip(states) {
+            let list = match state {
+                ShardState::Complete { .. } => &mut found.complete,
+                ShardState::Running => &mut found.running,
+                ShardState::Failed(_) => &mut found.failed,
+                ShardState::Incomplete => &mut found.incomplete,
+                ShardState::Missing => &mut found.missing,
+            };
+            list.push(number);
+        }
+        found
+    }
+}
+
+/// Says which parts are there and which are to be run again.
+pub fn status(arguments: &StatusArguments) -> Result<(), Failure> {
+    let states = states(&arguments.folder)?;
+    let found = Found::of(&states);
+    if arguments.due {
+        output::print(&format!("{}\n", found.due))?;
+    } else if arguments.json {
+        output::print(&format!("{}\n", serde_json::to_string_pretty(&found).unwrap_or_default()))?;
+    } else {
+        output::show(&summary(&states, &found))?;
+    }
+    if found.complete.len() == found.parts { Ok(()) } else { Err(Failure::PartsMissing) }
+}
+
+fn summary(states: &[ShardState], found: &Found) -> String {
+    let failed_bodies: usize = states
+        .iter()
+        .map(|state| if let ShardState::Complete { failed_bodies } = state { *failed_bodies } else { 0 })
+        .sum();
+    let mut text = format!("{} of {} parts are complete", found.complete.len(), found.parts);
+    if failed_bodies > 0 {
+        text += &format!("; {failed_bodies} bodies of theirs have failed");
+    }
+    text.push('\n');
+    let lists = [
+        ("running", &found.running),
+        ("failed", &found.failed),
+        ("incomplete", &found.incomplete),
+        ("missing", &found.missing),
+    ];
+    for (name, list) in lists.into_iter().filter(|(_, list)| !list.is_empty()) {
+        text += &format!("  {name:<11} {}\n", ranges(list));
+        let reasons = (1..).zip(states).filter_map(|(number, state): (usize, _)| match state {
+            ShardState::Failed(reason) if name == "failed" => Some((number, reason)),
+            _ => None,
+        });
+        for (number, reason) in reasons.take(MOST_REASONS) {
+            text += &format!("    part {number}: {reason}\n");
+        }
+    }
+    if !found.due.is_empty() {
+        text += &format!("  run again   {}\n", found.due);
+    }
+    text
+}
+
+/// Merges the parts into the files of one run.
+pub fn merge(arguments: &MergeArguments) -> Result<(), Failure> {
+    catch_interrupts();
+    progress::begin_run();
+    let path = arguments.out.clone().unwrap_or_else(|| arguments.folder.join("merged"));
+    let merged = merge_into(arguments, &path);
+    progress::end_run();
+    let report = merged?;
+    if arguments.json {
+        output::print(&report.to_json())?;
+    } else if !arguments.quiet {
+        let mut files = report.files.clone();
+        files.push(polhode::record::REPORT.to_owned());
+        let met = match report.accuracy.met {
+            Some(true) => ", as asked for",
+            Some(false) => ", NOT MET",
+            None => "",
+        };
+        let error = report.accuracy.attitude_max.map_or_else(String::new, |error| {
+            format!("  errors   attitude {error:.1e} rad at most in {} bodies{met}\n", report.accuracy.bodies)
+        });
+        output::show(&format!(
+            "{} bodies of {} parts, {:.3e} body-steps in {:.1} s of all parts together\n{error}  failed   {} bodies\n  results  {} in {}\n",
+            report.bodies,
+            report.shards,
+            report.body_steps as f64,
+            report.seconds,
+            report.failed_bodies.len(),
+            files.join(", "),
+            path.display(),
+        ))?;
+    }
+    if report.engines.len() > 1 {
+        let engines: Vec<String> = report.engines.iter().map(|(name, parts)| format!("{name} ({parts})")).collect();
+        output::note(&format!("note: parts were computed on several engines: {}", engines.join("; ")));
+    }
+    match report.failed_bodies.len() as u64 {
+        failed if failed > report.allowed_failures => Err(Failure::FailedBodies),
+        _ => Ok(()),
+    }
+}
+
+fn merge_into(arguments: &MergeArguments, path: &Path) -> Result<polhode::run::MergedReport, Failure> {
+    // Before the folder is made, so that a wrong one leaves nothing.
+    states(&arguments.folder)?;
+    let folder = OutputFolder::create(path, arguments.force)?;
+    progress::remove_at_end(folder.traces().clone());
+    let mut watch = Watch::new(arguments.quiet);
+    let merged = merge_parts(&arguments.folder, folder, &mut |progress| watch.observe(progress));
+    watch.finish();
+    Ok(merged?)
+}

@@ -1,0 +1,152 @@
+//! Quantiles of many numbers from counts of narrow intervals, which merge exactly.
+
+/// How far a quantile of a [`Sketch`] may be from the number of its rank, relative to it: half an interval.
+pub const QUANTILE_ERROR: f64 = 1.0 / 4096.0;
+
+/// Low bits of a number that an interval leaves open: 11 of the fraction's 52 stay.
+const OPEN_BITS: u32 = 52 - 11;
+
+/// Intervals of a page, an octave of them.
+const PAGE: u64 = 1 << 11;
+
+/// How many of some numbers lie in each of the intervals that have the sign, the exponent and eleven more bits of a number in common.
+///
+/// Counts are integers, so that a sketch of all numbers is the sum of those of any parts, whatever their order. (Intervals of constant
+/// relative width are those of C. Masson, J. E. Rim, H. K. Lee, *DDSketch*, PVLDB 12 (2019) 2195, with the logarithm of base 2 replaced by
+/// the piecewise linear one that a floating-point number holds.)
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Sketch {
+    /// By number.
+    pages: Vec<Page>,
+    count: u64,
+}
+
+/// The intervals of an octave of one sign.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Page {
+    number: u64,
+    counts: Vec<u32>,
+}
+
+/// The bits of a number in an order that is that of the numbers.
+fn ordered(x: f64) -> u64 {
+    let bits = x.to_bits();
+    if bits >> 63 == 1 { !bits } else { bits | 1 << 63 }
+}
+
+fn from_ordered(ordered: u64) -> f64 {
+    f64::from_bits(if ordered >> 63 == 1 { ordered ^ 1 << 63 } else { !ordered })
+}
+
+impl Sketch {
+    /// Takes numbers; those that are not finite are left out.
+    pub fn extend(&mut self, numbers: impl IntoIterator<Item = f64>) {
+        // Numbers of one octave come together mostly.
+        let mut last = 0;
+        for x in numbers.into_iter().filter(|x| x.is_finite()) {
+            // Zeros of both signs are one.
+            let key = ordered(x + 0.0) >> OPEN_BITS;
+            let (page, place) = (key / PAGE, (key % PAGE) as usize);
+            if self.pages.get(last).is_none_or(|found| found.number != page) {
+                last = self.page(page);
+            }
+            self.pages[last].counts[place] += 1;
+            self.count += 1;
+        }
+    }
+
+    /// Takes what another has counted.
+    pub fn merge(&mut self, other: &Self) {
+        for Page { number, counts } in &other.pages {
+            let page = self.page(*number);
+            self.pages[page].counts.iter_mut().zip(counts).for_each(|(own, count)| *own += count);
+        }
+        self.count += other.count;
+    }
+
+    /// The place of a page, which is made where there is none.
+    fn page(&mut self, number: u64) -> usize {
+        match self.pages.binary_search_by_key(&number, |page| page.number) {
+            Ok(place) => place,
+            Err(place) => {
+                self.pages.insert(place, Page { number, counts: vec![0; PAGE as usize] });
+                place
+            }
+        }
+    }
+
+    /// Numbers taken.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// The number of rank ⌈`percent` n/100⌉ of n, from 1 (the nearest-rank quantile), to within [`QUANTILE_ERROR`] of itself; NaN of none.
+    pub fn quantile(&self, percent: f64) -> f64 {
+        let rank = ((0.01 * percent * self.count as f64).ceil() as u64).clamp(1, self.count.max(1));
+        let mut below = 0;
+        for Page { number, counts } in &self.pages {
+            for (place, &count) in counts.iter().enumerate() {
+                below += u64::from(count);
+                if count > 0 && below >= rank {
+                    let key = number * PAGE + place as u64;
+                    let (low, high) = (key << OPEN_BITS, ((key + 1) << OPEN_BITS) - 1);
+                    // The interval at zero holds what is below the least normal number too.
+                    let (low, high) = (from_ordered(low), from_ordered(high));
+                    return if low <= 0.0 && high >= 0.0 { 0.0 } else { 0.5 * low + 0.5 * high };
+                }
+            }
+        }
+        f64::NAN
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers over many octaves, of both signs.
+    fn numbers(count: u32) -> Vec<f64> {
+        let spread = |k: u32| f64::from(k.wrapping_mul(2_654_435_761) % 10_007) / 10_007.0 - 0.4;
+        (0..count).map(|k| spread(k) * 10.0_f64.powi((k % 13) as i32 - 6)).collect()
+    }
+
+    #[test]
+    fn quantiles_are_those_of_sorted_numbers() {
+        let mut sorted = numbers(5_000);
+        let mut sketch = Sketch::default();
+        sketch.extend(sorted.iter().copied());
+        sorted.sort_by(f64::total_cmp);
+        for percent in [0.0, 0.01, 1.0, 25.0, 50.0, 77.7, 99.0, 99.99, 100.0] {
+            let rank = ((0.01 * percent * sorted.len() as f64).ceil() as usize).max(1);
+            let (expected, found) = (sorted[rank - 1], sketch.quantile(percent));
+            assert!(
+                (found - expected).abs() <= QUANTILE_ERROR * expected.abs(),
+                "{percent} %: {found:e}, {expected:e}"
+            );
+        }
+    }
+
+    #[test]
+    fn parts_in_any_order_make_the_whole() {
+        let all = numbers(5_000);
+        let mut whole = Sketch::default();
+        whole.extend(all.iter().copied());
+        let mut merged = Sketch::default();
+        for part in all.chunks(777).rev() {
+            let mut sketch = Sketch::default();
+            sketch.extend(part.iter().rev().copied());
+            merged.merge(&sketch);
+        }
+        assert_eq!(whole, merged);
+        assert_eq!(whole.count(), 5_000);
+    }
+
+    #[test]
+    fn zeros_and_what_is_no_number() {
+        let mut sketch = Sketch::default();
+        assert!(sketch.quantile(50.0).is_nan());
+        sketch.extend([0.0, -0.0, f64::NAN, f64::INFINITY, 1.0]);
+        assert_eq!((sketch.count(), sketch.quantile(50.0)), (3, 0.0));
+        assert!((sketch.quantile(100.0) - 1.0).abs() <= QUANTILE_ERROR);
+    }
+}

@@ -1,0 +1,167 @@
+//! Events and histograms of a run.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::path::Path;
+
+use super::figure::{Axis, Figure, Item, Line, Panel, Style};
+use super::run::{caption, titled};
+use crate::error::{Error, FileAction, Result, RowFault};
+use crate::study::text::{CUT, Lines};
+
+const BLUE: [u8; 3] = [0, 114, 178];
+const ORANGE: [u8; 3] = [213, 94, 0];
+
+const SHARE: Style = Style { colour: BLUE, line: Line::Solid, mark: None, width: 2 };
+const INTERVAL: Style = Style { colour: BLUE, line: Line::None, mark: None, width: 1 };
+const FIRST: Style = Style { colour: ORANGE, line: Line::Dotted, mark: None, width: 2 };
+const LAST: Style = SHARE;
+
+/// The files that are drawn.
+pub(super) const SURVIVAL: &str = "survival.csv";
+pub(super) const HISTOGRAMS: &str = "histograms.csv";
+
+/// A table of a run in memory: names of columns, and rows of text.
+pub(super) struct Rows {
+    path: std::path::PathBuf,
+    header: csv::StringRecord,
+    rows: Vec<csv::StringRecord>,
+}
+
+impl Rows {
+    pub fn read(path: &Path) -> Result<Self> {
+        let no_table = |reason: String| Error::Rows { path: path.to_owned(), fault: RowFault::Csv(reason) };
+        let file = File::open(path).map_err(|error| Error::file(path, FileAction::Read, &error))?;
+        let mut reader = csv::Reader::from_reader(Lines::new(file));
+        let header = reader.headers().map_err(|error| no_table(error.to_string()))?.clone();
+        let rows = reader.records().collect::<std::result::Result<Vec<_>, _>>();
+        let rows = rows.map_err(|error| no_table(error.to_string()))?;
+        if reader.get_ref().are_cut() {
+            return Err(no_table(format!("line {}: {CUT}", reader.position().line())));
+        }
+        Ok(Self { path: path.to_owned(), header, rows })
+    }
+
+    /// The names of the columns.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.header.iter()
+    }
+
+    fn place(&self, name: &str) -> Option<usize> {
+        self.header.iter().position(|column| column == name)
+    }
+
+    /// A column of numbers, where there is one; NaN for what is none.
+    pub fn numbers(&self, name: &str) -> Option<Vec<f64>> {
+        let place = self.place(name)?;
+        let number = |row: &csv::StringRecord| row.get(place)?.parse().ok();
+        Some(self.rows.iter().map(|row| number(row).unwrap_or(f64::NAN)).collect())
+    }
+
+    /// A column of numbers that has to be there.
+    pub fn need(&self, name: &str) -> Result<Vec<f64>> {
+        self.numbers(name).ok_or_else(|| self.lacks(name))
+    }
+
+    fn words(&self, name: &str) -> Result<Vec<&str>> {
+        let place = self.place(name).ok_or_else(|| self.lacks(name))?;
+        Ok(self.rows.iter().map(|row| row.get(place).unwrap_or_default()).collect())
+    }
+
+    fn lacks(&self, name: &str) -> Error {
+        Error::Rows { path: self.path.clone(), fault: RowFault::Csv(format!("it has no column {name}")) }
+    }
+}
+
+/// A panel for each event of the table in `folder`: the share of bodies that have not had it.
+///
+/// # Errors
+///
+/// [`Error::File`] and [`Error::Rows`] where the table or `report.json` cannot be read.
+pub(super) fn survival(folder: &Path) -> Result<Figure> {
+    let rows = Rows::read(&folder.join(SURVIVAL))?;
+    let (events, times) = (rows.words("event")?, rows.need("t")?);
+    let (shares, lows, highs) = (rows.need("share")?, rows.need("low")?, rows.need("high")?);
+    let mut names: Vec<&str> = Vec::new();
+    events.iter().for_each(|event| {
+        if !names.contains(event) {
+            names.push(event);
+        }
+    });
+    let cells: Vec<usize> = rows.numbers("cell").unwrap_or_default().iter().map(|&cell| cell as usize).collect();
+    let count = cells.iter().max().map_or(1, |last| last + 1);
+    let cell_of = |row: usize| cells.get(row).copied().unwrap_or(0);
+    let panel = |name: &&str| {
+        let rows_of = |cell: usize| (0..events.len()).filter(move |&row| cell_of(row) == cell);
+        let mut items = Vec::new();
+        for cell in 0..count {
+            let own: Vec<usize> = rows_of(cell).filter(|&row| events[row] == *name).collect();
+            // Bands of many cells would hide each other.
+            if count == 1 {
+                let band = own.iter().map(|&row| (times[row], lows[row], highs[row])).collect();
+                items.push(Item::Band { points: band, style: INTERVAL });
+            }
+            let style = if count == 1 { SHARE } else { Style::nth(cell) };
+            items.push(Item::Curve { points: own.iter().map(|&row| (times[row], shares[row])).collect(), style });
+        }
+        let y = Axis { include: vec![0.0, 1.0], ..Axis::linear("share of bodies without it yet") };
+        Panel { title: (*name).to_owned(), x: Axis::linear("time (s)"), y, items, equal: false }
+    };
+    let legend = match count {
+        1 => vec![("Kaplan-Meier estimate".to_owned(), SHARE), ("band: 95 % confidence interval".to_owned(), INTERVAL)],
+        _ => (0..count.min(MOST_NAMED)).map(|cell| (format!("cell {cell}"), Style::nth(cell))).collect(),
+    };
+    Ok(Figure {
+        title: titled(folder, "Events")?,
+        caption: caption(folder)?.into_iter().take(1).collect(),
+        columns: names.len().clamp(1, 2),
+        panels: names.iter().map(panel).collect(),
+        legend,
+    })
+}
+
+/// The most cells that the legend names.
+const MOST_NAMED: usize = 12;
+
+/// A panel for each histogram of the table in `folder`, at the first and the last output time.
+///
+/// # Errors
+///
+/// As [`survival`].
+pub(super) fn histograms(folder: &Path, unit: &dyn Fn(&str) -> Option<String>) -> Result<Figure> {
+    let rows = Rows::read(&folder.join(HISTOGRAMS))?;
+    let (times, numbers, quantities) = (rows.need("t")?, rows.need("histogram")?, rows.words("quantity")?);
+    let (lows, highs, counts) = (rows.need("low")?, rows.need("high")?, rows.need("count")?);
+    let (first, last) = (times.first().copied().unwrap_or(0.0), times.last().copied().unwrap_or(0.0));
+    let mut panels: BTreeMap<u64, (&str, Vec<usize>)> = BTreeMap::new();
+    for row in (0..times.len()).filter(|&row| lows[row].is_finite() && highs[row].is_finite()) {
+        panels.entry(numbers[row] as u64).or_insert((quantities[row], Vec::new())).1.push(row);
+    }
+    let panel = |(quantity, rows): &(&str, Vec<usize>)| {
+        let bars = |time: f64, style: Style| {
+            let own: Vec<usize> = rows.iter().copied().filter(|&row| times[row] == time).collect();
+            let corners = |&row: &usize| [(lows[row], counts[row]), (highs[row], counts[row])];
+            Item::Curve { points: own.iter().flat_map(corners).collect(), style }
+        };
+        let is_logarithmic = match rows[..] {
+            [a, b, ..] => lows[a] > 0.0 && (highs[a] - lows[a]) * 1.000_001 < highs[b] - lows[b],
+            _ => false,
+        };
+        let label = quantity.replace('_', " ");
+        let named = unit(quantity).map_or(label.clone(), |unit| format!("{label} ({unit})"));
+        let x = if is_logarithmic { Axis::log(&named) } else { Axis::linear(&named) };
+        let mut items = vec![bars(last, LAST)];
+        if first < last {
+            items.insert(0, bars(first, FIRST));
+        }
+        let y = Axis { include: vec![0.0], ..Axis::linear("bodies in a bin") };
+        Panel { title: label, x, y, items, equal: false }
+    };
+    Ok(Figure {
+        title: titled(folder, "Distributions over all bodies")?,
+        caption: caption(folder)?.into_iter().take(1).collect(),
+        columns: panels.len().clamp(1, 2),
+        panels: panels.values().map(panel).collect(),
+        legend: vec![(format!("at {first} s"), FIRST), (format!("at {last} s"), LAST)],
+    })
+}

@@ -1,0 +1,109 @@
+//! The tables of events, of how many bodies have not had them yet, and of histograms.
+
+use super::events::{EventRecord, Survival};
+use super::folder::OutputFolder;
+use super::table_file::{self, TableColumn};
+use super::{EventOccurrence, HistogramCounts};
+use crate::error::Result;
+use crate::scene::Histogram;
+use crate::study::Format;
+
+/// Writes `events`, a row a body and event that it had, and `survival`, a row an event and output time (and the start). `cells` of the
+/// study's design, where it has one: body b lies in cell b modulo this.
+pub(crate) fn write_events(
+    folder: &mut OutputFolder,
+    format: Format,
+    events: &[EventRecord],
+    times: &[f64],
+    cells: Option<usize>,
+) -> Result<()> {
+    let rows: Vec<(&str, EventOccurrence)> = events
+        .iter()
+        .flat_map(|record| record.occurrences.iter().map(|occurrence| (record.event.name(), *occurrence)))
+        .collect();
+    let rows = &rows;
+    let orientation =
+        |name: &str, part: usize| TableColumn::number(name, move |row: usize| rows[row].1.orientation.to_array()[part]);
+    let velocity = |name: &str, part: usize| {
+        TableColumn::number(name, move |row: usize| rows[row].1.angular_velocity_body.to_array()[part])
+    };
+    let mut columns = vec![
+        TableColumn::text("event", |row| rows[row].0),
+        TableColumn::whole("body", |row| rows[row].1.body as u64),
+        TableColumn::number("t", |row| rows[row].1.time),
+        TableColumn::word("known_to", |row| rows[row].1.known_to.name()),
+        orientation("qx", 0),
+        orientation("qy", 1),
+        orientation("qz", 2),
+        orientation("qw", 3),
+        velocity("wx", 0),
+        velocity("wy", 1),
+        velocity("wz", 2),
+    ];
+    if let Some(cells) = cells {
+        columns.push(TableColumn::whole("cell", move |row| (rows[row].1.body % cells) as u64));
+    }
+    table_file::write(folder, "events", format, rows.len(), &columns)?;
+
+    let mut with_start = vec![0.0];
+    with_start.extend(times.iter().copied().filter(|&time| time > 0.0));
+    let rows: Vec<(&str, Survival, usize)> = events
+        .iter()
+        .flat_map(|record| {
+            let name = record.event.name();
+            // Of all bodies, or cell by cell.
+            (0..cells.unwrap_or(1)).flat_map({
+                let with_start = &with_start;
+                move |cell| {
+                    let survival = match cells {
+                        Some(cells) => record.of_cell(cell, cells).survival(with_start),
+                        None => record.survival(with_start),
+                    };
+                    survival.into_iter().map(move |survival| (name, survival, cell))
+                }
+            })
+        })
+        .collect();
+    let mut columns = vec![
+        TableColumn::text("event", |row| rows[row].0),
+        TableColumn::number("t", |row| rows[row].1.time),
+        TableColumn::whole("remaining", |row| rows[row].1.remaining as u64),
+        TableColumn::number("share", |row| rows[row].1.share),
+        TableColumn::number("low", |row| rows[row].1.low),
+        TableColumn::number("high", |row| rows[row].1.high),
+    ];
+    if cells.is_some() {
+        columns.push(TableColumn::whole("cell", |row| rows[row].2 as u64));
+    }
+    table_file::write(folder, "survival", format, rows.len(), &columns)
+}
+
+/// Writes `histograms`, a row an output time, histogram and bin; what lies outside of the bins has rows with an infinite edge.
+pub(crate) fn write_histograms(
+    folder: &mut OutputFolder,
+    format: Format,
+    histograms: &[Histogram],
+    counts: &[Vec<HistogramCounts>],
+) -> Result<()> {
+    // Each row: the output, the histogram, and the place among its counts.
+    let of_output = |output: usize| {
+        let places =
+            |(index, histogram): (usize, &Histogram)| (0..histogram.bins() + 2).map(move |place| (index, place));
+        let rows = histograms.iter().enumerate().flat_map(places);
+        rows.map(move |(index, place)| (output, index, place)).collect::<Vec<_>>()
+    };
+    let rows: Vec<(usize, usize, usize)> = (0..counts.len()).flat_map(of_output).collect();
+    let rows = &rows;
+    let edge = |index: usize, place: Option<usize>, outside: f64| {
+        place.and_then(|place| histograms[index].edges().get(place)).copied().unwrap_or(outside)
+    };
+    let columns = [
+        TableColumn::number("t", |row| counts[rows[row].0][rows[row].1].time),
+        TableColumn::whole("histogram", |row| rows[row].1 as u64),
+        TableColumn::text("quantity", |row| histograms[rows[row].1].quantity().name()),
+        TableColumn::number("low", |row| edge(rows[row].1, rows[row].2.checked_sub(1), f64::NEG_INFINITY)),
+        TableColumn::number("high", |row| edge(rows[row].1, Some(rows[row].2), f64::INFINITY)),
+        TableColumn::whole("count", |row| counts[rows[row].0][rows[row].1].counts[rows[row].2]),
+    ];
+    table_file::write(folder, "histograms", format, rows.len(), &columns)
+}

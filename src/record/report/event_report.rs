@@ -1,0 +1,113 @@
+//! Quantities and events in `report.json`.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use super::QuantilesReport;
+use crate::record::EventRecord;
+use crate::scene::Scene;
+
+/// A quantity that a study asks for.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct QuantityReport {
+    /// Its name in tables.
+    pub name: String,
+    /// Its unit.
+    pub unit: String,
+}
+
+impl QuantityReport {
+    /// Those of a scene, each once.
+    pub(crate) fn of(scene: &Scene) -> Vec<Self> {
+        let report = |quantity: &crate::Quantity| {
+            let (name, unit) = (quantity.name().to_owned(), quantity.unit().to_owned());
+            Self { name, unit }
+        };
+        scene.observed().quantities().iter().map(report).collect()
+    }
+}
+
+/// An event of all bodies.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct EventReport {
+    /// Its name.
+    pub event: String,
+    /// The quantity.
+    pub quantity: String,
+    /// What has to happen to it: `below`, `above`, `falls_below`, `rises_above` or `crosses`.
+    pub condition: &'static str,
+    /// The level, in the quantity's unit.
+    pub level: f64,
+    /// Which time it is that counts.
+    pub occurrence: u32,
+    /// Bodies that had it.
+    pub bodies: usize,
+    /// Bodies that failed without having had it.
+    pub failed: usize,
+    /// The share of bodies that has not had it by the end, and its 95 % confidence interval (Kaplan and Meier; Rothman).
+    pub share: f64,
+    /// Its lower end.
+    pub low: f64,
+    /// Its upper end.
+    pub high: f64,
+    /// The time by which the share is one half, s; `null` where it stays above.
+    pub median: Option<f64>,
+    /// Bodies of the recomputed sample that had it in the run and recomputed, and those that had it in one of both alone.
+    pub compared: usize,
+    /// The latter.
+    pub differing: usize,
+    /// Errors of the times of the former, s.
+    pub time_error: QuantilesReport,
+}
+
+impl EventReport {
+    /// Of a run that ends at `end`, s.
+    pub(crate) fn new(record: &EventRecord, end: f64) -> Self {
+        let condition = record.event.condition();
+        let survival = record.survival(&[end])[0];
+        Self {
+            event: record.event.name().to_owned(),
+            quantity: record.event.quantity().name().to_owned(),
+            condition: condition.name(),
+            level: condition.level(),
+            occurrence: record.event.nth(),
+            bodies: record.occurrences.len(),
+            failed: record.censored.len(),
+            share: survival.share,
+            low: survival.low,
+            high: survival.high,
+            median: record.median(),
+            compared: record.errors.compared,
+            differing: record.errors.differing,
+            time_error: record.errors.time.into(),
+        }
+    }
+}
+
+impl fmt::Display for EventReport {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let percent = |share: f64| 100.0 * (1.0 - share);
+        write!(
+            formatter,
+            "  event    {}: {} bodies, {:.1} % ({:.1} to {:.1} % at 95 %)",
+            self.event.replace(char::is_control, " "),
+            self.bodies,
+            percent(self.share),
+            percent(self.high),
+            percent(self.low)
+        )?;
+        match self.median {
+            Some(median) => writeln!(formatter, ", half of them by {median:.4e} s")?,
+            None => writeln!(formatter)?,
+        }
+        if self.compared > 0 {
+            writeln!(formatter, "           error of its time (s) {}", self.time_error)?;
+        }
+        if self.differing > 0 {
+            let all = self.compared + self.differing;
+            writeln!(formatter, "           {} of {all} in the sample differ in whether they had it", self.differing)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,156 @@
+//! Arrays as [`crate::record::npz_file`] writes them: not compressed, one a column.
+
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::Path;
+
+use super::{StateRow, read_failed, state_of, wrong};
+use crate::error::Result;
+use crate::record::column::MOST_COLUMNS;
+
+/// Where an array's numbers are.
+#[derive(Debug)]
+struct Array {
+    name: String,
+    offset: u64,
+    /// Number of elements.
+    count: u64,
+}
+
+#[derive(Debug)]
+pub(super) struct NpzTable {
+    arrays: Vec<Array>,
+    names: Vec<String>,
+}
+
+impl NpzTable {
+    pub fn open(path: &Path, file: &mut File) -> Result<Self> {
+        let length = file.metadata().map_err(|error| read_failed(path, &error))?.len();
+        let mut bytes = |offset: u64, count: usize| -> Result<Vec<u8>> {
+            let mut bytes = vec![0; count.min(length.saturating_sub(offset) as usize)];
+            let read = file.seek(SeekFrom::Start(offset)).and_then(|_| file.read_exact(&mut bytes));
+            read.map_err(|error| read_failed(path, &error))?;
+            Ok(bytes)
+        };
+        // APPNOTE 4.3.16: the end of the directory, without a comment as it is written, and before it that of ZIP64, if any.
+        const END: usize = 22;
+        const LOCATOR: usize = 20;
+        const END_ZIP64: usize = 56;
+        let cut = || wrong(path, "it is cut, or no archive of arrays that a run has written");
+        let whole = (END + LOCATOR + END_ZIP64).min(length as usize);
+        let tail = bytes(length - whole as u64, whole)?;
+        let end = tail.len().checked_sub(END).filter(|&end| word(&tail, end) == Some(0x0605_4b50)).ok_or_else(cut)?;
+        let wide = end.checked_sub(LOCATOR + END_ZIP64).filter(|&wide| word(&tail, wide) == Some(0x0606_4b50));
+        let (count, size, start) = match wide {
+            Some(wide) => (long(&tail, wide + 24), long(&tail, wide + 40), long(&tail, wide + 48)),
+            None => (
+                short(&tail, end + 10).map(u64::from),
+                word(&tail, end + 12).map(u64::from),
+                word(&tail, end + 16).map(u64::from),
+            ),
+        };
+        let (Some(count), Some(size), Some(start)) = (count, size, start) else { return Err(cut()) };
+        let directory = bytes(start, size as usize)?;
+        let (mut arrays, mut at) = (Vec::new(), 0);
+        for _ in 0..count {
+            let entry = central(&directory, &mut at).ok_or_else(cut)?;
+            // The local header's own fields may be longer or shorter than those of the directory.
+            let local = bytes(entry.1, LOCAL)?;
+            let fields = short(&local, 26).zip(short(&local, 28)).ok_or_else(cut)?;
+            let array = entry.1 + LOCAL as u64 + u64::from(fields.0) + u64::from(fields.1);
+            let header = bytes(array, 10)?;
+            let length = short(&header, 8).filter(|_| header.starts_with(b"\x93NUMPY\x01\x00")).ok_or_else(cut)?;
+            let text = bytes(array + 10, length.into())?;
+            let count = elements(&String::from_utf8_lossy(&text)).ok_or_else(cut)?;
+            let name = entry.0.strip_suffix(".npy").unwrap_or(&entry.0).to_owned();
+            arrays.push(Array { name, offset: array + 10 + u64::from(length), count });
+        }
+        let names = arrays.iter().map(|array| array.name.clone()).collect();
+        Ok(Self { arrays, names })
+    }
+
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    pub fn read(
+        &mut self,
+        path: &Path,
+        file: &mut File,
+        (first, count): (u64, usize),
+        columns: usize,
+    ) -> Result<Vec<StateRow>> {
+        let (bodies, times) = (self.arrays[0].count, self.arrays[1].count);
+        let end = (first + count as u64).min(bodies * times);
+        let count = end.saturating_sub(first) as usize;
+        let mut bytes = |array: &Array, first: u64, count: usize, width: u64| -> Result<Vec<u8>> {
+            let mut bytes = vec![0; count * width as usize];
+            let read = file.seek(SeekFrom::Start(array.offset + first * width));
+            read.and_then(|_| file.read_exact(&mut bytes)).map_err(|error| read_failed(path, &error))?;
+            Ok(bytes)
+        };
+        let numbers = |bytes: Vec<u8>| -> Vec<f64> {
+            bytes.chunks_exact(8).map(|x| f64::from_le_bytes(std::array::from_fn(|place| x[place]))).collect()
+        };
+        let own = &self.arrays[2..2 + columns];
+        let own = own.iter().map(|array| Ok(numbers(bytes(array, first, count, 8)?))).collect::<Result<Vec<_>>>()?;
+        let status = bytes(&self.arrays[2 + columns], first, count, 1)?;
+        let indices: Vec<u64> =
+            numbers(bytes(&self.arrays[0], 0, bodies as usize, 8)?).iter().map(|x| x.to_bits()).collect();
+        let times = numbers(bytes(&self.arrays[1], 0, times as usize, 8)?);
+        let row = |place: usize| {
+            let row = first + place as u64;
+            let mut numbers = [0.0; MOST_COLUMNS];
+            numbers.iter_mut().zip(&own).for_each(|(number, column)| *number = column[place]);
+            StateRow {
+                body: indices[(row % bodies) as usize] as usize,
+                time: times[(row / bodies) as usize],
+                state: state_of(&numbers, columns == MOST_COLUMNS, status[place]),
+            }
+        };
+        Ok((0..count).map(row).collect())
+    }
+}
+
+/// Bytes of a local header without name and extra fields.
+const LOCAL: usize = 30;
+
+/// Name and place of the next entry of the directory (APPNOTE 4.3.12, 4.5.3).
+fn central(directory: &[u8], at: &mut usize) -> Option<(String, u64)> {
+    const FIXED: usize = 46;
+    if word(directory, *at)? != 0x0201_4b50 {
+        return None;
+    }
+    let [name, extra, comment] = [28, 30, 32].map(|field| short(directory, *at + field).map(usize::from));
+    let (name, extra) = (name?, extra?);
+    let (size, offset) = (word(directory, *at + 24)?, word(directory, *at + 42)?);
+    let text = String::from_utf8_lossy(directory.get(*at + FIXED..*at + FIXED + name)?).into_owned();
+    let offset = if offset == u32::MAX {
+        // Behind both sizes, where these are wide too.
+        let fields = *at + FIXED + name + 4;
+        long(directory, if size == u32::MAX { fields + 16 } else { fields })?
+    } else {
+        offset.into()
+    };
+    *at += FIXED + name + extra + comment?;
+    Some((text, offset))
+}
+
+/// Number of elements by the shape in a header's text.
+fn elements(header: &str) -> Option<u64> {
+    let shape = header.split_once("'shape': (")?.1.split_once(')')?.0;
+    let sizes = shape.split(',').map(str::trim).filter(|size| !size.is_empty());
+    sizes.map(|size| size.parse::<u64>().ok()).try_fold(1_u64, |count, size| count.checked_mul(size?))
+}
+
+fn short(bytes: &[u8], at: usize) -> Option<u16> {
+    Some(u16::from_le_bytes(bytes.get(at..at + 2)?.try_into().ok()?))
+}
+
+fn word(bytes: &[u8], at: usize) -> Option<u32> {
+    Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?))
+}
+
+fn long(bytes: &[u8], at: usize) -> Option<u64> {
+    Some(u64::from_le_bytes(bytes.get(at..at + 8)?.try_into().ok()?))
+}

@@ -1,0 +1,143 @@
+//! Tables whose columns are known when they are written: what bodies start with, cells, events, survival, histograms, bodies that failed.
+
+use rayon::prelude::*;
+
+use super::folder::OutputFolder;
+use super::npz_file::{Archive, npy_header};
+use crate::error::Result;
+use crate::study::Format;
+
+/// Rows that are formatted before they are written.
+const BLOCK: usize = 1 << 16;
+/// Rows that one task formats.
+const ROWS_PER_TASK: usize = 1024;
+
+/// A column: its name, and its values by row.
+pub(crate) struct TableColumn<'a> {
+    name: String,
+    values: Values<'a>,
+}
+
+type OfRow<'a, T> = Box<dyn Fn(usize) -> T + Sync + 'a>;
+
+enum Values<'a> {
+    Code(OfRow<'a, u8>),
+    Whole(OfRow<'a, u64>),
+    Number(OfRow<'a, f64>),
+    Text(OfRow<'a, &'a str>),
+    /// Of ASCII letters.
+    Word(OfRow<'a, &'a str>),
+}
+
+impl<'a> TableColumn<'a> {
+    pub(crate) fn code(name: &str, values: impl Fn(usize) -> u8 + Sync + 'a) -> Self {
+        Self { name: name.to_owned(), values: Values::Code(Box::new(values)) }
+    }
+
+    pub(crate) fn whole(name: &str, values: impl Fn(usize) -> u64 + Sync + 'a) -> Self {
+        Self { name: name.to_owned(), values: Values::Whole(Box::new(values)) }
+    }
+
+    pub(crate) fn number(name: impl Into<String>, values: impl Fn(usize) -> f64 + Sync + 'a) -> Self {
+        Self { name: name.into(), values: Values::Number(Box::new(values)) }
+    }
+
+    /// Words of ASCII letters, which take a byte each in arrays.
+    pub(crate) fn word(name: &str, values: impl Fn(usize) -> &'a str + Sync + 'a) -> Self {
+        Self { name: name.to_owned(), values: Values::Word(Box::new(values)) }
+    }
+
+    pub(crate) fn text(name: impl Into<String>, values: impl Fn(usize) -> &'a str + Sync + 'a) -> Self {
+        Self { name: name.into(), values: Values::Text(Box::new(values)) }
+    }
+}
+
+/// Writes a table of `rows` rows. As an archive, each column is an array of shape `[rows]`; texts are of the type `U`, words of the type `S`.
+pub(crate) fn write(
+    folder: &mut OutputFolder,
+    stem: &str,
+    format: Format,
+    rows: usize,
+    columns: &[TableColumn<'_>],
+) -> Result<()> {
+    let mut file = folder.begin(&format!("{stem}.{}", format.name()))?;
+    match format {
+        Format::Csv => {
+            let names: Vec<String> = columns.iter().map(|column| quoted(&column.name)).collect();
+            file.write((names.join(",") + "\n").as_bytes())?;
+            for start in (0..rows).step_by(BLOCK) {
+                let tasks = (start..(start + BLOCK).min(rows)).into_par_iter().with_min_len(ROWS_PER_TASK);
+                let text: Vec<String> = tasks.fold(String::new, |text, row| text + &line(columns, row)).collect();
+                text.iter().try_for_each(|text| file.write(text.as_bytes()))?;
+            }
+            file.finish()
+        }
+        Format::Npz => {
+            let mut archive = Archive::new(file);
+            for (entry, column) in columns.iter().enumerate() {
+                let longest = match &column.values {
+                    Values::Text(text) | Values::Word(text) => {
+                        (0..rows).map(|row| text(row).chars().count()).max().unwrap_or(0).max(1)
+                    }
+                    _ => 0,
+                };
+                let (element, bytes) = match &column.values {
+                    Values::Code(_) => ("|u1".to_owned(), 1),
+                    Values::Whole(_) => ("<u8".to_owned(), 8),
+                    Values::Number(_) => ("<f8".to_owned(), 8),
+                    Values::Text(_) => (format!("<U{longest}"), 4 * longest),
+                    Values::Word(_) => (format!("|S{longest}"), longest),
+                };
+                let header = npy_header(&element, &[rows]);
+                archive.reserve(format!("{}.npy", column.name), (header.len() + bytes * rows) as u64);
+                archive.append(entry, &header)?;
+                for start in (0..rows).step_by(BLOCK) {
+                    let rows = start..(start + BLOCK).min(rows);
+                    let bytes: Vec<u8> = match &column.values {
+                        Values::Code(value) => rows.map(value).collect(),
+                        Values::Whole(value) => rows.flat_map(|row| value(row).to_le_bytes()).collect(),
+                        Values::Number(value) => rows.flat_map(|row| value(row).to_le_bytes()).collect(),
+                        Values::Text(value) => rows.flat_map(|row| wide(value(row), longest)).collect(),
+                        Values::Word(value) => {
+                            rows.flat_map(|row| value(row).bytes().chain(std::iter::repeat(0)).take(longest)).collect()
+                        }
+                    };
+                    archive.append(entry, &bytes)?;
+                }
+            }
+            archive.finish()
+        }
+    }
+}
+
+/// A row as text. Every number has the fewest digits that read back to the same bits.
+fn line(columns: &[TableColumn<'_>], row: usize) -> String {
+    let mut text = String::new();
+    for (place, column) in columns.iter().enumerate() {
+        if place > 0 {
+            text.push(',');
+        }
+        match &column.values {
+            Values::Code(value) => text += itoa::Buffer::new().format(value(row)),
+            Values::Whole(value) => text += itoa::Buffer::new().format(value(row)),
+            Values::Number(value) => text += zmij::Buffer::new().format(value(row)),
+            Values::Text(value) | Values::Word(value) => text += &quoted(value(row)),
+        }
+    }
+    text.push('\n');
+    text
+}
+
+/// A cell of text, in quotation marks where it needs them (RFC 4180).
+fn quoted(text: &str) -> String {
+    match text.contains([',', '"', '\n', '\r']) || text.starts_with('#') {
+        true => format!("\"{}\"", text.replace('"', "\"\"")),
+        false => text.to_owned(),
+    }
+}
+
+/// A text of NumPy's type `U`: UTF-32, filled up with zeros.
+fn wide(text: &str, length: usize) -> Vec<u8> {
+    let characters = text.chars().map(u32::from).chain(std::iter::repeat(0)).take(length);
+    characters.flat_map(u32::to_le_bytes).collect()
+}

@@ -1,0 +1,120 @@
+//! What bodies start with: `initial.<format>`, one row a body, and `cells.<format>`, one row a cell of a sweep.
+
+use crate::bodies::inertia::{InertiaTensor, principal_axes};
+use crate::error::Result;
+use crate::record::folder::OutputFolder;
+use crate::record::table_file::{self, TableColumn};
+use crate::scene::Scene;
+use crate::study::{Design, Format, Study};
+use crate::torque::{Parameter, Value};
+
+/// Writes `initial`: body, its cell, name and carried columns; inertia tensor (body axes, kg m²), principal moments (kg m²) and axes
+/// (quaternion, principal to body); mass (kg) of bodies that translate; orientation, angular velocity, position and velocity at t = 0;
+/// and every parameter of a torque or force that bodies do not share.
+pub(super) fn write_initial(
+    folder: &mut OutputFolder,
+    format: Format,
+    study: Option<&Study>,
+    scene: &Scene,
+) -> Result<()> {
+    let ensemble = scene.ensemble();
+    let mut columns = vec![TableColumn::whole("body", |body| body as u64)];
+    if let Some(design) = study.and_then(Study::design) {
+        columns.push(TableColumn::whole("cell", |body| design.cell_of(body) as u64));
+    }
+    let bodies = study.map(Study::bodies);
+    if let Some((bodies, table)) = bodies.and_then(|bodies| Some((bodies, bodies.table.as_ref()?))) {
+        for (index, name) in table.carried().enumerate() {
+            columns.push(TableColumn::text(name, move |body| table.carried_text(index, bodies.row(body))));
+        }
+    }
+    for (place, name) in TENSOR.into_iter().enumerate() {
+        columns.push(TableColumn::number(name, move |body| elements(&ensemble.inertia()[body])[place] + NO_SIGN));
+    }
+    for (place, name) in ["i1", "i2", "i3"].into_iter().enumerate() {
+        columns.push(TableColumn::number(name, move |body| principal_axes(&ensemble.inertia()[body]).moments[place]));
+    }
+    for (place, name) in ["ax", "ay", "az", "aw"].into_iter().enumerate() {
+        let axes = move |body: usize| principal_axes(&ensemble.inertia()[body]).principal_to_body.to_array()[place];
+        columns.push(TableColumn::number(name, axes));
+    }
+    for (place, name) in ["qx", "qy", "qz", "qw"].into_iter().enumerate() {
+        columns.push(TableColumn::number(name, move |body| ensemble.orientation()[body].to_array()[place]));
+    }
+    for (place, name) in ["wx", "wy", "wz"].into_iter().enumerate() {
+        columns.push(TableColumn::number(name, move |body| ensemble.angular_velocity_body()[body][place]));
+    }
+    if let Some(translation) = ensemble.translation() {
+        columns.push(TableColumn::number("mass", |body| translation.mass[body]));
+        for (place, name) in ["x", "y", "z"].into_iter().enumerate() {
+            columns.push(TableColumn::number(name, move |body| translation.position[body][place]));
+        }
+        for (place, name) in ["vx", "vy", "vz"].into_iter().enumerate() {
+            columns.push(TableColumn::number(name, move |body| translation.velocity[body][place]));
+        }
+    }
+    for (index, torque) in scene.torques().iter().enumerate() {
+        for parameter in &torque.declaration().parameters {
+            if let Some(value) = torque.parameter(&parameter.name) {
+                push_value(&mut columns, &format!("torque[{}].{}", index + 1, parameter.name), value);
+            }
+        }
+    }
+    for (index, force) in scene.forces().iter().enumerate() {
+        for (name, value) in force.parameters() {
+            push_value(&mut columns, &format!("force[{}].{name}", index + 1), &value);
+        }
+    }
+    table_file::write(folder, "initial", format, ensemble.len(), &columns)
+}
+
+/// Writes `cells`: the cell, how many bodies lie in it, and the value of each axis (SI units).
+pub(super) fn write_cells(folder: &mut OutputFolder, format: Format, design: &Design, body_count: usize) -> Result<()> {
+    let cells = design.cells();
+    let bodies = |cell: usize| (body_count / cells + usize::from(cell < body_count % cells)) as u64;
+    let mut columns = vec![TableColumn::whole("cell", |cell| cell as u64), TableColumn::whole("bodies", bodies)];
+    columns.extend(design.axes().iter().map(|axis| TableColumn::number(axis.name(), |cell| axis.value(cell))));
+    table_file::write(folder, "cells", format, cells, &columns)
+}
+
+/// Numbers that a row of `initial` has at the least.
+pub(super) const LEAST_NUMBERS: u64 = 20;
+
+/// Added to a zero that carries a sign, it takes the sign off; other numbers stay as they are.
+const NO_SIGN: f64 = 0.0;
+
+const TENSOR: [&str; 6] = ["ixx", "iyy", "izz", "ixy", "ixz", "iyz"];
+
+fn elements(tensor: &InertiaTensor) -> [f64; 6] {
+    [tensor.xx, tensor.yy, tensor.zz, tensor.xy, tensor.xz, tensor.yz]
+}
+
+/// The columns of a value that bodies do not share: one of a number, else one a component.
+fn push_value(columns: &mut Vec<TableColumn<'_>>, name: &str, value: &Value) {
+    // Copies of a column share it.
+    match value.clone() {
+        Value::Number(Parameter::PerBody(column)) => columns.push(TableColumn::number(name, move |body| column[body])),
+        Value::Vector(Parameter::PerBody(column)) => {
+            for (place, axis) in ["x", "y", "z"].into_iter().enumerate() {
+                let column = column.clone();
+                columns.push(TableColumn::number(format!("{name}.{axis}"), move |body| column[body][place]));
+            }
+        }
+        Value::Rotation(Parameter::PerBody(column)) => {
+            for (place, axis) in ["x", "y", "z", "w"].into_iter().enumerate() {
+                let column = column.clone();
+                let component = move |body: usize| column[body].to_array()[place];
+                columns.push(TableColumn::number(format!("{name}.{axis}"), component));
+            }
+        }
+        Value::Tensor(Parameter::PerBody(column)) => {
+            for (place, element) in TENSOR.into_iter().enumerate() {
+                let column = column.clone();
+                let component = move |body: usize| elements(&column[body])[place];
+                columns.push(TableColumn::number(format!("{name}.{element}"), component));
+            }
+        }
+        // Matrices and lists of studies are the same for all bodies.
+        _ => {}
+    }
+}

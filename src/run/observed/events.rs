@@ -1,0 +1,180 @@
+//! Which bodies have which event, from output to output.
+
+use std::ops::Range;
+
+use glam::{DQuat, DVec3};
+use rayon::prelude::*;
+
+use super::evaluator::{BLOCK, Evaluator, Values};
+use super::locate::{Located, Locator, Passage};
+use crate::bodies::{BodyState, Members};
+use crate::engine::Observer;
+use crate::error::Result;
+use crate::plan::Plan;
+use crate::record::{Censored, EventErrors, EventOccurrence, EventRecord, EventTime, OutputState};
+use crate::scene::Event;
+
+/// Where a body stands with an event.
+#[derive(Clone, Copy, Debug, Default)]
+struct Track {
+    /// On which side of the level it was last.
+    beyond: bool,
+    /// Whether nothing more is looked for: it has had the event, or has failed.
+    closed: bool,
+    /// How often the condition was met.
+    count: u32,
+}
+
+/// What a search begins with: the attitude and angular momentum of a body at the output before.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Start {
+    pub orientation: DQuat,
+    pub angular_momentum_world: DVec3,
+}
+
+/// Looks for a scene's events among some of its bodies.
+pub(super) struct EventWatch<'p> {
+    events: &'p [Event],
+    /// The numbers of their quantities.
+    quantities: Vec<usize>,
+    members: Members,
+    /// By event, then by member.
+    tracks: Vec<Vec<Track>>,
+    /// Of each member, at the last output.
+    starts: Vec<Start>,
+    time: f64,
+    occurrences: Vec<Vec<EventOccurrence>>,
+    censored: Vec<Vec<Censored>>,
+    passages: Vec<Passage>,
+    locator: Locator<'p>,
+}
+
+impl<'p> EventWatch<'p> {
+    /// Of these members of a plan's scene.
+    pub fn new(plan: &'p Plan<'p>, members: Members, quantities: Vec<usize>) -> Self {
+        let events = plan.scene().wanted_events();
+        let start = Start { orientation: DQuat::NAN, angular_momentum_world: DVec3::NAN };
+        Self {
+            tracks: vec![vec![Track::default(); members.len()]; events.len()],
+            starts: vec![start; members.len()],
+            time: 0.0,
+            occurrences: vec![Vec::new(); events.len()],
+            censored: vec![Vec::new(); events.len()],
+            passages: Vec::new(),
+            locator: Locator::new(plan),
+            events,
+            quantities,
+            members,
+        }
+    }
+
+    /// Takes the initial states of the members in some rows, and the values of all quantities.
+    pub fn begin(&mut self, rows: Range<usize>, states: &[OutputState], values: &Values) {
+        for (index, event) in self.events.iter().enumerate() {
+            let condition = event.condition();
+            for (first, values) in values.of(self.quantities[index]) {
+                for (row, value) in values.iter().enumerate() {
+                    let place = first + row;
+                    let track = &mut self.tracks[index][rows.start + place];
+                    track.beyond = condition.is_beyond(value - condition.level());
+                    if condition.is_met_at_start(track.beyond) {
+                        track.count = 1;
+                        if event.nth() == 1 {
+                            track.closed = true;
+                            let body = self.members.body(rows.start + place);
+                            let state = &states[place].rotation;
+                            self.occurrences[index].push(occurrence(body, 0.0, EventTime::Start, state));
+                        }
+                    }
+                }
+            }
+        }
+        self.keep(&rows, states);
+    }
+
+    /// Takes the states at `time`, s, of the members in some rows, and the values of all quantities.
+    pub fn push(&mut self, rows: Range<usize>, time: f64, states: &[OutputState], values: &Values) {
+        let (members, starts, span) = (&self.members, &self.starts, self.time..time);
+        for (index, event) in self.events.iter().enumerate() {
+            let condition = event.condition();
+            let blocks: Vec<(usize, &[f64])> = values.of(self.quantities[index]).collect();
+            let tracks = &mut self.tracks[index][rows.clone()];
+            let of_block = |(tracks, (first, values)): (&mut [Track], &(usize, &[f64]))| {
+                let (mut passages, mut censored) = (Vec::new(), Vec::new());
+                for (row, (track, &value)) in tracks.iter_mut().zip(*values).enumerate() {
+                    if track.closed {
+                        continue;
+                    }
+                    let (place, state) = (first + row, &states[first + row].rotation);
+                    if !state.is_sound() {
+                        track.closed = true;
+                        censored.push(Censored { body: members.body(rows.start + place), time });
+                        continue;
+                    }
+                    // A body without a value, as one at rest has no nutation, stays on its side.
+                    let excess = value - condition.level();
+                    let beyond = if excess.is_nan() { track.beyond } else { condition.is_beyond(excess) };
+                    if condition.is_met_between(track.beyond, beyond) {
+                        passages.push(Passage {
+                            event: index,
+                            row: rows.start + place,
+                            body: members.body(rows.start + place),
+                            start: starts[rows.start + place],
+                            span: span.clone(),
+                            left: event.nth() - track.count,
+                            end: *state,
+                        });
+                    }
+                    track.beyond = beyond;
+                }
+                (passages, censored)
+            };
+            let found: Vec<_> = tracks.par_chunks_mut(BLOCK).zip(&blocks).map(of_block).collect();
+            for (passages, censored) in found {
+                self.passages.extend(passages);
+                self.censored[index].extend(censored);
+            }
+        }
+        self.keep(&rows, states);
+    }
+
+    fn keep(&mut self, rows: &Range<usize>, states: &[OutputState]) {
+        self.starts[rows.clone()].par_iter_mut().zip(states).with_min_len(BLOCK).for_each(|(start, state)| {
+            let BodyState { orientation, angular_momentum_world, .. } = state.rotation;
+            *start = Start { orientation, angular_momentum_world };
+        });
+    }
+
+    /// Finds the times of what was met since the last output, now that all members are at `time`, s.
+    pub fn finish_output(&mut self, time: f64, evaluator: &Evaluator<'_>, observer: &mut Observer<'_>) -> Result<()> {
+        self.time = time;
+        let passages = std::mem::take(&mut self.passages);
+        for (passage, located) in self.locator.located(passages, &self.quantities, evaluator, observer)? {
+            let track = &mut self.tracks[passage.event][passage.row];
+            match located {
+                Located::At { time, known_to, state } => {
+                    track.closed = true;
+                    self.occurrences[passage.event].push(occurrence(passage.body, time, known_to, &state));
+                }
+                Located::Counted(times) => track.count += times,
+            }
+        }
+        Ok(())
+    }
+
+    /// What was found.
+    pub fn finish(self) -> Vec<EventRecord> {
+        let bodies = self.members.len();
+        let found = self.events.iter().zip(self.occurrences).zip(self.censored);
+        let record = |((event, mut occurrences), censored): ((&Event, Vec<EventOccurrence>), Vec<Censored>)| {
+            occurrences.par_sort_by(|a, b| a.time.total_cmp(&b.time).then(a.body.cmp(&b.body)));
+            EventRecord { event: event.clone(), bodies, occurrences, censored, errors: EventErrors::default() }
+        };
+        found.map(record).collect()
+    }
+}
+
+fn occurrence(body: usize, time: f64, known_to: EventTime, state: &BodyState) -> EventOccurrence {
+    let BodyState { orientation, angular_velocity_body, .. } = *state;
+    EventOccurrence { body, time, known_to, orientation, angular_velocity_body }
+}

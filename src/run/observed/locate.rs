@@ -1,0 +1,406 @@
+//! When a body's quantity passes its level between two outputs.
+//!
+//! Bodies without torques follow their closed form. The others take steps of `rk8` in `f64` from where they were at the first output, as
+//! long as a tolerance of [`TOLERANCE`] a step allows; where the level is passed within a step, the step is taken again to the points where
+//! [`Bracket`] looks for the root. All bodies do so side by side.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::bracket::Bracket;
+use super::evaluator::Evaluator;
+use super::events::Start;
+use crate::bodies::columns::STATE_COMPONENTS;
+use crate::bodies::frame::unit_product;
+use crate::bodies::{BodyFrame, BodyState, Members};
+use crate::engine::cpu::Trials;
+use crate::engine::{Observer, Progress};
+use crate::error::{Error, Result};
+use crate::kernel::free_motion::FreeMotion;
+use crate::math::power_of_two::vector_scaled_by_power_of_two;
+use crate::plan::{Group, Plan, TorqueSet, Treatment};
+use crate::record::EventTime;
+use crate::scene::{Condition, Scene};
+use crate::torque::Torque;
+
+/// What is asked of a step of the search.
+const TOLERANCE: f64 = 1e-13;
+
+/// How sharply times are found, as a part of the scene's span.
+const TIME_TOLERANCE: f64 = 1e-12;
+
+/// The angle, rad, that a torque-free body turns by between two points at which its quantity is formed, and the most points.
+const ANGLE: f64 = 0.5;
+const MOST_POINTS: f64 = 4096.0;
+
+/// The angle, rad, of a first step.
+const FIRST_ANGLE: f64 = 0.1;
+
+/// Passages that are searched side by side.
+const TOGETHER: usize = 1 << 15;
+
+/// Of so many bodies or fewer the calling thread forms what it has to by itself.
+const FEW: usize = 64;
+
+/// The most attempts of a search; a body that needs more has the time of the output.
+const MOST_ATTEMPTS: u64 = 100_000;
+
+/// A body that has met the condition of an event between two outputs.
+#[derive(Clone, Debug)]
+pub(super) struct Passage {
+    pub event: usize,
+    /// The body's place among those watched.
+    pub row: usize,
+    pub body: usize,
+    pub start: Start,
+    /// The outputs, s.
+    pub span: Range<f64>,
+    /// The how manieth time from here on it is that counts.
+    pub left: u32,
+    pub end: BodyState,
+}
+
+/// What became of a passage.
+pub(super) enum Located {
+    /// The event was here.
+    At { time: f64, known_to: EventTime, state: BodyState },
+    /// The condition was met so often, which is not enough.
+    Counted(u32),
+}
+
+impl Passage {
+    /// Where the condition was met `met` times and the last of them at the end.
+    fn at_end(&self, met: u32, known_to: EventTime) -> Located {
+        match met >= self.left {
+            true => Located::At { time: self.span.end, known_to, state: self.end },
+            false => Located::Counted(met),
+        }
+    }
+}
+
+/// How a body moves between two outputs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Motion {
+    /// As from the start, in closed form.
+    ClosedForm,
+    /// Without torques, from the first output on.
+    Free,
+    /// Under torques.
+    Driven(TorqueSet),
+    /// By a random torque.
+    Random,
+}
+
+/// Finds when events were.
+pub(super) struct Locator<'p> {
+    scene: &'p Scene,
+    groups: &'p [Group],
+    motions: Vec<Motion>,
+}
+
+impl<'p> Locator<'p> {
+    pub fn new(plan: &'p Plan<'p>) -> Self {
+        let (scene, groups) = (plan.scene(), plan.groups());
+        let motion = |group: &Group| match group.treatment {
+            Treatment::ClosedForm { .. } | Treatment::RegularPrecession => Motion::ClosedForm,
+            _ if group.class.torques.is_empty() => Motion::Free,
+            _ if group.class.torques.of(scene.torques()).iter().any(Torque::is_random) => Motion::Random,
+            _ => Motion::Driven(group.class.torques),
+        };
+        Self { scene, groups, motions: groups.iter().map(motion).collect() }
+    }
+
+    fn motion(&self, body: usize) -> Motion {
+        let is_own = |group: &Group| !group.members.rows(body..body + 1).is_empty();
+        self.groups.iter().position(is_own).map_or(Motion::Free, |group| self.motions[group])
+    }
+
+    /// What becomes of passages, in any order; `quantities` has the number of each event's quantity.
+    pub fn located(
+        &self,
+        passages: Vec<Passage>,
+        quantities: &[usize],
+        evaluator: &Evaluator<'_>,
+        observer: &mut Observer<'_>,
+    ) -> Result<Vec<(Passage, Located)>> {
+        let mut by_motion: BTreeMap<Motion, Vec<Passage>> = BTreeMap::new();
+        for passage in passages {
+            by_motion.entry(self.motion(passage.body)).or_default().push(passage);
+        }
+        let mut all = Vec::new();
+        for (motion, mut passages) in by_motion {
+            let search = Search { scene: self.scene, quantities, evaluator };
+            match motion {
+                Motion::Random => all.extend(passages.into_iter().map(|passage| {
+                    let located = passage.at_end(1, EventTime::Output);
+                    (passage, located)
+                })),
+                Motion::ClosedForm | Motion::Free => {
+                    let located = |passage: Passage| {
+                        let located = search.free(&passage, motion == Motion::ClosedForm);
+                        (passage, located)
+                    };
+                    match passages.len() {
+                        ..=FEW => all.extend(passages.into_iter().map(located)),
+                        _ => all.par_extend(passages.into_par_iter().map(located)),
+                    }
+                }
+                Motion::Driven(set) => {
+                    passages.sort_by_key(|passage| passage.body);
+                    let torques = set.of(self.scene.torques());
+                    while !passages.is_empty() {
+                        let some = passages.split_off(passages.len().saturating_sub(TOGETHER));
+                        all.extend(search.driven(some, &torques, observer)?);
+                    }
+                }
+            }
+        }
+        Ok(all)
+    }
+}
+
+struct Search<'a> {
+    scene: &'a Scene,
+    quantities: &'a [usize],
+    evaluator: &'a Evaluator<'a>,
+}
+
+impl Search<'_> {
+    fn condition(&self, passage: &Passage) -> Condition {
+        self.scene.wanted_events()[passage.event].condition()
+    }
+
+    /// By how much the quantity exceeds the level.
+    fn excess(&self, passage: &Passage, time: f64, state: &BodyState) -> f64 {
+        let value = self.evaluator.value(self.quantities[passage.event], passage.body, time, state);
+        value - self.condition(passage).level()
+    }
+
+    fn time_tolerance(&self, end: f64) -> f64 {
+        (TIME_TOLERANCE * self.scene.end()).max(2.0 * (end.next_up() - end))
+    }
+
+    /// A body without torques.
+    fn free(&self, passage: &Passage, from_start: bool) -> Located {
+        let (ensemble, Range { start, end }) = (self.scene.ensemble(), passage.span.clone());
+        let motion = match from_start {
+            true => Ok((FreeMotion::of_body(ensemble, passage.body), 0.0)),
+            false => {
+                let Start { orientation, angular_momentum_world } = passage.start;
+                let tensor = ensemble.inertia()[passage.body];
+                let frame = BodyFrame::of_body(ensemble, passage.body, |_| 0.0);
+                let momentum = frame.to_principal(orientation.conjugate() * angular_momentum_world);
+                let moments = vector_scaled_by_power_of_two(frame.scaled_moments, frame.moment_exponent);
+                let omega = frame.principal_to_body * (momentum / moments);
+                FreeMotion::new(tensor, orientation, omega).map(|motion| (motion, start))
+            }
+        };
+        let Ok((motion, zero)) = motion else { return passage.at_end(1, EventTime::Output) };
+        let spin = passage.end.angular_velocity_body.length();
+        let points = ((end - start) * spin / ANGLE).ceil().clamp(1.0, MOST_POINTS) as u32;
+        let condition = self.condition(passage);
+        let point = |time: f64| {
+            let state = motion.at(time - zero);
+            (self.excess(passage, time, &state), state)
+        };
+        let (mut before, mut met) = ((start, point(start).0), 0);
+        let mut beyond = condition.is_beyond(before.1);
+        for k in 1..=points {
+            let time = if k == points { end } else { start + (end - start) * f64::from(k) / f64::from(points) };
+            let (excess, state) = point(time);
+            if excess.is_nan() {
+                continue;
+            }
+            let now = condition.is_beyond(excess);
+            if condition.is_met_between(beyond, now) {
+                met += 1;
+                if met == passage.left {
+                    let (mut bracket, mut state) = (Bracket::new(before, (time, excess)), state);
+                    while let Some(next) = bracket.next(self.time_tolerance(end)) {
+                        let (excess, at) = point(next);
+                        let is_past = condition.is_beyond(excess) == now;
+                        bracket.take(next, excess, is_past);
+                        if is_past {
+                            state = at;
+                        }
+                    }
+                    return Located::At { time: bracket.end.0, known_to: EventTime::Located, state };
+                }
+            }
+            (before, beyond) = ((time, excess), now);
+        }
+        // Rounding may put the passage behind the end.
+        passage.at_end(met.max(1), EventTime::Located)
+    }
+
+    /// Bodies under torques.
+    fn driven(
+        &self,
+        passages: Vec<Passage>,
+        torques: &[Torque],
+        observer: &mut Observer<'_>,
+    ) -> Result<Vec<(Passage, Located)>> {
+        let Some(span) = passages.first().map(|passage| passage.span.clone()) else { return Ok(Vec::new()) };
+        let members = Members::Some(passages.iter().map(|passage| passage.body as u32).collect());
+        let scene = self.scene;
+        let mut trials = Trials::new(scene.ensemble(), torques, scene.end(), &members, span, TOLERANCE)?;
+        let mut walks: Vec<Walk> = Vec::with_capacity(passages.len());
+        for (row, passage) in passages.iter().enumerate() {
+            let walk = Walk::new(self, passage, trials.frame(row), torques);
+            trials.set_state(row, &walk.state);
+            walks.push(walk);
+        }
+        let total = walks.len() as u64;
+        for _ in 0..MOST_ATTEMPTS {
+            let mut under_way = 0_u64;
+            for (row, (walk, passage)) in walks.iter_mut().zip(&passages).enumerate() {
+                match walk.next_step(passage, self.time_tolerance(passage.span.end)) {
+                    Some(step) => {
+                        trials.set_step(row, walk.time, step);
+                        under_way += 1;
+                    }
+                    None => trials.rest(row),
+                }
+            }
+            if under_way == 0 {
+                break;
+            }
+            if observer(Progress { done: total - under_way, total }).is_break() {
+                return Err(Error::Interrupted { steps: 0 });
+            }
+            trials.attempt()?;
+            let tried = |(row, (walk, passage)): (usize, (&Walk, &Passage))| {
+                let time = walk.tried.filter(|_| walk.located.is_none())?;
+                let frame = trials.frame(row).at(torques, passage.body, time);
+                let state = frame.body_state(trials.state(row));
+                Some((self.excess(passage, time, &state), state))
+            };
+            let points: Vec<Option<(f64, BodyState)>> = match walks.len() {
+                ..=FEW => walks.iter().zip(&passages).enumerate().map(tried).collect(),
+                _ => walks.par_iter().zip(&passages).with_min_len(FEW).enumerate().map(tried).collect(),
+            };
+            for (row, ((walk, passage), point)) in walks.iter_mut().zip(&passages).zip(points).enumerate() {
+                let Some(point) = point else { continue };
+                if walk.take(self.condition(passage), passage, trials.outcome(row), trials.state(row), point) {
+                    trials.set_state(row, &walk.state);
+                }
+            }
+        }
+        let located = |(passage, walk): (Passage, Walk)| {
+            let located = walk.located.unwrap_or_else(|| passage.at_end(walk.met + 1, EventTime::Output));
+            (passage, located)
+        };
+        Ok(passages.into_iter().zip(walks).map(located).collect())
+    }
+}
+
+/// A body under torques on its way between two outputs.
+struct Walk {
+    /// Where it stands, s, and its scaled state and the excess there.
+    time: f64,
+    state: [f64; STATE_COMPONENTS],
+    excess: f64,
+    /// The longest step that is tried, s.
+    step: f64,
+    /// The end of the step that is tried.
+    tried: Option<f64>,
+    /// Where the event is, and the state at the end of that.
+    bracket: Option<(Bracket, BodyState)>,
+    met: u32,
+    located: Option<Located>,
+}
+
+impl Walk {
+    fn new(search: &Search<'_>, passage: &Passage, frame: &BodyFrame, torques: &[Torque]) -> Self {
+        let Start { orientation, angular_momentum_world } = passage.start;
+        let momentum = frame.to_principal(orientation.conjugate() * angular_momentum_world);
+        let mut m = vector_scaled_by_power_of_two(momentum, -(frame.moment_exponent + frame.rate_exponent));
+        if frame.is_linear_rotor {
+            m.x = 0.0;
+        }
+        let q = unit_product(orientation, frame.principal_to_body);
+        let state = [q.x, q.y, q.z, q.w, m.x, m.y, m.z];
+        let time = passage.span.start;
+        let start = frame.at(torques, passage.body, time).body_state(state);
+        let spin = start.angular_velocity_body.length().max(passage.end.angular_velocity_body.length());
+        Self {
+            time,
+            state,
+            excess: search.excess(passage, time, &start),
+            step: if spin > 0.0 { FIRST_ANGLE / spin } else { f64::INFINITY },
+            tried: None,
+            bracket: None,
+            met: 0,
+            located: None,
+        }
+    }
+
+    /// The step to try next, s; nothing once the time is known.
+    fn next_step(&mut self, passage: &Passage, tolerance: f64) -> Option<f64> {
+        if self.located.is_some() {
+            return None;
+        }
+        let end = match &mut self.bracket {
+            None => passage.span.end,
+            Some((bracket, state)) => match bracket.next(tolerance) {
+                Some(next) => next,
+                None => {
+                    let (time, state) = (bracket.end.0, *state);
+                    self.located = Some(Located::At { time, known_to: EventTime::Located, state });
+                    return None;
+                }
+            },
+        };
+        let step = self.step.min(end - self.time);
+        self.tried = Some(if step < end - self.time { self.time + step } else { end });
+        Some(step)
+    }
+
+    /// Takes what an attempt has led to; says whether the body has to go back to where it stood.
+    fn take(
+        &mut self,
+        condition: Condition,
+        passage: &Passage,
+        outcome: Option<(bool, f64)>,
+        state: [f64; STATE_COMPONENTS],
+        (excess, at): (f64, BodyState),
+    ) -> bool {
+        let (Some(time), Some((is_taken, next))) = (self.tried, outcome) else {
+            self.located = Some(passage.at_end(self.met + 1, EventTime::Output));
+            return false;
+        };
+        if !is_taken {
+            self.step = next;
+            return false;
+        }
+        // Without a value the side is the one that it was.
+        let excess = if excess.is_nan() { self.excess } else { excess };
+        let (before, now) = (condition.is_beyond(self.excess), condition.is_beyond(excess));
+        if let Some((bracket, end)) = &mut self.bracket {
+            let is_past = before != now;
+            bracket.take(time, excess, is_past);
+            if is_past {
+                *end = at;
+                return true;
+            }
+        } else {
+            self.step = next;
+            if condition.is_met_between(before, now) {
+                self.met += 1;
+                if self.met == passage.left {
+                    self.bracket = Some((Bracket::new((self.time, self.excess), (time, excess)), at));
+                    return true;
+                }
+            }
+            if time >= passage.span.end {
+                // Rounding may put the passage behind the end.
+                self.located = Some(passage.at_end(self.met.max(1), EventTime::Located));
+                return false;
+            }
+        }
+        (self.time, self.state, self.excess) = (time, state, excess);
+        false
+    }
+}

@@ -1,0 +1,110 @@
+//! What a run gathers of its bodies' states as it reads them: statistics, quantiles, histograms, events.
+
+mod bracket;
+mod distribution;
+mod evaluator;
+mod events;
+mod locate;
+mod reference;
+
+use crate::bodies::Members;
+use crate::engine::Observer;
+use crate::error::Result;
+use crate::plan::Plan;
+use crate::record::{EventRecord, OutputState, Sink};
+use crate::scene::{Observed, Quantity};
+
+use distribution::Distributions;
+use evaluator::Evaluator;
+use events::EventWatch;
+pub(super) use reference::compare_events;
+
+/// What a scene asks for, gathered from the states of its bodies as they are read.
+pub(super) struct Observation<'p> {
+    observed: &'p Observed,
+    evaluator: Evaluator<'p>,
+    distributions: Distributions<'p>,
+    events: Option<EventWatch<'p>>,
+}
+
+/// The number of a quantity among all of a scene.
+fn number(quantities: &[Quantity], quantity: &Quantity) -> usize {
+    quantities.iter().position(|other| other == quantity).unwrap_or(0)
+}
+
+impl<'p> Observation<'p> {
+    /// Of all bodies of a plan's scene; nothing where it asks for nothing that the states have to be read for.
+    pub fn new(plan: &'p Plan<'p>) -> Result<Option<Self>> {
+        let scene = plan.scene();
+        if !scene.needs_states() {
+            return Ok(None);
+        }
+        let bodies = scene.ensemble().len();
+        let events = scene.wanted_events().len();
+        let of_body = 8 * events + if events > 0 { 56 } else { 0 };
+        crate::bodies::memory::require(bodies, bodies.saturating_mul(of_body), "what is kept of them for events")?;
+        Self::of(plan, Members::All(bodies)).map(Some)
+    }
+
+    fn of(plan: &'p Plan<'p>, members: Members) -> Result<Self> {
+        let scene = plan.scene();
+        let quantities = scene.observed().quantities();
+        let of_event = |event: &crate::scene::Event| number(&quantities, event.quantity());
+        let of_events: Vec<usize> = scene.wanted_events().iter().map(of_event).collect();
+        Ok(Self {
+            observed: scene.observed(),
+            distributions: Distributions::new(scene.observed(), |quantity| number(&quantities, quantity)),
+            events: (!of_events.is_empty()).then(|| EventWatch::new(plan, members, of_events)),
+            evaluator: Evaluator::new(scene, &quantities)?,
+        })
+    }
+
+    /// Whether the states at the start are wanted.
+    pub fn wants_start(&self) -> bool {
+        self.events.is_some()
+    }
+
+    /// Takes the states in which the bodies from `first_body` on start.
+    pub fn begin(&mut self, first_body: usize, states: &[OutputState]) {
+        let values = self.evaluator.values(first_body, 0.0, states);
+        if let Some(events) = &mut self.events {
+            events.begin(first_body..first_body + states.len(), states, &values);
+        }
+    }
+
+    /// Takes the states at `time`, s, of the bodies from `first_body` on.
+    pub fn push(&mut self, first_body: usize, time: f64, states: &[OutputState]) {
+        let values = self.evaluator.values(first_body, time, states);
+        let sound = states.iter().filter(|state| state.rotation.is_sound()).count();
+        self.distributions.push(first_body, &values, sound);
+        if let Some(events) = &mut self.events {
+            events.push(first_body..first_body + states.len(), time, states, &values);
+        }
+    }
+
+    /// Hands on what was gathered at output `index`, at `time`, s.
+    pub fn finish_output(
+        &mut self,
+        index: usize,
+        time: f64,
+        sink: &mut dyn Sink,
+        observer: &mut Observer<'_>,
+    ) -> Result<()> {
+        let (statistics, histograms) = self.distributions.finish(time);
+        if !self.observed.statistics.is_empty() {
+            sink.statistics(index, &statistics)?;
+        }
+        if !self.observed.histograms.is_empty() {
+            sink.histograms(index, &histograms)?;
+        }
+        match &mut self.events {
+            Some(events) => events.finish_output(time, &self.evaluator, observer),
+            None => Ok(()),
+        }
+    }
+
+    /// The events that were found.
+    pub fn finish(self) -> Vec<EventRecord> {
+        self.events.map(EventWatch::finish).unwrap_or_default()
+    }
+}

@@ -1,0 +1,155 @@
+//! Events: a quantity of a body passes a level.
+
+use crate::error::{Error, Result};
+use crate::scene::Quantity;
+
+/// What has to happen to a quantity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Condition {
+    /// It is below the level: at the start, or when it gets there from the level or above.
+    Below(f64),
+    /// It is above the level: at the start, or when it gets there from the level or below.
+    Above(f64),
+    /// It gets below the level, having been at it or above: a body that starts below has to rise first.
+    Falls(f64),
+    /// It gets above the level, having been at it or below: a body that starts above has to fall first.
+    Rises(f64),
+    /// It gets from below the level to it or above, or back.
+    Crosses(f64),
+}
+
+impl Condition {
+    /// The level, in the quantity's unit.
+    pub fn level(self) -> f64 {
+        match self {
+            Self::Below(level)
+            | Self::Above(level)
+            | Self::Falls(level)
+            | Self::Rises(level)
+            | Self::Crosses(level) => level,
+        }
+    }
+
+    /// The key in study files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Below(_) => "below",
+            Self::Above(_) => "above",
+            Self::Falls(_) => "falls_below",
+            Self::Rises(_) => "rises_above",
+            Self::Crosses(_) => "crosses",
+        }
+    }
+
+    /// The same with another level.
+    #[must_use]
+    pub fn with_level(self, level: f64) -> Self {
+        match self {
+            Self::Below(_) => Self::Below(level),
+            Self::Above(_) => Self::Above(level),
+            Self::Falls(_) => Self::Falls(level),
+            Self::Rises(_) => Self::Rises(level),
+            Self::Crosses(_) => Self::Crosses(level),
+        }
+    }
+
+    /// All of them, at the level 0.
+    pub const ALL: &'static [Self] =
+        &[Self::Below(0.0), Self::Above(0.0), Self::Falls(0.0), Self::Rises(0.0), Self::Crosses(0.0)];
+
+    /// On which side of the level a quantity is that exceeds it by `excess`: the side that is asked for, or the other one.
+    pub(crate) fn is_beyond(self, excess: f64) -> bool {
+        match self {
+            Self::Below(_) | Self::Falls(_) => excess < 0.0,
+            Self::Above(_) | Self::Rises(_) => excess > 0.0,
+            Self::Crosses(_) => excess >= 0.0,
+        }
+    }
+
+    /// Whether the way from one side to another is what is asked for.
+    pub(crate) fn is_met_between(self, before: bool, after: bool) -> bool {
+        match self {
+            Self::Crosses(_) => before != after,
+            _ => !before && after,
+        }
+    }
+
+    /// Whether it is met at the start by a body that is `beyond` there.
+    pub(crate) fn is_met_at_start(self, beyond: bool) -> bool {
+        beyond && matches!(self, Self::Below(_) | Self::Above(_))
+    }
+}
+
+/// An event that each body may have.
+///
+/// It is looked for from one output time to the next: where the quantity is on the other side of its level than at the output before,
+/// the body is followed between the two and the time found to 1e-12 of the scene's span ([`EventTime::Located`]). A quantity that passes the
+/// level and comes back between two outputs is not seen: choose output times that are closer than that.
+///
+/// [`EventTime::Located`]: crate::record::EventTime::Located
+///
+/// ```
+/// use polhode::scene::{Condition, Event};
+/// use polhode::Quantity;
+///
+/// let despun = Event::new("despun", Quantity::SpinRate, Condition::Below(0.01))?;
+/// let third_flip = Event::new("third flip", Quantity::AngularVelocityBody(1), Condition::Crosses(0.0))?.occurrence(3)?;
+/// assert_eq!((despun.nth(), third_flip.nth()), (1, 3));
+/// # Ok::<(), polhode::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Event {
+    name: String,
+    quantity: Quantity,
+    condition: Condition,
+    nth: u32,
+}
+
+impl Event {
+    /// The first time that a condition is met.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Setting`] where the level is not finite.
+    pub fn new(name: &str, quantity: Quantity, condition: Condition) -> Result<Self> {
+        if !condition.level().is_finite() {
+            let (field, value) = (condition.name(), condition.level());
+            return Err(Error::Setting { field, value, expected: "expected a finite level" });
+        }
+        Ok(Self { name: name.to_owned(), quantity, condition, nth: 1 })
+    }
+
+    /// The n-th time instead of the first.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Setting`] where `nth` is 0.
+    pub fn occurrence(mut self, nth: u32) -> Result<Self> {
+        if nth == 0 {
+            return Err(Error::Setting { field: "occurrence", value: 0.0, expected: "expected 1 or more" });
+        }
+        self.nth = nth;
+        Ok(self)
+    }
+
+    /// What it is called in tables.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The quantity.
+    pub fn quantity(&self) -> &Quantity {
+        &self.quantity
+    }
+
+    /// What has to happen to it.
+    pub fn condition(&self) -> Condition {
+        self.condition
+    }
+
+    /// Which time it is that counts, from 1.
+    pub fn nth(&self) -> u32 {
+        self.nth
+    }
+}

@@ -1,0 +1,163 @@
+//! What is asked of the bodies beside their states: statistics, quantiles, histograms, events.
+
+use super::{Event, Histogram, Quantity, Scene};
+use crate::error::{Error, Result};
+use crate::kernel::observe::Statistic;
+
+/// What a scene asks of its bodies beside their states.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Observed {
+    pub statistics: Vec<Quantity>,
+    /// In percent, ascending.
+    pub quantiles: Vec<f64>,
+    pub histograms: Vec<Histogram>,
+    pub events: Vec<Event>,
+}
+
+impl Observed {
+    /// Every quantity that is asked for, once.
+    pub fn quantities(&self) -> Vec<Quantity> {
+        let Self { statistics, histograms, events, .. } = self;
+        let all = statistics.iter().chain(histograms.iter().map(Histogram::quantity));
+        let mut found: Vec<Quantity> = Vec::new();
+        for quantity in all.chain(events.iter().map(Event::quantity)) {
+            if !found.contains(quantity) {
+                found.push(quantity.clone());
+            }
+        }
+        found
+    }
+}
+
+impl Scene {
+    /// Asks for statistics of these quantities over all bodies, at every output time; each quantity once, in this order.
+    ///
+    /// Kinetic energy, spin rate and angular momentum are reduced where the states are; of any other quantity, and of quantiles,
+    /// histograms and events, the states are read at every output time.
+    ///
+    /// ```
+    /// # use glam::{DQuat, DVec3};
+    /// use polhode::{Engine, Ensemble, Plan, Quantity, Scene};
+    ///
+    /// # let ensemble = Ensemble::from_columns(&[DVec3::new(1.0, 2.0, 2.5)], &[DQuat::IDENTITY], &[DVec3::X])?;
+    /// let scene = Scene::new(ensemble).until(60.0).statistics([Quantity::KineticEnergy]).without_states();
+    /// let engine = Engine::cpu();
+    /// let record = engine.run(&Plan::new(&scene, &engine)?)?;
+    /// let energy = record.statistics()[0].of(Quantity::KineticEnergy).expect("asked for");
+    /// assert!((energy.mean - 0.5).abs() < 1e-12);
+    /// # Ok::<(), polhode::Error>(())
+    /// ```
+    #[must_use]
+    pub fn statistics(mut self, quantities: impl IntoIterator<Item = impl Into<Quantity>>) -> Self {
+        let statistics = &mut self.observed.statistics;
+        statistics.clear();
+        for quantity in quantities.into_iter().map(Into::into) {
+            if !statistics.contains(&quantity) {
+                statistics.push(quantity);
+            }
+        }
+        self
+    }
+
+    /// Asks for these quantiles, in percent, of every quantity that has statistics. Each is within 2.5e-4 of itself of the value of that
+    /// rank ([`crate::record::QUANTILE_ERROR`]), and does not depend on the order of the bodies.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Setting`] for one that is not between 0 and 100.
+    pub fn quantiles(mut self, percent: &[f64]) -> Result<Self> {
+        if let Some(&value) = percent.iter().find(|percent| !(0.0..=100.0).contains(*percent)) {
+            let expected = "expected percentages from 0 to 100";
+            return Err(Error::Setting { field: "output.quantiles", value, expected });
+        }
+        self.observed.quantiles = percent.to_vec();
+        self.observed.quantiles.sort_by(f64::total_cmp);
+        self.observed.quantiles.dedup();
+        Ok(self)
+    }
+
+    /// Asks for a histogram at every output time, beside those that were asked for before.
+    #[must_use]
+    pub fn histogram(mut self, histogram: Histogram) -> Self {
+        self.observed.histograms.push(histogram);
+        self
+    }
+
+    /// Asks when each body has an event, beside those that were asked for before.
+    ///
+    /// ```
+    /// # use glam::{DQuat, DVec3};
+    /// use polhode::scene::{Condition, Event};
+    /// use polhode::{Engine, Ensemble, Outputs, Plan, Quantity, Scene, Torque};
+    ///
+    /// # let sphere = DVec3::splat(2.0);
+    /// # let ensemble = Ensemble::from_columns(&[sphere], &[DQuat::IDENTITY], &[DVec3::X])?;
+    /// let slow = Event::new("slow", Quantity::SpinRate, Condition::Below(0.5))?;
+    /// let scene = Scene::new(ensemble).torque(Torque::linear_drag(0.2)).until(20.0).outputs(Outputs::Every(1.0)).event(slow);
+    /// let engine = Engine::cpu();
+    /// let record = engine.run(&Plan::new(&scene, &engine)?)?;
+    /// // The spin decays with the rate c/I = 0.1 1/s.
+    /// assert!((record.events()[0].occurrences[0].time - 10.0 * 2.0_f64.ln()).abs() < 1e-6);
+    /// # Ok::<(), polhode::Error>(())
+    /// ```
+    #[must_use]
+    pub fn event(mut self, event: Event) -> Self {
+        self.observed.events.push(event);
+        self
+    }
+
+    /// The same scene with nothing asked of its bodies beside their states.
+    #[must_use]
+    pub fn unobserved(mut self) -> Self {
+        self.observed = Observed::default();
+        self
+    }
+
+    /// The quantities of which statistics are recorded.
+    pub fn wanted_statistics(&self) -> &[Quantity] {
+        &self.observed.statistics
+    }
+
+    /// The quantiles that are recorded beside them, in percent, ascending.
+    pub fn wanted_quantiles(&self) -> &[f64] {
+        &self.observed.quantiles
+    }
+
+    /// The histograms that are recorded.
+    pub fn wanted_histograms(&self) -> &[Histogram] {
+        &self.observed.histograms
+    }
+
+    /// The events that are looked for.
+    pub fn wanted_events(&self) -> &[Event] {
+        &self.observed.events
+    }
+
+    pub(crate) fn observed(&self) -> &Observed {
+        &self.observed
+    }
+
+    /// Whether anything is asked of the bodies at every output time beside their states.
+    pub fn observes(&self) -> bool {
+        let Observed { statistics, histograms, events, .. } = &self.observed;
+        !(statistics.is_empty() && histograms.is_empty() && events.is_empty())
+    }
+
+    /// The statistics, where all that is asked for are those that engines form; else none.
+    pub(crate) fn plain_statistics(&self) -> Vec<Statistic> {
+        let Observed { statistics, quantiles, histograms, events } = &self.observed;
+        let found: Option<Vec<Statistic>> = statistics.iter().map(Quantity::statistic).collect();
+        let are_all = quantiles.is_empty() && histograms.is_empty() && events.is_empty();
+        found.filter(|_| are_all).unwrap_or_default()
+    }
+
+    /// Those of them that are formed where the states are.
+    pub(crate) fn reduced_statistics(&self) -> Vec<Statistic> {
+        if self.may_skip() { self.plain_statistics() } else { Vec::new() }
+    }
+
+    /// Whether the states of all bodies have to be read at every output time for what is asked of them.
+    pub fn needs_states(&self) -> bool {
+        self.observes() && self.plain_statistics().is_empty()
+    }
+}

@@ -1,0 +1,381 @@
+//! Derived quantities of a body: what statistics, histograms and events are formed of.
+
+use std::fmt;
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use crate::bodies::toolkit::EulerSequence;
+use crate::error::{Error, Result};
+use crate::expression::{
+    Expression, Fault, Graph, Input, InputKind, Node, Recorder, Scope, Shape, Symbol, Symbols, TextError,
+};
+use crate::kernel::observe::Statistic;
+use crate::math::elementary::functions::atan2;
+use crate::math::real::Real;
+use crate::math::vector::Vector;
+
+/// A number that follows from a body's state at one time.
+///
+/// With ω the angular velocity, L the angular momentum, T the rotational kinetic energy and I₁ ≤ I₂ ≤ I₃ the principal moments at that
+/// time:
+///
+/// | quantity | formula | unit | range |
+/// | --- | --- | --- | --- |
+/// | [`KineticEnergy`](Self::KineticEnergy) | T = ½ ω·L | J | ≥ 0 |
+/// | [`SpinRate`](Self::SpinRate) | \|ω\| | rad/s | ≥ 0 |
+/// | [`AngularMomentum`](Self::AngularMomentum) | \|L\| | kg m²/s | ≥ 0 |
+/// | [`AngularMomentumWorld`](Self::AngularMomentumWorld) | a component of L in world axes | kg m²/s | |
+/// | [`AngularVelocityBody`](Self::AngularVelocityBody) | a component of ω in body axes | rad/s | |
+/// | [`Nutation`](Self::Nutation) | the angle between ω and L | rad | [0, π/2] |
+/// | [`DynamicInertia`](Self::DynamicInertia) | I_d = L²/2T | kg m² | [I₁, I₃] |
+/// | [`SeparatrixDistance`](Self::SeparatrixDistance) | (I_d − I₂)/(I₃ − I₂) where I_d ≥ I₂, else (I_d − I₂)/(I₂ − I₁) | 1 | [−1, 1] |
+/// | [`Yaw`](Self::Yaw), [`Pitch`](Self::Pitch), [`Roll`](Self::Roll) | turns about z, then the new y, then the new x | rad | (−π, π], pitch [−π/2, π/2] |
+/// | [`PotentialEnergy`](Self::PotentialEnergy) | the sum over the torques that have a potential | J | |
+/// | [`TotalEnergy`](Self::TotalEnergy) | T + the potential energy | J | |
+/// | [`EulerAngle`](Self::EulerAngle) | an angle of any sequence ([`EulerSequence`]) | rad | as there |
+/// | [`AxisAngle`](Self::AxisAngle) | the angle between a body axis and a direction of the world | rad | [0, π] |
+/// | [`Formula`](Self::Formula) | the user's own | as given | |
+///
+/// A body at rest has no dynamic inertia and no distance: these are NaN then, and so is any quantity of a body that has failed. Bodies
+/// without a number are left out of statistics. The dynamic inertia and the distance are those of N. H. Samarasinha and M. F. A'Hearn
+/// (*Icarus* 93 (1991) 194): −1 is rotation about the least axis, 0 the separatrix, 1 rotation about the greatest axis. Euler angles jump
+/// by a turn at the ends of their ranges.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Quantity {
+    /// Rotational kinetic energy, J.
+    KineticEnergy,
+    /// Magnitude of the angular velocity, rad/s.
+    SpinRate,
+    /// Magnitude of the angular momentum, kg m²/s.
+    AngularMomentum,
+    /// A component of the angular momentum in world axes, kg m²/s: 0, 1 or 2.
+    AngularMomentumWorld(usize),
+    /// A component of the angular velocity in body axes, rad/s: 0, 1 or 2.
+    AngularVelocityBody(usize),
+    /// The angle between angular velocity and angular momentum, rad.
+    Nutation,
+    /// L²/2T, kg m².
+    DynamicInertia,
+    /// How far the motion is from the separatrix: −1 to 1.
+    SeparatrixDistance,
+    /// The turn about z, rad.
+    Yaw,
+    /// The turn about the new y, rad.
+    Pitch,
+    /// The turn about the new x, rad.
+    Roll,
+    /// The potential energy of the torques that have one, J.
+    PotentialEnergy,
+    /// Kinetic and potential energy, J.
+    TotalEnergy,
+    /// An angle of a sequence of turns.
+    EulerAngle {
+        /// What it is called in tables.
+        name: Arc<str>,
+        /// The sequence.
+        sequence: EulerSequence,
+        /// Which of its angles: 0, 1 or 2.
+        index: usize,
+    },
+    /// The angle between a body axis and a direction of the world: a pointing error.
+    AxisAngle {
+        /// What it is called in tables.
+        name: Arc<str>,
+        /// In body axes; a unit vector.
+        axis_body: DVec3,
+        /// In world axes; a unit vector.
+        direction_world: DVec3,
+    },
+    /// A formula of the user's own.
+    Formula(Arc<FormulaQuantity>),
+}
+
+/// A quantity by a formula.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FormulaQuantity {
+    name: String,
+    unit: String,
+    expression: Expression,
+}
+
+impl Quantity {
+    /// Those without parameters of their own, in the order of the table above.
+    pub const NAMED: &'static [Self] = &[
+        Self::KineticEnergy,
+        Self::SpinRate,
+        Self::AngularMomentum,
+        Self::AngularMomentumWorld(0),
+        Self::AngularMomentumWorld(1),
+        Self::AngularMomentumWorld(2),
+        Self::AngularVelocityBody(0),
+        Self::AngularVelocityBody(1),
+        Self::AngularVelocityBody(2),
+        Self::Nutation,
+        Self::DynamicInertia,
+        Self::SeparatrixDistance,
+        Self::Yaw,
+        Self::Pitch,
+        Self::Roll,
+        Self::PotentialEnergy,
+        Self::TotalEnergy,
+    ];
+
+    /// The angle between a body axis and a direction of the world, rad; both of any length above zero.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Setting`] where a vector has no direction.
+    pub fn axis_angle(name: &str, axis_body: DVec3, direction_world: DVec3) -> Result<Self> {
+        let unit = |field: &'static str, vector: DVec3| {
+            // By the largest component first, so that no square leaves the range of numbers.
+            let scaled = vector / vector.abs().max_element();
+            let expected = "expected a vector that is finite and not zero";
+            scaled.try_normalize().ok_or(Error::Setting { field, value: vector.length(), expected })
+        };
+        let (axis_body, direction_world) = (unit("axis", axis_body)?, unit("direction", direction_world)?);
+        Ok(Self::AxisAngle { name: name.into(), axis_body, direction_world })
+    }
+
+    /// A formula of the user's own: a number of `attitude`, `angular_velocity` (rad/s) and `angular_momentum` in body axes, `inertia` and
+    /// `time` (s); the language is that of [`crate::expression`].
+    ///
+    /// ```
+    /// use polhode::Quantity;
+    ///
+    /// let text = "acos(clamp(dot(to_world(vec(0, 0, 1)), vec(0, 0, 1)), -1, 1))";
+    /// let tilt = Quantity::formula("tilt", "rad", text)?;
+    /// assert_eq!((tilt.name(), tilt.unit()), ("tilt", "rad"));
+    /// # Ok::<(), polhode::expression::TextError>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// Where the text is no such formula: the error says where and why.
+    pub fn formula(name: &str, unit: &str, text: &str) -> std::result::Result<Self, TextError> {
+        let symbols = Symbols::rotation().with_full_inertia();
+        let expression = Expression::parse(text, &symbols, Shape::Number)?;
+        let (name, unit) = (name.to_owned(), unit.to_owned());
+        Ok(Self::Formula(Arc::new(FormulaQuantity { name, unit, expression })))
+    }
+
+    /// The name in study files and tables.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::KineticEnergy => Statistic::KineticEnergy.name(),
+            Self::SpinRate => Statistic::SpinRate.name(),
+            Self::AngularMomentum => Statistic::AngularMomentum.name(),
+            Self::AngularMomentumWorld(axis) => {
+                ["angular_momentum_x", "angular_momentum_y", "angular_momentum_z"][*axis % 3]
+            }
+            Self::AngularVelocityBody(axis) => {
+                ["angular_velocity_x", "angular_velocity_y", "angular_velocity_z"][*axis % 3]
+            }
+            Self::Nutation => "nutation",
+            Self::DynamicInertia => "dynamic_inertia",
+            Self::SeparatrixDistance => "separatrix_distance",
+            Self::Yaw => "yaw",
+            Self::Pitch => "pitch",
+            Self::Roll => "roll",
+            Self::PotentialEnergy => "potential_energy",
+            Self::TotalEnergy => "total_energy",
+            Self::EulerAngle { name, .. } | Self::AxisAngle { name, .. } => name,
+            Self::Formula(formula) => &formula.name,
+        }
+    }
+
+    /// The unit.
+    pub fn unit(&self) -> &str {
+        match self {
+            Self::KineticEnergy | Self::PotentialEnergy | Self::TotalEnergy => "J",
+            Self::SpinRate | Self::AngularVelocityBody(_) => "rad/s",
+            Self::AngularMomentum | Self::AngularMomentumWorld(_) => "kg m²/s",
+            Self::DynamicInertia => "kg m²",
+            Self::SeparatrixDistance => "1",
+            Self::Nutation | Self::Yaw | Self::Pitch | Self::Roll => "rad",
+            Self::EulerAngle { .. } | Self::AxisAngle { .. } => "rad",
+            Self::Formula(formula) => &formula.unit,
+        }
+    }
+
+    /// Several quantities as one formula, which forms what they share once.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Setting`] where there are too many operations.
+    pub(crate) fn expression(quantities: &[Self]) -> Result<(Graph, Vec<Node>)> {
+        Self::recorded_together(quantities).map_err(|_| Error::Setting {
+            field: "quantities",
+            value: quantities.len() as f64,
+            expected: "expected formulas of at most 10000 operations together",
+        })
+    }
+
+    fn recorded_together(quantities: &[Self]) -> std::result::Result<(Graph, Vec<Node>), Fault> {
+        let mut symbols = Symbols::rotation().with_full_inertia();
+        for parameter in PARAMETERS {
+            symbols = symbols.parameter(parameter, Shape::Number)?;
+        }
+        Graph::record(|recorder| {
+            let scope = Scope::new(&symbols, recorder);
+            Ok(quantities.iter().map(|quantity| quantity.recorded(&scope, recorder)).collect())
+        })
+    }
+
+    /// The formula.
+    fn recorded(&self, scope: &Scope<'_>, recorder: &Recorder) -> Symbol {
+        let omega = || scope.angular_velocity();
+        let number = |name| scope.number(name);
+        // In world axes, as states hold it.
+        let momentum = || {
+            let [x, y, z] = MOMENTUM.map(number);
+            Vector::new(x, y, z)
+        };
+        let euler = |sequence: EulerSequence, index: usize| sequence.angles_of(scope.attitude()).0[index % 3];
+        let component = |vector: Vector<Symbol>, axis: &usize| [vector.x, vector.y, vector.z][axis % 3];
+        let length = |vector: Vector<Symbol>| vector.dot(vector).sqrt();
+        let dynamic_inertia = || {
+            let length = length(momentum());
+            // In this order, as squares of a molecule's momentum are far below those of its energy.
+            length / (Symbol::splat(2.0) * number(KINETIC_ENERGY)) * length
+        };
+        match self {
+            Self::KineticEnergy => number(KINETIC_ENERGY),
+            Self::SpinRate => length(omega()),
+            Self::AngularMomentum => length(momentum()),
+            Self::AngularMomentumWorld(axis) => component(momentum(), axis),
+            Self::AngularVelocityBody(axis) => component(omega(), axis),
+            Self::Nutation => angle_between(scope.to_world(omega()), momentum()),
+            Self::DynamicInertia => dynamic_inertia(),
+            Self::SeparatrixDistance => {
+                let moments = MOMENTS.map(number);
+                separatrix_distance(moments, dynamic_inertia())
+            }
+            Self::Yaw => euler(EulerSequence::YAW_PITCH_ROLL, 0),
+            Self::Pitch => euler(EulerSequence::YAW_PITCH_ROLL, 1),
+            Self::Roll => euler(EulerSequence::YAW_PITCH_ROLL, 2),
+            Self::EulerAngle { sequence, index, .. } => euler(*sequence, *index),
+            Self::AxisAngle { axis_body, direction_world, .. } => {
+                let constant = |v: &DVec3| Vector::new(Symbol::splat(v.x), Symbol::splat(v.y), Symbol::splat(v.z));
+                angle_between(scope.to_world(constant(axis_body)), constant(direction_world))
+            }
+            Self::PotentialEnergy => number(POTENTIAL_ENERGY),
+            Self::TotalEnergy => number(KINETIC_ENERGY) + number(POTENTIAL_ENERGY),
+            Self::Formula(formula) => {
+                let own = scope.to_body(momentum());
+                let input = |input: Input| match input.kind {
+                    InputKind::AngularMomentum => [own.x, own.y, own.z][usize::from(input.index) % 3],
+                    _ => recorder.input(input),
+                };
+                formula.expression.recorded_with(input)[0]
+            }
+        }
+    }
+
+    /// The statistic that engines form where the states are, where it is one of those.
+    pub(crate) fn statistic(&self) -> Option<Statistic> {
+        match self {
+            Self::KineticEnergy => Some(Statistic::KineticEnergy),
+            Self::SpinRate => Some(Statistic::SpinRate),
+            Self::AngularMomentum => Some(Statistic::AngularMomentum),
+            _ => None,
+        }
+    }
+}
+
+/// What the formulas of quantities read beside attitude, angular velocity, inertia and time, in SI units: the angular momentum in world axes,
+/// the kinetic energy, the principal moments, ascending, and the potential energy of the torques.
+pub(crate) const PARAMETERS: [&str; 8] =
+    [MOMENTUM[0], MOMENTUM[1], MOMENTUM[2], KINETIC_ENERGY, MOMENTS[0], MOMENTS[1], MOMENTS[2], POTENTIAL_ENERGY];
+const MOMENTUM: [&str; 3] = ["momentum_world_x", "momentum_world_y", "momentum_world_z"];
+const KINETIC_ENERGY: &str = "kinetic_energy";
+const MOMENTS: [&str; 3] = ["least_moment", "middle_moment", "greatest_moment"];
+const POTENTIAL_ENERGY: &str = "potential_energy";
+
+/// The angle between two vectors, rad, which keeps small ones.
+fn angle_between<R: Real>(a: Vector<R>, b: Vector<R>) -> R {
+    let across = a.cross(b);
+    atan2(across.dot(across).sqrt(), a.dot(b))
+}
+
+/// −1 to 1: see [`Quantity::SeparatrixDistance`].
+fn separatrix_distance<R: Real>([least, middle, greatest]: [R; 3], dynamic_inertia: R) -> R {
+    let (zero, one) = (R::splat(0.0), R::splat(1.0));
+    let excess = dynamic_inertia - middle;
+    let room = R::select(excess.less_than(zero), middle - least, greatest - middle);
+    // Without room there is no distance but what rounding makes.
+    let has_room = zero.less_than(room);
+    let distance = excess / R::select(has_room, room, one);
+    let distance = R::select(has_room, distance, distance * zero);
+    let distance = R::select(one.less_than(distance), one, distance);
+    R::select(distance.less_than(-one), -one, distance)
+}
+
+impl From<Statistic> for Quantity {
+    fn from(statistic: Statistic) -> Self {
+        match statistic {
+            Statistic::KineticEnergy => Self::KineticEnergy,
+            Statistic::SpinRate => Self::SpinRate,
+            Statistic::AngularMomentum => Self::AngularMomentum,
+        }
+    }
+}
+
+impl From<&Statistic> for Quantity {
+    fn from(statistic: &Statistic) -> Self {
+        (*statistic).into()
+    }
+}
+
+impl From<&Quantity> for Quantity {
+    fn from(quantity: &Quantity) -> Self {
+        quantity.clone()
+    }
+}
+
+impl fmt::Display for Quantity {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(self.name())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn names_are_unique() {
+        let names: BTreeSet<&str> = Quantity::NAMED.iter().map(Quantity::name).collect();
+        assert_eq!(names.len(), Quantity::NAMED.len());
+    }
+
+    #[test]
+    fn small_angles_are_kept() {
+        let angle = angle_between(Vector::new(3.0, 0.0, 0.0), Vector::new(1e-20, 1e-32, 0.0));
+        assert!((angle - 1e-12).abs() < 1e-27, "{angle:e}");
+        let opposite: f64 = angle_between(Vector::new(1.0, 0.0, 0.0), Vector::new(-1.0, 0.0, 0.0));
+        assert!((opposite - std::f64::consts::PI).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_distance_from_the_separatrix_ends_at_the_axes() {
+        let found = [1.0, 1.5, 2.0, 3.0, 4.0].map(|inertia| separatrix_distance([1.0, 2.0, 4.0], inertia));
+        assert_eq!(found, [-1.0, -0.5, 0.0, 0.5, 1.0]);
+        assert_eq!(separatrix_distance([1.0; 3], 1.0), 0.0);
+        assert!(separatrix_distance([1.0, 2.0, 4.0], f64::NAN).is_nan());
+    }
+
+    #[test]
+    fn an_axis_without_direction_is_refused() {
+        for vector in [DVec3::ZERO, DVec3::NAN, DVec3::new(f64::INFINITY, 0.0, 0.0)] {
+            assert!(Quantity::axis_angle("a", vector, DVec3::X).is_err(), "{vector}");
+            assert!(Quantity::axis_angle("a", DVec3::X, vector).is_err(), "{vector}");
+        }
+        let Ok(Quantity::AxisAngle { axis_body, .. }) = Quantity::axis_angle("a", DVec3::splat(1e200), DVec3::X) else {
+            panic!("a long vector has a direction");
+        };
+        assert!((axis_body.length() - 1.0).abs() < 1e-15);
+    }
+}

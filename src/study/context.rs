@@ -1,0 +1,89 @@
+//! What values of a study refer to by name, while it is read: the axes of its sweep, and groups of correlated variables.
+
+use std::cell::{Cell, OnceCell, RefCell};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use super::distribution::Correlated;
+use super::sweep::Design;
+use super::torque::StudyParameter;
+
+/// What is known while a file is read.
+#[derive(Debug, Default)]
+pub(super) struct Context {
+    design: OnceCell<Arc<Design>>,
+    correlated: OnceCell<BTreeMap<String, Arc<Correlated>>>,
+    /// The elements of the orbit that the study states once, by the names that models have for them.
+    orbit: OnceCell<Vec<(String, StudyParameter)>>,
+    /// The cell that values are read for, where they are read for each cell by itself.
+    cell: Cell<Option<usize>>,
+    orbit_used: Cell<bool>,
+    /// The names that were referred to.
+    used: RefCell<BTreeSet<String>>,
+}
+
+impl Context {
+    /// Makes the axes known; the first call counts.
+    pub fn set_design(&self, design: Arc<Design>) {
+        let _ = self.design.set(design);
+    }
+
+    /// Makes groups of variables known; the first call counts.
+    pub fn set_correlated(&self, groups: BTreeMap<String, Arc<Correlated>>) {
+        let _ = self.correlated.set(groups);
+    }
+
+    pub fn design(&self) -> Option<&Design> {
+        self.design.get().map(|design| &**design)
+    }
+
+    pub fn correlated(&self, name: &str) -> Option<&Arc<Correlated>> {
+        self.correlated.get()?.get(name)
+    }
+
+    /// The names of all correlated variables, each behind its group's.
+    pub fn correlated_names(&self) -> Vec<String> {
+        let groups = self.correlated.get().into_iter().flatten();
+        groups.flat_map(|(name, group)| group.variables().map(move |variable| format!("{name}.{variable}"))).collect()
+    }
+
+    /// Makes the study's orbit known; the first call counts.
+    pub fn set_orbit(&self, orbit: Vec<(String, StudyParameter)>) {
+        let _ = self.orbit.set(orbit);
+    }
+
+    pub fn orbit(&self) -> Option<&[(String, StudyParameter)]> {
+        self.orbit.get().map(Vec::as_slice)
+    }
+
+    pub fn cell(&self) -> Option<usize> {
+        self.cell.get()
+    }
+
+    /// What `read` gives for a cell.
+    pub fn for_cell<T>(&self, cell: usize, read: impl FnOnce() -> T) -> T {
+        let before = self.cell.replace(Some(cell));
+        let value = read();
+        self.cell.set(before);
+        value
+    }
+
+    pub fn note_use(&self, name: &str) {
+        let mut used = self.used.borrow_mut();
+        if !used.contains(name) {
+            used.insert(name.to_owned());
+        }
+    }
+
+    pub fn note_orbit_use(&self) {
+        self.orbit_used.set(true);
+    }
+
+    pub fn is_orbit_used(&self) -> bool {
+        self.orbit_used.get()
+    }
+
+    pub fn is_used(&self, name: &str) -> bool {
+        self.used.borrow().contains(name)
+    }
+}

@@ -1,0 +1,167 @@
+//! Groups of numbers that are drawn together.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use super::empirical::fnv_1a;
+use crate::error::{Result, Text};
+use crate::study::draw::{Column, Draw};
+use crate::study::reader::{Node, Table};
+use crate::study::unit::Unit;
+
+/// Normal variables with a covariance, for numbers anywhere in a study.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Correlated {
+    variables: Vec<Variable>,
+    /// The rows of the lower triangular factor of the covariance.
+    factor: Vec<Vec<f64>>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct Variable {
+    name: String,
+    mean: f64,
+    /// Of the mean, where it is written with one.
+    unit: Option<Unit>,
+    /// The block under which its own part is drawn.
+    block: u32,
+}
+
+/// Most variables of a group.
+const MOST_VARIABLES: usize = 64;
+
+impl Correlated {
+    /// The names of the variables.
+    pub(in crate::study) fn variables(&self) -> impl Iterator<Item = &str> {
+        self.variables.iter().map(|variable| variable.name.as_str())
+    }
+
+    /// The value of a variable for `body`.
+    pub(super) fn sample(&self, draw: Draw, body: usize, variable: usize) -> f64 {
+        let terms = self.variables.iter().zip(&self.factor[variable]);
+        let terms = terms.map(|(own, l)| l * draw.normal(body, Column::Correlated, own.block));
+        self.variables[variable].mean + terms.sum::<f64>()
+    }
+
+    /// Whether a variable may stand for a number in `unit`.
+    pub(super) fn check_unit(&self, variable: usize, unit: &str) -> Result<(), Text> {
+        self.variables[variable].unit.as_ref().map_or(Ok(()), |own| own.check(unit))
+    }
+
+    /// Reads the tables `[correlated.NAME]`.
+    pub(in crate::study) fn read_all(root: &Table<'_>) -> Result<BTreeMap<String, Arc<Self>>> {
+        let Some(node) = root.find("correlated") else { return Ok(BTreeMap::new()) };
+        const EXPECTED: &str = "expected tables [correlated.NAME]";
+        let groups = node.any_table().ok_or_else(|| node.refuse(EXPECTED))?;
+        let read = |(name, node): (String, Node<'_>)| {
+            let table = node.any_table().ok_or_else(|| node.refuse(EXPECTED))?;
+            Ok((name.clone(), Arc::new(Self::read(&name, &table)?)))
+        };
+        groups.nodes().into_iter().map(read).collect()
+    }
+
+    fn read(group: &str, table: &Table<'_>) -> Result<Self> {
+        table.only(&["variables", "mean", "covariance", "sigma", "correlation"])?;
+        const NAMES: &str = "expected a list of up to 64 different names";
+        let node = table.need("variables", NAMES)?;
+        let names = node.elements().filter(|names| (1..=MOST_VARIABLES).contains(&names.len()));
+        let names = names.ok_or_else(|| node.refuse(NAMES))?;
+        let names: Vec<&str> = names.iter().map(|name| name.string(NAMES)).collect::<Result<_>>()?;
+        if names.iter().enumerate().any(|(place, name)| name.is_empty() || names[..place].contains(name)) {
+            return Err(node.refuse(NAMES));
+        }
+        let count = names.len();
+        let means = list(&table.need("mean", "expected the means, one of each variable")?, count)?;
+        table.exclusive("sigma", "covariance")?;
+        let (key, covariance) = match table.find("sigma") {
+            Some(node) => {
+                let sigma = list(&node, count)?;
+                for ((deviation, unit), (_, of_mean)) in sigma.iter().zip(&means) {
+                    let fits = match (unit, of_mean) {
+                        (Some(unit), Some(of_mean)) => unit.check_same(of_mean),
+                        _ => Ok(()),
+                    };
+                    fits.map_err(|expected| node.refuse(expected))?;
+                    if *deviation < 0.0 {
+                        return Err(node.refuse("expected standard deviations that are not negative"));
+                    }
+                }
+                let correlation = table.need("correlation", "expected the matrix of correlations beside `sigma`")?;
+                let rows = matrix(&correlation, count)?;
+                if rows.iter().enumerate().any(|(i, row)| row[i] != 1.0 || row.iter().any(|c| c.abs() > 1.0)) {
+                    return Err(correlation.refuse("expected 1 on the diagonal and numbers from -1 to 1 beside it"));
+                }
+                let scaled = |(i, row): (usize, &Vec<f64>)| {
+                    row.iter().enumerate().map(|(j, c)| c * (sigma[i].0 * sigma[j].0)).collect()
+                };
+                ("correlation", rows.iter().enumerate().map(scaled).collect())
+            }
+            None => {
+                table.exclusive("correlation", "covariance")?;
+                let node = table.need("covariance", "expected the covariance, or `sigma` and `correlation`")?;
+                ("covariance", matrix(&node, count)?)
+            }
+        };
+        const MATRIX: &str = "expected a symmetric matrix without negative eigenvalues";
+        let factor = match cholesky(&covariance) {
+            Some(factor) => factor,
+            None => return Err(table.need(key, MATRIX)?.refuse(MATRIX)),
+        };
+        let variable = |(name, (mean, unit)): (&str, (f64, Option<Unit>))| Variable {
+            name: name.to_owned(),
+            mean,
+            unit,
+            block: fnv_1a(&format!("{group}.{name}")),
+        };
+        Ok(Self { variables: names.into_iter().zip(means).map(variable).collect(), factor })
+    }
+}
+
+/// So many numbers, with units or without.
+fn list(node: &Node<'_>, count: usize) -> Result<Vec<(f64, Option<Unit>)>> {
+    const EXPECTED: &str = "expected a list of finite numbers, one of each variable";
+    let elements = node.elements().filter(|elements| elements.len() == count).ok_or_else(|| node.refuse(EXPECTED))?;
+    elements.iter().map(|element| element.quantity_as_written(EXPECTED)).collect()
+}
+
+/// So many rows of so many numbers, SI units.
+fn matrix(node: &Node<'_>, count: usize) -> Result<Vec<Vec<f64>>> {
+    const EXPECTED: &str = "expected a row and a column of finite numbers for each variable";
+    let rows = node.elements().filter(|rows| rows.len() == count).ok_or_else(|| node.refuse(EXPECTED))?;
+    let row = |row: &Node<'_>| -> Result<Vec<f64>> {
+        let row = row.elements().filter(|row| row.len() == count).ok_or_else(|| node.refuse(EXPECTED))?;
+        row.iter().map(|element| Ok(element.quantity_as_written(EXPECTED)?.0)).collect()
+    };
+    rows.iter().map(row).collect()
+}
+
+/// How far a covariance may be from symmetric, and how far below zero a pivot may be, in parts of the diagonal: written with ten digits.
+const TOLERANCE: f64 = 1e-10;
+
+/// The lower triangular factor of a symmetric matrix without negative eigenvalues (A.-L. Cholesky 1910; G. H. Golub, C. F. Van Loan,
+/// *Matrix Computations*, 4th ed., section 4.2); `None` of another.
+pub(super) fn cholesky(matrix: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
+    let count = matrix.len();
+    let mut l = vec![vec![0.0; count]; count];
+    for i in 0..count {
+        for j in 0..=i {
+            let scale = (matrix[i][i].abs() * matrix[j][j].abs()).sqrt();
+            if (matrix[i][j] - matrix[j][i]).abs() > TOLERANCE * scale {
+                return None;
+            }
+            let rest = matrix[i][j] - (0..j).map(|k| l[i][k] * l[j][k]).sum::<f64>();
+            if i == j {
+                if rest < -TOLERANCE * scale {
+                    return None;
+                }
+                // A pivot that is nothing but rounding belongs to a variable that others determine.
+                l[i][i] = if rest <= TOLERANCE * scale { 0.0 } else { rest.sqrt() };
+            } else if l[j][j] > 0.0 {
+                l[i][j] = rest / l[j][j];
+            } else if rest.abs() > TOLERANCE.sqrt() * scale {
+                return None;
+            }
+        }
+    }
+    Some(l)
+}

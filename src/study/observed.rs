@@ -1,0 +1,234 @@
+//! What a study asks of its bodies beside their states: `[[quantity]]`, `[output] statistics` and `quantiles`, `[[histogram]]`,
+//! `[[event]]`.
+
+use super::custom::formula_at;
+use super::reader::{Node, Table};
+use crate::bodies::toolkit::{Axis, EulerSequence, TurnedAxes};
+use crate::error::{Error, Result, nearest};
+use crate::scene::{Condition, Event, Histogram, Quantity, Scene};
+
+/// What a study asks for.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct StudyObserved {
+    statistics: Vec<Quantity>,
+    quantiles: Vec<f64>,
+    histograms: Vec<Histogram>,
+    events: Vec<Event>,
+}
+
+impl StudyObserved {
+    /// What stands in the root of a study, and in its table `[output]`.
+    pub fn read(root: &Table<'_>, output: Option<&Table<'_>>) -> Result<Self> {
+        let mut own = Vec::new();
+        for table in tables(root, "quantity")? {
+            let (quantity, name) = quantity(&table)?;
+            if find(&own, quantity.name()).is_some() {
+                return Err(name.refuse("expected a name that no other quantity has"));
+            }
+            own.push(quantity);
+        }
+        let mut found = Self::default();
+        let find_output = |key: &str| output.and_then(|table| table.find(key));
+        if let Some(node) = find_output("statistics") {
+            found.statistics = statistics(&node, &own)?;
+        }
+        if let Some(node) = find_output("quantiles") {
+            if found.statistics.is_empty() {
+                return Err(node.refuse("expected output.statistics too: the quantiles are those of its quantities"));
+            }
+            found.quantiles = quantiles(&node)?;
+        }
+        for table in tables(root, "histogram")? {
+            found.histograms.push(histogram(&table, &own)?);
+        }
+        for table in tables(root, "event")? {
+            let (event, name) = event(&table, &own)?;
+            if found.events.iter().any(|other| other.name() == event.name()) {
+                return Err(name.refuse("expected a name that no other event has"));
+            }
+            found.events.push(event);
+        }
+        Ok(found)
+    }
+
+    /// Whether nothing is asked for.
+    pub fn is_empty(&self) -> bool {
+        self.statistics.is_empty() && self.histograms.is_empty() && self.events.is_empty()
+    }
+
+    /// A scene that asks for it.
+    pub fn applied_to(&self, scene: Scene) -> Result<Scene> {
+        let scene = scene.statistics(&self.statistics).quantiles(&self.quantiles)?;
+        let scene = self.histograms.iter().cloned().fold(scene, Scene::histogram);
+        Ok(self.events.iter().cloned().fold(scene, Scene::event))
+    }
+}
+
+/// The tables of a list.
+fn tables<'a>(root: &Table<'a>, key: &str) -> Result<Vec<Table<'a>>> {
+    let Some(node) = root.find(key) else { return Ok(Vec::new()) };
+    let expected = format!("expected a list of tables: [[{key}]]");
+    let elements = node.elements().ok_or_else(|| node.refuse(expected.clone()))?;
+    let table = |(index, mut element): (usize, Node<'a>)| {
+        element.path = format!("{key}[{}]", index + 1);
+        element.any_table().ok_or_else(|| element.refuse(expected.clone()))
+    };
+    elements.into_iter().enumerate().map(table).collect()
+}
+
+/// The quantity of a name: one of the study's own, or of those that need no parameters.
+fn find<'q>(own: &'q [Quantity], name: &str) -> Option<&'q Quantity> {
+    own.iter().chain(Quantity::NAMED).find(|quantity| quantity.name() == name)
+}
+
+fn named(node: &Node<'_>, own: &[Quantity]) -> Result<Quantity> {
+    let name = node.string("expected the name of a quantity")?;
+    find(own, name).cloned().ok_or_else(|| {
+        let known: Vec<&str> = own.iter().chain(Quantity::NAMED).map(Quantity::name).collect();
+        let suggestion = nearest(name, &known).map(|near| format!("did you mean {near}? ")).unwrap_or_default();
+        node.refuse(format!("{suggestion}expected a quantity: {}", known.join(", ")))
+    })
+}
+
+/// A name as formulas may have: it becomes part of columns' names.
+fn identifier<'a>(node: &Node<'a>) -> Result<&'a str> {
+    const EXPECTED: &str = "expected a name of letters, digits and underscores that begins with a letter";
+    let name = node.string(EXPECTED)?;
+    let begins = name.starts_with(|first: char| first.is_ascii_alphabetic());
+    let is_name = begins && name.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '_');
+    if is_name { Ok(name) } else { Err(node.refuse(EXPECTED)) }
+}
+
+/// A quantity of the study's own, and its name's place.
+fn quantity<'a>(table: &Table<'a>) -> Result<(Quantity, Node<'a>)> {
+    let name_node = table.need("name", "expected the name by which statistics, histograms and events ask for it")?;
+    let name = identifier(&name_node)?;
+    let kinds = ["formula", "axis", "euler"];
+    for (place, kind) in kinds.iter().enumerate() {
+        kinds[place + 1..].iter().try_for_each(|other| table.exclusive(kind, other))?;
+    }
+    if let Some(node) = table.find("formula") {
+        table.only(&["name", "formula", "unit"])?;
+        let unit = table.find("unit").map(|node| node.string("expected the unit, as text")).transpose()?;
+        let text = node.string("expected a formula, as text")?;
+        let quantity = Quantity::formula(name, unit.unwrap_or("1"), text).map_err(|error| formula_at(&node, &error))?;
+        return Ok((quantity, name_node));
+    }
+    if let Some(axis) = table.find("axis") {
+        table.only(&["name", "axis", "direction"])?;
+        let direction = table.need("direction", "expected a direction in world axes [x, y, z]")?;
+        let axis_body = axis.vector("1", "expected an axis of the body [x, y, z]")?;
+        let direction_world = direction.vector("1", "expected a direction in world axes [x, y, z]")?;
+        let refused = |error: Error| match error {
+            Error::Setting { field: "direction", expected, .. } => direction.refuse(expected),
+            Error::Setting { expected, .. } => axis.refuse(expected),
+            other => other,
+        };
+        return Ok((Quantity::axis_angle(name, axis_body, direction_world).map_err(refused)?, name_node));
+    }
+    const KINDS: &str = "expected how it is formed: `formula`, `axis` with `direction`, or `euler` with `angle`";
+    let Some(node) = table.find("euler") else {
+        return Err(table.need("formula", KINDS).map_or_else(|error| error, |node| node.refuse(KINDS)));
+    };
+    table.only(&["name", "euler", "about", "angle"])?;
+    let sequence = sequence(table, &node)?;
+    let angle = table.need("angle", "expected which of the three angles it is: 1, 2 or 3")?;
+    let index = match angle.whole("expected 1, 2 or 3")? {
+        index @ 1..=3 => index as usize - 1,
+        _ => return Err(angle.refuse("expected 1, 2 or 3")),
+    };
+    Ok((Quantity::EulerAngle { name: name.into(), sequence, index }, name_node))
+}
+
+/// `euler = "zxz"`, and whose axes it is about.
+fn sequence(table: &Table<'_>, node: &Node<'_>) -> Result<EulerSequence> {
+    const EXPECTED: &str = "expected three axes of which neighbours differ, such as \"zyx\" or \"zxz\"";
+    let axis = |letter: char| match letter {
+        'x' => Some(Axis::X),
+        'y' => Some(Axis::Y),
+        'z' => Some(Axis::Z),
+        _ => None,
+    };
+    let axes: Option<Vec<Axis>> = node.string(EXPECTED)?.chars().map(axis).collect();
+    let axes: Option<[Axis; 3]> = axes.and_then(|axes| axes.try_into().ok());
+    let about = match table.find("about").map(|node| node.choice(&["body", "world"])).transpose()? {
+        Some("world") => TurnedAxes::World,
+        _ => TurnedAxes::Body,
+    };
+    let sequence = axes.and_then(|axes| EulerSequence::new(axes, about).ok());
+    sequence.ok_or_else(|| node.refuse(EXPECTED))
+}
+
+fn statistics(node: &Node<'_>, own: &[Quantity]) -> Result<Vec<Quantity>> {
+    const LIST: &str = "expected a list of quantities, such as [\"kinetic_energy\", \"spin_rate\"]";
+    let elements = node.elements().ok_or_else(|| node.refuse(LIST))?;
+    let mut found = Vec::with_capacity(elements.len());
+    for element in elements {
+        let quantity = named(&element, own)?;
+        if found.contains(&quantity) {
+            return Err(element.refuse("expected each quantity once"));
+        }
+        found.push(quantity);
+    }
+    Ok(found)
+}
+
+fn quantiles(node: &Node<'_>) -> Result<Vec<f64>> {
+    const LIST: &str = "expected a list of percentages from 0 to 100, such as [5, 50, 95]";
+    let elements = node.elements().ok_or_else(|| node.refuse(LIST))?;
+    let percent = |element: &Node<'_>| {
+        let percent = element.quantity("1", LIST)?;
+        if (0.0..=100.0).contains(&percent) { Ok(percent) } else { Err(element.refuse(LIST)) }
+    };
+    elements.iter().map(percent).collect()
+}
+
+fn histogram(table: &Table<'_>, own: &[Quantity]) -> Result<Histogram> {
+    table.only(&["quantity", "low", "high", "bins", "scale"])?;
+    let quantity = named(&table.need("quantity", "expected the name of a quantity")?, own)?;
+    let low = table.need("low", "expected the first edge, in the quantity's unit")?;
+    let high = table.need("high", "expected the last edge, in the quantity's unit")?;
+    let bins = table.find("bins");
+    let count = bins.as_ref().map(|node| node.whole("expected a number of bins")).transpose()?.unwrap_or(50);
+    let count = usize::try_from(count).unwrap_or(usize::MAX);
+    let edge = |node: &Node<'_>| node.quantity(quantity.unit(), "expected a finite number, in the quantity's unit");
+    let (first, last) = (edge(&low)?, edge(&high)?);
+    let is_logarithmic = table.find("scale").map(|node| node.choice(&["linear", "log"])).transpose()? == Some("log");
+    let made = match is_logarithmic {
+        true => Histogram::logarithmic(quantity, first, last, count),
+        false => Histogram::linear(quantity, first, last, count),
+    };
+    made.map_err(|error| match error {
+        Error::Setting { field: "low", expected, .. } => low.refuse(expected),
+        Error::Setting { field: "bins", expected, .. } => bins.as_ref().unwrap_or(&high).refuse(expected),
+        Error::Setting { expected, .. } => high.refuse(expected),
+        other => other,
+    })
+}
+
+/// An event, and its name's place.
+fn event<'a>(table: &Table<'a>, own: &[Quantity]) -> Result<(Event, Node<'a>)> {
+    let conditions: Vec<&str> = Condition::ALL.iter().map(|condition| condition.name()).collect();
+    let keys: Vec<&str> = ["name", "quantity", "occurrence"].into_iter().chain(conditions.iter().copied()).collect();
+    table.only(&keys)?;
+    let name_node = table.need("name", "expected the event's name in events and survival")?;
+    let name = name_node.string("expected a text")?;
+    if name.is_empty() || name.contains(char::is_control) {
+        return Err(name_node.refuse("expected a text on one line that is not empty"));
+    }
+    let quantity = named(&table.need("quantity", "expected the name of a quantity")?, own)?;
+    for (place, condition) in conditions.iter().enumerate() {
+        conditions[place + 1..].iter().try_for_each(|other| table.exclusive(condition, other))?;
+    }
+    let found = Condition::ALL.iter().find(|condition| table.find(condition.name()).is_some());
+    let condition = found.unwrap_or(&Condition::ALL[0]);
+    let level = table.need(condition.name(), format!("expected one of {}, with a level", conditions.join(", ")))?;
+    let expected = "expected a finite level, in the quantity's unit";
+    let condition = condition.with_level(level.quantity(quantity.unit(), expected)?);
+    let event = Event::new(name, quantity, condition)?;
+    let Some(node) = table.find("occurrence") else { return Ok((event, name_node)) };
+    const NTH: &str = "expected 1 for the first time, 2 for the second, and so on";
+    let nth = node.whole(NTH)?;
+    let nth = u32::try_from(nth).ok().filter(|&nth| nth > 0).ok_or_else(|| node.refuse(NTH))?;
+    Ok((event.occurrence(nth)?, name_node))
+}

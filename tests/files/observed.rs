@@ -1,0 +1,202 @@
+//! Quantities, quantiles, histograms and events of studies: what is refused, and what is written.
+
+#![cfg(feature = "cli")]
+
+use std::path::Path;
+
+use polhode::study::Study;
+use polhode::{Engine, Plan};
+
+use crate::workspace::{States, Workspace, report};
+
+const BODIES: &str = "\
+title = \"Six\"
+[bodies]
+count = 6
+inertia = [1, 2, 2.5]
+angular_velocity = { distribution = \"normal\", mean = [0, 1, 0], sigma = 0.01 }
+[time]
+end = 40.0
+outputs = { every = 1.0, start = true }
+";
+
+fn refusal(more: &str) -> String {
+    let text = format!("{BODIES}{more}");
+    let error = Study::parse(Path::new("study.toml"), &text).and_then(|study| study.scene()).expect_err("refused");
+    assert!(error.is_input(), "{error}");
+    error.to_string()
+}
+
+macro_rules! refuses {
+    ($($name:ident: $more:expr => @$expected:literal;)*) => {
+        $(#[test]
+        fn $name() {
+            insta::assert_snapshot!(refusal($more), @$expected);
+        })*
+    };
+}
+
+refuses! {
+    statistics_that_are_no_list: "[output]\nstatistics = \"spin_rate\"" => @r#"study.toml:10: output.statistics = "spin_rate": expected a list of quantities, such as ["kinetic_energy", "spin_rate"]"#;
+    an_unknown_quantity: "[output]\nstatistics = [\"spin_rat\"]" => @r#"study.toml:10: output.statistics = "spin_rat": did you mean spin_rate? expected a quantity: kinetic_energy, spin_rate, angular_momentum, angular_momentum_x, angular_momentum_y, angular_momentum_z, angular_velocity_x, angular_velocity_y, angular_velocity_z, nutation, dynamic_inertia, separatrix_distance, yaw, pitch, roll, potential_energy, total_energy"#;
+    quantiles_of_nothing: "[output]\nquantiles = [50]" => @"study.toml:10: output.quantiles = [50]: expected output.statistics too: the quantiles are those of its quantities";
+    a_quantile_that_is_no_percentage: "[output]\nstatistics = [\"yaw\"]\nquantiles = [101]" => @"study.toml:11: output.quantiles = 101: expected a list of percentages from 0 to 100, such as [5, 50, 95]";
+    a_quantity_whose_name_is_no_word: "[[quantity]]\nname = \"a b\"\nformula = \"1\"" => @r#"study.toml:10: quantity[1].name = "a b": expected a name of letters, digits and underscores that begins with a letter"#;
+    a_quantity_whose_name_is_taken: "[[quantity]]\nname = \"yaw\"\nformula = \"time\"" => @r#"study.toml:10: quantity[1].name = "yaw": expected a name that no other quantity has"#;
+    a_quantity_of_nothing: "[[quantity]]\nname = \"x\"" => @"study.toml:9: quantity[1].formula is missing: expected how it is formed: `formula`, `axis` with `direction`, or `euler` with `angle`";
+    a_formula_that_is_a_vector: "[[quantity]]\nname = \"x\"\nformula = \"angular_velocity\"" => @"study.toml:11: quantity[1].formula: column 12: the result: found a vector, needed a number";
+    a_formula_with_what_a_quantity_has_not: "[[quantity]]\nname = \"x\"\nformula = \"position.x\"" => @"study.toml:11: quantity[1].formula: column 12: `position` is not known where this formula is used";
+    an_axis_without_direction: "[[quantity]]\nname = \"x\"\naxis = [0, 0, 0]\ndirection = [0, 0, 1]" => @"study.toml:11: quantity[1].axis = [0, 0, 0]: expected a vector that is finite and not zero";
+    turns_that_are_no_sequence: "[[quantity]]\nname = \"x\"\neuler = \"zzx\"\nangle = 1" => @r#"study.toml:11: quantity[1].euler = "zzx": expected three axes of which neighbours differ, such as "zyx" or "zxz""#;
+    a_fourth_angle: "[[quantity]]\nname = \"x\"\neuler = \"zyx\"\nangle = 4" => @"study.toml:12: quantity[1].angle = 4: expected 1, 2 or 3";
+    a_quantity_in_two_ways: "[[quantity]]\nname = \"x\"\neuler = \"zyx\"\nformula = \"1\"" => @"study.toml:12: quantity[1].formula excludes euler: give one of them";
+    a_table_for_a_list: "[quantity]\nname = \"x\"\nformula = \"1\"" => @"study.toml:9: quantity = [quantity]: expected a list of tables: [[quantity]]";
+    a_histogram_that_ends_before_it_begins: "[[histogram]]\nquantity = \"yaw\"\nlow = 1\nhigh = 0" => @"study.toml:12: histogram[1].high = 0: expected a finite number above `low`";
+    a_logarithm_of_zero: "[[histogram]]\nquantity = \"yaw\"\nlow = 0\nhigh = 1\nscale = \"log\"" => @"study.toml:11: histogram[1].low = 0: expected a number above zero";
+    a_histogram_without_bins: "[[histogram]]\nquantity = \"yaw\"\nlow = 0\nhigh = 1\nbins = 0" => @"study.toml:13: histogram[1].bins = 0: expected 1 to 100000 bins";
+    an_event_of_nothing: "[[event]]\nname = \"e\"\nquantity = \"yaw\"" => @"study.toml:9: event[1].below is missing: expected one of below, above, falls_below, rises_above, crosses, with a level";
+    an_event_in_two_ways: "[[event]]\nname = \"e\"\nquantity = \"yaw\"\nbelow = 1\nabove = 2" => @"study.toml:12: event[1].below excludes above: give one of them";
+    a_level_that_is_no_number: "[[event]]\nname = \"e\"\nquantity = \"yaw\"\nbelow = nan" => @"study.toml:12: event[1].below = nan: expected a finite level, in the quantity's unit";
+    a_time_before_the_first: "[[event]]\nname = \"e\"\nquantity = \"yaw\"\nbelow = 1\noccurrence = 0" => @"study.toml:13: event[1].occurrence = 0: expected 1 for the first time, 2 for the second, and so on";
+    two_events_of_one_name: "[[event]]\nname = \"e\"\nquantity = \"yaw\"\nbelow = 1\n[[event]]\nname = \"e\"\nquantity = \"yaw\"\nbelow = 2" => @r#"study.toml:14: event[2].name = "e": expected a name that no other event has"#;
+}
+
+const QUESTIONS: &str = "\
+[output]
+snapshots = true
+statistics = [\"spin_rate\", \"tilt\"]
+quantiles = [50, 2.5]
+[[quantity]]
+name = \"tilt\"
+axis = [0, 1, 0]
+direction = [0, 2, 0]
+[[histogram]]
+quantity = \"tilt\"
+low = 0.0
+high = 3.15
+bins = 5
+[[event]]
+name = \"a flip, or \\\"turn\\\"\"
+quantity = \"angular_velocity_y\"
+crosses = 0.0
+";
+
+#[test]
+fn every_table_that_is_asked_for_is_written() {
+    let workspace = Workspace::new(&format!("{BODIES}{QUESTIONS}"));
+    let summary = workspace.done(&["run", "study.toml", "--engine", "cpu"]);
+    assert!(summary.contains("event    a flip, or \"turn\": 6 bodies, 100.0 %"), "{summary}");
+    let names = workspace.names("study.out");
+    for name in ["events.csv", "final.csv", "histograms.csv", "snapshots.csv", "statistics.csv", "survival.csv"] {
+        assert!(names.iter().any(|other| other == name), "{name} is missing: {names:?}");
+    }
+    let read = |name: &str| std::fs::read_to_string(workspace.path(&format!("study.out/{name}"))).expect("a table");
+    let header = "t,count,spin_rate_mean,spin_rate_standard_deviation,spin_rate_min,spin_rate_max,spin_rate_min_body,\
+                  spin_rate_max_body,spin_rate_q2.5,spin_rate_q50,tilt_mean";
+    assert!(read("statistics.csv").starts_with(header), "{}", read("statistics.csv"));
+    assert!(read("events.csv").starts_with("event,body,t,known_to,qx,qy,qz,qw,wx,wy,wz\n\"a flip, or \"\"turn\"\"\","));
+
+    // The start is an output; each histogram counts every body at each of them.
+    let states = States::read(&workspace.path("study.out/snapshots.csv"));
+    assert_eq!((states.rows(), states.column("t")[0]), (6 * 41, 0.0));
+    let mut reader = csv::Reader::from_path(workspace.path("study.out/histograms.csv")).expect("a table");
+    let counts: Vec<u64> = reader.records().map(|row| row.expect("a row")[5].parse().expect("a count")).collect();
+    assert_eq!(counts.len(), 41 * 7);
+    assert!(counts.chunks(7).all(|counts| counts.iter().sum::<u64>() == 6));
+
+    // Each event lies between the two outputs at which the sign of the spin differs for the first time.
+    let mut reader = csv::Reader::from_path(workspace.path("study.out/events.csv")).expect("a table");
+    let events: Vec<csv::StringRecord> = reader.records().map(|row| row.expect("a row")).collect();
+    assert_eq!(events.len(), 6);
+    for event in &events {
+        let (body, time): (usize, f64) = (event[1].parse().expect("a body"), event[2].parse().expect("a time"));
+        let spins: Vec<f64> = states.of_body(body).into_iter().map(|row| states.column("wy")[row]).collect();
+        let first = spins.windows(2).position(|pair| (pair[0] < 0.0) != (pair[1] < 0.0)).expect("a flip") as f64;
+        assert!((first..=first + 1.0).contains(&time), "body {body}: {time} s, not in {first} s to a second later");
+        assert!(event[9].parse::<f64>().expect("wy").abs() < 1e-9, "{event:?}");
+    }
+    let report = report(&workspace, "study.out");
+    assert_eq!(report["events"][0]["bodies"], 6);
+    assert_eq!(report["events"][0]["compared"], 6);
+    assert!(report["events"][0]["time_error"]["max"].as_f64().expect("a number") < 1e-5, "{}", report["events"]);
+    assert_eq!(report["quantities"][1]["unit"], "rad");
+
+    // What of a former run has these names gives way to another.
+    workspace.done(&["plot", "study.out"]);
+    let names = workspace.names("study.out");
+    for picture in ["histograms.svg", "statistics.png", "survival.svg"] {
+        assert!(names.iter().any(|name| name == picture), "{picture} is missing: {names:?}");
+    }
+    std::fs::write(workspace.path("study.toml"), BODIES).expect("written");
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--force"]);
+    assert_eq!(workspace.names("study.out"), ["final.csv", "plan.json", "report.json"]);
+}
+
+#[test]
+fn arrays_hold_the_same_as_text() {
+    let workspace = Workspace::new(&format!("{BODIES}{QUESTIONS}"));
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--out", "text"]);
+    let npz = format!("{BODIES}{}", QUESTIONS.replace("snapshots = true", "format = \"npz\""));
+    std::fs::write(workspace.path("study.toml"), npz).expect("written");
+    workspace.done(&["run", "study.toml", "--engine", "cpu", "--out", "arrays"]);
+    let numbers = |table: &str, column: &str| -> Vec<f64> {
+        let mut reader = csv::Reader::from_path(workspace.path(&format!("text/{table}.csv"))).expect("a table");
+        let place = reader.headers().expect("names").iter().position(|name| name == column).expect("a column");
+        reader.records().map(|row| row.expect("a row")[place].parse().expect("a number")).collect()
+    };
+    let array = |table: &str, column: &str| -> Vec<f64> {
+        let file = std::fs::File::open(workspace.path(&format!("arrays/{table}.npz"))).expect("an archive");
+        let mut archive = zip::ZipArchive::new(file).expect("an archive");
+        let entry = archive.by_name(&format!("{column}.npy")).expect("a column");
+        npyz::NpyFile::new(entry).expect("an array").into_vec().expect("numbers")
+    };
+    for (table, column) in [
+        ("statistics", "tilt_q2.5"),
+        ("statistics", "spin_rate_max"),
+        ("events", "t"),
+        ("events", "wy"),
+        ("survival", "share"),
+        ("survival", "low"),
+        ("histograms", "high"),
+    ] {
+        let (text, array) = (numbers(table, column), array(table, column));
+        assert!(!text.is_empty() && text == array, "{table}, {column}: {text:?} and {array:?}");
+    }
+}
+
+#[test]
+fn parts_of_a_study_with_events_are_refused() {
+    let workspace = Workspace::new(&format!("{BODIES}{QUESTIONS}"));
+    workspace.done(&["plan", "study.toml", "--engine", "cpu", "--quiet", "--out", "plan.json"]);
+    let arguments = ["run", "study.toml", "--engine", "cpu", "--plan", "plan.json", "--shard", "1/1", "--out", "parts"];
+    let message = workspace.refused(&arguments, 2);
+    assert!(message.contains("are not merged from parts: run the study as a whole"), "{message}");
+}
+
+#[test]
+fn the_plan_says_that_states_are_read() {
+    let skips = |output: &str| {
+        let study = Study::parse(Path::new("study.toml"), &format!("{BODIES}{output}")).expect("a study");
+        let scene = study.scene().expect("a scene");
+        Plan::new(&scene, &Engine::cpu()).expect("a plan").leaves_states()
+    };
+    assert!(skips("[output]\nfinal = false\nstatistics = [\"spin_rate\"]"));
+    assert!(!skips("[output]\nfinal = false\nstatistics = [\"yaw\"]"));
+    assert!(!skips("[output]\nfinal = false\nstatistics = [\"spin_rate\"]\nquantiles = [50]"));
+}
+
+#[test]
+fn flips_come_when_the_formula_says() {
+    let workspace = Workspace::new("");
+    let run = |name: &str| {
+        let study = crate::workspace::example(name);
+        workspace.done(&["run", &study, "--engine", "cpu", "--out", name]);
+        report(&workspace, name)["events"].clone()
+    };
+    // Around the middle axis a deviation grows with the rate w sqrt((I3 - I2)(I2 - I1)/(I1 I3)) = 0.577/s: half of all flip by about
+    // ln(4/0.01)/0.577 = 10.4 s, and for the third time two periods later.
+    let flips = run("flip_times");
+    let medians: Vec<f64> = (0..2).map(|event| flips[event]["median"].as_f64().expect("half of them")).collect();
+    assert!((medians[0] - 10.4).abs() < 1.0, "{medians:?}");
+    assert!((medians[1] - 5.0 * medians[0]).abs() < 2.0, "{medians:?}");
+}

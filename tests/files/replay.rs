@@ -1,0 +1,101 @@
+//! `polhode replay`: a body of a study or of a run's folder, computed alone.
+
+#![cfg(feature = "cli")]
+
+use std::fs;
+
+use crate::workspace::{States, Workspace};
+
+const STUDY: &str = r#"
+seed = 3
+[bodies]
+count = 300
+inertia = { moments = [1.0, 1.7, 2.2], scatter = 0.2 }
+mass = 2.0
+position = { distribution = "normal", mean = 0.0, sigma = 1.0 }
+angular_velocity = { distribution = "normal", mean = 0.0, sigma = 1.0 }
+[[torque]]
+model = "linear-drag"
+coefficient = { distribution = "uniform", low = 0.01, high = 0.1 }
+[[force]]
+model = "gravity"
+acceleration = [0, 0, -9.81]
+[time]
+end = 5.0
+outputs = { every = 2.0 }
+[accuracy]
+attitude = 1e-6
+[output]
+snapshots = true
+"#;
+
+fn replayed(workspace: &Workspace, of: &str, body: &str, more: &[&str]) -> serde_json::Value {
+    let arguments = [&["replay", of, "--body", body, "--engine", "cpu", "--json"], more].concat();
+    serde_json::from_str(&workspace.done(&arguments)).expect("JSON")
+}
+
+#[test]
+fn a_replay_says_how_far_a_runs_values_are_off_and_leaves_the_track() {
+    for format in ["csv", "npz"] {
+        let study = format!("{STUDY}format = \"{format}\"\n");
+        let workspace = Workspace::new(&study);
+        workspace.done(&["run", "study.toml", "--out", "out", "--quiet", "--engine", "cpu"]);
+        let of_folder = replayed(&workspace, "out", "123", &["--samples", "51", "--out", "track.csv"]);
+        // With the same samples, as steps end at them.
+        let of_study = replayed(&workspace, "study.toml", "123", &["--samples", "51"]);
+        let times: Vec<f64> = of_folder["errors"]
+            .as_array()
+            .expect("errors")
+            .iter()
+            .map(|row| row["time"].as_f64().expect("s"))
+            .collect();
+        assert_eq!(times, [2.0, 4.0, 5.0]);
+        // The body alone has the bits that stand in the run's tables.
+        assert_eq!(of_folder["errors"], of_study["errors"], "{format}");
+        for row in of_folder["errors"].as_array().expect("errors") {
+            let error = row["attitude"].as_f64().expect("rad");
+            assert!(error > 0.0 && error < 2e-6, "{error:e}");
+            assert!(row["position"].as_f64().is_some_and(|error| error < 1e-12));
+        }
+        assert!(of_folder["own_error"]["attitude"].as_f64().is_some_and(|error| error < 1e-11));
+
+        let track = States::read(&workspace.path("track.csv"));
+        assert!(track.column("body").iter().all(|&body| body == 123.0));
+        assert_eq!(track.rows(), 51, "multiples of a tenth of a second are the output times too");
+        assert_eq!(of_study["track"], "study.body-123.csv");
+        if format == "csv" {
+            let table = States::read(&workspace.path("out/snapshots.csv"));
+            for row in table.of_body(123) {
+                let time = table.column("t")[row];
+                let own = track.column("t").iter().position(|&other| other == time).expect("an output time");
+                assert!(table.orientation(row).angle_between(track.orientation(own)) < 3e-6);
+                assert_eq!(table.column("z")[row], track.column("z")[own]);
+            }
+        }
+        let shown = workspace.done(&["replay", "out", "--body", "123"]);
+        assert!(shown.contains("Body 123 alone, on the CPU in f64: rk8 in adaptive steps, tolerance 1e-14"), "{shown}");
+        assert!(shown.contains("t = 5.0 s: attitude "), "{shown}");
+    }
+}
+
+#[test]
+fn what_cannot_be_replayed_is_refused_by_name() {
+    let workspace = Workspace::new(STUDY);
+    let error = workspace.refused(&["replay", "study.toml", "--body", "300"], 2);
+    assert!(error.contains("--body 300: expected the index of a body, from 0 to 299"), "{error}");
+    workspace.done(&["run", "study.toml", "--out", "out", "--quiet", "--engine", "cpu"]);
+    fs::write(workspace.path("study.toml"), STUDY.replace("seed = 3", "seed = 4")).expect("written");
+    let error = workspace.refused(&["replay", "out", "--body", "3"], 2);
+    assert!(error.contains("the fingerprint of bodies and their parameters"), "{error}");
+    fs::rename(workspace.path("study.toml"), workspace.path("elsewhere.toml")).expect("renamed");
+    let error = workspace.refused(&["replay", "out", "--body", "3"], 2);
+    assert!(error.contains("study.toml: cannot be read") && error.contains("report.json names it"), "{error}");
+    fs::write(workspace.path("study.toml"), STUDY).expect("written");
+    let table = workspace.path("out/snapshots.csv");
+    let text = fs::read_to_string(&table).expect("a table");
+    fs::write(&table, &text[..text.len() / 2]).expect("written");
+    let error = workspace.refused(&["replay", "out", "--body", "299"], 2);
+    assert!(error.contains("out/snapshots.csv: "), "{error}");
+    let error = workspace.refused(&["replay", ".", "--body", "3"], 2);
+    assert!(error.contains("report.json: cannot be read"), "{error}");
+}

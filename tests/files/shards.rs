@@ -1,0 +1,310 @@
+//! Parts of a study that separate processes run: whatever the cut and the threads, the merged tables are those of one run to the byte; what
+//! is missing, foreign or altered is refused by name, and a part is run again alone.
+
+#![cfg(feature = "cli")]
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::process::{Command, Output};
+
+use assert_cmd::cargo::cargo_bin;
+
+use crate::workspace::{Workspace, words};
+
+/// Free and driven bodies, those in adaptive steps among them, and statistics that are formed where the states are and from the states.
+const ACCURACY: &str = r#"
+seed = 5
+[bodies]
+count = 700
+inertia = { moments = [1.0, 1.7, 2.2], scatter = 0.2 }
+orientation = { distribution = "uniform" }
+angular_velocity = { distribution = "normal", mean = 0.0, sigma = 1.5 }
+[[torque]]
+model = "linear-drag"
+coefficient = { distribution = "log-normal", median = 0.05, sigma = 1.5 }
+[[torque]]
+model = "heavy-top"
+mass = 0.05
+centre = [0.0, 0.1, 0.3]
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 4.0
+outputs = { every = 1.0 }
+[accuracy]
+attitude = 1e-7
+[output]
+snapshots = true
+statistics = ["kinetic_energy", "spin_rate", "angular_momentum"]
+"#;
+
+/// Equal steps under noise, centres of mass that are stepped, bodies that fail, and a table of arrays.
+const PINNED: &str = r#"
+seed = 11
+[bodies]
+count = 333
+inertia = [1.0, 1.7, 2.2]
+mass = 2.0
+velocity = { distribution = "normal", mean = 0.0, sigma = 1.0 }
+angular_velocity = { distribution = "log-normal", median = 0.4, sigma = 1.2 }
+[[torque]]
+model = "white-noise"
+intensity = 0.02
+[[force]]
+model = "quadratic-drag"
+coefficient = 0.3
+[time]
+end = 2.0
+outputs = { every = 0.5 }
+[accuracy]
+method = "splitting4"
+dt = 0.125
+[output]
+snapshots = true
+statistics = ["spin_rate"]
+format = "npz"
+[failures]
+allow = 333
+"#;
+
+/// Nothing but statistics, of free bodies and of driven ones in steps of their own.
+const STATISTICS: &str = r#"
+[bodies]
+count = 900
+inertia = { moments = [1.0, 1.7, 2.2], scatter = 0.2 }
+angular_velocity = { distribution = "normal", mean = 0.0, sigma = 1.5 }
+[[torque]]
+model = "linear-drag"
+coefficient = { distribution = "uniform", low = 0.01, high = 0.1 }
+[[torque]]
+model = "constant-body"
+torque = [0.1, 0.0, 0.0]
+[time]
+end = 2.0
+outputs = { every = 0.5 }
+[accuracy]
+method = "rk8"
+tolerance = 1e-8
+[output]
+final = false
+statistics = ["kinetic_energy", "angular_momentum"]
+"#;
+
+fn command(workspace: &Workspace, threads: usize, arguments: &[&str]) -> Output {
+    Command::new(cargo_bin!("polhode"))
+        .current_dir(workspace.folder())
+        .env("RAYON_NUM_THREADS", threads.to_string())
+        .args(arguments)
+        .output()
+        .expect("the command starts")
+}
+
+fn done(workspace: &Workspace, threads: usize, arguments: &[&str]) {
+    let output = command(workspace, threads, arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", words(&output.stderr));
+}
+
+/// Runs all of some parts and merges them.
+fn merged(workspace: &Workspace, engine: &str, (parts, threads): (usize, usize)) -> BTreeMap<String, Vec<u8>> {
+    let all = format!("parts-{parts}-{threads}");
+    for part in 1..=parts {
+        let shard = format!("{part}/{parts}");
+        let run = [
+            "run",
+            "study.toml",
+            "--plan",
+            "plan.json",
+            "--shard",
+            &shard,
+            "--out",
+            &all,
+            "--quiet",
+            "--engine",
+            engine,
+        ];
+        done(workspace, threads, &run);
+    }
+    let out = format!("merged-{parts}-{threads}");
+    done(workspace, threads, &["merge", &all, "--out", &out, "--quiet"]);
+    tables(workspace, &out)
+}
+
+/// All files but the report, by name.
+fn tables(workspace: &Workspace, folder: &str) -> BTreeMap<String, Vec<u8>> {
+    let names = workspace.names(folder).into_iter().filter(|name| name != "report.json");
+    names.map(|name| (name.clone(), fs::read(workspace.path(folder).join(name)).expect("a file"))).collect()
+}
+
+/// One run against parts; gives the workspace with the run in `whole`.
+fn compare(study: &str, engine: &str, cuts: &[(usize, usize)], names: &[&str]) -> Workspace {
+    let workspace = Workspace::new(study);
+    done(&workspace, 2, &["run", "study.toml", "--out", "whole", "--quiet", "--engine", engine]);
+    done(&workspace, 2, &["plan", "study.toml", "--out", "plan.json", "--quiet", "--engine", engine]);
+    let whole = tables(&workspace, "whole");
+    assert_eq!(whole.keys().map(String::as_str).collect::<Vec<_>>(), names);
+    for &cut in cuts {
+        let parts = merged(&workspace, engine, cut);
+        assert_eq!(parts.keys().collect::<Vec<_>>(), whole.keys().collect::<Vec<_>>(), "{cut:?}");
+        // What a plan expects of a GPU's wall time was measured when the engine was opened.
+        for (name, bytes) in whole.iter().filter(|(name, _)| engine == "cpu" || *name != "plan.json") {
+            assert!(parts[name] == *bytes, "{name} of {} parts on {} threads differs", cut.0, cut.1);
+        }
+    }
+    workspace
+}
+
+/// Parts and threads.
+const CUTS: [(usize, usize); 4] = [(1, 1), (1, 2), (7, 2), (64, 1)];
+
+#[test]
+fn tables_are_the_same_bytes_in_one_part_in_7_and_in_64() {
+    compare(ACCURACY, "cpu", &CUTS, &["final.csv", "plan.json", "snapshots.csv", "statistics.csv"]);
+}
+
+#[test]
+fn so_are_those_of_noise_translation_and_failures() {
+    let names = ["failed.npz", "final.npz", "plan.json", "snapshots.npz", "statistics.npz"];
+    let workspace = compare(PINNED, "cpu", &CUTS[2..], &names);
+    let report = crate::workspace::report(&workspace, "merged-7-2");
+    let whole = crate::workspace::report(&workspace, "whole");
+    assert_eq!((&report["failed_bodies"], &report["bodies"]), (&whole["failed_bodies"], &whole["bodies"]));
+    assert_eq!((report["shards"].as_u64(), report["body_steps"].as_u64()), (Some(7), whole["body_steps"].as_u64()));
+    assert!(whole["failed_bodies"].as_array().is_some_and(|failed| !failed.is_empty()), "some fail");
+}
+
+#[test]
+fn so_are_statistics_alone() {
+    compare(STATISTICS, "cpu", &CUTS[2..], &["plan.json", "statistics.csv"]);
+}
+
+#[test]
+fn so_are_those_of_a_gpu() {
+    for study in
+        [STATISTICS.to_owned(), STATISTICS.replace("tolerance = 1e-8", "dt = 0.0625"), PINNED.replace("npz", "csv")]
+    {
+        let statistics_alone = study.contains("final = false");
+        let all = ["failed.csv", "final.csv", "plan.json", "snapshots.csv", "statistics.csv"];
+        let names = if statistics_alone { &["plan.json", "statistics.csv"][..] } else { &all };
+        compare(&study, "gpu", &[(3, 2)], names);
+    }
+}
+
+#[test]
+fn parts_that_are_missing_foreign_or_altered_are_refused_by_name() {
+    let workspace = Workspace::new(STATISTICS);
+    workspace.done(&["plan", "study.toml", "--out", "plan.json", "--quiet", "--engine", "cpu"]);
+    let run = |shard: &str| {
+        let run = [
+            "run",
+            "study.toml",
+            "--plan",
+            "plan.json",
+            "--shard",
+            shard,
+            "--out",
+            "parts",
+            "--quiet",
+            "--engine",
+            "cpu",
+        ];
+        workspace.done(&run);
+    };
+    let refused = |word: &str| {
+        let error = workspace.refused(&["merge", "parts", "--out", "out"], 2);
+        assert!(error.contains(word), "{error}");
+        assert!(!workspace.path("out").exists());
+    };
+    refused("parts");
+    ["1/5", "3/5"].into_iter().for_each(run);
+    refused("expected 5 complete parts: run 2,4-5 (again)");
+    let status = workspace.polhode(&["status", "parts", "--due"]);
+    assert_eq!((status.status.code(), words(&status.stdout)), (Some(1), "2,4-5\n".to_owned()));
+    let shown = words(&workspace.polhode(&["status", "parts"]).stdout);
+    assert!(shown.starts_with("2 of 5 parts are complete\n  missing     2,4-5\n"), "{shown}");
+
+    // A part whose run fails leaves word, and is run again alone.
+    let study = fs::read_to_string(workspace.path("study.toml")).expect("a study");
+    fs::write(workspace.path("study.toml"), study.replace("high = 0.1", "high = 0.2")).expect("written");
+    let shard = ["run", "study.toml", "--plan", "plan.json", "--shard", "2/5", "--out", "parts", "--engine", "cpu"];
+    let error = workspace.refused(&shard, 2);
+    assert!(error.contains("the fingerprint of bodies and their parameters"), "{error}");
+    let shown = words(&workspace.polhode(&["status", "parts"]).stdout);
+    assert!(shown.contains("failed      2\n    part 2: plan.json: the fingerprint"), "{shown}");
+    fs::write(workspace.path("study.toml"), &study).expect("written");
+    ["2/5", "4/5", "5/5"].into_iter().for_each(run);
+    let shown = workspace.done(&["status", "parts"]);
+    assert_eq!(shown, "5 of 5 parts are complete\n");
+    // One that is there is left as it is.
+    let again = workspace.polhode(&shard);
+    assert!(again.status.success() && words(&again.stderr).contains("part 2/5 is complete already"));
+
+    // Altered, of another plan, of another output, of another cut.
+    let table = workspace.path("parts/shard-2-of-5/blocks.jsonl");
+    let text = fs::read_to_string(&table).expect("a file");
+    fs::write(&table, text.replacen('1', "2", 1)).expect("written");
+    refused("blocks.jsonl: it is not as its run wrote it");
+    fs::write(&table, text).expect("written");
+    workspace.done(&["merge", "parts", "--out", "out", "--quiet"]);
+    fs::remove_dir_all(workspace.path("out")).expect("removed");
+    let rerun = |plan: &str, word: &str| {
+        let run = [
+            "run",
+            "study.toml",
+            "--plan",
+            plan,
+            "--shard",
+            "2/5",
+            "--out",
+            "parts",
+            "--quiet",
+            "--force",
+            "--engine",
+            "cpu",
+        ];
+        workspace.done(&run);
+        refused(word);
+    };
+    fs::write(workspace.path("study.toml"), study.replace("[output]", "[output]\nsnapshots = true")).expect("written");
+    rerun("plan.json", "[output] differ");
+    fs::write(workspace.path("study.toml"), study.replace("1e-8", "1e-9")).expect("written");
+    workspace.done(&["plan", "study.toml", "--out", "finer.json", "--quiet", "--engine", "cpu"]);
+    rerun("finer.json", "its plan is not that of part 1/5");
+    fs::create_dir(workspace.path("parts/shard-1-of-4")).expect("made");
+    refused("expected parts of one cut: there are parts of 4, of 5");
+}
+
+#[test]
+fn arguments_of_parts_that_make_no_sense_get_one_line() {
+    let workspace = Workspace::new(&STATISTICS.replace("count = 900", "count = 10"));
+    workspace.done(&["plan", "study.toml", "--out", "plan.json", "--quiet", "--engine", "cpu"]);
+    let shard = |shard: &str, word: &str| {
+        let error =
+            workspace.refused(&["run", "study.toml", "--plan", "plan.json", "--shard", shard, "--engine", "cpu"], 2);
+        assert!(error.contains(word), "{error}");
+    };
+    shard("3/64", "--shard 3/64: expected up to 10 parts of the study's 10 bodies");
+    shard("0/4", "expected INDEX/COUNT");
+    shard("auto", "no launcher says which part this is");
+    assert!(!workspace.path("study.out").exists(), "nothing is left");
+    let error = workspace.refused(&["run", "study.toml", "--shard", "1/2"], 2);
+    assert!(error.contains("--plan"), "{error}");
+    let output = Command::new(cargo_bin!("polhode"))
+        .current_dir(workspace.folder())
+        .env("SLURM_ARRAY_TASK_ID", "2")
+        .args([
+            "run",
+            "study.toml",
+            "--plan",
+            "plan.json",
+            "--shard",
+            "auto/3",
+            "--out",
+            "parts",
+            "--quiet",
+            "--engine",
+            "cpu",
+        ])
+        .output()
+        .expect("the command starts");
+    assert!(output.status.success() && words(&output.stderr).contains("part 2/3 (Slurm array, SLURM_ARRAY_TASK_ID=2)"));
+    assert_eq!(workspace.names("parts"), ["shard-2-of-3"]);
+}

@@ -1,0 +1,220 @@
+//! When events are: against closed forms, on every engine and by every kind of steps.
+
+use std::f64::consts::LN_2;
+
+use glam::{DQuat, DVec3};
+use polhode::kernel::free_motion::FreeMotion;
+use polhode::record::{EventRecord, EventTime};
+use polhode::scene::{AdaptiveSteps, Condition, Event};
+use polhode::torque::Torque;
+use polhode::{Accuracy, Engine, Ensemble, Method, Outputs, Plan, Precision, Quantity, Scene};
+
+use crate::common;
+
+/// The CPU engine with lanes, the scalar one, and the GPU engine.
+fn engines() -> [(&'static str, Engine); 3] {
+    [("lanes", Engine::cpu()), ("scalar", Engine::cpu_scalar()), ("gpu", common::gpu())]
+}
+
+fn run(scene: &Scene, engine: &Engine) -> Vec<EventRecord> {
+    let plan = Plan::new(scene, engine).expect("a plan");
+    engine.run(&plan).expect("a run").events().to_vec()
+}
+
+fn event(quantity: Quantity, condition: Condition) -> Event {
+    Event::new("event", quantity, condition).expect("a finite level")
+}
+
+/// Spheres that linear drag slows down, from 1 rad/s and more.
+fn slowing(bodies: usize) -> Scene {
+    let spheres = Ensemble::from_fn(bodies, |body| {
+        let spin = DVec3::new(0.6, -0.8, 0.0) * (1.0 + body as f64 / bodies as f64);
+        (DVec3::splat(2.0), DQuat::from_rotation_x(0.1 * body as f64), spin)
+    });
+    Scene::new(spheres.expect("spheres")).torque(Torque::linear_drag(0.2)).until(20.0)
+}
+
+/// The spin decays as e^(−ct/I): below s₀/2 after ln 2 I/c. The time is found to 1e-12 of the span, whatever the steps and outputs are;
+/// what is left is the error of the run at the output before.
+#[test]
+fn the_half_life_under_linear_drag() {
+    let bodies = 67;
+    let outputs = [Outputs::End, Outputs::Every(1.0), Outputs::Times(vec![6.9, 7.0])];
+    for (name, engine) in engines() {
+        for outputs in outputs.clone() {
+            let steps = AdaptiveSteps { tolerance: 1e-13, least_step: None };
+            let ways = [
+                (slowing(bodies).accuracy(Accuracy::attitude(1e-9)), 1e-9),
+                (slowing(bodies).adaptive(steps, Some(Precision::F64)), 1e-12),
+                (slowing(bodies).pinned(Method::Rk8, 0.05, Some(Precision::F64)), 1e-12),
+                (slowing(bodies).pinned(Method::Rk4, 0.01, Some(Precision::F32)), 2e-6),
+            ];
+            for (scene, part) in ways {
+                let scene = scene.outputs(outputs.clone()).event(event(Quantity::SpinRate, Condition::Below(0.5)));
+                let [record] = &run(&scene, &engine)[..] else { panic!("one event was asked for") };
+                assert_eq!(record.occurrences.len(), bodies);
+                for occurrence in &record.occurrences {
+                    let start = 1.0 + occurrence.body as f64 / bodies as f64;
+                    let expected = 10.0 * (start / 0.5).ln();
+                    let error = (occurrence.time - expected).abs();
+                    assert!(error <= part * 20.0, "{name}, {outputs:?}: body {}, {error:e} s", occurrence.body);
+                    assert_eq!(occurrence.known_to, EventTime::Located);
+                    // The state is that of the time.
+                    assert!((occurrence.angular_velocity_body.length() - 0.5).abs() <= 1e-11);
+                }
+                assert!(record.occurrences.is_sorted_by(|a, b| a.time <= b.time));
+            }
+        }
+    }
+    assert!((10.0 * LN_2 - 6.931_471_805_599_453).abs() < 1e-15);
+}
+
+/// The closed form says when a wing nut flips; the third time is three half periods after the first but one.
+#[test]
+fn flips_about_the_middle_axis() {
+    let ensemble = Ensemble::from_fn(23, |body| {
+        let tilt = 1e-3 * (1.0 + body as f64);
+        let q = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), body as f64);
+        (DVec3::new(1.0, 2.0, 2.5), q, DVec3::new(tilt, 2.0, -0.5 * tilt))
+    })
+    .expect("bodies");
+    let end = 200.0;
+    for (name, engine) in engines() {
+        for nth in [1, 3] {
+            for outputs in [Outputs::Every(0.5), Outputs::Every(1.7)] {
+                let crossing = event(Quantity::AngularVelocityBody(1), Condition::Crosses(0.0));
+                let scene =
+                    Scene::new(ensemble.clone()).until(end).outputs(outputs).accuracy(Accuracy::attitude(1e-11));
+                let scene = scene.event(crossing.occurrence(nth).expect("a number"));
+                let [record] = &run(&scene, &engine)[..] else { panic!("one event was asked for") };
+                assert_eq!(record.occurrences.len(), ensemble.len());
+                for occurrence in &record.occurrences {
+                    let motion = FreeMotion::of_body(&ensemble, occurrence.body);
+                    let expected = motion.flips(0.0, end).nth(nth as usize - 1).expect("it flips");
+                    let error = (occurrence.time - expected).abs();
+                    assert!(error <= 1e-11 * end, "{name}: body {}, flip {nth}: {error:e} s", occurrence.body);
+                }
+            }
+        }
+    }
+}
+
+/// Between two outputs a condition may be met several times: an odd number is seen, and the first of them is the event; of an even number
+/// nothing is seen, as documented.
+#[test]
+fn several_events_between_two_outputs() {
+    let spin = 1.0;
+    let ensemble =
+        Ensemble::from_columns(&[DVec3::splat(1.0)], &[DQuat::IDENTITY], &[DVec3::Z * spin]).expect("a body");
+    let engine = Engine::cpu();
+    // The x axis points to cos t, so that it gets below 0 at π/2 and comes back at 3π/2.
+    let x = Quantity::formula("x", "1", "to_world(vec(1, 0, 0)).x").expect("a formula");
+    let found = |every: f64, nth: u32, driven: bool| {
+        let event = event(x.clone(), Condition::Falls(0.0)).occurrence(nth).expect("a number");
+        let scene = Scene::new(ensemble.clone()).until(30.0).outputs(Outputs::Every(every)).event(event);
+        // A torque that does nothing to this motion.
+        let steps = AdaptiveSteps { tolerance: 1e-13, least_step: None };
+        let driven_scene = || scene.clone().torque(Torque::constant_body(DVec3::Z * 1e-300)).adaptive(steps, None);
+        let scene = if driven { driven_scene() } else { scene.clone() };
+        let records = run(&scene, &engine);
+        records[0].occurrences.first().map(|occurrence| occurrence.time)
+    };
+    let pi = std::f64::consts::PI;
+    for driven in [false, true] {
+        let is_at = |found: Option<f64>, expected: f64| found.is_some_and(|found| (found - expected).abs() < 1e-10);
+        assert!(is_at(found(1.0, 1, driven), 0.5 * pi), "{driven}");
+        assert!(is_at(found(1.0, 4, driven), 6.5 * pi), "{driven}");
+        // From 0 to 10 s it falls at π/2 and 5π/2: where it stands below 0 at 10 s, the first one counts.
+        assert!(is_at(found(10.0, 1, driven), 0.5 * pi), "{driven}");
+        assert!(is_at(found(10.0, 2, driven), 2.5 * pi), "{driven}");
+        // At all multiples of 6 s up to 30 s it stands above: each fall between two of them is followed by a rise.
+        assert_eq!(found(6.0, 1, driven), None, "{driven}");
+    }
+}
+
+/// At the start, at the very end, at a level that is touched, and of what has no value.
+#[test]
+fn starts_ends_and_grazes() {
+    let engine = Engine::cpu();
+    let bodies = 3;
+    let times = |condition: Condition| {
+        let scene = slowing(bodies).outputs(Outputs::Every(2.0)).accuracy(Accuracy::attitude(1e-9));
+        let records = run(&scene.event(event(Quantity::SpinRate, condition)), &engine);
+        records[0].occurrences.clone()
+    };
+    // They start at 1 rad/s and above.
+    let at_start = times(Condition::Above(0.9));
+    assert_eq!(at_start.len(), bodies);
+    assert!(at_start.iter().all(|occurrence| occurrence.time == 0.0 && occurrence.known_to == EventTime::Start));
+    assert!(times(Condition::Rises(0.9)).is_empty());
+    assert_eq!(times(Condition::Falls(0.9)).len(), bodies);
+    assert_eq!(times(Condition::Crosses(0.9)).len(), bodies);
+    // The slowest ends at e⁻² rad/s: a level just above is passed just before the end, one just below is not.
+    let end = (-2.0_f64).exp();
+    let last = times(Condition::Below(end * (1.0 + 1e-10)));
+    assert!(last.len() == 1 && last[0].body == 0 && (last[0].time - 20.0).abs() < 1e-8, "{last:?}");
+    assert!(times(Condition::Below(end * (1.0 - 1e-10))).is_empty());
+
+    // The z component of the x axis swings from −sin 0.3 to sin 0.3 and touches these without passing them.
+    let tilted = DQuat::from_rotation_y(0.3);
+    let body = Ensemble::from_columns(&[DVec3::splat(1.0)], &[tilted], &[DVec3::Y]).expect("a body");
+    let spin = Quantity::SpinRate;
+    let scene = Scene::new(body).until(50.0).outputs(Outputs::Every(0.7));
+    let touched =
+        scene.clone().event(event(spin.clone(), Condition::Below(1.0))).event(event(spin, Condition::Above(1.0)));
+    assert!(run(&touched, &engine).iter().all(|record| record.occurrences.is_empty()));
+
+    // A body at rest has no separatrix distance, and so no event of it.
+    let rest =
+        Ensemble::from_columns(&[DVec3::new(1.0, 2.0, 2.5)], &[DQuat::IDENTITY], &[DVec3::ZERO]).expect("a body");
+    let scene = Scene::new(rest).until(1.0).event(event(Quantity::SeparatrixDistance, Condition::Below(0.5)));
+    assert!(run(&scene, &engine)[0].occurrences.is_empty());
+}
+
+/// Under a random torque the run's own steps say all there is: the event is between two outputs.
+#[test]
+fn events_under_noise_are_known_to_the_output() {
+    let body = Ensemble::from_columns(&[DVec3::splat(1.0)], &[DQuat::IDENTITY], &[DVec3::Z]).expect("a body");
+    let noise = Torque::white_noise(0.5, 7);
+    let scene = Scene::new(body).until(20.0).outputs(Outputs::Every(0.5)).torque(noise);
+    let scene = scene.pinned(Method::Rk4, 0.01, Some(Precision::F64));
+    let scene = scene.event(event(Quantity::SpinRate, Condition::Crosses(1.2)));
+    let [record] = &run(&scene, &Engine::cpu())[..] else { panic!("one event was asked for") };
+    let [occurrence] = &record.occurrences[..] else { panic!("it was expected: {record:?}") };
+    assert_eq!(occurrence.known_to, EventTime::Output);
+    assert_eq!(occurrence.time % 0.5, 0.0);
+}
+
+/// The error that a run reports is that of its times: against the closed form, of a run whose steps are far too long.
+#[test]
+fn the_reported_error_of_event_times_is_theirs() {
+    let bodies = 64;
+    for dt in [0.5, 2.0, 4.0] {
+        let scene =
+            slowing(bodies).outputs(Outputs::Every(4.0)).pinned(Method::ExplicitEuler, dt, Some(Precision::F64));
+        let scene = scene.event(event(Quantity::SpinRate, Condition::Below(0.5)));
+        let [record] = &run(&scene, &Engine::cpu())[..] else { panic!("one event was asked for") };
+        let error = |body: usize, time: f64| (time - 10.0 * (2.0 * (1.0 + body as f64 / bodies as f64)).ln()).abs();
+        let errors = record.occurrences.iter().map(|occurrence| error(occurrence.body, occurrence.time));
+        let greatest = errors.fold(0.0, f64::max);
+        assert!(greatest > 1e-2, "dt = {dt} s is too good a run: {greatest:e}");
+        assert_eq!((record.errors.compared, record.errors.differing), (bodies, 0), "dt = {dt} s");
+        let reported = record.errors.time.max;
+        assert!((reported - greatest).abs() <= 1e-9 * greatest, "dt = {dt} s: {reported:e}, in truth {greatest:e}");
+    }
+}
+
+/// Bodies that fail before they have had an event are no longer counted on.
+#[test]
+fn failed_bodies_are_censored() {
+    let spins = [DVec3::new(1.0, 0.1, 0.2), DVec3::Z * 1e-3];
+    let ensemble =
+        Ensemble::from_columns(&[DVec3::new(1e-12, 1.0, 1.0), DVec3::splat(1.0)], &[DQuat::IDENTITY; 2], &spins);
+    let scene = Scene::new(ensemble.expect("bodies")).torque(Torque::linear_drag(0.01)).until(10.0);
+    let scene = scene.outputs(Outputs::Every(1.0)).pinned(Method::Rk4, 0.1, Some(Precision::F64));
+    let scene = scene.event(event(Quantity::SpinRate, Condition::Above(5.0)));
+    let [record] = &run(&scene, &Engine::cpu())[..] else { panic!("one event was asked for") };
+    assert_eq!((record.occurrences.len(), record.censored.len()), (0, 1), "{record:?}");
+    let survival = record.survival(&[10.0])[0];
+    assert_eq!((survival.remaining, survival.share), (1, 1.0));
+}
