@@ -524,8 +524,9 @@ impl Sink for Counting {
 }
 
 const BYTES_BODIES: usize = 100_000;
-/// Of ten output times with three statistics each, for each block of bodies what is known of it (52 bytes), and of the sample at the end.
-const FEW_BYTES: u64 = 10 * 3 * 391 * 52 + (32 << 10);
+/// Of ten output times with three statistics each, for each of 391 blocks of bodies and each of two ways in which its bodies are treated
+/// what is known of it (52 bytes), and of the sample at the end.
+const FEW_BYTES: u64 = 10 * 3 * 391 * 2 * 52 + (32 << 10);
 const MANY_BYTES: u64 = 10_000_000;
 
 #[test]
