@@ -19,7 +19,7 @@ const LARGEST: usize = 1 << 16;
 /// assert_eq!((Blocks::of(500).size(), Blocks::of(100_000).size()), (1, 256));
 /// // The blocks of a part, in its own indices.
 /// let blocks = Blocks::of(100_000);
-/// assert_eq!(blocks.bodies_of_part(0, 7), 0..14336);
+/// assert_eq!(blocks.bodies_of_part(0, 7), 0..14080);
 /// assert_eq!(blocks.bodies_of_part(6, 7), 85760..100_000);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
