@@ -29,7 +29,7 @@ pub use work_precision::work_precision;
 
 use figure::Figure;
 
-/// Draws what is in `folder`, into it: every benchmark table, the snapshots of a run (`snapshots.csv`) with a picture
+/// Draws what is in `folder`, into it: every benchmark table, the snapshots of a run (in any format) with a picture
 /// for each of `bodies`, its statistics (`statistics.csv`), histograms (`histograms.csv`) and events (`survival.csv`). Gives the files written; none where there is nothing that can be drawn.
 ///
 /// # Errors
@@ -52,7 +52,7 @@ pub fn plot_folder(folder: &Path, bodies: &[usize]) -> Result<Vec<PathBuf>> {
             figures.push((format!("stability-{machine}-{precision}"), stability(&rows, precision.name())));
         }
     }
-    if folder.join("snapshots.csv").exists() {
+    if snapshots::table(folder).is_some() {
         figures.extend(run::run(folder, bodies)?);
     }
     let units = || run::units(folder);

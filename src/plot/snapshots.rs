@@ -1,16 +1,15 @@
-//! What a run has left in `snapshots.csv`, reduced to what pictures need.
+//! What a run has left in its table `snapshots`, reduced to what pictures need.
 //!
 //! The table is read once, from front to back, and only the states at one time are held: its size does not matter.
 
-use std::fs::File;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{DQuat, DVec3};
 
 use crate::error::RowFault;
-use crate::error::{Error, FileAction, Result};
-use crate::record::ROTATION_COLUMNS;
-use crate::study::text::{CUT, Lines};
+use crate::error::{Error, Result};
+use crate::record::{ROTATION_COLUMNS, StateTable};
+use crate::study::Format;
 
 /// One row.
 #[derive(Clone, Copy, Debug)]
@@ -60,46 +59,40 @@ struct Gatherer {
 impl Snapshots {
     /// Reads the table in `folder`; follows the bodies in `chosen` through time.
     pub fn read(folder: &Path, chosen: &[usize]) -> Result<Self> {
-        let path = folder.join("snapshots.csv");
-        let file = File::open(&path).map_err(|error| Error::file(&path, FileAction::Read, &error))?;
-        let mut reader = csv::Reader::from_reader(Lines::new(file));
-        let no_table = |reason: String| Error::Rows { path: path.clone(), fault: RowFault::Csv(reason) };
-        let header = reader.headers().map_err(|error| no_table(error.to_string()))?;
-        if !header.iter().take(2 + ROTATION_COLUMNS.len()).eq(["body", "t"].into_iter().chain(ROTATION_COLUMNS)) {
-            return Err(no_table("its columns are not those of a table of snapshots".to_owned()));
+        let Some(path) = table(folder) else { return Ok(Self::default()) };
+        let mut table = StateTable::open(&path)?;
+        if let Some(missing) = ROTATION_COLUMNS.iter().find(|name| !table.columns().iter().any(|own| own == *name)) {
+            let fault = RowFault::Csv(format!("has no column {missing}: pictures need all of output.columns"));
+            return Err(Error::Rows { path, fault });
         }
         let mut snapshots = Self { tracks: chosen.iter().map(|&body| (body, Vec::new())).collect(), ..Self::default() };
         let mut gatherer = Gatherer::default();
-        let mut record = csv::StringRecord::new();
+        let mut next = 0;
         loop {
-            match reader.read_record(&mut record) {
-                Ok(true) => {}
-                Ok(false) => break,
-                // A row that lacks cells is the last one, which is told below.
-                Err(_) if reader.get_ref().are_cut() => break,
-                Err(error) => return Err(no_table(error.to_string())),
+            let rows = table.read(next, ROWS)?;
+            if rows.is_empty() {
+                break;
             }
-            // Numbers of a body that has failed are NaN, which is drawn nowhere.
-            let number = |column: usize| record.get(column).and_then(|cell| cell.parse().ok()).unwrap_or(f64::NAN);
-            let vector = |column: usize| DVec3::new(number(column), number(column + 1), number(column + 2));
-            let state = State {
-                time: number(1),
-                orientation: DQuat::from_xyzw(number(2), number(3), number(4), number(5)),
-                angular_velocity_body: vector(6),
-                angular_momentum_world: vector(9),
-                kinetic_energy: number(12),
-            };
-            if gatherer.now.last().is_some_and(|last| last.time != state.time) {
-                snapshots.take(&mut gatherer);
+            next += rows.len() as u64;
+            for row in rows {
+                // Numbers of a body that has failed are NaN, which is drawn nowhere.
+                let rotation = row.state.rotation;
+                let state = State {
+                    time: row.time,
+                    orientation: rotation.orientation,
+                    angular_velocity_body: rotation.angular_velocity_body,
+                    angular_momentum_world: rotation.angular_momentum_world,
+                    kinetic_energy: rotation.kinetic_energy,
+                };
+                if gatherer.now.last().is_some_and(|last| last.time != state.time) {
+                    snapshots.take(&mut gatherer);
+                }
+                let body = gatherer.now.len();
+                gatherer.now.push(state);
+                if let Some((_, track)) = snapshots.tracks.iter_mut().find(|(chosen, _)| *chosen == body) {
+                    track.push(state);
+                }
             }
-            let body = gatherer.now.len();
-            gatherer.now.push(state);
-            if let Some((_, track)) = snapshots.tracks.iter_mut().find(|(chosen, _)| *chosen == body) {
-                track.push(state);
-            }
-        }
-        if reader.get_ref().are_cut() {
-            return Err(no_table(format!("line {}: {CUT}", reader.position().line())));
         }
         snapshots.take(&mut gatherer);
         if let Some(&(body, _)) = snapshots.tracks.iter().find(|(_, track)| track.is_empty()) {
@@ -143,6 +136,15 @@ impl Snapshots {
         });
         self.spins[usize::from(self.moments.len() > 1)] = spin;
     }
+}
+
+/// Rows that are read at once.
+const ROWS: usize = 1 << 14;
+
+/// The table of all output times in a folder, where there is one.
+pub(super) fn table(folder: &Path) -> Option<PathBuf> {
+    let paths = Format::ALL.iter().map(|format| folder.join(format!("snapshots.{}", format.name())));
+    paths.into_iter().find(|path| path.exists())
 }
 
 /// The least of sorted values with at least `part` of all at or below it; NaN where there are none.

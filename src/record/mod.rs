@@ -36,6 +36,8 @@ mod lock;
 pub(crate) mod npz_file;
 #[cfg(feature = "study")]
 pub(crate) mod observed_files;
+#[cfg(feature = "parquet")]
+pub(crate) mod parquet_file;
 #[cfg(feature = "study")]
 pub mod report;
 #[cfg(feature = "study")]

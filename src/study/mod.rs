@@ -31,7 +31,7 @@
 //! final = true                        # final.csv: all bodies at the end (the default)
 //! snapshots = true                    # snapshots.csv: all bodies at all output times
 //! statistics = ["kinetic_energy", "spin_rate"]   # statistics.csv: over all bodies at all output times
-//! format = "csv"                      # or "npz"
+//! format = "csv"                      # or "npz", "parquet"
 //! ```
 //!
 //! * `inertia`, one of
@@ -138,6 +138,7 @@ mod inertia;
 mod mass_file;
 mod models;
 mod observed;
+mod output;
 mod parameter;
 mod parts;
 mod points;
@@ -157,6 +158,7 @@ pub use distribution::{AngularVelocity, Orientation, Scalar, Vector};
 pub use inertia::Inertia;
 pub use mass_file::{CLASS_TOLERANCE, MassFileOptions, MassReport, TensorAbout};
 pub use models::{describe_models, models_table};
+pub use output::{Format, Output, OutputColumn};
 pub use points::read_points;
 pub use solid::Solid;
 pub use sweep::Design;
@@ -230,6 +232,7 @@ pub const DEFAULT_ATTITUDE: f64 = 1e-6;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Study {
     file: PathBuf,
+    text: Arc<str>,
     /// The place of every key, for messages about values that turn out to be wrong later.
     places: BTreeMap<String, Place>,
     title: Option<String>,
@@ -247,41 +250,6 @@ pub struct Study {
     starts: bool,
     observed: StudyObserved,
     failures: u64,
-}
-
-/// `[output]`: which files a run writes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Output {
-    /// All bodies at the end.
-    pub final_state: bool,
-    /// All bodies at all output times.
-    pub snapshots: bool,
-    /// What was drawn and read: moments, parameters and state of all bodies at t = 0.
-    pub initial: bool,
-    /// The format of all.
-    pub format: Format,
-}
-
-/// A format of output tables.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
-    /// Comma-separated values, one row a body and output time.
-    Csv,
-    /// An archive of NumPy arrays, one a column.
-    Npz,
-}
-
-impl Format {
-    /// All of them.
-    pub const ALL: [Self; 2] = [Format::Csv, Format::Npz];
-
-    /// The name in study files and the ending of files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Format::Csv => "csv",
-            Format::Npz => "npz",
-        }
-    }
 }
 
 impl Study {
@@ -302,10 +270,10 @@ impl Study {
     ///
     /// As [`Study::read`].
     pub fn parse(file: &Path, text: &str) -> Result<Self> {
-        FileText::new(file, text).parse(|root| Self::from_root(file, &root))
+        FileText::new(file, text).parse(|root| Self::from_root(file, text, &root))
     }
 
-    fn from_root(file: &Path, root: &Table<'_>) -> Result<Self> {
+    fn from_root(file: &Path, text: &str, root: &Table<'_>) -> Result<Self> {
         root.only(&KEYS)?;
         let mut places = BTreeMap::new();
         root.places(&mut places);
@@ -358,14 +326,15 @@ impl Study {
         if let Some(design) = &design {
             design.check_use(root)?;
         }
-        let output_table = root.find("output").map(|node| output_table(&node)).transpose()?;
+        let output_table = root.find("output").map(|node| output::table(&node)).transpose()?;
         let observed = StudyObserved::read(root, output_table.as_ref())?;
-        let output = output_table.as_ref().map(output).transpose()?;
+        let translates = bodies.translates() || !forces.is_empty();
+        let output = output_table.as_ref().map(|table| output::read(table, &observed, translates)).transpose()?;
         let failures = root.find("failures").map(|node| failures(&node)).transpose()?.unwrap_or(0);
-        let nothing = Output { final_state: true, snapshots: false, initial: false, format: Format::Csv };
-        let output = output.unwrap_or(nothing);
+        let output = output.unwrap_or_default();
         Ok(Self {
             file: file.to_owned(),
+            text: text.into(),
             places,
             title,
             seed,
@@ -416,9 +385,14 @@ impl Study {
         &self.bodies
     }
 
+    /// The text of the file.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
     /// Which files a run writes.
-    pub fn output(&self) -> Output {
-        self.output
+    pub fn output(&self) -> &Output {
+        &self.output
     }
 
     /// How many bodies may fail in a run that has succeeded.
@@ -658,26 +632,6 @@ fn time(node: &Node<'_>) -> Result<(f64, Outputs, bool)> {
         list.push(time);
     }
     Ok((end, Outputs::Times(list), starts))
-}
-
-fn output_table<'a>(node: &Node<'a>) -> Result<Table<'a>> {
-    node.table("expected a table [output]", &["final", "snapshots", "initial", "statistics", "quantiles", "format"])
-}
-
-fn output(table: &Table<'_>) -> Result<Output> {
-    let flag = |key: &str, default: bool| {
-        table
-            .find(key)
-            .map(|node| node.boolean("expected true or false"))
-            .transpose()
-            .map(|flag| flag.unwrap_or(default))
-    };
-    let format = match table.find("format").map(|node| node.choice(&["csv", "npz"])).transpose()? {
-        Some("npz") => Format::Npz,
-        _ => Format::Csv,
-    };
-    let (final_state, snapshots, initial) = (flag("final", true)?, flag("snapshots", false)?, flag("initial", false)?);
-    Ok(Output { final_state, snapshots, initial, format })
 }
 
 fn failures(node: &Node<'_>) -> Result<u64> {

@@ -93,7 +93,7 @@ fn a_run_is_drawn_with_its_bodies() {
     use glam::{DQuat, DVec3};
     use polhode::record::OutputFolder;
     use polhode::run::run_to_folder;
-    use polhode::study::{Format, Output};
+    use polhode::study::Output;
     use polhode::{Ensemble, Method, Outputs, Plan, Scene, Statistic, Torque};
 
     let workspace = tempfile::tempdir().expect("a folder");
@@ -106,10 +106,10 @@ fn a_run_is_drawn_with_its_bodies() {
     let run = |scene: &Scene, name: &str| {
         let folder = workspace.path().join(name);
         let plan = Plan::new(scene, &engine).expect("a plan");
-        let output = Output { final_state: false, snapshots: true, initial: false, format: Format::Csv };
+        let output = Output { final_state: false, snapshots: true, ..Output::default() };
         let place = OutputFolder::create(&folder, false).expect("a folder");
         let since = std::time::Instant::now();
-        run_to_folder(&engine, &plan, None, output, place, since, &mut |_| ControlFlow::Continue(())).expect("run");
+        run_to_folder(&engine, &plan, None, &output, place, since, &mut |_| ControlFlow::Continue(())).expect("run");
         folder
     };
 

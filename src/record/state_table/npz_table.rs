@@ -4,9 +4,9 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
-use super::{StateRow, read_failed, state_of, wrong};
+use super::{Shape, TableRows, read_failed, wrong};
 use crate::error::Result;
-use crate::record::column::MOST_COLUMNS;
+use crate::record::column::StateRows;
 
 /// Where an array's numbers are.
 #[derive(Debug)]
@@ -78,8 +78,8 @@ impl NpzTable {
         path: &Path,
         file: &mut File,
         (first, count): (u64, usize),
-        columns: usize,
-    ) -> Result<Vec<StateRow>> {
+        shape: Shape,
+    ) -> Result<TableRows> {
         let (bodies, times) = (self.arrays[0].count, self.arrays[1].count);
         let end = (first + count as u64).min(bodies * times);
         let count = end.saturating_sub(first) as usize;
@@ -92,23 +92,19 @@ impl NpzTable {
         let numbers = |bytes: Vec<u8>| -> Vec<f64> {
             bytes.chunks_exact(8).map(|x| f64::from_le_bytes(std::array::from_fn(|place| x[place]))).collect()
         };
-        let own = &self.arrays[2..2 + columns];
+        let states = 2 + usize::from(shape.has_cells);
+        let own = &self.arrays[states..states + shape.columns];
         let own = own.iter().map(|array| Ok(numbers(bytes(array, first, count, 8)?))).collect::<Result<Vec<_>>>()?;
-        let status = bytes(&self.arrays[2 + columns], first, count, 1)?;
+        let status = bytes(&self.arrays[states + shape.columns], first, count, 1)?;
         let indices: Vec<u64> =
             numbers(bytes(&self.arrays[0], 0, bodies as usize, 8)?).iter().map(|x| x.to_bits()).collect();
         let times = numbers(bytes(&self.arrays[1], 0, times as usize, 8)?);
-        let row = |place: usize| {
-            let row = first + place as u64;
-            let mut numbers = [0.0; MOST_COLUMNS];
-            numbers.iter_mut().zip(&own).for_each(|(number, column)| *number = column[place]);
-            StateRow {
-                body: indices[(row % bodies) as usize] as usize,
-                time: times[(row / bodies) as usize],
-                state: state_of(&numbers, columns == MOST_COLUMNS, status[place]),
-            }
-        };
-        Ok((0..count).map(row).collect())
+        let rows = first..first + count as u64;
+        Ok(TableRows {
+            bodies: rows.clone().map(|row| indices[(row % bodies) as usize] as usize).collect(),
+            times: rows.map(|row| times[(row / bodies) as usize]).collect(),
+            rows: StateRows { numbers: own, status },
+        })
     }
 }
 

@@ -15,7 +15,7 @@ use crate::torque::{Torque, variable_inertia};
 pub(super) const BLOCK: usize = 1 << 10;
 
 /// Forms quantities of a scene's bodies, in lanes and all at once, or one of one body.
-pub(super) struct Evaluator<'p> {
+pub(in crate::run) struct Evaluator<'p> {
     scene: &'p Scene,
     all: Program,
     /// Each by itself.
@@ -26,7 +26,7 @@ pub(super) struct Evaluator<'p> {
 }
 
 /// The quantities of some bodies in a row, block by block.
-pub(super) struct Values {
+pub(in crate::run) struct Values {
     /// By block, then by quantity, then by body.
     numbers: Vec<Vec<Vec<f64>>>,
 }

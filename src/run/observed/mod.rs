@@ -15,7 +15,7 @@ use crate::record::{EventRecord, OutputState, Sink};
 use crate::scene::{Observed, Quantity};
 
 use distribution::Distributions;
-use evaluator::Evaluator;
+pub(super) use evaluator::Evaluator;
 use events::EventWatch;
 pub(super) use reference::compare_events;
 

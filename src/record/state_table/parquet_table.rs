@@ -1,0 +1,117 @@
+//! Rows of Parquet files as [`crate::record::parquet_file`] writes them.
+
+use std::fs::File;
+use std::path::Path;
+
+use parquet::basic::Type as PhysicalType;
+use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
+use parquet::data_type::DataType;
+use parquet::errors::Result as ParquetResult;
+use parquet::file::reader::{FileReader, RowGroupReader};
+use parquet::file::serialized_reader::SerializedFileReader;
+
+use super::{Shape, TableRows, wrong};
+use crate::error::Result;
+use crate::record::column::{self, StateRows};
+
+#[derive(Debug)]
+pub(super) struct ParquetTable {
+    names: Vec<String>,
+}
+
+impl ParquetTable {
+    pub fn open(path: &Path, file: File) -> Result<Self> {
+        let reader = reader(path, file)?;
+        let columns = reader.metadata().file_metadata().schema_descr().columns();
+        let is_one_of_ours = columns.iter().all(|column| {
+            let expected = match column.name() {
+                "body" | column::CELL => PhysicalType::INT64,
+                column::STATUS => PhysicalType::INT32,
+                _ => PhysicalType::DOUBLE,
+            };
+            column.max_def_level() == 0 && column.max_rep_level() == 0 && column.physical_type() == expected
+        });
+        if !is_one_of_ours {
+            return Err(wrong(path, "expected the columns of states that a run writes"));
+        }
+        let names = columns.iter().map(|column| column.name().to_owned()).collect();
+        Ok(Self { names })
+    }
+
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    pub fn read(&mut self, path: &Path, file: File, (first, count): (u64, usize), shape: Shape) -> Result<TableRows> {
+        let failed = |error: parquet::errors::ParquetError| wrong(path, error.to_string());
+        let reader = reader(path, file)?;
+        let mut found = TableRows::default();
+        found.rows.numbers = vec![Vec::new(); shape.columns];
+        let mut start = 0;
+        for (index, group) in reader.metadata().row_groups().iter().enumerate() {
+            let rows = group.num_rows().max(0) as u64;
+            let own = first.max(start)..(first + count as u64).min(start + rows);
+            if !own.is_empty() {
+                let part = ((own.start - start) as usize, (own.end - own.start) as usize);
+                let reader = reader.get_row_group(index).map_err(failed)?;
+                found.bodies.extend(whole(&*reader, 0, part).map_err(failed)?.into_iter().map(|body| body as usize));
+                found.times.extend(numbers(&*reader, 1, part).map_err(failed)?);
+                for (column, all) in (2..).zip(&mut found.rows.numbers) {
+                    all.extend(numbers(&*reader, column, part).map_err(failed)?);
+                }
+                let codes = codes(&*reader, 2 + shape.columns, part).map_err(failed)?;
+                found.rows.status.extend(codes.into_iter().map(|code| code as u8));
+            }
+            start += rows;
+        }
+        let expected = (start.saturating_sub(first) as usize).min(count);
+        let StateRows { numbers, status } = &found.rows;
+        let is_whole = numbers.iter().map(Vec::len).chain([found.bodies.len(), found.times.len(), status.len()]);
+        match is_whole.into_iter().all(|rows| rows == expected) {
+            true => Ok(found),
+            false => Err(wrong(path, "a column has fewer rows than its table says")),
+        }
+    }
+}
+
+fn reader(path: &Path, file: File) -> Result<SerializedFileReader<File>> {
+    let cut = |error| wrong(path, format!("it is cut, or no Parquet file: {error}"));
+    SerializedFileReader::new(file).map_err(cut)
+}
+
+/// Some rows of a column of a row group: how many are before them, and how many they are.
+type Part = (usize, usize);
+
+fn numbers(group: &dyn RowGroupReader, column: usize, part: Part) -> ParquetResult<Vec<f64>> {
+    match group.get_column_reader(column)? {
+        ColumnReader::DoubleColumnReader(reader) => cells(reader, part),
+        _ => Ok(Vec::new()),
+    }
+}
+
+fn whole(group: &dyn RowGroupReader, column: usize, part: Part) -> ParquetResult<Vec<i64>> {
+    match group.get_column_reader(column)? {
+        ColumnReader::Int64ColumnReader(reader) => cells(reader, part),
+        _ => Ok(Vec::new()),
+    }
+}
+
+fn codes(group: &dyn RowGroupReader, column: usize, part: Part) -> ParquetResult<Vec<i32>> {
+    match group.get_column_reader(column)? {
+        ColumnReader::Int32ColumnReader(reader) => cells(reader, part),
+        _ => Ok(Vec::new()),
+    }
+}
+
+fn cells<T: DataType>(mut reader: ColumnReaderImpl<T>, (before, count): Part) -> ParquetResult<Vec<T::T>> {
+    let mut found = Vec::with_capacity(count);
+    if reader.skip_records(before)? == before {
+        while found.len() < count {
+            let (_, values, _) = reader.read_records(count - found.len(), None, None, &mut found)?;
+            if values == 0 {
+                break;
+            }
+        }
+    }
+    Ok(found)
+}
