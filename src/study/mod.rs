@@ -140,6 +140,8 @@ mod models;
 mod observed;
 mod output;
 mod parameter;
+#[cfg(feature = "parquet")]
+pub(crate) mod parquet_reader;
 mod parts;
 mod points;
 pub mod problem;

@@ -13,6 +13,7 @@ use parquet::file::serialized_reader::SerializedFileReader;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 use polhode::record::{StateRow, StateTable};
+use polhode::study::BodyTable;
 
 use crate::workspace::{States, Workspace};
 
@@ -260,6 +261,51 @@ fn a_file_that_was_cut_is_refused() {
     // Not of states.
     let error = StateTable::open(&workspace.path("out/initial.parquet")).expect_err("other columns").to_string();
     assert!(error.contains("expected the columns of states"), "{error}");
+}
+
+#[test]
+fn files_with_random_faults_are_read_or_refused_by_name() {
+    let workspace = Workspace::new(&STUDY.replace("30_000", "40"));
+    run(&workspace);
+    write_bodies(&workspace.path("sound.parquet"), Some(4.0), "");
+    let tables = ["out/final.parquet", "sound.parquet"].map(|name| fs::read(workspace.path(name)).expect("a file"));
+    let path = workspace.path("faulty.parquet");
+    let (mut taken, mut refused, mut number) = (0, 0, 1_u64);
+    let mut below = |count: usize| {
+        // G. L. Steele and others, OOPSLA 2014: SplitMix64.
+        number = number.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let x = (number ^ (number >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((x ^ (x >> 31)) % count as u64) as usize
+    };
+    for index in 0..6_000 {
+        let mut bytes = tables[index % 2].clone();
+        // Bits turned over in the footer mostly, which says where everything is.
+        let footer =
+            bytes.len() - u32::from_le_bytes(std::array::from_fn(|place| bytes[bytes.len() - 8 + place])) as usize - 8;
+        for _ in 0..1 + below(3) {
+            let place = if below(4) > 0 { footer + below(bytes.len() - footer) } else { below(bytes.len()) };
+            match below(3) {
+                0 => bytes[place] ^= 1 << below(8),
+                1 => bytes[place] = [0, 0xff, 0x7f, 0x80][below(4)],
+                _ => drop(bytes.splice(place..place, [below(256) as u8])),
+            }
+        }
+        fs::write(&path, &bytes).expect("written");
+        let states = || StateTable::open(&path).and_then(|mut table| table.read(0, 100)).map(drop);
+        let bodies = || BodyTable::read(&path, usize::MAX).map(drop);
+        let clock = std::time::Instant::now();
+        let found = if index % 2 == 0 { states() } else { bodies() };
+        assert!(clock.elapsed().as_secs() < 5, "{index}: {:?}", clock.elapsed());
+        match found {
+            Ok(()) => taken += 1,
+            Err(error) => {
+                assert!(error.to_string().contains("faulty.parquet"), "{index}: {error}");
+                refused += 1;
+            }
+        }
+    }
+    assert!(taken > 300 && refused > 300, "{taken} taken, {refused} refused");
 }
 
 /// A table of bodies as pandas and polars write it: columns that may be null, narrow numbers.

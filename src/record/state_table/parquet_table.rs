@@ -13,6 +13,7 @@ use parquet::file::serialized_reader::SerializedFileReader;
 use super::{Shape, TableRows, wrong};
 use crate::error::Result;
 use crate::record::column::{self, StateRows};
+use crate::study::parquet_reader::{self, guarded};
 
 #[derive(Debug)]
 pub(super) struct ParquetTable {
@@ -53,13 +54,15 @@ impl ParquetTable {
             let own = first.max(start)..(first + count as u64).min(start + rows);
             if !own.is_empty() {
                 let part = ((own.start - start) as usize, (own.end - own.start) as usize);
-                let reader = reader.get_row_group(index).map_err(failed)?;
-                found.bodies.extend(whole(&*reader, 0, part).map_err(failed)?.into_iter().map(|body| body as usize));
-                found.times.extend(numbers(&*reader, 1, part).map_err(failed)?);
+                let reader = guarded(|| reader.get_row_group(index)).map_err(failed)?;
+                found.bodies.extend(
+                    guarded(|| whole(&*reader, 0, part)).map_err(failed)?.into_iter().map(|body| body as usize),
+                );
+                found.times.extend(guarded(|| numbers(&*reader, 1, part)).map_err(failed)?);
                 for (column, all) in (2..).zip(&mut found.rows.numbers) {
-                    all.extend(numbers(&*reader, column, part).map_err(failed)?);
+                    all.extend(guarded(|| numbers(&*reader, column, part)).map_err(failed)?);
                 }
-                let codes = codes(&*reader, 2 + shape.columns, part).map_err(failed)?;
+                let codes = guarded(|| codes(&*reader, 2 + shape.columns, part)).map_err(failed)?;
                 found.rows.status.extend(codes.into_iter().map(|code| code as u8));
             }
             start += rows;
@@ -76,7 +79,7 @@ impl ParquetTable {
 
 fn reader(path: &Path, file: File) -> Result<SerializedFileReader<File>> {
     let cut = |error| wrong(path, format!("it is cut, or no Parquet file: {error}"));
-    SerializedFileReader::new(file).map_err(cut)
+    parquet_reader::open(file).map_err(cut)
 }
 
 /// Some rows of a column of a row group: how many are before them, and how many they are.
@@ -104,7 +107,7 @@ fn codes(group: &dyn RowGroupReader, column: usize, part: Part) -> ParquetResult
 }
 
 fn cells<T: DataType>(mut reader: ColumnReaderImpl<T>, (before, count): Part) -> ParquetResult<Vec<T::T>> {
-    let mut found = Vec::with_capacity(count);
+    let mut found = Vec::new();
     if reader.skip_records(before)? == before {
         while found.len() < count {
             let (_, values, _) = reader.read_records(count - found.len(), None, None, &mut found)?;

@@ -9,11 +9,11 @@ use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::DataType;
 use parquet::errors::{ParquetError, Result as ParquetResult};
 use parquet::file::reader::{FileReader, RowGroupReader};
-use parquet::file::serialized_reader::SerializedFileReader;
 use parquet::schema::types::ColumnDescriptor;
 
 use super::{BodyTable, NUMBERS, header_places, input_error};
 use crate::error::{InputFault, Result};
+use crate::study::parquet_reader::{self, guarded};
 
 /// Rows that are decoded at once.
 const BATCH: usize = 1 << 16;
@@ -36,13 +36,13 @@ pub(super) fn read(
         let reason = format!("expected a Parquet file that is whole: {error}");
         input_error(path, 1, "", InputFault::Syntax { reason })
     };
-    let reader = SerializedFileReader::new(file).map_err(broken)?;
+    let reader = parquet_reader::open(file).map_err(broken)?;
     let columns = reader.metadata().file_metadata().schema_descr().columns();
     let header: StringRecord = columns.iter().map(|column| column.path().string()).collect();
     let places = header_places(path, &header, 1, extra, carried)?;
     let mut table = BodyTable::empty(path, &header, &places, extra, carried);
     for index in 0..reader.num_row_groups() {
-        let group = reader.get_row_group(index).map_err(broken)?;
+        let group = guarded(|| reader.get_row_group(index)).map_err(broken)?;
         let wanted = (group.metadata().num_rows().max(0) as usize).min(most - table.lines.len());
         let before = table.lines.len();
         let row = |place: usize| (before + place + 1) as u64;
@@ -59,7 +59,7 @@ pub(super) fn read(
             if descriptor.max_rep_level() > 0 {
                 return Err(refused(0, "(a list)", "expected a column of single values"));
             }
-            let cells = cells(&*group, column, descriptor, wanted).map_err(broken)?;
+            let cells = guarded(|| cells(&*group, column, descriptor, wanted)).map_err(broken)?;
             let cells =
                 cells.ok_or_else(|| refused(0, "(of another type)", "expected a column of numbers or of text"))?;
             if is_carried {
@@ -118,7 +118,8 @@ fn decoded<T: DataType, C>(
     count: usize,
     cell: impl Fn(&T::T) -> ParquetResult<C>,
 ) -> ParquetResult<Vec<Option<C>>> {
-    let mut found = Vec::with_capacity(count);
+    // A file may claim any number of rows.
+    let mut found = Vec::with_capacity(count.min(BATCH));
     while found.len() < count {
         let (mut levels, mut values) = (Vec::new(), Vec::new());
         let most = BATCH.min(count - found.len());
