@@ -6,12 +6,15 @@ use std::path::{Path, PathBuf};
 use glam::{DQuat, DVec3};
 
 use super::OutputState;
-use super::column::{self, MOST_COLUMNS, ROTATION_COLUMNS};
+use super::column::{self, CELL, MOST_COLUMNS, ROTATION_COLUMNS};
 use crate::bodies::{BodyState, Status};
 use crate::error::{Error, FileAction, Result};
 
 mod csv_table;
 mod npz_table;
+
+#[cfg(feature = "plot")]
+pub(crate) use npz_table::{Values, columns};
 
 use csv_table::CsvTable;
 use npz_table::NpzTable;
@@ -72,7 +75,7 @@ impl StateTable {
         };
         let is = |translates: bool| {
             let columns = ["body", "t"].into_iter().chain(column::names(translates)).chain([column::STATUS]);
-            columns.eq(names.iter().map(String::as_str))
+            columns.eq(names.iter().map(String::as_str).filter(|name| *name != CELL))
         };
         let translates = is(true);
         if !translates && !is(false) {

@@ -59,7 +59,7 @@ impl CsvTable {
                 break;
             }
             if self.next.row >= first {
-                let row = parsed(&line, columns).ok_or_else(|| {
+                let row = parsed(&line, columns, self.names.len()).ok_or_else(|| {
                     wrong(path, format!("row {}: expected {} numbers", self.next.row + 1, self.names.len()))
                 })?;
                 rows.push(row);
@@ -70,8 +70,8 @@ impl CsvTable {
     }
 }
 
-/// A row, which ends in a newline.
-fn parsed(line: &str, columns: usize) -> Option<StateRow> {
+/// A row, which ends in a newline; `width` with the cell of studies that sweep.
+fn parsed(line: &str, columns: usize, width: usize) -> Option<StateRow> {
     let mut cells = line.strip_suffix('\n')?.split(',');
     let body = cells.next()?.parse().ok()?;
     let time = cells.next()?.parse().ok()?;
@@ -81,5 +81,9 @@ fn parsed(line: &str, columns: usize) -> Option<StateRow> {
     }
     let status = cells.next()?.parse().ok()?;
     let translates = columns == MOST_COLUMNS;
-    cells.next().is_none().then(|| StateRow { body, time, state: state_of(&numbers, translates, status) })
+    (3 + columns + cells.count() == width).then(|| StateRow {
+        body,
+        time,
+        state: state_of(&numbers, translates, status),
+    })
 }
