@@ -298,6 +298,41 @@ fn thermal_rotors_forget_as_theory_says() {
     }
 }
 
+/// The greatest rates at the pericentre, turns an orbit, of a chaotic planar motion near some angles (rad, modulo π):
+/// θ̈ + ½ω₀² r⁻³ sin 2(θ − f) = 0 (J. Wisdom, S. J. Peale, F. Mignard, Icarus 58 (1984) 137), by the classical Runge-Kutta
+/// method in the eccentric anomaly, dt = r dE.
+fn planar_edges(asphericity: f64, eccentricity: f64, angles: &[f64]) -> Vec<f64> {
+    const ORBITS: usize = 1500;
+    const STEPS: usize = 200;
+    let e = eccentricity;
+    let slope = |anomaly: f64, [theta, rate]: [f64; 2]| {
+        let r = 1.0 - e * anomaly.cos();
+        let f = ((1.0 - e * e).sqrt() * anomaly.sin()).atan2(anomaly.cos() - e);
+        [r * rate, -0.5 * asphericity.powi(2) / (r * r) * (2.0 * (theta - f)).sin()]
+    };
+    let mut edges = vec![0.0_f64; angles.len()];
+    let mut state = [0.0, 0.5];
+    for _ in 0..ORBITS {
+        for step in 0..STEPS {
+            let h = TAU / STEPS as f64;
+            let anomaly = h * step as f64;
+            let at = |k: [f64; 2], part: f64| [state[0] + part * h * k[0], state[1] + part * h * k[1]];
+            let k1 = slope(anomaly, state);
+            let k2 = slope(anomaly + h / 2.0, at(k1, 0.5));
+            let k3 = slope(anomaly + h / 2.0, at(k2, 0.5));
+            let k4 = slope(anomaly + h, at(k3, 1.0));
+            state = std::array::from_fn(|i| state[i] + h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]));
+        }
+        for (edge, angle) in edges.iter_mut().zip(angles) {
+            let off = (state[0] - angle + FRAC_PI_2).rem_euclid(PI) - FRAC_PI_2;
+            if off.abs() < 0.09 {
+                *edge = edge.max(state[1]);
+            }
+        }
+    }
+    edges
+}
+
 /// Where Hyperion's axis leaves the orbit's normal: from rest to above two turns an orbit, but not in the island of two turns, nor
 /// above two and a half (J. Wisdom, AJ 94 (1987) 1350: the chaotic zone "from no rotation at all in an inertial frame to nearly two
 /// and a half revolutions per orbit").
@@ -322,6 +357,14 @@ fn hyperion_tumbles_in_the_chaotic_zone() {
         assert!(all > 0);
         tilted as f64 / all as f64
     };
+    // At each angle the greatest rate that tumbles is that of the chaotic zone of the plane, to a cell of 0.2 and the angles beside it.
+    let angles = [0.0, PI / 4.0, FRAC_PI_2, 3.0 * PI / 4.0];
+    for (angle, edge) in angles.into_iter().zip(planar_edges(asphericity, 0.1, &angles)) {
+        let greatest = record.events()[0].occurrences.iter().map(|had| design.cell_of(had.body));
+        let own = greatest.filter(|&cell| (design.axes()[0].value(cell) - angle).abs() < 0.01);
+        let found = own.map(|cell| design.axes()[1].value(cell) / rate).fold(0.0, f64::max);
+        assert!((found - edge).abs() < 0.3, "{angle} rad: {found}, {edge} in the plane");
+    }
     assert_eq!(share(&|_, turns| turns > 2.55), 0.0);
     assert_eq!(share(&|angle, turns| (angle - FRAC_PI_2).abs() < 0.1 && (turns - 2.0).abs() < 0.05), 0.0);
     let zone = share(&|_, turns| (0.15..1.45).contains(&turns));
