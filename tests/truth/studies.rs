@@ -139,8 +139,11 @@ fn despin_ratios(study: &Study, moment: impl Fn(DVec3) -> f64) -> Vec<f64> {
     let (rates, axes) = braking(1.7);
     let field = 7.8e15 / 7.0e6_f64.powi(3);
     let ratio = |body: usize| {
-        let spin = ensemble.orientation()[body] * ensemble.angular_velocity_body()[body];
-        let moment = moment(principal_axes(&ensemble.inertia()[body]).moments);
+        let tensor = ensemble.inertia()[body];
+        let moments = principal_axes(&tensor).moments;
+        // In the end the body turns about its axis of greatest moment.
+        let momentum = DMat3::from(tensor) * ensemble.angular_velocity_body()[body];
+        let (spin, moment) = (ensemble.orientation()[body] * momentum / moments.z, moment(moments));
         let rates = rates * coefficients.at(body) * field * field / moment;
         (spin.length() > 0.03).then(|| found[body].map(|time| time / time_to(0.01, axes.transpose() * spin, rates)))?
     };
@@ -311,7 +314,7 @@ fn planar_edges(asphericity: f64, eccentricity: f64, angles: &[f64]) -> Vec<f64>
         [r * rate, -0.5 * asphericity.powi(2) / (r * r) * (2.0 * (theta - f)).sin()]
     };
     let mut edges = vec![0.0_f64; angles.len()];
-    let mut state = [0.0, 0.5];
+    let mut state = [FRAC_PI_2, 1.0];
     for _ in 0..ORBITS {
         for step in 0..STEPS {
             let h = TAU / STEPS as f64;
