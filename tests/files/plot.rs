@@ -160,7 +160,7 @@ fn run_study(study: &polhode::study::Study, folder: &Path) {
     let scene = study.scene().expect("a scene");
     let engine = Engine::cpu();
     let plan = polhode::Plan::new(&scene, &engine).expect("a plan");
-    let place = polhode::record::OutputFolder::create(folder, false).expect("a folder");
+    let place = polhode::record::OutputFolder::create(folder, true).expect("a folder");
     let since = std::time::Instant::now();
     let go_on = &mut |_| ControlFlow::Continue(());
     polhode::run::run_to_folder(&engine, &plan, Some(study), study.output(), place, since, go_on).expect("a run");
@@ -237,13 +237,17 @@ quantity = "spin_rate"
 below = 0.2
 "#;
 
+fn study(text: &str) -> polhode::study::Study {
+    polhode::study::Study::parse(Path::new("study.toml"), text).expect("a study")
+}
+
 /// Tables of either format make the same pictures, and a map has the units of its axes.
 #[test]
 fn pictures_do_not_depend_on_the_format() {
     let workspace = tempfile::tempdir().expect("a folder");
     let pictures = |name: &str, text: &str| {
         let folder = workspace.path().join(name);
-        run_study(&polhode::study::Study::parse(Path::new("study.toml"), text).expect("a study"), &folder);
+        run_study(&study(text), &folder);
         let files = plot_folder(&folder, &[0]).expect("drawn");
         let svg = files.iter().filter(|file| file.extension().is_some_and(|ending| ending == "svg"));
         let named = svg
@@ -264,7 +268,12 @@ fn pictures_do_not_depend_on_the_format() {
         for label in ["drag (kg m² s⁻¹)", "spin (rad s⁻¹)", "share by the end", "mean time"] {
             assert!(map.contains(label), "{label}");
         }
-        ["csv", "npz"].iter().for_each(|name| std::fs::remove_dir_all(workspace.path().join(name)).expect("removed"));
+        // All of them give way to the next run.
+        run_study(&study(&text), &workspace.path().join("csv"));
+        let left = std::fs::read_dir(workspace.path().join("csv")).expect("a folder");
+        let left = left.map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned());
+        let pictures: Vec<String> = left.filter(|name| name.ends_with("svg") || name.ends_with("png")).collect();
+        assert!(pictures.is_empty(), "{pictures:?}");
     }
 }
 
@@ -273,10 +282,7 @@ fn pictures_do_not_depend_on_the_format() {
 fn other_designs_have_no_map() {
     let workspace = tempfile::tempdir().expect("a folder");
     let sobol = SWEPT.replace("count = 3\n[bodies]", "[design]\nkind = \"sobol\"\npoints = 9\n[bodies]");
-    run_study(
-        &polhode::study::Study::parse(Path::new("study.toml"), &sobol).expect("a study"),
-        &workspace.path().join("out"),
-    );
+    run_study(&study(&sobol), &workspace.path().join("out"));
     let files = plot_folder(&workspace.path().join("out"), &[]).expect("drawn");
     assert!(files.iter().any(|file| file.ends_with("survival.svg")));
     assert!(!files.iter().any(|file| file.ends_with("map.svg")));
@@ -289,7 +295,7 @@ fn states_of_a_sweep_are_read_again() {
     let mut tables = ["csv", "npz"].map(|format| {
         let text = SWEPT.replace("quantiles", &format!("format = \"{format}\"\nquantiles"));
         let folder = workspace.path().join(format);
-        run_study(&polhode::study::Study::parse(Path::new("study.toml"), &text).expect("a study"), &folder);
+        run_study(&study(&text), &folder);
         polhode::record::StateTable::open(&folder.join(format!("snapshots.{format}"))).expect("a table")
     });
     let [csv, npz] = tables.each_mut().map(|table| table.read(0, 1000).expect("rows"));
