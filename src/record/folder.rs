@@ -33,7 +33,7 @@ const TABLES: [&str; 9] =
 /// Endings of tables.
 const TABLE_ENDINGS: [&str; 3] = ["csv", "npz", "parquet"];
 /// Stems of the pictures that are drawn of a run.
-const PICTURES: [&str; 4] = ["run", "statistics", "histograms", "survival"];
+const PICTURES: [&str; 7] = ["run", "final", "statistics", "means", "histograms", "survival", "map"];
 /// What stands before the number of a body in the stem of its pictures.
 const PICTURE_OF_BODY: &str = "run-body-";
 /// Endings of pictures.

@@ -69,6 +69,8 @@ pub use report::Report;
 pub use shard::{Shard, ShardState, is_complete, ranges, status};
 #[cfg(feature = "study")]
 pub use state_table::{StateRow, StateTable};
+#[cfg(feature = "plot")]
+pub(crate) use state_table::{Values, columns};
 pub use statistics::{Statistics, Summary};
 
 /// Takes the states of a run as they come, some bodies at a time, so that memory stays bounded.

@@ -86,12 +86,26 @@ pub struct StudyReport {
     pub title: Option<String>,
     /// The seed of its draws.
     pub seed: u64,
+    /// The axes that it sweeps over, in the order of the columns of `cells`.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sweep: Vec<AxisReport>,
+}
+
+/// An axis of a sweep.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct AxisReport {
+    /// Its name.
+    pub name: String,
+    /// The unit of the SI of its values; `null` where the study writes none.
+    pub unit: Option<String>,
 }
 
 impl StudyReport {
     pub(crate) fn of(study: &Study) -> Self {
         let title = study.title().map(str::to_owned);
-        Self { file: study.file().display().to_string(), title, seed: study.seed() }
+        let axes = study.design().map(|design| design.axes()).unwrap_or_default();
+        let sweep = axes.iter().map(|axis| AxisReport { name: axis.name().to_owned(), unit: axis.si_unit() }).collect();
+        Self { file: study.file().display().to_string(), title, seed: study.seed(), sweep }
     }
 }
 

@@ -61,6 +61,27 @@ enum Source {
     Parquet(ParquetTable),
 }
 
+/// The values of a column of any table.
+#[cfg(feature = "plot")]
+pub(crate) enum Values {
+    Numbers(Vec<f64>),
+    Texts(Vec<String>),
+}
+
+/// All columns of a table that a run has written, by name, but for comma-separated values.
+///
+/// # Errors
+///
+/// [`Error::File`] where the file cannot be read; [`Error::Table`] where it is no such table.
+#[cfg(feature = "plot")]
+pub(crate) fn columns(path: &Path) -> Result<Vec<(String, Values)>> {
+    #[cfg(feature = "parquet")]
+    if path.extension().is_some_and(|ending| ending == "parquet") {
+        return parquet_table::columns(path, open(path)?);
+    }
+    npz_table::columns(path)
+}
+
 /// Some rows as they stand in a table.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct TableRows {

@@ -12,8 +12,8 @@ Examples:
     polhode bench accuracy --quick && polhode plot bench.out
     polhode run study.toml --out results && polhode plot results --body 0,3
 
-Of a run, report.json and its tables are read: snapshots (the study must say snapshots = true), of any format;
-statistics.csv, histograms.csv and survival.csv.";
+Of a run, report.json and the tables of snapshots (else of final states), statistics, histograms,
+events and cells are read, in any format. What becomes of --body needs snapshots = true in the study.";
 
 /// Arguments of `polhode plot`.
 #[derive(Debug, Args)]
@@ -31,9 +31,7 @@ pub struct PlotArguments {
 pub fn plot(arguments: &PlotArguments) -> Result<(), Failure> {
     let files = plot_folder(&arguments.folder, &arguments.body)?;
     if files.is_empty() {
-        return Err(Failure::Arguments(
-            "the folder holds neither rows of `polhode bench` nor tables of `polhode run` (snapshots = true, statistics, [[event]])",
-        ));
+        return Err(Failure::Arguments("the folder holds neither rows of `polhode bench` nor tables of `polhode run`"));
     }
     files.iter().try_for_each(|file| output::print(&format!("{}\n", output::printable(&file.to_string_lossy()))))
 }

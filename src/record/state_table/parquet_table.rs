@@ -10,6 +10,8 @@ use parquet::errors::Result as ParquetResult;
 use parquet::file::reader::{FileReader, RowGroupReader};
 use parquet::file::serialized_reader::SerializedFileReader;
 
+#[cfg(feature = "plot")]
+use super::Values;
 use super::{Shape, TableRows, wrong};
 use crate::error::Result;
 use crate::record::column::{self, StateRows};
@@ -75,6 +77,38 @@ impl ParquetTable {
             false => Err(wrong(path, "a column has fewer rows than its table says")),
         }
     }
+}
+
+/// All columns, by name; numbers that are missing are NaN.
+#[cfg(feature = "plot")]
+pub(super) fn columns(path: &Path, file: File) -> Result<Vec<(String, Values)>> {
+    use parquet::record::Field;
+    let reader = reader(path, file)?;
+    let schema = reader.metadata().file_metadata().schema_descr().columns().iter();
+    let is_text = |kind| kind == PhysicalType::BYTE_ARRAY;
+    let mut columns: Vec<(String, Values)> = schema
+        .map(|column| match is_text(column.physical_type()) {
+            true => (column.name().to_owned(), Values::Texts(Vec::new())),
+            false => (column.name().to_owned(), Values::Numbers(Vec::new())),
+        })
+        .collect();
+    let read = guarded(|| {
+        for row in reader.get_row_iter(None)? {
+            for ((_, values), (_, field)) in columns.iter_mut().zip(row?.get_column_iter()) {
+                match (values, field) {
+                    (Values::Numbers(numbers), Field::Double(number)) => numbers.push(*number),
+                    (Values::Numbers(numbers), Field::Long(number)) => numbers.push(*number as f64),
+                    (Values::Numbers(numbers), Field::UByte(number)) => numbers.push(f64::from(*number)),
+                    (Values::Texts(texts), Field::Str(text)) => texts.push(text.clone()),
+                    (Values::Numbers(numbers), _) => numbers.push(f64::NAN),
+                    (Values::Texts(texts), _) => texts.push(String::new()),
+                }
+            }
+        }
+        Ok(())
+    });
+    read.map_err(|error| wrong(path, error.to_string()))?;
+    Ok(columns)
 }
 
 fn reader(path: &Path, file: File) -> Result<SerializedFileReader<File>> {
