@@ -275,6 +275,20 @@ pub enum Error {
         /// What would reach it.
         remedy: &'static str,
     },
+    /// No steps bring the statistics asked for as near as that.
+    #[error("out of reach: {target}: the best here {}: {remedy}", miss(statistic, *factor))]
+    StatisticsOutOfReach {
+        /// What is asked for ([`crate::scene::StatisticalAccuracy`]).
+        target: String,
+        /// The key of a study that asks for what is missed most.
+        field: &'static str,
+        /// Which statistic that is.
+        statistic: String,
+        /// What the best steps came to there, as a multiple of what is asked for; infinite where bodies were lost.
+        factor: f64,
+        /// What would reach it.
+        remedy: &'static str,
+    },
     /// No adapter fits what was asked for.
     #[error("no GPU adapter {wanted}: {found} found; `polhode devices` lists them, the CPU engine needs none")]
     NoAdapter {

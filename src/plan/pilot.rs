@@ -142,6 +142,8 @@ pub(super) struct Pilot<'a> {
     pub most_of_body: f64,
     /// Whether the probe had to be cut short.
     pub is_cut: bool,
+    /// Whether another way is at hand where it finds nothing, so that it takes no more steps than after such a probe.
+    pub is_brief: bool,
     /// By how much more the bodies err in adaptive steps than those of the shipped table.
     pub difficulty: f64,
 }
@@ -205,7 +207,7 @@ impl<'a> Pilot<'a> {
         }
         let free = FREE_STEPS / (1 + self.torques.len()) as f64;
         let all = self.all as f64;
-        let most = if self.is_cut { MOST_AFTER_CUT } else { MOST_STEPS };
+        let most = if self.is_cut || self.is_brief { MOST_AFTER_CUT } else { MOST_STEPS };
         let part = |steps: f64| (SHARE * steps * all).max(free).min(most) / PASSES / steps;
         self.difficulty = probe.difficulty;
         if part(probe.steps) > (4 * LEAST_BODIES) as f64 {
