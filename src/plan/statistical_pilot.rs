@@ -45,6 +45,9 @@ const AIM: f64 = 0.3;
 /// No attitude is known better, rad.
 const LEAST_STATE_ERROR: f64 = 1e-13;
 
+/// No statistic is known better, as a part of its scale: some units in the last place of a number.
+const LEAST_ERROR: f64 = 1e-15;
+
 /// A bound that comes down by less than this is not one on the integration any more.
 const HELPS: f64 = 0.5;
 
@@ -84,7 +87,10 @@ pub(super) fn choose(
     classification: impl Fn(u32) -> Classification,
     wanted: &StatisticalAccuracy,
 ) -> Result<(Found, Vec<StatisticError>)> {
-    let mut state_error = wanted.strictest().min(1.0);
+    if wanted.strictest() < LEAST_ERROR {
+        return Err(out_of_reach(wanted, None, ROUNDING));
+    }
+    let mut state_error = wanted.strictest().clamp(LEAST_STATE_ERROR, 1.0);
     let (mut is_predictable, mut before) = (true, None::<Tried>);
     for refinement in 0..=REFINEMENTS {
         let accuracy = Accuracy::attitude(state_error);
@@ -138,7 +144,7 @@ fn out_of_reach(wanted: &StatisticalAccuracy, tried: Option<&Tried>, remedy: &'s
         target: wanted.to_string(),
         field: missed.unwrap_or(StatisticalTarget::Mean).key(),
         statistic: worst.map_or_else(|| "a statistic".to_owned(), StatisticError::label),
-        factor: worst.map_or(f64::INFINITY, |error| ratio(&error)),
+        factor: worst.map_or_else(|| (LEAST_ERROR / wanted.strictest()).max(1.0), |error| ratio(&error)),
         remedy,
     }
 }

@@ -161,6 +161,12 @@ refuses! {
     an_unknown_method: refusal_with("attitude = 1e-6", "method = \"rk5\"\ndt = 0.1") => @r#"study.toml:11: accuracy.method = "rk5": did you mean rk4? possible: rk4, rk8, cf4, splitting2, splitting4, splitting6, implicit_midpoint, dlm, explicit_euler, gyro_newton, clamped_euler, spiral, taylor"#;
     a_step_below_zero: refusal_with("attitude = 1e-6", "method = \"rk4\"\ndt = -0.1") => @"study.toml:12: accuracy.dt = -0.1: expected a step above zero (s)";
     a_step_too_small_to_finish: refusal_with("attitude = 1e-6", "method = \"rk4\"\ndt = 1e-20") => @"study.toml:12: accuracy.dt = 1e-20: more than 1e15 steps would be needed: use a longer step or a shorter span (s)";
+    an_error_of_means_without_statistics: refusal_with("attitude = 1e-6", "mean = 1e-3") => @"";
+    an_error_of_quantiles_without_quantiles: refusal_with("attitude = 1e-6", "quantile = 1e-3") => @"";
+    an_error_of_event_times_without_events: refusal_with("attitude = 1e-6", "event_time = 1e-3") => @"";
+    an_error_of_means_below_zero: refusal_with("attitude = 1e-6", "mean = -1e-3") => @"";
+    an_error_of_means_that_rounding_hides: refusal("[bodies]\ncount = 70\ninertia = [1, 2, 2.5]\nangular_velocity = { distribution = \"normal\", mean = [0, 0, 1], sigma = 0.1 }\n[[torque]]\nmodel = \"linear-drag\"\ncoefficient = 0.1\n[time]\nend = 1.0\n[output]\nstatistics = [\"spin_rate\"]\n[accuracy]\nmean = 1e-18\n") => @"";
+    an_attitude_that_chaos_hides: refusal("[bodies]\ncount = 70\ninertia = [1, 2, 2.5]\norientation = { distribution = \"uniform\" }\nangular_velocity = { distribution = \"normal\", mean = [0, 0, 1], sigma = 0.1 }\n[[torque]]\nmodel = \"sinusoidal\"\nsine = [0.5, 0.3, -0.7]\ncosine = [-0.2, 0.6, 0.4]\nrate = 1.5\n[time]\nend = 1000.0\n").split("factor of").last().unwrap_or_default().to_owned() => @"";
     an_unknown_precision: refusal_with("attitude = 1e-6", "precision = \"f16\"") => @r#"study.toml:11: accuracy.precision = "f16": possible: auto, f32, f64"#;
     an_unknown_format: refusal_with("snapshots = true", "format = \"xlsx\"") => @r#"study.toml:13: output.format = "xlsx": possible: csv, npz"#;
     a_flag_that_is_a_text: refusal_with("snapshots = true", "snapshots = \"yes\"") => @r#"study.toml:13: output.snapshots = "yes": expected true or false"#;

@@ -109,7 +109,7 @@ impl<'p> Comparison<'p> {
 }
 
 /// Sets the quantities of a sample's body.
-pub(super) fn set_values(
+fn set_values(
     evaluator: &QuantityEvaluator<'_>,
     values: &mut [Vec<f64>],
     place: usize,
