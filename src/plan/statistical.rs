@@ -74,7 +74,9 @@ impl StatisticError {
     pub fn label(&self) -> String {
         match (self.target, self.percent) {
             (StatisticalTarget::Mean, _) => format!("mean of {}", self.name),
-            (StatisticalTarget::Quantile, percent) => format!("{} % of {}", percent.unwrap_or(f64::NAN), self.name),
+            (StatisticalTarget::Quantile, percent) => {
+                format!("{} % quantile of {}", percent.unwrap_or(f64::NAN), self.name)
+            }
             (StatisticalTarget::EventTime, _) => format!("time of {}", self.name.replace(char::is_control, " ")),
         }
     }

@@ -143,7 +143,10 @@ fn out_of_reach(wanted: &StatisticalAccuracy, tried: Option<&Tried>, remedy: &'s
     Error::StatisticsOutOfReach {
         target: wanted.to_string(),
         field: missed.unwrap_or(StatisticalTarget::Mean).key(),
-        statistic: worst.map_or_else(|| "a statistic".to_owned(), StatisticError::label),
+        statistic: match (worst, missed) {
+            (Some(worst), _) => worst.label(),
+            (None, missed) => missed.unwrap_or(StatisticalTarget::Mean).name().to_owned(),
+        },
         factor: worst.map_or_else(|| (LEAST_ERROR / wanted.strictest()).max(1.0), |error| ratio(&error)),
         remedy,
     }
