@@ -26,7 +26,7 @@ use crate::torque::Torque;
 const MOST_BODIES: usize = 300;
 const LEAST_BODIES: usize = 32;
 /// The steps that following them once may take: some tenths of a second of one core.
-const BUDGET: f64 = 1e6;
+const BUDGET: f64 = 4e5;
 /// The steps of a body, as a multiple of those expected, beyond which it is given up.
 const UNEXPECTED: f64 = 100.0;
 
