@@ -12,10 +12,12 @@ use crate::scene::Accuracy;
 use crate::study::Study;
 
 mod event_report;
+mod statistical_report;
 mod statistics_report;
 mod summary;
 
 pub use event_report::{EventReport, QuantityReport};
+pub use statistical_report::{StatisticErrorReport, StatisticalAccuracyReport};
 pub use statistics_report::{StatisticsReport, SummaryReport};
 
 /// A run in figures, as it stands in `report.json`.
@@ -65,6 +67,9 @@ pub struct Report {
     pub balance: Option<BalanceReport>,
     /// Errors at the end.
     pub accuracy: AccuracyReport,
+    /// Errors of statistics and event times; left out where none are asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub statistical_accuracy: Option<StatisticalAccuracyReport>,
     /// Bodies that have failed, ascending; `failed.csv` (or `.npz`) has a row for each.
     pub failed_bodies: Vec<usize>,
     /// How many of them for which reason; empty where none has.
@@ -465,6 +470,7 @@ impl Report {
                 same_draws: trust.recomputed_sample.same_draws,
                 met: trust.recomputed_sample.met,
             },
+            statistical_accuracy: trust.statistics.map(StatisticalAccuracyReport::from),
             outside_usable_region: trust.outside_usable_region,
             failures: FailureReport::of(&trust.failures),
             failed_bodies: trust.failed_bodies,

@@ -48,6 +48,8 @@ pub struct MergedReport {
     pub statistics: Option<StatisticsReport>,
     /// Errors at the end.
     pub accuracy: MergedAccuracy,
+    /// Whether the samples of all parts agree with the errors asked for of statistics; `null` where none are, or not of all parts that is known.
+    pub statistical_met: Option<bool>,
     /// Bodies that have failed, ascending.
     pub failed_bodies: Vec<usize>,
     /// How many of them for which reason.
@@ -309,12 +311,20 @@ fn report(
         seconds: reports().filter_map(|report| report["wall_time"]["total"].as_f64()).sum(),
         statistics,
         accuracy: accuracy(reports().map(|report| &report["accuracy"]), failures, first.part.body_count),
+        statistical_met: all_met(reports().map(|report| report["statistical_accuracy"]["met"].as_bool())),
         failed_bodies: failures.iter().map(|failed| failed.body).collect(),
         failures: FailureReport::of(failures),
         allowed_failures: first.part.allowed_failures,
         files,
         parts: reports().cloned().collect(),
     }
+}
+
+/// Whether all parts met something; one that did not decides.
+fn all_met(mut parts: impl Iterator<Item = Option<bool>>) -> Option<bool> {
+    parts
+        .try_fold(true, |all, met| if met == Some(false) { None } else { Some(all && met == Some(true)) })
+        .map_or(Some(false), |all| all.then_some(true))
 }
 
 /// What the samples of all parts say together.

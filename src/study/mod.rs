@@ -23,6 +23,7 @@
 //! attitude = 1e-6                     # rad; or: method = "rk4", dt = 0.01, precision = "f32"
 //! energy = 1e-9                       # relative, beside the attitude; so is angular_velocity
 //! percentile = 99                     # of the bodies, the default
+//!                                     # or: mean = 1e-3, quantile = 1e-3, event_time = 1e-3, of what is asked of all bodies together
 //!                                     # or: method = "rk8" or "taylor", tolerance = 1e-9 and, where wanted, least_step = 1e-6
 //!                                     # or: method = "rk8", dt = 0.01, projection = true, for free bodies near the separatrix
 //!
@@ -94,6 +95,10 @@
 //!   `events.csv` has a row a body and event that it had: `event`, `body`, `t`, `known_to` ([`EventTime`](crate::record::EventTime)), and the state then; `survival.csv` for each
 //!   event and output time `remaining` bodies, the `share` that has not had it, and its 95 % confidence interval `low`, `high`
 //!   ([`EventRecord::survival`](crate::record::EventRecord::survival)).
+//! * `accuracy.mean`, `accuracy.quantile`: what the integration may bring into means and quantiles, as a part of the quantity's standard deviation
+//!   over the bodies; `accuracy.event_time`: into the mean time of an event, as a part of the span ([`StatisticalAccuracy`]). Alone they
+//!   decide how steps are chosen; beside `attitude` or a method the report says whether they are met. A study that writes no states and
+//!   says nothing else asks for 1e-3 of each that it has.
 //! * `[[quantity]]`: a quantity of the study's own, with a `name`: a `formula` with its `unit`, a number of `attitude`, `angular_velocity`,
 //!   `angular_momentum`, `inertia` and `time` (the language is that of `docs/custom-torques.md`); an `axis` of the body and a `direction` of the
 //!   world, the angle between which it is; or `euler = "zxz"`, `angle = 2` and, where the turns are about the world's axes,
@@ -123,9 +128,9 @@ use crate::error::InputError;
 use crate::error::InputFault;
 use crate::error::{Error, Result, Text};
 use crate::math::Precision;
-use crate::scene::{Accuracy, Outputs, Part, Scene, Target};
 #[cfg(doc)]
 use crate::scene::{Condition, Event, Quantity};
+use crate::scene::{Outputs, Part, Scene, StatisticalAccuracy, Target};
 
 mod accuracy;
 mod bodies;
@@ -248,6 +253,7 @@ pub struct Study {
     end: f64,
     outputs: Outputs,
     stepping: StudyStepping,
+    statistical: Option<StatisticalAccuracy>,
     output: Output,
     starts: bool,
     observed: StudyObserved,
@@ -323,8 +329,7 @@ impl Study {
         }
         let (end, outputs, starts) = time(&root.need("time", "expected a table with the end of the simulated span")?)?;
         let stepping = root.find("accuracy").map(|node| accuracy(&node)).transpose()?;
-        let stepping = stepping
-            .unwrap_or(StudyStepping::Accuracy { accuracy: Accuracy::attitude(DEFAULT_ATTITUDE), precision: None });
+        let (stepping, statistical) = stepping.unwrap_or((StudyStepping::Default { precision: None }, None));
         if let Some(design) = &design {
             design.check_use(root)?;
         }
@@ -349,6 +354,7 @@ impl Study {
             outputs,
             starts,
             stepping,
+            statistical,
             output,
             observed,
             failures,
@@ -425,7 +431,8 @@ impl Study {
     #[must_use]
     pub fn with_precision(mut self, wanted: Precision) -> Self {
         match &mut self.stepping {
-            StudyStepping::Accuracy { precision, .. }
+            StudyStepping::Default { precision }
+            | StudyStepping::Accuracy { precision, .. }
             | StudyStepping::Pinned { precision, .. }
             | StudyStepping::Adaptive { precision, .. } => {
                 *precision = Some(wanted);
@@ -469,6 +476,9 @@ impl Study {
         if !self.observed.is_empty() && !self.output.final_state && !self.output.snapshots {
             scene = scene.without_states();
         }
+        if let Some(statistical) = self.statistical {
+            scene = scene.statistical_accuracy(statistical);
+        }
         Ok(self.stepping.applied_to(scene))
     }
 
@@ -494,6 +504,14 @@ impl Study {
             }
             Error::AccuracyOutOfReach { ref target, missed, .. } => {
                 self.located_target(target.of(missed), missed, error)
+            }
+            Error::StatisticsOutOfReach { field, .. } => {
+                let places = [field, "accuracy"].into_iter().find_map(|key| self.places.get(key));
+                let line = places.map_or(1, |place| place.line);
+                let value = self.places.get(field).map(|place| place.value.clone());
+                let value =
+                    value.unwrap_or_else(|| format!("{:e} (where nothing is said)", StatisticalAccuracy::DEFAULT));
+                self.input(line, field, InputFault::Cause { value, cause: Box::new(error) })
             }
             Error::Projection { expected, .. } => match self.places.get(PROJECTION) {
                 Some(place) => self.input(

@@ -151,6 +151,9 @@ Keys (SI units, in brackets; a number with another one is a text: \"30 deg\", \"
     accuracy              errors at the end that percentile (default 99) % of the bodies keep:
                           attitude (rad, default 1e-6), angular_velocity (of its magnitude), energy
                           (kinetic, of its value) [precision: f32, f64];
+                          or mean, quantile (of the quantity's spread) and event_time (of the span):
+                          what the integration may bring into statistics and mean times of events,
+                          also of chaotic motions; 1e-3 where neither final nor snapshots are written;
                           or method (rk4, rk8, cf4, splitting2, splitting4, splitting6,
                           implicit_midpoint and, for comparison, dlm, explicit_euler, gyro_newton,
                           clamped_euler, spiral), dt, or rk8 or taylor (f64, CPU) and tolerance
