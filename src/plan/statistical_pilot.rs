@@ -88,7 +88,8 @@ pub(super) fn choose(
     wanted: &StatisticalAccuracy,
 ) -> Result<(Found, Vec<StatisticError>)> {
     if wanted.strictest() < LEAST_ERROR {
-        return Err(out_of_reach(wanted, None, ROUNDING));
+        let factor = LEAST_ERROR / wanted.strictest();
+        return Err(out_of_reach(wanted, None, Some(factor), ROUNDING));
     }
     let mut state_error = wanted.strictest().clamp(LEAST_STATE_ERROR, 1.0);
     let (mut is_predictable, mut before) = (true, None::<Tried>);
@@ -103,7 +104,7 @@ pub(super) fn choose(
         if base.torques.iter().any(Torque::is_random) {
             return match found {
                 Some(found) => Ok((found, Vec::new())),
-                None => Err(out_of_reach(wanted, None, RANDOM)),
+                None => Err(out_of_reach(wanted, None, None, RANDOM)),
             };
         }
         is_predictable = found.is_some();
@@ -121,20 +122,26 @@ pub(super) fn choose(
             return Ok((chosen.found, worst_times(chosen.errors)));
         }
         if is_last {
-            return Err(out_of_reach(wanted, Some(&chosen), ROUNDING));
+            return Err(out_of_reach(wanted, Some(&chosen), None, ROUNDING));
         }
         before = Some(chosen);
         state_error = (state_error * (AIM / bound).clamp(MOST_REFINEMENT, LEAST_REFINEMENT)).max(LEAST_STATE_ERROR);
     }
     // The last refinement has returned.
-    Err(out_of_reach(wanted, None, ROUNDING))
+    Err(out_of_reach(wanted, None, None, ROUNDING))
 }
 
 const RANDOM: &str = "a random torque is in the way: name a method and a step (accuracy.method, dt)";
 const ROUNDING: &str = "rounding is in the way, or steps finer than planning may try: use a larger error, precision f64, or name a \
                         method and its steps (accuracy.method)";
 
-fn out_of_reach(wanted: &StatisticalAccuracy, tried: Option<&Tried>, remedy: &'static str) -> Error {
+/// `factor` of what is asked for, where nothing was tried.
+fn out_of_reach(
+    wanted: &StatisticalAccuracy,
+    tried: Option<&Tried>,
+    factor: Option<f64>,
+    remedy: &'static str,
+) -> Error {
     let ratio = |error: &&StatisticError| error.integration.abs() / error.wanted;
     let worst = tried.and_then(|tried| tried.errors.iter().max_by(|a, b| ratio(a).total_cmp(&ratio(b))));
     let strictest = wanted.targets().into_iter().filter_map(|(target, wanted)| Some((target, wanted?)));
@@ -147,7 +154,11 @@ fn out_of_reach(wanted: &StatisticalAccuracy, tried: Option<&Tried>, remedy: &'s
             (Some(worst), _) => worst.label(),
             (None, missed) => missed.unwrap_or(StatisticalTarget::Mean).name().to_owned(),
         },
-        factor: worst.map(|error| if tried.is_some_and(|tried| tried.loses) { f64::INFINITY } else { ratio(&error) }),
+        factor: match (worst, tried) {
+            (_, Some(tried)) if tried.loses => Some(f64::INFINITY),
+            (Some(worst), _) => Some(ratio(&worst)),
+            (None, _) => factor,
+        },
         remedy,
     }
 }

@@ -128,9 +128,9 @@ fn decoded<T: DataType, C>(
             return Err(ParquetError::EOF("a column has fewer rows than its table".to_owned()));
         }
         let mut values = values.iter();
+        let is_there = |row: usize| level == 0 || levels.get(row) == Some(&level);
         for row in 0..records {
-            let is_there = level == 0 || levels[row] == level;
-            found.push(if is_there { values.next().map(&cell).transpose()? } else { None });
+            found.push(if is_there(row) { values.next().map(&cell).transpose()? } else { None });
         }
     }
     Ok(found)
