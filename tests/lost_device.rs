@@ -19,7 +19,7 @@ use polhode::math::Precision;
 use polhode::record::{OutputFolder, Report};
 use polhode::run::run_to_folder;
 use polhode::scene::AdaptiveSteps;
-use polhode::study::{Format, Output, problem};
+use polhode::study::{Output, problem};
 use polhode::{Accuracy, Error, Force, Method, Outputs, Plan, Scene, Statistic, Torque};
 
 /// More than one workgroup.
@@ -69,15 +69,11 @@ fn run(scene: &Scene, folder: &Path, loss: Option<usize>) -> (Result<Report, Err
     let options = GpuOptions { slice: SliceLimits { steps: 20, ..SliceLimits::default() }, ..GpuOptions::default() };
     let engine = Engine::gpu_on(device.clone(), queue, options).expect("opened");
     let plan = Plan::new(scene, &engine).expect("a plan");
-    let output = Output {
-        final_state: scene.keeps_states(),
-        snapshots: scene.keeps_states(),
-        initial: false,
-        format: Format::Csv,
-    };
+    let keeps = scene.keeps_states();
+    let output = Output { final_state: keeps, snapshots: keeps, ..Output::default() };
     let place = OutputFolder::create(folder, true).expect("a folder");
     let (mut calls, mut since) = (0, Instant::now());
-    let done = run_to_folder(&engine, &plan, None, output, place, Instant::now(), &mut |_| {
+    let done = run_to_folder(&engine, &plan, None, &output, place, Instant::now(), &mut |_| {
         if loss == Some(calls) {
             device.destroy();
             since = Instant::now();

@@ -25,9 +25,9 @@ fn a_hundred_output_times_take_no_more_memory_than_one() {
         .pinned(Method::Rk4, 0.125, None);
     let plan = Plan::new(&scene, &engine).expect("valid");
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let output = Output { final_state: true, snapshots: true, initial: false, format: Format::Npz };
+    let output = Output { snapshots: true, format: Format::Npz, ..Output::default() };
     let target = OutputFolder::create(&folder.path().join("out"), false).expect("an empty folder");
-    run_to_folder(&engine, &plan, None, output, target, Instant::now(), &mut |_| ControlFlow::Continue(()))
+    run_to_folder(&engine, &plan, None, &output, target, Instant::now(), &mut |_| ControlFlow::Continue(()))
         .expect("runs");
 
     let written = std::fs::metadata(folder.path().join("out/snapshots.npz")).expect("snapshots").len();

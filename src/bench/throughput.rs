@@ -267,7 +267,7 @@ fn written(bench: &Bench, case: &ThroughputCase, ensemble: Ensemble, folder: &Pa
     let scene = Scene::new(ensemble).until(end).pinned(Method::Rk4, DT, Some(case.precision));
     let scene = scene.outputs(Outputs::Every(end / case.outputs as f64));
     let plan = Plan::new(&scene, &case.engine)?;
-    let output = Output { final_state: false, snapshots: true, initial: false, format: Format::Npz };
+    let output = Output { final_state: false, snapshots: true, format: Format::Npz, ..Output::default() };
     let path = folder.join(format!(".throughput.{}", std::process::id()));
     let mut phases = Phases::default();
     let removed = |done: Result<Timing>| {
@@ -279,7 +279,7 @@ fn written(bench: &Bench, case: &ThroughputCase, ensemble: Ensemble, folder: &Pa
         let since = Instant::now();
         let folder = OutputFolder::create(&path, true)?;
         let mut go_on = |_| ControlFlow::Continue(());
-        let report = run_to_folder(&case.engine, &plan, None, output, folder, since, &mut go_on)?;
+        let report = run_to_folder(&case.engine, &plan, None, &output, folder, since, &mut go_on)?;
         phases.prepare = report.wall_time.prepare;
         phases.start = report.wall_time.start;
         phases.read = report.wall_time.read;

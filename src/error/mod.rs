@@ -275,6 +275,21 @@ pub enum Error {
         /// What would reach it.
         remedy: &'static str,
     },
+    /// No steps bring the statistics asked for as near as that.
+    #[error("out of reach: {target}: {}: {remedy}", missed_statistic(statistic, *factor))]
+    StatisticsOutOfReach {
+        /// What is asked for ([`crate::scene::StatisticalAccuracy`]).
+        target: String,
+        /// The key of a study that asks for what is missed most.
+        field: &'static str,
+        /// Which statistic that is.
+        statistic: String,
+        /// What the best steps came to there, as a multiple of what is asked for; infinite where bodies were lost, `None` where steps
+        /// cannot be compared.
+        factor: Option<f64>,
+        /// What would reach it.
+        remedy: &'static str,
+    },
     /// No adapter fits what was asked for.
     #[error("no GPU adapter {wanted}: {found} found; `polhode devices` lists them, the CPU engine needs none")]
     NoAdapter {
@@ -472,6 +487,13 @@ fn miss(missed: &str, factor: f64) -> String {
         return "loses bodies, or does not reach the end within the steps that planning may take".to_owned();
     }
     format!("misses the {missed} by a factor of {}", rough(factor))
+}
+
+fn missed_statistic(statistic: &str, factor: Option<f64>) -> String {
+    match factor {
+        Some(factor) => format!("the best here {}", miss(statistic, factor)),
+        None => "steps of two sizes cannot be compared here".to_owned(),
+    }
 }
 
 /// A factor above 1, rounded for a message.

@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use super::pilot::Found;
 use super::resolution::{Resolution, Stepped};
-use super::{Bound, Plan, Rule, Scheme, TorqueSet};
+use super::{Bound, Plan, Rule, Scheme, StatisticError, TorqueSet};
 use crate::engine::Backend;
 use crate::error::{Error, Result};
 use crate::kernel::method::Method;
@@ -83,6 +83,8 @@ enum ResolutionEntry {
         closed_form: String,
         uniform_rate: Option<f64>,
         stepped: Vec<SteppedEntry>,
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        statistics: Vec<StatisticError>,
     },
 }
 
@@ -170,16 +172,19 @@ impl PlanDocument {
                 precision: precision_named("precision", precision, 0)?,
                 steps: AdaptiveSteps { tolerance: *tolerance, least_step: *least_step },
             },
-            ResolutionEntry::Accuracy { tolerance, closed_form, uniform_rate, stepped } => Resolution::Accuracy {
-                tolerance: Bound {
-                    attitude: tolerance.attitude.unwrap_or(f64::INFINITY),
-                    angular_velocity: tolerance.angular_velocity.unwrap_or(f64::INFINITY),
-                    energy: tolerance.energy.unwrap_or(f64::INFINITY),
-                },
-                closed_form: precision_named("closed_form", closed_form, 0)?,
-                uniform_rate: *uniform_rate,
-                stepped: stepped.iter().enumerate().map(SteppedEntry::stepped).collect::<Result<_, _>>()?,
-            },
+            ResolutionEntry::Accuracy { tolerance, closed_form, uniform_rate, stepped, statistics } => {
+                Resolution::Accuracy {
+                    tolerance: Bound {
+                        attitude: tolerance.attitude.unwrap_or(f64::INFINITY),
+                        angular_velocity: tolerance.angular_velocity.unwrap_or(f64::INFINITY),
+                        energy: tolerance.energy.unwrap_or(f64::INFINITY),
+                    },
+                    closed_form: precision_named("closed_form", closed_form, 0)?,
+                    uniform_rate: *uniform_rate,
+                    stepped: stepped.iter().enumerate().map(SteppedEntry::stepped).collect::<Result<_, _>>()?,
+                    statistics: statistics.clone(),
+                }
+            }
         })
     }
 
@@ -322,31 +327,34 @@ impl<'a> Plan<'a> {
                 tolerance: steps.tolerance,
                 least_step: steps.least_step,
             },
-            Resolution::Accuracy { tolerance, closed_form, uniform_rate, stepped } => ResolutionEntry::Accuracy {
-                tolerance: Tolerance {
-                    attitude: limit(tolerance.attitude),
-                    angular_velocity: limit(tolerance.angular_velocity),
-                    energy: limit(tolerance.energy),
-                },
-                closed_form: name(closed_form),
-                uniform_rate: *uniform_rate,
-                stepped: stepped
-                    .iter()
-                    .map(|Stepped { torques, found }| SteppedEntry {
-                        torques: torques.indices(),
-                        method: found.rule.scheme.name().to_owned(),
-                        coefficient: found.rule.coefficient,
-                        longest_angle: limit(found.rule.longest_angle),
-                        attitude: found.rule.attitude,
-                        precision: found.rule.precision.as_ref().map(name),
-                        part: found.part,
-                        worst: found.worst,
-                        pilot_attitude: found.attitude,
-                        pilot_bodies: found.bodies,
-                        pilot_steps: found.steps,
-                    })
-                    .collect(),
-            },
+            Resolution::Accuracy { tolerance, closed_form, uniform_rate, stepped, statistics } => {
+                ResolutionEntry::Accuracy {
+                    tolerance: Tolerance {
+                        attitude: limit(tolerance.attitude),
+                        angular_velocity: limit(tolerance.angular_velocity),
+                        energy: limit(tolerance.energy),
+                    },
+                    closed_form: name(closed_form),
+                    uniform_rate: *uniform_rate,
+                    stepped: stepped
+                        .iter()
+                        .map(|Stepped { torques, found }| SteppedEntry {
+                            torques: torques.indices(),
+                            method: found.rule.scheme.name().to_owned(),
+                            coefficient: found.rule.coefficient,
+                            longest_angle: limit(found.rule.longest_angle),
+                            attitude: found.rule.attitude,
+                            precision: found.rule.precision.as_ref().map(name),
+                            part: found.part,
+                            worst: found.worst,
+                            pilot_attitude: found.attitude,
+                            pilot_bodies: found.bodies,
+                            pilot_steps: found.steps,
+                        })
+                        .collect(),
+                    statistics: statistics.clone(),
+                }
+            }
         };
         let mut file = PlanFile {
             format: FORMAT,

@@ -9,15 +9,16 @@ use super::cost::evaluation_seconds;
 use super::cost::work::Work;
 use super::group::{Group, Treatment};
 use super::parts::name_of;
-use super::{CLOSED_FORM_F32, Found, Plan, Resolution, Scheme, Shape, TorqueSet};
+use super::{CLOSED_FORM_F32, Found, Plan, Resolution, Scheme, Shape, StatisticError, TorqueSet};
 use crate::bodies::BodyFrame;
 use crate::engine::EngineKind;
 use crate::engine::batch::bytes_per_body_under;
 use crate::kernel::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
+use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::math::Spread;
 use crate::plan::regular_precession::RegularPrecession;
-use crate::scene::Scene;
+use crate::scene::{Scene, Stepping};
 
 /// What a plan does and leaves out.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,6 +42,27 @@ pub struct Explanation {
     pub classes: Vec<ClassRow>,
     /// What is left out.
     pub skips: Vec<SkipRow>,
+    /// What the integration was found to bring into each statistic, and what the number of bodies does; empty where no errors of statistics
+    /// decide.
+    #[cfg_attr(feature = "study", serde(skip_serializing_if = "Vec::is_empty"))]
+    pub statistics: Vec<StatisticError>,
+    /// What a tenth of the error would take; `null` where no error of statistics is asked for.
+    #[cfg_attr(feature = "study", serde(skip_serializing_if = "Option::is_none"))]
+    pub tenth: Option<TenthRow>,
+}
+
+/// What a tenth of the error of a statistic would take, of either part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
+pub struct TenthRow {
+    /// Bodies for a tenth of the scatter: their number goes as its inverse square.
+    pub bodies: u64,
+    /// The wall time that they would take, s, as far as it is known.
+    pub bodies_seconds: Option<f64>,
+    /// By what the steps would be more for a tenth of what the integration brings in; `None` where none are taken.
+    pub steps: Option<f64>,
+    /// The wall time that they would take, s, as far as it is known.
+    pub steps_seconds: Option<f64>,
 }
 
 /// Bodies of one class that are treated alike, whatever steps they take.
@@ -126,15 +148,22 @@ impl Plan<'_> {
                 .entry(torques)
                 .or_insert_with(|| Work::of(&torques.of(self.scene().torques()), self.scene().ensemble()));
         }
+        let classes: Vec<ClassRow> =
+            rows.into_iter().map(|(key, groups)| self.class_row(key, &groups, &works)).collect();
         Explanation {
+            tenth: self.tenth(&classes, &works),
+            statistics: match self.resolution() {
+                Resolution::Accuracy { statistics, .. } => statistics.clone(),
+                Resolution::Pinned { .. } | Resolution::Adaptive { .. } => Vec::new(),
+            },
             engine: self.engine.name.clone(),
             on_host: self.engine.on_host.clone(),
             bodies: self.scene().ensemble().len(),
             span: self.scene().end(),
             outputs: self.times().len(),
-            asked: self.scene().stepping().to_string(),
+            asked: asked(self.scene()),
             observed: observed(self.scene()),
-            classes: rows.into_iter().map(|(key, groups)| self.class_row(key, &groups, &works)).collect(),
+            classes,
             skips: self.skips().iter().map(skip_row).collect(),
         }
     }
@@ -241,6 +270,52 @@ impl Plan<'_> {
         }
     }
 
+    /// What a tenth of the error of statistics would take, where one is asked for.
+    fn tenth(&self, classes: &[ClassRow], works: &Works) -> Option<TenthRow> {
+        self.scene().wanted_statistical_accuracy()?;
+        let seconds: Option<f64> = classes.iter().map(|row| row.seconds).sum();
+        // By class, as the steps of a group whose bodies choose them stand there.
+        let (mut steps, mut more) = (0.0, 0.0);
+        let mut longer = seconds;
+        for group in self.groups() {
+            let Some((in_steps, in_time)) = self.tenth_of_group(group, works) else { continue };
+            let bodies = group.members.len() as f64;
+            let of_body = match self.found(group).and_then(|found| Some((found.steps?.total, found.bodies))) {
+                Some((total, bodies)) => total as f64 / bodies.max(1) as f64,
+                None => self.steps_of(group).max(1) as f64,
+            };
+            steps += bodies * of_body;
+            more += bodies * of_body * in_steps;
+            let own = self.expected_seconds(group, works);
+            longer = longer.zip(own).map(|(sum, own)| sum + own * (in_time - 1.0));
+        }
+        Some(TenthRow {
+            bodies: 100 * self.scene().part().of as u64,
+            bodies_seconds: seconds.map(|seconds| 100.0 * seconds),
+            steps: (steps > 0.0).then(|| more / steps),
+            steps_seconds: longer.filter(|_| steps > 0.0),
+        })
+    }
+
+    /// By what steps and time of a group grow where its errors become a tenth; nothing of one that is not stepped.
+    fn tenth_of_group(&self, group: &Group, works: &Works) -> Option<(f64, f64)> {
+        let ratio = |order: u32| 10.0_f64.powf(f64::from(order).recip());
+        match group.treatment {
+            Treatment::RegularPrecession | Treatment::ClosedForm { .. } => None,
+            Treatment::Stepped { method, .. } => Some((ratio(method.order()), ratio(method.order()))),
+            // Their order grows, not their number.
+            Treatment::Adaptive { method: Method::Taylor, precision, steps } => {
+                let cost = self.costs.of(Scheme::TAYLOR);
+                let seconds =
+                    |tolerance| Some(works.get(&group.class.torques)?.step_seconds(cost?, precision, tolerance));
+                let longer =
+                    seconds(0.1 * steps.tolerance).zip(seconds(steps.tolerance)).map(|(after, before)| after / before);
+                Some((1.0, longer.unwrap_or(1.0)))
+            }
+            Treatment::Adaptive { method, .. } => Some((ratio(method.order()), ratio(method.order()))),
+        }
+    }
+
     /// Memory that a group's columns take, bytes.
     fn bytes(&self, group: &Group) -> u64 {
         let of_body = match group.treatment {
@@ -258,6 +333,15 @@ impl Plan<'_> {
             }
         };
         (of_body as u64).saturating_mul(group.members.len() as u64)
+    }
+}
+
+/// What a scene asks for.
+fn asked(scene: &Scene) -> String {
+    let stepping = scene.stepping();
+    match (stepping, scene.wanted_statistical_accuracy()) {
+        (Stepping::Statistics(_), _) | (_, None) => stepping.to_string(),
+        (_, Some(wanted)) => format!("{stepping}; {wanted}"),
     }
 }
 
@@ -310,7 +394,6 @@ impl fmt::Display for ClassRow {
     }
 }
 
-/// Bytes in MiB, with a digit where there are few.
 /// What a scene asks of its bodies beside their states.
 fn observed(scene: &Scene) -> Option<String> {
     let counted = |count: usize, one: &str, more: &str| {
@@ -329,6 +412,7 @@ fn observed(scene: &Scene) -> Option<String> {
     (!parts.is_empty()).then(|| format!("{}, {place}", parts.join(", ")))
 }
 
+/// Bytes in MiB, with a digit where there are few.
 fn mebibytes(bytes: u64) -> String {
     let mebibytes = bytes as f64 / f64::from(1 << 20);
     if mebibytes < 10.0 { format!("{mebibytes:.2}") } else { format!("{mebibytes:.0}") }
@@ -383,6 +467,29 @@ impl fmt::Display for Explanation {
             }
             writeln!(formatter)?;
         }
+        if !self.statistics.is_empty() {
+            writeln!(formatter, "\nerrors of statistics, at the time at which most speaks against them:")?;
+            self.statistics.iter().try_for_each(|error| writeln!(formatter, "{error}"))?;
+        }
+        if let Some(tenth) = &self.tenth {
+            writeln!(formatter, "\n{tenth}")?;
+        }
         Ok(())
+    }
+}
+
+impl fmt::Display for TenthRow {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let seconds = |seconds: Option<f64>| seconds.map_or(String::new(), |seconds| format!(", {seconds:.1e} s"));
+        write!(
+            formatter,
+            "a tenth of the error: of the number of bodies by {} bodies{}; of the integration ",
+            self.bodies,
+            seconds(self.bodies_seconds)
+        )?;
+        match self.steps {
+            Some(steps) => write!(formatter, "by {steps:.2} times the steps{}", seconds(self.steps_seconds)),
+            None => write!(formatter, "by nothing: no steps are taken"),
+        }
     }
 }

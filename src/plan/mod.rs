@@ -38,6 +38,8 @@ mod resolution;
 mod sampled;
 pub(crate) mod sampling;
 pub mod skip;
+pub(crate) mod statistical;
+mod statistical_pilot;
 pub(crate) mod subset;
 mod times;
 
@@ -57,6 +59,7 @@ pub use resolution::{Resolution, Stepped};
 #[doc(hidden)]
 pub use sampled::pilot_steps;
 pub use skip::{Skip, SkipName};
+pub use statistical::StatisticError;
 pub use times::{Interval, MOST_OUTPUTS};
 
 use cost::work::Work;
@@ -89,12 +92,15 @@ impl<'a> Plan<'a> {
     /// its own floor, 1e-6 rad and 3e-8 of the angle turned, is below the error asked for, the closed form where 9.6e-7 rad
     /// are ([`CLOSED_FORM_F32`] with [`SKIP_SHARE`]); the others are in `f64`.
     ///
+    /// Where errors of statistics are asked for alone ([`Scene::statistical_accuracy`]), steps are tried on those: also of a motion that is chaotic,
+    /// of which no attitude is known.
+    ///
     /// # Errors
     ///
     /// [`Error::Setting`] for a span, step, output time or accuracy out of range; [`Error::PrecisionUnavailable`]
     /// where the engine lacks the precision pinned or needed; [`Error::MissingMass`] where a force acts on bodies
     /// without mass; [`Error::Torque`], [`Error::Force`] and [`Error::ColumnLength`] for parameters of torques and forces;
-    /// [`Error::AccuracyOutOfReach`] where no candidate meets what is asked for; [`Error::RigidOnly`] where internal
+    /// [`Error::AccuracyOutOfReach`] and [`Error::StatisticsOutOfReach`] where no candidate meets what is asked for; [`Error::RigidOnly`] where internal
     /// dissipation or changing moments of inertia act and the method pinned cannot follow them; [`Error::TorquePair`] for
     /// torques that do not go together.
     pub fn new(scene: &'a Scene, engine: &dyn Backend) -> Result<Self> {
@@ -130,6 +136,9 @@ impl<'a> Plan<'a> {
         }
         if scene.forces().iter().any(|force| !force.is_zero()) && scene.ensemble().translation().is_none() {
             return Err(Error::MissingMass);
+        }
+        if let Some(wanted) = scene.wanted_statistical_accuracy() {
+            wanted.check(scene.observed())?;
         }
         Ok(times)
     }
@@ -327,7 +336,7 @@ fn main_treatment(groups: &[Group], scene: &Scene, engine: &dyn Backend) -> (Met
             match scene.stepping() {
                 Stepping::Pinned { method, dt, .. } => (method, precision, dt),
                 Stepping::Adaptive { method, .. } => (method, precision, longest_over(scene.end())),
-                Stepping::Accuracy(_) => (Method::Rk4, precision, longest_over(scene.end())),
+                Stepping::Accuracy(_) | Stepping::Statistics(_) => (Method::Rk4, precision, longest_over(scene.end())),
             }
         }
     }

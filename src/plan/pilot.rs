@@ -67,6 +67,8 @@ const MOST_STEPS: f64 = 3e7;
 const MOST_OF_BODY: f64 = 1e7;
 /// The same where the probe had to be cut short and so says little of the rest.
 const MOST_AFTER_CUT: f64 = 3e6;
+/// The same where another way is at hand.
+const MOST_BRIEF: f64 = 3e5;
 /// A reference that would take more than this many budgets is given up.
 const MOST_BUDGETS: f64 = 3.0;
 /// The reference and the candidates together may take so many times what the reference alone may: where none meets the target, they would be
@@ -142,6 +144,8 @@ pub(super) struct Pilot<'a> {
     pub most_of_body: f64,
     /// Whether the probe had to be cut short.
     pub is_cut: bool,
+    /// Whether another way is at hand where it finds nothing.
+    pub is_brief: bool,
     /// By how much more the bodies err in adaptive steps than those of the shipped table.
     pub difficulty: f64,
 }
@@ -205,7 +209,11 @@ impl<'a> Pilot<'a> {
         }
         let free = FREE_STEPS / (1 + self.torques.len()) as f64;
         let all = self.all as f64;
-        let most = if self.is_cut { MOST_AFTER_CUT } else { MOST_STEPS };
+        let most = match (self.is_brief, self.is_cut) {
+            (true, _) => MOST_BRIEF,
+            (false, true) => MOST_AFTER_CUT,
+            (false, false) => MOST_STEPS,
+        };
         let part = |steps: f64| (SHARE * steps * all).max(free).min(most) / PASSES / steps;
         self.difficulty = probe.difficulty;
         if part(probe.steps) > (4 * LEAST_BODIES) as f64 {

@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use super::choice::{
-    CLOSED_FORM_F32, CLOSED_FORM_F64, Classification, Rule, classify, floor_f32, least_target, skip_tolerance,
+    CLOSED_FORM_F32, CLOSED_FORM_F64, Classification, Rule, SKIP_SHARE, classify, floor_f32, least_target,
+    skip_tolerance,
 };
 use super::class::{Bound, Class, Shape};
 use super::cost::work::Work;
@@ -14,6 +15,8 @@ use super::driven::TorqueSet;
 use super::group::{Group, Treatment, level_of, step_of};
 use super::pilot::{Found, PROBED_STEPS, Pilot};
 use super::reference::SATURATED;
+use super::statistical::{StatisticError, worst_times};
+use super::statistical_pilot;
 use super::times::longest_over;
 use crate::bodies::Members;
 use crate::engine::Backend;
@@ -27,7 +30,7 @@ use crate::math::Precision;
 use crate::plan::CLOSED_FORM;
 use crate::plan::lane_classification::{CLASSIFIED_TOGETHER, LaneClassification};
 use crate::scene::AdaptiveSteps;
-use crate::scene::{Accuracy, Scene, Stepping, Target};
+use crate::scene::{Accuracy, Scene, StatisticalAccuracy, Stepping, Target};
 use crate::torque::force::Force;
 use crate::torque::{Torque, Value};
 
@@ -54,7 +57,7 @@ pub enum Resolution {
         /// What is asked of the steps.
         steps: AdaptiveSteps,
     },
-    /// An error was asked for.
+    /// An error was asked for, of states or of statistics.
     Accuracy {
         /// What a simpler class may cost a body.
         tolerance: Bound,
@@ -64,6 +67,8 @@ pub enum Resolution {
         uniform_rate: Option<f64>,
         /// How bodies are stepped, by the torques that act on them.
         stepped: Vec<Stepped>,
+        /// What the integration was found to bring into each statistic, where errors of statistics decide.
+        statistics: Vec<StatisticError>,
     },
 }
 
@@ -82,6 +87,9 @@ const LOOK_BLOCK: usize = 1 << 12;
 /// The angle (rad) that a body turns by in a step where a thrust turns with it: the cubic between the attitudes of two steps
 /// ([`crate::torque::force::stepped`]) is then wrong by (1/16)⁴/384 = 4e-8 rad at most.
 const LONGEST_TURN: f64 = 1.0 / 16.0;
+
+/// The part of a quantity that its spread is taken to be at least, where errors are parts of that.
+const LEAST_RELATIVE: f64 = 1e-6;
 
 /// What `f32` needs.
 const F32_MISSES: &str = "use precision f64, or more than 1e-6 and 3e-8 of the angle turned (rad)";
@@ -130,6 +138,7 @@ impl Resolution {
                     closed_form: if narrow { Precision::F32 } else { Precision::F64 },
                     uniform_rate: (!scene.may_skip()).then(|| fastest_rate(scene, &tolerance)),
                     stepped: Vec::new(),
+                    statistics: Vec::new(),
                 };
                 check_f64(scene, &accuracy)?;
                 // Before the pilot, which would look for a step that does not exist.
@@ -138,22 +147,58 @@ impl Resolution {
                 }
                 let precision = if has_f64 { wanted } else { Some(Precision::F32) };
                 let has_series = engine.speed_of_series().is_some();
-                resolution.choose_steps(scene, &accuracy, precision, has_f64, (has_series, times, costs))?;
+                resolution.choose_steps(scene, (&accuracy, None), precision, has_f64, (has_series, times, costs))?;
                 Ok(resolution)
             }
+            Stepping::Statistics(wanted) => {
+                Self::statistical(scene, &wanted, has_f64, (engine.speed_of_series().is_some(), times, costs))
+            }
         }
+    }
+
+    /// Resolves a scene of which errors of statistics alone are asked for.
+    fn statistical(
+        scene: &Scene,
+        wanted: &StatisticalAccuracy,
+        has_f64: bool,
+        known: (bool, &[f64], &Costs),
+    ) -> Result<Self> {
+        let precision = scene.wanted_precision();
+        let narrow = match precision {
+            Some(precision) => precision == Precision::F32,
+            None => statistical_pilot::allows_narrow(scene, wanted)?,
+        };
+        // A spread may be as small as 1e-6 of a quantity and still be one; where `f32` is enough it is far greater.
+        let state = if narrow { LEAST_RELATIVE } else { LEAST_RELATIVE * wanted.strictest().min(1.0) };
+        let share = SKIP_SHARE * state;
+        let nothing = Bound { attitude: -1.0, ..Bound::NONE };
+        let tolerance = match scene.may_skip() {
+            true => Bound { attitude: share, angular_velocity: share, energy: share },
+            false => nothing,
+        };
+        let mut resolution = Self::Accuracy {
+            tolerance,
+            closed_form: if narrow { Precision::F32 } else { Precision::F64 },
+            uniform_rate: (!scene.may_skip()).then(|| fastest_rate(scene, &tolerance)),
+            stepped: Vec::new(),
+            statistics: Vec::new(),
+        };
+        let precision = if has_f64 { precision } else { Some(Precision::F32) };
+        let accuracy = Accuracy::attitude(wanted.strictest().min(1.0));
+        resolution.choose_steps(scene, (&accuracy, Some(wanted)), precision, has_f64, known)?;
+        Ok(resolution)
     }
 
     /// Finds a rule for each set of torques.
     fn choose_steps(
         &mut self,
         scene: &Scene,
-        accuracy: &Accuracy,
+        (accuracy, statistical): (&Accuracy, Option<&StatisticalAccuracy>),
         precision: Option<Precision>,
         has_f64: bool,
         (has_series, times, costs): (bool, &[f64], &Costs),
     ) -> Result<()> {
-        let Self::Accuracy { tolerance, uniform_rate, stepped, .. } = self else { return Ok(()) };
+        let Self::Accuracy { tolerance, uniform_rate, stepped, statistics, .. } = self else { return Ok(()) };
         for (torques, bodies) in stepped_bodies(scene) {
             let acting = torques.of(scene.torques());
             let flies = scene.has_pilot() && scene.end() > 0.0;
@@ -175,8 +220,16 @@ impl Resolution {
                 most_steps: f64::INFINITY,
                 most_of_body: PROBED_STEPS,
                 is_cut: false,
+                is_brief: false,
                 difficulty: 1.0,
             };
+            if let Some(wanted) = statistical.filter(|_| flies) {
+                let (found, errors) = statistical_pilot::choose(&pilot, &bodies, classification, wanted)?;
+                stepped.push(Stepped { torques, found });
+                statistics.extend(errors);
+                *statistics = worst_times(std::mem::take(statistics));
+                continue;
+            }
             let (worst, strictest) = accuracy.strictest_target();
             let found = if strictest < ROUNDING_F64 && scene.end() > 0.0 {
                 let found = pilot.tabulated();
@@ -510,7 +563,8 @@ fn out_of_reach(found: &Found, target: &Accuracy, has_f64: bool, draws: bool) ->
         (false, _) if draws => "a random torque is in the way: use a larger error, or a method and a step of your own",
         (false, _) if found.attitude >= SATURATED => {
             "the motion amplifies every error until nothing is left of the attitude, or torques change faster than any steps \
-             follow: use a shorter span"
+             follow: use a shorter span, ask for statistics and event times instead of attitudes (accuracy.mean, quantile, \
+             event_time), for fewer of the bodies (accuracy.percentile), or name a method and its steps (accuracy.method)"
         }
         (false, _) if found.worst != Target::Attitude && found.part * target.of(found.worst) >= SATURATED => {
             "it is next to nothing at the end, or no steps follow it: use another span, or a larger error"

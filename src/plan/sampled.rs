@@ -19,7 +19,7 @@ use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::math::Spread;
 use crate::plan::errors::{ErrorRatio, Errors};
-use crate::plan::subset::propagate_subset;
+use crate::plan::subset::{SubsetStates, propagate_subset, propagate_subset_through};
 use crate::scene::AdaptiveSteps;
 use crate::scene::Target;
 
@@ -50,7 +50,49 @@ impl Sampled {
     }
 }
 
+/// A pilot's bodies at some times, and their steps where they chose them.
+pub(super) struct Followed {
+    /// By time.
+    pub states: Vec<States>,
+    pub steps: Option<Spread>,
+}
+
+impl Followed {
+    /// Whether a body fails that another way of following it keeps.
+    pub fn loses(&self, other: &Self) -> bool {
+        let fails = |(body, state): (&usize, &BodyState), others: &States| {
+            !state.is_sound() && others.get(body).is_some_and(BodyState::is_sound)
+        };
+        let at = |(states, others): (&States, &States)| states.iter().any(|state| fails(state, others));
+        self.states.iter().zip(&other.states).any(at)
+    }
+}
+
 impl Pilot<'_> {
+    /// The sample under a rule, at ascending times of which the last is the end of the pilot's span.
+    pub fn followed(&self, rule: &Rule, times: &[f64]) -> Result<Followed> {
+        let groups = self.treatments(rule).into_par_iter().map(|(treatment, members)| {
+            let mut at_times = vec![Vec::new(); times.len()];
+            let mut take = |index: usize, states: &[(usize, BodyState)]| at_times[index] = states.to_vec();
+            let members = Members::Some(members);
+            let found =
+                propagate_subset_through(self.scene, times, self.torques, &members, &treatment, None, Some(&mut take))?;
+            TAKEN.fetch_add((members.len() as f64 * equal_steps(&treatment, times)) as u64, Ordering::Relaxed);
+            Ok((at_times, found))
+        });
+        let mut states = vec![States::new(); times.len()];
+        let mut counts: Vec<u64> = Vec::new();
+        for (at_times, SubsetStates { counts: of_group, .. }) in groups.collect::<Result<Vec<_>>>()? {
+            states.iter_mut().zip(at_times).for_each(|(all, own)| all.extend(own));
+            counts.extend(of_group.iter().map(StepCounts::attempts));
+        }
+        TAKEN.fetch_add(counts.iter().sum(), Ordering::Relaxed);
+        let longer = self.scene.end() / self.span;
+        let whole = |count: u64| (count as f64 * longer) as u64;
+        let steps = (!counts.is_empty()).then(|| Spread::of(counts.into_iter().map(whole).collect()));
+        Ok(Followed { states, steps })
+    }
+
     /// The sample under a rule.
     pub fn stepped(&self, rule: &Rule) -> Result<Sampled> {
         let times = self.times();

@@ -41,7 +41,23 @@ pub(crate) fn propagate_subset(
     torques: &[Torque],
     members: &Members,
     treatment: &Treatment,
+    observer: Option<&mut Observer<'_>>,
+) -> Result<SubsetStates> {
+    propagate_subset_through(scene, times, torques, members, treatment, observer, None)
+}
+
+/// Takes the states of a subset of bodies at one of some times, by its number.
+pub(crate) type AtTime<'a> = dyn FnMut(usize, &[(usize, BodyState)]) + 'a;
+
+/// As [`propagate_subset`], with the states at each of the times.
+pub(crate) fn propagate_subset_through(
+    scene: &Scene,
+    times: &[f64],
+    torques: &[Torque],
+    members: &Members,
+    treatment: &Treatment,
     mut observer: Option<&mut Observer<'_>>,
+    mut at_time: Option<&mut AtTime<'_>>,
 ) -> Result<SubsetStates> {
     let Some(precision) = treatment.precision_of_steps() else { return Ok(SubsetStates::default()) };
     let end = times.last().copied().unwrap_or(0.0);
@@ -54,22 +70,27 @@ pub(crate) fn propagate_subset(
     };
     let cuts = cut(members.len(), ORDERED_TOGETHER, &[]);
     let (frames, batch) = prepare_ordered(scene.ensemble(), torques, scene.end(), members, precision, (&cuts, order))?;
-    let state = |(member, &row): (usize, &u32), words: &StateWords| {
+    let state = |(member, &row): (usize, &u32), time: f64, words: &StateWords| {
         let (body, row) = (members.body(member), row as usize);
-        (body, frames[row].at(torques, body, end).state_of(words, row))
+        (body, frames[row].at(torques, body, time).state_of(words, row))
     };
-    let states_of = |words: StateWords| rows.iter().enumerate().map(|member| state(member, &words)).collect();
+    let states_of = |time: f64, words: StateWords| -> Vec<(usize, BodyState)> {
+        rows.iter().enumerate().map(|member| state(member, time, &words)).collect()
+    };
     let (method, projected) = match *treatment {
         Treatment::Stepped { method, projected, .. } => (method, projected),
         Treatment::Adaptive { method, steps, .. } => {
             let mut session = start(&Cpu::new(Width::Lanes), method, batch, steps)?;
-            for &time in times {
+            for (index, &time) in times.iter().enumerate() {
                 match &mut observer {
                     Some(observer) => session.advance_to(time, observer)?,
                     None => finish(session.job_to(time)?),
                 }
+                if let Some(at_time) = &mut at_time {
+                    at_time(index, &states_of(time, session.read(0..members.len())?));
+                }
             }
-            let states = states_of(session.read(0..members.len())?);
+            let states = states_of(end, session.read(0..members.len())?);
             let counts = session.counts()?;
             return Ok(SubsetStates { states, counts: rows.iter().map(|&row| counts[row as usize]).collect() });
         }
@@ -78,15 +99,18 @@ pub(crate) fn propagate_subset(
     let engine = Cpu::new(Width::Lanes);
     let mut session = if projected { engine.start_projected(batch, method)? } else { engine.start(batch, method)? };
     let mut last = 0.0;
-    for &time in times {
+    for (index, &time) in times.iter().enumerate() {
         let interval = treatment.interval(time - last);
         match &mut observer {
             Some(observer) => session.advance(interval.dt, interval.steps, observer)?,
             None => finish(session.job(interval.dt, interval.steps)?),
         }
         last = time;
+        if let Some(at_time) = &mut at_time {
+            at_time(index, &states_of(time, session.read(0..members.len())?));
+        }
     }
-    Ok(SubsetStates { states: states_of(session.read(0..members.len())?), counts: Vec::new() })
+    Ok(SubsetStates { states: states_of(end, session.read(0..members.len())?), counts: Vec::new() })
 }
 
 /// Does what a session of the processor's has to do.

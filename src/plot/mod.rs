@@ -11,6 +11,7 @@ use crate::error::Result;
 
 mod draw;
 pub mod figure;
+mod map;
 mod observed;
 mod run;
 mod scale;
@@ -29,12 +30,13 @@ pub use work_precision::work_precision;
 
 use figure::Figure;
 
-/// Draws what is in `folder`, into it: every benchmark table, the snapshots of a run (`snapshots.csv`) with a picture
-/// for each of `bodies`, its statistics (`statistics.csv`), histograms (`histograms.csv`) and events (`survival.csv`). Gives the files written; none where there is nothing that can be drawn.
+/// Draws what is in `folder`, into it: every benchmark table, the snapshots of a run with a picture for each of `bodies`, or else the
+/// states at the end; its statistics, histograms, events, and their map where the run has swept over a grid of two axes. The
+/// tables of a run may be in any format. Gives the files written; none where there is nothing that can be drawn.
 ///
 /// # Errors
 ///
-/// [`crate::Error::File`] and [`crate::Error::Rows`] for files that cannot be read or written.
+/// [`crate::Error::File`], [`crate::Error::Rows`] and [`crate::Error::Table`] for files that cannot be read or written.
 pub fn plot_folder(folder: &Path, bodies: &[usize]) -> Result<Vec<PathBuf>> {
     let mut figures = Vec::new();
     for (machine, rows) in by_machine(crate::bench::row::rows(folder, crate::bench::accuracy::TABLE)?) {
@@ -52,22 +54,32 @@ pub fn plot_folder(folder: &Path, bodies: &[usize]) -> Result<Vec<PathBuf>> {
             figures.push((format!("stability-{machine}-{precision}"), stability(&rows, precision.name())));
         }
     }
-    if folder.join("snapshots.csv").exists() {
-        figures.extend(run::run(folder, bodies)?);
+    let table = |stem| observed::table(folder, stem);
+    let states = |stem| table(stem).filter(|path| snapshots::is_complete(path));
+    match (states("snapshots"), states("final")) {
+        (Some(path), _) => figures.extend(run::run(folder, &path, bodies)?),
+        (None, Some(path)) if folder.join(crate::record::REPORT).exists() => {
+            figures.push(("final".to_owned(), run::last(folder, &path)?));
+        }
+        _ => {}
     }
     let units = || run::units(folder);
-    if folder.join(statistics_over_time::TABLE).exists() {
+    if let Some(path) = table(statistics_over_time::TABLE) {
         let units = units()?;
         let unit = |quantity: &str| units.get(quantity).cloned();
-        figures.push(("statistics".to_owned(), statistics_over_time::statistics(folder, &unit)?));
+        figures.push(("statistics".to_owned(), statistics_over_time::statistics(folder, &path, &unit)?));
+        figures.push(("means".to_owned(), statistics_over_time::means(folder, &path, &unit)?));
     }
-    if folder.join(observed::HISTOGRAMS).exists() {
+    if let Some(path) = table(observed::HISTOGRAMS) {
         let units = units()?;
         let unit = |quantity: &str| units.get(quantity).cloned();
-        figures.push(("histograms".to_owned(), observed::histograms(folder, &unit)?));
+        figures.push(("histograms".to_owned(), observed::histograms(folder, &path, &unit)?));
     }
-    if folder.join(observed::SURVIVAL).exists() {
-        figures.push(("survival".to_owned(), observed::survival(folder)?));
+    if let Some(path) = table(observed::SURVIVAL) {
+        figures.push(("survival".to_owned(), observed::survival(folder, &path)?));
+    }
+    if let Some(map) = map::map(folder)? {
+        figures.push(("map".to_owned(), map));
     }
     let mut written = Vec::new();
     for (name, figure) in figures {

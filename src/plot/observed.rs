@@ -2,11 +2,13 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::figure::{Axis, Figure, Item, Line, Panel, Style};
 use super::run::{caption, titled};
 use crate::error::{Error, FileAction, Result, RowFault};
+use crate::record::{Values, columns};
+use crate::study::Format;
 use crate::study::text::{CUT, Lines};
 
 const BLUE: [u8; 3] = [0, 114, 178];
@@ -17,45 +19,58 @@ const INTERVAL: Style = Style { colour: BLUE, line: Line::None, mark: None, widt
 const FIRST: Style = Style { colour: ORANGE, line: Line::Dotted, mark: None, width: 2 };
 const LAST: Style = SHARE;
 
-/// The files that are drawn.
-pub(super) const SURVIVAL: &str = "survival.csv";
-pub(super) const HISTOGRAMS: &str = "histograms.csv";
+/// The tables that are drawn.
+pub(super) const SURVIVAL: &str = "survival";
+pub(super) const HISTOGRAMS: &str = "histograms";
 
-/// A table of a run in memory: names of columns, and rows of text.
+/// A table of a run, in whichever format it is.
+pub(super) fn table(folder: &Path, stem: &str) -> Option<PathBuf> {
+    let paths = Format::ALL.iter().map(|format| folder.join(format!("{stem}.{}", format.name())));
+    paths.into_iter().find(|path| path.is_file())
+}
+
+/// A table of a run in memory.
 pub(super) struct Rows {
-    path: std::path::PathBuf,
-    header: csv::StringRecord,
-    rows: Vec<csv::StringRecord>,
+    path: PathBuf,
+    columns: Vec<(String, Values)>,
 }
 
 impl Rows {
     pub fn read(path: &Path) -> Result<Self> {
+        if path.extension().is_none_or(|ending| ending != Format::Csv.name()) {
+            return Ok(Self { path: path.to_owned(), columns: columns(path)? });
+        }
         let no_table = |reason: String| Error::Rows { path: path.to_owned(), fault: RowFault::Csv(reason) };
         let file = File::open(path).map_err(|error| Error::file(path, FileAction::Read, &error))?;
         let mut reader = csv::Reader::from_reader(Lines::new(file));
         let header = reader.headers().map_err(|error| no_table(error.to_string()))?.clone();
-        let rows = reader.records().collect::<std::result::Result<Vec<_>, _>>();
-        let rows = rows.map_err(|error| no_table(error.to_string()))?;
+        let mut texts = vec![Vec::new(); header.len()];
+        for row in reader.records() {
+            let row = row.map_err(|error| no_table(error.to_string()))?;
+            texts.iter_mut().zip(&row).for_each(|(column, cell)| column.push(cell.to_owned()));
+        }
         if reader.get_ref().are_cut() {
             return Err(no_table(format!("line {}: {CUT}", reader.position().line())));
         }
-        Ok(Self { path: path.to_owned(), header, rows })
+        let columns = header.iter().map(str::to_owned).zip(texts.into_iter().map(Values::Texts));
+        Ok(Self { path: path.to_owned(), columns: columns.collect() })
     }
 
     /// The names of the columns.
     pub fn names(&self) -> impl Iterator<Item = &str> {
-        self.header.iter()
+        self.columns.iter().map(|(name, _)| name.as_str())
     }
 
-    fn place(&self, name: &str) -> Option<usize> {
-        self.header.iter().position(|column| column == name)
+    fn values(&self, name: &str) -> Option<&Values> {
+        self.columns.iter().find(|(column, _)| column == name).map(|(_, values)| values)
     }
 
     /// A column of numbers, where there is one; NaN for what is none.
     pub fn numbers(&self, name: &str) -> Option<Vec<f64>> {
-        let place = self.place(name)?;
-        let number = |row: &csv::StringRecord| row.get(place)?.parse().ok();
-        Some(self.rows.iter().map(|row| number(row).unwrap_or(f64::NAN)).collect())
+        Some(match self.values(name)? {
+            Values::Numbers(numbers) => numbers.clone(),
+            Values::Texts(texts) => texts.iter().map(|text| text.parse().unwrap_or(f64::NAN)).collect(),
+        })
     }
 
     /// A column of numbers that has to be there.
@@ -63,9 +78,12 @@ impl Rows {
         self.numbers(name).ok_or_else(|| self.lacks(name))
     }
 
-    fn words(&self, name: &str) -> Result<Vec<&str>> {
-        let place = self.place(name).ok_or_else(|| self.lacks(name))?;
-        Ok(self.rows.iter().map(|row| row.get(place).unwrap_or_default()).collect())
+    /// A column of words that has to be there.
+    pub fn words(&self, name: &str) -> Result<Vec<&str>> {
+        match self.values(name) {
+            Some(Values::Texts(texts)) => Ok(texts.iter().map(String::as_str).collect()),
+            _ => Err(self.lacks(name)),
+        }
     }
 
     fn lacks(&self, name: &str) -> Error {
@@ -73,13 +91,13 @@ impl Rows {
     }
 }
 
-/// A panel for each event of the table in `folder`: the share of bodies that have not had it.
+/// A panel for each event of the table at `path`, of the run in `folder`: the share of bodies that have not had it.
 ///
 /// # Errors
 ///
 /// [`Error::File`] and [`Error::Rows`] where the table or `report.json` cannot be read.
-pub(super) fn survival(folder: &Path) -> Result<Figure> {
-    let rows = Rows::read(&folder.join(SURVIVAL))?;
+pub(super) fn survival(folder: &Path, path: &Path) -> Result<Figure> {
+    let rows = Rows::read(path)?;
     let (events, times) = (rows.words("event")?, rows.need("t")?);
     let (shares, lows, highs) = (rows.need("share")?, rows.need("low")?, rows.need("high")?);
     let mut names: Vec<&str> = Vec::new();
@@ -90,26 +108,42 @@ pub(super) fn survival(folder: &Path) -> Result<Figure> {
     });
     let cells: Vec<usize> = rows.numbers("cell").unwrap_or_default().iter().map(|&cell| cell as usize).collect();
     let count = cells.iter().max().map_or(1, |last| last + 1);
-    let cell_of = |row: usize| cells.get(row).copied().unwrap_or(0);
+    let mut rows_of: Vec<Vec<usize>> = vec![Vec::new(); count];
+    (0..events.len()).for_each(|row| rows_of[cells.get(row).copied().unwrap_or(0)].push(row));
     let panel = |name: &&str| {
-        let rows_of = |cell: usize| (0..events.len()).filter(move |&row| cell_of(row) == cell);
-        let mut items = Vec::new();
-        for cell in 0..count {
-            let own: Vec<usize> = rows_of(cell).filter(|&row| events[row] == *name).collect();
-            // Bands of many cells would hide each other.
-            if count == 1 {
-                let band = own.iter().map(|&row| (times[row], lows[row], highs[row])).collect();
-                items.push(Item::Band { points: band, style: INTERVAL });
+        let own = |cell: usize| rows_of[cell].iter().copied().filter(|&row| events[row] == *name);
+        let curve = |cell: usize, style: Style| Item::Curve {
+            points: own(cell).map(|row| (times[row], shares[row])).collect(),
+            style,
+        };
+        let items = match count {
+            1 => {
+                let band = own(0).map(|row| (times[row], lows[row], highs[row])).collect();
+                vec![Item::Band { points: band, style: INTERVAL }, curve(0, SHARE)]
             }
-            let style = if count == 1 { SHARE } else { Style::nth(cell) };
-            items.push(Item::Curve { points: own.iter().map(|&row| (times[row], shares[row])).collect(), style });
-        }
+            // Bands of several cells would hide each other.
+            2..=MOST_NAMED => (0..count).map(|cell| curve(cell, Style::nth(cell))).collect(),
+            _ => {
+                let mut all: Vec<(f64, f64, f64, f64)> =
+                    own(0).map(|row| (times[row], f64::INFINITY, f64::NEG_INFINITY, 0.0)).collect();
+                for cell in 0..count {
+                    for ((_, least, most, sum), row) in all.iter_mut().zip(own(cell)) {
+                        let share = shares[row];
+                        (*least, *most, *sum) = (least.min(share), most.max(share), *sum + share);
+                    }
+                }
+                let band = all.iter().map(|&(time, least, most, _)| (time, least, most)).collect();
+                let mean = all.iter().map(|&(time, .., sum)| (time, sum / count as f64)).collect();
+                vec![Item::Band { points: band, style: INTERVAL }, Item::Curve { points: mean, style: SHARE }]
+            }
+        };
         let y = Axis { include: vec![0.0, 1.0], ..Axis::linear("share of bodies without it yet") };
         Panel { title: (*name).to_owned(), x: Axis::linear("time (s)"), y, items, equal: false }
     };
     let legend = match count {
         1 => vec![("Kaplan-Meier estimate".to_owned(), SHARE), ("band: 95 % confidence interval".to_owned(), INTERVAL)],
-        _ => (0..count.min(MOST_NAMED)).map(|cell| (format!("cell {cell}"), Style::nth(cell))).collect(),
+        2..=MOST_NAMED => (0..count).map(|cell| (format!("cell {cell}"), Style::nth(cell))).collect(),
+        _ => vec![(format!("mean of {count} cells; band: the least and the greatest"), SHARE)],
     };
     Ok(Figure {
         title: titled(folder, "Events")?,
@@ -123,13 +157,13 @@ pub(super) fn survival(folder: &Path) -> Result<Figure> {
 /// The most cells that the legend names.
 const MOST_NAMED: usize = 12;
 
-/// A panel for each histogram of the table in `folder`, at the first and the last output time.
+/// A panel for each histogram of the table at `path`, of the run in `folder`, at the first and the last output time.
 ///
 /// # Errors
 ///
 /// As [`survival`].
-pub(super) fn histograms(folder: &Path, unit: &dyn Fn(&str) -> Option<String>) -> Result<Figure> {
-    let rows = Rows::read(&folder.join(HISTOGRAMS))?;
+pub(super) fn histograms(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Option<String>) -> Result<Figure> {
+    let rows = Rows::read(path)?;
     let (times, numbers, quantities) = (rows.need("t")?, rows.need("histogram")?, rows.words("quantity")?);
     let (lows, highs, counts) = (rows.need("low")?, rows.need("high")?, rows.need("count")?);
     let (first, last) = (times.first().copied().unwrap_or(0.0), times.last().copied().unwrap_or(0.0));

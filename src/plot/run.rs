@@ -6,9 +6,9 @@ use std::path::Path;
 use glam::{DMat3, DVec3};
 
 use super::figure::{Axis, Figure, GREY, Item, Line, Panel, Style};
-use super::snapshots::{Moment, Snapshots, State};
+use super::snapshots::{Moment, Snapshots, State, each};
 use crate::error::{Error, FileAction, Result};
-use crate::record::REPORT;
+use crate::record::{REPORT, StateTable};
 use crate::scene::Quantity;
 
 const BLUE: [u8; 3] = [0, 114, 178];
@@ -18,17 +18,19 @@ const BLACK: [u8; 3] = [0, 0, 0];
 /// Bars of a histogram.
 const BARS: usize = 30;
 
-/// The pictures of the run in `folder`, with names for files: the ensemble, and each of the `bodies`.
+/// The pictures of the run in `folder` with snapshots at `path`, with names for files: the ensemble, and each of the `bodies`.
 ///
 /// # Errors
 ///
-/// [`Error::File`] and [`Error::Rows`] where `report.json` or `snapshots.csv` cannot be read.
-pub(super) fn run(folder: &Path, bodies: &[usize]) -> Result<Vec<(String, Figure)>> {
-    let snapshots = Snapshots::read(folder, bodies)?;
+/// [`Error::File`], [`Error::Rows`] and [`Error::Table`] where `report.json` or the snapshots cannot be read.
+pub(super) fn run(folder: &Path, path: &Path, bodies: &[usize]) -> Result<Vec<(String, Figure)>> {
+    let snapshots = Snapshots::read(path, bodies)?;
     let (caption, conserved) = (caption(folder)?, Conserved::read(folder)?);
-    let mut figures = vec![("run".to_owned(), ensemble(&snapshots, &caption, conserved))];
+    let title = titled(folder, &format!("A run of {} bodies", snapshots.bodies))?;
+    let mut figures = vec![("run".to_owned(), ensemble(&snapshots, title, &caption, conserved))];
     for (body, track) in &snapshots.tracks {
-        figures.push((format!("run-body-{body}"), of_body(*body, track, &caption)));
+        let title = titled(folder, &format!("Body {body}"))?;
+        figures.push((format!("run-body-{body}"), of_body((*body, title), track, &caption)));
     }
     Ok(figures)
 }
@@ -110,7 +112,50 @@ pub(super) fn units(folder: &Path) -> Result<BTreeMap<String, String>> {
     Ok(units)
 }
 
-fn ensemble(snapshots: &Snapshots, caption: &[String], conserved: Conserved) -> Figure {
+/// The units of a sweep's axes, from the report.
+pub(super) fn sweep_units(folder: &Path) -> Result<BTreeMap<String, String>> {
+    let report = report(folder)?;
+    let text = |value: &serde_json::Value| value.as_str().map(str::to_owned);
+    let axes = report["study"]["sweep"].as_array().into_iter().flatten();
+    Ok(axes.filter_map(|axis| text(&axis["name"]).zip(text(&axis["unit"]))).collect())
+}
+
+/// Spin rate, energy and nutation of all bodies at the end, from the states at `path` of the run in `folder`.
+///
+/// # Errors
+///
+/// As [`run`].
+pub(super) fn last(folder: &Path, path: &Path) -> Result<Figure> {
+    let mut values: [Vec<f64>; 3] = Default::default();
+    each(&mut StateTable::open(path)?, |row| {
+        let state = State::of(row);
+        let momentum = state.orientation.conjugate() * state.angular_momentum_world;
+        let angle = state.angular_velocity_body.angle_between(momentum);
+        let own = [state.angular_velocity_body.length(), state.kinetic_energy, angle.to_degrees()];
+        values.iter_mut().zip(own).filter(|(_, value)| value.is_finite()).for_each(|(all, value)| all.push(value));
+    })?;
+    let labels = [
+        ("spin rate", "|\u{3c9}| (rad/s)"),
+        ("kinetic energy", "T (J)"),
+        ("angle between \u{3c9} and L", "nutation (°)"),
+    ];
+    let panel = |((title, label), values): (&(&str, &str), &Vec<f64>)| Panel {
+        title: (*title).to_owned(),
+        x: Axis::linear(label),
+        y: Axis { include: vec![0.0], ..Axis::linear("bodies") },
+        items: bars(values, range(values.iter()), LAST),
+        equal: false,
+    };
+    Ok(Figure {
+        title: titled(folder, "All bodies at the end")?,
+        caption: caption(folder)?.into_iter().take(1).collect(),
+        panels: labels.iter().zip(&values).map(panel).collect(),
+        columns: 3,
+        legend: Vec::new(),
+    })
+}
+
+fn ensemble(snapshots: &Snapshots, title: String, caption: &[String], conserved: Conserved) -> Figure {
     let moments = &snapshots.moments;
     let time = || Axis::linear("time (s)");
     let curve = |value: &dyn Fn(&Moment) -> f64, style| Item::Curve {
@@ -152,7 +197,7 @@ fn ensemble(snapshots: &Snapshots, caption: &[String], conserved: Conserved) -> 
     panels.push(bands("kinetic energy", "T / T\u{2080} \u{2212} 1", &|moment| moment.energy));
     panels.push(histogram(snapshots));
     Figure {
-        title: format!("A run of {} bodies", snapshots.bodies),
+        title,
         caption: caption.to_vec(),
         panels,
         columns: 3,
@@ -185,26 +230,34 @@ const MEDIAN: Style = line(BLUE, Line::Solid, 2);
 const FIRST: Style = line(GREY, Line::Solid, 1);
 const LAST: Style = line(VERMILION, Line::Dashed, 2);
 
+/// The least and the greatest of some numbers.
+fn range<'a>(values: impl Iterator<Item = &'a f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| (a.min(x), b.max(x)))
+}
+
+/// A histogram of numbers within a range.
+fn bars(values: &[f64], (low, high): (f64, f64), style: Style) -> Vec<Item> {
+    // Equal numbers still need a bar with a width.
+    let width = ((high - low) / BARS as f64).max(1e-9 * high.abs()).max(f64::MIN_POSITIVE);
+    let mut counts = [0_usize; BARS];
+    values.iter().for_each(|value| counts[(((value - low) / width) as usize).min(BARS - 1)] += 1);
+    let filled = counts.into_iter().enumerate().filter(|(_, count)| *count > 0);
+    let bar = |(index, count): (usize, usize)| Item::Bar {
+        low: (low + index as f64 * width, 0.0),
+        high: (low + (index + 1) as f64 * width, count as f64),
+        style,
+    };
+    filled.map(bar).collect()
+}
+
 fn histogram(snapshots: &Snapshots) -> Panel {
     let [first, last] = &snapshots.spins;
-    let all = || first.iter().chain(last);
-    let (low, high) = all().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| (a.min(x), b.max(x)));
-    // Equal rates still need a bar with a width.
-    let width = ((high - low) / BARS as f64).max(1e-9 * high.abs()).max(f64::MIN_POSITIVE);
-    let bars = |values: &[f64], style| {
-        let mut counts = [0_usize; BARS];
-        values.iter().for_each(|value| counts[(((value - low) / width) as usize).min(BARS - 1)] += 1);
-        counts.into_iter().enumerate().filter(|(_, count)| *count > 0).map(move |(index, count)| Item::Bar {
-            low: (low + index as f64 * width, 0.0),
-            high: (low + (index + 1) as f64 * width, count as f64),
-            style,
-        })
-    };
+    let range = range(first.iter().chain(last));
     Panel {
         title: "spin rate at the first and the last output".to_owned(),
         x: Axis::linear("|\u{3c9}| (rad/s)"),
         y: Axis { include: vec![0.0], ..Axis::linear("bodies") },
-        items: bars(first, FIRST).chain(bars(last, LAST)).collect(),
+        items: [bars(first, range, FIRST), bars(last, range, LAST)].concat(),
         equal: false,
     }
 }
@@ -248,7 +301,7 @@ fn globe(map: DMat3, front: impl Fn(DVec3) -> f64 + Copy) -> Vec<Item> {
     latitudes.iter().chain(&longitudes).flat_map(|points| space_curve(points, front, light, 1)).collect()
 }
 
-fn of_body(body: usize, track: &[State], caption: &[String]) -> Figure {
+fn of_body((body, title): (usize, String), track: &[State], caption: &[String]) -> Figure {
     let mut panels = Vec::new();
     if let Some(panel) = ellipsoid(track) {
         panels.push(panel);
@@ -279,7 +332,7 @@ fn of_body(body: usize, track: &[State], caption: &[String]) -> Figure {
     legend.push(("behind the surface".to_owned(), line(BLACK, Line::Dotted, 1)));
     let mut caption = caption.to_vec();
     caption.push(format!("Body {body} at its {} recorded times, joined by straight lines.", track.len()));
-    Figure { title: format!("Body {body}"), caption, columns: 2, panels, legend }
+    Figure { title, caption, columns: 2, panels, legend }
 }
 
 /// The angular velocity in body axes on the ellipsoid ω · I ω = 2 T of the first recorded time. The tensor follows from the

@@ -1,4 +1,4 @@
-//! What a run has left in `snapshots.csv`, reduced to what pictures need.
+//! What a run has left in its table `snapshots`, reduced to what pictures need.
 //!
 //! The table is read once, from front to back, and only the states at one time are held: its size does not matter.
 
@@ -9,7 +9,8 @@ use glam::{DQuat, DVec3};
 
 use crate::error::RowFault;
 use crate::error::{Error, FileAction, Result};
-use crate::record::ROTATION_COLUMNS;
+use crate::record::{ROTATION_COLUMNS, StateRow, StateTable};
+use crate::study::Format;
 use crate::study::text::{CUT, Lines};
 
 /// One row.
@@ -20,6 +21,41 @@ pub(super) struct State {
     pub angular_velocity_body: DVec3,
     pub angular_momentum_world: DVec3,
     pub kinetic_energy: f64,
+}
+
+impl State {
+    pub fn of(row: &StateRow) -> Self {
+        let state = &row.state.rotation;
+        Self {
+            time: row.time,
+            orientation: state.orientation,
+            angular_velocity_body: state.angular_velocity_body,
+            angular_momentum_world: state.angular_momentum_world,
+            kinetic_energy: state.kinetic_energy,
+        }
+    }
+}
+
+/// Whether a table has all numbers that pictures need; also of one that cannot be read, which is told when it is drawn.
+pub(super) fn is_complete(path: &Path) -> bool {
+    let has_all = |table: StateTable| ROTATION_COLUMNS.iter().all(|name| table.columns().iter().any(|own| own == name));
+    StateTable::open(path).map_or(true, has_all)
+}
+
+/// Rows that are read at once.
+const BLOCK: usize = 1 << 14;
+
+/// Every row of a table of states.
+pub(super) fn each(table: &mut StateTable, mut take: impl FnMut(&StateRow)) -> Result<()> {
+    let mut first = 0;
+    loop {
+        let rows = table.read(first, BLOCK)?;
+        if rows.is_empty() {
+            return Ok(());
+        }
+        rows.iter().for_each(&mut take);
+        first += rows.len() as u64;
+    }
 }
 
 /// Parts of all bodies at or below which the bands' edges lie: 5, 25, 50, 75 and 95 %.
@@ -58,18 +94,45 @@ struct Gatherer {
 }
 
 impl Snapshots {
-    /// Reads the table in `folder`; follows the bodies in `chosen` through time.
-    pub fn read(folder: &Path, chosen: &[usize]) -> Result<Self> {
-        let path = folder.join("snapshots.csv");
-        let file = File::open(&path).map_err(|error| Error::file(&path, FileAction::Read, &error))?;
+    /// Reads the table at `path`; follows the bodies in `chosen` through time.
+    pub fn read(path: &Path, chosen: &[usize]) -> Result<Self> {
+        let mut snapshots = Self { tracks: chosen.iter().map(|&body| (body, Vec::new())).collect(), ..Self::default() };
+        let mut gatherer = Gatherer::default();
+        if path.extension().is_none_or(|ending| ending != Format::Csv.name()) {
+            let mut table = StateTable::open(path)?;
+            each(&mut table, |row| snapshots.add(&mut gatherer, State::of(row)))?;
+        } else {
+            Self::each_of_csv(path, |state| snapshots.add(&mut gatherer, state))?;
+        }
+        snapshots.take(&mut gatherer);
+        if let Some(&(body, _)) = snapshots.tracks.iter().find(|(_, track)| track.is_empty()) {
+            let path = path.to_owned();
+            return Err(Error::Rows { path, fault: RowFault::NoBody { body, bodies: snapshots.bodies } });
+        }
+        Ok(snapshots)
+    }
+
+    /// The next row.
+    fn add(&mut self, gatherer: &mut Gatherer, state: State) {
+        if gatherer.now.last().is_some_and(|last| last.time != state.time) {
+            self.take(gatherer);
+        }
+        let body = gatherer.now.len();
+        gatherer.now.push(state);
+        if let Some((_, track)) = self.tracks.iter_mut().find(|(chosen, _)| *chosen == body) {
+            track.push(state);
+        }
+    }
+
+    /// The rows of comma-separated values; a row that is cut off is told.
+    fn each_of_csv(path: &Path, mut take: impl FnMut(State)) -> Result<()> {
+        let file = File::open(path).map_err(|error| Error::file(path, FileAction::Read, &error))?;
         let mut reader = csv::Reader::from_reader(Lines::new(file));
-        let no_table = |reason: String| Error::Rows { path: path.clone(), fault: RowFault::Csv(reason) };
+        let no_table = |reason: String| Error::Rows { path: path.to_owned(), fault: RowFault::Csv(reason) };
         let header = reader.headers().map_err(|error| no_table(error.to_string()))?;
         if !header.iter().take(2 + ROTATION_COLUMNS.len()).eq(["body", "t"].into_iter().chain(ROTATION_COLUMNS)) {
             return Err(no_table("its columns are not those of a table of snapshots".to_owned()));
         }
-        let mut snapshots = Self { tracks: chosen.iter().map(|&body| (body, Vec::new())).collect(), ..Self::default() };
-        let mut gatherer = Gatherer::default();
         let mut record = csv::StringRecord::new();
         loop {
             match reader.read_record(&mut record) {
@@ -82,30 +145,18 @@ impl Snapshots {
             // Numbers of a body that has failed are NaN, which is drawn nowhere.
             let number = |column: usize| record.get(column).and_then(|cell| cell.parse().ok()).unwrap_or(f64::NAN);
             let vector = |column: usize| DVec3::new(number(column), number(column + 1), number(column + 2));
-            let state = State {
+            take(State {
                 time: number(1),
                 orientation: DQuat::from_xyzw(number(2), number(3), number(4), number(5)),
                 angular_velocity_body: vector(6),
                 angular_momentum_world: vector(9),
                 kinetic_energy: number(12),
-            };
-            if gatherer.now.last().is_some_and(|last| last.time != state.time) {
-                snapshots.take(&mut gatherer);
-            }
-            let body = gatherer.now.len();
-            gatherer.now.push(state);
-            if let Some((_, track)) = snapshots.tracks.iter_mut().find(|(chosen, _)| *chosen == body) {
-                track.push(state);
-            }
+            });
         }
         if reader.get_ref().are_cut() {
             return Err(no_table(format!("line {}: {CUT}", reader.position().line())));
         }
-        snapshots.take(&mut gatherer);
-        if let Some(&(body, _)) = snapshots.tracks.iter().find(|(_, track)| track.is_empty()) {
-            return Err(Error::Rows { path, fault: RowFault::NoBody { body, bodies: snapshots.bodies } });
-        }
-        Ok(snapshots)
+        Ok(())
     }
 
     /// Reduces the states of one time.

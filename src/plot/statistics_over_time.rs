@@ -15,16 +15,16 @@ const EXTREME: Style = Style { colour: BLUE, line: Line::Dotted, mark: None, wid
 const MEAN: Style = Style { colour: BLUE, line: Line::Solid, mark: None, width: 2 };
 const QUANTILE: Style = Style { colour: GREEN, line: Line::Dashed, mark: None, width: 1 };
 
-/// The file that is drawn.
-pub(super) const TABLE: &str = "statistics.csv";
+/// The table that is drawn.
+pub(super) const TABLE: &str = "statistics";
 
-/// A panel for each quantity of the table in `folder`; `unit` knows their units.
+/// A panel for each quantity of the table at `path`, of the run in `folder`; `unit` knows their units.
 ///
 /// # Errors
 ///
 /// [`crate::Error::File`] and [`crate::Error::Rows`] where the table or `report.json` cannot be read.
-pub(super) fn statistics(folder: &Path, unit: &dyn Fn(&str) -> Option<String>) -> Result<Figure> {
-    let rows = Rows::read(&folder.join(TABLE))?;
+pub(super) fn statistics(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Option<String>) -> Result<Figure> {
+    let rows = Rows::read(path)?;
     let time = rows.need("t")?;
     let has_quantiles = rows.names().any(|name| quantile_of(name).is_some());
     let panel = |quantity: &str| -> Option<Panel> {
@@ -56,6 +56,34 @@ pub(super) fn statistics(folder: &Path, unit: &dyn Fn(&str) -> Option<String>) -
         columns: 2,
         panels,
         legend,
+    })
+}
+
+/// A panel for each mean of the table at `path`, at its own scale, with its standard error.
+///
+/// # Errors
+///
+/// As [`statistics`].
+pub(super) fn means(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Option<String>) -> Result<Figure> {
+    let rows = Rows::read(path)?;
+    let (time, count) = (rows.need("t")?, rows.need("count")?);
+    let panel = |quantity: &str| -> Option<Panel> {
+        let of = |figure: &str| rows.numbers(&format!("{quantity}_{figure}"));
+        let (mean, deviation) = (of("mean")?, of("standard_deviation")?);
+        let error = |row: usize| deviation[row] / count[row].sqrt();
+        let band = (0..time.len()).map(|row| (time[row], mean[row] - error(row), mean[row] + error(row))).collect();
+        let curve = time.iter().copied().zip(mean.iter().copied()).collect();
+        let items = vec![Item::Band { points: band, style: SPREAD }, Item::Curve { points: curve, style: MEAN }];
+        let label = quantity.replace('_', " ");
+        let y = Axis::linear(&unit(quantity).map_or(label.clone(), |unit| format!("{label} ({unit})")));
+        Some(Panel { title: label, x: Axis::linear("time (s)"), y, items, equal: false })
+    };
+    Ok(Figure {
+        title: titled(folder, "Means over all bodies")?,
+        caption: caption(folder)?.into_iter().take(1).collect(),
+        columns: 2,
+        panels: rows.names().filter_map(|name| panel(name.strip_suffix("_mean")?)).collect(),
+        legend: vec![("mean; band: its standard error".to_owned(), MEAN)],
     })
 }
 

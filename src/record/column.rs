@@ -1,13 +1,12 @@
-//! The columns of output tables: `body`, `t`, numbers of the state, [`STATUS`] and, where a study sweeps, [`CELL`].
+//! The columns of output tables: `body`, `t`, numbers of the state or derived from it, [`STATUS`] and, where a study sweeps, [`CELL`].
+
+use rayon::prelude::*;
 
 use super::OutputState;
-
-/// Columns of every table after `body` and `t`: orientation (body to world), angular velocity (body axes, rad/s), angular
-/// momentum (world axes, N m s), rotational kinetic energy (J).
-pub const ROTATION_COLUMNS: [&str; 11] = ["qx", "qy", "qz", "qw", "wx", "wy", "wz", "lx", "ly", "lz", "kinetic_energy"];
-
-/// Columns that follow where the ensemble translates: position (m) and velocity (m/s), world axes.
-pub const TRANSLATION_COLUMNS: [&str; 6] = ["x", "y", "z", "vx", "vy", "vz"];
+use crate::bodies::state_columns;
+pub use crate::bodies::{ROTATION_COLUMNS, TRANSLATION_COLUMNS};
+use crate::scene::Quantity;
+use crate::study::{Output, OutputColumn};
 
 /// The column behind the numbers of every table of states: the number of what became of the body ([`crate::bodies::Status`]), 0 where all is well.
 /// Numbers of a body that has failed are NaN ([`OutputState`]).
@@ -16,19 +15,138 @@ pub const STATUS: &str = "status";
 /// The column behind [`STATUS`] of studies that sweep: the cell in which the body lies, from 0 ([`crate::study::sweep`]).
 pub const CELL: &str = "cell";
 
-/// The most columns of numbers.
+/// The most columns of numbers of a state.
 pub(crate) const MOST_COLUMNS: usize = ROTATION_COLUMNS.len() + TRANSLATION_COLUMNS.len();
 
-/// The names of a table's columns between `t` and `status`.
-pub(crate) fn names(translates: bool) -> impl Iterator<Item = &'static str> {
-    let translation: &[&str] = if translates { &TRANSLATION_COLUMNS } else { &[] };
-    ROTATION_COLUMNS.iter().chain(translation).copied()
+/// Where the number of a column of this name is in [`values`].
+pub(crate) fn place(name: &str) -> Option<usize> {
+    state_columns::names(true).position(|column| column == name)
 }
 
-/// One row; columns of translation are zero where there is none.
-pub(crate) fn values(state: &OutputState) -> [f64; MOST_COLUMNS] {
+/// The numbers of a state; those of translation are zero where there is none.
+fn values(state: &OutputState) -> [f64; MOST_COLUMNS] {
     let rotation = &state.rotation;
     let (q, w, l) = (rotation.orientation, rotation.angular_velocity_body, rotation.angular_momentum_world);
     let (x, v) = state.translation.unwrap_or_default();
     [q.x, q.y, q.z, q.w, w.x, w.y, w.z, l.x, l.y, l.z, rotation.kinetic_energy, x.x, x.y, x.z, v.x, v.y, v.z]
+}
+
+/// A column of numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Named {
+    pub name: String,
+    pub unit: String,
+    /// What it is, with its frame.
+    pub meaning: String,
+}
+
+impl Named {
+    /// A number of the state.
+    fn state(name: &str) -> Self {
+        let (unit, meaning) = state_columns::meaning(name).unwrap_or(("1", ""));
+        Self { name: name.to_owned(), unit: unit.to_owned(), meaning: meaning.to_owned() }
+    }
+}
+
+/// Which numbers the rows of a table of states have.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Layout {
+    /// In their order in the table.
+    pub columns: Vec<Named>,
+    /// Where their numbers come from.
+    sources: Vec<Source>,
+    /// The derived quantities among them.
+    pub quantities: Vec<Quantity>,
+    /// Cells of the study's design, where it has one: body b lies in cell b modulo this.
+    pub cells: Option<usize>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Source {
+    /// The place in [`values`].
+    State(usize),
+    /// The place in [`Layout::quantities`].
+    Quantity(usize),
+}
+
+impl Layout {
+    /// All numbers of states.
+    pub fn of_states(translates: bool) -> Self {
+        let mut layout = Self::default();
+        state_columns::names(translates).for_each(|name| layout.push_state(name));
+        layout
+    }
+
+    /// What a study asks for.
+    pub fn of_output(output: &Output, translates: bool, cells: Option<usize>) -> Self {
+        let Some(columns) = &output.columns else { return Self { cells, ..Self::of_states(translates) } };
+        let mut layout = Self { cells, ..Self::default() };
+        for column in columns {
+            match column {
+                OutputColumn::State(name) => layout.push_state(name),
+                OutputColumn::Quantity(quantity) => {
+                    let (name, unit) = (quantity.name().to_owned(), quantity.unit().to_owned());
+                    layout.columns.push(Named { name, unit, meaning: "derived quantity".to_owned() });
+                    layout.sources.push(Source::Quantity(layout.quantities.len()));
+                    layout.quantities.push(quantity.clone());
+                }
+            }
+        }
+        layout
+    }
+
+    /// Columns whose numbers are copied from a table ([`StateRows::copied`]).
+    pub fn of_columns(columns: Vec<Named>) -> Self {
+        Self { columns, ..Self::default() }
+    }
+
+    fn push_state(&mut self, name: &str) {
+        self.sources.extend(place(name).map(Source::State));
+        self.columns.push(Named::state(name));
+    }
+
+    /// The names of the columns, in their order.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.columns.iter().map(|column| column.name.as_str())
+    }
+}
+
+/// Some rows of a table of states, by column.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct StateRows {
+    pub numbers: Vec<Vec<f64>>,
+    pub status: Vec<u8>,
+}
+
+/// Rows that one task takes.
+const ROWS_PER_TASK: usize = 1 << 13;
+
+impl StateRows {
+    /// The rows of `states`; `derived` are the values of [`Layout::quantities`], by quantity.
+    pub fn of(layout: &Layout, states: &[OutputState], mut derived: Vec<Vec<f64>>) -> Self {
+        let part = |states: &[OutputState]| -> Vec<Vec<f64>> {
+            let mut columns: Vec<Vec<f64>> = layout.sources.iter().map(|_| Vec::with_capacity(states.len())).collect();
+            for state in states {
+                let values = values(state);
+                for (column, source) in columns.iter_mut().zip(&layout.sources) {
+                    if let Source::State(place) = source {
+                        column.push(values[*place]);
+                    }
+                }
+            }
+            columns
+        };
+        let parts: Vec<Vec<Vec<f64>>> = states.par_chunks(ROWS_PER_TASK).map(part).collect();
+        let column = |(index, source): (usize, &Source)| match source {
+            Source::State(_) => parts.iter().flat_map(|columns| columns[index].iter().copied()).collect(),
+            Source::Quantity(place) => std::mem::take(&mut derived[*place]),
+        };
+        let numbers = layout.sources.iter().enumerate().map(column).collect();
+        Self { numbers, status: states.iter().map(|state| state.status().number()).collect() }
+    }
+
+    /// Number of rows.
+    pub fn len(&self) -> usize {
+        self.status.len()
+    }
 }

@@ -1,9 +1,11 @@
 //! Tables of states as comma-separated values.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::OutputState;
-use super::column;
+use super::column::{self, Layout, StateRows};
 use super::folder::OutputFile;
 use crate::error::Result;
 
@@ -25,26 +27,20 @@ const BYTES_PER_NUMBER: usize = 24;
 #[derive(Debug)]
 pub(crate) struct CsvFile {
     file: OutputFile,
-    columns: usize,
-    /// Cells of the study's design, where it has one: body b lies in cell b modulo this.
     cells: Option<usize>,
 }
 
 impl CsvFile {
-    pub(crate) fn begin(mut file: OutputFile, translates: bool, cells: Option<usize>) -> Result<Self> {
-        file.write(header(translates, cells.is_some()).as_bytes())?;
-        Ok(Self { file, columns: column::names(translates).count(), cells })
+    pub(crate) fn begin(mut file: OutputFile, layout: &Layout) -> Result<Self> {
+        file.write(header(layout).as_bytes())?;
+        Ok(Self { file, cells: layout.cells })
     }
 
     /// The rows as text, formatted on all cores.
-    pub(crate) fn format(&self, time: f64, first_body: usize, states: &[OutputState]) -> Vec<Vec<u8>> {
-        states
-            .par_chunks(ROWS_PER_TASK)
-            .enumerate()
-            .map(|(task, states)| {
-                format_rows((self.columns, self.cells), time, first_body + task * ROWS_PER_TASK, states)
-            })
-            .collect()
+    pub(crate) fn format(&self, time: f64, first_body: usize, rows: &StateRows) -> Vec<Vec<u8>> {
+        let starts = (0..rows.len()).into_par_iter().step_by(ROWS_PER_TASK);
+        let part = |start: usize| start..(start + ROWS_PER_TASK).min(rows.len());
+        starts.map(|start| format_rows(self.cells, time, first_body, rows, part(start))).collect()
     }
 
     pub(crate) fn write(&mut self, rows: &[Vec<u8>]) -> Result<()> {
@@ -56,42 +52,39 @@ impl CsvFile {
     }
 }
 
-fn header(translates: bool, has_cells: bool) -> String {
-    let columns = ["body", "t"].into_iter().chain(column::names(translates)).chain([column::STATUS]);
-    columns.chain(has_cells.then_some(column::CELL)).collect::<Vec<_>>().join(",") + "\n"
+fn header(layout: &Layout) -> String {
+    let columns = ["body", "t"].into_iter().chain(layout.names()).chain([column::STATUS]);
+    columns.chain(layout.cells.map(|_| column::CELL)).collect::<Vec<_>>().join(",") + "\n"
 }
 
 /// A table of one body at several times.
 pub(crate) fn track(body: usize, states: &[(f64, OutputState)]) -> Vec<u8> {
-    let translates = states.iter().any(|(_, state)| state.translation.is_some());
-    let columns = column::names(translates).count();
-    let rows = states.iter().flat_map(|&(time, state)| format_rows((columns, None), time, body, &[state]));
-    header(translates, false).into_bytes().into_iter().chain(rows).collect()
+    let layout = Layout::of_states(states.iter().any(|(_, state)| state.translation.is_some()));
+    let rows = states.iter().flat_map(|&(time, state)| {
+        let rows = StateRows::of(&layout, &[state], Vec::new());
+        format_rows(None, time, body, &rows, 0..1)
+    });
+    header(&layout).into_bytes().into_iter().chain(rows).collect()
 }
 
-/// Rows as text. Every number has the fewest digits that read back to the same bits.
-fn format_rows(
-    (columns, cells): (usize, Option<usize>),
-    time: f64,
-    first_body: usize,
-    states: &[OutputState],
-) -> Vec<u8> {
-    let mut text = Vec::with_capacity(states.len() * (columns + 2) * BYTES_PER_NUMBER);
+/// Some rows as text. Every number has the fewest digits that read back to the same bits.
+fn format_rows(cells: Option<usize>, time: f64, first_body: usize, rows: &StateRows, part: Range<usize>) -> Vec<u8> {
+    let mut text = Vec::with_capacity(part.len() * (rows.numbers.len() + 2) * BYTES_PER_NUMBER);
     let (mut index, mut number) = (itoa::Buffer::new(), zmij::Buffer::new());
     let time = zmij::Buffer::new().format(time).to_owned();
-    for (offset, state) in states.iter().enumerate() {
-        text.extend_from_slice(index.format(first_body + offset).as_bytes());
+    for row in part {
+        text.extend_from_slice(index.format(first_body + row).as_bytes());
         text.push(b',');
         text.extend_from_slice(time.as_bytes());
-        for value in &column::values(state)[..columns] {
+        for column in &rows.numbers {
             text.push(b',');
-            text.extend_from_slice(number.format(*value).as_bytes());
+            text.extend_from_slice(number.format(column[row]).as_bytes());
         }
         text.push(b',');
-        text.extend_from_slice(index.format(state.status().number()).as_bytes());
+        text.extend_from_slice(index.format(rows.status[row]).as_bytes());
         if let Some(cells) = cells {
             text.push(b',');
-            text.extend_from_slice(index.format((first_body + offset) % cells).as_bytes());
+            text.extend_from_slice(index.format((first_body + row) % cells).as_bytes());
         }
         text.push(b'\n');
     }

@@ -31,9 +31,9 @@ pub const PLAN: &str = "plan.json";
 const TABLES: [&str; 9] =
     ["final", "snapshots", "statistics", "failed", "events", "survival", "histograms", "initial", "cells"];
 /// Endings of tables.
-const TABLE_ENDINGS: [&str; 2] = ["csv", "npz"];
+const TABLE_ENDINGS: [&str; 3] = ["csv", "npz", "parquet"];
 /// Stems of the pictures that are drawn of a run.
-const PICTURES: [&str; 4] = ["run", "statistics", "histograms", "survival"];
+const PICTURES: [&str; 7] = ["run", "final", "statistics", "means", "histograms", "survival", "map"];
 /// What stands before the number of a body in the stem of its pictures.
 const PICTURE_OF_BODY: &str = "run-body-";
 /// Endings of pictures.
@@ -56,6 +56,9 @@ fn is_result(name: &str) -> bool {
         || (PICTURES.contains(&stem) || of_body) && PICTURE_ENDINGS.contains(&ending)
 }
 
+/// Names and values.
+pub(crate) type Metadata = Vec<(String, String)>;
+
 /// A folder for the files of one run, which appear together when all are complete.
 ///
 /// Dropped before that, it leaves nothing. Only one run at a time has a folder.
@@ -75,6 +78,7 @@ pub struct OutputFolder {
     leftovers: Vec<PathBuf>,
     /// Names of files begun, in order.
     names: Vec<String>,
+    metadata: Metadata,
     /// Dropped last: until then nobody else touches any of these names.
     _lock: Lock,
 }
@@ -169,9 +173,19 @@ impl OutputFolder {
         let lock = lock.map_err(refused).inspect_err(|_| remove_folders(&parents))?;
         let staging = with_suffix(&prefix, &format!("{}.{PARTIAL}", random()));
         let traces = Traces { fate: Arc::default(), staging, lock: lock_path, parents };
-        let (path, names) = (path.to_owned(), Vec::new());
-        let mut folder =
-            Self { path, target, replace, in_place, prefix, traces, leftovers: Vec::new(), names, _lock: lock };
+        let (path, names, metadata) = (path.to_owned(), Vec::new(), Metadata::new());
+        let mut folder = Self {
+            path,
+            target,
+            replace,
+            in_place,
+            prefix,
+            traces,
+            leftovers: Vec::new(),
+            names,
+            metadata,
+            _lock: lock,
+        };
         folder.leftovers = folder.clear_leftovers().map_err(failed_at(&folder.path))?;
         folder.begin_staging()?;
         Ok(folder)
@@ -268,6 +282,16 @@ impl OutputFolder {
             found.push(path);
         }
         Ok(found)
+    }
+
+    /// What files that have metadata say of the run that they are of. Of files begun before, nothing changes.
+    pub(crate) fn set_metadata(&mut self, metadata: Metadata) {
+        self.metadata = metadata;
+    }
+
+    #[cfg(feature = "parquet")]
+    pub(crate) fn metadata(&self) -> &Metadata {
+        &self.metadata
     }
 
     /// Begins a file.
@@ -553,7 +577,27 @@ pub(crate) struct OutputFile {
     position: u64,
 }
 
+/// What libraries that encode files write into.
+#[cfg(feature = "parquet")]
+impl Write for OutputFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let count = Write::write(&mut self.file, bytes)?;
+        self.position += count as u64;
+        Ok(count)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
 impl OutputFile {
+    /// Its final name.
+    #[cfg(feature = "parquet")]
+    pub(crate) fn path(&self) -> &Path {
+        &self.target
+    }
+
     fn failed(&self, error: &io::Error) -> Error {
         Error::file(&self.target, FileAction::Write, error)
     }

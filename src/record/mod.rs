@@ -36,12 +36,15 @@ mod lock;
 pub(crate) mod npz_file;
 #[cfg(feature = "study")]
 pub(crate) mod observed_files;
+#[cfg(feature = "parquet")]
+pub(crate) mod parquet_file;
 #[cfg(feature = "study")]
 pub mod report;
 #[cfg(feature = "study")]
 pub(crate) mod shard;
 #[cfg(feature = "study")]
 mod state_table;
+mod statistical_sample;
 mod statistics;
 #[cfg(feature = "study")]
 pub(crate) mod statistics_file;
@@ -67,6 +70,9 @@ pub use report::Report;
 pub use shard::{Shard, ShardState, is_complete, ranges, status};
 #[cfg(feature = "study")]
 pub use state_table::{StateRow, StateTable};
+#[cfg(feature = "plot")]
+pub(crate) use state_table::{Values, columns};
+pub use statistical_sample::StatisticalSample;
 pub use statistics::{Statistics, Summary};
 
 /// Takes the states of a run as they come, some bodies at a time, so that memory stays bounded.
@@ -344,6 +350,8 @@ pub struct Trust {
     pub balance: Balance,
     /// Errors estimated from a sample of bodies.
     pub recomputed_sample: RecomputedSample,
+    /// Errors of statistics and event times; `None` where none are asked for ([`crate::Scene::statistical_accuracy`]).
+    pub statistics: Option<StatisticalSample>,
     /// Bodies that have failed, ascending: those of `failures`.
     pub failed_bodies: Vec<usize>,
     /// Why and when bodies have failed, by body: those whose state or centre of mass was not finite at an output that was read, or of
@@ -366,6 +374,9 @@ impl std::fmt::Display for Trust {
             self.recomputed_sample,
             self.drift
         )?;
+        if let Some(statistics) = &self.statistics {
+            write!(formatter, ", {statistics}")?;
+        }
         if self.balance.bodies > 0 {
             write!(formatter, ", {}", self.balance)?;
         }

@@ -10,10 +10,7 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
-use super::OutputState;
-use super::column;
+use super::column::{self, Layout, StateRows};
 use super::folder::OutputFile;
 use crate::error::Result;
 
@@ -208,18 +205,12 @@ pub(crate) struct NpzFile {
     archive: Archive,
     /// Entries before those of the states: `body`, `t` and, where a study sweeps, `cell`.
     leading_entries: usize,
-    columns: usize,
 }
 
 impl NpzFile {
     /// `times`: `Some` for a table over output times, `None` with the one time for a table of one.
-    pub(crate) fn begin(
-        file: OutputFile,
-        bodies: Range<usize>,
-        times: Times<'_>,
-        translates: bool,
-        cells: Option<usize>,
-    ) -> Result<Self> {
+    pub(crate) fn begin(file: OutputFile, bodies: Range<usize>, times: Times<'_>, layout: &Layout) -> Result<Self> {
+        let cells = layout.cells;
         let body_count = bodies.len();
         let mut archive = Archive::new(file);
         let (time_shape, state_shape) = match times {
@@ -230,7 +221,7 @@ impl NpzFile {
         let arrays = [("body", "<u8", vec![body_count]), ("t", "<f8", time_shape)]
             .into_iter()
             .chain(cells.map(|_| (column::CELL, "<u8", vec![body_count])))
-            .chain(column::names(translates).map(|name| (name, "<f8", state_shape.clone())))
+            .chain(layout.names().map(|name| (name, "<f8", state_shape.clone())))
             .chain([(column::STATUS, "|u1", state_shape.clone())]);
         let mut headers = Vec::new();
         for (name, element, shape) in arrays {
@@ -257,41 +248,26 @@ impl NpzFile {
             let bytes: Vec<u8> = times.iter().flat_map(|time| time.to_le_bytes()).collect();
             archive.append(1, &bytes)?;
         }
-        Ok(Self {
-            archive,
-            leading_entries: 2 + usize::from(cells.is_some()),
-            columns: column::names(translates).count(),
-        })
+        Ok(Self { archive, leading_entries: 2 + usize::from(cells.is_some()) })
     }
 
-    /// Some bodies' states by column, in the byte order of the file, gathered on all cores.
-    pub(crate) fn format(&self, states: &[OutputState]) -> Columns {
-        let little_endian = |number: f64| f64::from_bits(number.to_bits().to_le());
-        let numbers = (0..self.columns)
-            .into_par_iter()
-            .map(|column| states.iter().map(|state| little_endian(column::values(state)[column])).collect())
-            .collect();
-        Columns { numbers, status: states.iter().map(|state| state.status().number()).collect() }
-    }
-
-    /// Appends what [`NpzFile::format`] gave, in the order of outputs and bodies.
-    pub(crate) fn write(&mut self, columns: &Columns) -> Result<()> {
-        columns.numbers.iter().enumerate().try_for_each(|(column, numbers)| {
-            self.archive.append(self.leading_entries + column, bytemuck::cast_slice(numbers))
-        })?;
-        self.archive.append(self.leading_entries + self.columns, &columns.status)
+    /// Appends rows, in the order of outputs and bodies.
+    pub(crate) fn write(&mut self, rows: &StateRows) -> Result<()> {
+        for (column, numbers) in rows.numbers.iter().enumerate() {
+            let entry = self.leading_entries + column;
+            if cfg!(target_endian = "little") {
+                self.archive.append(entry, bytemuck::cast_slice(numbers))?;
+            } else {
+                let bytes: Vec<u8> = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
+                self.archive.append(entry, &bytes)?;
+            }
+        }
+        self.archive.append(self.leading_entries + rows.numbers.len(), &rows.status)
     }
 
     pub(crate) fn finish(self) -> Result<()> {
         self.archive.finish()
     }
-}
-
-/// Some bodies' states by column.
-#[derive(Debug)]
-pub(crate) struct Columns {
-    numbers: Vec<Vec<f64>>,
-    status: Vec<u8>,
 }
 
 /// The times of a table.

@@ -12,10 +12,12 @@ use crate::scene::Accuracy;
 use crate::study::Study;
 
 mod event_report;
+mod statistical_report;
 mod statistics_report;
 mod summary;
 
 pub use event_report::{EventReport, QuantityReport};
+pub use statistical_report::{StatisticErrorReport, StatisticalAccuracyReport};
 pub use statistics_report::{StatisticsReport, SummaryReport};
 
 /// A run in figures, as it stands in `report.json`.
@@ -65,6 +67,9 @@ pub struct Report {
     pub balance: Option<BalanceReport>,
     /// Errors at the end.
     pub accuracy: AccuracyReport,
+    /// Errors of statistics and event times; left out where none are asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub statistical_accuracy: Option<StatisticalAccuracyReport>,
     /// Bodies that have failed, ascending; `failed.csv` (or `.npz`) has a row for each.
     pub failed_bodies: Vec<usize>,
     /// How many of them for which reason; empty where none has.
@@ -86,12 +91,26 @@ pub struct StudyReport {
     pub title: Option<String>,
     /// The seed of its draws.
     pub seed: u64,
+    /// The axes that it sweeps over, in the order of the columns of `cells`.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sweep: Vec<AxisReport>,
+}
+
+/// An axis of a sweep.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct AxisReport {
+    /// Its name.
+    pub name: String,
+    /// The unit of the SI of its values; `null` where the study writes none.
+    pub unit: Option<String>,
 }
 
 impl StudyReport {
     pub(crate) fn of(study: &Study) -> Self {
         let title = study.title().map(str::to_owned);
-        Self { file: study.file().display().to_string(), title, seed: study.seed() }
+        let axes = study.design().map(|design| design.axes()).unwrap_or_default();
+        let sweep = axes.iter().map(|axis| AxisReport { name: axis.name().to_owned(), unit: axis.si_unit() }).collect();
+        Self { file: study.file().display().to_string(), title, seed: study.seed(), sweep }
     }
 }
 
@@ -451,6 +470,7 @@ impl Report {
                 same_draws: trust.recomputed_sample.same_draws,
                 met: trust.recomputed_sample.met,
             },
+            statistical_accuracy: trust.statistics.map(StatisticalAccuracyReport::from),
             outside_usable_region: trust.outside_usable_region,
             failures: FailureReport::of(&trust.failures),
             failed_bodies: trust.failed_bodies,

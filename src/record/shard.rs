@@ -8,8 +8,9 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
+use super::column::{Layout, Named};
 use super::failed::KnownTo;
-use super::folder::{self, PLAN, REPORT, Residue};
+use super::folder::{self, Metadata, PLAN, REPORT, Residue};
 use super::{FailedBody, Statistics};
 use crate::bodies::{Blocks, Status};
 use crate::error::{Error, FileAction, Result};
@@ -24,7 +25,7 @@ pub(crate) const PART: &str = "part.json";
 pub(crate) const BLOCKS: &str = "blocks.jsonl";
 
 /// The layout of both.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 
 /// Which part of how many, counted from 1: `3/64`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -119,7 +120,10 @@ pub(crate) struct PartFile {
     pub bodies: usize,
     /// Of all parts.
     pub body_count: usize,
-    pub translates: bool,
+    /// The columns of tables of states between `t` and `status`.
+    columns: Vec<ColumnEntry>,
+    /// What files that have metadata say of the run.
+    pub metadata: Vec<(String, String)>,
     /// Output times, s.
     pub times: Vec<f64>,
     final_state: bool,
@@ -130,6 +134,15 @@ pub(crate) struct PartFile {
     pub allowed_failures: u64,
     pub failures: Vec<FailureEntry>,
     pub files: Vec<FileEntry>,
+}
+
+/// A column of a table of states.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ColumnEntry {
+    name: String,
+    unit: String,
+    meaning: String,
 }
 
 /// A file of a part as it was written.
@@ -188,9 +201,10 @@ pub(crate) struct PartContents<'a> {
     pub shard: Shard,
     pub bodies: Range<usize>,
     pub body_count: usize,
-    pub translates: bool,
+    pub columns: &'a [Named],
+    pub metadata: Metadata,
     pub times: &'a [f64],
-    pub output: Output,
+    pub output: &'a Output,
     pub statistics: &'a [Statistic],
     pub allowed_failures: u64,
     pub failures: &'a [FailedBody],
@@ -199,7 +213,8 @@ pub(crate) struct PartContents<'a> {
 
 impl PartFile {
     pub fn new(contents: PartContents<'_>) -> Self {
-        let PartContents { shard, bodies, body_count, translates, times, output, statistics, .. } = contents;
+        let PartContents { shard, bodies, body_count, columns, times, output, statistics, .. } = contents;
+        let column = |Named { name, unit, meaning }: Named| ColumnEntry { name, unit, meaning };
         Self {
             format: FORMAT,
             polhode: env!("CARGO_PKG_VERSION").to_owned(),
@@ -208,7 +223,8 @@ impl PartFile {
             first_body: bodies.start,
             bodies: bodies.len(),
             body_count,
-            translates,
+            columns: columns.iter().cloned().map(column).collect(),
+            metadata: contents.metadata,
             times: times.to_vec(),
             final_state: output.final_state,
             snapshots: output.snapshots,
@@ -244,11 +260,20 @@ impl PartFile {
         serde_json::from_str(&text).map_err(cut)
     }
 
-    /// The tables that were asked for.
-    pub fn output(&self) -> Output {
-        let format = Format::ALL.into_iter().find(|format| format.name() == self.output_format);
-        let format = format.unwrap_or(Format::Csv);
-        Output { final_state: self.final_state, snapshots: self.snapshots, initial: false, format }
+    /// The tables that were asked for: those of the end, and those of all output times.
+    pub fn tables(&self) -> (bool, bool) {
+        (self.final_state, self.snapshots)
+    }
+
+    /// Their format; `None` of one that this build does not write.
+    pub fn output_format(&self) -> Option<Format> {
+        Format::ALL.iter().copied().find(|format| format.name() == self.output_format)
+    }
+
+    /// The columns of tables of states between `t` and `status`.
+    pub fn layout(&self) -> Layout {
+        let column = |ColumnEntry { name, unit, meaning }: ColumnEntry| Named { name, unit, meaning };
+        Layout::of_columns(self.columns.iter().cloned().map(column).collect())
     }
 
     /// The statistics that were asked for.
@@ -262,7 +287,9 @@ impl PartFile {
         let same = [
             (self.body_count == other.body_count, "the number of bodies"),
             (self.times == other.times, "output times"),
-            (self.output() == other.output(), "[output]"),
+            (self.tables() == other.tables() && self.output_format == other.output_format, "[output]"),
+            (self.columns == other.columns, "output.columns"),
+            (self.metadata == other.metadata, "the text of the study"),
             (self.statistics == other.statistics, "output.statistics"),
             (self.allowed_failures == other.allowed_failures, "failures.allow"),
         ];

@@ -6,15 +6,19 @@ use std::path::{Path, PathBuf};
 use glam::{DQuat, DVec3};
 
 use super::OutputState;
-use super::column::{self, MOST_COLUMNS, ROTATION_COLUMNS};
+use super::column::{self, MOST_COLUMNS, ROTATION_COLUMNS, StateRows};
 use crate::bodies::{BodyState, Status};
 use crate::error::{Error, FileAction, Result};
 
 mod csv_table;
 mod npz_table;
+#[cfg(feature = "parquet")]
+mod parquet_table;
 
 use csv_table::CsvTable;
 use npz_table::NpzTable;
+#[cfg(feature = "parquet")]
+use parquet_table::ParquetTable;
 
 /// One row of a table of states.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,7 +27,7 @@ pub struct StateRow {
     pub body: usize,
     /// Time, s.
     pub time: f64,
-    /// The state. What tables do not hold ([`BodyState::norm_error`]) is NaN.
+    /// The state. What tables do not hold ([`BodyState::norm_error`], columns that were not asked for) is NaN.
     pub state: OutputState,
 }
 
@@ -43,7 +47,9 @@ pub struct StateRow {
 #[derive(Debug)]
 pub struct StateTable {
     path: PathBuf,
-    translates: bool,
+    /// Of the columns between `t` and `status`.
+    names: Vec<String>,
+    has_cells: bool,
     source: Source,
 }
 
@@ -51,10 +57,41 @@ pub struct StateTable {
 enum Source {
     Csv(CsvTable),
     Npz(NpzTable),
+    #[cfg(feature = "parquet")]
+    Parquet(ParquetTable),
+}
+
+/// The values of a column of any table.
+#[cfg(feature = "plot")]
+pub(crate) enum Values {
+    Numbers(Vec<f64>),
+    Texts(Vec<String>),
+}
+
+/// All columns of a table that a run has written, by name, but for comma-separated values.
+///
+/// # Errors
+///
+/// [`Error::File`] where the file cannot be read; [`Error::Table`] where it is no such table.
+#[cfg(feature = "plot")]
+pub(crate) fn columns(path: &Path) -> Result<Vec<(String, Values)>> {
+    #[cfg(feature = "parquet")]
+    if path.extension().is_some_and(|ending| ending == "parquet") {
+        return parquet_table::columns(path, open(path)?);
+    }
+    npz_table::columns(path)
+}
+
+/// Some rows as they stand in a table.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct TableRows {
+    pub bodies: Vec<usize>,
+    pub times: Vec<f64>,
+    pub rows: StateRows,
 }
 
 impl StateTable {
-    /// Opens a table by the ending of its name: `csv` or `npz`.
+    /// Opens a table by the ending of its name: `csv`, `npz` or, with the feature `parquet`, `parquet`.
     ///
     /// # Errors
     ///
@@ -64,21 +101,30 @@ impl StateTable {
         let source = match path.extension().and_then(|ending| ending.to_str()) {
             Some("csv") => Source::Csv(CsvTable::open(path, &mut file)?),
             Some("npz") => Source::Npz(NpzTable::open(path, &mut file)?),
-            _ => return Err(wrong(path, "expected a file that ends in .csv or .npz")),
+            #[cfg(feature = "parquet")]
+            Some("parquet") => Source::Parquet(ParquetTable::open(path, file)?),
+            _ => return Err(wrong(path, format!("expected a file that ends in {ENDINGS}"))),
         };
         let names = match &source {
             Source::Csv(table) => table.names(),
             Source::Npz(table) => table.names(),
+            #[cfg(feature = "parquet")]
+            Source::Parquet(table) => table.names(),
         };
-        let is = |translates: bool| {
-            let columns = ["body", "t"].into_iter().chain(column::names(translates)).chain([column::STATUS]);
-            columns.eq(names.iter().map(String::as_str))
+        let not_states = || wrong(path, "expected the columns of states that a run writes");
+        let [body, time, names @ ..] = names else { return Err(not_states()) };
+        let (names, has_cells) = match names {
+            [names @ .., status, cell] if status == column::STATUS && cell == column::CELL => (names, true),
+            // Arrays of one value a body stand first.
+            [cell, names @ .., status] if status == column::STATUS && cell == column::CELL => (names, true),
+            [names @ .., status] if status == column::STATUS => (names, false),
+            _ => return Err(not_states()),
         };
-        let translates = is(true);
-        if !translates && !is(false) {
-            return Err(wrong(path, "expected the columns of states that a run writes"));
+        if body != "body" || time != "t" {
+            return Err(not_states());
         }
-        Ok(Self { path: path.to_owned(), translates, source })
+        let names = names.to_vec();
+        Ok(Self { path: path.to_owned(), names, has_cells, source })
     }
 
     /// The file.
@@ -86,9 +132,15 @@ impl StateTable {
         &self.path
     }
 
-    /// Whether there are positions and velocities.
+    /// The names of the columns of numbers, in their order: of states ([`crate::record::ROTATION_COLUMNS`],
+    /// [`crate::record::TRANSLATION_COLUMNS`]) and of derived quantities.
+    pub fn columns(&self) -> &[String] {
+        &self.names
+    }
+
+    /// Whether there are positions or velocities.
     pub fn translates(&self) -> bool {
-        self.translates
+        self.names.iter().filter_map(|name| column::place(name)).any(|place| place >= ROTATION_COLUMNS.len())
     }
 
     /// Some rows, counted from 0; fewer where the table ends before. Rows of comma-separated values that lie before those of the last
@@ -98,13 +150,47 @@ impl StateTable {
     ///
     /// [`Error::File`], [`Error::Table`].
     pub fn read(&mut self, first: u64, count: usize) -> Result<Vec<StateRow>> {
+        let found = self.read_rows(first, count)?;
+        let translates = self.translates();
+        let places: Vec<Option<usize>> = self.names.iter().map(|name| column::place(name)).collect();
+        let row = |(row, (body, time)): (usize, (usize, f64))| {
+            let mut numbers = [f64::NAN; MOST_COLUMNS];
+            for (place, column) in places.iter().zip(&found.rows.numbers) {
+                if let Some(place) = place {
+                    numbers[*place] = column[row];
+                }
+            }
+            let is_known = ROTATION_COLUMNS.iter().all(|name| self.names.iter().any(|known| known == name));
+            StateRow { body, time, state: state_of(&numbers, translates, found.rows.status[row], is_known) }
+        };
+        let rows = found.bodies.iter().copied().zip(found.times.iter().copied());
+        Ok(rows.enumerate().map(row).collect())
+    }
+
+    /// The numbers of some rows, as [`StateTable::read`].
+    pub(crate) fn read_rows(&mut self, first: u64, count: usize) -> Result<TableRows> {
         let (path, mut file) = (&self.path, open(&self.path)?);
-        let columns = column::names(self.translates).count();
+        let shape = Shape { columns: self.names.len(), has_cells: self.has_cells };
         match &mut self.source {
-            Source::Csv(table) => table.read(path, &mut file, (first, count), columns),
-            Source::Npz(table) => table.read(path, &mut file, (first, count), columns),
+            Source::Csv(table) => table.read(path, &mut file, (first, count), shape),
+            Source::Npz(table) => table.read(path, &mut file, (first, count), shape),
+            #[cfg(feature = "parquet")]
+            Source::Parquet(table) => table.read(path, file, (first, count), shape),
         }
     }
+}
+
+#[cfg(feature = "parquet")]
+const ENDINGS: &str = ".csv, .npz or .parquet";
+#[cfg(not(feature = "parquet"))]
+const ENDINGS: &str = ".csv or .npz (this build reads no Parquet)";
+
+/// Which columns a table has.
+#[derive(Clone, Copy, Debug)]
+struct Shape {
+    /// Between `t` and `status`.
+    columns: usize,
+    has_cells: bool,
 }
 
 fn open(path: &Path) -> Result<File> {
@@ -119,14 +205,14 @@ fn wrong(path: &Path, reason: impl Into<String>) -> Error {
     Error::Table { path: path.to_owned(), reason: reason.into() }
 }
 
-/// The state of a row from its numbers, in the order of [`column::names`].
-fn state_of(numbers: &[f64; MOST_COLUMNS], translates: bool, status: u8) -> OutputState {
+/// The state of a row from its numbers, in the order of [`column::place`]; `is_known`: whether all numbers of the rotation are there.
+fn state_of(numbers: &[f64; MOST_COLUMNS], translates: bool, status: u8, is_known: bool) -> OutputState {
     let [x, y, z, w, wx, wy, wz, lx, ly, lz, kinetic_energy, ..] = *numbers;
     let vector = |first: usize| DVec3::new(numbers[first], numbers[first + 1], numbers[first + 2]);
     let orientation = DQuat::from_xyzw(x, y, z, w);
     let status = match Status::from_code(f64::from(status)) {
         // Then the rotation is good as long as its numbers are.
-        Status::CentreNotFinite if orientation.is_finite() => Status::Valid,
+        Status::CentreNotFinite if orientation.is_finite() || !is_known => Status::Valid,
         status => status,
     };
     let rotation = BodyState {

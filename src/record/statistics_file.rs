@@ -2,6 +2,8 @@
 
 use super::folder::{OutputFile, OutputFolder};
 use super::npz_file::{Archive, npy_header};
+#[cfg(feature = "parquet")]
+use super::parquet_file::{Cells, Field, Kind, ParquetFile};
 use super::{Statistics, Summary};
 use crate::error::Result;
 use crate::scene::Quantity;
@@ -18,11 +20,13 @@ const NUMBERS: usize = COLUMNS.len() - BODY_COLUMNS;
 
 /// A table under way.
 ///
-/// As comma-separated values without a body where there is none; as arrays of shape `[outputs]`, with −1.
+/// As comma-separated values without a body where there is none; as arrays of shape `[outputs]`, with −1; in Parquet, null.
 #[derive(Debug)]
 pub(crate) enum StatisticsFile {
     Csv(OutputFile),
     Npz(Box<Archive>),
+    #[cfg(feature = "parquet")]
+    Parquet(Box<ParquetFile>),
 }
 
 impl StatisticsFile {
@@ -34,7 +38,7 @@ impl StatisticsFile {
         quantiles: &[f64],
         outputs: usize,
     ) -> Result<Self> {
-        let mut file = folder.begin(&format!("statistics.{}", format.name()))?;
+        let file_name = format!("statistics.{}", format.name());
         let columns = || {
             let quantiles = quantiles.iter().map(|percent| format!("q{percent}"));
             COLUMNS.map(str::to_owned).into_iter().chain(quantiles)
@@ -44,11 +48,12 @@ impl StatisticsFile {
         let names: Vec<String> = ["t".to_owned(), "count".to_owned()].into_iter().chain(names).collect();
         match format {
             Format::Csv => {
+                let mut file = folder.begin(&file_name)?;
                 file.write((names.join(",") + "\n").as_bytes())?;
                 Ok(Self::Csv(file))
             }
             Format::Npz => {
-                let mut archive = Archive::new(file);
+                let mut archive = Archive::new(folder.begin(&file_name)?);
                 let element = |column: usize| match column {
                     0 => "<f8",
                     1 => "<u8",
@@ -63,6 +68,16 @@ impl StatisticsFile {
                     archive.append(column, &header(column))?;
                 }
                 Ok(Self::Npz(Box::new(archive)))
+            }
+            #[cfg(feature = "parquet")]
+            Format::Parquet => {
+                let mut fields = vec![Field::new("t", Kind::Number), Field::new("count", Kind::Whole)];
+                let quantity = |column: usize| &statistics[(column - 2) / width];
+                fields.extend((2..names.len()).map(|column| match (column - 2) % width {
+                    part if (NUMBERS..COLUMNS.len()).contains(&part) => Field::new(&names[column], Kind::Optional),
+                    _ => Field { unit: quantity(column).unit().to_owned(), ..Field::new(&names[column], Kind::Number) },
+                }));
+                Ok(Self::Parquet(Box::new(ParquetFile::begin(folder, "statistics", &fields)?)))
             }
         }
     }
@@ -105,6 +120,17 @@ impl StatisticsFile {
                 }
                 Ok(())
             }
+            #[cfg(feature = "parquet")]
+            Self::Parquet(file) => {
+                let mut row = vec![Cells::Numbers(vec![statistics.time]), Cells::Whole(vec![statistics.count as i64])];
+                for summary in &statistics.summaries {
+                    row.extend(figures(summary).map(|value| Cells::Numbers(vec![value])));
+                    let bodies = [summary.min_body, summary.max_body];
+                    row.extend(bodies.map(|body| Cells::Optional(vec![body.map(|body| body as i64)])));
+                    row.extend(summary.quantiles.iter().map(|&value| Cells::Numbers(vec![value])));
+                }
+                file.append(row)
+            }
         }
     }
 
@@ -112,6 +138,8 @@ impl StatisticsFile {
         match self {
             Self::Csv(file) => file.finish(),
             Self::Npz(archive) => archive.finish(),
+            #[cfg(feature = "parquet")]
+            Self::Parquet(file) => file.finish(),
         }
     }
 }

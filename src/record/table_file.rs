@@ -1,9 +1,14 @@
 //! Tables whose columns are known when they are written: what bodies start with, cells, events, survival, histograms, bodies that failed.
 
+#[cfg(feature = "parquet")]
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::folder::OutputFolder;
 use super::npz_file::{Archive, npy_header};
+#[cfg(feature = "parquet")]
+use super::parquet_file::{Cells, Field, Kind, ParquetFile};
 use crate::error::Result;
 use crate::study::Format;
 
@@ -60,9 +65,10 @@ pub(crate) fn write(
     rows: usize,
     columns: &[TableColumn<'_>],
 ) -> Result<()> {
-    let mut file = folder.begin(&format!("{stem}.{}", format.name()))?;
+    let name = format!("{stem}.{}", format.name());
     match format {
         Format::Csv => {
+            let mut file = folder.begin(&name)?;
             let names: Vec<String> = columns.iter().map(|column| quoted(&column.name)).collect();
             file.write((names.join(",") + "\n").as_bytes())?;
             for start in (0..rows).step_by(BLOCK) {
@@ -73,7 +79,7 @@ pub(crate) fn write(
             file.finish()
         }
         Format::Npz => {
-            let mut archive = Archive::new(file);
+            let mut archive = Archive::new(folder.begin(&name)?);
             for (entry, column) in columns.iter().enumerate() {
                 let longest = match &column.values {
                     Values::Text(text) | Values::Word(text) => {
@@ -107,6 +113,39 @@ pub(crate) fn write(
             }
             archive.finish()
         }
+        #[cfg(feature = "parquet")]
+        Format::Parquet => {
+            let fields: Vec<Field> = columns.iter().map(field).collect();
+            let mut file = ParquetFile::begin(folder, stem, &fields)?;
+            for start in (0..rows).step_by(BLOCK) {
+                let rows = start..(start + BLOCK).min(rows);
+                file.append(columns.iter().map(|column| cells(column, rows.clone())).collect())?;
+            }
+            file.finish()
+        }
+    }
+}
+
+#[cfg(feature = "parquet")]
+fn field(column: &TableColumn<'_>) -> Field {
+    let kind = match column.values {
+        Values::Code(_) => Kind::Code,
+        Values::Whole(_) => Kind::Whole,
+        Values::Number(_) => Kind::Number,
+        Values::Text(_) | Values::Word(_) => Kind::Text,
+    };
+    Field::new(&column.name, kind)
+}
+
+/// Some rows of a column.
+#[cfg(feature = "parquet")]
+fn cells(column: &TableColumn<'_>, rows: Range<usize>) -> Cells {
+    let rows = || rows.clone().into_par_iter().with_min_len(ROWS_PER_TASK);
+    match &column.values {
+        Values::Code(value) => Cells::Codes(rows().map(|row| i32::from(value(row))).collect()),
+        Values::Whole(value) => Cells::Whole(rows().map(|row| value(row) as i64).collect()),
+        Values::Number(value) => Cells::Numbers(rows().map(value).collect()),
+        Values::Text(value) | Values::Word(value) => Cells::Texts(rows().map(|row| value(row).into()).collect()),
     }
 }
 

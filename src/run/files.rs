@@ -8,16 +8,19 @@ use crate::engine::{Backend, Progress};
 use crate::error::{Error, Result};
 use crate::kernel::observe::Partial;
 use crate::plan::{Plan, PlanDocument};
-use crate::record::column;
+use crate::record::column::{Layout, StateRows};
 use crate::record::csv_file::{self, CsvFile};
 use crate::record::failed_file;
-use crate::record::folder::{OutputFile, OutputFolder, PLAN, REPORT, write_whole};
+use crate::record::folder::{Metadata, OutputFile, OutputFolder, PLAN, REPORT, write_whole};
 use crate::record::npz_file::{NpzFile, Times};
 use crate::record::observed_files::{write_events, write_histograms};
+#[cfg(feature = "parquet")]
+use crate::record::parquet_file::ParquetStates;
 use crate::record::report::{EventReport, Report, StatisticsReport, StudyReport};
 use crate::record::shard::{BLOCKS, BlocksLine, PART, PartContents, PartFile, Shard};
 use crate::record::statistics_file::StatisticsFile;
 use crate::record::{EventRecord, HistogramCounts, OutputState, Sink, Statistics};
+use crate::run::observed::Evaluator;
 use crate::run::{initial_file, run_into};
 use crate::study::{Format, Output, Study};
 
@@ -36,47 +39,43 @@ fn timed<T>(seconds: &mut f64, work: impl FnOnce() -> T) -> T {
     done
 }
 
-/// A table under way in either format.
+/// A table of states under way in any format.
 #[derive(Debug)]
 pub(super) enum TableFile {
     Csv(CsvFile),
     Npz(NpzFile),
+    #[cfg(feature = "parquet")]
+    Parquet(Box<ParquetStates>),
 }
 
 impl TableFile {
-    /// Begins a table of the bodies in a range, counted as in the whole that they are a part of; `cells` of the study's design, where it
-    /// has one.
+    /// Begins a table of the bodies in a range, counted as in the whole that they are a part of.
     pub fn begin(
         folder: &mut OutputFolder,
         (stem, format): (&str, Format),
-        (bodies, translates): (Range<usize>, bool),
-        cells: Option<usize>,
+        bodies: Range<usize>,
+        layout: &Layout,
         times: Times<'_>,
     ) -> Result<Self> {
-        let file = folder.begin(&format!("{stem}.{}", format.name()))?;
+        let name = format!("{stem}.{}", format.name());
         Ok(match format {
-            Format::Csv => TableFile::Csv(CsvFile::begin(file, translates, cells)?),
-            Format::Npz => TableFile::Npz(NpzFile::begin(file, bodies, times, translates, cells)?),
+            Format::Csv => TableFile::Csv(CsvFile::begin(folder.begin(&name)?, layout)?),
+            Format::Npz => TableFile::Npz(NpzFile::begin(folder.begin(&name)?, bodies, times, layout)?),
+            #[cfg(feature = "parquet")]
+            Format::Parquet => TableFile::Parquet(Box::new(ParquetStates::begin(folder, stem, layout)?)),
         })
     }
 
-    /// Appends the states of the bodies from `first_body` on.
-    pub fn append(
-        &mut self,
-        time: f64,
-        first_body: usize,
-        states: &[OutputState],
-        spent: &mut WriteTime,
-    ) -> Result<()> {
+    /// Appends the rows of the bodies from `first_body` on.
+    pub fn append(&mut self, time: f64, first_body: usize, rows: &StateRows, spent: &mut WriteTime) -> Result<()> {
         match self {
             TableFile::Csv(file) => {
-                let rows = timed(&mut spent.format, || file.format(time, first_body, states));
+                let rows = timed(&mut spent.format, || file.format(time, first_body, rows));
                 timed(&mut spent.disk, || file.write(&rows))
             }
-            TableFile::Npz(file) => {
-                let columns = timed(&mut spent.format, || file.format(states));
-                timed(&mut spent.disk, || file.write(&columns))
-            }
+            TableFile::Npz(file) => timed(&mut spent.disk, || file.write(rows)),
+            #[cfg(feature = "parquet")]
+            TableFile::Parquet(file) => timed(&mut spent.disk, || file.write(time, first_body, rows.clone())),
         }
     }
 
@@ -84,13 +83,17 @@ impl TableFile {
         match self {
             TableFile::Csv(file) => file.finish(),
             TableFile::Npz(file) => file.finish(),
+            #[cfg(feature = "parquet")]
+            TableFile::Parquet(file) => file.finish(),
         }
     }
 }
 
 /// Writes the states and statistics that a study asks for as they come.
-#[derive(Debug)]
-struct FileSink {
+struct FileSink<'p> {
+    layout: Layout,
+    /// Forms the derived quantities of the tables.
+    evaluator: Option<Evaluator<'p>>,
     statistics: Option<StatisticsFile>,
     /// Those of the end.
     at_end: Option<Statistics>,
@@ -106,21 +109,20 @@ struct FileSink {
     spent: WriteTime,
 }
 
-impl FileSink {
-    /// `cells`: of the study's design, where it has one.
+impl<'p> FileSink<'p> {
     fn begin(
         folder: &mut OutputFolder,
-        output: Output,
-        cells: Option<usize>,
-        plan: &Plan<'_>,
+        output: &Output,
+        layout: Layout,
+        plan: &'p Plan<'_>,
         is_part: bool,
     ) -> Result<Self> {
         let (times, ensemble) = (plan.times(), plan.scene().ensemble());
         let first_body = plan.scene().part().first_body;
         let bodies = first_body..first_body + ensemble.len();
         let mut table = |wanted: bool, stem: &str, times: Times<'_>| {
-            let columns = (bodies.clone(), ensemble.translation().is_some());
-            wanted.then(|| TableFile::begin(folder, (stem, output.format), columns, cells, times)).transpose()
+            let of = (stem, output.format);
+            wanted.then(|| TableFile::begin(folder, of, bodies.clone(), &layout, times)).transpose()
         };
         let (final_state, snapshots) = (
             table(output.final_state, "final", Times::One(plan.scene().end()))?,
@@ -131,7 +133,11 @@ impl FileSink {
             .then(|| StatisticsFile::begin(folder, output.format, wanted, quantiles, times.len()))
             .transpose()?;
         let blocks = (is_part && !wanted.is_empty()).then(|| folder.begin(BLOCKS)).transpose()?;
+        let quantities = &layout.quantities;
+        let evaluator = (!quantities.is_empty()).then(|| Evaluator::new(plan.scene(), quantities)).transpose()?;
         Ok(Self {
+            layout,
+            evaluator,
             statistics,
             blocks,
             first_body,
@@ -156,16 +162,22 @@ impl FileSink {
     }
 }
 
-impl Sink for FileSink {
+impl Sink for FileSink<'_> {
     fn wants(&mut self, index: usize, _: usize, _: f64) -> bool {
         self.snapshots.is_some() || (index == self.last && self.final_state.is_some())
     }
 
     fn bodies(&mut self, index: usize, time: f64, first_body: usize, states: &[OutputState]) -> Result<()> {
         let at_end = index == self.last;
+        let rows = timed(&mut self.spent.format, || {
+            let values = self.evaluator.as_ref().map(|evaluator| evaluator.values(first_body, time, states));
+            let of = |place: usize| values.iter().flat_map(move |values| values.of(place)).flat_map(|(_, part)| part);
+            let derived = (0..self.layout.quantities.len()).map(|place| of(place).copied().collect()).collect();
+            StateRows::of(&self.layout, states, derived)
+        });
         let tables = self.snapshots.iter_mut().chain(self.final_state.iter_mut().filter(|_| at_end));
         for table in tables {
-            table.append(time, self.first_body + first_body, states, &mut self.spent)?;
+            table.append(time, self.first_body + first_body, &rows, &mut self.spent)?;
         }
         Ok(())
     }
@@ -212,17 +224,20 @@ pub struct OutputSize {
 
 impl OutputSize {
     /// What `output` asks of a run of `plan`.
-    pub fn of(plan: &Plan<'_>, output: Output) -> Self {
+    pub fn of(plan: &Plan<'_>, output: &Output) -> Self {
         let ensemble = plan.scene().ensemble();
         let times = output.snapshots as u64 * plan.times().len() as u64 + output.final_state as u64;
         let rows = times.saturating_mul(ensemble.len() as u64);
-        let numbers = column::names(ensemble.translation().is_some()).count() as u64;
+        let numbers = Layout::of_output(output, ensemble.translation().is_some(), None).columns.len() as u64;
         let (least, likely) = match output.format {
             Format::Csv => {
                 let status = csv_file::STATUS_BYTES;
                 (csv_file::LEAST_BYTES * numbers + status, csv_file::LIKELY_BYTES * numbers + status)
             }
             Format::Npz => (8 * numbers + 1, 8 * numbers + 1),
+            // Indices, times and codes take less than a byte in all.
+            #[cfg(feature = "parquet")]
+            Format::Parquet => (8 * numbers, 8 * numbers + 1),
         };
         let initial = if output.initial { ensemble.len() as u64 } else { 0 };
         let in_all = |bytes: u64, of_number: u64| {
@@ -231,6 +246,8 @@ impl OutputSize {
         let (least_number, likely_number) = match output.format {
             Format::Csv => (csv_file::LEAST_BYTES, csv_file::LIKELY_BYTES),
             Format::Npz => (8, 8),
+            #[cfg(feature = "parquet")]
+            Format::Parquet => (8, 8),
         };
         Self {
             rows: rows + initial,
@@ -262,7 +279,7 @@ pub fn run_to_folder(
     engine: &dyn Backend,
     plan: &Plan<'_>,
     study: Option<&Study>,
-    output: Output,
+    output: &Output,
     folder: OutputFolder,
     since: Instant,
     observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
@@ -294,11 +311,23 @@ pub fn run_shard_to_folder(
     run_files(engine, plan, Some(study), study.output(), (folder, Some((shard, document))), since, observer)
 }
 
+/// What files that have metadata say of a run: what it follows, and nothing that differs from one time to the next.
+fn metadata(study: Option<&Study>, plan: &str) -> Metadata {
+    let mut metadata = vec![("polhode.version".to_owned(), env!("CARGO_PKG_VERSION").to_owned())];
+    if let Some(study) = study {
+        metadata.extend(study.title().map(|title| ("polhode.title".to_owned(), title.to_owned())));
+        metadata.push(("polhode.study".to_owned(), study.text().to_owned()));
+        metadata.push(("polhode.seed".to_owned(), study.seed().to_string()));
+    }
+    metadata.push(("polhode.plan".to_owned(), plan.to_owned()));
+    metadata
+}
+
 fn run_files(
     engine: &dyn Backend,
     plan: &Plan<'_>,
     study: Option<&Study>,
-    output: Output,
+    output: &Output,
     (mut folder, shard): (OutputFolder, Option<(Shard, &PlanDocument)>),
     since: Instant,
     observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
@@ -306,7 +335,12 @@ fn run_files(
     let study_seconds = since.elapsed().as_secs_f64();
     let design = study.and_then(Study::design);
     let cells = design.map(|design| design.cells());
-    let mut sink = FileSink::begin(&mut folder, output, cells, plan, shard.is_some())?;
+    let plan_text = shard.map_or_else(|| plan.to_json(), |(_, document)| document.text().to_owned());
+    let metadata = metadata(study, &plan_text);
+    folder.set_metadata(metadata.clone());
+    let layout = Layout::of_output(output, plan.scene().ensemble().translation().is_some(), cells);
+    let columns = layout.columns.clone();
+    let mut sink = FileSink::begin(&mut folder, output, layout, plan, shard.is_some())?;
     let mut initial_seconds = 0.0;
     timed(&mut initial_seconds, || {
         if let Some(design) = design {
@@ -331,24 +365,22 @@ fn run_files(
     if !sink.histograms.is_empty() {
         write_histograms(&mut folder, output.format, scene.wanted_histograms(), &sink.histograms)?;
     }
-    match shard {
-        None => folder.write(PLAN, plan.to_json().as_bytes())?,
-        Some((shard, document)) => {
-            folder.write(PLAN, document.text().as_bytes())?;
-            let contents = PartFile::new(PartContents {
-                shard,
-                bodies: part.first_body..part.first_body + scene.ensemble().len(),
-                body_count: part.of,
-                translates: scene.ensemble().translation().is_some(),
-                times: plan.times(),
-                output,
-                statistics: &scene.plain_statistics(),
-                allowed_failures: study.map_or(0, Study::allowed_failures),
-                failures: &trust.failures,
-                files: folder.entries()?,
-            });
-            folder.write(PART, contents.to_json().as_bytes())?;
-        }
+    folder.write(PLAN, plan_text.as_bytes())?;
+    if let Some((shard, _)) = shard {
+        let contents = PartFile::new(PartContents {
+            shard,
+            bodies: part.first_body..part.first_body + scene.ensemble().len(),
+            body_count: part.of,
+            columns: &columns,
+            metadata,
+            times: plan.times(),
+            output,
+            statistics: &scene.plain_statistics(),
+            allowed_failures: study.map_or(0, Study::allowed_failures),
+            failures: &trust.failures,
+            files: folder.entries()?,
+        });
+        folder.write(PART, contents.to_json().as_bytes())?;
     }
 
     let study = study.map(StudyReport::of);

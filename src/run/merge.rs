@@ -19,7 +19,7 @@ use crate::record::npz_file::Times;
 use crate::record::report::{FailureReport, StatisticsReport};
 use crate::record::shard::{BLOCKS, BlocksLine, PartFile, Shard, ShardState, ranges, status};
 use crate::record::statistics_file::StatisticsFile;
-use crate::record::{FailedBody, OutputState, StateTable, Statistics};
+use crate::record::{FailedBody, StateTable, Statistics};
 use crate::run::files::{TableFile, WriteTime};
 use crate::scene::Quantity;
 use crate::study::text::read_text;
@@ -48,6 +48,8 @@ pub struct MergedReport {
     pub statistics: Option<StatisticsReport>,
     /// Errors at the end.
     pub accuracy: MergedAccuracy,
+    /// Whether the samples of all parts agree with the errors asked for of statistics; `null` where none are, or not of all parts that is known.
+    pub statistical_met: Option<bool>,
     /// Bodies that have failed, ascending.
     pub failed_bodies: Vec<usize>,
     /// How many of them for which reason.
@@ -105,23 +107,27 @@ pub fn merge(
 ) -> Result<MergedReport> {
     let (pieces, plan) = pieces(all)?;
     let first = &pieces[0].part;
-    let (output, statistics, times) = (first.output(), first.statistics(), &first.times);
+    let ((has_final, has_snapshots), statistics, times) = (first.tables(), first.statistics(), &first.times);
+    let format = first.output_format().ok_or_else(|| Error::Table {
+        path: all.to_owned(),
+        reason: "its tables are in a format that this build does not write".to_owned(),
+    })?;
+    folder.set_metadata(first.metadata.clone());
     let (last, end) = (times.len() - 1, times[times.len() - 1]);
-    let columns = (0..first.body_count, first.translates);
-    let rows = (output.snapshots as usize * times.len() + output.final_state as usize) * first.body_count;
+    let (bodies, layout) = (0..first.body_count, first.layout());
+    let rows = (has_snapshots as usize * times.len() + has_final as usize) * first.body_count;
     let mut rows = Rows { done: 0, total: rows as u64, observer };
-    if output.final_state {
-        let mut table =
-            TableFile::begin(&mut folder, ("final", output.format), columns.clone(), None, Times::One(end))?;
+    if has_final {
+        let mut table = TableFile::begin(&mut folder, ("final", format), bodies.clone(), &layout, Times::One(end))?;
         for piece in &pieces {
-            let mut source = StateTable::open(&piece.folder.join(format!("final.{}", output.format.name())))?;
+            let mut source = StateTable::open(&piece.folder.join(format!("final.{}", format.name())))?;
             rows.copy(&mut source, &piece.part, 0, &mut table)?;
         }
         table.finish()?;
     }
-    if output.snapshots {
-        let mut table = TableFile::begin(&mut folder, ("snapshots", output.format), columns, None, Times::Many(times))?;
-        let open = |piece: &Piece| StateTable::open(&piece.folder.join(format!("snapshots.{}", output.format.name())));
+    if has_snapshots {
+        let mut table = TableFile::begin(&mut folder, ("snapshots", format), bodies, &layout, Times::Many(times))?;
+        let open = |piece: &Piece| StateTable::open(&piece.folder.join(format!("snapshots.{}", format.name())));
         let mut sources = pieces.iter().map(open).collect::<Result<Vec<_>>>()?;
         for time in 0..times.len() {
             for (piece, source) in pieces.iter().zip(&mut sources) {
@@ -133,7 +139,7 @@ pub fn merge(
     let mut at_end = None;
     if !statistics.is_empty() {
         let quantities: Vec<Quantity> = statistics.iter().map(Quantity::from).collect();
-        let mut file = StatisticsFile::begin(&mut folder, output.format, &quantities, &[], times.len())?;
+        let mut file = StatisticsFile::begin(&mut folder, format, &quantities, &[], times.len())?;
         let mut lines = pieces.iter().map(|piece| Lines::open(&piece.folder)).collect::<Result<Vec<_>>>()?;
         for (index, &time) in times.iter().enumerate() {
             let found = merged_at(time, &statistics, &mut lines)?;
@@ -145,7 +151,7 @@ pub fn merge(
     let failures: Vec<FailedBody> =
         pieces.iter().flat_map(|piece| &piece.part.failures).map(FailedBody::from).collect();
     if !failures.is_empty() {
-        failed_file::write(&mut folder, output.format, &failures)?;
+        failed_file::write(&mut folder, format, &failures)?;
     }
     folder.write(PLAN, plan.as_bytes())?;
     let statistics = at_end.as_ref().map(StatisticsReport::from);
@@ -221,20 +227,20 @@ impl Rows<'_> {
     /// The rows of a part at an output time.
     fn copy(&mut self, source: &mut StateTable, part: &PartFile, output: usize, table: &mut TableFile) -> Result<()> {
         let path = source.path().to_owned();
+        let table_columns = part.layout().columns.len();
         let first = output * part.bodies;
         for start in (0..part.bodies).step_by(ROWS) {
             let count = ROWS.min(part.bodies - start);
-            let rows = source.read((first + start) as u64, count)?;
+            let found = source.read_rows((first + start) as u64, count)?;
             let body = part.first_body + start;
-            let is_expected = |(place, row): (usize, &crate::record::StateRow)| row.body == body + place;
-            if rows.len() != count || !rows.iter().enumerate().all(is_expected) {
+            let is_expected = found.bodies.iter().copied().eq(body..body + count);
+            if !is_expected || found.rows.numbers.len() != table_columns {
                 return Err(Error::Table {
                     path,
                     reason: format!("expected rows of bodies {body} to {}", body + count - 1),
                 });
             }
-            let states: Vec<OutputState> = rows.iter().map(|row| row.state).collect();
-            table.append(rows[0].time, body, &states, &mut WriteTime::default())?;
+            table.append(found.times[0], body, &found.rows, &mut WriteTime::default())?;
             self.done += count as u64;
             if (self.observer)(Progress { done: self.done, total: self.total }).is_break() {
                 return Err(Error::Interrupted { steps: 0 });
@@ -305,12 +311,20 @@ fn report(
         seconds: reports().filter_map(|report| report["wall_time"]["total"].as_f64()).sum(),
         statistics,
         accuracy: accuracy(reports().map(|report| &report["accuracy"]), failures, first.part.body_count),
+        statistical_met: all_met(reports().map(|report| report["statistical_accuracy"]["met"].as_bool())),
         failed_bodies: failures.iter().map(|failed| failed.body).collect(),
         failures: FailureReport::of(failures),
         allowed_failures: first.part.allowed_failures,
         files,
         parts: reports().cloned().collect(),
     }
+}
+
+/// Whether all parts met something; one that did not decides.
+fn all_met(mut parts: impl Iterator<Item = Option<bool>>) -> Option<bool> {
+    parts
+        .try_fold(true, |all, met| if met == Some(false) { None } else { Some(all && met == Some(true)) })
+        .map_or(Some(false), |all| all.then_some(true))
 }
 
 /// What the samples of all parts say together.

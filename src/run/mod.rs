@@ -55,7 +55,7 @@ pub use replay::{How, Replay, StateError, alone, replay};
 use balance::{push_rest, total_energy_change};
 use failures::Failures;
 use group_run::{GroupRun, blocks_of};
-use observed::{Observation, compare_events};
+use observed::{Comparison, Observation, compare_events, recomputed_observation};
 use output_statistics::FromStates;
 use recomputed_centres::recomputed_centres;
 use recomputed_sample::{SAMPLE_SEED, recomputed, sample_size};
@@ -137,6 +137,7 @@ fn run_counted(
     let statistics = &scene.plain_statistics()[..];
     let reduces = !statistics.is_empty() && scene.may_skip();
     let mut observation = Observation::new(plan)?;
+    let mut comparison = Comparison::new(plan)?;
     let once = plan.looks_once();
     let group_runs = plan.groups().iter().map(|group| GroupRun::start(engine, scene, group, once, &mut wall_time));
     let mut group_runs = group_runs.collect::<Result<Vec<_>>>()?;
@@ -171,7 +172,11 @@ fn run_counted(
         let last = index + 1 == count;
         // Without skipping what nobody asked for is read too.
         let asked = sink.wants(index, count, time);
-        let wanted = asked || observation.is_some() || !scene.may_skip() || (last && !plan.leaves_states());
+        let wanted = asked
+            || observation.is_some()
+            || comparison.is_some() && !reduces
+            || !scene.may_skip()
+            || (last && !plan.leaves_states());
         let clock = Instant::now();
         let span = plan.span_before(index);
         advance(&mut group_runs, (time, span), wanted || last || reduces, (&mut done, total), observer)?;
@@ -179,6 +184,11 @@ fn run_counted(
         wall_time.compute += clock.elapsed().as_secs_f64();
         if plan.is_closed_form() && observer(Progress { done, total }).is_break() {
             return Err(Error::Interrupted { steps: 0 });
+        }
+        if let Some(comparison) = &mut comparison {
+            let clock = Instant::now();
+            comparison.take(index, time, &mut group_runs)?;
+            wall_time.read += clock.elapsed().as_secs_f64();
         }
         if reduces {
             let clock = Instant::now();
@@ -285,13 +295,25 @@ fn run_counted(
         recomputed(plan, &sample, &mut |_| observer(Progress { done, total }))
     })?;
     let recomputed_centres = recomputed_centres(plan, &sample, &mut |_| observer(Progress { done, total }))?;
-    if let Some(observation) = observation {
-        let mut events = observation.finish();
-        compare_events(plan, &sample, &mut events, &mut |_| observer(Progress { done, total }))?;
+    let has_failed = |body: usize| failures.binary_search_by_key(&body, |failed| failed.body).is_ok();
+    let mut events = observation.map(Observation::finish);
+    let mut statistics = None;
+    if comparison.is_some() || events.as_ref().is_some_and(|events| !events.is_empty()) {
+        let compared = comparison.as_ref().map_or(&sample[..], Comparison::bodies);
+        let outputs = comparison.as_ref().map_or(&[][..], Comparison::outputs);
+        let report = &mut |_| observer(Progress { done, total });
+        let reference = recomputed_observation(plan, compared, outputs, report)?;
+        let events = events.as_deref_mut().unwrap_or_default();
+        if let Some(reference) = &reference {
+            compare_events(events, compared, &reference.events);
+        }
+        let failed = failures.len();
+        statistics = comparison.map(|comparison| comparison.finish(events, reference.as_ref(), has_failed, failed));
+    }
+    if let Some(events) = events {
         sink.events(events)?;
     }
     let mut errors = Errors::default();
-    let has_failed = |body: usize| failures.binary_search_by_key(&body, |failed| failed.body).is_ok();
     let (mut lost, mut diverged) = (0, 0);
     for ((state, centre), reference) in sampled.iter().zip(sampled_centres).zip(&recomputed) {
         if !state.is_sound() || has_failed(reference.body) {
@@ -310,7 +332,7 @@ fn run_counted(
     let draws = scene.torques().iter().any(Torque::is_random);
     let target = match scene.stepping() {
         Stepping::Accuracy(accuracy) => Some(accuracy),
-        Stepping::Pinned { .. } | Stepping::Adaptive { .. } => None,
+        Stepping::Statistics(_) | Stepping::Pinned { .. } | Stepping::Adaptive { .. } => None,
     };
     let failed = failures.len() as f64 / body_count.max(1) as f64;
     let recomputed_sample = errors.into_recomputed_sample(target.as_ref(), draws, (lost, diverged), failed);
@@ -327,6 +349,7 @@ fn run_counted(
         drift,
         balance: end.balance.finish(),
         recomputed_sample,
+        statistics,
         failed_bodies: failures.iter().map(|failed| failed.body).collect(),
         failures,
         outside_usable_region: end.outside_usable_region,
@@ -598,6 +621,8 @@ impl Kept {
 fn usable_rate(scene: &Scene) -> f64 {
     match scene.stepping() {
         Stepping::Pinned { method, dt, .. } if scene.end() > 0.0 => method.properties().usable_angle / dt,
-        Stepping::Pinned { .. } | Stepping::Accuracy(_) | Stepping::Adaptive { .. } => f64::INFINITY,
+        Stepping::Pinned { .. } | Stepping::Accuracy(_) | Stepping::Statistics(_) | Stepping::Adaptive { .. } => {
+            f64::INFINITY
+        }
     }
 }

@@ -172,7 +172,7 @@ fn closed_form(scene: &Scene, members: &[u32]) -> Vec<Reference> {
         Stepping::Accuracy(accuracy) => {
             accuracy.attitude.into_iter().chain(accuracy.angular_velocity).fold(f64::INFINITY, f64::min)
         }
-        Stepping::Pinned { .. } | Stepping::Adaptive { .. } => 1.0,
+        Stepping::Statistics(_) | Stepping::Pinned { .. } | Stepping::Adaptive { .. } => 1.0,
     };
     let reference = |&body: &u32| {
         let body = body as usize;

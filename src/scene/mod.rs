@@ -18,12 +18,16 @@ mod event;
 mod histogram;
 mod observed;
 mod quantity;
+mod quantity_evaluator;
+mod statistical_accuracy;
 
 pub use adaptive_steps::AdaptiveSteps;
 pub use event::{Condition, Event};
 pub use histogram::{Histogram, MOST_BINS};
 pub(crate) use observed::Observed;
 pub use quantity::{FormulaQuantity, Quantity};
+pub(crate) use quantity_evaluator::QuantityEvaluator;
+pub use statistical_accuracy::{StatisticalAccuracy, StatisticalTarget};
 
 /// An ensemble with what happens to it and what is asked of it.
 ///
@@ -46,7 +50,9 @@ pub struct Scene {
     part: Part,
     end: f64,
     outputs: Outputs,
-    stepping: Stepping,
+    /// As it was said; else it follows from what is asked for ([`Scene::stepping`]).
+    stepping: Option<Stepping>,
+    statistical: Option<StatisticalAccuracy>,
     precision: Option<Precision>,
     forces: Vec<Force>,
     skipping: bool,
@@ -192,6 +198,8 @@ impl Target {
 pub enum Stepping {
     /// From an error asked for; method, step and precision follow.
     Accuracy(Accuracy),
+    /// From errors asked for of statistics and event times alone.
+    Statistics(StatisticalAccuracy),
     /// By the user.
     Pinned {
         /// The integrator.
@@ -214,10 +222,17 @@ pub enum Stepping {
     },
 }
 
+impl Stepping {
+    /// How steps are chosen where nothing is said and states are kept.
+    pub(crate) const DEFAULT: Self =
+        Self::Accuracy(Accuracy { attitude: Some(1e-6), angular_velocity: None, energy: None, percentile: 99.0 });
+}
+
 impl fmt::Display for Stepping {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Stepping::Accuracy(accuracy) => accuracy.fmt(formatter),
+            Stepping::Statistics(accuracy) => accuracy.fmt(formatter),
             Stepping::Pinned { method, dt, projected, .. } => {
                 let projected = if *projected { ", projected" } else { "" };
                 write!(formatter, "{method}, dt = {dt:?} s{projected}")
@@ -241,7 +256,8 @@ impl Scene {
             ensemble,
             end: 0.0,
             outputs: Outputs::End,
-            stepping: Stepping::Accuracy(Accuracy::attitude(1e-6)),
+            stepping: None,
+            statistical: None,
             precision: None,
             forces: Vec::new(),
             skipping: true,
@@ -313,7 +329,8 @@ impl Scene {
     }
 
     /// Records no states of bodies: where statistics are asked for, they alone leave the device
-    /// ([`crate::plan::SkipName::States`]), and the drift in the report is that of a sample of the bodies.
+    /// ([`crate::plan::SkipName::States`]), and the drift in the report is that of a sample of the bodies. Where nothing is said of how steps
+    /// are chosen, the errors of statistics and events are then what they follow from ([`Scene::statistical_accuracy`]).
     #[must_use]
     pub fn without_states(mut self) -> Self {
         self.states = false;
@@ -323,14 +340,14 @@ impl Scene {
     /// Asks for an error, from which method, step and precision follow.
     #[must_use]
     pub fn accuracy(mut self, accuracy: Accuracy) -> Self {
-        self.stepping = Stepping::Accuracy(accuracy);
+        self.stepping = Some(Stepping::Accuracy(accuracy));
         self
     }
 
     /// Pins method, step (s) and precision.
     #[must_use]
     pub fn pinned(mut self, method: Method, dt: f64, precision: Option<Precision>) -> Self {
-        self.stepping = Stepping::Pinned { method, dt, precision, projected: false };
+        self.stepping = Some(Stepping::Pinned { method, dt, precision, projected: false });
         self
     }
 
@@ -339,7 +356,7 @@ impl Scene {
     /// torques; a plan refuses others.
     #[must_use]
     pub fn projected(mut self, method: Method, dt: f64) -> Self {
-        self.stepping = Stepping::Pinned { method, dt, precision: Some(Precision::F64), projected: true };
+        self.stepping = Some(Stepping::Pinned { method, dt, precision: Some(Precision::F64), projected: true });
         self
     }
 
@@ -361,7 +378,7 @@ impl Scene {
     /// ```
     #[must_use]
     pub fn adaptive(mut self, steps: AdaptiveSteps, precision: Option<Precision>) -> Self {
-        self.stepping = Stepping::Adaptive { method: Method::Rk8, steps, precision };
+        self.stepping = Some(Stepping::Adaptive { method: Method::Rk8, steps, precision });
         self
     }
 
@@ -383,7 +400,7 @@ impl Scene {
     /// ```
     #[must_use]
     pub fn taylor(mut self, steps: AdaptiveSteps) -> Self {
-        self.stepping = Stepping::Adaptive { method: Method::Taylor, steps, precision: Some(Precision::F64) };
+        self.stepping = Some(Stepping::Adaptive { method: Method::Taylor, steps, precision: Some(Precision::F64) });
         self
     }
 
@@ -480,16 +497,13 @@ impl Scene {
         self.states
     }
 
-    /// How steps are chosen.
-    pub fn stepping(&self) -> Stepping {
-        self.stepping
-    }
-
     /// The arithmetic that was asked for, by [`Scene::precision`] or else by [`Scene::pinned`].
     pub fn wanted_precision(&self) -> Option<Precision> {
         match self.stepping {
-            Stepping::Pinned { precision, .. } | Stepping::Adaptive { precision, .. } => self.precision.or(precision),
-            Stepping::Accuracy(_) => self.precision,
+            Some(Stepping::Pinned { precision, .. } | Stepping::Adaptive { precision, .. }) => {
+                self.precision.or(precision)
+            }
+            Some(Stepping::Accuracy(_) | Stepping::Statistics(_)) | None => self.precision,
         }
     }
 

@@ -110,6 +110,7 @@ impl Scene {
     #[must_use]
     pub fn unobserved(mut self) -> Self {
         self.observed = Observed::default();
+        self.statistical = None;
         self
     }
 

@@ -3,25 +3,42 @@
 use std::sync::LazyLock;
 
 use super::DEFAULT_ATTITUDE;
-use super::reader::Node;
+use super::reader::{Node, Table};
 use crate::error::Result;
 use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::scene::AdaptiveSteps;
-use crate::scene::{Accuracy, Scene};
+use crate::scene::{Accuracy, Scene, StatisticalAccuracy};
 
 /// How a study says that steps are chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum StudyStepping {
-    Accuracy { accuracy: Accuracy, precision: Option<Precision> },
-    Pinned { method: Method, dt: f64, precision: Option<Precision>, projected: bool },
-    Adaptive { method: Method, steps: AdaptiveSteps, precision: Option<Precision> },
+    /// As what is asked for needs it.
+    Default {
+        precision: Option<Precision>,
+    },
+    Accuracy {
+        accuracy: Accuracy,
+        precision: Option<Precision>,
+    },
+    Pinned {
+        method: Method,
+        dt: f64,
+        precision: Option<Precision>,
+        projected: bool,
+    },
+    Adaptive {
+        method: Method,
+        steps: AdaptiveSteps,
+        precision: Option<Precision>,
+    },
 }
 
 impl StudyStepping {
     /// The scene with its steps chosen.
     pub fn applied_to(self, scene: Scene) -> Scene {
         match self {
+            StudyStepping::Default { precision } => scene.precision(precision),
             StudyStepping::Accuracy { accuracy, precision } => scene.accuracy(accuracy).precision(precision),
             StudyStepping::Pinned { method, dt, precision, projected: true } => {
                 scene.projected(method, dt).precision(precision)
@@ -42,20 +59,38 @@ static METHODS: LazyLock<Vec<&'static str>> = LazyLock::new(|| {
     all.map(Method::name).collect()
 });
 
-pub(super) fn accuracy(node: &Node<'_>) -> Result<StudyStepping> {
-    const KEYS: [&str; 10] = [
-        "attitude",
-        "angular_velocity",
-        "energy",
-        "percentile",
-        "method",
-        "dt",
-        "projection",
-        "tolerance",
-        "least_step",
-        "precision",
-    ];
+/// How steps are chosen, and the errors of statistics that are asked for, where any are.
+pub(super) fn accuracy(node: &Node<'_>) -> Result<(StudyStepping, Option<StatisticalAccuracy>)> {
     let table = node.table("expected a table [accuracy]", &KEYS)?;
+    const PART: &str = "expected an error above 0: a part of the quantity's spread";
+    const PART_OF_SPAN: &str = "expected an error above 0: a part of the span";
+    let part = |key: &str, expected| table.find(key).map(|node| node.positive_quantity("1", expected)).transpose();
+    let statistical = StatisticalAccuracy {
+        mean: part("mean", PART)?,
+        quantile: part("quantile", PART)?,
+        event_time: part("event_time", PART_OF_SPAN)?,
+    };
+    let is_asked = statistical != StatisticalAccuracy::default();
+    Ok((stepping(&table)?, is_asked.then_some(statistical)))
+}
+
+const KEYS: [&str; 13] = [
+    "attitude",
+    "angular_velocity",
+    "energy",
+    "percentile",
+    "method",
+    "dt",
+    "projection",
+    "tolerance",
+    "least_step",
+    "precision",
+    "mean",
+    "quantile",
+    "event_time",
+];
+
+fn stepping(table: &Table<'_>) -> Result<StudyStepping> {
     for target in &KEYS[..4] {
         table.exclusive(target, "method")?;
         table.exclusive(target, "dt")?;
@@ -86,6 +121,9 @@ pub(super) fn accuracy(node: &Node<'_>) -> Result<StudyStepping> {
     }
     let projection = table.find("projection");
     if table.find("method").is_none() && table.find("dt").is_none() && projection.is_none() {
+        if KEYS[..4].iter().all(|key| table.find(key).is_none()) {
+            return Ok(StudyStepping::Default { precision });
+        }
         let positive =
             |key: &str, expected| table.find(key).map(|node| node.positive_quantity("1", expected)).transpose();
         const RELATIVE: &str = "expected a relative error above 0";

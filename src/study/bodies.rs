@@ -155,7 +155,7 @@ impl Bodies {
     }
 
     /// Whether the bodies move through space, with or without a force.
-    fn translates(&self) -> bool {
+    pub(super) fn translates(&self) -> bool {
         let in_table = self.table.as_ref().is_some_and(|table| table.has_position() || table.has_velocity());
         in_table || self.position.is_some() || self.velocity.is_some()
     }

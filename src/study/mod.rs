@@ -23,6 +23,7 @@
 //! attitude = 1e-6                     # rad; or: method = "rk4", dt = 0.01, precision = "f32"
 //! energy = 1e-9                       # relative, beside the attitude; so is angular_velocity
 //! percentile = 99                     # of the bodies, the default
+//!                                     # or: mean = 1e-3, quantile = 1e-3, event_time = 1e-3, of what is asked of all bodies together
 //!                                     # or: method = "rk8" or "taylor", tolerance = 1e-9 and, where wanted, least_step = 1e-6
 //!                                     # or: method = "rk8", dt = 0.01, projection = true, for free bodies near the separatrix
 //!
@@ -31,7 +32,7 @@
 //! final = true                        # final.csv: all bodies at the end (the default)
 //! snapshots = true                    # snapshots.csv: all bodies at all output times
 //! statistics = ["kinetic_energy", "spin_rate"]   # statistics.csv: over all bodies at all output times
-//! format = "csv"                      # or "npz"
+//! format = "csv"                      # or "npz", "parquet"
 //! ```
 //!
 //! * `inertia`, one of
@@ -94,6 +95,10 @@
 //!   `events.csv` has a row a body and event that it had: `event`, `body`, `t`, `known_to` ([`EventTime`](crate::record::EventTime)), and the state then; `survival.csv` for each
 //!   event and output time `remaining` bodies, the `share` that has not had it, and its 95 % confidence interval `low`, `high`
 //!   ([`EventRecord::survival`](crate::record::EventRecord::survival)).
+//! * `accuracy.mean`, `accuracy.quantile`: what the integration may bring into means and quantiles, as a part of the quantity's standard deviation
+//!   over the bodies; `accuracy.event_time`: into the mean time of an event, as a part of the span ([`StatisticalAccuracy`]). Alone they
+//!   decide how steps are chosen; beside `attitude` or a method the report says whether they are met. A study that writes no states and
+//!   says nothing else asks for 1e-3 of each that it has.
 //! * `[[quantity]]`: a quantity of the study's own, with a `name`: a `formula` with its `unit`, a number of `attitude`, `angular_velocity`,
 //!   `angular_momentum`, `inertia` and `time` (the language is that of `docs/custom-torques.md`); an `axis` of the body and a `direction` of the
 //!   world, the angle between which it is; or `euler = "zxz"`, `angle = 2` and, where the turns are about the world's axes,
@@ -123,9 +128,9 @@ use crate::error::InputError;
 use crate::error::InputFault;
 use crate::error::{Error, Result, Text};
 use crate::math::Precision;
-use crate::scene::{Accuracy, Outputs, Part, Scene, Target};
 #[cfg(doc)]
 use crate::scene::{Condition, Event, Quantity};
+use crate::scene::{Outputs, Part, Scene, StatisticalAccuracy, Target};
 
 mod accuracy;
 mod bodies;
@@ -138,7 +143,10 @@ mod inertia;
 mod mass_file;
 mod models;
 mod observed;
+mod output;
 mod parameter;
+#[cfg(feature = "parquet")]
+pub(crate) mod parquet_reader;
 mod parts;
 mod points;
 pub mod problem;
@@ -157,6 +165,7 @@ pub use distribution::{AngularVelocity, Orientation, Scalar, Vector};
 pub use inertia::Inertia;
 pub use mass_file::{CLASS_TOLERANCE, MassFileOptions, MassReport, TensorAbout};
 pub use models::{describe_models, models_table};
+pub use output::{Format, Output, OutputColumn};
 pub use points::read_points;
 pub use solid::Solid;
 pub use sweep::Design;
@@ -230,6 +239,7 @@ pub const DEFAULT_ATTITUDE: f64 = 1e-6;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Study {
     file: PathBuf,
+    text: Arc<str>,
     /// The place of every key, for messages about values that turn out to be wrong later.
     places: BTreeMap<String, Place>,
     title: Option<String>,
@@ -243,45 +253,11 @@ pub struct Study {
     end: f64,
     outputs: Outputs,
     stepping: StudyStepping,
+    statistical: Option<StatisticalAccuracy>,
     output: Output,
     starts: bool,
     observed: StudyObserved,
     failures: u64,
-}
-
-/// `[output]`: which files a run writes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Output {
-    /// All bodies at the end.
-    pub final_state: bool,
-    /// All bodies at all output times.
-    pub snapshots: bool,
-    /// What was drawn and read: moments, parameters and state of all bodies at t = 0.
-    pub initial: bool,
-    /// The format of all.
-    pub format: Format,
-}
-
-/// A format of output tables.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
-    /// Comma-separated values, one row a body and output time.
-    Csv,
-    /// An archive of NumPy arrays, one a column.
-    Npz,
-}
-
-impl Format {
-    /// All of them.
-    pub const ALL: [Self; 2] = [Format::Csv, Format::Npz];
-
-    /// The name in study files and the ending of files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Format::Csv => "csv",
-            Format::Npz => "npz",
-        }
-    }
 }
 
 impl Study {
@@ -302,10 +278,10 @@ impl Study {
     ///
     /// As [`Study::read`].
     pub fn parse(file: &Path, text: &str) -> Result<Self> {
-        FileText::new(file, text).parse(|root| Self::from_root(file, &root))
+        FileText::new(file, text).parse(|root| Self::from_root(file, text, &root))
     }
 
-    fn from_root(file: &Path, root: &Table<'_>) -> Result<Self> {
+    fn from_root(file: &Path, text: &str, root: &Table<'_>) -> Result<Self> {
         root.only(&KEYS)?;
         let mut places = BTreeMap::new();
         root.places(&mut places);
@@ -353,19 +329,19 @@ impl Study {
         }
         let (end, outputs, starts) = time(&root.need("time", "expected a table with the end of the simulated span")?)?;
         let stepping = root.find("accuracy").map(|node| accuracy(&node)).transpose()?;
-        let stepping = stepping
-            .unwrap_or(StudyStepping::Accuracy { accuracy: Accuracy::attitude(DEFAULT_ATTITUDE), precision: None });
+        let (stepping, statistical) = stepping.unwrap_or((StudyStepping::Default { precision: None }, None));
         if let Some(design) = &design {
             design.check_use(root)?;
         }
-        let output_table = root.find("output").map(|node| output_table(&node)).transpose()?;
+        let output_table = root.find("output").map(|node| output::table(&node)).transpose()?;
         let observed = StudyObserved::read(root, output_table.as_ref())?;
-        let output = output_table.as_ref().map(output).transpose()?;
+        let translates = bodies.translates() || !forces.is_empty();
+        let output = output_table.as_ref().map(|table| output::read(table, &observed, translates)).transpose()?;
         let failures = root.find("failures").map(|node| failures(&node)).transpose()?.unwrap_or(0);
-        let nothing = Output { final_state: true, snapshots: false, initial: false, format: Format::Csv };
-        let output = output.unwrap_or(nothing);
+        let output = output.unwrap_or_default();
         Ok(Self {
             file: file.to_owned(),
+            text: text.into(),
             places,
             title,
             seed,
@@ -378,6 +354,7 @@ impl Study {
             outputs,
             starts,
             stepping,
+            statistical,
             output,
             observed,
             failures,
@@ -416,9 +393,14 @@ impl Study {
         &self.bodies
     }
 
+    /// The text of the file.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
     /// Which files a run writes.
-    pub fn output(&self) -> Output {
-        self.output
+    pub fn output(&self) -> &Output {
+        &self.output
     }
 
     /// How many bodies may fail in a run that has succeeded.
@@ -449,7 +431,8 @@ impl Study {
     #[must_use]
     pub fn with_precision(mut self, wanted: Precision) -> Self {
         match &mut self.stepping {
-            StudyStepping::Accuracy { precision, .. }
+            StudyStepping::Default { precision }
+            | StudyStepping::Accuracy { precision, .. }
             | StudyStepping::Pinned { precision, .. }
             | StudyStepping::Adaptive { precision, .. } => {
                 *precision = Some(wanted);
@@ -493,6 +476,9 @@ impl Study {
         if !self.observed.is_empty() && !self.output.final_state && !self.output.snapshots {
             scene = scene.without_states();
         }
+        if let Some(statistical) = self.statistical {
+            scene = scene.statistical_accuracy(statistical);
+        }
         Ok(self.stepping.applied_to(scene))
     }
 
@@ -518,6 +504,14 @@ impl Study {
             }
             Error::AccuracyOutOfReach { ref target, missed, .. } => {
                 self.located_target(target.of(missed), missed, error)
+            }
+            Error::StatisticsOutOfReach { field, .. } => {
+                let places = [field, "accuracy"].into_iter().find_map(|key| self.places.get(key));
+                let line = places.map_or(1, |place| place.line);
+                let value = self.places.get(field).map(|place| place.value.clone());
+                let value =
+                    value.unwrap_or_else(|| format!("{:e} (where nothing is said)", StatisticalAccuracy::DEFAULT));
+                self.input(line, field, InputFault::Cause { value, cause: Box::new(error) })
             }
             Error::Projection { expected, .. } => match self.places.get(PROJECTION) {
                 Some(place) => self.input(
@@ -658,26 +652,6 @@ fn time(node: &Node<'_>) -> Result<(f64, Outputs, bool)> {
         list.push(time);
     }
     Ok((end, Outputs::Times(list), starts))
-}
-
-fn output_table<'a>(node: &Node<'a>) -> Result<Table<'a>> {
-    node.table("expected a table [output]", &["final", "snapshots", "initial", "statistics", "quantiles", "format"])
-}
-
-fn output(table: &Table<'_>) -> Result<Output> {
-    let flag = |key: &str, default: bool| {
-        table
-            .find(key)
-            .map(|node| node.boolean("expected true or false"))
-            .transpose()
-            .map(|flag| flag.unwrap_or(default))
-    };
-    let format = match table.find("format").map(|node| node.choice(&["csv", "npz"])).transpose()? {
-        Some("npz") => Format::Npz,
-        _ => Format::Csv,
-    };
-    let (final_state, snapshots, initial) = (flag("final", true)?, flag("snapshots", false)?, flag("initial", false)?);
-    Ok(Output { final_state, snapshots, initial, format })
 }
 
 fn failures(node: &Node<'_>) -> Result<u64> {

@@ -10,6 +10,8 @@ use crate::scene::{Condition, Event, Histogram, Quantity, Scene};
 /// What a study asks for.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct StudyObserved {
+    /// The study's own quantities.
+    own: Vec<Quantity>,
     statistics: Vec<Quantity>,
     quantiles: Vec<f64>,
     histograms: Vec<Histogram>,
@@ -48,7 +50,18 @@ impl StudyObserved {
             }
             found.events.push(event);
         }
+        found.own = own;
         Ok(found)
+    }
+
+    /// The quantity of a name: one of the study's own, or of those that need no parameters.
+    pub fn quantity(&self, name: &str) -> Option<&Quantity> {
+        find(&self.own, name)
+    }
+
+    /// The names of all quantities.
+    pub fn quantity_names(&self) -> impl Iterator<Item = &str> {
+        self.own.iter().chain(Quantity::NAMED).map(Quantity::name)
     }
 
     /// Whether nothing is asked for.

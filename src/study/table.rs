@@ -1,4 +1,4 @@
-//! Tables of bodies in CSV files: a header, then one row a body.
+//! Tables of bodies in CSV files, a header, then one row a body; or in Parquet files, by the ending of their name.
 //!
 //! Columns (SI; body frame, positions and velocities in world axes), in any order:
 //! `mass`, `ixx iyy izz ixy ixz iyz`, `qx qy qz qw`, `wx wy wz`, `x y z`, `vx vy vz`. `ixy` is the tensor's off-diagonal
@@ -13,6 +13,9 @@ use std::path::{Path, PathBuf};
 
 use csv::StringRecord;
 use glam::{DQuat, DVec3};
+
+#[cfg(feature = "parquet")]
+mod parquet;
 
 use super::rows::{Rows, input_error};
 use crate::bodies::inertia::InertiaTensor;
@@ -51,7 +54,7 @@ pub struct BodyTable {
     extra: Vec<(String, Vec<f64>)>,
     /// Columns that are carried through to the table of initial states, as they stand.
     carried: Vec<(String, Vec<Box<str>>)>,
-    /// The line of each row, from 1.
+    /// The line of each row, from 1; of Parquet, the row itself.
     lines: Vec<u64>,
 }
 
@@ -74,6 +77,15 @@ impl BodyTable {
     /// As [`BodyTable::read`].
     pub fn read_with(path: &Path, most: usize, extra: &BTreeSet<String>, carried: &BTreeSet<String>) -> Result<Self> {
         let file = File::open(path).map_err(|error| Error::file(path, FileAction::Read, &error))?;
+        if path.extension().is_some_and(|ending| ending == "parquet") {
+            #[cfg(feature = "parquet")]
+            return parquet::read(path, file, most, extra, carried);
+            #[cfg(not(feature = "parquet"))]
+            {
+                let reason = "this build reads no Parquet: build it with the feature parquet, or expected a CSV file";
+                return Err(input_error(path, 1, "", InputFault::Syntax { reason: reason.to_owned() }));
+            }
+        }
         Self::from_reader_with(path, file, most, extra, carried)
     }
 
@@ -101,19 +113,8 @@ impl BodyTable {
         }
         let places = header_places(path, &header, header_line, extra, carried)?;
 
-        let mut table = Self {
-            file: path.to_owned(),
-            columns: Default::default(),
-            extra: Vec::new(),
-            carried: Vec::new(),
-            lines: Vec::new(),
-        };
+        let mut table = Self::empty(path, &header, &places, extra, carried);
         let texts: Vec<usize> = (0..header.len()).filter(|&place| carried.contains(&header[place])).collect();
-        table.carried.extend(texts.iter().map(|&place| (header[place].to_owned(), Vec::new())));
-        table.extra.extend(extra.iter().map(|name| (name.clone(), Vec::new())));
-        for &column in places.iter().flatten().filter(|&&column| column < NUMBERS.len()) {
-            table.columns[column] = Some(Vec::new());
-        }
         let mut record = StringRecord::new();
         while table.lines.len() < most && rows.read(&mut record)? {
             for (field, column) in record.iter().zip(&places) {
@@ -137,6 +138,28 @@ impl BodyTable {
         }
         rows.finish()?;
         Ok(table)
+    }
+
+    /// A table without rows, with the columns of a header at their places.
+    fn empty(
+        path: &Path,
+        header: &StringRecord,
+        places: &[Option<usize>],
+        extra: &BTreeSet<String>,
+        carried: &BTreeSet<String>,
+    ) -> Self {
+        let mut columns: [Option<Vec<f64>>; NUMBERS.len()] = Default::default();
+        for &column in places.iter().flatten().filter(|&&column| column < NUMBERS.len()) {
+            columns[column] = Some(Vec::new());
+        }
+        let texts = header.iter().filter(|&name| carried.contains(name));
+        Self {
+            file: path.to_owned(),
+            columns,
+            extra: extra.iter().map(|name| (name.clone(), Vec::new())).collect(),
+            carried: texts.map(|name| (name.to_owned(), Vec::new())).collect(),
+            lines: Vec::new(),
+        }
     }
 
     /// Some of the rows.

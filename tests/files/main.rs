@@ -11,6 +11,7 @@ mod layers;
 mod limits;
 mod mutations;
 mod observed;
+mod parquet_files;
 mod plan_document;
 mod plot;
 mod replay;

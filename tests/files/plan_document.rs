@@ -7,6 +7,7 @@ use std::path::Path;
 
 use glam::{DQuat, DVec3};
 use polhode::plan::PlanDocument;
+use polhode::scene::StatisticalAccuracy;
 use polhode::study::problem;
 use polhode::torque::Torque;
 use polhode::{Accuracy, Engine, Error, Method, Plan, Precision, Record, Scene};
@@ -25,6 +26,32 @@ fn scene(seed: u64) -> Scene {
         .accuracy(Accuracy::attitude(1e-6))
         .torque(Torque::linear_drag(drag))
         .torque(Torque::constant_world(DVec3::new(0.0, 0.0, 0.01)))
+}
+
+/// Of which errors of statistics are asked for alone.
+fn statistical() -> Scene {
+    let drag: Vec<f64> = (0..BODIES).map(|body| if body % 3 == 0 { 0.05 } else { 0.0 }).collect();
+    let wanted = StatisticalAccuracy { mean: Some(1e-3), ..StatisticalAccuracy::default() };
+    Scene::new(problem::free(BODIES, 1).expect("valid"))
+        .until(2.0)
+        .torque(Torque::linear_drag(drag))
+        .statistics([polhode::Quantity::SpinRate])
+        .statistical_accuracy(wanted)
+}
+
+#[test]
+fn what_a_plan_found_of_statistics_is_read_back() {
+    let (engine, scene) = (Engine::cpu(), statistical());
+    let plan = Plan::new(&scene, &engine).expect("a plan");
+    let found = plan.explain().statistics;
+    assert!(!found.is_empty() && found.iter().all(polhode::plan::StatisticError::is_shown), "{found:?}");
+    assert_eq!(Plan::repeated(&scene, &engine, &document(&plan)).expect("fits").explain().statistics, found);
+    let other = statistical().statistical_accuracy(StatisticalAccuracy { mean: Some(1e-4), ..Default::default() });
+    let error = Plan::repeated(&other, &engine, &document(&plan)).expect_err("another target").to_string();
+    assert!(
+        error.contains("the accuracy is mean 0.001 of the spread in the plan, mean 1e-4 of the spread in"),
+        "{error}"
+    );
 }
 
 fn bits(record: &Record) -> Vec<u64> {
@@ -46,6 +73,7 @@ fn a_plan_that_is_read_back_is_the_same_and_gives_the_same_bits() {
         scene(1).skipping(false),
         scene(1).accuracy(Accuracy { energy: Some(1e-7), percentile: 95.0, ..Accuracy::attitude(1e-4) }),
         scene(1).pinned(Method::Cf4, 0.013, Some(Precision::F32)),
+        statistical(),
     ];
     for scene in scenes {
         let plan = Plan::new(&scene, &engine).expect("a plan");

@@ -93,7 +93,7 @@ fn a_run_is_drawn_with_its_bodies() {
     use glam::{DQuat, DVec3};
     use polhode::record::OutputFolder;
     use polhode::run::run_to_folder;
-    use polhode::study::{Format, Output};
+    use polhode::study::Output;
     use polhode::{Ensemble, Method, Outputs, Plan, Scene, Statistic, Torque};
 
     let workspace = tempfile::tempdir().expect("a folder");
@@ -106,10 +106,10 @@ fn a_run_is_drawn_with_its_bodies() {
     let run = |scene: &Scene, name: &str| {
         let folder = workspace.path().join(name);
         let plan = Plan::new(scene, &engine).expect("a plan");
-        let output = Output { final_state: false, snapshots: true, initial: false, format: Format::Csv };
+        let output = Output { final_state: false, snapshots: true, ..Output::default() };
         let place = OutputFolder::create(&folder, false).expect("a folder");
         let since = std::time::Instant::now();
-        run_to_folder(&engine, &plan, None, output, place, since, &mut |_| ControlFlow::Continue(())).expect("run");
+        run_to_folder(&engine, &plan, None, &output, place, since, &mut |_| ControlFlow::Continue(())).expect("run");
         folder
     };
 
@@ -124,6 +124,8 @@ fn a_run_is_drawn_with_its_bodies() {
         "run-body-1.png",
         "statistics.svg",
         "statistics.png",
+        "means.svg",
+        "means.png",
     ];
     assert_eq!(names, expected);
     let words =
@@ -151,4 +153,155 @@ fn a_run_is_drawn_with_its_bodies() {
     }
     // The states of a steady rotation do not tell the tensor, so there is no ellipsoid to draw.
     assert!(!words(&files[4]).contains("inertia ellipsoid"));
+}
+
+/// Runs a study into `folder`.
+fn run_study(study: &polhode::study::Study, folder: &Path) {
+    let scene = study.scene().expect("a scene");
+    let engine = Engine::cpu();
+    let plan = polhode::Plan::new(&scene, &engine).expect("a plan");
+    let place = polhode::record::OutputFolder::create(folder, true).expect("a folder");
+    let since = std::time::Instant::now();
+    let go_on = &mut |_| ControlFlow::Continue(());
+    polhode::run::run_to_folder(&engine, &plan, Some(study), study.output(), place, since, go_on).expect("a run");
+}
+
+/// One body a cell of those that sweep, a few of the others; every picture has the study's title, and none is too large to be read.
+#[test]
+fn there_is_a_picture_of_every_shipped_study() {
+    const LARGEST: u64 = 1_000_000;
+    let studies = format!("{}/examples/studies", env!("CARGO_MANIFEST_DIR"));
+    let workspace = tempfile::tempdir().expect("a folder");
+    let mut maps = Vec::new();
+    for entry in std::fs::read_dir(studies).expect("the studies") {
+        let file = entry.expect("an entry").path();
+        if file.extension().is_none_or(|ending| ending != "toml") {
+            continue;
+        }
+        let study = polhode::study::Study::read(&file).expect("a study");
+        let bodies = study.design().map_or(4, |design| design.cells());
+        let study = study.truncated(bodies);
+        let name = file.file_stem().expect("a name").to_string_lossy().into_owned();
+        let folder = workspace.path().join(&name);
+        run_study(&study, &folder);
+        let files = plot_folder(&folder, &[]).expect("drawn");
+        assert!(!files.is_empty(), "{name}");
+        for file in &files {
+            let size = std::fs::metadata(file).expect("a file").len();
+            assert!(size > 2000 && size < LARGEST, "{}: {size} bytes", file.display());
+            if file.extension().is_some_and(|ending| ending == "svg") {
+                let svg = std::fs::read_to_string(file).expect("a file");
+                let title = study.title().expect("a title").replace('\'', "&apos;");
+                assert!(svg.contains(&title), "{}", file.display());
+            }
+        }
+        if files.iter().any(|file| file.ends_with("map.svg")) {
+            maps.push(name);
+        }
+    }
+    maps.sort();
+    assert_eq!(maps, ["captures", "hyperion"]);
+}
+
+const SWEPT: &str = r#"
+title = "A sweep"
+[[sweep]]
+name = "drag"
+values = ["1 N m s", "2 N m s", "4 N m s"]
+[[sweep]]
+name = "spin"
+from = "0 deg/s"
+to = "60 deg/s"
+count = 3
+[bodies]
+count = 3
+inertia = [1, 2, 2.5]
+angular_velocity = [0, { sweep = "spin" }, 0.01]
+[[torque]]
+model = "linear-drag"
+coefficient = { sweep = "drag" }
+[time]
+end = 2.0
+outputs = { every = 0.25, start = true }
+[output]
+snapshots = true
+statistics = ["spin_rate"]
+quantiles = [50]
+[[histogram]]
+quantity = "spin_rate"
+low = 0
+high = 2
+[[event]]
+name = "slow, or \"stopped\""
+quantity = "spin_rate"
+below = 0.2
+"#;
+
+fn study(text: &str) -> polhode::study::Study {
+    polhode::study::Study::parse(Path::new("study.toml"), text).expect("a study")
+}
+
+/// Tables of either format make the same pictures, and a map has the units of its axes.
+#[test]
+fn pictures_do_not_depend_on_the_format() {
+    let workspace = tempfile::tempdir().expect("a folder");
+    let pictures = |name: &str, text: &str| {
+        let folder = workspace.path().join(name);
+        run_study(&study(text), &folder);
+        let files = plot_folder(&folder, &[0]).expect("drawn");
+        let svg = files.iter().filter(|file| file.extension().is_some_and(|ending| ending == "svg"));
+        let named = svg
+            .map(|file| (file.file_name().expect("a name").to_owned(), std::fs::read_to_string(file).expect("a file")));
+        named.collect::<Vec<_>>()
+    };
+    for text in [SWEPT.to_owned(), SWEPT.replace("snapshots = true", "snapshots = false")] {
+        let csv = pictures("csv", &text);
+        let npz = pictures("npz", &text.replace("quantiles", "format = \"npz\"\nquantiles"));
+        let names: Vec<_> = csv.iter().map(|(name, _)| name.to_string_lossy().into_owned()).collect();
+        let first = if text.contains("snapshots = true") { &["run.svg", "run-body-0.svg"][..] } else { &["final.svg"] };
+        assert_eq!(
+            names,
+            [first, &["statistics.svg", "means.svg", "histograms.svg", "survival.svg", "map.svg"]].concat()
+        );
+        assert!(csv == npz, "{names:?}");
+        let map = &csv.last().expect("a map").1;
+        for label in ["drag (kg m² s⁻¹)", "spin (rad s⁻¹)", "share by the end", "mean time"] {
+            assert!(map.contains(label), "{label}");
+        }
+        // All of them give way to the next run.
+        run_study(&study(&text), &workspace.path().join("csv"));
+        let left = std::fs::read_dir(workspace.path().join("csv")).expect("a folder");
+        let left = left.map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned());
+        let pictures: Vec<String> = left.filter(|name| name.ends_with("svg") || name.ends_with("png")).collect();
+        assert!(pictures.is_empty(), "{pictures:?}");
+    }
+}
+
+/// A map is of a full grid of two axes.
+#[test]
+fn other_designs_have_no_map() {
+    let workspace = tempfile::tempdir().expect("a folder");
+    let sobol = SWEPT.replace("count = 3\n[bodies]", "[design]\nkind = \"sobol\"\npoints = 9\n[bodies]");
+    run_study(&study(&sobol), &workspace.path().join("out"));
+    let files = plot_folder(&workspace.path().join("out"), &[]).expect("drawn");
+    assert!(files.iter().any(|file| file.ends_with("survival.svg")));
+    assert!(!files.iter().any(|file| file.ends_with("map.svg")));
+}
+
+/// Tables of states of a study that sweeps have the cell in the midst of them or at their end.
+#[test]
+fn states_of_a_sweep_are_read_again() {
+    let workspace = tempfile::tempdir().expect("a folder");
+    let mut tables = ["csv", "npz"].map(|format| {
+        let text = SWEPT.replace("quantiles", &format!("format = \"{format}\"\nquantiles"));
+        let folder = workspace.path().join(format);
+        run_study(&study(&text), &folder);
+        polhode::record::StateTable::open(&folder.join(format!("snapshots.{format}"))).expect("a table")
+    });
+    let [csv, npz] = tables.each_mut().map(|table| table.read(0, 1000).expect("rows"));
+    assert_eq!(csv.len(), 9 * 27);
+    for (a, b) in csv.iter().zip(&npz) {
+        let of = |row: &polhode::record::StateRow| (row.body, row.time, row.state.rotation.angular_velocity_body);
+        assert_eq!(of(a), of(b));
+    }
 }

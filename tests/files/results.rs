@@ -454,12 +454,12 @@ fn a_users_own_files_and_folders_stay_where_they_are() {
     fs::write(workspace.path("0.toml"), study(0)).expect("written");
     let folder = workspace.path("o");
     fs::create_dir_all(folder.join("notes")).expect("made");
-    for name in ["states.csv", "final.parquet", "notes.txt", "notes/a"] {
+    for name in ["states.csv", "final.feather", "notes.txt", "notes/a"] {
         fs::write(folder.join(name), "mine").expect("written");
     }
     let output = run(&workspace, 0, &folder, &["--force"]).wait_with_output().expect("the run ends");
     assert!(output.status.success(), "{}", words(&output.stderr));
-    for name in ["states.csv", "final.parquet", "notes.txt", "notes/a"] {
+    for name in ["states.csv", "final.feather", "notes.txt", "notes/a"] {
         assert_eq!(fs::read(folder.join(name)).expect("there"), b"mine", "{name}");
     }
 

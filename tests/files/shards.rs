@@ -172,6 +172,14 @@ fn so_are_those_of_noise_translation_and_failures() {
 }
 
 #[test]
+fn so_are_those_of_parquet_with_chosen_columns() {
+    let columns = "format = \"parquet\"\ncolumns = [\"nutation\", \"qx\", \"wx\"]";
+    let study = PINNED.replace("format = \"npz\"", columns);
+    let names = ["failed.parquet", "final.parquet", "plan.json", "snapshots.parquet", "statistics.parquet"];
+    compare(&study, "cpu", &CUTS[1..3], &names);
+}
+
+#[test]
 fn so_are_statistics_alone() {
     compare(STATISTICS, "cpu", &CUTS[2..], &["plan.json", "statistics.csv"]);
 }

@@ -7,6 +7,7 @@ mod adaptive_scene;
 mod common;
 mod plan;
 mod skips;
+mod statistical;
 mod status;
 #[path = "../support/mod.rs"]
 mod support;

@@ -28,6 +28,7 @@ mod separatrix;
 mod sin_cos;
 #[path = "../strategies/mod.rs"]
 mod strategies;
+mod studies;
 #[path = "../support/mod.rs"]
 mod support;
 mod tableau;

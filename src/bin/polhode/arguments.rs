@@ -110,7 +110,7 @@ A study file in TOML describes the bodies, the time and what is written:
     attitude = 1e-6                   # rad; or: method = \"rk4\", dt = 0.01
     [output]
     snapshots = true                  # all output times, not the end alone
-    format = \"csv\"                    # or \"npz\" for NumPy
+    format = \"csv\"                    # or \"npz\" for NumPy, \"parquet\"
 
 Keys (SI units, in brackets; a number with another one is a text: \"30 deg\", \"2 rpm\", \"7000 km\"):
     title, seed           a text; a whole number, default 0
@@ -151,11 +151,16 @@ Keys (SI units, in brackets; a number with another one is a text: \"30 deg\", \"
     accuracy              errors at the end that percentile (default 99) % of the bodies keep:
                           attitude (rad, default 1e-6), angular_velocity (of its magnitude), energy
                           (kinetic, of its value) [precision: f32, f64];
+                          or mean, quantile (of the quantity's spread) and event_time (of the span):
+                          what the integration may bring into statistics and mean times of events,
+                          also of chaotic motions; 1e-3 where neither final nor snapshots are written;
                           or method (rk4, rk8, cf4, splitting2, splitting4, splitting6,
                           implicit_midpoint and, for comparison, dlm, explicit_euler, gyro_newton,
                           clamped_euler, spiral), dt, or rk8 or taylor (f64, CPU) and tolerance
                           [precision: f32, f64]
-    output                final, snapshots, initial (true or false), format (csv, npz);
+    output                final, snapshots, initial (true or false), format (csv, npz, parquet);
+                          columns = [...] of final and snapshots, by name: any of their numbers and
+                          any quantity (default: all numbers of the state);
                           statistics = [...] of quantities over all bodies; quantiles = [5, 50, 95] of
                           them, in percent
     [[histogram]]         quantity, low, high, bins (default 50), scale (linear, log)
@@ -179,7 +184,7 @@ Examples:
     polhode run study.toml --plan study.out/plan.json --out again    the same bits
     polhode run study.toml --plan plan.json --shard 3/64 --out parts  one part; see `polhode merge --help`
 
-Results: final.csv (or .npz) with body, t, orientation qx qy qz qw (body to world), angular
+Results: final.csv (or .npz, .parquet) with body, t, orientation qx qy qz qw (body to world), angular
 velocity wx wy wz (body axes), angular momentum lx ly lz (world axes), kinetic_energy, x y z vx vy vz
 where bodies have positions, and status: 0, or why the body has failed, and then its numbers are NaN (1
 not_converged, 2 step_too_long, 3 step_below_limit, 4 not_finite, 5 centre_not_finite, of which only position

@@ -12,7 +12,8 @@ Examples:
     polhode bench accuracy --quick && polhode plot bench.out
     polhode run study.toml --out results && polhode plot results --body 0,3
 
-Of a run, snapshots.csv and report.json are read: the study must say snapshots = true, format csv.";
+Of a run, report.json and the tables of snapshots (else of final states), statistics, histograms,
+events and cells are read, in any format. What becomes of --body needs snapshots = true in the study.";
 
 /// Arguments of `polhode plot`.
 #[derive(Debug, Args)]
@@ -30,9 +31,7 @@ pub struct PlotArguments {
 pub fn plot(arguments: &PlotArguments) -> Result<(), Failure> {
     let files = plot_folder(&arguments.folder, &arguments.body)?;
     if files.is_empty() {
-        return Err(Failure::Arguments(
-            "the folder holds neither rows of `polhode bench` nor snapshots.csv of `polhode run` (snapshots = true)",
-        ));
+        return Err(Failure::Arguments("the folder holds neither rows of `polhode bench` nor tables of `polhode run`"));
     }
     files.iter().try_for_each(|file| output::print(&format!("{}\n", output::printable(&file.to_string_lossy()))))
 }

@@ -136,9 +136,9 @@ fn study_of(folder: &Path) -> Result<PathBuf, Failure> {
 
 /// The table with most values of a body.
 fn table_of(folder: &Path) -> Option<PathBuf> {
-    let names = ["snapshots", "final"].into_iter().flat_map(|stem| {
-        polhode::study::Format::ALL.into_iter().map(move |format| format!("{stem}.{}", format.name()))
-    });
+    let names = ["snapshots", "final"]
+        .into_iter()
+        .flat_map(|stem| polhode::study::Format::ALL.iter().map(move |format| format!("{stem}.{}", format.name())));
     names.map(|name| folder.join(name)).find(|path| path.is_file())
 }
 

@@ -112,8 +112,13 @@ pub fn merge(arguments: &MergeArguments) -> Result<(), Failure> {
         let error = report.accuracy.attitude_max.map_or_else(String::new, |error| {
             format!("  errors   attitude {error:.1e} rad at most in {} bodies{met}\n", report.accuracy.bodies)
         });
+        let statistics = match report.statistical_met {
+            Some(true) => "  asked    of statistics: met in all parts\n",
+            Some(false) => "  asked    of statistics: NOT MET\n",
+            None => "",
+        };
         output::show(&format!(
-            "{} bodies of {} parts, {:.3e} body-steps in {:.1} s of all parts together\n{error}  failed   {} bodies\n  results  {} in {}\n",
+            "{} bodies of {} parts, {:.3e} body-steps in {:.1} s of all parts together\n{error}{statistics}  failed   {} bodies\n  results  {} in {}\n",
             report.bodies,
             report.shards,
             report.body_steps as f64,

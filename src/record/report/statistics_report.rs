@@ -60,9 +60,10 @@ impl fmt::Display for StatisticsReport {
         let mut name = "end";
         for of in &self.quantities {
             let SummaryReport { quantity, unit, mean, standard_deviation: deviation, min, max, .. } = of;
+            let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
             writeln!(
                 formatter,
-                "  {name:<8} {quantity}: mean {mean:.3e} {unit}, standard deviation {deviation:.3e}, from {min:.3e} to {max:.3e}"
+                "  {name:<8} {quantity}: mean {mean:.3e}{unit}, standard deviation {deviation:.3e}, from {min:.3e} to {max:.3e}"
             )?;
             name = "";
         }

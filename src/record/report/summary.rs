@@ -48,6 +48,9 @@ impl fmt::Display for Report {
         if self.accuracy.bodies + self.accuracy.lost + self.accuracy.diverged > 0 {
             write!(formatter, "{}", self.accuracy)?;
         }
+        if let Some(statistical) = &self.statistical_accuracy {
+            write!(formatter, "{statistical}")?;
+        }
         match self.failed_bodies.first() {
             None => write!(formatter, "  failed   none"),
             Some(first) => {

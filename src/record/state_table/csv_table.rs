@@ -4,9 +4,8 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Seek, SeekFrom};
 use std::path::Path;
 
-use super::{StateRow, read_failed, state_of, wrong};
+use super::{Shape, TableRows, read_failed, wrong};
 use crate::error::Result;
-use crate::record::column::MOST_COLUMNS;
 
 /// Where the next row is.
 #[derive(Clone, Copy, Debug)]
@@ -43,43 +42,44 @@ impl CsvTable {
         path: &Path,
         file: &mut File,
         (first, count): (u64, usize),
-        columns: usize,
-    ) -> Result<Vec<StateRow>> {
+        shape: Shape,
+    ) -> Result<TableRows> {
         if first < self.next.row {
             self.next = self.start;
         }
         let failed = |error: std::io::Error| read_failed(path, &error);
         file.seek(SeekFrom::Start(self.next.offset)).map_err(failed)?;
         let mut reader = BufReader::with_capacity(BUFFER, file);
-        let (mut rows, mut line) = (Vec::with_capacity(count), String::new());
-        while rows.len() < count {
+        let (mut found, mut line) = (TableRows::default(), String::new());
+        found.rows.numbers = vec![Vec::new(); shape.columns];
+        while found.bodies.len() < count {
             line.clear();
             let bytes = reader.read_line(&mut line).map_err(failed)?;
             if bytes == 0 {
                 break;
             }
             if self.next.row >= first {
-                let row = parsed(&line, columns).ok_or_else(|| {
+                push(&line, shape, &mut found).ok_or_else(|| {
                     wrong(path, format!("row {}: expected {} numbers", self.next.row + 1, self.names.len()))
                 })?;
-                rows.push(row);
             }
             self.next = Cursor { row: self.next.row + 1, offset: self.next.offset + bytes as u64 };
         }
-        Ok(rows)
+        Ok(found)
     }
 }
 
-/// A row, which ends in a newline.
-fn parsed(line: &str, columns: usize) -> Option<StateRow> {
+/// Appends a row, which ends in a newline.
+fn push(line: &str, shape: Shape, found: &mut TableRows) -> Option<()> {
     let mut cells = line.strip_suffix('\n')?.split(',');
-    let body = cells.next()?.parse().ok()?;
-    let time = cells.next()?.parse().ok()?;
-    let mut numbers = [0.0; MOST_COLUMNS];
-    for number in &mut numbers[..columns] {
-        *number = cells.next()?.parse().ok()?;
+    found.bodies.push(cells.next()?.parse().ok()?);
+    found.times.push(cells.next()?.parse().ok()?);
+    for column in &mut found.rows.numbers {
+        column.push(cells.next()?.parse().ok()?);
     }
-    let status = cells.next()?.parse().ok()?;
-    let translates = columns == MOST_COLUMNS;
-    cells.next().is_none().then(|| StateRow { body, time, state: state_of(&numbers, translates, status) })
+    found.rows.status.push(cells.next()?.parse().ok()?);
+    if shape.has_cells {
+        cells.next()?.parse::<usize>().ok()?;
+    }
+    cells.next().is_none().then_some(())
 }

@@ -4,17 +4,66 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
-use super::{StateRow, read_failed, state_of, wrong};
+#[cfg(feature = "plot")]
+use super::Values;
+use super::{Shape, TableRows, read_failed, wrong};
 use crate::error::Result;
-use crate::record::column::MOST_COLUMNS;
+use crate::record::column::StateRows;
 
 /// Where an array's numbers are.
 #[derive(Debug)]
 struct Array {
     name: String,
+    /// The type of its elements, as NumPy writes it.
+    element: String,
     offset: u64,
     /// Number of elements.
     count: u64,
+}
+
+/// All arrays of an archive that a run has written, by name.
+///
+/// # Errors
+///
+/// [`crate::Error::File`] where the file cannot be read; [`crate::Error::Table`] where it is no such archive.
+#[cfg(feature = "plot")]
+pub(super) fn columns(path: &Path) -> Result<Vec<(String, Values)>> {
+    let mut file = File::open(path).map_err(|error| read_failed(path, &error))?;
+    let table = NpzTable::open(path, &mut file)?;
+    let mut read = Vec::with_capacity(table.arrays.len());
+    for array in table.arrays {
+        let unknown = || wrong(path, format!("{}: its elements are of an unknown type {}", array.name, array.element));
+        let (kind, width) = array.element.split_at_checked(2).ok_or_else(unknown)?;
+        let letters: usize = width.parse().map_err(|_| unknown())?;
+        let width = if kind == "<U" { 4 * letters } else { letters };
+        let mut bytes = vec![0; array.count as usize * width];
+        let filled = file.seek(SeekFrom::Start(array.offset)).and_then(|_| file.read_exact(&mut bytes));
+        filled.map_err(|error| read_failed(path, &error))?;
+        let cells = bytes.chunks_exact(width.max(1));
+        let eight = |cell: &[u8]| u64::from_le_bytes(std::array::from_fn(|place| cell[place]));
+        let values = match (kind, letters) {
+            ("<f", 8) => Values::Numbers(cells.map(|cell| f64::from_bits(eight(cell))).collect()),
+            ("<u", 8) => Values::Numbers(cells.map(|cell| eight(cell) as f64).collect()),
+            ("<i", 8) => Values::Numbers(cells.map(|cell| eight(cell) as i64 as f64).collect()),
+            ("|u", 1) => Values::Numbers(bytes.iter().map(|&byte| f64::from(byte)).collect()),
+            ("|S", _) => Values::Texts(cells.map(|cell| text(cell.iter().map(|&byte| byte.into()))).collect()),
+            ("<U", _) => Values::Texts(cells.map(|cell| text(cell.chunks_exact(4).filter_map(letter))).collect()),
+            _ => return Err(unknown()),
+        };
+        read.push((array.name, values));
+    }
+    Ok(read)
+}
+
+/// Letters up to the zeros that fill an element.
+#[cfg(feature = "plot")]
+fn text(letters: impl Iterator<Item = char>) -> String {
+    letters.take_while(|&letter| letter != '\0').collect()
+}
+
+#[cfg(feature = "plot")]
+fn letter(bytes: &[u8]) -> Option<char> {
+    char::from_u32(word(bytes, 0)?)
 }
 
 #[derive(Debug)]
@@ -61,9 +110,11 @@ impl NpzTable {
             let header = bytes(array, 10)?;
             let length = short(&header, 8).filter(|_| header.starts_with(b"\x93NUMPY\x01\x00")).ok_or_else(cut)?;
             let text = bytes(array + 10, length.into())?;
-            let count = elements(&String::from_utf8_lossy(&text)).ok_or_else(cut)?;
+            let text = String::from_utf8_lossy(&text);
+            let count = elements(&text).ok_or_else(cut)?;
+            let element = element(&text).ok_or_else(cut)?;
             let name = entry.0.strip_suffix(".npy").unwrap_or(&entry.0).to_owned();
-            arrays.push(Array { name, offset: array + 10 + u64::from(length), count });
+            arrays.push(Array { name, element, offset: array + 10 + u64::from(length), count });
         }
         let names = arrays.iter().map(|array| array.name.clone()).collect();
         Ok(Self { arrays, names })
@@ -78,8 +129,8 @@ impl NpzTable {
         path: &Path,
         file: &mut File,
         (first, count): (u64, usize),
-        columns: usize,
-    ) -> Result<Vec<StateRow>> {
+        shape: Shape,
+    ) -> Result<TableRows> {
         let (bodies, times) = (self.arrays[0].count, self.arrays[1].count);
         let end = (first + count as u64).min(bodies * times);
         let count = end.saturating_sub(first) as usize;
@@ -92,23 +143,19 @@ impl NpzTable {
         let numbers = |bytes: Vec<u8>| -> Vec<f64> {
             bytes.chunks_exact(8).map(|x| f64::from_le_bytes(std::array::from_fn(|place| x[place]))).collect()
         };
-        let own = &self.arrays[2..2 + columns];
+        let states = 2 + usize::from(shape.has_cells);
+        let own = &self.arrays[states..states + shape.columns];
         let own = own.iter().map(|array| Ok(numbers(bytes(array, first, count, 8)?))).collect::<Result<Vec<_>>>()?;
-        let status = bytes(&self.arrays[2 + columns], first, count, 1)?;
+        let status = bytes(&self.arrays[states + shape.columns], first, count, 1)?;
         let indices: Vec<u64> =
             numbers(bytes(&self.arrays[0], 0, bodies as usize, 8)?).iter().map(|x| x.to_bits()).collect();
         let times = numbers(bytes(&self.arrays[1], 0, times as usize, 8)?);
-        let row = |place: usize| {
-            let row = first + place as u64;
-            let mut numbers = [0.0; MOST_COLUMNS];
-            numbers.iter_mut().zip(&own).for_each(|(number, column)| *number = column[place]);
-            StateRow {
-                body: indices[(row % bodies) as usize] as usize,
-                time: times[(row / bodies) as usize],
-                state: state_of(&numbers, columns == MOST_COLUMNS, status[place]),
-            }
-        };
-        Ok((0..count).map(row).collect())
+        let rows = first..first + count as u64;
+        Ok(TableRows {
+            bodies: rows.clone().map(|row| indices[(row % bodies) as usize] as usize).collect(),
+            times: rows.map(|row| times[(row / bodies) as usize]).collect(),
+            rows: StateRows { numbers: own, status },
+        })
     }
 }
 
@@ -141,6 +188,11 @@ fn elements(header: &str) -> Option<u64> {
     let shape = header.split_once("'shape': (")?.1.split_once(')')?.0;
     let sizes = shape.split(',').map(str::trim).filter(|size| !size.is_empty());
     sizes.map(|size| size.parse::<u64>().ok()).try_fold(1_u64, |count, size| count.checked_mul(size?))
+}
+
+/// The type of the elements, from a header's text.
+fn element(header: &str) -> Option<String> {
+    Some(header.split_once("'descr': '")?.1.split_once('\'')?.0.to_owned())
 }
 
 fn short(bytes: &[u8], at: usize) -> Option<u16> {

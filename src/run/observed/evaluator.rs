@@ -1,32 +1,25 @@
 //! Quantities from states.
 
-use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::bodies::BodyState;
-use crate::bodies::inertia::{InertiaTensor, principal_axes};
+use crate::bodies::inertia::principal_axes;
 use crate::error::Result;
 use crate::expression::{Input, InputKind, Program};
 use crate::record::OutputState;
-use crate::scene::{Quantity, Scene};
-use crate::torque::{Torque, variable_inertia};
+use crate::scene::{Quantity, QuantityEvaluator, Scene};
 
 /// Bodies whose quantities are formed at once.
 pub(super) const BLOCK: usize = 1 << 10;
 
 /// Forms quantities of a scene's bodies, in lanes and all at once, or one of one body.
-pub(super) struct Evaluator<'p> {
-    scene: &'p Scene,
+pub(in crate::run) struct Evaluator<'p> {
     all: Program,
-    /// Each by itself.
-    each: Vec<Program>,
-    /// Principal moments, kg m², ascending, where a quantity asks for them and they stay.
-    moments: Vec<DVec3>,
-    varies: bool,
+    single: QuantityEvaluator<'p>,
 }
 
 /// The quantities of some bodies in a row, block by block.
-pub(super) struct Values {
+pub(in crate::run) struct Values {
     /// By block, then by quantity, then by body.
     numbers: Vec<Vec<Vec<f64>>>,
 }
@@ -42,14 +35,13 @@ impl<'p> Evaluator<'p> {
     /// Of the quantities in this order.
     pub fn new(scene: &'p Scene, quantities: &[Quantity]) -> Result<Self> {
         let (graph, outputs) = Quantity::expression(quantities)?;
-        let varies = scene.torques().iter().any(Torque::changes_inertia);
+        let single = QuantityEvaluator::new(scene, quantities)?;
         let has_distance = quantities.contains(&Quantity::SeparatrixDistance);
-        let moments = match has_distance && !varies {
+        let moments = match has_distance && !single.varies() {
             true => scene.ensemble().inertia().par_iter().map(|tensor| principal_axes(tensor).moments).collect(),
             false => Vec::new(),
         };
-        let each = outputs.iter().map(|output| Program::new(&graph, &[*output])).collect();
-        Ok(Self { scene, all: Program::new(&graph, &outputs), each, moments, varies })
+        Ok(Self { all: Program::new(&graph, &outputs), single: single.with_moments(moments) })
     }
 
     /// All quantities of the bodies from `first_body` on; NaN of a body that has failed.
@@ -70,14 +62,7 @@ impl<'p> Evaluator<'p> {
 
     /// The quantity of a number of one body, whose state is sound.
     pub fn value(&self, quantity: usize, body: usize, time: f64, state: &BodyState) -> f64 {
-        let program = &self.each[quantity];
-        let inputs = program.inputs().iter().map(|&input| self.input(input, body, time, state));
-        program.evaluate_one(&inputs.collect::<Vec<f64>>())[0]
-    }
-
-    fn tensor(&self, body: usize, time: f64) -> InertiaTensor {
-        let tensor = self.scene.ensemble().inertia()[body];
-        if self.varies { variable_inertia::tensor_at(self.scene.torques(), body, tensor, time) } else { tensor }
+        self.single.value(quantity, body, time, state)
     }
 
     /// What a formula reads of some bodies.
@@ -94,39 +79,8 @@ impl<'p> Evaluator<'p> {
             InputKind::Parameter if index == 3 => loaded(|state, _| state.kinetic_energy),
             _ => {
                 let bodies = states.iter().enumerate();
-                bodies.map(|(row, state)| self.input(input, first + row, time, &state.rotation)).collect()
+                bodies.map(|(row, state)| self.single.input(input, first + row, time, &state.rotation)).collect()
             }
-        }
-    }
-
-    /// What a formula reads.
-    #[inline]
-    fn input(&self, input: Input, body: usize, time: f64, state: &BodyState) -> f64 {
-        let index = usize::from(input.index);
-        match input.kind {
-            InputKind::Orientation => state.orientation.to_array()[index],
-            InputKind::AngularVelocity => state.angular_velocity_body.to_array()[index],
-            InputKind::Inertia => {
-                let tensor = self.tensor(body, time);
-                [tensor.xx, tensor.yy, tensor.zz, tensor.xy, tensor.xz, tensor.yz][index]
-            }
-            InputKind::Time => time,
-            // In the order of `PARAMETERS`.
-            InputKind::Parameter => match index {
-                0..=2 => state.angular_momentum_world.to_array()[index],
-                3 => state.kinetic_energy,
-                4..=6 => {
-                    let moments = self.moments.get(body).copied();
-                    let moments = moments.unwrap_or_else(|| principal_axes(&self.tensor(body, time)).moments);
-                    moments.to_array()[index - 4]
-                }
-                _ => {
-                    let torques = self.scene.torques().iter();
-                    torques.filter_map(|torque| torque.potential_energy(body, state.orientation)).sum()
-                }
-            },
-            // Formulas of quantities have no other inputs.
-            _ => f64::NAN,
         }
     }
 }

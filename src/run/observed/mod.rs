@@ -1,6 +1,7 @@
 //! What a run gathers of its bodies' states as it reads them: statistics, quantiles, histograms, events.
 
 mod bracket;
+mod comparison;
 mod distribution;
 mod evaluator;
 mod events;
@@ -14,10 +15,11 @@ use crate::plan::Plan;
 use crate::record::{EventRecord, OutputState, Sink};
 use crate::scene::{Observed, Quantity};
 
+pub(super) use comparison::Comparison;
 use distribution::Distributions;
-use evaluator::Evaluator;
+pub(super) use evaluator::Evaluator;
 use events::EventWatch;
-pub(super) use reference::compare_events;
+pub(super) use reference::{compare_events, recomputed as recomputed_observation};
 
 /// What a scene asks for, gathered from the states of its bodies as they are read.
 pub(super) struct Observation<'p> {

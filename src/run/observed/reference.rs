@@ -1,4 +1,4 @@
-//! Event times of a sample of bodies, recomputed more accurately.
+//! Event times and quantities of a sample of bodies, recomputed more accurately.
 
 use super::evaluator::Evaluator;
 use super::{EventWatch, number};
@@ -9,6 +9,7 @@ use crate::error::Result;
 use crate::kernel::free_motion::SetUp;
 use crate::kernel::method::Method;
 use crate::math::{Precision, Quantiles, Width};
+use crate::plan::statistical::SampleValues;
 use crate::plan::{Group, Plan, Treatment};
 use crate::record::{EventErrors, EventRecord, OutputState, WallTime};
 use crate::run::group_run::GroupRun;
@@ -18,18 +19,18 @@ use crate::torque::Torque;
 /// What is asked of a step of bodies under torques.
 const TOLERANCE: f64 = 1e-13;
 
-/// Writes into the events of a run how far their times are from those of a sample of its bodies in closed form or by adaptive steps of
-/// `rk8` in `f64` at a tolerance of 1e-13; nothing where random torques act.
-pub(in crate::run) fn compare_events(
-    plan: &Plan<'_>,
-    sample: &[u32],
-    records: &mut [EventRecord],
-    observer: &mut Observer<'_>,
-) -> Result<()> {
-    if records.is_empty() || plan.scene().torques().iter().any(Torque::is_random) {
-        return Ok(());
-    }
-    let references = recomputed(plan, sample, observer)?;
+/// What is asked of a sample's bodies, recomputed.
+pub(in crate::run) struct Recomputed {
+    /// Their events.
+    pub events: Vec<EventRecord>,
+    /// Their quantities at some output times; event times are not among them.
+    pub values: SampleValues,
+    /// By place in the sample: whether it could not be followed.
+    pub lost: Vec<bool>,
+}
+
+/// Writes into the events of a run how far their times are from those of a sample of its bodies.
+pub(in crate::run) fn compare_events(records: &mut [EventRecord], sample: &[u32], references: &[EventRecord]) {
     for (record, reference) in records.iter_mut().zip(references) {
         let mut own: Vec<(usize, f64)> =
             record.occurrences.iter().map(|occurrence| (occurrence.body, occurrence.time)).collect();
@@ -45,12 +46,20 @@ pub(in crate::run) fn compare_events(
         let differing = own.len() + reference.occurrences.len() - 2 * compared;
         record.errors = EventErrors { compared, differing, time: Quantiles::of(&mut errors) };
     }
-    Ok(())
 }
 
-/// The events of some bodies, as a run of them alone would find them.
-fn recomputed(plan: &Plan<'_>, sample: &[u32], observer: &mut Observer<'_>) -> Result<Vec<EventRecord>> {
+/// The events of some bodies, as a run of them alone would find them, and their quantities at `outputs`: in closed form or by adaptive steps of
+/// `rk8` in `f64` at a tolerance of 1e-13. Nothing where random torques act.
+pub(in crate::run) fn recomputed(
+    plan: &Plan<'_>,
+    sample: &[u32],
+    outputs: &[usize],
+    observer: &mut Observer<'_>,
+) -> Result<Option<Recomputed>> {
     let scene = plan.scene();
+    if scene.torques().iter().any(Torque::is_random) {
+        return Ok(None);
+    }
     let own = |group: &Group| {
         let is_own = |&body: &u32| !group.members.rows(body as usize..body as usize + 1).is_empty();
         let members: Vec<u32> = sample.iter().copied().filter(is_own).collect();
@@ -68,7 +77,9 @@ fn recomputed(plan: &Plan<'_>, sample: &[u32], observer: &mut Observer<'_>) -> R
     };
     let groups: Vec<Group> = plan.groups().iter().map(own).filter(|group| !group.members.is_empty()).collect();
     let quantities = scene.observed().quantities();
-    let of_events = scene.wanted_events().iter().map(|event| number(&quantities, event.quantity())).collect();
+    let of_events: Vec<usize> =
+        scene.wanted_events().iter().map(|event| number(&quantities, event.quantity())).collect();
+    let has_events = !of_events.is_empty();
     let evaluator = Evaluator::new(scene, &quantities)?;
     let mut watch = EventWatch::new(plan, Members::Some(sample.to_vec()), of_events);
     let engine = Cpu::new(Width::Lanes);
@@ -77,29 +88,55 @@ fn recomputed(plan: &Plan<'_>, sample: &[u32], observer: &mut Observer<'_>) -> R
     let mut runs: Vec<GroupRun<'_>> = groups.iter().map(start).collect::<Result<_>>()?;
     // Bodies of groups lie apart, and events are looked for body by body, in the sample's order.
     let place = |body: usize| sample.partition_point(|&other| (other as usize) < body);
-    for (index, &time) in std::iter::once(&0.0).chain(plan.times()).enumerate() {
+    let mut found = SampleValues::default();
+    let mut lost = vec![false; sample.len()];
+    if has_events {
+        for (run, group) in runs.iter().zip(&groups) {
+            for (row, state) in initial_states(run, group).iter().enumerate() {
+                let body = group.members.body(row);
+                let states = std::slice::from_ref(state);
+                watch.begin(place(body)..place(body) + 1, states, &evaluator.values(body, 0.0, states));
+            }
+        }
+        watch.finish_output(0.0, &evaluator, observer)?;
+    }
+    let mut last = 0.0;
+    for (index, &time) in plan.times().iter().enumerate() {
+        let is_compared = outputs.binary_search(&index).is_ok();
+        // Without events there is nothing to look for in between.
+        if !has_events && !is_compared {
+            continue;
+        }
+        let span = time - std::mem::replace(&mut last, time);
+        let mut values = vec![vec![f64::NAN; sample.len()]; quantities.len()];
         for (run, group) in runs.iter_mut().zip(&groups) {
-            let states = match index {
-                0 => initial_states(run, group),
-                _ => {
-                    run.advance(time, plan.span_before(index - 1), true, observer)?;
-                    run.output_states(&|_| None)?
-                }
-            };
-            for (row, state) in states.iter().enumerate() {
+            run.advance(time, span, true, observer)?;
+            for (row, state) in run.output_states(&|_| None)?.iter().enumerate() {
                 let body = group.members.body(row);
                 let rows = place(body)..place(body) + 1;
-                let states = std::slice::from_ref(state);
-                let values = evaluator.values(body, time, states);
-                match index {
-                    0 => watch.begin(rows, states, &values),
-                    _ => watch.push(rows, time, states, &values),
+                lost[rows.start] |= !state.rotation.is_sound();
+                if is_compared {
+                    for (quantity, values) in values.iter_mut().enumerate() {
+                        if state.rotation.is_sound() {
+                            values[rows.start] = evaluator.value(quantity, body, time, &state.rotation);
+                        }
+                    }
+                }
+                if has_events {
+                    let states = std::slice::from_ref(state);
+                    watch.push(rows, time, states, &evaluator.values(body, time, states));
                 }
             }
         }
-        watch.finish_output(time, &evaluator, observer)?;
+        if has_events {
+            watch.finish_output(time, &evaluator, observer)?;
+        }
+        if is_compared {
+            found.times.push(time);
+            found.values.push(values);
+        }
     }
-    Ok(watch.finish())
+    Ok(Some(Recomputed { events: watch.finish(), values: found, lost }))
 }
 
 fn closed_form() -> Treatment {

@@ -160,6 +160,11 @@ impl Axis {
         &self.values
     }
 
+    /// The unit of the SI of its values, where the study writes one.
+    pub fn si_unit(&self) -> Option<String> {
+        self.unit.as_ref().map(Unit::in_si)
+    }
+
     pub(super) fn unit(&self) -> Option<&Unit> {
         self.unit.as_ref()
     }

@@ -113,6 +113,27 @@ pub(super) struct Quantity {
 }
 
 impl Unit {
+    /// The unit of the SI of the same dimension, such as `kg m² s⁻¹`; `1` of numbers without one.
+    pub fn in_si(&self) -> String {
+        const NAMES: [(usize, &str); 6] = [(RAD, "rad"), (0, "kg"), (1, "m"), (2, "s"), (3, "A"), (4, "K")];
+        const DIGITS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
+        let power = |doubled: i8| match doubled {
+            2 => String::new(),
+            odd if odd % 2 != 0 => format!("^{}", f64::from(odd) / 2.0),
+            whole => {
+                let digits = (whole / 2).unsigned_abs().to_string();
+                let raised = digits.bytes().map(|digit| DIGITS[usize::from(digit - b'0')]);
+                raised.fold(if whole < 0 { "⁻".to_owned() } else { String::new() }, |text, digit| {
+                    format!("{text}{digit}")
+                })
+            }
+        };
+        let named =
+            NAMES.iter().map(|&(place, name)| (name, self.dimension.0[place])).filter(|(_, doubled)| *doubled != 0);
+        let factors: Vec<String> = named.map(|(name, doubled)| format!("{name}{}", power(doubled))).collect();
+        if factors.is_empty() { "1".to_owned() } else { factors.join(" ") }
+    }
+
     /// Whether a number in `expected`, a unit of the SI, may be written in this unit; otherwise what a refusal says.
     pub fn check(&self, expected: &str) -> Result<(), Text> {
         if expected == ANY {
@@ -252,6 +273,20 @@ mod tests {
         }
         for (text, name) in [("1 degg", "degg"), ("2 kmin", "kmin"), ("1 kg km/parsec", "parsec")] {
             assert_eq!(Quantity::parse(text), Some(Err(UnitFault::Unknown(name.into()))), "{text:?}");
+        }
+    }
+
+    #[test]
+    fn units_of_the_si() {
+        for (text, unit) in [
+            ("deg", "rad"),
+            ("rpm", "rad s⁻¹"),
+            ("mN m s", "kg m² s⁻¹"),
+            ("km³/s²", "m³ s⁻²"),
+            ("%", "1"),
+            ("N m √s", "kg m² s^-1.5"),
+        ] {
+            assert_eq!(Unit::parse(text).expect("a unit").in_si(), unit, "{text}");
         }
     }
 

@@ -36,13 +36,15 @@ const SIN_COS_ULPS: f64 = 2.0;
 
 /// The largest differences over [`SEEDS`] tables on lavapipe, which rounds products and sums apart, as the twin does, and re-associates few: in
 /// ulps of what is added up; of all other functions they are none.
-const MEASURED: [(&str, f64); 6] = [
+const MEASURED: [(&str, f64); 7] = [
     ("rotate", 2.0),
     ("rotate_inverse", 2.0),
     ("angular_momentum_world", 2.0),
     ("sin_cos", 1.0),
     ("exp", 1.0),
     ("pow", 1.0),
+    // On a processor without AVX-512, for which the adapter compiles otherwise; 0 with it.
+    ("tan", 1.0),
 ];
 /// What a difference may come to on such an adapter, in units of the largest that was measured.
 const MEASURED_TIMES: f64 = 4.0;

@@ -8,18 +8,22 @@ use polhode::study::Study;
 
 use super::{agreed, common, steps, workspace};
 
-const EXAMPLES: [&str; 15] = [
+const EXAMPLES: [&str; 19] = [
     "aero_table",
     "asteroids",
     "bdot",
     "booms",
+    "captures",
+    "cubesats",
     "curveball",
     "debris",
     "despin",
     "flip_times",
+    "hyperion",
     "intermediate_axis",
     "pointing",
     "relaxing",
+    "rotors",
     "spacecraft",
     "thruster",
     "tumbling",

@@ -1,0 +1,33 @@
+//! The numbers of a state as tables name them.
+
+/// Columns of every table of states after `body` and `t`: orientation (body to world), angular velocity (body axes, rad/s), angular
+/// momentum (world axes, N m s), rotational kinetic energy (J).
+pub const ROTATION_COLUMNS: [&str; 11] = ["qx", "qy", "qz", "qw", "wx", "wy", "wz", "lx", "ly", "lz", "kinetic_energy"];
+
+/// Columns that follow where the ensemble translates: position (m) and velocity (m/s), world axes.
+pub const TRANSLATION_COLUMNS: [&str; 6] = ["x", "y", "z", "vx", "vy", "vz"];
+
+/// The names of the columns between `t` and `status`.
+pub(crate) fn names(translates: bool) -> impl Iterator<Item = &'static str> {
+    let translation: &[&str] = if translates { &TRANSLATION_COLUMNS } else { &[] };
+    ROTATION_COLUMNS.iter().chain(translation).copied()
+}
+
+/// The unit and the meaning, with its frame, of a column of this name in any table of bodies; `None` of other names.
+pub(crate) fn meaning(name: &str) -> Option<(&'static str, &'static str)> {
+    Some(match name {
+        "qx" | "qy" | "qz" | "qw" => ("1", "orientation, a unit quaternion that rotates body coordinates to world"),
+        "wx" | "wy" | "wz" => ("rad/s", "angular velocity, body axes"),
+        "lx" | "ly" | "lz" => ("kg m²/s", "angular momentum, world axes"),
+        "kinetic_energy" => ("J", "rotational kinetic energy"),
+        "x" | "y" | "z" => ("m", "position of the centre of mass, world axes"),
+        "vx" | "vy" | "vz" => ("m/s", "velocity of the centre of mass, world axes"),
+        "mass" => ("kg", "mass"),
+        "ixx" | "iyy" | "izz" | "ixy" | "ixz" | "iyz" => ("kg m²", "element of the inertia tensor, body axes"),
+        "i1" | "i2" | "i3" => ("kg m²", "principal moment of inertia, ascending"),
+        "ax" | "ay" | "az" | "aw" => {
+            ("1", "principal axes, a unit quaternion that rotates principal coordinates to body")
+        }
+        _ => return None,
+    })
+}

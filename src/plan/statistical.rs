@@ -1,0 +1,408 @@
+//! What the integration brings into an ensemble's statistics, and what the number of bodies does.
+//!
+//! Some bodies are followed twice, once as a run does and once more accurately. The *differences* of a quantity, body by body, say what the
+//! integration brings into its mean: their average, with its standard error. The spread of the quantity itself says what the number of
+//! bodies brings. Where the motion is chaotic, single bodies part and the differences are as large as the spread: their average is then known
+//! to its standard error alone, which may be above the error asked for. That is said ([`StatisticError::is_shown`]) and not hidden.
+
+use std::fmt;
+
+use rayon::prelude::*;
+
+use crate::plan::sampling::mixed;
+use crate::scene::{Event, Quantity, Scene, StatisticalAccuracy, StatisticalTarget};
+
+/// The most output times at which statistics are compared; the end is one of them.
+const MOST_COMPARED: usize = 16;
+
+/// The chance that is accepted of taking scatter for an error of the integration, over all statistics and times together.
+const RISK: f64 = 0.05;
+
+/// Resamples behind the standard error of a quantile (B. Efron, *Ann. Statist.* 7 (1979) 1).
+const RESAMPLES: usize = 100;
+
+/// Below this part of its root mean square a quantity's spread is rounding, and no measure of anything.
+const LEAST_SPREAD: f64 = 1e-6;
+
+/// Fixed, so that the same values give the same figures.
+const SEED: u64 = 2;
+
+/// The error of one statistic, by its parts. All but `scale` are parts of `scale`.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
+pub struct StatisticError {
+    /// What kind of statistic it is.
+    pub target: StatisticalTarget,
+    /// The quantity or the event.
+    pub name: String,
+    /// Which quantile, in percent.
+    pub percent: Option<f64>,
+    /// The output time, s; none of event times.
+    pub time: Option<f64>,
+    /// What errors are parts of: the standard deviation of the quantity over the bodies of the sample at that time, but at least 1e-6 of its
+    /// root mean square, in its unit; of event times the span, s.
+    pub scale: f64,
+    /// What the integration brings in: the statistic as integrated less that of the more accurate motion.
+    pub integration: f64,
+    /// The standard error of that, from the scatter of the sample's bodies.
+    pub standard_error: f64,
+    /// Half the width of its confidence interval, of 95 % for all statistics and times together.
+    pub confidence: f64,
+    /// What the number of bodies brings in: the standard error of the statistic of all bodies, as that of a larger population.
+    pub sampling: f64,
+    /// What is asked of the integration.
+    pub wanted: f64,
+}
+
+impl StatisticError {
+    /// What the integration brings in at the most, with a confidence of 95 %.
+    pub fn bound(&self) -> f64 {
+        self.integration.abs() + self.confidence
+    }
+
+    /// Whether the sample shows that the target is met.
+    pub fn is_shown(&self) -> bool {
+        self.bound() <= self.wanted
+    }
+
+    /// Whether the sample shows that the target is missed.
+    pub fn is_missed(&self) -> bool {
+        self.integration.abs() - self.confidence > self.wanted
+    }
+
+    /// The statistic in words.
+    pub fn label(&self) -> String {
+        match (self.target, self.percent) {
+            (StatisticalTarget::Mean, _) => format!("mean of {}", self.name),
+            (StatisticalTarget::Quantile, percent) => {
+                format!("{} % quantile of {}", percent.unwrap_or(f64::NAN), self.name)
+            }
+            (StatisticalTarget::EventTime, _) => format!("time of {}", self.name.replace(char::is_control, " ")),
+        }
+    }
+}
+
+impl fmt::Display for StatisticError {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let at = self.time.map_or(String::new(), |time| format!(" at {time:.4e} s"));
+        let verdict = match (self.is_missed(), self.is_shown()) {
+            (true, _) => "MISSED",
+            (false, true) => "shown",
+            (false, false) => "not distinguishable from the scatter of the sample",
+        };
+        write!(
+            formatter,
+            "  {}{at}: integration {:.1e} +- {:.1e}, number of bodies {:.1e} {}; asked {:.1e}: {verdict}",
+            self.label(),
+            self.integration,
+            self.confidence,
+            self.sampling,
+            self.target.scale(),
+            self.wanted
+        )
+    }
+}
+
+/// What is known of some bodies, followed in one way.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct SampleValues {
+    /// The output times, s, at which values are.
+    pub times: Vec<f64>,
+    /// By time, quantity ([`crate::scene::Observed::quantities`]) and body; NaN where there is none.
+    pub values: Vec<Vec<Vec<f64>>>,
+    /// By event and body: when, s; the end of the span where it was not had, NaN where the body has failed.
+    pub event_times: Vec<Vec<f64>>,
+}
+
+/// The outputs at which statistics are compared: of `count`, some evenly spaced ones with the last.
+pub(crate) fn compared_outputs(count: usize) -> Vec<usize> {
+    let compared = count.min(MOST_COMPARED);
+    (1..=compared).map(|k| k * count / compared - 1).collect()
+}
+
+/// The errors of everything of which `wanted` asks for one, from the same bodies `as_run` and `accurate`; `all` is the number of bodies that the
+/// sample stands for, `span` s the time over which events are looked for.
+pub(crate) fn statistic_errors(
+    scene: &Scene,
+    wanted: &StatisticalAccuracy,
+    (as_run, accurate): (&SampleValues, &SampleValues),
+    (all, span): (usize, f64),
+) -> Vec<StatisticError> {
+    let observed = scene.observed();
+    let quantities = observed.quantities();
+    let number = |quantity: &Quantity| quantities.iter().position(|other| other == quantity).unwrap_or(0);
+    let mut with_means: Vec<&Quantity> = Vec::new();
+    for quantity in observed.statistics.iter().chain(observed.histograms.iter().map(|histogram| histogram.quantity())) {
+        if !with_means.contains(&quantity) {
+            with_means.push(quantity);
+        }
+    }
+    // What is compared: kind, name, percent, time, what is asked for, and the values.
+    type Compared<'v> = (StatisticalTarget, &'v str, Option<f64>, Option<f64>, f64, (&'v [f64], &'v [f64]));
+    let mut compared: Vec<Compared<'_>> = Vec::new();
+    for (place, &time) in as_run.times.iter().enumerate() {
+        let values = |quantity: &Quantity| {
+            let number = number(quantity);
+            (&as_run.values[place][number][..], &accurate.values[place][number][..])
+        };
+        if let Some(wanted) = wanted.mean {
+            compared.extend(with_means.iter().map(|quantity| {
+                (StatisticalTarget::Mean, quantity.name(), None, Some(time), wanted, values(quantity))
+            }));
+        }
+        if let Some(wanted) = wanted.quantile {
+            for quantity in &observed.statistics {
+                compared.extend(observed.quantiles.iter().map(|&percent| {
+                    (StatisticalTarget::Quantile, quantity.name(), Some(percent), Some(time), wanted, values(quantity))
+                }));
+            }
+        }
+    }
+    if let Some(wanted) = wanted.event_time {
+        for (event, values) in observed.events.iter().zip(as_run.event_times.iter().zip(&accurate.event_times)) {
+            compared.push((StatisticalTarget::EventTime, event.name(), None, None, wanted, (values.0, values.1)));
+        }
+    }
+    // 2 (1 - Φ(z)) ≤ exp(-z²/2), and as many intervals hold together as the risk is divided by (C. E. Bonferroni).
+    let width = (2.0 * (compared.len().max(1) as f64 / RISK).ln()).sqrt();
+    let error = |&(target, name, percent, time, wanted, (as_run, accurate)): &Compared<'_>| {
+        let is_finite = |pair: &(&f64, &f64)| pair.0.is_finite() && pair.1.is_finite();
+        let pairs = as_run.iter().zip(accurate).filter(is_finite).map(|(a, b)| (*a, *b));
+        let (as_run, accurate): (Vec<f64>, Vec<f64>) = pairs.unzip();
+        if accurate.is_empty() {
+            return None;
+        }
+        let parts = match percent {
+            None => of_means(&as_run, &accurate, all),
+            Some(percent) => of_quantiles(&as_run, &accurate, percent, all),
+        };
+        let scale = if target == StatisticalTarget::EventTime { span } else { spread(&accurate) };
+        let relative = |x: f64| if x == 0.0 { 0.0 } else { (x / scale).clamp(-f64::MAX, f64::MAX) };
+        let standard_error = relative(parts.standard_error);
+        Some(StatisticError {
+            target,
+            name: name.to_owned(),
+            percent,
+            time,
+            scale,
+            integration: relative(parts.difference),
+            standard_error,
+            confidence: (width * standard_error).min(f64::MAX),
+            sampling: relative(parts.sampling),
+            wanted,
+        })
+    };
+    compared.par_iter().filter_map(error).collect()
+}
+
+/// Of each statistic the time at which most speaks against it.
+pub(crate) fn worst_times(errors: Vec<StatisticError>) -> Vec<StatisticError> {
+    let mut worst: Vec<StatisticError> = Vec::new();
+    let rank = |error: &StatisticError| (error.is_missed(), error.bound());
+    for error in errors {
+        let is_same = |other: &&mut StatisticError| {
+            (other.target, &other.name, other.percent) == (error.target, &error.name, error.percent)
+        };
+        match worst.iter_mut().find(is_same) {
+            Some(other) if rank(&error) > rank(other) => *other = error,
+            Some(_) => {}
+            None => worst.push(error),
+        }
+    }
+    worst
+}
+
+/// A statistic's error in the quantity's unit.
+struct Parts {
+    difference: f64,
+    standard_error: f64,
+    sampling: f64,
+}
+
+/// Mean and standard deviation (of n - 1) of some numbers; of one number the deviation is not known.
+fn moments(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
+    let count = values.clone().count() as f64;
+    let mean = values.clone().sum::<f64>() / count;
+    let squares = values.map(|value| (value - mean) * (value - mean)).sum::<f64>();
+    (mean, if count > 1.0 { (squares / (count - 1.0)).sqrt() } else { f64::NAN })
+}
+
+/// The spread of a quantity, or what stands for it where there is none.
+fn spread(values: &[f64]) -> f64 {
+    let (_, deviation) = moments(values.iter().copied());
+    let root_mean_square = (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt();
+    // The greater one that is a number.
+    (LEAST_SPREAD * root_mean_square).max(deviation)
+}
+
+fn of_means(as_run: &[f64], accurate: &[f64], all: usize) -> Parts {
+    let (difference, deviation) = moments(as_run.iter().zip(accurate).map(|(a, b)| a - b));
+    let (_, own) = moments(accurate.iter().copied());
+    Parts {
+        difference,
+        // Of one difference nothing better is known than itself.
+        standard_error: if deviation.is_nan() { difference.abs() } else { deviation / (accurate.len() as f64).sqrt() },
+        sampling: own.max(0.0) / (all as f64).sqrt(),
+    }
+}
+
+fn of_quantiles(as_run: &[f64], accurate: &[f64], percent: f64, all: usize) -> Parts {
+    let count = accurate.len();
+    let sorted = |values: &[f64]| {
+        let mut order: Vec<usize> = (0..count).collect();
+        order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
+        order
+    };
+    let (run_order, own_order) = (sorted(as_run), sorted(accurate));
+    let rank = ((0.01 * percent * count as f64).ceil() as usize).clamp(1, count) as u32;
+    // The value of that rank, each body counting so many times.
+    let quantile = |order: &[usize], values: &[f64], times: &[u32]| {
+        let mut below = 0;
+        let place = order.iter().find(|&&body| {
+            below += times[body];
+            below >= rank
+        });
+        place.map_or(f64::NAN, |&body| values[body])
+    };
+    let mut times = vec![1; count];
+    let difference = quantile(&run_order, as_run, &times) - quantile(&own_order, accurate, &times);
+    let resampled: Vec<(f64, f64)> = (0..RESAMPLES)
+        .map(|resample| {
+            times.fill(0);
+            for draw in 0..count {
+                times[(mixed(SEED ^ (resample * count + draw) as u64) % count as u64) as usize] += 1;
+            }
+            let own = quantile(&own_order, accurate, &times);
+            (quantile(&run_order, as_run, &times) - own, own)
+        })
+        .collect();
+    let (_, of_difference) = moments(resampled.iter().map(|(difference, _)| *difference));
+    let (_, of_own) = moments(resampled.iter().map(|(_, own)| *own));
+    Parts {
+        difference,
+        standard_error: if count > 1 { of_difference } else { difference.abs() },
+        sampling: of_own * (count as f64 / all as f64).sqrt(),
+    }
+}
+
+/// When a body has an event, from its quantity at some ascending times of which the first is the start, s: where the secant between two of them
+/// passes the level; `end` where it has not had it. It serves to compare two motions, and is as coarse as the times are apart.
+pub(crate) fn secant_time(event: &Event, points: impl Iterator<Item = (f64, f64)>, end: f64) -> f64 {
+    let condition = event.condition();
+    let mut last: Option<(f64, f64, bool)> = None;
+    let mut count = 0;
+    for (time, value) in points {
+        let excess = value - condition.level();
+        let beyond = match last {
+            // A body without a value stays on its side.
+            Some((.., beyond)) if excess.is_nan() => beyond,
+            _ => condition.is_beyond(excess),
+        };
+        let met_at = match last {
+            None => condition.is_met_at_start(beyond).then_some(time),
+            Some((before, excess_before, was_beyond)) => condition.is_met_between(was_beyond, beyond).then(|| {
+                let part = excess_before / (excess_before - excess);
+                before + (time - before) * if part.is_finite() { part.clamp(0.0, 1.0) } else { 1.0 }
+            }),
+        };
+        if let Some(met_at) = met_at {
+            count += 1;
+            if count == event.nth() {
+                return met_at;
+            }
+        }
+        last = Some((time, excess, beyond));
+    }
+    end
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bodies::Ensemble;
+    use crate::scene::{Condition, StatisticalAccuracy};
+
+    /// Numbers that look drawn from a uniform distribution on [0, 1).
+    fn uniform(seed: u64, count: usize) -> Vec<f64> {
+        (0..count).map(|k| (mixed(seed << 32 | k as u64) >> 11) as f64 * 2.0_f64.powi(-53)).collect()
+    }
+
+    fn scene() -> Scene {
+        let none: [glam::DVec3; 0] = [];
+        let slow = Event::new("slow", Quantity::SpinRate, Condition::Below(0.5)).expect("a level");
+        let scene = Scene::new(Ensemble::from_columns(&none, &[], &none).expect("no bodies"));
+        scene.until(10.0).statistics([Quantity::SpinRate]).quantiles(&[50.0]).expect("a percentage").event(slow)
+    }
+
+    fn errors(as_run: Vec<f64>, accurate: Vec<f64>, all: usize) -> Vec<StatisticError> {
+        let sample = |values: Vec<f64>| SampleValues {
+            times: vec![10.0],
+            event_times: vec![values.clone()],
+            values: vec![vec![values]],
+        };
+        let wanted = StatisticalAccuracy { mean: Some(1e-2), quantile: Some(1e-2), event_time: Some(1e-2) };
+        statistic_errors(&scene(), &wanted, (&sample(as_run), &sample(accurate)), (all, 10.0))
+    }
+
+    #[test]
+    fn an_offset_of_every_body_is_the_integrations() {
+        let accurate = uniform(1, 400);
+        let offset = 0.1;
+        let as_run = accurate.iter().map(|value| value + offset).collect();
+        let found = errors(as_run, accurate, 40_000);
+        assert_eq!(
+            found.iter().map(|error| error.target.name()).collect::<Vec<_>>(),
+            ["mean", "quantile", "event time"]
+        );
+        // A uniform distribution's deviation, and its standard errors: of a mean σ/√N, of a median 1/(2 f √N).
+        let sigma = 12.0_f64.sqrt().recip();
+        for (error, (scale, sampling)) in found.iter().zip([(sigma, sigma), (sigma, 0.5), (10.0, sigma)]) {
+            assert!((error.scale / scale - 1.0).abs() < 0.1, "{error:?}");
+            assert!((error.integration * error.scale / offset - 1.0).abs() < 1e-12, "{error:?}");
+            assert!(error.confidence < 1e-12, "{error:?}");
+            let expected = sampling / 200.0 / error.scale;
+            assert!((error.sampling / expected - 1.0).abs() < 0.3, "{error:?}, {expected}");
+        }
+        // A tenth of a second of ten is the event's target, of which rounding is on neither side.
+        assert!(found[..2].iter().all(StatisticError::is_missed), "{found:?}");
+    }
+
+    /// As of chaotic motions: other bodies, the same distribution. Neither met nor missed is shown, and the interval holds what is true.
+    #[test]
+    fn scatter_is_not_taken_for_an_error_of_the_integration() {
+        let mut within = 0;
+        for seed in 0..200 {
+            let found = errors(uniform(2 * seed + 10, 300), uniform(2 * seed + 11, 300), 300);
+            assert!(found[..2].iter().all(|error| !error.is_shown()), "{found:?}");
+            within += usize::from(found.iter().all(|error| !error.is_missed()));
+        }
+        assert!(within >= 190, "{within} of 200");
+        // An error of a third of the spread shows above it.
+        let shifted = uniform(7, 1000).into_iter().map(|value| value + 0.1).collect();
+        let found = errors(shifted, uniform(8, 1000), 1000);
+        assert!(found[0].is_missed(), "{found:?}");
+    }
+
+    #[test]
+    fn compared_outputs_end_with_the_last() {
+        assert_eq!(compared_outputs(1), [0]);
+        assert_eq!(compared_outputs(3), [0, 1, 2]);
+        assert_eq!(compared_outputs(16), (0..16).collect::<Vec<_>>());
+        let many = compared_outputs(1001);
+        assert!(many.len() == MOST_COMPARED && many[MOST_COMPARED - 1] == 1000 && many.is_sorted_by(|a, b| a < b));
+    }
+
+    #[test]
+    fn secants_pass_levels_where_lines_do() {
+        let event = |condition| Event::new("e", Quantity::SpinRate, condition).expect("a level");
+        let line = |event: &Event, values: &[f64]| {
+            secant_time(event, values.iter().enumerate().map(|(time, &value)| (time as f64, value)), 9.0)
+        };
+        assert_eq!(line(&event(Condition::Below(0.5)), &[1.0, 0.75, 0.25]), 1.5);
+        assert_eq!(line(&event(Condition::Below(0.5)), &[0.25, 0.75]), 0.0);
+        assert_eq!(line(&event(Condition::Falls(0.5)), &[0.25, 0.75, 0.25]), 1.5);
+        assert_eq!(line(&event(Condition::Falls(0.5)), &[0.25, 0.75]), 9.0);
+        let third = event(Condition::Crosses(0.0)).occurrence(3).expect("a number");
+        assert_eq!(line(&third, &[1.0, -1.0, 1.0, -1.0]), 2.5);
+    }
+}

@@ -1,0 +1,317 @@
+//! Steps from errors asked for of statistics and event times.
+//!
+//! The first guess takes the error of a statistic for one of every body's attitude, for which a [`Pilot`] finds the cheapest steps. Where no
+//! steps keep attitudes that long, as the motion is chaotic, each body chooses its steps by a tolerance at which errors that only add up, and
+//! are not amplified, would stay within that: each body then moves as the equations say but for small kicks, and what kicks do to its attitude
+//! they do not do to a distribution that the motion itself has mixed.
+//!
+//! Either is then tried: some bodies are followed by the steps that were chosen and by much finer ones, and their statistics and event times
+//! compared ([`statistic_errors`]). As long as these differ by more than is asked for, or may do, steps become finer; not where finer ones do not
+//! help, as the scatter of the sample is all that is left of the difference.
+
+use super::choice::{Classification, Rule, Scheme};
+use super::cost::Cost;
+use super::pilot::{Found, PROBED_STEPS, Pilot};
+use super::sampled::Followed;
+use super::statistical::{SampleValues, StatisticError, compared_outputs, secant_time, statistic_errors, worst_times};
+use crate::bodies::{BodyState, Ensemble};
+use crate::error::{Error, Result};
+use crate::kernel::method::Method;
+use crate::math::Precision;
+use crate::plan::sampling::sample;
+use crate::scene::{Accuracy, QuantityEvaluator, Scene, StatisticalAccuracy, StatisticalTarget, Target};
+use crate::torque::Torque;
+
+/// The bodies that are compared, as far as their steps fit in the budget; fewer than the least over the whole span never are.
+const MOST_BODIES: usize = 300;
+const LEAST_BODIES: usize = 32;
+/// The steps that following them once may take: some tenths of a second of one core.
+const BUDGET: f64 = 4e5;
+/// The steps of a body, as a multiple of those expected, beyond which it is given up.
+const UNEXPECTED: f64 = 100.0;
+
+/// The most output times at which events are looked for.
+const MOST_TIMES: usize = 256;
+
+/// By how much finer the steps are that are compared with: what is left of their own error does not count.
+const FINER: f64 = 1e-3;
+
+/// How often steps are made finer, by how much at least and at most, and what part of the target they then aim at.
+const REFINEMENTS: usize = 5;
+const LEAST_REFINEMENT: f64 = 0.1;
+const MOST_REFINEMENT: f64 = 1e-4;
+const AIM: f64 = 0.3;
+
+/// No attitude is known better, rad.
+const LEAST_STATE_ERROR: f64 = 1e-13;
+
+/// No statistic is known better, as a part of its scale: some units in the last place of a number.
+const LEAST_ERROR: f64 = 1e-15;
+
+/// A bound that comes down by less than this is not one on the integration any more.
+const HELPS: f64 = 0.5;
+
+/// What rounding in `f32` may change kinetic energy, spin rate or angular momentum by in the closed form, relative; its errors are below
+/// 9e-7 ([`super::CLOSED_FORM_F32`]).
+const NARROW: f64 = 2e-6;
+
+/// The part of a target that this may take up.
+const NARROW_SHARE: f64 = 0.25;
+
+/// Selects the bodies; other ones than those of a run's own sample.
+const SEED: u64 = 3;
+
+/// What was tried: the steps, what the integration brings into each statistic, and whether bodies were lost that finer steps keep.
+struct Tried {
+    found: Found,
+    errors: Vec<StatisticError>,
+    loses: bool,
+}
+
+impl Tried {
+    /// The greatest of the bounds as a part of what is asked for.
+    fn bound(&self) -> f64 {
+        let greatest = self.errors.iter().map(|error| error.bound() / error.wanted).fold(0.0, f64::max);
+        if self.loses { f64::INFINITY } else { greatest }
+    }
+
+    fn is_missed(&self) -> bool {
+        self.loses || self.errors.iter().any(StatisticError::is_missed)
+    }
+}
+
+/// The steps of a class, and what they bring into its statistics.
+pub(super) fn choose(
+    base: &Pilot<'_>,
+    class: &[u32],
+    classification: impl Fn(u32) -> Classification,
+    wanted: &StatisticalAccuracy,
+) -> Result<(Found, Vec<StatisticError>)> {
+    if wanted.strictest() < LEAST_ERROR {
+        let factor = LEAST_ERROR / wanted.strictest();
+        return Err(out_of_reach(wanted, None, Some(factor), ROUNDING));
+    }
+    let mut state_error = wanted.strictest().clamp(LEAST_STATE_ERROR, 1.0);
+    let (mut is_predictable, mut before) = (true, None::<Tried>);
+    for refinement in 0..=REFINEMENTS {
+        let accuracy = Accuracy::attitude(state_error);
+        let pilot = |accuracy| Pilot { accuracy, bodies: Vec::new(), is_brief: true, ..*base };
+        let found = match is_predictable {
+            true => Some(pilot(&accuracy).calibrate(class, &classification)?).filter(|found| found.part <= 1.0),
+            false => None,
+        };
+        // Another step draws other numbers, so that there is nothing to compare.
+        if base.torques.iter().any(Torque::is_random) {
+            return match found {
+                Some(found) => Ok((found, Vec::new())),
+                None => Err(out_of_reach(wanted, None, None, RANDOM)),
+            };
+        }
+        is_predictable = found.is_some();
+        let tried = compared(&pilot(&accuracy), class, &classification, found, wanted)?;
+        let bound = tried.bound();
+        let is_last = refinement == REFINEMENTS || state_error <= LEAST_STATE_ERROR;
+        let (chosen, is_settled) = match before.take() {
+            // Finer steps do not help: what is left is scatter, or rounding.
+            Some(coarser) if !coarser.is_missed() && !tried.is_missed() && bound > HELPS * coarser.bound() => {
+                (coarser, true)
+            }
+            _ => (tried, bound <= 1.0),
+        };
+        if is_settled || (is_last && !chosen.is_missed()) {
+            return Ok((chosen.found, worst_times(chosen.errors)));
+        }
+        if is_last {
+            return Err(out_of_reach(wanted, Some(&chosen), None, ROUNDING));
+        }
+        before = Some(chosen);
+        state_error = (state_error * (AIM / bound).clamp(MOST_REFINEMENT, LEAST_REFINEMENT)).max(LEAST_STATE_ERROR);
+    }
+    // The last refinement has returned.
+    Err(out_of_reach(wanted, None, None, ROUNDING))
+}
+
+const RANDOM: &str = "a random torque is in the way: name a method and a step (accuracy.method, dt)";
+const ROUNDING: &str = "rounding is in the way, or steps finer than planning may try: use a larger error, precision f64, or name a \
+                        method and its steps (accuracy.method)";
+
+/// `factor` of what is asked for, where nothing was tried.
+fn out_of_reach(
+    wanted: &StatisticalAccuracy,
+    tried: Option<&Tried>,
+    factor: Option<f64>,
+    remedy: &'static str,
+) -> Error {
+    let ratio = |error: &&StatisticError| error.integration.abs() / error.wanted;
+    let worst = tried.and_then(|tried| tried.errors.iter().max_by(|a, b| ratio(a).total_cmp(&ratio(b))));
+    let strictest = wanted.targets().into_iter().filter_map(|(target, wanted)| Some((target, wanted?)));
+    let strictest = strictest.min_by(|a, b| a.1.total_cmp(&b.1));
+    let missed = worst.map(|error| error.target).or(strictest.map(|(target, _)| target));
+    Error::StatisticsOutOfReach {
+        target: wanted.to_string(),
+        field: missed.unwrap_or(StatisticalTarget::Mean).key(),
+        statistic: match (worst, missed) {
+            (Some(worst), _) => worst.label(),
+            (None, missed) => missed.unwrap_or(StatisticalTarget::Mean).name().to_owned(),
+        },
+        factor: match (worst, tried) {
+            (_, Some(tried)) if tried.loses => Some(f64::INFINITY),
+            (Some(worst), _) => Some(ratio(&worst)),
+            (None, _) => factor,
+        },
+        remedy,
+    }
+}
+
+/// Tries the steps that were found, or those of a tolerance where none keep the attitude, on a sample of bodies.
+fn compared(
+    pilot: &Pilot<'_>,
+    class: &[u32],
+    classification: impl Fn(u32) -> Classification,
+    found: Option<Found>,
+    wanted: &StatisticalAccuracy,
+) -> Result<Tried> {
+    let drawn = |count: usize| -> Vec<(u32, Classification)> {
+        let drawn = sample(class.len(), count.min(class.len()), SEED).into_iter().map(|index| class[index as usize]);
+        drawn.map(|body| (body, classification(body))).collect()
+    };
+    let few = Pilot { bodies: drawn(LEAST_BODIES), ..*pilot };
+    let precise = Accuracy::attitude(FINER * pilot.accuracy.strictest());
+    let steps =
+        few.expected_steps(&Pilot { bodies: few.bodies.clone(), accuracy: &precise, ..*pilot }.local_rule(true));
+    let bodies = drawn(((BUDGET / steps) as usize).clamp(LEAST_BODIES, MOST_BODIES));
+    let (scene, part) = (pilot.scene, (BUDGET / (steps * bodies.len() as f64)).min(1.0));
+    let pilot = Pilot {
+        bodies,
+        span: part * scene.end(),
+        most_of_body: (UNEXPECTED * part * steps).clamp(PROBED_STEPS, UNEXPECTED * BUDGET),
+        ..*pilot
+    };
+    let reference = Pilot { bodies: pilot.bodies.clone(), accuracy: &precise, ..pilot }.local_rule(true);
+    let rule = found.map_or_else(|| pilot.local_rule(false), |found| found.rule);
+    let times = pilot.followed_times();
+    let (coarse, fine) = (pilot.followed(&rule, &times)?, pilot.followed(&reference, &times)?);
+    let (as_run, accurate) = (pilot.values(&coarse, &times)?, pilot.values(&fine, &times)?);
+    let loses = coarse.loses(&fine);
+    let errors = statistic_errors(scene, wanted, (&as_run, &accurate), (scene.ensemble().len(), scene.end()));
+    let part = errors.iter().map(|error| error.integration.abs() / error.wanted).fold(0.0, f64::max);
+    let local = || Found {
+        rule,
+        part,
+        worst: Target::Attitude,
+        // Nothing is known of it.
+        attitude: std::f64::consts::PI,
+        bodies: pilot.bodies.len(),
+        steps: coarse.steps,
+    };
+    Ok(Tried { found: found.unwrap_or_else(local), errors, loses })
+}
+
+impl Pilot<'_> {
+    /// Steps by a tolerance at which errors that add up along the way, and are not amplified, are within what is asked for; equal ones where bodies
+    /// may not choose theirs. In `f64` if it has to be precise.
+    fn local_rule(&self, is_precise: bool) -> Rule {
+        let precision = if is_precise { None } else { self.precision }.or(Some(Precision::F64));
+        let of_cost = |cost| {
+            let rule = self.rule(cost, if cost.scheme == Scheme::TAYLOR { Some(Precision::F64) } else { precision });
+            (rule, self.seconds(&rule, cost, None))
+        };
+        let adaptive = self.costs.rows().iter().filter(|cost| cost.scheme.is_adaptive() && self.allows(cost.scheme));
+        let cheapest = adaptive.map(of_cost).min_by(|a, b| a.1.total_cmp(&b.1));
+        cheapest.map_or_else(|| self.rule(Cost::shipped(Scheme::Equal(Method::Rk8)), precision), |(rule, _)| rule)
+    }
+
+    /// Steps of a body over the whole span, on average.
+    fn expected_steps(&self, rule: &Rule) -> f64 {
+        let span = self.scene.end();
+        let of_body = |(_, classification): &(u32, Classification)| match rule.scheme {
+            Scheme::Adaptive(_) => rule.expected_attempts(Precision::F64, classification.rate * span),
+            Scheme::Equal(_) => span / rule.longest_step(classification.rate, span),
+        };
+        let sum = self.bodies.iter().map(of_body).sum::<f64>() / self.bodies.len().max(1) as f64;
+        sum.max(self.times.len().min(MOST_TIMES) as f64)
+    }
+
+    /// The output times at which bodies are looked at, as far as they are followed.
+    fn followed_times(&self) -> Vec<f64> {
+        let count = self.times.len();
+        let kept = count.min(MOST_TIMES);
+        let some = (1..=kept).map(|k| self.times[k * count / kept - 1]);
+        let mut times: Vec<f64> = some.take_while(|&time| time < self.span).collect();
+        times.push(self.span);
+        times
+    }
+
+    /// What is asked of the bodies, from their states at some times.
+    fn values(&self, followed: &Followed, times: &[f64]) -> Result<SampleValues> {
+        let observed = self.scene.observed();
+        let quantities = observed.quantities();
+        let evaluator = QuantityEvaluator::new(self.scene, &quantities)?;
+        let bodies = || self.bodies.iter().map(|&(body, _)| body as usize);
+        let value = |quantity: usize, body: usize, time: f64, state: Option<&BodyState>| match state {
+            Some(state) if state.is_sound() => evaluator.value(quantity, body, time, state),
+            _ => f64::NAN,
+        };
+        let compared = compared_outputs(times.len());
+        let at = |&place: &usize| {
+            let states = &followed.states[place];
+            let of_quantity =
+                |quantity| bodies().map(|body| value(quantity, body, times[place], states.get(&body))).collect();
+            (0..quantities.len()).map(of_quantity).collect()
+        };
+        let event_times = observed.events.iter().map(|event| {
+            let number = quantities.iter().position(|other| other == event.quantity()).unwrap_or(0);
+            let of_body = |body: usize| {
+                let is_sound = followed.states.iter().all(|states| states.get(&body).is_some_and(BodyState::is_sound));
+                let start = initial_state(self.scene.ensemble(), body);
+                let later = times.iter().zip(&followed.states);
+                let later = later.map(|(&time, states)| (time, value(number, body, time, states.get(&body))));
+                let points = std::iter::once((0.0, value(number, body, 0.0, Some(&start)))).chain(later);
+                if is_sound { secant_time(event, points, self.span) } else { f64::NAN }
+            };
+            bodies().map(of_body).collect()
+        });
+        Ok(SampleValues {
+            times: compared.iter().map(|&place| times[place]).collect(),
+            values: compared.iter().map(at).collect(),
+            event_times: event_times.collect(),
+        })
+    }
+}
+
+/// The state in which a body starts.
+fn initial_state(ensemble: &Ensemble, body: usize) -> BodyState {
+    let (orientation, omega) = (ensemble.orientation()[body], ensemble.angular_velocity_body()[body]);
+    let momentum = ensemble.inertia()[body].to_matrix() * omega;
+    BodyState {
+        orientation,
+        angular_velocity_body: omega,
+        angular_momentum_world: orientation * momentum,
+        kinetic_energy: 0.5 * omega.dot(momentum),
+        norm_error: 0.0,
+        status: crate::bodies::Status::Valid,
+    }
+}
+
+/// Whether rounding in `f32` is far below the errors asked for: of kinetic energy, spin rate and angular momentum, whose spreads at the start are
+/// known and whose relative errors are those of the closed form.
+pub(super) fn allows_narrow(scene: &Scene, wanted: &StatisticalAccuracy) -> Result<bool> {
+    if scene.plain_statistics().is_empty() {
+        return Ok(false);
+    }
+    let quantities = scene.observed().quantities();
+    let evaluator = QuantityEvaluator::new(scene, &quantities)?;
+    let ensemble = scene.ensemble();
+    let bodies = sample(ensemble.len(), MOST_BODIES.min(ensemble.len()), SEED);
+    let is_wide = |quantity: usize| {
+        let value =
+            |&body: &u32| evaluator.value(quantity, body as usize, 0.0, &initial_state(ensemble, body as usize));
+        let values: Vec<f64> = bodies.iter().map(value).collect();
+        let count = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / count;
+        let square = values.iter().map(|value| value * value).sum::<f64>() / count;
+        let variance = values.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / count;
+        NARROW * square.sqrt() <= NARROW_SHARE * wanted.strictest() * variance.sqrt()
+    };
+    Ok(!bodies.is_empty() && (0..quantities.len()).all(is_wide))
+}

@@ -1,0 +1,154 @@
+//! Events of a study that sweeps over two axes, as maps: which share of each cell had an event by the end, and when on average.
+
+use std::path::Path;
+
+use super::figure::{Axis, Figure, Item, Line, Panel, Style};
+use super::observed::{Rows, SURVIVAL, table};
+use super::run::{caption, sweep_units, titled};
+use crate::error::Result;
+
+/// The values of the axes by cell.
+const CELLS: &str = "cells";
+/// When which body had which event.
+const EVENTS: &str = "events";
+
+/// Colours from the least to the greatest value: ever darker, so that they can be read in black and white too.
+const SHADES: [[u8; 3]; 8] = [
+    [253, 247, 222],
+    [243, 222, 160],
+    [228, 190, 122],
+    [205, 150, 110],
+    [171, 112, 112],
+    [128, 80, 113],
+    [82, 52, 104],
+    [37, 26, 76],
+];
+/// A cell of which nothing can be said.
+const NOTHING: [u8; 3] = [215, 228, 236];
+
+/// What is swept, one axis.
+struct Swept {
+    label: String,
+    /// In ascending order, each once.
+    values: Vec<f64>,
+    is_logarithmic: bool,
+}
+
+impl Swept {
+    fn new(name: &str, unit: Option<&String>, cells: &[f64]) -> Self {
+        let mut values = cells.to_vec();
+        values.sort_by(f64::total_cmp);
+        values.dedup();
+        let label = name.replace('_', " ");
+        let label = unit.map_or(label.clone(), |unit| format!("{label} ({unit})"));
+        // Equal ratios rather than equal differences.
+        let is_logarithmic = match values[..] {
+            [a, b, .., y, z] => a > 0.0 && (b / a - z / y).abs() < (b - a - (z - y)).abs() / (z - y),
+            _ => false,
+        };
+        Self { label, values, is_logarithmic }
+    }
+
+    fn axis(&self) -> Axis {
+        if self.is_logarithmic { Axis::log(&self.label) } else { Axis::linear(&self.label) }
+    }
+
+    fn place(&self, value: f64) -> Option<usize> {
+        self.values.iter().position(|other| *other == value)
+    }
+
+    /// Where the bar of the `place`-th value begins and ends: half-way to its neighbours.
+    fn bar(&self, place: usize) -> (f64, f64) {
+        let scaled = |place: usize| if self.is_logarithmic { self.values[place].ln() } else { self.values[place] };
+        let last = self.values.len() - 1;
+        let here = scaled(place);
+        let below = if place > 0 { here - scaled(place - 1) } else { scaled(1) - here };
+        let above = if place < last { scaled(place + 1) - here } else { here - scaled(place - 1) };
+        let back = |scaled: f64| if self.is_logarithmic { scaled.exp() } else { scaled };
+        (back(here - below / 2.0), back(here + above / 2.0))
+    }
+}
+
+/// Two panels for each event; none where the study does not sweep over a full grid of two axes.
+///
+/// # Errors
+///
+/// [`crate::Error::File`] and [`crate::Error::Rows`] where a table or `report.json` cannot be read.
+pub(super) fn map(folder: &Path) -> Result<Option<Figure>> {
+    let tables = (table(folder, CELLS), table(folder, SURVIVAL), table(folder, EVENTS));
+    let (Some(cells), Some(survival), Some(events)) = tables else { return Ok(None) };
+    let cells = Rows::read(&cells)?;
+    let names: Vec<&str> = cells.names().filter(|name| !["cell", "bodies"].contains(name)).collect();
+    let [first, second] = names[..] else { return Ok(None) };
+    let units = sweep_units(folder)?;
+    let columns = [cells.need(first)?, cells.need(second)?];
+    let [x, y] =
+        [(first, &columns[0]), (second, &columns[1])].map(|(name, values)| Swept::new(name, units.get(name), values));
+    let count = columns[0].len();
+    if x.values.len() < 2 || y.values.len() < 2 || x.values.len() * y.values.len() != count {
+        return Ok(None);
+    }
+
+    let survival = Rows::read(&survival)?;
+    let (names, cell) = (survival.words("event")?, survival.need("cell")?);
+    let (times, share) = (survival.need("t")?, survival.need("share")?);
+    let end = times.iter().copied().fold(0.0, f64::max);
+    let events = Rows::read(&events)?;
+    let (had, when, of_cell) = (events.words("event")?, events.need("t")?, events.need("cell")?);
+
+    let panel = |title: String, value: &dyn Fn(usize) -> f64, scale: f64| {
+        let bar = |index: usize| {
+            let ((low_x, high_x), (low_y, high_y)) =
+                (x.bar(x.place(columns[0][index])?), y.bar(y.place(columns[1][index])?));
+            Some(Item::Bar { low: (low_x, low_y), high: (high_x, high_y), style: shade(value(index) / scale) })
+        };
+        Panel { title, x: x.axis(), y: y.axis(), items: (0..count).filter_map(bar).collect(), equal: false }
+    };
+    let mut panels = Vec::new();
+    let mut seen: Vec<&str> = Vec::new();
+    for name in &names {
+        if seen.contains(name) {
+            continue;
+        }
+        seen.push(name);
+        let mut shares = vec![f64::NAN; count];
+        let rows = (0..names.len()).filter(|&row| names[row] == *name && times[row] == end);
+        rows.for_each(|row| shares[cell[row] as usize] = 1.0 - share[row]);
+        panels.push(panel(format!("{name}: share by the end"), &|index| shares[index], 1.0));
+        let mut sums = vec![(0.0, 0.0); count];
+        for row in (0..had.len()).filter(|&row| had[row] == *name) {
+            let (sum, bodies) = &mut sums[of_cell[row] as usize];
+            (*sum, *bodies) = (*sum + when[row], *bodies + 1.0);
+        }
+        panels.push(panel(format!("{name}: mean time of those"), &|index| sums[index].0 / sums[index].1, end));
+    }
+    Ok(Some(Figure {
+        title: titled(folder, "Events by cell")?,
+        caption: caption(folder)?.into_iter().take(1).collect(),
+        columns: 2,
+        panels,
+        legend: legend(end),
+    }))
+}
+
+/// The colour of a part from 0 to 1.
+fn shade(part: f64) -> Style {
+    let index = ((part * SHADES.len() as f64) as usize).min(SHADES.len() - 1);
+    let colour = if part.is_finite() { SHADES[index] } else { NOTHING };
+    Style { colour, line: Line::Solid, mark: None, width: 1 }
+}
+
+fn legend(end: f64) -> Vec<(String, Style)> {
+    let part = |index: usize| index as f64 / SHADES.len() as f64;
+    let wide = |colour| Style { colour, line: Line::Solid, mark: None, width: 8 };
+    let time = |time: f64| match time {
+        0.0 => "0".to_owned(),
+        _ if (100.0..1e5).contains(&end) => format!("{time:.0}"),
+        _ => format!("{time:.2e}"),
+    };
+    let text = |low: f64, high: f64| {
+        format!("{} % to {} %; {} s to {} s", 100.0 * low, 100.0 * high, time(low * end), time(high * end))
+    };
+    let shades = (0..SHADES.len()).map(|index| (text(part(index), part(index + 1)), wide(SHADES[index])));
+    shades.chain([("no body had it".to_owned(), wide(NOTHING))]).collect()
+}

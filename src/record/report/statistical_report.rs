@@ -1,0 +1,120 @@
+//! Errors of statistics in `report.json`.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use crate::plan::StatisticError;
+use crate::record::StatisticalSample;
+
+/// What the integration and the number of bodies bring into the statistics that errors are asked of.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StatisticalAccuracyReport {
+    /// Error asked of means, as a part of the quantity's spread.
+    pub mean: Option<f64>,
+    /// Of quantiles, likewise.
+    pub quantile: Option<f64>,
+    /// Of mean event times, as a part of the span.
+    pub event_time: Option<f64>,
+    /// Bodies of the sample that was recomputed.
+    pub bodies: usize,
+    /// Those of them that failed in the run.
+    pub lost: usize,
+    /// Those of them whose recomputation failed.
+    pub diverged: usize,
+    /// Of each statistic, the time at which most speaks against it.
+    pub errors: Vec<StatisticErrorReport>,
+    /// Whether the sample agrees with what was asked for ([`StatisticalSample::met`]).
+    pub met: Option<bool>,
+    /// Whether it shows it ([`StatisticalSample::shown`]).
+    pub shown: bool,
+    #[serde(skip)]
+    sample: StatisticalSample,
+}
+
+/// A statistic's error by its parts, which are parts of `scale`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StatisticErrorReport {
+    /// The statistic, its parts and what is asked for.
+    #[serde(flatten)]
+    pub error: StatisticError,
+    /// Whether the sample shows that the integration brings in less than is asked for.
+    pub shown: bool,
+    /// Whether it shows that it brings in more.
+    pub missed: bool,
+}
+
+impl From<StatisticalSample> for StatisticalAccuracyReport {
+    fn from(sample: StatisticalSample) -> Self {
+        let report = |error: &StatisticError| StatisticErrorReport {
+            error: error.clone(),
+            shown: error.is_shown(),
+            missed: error.is_missed(),
+        };
+        Self {
+            mean: sample.target.mean,
+            quantile: sample.target.quantile,
+            event_time: sample.target.event_time,
+            bodies: sample.bodies,
+            lost: sample.lost,
+            diverged: sample.diverged,
+            errors: sample.errors.iter().map(report).collect(),
+            met: sample.met,
+            shown: sample.shown,
+            sample,
+        }
+    }
+}
+
+/// Lines of the summary at the most, the worst statistics first.
+const MOST_LINES: usize = 8;
+
+impl fmt::Display for StatisticalAccuracyReport {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(formatter, "  asked    {}, of the integration", self.sample.target)?;
+        let mut errors: Vec<&StatisticError> = self.sample.errors.iter().collect();
+        errors.sort_by(|a, b| {
+            let rank = |error: &StatisticError| (error.bound() / error.wanted, error.is_missed());
+            let (a, b) = (rank(a), rank(b));
+            b.1.cmp(&a.1).then(b.0.total_cmp(&a.0))
+        });
+        for error in errors.iter().take(MOST_LINES) {
+            let at = error.time.map_or(String::new(), |time| format!(" at {time:.4e} s"));
+            writeln!(
+                formatter,
+                "           {}{at}: integration {:.1e} (+- {:.1e}), number of bodies {:.1e} {}",
+                error.label(),
+                error.integration,
+                error.confidence,
+                error.sampling,
+                error.target.scale()
+            )?;
+        }
+        if errors.len() > MOST_LINES {
+            writeln!(formatter, "           and {} more, in report.json", errors.len() - MOST_LINES)?;
+        }
+        let bodies = if self.bodies == 1 { "body" } else { "bodies" };
+        let of = format!("{} {bodies} recomputed in f64", self.bodies);
+        write!(formatter, "           ")?;
+        match (self.met, self.shown) {
+            (Some(true), true) => write!(formatter, "met, shown by {of}")?,
+            (Some(true), false) => {
+                write!(formatter, "met as far as {of} tell: not distinguishable from the scatter of the sample")?;
+            }
+            (Some(false), _) => write!(formatter, "NOT MET in {of}")?,
+            (None, _) if self.sample.random => {
+                write!(formatter, "not measured: a random torque has other draws in other steps")?
+            }
+            (None, _) => write!(formatter, "not known")?,
+        }
+        if self.lost > 0 {
+            write!(formatter, ", {} of the sample failed", self.lost)?;
+        } else if self.sample.failed > 0 {
+            write!(formatter, ", {} of all bodies failed", self.sample.failed)?;
+        }
+        if self.diverged > 0 {
+            write!(formatter, ", {} could not be recomputed", self.diverged)?;
+        }
+        writeln!(formatter)
+    }
+}

@@ -1,0 +1,73 @@
+//! How near a run's statistics are to those of more accurate motions.
+
+use std::fmt;
+
+use crate::plan::StatisticError;
+use crate::scene::StatisticalAccuracy;
+
+/// What the integration brought into the statistics and mean event times of a run, measured on a sample of its bodies that was recomputed on the
+/// CPU in `f64`: torque-free ones by the closed form, the others by `rk8` in steps that each chooses at a tolerance of 1e-13; and what the
+/// number of bodies brings in.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StatisticalSample {
+    /// What was asked for.
+    pub target: StatisticalAccuracy,
+    /// Bodies of the sample.
+    pub bodies: usize,
+    /// Those of them that failed in the run.
+    pub lost: usize,
+    /// Those of them whose recomputation failed.
+    pub diverged: usize,
+    /// Bodies of the whole run that failed, of which no statistic knows.
+    pub failed: usize,
+    /// Whether a random torque acts: another motion has other draws, and is no reference.
+    pub random: bool,
+    /// Of each statistic that an error is asked for, the time at which most speaks against it.
+    pub errors: Vec<StatisticError>,
+    /// Whether the sample agrees with what was asked for: no statistic is further off, at any of the times compared, than the scatter of
+    /// the sample explains. Not met where a body of the sample has failed, or a larger part of all bodies than the least error asked
+    /// for. `None` where nothing is known: of no bodies, where some could not be recomputed, and where a random torque acts.
+    pub met: Option<bool>,
+    /// Whether the sample does more than agree: it shows that every error is as small as asked for. Of chaotic motions a sample seldom
+    /// does.
+    pub shown: bool,
+}
+
+impl StatisticalSample {
+    /// What `errors` and the bodies that are missing come to, of so many `all` together.
+    pub(crate) fn new(
+        target: StatisticalAccuracy,
+        (bodies, lost, diverged): (usize, usize, usize),
+        (failed, all): (usize, usize),
+        random: bool,
+        errors: Vec<StatisticError>,
+    ) -> Self {
+        let is_measured = bodies > 0 && !errors.is_empty() && !random && diverged == 0;
+        let is_whole = lost == 0 && failed as f64 <= target.strictest() * all as f64;
+        let is_missed = errors.iter().any(StatisticError::is_missed);
+        Self {
+            target,
+            bodies,
+            lost,
+            diverged,
+            failed,
+            random,
+            met: (lost > 0 || !is_whole || is_measured).then_some(is_whole && !is_missed),
+            shown: is_measured && is_whole && errors.iter().all(StatisticError::is_shown),
+            errors,
+        }
+    }
+}
+
+impl fmt::Display for StatisticalSample {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (self.met, self.shown) {
+            (Some(true), true) => write!(formatter, "statistics as asked for ({})", self.target),
+            (Some(true), false) => {
+                write!(formatter, "statistics as asked for as far as {} bodies tell ({})", self.bodies, self.target)
+            }
+            (Some(false), _) => write!(formatter, "statistics NOT MET ({})", self.target),
+            (None, _) => write!(formatter, "errors of statistics not known"),
+        }
+    }
+}

@@ -1,0 +1,138 @@
+//! What is asked of a sample of a run's bodies, to be compared with the same of more accurate motions.
+
+use super::reference::Recomputed;
+use crate::bodies::BodyState;
+use crate::error::Result;
+use crate::plan::Plan;
+use crate::plan::sampling::sample;
+use crate::plan::statistical::{SampleValues, compared_outputs, statistic_errors, worst_times};
+use crate::record::{EventRecord, StatisticalSample};
+use crate::run::group_run::GroupRun;
+use crate::run::recomputed_sample::SAMPLE_SEED;
+use crate::scene::{QuantityEvaluator, StatisticalAccuracy};
+use crate::torque::Torque;
+
+/// One body in this many is compared, at least and at most so many, or all where there are fewer: the scatter of differences goes as
+/// the root of their number.
+const ONE_IN: usize = 20;
+const LEAST_BODIES: usize = 64;
+const MOST_BODIES: usize = 1000;
+
+/// Gathers what is asked of a sample's bodies in the course of a run.
+pub(in crate::run) struct Comparison<'p> {
+    plan: &'p Plan<'p>,
+    wanted: StatisticalAccuracy,
+    bodies: Vec<u32>,
+    /// The numbers of the outputs at which values are taken.
+    outputs: Vec<usize>,
+    evaluator: QuantityEvaluator<'p>,
+    quantities: usize,
+    values: SampleValues,
+    /// By place in the sample: whether it has failed.
+    lost: Vec<bool>,
+}
+
+impl<'p> Comparison<'p> {
+    /// Of a plan; nothing where no errors of statistics are asked for.
+    pub fn new(plan: &'p Plan<'p>) -> Result<Option<Self>> {
+        let scene = plan.scene();
+        let Some(wanted) = scene.wanted_statistical_accuracy() else { return Ok(None) };
+        let count = scene.ensemble().len();
+        let bodies = sample(count, (count / ONE_IN).clamp(LEAST_BODIES, MOST_BODIES).min(count), SAMPLE_SEED);
+        let quantities = scene.observed().quantities();
+        Ok(Some(Self {
+            plan,
+            wanted,
+            lost: vec![false; bodies.len()],
+            bodies,
+            outputs: compared_outputs(plan.times().len()),
+            evaluator: QuantityEvaluator::new(scene, &quantities)?,
+            quantities: quantities.len(),
+            values: SampleValues::default(),
+        }))
+    }
+
+    /// The sample, ascending.
+    pub fn bodies(&self) -> &[u32] {
+        &self.bodies
+    }
+
+    /// The outputs at which values are compared.
+    pub fn outputs(&self) -> &[usize] {
+        &self.outputs
+    }
+
+    /// Takes what is compared at output `index`, at `time` s, where that is one of them.
+    pub fn take(&mut self, index: usize, time: f64, group_runs: &mut [GroupRun<'_>]) -> Result<()> {
+        if self.outputs.binary_search(&index).is_err() {
+            return Ok(());
+        }
+        let mut values = vec![vec![f64::NAN; self.bodies.len()]; self.quantities];
+        let mut is_lost = vec![true; self.bodies.len()];
+        for group_run in group_runs {
+            for (body, state) in group_run.read_bodies(&self.bodies)? {
+                let place = self.bodies.partition_point(|&other| (other as usize) < body);
+                is_lost[place] = !state.is_sound();
+                set_values(&self.evaluator, &mut values, place, (body, time), &state);
+            }
+        }
+        self.lost.iter_mut().zip(is_lost).for_each(|(lost, is_lost)| *lost |= is_lost);
+        self.values.times.push(time);
+        self.values.values.push(values);
+        Ok(())
+    }
+
+    /// What the run comes to beside what was recomputed; `failed` of all its bodies have.
+    pub fn finish(
+        self,
+        events: &[EventRecord],
+        recomputed: Option<&Recomputed>,
+        has_failed: impl Fn(usize) -> bool,
+        failed: usize,
+    ) -> StatisticalSample {
+        let Self { plan, wanted, bodies, mut values, mut lost, .. } = self;
+        let scene = plan.scene();
+        lost.iter_mut().zip(&bodies).for_each(|(lost, &body)| *lost |= has_failed(body as usize));
+        values.event_times = event_times(events, &bodies, &lost, scene.end());
+        let random = scene.torques().iter().any(Torque::is_random);
+        let all = scene.ensemble().len();
+        let (mut errors, mut diverged) = (Vec::new(), 0);
+        if let Some(Recomputed { events, values: accurate, lost: not_recomputed }) = recomputed {
+            let mut accurate = accurate.clone();
+            accurate.event_times = event_times(events, &bodies, not_recomputed, scene.end());
+            errors = worst_times(statistic_errors(scene, &wanted, (&values, &accurate), (all, scene.end())));
+            diverged = not_recomputed.iter().zip(&lost).filter(|(reference, own)| **reference && !**own).count();
+        }
+        let lost = lost.into_iter().filter(|lost| *lost).count();
+        StatisticalSample::new(wanted, (bodies.len(), lost, diverged), (failed, all), random, errors)
+    }
+}
+
+/// Sets the quantities of a sample's body.
+fn set_values(
+    evaluator: &QuantityEvaluator<'_>,
+    values: &mut [Vec<f64>],
+    place: usize,
+    (body, time): (usize, f64),
+    state: &BodyState,
+) {
+    for (quantity, values) in values.iter_mut().enumerate() {
+        values[place] = if state.is_sound() { evaluator.value(quantity, body, time, state) } else { f64::NAN };
+    }
+}
+
+/// When each of some bodies had each event, s: the end where it did not, NaN where it was lost.
+fn event_times(events: &[EventRecord], bodies: &[u32], lost: &[bool], end: f64) -> Vec<Vec<f64>> {
+    let of_event = |record: &EventRecord| {
+        let mut times: Vec<f64> = lost.iter().map(|&lost| if lost { f64::NAN } else { end }).collect();
+        for occurrence in &record.occurrences {
+            if let Ok(place) = bodies.binary_search(&(occurrence.body as u32))
+                && !lost[place]
+            {
+                times[place] = occurrence.time;
+            }
+        }
+        times
+    };
+    events.iter().map(of_event).collect()
+}

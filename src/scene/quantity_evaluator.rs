@@ -1,0 +1,82 @@
+//! Quantities of single bodies from their states.
+
+use glam::DVec3;
+
+use super::{Quantity, Scene};
+use crate::bodies::BodyState;
+use crate::bodies::inertia::{InertiaTensor, principal_axes};
+use crate::error::Result;
+use crate::expression::{Input, InputKind, Program};
+use crate::torque::{Torque, variable_inertia};
+
+/// Forms quantities of a scene's bodies, one of one body at a time.
+pub(crate) struct QuantityEvaluator<'s> {
+    scene: &'s Scene,
+    programs: Vec<Program>,
+    /// Principal moments of all bodies, kg m², ascending, where they were formed before.
+    moments: Vec<DVec3>,
+    varies: bool,
+}
+
+impl<'s> QuantityEvaluator<'s> {
+    /// Of the quantities in this order.
+    pub fn new(scene: &'s Scene, quantities: &[Quantity]) -> Result<Self> {
+        let (graph, outputs) = Quantity::expression(quantities)?;
+        let programs = outputs.iter().map(|output| Program::new(&graph, &[*output])).collect();
+        let varies = scene.torques().iter().any(Torque::changes_inertia);
+        Ok(Self { scene, programs, moments: Vec::new(), varies })
+    }
+
+    /// Whether moments of inertia change in time.
+    pub fn varies(&self) -> bool {
+        self.varies
+    }
+
+    /// With the principal moments of all bodies at hand, which do not change.
+    pub fn with_moments(self, moments: Vec<DVec3>) -> Self {
+        Self { moments, ..self }
+    }
+
+    /// The quantity of a number of one body, whose state is sound.
+    pub fn value(&self, quantity: usize, body: usize, time: f64, state: &BodyState) -> f64 {
+        let program = &self.programs[quantity];
+        let inputs = program.inputs().iter().map(|&input| self.input(input, body, time, state));
+        program.evaluate_one(&inputs.collect::<Vec<f64>>())[0]
+    }
+
+    fn tensor(&self, body: usize, time: f64) -> InertiaTensor {
+        let tensor = self.scene.ensemble().inertia()[body];
+        if self.varies { variable_inertia::tensor_at(self.scene.torques(), body, tensor, time) } else { tensor }
+    }
+
+    /// What a formula reads.
+    #[inline]
+    pub fn input(&self, input: Input, body: usize, time: f64, state: &BodyState) -> f64 {
+        let index = usize::from(input.index);
+        match input.kind {
+            InputKind::Orientation => state.orientation.to_array()[index],
+            InputKind::AngularVelocity => state.angular_velocity_body.to_array()[index],
+            InputKind::Inertia => {
+                let tensor = self.tensor(body, time);
+                [tensor.xx, tensor.yy, tensor.zz, tensor.xy, tensor.xz, tensor.yz][index]
+            }
+            InputKind::Time => time,
+            // In the order of `PARAMETERS`.
+            InputKind::Parameter => match index {
+                0..=2 => state.angular_momentum_world.to_array()[index],
+                3 => state.kinetic_energy,
+                4..=6 => {
+                    let moments = self.moments.get(body).copied();
+                    let moments = moments.unwrap_or_else(|| principal_axes(&self.tensor(body, time)).moments);
+                    moments.to_array()[index - 4]
+                }
+                _ => {
+                    let torques = self.scene.torques().iter();
+                    torques.filter_map(|torque| torque.potential_energy(body, state.orientation)).sum()
+                }
+            },
+            // Formulas of quantities have no other inputs.
+            _ => f64::NAN,
+        }
+    }
+}

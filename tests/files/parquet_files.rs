@@ -1,0 +1,392 @@
+//! Parquet: the numbers of the other formats, to the bit; columns that were chosen; what footers say; tables of bodies from it.
+
+#![cfg(feature = "parquet")]
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::path::Path;
+use std::sync::Arc;
+
+use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, FloatType, Int32Type};
+use parquet::file::reader::FileReader;
+use parquet::file::serialized_reader::SerializedFileReader;
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::parser::parse_message_type;
+use polhode::record::{StateRow, StateTable};
+use polhode::study::BodyTable;
+
+use crate::workspace::{States, Workspace};
+
+/// More rows than a row group has, of which some are NaN.
+const STUDY: &str = r#"
+title = "Thirty thousand boxes, \"some\" lost"
+seed = 5
+[bodies]
+count = 30_000
+inertia = { moments = [1.0, 1.7, 2.2], scatter = 0.1 }
+angular_velocity = { distribution = "normal", mean = 0.0, sigma = 20.0 }
+position = { distribution = "normal", mean = 0.0, sigma = 10.0 }
+velocity = [1.0, 0.0, 0.0]
+mass = 3.0
+[[quantity]]
+name = "pointing"
+axis = [0, 0, 1]
+direction = [1, 0, 0]
+[[event]]
+name = "slow"
+quantity = "spin_rate"
+falls_below = 2.9
+[[histogram]]
+quantity = "nutation"
+low = 0.0
+high = 1.6
+bins = 8
+[[torque]]
+model = "linear-drag"
+coefficient = { distribution = "uniform", low = 0.01, high = 0.1 }
+[time]
+end = 2.0
+outputs = { every = 0.4 }
+[accuracy]
+method = "implicit_midpoint"
+dt = 0.2
+[output]
+snapshots = true
+initial = true
+statistics = ["spin_rate", "pointing"]
+quantiles = [50]
+format = "parquet"
+[failures]
+allow = 30_000
+"#;
+
+/// Runs the study, whose long steps are warned of.
+fn run(workspace: &Workspace) {
+    let output = workspace.polhode(&["run", "study.toml", "--out", "out", "--quiet", "--engine", "cpu"]);
+    assert!(output.status.success(), "{}", crate::workspace::words(&output.stderr));
+}
+
+fn rows(path: &Path) -> Vec<StateRow> {
+    let mut table = StateTable::open(path).expect("a table of states");
+    let mut rows = Vec::new();
+    loop {
+        // Blocks that end nowhere where row groups do.
+        let more = table.read(rows.len() as u64, 70_001).expect("rows");
+        if more.is_empty() {
+            return rows;
+        }
+        rows.extend(more);
+    }
+}
+
+/// All numbers of a row as bits, so that NaN equals itself.
+fn bits(row: &StateRow) -> Vec<u64> {
+    let rotation = &row.state.rotation;
+    let (position, velocity) = row.state.translation.unwrap_or_default();
+    let mut numbers = vec![row.time, rotation.kinetic_energy, f64::from(rotation.status.number())];
+    numbers.extend(rotation.orientation.to_array());
+    for vector in [rotation.angular_velocity_body, rotation.angular_momentum_world, position, velocity] {
+        numbers.extend(vector.to_array());
+    }
+    numbers.into_iter().map(f64::to_bits).chain([row.body as u64]).collect()
+}
+
+#[test]
+fn parquet_holds_the_numbers_of_the_other_formats_to_the_bit() {
+    let mut tables = BTreeMap::new();
+    for format in ["csv", "npz", "parquet"] {
+        let workspace = Workspace::new(&STUDY.replace("\"parquet\"", &format!("\"{format}\"")));
+        run(&workspace);
+        let names: Vec<String> = workspace.names("out").into_iter().filter(|name| name.ends_with(format)).collect();
+        let stems = ["events", "failed", "final", "histograms", "initial", "snapshots", "statistics", "survival"];
+        let expected: Vec<String> = stems.iter().map(|stem| format!("{stem}.{format}")).collect();
+        assert_eq!(names, expected);
+        for stem in ["final", "snapshots"] {
+            let found: Vec<Vec<u64>> =
+                rows(&workspace.path(&format!("out/{stem}.{format}"))).iter().map(bits).collect();
+            tables.insert((stem, format), found);
+        }
+        if format == "parquet" {
+            let (small, full) = (numbers(&workspace.path("out/statistics.parquet")), STATISTICS_COLUMNS);
+            assert_eq!(small.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), full);
+            tables.insert(("statistics", format), small.into_iter().map(|(_, bits)| bits).collect());
+        } else if format == "csv" {
+            let states = States::read(&workspace.path("out/statistics.csv"));
+            let column = |name: &&str| states.column(name).iter().map(|number| number.to_bits()).collect();
+            tables.insert(("statistics", format), STATISTICS_COLUMNS.iter().map(column).collect());
+        }
+    }
+    assert_eq!((tables[&("final", "csv")].len(), tables[&("snapshots", "csv")].len()), (30_000, 150_000));
+    let lost = tables[&("final", "csv")].iter().filter(|row| row[2] != 0).count();
+    assert!((1..30_000).contains(&lost), "{lost} bodies failed: the study should lose some");
+    for stem in ["final", "snapshots"] {
+        for format in ["npz", "parquet"] {
+            assert!(tables[&(stem, "csv")] == tables[&(stem, format)], "{stem}.{format} differs from {stem}.csv");
+        }
+    }
+    assert_eq!(tables[&("statistics", "csv")], tables[&("statistics", "parquet")]);
+}
+
+const STATISTICS_COLUMNS: [&str; 16] = [
+    "t",
+    "count",
+    "spin_rate_mean",
+    "spin_rate_standard_deviation",
+    "spin_rate_min",
+    "spin_rate_max",
+    "spin_rate_min_body",
+    "spin_rate_max_body",
+    "spin_rate_q50",
+    "pointing_mean",
+    "pointing_standard_deviation",
+    "pointing_min",
+    "pointing_max",
+    "pointing_min_body",
+    "pointing_max_body",
+    "pointing_q50",
+];
+
+/// The columns of a small table as another reader of this library's dependency gives them: bits of `f64`.
+fn numbers(path: &Path) -> Vec<(String, Vec<u64>)> {
+    use parquet::record::Field;
+    let reader = SerializedFileReader::new(File::open(path).expect("a file")).expect("a Parquet file");
+    let mut columns: Vec<(String, Vec<u64>)> = Vec::new();
+    for row in reader.get_row_iter(None).expect("rows") {
+        for (place, (name, field)) in row.expect("a row").get_column_iter().enumerate() {
+            let number = match field {
+                Field::Double(number) => *number,
+                Field::Long(number) => *number as f64,
+                other => panic!("{name}: {other}"),
+            };
+            if columns.len() <= place {
+                columns.push((name.clone(), Vec::new()));
+            }
+            columns[place].1.push(number.to_bits());
+        }
+    }
+    columns
+}
+
+#[test]
+fn footers_say_what_the_run_was_and_what_columns_are() {
+    let workspace = Workspace::new(&STUDY.replace("30_000", "300"));
+    run(&workspace);
+    let study = fs::read_to_string(workspace.path("study.toml")).expect("the study");
+    let plan = fs::read_to_string(workspace.path("out/plan.json")).expect("the plan");
+    for name in ["final", "snapshots", "statistics", "events", "survival", "histograms", "initial"] {
+        let file = File::open(workspace.path(&format!("out/{name}.parquet"))).expect("a file");
+        let reader = SerializedFileReader::new(file).expect("a Parquet file");
+        let metadata = reader.metadata().file_metadata();
+        let pairs = metadata.key_value_metadata().expect("pairs");
+        let pairs: BTreeMap<&str, &str> =
+            pairs.iter().map(|pair| (pair.key.as_str(), pair.value.as_deref().unwrap_or_default())).collect();
+        let [version, title] = ["polhode.version", "polhode.title"].map(|key| pairs[key]);
+        assert_eq!((version, title), (env!("CARGO_PKG_VERSION"), "Thirty thousand boxes, \"some\" lost"));
+        assert_eq!((pairs["polhode.study"], pairs["polhode.plan"]), (study.as_str(), plan.as_str()));
+        assert_eq!(pairs["polhode.seed"], "5");
+        let columns: serde_json::Value = serde_json::from_str(pairs["polhode.columns"]).expect("JSON");
+        for column in metadata.schema_descr().columns() {
+            assert!(columns[column.name()]["unit"].is_string(), "{name}: {}", column.name());
+        }
+        let expected = match name {
+            "final" | "snapshots" => [("wx", "rad/s"), ("vx", "m/s")],
+            "statistics" => [("spin_rate_mean", "rad/s"), ("pointing_q50", "rad")],
+            "initial" => [("ixx", "kg m²"), ("mass", "kg")],
+            "events" => [("t", "s"), ("wx", "rad/s")],
+            _ => continue,
+        };
+        expected.iter().for_each(|(column, unit)| assert_eq!(columns[column]["unit"], *unit, "{name}: {column}"));
+    }
+}
+
+#[test]
+fn columns_are_those_that_were_asked_for_derived_ones_included() {
+    let columns = r#"columns = ["pointing", "qw", "spin_rate", "wx", "wy", "wz", "kinetic_energy", "vx"]"#;
+    for format in ["csv", "npz", "parquet"] {
+        let study = STUDY.replace("30_000", "500").replace("initial = true", columns);
+        let workspace = Workspace::new(&study.replace("\"parquet\"", &format!("\"{format}\"")));
+        run(&workspace);
+        let table = StateTable::open(&workspace.path(&format!("out/snapshots.{format}"))).expect("a table");
+        assert_eq!(table.columns(), ["pointing", "qw", "spin_rate", "wx", "wy", "wz", "kinetic_energy", "vx"]);
+        let rows = rows(&workspace.path(&format!("out/snapshots.{format}")));
+        assert_eq!(rows.len(), 2_500);
+        assert!(rows.iter().all(|row| row.state.rotation.orientation.x.is_nan()), "no column, no number");
+        if format == "csv" {
+            let states = States::read(&workspace.path("out/snapshots.csv"));
+            let mut compared = 0;
+            for row in 0..states.rows() {
+                let rate = states.vector(["wx", "wy", "wz"], row).length();
+                if states.column("status")[row] == 0.0 {
+                    assert!((states.column("spin_rate")[row] - rate).abs() <= 4e-16 * rate, "row {row}");
+                    assert!((0.0..=std::f64::consts::PI).contains(&states.column("pointing")[row]), "row {row}");
+                    compared += 1;
+                } else {
+                    assert!(states.column("pointing")[row].is_nan(), "row {row}");
+                }
+            }
+            assert!(compared > 1_000, "{compared} rows compared");
+        }
+    }
+}
+
+#[test]
+fn columns_that_cannot_be_are_refused_where_they_stand() {
+    let refused = |columns: &str, other: (&str, &str)| {
+        let study = STUDY.replace("initial = true", columns).replace(other.0, other.1);
+        let error = Workspace::new(&study).refused(&["run", "study.toml", "--out", "out"], 2);
+        error.split_once("study.toml:").expect("a place").1.trim_end().to_owned()
+    };
+    let begins = |error: String, expected: &str| assert!(error.starts_with(expected), "{error}");
+    begins(
+        refused("columns = [\"spinrate\"]", ("", "")),
+        "35: output.columns = \"spinrate\": did you mean spin_rate? expected a column: qx,",
+    );
+    begins(refused("columns = [\"qx\", \"qx\"]", ("", "")), "35: output.columns = \"qx\": expected each column once");
+    begins(refused("columns = []", ("", "")), "35: output.columns = []: expected a list of columns");
+    let nothing = refused("columns = [\"qx\"]\nfinal = false", ("snapshots = true", "snapshots = false"));
+    begins(nothing, "35: output.columns = [\"qx\"]: expected final = true or snapshots = true too");
+}
+
+#[test]
+fn a_file_that_was_cut_is_refused() {
+    let workspace = Workspace::new(&STUDY.replace("30_000", "300"));
+    run(&workspace);
+    let whole = fs::read(workspace.path("out/final.parquet")).expect("a file");
+    for length in [0, 3, 4, 11, whole.len() / 2, whole.len() - 9, whole.len() - 1] {
+        let cut = workspace.path("cut.parquet");
+        fs::write(&cut, &whole[..length]).expect("written");
+        let error = StateTable::open(&cut).expect_err("cut").to_string();
+        assert!(error.contains("cut.parquet") && error.contains("it is cut, or no Parquet file"), "{error}");
+    }
+    // Not of states.
+    let error = StateTable::open(&workspace.path("out/initial.parquet")).expect_err("other columns").to_string();
+    assert!(error.contains("expected the columns of states"), "{error}");
+}
+
+#[test]
+fn files_with_random_faults_are_read_or_refused_by_name() {
+    let workspace = Workspace::new(&STUDY.replace("30_000", "40"));
+    run(&workspace);
+    write_bodies(&workspace.path("sound.parquet"), Some(4.0), "");
+    let tables = ["out/final.parquet", "sound.parquet"].map(|name| fs::read(workspace.path(name)).expect("a file"));
+    let path = workspace.path("faulty.parquet");
+    let (mut taken, mut refused, mut number) = (0, 0, 1_u64);
+    let mut below = |count: usize| {
+        // G. L. Steele and others, OOPSLA 2014: SplitMix64.
+        number = number.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let x = (number ^ (number >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((x ^ (x >> 31)) % count as u64) as usize
+    };
+    for index in 0..6_000 {
+        let mut bytes = tables[index % 2].clone();
+        // Bits turned over in the footer mostly, which says where everything is.
+        let footer =
+            bytes.len() - u32::from_le_bytes(std::array::from_fn(|place| bytes[bytes.len() - 8 + place])) as usize - 8;
+        for _ in 0..1 + below(3) {
+            let place = if below(4) > 0 { footer + below(bytes.len() - footer) } else { below(bytes.len()) };
+            match below(3) {
+                0 => bytes[place] ^= 1 << below(8),
+                1 => bytes[place] = [0, 0xff, 0x7f, 0x80][below(4)],
+                _ => drop(bytes.splice(place..place, [below(256) as u8])),
+            }
+        }
+        fs::write(&path, &bytes).expect("written");
+        let states = || StateTable::open(&path).and_then(|mut table| table.read(0, 100)).map(drop);
+        let bodies = || BodyTable::read(&path, usize::MAX).map(drop);
+        let clock = std::time::Instant::now();
+        let found = if index % 2 == 0 { states() } else { bodies() };
+        assert!(clock.elapsed().as_secs() < 5, "{index}: {:?}", clock.elapsed());
+        match found {
+            Ok(()) => taken += 1,
+            Err(error) => {
+                assert!(error.to_string().contains("faulty.parquet"), "{index}: {error}");
+                refused += 1;
+            }
+        }
+    }
+    assert!(taken > 300 && refused > 300, "{taken} taken, {refused} refused");
+}
+
+/// A table of bodies as pandas and polars write it: columns that may be null, narrow numbers.
+fn write_bodies(path: &Path, second_spin: Option<f64>, extra: &str) {
+    let schema = format!(
+        "message schema {{ optional double ixx; optional float iyy; required int32 izz; optional double wx;
+         required double wy; required double wz; optional binary name (STRING); {extra} }}"
+    );
+    let schema = Arc::new(parse_message_type(&schema).expect("a schema"));
+    let mut writer =
+        SerializedFileWriter::new(File::create(path).expect("a file"), schema, Default::default()).expect("a writer");
+    // Two row groups.
+    for spins in [vec![Some(0.25), second_spin], vec![Some(-1.5)]] {
+        let (count, there) = (spins.len(), vec![1_i16; spins.len()]);
+        let mut group = writer.next_row_group().expect("a group");
+        let mut column = group.next_column().expect("a column").expect("ixx");
+        column.typed::<DoubleType>().write_batch(&vec![1.0; count], Some(&there), None).expect("written");
+        column.close().expect("closed");
+        let mut column = group.next_column().expect("a column").expect("iyy");
+        column.typed::<FloatType>().write_batch(&vec![1.5; count], Some(&there), None).expect("written");
+        column.close().expect("closed");
+        let mut column = group.next_column().expect("a column").expect("izz");
+        column.typed::<Int32Type>().write_batch(&vec![2; count], None, None).expect("written");
+        column.close().expect("closed");
+        let mut column = group.next_column().expect("a column").expect("wx");
+        let levels: Vec<i16> = spins.iter().map(|spin| i16::from(spin.is_some())).collect();
+        let values: Vec<f64> = spins.into_iter().flatten().collect();
+        column.typed::<DoubleType>().write_batch(&values, Some(&levels), None).expect("written");
+        column.close().expect("closed");
+        for value in [0.5, 0.125] {
+            let mut column = group.next_column().expect("a column").expect("wy, wz");
+            column.typed::<DoubleType>().write_batch(&vec![value; count], None, None).expect("written");
+            column.close().expect("closed");
+        }
+        let mut column = group.next_column().expect("a column").expect("name");
+        let names = vec![ByteArray::from("Bénard"); count];
+        column.typed::<ByteArrayType>().write_batch(&names, Some(&there), None).expect("written");
+        column.close().expect("closed");
+        while let Some(mut column) = group.next_column().expect("a column") {
+            column.typed::<DoubleType>().write_batch(&vec![7.0; count], None, None).expect("written");
+            column.close().expect("closed");
+        }
+        group.close().expect("closed");
+    }
+    writer.close().expect("closed");
+}
+
+const FROM_FILE: &str = "[bodies]\nfile = \"bodies.parquet\"\n[time]\nend = 1.0\n[output]\ninitial = true\n";
+
+#[test]
+fn tables_of_bodies_are_read_from_parquet() {
+    let workspace = Workspace::new(FROM_FILE);
+    write_bodies(&workspace.path("bodies.parquet"), Some(4.0), "");
+    run(&workspace);
+    let text = fs::read_to_string(workspace.path("out/initial.csv")).expect("a table");
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    let header = reader.headers().expect("a header").clone();
+    let rows: Vec<csv::StringRecord> = reader.records().map(|row| row.expect("a row")).collect();
+    let column = |name: &str| -> Vec<&str> {
+        let place = header.iter().position(|other| other == name).expect(name);
+        rows.iter().map(|row| &row[place]).collect()
+    };
+    assert_eq!(column("wx"), ["0.25", "4.0", "-1.5"]);
+    assert_eq!((column("iyy"), column("izz")), (vec!["1.5"; 3], vec!["2.0"; 3]));
+    assert_eq!(column("name"), ["Bénard"; 3]);
+}
+
+#[test]
+fn tables_of_bodies_that_are_wrong_are_refused_by_row_and_column() {
+    let refused = |spin: Option<f64>, extra: &str| {
+        let workspace = Workspace::new(FROM_FILE);
+        write_bodies(&workspace.path("bodies.parquet"), spin, extra);
+        let error = workspace.refused(&["run", "study.toml", "--out", "out"], 2);
+        error.split_once("bodies.parquet:").expect("a place").1.trim_end().to_owned()
+    };
+    assert_eq!(refused(None, ""), "2: wx = (null): expected a finite number");
+    assert_eq!(refused(Some(f64::INFINITY), ""), "2: wx = inf: expected a finite number");
+    let unknown = refused(Some(1.0), "required double spin;");
+    assert!(unknown.starts_with("1: spin"), "{unknown}");
+    let workspace = Workspace::new(FROM_FILE);
+    fs::write(workspace.path("bodies.parquet"), "ixx,iyy\n").expect("written");
+    let error = workspace.refused(&["run", "study.toml", "--out", "out"], 2);
+    assert!(error.contains("bodies.parquet:1: expected a Parquet file that is whole"), "{error}");
+}
