@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use super::pilot::Found;
 use super::resolution::{Resolution, Stepped};
-use super::{Bound, Plan, Rule, Scheme, StatisticError, TorqueSet};
+use super::{Bound, Group, Plan, Rule, Scheme, StatisticError, TorqueSet, Treatment};
 use crate::engine::Backend;
 use crate::error::{Error, Result};
 use crate::kernel::method::Method;
@@ -381,15 +381,26 @@ impl<'a> Plan<'a> {
     /// [`Error::PlanMismatch`] where the plan was made for another scene; otherwise as [`Plan::new`].
     pub fn repeated(scene: &'a Scene, engine: &dyn Backend, document: &PlanDocument) -> Result<Self> {
         let times = Self::checked(scene)?;
-        let marks = SceneFingerprint::of(scene, times.len());
         let planned = document.file.scene.of_part(scene);
-        if let Some(Difference { field, planned, found, remedy }) = planned.first_difference(&marks) {
+        let found = SceneFingerprint::of(scene, times.len()).restricted_to(&planned, &document.file.scene);
+        if let Some(Difference { field, planned, found, remedy }) = planned.first_difference(&found) {
             let (path, planned, found) = (document.path.clone(), planned.into(), found.into());
             return Err(Error::PlanMismatch { path, field, planned, found, remedy });
         }
         let unknown = |Refusal { reason, .. }| Error::PlanFormat { path: document.path.clone(), line: 1, reason };
         let resolution = document.resolution().map_err(unknown)?;
         let plan = Self::resolved(scene, engine, resolution, times)?;
+        // Of a plan that was made of the first bodies, later ones may be of a kind that it does not know.
+        let is_unknown = |group: &&Group| group.class.is_driven() && group.treatment == Treatment::RegularPrecession;
+        if let Some(group) = plan.groups().iter().find(is_unknown) {
+            let names = group.class.torques.of(scene.torques());
+            let names: Vec<&str> = names.iter().map(|torque| torque.name()).collect();
+            let names = names.join(", ");
+            let reason = format!(
+                "it has no rule for bodies on which these torques act together: {names}; make it of all bodies"
+            );
+            return Err(Error::PlanFormat { path: document.path.clone(), line: 1, reason });
+        }
         // Of a part's bodies none may take it.
         Ok(Self { longest_step: document.file.longest_step.unwrap_or(f64::INFINITY), ..plan })
     }
