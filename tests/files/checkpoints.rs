@@ -24,10 +24,9 @@ fn whole(workspace: &Workspace, engine: &str) -> BTreeMap<String, Vec<u8>> {
     tables(workspace, "whole")
 }
 
-fn assert_same(whole: &BTreeMap<String, Vec<u8>>, found: &BTreeMap<String, Vec<u8>>, engine: &str) {
+fn assert_same(whole: &BTreeMap<String, Vec<u8>>, found: &BTreeMap<String, Vec<u8>>) {
     assert_eq!(found.keys().collect::<Vec<_>>(), whole.keys().collect::<Vec<_>>());
-    // What a plan expects of a GPU's wall time was measured when the engine was opened.
-    for (name, bytes) in whole.iter().filter(|(name, _)| engine == "cpu" || *name != "plan.json") {
+    for (name, bytes) in whole {
         assert!(found[name] == *bytes, "{name} differs");
     }
 }
@@ -42,27 +41,23 @@ fn a_run_in_pieces_leaves_the_bytes_of_one() {
         let whole = whole(&plain, "cpu");
         assert_eq!(whole.keys().cloned().collect::<Vec<_>>(), observed_names(format));
         done(&workspace, 2, &["run", "study.toml", "--out", "out", "--quiet", "--engine", "cpu"]);
-        let mut found = tables(&workspace, "out");
+        let found = tables(&workspace, "out");
         if format == "parquet" {
             // Their footers have the text of the study, which says how often it is written.
             assert_eq!(found.keys().collect::<Vec<_>>(), whole.keys().collect::<Vec<_>>());
         } else {
-            assert_same(&whole, &found, "cpu");
+            assert_same(&whole, &found);
         }
         let report = crate::workspace::report(&workspace, "out");
         assert!(report["shards"].as_u64() > Some(3), "{}", report["shards"]);
         assert!(!workspace.path("out.checkpoint").exists(), "{:?}", workspace.names("out.checkpoint"));
-        // In pieces of another size, on one thread, as the plan says.
+        // In pieces of another size, on one thread.
         done(
             &workspace,
             1,
             &["run", "study.toml", "--out", "out", "--force", "--checkpoint", "1e-9", "--quiet", "--engine", "cpu"],
         );
-        let mut again = tables(&workspace, "out");
-        for files in [&mut again, &mut found] {
-            files.remove("plan.json");
-        }
-        assert_same(&again, &found, "cpu");
+        assert_same(&tables(&workspace, "out"), &found);
     }
 }
 
@@ -84,7 +79,7 @@ fn killed_and_resumed(study: &str, engine: &str) {
     let clock = Instant::now();
     done(&workspace, 2, &run(false));
     let of_one = clock.elapsed();
-    assert_same(&whole, &tables(&workspace, "out"), engine);
+    assert_same(&whole, &tables(&workspace, "out"));
     fs::remove_dir_all(workspace.path("out")).expect("removed");
     let (kills, mut in_the_middle) = (kills(), 0);
     let mut left = kills;
@@ -99,14 +94,14 @@ fn killed_and_resumed(study: &str, engine: &str) {
         in_the_middle += u32::from(!ended && workspace.path("out.checkpoint").is_dir());
         if workspace.path("out").exists() {
             // It had come to the end before the kill, or that came between two renames of the last moment.
-            assert_same(&whole, &tables(&workspace, "out"), engine);
+            assert_same(&whole, &tables(&workspace, "out"));
             fs::remove_dir_all(workspace.path("out")).expect("removed");
         }
     }
     assert!(in_the_middle > 0, "no kill has met a run: the longest was {of_one:?}");
     let resumed = workspace.polhode(&run(true));
     assert!(resumed.status.success(), "{}", words(&resumed.stderr));
-    assert_same(&whole, &tables(&workspace, "out"), engine);
+    assert_same(&whole, &tables(&workspace, "out"));
     let names = workspace.names("");
     assert_eq!(names, ["out", "study.toml", "whole"], "nothing else is left");
 }
@@ -189,7 +184,7 @@ fn a_stopped_run_says_how_it_goes_on_and_what_does_not_belong_to_it_is_refused()
     spoilt("plan.json", &|bytes| bytes[..bytes.len() / 2].to_vec(), "plan.json:");
     done(&workspace, 2, &["run", "study.toml", "--out", "whole", "--engine", "cpu", "--quiet"]);
     done(&workspace, 2, &["run", "study.toml", "--out", "out", "--engine", "cpu", "--quiet", "--resume"]);
-    assert_same(&tables(&workspace, "whole"), &tables(&workspace, "out"), "cpu");
+    assert_same(&tables(&workspace, "whole"), &tables(&workspace, "out"));
 }
 
 /// A limit on the size of files, in KiB, stands for a disk that fills up: with a piece, or with what the pieces make together.
@@ -219,7 +214,7 @@ fn a_full_disk_at_any_stage_leaves_what_resume_goes_on_with() {
             assert!(kept.iter().all(|name| !name.starts_with('.')), "{kept:?}");
         }
         done(&workspace, 2, &["run", "study.toml", "--out", "out", "--engine", "cpu", "--quiet", "--resume"]);
-        assert_same(&whole, &tables(&workspace, "out"), "cpu");
+        assert_same(&whole, &tables(&workspace, "out"));
         fs::remove_dir_all(workspace.path("out")).expect("removed");
     }
     assert!(in_pieces > 0 && in_tables > 0, "{in_pieces} within a piece, {in_tables} within a table");
@@ -260,7 +255,7 @@ fn folders_that_vanish_or_cannot_be_written_are_named() {
     assert!(error.contains("behind those of the piece before"), "{error}");
     fs::rename(workspace.path("first"), &first).expect("renamed");
     done(&workspace, 2, &again);
-    assert_same(&whole, &tables(&workspace, "out"), "cpu");
+    assert_same(&whole, &tables(&workspace, "out"));
 
     fs::remove_dir_all(workspace.path("out")).expect("removed");
     fs::write(&place, "mine").expect("written");
@@ -288,7 +283,7 @@ fn more_than_a_million_bodies_are_run_in_pieces_to_the_bytes_of_one_run() {
         polhode(&["run", "study.toml", "--out", "parts", "--plan", "plan.json", "--shard", part]);
     }
     done(&workspace, 2, &["merge", "parts", "--out", "merged", "--quiet"]);
-    assert_same(&found, &tables(&workspace, "merged"), "cpu");
+    assert_same(&found, &tables(&workspace, "merged"));
     assert!(tables(&workspace, "together")["statistics.csv"] == found["statistics.csv"], "of all bodies in memory");
 }
 

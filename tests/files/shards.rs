@@ -210,8 +210,7 @@ fn compare(study: &str, engine: &str, cuts: &[(usize, usize)], names: &[&str]) -
     for &cut in cuts {
         let parts = merged(&workspace, engine, cut);
         assert_eq!(parts.keys().collect::<Vec<_>>(), whole.keys().collect::<Vec<_>>(), "{cut:?}");
-        // What a plan expects of a GPU's wall time was measured when the engine was opened.
-        for (name, bytes) in whole.iter().filter(|(name, _)| engine == "cpu" || *name != "plan.json") {
+        for (name, bytes) in &whole {
             assert!(parts[name] == *bytes, "{name} of {} parts on {} threads differs", cut.0, cut.1);
         }
     }

@@ -12,7 +12,7 @@ use polhode::study::Study;
 use crate::arguments::RunArguments;
 use crate::output::{self, Failure};
 use crate::progress::{self, Watch};
-use crate::run::{check_disk, plan, same_arithmetic, say_if_nothing_is_asked, say_leftovers};
+use crate::run::{check_disk, plan, say_if_nothing_is_asked, say_leftovers};
 use crate::shards::say_merged;
 
 /// The time between two checkpoints, where nobody says it.
@@ -74,8 +74,8 @@ fn run_until_written(
             )));
         }
         Some(found) if arguments.resume => {
-            let (planned, here) = (found.plan().engine(), engine.description().name);
-            if !same_arithmetic(planned, &here) {
+            let (planned, here) = (found.plan().engine(), engine.description().name_of_arithmetic());
+            if planned != here {
                 return Err(Failure::Value(format!(
                     "--resume: the run was begun on {planned}, this is {here}, whose bits may differ: choose that engine, or begin anew with --force"
                 )));

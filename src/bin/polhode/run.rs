@@ -132,23 +132,14 @@ pub fn plan<'s>(
             progress::planning(arguments.quiet, || Plan::with_costs(scene, engine, &costs))
         }
         Some(document) => {
-            let engine_name = engine.description().name;
-            if !same_arithmetic(document.engine(), &engine_name) && !arguments.quiet {
-                let planned = document.engine();
-                output::note(&format!("the plan is for {planned}, this is {engine_name}: bits may differ"));
+            let (planned, here) = (document.engine(), engine.description().name_of_arithmetic());
+            if planned != here && !arguments.quiet {
+                output::note(&format!("the plan is for {planned}, this is {here}: bits may differ"));
             }
             Plan::repeated(scene, engine, document)
         }
     };
     Ok(plan.map_err(|error| study.located(error))?)
-}
-
-/// Whether two engines by their names give the same bits: the number of threads changes none.
-pub fn same_arithmetic(planned: &str, here: &str) -> bool {
-    let without_threads = |name: &str| -> Vec<String> {
-        name.split(", ").filter(|part| !part.ends_with(" threads")).map(str::to_owned).collect()
-    };
-    without_threads(planned) == without_threads(here)
 }
 
 fn say_what_is_written(arguments: &RunArguments, study: &Study, report: &Report, path: &Path) -> Result<(), Failure> {
