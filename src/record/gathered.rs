@@ -63,6 +63,7 @@ impl Moments {
     }
 
     /// The same with bodies counted as in the whole that they are a part of.
+    #[cfg(feature = "study")]
     fn counted_from(mut self, first_body: usize) -> Self {
         if self.count > 0 {
             self.least.1 += first_body;
@@ -120,6 +121,7 @@ impl Gathered {
     }
 
     /// Whether it can be of what is asked for.
+    #[cfg(feature = "study")]
     pub(crate) fn fits(&self, observed: &Observed) -> bool {
         let Observed { statistics, histograms, .. } = observed;
         self.quantities.len() == statistics.len()
@@ -128,6 +130,7 @@ impl Gathered {
     }
 
     /// Takes what was gathered of the blocks that follow, whose bodies are counted from `first_body`.
+    #[cfg(feature = "study")]
     pub(crate) fn append(&mut self, other: Self, first_body: usize) {
         self.bodies += other.bodies;
         for (own, found) in self.quantities.iter_mut().zip(other.quantities) {
