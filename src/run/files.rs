@@ -176,7 +176,7 @@ impl OutputSize {
 ///
 /// # Errors
 ///
-/// [`Error::File`].
+/// [`crate::Error::File`].
 pub fn write_plan(plan: &Plan<'_>, path: &Path) -> Result<()> {
     write_whole(path, plan.to_json().as_bytes())
 }

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU8, Ordering};
 use super::super::lock;
 
 /// What a run under way has in the file system. To remove it is for a process that ends without dropping its
-/// [`OutputFolder`], as in a signal's handler.
+/// [`super::OutputFolder`], as in a signal's handler.
 #[derive(Clone, Debug)]
 pub struct Traces {
     /// What becomes of the folder: whoever comes first decides.
