@@ -17,9 +17,9 @@ use polhode::engine::gpu::{GpuOptions, SliceLimits, wgpu};
 use polhode::engine::{Engine, unobserved};
 use polhode::math::Precision;
 use polhode::record::{OutputFolder, Report};
-use polhode::run::run_to_folder;
+use polhode::run::{Checkpoint, run_to_folder};
 use polhode::scene::AdaptiveSteps;
-use polhode::study::{Output, problem};
+use polhode::study::{Output, Study, problem};
 use polhode::{Accuracy, Error, Force, Method, Outputs, Plan, Scene, Statistic, Torque};
 
 /// More than one workgroup.
@@ -123,6 +123,59 @@ fn a_device_that_is_lost_in_a_run_leaves_the_former_result() {
         losses += failed;
     }
     println!("{losses} devices lost in a run; no result lost or half written");
+}
+
+/// A study's pieces on a device of its own, which is lost when they report progress for the `loss`-th time; gives how often they did.
+fn advance(study: &Study, folder: &Path, loss: Option<usize>) -> (Result<Checkpoint, Error>, usize) {
+    let (device, queue) = open_device(wgpu::Features::SHADER_F64);
+    let options = GpuOptions { slice: SliceLimits { steps: 20, ..SliceLimits::default() }, ..GpuOptions::default() };
+    let engine = Engine::gpu_on(device.clone(), queue, options).expect("opened");
+    let found = Checkpoint::find(folder, study).expect("none, or sound pieces");
+    let begun = || {
+        let scene = study.scene().expect("a scene");
+        let plan = Plan::new(&scene, &engine).expect("a plan");
+        Checkpoint::begin(folder, &plan).expect("begun")
+    };
+    let mut checkpoint = found.unwrap_or_else(begun);
+    let mut calls = 0;
+    let done = checkpoint.advance(&engine, study, Duration::from_nanos(1), &mut |_, _| {}, &mut |_| {
+        if loss == Some(calls) {
+            device.destroy();
+        }
+        calls += 1;
+        ControlFlow::Continue(())
+    });
+    (done.map(|()| checkpoint), calls)
+}
+
+#[test]
+fn pieces_go_on_after_a_device_was_lost() {
+    let text = "[bodies]\ncount = 300\ninertia = [1, 2, 2.5]\norientation = { distribution = \"uniform\" }\n\
+                angular_velocity = { distribution = \"normal\", mean = 0, sigma = 0.5 }\n[[torque]]\nmodel = \"linear-drag\"\n\
+                coefficient = 0.01\n[time]\nend = 1.0\n[accuracy]\nmethod = \"rk4\"\ndt = 0.01\nprecision = \"f32\"\n";
+    let workspace = tempfile::tempdir().expect("a folder");
+    let study = Study::parse(&workspace.path().join("study.toml"), text).expect("a study");
+    let place = workspace.path().join("pieces");
+    let finish = |checkpoint: Checkpoint, name: &str| {
+        let results = workspace.path().join(name);
+        let folder = OutputFolder::create(&results, false).expect("a folder");
+        checkpoint.finish(folder, &mut |_| ControlFlow::Continue(())).expect("merged");
+        fs::read(results.join("final.csv")).expect("a table")
+    };
+    let (undisturbed, calls) = advance(&study, &place, None);
+    let whole = finish(undisturbed.expect("a checkpoint"), "whole");
+    let mut resumed = 0;
+    for loss in [0, calls / 3, 2 * calls / 3] {
+        let (lost, _) = advance(&study, &place, Some(loss));
+        let error = lost.expect_err("the device is lost");
+        assert!(matches!(error, Error::DeviceInRun { .. } | Error::Device { .. }), "{error}");
+        let done = Checkpoint::find(&place, &study).expect("sound pieces").expect("a checkpoint").bodies_done();
+        assert!(done < 300, "{loss} of {calls}");
+        resumed += usize::from(done > 0);
+        let (rest, _) = advance(&study, &place, None);
+        assert!(finish(rest.expect("a checkpoint"), &format!("resumed-{loss}")) == whole, "lost at {loss} of {calls}");
+    }
+    assert!(resumed > 0, "no loss came behind a piece");
 }
 
 #[test]

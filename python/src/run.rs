@@ -237,12 +237,7 @@ fn run_plan(
     let mut columns = Columns::for_plan(plan, wanted)?;
     let trust = run_into(engine, plan, &mut columns, &mut |progress| watch.observe(progress))?;
     let failures = trust.failures.clone();
-    let named = study.map(|study| StudyReport {
-        file: study.file().display().to_string(),
-        title: study.title().map(str::to_owned),
-        seed: study.seed(),
-    });
-    let mut report = Report::new(named, plan, trust);
+    let mut report = Report::new(study.map(StudyReport::of), plan, trust);
     report.statistics = columns.statistics_at_end().map(Into::into);
     report.wall_time.study = (before - report.wall_time.plan).max(0.0);
     report.wall_time.total = since.elapsed().as_secs_f64();

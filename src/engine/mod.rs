@@ -70,6 +70,14 @@ pub struct Description {
     pub on_host: Option<String>,
 }
 
+impl Description {
+    /// The name without the number of threads, which changes no bit of a result. Engines of one such name give the same bits.
+    pub fn name_of_arithmetic(&self) -> String {
+        let parts: Vec<&str> = self.name.split(", ").filter(|part| !part.ends_with(" threads")).collect();
+        parts.join(", ")
+    }
+}
+
 /// An engine that is ready for work; copies share it.
 ///
 /// ```

@@ -28,6 +28,43 @@ struct Page {
     counts: Vec<u32>,
 }
 
+#[cfg(feature = "study")]
+impl serde::Serialize for Sketch {
+    /// As runs of counts: the number of the first interval, and the counts from there on.
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut runs: Vec<(u64, Vec<u32>)> = Vec::new();
+        for Page { number, counts } in &self.pages {
+            for (place, &count) in counts.iter().enumerate().filter(|(_, count)| **count > 0) {
+                let interval = number * PAGE + place as u64;
+                match runs.last_mut() {
+                    Some((first, counts)) if *first + counts.len() as u64 == interval => counts.push(count),
+                    _ => runs.push((interval, vec![count])),
+                }
+            }
+        }
+        runs.serialize(serializer)
+    }
+}
+
+#[cfg(feature = "study")]
+impl<'de> serde::Deserialize<'de> for Sketch {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let mut sketch = Self::default();
+        for (first, counts) in Vec::<(u64, Vec<u32>)>::deserialize(deserializer)? {
+            if first >> (u64::BITS - OPEN_BITS) != 0 {
+                return Err(serde::de::Error::custom("an interval of no number"));
+            }
+            for (interval, count) in (first..).zip(counts) {
+                let page = sketch.page(interval / PAGE);
+                let place = &mut sketch.pages[page].counts[(interval % PAGE) as usize];
+                *place = place.saturating_add(count);
+                sketch.count += u64::from(count);
+            }
+        }
+        Ok(sketch)
+    }
+}
+
 /// The bits of a number in an order that is that of the numbers.
 fn ordered(x: f64) -> u64 {
     let bits = x.to_bits();

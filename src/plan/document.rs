@@ -10,9 +10,10 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::explain::ClassRow;
 use super::pilot::Found;
 use super::resolution::{Resolution, Stepped};
-use super::{Bound, Plan, Rule, Scheme, StatisticError, TorqueSet};
+use super::{Bound, Group, Plan, Rule, Scheme, StatisticError, TorqueSet, Treatment};
 use crate::engine::Backend;
 use crate::error::{Error, Result};
 use crate::kernel::method::Method;
@@ -24,7 +25,7 @@ use crate::scene::{Scene, Target};
 use crate::study::text::read_text;
 
 /// The version of the file's layout.
-const FORMAT: u32 = 6;
+const FORMAT: u32 = 7;
 
 /// The release that writes and reads plans.
 const RELEASE: &str = env!("CARGO_PKG_VERSION");
@@ -188,7 +189,7 @@ impl PlanDocument {
         })
     }
 
-    /// The engine that the plan was made for; on another one the bits may differ.
+    /// The engine that the plan was made for ([`crate::engine::Description::name_of_arithmetic`]); on another one the bits may differ.
     pub fn engine(&self) -> &str {
         &self.file.engine
     }
@@ -356,15 +357,15 @@ impl<'a> Plan<'a> {
                 }
             }
         };
-        let mut file = PlanFile {
+        let mut file: PlanFile<Vec<Value>, _> = PlanFile {
             format: FORMAT,
             polhode: RELEASE.to_owned(),
-            engine: explanation.engine,
+            engine: self.engine.name_of_arithmetic(),
             scene: SceneFingerprint::of(self.scene(), self.times().len()),
             longest_step: limit(self.longest_step()),
             resolution,
             sum: String::new(),
-            classes: explanation.classes,
+            classes: explanation.classes.iter().map(without_seconds).collect(),
             skips: explanation.skips,
         };
         file.sum = file.sum();
@@ -381,18 +382,38 @@ impl<'a> Plan<'a> {
     /// [`Error::PlanMismatch`] where the plan was made for another scene; otherwise as [`Plan::new`].
     pub fn repeated(scene: &'a Scene, engine: &dyn Backend, document: &PlanDocument) -> Result<Self> {
         let times = Self::checked(scene)?;
-        let marks = SceneFingerprint::of(scene, times.len());
         let planned = document.file.scene.of_part(scene);
-        if let Some(Difference { field, planned, found, remedy }) = planned.first_difference(&marks) {
+        let found = SceneFingerprint::of(scene, times.len()).restricted_to(&planned, &document.file.scene);
+        if let Some(Difference { field, planned, found, remedy }) = planned.first_difference(&found) {
             let (path, planned, found) = (document.path.clone(), planned.into(), found.into());
             return Err(Error::PlanMismatch { path, field, planned, found, remedy });
         }
         let unknown = |Refusal { reason, .. }| Error::PlanFormat { path: document.path.clone(), line: 1, reason };
         let resolution = document.resolution().map_err(unknown)?;
         let plan = Self::resolved(scene, engine, resolution, times)?;
+        // Of a plan that was made of the first bodies, later ones may be of a kind that it does not know.
+        let is_unknown = |group: &&Group| group.class.is_driven() && group.treatment == Treatment::RegularPrecession;
+        if let Some(group) = plan.groups().iter().find(is_unknown) {
+            let names = group.class.torques.of(scene.torques());
+            let names: Vec<&str> = names.iter().map(|torque| torque.name()).collect();
+            let names = names.join(", ");
+            let reason = format!(
+                "it has no rule for bodies on which these torques act together: {names}; make it of all bodies"
+            );
+            return Err(Error::PlanFormat { path: document.path.clone(), line: 1, reason });
+        }
         // Of a part's bodies none may take it.
         Ok(Self { longest_step: document.file.longest_step.unwrap_or(f64::INFINITY), ..plan })
     }
+}
+
+/// A row without the wall time that is expected, which differs by the machine: plans that choose the same are the same text.
+fn without_seconds(row: &ClassRow) -> Value {
+    let mut value = serde_json::to_value(row).unwrap_or_default();
+    if let Some(entries) = value.as_object_mut() {
+        entries.remove("seconds");
+    }
+    value
 }
 
 /// The parser's words without the place, which stands before them.

@@ -51,15 +51,24 @@ impl SceneFingerprint {
         }
     }
 
-    /// Of the blocks that a part of the scene has in full; of all for the whole.
+    /// Of the blocks that a part of the scene has in full, as far as they are known; of all for the whole.
     pub fn of_part(&self, scene: &Scene) -> Self {
         let part = scene.part();
         let whole = Blocks::of(part.of);
         let size = whole.size();
         let end = part.first_body + scene.ensemble().len();
         let blocks = part.first_body.div_ceil(size)..if end == part.of { whole.count() } else { end / size };
-        let digits = blocks.start * BLOCK_DIGITS..blocks.end.max(blocks.start) * BLOCK_DIGITS;
+        let known = |block: usize| (block * BLOCK_DIGITS).min(self.blocks.len());
+        let digits = known(blocks.start)..known(blocks.end.max(blocks.start));
         Self { blocks: self.blocks.get(digits).unwrap_or_default().to_owned(), ..self.clone() }
+    }
+
+    /// The same without the blocks that are not known of `planned`, whose plan was made of a scene's first bodies.
+    pub fn restricted_to(mut self, planned: &Self, plan: &Self) -> Self {
+        if plan.blocks.len() < Blocks::of(plan.bodies).count() * BLOCK_DIGITS {
+            self.blocks.truncate(planned.blocks.len());
+        }
+        self
     }
 
     /// Bodies of the scene.

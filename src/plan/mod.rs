@@ -29,6 +29,7 @@ pub mod explain;
 #[cfg(feature = "study")]
 mod fingerprint;
 pub mod group;
+mod grouping;
 mod lane_classification;
 mod parts;
 mod pilot;

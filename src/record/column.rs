@@ -96,8 +96,8 @@ impl Layout {
     }
 
     /// Columns whose numbers are copied from a table ([`StateRows::copied`]).
-    pub fn of_columns(columns: Vec<Named>) -> Self {
-        Self { columns, ..Self::default() }
+    pub fn of_columns(columns: Vec<Named>, cells: Option<usize>) -> Self {
+        Self { columns, cells, ..Self::default() }
     }
 
     fn push_state(&mut self, name: &str) {

@@ -72,14 +72,21 @@ pub struct EventRecord {
 }
 
 /// How far a run's event times are from those of a sample of its bodies that was recomputed more accurately.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct EventErrors {
     /// Bodies of the sample that had the event in both.
     pub compared: usize,
     /// Bodies of the sample that had it in one of both alone.
     pub differing: usize,
-    /// The error of the time, s.
-    pub time: Quantiles,
+    /// The errors of the times of the former, s, ascending.
+    pub times: Vec<f64>,
+}
+
+impl EventErrors {
+    /// The median, 99th percentile and greatest error of the time, s; zeros where nothing was compared.
+    pub fn time(&self) -> Quantiles {
+        Quantiles::of(&mut self.times.clone())
+    }
 }
 
 /// The share of bodies that have not had an event yet.

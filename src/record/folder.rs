@@ -10,51 +10,27 @@
 //! `NAME.polhode-RANDOM.kept` there, which nothing removes; then a former report is removed, and the new one comes last. The lock of
 //! the current folder is the one beside it all the same, so that runs from inside and from outside exclude each other.
 
-use std::collections::hash_map::RandomState;
 use std::fs::{self, File};
-use std::hash::{BuildHasher, Hasher};
-use std::io::{self, ErrorKind, Read, Write};
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU8, Ordering};
 
-use super::lock::{self, Lock, Refused};
-use super::shard::{BLOCKS, FileEntry, PART};
+use super::lock::{Lock, Refused};
+use super::part_file::FileEntry;
 use crate::error::{Error, FileAction, Result};
 
-/// The file that appears last, when a run is complete.
-pub const REPORT: &str = "report.json";
-/// The file that repeats a run.
-pub const PLAN: &str = "plan.json";
+mod file;
+mod leftovers;
+mod names;
+mod traces;
 
-/// Stems of the tables that a run may write.
-const TABLES: [&str; 9] =
-    ["final", "snapshots", "statistics", "failed", "events", "survival", "histograms", "initial", "cells"];
-/// Endings of tables.
-const TABLE_ENDINGS: [&str; 3] = ["csv", "npz", "parquet"];
-/// Stems of the pictures that are drawn of a run.
-const PICTURES: [&str; 7] = ["run", "final", "statistics", "means", "histograms", "survival", "map"];
-/// What stands before the number of a body in the stem of its pictures.
-const PICTURE_OF_BODY: &str = "run-body-";
-/// Endings of pictures.
-const PICTURE_ENDINGS: [&str; 2] = ["svg", "png"];
+pub(crate) use file::{OutputFile, file_entry, write_whole};
+pub(crate) use leftovers::{Residue, residue};
+pub use names::{PLAN, REPORT};
+pub use traces::Traces;
 
-/// The ending of the folder that a run writes to.
-const PARTIAL: &str = "partial";
-/// The ending of the folder of a former result while it is replaced.
-const FORMER: &str = "former";
-/// The ending of a complete result that could not get its name.
-const KEPT: &str = "kept";
-
-/// Whether a file of this name is a run's, or a picture of one, and gives way with it.
-fn is_result(name: &str) -> bool {
-    let Some((stem, ending)) = name.rsplit_once('.') else { return false };
-    let body = stem.strip_prefix(PICTURE_OF_BODY).unwrap_or_default();
-    let of_body = !body.is_empty() && body.bytes().all(|digit| digit.is_ascii_digit());
-    [PLAN, REPORT, PART, BLOCKS].contains(&name)
-        || TABLES.contains(&stem) && TABLE_ENDINGS.contains(&ending)
-        || (PICTURES.contains(&stem) || of_body) && PICTURE_ENDINGS.contains(&ending)
-}
+use names::{FORMER, KEPT, PARTIAL, is_result, prefix, random, with_suffix};
+use traces::{PLACED, remove_folders};
 
 /// Names and values.
 pub(crate) type Metadata = Vec<(String, String)>;
@@ -81,57 +57,6 @@ pub struct OutputFolder {
     metadata: Metadata,
     /// Dropped last: until then nobody else touches any of these names.
     _lock: Lock,
-}
-
-/// What a run under way has in the file system. To remove it is for a process that ends without dropping its
-/// [`OutputFolder`], as in a signal's handler.
-#[derive(Clone, Debug)]
-pub struct Traces {
-    /// What becomes of the folder: whoever comes first decides.
-    fate: Arc<AtomicU8>,
-    staging: PathBuf,
-    lock: PathBuf,
-    /// Folders that were made to hold the target, inner ones first.
-    parents: Vec<PathBuf>,
-}
-
-/// Nothing is decided yet.
-const OPEN: u8 = 0;
-/// The files are given their place.
-const PLACED: u8 = 1;
-/// The run is given up.
-const GIVEN_UP: u8 = 2;
-
-impl Traces {
-    /// Keeps the run from giving its files their place, from whatever thread; says whether that was in time. Where it was not, the
-    /// result is there, or will be at once.
-    pub fn give_up(&self) -> bool {
-        self.decide(GIVEN_UP)
-    }
-
-    /// Whether the run was given up.
-    fn is_given_up(&self) -> bool {
-        self.fate.load(Ordering::SeqCst) == GIVEN_UP
-    }
-
-    fn decide(&self, fate: u8) -> bool {
-        let decided = self.fate.compare_exchange(OPEN, fate, Ordering::SeqCst, Ordering::SeqCst);
-        decided.is_ok() || decided == Err(fate)
-    }
-
-    /// Removes all of it; what cannot be removed stays, for the next run to find.
-    pub fn remove(&self) {
-        let _ = fs::remove_dir_all(&self.staging);
-        lock::remove(&self.lock);
-        remove_folders(&self.parents);
-    }
-}
-
-/// Removes those that are empty.
-fn remove_folders(folders: &[PathBuf]) {
-    for folder in folders {
-        let _ = fs::remove_dir(folder);
-    }
 }
 
 impl OutputFolder {
@@ -249,41 +174,6 @@ impl OutputFolder {
         Ok(())
     }
 
-    /// Removes what killed runs have left beside the target and in it, all of which lies still: this run has the lock.
-    fn clear_leftovers(&self) -> io::Result<Vec<PathBuf>> {
-        let mut found = self.clear_leftovers_of(&self.prefix)?;
-        let inner = prefix(&self.target, true);
-        if inner != self.prefix && self.target.is_dir() {
-            found.extend(self.clear_leftovers_of(&inner)?);
-        }
-        found.sort();
-        Ok(found)
-    }
-
-    /// The same of names with one prefix.
-    fn clear_leftovers_of(&self, prefix: &Path) -> io::Result<Vec<PathBuf>> {
-        let (Some(place), Some(prefix)) = (prefix.parent(), prefix.file_name()) else {
-            return Ok(Vec::new());
-        };
-        let mut found = Vec::new();
-        for entry in fs::read_dir(place)? {
-            let path = entry?.path();
-            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            let rest = name.strip_prefix(&*prefix.to_string_lossy()).and_then(|rest| rest.strip_prefix('-'));
-            let Some((number, ending)) = rest.and_then(|rest| rest.split_once('.')) else { continue };
-            let is_random = number.len() == RANDOM_DIGITS && number.bytes().all(|digit| digit.is_ascii_hexdigit());
-            match ending {
-                PARTIAL if is_random => fs::remove_dir_all(&path)?,
-                // Killed between two renames: the target was away.
-                FORMER if is_random && fs::symlink_metadata(&self.target).is_err() => fs::rename(&path, &self.target)?,
-                FORMER if is_random => self.dissolve(&path),
-                _ => continue,
-            }
-            found.push(path);
-        }
-        Ok(found)
-    }
-
     /// What files that have metadata say of the run that they are of. Of files begun before, nothing changes.
     pub(crate) fn set_metadata(&mut self, metadata: Metadata) {
         self.metadata = metadata;
@@ -299,11 +189,9 @@ impl OutputFolder {
         if self.traces.is_given_up() {
             return Err(Error::Interrupted { steps: 0 });
         }
-        let target = self.path.join(name);
-        let file = File::create_new(self.traces.staging.join(name))
-            .map_err(|error| Error::file(&target, FileAction::Write, &error))?;
+        let file = OutputFile::create(&self.traces.staging.join(name), self.path.join(name))?;
         self.names.push(name.to_owned());
-        Ok(OutputFile { file, target, position: 0 })
+        Ok(file)
     }
 
     /// Writes a whole file.
@@ -437,53 +325,6 @@ fn absent_target(path: &Path) -> io::Result<(PathBuf, Vec<PathBuf>)> {
     Ok((fs::canonicalize(parent)?.join(name), made))
 }
 
-/// What a run that has not finished has left of a folder.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Residue {
-    /// Its process has the lock.
-    Running,
-    /// Its process is gone.
-    Killed,
-}
-
-/// What a run that has not finished has left of `target`, which need not exist.
-pub(crate) fn residue(target: &Path) -> Option<Residue> {
-    let prefix = prefix(target, false);
-    if lock::is_held(&with_suffix(&prefix, "lock")) {
-        return Some(Residue::Running);
-    }
-    let own = prefix.file_name()?.to_string_lossy().into_owned() + "-";
-    let is_partial = |name: &str| name.strip_prefix(&own).is_some_and(|rest| rest.ends_with(PARTIAL));
-    let mut names = fs::read_dir(target.parent()?).ok()?.flatten().map(|entry| entry.file_name());
-    names.any(|name| is_partial(&name.to_string_lossy())).then_some(Residue::Killed)
-}
-
-/// What the names of lock and temporary folders of a target begin with.
-fn prefix(target: &Path, in_place: bool) -> PathBuf {
-    let name = target.file_name().unwrap_or_default();
-    if in_place {
-        return target.join(".polhode");
-    }
-    let mut prefix = std::ffi::OsString::from(".");
-    prefix.push(name);
-    prefix.push(".polhode");
-    target.with_file_name(prefix)
-}
-
-fn with_suffix(prefix: &Path, suffix: &str) -> PathBuf {
-    let mut path = prefix.as_os_str().to_owned();
-    path.push("-");
-    path.push(suffix);
-    path.into()
-}
-
-const RANDOM_DIGITS: usize = 16;
-
-/// A number that no other run has, in any container: the seed of the standard library's hash maps.
-fn random() -> String {
-    format!("{:016x}", RandomState::new().build_hasher().finish())
-}
-
 /// Whether a folder should not get another name, as a shell whose current folder was replaced stands in a removed one.
 fn is_current(target: &Path) -> bool {
     std::env::current_dir().and_then(fs::canonicalize).is_ok_and(|current| current == target)
@@ -510,26 +351,6 @@ fn is_mounted(_: &Path) -> bool {
     false
 }
 
-/// Size and checksum of a file as it is.
-pub(crate) fn file_entry(folder: &Path, name: &str) -> Result<FileEntry> {
-    let path = folder.join(name);
-    let mut checksum = crc32fast::Hasher::new();
-    let mut read = || -> io::Result<u64> {
-        let (mut file, mut buffer, mut bytes) = (File::open(&path)?, vec![0; 1 << 20], 0);
-        loop {
-            match file.read(&mut buffer)? {
-                0 => return Ok(bytes),
-                count => {
-                    checksum.update(&buffer[..count]);
-                    bytes += count as u64;
-                }
-            }
-        }
-    };
-    let bytes = read().map_err(|error| Error::file(&path, FileAction::Read, &error))?;
-    Ok(FileEntry { name: name.to_owned(), bytes, checksum: checksum.finalize() })
-}
-
 /// Whether an entry of a folder is a file of a result; a link is removed rather than followed.
 fn is_replaceable(entry: &fs::DirEntry) -> bool {
     let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
@@ -552,77 +373,6 @@ fn sync_folder(folder: &Path) -> io::Result<()> {
 
 fn sync_parent(path: &Path) -> io::Result<()> {
     path.parent().map_or(Ok(()), sync_folder)
-}
-
-/// Writes a file that appears as a whole and replaces any file of its name; a link is replaced, not followed.
-pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    let mut name = std::ffi::OsString::from(".");
-    name.push(path.file_name().unwrap_or_default());
-    name.push(format!(".{}.{PARTIAL}", random()));
-    let temporary = path.with_file_name(name);
-    let written = File::create_new(&temporary)
-        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
-        .and_then(|()| fs::rename(&temporary, path));
-    written.map_err(|error| {
-        let _ = fs::remove_file(&temporary);
-        Error::file(path, FileAction::Write, &error)
-    })
-}
-
-/// A file of a result under way; errors call it by its final name.
-#[derive(Debug)]
-pub(crate) struct OutputFile {
-    file: File,
-    target: PathBuf,
-    position: u64,
-}
-
-/// What libraries that encode files write into.
-#[cfg(feature = "parquet")]
-impl Write for OutputFile {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let count = Write::write(&mut self.file, bytes)?;
-        self.position += count as u64;
-        Ok(count)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.file.flush()
-    }
-}
-
-impl OutputFile {
-    /// Its final name.
-    #[cfg(feature = "parquet")]
-    pub(crate) fn path(&self) -> &Path {
-        &self.target
-    }
-
-    fn failed(&self, error: &io::Error) -> Error {
-        Error::file(&self.target, FileAction::Write, error)
-    }
-
-    /// Appends bytes.
-    pub(crate) fn write(&mut self, bytes: &[u8]) -> Result<()> {
-        self.file.write_all(bytes).map_err(|error| self.failed(&error))?;
-        self.position += bytes.len() as u64;
-        Ok(())
-    }
-
-    /// Writes bytes at an offset.
-    pub(crate) fn write_at(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
-        use std::io::{Seek, SeekFrom};
-        if offset != self.position {
-            self.file.seek(SeekFrom::Start(offset)).map_err(|error| self.failed(&error))?;
-            self.position = offset;
-        }
-        self.write(bytes)
-    }
-
-    /// Waits until all is on the disk: what the system could not write is known by then, at the latest.
-    pub(crate) fn finish(self) -> Result<()> {
-        self.file.sync_all().map_err(|error| self.failed(&error))
-    }
 }
 
 #[cfg(test)]

@@ -30,6 +30,7 @@ mod failed;
 pub(crate) mod failed_file;
 #[cfg(feature = "study")]
 pub(crate) mod folder;
+mod gathered;
 #[cfg(feature = "study")]
 mod lock;
 #[cfg(feature = "study")]
@@ -38,6 +39,8 @@ pub(crate) mod npz_file;
 pub(crate) mod observed_files;
 #[cfg(feature = "parquet")]
 pub(crate) mod parquet_file;
+#[cfg(feature = "study")]
+pub(crate) mod part_file;
 #[cfg(feature = "study")]
 pub mod report;
 #[cfg(feature = "study")]
@@ -64,6 +67,8 @@ pub use events::{Censored, EventErrors, EventOccurrence, EventRecord, EventTime,
 pub use failed::{FailedBody, KnownTo};
 #[cfg(feature = "study")]
 pub use folder::{OutputFolder, PLAN, REPORT, Traces};
+pub use gathered::Gathered;
+pub(crate) use gathered::Moments;
 #[cfg(feature = "study")]
 pub use report::Report;
 #[cfg(feature = "study")]
@@ -127,6 +132,18 @@ pub trait Sink {
     /// Whatever hinders the sink; the run ends with it.
     fn statistics_of_blocks(&mut self, index: usize, time: f64, blocks: &[Vec<Partial<f64>>]) -> Result<()> {
         let _ = (index, time, blocks);
+        Ok(())
+    }
+
+    /// What statistics, quantiles and histograms at output `index`, at `time` seconds, are formed of, where they are formed of the states that were
+    /// read; likewise.
+    ///
+    /// # Errors
+    ///
+    /// Whatever hinders the sink; the run ends with it.
+    #[doc(hidden)]
+    fn gathered(&mut self, index: usize, time: f64, gathered: Gathered) -> Result<()> {
+        let _ = (index, time, gathered);
         Ok(())
     }
 }
@@ -226,13 +243,13 @@ impl Snapshot {
         &self.status
     }
 
-    fn with_capacity(time: f64, body_count: usize) -> Self {
+    pub(crate) fn with_capacity(time: f64, body_count: usize) -> Self {
         let (orientation, angular_velocity_body) = (Vec::with_capacity(body_count), Vec::with_capacity(body_count));
         Self { time, orientation, angular_velocity_body, status: Vec::with_capacity(body_count), ..Self::default() }
     }
 
     /// Takes the next bodies.
-    fn extend(&mut self, states: &[OutputState]) {
+    pub(crate) fn extend(&mut self, states: &[OutputState]) {
         let rows = || states.par_iter().with_min_len(TAKEN);
         let Self { orientation, angular_velocity_body, status, .. } = self;
         rayon::join(

@@ -305,13 +305,13 @@ impl ParquetStates {
         Ok(Self { file: ParquetFile::begin(folder, stem, &fields)?, cells: layout.cells })
     }
 
-    pub(crate) fn write(&mut self, time: f64, first_body: usize, rows: StateRows) -> Result<()> {
+    pub(crate) fn write(&mut self, time: f64, first_body: usize, rows: &StateRows) -> Result<()> {
         let count = rows.len();
         let bodies = first_body..first_body + count;
         let mut cells =
             vec![Cells::Whole(bodies.clone().map(|body| body as i64).collect()), Cells::Numbers(vec![time; count])];
-        cells.extend(rows.numbers.into_iter().map(Cells::Numbers));
-        cells.push(Cells::Codes(rows.status.into_iter().map(i32::from).collect()));
+        cells.extend(rows.numbers.iter().cloned().map(Cells::Numbers));
+        cells.push(Cells::Codes(rows.status.iter().copied().map(i32::from).collect()));
         cells.extend(self.cells.map(|cells| Cells::Whole(bodies.map(|body| (body % cells) as i64).collect())));
         self.file.append(cells)
     }

@@ -70,7 +70,7 @@ pub struct Report {
     /// Errors of statistics and event times; left out where none are asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub statistical_accuracy: Option<StatisticalAccuracyReport>,
-    /// Bodies that have failed, ascending; `failed.csv` (or `.npz`) has a row for each.
+    /// Bodies that have failed, ascending; `failed.csv` (or `.npz`, `.parquet`) has a row for each.
     pub failed_bodies: Vec<usize>,
     /// How many of them for which reason; empty where none has.
     pub failures: Vec<FailureReport>,
@@ -106,7 +106,8 @@ pub struct AxisReport {
 }
 
 impl StudyReport {
-    pub(crate) fn of(study: &Study) -> Self {
+    /// Of a study that was read.
+    pub fn of(study: &Study) -> Self {
         let title = study.title().map(str::to_owned);
         let axes = study.design().map(|design| design.axes()).unwrap_or_default();
         let sweep = axes.iter().map(|axis| AxisReport { name: axis.name().to_owned(), unit: axis.si_unit() }).collect();
@@ -438,7 +439,7 @@ impl Report {
                 largest_relative_change: repairs.largest_relative_change,
                 limit: repairs.limit,
             }),
-            quantities: QuantityReport::of(plan.scene()),
+            quantities: QuantityReport::of(plan.scene().observed()),
             statistics: None,
             events: Vec::new(),
             drift: DriftReport::of(&trust.drift),

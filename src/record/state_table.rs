@@ -62,7 +62,6 @@ enum Source {
 }
 
 /// The values of a column of any table.
-#[cfg(feature = "plot")]
 pub(crate) enum Values {
     Numbers(Vec<f64>),
     Texts(Vec<String>),
@@ -73,7 +72,6 @@ pub(crate) enum Values {
 /// # Errors
 ///
 /// [`Error::File`] where the file cannot be read; [`Error::Table`] where it is no such table.
-#[cfg(feature = "plot")]
 pub(crate) fn columns(path: &Path) -> Result<Vec<(String, Values)>> {
     #[cfg(feature = "parquet")]
     if path.extension().is_some_and(|ending| ending == "parquet") {

@@ -1,15 +1,20 @@
 //! Tables whose columns are known when they are written: what bodies start with, cells, events, survival, histograms, bodies that failed.
 
+use std::fs::File;
+use std::io::{BufRead, BufReader};
 #[cfg(feature = "parquet")]
 use std::ops::Range;
+use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
+use super::column;
 use super::folder::OutputFolder;
 use super::npz_file::{Archive, npy_header};
 #[cfg(feature = "parquet")]
 use super::parquet_file::{Cells, Field, Kind, ParquetFile};
-use crate::error::Result;
+use super::state_table::{Values as ReadValues, columns};
+use crate::error::{Error, FileAction, Result};
 use crate::study::Format;
 
 /// Rows that are formatted before they are written.
@@ -147,6 +152,122 @@ fn cells(column: &TableColumn<'_>, rows: Range<usize>) -> Cells {
         Values::Number(value) => Cells::Numbers(rows().map(value).collect()),
         Values::Text(value) | Values::Word(value) => Cells::Texts(rows().map(|row| value(row).into()).collect()),
     }
+}
+
+/// Writes a table whose rows are those of some tables that [`write`] has written, one after the other: columns named [`WHOLE`] hold indices, others
+/// texts or numbers.
+pub(crate) fn concatenate(folder: &mut OutputFolder, stem: &str, format: Format, tables: &[PathBuf]) -> Result<()> {
+    let name = format!("{stem}.{}", format.name());
+    match format {
+        Format::Csv => {
+            let mut file = folder.begin(&name)?;
+            for (place, path) in tables.iter().enumerate() {
+                let failed = |error: std::io::Error| Error::file(path, FileAction::Read, &error);
+                let mut source = BufReader::with_capacity(COPIED, File::open(path).map_err(failed)?);
+                if place > 0 {
+                    skip_header(&mut source).map_err(failed)?;
+                }
+                loop {
+                    let bytes = source.fill_buf().map_err(failed)?;
+                    if bytes.is_empty() {
+                        break;
+                    }
+                    file.write(bytes)?;
+                    let count = bytes.len();
+                    source.consume(count);
+                }
+            }
+            file.finish()
+        }
+        Format::Npz => {
+            let mut all = Vec::new();
+            for path in tables {
+                extend(&mut all, columns(path)?, path)?;
+            }
+            write(folder, stem, format, rows_of(&all), &typed(&all))
+        }
+        #[cfg(feature = "parquet")]
+        Format::Parquet => {
+            let mut file = None;
+            for path in tables {
+                let part = columns(path)?;
+                let (rows, part) = (rows_of(&part), typed(&part));
+                let file = match &mut file {
+                    Some(file) => file,
+                    None => {
+                        let fields: Vec<Field> = part.iter().map(field).collect();
+                        file.insert(ParquetFile::begin(folder, stem, &fields)?)
+                    }
+                };
+                file.append(part.iter().map(|column| cells(column, 0..rows)).collect())?;
+            }
+            file.map_or(Ok(()), ParquetFile::finish)
+        }
+    }
+}
+
+/// Bytes that are copied at once.
+const COPIED: usize = 1 << 16;
+
+/// Columns of indices.
+const WHOLE: [&str; 3] = ["body", column::CELL, "bodies"];
+
+/// Leaves out the first line of a table, whose names may hold line breaks in quotation marks.
+fn skip_header(source: &mut impl BufRead) -> std::io::Result<()> {
+    let mut quotes = 0;
+    loop {
+        let mut line = Vec::new();
+        let count = source.read_until(b'\n', &mut line)?;
+        quotes += line.iter().filter(|byte| **byte == b'"').count();
+        if count == 0 || quotes % 2 == 0 {
+            return Ok(());
+        }
+    }
+}
+
+/// Appends the rows of a table, which has the same columns.
+fn extend(all: &mut Vec<(String, ReadValues)>, part: Vec<(String, ReadValues)>, path: &Path) -> Result<()> {
+    if all.is_empty() {
+        *all = part;
+        return Ok(());
+    }
+    let count = part.len();
+    let mut taken = 0;
+    for ((own, values), (name, more)) in all.iter_mut().zip(part) {
+        match (values, more) {
+            (ReadValues::Numbers(values), ReadValues::Numbers(more)) if *own == name => values.extend(more),
+            (ReadValues::Texts(values), ReadValues::Texts(more)) if *own == name => values.extend(more),
+            _ => continue,
+        }
+        taken += 1;
+    }
+    match taken == count && count == all.len() {
+        true => Ok(()),
+        false => Err(Error::Table {
+            path: path.to_owned(),
+            reason: "expected the columns of the other parts' table: run the part again".to_owned(),
+        }),
+    }
+}
+
+fn rows_of(columns: &[(String, ReadValues)]) -> usize {
+    columns.first().map_or(0, |(_, values)| match values {
+        ReadValues::Numbers(numbers) => numbers.len(),
+        ReadValues::Texts(texts) => texts.len(),
+    })
+}
+
+fn typed(columns: &[(String, ReadValues)]) -> Vec<TableColumn<'_>> {
+    fn column((name, values): &(String, ReadValues)) -> TableColumn<'_> {
+        match values {
+            ReadValues::Texts(texts) => TableColumn::text(name.as_str(), |row| texts[row].as_str()),
+            ReadValues::Numbers(numbers) if WHOLE.contains(&name.as_str()) => {
+                TableColumn::whole(name, |row| numbers[row] as u64)
+            }
+            ReadValues::Numbers(numbers) => TableColumn::number(name.as_str(), |row| numbers[row]),
+        }
+    }
+    columns.iter().map(column).collect()
 }
 
 /// A row as text. Every number has the fewest digits that read back to the same bits.

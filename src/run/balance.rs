@@ -8,10 +8,9 @@ use rayon::prelude::*;
 use crate::bodies::BodyState;
 use crate::bodies::frame::initial_state;
 use crate::error::{Error, Result};
-use crate::plan::sampling::sample;
 use crate::plan::{Plan, TorqueSet};
 use crate::record::{Balance, BalanceGatherer, change_of_total};
-use crate::run::recomputed_sample::{SAMPLE_SEED, recomputed, sample_size};
+use crate::run::recomputed_sample::{recomputed, sample_of_part};
 use crate::run::torque_work::Work;
 use crate::scene::Scene;
 use crate::torque::variable_inertia;
@@ -45,7 +44,7 @@ pub fn balance(plan: &Plan<'_>, orientation: &[DQuat], angular_velocity_body: &[
         }
     };
     let mut gatherer = BalanceGatherer::default();
-    let sample = sample(ensemble.len(), sample_size(ensemble.len()), SAMPLE_SEED);
+    let sample = sample_of_part(plan.scene().part(), ensemble.len());
     for reference in recomputed(plan, &sample, &mut |_| ControlFlow::Continue(()))? {
         push_rest(&mut gatherer, plan.scene(), reference.body, &state(reference.body), reference.work.as_ref());
     }

@@ -6,13 +6,13 @@ use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
 use super::reading::TASK;
-use super::{OutputState, make_room};
+use super::states::make_room;
 use crate::bodies::BodyState;
 use crate::bodies::Ensemble;
 use crate::bodies::Status;
 use crate::bodies::memory;
 use crate::error::Result;
-use crate::record::{FailedBody, KnownTo};
+use crate::record::{FailedBody, KnownTo, OutputState};
 
 /// The bodies that have failed so far.
 pub(super) struct Failures<'p> {

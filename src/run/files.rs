@@ -1,107 +1,35 @@
 //! A run whose outputs go to files.
 
-use std::ops::{ControlFlow, Range};
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
 use crate::engine::{Backend, Progress};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::kernel::observe::Partial;
 use crate::plan::{Plan, PlanDocument};
-use crate::record::column::{Layout, StateRows};
-use crate::record::csv_file::{self, CsvFile};
+use crate::record::column::Layout;
+use crate::record::csv_file;
 use crate::record::failed_file;
 use crate::record::folder::{Metadata, OutputFile, OutputFolder, PLAN, REPORT, write_whole};
-use crate::record::npz_file::{NpzFile, Times};
 use crate::record::observed_files::{write_events, write_histograms};
-#[cfg(feature = "parquet")]
-use crate::record::parquet_file::ParquetStates;
+use crate::record::part_file::{BLOCKS, BlocksLine, EVENTS, EventEntry, PART, PartContents, PartFile};
 use crate::record::report::{EventReport, Report, StatisticsReport, StudyReport};
-use crate::record::shard::{BLOCKS, BlocksLine, PART, PartContents, PartFile, Shard};
 use crate::record::statistics_file::StatisticsFile;
-use crate::record::{EventRecord, HistogramCounts, OutputState, Sink, Statistics};
-use crate::run::observed::Evaluator;
+use crate::record::{EventRecord, Gathered, HistogramCounts, OutputState, Sink, Statistics};
+use crate::run::state_tables::{StateQueue, StateTables, WriteTime, timed};
 use crate::run::{initial_file, run_into};
 use crate::study::{Format, Output, Study};
 
-/// Wall time of writing tables, s.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct WriteTime {
-    pub format: f64,
-    pub disk: f64,
-}
-
-/// What `work` returns; the time that it takes is added to `seconds`.
-fn timed<T>(seconds: &mut f64, work: impl FnOnce() -> T) -> T {
-    let clock = Instant::now();
-    let done = work();
-    *seconds += clock.elapsed().as_secs_f64();
-    done
-}
-
-/// A table of states under way in any format.
-#[derive(Debug)]
-pub(super) enum TableFile {
-    Csv(CsvFile),
-    Npz(NpzFile),
-    #[cfg(feature = "parquet")]
-    Parquet(Box<ParquetStates>),
-}
-
-impl TableFile {
-    /// Begins a table of the bodies in a range, counted as in the whole that they are a part of.
-    pub fn begin(
-        folder: &mut OutputFolder,
-        (stem, format): (&str, Format),
-        bodies: Range<usize>,
-        layout: &Layout,
-        times: Times<'_>,
-    ) -> Result<Self> {
-        let name = format!("{stem}.{}", format.name());
-        Ok(match format {
-            Format::Csv => TableFile::Csv(CsvFile::begin(folder.begin(&name)?, layout)?),
-            Format::Npz => TableFile::Npz(NpzFile::begin(folder.begin(&name)?, bodies, times, layout)?),
-            #[cfg(feature = "parquet")]
-            Format::Parquet => TableFile::Parquet(Box::new(ParquetStates::begin(folder, stem, layout)?)),
-        })
-    }
-
-    /// Appends the rows of the bodies from `first_body` on.
-    pub fn append(&mut self, time: f64, first_body: usize, rows: &StateRows, spent: &mut WriteTime) -> Result<()> {
-        match self {
-            TableFile::Csv(file) => {
-                let rows = timed(&mut spent.format, || file.format(time, first_body, rows));
-                timed(&mut spent.disk, || file.write(&rows))
-            }
-            TableFile::Npz(file) => timed(&mut spent.disk, || file.write(rows)),
-            #[cfg(feature = "parquet")]
-            TableFile::Parquet(file) => timed(&mut spent.disk, || file.write(time, first_body, rows.clone())),
-        }
-    }
-
-    pub fn finish(self) -> Result<()> {
-        match self {
-            TableFile::Csv(file) => file.finish(),
-            TableFile::Npz(file) => file.finish(),
-            #[cfg(feature = "parquet")]
-            TableFile::Parquet(file) => file.finish(),
-        }
-    }
-}
-
-/// Writes the states and statistics that a study asks for as they come.
-struct FileSink<'p> {
-    layout: Layout,
-    /// Forms the derived quantities of the tables.
-    evaluator: Option<Evaluator<'p>>,
+/// Takes what a run hands on: states to the thread that writes their tables, statistics to their file, and keeps the rest.
+struct FileSink<'q> {
+    states: &'q mut StateQueue,
     statistics: Option<StatisticsFile>,
     /// Those of the end.
     at_end: Option<Statistics>,
     histograms: Vec<Vec<HistogramCounts>>,
     events: Vec<EventRecord>,
-    final_state: Option<TableFile>,
-    snapshots: Option<TableFile>,
-    /// The statistics of each block, of a part of a study.
+    /// What statistics and histograms are formed of, of a part of a study.
     blocks: Option<OutputFile>,
     /// Of the study that the bodies are a part of.
     first_body: usize,
@@ -109,77 +37,58 @@ struct FileSink<'p> {
     spent: WriteTime,
 }
 
-impl<'p> FileSink<'p> {
+/// What a run leaves that is written when it is over.
+struct Kept {
+    at_end: Option<Statistics>,
+    histograms: Vec<Vec<HistogramCounts>>,
+    events: Vec<EventRecord>,
+    spent: WriteTime,
+}
+
+impl<'q> FileSink<'q> {
     fn begin(
         folder: &mut OutputFolder,
         output: &Output,
-        layout: Layout,
-        plan: &'p Plan<'_>,
+        plan: &Plan<'_>,
         is_part: bool,
+        states: &'q mut StateQueue,
     ) -> Result<Self> {
-        let (times, ensemble) = (plan.times(), plan.scene().ensemble());
-        let first_body = plan.scene().part().first_body;
-        let bodies = first_body..first_body + ensemble.len();
-        let mut table = |wanted: bool, stem: &str, times: Times<'_>| {
-            let of = (stem, output.format);
-            wanted.then(|| TableFile::begin(folder, of, bodies.clone(), &layout, times)).transpose()
-        };
-        let (final_state, snapshots) = (
-            table(output.final_state, "final", Times::One(plan.scene().end()))?,
-            table(output.snapshots, "snapshots", Times::Many(times))?,
-        );
         let (wanted, quantiles) = (plan.scene().wanted_statistics(), plan.scene().wanted_quantiles());
         let statistics = (!wanted.is_empty())
-            .then(|| StatisticsFile::begin(folder, output.format, wanted, quantiles, times.len()))
+            .then(|| StatisticsFile::begin(folder, output.format, wanted, quantiles, plan.times().len()))
             .transpose()?;
-        let blocks = (is_part && !wanted.is_empty()).then(|| folder.begin(BLOCKS)).transpose()?;
-        let quantities = &layout.quantities;
-        let evaluator = (!quantities.is_empty()).then(|| Evaluator::new(plan.scene(), quantities)).transpose()?;
+        let is_gathered = !(wanted.is_empty() && plan.scene().wanted_histograms().is_empty());
+        let blocks = (is_part && is_gathered).then(|| folder.begin(BLOCKS)).transpose()?;
         Ok(Self {
-            layout,
-            evaluator,
+            states,
             statistics,
-            blocks,
-            first_body,
             at_end: None,
             histograms: Vec::new(),
             events: Vec::new(),
-            final_state,
-            snapshots,
-            last: times.len() - 1,
+            blocks,
+            first_body: plan.scene().part().first_body,
+            last: plan.times().len() - 1,
             spent: WriteTime::default(),
         })
     }
 
-    fn finish(&mut self) -> Result<()> {
-        let mut tables = self.final_state.take().into_iter().chain(self.snapshots.take());
-        let (statistics, blocks) = (self.statistics.take(), self.blocks.take());
-        timed(&mut self.spent.disk, || {
-            tables.try_for_each(TableFile::finish)?;
+    fn finish(self) -> Result<Kept> {
+        let Self { statistics, blocks, at_end, histograms, events, mut spent, .. } = self;
+        timed(&mut spent.disk, || {
             statistics.map_or(Ok(()), StatisticsFile::finish)?;
             blocks.map_or(Ok(()), OutputFile::finish)
-        })
+        })?;
+        Ok(Kept { at_end, histograms, events, spent })
     }
 }
 
 impl Sink for FileSink<'_> {
     fn wants(&mut self, index: usize, _: usize, _: f64) -> bool {
-        self.snapshots.is_some() || (index == self.last && self.final_state.is_some())
+        self.states.wants(index)
     }
 
     fn bodies(&mut self, index: usize, time: f64, first_body: usize, states: &[OutputState]) -> Result<()> {
-        let at_end = index == self.last;
-        let rows = timed(&mut self.spent.format, || {
-            let values = self.evaluator.as_ref().map(|evaluator| evaluator.values(first_body, time, states));
-            let of = |place: usize| values.iter().flat_map(move |values| values.of(place)).flat_map(|(_, part)| part);
-            let derived = (0..self.layout.quantities.len()).map(|place| of(place).copied().collect()).collect();
-            StateRows::of(&self.layout, states, derived)
-        });
-        let tables = self.snapshots.iter_mut().chain(self.final_state.iter_mut().filter(|_| at_end));
-        for table in tables {
-            table.append(time, self.first_body + first_body, &rows, &mut self.spent)?;
-        }
-        Ok(())
+        self.states.push(index, time, first_body, states)
     }
 
     fn statistics(&mut self, index: usize, statistics: &Statistics) -> Result<()> {
@@ -196,7 +105,13 @@ impl Sink for FileSink<'_> {
 
     fn statistics_of_blocks(&mut self, _: usize, time: f64, blocks: &[Vec<Partial<f64>>]) -> Result<()> {
         let Some(file) = &mut self.blocks else { return Ok(()) };
-        let line = timed(&mut self.spent.format, || BlocksLine::new(time, blocks, self.first_body).to_line());
+        let line = timed(&mut self.spent.format, || BlocksLine::of_blocks(time, blocks, self.first_body).to_line());
+        timed(&mut self.spent.disk, || file.write(line.as_bytes()))
+    }
+
+    fn gathered(&mut self, _: usize, time: f64, gathered: Gathered) -> Result<()> {
+        let Some(file) = &mut self.blocks else { return Ok(()) };
+        let line = timed(&mut self.spent.format, || BlocksLine::of_gathered(time, gathered).to_line());
         timed(&mut self.spent.disk, || file.write(line.as_bytes()))
     }
 
@@ -261,7 +176,7 @@ impl OutputSize {
 ///
 /// # Errors
 ///
-/// [`Error::File`].
+/// [`crate::Error::File`].
 pub fn write_plan(plan: &Plan<'_>, path: &Path) -> Result<()> {
     write_whole(path, plan.to_json().as_bytes())
 }
@@ -287,36 +202,34 @@ pub fn run_to_folder(
     run_files(engine, plan, study, output, (folder, None), since, observer)
 }
 
-/// As [`run_to_folder`], of a part of a study ([`Study::part`]), whose folder is that of `shard`. `document` is the plan that all parts
-/// follow, which is written as it was read. Beside the tables stands what [`crate::run::merge`] needs to make those of the whole.
+/// As [`run_to_folder`], of a part of a study ([`Study::part`]). `document` is the plan that all parts follow, which is written as it was
+/// read. Beside the tables of states and statistics stands what [`crate::run::merge`] makes those of the whole of; tables of events, survival
+/// and histograms are made there alone.
 ///
 /// # Errors
 ///
-/// As [`run_to_folder`], and [`Error::Setting`] where the study asks for quantiles, histograms, events or derived quantities.
-pub fn run_shard_to_folder(
+/// As [`run_to_folder`].
+pub fn run_part_to_folder(
     engine: &dyn Backend,
     plan: &Plan<'_>,
     study: &Study,
-    (shard, document): (Shard, &PlanDocument),
+    document: &PlanDocument,
     folder: OutputFolder,
     since: Instant,
     observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Report> {
-    if plan.scene().needs_states() {
-        let value = plan.scene().observed().quantities().len() as f64;
-        let expected =
-            "quantiles, histograms, events and derived quantities are not merged from parts: run the study as a whole";
-        return Err(Error::Setting { field: "quantities", value, expected });
-    }
-    run_files(engine, plan, Some(study), study.output(), (folder, Some((shard, document))), since, observer)
+    run_files(engine, plan, Some(study), study.output(), (folder, Some(document)), since, observer)
 }
+
+/// The key of the study's text in the metadata of files.
+pub(super) const STUDY_TEXT: &str = "polhode.study";
 
 /// What files that have metadata say of a run: what it follows, and nothing that differs from one time to the next.
 fn metadata(study: Option<&Study>, plan: &str) -> Metadata {
     let mut metadata = vec![("polhode.version".to_owned(), env!("CARGO_PKG_VERSION").to_owned())];
     if let Some(study) = study {
         metadata.extend(study.title().map(|title| ("polhode.title".to_owned(), title.to_owned())));
-        metadata.push(("polhode.study".to_owned(), study.text().to_owned()));
+        metadata.push((STUDY_TEXT.to_owned(), study.text().to_owned()));
         metadata.push(("polhode.seed".to_owned(), study.seed().to_string()));
     }
     metadata.push(("polhode.plan".to_owned(), plan.to_owned()));
@@ -328,54 +241,63 @@ fn run_files(
     plan: &Plan<'_>,
     study: Option<&Study>,
     output: &Output,
-    (mut folder, shard): (OutputFolder, Option<(Shard, &PlanDocument)>),
+    (mut folder, part_of): (OutputFolder, Option<&PlanDocument>),
     since: Instant,
     observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Report> {
     let study_seconds = since.elapsed().as_secs_f64();
     let design = study.and_then(Study::design);
     let cells = design.map(|design| design.cells());
-    let plan_text = shard.map_or_else(|| plan.to_json(), |(_, document)| document.text().to_owned());
+    let plan_text = part_of.map_or_else(|| plan.to_json(), |document| document.text().to_owned());
     let metadata = metadata(study, &plan_text);
     folder.set_metadata(metadata.clone());
     let layout = Layout::of_output(output, plan.scene().ensemble().translation().is_some(), cells);
     let columns = layout.columns.clone();
-    let mut sink = FileSink::begin(&mut folder, output, layout, plan, shard.is_some())?;
-    let mut initial_seconds = 0.0;
-    timed(&mut initial_seconds, || {
-        if let Some(design) = design {
-            initial_file::write_cells(&mut folder, output.format, design, plan.scene().ensemble().len())?;
-        }
-        match output.initial {
-            true => initial_file::write_initial(&mut folder, output.format, study, plan.scene()),
-            false => Ok(()),
-        }
+    let tables = StateTables::begin(&mut folder, output, layout, plan)?;
+    let ((mut trust, kept), mut spent) = tables.while_running(|queue| {
+        let mut sink = FileSink::begin(&mut folder, output, plan, part_of.is_some(), queue)?;
+        timed(&mut sink.spent.disk, || {
+            if let Some(design) = design {
+                initial_file::write_cells(&mut folder, output.format, design, plan.scene().part().of)?;
+            }
+            match output.initial {
+                true => initial_file::write_initial(&mut folder, output.format, study, plan.scene()),
+                false => Ok(()),
+            }
+        })?;
+        let trust = run_into(engine, plan, &mut sink, observer)?;
+        Ok((trust, sink.finish()?))
     })?;
-    let mut trust = run_into(engine, plan, &mut sink, observer)?;
-    sink.finish()?;
+    spent.format += kept.spent.format;
+    spent.disk += kept.spent.disk;
     let (part, scene) = (plan.scene().part(), plan.scene());
     trust.failures.iter_mut().for_each(|failed| failed.body += part.first_body);
     trust.failed_bodies.iter_mut().for_each(|body| *body += part.first_body);
     if !trust.failures.is_empty() {
         failed_file::write(&mut folder, output.format, &trust.failures)?;
     }
-    if !sink.events.is_empty() {
-        write_events(&mut folder, output.format, &sink.events, plan.times(), cells)?;
-    }
-    if !sink.histograms.is_empty() {
-        write_histograms(&mut folder, output.format, scene.wanted_histograms(), &sink.histograms)?;
+    if part_of.is_none() {
+        if !kept.events.is_empty() {
+            write_events(&mut folder, output.format, &kept.events, plan.times(), cells)?;
+        }
+        if !kept.histograms.is_empty() {
+            write_histograms(&mut folder, output.format, scene.wanted_histograms(), &kept.histograms)?;
+        }
+    } else if !kept.events.is_empty() {
+        let entries: Vec<EventEntry> =
+            kept.events.iter().map(|record| EventEntry::new(record, part.first_body)).collect();
+        folder.write(EVENTS, &serde_json::to_vec(&entries).unwrap_or_default())?;
     }
     folder.write(PLAN, plan_text.as_bytes())?;
-    if let Some((shard, _)) = shard {
+    if part_of.is_some() {
         let contents = PartFile::new(PartContents {
-            shard,
             bodies: part.first_body..part.first_body + scene.ensemble().len(),
             body_count: part.of,
             columns: &columns,
+            cells,
             metadata,
             times: plan.times(),
             output,
-            statistics: &scene.plain_statistics(),
             allowed_failures: study.map_or(0, Study::allowed_failures),
             failures: &trust.failures,
             files: folder.entries()?,
@@ -385,12 +307,12 @@ fn run_files(
 
     let study = study.map(StudyReport::of);
     let mut report = Report::new(study, plan, trust);
-    report.statistics = sink.at_end.as_ref().map(StatisticsReport::from);
-    report.events = sink.events.iter().map(|record| EventReport::new(record, scene.end())).collect();
+    report.statistics = kept.at_end.as_ref().map(StatisticsReport::from);
+    report.events = kept.events.iter().map(|record| EventReport::new(record, scene.end())).collect();
     report.files = folder.names().to_vec();
     report.wall_time.study = (study_seconds - report.wall_time.plan).max(0.0);
-    report.wall_time.format = sink.spent.format;
-    report.wall_time.disk = sink.spent.disk + initial_seconds;
+    report.wall_time.format = spent.format;
+    report.wall_time.disk = spent.disk;
     report.wall_time.total = since.elapsed().as_secs_f64();
     let text = report.to_json();
     folder.write(REPORT, text.as_bytes())?;

@@ -17,10 +17,10 @@ pub(super) fn write_initial(
     study: Option<&Study>,
     scene: &Scene,
 ) -> Result<()> {
-    let ensemble = scene.ensemble();
-    let mut columns = vec![TableColumn::whole("body", |body| body as u64)];
+    let (ensemble, first_body) = (scene.ensemble(), scene.part().first_body);
+    let mut columns = vec![TableColumn::whole("body", move |body| (first_body + body) as u64)];
     if let Some(design) = study.and_then(Study::design) {
-        columns.push(TableColumn::whole("cell", |body| design.cell_of(body) as u64));
+        columns.push(TableColumn::whole("cell", |body| design.cell_of(first_body + body) as u64));
     }
     let bodies = study.map(Study::bodies);
     if let Some((bodies, table)) = bodies.and_then(|bodies| Some((bodies, bodies.table.as_ref()?))) {

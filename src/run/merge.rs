@@ -11,17 +11,23 @@ use serde_json::Value;
 
 use crate::engine::Progress;
 use crate::error::{Error, FileAction, Result};
-use crate::kernel::observe::{Partial, Statistic};
+use crate::kernel::observe::Partial;
 use crate::plan::sampling::is_plausible;
 use crate::record::failed_file;
 use crate::record::folder::{OutputFolder, PLAN, REPORT, file_entry};
 use crate::record::npz_file::Times;
-use crate::record::report::{FailureReport, StatisticsReport};
-use crate::record::shard::{BLOCKS, BlocksLine, PartFile, Shard, ShardState, ranges, status};
+use crate::record::observed_files::{write_events, write_histograms};
+use crate::record::part_file::{BLOCKS, BlocksLine, EVENTS, EventEntry, PartFile};
+use crate::record::report::{EventReport, FailureReport, QuantityReport, StatisticsReport};
+use crate::record::shard::{Shard, ShardState, ranges, status};
 use crate::record::statistics_file::StatisticsFile;
-use crate::record::{FailedBody, StateTable, Statistics};
-use crate::run::files::{TableFile, WriteTime};
-use crate::scene::Quantity;
+use crate::record::table_file;
+use crate::record::{EventRecord, FailedBody, Gathered, HistogramCounts, StateTable, Statistics};
+use crate::run::files::STUDY_TEXT;
+use crate::run::state_tables::{TableFile, WriteTime};
+use crate::scene::{Event, Observed};
+use crate::study::Format;
+use crate::study::observed::observed_in;
 use crate::study::text::read_text;
 
 /// Rows that are read and handed on at once.
@@ -44,8 +50,14 @@ pub struct MergedReport {
     pub body_steps: u64,
     /// Wall time of all parts together, s.
     pub seconds: f64,
+    /// What statistics, histograms and events are formed of; empty where the study asks for none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub quantities: Vec<QuantityReport>,
     /// Statistics at the end; `null` where the study asks for none.
     pub statistics: Option<StatisticsReport>,
+    /// Events; empty where the study asks for none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub events: Vec<EventReport>,
     /// Errors at the end.
     pub accuracy: MergedAccuracy,
     /// Whether the samples of all parts agree with the errors asked for of statistics; `null` where none are, or not of all parts that is known.
@@ -102,67 +114,14 @@ struct Piece {
 /// versions; [`Error::File`]; [`Error::Interrupted`].
 pub fn merge(
     all: &Path,
-    mut folder: OutputFolder,
+    folder: OutputFolder,
     observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<MergedReport> {
-    let (pieces, plan) = pieces(all)?;
-    let first = &pieces[0].part;
-    let ((has_final, has_snapshots), statistics, times) = (first.tables(), first.statistics(), &first.times);
-    let format = first.output_format().ok_or_else(|| Error::Table {
-        path: all.to_owned(),
-        reason: "its tables are in a format that this build does not write".to_owned(),
-    })?;
-    folder.set_metadata(first.metadata.clone());
-    let (last, end) = (times.len() - 1, times[times.len() - 1]);
-    let (bodies, layout) = (0..first.body_count, first.layout());
-    let rows = (has_snapshots as usize * times.len() + has_final as usize) * first.body_count;
-    let mut rows = Rows { done: 0, total: rows as u64, observer };
-    if has_final {
-        let mut table = TableFile::begin(&mut folder, ("final", format), bodies.clone(), &layout, Times::One(end))?;
-        for piece in &pieces {
-            let mut source = StateTable::open(&piece.folder.join(format!("final.{}", format.name())))?;
-            rows.copy(&mut source, &piece.part, 0, &mut table)?;
-        }
-        table.finish()?;
-    }
-    if has_snapshots {
-        let mut table = TableFile::begin(&mut folder, ("snapshots", format), bodies, &layout, Times::Many(times))?;
-        let open = |piece: &Piece| StateTable::open(&piece.folder.join(format!("snapshots.{}", format.name())));
-        let mut sources = pieces.iter().map(open).collect::<Result<Vec<_>>>()?;
-        for time in 0..times.len() {
-            for (piece, source) in pieces.iter().zip(&mut sources) {
-                rows.copy(source, &piece.part, time, &mut table)?;
-            }
-        }
-        table.finish()?;
-    }
-    let mut at_end = None;
-    if !statistics.is_empty() {
-        let quantities: Vec<Quantity> = statistics.iter().map(Quantity::from).collect();
-        let mut file = StatisticsFile::begin(&mut folder, format, &quantities, &[], times.len())?;
-        let mut lines = pieces.iter().map(|piece| Lines::open(&piece.folder)).collect::<Result<Vec<_>>>()?;
-        for (index, &time) in times.iter().enumerate() {
-            let found = merged_at(time, &statistics, &mut lines)?;
-            file.append(&found)?;
-            at_end = (index == last).then_some(found);
-        }
-        file.finish()?;
-    }
-    let failures: Vec<FailedBody> =
-        pieces.iter().flat_map(|piece| &piece.part.failures).map(FailedBody::from).collect();
-    if !failures.is_empty() {
-        failed_file::write(&mut folder, format, &failures)?;
-    }
-    folder.write(PLAN, plan.as_bytes())?;
-    let statistics = at_end.as_ref().map(StatisticsReport::from);
-    let report = report(pieces, statistics, &failures, folder.names().to_vec());
-    folder.write(REPORT, report.to_json().as_bytes())?;
-    folder.commit()?;
-    Ok(report)
+    merge_folders(all, &shard_folders(all)?, folder, observer)
 }
 
-/// The parts in their order, and the plan that they follow; refused where they do not make one run.
-fn pieces(all: &Path) -> Result<(Vec<Piece>, String)> {
+/// The folders of all parts in `all`, in their order, each with its name; refused where one is not there.
+fn shard_folders(all: &Path) -> Result<Vec<(String, PathBuf)>> {
     let states = status(all)?;
     let number = |is: fn(&ShardState) -> bool| {
         let numbers: Vec<usize> = (1..).zip(&states).filter(|(_, state)| is(state)).map(|(number, _)| number).collect();
@@ -176,37 +135,108 @@ fn pieces(all: &Path) -> Result<(Vec<Piece>, String)> {
     if let Some(running) = number(|state| *state == ShardState::Running) {
         return Err(wrong(format!("parts are under way: {running}")));
     }
+    let shards = (1..=states.len()).filter_map(|index| Shard::new(index, states.len()));
+    Ok(shards.map(|shard| (format!("part {shard}"), shard.folder(all))).collect())
+}
+
+/// As [`merge`], of the parts in some folders, which have names, in the order of their bodies.
+pub(super) fn merge_folders(
+    all: &Path,
+    folders: &[(String, PathBuf)],
+    mut folder: OutputFolder,
+    observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+) -> Result<MergedReport> {
+    let (pieces, plan) = pieces(all, folders)?;
+    let first = &pieces[0].part;
+    let ((has_final, has_snapshots), times) = (first.tables(), &first.times);
+    let observed = observed_in(all, first.entry(STUDY_TEXT).unwrap_or_default())?;
+    let format = first.output_format().ok_or_else(|| Error::Table {
+        path: all.to_owned(),
+        reason: "its tables are in a format that this build does not write".to_owned(),
+    })?;
+    folder.set_metadata(first.metadata.clone());
+    let end = times[times.len() - 1];
+    let (bodies, layout) = (0..first.body_count, first.layout());
+    let rows = (has_snapshots as usize * times.len() + has_final as usize) * first.body_count;
+    let mut rows = Rows { done: 0, total: rows as u64, observer };
+    let table_of = |stem: &str| {
+        let name = format!("{stem}.{}", format.name());
+        pieces.iter().map(move |piece| piece.folder.join(&name))
+    };
+    if has_final {
+        let mut table = TableFile::begin(&mut folder, ("final", format), bodies.clone(), &layout, Times::One(end))?;
+        for (piece, path) in pieces.iter().zip(table_of("final")) {
+            rows.copy(&mut StateTable::open(&path)?, &piece.part, 0, &mut table)?;
+        }
+        table.finish()?;
+    }
+    if has_snapshots {
+        let mut table = TableFile::begin(&mut folder, ("snapshots", format), bodies, &layout, Times::Many(times))?;
+        let mut sources = table_of("snapshots").map(|path| StateTable::open(&path)).collect::<Result<Vec<_>>>()?;
+        for time in 0..times.len() {
+            for (piece, source) in pieces.iter().zip(&mut sources) {
+                rows.copy(source, &piece.part, time, &mut table)?;
+            }
+        }
+        table.finish()?;
+    }
+    let (at_end, histograms) = merged_statistics(&pieces, &observed, format, &mut folder)?;
+    if first.cells.is_some() {
+        // The cells of the whole are in every part.
+        table_file::concatenate(&mut folder, "cells", format, &table_of("cells").take(1).collect::<Vec<_>>())?;
+    }
+    if first.initial {
+        table_file::concatenate(&mut folder, "initial", format, &table_of("initial").collect::<Vec<_>>())?;
+    }
+    let failures: Vec<FailedBody> =
+        pieces.iter().flat_map(|piece| &piece.part.failures).map(FailedBody::from).collect();
+    if !failures.is_empty() {
+        failed_file::write(&mut folder, format, &failures)?;
+    }
+    let events = merged_events(&pieces, &observed)?;
+    if !events.is_empty() {
+        write_events(&mut folder, format, &events, times, first.cells)?;
+    }
+    if !histograms.is_empty() {
+        write_histograms(&mut folder, format, &observed.histograms, &histograms)?;
+    }
+    folder.write(PLAN, plan.as_bytes())?;
+    let report = MergedReport {
+        statistics: at_end.as_ref().map(StatisticsReport::from),
+        events: events.iter().map(|record| EventReport::new(record, end)).collect(),
+        quantities: QuantityReport::of(&observed),
+        files: folder.names().to_vec(),
+        ..report(pieces, &failures)
+    };
+    folder.write(REPORT, report.to_json().as_bytes())?;
+    folder.commit()?;
+    Ok(report)
+}
+
+/// The parts in their order, and the plan that they follow; refused where they do not make one run.
+fn pieces(all: &Path, folders: &[(String, PathBuf)]) -> Result<(Vec<Piece>, String)> {
+    let wrong = |reason: String| Error::Table { path: all.to_owned(), reason };
     let (mut pieces, mut plan, mut next) = (Vec::<Piece>::new(), None, 0);
-    for index in 1..=states.len() {
-        let Some(shard) = Shard::new(index, states.len()) else { continue };
-        let folder = shard.folder(all);
+    for (name, folder) in folders {
         let wrong = |reason: String| Error::Table { path: folder.clone(), reason };
-        let part = PartFile::read(&folder)?;
-        if (part.index, part.count, part.first_body) != (index, states.len(), next) {
-            return Err(wrong(format!("expected part {shard}: it is of another cut, run it again")));
+        let first_name = || &folders[0].0;
+        let part = PartFile::read(folder)?;
+        if part.first_body != next {
+            return Err(wrong(format!("expected {name}: it is of another cut, run it again")));
         }
         next += part.bodies;
         let own = read_text(&folder.join(PLAN))?;
         if plan.get_or_insert_with(|| own.clone()) != &own {
-            return Err(wrong(format!("its plan is not that of part 1/{}: run it again with that", states.len())));
+            return Err(wrong(format!("its plan is not that of {}: run it again with that", first_name())));
         }
         if let Some(what) = pieces.first().and_then(|first| part.difference(&first.part)) {
-            let count = states.len();
-            return Err(wrong(format!(
-                "its study is not that of part 1/{count}: {what} differ: run it again with that"
-            )));
+            let reason = format!("its study is not that of {}: {what} differ: run it again with that", first_name());
+            return Err(wrong(reason));
         }
-        for entry in &part.files {
-            let found = file_entry(&folder, &entry.name)?;
-            if found != *entry {
-                let path = folder.join(&entry.name);
-                let reason = "it is not as its run wrote it: run the part again with --force".to_owned();
-                return Err(Error::Table { path, reason });
-            }
-        }
+        check_files(&part, folder)?;
         let report = serde_json::from_str(&read_text(&folder.join(REPORT))?)
             .map_err(|_| wrong(format!("its {REPORT} is cut: run it again with --force")))?;
-        pieces.push(Piece { folder, part, report });
+        pieces.push(Piece { folder: folder.clone(), part, report });
     }
     match pieces.first() {
         Some(first) if next == first.part.body_count && !first.part.times.is_empty() => {
@@ -214,6 +244,18 @@ fn pieces(all: &Path) -> Result<(Vec<Piece>, String)> {
         }
         _ => Err(wrong("the parts have not all bodies: run them again with one plan".to_owned())),
     }
+}
+
+/// Refuses a part whose files are not as its run wrote them.
+pub(super) fn check_files(part: &PartFile, folder: &Path) -> Result<()> {
+    for entry in &part.files {
+        if file_entry(folder, &entry.name)? != *entry {
+            let path = folder.join(&entry.name);
+            let reason = "it is not as its run wrote it: run the part again with --force".to_owned();
+            return Err(Error::Table { path, reason });
+        }
+    }
+    Ok(())
 }
 
 /// Copies rows and counts them.
@@ -254,11 +296,16 @@ impl Rows<'_> {
 struct Lines {
     path: PathBuf,
     offset: u64,
+    first_body: usize,
 }
 
 impl Lines {
-    fn open(folder: &Path) -> Result<Self> {
-        Ok(Self { path: folder.join(BLOCKS), offset: 0 })
+    fn open(piece: &Piece) -> Self {
+        Self { path: piece.folder.join(BLOCKS), offset: 0, first_body: piece.part.first_body }
+    }
+
+    fn unexpected(&self, time: f64) -> Error {
+        Error::Table { path: self.path.clone(), reason: format!("expected statistics at {time:?} s") }
     }
 
     /// The next line; between two calls no file is open.
@@ -274,28 +321,92 @@ impl Lines {
     }
 }
 
-/// The statistics at an output time from the next lines of all parts.
-fn merged_at(time: f64, statistics: &[Statistic], lines: &mut [Lines]) -> Result<Statistics> {
-    let mut blocks: Vec<Vec<Partial<f64>>> = Vec::new();
+/// Writes the statistics at all output times; gives those of the end, and the histograms.
+fn merged_statistics(
+    pieces: &[Piece],
+    observed: &Observed,
+    format: Format,
+    folder: &mut OutputFolder,
+) -> Result<(Option<Statistics>, Vec<Vec<HistogramCounts>>)> {
+    let (mut at_end, mut histograms) = (None, Vec::new());
+    if observed.statistics.is_empty() && observed.histograms.is_empty() {
+        return Ok((at_end, histograms));
+    }
+    let plain = observed.plain_statistics();
+    let mut file = (!observed.statistics.is_empty())
+        .then(|| {
+            let outputs = pieces[0].part.times.len();
+            StatisticsFile::begin(folder, format, &observed.statistics, &observed.quantiles, outputs)
+        })
+        .transpose()?;
+    let mut lines: Vec<Lines> = pieces.iter().map(Lines::open).collect();
+    for &time in &pieces[0].part.times {
+        let statistics = match plain.is_empty() {
+            true => {
+                let (statistics, counts) = gathered_at(time, observed, &mut lines)?.summed(observed, time);
+                if !observed.histograms.is_empty() {
+                    histograms.push(counts);
+                }
+                statistics
+            }
+            false => Statistics::new(time, &plain, &blocks_at(time, plain.len(), &mut lines)?),
+        };
+        file.as_mut().map_or(Ok(()), |file| file.append(&statistics))?;
+        at_end = Some(statistics);
+    }
+    file.map_or(Ok(()), StatisticsFile::finish)?;
+    Ok((at_end.filter(|_| !observed.statistics.is_empty()), histograms))
+}
+
+/// The statistics of all blocks at an output time, from the next lines of all parts.
+fn blocks_at(time: f64, statistics: usize, lines: &mut [Lines]) -> Result<Vec<Vec<Partial<f64>>>> {
+    let mut blocks = Vec::new();
     for lines in lines {
         let line = lines.next()?;
-        if line.time != time || line.blocks.iter().any(|block| block.len() != statistics.len()) {
-            return Err(Error::Table {
-                path: lines.path.clone(),
-                reason: format!("expected statistics at {time:?} s"),
-            });
+        if line.time != time || line.gathered.is_some() || line.blocks.iter().any(|block| block.len() != statistics) {
+            return Err(lines.unexpected(time));
         }
         blocks.extend(line.blocks);
     }
-    Ok(Statistics::new(time, statistics, &blocks))
+    Ok(blocks)
 }
 
-fn report(
-    pieces: Vec<Piece>,
-    statistics: Option<StatisticsReport>,
-    failures: &[FailedBody],
-    files: Vec<String>,
-) -> MergedReport {
+/// The same of what is formed of the states.
+fn gathered_at(time: f64, observed: &Observed, lines: &mut [Lines]) -> Result<Gathered> {
+    let mut all = Gathered::new(observed, 0);
+    for lines in lines {
+        let line = lines.next()?;
+        let found = line.gathered.filter(|found| line.time == time && found.fits(observed));
+        all.append(found.ok_or_else(|| lines.unexpected(time))?, lines.first_body);
+    }
+    Ok(all)
+}
+
+/// The events of all parts.
+fn merged_events(pieces: &[Piece], observed: &Observed) -> Result<Vec<EventRecord>> {
+    if observed.events.is_empty() {
+        return Ok(Vec::new());
+    }
+    let (mut of_parts, bodies) = (vec![Vec::new(); observed.events.len()], pieces[0].part.body_count);
+    for piece in pieces {
+        let path = piece.folder.join(EVENTS);
+        let entries: Vec<EventEntry> = serde_json::from_str(&read_text(&path)?).unwrap_or_default();
+        if entries.len() != of_parts.len() {
+            return Err(Error::Table { path, reason: "expected the events of a part's bodies".to_owned() });
+        }
+        of_parts.iter_mut().zip(entries).for_each(|(parts, entry)| parts.push(entry));
+    }
+    let unknown = || Error::Table {
+        path: pieces[0].folder.join(EVENTS),
+        reason: "expected events whose times are known in a way that this build knows".to_owned(),
+    };
+    let merged =
+        |(event, parts): (&Event, Vec<EventEntry>)| EventEntry::merged(event, bodies, &parts).ok_or_else(unknown);
+    observed.events.iter().zip(of_parts).map(merged).collect()
+}
+
+/// What the reports of all parts say together; what is read of their tables is left open.
+fn report(pieces: Vec<Piece>, failures: &[FailedBody]) -> MergedReport {
     let mut engines = BTreeMap::new();
     for piece in &pieces {
         *engines.entry(piece.report["engine"]["adapter"].as_str().unwrap_or_default().to_owned()).or_default() += 1;
@@ -309,13 +420,15 @@ fn report(
         engines,
         body_steps: reports().filter_map(|report| report["body_steps"].as_u64()).sum(),
         seconds: reports().filter_map(|report| report["wall_time"]["total"].as_f64()).sum(),
-        statistics,
+        quantities: Vec::new(),
+        statistics: None,
+        events: Vec::new(),
         accuracy: accuracy(reports().map(|report| &report["accuracy"]), failures, first.part.body_count),
         statistical_met: all_met(reports().map(|report| report["statistical_accuracy"]["met"].as_bool())),
         failed_bodies: failures.iter().map(|failed| failed.body).collect(),
         failures: FailureReport::of(failures),
         allowed_failures: first.part.allowed_failures,
-        files,
+        files: Vec::new(),
         parts: reports().cloned().collect(),
     }
 }

@@ -14,12 +14,13 @@ use crate::kernel::method::rk8_adaptive::least_tolerance;
 use crate::math::Precision;
 use crate::math::Quantiles;
 use crate::plan::errors::Errors;
+use crate::plan::sampling::sample;
 use crate::plan::subset::propagate_subset;
 use crate::plan::{Group, Interval, Plan, TorqueSet, Treatment, steps_over};
 use crate::record::RecomputedSample;
 use crate::run::torque_work::{self, Alike, Recomputed, Work};
 use crate::scene::AdaptiveSteps;
-use crate::scene::{Accuracy, Scene, Stepping};
+use crate::scene::{Accuracy, Part, Scene, Stepping};
 use crate::torque::{self, Torque};
 
 /// One body in this many is in the sample.
@@ -30,9 +31,14 @@ const LEAST_BODIES: usize = 64;
 /// Selects the bodies whose motion is recomputed; fixed, so that two runs of a plan are checked on the same bodies.
 pub(super) const SAMPLE_SEED: u64 = 0;
 
-/// How many of a number of bodies are recomputed.
-pub(super) fn sample_size(body_count: usize) -> usize {
-    (body_count / ONE_IN).max(LEAST_BODIES).min(body_count)
+/// The bodies whose motion is recomputed, of the `body_count` of a scene that may be a part of one: those that are in the sample of the whole, so
+/// that all parts together recompute what one run does.
+pub(super) fn sample_of_part(part: Part, body_count: usize) -> Vec<u32> {
+    let Part { first_body, of } = part;
+    let all = sample(of, (of / ONE_IN).max(LEAST_BODIES).min(of), SAMPLE_SEED);
+    let own = |body: &usize| (first_body..first_body + body_count).contains(body);
+    let own = all.into_iter().map(|body| body as usize).filter(own);
+    own.map(|body| (body - first_body) as u32).collect()
 }
 
 /// A body of the sample at the end, and, of a body on which torques act, what they did to it.

@@ -226,6 +226,16 @@ impl Stepping {
     /// How steps are chosen where nothing is said and states are kept.
     pub(crate) const DEFAULT: Self =
         Self::Accuracy(Accuracy { attitude: Some(1e-6), angular_velocity: None, energy: None, percentile: 99.0 });
+
+    /// Equal steps, in `f64` where states are projected.
+    pub(crate) fn pinned(method: Method, dt: f64, projected: bool) -> Self {
+        Self::Pinned { method, dt, precision: projected.then_some(Precision::F64), projected }
+    }
+
+    /// Steps that each body chooses, in `f64` where Taylor series say how long.
+    pub(crate) fn adaptive(method: Method, steps: AdaptiveSteps) -> Self {
+        Self::Adaptive { method, steps, precision: (method == Method::Taylor).then_some(Precision::F64) }
+    }
 }
 
 impl fmt::Display for Stepping {
@@ -339,25 +349,22 @@ impl Scene {
 
     /// Asks for an error, from which method, step and precision follow.
     #[must_use]
-    pub fn accuracy(mut self, accuracy: Accuracy) -> Self {
-        self.stepping = Some(Stepping::Accuracy(accuracy));
-        self
+    pub fn accuracy(self, accuracy: Accuracy) -> Self {
+        self.with_stepping(Stepping::Accuracy(accuracy))
     }
 
     /// Pins method, step (s) and precision.
     #[must_use]
-    pub fn pinned(mut self, method: Method, dt: f64, precision: Option<Precision>) -> Self {
-        self.stepping = Some(Stepping::Pinned { method, dt, precision, projected: false });
-        self
+    pub fn pinned(self, method: Method, dt: f64, precision: Option<Precision>) -> Self {
+        self.with_stepping(Stepping::Pinned { method, dt, precision, projected: false })
     }
 
     /// Pins method and step (s), in `f64`, and projects the state of each body after each step onto what it conserves
     /// ([`crate::kernel::method::projection`]): next to the separatrix stepping keeps the phase in no other way. For scenes without
     /// torques; a plan refuses others.
     #[must_use]
-    pub fn projected(mut self, method: Method, dt: f64) -> Self {
-        self.stepping = Some(Stepping::Pinned { method, dt, precision: Some(Precision::F64), projected: true });
-        self
+    pub fn projected(self, method: Method, dt: f64) -> Self {
+        self.with_stepping(Stepping::pinned(method, dt, true))
     }
 
     /// Lets each body choose its steps by `rk8`'s estimate of their errors ([`crate::kernel::method::rk8_adaptive`]).
@@ -377,9 +384,8 @@ impl Scene {
     /// # Ok::<(), polhode::Error>(())
     /// ```
     #[must_use]
-    pub fn adaptive(mut self, steps: AdaptiveSteps, precision: Option<Precision>) -> Self {
-        self.stepping = Some(Stepping::Adaptive { method: Method::Rk8, steps, precision });
-        self
+    pub fn adaptive(self, steps: AdaptiveSteps, precision: Option<Precision>) -> Self {
+        self.with_stepping(Stepping::Adaptive { method: Method::Rk8, steps, precision })
     }
 
     /// Lets each body choose its steps by the size of the last terms of its Taylor series ([`crate::kernel::method::taylor`]): in `f64`, on the
@@ -399,8 +405,14 @@ impl Scene {
     /// # Ok::<(), polhode::Error>(())
     /// ```
     #[must_use]
-    pub fn taylor(mut self, steps: AdaptiveSteps) -> Self {
-        self.stepping = Some(Stepping::Adaptive { method: Method::Taylor, steps, precision: Some(Precision::F64) });
+    pub fn taylor(self, steps: AdaptiveSteps) -> Self {
+        self.with_stepping(Stepping::adaptive(Method::Taylor, steps))
+    }
+
+    /// Says how steps are chosen.
+    #[must_use]
+    pub(crate) fn with_stepping(mut self, stepping: Stepping) -> Self {
+        self.stepping = Some(stepping);
         self
     }
 

@@ -27,6 +27,14 @@ impl Observed {
         }
         found
     }
+
+    /// The statistics, where all that is asked for are those that engines form; else none.
+    pub fn plain_statistics(&self) -> Vec<Statistic> {
+        let Self { statistics, quantiles, histograms, events } = self;
+        let found: Option<Vec<Statistic>> = statistics.iter().map(Quantity::statistic).collect();
+        let are_all = quantiles.is_empty() && histograms.is_empty() && events.is_empty();
+        found.filter(|_| are_all).unwrap_or_default()
+    }
 }
 
 impl Scene {
@@ -146,10 +154,7 @@ impl Scene {
 
     /// The statistics, where all that is asked for are those that engines form; else none.
     pub(crate) fn plain_statistics(&self) -> Vec<Statistic> {
-        let Observed { statistics, quantiles, histograms, events } = &self.observed;
-        let found: Option<Vec<Statistic>> = statistics.iter().map(Quantity::statistic).collect();
-        let are_all = quantiles.is_empty() && histograms.is_empty() && events.is_empty();
-        found.filter(|_| are_all).unwrap_or_default()
+        self.observed.plain_statistics()
     }
 
     /// Those of them that are formed where the states are.

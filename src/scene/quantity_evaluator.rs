@@ -6,7 +6,7 @@ use super::{Quantity, Scene};
 use crate::bodies::BodyState;
 use crate::bodies::inertia::{InertiaTensor, principal_axes};
 use crate::error::Result;
-use crate::expression::{Input, InputKind, Program};
+use crate::expression::{Graph, Input, InputKind, Node, Program};
 use crate::torque::{Torque, variable_inertia};
 
 /// Forms quantities of a scene's bodies, one of one body at a time.
@@ -22,9 +22,14 @@ impl<'s> QuantityEvaluator<'s> {
     /// Of the quantities in this order.
     pub fn new(scene: &'s Scene, quantities: &[Quantity]) -> Result<Self> {
         let (graph, outputs) = Quantity::expression(quantities)?;
-        let programs = outputs.iter().map(|output| Program::new(&graph, &[*output])).collect();
+        Ok(Self::of_expression(scene, &graph, &outputs))
+    }
+
+    /// Of quantities as outputs of a graph ([`Quantity::expression`]).
+    pub fn of_expression(scene: &'s Scene, graph: &Graph, outputs: &[Node]) -> Self {
+        let programs = outputs.iter().map(|output| Program::new(graph, &[*output])).collect();
         let varies = scene.torques().iter().any(Torque::changes_inertia);
-        Ok(Self { scene, programs, moments: Vec::new(), varies })
+        Self { scene, programs, moments: Vec::new(), varies }
     }
 
     /// Whether moments of inertia change in time.

@@ -8,47 +8,27 @@ use crate::error::Result;
 use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::scene::AdaptiveSteps;
-use crate::scene::{Accuracy, Scene, StatisticalAccuracy};
+use crate::scene::{Accuracy, Scene, StatisticalAccuracy, Stepping};
 
-/// How a study says that steps are chosen.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum StudyStepping {
-    /// As what is asked for needs it.
-    Default {
-        precision: Option<Precision>,
-    },
-    Accuracy {
-        accuracy: Accuracy,
-        precision: Option<Precision>,
-    },
-    Pinned {
-        method: Method,
-        dt: f64,
-        precision: Option<Precision>,
-        projected: bool,
-    },
-    Adaptive {
-        method: Method,
-        steps: AdaptiveSteps,
-        precision: Option<Precision>,
-    },
+/// What a study says of errors and steps; nothing where it has no such table.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct StudyAccuracy {
+    /// How steps are chosen; without, as what is asked for needs it.
+    stepping: Option<Stepping>,
+    pub precision: Option<Precision>,
+    statistical: Option<StatisticalAccuracy>,
 }
 
-impl StudyStepping {
+impl StudyAccuracy {
     /// The scene with its steps chosen.
     pub fn applied_to(self, scene: Scene) -> Scene {
-        match self {
-            StudyStepping::Default { precision } => scene.precision(precision),
-            StudyStepping::Accuracy { accuracy, precision } => scene.accuracy(accuracy).precision(precision),
-            StudyStepping::Pinned { method, dt, precision, projected: true } => {
-                scene.projected(method, dt).precision(precision)
-            }
-            StudyStepping::Pinned { method, dt, precision, projected: false } => scene.pinned(method, dt, precision),
-            StudyStepping::Adaptive { method: Method::Taylor, steps, precision } => {
-                let scene = scene.taylor(steps);
-                if precision.is_some() { scene.precision(precision) } else { scene }
-            }
-            StudyStepping::Adaptive { steps, precision, .. } => scene.adaptive(steps, precision),
+        let mut scene = scene.precision(self.precision);
+        if let Some(stepping) = self.stepping {
+            scene = scene.with_stepping(stepping);
+        }
+        match self.statistical {
+            Some(statistical) => scene.statistical_accuracy(statistical),
+            None => scene,
         }
     }
 }
@@ -59,8 +39,8 @@ static METHODS: LazyLock<Vec<&'static str>> = LazyLock::new(|| {
     all.map(Method::name).collect()
 });
 
-/// How steps are chosen, and the errors of statistics that are asked for, where any are.
-pub(super) fn accuracy(node: &Node<'_>) -> Result<(StudyStepping, Option<StatisticalAccuracy>)> {
+/// Reads the table.
+pub(super) fn accuracy(node: &Node<'_>) -> Result<StudyAccuracy> {
     let table = node.table("expected a table [accuracy]", &KEYS)?;
     const PART: &str = "expected an error above 0: a part of the quantity's spread";
     const PART_OF_SPAN: &str = "expected an error above 0: a part of the span";
@@ -71,7 +51,8 @@ pub(super) fn accuracy(node: &Node<'_>) -> Result<(StudyStepping, Option<Statist
         event_time: part("event_time", PART_OF_SPAN)?,
     };
     let is_asked = statistical != StatisticalAccuracy::default();
-    Ok((stepping(&table)?, is_asked.then_some(statistical)))
+    let (stepping, precision) = (stepping(&table)?, precision(&table)?);
+    Ok(StudyAccuracy { stepping, precision, statistical: is_asked.then_some(statistical) })
 }
 
 const KEYS: [&str; 13] = [
@@ -90,7 +71,14 @@ const KEYS: [&str; 13] = [
     "event_time",
 ];
 
-fn stepping(table: &Table<'_>) -> Result<StudyStepping> {
+/// The arithmetic, where it is not left to the plan.
+fn precision(table: &Table<'_>) -> Result<Option<Precision>> {
+    let named = table.find("precision").map(|node| node.choice(&["auto", "f32", "f64"])).transpose()?;
+    Ok(Precision::ALL.into_iter().find(|precision| named == Some(precision.name())))
+}
+
+/// How steps are chosen, where that is said.
+fn stepping(table: &Table<'_>) -> Result<Option<Stepping>> {
     for target in &KEYS[..4] {
         table.exclusive(target, "method")?;
         table.exclusive(target, "dt")?;
@@ -100,11 +88,6 @@ fn stepping(table: &Table<'_>) -> Result<StudyStepping> {
     table.exclusive("dt", "tolerance")?;
     table.exclusive("dt", "least_step")?;
     table.exclusive("projection", "tolerance")?;
-    let precision = match table.find("precision").map(|node| node.choice(&["auto", "f32", "f64"])).transpose()? {
-        Some("f32") => Some(Precision::F32),
-        Some("f64") => Some(Precision::F64),
-        _ => None,
-    };
     if table.find("tolerance").is_some() || table.find("least_step").is_some() {
         let tolerance = table.need("tolerance", "a least step needs the error of a step beside it")?;
         let tolerance = tolerance.positive("expected a number above 0 and below 1")?;
@@ -117,12 +100,12 @@ fn stepping(table: &Table<'_>) -> Result<StudyStepping> {
             return Err(method.refuse(ADAPTIVE));
         };
         let steps = AdaptiveSteps { tolerance, least_step: least_step.transpose()? };
-        return Ok(StudyStepping::Adaptive { method: adaptive, steps, precision });
+        return Ok(Some(Stepping::adaptive(adaptive, steps)));
     }
     let projection = table.find("projection");
     if table.find("method").is_none() && table.find("dt").is_none() && projection.is_none() {
         if KEYS[..4].iter().all(|key| table.find(key).is_none()) {
-            return Ok(StudyStepping::Default { precision });
+            return Ok(None);
         }
         let positive =
             |key: &str, expected| table.find(key).map(|node| node.positive_quantity("1", expected)).transpose();
@@ -137,7 +120,7 @@ fn stepping(table: &Table<'_>) -> Result<StudyStepping> {
             percentile: positive("percentile", PERCENTILE)?.unwrap_or(default.percentile),
             ..default
         };
-        return Ok(StudyStepping::Accuracy { accuracy, precision });
+        return Ok(Some(Stepping::Accuracy(accuracy)));
     }
     let method = table.need("method", "a step that is given needs a method beside it: \"rk4\" or \"dlm\"")?;
     let chosen = method.choice(&METHODS)?;
@@ -149,5 +132,5 @@ fn stepping(table: &Table<'_>) -> Result<StudyStepping> {
     let dt = dt.positive_quantity("s", "expected a step above zero (s)")?;
     let method = Method::ALL.into_iter().find(|method| method.name() == chosen).unwrap_or(Method::Rk4);
     let projected = projection.map(|node| node.boolean("expected true or false")).transpose()?.unwrap_or(false);
-    Ok(StudyStepping::Pinned { method, dt, precision, projected })
+    Ok(Some(Stepping::pinned(method, dt, projected)))
 }

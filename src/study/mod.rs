@@ -106,11 +106,13 @@
 //! * Tables of states end in a column `status` (and then `cell`, where a study sweeps): 0, or the number of the reason why the body has failed, and then its numbers are NaN
 //!   (of [`Status::CentreNotFinite`] only position and velocity, as long as the rotation is good): 1 `not_converged`,
 //!   2 `step_too_long`, 3 `step_below_limit`, 4 `not_finite`, 5 `centre_not_finite` ([`Status`]). Where bodies have failed, `failed.csv`
-//!   (or `.npz`) has a row for each: `body`, `t` when it failed, `status`, `reason` (its word), `known_to`, and the last good state: `last_good_t` (0 is the start),
+//!   (or `.npz`, `.parquet`) has a row for each: `body`, `t` when it failed, `status`, `reason` (its word), `known_to`, and the last good state: `last_good_t` (0 is the start),
 //!   `qx qy qz qw wx wy wz`. With `known_to` = `step`, `t` is the end of the first step that failed and the state that before it, or
 //!   both are where adaptive steps stopped; with `output`, `t` is the output at which it was seen and the state the last that was
 //!   read ([`KnownTo`](crate::record::KnownTo)). Where only statistics leave the device, failures are looked for at the end.
 //!   `[failures] allow = 3` lets as many bodies fail before the exit status is 1.
+//! * `[checkpoint] every = "10 min"`: the run is computed and written some bodies at a time, which take about so long (wall clock), so that `polhode run
+//!   --resume` goes on where it was stopped ([`Checkpoint`](crate::run::Checkpoint)).
 //! * A table of bodies is described in [`table`]; what it does not hold may be drawn.
 //!
 //! Every draw is a function of seed, body and column alone ([`draw`]), so a study with fewer bodies holds the first of
@@ -120,17 +122,19 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
 
-use crate::bodies::Ensemble;
 #[cfg(doc)]
 use crate::bodies::Status;
+#[cfg(doc)]
+use crate::error::Error;
 use crate::error::InputError;
 use crate::error::InputFault;
-use crate::error::{Error, Result, Text};
+use crate::error::Result;
 use crate::math::Precision;
 #[cfg(doc)]
-use crate::scene::{Condition, Event, Quantity};
-use crate::scene::{Outputs, Part, Scene, StatisticalAccuracy, Target};
+use crate::scene::{Condition, Event, Quantity, StatisticalAccuracy};
+use crate::scene::{Outputs, Part};
 
 mod accuracy;
 mod bodies;
@@ -140,9 +144,10 @@ pub mod distribution;
 pub mod draw;
 mod force;
 mod inertia;
+mod location;
 mod mass_file;
 mod models;
-mod observed;
+pub(crate) mod observed;
 mod output;
 mod parameter;
 #[cfg(feature = "parquet")]
@@ -152,11 +157,13 @@ mod points;
 pub mod problem;
 mod reader;
 mod rows;
+mod scene;
 mod shape_kind;
 mod solid;
 pub mod sweep;
 pub mod table;
 pub(crate) mod text;
+mod time;
 mod torque;
 pub mod unit;
 
@@ -172,23 +179,18 @@ pub use sweep::Design;
 pub use table::BodyTable;
 pub use unit::describe_units;
 
-use accuracy::{StudyStepping, accuracy};
+use accuracy::{StudyAccuracy, accuracy};
 use distribution::Correlated;
 use draw::Draw;
 use force::StudyForce;
 use observed::StudyObserved;
 use reader::{FileText, Node, Place, Table};
 use text::read_text;
+use time::time;
 use torque::StudyTorque;
 
-/// Bytes a body that a run takes at the least, under one torque or none: the table of bodies, columns, frames (measured: 311 of a
-/// million bodies in `f32`, 320 in `f64`).
-const RUN_BYTES: usize = 300;
-/// Bytes a body of each further torque (measured: 44 in `f32`, 92 in `f64`).
-const TORQUE_BYTES: usize = 40;
-
 /// The keys of a study.
-const KEYS: [&str; 16] = [
+const KEYS: [&str; 17] = [
     "title",
     "seed",
     "bodies",
@@ -198,6 +200,7 @@ const KEYS: [&str; 16] = [
     "accuracy",
     "output",
     "failures",
+    "checkpoint",
     "quantity",
     "histogram",
     "event",
@@ -206,9 +209,6 @@ const KEYS: [&str; 16] = [
     "correlated",
     "orbit",
 ];
-
-/// The key by which states are projected.
-const PROJECTION: &str = "accuracy.projection";
 
 /// The attitude error asked for where a study names none, rad.
 pub const DEFAULT_ATTITUDE: f64 = 1e-6;
@@ -252,12 +252,12 @@ pub struct Study {
     forces: Vec<StudyForce>,
     end: f64,
     outputs: Outputs,
-    stepping: StudyStepping,
-    statistical: Option<StatisticalAccuracy>,
+    accuracy: StudyAccuracy,
     output: Output,
     starts: bool,
     observed: StudyObserved,
     failures: u64,
+    checkpoint: Option<Duration>,
 }
 
 impl Study {
@@ -328,8 +328,7 @@ impl Study {
             .into());
         }
         let (end, outputs, starts) = time(&root.need("time", "expected a table with the end of the simulated span")?)?;
-        let stepping = root.find("accuracy").map(|node| accuracy(&node)).transpose()?;
-        let (stepping, statistical) = stepping.unwrap_or((StudyStepping::Default { precision: None }, None));
+        let accuracy = root.find("accuracy").map(|node| accuracy(&node)).transpose()?.unwrap_or_default();
         if let Some(design) = &design {
             design.check_use(root)?;
         }
@@ -338,6 +337,7 @@ impl Study {
         let translates = bodies.translates() || !forces.is_empty();
         let output = output_table.as_ref().map(|table| output::read(table, &observed, translates)).transpose()?;
         let failures = root.find("failures").map(|node| failures(&node)).transpose()?.unwrap_or(0);
+        let checkpoint = root.find("checkpoint").map(|node| checkpoint(&node)).transpose()?;
         let output = output.unwrap_or_default();
         Ok(Self {
             file: file.to_owned(),
@@ -353,11 +353,11 @@ impl Study {
             end,
             outputs,
             starts,
-            stepping,
-            statistical,
+            accuracy,
             output,
             observed,
             failures,
+            checkpoint,
         })
     }
 
@@ -408,6 +408,11 @@ impl Study {
         self.failures
     }
 
+    /// About how long a run may take from one checkpoint to the next, where the study asks for any.
+    pub fn checkpoint(&self) -> Option<Duration> {
+        self.checkpoint
+    }
+
     /// The same study with the first `most` of its bodies.
     #[must_use]
     pub fn truncated(self, most: usize) -> Self {
@@ -430,228 +435,17 @@ impl Study {
     /// The same study in this arithmetic, whatever the file says.
     #[must_use]
     pub fn with_precision(mut self, wanted: Precision) -> Self {
-        match &mut self.stepping {
-            StudyStepping::Default { precision }
-            | StudyStepping::Accuracy { precision, .. }
-            | StudyStepping::Pinned { precision, .. }
-            | StudyStepping::Adaptive { precision, .. } => {
-                *precision = Some(wanted);
-            }
-        }
+        self.accuracy.precision = Some(wanted);
         self
-    }
-
-    /// Draws and reads the bodies.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Input`] for the first body that is not valid, with the line that it came from;
-    /// [`Error::TooManyBodies`]; [`Error::MissingMass`].
-    pub fn ensemble(&self) -> Result<Ensemble> {
-        let ensemble = self.bodies.ensemble(self.draw(), !self.forces.is_empty());
-        ensemble.map_err(|error| self.located(error))
-    }
-
-    /// The scene that the study describes.
-    ///
-    /// # Errors
-    ///
-    /// As [`Study::ensemble`]; [`Error::Input`] for a torque whose formula cannot be made from its parameters.
-    pub fn scene(&self) -> Result<Scene> {
-        let row = RUN_BYTES + TORQUE_BYTES * self.torques.len().saturating_sub(1);
-        crate::bodies::memory::require(self.bodies.count, self.bodies.count.saturating_mul(row), "their run")
-            .map_err(|error| self.located(error))?;
-        let mut scene = Scene::new(self.ensemble()?).until(self.end).outputs(self.outputs.clone()).part_of(self.part);
-        for force in &self.forces {
-            scene = scene.force(force.force(self.draw(), self.seed, &self.bodies));
-        }
-        for torque in &self.torques {
-            let torque = torque.torque(self.draw(), self.seed, &self.bodies);
-            scene = scene.torque(torque.map_err(|error| self.located(error))?);
-        }
-        scene = self.observed.applied_to(scene)?;
-        if self.starts {
-            scene = scene.with_start();
-        }
-        if !self.observed.is_empty() && !self.output.final_state && !self.output.snapshots {
-            scene = scene.without_states();
-        }
-        if let Some(statistical) = self.statistical {
-            scene = scene.statistical_accuracy(statistical);
-        }
-        Ok(self.stepping.applied_to(scene))
-    }
-
-    /// `error` with the file and line that it stems from, where it stems from one.
-    #[must_use]
-    pub fn located(&self, error: Error) -> Error {
-        match error {
-            Error::Setting { field, value, expected } => {
-                let key = match field {
-                    "dt" => "accuracy.dt",
-                    "tolerance" => "accuracy.tolerance",
-                    "least_step" => "accuracy.least_step",
-                    other => other,
-                };
-                match self.places.get(key) {
-                    Some(place) => self.input(
-                        place.line,
-                        key,
-                        InputFault::Value { value: place.value.clone(), expected: expected.into() },
-                    ),
-                    None => Error::Setting { field, value, expected },
-                }
-            }
-            Error::AccuracyOutOfReach { ref target, missed, .. } => {
-                self.located_target(target.of(missed), missed, error)
-            }
-            Error::StatisticsOutOfReach { field, .. } => {
-                let places = [field, "accuracy"].into_iter().find_map(|key| self.places.get(key));
-                let line = places.map_or(1, |place| place.line);
-                let value = self.places.get(field).map(|place| place.value.clone());
-                let value =
-                    value.unwrap_or_else(|| format!("{:e} (where nothing is said)", StatisticalAccuracy::DEFAULT));
-                self.input(line, field, InputFault::Cause { value, cause: Box::new(error) })
-            }
-            Error::Projection { expected, .. } => match self.places.get(PROJECTION) {
-                Some(place) => self.input(
-                    place.line,
-                    PROJECTION,
-                    InputFault::Value { value: place.value.clone(), expected: expected.into() },
-                ),
-                None => error,
-            },
-            Error::MissingMass => match self.places.get("force") {
-                Some(place) => {
-                    let expected = "the force needs masses, here or as a column of the table of bodies (kg)";
-                    self.input(place.line, "bodies.mass", InputFault::Missing { expected: expected.into() })
-                }
-                None => Error::MissingMass,
-            },
-            Error::TooManyBodies { .. } => match self.places.get("bodies.count") {
-                Some(place) => {
-                    let fault = InputFault::Cause { value: place.value.clone(), cause: Box::new(error) };
-                    self.input(place.line, "bodies.count", fault)
-                }
-                None => error,
-            },
-            Error::Body { body, field, value, expected } => self.located_body(body, field, value, expected),
-            Error::Torque { torque, body, ref field, value, ref expected, .. } => {
-                let body = body.map(|body| self.part.first_body + body);
-                let own = torque::place(torque);
-                let key = self.torques.get(torque).map_or_else(|| own.clone(), |torque| torque.key(field));
-                // A key may be left out: then the torque's own line is named.
-                match self.places.get(&key).or_else(|| self.places.get(&own)) {
-                    Some(place) => self.input(place.line, &key, parameter_fault(body, field, value, expected)),
-                    None => error,
-                }
-            }
-            Error::Force { force, body, ref field, value, ref expected, .. } => {
-                let body = body.map(|body| self.part.first_body + body);
-                let keys = self.forces.get(force).map(|force| force.keys(field)).unwrap_or_default();
-                match keys.iter().find_map(|key| self.places.get_key_value(key)) {
-                    Some((key, place)) => self.input(place.line, key, parameter_fault(body, field, value, expected)),
-                    None => error,
-                }
-            }
-            other => other,
-        }
-    }
-
-    /// With the line of the error that is missed; where the study leaves it out, that of the table it would stand in.
-    fn located_target(&self, wanted: f64, missed: Target, error: Error) -> Error {
-        let key = match missed {
-            Target::Attitude => "accuracy.attitude",
-            Target::AngularVelocity => "accuracy.angular_velocity",
-            Target::Energy => "accuracy.energy",
-        };
-        let (line, value) = match (self.places.get(key), self.places.get("accuracy")) {
-            (Some(place), _) => (place.line, place.value.clone()),
-            (None, table) => (table.map_or(1, |place| place.line), format!("{wanted:e} (where nothing is said)")),
-        };
-        self.input(line, key, InputFault::Cause { value, cause: Box::new(error) })
-    }
-
-    fn located_body(&self, body: usize, field: &'static str, value: f64, expected: &'static str) -> Error {
-        let (key, in_table): (_, fn(&BodyTable) -> bool) = match field {
-            "mass" => ("mass", BodyTable::has_mass),
-            "x" => ("position", BodyTable::has_position),
-            "vx" => ("velocity", BodyTable::has_velocity),
-            "wx" | "wy" | "wz" | "angular velocity along the axis" => {
-                ("angular_velocity", BodyTable::has_angular_velocity)
-            }
-            _ if field.starts_with('q') || field.starts_with("orientation") => {
-                ("orientation", BodyTable::has_orientation)
-            }
-            _ => ("inertia", BodyTable::has_inertia),
-        };
-        let error = Error::Body { body, field, value, expected };
-        if let Some(table) = self.bodies.table.as_ref().filter(|table| in_table(table)) {
-            return table.located(error, self.bodies.row(body));
-        }
-        // A shape's sizes, its mass among them, stand within `inertia`.
-        let part = self.bodies.faulty_part(self.draw(), body);
-        let part = part.map_or(String::new(), |index| format!(".parts[{}]", index + 1));
-        let own = (key != "inertia").then(|| format!("bodies.{key}"));
-        let keys: Vec<String> = [format!("bodies.inertia{part}.{field}")]
-            .into_iter()
-            .chain(own)
-            .chain([format!("bodies.inertia{part}"), "bodies.inertia".to_owned()])
-            .collect();
-        let key = keys.iter().find(|key| self.places.contains_key(*key)).map_or("bodies", String::as_str);
-        match self.places.get(key) {
-            Some(place) => self.input(
-                place.line,
-                key,
-                InputFault::Body {
-                    body: self.part.first_body + body,
-                    field: field.into(),
-                    value,
-                    expected: expected.into(),
-                },
-            ),
-            None => error,
-        }
-    }
-
-    fn input(&self, line: usize, key: &str, fault: InputFault) -> Error {
-        InputError { file: self.file.clone(), line, key: key.to_owned(), fault }.into()
     }
 }
 
-/// The end, the output times, and whether the start is one of them.
-fn time(node: &Node<'_>) -> Result<(f64, Outputs, bool)> {
-    let table = node.table("expected a table [time]", &["end", "outputs"])?;
-    let end = table.need("end", "expected the end of the simulated span (s)")?;
-    let end = end.quantity("s", "expected a finite number (s)")?;
-    let Some(outputs) = table.find("outputs") else {
-        return Ok((end, Outputs::End, false));
-    };
+fn checkpoint(node: &Node<'_>) -> Result<Duration> {
     const EXPECTED: &str =
-        "expected { every = seconds } or { times = [seconds, ...] }, with start = true for the start too";
-    let table = outputs.table(EXPECTED, &["every", "times", "start"])?;
-    table.exclusive("every", "times")?;
-    let starts = table.find("start").map(|node| node.boolean("expected true or false")).transpose()? == Some(true);
-    if let Some(every) = table.find("every") {
-        return Ok((end, Outputs::Every(every.positive_quantity("s", "expected an interval above zero (s)")?), starts));
-    }
-    let Some(times) = table.find("times") else {
-        return if starts { Ok((end, Outputs::End, true)) } else { Err(outputs.refuse(EXPECTED)) };
-    };
-    const TIMES: &str = "expected a list of finite numbers (s)";
-    let elements = times.elements().ok_or_else(|| times.refuse(TIMES))?;
-    let mut list: Vec<f64> = Vec::with_capacity(elements.len());
-    for element in elements {
-        let time = element.quantity("s", TIMES)?;
-        if list.last().is_some_and(|last| time <= *last) {
-            return Err(element.refuse("expected increasing times: this one is not after the one before it (s)"));
-        }
-        if !(0.0..=end).contains(&time) {
-            return Err(element.refuse("expected times from 0 to time.end (s)"));
-        }
-        list.push(time);
-    }
-    Ok((end, Outputs::Times(list), starts))
+        "expected { every = \"10 min\" }: about how long a run may take from one checkpoint to the next";
+    let every = node.table(EXPECTED, &["every"])?.need("every", EXPECTED)?;
+    let seconds = every.positive_quantity("s", "expected a time above zero (s)")?;
+    Duration::try_from_secs_f64(seconds).map_err(|_| every.refuse("expected a time that a run may take (s)"))
 }
 
 fn failures(node: &Node<'_>) -> Result<u64> {
@@ -659,13 +453,4 @@ fn failures(node: &Node<'_>) -> Result<u64> {
     let allow =
         table.find("allow").map(|node| node.whole("expected the number of bodies that may fail")).transpose()?;
     Ok(allow.unwrap_or(0))
-}
-
-/// What is wrong with the value of a parameter that all bodies share, or one body has.
-fn parameter_fault(body: Option<usize>, field: &Text, value: f64, expected: &Text) -> InputFault {
-    let expected = expected.clone();
-    match body {
-        Some(body) => InputFault::Body { body, field: field.clone(), value, expected },
-        None => InputFault::Value { value: format!("{value:?}"), expected },
-    }
 }

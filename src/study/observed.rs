@@ -1,11 +1,17 @@
 //! What a study asks of its bodies beside their states: `[[quantity]]`, `[output] statistics` and `quantiles`, `[[histogram]]`,
 //! `[[event]]`.
 
+use std::path::Path;
+
+use glam::DVec3;
+
 use super::custom::formula_at;
-use super::reader::{Node, Table};
+use super::output;
+use super::reader::{FileText, Node, Table};
+use crate::bodies::Ensemble;
 use crate::bodies::toolkit::{Axis, EulerSequence, TurnedAxes};
 use crate::error::{Error, Result, nearest};
-use crate::scene::{Condition, Event, Histogram, Quantity, Scene};
+use crate::scene::{Condition, Event, Histogram, Observed, Quantity, Scene};
 
 /// What a study asks for.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -75,6 +81,15 @@ impl StudyObserved {
         let scene = self.histograms.iter().cloned().fold(scene, Scene::histogram);
         Ok(self.events.iter().cloned().fold(scene, Scene::event))
     }
+}
+
+/// What the text of a study asks of its bodies, of which nothing is read; `file` is what messages call it.
+pub(crate) fn observed_in(file: &Path, text: &str) -> Result<Observed> {
+    FileText::new(file, text).parse(|root| {
+        let output = root.find("output").map(|node| output::table(&node)).transpose()?;
+        let nobody = Scene::new(Ensemble::from_columns::<DVec3>(&[], &[], &[])?);
+        Ok(StudyObserved::read(&root, output.as_ref())?.applied_to(nobody)?.observed().clone())
+    })
 }
 
 /// The tables of a list.

@@ -180,19 +180,22 @@ impl Model for FlatPlates {
 /// # Errors
 ///
 /// [`Error::Setting`] unless there are 1 to [`MOST_FACETS`] facets; [`Error::Item`] for the first of them that has an area that
-/// is negative, a normal that is zero, a coefficient out of its range, or a number that is not finite.
-///
-/// # Panics
-///
-/// Within the recording of another formula.
+/// is negative, a normal that is zero, a coefficient out of its range, or a number that is not finite; [`Error::Setting`] within
+/// the recording of another formula.
 pub fn formula(facets: &[Facet]) -> Result<Expression> {
     if facets.is_empty() || facets.len() > MOST_FACETS {
         let expected = "expected a list of 1 to 16 facets";
         return Err(Error::Setting { field: "facets", value: facets.len() as f64, expected });
     }
     let plates = facets.iter().enumerate().map(|(index, facet)| facet.plate(index)).collect::<Result<Vec<_>>>()?;
-    // The names and shapes are ours, and constants of plates are in range.
-    Ok(recorded(&plates).unwrap_or_else(|fault| panic!("the formula of flat plates: {fault}")))
+    recorded(&plates).map_err(|fault| match fault {
+        Fault::Nested => {
+            let expected = "expected to be made before the recording of another formula begins";
+            Error::Setting { field: "facets", value: facets.len() as f64, expected }
+        }
+        // The names and shapes are ours, and constants of plates are in range.
+        fault => panic!("the formula of flat plates: {fault}"),
+    })
 }
 
 fn recorded(plates: &[Plate]) -> std::result::Result<Expression, Fault> {

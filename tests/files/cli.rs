@@ -332,7 +332,7 @@ fn an_interrupt_ends_every_stage_within_a_second() {
     let many = "count = 6_000_000\ninertia = [1, 2, 2.5]\n\
                 angular_velocity = { distribution = \"normal\", mean = [0, 0, 0], sigma = 0.5 }";
     let row = "1,2,2.5,0.123456789,0.987654321,0.555555555\n";
-    let snapshots = "[time]\nend = 100.0\noutputs = { every = 0.5 }\n[output]\nsnapshots = true\n";
+    let snapshots = "[time]\nend = 100.0\noutputs = { every = 2.5 }\n[output]\nsnapshots = true\n";
     let drag = "[[torque]]\nmodel = \"linear-drag\"\ncoefficient = 0.01\n";
     let adaptive = "[accuracy]\nmethod = \"rk8\"\ntolerance = 1e-13\n";
     let studies = [

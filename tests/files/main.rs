@@ -1,6 +1,7 @@
 //! Files and the command: studies, tables, results, reports, pictures, and hostile input.
 
 mod bench;
+mod checkpoints;
 mod cli;
 mod draws;
 #[path = "../../fuzz/entries.rs"]

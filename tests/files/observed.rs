@@ -165,15 +165,6 @@ fn arrays_hold_the_same_as_text() {
 }
 
 #[test]
-fn parts_of_a_study_with_events_are_refused() {
-    let workspace = Workspace::new(&format!("{BODIES}{QUESTIONS}"));
-    workspace.done(&["plan", "study.toml", "--engine", "cpu", "--quiet", "--out", "plan.json"]);
-    let arguments = ["run", "study.toml", "--engine", "cpu", "--plan", "plan.json", "--shard", "1/1", "--out", "parts"];
-    let message = workspace.refused(&arguments, 2);
-    assert!(message.contains("are not merged from parts: run the study as a whole"), "{message}");
-}
-
-#[test]
 fn the_plan_says_that_states_are_read() {
     let skips = |output: &str| {
         let study = Study::parse(Path::new("study.toml"), &format!("{BODIES}{output}")).expect("a study");

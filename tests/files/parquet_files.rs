@@ -1,4 +1,5 @@
-//! Parquet: the numbers of the other formats, to the bit; columns that were chosen; what footers say; tables of bodies from it.
+//! Parquet: the numbers of the other formats, to the bit; columns that were chosen; what footers say; tables of bodies from it; and
+//! tables with random faults, archives of arrays among them.
 
 #![cfg(feature = "parquet")]
 
@@ -17,48 +18,8 @@ use polhode::study::BodyTable;
 
 use crate::workspace::{States, Workspace};
 
-/// More rows than a row group has, of which some are NaN.
-const STUDY: &str = r#"
-title = "Thirty thousand boxes, \"some\" lost"
-seed = 5
-[bodies]
-count = 30_000
-inertia = { moments = [1.0, 1.7, 2.2], scatter = 0.1 }
-angular_velocity = { distribution = "normal", mean = 0.0, sigma = 20.0 }
-position = { distribution = "normal", mean = 0.0, sigma = 10.0 }
-velocity = [1.0, 0.0, 0.0]
-mass = 3.0
-[[quantity]]
-name = "pointing"
-axis = [0, 0, 1]
-direction = [1, 0, 0]
-[[event]]
-name = "slow"
-quantity = "spin_rate"
-falls_below = 2.9
-[[histogram]]
-quantity = "nutation"
-low = 0.0
-high = 1.6
-bins = 8
-[[torque]]
-model = "linear-drag"
-coefficient = { distribution = "uniform", low = 0.01, high = 0.1 }
-[time]
-end = 2.0
-outputs = { every = 0.4 }
-[accuracy]
-method = "implicit_midpoint"
-dt = 0.2
-[output]
-snapshots = true
-initial = true
-statistics = ["spin_rate", "pointing"]
-quantiles = [50]
-format = "parquet"
-[failures]
-allow = 30_000
-"#;
+/// More rows than a row group has, of which some are NaN; `tests/parquet.sh` runs it too.
+const STUDY: &str = include_str!("parquet_study.toml");
 
 /// Runs the study, whose long steps are warned of.
 fn run(workspace: &Workspace) {
@@ -268,9 +229,11 @@ fn files_with_random_faults_are_read_or_refused_by_name() {
     let workspace = Workspace::new(&STUDY.replace("30_000", "40"));
     run(&workspace);
     write_bodies(&workspace.path("sound.parquet"), Some(4.0), "");
-    let tables = ["out/final.parquet", "sound.parquet"].map(|name| fs::read(workspace.path(name)).expect("a file"));
-    let path = workspace.path("faulty.parquet");
-    let (mut taken, mut refused, mut number) = (0, 0, 1_u64);
+    let arrays = Workspace::new(&STUDY.replace("30_000", "40").replace("\"parquet\"", "\"npz\""));
+    run(&arrays);
+    let names = [(&workspace, "out/final.parquet"), (&workspace, "sound.parquet"), (&arrays, "out/final.npz")];
+    let tables = names.map(|(workspace, name)| fs::read(workspace.path(name)).expect("a file"));
+    let (mut taken, mut refused, mut number) = ([0; 3], [0; 3], 1_u64);
     let mut below = |count: usize| {
         // G. L. Steele and others, OOPSLA 2014: SplitMix64.
         number = number.wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -278,11 +241,13 @@ fn files_with_random_faults_are_read_or_refused_by_name() {
         let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         ((x ^ (x >> 31)) % count as u64) as usize
     };
-    for index in 0..6_000 {
-        let mut bytes = tables[index % 2].clone();
-        // Bits turned over in the footer mostly, which says where everything is.
-        let footer =
-            bytes.len() - u32::from_le_bytes(std::array::from_fn(|place| bytes[bytes.len() - 8 + place])) as usize - 8;
+    for index in 0..9_000 {
+        let kind = index % 3;
+        let mut bytes = tables[kind].clone();
+        let path = workspace.path(if kind == 2 { "faulty.npz" } else { "faulty.parquet" });
+        // Bits turned over in the footer mostly, which says where everything is; in archives headers say it.
+        let word = |place: usize| u32::from_le_bytes(std::array::from_fn(|byte| bytes[place + byte])) as usize;
+        let footer = if kind == 2 { 0 } else { bytes.len() - word(bytes.len() - 8) - 8 };
         for _ in 0..1 + below(3) {
             let place = if below(4) > 0 { footer + below(bytes.len() - footer) } else { below(bytes.len()) };
             match below(3) {
@@ -295,17 +260,17 @@ fn files_with_random_faults_are_read_or_refused_by_name() {
         let states = || StateTable::open(&path).and_then(|mut table| table.read(0, 100)).map(drop);
         let bodies = || BodyTable::read(&path, usize::MAX).map(drop);
         let clock = std::time::Instant::now();
-        let found = if index % 2 == 0 { states() } else { bodies() };
+        let found = if kind == 1 { bodies() } else { states() };
         assert!(clock.elapsed().as_secs() < 5, "{index}: {:?}", clock.elapsed());
         match found {
-            Ok(()) => taken += 1,
+            Ok(()) => taken[kind] += 1,
             Err(error) => {
-                assert!(error.to_string().contains("faulty.parquet"), "{index}: {error}");
-                refused += 1;
+                assert!(error.to_string().contains("faulty."), "{index}: {error}");
+                refused[kind] += 1;
             }
         }
     }
-    assert!(taken > 300 && refused > 300, "{taken} taken, {refused} refused");
+    assert!(taken.iter().chain(&refused).all(|&count| count > 150), "{taken:?} taken, {refused:?} refused");
 }
 
 /// A table of bodies as pandas and polars write it: columns that may be null, narrow numbers.

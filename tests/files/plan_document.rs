@@ -116,7 +116,7 @@ fn a_file_that_is_no_plan_is_refused_with_its_line() {
     let scene = scene(1);
     let text = Plan::new(&scene, &engine).expect("a plan").to_json();
     for (from, to, expected) in [
-        ("\"format\": 6", "\"format\": 7", "its format is 7, this release reads 6"),
+        ("\"format\": 7", "\"format\": 8", "its format is 8, this release reads 7"),
         ("\"polhode\": \"", "\"polhode\": \"9.", "it is of polhode 9."),
         ("\"coefficient\": ", "\"coefficient\": -", "expected a finite number from 0 on"),
         ("\"closed_form\": \"", "\"closed_form\": \"x", "is not known"),

@@ -38,7 +38,7 @@ statistics = ["kinetic_energy", "spin_rate", "angular_momentum"]
 "#;
 
 /// Equal steps under noise, centres of mass that are stepped, bodies that fail, and a table of arrays.
-const PINNED: &str = r#"
+pub const PINNED: &str = r#"
 seed = 11
 [bodies]
 count = 333
@@ -67,7 +67,7 @@ allow = 333
 "#;
 
 /// Nothing but statistics, of free bodies and of driven ones in steps of their own.
-const STATISTICS: &str = r#"
+pub const STATISTICS: &str = r#"
 [bodies]
 count = 900
 inertia = { moments = [1.0, 1.7, 2.2], scatter = 0.2 }
@@ -89,6 +89,72 @@ final = false
 statistics = ["kinetic_energy", "angular_momentum"]
 "#;
 
+/// All that is formed of the states: derived quantities, quantiles, histograms, events, by cell of a sweep; a column of text that is carried through,
+/// bodies that fail.
+pub const OBSERVED: &str = r#"
+title = "All that is asked of states"
+seed = 3
+[bodies]
+count = 250
+inertia = { moments = [1.0, 1.7, 2.2], scatter = 0.2 }
+orientation = { distribution = "uniform" }
+angular_velocity = { distribution = "log-normal", median = 1.5, sigma = 0.7 }
+[[sweep]]
+name = "drag"
+values = [0.05, 0.2, 0.6]
+[[torque]]
+model = "linear-drag"
+coefficient = { sweep = "drag" }
+[[torque]]
+model = "constant-body"
+torque = { distribution = "normal", mean = 0.0, sigma = 0.05 }
+[time]
+end = 4.0
+outputs = { every = 1.0 }
+[accuracy]
+method = "rk8"
+tolerance = 1e-8
+least_step = 0.1
+[[quantity]]
+name = "tilt"
+axis = [0, 0, 1]
+direction = [1, 0, 0]
+[[histogram]]
+quantity = "spin_rate"
+low = 0.1
+high = 10.0
+bins = 20
+scale = "log"
+[[histogram]]
+quantity = "tilt"
+low = "0 deg"
+high = "180 deg"
+[[event]]
+name = "slow"
+quantity = "spin_rate"
+falls_below = 1.0
+[[event]]
+name = "upright"
+quantity = "tilt"
+below = "20 deg"
+[output]
+initial = true
+columns = ["qx", "qy", "qz", "qw", "tilt"]
+statistics = ["kinetic_energy", "tilt", "nutation"]
+quantiles = [5, 50, 95]
+[failures]
+allow = 700
+"#;
+
+/// The tables of such a run, in a format.
+pub fn observed_names(format: &str) -> Vec<String> {
+    let stems = ["cells", "events", "failed", "final", "histograms", "initial", "statistics", "survival"];
+    let mut names: Vec<String> = stems.iter().map(|stem| format!("{stem}.{format}")).collect();
+    names.push("plan.json".to_owned());
+    names.sort();
+    names
+}
+
 fn command(workspace: &Workspace, threads: usize, arguments: &[&str]) -> Output {
     Command::new(cargo_bin!("polhode"))
         .current_dir(workspace.folder())
@@ -98,7 +164,7 @@ fn command(workspace: &Workspace, threads: usize, arguments: &[&str]) -> Output 
         .expect("the command starts")
 }
 
-fn done(workspace: &Workspace, threads: usize, arguments: &[&str]) {
+pub fn done(workspace: &Workspace, threads: usize, arguments: &[&str]) {
     let output = command(workspace, threads, arguments);
     assert!(output.status.success(), "{arguments:?}: {}", words(&output.stderr));
 }
@@ -129,7 +195,7 @@ fn merged(workspace: &Workspace, engine: &str, (parts, threads): (usize, usize))
 }
 
 /// All files but the report, by name.
-fn tables(workspace: &Workspace, folder: &str) -> BTreeMap<String, Vec<u8>> {
+pub fn tables(workspace: &Workspace, folder: &str) -> BTreeMap<String, Vec<u8>> {
     let names = workspace.names(folder).into_iter().filter(|name| name != "report.json");
     names.map(|name| (name.clone(), fs::read(workspace.path(folder).join(name)).expect("a file"))).collect()
 }
@@ -144,8 +210,7 @@ fn compare(study: &str, engine: &str, cuts: &[(usize, usize)], names: &[&str]) -
     for &cut in cuts {
         let parts = merged(&workspace, engine, cut);
         assert_eq!(parts.keys().collect::<Vec<_>>(), whole.keys().collect::<Vec<_>>(), "{cut:?}");
-        // What a plan expects of a GPU's wall time was measured when the engine was opened.
-        for (name, bytes) in whole.iter().filter(|(name, _)| engine == "cpu" || *name != "plan.json") {
+        for (name, bytes) in &whole {
             assert!(parts[name] == *bytes, "{name} of {} parts on {} threads differs", cut.0, cut.1);
         }
     }
@@ -177,6 +242,25 @@ fn so_are_those_of_parquet_with_chosen_columns() {
     let study = PINNED.replace("format = \"npz\"", columns);
     let names = ["failed.parquet", "final.parquet", "plan.json", "snapshots.parquet", "statistics.parquet"];
     compare(&study, "cpu", &CUTS[1..3], &names);
+}
+
+#[test]
+fn so_are_quantiles_histograms_events_and_cells() {
+    for (format, cuts) in [("csv", &CUTS[1..]), ("npz", &CUTS[2..3]), ("parquet", &CUTS[2..3])] {
+        let study = OBSERVED.replace("[output]", &format!("[output]\nformat = \"{format}\""));
+        let names = observed_names(format);
+        let workspace = compare(&study, "cpu", cuts, &names.iter().map(String::as_str).collect::<Vec<_>>());
+        let [whole, merged] = ["whole", "merged-7-2"].map(|folder| crate::workspace::report(&workspace, folder));
+        for key in ["events", "quantities", "statistics", "failed_bodies"] {
+            assert_eq!(whole[key], merged[key], "{key}");
+        }
+        assert!(whole["events"][0]["compared"].as_u64() > Some(10), "{}", whole["events"]);
+        // All parts together recompute the sample of the whole.
+        let errors =
+            |report: &serde_json::Value| (report["accuracy"]["bodies"].clone(), report["accuracy"]["beyond"].clone());
+        assert_eq!(errors(&whole), errors(&merged));
+        assert_eq!(whole["accuracy"]["attitude"]["max"], merged["accuracy"]["attitude_max"]);
+    }
 }
 
 #[test]

@@ -199,7 +199,7 @@ fn the_reported_error_of_event_times_is_theirs() {
         let greatest = errors.fold(0.0, f64::max);
         assert!(greatest > 1e-2, "dt = {dt} s is too good a run: {greatest:e}");
         assert_eq!((record.errors.compared, record.errors.differing), (bodies, 0), "dt = {dt} s");
-        let reported = record.errors.time.max;
+        let reported = record.errors.time().max;
         assert!((reported - greatest).abs() <= 1e-9 * greatest, "dt = {dt} s: {reported:e}, in truth {greatest:e}");
     }
 }

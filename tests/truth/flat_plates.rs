@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 use common::random::Random;
 use glam::{DQuat, DVec3};
 use polhode::engine::cpu::Cpu;
-use polhode::expression::{Dependence, Expression, InputKind};
+use polhode::expression::{Dependence, Expression, Fault, Graph, InputKind};
 use polhode::math::Precision;
 use polhode::math::Width;
 use polhode::torque::flat_plates::{Facet, MOST_FACETS, Surface, formula};
@@ -255,6 +255,11 @@ fn facets_that_are_not_valid_are_refused_with_their_place() {
     ] {
         assert_eq!(refused(&[good, bad]), format!("1 {field}"));
     }
+    let within: Result<_, Fault> = Graph::record(|_| {
+        assert_eq!(refused(&[good]), "1 facets", "within a recording");
+        Ok(Vec::new())
+    });
+    assert!(within.is_ok());
     // Any length of a normal will do, and a plate without area too.
     let around = LaneTorques { pressure: 1.0, direction_world: DVec3::X, orientation: DQuat::IDENTITY };
     for length in [1e-320, 1e-200, 1.0, 1e200] {

@@ -1,6 +1,7 @@
 //! The command line's grammar and its help.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use glam::DVec3;
@@ -163,6 +164,7 @@ Keys (SI units, in brackets; a number with another one is a text: \"30 deg\", \"
                           any quantity (default: all numbers of the state);
                           statistics = [...] of quantities over all bodies; quantiles = [5, 50, 95] of
                           them, in percent
+    checkpoint            every: about how long it takes from one checkpoint to the next (wall clock, \"10 min\")
     [[histogram]]         quantity, low, high, bins (default 50), scale (linear, log)
     [[event]]             name, quantity and one of below, above, falls_below, rises_above, crosses with
                           a level; occurrence = 3 for the third time. Looked for from output to output
@@ -183,6 +185,8 @@ Examples:
     polhode run study.toml --quiet --json | jq .drift
     polhode run study.toml --plan study.out/plan.json --out again    the same bits
     polhode run study.toml --plan plan.json --shard 3/64 --out parts  one part; see `polhode merge --help`
+    polhode run study.toml --checkpoint 600    in pieces of about ten minutes, which a stopped run leaves behind
+    polhode run study.toml --resume            goes on with them
 
 Results: final.csv (or .npz, .parquet) with body, t, orientation qx qy qz qw (body to world), angular
 velocity wx wy wz (body axes), angular momentum lx ly lz (world axes), kinetic_energy, x y z vx vy vz
@@ -201,7 +205,7 @@ histograms.csv with t, histogram (from 0), quantity, low, high, count; events.cs
 bodies, the share that has not had it and its 95 % interval low, high; plan.json, which --plan takes; report.json with
 engine, plan, wall times, drift of what bodies conserve, what torques did, and errors of a recomputed sample, of
 position (m) and velocity (m/s) too where bodies translate. The folder appears, or replaces the former one,
-when all files are complete and on the disk; Ctrl-C leaves nothing. With --force, files that are not of a run
+when all files are complete and on the disk; Ctrl-C leaves nothing but what --resume goes on with (NAME.checkpoint). With --force, files that are not of a run
 stay. One run at a time may write to a folder. What a killed run leaves beside it (.NAME.polhode-*) is removed
 by the next one.";
 
@@ -237,6 +241,13 @@ pub struct RunArguments {
     /// Grid Engine arrays, HyperQueue, MPI), auto/COUNT for the index alone.
     #[arg(long, value_name = "INDEX/COUNT|auto", requires = "plan", value_parser = crate::launcher::shard_argument)]
     pub shard: Option<crate::launcher::ShardArgument>,
+    /// Write what is computed about every so many seconds, some bodies at a time, so that --resume can go on; instead of the study's
+    /// [checkpoint].
+    #[arg(long, value_name = "SECONDS", conflicts_with = "shard", value_parser = seconds, allow_negative_numbers = true)]
+    pub checkpoint: Option<Duration>,
+    /// Go on with a run with checkpoints that was stopped, killed or has failed; the results are the bytes of one that was not.
+    #[arg(long, conflicts_with_all = ["shard", "plan", "force"])]
+    pub resume: bool,
     /// Rank methods by what `polhode bench accuracy` has measured on this engine and left in this folder, instead of by the
     /// shipped table.
     #[arg(long, value_name = "DIR", conflicts_with = "plan")]
@@ -249,6 +260,13 @@ pub struct RunArguments {
     /// Print the report as JSON instead of the summary.
     #[arg(long)]
     pub json: bool,
+}
+
+/// A time of wall clocks.
+fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse::<f64>().ok().filter(|seconds| *seconds > 0.0);
+    let time = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    time.ok_or_else(|| "expected a number of seconds above zero".to_owned())
 }
 
 const EXPLAIN_HELP: &str = "\

@@ -4,6 +4,7 @@ use polhode::Plan;
 use polhode::study::Study;
 
 use crate::arguments::ExplainArguments;
+use crate::checkpoint::planned;
 use crate::output::{self, Failure};
 use crate::progress::planning;
 
@@ -13,7 +14,14 @@ pub fn explain(arguments: &ExplainArguments) -> Result<(), Failure> {
     if let Some(precision) = crate::engine::precision(&arguments.engine) {
         study = study.with_precision(precision);
     }
-    let mut scene = study.scene()?.skipping(!arguments.no_skip);
+    let (bodies, is_sample) = planned(&study, arguments.no_skip);
+    if is_sample && !arguments.json {
+        let (sample, all) = (bodies.len(), study.bodies().count);
+        output::note(&format!(
+            "note: the plan of all {all} bodies is made of the first {sample}, which are counted below"
+        ));
+    }
+    let mut scene = study.clone().part(bodies).scene()?.skipping(!arguments.no_skip);
     if arguments.no_pilot {
         scene = scene.without_pilot();
     }

@@ -6,6 +6,7 @@ use clap::Parser;
 
 mod arguments;
 mod bench;
+mod checkpoint;
 mod completions;
 mod devices;
 mod engine;
@@ -29,8 +30,6 @@ use output::Failure;
 
 /// The run failed.
 const FAILED: u8 = 1;
-/// What is said of a request to stop.
-const STOPPED: &str = "stopped by the user: nothing was written";
 /// What is said where there is no shader to check.
 const NO_SHADER: &str = "no GPU adapter, not even in software (`polhode devices` says why): no shader was checked; \
                          --engine cpu checks the lanes of the CPU engine";
@@ -92,7 +91,7 @@ fn say(failure: &Failure) -> ExitCode {
             ExitCode::from(FAILED)
         }
         Failure::Library(polhode::Error::Interrupted { .. }) => {
-            output::error(STOPPED);
+            output::error(&progress::stopped());
             ExitCode::from(FAILED)
         }
         Failure::Library(error) => {

@@ -6,6 +6,7 @@ use polhode::run::write_plan;
 use polhode::study::Study;
 
 use crate::arguments::PlanArguments;
+use crate::checkpoint::planned;
 use crate::output::{self, Failure};
 use crate::progress::planning;
 
@@ -15,7 +16,9 @@ pub fn plan(arguments: &PlanArguments) -> Result<(), Failure> {
     if let Some(precision) = crate::engine::precision(&arguments.engine) {
         study = study.with_precision(precision);
     }
-    let scene = study.scene()?.skipping(!arguments.no_skip);
+    let count = study.bodies().count;
+    let bodies = planned(&study, arguments.no_skip).0;
+    let scene = study.clone().part(bodies).scene()?.skipping(!arguments.no_skip);
     let engine = crate::engine::open(&arguments.engine, arguments.quiet)?;
     let costs = crate::engine::costs(arguments.costs.as_deref(), &engine)?;
     let planned = planning(arguments.quiet, || Plan::with_costs(&scene, &engine, &costs));
@@ -23,11 +26,11 @@ pub fn plan(arguments: &PlanArguments) -> Result<(), Failure> {
     let Some(path) = &arguments.out else { return output::print(&plan.to_json()) };
     write_plan(&plan, path)?;
     if !arguments.quiet {
-        let blocks = Blocks::of(scene.ensemble().len());
+        let blocks = Blocks::of(count);
         output::note(&format!(
             "{}: {} bodies in {} blocks of {}, so up to {} parts (`polhode run --shard`)",
             path.display(),
-            scene.ensemble().len(),
+            count,
             blocks.count(),
             blocks.size(),
             blocks.count()

@@ -2,6 +2,7 @@
 
 use std::io::IsTerminal;
 use std::ops::ControlFlow;
+use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::RecvTimeoutError;
@@ -11,6 +12,7 @@ use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, P
 use polhode::bench::Step;
 use polhode::engine::Progress;
 use polhode::record::Traces;
+use polhode::run::Checkpoint;
 
 /// Whether the user has asked to stop.
 static STOP: AtomicBool = AtomicBool::new(false);
@@ -22,7 +24,13 @@ const QUIET_START: Duration = Duration::from_millis(300);
 static PLANNING: AtomicBool = AtomicBool::new(false);
 
 /// What to remove before the process is ended by a signal.
-static TRACES: Mutex<Option<Traces>> = Mutex::new(None);
+static TRACES: Mutex<Vec<Traces>> = Mutex::new(Vec::new());
+
+/// What is there of a run that was stopped, and how it goes on, where anything is.
+static LEFT: Mutex<Option<String>> = Mutex::new(None);
+
+/// The folder of a checkpoint that has no piece yet, which goes when the run is stopped.
+static EMPTY: Mutex<Option<PathBuf>> = Mutex::new(None);
 
 /// Whether nothing is written yet of what a run is to write, so that it can be ended at any moment.
 static RUNNING: AtomicBool = AtomicBool::new(false);
@@ -66,7 +74,7 @@ pub fn end_run() {
     RUNNING.store(false, Ordering::SeqCst);
     wait_for_end();
     if let Ok(mut known) = TRACES.lock() {
-        *known = None;
+        known.clear();
     }
 }
 
@@ -81,27 +89,54 @@ pub fn wait_for_end() {
 fn stop() {
     ENDING.store(true, Ordering::SeqCst);
     let Ok(traces) = TRACES.lock() else { return };
-    if traces.as_ref().is_some_and(|traces| !traces.give_up()) {
+    if !traces.iter().all(Traces::give_up) {
         ENDING.store(false, Ordering::SeqCst);
         return;
     }
     // Twice, as a file may be begun while the first is under way.
     traces.iter().for_each(|traces| [(); 2].iter().for_each(|()| traces.remove()));
-    crate::output::error(crate::STOPPED);
+    remove_empty();
+    crate::output::error(&stopped());
     std::process::exit(crate::FAILED.into());
 }
 
 fn remove_traces() {
-    if let Ok(Some(traces)) = TRACES.lock().as_deref() {
-        traces.remove();
+    if let Ok(traces) = TRACES.lock() {
+        traces.iter().for_each(Traces::remove);
+    }
+    remove_empty();
+}
+
+/// Removes a checkpoint that has no piece.
+pub fn remove_empty() {
+    if let Some(folder) = EMPTY.lock().ok().and_then(|empty| empty.clone()) {
+        Checkpoint::remove(&folder);
     }
 }
 
 /// Says what a signal that ends the process at once has to remove.
-pub fn remove_at_end(traces: Traces) {
+pub fn remove_at_end(traces: Vec<Traces>) {
     if let Ok(mut known) = TRACES.lock() {
-        *known = Some(traces);
+        *known = traces;
     }
+}
+
+/// Says what would be left of the run, were it stopped now: a text, or a folder that is not worth keeping.
+pub fn leave(left: Result<String, PathBuf>) {
+    let (left, empty) = match left {
+        Ok(left) => (Some(left), None),
+        Err(folder) => (None, Some(folder)),
+    };
+    if let (Ok(mut known), Ok(mut folder)) = (LEFT.lock(), EMPTY.lock()) {
+        (*known, *folder) = (left, empty);
+    }
+}
+
+/// What is said of a request to stop.
+pub fn stopped() -> String {
+    let left = LEFT.lock().ok().and_then(|left| left.clone());
+    let left = left.unwrap_or_else(|| "nothing was written".to_owned());
+    format!("stopped by the user: {left}")
 }
 
 /// Makes a plan, which has nothing to show of how far it is: something turns on standard error while that takes long, unless
@@ -158,7 +193,10 @@ impl Watch {
     /// Takes note of progress.
     pub fn observe(&mut self, progress: Progress) -> ControlFlow<()> {
         if self.shown && self.start.elapsed() > QUIET_START {
-            self.bar.get_or_insert_with(|| bar(progress.total, self.start)).set_position(progress.done);
+            let bar = self.bar.get_or_insert_with(|| bar(progress.total, self.start));
+            // How much is to be done may only be known in the course of it.
+            bar.set_length(progress.total);
+            bar.set_position(progress.done);
         }
         if STOP.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
@@ -199,7 +237,7 @@ fn bar(total: u64, start: Instant) -> ProgressBar {
             let _ = write!(text, "{:.2e}", rate(state));
         })
         .with_key("remaining", move |state: &ProgressState, text: &mut dyn std::fmt::Write| {
-            let seconds = total.saturating_sub(state.pos()) as f64 / rate(state);
+            let seconds = state.len().unwrap_or(0).saturating_sub(state.pos()) as f64 / rate(state);
             // A rate of zero leaves an infinite time, which is not shown.
             if let Ok(left) = Duration::try_from_secs_f64(seconds) {
                 let _ = write!(text, "{:#}", HumanDuration(left));

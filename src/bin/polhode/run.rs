@@ -3,17 +3,19 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use polhode::Plan;
 use polhode::bodies::Blocks;
 use polhode::plan::PlanDocument;
 use polhode::record::{OutputFolder, Report, Shard, is_complete};
-use polhode::run::{OutputSize, run_shard_to_folder, run_to_folder};
+use polhode::run::{OutputSize, run_part_to_folder, run_to_folder};
 use polhode::study::Study;
+use polhode::{Engine, Plan, Scene};
 
 use crate::arguments::RunArguments;
+use crate::checkpoint;
 use crate::launcher::{self, ShardArgument};
 use crate::output::{self, Failure};
 use crate::progress::{self, Watch, catch_interrupts};
+use crate::shards::too_fast_in_a_step;
 
 /// Results from this many bytes on are announced.
 const LARGE: u64 = 10_000_000_000;
@@ -33,7 +35,14 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         }
     };
     let all = arguments.out.clone().unwrap_or_else(|| default_folder(&arguments.study));
-    let done = run_until_written(arguments, (part, &all));
+    let since = Instant::now();
+    let study = Study::read(&arguments.study)?;
+    if let Some(every) = checkpoint::every(arguments, &study) {
+        let done = checkpoint::run(arguments, study, &all, every);
+        progress::end_run();
+        return done;
+    }
+    let done = run_until_written(arguments, (study, since), (part, &all));
     progress::end_run();
     match (&done, part) {
         (Ok(_), Some(shard)) => shard.forget_failure(&all),
@@ -53,10 +62,9 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
 /// The study, what came out, and the folder with it; nothing where the part is there already.
 fn run_until_written(
     arguments: &RunArguments,
+    (mut study, since): (Study, Instant),
     (part, all): (Option<Shard>, &Path),
 ) -> Result<Option<(Study, Report, PathBuf)>, Failure> {
-    let since = Instant::now();
-    let mut study = Study::read(&arguments.study)?;
     if let Some(precision) = crate::engine::precision(&arguments.engine) {
         study = study.with_precision(precision);
     }
@@ -76,55 +84,62 @@ fn run_until_written(
         study = study.part(bodies);
     }
     let folder = OutputFolder::create(&path, arguments.force)?;
-    progress::remove_at_end(folder.traces().clone());
-    for leftover in folder.leftovers() {
-        output::note(&format!("note: removed what a killed run had left: {}", leftover.display()));
-    }
+    progress::remove_at_end(vec![folder.traces().clone()]);
+    say_leftovers(&folder);
     let scene = study.scene()?.skipping(!arguments.no_skip);
-    if part.is_some() && (scene.needs_states() || study.design().is_some() || study.output().initial) {
-        let expected =
-            "sweeps, initial states, quantiles, histograms, events and derived quantities are not merged from parts";
-        return Err(Failure::Value(format!("--shard: {expected}: run the study as a whole")));
-    }
     let wanted = study.output();
-    if !(wanted.final_state || wanted.snapshots || arguments.quiet || scene.observes()) {
-        output::note("note: the study asks for no results: all that is written is plan.json and report.json");
-    }
+    say_if_nothing_is_asked(&study, &scene, arguments.quiet);
     let engine = crate::engine::open(&arguments.engine, arguments.quiet)?;
-    let plan = match &document {
-        None => {
-            let costs = crate::engine::costs(arguments.costs.as_deref(), &engine)?;
-            progress::planning(arguments.quiet, || Plan::with_costs(&scene, &engine, &costs))
-        }
-        Some(document) => {
-            let engine_name = engine.description().name;
-            if !same_arithmetic(document.engine(), &engine_name) && !arguments.quiet {
-                let planned = document.engine();
-                output::note(&format!("the plan is for {planned}, this is {engine_name}: bits may differ"));
-            }
-            Plan::repeated(&scene, &engine, document)
-        }
-    };
-    let plan = plan.map_err(|error| study.located(error))?;
+    let plan = plan(arguments, (&study, &scene), &engine, document.as_ref())?;
 
     check_disk(&folder, OutputSize::of(&plan, wanted), arguments.quiet)?;
     let mut watch = Watch::new(arguments.quiet);
     let mut observe = |progress| watch.observe(progress);
-    let done = match part.zip(document.as_ref()) {
+    let done = match document.as_ref().filter(|_| part.is_some()) {
         None => run_to_folder(&engine, &plan, Some(&study), wanted, folder, since, &mut observe),
-        Some(shard) => run_shard_to_folder(&engine, &plan, &study, shard, folder, since, &mut observe),
+        Some(document) => run_part_to_folder(&engine, &plan, &study, document, folder, since, &mut observe),
     };
     watch.finish();
     let report = done?;
     Ok(Some((study, report, path)))
 }
 
-/// Whether two engines by their names give the same bits: the number of threads changes none.
-fn same_arithmetic(planned: &str, here: &str) -> bool {
-    let without_threads = |name: &str| -> Vec<String> {
-        name.split(", ").filter(|part| !part.ends_with(" threads")).map(str::to_owned).collect()
+/// Says what killed runs had left of a folder.
+pub fn say_leftovers(folder: &OutputFolder) {
+    for leftover in folder.leftovers() {
+        output::note(&format!("note: removed what a killed run had left: {}", leftover.display()));
+    }
+}
+
+/// Says of a study that it asks for no results.
+pub fn say_if_nothing_is_asked(study: &Study, scene: &Scene, quiet: bool) {
+    let wanted = study.output();
+    if !(wanted.final_state || wanted.snapshots || quiet || scene.observes()) {
+        output::note("note: the study asks for no results: all that is written is plan.json and report.json");
+    }
+}
+
+/// The plan of a study, made or as a file says.
+pub fn plan<'s>(
+    arguments: &RunArguments,
+    (study, scene): (&Study, &'s Scene),
+    engine: &Engine,
+    document: Option<&PlanDocument>,
+) -> Result<Plan<'s>, Failure> {
+    let plan = match document {
+        None => {
+            let costs = crate::engine::costs(arguments.costs.as_deref(), engine)?;
+            progress::planning(arguments.quiet, || Plan::with_costs(scene, engine, &costs))
+        }
+        Some(document) => {
+            let (planned, here) = (document.engine(), engine.description().name_of_arithmetic());
+            if planned != here && !arguments.quiet {
+                output::note(&format!("the plan is for {planned}, this is {here}: bits may differ"));
+            }
+            Plan::repeated(scene, engine, document)
+        }
     };
-    without_threads(planned) == without_threads(here)
+    Ok(plan.map_err(|error| study.located(error))?)
 }
 
 fn say_what_is_written(arguments: &RunArguments, study: &Study, report: &Report, path: &Path) -> Result<(), Failure> {
@@ -138,11 +153,7 @@ fn say_what_is_written(arguments: &RunArguments, study: &Study, report: &Report,
         ));
     }
     if report.outside_usable_region > 0 {
-        output::note(&format!(
-            "warning: {} of {} bodies turn further in a step than the method's usable region reaches: use a shorter dt \
-             (`polhode bench stability` shows what happens)",
-            report.outside_usable_region, report.bodies
-        ));
+        output::note(&too_fast_in_a_step(report.outside_usable_region as u64, report.bodies));
     }
     if let Some(repairs) = report.repairs.filter(|repairs| arguments.quiet && repairs.bodies > 0) {
         output::note(&format!(
@@ -162,7 +173,7 @@ fn say_what_is_written(arguments: &RunArguments, study: &Study, report: &Report,
 }
 
 /// Says of large results how large they are, and refuses those that the disk has no space for.
-fn check_disk(folder: &OutputFolder, size: OutputSize, quiet: bool) -> Result<(), Failure> {
+pub fn check_disk(folder: &OutputFolder, size: OutputSize, quiet: bool) -> Result<(), Failure> {
     let OutputSize { rows, least_bytes, likely_bytes } = size;
     let (path, gigabytes) = (folder.path(), |bytes: u64| bytes as f64 / 1e9);
     // Where the system does not say what is free, nothing is refused.

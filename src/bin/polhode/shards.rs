@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use polhode::record::{OutputFolder, ShardState, ranges, status as states};
-use polhode::run::merge as merge_parts;
+use polhode::run::{MergedReport, merge as merge_parts};
 use serde::Serialize;
 
 use crate::arguments::{MergeArguments, StatusArguments};
@@ -98,10 +98,22 @@ pub fn merge(arguments: &MergeArguments) -> Result<(), Failure> {
     let path = arguments.out.clone().unwrap_or_else(|| arguments.folder.join("merged"));
     let merged = merge_into(arguments, &path);
     progress::end_run();
-    let report = merged?;
-    if arguments.json {
+    say_merged(&merged?, &path, (arguments.quiet, arguments.json))
+}
+
+/// Says what parts come to that are merged in `path`.
+pub fn say_merged(report: &MergedReport, path: &Path, (quiet, json): (bool, bool)) -> Result<(), Failure> {
+    let (failed, bodies) = (report.failed_bodies.len(), report.bodies);
+    if let Some(table) = report.files.iter().find(|name| failed > 0 && name.starts_with("failed.")) {
+        output::note(&format!("warning: {failed} of {bodies} bodies have failed; {table} says which, when and why"));
+    }
+    let too_fast: u64 = report.parts.iter().filter_map(|part| part["outside_usable_region"].as_u64()).sum();
+    if too_fast > 0 {
+        output::note(&too_fast_in_a_step(too_fast, bodies));
+    }
+    if json {
         output::print(&report.to_json())?;
-    } else if !arguments.quiet {
+    } else if !quiet {
         let mut files = report.files.clone();
         files.push(polhode::record::REPORT.to_owned());
         let met = match report.accuracy.met {
@@ -117,8 +129,10 @@ pub fn merge(arguments: &MergeArguments) -> Result<(), Failure> {
             Some(false) => "  asked    of statistics: NOT MET\n",
             None => "",
         };
+        let found = report.statistics.as_ref().map_or_else(String::new, ToString::to_string);
+        let events: String = report.events.iter().map(ToString::to_string).collect();
         output::show(&format!(
-            "{} bodies of {} parts, {:.3e} body-steps in {:.1} s of all parts together\n{error}{statistics}  failed   {} bodies\n  results  {} in {}\n",
+            "{} bodies of {} parts, {:.3e} body-steps in {:.1} s of all parts together\n{found}{events}{error}{statistics}  failed   {} bodies\n  results  {} in {}\n",
             report.bodies,
             report.shards,
             report.body_steps as f64,
@@ -138,11 +152,19 @@ pub fn merge(arguments: &MergeArguments) -> Result<(), Failure> {
     }
 }
 
-fn merge_into(arguments: &MergeArguments, path: &Path) -> Result<polhode::run::MergedReport, Failure> {
+/// What is said of bodies that turn too far in a given step.
+pub fn too_fast_in_a_step(count: u64, bodies: usize) -> String {
+    format!(
+        "warning: {count} of {bodies} bodies turn further in a step than the method's usable region reaches: use a shorter dt \
+         (`polhode bench stability` shows what happens)"
+    )
+}
+
+fn merge_into(arguments: &MergeArguments, path: &Path) -> Result<MergedReport, Failure> {
     // Before the folder is made, so that a wrong one leaves nothing.
     states(&arguments.folder)?;
     let folder = OutputFolder::create(path, arguments.force)?;
-    progress::remove_at_end(folder.traces().clone());
+    progress::remove_at_end(vec![folder.traces().clone()]);
     let mut watch = Watch::new(arguments.quiet);
     let merged = merge_parts(&arguments.folder, folder, &mut |progress| watch.observe(progress));
     watch.finish();

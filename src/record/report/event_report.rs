@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::QuantilesReport;
 use crate::record::EventRecord;
-use crate::scene::Scene;
+use crate::scene::Observed;
 
 /// A quantity that a study asks for.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -18,13 +18,13 @@ pub struct QuantityReport {
 }
 
 impl QuantityReport {
-    /// Those of a scene, each once.
-    pub(crate) fn of(scene: &Scene) -> Vec<Self> {
+    /// Those that are asked for, each once.
+    pub(crate) fn of(observed: &Observed) -> Vec<Self> {
         let report = |quantity: &crate::Quantity| {
             let (name, unit) = (quantity.name().to_owned(), quantity.unit().to_owned());
             Self { name, unit }
         };
-        scene.observed().quantities().iter().map(report).collect()
+        observed.quantities().iter().map(report).collect()
     }
 }
 
@@ -80,7 +80,7 @@ impl EventReport {
             median: record.median(),
             compared: record.errors.compared,
             differing: record.errors.differing,
-            time_error: record.errors.time.into(),
+            time_error: record.errors.time().into(),
         }
     }
 }

@@ -2,9 +2,9 @@
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
+use std::ops::Range;
 use std::path::Path;
 
-#[cfg(feature = "plot")]
 use super::Values;
 use super::{Shape, TableRows, read_failed, wrong};
 use crate::error::Result;
@@ -26,26 +26,22 @@ struct Array {
 /// # Errors
 ///
 /// [`crate::Error::File`] where the file cannot be read; [`crate::Error::Table`] where it is no such archive.
-#[cfg(feature = "plot")]
 pub(super) fn columns(path: &Path) -> Result<Vec<(String, Values)>> {
     let mut file = File::open(path).map_err(|error| read_failed(path, &error))?;
     let table = NpzTable::open(path, &mut file)?;
     let mut read = Vec::with_capacity(table.arrays.len());
     for array in table.arrays {
         let unknown = || wrong(path, format!("{}: its elements are of an unknown type {}", array.name, array.element));
-        let (kind, width) = array.element.split_at_checked(2).ok_or_else(unknown)?;
-        let letters: usize = width.parse().map_err(|_| unknown())?;
-        let width = if kind == "<U" { 4 * letters } else { letters };
+        let width = width(&array.element).ok_or_else(unknown)? as usize;
         let mut bytes = vec![0; array.count as usize * width];
         let filled = file.seek(SeekFrom::Start(array.offset)).and_then(|_| file.read_exact(&mut bytes));
         filled.map_err(|error| read_failed(path, &error))?;
         let cells = bytes.chunks_exact(width.max(1));
-        let eight = |cell: &[u8]| u64::from_le_bytes(std::array::from_fn(|place| cell[place]));
-        let values = match (kind, letters) {
-            ("<f", 8) => Values::Numbers(cells.map(|cell| f64::from_bits(eight(cell))).collect()),
-            ("<u", 8) => Values::Numbers(cells.map(|cell| eight(cell) as f64).collect()),
-            ("<i", 8) => Values::Numbers(cells.map(|cell| eight(cell) as i64 as f64).collect()),
-            ("|u", 1) => Values::Numbers(bytes.iter().map(|&byte| f64::from(byte)).collect()),
+        let values = match array.element.split_at(2) {
+            ("<f", "8") => Values::Numbers(words(&bytes).map(f64::from_bits).collect()),
+            ("<u", "8") => Values::Numbers(words(&bytes).map(|word| word as f64).collect()),
+            ("<i", "8") => Values::Numbers(words(&bytes).map(|word| word as i64 as f64).collect()),
+            ("|u", "1") => Values::Numbers(bytes.iter().map(|&byte| f64::from(byte)).collect()),
             ("|S", _) => Values::Texts(cells.map(|cell| text(cell.iter().map(|&byte| byte.into()))).collect()),
             ("<U", _) => Values::Texts(cells.map(|cell| text(cell.chunks_exact(4).filter_map(letter))).collect()),
             _ => return Err(unknown()),
@@ -56,12 +52,10 @@ pub(super) fn columns(path: &Path) -> Result<Vec<(String, Values)>> {
 }
 
 /// Letters up to the zeros that fill an element.
-#[cfg(feature = "plot")]
 fn text(letters: impl Iterator<Item = char>) -> String {
     letters.take_while(|&letter| letter != '\0').collect()
 }
 
-#[cfg(feature = "plot")]
 fn letter(bytes: &[u8]) -> Option<char> {
     char::from_u32(word(bytes, 0)?)
 }
@@ -102,19 +96,23 @@ impl NpzTable {
         let directory = bytes(start, size as usize)?;
         let (mut arrays, mut at) = (Vec::new(), 0);
         for _ in 0..count {
-            let entry = central(&directory, &mut at).ok_or_else(cut)?;
+            let entry = central(&directory, &mut at).filter(|(_, local)| *local <= length).ok_or_else(cut)?;
             // The local header's own fields may be longer or shorter than those of the directory.
             let local = bytes(entry.1, LOCAL)?;
             let fields = short(&local, 26).zip(short(&local, 28)).ok_or_else(cut)?;
             let array = entry.1 + LOCAL as u64 + u64::from(fields.0) + u64::from(fields.1);
             let header = bytes(array, 10)?;
-            let length = short(&header, 8).filter(|_| header.starts_with(b"\x93NUMPY\x01\x00")).ok_or_else(cut)?;
-            let text = bytes(array + 10, length.into())?;
+            let text_length = short(&header, 8).filter(|_| header.starts_with(b"\x93NUMPY\x01\x00")).ok_or_else(cut)?;
+            let text = bytes(array + 10, text_length.into())?;
             let text = String::from_utf8_lossy(&text);
-            let count = elements(&text).ok_or_else(cut)?;
-            let element = element(&text).ok_or_else(cut)?;
+            let (count, element) = elements(&text).zip(element(&text)).ok_or_else(cut)?;
+            let offset = array + 10 + u64::from(text_length);
+            let size = width(&element).and_then(|width| count.checked_mul(width)).ok_or_else(cut)?;
+            if offset.checked_add(size).is_none_or(|end| end > length) {
+                return Err(cut());
+            }
             let name = entry.0.strip_suffix(".npy").unwrap_or(&entry.0).to_owned();
-            arrays.push(Array { name, element, offset: array + 10 + u64::from(length), count });
+            arrays.push(Array { name, element, offset, count });
         }
         let names = arrays.iter().map(|array| array.name.clone()).collect();
         Ok(Self { arrays, names })
@@ -132,25 +130,24 @@ impl NpzTable {
         shape: Shape,
     ) -> Result<TableRows> {
         let (bodies, times) = (self.arrays[0].count, self.arrays[1].count);
-        let end = (first + count as u64).min(bodies * times);
-        let count = end.saturating_sub(first) as usize;
-        let mut bytes = |array: &Array, first: u64, count: usize, width: u64| -> Result<Vec<u8>> {
-            let mut bytes = vec![0; count * width as usize];
-            let read = file.seek(SeekFrom::Start(array.offset + first * width));
+        let end = first.saturating_add(count as u64).min(bodies.saturating_mul(times));
+        let rows = first.min(end)..end;
+        let mut bytes = |array: &Array, element: &str, rows: Range<u64>| -> Result<Vec<u8>> {
+            let width = width(element).filter(|_| array.element == element && rows.end <= array.count);
+            let width =
+                width.ok_or_else(|| wrong(path, format!("{}: it is no column of a run's states", array.name)))?;
+            let mut bytes = vec![0; ((rows.end - rows.start) * width) as usize];
+            let read = file.seek(SeekFrom::Start(array.offset + rows.start * width));
             read.and_then(|_| file.read_exact(&mut bytes)).map_err(|error| read_failed(path, &error))?;
             Ok(bytes)
         };
-        let numbers = |bytes: Vec<u8>| -> Vec<f64> {
-            bytes.chunks_exact(8).map(|x| f64::from_le_bytes(std::array::from_fn(|place| x[place]))).collect()
-        };
         let states = 2 + usize::from(shape.has_cells);
         let own = &self.arrays[states..states + shape.columns];
-        let own = own.iter().map(|array| Ok(numbers(bytes(array, first, count, 8)?))).collect::<Result<Vec<_>>>()?;
-        let status = bytes(&self.arrays[states + shape.columns], first, count, 1)?;
-        let indices: Vec<u64> =
-            numbers(bytes(&self.arrays[0], 0, bodies as usize, 8)?).iter().map(|x| x.to_bits()).collect();
-        let times = numbers(bytes(&self.arrays[1], 0, times as usize, 8)?);
-        let rows = first..first + count as u64;
+        let own = own.iter().map(|array| Ok(words(&bytes(array, "<f8", rows.clone())?).map(f64::from_bits).collect()));
+        let own = own.collect::<Result<Vec<_>>>()?;
+        let status = bytes(&self.arrays[states + shape.columns], "|u1", rows.clone())?;
+        let indices: Vec<u64> = words(&bytes(&self.arrays[0], "<u8", 0..bodies)?).collect();
+        let times: Vec<f64> = words(&bytes(&self.arrays[1], "<f8", 0..times)?).map(f64::from_bits).collect();
         Ok(TableRows {
             bodies: rows.clone().map(|row| indices[(row % bodies) as usize] as usize).collect(),
             times: rows.map(|row| times[(row / bodies) as usize]).collect(),
@@ -188,6 +185,18 @@ fn elements(header: &str) -> Option<u64> {
     let shape = header.split_once("'shape': (")?.1.split_once(')')?.0;
     let sizes = shape.split(',').map(str::trim).filter(|size| !size.is_empty());
     sizes.map(|size| size.parse::<u64>().ok()).try_fold(1_u64, |count, size| count.checked_mul(size?))
+}
+
+/// Numbers of eight bytes, as bits.
+fn words(bytes: &[u8]) -> impl Iterator<Item = u64> {
+    bytes.chunks_exact(8).map(|cell| u64::from_le_bytes(std::array::from_fn(|place| cell[place])))
+}
+
+/// Bytes of an element of this type, as NumPy writes it.
+fn width(element: &str) -> Option<u64> {
+    let (kind, size) = element.split_at_checked(2)?;
+    let size: u64 = size.parse().ok()?;
+    if kind == "<U" { size.checked_mul(4) } else { Some(size) }
 }
 
 /// The type of the elements, from a header's text.

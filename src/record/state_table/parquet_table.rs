@@ -10,7 +10,6 @@ use parquet::errors::Result as ParquetResult;
 use parquet::file::reader::{FileReader, RowGroupReader};
 use parquet::file::serialized_reader::SerializedFileReader;
 
-#[cfg(feature = "plot")]
 use super::Values;
 use super::{Shape, TableRows, wrong};
 use crate::error::Result;
@@ -80,7 +79,6 @@ impl ParquetTable {
 }
 
 /// All columns, by name; numbers that are missing are NaN.
-#[cfg(feature = "plot")]
 pub(super) fn columns(path: &Path, file: File) -> Result<Vec<(String, Values)>> {
     use parquet::record::Field;
     let reader = reader(path, file)?;

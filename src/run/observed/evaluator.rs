@@ -35,7 +35,7 @@ impl<'p> Evaluator<'p> {
     /// Of the quantities in this order.
     pub fn new(scene: &'p Scene, quantities: &[Quantity]) -> Result<Self> {
         let (graph, outputs) = Quantity::expression(quantities)?;
-        let single = QuantityEvaluator::new(scene, quantities)?;
+        let single = QuantityEvaluator::of_expression(scene, &graph, &outputs);
         let has_distance = quantities.contains(&Quantity::SeparatrixDistance);
         let moments = match has_distance && !single.varies() {
             true => scene.ensemble().inertia().par_iter().map(|tensor| principal_axes(tensor).moments).collect(),

@@ -13,6 +13,7 @@ use crate::engine::Observer;
 use crate::error::Result;
 use crate::plan::Plan;
 use crate::record::{EventRecord, OutputState, Sink};
+use crate::run::group_run::blocks_of;
 use crate::scene::{Observed, Quantity};
 
 pub(super) use comparison::Comparison;
@@ -55,7 +56,9 @@ impl<'p> Observation<'p> {
         let of_events: Vec<usize> = scene.wanted_events().iter().map(of_event).collect();
         Ok(Self {
             observed: scene.observed(),
-            distributions: Distributions::new(scene.observed(), |quantity| number(&quantities, quantity)),
+            distributions: Distributions::new(scene.observed(), blocks_of(scene).collect(), |quantity| {
+                number(&quantities, quantity)
+            }),
             events: (!of_events.is_empty()).then(|| EventWatch::new(plan, members, of_events)),
             evaluator: Evaluator::new(scene, &quantities)?,
         })
@@ -92,7 +95,9 @@ impl<'p> Observation<'p> {
         sink: &mut dyn Sink,
         observer: &mut Observer<'_>,
     ) -> Result<()> {
-        let (statistics, histograms) = self.distributions.finish(time);
+        let gathered = self.distributions.take();
+        let (statistics, histograms) = gathered.summed(self.observed, time);
+        sink.gathered(index, time, gathered)?;
         if !self.observed.statistics.is_empty() {
             sink.statistics(index, &statistics)?;
         }

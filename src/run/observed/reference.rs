@@ -8,7 +8,7 @@ use crate::engine::cpu::Cpu;
 use crate::error::Result;
 use crate::kernel::free_motion::SetUp;
 use crate::kernel::method::Method;
-use crate::math::{Precision, Quantiles, Width};
+use crate::math::{Precision, Width};
 use crate::plan::statistical::SampleValues;
 use crate::plan::{Group, Plan, Treatment};
 use crate::record::{EventErrors, EventRecord, OutputState, WallTime};
@@ -44,7 +44,8 @@ pub(in crate::run) fn compare_events(records: &mut [EventRecord], sample: &[u32]
             .collect();
         let compared = errors.len();
         let differing = own.len() + reference.occurrences.len() - 2 * compared;
-        record.errors = EventErrors { compared, differing, time: Quantiles::of(&mut errors) };
+        errors.sort_by(f64::total_cmp);
+        record.errors = EventErrors { compared, differing, times: errors };
     }
 }
 

@@ -1,0 +1,150 @@
+//! `polhode run` with checkpoints: some bodies at a time, so that `--resume` goes on.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use polhode::plan::PlanDocument;
+use polhode::record::OutputFolder;
+use polhode::run::{Checkpoint, MergedReport, OutputSize};
+use polhode::study::Study;
+
+use crate::arguments::RunArguments;
+use crate::output::{self, Failure};
+use crate::progress::{self, Watch};
+use crate::run::{check_disk, plan, say_if_nothing_is_asked, say_leftovers};
+use crate::shards::say_merged;
+
+/// The time between two checkpoints, where nobody says it.
+const EVERY: Duration = Duration::from_secs(60);
+
+/// The bodies that the plan of a study is made of, and whether those are not all.
+pub fn planned(study: &Study, no_skip: bool) -> (Range<usize>, bool) {
+    let all = study.bodies().count;
+    // All are stepped alike without skipping, as finely as the fastest needs.
+    let planned = if no_skip { 0..all } else { Checkpoint::planned_bodies(study) };
+    let is_sample = planned.len() < all;
+    (planned, is_sample)
+}
+
+/// The time between two checkpoints, where the run has any: on request, and where a plan is not made of all bodies, so that they need not be
+/// in memory together either.
+pub fn every(arguments: &RunArguments, study: &Study) -> Option<Duration> {
+    let is_default = arguments.resume || arguments.plan.is_none() && planned(study, arguments.no_skip).1;
+    let asked = arguments.checkpoint.or_else(|| study.checkpoint()).or(is_default.then_some(EVERY));
+    // A part is a checkpoint itself, and without bodies there is none.
+    asked.filter(|_| arguments.shard.is_none() && study.bodies().count > 0)
+}
+
+/// Runs a study, or what is left of it, into a folder.
+pub fn run(arguments: &RunArguments, study: Study, path: &Path, every: Duration) -> Result<(), Failure> {
+    let report = run_until_written(arguments, study, path, every)?;
+    say_merged(&report, path, (arguments.quiet, arguments.json))
+}
+
+fn run_until_written(
+    arguments: &RunArguments,
+    mut study: Study,
+    path: &Path,
+    every: Duration,
+) -> Result<MergedReport, Failure> {
+    if let Some(precision) = crate::engine::precision(&arguments.engine) {
+        study = study.with_precision(precision);
+    }
+    let document = arguments.plan.as_deref().map(PlanDocument::read).transpose()?;
+    let folder = OutputFolder::create(path, arguments.force)?;
+    let traces = folder.traces().clone();
+    progress::remove_at_end(vec![traces.clone()]);
+    say_leftovers(&folder);
+    let place = Checkpoint::folder_of(path);
+    if arguments.force {
+        Checkpoint::remove(&place);
+    }
+    let found = Checkpoint::find(&place, &study).map_err(|error| {
+        let again = format!("it cannot be resumed: --force begins anew; {}", place.display());
+        Failure::Value(format!("{error}: {again}"))
+    })?;
+    let engine = crate::engine::open(&arguments.engine, arguments.quiet)?;
+    let mut checkpoint = match found {
+        Some(found) if !arguments.resume && found.bodies_done() > 0 => {
+            let (done, all) = (found.bodies_done(), found.body_count());
+            let place = place.display();
+            return Err(Failure::Value(format!(
+                "{place} has {done} of {all} bodies of a run that was not finished: --resume goes on, --force begins anew"
+            )));
+        }
+        Some(found) if arguments.resume => {
+            let (planned, here) = (found.plan().engine(), engine.description().name_of_arithmetic());
+            if planned != here {
+                return Err(Failure::Value(format!(
+                    "--resume: the run was begun on {planned}, this is {here}, whose bits may differ: choose that engine, or begin anew with --force"
+                )));
+            }
+            found
+        }
+        // One without pieces is not worth a question.
+        _ => {
+            Checkpoint::remove(&place);
+            if arguments.resume && !arguments.quiet {
+                output::note(&format!("note: there is no {}: the run begins at its start", place.display()));
+            }
+            let all = study.bodies().count;
+            let planned = if document.is_some() { 0..all } else { planned(&study, arguments.no_skip).0 };
+            let scene = study.clone().part(planned.clone()).scene()?.skipping(!arguments.no_skip);
+            say_if_nothing_is_asked(&study, &scene, arguments.quiet);
+            let plan = plan(arguments, (&study, &scene), &engine, document.as_ref())?;
+            // Pieces stay until they are merged.
+            let OutputSize { rows, least_bytes, likely_bytes } = OutputSize::of(&plan, study.output());
+            let of_all = |count: u64| (count as f64 * (all as f64 / planned.len() as f64)) as u64;
+            let both = OutputSize {
+                rows: of_all(rows),
+                least_bytes: of_all(least_bytes).saturating_mul(2),
+                likely_bytes: of_all(likely_bytes).saturating_mul(2),
+            };
+            check_disk(&folder, both, arguments.quiet)?;
+            progress::leave(Err(place.clone()));
+            Checkpoint::begin(&place, &plan)?
+        }
+    };
+    let mut watch = Watch::new(arguments.quiet);
+    let mut begun = |checkpoint: &Checkpoint, piece: &_| {
+        progress::remove_at_end(vec![Clone::clone(piece), traces.clone()]);
+        progress::leave(left(arguments, checkpoint, path));
+    };
+    let computed = checkpoint.advance(&engine, &study, every, &mut begun, &mut |progress| watch.observe(progress));
+    watch.finish();
+    progress::leave(left(arguments, &checkpoint, path));
+    progress::remove_at_end(vec![traces]);
+    computed.map_err(|error| -> Failure {
+        match left(arguments, &checkpoint, path) {
+            Ok(left) if !(error.is_input() || matches!(error, polhode::Error::Interrupted { .. })) => {
+                output::note(&format!("note: {left}"));
+            }
+            Ok(_) => {}
+            Err(_) => progress::remove_empty(),
+        }
+        match error {
+            polhode::Error::PlanMismatch { field, planned, found, .. } => Failure::Value(format!(
+                "--resume: {field} is {planned} in {}, {found} in the study: choose what the run was begun with, or begin anew with --force",
+                place.display()
+            )),
+            error => study.located(error).into(),
+        }
+    })?;
+    let mut watch = Watch::new(arguments.quiet);
+    let merged = checkpoint.finish(folder, &mut |progress| watch.observe(progress));
+    watch.finish();
+    Ok(merged?)
+}
+
+/// What is there of a run that is stopped now, and how it goes on; before the first piece, the folder that is there in vain.
+fn left(arguments: &RunArguments, checkpoint: &Checkpoint, path: &Path) -> Result<String, PathBuf> {
+    let (done, all) = (checkpoint.bodies_done(), checkpoint.body_count());
+    let place = Checkpoint::folder_of(path);
+    if done == 0 {
+        return Err(place);
+    }
+    let out = arguments.out.as_ref().map_or_else(String::new, |out| format!(" --out {}", out.display()));
+    let study = arguments.study.display();
+    Ok(format!("{done} of {all} bodies are in {}; `polhode run {study}{out} --resume` goes on", place.display()))
+}

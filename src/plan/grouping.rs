@@ -1,0 +1,227 @@
+//! Bodies sorted into groups, each of bodies that are treated alike.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+
+use super::choice::{Classification, Rule, classify};
+use super::class::{Bound, Class, Shape};
+use super::driven::TorqueSet;
+use super::group::{Group, Treatment, level_of, step_of};
+use super::lane_classification::{CLASSIFIED_TOGETHER, LaneClassification};
+use super::resolution::{Resolution, at_rate};
+use super::times::longest_over;
+use crate::bodies::Members;
+use crate::kernel::free_motion::SetUp;
+use crate::math::Precision;
+use crate::scene::Scene;
+use crate::torque::force::Force;
+
+/// Bodies that one task classifies and sorts.
+const BLOCK: usize = 1 << 12;
+
+/// The angle (rad) that a body turns by in a step where a thrust turns with it: the cubic between the attitudes of two steps
+/// ([`crate::torque::force::stepped`]) is then wrong by (1/16)⁴/384 = 4e-8 rad at most.
+const LONGEST_TURN: f64 = 1.0 / 16.0;
+
+impl Resolution {
+    /// The groups of a scene's bodies.
+    pub(super) fn groups(&self, scene: &Scene) -> Vec<Group> {
+        let span = scene.end();
+        let exact = Bound::default();
+        let tolerance = match self {
+            Self::Pinned { .. } | Self::Adaptive { .. } => &exact,
+            Self::Accuracy { tolerance, .. } => tolerance,
+        };
+        sorted(scene, tolerance, |classification| self.place(scene, classification))
+            .into_iter()
+            .map(|((class, strategy), (members, bound))| {
+                let treatment = match strategy {
+                    Strategy::Precession => Treatment::RegularPrecession,
+                    Strategy::ClosedForm { wide, set_up } => {
+                        Treatment::ClosedForm { precision: precision(wide), set_up }
+                    }
+                    Strategy::Level { wide, level } => self.stepped(&class, wide, step_of(level)),
+                    Strategy::Longest { wide } => self.stepped(&class, wide, longest_over(span)),
+                };
+                Group { class, treatment, members, bound }
+            })
+            .collect()
+    }
+
+    fn stepped(&self, class: &Class, wide: bool, step: f64) -> Treatment {
+        let of_rule = |rule: &Rule| rule.treatment(precision(wide), step);
+        match self {
+            Self::Pinned { method, precision, longest_step, projected } => Treatment::Stepped {
+                method: *method,
+                precision: *precision,
+                longest_step: *longest_step,
+                projected: *projected,
+            },
+            Self::Adaptive { method, precision, steps } => {
+                Treatment::Adaptive { method: *method, precision: *precision, steps: *steps }
+            }
+            // Every set of torques that act has a rule.
+            Self::Accuracy { .. } => self.rule(class.torques).map_or(Treatment::RegularPrecession, of_rule),
+        }
+    }
+
+    /// Where a body belongs.
+    fn place(&self, scene: &Scene, classification: &Classification) -> (Shape, Strategy) {
+        let free = classification.torques.is_empty() && scene.may_skip();
+        match self {
+            Self::Pinned { .. } | Self::Adaptive { .. } if free && classification.verdict.shape == Shape::AtRest => {
+                (Shape::AtRest, Strategy::Precession)
+            }
+            Self::Pinned { .. } | Self::Adaptive { .. } => (Shape::Asymmetric, Strategy::Longest { wide: false }),
+            Self::Accuracy { tolerance, closed_form, uniform_rate, .. } => {
+                if free && classification.verdict.shape != Shape::Asymmetric {
+                    return (classification.verdict.shape, Strategy::Precession);
+                }
+                if free {
+                    let set_up = if classification.set_up.within(tolerance) { SetUp::OneWord } else { SetUp::TwoWords };
+                    return (Shape::Asymmetric, Strategy::ClosedForm { wide: *closed_form == Precision::F64, set_up });
+                }
+                let torques = torques_for(scene, classification);
+                let (rate, span) = (at_rate(*classification, *uniform_rate).rate, scene.end());
+                let Some(rule) = self.rule(torques) else {
+                    return (Shape::Asymmetric, Strategy::Longest { wide: true });
+                };
+                let (step, wide) = (rule.longest_step(rate, span), rule.is_wide(rate * span));
+                let turning = scene.forces().iter().any(Force::needs_attitude) && rate > 0.0;
+                let step = if turning { step.min(LONGEST_TURN / rate) } else { step };
+                let strategy = if step < span {
+                    Strategy::Level { wide, level: level_of(step) }
+                } else {
+                    Strategy::Longest { wide }
+                };
+                (Shape::Asymmetric, strategy)
+            }
+        }
+    }
+}
+
+/// How a body's motion is found. Orders groups.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Strategy {
+    Precession,
+    ClosedForm {
+        wide: bool,
+        set_up: SetUp,
+    },
+    Level {
+        wide: bool,
+        level: i32,
+    },
+    /// In steps as long as anything allows.
+    Longest {
+        wide: bool,
+    },
+}
+
+fn precision(wide: bool) -> Precision {
+    if wide { Precision::F64 } else { Precision::F32 }
+}
+
+/// The torques that a body's kernel has.
+fn torques_for(scene: &Scene, classification: &Classification) -> TorqueSet {
+    if !scene.may_skip() { TorqueSet::all(scene.torques().len()) } else { classification.torques }
+}
+
+/// The bodies that are stepped where an error is asked for, by the torques that act.
+pub(super) fn stepped_bodies(scene: &Scene) -> BTreeMap<TorqueSet, Vec<u32>> {
+    let mut found: BTreeMap<TorqueSet, Vec<u32>> = BTreeMap::new();
+    let bodies = 0..scene.ensemble().len() as u32;
+    if !scene.may_skip() {
+        if !bodies.is_empty() {
+            found.insert(TorqueSet::all(scene.torques().len()), bodies.collect());
+        }
+    } else if !scene.torques().is_empty() {
+        let of_block = |block: usize| {
+            let mut lists: BTreeMap<TorqueSet, Vec<u32>> = BTreeMap::new();
+            for body in block * BLOCK..scene.ensemble().len().min((block + 1) * BLOCK) {
+                let torques = TorqueSet::acting_on(scene.torques(), body);
+                if !torques.is_empty() {
+                    lists.entry(torques).or_default().push(body as u32);
+                }
+            }
+            lists
+        };
+        let blocks: Vec<_> = (0..bodies.len().div_ceil(BLOCK)).into_par_iter().map(of_block).collect();
+        for (torques, bodies) in blocks.into_iter().flatten() {
+            found.entry(torques).or_default().extend(bodies);
+        }
+    }
+    found
+}
+
+/// Sorts the bodies by class and by how `place` says that they are treated. Bodies keep their order within a group.
+fn sorted(
+    scene: &Scene,
+    tolerance: &Bound,
+    place: impl Fn(&Classification) -> (Shape, Strategy) + Sync,
+) -> BTreeMap<Key, (Members, Bound)> {
+    let body_count = scene.ensemble().len();
+    let translates = scene.ensemble().translation().is_some();
+    let of_block = |block: usize| {
+        const { assert!(BLOCK.is_multiple_of(CLASSIFIED_TOGETHER)) };
+        let mut lists = Lists::default();
+        let mut lanes = None;
+        for body in block * BLOCK..body_count.min((block + 1) * BLOCK) {
+            let offset = body % CLASSIFIED_TOGETHER;
+            if offset == 0 {
+                lanes = Some(LaneClassification::at(scene, body, tolerance));
+            }
+            let classified = lanes.as_ref().and_then(|lanes: &LaneClassification| lanes.classification(offset));
+            let classification = classified.unwrap_or_else(|| classify(scene, body, tolerance));
+            let (shape, strategy) = place(&classification);
+            let bound = match strategy {
+                Strategy::ClosedForm { set_up: SetUp::OneWord, .. } => classification.set_up,
+                _ if shape == classification.verdict.shape => classification.verdict.bound,
+                _ => Bound::default(),
+            };
+            let torques = torques_for(scene, &classification);
+            let is_linear_rotor = scene.ensemble().is_linear_rotor(body);
+            let (list, greatest) = lists.of((Class { shape, torques, is_linear_rotor, translates }, strategy));
+            list.push(body as u32);
+            *greatest = greatest.or(bound);
+        }
+        lists
+    };
+    let blocks: Vec<Lists> = (0..body_count.div_ceil(BLOCK)).into_par_iter().map(of_block).collect();
+    let mut lists: BTreeMap<Key, (Vec<u32>, Bound)> = BTreeMap::new();
+    for (key, (bodies, bound)) in blocks.into_iter().flat_map(|block| block.lists) {
+        let entry = lists.entry(key).or_default();
+        entry.0.extend(bodies);
+        entry.1 = entry.1.or(bound);
+    }
+    let members =
+        |list: Vec<u32>| if list.len() == body_count { Members::All(body_count) } else { Members::Some(list) };
+    lists.into_iter().map(|(key, (list, bound))| (key, (members(list), bound))).collect()
+}
+
+/// What the bodies of a group have in common.
+type Key = (Class, Strategy);
+
+/// Bodies by what they have in common, and the greatest bound of each list.
+#[derive(Default)]
+struct Lists {
+    lists: Vec<(Key, (Vec<u32>, Bound))>,
+    places: BTreeMap<Key, usize>,
+    /// Where the body before is.
+    last: usize,
+}
+
+impl Lists {
+    /// The list of a key; most often it is that of the body before.
+    fn of(&mut self, key: Key) -> &mut (Vec<u32>, Bound) {
+        let Self { lists, places, last } = self;
+        if lists.get(*last).is_none_or(|(before, _)| *before != key) {
+            *last = *places.entry(key).or_insert(lists.len());
+            if *last == lists.len() {
+                lists.push((key, (Vec::new(), Bound::default())));
+            }
+        }
+        &mut lists[*last].1
+    }
+}

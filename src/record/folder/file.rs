@@ -1,0 +1,106 @@
+//! Files of a result: written piece by piece or as a whole, with sizes and checksums.
+
+use std::fs::{self, File};
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+
+use super::super::part_file::FileEntry;
+use super::names::{PARTIAL, random};
+use crate::error::{Error, FileAction, Result};
+
+/// A file of a result under way; errors call it by its final name.
+#[derive(Debug)]
+pub(crate) struct OutputFile {
+    file: File,
+    target: PathBuf,
+    position: u64,
+}
+
+/// What libraries that encode files write into.
+#[cfg(feature = "parquet")]
+impl Write for OutputFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let count = Write::write(&mut self.file, bytes)?;
+        self.position += count as u64;
+        Ok(count)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl OutputFile {
+    /// Begins a file that does not exist and will be called `target`.
+    pub(super) fn create(path: &Path, target: PathBuf) -> Result<Self> {
+        let file = File::create_new(path).map_err(|error| Error::file(&target, FileAction::Write, &error))?;
+        Ok(Self { file, target, position: 0 })
+    }
+
+    /// Its final name.
+    #[cfg(feature = "parquet")]
+    pub(crate) fn path(&self) -> &Path {
+        &self.target
+    }
+
+    fn failed(&self, error: &io::Error) -> Error {
+        Error::file(&self.target, FileAction::Write, error)
+    }
+
+    /// Appends bytes.
+    pub(crate) fn write(&mut self, bytes: &[u8]) -> Result<()> {
+        self.file.write_all(bytes).map_err(|error| self.failed(&error))?;
+        self.position += bytes.len() as u64;
+        Ok(())
+    }
+
+    /// Writes bytes at an offset.
+    pub(crate) fn write_at(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
+        use std::io::{Seek, SeekFrom};
+        if offset != self.position {
+            self.file.seek(SeekFrom::Start(offset)).map_err(|error| self.failed(&error))?;
+            self.position = offset;
+        }
+        self.write(bytes)
+    }
+
+    /// Waits until all is on the disk: what the system could not write is known by then, at the latest.
+    pub(crate) fn finish(self) -> Result<()> {
+        self.file.sync_all().map_err(|error| self.failed(&error))
+    }
+}
+
+/// Writes a file that appears as a whole and replaces any file of its name; a link is replaced, not followed.
+pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
+    let mut name = std::ffi::OsString::from(".");
+    name.push(path.file_name().unwrap_or_default());
+    name.push(format!(".{}.{PARTIAL}", random()));
+    let temporary = path.with_file_name(name);
+    let written = File::create_new(&temporary)
+        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
+        .and_then(|()| fs::rename(&temporary, path));
+    written.map_err(|error| {
+        let _ = fs::remove_file(&temporary);
+        Error::file(path, FileAction::Write, &error)
+    })
+}
+
+/// Size and checksum of a file as it is.
+pub(crate) fn file_entry(folder: &Path, name: &str) -> Result<FileEntry> {
+    let path = folder.join(name);
+    let mut checksum = crc32fast::Hasher::new();
+    let mut read = || -> io::Result<u64> {
+        let (mut file, mut buffer, mut bytes) = (File::open(&path)?, vec![0; 1 << 20], 0);
+        loop {
+            match file.read(&mut buffer)? {
+                0 => return Ok(bytes),
+                count => {
+                    checksum.update(&buffer[..count]);
+                    bytes += count as u64;
+                }
+            }
+        }
+    };
+    let bytes = read().map_err(|error| Error::file(&path, FileAction::Read, &error))?;
+    Ok(FileEntry { name: name.to_owned(), bytes, checksum: checksum.finalize() })
+}

@@ -1,0 +1,69 @@
+//! Names of a result's files, and of what a run has beside them until it is complete.
+
+use std::collections::hash_map::RandomState;
+use std::hash::{BuildHasher, Hasher};
+use std::path::{Path, PathBuf};
+
+use super::super::part_file::{BLOCKS, EVENTS, PART};
+
+/// The file that appears last, when a run is complete.
+pub const REPORT: &str = "report.json";
+/// The file that repeats a run.
+pub const PLAN: &str = "plan.json";
+
+/// Stems of the tables that a run may write.
+const TABLES: [&str; 9] =
+    ["final", "snapshots", "statistics", "failed", "events", "survival", "histograms", "initial", "cells"];
+/// Endings of tables.
+const TABLE_ENDINGS: [&str; 3] = ["csv", "npz", "parquet"];
+/// Stems of the pictures that are drawn of a run.
+const PICTURES: [&str; 7] = ["run", "final", "statistics", "means", "histograms", "survival", "map"];
+/// What stands before the number of a body in the stem of its pictures.
+const PICTURE_OF_BODY: &str = "run-body-";
+/// Endings of pictures.
+const PICTURE_ENDINGS: [&str; 2] = ["svg", "png"];
+
+/// The ending of the folder that a run writes to.
+pub(super) const PARTIAL: &str = "partial";
+/// The ending of the folder of a former result while it is replaced.
+pub(super) const FORMER: &str = "former";
+/// The ending of a complete result that could not get its name.
+pub(super) const KEPT: &str = "kept";
+
+/// Whether a file of this name is a run's, or a picture of one, and gives way with it.
+pub(super) fn is_result(name: &str) -> bool {
+    let Some((stem, ending)) = name.rsplit_once('.') else { return false };
+    let body = stem.strip_prefix(PICTURE_OF_BODY).unwrap_or_default();
+    let of_body = !body.is_empty() && body.bytes().all(|digit| digit.is_ascii_digit());
+    [PLAN, REPORT, PART, BLOCKS, EVENTS].contains(&name)
+        || TABLES.contains(&stem) && TABLE_ENDINGS.contains(&ending)
+        || (PICTURES.contains(&stem) || of_body) && PICTURE_ENDINGS.contains(&ending)
+}
+
+/// What the names of lock and temporary folders of a target begin with.
+pub(super) fn prefix(target: &Path, in_place: bool) -> PathBuf {
+    let name = target.file_name().unwrap_or_default();
+    if in_place {
+        return target.join(".polhode");
+    }
+    let mut prefix = std::ffi::OsString::from(".");
+    prefix.push(name);
+    prefix.push(".polhode");
+    target.with_file_name(prefix)
+}
+
+/// A name that begins so.
+pub(super) fn with_suffix(prefix: &Path, suffix: &str) -> PathBuf {
+    let mut path = prefix.as_os_str().to_owned();
+    path.push("-");
+    path.push(suffix);
+    path.into()
+}
+
+/// Digits of [`random`].
+pub(super) const RANDOM_DIGITS: usize = 16;
+
+/// A number that no other run has, in any container: the seed of the standard library's hash maps.
+pub(super) fn random() -> String {
+    format!("{:016x}", RandomState::new().build_hasher().finish())
+}

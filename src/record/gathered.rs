@@ -1,0 +1,168 @@
+//! What is gathered of quantities at an output time, block by block of bodies, so that parts of an ensemble can be put together.
+
+#[cfg(feature = "study")]
+use serde::{Deserialize, Serialize};
+
+use super::{HistogramCounts, Statistics, Summary};
+use crate::math::Sketch;
+use crate::scene::{Observed, Quantity};
+
+/// Mean, deviation and extremes of some numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "study", derive(Serialize, Deserialize))]
+pub(crate) struct Moments {
+    count: u64,
+    mean: f64,
+    /// The sum of squared deviations from the mean.
+    squares: f64,
+    /// The extremes, and whose they are.
+    least: (f64, usize),
+    greatest: (f64, usize),
+}
+
+impl Moments {
+    /// In two passes; what is not finite is left out.
+    pub fn of(first_body: usize, values: &[f64]) -> Self {
+        let is_finite = |value: &f64| f64::from(u8::from(value.is_finite()));
+        let finite = |value: &f64| if value.is_finite() { *value } else { 0.0 };
+        let count = sum_in_lanes(values, is_finite);
+        if count == 0.0 {
+            return Self::default();
+        }
+        let mean = sum_in_lanes(values, finite) / count;
+        let squares = sum_in_lanes(values, |value| {
+            let deviation = if value.is_finite() { value - mean } else { 0.0 };
+            deviation * deviation
+        });
+        let (mut least, mut greatest) = (f64::INFINITY, f64::NEG_INFINITY);
+        for &value in values {
+            let low = if value.is_finite() { value } else { f64::INFINITY };
+            let high = if value.is_finite() { value } else { f64::NEG_INFINITY };
+            least = if low < least { low } else { least };
+            greatest = if high > greatest { high } else { greatest };
+        }
+        let body = |extreme: f64| first_body + values.iter().position(|&value| value == extreme).unwrap_or(0);
+        Self { count: count as u64, mean, squares, least: (least, body(least)), greatest: (greatest, body(greatest)) }
+    }
+
+    /// Of both (Chan, Golub and LeVeque 1983, equation 2.1); of equal extremes the first stays.
+    pub fn merged(self, other: Self) -> Self {
+        if self.count == 0 || other.count == 0 {
+            return if self.count == 0 { other } else { self };
+        }
+        let count = self.count + other.count;
+        let share = other.count as f64 / count as f64;
+        let difference = other.mean - self.mean;
+        Self {
+            count,
+            mean: self.mean + difference * share,
+            squares: self.squares + other.squares + difference * difference * (self.count as f64 * share),
+            least: if other.least.0 < self.least.0 { other.least } else { self.least },
+            greatest: if other.greatest.0 > self.greatest.0 { other.greatest } else { self.greatest },
+        }
+    }
+
+    /// The same with bodies counted as in the whole that they are a part of.
+    #[cfg(feature = "study")]
+    fn counted_from(mut self, first_body: usize) -> Self {
+        if self.count > 0 {
+            self.least.1 += first_body;
+            self.greatest.1 += first_body;
+        }
+        self
+    }
+}
+
+/// A sum in eight parts, which processors form side by side, in an order that does not depend on them.
+fn sum_in_lanes(values: &[f64], term: impl Fn(&f64) -> f64) -> f64 {
+    let mut parts = [0.0; 8];
+    let groups = values.chunks_exact(parts.len());
+    let rest: f64 = groups.remainder().iter().map(&term).sum();
+    for group in groups {
+        for (part, value) in parts.iter_mut().zip(group) {
+            *part += term(value);
+        }
+    }
+    parts.iter().sum::<f64>() + rest
+}
+
+/// What is gathered of a quantity that has statistics.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "study", derive(Serialize, Deserialize))]
+pub(crate) struct GatheredQuantity {
+    /// By block of bodies.
+    pub moments: Vec<Moments>,
+    /// Empty where no quantiles are asked for.
+    pub sketch: Sketch,
+}
+
+/// What is gathered of some blocks of bodies at an output time: statistics, quantiles and histograms of all bodies are formed of it, to the
+/// bit the same in however many parts it comes.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "study", derive(Serialize, Deserialize))]
+pub struct Gathered {
+    /// Bodies that have not failed.
+    pub(crate) bodies: usize,
+    /// In the order in which statistics are asked for.
+    pub(crate) quantities: Vec<GatheredQuantity>,
+    /// The counts of each histogram.
+    pub(crate) histograms: Vec<Vec<u64>>,
+}
+
+impl Gathered {
+    /// Of no bodies yet in so many blocks.
+    pub(crate) fn new(observed: &Observed, blocks: usize) -> Self {
+        let quantity = GatheredQuantity { moments: vec![Moments::default(); blocks], sketch: Sketch::default() };
+        Self {
+            bodies: 0,
+            quantities: vec![quantity; observed.statistics.len()],
+            histograms: observed.histograms.iter().map(|histogram| vec![0; histogram.bins() + 2]).collect(),
+        }
+    }
+
+    /// Whether it can be of what is asked for.
+    #[cfg(feature = "study")]
+    pub(crate) fn fits(&self, observed: &Observed) -> bool {
+        let Observed { statistics, histograms, .. } = observed;
+        self.quantities.len() == statistics.len()
+            && self.histograms.len() == histograms.len()
+            && self.histograms.iter().zip(histograms).all(|(counts, histogram)| counts.len() == histogram.bins() + 2)
+    }
+
+    /// Takes what was gathered of the blocks that follow, whose bodies are counted from `first_body`.
+    #[cfg(feature = "study")]
+    pub(crate) fn append(&mut self, other: Self, first_body: usize) {
+        self.bodies += other.bodies;
+        for (own, found) in self.quantities.iter_mut().zip(other.quantities) {
+            own.moments.extend(found.moments.into_iter().map(|moments| moments.counted_from(first_body)));
+            own.sketch.merge(&found.sketch);
+        }
+        for (own, found) in self.histograms.iter_mut().zip(other.histograms) {
+            own.iter_mut().zip(found).for_each(|(own, count)| *own += count);
+        }
+    }
+
+    /// What all of it comes to at `time`, s.
+    pub(crate) fn summed(&self, observed: &Observed, time: f64) -> (Statistics, Vec<HistogramCounts>) {
+        let summary = |(quantity, gathered): (&Quantity, &GatheredQuantity)| {
+            let all = gathered.moments.iter().copied().fold(Moments::default(), Moments::merged);
+            let Moments { count, mean, squares, least, greatest } = all;
+            let any = count > 0;
+            let or_nan = |value: f64| if any { value } else { f64::NAN };
+            let quantile = |&percent: &f64| gathered.sketch.quantile(percent).clamp(least.0, greatest.0);
+            Summary {
+                quantity: quantity.clone(),
+                mean: or_nan(mean),
+                standard_deviation: or_nan((squares / count as f64).sqrt()),
+                min: or_nan(least.0),
+                max: or_nan(greatest.0),
+                min_body: any.then_some(least.1),
+                max_body: any.then_some(greatest.1),
+                quantiles: observed.quantiles.iter().map(quantile).collect(),
+            }
+        };
+        let summaries = observed.statistics.iter().zip(&self.quantities).map(summary).collect();
+        let histograms = self.histograms.iter().map(|counts| HistogramCounts { time, counts: counts.clone() });
+        (Statistics { time, count: self.bodies, summaries }, histograms.collect())
+    }
+}

@@ -1,0 +1,318 @@
+//! What a part of a study leaves beside its tables, of which those of the whole are made.
+
+use std::ops::Range;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::column::{Layout, Named};
+use super::failed::KnownTo;
+use super::folder::Metadata;
+use super::{Censored, EventErrors, EventOccurrence, EventRecord, EventTime, FailedBody, Gathered, Statistics};
+use crate::bodies::Status;
+use crate::error::{Error, Result};
+use crate::kernel::observe::Partial;
+use crate::scene::Event;
+use crate::study::text::read_text;
+use crate::study::{Format, Output};
+
+/// What says of a part whose it is.
+pub(crate) const PART: &str = "part.json";
+
+/// What statistics, quantiles and histograms of a part's bodies are formed of, a line an output.
+pub(crate) const BLOCKS: &str = "blocks.jsonl";
+
+/// The events of a part's bodies, an entry an event.
+pub(crate) const EVENTS: &str = "part_events.json";
+
+/// The layout of all three.
+const FORMAT: u32 = 3;
+
+/// What stands in [`PART`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PartFile {
+    format: u32,
+    polhode: String,
+    pub first_body: usize,
+    pub bodies: usize,
+    /// Of all parts.
+    pub body_count: usize,
+    /// The columns of tables of states between `t` and `status`.
+    columns: Vec<ColumnEntry>,
+    /// Cells of the study's design, where it has one.
+    pub cells: Option<usize>,
+    /// What files that have metadata say of the run.
+    pub metadata: Vec<(String, String)>,
+    /// Output times, s.
+    pub times: Vec<f64>,
+    final_state: bool,
+    snapshots: bool,
+    /// Whether there is a table of what bodies start with.
+    pub initial: bool,
+    output_format: String,
+    /// How many bodies of all parts may fail.
+    pub allowed_failures: u64,
+    pub failures: Vec<FailureEntry>,
+    pub files: Vec<FileEntry>,
+}
+
+/// A column of a table of states.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ColumnEntry {
+    name: String,
+    unit: String,
+    meaning: String,
+}
+
+/// A file of a part as it was written.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct FileEntry {
+    pub name: String,
+    pub bytes: u64,
+    /// CRC-32, as ZIP archives have it.
+    pub checksum: u32,
+}
+
+/// A body that has failed ([`FailedBody`]), counted as in the whole.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct FailureEntry {
+    body: usize,
+    reason: u8,
+    time: f64,
+    known_to_step: bool,
+    last_good_time: f64,
+    orientation: [f64; 4],
+    angular_velocity_body: [f64; 3],
+}
+
+impl From<&FailedBody> for FailureEntry {
+    fn from(failed: &FailedBody) -> Self {
+        Self {
+            body: failed.body,
+            reason: failed.reason.number(),
+            time: failed.time,
+            known_to_step: failed.known_to == KnownTo::Step,
+            last_good_time: failed.last_good_time,
+            orientation: failed.orientation.to_array(),
+            angular_velocity_body: failed.angular_velocity_body.to_array(),
+        }
+    }
+}
+
+impl From<&FailureEntry> for FailedBody {
+    fn from(entry: &FailureEntry) -> Self {
+        Self {
+            body: entry.body,
+            reason: Status::from_code(f64::from(entry.reason)),
+            time: entry.time,
+            known_to: if entry.known_to_step { KnownTo::Step } else { KnownTo::Output },
+            last_good_time: entry.last_good_time,
+            orientation: glam::DQuat::from_array(entry.orientation),
+            angular_velocity_body: glam::DVec3::from_array(entry.angular_velocity_body),
+        }
+    }
+}
+
+/// The bodies of a part, and what is written of them.
+pub(crate) struct PartContents<'a> {
+    pub bodies: Range<usize>,
+    pub body_count: usize,
+    pub columns: &'a [Named],
+    pub cells: Option<usize>,
+    pub metadata: Metadata,
+    pub times: &'a [f64],
+    pub output: &'a Output,
+    pub allowed_failures: u64,
+    pub failures: &'a [FailedBody],
+    pub files: Vec<FileEntry>,
+}
+
+impl PartFile {
+    pub fn new(contents: PartContents<'_>) -> Self {
+        let PartContents { bodies, body_count, columns, times, output, .. } = contents;
+        let column = |Named { name, unit, meaning }: Named| ColumnEntry { name, unit, meaning };
+        Self {
+            format: FORMAT,
+            polhode: env!("CARGO_PKG_VERSION").to_owned(),
+            first_body: bodies.start,
+            bodies: bodies.len(),
+            body_count,
+            columns: columns.iter().cloned().map(column).collect(),
+            cells: contents.cells,
+            metadata: contents.metadata,
+            times: times.to_vec(),
+            final_state: output.final_state,
+            snapshots: output.snapshots,
+            initial: output.initial,
+            output_format: output.format.name().to_owned(),
+            allowed_failures: contents.allowed_failures,
+            failures: contents.failures.iter().map(FailureEntry::from).collect(),
+            files: contents.files,
+        }
+    }
+
+    pub fn to_json(&self) -> String {
+        // Fixed keys, finite numbers and strings: there is nothing to fail on.
+        serde_json::to_string(self).unwrap_or_default() + "\n"
+    }
+
+    /// Reads that of a part's folder.
+    pub fn read(folder: &Path) -> Result<Self> {
+        #[derive(Deserialize)]
+        struct Head {
+            format: u32,
+            polhode: String,
+        }
+        let path = folder.join(PART);
+        let text = read_text(&path)?;
+        let wrong = |reason: String| Error::Table { path: path.clone(), reason };
+        let release = env!("CARGO_PKG_VERSION");
+        let cut = |error: serde_json::Error| wrong(format!("expected what a run of a part writes: {error}"));
+        let head: Head = serde_json::from_str(&text).map_err(cut)?;
+        if head.format != FORMAT || head.polhode != release {
+            return Err(wrong(format!("it is of polhode {}, this is {release}: run the part again", head.polhode)));
+        }
+        serde_json::from_str(&text).map_err(cut)
+    }
+
+    /// The tables that were asked for: those of the end, and those of all output times.
+    pub fn tables(&self) -> (bool, bool) {
+        (self.final_state, self.snapshots)
+    }
+
+    /// Their format; `None` of one that this build does not write.
+    pub fn output_format(&self) -> Option<Format> {
+        Format::ALL.iter().copied().find(|format| format.name() == self.output_format)
+    }
+
+    /// The columns of tables of states between `t` and `status`.
+    pub fn layout(&self) -> Layout {
+        let column = |ColumnEntry { name, unit, meaning }: ColumnEntry| Named { name, unit, meaning };
+        Layout::of_columns(self.columns.iter().cloned().map(column).collect(), self.cells)
+    }
+
+    /// A text that the metadata hold.
+    pub fn entry(&self, key: &str) -> Option<&str> {
+        self.metadata.iter().find(|(name, _)| name == key).map(|(_, value)| value.as_str())
+    }
+
+    /// What two parts of one run have in common but does not show in their plan; the first that differs, by name.
+    pub fn difference(&self, other: &Self) -> Option<&'static str> {
+        let same = [
+            (self.body_count == other.body_count, "the number of bodies"),
+            (self.times == other.times, "output times"),
+            (self.tables() == other.tables() && self.output_format == other.output_format, "[output]"),
+            (self.initial == other.initial, "output.initial"),
+            (self.columns == other.columns, "output.columns"),
+            (self.metadata == other.metadata, "the text of the study"),
+            (self.allowed_failures == other.allowed_failures, "failures.allow"),
+        ];
+        same.into_iter().find(|(same, _)| !same).map(|(_, name)| name)
+    }
+}
+
+/// What a line of [`BLOCKS`] holds: of a part's blocks at an output time.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct BlocksLine {
+    pub time: f64,
+    /// Statistics that are formed where the states are, by block.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub blocks: Vec<Vec<Partial<f64>>>,
+    /// What is formed of the states, with bodies counted as in the part.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gathered: Option<Gathered>,
+}
+
+impl BlocksLine {
+    /// From a part whose first body has an index in the whole.
+    pub fn of_blocks(time: f64, blocks: &[Vec<Partial<f64>>], first_body: usize) -> Self {
+        let mut blocks = blocks.to_vec();
+        for partial in blocks.iter_mut().flatten().filter(|partial| partial.count > 0) {
+            partial.least.body += first_body as u32;
+            partial.greatest.body += first_body as u32;
+        }
+        Self { time, blocks, gathered: None }
+    }
+
+    pub fn of_gathered(time: f64, gathered: Gathered) -> Self {
+        Self { time, blocks: Vec::new(), gathered: Some(gathered) }
+    }
+
+    pub fn to_line(&self) -> String {
+        // Fixed keys and finite numbers: there is nothing to fail on.
+        serde_json::to_string(self).unwrap_or_default() + "\n"
+    }
+}
+
+/// An event of a part's bodies: an entry of [`EVENTS`].
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct EventEntry {
+    occurrences: Vec<OccurrenceEntry>,
+    /// Who failed without having had it, and when.
+    censored: Vec<(usize, f64)>,
+    compared: usize,
+    differing: usize,
+    errors: Vec<f64>,
+}
+
+/// The body, the time and how it is known, the orientation and the angular velocity.
+type OccurrenceEntry = (usize, f64, u8, [f64; 4], [f64; 3]);
+
+impl EventEntry {
+    /// From a part whose first body has an index in the whole.
+    pub fn new(record: &EventRecord, first_body: usize) -> Self {
+        let occurrence = |found: &EventOccurrence| {
+            let known_to = EventTime::ALL.iter().position(|known| *known == found.known_to).unwrap_or(0) as u8;
+            let (orientation, velocity) = (found.orientation.to_array(), found.angular_velocity_body.to_array());
+            (first_body + found.body, found.time, known_to, orientation, velocity)
+        };
+        Self {
+            occurrences: record.occurrences.iter().map(occurrence).collect(),
+            censored: record.censored.iter().map(|censored| (first_body + censored.body, censored.time)).collect(),
+            compared: record.errors.compared,
+            differing: record.errors.differing,
+            errors: record.errors.times.clone(),
+        }
+    }
+
+    /// Those of all parts together; `None` where one is not as it was written.
+    pub fn merged(event: &Event, bodies: usize, parts: &[Self]) -> Option<EventRecord> {
+        let occurrence = |&(body, time, known_to, orientation, velocity): &OccurrenceEntry| {
+            Some(EventOccurrence {
+                body,
+                time,
+                known_to: *EventTime::ALL.get(usize::from(known_to))?,
+                orientation: glam::DQuat::from_array(orientation),
+                angular_velocity_body: glam::DVec3::from_array(velocity),
+            })
+        };
+        let found = parts.iter().flat_map(|part| &part.occurrences).map(occurrence);
+        let mut occurrences = found.collect::<Option<Vec<_>>>()?;
+        occurrences.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.body.cmp(&b.body)));
+        let censored = parts.iter().flat_map(|part| &part.censored);
+        let mut censored: Vec<Censored> = censored.map(|&(body, time)| Censored { body, time }).collect();
+        censored.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.body.cmp(&b.body)));
+        let mut times: Vec<f64> = parts.iter().flat_map(|part| &part.errors).copied().collect();
+        times.sort_by(f64::total_cmp);
+        let sum = |count: fn(&Self) -> usize| parts.iter().map(count).sum();
+        let errors = EventErrors { compared: sum(|part| part.compared), differing: sum(|part| part.differing), times };
+        Some(EventRecord { event: event.clone(), bodies, occurrences, censored, errors })
+    }
+}
+
+impl Statistics {
+    /// The same with bodies counted as in the whole that they are a part of.
+    pub(crate) fn counted_from(mut self, first_body: usize) -> Self {
+        for summary in &mut self.summaries {
+            summary.min_body = summary.min_body.map(|body| first_body + body);
+            summary.max_body = summary.max_body.map(|body| first_body + body);
+        }
+        self
+    }
+}

@@ -1,0 +1,291 @@
+//! Runs of a study some bodies at a time: what is computed stays, and a run that has ended early goes on from there.
+//!
+//! Bodies do not act on each other, so a run is cut by bodies. Each piece of consecutive blocks of bodies ([`crate::bodies::Blocks`]) is run from
+//! start to end and written into a folder of its own, which appears when all of it is on the disk, as that of a part does. When all pieces are
+//! there, they are merged. Results do not depend on the cut, so the tables are those of one run, byte for byte, however often it
+//! was stopped; and memory is that of a piece.
+
+use std::fs;
+use std::io::ErrorKind;
+use std::ops::{ControlFlow, Range};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+use super::files::{STUDY_TEXT, run_part_to_folder, write_plan};
+use super::merge::{MergedReport, check_files, merge_folders};
+use crate::bodies::{Blocks, memory};
+use crate::engine::{Backend, Progress};
+use crate::error::{Error, FileAction, Result};
+use crate::plan::{Plan, PlanDocument};
+use crate::record::part_file::PartFile;
+use crate::record::{OutputFolder, PLAN, REPORT, Traces};
+use crate::study::Study;
+use crate::study::text::read_text;
+
+/// What the folder of a piece is called: `bodies-0-4095`.
+const PIECE: &str = "bodies-";
+
+/// The most bodies of a piece: what a run keeps of them takes less than a gigabyte.
+const MOST_BODIES: usize = 1 << 21;
+
+/// The most bodies that a plan is made of: a sample of those that are drawn alike.
+const MOST_PLANNED: usize = 1 << 20;
+
+/// Bodies a cell that a plan is made of, at the least.
+const LEAST_OF_CELL: usize = 16;
+
+/// The first piece takes this part of the time between two checkpoints: what a plan expects of it is not measured.
+const FIRST: f64 = 0.25;
+
+/// A piece has at most so many times the bodies of the one before.
+const GROWTH: usize = 4;
+
+/// Where neither is known how long they take, a piece has one in this many bodies, and at least so many.
+const ONE_IN: usize = 64;
+const LEAST_BODIES: usize = 64;
+
+/// What is computed of a run: a folder of finished pieces, and the plan that they follow.
+#[derive(Debug)]
+pub struct Checkpoint {
+    folder: PathBuf,
+    plan: PlanDocument,
+    /// The finished pieces, in the order of their bodies.
+    pieces: Vec<Range<usize>>,
+    pace: Pace,
+}
+
+/// How fast bodies are computed.
+#[derive(Clone, Copy, Debug)]
+enum Pace {
+    Unknown,
+    /// Bodies a second, as the plan expects.
+    Expected(f64),
+    /// Bodies a second of the last piece.
+    Measured(f64),
+}
+
+impl Pace {
+    /// Of a piece whose report has these wall times. Opening and closing files takes as long of a piece of any size, so it says nothing of how
+    /// many bodies a longer one would have.
+    fn measured(bodies: usize, wall_time: &Value) -> Self {
+        const OF_BODIES: [&str; 8] = ["study", "prepare", "start", "compute", "read", "observe", "format", "shadow"];
+        let seconds: f64 = OF_BODIES.iter().filter_map(|phase| wall_time[phase].as_f64()).sum();
+        if seconds > 0.0 { Self::Measured(bodies as f64 / seconds) } else { Self::Unknown }
+    }
+}
+
+impl Checkpoint {
+    /// The folder that belongs to a folder of results: that with `.checkpoint` behind its name.
+    pub fn folder_of(results: &Path) -> PathBuf {
+        let mut name = results.file_name().unwrap_or_default().to_owned();
+        name.push(".checkpoint");
+        results.with_file_name(name)
+    }
+
+    /// What a run of `study` has left in a folder; `None` where there is no such folder, or nothing of a run in it.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`] where it cannot be read; [`Error::PlanFormat`] and [`Error::Table`] where it holds no plan of this release, or a
+    /// piece is not as it was written, follows another plan, or is of another text of the study.
+    pub fn find(folder: &Path, study: &Study) -> Result<Option<Self>> {
+        let entries = match fs::read_dir(folder) {
+            Ok(entries) => entries,
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(Error::file(folder, FileAction::Read, &error)),
+        };
+        let mut pieces = Vec::new();
+        for entry in entries {
+            let entry = entry.map_err(|error| Error::file(folder, FileAction::Read, &error))?;
+            pieces.extend(bodies_of(&entry.file_name().to_string_lossy()));
+        }
+        // One that was stopped before it had a plan.
+        if pieces.is_empty() && !folder.join(PLAN).exists() {
+            return Ok(None);
+        }
+        let plan = PlanDocument::read(&folder.join(PLAN))?;
+        pieces.sort_by_key(|bodies: &Range<usize>| bodies.start);
+        let mut found = Self { folder: folder.to_owned(), plan, pieces, pace: Pace::Unknown };
+        found.check(study)?;
+        Ok(Some(found))
+    }
+
+    /// Refuses pieces that are not as they were written, and takes note of how long the last one took.
+    fn check(&mut self, study: &Study) -> Result<()> {
+        let mut next = 0;
+        for bodies in &self.pieces {
+            let path = self.piece(bodies);
+            let wrong = |reason: &str| Error::Table { path: path.clone(), reason: reason.to_owned() };
+            let part = PartFile::read(&path)?;
+            if (part.first_body, part.bodies) != (bodies.start, bodies.len()) || bodies.start != next {
+                return Err(wrong("expected the bodies that its name says, behind those of the piece before"));
+            }
+            if read_text(&path.join(PLAN))? != self.plan.text() {
+                return Err(wrong("its plan is not that of the checkpoint"));
+            }
+            if part.entry(STUDY_TEXT) != Some(study.text()) {
+                return Err(wrong("it was begun with another text of the study"));
+            }
+            check_files(&part, &path)?;
+            next = bodies.end;
+        }
+        if let Some(last) = self.pieces.last() {
+            let report: Value = serde_json::from_str(&read_text(&self.piece(last).join(REPORT))?).unwrap_or_default();
+            self.pace = Pace::measured(last.len(), &report["wall_time"]);
+        }
+        Ok(())
+    }
+
+    /// The bodies of a study that a plan of all of them is made of ([`Study::part`]): the first 2^20 where there are more and all are drawn alike,
+    /// so that they need not be in memory together. Where each is a row of a table, those are all of them.
+    pub fn planned_bodies(study: &Study) -> Range<usize> {
+        let all = study.bodies().count;
+        let cells = study.design().map_or(1, |design| design.cells());
+        let is_sample = study.bodies().table.is_none() && cells.saturating_mul(LEAST_OF_CELL) <= MOST_PLANNED;
+        0..if is_sample { all.min(MOST_PLANNED) } else { all }
+    }
+
+    /// Begins one of a run of `plan`, which was made of all bodies or of [`Checkpoint::planned_bodies`], in a folder, which is made.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`].
+    pub fn begin(folder: &Path, plan: &Plan<'_>) -> Result<Self> {
+        fs::create_dir_all(folder).map_err(|error| Error::file(folder, FileAction::Create, &error))?;
+        let path = folder.join(PLAN);
+        write_plan(plan, &path).inspect_err(|_| Self::remove(folder))?;
+        let seconds: Option<f64> = plan.explain().classes.iter().map(|class| class.seconds).sum();
+        let bodies = plan.scene().ensemble().len() as f64;
+        let pace = seconds.filter(|seconds| *seconds > 0.0).map_or(Pace::Unknown, |s| Pace::Expected(bodies / s));
+        Ok(Self { folder: folder.to_owned(), plan: PlanDocument::read(&path)?, pieces: Vec::new(), pace })
+    }
+
+    /// The plan that all bodies follow.
+    pub fn plan(&self) -> &PlanDocument {
+        &self.plan
+    }
+
+    /// Number of bodies that are computed.
+    pub fn bodies_done(&self) -> usize {
+        self.pieces.last().map_or(0, |bodies| bodies.end)
+    }
+
+    /// Number of all bodies.
+    pub fn body_count(&self) -> usize {
+        self.plan.body_count()
+    }
+
+    fn piece(&self, bodies: &Range<usize>) -> PathBuf {
+        self.folder.join(format!("{PIECE}{}-{}", bodies.start, bodies.end - 1))
+    }
+
+    /// The bodies of the next piece, which take about as long as `every` and half of the memory that there is at most.
+    fn next_bodies(&self, study: &Study, every: Duration) -> Range<usize> {
+        let (start, all) = (self.bodies_done(), self.body_count());
+        let size = Blocks::of(all).size();
+        let wanted = match self.pace {
+            Pace::Unknown => (all / ONE_IN).max(LEAST_BODIES),
+            Pace::Expected(rate) => (rate * FIRST * every.as_secs_f64()) as usize,
+            Pace::Measured(rate) => (rate * every.as_secs_f64()) as usize,
+        };
+        let room = memory::available().map_or(usize::MAX, |bytes| bytes as usize / (2 * study.bytes_of_body()));
+        let growth = self.pieces.last().map_or(usize::MAX, |last| last.len().saturating_mul(GROWTH));
+        let most = growth.min(room).min(MOST_BODIES);
+        let blocks = (wanted.min(most) / size).max(1);
+        start..start.saturating_add(blocks * size).min(all)
+    }
+
+    /// Computes what is left of `study`, on `engine`, in pieces that take about as long as `every`. `begun` is told of what each piece has in
+    /// the file system until it is finished.
+    ///
+    /// # Errors
+    ///
+    /// As [`crate::run::run_to_folder`] and [`Plan::repeated`]; what was finished before stays.
+    pub fn advance(
+        &mut self,
+        engine: &dyn Backend,
+        study: &Study,
+        every: Duration,
+        begun: &mut dyn FnMut(&Self, &Traces),
+        observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+    ) -> Result<()> {
+        let (first, mut done) = (self.bodies_done(), 0_u64);
+        while self.bodies_done() < self.body_count() {
+            let since = Instant::now();
+            let bodies = self.next_bodies(study, every);
+            let folder = OutputFolder::create(&self.piece(&bodies), false)?;
+            begun(self, folder.traces());
+            let study = study.clone().part(bodies.clone());
+            let scene = study.scene()?.skipping(self.plan.may_skip());
+            let plan = Plan::repeated(&scene, engine, &self.plan)?;
+            // What a body takes is known of those of the pieces so far.
+            let left = (self.body_count() - first) as f64 / (bodies.end - first) as f64;
+            let mut of_piece = 0;
+            let mut of_all = |progress: Progress| {
+                of_piece = progress.total;
+                let total = ((done + progress.total) as f64 * left) as u64;
+                observer(Progress { done: done + progress.done, total })
+            };
+            let report = run_part_to_folder(engine, &plan, &study, &self.plan, folder, since, &mut of_all)?;
+            done += of_piece;
+            self.pace = Pace::measured(bodies.len(), &serde_json::to_value(report.wall_time).unwrap_or_default());
+            self.pieces.push(bodies);
+        }
+        Ok(())
+    }
+
+    /// Merges all pieces into `folder`, as [`crate::run::merge`] does with parts, and removes them.
+    ///
+    /// # Errors
+    ///
+    /// As [`crate::run::merge`]; the pieces stay then.
+    pub fn finish(
+        self,
+        folder: OutputFolder,
+        observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+    ) -> Result<MergedReport> {
+        let name = |bodies: &Range<usize>| format!("bodies {} to {}", bodies.start, bodies.end - 1);
+        let folders: Vec<_> = self.pieces.iter().map(|bodies| (name(bodies), self.piece(bodies))).collect();
+        let report = merge_folders(&self.folder, &folders, folder, observer)?;
+        Self::remove(&self.folder);
+        Ok(report)
+    }
+
+    /// Removes what runs have left in a folder, and the folder, if nothing else is in it. What cannot be removed stays.
+    pub fn remove(folder: &Path) {
+        let Ok(entries) = fs::read_dir(folder) else { return };
+        for entry in entries.flatten() {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            let own = name.strip_prefix('.').unwrap_or(&name);
+            if own.starts_with(PIECE) {
+                let _ = fs::remove_dir_all(entry.path()).or_else(|_| fs::remove_file(entry.path()));
+            } else if own.starts_with(PLAN) {
+                let _ = fs::remove_file(entry.path());
+            }
+        }
+        let _ = fs::remove_dir(folder);
+    }
+}
+
+/// The bodies of a piece, by the name of its folder.
+fn bodies_of(name: &str) -> Option<Range<usize>> {
+    let (first, last) = name.strip_prefix(PIECE)?.split_once('-')?;
+    let (first, last) = (first.parse::<usize>().ok()?, last.parse::<usize>().ok()?);
+    (format!("{PIECE}{first}-{last}") == name && first <= last).then(|| first..last + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pieces_are_named_by_their_bodies() {
+        assert_eq!(bodies_of("bodies-0-4095"), Some(0..4096));
+        for wrong in ["bodies-4-3", "bodies-04-5", "bodies-4", ".bodies-0-1.polhode-lock", "plan.json", "bodies-0-1x"] {
+            assert_eq!(bodies_of(wrong), None, "{wrong}");
+        }
+        assert_eq!(Checkpoint::folder_of(Path::new("a/study.out")), Path::new("a/study.out.checkpoint"));
+    }
+}

@@ -1,0 +1,503 @@
+//! A run, output by output: advance to an output time, read, hand on, repeat.
+
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+use glam::DVec3;
+
+use super::advance::advance;
+use super::at_end::{AtEnd, usable_rate};
+use super::balance::push_rest;
+use super::failures::Failures;
+use super::group_run::{GroupRun, blocks_of};
+use super::observed::{Comparison, Observation, compare_events, recomputed_observation};
+use super::output_statistics::{self, FromStates};
+use super::recomputed_centres::recomputed_centres;
+use super::recomputed_sample::{recomputed, sample_of_part};
+use super::states::{centres_of, initial_states, lost_centres, read_states};
+use super::translation::Centres;
+use super::{adaptive_group, failure_times};
+use crate::bodies::{BodyState, Status};
+use crate::engine::{Backend, Description, EngineKind, Observer, Progress, Traffic};
+use crate::error::{Error, Result};
+use crate::kernel::observe::Statistic;
+use crate::plan::Plan;
+use crate::plan::errors::Errors;
+use crate::record::{
+    Drift, EventRecord, FailedBody, HistogramCounts, Memory, OutputState, Sink, Snapshot, Statistics, Trust, WallTime,
+};
+use crate::scene::Stepping;
+use crate::torque::Torque;
+
+/// Bodies that are read and handed on at once: on the host little enough for its cache, and from a device so many that a transfer takes
+/// longer than its start.
+fn read_block(engine: &Description) -> usize {
+    match engine.kind {
+        EngineKind::Cpu => 1 << 13,
+        EngineKind::Gpu => 1 << 15,
+    }
+}
+
+/// A run of a plan under way: an iterator over its output times.
+///
+/// ```
+/// # use glam::{DQuat, DVec3};
+/// use polhode::run::Run;
+/// use polhode::{Engine, Ensemble, Outputs, Plan, Scene};
+///
+/// # let ensemble = Ensemble::from_columns(&[DVec3::new(1.0, 2.0, 2.5)], &[DQuat::IDENTITY], &[DVec3::X])?;
+/// let scene = Scene::new(ensemble).until(10.0).outputs(Outputs::Every(1.0));
+/// let engine = Engine::cpu();
+/// let plan = Plan::new(&scene, &engine)?;
+/// let mut run = Run::start(&engine, &plan)?;
+/// for output in &mut run {
+///     let output = output?;
+///     println!("{} s: {}", output.time, output.states.orientation(0));
+/// }
+/// let trust = run.finish()?.1;
+/// assert!(trust.failed_bodies.is_empty());
+/// # Ok::<(), polhode::Error>(())
+/// ```
+pub struct Run<'p> {
+    engine: &'p dyn Backend,
+    plan: &'p Plan<'p>,
+    statistics: Vec<Statistic>,
+    /// Whether they are formed where the states are.
+    reduces: bool,
+    observation: Option<Observation<'p>>,
+    comparison: Option<Comparison<'p>>,
+    group_runs: Vec<GroupRun<'p>>,
+    centres: Centres<'p>,
+    /// Outputs that are done.
+    outputs: usize,
+    /// Work that is done, and all of it, as progress counts it.
+    done: u64,
+    total: u64,
+    end: AtEnd,
+    failures: Failures<'p>,
+    /// The bodies that are recomputed, and how the run leaves them.
+    sample: Vec<u32>,
+    sampled: Vec<BodyState>,
+    sampled_centres: Vec<Option<(DVec3, DVec3)>>,
+    /// Bodies that are read at once.
+    block: usize,
+    states: Vec<OutputState>,
+    initial: Vec<BodyState>,
+    wall_time: WallTime,
+    traffic: Traffic,
+    /// Whether an error has ended it.
+    has_failed: bool,
+}
+
+/// What a run hands on at an output time.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Output {
+    /// The time, s.
+    pub time: f64,
+    /// All bodies; none where the scene keeps no states ([`crate::Scene::without_states`]).
+    pub states: Snapshot,
+    /// Statistics, where the scene asks for any.
+    pub statistics: Option<Statistics>,
+    /// Histograms, in the order in which the scene asks for them.
+    pub histograms: Vec<HistogramCounts>,
+}
+
+impl std::fmt::Debug for Run<'_> {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.debug_struct("Run").field("outputs", &self.outputs).finish_non_exhaustive()
+    }
+}
+
+impl<'p> Run<'p> {
+    /// Makes the bodies ready.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::TooManyBodies`], and [`Error::DeviceInRun`] where the device is lost.
+    pub fn start(engine: &'p dyn Backend, plan: &'p Plan<'p>) -> Result<Self> {
+        Self::started(engine, plan).map_err(|error| located(error, plan, 0))
+    }
+
+    fn started(engine: &'p dyn Backend, plan: &'p Plan<'p>) -> Result<Self> {
+        let scene = plan.scene();
+        let body_count = scene.ensemble().len();
+        let mut wall_time = WallTime::default();
+        let traffic = engine.traffic();
+        // Without skipping they are formed of the states that are read, as is whatever engines do not reduce.
+        let statistics = scene.plain_statistics();
+        let reduces = !statistics.is_empty() && scene.may_skip();
+        let observation = Observation::new(plan)?;
+        let comparison = Comparison::new(plan)?;
+        let once = plan.looks_once();
+        let group_runs = plan.groups().iter().map(|group| GroupRun::start(engine, scene, group, once, &mut wall_time));
+        let mut group_runs = group_runs.collect::<Result<Vec<_>>>()?;
+        let centres = Centres::start(plan);
+        if reduces {
+            let clock = Instant::now();
+            group_runs.iter_mut().try_for_each(|group_run| group_run.watch(&statistics, usable_rate(scene)))?;
+            wall_time.start += clock.elapsed().as_secs_f64();
+        }
+        let mut run = Self {
+            engine,
+            plan,
+            statistics,
+            reduces,
+            observation,
+            comparison,
+            group_runs,
+            centres,
+            outputs: 0,
+            done: 0,
+            // A body that is not stepped has an output time as its only work.
+            total: plan.groups().iter().map(|group| plan.work_of(group)).fold(0, u64::saturating_add),
+            end: AtEnd::default(),
+            failures: Failures::new(scene.ensemble()),
+            sample: sample_of_part(scene.part(), body_count),
+            sampled: Vec::new(),
+            sampled_centres: Vec::new(),
+            block: read_block(&engine.description()),
+            states: Vec::new(),
+            initial: Vec::new(),
+            wall_time,
+            traffic,
+            has_failed: false,
+        };
+        run.observe_start();
+        Ok(run)
+    }
+
+    /// Shows the states at the start to what wants to see them.
+    fn observe_start(&mut self) {
+        let Some(observation) = self.observation.as_mut().filter(|observation| observation.wants_start()) else {
+            return;
+        };
+        let clock = Instant::now();
+        let body_count = self.plan.scene().ensemble().len();
+        for start in (0..body_count).step_by(self.block) {
+            initial_states(&self.group_runs, &(start..(start + self.block).min(body_count)), &mut self.initial);
+            let rotations = self.initial.iter().map(|&rotation| OutputState { rotation, translation: None });
+            observation.begin(start, &rotations.collect::<Vec<_>>());
+        }
+        self.wall_time.read += clock.elapsed().as_secs_f64();
+    }
+
+    /// How many outputs are done.
+    pub fn outputs_done(&self) -> usize {
+        self.outputs
+    }
+
+    /// Computes what is left and gives the events and what the run did and how well.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::DeviceInRun`] where the device is lost.
+    pub fn finish(mut self) -> Result<(Vec<EventRecord>, Trust)> {
+        let mut rest = Memory::default();
+        let mut go_on = |_| ControlFlow::Continue(());
+        while self.outputs < self.plan.times().len() {
+            self.output_into(&mut rest, &mut go_on)?;
+        }
+        let trust = self.finish_into(&mut rest, &mut go_on)?;
+        Ok((rest.events, trust))
+    }
+
+    /// Advances to the next output time and hands on what is wanted there. After an error nothing goes on.
+    pub(super) fn output_into(&mut self, sink: &mut dyn Sink, observer: &mut Observer<'_>) -> Result<()> {
+        let done = self.output(sink, observer).map_err(|error| located(error, self.plan, self.outputs));
+        self.outputs += usize::from(done.is_ok());
+        self.has_failed |= done.is_err();
+        done
+    }
+
+    fn output(&mut self, sink: &mut dyn Sink, observer: &mut Observer<'_>) -> Result<()> {
+        let (plan, scene) = (self.plan, self.plan.scene());
+        let (index, count) = (self.outputs, plan.times().len());
+        let (time, last) = (plan.times()[index], index + 1 == count);
+        // Without skipping what nobody asked for is read too.
+        let asked = sink.wants(index, count, time);
+        let wanted = asked
+            || self.observation.is_some()
+            || self.comparison.is_some() && !self.reduces
+            || !scene.may_skip()
+            || (last && !plan.leaves_states());
+        let clock = Instant::now();
+        let forms = wanted || last || self.reduces;
+        advance(&mut self.group_runs, (time, plan.span_before(index)), forms, (&mut self.done, self.total), observer)?;
+        self.centres.advance(time, plan.interval(index));
+        self.wall_time.compute += clock.elapsed().as_secs_f64();
+        if plan.is_closed_form() && observer(self.progress()).is_break() {
+            return Err(Error::Interrupted { steps: 0 });
+        }
+        if let Some(comparison) = &mut self.comparison {
+            let clock = Instant::now();
+            comparison.take(index, time, &mut self.group_runs)?;
+            self.wall_time.read += clock.elapsed().as_secs_f64();
+        }
+        if self.reduces {
+            let clock = Instant::now();
+            let found = output_statistics::reduced(&mut self.group_runs, &self.statistics)?;
+            self.wall_time.read += clock.elapsed().as_secs_f64();
+            sink.statistics_of_blocks(index, time, &found)?;
+            sink.statistics(index, &Statistics::new(time, &self.statistics, &found))?;
+        }
+        match wanted {
+            true => self.read_all((index, time), (asked, last), sink, observer),
+            false if last => self.read_sample(time),
+            false => Ok(()),
+        }
+    }
+
+    fn progress(&self) -> Progress {
+        Progress { done: self.done, total: self.total }
+    }
+
+    /// Reads the states of all bodies and hands them on.
+    fn read_all(
+        &mut self,
+        (index, time): (usize, f64),
+        (asked, last): (bool, bool),
+        sink: &mut dyn Sink,
+        observer: &mut Observer<'_>,
+    ) -> Result<()> {
+        let (progress, scene, block) = (self.progress(), self.plan.scene(), self.block);
+        let body_count = scene.ensemble().len();
+        if !last {
+            self.failures.keep_states()?;
+        }
+        let from_states = if self.reduces { &[][..] } else { &self.statistics };
+        let mut from_states = FromStates::new(from_states, blocks_of(scene).collect());
+        for start in (0..body_count).step_by(block) {
+            let range = start..(start + block).min(body_count);
+            let clock = Instant::now();
+            // Among the pool's threads, so that they need not be woken for each part of it.
+            rayon::scope(|_| -> Result<()> {
+                let initial = last.then_some(&mut self.initial);
+                read_states(&mut self.group_runs, &self.centres, &range, &mut self.states, initial)?;
+                self.failures.mark(time, start, &mut self.states);
+                match &mut self.observation {
+                    Some(observation) => observation.push(start, time, &self.states),
+                    None => from_states.push(start, &self.states),
+                }
+                if last {
+                    self.end.gather(scene, start, &self.initial, &self.states);
+                }
+                Ok(())
+            })?;
+            // While these are handed on, the next come to the host.
+            let next = range.end..(range.end + block).min(body_count);
+            self.group_runs.iter_mut().try_for_each(|group_run| group_run.prefetch(&next))?;
+            if last {
+                let of_block = |body: &&u32| range.contains(&(**body as usize));
+                for &body in self.sample.iter().filter(of_block) {
+                    let state = &self.states[body as usize - start];
+                    self.sampled.push(state.rotation);
+                    self.sampled_centres.push(state.translation);
+                }
+            }
+            // What is formed as it is read is computed all the same.
+            let formed: f64 = self.group_runs.iter_mut().map(GroupRun::take_formed).sum();
+            self.wall_time.read += clock.elapsed().as_secs_f64() - formed;
+            self.wall_time.compute += formed;
+            if asked {
+                let clock = Instant::now();
+                sink.bodies(index, time, start, &self.states)?;
+                self.wall_time.write += clock.elapsed().as_secs_f64();
+            }
+            if observer(progress).is_break() {
+                let steps = if self.plan.is_closed_form() { 0 } else { self.done / (body_count as u64).max(1) };
+                return Err(Error::Interrupted { steps });
+            }
+        }
+        self.failures.end_output(time);
+        if let Some(observation) = &mut self.observation {
+            let clock = Instant::now();
+            observation.finish_output(index, time, sink, &mut |_| observer(progress))?;
+            self.wall_time.observe += clock.elapsed().as_secs_f64();
+        } else if !self.reduces && !self.statistics.is_empty() {
+            let found = from_states.finish();
+            sink.statistics_of_blocks(index, time, &found)?;
+            sink.statistics(index, &Statistics::new(time, &self.statistics, &found))?;
+        }
+        Ok(())
+    }
+
+    /// Reads the end of a sample where states stay where they are, and which bodies have failed.
+    fn read_sample(&mut self, time: f64) -> Result<()> {
+        let clock = Instant::now();
+        let (scene, failures) = (self.plan.scene(), &mut self.failures);
+        self.sampled = self.end.gather_sample(scene, &mut self.group_runs, &self.sample, &mut |body, reason| {
+            failures.push(body, reason, time);
+        })?;
+        self.sampled_centres = centres_of(&self.sample, &mut self.group_runs, &self.centres)?;
+        let body_count = scene.ensemble().len();
+        for body in lost_centres(&mut self.group_runs, &self.centres, body_count, self.block)? {
+            self.failures.push(body, Status::CentreNotFinite, time);
+        }
+        self.wall_time.read += clock.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Says what the run did and how well, after its last output.
+    pub(super) fn finish_into(self, sink: &mut dyn Sink, observer: &mut Observer<'_>) -> Result<Trust> {
+        let (plan, outputs) = (self.plan, self.outputs);
+        self.finished(sink, observer).map_err(|error| located(error, plan, outputs))
+    }
+
+    fn finished(self, sink: &mut dyn Sink, observer: &mut Observer<'_>) -> Result<Trust> {
+        let Self { engine, plan, observation, comparison, mut group_runs, done, total, mut end, failures, .. } = self;
+        let Self { sample, sampled, sampled_centres, mut wall_time, traffic, .. } = self;
+        let scene = plan.scene();
+        let body_count = scene.ensemble().len();
+        let mut works = Vec::new();
+        for group_run in &mut group_runs {
+            works.extend(group_run.adaptive_work()?);
+        }
+        let adaptive = adaptive_group::total_work(works, failures.count(Status::StepBelowLimit));
+        let traffic = engine.traffic().since(traffic);
+        let mut failures = failures.finish();
+        let stopped = |failed: &&FailedBody| failed.reason == Status::StepBelowLimit;
+        let stopped: Vec<usize> = failures.iter().filter(stopped).map(|failed| failed.body).collect();
+        let mut attempts = BTreeMap::new();
+        if !stopped.is_empty() {
+            for group_run in &mut group_runs {
+                attempts.extend(group_run.attempts(&stopped)?);
+            }
+        }
+        drop(group_runs);
+
+        let clock = Instant::now();
+        let attempts = |body: usize| attempts.get(&body).copied().unwrap_or(u64::MAX);
+        failure_times::find(plan, &mut failures, &attempts, &mut |_| observer(Progress { done, total }))?;
+        // The drift's quantiles beside the recomputed sample, whose few bodies are not enough for all cores.
+        let (mut drift, gathered) = (Drift::default(), std::mem::take(&mut end.drift));
+        let recomputed = rayon::in_place_scope(|scope| {
+            scope.spawn(|_| drift = gathered.finish());
+            recomputed(plan, &sample, &mut |_| observer(Progress { done, total }))
+        })?;
+        let recomputed_centres = recomputed_centres(plan, &sample, &mut |_| observer(Progress { done, total }))?;
+        let has_failed = |body: usize| failures.binary_search_by_key(&body, |failed| failed.body).is_ok();
+        let mut events = observation.map(Observation::finish);
+        let mut statistics = None;
+        if comparison.is_some() || events.as_ref().is_some_and(|events| !events.is_empty()) {
+            let compared = comparison.as_ref().map_or(&sample[..], Comparison::bodies);
+            let outputs = comparison.as_ref().map_or(&[][..], Comparison::outputs);
+            let report = &mut |_| observer(Progress { done, total });
+            let reference = recomputed_observation(plan, compared, outputs, report)?;
+            let events = events.as_deref_mut().unwrap_or_default();
+            if let Some(reference) = &reference {
+                compare_events(events, compared, &reference.events);
+            }
+            let failed = failures.len();
+            statistics = comparison.map(|comparison| comparison.finish(events, reference.as_ref(), has_failed, failed));
+        }
+        if let Some(events) = events {
+            sink.events(events)?;
+        }
+        let mut errors = Errors::default();
+        let (mut lost, mut diverged) = (0, 0);
+        for ((state, centre), reference) in sampled.iter().zip(sampled_centres).zip(&recomputed) {
+            if !state.is_sound() || has_failed(reference.body) {
+                lost += 1;
+            } else if !reference.state.is_sound() {
+                // There is nothing to compare with.
+                diverged += 1;
+            } else {
+                errors.push(state, &reference.state);
+                if let (Some(centre), Some(reference)) = (centre, recomputed_centres.get(&reference.body)) {
+                    errors.push_centre(centre, *reference);
+                }
+                push_rest(&mut end.balance, scene, reference.body, state, reference.work.as_ref());
+            }
+        }
+        let draws = scene.torques().iter().any(Torque::is_random);
+        let target = match scene.stepping() {
+            Stepping::Accuracy(accuracy) => Some(accuracy),
+            Stepping::Statistics(_) | Stepping::Pinned { .. } | Stepping::Adaptive { .. } => None,
+        };
+        let failed = failures.len() as f64 / body_count.max(1) as f64;
+        let recomputed_sample = errors.into_recomputed_sample(target.as_ref(), draws, (lost, diverged), failed);
+        wall_time.recomputed_sample = clock.elapsed().as_secs_f64();
+        Ok(Trust {
+            engine: engine.description(),
+            method: plan.method(),
+            precision: plan.precision(),
+            longest_step: plan.longest_step(),
+            parts: plan.parts(),
+            body_steps: plan.body_steps() + adaptive.map_or(0, |work| work.accepted.total + work.rejected.total),
+            adaptive,
+            traffic,
+            drift,
+            balance: end.balance.finish(),
+            recomputed_sample,
+            statistics,
+            failed_bodies: failures.iter().map(|failed| failed.body).collect(),
+            failures,
+            outside_usable_region: end.outside_usable_region,
+            wall_time,
+        })
+    }
+}
+
+/// An error of the device with how far the run has come.
+fn located(error: Error, plan: &Plan<'_>, done: usize) -> Error {
+    match error {
+        Error::Device { adapter, reason } => {
+            let (outputs, bodies) = (plan.times().len(), plan.scene().ensemble().len());
+            Error::DeviceInRun { adapter, reason, done, outputs, bodies }
+        }
+        error => error,
+    }
+}
+
+/// Takes what comes at one output time.
+struct Taken {
+    keeps_states: bool,
+    states: Snapshot,
+    statistics: Option<Statistics>,
+    histograms: Vec<HistogramCounts>,
+}
+
+impl Sink for Taken {
+    fn wants(&mut self, _: usize, _: usize, _: f64) -> bool {
+        self.keeps_states
+    }
+
+    fn bodies(&mut self, _: usize, _: f64, _: usize, states: &[OutputState]) -> Result<()> {
+        self.states.extend(states);
+        Ok(())
+    }
+
+    fn statistics(&mut self, _: usize, statistics: &Statistics) -> Result<()> {
+        self.statistics = Some(statistics.clone());
+        Ok(())
+    }
+
+    fn histograms(&mut self, _: usize, histograms: &[HistogramCounts]) -> Result<()> {
+        self.histograms = histograms.to_vec();
+        Ok(())
+    }
+}
+
+impl Iterator for Run<'_> {
+    type Item = Result<Output>;
+
+    /// The next output; none after the last one, and after an error.
+    fn next(&mut self) -> Option<Self::Item> {
+        let time = *self.plan.times().get(self.outputs).filter(|_| !self.has_failed)?;
+        let scene = self.plan.scene();
+        let keeps_states = scene.keeps_states();
+        let bodies = if keeps_states { scene.ensemble().len() } else { 0 };
+        let states = Snapshot::with_capacity(time, bodies);
+        let mut taken = Taken { keeps_states, states, statistics: None, histograms: Vec::new() };
+        let done = self.output_into(&mut taken, &mut |_| ControlFlow::Continue(()));
+        let Taken { states, statistics, histograms, .. } = taken;
+        Some(done.map(|()| Output { time, states, statistics, histograms }))
+    }
+
+    fn size_hint(&self) -> (usize, Option<usize>) {
+        let left = if self.has_failed { 0 } else { self.plan.times().len() - self.outputs };
+        (left, Some(left))
+    }
+}

@@ -1,0 +1,216 @@
+//! Tables of states, which a thread of its own forms and writes while the run computes on.
+
+use std::ops::Range;
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use crate::error::{Error, Result};
+use crate::plan::Plan;
+use crate::record::OutputState;
+use crate::record::column::{Layout, StateRows};
+use crate::record::csv_file::CsvFile;
+use crate::record::folder::OutputFolder;
+use crate::record::npz_file::{NpzFile, Times};
+#[cfg(feature = "parquet")]
+use crate::record::parquet_file::ParquetStates;
+use crate::run::observed::Evaluator;
+use crate::study::{Format, Output};
+
+/// Wall time of writing tables, s.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct WriteTime {
+    pub format: f64,
+    pub disk: f64,
+}
+
+/// What `work` returns; the time that it takes is added to `seconds`.
+pub(super) fn timed<T>(seconds: &mut f64, work: impl FnOnce() -> T) -> T {
+    let clock = Instant::now();
+    let done = work();
+    *seconds += clock.elapsed().as_secs_f64();
+    done
+}
+
+/// A table of states under way in any format.
+#[derive(Debug)]
+pub(super) enum TableFile {
+    Csv(CsvFile),
+    Npz(NpzFile),
+    #[cfg(feature = "parquet")]
+    Parquet(Box<ParquetStates>),
+}
+
+impl TableFile {
+    /// Begins a table of the bodies in a range, counted as in the whole that they are a part of.
+    pub fn begin(
+        folder: &mut OutputFolder,
+        (stem, format): (&str, Format),
+        bodies: Range<usize>,
+        layout: &Layout,
+        times: Times<'_>,
+    ) -> Result<Self> {
+        let name = format!("{stem}.{}", format.name());
+        Ok(match format {
+            Format::Csv => TableFile::Csv(CsvFile::begin(folder.begin(&name)?, layout)?),
+            Format::Npz => TableFile::Npz(NpzFile::begin(folder.begin(&name)?, bodies, times, layout)?),
+            #[cfg(feature = "parquet")]
+            Format::Parquet => TableFile::Parquet(Box::new(ParquetStates::begin(folder, stem, layout)?)),
+        })
+    }
+
+    /// Appends the rows of the bodies from `first_body` on.
+    pub fn append(&mut self, time: f64, first_body: usize, rows: &StateRows, spent: &mut WriteTime) -> Result<()> {
+        match self {
+            TableFile::Csv(file) => {
+                let rows = timed(&mut spent.format, || file.format(time, first_body, rows));
+                timed(&mut spent.disk, || file.write(&rows))
+            }
+            TableFile::Npz(file) => timed(&mut spent.disk, || file.write(rows)),
+            #[cfg(feature = "parquet")]
+            TableFile::Parquet(file) => timed(&mut spent.disk, || file.write(time, first_body, rows)),
+        }
+    }
+
+    pub fn finish(self) -> Result<()> {
+        match self {
+            TableFile::Csv(file) => file.finish(),
+            TableFile::Npz(file) => file.finish(),
+            #[cfg(feature = "parquet")]
+            TableFile::Parquet(file) => file.finish(),
+        }
+    }
+}
+
+/// The tables of states that a study asks for, under way.
+pub(super) struct StateTables<'p> {
+    layout: Layout,
+    /// Forms the derived quantities of the tables.
+    evaluator: Option<Evaluator<'p>>,
+    final_state: Option<TableFile>,
+    snapshots: Option<TableFile>,
+    /// Of the study that the bodies are a part of.
+    first_body: usize,
+    /// The index of the last output.
+    last: usize,
+    spent: WriteTime,
+}
+
+/// Some states at an output time.
+struct Message {
+    index: usize,
+    time: f64,
+    first_body: usize,
+    states: Vec<OutputState>,
+}
+
+impl<'p> StateTables<'p> {
+    pub fn begin(folder: &mut OutputFolder, output: &Output, layout: Layout, plan: &'p Plan<'_>) -> Result<Self> {
+        let (times, ensemble) = (plan.times(), plan.scene().ensemble());
+        let first_body = plan.scene().part().first_body;
+        let bodies = first_body..first_body + ensemble.len();
+        let mut table = |wanted: bool, stem: &str, times: Times<'_>| {
+            let of = (stem, output.format);
+            wanted.then(|| TableFile::begin(folder, of, bodies.clone(), &layout, times)).transpose()
+        };
+        let (final_state, snapshots) = (
+            table(output.final_state, "final", Times::One(plan.scene().end()))?,
+            table(output.snapshots, "snapshots", Times::Many(times))?,
+        );
+        let quantities = &layout.quantities;
+        let evaluator = (!quantities.is_empty()).then(|| Evaluator::new(plan.scene(), quantities)).transpose()?;
+        let (last, spent) = (times.len() - 1, WriteTime::default());
+        Ok(Self { layout, evaluator, final_state, snapshots, first_body, last, spent })
+    }
+
+    /// Writes what `run` hands to the queue that it gets, while it goes on. Where the disk refuses something, that is the error, whatever the
+    /// run makes of a queue that takes nothing more.
+    pub fn while_running<T>(self, run: impl FnOnce(&mut StateQueue) -> Result<T>) -> Result<(T, WriteTime)> {
+        let wants = Wants { always: self.snapshots.is_some(), at_end: self.final_state.is_some(), last: self.last };
+        thread::scope(|scope| {
+            let (sender, receiver) = sync_channel(QUEUED);
+            let mut queue = StateQueue { sender, wants };
+            let writer = scope.spawn(|| self.write_all(receiver));
+            let done = run(&mut queue);
+            drop(queue);
+            help_until(|| writer.is_finished());
+            let spent = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+            Ok((done?, spent))
+        })
+    }
+
+    fn write_all(mut self, messages: Receiver<Message>) -> Result<WriteTime> {
+        messages.into_iter().try_for_each(|message| self.write(&message))?;
+        let Self { final_state, snapshots, mut spent, .. } = self;
+        timed(&mut spent.disk, || final_state.into_iter().chain(snapshots).try_for_each(TableFile::finish))?;
+        Ok(spent)
+    }
+
+    fn write(&mut self, Message { index, time, first_body, states }: &Message) -> Result<()> {
+        let at_end = *index == self.last;
+        let rows = timed(&mut self.spent.format, || {
+            let values = self.evaluator.as_ref().map(|evaluator| evaluator.values(*first_body, *time, states));
+            let of = |place: usize| values.iter().flat_map(move |values| values.of(place)).flat_map(|(_, part)| part);
+            let derived = (0..self.layout.quantities.len()).map(|place| of(place).copied().collect()).collect();
+            StateRows::of(&self.layout, states, derived)
+        });
+        let mut tables = self.snapshots.iter_mut().chain(self.final_state.iter_mut().filter(|_| at_end));
+        tables.try_for_each(|table| table.append(*time, self.first_body + first_body, &rows, &mut self.spent))
+    }
+}
+
+/// Blocks of states that may wait for the thread that writes, so that neither it nor the run waits for the other's slowest block.
+const QUEUED: usize = 4;
+
+/// Which states the tables have.
+#[derive(Clone, Copy)]
+struct Wants {
+    always: bool,
+    at_end: bool,
+    last: usize,
+}
+
+/// Hands states to the thread that writes them.
+pub(super) struct StateQueue {
+    sender: SyncSender<Message>,
+    wants: Wants,
+}
+
+impl StateQueue {
+    pub fn wants(&self, index: usize) -> bool {
+        self.wants.always || self.wants.at_end && index == self.wants.last
+    }
+
+    /// Waits where the thread is behind.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Interrupted`] where it has come to an error, which it keeps.
+    pub fn push(&self, index: usize, time: f64, first_body: usize, states: &[OutputState]) -> Result<()> {
+        let mut message = Message { index, time, first_body, states: states.to_vec() };
+        if rayon::current_thread_index().is_none() {
+            return self.sender.send(message).map_err(|_| Error::Interrupted { steps: 0 });
+        }
+        loop {
+            match self.sender.try_send(message) {
+                Ok(()) => return Ok(()),
+                Err(TrySendError::Full(back)) => message = back,
+                Err(TrySendError::Disconnected(_)) => return Err(Error::Interrupted { steps: 0 }),
+            }
+            help();
+        }
+    }
+}
+
+/// Where this is a thread of the pool that formats rows, waits while it helps there: of a pool of one thread nobody else can.
+fn help_until(is_done: impl Fn() -> bool) {
+    while rayon::current_thread_index().is_some() && !is_done() {
+        help();
+    }
+}
+
+fn help() {
+    if rayon::yield_now() != Some(rayon::Yield::Executed) {
+        thread::sleep(Duration::from_micros(200));
+    }
+}

@@ -1,0 +1,101 @@
+//! States of some bodies, from all groups of a run.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::group_run::GroupRun;
+use super::reading;
+use super::translation::Centres;
+use crate::bodies::BodyState;
+use crate::error::Result;
+use crate::record::OutputState;
+
+/// Some bodies in the user's axes and units, to `states`, and as they started, to `initial`. Each body is of one group, so every
+/// place is written, whatever stood there; with debug assertions nothing stands there, so that one left out shows.
+pub(super) fn read_states(
+    group_runs: &mut [GroupRun<'_>],
+    centres: &Centres<'_>,
+    bodies: &Range<usize>,
+    states: &mut Vec<OutputState>,
+    mut initial: Option<&mut Vec<BodyState>>,
+) -> Result<()> {
+    if cfg!(debug_assertions) {
+        states.clear();
+        initial.iter_mut().for_each(|initial| initial.clear());
+    }
+    make_room(states, bodies.len(), OutputState { rotation: BodyState::UNKNOWN, translation: None });
+    if let Some(initial) = &mut initial {
+        make_room(initial, bodies.len(), BodyState::UNKNOWN);
+    }
+    group_runs
+        .iter_mut()
+        .try_for_each(|group_run| group_run.read(bodies, states, initial.as_mut().map(|initial| &mut initial[..])))?;
+    if centres.are_moving() {
+        let places = bodies.clone().into_par_iter().zip(&mut *states);
+        places.for_each(|(body, state)| state.translation = centres.of_body(body));
+    }
+    if group_runs.iter().any(GroupRun::has_centres) {
+        for (state, centre) in states.iter_mut().zip(stepped_centres(group_runs, bodies)?) {
+            state.translation = centre.or(state.translation.filter(|_| centres.are_moving()));
+        }
+    }
+    Ok(())
+}
+
+/// The states in which some bodies start.
+pub(super) fn initial_states(group_runs: &[GroupRun<'_>], bodies: &Range<usize>, initial: &mut Vec<BodyState>) {
+    make_room(initial, bodies.len(), BodyState::UNKNOWN);
+    group_runs.iter().for_each(|group_run| group_run.read_initial(bodies, initial));
+}
+
+/// The centres of mass of some bodies, where they are stepped along the rotation.
+fn stepped_centres(group_runs: &mut [GroupRun<'_>], bodies: &Range<usize>) -> Result<Vec<Option<(DVec3, DVec3)>>> {
+    let mut stepped = vec![None; bodies.len()];
+    group_runs.iter_mut().try_for_each(|group_run| group_run.read_centres(bodies, &mut stepped))?;
+    Ok(stepped)
+}
+
+/// The centres of mass of a sample's bodies; `None` of those that do not move.
+pub(super) fn centres_of(
+    sample: &[u32],
+    group_runs: &mut [GroupRun<'_>],
+    centres: &Centres<'_>,
+) -> Result<Vec<Option<(DVec3, DVec3)>>> {
+    let has_stepped = group_runs.iter().any(GroupRun::has_centres);
+    let mut centre = |&body: &u32| -> Result<_> {
+        let body = body as usize;
+        let stepped = if has_stepped { stepped_centres(group_runs, &(body..body + 1))?.pop().flatten() } else { None };
+        Ok(stepped.or_else(|| centres.of_body(body)))
+    };
+    sample.iter().map(&mut centre).collect()
+}
+
+/// The bodies whose centres of mass are not finite, looked at by `block` bodies at a time.
+pub(super) fn lost_centres(
+    group_runs: &mut [GroupRun<'_>],
+    centres: &Centres<'_>,
+    body_count: usize,
+    block: usize,
+) -> Result<Vec<usize>> {
+    let is_lost = |centre: Option<(DVec3, DVec3)>| centre.is_some_and(|(x, v)| !(x.is_finite() && v.is_finite()));
+    let mut lost = Vec::new();
+    if centres.are_moving() {
+        lost.par_extend((0..body_count).into_par_iter().filter(|&body| is_lost(centres.of_body(body))));
+    }
+    if group_runs.iter().any(GroupRun::has_centres) {
+        for start in (0..body_count).step_by(block) {
+            let bodies = start..(start + block).min(body_count);
+            let stepped = stepped_centres(group_runs, &bodies)?;
+            lost.extend(bodies.zip(stepped).filter(|&(_, centre)| is_lost(centre)).map(|(body, _)| body));
+        }
+    }
+    Ok(lost)
+}
+
+/// Brings a vector to a length. Where it grows, all cores touch the new memory first, which takes longer than to fill it.
+pub(super) fn make_room<T: Copy + Send + Sync>(places: &mut Vec<T>, len: usize, unknown: T) {
+    places.truncate(len);
+    places.par_extend((places.len()..len).into_par_iter().with_min_len(reading::TASK).map(|_| unknown));
+}

@@ -1,0 +1,156 @@
+//! Where in a study's files the cause of an error stands.
+
+use super::{BodyTable, Study, torque};
+use crate::error::{Error, InputError, InputFault, Text};
+use crate::scene::{StatisticalAccuracy, Target};
+
+/// The key by which states are projected.
+const PROJECTION: &str = "accuracy.projection";
+
+impl Study {
+    /// `error` with the file and line that it stems from, where it stems from one.
+    #[must_use]
+    pub fn located(&self, error: Error) -> Error {
+        match error {
+            Error::Setting { field, value, expected } => {
+                let key = match field {
+                    "dt" => "accuracy.dt",
+                    "tolerance" => "accuracy.tolerance",
+                    "least_step" => "accuracy.least_step",
+                    other => other,
+                };
+                match self.places.get(key) {
+                    Some(place) => self.input(
+                        place.line,
+                        key,
+                        InputFault::Value { value: place.value.clone(), expected: expected.into() },
+                    ),
+                    None => Error::Setting { field, value, expected },
+                }
+            }
+            Error::AccuracyOutOfReach { ref target, missed, .. } => {
+                self.located_target(target.of(missed), missed, error)
+            }
+            Error::StatisticsOutOfReach { field, .. } => {
+                let places = [field, "accuracy"].into_iter().find_map(|key| self.places.get(key));
+                let line = places.map_or(1, |place| place.line);
+                let value = self.places.get(field).map(|place| place.value.clone());
+                let value =
+                    value.unwrap_or_else(|| format!("{:e} (where nothing is said)", StatisticalAccuracy::DEFAULT));
+                self.input(line, field, InputFault::Cause { value, cause: Box::new(error) })
+            }
+            Error::Projection { expected, .. } => match self.places.get(PROJECTION) {
+                Some(place) => self.input(
+                    place.line,
+                    PROJECTION,
+                    InputFault::Value { value: place.value.clone(), expected: expected.into() },
+                ),
+                None => error,
+            },
+            Error::MissingMass => match self.places.get("force") {
+                Some(place) => {
+                    let expected = "the force needs masses, here or as a column of the table of bodies (kg)";
+                    self.input(place.line, "bodies.mass", InputFault::Missing { expected: expected.into() })
+                }
+                None => Error::MissingMass,
+            },
+            Error::TooManyBodies { .. } => match self.places.get("bodies.count") {
+                Some(place) => {
+                    let fault = InputFault::Cause { value: place.value.clone(), cause: Box::new(error) };
+                    self.input(place.line, "bodies.count", fault)
+                }
+                None => error,
+            },
+            Error::Body { body, field, value, expected } => self.located_body(body, field, value, expected),
+            Error::Torque { torque, body, ref field, value, ref expected, .. } => {
+                let body = body.map(|body| self.part.first_body + body);
+                let own = torque::place(torque);
+                let key = self.torques.get(torque).map_or_else(|| own.clone(), |torque| torque.key(field));
+                // A key may be left out: then the torque's own line is named.
+                match self.places.get(&key).or_else(|| self.places.get(&own)) {
+                    Some(place) => self.input(place.line, &key, parameter_fault(body, field, value, expected)),
+                    None => error,
+                }
+            }
+            Error::Force { force, body, ref field, value, ref expected, .. } => {
+                let body = body.map(|body| self.part.first_body + body);
+                let keys = self.forces.get(force).map(|force| force.keys(field)).unwrap_or_default();
+                match keys.iter().find_map(|key| self.places.get_key_value(key)) {
+                    Some((key, place)) => self.input(place.line, key, parameter_fault(body, field, value, expected)),
+                    None => error,
+                }
+            }
+            other => other,
+        }
+    }
+
+    /// With the line of the error that is missed; where the study leaves it out, that of the table it would stand in.
+    fn located_target(&self, wanted: f64, missed: Target, error: Error) -> Error {
+        let key = match missed {
+            Target::Attitude => "accuracy.attitude",
+            Target::AngularVelocity => "accuracy.angular_velocity",
+            Target::Energy => "accuracy.energy",
+        };
+        let (line, value) = match (self.places.get(key), self.places.get("accuracy")) {
+            (Some(place), _) => (place.line, place.value.clone()),
+            (None, table) => (table.map_or(1, |place| place.line), format!("{wanted:e} (where nothing is said)")),
+        };
+        self.input(line, key, InputFault::Cause { value, cause: Box::new(error) })
+    }
+
+    fn located_body(&self, body: usize, field: &'static str, value: f64, expected: &'static str) -> Error {
+        let (key, in_table): (_, fn(&BodyTable) -> bool) = match field {
+            "mass" => ("mass", BodyTable::has_mass),
+            "x" => ("position", BodyTable::has_position),
+            "vx" => ("velocity", BodyTable::has_velocity),
+            "wx" | "wy" | "wz" | "angular velocity along the axis" => {
+                ("angular_velocity", BodyTable::has_angular_velocity)
+            }
+            _ if field.starts_with('q') || field.starts_with("orientation") => {
+                ("orientation", BodyTable::has_orientation)
+            }
+            _ => ("inertia", BodyTable::has_inertia),
+        };
+        let error = Error::Body { body, field, value, expected };
+        if let Some(table) = self.bodies.table.as_ref().filter(|table| in_table(table)) {
+            return table.located(error, self.bodies.row(body));
+        }
+        // A shape's sizes, its mass among them, stand within `inertia`.
+        let part = self.bodies.faulty_part(self.draw(), body);
+        let part = part.map_or(String::new(), |index| format!(".parts[{}]", index + 1));
+        let own = (key != "inertia").then(|| format!("bodies.{key}"));
+        let keys: Vec<String> = [format!("bodies.inertia{part}.{field}")]
+            .into_iter()
+            .chain(own)
+            .chain([format!("bodies.inertia{part}"), "bodies.inertia".to_owned()])
+            .collect();
+        let key = keys.iter().find(|key| self.places.contains_key(*key)).map_or("bodies", String::as_str);
+        match self.places.get(key) {
+            Some(place) => self.input(
+                place.line,
+                key,
+                InputFault::Body {
+                    body: self.part.first_body + body,
+                    field: field.into(),
+                    value,
+                    expected: expected.into(),
+                },
+            ),
+            None => error,
+        }
+    }
+
+    /// A fault of a key in the study's own file.
+    fn input(&self, line: usize, key: &str, fault: InputFault) -> Error {
+        InputError { file: self.file.clone(), line, key: key.to_owned(), fault }.into()
+    }
+}
+
+/// What is wrong with the value of a parameter that all bodies share, or one body has.
+fn parameter_fault(body: Option<usize>, field: &Text, value: f64, expected: &Text) -> InputFault {
+    let expected = expected.clone();
+    match body {
+        Some(body) => InputFault::Body { body, field: field.clone(), value, expected },
+        None => InputFault::Value { value: format!("{value:?}"), expected },
+    }
+}

@@ -1,0 +1,303 @@
+//! Runs with checkpoints: however often one is stopped or killed, what comes out are the bytes of one that was not; what is cut, altered or
+//! foreign is refused by name.
+
+#![cfg(feature = "cli")]
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use assert_cmd::cargo::cargo_bin;
+
+use crate::shards::{OBSERVED, PINNED, STATISTICS, done, observed_names, tables};
+use crate::workspace::{Workspace, words};
+
+/// Kills of a study; `POLHODE_KILLS=100` by hand.
+fn kills() -> u32 {
+    std::env::var("POLHODE_KILLS").map_or(5, |count| count.parse().expect("POLHODE_KILLS is a number"))
+}
+
+/// A run with checkpoints in 2 folders, `whole` without and `out` with them; gives the tables of the former.
+fn whole(workspace: &Workspace, engine: &str) -> BTreeMap<String, Vec<u8>> {
+    done(workspace, 2, &["run", "study.toml", "--out", "whole", "--quiet", "--engine", engine]);
+    tables(workspace, "whole")
+}
+
+fn assert_same(whole: &BTreeMap<String, Vec<u8>>, found: &BTreeMap<String, Vec<u8>>) {
+    assert_eq!(found.keys().collect::<Vec<_>>(), whole.keys().collect::<Vec<_>>());
+    for (name, bytes) in whole {
+        assert!(found[name] == *bytes, "{name} differs");
+    }
+}
+
+#[test]
+fn a_run_in_pieces_leaves_the_bytes_of_one() {
+    for format in ["csv", "parquet"] {
+        let study =
+            OBSERVED.replace("[output]", &format!("[checkpoint]\nevery = \"10 ms\"\n[output]\nformat = \"{format}\""));
+        let workspace = Workspace::new(&study);
+        let plain = Workspace::new(&OBSERVED.replace("[output]", &format!("[output]\nformat = \"{format}\"")));
+        let whole = whole(&plain, "cpu");
+        assert_eq!(whole.keys().cloned().collect::<Vec<_>>(), observed_names(format));
+        done(&workspace, 2, &["run", "study.toml", "--out", "out", "--quiet", "--engine", "cpu"]);
+        let found = tables(&workspace, "out");
+        if format == "parquet" {
+            // Their footers have the text of the study, which says how often it is written.
+            assert_eq!(found.keys().collect::<Vec<_>>(), whole.keys().collect::<Vec<_>>());
+        } else {
+            assert_same(&whole, &found);
+        }
+        let report = crate::workspace::report(&workspace, "out");
+        assert!(report["shards"].as_u64() > Some(3), "{}", report["shards"]);
+        assert!(!workspace.path("out.checkpoint").exists(), "{:?}", workspace.names("out.checkpoint"));
+        // In pieces of another size, on one thread.
+        done(
+            &workspace,
+            1,
+            &["run", "study.toml", "--out", "out", "--force", "--checkpoint", "1e-9", "--quiet", "--engine", "cpu"],
+        );
+        assert_same(&tables(&workspace, "out"), &found);
+    }
+}
+
+fn start(workspace: &Workspace, arguments: &[&str]) -> Child {
+    let mut command = Command::new(cargo_bin!("polhode"));
+    command.current_dir(workspace.folder()).args(arguments).stdout(Stdio::null()).stderr(Stdio::null());
+    command.spawn().expect("the command starts")
+}
+
+/// Kills runs of a study at moments that are spread over the time of one, and resumes them.
+fn killed_and_resumed(study: &str, engine: &str) {
+    let workspace = Workspace::new(study);
+    let whole = whole(&workspace, engine);
+    let run = |resume: bool| {
+        let mut run = vec!["run", "study.toml", "--out", "out", "--engine", engine, "--checkpoint", "0.002", "--quiet"];
+        run.extend(resume.then_some("--resume"));
+        run
+    };
+    let clock = Instant::now();
+    done(&workspace, 2, &run(false));
+    let of_one = clock.elapsed();
+    assert_same(&whole, &tables(&workspace, "out"));
+    fs::remove_dir_all(workspace.path("out")).expect("removed");
+    let (kills, mut in_the_middle) = (kills(), 0);
+    let mut left = kills;
+    while left > 0 {
+        // A golden section, so that no moment comes twice.
+        let part = (0.37 + f64::from(kills - left) * 0.618_033_988_749_895).fract();
+        let mut child = start(&workspace, &run(true));
+        std::thread::sleep(of_one.mul_f64(0.05 + part));
+        child.kill().expect("a process");
+        let ended = child.wait().expect("it ends").success();
+        left -= 1;
+        in_the_middle += u32::from(!ended && workspace.path("out.checkpoint").is_dir());
+        if workspace.path("out").exists() {
+            // It had come to the end before the kill, or that came between two renames of the last moment.
+            assert_same(&whole, &tables(&workspace, "out"));
+            fs::remove_dir_all(workspace.path("out")).expect("removed");
+        }
+    }
+    assert!(in_the_middle > 0, "no kill has met a run: the longest was {of_one:?}");
+    let resumed = workspace.polhode(&run(true));
+    assert!(resumed.status.success(), "{}", words(&resumed.stderr));
+    assert_same(&whole, &tables(&workspace, "out"));
+    let names = workspace.names("");
+    assert_eq!(names, ["out", "study.toml", "whole"], "nothing else is left");
+}
+
+#[test]
+fn killed_runs_are_resumed_to_the_same_bytes() {
+    killed_and_resumed(OBSERVED, "cpu");
+    killed_and_resumed(PINNED, "cpu");
+}
+
+#[test]
+fn so_are_those_of_a_gpu() {
+    killed_and_resumed(&STATISTICS.replace("final = false", "snapshots = true"), "gpu");
+}
+
+/// A run that was stopped in the middle; gives what it has said.
+fn stopped(workspace: &Workspace) -> String {
+    let run = ["run", "study.toml", "--out", "out", "--engine", "cpu", "--checkpoint", "1e-9"];
+    let mut command = Command::new(cargo_bin!("polhode"));
+    command.current_dir(workspace.folder()).args(run).stdout(Stdio::null()).stderr(Stdio::piped());
+    let child = command.spawn().expect("the command starts");
+    let clock = Instant::now();
+    // Until the second piece is there.
+    let pieces = || workspace.path("out.checkpoint").is_dir() && workspace.names("out.checkpoint").len() > 3;
+    while !pieces() && clock.elapsed() < Duration::from_secs(60) {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let interrupt = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
+    assert!(interrupt.success());
+    let output = child.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(1), "{}", words(&output.stderr));
+    words(&output.stderr)
+}
+
+#[test]
+#[cfg(unix)]
+fn a_stopped_run_says_how_it_goes_on_and_what_does_not_belong_to_it_is_refused() {
+    // Many blocks, so that it does not end before it is stopped.
+    let study = STATISTICS.replace("count = 900", "count = 2000").replace("final = false", "snapshots = true");
+    let workspace = Workspace::new(&study);
+    let error = stopped(&workspace);
+    let hint = "of 2000 bodies are in out.checkpoint; `polhode run study.toml --out out --resume` goes on";
+    assert!(error.contains("stopped by the user: ") && error.contains(hint), "{error}");
+    assert!(!workspace.path("out").exists());
+    let refused = |arguments: &[&str], word: &str| {
+        let run = [&["run", "study.toml", "--out", "out", "--engine", "cpu", "--quiet"], arguments].concat();
+        let error = workspace.refused(&run, 2);
+        assert!(error.contains(word), "{error}");
+        assert!(!workspace.path("out").exists());
+    };
+    refused(&["--checkpoint", "60"], "--resume goes on, --force begins anew");
+    refused(&["--resume", "--shard", "1/2"], "--resume");
+
+    // Another study, or the same with other output, or in other arithmetic.
+    fs::write(workspace.path("study.toml"), study.replace("high = 0.1", "high = 0.2")).expect("written");
+    refused(&["--resume"], "it was begun with another text of the study: it cannot be resumed: --force begins anew");
+    fs::write(workspace.path("study.toml"), &study).expect("written");
+    refused(&["--resume", "--precision", "f32"], "precision");
+    fs::write(workspace.path("study.toml"), &study).expect("written");
+    // Cut, altered, of another release, without its plan.
+    let first =
+        workspace.names("out.checkpoint").into_iter().find(|name| name.starts_with("bodies-0-")).expect("a piece");
+    let spoilt = |name: &str, spoil: &dyn Fn(&[u8]) -> Vec<u8>, word: &str| {
+        let path = workspace.path("out.checkpoint").join(name);
+        let bytes = fs::read(&path).expect("a file");
+        fs::write(&path, spoil(&bytes)).expect("written");
+        refused(&["--resume"], word);
+        fs::write(&path, bytes).expect("written");
+    };
+    let of_first = |name: &str| format!("{first}/{name}");
+    spoilt(
+        &of_first("snapshots.csv"),
+        &|bytes| bytes[..bytes.len() - 1].to_vec(),
+        "snapshots.csv: it is not as its run wrote it",
+    );
+    spoilt(&of_first("blocks.jsonl"), &|bytes| [bytes, b" "].concat(), "blocks.jsonl: it is not as its run wrote it");
+    let release = |bytes: &[u8]| words(bytes).replace(env!("CARGO_PKG_VERSION"), "0.0.9").into_bytes();
+    spoilt(&of_first("part.json"), &release, "it is of polhode 0.0.9");
+    spoilt(&of_first("plan.json"), &|bytes| [bytes, b"\n"].concat(), "its plan is not that of the checkpoint");
+    spoilt("plan.json", &|bytes| bytes[..bytes.len() / 2].to_vec(), "plan.json:");
+    done(&workspace, 2, &["run", "study.toml", "--out", "whole", "--engine", "cpu", "--quiet"]);
+    done(&workspace, 2, &["run", "study.toml", "--out", "out", "--engine", "cpu", "--quiet", "--resume"]);
+    assert_same(&tables(&workspace, "whole"), &tables(&workspace, "out"));
+}
+
+/// A limit on the size of files, in KiB, stands for a disk that fills up: with a piece, or with what the pieces make together.
+#[test]
+#[cfg(unix)]
+fn a_full_disk_at_any_stage_leaves_what_resume_goes_on_with() {
+    let workspace = Workspace::new(&STATISTICS.replace("final = false", "snapshots = true"));
+    let whole = whole(&workspace, "cpu");
+    let (mut in_pieces, mut in_tables) = (0, 0);
+    for limit in [1, 3, 8, 12, 20, 30, 60, 120, 240] {
+        let script = format!(
+            "trap '' XFSZ; ulimit -f {limit}; exec '{}' run study.toml --out out --engine cpu --quiet --checkpoint 1e-9",
+            cargo_bin!("polhode").display()
+        );
+        let run = Command::new("bash").current_dir(workspace.folder()).args(["-c", &script]).output();
+        let output = run.expect("bash starts");
+        let errors = words(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{limit} KiB: {errors}");
+        assert!(errors.contains("cannot be written: File too large"), "{errors}");
+        assert!(!workspace.path("out").exists(), "{limit} KiB");
+        match errors.contains("error: out/") {
+            true => in_tables += 1,
+            false => in_pieces += 1,
+        }
+        if workspace.path("out.checkpoint").exists() {
+            let kept = workspace.names("out.checkpoint");
+            assert!(kept.iter().all(|name| !name.starts_with('.')), "{kept:?}");
+        }
+        done(&workspace, 2, &["run", "study.toml", "--out", "out", "--engine", "cpu", "--quiet", "--resume"]);
+        assert_same(&whole, &tables(&workspace, "out"));
+        fs::remove_dir_all(workspace.path("out")).expect("removed");
+    }
+    assert!(in_pieces > 0 && in_tables > 0, "{in_pieces} within a piece, {in_tables} within a table");
+}
+
+/// The folder of pieces goes while they are computed, a piece goes before they are taken up, or something else has the folder's name.
+#[test]
+#[cfg(unix)]
+fn folders_that_vanish_or_cannot_be_written_are_named() {
+    let study = STATISTICS.replace("count = 900", "count = 2000").replace("final = false", "snapshots = true");
+    let workspace = Workspace::new(&study);
+    let whole = whole(&workspace, "cpu");
+    let run = ["run", "study.toml", "--out", "out", "--engine", "cpu", "--quiet", "--checkpoint", "1e-9"];
+    let mut command = Command::new(cargo_bin!("polhode"));
+    command.current_dir(workspace.folder()).args(run).stdout(Stdio::null()).stderr(Stdio::piped());
+    let child = command.spawn().expect("the command starts");
+    let place = workspace.path("out.checkpoint");
+    let clock = Instant::now();
+    while !(place.is_dir() && workspace.names("out.checkpoint").len() > 4) && clock.elapsed() < Duration::from_secs(60)
+    {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    fs::rename(&place, workspace.path("elsewhere")).expect("renamed");
+    let output = child.wait_with_output().expect("it ends");
+    let errors = words(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{errors}");
+    assert!(errors.contains("out.checkpoint"), "{errors}");
+    assert!(!workspace.path("out").exists());
+
+    // What is elsewhere is whole: it goes on from there, but not without its first piece.
+    let _ = fs::remove_dir_all(&place);
+    fs::rename(workspace.path("elsewhere"), &place).expect("renamed");
+    let again = ["run", "study.toml", "--out", "out", "--engine", "cpu", "--quiet", "--resume"];
+    let first = workspace.names("out.checkpoint").into_iter().find(|name| name.starts_with("bodies-0-"));
+    let first = place.join(first.expect("a piece"));
+    fs::rename(&first, workspace.path("first")).expect("renamed");
+    let error = workspace.refused(&again, 2);
+    assert!(error.contains("behind those of the piece before"), "{error}");
+    fs::rename(workspace.path("first"), &first).expect("renamed");
+    done(&workspace, 2, &again);
+    assert_same(&whole, &tables(&workspace, "out"));
+
+    fs::remove_dir_all(workspace.path("out")).expect("removed");
+    fs::write(&place, "mine").expect("written");
+    let error = workspace.refused(&again, 2);
+    assert!(error.contains("out.checkpoint: cannot be read: Not a directory"), "{error}");
+    assert_eq!(fs::read_to_string(&place).expect("read"), "mine");
+}
+
+/// Whatever the memory: a plan of the first 2^20, pieces, parts, and all bodies together.
+#[test]
+fn more_than_a_million_bodies_are_run_in_pieces_to_the_bytes_of_one_run() {
+    let study = "[bodies]\ncount = 1_100_000\ninertia = [1, 2, 2.5]\norientation = { distribution = \"uniform\" }\n\
+                 angular_velocity = { distribution = \"normal\", mean = 0, sigma = 0.5 }\n[time]\nend = 5.0\n\
+                 [output]\nfinal = false\nstatistics = [\"kinetic_energy\", \"angular_momentum_x\"]\n";
+    let workspace = Workspace::new(study);
+    let engine = ["--engine", "cpu", "--quiet"];
+    let polhode = |arguments: &[&str]| done(&workspace, 2, &[arguments, &engine].concat());
+    polhode(&["run", "study.toml", "--out", "pieces"]);
+    let found = tables(&workspace, "pieces");
+    assert_eq!(found.keys().collect::<Vec<_>>(), ["plan.json", "statistics.csv"]);
+    assert!(crate::workspace::report(&workspace, "pieces")["parts"].as_array().is_some_and(|parts| !parts.is_empty()));
+    polhode(&["plan", "study.toml", "--out", "plan.json"]);
+    polhode(&["run", "study.toml", "--out", "together", "--plan", "plan.json"]);
+    for part in ["1/3", "2/3", "3/3"] {
+        polhode(&["run", "study.toml", "--out", "parts", "--plan", "plan.json", "--shard", part]);
+    }
+    done(&workspace, 2, &["merge", "parts", "--out", "merged", "--quiet"]);
+    assert_same(&found, &tables(&workspace, "merged"));
+    assert!(tables(&workspace, "together")["statistics.csv"] == found["statistics.csv"], "of all bodies in memory");
+}
+
+#[test]
+fn times_that_make_no_sense_are_refused() {
+    let workspace = Workspace::new(STATISTICS);
+    for wrong in ["0", "-1", "soon", "nan", "inf"] {
+        let error = workspace.refused(&["run", "study.toml", "--checkpoint", wrong], 2);
+        assert!(error.contains("a number of seconds above zero"), "{error}");
+    }
+    for (wrong, word) in [("0", "above zero"), ("\"3 m\"", "s"), ("true", "above zero")] {
+        let study = STATISTICS.replace("[time]", &format!("[checkpoint]\nevery = {wrong}\n[time]"));
+        fs::write(workspace.path("study.toml"), study).expect("written");
+        let error = workspace.refused(&["run", "study.toml"], 2);
+        assert!(error.contains("checkpoint.every") && error.contains(word), "{error}");
+    }
+}
