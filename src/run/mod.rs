@@ -26,6 +26,8 @@ mod initial_file;
 #[cfg(feature = "study")]
 mod merge;
 mod observed;
+#[cfg(feature = "study")]
+mod outcome;
 mod output_loop;
 mod output_statistics;
 mod reading;
@@ -45,7 +47,9 @@ pub use checkpoint::Checkpoint;
 #[cfg(feature = "study")]
 pub use files::{OutputSize, run_part_to_folder, run_to_folder, write_plan};
 #[cfg(feature = "study")]
-pub use merge::{MergedAccuracy, MergedReport, merge};
+pub use merge::{MergedReport, merge};
+#[cfg(feature = "study")]
+pub use outcome::MergedAccuracy;
 pub use output_loop::{Output, Run};
 pub use replay::{How, Replay, StateError, alone, replay};
 
