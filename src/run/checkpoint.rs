@@ -59,6 +59,9 @@ pub struct Checkpoint {
     pace: Pace,
 }
 
+/// Is told of the bodies of a piece before it is computed, and of what it has in the file system; breaks to stop there.
+pub type PieceObserver<'o> = dyn FnMut(&Checkpoint, Range<usize>, &Traces) -> ControlFlow<()> + 'o;
+
 /// How fast bodies are computed.
 #[derive(Clone, Copy, Debug)]
 enum Pace {
@@ -212,7 +215,7 @@ impl Checkpoint {
         engine: &dyn Backend,
         study: &Study,
         every: Duration,
-        begun: &mut dyn FnMut(&Self, Range<usize>, &Traces) -> ControlFlow<()>,
+        begun: &mut PieceObserver<'_>,
         observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
     ) -> Result<()> {
         let (first, mut done) = (self.bodies_done(), 0_u64);

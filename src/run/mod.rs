@@ -43,7 +43,7 @@ mod translation;
 
 pub use balance::balance;
 #[cfg(feature = "study")]
-pub use checkpoint::Checkpoint;
+pub use checkpoint::{Checkpoint, PieceObserver};
 #[cfg(feature = "study")]
 pub use files::{OutputSize, run_part_to_folder, run_to_folder, write_plan};
 #[cfg(feature = "study")]
