@@ -138,13 +138,19 @@ fn advance(study: &Study, folder: &Path, loss: Option<usize>) -> (Result<Checkpo
     };
     let mut checkpoint = found.unwrap_or_else(begun);
     let mut calls = 0;
-    let done = checkpoint.advance(&engine, study, Duration::from_nanos(1), &mut |_, _| {}, &mut |_| {
-        if loss == Some(calls) {
-            device.destroy();
-        }
-        calls += 1;
-        ControlFlow::Continue(())
-    });
+    let done = checkpoint.advance(
+        &engine,
+        study,
+        Duration::from_nanos(1),
+        &mut |_, _, _| ControlFlow::Continue(()),
+        &mut |_| {
+            if loss == Some(calls) {
+                device.destroy();
+            }
+            calls += 1;
+            ControlFlow::Continue(())
+        },
+    );
     (done.map(|()| checkpoint), calls)
 }
 

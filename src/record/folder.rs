@@ -13,7 +13,7 @@
 use std::fs::{self, File};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::lock::{Lock, Refused};
 use super::part_file::FileEntry;
@@ -35,6 +35,17 @@ use traces::{PLACED, remove_folders};
 /// Names and values.
 pub(crate) type Metadata = Vec<(String, String)>;
 
+/// That of a folder, as it is when a file is finished: more may become known until then.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct SharedMetadata(Arc<Mutex<Metadata>>);
+
+impl SharedMetadata {
+    #[cfg(feature = "parquet")]
+    pub(crate) fn entries(&self) -> Metadata {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
 /// A folder for the files of one run, which appear together when all are complete.
 ///
 /// Dropped before that, it leaves nothing. Only one run at a time has a folder.
@@ -54,7 +65,7 @@ pub struct OutputFolder {
     leftovers: Vec<PathBuf>,
     /// Names of files begun, in order.
     names: Vec<String>,
-    metadata: Metadata,
+    metadata: SharedMetadata,
     /// Dropped last: until then nobody else touches any of these names.
     _lock: Lock,
 }
@@ -98,7 +109,7 @@ impl OutputFolder {
         let lock = lock.map_err(refused).inspect_err(|_| remove_folders(&parents))?;
         let staging = with_suffix(&prefix, &format!("{}.{PARTIAL}", random()));
         let traces = Traces { fate: Arc::default(), staging, lock: lock_path, parents };
-        let (path, names, metadata) = (path.to_owned(), Vec::new(), Metadata::new());
+        let (path, names, metadata) = (path.to_owned(), Vec::new(), SharedMetadata::default());
         let mut folder = Self {
             path,
             target,
@@ -174,14 +185,14 @@ impl OutputFolder {
         Ok(())
     }
 
-    /// What files that have metadata say of the run that they are of. Of files begun before, nothing changes.
-    pub(crate) fn set_metadata(&mut self, metadata: Metadata) {
-        self.metadata = metadata;
+    /// What files that have metadata say of the run that they are of, beside what is known already. Of files finished before, nothing changes.
+    pub(crate) fn add_metadata(&self, entries: Metadata) {
+        self.metadata.0.lock().unwrap_or_else(PoisonError::into_inner).extend(entries);
     }
 
     #[cfg(feature = "parquet")]
-    pub(crate) fn metadata(&self) -> &Metadata {
-        &self.metadata
+    pub(crate) fn metadata(&self) -> SharedMetadata {
+        self.metadata.clone()
     }
 
     /// Begins a file.

@@ -23,7 +23,7 @@ use parquet::schema::types::{ColumnDescPtr, ColumnPath, Type};
 use rayon::prelude::*;
 
 use super::column::{self, Layout, Named, StateRows};
-use super::folder::{Metadata, OutputFile, OutputFolder};
+use super::folder::{OutputFile, OutputFolder, SharedMetadata};
 use crate::bodies::state_columns;
 use crate::error::{Error, FileAction, Result};
 use crate::study::Format;
@@ -150,7 +150,9 @@ pub(crate) struct ParquetFile {
     properties: WriterPropertiesPtr,
     /// Rows that make no row group yet.
     rows: Vec<Cells>,
-    metadata: Metadata,
+    metadata: SharedMetadata,
+    /// Of the columns.
+    described: String,
 }
 
 impl std::fmt::Debug for ParquetFile {
@@ -160,11 +162,10 @@ impl std::fmt::Debug for ParquetFile {
 }
 
 impl ParquetFile {
-    /// Begins a table, whose footer has the folder's metadata.
+    /// Begins a table, whose footer has the folder's metadata as they are when it is finished.
     pub(crate) fn begin(folder: &mut OutputFolder, stem: &str, columns: &[Field]) -> Result<Self> {
         let file = folder.begin(&format!("{stem}.{}", Format::Parquet.name()))?;
-        let mut metadata = folder.metadata().to_vec();
-        metadata.push((COLUMNS.to_owned(), described(columns)));
+        let (metadata, described) = (folder.metadata(), described(columns));
         let path = file.path().to_owned();
         let properties = Arc::new(properties(columns));
         let writer = schema(columns).and_then(|schema| SerializedFileWriter::new(file, schema, properties.clone()));
@@ -172,7 +173,7 @@ impl ParquetFile {
         let kinds: Vec<Kind> = columns.iter().map(|field| field.kind).collect();
         let columns = writer.schema_descr().columns().to_vec();
         let rows = kinds.iter().map(|&kind| Cells::none(kind)).collect();
-        Ok(Self { path, writer, kinds, columns, properties, rows, metadata })
+        Ok(Self { path, writer, kinds, columns, properties, rows, metadata, described })
     }
 
     /// Appends rows, column by column.
@@ -209,7 +210,8 @@ impl ParquetFile {
         if rows.first().is_some_and(|column| column.len() > 0) {
             self.write_group(rows)?;
         }
-        for (key, value) in mem::take(&mut self.metadata) {
+        let of_columns = (COLUMNS.to_owned(), mem::take(&mut self.described));
+        for (key, value) in self.metadata.entries().into_iter().chain([of_columns]) {
             self.writer.append_key_value_metadata(KeyValue::new(key, value));
         }
         let Self { path, writer, .. } = self;

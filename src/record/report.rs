@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{AdaptiveWork, Balance, Drift, FailedBody, Trust};
+use super::{AdaptiveWork, Balance, Drift, FailedBody, RecomputedSample, Trust};
 use crate::bodies::Status;
 use crate::engine::EngineKind;
 use crate::math::{Quantiles, Spread};
@@ -232,6 +232,34 @@ pub struct AccuracyReport {
     pub met: Option<bool>,
 }
 
+impl AccuracyReport {
+    /// Of a run of which so many bodies have failed.
+    pub(crate) fn of(sample: &RecomputedSample, failed: usize) -> Self {
+        let target = |target: Accuracy| TargetReport {
+            attitude: target.attitude,
+            angular_velocity: target.angular_velocity,
+            energy: target.energy,
+            percentile: target.percentile,
+        };
+        Self {
+            bodies: sample.bodies,
+            lost: sample.lost,
+            diverged: sample.diverged,
+            attitude: QuantilesReport::of(sample.attitude, sample.bodies),
+            angular_velocity: QuantilesReport::of(sample.angular_velocity, sample.bodies),
+            kinetic_energy: QuantilesReport::of(sample.kinetic_energy, sample.bodies),
+            translating: sample.translating,
+            position: QuantilesReport::of(sample.position, sample.translating),
+            velocity: QuantilesReport::of(sample.velocity, sample.translating),
+            target: sample.target.map(target),
+            beyond: sample.beyond,
+            failed,
+            same_draws: sample.same_draws,
+            met: sample.met,
+        }
+    }
+}
+
 /// The errors that were asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TargetReport {
@@ -444,33 +472,7 @@ impl Report {
             events: Vec::new(),
             drift: DriftReport::of(&trust.drift),
             balance: BalanceReport::of(&trust.balance),
-            accuracy: AccuracyReport {
-                bodies: trust.recomputed_sample.bodies,
-                lost: trust.recomputed_sample.lost,
-                diverged: trust.recomputed_sample.diverged,
-                attitude: QuantilesReport::of(trust.recomputed_sample.attitude, trust.recomputed_sample.bodies),
-                angular_velocity: QuantilesReport::of(
-                    trust.recomputed_sample.angular_velocity,
-                    trust.recomputed_sample.bodies,
-                ),
-                kinetic_energy: QuantilesReport::of(
-                    trust.recomputed_sample.kinetic_energy,
-                    trust.recomputed_sample.bodies,
-                ),
-                translating: trust.recomputed_sample.translating,
-                position: QuantilesReport::of(trust.recomputed_sample.position, trust.recomputed_sample.translating),
-                velocity: QuantilesReport::of(trust.recomputed_sample.velocity, trust.recomputed_sample.translating),
-                target: trust.recomputed_sample.target.map(|target| TargetReport {
-                    attitude: target.attitude,
-                    angular_velocity: target.angular_velocity,
-                    energy: target.energy,
-                    percentile: target.percentile,
-                }),
-                beyond: trust.recomputed_sample.beyond,
-                failed: trust.failures.len(),
-                same_draws: trust.recomputed_sample.same_draws,
-                met: trust.recomputed_sample.met,
-            },
+            accuracy: AccuracyReport::of(&trust.recomputed_sample, trust.failures.len()),
             statistical_accuracy: trust.statistics.map(StatisticalAccuracyReport::from),
             outside_usable_region: trust.outside_usable_region,
             failures: FailureReport::of(&trust.failures),

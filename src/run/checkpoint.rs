@@ -27,6 +27,9 @@ use crate::study::text::read_text;
 /// What the folder of a piece is called: `bodies-0-4095`.
 const PIECE: &str = "bodies-";
 
+/// What the plan is called in a folder whose pieces are being removed: such a folder holds nothing any more.
+const REMOVED: &str = "plan.json.removed";
+
 /// The most bodies of a piece: what a run keeps of them takes less than a gigabyte.
 const MOST_BODIES: usize = 1 << 21;
 
@@ -55,6 +58,9 @@ pub struct Checkpoint {
     pieces: Vec<Range<usize>>,
     pace: Pace,
 }
+
+/// Is told of the bodies of a piece before it is computed, and of what it has in the file system; breaks to stop there.
+pub type PieceObserver<'o> = dyn FnMut(&Checkpoint, Range<usize>, &Traces) -> ControlFlow<()> + 'o;
 
 /// How fast bodies are computed.
 #[derive(Clone, Copy, Debug)]
@@ -101,8 +107,8 @@ impl Checkpoint {
             let entry = entry.map_err(|error| Error::file(folder, FileAction::Read, &error))?;
             pieces.extend(bodies_of(&entry.file_name().to_string_lossy()));
         }
-        // One that was stopped before it had a plan.
-        if pieces.is_empty() && !folder.join(PLAN).exists() {
+        // One that was stopped before it had a plan, or while it was removed.
+        if pieces.is_empty() && !folder.join(PLAN).exists() || folder.join(REMOVED).exists() {
             return Ok(None);
         }
         let plan = PlanDocument::read(&folder.join(PLAN))?;
@@ -197,18 +203,19 @@ impl Checkpoint {
         start..start.saturating_add(blocks * size).min(all)
     }
 
-    /// Computes what is left of `study`, on `engine`, in pieces that take about as long as `every`. `begun` is told of what each piece has in
-    /// the file system until it is finished.
+    /// Computes what is left of `study`, on `engine`, in pieces that take about as long as `every`. `begun` is told of the bodies of each
+    /// piece before it is computed, and of what it has in the file system until it is finished. To stop, it breaks, and nothing
+    /// is lost; where `observer` does, what is computed of the piece is.
     ///
     /// # Errors
     ///
-    /// As [`crate::run::run_to_folder`] and [`Plan::repeated`]; what was finished before stays.
+    /// As [`crate::run::run_to_folder`] and [`Plan::repeated`]; what was finished before stays. [`Error::Interrupted`] where either breaks.
     pub fn advance(
         &mut self,
         engine: &dyn Backend,
         study: &Study,
         every: Duration,
-        begun: &mut dyn FnMut(&Self, &Traces),
+        begun: &mut PieceObserver<'_>,
         observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
     ) -> Result<()> {
         let (first, mut done) = (self.bodies_done(), 0_u64);
@@ -216,7 +223,9 @@ impl Checkpoint {
             let since = Instant::now();
             let bodies = self.next_bodies(study, every);
             let folder = OutputFolder::create(&self.piece(&bodies), false)?;
-            begun(self, folder.traces());
+            if begun(self, bodies.clone(), folder.traces()).is_break() {
+                return Err(Error::Interrupted { steps: 0 });
+            }
             let study = study.clone().part(bodies.clone());
             let scene = study.scene()?.skipping(self.plan.may_skip());
             let plan = Plan::repeated(&scene, engine, &self.plan)?;
@@ -255,14 +264,14 @@ impl Checkpoint {
 
     /// Removes what runs have left in a folder, and the folder, if nothing else is in it. What cannot be removed stays.
     pub fn remove(folder: &Path) {
-        let Ok(entries) = fs::read_dir(folder) else { return };
-        for entry in entries.flatten() {
-            let name = entry.file_name().to_string_lossy().into_owned();
-            let own = name.strip_prefix('.').unwrap_or(&name);
-            if own.starts_with(PIECE) {
-                let _ = fs::remove_dir_all(entry.path()).or_else(|_| fs::remove_file(entry.path()));
-            } else if own.starts_with(PLAN) {
-                let _ = fs::remove_file(entry.path());
+        // A process that is killed on the way leaves some of the pieces, which then belong to no plan.
+        let _ = fs::rename(folder.join(PLAN), folder.join(REMOVED));
+        for begins_with in [PIECE, PLAN] {
+            for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+                let name = entry.file_name().to_string_lossy().into_owned();
+                if name.strip_prefix('.').unwrap_or(&name).starts_with(begins_with) {
+                    let _ = fs::remove_dir_all(entry.path()).or_else(|_| fs::remove_file(entry.path()));
+                }
             }
         }
         let _ = fs::remove_dir(folder);

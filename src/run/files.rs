@@ -17,6 +17,7 @@ use crate::record::part_file::{BLOCKS, BlocksLine, EVENTS, EventEntry, PART, Par
 use crate::record::report::{EventReport, Report, StatisticsReport, StudyReport};
 use crate::record::statistics_file::StatisticsFile;
 use crate::record::{EventRecord, Gathered, HistogramCounts, OutputState, Sink, Statistics};
+use crate::run::outcome::Outcome;
 use crate::run::state_tables::{StateQueue, StateTables, WriteTime, timed};
 use crate::run::{initial_file, run_into};
 use crate::study::{Format, Output, Study};
@@ -224,7 +225,7 @@ pub fn run_part_to_folder(
 /// The key of the study's text in the metadata of files.
 pub(super) const STUDY_TEXT: &str = "polhode.study";
 
-/// What files that have metadata say of a run: what it follows, and nothing that differs from one time to the next.
+/// What files that have metadata say of what a run follows.
 fn metadata(study: Option<&Study>, plan: &str) -> Metadata {
     let mut metadata = vec![("polhode.version".to_owned(), env!("CARGO_PKG_VERSION").to_owned())];
     if let Some(study) = study {
@@ -250,7 +251,7 @@ fn run_files(
     let cells = design.map(|design| design.cells());
     let plan_text = part_of.map_or_else(|| plan.to_json(), |document| document.text().to_owned());
     let metadata = metadata(study, &plan_text);
-    folder.set_metadata(metadata.clone());
+    folder.add_metadata(metadata.clone());
     let layout = Layout::of_output(output, plan.scene().ensemble().translation().is_some(), cells);
     let columns = layout.columns.clone();
     let tables = StateTables::begin(&mut folder, output, layout, plan)?;
@@ -266,6 +267,7 @@ fn run_files(
             }
         })?;
         let trust = run_into(engine, plan, &mut sink, observer)?;
+        folder.add_metadata(Outcome::of(plan, &trust).metadata());
         Ok((trust, sink.finish()?))
     })?;
     spent.format += kept.spent.format;

@@ -12,7 +12,6 @@ use serde_json::Value;
 use crate::engine::Progress;
 use crate::error::{Error, FileAction, Result};
 use crate::kernel::observe::Partial;
-use crate::plan::sampling::is_plausible;
 use crate::record::failed_file;
 use crate::record::folder::{OutputFolder, PLAN, REPORT, file_entry};
 use crate::record::npz_file::Times;
@@ -24,6 +23,7 @@ use crate::record::statistics_file::StatisticsFile;
 use crate::record::table_file;
 use crate::record::{EventRecord, FailedBody, Gathered, HistogramCounts, StateTable, Statistics};
 use crate::run::files::STUDY_TEXT;
+use crate::run::outcome::{MergedAccuracy, Outcome};
 use crate::run::state_tables::{TableFile, WriteTime};
 use crate::scene::{Event, Observed};
 use crate::study::Format;
@@ -72,23 +72,6 @@ pub struct MergedReport {
     pub files: Vec<String>,
     /// The reports of the parts, in their order.
     pub parts: Vec<Value>,
-}
-
-/// Errors at the end of a sample of bodies that was recomputed more accurately: those of all parts' samples.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct MergedAccuracy {
-    /// Bodies behind the figures.
-    pub bodies: usize,
-    /// The greatest attitude error, rad.
-    pub attitude_max: Option<f64>,
-    /// The greatest error of the angular velocity, relative.
-    pub angular_velocity_max: Option<f64>,
-    /// The greatest error of the kinetic energy, relative.
-    pub kinetic_energy_max: Option<f64>,
-    /// Bodies that are beyond one of the errors asked for.
-    pub beyond: usize,
-    /// Whether the sample agrees with what was asked for; `null` where nothing was asked for, or nothing is known.
-    pub met: Option<bool>,
 }
 
 impl MergedReport {
@@ -154,25 +137,43 @@ pub(super) fn merge_folders(
         path: all.to_owned(),
         reason: "its tables are in a format that this build does not write".to_owned(),
     })?;
-    folder.set_metadata(first.metadata.clone());
+    folder.add_metadata(first.metadata.clone());
+    let tables_of = |stem: &str| -> Vec<PathBuf> {
+        let name = format!("{stem}.{}", format.name());
+        pieces.iter().map(|piece| piece.folder.join(&name)).collect()
+    };
+    if first.cells.is_some() {
+        // The cells of the whole are in every part.
+        table_file::concatenate(&mut folder, "cells", format, &tables_of("cells")[..1])?;
+    }
+    if first.initial {
+        table_file::concatenate(&mut folder, "initial", format, &tables_of("initial"))?;
+    }
+    let failures: Vec<FailedBody> =
+        pieces.iter().flat_map(|piece| &piece.part.failures).map(FailedBody::from).collect();
     let end = times[times.len() - 1];
+    let outcome = Outcome {
+        bodies: first.body_count,
+        outputs: times.len(),
+        span: end,
+        accuracy: MergedAccuracy::of(pieces.iter().map(|piece| &piece.report["accuracy"]), &failures, first.body_count),
+        failures: FailureReport::of(&failures),
+    };
+    folder.add_metadata(outcome.metadata());
     let (bodies, layout) = (0..first.body_count, first.layout());
     let rows = (has_snapshots as usize * times.len() + has_final as usize) * first.body_count;
     let mut rows = Rows { done: 0, total: rows as u64, observer };
-    let table_of = |stem: &str| {
-        let name = format!("{stem}.{}", format.name());
-        pieces.iter().map(move |piece| piece.folder.join(&name))
-    };
     if has_final {
         let mut table = TableFile::begin(&mut folder, ("final", format), bodies.clone(), &layout, Times::One(end))?;
-        for (piece, path) in pieces.iter().zip(table_of("final")) {
+        for (piece, path) in pieces.iter().zip(tables_of("final")) {
             rows.copy(&mut StateTable::open(&path)?, &piece.part, 0, &mut table)?;
         }
         table.finish()?;
     }
     if has_snapshots {
         let mut table = TableFile::begin(&mut folder, ("snapshots", format), bodies, &layout, Times::Many(times))?;
-        let mut sources = table_of("snapshots").map(|path| StateTable::open(&path)).collect::<Result<Vec<_>>>()?;
+        let mut sources =
+            tables_of("snapshots").iter().map(|path| StateTable::open(path)).collect::<Result<Vec<_>>>()?;
         for time in 0..times.len() {
             for (piece, source) in pieces.iter().zip(&mut sources) {
                 rows.copy(source, &piece.part, time, &mut table)?;
@@ -181,15 +182,6 @@ pub(super) fn merge_folders(
         table.finish()?;
     }
     let (at_end, histograms) = merged_statistics(&pieces, &observed, format, &mut folder)?;
-    if first.cells.is_some() {
-        // The cells of the whole are in every part.
-        table_file::concatenate(&mut folder, "cells", format, &table_of("cells").take(1).collect::<Vec<_>>())?;
-    }
-    if first.initial {
-        table_file::concatenate(&mut folder, "initial", format, &table_of("initial").collect::<Vec<_>>())?;
-    }
-    let failures: Vec<FailedBody> =
-        pieces.iter().flat_map(|piece| &piece.part.failures).map(FailedBody::from).collect();
     if !failures.is_empty() {
         failed_file::write(&mut folder, format, &failures)?;
     }
@@ -206,6 +198,8 @@ pub(super) fn merge_folders(
         events: events.iter().map(|record| EventReport::new(record, end)).collect(),
         quantities: QuantityReport::of(&observed),
         files: folder.names().to_vec(),
+        accuracy: outcome.accuracy,
+        failures: outcome.failures,
         ..report(pieces, &failures)
     };
     folder.write(REPORT, report.to_json().as_bytes())?;
@@ -423,10 +417,10 @@ fn report(pieces: Vec<Piece>, failures: &[FailedBody]) -> MergedReport {
         quantities: Vec::new(),
         statistics: None,
         events: Vec::new(),
-        accuracy: accuracy(reports().map(|report| &report["accuracy"]), failures, first.part.body_count),
+        accuracy: MergedAccuracy::default(),
         statistical_met: all_met(reports().map(|report| report["statistical_accuracy"]["met"].as_bool())),
         failed_bodies: failures.iter().map(|failed| failed.body).collect(),
-        failures: FailureReport::of(failures),
+        failures: Vec::new(),
         allowed_failures: first.part.allowed_failures,
         files: Vec::new(),
         parts: reports().cloned().collect(),
@@ -438,31 +432,4 @@ fn all_met(mut parts: impl Iterator<Item = Option<bool>>) -> Option<bool> {
     parts
         .try_fold(true, |all, met| if met == Some(false) { None } else { Some(all && met == Some(true)) })
         .map_or(Some(false), |all| all.then_some(true))
-}
-
-/// What the samples of all parts say together.
-fn accuracy<'a>(
-    parts: impl Iterator<Item = &'a Value> + Clone,
-    failures: &[FailedBody],
-    bodies: usize,
-) -> MergedAccuracy {
-    let sum = |key: &str| parts.clone().filter_map(|part| part[key].as_u64()).sum::<u64>() as usize;
-    let max = |key: &str| parts.clone().filter_map(|part| part[key]["max"].as_f64()).reduce(f64::max);
-    let percentile = parts.clone().find_map(|part| part["target"]["percentile"].as_f64());
-    let draws = parts.clone().any(|part| part["same_draws"].as_bool() == Some(true));
-    let (sampled, beyond) = (sum("bodies"), sum("beyond"));
-    let is_known = sum("lost") > 0 || (sampled > 0 && !draws && sum("diverged") == 0);
-    let met = |percentile: f64| {
-        let part = 0.01 * percentile;
-        let failed = failures.len() as f64 / bodies.max(1) as f64;
-        sum("lost") == 0 && failed <= 1.0 - part && is_plausible(beyond, sampled, part)
-    };
-    MergedAccuracy {
-        bodies: sampled,
-        attitude_max: max("attitude"),
-        angular_velocity_max: max("angular_velocity"),
-        kinetic_energy_max: max("kinetic_energy"),
-        beyond,
-        met: percentile.filter(|_| is_known).map(met),
-    }
 }

@@ -26,6 +26,8 @@ mod initial_file;
 #[cfg(feature = "study")]
 mod merge;
 mod observed;
+#[cfg(feature = "study")]
+mod outcome;
 mod output_loop;
 mod output_statistics;
 mod reading;
@@ -41,11 +43,13 @@ mod translation;
 
 pub use balance::balance;
 #[cfg(feature = "study")]
-pub use checkpoint::Checkpoint;
+pub use checkpoint::{Checkpoint, PieceObserver};
 #[cfg(feature = "study")]
 pub use files::{OutputSize, run_part_to_folder, run_to_folder, write_plan};
 #[cfg(feature = "study")]
-pub use merge::{MergedAccuracy, MergedReport, merge};
+pub use merge::{MergedReport, merge};
+#[cfg(feature = "study")]
+pub use outcome::MergedAccuracy;
 pub use output_loop::{Output, Run};
 pub use replay::{How, Replay, StateError, alone, replay};
 

@@ -16,7 +16,7 @@ use crate::math::Quantiles;
 use crate::plan::errors::Errors;
 use crate::plan::sampling::sample;
 use crate::plan::subset::propagate_subset;
-use crate::plan::{Group, Interval, Plan, TorqueSet, Treatment, steps_over};
+use crate::plan::{Group, Plan, TorqueSet, Treatment, steps_over};
 use crate::record::RecomputedSample;
 use crate::run::torque_work::{self, Alike, Recomputed, Work};
 use crate::scene::AdaptiveSteps;
@@ -49,7 +49,7 @@ pub(super) struct Reference {
 }
 
 /// The bodies of a sample recomputed on the CPU in `f64`: torque-free ones by the closed form, the others by `rk8` in the
-/// steps of [`reference_intervals`], or, where the run's steps are adaptive, in adaptive steps too.
+/// steps of [`alike`], or, where the run's steps are adaptive, in adaptive steps too.
 pub(super) fn recomputed(plan: &Plan<'_>, sample: &[u32], observer: &mut Observer<'_>) -> Result<Vec<Reference>> {
     let scene = plan.scene();
     let mut references = Vec::with_capacity(sample.len());
@@ -65,8 +65,7 @@ pub(super) fn recomputed(plan: &Plan<'_>, sample: &[u32], observer: &mut Observe
                 references.extend(adaptively(plan, &torques, driven, &steps, observer)?);
                 continue;
             }
-            let intervals = reference_intervals(plan, group, &torques, &driven);
-            let found = torque_work::recomputed(scene, &torques, vec![Alike { members: driven, intervals }], observer)?;
+            let found = torque_work::recomputed(scene, &torques, alike(plan, group, &torques, driven), observer)?;
             let reference = |Recomputed { body, state, work }| Reference { body, state, work: Some(work) };
             references.extend(found.into_iter().map(reference));
         }
@@ -129,21 +128,21 @@ fn finer(steps: &AdaptiveSteps) -> AdaptiveSteps {
     AdaptiveSteps { tolerance, least_step: None }
 }
 
-/// The steps in which bodies of a group are recomputed by `rk8`.
+/// Bodies of a group by the steps in which they are recomputed by `rk8`.
 ///
 /// One interval of equal steps, of half the longest that the run takes where its method is of order 6 or more, else as
-/// long as that one; finer where `rk8` would not follow the bodies' own rates otherwise. A random torque is a constant
-/// over each of the run's steps, so that the steps then have to be the run's.
-fn reference_intervals(plan: &Plan<'_>, group: &Group, torques: &[Torque], members: &[u32]) -> Vec<Interval> {
+/// long as that one; halved until `rk8` follows the body's own rates. What other bodies are in the sample changes nothing, so that parts
+/// of a study find what one run does. A random torque is a constant over each of the run's steps, so that the steps then have to be the
+/// run's.
+fn alike(plan: &Plan<'_>, group: &Group, torques: &[Torque], members: Vec<u32>) -> Vec<Alike> {
     let of_run = (0..plan.times().len()).map(|index| group.treatment.interval(plan.span_before(index)));
     if torques.iter().any(Torque::is_random) {
-        return of_run.collect();
+        return vec![Alike { members, intervals: of_run.collect() }];
     }
     let scene = plan.scene();
     let longest = of_run.filter(|interval| interval.steps > 0).map(|interval| interval.dt).fold(0.0, f64::max);
-    let fine = if of_high_order(group) { 0.5 } else { 1.0 };
-    let rate = |&body: &u32| {
-        let body = body as usize;
+    let coarse = if of_high_order(group) { 0.5 * longest } else { longest };
+    let rate = |body: usize| {
         let middle_moment = crate::bodies::inertia::principal_axes(&scene.ensemble().inertia()[body]).moments.y;
         let spin = scene.ensemble().angular_velocity_body()[body].length();
         let growth = torque::variable_inertia::spin_growth(torques, body, &scene.ensemble().inertia()[body]);
@@ -151,9 +150,19 @@ fn reference_intervals(plan: &Plan<'_>, group: &Group, torques: &[Torque], membe
             torque::rate_of(torques, body, middle_moment).max(torque::damping_of(torques, body, middle_moment));
         (spin * growth).max(driven)
     };
-    let fastest = members.iter().map(rate).fold(0.0, f64::max);
-    let own = REFERENCE_ANGLE / fastest;
-    vec![steps_over(scene.end(), (fine * longest).min(own.max(longest / MOST_REFINEMENT)))]
+    let mut by_halvings: BTreeMap<i32, Vec<u32>> = BTreeMap::new();
+    for body in members {
+        let own = REFERENCE_ANGLE / rate(body as usize);
+        let step = |halvings: i32| coarse * 0.5_f64.powi(halvings);
+        let is_enough = |halvings: &i32| step(*halvings) <= own || step(*halvings) * MOST_REFINEMENT <= longest;
+        let halvings = (0..).find(is_enough).unwrap_or(0);
+        by_halvings.entry(halvings).or_default().push(body);
+    }
+    let in_steps = |(halvings, members)| {
+        let intervals = vec![steps_over(scene.end(), coarse * 0.5_f64.powi(halvings))];
+        Alike { members, intervals }
+    };
+    by_halvings.into_iter().map(in_steps).collect()
 }
 
 fn of_high_order(group: &Group) -> bool {
@@ -164,7 +173,7 @@ fn of_high_order(group: &Group) -> bool {
 /// the error of `rk8` is far below its.
 const HIGH_ORDER: u32 = 6;
 
-/// The angle (rad) that the fastest body of a group turns by in a step of its recomputation at the start, at most: the error
+/// The angle (rad) that a body turns by in a step of its recomputation at the start, at most: the error
 /// of `rk8` is then about 1e-10 a radian.
 const REFERENCE_ANGLE: f64 = 0.5;
 

@@ -67,6 +67,17 @@ fn start(workspace: &Workspace, arguments: &[&str]) -> Child {
     command.spawn().expect("the command starts")
 }
 
+/// Kills a run, or asks it to stop, or asks twice, in turn.
+fn end(child: &mut Child, turn: u32) {
+    for _ in 0..turn % 3 {
+        // It may have ended by itself.
+        let _ = Command::new("kill").args(["-INT", &child.id().to_string()]).stderr(Stdio::null()).status();
+    }
+    if turn.is_multiple_of(3) {
+        child.kill().expect("a process");
+    }
+}
+
 /// Kills runs of a study at moments that are spread over the time of one, and resumes them.
 fn killed_and_resumed(study: &str, engine: &str) {
     let workspace = Workspace::new(study);
@@ -88,7 +99,7 @@ fn killed_and_resumed(study: &str, engine: &str) {
         let part = (0.37 + f64::from(kills - left) * 0.618_033_988_749_895).fract();
         let mut child = start(&workspace, &run(true));
         std::thread::sleep(of_one.mul_f64(0.05 + part));
-        child.kill().expect("a process");
+        end(&mut child, kills - left);
         let ended = child.wait().expect("it ends").success();
         left -= 1;
         in_the_middle += u32::from(!ended && workspace.path("out.checkpoint").is_dir());
@@ -104,6 +115,14 @@ fn killed_and_resumed(study: &str, engine: &str) {
     assert_same(&whole, &tables(&workspace, "out"));
     let names = workspace.names("");
     assert_eq!(names, ["out", "study.toml", "whole"], "nothing else is left");
+    // A kill while the pieces of a finished run are removed leaves some of them, and no plan.
+    done(&workspace, 2, &[&run(false)[..], &["--force"]].concat());
+    fs::create_dir_all(workspace.path("out.checkpoint/bodies-64-127")).expect("made");
+    fs::write(workspace.path("out.checkpoint/plan.json.removed"), "{}").expect("written");
+    fs::remove_dir_all(workspace.path("out")).expect("removed");
+    done(&workspace, 2, &run(true));
+    assert_same(&whole, &tables(&workspace, "out"));
+    assert_eq!(workspace.names(""), ["out", "study.toml", "whole"], "nothing else is left");
 }
 
 #[test]
@@ -145,6 +164,11 @@ fn a_stopped_run_says_how_it_goes_on_and_what_does_not_belong_to_it_is_refused()
     let error = stopped(&workspace);
     let hint = "of 2000 bodies are in out.checkpoint; `polhode run study.toml --out out --resume` goes on";
     assert!(error.contains("stopped by the user: ") && error.contains(hint), "{error}");
+    let is_finished =
+        error.lines().find_map(|line| line.strip_prefix("stopping when bodies ")?.split_once(" are computed"));
+    let (_, last) = is_finished.and_then(|(bodies, _)| bodies.split_once(" to ")).expect("what it finishes");
+    let computed = last.parse::<usize>().expect("a number") + 1;
+    assert!(error.contains(&format!("stopped by the user: {computed} of 2000 bodies are in")), "{error}");
     assert!(!workspace.path("out").exists());
     let refused = |arguments: &[&str], word: &str| {
         let run = [&["run", "study.toml", "--out", "out", "--engine", "cpu", "--quiet"], arguments].concat();

@@ -134,6 +134,7 @@ fn footers_say_what_the_run_was_and_what_columns_are() {
     run(&workspace);
     let study = fs::read_to_string(workspace.path("study.toml")).expect("the study");
     let plan = fs::read_to_string(workspace.path("out/plan.json")).expect("the plan");
+    let report = crate::workspace::report(&workspace, "out");
     for name in ["final", "snapshots", "statistics", "events", "survival", "histograms", "initial"] {
         let file = File::open(workspace.path(&format!("out/{name}.parquet"))).expect("a file");
         let reader = SerializedFileReader::new(file).expect("a Parquet file");
@@ -145,6 +146,19 @@ fn footers_say_what_the_run_was_and_what_columns_are() {
         assert_eq!((version, title), (env!("CARGO_PKG_VERSION"), "Thirty thousand boxes, \"some\" lost"));
         assert_eq!((pairs["polhode.study"], pairs["polhode.plan"]), (study.as_str(), plan.as_str()));
         assert_eq!(pairs["polhode.seed"], "5");
+        // What bodies start with is written before the run.
+        if name == "initial" {
+            assert!(!pairs.contains_key("polhode.report"));
+        } else {
+            let of_run: serde_json::Value = serde_json::from_str(pairs["polhode.report"]).expect("JSON");
+            assert_eq!([&of_run["bodies"], &of_run["span"]], [&report["bodies"], &report["span"]]);
+            assert_eq!(of_run["failures"], report["failures"]);
+            assert!(of_run["failures"][0]["bodies"].as_u64() > Some(0), "{of_run}");
+            for key in ["bodies", "beyond", "met"] {
+                assert_eq!(of_run["accuracy"][key], report["accuracy"][key], "{key}");
+            }
+            assert_eq!(of_run["accuracy"]["attitude_max"], report["accuracy"]["attitude"]["max"]);
+        }
         let columns: serde_json::Value = serde_json::from_str(pairs["polhode.columns"]).expect("JSON");
         for column in metadata.schema_descr().columns() {
             assert!(columns[column.name()]["unit"].is_string(), "{name}: {}", column.name());

@@ -1,6 +1,6 @@
 //! `polhode run` with checkpoints: some bodies at a time, so that `--resume` goes on.
 
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -106,12 +106,21 @@ fn run_until_written(
             Checkpoint::begin(&place, &plan)?
         }
     };
+    // Who asks for checkpoints wants what is computed to be kept, and waits for it.
+    let is_asked = arguments.checkpoint.is_some() || study.checkpoint().is_some();
     let mut watch = Watch::new(arguments.quiet);
-    let mut begun = |checkpoint: &Checkpoint, piece: &_| {
+    let mut begun = |checkpoint: &Checkpoint, bodies: Range<usize>, piece: &_| {
         progress::remove_at_end(vec![Clone::clone(piece), traces.clone()]);
         progress::leave(left(arguments, checkpoint, path));
+        let piece = is_asked.then(|| format!("bodies {} to {}", bodies.start, bodies.end - 1));
+        progress::finish_before_the_end(piece)
     };
-    let computed = checkpoint.advance(&engine, &study, every, &mut begun, &mut |progress| watch.observe(progress));
+    let mut observe = |progress| {
+        let stop = watch.observe(progress);
+        if is_asked { ControlFlow::Continue(()) } else { stop }
+    };
+    let computed = checkpoint.advance(&engine, &study, every, &mut begun, &mut observe);
+    let _ = progress::finish_before_the_end(None);
     watch.finish();
     progress::leave(left(arguments, &checkpoint, path));
     progress::remove_at_end(vec![traces]);

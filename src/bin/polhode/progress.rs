@@ -32,6 +32,9 @@ static LEFT: Mutex<Option<String>> = Mutex::new(None);
 /// The folder of a checkpoint that has no piece yet, which goes when the run is stopped.
 static EMPTY: Mutex<Option<PathBuf>> = Mutex::new(None);
 
+/// What a run finishes before it stops, as it is kept for another run to go on from.
+static FINISHING: Mutex<Option<String>> = Mutex::new(None);
+
 /// Whether nothing is written yet of what a run is to write, so that it can be ended at any moment.
 static RUNNING: AtomicBool = AtomicBool::new(false);
 
@@ -42,8 +45,8 @@ static ENDING: AtomicBool = AtomicBool::new(false);
 /// then cut off.
 const GRACE: Duration = Duration::from_millis(250);
 
-/// Lets Ctrl-C (and a request to terminate) end the run in good order, within [`GRACE`]; a second one, and one while a plan is made,
-/// ends it at once.
+/// Lets Ctrl-C (and a request to terminate) end the run in good order: within [`GRACE`], or when what it finishes is there. A second one, and
+/// one while a plan is made, ends it at once.
 pub fn catch_interrupts() {
     // Where the handler cannot be set, Ctrl-C ends the process as it does by default.
     let _ = ctrlc::set_handler(|| {
@@ -51,17 +54,28 @@ pub fn catch_interrupts() {
         if PLANNING.load(Ordering::SeqCst) {
             stop();
         }
-        if !second && RUNNING.load(Ordering::SeqCst) {
+        if second {
+            stop_at_once();
+        }
+        if let Some(piece) = FINISHING.lock().ok().and_then(|finishing| finishing.clone()) {
+            crate::output::note(&format!(
+                "stopping when {piece} are computed; a second Ctrl-C stops at once, without them"
+            ));
+        } else if RUNNING.load(Ordering::SeqCst) {
             std::thread::sleep(GRACE);
             if RUNNING.load(Ordering::SeqCst) {
                 stop();
             }
         }
-        if second {
-            remove_traces();
-            std::process::exit(crate::FAILED.into());
-        }
     });
+}
+
+/// Says what the run computes now and finishes before it stops; breaks where it is to stop first.
+pub fn finish_before_the_end(piece: Option<String>) -> ControlFlow<()> {
+    let Ok(mut finishing) = FINISHING.lock() else { return ControlFlow::Break(()) };
+    let stop = STOP.load(Ordering::SeqCst);
+    *finishing = piece.filter(|_| !stop);
+    if stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
 }
 
 /// Says that a run begins, which may be ended at any moment until [`end_run`].
@@ -100,11 +114,19 @@ fn stop() {
     std::process::exit(crate::FAILED.into());
 }
 
-fn remove_traces() {
+/// Ends the process whatever it does; a folder that is being given its name stays whole, and all others go.
+fn stop_at_once() -> ! {
     if let Ok(traces) = TRACES.lock() {
-        traces.iter().for_each(Traces::remove);
+        let open: Vec<&Traces> = traces.iter().filter(|traces| traces.give_up()).collect();
+        open.iter().for_each(|traces| traces.remove());
+        if open.len() == traces.len() {
+            remove_empty();
+        }
     }
-    remove_empty();
+    if RUNNING.load(Ordering::SeqCst) {
+        crate::output::error(&stopped());
+    }
+    std::process::exit(crate::FAILED.into());
 }
 
 /// Removes a checkpoint that has no piece.
@@ -190,7 +212,7 @@ impl Watch {
         Self { bar: None, shown, start: Instant::now() }
     }
 
-    /// Takes note of progress.
+    /// Shows progress; says whether to stop.
     pub fn observe(&mut self, progress: Progress) -> ControlFlow<()> {
         if self.shown && self.start.elapsed() > QUIET_START {
             let bar = self.bar.get_or_insert_with(|| bar(progress.total, self.start));
