@@ -168,6 +168,9 @@ fn pieces_go_on_after_a_device_was_lost() {
         checkpoint.finish(folder, &mut |_| ControlFlow::Continue(())).expect("merged");
         fs::read(results.join("final.csv")).expect("a table")
     };
+    // What a kill leaves while the pieces of a finished run are removed.
+    fs::create_dir_all(place.join("bodies-0-0")).expect("made");
+    fs::write(place.join("plan.json.removed"), "{}").expect("written");
     let (undisturbed, calls) = advance(&study, &place, None);
     let whole = finish(undisturbed.expect("a checkpoint"), "whole");
     let mut resumed = 0;

@@ -153,12 +153,16 @@ impl Checkpoint {
         0..if is_sample { all.min(MOST_PLANNED) } else { all }
     }
 
-    /// Begins one of a run of `plan`, which was made of all bodies or of [`Checkpoint::planned_bodies`], in a folder, which is made.
+    /// Begins one of a run of `plan`, which was made of all bodies or of [`Checkpoint::planned_bodies`], in a folder, which is made; what a
+    /// finished run has left in it goes.
     ///
     /// # Errors
     ///
     /// [`Error::File`].
     pub fn begin(folder: &Path, plan: &Plan<'_>) -> Result<Self> {
+        if folder.join(REMOVED).exists() {
+            Self::remove(folder);
+        }
         fs::create_dir_all(folder).map_err(|error| Error::file(folder, FileAction::Create, &error))?;
         let path = folder.join(PLAN);
         write_plan(plan, &path).inspect_err(|_| Self::remove(folder))?;

@@ -193,14 +193,25 @@ pub(super) fn merge_folders(
         write_histograms(&mut folder, format, &observed.histograms, &histograms)?;
     }
     folder.write(PLAN, plan.as_bytes())?;
+    let reports = || pieces.iter().map(|piece| &piece.report);
     let report = MergedReport {
+        study: pieces[0].report["study"].clone(),
+        bodies: first.body_count,
+        outputs: times.len(),
+        shards: pieces.len(),
+        engines: engines(reports()),
+        body_steps: reports().filter_map(|report| report["body_steps"].as_u64()).sum(),
+        seconds: reports().filter_map(|report| report["wall_time"]["total"].as_f64()).sum(),
+        quantities: QuantityReport::of(&observed),
         statistics: at_end.as_ref().map(StatisticsReport::from),
         events: events.iter().map(|record| EventReport::new(record, end)).collect(),
-        quantities: QuantityReport::of(&observed),
-        files: folder.names().to_vec(),
         accuracy: outcome.accuracy,
+        statistical_met: all_met(reports().map(|report| report["statistical_accuracy"]["met"].as_bool())),
+        failed_bodies: failures.iter().map(|failed| failed.body).collect(),
         failures: outcome.failures,
-        ..report(pieces, &failures)
+        allowed_failures: first.allowed_failures,
+        files: folder.names().to_vec(),
+        parts: reports().cloned().collect(),
     };
     folder.write(REPORT, report.to_json().as_bytes())?;
     folder.commit()?;
@@ -399,32 +410,13 @@ fn merged_events(pieces: &[Piece], observed: &Observed) -> Result<Vec<EventRecor
     observed.events.iter().zip(of_parts).map(merged).collect()
 }
 
-/// What the reports of all parts say together; what is read of their tables is left open.
-fn report(pieces: Vec<Piece>, failures: &[FailedBody]) -> MergedReport {
+/// The engines of all parts, by their reports, each with the number of its parts.
+fn engines<'a>(reports: impl Iterator<Item = &'a Value>) -> BTreeMap<String, usize> {
     let mut engines = BTreeMap::new();
-    for piece in &pieces {
-        *engines.entry(piece.report["engine"]["adapter"].as_str().unwrap_or_default().to_owned()).or_default() += 1;
+    for report in reports {
+        *engines.entry(report["engine"]["adapter"].as_str().unwrap_or_default().to_owned()).or_default() += 1;
     }
-    let (first, reports) = (&pieces[0], || pieces.iter().map(|piece| &piece.report));
-    MergedReport {
-        study: first.report["study"].clone(),
-        bodies: first.part.body_count,
-        outputs: first.part.times.len(),
-        shards: pieces.len(),
-        engines,
-        body_steps: reports().filter_map(|report| report["body_steps"].as_u64()).sum(),
-        seconds: reports().filter_map(|report| report["wall_time"]["total"].as_f64()).sum(),
-        quantities: Vec::new(),
-        statistics: None,
-        events: Vec::new(),
-        accuracy: MergedAccuracy::default(),
-        statistical_met: all_met(reports().map(|report| report["statistical_accuracy"]["met"].as_bool())),
-        failed_bodies: failures.iter().map(|failed| failed.body).collect(),
-        failures: Vec::new(),
-        allowed_failures: first.part.allowed_failures,
-        files: Vec::new(),
-        parts: reports().cloned().collect(),
-    }
+    engines
 }
 
 /// Whether all parts met something; one that did not decides.

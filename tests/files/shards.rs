@@ -244,6 +244,23 @@ fn so_are_those_of_parquet_with_chosen_columns() {
     compare(&study, "cpu", &CUTS[1..3], &names);
 }
 
+/// Slow spins and fast ones, so that the bodies of the sample are recomputed in steps of many sizes.
+const SPREAD: &str = "[bodies]\ncount = 300\ninertia = { moments = [1.0, 1.7, 2.2], scatter = 0.2 }\n\
+    angular_velocity = { distribution = \"direction\", magnitude = { distribution = \"uniform\", low = 0.02, high = 20 } }\n\
+    [[torque]]\nmodel = \"linear-drag\"\ncoefficient = 0.01\n[time]\nend = 2.0\n[accuracy]\nmethod = \"rk4\"\ndt = 0.05\n\
+    [output]\nformat = \"parquet\"\n";
+
+#[test]
+fn so_are_the_errors_in_footers() {
+    let workspace = compare(SPREAD, "cpu", &CUTS[1..3], &["final.parquet", "plan.json"]);
+    let [whole, merged] = ["whole", "merged-7-2"].map(|folder| crate::workspace::report(&workspace, folder));
+    for key in ["attitude", "angular_velocity", "kinetic_energy"] {
+        let greatest = &whole["accuracy"][key]["max"];
+        assert_eq!(*greatest, merged["accuracy"][format!("{key}_max")], "{key}");
+        assert!(greatest.as_f64() > Some(0.0), "{key}: {greatest}");
+    }
+}
+
 #[test]
 fn so_are_quantiles_histograms_events_and_cells() {
     for (format, cuts) in [("csv", &CUTS[1..]), ("npz", &CUTS[2..3]), ("parquet", &CUTS[2..3])] {

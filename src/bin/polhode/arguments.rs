@@ -242,7 +242,7 @@ pub struct RunArguments {
     #[arg(long, value_name = "INDEX/COUNT|auto", requires = "plan", value_parser = crate::launcher::shard_argument)]
     pub shard: Option<crate::launcher::ShardArgument>,
     /// Write what is computed about every so many seconds, some bodies at a time, so that --resume can go on; instead of the study's
-    /// [checkpoint].
+    /// [checkpoint]. Ctrl-C lets those under way be finished, a second one does not.
     #[arg(long, value_name = "SECONDS", conflicts_with = "shard", value_parser = seconds, allow_negative_numbers = true)]
     pub checkpoint: Option<Duration>,
     /// Go on with a run with checkpoints that was stopped, killed or has failed; the results are the bytes of one that was not.
