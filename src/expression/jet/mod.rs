@@ -37,6 +37,9 @@ use crate::math::real::Function;
 pub(crate) use lowering::{Equations, Lowered, lowered, lowered_by_directions};
 pub(crate) use series::Series;
 
+/// The highest order of a series.
+pub(crate) const MOST_ORDER: usize = 30;
+
 /// A row by its number.
 type RowNumber = u32;
 

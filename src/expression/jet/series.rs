@@ -2,7 +2,7 @@
 
 use std::cell::Cell;
 
-use super::{Jets, Kind, Operation, Place};
+use super::{Jets, Kind, MOST_ORDER, Operation, Place};
 use crate::math::lanes::Each;
 use crate::math::real::{Outlined, Real};
 
@@ -14,6 +14,17 @@ macro_rules! each {
             all.0[$group] = $number;
         }
         all
+    }};
+}
+
+/// The terms of a sum over all coefficients so far, of which the first has to be there; those with the latest coefficients come last.
+macro_rules! latest_last {
+    ($count:expr, |$j:ident| $term:block) => {{
+        for $j in 1..$count {
+            $term
+        }
+        let $j = 0;
+        $term
     }};
 }
 
@@ -97,32 +108,45 @@ fn convolution<R: Real, const G: usize>(a: &[Cell<Each<R, G>>], b: &[Cell<Each<R
     added_convolution(a, b, Each::zero(), Each::zero())
 }
 
-/// The same with what is added to the terms of even and odd number.
+/// The same with what is added to the terms of the first half and of the second.
+///
+/// From the middle outwards, here and in other sums of this kind: the latest coefficients, at both ends, are needed last, so that a
+/// processor begins a sum while the one before is not finished. Indices, as two iterators of which one is reversed are not fused.
 #[inline(always)]
 fn added_convolution<R: Real, const G: usize>(
     a: &[Cell<Each<R, G>>],
     b: &[Cell<Each<R, G>>],
-    mut even: Each<R, G>,
-    mut odd: Each<R, G>,
+    mut first: Each<R, G>,
+    mut second: Each<R, G>,
 ) -> Each<R, G> {
-    let (pairs, reversed) = (a.chunks_exact(2), b.rchunks_exact(2));
-    let (last, first) = (pairs.remainder(), reversed.remainder());
-    for (a, b) in pairs.zip(reversed) {
-        let ([a0, a1], [b0, b1]) = (a, b) else { continue };
-        let (a0, a1, b0, b1) = (a0.get(), a1.get(), b0.get(), b1.get());
+    let n = a.len();
+    let b = &b[..n];
+    if !n.is_multiple_of(2) {
+        let (a, b) = (a[n / 2].get(), b[n / 2].get());
         for g in 0..G {
-            even.0[g] = a0.0[g].mul_add(b1.0[g], even.0[g]);
-            odd.0[g] = a1.0[g].mul_add(b0.0[g], odd.0[g]);
+            first.0[g] = a.0[g].mul_add(b.0[g], first.0[g]);
         }
     }
-    if let ([a], [b]) = (last, first) {
-        let (a, b) = (a.get(), b.get());
+    for j in (0..n / 2).rev() {
+        let (a, a_back, b, b_back) = (a[j].get(), a[n - 1 - j].get(), b[j].get(), b[n - 1 - j].get());
         for g in 0..G {
-            even.0[g] = a.0[g].mul_add(b.0[g], even.0[g]);
+            first.0[g] = a.0[g].mul_add(b_back.0[g], first.0[g]);
+            second.0[g] = a_back.0[g].mul_add(b.0[g], second.0[g]);
         }
     }
-    each!(|g| even.0[g] + odd.0[g])
+    each!(|g| first.0[g] + second.0[g])
 }
+
+/// 1/k; 0 for k = 0.
+const INVERSES: [f64; MOST_ORDER + 1] = {
+    let mut inverses = [0.0; MOST_ORDER + 1];
+    let mut k = 1;
+    while k < inverses.len() {
+        inverses[k] = 1.0 / k as f64;
+        k += 1;
+    }
+    inverses
+};
 
 impl<'a, R: Real, const G: usize> Work<'a, R, G> {
     #[inline(always)]
@@ -149,7 +173,13 @@ impl<'a, R: Real, const G: usize> Work<'a, R, G> {
     /// Coefficients from `from` to `to`, inclusive.
     #[inline(always)]
     fn part(&self, place: Place, from: usize, to: usize) -> &'a [Cell<Each<R, G>>] {
-        &self.numbers[place.at(0)..][from..to + 1]
+        &self.numbers[place.at(from)..][..to + 1 - from]
+    }
+
+    /// The coefficients so far of three rows.
+    #[inline(always)]
+    fn rows(&self, [x, y, z]: [Place; 3]) -> [&'a [Cell<Each<R, G>>]; 3] {
+        [self.part(x, 0, self.k), self.part(y, 0, self.k), self.part(z, 0, self.k)]
     }
 
     #[inline(always)]
@@ -160,7 +190,13 @@ impl<'a, R: Real, const G: usize> Work<'a, R, G> {
     /// 1/k; 0 for k = 0.
     #[inline(always)]
     fn inverse_order(&self) -> R {
-        R::splat(if self.k == 0 { 0.0 } else { (self.k as f64).recip() })
+        R::splat(INVERSES[self.k])
+    }
+
+    /// 1/(k + 1).
+    #[inline(always)]
+    fn inverse_next_order(&self) -> R {
+        R::splat(INVERSES[self.k + 1])
     }
 
     #[inline(always)]
@@ -216,22 +252,28 @@ impl<'a, R: Real, const G: usize> Work<'a, R, G> {
     /// Terms that are equal in pairs once, and doubled.
     #[inline(always)]
     fn square_of(&self, a: Place, k: usize) -> Each<R, G> {
-        let half = k.div_ceil(2);
-        let (front, back) = (self.part(a, 0, k), self.part(a, k + 1 - half, k));
-        let sum = if half == 0 { Each::zero() } else { convolution(&front[..half], back) };
-        let two = R::splat(2.0);
-        if k.is_multiple_of(2) {
-            let middle = front[k / 2].get();
-            each!(|g| middle.0[g].mul_add(middle.0[g], sum.0[g] * two))
-        } else {
-            each!(|g| sum.0[g] * two)
+        let (n, two) = (k + 1, R::splat(2.0));
+        let a = self.part(a, 0, k);
+        let mut sums = [Each::<R, G>::zero(); 2];
+        for j in (0..n / 2).rev() {
+            let (a, back) = (a[j].get(), a[n - 1 - j].get());
+            let sum = &mut sums[j % 2];
+            for g in 0..G {
+                sum.0[g] = a.0[g].mul_add(back.0[g], sum.0[g]);
+            }
         }
+        let sum = each!(|g| (sums[0].0[g] + sums[1].0[g]) * two);
+        if n.is_multiple_of(2) {
+            return sum;
+        }
+        let middle = a[n / 2].get();
+        each!(|g| middle.0[g].mul_add(middle.0[g], sum.0[g]))
     }
 
     #[inline(always)]
     fn integral(&self, operation: &Operation) {
         let &[x, rate] = self.places(operation) else { return };
-        let (rate, factor) = (self.now(rate), R::splat(((self.k + 1) as f64).recip()));
+        let (rate, factor) = (self.now(rate), self.inverse_next_order());
         self.numbers[x.at(self.k + 1)].set(each!(|g| rate.0[g] * factor));
     }
 

@@ -53,7 +53,7 @@ use crate::math::real::{Real, Scalar};
 use crate::math::vector::Vector;
 
 /// The highest order.
-pub const MOST_ORDER: usize = 30;
+pub const MOST_ORDER: usize = crate::expression::jet::MOST_ORDER;
 
 /// Orders above those of the source.
 const ORDERS_ABOVE: usize = 3;
@@ -98,14 +98,17 @@ impl StepLength {
     }
 }
 
-/// log₂ x of each lane to 0.01; of zero, −1022.
+/// 2⁵², from which on the bits of a number are those of an integer.
+const WHOLE: f64 = 4503599627370496.0;
+
+/// log₂ x of each lane to 0.01; of zero, −1023. Bits are handled as integers of the width of a lane, so that loops over lanes become vectors.
 #[inline(always)]
 fn rough_logarithm<R: Real>(x: R) -> R {
     let mut lanes = [R::Scalar::default(); MOST_LANES];
     x.store(&mut lanes);
     for lane in &mut lanes[..R::LANES] {
         let bits = lane.to_f64().to_bits();
-        let exponent = ((bits >> 52) & 0x7ff) as f64 - 1023.0;
+        let exponent = f64::from_bits(((bits >> 52) & 0x7ff) | WHOLE.to_bits()) - (WHOLE + 1023.0);
         let mantissa = f64::from_bits((bits & ((1 << 52) - 1)) | (1023 << 52));
         // The parabola through log₂ at 1 and 2 that is least wrong between.
         let logarithm = mantissa.mul_add(mantissa.mul_add(-1.0 / 3.0, 2.0), -5.0 / 3.0);
@@ -117,14 +120,17 @@ fn rough_logarithm<R: Real>(x: R) -> R {
 /// A step from log₂ 1/h, to a part in 500.
 #[inline(always)]
 pub(crate) fn step_of<R: Real>(inverse_logarithm: R) -> R {
+    // The last numbers in whose bits a whole part can be read.
+    let within = inverse_logarithm.max(R::splat(-900.0)).min(R::splat(900.0));
     let mut lanes = [R::Scalar::default(); MOST_LANES];
-    inverse_logarithm.store(&mut lanes);
+    within.store(&mut lanes);
     for lane in &mut lanes[..R::LANES] {
-        let logarithm = 1000.0 - lane.to_f64().clamp(-900.0, 900.0);
-        let whole = logarithm as u64;
-        let part = logarithm - whole as f64;
-        let power = f64::from_bits((whole + 23) << 52);
-        *lane = R::Scalar::from_f64(power * part.mul_add(part.mul_add(0.3435, 0.6565), 1.0));
+        let logarithm = 1000.0 - lane.to_f64();
+        let shifted = logarithm + WHOLE;
+        let part = logarithm - (shifted - WHOLE);
+        let power = f64::from_bits((shifted.to_bits() + 23) << 52);
+        // e^(ln 2 · part) for a part of −½ to ½.
+        *lane = R::Scalar::from_f64(power * part.mul_add(part.mul_add(part.mul_add(0.0555, 0.2402), 0.6931), 1.0));
     }
     R::load(&lanes)
 }
@@ -174,64 +180,94 @@ impl TwoSided {
     }
 
     /// The coefficients of order 2N + 1 and 2N of v with v' = ½ |ω| v, v₀ = 1, which bound those of u; of the norms of ω's first
-    /// 2N + 1 coefficients. `v` has room for one more. Lane groups side by side do not wait for their own sums.
+    /// 2N + 1 coefficients. `v` has room for one more. Two coefficients at a time, as they read the same numbers.
     #[inline(always)]
     pub fn majorant<R: Real, const G: usize>(norms: &[Each<R, G>], v: &mut [Each<R, G>]) -> [Each<R, G>; 2] {
         v[0] = Each([R::splat(1.0); G]);
-        for k in 0..norms.len() {
-            let (mut even, mut odd) = (Each::<R, G>::zero(), Each::<R, G>::zero());
-            // v_j against the norm k − j, from j = 0 in pairs: one after the other in one direction and in the other.
-            for (v, norm) in v[..=k].chunks_exact(2).zip(norms[..=k].rchunks_exact(2)) {
+        let n = norms.len();
+        let mut k = 0;
+        while k + 1 < n {
+            let (mut sum, mut next_sum) = (Each::<R, G>::zero(), Each::<R, G>::zero());
+            let (known, norms) = (&v[..k + 1], &norms[..k + 2]);
+            let mut ahead = norms[k + 1];
+            for j in 0..k + 1 {
+                let (v, norm) = (known[j], norms[k - j]);
                 for g in 0..G {
-                    even[g] = v[0][g].mul_add(norm[1][g], even[g]);
-                    odd[g] = v[1][g].mul_add(norm[0][g], odd[g]);
+                    sum[g] = v[g].mul_add(norm[g], sum[g]);
+                    next_sum[g] = v[g].mul_add(ahead[g], next_sum[g]);
+                }
+                ahead = norm;
+            }
+            let halves = (R::splat(HALVES[k]), R::splat(HALVES[k + 1]));
+            for g in 0..G {
+                let own = sum[g] * halves.0;
+                v[k + 1][g] = own;
+                v[k + 2][g] = own.mul_add(norms[0][g], next_sum[g]) * halves.1;
+            }
+            k += 2;
+        }
+        if k < n {
+            let mut sum = Each::<R, G>::zero();
+            let (known, norms) = (&v[..k + 1], &norms[..k + 1]);
+            for j in 0..k + 1 {
+                for g in 0..G {
+                    sum[g] = known[j][g].mul_add(norms[k - j][g], sum[g]);
                 }
             }
-            let half = R::splat(HALVES[k]);
             for g in 0..G {
-                if k.is_multiple_of(2) {
-                    even[g] = v[k][g].mul_add(norms[0][g], even[g]);
-                }
-                v[k + 1][g] = (even[g] + odd[g]) * half;
+                v[k + 1][g] = sum[g] * R::splat(HALVES[k]);
             }
         }
-        [v[norms.len()], v[norms.len().saturating_sub(1)]]
+        [v[n], v[n.saturating_sub(1)]]
     }
 
     /// S(h; t) and S(−h'; t) of the series u at t.
     #[inline(always)]
-    pub fn sums<R: Real>(&self, u: &[Each<Quaternion<R>, 1>], forwards: R, backwards: R) -> [Quaternion<R>; 2] {
+    pub fn sums<R: Real, const G: usize>(
+        &self,
+        u: &[Each<Quaternion<R>, G>],
+        forwards: &Each<R, G>,
+        backwards: &Each<R, G>,
+    ) -> [Each<Quaternion<R>, G>; 2] {
         let zero = R::splat(0.0);
-        let mut sums = [Quaternion::new(zero, zero, zero, zero); 2];
+        let mut sums = [Each([Quaternion::new(zero, zero, zero, zero); G]); 2];
         for (u, weight) in u.iter().zip(&self.weights).rev() {
-            let term = u[0] * R::splat(*weight);
-            sums[0] = sums[0].axpy(forwards, term);
-            sums[1] = sums[1].axpy(-backwards, term);
+            let weight = R::splat(*weight);
+            for g in 0..G {
+                let term = u[g] * weight;
+                sums[0][g] = sums[0][g].axpy(forwards[g], term);
+                sums[1][g] = sums[1][g].axpy(-backwards[g], term);
+            }
         }
         sums
     }
 }
 
-/// Forms the series of u with u' = ½ u ω, u₀ = 1, from the coefficients of ω.
+/// Forms the series of u with u' = ½ u ω, u₀ = 1, from the coefficients of ω, of which there are as many as of u but one.
 #[inline(always)]
-pub(crate) fn form_relative_attitude<R: Real>(omega: impl Coefficients<R>, u: &mut [Each<Quaternion<R>, 1>]) {
+pub(crate) fn form_relative_attitude<R: Real, const G: usize>(
+    omega: [&[Each<R, G>]; 3],
+    u: &mut [Each<Quaternion<R>, G>],
+) {
     let (zero, one) = (R::splat(0.0), R::splat(1.0));
-    let none = Quaternion::new(zero, zero, zero, zero);
-    u[0] = Each([Quaternion::new(zero, zero, zero, one)]);
-    // u₀ = 1.
+    u[0] = Each([Quaternion::new(zero, zero, zero, one); G]);
     for k in 0..u.len() - 1 {
-        let first = omega.at(k);
-        let [mut even, mut odd] = [Quaternion::new(first.x, first.y, first.z, zero), none];
-        let mut j = 1;
-        while j < k {
-            odd = added_product(odd, u[j][0], omega.at(k - j));
-            even = added_product(even, u[j + 1][0], omega.at(k - j - 1));
-            j += 2;
+        let [x, y, z] = [&omega[0][..k + 1], &omega[1][..k + 1], &omega[2][..k + 1]];
+        let (known, later) = u.split_at_mut(k + 1);
+        // u₀ = 1.
+        let mut sums = Each([known[0][0]; G]);
+        for g in 0..G {
+            sums[g] = Quaternion::new(x[k][g], y[k][g], z[k][g], zero);
         }
-        if j == k {
-            odd = added_product(odd, u[k][0], omega.at(0));
+        for j in 1..k + 1 {
+            for g in 0..G {
+                let omega = Vector::new(x[k - j][g], y[k - j][g], z[k - j][g]);
+                sums[g] = added_product(sums[g], known[j][g], omega);
+            }
         }
-        u[k + 1] = Each([(even + odd) * R::splat(HALVES[k])]);
+        for g in 0..G {
+            later[0][g] = sums[g] * R::splat(HALVES[k]);
+        }
     }
 }
 
@@ -244,10 +280,4 @@ fn added_product<R: Real>(sum: Quaternion<R>, q: Quaternion<R>, v: Vector<R>) ->
         q.w.mul_add(v.z, q.x.mul_add(v.y, (-q.y).mul_add(v.x, sum.z))),
         (-q.x).mul_add(v.x, (-q.y).mul_add(v.y, (-q.z).mul_add(v.z, sum.w))),
     )
-}
-
-/// Coefficients of the angular velocity.
-pub(crate) trait Coefficients<R> {
-    /// Coefficient k. Must be `#[inline(always)]`.
-    fn at(&self, order: usize) -> Vector<R>;
 }

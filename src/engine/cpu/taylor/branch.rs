@@ -2,10 +2,10 @@
 
 use super::Tile;
 use crate::expression::jet::Place;
-use crate::kernel::method::taylor::{Coefficients, MOST_ORDER, form_relative_attitude};
+use crate::kernel::method::taylor::{MOST_HALF_ORDER, MOST_ORDER, form_relative_attitude};
+use crate::math::lanes::Each;
 use crate::math::quaternion::Quaternion;
 use crate::math::real::{Outlined, Real};
-use crate::math::vector::Vector;
 
 impl<R: Real, const G: usize> Tile<'_, R, G> {
     /// The step after which something that decides has changed its sign, where that is shorter than `h`.
@@ -69,21 +69,10 @@ impl<R: Real, const G: usize> Outlined for Cut<'_, '_, R, G> {
 
 /// The attitude at the end of a step by the series of the step itself, from q S(h).
 pub(super) struct Arrival<'s, 'a, R: Real, const G: usize> {
-    pub tile: &'s mut Tile<'a, R, G>,
+    pub tile: &'s Tile<'a, R, G>,
     pub group: usize,
     pub h: R,
     pub begun: &'s Quaternion<R>,
-}
-
-/// Coefficients of ω about another time.
-struct Shifted<R>([[R; MOST_ORDER]; 3]);
-
-impl<R: Real> Coefficients<R> for Shifted<R> {
-    #[inline(always)]
-    fn at(&self, order: usize) -> Vector<R> {
-        let Self([x, y, z]) = self;
-        Vector::new(x[order], y[order], z[order])
-    }
 }
 
 impl<R: Real, const G: usize> Outlined for Arrival<'_, '_, R, G> {
@@ -93,21 +82,24 @@ impl<R: Real, const G: usize> Outlined for Arrival<'_, '_, R, G> {
         let Self { tile, group, h, begun } = self;
         let (order, count) = (tile.motion.jets.order, tile.motion.two_sided.half_order);
         let (zero, one) = (R::splat(0.0), R::splat(1.0));
-        let mut shifted = Shifted([[zero; MOST_ORDER]; 3]);
-        for (row, place) in shifted.0.iter_mut().zip(tile.motion.angular_velocity) {
+        // The coefficients of ω about the end of the step.
+        let mut shifted = [[Each([zero]); MOST_ORDER]; 3];
+        for (row, place) in shifted.iter_mut().zip(tile.motion.angular_velocity) {
             for (coefficient, from) in row.iter_mut().zip(tile.series.row(place, order)) {
-                *coefficient = from.0[group];
+                coefficient[0] = from.0[group];
             }
             // Horner's scheme again and again (the complete one).
             for first in 0..count {
                 for k in (first..order - 1).rev() {
-                    row[k] = row[k + 1].mul_add(h, row[k]);
+                    row[k][0] = row[k + 1][0].mul_add(h, row[k][0]);
                 }
             }
         }
-        form_relative_attitude(shifted, &mut tile.relative);
-        let [_, backwards] = tile.motion.two_sided.sums(&tile.relative, zero, h);
-        let arrived = begun.product(backwards.conjugate());
+        let mut relative = [Each([*begun]); MOST_HALF_ORDER + 1];
+        let relative = &mut relative[..count + 1];
+        form_relative_attitude([&shifted[0], &shifted[1], &shifted[2]], relative);
+        let [_, backwards] = tile.motion.two_sided.sums(relative, &Each([zero]), &Each([h]));
+        let arrived = begun.product(backwards[0].conjugate());
         arrived * (one / arrived.norm_squared().sqrt())
     }
 }

@@ -181,7 +181,7 @@ struct Tile<'a, R: Real, const G: usize> {
     /// By what the angle of each state that turns is multiplied, and what is added.
     angles: Vec<Each<[R; 2], G>>,
     /// The series of the attitude relative to where a step starts.
-    relative: Vec<Each<Quaternion<R>, 1>>,
+    relative: Vec<Each<Quaternion<R>, G>>,
     /// The norms of the angular velocity's coefficients, a majorant of the attitude's, and its last two coefficients.
     norms: Vec<Each<R, G>>,
     majorant: Vec<Each<R, G>>,
@@ -219,7 +219,7 @@ impl<'a, R: Real, const G: usize> Tile<'a, R, G> {
             worlds: vec![Each([Vector::zero(); G]); motion.directions.len()],
             inverse_scales: vec![Each([zero; G]); motion.directions.len()],
             angles: vec![Each([[zero; 2]; G]); jets.directions.len()],
-            relative: vec![Each([state.orientation.value]); motion.two_sided.half_order + 1],
+            relative: vec![Each([state.orientation.value; G]); motion.two_sided.half_order + 1],
             norms: vec![Each::zero(); 2 * motion.two_sided.half_order + 1],
             majorant: vec![Each::zero(); 2 * motion.two_sided.half_order + 2],
             bounds: [Each::zero(); 2],
@@ -407,9 +407,7 @@ impl<R: Real, const G: usize> Outlined for Advance<'_, '_, R, G> {
             if motion.orientation.is_none() {
                 R::outlined(AttitudeBounds { tile: &mut tile });
             }
-            for group in 0..G {
-                R::outlined(Conclusion { tile: &mut tile, group });
-            }
+            R::outlined(Conclusion { tile: &mut tile });
         }
         for group in 0..G {
             if block.is_single && !tile.directions.is_empty() {

@@ -6,7 +6,7 @@ use crate::bodies::Status;
 use crate::bodies::status::flagged;
 use crate::expression::jet::Place;
 use crate::kernel::method::rk8_adaptive::renormalised;
-use crate::kernel::method::taylor::{Coefficients, TwoSided, form_relative_attitude, step_of};
+use crate::kernel::method::taylor::{TwoSided, form_relative_attitude, step_of};
 use crate::kernel::rigid_body::State;
 use crate::math::lanes::Each;
 use crate::math::quaternion::{Quaternion, norm_correction_of_step};
@@ -58,24 +58,9 @@ impl<R: Real, const G: usize> Outlined for Start<'_, '_, R, G> {
     }
 }
 
-/// What comes of a step for a lane group, now that its series are known.
+/// What comes of a step, now that its series are known. Lane groups go side by side, so that one does not wait for its own sums.
 pub(super) struct Conclusion<'s, 'a, R: Real, const G: usize> {
     pub tile: &'s mut Tile<'a, R, G>,
-    pub group: usize,
-}
-
-/// The coefficients of a vector of a lane group.
-struct VectorRows<'s, R, const G: usize> {
-    rows: [&'s [Each<R, G>]; 3],
-    group: usize,
-}
-
-impl<R: Real, const G: usize> Coefficients<R> for VectorRows<'_, R, G> {
-    #[inline(always)]
-    fn at(&self, order: usize) -> Vector<R> {
-        let [x, y, z] = self.rows;
-        Vector::new(x[order].0[self.group], y[order].0[self.group], z[order].0[self.group])
-    }
 }
 
 impl<R: Real, const G: usize> Tile<'_, R, G> {
@@ -135,16 +120,21 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
         }
     }
 
-    /// Brings the directions of lanes that take a step to its end.
+    /// By how much three rows change in a step.
     #[inline(always)]
-    fn advance_directions(&mut self, group: usize, h: &TwoWords<R>, taken: R::Mask) {
-        let motion = self.motion;
-        for (place, places) in motion.directions.iter().enumerate() {
-            let rows = VectorRows { rows: self.rows(*places, motion.jets.order + 1), group };
-            let increment = increment(&rows, motion.jets.order, h);
-            let before = self.directions[place][group];
-            self.directions[place][group] = Vector::select(taken, before + increment, before);
+    fn increments(&self, places: [Place; 3], h: &Each<TwoWords<R>, G>) -> Each<Vector<R>, G> {
+        let order = self.motion.jets.order;
+        let [x, y, z] = self.rows(places, order + 1);
+        let mut changes = Each([Vector::zero(); G]);
+        for ((x, y), z) in x[1..].iter().zip(&y[1..]).zip(&z[1..]).rev() {
+            for g in 0..G {
+                changes[g] = changes[g].axpy(h[g].value, Vector::new(x[g], y[g], z[g]));
+            }
         }
+        for g in 0..G {
+            changes[g] = changes[g] * h[g].value + Vector::new(x[1][g], y[1][g], z[1][g]) * h[g].residue;
+        }
+        changes
     }
 
     /// Coefficient k of q.
@@ -206,124 +196,157 @@ impl<R: Real, const G: usize> Outlined for AttitudeBounds<'_, '_, R, G> {
     }
 }
 
-/// By how much a vector changes in a step.
-#[inline(always)]
-fn increment<R: Real, const G: usize>(rows: &VectorRows<'_, R, G>, order: usize, h: &TwoWords<R>) -> Vector<R> {
-    let mut change = rows.at(order);
-    for k in (1..order).rev() {
-        change = change.axpy(h.value, rows.at(k));
-    }
-    change * h.value + rows.at(1) * h.residue
-}
-
 /// The largest magnitude of a component.
 #[inline(always)]
 fn largest<R: Real>(q: Quaternion<R>) -> R {
     q.vector().largest().max(q.w.abs())
 }
 
+/// Lanes of a group: where a body is under way; takes a step, which ends where something changes its sign; has series that are numbers.
+#[derive(Clone, Copy)]
+struct LanesOf<R: Real> {
+    under_way: R::Mask,
+    taken: R::Mask,
+    is_cut: R::Mask,
+    is_number: R::Mask,
+}
+
+impl<R: Real> LanesOf<R> {
+    #[inline(always)]
+    fn none() -> Self {
+        let none = R::splat(0.0).less_than(R::splat(0.0));
+        Self { under_way: none, taken: none, is_cut: none, is_number: none }
+    }
+}
+
 impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let Self { tile, group } = self;
+        let Self { tile } = self;
         let motion = tile.motion;
         let (order, zero, one) = (motion.jets.order, R::splat(0.0), R::splat(1.0));
-        let under_way = tile.under_way(group);
-        let controller = tile.controllers[group];
-        let state = tile.state[group];
-        let (q, m) = (state.orientation.value, state.angular_momentum_principal.value);
-        let (left, pending) = (controller.left, controller.retried);
-        let is_left = under_way & zero.less_than(left.value);
-
-        // A body that starts from rest is measured by what it gains in an eighth of its unit of time.
-        let gained = tile.momentum(group, 1).largest() * R::splat(0.125);
-        let scale = m.largest().max(gained).max(R::splat(1e-15));
-        let inverse_scale = one / scale;
-        let norms = [tile.norm(group, order, inverse_scale), tile.norm(group, order - 1, inverse_scale)];
-        let limit = R::splat(1e290);
-        let mut is_number = norms[0].less_than(limit) & norms[1].less_than(limit);
-        let mut inverse_logarithm = motion.length.inverse_logarithm(norms[0], norms[1]);
-
         if motion.orientation.is_none() {
-            let count = motion.two_sided.half_order;
             let mut relative = std::mem::take(&mut tile.relative);
-            let rows = tile.rows(motion.angular_velocity, count);
-            form_relative_attitude(VectorRows { rows, group }, &mut relative);
+            form_relative_attitude(tile.rows(motion.angular_velocity, motion.two_sided.half_order), &mut relative);
             tile.relative = relative;
-            let (own, is_finite) = tile.attitude_length(group);
-            is_number = is_number & is_finite;
-            inverse_logarithm = inverse_logarithm.max(own);
         }
-        let mut step = step_of(inverse_logarithm);
-        // From where a root vanishes nothing is known of its series.
-        for &root in &motion.jets.roots {
-            let vanishes = !zero.less_than(tile.series.at(root, 0)[group]) & zero.less_than(gained);
-            step = R::select(vanishes, step.min(R::splat(0.01 * motion.steps.tolerance.sqrt())), step);
+        let mut lanes = [LanesOf::<R>::none(); G];
+        let mut steps = Each([TwoWords { value: zero, residue: zero }; G]);
+        for group in 0..G {
+            let left = tile.controllers[group].left;
+            let under_way = tile.under_way(group);
+            let is_left = under_way & zero.less_than(left.value);
+            // A body that starts from rest is measured by what it gains in an eighth of its unit of time.
+            let gained = tile.momentum(group, 1).largest() * R::splat(0.125);
+            let m = tile.state[group].angular_momentum_principal.value;
+            let inverse_scale = one / m.largest().max(gained).max(R::splat(1e-15));
+            let norms = [tile.norm(group, order, inverse_scale), tile.norm(group, order - 1, inverse_scale)];
+            let limit = R::splat(1e290);
+            let mut is_number = norms[0].less_than(limit) & norms[1].less_than(limit);
+            let mut inverse_logarithm = motion.length.inverse_logarithm(norms[0], norms[1]);
+            if motion.orientation.is_none() {
+                let (own, is_finite) = tile.attitude_length(group);
+                is_number = is_number & is_finite;
+                inverse_logarithm = inverse_logarithm.max(own);
+            }
+            let mut step = step_of(inverse_logarithm);
+            // From where a root vanishes nothing is known of its series.
+            for &root in &motion.jets.roots {
+                let vanishes = !zero.less_than(tile.series.at(root, 0)[group]) & zero.less_than(gained);
+                step = R::select(vanishes, step.min(R::splat(0.01 * motion.steps.tolerance.sqrt())), step);
+            }
+            let too_small = !(is_number & !step.less_than(tile.least_step[group]));
+            let step = R::select(too_small, one, step);
+            let within = step.min(left.value);
+            let cut = tile.cut(group, within);
+            let is_cut = cut.less_than(within);
+            // A last step that would leave almost nothing takes the rest as well.
+            let last = left.value.less_than(step * R::splat(1.01)) & !is_cut;
+            let step = cut.max(tile.least_step[group]).min(within);
+            steps[group] =
+                TwoWords { value: R::select(last, left.value, step), residue: R::select(last, left.residue, zero) };
+            lanes[group] = LanesOf { under_way, taken: is_left & !too_small, is_cut, is_number };
+            let status = tile.state[group].status;
+            tile.state[group].status = flagged(status, is_left & too_small, Status::StepBelowLimit);
         }
-        let too_small = !(is_number & !step.less_than(tile.least_step[group]));
-        let step = R::select(too_small, one, step);
-        let within = step.min(left.value);
-        let cut = tile.cut(group, within);
-        let is_cut = cut.less_than(within);
-        // A last step that would leave almost nothing takes the rest as well.
-        let last = left.value.less_than(step * R::splat(1.01)) & !is_cut;
-        let step = cut.max(tile.least_step[group]).min(within);
-        let h = TwoWords { value: R::select(last, left.value, step), residue: R::select(last, left.residue, zero) };
-        let taken = is_left & !too_small;
+        tile.take_attitudes(&steps, &lanes);
+        let changes = tile.increments(motion.momentum, &steps);
+        for group in 0..G {
+            let m = tile.state[group].angular_momentum_principal.value;
+            let next = Vector::select(lanes[group].taken, m + changes[group], m);
+            tile.state[group].angular_momentum_principal.value = next;
+        }
+        for (number, places) in motion.directions.iter().enumerate() {
+            let changes = tile.increments(*places, &steps);
+            for group in 0..G {
+                let before = tile.directions[number][group];
+                tile.directions[number][group] = Vector::select(lanes[group].taken, before + changes[group], before);
+            }
+        }
+        for group in 0..G {
+            let (h, taken) = (steps[group], lanes[group].taken);
+            let controller = &mut tile.controllers[group];
+            let left = controller.left;
+            let (value, lost) = two_difference(left.value, h.value);
+            let rest = renormalised(value, lost + (left.residue - h.residue));
+            controller.left = TwoWords {
+                value: R::select(taken, rest.value, left.value),
+                residue: R::select(taken, rest.residue, left.residue),
+            };
+            controller.accepted = R::select(taken, controller.accepted + one, controller.accepted);
+        }
+    }
+}
 
-        let m_rows = VectorRows { rows: tile.rows(motion.momentum, order + 1), group };
-        let mut next = state;
-        next.angular_momentum_principal.value = m + increment(&m_rows, order, &h);
-        tile.advance_directions(group, &h, taken);
-        let mut controller = controller;
-        match motion.orientation {
-            Some(places) => {
-                let mut q_change = tile.orientation(places, group, order);
+impl<R: Real, const G: usize> Tile<'_, R, G> {
+    /// Brings the attitudes of lanes that take a step to its end; where they follow from the angular velocity, by its series at the end of
+    /// the step before.
+    #[inline(always)]
+    fn take_attitudes(&mut self, steps: &Each<TwoWords<R>, G>, lanes: &[LanesOf<R>; G]) {
+        let (motion, order) = (self.motion, self.motion.jets.order);
+        let (zero, one) = (R::splat(0.0), R::splat(1.0));
+        if let Some(places) = motion.orientation {
+            for group in 0..G {
+                let (q, h) = (self.state[group].orientation.value, steps[group]);
+                let mut q_change = self.orientation(places, group, order);
                 for k in (1..order).rev() {
-                    q_change = q_change.axpy(h.value, tile.orientation(places, group, k));
+                    q_change = q_change.axpy(h.value, self.orientation(places, group, k));
                 }
-                let increment = q_change * h.value + tile.orientation(places, group, 1) * h.residue;
+                let increment = q_change * h.value + self.orientation(places, group, 1) * h.residue;
                 let correction = norm_correction_of_step(q, q + increment);
-                next.orientation.value = q + (increment + correction);
-                tile.state[group] = State::select(taken, next, state);
+                let next = q + (increment + correction);
+                self.state[group].orientation.value = Quaternion::select(lanes[group].taken, next, q);
             }
-            None => {
-                let [forwards, backwards] = motion.two_sided.sums(&tile.relative, h.value, pending);
-                let is_pending = under_way & zero.less_than(pending);
-                let arrived = q.product(backwards.conjugate());
-                let arrived = arrived * (one / arrived.norm_squared().sqrt());
-                let mut here = Quaternion::select(is_pending, arrived, q);
-                if R::any(is_pending & !is_number) {
-                    // Where the series are no numbers the attitude stays where the last step began.
-                    let begun = q * (one / q.norm_squared().sqrt());
-                    here = Quaternion::select(is_pending & !is_number, begun, here);
-                }
-                let mut stays = state;
-                stays.orientation.value = here;
-                next.orientation.value = here.product(forwards);
-                let ends_branch = taken & is_cut;
-                let mut next_pending = h.value;
-                if R::any(ends_branch) {
-                    let begun = next.orientation.value;
-                    let arrived = R::outlined(Arrival { tile, group, h: h.value, begun: &begun });
-                    next.orientation.value = Quaternion::select(ends_branch, arrived, begun);
-                    next_pending = R::select(ends_branch, zero, next_pending);
-                }
-                tile.state[group] = State::select(taken, next, State::select(under_way, stays, state));
-                controller.retried = R::select(taken, next_pending, R::select(under_way, zero, pending));
-            }
+            return;
         }
-        let status = tile.state[group].status;
-        tile.state[group].status = flagged(status, is_left & too_small, Status::StepBelowLimit);
-
-        let (value, lost) = two_difference(left.value, h.value);
-        let rest = renormalised(value, lost + (left.residue - h.residue));
-        controller.left = TwoWords {
-            value: R::select(taken, rest.value, left.value),
-            residue: R::select(taken, rest.residue, left.residue),
-        };
-        controller.accepted = R::select(taken, controller.accepted + one, controller.accepted);
-        tile.controllers[group] = controller;
+        let (mut forwards, mut pending) = (Each([zero; G]), Each([zero; G]));
+        for group in 0..G {
+            (forwards[group], pending[group]) = (steps[group].value, self.controllers[group].retried);
+        }
+        let [forwards, backwards] = motion.two_sided.sums(&self.relative, &forwards, &pending);
+        for group in 0..G {
+            let LanesOf { under_way, taken, is_cut, is_number } = lanes[group];
+            let (h, pending, q) = (steps[group].value, pending[group], self.state[group].orientation.value);
+            let is_pending = under_way & zero.less_than(pending);
+            let arrived = q.product(backwards[group].conjugate());
+            let arrived = arrived * (one / arrived.norm_squared().sqrt());
+            let mut here = Quaternion::select(is_pending, arrived, q);
+            if R::any(is_pending & !is_number) {
+                // Where the series are no numbers the attitude stays where the last step began.
+                let begun = q * (one / q.norm_squared().sqrt());
+                here = Quaternion::select(is_pending & !is_number, begun, here);
+            }
+            let mut next = here.product(forwards[group]);
+            let ends_branch = taken & is_cut;
+            let mut next_pending = h;
+            if R::any(ends_branch) {
+                let arrived = R::outlined(Arrival { tile: &*self, group, h, begun: &next });
+                next = Quaternion::select(ends_branch, arrived, next);
+                next_pending = R::select(ends_branch, zero, next_pending);
+            }
+            self.state[group].orientation.value = Quaternion::select(taken, next, here);
+            self.controllers[group].retried = R::select(taken, next_pending, R::select(under_way, zero, pending));
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! Operations in the order in which they are carried out, and where their rows are.
 
-use super::super::{DirectionState, Jets, Operation, Place, RowNumber, TurningState};
+use super::super::{DirectionState, Jets, MOST_ORDER, Operation, Place, RowNumber, TurningState};
 use super::{Draft, Lowered};
 
 /// How many operations lie below each row, at most.
@@ -27,6 +27,7 @@ pub(super) fn heights(drafts: &[Draft], rows: usize) -> Vec<usize> {
 impl Lowered {
     /// Series of the states up to this order.
     pub fn up_to(&self, order: usize) -> Jets {
+        assert!(order <= MOST_ORDER, "{order} is more than the highest order");
         let mut room = 0;
         let rows: Vec<Place> = self
             .rows

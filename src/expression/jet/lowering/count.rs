@@ -9,9 +9,9 @@ const DIVISION: f64 = 10.0;
 /// Time of an operation at an order, s, beside its multiplications; of one of those; and of a step's attitude where it follows from ω(t).
 /// Least squares over heavy tops, gravity gradients and *orbit* (DESIGN 8.4) at tolerances of 1e-6, 1e-9 and 1e-12; the times measured
 /// there are met within 5 %.
-const OPERATION: f64 = 0.81e-9;
-const MULTIPLICATION: f64 = 0.037e-9;
-const ATTITUDE: f64 = 6.0e-8;
+const OPERATION: f64 = 0.63e-9;
+const MULTIPLICATION: f64 = 0.033e-9;
+const ATTITUDE: f64 = 1.0e-8;
 
 impl Lowered {
     /// Time of a step of a body by these series, s, of one core with AVX-512.
