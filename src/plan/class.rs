@@ -9,11 +9,14 @@
 //! ω̃ = a m̃ + λ e_k,   m̃(t) = R_k(−λ t) m(0)
 //! ```
 //!
-//! that keeps the angular momentum exactly; classes differ in a, λ and k ([`crate::plan::regular_precession`]).
+//! that keeps the angular momentum exactly; classes differ in a, λ and k (`kernel/free_motion/precession.rs`).
 
 use glam::DVec3;
 
 use super::driven::TorqueSet;
+use crate::bodies::BodyFrame;
+use crate::kernel::free_motion::Rotations;
+use crate::math::power_of_two::scaled_by_power_of_two;
 use crate::math::real::Real;
 use crate::math::vector::Vector;
 
@@ -36,6 +39,21 @@ impl Shape {
     /// All shapes, the simplest first.
     pub const ALL: [Shape; 5] =
         [Shape::AtRest, Shape::Spherical, Shape::Steady, Shape::Axisymmetric, Shape::Asymmetric];
+
+    /// What the free motion of a body of a class simpler than [`Shape::Asymmetric`] is composed of.
+    pub(crate) fn rotations(self) -> Rotations {
+        match self {
+            Shape::AtRest => Rotations::None,
+            Shape::Spherical | Shape::Steady => Rotations::Precession,
+            Shape::Axisymmetric | Shape::Asymmetric => Rotations::PrecessionAndSpin,
+        }
+    }
+
+    /// The axis that a body of this class has by its frame and its angular momentum along principal axes, scaled, over `span` seconds.
+    pub(crate) fn axis_of(self, frame: &BodyFrame, angular_momentum_principal: DVec3, span: f64) -> Axis {
+        let span = scaled_by_power_of_two(span, frame.rate_exponent);
+        FreeBody { moments: frame.scaled_moments, angular_momentum_principal, span }.bound(self).axis
+    }
 
     /// The name in tables and reports.
     pub fn name(self) -> &'static str {

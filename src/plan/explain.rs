@@ -17,7 +17,6 @@ use crate::kernel::free_motion::{ROW_COLUMNS, WORD_COLUMNS};
 use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::math::Spread;
-use crate::plan::regular_precession::RegularPrecession;
 use crate::scene::{Scene, Stepping};
 
 /// What a plan does and leaves out.
@@ -319,8 +318,8 @@ impl Plan<'_> {
     /// Memory that a group's columns take, bytes.
     fn bytes(&self, group: &Group) -> u64 {
         let of_body = match group.treatment {
-            Treatment::RegularPrecession => size_of::<RegularPrecession>(),
             // Formed where it is read, and not kept.
+            Treatment::RegularPrecession => 0,
             Treatment::ClosedForm { .. } if self.engine.kind == EngineKind::Cpu && self.looks_once() => 0,
             Treatment::ClosedForm { precision, .. } => {
                 let numbers =

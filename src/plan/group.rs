@@ -13,7 +13,7 @@ use crate::scene::AdaptiveSteps;
 /// How the motion of a group's bodies is found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Treatment {
-    /// As two uniform rotations, in `f64` on the host, at the output times alone ([`crate::plan::regular_precession`]).
+    /// As two uniform rotations, in `f64` on the host, at the output times alone (`kernel/free_motion/precession.rs`).
     RegularPrecession,
     /// By elliptic functions, at the output times alone ([`crate::kernel::free_motion`]); on the host where the engine has not
     /// the arithmetic.

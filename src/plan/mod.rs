@@ -34,7 +34,6 @@ mod lane_classification;
 mod parts;
 mod pilot;
 mod reference;
-pub mod regular_precession;
 mod resolution;
 mod sampled;
 pub(crate) mod sampling;

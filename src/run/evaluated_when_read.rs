@@ -1,4 +1,5 @@
-//! Torque-free bodies of a run with one output: evaluated when they are read, with nothing kept.
+//! Torque-free bodies that are evaluated when they are read, with nothing kept: regular precessions, and the general closed form in a run
+//! with one output.
 
 use std::ops::Range;
 
@@ -6,21 +7,28 @@ use rayon::prelude::*;
 
 use super::OutputState;
 use super::reading::TASK;
-use crate::bodies::BodyState;
 use crate::bodies::Ensemble;
 use crate::bodies::Members;
-use crate::kernel::free_motion::{FORMED_BODIES, FormedBlock, SetUp};
+use crate::bodies::{BodyFrame, BodyState};
+use crate::kernel::free_motion::{FORMED_BODIES, FormedBlock, PrecessionBlock, SetUp};
 use crate::math::Precision;
 use crate::math::Width;
 use crate::math::lanes::LaneScalar;
+use crate::plan::Shape;
 
 /// A group of bodies that is evaluated when it is read.
 pub(super) struct EvaluatedWhenRead<'p> {
     pub ensemble: &'p Ensemble,
     pub members: &'p Members,
-    pub precision: Precision,
-    pub set_up: SetUp,
-    pub width: Width,
+    pub motion: FreeForm,
+}
+
+/// What its motion is evaluated as.
+pub(super) enum FreeForm {
+    /// Two uniform rotations; of which axis a body turns about, its class and the span, s, decide.
+    Precession { shape: Shape, span: f64 },
+    /// By elliptic functions.
+    ClosedForm { precision: Precision, set_up: SetUp, width: Width },
 }
 
 impl EvaluatedWhenRead<'_> {
@@ -33,9 +41,36 @@ impl EvaluatedWhenRead<'_> {
         wants_start: bool,
         write: impl FnMut(usize, BodyState, Option<BodyState>),
     ) {
-        match self.precision {
-            Precision::F32 => self.each_in::<f32>(rows, time, wants_start, write),
-            Precision::F64 => self.each_in::<f64>(rows, time, wants_start, write),
+        let (ensemble, at) = (self.ensemble, (time, wants_start));
+        let body = |first: usize| move |place| self.members.body(first + place);
+        match self.motion {
+            FreeForm::Precession { shape, span } => {
+                let motion = |block: &mut PrecessionBlock, first, count| {
+                    let axis = |frame: &BodyFrame, m| shape.axis_of(frame, m, span);
+                    block.form(ensemble, count, body(first), (shape.rotations(), axis), at);
+                };
+                each_of(PrecessionBlock::new(), motion, rows, wants_start, write);
+            }
+            FreeForm::ClosedForm { precision: Precision::F32, set_up, width } => {
+                let form = |block: &mut FormedBlock<f32>, first, count| {
+                    block.form(ensemble, count, body(first), set_up, at, width);
+                };
+                each_of(FormedBlock::new(), form, rows, wants_start, write);
+            }
+            FreeForm::ClosedForm { precision: Precision::F64, set_up, width } => {
+                let form = |block: &mut FormedBlock<f64>, first, count| {
+                    block.form(ensemble, count, body(first), set_up, at, width);
+                };
+                each_of(FormedBlock::new(), form, rows, wants_start, write);
+            }
+        }
+    }
+
+    /// The arithmetic in which the bodies' frames are found.
+    pub fn set_up(&self) -> SetUp {
+        match self.motion {
+            FreeForm::Precession { .. } => SetUp::TwoWords,
+            FreeForm::ClosedForm { set_up, .. } => set_up,
         }
     }
 
@@ -64,33 +99,6 @@ impl EvaluatedWhenRead<'_> {
         });
     }
 
-    fn each_in<T: LaneScalar>(
-        &self,
-        rows: Range<usize>,
-        time: f64,
-        wants_start: bool,
-        mut write: impl FnMut(usize, BodyState, Option<BodyState>),
-    ) {
-        if rows.is_empty() {
-            return;
-        }
-        let mut block = FormedBlock::<T>::new();
-        for first in rows.clone().step_by(FORMED_BODIES) {
-            let count = FORMED_BODIES.min(rows.end - first);
-            block.form(
-                self.ensemble,
-                count,
-                |place| self.members.body(first + place),
-                self.set_up,
-                (time, wants_start),
-                self.width,
-            );
-            for place in 0..count {
-                write(first + place, block.state(place), wants_start.then(|| block.start(place)));
-            }
-        }
-    }
-
     /// The states at `time` of the bodies in some rows.
     pub fn states(&self, rows: &Range<usize>, time: f64) -> Vec<BodyState> {
         let blocks = (0..rows.len().div_ceil(FORMED_BODIES)).into_par_iter();
@@ -101,5 +109,48 @@ impl EvaluatedWhenRead<'_> {
             states
         };
         blocks.flat_map_iter(of_block).collect()
+    }
+}
+
+/// Bodies that are formed together.
+trait FreeBlock {
+    /// The state of one of them in the user's axes and units.
+    fn state(&self, place: usize) -> BodyState;
+    /// The same where it starts, if that was wanted.
+    fn start(&self, place: usize) -> BodyState;
+}
+
+impl FreeBlock for PrecessionBlock {
+    fn state(&self, place: usize) -> BodyState {
+        self.state(place)
+    }
+    fn start(&self, place: usize) -> BodyState {
+        self.start(place)
+    }
+}
+
+impl<T: LaneScalar> FreeBlock for FormedBlock<T> {
+    fn state(&self, place: usize) -> BodyState {
+        self.state(place)
+    }
+    fn start(&self, place: usize) -> BodyState {
+        self.start(place)
+    }
+}
+
+/// Forms the bodies in some rows block by block: `form` is given the first row of each and how many there are.
+fn each_of<B: FreeBlock>(
+    mut block: B,
+    form: impl Fn(&mut B, usize, usize),
+    rows: Range<usize>,
+    wants_start: bool,
+    mut write: impl FnMut(usize, BodyState, Option<BodyState>),
+) {
+    for first in rows.clone().step_by(FORMED_BODIES) {
+        let count = FORMED_BODIES.min(rows.end - first);
+        form(&mut block, first, count);
+        for place in 0..count {
+            write(first + place, block.state(place), wants_start.then(|| block.start(place)));
+        }
     }
 }

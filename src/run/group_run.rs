@@ -24,11 +24,10 @@ use crate::kernel::free_motion::{AnyRows, scaled_body};
 use crate::kernel::observe::{self, Partial, Statistic};
 use crate::math::Precision;
 use crate::math::Width;
-use crate::plan::regular_precession::RegularPrecession;
 use crate::plan::{Group, Treatment};
 use crate::record::WallTime;
 use crate::run::adaptive_group::{AdaptiveGroupRun, GroupWork};
-use crate::run::evaluated_when_read::EvaluatedWhenRead;
+use crate::run::evaluated_when_read::{EvaluatedWhenRead, FreeForm};
 use crate::run::stepped_translation::SteppedTranslation;
 use crate::scene::{Part, Scene};
 use crate::torque::Torque;
@@ -65,10 +64,6 @@ enum Motion<'p> {
     },
     /// The same of bodies that are looked at once.
     EvaluatedWhenRead(EvaluatedWhenRead<'p>),
-    Precession {
-        bodies: Vec<RegularPrecession>,
-        time: f64,
-    },
 }
 
 impl<'p> GroupRun<'p> {
@@ -85,27 +80,17 @@ impl<'p> GroupRun<'p> {
         let ends: Vec<usize> = blocks_of(scene).map(|block| members.rows(block).end).collect();
         let mut stepped_translation = None;
         let motion = match group.treatment {
-            Treatment::RegularPrecession => {
-                let bytes = members.len().saturating_mul(size_of::<RegularPrecession>());
-                crate::bodies::memory::require(members.len(), bytes, "the constants of regular precessions")?;
-                let bodies = (0..members.len())
-                    .into_par_iter()
-                    .map(|row| {
-                        let (body, shape) = (members.body(row), group.class.shape);
-                        RegularPrecession::of_body(scene.ensemble(), body, shape, scene.end())
-                    })
-                    .collect();
-                wall_time.prepare += clock.elapsed().as_secs_f64();
-                Motion::Precession { bodies, time: 0.0 }
-            }
+            Treatment::RegularPrecession => Motion::EvaluatedWhenRead(EvaluatedWhenRead {
+                ensemble: scene.ensemble(),
+                members,
+                motion: FreeForm::Precession { shape: group.class.shape, span: scene.end() },
+            }),
             Treatment::ClosedForm { precision, set_up } => {
                 match evaluates_on_host(engine, precision).filter(|_| once) {
                     Some(width) => Motion::EvaluatedWhenRead(EvaluatedWhenRead {
                         ensemble: scene.ensemble(),
                         members,
-                        precision,
-                        set_up,
-                        width,
+                        motion: FreeForm::ClosedForm { precision, set_up, width },
                     }),
                     None => {
                         let (frames, mut rows) =
@@ -172,7 +157,7 @@ impl<'p> GroupRun<'p> {
                 session.job(interval.dt, interval.steps)?
             }
             Motion::Adaptive(group_run) => group_run.job_to(time)?,
-            Motion::ClosedForm { .. } | Motion::EvaluatedWhenRead(_) | Motion::Precession { .. } => None,
+            Motion::ClosedForm { .. } | Motion::EvaluatedWhenRead(_) => None,
         };
         if job.is_some() {
             self.time = time;
@@ -186,7 +171,7 @@ impl<'p> GroupRun<'p> {
             && match &self.motion {
                 Motion::Stepped { session, .. } => session.has_jobs(),
                 Motion::Adaptive(unit) => unit.has_jobs(),
-                Motion::ClosedForm { .. } | Motion::EvaluatedWhenRead(_) | Motion::Precession { .. } => false,
+                Motion::ClosedForm { .. } | Motion::EvaluatedWhenRead(_) => false,
             }
     }
 
@@ -216,10 +201,6 @@ impl<'p> GroupRun<'p> {
                 Ok(bodies)
             }
             Motion::EvaluatedWhenRead(_) => Ok(bodies),
-            Motion::Precession { time: now, .. } => {
-                *now = time;
-                Ok(bodies)
-            }
         }
     }
 
@@ -344,7 +325,7 @@ impl<'p> GroupRun<'p> {
             Motion::Stepped { session, .. } => session.prefetch(rows),
             Motion::ClosedForm { session, .. } => session.prefetch(rows),
             Motion::Adaptive(unit) => unit.prefetch(rows),
-            Motion::EvaluatedWhenRead(_) | Motion::Precession { .. } => Ok(()),
+            Motion::EvaluatedWhenRead(_) => Ok(()),
         }
     }
 
@@ -393,11 +374,8 @@ impl<'p> GroupRun<'p> {
                 Box::new(move |rows, write| of_frames(rows, &frame, write))
             }
             Motion::EvaluatedWhenRead(once) => {
-                let frame = |row| scaled_body(ensemble, members.body(row), once.set_up).0;
+                let frame = |row| scaled_body(ensemble, members.body(row), once.set_up()).0;
                 Box::new(move |rows, write| of_frames(rows, &frame, write))
-            }
-            Motion::Precession { bodies, .. } => {
-                Box::new(move |rows, write| rows.for_each(|row| write(row, bodies[row].at(0.0))))
             }
         };
         scatter(members, bodies, &members.rows(bodies.clone()), states, &*form, |place, state| *place = state);
@@ -442,9 +420,6 @@ impl<'p> GroupRun<'p> {
             Motion::EvaluatedWhenRead(once) => {
                 let states = once.states(rows, time);
                 then(rows.clone(), &|own, write| own.for_each(|row| write(row, states[row - rows.start])));
-            }
-            Motion::Precession { bodies, time } => {
-                then(rows.clone(), &|rows, write| rows.for_each(|row| write(row, bodies[row].at(*time))));
             }
         }
         Ok(())
@@ -618,7 +593,7 @@ impl GroupRun<'_> {
             Motion::Stepped { session, frames, .. } => Some((&mut **session, frames)),
             Motion::ClosedForm { session, frames } => Some((&mut **session, frames)),
             Motion::Adaptive(group_run) => Some(group_run.session()),
-            Motion::EvaluatedWhenRead(_) | Motion::Precession { .. } => None,
+            Motion::EvaluatedWhenRead(_) => None,
         }
     }
 }

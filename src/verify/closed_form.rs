@@ -6,15 +6,15 @@ use super::compare::{Comparison, Field, Gap, Place};
 use super::steps::enter_row;
 use super::subject::{Side, Subject, TWIN, in_one_word};
 use super::{Found, Window};
+use crate::bodies::BodyFrame;
 use crate::bodies::columns::StateWords;
 use crate::engine::Backend;
 use crate::engine::cpu::Cpu;
 use crate::error::Result;
-use crate::kernel::free_motion::{AnyRows, SetUp};
+use crate::kernel::free_motion::{AnyRows, FORMED_BODIES, PrecessionBlock, SetUp};
 use crate::math::Precision;
 use crate::math::Width;
 use crate::math::real::Scalar;
-use crate::plan::regular_precession::RegularPrecession;
 use crate::plan::{Group, Plan};
 
 /// On the way from the phases, which both sides have to the bit, to a component there are some eight roundings of half an ulp on
@@ -102,15 +102,21 @@ pub(super) fn compare_precession(
     let mut session = Cpu::new(TWIN).start_free(rows)?;
     let sides = ["the host's precession in f64".to_owned(), "the closed form, one body at a time".to_owned()];
     let mut comparison = Comparison::new(sides, true);
-    let bodies: Vec<_> = (0..members.len())
-        .map(|row| RegularPrecession::of_body(scene.ensemble(), members.body(row), group.class.shape, scene.end()))
-        .collect();
+    let shape = group.class.shape;
+    let axis = |frame: &BodyFrame, m| shape.axis_of(frame, m, scene.end());
+    let mut block = PrecessionBlock::new();
     for number in times {
         let time = plan.times()[number as usize];
         session.evaluate(time)?;
         let words = session.read(0..members.len())?;
-        for (row, precession) in bodies.iter().enumerate() {
-            let (expected, found) = (frames[row].state_of(&words, row), precession.at(time));
+        for row in 0..members.len() {
+            let first = row - row % FORMED_BODIES;
+            if row == first {
+                let count = FORMED_BODIES.min(members.len() - first);
+                let body = |place| members.body(first + place);
+                block.form(scene.ensemble(), count, body, (shape.rotations(), axis), (time, false));
+            }
+            let (expected, found) = (frames[row].state_of(&words, row), block.state(row - first));
             let place = Place { body: members.body(row), step: number + 1, time };
             let rounding = PRECESSION_ROUNDINGS * f64::UNIT_ROUNDOFF;
             // Both signs of a quaternion are the same orientation, and half of the angle is what it is off by.

@@ -1,5 +1,6 @@
 //! Rows of constants for many bodies, by column, and their evaluation in SIMD lanes.
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::bodies::BodyFrame;
@@ -262,8 +263,13 @@ impl InitialBlock {
         )
     }
 
+    /// The angular momentum along the principal axes with which a body starts, scaled.
+    pub(super) fn angular_momentum(&self, place: usize) -> DVec3 {
+        DVec3::from_array(self.load::<f64>(place).angular_momentum().map(DoubleDouble::to_f64))
+    }
+
     #[inline(always)]
-    fn load<R: Real<Scalar = f64>>(&self, offset: usize) -> Initial<R> {
+    pub(super) fn load<R: Real<Scalar = f64>>(&self, offset: usize) -> Initial<R> {
         let column = |c: usize| R::load(&self.0[c][offset..]);
         let two = |c: usize| DoubleDouble { high: column(c), low: column(c + 1) };
         Initial {
@@ -482,14 +488,14 @@ impl<T: Scalar> LaneTask<T> for EvaluatePart<'_, '_, T> {
 }
 
 /// Reduced angles of one block.
-struct TurnsBlock<T> {
+pub(super) struct TurnsBlock<T> {
     quadrant: [T; BLOCK],
     residual: [T; BLOCK],
 }
 
 impl<T: Scalar> TurnsBlock<T> {
     #[inline(always)]
-    fn new(phases: &[u64; BLOCK]) -> Self {
+    pub(super) fn new(phases: &[u64; BLOCK]) -> Self {
         let mut block = Self { quadrant: [T::default(); BLOCK], residual: [T::default(); BLOCK] };
         for (offset, &phase) in phases.iter().enumerate() {
             let angle = phase_turns::<T>(phase);
@@ -500,7 +506,7 @@ impl<T: Scalar> TurnsBlock<T> {
     }
 
     #[inline(always)]
-    fn load<R: Real<Scalar = T>>(&self, offset: usize) -> Turns<R> {
+    pub(super) fn load<R: Real<Scalar = T>>(&self, offset: usize) -> Turns<R> {
         Turns { quadrant: R::load(&self.quadrant[offset..]), residual: R::load(&self.residual[offset..]) }
     }
 }

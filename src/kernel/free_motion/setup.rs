@@ -35,6 +35,15 @@ pub(crate) struct Initial<R> {
     pub orientation: Quaternion<R>,
 }
 
+impl<R: Real> Initial<R> {
+    /// The angular momentum along the principal axes.
+    #[inline(always)]
+    pub fn angular_momentum(&self) -> [DoubleDouble<R>; 3] {
+        let ([i1, i2, i3], [w1, w2, w3]) = (self.moments, self.angular_velocity);
+        [i1 * w1, i2 * w2, i3 * w3]
+    }
+}
+
 /// What the set-up finds.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Constants<R: Real> {

@@ -126,9 +126,9 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
         let order = self.motion.jets.order;
         let [x, y, z] = self.rows(places, order + 1);
         let mut changes = Each([Vector::zero(); G]);
-        for ((x, y), z) in x[1..].iter().zip(&y[1..]).zip(&z[1..]).rev() {
+        for k in (1..order + 1).rev() {
             for g in 0..G {
-                changes[g] = changes[g].axpy(h[g].value, Vector::new(x[g], y[g], z[g]));
+                changes[g] = changes[g].axpy(h[g].value, Vector::new(x[k][g], y[k][g], z[k][g]));
             }
         }
         for g in 0..G {
