@@ -52,8 +52,8 @@ pub const COSTS: &[Cost] = &[
     Cost {
         scheme: Scheme::TAYLOR,
         longest_angle: f64::INFINITY,
-        free: Figures { coefficient: 14.0, seconds: [f64::INFINITY, 1.32e-7] },
-        driven: Figures { coefficient: 20.0, seconds: [f64::INFINITY, 1.17e-7] },
+        free: Figures { coefficient: 14.0, seconds: [f64::INFINITY, 9.9e-8] },
+        driven: Figures { coefficient: 20.0, seconds: [f64::INFINITY, 9.2e-8] },
     },
     Cost {
         scheme: Scheme::Equal(Method::Rk8),
@@ -91,9 +91,9 @@ pub const COSTS: &[Cost] = &[
 /// arithmetic, or, without one, as a regular precession (`cargo bench --bench costs`).
 pub fn evaluation_seconds(closed_form: Option<Precision>) -> f64 {
     match closed_form {
-        None => 2.4e-7,
-        Some(Precision::F32) => 3.7e-7,
-        Some(Precision::F64) => 3.8e-7,
+        None => 1.4e-7,
+        Some(Precision::F32) => 8.1e-8,
+        Some(Precision::F64) => 8.4e-8,
     }
 }
 

@@ -23,7 +23,7 @@ const INTERPRETED: f64 = 2.7;
 const DRIVEN_OPERATIONS: f64 = 18.0;
 
 /// The time of a step by Taylor series, s, under the table's own torques at its tolerance ([`Lowered::step_seconds`]).
-const TABULATED_SERIES: f64 = 8.218e-8;
+const TABULATED_SERIES: f64 = 9.218e-8;
 
 /// What the torques on a class of bodies cost.
 #[derive(Clone, Debug)]

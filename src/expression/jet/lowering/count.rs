@@ -8,10 +8,10 @@ const DIVISION: f64 = 10.0;
 
 /// Time of an operation at an order, s, beside its multiplications; of one of those; and of a step beside its series: its length, its end,
 /// lanes that are given to other bodies. Least squares over series of heavy tops, gravity gradients and *orbit* (DESIGN 8.4) of orders
-/// 9 to 18, met within 15 %, and whole steps at 1e-9 under constant torque with drag, of heavy tops and of *orbit*, met within 15 %.
+/// 9 to 18, met within 15 %, and whole steps under constant torque with drag, of heavy tops and of *orbit*, met within 20 %.
 const OPERATION: f64 = 0.63e-9;
 const MULTIPLICATION: f64 = 0.033e-9;
-const STEP: f64 = 3.5e-8;
+const STEP: f64 = 4.5e-8;
 
 impl Lowered {
     /// Time of a step of a body by these series, s, of one core with AVX-512.
