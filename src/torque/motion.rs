@@ -21,7 +21,7 @@ use crate::expression::{Dependence, Fault, Graph, Input, InputKind, Node, Record
 use crate::kernel::rigid_body::{Body, Correction};
 use crate::kernel::torque_kernel::Motion;
 use crate::math::quaternion::Quaternion;
-use crate::math::real::Real;
+use crate::math::real::{Function, Real};
 use crate::math::vector::{TwoWords, Vector};
 
 /// The equations of motion under the torques of a table.
@@ -56,7 +56,7 @@ impl RecordedMotion {
     }
 
     /// Operations of one evaluation that depend on more than parameters, in additions: a division or a root counts as ten, a function as
-    /// twenty-five.
+    /// twenty-five, sine and cosine of Kepler's equation as three hundred (`rk8` under gravity gradients on an ellipse and on a circle).
     pub fn operations(&self) -> f64 {
         let outputs = [self.momentum_rate, self.angular_velocity].concat();
         let of_node = |node: Node| {
@@ -66,6 +66,7 @@ impl RecordedMotion {
             match self.graph.operation(node) {
                 Operation::Constant(_) | Operation::Truth(_) | Operation::Input(_) => 0.0,
                 Operation::Unary(Unary::Sqrt, _) | Operation::Binary(Binary::Div, ..) => 10.0,
+                Operation::Function2(Function::KeplerSin | Function::KeplerCos, ..) => 150.0,
                 Operation::Function(..) | Operation::Function2(..) => 25.0,
                 _ => 1.0,
             }
