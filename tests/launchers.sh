@@ -8,7 +8,7 @@
 # A Slurm of one node is set up for the test where slurmctld and slurmd are there, none is running and this is root.
 set -u
 cd "$(dirname "$0")/.."
-launchers="$PWD/examples/launchers"
+launchers="$PWD/examples/launchers" support="$PWD/tests/support"
 cargo build || exit 1
 PATH="$(cargo metadata --format-version 1 --no-deps | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')/debug:$PATH"
 desk="$(mktemp -d)"
@@ -135,6 +135,13 @@ if command -v snakemake >/dev/null; then
     check snakemake snakemake --snakefile "$launchers/Snakefile" --cores 2 --config parts=6
 else
     missing+=(snakemake)
+fi
+# The Python package has HyperQueue's server and workers, but not its command.
+if ! command -v hq >/dev/null && python3 -c "import hyperqueue" 2>/dev/null; then
+    mkdir "$desk/bin"
+    printf '#!/bin/sh\nexec python3 "%s" "$@"\n' "$support/hq.py" >"$desk/bin/hq"
+    chmod +x "$desk/bin/hq"
+    PATH="$desk/bin:$PATH"
 fi
 if command -v hq >/dev/null; then
     check hyperqueue hyperqueue
