@@ -8,7 +8,7 @@
 # A Slurm of one node is set up for the test where slurmctld and slurmd are there, none is running and this is root.
 set -u
 cd "$(dirname "$0")/.."
-launchers="$PWD/examples/launchers"
+launchers="$PWD/examples/launchers" support="$PWD/tests/support"
 cargo build || exit 1
 PATH="$(cargo metadata --format-version 1 --no-deps | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')/debug:$PATH"
 desk="$(mktemp -d)"
@@ -80,13 +80,13 @@ start_slurm() {
     [ "$(id -u)" -eq 0 ] || return 1
     local host
     host="$(hostname -s)"
-    mkdir -p "$desk/slurm/state" "$desk/slurm/spool" /run/munge /var/log/munge
+    mkdir -p "$desk/controller/state" "$desk/controller/spool" /run/munge /var/log/munge
     if ! pgrep -x munged >/dev/null; then
         [ -e /etc/munge/munge.key ] || mungekey -c
         chown munge /run/munge /var/log/munge
         su munge -s /bin/sh -c munged || return 1
     fi
-    cat >"$desk/slurm/slurm.conf" <<CONF
+    cat >"$desk/controller/slurm.conf" <<CONF
 ClusterName=test
 SlurmctldHost=$host
 SlurmUser=root
@@ -94,27 +94,27 @@ AuthType=auth/munge
 ProctrackType=proctrack/pgid
 TaskPlugin=task/none
 SelectType=select/cons_tres
-StateSaveLocation=$desk/slurm/state
-SlurmdSpoolDir=$desk/slurm/spool
-SlurmctldPidFile=$desk/slurm/slurmctld.pid
-SlurmdPidFile=$desk/slurm/slurmd.pid
-SlurmctldLogFile=$desk/slurm/slurmctld.log
-SlurmdLogFile=$desk/slurm/slurmd.log
+StateSaveLocation=$desk/controller/state
+SlurmdSpoolDir=$desk/controller/spool
+SlurmctldPidFile=$desk/controller/slurmctld.pid
+SlurmdPidFile=$desk/controller/slurmd.pid
+SlurmctldLogFile=$desk/controller/slurmctld.log
+SlurmdLogFile=$desk/controller/slurmd.log
 ReturnToService=2
 NodeName=$host CPUs=$(nproc) State=UNKNOWN
 PartitionName=all Nodes=$host Default=YES State=UP
 CONF
-    export SLURM_CONF="$desk/slurm/slurm.conf"
-    slurmctld -D >"$desk/slurm/ctld.out" 2>&1 &
+    export SLURM_CONF="$desk/controller/slurm.conf"
+    slurmctld -D >"$desk/controller/ctld.out" 2>&1 &
     slurm_processes=($!)
-    slurmd -D >"$desk/slurm/d.out" 2>&1 &
+    slurmd -D >"$desk/controller/d.out" 2>&1 &
     slurm_processes+=($!)
     local attempt
     for attempt in $(seq 60); do
         sinfo -h -o %T 2>/dev/null | grep -q idle && return 0
         sleep 0.5
     done
-    echo "  slurm: no answer: $(tail -n 3 "$desk/slurm/ctld.out" "$desk/slurm/d.out" | tr '\n' ' ')"
+    echo "  slurm: no answer: $(tail -n 3 "$desk/controller/ctld.out" "$desk/controller/d.out" | tr '\n' ' ')"
     return 1
 }
 slurm_processes=()
@@ -135,6 +135,13 @@ if command -v snakemake >/dev/null; then
     check snakemake snakemake --snakefile "$launchers/Snakefile" --cores 2 --config parts=6
 else
     missing+=(snakemake)
+fi
+# The Python package has HyperQueue's server and workers, but not its command.
+if ! command -v hq >/dev/null && python3 -c "import hyperqueue" 2>/dev/null; then
+    mkdir "$desk/bin"
+    printf '#!/bin/sh\nexec python3 "%s" "$@"\n' "$support/hq.py" >"$desk/bin/hq"
+    chmod +x "$desk/bin/hq"
+    PATH="$desk/bin:$PATH"
 fi
 if command -v hq >/dev/null; then
     check hyperqueue hyperqueue

@@ -107,6 +107,7 @@ class Summary:
     unit : str
     mean, standard_deviation, min, max : (t,); the deviation is that of the bodies as they are, divided by their number
     min_body, max_body : (t,), the bodies with the least and the greatest value; -1 where no body is left
+    quantiles : dict of (t,) by percentage, where the scene asks for any
     """
 
     unit: str
@@ -116,6 +117,7 @@ class Summary:
     max: NDArray[np.float64]
     min_body: NDArray[np.int64]
     max_body: NDArray[np.int64]
+    quantiles: dict[float, NDArray[np.float64]]
 
     def __init__(self, figures: dict) -> None:
         self.__dict__.update(figures)
@@ -145,6 +147,7 @@ class Statistics(dict[str, Summary]):
         for name, summary in self.items():
             for figure in ("mean", "standard_deviation", "min", "max", "min_body", "max_body"):
                 made[f"{name}_{figure}"] = getattr(summary, figure)
+            made.update({f"{name}_q{percent:g}": values for percent, values in summary.quantiles.items()})
         return made
 
     def to_arrow(self) -> pyarrow.Table:
@@ -158,6 +161,147 @@ class Statistics(dict[str, Summary]):
     def to_pandas(self) -> pandas.DataFrame:
         """One row an output time as `pandas.DataFrame`, with the columns of `statistics.csv`."""
         return frame_to_columns("pandas", self._columns())
+
+
+class HistogramCounts:
+    """How many bodies had a quantity in each of some intervals, at each output time; who has failed or has no such number is in none.
+
+    Attributes
+    ----------
+    quantity, unit : str
+    edges : (bins + 1,), ascending
+    times : (t,), s
+    counts : (t, bins)
+    below, above : (t,), bodies below the first edge, and not below the last one
+    """
+
+    quantity: str
+    unit: str
+    edges: NDArray[np.float64]
+    times: NDArray[np.float64]
+    counts: NDArray[np.int64]
+    below: NDArray[np.int64]
+    above: NDArray[np.int64]
+
+    def __init__(self, found: dict) -> None:
+        self.__dict__.update(found)
+
+    def _columns(self):
+        times, bins = self.counts.shape
+        edges = np.concatenate(([-np.inf], self.edges, [np.inf]))
+        return {
+            "t": np.repeat(self.times, bins + 2),
+            "low": np.tile(edges[:-1], times),
+            "high": np.tile(edges[1:], times),
+            "count": np.column_stack((self.below, self.counts, self.above)).ravel(),
+        }
+
+    def to_arrow(self) -> pyarrow.Table:
+        """One row an output time and bin as `pyarrow.Table`, outer bins with infinite edges, as in `histograms.csv`."""
+        return frame_to_columns("arrow", self._columns())
+
+    def to_polars(self) -> polars.DataFrame:
+        """One row an output time and bin as `polars.DataFrame`, outer bins with infinite edges, as in `histograms.csv`."""
+        return frame_to_columns("polars", self._columns())
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """One row an output time and bin as `pandas.DataFrame`, outer bins with infinite edges, as in `histograms.csv`."""
+        return frame_to_columns("pandas", self._columns())
+
+    def __repr__(self) -> str:
+        return f"<polhode.HistogramCounts of {self.quantity}, {len(self.edges) - 1} bins at {len(self.times):,} times>"
+
+
+class Survival:
+    """The share of bodies that have not had an event, at the start and at each output time (Kaplan and Meier; bodies that fail count until then).
+
+    Attributes
+    ----------
+    t : (t,), s; of a study that sweeps one cell after another
+    remaining : (t,), bodies that have neither had it nor failed
+    share : (t,), in [0, 1]
+    low, high : (t,), its 95 % confidence interval (Rothman's; without failures Wilson's)
+    cell : (t,), of a study that sweeps; else None
+    """
+
+    t: NDArray[np.float64]
+    remaining: NDArray[np.int64]
+    share: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    cell: NDArray[np.int64] | None
+
+    def __init__(self, found: dict) -> None:
+        self.__dict__.update({"cell": None, **found})
+
+    def __repr__(self) -> str:
+        return f"<polhode.Survival: {self.share[-1]:.3g} ({self.low[-1]:.3g} to {self.high[-1]:.3g}) at {self.t[-1]:g} s>"
+
+
+class EventRecord:
+    """An event of all bodies: who had it, m of them, by time.
+
+    Attributes
+    ----------
+    name, quantity, unit, condition : str
+    level : float, in the unit
+    occurrence : int, which time counts, from 1
+    bodies : int, of the run
+    body : (m,)
+    time : (m,), s
+    known_to : list of m words: "start"; "located", to 1e-12 of the span; "output", between the output before and this time
+    orientation : (m, 4), then: unit quaternions x, y, z, w, body to world
+    angular_velocity_body : (m, 3), then: rad/s, body axes
+    failed_body, failed_time : (k,), those that failed without having had it, and when that was seen, s
+    median : float, s, when the share is one half, or None
+    survival : Survival
+    """
+
+    name: str
+    quantity: str
+    unit: str
+    condition: str
+    level: float
+    occurrence: int
+    bodies: int
+    body: NDArray[np.int64]
+    time: NDArray[np.float64]
+    known_to: list[str]
+    orientation: NDArray[np.float64]
+    angular_velocity_body: NDArray[np.float64]
+    failed_body: NDArray[np.int64]
+    failed_time: NDArray[np.float64]
+    median: float | None
+    survival: Survival
+
+    def __init__(self, found: dict) -> None:
+        found = dict(found)
+        self.name, self.survival = found.pop("event"), Survival(found.pop("survival"))
+        self.__dict__.update(found)
+
+    def _columns(self):
+        return {
+            "body": self.body,
+            "t": self.time,
+            "known_to": self.known_to,
+            **dict(zip(("qx", "qy", "qz", "qw"), columns(self.orientation))),
+            **dict(zip(("wx", "wy", "wz"), columns(self.angular_velocity_body))),
+        }
+
+    def to_arrow(self) -> pyarrow.Table:
+        """One row a body that had it as `pyarrow.Table`, with the columns of `events.csv`."""
+        return frame_to_columns("arrow", self._columns())
+
+    def to_polars(self) -> polars.DataFrame:
+        """One row a body that had it as `polars.DataFrame`, with the columns of `events.csv`."""
+        return frame_to_columns("polars", self._columns())
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """One row a body that had it as `pandas.DataFrame`, with the columns of `events.csv`."""
+        return frame_to_columns("pandas", self._columns())
+
+    def __repr__(self) -> str:
+        return f"<polhode.EventRecord {self.name!r}: {len(self.body):,} of {self.bodies:,} bodies>"
 
 
 class Result:
@@ -176,6 +320,8 @@ class Result:
     status : (n,), 0 or the number of the reason why a body has failed, an index of `reasons`
     snapshots : Snapshots, or None where no states were asked for
     statistics : dict of `Summary` by quantity, or None where none were asked for
+    histograms : list of `HistogramCounts`, in the order in which they were asked for
+    events : dict of `EventRecord` by name
     failures : dict of arrays, one row a body that has failed: body, t, status, reason, known_to, last_good_t, orientation, angular_velocity
     report : Report
     """
@@ -185,12 +331,16 @@ class Result:
 
     report: Report
     statistics: Statistics | None
+    histograms: list[HistogramCounts]
+    events: dict[str, EventRecord]
     snapshots: Snapshots | None
     failures: dict
 
     def __init__(self, found: dict) -> None:
         self.report = Report(json.loads(found["report"]), found["summary"])
         self.statistics = None if found["statistics"] is None else Statistics(found["statistics"])
+        self.histograms = [HistogramCounts(histogram) for histogram in found["histograms"]]
+        self.events = {event["event"]: EventRecord(event) for event in found["events"]}
         self.snapshots = Snapshots(found) if "orientation" in found else None
         self.failures = found["failures"]
 

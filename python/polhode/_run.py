@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from . import _native
 from ._arrays import array, number
 from ._engine import opened
 from ._ensemble import Ensemble
 from ._errors import InputError
+from ._observe import Event, Histogram, Quantity, asked_quantity
 from ._progress import shown
 from ._result import Result
 
@@ -18,7 +21,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
     from typing import TypeAlias
 
-    import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
     from ._engine import Engine
@@ -49,8 +51,8 @@ def _list(given, of, name):
     elements = [given] if isinstance(given, of) else list(given)
     for place, element in enumerate(elements):
         if not isinstance(element, of):
-            kind = of.__name__
-            raise InputError(f"{name}[{place}]: found {type(element).__name__}, expected polhode.{kind}, as polhode.{name} makes them")
+            made = f", as polhode.{name} makes them" if of in (_native.Torque, _native.Force) else ""
+            raise InputError(f"{name}[{place}]: found {type(element).__name__}, expected polhode.{of.__name__}{made}")
     return tuple(elements)
 
 
@@ -67,19 +69,37 @@ class Scene:
         The end itself is always recorded.
     statistics : list of quantities, over all bodies at all output times: "kinetic_energy", "spin_rate", "angular_momentum" (and
         "_x", "_y", "_z" of it in world axes), "angular_velocity_x", "_y", "_z", "nutation", "dynamic_inertia", "separatrix_distance",
-        "yaw", "pitch", "roll", "potential_energy", "total_energy"
+        "yaw", "pitch", "roll", "potential_energy", "total_energy"; or `Quantity`
+    quantiles : percentages, of every quantity that has statistics: each is within 2.5e-4 of itself of the value of that rank
+    histograms : list of `Histogram`
+    events : list of `Event`
     states : whether states of bodies are recorded. With statistics and without states, statistics alone leave the device.
     skip : whether work that the scene does not need may be left out; it never changes a result beyond its bound
     """
 
-    __slots__ = ("ensemble", "torques", "forces", "end", "outputs", "statistics", "states", "skip")
+    __slots__ = (
+        "ensemble",
+        "torques",
+        "forces",
+        "end",
+        "outputs",
+        "statistics",
+        "quantiles",
+        "histograms",
+        "events",
+        "states",
+        "skip",
+    )
 
     ensemble: Ensemble
     torques: tuple[_native.Torque, ...]
     forces: tuple[_native.Force, ...]
     end: float
     outputs: NDArray[np.float64] | None
-    statistics: tuple[str, ...]
+    statistics: tuple[str | Quantity, ...]
+    quantiles: tuple[float, ...]
+    histograms: tuple[Histogram, ...]
+    events: tuple[Event, ...]
     states: bool
     skip: bool
 
@@ -91,7 +111,10 @@ class Scene:
         *,
         end: float,
         outputs: ArrayLike | None = None,
-        statistics: str | Iterable[str] = (),
+        statistics: str | Quantity | Iterable[str | Quantity] = (),
+        quantiles: ArrayLike = (),
+        histograms: Histogram | Iterable[Histogram] = (),
+        events: Event | Iterable[Event] = (),
         states: bool = True,
         skip: bool = True,
     ) -> None:
@@ -104,7 +127,14 @@ class Scene:
         self.outputs = None if outputs is None else array(outputs, "outputs")
         if self.outputs is not None and self.outputs.ndim > 1:
             raise InputError(f"outputs: shape {self.outputs.shape}: expected an interval or times of shape (t,) (s)")
-        self.statistics = (statistics,) if isinstance(statistics, str) else tuple(statistics)
+        self.statistics = (statistics,) if isinstance(statistics, (str, Quantity)) else tuple(statistics)
+        self.quantiles = tuple(np.ravel(array(quantiles, "quantiles")).tolist())
+        self.histograms = _list(histograms, Histogram, "histograms")
+        self.events = _list(events, Event, "events")
+        names = [event.name for event in self.events]
+        for name in names:
+            if names.count(name) > 1:
+                raise InputError(f"events: {name!r} is the name of two: expected a name of its own for each")
         self.states, self.skip = bool(states), bool(skip)
 
     def _parts(self):
@@ -116,7 +146,12 @@ class Scene:
             "end": self.end,
             "every": float(self.outputs) if is_interval else None,
             "times": None if is_interval or self.outputs is None else self.outputs.tolist(),
-            "statistics": list(self.statistics),
+            "asked": {
+                "statistics": [asked_quantity(quantity, "statistics") for quantity in self.statistics],
+                "quantiles": list(self.quantiles),
+                "histograms": [histogram._parts() for histogram in self.histograms],
+                "events": [event._parts() for event in self.events],
+            },
             "states": self.states,
             "skip": self.skip,
         }

@@ -1,15 +1,16 @@
 //! The states of a run, taken into columns as they come.
 
 use glam::{DQuat, DVec3};
-use numpy::Element;
 use polhode::bodies::memory;
-use polhode::record::{OutputState, Sink, Statistics};
+use polhode::record::{EventRecord, HistogramCounts, OutputState, Sink, Statistics};
+use polhode::scene::Histogram;
 use polhode::{Plan, Result};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
 
 use crate::arrays::{moved, moved_rows};
+use crate::observed;
 
 /// Takes states and statistics as they come. Each column is one piece of memory, which becomes an array as it is.
 #[derive(Debug, Default)]
@@ -25,6 +26,16 @@ pub(crate) struct Columns {
     velocity: Vec<DVec3>,
     status: Vec<u8>,
     statistics: Vec<Statistics>,
+    /// In percent, as they were asked for.
+    quantiles: Vec<f64>,
+    asked_histograms: Vec<Histogram>,
+    /// By output.
+    histograms: Vec<Vec<HistogramCounts>>,
+    events: Vec<EventRecord>,
+    /// Of all outputs, s.
+    output_times: Vec<f64>,
+    /// Cells of the study's design, where it has one.
+    cells: Option<usize>,
 }
 
 /// Which states are kept.
@@ -51,7 +62,7 @@ impl Columns {
     /// # Errors
     ///
     /// [`polhode::Error::TooManyBodies`] where the memory does not suffice.
-    pub(crate) fn for_plan(plan: &Plan<'_>, wanted: Wanted) -> Result<Self> {
+    pub(crate) fn for_plan(plan: &Plan<'_>, wanted: Wanted, cells: Option<usize>) -> Result<Self> {
         let ensemble = plan.scene().ensemble();
         let bodies = ensemble.len();
         let outputs = match wanted {
@@ -74,8 +85,17 @@ impl Columns {
             position: Vec::with_capacity(centres),
             velocity: Vec::with_capacity(centres),
             status: Vec::with_capacity(rows),
+            quantiles: plan.scene().wanted_quantiles().to_vec(),
+            asked_histograms: plan.scene().wanted_histograms().to_vec(),
+            output_times: plan.times().to_vec(),
+            cells,
             ..Self::default()
         })
+    }
+
+    /// The events.
+    pub(crate) fn events(&self) -> &[EventRecord] {
+        &self.events
     }
 
     /// The statistics of the end, where there are any.
@@ -85,7 +105,9 @@ impl Columns {
 
     /// Arrays of shape `(outputs, bodies, …)`, and statistics of shape `(outputs,)`.
     pub(crate) fn into_arrays<'py>(self, py: Python<'py>, arrays: &Bound<'py, PyDict>) -> PyResult<()> {
-        arrays.set_item("statistics", statistics(py, &self.statistics)?)?;
+        arrays.set_item("statistics", observed::statistics(py, &self.statistics, &self.quantiles)?)?;
+        arrays.set_item("histograms", observed::histograms(py, &self.asked_histograms, &self.histograms)?)?;
+        arrays.set_item("events", observed::events(py, &self.events, &self.output_times, self.cells)?)?;
         let shape = [self.times.len(), self.bodies];
         arrays.set_item("times", moved(py, self.times, &shape[..1])?)?;
         if self.wanted == Wanted::None {
@@ -138,33 +160,14 @@ impl Sink for Columns {
         self.statistics.push(statistics.clone());
         Ok(())
     }
-}
 
-/// Of each quantity its figures over the output times.
-fn statistics<'py>(py: Python<'py>, found: &[Statistics]) -> PyResult<Option<Bound<'py, PyDict>>> {
-    let Some(first) = found.first() else { return Ok(None) };
-    fn column<'py, T: Element>(py: Python<'py>, numbers: impl Iterator<Item = T>) -> PyResult<Bound<'py, PyAny>> {
-        let numbers: Vec<T> = numbers.collect();
-        let shape = [numbers.len()];
-        moved(py, numbers, &shape)
+    fn histograms(&mut self, _: usize, histograms: &[HistogramCounts]) -> Result<()> {
+        self.histograms.push(histograms.to_vec());
+        Ok(())
     }
-    let body = |body: Option<usize>| body.map_or(-1, |body| body as i64);
-    let all = PyDict::new(py);
-    all.set_item("time", column(py, found.iter().map(|at| at.time))?)?;
-    all.set_item("count", column(py, found.iter().map(|at| at.count as i64))?)?;
-    let quantities = PyDict::new(py);
-    for (place, summary) in first.summaries.iter().enumerate() {
-        let over_time = || found.iter().map(|at| &at.summaries[place]);
-        let figures = PyDict::new(py);
-        figures.set_item("unit", summary.quantity.unit())?;
-        figures.set_item("mean", column(py, over_time().map(|of| of.mean))?)?;
-        figures.set_item("standard_deviation", column(py, over_time().map(|of| of.standard_deviation))?)?;
-        figures.set_item("min", column(py, over_time().map(|of| of.min))?)?;
-        figures.set_item("max", column(py, over_time().map(|of| of.max))?)?;
-        figures.set_item("min_body", column(py, over_time().map(|of| body(of.min_body)))?)?;
-        figures.set_item("max_body", column(py, over_time().map(|of| body(of.max_body)))?)?;
-        quantities.set_item(summary.quantity.name(), figures)?;
+
+    fn events(&mut self, events: Vec<EventRecord>) -> Result<()> {
+        self.events = events;
+        Ok(())
     }
-    all.set_item("quantities", quantities)?;
-    Ok(Some(all))
 }

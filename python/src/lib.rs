@@ -2,7 +2,7 @@
 //!
 //! It converts, and computes nothing of its own: arrays become the library's tables (`arrays`, `ensemble`), declarations become torques
 //! (`torque`), a run goes on on a thread of its own (`worker`) and leaves its states in columns that become arrays as they are
-//! (`columns`, `run`). What users see is the Python package beside it, which gives arrays their shapes before they come here.
+//! (`columns`, `run`), with what is asked of them (`observed`). What users see is the Python package beside it, which gives arrays their shapes before they come here.
 
 use pyo3::prelude::*;
 
@@ -12,6 +12,7 @@ mod ensemble;
 mod errors;
 mod free_motion;
 mod mass;
+mod observed;
 mod run;
 mod toolkit;
 mod torque;

@@ -5,12 +5,12 @@ use std::time::Instant;
 
 use polhode::engine::gpu::GpuOptions;
 use polhode::engine::{Choice, EngineKind, devices};
-use polhode::record::report::StudyReport;
+use polhode::record::report::{EventReport, StudyReport};
 use polhode::record::{FailedBody, OutputFolder, Report};
 use polhode::run::{run_into, run_to_folder};
 use polhode::scene::AdaptiveSteps;
 use polhode::study::Study;
-use polhode::{Accuracy, Engine, Method, Outputs, Plan, Precision, Quantity, Result, Scene};
+use polhode::{Accuracy, Engine, Method, Outputs, Plan, Precision, Result, Scene};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -18,6 +18,7 @@ use crate::arrays::{moved, moved_rows};
 use crate::columns::{Columns, Wanted};
 use crate::ensemble::Bodies;
 use crate::errors;
+use crate::observed::Asked;
 use crate::torque::{PyForce, PyTorque};
 use crate::worker::{self, Watch};
 
@@ -162,7 +163,7 @@ pub(crate) struct Parts<'py> {
     end: f64,
     every: Option<f64>,
     times: Option<Vec<f64>>,
-    statistics: Vec<String>,
+    asked: Asked,
     states: bool,
     skip: bool,
 }
@@ -174,15 +175,8 @@ impl Parts<'_> {
             (None, Some(times)) => Outputs::Times(times.clone()),
             (None, None) => Outputs::End,
         };
-        let named = |name: &String| {
-            Quantity::NAMED.iter().find(|quantity| quantity.name() == name).ok_or_else(|| {
-                let known: Vec<&str> = Quantity::NAMED.iter().map(Quantity::name).collect();
-                errors::input(py, format!("statistics: {name:?}: expected {}", known.join(", ")))
-            })
-        };
-        let statistics = self.statistics.iter().map(named).collect::<PyResult<Vec<_>>>()?;
         let scene = Scene::new(self.bodies.get().0.clone()).until(self.end).outputs(outputs);
-        let scene = scene.statistics(statistics).skipping(self.skip);
+        let scene = self.asked.applied_to(py, scene)?.skipping(self.skip);
         let scene = if self.states { scene } else { scene.without_states() };
         let scene = self.forces.iter().fold(scene, |scene, force| scene.force(force.get().force.clone()));
         let scene = self.torques.iter().fold(scene, |scene, torque| scene.torque(torque.get().torque.clone()));
@@ -234,11 +228,14 @@ fn run_plan(
     watch: &Watch,
 ) -> Result<Outcome> {
     let before = since.elapsed().as_secs_f64();
-    let mut columns = Columns::for_plan(plan, wanted)?;
+    let cells = study.and_then(Study::design).map(|design| design.cells());
+    let mut columns = Columns::for_plan(plan, wanted, cells)?;
     let trust = run_into(engine, plan, &mut columns, &mut |progress| watch.observe(progress))?;
     let failures = trust.failures.clone();
     let mut report = Report::new(study.map(StudyReport::of), plan, trust);
     report.statistics = columns.statistics_at_end().map(Into::into);
+    let end = plan.scene().end();
+    report.events = columns.events().iter().map(|record| EventReport::new(record, end)).collect();
     report.wall_time.study = (before - report.wall_time.plan).max(0.0);
     report.wall_time.total = since.elapsed().as_secs_f64();
     Ok(Outcome { columns, failures, report })

@@ -17,7 +17,7 @@ def blocks(file):
     return re.findall(r"```python\n(.*?)```", file.read_text(encoding="utf-8"), re.DOTALL)
 
 
-@pytest.mark.parametrize("file, count", [(SOURCE / "README.md", 2), (SOURCE.parent / "README.md", 1)], ids=["package", "repository"])
+@pytest.mark.parametrize("file, count", [(SOURCE / "README.md", 3), (SOURCE.parent / "README.md", 1)], ids=["package", "repository"])
 def test_the_code_of_the_readme_runs(file, count):
     found = blocks(file)
     assert len(found) == count

@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use super::figure::{Axis, Figure, Item, Line, Panel, Style};
-use super::observed::{Rows, SURVIVAL, table};
+use super::observed::{SURVIVAL, table};
 use super::run::{caption, sweep_units, titled};
 use crate::error::Result;
+use crate::record;
 
 /// The values of the axes by cell.
 const CELLS: &str = "cells";
@@ -73,11 +74,11 @@ impl Swept {
 ///
 /// # Errors
 ///
-/// [`crate::Error::File`] and [`crate::Error::Rows`] where a table or `report.json` cannot be read.
+/// [`crate::Error::File`], [`crate::Error::Table`] and [`crate::Error::Rows`] where a table or `report.json` cannot be read.
 pub(super) fn map(folder: &Path) -> Result<Option<Figure>> {
     let tables = (table(folder, CELLS), table(folder, SURVIVAL), table(folder, EVENTS));
     let (Some(cells), Some(survival), Some(events)) = tables else { return Ok(None) };
-    let cells = Rows::read(&cells)?;
+    let cells = record::read(&cells)?;
     let names: Vec<&str> = cells.names().filter(|name| !["cell", "bodies"].contains(name)).collect();
     let [first, second] = names[..] else { return Ok(None) };
     let units = sweep_units(folder)?;
@@ -89,11 +90,11 @@ pub(super) fn map(folder: &Path) -> Result<Option<Figure>> {
         return Ok(None);
     }
 
-    let survival = Rows::read(&survival)?;
+    let survival = record::read(&survival)?;
     let (names, cell) = (survival.words("event")?, survival.need("cell")?);
     let (times, share) = (survival.need("t")?, survival.need("share")?);
     let end = times.iter().copied().fold(0.0, f64::max);
-    let events = Rows::read(&events)?;
+    let events = record::read(&events)?;
     let (had, when, of_cell) = (events.words("event")?, events.need("t")?, events.need("cell")?);
 
     let panel = |title: String, value: &dyn Fn(usize) -> f64, scale: f64| {

@@ -1,15 +1,13 @@
 //! Events and histograms of a run.
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use super::figure::{Axis, Figure, Item, Line, Panel, Style};
 use super::run::{caption, titled};
-use crate::error::{Error, FileAction, Result, RowFault};
-use crate::record::{Values, columns};
+use crate::error::Result;
+use crate::record;
 use crate::study::Format;
-use crate::study::text::{CUT, Lines};
 
 const BLUE: [u8; 3] = [0, 114, 178];
 const ORANGE: [u8; 3] = [213, 94, 0];
@@ -29,75 +27,13 @@ pub(super) fn table(folder: &Path, stem: &str) -> Option<PathBuf> {
     paths.into_iter().find(|path| path.is_file())
 }
 
-/// A table of a run in memory.
-pub(super) struct Rows {
-    path: PathBuf,
-    columns: Vec<(String, Values)>,
-}
-
-impl Rows {
-    pub fn read(path: &Path) -> Result<Self> {
-        if path.extension().is_none_or(|ending| ending != Format::Csv.name()) {
-            return Ok(Self { path: path.to_owned(), columns: columns(path)? });
-        }
-        let no_table = |reason: String| Error::Rows { path: path.to_owned(), fault: RowFault::Csv(reason) };
-        let file = File::open(path).map_err(|error| Error::file(path, FileAction::Read, &error))?;
-        let mut reader = csv::Reader::from_reader(Lines::new(file));
-        let header = reader.headers().map_err(|error| no_table(error.to_string()))?.clone();
-        let mut texts = vec![Vec::new(); header.len()];
-        for row in reader.records() {
-            let row = row.map_err(|error| no_table(error.to_string()))?;
-            texts.iter_mut().zip(&row).for_each(|(column, cell)| column.push(cell.to_owned()));
-        }
-        if reader.get_ref().are_cut() {
-            return Err(no_table(format!("line {}: {CUT}", reader.position().line())));
-        }
-        let columns = header.iter().map(str::to_owned).zip(texts.into_iter().map(Values::Texts));
-        Ok(Self { path: path.to_owned(), columns: columns.collect() })
-    }
-
-    /// The names of the columns.
-    pub fn names(&self) -> impl Iterator<Item = &str> {
-        self.columns.iter().map(|(name, _)| name.as_str())
-    }
-
-    fn values(&self, name: &str) -> Option<&Values> {
-        self.columns.iter().find(|(column, _)| column == name).map(|(_, values)| values)
-    }
-
-    /// A column of numbers, where there is one; NaN for what is none.
-    pub fn numbers(&self, name: &str) -> Option<Vec<f64>> {
-        Some(match self.values(name)? {
-            Values::Numbers(numbers) => numbers.clone(),
-            Values::Texts(texts) => texts.iter().map(|text| text.parse().unwrap_or(f64::NAN)).collect(),
-        })
-    }
-
-    /// A column of numbers that has to be there.
-    pub fn need(&self, name: &str) -> Result<Vec<f64>> {
-        self.numbers(name).ok_or_else(|| self.lacks(name))
-    }
-
-    /// A column of words that has to be there.
-    pub fn words(&self, name: &str) -> Result<Vec<&str>> {
-        match self.values(name) {
-            Some(Values::Texts(texts)) => Ok(texts.iter().map(String::as_str).collect()),
-            _ => Err(self.lacks(name)),
-        }
-    }
-
-    fn lacks(&self, name: &str) -> Error {
-        Error::Rows { path: self.path.clone(), fault: RowFault::Csv(format!("it has no column {name}")) }
-    }
-}
-
 /// A panel for each event of the table at `path`, of the run in `folder`: the share of bodies that have not had it.
 ///
 /// # Errors
 ///
-/// [`Error::File`] and [`Error::Rows`] where the table or `report.json` cannot be read.
+/// [`crate::Error::File`], [`crate::Error::Table`] and [`crate::Error::Rows`] where the table or `report.json` cannot be read.
 pub(super) fn survival(folder: &Path, path: &Path) -> Result<Figure> {
-    let rows = Rows::read(path)?;
+    let rows = record::read(path)?;
     let (events, times) = (rows.words("event")?, rows.need("t")?);
     let (shares, lows, highs) = (rows.need("share")?, rows.need("low")?, rows.need("high")?);
     let mut names: Vec<&str> = Vec::new();
@@ -163,7 +99,7 @@ const MOST_NAMED: usize = 12;
 ///
 /// As [`survival`].
 pub(super) fn histograms(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Option<String>) -> Result<Figure> {
-    let rows = Rows::read(path)?;
+    let rows = record::read(path)?;
     let (times, numbers, quantities) = (rows.need("t")?, rows.need("histogram")?, rows.words("quantity")?);
     let (lows, highs, counts) = (rows.need("low")?, rows.need("high")?, rows.need("count")?);
     let (first, last) = (times.first().copied().unwrap_or(0.0), times.last().copied().unwrap_or(0.0));

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use super::figure::{Axis, Figure, Item, Line, Panel, Style};
-use super::observed::Rows;
 use super::run::{caption, titled};
 use crate::error::Result;
+use crate::record;
 
 const BLUE: [u8; 3] = [0, 114, 178];
 const GREEN: [u8; 3] = [0, 158, 115];
@@ -22,9 +22,9 @@ pub(super) const TABLE: &str = "statistics";
 ///
 /// # Errors
 ///
-/// [`crate::Error::File`] and [`crate::Error::Rows`] where the table or `report.json` cannot be read.
+/// [`crate::Error::File`], [`crate::Error::Table`] and [`crate::Error::Rows`] where the table or `report.json` cannot be read.
 pub(super) fn statistics(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Option<String>) -> Result<Figure> {
-    let rows = Rows::read(path)?;
+    let rows = record::read(path)?;
     let time = rows.need("t")?;
     let has_quantiles = rows.names().any(|name| quantile_of(name).is_some());
     let panel = |quantity: &str| -> Option<Panel> {
@@ -34,7 +34,7 @@ pub(super) fn statistics(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Opti
             points: time.iter().copied().zip(values.iter().copied()).collect(),
             style,
         };
-        let spread = time.iter().zip(mean.iter().zip(&deviation));
+        let spread = time.iter().zip(mean.iter().zip(&*deviation));
         let spread = spread.map(|(&time, (mean, deviation))| (time, mean - deviation, mean + deviation)).collect();
         let mut items = vec![Item::Band { points: spread, style: SPREAD }, curve(&min, EXTREME), curve(&max, EXTREME)];
         let quantiles = rows.names().filter(|name| quantile_of(name) == Some(quantity));
@@ -65,7 +65,7 @@ pub(super) fn statistics(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Opti
 ///
 /// As [`statistics`].
 pub(super) fn means(folder: &Path, path: &Path, unit: &dyn Fn(&str) -> Option<String>) -> Result<Figure> {
-    let rows = Rows::read(path)?;
+    let rows = record::read(path)?;
     let (time, count) = (rows.need("t")?, rows.need("count")?);
     let panel = |quantity: &str| -> Option<Panel> {
         let of = |figure: &str| rows.numbers(&format!("{quantity}_{figure}"));

@@ -1,7 +1,5 @@
 //! The columns of output tables: `body`, `t`, numbers of the state or derived from it, [`STATUS`] and, where a study sweeps, [`CELL`].
 
-use rayon::prelude::*;
-
 use super::OutputState;
 use crate::bodies::state_columns;
 pub use crate::bodies::{ROTATION_COLUMNS, TRANSLATION_COLUMNS};
@@ -95,7 +93,7 @@ impl Layout {
         layout
     }
 
-    /// Columns whose numbers are copied from a table ([`StateRows::copied`]).
+    /// Columns whose numbers are copied from a table.
     pub fn of_columns(columns: Vec<Named>, cells: Option<usize>) -> Self {
         Self { columns, cells, ..Self::default() }
     }
@@ -118,31 +116,39 @@ pub(crate) struct StateRows {
     pub status: Vec<u8>,
 }
 
-/// Rows that one task takes.
-const ROWS_PER_TASK: usize = 1 << 13;
+/// Rows that are turned into columns at once: few enough for a processor's nearest cache.
+const TURNED: usize = 64;
 
-impl StateRows {
-    /// The rows of `states`; `derived` are the values of [`Layout::quantities`], by quantity.
-    pub fn of(layout: &Layout, states: &[OutputState], mut derived: Vec<Vec<f64>>) -> Self {
-        let part = |states: &[OutputState]| -> Vec<Vec<f64>> {
-            let mut columns: Vec<Vec<f64>> = layout.sources.iter().map(|_| Vec::with_capacity(states.len())).collect();
-            for state in states {
-                let values = values(state);
-                for (column, source) in columns.iter_mut().zip(&layout.sources) {
-                    if let Source::State(place) = source {
-                        column.push(values[*place]);
-                    }
+impl Layout {
+    /// Hands the numbers of `states` on, some rows of a column at a time, with the column's place; `derived` are the values of
+    /// [`Layout::quantities`], by quantity.
+    pub fn turn(&self, states: &[OutputState], derived: &[&[f64]], mut take: impl FnMut(usize, &[f64])) {
+        let mut turned = [[0.0; TURNED]; MOST_COLUMNS];
+        for (block, states) in states.chunks(TURNED).enumerate() {
+            for (row, state) in states.iter().enumerate() {
+                for (column, number) in turned.iter_mut().zip(values(state)) {
+                    column[row] = number;
                 }
             }
-            columns
-        };
-        let parts: Vec<Vec<Vec<f64>>> = states.par_chunks(ROWS_PER_TASK).map(part).collect();
-        let column = |(index, source): (usize, &Source)| match source {
-            Source::State(_) => parts.iter().flat_map(|columns| columns[index].iter().copied()).collect(),
-            Source::Quantity(place) => std::mem::take(&mut derived[*place]),
-        };
-        let numbers = layout.sources.iter().enumerate().map(column).collect();
-        Self { numbers, status: states.iter().map(|state| state.status().number()).collect() }
+            let rows = block * TURNED..block * TURNED + states.len();
+            for (place, source) in self.sources.iter().enumerate() {
+                match source {
+                    Source::State(number) => take(place, &turned[*number][..states.len()]),
+                    Source::Quantity(quantity) => take(place, &derived[*quantity][rows.clone()]),
+                }
+            }
+        }
+    }
+}
+
+impl StateRows {
+    /// Becomes the rows of `states`, whose `derived` values are as [`Layout::turn`] takes them.
+    pub fn fill(&mut self, layout: &Layout, states: &[OutputState], derived: &[&[f64]]) {
+        self.numbers.resize(layout.sources.len(), Vec::new());
+        self.numbers.iter_mut().for_each(Vec::clear);
+        layout.turn(states, derived, |place, numbers| self.numbers[place].extend_from_slice(numbers));
+        self.status.clear();
+        self.status.extend(states.iter().map(|state| state.status().number()));
     }
 
     /// Number of rows.

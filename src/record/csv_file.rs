@@ -28,23 +28,30 @@ const BYTES_PER_NUMBER: usize = 24;
 pub(crate) struct CsvFile {
     file: OutputFile,
     cells: Option<usize>,
+    /// Rows as text, by task: kept for their room.
+    text: Vec<Vec<u8>>,
 }
 
 impl CsvFile {
     pub(crate) fn begin(mut file: OutputFile, layout: &Layout) -> Result<Self> {
         file.write(header(layout).as_bytes())?;
-        Ok(Self { file, cells: layout.cells })
+        Ok(Self { file, cells: layout.cells, text: Vec::new() })
     }
 
-    /// The rows as text, formatted on all cores.
-    pub(crate) fn format(&self, time: f64, first_body: usize, rows: &StateRows) -> Vec<Vec<u8>> {
-        let starts = (0..rows.len()).into_par_iter().step_by(ROWS_PER_TASK);
-        let part = |start: usize| start..(start + ROWS_PER_TASK).min(rows.len());
-        starts.map(|start| format_rows(self.cells, time, first_body, rows, part(start))).collect()
+    /// Forms rows as text, on all cores, for [`CsvFile::write`].
+    pub(crate) fn format(&mut self, time: f64, first_body: usize, rows: &StateRows) {
+        let tasks = rows.len().div_ceil(ROWS_PER_TASK).max(self.text.len());
+        self.text.resize(tasks, Vec::new());
+        self.text.par_iter_mut().enumerate().for_each(|(task, text)| {
+            let [start, end] = [task, task + 1].map(|task| (task * ROWS_PER_TASK).min(rows.len()));
+            text.clear();
+            format_rows(text, self.cells, (time, first_body), rows, start..end);
+        });
     }
 
-    pub(crate) fn write(&mut self, rows: &[Vec<u8>]) -> Result<()> {
-        rows.iter().try_for_each(|rows| self.file.write(rows))
+    /// Appends the rows that were formed last.
+    pub(crate) fn write(&mut self) -> Result<()> {
+        self.text.iter().try_for_each(|rows| self.file.write(rows))
     }
 
     pub(crate) fn finish(self) -> Result<()> {
@@ -60,16 +67,23 @@ fn header(layout: &Layout) -> String {
 /// A table of one body at several times.
 pub(crate) fn track(body: usize, states: &[(f64, OutputState)]) -> Vec<u8> {
     let layout = Layout::of_states(states.iter().any(|(_, state)| state.translation.is_some()));
-    let rows = states.iter().flat_map(|&(time, state)| {
-        let rows = StateRows::of(&layout, &[state], Vec::new());
-        format_rows(None, time, body, &rows, 0..1)
-    });
-    header(&layout).into_bytes().into_iter().chain(rows).collect()
+    let (mut text, mut rows) = (header(&layout).into_bytes(), StateRows::default());
+    for &(time, state) in states {
+        rows.fill(&layout, &[state], &[]);
+        format_rows(&mut text, None, (time, body), &rows, 0..1);
+    }
+    text
 }
 
-/// Some rows as text. Every number has the fewest digits that read back to the same bits.
-fn format_rows(cells: Option<usize>, time: f64, first_body: usize, rows: &StateRows, part: Range<usize>) -> Vec<u8> {
-    let mut text = Vec::with_capacity(part.len() * (rows.numbers.len() + 2) * BYTES_PER_NUMBER);
+/// Appends some rows as text. Every number has the fewest digits that read back to the same bits.
+fn format_rows(
+    text: &mut Vec<u8>,
+    cells: Option<usize>,
+    (time, first_body): (f64, usize),
+    rows: &StateRows,
+    part: Range<usize>,
+) {
+    text.reserve(part.len() * (rows.numbers.len() + 2) * BYTES_PER_NUMBER);
     let (mut index, mut number) = (itoa::Buffer::new(), zmij::Buffer::new());
     let time = zmij::Buffer::new().format(time).to_owned();
     for row in part {
@@ -88,5 +102,4 @@ fn format_rows(cells: Option<usize>, time: f64, first_body: usize, rows: &StateR
         }
         text.push(b'\n');
     }
-    text
 }

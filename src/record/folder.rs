@@ -220,7 +220,8 @@ impl OutputFolder {
 
     /// Gives the files, which are all finished, their place.
     ///
-    /// Where that fails, they stay under another name, which the error says: they may be hours of work.
+    /// Where that fails, they stay under another name, or, where nothing can be renamed, where they are, which the error says: they may be
+    /// hours of work.
     pub(crate) fn commit(self) -> Result<()> {
         if !self.traces.decide(PLACED) {
             return Err(Error::Interrupted { steps: 0 });
@@ -229,9 +230,13 @@ impl OutputFolder {
         let placed = sync_folder(staging).and_then(|()| if self.in_place { self.fill() } else { self.swap() });
         placed.map_err(|error| {
             // Where files were moved one by one, it has that name already.
-            let reason = match kept.is_dir() || fs::rename(staging, &kept).is_ok() {
-                true => format!("{error}; the results are in {}", kept.display()),
-                false => error.to_string(),
+            let reason = if kept.is_dir() || fs::rename(staging, &kept).is_ok() {
+                format!("{error}; the results are in {}", kept.display())
+            } else if staging.is_dir() {
+                self.traces.leave();
+                format!("{error}; until another run into this folder the results are in {}", staging.display())
+            } else {
+                error.to_string()
             };
             Error::File { path: self.path.clone(), action: FileAction::Write, kind: error.kind(), reason }
         })

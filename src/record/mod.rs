@@ -52,6 +52,8 @@ mod statistics;
 #[cfg(feature = "study")]
 pub(crate) mod statistics_file;
 #[cfg(feature = "study")]
+mod table;
+#[cfg(feature = "study")]
 pub(crate) mod table_file;
 
 pub use crate::math::QUANTILE_ERROR;
@@ -75,10 +77,10 @@ pub use report::Report;
 pub use shard::{Shard, ShardState, is_complete, ranges, status};
 #[cfg(feature = "study")]
 pub use state_table::{StateRow, StateTable};
-#[cfg(feature = "plot")]
-pub(crate) use state_table::{Values, columns};
 pub use statistical_sample::StatisticalSample;
 pub use statistics::{Statistics, Summary};
+#[cfg(feature = "study")]
+pub use table::{Table, read};
 
 /// Takes the states of a run as they come, some bodies at a time, so that memory stays bounded.
 pub trait Sink {
@@ -91,6 +93,17 @@ pub trait Sink {
     ///
     /// Whatever hinders the sink; the run ends with it.
     fn bodies(&mut self, index: usize, time: f64, first_body: usize, states: &[OutputState]) -> Result<()>;
+
+    /// The same, of states that the sink may keep: the next ones are written into the vector that it leaves in their place, whatever that
+    /// holds, so that one whose states are no longer needed spares the run new memory. Runs call this; without this method they are
+    /// handed on to [`Sink::bodies`].
+    ///
+    /// # Errors
+    ///
+    /// Whatever hinders the sink; the run ends with it.
+    fn take_bodies(&mut self, index: usize, time: f64, first_body: usize, states: &mut Vec<OutputState>) -> Result<()> {
+        self.bodies(index, time, first_body, states)
+    }
 
     /// The statistics of output `index`, where the scene asks for any ([`crate::Scene::statistics`]). Called in the order of
     /// outputs, for every one of them; without this method they are passed over.

@@ -8,20 +8,20 @@
 
 use std::io;
 use std::mem;
+use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use bytes::Bytes;
 use parquet::basic::{Encoding, LogicalType, Repetition, Type as PhysicalType};
-use parquet::column::writer::{ColumnCloseResult, ColumnWriter, get_column_writer};
+use parquet::column::writer::ColumnWriter;
 use parquet::data_type::ByteArray;
 use parquet::errors::{ParquetError, Result as ParquetResult};
 use parquet::file::metadata::KeyValue;
-use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterPropertiesPtr};
-use parquet::file::writer::{SerializedFileWriter, SerializedPageWriter, TrackedWrite};
-use parquet::schema::types::{ColumnDescPtr, ColumnPath, Type};
-use rayon::prelude::*;
+use parquet::file::properties::{EnabledStatistics, WriterProperties};
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::types::{ColumnPath, Type};
 
+use super::OutputState;
 use super::column::{self, Layout, Named, StateRows};
 use super::folder::{OutputFile, OutputFolder, SharedMetadata};
 use crate::bodies::state_columns;
@@ -77,26 +77,48 @@ impl Cells {
         }
     }
 
-    /// Takes the rows of a column of the same kind.
-    fn extend(&mut self, other: Self) {
+    /// Takes some rows of a column of the same kind.
+    fn extend(&mut self, other: &Self, rows: Range<usize>) {
         match (self, other) {
-            (Self::Numbers(cells), Self::Numbers(more)) => cells.extend(more),
-            (Self::Whole(cells), Self::Whole(more)) => cells.extend(more),
-            (Self::Optional(cells), Self::Optional(more)) => cells.extend(more),
-            (Self::Codes(cells), Self::Codes(more)) => cells.extend(more),
-            (Self::Texts(cells), Self::Texts(more)) => cells.extend(more),
+            (Self::Numbers(cells), Self::Numbers(more)) => cells.extend_from_slice(&more[rows]),
+            (Self::Whole(cells), Self::Whole(more)) => cells.extend_from_slice(&more[rows]),
+            (Self::Optional(cells), Self::Optional(more)) => cells.extend_from_slice(&more[rows]),
+            (Self::Codes(cells), Self::Codes(more)) => cells.extend_from_slice(&more[rows]),
+            (Self::Texts(cells), Self::Texts(more)) => cells.extend_from_slice(&more[rows]),
             _ => debug_assert!(false, "rows of another kind than their column"),
         }
     }
 
-    /// Keeps the first `count` rows and gives the others.
-    fn split_off(&mut self, count: usize) -> Self {
+    /// Takes numbers.
+    fn push_numbers(&mut self, numbers: &[f64]) {
         match self {
-            Self::Numbers(cells) => Self::Numbers(cells.split_off(count)),
-            Self::Whole(cells) => Self::Whole(cells.split_off(count)),
-            Self::Optional(cells) => Self::Optional(cells.split_off(count)),
-            Self::Codes(cells) => Self::Codes(cells.split_off(count)),
-            Self::Texts(cells) => Self::Texts(cells.split_off(count)),
+            Self::Numbers(cells) => cells.extend_from_slice(numbers),
+            _ => debug_assert!(false, "numbers of another kind than their column"),
+        }
+    }
+
+    fn push_whole(&mut self, numbers: impl Iterator<Item = usize>) {
+        match self {
+            Self::Whole(cells) => cells.extend(numbers.map(|number| number as i64)),
+            _ => debug_assert!(false, "indices of another kind than their column"),
+        }
+    }
+
+    fn push_codes(&mut self, codes: impl Iterator<Item = u8>) {
+        match self {
+            Self::Codes(cells) => cells.extend(codes.map(i32::from)),
+            _ => debug_assert!(false, "codes of another kind than their column"),
+        }
+    }
+
+    /// Has no rows any more, and room for as many as before.
+    fn clear(&mut self) {
+        match self {
+            Self::Numbers(cells) => cells.clear(),
+            Self::Whole(cells) => cells.clear(),
+            Self::Optional(cells) => cells.clear(),
+            Self::Codes(cells) => cells.clear(),
+            Self::Texts(cells) => cells.clear(),
         }
     }
 }
@@ -145,9 +167,6 @@ fn described(fields: &[Field]) -> String {
 pub(crate) struct ParquetFile {
     path: PathBuf,
     writer: SerializedFileWriter<OutputFile>,
-    kinds: Vec<Kind>,
-    columns: Vec<ColumnDescPtr>,
-    properties: WriterPropertiesPtr,
     /// Rows that make no row group yet.
     rows: Vec<Cells>,
     metadata: SharedMetadata,
@@ -168,35 +187,45 @@ impl ParquetFile {
         let (metadata, described) = (folder.metadata(), described(columns));
         let path = file.path().to_owned();
         let properties = Arc::new(properties(columns));
-        let writer = schema(columns).and_then(|schema| SerializedFileWriter::new(file, schema, properties.clone()));
+        let writer = schema(columns).and_then(|schema| SerializedFileWriter::new(file, schema, properties));
         let writer = writer.map_err(|error| failed(&path, error))?;
-        let kinds: Vec<Kind> = columns.iter().map(|field| field.kind).collect();
-        let columns = writer.schema_descr().columns().to_vec();
-        let rows = kinds.iter().map(|&kind| Cells::none(kind)).collect();
-        Ok(Self { path, writer, kinds, columns, properties, rows, metadata, described })
+        let rows = columns.iter().map(|field| Cells::none(field.kind)).collect();
+        Ok(Self { path, writer, rows, metadata, described })
     }
 
     /// Appends rows, column by column.
-    pub(crate) fn append(&mut self, rows: Vec<Cells>) -> Result<()> {
-        self.rows.iter_mut().zip(rows).for_each(|(column, cells)| column.extend(cells));
-        while self.rows.first().is_some_and(|column| column.len() >= GROUP) {
-            let rest = self.rows.iter_mut().map(|column| column.split_off(GROUP)).collect();
-            let group = mem::replace(&mut self.rows, rest);
-            self.write_group(group)?;
+    pub(crate) fn append(&mut self, rows: &[Cells]) -> Result<()> {
+        self.append_by(rows.first().map_or(0, Cells::len), |part, columns| {
+            columns.iter_mut().zip(rows).for_each(|(column, cells)| column.extend(cells, part.clone()));
+        })
+    }
+
+    /// Appends `count` rows: `extend` appends those in a range to the columns that it gets.
+    fn append_by(&mut self, count: usize, mut extend: impl FnMut(Range<usize>, &mut [Cells])) -> Result<()> {
+        let mut start = 0;
+        while start < count {
+            let end = count.min(start + GROUP - self.rows.first().map_or(0, Cells::len));
+            extend(start..end, &mut self.rows);
+            if self.rows.first().is_some_and(|column| column.len() == GROUP) {
+                self.write_group()?;
+            }
+            start = end;
         }
         Ok(())
     }
 
-    /// Writes a row group, of which each column is encoded by a task of its own.
-    fn write_group(&mut self, rows: Vec<Cells>) -> Result<()> {
-        let path = &self.path;
-        let columns = rows.par_iter().zip(&self.columns);
-        let encoded: ParquetResult<Vec<_>> =
-            columns.map(|(cells, column)| encoded(cells, column, &self.properties)).collect();
-        let written = || {
-            let mut group = self.writer.next_row_group()?;
-            for (bytes, closed) in encoded? {
-                group.append_column(&bytes, closed)?;
+    /// Writes the rows that are there as a row group. Each page goes to the file as soon as it is encoded, so that nothing is kept twice.
+    fn write_group(&mut self) -> Result<()> {
+        let Self { path, writer, rows, .. } = self;
+        let mut written = || -> ParquetResult<()> {
+            let mut group = writer.next_row_group()?;
+            for cells in &mut *rows {
+                let column = group.next_column()?;
+                let mut column =
+                    column.ok_or_else(|| ParquetError::General("more columns than expected".to_owned()))?;
+                encode(cells, column.untyped())?;
+                column.close()?;
+                cells.clear();
             }
             group.close().map(drop)
         };
@@ -205,10 +234,8 @@ impl ParquetFile {
 
     /// Writes the last rows and the footer.
     pub(crate) fn finish(mut self) -> Result<()> {
-        let none = self.kinds.iter().map(|&kind| Cells::none(kind)).collect();
-        let rows = mem::replace(&mut self.rows, none);
-        if rows.first().is_some_and(|column| column.len() > 0) {
-            self.write_group(rows)?;
+        if self.rows.first().is_some_and(|column| column.len() > 0) {
+            self.write_group()?;
         }
         let of_columns = (COLUMNS.to_owned(), mem::take(&mut self.described));
         for (key, value) in self.metadata.entries().into_iter().chain([of_columns]) {
@@ -219,16 +246,8 @@ impl ParquetFile {
     }
 }
 
-/// A column chunk, encoded in memory.
-fn encoded(
-    cells: &Cells,
-    column: &ColumnDescPtr,
-    properties: &WriterPropertiesPtr,
-) -> ParquetResult<(Bytes, ColumnCloseResult)> {
-    let mut bytes = TrackedWrite::new(Vec::new());
-    let pages = Box::new(SerializedPageWriter::new(&mut bytes));
-    let mut writer = get_column_writer(column.clone(), properties.clone(), pages);
-    match (&mut writer, cells) {
+fn encode(cells: &Cells, writer: &mut ColumnWriter<'_>) -> ParquetResult<()> {
+    match (writer, cells) {
         (ColumnWriter::DoubleColumnWriter(writer), Cells::Numbers(cells)) => writer.write_batch(cells, None, None)?,
         (ColumnWriter::Int64ColumnWriter(writer), Cells::Whole(cells)) => writer.write_batch(cells, None, None)?,
         (ColumnWriter::Int64ColumnWriter(writer), Cells::Optional(cells)) => {
@@ -240,8 +259,7 @@ fn encoded(
         (ColumnWriter::ByteArrayColumnWriter(writer), Cells::Texts(cells)) => writer.write_batch(cells, None, None)?,
         _ => return Err(ParquetError::General("rows of another kind than their column".to_owned())),
     };
-    let closed = writer.close()?;
-    Ok((Bytes::from(bytes.into_inner()?), closed))
+    Ok(())
 }
 
 fn schema(columns: &[Field]) -> ParquetResult<Arc<Type>> {
@@ -307,15 +325,51 @@ impl ParquetStates {
         Ok(Self { file: ParquetFile::begin(folder, stem, &fields)?, cells: layout.cells })
     }
 
+    /// Appends the rows of `states`, whose `derived` values are as [`Layout::turn`] takes them.
+    pub(crate) fn write_states(
+        &mut self,
+        layout: &Layout,
+        (time, first_body): (f64, usize),
+        states: &[OutputState],
+        derived: &[&[f64]],
+    ) -> Result<()> {
+        let status = |part: Range<usize>| states[part].iter().map(|state| state.status().number());
+        self.append(time, first_body, states.len(), status, |part, columns| {
+            let derived: Vec<&[f64]> = derived.iter().map(|values| &values[part.clone()]).collect();
+            layout.turn(&states[part], &derived, |place, numbers| columns[place].push_numbers(numbers));
+        })
+    }
+
+    /// Appends rows of another table.
     pub(crate) fn write(&mut self, time: f64, first_body: usize, rows: &StateRows) -> Result<()> {
-        let count = rows.len();
-        let bodies = first_body..first_body + count;
-        let mut cells =
-            vec![Cells::Whole(bodies.clone().map(|body| body as i64).collect()), Cells::Numbers(vec![time; count])];
-        cells.extend(rows.numbers.iter().cloned().map(Cells::Numbers));
-        cells.push(Cells::Codes(rows.status.iter().copied().map(i32::from).collect()));
-        cells.extend(self.cells.map(|cells| Cells::Whole(bodies.map(|body| (body % cells) as i64).collect())));
-        self.file.append(cells)
+        let status = |part: Range<usize>| rows.status[part].iter().copied();
+        self.append(time, first_body, rows.len(), status, |part, columns| {
+            columns.iter_mut().zip(&rows.numbers).for_each(|(column, own)| column.push_numbers(&own[part.clone()]));
+        })
+    }
+
+    /// Appends rows of which `numbers` appends some to the columns of numbers.
+    fn append<I: Iterator<Item = u8>>(
+        &mut self,
+        time: f64,
+        first_body: usize,
+        count: usize,
+        status: impl Fn(Range<usize>) -> I,
+        mut numbers: impl FnMut(Range<usize>, &mut [Cells]),
+    ) -> Result<()> {
+        let cells = self.cells;
+        self.file.append_by(count, |part, columns| {
+            let bodies = first_body + part.start..first_body + part.end;
+            let (leading, columns) = columns.split_at_mut(2);
+            let (columns, trailing) = columns.split_at_mut(columns.len() - 1 - usize::from(cells.is_some()));
+            leading[0].push_whole(bodies.clone());
+            leading[1].push_numbers(&vec![time; part.len()]);
+            numbers(part.clone(), columns);
+            trailing[0].push_codes(status(part));
+            if let (Some(cells), [_, column]) = (cells, trailing) {
+                column.push_whole(bodies.map(|body| body % cells));
+            }
+        })
     }
 
     pub(crate) fn finish(self) -> Result<()> {

@@ -62,9 +62,19 @@ enum Source {
 }
 
 /// The values of a column of any table.
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Values {
     Numbers(Vec<f64>),
     Texts(Vec<String>),
+}
+
+impl Values {
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Numbers(numbers) => numbers.len(),
+            Self::Texts(texts) => texts.len(),
+        }
+    }
 }
 
 /// All columns of a table that a run has written, by name, but for comma-separated values.

@@ -129,7 +129,7 @@ impl StatisticsFile {
                     row.extend(bodies.map(|body| Cells::Optional(vec![body.map(|body| body as i64)])));
                     row.extend(summary.quantiles.iter().map(|&value| Cells::Numbers(vec![value])));
                 }
-                file.append(row)
+                file.append(&row)
             }
         }
     }

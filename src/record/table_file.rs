@@ -124,7 +124,7 @@ pub(crate) fn write(
             let mut file = ParquetFile::begin(folder, stem, &fields)?;
             for start in (0..rows).step_by(BLOCK) {
                 let rows = start..(start + BLOCK).min(rows);
-                file.append(columns.iter().map(|column| cells(column, rows.clone())).collect())?;
+                file.append(&columns.iter().map(|column| cells(column, rows.clone())).collect::<Vec<_>>())?;
             }
             file.finish()
         }
@@ -199,7 +199,7 @@ pub(crate) fn concatenate(folder: &mut OutputFolder, stem: &str, format: Format,
                         file.insert(ParquetFile::begin(folder, stem, &fields)?)
                     }
                 };
-                file.append(part.iter().map(|column| cells(column, 0..rows)).collect())?;
+                file.append(&part.iter().map(|column| cells(column, 0..rows)).collect::<Vec<_>>())?;
             }
             file.map_or(Ok(()), ParquetFile::finish)
         }
@@ -251,10 +251,7 @@ fn extend(all: &mut Vec<(String, ReadValues)>, part: Vec<(String, ReadValues)>, 
 }
 
 fn rows_of(columns: &[(String, ReadValues)]) -> usize {
-    columns.first().map_or(0, |(_, values)| match values {
-        ReadValues::Numbers(numbers) => numbers.len(),
-        ReadValues::Texts(texts) => texts.len(),
-    })
+    columns.first().map_or(0, |(_, values)| values.len())
 }
 
 fn typed(columns: &[(String, ReadValues)]) -> Vec<TableColumn<'_>> {

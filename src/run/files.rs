@@ -89,6 +89,10 @@ impl Sink for FileSink<'_> {
     }
 
     fn bodies(&mut self, index: usize, time: f64, first_body: usize, states: &[OutputState]) -> Result<()> {
+        self.states.push(index, time, first_body, &mut states.to_vec())
+    }
+
+    fn take_bodies(&mut self, index: usize, time: f64, first_body: usize, states: &mut Vec<OutputState>) -> Result<()> {
         self.states.push(index, time, first_body, states)
     }
 

@@ -302,7 +302,7 @@ impl<'p> Run<'p> {
             self.wall_time.compute += formed;
             if asked {
                 let clock = Instant::now();
-                sink.bodies(index, time, start, &self.states)?;
+                sink.take_bodies(index, time, start, &mut self.states)?;
                 self.wall_time.write += clock.elapsed().as_secs_f64();
             }
             if observer(progress).is_break() {

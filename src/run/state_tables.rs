@@ -1,7 +1,7 @@
 //! Tables of states, which a thread of its own forms and writes while the run computes on.
 
 use std::ops::Range;
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -59,12 +59,29 @@ impl TableFile {
         })
     }
 
+    /// Appends the rows of `states`, bodies from `first_body` on, whose `derived` values are as [`Layout::turn`] takes them; `rows` is there
+    /// for its room.
+    fn append_states(
+        &mut self,
+        (layout, rows): (&Layout, &mut StateRows),
+        (time, first_body): (f64, usize),
+        (states, derived): (&[OutputState], &[&[f64]]),
+        spent: &mut WriteTime,
+    ) -> Result<()> {
+        #[cfg(feature = "parquet")]
+        if let TableFile::Parquet(file) = self {
+            return timed(&mut spent.disk, || file.write_states(layout, (time, first_body), states, derived));
+        }
+        timed(&mut spent.format, || rows.fill(layout, states, derived));
+        self.append(time, first_body, rows, spent)
+    }
+
     /// Appends the rows of the bodies from `first_body` on.
     pub fn append(&mut self, time: f64, first_body: usize, rows: &StateRows, spent: &mut WriteTime) -> Result<()> {
         match self {
             TableFile::Csv(file) => {
-                let rows = timed(&mut spent.format, || file.format(time, first_body, rows));
-                timed(&mut spent.disk, || file.write(&rows))
+                timed(&mut spent.format, || file.format(time, first_body, rows));
+                timed(&mut spent.disk, || file.write())
             }
             TableFile::Npz(file) => timed(&mut spent.disk, || file.write(rows)),
             #[cfg(feature = "parquet")]
@@ -94,6 +111,8 @@ pub(super) struct StateTables<'p> {
     /// The index of the last output.
     last: usize,
     spent: WriteTime,
+    /// Kept for its room.
+    rows: StateRows,
 }
 
 /// Some states at an output time.
@@ -119,8 +138,8 @@ impl<'p> StateTables<'p> {
         );
         let quantities = &layout.quantities;
         let evaluator = (!quantities.is_empty()).then(|| Evaluator::new(plan.scene(), quantities)).transpose()?;
-        let (last, spent) = (times.len() - 1, WriteTime::default());
-        Ok(Self { layout, evaluator, final_state, snapshots, first_body, last, spent })
+        let (last, spent, rows) = (times.len() - 1, WriteTime::default(), StateRows::default());
+        Ok(Self { layout, evaluator, final_state, snapshots, first_body, last, spent, rows })
     }
 
     /// Writes what `run` hands to the queue that it gets, while it goes on. Where the disk refuses something, that is the error, whatever the
@@ -129,8 +148,9 @@ impl<'p> StateTables<'p> {
         let wants = Wants { always: self.snapshots.is_some(), at_end: self.final_state.is_some(), last: self.last };
         thread::scope(|scope| {
             let (sender, receiver) = sync_channel(QUEUED);
-            let mut queue = StateQueue { sender, wants };
-            let writer = scope.spawn(|| self.write_all(receiver));
+            let (emptied, room) = channel();
+            let mut queue = StateQueue { sender, room, wants };
+            let writer = scope.spawn(|| self.write_all(receiver, emptied));
             let done = run(&mut queue);
             drop(queue);
             help_until(|| writer.is_finished());
@@ -139,8 +159,13 @@ impl<'p> StateTables<'p> {
         })
     }
 
-    fn write_all(mut self, messages: Receiver<Message>) -> Result<WriteTime> {
-        messages.into_iter().try_for_each(|message| self.write(&message))?;
+    /// Vectors whose states are written are handed back by `emptied`.
+    fn write_all(mut self, messages: Receiver<Message>, emptied: Sender<Vec<OutputState>>) -> Result<WriteTime> {
+        for message in messages {
+            self.write(&message)?;
+            // The run may have ended.
+            let _ = emptied.send(message.states);
+        }
         let Self { final_state, snapshots, mut spent, .. } = self;
         timed(&mut spent.disk, || final_state.into_iter().chain(snapshots).try_for_each(TableFile::finish))?;
         Ok(spent)
@@ -148,14 +173,17 @@ impl<'p> StateTables<'p> {
 
     fn write(&mut self, Message { index, time, first_body, states }: &Message) -> Result<()> {
         let at_end = *index == self.last;
-        let rows = timed(&mut self.spent.format, || {
+        let derived: Vec<Vec<f64>> = timed(&mut self.spent.format, || {
             let values = self.evaluator.as_ref().map(|evaluator| evaluator.values(*first_body, *time, states));
             let of = |place: usize| values.iter().flat_map(move |values| values.of(place)).flat_map(|(_, part)| part);
-            let derived = (0..self.layout.quantities.len()).map(|place| of(place).copied().collect()).collect();
-            StateRows::of(&self.layout, states, derived)
+            (0..self.layout.quantities.len()).map(|place| of(place).copied().collect()).collect()
         });
-        let mut tables = self.snapshots.iter_mut().chain(self.final_state.iter_mut().filter(|_| at_end));
-        tables.try_for_each(|table| table.append(*time, self.first_body + first_body, &rows, &mut self.spent))
+        let derived: Vec<&[f64]> = derived.iter().map(Vec::as_slice).collect();
+        let of = (*time, self.first_body + first_body);
+        for table in self.snapshots.iter_mut().chain(self.final_state.iter_mut().filter(|_| at_end)) {
+            table.append_states((&self.layout, &mut self.rows), of, (states, &derived), &mut self.spent)?;
+        }
+        Ok(())
     }
 }
 
@@ -173,6 +201,8 @@ struct Wants {
 /// Hands states to the thread that writes them.
 pub(super) struct StateQueue {
     sender: SyncSender<Message>,
+    /// Vectors whose states are written.
+    room: Receiver<Vec<OutputState>>,
     wants: Wants,
 }
 
@@ -181,13 +211,14 @@ impl StateQueue {
         self.wants.always || self.wants.at_end && index == self.wants.last
     }
 
-    /// Waits where the thread is behind.
+    /// Takes the states and leaves a vector whose room has served before. Waits where the thread is behind.
     ///
     /// # Errors
     ///
     /// [`Error::Interrupted`] where it has come to an error, which it keeps.
-    pub fn push(&self, index: usize, time: f64, first_body: usize, states: &[OutputState]) -> Result<()> {
-        let mut message = Message { index, time, first_body, states: states.to_vec() };
+    pub fn push(&self, index: usize, time: f64, first_body: usize, states: &mut Vec<OutputState>) -> Result<()> {
+        let states = std::mem::replace(states, self.room.try_recv().unwrap_or_default());
+        let mut message = Message { index, time, first_body, states };
         if rayon::current_thread_index().is_none() {
             return self.sender.send(message).map_err(|_| Error::Interrupted { steps: 0 });
         }

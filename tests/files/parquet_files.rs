@@ -52,6 +52,71 @@ fn bits(row: &StateRow) -> Vec<u64> {
     numbers.into_iter().map(f64::to_bits).chain([row.body as u64]).collect()
 }
 
+/// A column by its bits, all that is no number as one, or by its words.
+#[derive(Debug, PartialEq)]
+enum Column {
+    Numbers(Vec<u64>),
+    Words(Vec<String>),
+}
+
+/// The columns of words.
+const WORDS: [&str; 4] = ["event", "reason", "known_to", "quantity"];
+
+#[test]
+fn every_table_of_a_run_is_read_as_a_whole_from_every_format() {
+    let mut tables = BTreeMap::new();
+    for format in ["csv", "npz", "parquet"] {
+        let study =
+            crate::shards::OBSERVED.replace("[output]", &format!("[output]\nformat = \"{format}\"\nsnapshots = true"));
+        let workspace = Workspace::new(&study);
+        run(&workspace);
+        for name in workspace.names("out").iter().filter(|name| name.ends_with(format)) {
+            let table = polhode::record::read(&workspace.path("out").join(name)).expect("a table");
+            let column = |name: &str| match WORDS.contains(&name) {
+                true => Column::Words(table.texts(name).expect("words").to_vec()),
+                false => {
+                    let numbers = table.numbers(name).expect("numbers");
+                    // Arrays of indices have no place for what is missing.
+                    let canonical =
+                        |&number: &f64| if number.is_nan() || number == -1.0 { u64::MAX } else { number.to_bits() };
+                    Column::Numbers(numbers.iter().map(canonical).collect())
+                }
+            };
+            let columns: BTreeMap<String, Column> = table.names().map(|name| (name.to_owned(), column(name))).collect();
+            for (column, values) in &columns {
+                let rows = match values {
+                    Column::Numbers(numbers) => numbers.len(),
+                    Column::Words(words) => words.len(),
+                };
+                assert!(rows == table.len() && !table.is_empty(), "{name}, {column}: {rows} of {} rows", table.len());
+            }
+            let stem = name.trim_end_matches(format).trim_end_matches('.').to_owned();
+            let other: &mut BTreeMap<String, Column> =
+                tables.entry(stem).or_insert_with(|| columns.keys().map(|name| (name.clone(), column(name))).collect());
+            for (column, values) in &columns {
+                assert!(other.get(column) == Some(values), "{name}: {column} differs");
+            }
+            assert_eq!(other.len(), columns.len(), "{name}");
+        }
+    }
+    let stems: Vec<&str> = tables.keys().map(String::as_str).collect();
+    let expected =
+        ["cells", "events", "failed", "final", "histograms", "initial", "snapshots", "statistics", "survival"];
+    assert_eq!(stems, expected);
+    assert!(tables["snapshots"].contains_key("tilt") && tables["snapshots"].contains_key("cell"));
+
+    // What is cut is no table.
+    let workspace = Workspace::new(&crate::shards::OBSERVED.replace("[output]", "[output]\nformat = \"npz\""));
+    run(&workspace);
+    for name in ["final.npz", "events.npz"] {
+        let path = workspace.path("out").join(name);
+        let bytes = fs::read(&path).expect("a file");
+        fs::write(&path, &bytes[..bytes.len() / 2]).expect("written");
+        let error = polhode::record::read(&path).expect_err("it is cut").to_string();
+        assert!(error.contains(name) && error.contains("cut"), "{error}");
+    }
+}
+
 #[test]
 fn parquet_holds_the_numbers_of_the_other_formats_to_the_bit() {
     let mut tables = BTreeMap::new();

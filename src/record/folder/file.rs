@@ -3,6 +3,7 @@
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
+use std::thread::{self, JoinHandle};
 
 use super::super::part_file::FileEntry;
 use super::names::{PARTIAL, random};
@@ -14,14 +15,22 @@ pub(crate) struct OutputFile {
     file: File,
     target: PathBuf,
     position: u64,
+    /// Bytes since the disk was last asked to take what there is.
+    waiting: u64,
+    /// The thread that waits until it has.
+    syncing: Option<JoinHandle<io::Result<()>>>,
 }
+
+/// So many bytes are brought to the disk while others are formed: systems by themselves begin after some gigabytes, or half a minute, and a
+/// run would wait for all of them at its end.
+const AT_ONCE: u64 = 1 << 26;
 
 /// What libraries that encode files write into.
 #[cfg(feature = "parquet")]
 impl Write for OutputFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let count = Write::write(&mut self.file, bytes)?;
-        self.position += count as u64;
+        self.written(count)?;
         Ok(count)
     }
 
@@ -34,7 +43,7 @@ impl OutputFile {
     /// Begins a file that does not exist and will be called `target`.
     pub(super) fn create(path: &Path, target: PathBuf) -> Result<Self> {
         let file = File::create_new(path).map_err(|error| Error::file(&target, FileAction::Write, &error))?;
-        Ok(Self { file, target, position: 0 })
+        Ok(Self { file, target, position: 0, waiting: 0, syncing: None })
     }
 
     /// Its final name.
@@ -47,11 +56,31 @@ impl OutputFile {
         Error::file(&self.target, FileAction::Write, error)
     }
 
+    /// Takes note of bytes that are written, and lets the disk have them from time to time.
+    fn written(&mut self, count: usize) -> io::Result<()> {
+        self.position += count as u64;
+        self.waiting += count as u64;
+        if self.waiting < AT_ONCE || self.syncing.as_ref().is_some_and(|thread| !thread.is_finished()) {
+            return Ok(());
+        }
+        self.synced()?;
+        self.waiting = 0;
+        let file = self.file.try_clone()?;
+        // Without a thread the bytes go at the end.
+        self.syncing = thread::Builder::new().spawn(move || file.sync_data()).ok();
+        Ok(())
+    }
+
+    /// Waits for the thread that brings bytes to the disk. What it comes to, nobody else is told again.
+    fn synced(&mut self) -> io::Result<()> {
+        let joined = self.syncing.take().map(JoinHandle::join);
+        joined.map_or(Ok(()), |done| done.unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+    }
+
     /// Appends bytes.
     pub(crate) fn write(&mut self, bytes: &[u8]) -> Result<()> {
-        self.file.write_all(bytes).map_err(|error| self.failed(&error))?;
-        self.position += bytes.len() as u64;
-        Ok(())
+        let written = self.file.write_all(bytes).and_then(|()| self.written(bytes.len()));
+        written.map_err(|error| self.failed(&error))
     }
 
     /// Writes bytes at an offset.
@@ -65,8 +94,9 @@ impl OutputFile {
     }
 
     /// Waits until all is on the disk: what the system could not write is known by then, at the latest.
-    pub(crate) fn finish(self) -> Result<()> {
-        self.file.sync_all().map_err(|error| self.failed(&error))
+    pub(crate) fn finish(mut self) -> Result<()> {
+        let synced = self.synced().and_then(|()| self.file.sync_all());
+        synced.map_err(|error| self.failed(&error))
     }
 }
 

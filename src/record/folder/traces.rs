@@ -25,6 +25,8 @@ const OPEN: u8 = 0;
 pub(super) const PLACED: u8 = 1;
 /// The run is given up.
 const GIVEN_UP: u8 = 2;
+/// The files have no place, and stay where they are.
+const LEFT: u8 = 3;
 
 impl Traces {
     /// Keeps the run from giving its files their place, from whatever thread; says whether that was in time. Where it was not, the
@@ -44,9 +46,16 @@ impl Traces {
         decided.is_ok() || decided == Err(fate)
     }
 
-    /// Removes all of it; what cannot be removed stays, for the next run to find.
+    /// Keeps the files, whatever has been decided.
+    pub(super) fn leave(&self) {
+        self.fate.store(LEFT, Ordering::SeqCst);
+    }
+
+    /// Removes all of it, but for files that stay where they are; what cannot be removed stays, for the next run to find.
     pub fn remove(&self) {
-        let _ = fs::remove_dir_all(&self.staging);
+        if self.fate.load(Ordering::SeqCst) != LEFT {
+            let _ = fs::remove_dir_all(&self.staging);
+        }
         lock::remove(&self.lock);
         remove_folders(&self.parents);
     }

@@ -63,7 +63,7 @@ pub struct EventReport {
 
 impl EventReport {
     /// Of a run that ends at `end`, s.
-    pub(crate) fn new(record: &EventRecord, end: f64) -> Self {
+    pub fn new(record: &EventRecord, end: f64) -> Self {
         let condition = record.event.condition();
         let survival = record.survival(&[end])[0];
         Self {

@@ -1,0 +1,132 @@
+//! Tables that a run has left, read as a whole.
+
+use std::borrow::Cow;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use super::state_table::{Values, columns};
+use crate::error::{Error, FileAction, Result};
+use crate::study::Format;
+use crate::study::text::{CUT, Lines};
+
+/// A table that a run has left, in memory, by column.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    path: PathBuf,
+    /// All of one length.
+    columns: Vec<(String, Values)>,
+}
+
+/// Reads any table that a run has left, in any of the formats that runs write, as a whole: `final`, `snapshots`, `statistics`, `events`,
+/// `survival`, `histograms`, `initial`, `cells` and `failed`. Numbers are those that were written, to the bit.
+/// [`StateTable`](super::StateTable) reads states row by row, of which not all need be in memory.
+///
+/// ```no_run
+/// let table = polhode::record::read("tumbling/statistics.parquet".as_ref())?;
+/// let (times, rates) = (table.numbers("t"), table.numbers("spin_rate_mean"));
+/// # let _ = (times, rates);
+/// # Ok::<(), polhode::Error>(())
+/// ```
+///
+/// # Errors
+///
+/// [`Error::File`] where the file cannot be read; [`Error::Table`] where it is no such table, or cut.
+pub fn read(path: &Path) -> Result<Table> {
+    let columns = match path.extension().is_some_and(|ending| ending == Format::Csv.name()) {
+        true => texts(path)?,
+        false => with_rows(columns(path)?),
+    };
+    Ok(Table { path: path.to_owned(), columns })
+}
+
+/// The cells of comma-separated values.
+fn texts(path: &Path) -> Result<Vec<(String, Values)>> {
+    let no_table = |reason: String| Error::Table { path: path.to_owned(), reason };
+    let file = File::open(path).map_err(|error| Error::file(path, FileAction::Read, &error))?;
+    let mut reader = csv::Reader::from_reader(Lines::new(file));
+    let header = reader.headers().map_err(|error| no_table(error.to_string()))?.clone();
+    let mut texts = vec![Vec::new(); header.len()];
+    for row in reader.records() {
+        let row = row.map_err(|error| no_table(error.to_string()))?;
+        texts.iter_mut().zip(&row).for_each(|(column, cell)| column.push(cell.to_owned()));
+    }
+    if reader.get_ref().are_cut() {
+        return Err(no_table(format!("line {}: {CUT}", reader.position().line())));
+    }
+    Ok(header.iter().map(str::to_owned).zip(texts.into_iter().map(Values::Texts)).collect())
+}
+
+/// Arrays of states have an axis of time and one of bodies, of which `t`, `body` and `cell` have one alone: here each has a value a row.
+fn with_rows(mut columns: Vec<(String, Values)>) -> Vec<(String, Values)> {
+    let rows = columns.iter().map(|(_, values)| values.len()).max().unwrap_or(0);
+    let bodies = columns.iter().find(|(name, _)| name == "body").map_or(rows, |(_, values)| values.len());
+    for (name, values) in &mut columns {
+        if let Values::Numbers(numbers) = values
+            && numbers.len() < rows
+        {
+            let place = |row: usize| if name == "t" { row / bodies } else { row % bodies };
+            *numbers = (0..rows).filter_map(|row| numbers.get(place(row)).copied()).collect();
+        }
+    }
+    columns
+}
+
+impl Table {
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The names of the columns, in their order.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.columns.iter().map(|(name, _)| name.as_str())
+    }
+
+    /// Number of rows.
+    pub fn len(&self) -> usize {
+        self.columns.first().map_or(0, |(_, values)| values.len())
+    }
+
+    /// Whether there are no rows.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    fn values(&self, name: &str) -> Option<&Values> {
+        self.columns.iter().find(|(column, _)| column == name).map(|(_, values)| values)
+    }
+
+    /// A column of numbers, of shape `[rows]`; NaN where a cell holds none. `None` where there is no such column.
+    pub fn numbers(&self, name: &str) -> Option<Cow<'_, [f64]>> {
+        Some(match self.values(name)? {
+            Values::Numbers(numbers) => numbers.into(),
+            Values::Texts(texts) => texts.iter().map(|text| text.parse().unwrap_or(f64::NAN)).collect(),
+        })
+    }
+
+    /// A column of texts, of shape `[rows]`; of comma-separated values the cells as they stand. `None` where there is no such column.
+    pub fn texts(&self, name: &str) -> Option<&[String]> {
+        match self.values(name)? {
+            Values::Texts(texts) => Some(texts),
+            Values::Numbers(_) => None,
+        }
+    }
+
+    #[cfg(feature = "plot")]
+    fn lacks(&self, name: &str) -> Error {
+        Error::Table { path: self.path.clone(), reason: format!("it has no column {name}") }
+    }
+
+    /// A column of numbers that has to be there.
+    #[cfg(feature = "plot")]
+    pub(crate) fn need(&self, name: &str) -> Result<Vec<f64>> {
+        self.numbers(name).map(Cow::into_owned).ok_or_else(|| self.lacks(name))
+    }
+
+    /// A column of words that has to be there.
+    #[cfg(feature = "plot")]
+    pub(crate) fn words(&self, name: &str) -> Result<Vec<&str>> {
+        let texts = self.texts(name).ok_or_else(|| self.lacks(name))?;
+        Ok(texts.iter().map(String::as_str).collect())
+    }
+}
