@@ -8,7 +8,7 @@ fn epoch(step: u32, fraction: real) -> Epoch {
     let run_step = vec2<u32>(low, settings.run_step.y + select(0u, 1u, low < steps));
     let elapsed = fraction * settings.dt_value;
     let instant = Instant(now.zw, elapsed);
-    return Epoch(instant, noise(run_step), change_done(instant));
+    return Epoch(instant, noise(run_step), change_at(instant));
 }
 
 // The torque of all instances of white noise over a step.

@@ -21,7 +21,7 @@ fn start_at(time: TwoWordsReal) -> Start {
 // What depends on time alone, `elapsed` after the start of the step, in the same units.
 fn epoch_after(start: Start, elapsed: real) -> Epoch {
     let instant = Instant(start.ticks, elapsed * start.seconds);
-    return Epoch(instant, vector(0.0, 0.0, 0.0), change_done(instant));
+    return Epoch(instant, vector(0.0, 0.0, 0.0), change_at(instant));
 }
 
 // a + b modulo 2^64.

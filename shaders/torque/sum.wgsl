@@ -19,6 +19,8 @@ override inertia_ramp_count: u32 = 0u;
 override inertia_ramp_first: u32 = 0u;
 override inertia_oscillation_count: u32 = 0u;
 override inertia_oscillation_first: u32 = 0u;
+override inertia_formula_count: u32 = 0u;
+override inertia_formula_first: u32 = 0u;
 
 // VelocityDependence in src/kernel/torque_kernel.rs.
 const NO_DEPENDENCE: u32 = 0u;
@@ -75,15 +77,34 @@ fn torque_quaternion(column: u32) -> quaternion {
         torque_column(column), torque_column(column + 1u), torque_column(column + 2u), torque_column(column + 3u));
 }
 
-// A time, the random torque that is constant over the step that it belongs to, and the part of the change of the moments of
-// inertia that is done by then; 0 where they do not change.
+// A time, the random torque that is constant over the step that it belongs to, and how far the moments of inertia have changed
+// by then.
 struct Epoch {
     instant: Instant,
     noise: vector,
-    change_done: real,
+    change: ChangeAt,
 }
 
-// The part of the change of the moments of inertia that is done.
+// Whether moments of inertia change in time.
+fn moments_change() -> bool {
+    return inertia_ramp_count + inertia_oscillation_count + inertia_formula_count > 0u;
+}
+
+// How far the moments of inertia have changed.
+fn change_at(instant: Instant) -> ChangeAt {
+    let none = vector(0.0, 0.0, 0.0);
+    if (!moments_change()) {
+        return ChangeAt(none, none);
+    }
+    if (inertia_formula_count > 0u) {
+        let share = formula_share(instant);
+        return ChangeAt(share, gained_differences(torque_vector(inertia_formula_first + 9u), share));
+    }
+    let done = change_done(instant);
+    return ChangeAt(change_share(change(), done), torque_vector(change_first() + 9u) * done);
+}
+
+// The part of a change by a law that is done.
 fn change_done(instant: Instant) -> real {
     if (inertia_ramp_count > 0u) {
         let c = inertia_ramp_first + INERTIA_RAMP_PARAMETERS;
@@ -100,16 +121,19 @@ fn change_done(instant: Instant) -> real {
 
 // Its first column.
 fn change_first() -> u32 {
-    return select(inertia_oscillation_first, inertia_ramp_first, inertia_ramp_count > 0u);
+    let of_law = select(inertia_oscillation_first, inertia_ramp_first, inertia_ramp_count > 0u);
+    return select(of_law, inertia_formula_first, inertia_formula_count > 0u);
+}
+
+// The principal moments in units of those at the start.
+fn moment_ratio(share: vector) -> vector {
+    let ones = vector(1.0, 1.0, 1.0);
+    return ones / fma(torque_vector(change_first()) - ones, share, ones);
 }
 
 // 3 n^2 times the differences of the moments, of the gravity gradient with columns from c on.
-fn gradient_coefficients(c: u32, change_done: real) -> vector {
-    let coefficients = torque_vector(c);
-    if (inertia_ramp_count + inertia_oscillation_count == 0u) {
-        return coefficients;
-    }
-    return axpy_vector(torque_vector(change_first() + 9u), torque_column(c + 9u) * change_done, coefficients);
+fn gradient_coefficients(c: u32, gained: vector) -> vector {
+    return axpy_vector(gained, torque_column(c + 9u), torque_vector(c));
 }
 
 // What the columns say of the change.
@@ -141,8 +165,8 @@ struct Motion {
 fn motion(epoch: Epoch, body: Body, correction: Correction, m: vector) -> Motion {
     var omega = angular_velocity(body, m, correction);
     var gyroscopic = gyroscopic_term(body, m, correction);
-    if (inertia_ramp_count + inertia_oscillation_count > 0u) {
-        let changed = changed_body(body, change(), epoch.change_done);
+    if (moments_change()) {
+        let changed = changed_by(body, change(), epoch.change.share);
         let carried = carried_correction(changed.body, body, correction, changed.ratio, m);
         omega = angular_velocity(changed.body, m, carried);
         gyroscopic = gyroscopic_term(changed.body, m, carried);

@@ -49,11 +49,34 @@ struct Changed {
     ratio: vector,
 }
 
-fn changed_body(body: Body, change: Change, done: real) -> Changed {
+// How far the moments have changed at a time.
+struct ChangeAt {
+    // The part of each reciprocal moment's change that is done.
+    share: vector,
+    // What the differences I3 - I2, I1 - I3, I2 - I1 have gained.
+    gained: vector,
+}
+
+// The part of each reciprocal moment's change that is done with the part `done` of the moments', and 1 at the end.
+fn change_share(change: Change, done: real) -> vector {
     let ones = vector(1.0, 1.0, 1.0);
     let part_done = ones * done;
     let part_left = ones * (1.0 - done);
-    let share = select(ones, part_done / fma(change.kappa, part_left, part_done), done < 1.0);
+    return select(ones, part_done / fma(change.kappa, part_left, part_done), done < 1.0);
+}
+
+// What the differences of moments gain where their reciprocals gain the parts `share` of themselves.
+fn gained_differences(moments: vector, share: vector) -> vector {
+    let lost = moments * share / (vector(1.0, 1.0, 1.0) + share);
+    return vector(lost.y - lost.z, lost.z - lost.x, lost.x - lost.y);
+}
+
+fn changed_body(body: Body, change: Change, done: real) -> Changed {
+    return changed_by(body, change, change_share(change, done));
+}
+
+fn changed_by(body: Body, change: Change, share: vector) -> Changed {
+    let ones = vector(1.0, 1.0, 1.0);
     let ratio = fma(change.kappa - ones, share, ones);
     let value = body.inverse_moments.value;
     let residue = body.inverse_moments.residue;

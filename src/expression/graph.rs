@@ -48,6 +48,8 @@ pub enum InputKind {
     Derived,
     /// Numbers formed from time (and parameters) once a step or stage ([`super::Stages::epoch`]).
     Epoch,
+    /// The principal moments at the time in units of those at the start, axis by axis.
+    MomentRatio,
 }
 
 /// One number that a formula reads.
@@ -70,7 +72,7 @@ impl Input {
             InputKind::Orientation => Dependence::ATTITUDE,
             InputKind::AngularVelocity | InputKind::AngularMomentum => Dependence::VELOCITY,
             InputKind::Inertia | InputKind::Parameter | InputKind::Derived => Dependence::PARAMETERS,
-            InputKind::Time | InputKind::Phase | InputKind::Epoch => Dependence::TIME,
+            InputKind::Time | InputKind::Phase | InputKind::Epoch | InputKind::MomentRatio => Dependence::TIME,
             InputKind::Position | InputKind::Velocity => Dependence::POSITION,
         }
     }

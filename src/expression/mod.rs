@@ -16,6 +16,7 @@
 //! * [`Expression`] is a formula with its results, from text ([`Expression::parse`]) or from a closure
 //!   ([`Expression::record`]).
 
+mod derivative;
 pub mod fault;
 mod functions;
 pub mod graph;
@@ -41,6 +42,7 @@ use std::sync::Arc;
 pub use fault::Fault;
 pub use graph::{Dependence, Graph, Input, InputKind, Node};
 pub use program::Program;
+pub(crate) use replay::Replayed;
 pub use stages::{Part, Stages};
 pub use symbol::{Recorder, Symbol, Truth};
 pub use symbols::{MOST_PARAMETERS, Name, Recorded, Scope, Shape, Symbols};
@@ -114,6 +116,14 @@ impl Expression {
     /// The formula in the recording that runs on this thread, with something else in the place of its inputs.
     pub(crate) fn recorded_with(&self, inputs: impl FnMut(Input) -> Symbol) -> Vec<Symbol> {
         self.graph().substituted(self.outputs(), inputs)
+    }
+
+    /// The formula's results, and behind them their derivatives by time, as a graph.
+    pub(crate) fn with_rates(&self) -> Result<(Graph, Vec<Node>), Fault> {
+        let time = Input::new(InputKind::Time, 0);
+        Graph::record::<Fault>(|recorder| {
+            Ok(self.graph().with_derivatives(self.outputs(), time, |input| recorder.input(input)))
+        })
     }
 
     /// The operations; there are none that no result needs.

@@ -124,7 +124,7 @@ impl Graph {
     }
 }
 
-fn number(value: Value) -> Symbol {
+pub(super) fn number(value: Value) -> Symbol {
     match value {
         Value::Number(number) => number,
         // A graph holds no number where a truth value belongs.

@@ -112,6 +112,15 @@ impl Symbols {
         }
     }
 
+    /// What moments of inertia that change may ask for: `time`, and `inertia` with all six elements, which is the tensor at the start.
+    pub fn inertia() -> Self {
+        Self {
+            names: vec![Name::new("time", Shape::Number, InputKind::Time, 0)],
+            inertia: Inertia::Full,
+            ..Self::parameters_only()
+        }
+    }
+
     /// What a force may ask for: `attitude`, `angular_velocity` along the body's axes, `time`, and `position` and `velocity` of the centre of
     /// mass along the world's.
     pub fn translation() -> Self {

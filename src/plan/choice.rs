@@ -230,7 +230,8 @@ fn classify_free(free: &FreeBody, tolerance: &Bound, is_diagonal: bool, rate: f6
 pub(crate) fn greatest_rate(scene: &Scene, body: usize, frame: &BodyFrame, m: DVec3) -> f64 {
     let spin = scaled_by_power_of_two((m / frame.scaled_moments).length(), frame.rate_exponent);
     let middle = scaled_by_power_of_two(frame.scaled_moments.y, frame.moment_exponent);
-    let growth = torque::variable_inertia::spin_growth(scene.torques(), body, &scene.ensemble().inertia()[body]);
+    let growth =
+        torque::variable_inertia::spin_growth(scene.torques(), body, &scene.ensemble().inertia()[body], scene.end());
     let torques = scene.torques();
     (spin * growth).max(torque::rate_of(torques, body, middle)).max(torque::damping_of(torques, body, middle))
 }

@@ -147,7 +147,8 @@ fn alike(plan: &Plan<'_>, group: &Group, torques: &[Torque], members: Vec<u32>) 
     let rate = |body: usize| {
         let middle_moment = crate::bodies::inertia::principal_axes(&scene.ensemble().inertia()[body]).moments.y;
         let spin = scene.ensemble().angular_velocity_body()[body].length();
-        let growth = torque::variable_inertia::spin_growth(torques, body, &scene.ensemble().inertia()[body]);
+        let growth =
+            torque::variable_inertia::spin_growth(torques, body, &scene.ensemble().inertia()[body], scene.end());
         let driven =
             torque::rate_of(torques, body, middle_moment).max(torque::damping_of(torques, body, middle_moment));
         (spin * growth).max(driven)

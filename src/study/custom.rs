@@ -1,4 +1,4 @@
-//! `model = "custom"` in study files: a torque or a force that the user writes down.
+//! `model = "custom"` in study files: a torque, moments of inertia that change or a force that the user writes down.
 
 use super::distribution::Orientation;
 use super::parameter::{Number, Triple, Turn};
@@ -9,17 +9,31 @@ use crate::error::InputFault;
 use crate::error::Result;
 use crate::expression::{self, Expression, Shape, Symbols, TextError};
 use crate::torque::custom::ExpressionModel;
+use crate::torque::custom_inertia::{self, InertiaFormulaModel};
 use crate::torque::force::{CustomForce, custom};
 use crate::torque::{ModelRef, Parameters};
 
 /// The name of the model.
 pub(super) const NAME: &str = "custom";
 
-/// A torque and its parameters.
+/// A torque, or moments that change, and its parameters.
 pub(super) fn read(table: &Table<'_>) -> Result<(ModelRef, Vec<StudyParameter>)> {
-    table.only(&["model", "parameters", "torque", "energy"])?;
+    table.only(&["model", "parameters", "torque", "energy", "moments", "factor"])?;
     let (parameters, values) = parameters(table)?;
-    let node = table.need("torque", "expected a formula of a vector in body axes (N m)")?;
+    for (key, shape) in [("moments", Shape::Vector), ("factor", Shape::Number)] {
+        let Some(node) = table.find(key) else { continue };
+        for other in ["torque", "energy", "factor"].into_iter().filter(|other| *other != key) {
+            table.exclusive(key, other)?;
+        }
+        let refused = |fault| refused(&node, &fault);
+        let symbols = custom_inertia::symbols(&parameters).map_err(refused)?;
+        let formula = formula(&node, &symbols, shape)?;
+        return Ok((InertiaFormulaModel::of_user(formula, &parameters).map_err(refused)?, values));
+    }
+    let node = table.need(
+        "torque",
+        "expected a formula of a vector in body axes (N m); or `moments` (kg m²) or `factor`, by which moments of inertia change",
+    )?;
     let torque = formula(&node, parameters.symbols(), Shape::Vector)?;
     let energy = match table.find("energy") {
         Some(node) => Some(formula(&node, parameters.energy_symbols(), Shape::Number)?),

@@ -26,6 +26,9 @@ const CUSTOM: &str = "    custom: as written
         torque                  a formula (N m, body axes): `let name = ...;`, then a vector
         parameters              names: numbers, vectors, rotations, distributions, columns [none]
         energy                  a formula (J) of attitude and parameters, for the balance [none]
+        moments                 instead of torque: the moments of inertia (kg m², vector along body
+                                axes) as a formula of time, inertia (at the start) and parameters
+        factor                  instead of torque: a factor of the inertia, as such a formula
         inputs                  attitude, angular_velocity, angular_momentum, inertia, time,
                                 position, velocity (SI)
         operators               + - * / ^ (whole powers), < <= > >= && || !, v.x

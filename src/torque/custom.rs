@@ -1,12 +1,10 @@
 //! `custom`: a torque that a user writes down, as text or as a closure.
 
-use std::collections::BTreeMap;
-use std::fmt;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
-use super::expressed::{self, Expressed};
+use super::expressed::{self, Expressed, Preparations};
 use super::formula::{Column, Epoch, Formula, Role, Row};
 use super::{
     Declaration, Kind, Model, ModelRef, Needs, ParameterDeclaration, Torque, ValidationContext, Value, Values,
@@ -16,7 +14,6 @@ use crate::bodies::BodyFrame;
 use crate::bodies::Ensemble;
 use crate::bodies::inertia::InertiaTensor;
 use crate::error::{Error, Result};
-use crate::expression::wgsl::WgslError;
 use crate::expression::{
     Expression, Fault, Input, InputKind, Program, Recorder, Scope, Shape, Symbol, Symbols, TextError,
 };
@@ -45,10 +42,7 @@ pub(crate) struct ExpressionModel {
     torque: Expression,
     energy: Option<(Expression, Program)>,
     program: Program,
-    /// For bodies whose principal axes differ.
-    general: Arc<Expressed>,
-    /// By the principal axes that all bodies share, as bits.
-    prepared: Mutex<BTreeMap<[u64; 4], Arc<Expressed>>>,
+    prepared: Preparations,
 }
 
 /// The parameters of a custom torque and their values, built one by one.
@@ -149,6 +143,11 @@ impl Parameters {
         parameters.try_fold(symbols, |symbols, (declared, value)| symbols.parameter(&declared.name, shape(value)))
     }
 
+    /// The parameters.
+    pub(crate) fn declarations(&self) -> &[ParameterDeclaration] {
+        &self.declarations
+    }
+
     /// The parameters and their values.
     pub(crate) fn into_parts(self) -> (Vec<ParameterDeclaration>, Vec<Value>) {
         (self.declarations, self.values)
@@ -230,12 +229,12 @@ impl Torque {
 
     /// Whether its formula is an expression.
     pub(crate) fn is_expressed(&self) -> bool {
-        self.model().expression().is_some()
+        !self.model().formulas().is_empty()
     }
 
-    /// Its formula prepared for engines, where it is an expression; `axes` rotates principal to body axes where all bodies share them.
-    pub(crate) fn expressed(&self, axes: Option<DQuat>) -> Option<Arc<Expressed>> {
-        self.model().expression().map(|model| model.prepared(axes))
+    /// Its formula prepared for engines, where it is an expression; see [`Model::prepared`].
+    pub(crate) fn expressed(&self, axes: Option<DQuat>, varies: bool) -> Option<Arc<Expressed>> {
+        self.model().prepared(axes, varies)
     }
 }
 
@@ -247,23 +246,14 @@ impl ExpressionModel {
         torque: Expression,
         energy: Option<Expression>,
     ) -> Result<ModelRef, Fault> {
-        let general = Arc::new(Expressed::new(&torque, None)?);
-        if let Err(WgslError::ConstantOutOfRange(value)) = general.shader("custom", Vec::new()) {
-            return Err(Fault::ConstantOutOfRange { value });
-        }
+        let prepared = Preparations::new(|varies| Expressed::new(&torque, None, varies))?;
+        prepared.general().check_constants()?;
         let energy = energy.map(|energy| {
             let program = energy.program();
             (energy, program)
         });
         let program = torque.program();
-        Ok(ModelRef::Shared(Arc::new(Self {
-            declaration,
-            torque,
-            energy,
-            program,
-            general,
-            prepared: Mutex::default(),
-        })))
+        Ok(ModelRef::Shared(Arc::new(Self { declaration, torque, energy, program, prepared })))
     }
 
     /// The user's own.
@@ -287,28 +277,9 @@ impl ExpressionModel {
         Self::of(self.declaration.clone().parameters(parameters), self.torque.substituted(inputs)?, energy)
     }
 
-    /// The operations of the formula.
-    pub(super) fn write_formula(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, " {:?} {:?}", self.torque, self.energy.as_ref().map(|(energy, _)| energy))
-    }
-
     /// What the torque depends on.
     pub(super) fn needs(&self) -> Needs {
-        self.general.needs()
-    }
-
-    /// Whether both have the same formulas and parameters.
-    pub(super) fn is(&self, other: &Self) -> bool {
-        self.declaration == other.declaration && self.torque == other.torque && self.energy == other.energy
-    }
-
-    fn prepared(&self, axes: Option<DQuat>) -> Arc<Expressed> {
-        let Some(axes) = axes else { return Arc::clone(&self.general) };
-        let mut prepared = self.prepared.lock().unwrap_or_else(PoisonError::into_inner);
-        let entry = prepared.entry(axes.to_array().map(f64::to_bits));
-        // What constants make of a formula may be worse than what columns do: a number that is not finite, say.
-        let form = || Expressed::new(&self.torque, Some(axes)).map_or_else(|_| Arc::clone(&self.general), Arc::new);
-        Arc::clone(entry.or_insert_with(form))
+        self.prepared.general().needs()
     }
 
     /// The results of a program of the formula's own inputs.
@@ -354,6 +325,14 @@ impl Model for ExpressionModel {
 
     fn expression(&self) -> Option<&ExpressionModel> {
         Some(self)
+    }
+
+    fn formulas(&self) -> Vec<&Expression> {
+        std::iter::once(&self.torque).chain(self.energy.iter().map(|(energy, _)| energy)).collect()
+    }
+
+    fn prepared(&self, axes: Option<DQuat>, varies: bool) -> Option<Arc<Expressed>> {
+        Some(self.prepared.of(axes, varies, || Expressed::new(&self.torque, axes, varies)))
     }
 
     /// From the torque on a body at rest, in some attitudes and at some times.

@@ -5,13 +5,18 @@
 //! ([`crate::expression::Stages`]), and what is the same for all bodies is a constant: where all bodies have the same principal axes, and
 //! these are the body's own, nothing is left of it.
 
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
 use glam::{DMat3, DQuat};
 
 use super::{Needs, Value, Values};
 use crate::bodies::BodyFrame;
+use crate::bodies::inertia::InertiaTensor;
 use crate::expression::wgsl::{self, Argument, Signature};
 use crate::expression::{
-    Dependence, Expression, Fault, Graph, Input, InputKind, Part, Program, Recorder, Shape, Symbol,
+    Dependence, Expression, Fault, Graph, Input, InputKind, Node, Part, Program, Recorder, Replayed, Shape, Stages,
+    Symbol,
 };
 use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
@@ -25,8 +30,10 @@ const MATRIX: usize = 2;
 const TO_PRINCIPAL: usize = 11;
 /// xx, yy, zz, xy, xz, yz, kg m², body axes.
 const INERTIA: usize = 15;
+/// Principal moments, kg m².
+const MOMENTS: usize = 21;
 /// The user's parameters.
-const USER: usize = 21;
+const USER: usize = 24;
 
 /// Where an evaluator finds an input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,6 +50,8 @@ pub(crate) enum Given {
     Orientation(usize),
     /// A component of the angular velocity, principal axes, the body's own units.
     AngularVelocity(usize),
+    /// A principal moment in units of that at the start.
+    MomentRatio(usize),
 }
 
 /// Instructions, and where their inputs are.
@@ -66,39 +75,72 @@ pub(crate) struct Expressed {
     pub torque: Instructions,
     /// The torque at once.
     pub whole: Instructions,
+    /// Of moments, their rates in units of themselves, 1/s; nothing of a torque.
+    pub slopes: Instructions,
     whole_graph: Part,
     needs: Needs,
 }
 
 impl Expressed {
-    /// Prepares a formula of a vector; `axes` rotates principal to body axes, where it is the same for all bodies.
-    pub fn new(expression: &Expression, axes: Option<DQuat>) -> Result<Self, Fault> {
-        let mut rate_count = 0;
+    /// Prepares a formula of a torque; `axes` rotates principal to body axes, where it is the same for all bodies, and `varies` says
+    /// whether moments of inertia change in time.
+    ///
+    /// # Errors
+    ///
+    /// Where more operations than a graph may have, or numbers that are not finite, come of it.
+    pub fn new(expression: &Expression, axes: Option<DQuat>, varies: bool) -> Result<Self, Fault> {
+        Self::recorded(expression.dependence(), |recorder| {
+            let given = HostInputs::new(recorder, axes, varies);
+            let (outputs, rates) = given.torque(expression.graph(), expression.outputs());
+            Ok((outputs, Vec::new(), rates))
+        })
+    }
+
+    /// Prepares a formula of moments: the parts of themselves that the reciprocal moments have gained, and the moments' rates in units of
+    /// themselves.
+    ///
+    /// # Errors
+    ///
+    /// As [`Expressed::new`].
+    pub fn of_moments(expression: &Expression, axes: Option<DQuat>) -> Result<Self, Fault> {
+        let (graph, outputs) = expression.with_rates()?;
+        Self::recorded(Dependence::TIME, |recorder| {
+            let given = HostInputs::new(recorder, axes, false);
+            Ok(given.moments(&graph, &outputs, expression.shape()))
+        })
+    }
+
+    /// Prepares what is recorded: three results, those of [`Expressed::slopes`], and the rates of the phases.
+    fn recorded(
+        dependence: Dependence,
+        record: impl FnOnce(&Recorder) -> Result<(Vec<Symbol>, Vec<Symbol>, Vec<Symbol>), Fault>,
+    ) -> Result<Self, Fault> {
+        let mut counts = (0, 0);
         let (graph, outputs) = Graph::record::<Fault>(|recorder| {
-            let (outputs, rates) = in_own_units(recorder, expression, axes);
-            rate_count = rates.len();
-            Ok(outputs.into_iter().chain(rates).collect())
+            let (results, slopes, rates) = record(recorder)?;
+            counts = (results.len(), results.len() + slopes.len());
+            Ok([results, slopes, rates].concat())
         })?;
-        let (outputs, rates) = outputs.split_at(outputs.len() - rate_count);
+        let (results, (outputs, rates)) = (counts.0, outputs.split_at(counts.1));
         let stages = graph.stages(outputs);
         let derived = Program::new(&stages.derived.graph, &stages.derived.outputs);
         let rates = Program::new(&graph, rates);
-        let epoch = Program::new(&stages.epoch.graph, &stages.epoch.outputs);
-        let torque = Program::new(&stages.rest.graph, &stages.rest.outputs);
-        let (graph, outputs) = Graph::record::<Fault>(|recorder| {
-            let whole = |input: Input| recorder.input(input);
-            let formed = stages.epoch.graph.replayed(&stages.epoch.outputs, u16::MAX, whole).outputs;
-            let torque = stages.rest.graph.replayed(&stages.rest.outputs, u16::MAX, |input| match input.kind {
-                InputKind::Epoch => formed[usize::from(input.index)],
-                _ => whole(input),
-            });
-            Ok(torque.outputs)
-        })?;
-        let whole = Program::new(&graph, &outputs);
-        let mut raw: Vec<usize> = epoch
-            .inputs()
-            .iter()
-            .chain(torque.inputs())
+        let (main, slopes) = stages.rest.outputs.split_at(results);
+        // What the results themselves read of what follows from the time.
+        let read: Vec<usize> = (stages.rest.graph.inputs(main).iter())
+            .filter(|input| input.kind == InputKind::Epoch)
+            .map(|input| usize::from(input.index))
+            .collect();
+        let formed: Vec<Node> = read.iter().map(|&index| stages.epoch.outputs[index]).collect();
+        let epoch = Program::new(&stages.epoch.graph, &formed);
+        let torque = Program::new(&stages.rest.graph, main);
+        let whole_graph = at_once(&stages, main)?;
+        let slopes = at_once(&stages, slopes)?;
+        let whole = Program::new(&whole_graph.graph, &whole_graph.outputs);
+        let slopes = Program::new(&slopes.graph, &slopes.outputs);
+        let mut raw: Vec<usize> = [&epoch, &torque, &slopes]
+            .into_iter()
+            .flat_map(Program::inputs)
             .filter(|input| input.kind == InputKind::Parameter)
             .map(|input| usize::from(input.index))
             .collect();
@@ -110,9 +152,10 @@ impl Expressed {
                 InputKind::Parameter => Given::Column(raw.partition_point(|&number| number < index)),
                 InputKind::Derived => Given::Column(raw.len() + index),
                 InputKind::Phase => Given::Phase(index),
-                InputKind::Epoch => Given::Epoch(index),
+                InputKind::Epoch => Given::Epoch(read.partition_point(|&number| number < index)),
                 InputKind::Orientation => Given::Orientation(index),
                 InputKind::AngularVelocity => Given::AngularVelocity(index),
+                InputKind::MomentRatio => Given::MomentRatio(index),
                 // Nothing else is asked for.
                 _ => Given::Time,
             }
@@ -121,18 +164,9 @@ impl Expressed {
             let inputs = program.inputs().iter().map(given).collect();
             Instructions { program, inputs }
         };
-        let dependence = expression.dependence();
         let (epoch, torque, whole) = (instructions(epoch), instructions(torque), instructions(whole));
-        Ok(Self {
-            derived,
-            rates,
-            epoch,
-            torque,
-            whole,
-            whole_graph: Part { graph, outputs },
-            needs: needs(dependence),
-            raw,
-        })
+        let slopes = instructions(slopes);
+        Ok(Self { derived, rates, epoch, torque, whole, slopes, whole_graph, needs: needs(dependence), raw })
     }
 
     /// The torque at once, as a graph of what [`Expressed::whole`] reads.
@@ -157,7 +191,7 @@ impl Expressed {
 
     /// Whether it reads the time itself, besides phases.
     pub fn reads_time(&self) -> bool {
-        self.whole.inputs.contains(&Given::Time)
+        [&self.whole, &self.slopes].into_iter().any(|part| part.inputs.contains(&Given::Time))
     }
 
     /// What it depends on.
@@ -176,6 +210,14 @@ impl Expressed {
         }
         out[self.raw.len()..self.columns()].copy_from_slice(&of(&self.derived));
         of(&self.rates)
+    }
+
+    /// Refuses constants that shaders cannot hold.
+    pub fn check_constants(&self) -> Result<(), Fault> {
+        match self.shader("custom", Vec::new()) {
+            Err(wgsl::WgslError::ConstantOutOfRange(value)) => Err(Fault::ConstantOutOfRange { value }),
+            _ => Ok(()),
+        }
     }
 
     /// Its function in WGSL.
@@ -197,6 +239,7 @@ impl Expressed {
                 Given::Epoch(number) => (format!("epoch_{number}"), 1),
                 Given::Orientation(_) => ("orientation".to_owned(), 4),
                 Given::AngularVelocity(_) => ("angular_velocity_principal".to_owned(), 3),
+                Given::MomentRatio(_) => ("moment_ratio".to_owned(), 3),
             };
             if arguments.iter().any(|(argument, _)| argument.name == name) {
                 continue;
@@ -226,74 +269,212 @@ pub(crate) fn needs(dependence: Dependence) -> Needs {
     }
 }
 
+/// A body's tensor at the start, kg m², body axes.
+pub(crate) fn tensor_of(frame: &BodyFrame) -> InertiaTensor {
+    let moments = DMat3::from_diagonal(frame.tensor_moments());
+    let rotation = DMat3::from_quat(frame.principal_to_body);
+    let tensor = rotation * moments * rotation.transpose();
+    let [xx, yy, zz, xy, xz, yz] =
+        [tensor.x_axis.x, tensor.y_axis.y, tensor.z_axis.z, tensor.y_axis.x, tensor.z_axis.x, tensor.z_axis.y]
+            .map(|element| frame.scaled(element, -1, 0));
+    InertiaTensor { xx, yy, zz, xy, xz, yz }
+}
+
 /// The host's numbers of a body, before those of the user.
 fn host_numbers(frame: &BodyFrame) -> Vec<f64> {
     let axes = DMat3::from_quat(frame.principal_to_body).transpose().to_cols_array();
     let inverse = frame.principal_to_body.conjugate().to_array();
-    let moments = DMat3::from_diagonal(frame.tensor_moments());
-    let rotation = DMat3::from_quat(frame.principal_to_body);
-    let tensor = rotation * moments * rotation.transpose();
     let mut numbers = vec![frame.scaled(1.0, 0, -1), frame.scaled(1.0, 1, 2)];
     numbers.extend(axes);
     numbers.extend(inverse);
-    let elements =
-        [tensor.x_axis.x, tensor.y_axis.y, tensor.z_axis.z, tensor.y_axis.x, tensor.z_axis.x, tensor.z_axis.y];
-    numbers.extend(elements.map(|element| frame.scaled(element, -1, 0)));
+    numbers.extend(tensor_of(frame).to_array());
+    numbers.extend(frame.tensor_moments().to_array().map(|moment| frame.scaled(moment, -1, 0)));
     numbers
 }
 
-/// The formula along principal axes and in the body's own units, and the rates of its phases.
-fn in_own_units(recorder: &Recorder, expression: &Expression, axes: Option<DQuat>) -> (Vec<Symbol>, Vec<Symbol>) {
-    let input = |kind, index: usize| recorder.input(Input::new(kind, index as u16));
-    let host = |number: usize| input(InputKind::Parameter, number);
-    let vector = |first: Symbol, second: Symbol, third: Symbol| Vector::new(first, second, third);
-    let (rows, to_principal) = match axes {
-        None => {
-            let row =
-                |row: usize| vector(host(MATRIX + 3 * row), host(MATRIX + 3 * row + 1), host(MATRIX + 3 * row + 2));
-            let q = |part: usize| host(TO_PRINCIPAL + part);
-            ([row(0), row(1), row(2)], Quaternion::new(q(0), q(1), q(2), q(3)))
+/// The results as functions of all inputs at once, without what is formed beforehand from the time.
+fn at_once(stages: &Stages, outputs: &[Node]) -> Result<Part, Fault> {
+    let (graph, outputs) = Graph::record::<Fault>(|recorder| {
+        let whole = |input: Input| recorder.input(input);
+        let formed = stages.epoch.graph.replayed(&stages.epoch.outputs, u16::MAX, whole).outputs;
+        let results = stages.rest.graph.replayed(outputs, u16::MAX, |input| match input.kind {
+            InputKind::Epoch => formed[usize::from(input.index)],
+            _ => whole(input),
+        });
+        Ok(results.outputs)
+    })?;
+    Ok(Part { graph, outputs })
+}
+
+/// What a formula reads in SI units and along the body's axes, from what the host and the kernels have.
+struct HostInputs<'a> {
+    recorder: &'a Recorder,
+    /// Rows of the matrix that turns principal to body axes, and the inverse rotation.
+    rows: [Vector<Symbol>; 3],
+    to_principal: Quaternion<Symbol>,
+    /// Elements xx, yy, zz, xy, xz, yz.
+    inertia: [Symbol; 6],
+}
+
+impl<'a> HostInputs<'a> {
+    fn new(recorder: &'a Recorder, axes: Option<DQuat>, varies: bool) -> Self {
+        let input = |kind, index: usize| recorder.input(Input::new(kind, index as u16));
+        let host = |number: usize| input(InputKind::Parameter, number);
+        let vector = |first: Symbol, second: Symbol, third: Symbol| Vector::new(first, second, third);
+        let (rows, to_principal) = match axes {
+            None => {
+                let row =
+                    |row: usize| vector(host(MATRIX + 3 * row), host(MATRIX + 3 * row + 1), host(MATRIX + 3 * row + 2));
+                let q = |part: usize| host(TO_PRINCIPAL + part);
+                ([row(0), row(1), row(2)], Quaternion::new(q(0), q(1), q(2), q(3)))
+            }
+            Some(axes) => {
+                let matrix = DMat3::from_quat(axes);
+                let constant = |x: f64| Symbol::splat(x);
+                let row = |row: usize| {
+                    let row = matrix.row(row);
+                    vector(constant(row.x), constant(row.y), constant(row.z))
+                };
+                let inverse = axes.conjugate();
+                let [x, y, z, w] = inverse.to_array().map(constant);
+                ([row(0), row(1), row(2)], Quaternion::new(x, y, z, w))
+            }
+        };
+        let initial = |element: usize| host(INERTIA + element);
+        let mut inertia = [0, 1, 2, 3, 4, 5].map(initial);
+        if varies {
+            let moment = |axis: usize| host(MOMENTS + axis) * input(InputKind::MomentRatio, axis);
+            let moments = vector(moment(0), moment(1), moment(2));
+            let element = |(row, column): (usize, usize)| rows[row].scaled_by(moments).dot(rows[column]);
+            inertia = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].map(element);
         }
-        Some(axes) => {
-            let matrix = DMat3::from_quat(axes);
-            let constant = |x: f64| Symbol::splat(x);
-            let row = |row: usize| {
-                let row = matrix.row(row);
-                vector(constant(row.x), constant(row.y), constant(row.z))
+        Self { recorder, rows, to_principal, inertia }
+    }
+
+    fn input(&self, kind: InputKind, index: usize) -> Symbol {
+        self.recorder.input(Input::new(kind, index as u16))
+    }
+
+    fn host(&self, number: usize) -> Symbol {
+        self.input(InputKind::Parameter, number)
+    }
+
+    /// A torque along principal axes and in the body's own units, and the rates of its phases.
+    fn torque(&self, graph: &Graph, outputs: &[Node]) -> (Vec<Symbol>, Vec<Symbol>) {
+        let rows = &self.rows;
+        let q = |part| self.input(InputKind::Orientation, part);
+        let attitude = Quaternion::new(q(0), q(1), q(2), q(3)).product(self.to_principal);
+        let omega = |part| self.input(InputKind::AngularVelocity, part);
+        let omega = Vector::new(omega(0), omega(1), omega(2));
+        let omega = Vector::new(rows[0].dot(omega), rows[1].dot(omega), rows[2].dot(omega)) * self.host(RATE);
+        let inertia = self.inertia;
+        let momentum = Vector::new(
+            Vector::new(inertia[0], inertia[3], inertia[4]).dot(omega),
+            Vector::new(inertia[3], inertia[1], inertia[5]).dot(omega),
+            Vector::new(inertia[4], inertia[5], inertia[2]).dot(omega),
+        );
+        let component = |vector: Vector<Symbol>, index| [vector.x, vector.y, vector.z][index];
+        let replayed = graph.replayed(outputs, 0, |asked| {
+            let index = usize::from(asked.index);
+            match asked.kind {
+                InputKind::Orientation => [attitude.x, attitude.y, attitude.z, attitude.w][index],
+                InputKind::AngularVelocity => component(omega, index),
+                InputKind::AngularMomentum => component(momentum, index),
+                _ => self.of_host(asked),
+            }
+        });
+        let torque = Vector::new(replayed.outputs[0], replayed.outputs[1], replayed.outputs[2]);
+        let column = |axis: fn(&Vector<Symbol>) -> Symbol| Vector::new(axis(&rows[0]), axis(&rows[1]), axis(&rows[2]));
+        let (x, y, z) = (column(|row| row.x), column(|row| row.y), column(|row| row.z));
+        let torque = Vector::new(x.dot(torque), y.dot(torque), z.dot(torque)) * self.host(UNIT);
+        (vec![torque.x, torque.y, torque.z], replayed.rates)
+    }
+
+    /// Of moments with their derivatives by time behind them: what [`Expressed::of_moments`] prepares, and the rates of the phases. A
+    /// number is the factor of all three; a vector has them along the body's axes, which are the principal ones in some order.
+    ///
+    /// What no body has becomes no number there, so that the body fails instead of turning on: moments that are not positive or break the
+    /// triangle inequality by more than [`TRIANGLE_ROUNDING`].
+    fn moments(&self, graph: &Graph, outputs: &[Node], shape: Shape) -> (Vec<Symbol>, Vec<Symbol>, Vec<Symbol>) {
+        let Replayed { outputs: found, rates } = graph.replayed(outputs, 0, |asked| self.of_host(asked));
+        let (zero, one) = (Symbol::splat(0.0), Symbol::splat(1.0));
+        let valid = |holds| Symbol::select(holds, one, -one).sqrt();
+        if shape == Shape::Number {
+            let (factor, slope) = (found[0], found[1]);
+            let share = (one - factor) / factor * valid(zero.less_than(factor));
+            return (vec![share; 3], vec![slope / factor; 3], rates);
+        }
+        let along = |first: usize| {
+            let part = |axis: fn(&Vector<Symbol>) -> Symbol| {
+                let [x, y, z] = self.rows.map(|row| axis(&row) * axis(&row));
+                Vector::new(x, y, z).dot(Vector::new(found[first], found[first + 1], found[first + 2]))
             };
-            let inverse = axes.conjugate();
-            let q = Quaternion::new(constant(inverse.x), constant(inverse.y), constant(inverse.z), constant(inverse.w));
-            ([row(0), row(1), row(2)], q)
-        }
-    };
-    let q = |part| input(InputKind::Orientation, part);
-    let attitude = Quaternion::new(q(0), q(1), q(2), q(3)).product(to_principal);
-    let omega = |part| input(InputKind::AngularVelocity, part);
-    let omega = vector(omega(0), omega(1), omega(2));
-    let omega = Vector::new(rows[0].dot(omega), rows[1].dot(omega), rows[2].dot(omega)) * host(RATE);
-    let inertia = |element: usize| host(INERTIA + element);
-    let momentum = Vector::new(
-        vector(inertia(0), inertia(3), inertia(4)).dot(omega),
-        vector(inertia(3), inertia(1), inertia(5)).dot(omega),
-        vector(inertia(4), inertia(5), inertia(2)).dot(omega),
-    );
-    let component = |vector: Vector<Symbol>, index| [vector.x, vector.y, vector.z][index];
-    let replayed = expression.graph().replayed(expression.outputs(), 0, |asked| {
-        let index = usize::from(asked.index);
+            [part(|row| row.x), part(|row| row.y), part(|row| row.z)]
+        };
+        let (moments, slopes) = (along(0), along(3));
+        let [a, b, c] = moments;
+        let reduced = Symbol::splat(1.0 - TRIANGLE_ROUNDING);
+        let is_side = |side: Symbol, x: Symbol, y: Symbol| (side * reduced).less_than(x + y);
+        let positive = zero.less_than(a) & zero.less_than(b) & zero.less_than(c);
+        let valid = valid(positive & is_side(a, b, c) & is_side(b, c, a) & is_side(c, a, b));
+        let share = |axis: usize| (self.host(MOMENTS + axis) - moments[axis]) / moments[axis] * valid;
+        let slope = |axis: usize| slopes[axis] / moments[axis];
+        ([0, 1, 2].map(share).to_vec(), [0, 1, 2].map(slope).to_vec(), rates)
+    }
+
+    /// What the host knows, and what kernels have as it is.
+    fn of_host(&self, asked: Input) -> Symbol {
         match asked.kind {
-            InputKind::Orientation => [attitude.x, attitude.y, attitude.z, attitude.w][index],
-            InputKind::AngularVelocity => component(omega, index),
-            InputKind::AngularMomentum => component(momentum, index),
-            InputKind::Inertia => inertia(index),
-            InputKind::Parameter => host(USER + index),
-            _ => recorder.input(asked),
+            InputKind::Inertia => self.inertia[usize::from(asked.index)],
+            InputKind::Parameter => self.host(USER + usize::from(asked.index)),
+            _ => self.recorder.input(asked),
         }
-    });
-    let torque = Vector::new(replayed.outputs[0], replayed.outputs[1], replayed.outputs[2]);
-    let column = |axis: fn(&Vector<Symbol>) -> Symbol| vector(axis(&rows[0]), axis(&rows[1]), axis(&rows[2]));
-    let (x, y, z) = (column(|row| row.x), column(|row| row.y), column(|row| row.z));
-    let torque = Vector::new(x.dot(torque), y.dot(torque), z.dot(torque)) * host(UNIT);
-    (vec![torque.x, torque.y, torque.z], replayed.rates)
+    }
+}
+
+/// By how much of itself a moment may exceed the sum of the others: roundings of `f32`, which a flat plate may have.
+const TRIANGLE_ROUNDING: f64 = 1e-6;
+
+/// By the bits of a rotation.
+type ByAxes = Mutex<BTreeMap<[u64; 4], Arc<Expressed>>>;
+
+/// A formula as it is prepared for bodies of different principal axes, and for those that share them, by these.
+pub(crate) struct Preparations {
+    /// For all axes: where moments do not change, and where they do.
+    general: [Arc<Expressed>; 2],
+    by_axes: [ByAxes; 2],
+}
+
+impl Preparations {
+    /// With what `form` prepares for all axes, and for moments that change or not.
+    ///
+    /// # Errors
+    ///
+    /// Those of `form`.
+    pub fn new(form: impl Fn(bool) -> Result<Expressed, Fault>) -> Result<Self, Fault> {
+        Ok(Self { general: [Arc::new(form(false)?), Arc::new(form(true)?)], by_axes: Default::default() })
+    }
+
+    /// For all axes, where moments do not change.
+    pub fn general(&self) -> &Expressed {
+        &self.general[0]
+    }
+
+    /// For these axes; `form` prepares what is not there yet.
+    pub fn of(
+        &self,
+        axes: Option<DQuat>,
+        varies: bool,
+        form: impl FnOnce() -> Result<Expressed, Fault>,
+    ) -> Arc<Expressed> {
+        let general = &self.general[usize::from(varies)];
+        let Some(axes) = axes else { return Arc::clone(general) };
+        let mut by_axes = self.by_axes[usize::from(varies)].lock().unwrap_or_else(PoisonError::into_inner);
+        let entry = by_axes.entry(axes.to_array().map(f64::to_bits));
+        // What constants make of a formula may be worse than what columns do: a number that is not finite, say.
+        let formed = || form().map_or_else(|_| Arc::clone(general), Arc::new);
+        Arc::clone(entry.or_insert_with(formed))
+    }
 }
 
 /// The numbers of a body's parameters, in order.

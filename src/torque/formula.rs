@@ -153,19 +153,17 @@ pub(crate) trait FormulaTask {
     fn run<F: Formula>(self) -> Self::Output;
 }
 
-/// A row whose first three columns follow the moments: `gained` is what the differences of the moments gain.
+/// A row whose first three columns follow the moments: `gained` is what the differences of the moments have gained.
 pub(crate) struct Following<'s, R, W> {
     pub row: &'s W,
     pub gained: Vector<R>,
-    /// The part of the change that is done.
-    pub done: R,
 }
 
 impl<R: Real, W: Row<R>> Row<R> for Following<'_, R, W> {
     #[inline(always)]
     fn number(&self, column: usize) -> R {
         let number = self.row.number(column);
-        let factor = || self.row.number(9) * self.done;
+        let factor = || self.row.number(9);
         match column {
             0 => self.gained.x.mul_add(factor(), number),
             1 => self.gained.y.mul_add(factor(), number),

@@ -88,9 +88,10 @@ kinds! {
     custom::Custom,
     white_noise::WhiteNoise,
     internal_dissipation::InternalDissipation,
-    // Of the next two a scene has one at most.
+    // Of the next three a scene has one at most.
     variable_inertia::InertiaRamp,
     variable_inertia::InertiaOscillation,
+    custom_inertia::InertiaFormula,
     // No torque of a scene, and last, as it changes the sum of all others.
     linear_rotor::LinearRotor,
 }
@@ -100,4 +101,7 @@ impl Kind {
     pub const fn columns(self) -> usize {
         self.parameters() + self.phases() * (RATE_DIGITS + 1)
     }
+
+    /// The kinds under which moments of inertia change in time.
+    pub(crate) const CHANGES: [Kind; 3] = [Kind::InertiaRamp, Kind::InertiaOscillation, Kind::InertiaFormula];
 }

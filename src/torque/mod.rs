@@ -46,7 +46,8 @@
 //!
 //! A formula (`formula.rs`) is written once over [`Real`]. Scalars of it are the reference and the shader's twin, SIMD lanes run on
 //! tiles of bodies (`tile`), and a [`Symbol`](crate::expression::Symbol) records it as a graph, from which follow its WGSL text
-//! (`shader.rs`) and what it depends on. A torque of the user's own ([`custom`]) is such a graph to begin with (`expressed.rs`):
+//! (`shader.rs`) and what it depends on. A torque of the user's own ([`custom`]), or moments that change by a formula
+//! ([`custom_inertia`]), are such a graph to begin with (`expressed.rs`):
 //! the CPU interprets it over tiles, the GPU compiles its text.
 //!
 //! `shaders/torque` holds what no formula says: how columns and times are read, the draws of white noise, moments that change. Each
@@ -62,6 +63,7 @@ pub use crate::error::Text;
 pub mod constant_body;
 pub mod constant_world;
 pub mod custom;
+pub mod custom_inertia;
 pub(crate) mod declaration;
 pub mod eddy_current;
 pub(crate) mod expressed;

@@ -6,11 +6,13 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
+use super::expressed::Expressed;
 use super::{Declaration, Kind, Text, ValidationContext, Value, Values};
 use crate::bodies::BodyFrame;
 use crate::bodies::Ensemble;
 use crate::bodies::inertia::InertiaTensor;
 use crate::error::Result;
+use crate::expression::Expression;
 
 /// A torque of a scene: a model and the values of its parameters, each one for the scene or a column with one row a body
 /// ([`super::Parameter`]). Each model's constructor stands in the model's own file.
@@ -56,10 +58,13 @@ impl PartialEq for ModelRef {
     fn eq(&self, other: &Self) -> bool {
         match (self, other) {
             (ModelRef::Built(model), ModelRef::Built(other)) => model.declaration().name == other.declaration().name,
-            (ModelRef::Shared(model), ModelRef::Shared(other)) => match (model.expression(), other.expression()) {
-                (Some(model), Some(other)) => model.is(other),
-                _ => Arc::ptr_eq(model, other),
-            },
+            (ModelRef::Shared(model), ModelRef::Shared(other)) => {
+                let formulas = model.formulas();
+                Arc::ptr_eq(model, other)
+                    || (!formulas.is_empty()
+                        && model.declaration() == other.declaration()
+                        && formulas == other.formulas())
+            }
             _ => false,
         }
     }
@@ -69,7 +74,7 @@ impl fmt::Debug for ModelRef {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.write_str(&self.declaration().name)?;
         // A formula is part of what tells one torque from another; the fingerprints of plans take this text.
-        self.expression().map_or(Ok(()), |model| model.write_formula(formatter))
+        self.formulas().into_iter().try_for_each(|formula| write!(formatter, " {formula:?}"))
     }
 }
 
@@ -180,6 +185,17 @@ pub(crate) trait Model: Send + Sync {
     fn expression(&self) -> Option<&super::custom::ExpressionModel> {
         None
     }
+
+    /// The formulas that tell it from other models of its name.
+    fn formulas(&self) -> Vec<&Expression> {
+        Vec::new()
+    }
+
+    /// Its formula prepared for engines, where it is data; `axes` rotates principal to body axes where all bodies share them, and
+    /// `varies` says whether moments change in time.
+    fn prepared(&self, _axes: Option<DQuat>, _varies: bool) -> Option<Arc<Expressed>> {
+        None
+    }
 }
 
 /// A model under which moments of inertia change in time.
@@ -190,8 +206,8 @@ pub(crate) trait InertiaModel {
     /// The moments at `time` (s) in units of the body's own scale and along its principal axes.
     fn scaled_moments_at(&self, values: Values<'_>, body: usize, frame: &BodyFrame, time: f64) -> DVec3;
 
-    /// By how much faster a body can turn about one of its axes at the same angular momentum; at least 1.
-    fn spin_growth(&self, values: Values<'_>, body: usize, initial: &InertiaTensor) -> f64;
+    /// By how much faster a body can turn about one of its axes at the same angular momentum within a span, s; at least 1.
+    fn spin_growth(&self, values: Values<'_>, body: usize, initial: &InertiaTensor, span: f64) -> f64;
 }
 
 impl Torque {

@@ -9,12 +9,12 @@
 //! which advance evenly; the time, where it is read, is in seconds. Every formula records itself.
 
 use super::Kind;
-use super::expressed::Given;
+use super::expressed::{Expressed, Given};
 use super::formula::{Epoch, Following, Formula, FormulaTask, MOST_PHASES, Role, Row};
 use super::internal_dissipation::internal_dissipation;
 use super::linear_rotor::across_axis;
 use super::table::{Instance, TorqueTable};
-use super::variable_inertia::{Change, smoothly_changed_motion};
+use super::variable_inertia::{Change, ChangeAt, changed_motion};
 use crate::expression::graph::{Binary, Operation, Unary};
 use crate::expression::jet::{Equations, Lowered, lowered, lowered_by_directions};
 use crate::expression::{Dependence, Fault, Graph, Input, InputKind, Node, Recorder, Symbol};
@@ -110,16 +110,23 @@ fn recorded(table: &TorqueTable, recorder: &Recorder) -> (Vector<Symbol>, Vector
     let recording = Recording { table, recorder, q: Quaternion::new(part(0), part(1), part(2), part(3)) };
     let inverse_moments = TwoWords { value: vector(InputKind::Parameter, 0), residue: Vector::zero() };
     let (body, m) = (Body::new(inverse_moments), vector(InputKind::AngularMomentum, 0));
-    let moments = table.list().iter().find(|instance| instance.kind.role() == Role::Moments);
-    let change = moments.map(|moments| {
+    let change = table.change().map(|moments| {
         let row = recording.row(moments);
-        let difference = TwoWords { value: row.vector(3), residue: row.vector(6) };
-        let done = moments.kind.with(EpochOf { recording: &recording, instance: moments }).number;
-        (Change { kappa: row.vector(0), difference }, row.vector(9), done)
+        let at = match table.formula_of_moments() {
+            Some(formula) => {
+                let none = Vector::zero();
+                ChangeAt::by_formula(&row, recording.evaluated(moments, formula, none, none))
+            }
+            None => {
+                let done = moments.kind.with(EpochOf { recording: &recording, instance: moments }).number;
+                ChangeAt::smoothly_by_law(&row, done)
+            }
+        };
+        (Change::of_row(&row), at)
     });
     let none = Correction::none();
     let mut motion = match &change {
-        Some((change, _, done)) => smoothly_changed_motion(&body, change, *done, m),
+        Some((change, at)) => changed_motion(&body, change, at.share, &none, m),
         None => Motion {
             angular_velocity: body.angular_velocity(m, &none),
             gyroscopic_term: body.gyroscopic_term(m, &none),
@@ -134,9 +141,8 @@ fn recorded(table: &TorqueTable, recorder: &Recorder) -> (Vector<Symbol>, Vector
     }
     let mut sum = Vector::zero();
     for instance in table.list() {
-        let gained = change.as_ref().map(|(_, gained, done)| (*gained, *done));
         let omega = motion.angular_velocity;
-        sum = instance.kind.with(Added { recording: &recording, instance, gained, omega, sum });
+        sum = instance.kind.with(Added { recording: &recording, instance, change: change.as_ref(), omega, sum });
     }
     (motion.angular_velocity, motion.gyroscopic_term + sum)
 }
@@ -158,20 +164,27 @@ impl Recording<'_> {
         self.recorder.input(Input::new(InputKind::Phase, (instance.first_phase + phase) as u16))
     }
 
-    /// The torque of an instance that is an expression.
-    fn expressed(&self, instance: &Instance, omega: Vector<Symbol>) -> Vector<Symbol> {
-        let expressed = self.table.expressed(instance.index);
-        let (part, instructions) = (expressed.whole_part(), &expressed.whole);
+    /// The results of the formula of an instance, where it is data.
+    fn evaluated(
+        &self,
+        instance: &Instance,
+        formula: &Expressed,
+        omega: Vector<Symbol>,
+        ratio: Vector<Symbol>,
+    ) -> Vector<Symbol> {
+        let (part, instructions) = (formula.whole_part(), &formula.whole);
+        let first = instance.kind.parameters();
         let given = |input: Input| {
             let inputs = instructions.program.inputs().iter().zip(&instructions.inputs);
             inputs.into_iter().find(|(known, _)| **known == input).map(|(_, given)| *given)
         };
         let q = self.q;
         let replayed = part.graph.replayed(&part.outputs, u16::MAX, |input| match given(input) {
-            Some(Given::Column(column)) => self.row(instance).number(column),
+            Some(Given::Column(column)) => self.row(instance).number(first + column),
             Some(Given::Phase(phase)) => self.phase(instance, phase),
             Some(Given::Orientation(part)) => [q.x, q.y, q.z, q.w][part],
             Some(Given::AngularVelocity(part)) => [omega.x, omega.y, omega.z][part],
+            Some(Given::MomentRatio(part)) => [ratio.x, ratio.y, ratio.z][part],
             Some(Given::Time | Given::Epoch(_)) | None => self.recorder.input(Input::new(InputKind::Time, 0)),
         });
         Vector::new(replayed.outputs[0], replayed.outputs[1], replayed.outputs[2])
@@ -215,8 +228,8 @@ impl FormulaTask for EpochOf<'_, '_> {
 struct Added<'s, 'a> {
     recording: &'s Recording<'a>,
     instance: &'s Instance,
-    /// Where the moments change: by how much their differences do, and the part of the change that is done.
-    gained: Option<(Vector<Symbol>, Symbol)>,
+    /// Where the moments change: to what, and how far they have.
+    change: Option<&'s (Change<Symbol>, ChangeAt<Symbol>)>,
     omega: Vector<Symbol>,
     sum: Vector<Symbol>,
 }
@@ -224,16 +237,19 @@ struct Added<'s, 'a> {
 impl FormulaTask for Added<'_, '_> {
     type Output = Vector<Symbol>;
     fn run<F: Formula>(self) -> Vector<Symbol> {
-        let Self { recording, instance, gained, omega, sum } = self;
+        let Self { recording, instance, change, omega, sum } = self;
         let (row, q) = (recording.row(instance), recording.q);
         match F::ROLE {
             Role::Projection => across_axis(row.number(0), sum),
-            Role::Expression => sum + recording.expressed(instance, omega),
+            Role::Expression => {
+                let ratio = change.map_or(Vector::zero(), |(change, at)| change.moment_ratio(at.share));
+                sum + recording.evaluated(instance, recording.table.expressed(instance.index), omega, ratio)
+            }
             Role::Torque => {
                 let at = EpochOf { recording, instance }.run::<F>();
-                match gained {
-                    Some((gained, done)) if F::FOLLOWS_MOMENTS => {
-                        sum + F::torque(&Following { row: &row, gained, done }, &at, q, omega)
+                match change {
+                    Some((_, change)) if F::FOLLOWS_MOMENTS => {
+                        sum + F::torque(&Following { row: &row, gained: change.gained }, &at, q, omega)
                     }
                     _ => sum + F::torque(&row, &at, q, omega),
                 }

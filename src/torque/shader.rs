@@ -6,7 +6,7 @@ use std::fmt::Write;
 use std::sync::OnceLock;
 
 use super::Needs;
-use super::expressed::{Given, needs};
+use super::expressed::{Expressed, Given, needs};
 use super::formula::{Column, Formula, FormulaTask, MOST_PHASES, Role, Row};
 use super::table::{Instance, TorqueTable};
 use crate::expression::wgsl::{self, Argument, Signature, WgslError};
@@ -58,12 +58,21 @@ pub(crate) fn terms(table: &TorqueTable) -> String {
                 format!("    sum = sum + {};\n", instance.kind.with(Call { instance, varies: table.varies_inertia() }))
             }
             Role::Projection => format!("    sum.x = torque_column({}u) * sum.x;\n", instance.first),
-            Role::Expression => format!("    sum = sum + {};\n", custom_call(table, &instance)),
+            Role::Expression => {
+                let call = custom_call(table.expressed(instance.index), &instance, "epoch.instant");
+                format!("    sum = sum + {call};\n")
+            }
             Role::Noise | Role::Slip | Role::Moments => continue,
         };
         text += &line;
     }
-    text + "    return sum;\n}\n"
+    text += "    return sum;\n}\n";
+    let share = match (table.change(), table.formula_of_moments()) {
+        (Some(change), Some(formula)) => custom_call(formula, change, "instant"),
+        _ => "vector(0.0, 0.0, 0.0)".to_owned(),
+    };
+    let comment = "// The parts of themselves that the reciprocal moments have gained, by a formula of the scene's own; 0 without one.";
+    text + &format!("\n{comment}\nfn formula_share(instant: Instant) -> vector {{\n    return {share};\n}}\n")
 }
 
 /// The functions of the formulas that are data, where there are any.
@@ -80,6 +89,11 @@ pub(crate) fn custom_functions(table: &TorqueTable) -> Result<String, WgslError>
         text += &expressed.shader(&custom_name(instance), comment)?;
         text.push('\n');
     }
+    if let (Some(change), Some(formula)) = (table.change(), table.formula_of_moments()) {
+        let comment = "The parts I0/I - 1 of themselves that the reciprocal moments have gained, by a formula of the scene's own.";
+        text += &formula.shader(&custom_name(change), vec![comment.to_owned()])?;
+        text.push('\n');
+    }
     if table.reads_time() {
         let [upper, lower] = seconds_per_word(table.clock().ticks_per_second());
         // Twin: `seconds` in src/math/clock.rs.
@@ -93,23 +107,29 @@ pub(crate) fn custom_functions(table: &TorqueTable) -> Result<String, WgslError>
 }
 
 fn custom_name(instance: &Instance) -> String {
-    format!("custom_{}", instance.index + 1)
+    match instance.kind.role() {
+        Role::Moments => "custom_moments".to_owned(),
+        _ => format!("custom_{}", instance.index + 1),
+    }
 }
 
-fn custom_call(table: &TorqueTable, instance: &Instance) -> String {
+/// A call of the function of a formula that is data; `instant` is the text of the time.
+fn custom_call(formula: &Expressed, instance: &Instance, instant: &str) -> String {
+    let first = instance.first + instance.kind.parameters();
     let argument = |given: Given| match given {
-        Given::Column(column) => format!("torque_column({}u)", instance.first + column),
+        Given::Column(column) => format!("torque_column({}u)", first + column),
         Given::Phase(phase) => {
             let column = instance.first + instance.parameters + phase * (RATE_DIGITS + 1);
-            format!("phase({column}u, torque_body, epoch.instant)")
+            format!("phase({column}u, torque_body, {instant})")
         }
-        Given::Time => "seconds(epoch.instant)".to_owned(),
+        Given::Time => format!("seconds({instant})"),
+        Given::MomentRatio(_) => "moment_ratio(epoch.change.share)".to_owned(),
         Given::Orientation(_) => "orientation".to_owned(),
         Given::AngularVelocity(_) => "angular_velocity_principal".to_owned(),
         // The whole formula forms these itself.
         Given::Epoch(_) => "0.0".to_owned(),
     };
-    let given = table.expressed(instance.index).arguments();
+    let given = formula.arguments();
     let arguments: Vec<String> = given.into_iter().map(|(_, given)| argument(given)).collect();
     format!("{}({})", custom_name(instance), arguments.join(", "))
 }
@@ -230,7 +250,7 @@ impl FormulaTask for Call {
             let comma = if place == 0 { "" } else { ", " };
             let argument = match given {
                 Source::Column(0, Column { numbers: 3, .. }) if F::FOLLOWS_MOMENTS && varies => {
-                    format!("gradient_coefficients({first}u, epoch.change_done)")
+                    format!("gradient_coefficients({first}u, epoch.change.gained)")
                 }
                 Source::Column(column, Column { numbers, .. }) => {
                     let function = match numbers {

@@ -5,7 +5,7 @@ mod noise;
 mod turning;
 
 pub(crate) use columns::{Columns, Source, StepTime, ticks_from};
-use turning::ChangeDone;
+use turning::ChangeOf;
 
 use std::cell::Cell;
 
@@ -14,6 +14,7 @@ use super::expressed::{Given, Instructions};
 use super::formula::{Following, Formula, FormulaTask, MOST_PHASES, Role, Row};
 use super::linear_rotor::across_axis;
 use super::table::Instance;
+use super::variable_inertia::ChangeAt;
 use crate::bodies::columns::RATE_COLUMN;
 use crate::kernel::method::rk8_adaptive::Timed;
 use crate::kernel::rigid_body::{Body, Correction};
@@ -88,13 +89,12 @@ pub(crate) struct StepStart<'a, R: Copy> {
     seconds: R,
 }
 
-/// A time, the random torque that is constant over the step that it belongs to, and the part of the change of the moments of
-/// inertia that is done by then; 0 where they do not change.
+/// A time, the random torque that is constant over the step that it belongs to, and how far the moments of inertia have changed by then.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Epoch<'a, R: Copy> {
     time: Time<'a, R>,
     noise: Vector<R>,
-    change_done: R,
+    change: ChangeAt<R>,
 }
 
 /// A time after the start of a step, where the phases are these, in turns.
@@ -126,19 +126,37 @@ impl<'a, R: Real> Torques<'a, R> {
 
     /// The torque of an instance that is an expression.
     #[inline(always)]
-    fn expressed(&self, instance: &Instance, time: &Time<'a, R>, q: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
+    fn expressed(&self, instance: &Instance, epoch: &Epoch<'a, R>, q: Quaternion<R>, omega: Vector<R>) -> Vector<R> {
         let table = self.columns.source.table;
-        let Instructions { program, inputs } = &table.expressed(instance.index).whole;
+        let ratio =
+            if table.varies_inertia() { self.change().moment_ratio(epoch.change.share) } else { Vector::zero() };
+        let state = (q, omega, ratio);
+        self.evaluated(&table.expressed(instance.index).whole, instance.index, instance, &epoch.time, state)
+    }
+
+    /// The three results of a formula that is data, from an instance's columns; `scratch` counts the memories of the workspace.
+    #[inline(always)]
+    fn evaluated(
+        &self,
+        Instructions { program, inputs }: &Instructions,
+        scratch: usize,
+        instance: &Instance,
+        time: &Time<'a, R>,
+        (q, omega, ratio): (Quaternion<R>, Vector<R>, Vector<R>),
+    ) -> Vector<R> {
+        let table = self.columns.source.table;
         let Some(scratches) = self.columns.scratches else { return Vector::zero() };
         let mut scratches = scratches.borrow_mut();
-        let Some(scratch) = scratches.get_mut(instance.index) else { return Vector::zero() };
+        let Some(scratch) = scratches.get_mut(scratch) else { return Vector::zero() };
+        let first = instance.first + instance.kind.parameters();
         for (index, given) in inputs.iter().enumerate() {
             scratch.input(index)[0] = match *given {
-                Given::Column(column) => self.columns.column(instance.first + column),
+                Given::Column(column) => self.columns.column(first + column),
                 Given::Phase(phase) => self.phase(instance, phase, time),
                 Given::Time => time.start_phases[table.phase_count()].get() + time.elapsed,
                 Given::Orientation(part) => [q.x, q.y, q.z, q.w][part],
                 Given::AngularVelocity(part) => [omega.x, omega.y, omega.z][part],
+                Given::MomentRatio(part) => [ratio.x, ratio.y, ratio.z][part],
                 // The whole formula forms these itself.
                 Given::Epoch(_) => R::splat(0.0),
             };
@@ -192,13 +210,12 @@ impl<R: Real> FormulaTask for Added<'_, '_, R> {
                 }
                 let at = F::epoch(&row, phases);
                 if F::FOLLOWS_MOMENTS && columns.source.table.varies_inertia() {
-                    let gained = columns.vector(torques.change_first() + 9);
-                    let following = Following { row: &row, gained, done: epoch.change_done };
+                    let following = Following { row: &row, gained: epoch.change.gained };
                     return sum + F::torque(&following, &at, q, omega);
                 }
                 sum + F::torque(&row, &at, q, omega)
             }
-            Role::Expression => sum + torques.expressed(&instance, &epoch.time, q, omega),
+            Role::Expression => sum + torques.expressed(&instance, epoch, q, omega),
             // White noise belongs to the epoch, dissipation and the moments to the motion.
             Role::Noise | Role::Slip | Role::Moments => sum,
         }
@@ -302,11 +319,11 @@ impl<'a, R: Real> Timed<R> for Torques<'a, R> {
     #[inline(always)]
     fn epoch_after(&self, start: &StepStart<'a, R>, elapsed: R) -> Epoch<'a, R> {
         let time = Time { start_phases: start.phases, elapsed: elapsed * start.seconds };
-        let change_done = if self.columns.source.table.varies_inertia() {
-            R::outlined(ChangeDone { torques: self, time: &time })
+        let change = if self.columns.source.table.varies_inertia() {
+            R::outlined(ChangeOf { torques: self, time: &time })
         } else {
-            R::splat(0.0)
+            ChangeAt::none()
         };
-        Epoch { time, noise: start.noise, change_done }
+        Epoch { time, noise: start.noise, change }
     }
 }

@@ -72,7 +72,7 @@ pub struct TorqueTable {
     varies_inertia: bool,
     /// Whether every body's axes turn at I⁻¹ m with the moments that it starts with.
     is_rigid: bool,
-    /// The formulas of the instances of [`Kind::Custom`].
+    /// The formulas of the instances of [`Kind::Custom`], and behind them that of the moments where they have one.
     expressions: Vec<Arc<Expressed>>,
 }
 
@@ -100,14 +100,18 @@ impl TorqueTable {
             list: Vec::new(),
             varies_inertia: false,
             is_rigid: true,
-            expressions: torques.iter().filter_map(|torque| torque.expressed(bodies.axes)).collect(),
+            expressions: Vec::new(),
         };
         for &kind in &table.torque_kinds {
             let instances = &mut table.kinds[kind as usize];
             instances.count = if kind.merges() { 1 } else { instances.count + 1 };
         }
-        table.varies_inertia =
-            [Kind::InertiaRamp, Kind::InertiaOscillation].map(|kind| table.instances(kind).count) != [0, 0];
+        table.varies_inertia = Kind::CHANGES.into_iter().any(|kind| table.instances(kind).count > 0);
+        let expressed = |of: Kind| {
+            let own = torques.iter().zip(&table.torque_kinds).filter(move |(_, kind)| **kind == of);
+            own.filter_map(|(torque, _)| torque.expressed(bodies.axes, table.varies_inertia))
+        };
+        table.expressions = expressed(Kind::Custom).chain(expressed(Kind::InertiaFormula)).collect();
         table.is_rigid = !table.varies_inertia && table.instances(Kind::InternalDissipation).count == 0;
         // A constant torque is projected in its columns, and drag has no part along an axis without spin.
         table.kinds[Kind::LinearRotor as usize].count = usize::from(bodies.have_linear_rotors && !table.is_common());
@@ -116,10 +120,8 @@ impl TorqueTable {
             let instances = &mut table.kinds[kind as usize];
             (instances.first, instances.place) = (first_column + table.columns, table.list.len());
             for index in 0..count {
-                let (parameters, phases) = match table.expressions.get(index) {
-                    Some(expressed) if kind == Kind::Custom => (expressed.columns(), expressed.phases()),
-                    _ => (kind.parameters(), kind.phases()),
-                };
+                let of_formula = table.formula_of(kind, index).map_or((0, 0), |of| (of.columns(), of.phases()));
+                let (parameters, phases) = (kind.parameters() + of_formula.0, kind.phases() + of_formula.1);
                 let (first, first_phase) = (first_column + table.columns, table.phase_count());
                 let instance = Instance { kind, index, first, parameters, first_phase, phases };
                 table.columns += instance.columns();
@@ -127,9 +129,9 @@ impl TorqueTable {
                 // Kinds that merge have no phases.
                 let torque = if phases > 0 { table.torque_of(torques, kind, index) } else { None };
                 let rates = torque.map_or_else(Vec::new, |torque| table.phase_rates(torque, &instance, 0, None));
-                let is_shared = torque.is_some_and(|torque| match kind {
-                    Kind::Custom => torque.values_are_shared() && table.expressions[index].rates_are_of_parameters(),
-                    _ => torque.phase_rates_are_shared(),
+                let is_shared = torque.is_some_and(|torque| match table.formula_of(kind, index) {
+                    Some(formula) => torque.values_are_shared() && formula.rates_are_of_parameters(),
+                    None => torque.phase_rates_are_shared(),
                 });
                 for &rates in rates.iter().take(phases) {
                     table.phases.push(if is_shared {
@@ -157,13 +159,13 @@ impl TorqueTable {
         frame: Option<&BodyFrame>,
     ) -> Vec<(f64, f64)> {
         let (model, values) = torque.parts();
-        if instance.kind != Kind::Custom {
+        let Some(formula) = self.formula_of(instance.kind, instance.index) else {
             return model.phase_rates(values, body)[..instance.phases].to_vec();
-        }
+        };
         let frame = frame.copied().unwrap_or(BodyFrame::UNIT);
         let host = expressed::host_of(values, body, &frame);
-        let mut unused = vec![0.0; instance.parameters];
-        self.expressions[instance.index].row(&host, &mut unused).into_iter().map(|rate| (rate, 0.0)).collect()
+        let mut unused = vec![0.0; formula.columns()];
+        formula.row(&host, &mut unused).into_iter().map(|rate| (rate, 0.0)).collect()
     }
 
     /// The clock at the start of the run.
@@ -249,9 +251,11 @@ impl TorqueTable {
                         row[PER_TICK] = (rates.1 * self.clock.ticks_per_second()).recip();
                     }
                 };
-                if kind == Kind::Custom {
+                if let Some(formula) = self.formula_of(kind, instance.index) {
+                    let (own, of_formula) = row.split_at_mut(kind.parameters());
+                    model.columns(values, body, frame, orientation, own);
                     let host = expressed::host_of(values, body, frame);
-                    let rates = self.expressions[instance.index].row(&host, row);
+                    let rates = formula.row(&host, of_formula);
                     rates.into_iter().enumerate().for_each(|(phase, rate)| set_rates(row, phase, (rate, 0.0)));
                 } else {
                     model.columns(values, body, frame, orientation, row);
@@ -303,7 +307,7 @@ impl TorqueTable {
 
     /// Columns of ratios, which are 1 in the rows that are no bodies, as kernels divide by them.
     pub(crate) fn ratio_columns(&self) -> impl Iterator<Item = usize> + use<> {
-        let of_inertia = [Kind::InertiaRamp, Kind::InertiaOscillation].map(|kind| (kind, self.instances(kind)));
+        let of_inertia = Kind::CHANGES.map(|kind| (kind, self.instances(kind)));
         of_inertia.into_iter().flat_map(|(kind, instances)| {
             (0..instances.count)
                 .flat_map(move |index| (0..3).map(move |axis| instances.first + index * kind.columns() + axis))
@@ -326,6 +330,36 @@ impl TorqueTable {
     #[inline(always)]
     pub(crate) fn expressed(&self, index: usize) -> &Expressed {
         &self.expressions[index]
+    }
+
+    /// The formula of the moments, where they have one.
+    #[inline(always)]
+    pub(crate) fn formula_of_moments(&self) -> Option<&Expressed> {
+        self.instance(Kind::InertiaFormula)?;
+        self.expressions.last().map(|formula| &**formula)
+    }
+
+    /// The formula of an instance, where it is data.
+    fn formula_of(&self, kind: Kind, index: usize) -> Option<&Arc<Expressed>> {
+        match kind {
+            Kind::Custom => self.expressions.get(index),
+            Kind::InertiaFormula => self.expressions.last(),
+            _ => None,
+        }
+    }
+
+    /// All formulas that are data: those of [`Kind::Custom`] by their index, then that of the moments.
+    pub(crate) fn expressions(&self) -> &[Arc<Expressed>] {
+        &self.expressions
+    }
+
+    /// The instance by which the moments change.
+    #[inline(always)]
+    pub(crate) fn change(&self) -> Option<&Instance> {
+        if !self.varies_inertia {
+            return None;
+        }
+        Kind::CHANGES.into_iter().find_map(|kind| self.instance(kind))
     }
 
     /// Whether a formula reads the time itself.

@@ -29,6 +29,8 @@
 //!
 //! Torques that follow from the tensor (the gravity gradient) read the one of their time.
 //!
+//! Moments may also follow a formula of the user's own: [`Torque::custom_moments`].
+//!
 //! Methods that take for granted that ω = I₀⁻¹ m are refused ([`crate::Error::RigidOnly`]).
 
 use super::formula::{Column, Epoch, Formula, MOST_PHASES, Role, Row};
@@ -180,7 +182,7 @@ impl InertiaModel for VariableInertia {
         frame.scaled_moments + (changed - frame.scaled_moments) * done(values, body, time)
     }
 
-    fn spin_growth(&self, values: Values<'_>, body: usize, initial: &InertiaTensor) -> f64 {
+    fn spin_growth(&self, values: Values<'_>, body: usize, initial: &InertiaTensor, _: f64) -> f64 {
         match End::of_body(values, body) {
             End::Factor(factor) => factor.recip().max(1.0),
             End::Tensor(tensor) => {
@@ -288,10 +290,10 @@ pub(crate) fn tensor_at(torques: &[Torque], body: usize, initial: InertiaTensor,
     torques.iter().fold(initial, |tensor, torque| torque.tensor_at(body, tensor, time))
 }
 
-/// By how much faster a body may come to turn as its moments change; 1 where they do not.
-pub(crate) fn spin_growth(torques: &[Torque], body: usize, initial: &InertiaTensor) -> f64 {
+/// By how much faster a body may come to turn within a span (s) as its moments change; 1 where they do not.
+pub(crate) fn spin_growth(torques: &[Torque], body: usize, initial: &InertiaTensor, span: f64) -> f64 {
     let change = torques.iter().find_map(Torque::inertia_change);
-    change.map_or(1.0, |(model, values)| model.spin_growth(values, body, initial))
+    change.map_or(1.0, |(model, values)| model.spin_growth(values, body, initial, span))
 }
 
 /// The greatest r′(u), 12012/4096, rounded up.
@@ -369,18 +371,38 @@ pub struct Changed<R> {
 /// at the ends, however the division rounds.
 #[inline(always)]
 pub fn changed_body<R: Real>(body: &Body<R>, change: &Change<R>, done: R) -> Changed<R> {
-    let one = R::splat(1.0);
-    let unfinished = done.less_than(one);
-    let share = change.share(done);
-    let share = Vector::new(
-        R::select(unfinished, share.x, one),
-        R::select(unfinished, share.y, one),
-        R::select(unfinished, share.z, one),
-    );
-    changed_by(body, change, share)
+    changed_by(body, change, change.share_at(done))
 }
 
 impl<R: Real> Change<R> {
+    /// What an instance's columns say.
+    #[inline(always)]
+    pub(crate) fn of_row(row: &impl Row<R>) -> Self {
+        Self { kappa: row.vector(0), difference: TwoWords { value: row.vector(3), residue: row.vector(6) } }
+    }
+
+    /// As [`Change::share`], and 1 at the end exactly.
+    #[inline(always)]
+    fn share_at(&self, done: R) -> Vector<R> {
+        let one = R::splat(1.0);
+        let unfinished = done.less_than(one);
+        let share = self.share(done);
+        Vector::new(
+            R::select(unfinished, share.x, one),
+            R::select(unfinished, share.y, one),
+            R::select(unfinished, share.z, one),
+        )
+    }
+
+    /// I/I₀, axis by axis, where the shares of the reciprocal moments' changes are these.
+    #[inline(always)]
+    pub(crate) fn moment_ratio(&self, share: Vector<R>) -> Vector<R> {
+        let one = R::splat(1.0);
+        let ones = Vector::new(one, one, one);
+        let ratio = (self.kappa - ones).mul_add(share, ones);
+        Vector::new(one / ratio.x, one / ratio.y, one / ratio.z)
+    }
+
     /// The part of each reciprocal moment's change that is done with the part `done` of the moments'; 1 at the end up to rounding.
     #[inline(always)]
     fn share(&self, done: R) -> Vector<R> {
@@ -415,28 +437,61 @@ fn changed_by<R: Real>(body: &Body<R>, change: &Change<R>, share: Vector<R>) -> 
     Changed { body: Body::new(inverse), ratio }
 }
 
-/// How a body turns at an angular momentum m with the part s = `done` of its change; `correction` is the initial body's.
+/// How far the moments have changed at a time.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ChangeAt<R> {
+    /// The part of each reciprocal moment's change that is done.
+    pub share: Vector<R>,
+    /// What the differences I₃ − I₂, I₁ − I₃, I₂ − I₁ have gained.
+    pub gained: Vector<R>,
+}
+
+impl<R: Real> ChangeAt<R> {
+    /// Nothing.
+    #[inline(always)]
+    pub fn none() -> Self {
+        Self { share: Vector::zero(), gained: Vector::zero() }
+    }
+
+    /// With the part s = `done` of a change by a law.
+    #[inline(always)]
+    pub fn by_law(row: &impl Row<R>, done: R) -> Self {
+        Self { share: Change::of_row(row).share_at(done), gained: row.vector(9) * done }
+    }
+
+    /// The same for series: without a decision whether the change is at its end, which rounding could take long before it is, as a ramp
+    /// ends smoothly.
+    pub fn smoothly_by_law(row: &impl Row<R>, done: R) -> Self {
+        Self { share: Change::of_row(row).share(done), gained: row.vector(9) * done }
+    }
+
+    /// By a formula that gives the shares ([`super::custom_inertia`]).
+    #[inline(always)]
+    pub fn by_formula(row: &impl Row<R>, share: Vector<R>) -> Self {
+        Self { share, gained: gained_differences(row.vector(9), share) }
+    }
+}
+
+/// What the differences of moments I₀ gain where their reciprocals gain the parts `share` of themselves: I − I₀ = −I₀ σ/(1 + σ).
+#[inline(always)]
+pub fn gained_differences<R: Real>(moments: Vector<R>, share: Vector<R>) -> Vector<R> {
+    let one = R::splat(1.0);
+    let lost = moments.scaled_by(share);
+    let lost = Vector::new(lost.x / (one + share.x), lost.y / (one + share.y), lost.z / (one + share.z));
+    Vector::new(lost.y - lost.z, lost.z - lost.x, lost.x - lost.y)
+}
+
+/// How a body turns at an angular momentum m with these shares of its change; `correction` is the initial body's.
 #[inline(always)]
 pub(crate) fn changed_motion<R: Real>(
     body: &Body<R>,
     change: &Change<R>,
-    done: R,
+    share: Vector<R>,
     correction: &Correction<R>,
     m: Vector<R>,
 ) -> Motion<R> {
-    motion_of(&changed_body(body, change, done), body, correction, m)
-}
-
-/// The same for series: without a decision whether the change is at its end, which rounding could take long before it is, as a ramp ends
-/// smoothly.
-pub(crate) fn smoothly_changed_motion<R: Real>(body: &Body<R>, change: &Change<R>, done: R, m: Vector<R>) -> Motion<R> {
-    motion_of(&changed_by(body, change, change.share(done)), body, &Correction::none(), m)
-}
-
-#[inline(always)]
-fn motion_of<R: Real>(changed: &Changed<R>, body: &Body<R>, correction: &Correction<R>, m: Vector<R>) -> Motion<R> {
-    let Changed { body: changed, ratio } = changed;
-    let correction = changed.carried_correction(body, correction, *ratio, m);
+    let Changed { body: changed, ratio } = changed_by(body, change, share);
+    let correction = changed.carried_correction(body, correction, ratio, m);
     Motion {
         angular_velocity: changed.angular_velocity(m, &correction),
         gyroscopic_term: changed.gyroscopic_term(m, &correction),

@@ -143,6 +143,27 @@ fn satellites_that_run_out_booms_keep_their_angular_momentum_and_slow_down() {
 }
 
 #[test]
+fn satellites_that_run_out_wires_slow_down_as_their_moments_grow() {
+    let workspace = run_example("wire_booms");
+    let (first, last) =
+        (States::read(&workspace.path("out/initial.csv")), States::read(&workspace.path("out/final.csv")));
+    for body in 0..500 {
+        let parameter = |name: &str| first.column(&format!("torque[1].{name}"))[body];
+        // 2 m ((R + l)² − R²) of each pair.
+        let out = |length: f64| 2.0 * 0.08 * ((0.45 + length).powi(2) - 0.45 * 0.45);
+        let (x, y) = (out(parameter("length_x")), out(parameter("length_y")));
+        let moments = DVec3::new(18.0 + y, 20.0 + x, 26.0 + x + y);
+        let omega = last.vector(["wx", "wy", "wz"], body);
+        let before = DVec3::new(18.0, 20.0, 26.0) * first.vector(["wx", "wy", "wz"], body);
+        let after = moments * omega;
+        assert!((after.length() / before.length() - 1.0).abs() < 1e-6, "body {body}: {after} after {before}");
+        let slower = omega.z / first.vector(["wx", "wy", "wz"], body).z;
+        // Nutation takes 2e-4 of it.
+        assert!((slower * moments.z / 26.0 - 1.0).abs() < 1e-3, "body {body}: {slower}");
+    }
+}
+
+#[test]
 fn a_stuck_thruster_pushes_a_tumbling_stage_less_than_a_steady_one() {
     let states = States::read(&run_example("thruster").path("out/snapshots.csv"));
     // Without drag or turning, 400 N on 1400 kg come to 34 m/s in 120 s. Weight and thrust together reach √((Mg + F)/C), 154 m/s,

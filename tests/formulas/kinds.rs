@@ -12,6 +12,7 @@ use polhode::engine::{Backend, Engine, unobserved};
 use polhode::kernel::torque_kernel::VelocityDependence;
 use polhode::math::Precision;
 use polhode::scene::AdaptiveSteps;
+use polhode::torque::Parameters;
 use polhode::torque::Torque;
 use polhode::torque::variable_inertia::{InertiaChange, Law};
 
@@ -41,14 +42,18 @@ fn column(bodies: usize, first: f64, last: f64) -> Vec<f64> {
 }
 
 /// Moments that change, for all bodies alike and for each in its own way.
-fn changes(bodies: usize) -> [Torque; 3] {
+fn changes(bodies: usize) -> [Torque; 4] {
     let column = |first, last| column(bodies, first, last);
-    [
+    let [ramp, own_ramp, oscillation] = [
         (InertiaChange::factor(0.6), Law::ramp(0.1, 0.5)),
         (InertiaChange::factor(column(0.5, 2.0)), Law::ramp(column(0.0, 0.6), column(0.2, 1.0))),
         (InertiaChange::factor(column(0.5, 2.0)), Law::oscillation(column(-3.0, 3.0))),
     ]
-    .map(|(change, law)| Torque::variable_inertia(change, law))
+    .map(|(change, law)| Torque::variable_inertia(change, law));
+    let parameters = Parameters::new().number("w", column(-3.0, 3.0)).and_then(|of| of.number("a", column(0.1, 0.6)));
+    let text = "1 + a * sin(w * time) * time / (1 + time)";
+    let formula = Torque::custom_inertia_factor(text, parameters.expect("names")).expect("a formula");
+    [ramp, own_ramp, oscillation, formula]
 }
 
 /// Every torque alone, and all of them with and without moments that change.

@@ -15,6 +15,7 @@ use polhode::math::Precision;
 use polhode::math::clock::{Clock, Fraction, Ticks, digits, phase_after, phases_at};
 use polhode::math::real::Scalar;
 use polhode::math::vector::{TwoWords, Vector};
+use polhode::torque::Parameters;
 use polhode::torque::Torque;
 use polhode::torque::twin::twins;
 use polhode::torque::variable_inertia::{Change, InertiaChange, Law, changed_body};
@@ -140,6 +141,18 @@ fn cases<T: Scalar>() -> Vec<Case<T>> {
             },
             ulps: MORE_ROUNDINGS,
         },
+        // A sum, as differences cancel.
+        case(
+            "gained_differences",
+            "put_v(0u, gained_differences(vector(1.0, 1.0, 1.0) + 0.5 * v(9u), 0.5 * v(12u)) + vector(4.0, 4.0, 4.0));",
+            FEW_ROUNDINGS,
+            |row| {
+                let number = |x: f64| T::from_f64(x);
+                let all = |x: f64| Vector::new(number(x), number(x), number(x));
+                let (moments, share) = (all(1.0) + vector(row, 9) * number(0.5), vector(row, 12) * number(0.5));
+                v_out(variable_inertia::gained_differences(moments, share) + all(4.0))
+            },
+        ),
         Case {
             name: "eccentric_anomaly",
             line: "let e = eccentric_anomaly(r(7u) * TAU, r(8u)); put_r(0u, e.sin); put_r(1u, e.cos);",
@@ -224,6 +237,8 @@ fn every_torque_of_the_shaders_is_compared() {
         "arctangent_series",
         "artanh_series",
         "fraction_of_word",
+        "change_share",
+        "changed_by",
     ];
     // Recorded texts are compared kind by kind in torque_texts.rs, functions of formulas in parity.rs.
     let twins = twins();
@@ -404,6 +419,16 @@ fn oscillation() -> Torque {
     Torque::variable_inertia(InertiaChange::factor(column(0.5, 2.0)), Law::oscillation(column(-3.0, 3.0)))
 }
 
+/// By a formula, which reads the time itself and a phase.
+fn formula() -> Torque {
+    let column = |first: f64, last: f64| -> Vec<f64> {
+        (0..BODIES).map(|body| first + (last - first) * body as f64 / BODIES as f64).collect()
+    };
+    let parameters = Parameters::new().number("w", column(-3.0, 3.0)).and_then(|of| of.number("a", column(0.1, 0.6)));
+    let text = "1 + a * sin(w * time) * time / (1 + time)";
+    Torque::custom_inertia_factor(text, parameters.expect("names")).expect("a formula")
+}
+
 #[test]
 fn steps_under_each_torque_and_under_all_of_them_agree_with_the_twin() {
     let gpu = common::gpu();
@@ -452,7 +477,7 @@ fn scenes(seed: u64) -> Vec<(String, Vec<Torque>)> {
     let mut scenes: Vec<(String, Vec<Torque>)> =
         all.iter().map(|torque| (torque.name().to_owned(), vec![torque.clone()])).collect();
     scenes.push(("all".into(), all.clone()));
-    for (name, change) in [("ramp", ramp()), ("oscillation", oscillation())] {
+    for (name, change) in [("ramp", ramp()), ("oscillation", oscillation()), ("formula", formula())] {
         scenes.push((name.into(), vec![change.clone()]));
         scenes.push(("all while moments change".into(), [all.clone(), vec![change]].concat()));
     }
@@ -464,7 +489,7 @@ fn scenes(seed: u64) -> Vec<(String, Vec<Torque>)> {
 fn lanes_agree_with_the_scalar_twin_under_every_torque() {
     let all = every_torque(&middle_moments(BODIES, 12));
     for precision in Precision::ALL {
-        for change in [ramp(), oscillation()] {
+        for change in [ramp(), oscillation(), formula()] {
             let torques = [all.clone(), vec![change]].concat();
             compared(&Engine::cpu(), &torques, precision, 50)
                 .unwrap_or_else(|mismatch| panic!("{precision}: {mismatch}"));

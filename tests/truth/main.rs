@@ -6,6 +6,7 @@ mod common;
 mod conservation;
 mod convergence;
 mod convergence_methods;
+mod custom_inertia;
 mod derivation;
 mod elementary;
 mod events;

@@ -35,13 +35,17 @@ fn column(first: f64, last: f64) -> Vec<f64> {
 }
 
 /// Moments that change, for all bodies alike and for each in its own way.
-fn changes() -> [Torque; 3] {
-    [
+fn changes() -> [Torque; 4] {
+    let [ramp, own_ramp, oscillation] = [
         (InertiaChange::factor(0.6), Law::ramp(0.4, 1.5)),
         (InertiaChange::factor(column(0.5, 2.0)), Law::ramp(column(0.0, 1.2), column(0.5, 3.0))),
         (InertiaChange::factor(column(0.5, 2.0)), Law::oscillation(column(-3.0, 3.0))),
     ]
-    .map(|(change, law)| Torque::variable_inertia(change, law))
+    .map(|(change, law)| Torque::variable_inertia(change, law));
+    let parameters = Parameters::new().number("w", column(-3.0, 3.0)).and_then(|of| of.number("a", column(0.1, 0.6)));
+    let text = "1 + a * sin(w * time) * time / (1 + time)";
+    let formula = Torque::custom_inertia_factor(text, parameters.expect("names")).expect("a formula");
+    [ramp, own_ramp, oscillation, formula]
 }
 
 /// Every torque alone, what users write, and all together with moments that change. The logarithmic spring jumps at half a turn, where

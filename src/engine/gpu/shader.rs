@@ -76,6 +76,7 @@ fn torque_constants(torques: &TorqueTable) -> Constants {
         Kind::InternalDissipation,
         Kind::InertiaRamp,
         Kind::InertiaOscillation,
+        Kind::InertiaFormula,
     ];
     for kind in asked {
         let instances = torques.instances(kind);
@@ -235,10 +236,11 @@ impl Source {
     /// The chunks of a table's torques and their sum. They read columns by `parameter_at`; the chunk behind them forms times.
     pub fn torques_of(precision: Precision, torques: &TorqueTable) -> Vec<Chunk> {
         let has = |kind: Kind| torques.instances(kind).count > 0;
-        let mut chunks = Self::torque_functions(precision, has(Kind::LogSpring) || has(Kind::Custom));
+        let has_formulas = has(Kind::Custom) || has(Kind::InertiaFormula);
+        let mut chunks = Self::torque_functions(precision, has(Kind::LogSpring) || has_formulas);
         chunks.extend(torque_shader::functions(has).into_iter().map(recorded_chunk));
         chunks.push(chunk!("torque/sum.wgsl"));
-        if has(Kind::Custom) {
+        if has_formulas {
             // Text that says so does not compile, and the compiler's message repeats it.
             let text = torque_shader::custom_functions(torques).unwrap_or_else(|error| format!("formula: {error}\n"));
             chunks.push(recorded_chunk(("torque/custom.wgsl", text)));

@@ -11,9 +11,9 @@ use crate::expression::jet::Lowered;
 use crate::kernel::method::taylor::order_of;
 use crate::math::Precision;
 use crate::plan::{Scheme, SkipName};
+use crate::torque::Torque;
 use crate::torque::motion::RecordedMotion;
 use crate::torque::table::{Bodies, TorqueTable};
-use crate::torque::{Kind, Torque};
 
 /// Time of an operation of a torque, s, in one lane of `f32` and `f64` of a core with AVX-512: in equal steps, where bodies share the time, and
 /// in steps of their own. Steps of `rk8` of heavy tops, of gravity gradients and of *orbit* (DESIGN 8.4) are met within 15 %.
@@ -45,7 +45,7 @@ impl Work {
             RecordedMotion::new(&TorqueTable::new(torques, parameter_columns::<f64>(), 0, 0.0, bodies)).ok()
         };
         let own = recorded(torques);
-        let compiled: Vec<Torque> = torques.iter().filter(|torque| torque.kind() != Kind::Custom).cloned().collect();
+        let compiled: Vec<Torque> = torques.iter().filter(|torque| !torque.is_expressed()).cloned().collect();
         let all = own.as_ref().map_or(0.0, RecordedMotion::operations);
         let interpreted = match compiled.len() < torques.len() {
             true => all - recorded(&compiled).map_or(0.0, |motion| motion.operations()),

@@ -7,7 +7,7 @@ use crate::math::clock::{Clock, Fraction, MOST_LANES, Ticks, phases_at, seconds_
 use crate::math::real::{Outlined, Real, Scalar};
 use crate::math::vector::{TwoWords, Vector};
 use crate::torque::variable_inertia::ticks_since;
-use crate::torque::{Kind, PER_TICK, TorqueTable};
+use crate::torque::{PER_TICK, TorqueTable};
 
 /// Where the lane groups of a batch find their bodies and torques, and the time.
 #[derive(Clone, Copy, Debug)]
@@ -26,8 +26,10 @@ impl<T: Scalar> Source<'_, T> {
     /// Room for what a lane group needs beside its columns.
     #[inline(always)]
     pub fn workspace<R: Real<Scalar = T>>(&self) -> Workspace<R> {
-        let expressed = self.table.list().iter().filter(|instance| instance.kind == Kind::Custom);
-        let scratches = expressed.map(|instance| Scratch::new(&self.table.expressed(instance.index).whole.program));
+        let expressions = self.table.expressions().iter();
+        let slopes = self.table.formula_of_moments().map(|formula| &formula.slopes.program);
+        let programs = expressions.map(|expressed| &expressed.whole.program).chain(slopes);
+        let scratches = programs.map(Scratch::new);
         Workspace {
             start_phases: vec![Cell::new(R::splat(0.0)); self.table.start_places()],
             scratches: RefCell::new(scratches.collect()),
@@ -54,7 +56,7 @@ impl<T: Scalar> Source<'_, T> {
 pub(crate) struct Workspace<R: Real> {
     /// Phases at the start of a step, by number; behind them the time, where it is read.
     start_phases: Vec<Cell<R>>,
-    /// Of expressions, by instance.
+    /// Of expressions, in the order of the table; behind them that of the rates of the moments, where these have a formula.
     scratches: RefCell<Vec<Scratch<R, 1>>>,
 }
 

@@ -1,15 +1,16 @@
 //! How bodies turn under what changes them: internal dissipation and moments of inertia that change in time.
 
-use super::{Epoch, Instance, Time, Torques};
+use super::{Epoch, Instance, InstanceRow, Instructions, Time, Torques};
 use crate::bodies::columns::RATE_COLUMN;
 use crate::kernel::rigid_body::{Body, Correction};
 use crate::kernel::torque_kernel::Motion;
+use crate::math::quaternion::Quaternion;
 use crate::math::real::{Outlined, Real};
-use crate::math::vector::{TwoWords, Vector};
+use crate::math::vector::Vector;
 use crate::torque::Kind;
 use crate::torque::internal_dissipation::internal_dissipation;
 use crate::torque::variable_inertia::{
-    Change, changed_motion, inertia_oscillation, inertia_ramp, oscillation_slope, ramp_progress, ramp_slope,
+    Change, ChangeAt, changed_motion, inertia_oscillation, inertia_ramp, oscillation_slope, ramp_progress, ramp_slope,
 };
 
 impl<'a, R: Real> Torques<'a, R> {
@@ -21,62 +22,89 @@ impl<'a, R: Real> Torques<'a, R> {
         (ramp_progress(start, rate, time.elapsed), rate)
     }
 
-    /// The part of the change of the moments of inertia that is done.
+    /// How far the moments of inertia have changed.
     #[inline(always)]
-    fn change_done(&self, time: &Time<'a, R>) -> R {
+    fn change_at(&self, time: &Time<'a, R>) -> ChangeAt<R> {
         let table = self.columns.source.table;
-        match (table.instance(Kind::InertiaRamp), table.instance(Kind::InertiaOscillation)) {
-            (Some(ramp), _) => inertia_ramp(self.progress(ramp, time).0),
-            (None, Some(oscillation)) => inertia_oscillation(self.phase(oscillation, 0, time)),
-            (None, None) => R::splat(0.0),
+        let Some(change) = table.change() else { return ChangeAt::none() };
+        let row = self.row(change);
+        match change.kind {
+            Kind::InertiaRamp => ChangeAt::by_law(&row, inertia_ramp(self.progress(change, time).0)),
+            Kind::InertiaOscillation => ChangeAt::by_law(&row, inertia_oscillation(self.phase(change, 0, time))),
+            _ => {
+                let Some(formula) = table.formula_of_moments() else { return ChangeAt::none() };
+                // Its memory is that behind those of the torques.
+                let scratch = table.expressions().len() - 1;
+                ChangeAt::by_formula(&row, self.of_time(&formula.whole, scratch, change, time))
+            }
         }
     }
 
-    /// Its derivative by time, 1/s.
+    /// The derivatives of the principal moments by time, in units of the body's own scale and per second.
     #[inline(always)]
-    fn change_rate(&self, time: &Time<'a, R>) -> R {
+    fn moment_rates(&self, time: &Time<'a, R>, body: &Body<R>, share: Vector<R>) -> Vector<R> {
         let table = self.columns.source.table;
-        match (table.instance(Kind::InertiaRamp), table.instance(Kind::InertiaOscillation)) {
-            (Some(ramp), _) => {
-                let (progress, rate) = self.progress(ramp, time);
+        let Some(change) = table.change() else { return Vector::zero() };
+        let (one, inverse) = (R::splat(1.0), body.inverse_moments.value);
+        let rate_of_law = match change.kind {
+            Kind::InertiaRamp => {
+                let (progress, rate) = self.progress(change, time);
                 ramp_slope(progress) * rate
             }
-            (None, Some(oscillation)) => {
-                let rate = self.columns.column(oscillation.rate_column(0));
-                oscillation_slope(self.phase(oscillation, 0, time)) * rate
+            Kind::InertiaOscillation => {
+                let rate = self.columns.column(change.rate_column(0));
+                oscillation_slope(self.phase(change, 0, time)) * rate
             }
-            (None, None) => R::splat(0.0),
-        }
+            _ => {
+                let Some(formula) = table.formula_of_moments() else { return Vector::zero() };
+                let slopes = self.of_time(&formula.slopes, table.expressions().len(), change, time);
+                // I = I₀/(1 + σ).
+                let rate = |slope: R, share: R, inverse: R| slope / ((one + share) * inverse);
+                return Vector::new(
+                    rate(slopes.x, share.x, inverse.x),
+                    rate(slopes.y, share.y, inverse.y),
+                    rate(slopes.z, share.z, inverse.z),
+                );
+            }
+        };
+        // I₁ − I₀ = I₀ (1/κ − 1).
+        let kappa = self.change().kappa;
+        let difference = |kappa: R, inverse: R| (one / kappa - one) / inverse;
+        Vector::new(difference(kappa.x, inverse.x), difference(kappa.y, inverse.y), difference(kappa.z, inverse.z))
+            * rate_of_law
     }
 
-    /// Its first column.
+    /// The results of a formula of the time alone.
     #[inline(always)]
-    pub(super) fn change_first(&self) -> usize {
-        let ramp = self.columns.source.table.instances(Kind::InertiaRamp);
-        if ramp.count > 0 { ramp.first } else { self.columns.source.table.instances(Kind::InertiaOscillation).first }
+    fn of_time(&self, formula: &Instructions, scratch: usize, change: &Instance, time: &Time<'a, R>) -> Vector<R> {
+        let zero = R::splat(0.0);
+        let state = (Quaternion::new(zero, zero, zero, zero), Vector::zero(), Vector::zero());
+        self.evaluated(formula, scratch, change, time, state)
     }
 
-    /// What the columns say of the change.
     #[inline(always)]
-    fn change(&self) -> Change<R> {
-        let first = self.change_first();
-        Change {
-            kappa: self.columns.vector(first),
-            difference: TwoWords { value: self.columns.vector(first + 3), residue: self.columns.vector(first + 6) },
-        }
+    fn row(&self, instance: &Instance) -> InstanceRow<'_, 'a, R> {
+        InstanceRow { columns: &self.columns, first: instance.first }
+    }
+
+    /// What the columns say of the change; nothing is asked for where there is none.
+    #[inline(always)]
+    pub(super) fn change(&self) -> Change<R> {
+        let first = self.columns.source.table.change().map_or(0, |change| change.first);
+        Change::of_row(&InstanceRow { columns: &self.columns, first })
     }
 
     /// The motion of a body that is not rigid, and ω = I⁻¹ m.
     #[inline(always)]
     pub(crate) fn turning(
         &self,
-        change_done: R,
+        share: Vector<R>,
         body: &Body<R>,
         correction: &Correction<R>,
         m: Vector<R>,
     ) -> Turning<R> {
         let mut motion = if self.columns.source.table.varies_inertia() {
-            changed_motion(body, &self.change(), change_done, correction, m)
+            changed_motion(body, &self.change(), share, correction, m)
         } else {
             let angular_velocity = body.angular_velocity(m, correction);
             Motion { angular_velocity, gyroscopic_term: body.gyroscopic_term(m, correction) }
@@ -106,7 +134,7 @@ impl<'a, R: Real> Torques<'a, R> {
             let gyroscopic_term = body.gyroscopic_term(m, correction);
             return Turning { motion: Motion { angular_velocity, gyroscopic_term }, angular_velocity };
         }
-        R::outlined(Turn { torques: self, change_done: epoch.change_done, body, correction, m: &m })
+        R::outlined(Turn { torques: self, share: &epoch.change.share, body, correction, m: &m })
     }
 
     /// The power of what changes the moments, −½ ω·(dI/dt) ω, at ω = I⁻¹ m, in units of the body's own scale.
@@ -129,7 +157,7 @@ pub(crate) struct Turning<R> {
 /// [`Torques::turning`] as a function of its own.
 struct Turn<'s, 'a, R: Real> {
     torques: &'s Torques<'a, R>,
-    change_done: R,
+    share: &'s Vector<R>,
     body: &'s Body<R>,
     correction: &'s Correction<R>,
     m: &'s Vector<R>,
@@ -139,21 +167,21 @@ impl<R: Real> Outlined for Turn<'_, '_, R> {
     type Output = Turning<R>;
     #[inline(always)]
     fn run(self) -> Turning<R> {
-        self.torques.turning(self.change_done, self.body, self.correction, *self.m)
+        self.torques.turning(*self.share, self.body, self.correction, *self.m)
     }
 }
 
-/// [`Torques::change_done`] as a function of its own.
-pub(super) struct ChangeDone<'s, 'a, R: Real> {
+/// [`Torques::change_at`] as a function of its own.
+pub(super) struct ChangeOf<'s, 'a, R: Real> {
     pub torques: &'s Torques<'a, R>,
     pub time: &'s Time<'a, R>,
 }
 
-impl<R: Real> Outlined for ChangeDone<'_, '_, R> {
-    type Output = R;
+impl<R: Real> Outlined for ChangeOf<'_, '_, R> {
+    type Output = ChangeAt<R>;
     #[inline(always)]
-    fn run(self) -> R {
-        self.torques.change_done(self.time)
+    fn run(self) -> ChangeAt<R> {
+        self.torques.change_at(self.time)
     }
 }
 
@@ -169,14 +197,8 @@ impl<R: Real> Outlined for ChangePower<'_, '_, R> {
     type Output = R;
     #[inline(always)]
     fn run(self) -> R {
-        let kappa = self.torques.change().kappa;
-        let (one, inverse) = (R::splat(1.0), self.body.inverse_moments.value);
-        // (I₁ − I₀) = I₀ (1/κ − 1).
-        let difference = |kappa: R, inverse: R| (one / kappa - one) / inverse;
-        let differences =
-            Vector::new(difference(kappa.x, inverse.x), difference(kappa.y, inverse.y), difference(kappa.z, inverse.z));
+        let rates = self.torques.moment_rates(&self.epoch.time, self.body, self.epoch.change.share);
         let omega = *self.angular_velocity;
-        let rate = self.torques.change_rate(&self.epoch.time) / self.torques.columns.column(RATE_COLUMN);
-        R::splat(-0.5) * rate * omega.dot(differences.scaled_by(omega))
+        R::splat(-0.5) * omega.dot(rates.scaled_by(omega)) / self.torques.columns.column(RATE_COLUMN)
     }
 }

@@ -52,9 +52,16 @@ impl<'a, R: Real> TileExpression<'a, R> {
         }
     }
 
-    /// Forms what follows from the time; behind the phases' starts stands that of the time itself, where it is read.
+    /// Forms what follows from the time; behind the phases' starts stands that of the time itself, where it is read. `ratios` are those of
+    /// the moments, where they change.
     #[inline(always)]
-    pub fn form_epoch(&mut self, starts: &[Each<R>], rates: &[Each<R>], elapsed: &Each<R>) {
+    pub fn form_epoch(
+        &mut self,
+        starts: &[Each<R>],
+        rates: &[Each<R>],
+        elapsed: &Each<R>,
+        ratios: Option<&[Each<R>; 3]>,
+    ) {
         let Expressed { epoch, torque, .. } = self.expressed;
         for (instructions, scratch) in [(epoch, &mut self.epoch), (torque, &mut self.torque)] {
             for (index, given) in instructions.inputs.iter().enumerate() {
@@ -69,6 +76,11 @@ impl<'a, R: Real> TileExpression<'a, R> {
                         let start = &starts[rates.len()];
                         for (group, number) in scratch.input(index).iter_mut().enumerate() {
                             *number = start[group] + elapsed[group];
+                        }
+                    }
+                    Given::MomentRatio(axis) => {
+                        if let Some(ratios) = ratios {
+                            *scratch.input(index) = ratios[axis];
                         }
                     }
                     _ => {}

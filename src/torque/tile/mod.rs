@@ -15,7 +15,7 @@ use super::kind::Kind;
 use super::linear_rotor::across_axis;
 use super::sum::{Columns, Source, StepTime, Torques, ticks_from};
 use super::table::Instance;
-use super::variable_inertia::ramp_progress;
+use super::variable_inertia::{Change, ChangeAt, ramp_progress};
 use crate::bodies::columns::RATE_COLUMN;
 use crate::kernel::rigid_body::{Body, Correction};
 use crate::kernel::torque_kernel::Motion;
@@ -61,8 +61,19 @@ pub(crate) struct TileTorques<'a, R: Real> {
     /// Torques that are expressions, and the sum of them, component by component.
     expressions: Vec<TileExpression<'a, R>>,
     sums: [Each<R>; 3],
-    /// Where the moments change: by how much their differences do, and the index of the instance.
-    change: Option<(Each<Vector<R>>, usize)>,
+    /// Where the moments change.
+    change: Option<TileChange<'a, R>>,
+}
+
+/// How the moments of the bodies of a tile change.
+struct TileChange<'a, R: Real> {
+    /// The index of the instance.
+    index: usize,
+    /// The formula of the shares, where it is data.
+    formula: Option<TileExpression<'a, R>>,
+    at: Each<ChangeAt<R>>,
+    /// I/I₀, axis by axis, where torques that are expressions read the moments.
+    ratios: [Each<R>; 3],
 }
 
 impl<'a, R: Real> TileTorques<'a, R> {
@@ -72,10 +83,22 @@ impl<'a, R: Real> TileTorques<'a, R> {
         let mut instances = Vec::new();
         let (mut parameters, mut phases) = (0, 0);
         let mut expressions = Vec::new();
+        let mut change = None;
         for &Instance { kind, index, parameters: own, phases: own_phases, .. } in source.table.list() {
             instances.push(TileInstance { kind, first: parameters, first_phase: phases, is_shared: false });
             if kind.role() == Role::Expression {
                 expressions.push(TileExpression::new(source.table.expressed(index), parameters, phases));
+            }
+            if kind.role() == Role::Moments {
+                let formula = source.table.formula_of_moments();
+                let formula = formula.map(|of| TileExpression::new(of, parameters + kind.parameters(), phases));
+                let at = Each([ChangeAt::none(); GROUPS]);
+                change = Some(TileChange {
+                    index: instances.len() - 1,
+                    formula,
+                    at,
+                    ratios: [Each([R::splat(1.0); GROUPS]); 3],
+                });
             }
             parameters += own;
             phases += own_phases;
@@ -96,7 +119,7 @@ impl<'a, R: Real> TileTorques<'a, R> {
             noise: Each([Vector::zero(); GROUPS]),
             scale: Each([R::splat(1.0); GROUPS]),
             seconds: Each([R::splat(1.0); GROUPS]),
-            change: None,
+            change,
         }
     }
 
@@ -247,10 +270,9 @@ impl<R: Real> FormulaTask for Added<'_, '_, R> {
             Role::Projection => across_axis(row.number(0), sum),
             Role::Torque => {
                 if F::FOLLOWS_MOMENTS
-                    && let Some((gained, index)) = &torques.change
+                    && let Some(change) = &torques.change
                 {
-                    let done = torques.epochs[*index][group].number;
-                    let following = Following { row: &row, gained: gained[group], done };
+                    let following = Following { row: &row, gained: change.at[group].gained };
                     return sum + F::torque(&following, &self.epochs[group], q, omega);
                 }
                 sum + F::torque(&row, &self.epochs[group], q, omega)
@@ -275,8 +297,8 @@ impl<R: Real> Outlined for Turn<'_, '_, R> {
     #[inline(always)]
     fn run(self) -> Motion<R> {
         let Self { torques, group, .. } = self;
-        let done = torques.change.map_or(R::splat(0.0), |(_, index)| torques.epochs[index][group % GROUPS].number);
-        Torques::new(torques.columns(group)).turning(done, self.body, self.correction, *self.m).motion
+        let share = torques.change.as_ref().map_or(Vector::zero(), |change| change.at[group % GROUPS].share);
+        Torques::new(torques.columns(group)).turning(share, self.body, self.correction, *self.m).motion
     }
 }
 
@@ -316,7 +338,6 @@ impl<R: Real> Outlined for Load<'_, '_, R> {
         let Self { torques, groups } = self;
         let source = torques.source;
         let (table, stride) = (source.table, source.stride);
-        let zero = R::splat(0.0);
         for group in groups.clone() {
             torques.scale[group] = gathered(&source.parameters[RATE_COLUMN * stride..], &torques.rows[group]);
         }
@@ -345,15 +366,8 @@ impl<R: Real> Outlined for Load<'_, '_, R> {
         for expression in &mut torques.expressions {
             expression.load(&torques.parameters);
         }
-        let moments = torques.instances.iter().position(|instance| instance.kind.role() == Role::Moments);
-        if let Some(index) = moments {
-            let first = torques.instances[index].first + 9;
-            let mut gained = torques.change.map_or(Each([Vector::new(zero, zero, zero); GROUPS]), |(gained, _)| gained);
-            for group in groups {
-                let [x, y, z, ..] = &torques.parameters[first..] else { continue };
-                gained[group] = Vector::new(x[group], y[group], z[group]);
-            }
-            torques.change = Some((gained, index));
+        if let Some(formula) = torques.change.as_mut().and_then(|change| change.formula.as_mut()) {
+            formula.load(&torques.parameters);
         }
     }
 }
@@ -404,10 +418,7 @@ impl<R: Real> Outlined for Start<'_, '_, R> {
                     columns.ticks(StepTime::Own(&time))
                 }
             };
-            let per_tick = match torques.change {
-                Some((_, index)) => torques.instances[index].first + PER_TICK,
-                None => 0,
-            };
+            let per_tick = torques.change.as_ref().map_or(0, |change| torques.instances[change.index].first + PER_TICK);
             for (number, phase) in torques.starts.iter_mut().enumerate() {
                 let is_ramp = torques.change.is_some() && source.table.ramp_of(number).is_some();
                 let per_tick = if is_ramp { Some(torques.parameters[per_tick][group]) } else { None };
@@ -454,9 +465,6 @@ impl<R: Real> Outlined for At<'_, '_, R> {
             let group = group % GROUPS;
             torques.elapsed[group] = elapsed[group] * torques.seconds[group];
         }
-        for expression in &mut torques.expressions {
-            expression.form_epoch(&torques.starts, &torques.rates, &torques.elapsed);
-        }
         let elapsed = &torques.elapsed;
         for (index, instance) in torques.instances.iter().enumerate() {
             instance.kind.with(EpochOf {
@@ -468,6 +476,36 @@ impl<R: Real> Outlined for At<'_, '_, R> {
                 elapsed,
                 active,
             });
+        }
+        let mut ratios = None;
+        if let Some(change) = &mut torques.change {
+            let rows = &torques.parameters[torques.instances[change.index].first..];
+            let mut shares = [Each([R::splat(0.0); GROUPS]); 3];
+            if let Some(formula) = &mut change.formula {
+                formula.form_epoch(&torques.starts, &torques.rates, elapsed, None);
+                formula.add(&mut shares);
+            }
+            for &group in active {
+                let group = group % GROUPS;
+                let row = TileRow { rows, group };
+                let at = match change.formula {
+                    Some(_) => {
+                        let share = Vector::new(shares[0][group], shares[1][group], shares[2][group]);
+                        ChangeAt::by_formula(&row, share)
+                    }
+                    None => ChangeAt::by_law(&row, torques.epochs[change.index][group].number),
+                };
+                change.at[group] = at;
+                if !torques.expressions.is_empty() {
+                    let ratio = Change::of_row(&row).moment_ratio(at.share);
+                    [change.ratios[0][group], change.ratios[1][group], change.ratios[2][group]] =
+                        [ratio.x, ratio.y, ratio.z];
+                }
+            }
+            ratios = Some(&change.ratios);
+        }
+        for expression in &mut torques.expressions {
+            expression.form_epoch(&torques.starts, &torques.rates, &torques.elapsed, ratios);
         }
     }
 }

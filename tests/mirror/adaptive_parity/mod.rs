@@ -102,8 +102,8 @@ fn time_is_carried_in_two_words_to_the_bit() {
 
 /// What `torque/own_steps.wgsl` reads of other chunks and of the settings, from the columns of a row.
 const TIMES: &str = "
-struct Epoch { instant: Instant, noise: vector, change_done: real }
-fn change_done(instant: Instant) -> real { return 0.0; }
+struct Epoch { instant: Instant, noise: vector, change: real }
+fn change_at(instant: Instant) -> real { return 0.0; }
 const RATE_COLUMN: u32 = 3u;
 fn parameter_at(column: u32, i: u32) -> real { return r(column); }
 fn torque_column(column: u32) -> real { return r(2u); }

@@ -8,7 +8,7 @@ use polhode::study::Study;
 
 use super::{agreed, common, steps, workspace};
 
-const EXAMPLES: [&str; 19] = [
+const EXAMPLES: [&str; 20] = [
     "aero_table",
     "asteroids",
     "bdot",
@@ -27,6 +27,7 @@ const EXAMPLES: [&str; 19] = [
     "spacecraft",
     "thruster",
     "tumbling",
+    "wire_booms",
     "wobbling_disc",
 ];
 
