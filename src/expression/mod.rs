@@ -18,6 +18,7 @@
 
 mod derivative;
 pub mod fault;
+mod first_fault;
 mod functions;
 pub mod graph;
 pub(crate) mod jet;

@@ -33,7 +33,7 @@ impl KnownTo {
 ///
 /// States are looked at where outputs are read, and the steps of the first thousand of those that are found to have failed are then taken
 /// again, as far as their number allows.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct FailedBody {
     /// Its index in the scene.
     pub body: usize,
@@ -49,4 +49,7 @@ pub struct FailedBody {
     pub orientation: DQuat,
     /// Angular velocity in body axes then, rad/s.
     pub angular_velocity_body: DVec3,
+    /// The torque, or the change of moments, of the user's own that gave no finite number, the operation that did, and what the formula
+    /// reads there, where that was found.
+    pub cause: Option<String>,
 }

@@ -8,7 +8,7 @@ use crate::study::Format;
 
 /// Writes the table: the body, when it failed (s), the number and the word of the reason, the word for how sharply the time is known, the time
 /// of its last good state that is known (s; 0 is the start), and its orientation (body to world) and angular velocity (body axes,
-/// rad/s) then.
+/// rad/s) then; and the formula that gave no finite number, with what it reads, where it is known.
 pub(crate) fn write(folder: &mut OutputFolder, format: Format, failures: &[FailedBody]) -> Result<()> {
     let orientation = |name: &str, part: usize| {
         TableColumn::number(name, move |row: usize| failures[row].orientation.to_array()[part])
@@ -30,6 +30,7 @@ pub(crate) fn write(folder: &mut OutputFolder, format: Format, failures: &[Faile
         velocity("wx", 0),
         velocity("wy", 1),
         velocity("wz", 2),
+        TableColumn::text("cause", |row| failures[row].cause.as_deref().unwrap_or_default()),
     ];
     table_file::write(folder, "failed", format, failures.len(), &columns)
 }

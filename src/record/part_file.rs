@@ -77,7 +77,7 @@ pub(crate) struct FileEntry {
 }
 
 /// A body that has failed ([`FailedBody`]), counted as in the whole.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct FailureEntry {
     body: usize,
@@ -87,6 +87,8 @@ pub(crate) struct FailureEntry {
     last_good_time: f64,
     orientation: [f64; 4],
     angular_velocity_body: [f64; 3],
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    cause: Option<String>,
 }
 
 impl From<&FailedBody> for FailureEntry {
@@ -99,6 +101,7 @@ impl From<&FailedBody> for FailureEntry {
             last_good_time: failed.last_good_time,
             orientation: failed.orientation.to_array(),
             angular_velocity_body: failed.angular_velocity_body.to_array(),
+            cause: failed.cause.clone(),
         }
     }
 }
@@ -113,6 +116,7 @@ impl From<&FailureEntry> for FailedBody {
             last_good_time: entry.last_good_time,
             orientation: glam::DQuat::from_array(entry.orientation),
             angular_velocity_body: glam::DVec3::from_array(entry.angular_velocity_body),
+            cause: entry.cause.clone(),
         }
     }
 }

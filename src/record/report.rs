@@ -183,6 +183,10 @@ pub struct FailureReport {
     pub meaning: String,
     /// How many bodies.
     pub bodies: usize,
+    /// Of the first of them for which it is known, the formula that gave no finite number, and what it reads there
+    /// ([`FailedBody::cause`]).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cause: Option<String>,
 }
 
 impl FailureReport {
@@ -193,6 +197,10 @@ impl FailureReport {
             reason: reason.name(),
             meaning: reason.to_string(),
             bodies: failures.iter().filter(|failed| failed.reason == *reason).count(),
+            cause: failures
+                .iter()
+                .filter(|failed| failed.reason == *reason)
+                .find_map(|failed| Some(format!("body {}: {}", failed.body, failed.cause.as_deref()?))),
         };
         Status::ALL.iter().map(of_reason).filter(|report| report.bodies > 0).collect()
     }

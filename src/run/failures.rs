@@ -110,7 +110,7 @@ impl<'p> Failures<'p> {
             let last_good_time = before.and(self.earlier_time).unwrap_or(0.0);
             let GoodState { orientation, angular_velocity_body } = before.unwrap_or_else(start);
             let known_to = KnownTo::Output;
-            FailedBody { body, reason, time, known_to, last_good_time, orientation, angular_velocity_body }
+            FailedBody { body, reason, time, known_to, last_good_time, orientation, angular_velocity_body, cause: None }
         });
         found.reason
     }

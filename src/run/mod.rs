@@ -16,6 +16,7 @@ mod balance;
 #[cfg(feature = "study")]
 mod checkpoint;
 mod evaluated_when_read;
+mod failure_causes;
 mod failure_times;
 mod failures;
 #[cfg(feature = "study")]

@@ -17,7 +17,7 @@ use super::recomputed_centres::recomputed_centres;
 use super::recomputed_sample::{recomputed, sample_of_part};
 use super::states::{centres_of, initial_states, lost_centres, read_states};
 use super::translation::Centres;
-use super::{adaptive_group, failure_times};
+use super::{adaptive_group, failure_causes, failure_times};
 use crate::bodies::{BodyState, Status};
 use crate::engine::{Backend, Description, EngineKind, Observer, Progress, Traffic};
 use crate::error::{Error, Result};
@@ -370,6 +370,7 @@ impl<'p> Run<'p> {
         let clock = Instant::now();
         let attempts = |body: usize| attempts.get(&body).copied().unwrap_or(u64::MAX);
         failure_times::find(plan, &mut failures, &attempts, &mut |_| observer(Progress { done, total }))?;
+        failure_causes::find(plan, &mut failures);
         // The drift's quantiles beside the recomputed sample, whose few bodies are not enough for all cores.
         let (mut drift, gathered) = (Drift::default(), std::mem::take(&mut end.drift));
         let recomputed = rayon::in_place_scope(|scope| {

@@ -107,7 +107,7 @@
 //!   (of [`Status::CentreNotFinite`] only position and velocity, as long as the rotation is good): 1 `not_converged`,
 //!   2 `step_too_long`, 3 `step_below_limit`, 4 `not_finite`, 5 `centre_not_finite` ([`Status`]). Where bodies have failed, `failed.csv`
 //!   (or `.npz`, `.parquet`) has a row for each: `body`, `t` when it failed, `status`, `reason` (its word), `known_to`, and the last good state: `last_good_t` (0 is the start),
-//!   `qx qy qz qw wx wy wz`. With `known_to` = `step`, `t` is the end of the first step that failed and the state that before it, or
+//!   `qx qy qz qw wx wy wz`, and `cause`: of formulas of the study's own the torque, the operation that gave no finite number, and what it read. With `known_to` = `step`, `t` is the end of the first step that failed and the state that before it, or
 //!   both are where adaptive steps stopped; with `output`, `t` is the output at which it was seen and the state the last that was
 //!   read ([`KnownTo`](crate::record::KnownTo)). Where only statistics leave the device, failures are looked for at the end.
 //!   `[failures] allow = 3` lets as many bodies fail before the exit status is 1.

@@ -15,7 +15,7 @@ use crate::bodies::Ensemble;
 use crate::bodies::inertia::InertiaTensor;
 use crate::error::{Error, Result};
 use crate::expression::{
-    Expression, Fault, Input, InputKind, Program, Recorder, Scope, Shape, Symbol, Symbols, TextError,
+    Dependence, Expression, Fault, Input, InputKind, Program, Recorder, Scope, Shape, Symbol, Symbols, TextError,
 };
 use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
@@ -283,34 +283,69 @@ impl ExpressionModel {
     }
 
     /// The results of a program of the formula's own inputs.
-    fn evaluated(&self, program: &Program, at: &At, host: &[f64]) -> Vec<f64> {
+    fn evaluated(&self, program: &Program, at: &HostState, host: &[f64]) -> Vec<f64> {
         let inputs: Vec<f64> = program.inputs().iter().map(|&input| at.input(input, host)).collect();
         program.evaluate_one(&inputs)
     }
 }
 
 /// The state at which a formula is evaluated on the host, SI units and body axes.
-struct At {
-    orientation: DQuat,
-    angular_velocity_body: DVec3,
-    tensor: InertiaTensor,
-    time: f64,
+pub(crate) struct HostState {
+    pub orientation: DQuat,
+    pub angular_velocity_body: DVec3,
+    /// At the start of the run, and at the time.
+    pub initial: InertiaTensor,
+    pub tensor: InertiaTensor,
+    pub time: f64,
 }
 
-impl At {
-    fn input(&self, input: Input, parameters: &[f64]) -> f64 {
+impl HostState {
+    /// A body with a tensor that stays as it is.
+    fn rigid(orientation: DQuat, angular_velocity_body: DVec3, tensor: InertiaTensor, time: f64) -> Self {
+        Self { orientation, angular_velocity_body, initial: tensor, tensor, time }
+    }
+
+    pub(super) fn input(&self, input: Input, parameters: &[f64]) -> f64 {
         let index = usize::from(input.index);
-        let momentum = self.tensor * self.angular_velocity_body;
-        let tensor = self.tensor;
         match input.kind {
             InputKind::Orientation => self.orientation.to_array()[index],
             InputKind::AngularVelocity => self.angular_velocity_body.to_array()[index],
-            InputKind::AngularMomentum => momentum.to_array()[index],
-            InputKind::Inertia => [tensor.xx, tensor.yy, tensor.zz, tensor.xy, tensor.xz, tensor.yz][index],
+            InputKind::AngularMomentum => (self.tensor * self.angular_velocity_body).to_array()[index],
+            InputKind::Inertia => self.tensor.to_array()[index],
             InputKind::Time => self.time,
             InputKind::Parameter => parameters.get(index).copied().unwrap_or(0.0),
             _ => 0.0,
         }
+    }
+
+    /// What a formula reads, in words: the state as far as it depends on it, and the parameters of a body.
+    pub(super) fn described(
+        &self,
+        dependence: Dependence,
+        declared: &[ParameterDeclaration],
+        values: &[Value],
+        body: usize,
+    ) -> String {
+        let mut read = Vec::new();
+        if dependence.intersects(Dependence::TIME) {
+            read.push(format!("time = {:?}", self.time));
+        }
+        if dependence.intersects(Dependence::ATTITUDE) {
+            read.push(format!("attitude = {:?}", self.orientation.to_array()));
+        }
+        if dependence.intersects(Dependence::VELOCITY) {
+            read.push(format!("angular_velocity = {:?}", self.angular_velocity_body.to_array()));
+        }
+        for (declared, value) in declared.iter().zip(values) {
+            let name = &declared.name;
+            match value {
+                Value::Number(number) => read.push(format!("{name} = {:?}", number.at(body))),
+                Value::Vector(vector) => read.push(format!("{name} = {:?}", vector.at(body).to_array())),
+                Value::Rotation(rotation) => read.push(format!("{name} = {:?}", rotation.at(body).to_array())),
+                _ => {}
+            }
+        }
+        read.join(", ")
     }
 }
 
@@ -349,7 +384,7 @@ impl Model for ExpressionModel {
         ];
         let tensor = InertiaTensor::from(DVec3::splat(middle_moment));
         let size = |orientation: DQuat| {
-            let at = At { orientation, angular_velocity_body: DVec3::ZERO, tensor, time: 0.0 };
+            let at = HostState::rigid(orientation, DVec3::ZERO, tensor, 0.0);
             let torque = self.evaluated(&self.program, &at, &parameters);
             DVec3::new(torque[0], torque[1], torque[2]).length()
         };
@@ -367,10 +402,22 @@ impl Model for ExpressionModel {
 
     fn columns(&self, _: Values<'_>, _: usize, _: &BodyFrame, _: DQuat, _: &mut [f64]) {}
 
+    fn of_formula(&self, values: Values<'_>, body: usize, at: &HostState) -> Option<DVec3> {
+        let torque = self.evaluated(&self.program, at, &expressed::numbers_of_body(values.values, body));
+        Some(DVec3::new(torque[0], torque[1], torque[2]))
+    }
+
+    fn fault_of_formula(&self, values: Values<'_>, body: usize, at: &HostState) -> Option<String> {
+        let parameters = expressed::numbers_of_body(values.values, body);
+        let fault = self.torque.first_fault(|input| at.input(input, &parameters))?;
+        let inputs = at.described(self.torque.dependence(), &self.declaration.parameters, values.values, body);
+        Some(format!("{fault} where {inputs}"))
+    }
+
     fn potential_energy(&self, values: Values<'_>, body: usize, orientation: DQuat) -> Option<f64> {
         let (_, program) = self.energy.as_ref()?;
         let tensor = InertiaTensor::default();
-        let at = At { orientation, angular_velocity_body: DVec3::ZERO, tensor, time: 0.0 };
+        let at = HostState::rigid(orientation, DVec3::ZERO, tensor, 0.0);
         Some(self.evaluated(program, &at, &expressed::numbers_of_body(values.values, body))[0])
     }
 }

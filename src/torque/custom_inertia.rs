@@ -12,6 +12,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
+use super::custom::HostState;
 use super::expressed::{self, Expressed, Preparations};
 use super::formula::{Column, Epoch, Formula, Role, Row};
 use super::model::InertiaModel;
@@ -265,6 +266,20 @@ impl Model for InertiaFormulaModel {
 
     fn inertia_change(&self) -> Option<&dyn InertiaModel> {
         Some(self)
+    }
+
+    fn fault_of_formula(&self, values: Values<'_>, body: usize, at: &HostState) -> Option<String> {
+        let of_start = HostState { tensor: at.initial, ..*at };
+        let parameters = expressed::numbers_of_body(values.values, body);
+        let fault = self.formula.first_fault(|input| of_start.input(input, &parameters)).or_else(|| {
+            let found = self.evaluated(&self.program, values, body, at.initial, at.time);
+            let sum: f64 = found.iter().sum();
+            let is_of_body = |moment: &f64| *moment > 0.0 && (self.is_factor() || 2.0 * moment <= sum * (1.0 + 1e-9));
+            let what = if self.is_factor() { "a factor" } else { "moments" };
+            (!found.iter().all(is_of_body)).then(|| format!("{what} of {found:?}, which no body has,"))
+        })?;
+        let inputs = of_start.described(self.formula.dependence(), &self.declaration.parameters, values.values, body);
+        Some(format!("{fault} where {inputs}"))
     }
 }
 

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
+use super::custom::HostState;
 use super::expressed::Expressed;
 use super::{Declaration, Kind, Text, ValidationContext, Value, Values};
 use crate::bodies::BodyFrame;
@@ -186,6 +187,16 @@ pub(crate) trait Model: Send + Sync {
         None
     }
 
+    /// The torque (N m, body axes) of a formula that is data; `None` where it has none.
+    fn of_formula(&self, _: Values<'_>, _body: usize, _: &HostState) -> Option<DVec3> {
+        None
+    }
+
+    /// What in a formula that is data gives no finite number, and of which inputs; `None` where all is well.
+    fn fault_of_formula(&self, _: Values<'_>, _body: usize, _: &HostState) -> Option<String> {
+        None
+    }
+
     /// The formulas that tell it from other models of its name.
     fn formulas(&self) -> Vec<&Expression> {
         Vec::new()
@@ -332,6 +343,16 @@ impl Torque {
     pub fn tensor_at(&self, body: usize, initial: InertiaTensor, time: f64) -> InertiaTensor {
         let change = self.model.inertia_change();
         change.map_or(initial, |change| change.tensor_at(self.own_values(), body, initial, time))
+    }
+
+    /// See [`Model::of_formula`].
+    pub(crate) fn of_formula(&self, body: usize, at: &HostState) -> Option<DVec3> {
+        self.model.of_formula(self.own_values(), body, at)
+    }
+
+    /// See [`Model::fault_of_formula`].
+    pub(crate) fn fault_of_formula(&self, body: usize, at: &HostState) -> Option<String> {
+        self.model.fault_of_formula(self.own_values(), body, at)
     }
 
     /// How it changes moments of inertia, and with which values, where it does.

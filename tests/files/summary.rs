@@ -205,7 +205,7 @@ fn a_plan_of_the_long_way_says_how_it_is_repeated() {
 fn failed(workspace: &Workspace) -> Vec<Vec<String>> {
     let mut reader = csv::Reader::from_path(workspace.path("study.out/failed.csv")).expect("a table of failed bodies");
     let header: Vec<&str> = reader.headers().expect("a header").iter().collect();
-    assert_eq!(header.join(","), "body,t,status,reason,known_to,last_good_t,qx,qy,qz,qw,wx,wy,wz");
+    assert_eq!(header.join(","), "body,t,status,reason,known_to,last_good_t,qx,qy,qz,qw,wx,wy,wz,cause");
     reader.records().map(|row| row.expect("a row").iter().map(str::to_owned).collect()).collect()
 }
 
@@ -246,6 +246,37 @@ fn bodies_that_become_nan_under_an_accuracy_are_not_met() {
     assert!(["qx", "wx", "lx", "kinetic_energy"].iter().all(|name| states.column(name).iter().all(|x| x.is_nan())));
 }
 
+/// Of two formulas the one that gives no number is named, with the operation, the time and what it reads.
+#[test]
+fn formulas_that_give_no_number_are_named_with_what_they_read() {
+    let head = "[bodies]\ncount = 3\ninertia = [1, 2, 2.5]\nangular_velocity = [1, 0.1, 0.2]\n\
+                [[torque]]\nmodel = \"custom\"\ntorque = \"-0.01 * angular_velocity\"\n[[torque]]\nmodel = \"custom\"\n\
+                parameters = { k = 0.25, b = [0, 0, 1] }\n";
+    let tail = "[time]\nend = 4.0\n[accuracy]\nmethod = \"rk4\"\ndt = 0.01\n";
+    for (formula, operation, reads) in [
+        // The argument is -k/100, /200 or so in the stages of the step behind 2 s.
+        ("torque = \"k * sqrt(2 - time) * b\"", "sqrt(-0.00", vec!["time = 2.00", "k = 0.25", "b = [0.0, 0.0, 1.0]"]),
+        (
+            "torque = \"b * ln(1 - 2 * k * time + 0.001 * dot(angular_velocity, b))\"",
+            "ln(-",
+            vec!["time = ", "angular_velocity = ["],
+        ),
+        ("factor = \"1 - 2 * k * time\"", "a factor of [", vec!["which no body has", "k = 0.25"]),
+    ] {
+        let (workspace, _, rows) = all_fail(&format!("{head}{formula}\n{tail}"), 3, "not_finite", 4.0);
+        let cause = &rows[1][13];
+        let name = if formula.starts_with("factor") { "custom-factor" } else { "custom" };
+        assert!(cause.starts_with(&format!("torque[2] ({name}): {operation}")), "{cause}");
+        assert!(reads.iter().all(|read| cause.contains(read)), "{cause}");
+        let said = report(&workspace, "study.out")["failures"][0]["cause"].to_string();
+        assert!(said.contains("body 0: torque[2]") && said.contains("k = 0.25"), "{said}");
+        // Adaptive steps stop there, and the cause is found behind them.
+        let adaptive = "[time]\nend = 4.0\n[accuracy]\nmethod = \"rk8\"\ntolerance = 1e-8\n";
+        let (_, _, rows) = all_fail(&format!("{head}{formula}\n{adaptive}"), 3, "step_below_limit", 3.0);
+        assert!(rows.iter().all(|row| row[13].starts_with("torque[2]")), "{:?}", rows[1]);
+    }
+}
+
 #[test]
 fn rates_that_overflow_are_rows_with_the_state_at_the_start() {
     let study = "[bodies]\ncount = 20\ninertia = [1e-30, 1e-30, 1e-30]\nangular_velocity = [1, 0.1, 0.2]\n\
@@ -254,7 +285,7 @@ fn rates_that_overflow_are_rows_with_the_state_at_the_start() {
     let (_, states, rows) = all_fail(study, 20, "not_finite", 4.0);
     assert!(states.column("wx").iter().all(|rate| rate.is_nan()));
     // The first step is lost, so that the last good state is the start.
-    let expected = ["0.01", "4", "not_finite", "step", "0.0", "0.0", "0.0", "0.0", "1.0", "1.0", "0.1", "0.2"];
+    let expected = ["0.01", "4", "not_finite", "step", "0.0", "0.0", "0.0", "0.0", "1.0", "1.0", "0.1", "0.2", ""];
     assert_eq!(rows[7][1..], expected, "{:?}", rows[7]);
 }
 

@@ -280,7 +280,10 @@ fn moments_that_no_body_has_fail_the_body_when_they_come() {
                 assert_eq!(failed, [1], "{name} {precision}, {text}");
                 let state = record.final_state();
                 assert_eq!(state.orientation(0), state.orientation(2), "{name} {precision}, {text}");
-                let time = record.trust().failures[0].time;
+                let failure = &record.trust().failures[0];
+                let cause = failure.cause.as_deref().unwrap_or_default();
+                assert!(cause.starts_with("torque[1] (custom-"), "{name} {precision}, {text}: {cause}");
+                let time = failure.time;
                 let expected = if text.contains("inertia.zz * (1") { 0.4 / 2.2 / 0.5 } else { 2.0 };
                 assert!((time - expected).abs() < 0.05, "{name} {precision}, {text}: {time} s");
             }

@@ -195,7 +195,8 @@ not_converged, 2 step_too_long, 3 step_below_limit, 4 not_finite, 5 centre_not_f
 and velocity are NaN); snapshots.csv with the same at all output times; failed.csv, where bodies have failed,
 with body, t when it failed, status, reason, known_to, and the last good state: last_good_t (0 is the start)
 qx qy qz qw wx wy wz (known_to step: t is the end of the first step that failed, or where adaptive steps stopped;
-output: the output at which it was seen); initial.csv, where asked for, with what each body starts with:
+output: the output at which it was seen), and cause: of formulas of the study's own the torque, the operation
+that gave no finite number, and what it read; initial.csv, where asked for, with what each body starts with:
 name and carried columns, tensor (kg m²), moments i1 i2 i3 and axes ax ay az aw (principal to body), state
 at t = 0, and torque[1].KEY, force[1].KEY of all that was drawn; of a sweep cells.csv with cell, bodies and
 the axes' values, and a column cell in all tables of bodies; statistics.csv with t, count and of each quantity

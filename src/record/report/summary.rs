@@ -57,8 +57,9 @@ impl fmt::Display for Report {
                 let (count, bodies) =
                     (self.failed_bodies.len(), if self.failed_bodies.len() == 1 { "body" } else { "bodies" });
                 write!(formatter, "  failed   {count} {bodies}, the first is body {first}")?;
-                self.failures.iter().try_for_each(|FailureReport { reason, meaning, bodies, .. }| {
-                    write!(formatter, "\n           {bodies} {reason}: {meaning}")
+                self.failures.iter().try_for_each(|FailureReport { reason, meaning, bodies, cause, .. }| {
+                    write!(formatter, "\n           {bodies} {reason}: {meaning}")?;
+                    cause.iter().try_for_each(|cause| write!(formatter, "\n           {cause}"))
                 })
             }
         }
