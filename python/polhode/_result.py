@@ -322,7 +322,8 @@ class Result:
     statistics : dict of `Summary` by quantity, or None where none were asked for
     histograms : list of `HistogramCounts`, in the order in which they were asked for
     events : dict of `EventRecord` by name
-    failures : dict of arrays, one row a body that has failed: body, t, status, reason, known_to, last_good_t, orientation, angular_velocity
+    failures : dict of arrays, one row a body that has failed: body, t, status, reason, known_to, last_good_t, orientation,
+        angular_velocity, cause (of a formula that gave no finite number, else None)
     report : Report
     """
 

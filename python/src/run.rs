@@ -215,6 +215,7 @@ fn failures<'py>(py: Python<'py>, failed: &[FailedBody]) -> PyResult<Bound<'py, 
     all.set_item("orientation", moved_rows(py, failed.iter().map(|of| of.orientation).collect(), &rows)?)?;
     let angular_velocities = failed.iter().map(|of| of.angular_velocity_body).collect();
     all.set_item("angular_velocity", moved_rows(py, angular_velocities, &rows)?)?;
+    all.set_item("cause", failed.iter().map(|of| of.cause.as_deref()).collect::<Vec<_>>())?;
     Ok(all)
 }
 
