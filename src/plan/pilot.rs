@@ -308,7 +308,7 @@ impl<'a> Pilot<'a> {
 
     /// The time, s, that a reference may take.
     pub fn most_seconds(&self) -> f64 {
-        let cost = Cost::shipped(Scheme::Equal(Method::Rk8));
+        let cost = Cost::shipped(Scheme::ADAPTIVE_RK8);
         self.most_steps * self.step_seconds(&self.rule(cost, Some(Precision::F64)), cost, Precision::F64)
     }
 

@@ -123,10 +123,11 @@ const LEAST_REFINEMENT: f64 = 8.0;
 const GREATEST_TOLERANCE: f64 = 1e-7;
 
 /// Steps of adaptive `rk8` in `f64` at a part of the run's tolerance, or the least there is, so that their error is far below the run's:
-/// Taylor series err less at the same tolerance, of heavy tops over ten turns by a factor of 200.
+/// Taylor series err less at the same tolerance, of heavy tops over ten turns by a factor of 200, and stay within it where torques change
+/// much faster than bodies turn, over whose periods `rk8` leaps.
 fn finer(method: Method, steps: &AdaptiveSteps) -> AdaptiveSteps {
-    let part = if method == Method::Taylor { 1e-3 } else { 1e-2 };
-    let tolerance = (part * steps.tolerance).clamp(least_tolerance(Precision::F64), GREATEST_TOLERANCE);
+    let (part, greatest) = if method == Method::Taylor { (1e-3, 1e-10) } else { (1e-2, GREATEST_TOLERANCE) };
+    let tolerance = (part * steps.tolerance).clamp(least_tolerance(Precision::F64), greatest);
     AdaptiveSteps { tolerance, least_step: None }
 }
 

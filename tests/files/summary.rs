@@ -568,7 +568,7 @@ fn both_formats_say_the_same_of_failed_bodies() {
             let found = match column {
                 0 => u64::from_le_bytes(element.try_into().expect("eight bytes")).to_string(),
                 2 => element[0].to_string(),
-                3 | 4 => String::from_utf8(element.to_vec()).expect("text").trim_end_matches('\0').to_owned(),
+                3 | 4 | 13 => String::from_utf8(element.to_vec()).expect("text").trim_end_matches('\0').to_owned(),
                 _ => format!("{:?}", f64::from_le_bytes(element.try_into().expect("eight bytes"))),
             };
             assert_eq!(found, row[column], "column {column}");

@@ -12,7 +12,7 @@ use polhode::engine::adaptive_session::StepCounts;
 use polhode::engine::batch::{AnyBatch, prepare_with};
 use polhode::engine::{Backend, Engine, unobserved};
 use polhode::math::Precision;
-use polhode::scene::AdaptiveSteps;
+use polhode::scene::{AdaptiveSteps, Outputs};
 use polhode::torque::variable_inertia::{InertiaChange, Law};
 use polhode::torque::{Orbit, Parameters, Torque};
 use polhode::{Ensemble, Error, Method, Plan, Scene};
@@ -374,6 +374,32 @@ fn what_it_cannot_do_is_refused() {
     let noise = Torque::white_noise(0.1, 1);
     let batch = batch_under(3, SEED, &[noise], Precision::F64);
     assert!(matches!(Engine::cpu().start_taylor(batch, steps(1e-9)).err(), Some(Error::Torque { .. })));
+}
+
+/// A torque that begins at an output time, where the sign that decides is of rounding: ω(3 s) = ½ (3 s − t₀)² about z, of a sphere of 1 kg m².
+#[test]
+fn what_begins_at_an_output_time_is_not_missed() {
+    /// Some roundings of the time, which the interval from t₀ is counted from.
+    const BOUND: f64 = 1e-12;
+    let ensemble = Ensemble::from_fn(17, |body| (DVec3::ONE, DQuat::IDENTITY, DVec3::Z * (0.1 * body as f64 - 0.8)));
+    let (ensemble, engine) = (ensemble.expect("valid bodies"), Engine::cpu());
+    let mut worst = 0.0_f64;
+    for (number, text) in
+        ["vec(0, 0, max(time - t0, 0))", "vec(0, 0, -min(t0 - time, 0))"].into_iter().cycle().enumerate().take(40)
+    {
+        let t0 = 0.07 * (number / 2 + 1) as f64;
+        let torque = Torque::custom(text, Parameters::new().number("t0", t0).expect("a name")).expect("a formula");
+        let scene = Scene::new(ensemble.clone()).until(3.0).outputs(Outputs::Times(vec![t0, 3.0]));
+        let scene = scene.torque(torque).taylor(steps(1e-10));
+        let record = engine.run(&Plan::new(&scene, &engine).expect("planned")).expect("ran");
+        for body in 0..ensemble.len() {
+            let gained = record.final_state().angular_velocity_body(body).z - ensemble.angular_velocity_body()[body].z;
+            let off = (gained - 0.5 * (3.0 - t0).powi(2)).abs();
+            assert!(off <= BOUND, "{text}, t0 = {t0}, body {body}: {off:e}");
+            worst = worst.max(off);
+        }
+    }
+    println!("worst {worst:.1e} rad/s");
 }
 
 #[test]

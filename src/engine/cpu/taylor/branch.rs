@@ -33,20 +33,19 @@ impl<R: Real, const G: usize> Outlined for Cut<'_, '_, R, G> {
     fn run(self) -> R {
         /// Halvings of the interval in which the sign changes: its length is then below rounding.
         const HALVINGS: usize = 52;
-        /// What is smaller than this part of its greatest term has no sign that counts.
+        /// An end that is smaller than this part of its greatest term has no sign that counts.
         const NEGLIGIBLE: f64 = 1e-12;
         let Self { tile, group, place, h } = self;
         let row = tile.series.row(place, tile.motion.jets.order);
-        let (zero, negligible) = (R::splat(0.0), R::splat(NEGLIGIBLE));
-        let start = row[0].0[group];
+        let (zero, one, negligible) = (R::splat(0.0), R::splat(1.0), R::splat(NEGLIGIBLE));
+        // The sign that has decided: a step may start where the sign changes, as at an output time, with one that is of rounding.
+        let decided = R::select(row[0].0[group].less_than(zero), -one, one);
         let (mut end, mut greatest) = (zero, zero);
         for coefficient in row.iter().rev() {
             end = end.mul_add(h, coefficient.0[group]);
             greatest = greatest.mul_add(h, coefficient.0[group].abs());
         }
-        let changes = (start * end).less_than(zero)
-            & (greatest * negligible).less_than(end.abs())
-            & (greatest * negligible).less_than(start.abs());
+        let changes = (decided * end).less_than(zero) & (greatest * negligible).less_than(end.abs());
         if !R::any(changes) {
             return h;
         }
@@ -57,7 +56,7 @@ impl<R: Real, const G: usize> Outlined for Cut<'_, '_, R, G> {
             for coefficient in row.iter().rev() {
                 number = number.mul_add(middle, coefficient.0[group]);
             }
-            let is_before = !(start * number).less_than(zero);
+            let is_before = !(decided * number).less_than(zero);
             before = R::select(is_before, middle, before);
             after = R::select(is_before, after, middle);
         }
