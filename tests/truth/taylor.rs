@@ -376,11 +376,14 @@ fn what_it_cannot_do_is_refused() {
     assert!(matches!(Engine::cpu().start_taylor(batch, steps(1e-9)).err(), Some(Error::Torque { .. })));
 }
 
-/// A torque that begins at an output time, where the sign that decides is of rounding: ω(3 s) = ½ (3 s − t₀)² about z, of a sphere of 1 kg m².
+/// A torque that begins at an output time, where the sign that decides is of rounding: ω gains ½ (3 s − t₀)² about z until 3 s, of a sphere of
+/// 1 kg m², and the angle (3 s − t₀)³/6.
 #[test]
 fn what_begins_at_an_output_time_is_not_missed() {
-    /// Some roundings of the time, which the interval from t₀ is counted from.
+    /// Some roundings of the time, which the interval from t₀ is counted from, rad/s.
     const BOUND: f64 = 1e-12;
+    /// Ten steps at the tolerance, rad.
+    const ATTITUDE_BOUND: f64 = 1e-9;
     let ensemble = Ensemble::from_fn(17, |body| (DVec3::ONE, DQuat::IDENTITY, DVec3::Z * (0.1 * body as f64 - 0.8)));
     let (ensemble, engine) = (ensemble.expect("valid bodies"), Engine::cpu());
     let mut worst = 0.0_f64;
@@ -395,11 +398,14 @@ fn what_begins_at_an_output_time_is_not_missed() {
         for body in 0..ensemble.len() {
             let gained = record.final_state().angular_velocity_body(body).z - ensemble.angular_velocity_body()[body].z;
             let off = (gained - 0.5 * (3.0 - t0).powi(2)).abs();
-            assert!(off <= BOUND, "{text}, t0 = {t0}, body {body}: {off:e}");
+            assert!(off <= BOUND, "{text}, t0 = {t0}, body {body}: {off:e} rad/s");
+            let angle = 3.0 * ensemble.angular_velocity_body()[body].z + (3.0 - t0).powi(3) / 6.0;
+            let off = attitude_error(record.final_state().orientation(body), DQuat::from_rotation_z(angle));
+            assert!(off <= ATTITUDE_BOUND, "{text}, t0 = {t0}, body {body}: {off:e} rad");
             worst = worst.max(off);
         }
     }
-    println!("worst {worst:.1e} rad/s");
+    println!("worst {worst:.1e} rad");
 }
 
 #[test]

@@ -19,6 +19,50 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
     }
 }
 
+impl<R: Real, const G: usize> Tile<'_, R, G> {
+    /// Where something that decides vanishes at the end of a step: the series there may be those of another branch.
+    #[inline(always)]
+    pub(super) fn ends_at_switch(&self, group: usize, h: R) -> R::Mask {
+        let mut ends = R::splat(0.0).less_than(R::splat(0.0));
+        for &place in &self.motion.jets.switches {
+            ends = ends | R::outlined(Vanishes { tile: self, group, place, h });
+        }
+        ends
+    }
+}
+
+/// What is smaller than this part of its greatest term has no sign that counts.
+const NEGLIGIBLE: f64 = 1e-12;
+
+/// [`Tile::ends_at_switch`] for one number that decides.
+struct Vanishes<'s, 'a, R: Real, const G: usize> {
+    tile: &'s Tile<'a, R, G>,
+    group: usize,
+    place: Place,
+    h: R,
+}
+
+impl<R: Real, const G: usize> Outlined for Vanishes<'_, '_, R, G> {
+    type Output = R::Mask;
+    #[inline(always)]
+    fn run(self) -> R::Mask {
+        let Self { tile, group, place, h } = self;
+        let (end, greatest) = end_of(tile.series.row(place, tile.motion.jets.order), group, h);
+        !(greatest * R::splat(NEGLIGIBLE)).less_than(end.abs())
+    }
+}
+
+/// A number after a step, and the sum of the magnitudes of its terms.
+#[inline(always)]
+fn end_of<R: Real, const G: usize>(row: &[Each<R, G>], group: usize, h: R) -> (R, R) {
+    let (mut end, mut greatest) = (R::splat(0.0), R::splat(0.0));
+    for coefficient in row.iter().rev() {
+        end = end.mul_add(h, coefficient.0[group]);
+        greatest = greatest.mul_add(h, coefficient.0[group].abs());
+    }
+    (end, greatest)
+}
+
 /// [`Tile::cut`] for one number that decides.
 struct Cut<'s, 'a, R: Real, const G: usize> {
     tile: &'s Tile<'a, R, G>,
@@ -33,18 +77,12 @@ impl<R: Real, const G: usize> Outlined for Cut<'_, '_, R, G> {
     fn run(self) -> R {
         /// Halvings of the interval in which the sign changes: its length is then below rounding.
         const HALVINGS: usize = 52;
-        /// An end that is smaller than this part of its greatest term has no sign that counts.
-        const NEGLIGIBLE: f64 = 1e-12;
         let Self { tile, group, place, h } = self;
         let row = tile.series.row(place, tile.motion.jets.order);
         let (zero, one, negligible) = (R::splat(0.0), R::splat(1.0), R::splat(NEGLIGIBLE));
         // The sign that has decided: a step may start where the sign changes, as at an output time, with one that is of rounding.
         let decided = R::select(row[0].0[group].less_than(zero), -one, one);
-        let (mut end, mut greatest) = (zero, zero);
-        for coefficient in row.iter().rev() {
-            end = end.mul_add(h, coefficient.0[group]);
-            greatest = greatest.mul_add(h, coefficient.0[group].abs());
-        }
+        let (end, greatest) = end_of(row, group, h);
         let changes = (decided * end).less_than(zero) & (greatest * negligible).less_than(end.abs());
         if !R::any(changes) {
             return h;

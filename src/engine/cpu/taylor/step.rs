@@ -202,12 +202,12 @@ fn largest<R: Real>(q: Quaternion<R>) -> R {
     q.vector().largest().max(q.w.abs())
 }
 
-/// Lanes of a group: where a body is under way; takes a step, which ends where something changes its sign; has series that are numbers.
+/// Lanes of a group: where a body is under way; takes a step; that ends where something changes its sign; has series that are numbers.
 #[derive(Clone, Copy)]
 struct LanesOf<R: Real> {
     under_way: R::Mask,
     taken: R::Mask,
-    is_cut: R::Mask,
+    ends_branch: R::Mask,
     is_number: R::Mask,
 }
 
@@ -215,7 +215,7 @@ impl<R: Real> LanesOf<R> {
     #[inline(always)]
     fn none() -> Self {
         let none = R::splat(0.0).less_than(R::splat(0.0));
-        Self { under_way: none, taken: none, is_cut: none, is_number: none }
+        Self { under_way: none, taken: none, ends_branch: none, is_number: none }
     }
 }
 
@@ -266,7 +266,8 @@ impl<R: Real, const G: usize> Outlined for Conclusion<'_, '_, R, G> {
             let step = cut.max(tile.least_step[group]).min(within);
             steps[group] =
                 TwoWords { value: R::select(last, left.value, step), residue: R::select(last, left.residue, zero) };
-            lanes[group] = LanesOf { under_way, taken: is_left & !too_small, is_cut, is_number };
+            let ends_branch = is_cut | tile.ends_at_switch(group, steps[group].value);
+            lanes[group] = LanesOf { under_way, taken: is_left & !too_small, ends_branch, is_number };
             let status = tile.state[group].status;
             tile.state[group].status = flagged(status, is_left & too_small, Status::StepBelowLimit);
         }
@@ -326,7 +327,7 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
         }
         let [forwards, backwards] = motion.two_sided.sums(&self.relative, &forwards, &pending);
         for group in 0..G {
-            let LanesOf { under_way, taken, is_cut, is_number } = lanes[group];
+            let LanesOf { under_way, taken, ends_branch, is_number } = lanes[group];
             let (h, pending, q) = (steps[group].value, pending[group], self.state[group].orientation.value);
             let is_pending = under_way & zero.less_than(pending);
             let arrived = q.product(backwards[group].conjugate());
@@ -338,7 +339,7 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
                 here = Quaternion::select(is_pending & !is_number, begun, here);
             }
             let mut next = here.product(forwards[group]);
-            let ends_branch = taken & is_cut;
+            let ends_branch = taken & ends_branch;
             let mut next_pending = h;
             if R::any(ends_branch) {
                 let arrived = R::outlined(Arrival { tile: &*self, group, h, begun: &next });
