@@ -109,14 +109,14 @@ pub(super) fn compare_precession(
         let time = plan.times()[number as usize];
         session.evaluate(time)?;
         let words = session.read(0..members.len())?;
-        for row in 0..members.len() {
+        for (row, frame) in frames.iter().enumerate() {
             let first = row - row % FORMED_BODIES;
             if row == first {
                 let count = FORMED_BODIES.min(members.len() - first);
                 let body = |place| members.body(first + place);
                 block.form(scene.ensemble(), count, body, (shape.rotations(), axis), (time, false));
             }
-            let (expected, found) = (frames[row].state_of(&words, row), block.state(row - first));
+            let (expected, found) = (frame.state_of(&words, row), block.state(row - first));
             let place = Place { body: members.body(row), step: number + 1, time };
             let rounding = PRECESSION_ROUNDINGS * f64::UNIT_ROUNDOFF;
             // Both signs of a quaternion are the same orientation, and half of the angle is what it is off by.

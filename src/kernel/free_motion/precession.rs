@@ -156,10 +156,9 @@ impl LaneTask<f64> for HalfRates<'_> {
                     (across, (own - across) * along(axis, [mx, my, mz]))
                 }
             };
-            let radians = [length * across, spin];
-            for number in 0..2 {
+            for (number, radians) in [length * across, spin].into_iter().enumerate() {
                 let half_turns = DoubleDouble::splat(HALF_TURNS.0, HALF_TURNS.1);
-                let turns = (radians[number] * half_turns).scaled(power_of_two(-HEADROOM));
+                let turns = (radians * half_turns).scaled(power_of_two(-HEADROOM));
                 turns.high.store(&mut self.rates[2 * number][offset..]);
                 turns.low.store(&mut self.rates[2 * number + 1][offset..]);
             }

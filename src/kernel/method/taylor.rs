@@ -46,6 +46,8 @@
 //!
 //! It conserves nothing exactly; the drift of energy and angular momentum is that of the error. The quaternion's norm is restored as in `rk8`.
 
+use std::f64::consts::LN_2;
+
 use crate::math::clock::MOST_LANES;
 use crate::math::lanes::Each;
 use crate::math::quaternion::Quaternion;
@@ -130,7 +132,7 @@ pub(crate) fn step_of<R: Real>(inverse_logarithm: R) -> R {
         let part = logarithm - (shifted - WHOLE);
         let power = f64::from_bits((shifted.to_bits() + 23) << 52);
         // e^(ln 2 · part) for a part of −½ to ½.
-        *lane = R::Scalar::from_f64(power * part.mul_add(part.mul_add(part.mul_add(0.0555, 0.2402), 0.6931), 1.0));
+        *lane = R::Scalar::from_f64(power * part.mul_add(part.mul_add(part.mul_add(0.0555, 0.2402), LN_2), 1.0));
     }
     R::load(&lanes)
 }
