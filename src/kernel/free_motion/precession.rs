@@ -11,8 +11,8 @@
 //! equal moments, or a spin along an axis, λ = 0.
 //!
 //! The rates are formed in double-double arithmetic and angles are integers of a turn ([`crate::math::phase`]), as in the general
-//! closed form, whose limiting cases these are at less than half of its cost; the error does not grow with time. Nothing is kept between
-//! output times: to form the rates again costs less than to store them.
+//! closed form, whose limiting cases these are; the error does not grow with time. Nothing is kept between output times, so that memory does
+//! not grow with the bodies: a state then takes some 0.14 µs of a core, as the rates are formed again (`cargo bench --bench costs`).
 
 use glam::DVec3;
 
