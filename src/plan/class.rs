@@ -51,6 +51,12 @@ impl Shape {
 
     /// The axis that a body of this class has by its frame and its angular momentum along principal axes, scaled, over `span` seconds.
     pub(crate) fn axis_of(self, frame: &BodyFrame, angular_momentum_principal: DVec3, span: f64) -> Axis {
+        // What `bound` says of these without their bounds, which cost more than the rest of the body.
+        match self {
+            Shape::AtRest => return 0,
+            Shape::Spherical => return 1,
+            Shape::Steady | Shape::Axisymmetric | Shape::Asymmetric => {}
+        }
         let span = scaled_by_power_of_two(span, frame.rate_exponent);
         FreeBody { moments: frame.scaled_moments, angular_momentum_principal, span }.bound(self).axis
     }

@@ -27,8 +27,8 @@
 //! equation 13.13). The series at t₁ serve the next step as well. N = ⌊(K − 1)/2⌋, and h is the lesser of the step above, for m, and of
 //! that which keeps this error at the tolerance. The derivative of order 2N + 1 is bounded by that of v with v' = ½ |ω| v, whose coefficients
 //! follow from the norms of ω's (a majorant: Moore, chapter 11): u_N alone says nothing of a body that is spun up within the step.
-//! A step that ends where something changes its sign has no later series: those at t₁ are then the polynomials ω(t) of the step itself,
-//! expanded there.
+//! A step that ends where something that decides changes its sign or vanishes has no later series: those at t₁ are then the polynomials
+//! ω(t) of the step itself, expanded there.
 //!
 //! # Where torques ask for directions alone
 //!

@@ -16,7 +16,7 @@ use crate::torque::motion::RecordedMotion;
 use crate::torque::table::{Bodies, TorqueTable};
 
 /// Time of an operation of a torque, s, in one lane of `f32` and `f64` of a core with AVX-512: in equal steps, where bodies share the time, and
-/// in steps of their own. Steps of `rk8` of heavy tops, of gravity gradients and of *orbit* (DESIGN 8.4) are met within 15 %.
+/// in steps of their own. Steps of `rk8` of heavy tops, of gravity gradients and of *orbit* (DESIGN 8.4) are met within a fifth.
 const OPERATION_IN_EQUAL_STEPS: [f64; 2] = [0.009e-9, 0.017e-9];
 const OPERATION_IN_OWN_STEPS: [f64; 2] = [0.016e-9, 0.025e-9];
 /// How much longer one takes that is interpreted.

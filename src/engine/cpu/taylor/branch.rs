@@ -17,9 +17,7 @@ impl<R: Real, const G: usize> Tile<'_, R, G> {
         }
         cut
     }
-}
 
-impl<R: Real, const G: usize> Tile<'_, R, G> {
     /// Where something that decides vanishes at the end of a step: the series there may be those of another branch.
     #[inline(always)]
     pub(super) fn ends_at_switch(&self, group: usize, h: R) -> R::Mask {
