@@ -10,10 +10,9 @@ use super::reading::TASK;
 use crate::bodies::Ensemble;
 use crate::bodies::Members;
 use crate::bodies::{BodyFrame, BodyState};
-use crate::kernel::free_motion::{FORMED_BODIES, FormedBlock, PrecessionBlock, SetUp};
+use crate::kernel::free_motion::{FORMED_BODIES, Formed, FormedBlock, PrecessionBlock, SetUp};
 use crate::math::Precision;
 use crate::math::Width;
-use crate::math::lanes::LaneScalar;
 use crate::plan::Shape;
 
 /// A group of bodies that is evaluated when it is read.
@@ -112,34 +111,8 @@ impl EvaluatedWhenRead<'_> {
     }
 }
 
-/// Bodies that are formed together.
-trait FreeBlock {
-    /// The state of one of them in the user's axes and units.
-    fn state(&self, place: usize) -> BodyState;
-    /// The same where it starts, if that was wanted.
-    fn start(&self, place: usize) -> BodyState;
-}
-
-impl FreeBlock for PrecessionBlock {
-    fn state(&self, place: usize) -> BodyState {
-        self.state(place)
-    }
-    fn start(&self, place: usize) -> BodyState {
-        self.start(place)
-    }
-}
-
-impl<T: LaneScalar> FreeBlock for FormedBlock<T> {
-    fn state(&self, place: usize) -> BodyState {
-        self.state(place)
-    }
-    fn start(&self, place: usize) -> BodyState {
-        self.start(place)
-    }
-}
-
 /// Forms the bodies in some rows block by block: `form` is given the first row of each and how many there are.
-fn each_of<B: FreeBlock>(
+fn each_of<B: Formed>(
     mut block: B,
     form: impl Fn(&mut B, usize, usize),
     rows: Range<usize>,

@@ -11,7 +11,7 @@ use crate::bodies::columns::StateWords;
 use crate::engine::Backend;
 use crate::engine::cpu::Cpu;
 use crate::error::Result;
-use crate::kernel::free_motion::{AnyRows, FORMED_BODIES, PrecessionBlock, SetUp};
+use crate::kernel::free_motion::{AnyRows, FORMED_BODIES, Formed, PrecessionBlock, SetUp};
 use crate::math::Precision;
 use crate::math::Width;
 use crate::math::real::Scalar;

@@ -16,6 +16,28 @@ use crate::math::vector::Vector;
 /// Bodies of a [`FormedBlock`].
 pub(crate) const FORMED_BODIES: usize = BLOCK;
 
+/// Bodies that were formed together, in the user's axes and units.
+pub(crate) trait Formed {
+    /// At the time that they were brought to, and where they start, if that was wanted.
+    fn columns(&self) -> [&UserColumns; 2];
+
+    /// The state of one of them.
+    fn state(&self, place: usize) -> BodyState {
+        self.columns()[0].state(place)
+    }
+
+    /// The state in which one of them starts; not a number where it was not wanted.
+    fn start(&self, place: usize) -> BodyState {
+        self.columns()[1].state(place)
+    }
+}
+
+impl<T> Formed for FormedBlock<T> {
+    fn columns(&self) -> [&UserColumns; 2] {
+        [&self.end, &self.start]
+    }
+}
+
 /// Some bodies of an ensemble at one time, to the bit as [`crate::kernel::free_motion::FreeMotionRows`] gives them.
 pub(crate) struct FormedBlock<T> {
     initial: InitialBlock,
@@ -75,16 +97,6 @@ impl<T: LaneScalar> FormedBlock<T> {
             Width::Scalar => evaluation.run::<T>(),
         }
         f64::dispatch(ToUserAxes { frames, initial, state, end, start: wants_start.then_some(start) });
-    }
-
-    /// The state in which one of the bodies starts, in the user's axes and units; not a number where it was not wanted.
-    pub fn start(&self, place: usize) -> BodyState {
-        self.start.state(place)
-    }
-
-    /// The state of one of the bodies in the user's axes and units.
-    pub fn state(&self, place: usize) -> BodyState {
-        self.end.state(place)
     }
 }
 

@@ -79,7 +79,7 @@ mod setup;
 mod solution;
 
 pub use evaluation::ROW_COLUMNS;
-pub(crate) use formed::{FORMED_BODIES, FormedBlock};
+pub(crate) use formed::{FORMED_BODIES, Formed, FormedBlock};
 pub(crate) use frame::{Aligned, scaled_body};
 pub(crate) use precession::{PrecessionBlock, Rotations};
 pub use rows::{AnyRows, FreeMotionRows, WORD_COLUMNS};

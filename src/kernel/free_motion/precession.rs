@@ -16,12 +16,12 @@
 
 use glam::DVec3;
 
-use super::formed::FORMED_BODIES;
+use super::formed::{FORMED_BODIES, Formed};
 use super::rows::{BLOCK, InitialBlock, TurnsBlock};
 use super::setup::SetUp;
+use crate::bodies::BodyFrame;
 use crate::bodies::Ensemble;
 use crate::bodies::user_axes::{UserAxes, UserColumns};
-use crate::bodies::{BodyFrame, BodyState};
 use crate::math::double_double::DoubleDouble;
 use crate::math::elementary::{Turns, power_of_two, sin_cos_turns};
 use crate::math::lanes::{LaneScalar, LaneTask};
@@ -104,15 +104,11 @@ impl PrecessionBlock {
         let start = wants_start.then_some(start);
         f64::dispatch(Evaluation { initial, frames, axes, half_angles: &half_angles, end, start });
     }
+}
 
-    /// The state in which one of the bodies starts, in the user's axes and units; not a number where it was not wanted.
-    pub fn start(&self, place: usize) -> BodyState {
-        self.start.state(place)
-    }
-
-    /// The state of one of the bodies in the user's axes and units.
-    pub fn state(&self, place: usize) -> BodyState {
-        self.end.state(place)
+impl Formed for PrecessionBlock {
+    fn columns(&self) -> [&UserColumns; 2] {
+        [&self.end, &self.start]
     }
 }
 
