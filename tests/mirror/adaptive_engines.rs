@@ -165,25 +165,25 @@ fn phases_stay_exact_over_a_hundred_thousand_turns_in_one_interval() {
 
 #[test]
 fn a_flagged_body_does_not_stop_the_others() {
-    // Spins of 1 rad/s take steps of about 0.3 s, the one of 1e4 rad/s would need 3e-5 s.
-    let spins: Vec<DVec3> = (0..COUNT)
-        .map(|body| DVec3::new(1.0, 0.4, 0.1) * if body == 20 { 1e4 } else { 1.0 + 0.01 * body as f64 })
-        .collect();
     let moments = DVec3::new(1.0, 2.0, 2.5);
-    let run = |engine: &Engine, precision, keep: &dyn Fn(usize) -> bool| {
+    let run = |engine: &Engine, precision, [spin, drag]: [f64; 2], keep: &dyn Fn(usize) -> bool| {
         let kept: Vec<usize> = (0..COUNT).filter(|&body| keep(body)).collect();
-        let ensemble =
-            Ensemble::from_fn(kept.len(), |row| (moments, DQuat::IDENTITY, spins[kept[row]])).expect("valid bodies");
-        let (_, batch) = prepare_with(&ensemble, &[], SPAN, precision).expect("prepared");
+        let of = |row: usize, of_one: f64, of_others: f64| if kept[row] == 20 { of_one } else { of_others };
+        let omega = |row| DVec3::new(1.0, 0.4, 0.1) * of(row, spin, 1.0 + 0.01 * kept[row] as f64);
+        let ensemble = Ensemble::from_fn(kept.len(), |row| (moments, DQuat::IDENTITY, omega(row))).expect("valid bodies");
+        let drag: Vec<f64> = (0..kept.len()).map(|row| of(row, drag, 0.01)).collect();
+        let (_, batch) = prepare_with(&ensemble, &[Torque::quadratic_drag(drag)], SPAN, precision).expect("prepared");
         let steps = AdaptiveSteps { tolerance: 1e-6, least_step: Some(1e-3) };
         let mut session = engine.start_adaptive(batch, steps).expect("started");
         let words = all_at(session.as_mut(), &[SPAN]);
         (words, session.counts().expect("counted"))
     };
     for engine in engines() {
-        for precision in Precision::ALL {
-            let (with, counts) = run(&engine, precision, &|_| true);
-            let (without, _) = run(&engine, precision, &|body| body != 20);
+        // Spins of 1 rad/s take steps of about 0.3 s, one of 1e4 rad/s would need 3e-5 s; a drag of 1e30 makes each attempt overflow.
+        let cases = [[1e4, 0.01], [1.0, 1e30]];
+        for (precision, case) in Precision::ALL.into_iter().flat_map(|precision| cases.map(|case| (precision, case))) {
+            let (with, counts) = run(&engine, precision, case, &|_| true);
+            let (without, _) = run(&engine, precision, case, &|body| body != 20);
             for (body, counts) in counts.iter().enumerate() {
                 if body == 20 {
                     assert_eq!(with.status[body], Status::StepBelowLimit);

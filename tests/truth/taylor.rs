@@ -388,11 +388,13 @@ fn what_begins_at_an_output_time_is_not_missed() {
     let (ensemble, engine) = (ensemble.expect("valid bodies"), Engine::cpu());
     let mut worst = 0.0_f64;
     for (number, text) in
-        ["vec(0, 0, max(time - t0, 0))", "vec(0, 0, -min(t0 - time, 0))"].into_iter().cycle().enumerate().take(40)
+        ["vec(0, 0, max(time - t0, 0))", "vec(0, 0, -min(t0 - time, 0))"].into_iter().cycle().enumerate().take(60)
     {
-        let t0 = 0.07 * (number / 2 + 1) as f64;
+        // What decides is 0 there, or has a sign that is of rounding.
+        let output = 0.07 * (number / 2 + 1) as f64;
+        let t0 = [output, output.next_up(), output.next_down()][number % 3];
         let torque = Torque::custom(text, Parameters::new().number("t0", t0).expect("a name")).expect("a formula");
-        let scene = Scene::new(ensemble.clone()).until(3.0).outputs(Outputs::Times(vec![t0, 3.0]));
+        let scene = Scene::new(ensemble.clone()).until(3.0).outputs(Outputs::Times(vec![output, 3.0]));
         let scene = scene.torque(torque).taylor(steps(1e-10));
         let record = engine.run(&Plan::new(&scene, &engine).expect("planned")).expect("ran");
         for body in 0..ensemble.len() {
