@@ -13,12 +13,15 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use super::files::{STUDY_TEXT, run_part_to_folder, write_plan};
+use super::files::{PartOf, STUDY_TEXT, run_files, write_plan};
 use super::merge::{MergedReport, check_files, merge_folders};
+use super::state_tables::TableFile;
 use crate::bodies::{Blocks, memory};
 use crate::engine::{Backend, Progress};
 use crate::error::{Error, FileAction, Result};
 use crate::plan::{Plan, PlanDocument};
+use crate::record::column::Layout;
+use crate::record::npz_file::Times;
 use crate::record::part_file::PartFile;
 use crate::record::{OutputFolder, PLAN, REPORT, Traces};
 use crate::study::Study;
@@ -32,6 +35,10 @@ const REMOVED: &str = "plan.json.removed";
 
 /// The most bodies of a piece: what a run keeps of them takes less than a gigabyte.
 const MOST_BODIES: usize = 1 << 21;
+
+/// The same where final states are written through: columns of at most 2 MB, whose memory the next piece has again, as allocators give larger
+/// blocks back to the system, which clears each page anew.
+const MOST_WRITTEN_THROUGH: usize = 1 << 18;
 
 /// The most bodies that a plan is made of: a sample of those that are drawn alike.
 const MOST_PLANNED: usize = 1 << 20;
@@ -57,6 +64,8 @@ pub struct Checkpoint {
     /// The finished pieces, in the order of their bodies.
     pieces: Vec<Range<usize>>,
     pace: Pace,
+    /// The table of final states of all bodies, where they do not go to the pieces.
+    final_states: Option<TableFile>,
 }
 
 /// Is told of the bodies of a piece before it is computed, and of what it has in the file system; breaks to stop there.
@@ -90,7 +99,7 @@ impl Checkpoint {
         results.with_file_name(name)
     }
 
-    /// What a run of `study` has left in a folder; `None` where there is no such folder, or nothing of a run in it.
+    /// What a run of `study` has left in a folder; `None` where there is no such folder, or nothing of a run in it that can be gone on with.
     ///
     /// # Errors
     ///
@@ -113,13 +122,13 @@ impl Checkpoint {
         }
         let plan = PlanDocument::read(&folder.join(PLAN))?;
         pieces.sort_by_key(|bodies: &Range<usize>| bodies.start);
-        let mut found = Self { folder: folder.to_owned(), plan, pieces, pace: Pace::Unknown };
-        found.check(study)?;
-        Ok(Some(found))
+        let mut found = Self { folder: folder.to_owned(), plan, pieces, pace: Pace::Unknown, final_states: None };
+        Ok(found.check(study)?.then_some(found))
     }
 
-    /// Refuses pieces that are not as they were written, and takes note of how long the last one took.
-    fn check(&mut self, study: &Study) -> Result<()> {
+    /// Refuses pieces that are not as they were written, and takes note of how long the last one took; false where their states went to a
+    /// table that is lost.
+    fn check(&mut self, study: &Study) -> Result<bool> {
         let mut next = 0;
         for bodies in &self.pieces {
             let path = self.piece(bodies);
@@ -134,6 +143,9 @@ impl Checkpoint {
             if part.entry(STUDY_TEXT) != Some(study.text()) {
                 return Err(wrong("it was begun with another text of the study"));
             }
+            if part.tables().0 != study.output().final_state {
+                return Ok(false);
+            }
             check_files(&part, &path)?;
             next = bodies.end;
         }
@@ -141,7 +153,7 @@ impl Checkpoint {
             let report: Value = serde_json::from_str(&read_text(&self.piece(last).join(REPORT))?).unwrap_or_default();
             self.pace = Pace::measured(last.len(), &report["wall_time"]);
         }
-        Ok(())
+        Ok(true)
     }
 
     /// The bodies of a study that a plan of all of them is made of ([`Study::part`]): the first 2^20 where there are more and all are drawn alike,
@@ -169,7 +181,32 @@ impl Checkpoint {
         let seconds: Option<f64> = plan.explain().classes.iter().map(|class| class.seconds).sum();
         let bodies = plan.scene().ensemble().len() as f64;
         let pace = seconds.filter(|seconds| *seconds > 0.0).map_or(Pace::Unknown, |s| Pace::Expected(bodies / s));
-        Ok(Self { folder: folder.to_owned(), plan: PlanDocument::read(&path)?, pieces: Vec::new(), pace })
+        let plan = PlanDocument::read(&path)?;
+        Ok(Self { folder: folder.to_owned(), plan, pieces: Vec::new(), pace, final_states: None })
+    }
+
+    /// Has final states written to their table in `results`, the folder that [`Checkpoint::finish`] is given then, as they are computed, instead
+    /// of to the pieces first: the disk takes each row once instead of twice. What is computed then cannot be gone on with once this value is
+    /// dropped. `plan` is that of [`Checkpoint::begin`]. Nothing changes where `study` asks for no final states, or for snapshots, whose rows
+    /// come in another order.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`].
+    pub fn write_through(&mut self, study: &Study, plan: &Plan<'_>, results: &mut OutputFolder) -> Result<()> {
+        let (output, scene) = (study.output(), plan.scene());
+        if output.final_state && !output.snapshots && self.pieces.is_empty() {
+            let cells = study.design().map(|design| design.cells());
+            let layout = Layout::of_output(output, scene.ensemble().translation().is_some(), cells);
+            let (of, bodies) = (("final", output.format), 0..self.body_count());
+            self.final_states = Some(TableFile::begin(results, of, bodies, &layout, Times::One(scene.end()))?);
+        }
+        Ok(())
+    }
+
+    /// Whether a run can go on from what is computed.
+    pub fn is_kept(&self) -> bool {
+        self.final_states.is_none() && !self.pieces.is_empty()
     }
 
     /// The plan that all bodies follow.
@@ -201,9 +238,9 @@ impl Checkpoint {
             Pace::Measured(rate) => (rate * every.as_secs_f64()) as usize,
         };
         let room = memory::available().map_or(usize::MAX, |bytes| bytes as usize / (2 * study.bytes_of_body()));
+        let most = if self.final_states.is_some() { MOST_WRITTEN_THROUGH } else { MOST_BODIES };
         let growth = self.pieces.last().map_or(usize::MAX, |last| last.len().saturating_mul(GROWTH));
-        let most = growth.min(room).min(MOST_BODIES);
-        let blocks = (wanted.min(most) / size).max(1);
+        let blocks = (wanted.min(growth).min(room).min(most) / size).max(1);
         start..start.saturating_add(blocks * size).min(all)
     }
 
@@ -213,7 +250,8 @@ impl Checkpoint {
     ///
     /// # Errors
     ///
-    /// As [`crate::run::run_to_folder`] and [`Plan::repeated`]; what was finished before stays. [`Error::Interrupted`] where either breaks.
+    /// As [`crate::run::run_to_folder`] and [`Plan::repeated`]; what was finished before stays, unless it is written through, when only a run
+    /// from the start is of use. [`Error::Interrupted`] where either breaks.
     pub fn advance(
         &mut self,
         engine: &dyn Backend,
@@ -241,7 +279,9 @@ impl Checkpoint {
                 let total = ((done + progress.total) as f64 * left) as u64;
                 observer(Progress { done: done + progress.done, total })
             };
-            let report = run_part_to_folder(engine, &plan, &study, &self.plan, folder, since, &mut of_all)?;
+            let part_of = PartOf { document: &self.plan, final_states: self.final_states.as_mut() };
+            let output = study.output();
+            let report = run_files(engine, &plan, (Some(&study), output), folder, Some(part_of), since, &mut of_all)?;
             done += of_piece;
             self.pace = Pace::measured(bodies.len(), &serde_json::to_value(report.wall_time).unwrap_or_default());
             self.pieces.push(bodies);
@@ -261,7 +301,7 @@ impl Checkpoint {
     ) -> Result<MergedReport> {
         let name = |bodies: &Range<usize>| format!("bodies {} to {}", bodies.start, bodies.end - 1);
         let folders: Vec<_> = self.pieces.iter().map(|bodies| (name(bodies), self.piece(bodies))).collect();
-        let report = merge_folders(&self.folder, &folders, folder, observer)?;
+        let report = merge_folders(&self.folder, &folders, folder, self.final_states, observer)?;
         Self::remove(&self.folder);
         Ok(report)
     }

@@ -18,7 +18,7 @@ use crate::record::report::{EventReport, Report, StatisticsReport, StudyReport};
 use crate::record::statistics_file::StatisticsFile;
 use crate::record::{EventRecord, Gathered, HistogramCounts, OutputState, Sink, Statistics};
 use crate::run::outcome::Outcome;
-use crate::run::state_tables::{StateQueue, StateTables, WriteTime, timed};
+use crate::run::state_tables::{StateQueue, StateTables, TableFile, WriteTime, timed};
 use crate::run::{initial_file, run_into};
 use crate::study::{Format, Output, Study};
 
@@ -204,7 +204,7 @@ pub fn run_to_folder(
     since: Instant,
     observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Report> {
-    run_files(engine, plan, study, output, (folder, None), since, observer)
+    run_files(engine, plan, (study, output), folder, None, since, observer)
 }
 
 /// As [`run_to_folder`], of a part of a study ([`Study::part`]). `document` is the plan that all parts follow, which is written as it was
@@ -223,7 +223,16 @@ pub fn run_part_to_folder(
     since: Instant,
     observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Report> {
-    run_files(engine, plan, Some(study), study.output(), (folder, Some(document)), since, observer)
+    let part_of = PartOf { document, final_states: None };
+    run_files(engine, plan, (Some(study), study.output()), folder, Some(part_of), since, observer)
+}
+
+/// What a run of some bodies of a study is a part of.
+pub(super) struct PartOf<'a> {
+    /// The plan of all bodies.
+    pub document: &'a PlanDocument,
+    /// The table of final states of all bodies, to which those of the part go; without one they go to a table of the part's own.
+    pub final_states: Option<&'a mut TableFile>,
 }
 
 /// The key of the study's text in the metadata of files.
@@ -241,26 +250,29 @@ fn metadata(study: Option<&Study>, plan: &str) -> Metadata {
     metadata
 }
 
-fn run_files(
+pub(super) fn run_files(
     engine: &dyn Backend,
     plan: &Plan<'_>,
-    study: Option<&Study>,
-    output: &Output,
-    (mut folder, part_of): (OutputFolder, Option<&PlanDocument>),
+    (study, output): (Option<&Study>, &Output),
+    mut folder: OutputFolder,
+    part_of: Option<PartOf<'_>>,
     since: Instant,
     observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Report> {
     let study_seconds = since.elapsed().as_secs_f64();
     let design = study.and_then(Study::design);
     let cells = design.map(|design| design.cells());
-    let plan_text = part_of.map_or_else(|| plan.to_json(), |document| document.text().to_owned());
+    let is_part = part_of.is_some();
+    let plan_text = part_of.as_ref().map_or_else(|| plan.to_json(), |part| part.document.text().to_owned());
+    let of_all = part_of.and_then(|part| part.final_states);
+    let output = &Output { final_state: output.final_state && of_all.is_none(), ..output.clone() };
     let metadata = metadata(study, &plan_text);
     folder.add_metadata(metadata.clone());
     let layout = Layout::of_output(output, plan.scene().ensemble().translation().is_some(), cells);
     let columns = layout.columns.clone();
-    let tables = StateTables::begin(&mut folder, output, layout, plan)?;
+    let tables = StateTables::begin(&mut folder, output, layout, plan, of_all)?;
     let ((mut trust, kept), mut spent) = tables.while_running(|queue| {
-        let mut sink = FileSink::begin(&mut folder, output, plan, part_of.is_some(), queue)?;
+        let mut sink = FileSink::begin(&mut folder, output, plan, is_part, queue)?;
         timed(&mut sink.spent.disk, || {
             if let Some(design) = design {
                 initial_file::write_cells(&mut folder, output.format, design, plan.scene().part().of)?;
@@ -282,7 +294,7 @@ fn run_files(
     if !trust.failures.is_empty() {
         failed_file::write(&mut folder, output.format, &trust.failures)?;
     }
-    if part_of.is_none() {
+    if !is_part {
         if !kept.events.is_empty() {
             write_events(&mut folder, output.format, &kept.events, plan.times(), cells)?;
         }
@@ -295,7 +307,7 @@ fn run_files(
         folder.write(EVENTS, &serde_json::to_vec(&entries).unwrap_or_default())?;
     }
     folder.write(PLAN, plan_text.as_bytes())?;
-    if part_of.is_some() {
+    if is_part {
         let contents = PartFile::new(PartContents {
             bodies: part.first_body..part.first_body + scene.ensemble().len(),
             body_count: part.of,

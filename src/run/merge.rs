@@ -100,7 +100,7 @@ pub fn merge(
     folder: OutputFolder,
     observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<MergedReport> {
-    merge_folders(all, &shard_folders(all)?, folder, observer)
+    merge_folders(all, &shard_folders(all)?, folder, None, observer)
 }
 
 /// The folders of all parts in `all`, in their order, each with its name; refused where one is not there.
@@ -122,11 +122,13 @@ fn shard_folders(all: &Path) -> Result<Vec<(String, PathBuf)>> {
     Ok(shards.map(|shard| (format!("part {shard}"), shard.folder(all))).collect())
 }
 
-/// As [`merge`], of the parts in some folders, which have names, in the order of their bodies.
+/// As [`merge`], of the parts in some folders, which have names, in the order of their bodies; `final_states` is the table of those of all
+/// bodies where the parts have appended to it.
 pub(super) fn merge_folders(
     all: &Path,
     folders: &[(String, PathBuf)],
     mut folder: OutputFolder,
+    final_states: Option<TableFile>,
     observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<MergedReport> {
     let (pieces, plan) = pieces(all, folders)?;
@@ -163,6 +165,9 @@ pub(super) fn merge_folders(
     let (bodies, layout) = (0..first.body_count, first.layout());
     let rows = (has_snapshots as usize * times.len() + has_final as usize) * first.body_count;
     let mut rows = Rows { done: 0, total: rows as u64, observer };
+    if let Some(table) = final_states {
+        table.finish()?;
+    }
     if has_final {
         let mut table = TableFile::begin(&mut folder, ("final", format), bodies.clone(), &layout, Times::One(end))?;
         for (piece, path) in pieces.iter().zip(tables_of("final")) {

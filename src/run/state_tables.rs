@@ -106,6 +106,8 @@ pub(super) struct StateTables<'p> {
     evaluator: Option<Evaluator<'p>>,
     final_state: Option<TableFile>,
     snapshots: Option<TableFile>,
+    /// That of final states of all bodies of a study, to which the run of some appends.
+    of_all: Option<&'p mut TableFile>,
     /// Of the study that the bodies are a part of.
     first_body: usize,
     /// The index of the last output.
@@ -124,7 +126,13 @@ struct Message {
 }
 
 impl<'p> StateTables<'p> {
-    pub fn begin(folder: &mut OutputFolder, output: &Output, layout: Layout, plan: &'p Plan<'_>) -> Result<Self> {
+    pub fn begin(
+        folder: &mut OutputFolder,
+        output: &Output,
+        layout: Layout,
+        plan: &'p Plan<'_>,
+        of_all: Option<&'p mut TableFile>,
+    ) -> Result<Self> {
         let (times, ensemble) = (plan.times(), plan.scene().ensemble());
         let first_body = plan.scene().part().first_body;
         let bodies = first_body..first_body + ensemble.len();
@@ -139,13 +147,14 @@ impl<'p> StateTables<'p> {
         let quantities = &layout.quantities;
         let evaluator = (!quantities.is_empty()).then(|| Evaluator::new(plan.scene(), quantities)).transpose()?;
         let (last, spent, rows) = (times.len() - 1, WriteTime::default(), StateRows::default());
-        Ok(Self { layout, evaluator, final_state, snapshots, first_body, last, spent, rows })
+        Ok(Self { layout, evaluator, final_state, snapshots, of_all, first_body, last, spent, rows })
     }
 
     /// Writes what `run` hands to the queue that it gets, while it goes on. Where the disk refuses something, that is the error, whatever the
     /// run makes of a queue that takes nothing more.
     pub fn while_running<T>(self, run: impl FnOnce(&mut StateQueue) -> Result<T>) -> Result<(T, WriteTime)> {
-        let wants = Wants { always: self.snapshots.is_some(), at_end: self.final_state.is_some(), last: self.last };
+        let at_end = self.final_state.is_some() || self.of_all.is_some();
+        let wants = Wants { always: self.snapshots.is_some(), at_end, last: self.last };
         thread::scope(|scope| {
             let (sender, receiver) = sync_channel(QUEUED);
             let (emptied, room) = channel();
@@ -180,7 +189,8 @@ impl<'p> StateTables<'p> {
         });
         let derived: Vec<&[f64]> = derived.iter().map(Vec::as_slice).collect();
         let of = (*time, self.first_body + first_body);
-        for table in self.snapshots.iter_mut().chain(self.final_state.iter_mut().filter(|_| at_end)) {
+        let final_states = self.final_state.iter_mut().chain(self.of_all.as_deref_mut());
+        for table in self.snapshots.iter_mut().chain(final_states.filter(|_| at_end)) {
             table.append_states((&self.layout, &mut self.rows), of, (states, &derived), &mut self.spent)?;
         }
         Ok(())

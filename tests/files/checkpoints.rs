@@ -5,10 +5,15 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::ops::ControlFlow;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use assert_cmd::cargo::cargo_bin;
+use polhode::record::OutputFolder;
+use polhode::run::Checkpoint;
+use polhode::study::Study;
+use polhode::{Engine, Plan};
 
 use crate::shards::{OBSERVED, PINNED, STATISTICS, done, observed_names, tables};
 use crate::workspace::{Workspace, words};
@@ -288,19 +293,65 @@ fn folders_that_vanish_or_cannot_be_written_are_named() {
     assert_eq!(fs::read_to_string(&place).expect("read"), "mine");
 }
 
-/// Whatever the memory: a plan of the first 2^20, pieces, parts, and all bodies together.
+/// Final states that go to their table as they are computed, in pieces of some blocks: once, and the same bytes; what is left of such a run
+/// says that there is nothing to go on with.
+#[test]
+fn final_states_written_through_are_those_of_one_run() {
+    let engine = Engine::cpu();
+    let going_on = &mut |_| ControlFlow::Continue(());
+    for format in ["csv", "npz", "parquet"] {
+        for study in [OBSERVED, &PINNED.replace("snapshots = true", "").replace("format = \"npz\"", "")] {
+            let study = study.replace("[output]", &format!("[output]\nformat = \"{format}\""));
+            let workspace = Workspace::new(&study);
+            let whole = whole(&workspace, "cpu");
+            let study = Study::read(&workspace.path("study.toml")).expect("a study");
+            let scene = study.scene().expect("a scene");
+            let plan = Plan::new(&scene, &engine).expect("a plan");
+            let place = workspace.path("out.checkpoint");
+            let mut run = |stop_at: usize| {
+                let mut folder = OutputFolder::create(&workspace.path("out"), false).expect("a folder");
+                let mut checkpoint = Checkpoint::begin(&place, &plan).expect("begun");
+                checkpoint.write_through(&study, &plan, &mut folder).expect("written through");
+                let mut pieces = 0;
+                let begun = &mut |_: &Checkpoint, _, _: &_| {
+                    pieces += 1;
+                    if pieces > stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+                };
+                let done = checkpoint.advance(&engine, &study, Duration::from_nanos(1), begun, going_on);
+                assert!(!checkpoint.is_kept());
+                (done, checkpoint, folder, pieces)
+            };
+            let (stopped, checkpoint, folder, pieces) = run(3);
+            assert!(stopped.is_err() && checkpoint.bodies_done() > 0 && pieces == 4, "{pieces}");
+            drop((checkpoint, folder));
+            let of_piece = fs::read_dir(&place).expect("a folder").flatten().map(|piece| piece.path());
+            assert!(of_piece.filter(|piece| piece.is_dir()).all(|piece| !piece.join(format!("final.{format}")).exists()));
+            assert!(Checkpoint::find(&place, &study).expect("read").is_none(), "states are lost");
+            Checkpoint::remove(&place);
+            let (done, checkpoint, folder, pieces) = run(usize::MAX);
+            assert!(done.is_ok() && pieces > 3, "{done:?} {pieces}");
+            checkpoint.finish(folder, going_on).expect("merged");
+            assert_same(&whole, &tables(&workspace, "out"));
+            assert!(!place.exists());
+        }
+    }
+}
+
+/// Whatever the memory: a plan of the first 2^20, pieces, kept or written through, parts, and all bodies together.
 #[test]
 fn more_than_a_million_bodies_are_run_in_pieces_to_the_bytes_of_one_run() {
     let study = "[bodies]\ncount = 1_100_000\ninertia = [1, 2, 2.5]\norientation = { distribution = \"uniform\" }\n\
                  angular_velocity = { distribution = \"normal\", mean = 0, sigma = 0.5 }\n[time]\nend = 5.0\n\
-                 [output]\nfinal = false\nstatistics = [\"kinetic_energy\", \"angular_momentum_x\"]\n";
+                 [output]\ncolumns = [\"qz\", \"wx\"]\nformat = \"npz\"\nstatistics = [\"kinetic_energy\", \"angular_momentum_x\"]\n";
     let workspace = Workspace::new(study);
     let engine = ["--engine", "cpu", "--quiet"];
     let polhode = |arguments: &[&str]| done(&workspace, 2, &[arguments, &engine].concat());
     polhode(&["run", "study.toml", "--out", "pieces"]);
     let found = tables(&workspace, "pieces");
-    assert_eq!(found.keys().collect::<Vec<_>>(), ["plan.json", "statistics.csv"]);
+    assert_eq!(found.keys().collect::<Vec<_>>(), ["final.npz", "plan.json", "statistics.npz"]);
     assert!(crate::workspace::report(&workspace, "pieces")["parts"].as_array().is_some_and(|parts| !parts.is_empty()));
+    polhode(&["run", "study.toml", "--out", "kept", "--checkpoint", "0.3"]);
+    assert_same(&found, &tables(&workspace, "kept"));
     polhode(&["plan", "study.toml", "--out", "plan.json"]);
     polhode(&["run", "study.toml", "--out", "together", "--plan", "plan.json"]);
     for part in ["1/3", "2/3", "3/3"] {
@@ -308,7 +359,44 @@ fn more_than_a_million_bodies_are_run_in_pieces_to_the_bytes_of_one_run() {
     }
     done(&workspace, 2, &["merge", "parts", "--out", "merged", "--quiet"]);
     assert_same(&found, &tables(&workspace, "merged"));
-    assert!(tables(&workspace, "together")["statistics.csv"] == found["statistics.csv"], "of all bodies in memory");
+    // Of all bodies in memory; its plan counts them.
+    let together = tables(&workspace, "together");
+    for name in ["final.npz", "statistics.npz"] {
+        assert!(together[name] == found[name], "{name} differs");
+    }
+}
+
+/// Nobody asked for checkpoints, and the run is short: it is begun again.
+#[test]
+#[cfg(unix)]
+fn a_killed_run_that_wrote_through_is_begun_again() {
+    let study = "[bodies]\ncount = 3_000_000\ninertia = [1, 2, 2.5]\norientation = { distribution = \"uniform\" }\n\
+                 angular_velocity = { distribution = \"normal\", mean = 0, sigma = 0.5 }\n[time]\nend = 5.0\n\
+                 [output]\ncolumns = [\"wx\"]\nformat = \"npz\"\n";
+    let workspace = Workspace::new(study);
+    let run = ["run", "study.toml", "--out", "out", "--engine", "cpu"];
+    let place = workspace.path("out.checkpoint");
+    let with_pieces = || {
+        let (child, clock) = (start(&workspace, &run), Instant::now());
+        let pieces = || place.is_dir() && workspace.names("out.checkpoint").len() > 3;
+        while clock.elapsed() < Duration::from_secs(60) && !pieces() {
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        child
+    };
+    // Asked to stop, it leaves nothing.
+    let mut child = with_pieces();
+    let interrupt = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
+    assert!(interrupt.success() && child.wait().expect("it ends").code() == Some(1));
+    assert_eq!(workspace.names("."), ["study.toml"]);
+    let mut child = with_pieces();
+    child.kill().expect("a process");
+    child.wait().expect("it ends");
+    assert!(place.is_dir() && !workspace.path("out").exists());
+    done(&workspace, 2, &[&run[..], &["--quiet"]].concat());
+    assert_eq!(workspace.names("."), ["out", "study.toml"], "what was left is gone");
+    done(&workspace, 2, &["run", "study.toml", "--out", "kept", "--engine", "cpu", "--quiet", "--checkpoint", "1"]);
+    assert_same(&tables(&workspace, "kept"), &tables(&workspace, "out"));
 }
 
 #[test]

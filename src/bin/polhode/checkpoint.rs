@@ -18,6 +18,10 @@ use crate::shards::say_merged;
 /// The time between two checkpoints, where nobody says it.
 const EVERY: Duration = Duration::from_secs(60);
 
+/// A run that a plan expects to take less than this, s, is begun again as soon as gone on with, unless somebody asked for checkpoints: its rows
+/// are written once instead of to a checkpoint first.
+const SHORT: f64 = 600.0;
+
 /// The bodies that the plan of a study is made of, and whether those are not all.
 pub fn planned(study: &Study, no_skip: bool) -> (Range<usize>, bool) {
     let all = study.bodies().count;
@@ -52,7 +56,7 @@ fn run_until_written(
         study = study.with_precision(precision);
     }
     let document = arguments.plan.as_deref().map(PlanDocument::read).transpose()?;
-    let folder = OutputFolder::create(path, arguments.force)?;
+    let mut folder = OutputFolder::create(path, arguments.force)?;
     let traces = folder.traces().clone();
     progress::remove_at_end(vec![traces.clone()]);
     say_leftovers(&folder);
@@ -65,6 +69,8 @@ fn run_until_written(
         Failure::Value(format!("{error}: {again}"))
     })?;
     let engine = crate::engine::open(&arguments.engine, arguments.quiet)?;
+    // Who asks for checkpoints wants what is computed to be kept, and waits for it.
+    let is_asked = arguments.checkpoint.is_some() || study.checkpoint().is_some();
     let mut checkpoint = match found {
         Some(found) if !arguments.resume && found.bodies_done() > 0 => {
             let (done, all) = (found.bodies_done(), found.body_count());
@@ -93,21 +99,28 @@ fn run_until_written(
             let scene = study.clone().part(planned.clone()).scene()?.skipping(!arguments.no_skip);
             say_if_nothing_is_asked(&study, &scene, arguments.quiet);
             let plan = plan(arguments, (&study, &scene), &engine, document.as_ref())?;
+            let of_all = all as f64 / planned.len() as f64;
+            let seconds: Option<f64> = plan.explain().classes.iter().map(|class| class.seconds).sum();
+            let is_short = seconds.is_some_and(|seconds| seconds * of_all < SHORT);
+            let is_through = is_short && !(is_asked || arguments.resume || study.output().snapshots);
             // Pieces stay until they are merged.
             let OutputSize { rows, least_bytes, likely_bytes } = OutputSize::of(&plan, study.output());
-            let of_all = |count: u64| (count as f64 * (all as f64 / planned.len() as f64)) as u64;
-            let both = OutputSize {
-                rows: of_all(rows),
-                least_bytes: of_all(least_bytes).saturating_mul(2),
-                likely_bytes: of_all(likely_bytes).saturating_mul(2),
+            let in_all = |count: u64, times: u64| ((count as f64 * of_all) as u64).saturating_mul(times);
+            let copies = if is_through { 1 } else { 2 };
+            let size = OutputSize {
+                rows: in_all(rows, 1),
+                least_bytes: in_all(least_bytes, copies),
+                likely_bytes: in_all(likely_bytes, copies),
             };
-            check_disk(&folder, both, arguments.quiet)?;
+            check_disk(&folder, size, arguments.quiet)?;
             progress::leave(Err(place.clone()));
-            Checkpoint::begin(&place, &plan)?
+            let mut checkpoint = Checkpoint::begin(&place, &plan)?;
+            if is_through {
+                checkpoint.write_through(&study, &plan, &mut folder)?;
+            }
+            checkpoint
         }
     };
-    // Who asks for checkpoints wants what is computed to be kept, and waits for it.
-    let is_asked = arguments.checkpoint.is_some() || study.checkpoint().is_some();
     let mut watch = Watch::new(arguments.quiet);
     let mut begun = |checkpoint: &Checkpoint, bodies: Range<usize>, piece: &_| {
         progress::remove_at_end(vec![Clone::clone(piece), traces.clone()]);
@@ -146,11 +159,11 @@ fn run_until_written(
     Ok(merged?)
 }
 
-/// What is there of a run that is stopped now, and how it goes on; before the first piece, the folder that is there in vain.
+/// What is there of a run that is stopped now, and how it goes on; where it cannot, the folder that is there in vain.
 fn left(arguments: &RunArguments, checkpoint: &Checkpoint, path: &Path) -> Result<String, PathBuf> {
     let (done, all) = (checkpoint.bodies_done(), checkpoint.body_count());
     let place = Checkpoint::folder_of(path);
-    if done == 0 {
+    if !checkpoint.is_kept() {
         return Err(place);
     }
     let out = arguments.out.as_ref().map_or_else(String::new, |out| format!(" --out {}", out.display()));

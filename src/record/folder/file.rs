@@ -23,7 +23,7 @@ pub(crate) struct OutputFile {
 
 /// So many bytes are brought to the disk while others are formed: systems by themselves begin after some gigabytes, or half a minute, and a
 /// run would wait for all of them at its end.
-const AT_ONCE: u64 = 1 << 26;
+const AT_ONCE: u64 = 1 << 24;
 
 /// What libraries that encode files write into.
 #[cfg(feature = "parquet")]
