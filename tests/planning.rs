@@ -80,6 +80,27 @@ fn torques_that_change_much_faster_than_bodies_turn_are_seen_by_the_pilot() {
     }
 }
 
+/// Only a small part of such a span can be tried ahead, and a step may be longer than that part.
+#[test]
+fn steps_that_are_longer_than_what_was_tried_are_not_planned() {
+    for rate in [1e7, 3e7, 1e8, 1e9] {
+        let scene = scene(Torque::sinusoidal(DVec3::new(0.1, 0.2, 0.1), DVec3::ZERO, rate)).until(100.0);
+        let _alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+        match Plan::new(&scene, &Engine::cpu()) {
+            // A step a turn of the torque at the least.
+            Ok(plan) => {
+                let [least, expected] = [rate * 100.0 / 6.3, plan.explain().classes[0].steps.min as f64];
+                println!("{rate:e} rad/s: {expected:e} steps");
+                assert!(expected > least, "{rate:e} rad/s: {expected:e} steps, {least:e} turns");
+            }
+            Err(error) => {
+                println!("{rate:e} rad/s: {error}");
+                assert!(error.to_string().contains("use a shorter span"), "{rate:e} rad/s: {error}");
+            }
+        }
+    }
+}
+
 #[test]
 fn a_candidate_that_never_arrives_is_said_to_need_more_steps_than_planning_may_take() {
     let error = |factor: f64| Error::AccuracyOutOfReach {

@@ -54,6 +54,9 @@ const SHORTER_PROBE: f64 = 1e-3;
 const SHORTER_PROBES: usize = 4;
 /// More steps of a body than a core takes in a day.
 const MOST_STEPS_OF_RUN: f64 = 1e12;
+/// Equal steps that half of the bodies take in a pilot's span at the least, where it is shorter than the run's: what is longer would be cut at its
+/// end, and err by less than the run's steps do.
+const LEAST_STEPS: f64 = 4.0;
 /// The parts of a pilot's span after which its errors are first compared.
 const EARLY: [f64; 2] = [1.0 / 64.0, 1.0 / 8.0];
 
@@ -453,13 +456,26 @@ impl<'a> Pilot<'a> {
             Scheme::Equal(_) => 1.0,
             Scheme::Adaptive(_) => self.difficulty * (fastest * self.scene.end() / TABULATED_ANGLE).max(1.0),
         };
+        let longest_angle = if self.span < self.scene.end() && !cost.scheme.is_adaptive() {
+            cost.longest_angle.min(self.median_rate() * self.span / LEAST_STEPS)
+        } else {
+            cost.longest_angle
+        };
         Rule {
             scheme: cost.scheme,
             coefficient: longer * cost.coefficient(self.torques.is_empty()),
-            longest_angle: cost.longest_angle,
+            longest_angle,
             attitude: self.accuracy.strictest(),
             precision,
         }
+    }
+
+    /// The rate, rad/s, that half of the bodies that turn do not exceed; infinite where none does.
+    fn median_rate(&self) -> f64 {
+        let rates = self.bodies.iter().map(|(_, classification)| classification.rate);
+        let mut rates: Vec<f64> = rates.filter(|rate| *rate > 0.0).collect();
+        rates.sort_by(f64::total_cmp);
+        rates.get(rates.len() / 2).copied().unwrap_or(f64::INFINITY)
     }
 
     /// The rule with the coefficient that the sample needs, as far as its steps take no longer than `limit` seconds, the least that

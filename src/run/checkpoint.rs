@@ -36,9 +36,9 @@ const REMOVED: &str = "plan.json.removed";
 /// The most bodies of a piece: what a run keeps of them takes less than a gigabyte.
 const MOST_BODIES: usize = 1 << 21;
 
-/// The same where final states are written through: columns of at most 2 MB, whose memory the next piece has again, as allocators give larger
+/// The same where pieces have no tables of states: columns of at most 2 MB, whose memory the next piece has again, as allocators give larger
 /// blocks back to the system, which clears each page anew.
-const MOST_WRITTEN_THROUGH: usize = 1 << 18;
+const MOST_WITHOUT_STATES: usize = 1 << 18;
 
 /// The most bodies that a plan is made of: a sample of those that are drawn alike.
 const MOST_PLANNED: usize = 1 << 20;
@@ -64,6 +64,8 @@ pub struct Checkpoint {
     /// The finished pieces, in the order of their bodies.
     pieces: Vec<Range<usize>>,
     pace: Pace,
+    /// The most bodies of a piece.
+    most: usize,
     /// The table of final states of all bodies, where they do not go to the pieces.
     final_states: Option<TableFile>,
 }
@@ -122,7 +124,8 @@ impl Checkpoint {
         }
         let plan = PlanDocument::read(&folder.join(PLAN))?;
         pieces.sort_by_key(|bodies: &Range<usize>| bodies.start);
-        let mut found = Self { folder: folder.to_owned(), plan, pieces, pace: Pace::Unknown, final_states: None };
+        let (folder, pace) = (folder.to_owned(), Pace::Unknown);
+        let mut found = Self { folder, plan, pieces, pace, most: MOST_BODIES, final_states: None };
         Ok(found.check(study)?.then_some(found))
     }
 
@@ -182,20 +185,25 @@ impl Checkpoint {
         let bodies = plan.scene().ensemble().len() as f64;
         let pace = seconds.filter(|seconds| *seconds > 0.0).map_or(Pace::Unknown, |s| Pace::Expected(bodies / s));
         let plan = PlanDocument::read(&path)?;
-        Ok(Self { folder: folder.to_owned(), plan, pieces: Vec::new(), pace, final_states: None })
+        let folder = folder.to_owned();
+        Ok(Self { folder, plan, pieces: Vec::new(), pace, most: MOST_BODIES, final_states: None })
     }
 
     /// Has final states written to their table in `results`, the folder that [`Checkpoint::finish`] is given then, as they are computed, instead
     /// of to the pieces first: the disk takes each row once instead of twice. What is computed then cannot be gone on with once this value is
-    /// dropped. `plan` is that of [`Checkpoint::begin`]. Nothing changes where `study` asks for no final states, or for snapshots, whose rows
-    /// come in another order.
+    /// dropped. `plan` is that of [`Checkpoint::begin`]. Where `study` asks for snapshots, whose rows come in another order, nothing changes;
+    /// where it asks for no states at all, pieces are smaller.
     ///
     /// # Errors
     ///
     /// [`Error::File`].
     pub fn write_through(&mut self, study: &Study, plan: &Plan<'_>, results: &mut OutputFolder) -> Result<()> {
         let (output, scene) = (study.output(), plan.scene());
-        if output.final_state && !output.snapshots && self.pieces.is_empty() {
+        if output.snapshots || !self.pieces.is_empty() {
+            return Ok(());
+        }
+        self.most = MOST_WITHOUT_STATES;
+        if output.final_state {
             let cells = study.design().map(|design| design.cells());
             let layout = Layout::of_output(output, scene.ensemble().translation().is_some(), cells);
             let (of, bodies) = (("final", output.format), 0..self.body_count());
@@ -238,9 +246,8 @@ impl Checkpoint {
             Pace::Measured(rate) => (rate * every.as_secs_f64()) as usize,
         };
         let room = memory::available().map_or(usize::MAX, |bytes| bytes as usize / (2 * study.bytes_of_body()));
-        let most = if self.final_states.is_some() { MOST_WRITTEN_THROUGH } else { MOST_BODIES };
         let growth = self.pieces.last().map_or(usize::MAX, |last| last.len().saturating_mul(GROWTH));
-        let blocks = (wanted.min(growth).min(room).min(most) / size).max(1);
+        let blocks = (wanted.min(growth).min(room).min(self.most) / size).max(1);
         start..start.saturating_add(blocks * size).min(all)
     }
 
