@@ -105,7 +105,8 @@ fn case(engine: &Engine, name: &str, text: &str, desk: &Path, runs: usize) -> Re
             .sum();
         copied.push(timed(|| Ok(copy(&desk.join("bytes"), bytes).expect("the disk takes as much again")))?);
     }
-    let ([wall, processor], [more_wall, more_processor], [disk, _]) = (medians(without), medians(with), medians(copied));
+    let ([wall, processor], [more_wall, more_processor], [disk, _]) =
+        (medians(without), medians(with), medians(copied));
     let more = |before: f64, after: f64| 100.0 * (after / before - 1.0);
     println!(
         "{name}: {:.0} MB; wall {wall:.2} -> {more_wall:.2} s ({:+.0} %), processor {processor:.2} -> {more_processor:.2} s ({:+.0} %); \
@@ -173,7 +174,13 @@ fn written(engine: &Engine, study: &Study, results: &Path) -> Result<()> {
     }
     let mut checkpoint = Checkpoint::begin(&Checkpoint::folder_of(results), &plan)?;
     checkpoint.write_through(study, &plan, &mut folder)?;
-    checkpoint.advance(engine, study, Duration::from_secs(60), &mut |_, _, _| ControlFlow::Continue(()), &mut observer)?;
+    checkpoint.advance(
+        engine,
+        study,
+        Duration::from_secs(60),
+        &mut |_, _, _| ControlFlow::Continue(()),
+        &mut observer,
+    )?;
     checkpoint.finish(folder, &mut observer).map(drop)
 }
 

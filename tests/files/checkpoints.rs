@@ -325,7 +325,9 @@ fn final_states_written_through_are_those_of_one_run() {
             assert!(stopped.is_err() && checkpoint.bodies_done() > 0 && pieces == 4, "{pieces}");
             drop((checkpoint, folder));
             let of_piece = fs::read_dir(&place).expect("a folder").flatten().map(|piece| piece.path());
-            assert!(of_piece.filter(|piece| piece.is_dir()).all(|piece| !piece.join(format!("final.{format}")).exists()));
+            assert!(
+                of_piece.filter(|piece| piece.is_dir()).all(|piece| !piece.join(format!("final.{format}")).exists())
+            );
             assert!(Checkpoint::find(&place, &study).expect("read").is_none(), "states are lost");
             Checkpoint::remove(&place);
             let (done, checkpoint, folder, pieces) = run(usize::MAX);

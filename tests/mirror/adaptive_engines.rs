@@ -170,7 +170,8 @@ fn a_flagged_body_does_not_stop_the_others() {
         let kept: Vec<usize> = (0..COUNT).filter(|&body| keep(body)).collect();
         let of = |row: usize, of_one: f64, of_others: f64| if kept[row] == 20 { of_one } else { of_others };
         let omega = |row| DVec3::new(1.0, 0.4, 0.1) * of(row, spin, 1.0 + 0.01 * kept[row] as f64);
-        let ensemble = Ensemble::from_fn(kept.len(), |row| (moments, DQuat::IDENTITY, omega(row))).expect("valid bodies");
+        let ensemble =
+            Ensemble::from_fn(kept.len(), |row| (moments, DQuat::IDENTITY, omega(row))).expect("valid bodies");
         let drag: Vec<f64> = (0..kept.len()).map(|row| of(row, drag, 0.01)).collect();
         let (_, batch) = prepare_with(&ensemble, &[Torque::quadratic_drag(drag)], SPAN, precision).expect("prepared");
         let steps = AdaptiveSteps { tolerance: 1e-6, least_step: Some(1e-3) };
