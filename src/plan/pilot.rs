@@ -32,12 +32,17 @@ use crate::torque::force::Force;
 
 /// Errors below this part of the target, and how they are distributed, say nothing of those beyond it.
 const NEGLIGIBLE_PART: f64 = 1e-2;
+/// By what errors of a small sample are multiplied for tails heavier than those of a normal distribution of their logarithms.
+const HEAVIER: f64 = 3.0;
 /// The most bodies of a class in its pilot, where the percentile asked for needs no more ([`least_sample`]).
 const MOST_BODIES: usize = 1000;
 /// The fewest bodies of a sample, or all where there are fewer: about what the 99th percentile needs.
 const ENOUGH_BODIES: usize = 300;
 /// At most one body in this many, so that the pilot costs little compared with the run.
 const ONE_IN: usize = 32;
+/// Equal steps are no candidate where fewer bodies than this are tried and steps that each body chooses have been found good enough for the
+/// reference: among few bodies are none of those, one in a hundred, that err a thousand times more in steps of one length.
+const LEAST_OF_EQUAL: usize = 64;
 /// The bodies that a budget always allows, and those of the probe: a lane group.
 const LEAST_BODIES: usize = 8;
 /// What a probe finds to be more difficult than this is chaos, or does not go as the order says.
@@ -64,6 +69,9 @@ const EARLY: [f64; 2] = [1.0 / 64.0, 1.0 / 8.0];
 const SHARE: f64 = 0.1;
 /// Steps that it may always take, without torques: some 20 ms of one core.
 const FREE_STEPS: f64 = 3e5;
+/// The same of more bodies than [`LEAST_BODIES`]: the whole span shows more than more bodies.
+const SHARE_OF_BODIES: f64 = 0.03;
+const FREE_STEPS_OF_BODIES: f64 = 1e5;
 /// Steps that it may take at the most, some seconds of one core, so that what would run for days is not planned for hours; and of those one
 /// body, some 16 times as many as where all take as many.
 const MOST_STEPS: f64 = 3e7;
@@ -217,7 +225,8 @@ impl<'a> Pilot<'a> {
             (false, true) => MOST_AFTER_CUT,
             (false, false) => MOST_STEPS,
         };
-        let part = |steps: f64| (SHARE * steps * all).max(free).min(most) / PASSES / steps;
+        let of_budget = |share: f64, free: f64, steps: f64| (share * steps * all).max(free).min(most) / PASSES / steps;
+        let part = |steps: f64| of_budget(SHARE, free, steps);
         self.difficulty = probe.difficulty;
         if part(probe.steps) > (4 * LEAST_BODIES) as f64 {
             self.most_of_body = (UNEXPECTED * probe.steps).clamp(PROBED_STEPS, MOST_OF_BODY);
@@ -228,7 +237,8 @@ impl<'a> Pilot<'a> {
         }
         let steps = probe.steps;
         self.difficulty = probe.difficulty;
-        let count = (part(steps) as usize).clamp(LEAST_BODIES, self.enough().max(LEAST_BODIES));
+        let count = of_budget(SHARE_OF_BODIES, free * (FREE_STEPS_OF_BODIES / FREE_STEPS), steps) as usize;
+        let count = count.clamp(LEAST_BODIES, self.enough().max(LEAST_BODIES));
         self = self.of(class, count, classification);
         let shorter = (part(steps) / self.bodies.len() as f64).min(1.0);
         self.span *= shorter;
@@ -325,7 +335,7 @@ impl<'a> Pilot<'a> {
     /// Errors of a motion without dissipation grow as the square of time at most, as a drift of the energy changes the rate at which
     /// bodies turn; a motion that amplifies errors is beyond that. Where the sample is smaller than the percentile asks for, logarithms of
     /// errors are taken as normal, the greatest of n being √(2 ln n) standard deviations above the median (H. Cramér, *Mathematical
-    /// Methods of Statistics*, 1946, section 28.6), and the error is doubled.
+    /// Methods of Statistics*, 1946, section 28.6). As tails may be heavier than that, the error is multiplied by [`HEAVIER`].
     pub fn margin(&self, errors: &mut Errors) -> f64 {
         let part = 0.01 * self.accuracy.percentile;
         let (count, needed) = (self.bodies.len(), least_sample(part).min(self.all));
@@ -334,7 +344,7 @@ impl<'a> Pilot<'a> {
             return span;
         }
         let beyond = ((needed as f64).ln() / (count.max(2) as f64).ln()).sqrt() - 1.0;
-        span * 2.0 * errors.spread(NEGLIGIBLE_PART * self.accuracy.strictest()).powf(beyond)
+        span * HEAVIER * errors.spread(NEGLIGIBLE_PART * self.accuracy.strictest()).powf(beyond)
     }
 
     /// The results of the candidates. Those that cost more than one that meets the target are left out, as far as the shipped table foretells
@@ -378,7 +388,9 @@ impl<'a> Pilot<'a> {
             let known = reference.coarse.as_ref().filter(|(rule, _)| rule.scheme == start.scheme);
             self.seconds(&Rule { coefficient, ..*start }, cost, known.and_then(|(_, sampled)| sampled.steps))
         };
-        let candidates = self.candidates().into_iter();
+        let are_few = self.bodies.len() < LEAST_OF_EQUAL.min(self.all);
+        let is_candidate = |rule: &Rule| rule.scheme.is_adaptive() || !(are_few && reference.is_adaptive());
+        let candidates = self.candidates().into_iter().filter(|(rule, _)| is_candidate(rule));
         let mut candidates: Vec<_> = candidates.map(|(start, cost)| (start, cost, expected(&start, cost))).collect();
         // The table's order where two are expected to take the same.
         candidates.sort_by(|a, b| a.2.total_cmp(&b.2));

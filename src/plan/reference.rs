@@ -110,6 +110,11 @@ impl Reference {
         self.states.values().all(|state| state.status == Status::Valid)
     }
 
+    /// Whether its bodies chose their steps.
+    pub fn is_adaptive(&self) -> bool {
+        self.rule.scheme.is_adaptive()
+    }
+
     /// Whether what is left is an angle that says nothing any more.
     pub fn is_saturated(&self) -> bool {
         self.is_saturated
