@@ -85,10 +85,50 @@ fn random_walk(precision: Precision) -> f64 {
     if precision == Precision::F64 { 3.0 * 1.1e-16 * (STEPS as f64).sqrt() } else { 0.0 }
 }
 
-/// How far |q| may be from 1, as the README promises: it is brought back at every step, so what is left are roundings of one step, in f32
-/// those of |q|² in one word.
+/// How far |q| may be from 1: it is brought back at every step, so what is left are roundings of one step, in f32 those of |q|² in one word,
+/// and what the step truncates, in steps that are short enough ([`longest_step`]).
 const NORM_F64: f64 = 1e-14;
 const NORM_F32: f64 = 2e-7;
+
+/// The longest step, s, of the body of [`MOMENTS`] and [`SPIN`] in which [`NORM_F64`] holds, as far as it is tried here. Only the Runge-Kutta
+/// methods on the quaternion's components truncate |q|; all others turn it by rotations, or divide it by |q| at the end.
+fn longest_step(method: Method) -> f64 {
+    match method {
+        Method::Rk4 => 1.0 / 128.0,
+        Method::Rk8 => 1.0 / 16.0,
+        _ => 1.0 / 2.0,
+    }
+}
+
+/// The largest | |q| − 1 | in 400 steps of the body of [`MOMENTS`] and [`SPIN`], which turns by at most 1.4 rad/s.
+fn norm_error(method: Method, dt: f64) -> f64 {
+    let ensemble = Ensemble::from_columns(&[MOMENTS], &[DQuat::from_xyzw(0.1, -0.5, 0.3, 0.8).normalize()], &[SPIN]);
+    let scene = Scene::new(ensemble.expect("valid")).until(400.0 * dt).outputs(Outputs::Every(dt));
+    let scene = scene.pinned(method, dt, Some(Precision::F64)).skipping(false);
+    let engine = Cpu::new(Width::Lanes);
+    let record = polhode::run::run(&engine, &Plan::new(&scene, &engine).expect("valid")).expect("runs");
+    assert_eq!(record.trust().failed_bodies, Vec::<usize>::new(), "{method}, steps of {dt} s");
+    record.trust().drift.norm.max
+}
+
+#[test]
+fn quaternions_stay_on_the_unit_sphere_in_steps_that_are_short_enough() {
+    for method in Method::ALL {
+        for dt in [0.5 * longest_step(method), longest_step(method)] {
+            let error = norm_error(method, dt);
+            println!("{method}, steps of {dt} s: {error:.1e}");
+            assert!(error <= NORM_F64, "{method}, steps of {dt} s: {error:e}");
+        }
+    }
+    // Beyond it is what one step truncates, as the next takes that out: of a method of order p in proportion to dt to the power p + 1.
+    for (method, order, steps) in [(Method::Rk4, 4.0, [1, 2, 4, 8]), (Method::Rk8, 8.0, [4, 5, 6, 8])] {
+        let errors = steps.map(|part| 0.03 * f64::from(part)).map(|dt| (dt, norm_error(method, dt)));
+        println!("{method}: {errors:?}");
+        assert!(errors.iter().all(|(_, error)| *error > NORM_F64), "{method}: {errors:?}");
+        let found = support::fitted_order(&errors);
+        assert!((found - order - 1.0).abs() < 0.5, "{method}: to the power {found}: {errors:?}");
+    }
+}
 
 #[test]
 fn drifts_of_a_million_steps() {
