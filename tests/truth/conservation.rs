@@ -3,7 +3,9 @@
 use crate::support;
 
 use glam::{DQuat, DVec3};
+use polhode::engine::batch::prepare;
 use polhode::engine::cpu::Cpu;
+use polhode::engine::{Backend, unobserved};
 use polhode::kernel::rigid_body::{Body, State};
 use polhode::math::Precision;
 use polhode::math::Width;
@@ -94,40 +96,49 @@ const NORM_F32: f64 = 2e-7;
 /// methods on the quaternion's components truncate |q|; all others turn it by rotations, or divide it by |q| at the end.
 fn longest_step(method: Method) -> f64 {
     match method {
-        Method::Rk4 => 1.0 / 128.0,
-        Method::Rk8 => 1.0 / 16.0,
+        Method::Rk4 => 1.0 / 256.0,
+        Method::Rk8 => 1.0 / 32.0,
+        // In longer ones the energy of the first grows beyond all numbers.
+        Method::ExplicitEuler | Method::GyroNewton | Method::ClampedEuler | Method::Spiral => 1.0 / 64.0,
         _ => 1.0 / 2.0,
     }
 }
 
-/// The largest | |q| − 1 | in 400 steps of the body of [`MOMENTS`] and [`SPIN`], which turns by at most 1.4 rad/s.
+/// The largest | |q| − 1 | behind any of 400 steps of the body of [`MOMENTS`] and [`SPIN`].
 fn norm_error(method: Method, dt: f64) -> f64 {
-    let ensemble = Ensemble::from_columns(&[MOMENTS], &[DQuat::from_xyzw(0.1, -0.5, 0.3, 0.8).normalize()], &[SPIN]);
-    let scene = Scene::new(ensemble.expect("valid")).until(400.0 * dt).outputs(Outputs::Every(dt));
-    let scene = scene.pinned(method, dt, Some(Precision::F64)).skipping(false);
-    let engine = Cpu::new(Width::Lanes);
-    let record = polhode::run::run(&engine, &Plan::new(&scene, &engine).expect("valid")).expect("runs");
-    assert_eq!(record.trust().failed_bodies, Vec::<usize>::new(), "{method}, steps of {dt} s");
-    record.trust().drift.norm.max
+    let orientation = DQuat::from_xyzw(0.1, -0.5, 0.3, 0.8).normalize();
+    let ensemble = Ensemble::from_columns(&[MOMENTS], &[orientation], &[SPIN]).expect("valid");
+    let (_, batch) = prepare(&ensemble, Precision::F64).expect("enough memory");
+    let mut session = Cpu::new(Width::Lanes).start(batch, method).expect("started");
+    let mut error: f64 = 0.0;
+    for _ in 0..400 {
+        session.advance(dt, 1, &mut unobserved).expect("advanced");
+        let state = session.read(0..1).expect("read").combined(0);
+        let norm = state[..4].iter().map(|x| x * x).sum::<f64>().sqrt();
+        assert!(norm.is_finite(), "{method}, steps of {dt} s");
+        error = error.max((norm - 1.0).abs());
+    }
+    error
 }
 
 #[test]
 fn quaternions_stay_on_the_unit_sphere_in_steps_that_are_short_enough() {
+    let mut beyond = Vec::new();
     for method in Method::ALL {
         for dt in [0.5 * longest_step(method), longest_step(method)] {
             let error = norm_error(method, dt);
             println!("{method}, steps of {dt} s: {error:.1e}");
-            assert!(error <= NORM_F64, "{method}, steps of {dt} s: {error:e}");
+            if error > NORM_F64 {
+                beyond.push(format!("{method}, steps of {dt} s: {error:e}"));
+            }
         }
     }
-    // Beyond it is what one step truncates, as the next takes that out: of a method of order p in proportion to dt to the power p + 1.
-    for (method, order, steps) in [(Method::Rk4, 4.0, [1, 2, 4, 8]), (Method::Rk8, 8.0, [4, 5, 6, 8])] {
-        let errors = steps.map(|part| 0.03 * f64::from(part)).map(|dt| (dt, norm_error(method, dt)));
-        println!("{method}: {errors:?}");
-        assert!(errors.iter().all(|(_, error)| *error > NORM_F64), "{method}: {errors:?}");
-        let found = support::fitted_order(&errors);
-        assert!((found - order - 1.0).abs() < 0.5, "{method}: to the power {found}: {errors:?}");
-    }
+    assert!(beyond.is_empty(), "{beyond:?}");
+    // In longer ones it is what one step of rk4 truncates, as the next takes that out: of order 5.
+    let errors = [0.03, 0.06, 0.12].map(|dt| (dt, norm_error(Method::Rk4, dt)));
+    assert!(errors.iter().all(|(_, error)| *error > NORM_F64), "{errors:?}");
+    let order = support::fitted_order(&errors);
+    assert!((order - 5.0).abs() < 0.2, "order {order}: {errors:?}");
 }
 
 #[test]
