@@ -165,7 +165,7 @@ fn plates_that_turn_into_the_light_agree() {
     for engine in [Engine::cpu(), common::gpu()] {
         for precision in Precision::ALL {
             for method in [Method::Rk4, Method::Rk8, Method::Splitting4] {
-                let scene = scene(&[light.clone()]).pinned(method, DT, Some(precision)).skipping(false);
+                let scene = scene(std::slice::from_ref(&light)).pinned(method, DT, Some(precision)).skipping(false);
                 agreed(&engine, &scene, &steps(20), &format!("plates, {method} in {precision}"));
             }
         }
