@@ -16,25 +16,32 @@ struct SteppedTranslation {
     rate: quaternion,
 }
 
+// The attitude in a state. Its quaternion is off the unit sphere by what the method truncates, and the cubic between two of other
+// norms is that of no rotation.
+fn attitude_of(state: State) -> quaternion {
+    return plainly_normalised(state.orientation.value).value;
+}
+
 // The change of the orientation in a step at its present rate, that at which the axes turn.
 fn turning_in_step(body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> quaternion {
     let m = state.angular_momentum_principal.value;
     let motion = motion(epoch(step_index, 0.0), body, correction(body, state), m);
-    return orientation_rate(state.orientation.value, motion.angular_velocity * dt.value);
+    return orientation_rate(attitude_of(state), motion.angular_velocity * dt.value);
 }
 
 fn take_off(i: u32, body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> SteppedTranslation {
-    return SteppedTranslation(load_centre(i), load_forces(i), state.orientation.value, turning_in_step(body, step_index, dt, state));
+    return SteppedTranslation(load_centre(i), load_forces(i), attitude_of(state), turning_in_step(body, step_index, dt, state));
 }
 
 // Moves the centre of mass along a step of the rotation, which is `state` after it.
 fn follow(translation: SteppedTranslation, body: Body, step_index: u32, dt: TwoWordsReal, state: State) -> SteppedTranslation {
     // The state stands at the start of the next step.
     let rate = turning_in_step(body, step_index + 1u, dt, state);
-    let attitude = between_new(translation.orientation, translation.rate, state.orientation.value, rate);
+    let orientation = attitude_of(state);
+    let attitude = between_new(translation.orientation, translation.rate, orientation, rate);
     let span = TwoWordsReal(settings.dt_value, settings.dt_residue);
     let centre = centre_advance(translation.centre, translation.forces, attitude, span);
-    return SteppedTranslation(centre, translation.forces, state.orientation.value, rate);
+    return SteppedTranslation(centre, translation.forces, orientation, rate);
 }
 
 fn force_vector(column: u32, i: u32) -> vector {

@@ -249,6 +249,10 @@ impl Backend for Engine {
         self.backend.evaluates_on_host()
     }
 
+    fn runs_shaders(&self, precision: Precision) -> bool {
+        self.backend.runs_shaders(precision)
+    }
+
     fn carries_centres(&self) -> bool {
         self.backend.carries_centres()
     }
@@ -322,6 +326,11 @@ pub trait Backend: Send + Sync {
     /// formed where their states are wanted, and not kept.
     fn evaluates_on_host(&self) -> Option<Width> {
         None
+    }
+
+    /// Whether shaders do the engine's work in a precision.
+    fn runs_shaders(&self, _precision: Precision) -> bool {
+        false
     }
 
     /// Takes a batch and stands ready to advance it in adaptive steps, by [`crate::kernel::method::rk8_adaptive`].

@@ -54,6 +54,10 @@ impl Backend for Paired {
         &Precision::ALL
     }
 
+    fn runs_shaders(&self, precision: Precision) -> bool {
+        self.place(precision).runs_shaders(precision)
+    }
+
     fn speed(&self, precision: Precision) -> Option<f64> {
         self.place(precision).speed(precision)
     }

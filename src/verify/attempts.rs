@@ -8,7 +8,7 @@ use super::compare::{Comparison, Field, Gap, Place};
 use super::culprit::{Retaken, Traced, traced};
 use super::onset::Onset;
 use super::stage::{Evaluated, Stage};
-use super::steps::enter_row;
+use super::steps::{NO_BOUNDS, enter_row, enter_state};
 use super::subject::{Side, Subject, TWIN, in_one_word, row_of, start_clock};
 use super::tapped::Tap;
 use super::{Found, Window};
@@ -148,6 +148,9 @@ pub(super) fn compare(
     let mut found = Found { steps: compared, total: round, comparisons, ..Found::default() };
     if reference.compared > 0 {
         found.comparisons.push(reference);
+    }
+    if !bounds.are_known() {
+        found.notes.push(NO_BOUNDS.into());
     }
     found
         .notes
@@ -398,7 +401,7 @@ fn enter(
         let beyond = (least - other.step).max(other.step - most).max(0.0);
         if beyond > 0.0 { next.difference - beyond } else { next.difference.max((most - least) * 0.5) }
     });
-    if !other.step.is_finite() {
+    if !other.step.is_finite() && own.step.is_finite() {
         next.difference = f64::INFINITY;
     }
     parts |= comparison.enter(&next, bound, precision, place);
@@ -410,7 +413,12 @@ fn enter(
         bound.across += bound.slopes.rate * longer;
         bound.momentum += bound.slopes.momentum_rate * longer;
     }
-    parts | enter_row(comparison, subject, place, (&expected.states, &found.states, row), state_bound.as_ref())
+    let states = (&expected.states, &found.states, row);
+    if !trial.tries {
+        // It stays as it is, which says nothing of an attempt.
+        return parts | enter_state(comparison, precision, place, states, state_bound.as_ref()).unwrap_or(false);
+    }
+    parts | enter_row(comparison, subject, place, states, state_bound.as_ref())
 }
 
 /// One body's attempt, to be made again.

@@ -105,6 +105,13 @@ pub(super) struct RowBound {
     pub slopes: Slopes,
 }
 
+impl RowBound {
+    /// Whether it bounds anything: that of numbers near overflow may be none itself.
+    pub fn is_finite(&self) -> bool {
+        [self.across, self.norm, self.momentum].iter().all(|bound| bound.is_finite())
+    }
+}
+
 /// How far what a method asks in an evaluation may differ between two sides, and what it is answered; in units of the body's own scale, the
 /// time in s.
 #[derive(Clone, Copy, Debug)]
@@ -159,6 +166,11 @@ impl StepBounds {
         };
         let counts = Counts::of(method, table.is_empty());
         Self { motion: RecordedMotion::new(table).ok(), counts, unit_roundoff, least, two_words, projected }
+    }
+
+    /// Whether what acts could be recorded; without, no step has a bound.
+    pub fn are_known(&self) -> bool {
+        self.motion.is_some()
     }
 
     /// The unit roundoff of the arithmetic.

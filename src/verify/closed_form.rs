@@ -130,6 +130,7 @@ pub(super) fn compare_precession(
             let (l, k) = (expected.angular_momentum_world, found.angular_momentum_world);
             let momentum = Gap::vector(Field::AngularMomentum, &l.to_array(), &k.to_array(), &(k - l).to_array());
             comparison.enter(&momentum, Some(rounding * l.length()), Precision::F64, place);
+            comparison.decided += 1;
         }
     }
     found.comparisons.push(comparison);

@@ -98,12 +98,15 @@ impl Gap {
 
 /// What two states of a body differ by: across the quaternion, along it, and in the angular momentum.
 pub(super) fn gaps(expected: &[f64; STATE_COMPONENTS], found: &[f64; STATE_COMPONENTS]) -> [Gap; 3] {
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let off: [f64; STATE_COMPONENTS] = std::array::from_fn(|component| found[component] - expected[component]);
     let (q, q_off) = (&expected[..4], &off[..4]);
-    let along = dot(q, q_off) / dot(q, q);
+    // Squares of a quaternion that a step has torn off the unit sphere may overflow; a power of two rounds nothing.
+    let largest = |q: &[f64]| power_of_two(q.iter().fold(f64::MIN_POSITIVE, |size, x| size.max(x.abs())));
+    let scale = largest(q);
+    let dot = |a: &[f64], b: &[f64], scale: f64| a.iter().zip(b).map(|(a, b)| (a / scale) * (b / scale)).sum::<f64>();
+    let along = dot(q, q_off, scale) / dot(q, q, scale);
     let across: Vec<f64> = q_off.iter().zip(q).map(|(off, q)| off - along * q).collect();
-    let norm = |q: &[f64]| dot(q, q).sqrt();
+    let norm = |q: &[f64]| dot(q, q, largest(q)).sqrt() * largest(q);
     let norms = Gap { difference: along.abs(), ..Gap::number(Field::Norm, norm(q), norm(&found[..4])) };
     [
         Gap::vector(Field::Orientation, q, &found[..4], &across),
@@ -182,8 +185,13 @@ pub struct Comparison {
     pub judged: bool,
     /// Numbers that were compared, one a body, step and field.
     pub compared: u64,
-    /// Steps of a body whose bound is not known, as a decision hangs on rounding: only what is no number is a fault in them.
+    /// Steps of a body whose state was held against a bound.
+    pub decided: u64,
+    /// Steps of a body whose bound is not known, as a decision hangs on rounding or the torques are too long to be recorded together: only
+    /// what is no number is a fault in them.
     pub undecided: u64,
+    /// Steps after which both sides have lost the body, with the same components that are no finite numbers: nothing of it is compared.
+    pub lost: u64,
     /// The largest differences, one a field.
     pub largest: Vec<Largest>,
     /// The first difference beyond the bound.
@@ -200,11 +208,17 @@ pub(super) struct Place {
 
 impl Comparison {
     pub(super) fn new(sides: [String; 2], judged: bool) -> Self {
-        Self { sides, judged, compared: 0, undecided: 0, largest: Vec::new(), parting: None }
+        Self { sides, judged, compared: 0, decided: 0, undecided: 0, lost: 0, largest: Vec::new(), parting: None }
+    }
+
+    /// Whether a body's state was held against a bound in any step; true as well where there was no step.
+    pub(super) fn decides(&self) -> bool {
+        self.decided > 0 || self.undecided + self.lost == 0
     }
 
     /// Enters a difference; says whether it is the first beyond its bound.
     pub(super) fn enter(&mut self, gap: &Gap, bound: Option<f64>, precision: Precision, place: Place) -> bool {
+        let bound = finite(bound);
         self.compared += 1;
         let ulps = gap.difference / ulp(gap.size, precision);
         let part = bound.map(|bound| if gap.difference == 0.0 { 0.0 } else { gap.difference / bound });
@@ -226,11 +240,7 @@ impl Comparison {
                 largest.of_bound = of_bound;
             }
         }
-        let parts = match bound {
-            Some(bound) => gap.difference > bound,
-            None => gap.difference.is_infinite(),
-        };
-        if !(self.judged && parts && self.parting.is_none()) {
+        if !(self.judged && excess(gap, bound).is_some() && self.parting.is_none()) {
             return false;
         }
         self.part(gap, bound, place);
@@ -264,12 +274,35 @@ impl Comparison {
     }
 }
 
+/// A bound that is none, as it is no number, bounds nothing.
+fn finite(bound: Option<f64>) -> Option<f64> {
+    bound.filter(|bound| bound.is_finite())
+}
+
+/// How many times its bound a difference is, where it is beyond it; without a bound, what is no number on one side alone is.
+pub(super) fn excess(gap: &Gap, bound: Option<f64>) -> Option<f64> {
+    match finite(bound) {
+        Some(bound) => (gap.difference > bound).then(|| gap.difference / bound.max(f64::MIN_POSITIVE)),
+        None => gap.difference.is_infinite().then_some(f64::INFINITY),
+    }
+}
+
+/// Whether both sides have lost a body: some component is no finite number, and none is on one side alone.
+pub(super) fn is_lost(expected: &[f64], found: &[f64]) -> bool {
+    let coincide = expected.iter().zip(found).all(|(a, b)| a.is_finite() == b.is_finite());
+    coincide && expected.iter().any(|x| !x.is_finite())
+}
+
 /// The distance between neighbouring numbers at `x` ≥ 0; of the least normal number below it.
 fn ulp(x: f64, precision: Precision) -> f64 {
     let (least, digits) = match precision {
         Precision::F32 => (f64::from(f32::MIN_POSITIVE), f64::from(f32::EPSILON)),
         Precision::F64 => (f64::MIN_POSITIVE, f64::EPSILON),
     };
-    let power_of_two = f64::from_bits(x.max(least).to_bits() & (0x7ff << 52));
-    digits * power_of_two
+    digits * power_of_two(x.max(least))
+}
+
+/// The greatest power of two that is not above a normal number.
+fn power_of_two(x: f64) -> f64 {
+    f64::from_bits(x.to_bits() & (0x7ff << 52))
 }

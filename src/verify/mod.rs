@@ -51,8 +51,9 @@ mod translation;
 use std::ops::Range;
 
 use crate::bodies::Members;
-use crate::engine::Backend;
+use crate::engine::{Backend, EngineKind};
 use crate::error::{Error, Result};
+use crate::kernel::method::Method;
 use crate::plan::{Group, Plan, Treatment};
 use crate::scene::Scene;
 use crate::torque::Torque;
@@ -60,7 +61,7 @@ use crate::torque::Torque;
 pub use compare::{Comparison, Field, Largest, Parting};
 pub use culprit::Culprit;
 pub use onset::Onset;
-pub use report::{GroupReport, Report};
+pub use report::{GroupReport, Report, Verdict};
 pub use stage::{Stage, Term};
 
 use subject::Subject;
@@ -146,7 +147,7 @@ pub fn verify(engine: &dyn Backend, scene: &Scene, options: &Options) -> Result<
         engine: engine.description().name,
         bodies: if options.body.is_some() { 1 } else { bodies },
         groups,
-        not_compared: not_compared(&plan),
+        not_compared: not_compared(&plan, engine),
     };
     if options.from_step > 0 && report.groups.iter().all(|group| group.steps.is_empty()) {
         return refused("from_step", options.from_step as f64, "no body takes as many steps: expected an earlier one");
@@ -195,10 +196,23 @@ fn compared(
     })
 }
 
+/// Whether a GPU's shaders compute bodies that are treated so.
+fn runs_shaders(treatment: &Treatment, engine: &dyn Backend) -> bool {
+    match *treatment {
+        Treatment::RegularPrecession | Treatment::Adaptive { method: Method::Taylor, .. } => false,
+        _ => engine.runs_shaders(treatment.precision()),
+    }
+}
+
 /// What a run of the plan leaves beside what is compared.
-fn not_compared(plan: &Plan<'_>) -> Vec<String> {
+fn not_compared(plan: &Plan<'_>, engine: &dyn Backend) -> Vec<String> {
     let scene = plan.scene();
-    let mut list = vec!["what a run's report says of it: drift, balance, error estimate".to_owned()];
+    let mut list = Vec::new();
+    let is_gpu = engine.description().kind == EngineKind::Gpu;
+    if is_gpu && !plan.groups().iter().any(|group| runs_shaders(&group.treatment, engine)) {
+        list.push("shaders: no shader computes any of these bodies".to_owned());
+    }
+    list.push("what a run's report says of it: drift, balance, error estimate".to_owned());
     if scene.observes() {
         list.push("statistics, histograms and events, which are formed of the states".to_owned());
     }

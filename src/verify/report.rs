@@ -44,10 +44,49 @@ pub struct GroupReport {
     pub notes: Vec<String>,
 }
 
+/// What a report comes to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Every side was held against bounds, and no difference is beyond its own.
+    Agree,
+    /// A difference is beyond its bound.
+    Part,
+    /// No difference is beyond a bound, but of some side no state was held against any: no bound is known, or the bodies are lost.
+    NotDecided,
+    /// There was no state to compare, or none that both sides had not lost.
+    NothingCompared,
+}
+
+impl Verdict {
+    /// In words.
+    pub fn in_words(self) -> &'static str {
+        match self {
+            Verdict::Agree => "they agree",
+            Verdict::Part => "THEY DO NOT AGREE",
+            Verdict::NotDecided => "not decided: a side has no state that was held against a bound",
+            Verdict::NothingCompared => "nothing was compared",
+        }
+    }
+}
+
 impl Report {
-    /// Whether no side ever parted from its twin by more than the bound.
+    /// What it comes to.
+    pub fn verdict(&self) -> Verdict {
+        let states: u64 = self.judged().map(|comparison| comparison.decided + comparison.undecided).sum();
+        if self.parting().is_some() {
+            Verdict::Part
+        } else if states == 0 {
+            Verdict::NothingCompared
+        } else if self.judged().all(Comparison::decides) {
+            Verdict::Agree
+        } else {
+            Verdict::NotDecided
+        }
+    }
+
+    /// Whether states were compared, on every side some with a bound, and none parted from the twin's by more than that.
     pub fn agrees(&self) -> bool {
-        self.parting().is_none()
+        self.verdict() == Verdict::Agree
     }
 
     /// The first difference beyond its bound.
@@ -162,7 +201,14 @@ impl GroupReport {
             let undecided = comparison.undecided;
             writeln!(
                 formatter,
-                "    {undecided} steps of a body without a bound: a decision hangs on rounding in them"
+                "    {undecided} steps of a body without a bound, where only what is no number would be found"
+            )?;
+        }
+        if comparison.lost > 0 {
+            let lost = comparison.lost;
+            writeln!(
+                formatter,
+                "    {lost} steps after which both sides have lost the body: nothing of it is compared"
             )?;
         }
         if let Some(parting) = &comparison.parting {
@@ -202,12 +248,7 @@ impl fmt::Display for Report {
         for left in &self.not_compared {
             writeln!(formatter, "not compared: {left}")?;
         }
-        let verdict = match (self.agrees(), self.compared()) {
-            (true, 0) => "nothing was compared",
-            (true, _) => "they agree",
-            (false, _) => "THEY DO NOT AGREE",
-        };
-        writeln!(formatter, "verdict: {verdict}")
+        writeln!(formatter, "verdict: {}", self.verdict().in_words())
     }
 }
 
@@ -248,7 +289,7 @@ impl Report {
             });
             json!({
                 "sides": comparison.sides, "judged": comparison.judged, "compared": comparison.compared,
-                "undecided": comparison.undecided, "largest": largest, "parting": parting,
+                "decided": comparison.decided, "undecided": comparison.undecided, "lost": comparison.lost, "largest": largest, "parting": parting,
             })
         };
         let group = |group: &GroupReport| {
@@ -261,7 +302,7 @@ impl Report {
         };
         let groups: Vec<_> = self.groups.iter().map(group).collect();
         let value = json!({
-            "engine": self.engine, "bodies": self.bodies, "agrees": self.agrees(), "compared": self.compared(),
+            "engine": self.engine, "bodies": self.bodies, "agrees": self.agrees(), "verdict": self.verdict().in_words(), "compared": self.compared(),
             "groups": groups, "not_compared": self.not_compared,
         });
         format!("{value:#}\n")

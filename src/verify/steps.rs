@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::bound::{RowBound, StepBounds, Stepped};
-use super::compare::{Comparison, Field, Gap, Place, first_bit_difference, gaps};
+use super::compare::{Comparison, Field, Gap, Place, excess, first_bit_difference, gaps, is_lost};
 use super::culprit::{Culprit, Retaken, Traced, traced};
 use super::onset::{Onset, onset};
 use super::stage::{Evaluated, Stage};
@@ -17,6 +17,7 @@ use crate::engine::cpu::Cpu;
 use crate::engine::{Backend, Session, unobserved};
 use crate::error::Result;
 use crate::kernel::method::Method;
+use crate::math::Precision;
 use crate::math::clock::Clock;
 use crate::plan::{Interval, Plan, Treatment};
 
@@ -85,6 +86,9 @@ impl Schedule {
     }
 }
 
+/// What is said of a group whose torques cannot be recorded beside each other.
+pub(super) const NO_BOUNDS: &str = "bounds: none are known, as the torques together are too long to be recorded";
+
 /// Compares the steps of a window.
 pub(super) fn compare(
     engine: &dyn Backend,
@@ -121,7 +125,7 @@ pub(super) fn compare(
                 comparison.blame(traced, Onset::NotFound);
             }
         }
-        if subject.precision != crate::math::Precision::F64 {
+        if subject.precision != Precision::F64 {
             let after = kernel.step(&twin, subject.reference.at(&in_one_word(&states), step.clock), step.dt)?;
             enter_states(&mut reference, subject, &step, (&after, &in_one_word(&expected)), &row_bounds);
         }
@@ -133,6 +137,9 @@ pub(super) fn compare(
     found.comparisons = comparisons;
     if reference.compared > 0 {
         found.comparisons.push(reference);
+    }
+    if !bounds.are_known() {
+        found.notes.push(NO_BOUNDS.into());
     }
     if kernel.projected {
         found
@@ -206,13 +213,29 @@ pub(super) fn enter_row(
     (expected, found, row): (&StateWords, &StateWords, usize),
     bound: Option<&RowBound>,
 ) -> bool {
-    let precision = subject.precision;
+    let bound = bound.filter(|bound| bound.is_finite());
+    let entered = enter_state(comparison, subject.precision, place, (expected, found, row), bound);
+    let counter = match (entered, bound) {
+        (None, _) => &mut comparison.lost,
+        (Some(_), None) => &mut comparison.undecided,
+        (Some(_), Some(_)) => &mut comparison.decided,
+    };
+    *counter += 1;
+    entered.unwrap_or(false)
+}
+
+/// The same, uncounted; `None` where both sides have lost the body.
+pub(super) fn enter_state(
+    comparison: &mut Comparison,
+    precision: Precision,
+    place: Place,
+    (expected, found, row): (&StateWords, &StateWords, usize),
+    bound: Option<&RowBound>,
+) -> Option<bool> {
     let (before, after) = (expected.combined(row), found.combined(row));
-    // A body that both sides have lost is compared no further.
-    if before.iter().chain(&after).all(|x| !x.is_finite()) {
-        return false;
+    if is_lost(&before, &after) {
+        return None;
     }
-    comparison.undecided += u64::from(bound.is_none());
     let [across, along, momentum] = gaps(&before, &after);
     let [expected, found] = [expected, found].map(|states| states.status[row].code());
     let status = Gap::number(Field::Status, expected, found);
@@ -228,12 +251,11 @@ pub(super) fn enter_row(
         parts |= comparison.enter(gap, *bound, precision, place);
     }
     // Of several at once the one that is the farthest beyond its bound says the most.
-    let part =
-        |(gap, bound): &(Gap, Option<f64>)| gap.difference / bound.unwrap_or(f64::INFINITY).max(f64::MIN_POSITIVE);
-    if let (true, Some((gap, bound))) = (parts, entries.iter().max_by(|a, b| part(a).total_cmp(&part(b)))) {
+    let beyond = entries.iter().filter_map(|(gap, bound)| Some((gap, bound, excess(gap, *bound)?)));
+    if let (true, Some((gap, bound, _))) = (parts, beyond.max_by(|(.., a), (.., b)| a.total_cmp(b))) {
         comparison.part(gap, *bound, place);
     }
-    parts
+    Some(parts)
 }
 
 /// One body's step, to be taken again.

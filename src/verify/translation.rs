@@ -6,7 +6,7 @@
 use glam::DVec3;
 
 use super::Found;
-use super::compare::{Comparison, Field, Gap, Place};
+use super::compare::{Comparison, Field, Gap, Place, is_lost};
 use super::subject::Subject;
 use crate::bodies::BodyState;
 use crate::bodies::columns::StateWords;
@@ -117,6 +117,11 @@ impl<'a> Flown<'a> {
         let mut centre = Centre::new(from.0, from.1);
         let turning = |state| turning(self.scene, place.body, state);
         centre.advance(&forces, &Between::new(turning(before), turning(after), dt), dt);
+        let numbers = |(x, v): (DVec3, DVec3)| [x.to_array(), v.to_array()].concat();
+        if is_lost(&numbers((centre.position(), centre.velocity())), &numbers(to)) {
+            comparison.lost += 1;
+            return;
+        }
         let (u, second) = match self.subject.precision {
             Precision::F32 => (f32::UNIT_ROUNDOFF, f32::UNIT_ROUNDOFF * f32::UNIT_ROUNDOFF),
             Precision::F64 => (f64::UNIT_ROUNDOFF, f64::UNIT_ROUNDOFF),
@@ -127,6 +132,8 @@ impl<'a> Flown<'a> {
             + (forces.linear_drag + forces.quadratic_drag * speed) * speed;
         let velocity = ROUNDINGS * (u * size * dt + second * speed);
         let position = ROUNDINGS * (u * (speed + size * dt) * dt + second * from.0.length().max(to.0.length()));
+        let is_bounded = position.is_finite() && velocity.is_finite();
+        *(if is_bounded { &mut comparison.decided } else { &mut comparison.undecided }) += 1;
         let precision = self.subject.precision;
         for (field, expected, found, bound) in
             [(Field::Position, centre.position(), to.0, position), (Field::Velocity, centre.velocity(), to.1, velocity)]

@@ -1,14 +1,15 @@
-//! One torque of every kind, and how a batch under them is prepared.
+//! One torque of every model, and how a batch under them is prepared.
 
 use glam::{DMat3, DQuat, DVec3};
 use polhode::engine::batch::{AnyBatch, prepare_with};
 use polhode::math::Precision;
-use polhode::torque::{Orbit, Parameter, Torque};
+use polhode::torque::flat_plates::{Facet, Surface};
+use polhode::torque::{Orbit, Parameter, Parameters, Torque};
 
 use super::asymmetric_ensemble;
 use super::random::Random;
 
-/// Every kind of torque, several instances of some, with parameters of each body's own where `body_count` is not zero.
+/// Every model of torque, several instances of some, with parameters of each body's own where `body_count` is not zero.
 ///
 /// Amplitudes are in proportion to the bodies' moments (`scale`), so that all of them turn by about a radian a second.
 pub fn every_torque(scale: &[f64]) -> Vec<Torque> {
@@ -56,6 +57,15 @@ pub fn every_torque_where(scale: &[f64], acts: impl Fn(usize, usize) -> bool) ->
     let rates: Vec<f64> = (0..count).map(|_| random.between(-5.0, 5.0)).collect();
     let eccentricity: Vec<f64> = (0..count).map(|_| random.between(0.0, 0.9)).collect();
     let target = DQuat::from_xyzw(0.3, -0.2, 0.5, 0.7);
+    let mut random = Random::new(79);
+    let pressure: Vec<f64> = scale.iter().map(|s| s * random.between(0.05, 0.1)).collect();
+    let pulled: Vec<DVec3> =
+        scale.iter().map(|s| DVec3::from_array([(); 3].map(|()| random.between(-0.3, 0.3))) * *s).collect();
+    let damping: Vec<f64> = scale.iter().map(|s| s * random.between(0.02, 0.05)).collect();
+    let text = "(1 + 0.4 * sin(1.1 * time)) * cross(vec(0.3, -0.5, 0.8), to_body(pulled)) - damping * angular_velocity";
+    let parameters = Parameters::new()
+        .vector("pulled", on(20, &pulled))
+        .and_then(|own| own.number("damping", numbers(20, &damping)));
     vec![
         Torque::constant_body(on(0, &constant)),
         Torque::constant_body(DVec3::ZERO),
@@ -85,7 +95,22 @@ pub fn every_torque_where(scale: &[f64], acts: impl Fn(usize, usize) -> bool) ->
         Torque::log_spring(numbers(16, &stiffness), target),
         Torque::white_noise(numbers(17, &noise), 1_234_567_890_123),
         Torque::internal_dissipation(numbers(18, &slip)),
+        Torque::flat_plates(numbers(19, &pressure), DVec3::new(0.4, -0.7, 0.2), &mirrors()).expect("valid plates"),
+        Torque::custom(text, parameters.expect("names")).expect("a formula"),
     ]
+}
+
+/// Two vanes of perfect mirrors, each back to back with its like on the other side of the body: where light leaves one it meets the other
+/// with the same torque, -2 p A c² r × n, which so has all derivatives. That of a plate alone has a kink where no method has its order.
+fn mirrors() -> [Facet; 4] {
+    let surface = Surface::Solar { specular: 1.0, diffuse: 0.0 };
+    let vane = |normal_body, centre_body| Facet { area: 1.0, normal_body, centre_body, surface };
+    let [first, second] = [
+        vane(DVec3::new(0.6, 0.0, 0.8), DVec3::new(0.2, 1.1, -0.3)),
+        vane(DVec3::new(-0.3, 0.9, 0.1), DVec3::new(0.9, 0.2, 0.7)),
+    ];
+    let like = |facet: Facet| Facet { normal_body: -facet.normal_body, centre_body: -facet.centre_body, ..facet };
+    [first, like(first), second, like(second)]
 }
 
 /// The middle moments of [`asymmetric_ensemble`]'s bodies.

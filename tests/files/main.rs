@@ -21,6 +21,8 @@ mod results;
 mod shards;
 mod studies;
 mod summary;
+#[path = "../support/mod.rs"]
+mod support;
 mod sweeps;
 mod units;
 #[path = "../support/workspace.rs"]

@@ -4,6 +4,7 @@
 
 use std::fs;
 
+use crate::support::attitude_error;
 use crate::workspace::{States, Workspace};
 
 const STUDY: &str = r#"
@@ -68,7 +69,7 @@ fn a_replay_says_how_far_a_runs_values_are_off_and_leaves_the_track() {
             for row in table.of_body(123) {
                 let time = table.column("t")[row];
                 let own = track.column("t").iter().position(|&other| other == time).expect("an output time");
-                assert!(table.orientation(row).angle_between(track.orientation(own)) < 3e-6);
+                assert!(attitude_error(table.orientation(row), track.orientation(own)) < 3e-6);
                 assert_eq!(table.column("z")[row], track.column("z")[own]);
             }
         }

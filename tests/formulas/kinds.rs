@@ -91,7 +91,9 @@ fn moved(method: Option<Method>, count: usize, torques: &[Torque], precision: Pr
 fn dependence(name: &str) -> VelocityDependence {
     match name {
         "linear-drag" => VelocityDependence::LinearDrag,
-        "matrix-drag" | "quadratic-drag" | "eddy-current" | "orbiting-eddy-current" => VelocityDependence::General,
+        "matrix-drag" | "quadratic-drag" | "eddy-current" | "orbiting-eddy-current" | "custom" => {
+            VelocityDependence::General
+        }
         // What noise, slip and moments that change do is no torque at a frozen attitude.
         _ => VelocityDependence::None,
     }

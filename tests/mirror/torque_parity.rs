@@ -16,10 +16,10 @@ use polhode::math::clock::{Clock, Fraction, Ticks, digits, phase_after, phases_a
 use polhode::math::real::Scalar;
 use polhode::math::vector::{TwoWords, Vector};
 use polhode::torque::Parameters;
-use polhode::torque::Torque;
 use polhode::torque::twin::twins;
 use polhode::torque::variable_inertia::{Change, InertiaChange, Law, changed_body};
 use polhode::torque::white_noise::{minus_log, normal_vector, philox, uniform_parts, uniform_turns};
+use polhode::torque::{Torque, declarations};
 use polhode::torque::{internal_dissipation, variable_inertia};
 
 /// Rows of a table: not a multiple of the workgroup size.
@@ -469,6 +469,21 @@ fn the_largest_differences_over_many_seeds() {
             println!("{} {precision}: {largest:?}", engine.description().name);
         }
     }
+}
+
+/// Of the models that are registered those whose torques are everywhere in the tests, and a formula of a user's; moments that change have
+/// instances of their own beside them.
+#[test]
+fn every_model_is_among_the_torques_of_the_tests() {
+    let mut expected: Vec<&str> =
+        declarations().map(|model| &*model.name).filter(|name| *name != "variable-inertia").collect();
+    expected.push("custom");
+    expected.sort_unstable();
+    let all = every_torque(&[1.0]);
+    let mut names: Vec<&str> = all.iter().map(Torque::name).collect();
+    names.sort_unstable();
+    names.dedup();
+    assert_eq!(names, expected);
 }
 
 /// Each torque alone, all of them, while moments change, and each twice.

@@ -234,7 +234,7 @@ fn planted_faults_in_the_translation_are_found() {
         ("force/stepped.wgsl", "select(end_rate, -end_rate, opposite)", "-end_rate"),
         (
             "force/carried.wgsl",
-            "return SteppedTranslation(centre, translation.forces, state.orientation.value, rate)",
+            "return SteppedTranslation(centre, translation.forces, orientation, rate)",
             "return SteppedTranslation(centre, translation.forces, translation.orientation, rate)",
         ),
     ] {

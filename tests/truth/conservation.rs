@@ -3,7 +3,9 @@
 use crate::support;
 
 use glam::{DQuat, DVec3};
+use polhode::engine::batch::prepare;
 use polhode::engine::cpu::Cpu;
+use polhode::engine::{Backend, unobserved};
 use polhode::kernel::rigid_body::{Body, State};
 use polhode::math::Precision;
 use polhode::math::Width;
@@ -85,10 +87,59 @@ fn random_walk(precision: Precision) -> f64 {
     if precision == Precision::F64 { 3.0 * 1.1e-16 * (STEPS as f64).sqrt() } else { 0.0 }
 }
 
-/// How far |q| may be from 1, as the README promises: it is brought back at every step, so what is left are roundings of one step, in f32
-/// those of |q|² in one word.
+/// How far |q| may be from 1: it is brought back at every step, so what is left are roundings of one step, in f32 those of |q|² in one word,
+/// and what the step truncates, in steps that are short enough ([`longest_step`]).
 const NORM_F64: f64 = 1e-14;
 const NORM_F32: f64 = 2e-7;
+
+/// The longest step, s, of the body of [`MOMENTS`] and [`SPIN`] in which [`NORM_F64`] holds, as far as it is tried here. Only the Runge-Kutta
+/// methods on the quaternion's components truncate |q|; all others turn it by rotations, or divide it by |q| at the end.
+fn longest_step(method: Method) -> f64 {
+    match method {
+        Method::Rk4 => 1.0 / 256.0,
+        Method::Rk8 => 1.0 / 32.0,
+        // In longer ones the energy of the first grows beyond all numbers.
+        Method::ExplicitEuler | Method::GyroNewton | Method::ClampedEuler | Method::Spiral => 1.0 / 64.0,
+        _ => 1.0 / 2.0,
+    }
+}
+
+/// The largest | |q| − 1 | behind any of 400 steps of the body of [`MOMENTS`] and [`SPIN`].
+fn norm_error(method: Method, dt: f64) -> f64 {
+    let orientation = DQuat::from_xyzw(0.1, -0.5, 0.3, 0.8).normalize();
+    let ensemble = Ensemble::from_columns(&[MOMENTS], &[orientation], &[SPIN]).expect("valid");
+    let (_, batch) = prepare(&ensemble, Precision::F64).expect("enough memory");
+    let mut session = Cpu::new(Width::Lanes).start(batch, method).expect("started");
+    let mut error: f64 = 0.0;
+    for _ in 0..400 {
+        session.advance(dt, 1, &mut unobserved).expect("advanced");
+        let state = session.read(0..1).expect("read").combined(0);
+        let norm = state[..4].iter().map(|x| x * x).sum::<f64>().sqrt();
+        assert!(norm.is_finite(), "{method}, steps of {dt} s");
+        error = error.max((norm - 1.0).abs());
+    }
+    error
+}
+
+#[test]
+fn quaternions_stay_on_the_unit_sphere_in_steps_that_are_short_enough() {
+    let mut beyond = Vec::new();
+    for method in Method::ALL {
+        for dt in [0.5 * longest_step(method), longest_step(method)] {
+            let error = norm_error(method, dt);
+            println!("{method}, steps of {dt} s: {error:.1e}");
+            if error > NORM_F64 {
+                beyond.push(format!("{method}, steps of {dt} s: {error:e}"));
+            }
+        }
+    }
+    assert!(beyond.is_empty(), "{beyond:?}");
+    // In longer ones it is what one step of rk4 truncates, as the next takes that out: of order 5.
+    let errors = [0.03, 0.06, 0.12].map(|dt| (dt, norm_error(Method::Rk4, dt)));
+    assert!(errors.iter().all(|(_, error)| *error > NORM_F64), "{errors:?}");
+    let order = support::fitted_order(&errors);
+    assert!((order - 5.0).abs() < 0.2, "order {order}: {errors:?}");
+}
 
 #[test]
 fn drifts_of_a_million_steps() {

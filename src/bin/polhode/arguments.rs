@@ -407,7 +407,8 @@ group of its bodies the engine is compared with its scalar twin: the same operat
 body at a time. All that acts is there: torques, formulas, noise, moments that change, forces that turn with the
 body. Equal steps are compared one by one and in one call, adaptive steps attempt by attempt with what their
 controller decides, closed forms at the output times. In f32 the twin is compared with the f64 reference too,
-which is not judged. What is not compared is listed.
+which is not judged. What is not compared is listed. Steps whose bound is not known, and bodies that both sides have
+lost, are counted.
 
 Bounds are counted in roundings of one step, for each body by its own numbers. The first difference beyond its
 bound is named with body, step, component and both numbers, and with the torque that it comes from: the step is
@@ -426,7 +427,8 @@ Examples:
     polhode verify --bodies 4097 --steps 1000 --seed 7
     polhode verify study.toml --json | jq '.groups[].comparisons[].parting'
 
-Exit status: 0 they agree, 1 they do not or there is no adapter, 2 the input is wrong.";
+Exit status: 0 they agree, 1 they do not, or no state could be held against a bound, or there is no adapter,
+2 the input is wrong.";
 
 /// Arguments of `polhode verify`.
 #[derive(Debug, Args)]

@@ -11,7 +11,7 @@ pub enum Failure {
     Arguments(&'static str),
     /// An argument that makes no sense: which, its value, and what would be valid.
     Value(String),
-    /// `verify` found a difference, and has said so.
+    /// `verify` found a difference, or nothing that it could decide by, and has said so.
     Disagreement,
     /// `verify` has no adapter whose shaders it could check.
     NoShader,

@@ -277,6 +277,10 @@ impl Backend for Gpu {
         &self.precisions
     }
 
+    fn runs_shaders(&self, precision: Precision) -> bool {
+        self.precisions.contains(&precision)
+    }
+
     fn speed(&self, precision: Precision) -> Option<f64> {
         if !self.precisions.contains(&precision) {
             return None;
