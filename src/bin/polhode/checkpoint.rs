@@ -12,7 +12,7 @@ use polhode::study::Study;
 use crate::arguments::RunArguments;
 use crate::output::{self, Failure};
 use crate::progress::{self, Watch};
-use crate::run::{check_disk, plan, say_if_nothing_is_asked, say_leftovers};
+use crate::run::{check_disk, plan, say_if_long, say_if_nothing_is_asked, say_leftovers};
 use crate::shards::say_merged;
 
 /// The time between two checkpoints, where nobody says it.
@@ -102,6 +102,7 @@ fn run_until_written(
                 likely_bytes: of_all(likely_bytes).saturating_mul(2),
             };
             check_disk(&folder, both, arguments.quiet)?;
+            say_if_long(&plan, all as f64 / planned.len() as f64, arguments.quiet);
             progress::leave(Err(place.clone()));
             Checkpoint::begin(&place, &plan)?
         }
