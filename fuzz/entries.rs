@@ -162,18 +162,10 @@ fn put_right(text: &str, piece: &str, files: &[(&str, &str)]) -> String {
         let name = format!("{piece}/{}", entry["name"].as_str().unwrap_or_default());
         if let (Some((_, text)), true) = (files.iter().rfind(|(found, _)| *found == name), entry.is_object()) {
             entry["bytes"] = text.len().into();
-            entry["checksum"] = crc32(text.as_bytes()).into();
+            entry["checksum"] = crc32fast::hash(text.as_bytes()).into();
         }
     }
     let text = serde_json::Value::Object(part).to_string();
     let text = &text[..text.len() - 1];
-    format!("{text},\"sum\":\"{:08x}\"}}\n", crc32(text.as_bytes()))
-}
-
-/// CRC-32 (ISO 3309), bit by bit.
-fn crc32(bytes: &[u8]) -> u32 {
-    let of_byte = |sum: u32, byte: &u8| {
-        (0..8).fold(sum ^ u32::from(*byte), |sum, _| (sum >> 1) ^ (0xedb8_8320 & (sum & 1).wrapping_neg()))
-    };
-    !bytes.iter().fold(u32::MAX, of_byte)
+    format!("{text},\"sum\":\"{:08x}\"}}\n", crc32fast::hash(text.as_bytes()))
 }

@@ -59,8 +59,8 @@ fn texts(path: &Path) -> Result<Vec<(String, Values)>> {
     Ok(header.iter().map(str::to_owned).zip(texts.into_iter().map(Values::Texts)).collect())
 }
 
-/// Arrays of states have an axis of time and one of bodies, of which `t`, `body` and `cell` have one alone: here each has a value a row. `None` where they do not
-/// fit together.
+/// Arrays of states have an axis of time and one of bodies, of which `t`, `body` and `cell` have one alone: here each has a value a row.
+/// `None` where they do not fit together.
 fn with_rows(mut columns: Vec<(String, Values)>) -> Option<Vec<(String, Values)>> {
     let rows = columns.iter().map(|(_, values)| values.len()).max().unwrap_or(0);
     let bodies = columns.iter().find(|(name, _)| name == "body").map_or(rows, |(_, values)| values.len());

@@ -172,6 +172,13 @@ fn pieces(study: &str) -> [Vec<u8>; 2] {
         workspace.polhode(&[&run[..], &[part]].concat());
     }
     let text = |name: &str| fs::read_to_string(workspace.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
+    // The plan stands beside it too.
+    let without_plan = |part: &str| {
+        let mut part: serde_json::Value = serde_json::from_str(part).expect("JSON");
+        let metadata = part["metadata"].as_array_mut().expect("entries");
+        metadata.retain(|entry| entry[0] != "polhode.plan");
+        part.to_string()
+    };
     let folder = |are_parts: bool| {
         let mut all = format!("=== study.toml\n{study}");
         if !are_parts {
@@ -183,7 +190,8 @@ fn pieces(study: &str) -> [Vec<u8>; 2] {
             let [first, bodies] = ["first_body", "bodies"].map(|key| of_part[key].as_u64().expect("a number"));
             let name = if are_parts { part.to_owned() } else { format!("bodies-{first}-{}", first + bodies - 1) };
             for file in workspace.names(&format!("parts/{part}")) {
-                all += &format!("=== {name}/{file}\n{}", text(&format!("parts/{part}/{file}")));
+                let text = text(&format!("parts/{part}/{file}"));
+                all += &format!("=== {name}/{file}\n{}", if file == "part.json" { without_plan(&text) } else { text });
             }
         }
         all.into_bytes()

@@ -197,10 +197,11 @@ pub fn check_disk(folder: &OutputFolder, size: OutputSize, quiet: bool) -> Resul
 
 /// Says of a run how long it will take, where that is known and long; the plan's bodies stand for `times` as many.
 pub fn say_if_long(plan: &Plan<'_>, times: f64, quiet: bool) {
-    let seconds: Option<f64> = plan.explain().classes.iter().map(|class| class.seconds).sum();
-    let Some(seconds) = seconds.map(|seconds| seconds * times).filter(|seconds| *seconds >= LONG && !quiet) else {
+    if quiet {
         return;
-    };
+    }
+    let seconds: Option<f64> = plan.explain().classes.iter().map(|class| class.seconds).sum();
+    let Some(seconds) = seconds.map(|seconds| seconds * times).filter(|seconds| *seconds >= LONG) else { return };
     let (amount, unit) = match seconds {
         _ if seconds < 7200.0 => (seconds / 60.0, "minutes"),
         _ if seconds < 172_800.0 => (seconds / 3600.0, "hours"),
