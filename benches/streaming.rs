@@ -103,7 +103,10 @@ fn case(engine: &Engine, name: &str, text: &str, desk: &Path, runs: usize) -> Re
             .filter_map(|stem| fs::metadata(results.join(format!("{stem}.{}", study.output().format.name()))).ok())
             .map(|file| file.len())
             .sum();
-        copied.push(timed(|| Ok(copy(&desk.join("bytes"), bytes).expect("the disk takes as much again")))?);
+        copied.push(timed(|| {
+            copy(&desk.join("bytes"), bytes).expect("the disk takes as much again");
+            Ok(())
+        })?);
     }
     let ([wall, processor], [more_wall, more_processor], [disk, _]) =
         (medians(without), medians(with), medians(copied));

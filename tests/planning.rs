@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 
 use glam::{DQuat, DVec3};
 use polhode::plan::pilot_steps;
-use polhode::scene::Target;
+use polhode::scene::{AdaptiveSteps, Target};
 use polhode::torque::Orbit;
 use polhode::{Accuracy, Engine, Ensemble, Error, Method, Plan, Precision, Scene, Torque};
 
@@ -51,6 +51,40 @@ fn what_no_run_could_follow_is_refused_after_a_probe() {
         println!("{name}: {steps} steps: {error}");
         assert!(error.is_input() && error.to_string().contains("use a shorter span"), "{name}: {error}");
         assert!((1..A_PROBE).contains(&steps), "{name}: {steps} steps");
+    }
+}
+
+/// The only one among thousands that a pilot, which tries a few of them, does not meet.
+#[test]
+fn one_body_whose_steps_would_never_end_is_refused_by_its_number() {
+    const COUNT: usize = 20_001;
+    const FAST: usize = 17_171;
+    let of_rates = |fast: f64| {
+        let row = |body: usize| {
+            let spin = if body == FAST { fast } else { 1.0 + body as f64 / COUNT as f64 };
+            (DVec3::new(1.0, 2.0, 2.5), DQuat::IDENTITY, DVec3::new(0.1 * spin, 0.2 * spin, spin))
+        };
+        let ensemble = Ensemble::from_fn(COUNT, row).expect("valid bodies");
+        Scene::new(ensemble).until(END).torque(Torque::constant_body(DVec3::X * 0.1))
+    };
+    const STEPS: AdaptiveSteps = AdaptiveSteps { tolerance: 1e-9, least_step: None };
+    type Asked = fn(Scene) -> Scene;
+    let asked: [(&str, Asked); 3] = [
+        ("an error", |scene| scene.accuracy(Accuracy::attitude(1e-6))),
+        ("a tolerance of rk8", |scene| scene.adaptive(STEPS, None)),
+        ("a tolerance of series", |scene| scene.taylor(STEPS)),
+    ];
+    for (name, asked) in asked {
+        for fast in [1e300, 1e12] {
+            let scene = asked(of_rates(fast));
+            let (plan, steps) = planned(&scene);
+            let error = plan.expect_err(name).to_string();
+            assert!(error.starts_with(&format!("body {FAST}: rate = ")), "{name}, {fast:e} rad/s: {error}");
+            assert!(error.contains("no run comes to the end"), "{name}, {fast:e} rad/s: {error}");
+            assert!(steps < 100 * A_PROBE, "{name}, {fast:e} rad/s: {steps} steps");
+        }
+        let (plan, _) = planned(&asked(of_rates(1e3)));
+        plan.unwrap_or_else(|error| panic!("{name}: {error}"));
     }
 }
 

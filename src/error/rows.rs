@@ -14,6 +14,8 @@ pub enum RowFault {
         /// How many bodies there are.
         bodies: usize,
     },
+    /// Bodies are to be drawn of a run that has left no snapshots.
+    NoSnapshots,
     /// It has no row that was measured on this engine.
     NoEngine {
         /// The engine's name.
@@ -31,6 +33,9 @@ impl std::fmt::Display for RowFault {
             RowFault::NoBody { body, bodies } => {
                 write!(formatter, "there is no body {body}: it has {bodies}, counted from 0")
             }
+            RowFault::NoSnapshots => formatter.write_str(
+                "bodies are drawn from snapshots, and it has none: `snapshots = true` in the study leaves them",
+            ),
             RowFault::NoEngine { engine } => {
                 write!(formatter, "no valid row of {engine}: `polhode bench accuracy --out` this folder leaves some")
             }

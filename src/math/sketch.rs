@@ -51,7 +51,7 @@ impl<'de> serde::Deserialize<'de> for Sketch {
     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let mut sketch = Self::default();
         for (first, counts) in Vec::<(u64, Vec<u32>)>::deserialize(deserializer)? {
-            if first >> (u64::BITS - OPEN_BITS) != 0 {
+            if first.saturating_add(counts.len() as u64) > 1 << (u64::BITS - OPEN_BITS) {
                 return Err(serde::de::Error::custom("an interval of no number"));
             }
             for (interval, count) in (first..).zip(counts) {

@@ -9,12 +9,15 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
+use rayon::prelude::*;
+
+use crate::engine::batch::frame_of;
 use crate::engine::{Backend, Description};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::SetUp;
 use crate::kernel::method::Method;
 use crate::math::Precision;
-use crate::scene::{Outputs, Scene, Stepping};
+use crate::scene::{AdaptiveSteps, Outputs, Scene, Stepping};
 use crate::torque::Torque;
 use crate::torque::force::Force;
 
@@ -159,6 +162,7 @@ impl<'a> Plan<'a> {
         let plan =
             Self { scene, engine, method, precision, longest_step, times, resolution, groups, skips, costs, planning };
         plan.check_steps()?;
+        plan.check_rates()?;
         Ok(plan)
     }
 
@@ -275,6 +279,35 @@ impl<'a> Plan<'a> {
             .fold(0, u64::saturating_add)
     }
 
+    /// One body whose own steps would never come to the end would hold up all others: a pilot, which tries a few, does not see it.
+    fn check_rates(&self) -> Result<()> {
+        let (scene, end) = (self.scene, self.scene.end());
+        let torques = scene.torques();
+        let rate = |body: usize| {
+            let frame = frame_of(scene.ensemble(), torques, body);
+            greatest_rate(scene, body, &frame, frame.angular_momentum_principal(scene.ensemble(), body))
+        };
+        let is_too_fast = |body: &usize| !(rate(*body) * end <= MOST_RADIANS_OF_STEPS);
+        // A least step bounds their number.
+        let is_unbounded =
+            |steps: &AdaptiveSteps| steps.least_step.is_none_or(|least| end > MOST_RADIANS_OF_STEPS * least);
+        for group in &self.groups {
+            if !matches!(&group.treatment, Treatment::Adaptive { steps, .. } if is_unbounded(steps)) {
+                continue;
+            }
+            let bodies = (0..group.members.len()).into_par_iter().map(|row| group.members.body(row));
+            if let Some(body) = bodies.find_first(is_too_fast) {
+                return Err(Error::Body {
+                    body,
+                    field: "rate",
+                    value: rate(body),
+                    expected: "one by which it turns by 1e12 rad until the end at most, as no run comes to the end of the steps of more (rad/s)",
+                });
+            }
+        }
+        Ok(())
+    }
+
     /// A number of steps that no machine finishes is a mistake in the input.
     fn check_steps(&self) -> Result<()> {
         if self.steps() > MOST_STEPS {
@@ -303,6 +336,9 @@ fn check_together(torques: &[Torque]) -> Result<()> {
 
 /// The most steps a body may need.
 const MOST_STEPS: u64 = 1_000_000_000_000_000;
+
+/// The furthest, rad, that a body may turn in steps of its own, of which each turns it by a radian or so: a core takes a day for them.
+const MOST_RADIANS_OF_STEPS: f64 = 1e12;
 
 /// `f64` where the engine has it.
 fn widest(engine: &dyn Backend) -> Precision {

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::bench::row::Row;
-use crate::error::Result;
+use crate::error::{Error, Result, RowFault};
 
 mod draw;
 pub mod figure;
@@ -58,6 +58,9 @@ pub fn plot_folder(folder: &Path, bodies: &[usize]) -> Result<Vec<PathBuf>> {
     let states = |stem| table(stem).filter(|path| snapshots::is_complete(path));
     match (states("snapshots"), states("final")) {
         (Some(path), _) => figures.extend(run::run(folder, &path, bodies)?),
+        _ if !bodies.is_empty() => {
+            return Err(Error::Rows { path: folder.to_owned(), fault: RowFault::NoSnapshots });
+        }
         (None, Some(path)) if folder.join(crate::record::REPORT).exists() => {
             figures.push(("final".to_owned(), run::last(folder, &path)?));
         }

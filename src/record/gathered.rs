@@ -129,6 +129,27 @@ impl Gathered {
             && self.histograms.iter().zip(histograms).all(|(counts, histogram)| counts.len() == histogram.bins() + 2)
     }
 
+    /// Whether it can be of so many bodies: nothing is counted more often, and extremes are theirs.
+    #[cfg(feature = "study")]
+    pub(crate) fn is_of(&self, bodies: usize) -> bool {
+        let within = |counts: &[u64]| {
+            counts.iter().try_fold(0_u64, |sum, count| sum.checked_add(*count)).is_some_and(|sum| sum <= bodies as u64)
+        };
+        let is_own = |moments: &Moments| {
+            let [least, greatest] = [moments.least, moments.greatest];
+            moments.count == 0
+                || (least.0 <= greatest.0 && moments.squares >= 0.0 && least.1 < bodies && greatest.1 < bodies)
+        };
+        self.bodies <= bodies
+            && self.quantities.iter().all(|quantity| {
+                let GatheredQuantity { moments, sketch } = quantity;
+                moments.iter().all(is_own)
+                    && within(&moments.iter().map(|moments| moments.count).collect::<Vec<_>>())
+                    && sketch.count() <= bodies as u64
+            })
+            && self.histograms.iter().all(|counts| within(counts))
+    }
+
     /// Takes what was gathered of the blocks that follow, whose bodies are counted from `first_body`.
     #[cfg(feature = "study")]
     pub(crate) fn append(&mut self, other: Self, first_body: usize) {

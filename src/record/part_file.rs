@@ -26,7 +26,16 @@ pub(crate) const BLOCKS: &str = "blocks.jsonl";
 pub(crate) const EVENTS: &str = "part_events.json";
 
 /// The layout of all three.
-const FORMAT: u32 = 3;
+const FORMAT: u32 = 4;
+
+/// The last key of [`PART`]: a CRC-32 of all the text before it, in eight hexadecimal digits.
+const SUM: &str = ",\"sum\":\"";
+
+/// More bodies than any run has: they are counted in 32 bits.
+const MOST_BODIES: usize = u32::MAX as usize;
+
+/// Powers of two beyond those of any number or of its square.
+const MOST_EXPONENT: u32 = 1 << 13;
 
 /// What stands in [`PART`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -161,10 +170,16 @@ impl PartFile {
 
     pub fn to_json(&self) -> String {
         // Fixed keys, finite numbers and strings: there is nothing to fail on.
-        serde_json::to_string(self).unwrap_or_default() + "\n"
+        let text = serde_json::to_string(self).unwrap_or_default();
+        let text = text.trim_end_matches('}');
+        format!("{text}{SUM}{:08x}\"}}\n", crc32fast::hash(text.as_bytes()))
     }
 
     /// Reads that of a part's folder.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`]; [`Error::Table`] where it is of another release, is not as it was written, or says what no run does.
     pub fn read(folder: &Path) -> Result<Self> {
         #[derive(Deserialize)]
         struct Head {
@@ -180,7 +195,41 @@ impl PartFile {
         if head.format != FORMAT || head.polhode != release {
             return Err(wrong(format!("it is of polhode {}, this is {release}: run the part again", head.polhode)));
         }
-        serde_json::from_str(&text).map_err(cut)
+        let text = unsealed(&text).ok_or_else(|| wrong("it is not as its run wrote it: its sum differs".to_owned()))?;
+        let part: Self = serde_json::from_str(&text).map_err(cut)?;
+        match part.fault() {
+            Some(what) => Err(wrong(format!("expected {what}, as a run of a part writes them"))),
+            None => Ok(part),
+        }
+    }
+
+    /// What no run writes, whatever its study.
+    fn fault(&self) -> Option<&'static str> {
+        let is_in_order = |bodies: Option<usize>| bodies.is_some_and(|end| end <= self.body_count);
+        let is_plain = |name: &str| Path::new(name).file_name().is_some_and(|plain| plain == name);
+        let is_reason = |reason: u8| reason > 0 && usize::from(reason) < Status::ALL.len();
+        let checks = [
+            (
+                self.bodies > 0
+                    && self.body_count <= MOST_BODIES
+                    && is_in_order(self.first_body.checked_add(self.bodies)),
+                "some of all bodies",
+            ),
+            (!self.times.is_empty() && self.times.is_sorted_by(|a, b| a < b), "ascending times"),
+            (self.cells.is_none_or(|cells| (1..=self.body_count).contains(&cells)), "no more cells than bodies"),
+            (
+                self.failures.iter().all(|failed| self.has(failed.body) && is_reason(failed.reason))
+                    && self.failures.is_sorted_by(|a, b| a.body < b.body),
+                "failed bodies of its own, each with a reason",
+            ),
+            (self.files.iter().all(|file| is_plain(&file.name)), "names of files beside it"),
+        ];
+        checks.into_iter().find(|(is_so, _)| !is_so).map(|(_, expected)| expected)
+    }
+
+    /// Whether a body, counted as in the whole, is one of the part's.
+    fn has(&self, body: usize) -> bool {
+        body.checked_sub(self.first_body).is_some_and(|own| own < self.bodies)
     }
 
     /// The tables that were asked for: those of the end, and those of all output times.
@@ -219,6 +268,13 @@ impl PartFile {
     }
 }
 
+/// A text without its sum; `None` where that differs, or is not there.
+fn unsealed(text: &str) -> Option<String> {
+    let (before, after) = text.rsplit_once(SUM)?;
+    let sum = after.strip_suffix("\"}\n")?;
+    (sum == format!("{:08x}", crc32fast::hash(before.as_bytes()))).then(|| format!("{before}}}"))
+}
+
 /// What a line of [`BLOCKS`] holds: of a part's blocks at an output time.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -243,6 +299,18 @@ impl BlocksLine {
         Self { time, blocks, gathered: None }
     }
 
+    /// Whether a part can have written it at an output time.
+    pub fn is_of(&self, part: &PartFile, time: f64) -> bool {
+        let is_within =
+            |index: usize| self.blocks.iter().map(|block| block[index].count as usize).sum::<usize>() <= part.bodies;
+        let statistics = self.blocks.first().map_or(0, Vec::len);
+        self.time == time
+            && self.blocks.iter().flatten().all(|partial| is_of(partial, part))
+            && self.blocks.iter().all(|block| block.len() == statistics)
+            && (0..statistics).all(is_within)
+            && self.gathered.as_ref().is_none_or(|gathered| gathered.is_of(part.bodies))
+    }
+
     pub fn of_gathered(time: f64, gathered: Gathered) -> Self {
         Self { time, blocks: Vec::new(), gathered: Some(gathered) }
     }
@@ -251,6 +319,17 @@ impl BlocksLine {
         // Fixed keys and finite numbers: there is nothing to fail on.
         serde_json::to_string(self).unwrap_or_default() + "\n"
     }
+}
+
+/// Whether statistics can be those of bodies of a part.
+fn is_of(partial: &Partial<f64>, part: &PartFile) -> bool {
+    let extremes = [partial.least, partial.greatest];
+    let is_power = |exponent: i32| exponent.unsigned_abs() <= MOST_EXPONENT;
+    partial.count == 0
+        || (partial.faster <= partial.count
+            && is_power(partial.exponent)
+            && partial.squares >= 0.0
+            && extremes.iter().all(|extreme| is_power(extreme.exponent) && part.has(extreme.body as usize)))
 }
 
 /// An event of a part's bodies: an entry of [`EVENTS`].
@@ -283,6 +362,20 @@ impl EventEntry {
             differing: record.errors.differing,
             errors: record.errors.times.clone(),
         }
+    }
+
+    /// Whether it can be that of bodies of a part: each has an event once or fails, at a time of the run.
+    pub fn is_of(&self, part: &PartFile) -> bool {
+        let end = part.times.last().copied().unwrap_or_default();
+        let occurred = self.occurrences.iter().map(|&(body, time, ..)| (body, time));
+        let all: Vec<(usize, f64)> = occurred.chain(self.censored.iter().copied()).collect();
+        let mut bodies: Vec<usize> = all.iter().map(|&(body, _)| body).collect();
+        bodies.sort_unstable();
+        bodies.is_sorted_by(|a, b| a < b)
+            && all.iter().all(|&(body, time)| part.has(body) && (0.0..=end).contains(&time))
+            && self.compared.checked_add(self.differing).is_some_and(|sampled| sampled <= part.bodies)
+            && self.errors.len() <= self.compared
+            && self.errors.iter().all(|error| *error >= 0.0)
     }
 
     /// Those of all parts together; `None` where one is not as it was written.

@@ -34,7 +34,10 @@ pub struct Table {
 pub fn read(path: &Path) -> Result<Table> {
     let columns = match path.extension().is_some_and(|ending| ending == Format::Csv.name()) {
         true => texts(path)?,
-        false => with_rows(columns(path)?),
+        false => with_rows(columns(path)?).ok_or_else(|| Error::Table {
+            path: path.to_owned(),
+            reason: "its columns have no common rows".to_owned(),
+        })?,
     };
     Ok(Table { path: path.to_owned(), columns })
 }
@@ -57,18 +60,23 @@ fn texts(path: &Path) -> Result<Vec<(String, Values)>> {
 }
 
 /// Arrays of states have an axis of time and one of bodies, of which `t`, `body` and `cell` have one alone: here each has a value a row.
-fn with_rows(mut columns: Vec<(String, Values)>) -> Vec<(String, Values)> {
+/// `None` where they do not fit together.
+fn with_rows(mut columns: Vec<(String, Values)>) -> Option<Vec<(String, Values)>> {
     let rows = columns.iter().map(|(_, values)| values.len()).max().unwrap_or(0);
     let bodies = columns.iter().find(|(name, _)| name == "body").map_or(rows, |(_, values)| values.len());
     for (name, values) in &mut columns {
         if let Values::Numbers(numbers) = values
             && numbers.len() < rows
         {
-            let place = |row: usize| if name == "t" { row / bodies } else { row % bodies };
-            *numbers = (0..rows).filter_map(|row| numbers.get(place(row)).copied()).collect();
+            let is_time = name == "t";
+            let (times, own) = if is_time { (numbers.len(), bodies) } else { (rows / bodies.max(1), numbers.len()) };
+            if own != bodies || bodies.checked_mul(times) != Some(rows) {
+                return None;
+            }
+            *numbers = (0..rows).map(|row| numbers[if is_time { row / bodies } else { row % bodies }]).collect();
         }
     }
-    columns
+    columns.iter().all(|(_, values)| values.len() == rows).then_some(columns)
 }
 
 impl Table {

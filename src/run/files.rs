@@ -294,6 +294,7 @@ pub(super) fn run_files(
     if !trust.failures.is_empty() {
         failed_file::write(&mut folder, output.format, &trust.failures)?;
     }
+    let failures = if is_part { trust.failures.clone() } else { Vec::new() };
     if !is_part {
         if !kept.events.is_empty() {
             write_events(&mut folder, output.format, &kept.events, plan.times(), cells)?;
@@ -307,6 +308,17 @@ pub(super) fn run_files(
         folder.write(EVENTS, &serde_json::to_vec(&entries).unwrap_or_default())?;
     }
     folder.write(PLAN, plan_text.as_bytes())?;
+    let mut report = Report::new(study.map(StudyReport::of), plan, trust);
+    report.statistics = kept.at_end.as_ref().map(StatisticsReport::from);
+    report.events = kept.events.iter().map(|record| EventReport::new(record, scene.end())).collect();
+    report.files = folder.names().to_vec();
+    report.files.extend(is_part.then(|| PART.to_owned()));
+    report.wall_time.study = (study_seconds - report.wall_time.plan).max(0.0);
+    report.wall_time.format = spent.format;
+    report.wall_time.disk = spent.disk;
+    report.wall_time.total = since.elapsed().as_secs_f64();
+    let text = report.to_json();
+    folder.write(REPORT, text.as_bytes())?;
     if is_part {
         let contents = PartFile::new(PartContents {
             bodies: part.first_body..part.first_body + scene.ensemble().len(),
@@ -317,23 +329,11 @@ pub(super) fn run_files(
             times: plan.times(),
             output,
             allowed_failures: study.map_or(0, Study::allowed_failures),
-            failures: &trust.failures,
+            failures: &failures,
             files: folder.entries()?,
         });
         folder.write(PART, contents.to_json().as_bytes())?;
     }
-
-    let study = study.map(StudyReport::of);
-    let mut report = Report::new(study, plan, trust);
-    report.statistics = kept.at_end.as_ref().map(StatisticsReport::from);
-    report.events = kept.events.iter().map(|record| EventReport::new(record, scene.end())).collect();
-    report.files = folder.names().to_vec();
-    report.wall_time.study = (study_seconds - report.wall_time.plan).max(0.0);
-    report.wall_time.format = spent.format;
-    report.wall_time.disk = spent.disk;
-    report.wall_time.total = since.elapsed().as_secs_f64();
-    let text = report.to_json();
-    folder.write(REPORT, text.as_bytes())?;
     folder.commit()?;
     Ok(report)
 }

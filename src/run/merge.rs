@@ -205,7 +205,7 @@ pub(super) fn merge_folders(
         outputs: times.len(),
         shards: pieces.len(),
         engines: engines(reports()),
-        body_steps: reports().filter_map(|report| report["body_steps"].as_u64()).sum(),
+        body_steps: reports().filter_map(|report| report["body_steps"].as_u64()).fold(0, u64::saturating_add),
         seconds: reports().filter_map(|report| report["wall_time"]["total"].as_f64()).sum(),
         quantities: QuantityReport::of(&observed),
         statistics: at_end.as_ref().map(StatisticsReport::from),
@@ -244,8 +244,11 @@ fn pieces(all: &Path, folders: &[(String, PathBuf)]) -> Result<(Vec<Piece>, Stri
             return Err(wrong(reason));
         }
         check_files(&part, folder)?;
-        let report = serde_json::from_str(&read_text(&folder.join(REPORT))?)
+        let report: Value = serde_json::from_str(&read_text(&folder.join(REPORT))?)
             .map_err(|_| wrong(format!("its {REPORT} is cut: run it again with --force")))?;
+        if !is_of(&report, part.bodies) {
+            return Err(wrong(format!("its {REPORT} counts bodies that it has not: run it again with --force")));
+        }
         pieces.push(Piece { folder: folder.clone(), part, report });
     }
     match pieces.first() {
@@ -256,11 +259,21 @@ fn pieces(all: &Path, folders: &[(String, PathBuf)]) -> Result<(Vec<Piece>, Stri
     }
 }
 
+/// Whether a report can be of so many bodies.
+fn is_of(report: &Value, bodies: usize) -> bool {
+    let is_within = |count: u64| count <= bodies as u64;
+    let sample = &report["accuracy"];
+    ["bodies", "lost", "diverged", "beyond"].iter().filter_map(|key| sample[key].as_u64()).all(is_within)
+}
+
 /// Refuses a part whose files are not as its run wrote them.
 pub(super) fn check_files(part: &PartFile, folder: &Path) -> Result<()> {
     for entry in &part.files {
-        if file_entry(folder, &entry.name)? != *entry {
-            let path = folder.join(&entry.name);
+        let path = folder.join(&entry.name);
+        // What is no file, or a longer one, is not read: it may have no end.
+        let found = std::fs::metadata(&path).map_err(|error| Error::file(&path, FileAction::Read, &error))?;
+        let has_size = found.is_file() && found.len() == entry.bytes;
+        if !has_size || file_entry(folder, &entry.name)? != *entry {
             let reason = "it is not as its run wrote it: run the part again with --force".to_owned();
             return Err(Error::Table { path, reason });
         }
@@ -303,23 +316,23 @@ impl Rows<'_> {
 }
 
 /// The lines of a part's statistics, one after the other.
-struct Lines {
+struct Lines<'a> {
     path: PathBuf,
     offset: u64,
-    first_body: usize,
+    part: &'a PartFile,
 }
 
-impl Lines {
-    fn open(piece: &Piece) -> Self {
-        Self { path: piece.folder.join(BLOCKS), offset: 0, first_body: piece.part.first_body }
+impl<'a> Lines<'a> {
+    fn open(piece: &'a Piece) -> Self {
+        Self { path: piece.folder.join(BLOCKS), offset: 0, part: &piece.part }
     }
 
     fn unexpected(&self, time: f64) -> Error {
         Error::Table { path: self.path.clone(), reason: format!("expected statistics at {time:?} s") }
     }
 
-    /// The next line; between two calls no file is open.
-    fn next(&mut self) -> Result<BlocksLine> {
+    /// The next line, which is that of `time`; between two calls no file is open.
+    fn next(&mut self, time: f64) -> Result<BlocksLine> {
         use std::io::{Seek, SeekFrom};
         let failed = |error: std::io::Error| Error::file(&self.path, FileAction::Read, &error);
         let mut file = File::open(&self.path).map_err(failed)?;
@@ -327,7 +340,9 @@ impl Lines {
         let mut line = String::new();
         self.offset += BufReader::new(file).read_line(&mut line).map_err(failed)? as u64;
         let reason = || "expected the statistics of a part's blocks, a line an output".to_owned();
-        serde_json::from_str(&line).map_err(|_| Error::Table { path: self.path.clone(), reason: reason() })
+        let line: BlocksLine =
+            serde_json::from_str(&line).map_err(|_| Error::Table { path: self.path.clone(), reason: reason() })?;
+        if line.is_of(self.part, time) { Ok(line) } else { Err(self.unexpected(time)) }
     }
 }
 
@@ -349,7 +364,7 @@ fn merged_statistics(
             StatisticsFile::begin(folder, format, &observed.statistics, &observed.quantiles, outputs)
         })
         .transpose()?;
-    let mut lines: Vec<Lines> = pieces.iter().map(Lines::open).collect();
+    let mut lines: Vec<Lines<'_>> = pieces.iter().map(Lines::open).collect();
     for &time in &pieces[0].part.times {
         let statistics = match plain.is_empty() {
             true => {
@@ -369,11 +384,11 @@ fn merged_statistics(
 }
 
 /// The statistics of all blocks at an output time, from the next lines of all parts.
-fn blocks_at(time: f64, statistics: usize, lines: &mut [Lines]) -> Result<Vec<Vec<Partial<f64>>>> {
+fn blocks_at(time: f64, statistics: usize, lines: &mut [Lines<'_>]) -> Result<Vec<Vec<Partial<f64>>>> {
     let mut blocks = Vec::new();
     for lines in lines {
-        let line = lines.next()?;
-        if line.time != time || line.gathered.is_some() || line.blocks.iter().any(|block| block.len() != statistics) {
+        let line = lines.next(time)?;
+        if line.gathered.is_some() || line.blocks.iter().any(|block| block.len() != statistics) {
             return Err(lines.unexpected(time));
         }
         blocks.extend(line.blocks);
@@ -382,12 +397,11 @@ fn blocks_at(time: f64, statistics: usize, lines: &mut [Lines]) -> Result<Vec<Ve
 }
 
 /// The same of what is formed of the states.
-fn gathered_at(time: f64, observed: &Observed, lines: &mut [Lines]) -> Result<Gathered> {
+fn gathered_at(time: f64, observed: &Observed, lines: &mut [Lines<'_>]) -> Result<Gathered> {
     let mut all = Gathered::new(observed, 0);
     for lines in lines {
-        let line = lines.next()?;
-        let found = line.gathered.filter(|found| line.time == time && found.fits(observed));
-        all.append(found.ok_or_else(|| lines.unexpected(time))?, lines.first_body);
+        let found = lines.next(time)?.gathered.filter(|found| found.fits(observed));
+        all.append(found.ok_or_else(|| lines.unexpected(time))?, lines.part.first_body);
     }
     Ok(all)
 }
@@ -401,7 +415,7 @@ fn merged_events(pieces: &[Piece], observed: &Observed) -> Result<Vec<EventRecor
     for piece in pieces {
         let path = piece.folder.join(EVENTS);
         let entries: Vec<EventEntry> = serde_json::from_str(&read_text(&path)?).unwrap_or_default();
-        if entries.len() != of_parts.len() {
+        if entries.len() != of_parts.len() || !entries.iter().all(|entry| entry.is_of(&piece.part)) {
             return Err(Error::Table { path, reason: "expected the events of a part's bodies".to_owned() });
         }
         of_parts.iter_mut().zip(entries).for_each(|(parts, entry)| parts.push(entry));

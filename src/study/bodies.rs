@@ -90,6 +90,9 @@ impl Bodies {
         let count = count
             .checked_mul(cells)
             .ok_or_else(|| counted.refuse("expected fewer bodies: each cell of the design has as many"))?;
+        if u32::try_from(count).is_err() {
+            return Err(counted.refuse("expected up to 4294967295 bodies in all cells: they are counted in 32 bits"));
+        }
         // A column comes from one place only.
         let given = |key: &str, in_table: fn(&BodyTable) -> bool| match (table.find(key), &body_table) {
             (Some(node), Some(rows)) if in_table(rows) => {

@@ -103,7 +103,7 @@ impl Study {
             "mass" => ("mass", BodyTable::has_mass),
             "x" => ("position", BodyTable::has_position),
             "vx" => ("velocity", BodyTable::has_velocity),
-            "wx" | "wy" | "wz" | "angular velocity along the axis" => {
+            "wx" | "wy" | "wz" | "rate" | "angular velocity along the axis" => {
                 ("angular_velocity", BodyTable::has_angular_velocity)
             }
             _ if field.starts_with('q') || field.starts_with("orientation") => {

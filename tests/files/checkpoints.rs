@@ -209,6 +209,12 @@ fn a_stopped_run_says_how_it_goes_on_and_what_does_not_belong_to_it_is_refused()
     spoilt(&of_first("blocks.jsonl"), &|bytes| [bytes, b" "].concat(), "blocks.jsonl: it is not as its run wrote it");
     let release = |bytes: &[u8]| words(bytes).replace(env!("CARGO_PKG_VERSION"), "0.0.9").into_bytes();
     spoilt(&of_first("part.json"), &release, "it is of polhode 0.0.9");
+    // Numbers that no sum of another file holds.
+    let failures = |bytes: &[u8]| words(bytes).replace("\"allowed_failures\":0", "\"allowed_failures\":9").into_bytes();
+    spoilt(&of_first("part.json"), &failures, "part.json: it is not as its run wrote it: its sum differs");
+    spoilt(&of_first("part.json"), &|bytes| bytes[..bytes.len() - 2].to_vec(), "part.json: expected what a run");
+    let beyond = |bytes: &[u8]| words(bytes).replace("\"beyond\": 0", "\"beyond\": 1").into_bytes();
+    spoilt(&of_first("report.json"), &beyond, "report.json: it is not as its run wrote it");
     spoilt(&of_first("plan.json"), &|bytes| [bytes, b"\n"].concat(), "its plan is not that of the checkpoint");
     spoilt("plan.json", &|bytes| bytes[..bytes.len() / 2].to_vec(), "plan.json:");
     done(&workspace, 2, &["run", "study.toml", "--out", "whole", "--engine", "cpu", "--quiet"]);

@@ -4,8 +4,8 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
-use std::time::Duration;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 
 use assert_cmd::cargo::cargo_bin;
 
@@ -479,6 +479,52 @@ fn the_study_in_the_help_runs() {
     let workspace = Workspace::new(&study);
     workspace.done(&["run", "study.toml", "--engine", "cpu"]);
     assert_eq!(workspace.names("study.out"), ["final.csv", "plan.json", "report.json", "snapshots.csv"]);
+    // Nor of bodies of a run that has left their states at the end alone.
+    fs::remove_file(workspace.path("study.out/snapshots.csv")).unwrap();
+    let line = workspace.refused(&["plot", "study.out", "--body", "99"], 2);
+    assert_eq!(
+        line,
+        "error: study.out: bodies are drawn from snapshots, and it has none: `snapshots = true` in the study leaves them\n"
+    );
+    assert_eq!(workspace.names("study.out"), ["final.csv", "plan.json", "report.json"]);
+}
+
+#[test]
+fn a_run_of_days_says_so_before_it_begins() {
+    // 3e13 steps, of which a core takes some 1e7 a second.
+    let study = SMALL.split("[time]").next().unwrap().to_owned()
+        + "[time]\nend = 3.0\n[accuracy]\nmethod = \"rk4\"\ndt = 1e-13\n";
+    let workspace = Workspace::new(&study);
+    let begun = |arguments: &[&str]| {
+        let mut command = Command::new(cargo_bin!("polhode"));
+        command.current_dir(workspace.folder()).args(arguments).stdout(Stdio::null()).stderr(Stdio::piped());
+        let mut child = command.spawn().expect("the command starts");
+        let since = Instant::now();
+        while !workspace.names(".").iter().any(|name| name.ends_with(".partial") || name.ends_with(".checkpoint")) {
+            assert!(since.elapsed() < Duration::from_secs(60), "it does not begin");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        std::thread::sleep(Duration::from_millis(300));
+        child.kill().expect("killed");
+        let errors = words(&child.wait_with_output().expect("it ends").stderr);
+        let lines = workspace.names(".");
+        for name in lines.iter().filter(|name| *name != "study.toml") {
+            let path = workspace.path(name);
+            let _ = fs::remove_dir_all(&path).or_else(|_| fs::remove_file(&path));
+        }
+        errors
+    };
+    for arguments in
+        [&["run", "study.toml", "--engine", "cpu"][..], &["run", "study.toml", "--engine", "cpu", "--checkpoint", "60"]]
+    {
+        let errors = begun(arguments);
+        assert!(
+            errors.starts_with("note: about ")
+                && errors.ends_with(" days of computing are expected; Ctrl-C ends the run\n"),
+            "{errors}"
+        );
+    }
+    assert_eq!(begun(&["run", "study.toml", "--engine", "cpu", "--quiet"]), "");
 }
 
 #[test]

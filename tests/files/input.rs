@@ -174,7 +174,8 @@ refuses! {
     a_force_without_a_mass: refusal("[bodies]\ncount = 1\ninertia = [1, 1, 1]\nangular_velocity = [0, 0, 1]\n[force]\nconstant = [0, 0, 1]\n[time]\nend = 1.0\n") => @"study.toml:5: bodies.mass is missing: the force needs masses, here or as a column of the table of bodies (kg)";
     a_count_and_a_file: refusal_with("count = 10", "count = 10\nfile = \"bodies.csv\"") => @"study.toml:4: bodies.file excludes count: give one of them";
     a_table_that_is_not_there: refusal_with("count = 10", "file = \"missing.csv\"") => @"missing.csv: cannot be read: No such file or directory (os error 2)";
-    more_bodies_than_memory: refusal_with("count = 10", "count = 1_000_000_000_000_000").split(", ").next().unwrap_or_default().to_owned() => @"study.toml:3: bodies.count = 1_000_000_000_000_000: 1000000000000000 bodies: their run needs 300000000000000000 bytes";
+    more_bodies_than_memory: refusal_with("count = 10", "count = 4_000_000_000").split(", ").next().unwrap_or_default().to_owned() => @"study.toml:3: bodies.count = 4_000_000_000: 4000000000 bodies: their run needs 1200000000000 bytes";
+    more_bodies_than_are_counted: refusal_with("count = 10", "count = 5_000_000_000") => @"study.toml:3: bodies.count = 5_000_000_000: expected up to 4294967295 bodies in all cells: they are counted in 32 bits";
 }
 
 /// A table without fault.

@@ -15,6 +15,7 @@ use polhode::Error;
 use polhode::study::Study;
 
 use crate::entries;
+use crate::shards::{OBSERVED, STATISTICS};
 use crate::workspace;
 
 use workspace::Workspace;
@@ -158,6 +159,120 @@ fn plans_with_random_faults_are_read_or_refused() {
     workspace.done(&["run", "study.toml", "--engine", "cpu", "--quiet"]);
     let written = fs::read(workspace.path("study.out/plan.json")).expect("a plan");
     hold(entries::PLAN, &[written], mutations(), entries::plan);
+}
+
+/// Folders of two parts of a study, and of two finished pieces of a run, each as one text ([`entries::pieces`]).
+fn pieces(study: &str) -> [Vec<u8>; 2] {
+    let workspace = Workspace::new(study);
+    workspace.done(&["plan", "study.toml", "--engine", "cpu", "--quiet", "--out", "plan.json"]);
+    let parts = ["shard-1-of-2", "shard-2-of-2"];
+    for part in ["1/2", "2/2"] {
+        let run =
+            ["run", "study.toml", "--engine", "cpu", "--quiet", "--out", "parts", "--plan", "plan.json", "--shard"];
+        workspace.polhode(&[&run[..], &[part]].concat());
+    }
+    let text = |name: &str| fs::read_to_string(workspace.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
+    // The plan stands beside it too.
+    let without_plan = |part: &str| {
+        let mut part: serde_json::Value = serde_json::from_str(part).expect("JSON");
+        let metadata = part["metadata"].as_array_mut().expect("entries");
+        metadata.retain(|entry| entry[0] != "polhode.plan");
+        part.to_string()
+    };
+    let folder = |are_parts: bool| {
+        let mut all = format!("=== study.toml\n{study}");
+        if !are_parts {
+            all += &format!("=== plan.json\n{}", text("plan.json"));
+        }
+        for part in parts {
+            let of_part: serde_json::Value =
+                serde_json::from_str(&text(&format!("parts/{part}/part.json"))).expect("JSON");
+            let [first, bodies] = ["first_body", "bodies"].map(|key| of_part[key].as_u64().expect("a number"));
+            let name = if are_parts { part.to_owned() } else { format!("bodies-{first}-{}", first + bodies - 1) };
+            for file in workspace.names(&format!("parts/{part}")) {
+                let text = text(&format!("parts/{part}/{file}"));
+                all += &format!("=== {name}/{file}\n{}", if file == "part.json" { without_plan(&text) } else { text });
+            }
+        }
+        all.into_bytes()
+    };
+    [folder(true), folder(false)]
+}
+
+/// With statistics of blocks, and with all that is gathered of states, events and cells among it.
+fn all_pieces() -> Vec<Vec<u8>> {
+    let blocks = STATISTICS.replace("count = 900", "count = 6").replace("final = false", "snapshots = true");
+    let observed = OBSERVED.replace("count = 250", "count = 2");
+    [blocks, observed].iter().flat_map(|study| pieces(study)).collect()
+}
+
+#[test]
+fn parts_and_pieces_with_random_faults_are_merged_or_refused() {
+    hold(entries::PIECES, &all_pieces(), mutations(), entries::pieces);
+}
+
+/// Numbers that no run writes, in files whose sums are right: what is merged of them would be wrong, or never end.
+#[test]
+fn parts_of_numbers_that_no_run_writes_are_refused_although_their_sums_are_right() {
+    let [blocks, _, observed, _] = &all_pieces()[..] else { panic!("four folders") };
+    let faults: [(&[u8], &str, &str, &str); 19] = [
+        (blocks, "\"first_body\":3", "\"first_body\":18446744073709551615", "some of all bodies"),
+        (blocks, "\"bodies\":3", "\"bodies\":18446744073709551615", "some of all bodies"),
+        (blocks, "\"bodies\":3", "\"bodies\":0", "some of all bodies"),
+        (blocks, "\"body_count\":6", "\"body_count\":18446744073709551615", "some of all bodies"),
+        (blocks, "\"times\":[0.5,", "\"times\":[1.5,", "ascending times"),
+        (blocks, "\"cells\":null", "\"cells\":0", "no more cells than bodies"),
+        (blocks, "\"failures\":[]", FAILED_TWICE, "failed bodies of its own"),
+        (blocks, "\"name\":\"plan.json\"", "\"name\":\"/dev/zero\"", "names of files beside it"),
+        (blocks, "\"name\":\"plan.json\"", "\"name\":\"../plan.json\"", "names of files beside it"),
+        (blocks, "\"bodies\": 3", "\"bodies\": 18446744073709551615", "counts bodies that it has not"),
+        (blocks, "\"count\":1,", "\"count\":4294967295,", "expected statistics at"),
+        (blocks, "\"body\":1}", "\"body\":4294967295}", "expected statistics at"),
+        (blocks, "\"exponent\":-1,", "\"exponent\":2147483647,", "expected statistics at"),
+        (blocks, "{\"time\":0.5,", "{\"time\":0.25,", "expected statistics at"),
+        (
+            observed,
+            "\"gathered\":{\"bodies\":3",
+            "\"gathered\":{\"bodies\":18446744073709551615",
+            "expected statistics at",
+        ),
+        (observed, "\"least\":[", "\"least\":[1e300,0],\"greatest\":[", "of a part's blocks"),
+        (observed, "\"histograms\":[[0,", "\"histograms\":[[18446744073709551615,", "expected statistics at"),
+        (observed, "\"censored\":[]", "\"censored\":[[0,1.0],[0,1.0]]", "the events of a part's bodies"),
+        (observed, "\"compared\":", "\"compared\":1844674407370955161", "the events of a part's bodies"),
+    ];
+    for (folder, from, to, expected) in faults {
+        let text = std::str::from_utf8(folder).expect("text");
+        assert!(text.contains(from), "nothing to spoil: {from} in\n{text}");
+        let clock = Instant::now();
+        let error = entries::pieces(text.replacen(from, to, 1).as_bytes()).expect_err(to).to_string();
+        assert!(error.contains(entries::PIECES) && error.contains(expected), "{to}: {error}");
+        assert!(clock.elapsed() < MOST_SECONDS, "{to}: {:?}", clock.elapsed());
+    }
+}
+
+/// A body that has failed twice.
+const FAILED_TWICE: &str = "\"failures\":[{\"body\":1,\"reason\":4,\"time\":1.0,\"known_to_step\":true,\"last_good_time\":0.5,\
+    \"orientation\":[0,0,0,1],\"angular_velocity_body\":[0,0,0]},{\"body\":1,\"reason\":4,\"time\":1.0,\"known_to_step\":true,\
+    \"last_good_time\":0.5,\"orientation\":[0,0,0,1],\"angular_velocity_body\":[0,0,0]}]";
+
+/// Begins the corpus of the targets whose sound files belong to a release: `cargo test --test files mutations -- --ignored`.
+#[test]
+#[ignore = "writes into the tree: fuzz/corpus/plan and fuzz/corpus/pieces"]
+fn sound_plans_and_pieces_begin_a_corpus() {
+    let folder = |target: &str| {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus").join(target);
+        fs::create_dir_all(&folder).expect("made");
+        folder
+    };
+    for (index, text) in all_pieces().iter().enumerate() {
+        fs::write(folder("pieces").join(format!("{index}")), text).expect("written");
+    }
+    for (index, study) in [STUDY, OBSERVED, STATISTICS].iter().enumerate() {
+        let workspace = Workspace::new(study);
+        workspace.done(&["plan", "study.toml", "--engine", "cpu", "--quiet", "--out", "plan.json"]);
+        fs::copy(workspace.path("plan.json"), folder("plan").join(format!("{index}"))).expect("copied");
+    }
 }
 
 #[test]

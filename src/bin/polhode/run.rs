@@ -20,6 +20,9 @@ use crate::shards::too_fast_in_a_step;
 /// Results from this many bytes on are announced.
 const LARGE: u64 = 10_000_000_000;
 
+/// Runs that are expected to take so long are announced, s.
+const LONG: f64 = 600.0;
+
 /// Runs a study into a folder.
 pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     catch_interrupts();
@@ -93,6 +96,7 @@ fn run_until_written(
     let plan = plan(arguments, (&study, &scene), &engine, document.as_ref())?;
 
     check_disk(&folder, OutputSize::of(&plan, wanted), arguments.quiet)?;
+    say_if_long(&plan, 1.0, arguments.quiet);
     let mut watch = Watch::new(arguments.quiet);
     let mut observe = |progress| watch.observe(progress);
     let done = match document.as_ref().filter(|_| part.is_some()) {
@@ -189,6 +193,21 @@ pub fn check_disk(folder: &OutputFolder, size: OutputSize, quiet: bool) -> Resul
         output::note(&format!("note: {message}"));
     }
     Ok(())
+}
+
+/// Says of a run how long it will take, where that is known and long; the plan's bodies stand for `times` as many.
+pub fn say_if_long(plan: &Plan<'_>, times: f64, quiet: bool) {
+    if quiet {
+        return;
+    }
+    let seconds: Option<f64> = plan.explain().classes.iter().map(|class| class.seconds).sum();
+    let Some(seconds) = seconds.map(|seconds| seconds * times).filter(|seconds| *seconds >= LONG) else { return };
+    let (amount, unit) = match seconds {
+        _ if seconds < 7200.0 => (seconds / 60.0, "minutes"),
+        _ if seconds < 172_800.0 => (seconds / 3600.0, "hours"),
+        _ => (seconds / 86_400.0, "days"),
+    };
+    output::note(&format!("note: about {amount:.0} {unit} of computing are expected; Ctrl-C ends the run"));
 }
 
 /// The study's name with the ending `.out`, in the current folder.

@@ -1,7 +1,7 @@
 //! Arrays as [`crate::record::npz_file`] writes them: not compressed, one a column.
 
 use std::fs::File;
-use std::io::{Read, Seek, SeekFrom};
+use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::Path;
 
@@ -19,6 +19,10 @@ struct Array {
     offset: u64,
     /// Number of elements.
     count: u64,
+    /// The bytes that the archive has a sum of: what NumPy writes before the numbers, and those.
+    summed: Range<u64>,
+    /// That sum.
+    checksum: u32,
 }
 
 /// All arrays of an archive that a run has written, by name.
@@ -96,11 +100,11 @@ impl NpzTable {
         let directory = bytes(start, size as usize)?;
         let (mut arrays, mut at) = (Vec::new(), 0);
         for _ in 0..count {
-            let entry = central(&directory, &mut at).filter(|(_, local)| *local <= length).ok_or_else(cut)?;
+            let entry = central(&directory, &mut at).filter(|entry| entry.local <= length).ok_or_else(cut)?;
             // The local header's own fields may be longer or shorter than those of the directory.
-            let local = bytes(entry.1, LOCAL)?;
+            let local = bytes(entry.local, LOCAL)?;
             let fields = short(&local, 26).zip(short(&local, 28)).ok_or_else(cut)?;
-            let array = entry.1 + LOCAL as u64 + u64::from(fields.0) + u64::from(fields.1);
+            let array = entry.local + LOCAL as u64 + u64::from(fields.0) + u64::from(fields.1);
             let header = bytes(array, 10)?;
             let text_length = short(&header, 8).filter(|_| header.starts_with(b"\x93NUMPY\x01\x00")).ok_or_else(cut)?;
             let text = bytes(array + 10, text_length.into())?;
@@ -108,11 +112,15 @@ impl NpzTable {
             let (count, element) = elements(&text).zip(element(&text)).ok_or_else(cut)?;
             let offset = array + 10 + u64::from(text_length);
             let size = width(&element).and_then(|width| count.checked_mul(width)).ok_or_else(cut)?;
-            if offset.checked_add(size).is_none_or(|end| end > length) {
-                return Err(cut());
+            let end = offset.checked_add(size).filter(|&end| end <= length).ok_or_else(cut)?;
+            let name = entry.name.strip_suffix(".npy").unwrap_or(&entry.name).to_owned();
+            arrays.push(Array { name, element, offset, count, summed: array..end, checksum: entry.checksum });
+        }
+        for array in &arrays {
+            let found = sum(file, array.summed.clone()).map_err(|error| read_failed(path, &error))?;
+            if found != array.checksum {
+                return Err(wrong(path, format!("{}: it is not as it was written: its sum differs", array.name)));
             }
-            let name = entry.0.strip_suffix(".npy").unwrap_or(&entry.0).to_owned();
-            arrays.push(Array { name, element, offset, count });
         }
         let names = arrays.iter().map(|array| array.name.clone()).collect();
         Ok(Self { arrays, names })
@@ -159,15 +167,36 @@ impl NpzTable {
 /// Bytes of a local header without name and extra fields.
 const LOCAL: usize = 30;
 
-/// Name and place of the next entry of the directory (APPNOTE 4.3.12, 4.5.3).
-fn central(directory: &[u8], at: &mut usize) -> Option<(String, u64)> {
+/// The CRC-32 of some bytes of a file, of which a part at a time is in memory.
+fn sum(file: &mut File, bytes: Range<u64>) -> io::Result<u32> {
+    file.seek(SeekFrom::Start(bytes.start))?;
+    let mut left = file.take(bytes.end - bytes.start);
+    let (mut checksum, mut buffer) = (crc32fast::Hasher::new(), vec![0; 1 << 18]);
+    loop {
+        match left.read(&mut buffer)? {
+            0 => return Ok(checksum.finalize()),
+            count => checksum.update(&buffer[..count]),
+        }
+    }
+}
+
+/// What the directory says of an array.
+struct Entry {
+    name: String,
+    checksum: u32,
+    /// Where its local header is.
+    local: u64,
+}
+
+/// The next entry of the directory (APPNOTE 4.3.12, 4.5.3).
+fn central(directory: &[u8], at: &mut usize) -> Option<Entry> {
     const FIXED: usize = 46;
     if word(directory, *at)? != 0x0201_4b50 {
         return None;
     }
     let [name, extra, comment] = [28, 30, 32].map(|field| short(directory, *at + field).map(usize::from));
     let (name, extra) = (name?, extra?);
-    let (size, offset) = (word(directory, *at + 24)?, word(directory, *at + 42)?);
+    let (checksum, size, offset) = (word(directory, *at + 16)?, word(directory, *at + 24)?, word(directory, *at + 42)?);
     let text = String::from_utf8_lossy(directory.get(*at + FIXED..*at + FIXED + name)?).into_owned();
     let offset = if offset == u32::MAX {
         // Behind both sizes, where these are wide too.
@@ -177,7 +206,7 @@ fn central(directory: &[u8], at: &mut usize) -> Option<(String, u64)> {
         offset.into()
     };
     *at += FIXED + name + extra + comment?;
-    Some((text, offset))
+    Some(Entry { name: text, checksum, local: offset })
 }
 
 /// Number of elements by the shape in a header's text.
