@@ -16,6 +16,7 @@ use crate::engine::{Backend, Description};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::SetUp;
 use crate::kernel::method::Method;
+use crate::kernel::method::rk8_adaptive::LEAST_STEP;
 use crate::math::Precision;
 use crate::scene::{AdaptiveSteps, Outputs, Scene, Stepping};
 use crate::torque::Torque;
@@ -283,11 +284,16 @@ impl<'a> Plan<'a> {
     fn check_rates(&self) -> Result<()> {
         let (scene, end) = (self.scene, self.scene.end());
         let torques = scene.torques();
-        let rate = |body: usize| {
+        // Steps shorter than the least of all flag a body at once; they are in its own unit of time.
+        let rate_and_most = |body: usize| {
             let frame = frame_of(scene.ensemble(), torques, body);
-            greatest_rate(scene, body, &frame, frame.angular_momentum_principal(scene.ensemble(), body))
+            let momentum = frame.angular_momentum_principal(scene.ensemble(), body);
+            (greatest_rate(scene, body, &frame, momentum), 2.0_f64.powi(frame.rate_exponent) / LEAST_STEP)
         };
-        let is_too_fast = |body: &usize| !(rate(*body) * end <= MOST_RADIANS_OF_STEPS);
+        let is_too_fast = |body: &usize| {
+            let (rate, most) = rate_and_most(*body);
+            rate * end > MOST_RADIANS_OF_STEPS && rate <= most
+        };
         // A least step bounds their number.
         let is_unbounded =
             |steps: &AdaptiveSteps| steps.least_step.is_none_or(|least| end > MOST_RADIANS_OF_STEPS * least);
@@ -300,7 +306,7 @@ impl<'a> Plan<'a> {
                 return Err(Error::Body {
                     body,
                     field: "rate",
-                    value: rate(body),
+                    value: rate_and_most(body).0,
                     expected: "one by which it turns by 1e12 rad until the end at most, as no run comes to the end of the steps of more (rad/s)",
                 });
             }

@@ -261,6 +261,9 @@ fn pieces(all: &Path, folders: &[(String, PathBuf)]) -> Result<(Vec<Piece>, Stri
 
 /// Whether a report can be of so many bodies.
 fn is_of(report: &Value, bodies: usize) -> bool {
+    if report["bodies"].as_u64() != Some(bodies as u64) {
+        return false;
+    }
     let is_within = |count: u64| count <= bodies as u64;
     let sample = &report["accuracy"];
     ["bodies", "lost", "diverged", "beyond"].iter().filter_map(|key| sample[key].as_u64()).all(is_within)
