@@ -215,7 +215,7 @@ fn parts_and_pieces_with_random_faults_are_merged_or_refused() {
 #[test]
 fn parts_of_numbers_that_no_run_writes_are_refused_although_their_sums_are_right() {
     let [blocks, _, observed, _] = &all_pieces()[..] else { panic!("four folders") };
-    let faults: [(&[u8], &str, &str, &str); 19] = [
+    let faults: [(&[u8], &str, &str, &str); 20] = [
         (blocks, "\"first_body\":3", "\"first_body\":18446744073709551615", "some of all bodies"),
         (blocks, "\"bodies\":3", "\"bodies\":18446744073709551615", "some of all bodies"),
         (blocks, "\"bodies\":3", "\"bodies\":0", "some of all bodies"),
@@ -226,6 +226,7 @@ fn parts_of_numbers_that_no_run_writes_are_refused_although_their_sums_are_right
         (blocks, "\"name\":\"plan.json\"", "\"name\":\"/dev/zero\"", "names of files beside it"),
         (blocks, "\"name\":\"plan.json\"", "\"name\":\"../plan.json\"", "names of files beside it"),
         (blocks, "\"bodies\": 3", "\"bodies\": 18446744073709551615", "counts bodies that it has not"),
+        (blocks, "\"lost\": 0", "\"lost\": 18446744073709551615", "counts bodies that it has not"),
         (blocks, "\"count\":1,", "\"count\":4294967295,", "expected statistics at"),
         (blocks, "\"body\":1}", "\"body\":4294967295}", "expected statistics at"),
         (blocks, "\"exponent\":-1,", "\"exponent\":2147483647,", "expected statistics at"),
