@@ -9,7 +9,7 @@
 
 use std::fs::{self, File};
 use std::io::Write;
-use std::ops::{ControlFlow, Range};
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -154,9 +154,9 @@ fn forgotten(engine: &Engine, study: &Study, desk: &Path) -> Result<()> {
     fs::create_dir_all(desk).expect("a folder can be made");
     write_plan(&plan, &desk.join("plan.json"))?;
     let document = PlanDocument::read(&desk.join("plan.json"))?;
-    let pieces = |start: &usize| -> Range<usize> { *start..(start + PIECE).min(study.bodies().count) };
-    for piece in (0..study.bodies().count).step_by(PIECE).map(|start| pieces(&start)) {
-        let scene = study.clone().part(piece).scene()?;
+    let all = study.bodies().count;
+    for start in (0..all).step_by(PIECE) {
+        let scene = study.clone().part(start..(start + PIECE).min(all)).scene()?;
         run(&Plan::repeated(&scene, engine, &document)?)?;
     }
     Ok(())

@@ -117,7 +117,7 @@ fn torques_that_change_much_faster_than_bodies_turn_are_seen_by_the_pilot() {
 /// Only a small part of such a span can be tried ahead, and a step may be longer than that part.
 #[test]
 fn steps_that_are_longer_than_what_was_tried_are_not_planned() {
-    for rate in [1e7, 3e7, 1e8, 1e9] {
+    for rate in [1e7, 1e8] {
         let scene = scene(Torque::sinusoidal(DVec3::new(0.1, 0.2, 0.1), DVec3::ZERO, rate)).until(100.0);
         let _alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
         match Plan::new(&scene, &Engine::cpu()) {

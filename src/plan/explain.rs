@@ -124,6 +124,17 @@ pub struct SkipRow {
     pub bytes: u64,
 }
 
+impl Explanation {
+    /// Wall time expected of the whole run, s; `None` where that of a class is not known.
+    pub fn seconds(&self) -> Option<f64> {
+        in_all(&self.classes)
+    }
+}
+
+fn in_all(classes: &[ClassRow]) -> Option<f64> {
+    classes.iter().map(|class| class.seconds).sum()
+}
+
 /// Rows of the table: shape, torques, whether it translates, method, and whether in `f64`.
 type RowKey = (Shape, TorqueSet, bool, &'static str, bool);
 
@@ -272,7 +283,7 @@ impl Plan<'_> {
     /// What a tenth of the error of statistics would take, where one is asked for.
     fn tenth(&self, classes: &[ClassRow], works: &Works) -> Option<TenthRow> {
         self.scene().wanted_statistical_accuracy()?;
-        let seconds: Option<f64> = classes.iter().map(|row| row.seconds).sum();
+        let seconds = in_all(classes);
         // By class, as the steps of a group whose bodies choose them stand there.
         let (mut steps, mut more) = (0.0, 0.0);
         let mut longer = seconds;

@@ -100,6 +100,8 @@ pub struct Group {
     pub members: Members,
     /// The most that the class can cost any of them.
     pub bound: Bound,
+    /// The greatest rate, rad/s, that the steps of any of them must follow; 0 where no torque acts.
+    pub rate: f64,
 }
 
 /// Steps a factor of two apart have this many between them.

@@ -35,7 +35,7 @@ impl Resolution {
         };
         sorted(scene, tolerance, |classification| self.place(scene, classification))
             .into_iter()
-            .map(|((class, strategy), (members, bound))| {
+            .map(|((class, strategy), Sorted { bodies, bound, rate })| {
                 let treatment = match strategy {
                     Strategy::Precession => Treatment::RegularPrecession,
                     Strategy::ClosedForm { wide, set_up } => {
@@ -44,7 +44,9 @@ impl Resolution {
                     Strategy::Level { wide, level } => self.stepped(&class, wide, step_of(level)),
                     Strategy::Longest { wide } => self.stepped(&class, wide, longest_over(span)),
                 };
-                Group { class, treatment, members, bound }
+                let is_all = bodies.len() == scene.ensemble().len();
+                let members = if is_all { Members::All(bodies.len()) } else { Members::Some(bodies) };
+                Group { class, treatment, members, bound, rate }
             })
             .collect()
     }
@@ -160,7 +162,7 @@ fn sorted(
     scene: &Scene,
     tolerance: &Bound,
     place: impl Fn(&Classification) -> (Shape, Strategy) + Sync,
-) -> BTreeMap<Key, (Members, Bound)> {
+) -> BTreeMap<Key, Sorted> {
     let body_count = scene.ensemble().len();
     let translates = scene.ensemble().translation().is_some();
     let of_block = |block: usize| {
@@ -182,31 +184,44 @@ fn sorted(
             };
             let torques = torques_for(scene, &classification);
             let is_linear_rotor = scene.ensemble().is_linear_rotor(body);
-            let (list, greatest) = lists.of((Class { shape, torques, is_linear_rotor, translates }, strategy));
-            list.push(body as u32);
-            *greatest = greatest.or(bound);
+            let list = lists.of((Class { shape, torques, is_linear_rotor, translates }, strategy));
+            list.bodies.push(body as u32);
+            list.take(bound, classification.rate);
         }
         lists
     };
     let blocks: Vec<Lists> = (0..body_count.div_ceil(BLOCK)).into_par_iter().map(of_block).collect();
-    let mut lists: BTreeMap<Key, (Vec<u32>, Bound)> = BTreeMap::new();
-    for (key, (bodies, bound)) in blocks.into_iter().flat_map(|block| block.lists) {
+    let mut lists: BTreeMap<Key, Sorted> = BTreeMap::new();
+    for (key, Sorted { bodies, bound, rate }) in blocks.into_iter().flat_map(|block| block.lists) {
         let entry = lists.entry(key).or_default();
-        entry.0.extend(bodies);
-        entry.1 = entry.1.or(bound);
+        entry.bodies.extend(bodies);
+        entry.take(bound, rate);
     }
-    let members =
-        |list: Vec<u32>| if list.len() == body_count { Members::All(body_count) } else { Members::Some(list) };
-    lists.into_iter().map(|(key, (list, bound))| (key, (members(list), bound))).collect()
+    lists
 }
 
 /// What the bodies of a group have in common.
 type Key = (Class, Strategy);
 
-/// Bodies by what they have in common, and the greatest bound of each list.
+/// Bodies that have it in common, and the greatest bound and rate of them.
+#[derive(Default)]
+struct Sorted {
+    bodies: Vec<u32>,
+    bound: Bound,
+    rate: f64,
+}
+
+impl Sorted {
+    fn take(&mut self, bound: Bound, rate: f64) {
+        self.bound = self.bound.or(bound);
+        self.rate = self.rate.max(rate);
+    }
+}
+
+/// Bodies by what they have in common.
 #[derive(Default)]
 struct Lists {
-    lists: Vec<(Key, (Vec<u32>, Bound))>,
+    lists: Vec<(Key, Sorted)>,
     places: BTreeMap<Key, usize>,
     /// Where the body before is.
     last: usize,
@@ -214,12 +229,12 @@ struct Lists {
 
 impl Lists {
     /// The list of a key; most often it is that of the body before.
-    fn of(&mut self, key: Key) -> &mut (Vec<u32>, Bound) {
+    fn of(&mut self, key: Key) -> &mut Sorted {
         let Self { lists, places, last } = self;
         if lists.get(*last).is_none_or(|(before, _)| *before != key) {
             *last = *places.entry(key).or_insert(lists.len());
             if *last == lists.len() {
-                lists.push((key, (Vec::new(), Bound::default())));
+                lists.push((key, Sorted::default()));
             }
         }
         &mut lists[*last].1

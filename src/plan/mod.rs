@@ -106,7 +106,7 @@ impl<'a> Plan<'a> {
     /// without mass; [`Error::Torque`], [`Error::Force`] and [`Error::ColumnLength`] for parameters of torques and forces;
     /// [`Error::AccuracyOutOfReach`] and [`Error::StatisticsOutOfReach`] where no candidate meets what is asked for; [`Error::RigidOnly`] where internal
     /// dissipation or changing moments of inertia act and the method pinned cannot follow them; [`Error::TorquePair`] for
-    /// torques that do not go together.
+    /// torques that do not go together; [`Error::Body`] for a body whose adaptive steps would never come to the end.
     pub fn new(scene: &'a Scene, engine: &dyn Backend) -> Result<Self> {
         Self::with_costs(scene, engine, &Costs::shipped())
     }
@@ -283,10 +283,9 @@ impl<'a> Plan<'a> {
     /// One body whose own steps would never come to the end would hold up all others: a pilot, which tries a few, does not see it.
     fn check_rates(&self) -> Result<()> {
         let (scene, end) = (self.scene, self.scene.end());
-        let torques = scene.torques();
         // Steps shorter than the least of all flag a body at once; they are in its own unit of time.
         let rate_and_most = |body: usize| {
-            let frame = frame_of(scene.ensemble(), torques, body);
+            let frame = frame_of(scene.ensemble(), scene.torques(), body);
             let momentum = frame.angular_momentum_principal(scene.ensemble(), body);
             (greatest_rate(scene, body, &frame, momentum), 2.0_f64.powi(frame.rate_exponent) / LEAST_STEP)
         };
@@ -298,7 +297,8 @@ impl<'a> Plan<'a> {
         let is_unbounded =
             |steps: &AdaptiveSteps| steps.least_step.is_none_or(|least| end > MOST_RADIANS_OF_STEPS * least);
         for group in &self.groups {
-            if !matches!(&group.treatment, Treatment::Adaptive { steps, .. } if is_unbounded(steps)) {
+            let is_fast = group.class.torques.is_empty() || group.rate * end > MOST_RADIANS_OF_STEPS;
+            if !(is_fast && matches!(&group.treatment, Treatment::Adaptive { steps, .. } if is_unbounded(steps))) {
                 continue;
             }
             let bodies = (0..group.members.len()).into_par_iter().map(|row| group.members.body(row));

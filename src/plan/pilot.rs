@@ -7,7 +7,7 @@
 //!
 //! A pilot has a budget, in steps, of a part of what the class will take ([`SHARE`]): a probe counts the steps of a few bodies over a
 //! short time first. Where all the bodies that the percentile needs over the whole span would take more, there are fewer of them, and
-//! then a shorter span. What that leaves unseen is taken into account by margins ([`Pilot::margin`]): with methods of high order
+//! then, with a larger budget ([`SHARE_OF_BODIES`] is that of bodies), a shorter span. What that leaves unseen is taken into account by margins ([`Pilot::margin`]): with methods of high order
 //! a wide margin costs few steps.
 //!
 //! What cannot be planned is refused early: bodies of which the probe foretells more steps than any run could take, and a motion that
@@ -69,7 +69,7 @@ const EARLY: [f64; 2] = [1.0 / 64.0, 1.0 / 8.0];
 const SHARE: f64 = 0.1;
 /// Steps that it may always take, without torques: some 20 ms of one core.
 const FREE_STEPS: f64 = 3e5;
-/// The same of more bodies than [`LEAST_BODIES`]: the whole span shows more than more bodies.
+/// The same for more bodies than [`LEAST_BODIES`]: to see the whole span of a few tells more than to see many.
 const SHARE_OF_BODIES: f64 = 0.03;
 const FREE_STEPS_OF_BODIES: f64 = 1e5;
 /// Steps that it may take at the most, some seconds of one core, so that what would run for days is not planned for hours; and of those one
@@ -218,15 +218,15 @@ impl<'a> Pilot<'a> {
         if probe.steps > MOST_STEPS_OF_RUN && !self.is_cut {
             return Err(Error::Setting { field: "time.end", value: self.span, expected: TOO_MANY_STEPS });
         }
-        let free = FREE_STEPS / (1 + self.torques.len()) as f64;
-        let all = self.all as f64;
+        let (all, motions) = (self.all as f64, (1 + self.torques.len()) as f64);
         let most = match (self.is_brief, self.is_cut) {
             (true, _) => MOST_BRIEF,
             (false, true) => MOST_AFTER_CUT,
             (false, false) => MOST_STEPS,
         };
-        let of_budget = |share: f64, free: f64, steps: f64| (share * steps * all).max(free).min(most) / PASSES / steps;
-        let part = |steps: f64| of_budget(SHARE, free, steps);
+        let of_budget =
+            |share: f64, free: f64, steps: f64| (share * steps * all).max(free / motions).min(most) / PASSES / steps;
+        let part = |steps: f64| of_budget(SHARE, FREE_STEPS, steps);
         self.difficulty = probe.difficulty;
         if part(probe.steps) > (4 * LEAST_BODIES) as f64 {
             self.most_of_body = (UNEXPECTED * probe.steps).clamp(PROBED_STEPS, MOST_OF_BODY);
@@ -237,7 +237,7 @@ impl<'a> Pilot<'a> {
         }
         let steps = probe.steps;
         self.difficulty = probe.difficulty;
-        let count = of_budget(SHARE_OF_BODIES, free * (FREE_STEPS_OF_BODIES / FREE_STEPS), steps) as usize;
+        let count = of_budget(SHARE_OF_BODIES, FREE_STEPS_OF_BODIES, steps) as usize;
         let count = count.clamp(LEAST_BODIES, self.enough().max(LEAST_BODIES));
         self = self.of(class, count, classification);
         let shorter = (part(steps) / self.bodies.len() as f64).min(1.0);

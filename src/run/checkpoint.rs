@@ -66,8 +66,18 @@ pub struct Checkpoint {
     pace: Pace,
     /// The most bodies of a piece.
     most: usize,
-    /// The table of final states of all bodies, where they do not go to the pieces.
-    final_states: Option<TableFile>,
+    final_states: FinalStates,
+}
+
+/// Where the final states of a run in pieces go.
+#[derive(Debug)]
+enum FinalStates {
+    /// To the tables of its pieces.
+    Pieces,
+    /// To the table of all bodies.
+    Table(TableFile),
+    /// There, until a piece ended early, which may have left rows in it.
+    Lost,
 }
 
 /// Is told of the bodies of a piece before it is computed, and of what it has in the file system; breaks to stop there.
@@ -125,7 +135,7 @@ impl Checkpoint {
         let plan = PlanDocument::read(&folder.join(PLAN))?;
         pieces.sort_by_key(|bodies: &Range<usize>| bodies.start);
         let (folder, pace) = (folder.to_owned(), Pace::Unknown);
-        let mut found = Self { folder, plan, pieces, pace, most: MOST_BODIES, final_states: None };
+        let mut found = Self { folder, plan, pieces, pace, most: MOST_BODIES, final_states: FinalStates::Pieces };
         Ok(found.check(study)?.then_some(found))
     }
 
@@ -181,17 +191,20 @@ impl Checkpoint {
         fs::create_dir_all(folder).map_err(|error| Error::file(folder, FileAction::Create, &error))?;
         let path = folder.join(PLAN);
         write_plan(plan, &path).inspect_err(|_| Self::remove(folder))?;
-        let seconds: Option<f64> = plan.explain().classes.iter().map(|class| class.seconds).sum();
         let bodies = plan.scene().ensemble().len() as f64;
-        let pace = seconds.filter(|seconds| *seconds > 0.0).map_or(Pace::Unknown, |s| Pace::Expected(bodies / s));
+        let pace = plan
+            .explain()
+            .seconds()
+            .filter(|seconds| *seconds > 0.0)
+            .map_or(Pace::Unknown, |s| Pace::Expected(bodies / s));
         let plan = PlanDocument::read(&path)?;
         let folder = folder.to_owned();
-        Ok(Self { folder, plan, pieces: Vec::new(), pace, most: MOST_BODIES, final_states: None })
+        Ok(Self { folder, plan, pieces: Vec::new(), pace, most: MOST_BODIES, final_states: FinalStates::Pieces })
     }
 
     /// Has final states written to their table in `results`, the folder that [`Checkpoint::finish`] is given then, as they are computed, instead
-    /// of to the pieces first: the disk takes each row once instead of twice. What is computed then cannot be gone on with once this value is
-    /// dropped. `plan` is that of [`Checkpoint::begin`]. Where `study` asks for snapshots, whose rows come in another order, nothing changes;
+    /// of to the pieces first: the disk takes each row once instead of twice. What is computed then cannot be gone on with once a piece has ended
+    /// early or this value is dropped. `plan` is that of [`Checkpoint::begin`]. Where `study` asks for snapshots, whose rows come in another order, nothing changes;
     /// where it asks for no states at all, pieces are smaller.
     ///
     /// # Errors
@@ -207,14 +220,15 @@ impl Checkpoint {
             let cells = study.design().map(|design| design.cells());
             let layout = Layout::of_output(output, scene.ensemble().translation().is_some(), cells);
             let (of, bodies) = (("final", output.format), 0..self.body_count());
-            self.final_states = Some(TableFile::begin(results, of, bodies, &layout, Times::One(scene.end()))?);
+            let table = TableFile::begin(results, of, bodies, &layout, Times::One(scene.end()))?;
+            self.final_states = FinalStates::Table(table);
         }
         Ok(())
     }
 
     /// Whether a run can go on from what is computed.
     pub fn is_kept(&self) -> bool {
-        self.final_states.is_none() && !self.pieces.is_empty()
+        matches!(self.final_states, FinalStates::Pieces) && !self.pieces.is_empty()
     }
 
     /// The plan that all bodies follow.
@@ -257,8 +271,8 @@ impl Checkpoint {
     ///
     /// # Errors
     ///
-    /// As [`crate::run::run_to_folder`] and [`Plan::repeated`]; what was finished before stays, unless it is written through, when only a run
-    /// from the start is of use. [`Error::Interrupted`] where either breaks.
+    /// As [`crate::run::run_to_folder`] and [`Plan::repeated`]; what was finished before stays, unless it is written through: then only a new
+    /// run is of use, and [`Error::Table`] says so. [`Error::Interrupted`] where either breaks.
     pub fn advance(
         &mut self,
         engine: &dyn Backend,
@@ -267,6 +281,7 @@ impl Checkpoint {
         begun: &mut PieceObserver<'_>,
         observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
     ) -> Result<()> {
+        self.check_final_states()?;
         let (first, mut done) = (self.bodies_done(), 0_u64);
         while self.bodies_done() < self.body_count() {
             let since = Instant::now();
@@ -286,9 +301,16 @@ impl Checkpoint {
                 let total = ((done + progress.total) as f64 * left) as u64;
                 observer(Progress { done: done + progress.done, total })
             };
-            let part_of = PartOf { document: &self.plan, final_states: self.final_states.as_mut() };
-            let output = study.output();
-            let report = run_files(engine, &plan, (Some(&study), output), folder, Some(part_of), since, &mut of_all)?;
+            let final_states = match &mut self.final_states {
+                FinalStates::Table(table) => Some(table),
+                FinalStates::Pieces | FinalStates::Lost => None,
+            };
+            let (part_of, of) = (PartOf { document: &self.plan, final_states }, (Some(&study), study.output()));
+            let report = run_files(engine, &plan, of, folder, Some(part_of), since, &mut of_all);
+            if report.is_err() && matches!(self.final_states, FinalStates::Table(_)) {
+                self.final_states = FinalStates::Lost;
+            }
+            let report = report?;
             done += of_piece;
             self.pace = Pace::measured(bodies.len(), &serde_json::to_value(report.wall_time).unwrap_or_default());
             self.pieces.push(bodies);
@@ -300,17 +322,32 @@ impl Checkpoint {
     ///
     /// # Errors
     ///
-    /// As [`crate::run::merge`]; the pieces stay then.
+    /// As [`crate::run::merge`]; the pieces stay then. [`Error::Table`] where states that were written through are lost.
     pub fn finish(
         self,
         folder: OutputFolder,
         observer: &mut dyn FnMut(Progress) -> ControlFlow<()>,
     ) -> Result<MergedReport> {
+        self.check_final_states()?;
         let name = |bodies: &Range<usize>| format!("bodies {} to {}", bodies.start, bodies.end - 1);
         let folders: Vec<_> = self.pieces.iter().map(|bodies| (name(bodies), self.piece(bodies))).collect();
-        let report = merge_folders(&self.folder, &folders, folder, self.final_states, observer)?;
+        let final_states = match self.final_states {
+            FinalStates::Table(table) => Some(table),
+            FinalStates::Pieces | FinalStates::Lost => None,
+        };
+        let report = merge_folders(&self.folder, &folders, folder, final_states, observer)?;
         Self::remove(&self.folder);
         Ok(report)
+    }
+
+    fn check_final_states(&self) -> Result<()> {
+        match self.final_states {
+            FinalStates::Lost => {
+                let reason = "a piece ended early, whose final states are in part in the table of all: begin anew";
+                Err(Error::Table { path: self.folder.clone(), reason: reason.to_owned() })
+            }
+            FinalStates::Pieces | FinalStates::Table(_) => Ok(()),
+        }
     }
 
     /// Removes what runs have left in a folder, and the folder, if nothing else is in it. What cannot be removed stays.

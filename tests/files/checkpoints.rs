@@ -3,6 +3,7 @@
 
 #![cfg(feature = "cli")]
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::fs;
 use std::ops::ControlFlow;
@@ -13,7 +14,7 @@ use assert_cmd::cargo::cargo_bin;
 use polhode::record::OutputFolder;
 use polhode::run::Checkpoint;
 use polhode::study::Study;
-use polhode::{Engine, Plan};
+use polhode::{Engine, Error, Plan};
 
 use crate::shards::{OBSERVED, PINNED, STATISTICS, done, observed_names, tables};
 use crate::workspace::{Workspace, words};
@@ -303,44 +304,58 @@ fn folders_that_vanish_or_cannot_be_written_are_named() {
 /// says that there is nothing to go on with.
 #[test]
 fn final_states_written_through_are_those_of_one_run() {
-    let engine = Engine::cpu();
-    let going_on = &mut |_| ControlFlow::Continue(());
+    /// In pieces of a block; breaks before the piece of a number, or in it.
+    fn advance(checkpoint: &mut Checkpoint, study: &Study, before: usize, within: usize) -> (Result<(), Error>, usize) {
+        let pieces = Cell::new(0);
+        let flow = |stops: bool| if stops { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+        let done = checkpoint.advance(
+            &Engine::cpu(),
+            study,
+            Duration::from_nanos(1),
+            &mut |_, _, _| {
+                pieces.set(pieces.get() + 1);
+                flow(pieces.get() == before)
+            },
+            &mut |_| flow(pieces.get() == within),
+        );
+        (done, pieces.get())
+    }
     for format in ["csv", "npz", "parquet"] {
         for study in [OBSERVED, &PINNED.replace("snapshots = true", "").replace("format = \"npz\"", "")] {
-            let study = study.replace("[output]", &format!("[output]\nformat = \"{format}\""));
-            let workspace = Workspace::new(&study);
+            let workspace = Workspace::new(&study.replace("[output]", &format!("[output]\nformat = \"{format}\"")));
             let whole = whole(&workspace, "cpu");
             let study = Study::read(&workspace.path("study.toml")).expect("a study");
             let scene = study.scene().expect("a scene");
-            let plan = Plan::new(&scene, &engine).expect("a plan");
+            let plan = Plan::new(&scene, &Engine::cpu()).expect("a plan");
             let place = workspace.path("out.checkpoint");
-            let mut run = |stop_at: usize| {
+            let begun = || {
+                Checkpoint::remove(&place);
                 let mut folder = OutputFolder::create(&workspace.path("out"), false).expect("a folder");
                 let mut checkpoint = Checkpoint::begin(&place, &plan).expect("begun");
                 checkpoint.write_through(&study, &plan, &mut folder).expect("written through");
-                let mut pieces = 0;
-                let begun = &mut |_: &Checkpoint, _, _: &_| {
-                    pieces += 1;
-                    if pieces > stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-                };
-                let done = checkpoint.advance(&engine, &study, Duration::from_nanos(1), begun, going_on);
-                assert!(!checkpoint.is_kept());
-                (done, checkpoint, folder, pieces)
+                (checkpoint, folder)
             };
-            let (stopped, checkpoint, folder, pieces) = run(3);
-            assert!(stopped.is_err() && checkpoint.bodies_done() > 0 && pieces == 4, "{pieces}");
-            drop((checkpoint, folder));
+            let (mut stopped, folder) = begun();
+            let (done, pieces) = advance(&mut stopped, &study, 4, 0);
+            assert!(done.is_err() && pieces == 4 && stopped.bodies_done() > 0 && !stopped.is_kept(), "{pieces}");
             let of_piece = fs::read_dir(&place).expect("a folder").flatten().map(|piece| piece.path());
             assert!(
                 of_piece.filter(|piece| piece.is_dir()).all(|piece| !piece.join(format!("final.{format}")).exists())
             );
-            assert!(Checkpoint::find(&place, &study).expect("read").is_none(), "states are lost");
-            Checkpoint::remove(&place);
-            let (done, checkpoint, folder, pieces) = run(usize::MAX);
-            assert!(done.is_ok() && pieces > 3, "{done:?} {pieces}");
-            checkpoint.finish(folder, going_on).expect("merged");
+            assert!(Checkpoint::find(&place, &study).expect("read").is_none(), "states are lost with the value");
+            // It has its table still, and goes on.
+            assert!(advance(&mut stopped, &study, 0, 0).0.is_ok());
+            stopped.finish(folder, &mut |_| ControlFlow::Continue(())).expect("merged");
             assert_same(&whole, &tables(&workspace, "out"));
             assert!(!place.exists());
+            fs::remove_dir_all(workspace.path("out")).expect("removed");
+            let (mut torn, folder) = begun();
+            assert!(advance(&mut torn, &study, 0, 2).0.is_err());
+            let again = advance(&mut torn, &study, 0, 0).0.err();
+            for error in [again, torn.finish(folder, &mut |_| ControlFlow::Continue(())).err()] {
+                let error = error.expect("rows may be there twice").to_string();
+                assert!(error.contains("begin anew"), "{error}");
+            }
         }
     }
 }

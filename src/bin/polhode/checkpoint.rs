@@ -12,15 +12,11 @@ use polhode::study::Study;
 use crate::arguments::RunArguments;
 use crate::output::{self, Failure};
 use crate::progress::{self, Watch};
-use crate::run::{check_disk, plan, say_if_long, say_if_nothing_is_asked, say_leftovers};
+use crate::run::{LONG, check_disk, plan, say_if_long, say_if_nothing_is_asked, say_leftovers};
 use crate::shards::say_merged;
 
 /// The time between two checkpoints, where nobody says it.
 const EVERY: Duration = Duration::from_secs(60);
-
-/// A run that a plan expects to take less than this, s, is begun again as soon as gone on with, unless somebody asked for checkpoints: its rows
-/// are written once instead of to a checkpoint first.
-const SHORT: f64 = 600.0;
 
 /// The bodies that the plan of a study is made of, and whether those are not all.
 pub fn planned(study: &Study, no_skip: bool) -> (Range<usize>, bool) {
@@ -100,8 +96,8 @@ fn run_until_written(
             say_if_nothing_is_asked(&study, &scene, arguments.quiet);
             let plan = plan(arguments, (&study, &scene), &engine, document.as_ref())?;
             let of_all = all as f64 / planned.len() as f64;
-            let seconds: Option<f64> = plan.explain().classes.iter().map(|class| class.seconds).sum();
-            let is_short = seconds.is_some_and(|seconds| seconds * of_all < SHORT);
+            // It is begun again as soon as gone on with.
+            let is_short = plan.explain().seconds().is_some_and(|seconds| seconds * of_all < LONG);
             let is_through = is_short && !(is_asked || arguments.resume || study.output().snapshots);
             // Pieces stay until they are merged.
             let OutputSize { rows, least_bytes, likely_bytes } = OutputSize::of(&plan, study.output());

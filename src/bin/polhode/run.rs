@@ -20,8 +20,8 @@ use crate::shards::too_fast_in_a_step;
 /// Results from this many bytes on are announced.
 const LARGE: u64 = 10_000_000_000;
 
-/// Runs that are expected to take so long are announced, s.
-const LONG: f64 = 600.0;
+/// Runs that are expected to take so long, s, are announced, and leave what they have computed when they are stopped where they are in pieces.
+pub const LONG: f64 = 600.0;
 
 /// Runs a study into a folder.
 pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
@@ -200,8 +200,10 @@ pub fn say_if_long(plan: &Plan<'_>, times: f64, quiet: bool) {
     if quiet {
         return;
     }
-    let seconds: Option<f64> = plan.explain().classes.iter().map(|class| class.seconds).sum();
-    let Some(seconds) = seconds.map(|seconds| seconds * times).filter(|seconds| *seconds >= LONG) else { return };
+    let Some(seconds) = plan.explain().seconds().map(|seconds| seconds * times).filter(|seconds| *seconds >= LONG)
+    else {
+        return;
+    };
     let (amount, unit) = match seconds {
         _ if seconds < 7200.0 => (seconds / 60.0, "minutes"),
         _ if seconds < 172_800.0 => (seconds / 3600.0, "hours"),
