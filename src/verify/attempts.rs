@@ -253,7 +253,10 @@ fn trial(
         return trial;
     }
     let ticks = moment.clock.ticks() + (gone * moment.clock.ticks_per_second()) as u64;
-    let of_step = |h: f64| bounds.of(batch, &Stepped { row: own, ticks, dt: h / rate, start: &start, end: &end });
+    let of_step = |h: f64| {
+        let step = Stepped { row: own, ticks, dt: h / rate, start: &start, end: &end };
+        bounds.of(batch, &step).filter(RowBound::is_finite)
+    };
     if by_series {
         let h = series_step(before, after);
         trial.bound = of_step(h);

@@ -15,6 +15,10 @@
 //! with u the unit roundoff, W the sum of the magnitudes of the method's weights, R the roundings of what it makes of its slopes, and
 //! P those of the state itself (the numbers are counted in `Counts`). A state in two words of `f32` loses nothing but roundings of the second word, u² of it. The factor 2
 //! is for the two sides.
+//!
+//! It is of first order in what slopes hand on, and says nothing of a step that takes its method out of its range: where the quaternion
+//! is off the unit sphere by a factor of 2, or an implicit step turns a body by more than [`LONGEST_IMPLICIT_TURN`], there is none. In long
+//! steps it is an upper bound far above what is seen, as roundings cancel (measured in tests/mirror/verify/grid.rs).
 
 use super::running::bounds_within;
 use crate::bodies::columns::{RATE_COLUMN, STATE_COMPONENTS};
@@ -68,6 +72,8 @@ impl Counts {
     }
 }
 
+/// The longest turn in a step, rad, up to which Newton's method is taken to find the same solution of an implicit step on all sides.
+const LONGEST_IMPLICIT_TURN: f64 = 2.0;
 /// Roundings of the inputs of a stage.
 const STAGE_ROUNDINGS: f64 = 3.0;
 /// Of a time in a step, each once for both sides.
@@ -90,6 +96,7 @@ pub(super) struct StepBounds {
     least: f64,
     two_words: bool,
     projected: bool,
+    is_implicit: bool,
 }
 
 /// How far a body's state may part in one step, in units of its own scale.
@@ -165,7 +172,16 @@ impl StepBounds {
             Precision::F64 => (f64::UNIT_ROUNDOFF, f64::MIN_POSITIVE, false),
         };
         let counts = Counts::of(method, table.is_empty());
-        Self { motion: RecordedMotion::new(table).ok(), counts, unit_roundoff, least, two_words, projected }
+        let is_implicit = matches!(method, Method::ImplicitMidpoint | Method::Dlm);
+        Self {
+            motion: RecordedMotion::new(table).ok(),
+            counts,
+            unit_roundoff,
+            least,
+            two_words,
+            projected,
+            is_implicit,
+        }
     }
 
     /// Whether what acts could be recorded; without, no step has a bound.
@@ -183,12 +199,19 @@ impl StepBounds {
         self.least
     }
 
-    /// The bound of one body's step; `None` where a decision of the torques hangs on rounding, or a torque is too long to be recorded
-    /// beside the others.
+    /// The bound of one body's step; `None` where a decision of the torques hangs on rounding, a torque is too long to be recorded
+    /// beside the others, or the step is so long that the method leaves its range: roundings are then enlarged beyond what is counted here.
     pub fn of(&self, batch: &AnyBatch, step: &Stepped<'_>) -> Option<RowBound> {
         let (counts, u) = (self.counts, self.unit_roundoff);
+        if ![step.start, step.end].into_iter().all(is_near_unit_sphere) {
+            return None;
+        }
         let slopes = self.slopes(batch, step, &[])?;
         let h = step.dt * batch.parameter(RATE_COLUMN, step.row);
+        // Beyond, its equation has several solutions, and which is found, and whether one is, hangs on rounding.
+        if self.is_implicit && h * slopes.rate > LONGEST_IMPLICIT_TURN {
+            return None;
+        }
         let state = if self.two_words && counts.compensated { 2.0 * u * u } else { counts.state * u };
         let increments =
             |error: f64, size: f64| counts.weights * h * (error + counts.increment * u * size + self.least);
@@ -249,6 +272,12 @@ impl StepBounds {
             orientation_rate: 0.5 * (angular_velocity + slopes.rate * orientation),
         })
     }
+}
+
+/// Whether the quaternion of a state is a unit one but for what a usable step leaves of its norm.
+fn is_near_unit_sphere(state: &[f64; STATE_COMPONENTS]) -> bool {
+    let square = state[..4].iter().map(|q| q * q).sum::<f64>();
+    (0.25..4.0).contains(&square)
 }
 
 /// The slopes of one body in a state.

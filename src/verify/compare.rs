@@ -190,7 +190,7 @@ pub struct Comparison {
     /// Steps of a body whose bound is not known, as a decision hangs on rounding or the torques are too long to be recorded together: only
     /// what is no number is a fault in them.
     pub undecided: u64,
-    /// Steps after which both sides have lost the body, with the same components that are no finite numbers: nothing of it is compared.
+    /// Steps after which the side that is compared with has lost the body, or both overflow: nothing of it is compared.
     pub lost: u64,
     /// The largest differences, one a field.
     pub largest: Vec<Largest>,
@@ -287,10 +287,16 @@ pub(super) fn excess(gap: &Gap, bound: Option<f64>) -> Option<f64> {
     }
 }
 
-/// Whether both sides have lost a body: some component is no finite number, and none is on one side alone.
-pub(super) fn is_lost(expected: &[f64], found: &[f64]) -> bool {
-    let coincide = expected.iter().zip(found).all(|(a, b)| a.is_finite() == b.is_finite());
-    coincide && expected.iter().any(|x| !x.is_finite())
+/// Whether a body is lost, so that nothing can be said by it: the twin's state has a component that is no finite number,
+/// or the other side's has one and the twin's is so large that the order of the operations decides which of their products overflow.
+pub(super) fn is_lost(expected: &[f64], found: &[f64], precision: Precision) -> bool {
+    let greatest = match precision {
+        Precision::F32 => f64::from(f32::MAX),
+        Precision::F64 => f64::MAX,
+    };
+    let is_finite = |state: &[f64]| state.iter().all(|x| x.is_finite());
+    let overflows = || expected.iter().any(|x| x.abs() >= greatest.sqrt());
+    !is_finite(expected) || (!is_finite(found) && overflows())
 }
 
 /// The distance between neighbouring numbers at `x` ≥ 0; of the least normal number below it.

@@ -208,7 +208,7 @@ impl GroupReport {
             let lost = comparison.lost;
             writeln!(
                 formatter,
-                "    {lost} steps after which both sides have lost the body: nothing of it is compared"
+                "    {lost} steps after which the body is lost to infinity: nothing of it is compared"
             )?;
         }
         if let Some(parting) = &comparison.parting {

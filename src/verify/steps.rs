@@ -224,7 +224,7 @@ pub(super) fn enter_row(
     entered.unwrap_or(false)
 }
 
-/// The same, uncounted; `None` where both sides have lost the body.
+/// The same, uncounted; `None` where the body is lost.
 pub(super) fn enter_state(
     comparison: &mut Comparison,
     precision: Precision,
@@ -233,7 +233,8 @@ pub(super) fn enter_state(
     bound: Option<&RowBound>,
 ) -> Option<bool> {
     let (before, after) = (expected.combined(row), found.combined(row));
-    if is_lost(&before, &after) {
+    // A quaternion of zeros is no orientation.
+    if is_lost(&before, &after, precision) || before[..4].iter().all(|&q| q == 0.0) {
         return None;
     }
     let [across, along, momentum] = gaps(&before, &after);

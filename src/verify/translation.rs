@@ -118,7 +118,7 @@ impl<'a> Flown<'a> {
         let turning = |state| turning(self.scene, place.body, state);
         centre.advance(&forces, &Between::new(turning(before), turning(after), dt), dt);
         let numbers = |(x, v): (DVec3, DVec3)| [x.to_array(), v.to_array()].concat();
-        if is_lost(&numbers((centre.position(), centre.velocity())), &numbers(to)) {
+        if is_lost(&numbers((centre.position(), centre.velocity())), &numbers(to), Precision::F64) {
             comparison.lost += 1;
             return;
         }

@@ -74,10 +74,18 @@ fn sets(method: Method) -> Vec<(&'static str, Vec<Torque>)> {
     sets
 }
 
+/// Steps fifteen times as long, s, whose bounds hang on how slopes hand on what they are off by; a few of them.
+const LONG_DT: f64 = 0.25;
+const LONG_STEPS: u64 = 4;
+
 fn grid_scene(torques: &[Torque], bodies: usize, method: Method, precision: Precision) -> Scene {
+    scene_of_steps(torques, bodies, (method, GRID_DT), precision)
+}
+
+fn scene_of_steps(torques: &[Torque], bodies: usize, (method, dt): (Method, f64), precision: Precision) -> Scene {
     let scene = Scene::new(common::asymmetric_ensemble(bodies, SEED)).until(1.0).skipping(false);
     let scene = torques.iter().fold(scene, |scene, torque| scene.torque(torque.clone()));
-    scene.pinned(method, GRID_DT, Some(precision))
+    scene.pinned(method, dt, Some(precision))
 }
 
 /// The largest part of its derived bound that a difference came to in f32 and in f64, over 100 draws of a body under each set of torques, on
@@ -101,21 +109,58 @@ fn measured(method: Method, precision: Precision) -> f64 {
     if precision == Precision::F32 { narrow } else { wide }
 }
 
+/// The same at [`LONG_DT`], by the command of [`largest_parts_at_long_steps`].
+fn measured_at_long_steps(method: Method, precision: Precision) -> f64 {
+    let [narrow, wide] = match method {
+        Method::Rk4 => [4.57e-2, 7.32e-2],
+        Method::Rk8 => [1.11e-2, 1.18e-2],
+        Method::Cf4 => [3.03e-2, 2.77e-2],
+        Method::Splitting2 => [2.52e-2, 3.24e-2],
+        Method::Splitting4 => [9.76e-3, 7.70e-3],
+        Method::Splitting6 => [4.96e-3, 4.17e-3],
+        Method::ImplicitMidpoint => [2.99e-2, 2.40e-2],
+        Method::Dlm => [3.15e-2, 5.53e-2],
+        Method::ExplicitEuler => [1.49e-2, 1.00e-2],
+        Method::GyroNewton => [6.26e-3, 1.25e-2],
+        Method::ClampedEuler => [4.03e-2, 3.69e-2],
+        Method::Spiral => [1.41e-2, 1.48e-2],
+        _ => panic!("{method} takes no equal steps"),
+    };
+    if precision == Precision::F32 { narrow } else { wide }
+}
+
 /// What a difference may come to: bounds are derived, and beyond four times what was measured something has changed.
 const MEASURED_TIMES: f64 = 4.0;
 
 fn agrees_under_every_torque(engine: &Engine, method: Method) {
+    let is_long = |name: &str| name == "each torque alone";
     for (name, torques) in sets(method) {
         for precision in Precision::ALL {
             let what = format!("{method} in {precision}, {name}");
-            let scene = grid_scene(&torques, GRID_BODIES, method, precision);
-            let report = agreed(engine, &scene, &steps(GRID_STEPS), &what);
-            // Adapters that round otherwise than those that were measured have the derived bounds alone.
-            if engine.description().kind == EngineKind::Cpu || common::rounds_like_scalar_twin(engine, precision) {
-                let allowed = MEASURED_TIMES * measured(method, precision);
-                assert!(report.largest_part() <= allowed, "{what}: more than {allowed} of the bound: {report}");
+            agrees_at(engine, &torques, (method, GRID_DT, GRID_STEPS), measured(method, precision), precision, &what);
+            if is_long(name) {
+                let part = measured_at_long_steps(method, precision);
+                let what = format!("{what}, long steps");
+                agrees_at(engine, &torques, (method, LONG_DT, LONG_STEPS), part, precision, &what);
             }
         }
+    }
+}
+
+fn agrees_at(
+    engine: &Engine,
+    torques: &[Torque],
+    (method, dt, count): (Method, f64, u64),
+    part: f64,
+    precision: Precision,
+    what: &str,
+) {
+    let scene = scene_of_steps(torques, GRID_BODIES, (method, dt), precision);
+    let report = agreed(engine, &scene, &steps(count), what);
+    // Adapters that round otherwise than those that were measured have the derived bounds alone.
+    if engine.description().kind == EngineKind::Cpu || common::rounds_like_scalar_twin(engine, precision) {
+        let allowed = MEASURED_TIMES * part;
+        assert!(report.largest_part() <= allowed, "{what}: more than {allowed} of the bound: {report}");
     }
 }
 
@@ -217,5 +262,22 @@ fn the_grid() {
             let worst: Vec<String> = worst.iter().map(|part| format!("({part:.3})")).collect();
             println!("| largest part | {} |", worst.join(" | "));
         }
+    }
+}
+
+#[test]
+#[ignore = "prints what `measured_at_long_steps` holds: cargo test --test mirror verify::grid::largest_parts -- --ignored --nocapture"]
+fn largest_parts_at_long_steps() {
+    let engines = [Engine::cpu(), common::gpu()];
+    for method in Method::ALL {
+        let parts = Precision::ALL.map(|precision| {
+            let of = |engine: &Engine| {
+                let torques = torques_of(method, DRAWS, |torque, body| body % KINDS == torque);
+                let scene = scene_of_steps(&torques, DRAWS, (method, LONG_DT), precision);
+                agreed(engine, &scene, &steps(LONG_STEPS), &format!("{method} in {precision}")).largest_part()
+            };
+            engines.iter().map(of).fold(0.0, f64::max)
+        });
+        println!("Method::{method:?} => [{:.2e}, {:.2e}],", parts[0], parts[1]);
     }
 }
