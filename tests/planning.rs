@@ -114,6 +114,31 @@ fn torques_that_change_much_faster_than_bodies_turn_are_seen_by_the_pilot() {
     }
 }
 
+/// The sample took ten times as long as such a run.
+#[test]
+fn samples_that_would_take_much_longer_than_the_run_are_smaller() {
+    const FULL: usize = BODIES;
+    const LEAST: usize = 8;
+    let engine = Engine::cpu();
+    let of_span = |end: f64| scene(Torque::sinusoidal(DVec3::X * 0.1, DVec3::ZERO, 1e6)).until(end);
+    let _alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+    for (end, bodies) in [(0.01, FULL), (4.0, LEAST)] {
+        let scene = of_span(end);
+        let plan = Plan::new(&scene, &engine).unwrap_or_else(|error| panic!("{end} s: {error}"));
+        let sample = plan.explain().sample;
+        assert_eq!(sample.bodies, bodies, "{end} s");
+        assert!(sample.seconds.is_some_and(|seconds| seconds > 0.0), "{sample:?}");
+        // A part recomputes its share of the same ones.
+        let part = scene.only(3..13);
+        assert_eq!(plan.of_part(&part, &engine).expect("a plan").explain().sample.bodies, bodies, "{end} s");
+        let trust = engine.run(&plan).unwrap_or_else(|error| panic!("{end} s: {error}")).trust().clone();
+        let shadow = trust.recomputed_sample;
+        assert!(shadow.bodies == bodies && shadow.met.is_some(), "{end} s: {shadow}");
+        // What torques do takes the longest, and is left.
+        assert_eq!(trust.balance.bodies, if bodies == FULL { FULL } else { 0 }, "{end} s");
+    }
+}
+
 /// Only a small part of such a span can be tried ahead, and a step may be longer than that part.
 #[test]
 fn steps_that_are_longer_than_what_was_tried_are_not_planned() {

@@ -290,6 +290,24 @@ pub enum Error {
         /// What would reach it.
         remedy: &'static str,
     },
+    /// Planning has come to the end of the time that it may take ([`crate::Plan::announced`]).
+    #[error(
+        "planning has come to the end of the {seconds} s that it may take: use a larger error or a shorter span, or name a \
+         method and its steps (accuracy.method)"
+    )]
+    PlanningTime {
+        /// The time, s.
+        seconds: f64,
+    },
+    /// A run that would take so long that nobody can have meant it.
+    #[error(
+        "about {days:.0} days of computing are expected: use longer steps, a shorter span or fewer bodies, share the study out \
+         among machines (--shard), or ask for it with --however-long"
+    )]
+    RunTime {
+        /// The time expected, in days.
+        days: f64,
+    },
     /// No adapter fits what was asked for.
     #[error("no GPU adapter {wanted}: {found} found; `polhode devices` lists them, the CPU engine needs none")]
     NoAdapter {

@@ -38,6 +38,11 @@ impl Scheme {
         }
     }
 
+    /// The angle, rad, that steps which a body chooses turn it by at a tolerance, about.
+    pub(super) fn angle_of_attempt(self, tolerance: f64) -> f64 {
+        if self == Scheme::TAYLOR { TAYLOR_ANGLE } else { ADAPTIVE_ANGLE * tolerance.powf(0.125) }
+    }
+
     /// Whether bodies choose their steps.
     pub fn is_adaptive(self) -> bool {
         matches!(self, Scheme::Adaptive(_))
@@ -114,10 +119,7 @@ impl Rule {
 
     /// The steps that a body is expected to take that turns by `angle` rad, where that is known before it is stepped.
     pub(super) fn expected_attempts(&self, precision: Precision, angle: f64) -> f64 {
-        match self.scheme {
-            Scheme::TAYLOR => 1.0 + angle / TAYLOR_ANGLE,
-            _ => 1.0 + angle / (ADAPTIVE_ANGLE * self.tolerance(precision).powf(0.125)),
-        }
+        1.0 + angle / self.scheme.angle_of_attempt(self.tolerance(precision))
     }
 }
 

@@ -9,6 +9,7 @@ use super::cost::evaluation_seconds;
 use super::cost::work::Work;
 use super::group::{Group, Treatment};
 use super::parts::name_of;
+use super::recomputation::EVALUATION;
 use super::{CLOSED_FORM_F32, Found, Plan, Resolution, Scheme, Shape, StatisticError, TorqueSet};
 use crate::bodies::BodyFrame;
 use crate::engine::EngineKind;
@@ -45,9 +46,21 @@ pub struct Explanation {
     /// decide.
     #[cfg_attr(feature = "study", serde(skip_serializing_if = "Vec::is_empty"))]
     pub statistics: Vec<StatisticError>,
+    /// The bodies that are recomputed more accurately after the run.
+    pub sample: SampleRow,
     /// What a tenth of the error would take; `null` where no error of statistics is asked for.
     #[cfg_attr(feature = "study", serde(skip_serializing_if = "Option::is_none"))]
     pub tenth: Option<TenthRow>,
+}
+
+/// What is recomputed of a run, so that its errors are known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "study", derive(serde::Serialize))]
+pub struct SampleRow {
+    /// Number of bodies, of all those of a study that is run in parts.
+    pub bodies: usize,
+    /// Wall time expected, s, on the CPU whatever the engine; `None` where it is not known, as the run's own steps are not.
+    pub seconds: Option<f64>,
 }
 
 /// What a tenth of the error of a statistic would take, of either part.
@@ -161,6 +174,10 @@ impl Plan<'_> {
         let classes: Vec<ClassRow> =
             rows.into_iter().map(|(key, groups)| self.class_row(key, &groups, &works)).collect();
         Explanation {
+            sample: SampleRow {
+                bodies: self.recomputation().bodies,
+                seconds: self.recomputation_seconds(|group| works.get(&group.class.torques)),
+            },
             tenth: self.tenth(&classes, &works),
             statistics: match self.resolution() {
                 Resolution::Accuracy { statistics, .. } => statistics.clone(),
@@ -218,7 +235,7 @@ impl Plan<'_> {
     }
 
     /// What a pilot found of a group that is stepped.
-    fn found(&self, group: &Group) -> Option<&Found> {
+    pub(super) fn found(&self, group: &Group) -> Option<&Found> {
         group.treatment.precision_of_steps()?;
         let Resolution::Accuracy { stepped, .. } = self.resolution() else { return None };
         stepped.iter().find(|entry| entry.torques == group.class.torques).map(|entry| &entry.found)
@@ -275,7 +292,14 @@ impl Plan<'_> {
             }
             Treatment::Stepped { method, precision, .. } => {
                 let body_steps = self.steps_of(group) as f64 * bodies;
-                Some(body_steps * step_seconds(Scheme::Equal(method), precision, 1.0)?)
+                let scheme = Scheme::Equal(method);
+                let seconds = step_seconds(scheme, precision, 1.0);
+                // Of a method that no plan chooses, by its evaluations.
+                let rough = || {
+                    let of_step = f64::from(method.properties().evaluations) * EVALUATION;
+                    self.costs.of(scheme).is_none().then_some(of_step / self.costs.at_a_time(&self.engine)?)
+                };
+                Some(body_steps * seconds.or_else(rough)?)
             }
         }
     }
@@ -477,6 +501,7 @@ impl fmt::Display for Explanation {
             }
             writeln!(formatter)?;
         }
+        writeln!(formatter, "\n{}", self.sample)?;
         if !self.statistics.is_empty() {
             writeln!(formatter, "\nerrors of statistics, at the time at which most speaks against them:")?;
             self.statistics.iter().try_for_each(|error| writeln!(formatter, "{error}"))?;
@@ -485,6 +510,14 @@ impl fmt::Display for Explanation {
             writeln!(formatter, "\n{tenth}")?;
         }
         Ok(())
+    }
+}
+
+impl fmt::Display for SampleRow {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let bodies = if self.bodies == 1 { "body" } else { "bodies" };
+        let seconds = self.seconds.map_or(String::new(), |seconds| format!(", {seconds:.1e} s"));
+        write!(formatter, "recomputed after the run, so that its errors are known: {} {bodies}{seconds}", self.bodies)
     }
 }
 

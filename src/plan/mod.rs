@@ -37,6 +37,7 @@ mod grouping;
 mod lane_classification;
 mod parts;
 mod pilot;
+pub(crate) mod recomputation;
 mod reference;
 mod resolution;
 mod sampled;
@@ -45,6 +46,7 @@ pub mod skip;
 pub(crate) mod statistical;
 mod statistical_pilot;
 pub(crate) mod subset;
+mod time_limit;
 mod times;
 
 pub(crate) use choice::{ADAPTIVE, CLOSED_FORM, greatest_rate};
@@ -67,6 +69,7 @@ pub use statistical::StatisticError;
 pub use times::{Interval, MOST_OUTPUTS};
 
 use cost::work::Work;
+use time_limit::TimeLimit;
 pub(crate) use times::steps_over;
 use times::{longest_over, output_times};
 
@@ -117,12 +120,32 @@ impl<'a> Plan<'a> {
     ///
     /// As [`Plan::new`].
     pub fn with_costs(scene: &'a Scene, engine: &dyn Backend, costs: &Costs) -> Result<Self> {
+        Self::limited(scene, engine, costs, &TimeLimit::new())
+    }
+
+    /// As [`Plan::with_costs`], for someone who waits: where planning takes longer than some seconds, `announce` is told, once, how long
+    /// it takes at most, and it ends then. A plan does not depend on that: there is the same one, or none.
+    ///
+    /// # Errors
+    ///
+    /// As [`Plan::new`], and [`Error::PlanningTime`].
+    pub fn announced(
+        scene: &'a Scene,
+        engine: &dyn Backend,
+        costs: &Costs,
+        announce: impl FnOnce(Duration) + Send,
+    ) -> Result<Self> {
+        let limit = TimeLimit::new();
+        limit.held(|| Self::limited(scene, engine, costs, &limit), announce)
+    }
+
+    fn limited(scene: &'a Scene, engine: &dyn Backend, costs: &Costs, limit: &TimeLimit) -> Result<Self> {
         let since = Instant::now();
         let times = Self::checked(scene)?;
         let costs = &costs.on(engine);
         // Among the pool's threads, so that they need not be woken for each of many small parts.
         rayon::scope(|_| {
-            let resolution = Resolution::new(scene, engine, &times, costs)?;
+            let resolution = Resolution::new(scene, engine, &times, (costs, limit))?;
             let plan = Self::resolved(scene, engine, resolution, times)?;
             Ok(Self { costs: costs.clone(), planning: since.elapsed(), ..plan })
         })

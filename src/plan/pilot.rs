@@ -19,8 +19,10 @@ use super::choice::{Classification, Rule, Scheme, narrowest};
 use super::cost::work::Work;
 use super::cost::{Cost, Costs};
 use super::reference::Reference;
+use super::time_limit::TimeLimit;
 use crate::error::{Error, Result};
 use crate::kernel::method::Method;
+use crate::kernel::method::rk8_adaptive::least_tolerance;
 use crate::math::Precision;
 use crate::math::Spread;
 use crate::plan::errors::{ErrorRatio, Errors};
@@ -159,6 +161,9 @@ pub(super) struct Pilot<'a> {
     pub is_brief: bool,
     /// By how much more the bodies err in adaptive steps than those of the shipped table.
     pub difficulty: f64,
+    /// How long all pilots may take, and what follows this one takes at most, in seconds of the table.
+    pub limit: &'a TimeLimit,
+    pub later: f64,
 }
 
 /// What a few bodies show in some time.
@@ -244,6 +249,7 @@ impl<'a> Pilot<'a> {
         self.span *= shorter;
         self.most_steps = MOST_BUDGETS * PASSES * part(steps) * steps;
         self.most_of_body = (UNEXPECTED * steps * shorter).clamp(PROBED_STEPS, MOST_OF_BODY);
+        self.limit.expect((MOST_OF_CANDIDATES + EARLY.iter().sum::<f64>()) * self.most_seconds() + self.later);
         if shorter < 1.0
             && let Some(found) = self.lost_early()?
         {
@@ -317,6 +323,15 @@ impl<'a> Pilot<'a> {
         let needed = harder.powf(f64::from(rule.scheme.method().order()).recip());
         let steps = (coarse.steps.map_or(0.0, |steps| steps.total as f64) / count * needed).max(1.0);
         Ok(Probe { steps, difficulty, unfinished: coarse.unfinished(), is_cut: false })
+    }
+
+    /// The time, s, that it may take at the most, before anything was tried.
+    pub fn most_ahead(&self) -> f64 {
+        let cost = Cost::shipped(Scheme::ADAPTIVE_RK8);
+        let tolerance = least_tolerance(Precision::F64);
+        let probes = 2.0 * LEAST_BODIES as f64 * (2 + SHORTER_PROBES) as f64 * PROBED_STEPS;
+        let steps = MOST_OF_CANDIDATES * MOST_BUDGETS * if self.is_brief { MOST_BRIEF } else { MOST_STEPS };
+        (probes + steps) * self.work.step_seconds(cost, Precision::F64, tolerance)
     }
 
     /// The time, s, that a reference may take.

@@ -15,6 +15,7 @@ use super::pilot::{Found, PROBED_STEPS, Pilot};
 use super::reference::SATURATED;
 use super::statistical::{StatisticError, worst_times};
 use super::statistical_pilot;
+use super::time_limit::TimeLimit;
 use crate::engine::Backend;
 use crate::engine::adaptive_session::{
     NOISE_REFUSED, TAYLOR_IN_F64, TAYLOR_ON_CPU, check_equal_steps, taylor_unavailable,
@@ -89,7 +90,12 @@ const F64_ELSEWHERE: &str = "use an adapter with f64 or the CPU engine, or a lar
 
 impl Resolution {
     /// Resolves `scene` for `engine`; `times` are its output times.
-    pub(super) fn new(scene: &Scene, engine: &dyn Backend, times: &[f64], costs: &Costs) -> Result<Self> {
+    pub(super) fn new(
+        scene: &Scene,
+        engine: &dyn Backend,
+        times: &[f64],
+        (costs, limit): (&Costs, &TimeLimit),
+    ) -> Result<Self> {
         let has_f64 = engine.precisions().contains(&Precision::F64);
         match scene.stepping() {
             Stepping::Pinned { method, dt, projected, .. } => {
@@ -125,11 +131,18 @@ impl Resolution {
                 }
                 let precision = if has_f64 { wanted } else { Some(Precision::F32) };
                 let has_series = engine.speed_of_series().is_some();
-                resolution.choose_steps(scene, (&accuracy, None), precision, has_f64, (has_series, times, costs))?;
+                resolution.choose_steps(
+                    scene,
+                    (&accuracy, None),
+                    precision,
+                    has_f64,
+                    (has_series, times, costs),
+                    limit,
+                )?;
                 Ok(resolution)
             }
             Stepping::Statistics(wanted) => {
-                Self::statistical(scene, &wanted, has_f64, (engine.speed_of_series().is_some(), times, costs))
+                Self::statistical(scene, &wanted, has_f64, (engine.speed_of_series().is_some(), times, costs), limit)
             }
         }
     }
@@ -140,6 +153,7 @@ impl Resolution {
         wanted: &StatisticalAccuracy,
         has_f64: bool,
         known: (bool, &[f64], &Costs),
+        limit: &TimeLimit,
     ) -> Result<Self> {
         let precision = scene.wanted_precision();
         let narrow = match precision {
@@ -153,7 +167,7 @@ impl Resolution {
         let mut resolution = Self::without_rules(scene, tolerance, narrow);
         let precision = if has_f64 { precision } else { Some(Precision::F32) };
         let accuracy = Accuracy::attitude(wanted.strictest().min(1.0));
-        resolution.choose_steps(scene, (&accuracy, Some(wanted)), precision, has_f64, known)?;
+        resolution.choose_steps(scene, (&accuracy, Some(wanted)), precision, has_f64, known, limit)?;
         Ok(resolution)
     }
 
@@ -179,9 +193,12 @@ impl Resolution {
         precision: Option<Precision>,
         has_f64: bool,
         (has_series, times, costs): (bool, &[f64], &Costs),
+        limit: &TimeLimit,
     ) -> Result<()> {
         let Self::Accuracy { tolerance, uniform_rate, stepped, statistics, .. } = self else { return Ok(()) };
-        for (torques, bodies) in stepped_bodies(scene) {
+        let classes = stepped_bodies(scene);
+        let mut left = classes.len();
+        for (torques, bodies) in classes {
             let acting = torques.of(scene.torques());
             let flies = scene.has_pilot() && scene.end() > 0.0;
             let classification = |body: u32| at_rate(classify(scene, body as usize, tolerance), *uniform_rate);
@@ -202,9 +219,16 @@ impl Resolution {
                 most_steps: f64::INFINITY,
                 most_of_body: PROBED_STEPS,
                 is_cut: false,
-                is_brief: false,
+                is_brief: statistical.is_some(),
                 difficulty: 1.0,
+                limit,
+                later: 0.0,
             };
+            // Other classes are taken to cost as much.
+            left -= 1;
+            let most = pilot.most_ahead() * if statistical.is_some() { statistical_pilot::PILOTS } else { 1.0 };
+            let pilot = Pilot { later: left as f64 * most, ..pilot };
+            limit.expect(most + pilot.later);
             if let Some(wanted) = statistical.filter(|_| flies) {
                 let (found, errors) = statistical_pilot::choose(&pilot, &bodies, classification, wanted)?;
                 stepped.push(Stepped { torques, found });

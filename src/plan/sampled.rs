@@ -19,7 +19,7 @@ use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::math::Spread;
 use crate::plan::errors::{ErrorRatio, Errors};
-use crate::plan::subset::{SubsetStates, propagate_subset, propagate_subset_through};
+use crate::plan::subset::{AtTime, SubsetStates, Watcher, propagate_subset, propagate_subset_through};
 use crate::scene::AdaptiveSteps;
 use crate::scene::Target;
 
@@ -75,8 +75,8 @@ impl Pilot<'_> {
             let mut at_times = vec![Vec::new(); times.len()];
             let mut take = |index: usize, states: &[(usize, BodyState)]| at_times[index] = states.to_vec();
             let members = Members::Some(members);
-            let found =
-                propagate_subset_through(self.scene, times, self.torques, &members, &treatment, None, Some(&mut take))?;
+            let (watcher, take) = (Watcher::Watch(&self.limit.watch), Some(&mut take as &mut AtTime<'_>));
+            let found = propagate_subset_through(self.scene, times, self.torques, &members, &treatment, watcher, take)?;
             TAKEN.fetch_add((members.len() as f64 * equal_steps(&treatment, times)) as u64, Ordering::Relaxed);
             Ok((at_times, found))
         });
@@ -90,6 +90,7 @@ impl Pilot<'_> {
         let longer = self.scene.end() / self.span;
         let whole = |count: u64| (count as f64 * longer) as u64;
         let steps = (!counts.is_empty()).then(|| Spread::of(counts.into_iter().map(whole).collect()));
+        self.limit.passed(self.seconds(rule, Cost::shipped(rule.scheme), steps))?;
         Ok(Followed { states, steps })
     }
 
@@ -98,7 +99,8 @@ impl Pilot<'_> {
         let times = self.times();
         // Side by side, as each of them alone is too little for all cores.
         let groups = self.treatments(rule).into_par_iter().map(|(treatment, members)| {
-            propagate_subset(self.scene, &times, self.torques, &Members::Some(members), &treatment, None)
+            let watcher = Watcher::Watch(&self.limit.watch);
+            propagate_subset(self.scene, &times, self.torques, &Members::Some(members), &treatment, watcher)
         });
         let (mut states, mut counts) = (States::new(), Vec::new());
         for group in groups.collect::<Result<Vec<_>>>()? {
@@ -111,6 +113,7 @@ impl Pilot<'_> {
         let longer = self.scene.end() / self.span;
         let whole = |count: u64| (count as f64 * longer) as u64;
         let steps = (!counts.is_empty()).then(|| Spread::of(counts.into_iter().map(whole).collect()));
+        self.limit.passed(self.seconds(rule, Cost::shipped(rule.scheme), steps))?;
         Ok(Sampled { states, steps })
     }
 

@@ -42,6 +42,9 @@ const LEAST_REFINEMENT: f64 = 0.1;
 const MOST_REFINEMENT: f64 = 1e-4;
 const AIM: f64 = 0.3;
 
+/// The most pilots of attitudes, of which each takes much more than the comparison after it.
+pub(super) const PILOTS: f64 = (REFINEMENTS + 1) as f64;
+
 /// No attitude is known better, rad.
 const LEAST_STATE_ERROR: f64 = 1e-13;
 
@@ -95,7 +98,8 @@ pub(super) fn choose(
     let (mut is_predictable, mut before) = (true, None::<Tried>);
     for refinement in 0..=REFINEMENTS {
         let accuracy = Accuracy::attitude(state_error);
-        let pilot = |accuracy| Pilot { accuracy, bodies: Vec::new(), is_brief: true, ..*base };
+        let later = base.later + (REFINEMENTS - refinement) as f64 * base.most_ahead();
+        let pilot = |accuracy| Pilot { accuracy, bodies: Vec::new(), later, ..*base };
         let found = match is_predictable {
             true => Some(pilot(&accuracy).calibrate(class, &classification)?).filter(|found| found.part <= 1.0),
             false => None,

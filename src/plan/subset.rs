@@ -32,18 +32,26 @@ pub(crate) struct SubsetStates {
     pub counts: Vec<StepCounts>,
 }
 
+/// Who says whether bodies are stepped on.
+pub(crate) enum Watcher<'o, 'f> {
+    /// One that is told of progress, by a thread of its own.
+    Observer(&'o mut Observer<'f>),
+    /// Someone else's watch: the work is this thread's and that of its pool, which may have other such work to do. Where it is broken off, states
+    /// are those of no time.
+    Watch(&'o Watch),
+}
+
 /// Some bodies after the last of `times`, stepped on all cores as `treatment` says, which must be [`Treatment::Stepped`] or
-/// [`Treatment::Adaptive`]; other treatments give none. Without an observer the work is this thread's and that of its pool, which may
-/// have other such work to do.
+/// [`Treatment::Adaptive`]; other treatments give none.
 pub(crate) fn propagate_subset(
     scene: &Scene,
     times: &[f64],
     torques: &[Torque],
     members: &Members,
     treatment: &Treatment,
-    observer: Option<&mut Observer<'_>>,
+    watcher: Watcher<'_, '_>,
 ) -> Result<SubsetStates> {
-    propagate_subset_through(scene, times, torques, members, treatment, observer, None)
+    propagate_subset_through(scene, times, torques, members, treatment, watcher, None)
 }
 
 /// Takes the states of a subset of bodies at one of some times, by its number.
@@ -56,7 +64,7 @@ pub(crate) fn propagate_subset_through(
     torques: &[Torque],
     members: &Members,
     treatment: &Treatment,
-    mut observer: Option<&mut Observer<'_>>,
+    mut watcher: Watcher<'_, '_>,
     mut at_time: Option<&mut AtTime<'_>>,
 ) -> Result<SubsetStates> {
     let Some(precision) = treatment.precision_of_steps() else { return Ok(SubsetStates::default()) };
@@ -82,9 +90,9 @@ pub(crate) fn propagate_subset_through(
         Treatment::Adaptive { method, steps, .. } => {
             let mut session = start(&Cpu::new(Width::Lanes), method, batch, steps)?;
             for (index, &time) in times.iter().enumerate() {
-                match &mut observer {
-                    Some(observer) => session.advance_to(time, observer)?,
-                    None => finish(session.job_to(time)?),
+                match &mut watcher {
+                    Watcher::Observer(observer) => session.advance_to(time, observer)?,
+                    Watcher::Watch(watch) => finish(session.job_to(time)?, watch),
                 }
                 if let Some(at_time) = &mut at_time {
                     at_time(index, &states_of(time, session.read(0..members.len())?));
@@ -101,9 +109,9 @@ pub(crate) fn propagate_subset_through(
     let mut last = 0.0;
     for (index, &time) in times.iter().enumerate() {
         let interval = treatment.interval(time - last);
-        match &mut observer {
-            Some(observer) => session.advance(interval.dt, interval.steps, observer)?,
-            None => finish(session.job(interval.dt, interval.steps)?),
+        match &mut watcher {
+            Watcher::Observer(observer) => session.advance(interval.dt, interval.steps, observer)?,
+            Watcher::Watch(watch) => finish(session.job(interval.dt, interval.steps)?, watch),
         }
         last = time;
         if let Some(at_time) = &mut at_time {
@@ -114,9 +122,9 @@ pub(crate) fn propagate_subset_through(
 }
 
 /// Does what a session of the processor's has to do.
-fn finish(job: Option<Job<'_>>) {
+fn finish(job: Option<Job<'_>>, watch: &Watch) {
     if let Some(job) = job {
-        job(&Watch::default());
+        job(watch);
     }
 }
 

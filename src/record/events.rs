@@ -151,7 +151,9 @@ impl EventRecord {
     /// The time by which the share has come down to one half, s, where it has.
     pub fn median(&self) -> Option<f64> {
         let times: Vec<f64> = self.occurrences.iter().map(|occurrence| occurrence.time).collect();
-        self.survival(&times).into_iter().find(|survival| survival.share <= 0.5).map(|survival| survival.time)
+        // Each of a share's factors may be rounded upward, twice.
+        let half = 0.5 + times.len() as f64 * f64::EPSILON;
+        self.survival(&times).into_iter().find(|survival| survival.share <= half).map(|survival| survival.time)
     }
 }
 
@@ -222,6 +224,21 @@ mod tests {
         };
         // Bodies 0, 3, 6; 1, 4; 2, 5, of which 0 to 4 had it.
         assert_eq!([0, 1, 2].map(remaining), [(3, 1), (2, 0), (2, 1)]);
+    }
+
+    #[test]
+    fn the_median_is_not_an_event_late_where_rounding_leaves_more_than_a_half() {
+        let mut rounded_up = 0;
+        for half in 1..200 {
+            let times: Vec<f64> = (1..=2 * half).map(f64::from).collect();
+            let record = record(2 * half as usize, &times, &[]);
+            rounded_up += usize::from(record.survival(&[f64::from(half)])[0].share > 0.5);
+            assert_eq!(record.median(), Some(f64::from(half)), "{} bodies", 2 * half);
+        }
+        assert!(rounded_up > 0, "no share is rounded upward");
+        // One more body, and the middle one's event is the median.
+        let times: Vec<f64> = (1..=201).map(f64::from).collect();
+        assert_eq!(record(201, &times, &[]).median(), Some(101.0));
     }
 
     #[test]

@@ -6,7 +6,7 @@
 //!
 //! Source: Apache Parquet, *File Format*, release 2.10 (parquet.apache.org/docs/file-format).
 
-use std::io;
+use std::io::{self, Write};
 use std::mem;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -157,6 +157,27 @@ impl From<&Named> for Field {
 /// The key of the footer's text on columns.
 const COLUMNS: &str = "polhode.columns";
 
+/// The key of the footer's sums: CRC-32 of the bytes of each row group, as the writer at hand writes none of pages.
+pub(crate) const SUMS: &str = "polhode.sums";
+
+/// A file whose bytes are summed as they come.
+struct Summed {
+    file: OutputFile,
+    sum: crc32fast::Hasher,
+}
+
+impl Write for Summed {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let count = Write::write(&mut self.file, bytes)?;
+        self.sum.update(&bytes[..count]);
+        Ok(count)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
 /// Unit and meaning of the columns, by name.
 fn described(fields: &[Field]) -> String {
     let entry = |field: &Field| (field.name.clone(), serde_json::json!({"unit": field.unit, "meaning": field.meaning}));
@@ -166,7 +187,9 @@ fn described(fields: &[Field]) -> String {
 /// A table under way.
 pub(crate) struct ParquetFile {
     path: PathBuf,
-    writer: SerializedFileWriter<OutputFile>,
+    writer: SerializedFileWriter<Summed>,
+    /// Of the row groups that are written.
+    sums: Vec<u32>,
     /// Rows that make no row group yet.
     rows: Vec<Cells>,
     metadata: SharedMetadata,
@@ -187,10 +210,11 @@ impl ParquetFile {
         let (metadata, described) = (folder.metadata(), described(columns));
         let path = file.path().to_owned();
         let properties = Arc::new(properties(columns));
+        let file = Summed { file, sum: crc32fast::Hasher::new() };
         let writer = schema(columns).and_then(|schema| SerializedFileWriter::new(file, schema, properties));
         let writer = writer.map_err(|error| failed(&path, error))?;
         let rows = columns.iter().map(|field| Cells::none(field.kind)).collect();
-        Ok(Self { path, writer, rows, metadata, described })
+        Ok(Self { path, writer, sums: Vec::new(), rows, metadata, described })
     }
 
     /// Appends rows, column by column.
@@ -216,8 +240,11 @@ impl ParquetFile {
 
     /// Writes the rows that are there as a row group. Each page goes to the file as soon as it is encoded, so that nothing is kept twice.
     fn write_group(&mut self) -> Result<()> {
-        let Self { path, writer, rows, .. } = self;
+        let Self { path, writer, sums, rows, .. } = self;
         let mut written = || -> ParquetResult<()> {
+            // What comes before the first row group belongs to none.
+            writer.flush()?;
+            writer.inner_mut().sum.reset();
             let mut group = writer.next_row_group()?;
             for cells in &mut *rows {
                 let column = group.next_column()?;
@@ -227,7 +254,10 @@ impl ParquetFile {
                 column.close()?;
                 cells.clear();
             }
-            group.close().map(drop)
+            group.close()?;
+            writer.flush()?;
+            sums.push(writer.inner().sum.clone().finalize());
+            Ok(())
         };
         written().map_err(|error| failed(path, error))
     }
@@ -238,11 +268,13 @@ impl ParquetFile {
             self.write_group()?;
         }
         let of_columns = (COLUMNS.to_owned(), mem::take(&mut self.described));
-        for (key, value) in self.metadata.entries().into_iter().chain([of_columns]) {
+        let sums: Vec<String> = self.sums.iter().map(|sum| format!("{sum:08x}")).collect();
+        let own = [of_columns, (SUMS.to_owned(), sums.join(" "))];
+        for (key, value) in self.metadata.entries().into_iter().chain(own) {
             self.writer.append_key_value_metadata(KeyValue::new(key, value));
         }
         let Self { path, writer, .. } = self;
-        writer.into_inner().map_err(|error| failed(&path, error))?.finish()
+        writer.into_inner().map_err(|error| failed(&path, error))?.file.finish()
     }
 }
 

@@ -44,7 +44,7 @@ pub fn balance(plan: &Plan<'_>, orientation: &[DQuat], angular_velocity_body: &[
         }
     };
     let mut gatherer = BalanceGatherer::default();
-    let sample = sample_of_part(plan.scene().part(), ensemble.len());
+    let sample = sample_of_part(plan);
     for reference in recomputed(plan, &sample, &mut |_| ControlFlow::Continue(()))? {
         push_rest(&mut gatherer, plan.scene(), reference.body, &state(reference.body), reference.work.as_ref());
     }

@@ -171,14 +171,14 @@ pub(super) fn merge_folders(
     if has_final {
         let mut table = TableFile::begin(&mut folder, ("final", format), bodies.clone(), &layout, Times::One(end))?;
         for (piece, path) in pieces.iter().zip(tables_of("final")) {
-            rows.copy(&mut StateTable::open(&path)?, &piece.part, 0, &mut table)?;
+            rows.copy(&mut StateTable::open_known(&path)?, &piece.part, 0, &mut table)?;
         }
         table.finish()?;
     }
     if has_snapshots {
         let mut table = TableFile::begin(&mut folder, ("snapshots", format), bodies, &layout, Times::Many(times))?;
         let mut sources =
-            tables_of("snapshots").iter().map(|path| StateTable::open(path)).collect::<Result<Vec<_>>>()?;
+            tables_of("snapshots").iter().map(|path| StateTable::open_known(path)).collect::<Result<Vec<_>>>()?;
         for time in 0..times.len() {
             for (piece, source) in pieces.iter().zip(&mut sources) {
                 rows.copy(source, &piece.part, time, &mut table)?;

@@ -122,7 +122,6 @@ impl<'p> Run<'p> {
 
     fn started(engine: &'p dyn Backend, plan: &'p Plan<'p>) -> Result<Self> {
         let scene = plan.scene();
-        let body_count = scene.ensemble().len();
         let mut wall_time = WallTime::default();
         let traffic = engine.traffic();
         // Without skipping they are formed of the states that are read, as is whatever engines do not reduce.
@@ -154,7 +153,7 @@ impl<'p> Run<'p> {
             total: plan.groups().iter().map(|group| plan.work_of(group)).fold(0, u64::saturating_add),
             end: AtEnd::default(),
             failures: Failures::new(scene.ensemble()),
-            sample: sample_of_part(scene.part(), body_count),
+            sample: sample_of_part(plan),
             sampled: Vec::new(),
             sampled_centres: Vec::new(),
             block: read_block(&engine.description()),

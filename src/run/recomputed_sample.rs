@@ -10,12 +10,12 @@ use crate::engine::Observer;
 use crate::error::Result;
 use crate::kernel::free_motion::FreeMotion;
 use crate::kernel::method::Method;
-use crate::kernel::method::rk8_adaptive::least_tolerance;
 use crate::math::Precision;
 use crate::math::Quantiles;
 use crate::plan::errors::Errors;
+use crate::plan::recomputation::{EQUAL_FOR_ADAPTIVE, MOST_REFINEMENT, REFERENCE_ANGLE, finer, is_finer, shorter_by};
 use crate::plan::sampling::sample;
-use crate::plan::subset::propagate_subset;
+use crate::plan::subset::{Watcher, propagate_subset};
 use crate::plan::{Group, Plan, TorqueSet, Treatment, steps_over};
 use crate::record::RecomputedSample;
 use crate::run::torque_work::{self, Alike, Recomputed, Work};
@@ -23,19 +23,14 @@ use crate::scene::AdaptiveSteps;
 use crate::scene::{Accuracy, Part, Scene, Stepping};
 use crate::torque::{self, Torque};
 
-/// One body in this many is in the sample.
-const ONE_IN: usize = 1000;
-/// The fewest bodies in the sample, or all where there are fewer.
-const LEAST_BODIES: usize = 64;
-
 /// Selects the bodies whose motion is recomputed; fixed, so that two runs of a plan are checked on the same bodies.
 pub(super) const SAMPLE_SEED: u64 = 0;
 
-/// The bodies whose motion is recomputed, of the `body_count` of a scene that may be a part of one: those that are in the sample of the whole, so
-/// that all parts together recompute what one run does.
-pub(super) fn sample_of_part(part: Part, body_count: usize) -> Vec<u32> {
-    let Part { first_body, of } = part;
-    let all = sample(of, (of / ONE_IN).max(LEAST_BODIES).min(of), SAMPLE_SEED);
+/// The bodies of a plan whose motion is recomputed: of a part of a scene those that are in the sample of the whole, so that all parts together
+/// recompute what one run does.
+pub(super) fn sample_of_part(plan: &Plan<'_>) -> Vec<u32> {
+    let (Part { first_body, of }, body_count) = (plan.scene().part(), plan.scene().ensemble().len());
+    let all = sample(of, plan.recomputation().bodies, SAMPLE_SEED);
     let own = |body: &usize| (first_body..first_body + body_count).contains(body);
     let own = all.into_iter().map(|body| body as usize).filter(own);
     own.map(|body| (body - first_body) as u32).collect()
@@ -75,7 +70,7 @@ pub(super) fn recomputed(plan: &Plan<'_>, sample: &[u32], observer: &mut Observe
 }
 
 /// Bodies recomputed in adaptive steps; what torques do to them on the way in equal ones, of which each body takes at least as
-/// many as it has chosen.
+/// many as it has chosen, unless that would take too long.
 fn adaptively(
     plan: &Plan<'_>,
     torques: &[Torque],
@@ -91,8 +86,12 @@ fn adaptively(
         torques,
         &Members::Some(members),
         &Treatment::Adaptive { method: Method::Rk8, precision: Precision::F64, steps: fine },
-        Some(observer),
+        Watcher::Observer(observer),
     )?;
+    let is_finer = is_finer(&fine, steps);
+    if is_finer && !plan.recomputation().balances {
+        return Ok(found.states.into_iter().map(|(body, state)| Reference { body, state, work: None }).collect());
+    }
     let mut alike: BTreeMap<u64, Vec<u32>> = BTreeMap::new();
     for ((body, _), counts) in found.states.iter().zip(&found.counts) {
         alike.entry(counts.accepted.max(1).next_power_of_two()).or_default().push(*body as u32);
@@ -103,32 +102,11 @@ fn adaptively(
     };
     let equal = torque_work::recomputed(scene, torques, alike.into_iter().map(in_equal_steps).collect(), observer)?;
     let equal: BTreeMap<usize, Recomputed> = equal.into_iter().map(|found| (found.body, found)).collect();
-    // Near the least tolerance nothing finer is adaptive.
-    let is_finer = LEAST_REFINEMENT * fine.tolerance <= steps.tolerance;
     let reference = |(body, state): (usize, BodyState)| match equal.get(&body) {
         Some(found) => Reference { body, state: if is_finer { state } else { found.state }, work: Some(found.work) },
         None => Reference { body, state, work: None },
     };
     Ok(found.states.into_iter().map(reference).collect())
-}
-
-/// Equal steps that are as fine where a body needs it most as the steps that it chooses, of which it takes as many: in a ratio of
-/// spins of two between start and end.
-const EQUAL_FOR_ADAPTIVE: u64 = 2;
-
-/// A tolerance that is not less than the run's by this factor says nothing of the run's error.
-const LEAST_REFINEMENT: f64 = 8.0;
-
-/// The greatest tolerance of a recomputation: beyond it steps may leap over what changes fast.
-const GREATEST_TOLERANCE: f64 = 1e-7;
-
-/// Steps of adaptive `rk8` in `f64` at a part of the run's tolerance, or the least there is, so that their error is far below the run's:
-/// Taylor series err less at the same tolerance, of heavy tops over ten turns by a factor of 200, and stay within it where torques change
-/// much faster than bodies turn, over whose periods `rk8` leaps.
-fn finer(method: Method, steps: &AdaptiveSteps) -> AdaptiveSteps {
-    let (part, greatest) = if method == Method::Taylor { (1e-3, 1e-10) } else { (1e-2, GREATEST_TOLERANCE) };
-    let tolerance = (part * steps.tolerance).clamp(least_tolerance(Precision::F64), greatest);
-    AdaptiveSteps { tolerance, least_step: None }
 }
 
 /// Bodies of a group by the steps in which they are recomputed by `rk8`.
@@ -144,7 +122,10 @@ fn alike(plan: &Plan<'_>, group: &Group, torques: &[Torque], members: Vec<u32>) 
     }
     let scene = plan.scene();
     let longest = of_run.filter(|interval| interval.steps > 0).map(|interval| interval.dt).fold(0.0, f64::max);
-    let coarse = if of_high_order(group) { 0.5 * longest } else { longest };
+    let coarse = match group.treatment {
+        Treatment::Stepped { method, .. } => longest / shorter_by(method),
+        _ => longest,
+    };
     let rate = |body: usize| {
         let middle_moment = crate::bodies::inertia::principal_axes(&scene.ensemble().inertia()[body]).moments.y;
         let spin = scene.ensemble().angular_velocity_body()[body].length();
@@ -168,21 +149,6 @@ fn alike(plan: &Plan<'_>, group: &Group, torques: &[Torque], members: Vec<u32>) 
     };
     by_halvings.into_iter().map(in_steps).collect()
 }
-
-fn of_high_order(group: &Group) -> bool {
-    matches!(group.treatment, Treatment::Stepped { method, .. } if method.order() >= HIGH_ORDER)
-}
-
-/// A method of this order or more is compared with `rk8` in finer steps, one of a lower order in its own steps, in which
-/// the error of `rk8` is far below its.
-const HIGH_ORDER: u32 = 6;
-
-/// The angle (rad) that a body turns by in a step of its recomputation at the start, at most: the error
-/// of `rk8` is then about 1e-10 a radian.
-const REFERENCE_ANGLE: f64 = 0.5;
-
-/// The most steps of a recomputation, as a multiple of the run's: a run whose steps leap over whole turns is not followed further.
-const MOST_REFINEMENT: f64 = 64.0;
 
 /// Torque-free bodies at the end; those whose phases the closed form does not resolve have no state.
 fn closed_form(scene: &Scene, members: &[u32]) -> Vec<Reference> {

@@ -39,6 +39,13 @@ impl Study {
                     value.unwrap_or_else(|| format!("{:e} (where nothing is said)", StatisticalAccuracy::DEFAULT));
                 self.input(line, field, InputFault::Cause { value, cause: Box::new(error) })
             }
+            Error::PlanningTime { .. } | Error::RunTime { .. } => match self.places.get("time.end") {
+                Some(place) => {
+                    let fault = InputFault::Cause { value: place.value.clone(), cause: Box::new(error) };
+                    self.input(place.line, "time.end", fault)
+                }
+                None => error,
+            },
             Error::Projection { expected, .. } => match self.places.get(PROJECTION) {
                 Some(place) => self.input(
                     place.line,

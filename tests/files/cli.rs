@@ -491,42 +491,97 @@ fn the_study_in_the_help_runs() {
     assert_eq!(workspace.names("study.out"), ["final.csv", "plan.json", "report.json"]);
 }
 
+/// What a run says by the time at which it writes, where it is then killed.
+fn said_as_it_begins(workspace: &Workspace, arguments: &[&str]) -> String {
+    let mut command = Command::new(cargo_bin!("polhode"));
+    command.current_dir(workspace.folder()).args(arguments).stdout(Stdio::null()).stderr(Stdio::piped());
+    let mut child = command.spawn().expect("the command starts");
+    let since = Instant::now();
+    while !workspace.names(".").iter().any(|name| name.ends_with(".partial") || name.ends_with(".checkpoint")) {
+        assert!(since.elapsed() < Duration::from_secs(60), "it does not begin");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    std::thread::sleep(Duration::from_millis(300));
+    child.kill().expect("killed");
+    let errors = words(&child.wait_with_output().expect("it ends").stderr);
+    let lines = workspace.names(".");
+    for name in lines.iter().filter(|name| *name != "study.toml") {
+        let path = workspace.path(name);
+        let _ = fs::remove_dir_all(&path).or_else(|_| fs::remove_file(&path));
+    }
+    errors
+}
+
+/// Ten bodies in steps of 1e-13 s, of which a core takes some 1e7 a second.
+fn in_tiny_steps(end: &str) -> Workspace {
+    let study = SMALL.split("[time]").next().unwrap().to_owned();
+    Workspace::new(&format!("{study}[time]\nend = {end}\n[accuracy]\nmethod = \"rk4\"\ndt = 1e-13\n"))
+}
+
 #[test]
 fn a_run_of_days_says_so_before_it_begins() {
-    // 3e13 steps, of which a core takes some 1e7 a second.
-    let study = SMALL.split("[time]").next().unwrap().to_owned()
-        + "[time]\nend = 3.0\n[accuracy]\nmethod = \"rk4\"\ndt = 1e-13\n";
-    let workspace = Workspace::new(&study);
-    let begun = |arguments: &[&str]| {
-        let mut command = Command::new(cargo_bin!("polhode"));
-        command.current_dir(workspace.folder()).args(arguments).stdout(Stdio::null()).stderr(Stdio::piped());
-        let mut child = command.spawn().expect("the command starts");
-        let since = Instant::now();
-        while !workspace.names(".").iter().any(|name| name.ends_with(".partial") || name.ends_with(".checkpoint")) {
-            assert!(since.elapsed() < Duration::from_secs(60), "it does not begin");
-            std::thread::sleep(Duration::from_millis(5));
-        }
-        std::thread::sleep(Duration::from_millis(300));
-        child.kill().expect("killed");
-        let errors = words(&child.wait_with_output().expect("it ends").stderr);
-        let lines = workspace.names(".");
-        for name in lines.iter().filter(|name| *name != "study.toml") {
-            let path = workspace.path(name);
-            let _ = fs::remove_dir_all(&path).or_else(|_| fs::remove_file(&path));
-        }
-        errors
-    };
+    let workspace = in_tiny_steps("3.0");
     for arguments in
         [&["run", "study.toml", "--engine", "cpu"][..], &["run", "study.toml", "--engine", "cpu", "--checkpoint", "60"]]
     {
-        let errors = begun(arguments);
+        let errors = said_as_it_begins(&workspace, arguments);
+        let lines: Vec<&str> = errors.lines().collect();
         assert!(
-            errors.starts_with("note: about ")
-                && errors.ends_with(" days of computing are expected; Ctrl-C ends the run\n"),
+            lines[0].starts_with("note: about ")
+                && lines[0].ends_with(" days of computing are expected; Ctrl-C ends the run"),
             "{errors}"
         );
+        assert!(lines[1..].iter().all(|line| line.contains("to recompute 8 of its bodies")), "{errors}");
     }
-    assert_eq!(begun(&["run", "study.toml", "--engine", "cpu", "--quiet"]), "");
+    assert_eq!(said_as_it_begins(&workspace, &["run", "study.toml", "--engine", "cpu", "--quiet"]), "");
+}
+
+#[test]
+fn a_run_of_more_than_a_month_is_refused_unless_it_is_asked_for() {
+    let workspace = in_tiny_steps("40.0");
+    let run = ["run", "study.toml", "--engine", "cpu"];
+    for arguments in [&run[..], &[&run[..], &["--quiet"]].concat(), &[&run[..], &["--checkpoint", "60"]].concat()] {
+        let line = workspace.refused(arguments, 2);
+        assert!(line.starts_with("error: study.toml:10: time.end = 40.0: about "), "{line}");
+        assert!(line.contains(" days of computing are expected: ") && line.contains("--however-long"), "{line}");
+        assert_eq!(workspace.names("."), ["study.toml"], "{arguments:?}");
+    }
+    let errors = said_as_it_begins(&workspace, &[&run[..], &["--however-long"]].concat());
+    assert!(errors.contains(" days of computing are expected; Ctrl-C ends the run"), "{errors}");
+}
+
+#[test]
+fn planning_that_takes_long_says_how_long_it_takes_at_most() {
+    // Two classes of tops of 48,000 turns a second, each of which is planned for some seconds.
+    let study = r#"
+[bodies]
+count = 400
+inertia = [1.0, 1.0, 2.0]
+orientation = { distribution = "uniform" }
+angular_velocity = [0.1, 0.4, 300000.0]
+[[torque]]
+model = "heavy-top"
+mass = 1.0
+centre = [0, 0, 0.1]
+gravity = [0, 0, -9.81]
+[[torque]]
+model = "heavy-top"
+mass = { distribution = "mixture", weights = [1, 1], of = [0.0, 1e-3] }
+centre = [0, 0, 0.1]
+gravity = [0, 0, -9.81]
+[time]
+end = 100.0
+"#;
+    let workspace = Workspace::new(study);
+    let since = Instant::now();
+    let mut command = Command::new(cargo_bin!("polhode"));
+    let output = command.current_dir(workspace.folder()).args(["explain", "study.toml", "--engine", "cpu"]).output();
+    let (taken, errors) = (since.elapsed().as_secs_f64(), words(&output.expect("it runs").stderr));
+    let said = errors.lines().find_map(|line| line.strip_prefix("note: methods and steps are tried on some bodies, "));
+    let said = said.unwrap_or_else(|| panic!("{taken} s: {errors}"));
+    let amount: f64 = said.split(' ').nth(2).and_then(|amount| amount.parse().ok()).expect(said);
+    let most = if said.contains("minutes") { 60.0 * amount } else { amount };
+    assert!(taken < most, "{taken} s: {said}");
 }
 
 #[test]

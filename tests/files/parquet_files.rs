@@ -132,6 +132,63 @@ fn every_table_of_a_run_is_read_as_a_whole_from_every_format() {
 }
 
 #[test]
+fn a_parquet_table_in_which_a_bit_was_turned_over_is_refused() {
+    // Two row groups, of which the second is small; and a table of texts, dictionaries and empty cells.
+    let workspace = Workspace::new(&STUDY.replace("30_000", "35_000"));
+    run(&workspace);
+    let observed = Workspace::new(&crate::shards::OBSERVED.replace("[output]", "[output]\nformat = \"parquet\""));
+    run(&observed);
+    let tables = [workspace.path("out/snapshots.parquet"), observed.path("out/events.parquet")];
+    for (path, groups) in tables.iter().zip([2, 1]) {
+        let bytes = fs::read(path).expect("a file");
+        let reader = SerializedFileReader::new(File::open(path).expect("a file")).expect("a table");
+        let metadata = reader.metadata();
+        assert_eq!(metadata.num_row_groups(), groups, "{}", path.display());
+        let last = metadata.row_group(groups - 1);
+        let start = last.columns().iter().map(|chunk| chunk.byte_range().0).min().expect("columns") as usize;
+        let end = start + last.compressed_size() as usize;
+        let step = ((end - start) / 150).max(1);
+        for place in (start..end).step_by(step).chain([4, end - 1]) {
+            let mut spoilt = bytes.clone();
+            spoilt[place] ^= 1 << (place % 8);
+            fs::write(path, &spoilt).expect("written");
+            let read = polhode::record::read(path).map(drop);
+            let states = || StateTable::open(path).and_then(|mut table| table.read(0, 200_000)).map(drop);
+            let is_table_of_states = groups == 2;
+            for found in [Some(read), is_table_of_states.then(states)].into_iter().flatten() {
+                let error = found.expect_err("a bit is turned over").to_string();
+                assert!(error.ends_with("the sum of a row group differs"), "{place}: {error}");
+                assert!(error.contains(".parquet: "), "{place}: {error}");
+            }
+        }
+        fs::write(path, &bytes).expect("written");
+        polhode::record::read(path).expect("it is as it was written");
+    }
+}
+
+/// A table of two bodies that pyarrow wrote with the sums of its pages (`write_page_checksum = True`).
+const PAGE_SUMS: &[u8] = include_bytes!("../golden/page_sums.parquet");
+
+#[test]
+fn sums_of_pages_that_others_wrote_are_checked() {
+    let desk = tempfile::tempdir().expect("a folder");
+    let path = desk.path().join("bodies.parquet");
+    fs::write(&path, PAGE_SUMS).expect("written");
+    assert_eq!(BodyTable::read(&path, usize::MAX).expect("a table").len(), 2);
+    for number in [1.0, 1.5, 2.0, 0.25, -1.5, 4.0_f64] {
+        let bits = number.to_le_bytes();
+        let place = PAGE_SUMS.windows(8).position(|bytes| bytes == bits).expect("a number of the table");
+        for byte in place..place + 7 {
+            let mut spoilt = PAGE_SUMS.to_vec();
+            spoilt[byte] ^= 1 << (byte % 8);
+            fs::write(&path, &spoilt).expect("written");
+            let error = BodyTable::read(&path, usize::MAX).map(drop).expect_err("a bit is turned over").to_string();
+            assert!(error.contains("bodies.parquet") && error.contains("CRC"), "{number}, {byte}: {error}");
+        }
+    }
+}
+
+#[test]
 fn arrays_that_do_not_fit_together_are_no_table() {
     let array = |count: usize| {
         let header = format!("{{'descr': '<u8', 'fortran_order': False, 'shape': ({count},), }}");

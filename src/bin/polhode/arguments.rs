@@ -249,6 +249,9 @@ pub struct RunArguments {
     /// Go on with a run with checkpoints that was stopped, killed or has failed; the results are the bytes of one that was not.
     #[arg(long, conflicts_with_all = ["shard", "plan", "force"])]
     pub resume: bool,
+    /// Run a study that is expected to take more than 30 days, which is refused otherwise.
+    #[arg(long)]
+    pub however_long: bool,
     /// Rank methods by what `polhode bench accuracy` has measured on this engine and left in this folder, instead of by the
     /// shipped table.
     #[arg(long, value_name = "DIR", conflicts_with = "plan")]

@@ -12,7 +12,7 @@ use polhode::study::Study;
 use crate::arguments::RunArguments;
 use crate::output::{self, Failure};
 use crate::progress::{self, Watch};
-use crate::run::{LONG, check_disk, plan, say_if_long, say_if_nothing_is_asked, say_leftovers};
+use crate::run::{LONG, check_disk, check_time, plan, say_if_nothing_is_asked, say_leftovers};
 use crate::shards::say_merged;
 
 /// The time between two checkpoints, where nobody says it.
@@ -109,7 +109,7 @@ fn run_until_written(
                 likely_bytes: in_all(likely_bytes, copies),
             };
             check_disk(&folder, size, arguments.quiet)?;
-            say_if_long(&plan, of_all, arguments.quiet);
+            check_time(&plan, &study, of_all, arguments)?;
             progress::leave(Err(place.clone()));
             let mut checkpoint = Checkpoint::begin(&place, &plan)?;
             if is_through {

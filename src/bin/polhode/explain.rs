@@ -27,7 +27,7 @@ pub fn explain(arguments: &ExplainArguments) -> Result<(), Failure> {
     }
     let engine = crate::engine::open(&arguments.engine, arguments.json)?;
     let costs = crate::engine::costs(arguments.costs.as_deref(), &engine)?;
-    let planned = planning(arguments.json, || Plan::with_costs(&scene, &engine, &costs));
+    let planned = planning(arguments.json, |announce| Plan::announced(&scene, &engine, &costs, announce));
     let plan = planned.map_err(|error| study.located(error))?;
     let explanation = plan.explain();
     if arguments.json { output::print(&explanation.to_json()) } else { output::show(&explanation.to_string()) }

@@ -21,7 +21,7 @@ pub fn plan(arguments: &PlanArguments) -> Result<(), Failure> {
     let scene = study.clone().part(bodies).scene()?.skipping(!arguments.no_skip);
     let engine = crate::engine::open(&arguments.engine, arguments.quiet)?;
     let costs = crate::engine::costs(arguments.costs.as_deref(), &engine)?;
-    let planned = planning(arguments.quiet, || Plan::with_costs(&scene, &engine, &costs));
+    let planned = planning(arguments.quiet, |announce| Plan::announced(&scene, &engine, &costs, announce));
     let plan = planned.map_err(|error| study.located(error))?;
     let Some(path) = &arguments.out else { return output::print(&plan.to_json()) };
     write_plan(&plan, path)?;

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use polhode::bench::Step;
 use polhode::engine::Progress;
+use polhode::plan::explain::SampleRow;
 use polhode::record::Traces;
 use polhode::run::Checkpoint;
 
@@ -22,6 +23,9 @@ const QUIET_START: Duration = Duration::from_millis(300);
 
 /// Whether a plan is being made, which does not ask whether to stop.
 static PLANNING: AtomicBool = AtomicBool::new(false);
+
+/// What turns while a plan is made, where anything does.
+static PLANNING_BAR: Mutex<Option<ProgressBar>> = Mutex::new(None);
 
 /// What to remove before the process is ended by a signal.
 static TRACES: Mutex<Vec<Traces>> = Mutex::new(Vec::new());
@@ -162,8 +166,8 @@ pub fn stopped() -> String {
 }
 
 /// Makes a plan, which has nothing to show of how far it is: something turns on standard error while that takes long, unless
-/// `quiet`, and a request to stop ends the process at once.
-pub fn planning<T>(quiet: bool, plan: impl FnOnce() -> T) -> T {
+/// `quiet`, and how long it takes at most is said of one that takes more than a moment. A request to stop ends the process at once.
+pub fn planning<T>(quiet: bool, plan: impl FnOnce(fn(Duration)) -> T) -> T {
     PLANNING.store(true, Ordering::SeqCst);
     // Asked for before, while bodies were drawn: the handler did not know that this would follow.
     if STOP.load(Ordering::SeqCst) {
@@ -176,16 +180,39 @@ pub fn planning<T>(quiet: bool, plan: impl FnOnce() -> T) -> T {
         let _ = std::thread::Builder::new().spawn_scoped(scope, move || {
             if shown && wait.recv_timeout(QUIET_START) == Err(RecvTimeoutError::Timeout) {
                 let bar = planning_bar();
+                leave_bar(Some(bar.clone()));
                 let _ = wait.recv();
+                leave_bar(None);
                 bar.finish_and_clear();
             }
         });
-        let planned = plan();
+        let announce = if quiet { |_| () } else { say_time_of_planning };
+        let planned = plan(announce);
         drop(finished);
         planned
     });
     PLANNING.store(false, Ordering::SeqCst);
     planned
+}
+
+fn say_time_of_planning(most: Duration) {
+    let seconds = most.as_secs();
+    let time = if seconds < 600 { format!("{seconds} s") } else { format!("{} minutes", seconds.div_ceil(60)) };
+    let note = || {
+        crate::output::note(&format!(
+            "note: methods and steps are tried on some bodies, which takes {time} at most; Ctrl-C ends it"
+        ));
+    };
+    match PLANNING_BAR.lock().ok().and_then(|bar| bar.clone()) {
+        Some(bar) => bar.suspend(note),
+        None => note(),
+    }
+}
+
+fn leave_bar(bar: Option<ProgressBar>) {
+    if let Ok(mut shown) = PLANNING_BAR.lock() {
+        *shown = bar;
+    }
 }
 
 fn planning_bar() -> ProgressBar {
@@ -203,13 +230,21 @@ pub struct Watch {
     bar: Option<ProgressBar>,
     shown: bool,
     start: Instant,
+    /// What is recomputed after the last step.
+    sample: Option<SampleRow>,
+    is_recomputing: bool,
 }
 
 impl Watch {
     /// With a bar on standard error, if that is a terminal and `quiet` is not asked for.
     pub fn new(quiet: bool) -> Self {
         let shown = !quiet && std::io::stderr().is_terminal();
-        Self { bar: None, shown, start: Instant::now() }
+        Self { bar: None, shown, start: Instant::now(), sample: None, is_recomputing: false }
+    }
+
+    /// Of a run whose steps are followed by recomputing a sample.
+    pub fn with_sample(self, sample: SampleRow) -> Self {
+        Self { sample: Some(sample), ..self }
     }
 
     /// Shows progress; says whether to stop.
@@ -219,6 +254,11 @@ impl Watch {
             // How much is to be done may only be known in the course of it.
             bar.set_length(progress.total);
             bar.set_position(progress.done);
+            if let Some(sample) = self.sample.filter(|_| !self.is_recomputing && progress.done >= progress.total) {
+                self.is_recomputing = true;
+                bar.set_style(recomputing_style());
+                bar.set_message(recomputing(&sample));
+            }
         }
         if STOP.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
@@ -239,6 +279,18 @@ impl Watch {
             bar.finish_and_clear();
         }
     }
+}
+
+/// What is done after the last step.
+fn recomputing(sample: &SampleRow) -> String {
+    let seconds = sample.seconds.filter(|seconds| *seconds >= 1.0);
+    let seconds = seconds.map_or(String::new(), |seconds| format!(", which takes about {seconds:.0} s"));
+    format!("all steps are taken: states are read, and {} bodies recomputed{seconds}", sample.bodies)
+}
+
+fn recomputing_style() -> ProgressStyle {
+    let style = ProgressStyle::with_template("{msg}; {elapsed} so far");
+    style.unwrap_or_else(|_| ProgressStyle::default_bar())
 }
 
 /// A bar that names the case under way.

@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use polhode::bodies::{Blocks, Status};
-use polhode::plan::PlanDocument;
+use polhode::plan::{Costs, PlanDocument};
 use polhode::record::{OutputState, PLAN, REPORT, StateTable};
 use polhode::run::{Replay, StateError, alone, replay as replay_body};
 use polhode::study::Study;
@@ -90,7 +90,7 @@ pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
     };
     let plan = match &document {
         Some(document) => Plan::repeated(&scene, &engine, document),
-        None => planning(arguments.json, || Plan::new(&scene, &engine)),
+        None => planning(arguments.json, |announce| Plan::announced(&scene, &engine, &Costs::shipped(), announce)),
     };
     let plan = plan.map_err(|error| study.located(error))?;
     let found = replay_body(&plan, body, arguments.samples as usize)?;

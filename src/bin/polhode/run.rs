@@ -22,6 +22,13 @@ const LARGE: u64 = 10_000_000_000;
 
 /// Runs that are expected to take so long, s, are announced, and leave what they have computed when they are stopped where they are in pieces.
 pub const LONG: f64 = 600.0;
+/// Runs that are expected to take longer than anyone waits, s, are refused.
+const MOST: f64 = 30.0 * DAY;
+const DAY: f64 = 86_400.0;
+
+/// A recomputed sample that is expected to take so long, s, and such a part of the run is announced.
+const DEAR_SAMPLE: f64 = 2.0;
+const SHARE_OF_SAMPLE: f64 = 0.1;
 
 /// Runs a study into a folder.
 pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
@@ -96,8 +103,8 @@ fn run_until_written(
     let plan = plan(arguments, (&study, &scene), &engine, document.as_ref())?;
 
     check_disk(&folder, OutputSize::of(&plan, wanted), arguments.quiet)?;
-    say_if_long(&plan, 1.0, arguments.quiet);
-    let mut watch = Watch::new(arguments.quiet);
+    check_time(&plan, &study, 1.0, arguments)?;
+    let mut watch = Watch::new(arguments.quiet).with_sample(plan.explain().sample);
     let mut observe = |progress| watch.observe(progress);
     let done = match document.as_ref().filter(|_| part.is_some()) {
         None => run_to_folder(&engine, &plan, Some(&study), wanted, folder, since, &mut observe),
@@ -133,7 +140,7 @@ pub fn plan<'s>(
     let plan = match document {
         None => {
             let costs = crate::engine::costs(arguments.costs.as_deref(), engine)?;
-            progress::planning(arguments.quiet, || Plan::with_costs(scene, engine, &costs))
+            progress::planning(arguments.quiet, |announce| Plan::announced(scene, engine, &costs, announce))
         }
         Some(document) => {
             let (planned, here) = (document.engine(), engine.description().name_of_arithmetic());
@@ -195,21 +202,42 @@ pub fn check_disk(folder: &OutputFolder, size: OutputSize, quiet: bool) -> Resul
     Ok(())
 }
 
-/// Says of a run how long it will take, where that is known and long; the plan's bodies stand for `times` as many.
-pub fn say_if_long(plan: &Plan<'_>, times: f64, quiet: bool) {
-    if quiet {
-        return;
+/// Says of a run how long it will take, where that is known and long, and refuses one that is longer than anyone means; the plan's bodies stand
+/// for `times` as many.
+pub fn check_time(plan: &Plan<'_>, study: &Study, times: f64, arguments: &RunArguments) -> Result<(), Failure> {
+    let explanation = plan.explain();
+    // Of classes whose time is not known at least nothing.
+    let seconds: f64 = explanation.classes.iter().filter_map(|class| class.seconds).sum::<f64>() * times;
+    if seconds > MOST && !arguments.however_long {
+        return Err(study.located(polhode::Error::RunTime { days: seconds / DAY }).into());
     }
-    let Some(seconds) = plan.explain().seconds().map(|seconds| seconds * times).filter(|seconds| *seconds >= LONG)
-    else {
-        return;
-    };
+    if arguments.quiet {
+        return Ok(());
+    }
+    if let Some(seconds) = explanation.seconds().map(|seconds| seconds * times).filter(|seconds| *seconds >= LONG) {
+        output::note(&format!("note: about {} of computing are expected; Ctrl-C ends the run", time(seconds)));
+    }
+    let sample = explanation.sample;
+    let is_dear = |of_sample: &f64| *of_sample >= DEAR_SAMPLE && *of_sample >= SHARE_OF_SAMPLE * seconds;
+    if let Some(of_sample) = sample.seconds.filter(is_dear) {
+        output::note(&format!(
+            "note: the run takes some {} more, to recompute {} of its bodies more accurately, so that its errors are known",
+            time(of_sample),
+            sample.bodies
+        ));
+    }
+    Ok(())
+}
+
+/// A time in words.
+fn time(seconds: f64) -> String {
     let (amount, unit) = match seconds {
+        _ if seconds < 120.0 => (seconds, "s"),
         _ if seconds < 7200.0 => (seconds / 60.0, "minutes"),
-        _ if seconds < 172_800.0 => (seconds / 3600.0, "hours"),
-        _ => (seconds / 86_400.0, "days"),
+        _ if seconds < 2.0 * DAY => (seconds / 3600.0, "hours"),
+        _ => (seconds / DAY, "days"),
     };
-    output::note(&format!("note: about {amount:.0} {unit} of computing are expected; Ctrl-C ends the run"));
+    format!("{amount:.0} {unit}")
 }
 
 /// The study's name with the ending `.out`, in the current folder.

@@ -32,19 +32,21 @@ struct Array {
 /// [`crate::Error::File`] where the file cannot be read; [`crate::Error::Table`] where it is no such archive.
 pub(super) fn columns(path: &Path) -> Result<Vec<(String, Values)>> {
     let mut file = File::open(path).map_err(|error| read_failed(path, &error))?;
-    let table = NpzTable::open(path, &mut file)?;
+    let table = NpzTable::listed(path, &mut file)?;
     let mut read = Vec::with_capacity(table.arrays.len());
     for array in table.arrays {
         let unknown = || wrong(path, format!("{}: its elements are of an unknown type {}", array.name, array.element));
         let width = width(&array.element).ok_or_else(unknown)? as usize;
-        let mut bytes = vec![0; array.count as usize * width];
-        let filled = file.seek(SeekFrom::Start(array.offset)).and_then(|_| file.read_exact(&mut bytes));
+        let mut bytes = vec![0; (array.summed.end - array.summed.start) as usize];
+        let filled = file.seek(SeekFrom::Start(array.summed.start)).and_then(|_| file.read_exact(&mut bytes));
         filled.map_err(|error| read_failed(path, &error))?;
+        array.check(path, crc32fast::hash(&bytes))?;
+        let bytes = &bytes[(array.offset - array.summed.start) as usize..];
         let cells = bytes.chunks_exact(width.max(1));
         let values = match array.element.split_at(2) {
-            ("<f", "8") => Values::Numbers(words(&bytes).map(f64::from_bits).collect()),
-            ("<u", "8") => Values::Numbers(words(&bytes).map(|word| word as f64).collect()),
-            ("<i", "8") => Values::Numbers(words(&bytes).map(|word| word as i64 as f64).collect()),
+            ("<f", "8") => Values::Numbers(words(bytes).map(f64::from_bits).collect()),
+            ("<u", "8") => Values::Numbers(words(bytes).map(|word| word as f64).collect()),
+            ("<i", "8") => Values::Numbers(words(bytes).map(|word| word as i64 as f64).collect()),
             ("|u", "1") => Values::Numbers(bytes.iter().map(|&byte| f64::from(byte)).collect()),
             ("|S", _) => Values::Texts(cells.map(|cell| text(cell.iter().map(|&byte| byte.into()))).collect()),
             ("<U", _) => Values::Texts(cells.map(|cell| text(cell.chunks_exact(4).filter_map(letter))).collect()),
@@ -70,8 +72,29 @@ pub(super) struct NpzTable {
     names: Vec<String>,
 }
 
+impl Array {
+    /// Refuses bytes of another sum than the archive says.
+    fn check(&self, path: &Path, found: u32) -> Result<()> {
+        match found == self.checksum {
+            true => Ok(()),
+            false => Err(wrong(path, format!("{}: it is not as it was written: its sum differs", self.name))),
+        }
+    }
+}
+
 impl NpzTable {
+    /// The arrays of an archive, of which all bytes are read once for their sums.
     pub fn open(path: &Path, file: &mut File) -> Result<Self> {
+        let table = Self::listed(path, file)?;
+        for array in &table.arrays {
+            let found = sum(file, array.summed.clone()).map_err(|error| read_failed(path, &error))?;
+            array.check(path, found)?;
+        }
+        Ok(table)
+    }
+
+    /// The arrays of an archive, whose sums are left to the caller.
+    pub fn listed(path: &Path, file: &mut File) -> Result<Self> {
         let length = file.metadata().map_err(|error| read_failed(path, &error))?.len();
         let mut bytes = |offset: u64, count: usize| -> Result<Vec<u8>> {
             let mut bytes = vec![0; count.min(length.saturating_sub(offset) as usize)];
@@ -115,12 +138,6 @@ impl NpzTable {
             let end = offset.checked_add(size).filter(|&end| end <= length).ok_or_else(cut)?;
             let name = entry.name.strip_suffix(".npy").unwrap_or(&entry.name).to_owned();
             arrays.push(Array { name, element, offset, count, summed: array..end, checksum: entry.checksum });
-        }
-        for array in &arrays {
-            let found = sum(file, array.summed.clone()).map_err(|error| read_failed(path, &error))?;
-            if found != array.checksum {
-                return Err(wrong(path, format!("{}: it is not as it was written: its sum differs", array.name)));
-            }
         }
         let names = arrays.iter().map(|array| array.name.clone()).collect();
         Ok(Self { arrays, names })
@@ -168,7 +185,7 @@ impl NpzTable {
 const LOCAL: usize = 30;
 
 /// The CRC-32 of some bytes of a file, of which a part at a time is in memory.
-fn sum(file: &mut File, bytes: Range<u64>) -> io::Result<u32> {
+pub(super) fn sum(file: &mut File, bytes: Range<u64>) -> io::Result<u32> {
     file.seek(SeekFrom::Start(bytes.start))?;
     let mut left = file.take(bytes.end - bytes.start);
     let (mut checksum, mut buffer) = (crc32fast::Hasher::new(), vec![0; 1 << 18]);

@@ -7,18 +7,23 @@ use parquet::basic::Type as PhysicalType;
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::DataType;
 use parquet::errors::Result as ParquetResult;
+use parquet::file::metadata::{ColumnChunkMetaData, RowGroupMetaData};
 use parquet::file::reader::{FileReader, RowGroupReader};
 use parquet::file::serialized_reader::SerializedFileReader;
 
 use super::Values;
-use super::{Shape, TableRows, wrong};
+use super::npz_table::sum;
+use super::{Shape, TableRows, read_failed, wrong};
 use crate::error::Result;
 use crate::record::column::{self, StateRows};
+use crate::record::parquet_file::SUMS;
 use crate::study::parquet_reader::{self, guarded};
 
 #[derive(Debug)]
 pub(super) struct ParquetTable {
     names: Vec<String>,
+    /// Row groups whose bytes were found to be those that were written.
+    checked: Vec<bool>,
 }
 
 impl ParquetTable {
@@ -37,16 +42,23 @@ impl ParquetTable {
             return Err(wrong(path, "expected the columns of states that a run writes"));
         }
         let names = columns.iter().map(|column| column.name().to_owned()).collect();
-        Ok(Self { names })
+        Ok(Self { names, checked: vec![false; reader.num_row_groups()] })
     }
 
     pub fn names(&self) -> &[String] {
         &self.names
     }
 
-    pub fn read(&mut self, path: &Path, file: File, (first, count): (u64, usize), shape: Shape) -> Result<TableRows> {
+    pub fn read(
+        &mut self,
+        path: &Path,
+        mut file: File,
+        (first, count): (u64, usize),
+        shape: Shape,
+    ) -> Result<TableRows> {
         let failed = |error: parquet::errors::ParquetError| wrong(path, error.to_string());
-        let reader = reader(path, file)?;
+        let reader = reader(path, file.try_clone().map_err(|error| read_failed(path, &error))?)?;
+        let sums = sums(path, &reader)?;
         let mut found = TableRows::default();
         found.rows.numbers = vec![Vec::new(); shape.columns];
         let mut start = 0;
@@ -55,6 +67,11 @@ impl ParquetTable {
             let own = first.max(start)..(first + count as u64).min(start + rows);
             if !own.is_empty() {
                 let part = ((own.start - start) as usize, (own.end - own.start) as usize);
+                // The file may have become another since it was opened.
+                if let Some(sums) = sums.as_ref().filter(|_| self.checked.get(index) != Some(&true)) {
+                    check(path, &mut file, group, sums[index])?;
+                    self.checked.get_mut(index).into_iter().for_each(|checked| *checked = true);
+                }
                 let reader = guarded(|| reader.get_row_group(index)).map_err(failed)?;
                 found.bodies.extend(
                     guarded(|| whole(&*reader, 0, part)).map_err(failed)?.into_iter().map(|body| body as usize),
@@ -81,7 +98,12 @@ impl ParquetTable {
 /// All columns, by name; numbers that are missing are NaN.
 pub(super) fn columns(path: &Path, file: File) -> Result<Vec<(String, Values)>> {
     use parquet::record::Field;
+    let mut whole = file.try_clone().map_err(|error| read_failed(path, &error))?;
     let reader = reader(path, file)?;
+    if let Some(sums) = sums(path, &reader)? {
+        let groups = reader.metadata().row_groups().iter().zip(sums);
+        groups.into_iter().try_for_each(|(group, sum)| check(path, &mut whole, group, sum))?;
+    }
     let schema = reader.metadata().file_metadata().schema_descr().columns().iter();
     let is_text = |kind| kind == PhysicalType::BYTE_ARRAY;
     let mut columns: Vec<(String, Values)> = schema
@@ -112,6 +134,30 @@ pub(super) fn columns(path: &Path, file: File) -> Result<Vec<(String, Values)>> 
 fn reader(path: &Path, file: File) -> Result<SerializedFileReader<File>> {
     let cut = |error| wrong(path, format!("it is cut, or no Parquet file: {error}"));
     parquet_reader::open(file).map_err(cut)
+}
+
+/// The sums of the row groups, where the footer has any.
+fn sums(path: &Path, reader: &SerializedFileReader<File>) -> Result<Option<Vec<u32>>> {
+    let file = reader.metadata().file_metadata();
+    let entries = file.key_value_metadata().into_iter().flatten();
+    let Some(text) = entries.filter(|entry| entry.key == SUMS).find_map(|entry| entry.value.as_ref()) else {
+        return Ok(None);
+    };
+    let sums: Option<Vec<u32>> = text.split_whitespace().map(|sum| u32::from_str_radix(sum, 16).ok()).collect();
+    let sums = sums.filter(|sums| sums.len() == reader.num_row_groups());
+    sums.map(Some).ok_or_else(|| wrong(path, "its footer has not a sum of each row group"))
+}
+
+/// Refuses a row group whose bytes are not those that were written.
+fn check(path: &Path, file: &mut File, group: &RowGroupMetaData, expected: u32) -> Result<()> {
+    let chunks = group.columns().iter().map(ColumnChunkMetaData::byte_range);
+    let start = chunks.clone().map(|(start, _)| start).min().unwrap_or(0);
+    let end = chunks.map(|(start, length)| start.saturating_add(length)).max().unwrap_or(0);
+    let found = sum(file, start..end).map_err(|error| read_failed(path, &error))?;
+    match found == expected {
+        true => Ok(()),
+        false => Err(wrong(path, "it is not as it was written: the sum of a row group differs")),
+    }
 }
 
 /// Some rows of a column of a row group: how many are before them, and how many they are.

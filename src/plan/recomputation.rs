@@ -1,0 +1,224 @@
+//! The sample of a run's bodies that is recomputed more accurately: how many there are, and what that takes.
+//!
+//! How many follows from what is alike for all parts of a study, the resolution and the number of all its bodies, so that all parts together
+//! recompute what one run does. Times are therefore those of the shipped table; the time foretold is of the bodies at hand.
+
+use super::choice::Scheme;
+use super::cost::Cost;
+use super::cost::work::Work;
+use super::group::{Group, Treatment};
+use super::{Plan, Resolution, greatest_rate, steps_over};
+use crate::engine::batch::frame_of;
+use crate::kernel::method::Method;
+use crate::kernel::method::rk8_adaptive::least_tolerance;
+use crate::math::Precision;
+use crate::scene::AdaptiveSteps;
+use crate::torque::Torque;
+
+/// One body in this many is in the sample.
+const ONE_IN: usize = 1000;
+/// The fewest bodies in the sample, or all where there are fewer.
+const LEAST_BODIES: usize = 64;
+/// The fewest where they take longer than they may: lanes that step one body step as many.
+const LEAST_OF_DEAR: usize = 8;
+
+/// What the sample may take: a part of what the run does, or some seconds of one core.
+const SHARE: f64 = 0.1;
+const FREE_SECONDS: f64 = 1.5;
+
+/// Equal steps that are as fine where a body needs it most as the steps that it chooses, of which it takes as many: in a ratio of
+/// spins of two between start and end.
+pub(crate) const EQUAL_FOR_ADAPTIVE: u64 = 2;
+/// By how much more there are, on average, as their number is a power of two.
+const OF_POWERS: f64 = 1.5;
+
+/// A method of this order or more is compared with `rk8` in finer steps, one of a lower order in its own steps, in which
+/// the error of `rk8` is far below its.
+const HIGH_ORDER: u32 = 6;
+
+/// The angle (rad) that a body turns by in a step of its recomputation at the start, at most: the error
+/// of `rk8` is then about 1e-10 a radian.
+pub(crate) const REFERENCE_ANGLE: f64 = 0.5;
+
+/// The most steps of a recomputation, as a multiple of the run's: a run whose steps leap over whole turns is not followed further.
+pub(crate) const MOST_REFINEMENT: f64 = 64.0;
+
+/// The greatest tolerance of a recomputation: beyond it steps may leap over what changes fast.
+const GREATEST_TOLERANCE: f64 = 1e-7;
+
+/// A tolerance that is not less than the run's by this factor says nothing of the run's error.
+const LEAST_REFINEMENT: f64 = 8.0;
+
+/// Time of an evaluation, s, where the table has no row of a method.
+pub(super) const EVALUATION: f64 = 3e-9;
+
+/// How a run's bodies are recomputed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Recomputation {
+    /// The bodies of the whole study that are.
+    pub bodies: usize,
+    /// Whether what torques do to bodies that choose their steps is integrated beside them, in equal steps.
+    pub balances: bool,
+}
+
+/// What a body takes, s of one core: in the run, recomputed, and for what torques do to it where that is apart.
+#[derive(Clone, Copy, Debug)]
+struct OfBody {
+    run: f64,
+    recomputed: f64,
+    balance: f64,
+}
+
+impl Recomputation {
+    /// Of `all` bodies that take up to so long each, where that is known.
+    fn of(all: usize, known: Option<OfBody>) -> Self {
+        let usual = (all / ONE_IN).max(LEAST_BODIES).min(all);
+        let known = known.filter(|_| all > 0);
+        let Some(OfBody { run, recomputed, balance }) = known else { return Self { bodies: usual, balances: true } };
+        let most = (SHARE * all as f64 * run).max(FREE_SECONDS);
+        let allowed = |of_body: f64| ((most / of_body) as usize).clamp(LEAST_OF_DEAR.min(all), usual);
+        let with_balance = allowed(recomputed + balance);
+        let balances = with_balance as f64 * (recomputed + balance) <= most;
+        Self { bodies: if balances { with_balance } else { allowed(recomputed) }, balances }
+    }
+}
+
+/// Steps of adaptive `rk8` in `f64` at a part of the run's tolerance, or the least there is, so that their error is far below the run's:
+/// Taylor series err less at the same tolerance, of heavy tops over ten turns by a factor of 200, and stay within it where torques change
+/// much faster than bodies turn, over whose periods `rk8` leaps.
+pub(crate) fn finer(method: Method, steps: &AdaptiveSteps) -> AdaptiveSteps {
+    let (part, greatest) = if method == Method::Taylor { (1e-3, 1e-10) } else { (1e-2, GREATEST_TOLERANCE) };
+    let tolerance = (part * steps.tolerance).clamp(least_tolerance(Precision::F64), greatest);
+    AdaptiveSteps { tolerance, least_step: None }
+}
+
+/// Whether finer steps are finer than the run's: near the least tolerance nothing finer is adaptive.
+pub(crate) fn is_finer(fine: &AdaptiveSteps, steps: &AdaptiveSteps) -> bool {
+    LEAST_REFINEMENT * fine.tolerance <= steps.tolerance
+}
+
+/// By how much shorter steps of `rk8` begin than the run's equal ones, before each body's own rate is looked at.
+pub(crate) fn shorter_by(method: Method) -> f64 {
+    if method.order() >= HIGH_ORDER { 2.0 } else { 1.0 }
+}
+
+/// Attempts of adaptive `rk8` at a tolerance for each of a method at another.
+fn attempts_for_one(method: Method, tolerance: f64, fine: f64) -> f64 {
+    let angle = |scheme, tolerance| Scheme::angle_of_attempt(scheme, tolerance);
+    angle(Scheme::Adaptive(method), tolerance) / angle(Scheme::ADAPTIVE_RK8, fine)
+}
+
+impl Plan<'_> {
+    /// How a sample of its bodies is recomputed.
+    pub(crate) fn recomputation(&self) -> Recomputation {
+        Recomputation::of(self.scene().part().of, self.dearest())
+    }
+
+    /// What a body of the dearest class takes, as far as the resolution says: of equal steps that follow each body's rate it does not.
+    fn dearest(&self) -> Option<OfBody> {
+        let shipped = |scheme| Cost::shipped(scheme).step_seconds(Precision::F64, false);
+        let equal = shipped(Scheme::Equal(Method::Rk8));
+        match self.resolution() {
+            Resolution::Pinned { method, longest_step, .. } => {
+                let all = 0..self.times().len();
+                let steps: f64 = all.map(|index| steps_over(self.span_before(index), *longest_step).steps as f64).sum();
+                Some(OfBody {
+                    run: steps * f64::from(method.properties().evaluations) * EVALUATION,
+                    recomputed: steps * shorter_by(*method) * equal,
+                    balance: 0.0,
+                })
+            }
+            Resolution::Adaptive { .. } => None,
+            Resolution::Accuracy { stepped, .. } => {
+                let of_class = |found: &super::Found| {
+                    let Scheme::Adaptive(method) = found.rule.scheme else { return None };
+                    let attempts = found.steps?.total as f64 / found.bodies.max(1) as f64;
+                    let steps = AdaptiveSteps { tolerance: found.rule.tolerance(Precision::F64), least_step: None };
+                    let fine = finer(method, &steps);
+                    let recomputed = attempts * attempts_for_one(method, steps.tolerance, fine.tolerance);
+                    let apart = recomputed * OF_POWERS * EQUAL_FOR_ADAPTIVE as f64 * equal;
+                    let (own, balance) = if is_finer(&fine, &steps) { (0.0, apart) } else { (apart, 0.0) };
+                    Some(OfBody {
+                        run: attempts * shipped(found.rule.scheme),
+                        recomputed: recomputed * shipped(Scheme::ADAPTIVE_RK8) + own,
+                        balance,
+                    })
+                };
+                let classes = stepped.iter().filter_map(|entry| of_class(&entry.found));
+                classes.max_by(|a, b| a.recomputed.total_cmp(&b.recomputed))
+            }
+        }
+    }
+
+    /// The wall time that recomputing the sample is expected to take, s, as far as it is known: its bodies being shared out among the groups as
+    /// all are.
+    pub(super) fn recomputation_seconds<'w>(&self, work: impl Fn(&Group) -> Option<&'w Work>) -> Option<f64> {
+        let Recomputation { bodies, balances } = self.recomputation();
+        let here = self.scene().ensemble().len().max(1) as f64;
+        let mut seconds = 0.0;
+        for group in self.groups() {
+            if !group.class.is_driven() || group.treatment.precision_of_steps().is_none() {
+                continue;
+            }
+            let share = bodies as f64 * group.members.len() as f64 / here;
+            seconds += share * self.seconds_of_recomputed(group, work(group)?, balances)?;
+        }
+        let at_once = bodies.div_ceil(LEAST_OF_DEAR).clamp(1, rayon::current_num_threads());
+        Some(seconds / at_once as f64)
+    }
+
+    /// What one body of a group takes to be recomputed, s of one core.
+    fn seconds_of_recomputed(&self, group: &Group, work: &Work, balances: bool) -> Option<f64> {
+        let of_step = |scheme, tolerance| work.step_seconds(Cost::shipped(scheme), Precision::F64, tolerance);
+        let equal = of_step(Scheme::Equal(Method::Rk8), 1.0);
+        match group.treatment {
+            Treatment::Adaptive { method, steps, .. } => {
+                let found = self.found(group)?;
+                let attempts = found.steps?.total as f64 / found.bodies.max(1) as f64;
+                let fine = finer(method, &steps);
+                let attempts = attempts * attempts_for_one(method, steps.tolerance, fine.tolerance);
+                let apart = match balances || !is_finer(&fine, &steps) {
+                    true => attempts * OF_POWERS * EQUAL_FOR_ADAPTIVE as f64 * equal,
+                    false => 0.0,
+                };
+                Some(attempts * of_step(Scheme::ADAPTIVE_RK8, fine.tolerance) + apart)
+            }
+            Treatment::Stepped { method, longest_step, .. } => {
+                let steps = self.steps_of(group) as f64 * shorter_by(method);
+                let random = self.scene().torques().iter().any(Torque::is_random);
+                let halvings = if random { 1.0 } else { self.halvings_of(group, longest_step / shorter_by(method)) };
+                Some(steps * halvings * equal)
+            }
+            Treatment::RegularPrecession | Treatment::ClosedForm { .. } => Some(0.0),
+        }
+    }
+
+    /// By how much steps of `step` s become shorter so as to follow the rate of a group's first body.
+    fn halvings_of(&self, group: &Group, step: f64) -> f64 {
+        let (scene, body) = (self.scene(), group.members.body(0));
+        let frame = frame_of(scene.ensemble(), scene.torques(), body);
+        let momentum = frame.angular_momentum_principal(scene.ensemble(), body);
+        let turned = greatest_rate(scene, body, &frame, momentum) * step;
+        (turned / REFERENCE_ANGLE).log2().ceil().exp2().clamp(1.0, MOST_REFINEMENT)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_are_as_large_as_a_tenth_of_the_run_or_a_second_allows() {
+        let of = |all, run, recomputed, balance| Recomputation::of(all, Some(OfBody { run, recomputed, balance }));
+        let sample = |bodies, balances| Recomputation { bodies, balances };
+        assert_eq!(Recomputation::of(1_000_000, None), sample(1000, true));
+        assert_eq!(of(1_000_000, 1.0, 10.0, 10.0), sample(1000, true), "2e4 s of 1e6");
+        assert_eq!(of(20, 1e-3, 1e-2, 2e-2), sample(20, true), "0.6 s");
+        assert_eq!(of(1000, 1e-3, 5e-2, 5e-2), sample(15, true), "1.5 s, and a tenth of a second of the run");
+        assert_eq!(of(10_000, 1.0, 10.0, 15.0), sample(40, true), "a tenth of 1e4 s");
+        assert_eq!(of(20, 0.2, 0.1, 2.0), sample(15, false), "what torques do is left");
+        assert_eq!(of(20, 0.2, 2.0, 2.0), sample(8, false), "no fewer than stand side by side");
+        assert_eq!(of(3, 0.2, 2.0, 2.0), sample(3, false));
+        assert_eq!(of(0, 0.2, 2.0, 2.0), sample(0, true));
+    }
+}
