@@ -91,6 +91,24 @@ fn a_gravity_gradient_follows_an_orbit_that_drifts() {
     });
 }
 
+/// Eccentricities and inclinations differ and J₂ does not: the rates of phases are each body's own all the same.
+#[test]
+fn each_inclination_has_a_drift_of_its_own() {
+    let drifting = Orbit { j2: J2.into(), ..orbit() };
+    let rows = [(MOMENTS, orientation(), START); BODIES.len()];
+    let record = run_f64(&rows, &[Torque::gravity_gradient(drifting)], &times(SPAN, OUTPUTS), FINE);
+    for (number, (e, inclination, _)) in BODIES.into_iter().enumerate() {
+        let torque = |rotation: DMat3, _, r: DVec3, _| {
+            let tensor = rotation * DMat3::from_diagonal(MOMENTS) * rotation.transpose();
+            3.0 / r.length().powi(5) * r.cross(tensor * r)
+        };
+        let expected = in_world_axes(|time| place((e, inclination, J2), time), torque)[OUTPUTS - 1].0;
+        let error = DMat3::from_quat(record.final_state().orientation(number)) - expected;
+        let error = error.to_cols_array().into_iter().fold(0.0_f64, |a, x| a.max(x.abs()));
+        assert!(error < TRUNCATION, "body {number}: {error:e}");
+    }
+}
+
 /// (μ₀/4π) (3 r (m · r)/r⁵ − m/r³) of a dipole that turns with its planet.
 fn field(r: DVec3, time: f64) -> DVec3 {
     let (strength, tilt, azimuth, rotation) = (1.5, 0.6_f64, 0.2, 0.5);
