@@ -10,7 +10,15 @@ use crate::math::real::Real;
 use crate::math::vector::Vector;
 
 /// The most phases of one instance.
-pub(crate) const MOST_PHASES: usize = 2;
+pub(crate) const MOST_PHASES: usize = 4;
+
+/// Rates of the phases of one instance in two words, rad/s: its own, then zeros.
+pub(crate) type Rates = [(f64, f64); MOST_PHASES];
+
+/// The rates of an instance that has so many phases.
+pub(crate) fn rates<const PHASES: usize>(own: [(f64, f64); PHASES]) -> Rates {
+    std::array::from_fn(|phase| own.get(phase).copied().unwrap_or_default())
+}
 
 /// A parameter as kernels read it: one column or several side by side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,12 +2,12 @@
 
 use std::ops::Range;
 
-use super::formula::{Column, Epoch, Formula, MOST_PHASES, Row};
+use super::formula::{Column, Epoch, Formula, MOST_PHASES, Rates, Row, rates};
 use glam::DQuat;
 use std::sync::LazyLock;
 
 use super::orbit::{self, circular_place, elements, gradient_torque};
-use super::{Declaration, Kind, Model, Orbit, Torque, ValidationContext, Values};
+use super::{Declaration, Kind, Model, Orbit, ParameterDeclaration, Torque, ValidationContext, Values};
 use crate::bodies::BodyFrame;
 use crate::error::Result;
 use crate::math::quaternion::Quaternion;
@@ -15,18 +15,21 @@ use crate::math::real::Real;
 use crate::math::vector::Vector;
 
 /// τ = 3 μ/r³ u × I u, u = Rᵀ r̂ (J. d'Alembert 1749; P. C. Hughes, *Spacecraft Attitude Dynamics*, 1986, equation
-/// 8.1.14), on a circular orbit or, where the orbit is eccentric, on an ellipse.
+/// 8.1.14), on a circular orbit or, where the orbit is eccentric, on an ellipse, either of which may drift.
 pub struct GravityGradient;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let source = "P. C. Hughes, Spacecraft Attitude Dynamics, 1986, equation 8.1.14";
-    Declaration::new("gravity-gradient", "τ = 3 μ/r³ u × I u, u = Rᵀ r̂", source).parameters(orbit::parameters())
+    Declaration::new("gravity-gradient", "τ = 3 μ/r³ u × I u, u = Rᵀ r̂", source)
+        .parameters(orbit::parameters())
+        .parameters(orbit::drift_parameters())
 });
 
 impl Torque {
     /// Gravity gradient on a circular or elliptic orbit; see [`GravityGradient`].
     pub fn gravity_gradient(orbit: Orbit) -> Self {
-        Self::built(&GravityGradient, orbit.values())
+        let (elements, drift) = orbit.values();
+        Self::built(&GravityGradient, [&elements[..], &drift[..]].concat())
     }
 }
 
@@ -36,7 +39,11 @@ impl Model for GravityGradient {
     }
 
     fn kind(&self, values: Values<'_>) -> Kind {
-        if orbit::is_circular(values) { Kind::GravityGradient } else { Kind::GravityGradientKepler }
+        match orbit::is_circular(values) {
+            _ if orbit::is_drifting(values) => Kind::GravityGradientDrifting,
+            true => Kind::GravityGradient,
+            false => Kind::GravityGradientKepler,
+        }
     }
 
     fn validate(&self, values: Values<'_>, context: &ValidationContext) -> Result<()> {
@@ -54,21 +61,29 @@ impl Model for GravityGradient {
         let i = frame.tensor_moments();
         let factor = 3.0 * scaled_rate * scaled_rate;
         let coefficients = [factor * (i.z - i.y), factor * (i.x - i.z), factor * (i.y - i.x)];
-        // The table has found out which of the two kinds it is.
+        out[..3].copy_from_slice(&coefficients);
+        out[9] = factor;
+        // The table has found out which of the three kinds it is.
+        if out.len() == Kind::GravityGradientDrifting.columns() {
+            orbit.drifting_columns(&mut out[3..]);
+            return;
+        }
         let circular = out.len() == Kind::GravityGradient.columns();
         let (x, y) = if circular { orbit.axes_at_start() } else { orbit.axes() };
-        out[..3].copy_from_slice(&coefficients);
         out[3..6].copy_from_slice(&x.to_array());
         out[6..9].copy_from_slice(&y.to_array());
-        out[9] = factor;
         if !circular {
             out[10] = orbit.eccentricity;
             out[11] = orbit.anomaly_turns();
         }
     }
 
-    fn phase_rates(&self, values: Values<'_>, body: usize) -> [(f64, f64); 2] {
-        [elements(values, body).mean_motion(), (0.0, 0.0)]
+    fn phase_rates(&self, values: Values<'_>, body: usize) -> Rates {
+        rates(elements(values, body).rates())
+    }
+
+    fn sets_phase_rate(&self, values: Values<'_>, parameter: &ParameterDeclaration) -> bool {
+        orbit::sets_phase_rate(values, parameter)
     }
 }
 

@@ -17,12 +17,12 @@
 //! | [`matrix-drag`](matrix_drag) | τ = −C ω | `matrix` (N m s) | J. Happel, H. Brenner, Low Reynolds Number Hydrodynamics, 1965, section 5.2 |
 //! | [`quadratic-drag`](quadratic_drag) | τ = −c \|ω\| ω | `coefficient` (N m s²) | I. Newton, Principia, 1687, book II, section II |
 //! | [`sinusoidal`] | τ = τ_sin sin Ωt + τ_cos cos Ωt in body axes | `sine` (N m, else 0), `cosine` (N m, else 0), `rate` (rad/s) | by definition |
-//! | [`gravity-gradient`](gravity_gradient) | τ = 3 μ/r³ u × I u, u = Rᵀ r̂ | `mu` (m³/s²), `orbit.semi_major_axis` or `orbit.radius` (m), `orbit.eccentricity` (else 0), `orbit.inclination` (rad, else 0), `orbit.ascending_node` (rad, else 0), `orbit.pericentre` (rad, else 0), `orbit.mean_anomaly` (rad, else 0) | P. C. Hughes, Spacecraft Attitude Dynamics, 1986, equation 8.1.14 |
+//! | [`gravity-gradient`](gravity_gradient) | τ = 3 μ/r³ u × I u, u = Rᵀ r̂ | `mu` (m³/s²), `orbit.semi_major_axis` or `orbit.radius` (m), `orbit.eccentricity` (else 0), `orbit.inclination` (rad, else 0), `orbit.ascending_node` (rad, else 0), `orbit.pericentre` (rad, else 0), `orbit.mean_anomaly` (rad, else 0), `orbit.j2` (else 0), `orbit.equatorial_radius` (m, else 6378136.3) | P. C. Hughes, Spacecraft Attitude Dynamics, 1986, equation 8.1.14 |
 //! | [`heavy-top`](heavy_top) | τ = c × Rᵀ (M g) | `mass` (kg), `centre` (m), `gravity` (m/s²) | F. Klein, A. Sommerfeld, Über die Theorie des Kreisels, 1897, chapter IV |
 //! | [`magnetic-dipole`](magnetic_dipole) | τ = m × Rᵀ B | `moment` (A m²), `field` (T) | J. C. Maxwell, A Treatise on Electricity and Magnetism, 1873, § 390 |
-//! | [`orbiting-dipole`](orbiting_dipole) | τ = m × Rᵀ B, B = b/r³ (3 (d · r̂) r̂ − d) | `mu` (m³/s²), `orbit.semi_major_axis` or `orbit.radius` (m), `orbit.eccentricity` (else 0), `orbit.inclination` (rad, else 0), `orbit.ascending_node` (rad, else 0), `orbit.pericentre` (rad, else 0), `orbit.mean_anomaly` (rad, else 0), `moment` (A m²), `strength` (T m³), `tilt` (rad, else 0), `azimuth` (rad, else 0), `rotation` (rad/s, else 0) | J. R. Wertz, Spacecraft Attitude Determination and Control, 1978, equation H-16 |
+//! | [`orbiting-dipole`](orbiting_dipole) | τ = m × Rᵀ B, B = b/r³ (3 (d · r̂) r̂ − d) | `mu` (m³/s²), `orbit.semi_major_axis` or `orbit.radius` (m), `orbit.eccentricity` (else 0), `orbit.inclination` (rad, else 0), `orbit.ascending_node` (rad, else 0), `orbit.pericentre` (rad, else 0), `orbit.mean_anomaly` (rad, else 0), `moment` (A m²), `strength` (T m³), `tilt` (rad, else 0), `azimuth` (rad, else 0), `rotation` (rad/s, else 0), `orbit.j2` (else 0), `orbit.equatorial_radius` (m, else 6378136.3) | J. R. Wertz, Spacecraft Attitude Determination and Control, 1978, equation H-16 |
 //! | [`eddy-current`](eddy_current) | τ = k (ω × B) × B | `coefficient` (N m s/T²), `field` (T) | G. L. Smith, NASA TR R-129, 1962 |
-//! | [`orbiting-eddy-current`](orbiting_eddy_current) | τ = k (ω × B) × B, B = b/r³ (3 (d · r̂) r̂ − d) | `mu` (m³/s²), `orbit.semi_major_axis` or `orbit.radius` (m), `orbit.eccentricity` (else 0), `orbit.inclination` (rad, else 0), `orbit.ascending_node` (rad, else 0), `orbit.pericentre` (rad, else 0), `orbit.mean_anomaly` (rad, else 0), `coefficient` (N m s/T²), `strength` (T m³), `tilt` (rad, else 0), `azimuth` (rad, else 0), `rotation` (rad/s, else 0) | N. Praly et al., Acta Astronautica 76 (2012) 145 |
+//! | [`orbiting-eddy-current`](orbiting_eddy_current) | τ = k (ω × B) × B, B = b/r³ (3 (d · r̂) r̂ − d) | `mu` (m³/s²), `orbit.semi_major_axis` or `orbit.radius` (m), `orbit.eccentricity` (else 0), `orbit.inclination` (rad, else 0), `orbit.ascending_node` (rad, else 0), `orbit.pericentre` (rad, else 0), `orbit.mean_anomaly` (rad, else 0), `coefficient` (N m s/T²), `strength` (T m³), `tilt` (rad, else 0), `azimuth` (rad, else 0), `rotation` (rad/s, else 0), `orbit.j2` (else 0), `orbit.equatorial_radius` (m, else 6378136.3) | N. Praly et al., Acta Astronautica 76 (2012) 145 |
 //! | [`flat-plates`](flat_plates) | τ = Σ r × F, F = −p A c (a u + (b + d c) n), c = n · u > 0 | `pressure` (N/m²), `direction`, `facets`: 1 to 16 tables of `area` (m²), `normal`, `centre` (m), `along` (else 0), `constant` (else 0), `across` (else 0), `solar.specular`, `solar.diffuse`, `drag.normal_accommodation`, `drag.tangential_accommodation`, `drag.wall_speed_ratio` (else 0) | C. R. McInnes, Solar Sailing, 1999, section 2.6; S. A. Schaaf, P. L. Chambré, Flow of Rarefied Gases, 1961 |
 //! | [`sine-spring`](sine_spring) | τ = −k sin θ n | `stiffness` (N m), `target` | B. Wie, P. M. Barba, J. Guid. Control Dyn. 8 (1985) 360 |
 //! | [`log-spring`](log_spring) | τ = −k θ n | `stiffness` (N m), `target` | F. Bullo, R. M. Murray, Proportional derivative control on the Euclidean group, ECC 1995 |
@@ -71,6 +71,7 @@ pub mod flat_plates;
 pub mod force;
 pub(crate) mod formula;
 pub mod gravity_gradient;
+pub mod gravity_gradient_drifting;
 pub mod gravity_gradient_kepler;
 pub mod heavy_top;
 mod inertia_change;
@@ -86,7 +87,9 @@ pub(crate) mod motion;
 mod named;
 pub mod orbit;
 pub mod orbiting_dipole;
+pub mod orbiting_dipole_drifting;
 pub mod orbiting_eddy_current;
+pub mod orbiting_eddy_current_drifting;
 mod parameter;
 pub mod quadratic_drag;
 pub(crate) mod registry;

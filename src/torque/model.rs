@@ -8,7 +8,8 @@ use glam::{DQuat, DVec3};
 
 use super::custom::HostState;
 use super::expressed::Expressed;
-use super::{Declaration, Kind, Text, ValidationContext, Value, Values};
+use super::formula::Rates;
+use super::{Declaration, Kind, ParameterDeclaration, Text, ValidationContext, Value, Values};
 use crate::bodies::BodyFrame;
 use crate::bodies::Ensemble;
 use crate::bodies::inertia::InertiaTensor;
@@ -162,8 +163,13 @@ pub(crate) trait Model: Send + Sync {
     fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, orientation: DQuat, out: &mut [f64]);
 
     /// Rates of its phases in two words, rad/s; as many as [`Kind::phases`] says.
-    fn phase_rates(&self, _: Values<'_>, _body: usize) -> [(f64, f64); 2] {
-        [(0.0, 0.0); 2]
+    fn phase_rates(&self, _: Values<'_>, _body: usize) -> Rates {
+        Rates::default()
+    }
+
+    /// Whether the rate of a phase follows from a parameter, with the values that the others have.
+    fn sets_phase_rate(&self, _: Values<'_>, parameter: &ParameterDeclaration) -> bool {
+        parameter.sets_phase_rate
     }
 
     /// The potential energy (J) of a body at an orientation (body to world), where its torque has one that does not depend
@@ -368,7 +374,8 @@ impl Torque {
     /// Whether all bodies have the same phases.
     pub(super) fn phase_rates_are_shared(&self) -> bool {
         let mut parameters = self.declaration().parameters.iter().zip(&self.values);
-        parameters.all(|(parameter, value)| !parameter.sets_phase_rate || value.is_shared())
+        let sets_rate = |parameter| self.model.sets_phase_rate(self.own_values(), parameter);
+        parameters.all(|(parameter, value)| value.is_shared() || !sets_rate(parameter))
     }
 
     /// Whether all bodies have the same values.

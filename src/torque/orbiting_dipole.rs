@@ -2,13 +2,15 @@
 
 use std::ops::Range;
 
-use super::formula::{Column, Epoch, Formula, MOST_PHASES, Row};
+use super::formula::{Column, Epoch, Formula, MOST_PHASES, Rates, Row, rates};
 use super::magnetic_dipole::magnetic_dipole;
 use glam::{DQuat, DVec3};
 use std::sync::LazyLock;
 
 use super::gravity_gradient_kepler::place_and_cube;
-use super::orbit::{self, ELEMENTS, Elements, elements};
+use super::orbit::{
+    self, DRIFTING_COLUMNS, DRIFTING_NUMBERS, DRIFTING_PHASES, DriftingOrbit, ELEMENTS, Elements, elements,
+};
 use super::{
     Declaration, Frame, Kind, Model, Orbit, Parameter, ParameterDeclaration, Preset, Torque, ValidationContext, Value,
     Values,
@@ -31,6 +33,7 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
         .parameters(orbit::parameters())
         .parameters([ParameterDeclaration::vector("moment", "A m²", Frame::Body, "the magnetic moment m").factor()])
         .parameters(field_parameters())
+        .parameters(orbit::drift_parameters())
 });
 const MOMENT: usize = ELEMENTS;
 
@@ -55,8 +58,8 @@ impl Model for OrbitingDipole {
         &DECLARATION
     }
 
-    fn kind(&self, _: Values<'_>) -> Kind {
-        Kind::OrbitingDipole
+    fn kind(&self, values: Values<'_>) -> Kind {
+        if orbit::is_drifting(values) { Kind::OrbitingDipoleDrifting } else { Kind::OrbitingDipole }
     }
 
     fn validate(&self, values: Values<'_>, context: &ValidationContext) -> Result<()> {
@@ -74,15 +77,21 @@ impl Model for OrbitingDipole {
         let scale = field_scale(values, body, &elements(values, body));
         let moment = frame.to_principal(values.vector(MOMENT).at(body)) * scale;
         out[..3].copy_from_slice(&frame.scaled_torque(moment).to_array());
-        field_columns(values, body, &mut out[3..]);
+        // The table has found out which of the two kinds it is.
+        let drifts = out.len() == Kind::OrbitingDipoleDrifting.columns();
+        field_columns(values, body, drifts, &mut out[3..]);
     }
 
-    fn phase_rates(&self, values: Values<'_>, body: usize) -> [(f64, f64); 2] {
+    fn phase_rates(&self, values: Values<'_>, body: usize) -> Rates {
         field_phase_rates(values, body)
+    }
+
+    fn sets_phase_rate(&self, values: Values<'_>, parameter: &ParameterDeclaration) -> bool {
+        orbit::sets_phase_rate(values, parameter)
     }
 }
 
-// A model in the field declares the orbit first, then one parameter of its own, then the field's.
+// A model in the field declares the orbit first, then one parameter of its own, then the field's, then how the orbit drifts.
 const STRENGTH: usize = ELEMENTS + 1;
 const TILT: usize = ELEMENTS + 2;
 const AZIMUTH: usize = ELEMENTS + 3;
@@ -101,7 +110,8 @@ pub(super) fn field_parameters() -> [ParameterDeclaration; 4] {
 
 /// The values of a model in the field, `of_body` being its own parameter.
 pub(super) fn field_values(orbit: Orbit, of_body: Value, field: [Parameter<f64>; 4]) -> Vec<Value> {
-    orbit.values().into_iter().chain([of_body]).chain(field.map(Value::Number)).collect()
+    let (elements, drift) = orbit.values();
+    elements.into_iter().chain([of_body]).chain(field.map(Value::Number)).chain(drift).collect()
 }
 
 /// b/a³, T.
@@ -110,24 +120,33 @@ pub(super) fn field_scale(values: Values<'_>, body: usize, orbit: &Elements) -> 
     values.number(STRENGTH).at(body) / a / a / a
 }
 
-/// Writes the columns that [`DipoleField::of_row`] reads.
-pub(super) fn field_columns(values: Values<'_>, body: usize, out: &mut [f64]) {
+/// Writes the columns that [`DipoleField::of_row`] reads, or [`DriftingDipoleField::of_row`] where an orbit `drifts`.
+pub(super) fn field_columns(values: Values<'_>, body: usize, drifts: bool, out: &mut [f64]) {
     let orbit = elements(values, body);
     let (x, y) = orbit.axes();
     let (sin, cos) = values.number(TILT).at(body).sin_cos();
     let azimuth = values.number(AZIMUTH).at(body) / std::f64::consts::TAU;
+    let dipole = [sin, cos, azimuth - azimuth.round()];
+    if drifts {
+        orbit.drifting_columns(out);
+        out[DRIFTING_NUMBERS..DRIFTING_FIELD_NUMBERS].copy_from_slice(&dipole);
+        return;
+    }
     out[..3].copy_from_slice(&x.to_array());
     out[3..6].copy_from_slice(&y.to_array());
     out[6] = orbit.eccentricity;
     out[7] = orbit.anomaly_turns();
-    out[8] = sin;
-    out[9] = cos;
-    out[10] = azimuth - azimuth.round();
+    out[8..FIELD_NUMBERS].copy_from_slice(&dipole);
 }
 
-/// Rates of the phases of [`DipoleField::at`], rad/s, in two words.
-pub(super) fn field_phase_rates(values: Values<'_>, body: usize) -> [(f64, f64); 2] {
-    [elements(values, body).mean_motion(), (values.number(ROTATION).at(body), 0.0)]
+/// Rates of the phases of the field, rad/s, in two words; those of the orbit come first.
+pub(super) fn field_phase_rates(values: Values<'_>, body: usize) -> Rates {
+    let rotation = (values.number(ROTATION).at(body), 0.0);
+    let [anomaly, pericentre, node] = elements(values, body).rates();
+    match orbit::is_drifting(values) {
+        true => [anomaly, pericentre, node, rotation],
+        false => rates([anomaly, rotation]),
+    }
 }
 
 /// A column of a model's own, then those of the field.
@@ -148,6 +167,58 @@ pub(super) const fn with_field(own: Column) -> [Column; 8] {
 pub(super) const FIELD_NUMBERS: usize = 11;
 /// The phases of the field.
 pub(super) const FIELD_PHASES: &[&str] = &["orbit_phase", "rotation_phase"];
+
+/// A column of a model's own, then those of the field along an orbit that drifts.
+pub(super) const fn with_drifting_field(own: Column) -> [Column; 10] {
+    let [sin, cos, node, pericentre, eccentricity, start] = DRIFTING_COLUMNS;
+    let dipole = [Column::number("sin_tilt"), Column::number("cos_tilt"), Column::number("azimuth")];
+    [own, sin, cos, node, pericentre, eccentricity, start, dipole[0], dipole[1], dipole[2]]
+}
+
+/// Numbers that describe the field along an orbit that drifts.
+pub(super) const DRIFTING_FIELD_NUMBERS: usize = DRIFTING_NUMBERS + 3;
+/// Its phases.
+pub(super) const DRIFTING_FIELD_PHASES: &[&str] =
+    &[DRIFTING_PHASES[0], DRIFTING_PHASES[1], DRIFTING_PHASES[2], "rotation_phase"];
+
+/// What the field along an orbit that drifts is made of, besides the phases.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct DriftingDipoleField<R> {
+    orbit: DriftingOrbit<R>,
+    /// Sine and cosine of the dipole's angle from the z axis.
+    tilt: [R; 2],
+    /// The dipole's azimuth at t = 0, turns.
+    azimuth: R,
+}
+
+impl<R: Real> DriftingDipoleField<R> {
+    /// Of an instance's columns from `first` on.
+    #[inline(always)]
+    pub fn of_row(row: &impl Row<R>, first: usize) -> Self {
+        let behind = first + DRIFTING_NUMBERS;
+        Self {
+            orbit: DriftingOrbit::of_row(row, first),
+            tilt: [row.number(behind), row.number(behind + 1)],
+            azimuth: row.number(behind + 2),
+        }
+    }
+
+    /// As [`DipoleField::at`].
+    #[inline(always)]
+    pub fn at(&self, [anomaly, pericentre, node, rotation]: [R; MOST_PHASES]) -> Vector<R> {
+        let (r, cube) = self.orbit.place_and_cube([anomaly, pericentre, node]);
+        field_at(r, cube, self.tilt, rotation + self.azimuth)
+    }
+}
+
+/// (a/r)³ (3 (d · r̂) r̂ − d), in world axes, of the direction r̂ and (a/r)³; `tilt`: sine and cosine of the angle of d from the z axis, of
+/// which the azimuth is in turns.
+#[inline(always)]
+fn field_at<R: Real>(r: Vector<R>, cube: R, [sin_tilt, cos_tilt]: [R; 2], azimuth: R) -> Vector<R> {
+    let (sin, cos) = sin_cos((azimuth - azimuth.round()) * R::splat(std::f64::consts::TAU));
+    let dipole = Vector::new(sin_tilt * cos, sin_tilt * sin, cos_tilt);
+    (r.axpy(R::splat(3.0) * dipole.dot(r), -dipole)) * cube
+}
 
 /// What the field is made of, besides the phases.
 #[derive(Clone, Copy, Debug)]
@@ -187,10 +258,7 @@ impl<R: Real> DipoleField<R> {
     #[inline(always)]
     pub(super) fn at(&self, orbit_phase: R, rotation_phase: R) -> Vector<R> {
         let (r, cube) = place_and_cube(self.x_world, self.y_world, self.eccentricity, self.start, orbit_phase);
-        let azimuth = rotation_phase + self.azimuth;
-        let (sin, cos) = sin_cos((azimuth - azimuth.round()) * R::splat(std::f64::consts::TAU));
-        let dipole = Vector::new(self.sin_tilt * cos, self.sin_tilt * sin, self.cos_tilt);
-        (r.axpy(R::splat(3.0) * dipole.dot(r), -dipole)) * cube
+        field_at(r, cube, [self.sin_tilt, self.cos_tilt], rotation_phase + self.azimuth)
     }
 }
 

@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use glam::DQuat;
 
 use super::eddy_current::eddy_current;
-use super::formula::{Column, Epoch, Formula, MOST_PHASES, Row};
+use super::formula::{Column, Epoch, Formula, MOST_PHASES, Rates, Row};
 use super::orbit::{self, ELEMENTS, elements};
 use super::orbiting_dipole::{
     DipoleField, FIELD_NUMBERS, FIELD_PHASES, field_columns, field_parameters, field_phase_rates, field_scale,
@@ -39,6 +39,7 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
         .parameters(orbit::parameters())
         .parameters([coefficient.valid(Validity::NotNegative).factor()])
         .parameters(field_parameters())
+        .parameters(orbit::drift_parameters())
 });
 const COEFFICIENT: usize = ELEMENTS;
 
@@ -63,8 +64,8 @@ impl Model for OrbitingEddyCurrent {
         &DECLARATION
     }
 
-    fn kind(&self, _: Values<'_>) -> Kind {
-        Kind::OrbitingEddyCurrent
+    fn kind(&self, values: Values<'_>) -> Kind {
+        if orbit::is_drifting(values) { Kind::OrbitingEddyCurrentDrifting } else { Kind::OrbitingEddyCurrent }
     }
 
     fn validate(&self, values: Values<'_>, context: &ValidationContext) -> Result<()> {
@@ -74,11 +75,17 @@ impl Model for OrbitingEddyCurrent {
     fn columns(&self, values: Values<'_>, body: usize, frame: &BodyFrame, _: DQuat, out: &mut [f64]) {
         let field = field_scale(values, body, &elements(values, body));
         out[0] = frame.scaled(values.number(COEFFICIENT).at(body) * field * field, 1, 1);
-        field_columns(values, body, &mut out[1..]);
+        // The table has found out which of the two kinds it is.
+        let drifts = out.len() == Kind::OrbitingEddyCurrentDrifting.columns();
+        field_columns(values, body, drifts, &mut out[1..]);
     }
 
-    fn phase_rates(&self, values: Values<'_>, body: usize) -> [(f64, f64); 2] {
+    fn phase_rates(&self, values: Values<'_>, body: usize) -> Rates {
         field_phase_rates(values, body)
+    }
+
+    fn sets_phase_rate(&self, values: Values<'_>, parameter: &ParameterDeclaration) -> bool {
+        orbit::sets_phase_rate(values, parameter)
     }
 }
 

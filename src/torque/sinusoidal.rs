@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::formula::{Column, Epoch, Formula, MOST_PHASES, Row};
+use super::formula::{Column, Epoch, Formula, MOST_PHASES, Rates, Row, rates};
 use crate::math::quaternion::Quaternion;
 use glam::{DQuat, DVec3};
 use std::sync::LazyLock;
@@ -63,8 +63,8 @@ impl Model for Sinusoidal {
         out[3..6].copy_from_slice(&scaled(COSINE).to_array());
     }
 
-    fn phase_rates(&self, values: Values<'_>, body: usize) -> [(f64, f64); 2] {
-        [(values.number(RATE).at(body), 0.0), (0.0, 0.0)]
+    fn phase_rates(&self, values: Values<'_>, body: usize) -> Rates {
+        rates([(values.number(RATE).at(body), 0.0)])
     }
 }
 

@@ -33,7 +33,7 @@
 //!
 //! Methods that take for granted that ω = I₀⁻¹ m are refused ([`crate::Error::RigidOnly`]).
 
-use super::formula::{Column, Epoch, Formula, MOST_PHASES, Role, Row};
+use super::formula::{Column, Epoch, Formula, MOST_PHASES, Rates, Role, Row, rates};
 use crate::math::quaternion::Quaternion;
 use std::sync::LazyLock;
 
@@ -269,9 +269,9 @@ impl Model for VariableInertia {
     }
 
     /// Of a ramp its start and duration, of which the table forms its progress.
-    fn phase_rates(&self, values: Values<'_>, body: usize) -> [(f64, f64); 2] {
+    fn phase_rates(&self, values: Values<'_>, body: usize) -> Rates {
         let own = ramp(values, body).unwrap_or_else(|| (values.number(RATE).at(body), 0.0));
-        [own, (0.0, 0.0)]
+        rates([own])
     }
 
     fn inertia_change(&self) -> Option<&dyn InertiaModel> {

@@ -56,6 +56,7 @@ pub fn every_torque_where(scale: &[f64], acts: impl Fn(usize, usize) -> bool) ->
     let (centre, moment, orbiting) = (vectors(0.3), vectors(0.3), vectors(0.3));
     let rates: Vec<f64> = (0..count).map(|_| random.between(-5.0, 5.0)).collect();
     let eccentricity: Vec<f64> = (0..count).map(|_| random.between(0.0, 0.9)).collect();
+    let inclination: Vec<f64> = eccentricity.iter().map(|number| 3.0 * number).collect();
     let target = DQuat::from_xyzw(0.3, -0.2, 0.5, 0.7);
     let mut random = Random::new(79);
     let pressure: Vec<f64> = scale.iter().map(|s| s * random.between(0.05, 0.1)).collect();
@@ -97,7 +98,23 @@ pub fn every_torque_where(scale: &[f64], acts: impl Fn(usize, usize) -> bool) ->
         Torque::internal_dissipation(numbers(18, &slip)),
         Torque::flat_plates(numbers(19, &pressure), DVec3::new(0.4, -0.7, 0.2), &mirrors()).expect("valid plates"),
         Torque::custom(text, parameters.expect("names")).expect("a formula"),
+        // A pole and an ellipse that turn by some tenths of a radian a second.
+        Torque::gravity_gradient(drifting(Orbit::kepler(planet(21), 1.7, 0.3).inclined(0.9))),
+        Torque::orbiting_dipole(
+            on(22, &orbiting),
+            drifting(Orbit::circular(1.0, 1.4).inclined(inclination)),
+            1.0,
+            2.9,
+            0.1,
+            0.4,
+        ),
+        Torque::orbiting_eddy_current(numbers(23, &eddy), drifting(Orbit::kepler(1.0, 1.5, 0.2)), 1.5, 0.5, 0.7, -0.3),
     ]
+}
+
+/// An orbit that drifts about an oblate centre.
+fn drifting(orbit: Orbit) -> Orbit {
+    orbit.with_ascending_node(0.8).with_pericentre(-0.6).with_mean_anomaly(1.1).with_j2(0.3, 1.2)
 }
 
 /// Two vanes of perfect mirrors, each back to back with its like on the other side of the body: where light leaves one it meets the other

@@ -7,6 +7,8 @@ use std::path::Path;
 use polhode::Plan;
 use polhode::engine::Engine;
 use polhode::study::Study;
+use polhode::torque::orbit::{EARTH_EQUATORIAL_RADIUS, EARTH_J2};
+use polhode::torque::{Orbit, Torque};
 
 use crate::workspace::Workspace;
 
@@ -164,7 +166,25 @@ fn an_orbit_that_is_stated_once_is_that_of_all_torques() {
     assert_eq!(radii(0), radii(4));
     assert!(!radii(0).is_shared());
 
+    // So is how it drifts; where the radius is left out it is the Earth's.
+    let drifting = SI.replace("radius = 6878000.0", "radius = \"6878 km\"\n    j2 = 1.0826267e-3");
+    let scene = Study::parse(Path::new("study.toml"), &drifting).and_then(|study| study.scene()).expect("a study");
+    let expected = Orbit::circular(398_600_441_800_000.0, 6_878_000.0)
+        .inclined(std::f64::consts::FRAC_PI_6)
+        .with_j2(EARTH_J2, EARTH_EQUATORIAL_RADIUS);
+    assert_eq!(scene.torques()[0], Torque::gravity_gradient(expected));
+
     for (from, to, message) in [
+        (
+            "radius = 6878000.0",
+            "radius = 6878000.0\n    j2 = 1e-3\n    equatorial_radius = \"7000 km\"",
+            "study.toml:6: orbit.equatorial_radius = 7000000.0: expected at most a (1 − e²), as the orbit drifts about its centre",
+        ),
+        (
+            "radius = 6878000.0",
+            "radius = 6878000.0\n    j2 = 1.0",
+            "study.toml:5: orbit.j2 = 1.0: expected a finite number from -0.5 to 0.5",
+        ),
         ("\"gravity-gradient\"", "\"constant-body\"\n    torque = [0, 0, 1]", "study.toml:2: orbit = "),
         (
             "radius = 6878000.0",

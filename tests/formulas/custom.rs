@@ -49,7 +49,7 @@ fn columns(first: f64) -> Vec<f64> {
 }
 
 /// Models of the library that are compared with themselves as texts, some of them in two ways.
-const MODELS: usize = 15;
+const MODELS: usize = 18;
 
 /// A model of the library, and the same as text. Numbers are such that the host forms the same columns of both.
 fn pairs() -> Vec<(Torque, Torque)> {
@@ -98,6 +98,29 @@ fn pairs() -> Vec<(Torque, Torque)> {
     ]
 }
 
+/// An orbit about an oblate centre, and the direction `u` and distance `size` on it as text.
+fn drifting() -> (Orbit, String) {
+    let (mu, a, e, inclination, node, pericentre, anomaly) = (4.0, 1.0, 0.3, 0.8_f64, 0.4, 0.3, 0.2);
+    let (j2, radius) = (0.4, 0.9);
+    let orbit = Orbit::kepler(mu, a, e).inclined(inclination).with_ascending_node(node).with_pericentre(pericentre);
+    let orbit = orbit.with_mean_anomaly(anomaly).with_j2(j2, radius);
+    // D. A. Vallado, Fundamentals of Astrodynamics and Applications, section 9.6.
+    let (n, p, sin, cos) = (2.0, a * (1.0 - e * e), inclination.sin(), inclination.cos());
+    let of_node = -3.0 * n * radius * radius * j2 / (2.0 * p * p) * cos;
+    let of_pericentre = 3.0 * n * radius * radius * j2 / (4.0 * p * p) * (4.0 - 5.0 * sin * sin);
+    let of_anomaly =
+        n - 3.0 * n * radius * radius * j2 * (1.0_f64 - e * e).sqrt() / (4.0 * p * p) * (3.0 * sin * sin - 2.0);
+    let text = format!(
+        "let m = {of_anomaly:?} * time + 0.2;\nlet e_sin = kepler_sin(m, 0.3);\nlet e_cos = kepler_cos(m, 0.3);\n\
+         let size = 1 - 0.3 * e_cos;\nlet x = (e_cos - 0.3) / size;\nlet y = sqrt(1 - 0.09) * e_sin / size;\n\
+         let w = {of_pericentre:?} * time + 0.3;\nlet o = ({of_node:?}) * time + 0.4;\n\
+         let along = x * cos(w) - y * sin(w);\nlet across = x * sin(w) + y * cos(w);\n\
+         let u = vec(along * cos(o) - across * {cos:?} * sin(o), along * sin(o) + across * {cos:?} * cos(o), \
+         across * {sin:?});\n"
+    );
+    (orbit, text)
+}
+
 /// The models whose numbers the host forms by other operations than a text does, so that the two round differently.
 fn rounded_pairs() -> Vec<(Torque, Torque)> {
     let none = Parameters::new;
@@ -111,6 +134,7 @@ fn rounded_pairs() -> Vec<(Torque, Torque)> {
     let dipole = "let azimuth = 0.7 * time + 0.2;\n\
                   let d = vec(sin(0.4) * cos(azimuth), sin(0.4) * sin(azimuth), cos(0.4));\n\
                   let b = to_body(0.6 / (size * size * size) * (3 * dot(d, u) * u - d));\n";
+    let (drifting, drifting_place) = drifting();
     let matrix = DMat3::from_cols_array(&[0.3, 0.1, -0.05, 0.1, 0.4, 0.02, -0.05, 0.02, 0.2]);
     vec![
         (Torque::constant_body(vector), custom("t", none().vector("t", vector).expect("a name"))),
@@ -152,6 +176,24 @@ fn rounded_pairs() -> Vec<(Torque, Torque)> {
         (
             Torque::orbiting_eddy_current(0.1, orbit(), 0.6, 0.4, 0.2, 0.7),
             custom(&format!("{place}{dipole}0.1 * cross(cross(angular_velocity, b), b)"), none()),
+        ),
+        (
+            Torque::gravity_gradient(drifting.clone()),
+            custom(
+                &format!("{drifting_place}let r = to_body(u);\n(12 / (size * size * size)) * cross(r, inertia * r)"),
+                none(),
+            ),
+        ),
+        (
+            Torque::orbiting_dipole(vector, drifting.clone(), 0.6, 0.4, 0.2, 0.7),
+            custom(
+                &format!("{drifting_place}{dipole}cross(moment, b)"),
+                none().vector("moment", vector).expect("a name"),
+            ),
+        ),
+        (
+            Torque::orbiting_eddy_current(0.1, drifting, 0.6, 0.4, 0.2, 0.7),
+            custom(&format!("{drifting_place}{dipole}0.1 * cross(cross(angular_velocity, b), b)"), none()),
         ),
         (
             Torque::log_spring(0.4, DQuat::IDENTITY),

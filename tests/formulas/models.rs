@@ -129,7 +129,7 @@ fn every_declaration_is_complete() {
         for (place, parameter) in model.parameters.iter().enumerate() {
             let of = format!("{name}.{}", parameter.name);
             assert_eq!(model.position(&parameter.name), Some(place), "{of} is there twice");
-            let is_key = |c: char| c.is_ascii_lowercase() || c == '_' || c == '.';
+            let is_key = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_' || c == '.';
             assert!(parameter.name.chars().all(is_key) && parameter.name != "model", "{of}");
             assert!(!parameter.unit.is_empty() && !parameter.about.is_empty(), "{of}");
             assert!(!parameter.about.contains('\n') && !parameter.about.ends_with('.'), "{of}: {}", parameter.about);
@@ -168,12 +168,12 @@ fn numbers_of_draws_are_pinned() {
         "matrix-drag 0",
         "quadratic-drag 0",
         "sinusoidal 0 1 2",
-        "gravity-gradient 0 1 2 3 4 5 6",
+        "gravity-gradient 0 1 2 3 4 5 6 12 13",
         "heavy-top 0 1 2",
         "magnetic-dipole 0 1",
-        "orbiting-dipole 0 1 2 3 4 5 6 7 8 9 10 11",
+        "orbiting-dipole 0 1 2 3 4 5 6 7 8 9 10 11 12 13",
         "eddy-current 0 1",
-        "orbiting-eddy-current 0 1 2 3 4 5 6 7 8 9 10 11",
+        "orbiting-eddy-current 0 1 2 3 4 5 6 7 8 9 10 11 12 13",
         "flat-plates 0 1 2",
         "sine-spring 0 1",
         "log-spring 0 1",
@@ -347,6 +347,7 @@ fn values_that_are_not_valid_are_refused_by_their_key() {
                 (Shape::Number, Validity::NotNegative) => &["-0.5", "inf"],
                 (Shape::Number, Validity::Positive) => &["0.0", "-1.0"],
                 (Shape::Number, Validity::Range(0.0, 0.99)) => &["-0.1", "1.0"],
+                (Shape::Number, Validity::Range(-0.5, 0.5)) => &["-0.6", "0.75"],
                 (Shape::Vector, Validity::NotZero) => &["[0, 0, 0]", "[1e-200, 0, 0]", "[1, 2, inf]", "3"],
                 (Shape::Vector, _) => &["[1, 2]", "[1, 2, nan]", "3"],
                 (Shape::List, _) => &["[]", "[1]", "[{ }]", "{ }", "3"],

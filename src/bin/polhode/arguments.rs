@@ -140,7 +140,8 @@ Keys (SI units, in brackets; a number with another one is a text: \"30 deg\", \"
     bodies.carry          names of further columns of the table, for initial.csv
     [orbit]               mu (m³/s²) and radius or semi_major_axis (m), [eccentricity, inclination,
                           ascending_node, pericentre, mean_anomaly (rad)]: stated once, for
-                          every torque that needs an orbit and states none of its own
+                          every torque that needs an orbit and states none of its own; with j2,
+                          [equatorial_radius (m), else the Earth's] node and pericentre drift
     [[sweep]], [design]   parameters that take several values, and which; below
     [[torque]] model      one of those below, and its parameters; a key with a dot stands in a
                           table: orbit = { radius = 7.0e6, inclination = 0.9 }

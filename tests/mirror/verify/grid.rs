@@ -21,9 +21,9 @@ fn kicks(method: Method) -> bool {
 pub const GRID_DT: f64 = 1.0 / 60.0;
 pub const GRID_STEPS: u64 = 20;
 /// Torques of [`every_torque`], and moments that change.
-const KINDS: usize = 22;
+const KINDS: usize = 25;
 /// The gravity gradients among them.
-const GRADIENTS: [usize; 2] = [8, 9];
+const GRADIENTS: [usize; 3] = [8, 9, 21];
 /// A body for each torque that acts alone, and one that feels the first as well: they fill no lane group of any width.
 const GRID_BODIES: usize = KINDS + 1;
 

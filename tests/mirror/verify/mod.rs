@@ -21,7 +21,7 @@ use polhode::verify::{Options, Report, verify};
 use polhode::{Outputs, Scene, Torque};
 
 /// Fills no lane group of any width.
-const BODIES: usize = 23;
+const BODIES: usize = 25;
 const SEED: u64 = 7;
 const DT: f64 = 1.0 / 64.0;
 

@@ -10,7 +10,7 @@ use polhode::{Ensemble, Method, Outputs, Plan, Scene, Torque};
 use super::{FINE, TRUNCATION, run_f64, times};
 
 /// Where an orbit of mu = 1 is at a time, from Newton's iteration and the classical elements written out.
-fn place_on_orbit(a: f64, e: f64, [inclination, node, pericentre, anomaly]: [f64; 4], time: f64) -> DVec3 {
+pub fn place_on_orbit(a: f64, e: f64, [inclination, node, pericentre, anomaly]: [f64; 4], time: f64) -> DVec3 {
     let mean = anomaly + time / (a * a * a).sqrt();
     let mut eccentric = mean;
     for _ in 0..50 {
@@ -72,7 +72,7 @@ fn eddy_currents_in_the_field_of_an_orbiting_dipole_damp_as_in_inertial_axes_and
 
 /// A rotation matrix and a vector at the ends of `outputs` equal parts of a span of `end` seconds, by the classical Runge-Kutta method in
 /// 256 steps a part; `rate` gives their derivatives.
-fn integrated(
+pub fn integrated(
     start: (DMat3, DVec3),
     (end, outputs): (f64, usize),
     rate: impl Fn(DMat3, DVec3, f64) -> (DMat3, DVec3),

@@ -1,6 +1,7 @@
 //! Motions under torques against closed forms and conservation.
 
 mod dipole;
+mod drift;
 
 use std::f64::consts::TAU;
 
