@@ -3,8 +3,8 @@
 use crate::bodies::frame::attitude_error;
 use crate::bodies::{BodyState, Status};
 use crate::math::Quantiles;
-use crate::plan::sampling::is_plausible;
 use crate::plan::sampling::upper_rank;
+use crate::plan::sampling::{is_plausible, left_out};
 use crate::scene::{Accuracy, Target};
 use glam::DVec3;
 
@@ -89,13 +89,13 @@ impl Errors {
         (greatest / median.max(least)).max(1.0)
     }
 
-    /// Whether the sample speaks against the errors asked for: whether more of it are beyond than chance brings there in
-    /// one of 20 samples.
-    pub(crate) fn meets(&mut self, target: &Accuracy) -> bool {
+    /// Whether the sample of `all` bodies speaks against the errors asked for: whether more of it are beyond than chance brings there in
+    /// one of 20 samples, or, where it is all of them, than the percentile leaves out.
+    pub(crate) fn meets(&mut self, target: &Accuracy, all: usize) -> bool {
         let (part, count) = (0.01 * target.percentile, self.attitude.len());
         self.targets(target).into_iter().all(|(values, _, wanted)| {
             let beyond = wanted.map_or(0, |wanted| values.iter().filter(|&&error| error > wanted).count());
-            is_plausible(beyond, count, part)
+            if count < all { is_plausible(beyond, count, part) } else { left_out(part, all) >= beyond }
         })
     }
 

@@ -26,6 +26,12 @@ pub(crate) fn is_plausible(beyond: usize, count: usize, part: f64) -> bool {
     beyond == 0 || at_least(beyond, count, 1.0 - part) >= RISK
 }
 
+/// How many of `all` bodies a percentile leaves out, given as a part.
+pub(crate) fn left_out(part: f64, all: usize) -> usize {
+    // 1 - 0.99 is just above 0.01, and 0.99 times 100 may be just above 99.
+    ((1.0 - part) * all as f64 * (1.0 + 1e-12)).floor() as usize
+}
+
 /// The probability that at least `least` of `count` draws succeed, each with probability `part`.
 fn at_least(least: usize, count: usize, part: f64) -> f64 {
     if part <= 0.0 {

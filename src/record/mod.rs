@@ -335,7 +335,8 @@ pub struct RecomputedSample {
     /// otherwise is then not in the errors.
     pub same_draws: bool,
     /// Whether the sample agrees with them: with 99 of 100 bodies asked for, 2 of 64 may be beyond by chance, 3 are not
-    /// (one in 20 samples of bodies that meet the target shows more than is allowed here). Where a body of the sample has failed, or
+    /// (one in 20 samples of bodies that meet the target shows more than is allowed here); of a sample of all bodies no more may be than the
+    /// percentile leaves out. Where a body of the sample has failed, or
     /// more of all bodies than the percentile leaves out, they are not met. `None` where nothing is known: of no bodies, where some could
     /// not be recomputed, and where a random torque acts.
     pub met: Option<bool>,

@@ -416,7 +416,7 @@ impl<'p> Run<'p> {
             Stepping::Accuracy(accuracy) => Some(accuracy),
             Stepping::Statistics(_) | Stepping::Pinned { .. } | Stepping::Adaptive { .. } => None,
         };
-        let failed = failures.len() as f64 / body_count.max(1) as f64;
+        let failed = (failures.len() as f64 / body_count.max(1) as f64, scene.part().of);
         let recomputed_sample = errors.into_recomputed_sample(target.as_ref(), draws, (lost, diverged), failed);
         wall_time.recomputed_sample = clock.elapsed().as_secs_f64();
         Ok(Trust {

@@ -185,13 +185,13 @@ fn contains(group: &Group, body: usize) -> bool {
 
 impl Errors {
     /// What a run says of itself, of whose sample `lost` bodies have failed and `diverged` could not be recomputed, and of all of its
-    /// bodies the part `failed`; `same_draws` as in [`RecomputedSample`].
+    /// bodies the part `failed`; `all` is the number of the whole study's, `same_draws` as in [`RecomputedSample`].
     pub(crate) fn into_recomputed_sample(
         mut self,
         target: Option<&Accuracy>,
         same_draws: bool,
         (lost, diverged): (usize, usize),
-        failed: f64,
+        (failed, all): (f64, usize),
     ) -> RecomputedSample {
         let is_measured = !self.attitude.is_empty() && !same_draws && diverged == 0;
         let says = target.filter(|_| lost > 0 || is_measured);
@@ -203,7 +203,7 @@ impl Errors {
             target: target.copied(),
             beyond: target.map_or(0, |target| self.beyond(target)),
             same_draws,
-            met: says.map(|target| is_whole(target) && self.meets(target)),
+            met: says.map(|target| is_whole(target) && self.meets(target, all)),
             attitude: Quantiles::of(&mut self.attitude),
             angular_velocity: Quantiles::of(&mut self.angular_velocity),
             kinetic_energy: Quantiles::of(&mut self.energy),
@@ -221,16 +221,31 @@ mod tests {
     #[test]
     fn a_run_that_lost_bodies_has_not_met_its_target() {
         let asked = Accuracy::attitude(1e-6);
-        let met = |lost, failed| Errors::default().into_recomputed_sample(Some(&asked), false, (lost, 0), failed).met;
+        let met =
+            |lost, failed| Errors::default().into_recomputed_sample(Some(&asked), false, (lost, 0), (failed, 9)).met;
         assert_eq!([met(0, 0.0), met(1, 0.5), met(1, 1e-9)], [None, Some(false), Some(false)]);
         let mut errors = Errors::default();
         errors.attitude.push(1e-9);
         errors.angular_velocity.push(0.0);
         errors.energy.push(0.0);
         assert_eq!(
-            errors.into_recomputed_sample(Some(&asked), false, (0, 0), 0.02).met,
+            errors.into_recomputed_sample(Some(&asked), false, (0, 0), (0.02, 9)).met,
             Some(false),
             "more than the percentile leaves out"
         );
+    }
+
+    /// Of 20 bodies 99 % are all of them. As a sample of more, one beyond is no wonder.
+    #[test]
+    fn a_sample_of_all_bodies_leaves_nothing_to_chance() {
+        let met = |beyond: usize, count: usize, all: usize| {
+            let mut errors = Errors::default();
+            errors.attitude = (0..count).map(|body| if body < beyond { 1e-3 } else { 1e-9 }).collect();
+            errors.angular_velocity = vec![0.0; count];
+            errors.energy = vec![0.0; count];
+            errors.into_recomputed_sample(Some(&Accuracy::attitude(1e-6)), false, (0, 0), (0.0, all)).met
+        };
+        assert_eq!([met(0, 20, 20), met(1, 20, 20), met(1, 20, 21)], [Some(true), Some(false), Some(true)]);
+        assert_eq!([met(1, 100, 100), met(2, 100, 100), met(2, 100, 101)], [Some(true), Some(false), Some(true)]);
     }
 }
