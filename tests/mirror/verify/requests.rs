@@ -68,9 +68,9 @@ fn the_report_reads_well() {
     insta::assert_snapshot!(without_numbers(&report.to_string()), @r"
     N bodies on the CPU, as planned
 
-    23 driven, rk4 in f64, steps of 1.562e-2 s at most; torque 1 (linear-drag), torque 2 (sinusoidal)
+    25 driven, rk4 in f64, steps of 1.562e-2 s at most; torque 1 (linear-drag), torque 2 (sinusoidal)
       steps 1 to 8 of 64
-      CPU lanes against the scalar twin: 737 numbers
+      CPU lanes against the scalar twin: 801 numbers
         orientation ...
         norm of the quaternion ...
         angular momentum ...
