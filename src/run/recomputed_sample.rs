@@ -239,10 +239,9 @@ mod tests {
     #[test]
     fn a_sample_of_all_bodies_leaves_nothing_to_chance() {
         let met = |beyond: usize, count: usize, all: usize| {
-            let mut errors = Errors::default();
-            errors.attitude = (0..count).map(|body| if body < beyond { 1e-3 } else { 1e-9 }).collect();
-            errors.angular_velocity = vec![0.0; count];
-            errors.energy = vec![0.0; count];
+            let attitude = (0..count).map(|body| if body < beyond { 1e-3 } else { 1e-9 }).collect();
+            let errors =
+                Errors { attitude, angular_velocity: vec![0.0; count], energy: vec![0.0; count], ..Errors::default() };
             errors.into_recomputed_sample(Some(&Accuracy::attitude(1e-6)), false, (0, 0), (0.0, all)).met
         };
         assert_eq!([met(0, 20, 20), met(1, 20, 20), met(1, 20, 21)], [Some(true), Some(false), Some(true)]);

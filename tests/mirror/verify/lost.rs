@@ -46,7 +46,7 @@ fn steps_too_long_for_their_method_are_without_a_bound() {
             for (precision, dt) in
                 Precision::ALL.iter().flat_map(|&precision| [1.0, 1.5, 2.0, 3.0, 5.0].map(|dt| (precision, dt)))
             {
-                let scene = scene(&[top.clone()]).until(8.0 * dt).pinned(method, dt, Some(precision));
+                let scene = scene(std::slice::from_ref(&top)).until(8.0 * dt).pinned(method, dt, Some(precision));
                 let report = verified(&engine, &scene);
                 assert_eq!(report.parting(), None, "{method} in {precision}, {dt} s: {report}");
                 without += judged(&report).map(|side| side.undecided + side.lost).sum::<u64>();
