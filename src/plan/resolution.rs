@@ -13,6 +13,7 @@ use super::driven::TorqueSet;
 use super::grouping::stepped_bodies;
 use super::pilot::{Found, PROBED_STEPS, Pilot};
 use super::reference::SATURATED;
+use super::sampling::left_out;
 use super::statistical::{StatisticError, worst_times};
 use super::statistical_pilot;
 use super::time_limit::TimeLimit;
@@ -259,7 +260,7 @@ impl Resolution {
     fn check_f32(&self, scene: &Scene, accuracy: &Accuracy, wanted: Option<Precision>) -> Result<()> {
         let Self::Accuracy { tolerance, uniform_rate, .. } = self else { return Ok(()) };
         let ((missed, strictest), count) = (accuracy.strictest_target(), scene.ensemble().len());
-        let left_out = ((1.0 - 0.01 * accuracy.percentile) * count as f64) as usize;
+        let may_miss = left_out(0.01 * accuracy.percentile, count);
         let floor = |body: usize| {
             let classification = at_rate(classify(scene, body, tolerance), *uniform_rate);
             match (classification.torques.is_empty() && scene.may_skip(), classification.verdict.shape) {
@@ -270,14 +271,14 @@ impl Resolution {
             }
         };
         let mut floors: Vec<f64> = (0..count).into_par_iter().map(floor).filter(|&floor| floor > strictest).collect();
-        if floors.len() <= left_out {
+        if floors.len() <= may_miss {
             return Ok(());
         }
         floors.sort_by(|a, b| b.total_cmp(a));
         Err(Error::AccuracyOutOfReach {
             target: Box::new(*accuracy),
             missed,
-            factor: floors[left_out] / strictest,
+            factor: floors[may_miss] / strictest,
             method: if scene.may_skip() && scene.torques().is_empty() { CLOSED_FORM } else { COSTS[0].scheme.name() },
             precision: Precision::F32,
             remedy: if wanted == Some(Precision::F32) { F32_MISSES } else { F64_ELSEWHERE },

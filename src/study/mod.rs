@@ -78,7 +78,7 @@
 //! * A number may be a distribution, and so may a vector or an orientation: [`distribution`] has all of them. `[correlated.NAME]`
 //!   declares numbers that are drawn together.
 //! * `[orbit]`: `mu` and the keys of a torque's `orbit`, for all torques that need an orbit and state neither. With `j2` the orbit drifts
-//!   ([`crate::torque::orbit`]).
+//!   ([`crate::torque::orbit::drift`]).
 //! * `[[sweep]]` and `[design]`: parameters that take several values in one run ([`sweep`]); `{ sweep = "name" }` stands for a number.
 //! * `[output] initial = true` writes `initial.csv`: what each body starts with, and was drawn with. `bodies.carry = ["operator"]`
 //!   takes further columns of the table of bodies there.

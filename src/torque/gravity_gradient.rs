@@ -22,7 +22,7 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
     let source = "P. C. Hughes, Spacecraft Attitude Dynamics, 1986, equation 8.1.14";
     Declaration::new("gravity-gradient", "τ = 3 μ/r³ u × I u, u = Rᵀ r̂", source)
         .parameters(orbit::parameters())
-        .parameters(orbit::drift_parameters())
+        .parameters(orbit::drift::parameters())
 });
 
 impl Torque {
@@ -40,7 +40,7 @@ impl Model for GravityGradient {
 
     fn kind(&self, values: Values<'_>) -> Kind {
         match orbit::is_circular(values) {
-            _ if orbit::is_drifting(values) => Kind::GravityGradientDrifting,
+            _ if orbit::drift::is_drifting(values) => Kind::GravityGradientDrifting,
             true => Kind::GravityGradient,
             false => Kind::GravityGradientKepler,
         }
@@ -83,7 +83,7 @@ impl Model for GravityGradient {
     }
 
     fn sets_phase_rate(&self, values: Values<'_>, parameter: &ParameterDeclaration) -> bool {
-        orbit::sets_phase_rate(values, parameter)
+        orbit::drift::sets_phase_rate(values, parameter)
     }
 }
 

@@ -3,7 +3,8 @@
 use std::ops::Range;
 
 use super::formula::{Column, Epoch, Formula, MOST_PHASES, Row};
-use super::orbit::{DRIFTING_COLUMNS, DRIFTING_NUMBERS, DRIFTING_PHASES, DriftingOrbit, gradient_torque};
+use super::orbit::drift::{DRIFTING_COLUMNS, DRIFTING_NUMBERS, DRIFTING_PHASES, DriftingOrbit};
+use super::orbit::gradient_torque;
 use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
 use crate::math::vector::Vector;

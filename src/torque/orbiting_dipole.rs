@@ -8,9 +8,8 @@ use glam::{DQuat, DVec3};
 use std::sync::LazyLock;
 
 use super::gravity_gradient_kepler::place_and_cube;
-use super::orbit::{
-    self, DRIFTING_COLUMNS, DRIFTING_NUMBERS, DRIFTING_PHASES, DriftingOrbit, ELEMENTS, Elements, elements,
-};
+use super::orbit::drift::{DRIFTING_COLUMNS, DRIFTING_NUMBERS, DRIFTING_PHASES, DriftingOrbit};
+use super::orbit::{self, ELEMENTS, Elements, elements};
 use super::{
     Declaration, Frame, Kind, Model, Orbit, Parameter, ParameterDeclaration, Preset, Torque, ValidationContext, Value,
     Values,
@@ -33,7 +32,7 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
         .parameters(orbit::parameters())
         .parameters([ParameterDeclaration::vector("moment", "A m²", Frame::Body, "the magnetic moment m").factor()])
         .parameters(field_parameters())
-        .parameters(orbit::drift_parameters())
+        .parameters(orbit::drift::parameters())
 });
 const MOMENT: usize = ELEMENTS;
 
@@ -59,7 +58,7 @@ impl Model for OrbitingDipole {
     }
 
     fn kind(&self, values: Values<'_>) -> Kind {
-        if orbit::is_drifting(values) { Kind::OrbitingDipoleDrifting } else { Kind::OrbitingDipole }
+        if orbit::drift::is_drifting(values) { Kind::OrbitingDipoleDrifting } else { Kind::OrbitingDipole }
     }
 
     fn validate(&self, values: Values<'_>, context: &ValidationContext) -> Result<()> {
@@ -87,7 +86,7 @@ impl Model for OrbitingDipole {
     }
 
     fn sets_phase_rate(&self, values: Values<'_>, parameter: &ParameterDeclaration) -> bool {
-        orbit::sets_phase_rate(values, parameter)
+        orbit::drift::sets_phase_rate(values, parameter)
     }
 }
 
@@ -143,7 +142,7 @@ pub(super) fn field_columns(values: Values<'_>, body: usize, drifts: bool, out: 
 pub(super) fn field_phase_rates(values: Values<'_>, body: usize) -> Rates {
     let rotation = (values.number(ROTATION).at(body), 0.0);
     let [anomaly, pericentre, node] = elements(values, body).rates();
-    match orbit::is_drifting(values) {
+    match orbit::drift::is_drifting(values) {
         true => [anomaly, pericentre, node, rotation],
         false => rates([anomaly, rotation]),
     }

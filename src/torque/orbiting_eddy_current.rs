@@ -39,7 +39,7 @@ static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
         .parameters(orbit::parameters())
         .parameters([coefficient.valid(Validity::NotNegative).factor()])
         .parameters(field_parameters())
-        .parameters(orbit::drift_parameters())
+        .parameters(orbit::drift::parameters())
 });
 const COEFFICIENT: usize = ELEMENTS;
 
@@ -65,7 +65,7 @@ impl Model for OrbitingEddyCurrent {
     }
 
     fn kind(&self, values: Values<'_>) -> Kind {
-        if orbit::is_drifting(values) { Kind::OrbitingEddyCurrentDrifting } else { Kind::OrbitingEddyCurrent }
+        if orbit::drift::is_drifting(values) { Kind::OrbitingEddyCurrentDrifting } else { Kind::OrbitingEddyCurrent }
     }
 
     fn validate(&self, values: Values<'_>, context: &ValidationContext) -> Result<()> {
@@ -85,7 +85,7 @@ impl Model for OrbitingEddyCurrent {
     }
 
     fn sets_phase_rate(&self, values: Values<'_>, parameter: &ParameterDeclaration) -> bool {
-        orbit::sets_phase_rate(values, parameter)
+        orbit::drift::sets_phase_rate(values, parameter)
     }
 }
 

@@ -190,7 +190,8 @@ pub struct Comparison {
     /// Steps of a body whose bound is not known, as a decision hangs on rounding or the torques are too long to be recorded together: only
     /// what is no number is a fault in them.
     pub undecided: u64,
-    /// Steps after which the side that is compared with has lost the body, or both overflow: nothing of it is compared.
+    /// Steps after which the body is lost: numbers have overflowed, or both sides have the same components that are none. Nothing of it is
+    /// compared.
     pub lost: u64,
     /// The largest differences, one a field.
     pub largest: Vec<Largest>,
@@ -287,17 +288,24 @@ pub(super) fn excess(gap: &Gap, bound: Option<f64>) -> Option<f64> {
     }
 }
 
-/// Whether a body is lost, so that nothing can be said by it: the twin's state has a component that is no finite number,
-/// or the other side's has one and the twin's is so large that the order of the operations decides which of their products overflow.
+/// Whether a body is lost, so that nothing can be said by it: the same components are no finite numbers on both sides, or others are where
+/// numbers are so large that the order of the operations decides which products overflow. What is no number on one side alone
+/// of a body of moderate numbers is a fault.
 pub(super) fn is_lost(expected: &[f64], found: &[f64], precision: Precision) -> bool {
+    if expected.iter().chain(found).all(|x| x.is_finite()) {
+        return false;
+    }
     let greatest = match precision {
         Precision::F32 => f64::from(f32::MAX),
         Precision::F64 => f64::MAX,
     };
-    let is_finite = |state: &[f64]| state.iter().all(|x| x.is_finite());
-    let overflows = || expected.iter().any(|x| x.abs() >= greatest.sqrt());
-    !is_finite(expected) || (!is_finite(found) && overflows())
+    let is_large = |x: &f64| x.is_finite() && x.abs() >= greatest.powf(1.0 / FACTORS);
+    let coincide = expected.iter().zip(found).all(|(a, b)| a.is_finite() == b.is_finite());
+    coincide || expected.iter().chain(found).any(is_large)
 }
+
+/// Factors of the longest products that the stages of one step make of the numbers of a state at its end.
+const FACTORS: f64 = 8.0;
 
 /// The distance between neighbouring numbers at `x` ≥ 0; of the least normal number below it.
 fn ulp(x: f64, precision: Precision) -> f64 {

@@ -234,7 +234,8 @@ pub(super) fn enter_state(
 ) -> Option<bool> {
     let (before, after) = (expected.combined(row), found.combined(row));
     // A quaternion of zeros is no orientation.
-    if is_lost(&before, &after, precision) || before[..4].iter().all(|&q| q == 0.0) {
+    let is_none = [&before, &after].into_iter().all(|state| state[..4].iter().all(|&q| q == 0.0));
+    if is_none || is_lost(&before, &after, precision) {
         return None;
     }
     let [across, along, momentum] = gaps(&before, &after);

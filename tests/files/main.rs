@@ -24,6 +24,7 @@ mod summary;
 #[path = "../support/mod.rs"]
 mod support;
 mod sweeps;
+mod times;
 mod units;
 #[path = "../support/workspace.rs"]
 mod workspace;

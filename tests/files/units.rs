@@ -7,7 +7,7 @@ use std::path::Path;
 use polhode::Plan;
 use polhode::engine::Engine;
 use polhode::study::Study;
-use polhode::torque::orbit::{EARTH_EQUATORIAL_RADIUS, EARTH_J2};
+use polhode::torque::orbit::drift::{EARTH_EQUATORIAL_RADIUS, EARTH_J2};
 use polhode::torque::{Orbit, Torque};
 
 use crate::workspace::Workspace;

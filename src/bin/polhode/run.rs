@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use polhode::bodies::Blocks;
 use polhode::plan::PlanDocument;
+use polhode::plan::explain::SampleRow;
 use polhode::record::{OutputFolder, Report, Shard, is_complete};
 use polhode::run::{OutputSize, run_part_to_folder, run_to_folder};
 use polhode::study::Study;
@@ -103,8 +104,8 @@ fn run_until_written(
     let plan = plan(arguments, (&study, &scene), &engine, document.as_ref())?;
 
     check_disk(&folder, OutputSize::of(&plan, wanted), arguments.quiet)?;
-    check_time(&plan, &study, 1.0, arguments)?;
-    let mut watch = Watch::new(arguments.quiet).with_sample(plan.explain().sample);
+    let sample = check_time(&plan, &study, 1.0, arguments)?;
+    let mut watch = Watch::new(arguments.quiet).with_sample(sample);
     let mut observe = |progress| watch.observe(progress);
     let done = match document.as_ref().filter(|_| part.is_some()) {
         None => run_to_folder(&engine, &plan, Some(&study), wanted, folder, since, &mut observe),
@@ -203,21 +204,21 @@ pub fn check_disk(folder: &OutputFolder, size: OutputSize, quiet: bool) -> Resul
 }
 
 /// Says of a run how long it will take, where that is known and long, and refuses one that is longer than anyone means; the plan's bodies stand
-/// for `times` as many.
-pub fn check_time(plan: &Plan<'_>, study: &Study, times: f64, arguments: &RunArguments) -> Result<(), Failure> {
+/// for `times` as many. Gives what is recomputed of them.
+pub fn check_time(plan: &Plan<'_>, study: &Study, times: f64, arguments: &RunArguments) -> Result<SampleRow, Failure> {
     let explanation = plan.explain();
+    let sample = explanation.sample;
     // Of classes whose time is not known at least nothing.
     let seconds: f64 = explanation.classes.iter().filter_map(|class| class.seconds).sum::<f64>() * times;
     if seconds > MOST && !arguments.however_long {
         return Err(study.located(polhode::Error::RunTime { days: seconds / DAY }).into());
     }
     if arguments.quiet {
-        return Ok(());
+        return Ok(sample);
     }
     if let Some(seconds) = explanation.seconds().map(|seconds| seconds * times).filter(|seconds| *seconds >= LONG) {
         output::note(&format!("note: about {} of computing are expected; Ctrl-C ends the run", time(seconds)));
     }
-    let sample = explanation.sample;
     let is_dear = |of_sample: &f64| *of_sample >= DEAR_SAMPLE && *of_sample >= SHARE_OF_SAMPLE * seconds;
     if let Some(of_sample) = sample.seconds.filter(is_dear) {
         output::note(&format!(
@@ -226,7 +227,7 @@ pub fn check_time(plan: &Plan<'_>, study: &Study, times: f64, arguments: &RunArg
             sample.bodies
         ));
     }
-    Ok(())
+    Ok(sample)
 }
 
 /// A time in words.

@@ -1,12 +1,12 @@
 //! Arrays as [`crate::record::npz_file`] writes them: not compressed, one a column.
 
 use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom};
+use std::io::{Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::Path;
 
 use super::Values;
-use super::{Shape, TableRows, read_failed, wrong};
+use super::{Shape, TableRows, read_failed, sum, wrong};
 use crate::error::Result;
 use crate::record::column::StateRows;
 
@@ -183,19 +183,6 @@ impl NpzTable {
 
 /// Bytes of a local header without name and extra fields.
 const LOCAL: usize = 30;
-
-/// The CRC-32 of some bytes of a file, of which a part at a time is in memory.
-pub(super) fn sum(file: &mut File, bytes: Range<u64>) -> io::Result<u32> {
-    file.seek(SeekFrom::Start(bytes.start))?;
-    let mut left = file.take(bytes.end - bytes.start);
-    let (mut checksum, mut buffer) = (crc32fast::Hasher::new(), vec![0; 1 << 18]);
-    loop {
-        match left.read(&mut buffer)? {
-            0 => return Ok(checksum.finalize()),
-            count => checksum.update(&buffer[..count]),
-        }
-    }
-}
 
 /// What the directory says of an array.
 struct Entry {

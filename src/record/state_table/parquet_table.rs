@@ -12,8 +12,7 @@ use parquet::file::reader::{FileReader, RowGroupReader};
 use parquet::file::serialized_reader::SerializedFileReader;
 
 use super::Values;
-use super::npz_table::sum;
-use super::{Shape, TableRows, read_failed, wrong};
+use super::{Shape, TableRows, read_failed, sum, wrong};
 use crate::error::Result;
 use crate::record::column::{self, StateRows};
 use crate::record::parquet_file::SUMS;

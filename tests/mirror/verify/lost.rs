@@ -7,7 +7,7 @@ use polhode::engine::Engine;
 use polhode::math::Precision;
 use polhode::scene::AdaptiveSteps;
 use polhode::torque::Parameters;
-use polhode::verify::{Comparison, Report, Verdict, verify};
+use polhode::verify::{Comparison, Options, Report, Verdict, verify};
 use polhode::{Method, Scene, Torque};
 
 use super::{DT, common, scene, steps, workspace};
@@ -53,6 +53,20 @@ fn steps_too_long_for_their_method_are_without_a_bound() {
             }
             assert!(without > 0, "{method}");
         }
+    }
+}
+
+/// A formula that is none for one side alone is a fault of moderate numbers, whichever side that is.
+#[test]
+fn what_is_no_number_on_one_side_alone_parts() {
+    let formula = |text: &str| vec![Torque::custom(text, Parameters::new()).expect("a formula")];
+    let [root, none] = ["vec(1e-3 * sqrt(0.05 - time), 0, 0)", "vec(1e-3 * sqrt(abs(0.05 - time)), 0, 0)"].map(formula);
+    for (own, twin) in [(&root, &none), (&none, &root)] {
+        let scene = scene(own).pinned(Method::Rk4, DT, Some(Precision::F64));
+        let options = Options { twin_torques: Some(twin.clone()), ..steps(8) };
+        let report = verify(&Engine::cpu(), &scene, &options).expect("both sides run");
+        let parting = report.parting().unwrap_or_else(|| panic!("{report}"));
+        assert!(parting.step > 1 && parting.difference.is_infinite(), "{report}");
     }
 }
 
