@@ -6,7 +6,7 @@
 //!
 //! dΩ/dt = −3/2 n J₂ (R/p)² cos i, dω/dt = 3/4 n J₂ (R/p)² (4 − 5 sin² i), dM/dt = n + 3/4 n J₂ (R/p)² √(1 − e²) (2 − 3 sin² i).
 //!
-//! An orbit follows these rates where [`Orbit::with_j2`] asks for it; a, e and i are constant. Elements are mean ones: periodic changes
+//! An orbit follows these rates where [`Orbit::with_j2`](super::Orbit::with_j2) asks for it; a, e and i are constant. Elements are mean ones: periodic changes
 //! of the first order in J₂, some kilometres in an orbit near the Earth, and rates of the second order, J₂² n, are left out. The axis of the
 //! centre's figure is the world's z axis.
 
