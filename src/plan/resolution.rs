@@ -11,7 +11,7 @@ use super::cost::work::Work;
 use super::cost::{COSTS, Costs};
 use super::driven::TorqueSet;
 use super::grouping::stepped_bodies;
-use super::pilot::{Found, PROBED_STEPS, Pilot};
+use super::pilot::{Found, HEAVIER, PROBED_STEPS, Pilot};
 use super::reference::SATURATED;
 use super::sampling::left_out;
 use super::statistical::{StatisticError, worst_times};
@@ -222,6 +222,7 @@ impl Resolution {
                 is_cut: false,
                 is_brief: statistical.is_some(),
                 difficulty: 1.0,
+                tail: HEAVIER,
                 limit,
                 later: 0.0,
             };
