@@ -276,7 +276,9 @@ fn trial(
             }
         });
     }
-    trial.left = if untried && taken && !last { STEP_ROUNDINGS * u * h } else { 0.0 };
+    // Both rests are compared in one word, to which each is rounded.
+    let rounded = f64::EPSILON * whole(&after.left);
+    trial.left = if untried && taken && !last { STEP_ROUNDINGS * u * h + rounded } else { 0.0 };
     let Some(bound) = bound else {
         (trial.bound, trial.next, trial.is_close) = (None, None, true);
         return trial;
@@ -399,11 +401,7 @@ fn enter(
     let left = Gap::number(Field::Left, whole(&own.left), whole(&other.left));
     let mut parts = comparison.enter(&left, Some(trial.left), precision, place);
     let mut next = Gap::number(Field::NextStep, own.step, other.step);
-    let bound = trial.next.map(|[least, most]| {
-        // What lies between the two is no difference.
-        let beyond = (least - other.step).max(other.step - most).max(0.0);
-        if beyond > 0.0 { next.difference - beyond } else { next.difference.max((most - least) * 0.5) }
-    });
+    let bound = trial.next.map(|[least, most]| if other.step < own.step { own.step - least } else { most - own.step });
     if !other.step.is_finite() && own.step.is_finite() {
         next.difference = f64::INFINITY;
     }

@@ -130,7 +130,7 @@ fn measured_at_long_steps(method: Method, precision: Precision) -> f64 {
 }
 
 /// What a difference may come to: bounds are derived, and beyond four times what was measured something has changed.
-const MEASURED_TIMES: f64 = 4.0;
+pub(super) const MEASURED_TIMES: f64 = 4.0;
 
 fn agrees_under_every_torque(engine: &Engine, method: Method) {
     for (name, torques) in sets(method) {
