@@ -89,6 +89,15 @@ pub(crate) fn store_row<T: Scalar>(
     }
 }
 
+/// Moves some rows, ascending, of columns that are `stride` apart to the front, in their order; what stands behind them is of no body.
+pub(crate) fn keep_rows<T: Copy>(columns: &mut [T], stride: usize, rows: &[usize]) {
+    if stride > 0 {
+        for column in columns.chunks_exact_mut(stride) {
+            rows.iter().enumerate().for_each(|(to, &from)| column[to] = column[from]);
+        }
+    }
+}
+
 /// Some rows of every column.
 pub(crate) type ColumnPart<'a, T> = Vec<&'a mut [T]>;
 

@@ -148,7 +148,7 @@ impl OutputSize {
         let ensemble = plan.scene().ensemble();
         let times = output.snapshots as u64 * plan.times().len() as u64 + output.final_state as u64;
         let rows = times.saturating_mul(ensemble.len() as u64);
-        let numbers = Layout::of_output(output, ensemble.translation().is_some(), None).columns.len() as u64;
+        let numbers = Layout::of_output(output, plan.scene(), None).columns.len() as u64;
         let (least, likely) = match output.format {
             Format::Csv => {
                 let status = csv_file::STATUS_BYTES;
@@ -268,7 +268,7 @@ pub(super) fn run_files(
     let output = &Output { final_state: output.final_state && of_all.is_none(), ..output.clone() };
     let metadata = metadata(study, &plan_text);
     folder.add_metadata(metadata.clone());
-    let layout = Layout::of_output(output, plan.scene().ensemble().translation().is_some(), cells);
+    let layout = Layout::of_output(output, plan.scene(), cells);
     let columns = layout.columns.clone();
     let tables = StateTables::begin(&mut folder, output, layout, plan, of_all)?;
     let ((mut trust, kept), mut spent) = tables.while_running(|queue| {

@@ -24,6 +24,7 @@ mod files;
 mod group_run;
 #[cfg(feature = "study")]
 mod initial_file;
+mod kept;
 #[cfg(feature = "study")]
 mod merge;
 mod observed;

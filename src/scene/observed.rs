@@ -146,6 +146,11 @@ impl Scene {
         &self.observed
     }
 
+    /// Whether an event stops bodies ([`Event::stopping`]).
+    pub fn stops(&self) -> bool {
+        self.observed.events.iter().any(Event::stops)
+    }
+
     /// Whether anything is asked of the bodies at every output time beside their states.
     pub fn observes(&self) -> bool {
         let Observed { statistics, histograms, events, .. } = &self.observed;
