@@ -484,6 +484,9 @@ fn skips(scene: &Scene, groups: &[Group], outputs: usize) -> Vec<Skip> {
     if matches!(scene.output_times(), Outputs::End) && !scene.records_start() {
         add(SkipName::Outputs, body_count, Bound::default());
     }
+    if scene.stops() && scene.may_skip() {
+        add(SkipName::Stopped, body_count, Bound::default());
+    }
     if leaves_states(scene) {
         let bytes =
             |group: &Group| group.treatment.state_bytes().saturating_mul((group.members.len() * outputs) as u64);

@@ -14,7 +14,7 @@ use crate::record::failed_file;
 use crate::record::folder::{Metadata, OutputFile, OutputFolder, PLAN, REPORT, write_whole};
 use crate::record::observed_files::{write_events, write_histograms};
 use crate::record::part_file::{BLOCKS, BlocksLine, EVENTS, EventEntry, PART, PartContents, PartFile};
-use crate::record::report::{EventReport, Report, StatisticsReport, StudyReport};
+use crate::record::report::{EventReport, Report, StatisticsReport, StoppedReport, StudyReport};
 use crate::record::statistics_file::StatisticsFile;
 use crate::record::{EventRecord, Gathered, HistogramCounts, OutputState, Sink, Statistics};
 use crate::run::outcome::Outcome;
@@ -311,6 +311,7 @@ pub(super) fn run_files(
     let mut report = Report::new(study.map(StudyReport::of), plan, trust);
     report.statistics = kept.at_end.as_ref().map(StatisticsReport::from);
     report.events = kept.events.iter().map(|record| EventReport::new(record, scene.end())).collect();
+    report.stopped = StoppedReport::of(&kept.events);
     report.files = folder.names().to_vec();
     report.files.extend(is_part.then(|| PART.to_owned()));
     report.wall_time.study = (study_seconds - report.wall_time.plan).max(0.0);

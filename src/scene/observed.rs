@@ -122,6 +122,14 @@ impl Scene {
         self
     }
 
+    /// The same scene with nothing asked of its bodies but what stops them.
+    pub(crate) fn only_stopping(mut self) -> Self {
+        let events = self.observed.events.drain(..).filter(Event::stops).collect();
+        self.observed = Observed { events, ..Observed::default() };
+        self.statistical = None;
+        self
+    }
+
     /// The quantities of which statistics are recorded.
     pub fn wanted_statistics(&self) -> &[Quantity] {
         &self.observed.statistics
