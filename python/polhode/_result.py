@@ -251,6 +251,7 @@ class EventRecord:
     name, quantity, unit, condition : str
     level : float, in the unit
     occurrence : int, which time counts, from 1
+    action : str, "record" or "stop"
     bodies : int, of the run
     body : (m,)
     time : (m,), s
@@ -258,6 +259,7 @@ class EventRecord:
     orientation : (m, 4), then: unit quaternions x, y, z, w, body to world
     angular_velocity_body : (m, 3), then: rad/s, body axes
     failed_body, failed_time : (k,), those that failed without having had it, and when that was seen, s
+    stopped_body, stopped_time : (k,), those that another event stopped without their having had it, and when, s
     median : float, s, when the share is one half, or None
     survival : Survival
     """
@@ -268,6 +270,7 @@ class EventRecord:
     condition: str
     level: float
     occurrence: int
+    action: str
     bodies: int
     body: NDArray[np.int64]
     time: NDArray[np.float64]
@@ -276,6 +279,8 @@ class EventRecord:
     angular_velocity_body: NDArray[np.float64]
     failed_body: NDArray[np.int64]
     failed_time: NDArray[np.float64]
+    stopped_body: NDArray[np.int64]
+    stopped_time: NDArray[np.float64]
     median: float | None
     survival: Survival
 

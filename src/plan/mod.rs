@@ -18,7 +18,7 @@ use crate::kernel::free_motion::SetUp;
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::LEAST_STEP;
 use crate::math::Precision;
-use crate::scene::{Event, AdaptiveSteps, Outputs, Scene, Stepping};
+use crate::scene::{AdaptiveSteps, Event, Outputs, Scene, Stepping};
 use crate::torque::Torque;
 use crate::torque::force::Force;
 

@@ -187,7 +187,11 @@ mod tests {
             event: Event::new("e", Quantity::SpinRate, Condition::Below(1.0)).expect("a level"),
             bodies,
             occurrences: times.iter().enumerate().map(occurrence).collect(),
-            censored: censored.iter().enumerate().map(|(body, &time)| Censored { body, time, stopped: false }).collect(),
+            censored: censored
+                .iter()
+                .enumerate()
+                .map(|(body, &time)| Censored { body, time, stopped: false })
+                .collect(),
             errors: EventErrors::default(),
         }
     }

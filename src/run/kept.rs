@@ -62,7 +62,10 @@ mod tests {
     #[test]
     fn rows_are_found_after_others_were_left_out_twice() {
         let mut kept = Kept::default();
-        assert_eq!((kept.count(10), kept.row(7), kept.session_row(7), kept.session_rows(&(2..5))), (10, 7, Some(7), 2..5));
+        assert_eq!(
+            (kept.count(10), kept.row(7), kept.session_row(7), kept.session_rows(&(2..5))),
+            (10, 7, Some(7), 2..5)
+        );
         let moving = kept.next(10, |row| row % 2 == 1).expect("half of them stand");
         kept.keep(&moving);
         assert_eq!((kept.count(10), kept.row(3), kept.session_row(6), kept.session_row(7)), (5, 6, Some(3), None));

@@ -428,7 +428,8 @@ impl<'p> Run<'p> {
             scope.spawn(|_| drift = gathered.finish());
             recomputed(plan, &sample, &sampled_stops, &mut |_| observer(Progress { done, total }))
         })?;
-        let recomputed_centres = recomputed_centres(plan, &sample, &sampled_stops, &mut |_| observer(Progress { done, total }))?;
+        let recomputed_centres =
+            recomputed_centres(plan, &sample, &sampled_stops, &mut |_| observer(Progress { done, total }))?;
         let has_failed = |body: usize| failures.binary_search_by_key(&body, |failed| failed.body).is_ok();
         let mut events = observation.map(Observation::finish);
         let mut statistics = None;
@@ -477,7 +478,8 @@ impl<'p> Run<'p> {
             precision: plan.precision(),
             longest_step: plan.longest_step(),
             parts: plan.parts(),
-            body_steps: plan.body_steps().saturating_sub(spared) + adaptive.map_or(0, |work| work.accepted.total + work.rejected.total),
+            body_steps: plan.body_steps().saturating_sub(spared)
+                + adaptive.map_or(0, |work| work.accepted.total + work.rejected.total),
             adaptive,
             traffic,
             drift,

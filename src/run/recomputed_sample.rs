@@ -77,7 +77,8 @@ pub(super) fn recomputed(
                 references.extend(adaptively(plan, &torques, (driven, stops), (method, &steps), observer)?);
                 continue;
             }
-            let found = torque_work::recomputed(scene, &torques, alike(plan, group, &torques, (driven, stops)), observer)?;
+            let found =
+                torque_work::recomputed(scene, &torques, alike(plan, group, &torques, (driven, stops)), observer)?;
             let reference = |Recomputed { body, state, work }| Reference { body, state, work: Some(work) };
             references.extend(found.into_iter().map(reference));
         }
@@ -194,7 +195,8 @@ fn alike(
     for body in members {
         let step_of_body = REFERENCE_ANGLE / rate(body as usize);
         let step = |halvings: i32| coarse * 0.5_f64.powi(halvings);
-        let is_enough = |halvings: &i32| step(*halvings) <= step_of_body || step(*halvings) * MOST_REFINEMENT <= longest;
+        let is_enough =
+            |halvings: &i32| step(*halvings) <= step_of_body || step(*halvings) * MOST_REFINEMENT <= longest;
         let halvings = (0..).find(is_enough).unwrap_or(0);
         by_halvings.entry((halvings, own(body))).or_default().push(body);
     }

@@ -237,7 +237,8 @@ fn histogram(table: &Table<'_>, own: &[Quantity]) -> Result<Histogram> {
 /// An event, and its name's place.
 fn event<'a>(table: &Table<'a>, own: &[Quantity]) -> Result<(Event, Node<'a>)> {
     let conditions: Vec<&str> = Condition::ALL.iter().map(|condition| condition.name()).collect();
-    let keys: Vec<&str> = ["name", "quantity", "occurrence", "action"].into_iter().chain(conditions.iter().copied()).collect();
+    let keys: Vec<&str> =
+        ["name", "quantity", "occurrence", "action"].into_iter().chain(conditions.iter().copied()).collect();
     table.only(&keys)?;
     let name_node = table.need("name", "expected the event's name in events and survival")?;
     let name = name_node.string("expected a text")?;

@@ -1,7 +1,8 @@
 //! Events that stop bodies: where they stand, against closed forms, on every engine and by every kind of steps, and what they cost no more.
 
 use glam::{DQuat, DVec3};
-use polhode::bodies::{Status, Translation};
+use polhode::bodies::Status;
+use polhode::bodies::ensemble::Translation;
 use polhode::kernel::free_motion::FreeMotion;
 use polhode::record::{EventTime, Record};
 use polhode::scene::{AdaptiveSteps, Condition, Event};
@@ -213,7 +214,8 @@ fn a_run_in_which_half_of_the_bodies_stop_half_way_takes_three_quarters_of_the_s
 
 #[test]
 fn of_several_stopping_events_the_earliest_counts_and_later_ones_are_censored() {
-    let event = |name: &str, level: f64| Event::new(name, Quantity::SpinRate, Condition::Below(level)).expect("a level");
+    let event =
+        |name: &str, level: f64| Event::new(name, Quantity::SpinRate, Condition::Below(level)).expect("a level");
     for (name, engine) in engines() {
         // All between the same two outputs, in both orders of the list.
         let scene = slowing().outputs(Outputs::End).pinned(Method::Rk8, 0.05, Some(Precision::F64));
@@ -320,7 +322,7 @@ fn statistics_count_a_stopped_body_with_its_last_value() {
 #[test]
 fn under_a_random_torque_a_body_stops_at_an_output() {
     for (name, engine) in engines() {
-        let scene = slowing().torque(Torque::white_noise(0.05, 5)).pinned(Method::Rk4, 0.125, Some(Precision::F64));
+        let scene = slowing().torque(Torque::white_noise(0.05, 5)).pinned(Method::Rk4, 0.015625, Some(Precision::F64));
         let stopped = run(&scene.clone().event(slow().stopping()), &engine);
         let recorded = run(&scene.event(slow()), &engine);
         assert_eq!(stopped.events()[0].occurrences, recorded.events()[0].occurrences, "{name}");
@@ -330,7 +332,9 @@ fn under_a_random_torque_a_body_stops_at_an_output() {
             let own = recorded.snapshots().iter().find(|snapshot| snapshot.time() == time).expect("an output");
             assert_eq!(stopped.final_state().orientation(body), own.orientation(body), "{name}: body {body}");
         }
-        assert!(stopped.trust().recomputed_sample.attitude.max < 1e-3, "{name}");
+        // The sample has the run's draws, up to the stop.
+        let attitude = stopped.trust().recomputed_sample.attitude.max;
+        assert!(attitude < 1e-4, "{name}: {attitude:e} rad");
     }
 }
 

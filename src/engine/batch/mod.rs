@@ -14,8 +14,8 @@ use rayon::prelude::*;
 
 use crate::bodies::Status;
 use crate::bodies::columns::{
-    PARAMETER_COMPONENTS, RATE_COLUMN, STATE_COMPONENTS, STRIDE_UNIT, StateWords, keep_rows, parameter_columns, state_columns,
-    status_column, store_row,
+    PARAMETER_COMPONENTS, RATE_COLUMN, STATE_COMPONENTS, STRIDE_UNIT, StateWords, keep_rows, parameter_columns,
+    state_columns, status_column, store_row,
 };
 use crate::kernel::method::Method;
 use crate::math::Precision;

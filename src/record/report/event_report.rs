@@ -124,16 +124,14 @@ impl fmt::Display for EventReport {
         let percent = |share: f64| 100.0 * (1.0 - share);
         write!(
             formatter,
-            "  event    {}: {} bodies, {:.1} % ({:.1} to {:.1} % at 95 %)",
+            "  event    {}{}: {} bodies, {:.1} % ({:.1} to {:.1} % at 95 %)",
             self.event.replace(char::is_control, " "),
+            if self.action == "stop" { ", which stops bodies" } else { "" },
             self.bodies,
             percent(self.share),
             percent(self.high),
             percent(self.low)
         )?;
-        if self.action == "stop" {
-            write!(formatter, ", which stops them")?;
-        }
         match self.median {
             Some(median) => writeln!(formatter, ", half of them by {median:.4e} s")?,
             None => writeln!(formatter)?,

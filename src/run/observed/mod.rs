@@ -21,10 +21,10 @@ pub(super) use comparison::Comparison;
 use distribution::Distributions;
 pub(super) use evaluator::Evaluator;
 use evaluator::Values;
-use events::EventWatch;
 pub(super) use events::CentreAt;
-pub(super) use stops::Stops;
+use events::EventWatch;
 pub(super) use reference::{compare_events, recomputed as recomputed_observation};
+pub(super) use stops::Stops;
 
 /// What a scene asks for, gathered from the states of its bodies as they are read.
 pub(super) struct Observation<'p> {

@@ -231,7 +231,13 @@ impl Chunk {
     }
 
     /// Leaves some of its rows, ascending, whose bodies are those of the session from `first` on then; all have arrived.
-    pub fn keep<T: Scalar>(&mut self, device: &Device, reader: &mut Reader, first: usize, rows: &[usize]) -> Result<()> {
+    pub fn keep<T: Scalar>(
+        &mut self,
+        device: &Device,
+        reader: &mut Reader,
+        first: usize,
+        rows: &[usize],
+    ) -> Result<()> {
         if rows.len() < self.bodies {
             let of = (self.stride, self.bodies);
             for columns in [&self.parameters, &self.state, &self.controllers] {
