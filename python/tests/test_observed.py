@@ -144,10 +144,10 @@ def test_those_of_a_study_are_those_of_its_files(tmp_path):
 @pytest.mark.parametrize("engine", ["cpu", "gpu"])
 def test_a_stopped_body_stands_where_its_spin_fell_below_the_level(engine):
     spin = np.linspace(0.4, 2.0, 50)
-    spheres = polhode.Ensemble(np.full((50, 3), 2.0), spin[:, None] * [0.0, 0.0, 1.0])
+    spheres = polhode.Ensemble([2.0, 2.0, 2.0], angular_velocity_body=spin[:, None] * np.array([0.0, 0.0, 1.0]))
     slow = polhode.Event("slow", "spin_rate", below=0.5, action="stop")
     never = polhode.Event("never", "spin_rate", below=0.45)
-    scene = polhode.Scene(spheres, end=10.0, torques=polhode.torques.linear_drag(0.2), outputs=1.0, events=[slow, never])
+    scene = polhode.Scene(spheres, [polhode.torques.linear_drag(coefficient=0.2)], end=10.0, outputs=1.0, events=[slow, never])
     found = polhode.run(scene, engine)
     # The spin decays as exp(-t / 10 s).
     expected = np.maximum(10.0 * np.log(spin / 0.5), 0.0)

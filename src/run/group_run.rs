@@ -300,8 +300,7 @@ impl<'p> GroupRun<'p> {
         Ok(rows.into_iter().map(|row| self.members.body(row)).zip(attempts).collect())
     }
 
-    /// Leaves out those of its bodies that `stands` says: nothing is computed of them any more, and nothing is read. Where they are too few to
-    /// be worth it, they stay for now. Gives how many bodies were left out.
+    /// Leaves out those of its bodies that `stands` says: nothing is computed of them any more, and nothing is read. Gives how many bodies were left out.
     pub fn leave_out(&mut self, stands: &dyn Fn(usize) -> bool) -> Result<usize> {
         let members = self.members;
         let stands = |row: usize| stands(members.body(row));
