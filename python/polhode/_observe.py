@@ -11,6 +11,9 @@ from .formula import Expression, _written
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+#: What is done with an event.
+ACTIONS = ("record", "stop")
+
 #: The conditions of an event, as keywords.
 CONDITIONS = ("below", "above", "falls_below", "rises_above", "crosses")
 
@@ -130,15 +133,17 @@ class Event:
     crosses : level: it gets from below to the level or above, or back
         Give one of the five.
     occurrence : which time counts, from 1
+    action : "record", or "stop": a body that has it stands in the state of the event from then on and costs nothing more
     """
 
-    __slots__ = ("name", "quantity", "condition", "level", "occurrence")
+    __slots__ = ("name", "quantity", "condition", "level", "occurrence", "action")
 
     name: str
     quantity: str | Quantity
     condition: str
     level: float
     occurrence: int
+    action: str
 
     def __init__(
         self,
@@ -151,6 +156,7 @@ class Event:
         rises_above: float | None = None,
         crosses: float | None = None,
         occurrence: int = 1,
+        action: str = "record",
     ) -> None:
         given = dict(zip(CONDITIONS, (below, above, falls_below, rises_above, crosses)))
         given = {key: level for key, level in given.items() if level is not None}
@@ -160,9 +166,12 @@ class Event:
         ((self.condition, level),) = given.items()
         self.name, self.quantity, self.level = str(name), quantity, number(level, self.condition)
         self.occurrence = _whole(occurrence, "occurrence")
+        if action not in ACTIONS:
+            raise InputError(f"event {name!r}: action = {action!r}: expected one of {', '.join(ACTIONS)}")
+        self.action = action
 
     def _parts(self):
-        parts = {name: getattr(self, name) for name in ("name", "condition", "level", "occurrence")}
+        parts = {name: getattr(self, name) for name in ("name", "condition", "level", "occurrence", "action")}
         return {**parts, "quantity": asked_quantity(self.quantity, f"quantity of the event {self.name!r}")}
 
     def __repr__(self) -> str:

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.spatial.transform import Rotation
 
-#: Why a body has failed, by its number in `status`.
-REASONS = ("valid", "not_converged", "step_too_long", "step_below_limit", "not_finite", "centre_not_finite")
+#: Why a body has failed, or that an event has stopped it, by its number in `status`.
+REASONS = ("valid", "not_converged", "step_too_long", "step_below_limit", "not_finite", "centre_not_finite", "stopped")
 
 
 class Snapshots:
@@ -34,7 +34,8 @@ class Snapshots:
     angular_momentum_world : (t, n, 3), kg m²/s, world axes
     kinetic_energy : (t, n), rotational, J
     position, velocity : (t, n, 3), m and m/s, world axes; None where the bodies do not move through space
-    status : (t, n), 0 or the number of the reason why a body has failed (`polhode.Result.reasons`)
+    status : (t, n), 0 or the number of the reason why a body has failed (`polhode.Result.reasons`); 6 where an event has stopped it
+    stopped_at : (t, n), when that was, s, NaN as long as none has: the state is that of this time; None where no event stops bodies
     """
 
     times: NDArray[np.float64]
@@ -45,6 +46,7 @@ class Snapshots:
     position: NDArray[np.float64] | None
     velocity: NDArray[np.float64] | None
     status: NDArray[np.uint8]
+    stopped_at: NDArray[np.float64] | None
 
     def __init__(self, found: dict) -> None:
         self.times = found["times"]
@@ -55,6 +57,7 @@ class Snapshots:
         self.position = found.get("position")
         self.velocity = found.get("velocity")
         self.status = found["status"]
+        self.stopped_at = found.get("stopped_at")
 
     def __len__(self) -> int:
         return len(self.times)
@@ -79,6 +82,8 @@ class Snapshots:
         if self.position is not None:
             made.update(zip(("x", "y", "z"), columns(flat(self.position))))
             made.update(zip(("vx", "vy", "vz"), columns(flat(self.velocity))))
+        if self.stopped_at is not None:
+            made["stopped_at"] = flat(self.stopped_at)
         made["status"] = flat(self.status)
         return made
 
@@ -246,6 +251,7 @@ class EventRecord:
     name, quantity, unit, condition : str
     level : float, in the unit
     occurrence : int, which time counts, from 1
+    action : str, "record" or "stop"
     bodies : int, of the run
     body : (m,)
     time : (m,), s
@@ -253,6 +259,7 @@ class EventRecord:
     orientation : (m, 4), then: unit quaternions x, y, z, w, body to world
     angular_velocity_body : (m, 3), then: rad/s, body axes
     failed_body, failed_time : (k,), those that failed without having had it, and when that was seen, s
+    stopped_body, stopped_time : (k,), those that another event stopped without their having had it, and when, s
     median : float, s, when the share is one half, or None
     survival : Survival
     """
@@ -263,6 +270,7 @@ class EventRecord:
     condition: str
     level: float
     occurrence: int
+    action: str
     bodies: int
     body: NDArray[np.int64]
     time: NDArray[np.float64]
@@ -271,6 +279,8 @@ class EventRecord:
     angular_velocity_body: NDArray[np.float64]
     failed_body: NDArray[np.int64]
     failed_time: NDArray[np.float64]
+    stopped_body: NDArray[np.int64]
+    stopped_time: NDArray[np.float64]
     median: float | None
     survival: Survival
 
@@ -317,7 +327,8 @@ class Result:
     angular_momentum_world : (n, 3), kg m²/s, world axes
     kinetic_energy : (n,), rotational, J
     position, velocity : (n, 3), m and m/s, world axes; None where the bodies do not move through space
-    status : (n,), 0 or the number of the reason why a body has failed, an index of `reasons`
+    status : (n,), 0 or the number of the reason why a body has failed, an index of `reasons`; 6 where an event has stopped it
+    stopped_at : (n,), when that was, s, NaN where none has: the state is that of this time; None where no event stops bodies
     snapshots : Snapshots, or None where no states were asked for
     statistics : dict of `Summary` by quantity, or None where none were asked for
     histograms : list of `HistogramCounts`, in the order in which they were asked for
@@ -393,8 +404,13 @@ class Result:
 
     @property
     def status(self) -> NDArray[np.uint8]:
-        """0, or the number of the reason why a body has failed, (n,)."""
+        """0, the number of the reason why a body has failed, or 6 where an event has stopped it, (n,)."""
         return self._at_end("status")
+
+    @property
+    def stopped_at(self) -> NDArray[np.float64] | None:
+        """When an event stopped the bodies, (n,), s, NaN of the others; None where no event stops bodies."""
+        return self._at_end("stopped_at")
 
     @property
     def rotation(self) -> Rotation:

@@ -25,6 +25,9 @@ pub(crate) struct Columns {
     position: Vec<DVec3>,
     velocity: Vec<DVec3>,
     status: Vec<u8>,
+    /// Empty where no event stops bodies.
+    stopped_at: Vec<f64>,
+    stops: bool,
     statistics: Vec<Statistics>,
     /// In percent, as they were asked for.
     quantiles: Vec<f64>,
@@ -72,7 +75,8 @@ impl Columns {
         };
         let rows = bodies.saturating_mul(outputs);
         let translates = ensemble.translation().is_some();
-        let row_bytes = ROW_BYTES + if translates { CENTRE_BYTES } else { 0 };
+        let of_stops = if plan.scene().stops() { size_of::<f64>() } else { 0 };
+        let row_bytes = ROW_BYTES + of_stops + if translates { CENTRE_BYTES } else { 0 };
         memory::require(bodies, rows.saturating_mul(row_bytes), "their states at all output times")?;
         let centres = if translates { rows } else { 0 };
         Ok(Self {
@@ -85,6 +89,7 @@ impl Columns {
             position: Vec::with_capacity(centres),
             velocity: Vec::with_capacity(centres),
             status: Vec::with_capacity(rows),
+            stops: plan.scene().stops(),
             quantiles: plan.scene().wanted_quantiles().to_vec(),
             asked_histograms: plan.scene().wanted_histograms().to_vec(),
             output_times: plan.times().to_vec(),
@@ -121,6 +126,9 @@ impl Columns {
         arrays.set_item("angular_velocity", moved_rows(py, self.angular_velocity, &shape)?)?;
         arrays.set_item("angular_momentum", moved_rows(py, self.angular_momentum, &shape)?)?;
         arrays.set_item("kinetic_energy", moved(py, self.kinetic_energy, &shape)?)?;
+        if self.stops {
+            arrays.set_item("stopped_at", moved(py, self.stopped_at, &shape)?)?;
+        }
         arrays.set_item("status", moved(py, self.status, &shape)?)
     }
 }
@@ -149,6 +157,9 @@ impl Sink for Columns {
                 angular_momentum.par_extend(rotations().map(|state| state.angular_momentum_world));
             },
         );
+        if self.stops {
+            self.stopped_at.par_extend(rows().map(|state| state.stopped_at.unwrap_or(f64::NAN)));
+        }
         // All bodies of an ensemble translate, or none.
         let centres = || states.iter().filter_map(|state| state.translation);
         self.position.extend(centres().map(|(position, _)| position));

@@ -61,6 +61,7 @@ pub(crate) struct AskedEvent {
     condition: String,
     level: f64,
     occurrence: u32,
+    action: String,
 }
 
 /// All of it.
@@ -87,14 +88,14 @@ impl Asked {
             };
             scene = scene.histogram(made.map_err(of_library)?);
         }
-        for AskedEvent { name, quantity, condition, level, occurrence } in &self.events {
+        for AskedEvent { name, quantity, condition, level, occurrence, action } in &self.events {
             let Some(condition) = Condition::ALL.iter().find(|known| known.name() == condition) else {
                 return Err(errors::input(py, format!("event {name:?}: unknown condition {condition:?}")));
             };
             let quantity = quantity.quantity(py, &format!("quantity of the event {name:?}"))?;
             let event = Event::new(name, quantity, condition.with_level(*level));
             let event = event.and_then(|event| event.occurrence(*occurrence)).map_err(of_library)?;
-            scene = scene.event(event);
+            scene = scene.event(if action == "stop" { event.stopping() } else { event });
         }
         Ok(scene)
     }
@@ -172,7 +173,8 @@ pub(crate) fn events<'py>(
     let with_start: Vec<f64> = [0.0].into_iter().chain(times.iter().copied().filter(|&time| time > 0.0)).collect();
     let all = PyList::empty(py);
     for record in records {
-        let (had, failed, event) = (&record.occurrences, &record.censored, &record.event);
+        let (had, event) = (&record.occurrences, &record.event);
+        let censored = |stopped: bool| record.censored.iter().filter(move |of| of.stopped == stopped);
         let found = PyDict::new(py);
         found.set_item("event", event.name())?;
         found.set_item("quantity", event.quantity().name())?;
@@ -180,6 +182,7 @@ pub(crate) fn events<'py>(
         found.set_item("condition", event.condition().name())?;
         found.set_item("level", event.condition().level())?;
         found.set_item("occurrence", event.nth())?;
+        found.set_item("action", event.action())?;
         found.set_item("bodies", record.bodies)?;
         found.set_item("body", column(py, had.iter().map(|of| of.body as i64))?)?;
         found.set_item("time", column(py, had.iter().map(|of| of.time))?)?;
@@ -187,8 +190,10 @@ pub(crate) fn events<'py>(
         found.set_item("orientation", moved_rows(py, had.iter().map(|of| of.orientation).collect(), &[had.len()])?)?;
         let rates = had.iter().map(|of| of.angular_velocity_body).collect();
         found.set_item("angular_velocity_body", moved_rows(py, rates, &[had.len()])?)?;
-        found.set_item("failed_body", column(py, failed.iter().map(|of| of.body as i64))?)?;
-        found.set_item("failed_time", column(py, failed.iter().map(|of| of.time))?)?;
+        found.set_item("failed_body", column(py, censored(false).map(|of| of.body as i64))?)?;
+        found.set_item("failed_time", column(py, censored(false).map(|of| of.time))?)?;
+        found.set_item("stopped_body", column(py, censored(true).map(|of| of.body as i64))?)?;
+        found.set_item("stopped_time", column(py, censored(true).map(|of| of.time))?)?;
         found.set_item("median", record.median())?;
         let of_cell = |cell: usize| match cells {
             Some(cells) => record.of_cell(cell, cells).survival(&with_start),

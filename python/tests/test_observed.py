@@ -141,6 +141,29 @@ def test_those_of_a_study_are_those_of_its_files(tmp_path):
         np.testing.assert_array_equal(statistics[column], table["statistics"][column], err_msg=column)
 
 
+@pytest.mark.parametrize("engine", ["cpu", "gpu"])
+def test_a_stopped_body_stands_where_its_spin_fell_below_the_level(engine):
+    spin = np.linspace(0.4, 2.0, 50)
+    spheres = polhode.Ensemble([2.0, 2.0, 2.0], angular_velocity_body=spin[:, None] * np.array([0.0, 0.0, 1.0]))
+    slow = polhode.Event("slow", "spin_rate", below=0.5, action="stop")
+    never = polhode.Event("never", "spin_rate", below=0.45)
+    scene = polhode.Scene(spheres, [polhode.torques.linear_drag(coefficient=0.2)], end=10.0, outputs=1.0, events=[slow, never])
+    found = polhode.run(scene, engine)
+    # The spin decays as exp(-t / 10 s).
+    expected = np.maximum(10.0 * np.log(spin / 0.5), 0.0)
+    stopped = expected <= 10.0
+    assert 0 < stopped.sum() < 50
+    np.testing.assert_array_equal(found.status, np.where(stopped, polhode.Result.reasons.index("stopped"), 0))
+    np.testing.assert_allclose(found.stopped_at[stopped], expected[stopped], atol=1e-5)
+    assert np.isnan(found.stopped_at[~stopped]).all()
+    np.testing.assert_allclose(found.angular_velocity_body[stopped, 2], np.minimum(spin, 0.5)[stopped], rtol=1e-9)
+    record = found.events["never"]
+    np.testing.assert_array_equal(np.sort(record.stopped_body), np.flatnonzero(stopped & (spin >= 0.45)))
+    assert found.events["slow"].action == "stop" and record.action == "record" and len(record.failed_body) == 0
+    assert "stopped_at" in found.to_polars().columns and len(found.failures["body"]) == 0
+    assert polhode.run(polhode.Scene(spheres, end=1.0), engine).stopped_at is None
+
+
 @pytest.mark.parametrize(
     "asked, said",
     [
@@ -157,6 +180,7 @@ def test_those_of_a_study_are_those_of_its_files(tmp_path):
         (lambda: dict(events=polhode.Event("a", "yaw", below=1.0, above=2.0)), "found below, above, expected one of below, above"),
         (lambda: dict(events=polhode.Event("a", "yaw")), "found none, expected one of"),
         (lambda: dict(events=polhode.Event("a", "yaw", above=0.0, occurrence=0)), "occurrence = 0.0: expected 1 or more"),
+        (lambda: dict(events=polhode.Event("a", "yaw", above=0.0, action="halt")), "action = 'halt': expected one of record, stop"),
         (lambda: dict(events=[polhode.Event("a", "yaw", above=x) for x in (0.0, 1.0)]), "'a' is the name of two"),
         (lambda: dict(statistics=polhode.Quantity.axis_angle("a", [0, 0, 0], [0, 0, 1])), "axis.*not zero"),
         (lambda: dict(statistics=polhode.Quantity.axis_angle("a", [0, 0], [0, 0, 1])), r"axis: shape \(2,\): expected \(3,\)"),

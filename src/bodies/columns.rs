@@ -3,6 +3,8 @@
 //! Component c of body i is at `c * stride + i`. A number that is carried in two words has its residue `residue`
 //! columns further on; in `f64` there are no residue columns.
 
+use rayon::prelude::*;
+
 use super::Status;
 use crate::math::real::Scalar;
 
@@ -86,6 +88,15 @@ pub(crate) fn store_row<T: Scalar>(
         if T::WORDS == 2 {
             component(STATE_COMPONENTS + column, residue);
         }
+    }
+}
+
+/// Moves some rows, ascending, of columns that are `stride` apart to the front, in their order; what stands behind them is of no body.
+pub(crate) fn keep_rows<T: Copy + Send>(columns: &mut [T], stride: usize, rows: &[usize]) {
+    if stride > 0 {
+        columns.par_chunks_exact_mut(stride).for_each(|column| {
+            rows.iter().enumerate().for_each(|(to, &from)| column[to] = column[from]);
+        });
     }
 }
 

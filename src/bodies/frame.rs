@@ -58,7 +58,7 @@ impl BodyState {
 
     /// Whether it is a number in every place and no step has failed on it.
     pub(crate) fn is_sound(&self) -> bool {
-        self.status == Status::Valid && self.is_finite()
+        self.status.is_good() && self.is_finite()
     }
 
     /// Whether it is a finite number in every place that goes into results.

@@ -1,10 +1,10 @@
-//! What became of a body: a number in a column of the state and of the tables of results, 0 as long as all is well.
+//! What became of a body: a number in a column of the state and of the tables of results, 0 as long as it is under way and all is well.
 
 use crate::math::real::Real;
 
-/// Why a body's state is not to be trusted from some step on; the first reason is kept.
+/// Why a body's state is not to be trusted from some step on, of which the first reason is kept, or that an event has stopped it.
 ///
-/// Steps enter [`Status::NotConverged`], [`Status::StepTooLong`] and [`Status::StepBelowLimit`]. The last two are found where states
+/// Steps enter [`Status::NotConverged`], [`Status::StepTooLong`] and [`Status::StepBelowLimit`]; the others are found where states
 /// are read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
@@ -22,18 +22,26 @@ pub enum Status {
     NotFinite,
     /// A number of the position or velocity of the centre of mass is infinite or none.
     CentreNotFinite,
+    /// An event has stopped the body ([`crate::scene::Event::stopping`]): it has not failed, and stands in the state of the event.
+    Stopped,
 }
 
 impl Status {
     /// All values; the index of each is its number in the column.
-    pub const ALL: [Status; 6] = [
+    pub const ALL: [Status; 7] = [
         Status::Valid,
         Status::NotConverged,
         Status::StepTooLong,
         Status::StepBelowLimit,
         Status::NotFinite,
         Status::CentreNotFinite,
+        Status::Stopped,
     ];
+
+    /// Whether the numbers of a state are good: those of a body under way, and of one that an event has stopped.
+    pub const fn is_good(self) -> bool {
+        matches!(self, Status::Valid | Status::Stopped)
+    }
 
     /// The number in the column.
     pub const fn code(self) -> f64 {
@@ -44,6 +52,7 @@ impl Status {
             Status::StepBelowLimit => 3.0,
             Status::NotFinite => 4.0,
             Status::CentreNotFinite => 5.0,
+            Status::Stopped => 6.0,
         }
     }
 
@@ -61,6 +70,7 @@ impl Status {
             Status::StepBelowLimit => "step_below_limit",
             Status::NotFinite => "not_finite",
             Status::CentreNotFinite => "centre_not_finite",
+            Status::Stopped => "stopped",
         }
     }
 
@@ -80,6 +90,7 @@ impl std::fmt::Display for Status {
             Status::StepBelowLimit => "the error asked for needs a step below the limit",
             Status::NotFinite => "its attitude or rotation is not finite",
             Status::CentreNotFinite => "its position or velocity is not finite",
+            Status::Stopped => "an event has stopped it",
         })
     }
 }

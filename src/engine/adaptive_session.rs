@@ -130,6 +130,13 @@ pub trait AdaptiveSession: Reduce {
     /// [`Error::Device`] where the device is lost.
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords>;
 
+    /// As [`crate::engine::Session::keep`], with the counts and step sizes of those that are left.
+    ///
+    /// # Errors
+    ///
+    /// As [`crate::engine::Session::keep`].
+    fn keep(&mut self, bodies: &[usize]) -> Result<()>;
+
     /// The time that each body stands at, s, shape `[body_count]`, after a call that brought them on: where a body was flagged in it, the
     /// time at which it stopped. `None` where the controllers are not in the host's memory.
     fn reached(&self) -> Option<Vec<f64>> {

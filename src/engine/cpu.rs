@@ -178,6 +178,14 @@ impl<T: LaneScalar + Kernel> FreeSession for CpuFreeSession<T> {
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
         Ok(self.columns.read(bodies))
     }
+
+    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
+        self.rows.keep(bodies);
+        let (body_count, stride) = (self.rows.body_count, self.rows.stride);
+        let state = vec![T::from_f64(f64::NAN); state_columns::<T>() * stride];
+        self.columns = Batch { body_count, stride, state, ..std::mem::replace(&mut self.columns, Batch::at_rest(0)) };
+        Ok(())
+    }
 }
 
 struct CpuSession<T> {
@@ -225,6 +233,11 @@ impl<T: LaneScalar + Kernel> Session for CpuSession<T> {
 
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
         Ok(self.batch.read(bodies))
+    }
+
+    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
+        self.batch.keep(bodies);
+        Ok(())
     }
 }
 

@@ -446,6 +446,14 @@ pub trait Session: Reduce {
     /// [`crate::Error::Device`] where the device is lost.
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords>;
 
+    /// Leaves these bodies, ascending, in the session, and no others: they are its bodies from 0 on then. What they come to does not change.
+    /// Sessions that are watched ([`Reduce::watch`]) keep all of theirs.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device is lost.
+    fn keep(&mut self, bodies: &[usize]) -> Result<()>;
+
     /// Positions (m) and velocities (m/s), world axes, of a range of bodies; empty where the session moves none.
     ///
     /// # Errors
@@ -475,6 +483,13 @@ pub trait FreeSession: Reduce {
     ///
     /// [`crate::Error::Device`] where the device is lost.
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords>;
+
+    /// As [`Session::keep`]; the bodies have no state then until the next call of [`FreeSession::evaluate`].
+    ///
+    /// # Errors
+    ///
+    /// As [`Session::keep`].
+    fn keep(&mut self, bodies: &[usize]) -> Result<()>;
 }
 
 /// The times at which a closed form can be evaluated.

@@ -133,6 +133,20 @@ pub enum Error {
         /// What would be valid.
         expected: Text,
     },
+    /// An event is to stop bodies whose centres of mass are stepped.
+    #[error(
+        "event {} ({name}): the force {force} moves the centres of mass in steps, and a body cannot be stopped between them: \
+         use action record",
+        event + 1
+    )]
+    StoppedCentre {
+        /// The index of the event in the scene.
+        event: usize,
+        /// Its name.
+        name: String,
+        /// The force.
+        force: &'static str,
+    },
     /// Projection onto what a free body conserves is asked of something else.
     #[error("projection of {method}: {expected}")]
     Projection {

@@ -437,6 +437,11 @@ fn observed(scene: &Scene) -> Option<String> {
         counted(scene.wanted_statistics().len(), "quantity's statistics", "quantities' statistics"),
         counted(scene.wanted_histograms().len(), "histogram", "histograms"),
         counted(scene.wanted_events().len(), "event", "events"),
+        counted(
+            scene.wanted_events().iter().filter(|event| event.stops()).count(),
+            "of which stops bodies",
+            "of which stop bodies",
+        ),
     ];
     let parts: Vec<String> = parts.into_iter().flatten().collect();
     let place = match scene.reduced_statistics().is_empty() {

@@ -251,6 +251,10 @@ fn folded(scene: &Scene, mut folded: Folded) -> u64 {
     if scene.records_start() {
         folded.shared(1);
     }
+    // What only records changes nothing that a plan says.
+    for event in scene.wanted_events().iter().filter(|event| event.stops()) {
+        let _ = write!(folded, "{event:?}");
+    }
     folded.shared(scene.torques().len() as u64);
     for torque in scene.torques() {
         // With its formula, where it has one of its own.
@@ -280,7 +284,7 @@ mod tests {
     use super::*;
     use crate::bodies::Ensemble;
     use crate::bodies::ensemble::Translation;
-    use crate::scene::Outputs;
+    use crate::scene::{Condition, Event, Outputs, Quantity};
     use crate::torque::Torque;
 
     const BODIES: usize = 9000;
@@ -300,6 +304,7 @@ mod tests {
             column[body] = number;
             Torque::linear_drag(column)
         };
+        let slow = |level| Event::new("slow", Quantity::SpinRate, Condition::Below(level)).expect("a level");
         let custom = |text: &str| Torque::custom(text, Default::default()).expect("a formula");
         let scene = || Scene::new(ensemble(|_| 1.0)).until(1.0);
         let scenes = [
@@ -322,7 +327,14 @@ mod tests {
             scene().force(Force::constant(DVec3::X)),
             scene().force(Force::linear_drag(0.1)),
             scene().force(Force::linear_drag(vec![0.1; BODIES])),
+            scene().event(slow(0.5).stopping()),
+            scene().event(slow(0.25).stopping()),
         ];
+        assert_eq!(
+            SceneFingerprint::of(&scene().event(slow(0.5)), 1),
+            SceneFingerprint::of(&scene(), 1),
+            "an event that is recorded changes no motion"
+        );
         let fingerprint = |scene: &Scene| SceneFingerprint::of(scene, 1);
         let found: Vec<SceneFingerprint> = scenes.iter().map(fingerprint).collect();
         assert_eq!(fingerprint(&scene()), found[0], "the same scene again");

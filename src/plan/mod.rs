@@ -18,7 +18,7 @@ use crate::kernel::free_motion::SetUp;
 use crate::kernel::method::Method;
 use crate::kernel::method::rk8_adaptive::LEAST_STEP;
 use crate::math::Precision;
-use crate::scene::{AdaptiveSteps, Outputs, Scene, Stepping};
+use crate::scene::{AdaptiveSteps, Event, Outputs, Scene, Stepping};
 use crate::torque::Torque;
 use crate::torque::force::Force;
 
@@ -164,6 +164,7 @@ impl<'a> Plan<'a> {
         if scene.forces().iter().any(|force| !force.is_zero()) && scene.ensemble().translation().is_none() {
             return Err(Error::MissingMass);
         }
+        check_stops(scene)?;
         if let Some(wanted) = scene.wanted_statistical_accuracy() {
             wanted.check(scene.observed())?;
         }
@@ -290,6 +291,17 @@ impl<'a> Plan<'a> {
         of_body.saturating_mul(group.members.len() as u64)
     }
 
+    /// The work of a body of `group` after so many outputs.
+    pub(crate) fn work_after(&self, group: &Group, outputs: usize) -> u64 {
+        match group.treatment {
+            Treatment::Stepped { .. } => {
+                let steps = |index: usize| group.treatment.interval(self.span_before(index)).steps;
+                (outputs..self.times.len()).map(steps).fold(0, u64::saturating_add)
+            }
+            _ => (self.times.len() - outputs) as u64,
+        }
+    }
+
     /// The most steps that any body takes over the whole span.
     pub fn steps(&self) -> u64 {
         self.groups.iter().map(|group| self.steps_of(group)).max().unwrap_or(0)
@@ -412,6 +424,19 @@ fn leaves_states(scene: &Scene) -> bool {
     !scene.keeps_states() && !scene.reduced_statistics().is_empty()
 }
 
+/// Refuses events that stop bodies whose centres of mass are stepped: where they are in between is not known.
+fn check_stops(scene: &Scene) -> Result<()> {
+    let stepped = scene.forces().iter().find(|force| !force.has_closed_form());
+    let stopping = scene.wanted_events().iter().position(Event::stops);
+    match (stopping, stepped, scene.ensemble().translation()) {
+        (Some(event), Some(force), Some(_)) => {
+            let name = scene.wanted_events()[event].name().to_owned();
+            Err(Error::StoppedCentre { event, name, force: force.name() })
+        }
+        _ => Ok(()),
+    }
+}
+
 /// What the groups leave out.
 fn skips(scene: &Scene, groups: &[Group], outputs: usize) -> Vec<Skip> {
     let mut found: BTreeMap<SkipName, Skip> = BTreeMap::new();
@@ -458,6 +483,9 @@ fn skips(scene: &Scene, groups: &[Group], outputs: usize) -> Vec<Skip> {
     }
     if matches!(scene.output_times(), Outputs::End) && !scene.records_start() {
         add(SkipName::Outputs, body_count, Bound::default());
+    }
+    if scene.stops() && scene.may_skip() {
+        add(SkipName::Stopped, body_count, Bound::default());
     }
     if leaves_states(scene) {
         let bytes =

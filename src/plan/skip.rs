@@ -47,6 +47,8 @@ pub enum SkipName {
     Outputs,
     /// Where statistics alone are asked for, states are not read back; the bound is that of a mean or a root mean square.
     States,
+    /// Bodies that an event has stopped are left out from the next output on.
+    Stopped,
 }
 
 impl SkipName {
@@ -67,6 +69,7 @@ impl SkipName {
             SkipName::Steps => "steps",
             SkipName::Outputs => "outputs",
             SkipName::States => "states",
+            SkipName::Stopped => "stopped",
         }
     }
 
@@ -97,6 +100,7 @@ impl SkipName {
             SkipName::Steps => "each body takes the steps that its own rate needs",
             SkipName::Outputs => "states between output times leave neither registers nor device",
             SkipName::States => "statistics alone are asked for: they are formed where the states are",
+            SkipName::Stopped => "an event stops bodies: those that it has stopped are not computed on",
         }
     }
 

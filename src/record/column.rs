@@ -3,12 +3,15 @@
 use super::OutputState;
 use crate::bodies::state_columns;
 pub use crate::bodies::{ROTATION_COLUMNS, TRANSLATION_COLUMNS};
-use crate::scene::Quantity;
+use crate::scene::{Quantity, Scene};
 use crate::study::{Output, OutputColumn};
 
 /// The column behind the numbers of every table of states: the number of what became of the body ([`crate::bodies::Status`]), 0 where all is well.
 /// Numbers of a body that has failed are NaN ([`OutputState`]).
 pub const STATUS: &str = "status";
+
+/// The column before [`STATUS`] of studies with an event that stops bodies: when it stopped the body, s; NaN as long as none has.
+pub const STOPPED_AT: &str = "stopped_at";
 
 /// The column behind [`STATUS`] of studies that sweep: the cell in which the body lies, from 0 ([`crate::study::sweep`]).
 pub const CELL: &str = "cell";
@@ -65,6 +68,8 @@ enum Source {
     State(usize),
     /// The place in [`Layout::quantities`].
     Quantity(usize),
+    /// [`STOPPED_AT`].
+    StoppedAt,
 }
 
 impl Layout {
@@ -75,10 +80,25 @@ impl Layout {
         layout
     }
 
-    /// What a study asks for.
-    pub fn of_output(output: &Output, translates: bool, cells: Option<usize>) -> Self {
-        let Some(columns) = &output.columns else { return Self { cells, ..Self::of_states(translates) } };
-        let mut layout = Self { cells, ..Self::default() };
+    /// What a study asks of the bodies of a scene.
+    pub fn of_output(output: &Output, scene: &Scene, cells: Option<usize>) -> Self {
+        let mut layout = match &output.columns {
+            None => Self { cells, ..Self::of_states(scene.ensemble().translation().is_some()) },
+            Some(columns) => Self { cells, ..Self::of_chosen(columns) },
+        };
+        if scene.stops() {
+            layout.columns.push(Named {
+                name: STOPPED_AT.to_owned(),
+                unit: "s".to_owned(),
+                meaning: "when an event stopped the body; NaN as long as none has".to_owned(),
+            });
+            layout.sources.push(Source::StoppedAt);
+        }
+        layout
+    }
+
+    fn of_chosen(columns: &[OutputColumn]) -> Self {
+        let mut layout = Self::default();
         for column in columns {
             match column {
                 OutputColumn::State(name) => layout.push_state(name),
@@ -124,10 +144,17 @@ impl Layout {
     /// [`Layout::quantities`], by quantity.
     pub fn turn(&self, states: &[OutputState], derived: &[&[f64]], mut take: impl FnMut(usize, &[f64])) {
         let mut turned = [[0.0; TURNED]; MOST_COLUMNS];
+        let stops = self.sources.contains(&Source::StoppedAt);
+        let mut stopped_at = [f64::NAN; TURNED];
         for (block, states) in states.chunks(TURNED).enumerate() {
             for (row, state) in states.iter().enumerate() {
                 for (column, number) in turned.iter_mut().zip(values(state)) {
                     column[row] = number;
+                }
+            }
+            if stops {
+                for (time, state) in stopped_at.iter_mut().zip(states) {
+                    *time = state.stopped_at.unwrap_or(f64::NAN);
                 }
             }
             let rows = block * TURNED..block * TURNED + states.len();
@@ -135,6 +162,7 @@ impl Layout {
                 match source {
                     Source::State(number) => take(place, &turned[*number][..states.len()]),
                     Source::Quantity(quantity) => take(place, &derived[*quantity][rows.clone()]),
+                    Source::StoppedAt => take(place, &stopped_at[..states.len()]),
                 }
             }
         }

@@ -47,13 +47,15 @@ pub struct EventOccurrence {
     pub angular_velocity_body: DVec3,
 }
 
-/// A body that failed without having had an event.
+/// A body that failed, or that another event stopped, without having had an event.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Censored {
     /// The body.
     pub body: usize,
-    /// When it was seen to have failed, s.
+    /// When it was seen to have failed, or was stopped, s.
     pub time: f64,
+    /// Whether it was stopped.
+    pub stopped: bool,
 }
 
 /// An event of all bodies.
@@ -65,7 +67,7 @@ pub struct EventRecord {
     pub bodies: usize,
     /// Who had it, by time and of equal times by body.
     pub occurrences: Vec<EventOccurrence>,
-    /// Who failed without having had it, by time: nothing is known of them from then on.
+    /// Who failed, or was stopped by another event, without having had it, by time: nothing is known of them from then on.
     pub censored: Vec<Censored>,
     /// How far the times are from those of the recomputed sample's bodies.
     pub errors: EventErrors,
@@ -94,10 +96,10 @@ impl EventErrors {
 pub struct Survival {
     /// The time, s.
     pub time: f64,
-    /// Bodies that have neither had it nor failed.
+    /// Bodies that have neither had it nor failed, and that no other event has stopped.
     pub remaining: usize,
-    /// The share of a population of such bodies that has not had it, in [0, 1], by the estimator of Kaplan and Meier: bodies that fail
-    /// count until then.
+    /// The share of a population of such bodies that has not had it, in [0, 1], by the estimator of Kaplan and Meier: bodies that fail,
+    /// or that another event stops, count until then.
     pub share: f64,
     /// The lower end of its 95 % confidence interval.
     pub low: f64,
@@ -185,7 +187,11 @@ mod tests {
             event: Event::new("e", Quantity::SpinRate, Condition::Below(1.0)).expect("a level"),
             bodies,
             occurrences: times.iter().enumerate().map(occurrence).collect(),
-            censored: censored.iter().enumerate().map(|(body, &time)| Censored { body, time }).collect(),
+            censored: censored
+                .iter()
+                .enumerate()
+                .map(|(body, &time)| Censored { body, time, stopped: false })
+                .collect(),
             errors: EventErrors::default(),
         }
     }

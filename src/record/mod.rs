@@ -61,7 +61,7 @@ pub use adaptive_work::AdaptiveWork;
 pub use balance::Balance;
 pub(crate) use balance::{BalanceGatherer, change_of_total};
 #[cfg(feature = "study")]
-pub use column::{CELL, ROTATION_COLUMNS, STATUS, TRANSLATION_COLUMNS};
+pub use column::{CELL, ROTATION_COLUMNS, STATUS, STOPPED_AT, TRANSLATION_COLUMNS};
 pub use distribution::HistogramCounts;
 pub use drift::Drift;
 pub(crate) use drift::{BodyDrift, Conserved, DriftGatherer};
@@ -165,24 +165,36 @@ pub trait Sink {
 ///
 /// All numbers of a body that has failed are NaN, so that it does not look as if it had come so far; of one whose centre of mass is
 /// lost ([`Status::CentreNotFinite`]) only position and velocity, as long as its rotation is good. Its last good state is in
-/// [`Trust::failures`].
+/// [`Trust::failures`]. A body that an event has stopped ([`Status::Stopped`]) stands in the state of the event.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OutputState {
     /// Attitude and rotation.
     pub rotation: BodyState,
     /// Position (m) and velocity (m/s) of the centre of mass, world axes, where the ensemble translates.
     pub translation: Option<(DVec3, DVec3)>,
+    /// When an event stopped the body, s; the state is that of this time. `None` as long as none has.
+    pub stopped_at: Option<f64>,
 }
 
 impl OutputState {
+    /// Of a body under way.
+    pub(crate) fn moving(rotation: BodyState, translation: Option<(DVec3, DVec3)>) -> Self {
+        Self { rotation, translation, stopped_at: None }
+    }
+
     /// What became of the body.
     pub fn status(&self) -> Status {
         let is_finite = |(position, velocity): (DVec3, DVec3)| position.is_finite() && velocity.is_finite();
         match self.rotation.status {
-            Status::Valid if !self.rotation.is_finite() => Status::NotFinite,
-            Status::Valid if !self.translation.is_none_or(is_finite) => Status::CentreNotFinite,
+            status if status.is_good() && !self.rotation.is_finite() => Status::NotFinite,
+            status if status.is_good() && !self.translation.is_none_or(is_finite) => Status::CentreNotFinite,
             status => status,
         }
+    }
+
+    /// The time, s, of the state at an output at `time`.
+    pub(crate) fn time(&self, time: f64) -> f64 {
+        self.stopped_at.unwrap_or(time)
     }
 }
 
@@ -195,6 +207,7 @@ pub struct Snapshot {
     position: Vec<DVec3>,
     velocity: Vec<DVec3>,
     status: Vec<Status>,
+    stopped_at: Vec<f64>,
 }
 
 impl Snapshot {
@@ -256,6 +269,11 @@ impl Snapshot {
         &self.status
     }
 
+    /// When an event stopped the bodies, s, shape `[body_count]`: NaN of those that none has stopped; empty where none has stopped any.
+    pub fn stopped_at(&self) -> &[f64] {
+        &self.stopped_at
+    }
+
     pub(crate) fn with_capacity(time: f64, body_count: usize) -> Self {
         let (orientation, angular_velocity_body) = (Vec::with_capacity(body_count), Vec::with_capacity(body_count));
         Self { time, orientation, angular_velocity_body, status: Vec::with_capacity(body_count), ..Self::default() }
@@ -263,6 +281,11 @@ impl Snapshot {
 
     /// Takes the next bodies.
     pub(crate) fn extend(&mut self, states: &[OutputState]) {
+        let before = self.orientation.len();
+        if !self.stopped_at.is_empty() || states.iter().any(|state| state.stopped_at.is_some()) {
+            self.stopped_at.resize(before, f64::NAN);
+            self.stopped_at.extend(states.iter().map(|state| state.stopped_at.unwrap_or(f64::NAN)));
+        }
         let rows = || states.par_iter().with_min_len(TAKEN);
         let Self { orientation, angular_velocity_body, status, .. } = self;
         rayon::join(

@@ -207,7 +207,7 @@ impl PartFile {
     fn fault(&self) -> Option<&'static str> {
         let is_in_order = |bodies: Option<usize>| bodies.is_some_and(|end| end <= self.body_count);
         let is_plain = |name: &str| Path::new(name).file_name().is_some_and(|plain| plain == name);
-        let is_reason = |reason: u8| reason > 0 && usize::from(reason) < Status::ALL.len();
+        let is_reason = |reason: u8| Status::ALL.iter().any(|status| !status.is_good() && status.number() == reason);
         let checks = [
             (
                 self.bodies > 0
@@ -339,6 +339,9 @@ pub(crate) struct EventEntry {
     occurrences: Vec<OccurrenceEntry>,
     /// Who failed without having had it, and when.
     censored: Vec<(usize, f64)>,
+    /// Whom another event stopped before, and when.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    stopped: Vec<(usize, f64)>,
     compared: usize,
     differing: usize,
     errors: Vec<f64>,
@@ -355,20 +358,25 @@ impl EventEntry {
             let (orientation, velocity) = (found.orientation.to_array(), found.angular_velocity_body.to_array());
             (first_body + found.body, found.time, known_to, orientation, velocity)
         };
+        let censored = |stopped: bool| {
+            let own = record.censored.iter().filter(|censored| censored.stopped == stopped);
+            own.map(|censored| (first_body + censored.body, censored.time)).collect()
+        };
         Self {
             occurrences: record.occurrences.iter().map(occurrence).collect(),
-            censored: record.censored.iter().map(|censored| (first_body + censored.body, censored.time)).collect(),
+            censored: censored(false),
+            stopped: censored(true),
             compared: record.errors.compared,
             differing: record.errors.differing,
             errors: record.errors.times.clone(),
         }
     }
 
-    /// Whether it can be that of bodies of a part: each has an event once or fails, at a time of the run.
+    /// Whether it can be that of bodies of a part: each has an event once, fails or is stopped, at a time of the run.
     pub fn is_of(&self, part: &PartFile) -> bool {
         let end = part.times.last().copied().unwrap_or_default();
         let occurred = self.occurrences.iter().map(|&(body, time, ..)| (body, time));
-        let all: Vec<(usize, f64)> = occurred.chain(self.censored.iter().copied()).collect();
+        let all: Vec<(usize, f64)> = occurred.chain(self.censored.iter().chain(&self.stopped).copied()).collect();
         let mut bodies: Vec<usize> = all.iter().map(|&(body, _)| body).collect();
         bodies.sort_unstable();
         bodies.is_sorted_by(|a, b| a < b)
@@ -392,8 +400,10 @@ impl EventEntry {
         let found = parts.iter().flat_map(|part| &part.occurrences).map(occurrence);
         let mut occurrences = found.collect::<Option<Vec<_>>>()?;
         occurrences.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.body.cmp(&b.body)));
-        let censored = parts.iter().flat_map(|part| &part.censored);
-        let mut censored: Vec<Censored> = censored.map(|&(body, time)| Censored { body, time }).collect();
+        let of = |stopped: bool| move |&(body, time): &(usize, f64)| Censored { body, time, stopped };
+        let failed = parts.iter().flat_map(|part| &part.censored).map(of(false));
+        let mut censored: Vec<Censored> =
+            failed.chain(parts.iter().flat_map(|part| &part.stopped).map(of(true))).collect();
         censored.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.body.cmp(&b.body)));
         let mut times: Vec<f64> = parts.iter().flat_map(|part| &part.errors).copied().collect();
         times.sort_by(f64::total_cmp);

@@ -16,7 +16,7 @@ mod statistical_report;
 mod statistics_report;
 mod summary;
 
-pub use event_report::{EventReport, QuantityReport};
+pub use event_report::{EventReport, QuantityReport, StoppedReport};
 pub use statistical_report::{StatisticErrorReport, StatisticalAccuracyReport};
 pub use statistics_report::{StatisticsReport, SummaryReport};
 
@@ -61,6 +61,9 @@ pub struct Report {
     /// Events; empty where the study asks for none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub events: Vec<EventReport>,
+    /// Bodies that events have stopped; left out where no event stops any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stopped: Option<StoppedReport>,
     /// Drift of what bodies conserve, from start to end.
     pub drift: DriftReport,
     /// Energy and angular momentum against what the torques give; `null` where none acts.
@@ -478,6 +481,7 @@ impl Report {
             quantities: QuantityReport::of(plan.scene().observed()),
             statistics: None,
             events: Vec::new(),
+            stopped: None,
             drift: DriftReport::of(&trust.drift),
             balance: BalanceReport::of(&trust.balance),
             accuracy: AccuracyReport::of(&trust.recomputed_sample, trust.failures.len()),

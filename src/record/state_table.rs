@@ -172,6 +172,7 @@ impl StateTable {
         let found = self.read_rows(first, count)?;
         let translates = self.translates();
         let places: Vec<Option<usize>> = self.names.iter().map(|name| column::place(name)).collect();
+        let stopped_at = self.names.iter().position(|name| name == column::STOPPED_AT);
         let row = |(row, (body, time)): (usize, (usize, f64))| {
             let mut numbers = [f64::NAN; MOST_COLUMNS];
             for (place, column) in places.iter().zip(&found.rows.numbers) {
@@ -180,7 +181,9 @@ impl StateTable {
                 }
             }
             let is_known = ROTATION_COLUMNS.iter().all(|name| self.names.iter().any(|known| known == name));
-            StateRow { body, time, state: state_of(&numbers, translates, found.rows.status[row], is_known) }
+            let state = state_of(&numbers, translates, found.rows.status[row], is_known);
+            let stopped_at = stopped_at.map(|place| found.rows.numbers[place][row]).filter(|time| !time.is_nan());
+            StateRow { body, time, state: OutputState { stopped_at, ..state } }
         };
         let rows = found.bodies.iter().copied().zip(found.times.iter().copied());
         Ok(rows.enumerate().map(row).collect())
@@ -256,5 +259,5 @@ fn state_of(numbers: &[f64; MOST_COLUMNS], translates: bool, status: u8, is_know
         status,
     };
     let first = ROTATION_COLUMNS.len();
-    OutputState { rotation, translation: translates.then(|| (vector(first), vector(first + 3))) }
+    OutputState::moving(rotation, translates.then(|| (vector(first), vector(first + 3))))
 }

@@ -3,11 +3,12 @@
 use std::ops::Range;
 use std::time::Instant;
 
-use super::reading::{FormStates, each_in_lanes};
+use super::kept::Kept;
+use super::reading::{FormStates, WriteState, each_in_lanes};
 use crate::bodies::BodyFrame;
 use crate::bodies::blocks::cut;
 use crate::bodies::columns::StateWords;
-use crate::engine::adaptive_session::AdaptiveSession;
+use crate::engine::adaptive_session::{AdaptiveSession, StepCounts};
 use crate::engine::batch::{ORDERED_TOGETHER, Prepared, prepare_ordered};
 use crate::engine::reduction::{BlockRows, Reduce};
 use crate::engine::watch::Job;
@@ -32,6 +33,10 @@ pub(super) struct AdaptiveGroupRun {
     session_rows: Vec<u32>,
     /// The group's rows in pieces that are ordered each for itself, and end where blocks of bodies do.
     cuts: Vec<Range<usize>>,
+    /// Which rows its session has of those that it had at first, by which frames and `session_rows` count.
+    kept: Kept,
+    /// Steps of those that were left out.
+    left_out: Vec<StepCounts>,
     /// A piece of rows as it was read last, since the bodies were advanced.
     last_read: Option<(usize, StateWords)>,
 }
@@ -58,7 +63,7 @@ impl AdaptiveGroupRun {
         let clock = Instant::now();
         let session = start(engine, method, batch, steps)?;
         wall_time.start += clock.elapsed().as_secs_f64();
-        Ok(Self { session, frames, session_rows, cuts, last_read: None })
+        Ok(Self { session, frames, session_rows, cuts, kept: Kept::default(), left_out: Vec::new(), last_read: None })
     }
 
     pub fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {
@@ -77,13 +82,40 @@ impl AdaptiveGroupRun {
         self.session.has_jobs()
     }
 
-    /// The session, and the frames of its rows.
+    /// The session, and the frames of the rows that it had at first.
     pub fn session(&mut self) -> (&mut dyn Reduce, &[BodyFrame]) {
         (&mut *self.session, &self.frames)
     }
 
-    /// The session's row of one of the group's.
-    pub fn session_row(&self, row: usize) -> usize {
+    /// Bodies that the session has.
+    pub fn body_count(&self) -> usize {
+        self.kept.count(self.session_rows.len())
+    }
+
+    /// Leaves out bodies by the group's rows; see [`super::group_run::GroupRun::leave_out`].
+    pub fn leave_out(&mut self, stands: &dyn Fn(usize) -> bool) -> Result<usize> {
+        let before = self.body_count();
+        let mut standing = vec![false; self.session_rows.len()];
+        for (row, &place) in self.session_rows.iter().enumerate() {
+            standing[place as usize] = stands(row);
+        }
+        let Some(moving) = self.kept.next(standing.len(), |place| standing[place]) else { return Ok(0) };
+        let counts = self.session.counts()?;
+        let is_left_out = |row: &usize| standing[self.kept.row(*row)];
+        self.left_out.extend((0..before).filter(is_left_out).map(|row| counts[row]));
+        self.last_read = None;
+        self.session.keep(&moving)?;
+        self.kept.keep(&moving);
+        Ok(before - moving.len())
+    }
+
+    /// The session's row of one of the group's, where it has it.
+    pub fn session_row(&self, row: usize) -> Option<usize> {
+        self.kept.session_row(self.frame_place(row))
+    }
+
+    /// The place of a row's frame among those of [`AdaptiveGroupRun::session`].
+    pub fn frame_place(&self, row: usize) -> usize {
         self.session_rows[row] as usize
     }
 
@@ -117,17 +149,25 @@ impl AdaptiveGroupRun {
             let block = self.cuts[number].clone();
             let words = match self.last_read.take() {
                 Some((last, words)) if last == number => words,
-                _ => self.session.read(block.clone())?,
+                _ => self.session.read(self.kept.session_rows(&block))?,
             };
             let end = block.end.min(rows.end);
-            let Self { frames, session_rows, .. } = &*self;
+            let Self { frames, session_rows, kept, .. } = &*self;
             let (frames, session_rows) = (&frames[..], &session_rows[..]);
-            let scaled = |row: usize| {
-                let own = session_rows[row] as usize;
-                let place = own - block.start;
-                (now(&frames[own], row), words.combined(place), words.status[place])
+            let first = kept.session_rows(&block).start;
+            let scaled = |row: usize, session_row: usize| {
+                let place = session_row - first;
+                (now(&frames[session_rows[row] as usize], row), words.combined(place), words.status[place])
             };
-            then(start..end, &|rows, write| each_in_lanes(rows, false, scaled, write));
+            then(start..end, &|rows, write| {
+                if kept.is_all() {
+                    return each_in_lanes(rows, false, |row| scaled(row, session_rows[row] as usize), write);
+                }
+                let own = rows.filter_map(|row| Some((row, kept.session_row(session_rows[row] as usize)?)));
+                let own: Vec<(usize, usize)> = own.collect();
+                let write: &mut WriteState<'_> = &mut |place, state| write(own[place].0, state);
+                each_in_lanes(0..own.len(), false, |place| scaled(own[place].0, own[place].1), write);
+            });
             self.last_read = Some((number, words));
             start = end;
         }
@@ -140,24 +180,27 @@ impl AdaptiveGroupRun {
         if rows.is_empty() || self.last_read.as_ref().is_some_and(|(last, _)| *last == number) {
             return Ok(());
         }
-        let piece = self.cuts[number].clone();
+        let piece = self.kept.session_rows(&self.cuts[number]);
         self.session.prefetch(piece)
     }
 
     /// The time that the body in one of the group's rows stands at, s, where the session can say it.
     pub fn reached(&self, row: usize) -> Option<f64> {
-        self.session.reached().map(|reached| reached[self.session_row(row)])
+        let row = self.session_row(row)?;
+        self.session.reached().map(|reached| reached[row])
     }
 
     /// The steps that the bodies in some of the group's rows have tried.
     pub fn attempts(&mut self, rows: &[usize]) -> Result<Vec<u64>> {
         let counts = self.session.counts()?;
-        Ok(rows.iter().map(|&row| counts[self.session_row(row)].attempts()).collect())
+        let of_row = |&row: &usize| self.session_row(row).map_or(0, |row| counts[row].attempts());
+        Ok(rows.iter().map(of_row).collect())
     }
 
     /// What its bodies took, in the order in which they stand side by side.
     pub fn work(&mut self) -> Result<GroupWork> {
-        let counts = self.session.counts()?;
+        let mut counts = self.session.counts()?;
+        counts.extend(&self.left_out);
         Ok(GroupWork {
             accepted: counts.iter().map(|counts| counts.accepted).collect(),
             rejected: counts.iter().map(|counts| counts.rejected).collect(),

@@ -1,5 +1,6 @@
 //! What the torques do to bodies against how their energy and angular momentum change.
 
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 use glam::{DQuat, DVec3};
@@ -45,7 +46,7 @@ pub fn balance(plan: &Plan<'_>, orientation: &[DQuat], angular_velocity_body: &[
     };
     let mut gatherer = BalanceGatherer::default();
     let sample = sample_of_part(plan);
-    for reference in recomputed(plan, &sample, &mut |_| ControlFlow::Continue(()))? {
+    for reference in recomputed(plan, &sample, &BTreeMap::new(), &mut |_| ControlFlow::Continue(()))? {
         push_rest(&mut gatherer, plan.scene(), reference.body, &state(reference.body), reference.work.as_ref());
     }
     let changes: Vec<f64> = (0..ensemble.len())

@@ -218,7 +218,7 @@ impl Checkpoint {
         self.most = MOST_WITHOUT_STATES;
         if output.final_state {
             let cells = study.design().map(|design| design.cells());
-            let layout = Layout::of_output(output, scene.ensemble().translation().is_some(), cells);
+            let layout = Layout::of_output(output, scene, cells);
             let (of, bodies) = (("final", output.format), 0..self.body_count());
             let table = TableFile::begin(results, of, bodies, &layout, Times::One(scene.end()))?;
             self.final_states = FinalStates::Table(table);

@@ -6,6 +6,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::OutputState;
+use super::kept::Kept;
 use super::reading::TASK;
 use crate::bodies::Ensemble;
 use crate::bodies::Members;
@@ -40,8 +41,20 @@ impl EvaluatedWhenRead<'_> {
         wants_start: bool,
         write: impl FnMut(usize, BodyState, Option<BodyState>),
     ) {
+        self.each_of_rows(rows, &|row| row, time, wants_start, write);
+    }
+
+    /// The same of rows that are counted otherwise: `row` says which of the group's each is.
+    fn each_of_rows(
+        &self,
+        rows: Range<usize>,
+        row: &dyn Fn(usize) -> usize,
+        time: f64,
+        wants_start: bool,
+        write: impl FnMut(usize, BodyState, Option<BodyState>),
+    ) {
         let (ensemble, at) = (self.ensemble, (time, wants_start));
-        let body = |first: usize| move |place| self.members.body(first + place);
+        let body = |first: usize| move |place| self.members.body(row(first + place));
         match self.motion {
             FreeForm::Precession { shape, span } => {
                 let motion = |block: &mut PrecessionBlock, first, count| {
@@ -94,6 +107,17 @@ impl EvaluatedWhenRead<'_> {
                 if let (Some(initial), Some(start)) = (&mut initial, start) {
                     initial[place] = start;
                 }
+            });
+        });
+    }
+
+    /// As [`EvaluatedWhenRead::read`], of the rows that are kept alone.
+    pub fn read_kept(&self, time: f64, kept: &Kept, bodies: &Range<usize>, states: &mut [OutputState]) {
+        states.par_chunks_mut(TASK).enumerate().for_each(|(task, states)| {
+            let first = bodies.start + task * TASK;
+            let rows = kept.session_rows(&self.members.rows(first..first + states.len()));
+            self.each_of_rows(rows, &|row| kept.row(row), time, false, |row, state, _| {
+                states[self.members.body(kept.row(row)) - first].rotation = state;
             });
         });
     }

@@ -76,7 +76,7 @@ fn times(failed: &FailedBody, span: f64) -> Option<Vec<f64>> {
             Some(std::iter::once(0.0).chain(doubled).collect())
         }
         (Status::NotFinite | Status::NotConverged | Status::StepTooLong, KnownTo::Step) => Some(parts(IN_STEP)),
-        (Status::CentreNotFinite | Status::Valid, _) => None,
+        (Status::CentreNotFinite | Status::Valid | Status::Stopped, _) => None,
         _ => Some(parts(BETWEEN_OUTPUTS)),
     }
 }

@@ -166,7 +166,7 @@ impl Bracket<'_> {
 /// not stop the rotation.
 fn has_failed(state: &OutputState, reason: Status) -> bool {
     match state.status() {
-        Status::Valid => false,
+        Status::Valid | Status::Stopped => false,
         Status::CentreNotFinite => reason == Status::CentreNotFinite,
         _ => true,
     }

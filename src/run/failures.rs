@@ -71,7 +71,7 @@ impl<'p> Failures<'p> {
             for (place, state) in states.iter().enumerate() {
                 let good = earlier.as_mut().map(|earlier| &mut earlier[place]);
                 let status = state.status();
-                if status == Status::Valid && (is_first || good.as_ref().is_none_or(|good| good.is_some())) {
+                if status.is_good() && (is_first || good.as_ref().is_none_or(|good| good.is_some())) {
                     let BodyState { orientation, angular_velocity_body, .. } = state.rotation;
                     good.into_iter().for_each(|good| *good = GoodState { orientation, angular_velocity_body });
                     continue;

@@ -14,7 +14,7 @@ use crate::record::failed_file;
 use crate::record::folder::{Metadata, OutputFile, OutputFolder, PLAN, REPORT, write_whole};
 use crate::record::observed_files::{write_events, write_histograms};
 use crate::record::part_file::{BLOCKS, BlocksLine, EVENTS, EventEntry, PART, PartContents, PartFile};
-use crate::record::report::{EventReport, Report, StatisticsReport, StudyReport};
+use crate::record::report::{EventReport, Report, StatisticsReport, StoppedReport, StudyReport};
 use crate::record::statistics_file::StatisticsFile;
 use crate::record::{EventRecord, Gathered, HistogramCounts, OutputState, Sink, Statistics};
 use crate::run::outcome::Outcome;
@@ -148,7 +148,7 @@ impl OutputSize {
         let ensemble = plan.scene().ensemble();
         let times = output.snapshots as u64 * plan.times().len() as u64 + output.final_state as u64;
         let rows = times.saturating_mul(ensemble.len() as u64);
-        let numbers = Layout::of_output(output, ensemble.translation().is_some(), None).columns.len() as u64;
+        let numbers = Layout::of_output(output, plan.scene(), None).columns.len() as u64;
         let (least, likely) = match output.format {
             Format::Csv => {
                 let status = csv_file::STATUS_BYTES;
@@ -268,7 +268,7 @@ pub(super) fn run_files(
     let output = &Output { final_state: output.final_state && of_all.is_none(), ..output.clone() };
     let metadata = metadata(study, &plan_text);
     folder.add_metadata(metadata.clone());
-    let layout = Layout::of_output(output, plan.scene().ensemble().translation().is_some(), cells);
+    let layout = Layout::of_output(output, plan.scene(), cells);
     let columns = layout.columns.clone();
     let tables = StateTables::begin(&mut folder, output, layout, plan, of_all)?;
     let ((mut trust, kept), mut spent) = tables.while_running(|queue| {
@@ -311,6 +311,7 @@ pub(super) fn run_files(
     let mut report = Report::new(study.map(StudyReport::of), plan, trust);
     report.statistics = kept.at_end.as_ref().map(StatisticsReport::from);
     report.events = kept.events.iter().map(|record| EventReport::new(record, scene.end())).collect();
+    report.stopped = StoppedReport::of(&kept.events);
     report.files = folder.names().to_vec();
     report.files.extend(is_part.then(|| PART.to_owned()));
     report.wall_time.study = (study_seconds - report.wall_time.plan).max(0.0);

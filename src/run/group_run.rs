@@ -28,6 +28,7 @@ use crate::plan::{Group, Treatment};
 use crate::record::WallTime;
 use crate::run::adaptive_group::{AdaptiveGroupRun, GroupWork};
 use crate::run::evaluated_when_read::{EvaluatedWhenRead, FreeForm};
+use crate::run::kept::Kept;
 use crate::run::stepped_translation::SteppedTranslation;
 use crate::scene::{Part, Scene};
 use crate::torque::Torque;
@@ -38,6 +39,10 @@ pub(super) struct GroupRun<'p> {
     /// The rows after the last of each block of bodies.
     ends: Vec<usize>,
     motion: Motion<'p>,
+    /// The rows that its session has, but for adaptive steps, which know their own.
+    kept: Kept,
+    /// Equal steps that bodies were spared as they were left out.
+    spared: u64,
     stepped_translation: Option<SteppedTranslation<'p>>,
     ensemble: &'p Ensemble,
     torques: &'p [Torque],
@@ -142,7 +147,19 @@ impl<'p> GroupRun<'p> {
         }
         let varies = scene.torques().iter().any(Torque::changes_inertia);
         let (ensemble, torques) = (scene.ensemble(), scene.torques());
-        Ok(Self { members, ends, motion, stepped_translation, ensemble, torques, varies, time: 0.0, formed: 0.0 })
+        Ok(Self {
+            members,
+            ends,
+            motion,
+            kept: Kept::default(),
+            spared: 0,
+            stepped_translation,
+            ensemble,
+            torques,
+            varies,
+            time: 0.0,
+            formed: 0.0,
+        })
     }
 
     /// The steps from `time − span` to `time`, s, as work for the host's threads, to be run before anything else is done with the
@@ -151,9 +168,11 @@ impl<'p> GroupRun<'p> {
         if self.stepped_translation.is_some() {
             return Ok(None);
         }
+        let left_out = (self.members.len() - self.kept.count(self.members.len())) as u64;
         let job = match &mut self.motion {
             Motion::Stepped { session, treatment, .. } => {
                 let interval = treatment.interval(span);
+                self.spared = self.spared.saturating_add(interval.steps.saturating_mul(left_out));
                 session.job(interval.dt, interval.steps)?
             }
             Motion::Adaptive(group_run) => group_run.job_to(time)?,
@@ -178,9 +197,14 @@ impl<'p> GroupRun<'p> {
     /// Brings the bodies from `time − span` to `time`, s; gives the work done ([`crate::plan::Plan::work_of`]). What is not
     /// stepped is formed only where it is `wanted`.
     pub fn advance(&mut self, time: f64, span: f64, wanted: bool, observer: &mut Observer<'_>) -> Result<u64> {
-        let bodies = self.members.len() as u64;
+        let bodies = match &self.motion {
+            Motion::Adaptive(group_run) => group_run.body_count(),
+            _ => self.kept.count(self.members.len()),
+        } as u64;
         if let Motion::Stepped { treatment, .. } = &self.motion {
             let interval = treatment.interval(span);
+            let left_out = self.members.len() as u64 - bodies;
+            self.spared = self.spared.saturating_add(interval.steps.saturating_mul(left_out));
             self.take_steps((time - span, interval.dt), 0..interval.steps, time, observer)?;
             return Ok(interval.steps.saturating_mul(bodies));
         }
@@ -215,7 +239,7 @@ impl<'p> GroupRun<'p> {
     ) -> Result<()> {
         let Motion::Stepped { session, frames, .. } = &mut self.motion else { return Ok(()) };
         self.time = time;
-        let (bodies, count) = (self.members.len() as u64, steps.end - steps.start);
+        let (bodies, count) = (self.kept.count(self.members.len()) as u64, steps.end - steps.start);
         let Some(stepped_translation) =
             self.stepped_translation.as_mut().filter(|stepped_translation| stepped_translation.follows())
         else {
@@ -249,7 +273,7 @@ impl<'p> GroupRun<'p> {
             if has_centres {
                 self.read_centres(&(body..body + 1), &mut own)?;
             }
-            Ok(OutputState { rotation, translation: own[0].or_else(|| centre(body)) })
+            Ok(OutputState::moving(rotation, own[0].or_else(|| centre(body))))
         };
         rotations.into_iter().enumerate().map(state).collect()
     }
@@ -276,6 +300,29 @@ impl<'p> GroupRun<'p> {
         Ok(rows.into_iter().map(|row| self.members.body(row)).zip(attempts).collect())
     }
 
+    /// Leaves out those of its bodies that `stands` says: nothing is computed of them any more, and nothing is read. Gives how many bodies were left out.
+    pub fn leave_out(&mut self, stands: &dyn Fn(usize) -> bool) -> Result<usize> {
+        let members = self.members;
+        let stands = |row: usize| stands(members.body(row));
+        if let Motion::Adaptive(group_run) = &mut self.motion {
+            return group_run.leave_out(&stands);
+        }
+        let before = self.kept.count(members.len());
+        let Some(moving) = self.kept.next(members.len(), stands) else { return Ok(0) };
+        match &mut self.motion {
+            Motion::Stepped { session, .. } => session.keep(&moving)?,
+            Motion::ClosedForm { session, .. } => session.keep(&moving)?,
+            Motion::Adaptive(_) | Motion::EvaluatedWhenRead(_) => {}
+        }
+        self.kept.keep(&moving);
+        Ok(before - moving.len())
+    }
+
+    /// Equal steps that bodies were spared as they were left out.
+    pub fn spared(&self) -> u64 {
+        self.spared
+    }
+
     /// The wall time, s, that bodies took to be formed as they were read, since the last call.
     pub fn take_formed(&mut self) -> f64 {
         std::mem::take(&mut self.formed)
@@ -289,7 +336,7 @@ impl<'p> GroupRun<'p> {
         }
     }
 
-    /// Number of bodies.
+    /// Number of bodies, those included that were left out.
     pub fn body_count(&self) -> usize {
         self.members.len()
     }
@@ -322,15 +369,15 @@ impl<'p> GroupRun<'p> {
     pub fn prefetch(&mut self, bodies: &Range<usize>) -> Result<()> {
         let rows = self.members.rows(bodies.clone());
         match &mut self.motion {
-            Motion::Stepped { session, .. } => session.prefetch(rows),
-            Motion::ClosedForm { session, .. } => session.prefetch(rows),
+            Motion::Stepped { session, .. } => session.prefetch(self.kept.session_rows(&rows)),
+            Motion::ClosedForm { session, .. } => session.prefetch(self.kept.session_rows(&rows)),
             Motion::Adaptive(unit) => unit.prefetch(rows),
             Motion::EvaluatedWhenRead(_) => Ok(()),
         }
     }
 
     /// Writes the states of those of its bodies that are in `bodies` to their places in `states`, and those in which they
-    /// started, by the same route, to their places in `initial`.
+    /// started, by the same route, to their places in `initial`. Bodies that were left out are passed over.
     pub fn read(
         &mut self,
         bodies: &Range<usize>,
@@ -339,7 +386,12 @@ impl<'p> GroupRun<'p> {
     ) -> Result<()> {
         if let Motion::EvaluatedWhenRead(once) = &self.motion {
             let clock = Instant::now();
-            once.read(self.time, bodies, states, initial);
+            if self.kept.is_all() {
+                once.read(self.time, bodies, states, initial);
+            } else {
+                once.read_kept(self.time, &self.kept, bodies, states);
+                initial.into_iter().for_each(|initial| self.read_initial(bodies, initial));
+            }
             self.formed += clock.elapsed().as_secs_f64();
             return Ok(());
         }
@@ -406,16 +458,20 @@ impl<'p> GroupRun<'p> {
             true => frame.at(torques, members.body(row), time),
             false => *frame,
         };
+        let (kept, own) = (&self.kept, self.kept.session_rows(rows));
         let mut of_words = |words: StateWords, frames: &[BodyFrame]| {
-            let scaled = |row: usize| {
-                let place = row - rows.start;
+            let scaled = |session_row: usize| {
+                let (row, place) = (kept.row(session_row), session_row - own.start);
                 (now(&frames[row], row), words.combined(place), words.status[place])
             };
-            then(rows.clone(), &|rows, write| each_in_lanes(rows, false, scaled, write));
+            then(rows.clone(), &|rows, write| {
+                let write: &mut WriteState<'_> = &mut |session_row, state| write(kept.row(session_row), state);
+                each_in_lanes(kept.session_rows(&rows), false, scaled, write);
+            });
         };
         match &mut self.motion {
-            Motion::Stepped { session, frames, .. } => of_words(session.read(rows.clone())?, frames),
-            Motion::ClosedForm { session, frames } => of_words(session.read(rows.clone())?, frames),
+            Motion::Stepped { session, frames, .. } => of_words(session.read(own.clone())?, frames),
+            Motion::ClosedForm { session, frames } => of_words(session.read(own.clone())?, frames),
             Motion::Adaptive(group_run) => group_run.with_states(rows, &now, then)?,
             Motion::EvaluatedWhenRead(once) => {
                 let states = once.states(rows, time);
@@ -561,18 +617,25 @@ impl GroupRun<'_> {
         Ok(reasons)
     }
 
-    /// The states of those of its bodies that are among `bodies`.
+    /// The states of those of its bodies that are among `bodies` and were not left out.
     pub fn read_bodies(&mut self, bodies: &[u32]) -> Result<Vec<(usize, BodyState)>> {
-        let row = |&body: &u32| self.members.rows(body as usize..body as usize + 1).next();
-        let rows: Vec<usize> = bodies.iter().filter_map(row).collect();
-        let own: Vec<usize> = match &self.motion {
-            Motion::Adaptive(group_run) => rows.iter().map(|&row| group_run.session_row(row)).collect(),
+        let row = |&body: &u32| {
+            let row = self.members.rows(body as usize..body as usize + 1).next()?;
+            let session_row = match &self.motion {
+                Motion::Adaptive(group_run) => group_run.session_row(row),
+                _ => self.kept.session_row(row),
+            };
+            Some((row, session_row?))
+        };
+        let (rows, own): (Vec<usize>, Vec<usize>) = bodies.iter().filter_map(row).unzip();
+        let places: Vec<usize> = match &self.motion {
+            Motion::Adaptive(group_run) => rows.iter().map(|&row| group_run.frame_place(row)).collect(),
             _ => rows.clone(),
         };
         let states = match self.session() {
             Some((session, frames)) => {
                 let words = session.read_rows(&own)?;
-                own.iter().enumerate().map(|(index, &row)| frames[row].state_of(&words, index)).collect()
+                places.iter().enumerate().map(|(index, &place)| frames[place].state_of(&words, index)).collect()
             }
             None => {
                 let mut states = Vec::with_capacity(rows.len());

@@ -17,7 +17,7 @@ use crate::record::folder::{OutputFolder, PLAN, REPORT, file_entry};
 use crate::record::npz_file::Times;
 use crate::record::observed_files::{write_events, write_histograms};
 use crate::record::part_file::{BLOCKS, BlocksLine, EVENTS, EventEntry, PartFile};
-use crate::record::report::{EventReport, FailureReport, QuantityReport, StatisticsReport};
+use crate::record::report::{EventReport, FailureReport, QuantityReport, StatisticsReport, StoppedReport};
 use crate::record::shard::{Shard, ShardState, ranges, status};
 use crate::record::statistics_file::StatisticsFile;
 use crate::record::table_file;
@@ -58,6 +58,9 @@ pub struct MergedReport {
     /// Events; empty where the study asks for none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub events: Vec<EventReport>,
+    /// Bodies that events have stopped; left out where no event stops any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stopped: Option<StoppedReport>,
     /// Errors at the end.
     pub accuracy: MergedAccuracy,
     /// Whether the samples of all parts agree with the errors asked for of statistics; `null` where none are, or not of all parts that is known.
@@ -210,6 +213,7 @@ pub(super) fn merge_folders(
         quantities: QuantityReport::of(&observed),
         statistics: at_end.as_ref().map(StatisticsReport::from),
         events: events.iter().map(|record| EventReport::new(record, end)).collect(),
+        stopped: StoppedReport::of(&events),
         accuracy: outcome.accuracy,
         statistical_met: all_met(reports().map(|report| report["statistical_accuracy"]["met"].as_bool())),
         failed_bodies: failures.iter().map(|failed| failed.body).collect(),

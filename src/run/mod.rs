@@ -24,6 +24,7 @@ mod files;
 mod group_run;
 #[cfg(feature = "study")]
 mod initial_file;
+mod kept;
 #[cfg(feature = "study")]
 mod merge;
 mod observed;
@@ -52,7 +53,7 @@ pub use merge::{MergedReport, merge};
 #[cfg(feature = "study")]
 pub use outcome::MergedAccuracy;
 pub use output_loop::{Output, Run};
-pub use replay::{How, Replay, StateError, alone, replay};
+pub use replay::{How, Replay, StateError, alone, replay, replay_until};
 
 impl Engine {
     /// Runs a plan and keeps every output in memory.

@@ -80,6 +80,10 @@ pub struct Run<'p> {
     sample: Vec<u32>,
     sampled: Vec<BodyState>,
     sampled_centres: Vec<Option<(DVec3, DVec3)>>,
+    /// When those of them were stopped that an event has stopped, s.
+    sampled_stops: BTreeMap<u32, f64>,
+    /// Bodies that stood when some were last left out.
+    left_out: usize,
     /// Bodies that are read at once.
     block: usize,
     states: Vec<OutputState>,
@@ -156,6 +160,8 @@ impl<'p> Run<'p> {
             sample: sample_of_part(plan),
             sampled: Vec::new(),
             sampled_centres: Vec::new(),
+            sampled_stops: BTreeMap::new(),
+            left_out: 0,
             block: read_block(&engine.description()),
             states: Vec::new(),
             initial: Vec::new(),
@@ -164,6 +170,7 @@ impl<'p> Run<'p> {
             has_failed: false,
         };
         run.observe_start();
+        run.leave_out(0)?;
         Ok(run)
     }
 
@@ -176,10 +183,27 @@ impl<'p> Run<'p> {
         let body_count = self.plan.scene().ensemble().len();
         for start in (0..body_count).step_by(self.block) {
             initial_states(&self.group_runs, &(start..(start + self.block).min(body_count)), &mut self.initial);
-            let rotations = self.initial.iter().map(|&rotation| OutputState { rotation, translation: None });
-            observation.begin(start, &rotations.collect::<Vec<_>>());
+            let rotations = self.initial.iter().map(|&rotation| OutputState::moving(rotation, None));
+            let centres = &self.centres;
+            observation.begin(start, &rotations.collect::<Vec<_>>(), &|body, time| centres.of_body_at(body, time));
         }
         self.wall_time.read += clock.elapsed().as_secs_f64();
+    }
+
+    /// Leaves out the bodies that events have stopped, after so many outputs; not where nothing may be skipped.
+    fn leave_out(&mut self, outputs: usize) -> Result<()> {
+        let plan = self.plan;
+        let Some(stops) = self.observation.as_ref().and_then(Observation::stops) else { return Ok(()) };
+        if stops.count() == self.left_out || !plan.scene().may_skip() || outputs == plan.times().len() {
+            return Ok(());
+        }
+        self.left_out = stops.count();
+        for (group_run, group) in self.group_runs.iter_mut().zip(plan.groups()) {
+            let left_out = group_run.leave_out(&|body| stops.stands(body))?;
+            let of_body = plan.work_after(group, outputs);
+            self.total = self.total.saturating_sub(of_body.saturating_mul(left_out as u64));
+        }
+        Ok(())
     }
 
     /// How many outputs are done.
@@ -229,10 +253,9 @@ impl<'p> Run<'p> {
         if plan.is_closed_form() && observer(self.progress()).is_break() {
             return Err(Error::Interrupted { steps: 0 });
         }
-        if let Some(comparison) = &mut self.comparison {
-            let clock = Instant::now();
-            comparison.take(index, time, &mut self.group_runs)?;
-            self.wall_time.read += clock.elapsed().as_secs_f64();
+        let stops = scene.stops();
+        if !stops {
+            self.compare(index, time)?;
         }
         if self.reduces {
             let clock = Instant::now();
@@ -242,10 +265,25 @@ impl<'p> Run<'p> {
             sink.statistics(index, &Statistics::new(time, &self.statistics, &found))?;
         }
         match wanted {
-            true => self.read_all((index, time), (asked, last), sink, observer),
-            false if last => self.read_sample(time),
-            false => Ok(()),
+            true => self.read_all((index, time), (asked, last), sink, observer)?,
+            false if last => self.read_sample(time)?,
+            false => {}
         }
+        if stops {
+            self.compare(index, time)?;
+            self.leave_out(index + 1)?;
+        }
+        Ok(())
+    }
+
+    /// Takes what is compared of a sample's bodies.
+    fn compare(&mut self, index: usize, time: f64) -> Result<()> {
+        let Some(comparison) = &mut self.comparison else { return Ok(()) };
+        let clock = Instant::now();
+        let stops = self.observation.as_ref().and_then(Observation::stops);
+        comparison.take(index, time, &mut self.group_runs, stops)?;
+        self.wall_time.read += clock.elapsed().as_secs_f64();
+        Ok(())
     }
 
     fn progress(&self) -> Progress {
@@ -267,6 +305,7 @@ impl<'p> Run<'p> {
         }
         let from_states = if self.reduces { &[][..] } else { &self.statistics };
         let mut from_states = FromStates::new(from_states, blocks_of(scene).collect());
+        let stops = scene.stops();
         for start in (0..body_count).step_by(block) {
             let range = start..(start + block).min(body_count);
             let clock = Instant::now();
@@ -274,16 +313,27 @@ impl<'p> Run<'p> {
             rayon::scope(|_| -> Result<()> {
                 let initial = last.then_some(&mut self.initial);
                 read_states(&mut self.group_runs, &self.centres, &range, &mut self.states, initial)?;
+                if let Some(stops) = self.observation.as_ref().and_then(Observation::stops) {
+                    stops.hold(start, &mut self.states);
+                }
                 self.failures.mark(time, start, &mut self.states);
                 match &mut self.observation {
                     Some(observation) => observation.push(start, time, &self.states),
                     None => from_states.push(start, &self.states),
                 }
-                if last {
+                if last && !stops {
                     self.end.gather(scene, start, &self.initial, &self.states);
                 }
                 Ok(())
             })?;
+            if let Some(observation) = self.observation.as_mut().filter(|_| stops) {
+                let centres = &self.centres;
+                let centre = |body: usize, time: f64| centres.of_body_at(body, time);
+                observation.stop((start, time), &mut self.states, &centre, &mut |_| observer(progress))?;
+                if last {
+                    self.end.gather(scene, start, &self.initial, &self.states);
+                }
+            }
             // While these are handed on, the next come to the host.
             let next = range.end..(range.end + block).min(body_count);
             self.group_runs.iter_mut().try_for_each(|group_run| group_run.prefetch(&next))?;
@@ -293,6 +343,7 @@ impl<'p> Run<'p> {
                     let state = &self.states[body as usize - start];
                     self.sampled.push(state.rotation);
                     self.sampled_centres.push(state.translation);
+                    self.sampled_stops.extend(state.stopped_at.map(|time| (body, time)));
                 }
             }
             // What is formed as it is read is computed all the same.
@@ -346,7 +397,7 @@ impl<'p> Run<'p> {
 
     fn finished(self, sink: &mut dyn Sink, observer: &mut Observer<'_>) -> Result<Trust> {
         let Self { engine, plan, observation, comparison, mut group_runs, done, total, mut end, failures, .. } = self;
-        let Self { sample, sampled, sampled_centres, mut wall_time, traffic, .. } = self;
+        let Self { sample, sampled, sampled_centres, sampled_stops, mut wall_time, traffic, .. } = self;
         let scene = plan.scene();
         let body_count = scene.ensemble().len();
         let mut works = Vec::new();
@@ -364,6 +415,7 @@ impl<'p> Run<'p> {
                 attempts.extend(group_run.attempts(&stopped)?);
             }
         }
+        let spared = group_runs.iter().map(GroupRun::spared).fold(0, u64::saturating_add);
         drop(group_runs);
 
         let clock = Instant::now();
@@ -374,9 +426,10 @@ impl<'p> Run<'p> {
         let (mut drift, gathered) = (Drift::default(), std::mem::take(&mut end.drift));
         let recomputed = rayon::in_place_scope(|scope| {
             scope.spawn(|_| drift = gathered.finish());
-            recomputed(plan, &sample, &mut |_| observer(Progress { done, total }))
+            recomputed(plan, &sample, &sampled_stops, &mut |_| observer(Progress { done, total }))
         })?;
-        let recomputed_centres = recomputed_centres(plan, &sample, &mut |_| observer(Progress { done, total }))?;
+        let recomputed_centres =
+            recomputed_centres(plan, &sample, &sampled_stops, &mut |_| observer(Progress { done, total }))?;
         let has_failed = |body: usize| failures.binary_search_by_key(&body, |failed| failed.body).is_ok();
         let mut events = observation.map(Observation::finish);
         let mut statistics = None;
@@ -425,7 +478,8 @@ impl<'p> Run<'p> {
             precision: plan.precision(),
             longest_step: plan.longest_step(),
             parts: plan.parts(),
-            body_steps: plan.body_steps() + adaptive.map_or(0, |work| work.accepted.total + work.rejected.total),
+            body_steps: plan.body_steps().saturating_sub(spared)
+                + adaptive.map_or(0, |work| work.accepted.total + work.rejected.total),
             adaptive,
             traffic,
             drift,

@@ -24,19 +24,22 @@ use crate::torque::force::{Force, accelerations, closed_form};
 /// How much shorter steps of centres of mass are than the run's: their error of order 4 is then below a hundredth of its.
 pub(super) const FINER: f64 = 4.0;
 
-/// Position (m) and velocity (m/s) at the end of a sample's bodies, world axes; none where bodies do not translate.
+/// Position (m) and velocity (m/s) at the end of a sample's bodies, or where one of them was stopped, in `stops` with its time (s), then; world
+/// axes; none where bodies do not translate.
 pub(super) fn recomputed_centres(
     plan: &Plan<'_>,
     sample: &[u32],
+    stops: &BTreeMap<u32, f64>,
     observer: &mut Observer<'_>,
 ) -> Result<BTreeMap<usize, (DVec3, DVec3)>> {
     let scene = plan.scene();
     let Some(translation) = scene.ensemble().translation() else { return Ok(BTreeMap::new()) };
     if scene.forces().iter().all(Force::has_closed_form) {
         let at_end = |&body: &u32| {
+            let end = stops.get(&body).copied().unwrap_or(scene.end());
             let body = body as usize;
             let forces = accelerations(scene.forces(), body, translation.mass[body]);
-            (body, closed_form(&forces, translation.position[body], translation.velocity[body], scene.end()))
+            (body, closed_form(&forces, translation.position[body], translation.velocity[body], end))
         };
         return Ok(sample.iter().map(at_end).collect());
     }

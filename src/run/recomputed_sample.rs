@@ -6,8 +6,10 @@ use rayon::prelude::*;
 
 use crate::bodies::BodyState;
 use crate::bodies::Members;
-use crate::engine::Observer;
-use crate::error::Result;
+use crate::bodies::frame::initial_state;
+use crate::engine::watch::Watch;
+use crate::engine::{Observer, Progress};
+use crate::error::{Error, Result};
 use crate::kernel::free_motion::FreeMotion;
 use crate::kernel::method::Method;
 use crate::math::Precision;
@@ -16,12 +18,15 @@ use crate::plan::errors::Errors;
 use crate::plan::recomputation::{EQUAL_FOR_ADAPTIVE, MOST_REFINEMENT, REFERENCE_ANGLE, finer, is_finer, shorter_by};
 use crate::plan::sampling::sample;
 use crate::plan::subset::{Watcher, propagate_subset};
-use crate::plan::{Group, Plan, TorqueSet, Treatment, steps_over};
+use crate::plan::{Group, Interval, Plan, TorqueSet, Treatment, steps_over};
 use crate::record::RecomputedSample;
 use crate::run::torque_work::{self, Alike, Recomputed, Work};
 use crate::scene::AdaptiveSteps;
 use crate::scene::{Accuracy, Part, Scene, Stepping};
 use crate::torque::{self, Torque};
+
+/// Stopped bodies that are followed side by side between two looks at whether to go on.
+const ALONE: usize = 64;
 
 /// Selects the bodies whose motion is recomputed; fixed, so that two runs of a plan are checked on the same bodies.
 pub(super) const SAMPLE_SEED: u64 = 0;
@@ -36,7 +41,7 @@ pub(super) fn sample_of_part(plan: &Plan<'_>) -> Vec<u32> {
     own.map(|body| (body - first_body) as u32).collect()
 }
 
-/// A body of the sample at the end, and, of a body on which torques act, what they did to it.
+/// A body of the sample at the end, or at its stop, and, of a body on which torques act, what they did to it.
 pub(super) struct Reference {
     pub body: usize,
     pub state: BodyState,
@@ -44,8 +49,14 @@ pub(super) struct Reference {
 }
 
 /// The bodies of a sample recomputed on the CPU in `f64`: torque-free ones by the closed form, the others by `rk8` in the
-/// steps of [`alike`], or, where the run's steps are adaptive, in adaptive steps too.
-pub(super) fn recomputed(plan: &Plan<'_>, sample: &[u32], observer: &mut Observer<'_>) -> Result<Vec<Reference>> {
+/// steps of [`alike`], or, where the run's steps are adaptive, in adaptive steps too. Those that an event has stopped, in `stops` with the time
+/// at which it has (s), are followed until then.
+pub(super) fn recomputed(
+    plan: &Plan<'_>,
+    sample: &[u32],
+    stops: &BTreeMap<u32, f64>,
+    observer: &mut Observer<'_>,
+) -> Result<Vec<Reference>> {
     let scene = plan.scene();
     let mut references = Vec::with_capacity(sample.len());
     for group in plan.groups() {
@@ -53,14 +64,21 @@ pub(super) fn recomputed(plan: &Plan<'_>, sample: &[u32], observer: &mut Observe
         let acting = |&body: &u32| !TorqueSet::acting_on(scene.torques(), body as usize).is_empty();
         let stepped = group.treatment.precision_of_steps().is_some();
         let (driven, free): (Vec<u32>, Vec<u32>) = members.into_iter().partition(|body| stepped && acting(body));
-        references.extend(closed_form(scene, &free));
+        references.extend(closed_form(scene, &free, stops));
+        let at_start = |body: &u32| stops.get(body).is_some_and(|&time| time <= 0.0);
+        let (standing, driven): (Vec<u32>, Vec<u32>) = driven.into_iter().partition(at_start);
+        references.extend(standing.into_iter().map(|body| {
+            let state = initial_state(scene.ensemble(), body as usize);
+            Reference { body: body as usize, state, work: None }
+        }));
         if !driven.is_empty() {
             let torques = group.class.torques.of(scene.torques());
             if let Treatment::Adaptive { method, steps, .. } = group.treatment {
-                references.extend(adaptively(plan, &torques, driven, (method, &steps), observer)?);
+                references.extend(adaptively(plan, &torques, (driven, stops), (method, &steps), observer)?);
                 continue;
             }
-            let found = torque_work::recomputed(scene, &torques, alike(plan, group, &torques, driven), observer)?;
+            let found =
+                torque_work::recomputed(scene, &torques, alike(plan, group, &torques, (driven, stops)), observer)?;
             let reference = |Recomputed { body, state, work }| Reference { body, state, work: Some(work) };
             references.extend(found.into_iter().map(reference));
         }
@@ -74,31 +92,53 @@ pub(super) fn recomputed(plan: &Plan<'_>, sample: &[u32], observer: &mut Observe
 fn adaptively(
     plan: &Plan<'_>,
     torques: &[Torque],
-    members: Vec<u32>,
+    (members, stops): (Vec<u32>, &BTreeMap<u32, f64>),
     (method, steps): (Method, &AdaptiveSteps),
     observer: &mut Observer<'_>,
 ) -> Result<Vec<Reference>> {
     let scene = plan.scene();
     let fine = finer(method, steps);
-    let found = propagate_subset(
+    let treatment = Treatment::Adaptive { method: Method::Rk8, precision: Precision::F64, steps: fine };
+    let (stopped, members): (Vec<u32>, Vec<u32>) = members.into_iter().partition(|body| stops.contains_key(body));
+    let mut found = propagate_subset(
         scene,
         plan.times(),
         torques,
         &Members::Some(members),
-        &Treatment::Adaptive { method: Method::Rk8, precision: Precision::F64, steps: fine },
+        &treatment,
         Watcher::Observer(observer),
     )?;
+    // Each of these has an end of its own, and is followed alone, so that parts of a study find what one run does.
+    for some in stopped.chunks(ALONE) {
+        let alone = |&body: &u32| {
+            let before = plan.times().iter().copied().take_while(|&time| time < stops[&body]);
+            let times: Vec<f64> = before.chain([stops[&body]]).collect();
+            let member = Members::Some(vec![body]);
+            propagate_subset(scene, &times, torques, &member, &treatment, Watcher::Watch(&Watch::default()))
+        };
+        for of_body in some.par_iter().map(alone).collect::<Vec<_>>() {
+            let of_body = of_body?;
+            found.states.extend(of_body.states);
+            found.counts.extend(of_body.counts);
+        }
+        if observer(Progress { done: 0, total: 1 }).is_break() {
+            return Err(Error::Interrupted { steps: 0 });
+        }
+    }
     let is_finer = is_finer(&fine, steps);
     if is_finer && !plan.recomputation().balances {
         return Ok(found.states.into_iter().map(|(body, state)| Reference { body, state, work: None }).collect());
     }
-    let mut alike: BTreeMap<u64, Vec<u32>> = BTreeMap::new();
+    // By steps and, of those that were stopped, by body.
+    let mut alike: BTreeMap<(u64, Option<u32>), Vec<u32>> = BTreeMap::new();
     for ((body, _), counts) in found.states.iter().zip(&found.counts) {
-        alike.entry(counts.accepted.max(1).next_power_of_two()).or_default().push(*body as u32);
+        let body = *body as u32;
+        let own = stops.contains_key(&body).then_some(body);
+        alike.entry((counts.accepted.max(1).next_power_of_two(), own)).or_default().push(body);
     }
-    let in_equal_steps = |(count, members): (u64, Vec<u32>)| {
-        let steps = count.saturating_mul(EQUAL_FOR_ADAPTIVE);
-        Alike { members, intervals: vec![steps_over(scene.end(), scene.end() / steps as f64)] }
+    let in_equal_steps = |((count, own), members): ((u64, Option<u32>), Vec<u32>)| {
+        let (steps, end) = (count.saturating_mul(EQUAL_FOR_ADAPTIVE), own.map_or(scene.end(), |body| stops[&body]));
+        Alike { members, intervals: vec![steps_over(end, end / steps as f64)], end }
     };
     let equal = torque_work::recomputed(scene, torques, alike.into_iter().map(in_equal_steps).collect(), observer)?;
     let equal: BTreeMap<usize, Recomputed> = equal.into_iter().map(|found| (found.body, found)).collect();
@@ -115,12 +155,28 @@ fn adaptively(
 /// long as that one; halved until `rk8` follows the body's own rates. What other bodies are in the sample changes nothing, so that parts
 /// of a study find what one run does. A random torque is a constant over each of the run's steps, so that the steps then have to be the
 /// run's.
-fn alike(plan: &Plan<'_>, group: &Group, torques: &[Torque], members: Vec<u32>) -> Vec<Alike> {
+fn alike(
+    plan: &Plan<'_>,
+    group: &Group,
+    torques: &[Torque],
+    (members, stops): (Vec<u32>, &BTreeMap<u32, f64>),
+) -> Vec<Alike> {
     let of_run = (0..plan.times().len()).map(|index| group.treatment.interval(plan.span_before(index)));
-    if torques.iter().any(Torque::is_random) {
-        return vec![Alike { members, intervals: of_run.collect() }];
-    }
     let scene = plan.scene();
+    let end_of = |own: Option<u32>| own.map_or(scene.end(), |body| stops[&body]);
+    let own = |body: u32| stops.contains_key(&body).then_some(body);
+    if torques.iter().any(Torque::is_random) {
+        let mut by_end: BTreeMap<Option<u32>, Vec<u32>> = BTreeMap::new();
+        members.into_iter().for_each(|body| by_end.entry(own(body)).or_default().push(body));
+        let of_run: Vec<Interval> = of_run.collect();
+        // A stop is known to an output.
+        let until = |end: f64| plan.times().partition_point(|&time| time <= end);
+        let as_run = |(own, members)| {
+            let end = end_of(own);
+            Alike { members, intervals: of_run[..until(end)].to_vec(), end }
+        };
+        return by_end.into_iter().map(as_run).collect();
+    }
     let longest = of_run.filter(|interval| interval.steps > 0).map(|interval| interval.dt).fold(0.0, f64::max);
     let coarse = match group.treatment {
         Treatment::Stepped { method, .. } => longest / shorter_by(method),
@@ -135,23 +191,24 @@ fn alike(plan: &Plan<'_>, group: &Group, torques: &[Torque], members: Vec<u32>) 
             torque::rate_of(torques, body, middle_moment).max(torque::damping_of(torques, body, middle_moment));
         (spin * growth).max(driven)
     };
-    let mut by_halvings: BTreeMap<i32, Vec<u32>> = BTreeMap::new();
+    let mut by_halvings: BTreeMap<(i32, Option<u32>), Vec<u32>> = BTreeMap::new();
     for body in members {
-        let own = REFERENCE_ANGLE / rate(body as usize);
+        let step_of_body = REFERENCE_ANGLE / rate(body as usize);
         let step = |halvings: i32| coarse * 0.5_f64.powi(halvings);
-        let is_enough = |halvings: &i32| step(*halvings) <= own || step(*halvings) * MOST_REFINEMENT <= longest;
+        let is_enough =
+            |halvings: &i32| step(*halvings) <= step_of_body || step(*halvings) * MOST_REFINEMENT <= longest;
         let halvings = (0..).find(is_enough).unwrap_or(0);
-        by_halvings.entry(halvings).or_default().push(body);
+        by_halvings.entry((halvings, own(body))).or_default().push(body);
     }
-    let in_steps = |(halvings, members)| {
-        let intervals = vec![steps_over(scene.end(), coarse * 0.5_f64.powi(halvings))];
-        Alike { members, intervals }
+    let in_steps = |((halvings, own), members)| {
+        let end = end_of(own);
+        Alike { members, intervals: vec![steps_over(end, coarse * 0.5_f64.powi(halvings))], end }
     };
     by_halvings.into_iter().map(in_steps).collect()
 }
 
-/// Torque-free bodies at the end; those whose phases the closed form does not resolve have no state.
-fn closed_form(scene: &Scene, members: &[u32]) -> Vec<Reference> {
+/// Torque-free bodies at the end, or at their stop; those whose phases the closed form does not resolve have no state.
+fn closed_form(scene: &Scene, members: &[u32], stops: &BTreeMap<u32, f64>) -> Vec<Reference> {
     // The energy does not depend on the phases.
     let wanted = match scene.stepping() {
         Stepping::Accuracy(accuracy) => {
@@ -160,10 +217,10 @@ fn closed_form(scene: &Scene, members: &[u32]) -> Vec<Reference> {
         Stepping::Statistics(_) | Stepping::Pinned { .. } | Stepping::Adaptive { .. } => 1.0,
     };
     let reference = |&body: &u32| {
+        let end = stops.get(&body).copied().unwrap_or(scene.end());
         let body = body as usize;
         let is_resolved = phase_error(scene, body) <= LEAST_PART * wanted;
-        let state =
-            if is_resolved { FreeMotion::of_body(scene.ensemble(), body).at(scene.end()) } else { BodyState::UNKNOWN };
+        let state = if is_resolved { FreeMotion::of_body(scene.ensemble(), body).at(end) } else { BodyState::UNKNOWN };
         Reference { body, state, work: None }
     };
     members.par_iter().map(reference).collect()

@@ -159,11 +159,21 @@ impl fmt::Display for StateError {
 ///
 /// [`Error::Setting`] where there is no such body; what [`Plan::new`] and [`run_into`] return.
 pub fn replay(plan: &Plan<'_>, body: usize, samples: usize) -> Result<Replay> {
+    replay_until(plan, body, samples, plan.scene().end())
+}
+
+/// As [`replay`], as far as `end`, s: of a body that an event has stopped, until then ([`OutputState::stopped_at`]). A body by a random torque, whose
+/// stop is known to an output, goes on to the end all the same.
+///
+/// # Errors
+///
+/// As [`replay`].
+pub fn replay_until(plan: &Plan<'_>, body: usize, samples: usize, end: f64) -> Result<Replay> {
     let scene = only(plan, body)?.unobserved();
     let engine = Engine::cpu();
     let is_free = TorqueSet::acting_on(scene.torques(), 0).is_empty();
     let draws = !is_free && scene.torques().iter().any(Torque::is_random);
-    let scene = if draws { scene } else { scene.outputs(Outputs::Times(times(plan, samples))) };
+    let scene = if draws { scene } else { scene.until(end).outputs(Outputs::Times(times(plan, samples, end))) };
     let states = |how: How| -> Result<Vec<(f64, OutputState)>> {
         let scene = match how {
             How::ClosedForm => scene.clone().skipping(true).accuracy(Accuracy::attitude(CLOSED_FORM)),
@@ -204,13 +214,14 @@ pub fn replay(plan: &Plan<'_>, body: usize, samples: usize) -> Result<Replay> {
     Ok(Replay { body: plan.scene().part().first_body + body, how: fine, track, own_error })
 }
 
-/// A body of a plan's scene as the plan has it: the states, bit for bit, that it has at the output times of the whole run on this engine.
+/// A body of a plan's scene as the plan has it: the states, bit for bit, that it has at the output times of the whole run on this engine, those
+/// after an event has stopped it too.
 ///
 /// # Errors
 ///
 /// As [`replay`].
 pub fn alone(engine: &dyn Backend, plan: &Plan<'_>, body: usize) -> Result<Vec<(f64, OutputState)>> {
-    let scene = only(plan, body)?.unobserved();
+    let scene = only(plan, body)?.only_stopping();
     collected(engine, &plan.of_part(&scene, engine)?)
 }
 
@@ -225,10 +236,11 @@ fn only(plan: &Plan<'_>, body: usize) -> Result<Scene> {
 }
 
 /// Output times, with samples between them.
-fn times(plan: &Plan<'_>, samples: usize) -> Vec<f64> {
-    let (end, parts) = (plan.scene().end(), samples.saturating_sub(1).max(1) as f64);
+fn times(plan: &Plan<'_>, samples: usize, end: f64) -> Vec<f64> {
+    let parts = samples.saturating_sub(1).max(1) as f64;
     let sampled = (0..samples).map(|sample| end * (sample as f64 / parts));
-    let mut times: Vec<f64> = sampled.chain(plan.times().iter().copied()).collect();
+    let of_plan = plan.times().iter().copied().take_while(|&time| time < end);
+    let mut times: Vec<f64> = sampled.chain(of_plan).chain([end]).collect();
     times.sort_by(f64::total_cmp);
     times.dedup();
     times

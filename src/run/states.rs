@@ -25,7 +25,7 @@ pub(super) fn read_states(
         states.clear();
         initial.iter_mut().for_each(|initial| initial.clear());
     }
-    make_room(states, bodies.len(), OutputState { rotation: BodyState::UNKNOWN, translation: None });
+    make_room(states, bodies.len(), OutputState::moving(BodyState::UNKNOWN, None));
     if let Some(initial) = &mut initial {
         make_room(initial, bodies.len(), BodyState::UNKNOWN);
     }

@@ -77,6 +77,8 @@ struct Block {
 pub(crate) struct Alike {
     pub members: Vec<u32>,
     pub intervals: Vec<Interval>,
+    /// The time to which these lead, s.
+    pub end: f64,
 }
 
 /// Brings bodies through their intervals by `rk8`.
@@ -89,30 +91,31 @@ pub(crate) fn recomputed(
     let steps_of = |alike: &Alike| alike.intervals.iter().map(|interval| interval.steps).fold(0, u64::saturating_add);
     let total =
         all.iter().map(|alike| steps_of(alike).saturating_mul(alike.members.len() as u64)).fold(0, u64::saturating_add);
-    let started = all.into_iter().map(|Alike { members, intervals }| Started::of(scene, torques, members, intervals));
+    let started = all.into_iter().map(|alike| Started::of(scene, torques, alike));
     let mut started = started.collect::<Result<Vec<_>>>()?;
     // Side by side, as each of them alone may be too little for all cores.
     let work = |watch: &Watch| started.par_iter_mut().for_each(|started| started.advance(watch));
     watched(work, total, observer).map_err(|steps| Error::Interrupted { steps })?;
-    Ok(started.iter().flat_map(|started| started.finished(scene, torques)).collect())
+    Ok(started.iter().flat_map(|started| started.finished(torques)).collect())
 }
 
 /// Bodies that take the same steps, on their way.
 struct Started {
     members: Members,
     intervals: Vec<Interval>,
+    end: f64,
     frames: Vec<BodyFrame>,
     batch: Batch<f64>,
     blocks: Vec<Block>,
 }
 
 impl Started {
-    fn of(scene: &Scene, torques: &[Torque], members: Vec<u32>, intervals: Vec<Interval>) -> Result<Self> {
+    fn of(scene: &Scene, torques: &[Torque], Alike { members, intervals, end }: Alike) -> Result<Self> {
         let members = Members::Some(members);
         let (frames, batch) = prepare_members(scene.ensemble(), torques, scene.end(), &members, Precision::F64)?;
         let AnyBatch::F64(batch) = batch else { unreachable!("columns in f64 were asked for") };
         let blocks = (0..batch.body_count).step_by(BLOCK).map(|first| Block::of(&batch, first)).collect();
-        Ok(Self { members, intervals, frames, batch, blocks })
+        Ok(Self { members, intervals, end, frames, batch, blocks })
     }
 
     /// Brings its bodies to the end, unless the watch says otherwise.
@@ -136,10 +139,10 @@ impl Started {
         });
     }
 
-    fn finished(&self, scene: &Scene, torques: &[Torque]) -> impl Iterator<Item = Recomputed> {
+    fn finished(&self, torques: &[Torque]) -> impl Iterator<Item = Recomputed> {
         (0..self.batch.body_count).map(move |row| {
             let body = self.members.body(row);
-            self.blocks[row / BLOCK].finished(row % BLOCK, &self.frames[row].at(torques, body, scene.end()), body)
+            self.blocks[row / BLOCK].finished(row % BLOCK, &self.frames[row].at(torques, body, self.end), body)
         })
     }
 }

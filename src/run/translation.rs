@@ -53,6 +53,17 @@ impl<'a> Centres<'a> {
         !matches!(self, Centres::Still)
     }
 
+    /// Position (m) and velocity (m/s) of a body at `time`, s, in closed form, however they are brought to output times.
+    pub fn of_body_at(&self, body: usize, time: f64) -> Option<(DVec3, DVec3)> {
+        match self {
+            Centres::Still => None,
+            Centres::ClosedForm { scene, translation, .. } | Centres::Stepped { scene, translation, .. } => {
+                let forces = accelerations(scene.forces(), body, translation.mass[body]);
+                Some(closed_form(&forces, translation.position[body], translation.velocity[body], time))
+            }
+        }
+    }
+
     /// Position (m) and velocity (m/s) of a body, world axes.
     pub fn of_body(&self, body: usize) -> Option<(DVec3, DVec3)> {
         match self {

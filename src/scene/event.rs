@@ -81,11 +81,16 @@ impl Condition {
     }
 }
 
-/// An event that each body may have.
+/// An event that each body may have, and that may stop it.
 ///
 /// It is looked for from one output time to the next: where the quantity is on the other side of its level than at the output before,
 /// the body is followed between the two and the time found to 1e-12 of the scene's span ([`EventTime::Located`]). A quantity that passes the
 /// level and comes back between two outputs is not seen: choose output times that are closer than that.
+///
+/// A body that has a *stopping* event ([`Event::stopping`]) stands from then on in the state of the event: so it is at all later outputs and at the
+/// end ([`Status::Stopped`](crate::bodies::Status::Stopped), [`OutputState::stopped_at`](crate::record::OutputState::stopped_at)), in statistics and
+/// histograms too. It takes no steps beyond the output that comes next. Of several stopping events the earliest counts, and of the other events what
+/// the body has not had until then it never has ([`Censored`](crate::record::Censored)). It has not failed.
 ///
 /// [`EventTime::Located`]: crate::record::EventTime::Located
 ///
@@ -96,6 +101,7 @@ impl Condition {
 /// let despun = Event::new("despun", Quantity::SpinRate, Condition::Below(0.01))?;
 /// let third_flip = Event::new("third flip", Quantity::AngularVelocityBody(1), Condition::Crosses(0.0))?.occurrence(3)?;
 /// assert_eq!((despun.nth(), third_flip.nth()), (1, 3));
+/// assert!(!despun.stops() && third_flip.stopping().stops());
 /// # Ok::<(), polhode::Error>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
@@ -104,6 +110,7 @@ pub struct Event {
     quantity: Quantity,
     condition: Condition,
     nth: u32,
+    stops: bool,
 }
 
 impl Event {
@@ -117,7 +124,7 @@ impl Event {
             let (field, value) = (condition.name(), condition.level());
             return Err(Error::Setting { field, value, expected: "expected a finite level" });
         }
-        Ok(Self { name: name.to_owned(), quantity, condition, nth: 1 })
+        Ok(Self { name: name.to_owned(), quantity, condition, nth: 1, stops: false })
     }
 
     /// The n-th time instead of the first.
@@ -131,6 +138,13 @@ impl Event {
         }
         self.nth = nth;
         Ok(self)
+    }
+
+    /// The same event, which stops the body that has it.
+    #[must_use]
+    pub fn stopping(mut self) -> Self {
+        self.stops = true;
+        self
     }
 
     /// What it is called in tables.
@@ -152,4 +166,17 @@ impl Event {
     pub fn nth(&self) -> u32 {
         self.nth
     }
+
+    /// Whether it stops the body that has it.
+    pub fn stops(&self) -> bool {
+        self.stops
+    }
+
+    /// What is done with it, as studies call it.
+    pub fn action(&self) -> &'static str {
+        Self::ACTIONS[usize::from(self.stops)]
+    }
+
+    /// All that can be done with one.
+    pub const ACTIONS: [&str; 2] = ["record", "stop"];
 }

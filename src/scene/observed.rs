@@ -122,6 +122,14 @@ impl Scene {
         self
     }
 
+    /// The same scene with nothing asked of its bodies but what stops them.
+    pub(crate) fn only_stopping(mut self) -> Self {
+        let events = self.observed.events.drain(..).filter(Event::stops).collect();
+        self.observed = Observed { events, ..Observed::default() };
+        self.statistical = None;
+        self
+    }
+
     /// The quantities of which statistics are recorded.
     pub fn wanted_statistics(&self) -> &[Quantity] {
         &self.observed.statistics
@@ -144,6 +152,11 @@ impl Scene {
 
     pub(crate) fn observed(&self) -> &Observed {
         &self.observed
+    }
+
+    /// Whether an event stops bodies ([`Event::stopping`]).
+    pub fn stops(&self) -> bool {
+        self.observed.events.iter().any(Event::stops)
     }
 
     /// Whether anything is asked of the bodies at every output time beside their states.

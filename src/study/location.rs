@@ -54,6 +54,16 @@ impl Study {
                 ),
                 None => error,
             },
+            Error::StoppedCentre { event, .. } => {
+                let key = format!("event[{}].action", event + 1);
+                match self.places.get(&key) {
+                    Some(place) => {
+                        let fault = InputFault::Cause { value: place.value.clone(), cause: Box::new(error) };
+                        self.input(place.line, &key, fault)
+                    }
+                    None => error,
+                }
+            }
             Error::MissingMass => match self.places.get("force") {
                 Some(place) => {
                     let expected = "the force needs masses, here or as a column of the table of bodies (kg)";

@@ -92,7 +92,8 @@
 //!   `histograms.csv` has a row an output time, histogram and bin: `t`, `histogram` (from 0), `quantity`, `low`, `high`, `count`; what
 //!   lies outside of the bins has rows with an infinite edge.
 //! * `[[event]]`, any number of them: a `name`, a `quantity`, and one of `below`, `above`, `falls_below`, `rises_above`, `crosses` with a level
-//!   ([`Condition`]); `occurrence = 3` for the third time. Events are looked for from one output time to the next ([`Event`]).
+//!   ([`Condition`]); `occurrence = 3` for the third time; `action = "stop"` (default `"record"`): a body that has it stands from then on,
+//!   and tables of states have the column `stopped_at`, s. Events are looked for from one output time to the next ([`Event`]).
 //!   `events.csv` has a row a body and event that it had: `event`, `body`, `t`, `known_to` ([`EventTime`](crate::record::EventTime)), and the state then; `survival.csv` for each
 //!   event and output time `remaining` bodies, the `share` that has not had it, and its 95 % confidence interval `low`, `high`
 //!   ([`EventRecord::survival`](crate::record::EventRecord::survival)).
@@ -106,7 +107,7 @@
 //!   `about = "world"`.
 //! * Tables of states end in a column `status` (and then `cell`, where a study sweeps): 0, or the number of the reason why the body has failed, and then its numbers are NaN
 //!   (of [`Status::CentreNotFinite`] only position and velocity, as long as the rotation is good): 1 `not_converged`,
-//!   2 `step_too_long`, 3 `step_below_limit`, 4 `not_finite`, 5 `centre_not_finite` ([`Status`]). Where bodies have failed, `failed.csv`
+//!   2 `step_too_long`, 3 `step_below_limit`, 4 `not_finite`, 5 `centre_not_finite` ([`Status`]); or 6 `stopped`, where an event has stopped it and the numbers are good. Where bodies have failed, `failed.csv`
 //!   (or `.npz`, `.parquet`) has a row for each: `body`, `t` when it failed, `status`, `reason` (its word), `known_to`, and the last good state: `last_good_t` (0 is the start),
 //!   `qx qy qz qw wx wy wz`, and `cause`: of formulas of the study's own the torque, the operation that gave no finite number, and what it read. With `known_to` = `step`, `t` is the end of the first step that failed and the state that before it, or
 //!   both are where adaptive steps stopped; with `output`, `t` is the output at which it was seen and the state the last that was

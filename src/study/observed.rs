@@ -237,7 +237,8 @@ fn histogram(table: &Table<'_>, own: &[Quantity]) -> Result<Histogram> {
 /// An event, and its name's place.
 fn event<'a>(table: &Table<'a>, own: &[Quantity]) -> Result<(Event, Node<'a>)> {
     let conditions: Vec<&str> = Condition::ALL.iter().map(|condition| condition.name()).collect();
-    let keys: Vec<&str> = ["name", "quantity", "occurrence"].into_iter().chain(conditions.iter().copied()).collect();
+    let keys: Vec<&str> =
+        ["name", "quantity", "occurrence", "action"].into_iter().chain(conditions.iter().copied()).collect();
     table.only(&keys)?;
     let name_node = table.need("name", "expected the event's name in events and survival")?;
     let name = name_node.string("expected a text")?;
@@ -253,7 +254,12 @@ fn event<'a>(table: &Table<'a>, own: &[Quantity]) -> Result<(Event, Node<'a>)> {
     let level = table.need(condition.name(), format!("expected one of {}, with a level", conditions.join(", ")))?;
     let expected = "expected a finite level, in the quantity's unit";
     let condition = condition.with_level(level.quantity(quantity.unit(), expected)?);
-    let event = Event::new(name, quantity, condition)?;
+    let mut event = Event::new(name, quantity, condition)?;
+    if let Some(action) = table.find("action")
+        && action.choice(&Event::ACTIONS)? == "stop"
+    {
+        event = event.stopping();
+    }
     let Some(node) = table.find("occurrence") else { return Ok((event, name_node)) };
     const NTH: &str = "expected 1 for the first time, 2 for the second, and so on";
     let nth = node.whole(NTH)?;

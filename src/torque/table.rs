@@ -9,6 +9,7 @@ use super::expressed::{self, Expressed};
 use super::formula::Role;
 use super::kind::Kind;
 use crate::bodies::BodyFrame;
+use crate::bodies::columns::keep_rows;
 use crate::kernel::torque_kernel::VelocityDependence;
 use crate::math::clock::{Clock, Fraction, MOST_LANES, RATE_DIGITS, digits};
 use crate::math::real::Scalar;
@@ -284,6 +285,16 @@ impl TorqueTable {
         for (phase, column) in columns.enumerate() {
             for (place, &rate) in column[first..].iter_mut().zip(rates.iter().skip(phase).step_by(count)) {
                 *place = rate;
+            }
+        }
+    }
+
+    /// Leaves some rows, ascending, which move to the front in their order.
+    pub(crate) fn keep(&mut self, rows: &[usize]) {
+        for phase in &mut self.phases {
+            if let PhaseRates::PerBody(column) = phase {
+                let stride = column.len();
+                keep_rows(column, stride, rows);
             }
         }
     }

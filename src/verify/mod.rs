@@ -216,5 +216,8 @@ fn not_compared(plan: &Plan<'_>, engine: &dyn Backend) -> Vec<String> {
     if scene.observes() {
         list.push("statistics, histograms and events, which are formed of the states".to_owned());
     }
+    if scene.stops() {
+        list.push("stops by events: all bodies are stepped on here".to_owned());
+    }
     list
 }

@@ -19,6 +19,7 @@ mod plot;
 mod replay;
 mod results;
 mod shards;
+mod stops;
 mod studies;
 mod summary;
 #[path = "../support/mod.rs"]

@@ -27,6 +27,7 @@ mod published_tables;
 mod quantities;
 mod separatrix;
 mod sin_cos;
+mod stops;
 #[path = "../strategies/mod.rs"]
 mod strategies;
 mod studies;

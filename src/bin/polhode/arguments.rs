@@ -168,7 +168,8 @@ Keys (SI units, in brackets; a number with another one is a text: \"30 deg\", \"
     checkpoint            every: about how long it takes from one checkpoint to the next (wall clock, \"10 min\")
     [[histogram]]         quantity, low, high, bins (default 50), scale (linear, log)
     [[event]]             name, quantity and one of below, above, falls_below, rises_above, crosses with
-                          a level; occurrence = 3 for the third time. Looked for from output to output
+                          a level; occurrence = 3 for the third time. Looked for from output to output.
+                          action = \"stop\" (default record): whoever has it stands so from then on
     [[quantity]]          name and formula (a number of attitude, angular_velocity, angular_momentum,
                           inertia, time) [unit]; or axis (body) and direction (world): the angle between
                           them; or euler = \"zxz\" [about = \"world\"] and angle (1, 2, 3)
@@ -193,7 +194,7 @@ Results: final.csv (or .npz, .parquet) with body, t, orientation qx qy qz qw (bo
 velocity wx wy wz (body axes), angular momentum lx ly lz (world axes), kinetic_energy, x y z vx vy vz
 where bodies have positions, and status: 0, or why the body has failed, and then its numbers are NaN (1
 not_converged, 2 step_too_long, 3 step_below_limit, 4 not_finite, 5 centre_not_finite, of which only position
-and velocity are NaN); snapshots.csv with the same at all output times; failed.csv, where bodies have failed,
+and velocity are NaN), or 6 where an event has stopped it at stopped_at (s); snapshots.csv with the same at all output times; failed.csv, where bodies have failed,
 with body, t when it failed, status, reason, known_to, and the last good state: last_good_t (0 is the start)
 qx qy qz qw wx wy wz (known_to step: t is the end of the first step that failed, or where adaptive steps stopped;
 output: the output at which it was seen), and cause: of formulas of the study's own the torque, the operation

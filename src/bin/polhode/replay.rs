@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use polhode::bodies::{Blocks, Status};
 use polhode::plan::{Costs, PlanDocument};
 use polhode::record::{OutputState, PLAN, REPORT, StateTable};
-use polhode::run::{Replay, StateError, alone, replay as replay_body};
+use polhode::run::{Replay, StateError, alone, replay_until};
 use polhode::study::Study;
 use polhode::{Engine, Error, Plan, Scene};
 use serde::Serialize;
@@ -93,12 +93,16 @@ pub fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
         None => planning(arguments.json, |announce| Plan::announced(&scene, &engine, &Costs::shipped(), announce)),
     };
     let plan = plan.map_err(|error| study.located(error))?;
-    let found = replay_body(&plan, body, arguments.samples as usize)?;
     let origin = table.map_or(Origin::Run, Origin::Table);
-    let values = match &origin {
+    let mut values = match &origin {
         Origin::Table(path) => values_of(path, arguments.body, &scene, plan.times().len())?,
         Origin::Run => alone(&engine, &plan, body)?,
     };
+    // From its stop on a body stands.
+    let stop = values.iter().find_map(|(_, state)| state.stopped_at);
+    let under_way = values.iter().take_while(|(_, state)| state.stopped_at.is_none()).count();
+    values.truncate(under_way + 1);
+    let found = replay_until(&plan, body, arguments.samples as usize, stop.unwrap_or(scene.end()))?;
     let errors: Vec<Compared> = values.iter().filter_map(|value| compared(value, &found)).collect();
     let track = arguments.out.clone().unwrap_or_else(|| default_track(&file, arguments.body));
     found.write(&track)?;
@@ -163,6 +167,7 @@ fn values_of(path: &Path, body: usize, scene: &Scene, outputs: usize) -> Result<
 
 /// How far a value is from the replay at its time.
 fn compared((time, state): &(f64, OutputState), replay: &Replay) -> Option<Compared> {
+    let time = &state.stopped_at.unwrap_or(*time);
     let place = replay.track.binary_search_by(|(other, _)| other.total_cmp(time)).ok()?;
     let error = StateError::between(state, &replay.track[place].1);
     Some(Compared { time: *time, status: state.status().number(), error })
@@ -184,6 +189,7 @@ fn summary(replay: &Replay, errors: &[Compared], from: &str, track: &Path) -> St
         if (errors.len() - 1 - index).is_multiple_of(step) {
             let _ = match Status::from_code(f64::from(*status)) {
                 Status::Valid => writeln!(text, "  t = {time:?} s: {error}"),
+                Status::Stopped => writeln!(text, "  t = {time:?} s, where an event has stopped the body: {error}"),
                 status => writeln!(text, "  t = {time:?} s: the body has failed: {status}"),
             };
         }

@@ -14,8 +14,8 @@ use rayon::prelude::*;
 
 use crate::bodies::Status;
 use crate::bodies::columns::{
-    PARAMETER_COMPONENTS, STATE_COMPONENTS, STRIDE_UNIT, StateWords, parameter_columns, state_columns, status_column,
-    store_row,
+    PARAMETER_COMPONENTS, RATE_COLUMN, STATE_COMPONENTS, STRIDE_UNIT, StateWords, keep_rows, parameter_columns,
+    state_columns, status_column, store_row,
 };
 use crate::kernel::method::Method;
 use crate::math::Precision;
@@ -165,6 +165,18 @@ impl<T: Scalar> Batch<T> {
         let Self { stride, parameters: own_parameters, state: own_state, .. } = self;
         let parameter = |column: usize, number| own_parameters[column * *stride + body] = number;
         store_row(parameters, state, parameter, |column, number| own_state[column * *stride + body] = number);
+    }
+
+    /// Leaves some rows, ascending, which move to the front in their order.
+    pub(crate) fn keep(&mut self, rows: &[usize]) {
+        let before = std::mem::replace(&mut self.body_count, rows.len());
+        keep_rows(&mut self.parameters, self.stride, rows);
+        keep_rows(&mut self.state, self.stride, rows);
+        self.torques.keep(rows);
+        self.ends.clear();
+        // As of rows that are no bodies: there is nothing to do in them.
+        let rates = &mut self.parameters[RATE_COLUMN * self.stride..][..self.stride];
+        rates[rows.len()..before].fill(T::default());
     }
 
     /// As [`AnyBatch::at`].

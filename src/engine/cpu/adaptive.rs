@@ -10,7 +10,7 @@ use super::TASKS;
 use super::observe::Reducer;
 use super::taylor::{TaylorMotion, steps_in_tiles, steps_one_by_one};
 use super::tile::attempts_in_tiles;
-use crate::bodies::columns::{RATE_COLUMN, StateWords, column_parts};
+use crate::bodies::columns::{RATE_COLUMN, StateWords, column_parts, keep_rows};
 use crate::engine::adaptive_session::{AdaptiveSession, StepCounts, two_words_of};
 use crate::engine::batch::{Batch, load_body, load_state, store_state};
 use crate::engine::cpu::torque_kernels::{AllTorques, CommonTorques, LaneTorques, Nothing};
@@ -224,6 +224,13 @@ impl<T: LaneScalar + observe::Kernel> AdaptiveSession for CpuAdaptiveSession<T> 
 
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
         Ok(self.batch.read(bodies))
+    }
+
+    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
+        keep_rows(&mut self.controllers, self.batch.stride, bodies);
+        self.counts = bodies.iter().map(|&body| self.counts[body]).collect();
+        self.batch.keep(bodies);
+        Ok(())
     }
 
     fn reached(&self) -> Option<Vec<f64>> {

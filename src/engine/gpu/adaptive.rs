@@ -18,7 +18,7 @@ use super::buffers::{DeviceScalar, STAGING_BYTES, Upload, WORKGROUP_SIZE, chunk_
 use super::device::{Device, Refusal};
 use super::dispatch::{GROUP_BODIES, Slicer};
 use super::observe::{ObserveKernels, Reducer, reduces};
-use super::reading::{Reader, read_single_rows};
+use super::reading::{Reader, read_single_rows, rows_of};
 use super::shader::{Patch, Source};
 use crate::bodies::BodyFrame;
 use crate::bodies::blocks::cut;
@@ -326,6 +326,23 @@ impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
         let places: Vec<_> = self.chunks.iter().map(Chunk::place).collect();
         let reader = self.reader.as_mut();
         reader.map_or_else(|| Ok(StateWords::default()), |reader| reader.read::<T>(&self.device, &places, bodies))
+    }
+
+    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
+        let Some(reader) = &mut self.reader else { return Ok(()) };
+        let (mut kept, mut first) = (Vec::with_capacity(self.chunks.len()), 0);
+        for mut chunk in self.chunks.drain(..) {
+            let rows = rows_of(bodies, chunk.first, chunk.bodies);
+            if rows.is_empty() {
+                chunk.destroy();
+                continue;
+            }
+            chunk.keep::<T>(&self.device, reader, first, &rows)?;
+            first += rows.len();
+            kept.push(chunk);
+        }
+        (self.chunks, self.body_count) = (kept, bodies.len());
+        Ok(())
     }
 
     fn counts(&mut self) -> Result<Vec<StepCounts>> {

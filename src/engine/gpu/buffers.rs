@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::ops::Range;
 
 use super::device::{Device, Refusal};
-use super::reading::Reader;
+use super::reading::{Reader, keep_rows, rows_of};
 use crate::bodies::blocks::cut;
 use crate::bodies::columns::STRIDE_UNIT;
 use crate::bodies::memory;
@@ -170,6 +170,10 @@ impl Chunk {
         device.write(&self.settings, 0, &T::settings(self.bodies as u32, self.stride as u32, slice));
     }
 
+    fn destroy(&self) {
+        [&self.parameters, &self.state, &self.settings].into_iter().for_each(wgpu::Buffer::destroy);
+    }
+
     /// Adds the chunk's dispatch to a pass.
     pub fn dispatch(&self, device: &Device, pass: &mut wgpu::ComputePass<'_>) {
         pass.set_bind_group(0, &self.bind_group, &[]);
@@ -263,13 +267,32 @@ impl Columns {
         upload.finish().map_err(UploadError::Copy)
     }
 
+    /// Leaves some bodies, ascending.
+    pub fn keep<T: DeviceScalar>(&mut self, device: &Device, bodies: &[usize]) -> Result<()> {
+        let Some(reader) = &mut self.reader else { return Ok(()) };
+        let (mut kept, mut first) = (Vec::with_capacity(self.chunks.len()), 0);
+        for mut chunk in self.chunks.drain(..) {
+            let rows = rows_of(bodies, chunk.first, chunk.bodies);
+            if rows.is_empty() {
+                chunk.destroy();
+                continue;
+            }
+            if rows.len() < chunk.bodies {
+                let of = (chunk.stride, chunk.bodies);
+                keep_rows::<T>(device, &chunk.parameters, of, reader.staging(), &rows)?;
+                keep_rows::<T>(device, &chunk.state, of, reader.staging(), &rows)?;
+            }
+            (chunk.first, chunk.bodies) = (first, rows.len());
+            first += rows.len();
+            kept.push(chunk);
+        }
+        self.chunks = kept;
+        Ok(())
+    }
+
     /// Gives the memory back at once rather than when wgpu next looks.
     pub fn release(&mut self, device: &Device) {
-        for chunk in self.chunks.drain(..) {
-            for buffer in [&chunk.parameters, &chunk.state, &chunk.settings] {
-                buffer.destroy();
-            }
-        }
+        self.chunks.drain(..).for_each(|chunk| chunk.destroy());
         if let Some(mut reader) = self.reader.take() {
             reader.release();
         }
@@ -325,8 +348,9 @@ fn new_chunk<T: DeviceScalar>(
     let stride = bodies.next_multiple_of(STRIDE_UNIT);
     let bytes = |columns: usize| (columns * stride * size_of::<T>()) as u64;
     let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+    let storage = storage | wgpu::BufferUsages::COPY_SRC;
     let parameters = buffer(device, "parameters", bytes(parameter_columns), storage)?;
-    let state = buffer(device, "state", bytes(state_columns), storage | wgpu::BufferUsages::COPY_SRC)?;
+    let state = buffer(device, "state", bytes(state_columns), storage)?;
     let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
     let settings = buffer(device, "settings", T::SETTINGS_BYTES, uniform)?;
     let bind_group = device.scoped(|| {

@@ -9,7 +9,7 @@ use super::buffers::{
 };
 use super::device::{Device, Refusal};
 use super::observe::{ObserveKernels, Reducer, reduces};
-use super::reading::{Reader, read_single_rows};
+use super::reading::{Reader, keep_rows, read_single_rows, rows_of};
 use super::shader::Source;
 use crate::bodies::BodyFrame;
 use crate::bodies::blocks::cut;
@@ -61,6 +61,10 @@ impl Chunk {
     /// Where its state is.
     fn place(&self) -> Place<'_> {
         Place { first: self.first, bodies: self.bodies, stride: self.stride, state: &self.state }
+    }
+
+    fn destroy(&self) {
+        [&self.words, &self.constants, &self.state, &self.settings].into_iter().for_each(wgpu::Buffer::destroy);
     }
 }
 
@@ -170,8 +174,8 @@ impl<T: DeviceScalar> GpuFreeSession<T> {
             let input = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
             let output = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
             let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-            let words = buffer(&device, "words", words, input)?;
-            let constants = buffer(&device, "constants", constants, input)?;
+            let words = buffer(&device, "words", words, input | output)?;
+            let constants = buffer(&device, "constants", constants, input | output)?;
             let state = buffer(&device, "state", state, output)?;
             let settings = buffer(&device, "settings", size_of::<Settings>() as u64, uniform)?;
             let buffers = [&settings, &words, &constants, &state];
@@ -247,6 +251,28 @@ impl<T: DeviceScalar> FreeSession for GpuFreeSession<T> {
         let reader = self.reader.as_mut();
         reader.map_or_else(|| Ok(StateWords::default()), |reader| reader.read::<T>(&self.device, &places, bodies))
     }
+
+    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
+        let Some(reader) = &mut self.reader else { return Ok(()) };
+        let (mut kept, mut first) = (Vec::with_capacity(self.chunks.len()), 0);
+        for mut chunk in self.chunks.drain(..) {
+            let rows = rows_of(bodies, chunk.first, chunk.bodies);
+            if rows.is_empty() {
+                chunk.destroy();
+                continue;
+            }
+            if rows.len() < chunk.bodies {
+                let of = (chunk.stride, chunk.bodies);
+                keep_rows::<u64>(&self.device, &chunk.words, of, reader.staging(), &rows)?;
+                keep_rows::<T>(&self.device, &chunk.constants, of, reader.staging(), &rows)?;
+            }
+            (chunk.first, chunk.bodies) = (first, rows.len());
+            first += rows.len();
+            kept.push(chunk);
+        }
+        (self.chunks, self.body_count) = (kept, bodies.len());
+        Ok(())
+    }
 }
 
 reduces!(GpuFreeSession, chunks, reader);
@@ -254,11 +280,7 @@ reduces!(GpuFreeSession, chunks, reader);
 impl<T> Drop for GpuFreeSession<T> {
     fn drop(&mut self) {
         self.reducer.release();
-        for chunk in self.chunks.drain(..) {
-            for buffer in [&chunk.words, &chunk.constants, &chunk.state, &chunk.settings] {
-                buffer.destroy();
-            }
-        }
+        self.chunks.drain(..).for_each(|chunk| chunk.destroy());
         self.reader.iter_mut().for_each(Reader::release);
         self.device.release();
     }

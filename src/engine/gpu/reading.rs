@@ -177,6 +177,40 @@ pub(super) fn read_columns<T: bytemuck::Pod>(
     device.fulfil(request, |view| look(bytemuck::cast_slice(view)))
 }
 
+/// Moves some rows, ascending, of all columns of a buffer to the front, in their order, by way of the host; `of` says how many rows are
+/// bodies. What stands behind them stays.
+pub(super) fn keep_rows<T: bytemuck::Pod>(
+    device: &Device,
+    source: &wgpu::Buffer,
+    (stride, of): (usize, usize),
+    staging: &wgpu::Buffer,
+    rows: &[usize],
+) -> Result<()> {
+    let columns = source.size() as usize / (stride * size_of::<T>());
+    // Staging holds a column of a chunk at the least.
+    let together = (staging.size() as usize / (of * size_of::<T>())).max(1);
+    for first in (0..columns).step_by(together) {
+        let some = first..(first + together).min(columns);
+        let mut kept: Vec<T> = Vec::with_capacity(some.len() * rows.len());
+        read_columns(device, source, stride, staging, (some.clone(), 0..of), |numbers: &[T]| {
+            kept.extend(numbers.chunks_exact(of).flat_map(|column| rows.iter().map(|&row| column[row])));
+        })?;
+        let written = device.scoped(|| {
+            for (column, numbers) in some.clone().zip(kept.chunks_exact(rows.len())) {
+                device.write(source, (column * stride * size_of::<T>()) as u64, bytemuck::cast_slice(numbers));
+            }
+        });
+        written.map_err(|refusal| device.refused(refusal))?;
+    }
+    Ok(())
+}
+
+/// The rows of those of some bodies, ascending, that a chunk from `first` on has.
+pub(super) fn rows_of(bodies: &[usize], first: usize, count: usize) -> Vec<usize> {
+    let place = |body: usize| bodies.partition_point(|&other| other < body);
+    bodies[place(first)..place(first + count)].iter().map(|body| body - first).collect()
+}
+
 /// Copies single rows, each after the other, to the host; gives their state.
 pub(super) fn read_single_rows<T: Scalar>(device: &Device, places: &[Place<'_>], rows: &[usize]) -> Result<StateWords> {
     let mut words = StateWords::default();

@@ -75,6 +75,12 @@ impl<T: DeviceScalar> Session for GpuSession<T> {
         reader.map_or_else(|| Ok(StateWords::default()), |reader| reader.read::<T>(&self.device, &places, bodies))
     }
 
+    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
+        self.columns.keep::<T>(&self.device, bodies)?;
+        self.body_count = bodies.len();
+        Ok(())
+    }
+
     fn read_centres(&mut self, bodies: Range<usize>) -> Result<Vec<(DVec3, DVec3)>> {
         let places: Vec<_> = self.columns.chunks.iter().map(Chunk::place).collect();
         match &mut self.columns.reader {

@@ -168,6 +168,19 @@ impl<T: LaneScalar> FreeMotionRows<T> {
         Ok((frames, rows))
     }
 
+    /// Leaves some rows, ascending, which move to the front in their order.
+    pub(crate) fn keep(&mut self, rows: &[usize]) {
+        let mut kept = Self::at_rest(rows.len());
+        let (own, all) = (kept.stride.max(1), self.stride.max(1));
+        for (kept, column) in kept.words.chunks_exact_mut(own).zip(self.words.chunks_exact(all)) {
+            kept.iter_mut().zip(rows).for_each(|(kept, &row)| *kept = column[row]);
+        }
+        for (kept, column) in kept.constants.chunks_exact_mut(own).zip(self.constants.chunks_exact(all)) {
+            kept.iter_mut().zip(rows).for_each(|(kept, &row)| *kept = column[row]);
+        }
+        *self = kept;
+    }
+
     /// The rows of bodies at rest.
     fn at_rest(body_count: usize) -> Self {
         let stride = body_count.next_multiple_of(STRIDE_UNIT);

@@ -1,10 +1,12 @@
 //! Quantities and events in `report.json`.
 
+use std::collections::BTreeSet;
 use std::fmt;
 
 use serde::Serialize;
 
 use super::QuantilesReport;
+use crate::bodies::Status;
 use crate::record::EventRecord;
 use crate::scene::Observed;
 
@@ -41,10 +43,14 @@ pub struct EventReport {
     pub level: f64,
     /// Which time it is that counts.
     pub occurrence: u32,
+    /// What is done with it: `record` or `stop`.
+    pub action: &'static str,
     /// Bodies that had it.
     pub bodies: usize,
     /// Bodies that failed without having had it.
     pub failed: usize,
+    /// Bodies that another event stopped without their having had it.
+    pub stopped: usize,
     /// The share of bodies that has not had it by the end, and its 95 % confidence interval (Kaplan and Meier; Rothman).
     pub share: f64,
     /// Its lower end.
@@ -73,7 +79,9 @@ impl EventReport {
             level: condition.level(),
             occurrence: record.event.nth(),
             bodies: record.occurrences.len(),
-            failed: record.censored.len(),
+            action: record.event.action(),
+            failed: record.censored.iter().filter(|censored| !censored.stopped).count(),
+            stopped: record.censored.iter().filter(|censored| censored.stopped).count(),
             share: survival.share,
             low: survival.low,
             high: survival.high,
@@ -85,13 +93,40 @@ impl EventReport {
     }
 }
 
+/// Bodies that events have stopped.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StoppedReport {
+    /// The number in the column `status` of tables ([`Status`]).
+    pub status: u8,
+    /// Its word.
+    pub reason: &'static str,
+    /// It in words.
+    pub meaning: String,
+    /// How many bodies.
+    pub bodies: usize,
+}
+
+impl StoppedReport {
+    /// By the events of a run, or of a study; `None` where none of them stops bodies.
+    pub(crate) fn of(records: &[EventRecord]) -> Option<Self> {
+        let stopping = || records.iter().filter(|record| record.event.stops());
+        stopping().next()?;
+        let bodies: BTreeSet<usize> =
+            stopping().flat_map(|record| &record.occurrences).map(|occurrence| occurrence.body).collect();
+        let status = Status::Stopped;
+        let (reason, meaning) = (status.name(), status.to_string());
+        Some(Self { status: status.number(), reason, meaning, bodies: bodies.len() })
+    }
+}
+
 impl fmt::Display for EventReport {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let percent = |share: f64| 100.0 * (1.0 - share);
         write!(
             formatter,
-            "  event    {}: {} bodies, {:.1} % ({:.1} to {:.1} % at 95 %)",
+            "  event    {}{}: {} bodies, {:.1} % ({:.1} to {:.1} % at 95 %)",
             self.event.replace(char::is_control, " "),
+            if self.action == "stop" { ", which stops bodies" } else { "" },
             self.bodies,
             percent(self.share),
             percent(self.high),

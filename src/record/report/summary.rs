@@ -41,6 +41,9 @@ impl fmt::Display for Report {
             write!(formatter, "{statistics}")?;
         }
         self.events.iter().try_for_each(|event| write!(formatter, "{event}"))?;
+        if let Some(stopped) = &self.stopped {
+            writeln!(formatter, "  stopped  {} of {} bodies by an event", stopped.bodies, self.bodies)?;
+        }
         // There is nothing to say of no bodies.
         if self.drift.bodies > 0 {
             self.write_drift(formatter)?;

@@ -1,6 +1,7 @@
 //! What is asked of a sample of a run's bodies, to be compared with the same of more accurate motions.
 
 use super::reference::Recomputed;
+use super::stops::Stops;
 use crate::bodies::BodyState;
 use crate::error::Result;
 use crate::plan::Plan;
@@ -63,7 +64,13 @@ impl<'p> Comparison<'p> {
     }
 
     /// Takes what is compared at output `index`, at `time` s, where that is one of them.
-    pub fn take(&mut self, index: usize, time: f64, group_runs: &mut [GroupRun<'_>]) -> Result<()> {
+    pub fn take(
+        &mut self,
+        index: usize,
+        time: f64,
+        group_runs: &mut [GroupRun<'_>],
+        stops: Option<&Stops>,
+    ) -> Result<()> {
         if self.outputs.binary_search(&index).is_err() {
             return Ok(());
         }
@@ -74,6 +81,13 @@ impl<'p> Comparison<'p> {
                 let place = self.bodies.partition_point(|&other| (other as usize) < body);
                 is_lost[place] = !state.is_sound();
                 set_values(&self.evaluator, &mut values, place, (body, time), &state);
+            }
+        }
+        for (place, &body) in self.bodies.iter().enumerate() {
+            if let Some(state) = stops.and_then(|stops| stops.state(body as usize)) {
+                is_lost[place] = false;
+                let at = (body as usize, state.time(time));
+                set_values(&self.evaluator, &mut values, place, at, &state.rotation);
             }
         }
         self.lost.iter_mut().zip(is_lost).for_each(|(lost, is_lost)| *lost |= is_lost);

@@ -44,7 +44,7 @@ impl<'p> Evaluator<'p> {
         Ok(Self { all: Program::new(&graph, &outputs), single: single.with_moments(moments) })
     }
 
-    /// All quantities of the bodies from `first_body` on; NaN of a body that has failed.
+    /// All quantities of the bodies from `first_body` on; NaN of a body that has failed, and those of its stop of one that was stopped.
     pub fn values(&self, first_body: usize, time: f64, states: &[OutputState]) -> Values {
         let of_block = |(block, states): (usize, &[OutputState])| {
             let first = first_body + block * BLOCK;
@@ -79,7 +79,9 @@ impl<'p> Evaluator<'p> {
             InputKind::Parameter if index == 3 => loaded(|state, _| state.kinetic_energy),
             _ => {
                 let bodies = states.iter().enumerate();
-                bodies.map(|(row, state)| self.single.input(input, first + row, time, &state.rotation)).collect()
+                bodies
+                    .map(|(row, state)| self.single.input(input, first + row, state.time(time), &state.rotation))
+                    .collect()
             }
         }
     }

@@ -1,5 +1,6 @@
 //! Which bodies have which event, from output to output.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use glam::{DQuat, DVec3};
@@ -7,6 +8,7 @@ use rayon::prelude::*;
 
 use super::evaluator::{BLOCK, Evaluator, Values};
 use super::locate::{Located, Locator, Passage};
+use super::stops::Stops;
 use crate::bodies::{BodyState, Members};
 use crate::engine::Observer;
 use crate::error::Result;
@@ -19,7 +21,7 @@ use crate::scene::Event;
 struct Track {
     /// On which side of the level it was last.
     beyond: bool,
-    /// Whether nothing more is looked for: it has had the event, or has failed.
+    /// Whether nothing more is looked for: it has had the event, has failed, or was stopped.
     closed: bool,
     /// How often the condition was met.
     count: u32,
@@ -47,7 +49,12 @@ pub(super) struct EventWatch<'p> {
     censored: Vec<Vec<Censored>>,
     passages: Vec<Passage>,
     locator: Locator<'p>,
+    /// Where an event stops bodies.
+    stops: Option<Stops>,
 }
+
+/// Position (m) and velocity (m/s) of a body at a time, s, where it translates.
+pub(in crate::run) type CentreAt<'a> = dyn Fn(usize, f64) -> Option<(DVec3, DVec3)> + 'a;
 
 impl<'p> EventWatch<'p> {
     /// Of these members of a plan's scene.
@@ -55,6 +62,7 @@ impl<'p> EventWatch<'p> {
         let events = plan.scene().wanted_events();
         let start = Start { orientation: DQuat::NAN, angular_momentum_world: DVec3::NAN };
         Self {
+            stops: events.iter().any(Event::stops).then(|| Stops::new(members.len())),
             tracks: vec![vec![Track::default(); members.len()]; events.len()],
             starts: vec![start; members.len()],
             time: 0.0,
@@ -68,8 +76,14 @@ impl<'p> EventWatch<'p> {
         }
     }
 
+    /// The bodies that stand, where an event stops any.
+    pub fn stops(&self) -> Option<&Stops> {
+        self.stops.as_ref()
+    }
+
     /// Takes the initial states of the members in some rows, and the values of all quantities.
-    pub fn begin(&mut self, rows: Range<usize>, states: &[OutputState], values: &Values) {
+    pub fn begin(&mut self, rows: Range<usize>, states: &[OutputState], values: &Values, centre: &CentreAt<'_>) {
+        let mut stopped = Vec::new();
         for (index, event) in self.events.iter().enumerate() {
             let condition = event.condition();
             for (first, values) in values.of(self.quantities[index]) {
@@ -84,10 +98,18 @@ impl<'p> EventWatch<'p> {
                             let body = self.members.body(rows.start + place);
                             let state = &states[place].rotation;
                             self.occurrences[index].push(occurrence(body, 0.0, EventTime::Start, state));
+                            if event.stops() {
+                                stopped.push(place);
+                            }
                         }
                     }
                 }
             }
+        }
+        for place in stopped {
+            let body = self.members.body(rows.start + place);
+            let state = OutputState::moving(states[place].rotation, centre(body, 0.0));
+            self.stop(rows.start + place, 0.0, state);
         }
         self.keep(&rows, states);
     }
@@ -108,7 +130,7 @@ impl<'p> EventWatch<'p> {
                     let (place, state) = (first + row, &states[first + row].rotation);
                     if !state.is_sound() {
                         track.closed = true;
-                        censored.push(Censored { body: members.body(rows.start + place), time });
+                        censored.push(Censored { body: members.body(rows.start + place), time, stopped: false });
                         continue;
                     }
                     // A body without a value, as one at rest has no nutation, stays on its side.
@@ -145,13 +167,32 @@ impl<'p> EventWatch<'p> {
         });
     }
 
-    /// Finds the times of what was met since the last output, now that all members are at `time`, s.
-    pub fn finish_output(&mut self, time: f64, evaluator: &Evaluator<'_>, observer: &mut Observer<'_>) -> Result<()> {
-        self.time = time;
+    /// Finds the times of what the members that were pushed have met since the last output, and stops those of them that an event stops.
+    pub fn locate(
+        &mut self,
+        evaluator: &Evaluator<'_>,
+        centre: &CentreAt<'_>,
+        observer: &mut Observer<'_>,
+    ) -> Result<()> {
         let passages = std::mem::take(&mut self.passages);
-        for (passage, located) in self.locator.located(passages, &self.quantities, evaluator, observer)? {
+        let located = self.locator.located(passages, &self.quantities, evaluator, observer)?;
+        // Of each row that is stopped, the earliest stop; of two at once, either: they are at the same time.
+        let mut stopped: BTreeMap<usize, (f64, BodyState)> = BTreeMap::new();
+        for (passage, located) in &located {
+            if let Located::At { time, state, .. } = located
+                && self.events[passage.event].stops()
+            {
+                let earliest = stopped.entry(passage.row).or_insert((*time, *state));
+                if *time < earliest.0 {
+                    *earliest = (*time, *state);
+                }
+            }
+        }
+        for (passage, located) in located {
             let track = &mut self.tracks[passage.event][passage.row];
             match located {
+                // What comes after the stop does not happen.
+                Located::At { time, .. } if stopped.get(&passage.row).is_some_and(|(stop, _)| *stop < time) => {}
                 Located::At { time, known_to, state } => {
                     track.closed = true;
                     self.occurrences[passage.event].push(occurrence(passage.body, time, known_to, &state));
@@ -159,14 +200,42 @@ impl<'p> EventWatch<'p> {
                 Located::Counted(times) => track.count += times,
             }
         }
+        for (row, (time, state)) in stopped {
+            let body = self.members.body(row);
+            self.stop(row, time, OutputState::moving(state, centre(body, time)));
+        }
         Ok(())
+    }
+
+    /// Stops a member at `time`, s, unless it stands: nothing more is looked for.
+    fn stop(&mut self, row: usize, time: f64, state: OutputState) {
+        let body = self.members.body(row);
+        if let Some(stops) = self.stops.as_mut().filter(|stops| !stops.stands(row)) {
+            stops.stop(row, time, state);
+            for (tracks, censored) in self.tracks.iter_mut().zip(&mut self.censored) {
+                if !std::mem::replace(&mut tracks[row].closed, true) {
+                    censored.push(Censored { body, time, stopped: true });
+                }
+            }
+        }
+    }
+
+    /// Writes the states of those of all members that stand to their places.
+    pub fn hold(&self, states: &mut [OutputState]) {
+        self.stops.iter().for_each(|stops| stops.hold(0, states));
+    }
+
+    /// Says that all members are at `time`, s.
+    pub fn finish_output(&mut self, time: f64) {
+        self.time = time;
     }
 
     /// What was found.
     pub fn finish(self) -> Vec<EventRecord> {
         let bodies = self.members.len();
         let found = self.events.iter().zip(self.occurrences).zip(self.censored);
-        let record = |((event, mut occurrences), censored): ((&Event, Vec<EventOccurrence>), Vec<Censored>)| {
+        let record = |((event, mut occurrences), mut censored): ((&Event, Vec<EventOccurrence>), Vec<Censored>)| {
+            censored.par_sort_by(|a, b| a.time.total_cmp(&b.time).then(a.body.cmp(&b.body)));
             occurrences.par_sort_by(|a, b| a.time.total_cmp(&b.time).then(a.body.cmp(&b.body)));
             EventRecord { event: event.clone(), bodies, occurrences, censored, errors: EventErrors::default() }
         };

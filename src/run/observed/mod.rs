@@ -7,6 +7,7 @@ mod evaluator;
 mod events;
 mod locate;
 mod reference;
+mod stops;
 
 use crate::bodies::Members;
 use crate::engine::Observer;
@@ -19,8 +20,11 @@ use crate::scene::{Observed, Quantity};
 pub(super) use comparison::Comparison;
 use distribution::Distributions;
 pub(super) use evaluator::Evaluator;
+use evaluator::Values;
+pub(super) use events::CentreAt;
 use events::EventWatch;
 pub(super) use reference::{compare_events, recomputed as recomputed_observation};
+pub(super) use stops::Stops;
 
 /// What a scene asks for, gathered from the states of its bodies as they are read.
 pub(super) struct Observation<'p> {
@@ -44,7 +48,7 @@ impl<'p> Observation<'p> {
         }
         let bodies = scene.ensemble().len();
         let events = scene.wanted_events().len();
-        let of_body = 8 * events + if events > 0 { 56 } else { 0 };
+        let of_body = 8 * events + if events > 0 { 56 } else { 0 } + if scene.stops() { stops::BYTES } else { 0 };
         crate::bodies::memory::require(bodies, bodies.saturating_mul(of_body), "what is kept of them for events")?;
         Self::of(plan, Members::All(bodies)).map(Some)
     }
@@ -70,21 +74,49 @@ impl<'p> Observation<'p> {
     }
 
     /// Takes the states in which the bodies from `first_body` on start.
-    pub fn begin(&mut self, first_body: usize, states: &[OutputState]) {
+    pub fn begin(&mut self, first_body: usize, states: &[OutputState], centre: &CentreAt<'_>) {
         let values = self.evaluator.values(first_body, 0.0, states);
         if let Some(events) = &mut self.events {
-            events.begin(first_body..first_body + states.len(), states, &values);
+            events.begin(first_body..first_body + states.len(), states, &values, centre);
         }
     }
 
-    /// Takes the states at `time`, s, of the bodies from `first_body` on.
+    /// The bodies that stand, where an event stops any.
+    pub fn stops(&self) -> Option<&Stops> {
+        self.events.as_ref().and_then(EventWatch::stops)
+    }
+
+    /// Takes the states at `time`, s, of the bodies from `first_body` on. Where an event stops bodies, [`Observation::stop`] comes next.
     pub fn push(&mut self, first_body: usize, time: f64, states: &[OutputState]) {
         let values = self.evaluator.values(first_body, time, states);
-        let sound = states.iter().filter(|state| state.rotation.is_sound()).count();
-        self.distributions.push(first_body, &values, sound);
         if let Some(events) = &mut self.events {
             events.push(first_body..first_body + states.len(), time, states, &values);
         }
+        if self.stops().is_none() {
+            self.gather(first_body, states, &values);
+        }
+    }
+
+    fn gather(&mut self, first_body: usize, states: &[OutputState], values: &Values) {
+        let sound = states.iter().filter(|state| state.rotation.is_sound()).count();
+        self.distributions.push(first_body, values, sound);
+    }
+
+    /// Stops those of the bodies from `first_body` on, whose states at `time`, s, were pushed last, that have had a stopping event: their states
+    /// become those in which they stand. `centre` says where bodies are.
+    pub fn stop(
+        &mut self,
+        (first_body, time): (usize, f64),
+        states: &mut [OutputState],
+        centre: &CentreAt<'_>,
+        observer: &mut Observer<'_>,
+    ) -> Result<()> {
+        let Some(events) = &mut self.events else { return Ok(()) };
+        events.locate(&self.evaluator, centre, observer)?;
+        events.stops().into_iter().for_each(|stops| stops.hold(first_body, states));
+        let values = self.evaluator.values(first_body, time, states);
+        self.gather(first_body, states, &values);
+        Ok(())
     }
 
     /// Hands on what was gathered at output `index`, at `time`, s.
@@ -104,10 +136,12 @@ impl<'p> Observation<'p> {
         if !self.observed.histograms.is_empty() {
             sink.histograms(index, &histograms)?;
         }
-        match &mut self.events {
-            Some(events) => events.finish_output(time, &self.evaluator, observer),
-            None => Ok(()),
+        if let Some(events) = &mut self.events {
+            // Where an event stops bodies, they were located block by block.
+            events.locate(&self.evaluator, &|_, _| None, observer)?;
+            events.finish_output(time);
         }
+        Ok(())
     }
 
     /// The events that were found.

@@ -2,7 +2,7 @@
 
 use super::evaluator::Evaluator;
 use super::{EventWatch, number};
-use crate::bodies::Members;
+use crate::bodies::{BodyState, Members};
 use crate::engine::Observer;
 use crate::engine::cpu::Cpu;
 use crate::error::Result;
@@ -89,6 +89,8 @@ pub(in crate::run) fn recomputed(
     let mut runs: Vec<GroupRun<'_>> = groups.iter().map(start).collect::<Result<_>>()?;
     // Bodies of groups lie apart, and events are looked for body by body, in the sample's order.
     let place = |body: usize| sample.partition_point(|&other| (other as usize) < body);
+    // Events are those of the rotation, so that nobody asks where a body is.
+    let nowhere = |_: usize, _: f64| None;
     let mut found = SampleValues::default();
     let mut lost = vec![false; sample.len()];
     if has_events {
@@ -96,10 +98,10 @@ pub(in crate::run) fn recomputed(
             for (row, state) in initial_states(run, group).iter().enumerate() {
                 let body = group.members.body(row);
                 let states = std::slice::from_ref(state);
-                watch.begin(place(body)..place(body) + 1, states, &evaluator.values(body, 0.0, states));
+                watch.begin(place(body)..place(body) + 1, states, &evaluator.values(body, 0.0, states), &nowhere);
             }
         }
-        watch.finish_output(0.0, &evaluator, observer)?;
+        watch.finish_output(0.0);
     }
     let mut last = 0.0;
     for (index, &time) in plan.times().iter().enumerate() {
@@ -109,30 +111,33 @@ pub(in crate::run) fn recomputed(
             continue;
         }
         let span = time - std::mem::replace(&mut last, time);
-        let mut values = vec![vec![f64::NAN; sample.len()]; quantities.len()];
+        let mut states = vec![OutputState::moving(BodyState::UNKNOWN, None); sample.len()];
         for (run, group) in runs.iter_mut().zip(&groups) {
             run.advance(time, span, true, observer)?;
-            for (row, state) in run.output_states(&|_| None)?.iter().enumerate() {
-                let body = group.members.body(row);
-                let rows = place(body)..place(body) + 1;
-                lost[rows.start] |= !state.rotation.is_sound();
-                if is_compared {
-                    for (quantity, values) in values.iter_mut().enumerate() {
-                        if state.rotation.is_sound() {
-                            values[rows.start] = evaluator.value(quantity, body, time, &state.rotation);
-                        }
-                    }
-                }
-                if has_events {
-                    let states = std::slice::from_ref(state);
-                    watch.push(rows, time, states, &evaluator.values(body, time, states));
-                }
+            for (row, state) in run.output_states(&|_| None)?.into_iter().enumerate() {
+                states[place(group.members.body(row))] = state;
             }
         }
         if has_events {
-            watch.finish_output(time, &evaluator, observer)?;
+            watch.hold(&mut states);
+            for (row, &body) in sample.iter().enumerate() {
+                let state = &states[row..=row];
+                watch.push(row..row + 1, time, state, &evaluator.values(body as usize, time, state));
+            }
+            watch.locate(&evaluator, &nowhere, observer)?;
+            watch.finish_output(time);
+            watch.hold(&mut states);
         }
+        lost.iter_mut().zip(&states).for_each(|(lost, state)| *lost |= !state.rotation.is_sound());
         if is_compared {
+            let mut values = vec![vec![f64::NAN; sample.len()]; quantities.len()];
+            for (quantity, values) in values.iter_mut().enumerate() {
+                let sound = states.iter().enumerate().filter(|(_, state)| state.rotation.is_sound());
+                for (row, state) in sound {
+                    let body = sample[row] as usize;
+                    values[row] = evaluator.value(quantity, body, state.time(time), &state.rotation);
+                }
+            }
             found.times.push(time);
             found.values.push(values);
         }
@@ -147,9 +152,9 @@ fn closed_form() -> Treatment {
 fn initial_states(run: &GroupRun<'_>, group: &Group) -> Vec<OutputState> {
     let state = |row: usize| {
         let body = group.members.body(row);
-        let mut states = [crate::bodies::BodyState::UNKNOWN];
+        let mut states = [BodyState::UNKNOWN];
         run.read_initial(&(body..body + 1), &mut states);
-        OutputState { rotation: states[0], translation: None }
+        OutputState::moving(states[0], None)
     };
     (0..group.members.len()).map(state).collect()
 }

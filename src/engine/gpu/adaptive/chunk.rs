@@ -2,7 +2,7 @@
 
 use super::super::buffers::{Place, Upload, buffer};
 use super::super::device::{Device, Refusal};
-use super::super::reading::{Reader, read_columns};
+use super::super::reading::{Reader, keep_rows, read_columns};
 use super::control::{ADVANCE_GROUPS, Bodies, COMPACT_GROUPS, Control, GROUP_ENTRIES, TALLY_BYTES};
 use super::{Layouts, Pipelines};
 use crate::bodies::columns::{STRIDE_UNIT, state_columns};
@@ -105,11 +105,11 @@ impl Chunk {
         let words = |columns: usize| (columns * stride * size_of::<u32>()) as u64;
         let input = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let output = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
-        let parameters = buffer(device, "parameters", reals(parameter_columns), input)?;
+        let parameters = buffer(device, "parameters", reals(parameter_columns), input | output)?;
         let state = buffer(device, "state", reals(state_columns::<T>()), input | output)?;
         // Zeros, as the device fills new buffers: nothing tried, nothing counted.
         let controllers = buffer(device, "controllers", reals(CONTROLLER_COLUMNS), input | output)?;
-        let counts = buffer(device, "counts", words(COUNT_COLUMNS), output)?;
+        let counts = buffer(device, "counts", words(COUNT_COLUMNS), input | output)?;
         let lists = [buffer(device, "list", words(1), output)?, buffer(device, "list", words(1), output)?];
         let outcomes = buffer(device, "outcomes", words(1), output)?;
         let tallies = (stride as u64).div_ceil(u64::from(GROUP_ENTRIES)) * TALLY_BYTES;
@@ -228,6 +228,26 @@ impl Chunk {
         self.untried = self.untried.max(asked.first_fresh + asked.fresh);
         (self.listed, self.made) = (left.listed, left.made);
         (asked.listed + asked.fresh - left.listed) as usize
+    }
+
+    /// Leaves some of its rows, ascending, whose bodies are those of the session from `first` on then; all have arrived.
+    pub fn keep<T: Scalar>(
+        &mut self,
+        device: &Device,
+        reader: &mut Reader,
+        first: usize,
+        rows: &[usize],
+    ) -> Result<()> {
+        if rows.len() < self.bodies {
+            let of = (self.stride, self.bodies);
+            for columns in [&self.parameters, &self.state, &self.controllers] {
+                keep_rows::<T>(device, columns, of, reader.staging(), rows)?;
+            }
+            keep_rows::<u32>(device, &self.counts, of, reader.staging(), rows)?;
+        }
+        (self.first, self.bodies) = (first, rows.len());
+        (self.untried, self.listed) = (rows.len() as u32, 0);
+        Ok(())
     }
 
     /// Puts its bodies where these controllers, of all bodies, say.

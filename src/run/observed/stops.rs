@@ -1,0 +1,59 @@
+//! The bodies that an event has stopped, as they stand.
+
+use crate::bodies::{BodyState, Status};
+use crate::record::OutputState;
+
+/// The place of a body that is under way.
+const MOVING: u32 = u32::MAX;
+
+/// Bodies that an event has stopped, by their rows among those watched.
+#[derive(Debug, Default)]
+pub(in crate::run) struct Stops {
+    /// By row: the place in `states`.
+    places: Vec<u32>,
+    states: Vec<OutputState>,
+}
+
+/// Bytes that are kept of a body at the most.
+pub(super) const BYTES: usize = size_of::<u32>() + size_of::<OutputState>();
+
+impl Stops {
+    /// Of so many bodies, all of which are under way.
+    pub fn new(bodies: usize) -> Self {
+        Self { places: vec![MOVING; bodies], states: Vec::new() }
+    }
+
+    /// Number of bodies that stand.
+    pub fn count(&self) -> usize {
+        self.states.len()
+    }
+
+    /// The state in which a body stands, where it does.
+    pub fn state(&self, row: usize) -> Option<&OutputState> {
+        self.states.get(*self.places.get(row)? as usize)
+    }
+
+    /// Whether a body stands.
+    pub fn stands(&self, row: usize) -> bool {
+        self.state(row).is_some()
+    }
+
+    /// Stops a body in a state of `time`, s.
+    pub fn stop(&mut self, row: usize, time: f64, state: OutputState) {
+        self.places[row] = self.states.len() as u32;
+        let rotation = BodyState { status: Status::Stopped, ..state.rotation };
+        self.states.push(OutputState { rotation, stopped_at: Some(time), ..state });
+    }
+
+    /// Writes the states of those of the bodies from `first` on that stand to their places.
+    pub fn hold(&self, first: usize, states: &mut [OutputState]) {
+        if self.states.is_empty() {
+            return;
+        }
+        for (place, state) in self.places[first..].iter().zip(states) {
+            if let Some(held) = self.states.get(*place as usize) {
+                *state = *held;
+            }
+        }
+    }
+}
