@@ -186,9 +186,8 @@ fn mirrored() -> Scene {
 fn a_run_in_which_half_of_the_bodies_stop_half_way_takes_three_quarters_of_the_steps() {
     for (name, engine) in engines() {
         let equal = |scene: Scene| scene.pinned(Method::Rk4, 0.01, Some(Precision::F64));
-        let ways: [(&str, Box<dyn Fn(Scene) -> Scene>); 2] =
-            [("equal", Box::new(equal)), ("adaptive", Box::new(adaptive))];
-        for (steps_name, steps) in ways {
+        let strategies: [(&str, &dyn Fn(Scene) -> Scene); 2] = [("equal", &equal), ("adaptive", &adaptive)];
+        for (steps_name, steps) in strategies {
             let scene = || steps(mirrored());
             let whole = run(&scene(), &engine);
             // Just before the output half-way.
