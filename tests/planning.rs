@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 
 use glam::{DQuat, DVec3};
 use polhode::plan::pilot_steps;
-use polhode::scene::{AdaptiveSteps, Target};
+use polhode::scene::{AdaptiveSteps, Condition, Event, Quantity, Target};
 use polhode::torque::Orbit;
 use polhode::{Accuracy, Engine, Ensemble, Error, Method, Plan, Precision, Scene, Torque};
 
@@ -128,6 +128,12 @@ fn samples_that_would_take_much_longer_than_the_run_are_smaller() {
         let sample = plan.explain().sample;
         assert_eq!(sample.bodies, bodies, "{end} s");
         assert!(sample.seconds.is_some_and(|seconds| seconds > 0.0), "{sample:?}");
+        // Bodies that may be stopped have ends of their own, and take a lane group each.
+        let slow = Event::new("slow", Quantity::SpinRate, Condition::Below(1e-3)).expect("a level");
+        let stopping = scene.clone().event(slow.stopping());
+        let alone = Plan::new(&stopping, &engine).expect("a plan").explain().sample;
+        println!("{end} s: {sample:?}, with a stop {alone:?}");
+        assert!(alone.bodies <= bodies && alone.seconds > sample.seconds, "{alone:?}");
         // A part recomputes its share of the same ones.
         let part = scene.only(3..13);
         assert_eq!(plan.of_part(&part, &engine).expect("a plan").explain().sample.bodies, bodies, "{end} s");

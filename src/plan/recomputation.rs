@@ -111,7 +111,18 @@ fn attempts_for_one(method: Method, tolerance: f64, fine: f64) -> f64 {
 impl Plan<'_> {
     /// How a sample of its bodies is recomputed.
     pub(crate) fn recomputation(&self) -> Recomputation {
-        Recomputation::of(self.scene().part().of, self.dearest())
+        let alone = self.alone();
+        let known = self.dearest().map(|OfBody { run, recomputed, balance }| OfBody {
+            run,
+            recomputed: alone * recomputed,
+            balance: alone * balance,
+        });
+        Recomputation::of(self.scene().part().of, known)
+    }
+
+    /// By how much longer a body takes at the most that has an end of its own, as an event may stop it: lanes are its alone.
+    fn alone(&self) -> f64 {
+        if self.scene().stops() { LEAST_OF_DEAR as f64 } else { 1.0 }
     }
 
     /// What a body of the dearest class takes, as far as the resolution says: of equal steps that follow each body's rate it does not.
@@ -161,7 +172,7 @@ impl Plan<'_> {
                 continue;
             }
             let share = bodies as f64 * group.members.len() as f64 / here;
-            seconds += share * self.seconds_of_recomputed(group, work(group)?, balances)?;
+            seconds += self.alone() * share * self.seconds_of_recomputed(group, work(group)?, balances)?;
         }
         let at_once = bodies.div_ceil(LEAST_OF_DEAR).clamp(1, rayon::current_num_threads());
         Some(seconds / at_once as f64)

@@ -1,5 +1,7 @@
 //! One group of a plan under way.
 
+mod reduction;
+
 use std::ops::{ControlFlow, Range};
 use std::time::Instant;
 
@@ -16,12 +18,10 @@ use crate::bodies::columns::StateWords;
 use crate::bodies::{BodyFrame, BodyState};
 use crate::engine::batch::prepare_members;
 use crate::engine::cpu::Cpu;
-use crate::engine::reduction::{BlockRows, Marked, Reduce, merged};
 use crate::engine::watch::{Job, Watch};
 use crate::engine::{Backend, FreeSession, Observer, Progress, Session};
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::{AnyRows, scaled_body};
-use crate::kernel::observe::{self, Partial, Statistic};
 use crate::math::Precision;
 use crate::math::Width;
 use crate::plan::{Group, Treatment};
@@ -509,154 +509,4 @@ pub(super) fn blocks_of(scene: &Scene) -> impl Iterator<Item = Range<usize>> + C
     let Part { first_body, of } = scene.part();
     let blocks = Blocks::of(of).within(&(first_body..first_body + scene.ensemble().len()));
     blocks.map(move |block| block.start - first_body..block.end - first_body)
-}
-
-/// Bodies whose state is read at once where statistics are formed on the host.
-const BLOCK: usize = 1 << 12;
-
-impl GroupRun<'_> {
-    /// Makes ready for [`GroupRun::reduce`]; a body that spins faster than `fastest` rad/s is marked.
-    pub fn watch(&mut self, statistics: &[Statistic], fastest: f64) -> Result<()> {
-        let bodies = self.members.len();
-        let bytes = bodies.saturating_mul(observe::bytes_per_body(statistics.len()));
-        crate::bodies::memory::require(bodies, bytes, "the columns of the statistics")?;
-        let ends = self.ends.clone();
-        let blocks = match &self.motion {
-            Motion::Adaptive(group_run) => group_run.blocks(ends),
-            _ => BlockRows::new(ends, None),
-        };
-        let Some((session, frames)) = self.session() else { return Ok(()) };
-        session.watch(statistics, frames, &blocks, fastest)
-    }
-
-    /// Statistics of its bodies as they stand, by block; extremes name bodies.
-    pub fn reduce(&mut self, statistics: &[Statistic]) -> Result<Vec<Vec<Partial<f64>>>> {
-        let mut found = match self.session() {
-            Some((session, _)) => session.reduce()?,
-            None => self.reduce_on_host(statistics)?,
-        };
-        for found in found.iter_mut().flatten().filter(|found| found.count > 0) {
-            for extreme in [&mut found.least, &mut found.greatest] {
-                extreme.body = self.members.body(extreme.body as usize) as u32;
-            }
-        }
-        Ok(found)
-    }
-
-    /// The same of what the host forms; extremes name rows of the group.
-    fn reduce_on_host(&mut self, statistics: &[Statistic]) -> Result<Vec<Vec<Partial<f64>>>> {
-        let blocks = BlockRows::new(self.ends.clone(), None);
-        let mut found = Vec::with_capacity(blocks.count());
-        for block in 0..blocks.count() {
-            let (places, mut pieces) = (blocks.places(block), Vec::new());
-            for start in places.clone().step_by(BLOCK) {
-                let rows = start..(start + BLOCK).min(places.end);
-                let states = self.read_range(&rows)?;
-                let of_statistic = |&statistic: &Statistic| {
-                    let sound = rows.clone().zip(&states).filter(|(_, state)| state.is_sound());
-                    let values: Vec<_> = sound.map(|(row, state)| (row as u32, statistic.of(state))).collect();
-                    Partial::of_values(&values, 0)
-                };
-                pieces.push(statistics.iter().map(of_statistic).collect());
-            }
-            found.push(merged(&pieces, statistics.len()));
-        }
-        Ok(found)
-    }
-
-    /// The bodies that failed and those that spin faster than the watched rate, as found by the last [`GroupRun::reduce`].
-    pub fn marked(&mut self, fastest: f64) -> Result<Marked> {
-        let mut marked = match self.session() {
-            Some((session, _)) => session.marked()?,
-            None => self.marked_on_host(fastest)?,
-        };
-        for row in marked.failed.iter_mut().chain(&mut marked.faster) {
-            *row = self.members.body(*row);
-        }
-        Ok(marked)
-    }
-
-    fn marked_on_host(&mut self, fastest: f64) -> Result<Marked> {
-        let mut marked = Marked::default();
-        for start in (0..self.members.len()).step_by(BLOCK) {
-            let rows = start..(start + BLOCK).min(self.members.len());
-            for (row, state) in rows.clone().zip(self.read_range(&rows)?) {
-                if !state.is_sound() {
-                    marked.failed.push(row);
-                } else if state.angular_velocity_body.length() > fastest {
-                    marked.faster.push(row);
-                }
-            }
-        }
-        Ok(marked)
-    }
-
-    /// Why the bodies failed that [`GroupRun::marked`] has found, in no particular order.
-    pub fn reasons(&mut self, mut failed: Vec<usize>) -> Result<Vec<(usize, Status)>> {
-        /// Bodies that are read one by one; of more whole blocks are read.
-        const FEW: usize = 256;
-        // What only the device finds is beyond its own range of numbers.
-        let reason = |state: &BodyState| match state.status {
-            Status::Valid => Status::NotFinite,
-            status => status,
-        };
-        if failed.len() <= FEW {
-            let bodies: Vec<u32> = failed.iter().map(|&body| body as u32).collect();
-            let states = self.read_bodies(&bodies)?;
-            return Ok(states.iter().map(|(body, state)| (*body, reason(state))).collect());
-        }
-        failed.sort_unstable();
-        let mut reasons = Vec::with_capacity(failed.len());
-        for start in (0..self.members.len()).step_by(BLOCK) {
-            let rows = start..(start + BLOCK).min(self.members.len());
-            let states = self.read_range(&rows)?;
-            let bodies = rows.map(|row| self.members.body(row));
-            let failed = bodies.zip(&states).filter(|(body, _)| failed.binary_search(body).is_ok());
-            reasons.extend(failed.map(|(body, state)| (body, reason(state))));
-        }
-        Ok(reasons)
-    }
-
-    /// The states of those of its bodies that are among `bodies` and were not left out.
-    pub fn read_bodies(&mut self, bodies: &[u32]) -> Result<Vec<(usize, BodyState)>> {
-        let row = |&body: &u32| {
-            let row = self.members.rows(body as usize..body as usize + 1).next()?;
-            let session_row = match &self.motion {
-                Motion::Adaptive(group_run) => group_run.session_row(row),
-                _ => self.kept.session_row(row),
-            };
-            Some((row, session_row?))
-        };
-        let (rows, own): (Vec<usize>, Vec<usize>) = bodies.iter().filter_map(row).unzip();
-        let places: Vec<usize> = match &self.motion {
-            Motion::Adaptive(group_run) => rows.iter().map(|&row| group_run.frame_place(row)).collect(),
-            _ => rows.clone(),
-        };
-        let states = match self.session() {
-            Some((session, frames)) => {
-                let words = session.read_rows(&own)?;
-                places.iter().enumerate().map(|(index, &place)| frames[place].state_of(&words, index)).collect()
-            }
-            None => {
-                let mut states = Vec::with_capacity(rows.len());
-                for &row in &rows {
-                    states.extend(self.read_range(&(row..row + 1))?);
-                }
-                states
-            }
-        };
-        Ok(rows.into_iter().map(|row| self.members.body(row)).zip(states).collect())
-    }
-
-    /// The engine's session, where there is one that can reduce, and the frames of its rows. Moments that change are those of
-    /// a time, and only the host's frames are.
-    fn session(&mut self) -> Option<(&mut dyn Reduce, &[BodyFrame])> {
-        match &mut self.motion {
-            _ if self.varies => None,
-            Motion::Stepped { session, frames, .. } => Some((&mut **session, frames)),
-            Motion::ClosedForm { session, frames } => Some((&mut **session, frames)),
-            Motion::Adaptive(group_run) => Some(group_run.session()),
-            Motion::EvaluatedWhenRead(_) => None,
-        }
-    }
 }

@@ -6,6 +6,7 @@ mod cli;
 mod draws;
 #[path = "../../fuzz/entries.rs"]
 mod entries;
+mod failed_bodies;
 mod hindrances;
 mod inertia_files;
 mod input;

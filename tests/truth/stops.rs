@@ -211,6 +211,16 @@ fn a_run_in_which_half_of_the_bodies_stop_half_way_takes_three_quarters_of_the_s
     }
 }
 
+/// Lanes wait for bodies beside them, as a multiple of the attempts of all bodies, those included that were stopped.
+#[test]
+fn what_lanes_wait_for_is_measured_by_the_attempts_of_stopped_bodies_too() {
+    let scene = || adaptive(slowing().torque(Torque::quadratic_drag(1e-3)));
+    let imbalance = |scene: Scene| run(&scene, &Engine::cpu()).trust().adaptive.expect("adaptive steps").imbalance;
+    let [whole, stopped] = [scene(), scene().event(slow().stopping())].map(imbalance);
+    println!("imbalance {whole}, {stopped} with stops");
+    assert!(stopped >= 1.0 && stopped < 1.2 * whole, "{stopped}, {whole} without stops");
+}
+
 #[test]
 fn of_several_stopping_events_the_earliest_counts_and_later_ones_are_censored() {
     let event =

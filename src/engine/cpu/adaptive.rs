@@ -50,6 +50,8 @@ pub(super) struct CpuAdaptiveSession<T> {
     clock: Clock,
     /// Attempts of all lanes, those that held no body included, where they were counted.
     slots: AtomicU64,
+    /// Attempts of bodies that were left out.
+    left_out: u64,
     /// By Taylor series, and what carries them out; by `rk8` where there is none.
     series: Option<(TaylorMotion, Kernel<T>)>,
 }
@@ -77,6 +79,7 @@ impl<T: LaneScalar> CpuAdaptiveSession<T> {
             counts: vec![StepCounts::default(); batch.body_count],
             clock: batch.torques.clock(),
             slots: AtomicU64::new(0),
+            left_out: 0,
             series: None,
             batch,
             steps,
@@ -228,7 +231,10 @@ impl<T: LaneScalar + observe::Kernel> AdaptiveSession for CpuAdaptiveSession<T> 
 
     fn keep(&mut self, bodies: &[usize]) -> Result<()> {
         keep_rows(&mut self.controllers, self.batch.stride, bodies);
+        let attempts = |counts: &[StepCounts]| -> u64 { counts.iter().map(StepCounts::attempts).sum() };
+        let before = attempts(&self.counts);
         self.counts = bodies.iter().map(|&body| self.counts[body]).collect();
+        self.left_out += before - attempts(&self.counts);
         self.batch.keep(bodies);
         Ok(())
     }
@@ -249,7 +255,7 @@ impl<T: LaneScalar + observe::Kernel> AdaptiveSession for CpuAdaptiveSession<T> 
     }
 
     fn imbalance(&mut self) -> Result<f64> {
-        let attempts: u64 = self.counts.iter().map(StepCounts::attempts).sum();
+        let attempts = self.left_out + self.counts.iter().map(StepCounts::attempts).sum::<u64>();
         let slots = self.slots.load(Ordering::Relaxed);
         if slots > 0 && attempts > 0 {
             return Ok(slots as f64 / attempts as f64);

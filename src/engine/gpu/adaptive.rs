@@ -18,7 +18,7 @@ use super::buffers::{DeviceScalar, STAGING_BYTES, Upload, WORKGROUP_SIZE, chunk_
 use super::device::{Device, Refusal};
 use super::dispatch::{GROUP_BODIES, Slicer};
 use super::observe::{ObserveKernels, Reducer, reduces};
-use super::reading::{Reader, read_single_rows, rows_of};
+use super::reading::{Reader, keep_bodies, read_single_rows};
 use super::shader::{Patch, Source};
 use crate::bodies::BodyFrame;
 use crate::bodies::blocks::cut;
@@ -330,18 +330,10 @@ impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
 
     fn keep(&mut self, bodies: &[usize]) -> Result<()> {
         let Some(reader) = &mut self.reader else { return Ok(()) };
-        let (mut kept, mut first) = (Vec::with_capacity(self.chunks.len()), 0);
-        for mut chunk in self.chunks.drain(..) {
-            let rows = rows_of(bodies, chunk.first, chunk.bodies);
-            if rows.is_empty() {
-                chunk.destroy();
-                continue;
-            }
-            chunk.keep::<T>(&self.device, reader, first, &rows)?;
-            first += rows.len();
-            kept.push(chunk);
-        }
-        (self.chunks, self.body_count) = (kept, bodies.len());
+        keep_bodies(&mut self.chunks, bodies, (Chunk::place, Chunk::destroy), |chunk, first, rows| {
+            chunk.keep::<T>(&self.device, reader, first, rows)
+        })?;
+        self.body_count = bodies.len();
         Ok(())
     }
 

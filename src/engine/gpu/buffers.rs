@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::ops::Range;
 
 use super::device::{Device, Refusal};
-use super::reading::{Reader, keep_rows, rows_of};
+use super::reading::{Reader, keep_bodies, keep_rows};
 use crate::bodies::blocks::cut;
 use crate::bodies::columns::STRIDE_UNIT;
 use crate::bodies::memory;
@@ -170,6 +170,24 @@ impl Chunk {
         device.write(&self.settings, 0, &T::settings(self.bodies as u32, self.stride as u32, slice));
     }
 
+    /// Leaves some of its rows, ascending, whose bodies are those of the session from `first` on then.
+    fn keep<T: DeviceScalar>(
+        &mut self,
+        device: &Device,
+        reader: &mut Reader,
+        first: usize,
+        rows: &[usize],
+    ) -> Result<()> {
+        if rows.len() < self.bodies {
+            let of = (self.stride, self.bodies);
+            keep_rows::<T>(device, &self.parameters, of, reader.staging(), rows)?;
+            keep_rows::<T>(device, &self.state, of, reader.staging(), rows)?;
+        }
+        (self.first, self.bodies) = (first, rows.len());
+        Ok(())
+    }
+
+    /// Gives its memory back.
     fn destroy(&self) {
         [&self.parameters, &self.state, &self.settings].into_iter().for_each(wgpu::Buffer::destroy);
     }
@@ -270,24 +288,9 @@ impl Columns {
     /// Leaves some bodies, ascending.
     pub fn keep<T: DeviceScalar>(&mut self, device: &Device, bodies: &[usize]) -> Result<()> {
         let Some(reader) = &mut self.reader else { return Ok(()) };
-        let (mut kept, mut first) = (Vec::with_capacity(self.chunks.len()), 0);
-        for mut chunk in self.chunks.drain(..) {
-            let rows = rows_of(bodies, chunk.first, chunk.bodies);
-            if rows.is_empty() {
-                chunk.destroy();
-                continue;
-            }
-            if rows.len() < chunk.bodies {
-                let of = (chunk.stride, chunk.bodies);
-                keep_rows::<T>(device, &chunk.parameters, of, reader.staging(), &rows)?;
-                keep_rows::<T>(device, &chunk.state, of, reader.staging(), &rows)?;
-            }
-            (chunk.first, chunk.bodies) = (first, rows.len());
-            first += rows.len();
-            kept.push(chunk);
-        }
-        self.chunks = kept;
-        Ok(())
+        keep_bodies(&mut self.chunks, bodies, (Chunk::place, Chunk::destroy), |chunk, first, rows| {
+            chunk.keep::<T>(device, reader, first, rows)
+        })
     }
 
     /// Gives the memory back at once rather than when wgpu next looks.
@@ -347,8 +350,7 @@ fn new_chunk<T: DeviceScalar>(
 ) -> Result<Chunk, Refusal> {
     let stride = bodies.next_multiple_of(STRIDE_UNIT);
     let bytes = |columns: usize| (columns * stride * size_of::<T>()) as u64;
-    let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-    let storage = storage | wgpu::BufferUsages::COPY_SRC;
+    let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
     let parameters = buffer(device, "parameters", bytes(parameter_columns), storage)?;
     let state = buffer(device, "state", bytes(state_columns), storage)?;
     let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;

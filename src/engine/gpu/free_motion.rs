@@ -9,7 +9,7 @@ use super::buffers::{
 };
 use super::device::{Device, Refusal};
 use super::observe::{ObserveKernels, Reducer, reduces};
-use super::reading::{Reader, keep_rows, read_single_rows, rows_of};
+use super::reading::{Reader, keep_bodies, keep_rows, read_single_rows};
 use super::shader::Source;
 use crate::bodies::BodyFrame;
 use crate::bodies::blocks::cut;
@@ -63,6 +63,24 @@ impl Chunk {
         Place { first: self.first, bodies: self.bodies, stride: self.stride, state: &self.state }
     }
 
+    /// Leaves some of its rows, ascending, whose bodies are those of the session from `first` on then.
+    fn keep<T: DeviceScalar>(
+        &mut self,
+        device: &Device,
+        reader: &mut Reader,
+        first: usize,
+        rows: &[usize],
+    ) -> Result<()> {
+        if rows.len() < self.bodies {
+            let of = (self.stride, self.bodies);
+            keep_rows::<u64>(device, &self.words, of, reader.staging(), rows)?;
+            keep_rows::<T>(device, &self.constants, of, reader.staging(), rows)?;
+        }
+        (self.first, self.bodies) = (first, rows.len());
+        Ok(())
+    }
+
+    /// Gives its memory back.
     fn destroy(&self) {
         [&self.words, &self.constants, &self.state, &self.settings].into_iter().for_each(wgpu::Buffer::destroy);
     }
@@ -254,23 +272,10 @@ impl<T: DeviceScalar> FreeSession for GpuFreeSession<T> {
 
     fn keep(&mut self, bodies: &[usize]) -> Result<()> {
         let Some(reader) = &mut self.reader else { return Ok(()) };
-        let (mut kept, mut first) = (Vec::with_capacity(self.chunks.len()), 0);
-        for mut chunk in self.chunks.drain(..) {
-            let rows = rows_of(bodies, chunk.first, chunk.bodies);
-            if rows.is_empty() {
-                chunk.destroy();
-                continue;
-            }
-            if rows.len() < chunk.bodies {
-                let of = (chunk.stride, chunk.bodies);
-                keep_rows::<u64>(&self.device, &chunk.words, of, reader.staging(), &rows)?;
-                keep_rows::<T>(&self.device, &chunk.constants, of, reader.staging(), &rows)?;
-            }
-            (chunk.first, chunk.bodies) = (first, rows.len());
-            first += rows.len();
-            kept.push(chunk);
-        }
-        (self.chunks, self.body_count) = (kept, bodies.len());
+        keep_bodies(&mut self.chunks, bodies, (Chunk::place, Chunk::destroy), |chunk, first, rows| {
+            chunk.keep::<T>(&self.device, reader, first, rows)
+        })?;
+        self.body_count = bodies.len();
         Ok(())
     }
 }

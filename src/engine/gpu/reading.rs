@@ -205,10 +205,30 @@ pub(super) fn keep_rows<T: bytemuck::Pod>(
     Ok(())
 }
 
-/// The rows of those of some bodies, ascending, that a chunk from `first` on has.
-pub(super) fn rows_of(bodies: &[usize], first: usize, count: usize) -> Vec<usize> {
-    let place = |body: usize| bodies.partition_point(|&other| other < body);
-    bodies[place(first)..place(first + count)].iter().map(|body| body - first).collect()
+/// Leaves some bodies of a session, ascending. `keep` leaves a chunk its rows that are given, whose bodies are those of the session from a
+/// first one on then; chunks without any are given back.
+pub(super) fn keep_bodies<C>(
+    chunks: &mut Vec<C>,
+    bodies: &[usize],
+    (place, destroy): (impl Fn(&C) -> Place<'_>, impl Fn(&C)),
+    mut keep: impl FnMut(&mut C, usize, &[usize]) -> Result<()>,
+) -> Result<()> {
+    let (mut kept, mut done) = (0, Ok(()));
+    chunks.retain_mut(|chunk| {
+        let Place { first, bodies: count, .. } = place(chunk);
+        let among = |body: usize| bodies.partition_point(|&other| other < body);
+        let rows: Vec<usize> = bodies[among(first)..among(first + count)].iter().map(|body| body - first).collect();
+        if rows.is_empty() {
+            destroy(chunk);
+            return false;
+        }
+        if done.is_ok() {
+            done = keep(chunk, kept, &rows);
+        }
+        kept += rows.len();
+        true
+    });
+    done
 }
 
 /// Copies single rows, each after the other, to the host; gives their state.

@@ -29,6 +29,13 @@ impl Values {
     pub fn of(&self, quantity: usize) -> impl Iterator<Item = (usize, &[f64])> {
         self.numbers.iter().enumerate().map(move |(block, numbers)| (block * BLOCK, &numbers[quantity][..]))
     }
+
+    /// Sets those of one body, by its place, to those of a body alone.
+    pub fn set(&mut self, place: usize, alone: &Values) {
+        for (numbers, own) in self.numbers[place / BLOCK].iter_mut().zip(&alone.numbers[0]) {
+            numbers[place % BLOCK] = own[0];
+        }
+    }
 }
 
 impl<'p> Evaluator<'p> {

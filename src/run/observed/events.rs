@@ -167,13 +167,14 @@ impl<'p> EventWatch<'p> {
         });
     }
 
-    /// Finds the times of what the members that were pushed have met since the last output, and stops those of them that an event stops.
+    /// Finds the times of what the members that were pushed have met since the last output, and stops those of them that an event stops, whose
+    /// rows it gives.
     pub fn locate(
         &mut self,
         evaluator: &Evaluator<'_>,
         centre: &CentreAt<'_>,
         observer: &mut Observer<'_>,
-    ) -> Result<()> {
+    ) -> Result<Vec<usize>> {
         let passages = std::mem::take(&mut self.passages);
         let located = self.locator.located(passages, &self.quantities, evaluator, observer)?;
         // Of each row that is stopped, the earliest stop; of two at once, either: they are at the same time.
@@ -200,11 +201,11 @@ impl<'p> EventWatch<'p> {
                 Located::Counted(times) => track.count += times,
             }
         }
-        for (row, (time, state)) in stopped {
+        for (&row, &(time, state)) in &stopped {
             let body = self.members.body(row);
             self.stop(row, time, OutputState::moving(state, centre(body, time)));
         }
-        Ok(())
+        Ok(stopped.into_keys().collect())
     }
 
     /// Stops a member at `time`, s, unless it stands: nothing more is looked for.

@@ -30,6 +30,8 @@ pub(super) use stops::Stops;
 pub(super) struct Observation<'p> {
     observed: &'p Observed,
     evaluator: Evaluator<'p>,
+    /// Of the bodies that were pushed last, where an event may stop them.
+    values: Option<Values>,
     distributions: Distributions<'p>,
     events: Option<EventWatch<'p>>,
 }
@@ -65,6 +67,7 @@ impl<'p> Observation<'p> {
             }),
             events: (!of_events.is_empty()).then(|| EventWatch::new(plan, members, of_events)),
             evaluator: Evaluator::new(scene, &quantities)?,
+            values: None,
         })
     }
 
@@ -92,8 +95,9 @@ impl<'p> Observation<'p> {
         if let Some(events) = &mut self.events {
             events.push(first_body..first_body + states.len(), time, states, &values);
         }
-        if self.stops().is_none() {
-            self.gather(first_body, states, &values);
+        match self.stops() {
+            Some(_) => self.values = Some(values),
+            None => self.gather(first_body, states, &values),
         }
     }
 
@@ -111,10 +115,14 @@ impl<'p> Observation<'p> {
         centre: &CentreAt<'_>,
         observer: &mut Observer<'_>,
     ) -> Result<()> {
-        let Some(events) = &mut self.events else { return Ok(()) };
-        events.locate(&self.evaluator, centre, observer)?;
+        let (Some(events), Some(mut values)) = (&mut self.events, self.values.take()) else { return Ok(()) };
+        let stopped = events.locate(&self.evaluator, centre, observer)?;
         events.stops().into_iter().for_each(|stops| stops.hold(first_body, states));
-        let values = self.evaluator.values(first_body, time, states);
+        // All others were evaluated as they were pushed.
+        for body in stopped {
+            let place = body - first_body;
+            values.set(place, &self.evaluator.values(body, time, &states[place..=place]));
+        }
         self.gather(first_body, states, &values);
         Ok(())
     }
