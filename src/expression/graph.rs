@@ -13,7 +13,7 @@ use crate::math::real::Function;
 pub const MOST_NODES: usize = 10_000;
 
 /// A node of a [`Graph`], by its place in it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Node(pub(super) u32);
 
 impl Node {

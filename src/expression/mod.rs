@@ -26,6 +26,8 @@ mod lexer;
 mod parser;
 pub mod program;
 mod replay;
+mod rotations;
+mod selection;
 mod simplify;
 mod stages;
 mod symbol;

@@ -1,12 +1,11 @@
 //! A formula lowered to instructions of a register machine.
 //!
 //! Instructions read inputs and constants where they are and write to slots, which are used again as soon as nothing asks
-//! for what is in them. A sign before an operand is taken into the instruction, and sine and cosine of one argument, or of
-//! one eccentric anomaly, are one instruction; none of this changes a bit of the results.
+//! for what is in them. Operations that belong together are joined to one instruction ([`super::selection`]), which changes no bit
+//! of the results.
 
-use std::collections::HashMap;
-
-use super::graph::{Binary, Graph, Input, Node, Operation, Unary};
+use super::graph::{Graph, Input, Node, Operation};
+use super::selection::{MOST_OPERANDS, MOST_RESULTS, Selected, Selection};
 use crate::math::real::Function;
 
 /// Instructions that form some results from inputs. [`Program::evaluate_columns`] carries them out.
@@ -28,20 +27,9 @@ pub struct Program {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Instruction {
     pub(super) kind: Kind,
-    /// Where the result goes.
-    pub(super) to: u16,
-    pub(super) a: u16,
-    pub(super) b: u16,
-    /// The third operand, or where the second result goes.
-    pub(super) c: u16,
-}
-
-impl Instruction {
-    /// Its result's place and those of `a`, `b` and `c`.
-    #[inline(always)]
-    pub(super) fn places(&self) -> [usize; 4] {
-        [self.to.into(), self.a.into(), self.b.into(), self.c.into()]
-    }
+    /// Where the results go.
+    pub(super) results: [u16; MOST_RESULTS],
+    pub(super) operands: [u16; MOST_OPERANDS],
 }
 
 /// What an instruction does.
@@ -52,15 +40,27 @@ pub(super) enum Kind {
     Mul,
     /// −(a b).
     NegMul,
+    /// (a b) c.
+    MulMul,
     Div,
-    /// a b + c.
-    MulAdd,
-    /// a b − c.
-    MulSub,
-    /// −a b + c.
-    NegMulAdd,
-    /// −a b − c.
-    NegMulSub,
+    /// a b + c, rounded twice.
+    MulThenAdd,
+    /// a b − c, rounded twice.
+    MulThenSub,
+    /// c − a b, rounded twice.
+    SubMul,
+    /// a b + c d, each product rounded.
+    AddProducts,
+    /// a b − c d, each product rounded.
+    SubProducts,
+    /// ±a b + (±c) by one fused operation. The signs are those of the two terms, and so below: `true` is minus.
+    MulAdd([bool; 2]),
+    /// ±a b + (±(c d)): c d is rounded, the rest is one fused operation.
+    Products2([bool; 2]),
+    /// ±a b + (±c d + (±(e f))), by two fused operations.
+    Products3([bool; 3]),
+    /// ±a b + (±c d + (±e)), by two fused operations.
+    MulAdd2([bool; 3]),
     Neg,
     Sqrt,
     Abs,
@@ -72,14 +72,27 @@ pub(super) enum Kind {
     Or,
     Not,
     Select,
-    /// sin a, and cos a to c.
+    /// sin a, and cos a as second result.
     SinCos,
-    /// sin E and, to c, cos E of Kepler's equation.
+    /// sin E and, as second result, cos E of Kepler's equation.
     Kepler,
+    /// A vector v turned by a quaternion q, or by its conjugate, of the components of q and those of v.
+    Rotate(bool),
     /// A function of one argument.
     One(Function),
     /// A function of two arguments.
     Two(Function),
+}
+
+impl Kind {
+    /// How many results it has.
+    fn results(self) -> usize {
+        match self {
+            Kind::Rotate(_) => 3,
+            Kind::SinCos | Kind::Kepler => 2,
+            _ => 1,
+        }
+    }
 }
 
 impl Program {
@@ -114,35 +127,20 @@ impl Program {
     }
 }
 
-/// An instruction whose operands are still nodes.
-#[derive(Clone, Copy)]
-struct Selected {
-    kind: Kind,
-    operands: [Option<Node>; 3],
-}
-
-/// What a node is known by once it is formed: sine and cosine of one argument stand for each other's instruction.
-type Pair = (Node, Option<Node>);
-
 struct Lowering<'a> {
     graph: &'a Graph,
+    selection: Selection<'a>,
     /// Nodes to form, in order; of a pair the one that is met first.
     order: Vec<(Node, Selected)>,
     /// For each node, how many uses are left.
     uses: Vec<u32>,
-    /// The members of each pair that are needed: sine and cosine.
-    pairs: HashMap<Pair, [Option<Node>; 2]>,
 }
 
 impl<'a> Lowering<'a> {
     fn new(graph: &'a Graph, outputs: &[Node]) -> Self {
-        let mut lowering = Self { graph, order: vec![], uses: vec![0; graph.len()], pairs: HashMap::new() };
         let live = graph.live(outputs);
-        for &node in &live {
-            if let Some((pair, member)) = pair_of(graph.operation(node)) {
-                lowering.pairs.entry(pair).or_default()[member] = Some(node);
-            }
-        }
+        let mut lowering =
+            Self { graph, selection: Selection::new(graph, &live, outputs), order: vec![], uses: vec![0; graph.len()] };
         lowering.sort(outputs);
         lowering
     }
@@ -159,7 +157,7 @@ impl<'a> Lowering<'a> {
         let mut open: Vec<Node> = outputs.iter().rev().copied().collect();
         while let Some(&node) = open.last() {
             let state = states[node.index()];
-            let Some(selected) = self.selected(node) else {
+            let Some(selected) = self.selection.of(node) else {
                 states[node.index()] = State::Done;
                 open.pop();
                 continue;
@@ -167,15 +165,14 @@ impl<'a> Lowering<'a> {
             match state {
                 State::New => {
                     states[node.index()] = State::Open;
-                    let operands = selected.operands.into_iter().rev().flatten();
+                    let operands = selected.operands().iter().rev();
                     open.extend(operands.filter(|operand| states[operand.index()] == State::New));
                 }
                 State::Open => {
                     states[node.index()] = State::Done;
-                    selected.operands.into_iter().flatten().for_each(|operand| self.uses[operand.index()] += 1);
-                    if let Some((pair, _)) = pair_of(self.graph.operation(node)) {
-                        let members = self.pairs.get(&pair).copied().unwrap_or_default();
-                        members.into_iter().flatten().for_each(|member| states[member.index()] = State::Done);
+                    selected.operands().iter().for_each(|operand| self.uses[operand.index()] += 1);
+                    for result in self.selection.results(node).into_iter().flatten() {
+                        states[result.index()] = State::Done;
                     }
                     self.order.push((node, selected));
                     open.pop();
@@ -198,63 +195,12 @@ impl<'a> Lowering<'a> {
             let operands = self.graph.operation(node).operands();
             heights[node.index()] = operands.map(|operand| heights[operand.index()] + 1).max().unwrap_or(0);
         }
-        // Sines and cosines of one argument are of one height.
-        self.order.sort_by_key(|(node, selected)| (heights[node.index()], selected.kind));
-    }
-
-    /// The instruction of a node; none for inputs and constants.
-    fn selected(&self, node: Node) -> Option<Selected> {
-        let of = |kind, operands| Some(Selected { kind, operands });
-        let one = |kind, a| of(kind, [Some(a), None, None]);
-        let two = |kind, a, b| of(kind, [Some(a), Some(b), None]);
-        match self.graph.operation(node) {
-            Operation::Constant(_) | Operation::Truth(_) | Operation::Input(_) => None,
-            Operation::Unary(Unary::Neg, a) => match self.graph.operation(a) {
-                Operation::Binary(Binary::Mul, x, y) => two(Kind::NegMul, x, y),
-                _ => one(Kind::Neg, a),
-            },
-            Operation::Unary(Unary::Sqrt, a) => one(Kind::Sqrt, a),
-            Operation::Unary(Unary::Abs, a) => one(Kind::Abs, a),
-            Operation::Unary(Unary::Round, a) => one(Kind::Round, a),
-            Operation::Unary(Unary::Not, a) => one(Kind::Not, a),
-            Operation::Binary(kind, a, b) => {
-                let kind = match kind {
-                    Binary::Add => Kind::Add,
-                    Binary::Sub => Kind::Sub,
-                    Binary::Mul => Kind::Mul,
-                    Binary::Div => Kind::Div,
-                    Binary::Min => Kind::Min,
-                    Binary::Max => Kind::Max,
-                    Binary::Less => Kind::Less,
-                    Binary::And => Kind::And,
-                    Binary::Or => Kind::Or,
-                };
-                two(kind, a, b)
-            }
-            Operation::MulAdd(a, b, c) => {
-                let ((a, a_negative), (b, b_negative), (c, c_negative)) =
-                    (self.without_sign(a), self.without_sign(b), self.without_sign(c));
-                let kind = match (a_negative != b_negative, c_negative) {
-                    (false, false) => Kind::MulAdd,
-                    (false, true) => Kind::MulSub,
-                    (true, false) => Kind::NegMulAdd,
-                    (true, true) => Kind::NegMulSub,
-                };
-                of(kind, [Some(a), Some(b), Some(c)])
-            }
-            Operation::Select(condition, a, b) => of(Kind::Select, [Some(condition), Some(a), Some(b)]),
-            Operation::Function(Function::Sin | Function::Cos, a) => one(Kind::SinCos, a),
-            Operation::Function(function, a) => one(Kind::One(function), a),
-            Operation::Function2(Function::KeplerSin | Function::KeplerCos, a, b) => two(Kind::Kepler, a, b),
-            Operation::Function2(function, a, b) => two(Kind::Two(function), a, b),
-        }
-    }
-
-    fn without_sign(&self, node: Node) -> (Node, bool) {
-        match self.graph.operation(node) {
-            Operation::Unary(Unary::Neg, x) => (x, true),
-            _ => (node, false),
-        }
+        // What is formed together is formed as early as any of it: all of it needs what any of it needs.
+        let height = |node: Node| {
+            let results = self.selection.results(node).into_iter().flatten();
+            results.map(|result| heights[result.index()]).min().unwrap_or(0)
+        };
+        self.order.sort_by_key(|&(node, selected)| (height(node), selected.kind));
     }
 
     fn program(mut self, outputs: &[Node]) -> Program {
@@ -269,8 +215,11 @@ impl<'a> Lowering<'a> {
             outputs: vec![],
         };
         // Inputs and constants that an instruction or a result reads.
-        let read: Vec<Node> =
-            self.graph.nodes().filter(|node| self.uses[node.index()] > 0 && self.selected(*node).is_none()).collect();
+        let read: Vec<Node> = self
+            .graph
+            .nodes()
+            .filter(|node| self.uses[node.index()] > 0 && self.selection.of(*node).is_none())
+            .collect();
         let mut constants = vec![];
         for node in read {
             match self.graph.operation(node) {
@@ -293,33 +242,36 @@ impl<'a> Lowering<'a> {
         }
         let first_slot = (program.inputs.len() + program.constants.len()) as u16;
         let (mut numbers, mut truths) = (Slots::default(), Slots::default());
-        for (node, Selected { kind, operands }) in std::mem::take(&mut self.order) {
-            let operand = |index: usize| operands[index].map_or(0, |operand| places[operand.index()]);
-            let mut instruction = Instruction { kind, to: 0, a: operand(0), b: operand(1), c: operand(2) };
-            for operand in operands.into_iter().flatten() {
+        for (node, selected) in std::mem::take(&mut self.order) {
+            let kind = selected.kind;
+            let mut instruction = Instruction { kind, results: [0; MOST_RESULTS], operands: [0; MOST_OPERANDS] };
+            for (place, operand) in instruction.operands.iter_mut().zip(selected.operands()) {
+                *place = places[operand.index()];
+            }
+            for operand in selected.operands() {
                 self.uses[operand.index()] -= 1;
-                if self.uses[operand.index()] == 0 && self.selected(operand).is_some() {
+                if self.uses[operand.index()] == 0 && self.selection.of(*operand).is_some() {
                     let place = places[operand.index()];
-                    match self.graph.operation(operand).is_truth() {
+                    match self.graph.operation(*operand).is_truth() {
                         true => truths.free(place),
                         false => numbers.free(place - first_slot),
                     }
                 }
             }
-            if let Some((pair, _)) = pair_of(self.graph.operation(node)) {
-                let members = self.pairs.get(&pair).copied().unwrap_or_default();
-                let slots = [numbers.take(), numbers.take()];
-                for (slot, member) in slots.into_iter().zip(members) {
-                    match member {
-                        Some(member) => places[member.index()] = first_slot + slot,
+            let results = self.selection.results(node);
+            if self.graph.operation(node).is_truth() {
+                instruction.results[0] = truths.take();
+                places[node.index()] = instruction.results[0];
+            } else {
+                // Results that nobody asks for have places while the instruction is carried out.
+                let slots: Vec<u16> = (0..kind.results()).map(|_| numbers.take()).collect();
+                for ((slot, result), place) in slots.into_iter().zip(results).zip(&mut instruction.results) {
+                    *place = first_slot + slot;
+                    match result {
+                        Some(result) => places[result.index()] = *place,
                         None => numbers.free(slot),
                     }
                 }
-                [instruction.to, instruction.c] = slots.map(|slot| first_slot + slot);
-            } else {
-                let place =
-                    if self.graph.operation(node).is_truth() { truths.take() } else { first_slot + numbers.take() };
-                (places[node.index()], instruction.to) = (place, place);
             }
             program.instructions.push(instruction);
             match program.runs.last_mut() {
@@ -351,16 +303,5 @@ impl Slots {
 
     fn free(&mut self, slot: u16) {
         self.free.push(slot);
-    }
-}
-
-/// The arguments of a function that is formed together with its partner, and whether it is the first or second of both.
-fn pair_of(operation: Operation) -> Option<(Pair, usize)> {
-    match operation {
-        Operation::Function(Function::Sin, a) => Some(((a, None), 0)),
-        Operation::Function(Function::Cos, a) => Some(((a, None), 1)),
-        Operation::Function2(Function::KeplerSin, a, b) => Some(((a, Some(b)), 0)),
-        Operation::Function2(Function::KeplerCos, a, b) => Some(((a, Some(b)), 1)),
-        _ => None,
     }
 }

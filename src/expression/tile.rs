@@ -7,7 +7,9 @@
 use super::functions;
 use super::program::{Instruction, Kind, Program};
 use crate::math::lanes::{Each, GROUPS, LaneScalar, LaneTask};
+use crate::math::quaternion::Quaternion;
 use crate::math::real::{Outlined, Real};
+use crate::math::vector::Vector;
 
 /// What a program works on, for tiles of `GROUPS` lane groups: its inputs, its constants and its slots, one after another.
 #[derive(Clone)]
@@ -157,24 +159,31 @@ struct Evaluation<'a, R: Real, const GROUPS: usize> {
 /// Carries out an operation for all groups. It is a macro because a closure cannot be made to be inlined. A result may take the place
 /// of an operand that is not needed again.
 macro_rules! for_each_group {
-    ($to:expr, $a:expr, |$x:ident| $result:expr) => {
+    ($to:expr, $([$operand:ident of $from:expr]),+ => $result:expr) => {
         for k in 0..GROUPS {
-            let $x = $a[k];
+            $(let $operand = $from[k];)+
             $to[k] = $result;
         }
     };
-    ($to:expr, $a:expr, $b:expr, |$x:ident, $y:ident| $result:expr) => {
-        for k in 0..GROUPS {
-            let ($x, $y) = ($a[k], $b[k]);
-            $to[k] = $result;
-        }
-    };
-    ($to:expr, $a:expr, $b:expr, $c:expr, |$x:ident, $y:ident, $z:ident| $result:expr) => {
-        for k in 0..GROUPS {
-            let ($x, $y, $z) = ($a[k], $b[k], $c[k]);
-            $to[k] = $result;
-        }
-    };
+}
+
+/// x, or −x.
+#[inline(always)]
+fn signed<R: Real>(is_negative: bool, x: R) -> R {
+    if is_negative { -x } else { x }
+}
+
+/// Turns a vector.
+#[inline(always)]
+fn rotate<R: Real, const GROUPS: usize>(numbers: &mut [Each<R, GROUPS>], instruction: &Instruction, is_inverse: bool) {
+    let [x, y, z, w, a, b, c] = instruction.operands.map(usize::from);
+    let [to_a, to_b, to_c] = instruction.results.map(usize::from);
+    for k in 0..GROUPS {
+        let q = Quaternion::new(numbers[x][k], numbers[y][k], numbers[z][k], numbers[w][k]);
+        let v = Vector::new(numbers[a][k], numbers[b][k], numbers[c][k]);
+        let turned = if is_inverse { q.rotate_inverse(v) } else { q.rotate(v) };
+        (numbers[to_a][k], numbers[to_b][k], numbers[to_c][k]) = (turned.x, turned.y, turned.z);
+    }
 }
 
 /// What needs much code is a function of its own.
@@ -188,25 +197,26 @@ impl<R: Real, const GROUPS: usize> Outlined for FunctionOfTile<'_, R, GROUPS> {
     #[inline(always)]
     fn run(self) {
         let Self { numbers, instruction } = self;
-        let [to, a, b, c] = instruction.places();
+        let [to, second, _] = instruction.results.map(usize::from);
+        let [a, b, ..] = instruction.operands.map(usize::from);
         match instruction.kind {
             Kind::SinCos => {
                 let a = numbers[a];
                 for (k, &x) in a.iter().enumerate() {
-                    (numbers[to][k], numbers[c][k]) = crate::math::real::sin_cos(x);
+                    (numbers[to][k], numbers[second][k]) = crate::math::real::sin_cos(x);
                 }
             }
             Kind::Kepler => {
                 let (a, b) = (numbers[a], numbers[b]);
                 for (k, (&x, &y)) in a.iter().zip(b.iter()).enumerate() {
-                    (numbers[to][k], numbers[c][k]) = functions::kepler(x, y);
+                    (numbers[to][k], numbers[second][k]) = functions::kepler(x, y);
                 }
             }
             Kind::One(function) => {
-                for_each_group!(numbers[to], numbers[a], |x| functions::of_one(function, x));
+                for_each_group!(numbers[to], [x of numbers[a]] => functions::of_one(function, x));
             }
             Kind::Two(function) => {
-                for_each_group!(numbers[to], numbers[a], numbers[b], |x, y| functions::of_two(function, x, y));
+                for_each_group!(numbers[to], [x of numbers[a]], [y of numbers[b]] => functions::of_two(function, x, y));
             }
             _ => {}
         }
@@ -224,64 +234,77 @@ impl<R: Real, const GROUPS: usize> Scratch<R, GROUPS> {
             let (run, later) = rest.split_at(usize::from(count));
             rest = later;
             macro_rules! each {
-                (|$to:ident, $a:ident, $b:ident, $c:ident| $work:expr) => {
+                ($into:ident, [$($operand:ident of $from:ident),+] => $result:expr) => {
                     for instruction in run {
-                        let [$to, $a, $b, $c] = instruction.places();
-                        $work
+                        let to = usize::from(instruction.results[0]);
+                        let [$($operand,)+ ..] = instruction.operands.map(usize::from);
+                        for_each_group!($into[to], $([$operand of $from[$operand]]),+ => $result);
+                    }
+                };
+            }
+            // An arm for each choice of signs, which are constants in it.
+            macro_rules! by_signs {
+                ([] => $work:expr) => { $work };
+                ([$sign:ident of $is_negative:expr $(, $rest:ident of $other:expr)*] => $work:expr) => {
+                    if $is_negative {
+                        const $sign: bool = true;
+                        by_signs!([$($rest of $other),*] => $work)
+                    } else {
+                        const $sign: bool = false;
+                        by_signs!([$($rest of $other),*] => $work)
                     }
                 };
             }
             match kind {
-                Kind::Add => each!(|to, a, b, _c| {
-                    for_each_group!(numbers[to], numbers[a], numbers[b], |x, y| x + y);
+                Kind::Add => each!(numbers, [x of numbers, y of numbers] => x + y),
+                Kind::Sub => each!(numbers, [x of numbers, y of numbers] => x - y),
+                Kind::Mul => each!(numbers, [x of numbers, y of numbers] => x * y),
+                Kind::NegMul => each!(numbers, [x of numbers, y of numbers] => -(x * y)),
+                Kind::MulMul => each!(numbers, [x of numbers, y of numbers, z of numbers] => x * y * z),
+                Kind::Div => each!(numbers, [x of numbers, y of numbers] => x / y),
+                Kind::Min => each!(numbers, [x of numbers, y of numbers] => x.min(y)),
+                Kind::Max => each!(numbers, [x of numbers, y of numbers] => x.max(y)),
+                Kind::MulThenAdd => each!(numbers, [x of numbers, y of numbers, z of numbers] => x * y + z),
+                Kind::MulThenSub => each!(numbers, [x of numbers, y of numbers, z of numbers] => x * y - z),
+                Kind::SubMul => each!(numbers, [x of numbers, y of numbers, z of numbers] => z - x * y),
+                Kind::AddProducts => {
+                    each!(numbers, [x of numbers, y of numbers, z of numbers, w of numbers] => x * y + z * w);
+                }
+                Kind::SubProducts => {
+                    each!(numbers, [x of numbers, y of numbers, z of numbers, w of numbers] => x * y - z * w);
+                }
+                Kind::MulAdd([p, q]) => by_signs!([P of p, Q of q] => {
+                    each!(numbers, [x of numbers, y of numbers, z of numbers] => signed(P, x).mul_add(y, signed(Q, z)));
                 }),
-                Kind::Sub => each!(|to, a, b, _c| {
-                    for_each_group!(numbers[to], numbers[a], numbers[b], |x, y| x - y);
+                Kind::Products2([p, q]) => by_signs!([P of p, Q of q] => {
+                    each!(numbers, [x of numbers, y of numbers, z of numbers, w of numbers] => {
+                        signed(P, x).mul_add(y, signed(Q, z * w))
+                    });
                 }),
-                Kind::Mul => each!(|to, a, b, _c| {
-                    for_each_group!(numbers[to], numbers[a], numbers[b], |x, y| x * y);
+                Kind::Products3([p, q, s]) => by_signs!([P of p, Q of q, S of s] => {
+                    each!(numbers, [x of numbers, y of numbers, z of numbers, w of numbers, u of numbers, v of numbers] => {
+                        signed(P, x).mul_add(y, signed(Q, z).mul_add(w, signed(S, u * v)))
+                    });
                 }),
-                Kind::NegMul => each!(|to, a, b, _c| {
-                    for_each_group!(numbers[to], numbers[a], numbers[b], |x, y| -(x * y));
+                Kind::MulAdd2([p, q, s]) => by_signs!([P of p, Q of q, S of s] => {
+                    each!(numbers, [x of numbers, y of numbers, z of numbers, w of numbers, u of numbers] => {
+                        signed(P, x).mul_add(y, signed(Q, z).mul_add(w, signed(S, u)))
+                    });
                 }),
-                Kind::Div => each!(|to, a, b, _c| {
-                    for_each_group!(numbers[to], numbers[a], numbers[b], |x, y| x / y);
-                }),
-                Kind::Min => each!(|to, a, b, _c| {
-                    for_each_group!(numbers[to], numbers[a], numbers[b], |x, y| x.min(y));
-                }),
-                Kind::Max => each!(|to, a, b, _c| {
-                    for_each_group!(numbers[to], numbers[a], numbers[b], |x, y| x.max(y));
-                }),
-                Kind::MulAdd => each!(|to, a, b, c| {
-                    for_each_group!(numbers[to], numbers[a], numbers[b], numbers[c], |x, y, z| x.mul_add(y, z));
-                }),
-                Kind::MulSub => each!(|to, a, b, c| {
-                    for_each_group!(numbers[to], numbers[a], numbers[b], numbers[c], |x, y, z| x.mul_add(y, -z));
-                }),
-                Kind::NegMulAdd => each!(|to, a, b, c| {
-                    for_each_group!(numbers[to], numbers[a], numbers[b], numbers[c], |x, y, z| (-x).mul_add(y, z));
-                }),
-                Kind::NegMulSub => each!(|to, a, b, c| {
-                    for_each_group!(numbers[to], numbers[a], numbers[b], numbers[c], |x, y, z| (-x).mul_add(y, -z));
-                }),
-                Kind::Neg => each!(|to, a, _b, _c| for_each_group!(numbers[to], numbers[a], |x| -x)),
-                Kind::Sqrt => each!(|to, a, _b, _c| for_each_group!(numbers[to], numbers[a], |x| x.sqrt())),
-                Kind::Abs => each!(|to, a, _b, _c| for_each_group!(numbers[to], numbers[a], |x| x.abs())),
-                Kind::Round => each!(|to, a, _b, _c| for_each_group!(numbers[to], numbers[a], |x| x.round())),
-                Kind::Less => each!(|to, a, b, _c| {
-                    for_each_group!(truths[to], numbers[a], numbers[b], |x, y| x.less_than(y));
-                }),
-                Kind::And => each!(|to, a, b, _c| {
-                    for_each_group!(truths[to], truths[a], truths[b], |x, y| x & y);
-                }),
-                Kind::Or => each!(|to, a, b, _c| {
-                    for_each_group!(truths[to], truths[a], truths[b], |x, y| x | y);
-                }),
-                Kind::Not => each!(|to, a, _b, _c| for_each_group!(truths[to], truths[a], |x| !x)),
-                Kind::Select => each!(|to, a, b, c| {
-                    for_each_group!(numbers[to], truths[a], numbers[b], numbers[c], |x, y, z| R::select(x, y, z));
-                }),
+                Kind::Rotate(is_inverse) => {
+                    for instruction in run {
+                        rotate(numbers, instruction, is_inverse);
+                    }
+                }
+                Kind::Neg => each!(numbers, [x of numbers] => -x),
+                Kind::Sqrt => each!(numbers, [x of numbers] => x.sqrt()),
+                Kind::Abs => each!(numbers, [x of numbers] => x.abs()),
+                Kind::Round => each!(numbers, [x of numbers] => x.round()),
+                Kind::Less => each!(truths, [x of numbers, y of numbers] => x.less_than(y)),
+                Kind::And => each!(truths, [x of truths, y of truths] => x & y),
+                Kind::Or => each!(truths, [x of truths, y of truths] => x | y),
+                Kind::Not => each!(truths, [x of truths] => !x),
+                Kind::Select => each!(numbers, [x of truths, y of numbers, z of numbers] => R::select(x, y, z)),
                 Kind::SinCos | Kind::Kepler | Kind::One(_) | Kind::Two(_) => {
                     for &instruction in run {
                         R::outlined(FunctionOfTile { numbers: &mut *numbers, instruction });

@@ -421,16 +421,72 @@ mod tests {
         }
     }
 
+    /// Whether every operation, in a function of its own for the instruction set, gives each lane what one number gets. Sums of products are
+    /// left out: lanes round them once, numbers twice.
+    struct LanesAgreeWithScalars;
+    impl<T: Scalar> LaneTask<T> for LanesAgreeWithScalars {
+        type Output = ();
+        #[inline(always)]
+        fn run<R: Real<Scalar = T>>(self) {
+            let column = |first: f64| (0..R::LANES).map(|lane| T::from_f64(first + lane as f64 / 3.0)).collect();
+            let (a, b): (Vec<T>, Vec<T>) = (column(0.7), column(-1.1));
+            let found = R::outlined(Operations(R::load(&a), R::load(&b)));
+            for (number, result) in found.into_iter().enumerate() {
+                let mut lanes = vec![T::default(); R::LANES];
+                result.store(&mut lanes);
+                for lane in 0..R::LANES {
+                    let expected = T::outlined(Operations(a[lane], b[lane]))[number];
+                    assert_eq!(lanes[lane].to_f64().to_bits(), expected.to_f64().to_bits(), "{number}, lane {lane}");
+                }
+            }
+        }
+    }
+
+    struct Operations<R>(R, R);
+    impl<R: Real> Outlined for Operations<R> {
+        type Output = [R; 11];
+        #[inline(always)]
+        fn run(self) -> [R; 11] {
+            let Self(a, b) = self;
+            let (less, both) = (a.less_than(b.abs()), a.less_than(b.abs()) & !b.less_than(a));
+            [
+                a + b,
+                a - b,
+                a * b,
+                a / b,
+                -a,
+                a.sqrt(),
+                b.abs(),
+                a.min(b),
+                a.max(b),
+                R::select(less, a, b),
+                R::select(both, a, b),
+            ]
+        }
+    }
+
+    /// With every instruction set that this processor has.
+    macro_rules! with_every_instruction_set {
+        ($task:expr) => {
+            f32::dispatch($task);
+            f64::dispatch($task);
+            #[cfg(target_arch = "x86_64")]
+            if let Some(avx512) = pulp::x86::V4::try_new() {
+                Simd::vectorize(avx512, InF32Lanes($task));
+                Simd::vectorize(avx512, InF64Lanes($task));
+            }
+            InF32Lanes($task).with_simd(pulp::Scalar::new());
+            InF64Lanes($task).with_simd(pulp::Scalar::new());
+        };
+    }
+
     #[test]
     fn any_finds_every_lane() {
-        f32::dispatch(AnyFindsEveryLane);
-        f64::dispatch(AnyFindsEveryLane);
-        #[cfg(target_arch = "x86_64")]
-        if let Some(avx512) = pulp::x86::V4::try_new() {
-            Simd::vectorize(avx512, InF32Lanes(AnyFindsEveryLane));
-            Simd::vectorize(avx512, InF64Lanes(AnyFindsEveryLane));
-        }
-        InF32Lanes(AnyFindsEveryLane).with_simd(pulp::Scalar::new());
-        InF64Lanes(AnyFindsEveryLane).with_simd(pulp::Scalar::new());
+        with_every_instruction_set!(AnyFindsEveryLane);
+    }
+
+    #[test]
+    fn every_operation_on_lanes_gives_what_it_gives_one_number() {
+        with_every_instruction_set!(LanesAgreeWithScalars);
     }
 }

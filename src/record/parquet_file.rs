@@ -27,6 +27,7 @@ use super::folder::{OutputFile, OutputFolder, SharedMetadata};
 use crate::bodies::state_columns;
 use crate::error::{Error, FileAction, Result};
 use crate::study::Format;
+use crate::study::parquet_sums::{CREATED_BY, NO_SUM, SUMS, summed_footer};
 
 /// Rows of a row group: 16 MB of a table of states.
 pub(crate) const GROUP: usize = 1 << 17;
@@ -157,17 +158,20 @@ impl From<&Named> for Field {
 /// The key of the footer's text on columns.
 const COLUMNS: &str = "polhode.columns";
 
-/// The key of the footer's sums: CRC-32 of the bytes of each row group, as the writer at hand writes none of pages.
-pub(crate) const SUMS: &str = "polhode.sums";
-
 /// A file whose bytes are summed as they come.
 struct Summed {
     file: OutputFile,
     sum: crc32fast::Hasher,
+    /// The footer, once it is its turn.
+    footer: Option<Vec<u8>>,
 }
 
 impl Write for Summed {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if let Some(footer) = &mut self.footer {
+            footer.extend_from_slice(bytes);
+            return Ok(bytes.len());
+        }
         let count = Write::write(&mut self.file, bytes)?;
         self.sum.update(&bytes[..count]);
         Ok(count)
@@ -210,7 +214,7 @@ impl ParquetFile {
         let (metadata, described) = (folder.metadata(), described(columns));
         let path = file.path().to_owned();
         let properties = Arc::new(properties(columns));
-        let file = Summed { file, sum: crc32fast::Hasher::new() };
+        let file = Summed { file, sum: crc32fast::Hasher::new(), footer: None };
         let writer = schema(columns).and_then(|schema| SerializedFileWriter::new(file, schema, properties));
         let writer = writer.map_err(|error| failed(&path, error))?;
         let rows = columns.iter().map(|field| Cells::none(field.kind)).collect();
@@ -268,13 +272,21 @@ impl ParquetFile {
             self.write_group()?;
         }
         let of_columns = (COLUMNS.to_owned(), mem::take(&mut self.described));
-        let sums: Vec<String> = self.sums.iter().map(|sum| format!("{sum:08x}")).collect();
-        let own = [of_columns, (SUMS.to_owned(), sums.join(" "))];
+        let sums = self.sums.iter().map(|sum| format!("{sum:08x}")).chain([NO_SUM.to_owned()]);
+        let sums = sums.collect::<Vec<_>>().join(" ");
+        let own = [of_columns, (SUMS.to_owned(), sums.clone())];
         for (key, value) in self.metadata.entries().into_iter().chain(own) {
             self.writer.append_key_value_metadata(KeyValue::new(key, value));
         }
-        let Self { path, writer, .. } = self;
-        writer.into_inner().map_err(|error| failed(&path, error))?.file.finish()
+        let Self { path, mut writer, .. } = self;
+        // What comes before is in the file.
+        writer.flush().map_err(|error| failed(&path, error.into()))?;
+        writer.inner_mut().footer = Some(Vec::new());
+        let Summed { mut file, footer, .. } = writer.into_inner().map_err(|error| failed(&path, error))?;
+        let footer = summed_footer(&footer.unwrap_or_default(), &sums)
+            .map_err(|reason| failed(&path, ParquetError::General(reason)))?;
+        file.write_all(&footer).map_err(|error| failed(&path, error.into()))?;
+        file.finish()
     }
 }
 
@@ -313,7 +325,7 @@ fn schema(columns: &[Field]) -> ParquetResult<Arc<Type>> {
 
 fn properties(columns: &[Field]) -> WriterProperties {
     let mut properties = WriterProperties::builder()
-        .set_created_by(concat!("polhode version ", env!("CARGO_PKG_VERSION")).to_owned())
+        .set_created_by(format!("{CREATED_BY}{}", env!("CARGO_PKG_VERSION")))
         .set_max_row_group_row_count(Some(GROUP))
         .set_statistics_enabled(EnabledStatistics::Chunk)
         .set_offset_index_disabled(true)

@@ -1,8 +1,7 @@
 //! Tables of states that a run has left, read again row by row.
 
 use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom};
-use std::ops::Range;
+
 use std::path::{Path, PathBuf};
 
 use glam::{DQuat, DVec3};
@@ -217,19 +216,6 @@ struct Shape {
 
 fn open(path: &Path) -> Result<File> {
     File::open(path).map_err(|error| read_failed(path, &error))
-}
-
-/// The CRC-32 of some bytes of a file, of which a part at a time is in memory.
-fn sum(file: &mut File, bytes: Range<u64>) -> io::Result<u32> {
-    file.seek(SeekFrom::Start(bytes.start))?;
-    let mut left = file.take(bytes.end - bytes.start);
-    let (mut checksum, mut buffer) = (crc32fast::Hasher::new(), vec![0; 1 << 18]);
-    loop {
-        match left.read(&mut buffer)? {
-            0 => return Ok(checksum.finalize()),
-            count => checksum.update(&buffer[..count]),
-        }
-    }
 }
 
 fn read_failed(path: &Path, error: &std::io::Error) -> Error {

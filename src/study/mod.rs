@@ -140,6 +140,7 @@ use crate::scene::{Outputs, Part};
 
 mod accuracy;
 mod bodies;
+pub(crate) mod checksum;
 mod context;
 mod custom;
 pub mod distribution;
@@ -154,6 +155,8 @@ mod output;
 mod parameter;
 #[cfg(feature = "parquet")]
 pub(crate) mod parquet_reader;
+#[cfg(feature = "parquet")]
+pub(crate) mod parquet_sums;
 mod parts;
 mod points;
 pub mod problem;

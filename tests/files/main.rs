@@ -17,6 +17,7 @@ mod observed;
 mod parquet_files;
 mod plan_document;
 mod plot;
+mod public_items;
 mod replay;
 mod results;
 mod shards;

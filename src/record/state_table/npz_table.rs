@@ -6,9 +6,10 @@ use std::ops::Range;
 use std::path::Path;
 
 use super::Values;
-use super::{Shape, TableRows, read_failed, sum, wrong};
+use super::{Shape, TableRows, read_failed, wrong};
 use crate::error::Result;
 use crate::record::column::StateRows;
+use crate::study::checksum::crc32;
 
 /// Where an array's numbers are.
 #[derive(Debug)]
@@ -87,7 +88,7 @@ impl NpzTable {
     pub fn open(path: &Path, file: &mut File) -> Result<Self> {
         let table = Self::listed(path, file)?;
         for array in &table.arrays {
-            let found = sum(file, array.summed.clone()).map_err(|error| read_failed(path, &error))?;
+            let found = crc32(file, array.summed.clone()).map_err(|error| read_failed(path, &error))?;
             array.check(path, found)?;
         }
         Ok(table)

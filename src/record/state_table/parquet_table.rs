@@ -7,16 +7,15 @@ use parquet::basic::Type as PhysicalType;
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::DataType;
 use parquet::errors::Result as ParquetResult;
-use parquet::file::metadata::{ColumnChunkMetaData, RowGroupMetaData};
 use parquet::file::reader::{FileReader, RowGroupReader};
 use parquet::file::serialized_reader::SerializedFileReader;
 
 use super::Values;
-use super::{Shape, TableRows, read_failed, sum, wrong};
+use super::{Shape, TableRows, read_failed, wrong};
 use crate::error::Result;
 use crate::record::column::{self, StateRows};
-use crate::record::parquet_file::SUMS;
 use crate::study::parquet_reader::{self, guarded};
+use crate::study::parquet_sums::{self, check_group, of_groups};
 
 #[derive(Debug)]
 pub(super) struct ParquetTable {
@@ -57,7 +56,7 @@ impl ParquetTable {
     ) -> Result<TableRows> {
         let failed = |error: parquet::errors::ParquetError| wrong(path, error.to_string());
         let reader = reader(path, file.try_clone().map_err(|error| read_failed(path, &error))?)?;
-        let sums = sums(path, &reader)?;
+        let sums = of_groups(&mut file, &reader).map_err(|reason| wrong(path, reason))?;
         let mut found = TableRows::default();
         found.rows.numbers = vec![Vec::new(); shape.columns];
         let mut start = 0;
@@ -68,7 +67,7 @@ impl ParquetTable {
                 let part = ((own.start - start) as usize, (own.end - own.start) as usize);
                 // The file may have become another since it was opened.
                 if let Some(sums) = sums.as_ref().filter(|_| self.checked.get(index) != Some(&true)) {
-                    check(path, &mut file, group, sums[index])?;
+                    check_group(&mut file, group, sums[index]).map_err(|reason| wrong(path, reason))?;
                     self.checked.get_mut(index).into_iter().for_each(|checked| *checked = true);
                 }
                 let reader = guarded(|| reader.get_row_group(index)).map_err(failed)?;
@@ -99,10 +98,7 @@ pub(super) fn columns(path: &Path, file: File) -> Result<Vec<(String, Values)>> 
     use parquet::record::Field;
     let mut whole = file.try_clone().map_err(|error| read_failed(path, &error))?;
     let reader = reader(path, file)?;
-    if let Some(sums) = sums(path, &reader)? {
-        let groups = reader.metadata().row_groups().iter().zip(sums);
-        groups.into_iter().try_for_each(|(group, sum)| check(path, &mut whole, group, sum))?;
-    }
+    parquet_sums::check(&mut whole, &reader).map_err(|reason| wrong(path, reason))?;
     let schema = reader.metadata().file_metadata().schema_descr().columns().iter();
     let is_text = |kind| kind == PhysicalType::BYTE_ARRAY;
     let mut columns: Vec<(String, Values)> = schema
@@ -133,30 +129,6 @@ pub(super) fn columns(path: &Path, file: File) -> Result<Vec<(String, Values)>> 
 fn reader(path: &Path, file: File) -> Result<SerializedFileReader<File>> {
     let cut = |error| wrong(path, format!("it is cut, or no Parquet file: {error}"));
     parquet_reader::open(file).map_err(cut)
-}
-
-/// The sums of the row groups, where the footer has any.
-fn sums(path: &Path, reader: &SerializedFileReader<File>) -> Result<Option<Vec<u32>>> {
-    let file = reader.metadata().file_metadata();
-    let entries = file.key_value_metadata().into_iter().flatten();
-    let Some(text) = entries.filter(|entry| entry.key == SUMS).find_map(|entry| entry.value.as_ref()) else {
-        return Ok(None);
-    };
-    let sums: Option<Vec<u32>> = text.split_whitespace().map(|sum| u32::from_str_radix(sum, 16).ok()).collect();
-    let sums = sums.filter(|sums| sums.len() == reader.num_row_groups());
-    sums.map(Some).ok_or_else(|| wrong(path, "its footer has not a sum of each row group"))
-}
-
-/// Refuses a row group whose bytes are not those that were written.
-fn check(path: &Path, file: &mut File, group: &RowGroupMetaData, expected: u32) -> Result<()> {
-    let chunks = group.columns().iter().map(ColumnChunkMetaData::byte_range);
-    let start = chunks.clone().map(|(start, _)| start).min().unwrap_or(0);
-    let end = chunks.map(|(start, length)| start.saturating_add(length)).max().unwrap_or(0);
-    let found = sum(file, start..end).map_err(|error| read_failed(path, &error))?;
-    match found == expected {
-        true => Ok(()),
-        false => Err(wrong(path, "it is not as it was written: the sum of a row group differs")),
-    }
 }
 
 /// Some rows of a column of a row group: how many are before them, and how many they are.

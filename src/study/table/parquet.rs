@@ -14,6 +14,7 @@ use parquet::schema::types::ColumnDescriptor;
 use super::{BodyTable, NUMBERS, header_places, input_error};
 use crate::error::{InputFault, Result};
 use crate::study::parquet_reader::{self, guarded};
+use crate::study::parquet_sums;
 
 /// Rows that are decoded at once.
 const BATCH: usize = 1 << 16;
@@ -36,7 +37,9 @@ pub(super) fn read(
         let reason = format!("expected a Parquet file that is whole: {error}");
         input_error(path, 1, "", InputFault::Syntax { reason })
     };
+    let again = file.try_clone().map_err(|error| broken(error.into()));
     let reader = parquet_reader::open(file).map_err(broken)?;
+    parquet_sums::check(&mut again?, &reader).map_err(|reason| broken(ParquetError::General(reason)))?;
     let columns = reader.metadata().file_metadata().schema_descr().columns();
     let header: StringRecord = columns.iter().map(|column| column.path().string()).collect();
     let places = header_places(path, &header, 1, extra, carried)?;
