@@ -30,6 +30,8 @@ use crate::math::vector::{TwoWords, Vector};
 pub(crate) struct Common<R> {
     constant: Vector<R>,
     drag: R,
+    /// Whether there is drag at all.
+    dragged: bool,
 }
 
 impl<R: Real> Common<R> {
@@ -41,6 +43,7 @@ impl<R: Real> Common<R> {
         Self {
             constant: if constant.count == 0 { Vector::zero() } else { columns.vector(constant.first) },
             drag: if drag.count == 0 { R::splat(0.0) } else { columns.column(drag.first) },
+            dragged: drag.count > 0,
         }
     }
 }
@@ -63,7 +66,7 @@ impl<R: Real> TorqueKernel<R> for Common<R> {
 
     #[inline(always)]
     fn velocity_dependence(&self) -> VelocityDependence {
-        VelocityDependence::LinearDrag
+        if self.dragged { VelocityDependence::LinearDrag } else { VelocityDependence::None }
     }
 
     #[inline(always)]

@@ -6,8 +6,9 @@ use rayon::prelude::*;
 use super::bound::{RowBound, Slopes, StepBounds, Stepped};
 use super::compare::{Comparison, Field, Gap, Place};
 use super::culprit::{Retaken, Traced, traced};
-use super::onset::Onset;
-use super::stage::{Evaluated, Stage};
+use super::onset::{Onset, onset};
+use super::slopes::{SlopesOf, first_coefficient};
+use super::stage::{self, Evaluated, NoStage};
 use super::steps::{NO_BOUNDS, enter_row, enter_state};
 use super::subject::{Side, Subject, TWIN, in_one_word, row_of, start_clock};
 use super::tapped::Tap;
@@ -198,6 +199,18 @@ struct Trial {
     /// Of what is left of the interval.
     left: f64,
     by_series: bool,
+    /// What was left of it before.
+    left_before: TwoWords<f64>,
+}
+
+impl Trial {
+    /// Whether one of two steps by series ends where it starts, and the other does not: it starts where a number that decides vanishes to
+    /// rounding, and what of its sign is of rounding says whether that changes at once (`engine/cpu/taylor/branch.rs`).
+    fn one_ends_at_once(&self, steps: [&Controller<f64>; 2]) -> bool {
+        let [one, other] = steps.map(|after| gone(&self.left_before, &after.left));
+        let (shorter, longer) = (one.min(other), one.max(other));
+        self.by_series && self.tries && 0.0 < shorter && shorter < AT_ONCE * longer
+    }
 }
 
 /// Errors of weights of the embedded formulas: those of order 5 add up to 4.1 in magnitude, and enter twice as the estimate is
@@ -205,12 +218,16 @@ struct Trial {
 const ESTIMATE_WEIGHTS: f64 = 2.0 * 4.1 + 1.3;
 /// Roundings of a slope that the estimate is made of.
 const SLOPE_ROUNDINGS: f64 = 4.0;
-/// Roundings of an estimate by its own size: stages of a step that is far too long are far larger than its start.
-const ESTIMATE_ROUNDINGS: f64 = 4096.0;
-/// Roundings of the roots that steps are formed by, each once for both sides.
-const STEP_ROUNDINGS: f64 = 16.0;
+/// Roundings of an estimate by its own size, where stages of a step that is far too long are far larger than its start: four of each of 13
+/// slopes. Differences come to a thousandth of what slopes bring at the most (100 draws, tests/mirror/verify/attempts.rs).
+const ESTIMATE_ROUNDINGS: f64 = 52.0;
+/// Roundings of the roots that steps are formed by, each once for both sides: three square roots, a quotient and a product. Differences come to
+/// 1.3 of them.
+const STEP_ROUNDINGS: f64 = 8.0;
 /// How far steps by series may differ, of themselves: they follow from the last coefficients, which may cancel.
 const SERIES_STEP: f64 = 1e-6;
+/// The part of a step by series that it is cut to where a number that decides changes its sign at its start is 1e-11.
+const AT_ONCE: f64 = 1e-9;
 
 fn trials(
     subject: &Subject<'_>,
@@ -247,8 +264,16 @@ fn trial(
     let taken = after.accepted > before.accepted;
     let none = RowBound { across: 0.0, norm: 0.0, momentum: 0.0, slopes: Slopes::default() };
     let by_series = kernel.method == Method::Taylor;
-    let mut trial =
-        Trial { place, tries, bound: Some(none), is_close: false, next: Some([after.step; 2]), left: 0.0, by_series };
+    let mut trial = Trial {
+        place,
+        tries,
+        bound: Some(none),
+        is_close: false,
+        next: Some([after.step; 2]),
+        left: 0.0,
+        by_series,
+        left_before: before.left,
+    };
     if !tries {
         return trial;
     }
@@ -302,9 +327,14 @@ fn whole(words: &TwoWords<f64>) -> f64 {
     words.value + words.residue
 }
 
+/// How much less is left of an interval: of near numbers the differences are exact.
+fn gone(before: &TwoWords<f64>, after: &TwoWords<f64>) -> f64 {
+    (before.value - after.value) + (before.residue - after.residue)
+}
+
 /// The step by series between two controllers, or what the attitude was still to be brought through.
 fn series_step(before: &Controller<f64>, after: &Controller<f64>) -> f64 {
-    (whole(&before.left) - whole(&after.left)).max(before.retried)
+    gone(&before.left, &after.left).max(before.retried)
 }
 
 /// What adaptive `rk8` tries, in units of the body's own scale.
@@ -397,6 +427,10 @@ fn enter(
     let decision = Gap::number(Field::Decision, expected_decision, found_decision);
     if comparison.enter(&decision, Some(0.0), precision, place) {
         return true;
+    }
+    if trial.one_ends_at_once([own, other]) {
+        comparison.undecided += 1;
+        return false;
     }
     let left = Gap::number(Field::Left, whole(&own.left), whole(&other.left));
     let mut parts = comparison.enter(&left, Some(trial.left), precision, place);
@@ -506,10 +540,10 @@ impl Retaken for OneBody<'_> {
         Ok(self.attempted(&alone, kernel, &moment)?.comparison)
     }
 
-    fn stage(&self, acting: &[usize]) -> Result<Option<Stage>> {
-        let Self { subject, side, row, kernel: Kernel { method, .. }, .. } = *self;
+    fn stage(&self, acting: &[usize], onset_from_start: Option<Onset>) -> Result<stage::Found> {
+        let Self { subject, side, row, kernel: Kernel { method, steps }, .. } = *self;
         if method == Method::Taylor {
-            return Ok(None);
+            return Ok(first_coefficient(onset_from_start, steps.tolerance, !acting.is_empty()));
         }
         let alone = subject.driven_alone(row, acting)?;
         // Of the whole step, as long on both sides.
@@ -519,14 +553,22 @@ impl Retaken for OneBody<'_> {
         let is_state = |field| matches!(field, Field::Orientation | Field::Norm | Field::AngularMomentum);
         let mut states = comparison.largest.iter().filter(|largest| is_state(largest.field));
         if !states.any(|largest| largest.of_bound.is_some_and(|part| part > 1.0)) {
-            return Ok(None);
+            return Ok(Err(NoStage::StatesAgree));
         }
         let [own, twin] = &alone.map(|batch| batch.at(&moment.states, moment.clock));
         let (start, end) = (moment.states.combined(0), expected.states.combined(0));
         let step = Stepped { row: 0, ticks: moment.clock.ticks(), dt: self.step, start: &start, end: &end };
         let tap = Tap::Attempt { steps: kernel.steps, end: moment.end, controller: moment.controllers[0] };
         let bounds = &StepBounds::new(twin.torques(), method, subject.precision, false);
-        Evaluated { side, own, twin, tap, method, bounds, step }.stage()
+        if let Some(found) = (Evaluated { side, own, twin, tap, method, bounds, step }).stage()? {
+            return Ok(found);
+        }
+        let (evaluations, under_torques) = (&tap.of_twin(twin), !acting.is_empty());
+        SlopesOf { method, under_torques, onset: onset_from_start, evaluations, twin }.first(&mut |state, elapsed| {
+            let moment = Moment { states: state.clone(), ..self.moment.clone() };
+            let from = OneBody { moment, start: self.start + elapsed, ..*self };
+            onset(self.least_halvings(), &mut |part| from.compared(acting, part))
+        })
     }
 
     /// The parts alone are sure to be as long on both sides.

@@ -2,7 +2,7 @@
 
 use super::culprit::{Culprit, Traced};
 use super::onset::Onset;
-use super::stage::Stage;
+use super::stage::{NoStage, Stage};
 use crate::bodies::columns::{STATE_COMPONENTS, StateWords};
 use crate::math::Precision;
 
@@ -172,8 +172,8 @@ pub struct Parting {
     pub culprit: Culprit,
     /// What in the step it comes from.
     pub onset: Onset,
-    /// The evaluation in which the sides part, on engines that show them; `None` also where it was not looked for.
-    pub stage: Option<Stage>,
+    /// The evaluation in which the sides part, or why none is named.
+    pub stage: std::result::Result<Stage, NoStage>,
 }
 
 /// Two sides, and how far apart they were.
@@ -262,7 +262,7 @@ impl Comparison {
             bound: bound.unwrap_or(f64::INFINITY),
             culprit: Culprit::NotSought,
             onset: Onset::NotFound,
-            stage: None,
+            stage: Err(NoStage::NotSought),
         });
     }
 

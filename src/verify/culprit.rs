@@ -3,7 +3,7 @@
 
 use super::compare::Comparison;
 use super::onset::{Onset, onset};
-use super::stage::Stage;
+use super::stage::Found;
 use crate::error::Result;
 
 /// Where a difference comes from.
@@ -28,8 +28,8 @@ pub(super) trait Retaken {
     /// How the sides differ after a part of the step, 1 for the whole of it, under these torques alone.
     fn compared(&self, acting: &[usize], part: f64) -> Result<Comparison>;
 
-    /// The evaluation in which the sides part under these torques alone, where it can be said.
-    fn stage(&self, acting: &[usize]) -> Result<Option<Stage>>;
+    /// The evaluation in which the sides part under these torques alone, of which shorter steps say so much, or why none is named.
+    fn stage(&self, acting: &[usize], onset: Option<Onset>) -> Result<Found>;
 
     /// How often the step is halved at the least where its parts are compared.
     fn least_halvings(&self) -> u32 {
@@ -43,7 +43,7 @@ pub(super) struct Traced {
     pub culprit: Culprit,
     /// `None` where the states agree under the culprit.
     pub onset: Option<Onset>,
-    pub stage: Option<Stage>,
+    pub stage: Found,
 }
 
 /// Which of the torques makes the sides part in a step, and what in the step is at fault.
@@ -55,7 +55,7 @@ pub(super) fn traced(torques: &[usize], step: &dyn Retaken) -> Result<Traced> {
         Culprit::OnlyTogetherWith(_) | Culprit::Together => torques,
     };
     let onset = onset(step.least_halvings(), &mut |part| step.compared(acting, part))?;
-    Ok(Traced { onset, stage: step.stage(acting)?, culprit })
+    Ok(Traced { onset, stage: step.stage(acting, onset)?, culprit })
 }
 
 /// Which of the torques; `parts` says whether the sides part under some of them.

@@ -17,7 +17,9 @@
 //! again in parts of its size as well, which tells a fault in a slope from one later in the step, in how the state is carried over, or in the
 //! controller of adaptive steps ([`Onset`]). Where the engine has kernels that show their evaluations ([`crate::engine::tap`]; GPUs have),
 //! those of the step are compared one by one, what is asked and what is answered: the first that differs is the stage at fault, and what of
-//! it differs the term ([`Stage`]). Lanes and Taylor series show none, nor do free flows and projections, which evaluate nothing.
+//! it differs the term ([`Stage`]). Lanes show none: there short steps from the states and times of the twin's evaluations say which slope is
+//! the first to differ, and of a Taylor series the power with which the difference falls says which coefficient. Of free flows and projections,
+//! which evaluate nothing, of what is carried over, and of decisions no stage is named, and the report says why ([`NoStage`]).
 //!
 //! ```
 //! use polhode::verify::{Options, verify};
@@ -42,6 +44,7 @@ mod onset;
 mod report;
 #[doc(hidden)]
 pub mod running;
+mod slopes;
 mod stage;
 mod steps;
 mod subject;
@@ -62,7 +65,7 @@ pub use compare::{Comparison, Field, Largest, Parting};
 pub use culprit::Culprit;
 pub use onset::Onset;
 pub use report::{GroupReport, Report, Verdict};
-pub use stage::{Stage, Term};
+pub use stage::{NoStage, Shown, Stage, Term};
 
 use subject::Subject;
 

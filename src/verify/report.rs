@@ -226,8 +226,9 @@ impl GroupReport {
             if !onset.is_empty() {
                 writeln!(formatter, "      {onset}")?;
             }
-            if let Some(stage) = stage {
-                writeln!(formatter, "      {}", stage.in_words())?;
+            let stage = stage.map_or_else(|none| none.in_words().to_owned(), super::Stage::in_words);
+            if !stage.is_empty() {
+                writeln!(formatter, "      {stage}")?;
             }
         }
         Ok(())
@@ -273,7 +274,8 @@ impl Report {
                     Culprit::Torques(torques) | Culprit::OnlyTogetherWith(torques) => torques.clone(),
                     _ => Vec::new(),
                 };
-                let stage = parting.stage.map(|stage| {
+                let no_stage = parting.stage.err().map(super::NoStage::in_words);
+                let stage = parting.stage.ok().map(|stage| {
                     json!({
                         "number": stage.number, "of": stage.of, "is_stage": stage.is_stage,
                         "term": stage.term.name(), "words": stage.in_words(),
@@ -284,7 +286,7 @@ impl Report {
                     "component": parting.component, "found": parting.found, "expected": parting.expected,
                     "difference": parting.difference, "bound": parting.bound, "torques": torques,
                     "blame": group.blame(&parting.culprit), "onset": parting.onset.in_words(),
-                    "stage": stage,
+                    "stage": stage, "no_stage": no_stage,
                 })
             });
             json!({

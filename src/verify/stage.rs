@@ -4,6 +4,8 @@
 //! The first answer that differs where its question agrees names a term: the torque, or the motion of the body. The first question that
 //! differs, where all answers before it agree, names what forms it: the weights of a stage, or its time. Where all agree it is what is made
 //! of the answers. The bounds are those that the bound of the step is made of ([`super::bound`]), so that one of the three holds.
+//!
+//! Where an engine shows no evaluations, short steps say which slope it is ([`super::slopes`]).
 
 use super::bound::{EvaluationBounds, StepBounds, Stepped};
 use super::subject::Side;
@@ -35,6 +37,8 @@ pub enum Term {
     OrientationRate,
     /// Nothing of any evaluation: what is made of them.
     Increment,
+    /// No slope where a step starts with it: the weights of the stages, their times, or slopes of stages that no step starts with.
+    Weights,
 }
 
 impl Term {
@@ -50,6 +54,50 @@ impl Term {
             Term::Torque => "torque",
             Term::OrientationRate => "rate of the orientation",
             Term::Increment => "increment",
+            Term::Weights => "weights",
+        }
+    }
+}
+
+/// What shows in which evaluation two sides part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shown {
+    /// The evaluations of both sides themselves.
+    Evaluations,
+    /// How differences fall with short steps from the states and times of the twin's evaluations: of an engine that shows none of its own.
+    ShortSteps,
+    /// How the difference falls with the step: as the power of the first coefficient of a series that differs.
+    Series,
+}
+
+/// Why no evaluation is named.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NoStage {
+    /// None was looked for, as the difference is none of a step.
+    NotSought,
+    /// What parts evaluates nothing.
+    NoEvaluations,
+    /// Differences do not fall with the step, so no slope is at fault.
+    NoSlope,
+    /// The states of both sides agree.
+    StatesAgree,
+    /// Roundings hide the difference in what is compared, or no bound is known.
+    Hidden,
+}
+
+impl NoStage {
+    /// In words; empty where none was looked for.
+    pub fn in_words(self) -> &'static str {
+        match self {
+            NoStage::NotSought => "",
+            NoStage::NoEvaluations => "no stage is named: a free flow and a projection evaluate no slopes",
+            NoStage::NoSlope => {
+                "no stage is named: no slope is at fault, which would make the difference fall with the step"
+            }
+            NoStage::StatesAgree => "no stage is named: the states agree, and what is decided follows from all stages",
+            NoStage::Hidden => {
+                "no stage is named: roundings hide the difference in single evaluations, or their bounds are not known"
+            }
         }
     }
 }
@@ -65,12 +113,49 @@ pub struct Stage {
     pub is_stage: bool,
     /// What differs.
     pub term: Term,
+    /// What shows it.
+    pub shown: Shown,
 }
 
 impl Stage {
     /// In words.
     pub fn in_words(self) -> String {
-        let Self { number, of, is_stage, term } = self;
+        match self.shown {
+            Shown::Evaluations => self.of_evaluations(),
+            Shown::ShortSteps => self.of_short_steps(),
+            Shown::Series => {
+                let Self { number, of, .. } = self;
+                format!(
+                    "the coefficient of order {number} of its series of order {of} is the first to differ: of {}",
+                    self.slope()
+                )
+            }
+        }
+    }
+
+    /// What a slope is the slope of.
+    fn slope(self) -> &'static str {
+        match self.term {
+            Term::Torque => "the angular momentum, by the torque",
+            Term::GyroscopicTerm => "the angular momentum, by the gyroscopic term",
+            _ => "the orientation, by the rate at which the axes turn",
+        }
+    }
+
+    fn of_short_steps(self) -> String {
+        let Self { number, of, is_stage, term, .. } = self;
+        let name = if is_stage { "stage" } else { "evaluation of the torque" };
+        let how = "in short steps from the states and times of the twin's";
+        if term == Term::Weights {
+            return format!(
+                "the slopes of its {of} {name}s agree {how}: it is their weights, or their times and states"
+            );
+        }
+        format!("{name} {number} of {of} is the first whose slope differs, {how}: that of {}", self.slope())
+    }
+
+    fn of_evaluations(self) -> String {
+        let Self { number, of, is_stage, term, .. } = self;
         let (name, weights) = if is_stage {
             (format!("stage {number} of {of}"), "the weights of the slopes before it")
         } else {
@@ -91,7 +176,7 @@ impl Stage {
                 format!("its {of} stages agree: it is the weights of the increment, or how that is carried over")
             }
             Term::Increment if of == 1 => "the torque agrees: it is what the method does with it".to_owned(),
-            Term::Increment => {
+            Term::Increment | Term::Weights => {
                 format!("its first {of} evaluations of the torque agree: it is what the method does after them")
             }
         }
@@ -100,6 +185,11 @@ impl Stage {
 
 /// The evaluations of `implicit_midpoint` before its iteration, which enlarges roundings.
 const BEFORE_ITERATION: usize = 2;
+
+/// Those of so many evaluations that are compared.
+pub(super) fn compared_of(method: Method, made: usize) -> usize {
+    if method == Method::ImplicitMidpoint { made.min(BEFORE_ITERATION) } else { made }
+}
 
 /// One body's step, as either side takes it, and under what.
 pub(super) struct Evaluated<'a> {
@@ -113,25 +203,32 @@ pub(super) struct Evaluated<'a> {
 }
 
 impl Evaluated<'_> {
-    /// Where in the step the sides part, which they do; `None` where it cannot be said.
-    pub fn stage(&self) -> Result<Option<Stage>> {
+    /// Where in the step the sides part, which they do; `None` where the engine shows no evaluations.
+    pub fn stage(&self) -> Result<Option<Found>> {
         let expected = self.tap.of_twin(self.twin);
         let Some(found) = self.tap.of_side(self.side, self.own, &expected)? else { return Ok(None) };
         let states = states_of(&expected);
-        let Some(bounds) = self.bounds.of_evaluations(self.twin, &self.step, &states) else { return Ok(None) };
-        let made = expected.torques.len();
-        let of = if self.method == Method::ImplicitMidpoint { made.min(BEFORE_ITERATION) } else { made };
+        let Some(bounds) = self.bounds.of_evaluations(self.twin, &self.step, &states) else {
+            return Ok(Some(Err(NoStage::Hidden)));
+        };
+        let of = compared_of(self.method, expected.torques.len());
+        if of == 0 {
+            return Ok(Some(Err(NoStage::NoEvaluations)));
+        }
         let is_stage = !expected.motions.is_empty();
-        let stage = |number, term| Some(Stage { number, of, is_stage, term });
+        let stage = |number, term| Ok(Some(Ok(Stage { number, of, is_stage, term, shown: Shown::Evaluations })));
         for index in 0..of.min(found.torques.len()) {
             if let Some(term) = term(&expected, &found, index, &bounds) {
-                return Ok(stage(index + 1, term));
+                return stage(index + 1, term);
             }
         }
         // Sides that evaluate different numbers of times part elsewhere.
-        Ok(if of > 0 && found.torques.len() >= of { stage(of, Term::Increment) } else { None })
+        if found.torques.len() >= of { stage(of, Term::Increment) } else { Ok(Some(Err(NoStage::Hidden))) }
     }
 }
+
+/// The evaluation in which two sides part, or why none is named.
+pub(super) type Found = std::result::Result<Stage, NoStage>;
 
 /// The states at which evaluations take place and the times since the start of the step, s, where all of a state is known.
 fn states_of(evaluations: &Evaluations) -> Vec<([f64; STATE_COMPONENTS], f64)> {

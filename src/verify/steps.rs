@@ -6,7 +6,8 @@ use super::bound::{RowBound, StepBounds, Stepped};
 use super::compare::{Comparison, Field, Gap, Place, excess, first_bit_difference, gaps, is_lost};
 use super::culprit::{Culprit, Retaken, Traced, traced};
 use super::onset::{Onset, onset};
-use super::stage::{Evaluated, Stage};
+use super::slopes::SlopesOf;
+use super::stage::{self, Evaluated, NoStage};
 use super::subject::{Side, Subject, TWIN, in_one_word, row_of, start_clock};
 use super::tapped::Tap;
 use super::translation::Flown;
@@ -284,7 +285,7 @@ impl OneBody<'_> {
             return traced(&[], &unprojected);
         }
         let onset = onset(0, &mut |part| self.compared(&[], part))?;
-        Ok(Traced { culprit: Culprit::Projection, onset, stage: None })
+        Ok(Traced { culprit: Culprit::Projection, onset, stage: Err(NoStage::NoEvaluations) })
     }
 
     /// How the sides differ after a part of the step, each with its own batch.
@@ -309,20 +310,30 @@ impl Retaken for OneBody<'_> {
         Ok(self.taken(&alone, part)?.0)
     }
 
-    fn stage(&self, acting: &[usize]) -> Result<Option<Stage>> {
+    fn stage(&self, acting: &[usize], onset_from_start: Option<Onset>) -> Result<stage::Found> {
         let Self { subject, kernel, side, step, row, ref state } = *self;
         let [own, twin] = subject.driven_alone(row, acting)?.map(|batch| batch.at(state, step.clock));
         let alone = [own, twin];
         let (comparison, expected) = self.taken(&alone, 1.0)?;
         if comparison.parting.is_none() {
-            return Ok(None);
+            return Ok(Err(NoStage::Hidden));
         }
         let ([own, twin], OneStep { dt, clock, .. }) = (&alone, step);
         let (start, end) = (state.combined(0), expected.combined(0));
         let step = Stepped { row: 0, ticks: clock.ticks(), dt, start: &start, end: &end };
         let (tap, method) = (Tap::Step { method: kernel.method, dt }, kernel.method);
         let bounds = &StepBounds::new(twin.torques(), method, subject.precision, false);
-        Evaluated { side, own, twin, tap, method, bounds, step }.stage()
+        if let Some(found) = (Evaluated { side, own, twin, tap, method, bounds, step }).stage()? {
+            return Ok(found);
+        }
+        let (evaluations, under_torques) = (&tap.of_twin(twin), !acting.is_empty());
+        let alone = subject.alone(row, acting)?;
+        SlopesOf { method, under_torques, onset: onset_from_start, evaluations, twin }.first(&mut |state, elapsed| {
+            let clock = if elapsed > 0.0 { clock.at(clock.seconds() + elapsed) } else { clock };
+            let from = OneBody { step: OneStep { clock, ..self.step }, state: state.clone(), ..*self };
+            let sides = alone.each_ref().map(|batch| batch.at(state, clock));
+            onset(0, &mut |part| Ok(from.taken(&sides, part)?.0))
+        })
     }
 }
 

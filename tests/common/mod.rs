@@ -3,6 +3,7 @@
 
 pub mod compare;
 pub mod kernel;
+pub mod measured;
 pub mod random;
 pub mod sizes;
 pub mod torques;

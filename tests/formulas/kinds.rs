@@ -4,10 +4,12 @@
 use crate::common;
 
 use common::compare::{compare_states, first_bit_difference};
+use common::measured::{SEEDS, stays_within_measured};
 use common::torques::{batch_under, every_torque, middle_moments};
 use glam::DVec3;
 use polhode::Method;
 use polhode::bodies::columns::StateWords;
+use polhode::engine::adaptive_session::StepCounts;
 use polhode::engine::{Backend, Engine, unobserved};
 use polhode::kernel::torque_kernel::VelocityDependence;
 use polhode::math::Precision;
@@ -57,12 +59,12 @@ fn changes(bodies: usize) -> [Torque; 4] {
 }
 
 /// Every torque alone, and all of them with and without moments that change.
-fn scenes() -> Vec<(String, Vec<Torque>)> {
-    let all = every_torque(&middle_moments(BODIES, SEED));
+fn scenes(bodies: usize) -> Vec<(String, Vec<Torque>)> {
+    let all = every_torque(&middle_moments(bodies, SEED));
     let mut scenes: Vec<(String, Vec<Torque>)> =
-        all.iter().chain(&changes(BODIES)).map(|torque| (torque.name().to_owned(), vec![torque.clone()])).collect();
+        all.iter().chain(&changes(bodies)).map(|torque| (torque.name().to_owned(), vec![torque.clone()])).collect();
     scenes.push(("all".to_owned(), all.clone()));
-    scenes.extend(changes(BODIES).map(|change| ("all and moments".to_owned(), [all.clone(), vec![change]].concat())));
+    scenes.extend(changes(bodies).map(|change| ("all and moments".to_owned(), [all.clone(), vec![change]].concat())));
     scenes
 }
 
@@ -72,11 +74,23 @@ fn stepped(engine: &Engine, count: usize, torques: &[Torque], method: Method, pr
 }
 
 fn adapted(engine: &Engine, count: usize, torques: &[Torque], precision: Precision, end: f64) -> StateWords {
+    adapted_and_counted(engine, count, torques, precision, end).0
+}
+
+/// With the most attempts that a body has made.
+fn adapted_and_counted(
+    engine: &Engine,
+    count: usize,
+    torques: &[Torque],
+    precision: Precision,
+    end: f64,
+) -> (StateWords, u64) {
     let batch = batch_under(count, SEED, torques, precision);
     let steps = AdaptiveSteps { tolerance: TOLERANCE, least_step: None };
     let mut session = engine.start_adaptive(batch, steps).expect("started");
     session.advance_to(end, &mut unobserved).expect("advanced");
-    session.read(0..count).expect("read")
+    let attempts = session.counts().expect("counted").iter().map(StepCounts::attempts).max().unwrap_or(0);
+    (session.read(0..count).expect("read"), attempts)
 }
 
 /// By a method, or in adaptive steps.
@@ -154,59 +168,89 @@ fn compared(expected: &StateWords, found: &StateWords, precision: Precision, bou
     .map_err(|mismatch| mismatch.to_string())
 }
 
-#[test]
-fn tiles_agree_with_the_scalar_twin() {
+/// The largest parts of these bounds over 100 draws of a body under each scene's torques, in `f32` and in `f64`: of equal steps and of adaptive
+/// ones (the command of [`largest_parts_over_many_draws`]).
+const MEASURED: [f64; 2] = [0.0775, 0.0725];
+const MEASURED_ADAPTIVE: [f64; 2] = [0.446, 0.859];
+
+/// The largest part of its bound that a tile's state of so many bodies came to, in equal steps of any method.
+fn largest_part(bodies: usize, precision: Precision) -> f64 {
     let engines = [Engine::cpu_scalar(), Engine::cpu()];
     let mut largest = 0.0_f64;
-    for (name, torques) in scenes() {
-        for precision in Precision::ALL {
-            for method in METHODS {
-                let [scalar, lanes] =
-                    engines.each_ref().map(|engine| stepped(engine, BODIES, &torques, method, precision));
-                match compared(&scalar, &lanes, precision, bound(precision)) {
-                    Ok(ulps) => largest = largest.max(ulps / bound(precision)),
-                    Err(mismatch) => panic!("{name} by {method} in {precision}: {mismatch}"),
-                }
+    for (name, torques) in scenes(bodies) {
+        for method in METHODS {
+            let [scalar, lanes] = engines.each_ref().map(|engine| stepped(engine, bodies, &torques, method, precision));
+            match compared(&scalar, &lanes, precision, bound(precision)) {
+                Ok(ulps) => largest = largest.max(ulps / bound(precision)),
+                Err(mismatch) => panic!("{name} by {method} in {precision}: {mismatch}"),
             }
         }
     }
-    println!("at most {largest:.3} of the bound");
+    largest
 }
 
-#[test]
-fn tiles_in_adaptive_steps_agree_with_the_scalar_twin() {
+/// The same in adaptive steps.
+fn largest_part_in_adaptive_steps(bodies: usize, precision: Precision) -> f64 {
     let engines = [Engine::cpu_scalar(), Engine::cpu()];
     // The torque of the logarithmic spring jumps at half a turn, where steps of any engine are as good as their luck: it pulls
     // each body to where it starts, and none turns so far in half a second.
-    let own_target: Vec<_> = common::asymmetric_ensemble(BODIES, SEED).orientation().to_vec();
-    let stiffness: Vec<f64> = middle_moments(BODIES, SEED).iter().map(|moment| 0.2 * moment).collect();
+    let own_target: Vec<_> = common::asymmetric_ensemble(bodies, SEED).orientation().to_vec();
+    let stiffness: Vec<f64> = middle_moments(bodies, SEED).iter().map(|moment| 0.2 * moment).collect();
     let smooth = |torque: &Torque| match torque.name() {
         "log-spring" => Torque::log_spring(stiffness.clone(), own_target.clone()),
         _ => torque.clone(),
     };
-    for (name, torques) in scenes() {
+    // In f32 roundings are a good part of the error that is estimated, so that steps are others, and each side is off by up to √7 of the
+    // tolerance a step. In f64 they change steps by a part in 1e9.
+    let bound = |attempts: u64| match precision {
+        Precision::F32 => {
+            bound(precision) + 2.0 * 7.0_f64.sqrt() * TOLERANCE * attempts as f64 / f64::from(f32::EPSILON)
+        }
+        Precision::F64 => bound(precision),
+    };
+    let mut largest = 0.0_f64;
+    for (name, torques) in scenes(bodies) {
         let torques: Vec<Torque> = torques.iter().filter(|torque| !torque.is_random()).map(smooth).collect();
         let end = if torques.iter().any(|torque| torque.name() == "log-spring") { 0.5 * END } else { END };
-        for precision in Precision::ALL {
-            let [scalar, lanes] = engines.each_ref().map(|engine| adapted(engine, BODIES, &torques, precision, end));
-            // In f32 roundings are a good part of the error that is estimated, so that steps are others; either way is within a
-            // few times the tolerance of the truth after a second. In f64 they change steps by a part in 1e9.
-            let bound = match precision {
-                Precision::F32 => bound(precision) + 10.0 * TOLERANCE / f64::from(f32::EPSILON),
-                Precision::F64 => bound(precision),
-            };
-            match compared(&scalar, &lanes, precision, bound) {
-                Ok(ulps) => println!("{name} in {precision}: {ulps:.1} ulps of {bound:.0}"),
-                Err(mismatch) => panic!("{name} in {precision}: {mismatch}"),
-            }
+        let [(scalar, attempts), (lanes, _)] =
+            engines.each_ref().map(|engine| adapted_and_counted(engine, bodies, &torques, precision, end));
+        let bound = bound(attempts);
+        match compared(&scalar, &lanes, precision, bound) {
+            Ok(ulps) => largest = largest.max(ulps / bound),
+            Err(mismatch) => panic!("{name} in {precision}: {mismatch}"),
         }
+    }
+    largest
+}
+
+#[test]
+fn tiles_agree_with_the_scalar_twin() {
+    for (precision, measured) in Precision::ALL.into_iter().zip(MEASURED) {
+        stays_within_measured(&Engine::cpu(), precision, "tiles", largest_part(BODIES, precision), measured);
+    }
+}
+
+#[test]
+fn tiles_in_adaptive_steps_agree_with_the_scalar_twin() {
+    for (precision, measured) in Precision::ALL.into_iter().zip(MEASURED_ADAPTIVE) {
+        let largest = largest_part_in_adaptive_steps(BODIES, precision);
+        stays_within_measured(&Engine::cpu(), precision, "tiles in adaptive steps", largest, measured);
+    }
+}
+
+#[test]
+#[ignore = "prints what was measured: cargo test --test formulas kinds::largest -- --ignored --nocapture"]
+fn largest_parts_over_many_draws() {
+    for precision in Precision::ALL {
+        let [equal, adaptive] = [largest_part, largest_part_in_adaptive_steps].map(|of| of(SEEDS as usize, precision));
+        println!("{precision}: {equal:.4}, adaptive {adaptive:.4}");
     }
 }
 
 #[test]
 fn a_body_is_stepped_alone_as_among_others() {
     // Bodies have the same parameters in ensembles of every size: a column may be longer.
-    for (name, torques) in scenes() {
+    for (name, torques) in scenes(BODIES) {
         let is_random = torques.iter().any(Torque::is_random);
         for precision in Precision::ALL {
             for method in METHODS.map(Some).into_iter().chain([None]) {

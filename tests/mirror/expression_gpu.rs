@@ -4,6 +4,7 @@ use crate::common;
 use crate::common::tree;
 
 use common::kernel::{Harness, chunks};
+use common::measured::{SEEDS, over_seeds, stays_within_measured};
 use common::random;
 use polhode::engine::gpu::shader::Chunk;
 use polhode::expression::wgsl::{self, Argument, Signature, WgslError};
@@ -50,39 +51,64 @@ fn formulas(seed: u64) -> (Vec<Tree>, String) {
     (trees, texts)
 }
 
-fn agree<T: Scalar>(precision: Precision, seeds: std::ops::Range<u64>) {
-    let harness = Harness::new();
-    for seed in seeds {
-        let (trees, texts) = formulas(seed);
-        let mut chunks = chunks(precision, Method::Rk4);
-        chunks.push(Chunk { file: "recorded", text: texts.clone().into() });
-        let parameters: Vec<String> = (0..INPUTS).map(|column| format!("r({column}u)")).collect();
-        let line: String = (0..TOGETHER).map(|f| format!("put_r({f}u, f{f}({}));\n", parameters.join(", "))).collect();
-        let mut random = Random::new(seed ^ 0x5555);
-        let rows: Vec<[f64; INPUTS]> = (0..ROWS).map(|_| inputs(&mut random)).collect();
-        let columns: Vec<Vec<T>> = rows.iter().map(|row| row.iter().map(|x| T::from_f64(*x)).collect()).collect();
-        let found = harness.run(&chunks, &line, &columns, TOGETHER);
-        for (row, found) in rows.iter().zip(found) {
-            for (tree, found) in trees.iter().zip(found) {
-                // The bound is asked for with looser operations, so that decisions near their edge are left out as well.
-                if let Some((value, error)) = tree.bounded(row, LOOSER * T::UNIT_ROUNDOFF) {
-                    let bound = LOOSER * error * T::UNIT_ROUNDOFF;
-                    assert!(
-                        (found - value).abs() <= bound,
-                        "{found:e} {value:e} {bound:e} {tree:?} at {row:?}\n{texts}"
-                    );
-                }
-            }
+/// Numbers of a shader that have a bound, at the least.
+const LEAST_COMPARED: usize = TOGETHER * ROWS / 4;
+/// The largest parts of these bounds over 100 shaders on lavapipe, which rounds products and sums apart as the twin does, in `f32` and in `f64`.
+const MEASURED: [f64; 2] = [0.139, 0.120];
+
+/// The largest part of its bound that a formula of a shader came to.
+fn compared<T: Scalar>(harness: &Harness, precision: Precision, seed: u64) -> f64 {
+    let (mut largest, mut compared) = (0.0_f64, 0);
+    let (trees, texts) = formulas(seed);
+    let mut chunks = chunks(precision, Method::Rk4);
+    chunks.push(Chunk { file: "recorded", text: texts.clone().into() });
+    let parameters: Vec<String> = (0..INPUTS).map(|column| format!("r({column}u)")).collect();
+    let line: String = (0..TOGETHER).map(|f| format!("put_r({f}u, f{f}({}));\n", parameters.join(", "))).collect();
+    let mut random = Random::new(seed ^ 0x5555);
+    let rows: Vec<[f64; INPUTS]> = (0..ROWS).map(|_| inputs(&mut random)).collect();
+    let columns: Vec<Vec<T>> = rows.iter().map(|row| row.iter().map(|x| T::from_f64(*x)).collect()).collect();
+    let found = harness.run(&chunks, &line, &columns, TOGETHER);
+    for (row, found) in rows.iter().zip(found) {
+        for (tree, found) in trees.iter().zip(found) {
+            // The bound is asked for with looser operations, so that decisions near their edge are left out as well.
+            let Some((value, error)) = tree.bounded(row, LOOSER * T::UNIT_ROUNDOFF) else { continue };
+            let (difference, bound) = ((found - value).abs(), LOOSER * error * T::UNIT_ROUNDOFF);
+            assert!(difference <= bound, "{found:e} {value:e} {bound:e} {tree:?} at {row:?}\n{texts}");
+            compared += 1;
+            largest = largest.max(if bound > 0.0 { difference / bound } else { 0.0 });
         }
+    }
+    assert!(compared >= LEAST_COMPARED, "seed {seed}: {compared} numbers");
+    largest
+}
+
+fn agree<T: Scalar>(precision: Precision, first: u64, measured: f64) {
+    let (gpu, harness) = (common::gpu(), Harness::new());
+    for seed in first..first + shaders() {
+        let largest = compared::<T>(&harness, precision, seed);
+        // More formulas than were measured may come to more.
+        let measured = if shaders() > SEEDS { f64::INFINITY } else { measured };
+        stays_within_measured(&gpu, precision, &format!("formulas of seed {seed}"), largest, measured);
     }
 }
 
+/// Where the seeds of formulas in `f64` begin.
+const FIRST_F64: u64 = 1 << 32;
+
 #[test]
 fn random_formulas_agree_in_f32() {
-    agree::<f32>(Precision::F32, 0..shaders());
+    agree::<f32>(Precision::F32, 0, MEASURED[0]);
 }
 
 #[test]
 fn random_formulas_agree_in_f64() {
-    agree::<f64>(Precision::F64, 1 << 32..(1 << 32) + shaders());
+    agree::<f64>(Precision::F64, FIRST_F64, MEASURED[1]);
+}
+
+#[test]
+#[ignore = "prints what `MEASURED` holds: cargo test --test mirror expression_gpu::largest -- --ignored --nocapture"]
+fn largest_parts_over_many_seeds() {
+    let harness = Harness::new();
+    println!("f32: {:.3}", over_seeds(|seed| compared::<f32>(&harness, Precision::F32, seed)));
+    println!("f64: {:.3}", over_seeds(|seed| compared::<f64>(&harness, Precision::F64, FIRST_F64 + seed)));
 }

@@ -2,6 +2,7 @@
 //! caught by the check that is named beside it, and no check may fail on the shaders as they are.
 
 use crate::common;
+use crate::{free_motion_parity, step_parity, torque_parity};
 
 use common::compare::{compare_states, first_bit_difference};
 use common::torques::{batch_under, every_torque, middle_moments};
@@ -164,14 +165,6 @@ const DT: f64 = 1.0 / 64.0;
 const BODIES: usize = 203;
 const SEED: u64 = 12;
 
-/// Largest difference of a step of the shader from its twin, ulps of the largest component: a few roundings each
-/// (tests/mirror/parity.rs measures 0.9 and derives its bounds).
-const STEP_ULPS: f64 = 4.0;
-/// The same under all torques together, whose sums round more often (tests/mirror/torque_parity.rs).
-const TORQUE_ULPS: f64 = 64.0;
-/// Of the closed form at 1e5 s: the series of tests/mirror/free_motion_parity.rs.
-const CLOSED_FORM_ULPS: f64 = 32.0;
-
 fn compared(expected: &StateWords, found: &StateWords, precision: Precision, bound: f64) -> Result<(), String> {
     match precision {
         Precision::F32 => compare_states::<f32>(expected, found, bound),
@@ -212,16 +205,18 @@ impl Check {
         let gpu = common::gpu_with(options());
         match self {
             Check::Step(method, precision) => {
-                against_twin(&gpu, &common::asymmetric_batch(BODIES, SEED, precision), method, 1, STEP_ULPS)
+                let bound = step_parity::bound(&gpu, precision, method, 1);
+                against_twin(&gpu, &common::asymmetric_batch(BODIES, SEED, precision), method, 1, bound)
             }
             Check::Torques => {
                 let torques = every_torque(&middle_moments(BODIES, SEED));
                 let batch = batch_under(BODIES, SEED, &torques, Precision::F64);
-                against_twin(&gpu, &batch, Method::Rk4, 1, TORQUE_ULPS)
+                against_twin(&gpu, &batch, Method::Rk4, 1, torque_parity::bound(&gpu, Precision::F64, 1))
             }
             Check::Sizes => [1, 63, 64, 65, 130].into_iter().try_for_each(|count| {
                 let batch = common::asymmetric_batch(count, SEED, Precision::F32);
-                against_twin(&gpu, &batch, Method::Rk4, 3, 3.0 * STEP_ULPS)
+                let bound = 3.0 * step_parity::bound(&gpu, Precision::F32, Method::Rk4, 1);
+                against_twin(&gpu, &batch, Method::Rk4, 3, bound)
             }),
             Check::Cuts => {
                 let moments = middle_moments(BODIES, SEED);
@@ -244,7 +239,7 @@ impl Check {
                 let ensemble = common::asymmetric_ensemble(BODIES, SEED);
                 let expected = evaluated(&Engine::cpu_scalar(), &ensemble, precision, 1e5);
                 let found = evaluated(&gpu, &ensemble, precision, 1e5);
-                compared(&expected, &found, precision, CLOSED_FORM_ULPS)
+                compared(&expected, &found, precision, free_motion_parity::state_bound(&gpu, precision))
             }
         }
     }

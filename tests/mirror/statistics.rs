@@ -21,6 +21,7 @@ use polhode::record::{OutputState, Record, Sink, Statistics};
 use polhode::run::run_into;
 use polhode::{Accuracy, Ensemble, Method, Outputs, Plan, Result, Scene, Statistic, Torque};
 
+use common::measured::{MEASURED_TIMES, is_measured, over_seeds, stays_within_measured};
 use common::random::Random;
 
 /// Statistics that are formed from states read back are compensated sums: right to a few ulp.
@@ -82,16 +83,21 @@ impl From<&Partial<f64>> for Found {
     }
 }
 
-/// Refuses what is further from what the states say than `bound`.
-fn compare(found: &Found, expected: &Expected, bound: f64) -> Result<(), String> {
+/// Refuses what is further from what the states say than `bound`; gives the largest part of it that a figure came to.
+fn compare(found: &Found, expected: &Expected, bound: f64) -> Result<f64, String> {
+    let mut largest = 0.0_f64;
     let sound = || expected.values.iter().flatten().copied();
     if found.count != sound().count() {
         return Err(format!("{} bodies, not {}", found.count, sound().count()));
     }
-    let near = |name: &str, found: f64, expected: f64, scale: f64| {
+    let mut near = |name: &str, found: f64, expected: f64, scale: f64| {
         let error = (found - expected).abs();
         // Not so where either is no number.
-        if error <= bound * scale { Ok(()) } else { Err(format!("{name} {found:e}, not {expected:e}, +- {bound:.1e}")) }
+        if error > bound * scale || error.is_nan() || scale.is_nan() {
+            return Err(format!("{name} {found:e}, not {expected:e}, +- {bound:.1e}"));
+        }
+        largest = largest.max(if error > 0.0 { error / (bound * scale) } else { 0.0 });
+        Ok(())
     };
     near("mean", found.mean, expected.mean, expected.mean)?;
     near("deviation", found.deviation, expected.deviation, expected.root_mean_square)?;
@@ -102,7 +108,7 @@ fn compare(found: &Found, expected: &Expected, bound: f64) -> Result<(), String>
         let own = expected.values.get(body).copied().flatten().ok_or(format!("{name} of body {body}"))?;
         near(&format!("{name} of body {body}"), own, extreme, extreme)?;
     }
-    Ok(())
+    Ok(largest)
 }
 
 fn states_of(words: &StateWords, frames: &[polhode::bodies::BodyFrame]) -> Vec<BodyState> {
@@ -134,16 +140,20 @@ macro_rules! check_session {
                 compare(&found.into(), &expected(&states, statistic), $bound)
                     .map_err(|fault| format!("{statistic}: {fault}"))
             })
-            .collect::<Result<Vec<()>, String>>()
-            .and_then(|_| {
+            .collect::<Result<Vec<f64>, String>>()
+            .and_then(|parts| {
                 let fault = || format!("marked as failed: {marked:?}, not {failed:?}");
-                (marked == failed).then_some(found).ok_or_else(fault)
+                let largest = parts.into_iter().fold(0.0, f64::max);
+                (marked == failed).then_some((found, largest)).ok_or_else(fault)
             })
     }};
 }
 
+/// What was found of each quantity, and the largest part of its bound that any of it came to.
+type Reduced = (Vec<Partial<f64>>, f64);
+
 /// The state of an ensemble after some steps, reduced.
-fn check_stepped(engine: &Engine, ensemble: &Ensemble, precision: Precision) -> Result<Vec<Partial<f64>>, String> {
+fn check_stepped(engine: &Engine, ensemble: &Ensemble, precision: Precision) -> Result<Reduced, String> {
     let (frames, batch) = prepare(ensemble, precision).expect("prepared");
     let mut session: Box<dyn Session> = engine.start(batch, Method::Rk4).expect("started");
     session.advance(1.0 / 64.0, 5, &mut unobserved).expect("advanced");
@@ -151,7 +161,7 @@ fn check_stepped(engine: &Engine, ensemble: &Ensemble, precision: Precision) -> 
 }
 
 /// The closed form of an ensemble at a time, reduced.
-fn check_free(engine: &Engine, ensemble: &Ensemble, precision: Precision) -> Result<Vec<Partial<f64>>, String> {
+fn check_free(engine: &Engine, ensemble: &Ensemble, precision: Precision) -> Result<Reduced, String> {
     let (frames, rows) = AnyRows::prepare(ensemble, precision).expect("prepared");
     let mut session: Box<dyn FreeSession> = engine.start_free(rows).expect("started");
     session.evaluate(3.7).expect("evaluated");
@@ -172,13 +182,47 @@ fn statistics_are_those_of_the_states() {
     for (name, engine) in &engines {
         for precision in Precision::ALL {
             for count in SIZES {
-                let ensemble = common::asymmetric_ensemble(count, 11);
-                for (kind, check) in [("stepped", check_stepped as fn(&_, &_, _) -> _), ("free", check_free)] {
-                    check(engine, &ensemble, precision)
-                        .unwrap_or_else(|fault| panic!("{name} {precision} {kind}, {count} bodies: {fault}"));
-                }
+                let largest = largest_part(engine, precision, count, SEED);
+                let measured = MEASURED[usize::from(precision == Precision::F64)];
+                stays_within_measured(engine, precision, &format!("{name}, {count} bodies"), largest, measured);
             }
         }
+    }
+}
+
+const SEED: u64 = 11;
+/// The largest parts of their bounds that figures came to over 100 draws of all bodies, on every engine, in `f32` and in `f64`.
+const MEASURED: [f64; 2] = [0.012, 0.025];
+
+/// The largest part of its bound that a figure of so many bodies comes to.
+fn largest_part(engine: &Engine, precision: Precision, count: usize, seed: u64) -> f64 {
+    let ensemble = common::asymmetric_ensemble(count, seed);
+    let kinds = [("stepped", check_stepped as fn(&_, &_, _) -> Result<Reduced, String>), ("free", check_free)];
+    kinds
+        .map(|(kind, check)| {
+            let found = check(engine, &ensemble, precision);
+            found.unwrap_or_else(|fault| panic!("{precision} {kind}, {count} bodies, seed {seed}: {fault}")).1
+        })
+        .into_iter()
+        .fold(0.0, f64::max)
+}
+
+#[test]
+#[ignore = "prints what was measured: cargo test --test mirror statistics::largest -- --ignored --nocapture"]
+fn largest_parts_over_many_seeds() {
+    let engines = [common::gpu(), Engine::cpu(), Engine::cpu_scalar()];
+    for precision in Precision::ALL {
+        let of_seed = |seed| {
+            let of = |engine| {
+                SIZES.map(|count| largest_part(engine, precision, count, seed)).into_iter().fold(0.0, f64::max)
+            };
+            engines.iter().map(of).fold(0.0, f64::max)
+        };
+        println!("{precision}: {:.3}", over_seeds(of_seed));
+        println!(
+            "{precision}, shader and twin: {:.3} epsilon",
+            over_seeds(|seed| reassociated(&engines[0], precision, seed))
+        );
     }
 }
 
@@ -207,8 +251,12 @@ fn check_blocks(engine: &Engine, precision: Precision) -> Result<(), String> {
             if found.count == 0 && blocks.places(block).is_empty() {
                 continue;
             }
-            compare(&found.into(), &expected(&states, statistic), bound(precision))
+            let part = compare(&found.into(), &expected(&states, statistic), bound(precision))
                 .map_err(|fault| format!("block {block}, {statistic}: {fault}"))?;
+            let measured = MEASURED[usize::from(precision == Precision::F64)];
+            if part > MEASURED_TIMES * measured && is_measured(engine, precision) {
+                return Err(format!("block {block}, {statistic}: {part} of the bound, {measured} measured"));
+            }
         }
     }
     Ok(())
@@ -242,37 +290,57 @@ fn planted_faults_of_blocks_are_caught() {
     }
 }
 
-/// In 64 bits nothing keeps a driver from contracting and re-associating: a few roundings of some hundred are others.
-const REASSOCIATED: f64 = 16.0 * f64::EPSILON;
+/// In 64 bits nothing keeps a driver from contracting and re-associating: a few roundings of some hundred are others, in units of epsilon.
+const REASSOCIATED: f64 = 16.0;
+/// The largest over 100 draws of all bodies on lavapipe.
+const MEASURED_REASSOCIATED: f64 = 1.43;
+
+/// The largest difference of the shader's figures from its twin's, in units of epsilon; what is counted, and all in `f32`, agrees to the bit.
+fn reassociated(engine: &Engine, precision: Precision, seed: u64) -> f64 {
+    let ensemble = common::asymmetric_ensemble(4161, seed);
+    let [gpu, twin] = [engine, &Engine::cpu_scalar()].map(|engine| {
+        let (frames, batch) = prepare(&ensemble, precision).expect("prepared");
+        let mut session = engine.start(batch, Method::Rk4).expect("started");
+        session.watch(&Statistic::ALL, &frames, &BlockRows::one(frames.len()), 1.0).expect("watched");
+        (session.reduce().expect("reduced").remove(0), session.marked().expect("read"))
+    });
+    if precision == Precision::F32 {
+        assert_eq!(gpu.0, twin.0);
+    }
+    let mut largest = 0.0;
+    for (gpu, twin) in gpu.0.iter().zip(&twin.0) {
+        assert_eq!((gpu.count, gpu.faster, gpu.exponent), (twin.count, twin.faster, twin.exponent));
+        let extreme = |found: &Partial<f64>| [found.least, found.greatest].map(|one| (one.exponent, one.body));
+        assert_eq!(extreme(gpu), extreme(twin));
+        let pairs = [
+            (gpu.mean, twin.mean),
+            (gpu.squares, twin.squares),
+            (gpu.least.mantissa, twin.least.mantissa),
+            (gpu.greatest.mantissa, twin.greatest.mantissa),
+        ];
+        for (x, y) in pairs {
+            let part = (x - y).abs() / y / f64::EPSILON;
+            assert!(part <= REASSOCIATED, "{gpu:?} and {twin:?}");
+            largest = f64::max(largest, part);
+        }
+    }
+    assert!(gpu.1 == twin.1 && !gpu.1.faster.is_empty() && gpu.1.failed.is_empty(), "{precision}: marks");
+    largest
+}
 
 #[test]
 fn the_shader_and_its_twin_agree_to_the_bit_in_f32_and_nearly_in_f64() {
     let engine = common::gpu();
     for precision in Precision::ALL {
         if !common::rounds_like_scalar_twin(&engine, precision) {
+            common::skipped(
+                "the_shader_and_its_twin_agree",
+                &format!("the adapter rounds {precision} otherwise than the twin"),
+            );
             continue;
         }
-        let ensemble = common::asymmetric_ensemble(4161, 5);
-        let [gpu, twin] = [&engine, &Engine::cpu_scalar()].map(|engine| {
-            let (frames, batch) = prepare(&ensemble, precision).expect("prepared");
-            let mut session = engine.start(batch, Method::Rk4).expect("started");
-            session.watch(&Statistic::ALL, &frames, &BlockRows::one(frames.len()), 1.0).expect("watched");
-            (session.reduce().expect("reduced").remove(0), session.marked().expect("read"))
-        });
-        if precision == Precision::F32 {
-            assert_eq!(gpu.0, twin.0);
-        }
-        for (gpu, twin) in gpu.0.iter().zip(&twin.0) {
-            assert_eq!((gpu.count, gpu.faster, gpu.exponent), (twin.count, twin.faster, twin.exponent));
-            let near = |x: f64, y: f64| (x - y).abs() <= REASSOCIATED * y;
-            let close = near(gpu.mean, twin.mean) && near(gpu.squares, twin.squares);
-            let extremes = near(gpu.least.mantissa, twin.least.mantissa)
-                && near(gpu.greatest.mantissa, twin.greatest.mantissa)
-                && (gpu.least.exponent, gpu.least.body) == (twin.least.exponent, twin.least.body)
-                && (gpu.greatest.exponent, gpu.greatest.body) == (twin.greatest.exponent, twin.greatest.body);
-            assert!(close && extremes, "{gpu:?} and {twin:?}");
-        }
-        assert!(gpu.1 == twin.1 && !gpu.1.faster.is_empty() && gpu.1.failed.is_empty(), "{precision}: marks");
+        let largest = reassociated(&engine, precision, 5);
+        stays_within_measured(&engine, precision, "shader and twin", largest, MEASURED_REASSOCIATED);
     }
 }
 
@@ -295,7 +363,7 @@ fn scales_of_molecules_and_planets_stand_beside_each_other() {
             let (frames, batch) = prepare(&all_scales(1000), precision).expect("prepared");
             let session = engine.start(batch, Method::Rk4).expect("started");
             let name = engine.description().name;
-            let found = check_session!(session, &frames, bound(precision))
+            let (found, _) = check_session!(session, &frames, bound(precision))
                 .unwrap_or_else(|fault| panic!("{name} {precision}: {fault}"));
             let energy = &found[0];
             assert!(energy.least.value() < 1e-50 && energy.greatest.value() > 1e50, "{energy:?}");
@@ -561,7 +629,7 @@ fn chunks_change_nothing_beyond_rounding() {
         let whole = check_stepped(&common::gpu(), &ensemble, precision).expect("in bounds");
         let cut =
             check_stepped(&common::gpu_with(common::cut_options(128, 2)), &ensemble, precision).expect("in bounds");
-        for (whole, cut) in whole.iter().zip(&cut) {
+        for (whole, cut) in whole.0.iter().zip(&cut.0) {
             // Extremes are picked, not summed.
             assert_eq!((whole.count, whole.least, whole.greatest), (cut.count, cut.least, cut.greatest));
         }

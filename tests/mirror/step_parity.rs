@@ -5,6 +5,7 @@
 use crate::common;
 
 use common::compare::{Mismatch, compare_states, first_bit_difference};
+use common::measured::{MEASURED_TIMES, SEEDS};
 use polhode::bodies::columns::StateWords;
 use polhode::engine::Engine;
 use polhode::engine::batch::AnyBatch;
@@ -30,7 +31,7 @@ const DT: f64 = 1.0 / 64.0;
 ///
 /// An adapter that rounds products and sums apart, as the twin does, differs in what it re-associates alone: there the bound is
 /// [`MEASURED_TIMES`] what was measured.
-fn bound(gpu: &Engine, precision: Precision, method: Method, steps: u64) -> f64 {
+pub fn bound(gpu: &Engine, precision: Precision, method: Method, steps: u64) -> f64 {
     let plain = matches!(method, Method::ExplicitEuler | Method::GyroNewton | Method::ClampedEuler | Method::Spiral);
     let step = if precision == Precision::F64 || plain { STEP_ULPS_F64 } else { STEP_ULPS_F32 };
     let place = STEPS.iter().position(|&other| other == steps).expect("one of the numbers of steps that were measured");
@@ -43,9 +44,6 @@ const LEAST_MEASURED: f64 = 5e-4;
 
 /// Numbers of steps that are compared.
 const STEPS: [u64; 3] = [1, 100, 1000];
-
-/// What a difference may come to, in units of the largest that was measured.
-const MEASURED_TIMES: f64 = 4.0;
 
 /// The largest differences over [`SEEDS`] draws of all bodies on lavapipe after [`STEPS`], in ulps. In `f64` one rounding of the state grows
 /// with the angle; `clamped_euler` and `spiral` are not compensated, and in `dlm` an angle of each of five rotations is rounded.
@@ -117,9 +115,6 @@ fn many_steps_agree_with_the_twin() {
     check_steps(STEPS[1]);
     check_steps(STEPS[2]);
 }
-
-/// Draws of all bodies that [`measured`] is of.
-const SEEDS: u64 = 100;
 
 #[test]
 #[ignore = "prints what `measured` says: cargo test --test mirror step_parity::largest -- --ignored --nocapture"]

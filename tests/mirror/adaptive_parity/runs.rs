@@ -14,6 +14,7 @@ use polhode::{Ensemble, Error, Outputs, Plan, Scene, Torque};
 
 use super::common::compare::first_bit_difference;
 use super::common::kernel::open_device;
+use super::common::measured::{over_seeds, stays_within_measured};
 use super::common::torques::{every_torque, middle_moments};
 use super::common::{self, asymmetric_ensemble};
 use super::{INCREMENT_ULPS, STATE_ULPS};
@@ -25,13 +26,13 @@ const COUNT: usize = 64 * 5 + 7;
 
 /// No torque; every kind that has a meaning between equal steps, but the logarithmic spring's, which jumps at half a turn: a
 /// body next to it goes to one side or the other by rounding.
-fn torque_sets() -> [Vec<Torque>; 2] {
-    let mut all = every_torque(&middle_moments(COUNT, SEED));
+fn torque_sets(seed: u64) -> [Vec<Torque>; 2] {
+    let mut all = every_torque(&middle_moments(COUNT, seed));
     all.retain(|torque| !torque.is_random() && torque.name() != "log-spring");
     [Vec::new(), all]
 }
 
-/// States and counts after [`SPAN`], by way of another time.
+/// States and counts of the bodies of [`SEED`] after [`SPAN`], by way of another time.
 fn advanced(
     engine: &Engine,
     torques: &[Torque],
@@ -41,7 +42,7 @@ fn advanced(
     advanced_from(&asymmetric_ensemble(COUNT, SEED), engine, torques, precision, tolerance)
 }
 
-/// The same from other initial states.
+/// The same of other bodies.
 fn advanced_from(
     ensemble: &Ensemble,
     engine: &Engine,
@@ -65,13 +66,12 @@ const FREE_ULPS: f64 = STATE_ULPS[0] + 2.5 * INCREMENT_ULPS;
 const TORQUE_ULPS: f64 = 17.0 * 13.0;
 
 /// By how much a difference grows until the end, for each body: what becomes of another start, a part of 1e-9 away.
-fn growth(torques: &[Torque], tolerance: f64) -> Vec<f64> {
+fn growth(ensemble: &Ensemble, torques: &[Torque], tolerance: f64) -> Vec<f64> {
     const PART: f64 = 1e-9;
     let (twin, precision) = (Engine::cpu_scalar(), Precision::F64);
-    let ensemble = asymmetric_ensemble(COUNT, SEED);
     let faster: Vec<DVec3> = ensemble.angular_velocity_body().iter().map(|omega| *omega * (1.0 + PART)).collect();
     let other = Ensemble::from_columns(ensemble.inertia(), ensemble.orientation(), &faster).expect("valid bodies");
-    let (before, _) = advanced_from(&ensemble, &twin, torques, precision, tolerance);
+    let (before, _) = advanced_from(ensemble, &twin, torques, precision, tolerance);
     let (after, _) = advanced_from(&other, &twin, torques, precision, tolerance);
     let of_body = |body: usize| {
         let differences = before.combined(body).into_iter().zip(after.combined(body)).map(|(a, b)| (a - b).abs());
@@ -83,8 +83,6 @@ fn growth(torques: &[Torque], tolerance: f64) -> Vec<f64> {
 /// In `f32`, rounding of torques is a part of the estimate, so that decisions fall either way, a body may take half as many
 /// steps again, and both are right to the tolerance only: steps are off by up to
 /// √7 of it in seven components ([`polhode::kernel::method::rk8_adaptive`]).
-///
-/// The largest part of it that lavapipe came to is 0.16, in `f64` at 1e-6 under all torques.
 fn bound(precision: Precision, torques: usize, tolerance: f64) -> f64 {
     match precision {
         Precision::F32 => 2.0 * 7.0_f64.sqrt() * tolerance,
@@ -92,45 +90,69 @@ fn bound(precision: Precision, torques: usize, tolerance: f64) -> f64 {
     }
 }
 
+/// Precisions and tolerances of whole runs, and the largest parts of their bounds over 100 draws of all bodies on lavapipe: without torques and
+/// under all of them.
+const RUNS: [(Precision, f64, [f64; 2]); 3] = [
+    (Precision::F64, 1e-6, [0.114, 0.633]),
+    (Precision::F64, 1e-11, [4.22e-3, 1.19e-2]),
+    (Precision::F32, 1e-5, [0.0, 0.268]),
+];
+
+/// The largest part of its bound that a whole run of the bodies of a seed comes to.
+fn compared_run(gpu: &Engine, torques: &[Torque], (precision, tolerance): (Precision, f64), seed: u64) -> f64 {
+    let ensemble = asymmetric_ensemble(COUNT, seed);
+    let (expected, expected_counts) = advanced_from(&ensemble, &Engine::cpu_scalar(), torques, precision, tolerance);
+    let (found, counts) = advanced_from(&ensemble, gpu, torques, precision, tolerance);
+    let what = format!("{} torques, {precision} at {tolerance:e}, seed {seed}", torques.len());
+    let growth = growth(&ensemble, torques, tolerance);
+    let (mut of_bound, mut other) = (0.0_f64, 0);
+    for body in 0..COUNT {
+        let attempts = expected_counts[body].attempts() as f64;
+        let bound = bound(precision, torques.len(), tolerance) * attempts * growth[body];
+        let (expected, found) = (expected.combined(body), found.combined(body));
+        for (component, (expected, found)) in expected.iter().zip(found).enumerate() {
+            let difference = (expected - found).abs();
+            assert!(difference <= bound, "{what}: body {body}, component {component}: {difference:e} of {bound:e}");
+            of_bound = of_bound.max(difference / bound);
+        }
+        other += usize::from(counts[body] != expected_counts[body]);
+        // In f32 one body in some thousands takes twice as many steps as the twin's, of other seeds than the suite's.
+        let (attempts, expected) = (counts[body].attempts(), expected_counts[body].attempts());
+        assert!(
+            seed != SEED || 2 * attempts.abs_diff(expected) <= expected,
+            "{what}: body {body}: {attempts}, {expected}"
+        );
+    }
+    let total = |counts: &[StepCounts]| counts.iter().map(StepCounts::attempts).sum::<u64>();
+    let (found, expected) = (total(&counts), total(&expected_counts));
+    assert!(found.abs_diff(expected) <= expected / 50, "{what}: {found} attempts, {expected} expected");
+    // In f64 no decision of these bodies is within rounding, nor in f32 without torques, where no sine is formed.
+    if seed == SEED && (precision == Precision::F64 || torques.is_empty()) {
+        assert_eq!(other, 0, "{what}");
+    }
+    of_bound
+}
+
 #[test]
 fn whole_runs_agree_with_the_twin() {
     let gpu = common::gpu();
-    for torques in torque_sets() {
-        for (precision, tolerance) in [(Precision::F64, 1e-6), (Precision::F64, 1e-11), (Precision::F32, 1e-5)] {
-            let (expected, expected_counts) = advanced(&Engine::cpu_scalar(), &torques, precision, tolerance);
-            let (found, counts) = advanced(&gpu, &torques, precision, tolerance);
-            let what = format!("{} torques, {precision} at {tolerance:e}", torques.len());
-            let growth = growth(&torques, tolerance);
-            let (mut largest, mut of_bound, mut other, mut most) = (0.0_f64, 0.0_f64, 0, 0);
-            for body in 0..COUNT {
-                let attempts = expected_counts[body].attempts() as f64;
-                let bound = bound(precision, torques.len(), tolerance) * attempts * growth[body];
-                let (expected, found) = (expected.combined(body), found.combined(body));
-                for (component, (expected, found)) in expected.iter().zip(found).enumerate() {
-                    let difference = (expected - found).abs();
-                    assert!(
-                        difference <= bound,
-                        "{what}: body {body}, component {component}: {difference:e} of {bound:e}"
-                    );
-                    largest = largest.max(difference);
-                    of_bound = of_bound.max(difference / bound);
-                }
-                other += usize::from(counts[body] != expected_counts[body]);
-                let (attempts, expected) = (counts[body].attempts(), expected_counts[body].attempts());
-                most = most.max(attempts.abs_diff(expected));
-                assert!(2 * attempts.abs_diff(expected) <= expected, "{what}: body {body}: {attempts}, {expected}");
-            }
-            let total = |counts: &[StepCounts]| counts.iter().map(StepCounts::attempts).sum::<u64>();
-            let (found, expected) = (total(&counts), total(&expected_counts));
-            assert!(found.abs_diff(expected) <= expected / 50, "{what}: {found} attempts, {expected} expected");
-            println!(
-                "{what}: {largest:.1e}, {of_bound:.2} of its bound, counts of {other} bodies differ, by {most} at most"
-            );
-            // In f64 no decision of these bodies is within rounding, nor in f32 without torques, where no sine is formed.
-            if precision == Precision::F64 || torques.is_empty() {
-                assert_eq!(other, 0, "{what}");
-            }
+    for (set, torques) in torque_sets(SEED).iter().enumerate() {
+        for (precision, tolerance, measured) in RUNS {
+            let largest = compared_run(&gpu, torques, (precision, tolerance), SEED);
+            let what = format!("{} torques at {tolerance:e}", torques.len());
+            stays_within_measured(&gpu, precision, &what, largest, measured[set]);
         }
+    }
+}
+
+#[test]
+#[ignore = "prints what `RUNS` holds, some minutes: cargo test --test mirror adaptive_parity::runs::largest -- --ignored --nocapture"]
+fn largest_parts_over_many_seeds() {
+    let gpu = common::gpu();
+    for (precision, tolerance, _) in RUNS {
+        let of_set =
+            |set: usize| over_seeds(|seed| compared_run(&gpu, &torque_sets(seed)[set], (precision, tolerance), seed));
+        println!("(Precision::{precision:?}, {tolerance:e}, [{:.2e}, {:.2e}])", of_set(0), of_set(1));
     }
 }
 

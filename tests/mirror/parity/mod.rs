@@ -11,6 +11,7 @@ mod helpers;
 
 use common::compare::{Field, compare_rows, compare_sized_rows};
 use common::kernel::{Harness, chunks};
+use common::measured::{SEEDS, stays_within_measured};
 use common::random::Random;
 use common::sizes::Size;
 use formulas::formula_cases;
@@ -46,8 +47,6 @@ const MEASURED: [(&str, f64); 7] = [
     // On a processor without AVX-512, for which the adapter compiles otherwise; 0 with it.
     ("tan", 1.0),
 ];
-/// What a difference may come to on such an adapter, in units of the largest that was measured.
-const MEASURED_TIMES: f64 = 4.0;
 
 const REAL: Field = Field { name: "real", components: 1 };
 const VECTOR: Field = Field { name: "vector", components: 3 };
@@ -211,17 +210,13 @@ fn compared<T: Scalar>(
 
 fn check<T: Scalar>(chunks: &[Chunk], cases: Vec<Case<T>>) {
     let harness = Harness::new();
-    let rounds_alike = common::rounds_like_scalar_twin(&common::gpu(), precision_of::<T>());
+    let gpu = common::gpu();
     for (index, case) in cases.iter().enumerate() {
         let largest = compared(&harness, chunks, (index, case), 0).unwrap_or_else(|mismatch| panic!("{mismatch}"));
         let measured = MEASURED.iter().find(|(name, _)| *name == case.name).map_or(0.0, |measured| measured.1);
-        let allowed = MEASURED_TIMES * measured;
-        assert!(!rounds_alike || largest <= allowed, "{}: {largest} ulps, {allowed} allowed", case.name);
+        stays_within_measured(&gpu, precision_of::<T>(), case.name, largest, measured);
     }
 }
-
-/// Rows for the figures beside the bounds.
-const SEEDS: u64 = 100;
 
 #[test]
 #[ignore = "prints the largest differences over 100 seeds: cargo test --test mirror parity::largest -- --ignored --nocapture"]

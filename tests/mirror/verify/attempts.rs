@@ -6,9 +6,9 @@ use polhode::engine::Engine;
 use polhode::engine::EngineKind;
 use polhode::math::Precision;
 use polhode::scene::{AdaptiveSteps, Scene};
-use polhode::verify::{Field, Report, verify};
+use polhode::verify::{Comparison, Field, Report, verify};
 
-use super::grid::MEASURED_TIMES;
+use super::common::measured::stays_within_measured;
 use super::{SEED, common, smooth, steps};
 use common::torques::{each_torque_alone, every_torque, middle_moments};
 
@@ -27,8 +27,8 @@ type Case = (Method, Precision, f64);
 /// rounding alone, up to the longest that a controller asks for; that of a series is not said ahead.
 const MEASURED: [(Case, [f64; 4]); 5] = [
     ((Method::Rk8, Precision::F32, 1e-4), [1.0, 1.67e-2, 3.89e-2, 4.06e-3]),
-    ((Method::Rk8, Precision::F64, 1e-6), [1.00e-1, 1.01e-1, 4.99e-2, 4.58e-2]),
-    ((Method::Rk8, Precision::F64, 1e-10), [9.09e-2, 1.15e-1, 6.57e-2, 5.22e-2]),
+    ((Method::Rk8, Precision::F64, 1e-6), [1.67e-1, 1.01e-1, 4.99e-2, 4.58e-2]),
+    ((Method::Rk8, Precision::F64, 1e-10), [1.67e-1, 1.15e-1, 6.57e-2, 5.28e-2]),
     ((Method::Taylor, Precision::F64, 1e-8), [0.0, 2.61e-1, 5.90e-2, 7.25e-2]),
     ((Method::Taylor, Precision::F64, 1e-13), [0.0, 2.91e-1, 2.28e-2, 5.20e-2]),
 ];
@@ -73,12 +73,7 @@ fn stays_within_what_was_measured(engine: &Engine) {
     for (case, measured) in MEASURED.into_iter().filter(|(case, _)| is_measured(engine, *case)) {
         let report = attempted(engine, case, SUITE_DRAWS);
         for ((part, measured), field) in parts(&report).into_iter().zip(measured).zip(FIELDS) {
-            let allowed = MEASURED_TIMES * measured;
-            assert!(
-                part <= allowed,
-                "{case:?}: {}: {part:e} of the bound, {allowed:e} allowed: {report}",
-                field.name()
-            );
+            stays_within_measured(engine, case.1, &format!("{case:?}, {}", field.name()), part, measured);
         }
     }
 }
@@ -99,6 +94,21 @@ fn a_rest_that_was_rounded_on_both_sides_is_no_parting() {
     let scene = scene((Method::Rk8, Precision::F64, 1e-10), 400);
     let report = verify(&Engine::cpu(), &scene, &steps(2)).expect("verified");
     assert!(report.agrees() && report.compared() > 400, "{report}");
+}
+
+/// Step 4 of body 308 starts where a facet turns into the wind: the number that decides vanishes there to rounding, whose sign makes one side
+/// end its step at once, where the other goes on.
+#[test]
+fn a_step_that_one_side_ends_at_once_is_not_decided() {
+    let report = verify(&Engine::cpu(), &scene((Method::Taylor, Precision::F64, 1e-8), 400), &steps(ATTEMPTS))
+        .expect("both sides run");
+    assert!(report.agrees(), "{report}");
+    let judged = || report.groups.iter().flat_map(|group| &group.comparisons).filter(|side| side.judged);
+    let [undecided, decided] =
+        [|side: &Comparison| side.undecided, |side: &Comparison| side.decided].map(|of| judged().map(of).sum::<u64>());
+    // Of lanes of each width one at the most, of thousands of steps.
+    assert!((1..=judged().count() as u64).contains(&undecided), "{undecided} of {decided}: {report}");
+    assert!(decided > 400 * judged().count() as u64, "{decided}");
 }
 
 #[test]

@@ -139,7 +139,8 @@ fn faults_of_the_motion_are_found_at_the_first_step() {
 fn centres_of_mass_along_quaternions_off_the_unit_sphere_are_found() {
     let unit = "return plainly_normalised(state.orientation.value).value;";
     let engine = faulty(&[("force/carried.wgsl", unit, "return state.orientation.value;")]);
-    let report = verify(&engine, &flying(Method::Rk4, LONG_STEP, Precision::F64), &steps(5)).expect("both sides run");
+    let report =
+        verify(&engine, &flying(BODIES, Method::Rk4, LONG_STEP, Precision::F64), &steps(5)).expect("both sides run");
     let parting = report.parting().unwrap_or_else(|| panic!("it went unnoticed: {report}"));
     assert!(matches!(parting.field, Field::Position | Field::Velocity), "{report}");
 }

@@ -1,14 +1,16 @@
 //! The grid: methods, torques, precisions, engines.
 
-use polhode::engine::{Engine, EngineKind};
+use polhode::engine::Engine;
 use polhode::math::Precision;
 use polhode::torque::variable_inertia::{InertiaChange, Law};
+use polhode::verify::{Options, Report};
 use polhode::{Method, Scene, Torque};
 
+use super::common::measured::stays_within_measured;
 use super::common::torques::{every_torque, every_torque_where, middle_moments};
 use super::{SEED, agreed, common, steps};
 
-fn follows_slip(method: Method) -> bool {
+pub fn follows_slip(method: Method) -> bool {
     matches!(method, Method::Rk4 | Method::Rk8 | Method::Cf4)
 }
 
@@ -78,11 +80,7 @@ fn sets(method: Method) -> Vec<(&'static str, Vec<Torque>)> {
 const LONG_DT: f64 = 0.25;
 const LONG_STEPS: u64 = 4;
 
-fn grid_scene(torques: &[Torque], bodies: usize, method: Method, precision: Precision) -> Scene {
-    scene_of_steps(torques, bodies, (method, GRID_DT), precision)
-}
-
-fn scene_of_steps(torques: &[Torque], bodies: usize, (method, dt): (Method, f64), precision: Precision) -> Scene {
+pub fn grid_scene(torques: &[Torque], bodies: usize, (method, dt): (Method, f64), precision: Precision) -> Scene {
     let scene = Scene::new(common::asymmetric_ensemble(bodies, SEED)).until(1.0).skipping(false);
     let scene = torques.iter().fold(scene, |scene, torque| scene.torque(torque.clone()));
     scene.pinned(method, dt, Some(precision))
@@ -90,7 +88,7 @@ fn scene_of_steps(torques: &[Torque], bodies: usize, (method, dt): (Method, f64)
 
 /// The largest part of its derived bound that a difference came to in f32 and in f64, over 100 draws of a body under each set of torques, on
 /// lanes and on lavapipe (docs/grid.md, whose command writes the table anew).
-fn measured(method: Method, precision: Precision) -> f64 {
+pub fn measured(method: Method, precision: Precision) -> f64 {
     let [narrow, wide] = match method {
         Method::Rk4 => [0.123, 0.341],
         Method::Rk8 => [0.100, 0.174],
@@ -129,9 +127,6 @@ fn measured_at_long_steps(method: Method, precision: Precision) -> f64 {
     if precision == Precision::F32 { narrow } else { wide }
 }
 
-/// What a difference may come to: bounds are derived, and beyond four times what was measured something has changed.
-pub(super) const MEASURED_TIMES: f64 = 4.0;
-
 fn agrees_under_every_torque(engine: &Engine, method: Method) {
     for (name, torques) in sets(method) {
         for precision in Precision::ALL {
@@ -154,13 +149,22 @@ fn agrees_at(
     precision: Precision,
     what: &str,
 ) {
-    let scene = scene_of_steps(torques, GRID_BODIES, (method, dt), precision);
-    let report = agreed(engine, &scene, &steps(count), what);
-    // Adapters that round otherwise than those that were measured have the derived bounds alone.
-    if engine.description().kind == EngineKind::Cpu || common::rounds_like_scalar_twin(engine, precision) {
-        let allowed = MEASURED_TIMES * part;
-        assert!(report.largest_part() <= allowed, "{what}: more than {allowed} of the bound: {report}");
-    }
+    let scene = grid_scene(torques, GRID_BODIES, (method, dt), precision);
+    within_measured(engine, &scene, &steps(count), part, precision, what);
+}
+
+/// Both sides agree, within four times the part of their bounds that was measured.
+pub fn within_measured(
+    engine: &Engine,
+    scene: &Scene,
+    options: &Options,
+    part: f64,
+    precision: Precision,
+    what: &str,
+) -> Report {
+    let report = agreed(engine, scene, options, what);
+    stays_within_measured(engine, precision, what, report.largest_part(), part);
+    report
 }
 
 /// A test of each method, so that they run side by side. On the CPU engine the twin itself steps the last ones, with which there is nothing
@@ -215,7 +219,7 @@ const DRAWS: usize = 100;
 
 /// A cell: the largest difference in ulps of the largest component, and the largest part of its bound.
 fn cell(engine: &Engine, torques: &[Torque], method: Method, precision: Precision) -> (f64, f64) {
-    let scene = grid_scene(torques, DRAWS, method, precision);
+    let scene = grid_scene(torques, DRAWS, (method, GRID_DT), precision);
     let report = agreed(engine, &scene, &steps(GRID_STEPS), &format!("{method} in {precision}"));
     let judged = report.groups.iter().flat_map(|group| &group.comparisons).filter(|comparison| comparison.judged);
     let ulps = judged.flat_map(|comparison| &comparison.largest).map(|largest| largest.ulps).fold(0.0, f64::max);
@@ -272,7 +276,7 @@ fn largest_parts_at_long_steps() {
         let parts = Precision::ALL.map(|precision| {
             let of = |engine: &Engine| {
                 let torques = torques_of(method, DRAWS, |torque, body| body % KINDS == torque);
-                let scene = scene_of_steps(&torques, DRAWS, (method, LONG_DT), precision);
+                let scene = grid_scene(&torques, DRAWS, (method, LONG_DT), precision);
                 agreed(engine, &scene, &steps(LONG_STEPS), &format!("{method} in {precision}")).largest_part()
             };
             engines.iter().map(of).fold(0.0, f64::max)

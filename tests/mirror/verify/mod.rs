@@ -2,6 +2,7 @@
 
 use crate::common;
 use crate::workspace;
+mod alone;
 mod attempts;
 mod faults;
 mod grid;

@@ -97,6 +97,7 @@ fn the_report_reads_well() {
           # expected: # apart, # allowed
           it comes from torque 2 (sinusoidal), which parts alone
           it falls as the step to the power 2: the slopes of the angular momentum agree at the start of the step, and part later in it
+          stage 2 of 4 is the first whose slope differs, in short steps from the states and times of the twin's: that of the angular momentum, by the torque
 
     not compared: what a run's report says of it: drift, balance, error estimate
     verdict: THEY DO NOT AGREE

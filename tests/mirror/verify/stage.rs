@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3};
 use polhode::engine::Engine;
 use polhode::math::Precision;
 use polhode::scene::AdaptiveSteps;
-use polhode::verify::{Culprit, Onset, Options, Parting, Stage, Term, verify};
+use polhode::verify::{Culprit, NoStage, Onset, Options, Parting, Shown, Stage, Term, verify};
 use polhode::{Method, Scene, Torque};
 
 use super::onset::HALF_ANGLE;
@@ -25,30 +25,37 @@ type Fault = (&'static str, &'static str, &'static str);
 fn parting_of(engine: &Engine, scene: &Scene, options: &Options, what: &str) -> Parting {
     let report = verify(engine, scene, options).expect("both sides run");
     let parting = report.parting().unwrap_or_else(|| panic!("{what} went unnoticed"));
-    println!("{what}: {}", parting.stage.map_or("no stage".to_owned(), Stage::in_words));
+    println!("{what}: {}", parting.stage.map_or_else(|none| none.in_words().to_owned(), Stage::in_words));
     parting.clone()
 }
 
 /// The culprit of a fault in a shader, and the stage.
-fn planted(fault: Fault, torques: &[Torque], method: Method, precision: Precision) -> (Culprit, Option<Stage>) {
+fn planted(fault: Fault, torques: &[Torque], method: Method, precision: Precision) -> (Culprit, Found) {
     let scene = scene(torques).pinned(method, DT, Some(precision)).skipping(false);
     let what = format!("{fault:?} under {method} in {precision}");
     let parting = parting_of(&faulty(&[fault]), &scene, &steps(1), &what);
     (parting.culprit, parting.stage)
 }
 
-fn stage(number: usize, of: usize, term: Term) -> Option<Stage> {
-    Some(Stage { number, of, is_stage: true, term })
+type Found = Result<Stage, NoStage>;
+
+fn stage(number: usize, of: usize, term: Term) -> Found {
+    Ok(Stage { number, of, is_stage: true, term, shown: Shown::Evaluations })
 }
 
-fn evaluation(number: usize, of: usize, term: Term) -> Option<Stage> {
-    Some(Stage { number, of, is_stage: false, term })
+fn evaluation(number: usize, of: usize, term: Term) -> Found {
+    Ok(Stage { number, of, is_stage: false, term, shown: Shown::Evaluations })
+}
+
+/// Of an engine that shows none of its evaluations.
+fn in_short_steps(number: usize, of: usize, term: Term) -> Found {
+    Ok(Stage { number, of, is_stage: true, term, shown: Shown::ShortSteps })
 }
 
 #[test]
 fn a_fault_in_rk4_is_named_by_stage_and_term() {
     let file = "method/rk4.wgsl";
-    let of_the_method: [(Fault, Option<Stage>); 6] = [
+    let of_the_method: [(Fault, Found); 6] = [
         (
             (
                 file,
@@ -166,26 +173,67 @@ fn a_fault_in_an_attempt_is_named_by_stage_and_term() {
         assert_eq!(planted(formula, precision), (Culprit::Torques(vec![1]), stage(1, 12, Term::Torque)));
         assert_eq!(planted(HALF_ANGLE, precision), (Culprit::Method, stage(1, 12, Term::OrientationRate)));
         // The states agree.
-        assert_eq!(planted(estimate, precision), (Culprit::Method, None));
+        assert_eq!(planted(estimate, precision), (Culprit::Method, Err(NoStage::StatesAgree)));
     }
     let (culprit, found) = planted(weights, Precision::F64);
     assert_eq!(culprit, Culprit::Method);
     assert!(found == stage(7, 12, Term::AngularMomentum) || found == stage(7, 12, Term::Orientation), "{found:?}");
 }
 
-/// Lanes step by tiles and series by coefficients: neither shows its evaluations. A projection is behind them.
+/// The twin's sinusoid is a thousandth stronger in its cosine, which is 1 at the start of the first step, or in its sine, which is 0 there.
+fn stronger_twins() -> [Options; 2] {
+    let twins = |[sine, cosine]: [f64; 2]| {
+        vec![torques()[0].clone(), Torque::sinusoidal(sine * DVec3::X, cosine * DVec3::Y, 3.0)]
+    };
+    [[1.0, 1.001], [1.001, 1.0]].map(|strengths| Options { twin_torques: Some(twins(strengths)), ..steps(1) })
+}
+
+/// Lanes show none of their evaluations: short steps from the states and times of the twin's say which slope it is.
 #[test]
-fn where_no_evaluation_is_seen_none_is_named() {
-    let twins = vec![torques()[0].clone(), Torque::sinusoidal(DVec3::X, 1.001 * DVec3::Y, 3.0)];
-    let options = Options { twin_torques: Some(twins), ..steps(1) };
-    let stepped = scene(&torques()).pinned(Method::Rk4, DT, None);
-    let series = scene(&torques()).taylor(AdaptiveSteps { tolerance: 1e-12, least_step: None }).skipping(false);
-    for scene in [stepped, series] {
-        assert_eq!(parting_of(&Engine::cpu(), &scene, &options, "lanes").stage, None);
+fn a_fault_in_lanes_is_named_by_the_first_slope_that_differs() {
+    let [cosine, sine] = stronger_twins();
+    for (method, count) in [(Method::Rk4, 4), (Method::Rk8, 12), (Method::Cf4, 4)] {
+        let stepped = |precision| scene(&torques()).pinned(method, DT, Some(precision)).skipping(false);
+        for precision in Precision::ALL {
+            let parting = parting_of(&Engine::cpu(), &stepped(precision), &cosine, &format!("{method} in {precision}"));
+            assert_eq!(parting.culprit, Culprit::Torques(vec![1]));
+            assert_eq!(parting.stage, in_short_steps(1, count, Term::Torque), "{method} in {precision}");
+        }
+        let parting = parting_of(&Engine::cpu(), &stepped(Precision::F64), &sine, method.name());
+        assert_eq!(parting.stage, in_short_steps(2, count, Term::Torque), "{method}");
     }
+    let attempts = adaptive(&torques(), 1e-10, Precision::F64);
+    let found = |options| parting_of(&Engine::cpu(), &attempts, options, "attempts").stage;
+    assert_eq!(found(&cosine), in_short_steps(1, 12, Term::Torque));
+    assert_eq!(found(&sine), in_short_steps(2, 12, Term::Torque));
+    // Kicks ask for the torque alone.
+    let kicked = scene(&torques()).pinned(Method::Splitting2, DT, Some(Precision::F64)).skipping(false);
+    let parting = parting_of(&Engine::cpu(), &kicked, &cosine, "kicks");
+    let expected = Stage { number: 1, of: 2, is_stage: false, term: Term::Torque, shown: Shown::ShortSteps };
+    assert_eq!(parting.stage, Ok(expected));
+}
+
+/// Of a series the power with which the difference falls is that of the first coefficient that differs.
+#[test]
+fn a_fault_in_a_series_is_named_by_its_first_coefficient() {
+    let series = scene(&torques()).taylor(AdaptiveSteps { tolerance: 1e-12, least_step: None }).skipping(false);
+    for (options, number) in stronger_twins().into_iter().zip([1, 2]) {
+        let stage = parting_of(&Engine::cpu(), &series, &options, "series").stage.expect("a coefficient");
+        assert_eq!((stage.number, stage.term, stage.shown), (number, Term::Torque, Shown::Series));
+        let words =
+            format!("the coefficient of order {number} of its series of order {} is the first to differ", stage.of);
+        assert!(stage.in_words().starts_with(&words), "{}", stage.in_words());
+    }
+}
+
+/// A projection is behind all evaluations, and a free flow makes none.
+#[test]
+fn where_nothing_is_evaluated_no_stage_is_named_and_why_is_said() {
     let free = scene(&[]).projected(Method::Rk4, DT);
     let root = ("method/projection.wgsl", "let size = sqrt(", "let size = 1.001 * sqrt(");
-    assert_eq!(parting_of(&faulty(&[root]), &free, &steps(1), "root").stage, None);
+    let report = verify(&faulty(&[root]), &free, &steps(1)).expect("both sides run");
+    assert_eq!(report.parting().expect("a fault is planted").stage, Err(NoStage::NoEvaluations));
+    assert!(report.to_string().contains(NoStage::NoEvaluations.in_words()), "{report}");
     let parting = parting_of(&faulty(&[HALF_ANGLE]), &free, &steps(1), "half an angle");
     assert_eq!(parting.stage, stage(1, 4, Term::OrientationRate));
 }
@@ -235,7 +283,7 @@ fn evaluations_agree_under_every_method_where_the_fault_is_behind_them() {
     let agree = |engine: &Engine, scene: &Scene, what: &str| {
         let parting = parting_of(engine, scene, &steps(1), what);
         assert_eq!(parting.culprit, Culprit::Torques(vec![0, 1, 2]), "{what}");
-        let stage = parting.stage.unwrap_or_else(|| panic!("{what}: no stage"));
+        let stage = parting.stage.unwrap_or_else(|none| panic!("{what}: {}", none.in_words()));
         assert_eq!((stage.term, stage.number), (Term::Increment, stage.of), "{what}: {stage:?}");
     };
     let (equal, own) = (faulty(&[behind]), faulty(&behind_attempt));
