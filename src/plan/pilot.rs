@@ -278,7 +278,7 @@ impl<'a> Pilot<'a> {
     /// have parted do not settle to one.
     fn lost_early(&self) -> Result<Option<Found>> {
         let keeps_volume =
-            |torque: &Torque| torque.leaves_rigid() && !torque.is_random() && !torque.needs().angular_velocity;
+            |torque: &Torque| torque.leaves_rigid() && !torque.is_random() && !torque.is_sampled() && !torque.needs().angular_velocity;
         if !self.torques.iter().all(keeps_volume) {
             return Ok(None);
         }

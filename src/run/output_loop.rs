@@ -245,6 +245,9 @@ impl<'p> Run<'p> {
             || self.comparison.is_some() && !self.reduces
             || !scene.may_skip()
             || (last && !plan.leaves_states());
+        if let Some(observation) = &mut self.observation {
+            observation.take_controls(&self.group_runs);
+        }
         let clock = Instant::now();
         let forms = wanted || last || self.reduces;
         advance(&mut self.group_runs, (time, plan.span_before(index)), forms, (&mut self.done, self.total), observer)?;

@@ -62,6 +62,7 @@ pub use crate::error::Text;
 
 pub mod constant_body;
 pub mod constant_world;
+pub mod control;
 pub mod custom;
 pub mod custom_inertia;
 pub(crate) mod declaration;
@@ -107,9 +108,10 @@ mod value;
 pub mod variable_inertia;
 pub mod white_noise;
 
+pub use control::SampledLaw;
 pub use custom::Parameters;
 pub use declaration::{Declaration, Frame, OtherKey, ParameterDeclaration, Preset, Shape, Validity};
-pub(crate) use expressed::numbers_of_body;
+pub(crate) use expressed::{Expressed, host_numbers, numbers_of_body, tensor_of, user_number};
 pub use kind::Kind;
 pub(crate) use model::Model;
 pub(crate) use model::ModelRef;
