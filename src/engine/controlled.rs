@@ -228,13 +228,18 @@ impl Controls {
         self.laws.iter().map(of_law).collect()
     }
 
-    /// The numbers of the own state of a torque, by its place among the sampled ones, at `time`, s, not before the last change: shape
-    /// `[numbers][rows]`.
-    pub(crate) fn own_state(&self, law: usize, time: f64) -> Vec<Vec<f64>> {
-        let law = &self.laws[law];
-        let mut numbers = law.numbers.clone();
-        advance_states(law.control(), &mut numbers, time);
-        law.control().states.iter().flat_map(|(_, own)| own.clone()).map(|number| numbers[number].clone()).collect()
+    /// Hands the numbers of the own state of each torque at `time`, s, not before the last change, to `take`: the torque's place among the
+    /// sampled ones, the number's among those of its own state, the body, and the number.
+    pub(crate) fn own_state(&self, time: f64, take: &mut dyn FnMut((usize, usize), usize, f64)) {
+        for (place, law) in self.laws.iter().enumerate() {
+            let mut numbers = law.numbers.clone();
+            advance_states(law.control(), &mut numbers, time);
+            let own = law.control().states.iter().flat_map(|(_, own)| own.clone());
+            for (index, number) in own.enumerate() {
+                let rows = numbers[number].iter().zip(&self.rows.bodies);
+                rows.for_each(|(&value, &body)| take((place, index), body as usize, value));
+            }
+        }
     }
 }
 

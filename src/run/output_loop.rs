@@ -106,6 +106,20 @@ pub struct Output {
     pub statistics: Option<Statistics>,
     /// Histograms, in the order in which the scene asks for them.
     pub histograms: Vec<HistogramCounts>,
+    /// Numbers of the own state of sampled torques.
+    pub own_state: Vec<OwnState>,
+}
+
+/// A number of the own state of a sampled torque ([`crate::torque::SampledLaw`]) at an output time.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct OwnState {
+    /// The torque's place in the scene.
+    pub torque: usize,
+    /// The state's name, and for a component of a vector `_x`, `_y` or `_z` behind it.
+    pub name: String,
+    /// Of all bodies, shape `[body_count]`; NaN of those that an event has stopped.
+    pub values: Vec<f64>,
 }
 
 impl std::fmt::Debug for Run<'_> {
@@ -204,6 +218,23 @@ impl<'p> Run<'p> {
             self.total = self.total.saturating_sub(of_body.saturating_mul(left_out as u64));
         }
         Ok(())
+    }
+
+    /// The own state of sampled torques at the output time that the bodies stand at, s.
+    fn own_state(&self, time: f64) -> Vec<OwnState> {
+        let scene = self.plan.scene();
+        let (mut all, mut firsts) = (Vec::new(), Vec::new());
+        for (torque, control) in scene.torques().iter().enumerate().filter_map(|(n, of)| Some((n, of.control()?))) {
+            firsts.push(all.len());
+            let values = vec![f64::NAN; scene.ensemble().len()];
+            all.extend(control.names_of_numbers().map(|name| OwnState { torque, name, values: values.clone() }));
+        }
+        for controls in self.group_runs.iter().filter_map(GroupRun::controls) {
+            controls.own_state(time, &mut |(law, number), body, value| {
+                all[firsts[law] + number].values[body] = value;
+            });
+        }
+        all
     }
 
     /// How many outputs are done.
@@ -550,7 +581,8 @@ impl Iterator for Run<'_> {
         let mut taken = Taken { keeps_states, states, statistics: None, histograms: Vec::new() };
         let done = self.output_into(&mut taken, &mut |_| ControlFlow::Continue(()));
         let Taken { states, statistics, histograms, .. } = taken;
-        Some(done.map(|()| Output { time, states, statistics, histograms }))
+        let own_state = self.own_state(time);
+        Some(done.map(|()| Output { time, states, statistics, histograms, own_state }))
     }
 
     fn size_hint(&self) -> (usize, Option<usize>) {

@@ -398,6 +398,14 @@ pub(crate) struct Control {
 }
 
 impl Control {
+    /// The names of the numbers of the own state, in their order.
+    pub fn names_of_numbers(&self) -> impl Iterator<Item = String> {
+        self.states.iter().flat_map(|(name, numbers)| {
+            let names = |part| if numbers.len() == 1 { name.clone() } else { format!("{name}_{part}") };
+            ["x", "y", "z"].into_iter().take(numbers.len()).map(names).collect::<Vec<_>>()
+        })
+    }
+
     /// When it is sampled, and how long until that takes effect.
     pub fn sampling(&self) -> Sampling {
         Sampling { every: self.every, delay: self.delay }
