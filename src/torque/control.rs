@@ -21,7 +21,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::custom::{ExpressionModel, HostState};
-use super::{Parameters, Torque, Validity, expressed};
+use super::{ParameterDeclaration, Parameters, Preset, Torque, Validity, expressed};
 use crate::expression::{
     Expression, Fault, Graph, Input, InputKind, Program, Recorder, Shape, Symbol, Symbols, TextError,
 };
@@ -91,6 +91,45 @@ impl SampledLaw {
         let parameters = parameters.number(EVERY, every)?.number(DELAY, delay)?;
         let parameters = parameters.valid(EVERY, "s", Validity::Positive).valid(DELAY, "s", Validity::NotNegative);
         Ok(Self { parameters, every, delay, states: Vec::new(), at_samples: None, sampled: Vec::new() })
+    }
+
+    /// The law of a model that declares `every` and `delay` among its parameters: formulas name these with `_` for `.`. `derived` are numbers
+    /// that follow from them.
+    pub(super) fn of_model(
+        declaration: &super::Declaration,
+        values: &[super::Value],
+        derived: impl IntoIterator<Item = (&'static str, super::Parameter<f64>)>,
+    ) -> Result<Self, Fault> {
+        let mut parameters = Parameters::new();
+        let (mut every, mut delay) = (0.0, 0.0);
+        for (declared, value) in declaration.parameters.iter().zip(values) {
+            let name = declared.name.replace('.', "_");
+            parameters = match value {
+                super::Value::Vector(vector) => parameters.vector(&name, vector.clone()),
+                super::Value::Rotation(rotation) => parameters.rotation(&name, rotation.clone()),
+                super::Value::Number(number) => {
+                    match (&*name, number) {
+                        (EVERY, super::Parameter::Shared(period)) => every = *period,
+                        (DELAY, super::Parameter::Shared(time)) => delay = *time,
+                        _ => {}
+                    }
+                    parameters.number(&name, number.clone())
+                }
+                // Sampled models declare no others.
+                _ => Ok(parameters),
+            }?;
+        }
+        for (name, number) in derived {
+            parameters = parameters.number(name, number)?;
+        }
+        Ok(Self { parameters, every, delay, states: Vec::new(), at_samples: None, sampled: Vec::new() })
+    }
+
+    /// The torque of the model of that declaration.
+    pub(super) fn torque_of(self, declaration: &super::Declaration, text: &str) -> Result<Torque, TextError> {
+        let with_rates = self.with_rates()?;
+        let torque = Expression::parse(text, with_rates.symbols(), Shape::Vector)?;
+        Ok(with_rates.finished(torque, Some(declaration.clone()))?)
     }
 
     /// Adds a number to the own state, with what it starts as.
@@ -437,14 +476,53 @@ impl Control {
     }
 }
 
-/// When one torque is sampled.
+/// When a torque is sampled, and how long until what was sampled takes effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Sampling {
-    /// s, above zero.
+pub struct Sampling {
+    /// The period, s, above zero.
     pub every: f64,
     /// s, not negative.
     pub delay: f64,
 }
+
+impl Sampling {
+    /// Every so many seconds, in effect at once.
+    pub fn every(every: f64) -> Self {
+        Self { every, delay: 0.0 }
+    }
+
+    /// The same, in effect so many seconds later.
+    #[must_use]
+    pub fn delayed(self, delay: f64) -> Self {
+        Self { delay, ..self }
+    }
+
+    /// In the order of [`parameters`].
+    pub(super) fn values(self) -> [super::Value; 2] {
+        [self.every, self.delay].map(|seconds| super::Value::Number(seconds.into()))
+    }
+}
+
+/// The parameters of a sampled model: when it is sampled.
+pub(super) fn parameters() -> [ParameterDeclaration; 2] {
+    let number = ParameterDeclaration::number;
+    [
+        number(EVERY, "s", "the sampling period").valid(Validity::Positive).constant(),
+        number(DELAY, "s", "the time until sampled values take effect")
+            .valid(Validity::NotNegative)
+            .or(Preset::Number(0.0))
+            .constant(),
+    ]
+}
+
+/// The part of a formula that cuts a vector's components to a limit of either sign.
+pub(super) fn limited(vector: &str, limit: &str) -> String {
+    let component = |axis| format!("clamp({vector}.{axis}, -{limit}, {limit})");
+    format!("vec({}, {}, {})", component('x'), component('y'), component('z'))
+}
+
+/// What a model's own formula cannot be refused with.
+pub(super) const SOUND: &str = "the formulas of a model are sound";
 
 /// The times, s, at which what torques hold changes.
 #[derive(Clone, Debug, PartialEq)]
