@@ -126,7 +126,11 @@ impl Controls {
 
     /// Samples what is sampled at `time`, s, and puts into effect what takes effect then; gives the columns that have changed. `state` gives
     /// the state of a row's body by its frame at the time.
-    pub(crate) fn change(&mut self, time: f64, state: &(dyn Fn(&BodyFrame, usize) -> BodyState + Sync)) -> Vec<Written> {
+    pub(crate) fn change(
+        &mut self,
+        time: f64,
+        state: &(dyn Fn(&BodyFrame, usize) -> BodyState + Sync),
+    ) -> Vec<Written> {
         self.time = time;
         let rows = &self.rows;
         let mut all = Vec::new();
@@ -388,7 +392,7 @@ impl StatesOf {
                 frame = frame.at(&rows.torques, rows.bodies[row] as usize, time);
             }
             let state = state(&frame, row);
-            let tensor = needs_tensor.then(|| tensor_of(&frame)).unwrap_or_default();
+            let tensor = if needs_tensor { tensor_of(&frame) } else { Default::default() };
             let momentum = if needs_tensor { tensor * state.angular_velocity_body } else { glam::DVec3::ZERO };
             for (input, column) in &mut columns {
                 let index = usize::from(input.index);
@@ -457,12 +461,7 @@ impl Controls {
     }
 
     /// What changes at `time` in a session whose state is in `words` and whose columns `write` writes.
-    fn apply(
-        &mut self,
-        time: f64,
-        words: &StateWords,
-        mut write: impl FnMut(&Written) -> Result<()>,
-    ) -> Result<()> {
+    fn apply(&mut self, time: f64, words: &StateWords, mut write: impl FnMut(&Written) -> Result<()>) -> Result<()> {
         self.change(time, &|frame, row| frame.state_of(words, row)).iter().try_for_each(&mut write)
     }
 }

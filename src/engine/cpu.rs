@@ -12,8 +12,8 @@ use crate::bodies::columns::{StateWords, column_parts, state_columns};
 use crate::engine::adaptive_session::{
     AdaptiveSession, TAYLOR_ADAPTS, TAYLOR_IN_F64, check_equal_steps, check_torques, taylor_unavailable,
 };
-use crate::engine::controlled::Written;
 use crate::engine::batch::{AnyBatch, Batch, load_body, load_invariants, load_state, store_state};
+use crate::engine::controlled::Written;
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::{AnyRows, FreeMotionRows};
 use crate::kernel::method::cf4::Cf4;

@@ -140,7 +140,10 @@ impl fmt::Display for Fault {
                 )
             }
             Fault::StateLaw { name } => {
-                write!(formatter, "`{name}` needs one law: `d_{name}`, its rate, or `next_{name}`, its value after a sample")
+                write!(
+                    formatter,
+                    "`{name}` needs one law: `d_{name}`, its rate, or `next_{name}`, its value after a sample"
+                )
             }
             Fault::Nested => write!(formatter, "a formula is being recorded already on this thread"),
             Fault::ForeignSymbol => write!(formatter, "a symbol was used outside of the recording that it belongs to"),

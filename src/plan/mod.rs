@@ -303,9 +303,7 @@ impl<'a> Plan<'a> {
     fn steps_after(&self, group: &Group, outputs: usize) -> u64 {
         let schedule = Schedule::of(&group.class.torques.of(self.scene.torques()));
         let before = |index: usize| if index == 0 { 0.0 } else { self.times[index - 1] };
-        let steps = |index: usize| {
-            group.treatment.steps_between(schedule.as_ref(), (before(index), self.times[index]))
-        };
+        let steps = |index: usize| group.treatment.steps_between(schedule.as_ref(), (before(index), self.times[index]));
         (outputs..self.times.len()).map(steps).fold(0, u64::saturating_add)
     }
 

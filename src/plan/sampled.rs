@@ -79,7 +79,10 @@ impl Pilot<'_> {
             let members = Members::Some(members);
             let (watcher, take) = (Watcher::Watch(&self.limit.watch), Some(&mut take as &mut AtTime<'_>));
             let found = propagate_subset_through(self.scene, times, self.torques, &members, &treatment, watcher, take)?;
-            TAKEN.fetch_add((members.len() as f64 * equal_steps(&treatment, times, schedule.as_ref())) as u64, Ordering::Relaxed);
+            TAKEN.fetch_add(
+                (members.len() as f64 * equal_steps(&treatment, times, schedule.as_ref())) as u64,
+                Ordering::Relaxed,
+            );
             Ok((at_times, found))
         });
         let mut states = vec![States::new(); times.len()];
@@ -201,7 +204,9 @@ impl Pilot<'_> {
         }
         let of_group = |(treatment, members): &(Treatment, Vec<u32>)| {
             let precision = treatment.precision_of_steps().unwrap_or(Precision::F64);
-            members.len() as f64 * equal_steps(treatment, &times, schedule.as_ref()) * self.step_seconds(rule, cost, precision)
+            members.len() as f64
+                * equal_steps(treatment, &times, schedule.as_ref())
+                * self.step_seconds(rule, cost, precision)
         };
         self.treatments(rule).iter().map(of_group).sum()
     }

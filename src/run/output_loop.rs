@@ -29,6 +29,7 @@ use crate::record::{
 };
 use crate::scene::Stepping;
 use crate::torque::Torque;
+use crate::torque::control;
 
 /// Bodies that are read and handed on at once: on the host little enough for its cache, and from a device so many that a transfer takes
 /// longer than its start.
@@ -223,12 +224,14 @@ impl<'p> Run<'p> {
     /// The own state of sampled torques at the output time that the bodies stand at, s.
     fn own_state(&self, time: f64) -> Vec<OwnState> {
         let scene = self.plan.scene();
-        let (mut all, mut firsts) = (Vec::new(), Vec::new());
-        for (torque, control) in scene.torques().iter().enumerate().filter_map(|(n, of)| Some((n, of.control()?))) {
-            firsts.push(all.len());
-            let values = vec![f64::NAN; scene.ensemble().len()];
-            all.extend(control.names_of_numbers().map(|name| OwnState { torque, name, values: values.clone() }));
-        }
+        let nothing = vec![f64::NAN; scene.ensemble().len()];
+        let own = control::own_state(scene.torques());
+        let mut all: Vec<OwnState> =
+            own.map(|(torque, name)| OwnState { torque, name, values: nothing.clone() }).collect();
+        // The first number of each of the torques that are sampled.
+        let sampled = (0..scene.torques().len()).filter(|&torque| scene.torques()[torque].is_sampled());
+        let first = |torque: usize| all.iter().position(|own| own.torque == torque).unwrap_or(0);
+        let firsts: Vec<usize> = sampled.map(first).collect();
         for controls in self.group_runs.iter().filter_map(GroupRun::controls) {
             controls.own_state(time, &mut |(law, number), body, value| {
                 all[firsts[law] + number].values[body] = value;
@@ -340,6 +343,7 @@ impl<'p> Run<'p> {
         let from_states = if self.reduces { &[][..] } else { &self.statistics };
         let mut from_states = FromStates::new(from_states, blocks_of(scene).collect());
         let stops = scene.stops();
+        let own_state = if asked { self.own_state(time) } else { Vec::new() };
         for start in (0..body_count).step_by(block) {
             let range = start..(start + block).min(body_count);
             let clock = Instant::now();
@@ -386,6 +390,11 @@ impl<'p> Run<'p> {
             self.wall_time.compute += formed;
             if asked {
                 let clock = Instant::now();
+                if !own_state.is_empty() {
+                    sink.own_state(
+                        own_state.iter().map(|own| of_moving(&own.values[range.clone()], &self.states)).collect(),
+                    )?;
+                }
                 sink.take_bodies(index, time, start, &mut self.states)?;
                 self.wall_time.write += clock.elapsed().as_secs_f64();
             }
@@ -537,6 +546,14 @@ fn located(error: Error, plan: &Plan<'_>, done: usize) -> Error {
         }
         error => error,
     }
+}
+
+/// A column of some bodies without those that have failed or were stopped.
+fn of_moving(values: &[f64], states: &[OutputState]) -> Vec<f64> {
+    let of = |(value, state): (&f64, &OutputState)| {
+        if state.rotation.is_sound() && state.stopped_at.is_none() { *value } else { f64::NAN }
+    };
+    values.iter().zip(states).map(of).collect()
 }
 
 /// Takes what comes at one output time.

@@ -398,9 +398,8 @@ impl Joined {
     }
 
     fn moved(&self, inputs: &mut impl FnMut(&Recorder, Input) -> Symbol) -> Result<Self, Fault> {
-        let moved = |(numbers, formula): &(Range<usize>, Expression)| {
-            Ok((numbers.clone(), formula.substituted(&mut *inputs)?))
-        };
+        let moved =
+            |(numbers, formula): &(Range<usize>, Expression)| Ok((numbers.clone(), formula.substituted(&mut *inputs)?));
         Self::new(self.formulas.iter().map(moved).collect::<Result<_, Fault>>()?)
     }
 
@@ -438,7 +437,7 @@ pub(crate) struct Control {
 
 impl Control {
     /// The names of the numbers of the own state, in their order.
-    pub fn names_of_numbers(&self) -> impl Iterator<Item = String> {
+    fn names_of_numbers(&self) -> impl Iterator<Item = String> {
         self.states.iter().flat_map(|(name, numbers)| {
             let names = |part| if numbers.len() == 1 { name.clone() } else { format!("{name}_{part}") };
             ["x", "y", "z"].into_iter().take(numbers.len()).map(names).collect::<Vec<_>>()
@@ -462,8 +461,7 @@ impl Control {
 
     /// With other inputs; parameters may have come behind its own.
     pub fn moved(&self, inputs: &mut impl FnMut(&Recorder, Input) -> Symbol) -> Result<Self, Fault> {
-        let [samples, next, rates] =
-            [self.samples.moved(inputs)?, self.next.moved(inputs)?, self.rates.moved(inputs)?];
+        let [samples, next, rates] = [self.samples.moved(inputs)?, self.next.moved(inputs)?, self.rates.moved(inputs)?];
         Ok(Self { samples, next, rates, ..self.clone() })
     }
 
@@ -523,6 +521,15 @@ pub(super) fn limited(vector: &str, limit: &str) -> String {
 
 /// What a model's own formula cannot be refused with.
 pub(super) const SOUND: &str = "the formulas of a model are sound";
+
+/// The numbers of the own state of all torques: the torque's place, and the number's name.
+pub(crate) fn own_state(torques: &[Torque]) -> impl Iterator<Item = (usize, String)> {
+    let of = |(place, torque): (usize, &Torque)| {
+        let names = torque.control().map(|control| control.names_of_numbers().collect::<Vec<_>>());
+        names.unwrap_or_default().into_iter().map(move |name| (place, name))
+    };
+    torques.iter().enumerate().flat_map(of)
+}
 
 /// The times, s, at which what torques hold changes.
 #[derive(Clone, Debug, PartialEq)]

@@ -317,7 +317,8 @@ impl ExpressionModel {
     /// What the torque depends on; of the position also what is formed at samples.
     pub(super) fn needs(&self) -> Needs {
         let needs = self.prepared.general().needs();
-        let formed = self.control.iter().flat_map(Control::expressions).map(|formula| expressed::needs(formula.dependence()));
+        let formed =
+            self.control.iter().flat_map(Control::expressions).map(|formula| expressed::needs(formula.dependence()));
         Needs { position: needs.position || formed.into_iter().any(|needs| needs.position), ..needs }
     }
 

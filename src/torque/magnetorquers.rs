@@ -103,9 +103,11 @@ fn of_values(values: &[Value]) -> Torque {
 
 /// How fast the mean anomaly, the pericentre and the node turn, rad/s; one a body where their orbits differ.
 fn rates(values: Values<'_>) -> [(&'static str, Parameter<f64>); 3] {
-    let of_orbit = values.values.iter().enumerate().filter(|(place, _)| {
-        *place < orbit::ELEMENTS || *place + orbit::drift::DRIFT >= values.values.len()
-    });
+    let of_orbit = values
+        .values
+        .iter()
+        .enumerate()
+        .filter(|(place, _)| *place < orbit::ELEMENTS || *place + orbit::drift::DRIFT >= values.values.len());
     let bodies = of_orbit.filter_map(|(_, value)| match value.as_number() {
         Some(Parameter::PerBody(column)) => Some(column.len()),
         _ => None,
@@ -135,9 +137,9 @@ impl Model for Magnetorquers {
     fn made_for(&self, values: &[Value], context: &ValidationContext) -> Option<Result<Torque>> {
         let own = Values { values, first_body: 0 };
         let each = DECLARATION.parameters.iter().zip(values);
-        let is_valid = each.clone().all(|(declared, value)| {
-            context.check(&declared.name, &declared.unit, declared.valid, value).is_ok()
-        });
+        let is_valid = each
+            .clone()
+            .all(|(declared, value)| context.check(&declared.name, &declared.unit, declared.valid, value).is_ok());
         // Numbers that are not valid one by one are refused with the others, when a plan is made.
         if is_valid && let Err(refusal) = orbit::validate(own, context) {
             return Some(Err(refusal));

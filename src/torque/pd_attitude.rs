@@ -17,8 +17,7 @@ use crate::error::Result;
 pub struct PdAttitude;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
-    let source =
-        "F. L. Markley, J. L. Crassidis, Fundamentals of Spacecraft Attitude Determination and Control, 2014, equation 7.14";
+    let source = "F. L. Markley, J. L. Crassidis, Fundamentals of Spacecraft Attitude Determination and Control, 2014, equation 7.14";
     Declaration::new("pd-attitude", "τ = −k θ − d ω of a sample, within a limit", source)
         .parameters(law_parameters())
         .parameters([torque_limit()])

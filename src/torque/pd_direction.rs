@@ -56,7 +56,8 @@ impl Torque {
 }
 
 fn of_values(values: &[Value]) -> Torque {
-    let asked = "let u = stiffness * cross(normalize(axis), to_body(normalize(direction))) - damping * angular_velocity;
+    let asked =
+        "let u = stiffness * cross(normalize(axis), to_body(normalize(direction))) - damping * angular_velocity;
 ";
     let law = SampledLaw::of_model(&DECLARATION, values, []).expect(SOUND);
     let law = law.sample_vector("held", &(asked.to_owned() + &limited("u", "torque_limit"))).expect(SOUND);

@@ -16,27 +16,21 @@ use crate::error::Result;
 /// τ = −dh/dt − ω × h, where dh/dt = −u is held: u is the torque that [`pd-attitude`](super::pd_attitude) asks for at a sample, cut to
 /// ±`torque_limit` axis by axis (F. L. Markley, J. L. Crassidis, *Fundamentals of Spacecraft Attitude Determination and Control*, 2014, equations
 /// 3.147 and 7.14). No wheel goes beyond ±`momentum_limit`: one that would reach it within the period is driven to it by the period's end, and
-/// gives no torque from then on in that sense.
+/// gives no torque from then on in that sense. One that starts beyond it is not driven further.
 ///
 /// h is the wheels' angular momentum along the body's axes beside what they have as parts of the body; the inertia tensor is that of the body
 /// with its wheels. L + R h of body and wheels is kept. The own state is `h`.
 pub struct ReactionWheels;
 
 static DECLARATION: LazyLock<Declaration> = LazyLock::new(|| {
-    let source =
-        "F. L. Markley, J. L. Crassidis, Fundamentals of Spacecraft Attitude Determination and Control, 2014, equation 3.147";
+    let source = "F. L. Markley, J. L. Crassidis, Fundamentals of Spacecraft Attitude Determination and Control, 2014, equation 3.147";
     let limit = ParameterDeclaration::number("momentum_limit", "kg m²/s", "the greatest momentum of a wheel");
     let start = ParameterDeclaration::vector("momentum", "kg m²/s", Frame::Body, "h at t = 0");
     Declaration::new("reaction-wheels", "τ = −dh/dt − ω × h, dh/dt = k θ + d ω of a sample, within limits", source)
         .parameters(law_parameters())
-        .parameters([
-            torque_limit(),
-            limit.valid(Validity::Positive),
-            start.or(Preset::Number(0.0)),
-        ])
+        .parameters([torque_limit(), limit.valid(Validity::Positive), start.or(Preset::Number(0.0))])
         .parameters(control::parameters())
 });
-const MOMENTUM_LIMIT: usize = 4;
 const MOMENTUM: usize = 5;
 
 /// What three wheels along the body's axes can do.
@@ -88,7 +82,12 @@ impl Torque {
 
 fn of_values(values: &[Value]) -> Torque {
     let Value::Vector(momentum) = &values[MOMENTUM] else { panic!("{SOUND}") };
-    let within = |axis| format!("clamp(-u.{axis}, (-momentum_limit - h.{axis}) / every, (momentum_limit - h.{axis}) / every)");
+    // Towards 0 a wheel may turn always, also one that starts beyond its limit.
+    let within = |axis| {
+        let (low, high) =
+            (format!("(-momentum_limit - h.{axis}) / every"), format!("(momentum_limit - h.{axis}) / every"));
+        format!("clamp(-u.{axis}, min({low}, 0), max({high}, 0))")
+    };
     let rate = format!("vec({}, {}, {})", within('x'), within('y'), within('z'));
     let law = SampledLaw::of_model(&DECLARATION, values, []).expect(SOUND);
     let law = law.vector("h", momentum.clone()).expect(SOUND);
@@ -108,19 +107,7 @@ impl Model for ReactionWheels {
 
     fn columns(&self, _: Values<'_>, _: usize, _: &BodyFrame, _: DQuat, _: &mut [f64]) {}
 
-    fn made_for(&self, values: &[Value], context: &ValidationContext) -> Option<Result<Torque>> {
-        let (Value::Number(limit), Value::Vector(momentum)) = (&values[MOMENTUM_LIMIT], &values[MOMENTUM]) else {
-            return Some(Ok(of_values(values)));
-        };
-        let shared = limit.is_shared() && momentum.is_shared();
-        for body in 0..if shared { 1 } else { context.body_count } {
-            let (limit, greatest) = (limit.at(body), momentum.at(body).abs().max_element());
-            if greatest > limit && limit > 0.0 && greatest.is_finite() {
-                let body = Some(body).filter(|_| !shared);
-                let expected = "expected at most momentum_limit along each axis (kg m²/s)";
-                return Some(Err(context.refusal(body, "momentum", greatest, expected)));
-            }
-        }
+    fn made_for(&self, values: &[Value], _: &ValidationContext) -> Option<Result<Torque>> {
         Some(Ok(of_values(values)))
     }
 }
