@@ -12,11 +12,11 @@ use rayon::prelude::*;
 use super::adaptive_session::{AdaptiveSession, StepCounts};
 use super::batch::AnyBatch;
 use super::reduction::{BlockRows, Marked, Reduce};
-use super::watch::{Job, Watch};
+use super::watch::{Job, Watch, watched};
 use super::{Observer, Progress, Session};
 use crate::bodies::columns::StateWords;
 use crate::bodies::{BodyFrame, BodyState};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::expression::{Input, InputKind, Program};
 use crate::kernel::method::rk8_adaptive::Controller;
 use crate::kernel::observe::{Partial, Statistic};
@@ -429,10 +429,11 @@ pub(crate) struct ControlledSession {
     inner: Box<dyn Session>,
     controls: Controls,
     longest_step: f64,
-    /// The time that the state stands at, s.
+    /// The time that the state stands at, s, and what its sum has lost.
     time: f64,
+    residue: f64,
     /// What went wrong where nobody could be told.
-    error: Option<crate::Error>,
+    error: Option<Error>,
 }
 
 /// Steps of the bodies' own under sampled torques, which end at each change.
@@ -440,14 +441,16 @@ pub(crate) struct ControlledAdaptiveSession {
     inner: Box<dyn AdaptiveSession>,
     controls: Controls,
     time: f64,
-    error: Option<crate::Error>,
+    error: Option<Error>,
 }
 
 impl Controls {
     /// A session of bodies that these are of.
     pub(crate) fn around(controls: Option<Self>, inner: Box<dyn Session>, longest_step: f64) -> Box<dyn Session> {
         match controls {
-            Some(controls) => Box::new(ControlledSession { inner, controls, longest_step, time: 0.0, error: None }),
+            Some(controls) => {
+                Box::new(ControlledSession { inner, controls, longest_step, time: 0.0, residue: 0.0, error: None })
+            }
             None => inner,
         }
     }
@@ -467,6 +470,14 @@ impl Controls {
 }
 
 impl ControlledSession {
+    /// The time after some steps: the sum of all of them (Kahan), as over 1e7 outputs a plain one would miss samples.
+    fn end_of(&mut self, dt: f64, steps: u64) -> f64 {
+        let span = dt * steps as f64 + self.residue;
+        let end = self.time + span;
+        self.residue = span - (end - self.time);
+        end
+    }
+
     /// Brings the bodies to `end`, s; `steps` takes equal steps of the inner session and says whether to go on.
     fn advance_through(
         &mut self,
@@ -502,9 +513,17 @@ impl Session for ControlledSession {
 
     fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
         self.sound()?;
-        let bodies = self.inner.body_count() as u64;
-        let end = self.time + dt * steps as f64;
-        let total = self.controls.schedule.steps(self.time, end, self.longest_step).saturating_mul(bodies);
+        let (bodies, span) = (self.inner.body_count() as u64, dt * steps as f64);
+        let of_body = self.controls.schedule.steps(self.time, self.time + span, self.longest_step);
+        let total = of_body.saturating_mul(bodies);
+        if self.inner.has_jobs() {
+            // One thread watches over all parts.
+            let job = self.job(dt, steps)?;
+            let work = |watch: &Watch| job.into_iter().for_each(|job| job(watch));
+            watched(work, total, observer).map_err(|done| Error::Interrupted { steps: done / bodies.max(1) })?;
+            return self.sound();
+        }
+        let end = self.end_of(dt, steps);
         let mut before = 0_u64;
         self.advance_through(end, |inner, dt, steps| {
             inner.advance(dt, steps, &mut |progress| {
@@ -520,7 +539,7 @@ impl Session for ControlledSession {
         if !self.inner.has_jobs() {
             return Ok(None);
         }
-        let end = self.time + dt * steps as f64;
+        let end = self.end_of(dt, steps);
         Ok(Some(Box::new(move |watch: &Watch| {
             let done = self.advance_through(end, |inner, dt, steps| {
                 if let Some(job) = inner.job(dt, steps)? {
@@ -596,6 +615,12 @@ impl AdaptiveSession for ControlledAdaptiveSession {
         self.sound()?;
         super::check_time(time)?;
         let (start, total) = (self.time, self.inner.body_count() as u64);
+        if self.inner.has_jobs() {
+            let job = self.job_to(time)?;
+            let work = |watch: &Watch| job.into_iter().for_each(|job| job(watch));
+            watched(work, total, observer).map_err(|_| Error::Interrupted { steps: 0 })?;
+            return self.sound();
+        }
         self.advance_through(time, |inner, next| {
             // Bodies arrive at every change; told is how much of the way lies behind them.
             let part = (next - start) / (time - start);

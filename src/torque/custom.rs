@@ -7,6 +7,7 @@ use glam::{DQuat, DVec3};
 use super::control::Control;
 use super::expressed::{self, Expressed, Preparations};
 use super::formula::{Column, Epoch, Formula, Role, Row};
+use super::registry::MODELS;
 use super::{
     Declaration, Kind, Model, ModelRef, Needs, ParameterDeclaration, Torque, ValidationContext, Value, Values,
     translated,
@@ -437,6 +438,15 @@ impl Model for ExpressionModel {
         };
         let greatest = attitudes.into_iter().map(size).filter(|size| size.is_finite()).fold(0.0, f64::max);
         (greatest / middle_moment).sqrt()
+    }
+
+    /// What was made for the values of a model is checked by that one.
+    fn validate(&self, values: Values<'_>, context: &ValidationContext) -> Result<()> {
+        let made_of = MODELS.iter().find(|model| model.declaration().name == self.declaration.name);
+        made_of.map_or(Ok(()), |model| {
+            let own = &values.values[..model.declaration().parameters.len()];
+            model.validate(Values { values: own, ..values }, context)
+        })
     }
 
     fn validate_bodies(&self, _: Values<'_>, context: &ValidationContext, ensemble: &Ensemble) -> Result<()> {

@@ -114,7 +114,8 @@ fn rates(values: Values<'_>) -> [(&'static str, Parameter<f64>); 3] {
     });
     let bodies = bodies.min();
     let column = |which: usize| -> Parameter<f64> {
-        let rate = |body: usize| elements(values, body).rates()[which].0;
+        // What is no number is refused with the orbit that it follows from.
+        let rate = |body: usize| Some(elements(values, body).rates()[which].0).filter(|x| x.is_finite()).unwrap_or(0.0);
         match bodies {
             Some(bodies) => (0..bodies).map(rate).collect::<Vec<f64>>().into(),
             None => rate(0).into(),
@@ -134,16 +135,12 @@ impl Model for Magnetorquers {
 
     fn columns(&self, _: Values<'_>, _: usize, _: &BodyFrame, _: DQuat, _: &mut [f64]) {}
 
-    fn made_for(&self, values: &[Value], context: &ValidationContext) -> Option<Result<Torque>> {
-        let own = Values { values, first_body: 0 };
-        let each = DECLARATION.parameters.iter().zip(values);
-        let is_valid = each
-            .clone()
-            .all(|(declared, value)| context.check(&declared.name, &declared.unit, declared.valid, value).is_ok());
-        // Numbers that are not valid one by one are refused with the others, when a plan is made.
-        if is_valid && let Err(refusal) = orbit::validate(own, context) {
-            return Some(Err(refusal));
-        }
+    /// Of the torque that is made for values: what it has behind these follows from them.
+    fn validate(&self, values: Values<'_>, context: &ValidationContext) -> Result<()> {
+        orbit::validate(values, context)
+    }
+
+    fn made_for(&self, values: &[Value], _: &ValidationContext) -> Option<Result<Torque>> {
         Some(Ok(of_values(values)))
     }
 }

@@ -2,6 +2,7 @@
 //! methods nor output times change anything.
 
 use glam::{DQuat, DVec3};
+use polhode::bodies::ensemble::Translation;
 use polhode::run::Run;
 use polhode::scene::{AdaptiveSteps, Condition, Event};
 use polhode::torque::reaction_wheels::Wheels;
@@ -268,6 +269,63 @@ fn events_are_located_across_samples() {
                 );
             }
         }
+    }
+}
+
+/// Bodies that an event stops are left out, with what their torques hold, and the others move as if nothing were stopped, to the bit.
+#[test]
+fn bodies_that_are_stopped_take_their_state_along() {
+    for (engine_name, engine) in engines() {
+        for (name, steps, _) in strategies(engine_name) {
+            let slow = Event::new("slow", Quantity::SpinRate, Condition::Below(0.05)).unwrap();
+            let scene = |event: Event| {
+                let scene = Scene::new(satellites()).torque(wheels(0.2, 0.05)).until(9.0).outputs(Outputs::Every(1.5));
+                steps(scene.event(event))
+            };
+            let run = |scene: &Scene| {
+                let plan = Plan::new(scene, &engine).expect("a plan");
+                let outputs: Vec<_> =
+                    Run::start(&engine, &plan).expect("started").map(|output| output.unwrap()).collect();
+                outputs
+            };
+            let (recorded, stopped) = (run(&scene(slow.clone())), run(&scene(slow.stopping())));
+            let ends = stopped.last().expect("an output").states.stopped_at();
+            let moving: Vec<usize> = (0..BODIES).filter(|&body| ends[body].is_nan()).collect();
+            assert!(!moving.is_empty() && moving.len() < BODIES, "{engine_name}, {name}: {}", moving.len());
+            for (own, other) in stopped.iter().zip(&recorded) {
+                for &body in &moving {
+                    let [own_q, other_q] = [own, other].map(|output| output.states.orientation(body));
+                    assert_eq!(own_q, other_q, "{engine_name}, {name}: body {body} at {} s", own.time);
+                    for axis in 0..3 {
+                        let [own, other] = [own, other].map(|output| output.own_state[axis].values[body]);
+                        assert_eq!(own.to_bits(), other.to_bits(), "{engine_name}, {name}: body {body}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A sample sees the centre of mass where its closed form has it.
+#[test]
+fn samples_see_positions() {
+    let engine = Engine::cpu();
+    let end = |text: &str, translates: bool| {
+        let (mass, zero) = (vec![2.0; BODIES], vec![DVec3::new(0.5, 0.0, 0.0); BODIES]);
+        let velocity = vec![DVec3::new(0.3, -0.1, 0.0); BODIES];
+        let translation = Translation { mass, position: zero, velocity };
+        let bodies = satellites();
+        let bodies = if translates { bodies.with_translation(translation).unwrap() } else { bodies };
+        let law = SampledLaw::new(Parameters::new(), 0.4, 0.1).unwrap().sample_vector("u", text).unwrap();
+        let scene = Scene::new(bodies).torque(law.torque("0.1 * to_body(u)").unwrap()).until(5.0);
+        let scene = scene.adaptive(ADAPTIVE, Some(Precision::F64));
+        let record = engine.run(&Plan::new(&scene, &engine).expect("a plan")).expect("a run");
+        (0..BODIES).map(|body| record.final_state().orientation(body)).collect::<Vec<_>>()
+    };
+    let (own, other) = (end("position", true), end("vec(0.5 + 0.3 * time, -0.1 * time, 0)", false));
+    for (body, (own, other)) in own.into_iter().zip(other).enumerate() {
+        let off = crate::support::attitude_error(own, other);
+        assert!(off <= 1e-12, "body {body}: {off:e} rad");
     }
 }
 
