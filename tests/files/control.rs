@@ -12,7 +12,7 @@ use crate::shards::{done, tables};
 use crate::workspace::{States, Workspace, report};
 
 /// Wheels by a law of one's own and coils of the library, with an event and statistics.
-const STUDY: &str = r#"
+pub const STUDY: &str = r#"
 seed = 4
 [bodies]
 count = 500
