@@ -94,7 +94,7 @@ fn more_samples_than_a_run_comes_to_the_end_of_are_refused() {
         (
             "every = \"3 s\"",
             "every = 3\ndelay = -1",
-            "torque[2].delay = -1: expected a finite number that is not negative (s)",
+            "torque[2].delay = -1.0: expected a finite number that is not negative (s)",
         ),
     ] {
         let workspace = Workspace::new(&STUDY.replace(old, new));
@@ -158,7 +158,7 @@ fn parts_and_pieces_leave_the_bytes_of_one_run() {
         done(&workspace, 2, &["run", "study.toml", "--out", "whole", "--quiet", "--engine", "cpu"]);
         let (whole, of_whole) = (tables(&workspace, "whole"), report(&workspace, "whole"));
         assert!(whole.contains_key("snapshots.csv") && whole.contains_key("events.csv"), "{:?}", whole.keys());
-        let pieces = ["run", "study.toml", "--out", "pieces", "--checkpoint", "0.02", "--quiet", "--engine", "cpu"];
+        let pieces = ["run", "study.toml", "--out", "pieces", "--checkpoint", "0.2", "--quiet", "--engine", "cpu"];
         done(&workspace, 1, &pieces);
         workspace.done(&["plan", "study.toml", "--out", "plan.json", "--quiet", "--engine", "cpu"]);
         for shard in ["1/3", "2/3", "3/3"] {
