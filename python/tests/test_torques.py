@@ -30,6 +30,16 @@ VALUES = {
     "sine-spring": {"stiffness": 0.5, "target": [0, 0, 0, 1]},
     "log-spring": {"stiffness": 0.5, "target": [0, 0, 0, 1]},
     "internal-dissipation": {"coefficient": 0.02},
+    "pd-attitude": {"stiffness": 0.5, "damping": 0.3, "target": [0, 0, 0, 1], "torque_limit": 0.2, "every": 0.1},
+    "pd-direction": {
+        **{"stiffness": 0.5, "damping": 0.3, "axis": [0, 0, 1], "direction": [1, 0, 0], "torque_limit": 0.2},
+        **{"every": 0.1, "delay": 0.05},
+    },
+    "reaction-wheels": {
+        **{"stiffness": 0.5, "damping": 0.3, "target": [0, 0, 0, 1], "torque_limit": 0.2, "momentum_limit": 0.1},
+        **{"momentum": [0.01, 0, 0], "every": 0.1, "delay": 0.05},
+    },
+    "magnetorquers": {**ORBIT, "gain": 1e8, "moment_limit": 1e4, "strength": 7.8e15, "every": 0.2},
     "white-noise": {"intensity": 0.01, "seed": 3},
     "variable-inertia": {"factor": 1.2, "ramp": {"start": 0.2, "duration": 0.5}},
 }

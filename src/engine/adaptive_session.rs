@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::Observer;
+use super::controlled::{Controls, Written};
 use super::reduction::Reduce;
 use super::watch::Job;
 use crate::bodies::columns::StateWords;
@@ -136,6 +137,20 @@ pub trait AdaptiveSession: Reduce {
     ///
     /// As [`crate::engine::Session::keep`].
     fn keep(&mut self, bodies: &[usize]) -> Result<()>;
+
+    /// As [`crate::engine::Session::write_parameters`].
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Device`] where the device is lost.
+    #[doc(hidden)]
+    fn write_parameters(&mut self, written: &Written) -> Result<()>;
+
+    /// What sampled torques hold of its bodies, where any act.
+    #[doc(hidden)]
+    fn controls(&self) -> Option<&Controls> {
+        None
+    }
 
     /// The time that each body stands at, s, shape `[body_count]`, after a call that brought them on: where a body was flagged in it, the
     /// time at which it stopped. `None` where the controllers are not in the host's memory.

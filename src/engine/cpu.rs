@@ -13,6 +13,7 @@ use crate::engine::adaptive_session::{
     AdaptiveSession, TAYLOR_ADAPTS, TAYLOR_IN_F64, check_equal_steps, check_torques, taylor_unavailable,
 };
 use crate::engine::batch::{AnyBatch, Batch, load_body, load_invariants, load_state, store_state};
+use crate::engine::controlled::Written;
 use crate::error::{Error, Result};
 use crate::kernel::free_motion::{AnyRows, FreeMotionRows};
 use crate::kernel::method::cf4::Cf4;
@@ -233,6 +234,11 @@ impl<T: LaneScalar + Kernel> Session for CpuSession<T> {
 
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
         Ok(self.batch.read(bodies))
+    }
+
+    fn write_parameters(&mut self, written: &Written) -> Result<()> {
+        self.batch.write_parameters(written);
+        Ok(())
     }
 
     fn keep(&mut self, bodies: &[usize]) -> Result<()> {

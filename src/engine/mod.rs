@@ -22,6 +22,7 @@ use crate::torque::force::carried::Carried;
 
 pub mod adaptive_session;
 pub mod batch;
+pub mod controlled;
 pub mod cpu;
 mod devices;
 pub mod gpu;
@@ -36,6 +37,8 @@ pub mod watch;
 
 pub use devices::{Adapter, AdapterLimits, Choice, Devices, devices, devices_async};
 pub use traffic::Traffic;
+
+use controlled::{Controls, Written};
 
 use adaptive_session::{AdaptiveSession, TAYLOR_ON_CPU, taylor_unavailable};
 use cpu::Cpu;
@@ -453,6 +456,20 @@ pub trait Session: Reduce {
     ///
     /// [`crate::Error::Device`] where the device is lost.
     fn keep(&mut self, bodies: &[usize]) -> Result<()>;
+
+    /// Writes columns of parameters of some bodies anew.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Device`] where the device is lost.
+    #[doc(hidden)]
+    fn write_parameters(&mut self, written: &Written) -> Result<()>;
+
+    /// What sampled torques hold of its bodies, where any act.
+    #[doc(hidden)]
+    fn controls(&self) -> Option<&Controls> {
+        None
+    }
 
     /// Positions (m) and velocities (m/s), world axes, of a range of bodies; empty where the session moves none.
     ///

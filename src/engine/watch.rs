@@ -1,5 +1,6 @@
 //! Work on the processor's threads, and the thread that watches it.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
@@ -9,7 +10,7 @@ use super::{Observer, Progress};
 #[derive(Debug, Default)]
 pub struct Watch {
     done: AtomicU64,
-    stop: AtomicBool,
+    stop: Arc<AtomicBool>,
 }
 
 impl Watch {
@@ -31,6 +32,11 @@ impl Watch {
     /// Whether to go on. Who is told not to leaves the rest undone.
     pub fn goes_on(&self) -> bool {
         !self.stop.load(Ordering::Relaxed)
+    }
+
+    /// One that counts for itself and is stopped with this one.
+    pub(crate) fn beside(&self) -> Self {
+        Self { done: AtomicU64::new(0), stop: Arc::clone(&self.stop) }
     }
 
     /// Ends the work of all.

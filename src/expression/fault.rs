@@ -20,6 +20,13 @@ pub enum Fault {
     DivisionByZero,
     /// An eccentricity that changes in time, where Taylor series are asked for.
     VaryingEccentricity,
+    /// The rate of a sine or cosine of time that follows from a value which is sampled during the run.
+    SampledRate,
+    /// An own state that has no law, or more than one.
+    StateLaw {
+        /// The state.
+        name: String,
+    },
     /// A constant that shaders cannot write.
     ConstantOutOfRange {
         /// The constant.
@@ -124,6 +131,18 @@ impl fmt::Display for Fault {
                 write!(
                     formatter,
                     "Kepler's equation has a series here for an eccentricity that is constant in time only"
+                )
+            }
+            Fault::SampledRate => {
+                write!(
+                    formatter,
+                    "the rate of a sine or cosine of time follows from a sampled value or an own state; such rates are constant"
+                )
+            }
+            Fault::StateLaw { name } => {
+                write!(
+                    formatter,
+                    "`{name}` needs one law: `d_{name}`, its rate, or `next_{name}`, its value after a sample"
                 )
             }
             Fault::Nested => write!(formatter, "a formula is being recorded already on this thread"),

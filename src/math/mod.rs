@@ -5,6 +5,7 @@
 pub mod clock;
 pub mod double_double;
 pub mod elementary;
+pub mod equal_steps;
 pub mod kepler;
 pub(crate) mod lanes;
 pub mod phase;

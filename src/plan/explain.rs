@@ -19,6 +19,8 @@ use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::math::Spread;
 use crate::scene::{Scene, Stepping};
+use crate::torque::control::Schedule;
+use crate::torque::{Sampling, Torque};
 
 /// What a plan does and leaves out.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,6 +40,9 @@ pub struct Explanation {
     pub asked: String,
     /// What is formed of the states at each output time, and where; `null` where nothing is.
     pub observed: Option<String>,
+    /// Which torques are sampled, and when.
+    #[cfg_attr(feature = "study", serde(skip_serializing_if = "Vec::is_empty"))]
+    pub sampled: Vec<String>,
     /// One row for each class that is treated in one way.
     pub classes: Vec<ClassRow>,
     /// What is left out.
@@ -148,6 +153,9 @@ fn in_all(classes: &[ClassRow]) -> Option<f64> {
     classes.iter().map(|class| class.seconds).sum()
 }
 
+/// Time of a change of what a sampled torque of the library holds of a body, s of one core, reading and writing of its columns included.
+const CHANGE: f64 = 0.25e-6;
+
 /// Rows of the table: shape, torques, whether it translates, method, and whether in `f64`.
 type RowKey = (Shape, TorqueSet, bool, &'static str, bool);
 
@@ -190,6 +198,7 @@ impl Plan<'_> {
             outputs: self.times().len(),
             asked: asked(self.scene()),
             observed: observed(self.scene()),
+            sampled: sampled(self.scene()),
             classes,
             skips: self.skips().iter().map(skip_row).collect(),
         }
@@ -279,6 +288,10 @@ impl Plan<'_> {
             let of_step = work.step_seconds(self.costs.of(scheme)?, precision, tolerance);
             Some(of_step / self.costs.at_a_time(&self.engine)?)
         };
+        // What sampled torques hold is formed on the host, whatever the engine.
+        let schedule = Schedule::of(&group.class.torques.of(self.scene().torques()));
+        let changes = schedule.map_or(0.0, |schedule| schedule.changes_in(self.scene().end()));
+        let of_changes = bodies * changes * CHANGE / cores;
         match group.treatment {
             // On the host, whatever the engine.
             Treatment::RegularPrecession => Some(evaluations * evaluation_seconds(None) / cores),
@@ -288,7 +301,7 @@ impl Plan<'_> {
                 // Without a pilot the number of steps shows in the run alone.
                 let found = self.found(group)?;
                 let body_steps = found.steps?.total as f64 / found.bodies as f64 * bodies;
-                Some(body_steps * step_seconds(Scheme::Adaptive(method), precision, steps.tolerance)?)
+                Some(body_steps * step_seconds(Scheme::Adaptive(method), precision, steps.tolerance)? + of_changes)
             }
             Treatment::Stepped { method, precision, .. } => {
                 let body_steps = self.steps_of(group) as f64 * bodies;
@@ -299,7 +312,7 @@ impl Plan<'_> {
                     let of_step = f64::from(method.properties().evaluations) * EVALUATION;
                     self.costs.of(scheme).is_none().then_some(of_step / self.costs.at_a_time(&self.engine)?)
                 };
-                Some(body_steps * seconds.or_else(rough)?)
+                Some(body_steps * seconds.or_else(rough)? + of_changes)
             }
         }
     }
@@ -451,6 +464,21 @@ fn observed(scene: &Scene) -> Option<String> {
     (!parts.is_empty()).then(|| format!("{}, {place}", parts.join(", ")))
 }
 
+/// Which torques are sampled, and when.
+fn sampled(scene: &Scene) -> Vec<String> {
+    let of = |(place, torque): (usize, &Torque)| {
+        let Sampling { every, delay } = torque.control()?.sampling();
+        let delay = if delay > 0.0 { format!(", in effect {delay:?} s later") } else { String::new() };
+        let count = (scene.end() / every).floor() + 1.0;
+        let name = torque.name();
+        Some(format!(
+            "torque {} ({name}) every {every:?} s{delay}: {count} samples, each of which ends a step",
+            place + 1
+        ))
+    };
+    scene.torques().iter().enumerate().filter_map(of).collect()
+}
+
 /// Bytes in MiB, with a digit where there are few.
 fn mebibytes(bytes: u64) -> String {
     let mebibytes = bytes as f64 / f64::from(1 << 20);
@@ -477,6 +505,7 @@ impl fmt::Display for Explanation {
         if let Some(observed) = &self.observed {
             writeln!(formatter, "formed at each: {observed}")?;
         }
+        self.sampled.iter().try_for_each(|sampled| writeln!(formatter, "sampled: {sampled}"))?;
         writeln!(
             formatter,
             "

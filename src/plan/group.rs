@@ -9,6 +9,7 @@ use crate::kernel::method::Method;
 use crate::kernel::observe::error_bound;
 use crate::math::Precision;
 use crate::scene::AdaptiveSteps;
+use crate::torque::control::{Schedule, steps_between};
 
 /// How the motion of a group's bodies is found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -74,6 +75,14 @@ impl Treatment {
             | Treatment::Stepped { precision, .. }
             | Treatment::Adaptive { precision, .. } => precision,
             Treatment::RegularPrecession => Precision::F64,
+        }
+    }
+
+    /// The equal steps from one time to another where what torques hold may change in between, which ends a step; none where there are none.
+    pub(crate) fn steps_between(&self, schedule: Option<&Schedule>, between: (f64, f64)) -> u64 {
+        match *self {
+            Treatment::RegularPrecession | Treatment::ClosedForm { .. } | Treatment::Adaptive { .. } => 0,
+            Treatment::Stepped { longest_step, .. } => steps_between(schedule, between, longest_step),
         }
     }
 

@@ -20,6 +20,7 @@ use crate::kernel::method::rk8_adaptive::LEAST_STEP;
 use crate::math::Precision;
 use crate::scene::{AdaptiveSteps, Event, Outputs, Scene, Stepping};
 use crate::torque::Torque;
+use crate::torque::control::{Control, MOST_SAMPLES, Schedule};
 use crate::torque::force::Force;
 
 pub mod choice;
@@ -159,6 +160,7 @@ impl<'a> Plan<'a> {
             torque.validate(index, scene.ensemble())?;
         }
         check_together(scene.torques())?;
+        check_samples(scene)?;
         for (index, force) in scene.forces().iter().enumerate() {
             force.validate(index, scene.ensemble().len())?;
         }
@@ -275,9 +277,7 @@ impl<'a> Plan<'a> {
 
     /// Steps of a body of `group` over the whole span.
     pub fn steps_of(&self, group: &Group) -> u64 {
-        (0..self.times.len())
-            .map(|index| group.treatment.interval(self.span_before(index)).steps)
-            .fold(0, u64::saturating_add)
+        self.steps_after(group, 0)
     }
 
     /// The work that a group takes, as progress counts it: body-steps, or output times of its bodies where they are not
@@ -295,12 +295,16 @@ impl<'a> Plan<'a> {
     /// The work of a body of `group` after so many outputs.
     pub(crate) fn work_after(&self, group: &Group, outputs: usize) -> u64 {
         match group.treatment {
-            Treatment::Stepped { .. } => {
-                let steps = |index: usize| group.treatment.interval(self.span_before(index)).steps;
-                (outputs..self.times.len()).map(steps).fold(0, u64::saturating_add)
-            }
+            Treatment::Stepped { .. } => self.steps_after(group, outputs),
             _ => (self.times.len() - outputs) as u64,
         }
+    }
+
+    fn steps_after(&self, group: &Group, outputs: usize) -> u64 {
+        let schedule = Schedule::of(&group.class.torques.of(self.scene.torques()));
+        let before = |index: usize| if index == 0 { 0.0 } else { self.times[index - 1] };
+        let steps = |index: usize| group.treatment.steps_between(schedule.as_ref(), (before(index), self.times[index]));
+        (outputs..self.times.len()).map(steps).fold(0, u64::saturating_add)
     }
 
     /// The most steps that any body takes over the whole span.
@@ -375,6 +379,37 @@ fn check_together(torques: &[Torque]) -> Result<()> {
     }
     Ok(())
 }
+
+/// Refuses more samples than a run comes to the end of.
+fn check_samples(scene: &Scene) -> Result<()> {
+    for (index, torque) in scene.torques().iter().enumerate() {
+        let Some(sampling) = torque.control().map(Control::sampling) else { continue };
+        if scene.end() / sampling.every > MOST_SAMPLES {
+            return Err(Error::Torque {
+                torque: index,
+                model: torque.owned_name(),
+                body: None,
+                field: "every".into(),
+                value: sampling.every,
+                expected: "more than 1e9 samples would follow: expected a longer period, or a shorter span (s)".into(),
+            });
+        }
+        if sampling.delay / sampling.every > MOST_PERIODS {
+            return Err(Error::Torque {
+                torque: index,
+                model: torque.owned_name(),
+                body: None,
+                field: "delay".into(),
+                value: sampling.delay,
+                expected: "expected at most 1000 periods of `every` (s)".into(),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// The longest delay, in periods: what is sampled meanwhile is kept.
+const MOST_PERIODS: f64 = 1000.0;
 
 /// The most steps a body may need.
 const MOST_STEPS: u64 = 1_000_000_000_000_000;

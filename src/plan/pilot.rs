@@ -277,8 +277,9 @@ impl<'a> Pilot<'a> {
     /// the angular velocity the motion keeps the volume of phase space (J. Liouville, J. Math. Pures Appl. 3 (1838) 342), and motions that
     /// have parted do not settle to one.
     fn lost_early(&self) -> Result<Option<Found>> {
-        let keeps_volume =
-            |torque: &Torque| torque.leaves_rigid() && !torque.is_random() && !torque.needs().angular_velocity;
+        let keeps_volume = |torque: &Torque| {
+            torque.leaves_rigid() && !torque.is_random() && !torque.is_sampled() && !torque.needs().angular_velocity
+        };
         if !self.torques.iter().all(keeps_volume) {
             return Ok(None);
         }

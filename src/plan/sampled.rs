@@ -22,6 +22,7 @@ use crate::plan::errors::{ErrorRatio, Errors};
 use crate::plan::subset::{AtTime, SubsetStates, Watcher, propagate_subset, propagate_subset_through};
 use crate::scene::AdaptiveSteps;
 use crate::scene::Target;
+use crate::torque::control::Schedule;
 
 /// Output times beyond which the pilot goes to the end in one go.
 const MOST_TIMES: usize = 1000;
@@ -71,13 +72,17 @@ impl Followed {
 impl Pilot<'_> {
     /// The sample under a rule, at ascending times of which the last is the end of the pilot's span.
     pub fn followed(&self, rule: &Rule, times: &[f64]) -> Result<Followed> {
+        let schedule = Schedule::of(self.torques);
         let groups = self.treatments(rule).into_par_iter().map(|(treatment, members)| {
             let mut at_times = vec![Vec::new(); times.len()];
             let mut take = |index: usize, states: &[(usize, BodyState)]| at_times[index] = states.to_vec();
             let members = Members::Some(members);
             let (watcher, take) = (Watcher::Watch(&self.limit.watch), Some(&mut take as &mut AtTime<'_>));
             let found = propagate_subset_through(self.scene, times, self.torques, &members, &treatment, watcher, take)?;
-            TAKEN.fetch_add((members.len() as f64 * equal_steps(&treatment, times)) as u64, Ordering::Relaxed);
+            TAKEN.fetch_add(
+                (members.len() as f64 * equal_steps(&treatment, times, schedule.as_ref())) as u64,
+                Ordering::Relaxed,
+            );
             Ok((at_times, found))
         });
         let mut states = vec![States::new(); times.len()];
@@ -119,9 +124,10 @@ impl Pilot<'_> {
 
     /// The sample's steps under a rule, where they are equal.
     fn equal_steps(&self, rule: &Rule) -> u64 {
-        let times = self.times();
-        let of_group =
-            |(treatment, members): (Treatment, Vec<u32>)| members.len() as f64 * equal_steps(&treatment, &times);
+        let (times, schedule) = (self.times(), Schedule::of(self.torques));
+        let of_group = |(treatment, members): (Treatment, Vec<u32>)| {
+            members.len() as f64 * equal_steps(&treatment, &times, schedule.as_ref())
+        };
         self.treatments(rule).into_iter().map(of_group).sum::<f64>() as u64
     }
 
@@ -183,30 +189,34 @@ impl Pilot<'_> {
 
     /// Time that the sample's steps take, s; of as many as they are known to be where bodies choose them.
     pub fn seconds(&self, rule: &Rule, cost: &Cost, known: Option<Spread>) -> f64 {
-        let times = self.times();
+        let (times, schedule) = (self.times(), Schedule::of(self.torques));
         if rule.scheme.is_adaptive() {
+            let ends = times.len() as f64 + schedule.map_or(0.0, |schedule| schedule.changes_in(self.span));
             let part = self.span / self.scene.end();
             let mean = known.map(|steps| part * steps.total as f64 / self.bodies.len() as f64);
             let of_body = |(_, classification): &(u32, Classification)| {
                 let precision = rule.precision_of(classification.rate * self.scene.end());
                 let angle = classification.rate * self.span;
-                let ahead = || rule.expected_attempts(precision, angle).max(times.len() as f64);
+                let ahead = || rule.expected_attempts(precision, angle).max(ends);
                 mean.unwrap_or_else(ahead) * self.step_seconds(rule, cost, precision)
             };
             return self.bodies.iter().map(of_body).sum();
         }
         let of_group = |(treatment, members): &(Treatment, Vec<u32>)| {
             let precision = treatment.precision_of_steps().unwrap_or(Precision::F64);
-            members.len() as f64 * equal_steps(treatment, &times) * self.step_seconds(rule, cost, precision)
+            members.len() as f64
+                * equal_steps(treatment, &times, schedule.as_ref())
+                * self.step_seconds(rule, cost, precision)
         };
         self.treatments(rule).iter().map(of_group).sum()
     }
 }
 
-/// Equal steps of a body through some times.
-fn equal_steps(treatment: &Treatment, times: &[f64]) -> f64 {
+/// Equal steps of a body through some times, of which the changes of what torques hold end some.
+fn equal_steps(treatment: &Treatment, times: &[f64], schedule: Option<&Schedule>) -> f64 {
     let mut last = 0.0;
-    times.iter().map(|&time| treatment.interval(time - std::mem::replace(&mut last, time)).steps as f64).sum()
+    let steps = |&time: &f64| treatment.steps_between(schedule, (std::mem::replace(&mut last, time), time)) as f64;
+    times.iter().map(steps).sum()
 }
 
 impl Rule {

@@ -1,6 +1,7 @@
 //! Propagates a subset of a scene's bodies on the CPU.
 
 use super::greatest_rate;
+use crate::bodies::BodyFrame;
 use crate::bodies::BodyState;
 use crate::bodies::Members;
 use crate::bodies::blocks::cut;
@@ -9,6 +10,7 @@ use crate::engine::adaptive_session::AdaptiveSession;
 use crate::engine::adaptive_session::StepCounts;
 use crate::engine::batch::AnyBatch;
 use crate::engine::batch::{ORDERED_TOGETHER, Prepared, prepare_ordered};
+use crate::engine::controlled::Controls;
 use crate::engine::cpu::Cpu;
 use crate::engine::load_balance::order;
 use crate::engine::watch::{Job, Watch};
@@ -77,7 +79,9 @@ pub(crate) fn propagate_subset_through(
         false => (0..prepared.len()).collect(),
     };
     let cuts = cut(members.len(), ORDERED_TOGETHER, &[]);
-    let (frames, batch) = prepare_ordered(scene.ensemble(), torques, scene.end(), members, precision, (&cuts, order))?;
+    let (frames, mut batch) =
+        prepare_ordered(scene.ensemble(), torques, scene.end(), members, precision, (&cuts, order))?;
+    let controls = ordered_controls(torques, &mut batch, &frames, members, &rows);
     let state = |(member, &row): (usize, &u32), time: f64, words: &StateWords| {
         let (body, row) = (members.body(member), row as usize);
         (body, frames[row].at(torques, body, time).state_of(words, row))
@@ -85,10 +89,11 @@ pub(crate) fn propagate_subset_through(
     let states_of = |time: f64, words: StateWords| -> Vec<(usize, BodyState)> {
         rows.iter().enumerate().map(|member| state(member, time, &words)).collect()
     };
-    let (method, projected) = match *treatment {
-        Treatment::Stepped { method, projected, .. } => (method, projected),
+    let (method, projected, longest_step) = match *treatment {
+        Treatment::Stepped { method, projected, longest_step, .. } => (method, projected, longest_step),
         Treatment::Adaptive { method, steps, .. } => {
-            let mut session = start(&Cpu::new(Width::Lanes), method, batch, steps)?;
+            let session = start(&Cpu::new(Width::Lanes), method, batch, steps)?;
+            let mut session = Controls::around_adaptive(controls, session);
             for (index, &time) in times.iter().enumerate() {
                 match &mut watcher {
                     Watcher::Observer(observer) => session.advance_to(time, observer)?,
@@ -105,7 +110,8 @@ pub(crate) fn propagate_subset_through(
         Treatment::RegularPrecession | Treatment::ClosedForm { .. } => return Ok(SubsetStates::default()),
     };
     let engine = Cpu::new(Width::Lanes);
-    let mut session = if projected { engine.start_projected(batch, method)? } else { engine.start(batch, method)? };
+    let session = if projected { engine.start_projected(batch, method)? } else { engine.start(batch, method)? };
+    let mut session = Controls::around(controls, session, longest_step);
     let mut last = 0.0;
     for (index, &time) in times.iter().enumerate() {
         let interval = treatment.interval(time - last);
@@ -119,6 +125,20 @@ pub(crate) fn propagate_subset_through(
         }
     }
     Ok(SubsetStates { states: states_of(end, session.read(0..members.len())?), counts: Vec::new() })
+}
+
+/// What sampled torques hold of the bodies of a batch whose rows have an order of their own: that of each member is in `session_rows`.
+pub(crate) fn ordered_controls(
+    torques: &[Torque],
+    batch: &mut AnyBatch,
+    frames: &[BodyFrame],
+    members: &Members,
+    session_rows: &[u32],
+) -> Option<Controls> {
+    torques.iter().any(Torque::is_sampled).then_some(())?;
+    let mut bodies = vec![0; session_rows.len()];
+    session_rows.iter().enumerate().for_each(|(member, &row)| bodies[row as usize] = members.body(member));
+    Controls::start(torques, batch, frames, |row| bodies[row])
 }
 
 /// Does what a session of the processor's has to do.

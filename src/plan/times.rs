@@ -1,31 +1,12 @@
 //! Output times, and steps that hit them.
 
 use crate::error::{Error, Result};
+pub use crate::math::equal_steps::Interval;
+pub(crate) use crate::math::equal_steps::steps_over;
 use crate::scene::{Outputs, Scene};
 
 /// More output times than this are refused: nobody reads them, and the list alone would take 80 MB.
 pub const MOST_OUTPUTS: usize = 10_000_000;
-
-/// Steps of equal size from one output time to the next.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Interval {
-    /// Number of steps.
-    pub steps: u64,
-    /// Size of each, s.
-    pub dt: f64,
-}
-
-/// The fewest equal steps of at most `longest` that make up `span`; a step count within 1e-9 of a whole number is
-/// taken as that number, so that 10 s in steps of 0.1 s are 100 steps although 0.1 is not a machine number.
-pub(crate) fn steps_over(span: f64, longest: f64) -> Interval {
-    if span <= 0.0 {
-        return Interval { steps: 0, dt: longest };
-    }
-    let ratio = span / longest;
-    let nearest = ratio.round();
-    let steps = if (ratio - nearest).abs() <= 1e-9 * nearest { nearest } else { ratio.ceil() }.max(1.0);
-    Interval { steps: steps as u64, dt: span / steps }
-}
 
 /// The longest step over `span` seconds. A span of zero takes no step, so every length is allowed.
 pub(crate) fn longest_over(span: f64) -> f64 {

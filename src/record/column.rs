@@ -5,6 +5,7 @@ use crate::bodies::state_columns;
 pub use crate::bodies::{ROTATION_COLUMNS, TRANSLATION_COLUMNS};
 use crate::scene::{Quantity, Scene};
 use crate::study::{Output, OutputColumn};
+use crate::torque::control;
 
 /// The column behind the numbers of every table of states: the number of what became of the body ([`crate::bodies::Status`]), 0 where all is well.
 /// Numbers of a body that has failed are NaN ([`OutputState`]).
@@ -58,6 +59,8 @@ pub(crate) struct Layout {
     sources: Vec<Source>,
     /// The derived quantities among them.
     pub quantities: Vec<Quantity>,
+    /// Numbers of the own state of sampled torques.
+    own_numbers: usize,
     /// Cells of the study's design, where it has one: body b lies in cell b modulo this.
     pub cells: Option<usize>,
 }
@@ -66,8 +69,8 @@ pub(crate) struct Layout {
 enum Source {
     /// The place in [`values`].
     State(usize),
-    /// The place in [`Layout::quantities`].
-    Quantity(usize),
+    /// The place among [`Layout::quantities`] and, behind these, the numbers of the own state of sampled torques.
+    Derived(usize),
     /// [`STOPPED_AT`].
     StoppedAt,
 }
@@ -86,6 +89,13 @@ impl Layout {
             None => Self { cells, ..Self::of_states(scene.ensemble().translation().is_some()) },
             Some(columns) => Self { cells, ..Self::of_chosen(columns) },
         };
+        for (torque, number) in control::own_state(scene.torques()) {
+            let name = format!("torque{}_{number}", torque + 1);
+            let meaning = format!("own state of torque {} ({})", torque + 1, scene.torques()[torque].name());
+            layout.sources.push(Source::Derived(layout.quantities.len() + layout.own_numbers));
+            layout.own_numbers += 1;
+            layout.columns.push(Named { name, unit: "SI".to_owned(), meaning });
+        }
         if scene.stops() {
             layout.columns.push(Named {
                 name: STOPPED_AT.to_owned(),
@@ -105,7 +115,7 @@ impl Layout {
                 OutputColumn::Quantity(quantity) => {
                     let (name, unit) = (quantity.name().to_owned(), quantity.unit().to_owned());
                     layout.columns.push(Named { name, unit, meaning: "derived quantity".to_owned() });
-                    layout.sources.push(Source::Quantity(layout.quantities.len()));
+                    layout.sources.push(Source::Derived(layout.quantities.len()));
                     layout.quantities.push(quantity.clone());
                 }
             }
@@ -141,7 +151,7 @@ const TURNED: usize = 64;
 
 impl Layout {
     /// Hands the numbers of `states` on, some rows of a column at a time, with the column's place; `derived` are the values of
-    /// [`Layout::quantities`], by quantity.
+    /// [`Layout::quantities`], by quantity, and behind them the numbers of the own state of sampled torques.
     pub fn turn(&self, states: &[OutputState], derived: &[&[f64]], mut take: impl FnMut(usize, &[f64])) {
         let mut turned = [[0.0; TURNED]; MOST_COLUMNS];
         let stops = self.sources.contains(&Source::StoppedAt);
@@ -161,7 +171,7 @@ impl Layout {
             for (place, source) in self.sources.iter().enumerate() {
                 match source {
                     Source::State(number) => take(place, &turned[*number][..states.len()]),
-                    Source::Quantity(quantity) => take(place, &derived[*quantity][rows.clone()]),
+                    Source::Derived(number) => take(place, &derived[*number][rows.clone()]),
                     Source::StoppedAt => take(place, &stopped_at[..states.len()]),
                 }
             }

@@ -105,6 +105,17 @@ pub trait Sink {
         self.bodies(index, time, first_body, states)
     }
 
+    /// The own state of sampled torques ([`crate::torque::SampledLaw`]) of the bodies whose states are handed on next, where any act: by number, then by
+    /// body; NaN of a body that has failed or was stopped. Without this method it is passed over.
+    ///
+    /// # Errors
+    ///
+    /// Whatever hinders the sink; the run ends with it.
+    fn own_state(&mut self, numbers: Vec<Vec<f64>>) -> Result<()> {
+        let _ = numbers;
+        Ok(())
+    }
+
     /// The statistics of output `index`, where the scene asks for any ([`crate::Scene::statistics`]). Called in the order of
     /// outputs, for every one of them; without this method they are passed over.
     ///

@@ -10,6 +10,7 @@ use crate::bodies::blocks::cut;
 use crate::bodies::columns::StateWords;
 use crate::engine::adaptive_session::{AdaptiveSession, StepCounts};
 use crate::engine::batch::{ORDERED_TOGETHER, Prepared, prepare_ordered};
+use crate::engine::controlled::Controls;
 use crate::engine::reduction::{BlockRows, Reduce};
 use crate::engine::watch::Job;
 use crate::engine::{Backend, Observer};
@@ -18,7 +19,7 @@ use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::math::Spread;
 use crate::plan::Group;
-use crate::plan::subset::{order_by_work, start};
+use crate::plan::subset::{order_by_work, ordered_controls, start};
 use crate::record::{AdaptiveWork, WallTime};
 use crate::scene::AdaptiveSteps;
 use crate::scene::Scene;
@@ -58,10 +59,12 @@ impl AdaptiveGroupRun {
         let torques = group.class.torques.of(scene.torques());
         let cuts = cut(members.len(), ORDERED_TOGETHER, ends);
         let ordered = (&cuts[..], by_work);
-        let (frames, batch) = prepare_ordered(scene.ensemble(), &torques, scene.end(), members, precision, ordered)?;
+        let (frames, mut batch) =
+            prepare_ordered(scene.ensemble(), &torques, scene.end(), members, precision, ordered)?;
+        let controls = ordered_controls(&torques, &mut batch, &frames, members, &session_rows);
         wall_time.prepare += clock.elapsed().as_secs_f64();
         let clock = Instant::now();
-        let session = start(engine, method, batch, steps)?;
+        let session = Controls::around_adaptive(controls, start(engine, method, batch, steps)?);
         wall_time.start += clock.elapsed().as_secs_f64();
         Ok(Self { session, frames, session_rows, cuts, kept: Kept::default(), left_out: Vec::new(), last_read: None })
     }
@@ -80,6 +83,11 @@ impl AdaptiveGroupRun {
     /// Whether [`AdaptiveUnit::job_to`] gives work.
     pub fn has_jobs(&self) -> bool {
         self.session.has_jobs()
+    }
+
+    /// What sampled torques hold of its bodies, where any act.
+    pub fn controls(&self) -> Option<&Controls> {
+        self.session.controls()
     }
 
     /// The session, and the frames of the rows that it had at first.

@@ -25,7 +25,8 @@ const BEHIND: [f64; 2] = [1e-15, 1e-5];
 /// Names the causes of the failures for which one is found.
 pub(super) fn find(plan: &Plan<'_>, failures: &mut [FailedBody]) {
     let torques = plan.scene().torques();
-    if !torques.iter().any(Torque::is_expressed) {
+    // What sampled torques held when a body failed is not kept.
+    if !torques.iter().any(Torque::is_expressed) || torques.iter().any(Torque::is_sampled) {
         return;
     }
     for failed in failures.iter_mut().take(MOST_BODIES) {

@@ -18,6 +18,7 @@ use crate::math::Width;
 use crate::plan::{Group, Interval, Plan, Treatment};
 use crate::record::{FailedBody, KnownTo, WallTime};
 use crate::run::group_run::GroupRun;
+use crate::torque::Torque;
 
 /// The most bodies whose steps are taken again.
 const MOST_BODIES: usize = 1000;
@@ -54,6 +55,8 @@ pub(super) fn find(
             continue;
         }
         match group.treatment {
+            // Their steps are numbered from output to output, without those that end at changes of what torques hold.
+            _ if group.class.torques.of(plan.scene().torques()).iter().any(Torque::is_sampled) => {}
             Treatment::Stepped { .. } => in_equal_steps(plan, group, own, &mut budget, observer)?,
             Treatment::Adaptive { .. } => in_adaptive_steps(plan, group, own, attempts, &mut budget, observer)?,
             Treatment::RegularPrecession | Treatment::ClosedForm { .. } => {}

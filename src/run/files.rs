@@ -25,6 +25,8 @@ use crate::study::{Format, Output, Study};
 /// Takes what a run hands on: states to the thread that writes their tables, statistics to their file, and keeps the rest.
 struct FileSink<'q> {
     states: &'q mut StateQueue,
+    /// The own state of sampled torques, of the bodies that come next.
+    own: Vec<Vec<f64>>,
     statistics: Option<StatisticsFile>,
     /// Those of the end.
     at_end: Option<Statistics>,
@@ -62,6 +64,7 @@ impl<'q> FileSink<'q> {
         let blocks = (is_part && is_gathered).then(|| folder.begin(BLOCKS)).transpose()?;
         Ok(Self {
             states,
+            own: Vec::new(),
             statistics,
             at_end: None,
             histograms: Vec::new(),
@@ -89,11 +92,18 @@ impl Sink for FileSink<'_> {
     }
 
     fn bodies(&mut self, index: usize, time: f64, first_body: usize, states: &[OutputState]) -> Result<()> {
-        self.states.push(index, time, first_body, &mut states.to_vec())
+        let own = std::mem::take(&mut self.own);
+        self.states.push(index, time, first_body, &mut states.to_vec(), own)
     }
 
     fn take_bodies(&mut self, index: usize, time: f64, first_body: usize, states: &mut Vec<OutputState>) -> Result<()> {
-        self.states.push(index, time, first_body, states)
+        let own = std::mem::take(&mut self.own);
+        self.states.push(index, time, first_body, states, own)
+    }
+
+    fn own_state(&mut self, numbers: Vec<Vec<f64>>) -> Result<()> {
+        self.own = numbers;
+        Ok(())
     }
 
     fn statistics(&mut self, index: usize, statistics: &Statistics) -> Result<()> {

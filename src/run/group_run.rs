@@ -17,6 +17,7 @@ use crate::bodies::Status;
 use crate::bodies::columns::StateWords;
 use crate::bodies::{BodyFrame, BodyState};
 use crate::engine::batch::prepare_members;
+use crate::engine::controlled::Controls;
 use crate::engine::cpu::Cpu;
 use crate::engine::watch::{Job, Watch};
 use crate::engine::{Backend, FreeSession, Observer, Progress, Session};
@@ -32,6 +33,7 @@ use crate::run::kept::Kept;
 use crate::run::stepped_translation::SteppedTranslation;
 use crate::scene::{Part, Scene};
 use crate::torque::Torque;
+use crate::torque::control::Schedule;
 
 /// The run of one group of bodies.
 pub(super) struct GroupRun<'p> {
@@ -48,6 +50,8 @@ pub(super) struct GroupRun<'p> {
     torques: &'p [Torque],
     /// Whether moments of inertia change in time.
     varies: bool,
+    /// When sampled torques change what they hold, where any act.
+    schedule: Option<Schedule>,
     /// Of the last state, s.
     time: f64,
     /// Wall time in which bodies were formed as they were read, s, since it was last asked for.
@@ -121,6 +125,7 @@ impl<'p> GroupRun<'p> {
                 let torques = group.class.torques.of(scene.torques());
                 let (frames, mut batch) = prepare_members(scene.ensemble(), &torques, scene.end(), members, precision)?;
                 batch.cut_at(ends.clone());
+                let controls = Controls::start(&torques, &mut batch, &frames, |row| members.body(row));
                 wall_time.prepare += clock.elapsed().as_secs_f64();
                 let clock = Instant::now();
                 stepped_translation = SteppedTranslation::start(scene, members, true)?;
@@ -135,6 +140,7 @@ impl<'p> GroupRun<'p> {
                     None if projected => engine.start_projected(batch, method)?,
                     None => engine.start(batch, method)?,
                 };
+                let session = Controls::around(controls, session, longest_step);
                 wall_time.start += clock.elapsed().as_secs_f64();
                 if carried.is_some() {
                     stepped_translation = None;
@@ -147,7 +153,9 @@ impl<'p> GroupRun<'p> {
         }
         let varies = scene.torques().iter().any(Torque::changes_inertia);
         let (ensemble, torques) = (scene.ensemble(), scene.torques());
+        let schedule = Schedule::of(&group.class.torques.of(torques));
         Ok(Self {
+            schedule,
             members,
             ends,
             motion,
@@ -172,7 +180,8 @@ impl<'p> GroupRun<'p> {
         let job = match &mut self.motion {
             Motion::Stepped { session, treatment, .. } => {
                 let interval = treatment.interval(span);
-                self.spared = self.spared.saturating_add(interval.steps.saturating_mul(left_out));
+                let steps = treatment.steps_between(self.schedule.as_ref(), (time - span, time));
+                self.spared = self.spared.saturating_add(steps.saturating_mul(left_out));
                 session.job(interval.dt, interval.steps)?
             }
             Motion::Adaptive(group_run) => group_run.job_to(time)?,
@@ -204,9 +213,10 @@ impl<'p> GroupRun<'p> {
         if let Motion::Stepped { treatment, .. } = &self.motion {
             let interval = treatment.interval(span);
             let left_out = self.members.len() as u64 - bodies;
-            self.spared = self.spared.saturating_add(interval.steps.saturating_mul(left_out));
+            let steps = treatment.steps_between(self.schedule.as_ref(), (time - span, time));
+            self.spared = self.spared.saturating_add(steps.saturating_mul(left_out));
             self.take_steps((time - span, interval.dt), 0..interval.steps, time, observer)?;
-            return Ok(interval.steps.saturating_mul(bodies));
+            return Ok(steps.saturating_mul(bodies));
         }
         self.time = time;
         if let Some(stepped_translation) = &mut self.stepped_translation {
@@ -316,6 +326,15 @@ impl<'p> GroupRun<'p> {
         }
         self.kept.keep(&moving);
         Ok(before - moving.len())
+    }
+
+    /// What sampled torques hold of its bodies, where any act.
+    pub fn controls(&self) -> Option<&Controls> {
+        match &self.motion {
+            Motion::Stepped { session, .. } => session.controls(),
+            Motion::Adaptive(group_run) => group_run.controls(),
+            Motion::ClosedForm { .. } | Motion::EvaluatedWhenRead(_) => None,
+        }
     }
 
     /// Equal steps that bodies were spared as they were left out.

@@ -52,7 +52,7 @@ pub use files::{OutputSize, run_part_to_folder, run_to_folder, write_plan};
 pub use merge::{MergedReport, merge};
 #[cfg(feature = "study")]
 pub use outcome::MergedAccuracy;
-pub use output_loop::{Output, Run};
+pub use output_loop::{Output, OwnState, Run};
 pub use replay::{How, Replay, StateError, alone, replay, replay_until};
 
 impl Engine {

@@ -123,6 +123,8 @@ struct Message {
     time: f64,
     first_body: usize,
     states: Vec<OutputState>,
+    /// Numbers of the own state of sampled torques, by number, then by body.
+    own: Vec<Vec<f64>>,
 }
 
 impl<'p> StateTables<'p> {
@@ -180,14 +182,14 @@ impl<'p> StateTables<'p> {
         Ok(spent)
     }
 
-    fn write(&mut self, Message { index, time, first_body, states }: &Message) -> Result<()> {
+    fn write(&mut self, Message { index, time, first_body, states, own }: &Message) -> Result<()> {
         let at_end = *index == self.last;
         let derived: Vec<Vec<f64>> = timed(&mut self.spent.format, || {
             let values = self.evaluator.as_ref().map(|evaluator| evaluator.values(*first_body, *time, states));
             let of = |place: usize| values.iter().flat_map(move |values| values.of(place)).flat_map(|(_, part)| part);
             (0..self.layout.quantities.len()).map(|place| of(place).copied().collect()).collect()
         });
-        let derived: Vec<&[f64]> = derived.iter().map(Vec::as_slice).collect();
+        let derived: Vec<&[f64]> = derived.iter().chain(own).map(Vec::as_slice).collect();
         let of = (*time, self.first_body + first_body);
         let final_states = self.final_state.iter_mut().chain(self.of_all.as_deref_mut());
         for table in self.snapshots.iter_mut().chain(final_states.filter(|_| at_end)) {
@@ -221,14 +223,21 @@ impl StateQueue {
         self.wants.always || self.wants.at_end && index == self.wants.last
     }
 
-    /// Takes the states and leaves a vector whose room has served before. Waits where the thread is behind.
+    /// Takes the states, with the own state of sampled torques, and leaves a vector whose room has served before. Waits where the thread is behind.
     ///
     /// # Errors
     ///
     /// [`Error::Interrupted`] where it has come to an error, which it keeps.
-    pub fn push(&self, index: usize, time: f64, first_body: usize, states: &mut Vec<OutputState>) -> Result<()> {
+    pub fn push(
+        &self,
+        index: usize,
+        time: f64,
+        first_body: usize,
+        states: &mut Vec<OutputState>,
+        own: Vec<Vec<f64>>,
+    ) -> Result<()> {
         let states = std::mem::replace(states, self.room.try_recv().unwrap_or_default());
-        let mut message = Message { index, time, first_body, states };
+        let mut message = Message { index, time, first_body, states, own };
         if rayon::current_thread_index().is_none() {
             return self.sender.send(message).map_err(|_| Error::Interrupted { steps: 0 });
         }

@@ -14,6 +14,7 @@ use crate::bodies::columns::{STATE_COMPONENTS, state_columns};
 use crate::bodies::{BodyFrame, BodyState};
 use crate::engine::Observer;
 use crate::engine::batch::{AnyBatch, Batch, load_body, load_state, prepare_members, store_state};
+use crate::engine::controlled::Controls;
 use crate::engine::watch::{Watch, watched};
 use crate::error::{Error, Result};
 use crate::kernel::method::Step;
@@ -28,7 +29,7 @@ use crate::math::quaternion::Quaternion;
 use crate::math::real::Real;
 use crate::math::vector::two_words;
 use crate::math::vector::{TwoWords, Vector};
-use crate::plan::Interval;
+use crate::plan::{Interval, steps_over};
 use crate::scene::Scene;
 use crate::torque::Torque;
 use crate::torque::sum::{Epoch, Source, StepStart, Torques};
@@ -74,6 +75,7 @@ struct Block {
 }
 
 /// Bodies that take the same steps, one interval after the other from time 0.
+#[derive(Clone)]
 pub(crate) struct Alike {
     pub members: Vec<u32>,
     pub intervals: Vec<Interval>,
@@ -91,7 +93,12 @@ pub(crate) fn recomputed(
     let steps_of = |alike: &Alike| alike.intervals.iter().map(|interval| interval.steps).fold(0, u64::saturating_add);
     let total =
         all.iter().map(|alike| steps_of(alike).saturating_mul(alike.members.len() as u64)).fold(0, u64::saturating_add);
-    let started = all.into_iter().map(|alike| Started::of(scene, torques, alike));
+    // Bodies under sampled torques wait for each other at each change: block by block they do so in no one's way.
+    let of = |alike: Alike| match torques.iter().any(Torque::is_sampled) {
+        true => alike.members.chunks(BLOCK).map(|some| Alike { members: some.to_vec(), ..alike.clone() }).collect(),
+        false => vec![alike],
+    };
+    let started = all.into_iter().flat_map(of).map(|alike| Started::of(scene, torques, alike));
     let mut started = started.collect::<Result<Vec<_>>>()?;
     // Side by side, as each of them alone may be too little for all cores.
     let work = |watch: &Watch| started.par_iter_mut().for_each(|started| started.advance(watch));
@@ -107,19 +114,24 @@ struct Started {
     frames: Vec<BodyFrame>,
     batch: Batch<f64>,
     blocks: Vec<Block>,
+    controls: Option<Controls>,
 }
 
 impl Started {
     fn of(scene: &Scene, torques: &[Torque], Alike { members, intervals, end }: Alike) -> Result<Self> {
         let members = Members::Some(members);
-        let (frames, batch) = prepare_members(scene.ensemble(), torques, scene.end(), &members, Precision::F64)?;
+        let (frames, mut batch) = prepare_members(scene.ensemble(), torques, scene.end(), &members, Precision::F64)?;
+        let controls = Controls::start(torques, &mut batch, &frames, |row| members.body(row));
         let AnyBatch::F64(batch) = batch else { unreachable!("columns in f64 were asked for") };
         let blocks = (0..batch.body_count).step_by(BLOCK).map(|first| Block::of(&batch, first)).collect();
-        Ok(Self { members, intervals, end, frames, batch, blocks })
+        Ok(Self { members, intervals, end, frames, batch, blocks, controls })
     }
 
     /// Brings its bodies to the end, unless the watch says otherwise.
     fn advance(&mut self, watch: &Watch) {
+        if let Some(controls) = self.controls.take() {
+            return self.advance_through(controls, watch);
+        }
         let Self { intervals, batch, blocks, .. } = self;
         blocks.par_iter_mut().enumerate().for_each(|(index, block)| {
             let first = index * BLOCK;
@@ -137,6 +149,41 @@ impl Started {
                 clock = clock.after(dt, steps);
             }
         });
+    }
+
+    /// The same from change to change of what sampled torques hold, each of which ends a step.
+    fn advance_through(&mut self, mut controls: Controls, watch: &Watch) {
+        let Self { intervals, batch, blocks, end, .. } = self;
+        let (mut clock, mut time) = (batch.torques.clock(), 0.0);
+        let last = intervals.len();
+        for (index, &Interval { dt, steps }) in intervals.iter().enumerate() {
+            let target = if index + 1 == last { *end } else { time + dt * steps as f64 };
+            while time < target {
+                let next = controls.schedule().part(time, target);
+                let part = steps_over(next - time, dt);
+                for first_step in (0..part.steps).step_by(SLICE as usize) {
+                    if !watch.goes_on() {
+                        return;
+                    }
+                    let steps = SLICE.min(part.steps - first_step);
+                    for (index, block) in blocks.iter_mut().enumerate() {
+                        let first = index * BLOCK;
+                        f64::dispatch(RecomputeBlock { batch, first, block, clock, dt: part.dt, first_step, steps });
+                        watch.add(steps * BLOCK.min(batch.body_count - first) as u64);
+                    }
+                }
+                clock = clock.after(part.dt, part.steps);
+                time = next;
+                if controls.schedule().changes_at(time) {
+                    let blocks = &*blocks;
+                    let written = controls.change(time, &|frame, row| {
+                        let lane = |component: usize| blocks[row / BLOCK].state[component][row % BLOCK];
+                        frame.body_state(std::array::from_fn(lane))
+                    });
+                    written.iter().for_each(|written| batch.write_parameters(written));
+                }
+            }
+        }
     }
 
     fn finished(&self, torques: &[Torque]) -> impl Iterator<Item = Recomputed> {

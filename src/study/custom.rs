@@ -13,11 +13,16 @@ use crate::torque::custom_inertia::{self, InertiaFormulaModel};
 use crate::torque::force::{CustomForce, custom};
 use crate::torque::{ModelRef, Parameters};
 
+mod sampled;
+
 /// The name of the model.
 pub(super) const NAME: &str = "custom";
 
 /// A torque, or moments that change, and its parameters.
 pub(super) fn read(table: &Table<'_>) -> Result<(ModelRef, Vec<StudyParameter>)> {
+    if let Some(read) = sampled::read(table)? {
+        return Ok(read);
+    }
     table.only(&["model", "parameters", "torque", "energy", "moments", "factor"])?;
     let (parameters, values) = parameters(table)?;
     for (key, shape) in [("moments", Shape::Vector), ("factor", Shape::Number)] {

@@ -77,6 +77,9 @@
 //!   `facets = [{ area = 0.02, normal = [0, 0, 1], centre = [0, 0, 0.15], solar = { specular = 0.1, diffuse = 0.3 } }]`.
 //! * A number may be a distribution, and so may a vector or an orientation: [`distribution`] has all of them. `[correlated.NAME]`
 //!   declares numbers that are drawn together.
+//! * A custom torque with `every` (s), and `delay` (s, else 0), is sampled ([`crate::torque::control`]): `sample` has names and formulas of what is
+//!   formed then and held, `state` names and what the torque's own state starts as, `d_NAME` or `next_NAME` how it changes. Tables of states have a
+//!   column for each number of it, `torque1_h_x`, before `stopped_at` and `status`.
 //! * `[orbit]`: `mu` and the keys of a torque's `orbit`, for all torques that need an orbit and state neither. With `j2` the orbit drifts
 //!   ([`crate::torque::orbit::drift`]).
 //! * `[[sweep]]` and `[design]`: parameters that take several values in one run ([`sweep`]); `{ sweep = "name" }` stands for a number.

@@ -29,8 +29,17 @@ const CUSTOM: &str = "    custom: as written
         moments                 instead of torque: the moments of inertia (kg m², vector along body
                                 axes) as a formula of time, inertia (at the start) and parameters
         factor                  instead of torque: a factor of the inertia, as such a formula
+        every                   the period (s) of a sampled torque, from t = 0 [none: not sampled]
+        delay                   until what was sampled takes effect (s) [0]
+        sample                  names: formulas, of a number or a vector, that are formed at samples
+                                and hold in between; the torque may name them
+        state                   names: own state at t = 0, numbers or vectors, for all formulas
+        d_NAME                  the rate of the own state NAME: a formula, formed when sampled
+                                values take effect; the torque may name it
+        next_NAME               or its value after each sample: a formula
         inputs                  attitude, angular_velocity, angular_momentum, inertia, time,
-                                position, velocity (SI)
+                                position, velocity (SI); of a sampled torque also every, delay
+                                and, in the torque, since: the time of the last change
         operators               + - * / ^ (whole powers), < <= > >= && || !, v.x
         functions               vec quat dot cross norm normalize to_body to_world rotate conjugate
                                 sqrt abs sin cos tan asin acos atan2 exp ln pow

@@ -4,8 +4,10 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
+use super::control::Control;
 use super::expressed::{self, Expressed, Preparations};
 use super::formula::{Column, Epoch, Formula, Role, Row};
+use super::registry::MODELS;
 use super::{
     Declaration, Kind, Model, ModelRef, Needs, ParameterDeclaration, Torque, ValidationContext, Value, Values,
     translated,
@@ -43,6 +45,8 @@ pub(crate) struct ExpressionModel {
     energy: Option<(Expression, Program)>,
     program: Program,
     prepared: Preparations,
+    /// What of it is formed at samples.
+    control: Option<Control>,
 }
 
 /// The parameters of a custom torque and their values, built one by one.
@@ -130,6 +134,20 @@ impl Parameters {
             Shape::Vector => self.vector(name, DVec3::ZERO),
             Shape::Quaternion => self.rotation(name, DQuat::IDENTITY),
         }
+    }
+
+    /// How many numbers they have.
+    pub(crate) fn number_count(&self) -> usize {
+        self.symbols.parameter_count()
+    }
+
+    /// Says what a number may be and which unit it has.
+    pub(crate) fn valid(mut self, name: &str, unit: &'static str, valid: super::Validity) -> Self {
+        for declared in self.declarations.iter_mut().filter(|declared| declared.name == name) {
+            *declared = declared.clone().valid(valid);
+            declared.unit = unit.into();
+        }
+        self
     }
 
     /// Other symbols, with these parameters behind them.
@@ -253,7 +271,23 @@ impl ExpressionModel {
             (energy, program)
         });
         let program = torque.program();
-        Ok(ModelRef::Shared(Arc::new(Self { declaration, torque, energy, program, prepared })))
+        Ok(ModelRef::Shared(Arc::new(Self { declaration, torque, energy, program, prepared, control: None })))
+    }
+
+    /// A model of which a part is formed at samples.
+    ///
+    /// # Errors
+    ///
+    /// As [`ExpressionModel::of`]; [`Fault::SampledRate`].
+    pub(super) fn sampled(declaration: Declaration, torque: Expression, control: Control) -> Result<ModelRef, Fault> {
+        let prepared = Preparations::new(|varies| Expressed::new(&torque, None, varies))?;
+        prepared.general().check_constants()?;
+        if prepared.general().rates_read_from(control.first()) {
+            return Err(Fault::SampledRate);
+        }
+        let program = torque.program();
+        let control = Some(control);
+        Ok(ModelRef::Shared(Arc::new(Self { declaration, torque, energy: None, program, prepared, control })))
     }
 
     /// The user's own.
@@ -270,16 +304,23 @@ impl ExpressionModel {
     /// The model with a torque that depends on other inputs, and with parameters behind its own.
     pub(super) fn moved(
         &self,
-        inputs: impl FnMut(&Recorder, Input) -> Symbol,
+        mut inputs: impl FnMut(&Recorder, Input) -> Symbol,
         parameters: Vec<ParameterDeclaration>,
     ) -> Result<ModelRef, Fault> {
+        if let Some(control) = &self.control {
+            let (torque, control) = (self.torque.substituted(&mut inputs)?, control.moved(&mut inputs)?);
+            return Self::sampled(self.declaration.clone().parameters(parameters), torque, control);
+        }
         let energy = self.energy.as_ref().map(|(energy, _)| energy.clone());
         Self::of(self.declaration.clone().parameters(parameters), self.torque.substituted(inputs)?, energy)
     }
 
-    /// What the torque depends on.
+    /// What the torque depends on; of the position also what is formed at samples.
     pub(super) fn needs(&self) -> Needs {
-        self.prepared.general().needs()
+        let needs = self.prepared.general().needs();
+        let formed =
+            self.control.iter().flat_map(Control::expressions).map(|formula| expressed::needs(formula.dependence()));
+        Needs { position: needs.position || formed.into_iter().any(|needs| needs.position), ..needs }
     }
 
     /// The results of a program of the formula's own inputs.
@@ -363,7 +404,13 @@ impl Model for ExpressionModel {
     }
 
     fn formulas(&self) -> Vec<&Expression> {
-        std::iter::once(&self.torque).chain(self.energy.iter().map(|(energy, _)| energy)).collect()
+        let energy = self.energy.iter().map(|(energy, _)| energy);
+        let formed = self.control.iter().flat_map(Control::expressions);
+        std::iter::once(&self.torque).chain(energy).chain(formed).collect()
+    }
+
+    fn control(&self) -> Option<&Control> {
+        self.control.as_ref()
     }
 
     fn prepared(&self, axes: Option<DQuat>, varies: bool) -> Option<Arc<Expressed>> {
@@ -385,11 +432,21 @@ impl Model for ExpressionModel {
         let tensor = InertiaTensor::from(DVec3::splat(middle_moment));
         let size = |orientation: DQuat| {
             let at = HostState::rigid(orientation, DVec3::ZERO, tensor, 0.0);
-            let torque = self.evaluated(&self.program, &at, &parameters);
+            let formed = self.control.as_ref().map(|control| control.in_effect(values.values, body, &at));
+            let torque = self.evaluated(&self.program, &at, formed.as_ref().unwrap_or(&parameters));
             DVec3::new(torque[0], torque[1], torque[2]).length()
         };
         let greatest = attitudes.into_iter().map(size).filter(|size| size.is_finite()).fold(0.0, f64::max);
         (greatest / middle_moment).sqrt()
+    }
+
+    /// What was made for the values of a model is checked by that one.
+    fn validate(&self, values: Values<'_>, context: &ValidationContext) -> Result<()> {
+        let made_of = MODELS.iter().find(|model| model.declaration().name == self.declaration.name);
+        made_of.map_or(Ok(()), |model| {
+            let own = &values.values[..model.declaration().parameters.len()];
+            model.validate(Values { values: own, ..values }, context)
+        })
     }
 
     fn validate_bodies(&self, _: Values<'_>, context: &ValidationContext, ensemble: &Ensemble) -> Result<()> {

@@ -189,6 +189,28 @@ impl Expressed {
         self.rates.inputs().iter().all(|input| usize::from(input.index) >= USER)
     }
 
+    /// Whether the rate of a phase reads any of the user's numbers from `first` on.
+    pub fn rates_read_from(&self, first: usize) -> bool {
+        self.rates.inputs().iter().any(|input| usize::from(input.index) >= USER + first)
+    }
+
+    /// The host's numbers that its columns are formed from: how many of them are the user's is for the caller to tell
+    /// ([`user_number`]).
+    pub fn host_numbers_read(&self) -> Vec<usize> {
+        let derived = self.derived.inputs().iter().map(|input| usize::from(input.index));
+        let mut all: Vec<usize> = self.raw.iter().copied().chain(derived).collect();
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+
+    /// The columns of many bodies, from the columns of the host's numbers.
+    pub fn rows<'a>(&self, host: impl Fn(usize) -> &'a [f64], bodies: usize) -> Vec<Vec<f64>> {
+        let read: Vec<&[f64]> = self.derived.inputs().iter().map(|input| host(usize::from(input.index))).collect();
+        let raw = self.raw.iter().map(|&number| host(number)[..bodies].to_vec());
+        raw.chain(self.derived.evaluate_columns(&read, bodies)).collect()
+    }
+
     /// Whether it reads the time itself, besides phases.
     pub fn reads_time(&self) -> bool {
         [&self.whole, &self.slopes].into_iter().any(|part| part.inputs.contains(&Given::Time))
@@ -280,8 +302,13 @@ pub(crate) fn tensor_of(frame: &BodyFrame) -> InertiaTensor {
     InertiaTensor { xx, yy, zz, xy, xz, yz }
 }
 
+/// Which of the user's numbers one of the host's is, where it is one.
+pub(crate) fn user_number(host: usize) -> Option<usize> {
+    host.checked_sub(USER)
+}
+
 /// The host's numbers of a body, before those of the user.
-fn host_numbers(frame: &BodyFrame) -> Vec<f64> {
+pub(crate) fn host_numbers(frame: &BodyFrame) -> Vec<f64> {
     let axes = DMat3::from_quat(frame.principal_to_body).transpose().to_cols_array();
     let inverse = frame.principal_to_body.conjugate().to_array();
     let mut numbers = vec![frame.scaled(1.0, 0, -1), frame.scaled(1.0, 1, 2)];

@@ -27,6 +27,10 @@
 //! | [`sine-spring`](sine_spring) | τ = −k sin θ n | `stiffness` (N m), `target` | B. Wie, P. M. Barba, J. Guid. Control Dyn. 8 (1985) 360 |
 //! | [`log-spring`](log_spring) | τ = −k θ n | `stiffness` (N m), `target` | F. Bullo, R. M. Murray, Proportional derivative control on the Euclidean group, ECC 1995 |
 //! | [`internal-dissipation`](internal_dissipation) | dm/dt = m × ω + k m × (m × ω) | `coefficient` (s/(kg m²)) | A. M. Bloch et al., Comm. Math. Phys. 175 (1996) 1, section 5 |
+//! | [`pd-attitude`](pd_attitude) | τ = −k θ − d ω of a sample, within a limit | `stiffness` (N m), `damping` (N m s), `target`, `torque_limit` (N m), `every` (s), `delay` (s, else 0) | F. L. Markley, J. L. Crassidis, Fundamentals of Spacecraft Attitude Determination and Control, 2014, equation 7.14 |
+//! | [`pd-direction`](pd_direction) | τ = k a × Rᵀ d̂ − d ω of a sample, within a limit | `stiffness` (N m), `damping` (N m s), `axis`, `direction`, `torque_limit` (N m), `every` (s), `delay` (s, else 0) | P. C. Hughes, Spacecraft Attitude Dynamics, 1986, section 7.3 |
+//! | [`reaction-wheels`](reaction_wheels) | τ = −dh/dt − ω × h, dh/dt = k θ + d ω of a sample, within limits | `stiffness` (N m), `damping` (N m s), `target`, `torque_limit` (N m), `momentum_limit` (kg m²/s), `momentum` (kg m²/s, else 0), `every` (s), `delay` (s, else 0) | F. L. Markley, J. L. Crassidis, Fundamentals of Spacecraft Attitude Determination and Control, 2014, equation 3.147 |
+//! | [`magnetorquers`] | τ = m × Rᵀ B, m = −k ΔB/Δt of a sample, within a limit | `mu` (m³/s²), `orbit.semi_major_axis` or `orbit.radius` (m), `orbit.eccentricity` (else 0), `orbit.inclination` (rad, else 0), `orbit.ascending_node` (rad, else 0), `orbit.pericentre` (rad, else 0), `orbit.mean_anomaly` (rad, else 0), `gain` (A m² s/T), `strength` (T m³), `tilt` (rad, else 0), `azimuth` (rad, else 0), `rotation` (rad/s, else 0), `moment_limit` (A m²), `every` (s), `delay` (s, else 0), `orbit.j2` (else 0), `orbit.equatorial_radius` (m, else 6378136.3) | T. W. Flatley et al., NASA CP-3345, 1997, p. 79 |
 //! | [`white-noise`](white_noise) | dm = σ dW | `intensity` (N m √s), `seed` (else the study's seed), `draws_per_step` (else 1) | J. R. McConnell, Rotational Brownian Motion and Dielectric Theory, 1980, chapter 2 |
 //! | [`variable-inertia`](variable_inertia) | ω = I(t)⁻¹ m, I(t) = I₀ + (I₁ − I₀) s(t) | `inertia` (kg m²), `factor`, `ramp.start` (s), `ramp.duration` (s), `oscillation.rate` (rad/s) | P. C. Hughes, Spacecraft Attitude Dynamics, 1986, section 3.3 |
 //!
@@ -50,6 +54,9 @@
 //! ([`custom_inertia`]), are such a graph to begin with (`expressed.rs`):
 //! the CPU interprets it over tiles, the GPU compiles its text.
 //!
+//! A torque of which a part is formed at samples and held ([`control`]) is such a formula too, with what holds among its parameters; the sampled
+//! models here, [`pd_attitude`], [`pd_direction`], [`reaction_wheels`] and [`magnetorquers`], are made of texts.
+//!
 //! `shaders/torque` holds what no formula says: how columns and times are read, the draws of white noise, moments that change. Each
 //! file names its twin in its first line.
 //!
@@ -62,6 +69,7 @@ pub use crate::error::Text;
 
 pub mod constant_body;
 pub mod constant_world;
+pub mod control;
 pub mod custom;
 pub mod custom_inertia;
 pub(crate) mod declaration;
@@ -81,6 +89,7 @@ pub mod linear_drag;
 pub mod linear_rotor;
 pub mod log_spring;
 pub mod magnetic_dipole;
+pub mod magnetorquers;
 pub mod matrix_drag;
 mod model;
 pub(crate) mod motion;
@@ -91,7 +100,10 @@ pub mod orbiting_dipole_drifting;
 pub mod orbiting_eddy_current;
 pub mod orbiting_eddy_current_drifting;
 mod parameter;
+pub mod pd_attitude;
+pub mod pd_direction;
 pub mod quadratic_drag;
+pub mod reaction_wheels;
 pub(crate) mod registry;
 pub(crate) mod shader;
 pub mod sine_spring;
@@ -107,9 +119,10 @@ mod value;
 pub mod variable_inertia;
 pub mod white_noise;
 
+pub use control::{SampledLaw, Sampling};
 pub use custom::Parameters;
 pub use declaration::{Declaration, Frame, OtherKey, ParameterDeclaration, Preset, Shape, Validity};
-pub(crate) use expressed::numbers_of_body;
+pub(crate) use expressed::{Expressed, host_numbers, numbers_of_body, tensor_of, user_number};
 pub use kind::Kind;
 pub(crate) use model::Model;
 pub(crate) use model::ModelRef;

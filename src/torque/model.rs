@@ -193,6 +193,11 @@ pub(crate) trait Model: Send + Sync {
         None
     }
 
+    /// What of it is formed at samples, where anything is.
+    fn control(&self) -> Option<&super::control::Control> {
+        None
+    }
+
     /// The torque (N m, body axes) of a formula that is data; `None` where it has none.
     fn of_formula(&self, _: Values<'_>, _body: usize, _: &HostState) -> Option<DVec3> {
         None
@@ -291,6 +296,16 @@ impl Torque {
     /// such parameter, or where another of the same choice is given.
     pub fn parameter(&self, name: &str) -> Option<&Value> {
         self.declaration().position(name).and_then(|place| self.own_values().given(place))
+    }
+
+    /// What of it is formed at samples, where anything is.
+    pub(crate) fn control(&self) -> Option<&super::control::Control> {
+        self.model.control()
+    }
+
+    /// Whether a part of it is formed at samples and held in between ([`super::SampledLaw`]).
+    pub fn is_sampled(&self) -> bool {
+        self.control().is_some()
     }
 
     /// What it depends on.

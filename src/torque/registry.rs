@@ -27,6 +27,10 @@ models! {
     sine_spring::SineSpring,
     log_spring::LogSpring,
     internal_dissipation::InternalDissipation,
+    pd_attitude::PdAttitude,
+    pd_direction::PdDirection,
+    reaction_wheels::ReactionWheels,
+    magnetorquers::Magnetorquers,
     white_noise::WhiteNoise,
     variable_inertia::VariableInertia,
 }

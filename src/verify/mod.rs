@@ -219,6 +219,11 @@ fn not_compared(plan: &Plan<'_>, engine: &dyn Backend) -> Vec<String> {
     if scene.observes() {
         list.push("statistics, histograms and events, which are formed of the states".to_owned());
     }
+    if scene.torques().iter().any(Torque::is_sampled) {
+        list.push(
+            "samples of torques, which the host forms in f64: all steps are taken with the values of t = 0".to_owned(),
+        );
+    }
     if scene.stops() {
         list.push("stops by events: all bodies are stepped on here".to_owned());
     }

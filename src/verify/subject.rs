@@ -6,6 +6,7 @@ use crate::bodies::BodyFrame;
 use crate::bodies::Members;
 use crate::bodies::columns::StateWords;
 use crate::engine::batch::{AnyBatch, prepare_acting};
+use crate::engine::controlled::Controls;
 use crate::engine::{Backend, EngineKind};
 use crate::error::Result;
 use crate::math::Precision;
@@ -44,9 +45,12 @@ impl<'a> Subject<'a> {
         twin_torques: &'a [Torque],
     ) -> Result<Self> {
         let torques = (0..scene.torques().len()).filter(|&torque| group.class.torques.contains(torque)).collect();
-        let prepare = |of: &[Torque], precision| {
+        let prepare = |of: &[Torque], precision| -> Result<(Vec<BodyFrame>, AnyBatch)> {
             let units = group.class.torques.of(scene.torques());
-            prepare_acting(scene.ensemble(), &units, of, scene.end(), &members, precision)
+            let (frames, mut batch) = prepare_acting(scene.ensemble(), &units, of, scene.end(), &members, precision)?;
+            // The first values of sampled torques hold throughout.
+            Controls::start(of, &mut batch, &frames, |row| members.body(row));
+            Ok((frames, batch))
         };
         let (own, twins) = (group.class.torques.of(scene.torques()), group.class.torques.of(twin_torques));
         let (frames, batch) = prepare(&own, precision)?;
@@ -77,7 +81,9 @@ impl<'a> Subject<'a> {
         let units = of(self.scene.torques(), &self.torques);
         let prepare = |acting: &[Torque]| -> Result<AnyBatch> {
             let (ensemble, span) = (self.scene.ensemble(), self.scene.end());
-            Ok(prepare_acting(ensemble, &units, acting, span, &body, self.precision)?.1)
+            let (frames, mut batch) = prepare_acting(ensemble, &units, acting, span, &body, self.precision)?;
+            Controls::start(acting, &mut batch, &frames, |row| body.body(row));
+            Ok(batch)
         };
         let prepare_like_all = |torques: &[Torque]| {
             let mut acting = of(torques, acting);

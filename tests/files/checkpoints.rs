@@ -138,6 +138,11 @@ fn killed_runs_are_resumed_to_the_same_bytes() {
 }
 
 #[test]
+fn so_are_those_under_sampled_torques() {
+    killed_and_resumed(&crate::control::STUDY.replace("count = 500", "count = 60"), "cpu");
+}
+
+#[test]
 fn so_are_those_of_a_gpu() {
     killed_and_resumed(&STATISTICS.replace("final = false", "snapshots = true"), "gpu");
 }

@@ -3,6 +3,7 @@
 mod bench;
 mod checkpoints;
 mod cli;
+mod control;
 mod draws;
 #[path = "../../fuzz/entries.rs"]
 mod entries;

@@ -7,8 +7,11 @@ use glam::{DMat3, DQuat, DVec3};
 use polhode::engine::Engine;
 use polhode::study::{Study, describe_models, models_table};
 use polhode::torque::flat_plates::{Facet, Surface};
+use polhode::torque::reaction_wheels::Wheels;
 use polhode::torque::variable_inertia::{InertiaChange, Law};
-use polhode::torque::{Declaration, Orbit, ParameterDeclaration, Preset, Shape, Torque, Validity, Value, declarations};
+use polhode::torque::{
+    Declaration, Orbit, ParameterDeclaration, Preset, Sampling, Shape, Torque, Validity, Value, declarations,
+};
 use polhode::{Error, Plan};
 
 const BODIES: &str =
@@ -178,6 +181,10 @@ fn numbers_of_draws_are_pinned() {
         "sine-spring 0 1",
         "log-spring 0 1",
         "internal-dissipation 0",
+        "pd-attitude 0 1 2 3 4 5",
+        "pd-direction 0 1 2 3 4 5 6",
+        "reaction-wheels 0 1 2 3 4 5 6 7",
+        "magnetorquers 0 1 2 3 4 5 6 7 8 9 10 11 14 15 16 12 13",
         "white-noise 0 1 2",
         "variable-inertia 0 0 1 2 3",
     ];
@@ -190,6 +197,8 @@ fn every_model_has_a_constructor_with_the_declared_shapes() {
     let orbit = || Orbit::circular(1.0, 2.0);
     let surface = Surface::Solar { specular: 0.25, diffuse: 0.5 };
     let facet = Facet { area: 1.0, normal_body: v, centre_body: v, surface };
+    let wheels = Wheels { torque_limit: 0.1.into(), momentum_limit: 4.0.into(), momentum: v.into() };
+    let sampling = Sampling::every(0.5).delayed(0.1);
     let built = [
         Torque::constant_body(v),
         Torque::constant_world(v),
@@ -207,6 +216,10 @@ fn every_model_has_a_constructor_with_the_declared_shapes() {
         Torque::sine_spring(1.0, q),
         Torque::log_spring(1.0, q),
         Torque::internal_dissipation(1.0),
+        Torque::pd_attitude(1.0, 2.0, q, 0.5, sampling),
+        Torque::pd_direction(1.0, 2.0, v, v, 0.5, sampling),
+        Torque::reaction_wheels(1.0, 2.0, q, wheels, sampling),
+        Torque::magnetorquers(1.0, 0.2, orbit(), [1.0, 0.1, 0.2, 0.3].map(Into::into), sampling),
         Torque::white_noise(1.0, 2),
         Torque::variable_inertia(InertiaChange::factor(2.0), Law::ramp(1.0, 2.0)),
     ];

@@ -4,6 +4,7 @@ mod balance;
 #[path = "../common/mod.rs"]
 mod common;
 mod conservation;
+mod control;
 mod convergence;
 mod convergence_methods;
 mod custom_inertia;

@@ -372,6 +372,43 @@ fn hyperion_tumbles_in_the_chaotic_zone() {
     assert!(zone > 0.9, "{zone}");
 }
 
+/// The slow mode of the loop about the axis of the least moment, I s² + (d s + k) e^(−sτ) = 0, τ being half a period and the delay: angles go as
+/// e^(−rate t).
+fn slow_rate(inertia: f64, k: f64, d: f64, late: f64) -> f64 {
+    let mut rate = k / d;
+    for _ in 0..100 {
+        let delayed = (rate * late).exp();
+        rate = (k * delayed + inertia * rate * rate) / (d * delayed);
+    }
+    rate
+}
+
+/// Coils stop every CubeSat in an orbit and wheels point it within a degree; the angle about the axis of the least moment, about which the loop is
+/// slowest, decays at the rate that the loop says.
+#[test]
+fn a_sampled_controller_points_as_its_loop_says() {
+    const BODIES: usize = 60;
+    let (scene, record) = ran(&study("detumble_and_point", BODIES, &[("snapshots = false", "snapshots = true")]));
+    for event in 0..2 {
+        assert!(times(&record, event, BODIES).iter().all(Option::is_some), "event {event}");
+    }
+    let at = |time: f64| record.snapshots().iter().find(|snapshot| snapshot.time() == time).expect("an output");
+    let [first, second, end] = [5790.0, 5820.0, 6300.0].map(at);
+    let ratio = |body: usize| {
+        let angle = |snapshot: &polhode::record::Snapshot| {
+            let q = snapshot.orientation(body);
+            2.0 * q.x * q.w.signum()
+        };
+        // The coils, which follow the field, hold the body off by some 1e-3 rad in the end.
+        let left = |snapshot| angle(snapshot) - angle(end);
+        let rate = (left(first) / left(second)).abs().ln() / 30.0;
+        rate / slow_rate(scene.ensemble().inertia()[body].xx, 1.4e-4, 4e-3, 0.35)
+    };
+    let middle = median((0..BODIES).map(ratio).collect());
+    println!("{middle}");
+    assert!((middle - 1.0).abs() < 0.05, "{middle}");
+}
+
 /// Half of the CubeSats have stopped within some per cent of the time that the mean braking over the orbit gives. The law also turns
 /// them with the field, at some 13 % of the level, and the residual dipole turns their spin to other directions, so no body is held to it.
 #[test]

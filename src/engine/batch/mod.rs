@@ -17,6 +17,7 @@ use crate::bodies::columns::{
     PARAMETER_COMPONENTS, RATE_COLUMN, STATE_COMPONENTS, STRIDE_UNIT, StateWords, keep_rows, parameter_columns,
     state_columns, status_column, store_row,
 };
+use crate::engine::controlled::Written;
 use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::math::clock::Clock;
@@ -96,6 +97,14 @@ impl AnyBatch {
         match self {
             AnyBatch::F32(batch) => f64::from(batch.parameters[column * batch.stride + body]),
             AnyBatch::F64(batch) => batch.parameters[column * batch.stride + body],
+        }
+    }
+
+    /// Writes columns of parameters of some bodies.
+    pub(crate) fn write_parameters(&mut self, written: &Written) {
+        match self {
+            AnyBatch::F32(batch) => batch.write_parameters(written),
+            AnyBatch::F64(batch) => batch.write_parameters(written),
         }
     }
 
@@ -195,6 +204,15 @@ impl<T: Scalar> Batch<T> {
             store(status_column::<T>(), states.status[body].code());
         }
         batch
+    }
+
+    /// Writes columns of parameters of some bodies.
+    pub(crate) fn write_parameters(&mut self, written: &Written) {
+        for (index, column) in written.columns.iter().enumerate() {
+            let first = (written.first_column + index) * self.stride + written.first_row;
+            let own = &mut self.parameters[first..first + column.len()];
+            own.iter_mut().zip(column).for_each(|(own, &number)| *own = T::from_f64(number));
+        }
     }
 
     /// Number of parameter columns.

@@ -13,6 +13,7 @@ use super::tile::attempts_in_tiles;
 use crate::bodies::columns::{RATE_COLUMN, StateWords, column_parts, keep_rows};
 use crate::engine::adaptive_session::{AdaptiveSession, StepCounts, two_words_of};
 use crate::engine::batch::{Batch, load_body, load_state, store_state};
+use crate::engine::controlled::Written;
 use crate::engine::cpu::torque_kernels::{AllTorques, CommonTorques, LaneTorques, Nothing};
 use crate::engine::load_balance::imbalance;
 use crate::engine::watch::{Job, Watch, watched};
@@ -227,6 +228,11 @@ impl<T: LaneScalar + observe::Kernel> AdaptiveSession for CpuAdaptiveSession<T> 
 
     fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
         Ok(self.batch.read(bodies))
+    }
+
+    fn write_parameters(&mut self, written: &Written) -> Result<()> {
+        self.batch.write_parameters(written);
+        Ok(())
     }
 
     fn keep(&mut self, bodies: &[usize]) -> Result<()> {

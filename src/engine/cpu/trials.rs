@@ -8,6 +8,7 @@ use crate::bodies::columns::{RATE_COLUMN, STATE_COMPONENTS, status_column};
 use crate::bodies::{BodyFrame, Ensemble, Members, Status};
 use crate::engine::adaptive_session::AdaptiveSession;
 use crate::engine::batch::{AnyBatch, prepare_members};
+use crate::engine::controlled::{Controls, Written};
 use crate::error::Result;
 use crate::kernel::method::rk8_adaptive::Controller;
 use crate::math::vector::TwoWords;
@@ -20,6 +21,8 @@ pub(crate) struct Trials {
     session: CpuAdaptiveSession<f64>,
     frames: Vec<BodyFrame>,
     controllers: Vec<Controller<f64>>,
+    /// What sampled torques hold of them at the start of the scene.
+    controls: Option<Controls>,
     /// The times that steps may lie between, s.
     span: Range<f64>,
 }
@@ -35,17 +38,33 @@ impl Trials {
         tolerance: f64,
     ) -> Result<Self> {
         let (frames, batch) = prepare_members(ensemble, torques, end, members, Precision::F64)?;
+        let mut batch = batch;
+        let controls = Controls::start(torques, &mut batch, &frames, |row| members.body(row));
         let AnyBatch::F64(mut batch) = batch else { unreachable!("columns in f64 were asked for") };
         let clock = batch.torques.clock().at(span.start);
         batch.torques.start_at(clock);
         let controllers = vec![Controller::new(); batch.body_count];
         let session = CpuAdaptiveSession::new(batch, AdaptiveSteps { tolerance, least_step: None }, Width::Lanes);
-        Ok(Self { session, frames, controllers, span })
+        Ok(Self { session, frames, controllers, controls, span })
     }
 
     /// What leads from the scaled state of a body to the user's axes at the start of the scene.
     pub fn frame(&self, row: usize) -> &BodyFrame {
         &self.frames[row]
+    }
+
+    /// What sampled torques hold of a body, having held `before` of it elsewhere.
+    pub fn controls(&self, row: usize, before: Controls) -> Option<Controls> {
+        let mut own = self.controls.as_ref()?.of_row(row);
+        own.adopt(before);
+        Some(own)
+    }
+
+    /// Has sampled torques hold what they hold of a body.
+    pub fn hold(&mut self, row: usize, written: Vec<Written>) {
+        for written in written {
+            self.session.batch.write_parameters(&Written { first_row: row, ..written });
+        }
     }
 
     /// The scaled state of a body.

@@ -25,6 +25,7 @@ use crate::bodies::blocks::cut;
 use crate::bodies::columns::StateWords;
 use crate::engine::adaptive_session::{AdaptiveSession, StepCounts};
 use crate::engine::batch::Batch;
+use crate::engine::controlled::Written;
 use crate::engine::reduction::{BlockRows, Marked, Reduce};
 use crate::engine::{Observer, Progress, check_time};
 use crate::error::{Error, Result};
@@ -326,6 +327,11 @@ impl<T: DeviceScalar> AdaptiveSession for GpuAdaptiveSession<T> {
         let places: Vec<_> = self.chunks.iter().map(Chunk::place).collect();
         let reader = self.reader.as_mut();
         reader.map_or_else(|| Ok(StateWords::default()), |reader| reader.read::<T>(&self.device, &places, bodies))
+    }
+
+    fn write_parameters(&mut self, written: &Written) -> Result<()> {
+        let device = &self.device;
+        self.chunks.iter().try_for_each(|chunk| chunk.write_parameters::<T>(device, written))
     }
 
     fn keep(&mut self, bodies: &[usize]) -> Result<()> {

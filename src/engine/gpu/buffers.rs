@@ -9,6 +9,7 @@ use crate::bodies::blocks::cut;
 use crate::bodies::columns::STRIDE_UNIT;
 use crate::bodies::memory;
 use crate::engine::batch::Batch;
+use crate::engine::controlled::Written;
 use crate::error::{Error, Result};
 use crate::kernel::observe::Kernel;
 use crate::math::clock::Clock;
@@ -187,6 +188,11 @@ impl Chunk {
         Ok(())
     }
 
+    /// Writes columns of parameters of those bodies that it has.
+    fn write_parameters<T: DeviceScalar>(&self, device: &Device, written: &Written) -> Result<()> {
+        write_parameters::<T>(device, &self.parameters, &self.place(), written)
+    }
+
     /// Gives its memory back.
     fn destroy(&self) {
         [&self.parameters, &self.state, &self.settings].into_iter().for_each(wgpu::Buffer::destroy);
@@ -197,6 +203,28 @@ impl Chunk {
         pass.set_bind_group(0, &self.bind_group, &[]);
         device.dispatch(pass, (self.bodies as u32).div_ceil(WORKGROUP_SIZE));
     }
+}
+
+/// Writes columns of parameters of those bodies that are in a place.
+pub(super) fn write_parameters<T: Scalar>(
+    device: &Device,
+    parameters: &wgpu::Buffer,
+    place: &Place<'_>,
+    written: &Written,
+) -> Result<()> {
+    let own = place.rows(&(written.first_row..written.first_row + written.columns.first().map_or(0, Vec::len)));
+    if own.is_empty() {
+        return Ok(());
+    }
+    let from = place.first + own.start - written.first_row;
+    let write = || {
+        for (index, column) in written.columns.iter().enumerate() {
+            let numbers: Vec<T> = column[from..from + own.len()].iter().map(|&number| T::from_f64(number)).collect();
+            let offset = ((written.first_column + index) * place.stride + own.start) * size_of::<T>();
+            device.write(parameters, offset as u64, bytemuck::cast_slice(&numbers));
+        }
+    };
+    device.scoped(write).map_err(|refusal| device.refused(refusal))
 }
 
 /// Bodies that one chunk can hold, `most` at most.
@@ -283,6 +311,11 @@ impl Columns {
                 .map_err(UploadError::Copy)?;
         }
         upload.finish().map_err(UploadError::Copy)
+    }
+
+    /// Writes columns of parameters of some bodies.
+    pub fn write_parameters<T: DeviceScalar>(&self, device: &Device, written: &Written) -> Result<()> {
+        self.chunks.iter().try_for_each(|chunk| chunk.write_parameters::<T>(device, written))
     }
 
     /// Leaves some bodies, ascending.

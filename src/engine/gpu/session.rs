@@ -13,6 +13,7 @@ use super::observe::{Reducer, reduces};
 use super::reading::{Reader, read_single_rows};
 use crate::bodies::BodyFrame;
 use crate::bodies::columns::StateWords;
+use crate::engine::controlled::Written;
 use crate::engine::reduction::{BlockRows, Marked, Reduce};
 use crate::engine::{Observer, Progress, Session, check_step};
 use crate::error::{Error, Result};
@@ -73,6 +74,10 @@ impl<T: DeviceScalar> Session for GpuSession<T> {
         let places: Vec<_> = self.columns.chunks.iter().map(Chunk::place).collect();
         let reader = self.columns.reader.as_mut();
         reader.map_or_else(|| Ok(StateWords::default()), |reader| reader.read::<T>(&self.device, &places, bodies))
+    }
+
+    fn write_parameters(&mut self, written: &Written) -> Result<()> {
+        self.columns.write_parameters::<T>(&self.device, written)
     }
 
     fn keep(&mut self, bodies: &[usize]) -> Result<()> {

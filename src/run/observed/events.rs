@@ -11,6 +11,7 @@ use super::locate::{Located, Locator, Passage};
 use super::stops::Stops;
 use crate::bodies::{BodyState, Members};
 use crate::engine::Observer;
+use crate::engine::controlled::Controls;
 use crate::error::Result;
 use crate::plan::Plan;
 use crate::record::{Censored, EventErrors, EventOccurrence, EventRecord, EventTime, OutputState};
@@ -74,6 +75,11 @@ impl<'p> EventWatch<'p> {
             quantities,
             members,
         }
+    }
+
+    /// Takes what sampled torques hold of the bodies of each group, before they are brought to the next output.
+    pub fn take_controls(&mut self, controls: Vec<Option<Controls>>) {
+        self.locator.take_controls(controls);
     }
 
     /// The bodies that stand, where an event stops any.

@@ -15,6 +15,7 @@ use super::events::Start;
 use crate::bodies::columns::STATE_COMPONENTS;
 use crate::bodies::frame::unit_product;
 use crate::bodies::{BodyFrame, BodyState, Members};
+use crate::engine::controlled::{Controls, Written};
 use crate::engine::cpu::Trials;
 use crate::engine::{Observer, Progress};
 use crate::error::{Error, Result};
@@ -98,6 +99,8 @@ pub(super) struct Locator<'p> {
     scene: &'p Scene,
     groups: &'p [Group],
     motions: Vec<Motion>,
+    /// What sampled torques held of each group's bodies at the first output.
+    controls: Vec<Option<Controls>>,
 }
 
 impl<'p> Locator<'p> {
@@ -109,7 +112,18 @@ impl<'p> Locator<'p> {
             _ if group.class.torques.of(scene.torques()).iter().any(Torque::is_random) => Motion::Random,
             _ => Motion::Driven(group.class.torques),
         };
-        Self { scene, groups, motions: groups.iter().map(motion).collect() }
+        Self { scene, groups, motions: groups.iter().map(motion).collect(), controls: Vec::new() }
+    }
+
+    /// Takes what sampled torques hold of the bodies as they stand at an output, from which the next searches begin.
+    pub fn take_controls(&mut self, controls: Vec<Option<Controls>>) {
+        self.controls = controls;
+    }
+
+    /// What sampled torques held of a body at the first output.
+    fn controls_of(&self, body: usize) -> Option<Controls> {
+        let controls = |controls: &Controls| controls.row_of(body).map(|row| controls.of_row(row));
+        self.controls.iter().flatten().find_map(controls)
     }
 
     fn motion(&self, body: usize) -> Motion {
@@ -131,7 +145,7 @@ impl<'p> Locator<'p> {
         }
         let mut all = Vec::new();
         for (motion, mut passages) in by_motion {
-            let search = Search { scene: self.scene, quantities, evaluator };
+            let search = Search { scene: self.scene, quantities, evaluator, locator: self };
             match motion {
                 Motion::Random => all.extend(passages.into_iter().map(|passage| {
                     let located = passage.at_end(1, EventTime::Output);
@@ -162,6 +176,7 @@ impl<'p> Locator<'p> {
 }
 
 struct Search<'a> {
+    locator: &'a Locator<'a>,
     scene: &'a Scene,
     quantities: &'a [usize],
     evaluator: &'a Evaluator<'a>,
@@ -244,12 +259,21 @@ impl Search<'_> {
     ) -> Result<Vec<(Passage, Located)>> {
         let Some(span) = passages.first().map(|passage| passage.span.clone()) else { return Ok(Vec::new()) };
         let members = Members::Some(passages.iter().map(|passage| passage.body as u32).collect());
-        let scene = self.scene;
+        let (scene, is_sampled) = (self.scene, torques.iter().any(Torque::is_sampled));
         let mut trials = Trials::new(scene.ensemble(), torques, scene.end(), &members, span, TOLERANCE)?;
         let mut walks: Vec<Walk> = Vec::with_capacity(passages.len());
         for (row, passage) in passages.iter().enumerate() {
-            let walk = Walk::new(self, passage, trials.frame(row), torques);
+            let mut walk = Walk::new(self, passage, trials.frame(row), torques);
             trials.set_state(row, &walk.state);
+            if is_sampled {
+                let before = self.locator.controls_of(passage.body);
+                walk.controls = before.and_then(|before| trials.controls(row, before));
+                match &walk.controls {
+                    Some(controls) => trials.hold(row, controls.columns()),
+                    // Nobody knows what moves it.
+                    None => walk.located = Some(passage.at_end(1, EventTime::Output)),
+                }
+            }
             walks.push(walk);
         }
         let total = walks.len() as u64;
@@ -285,6 +309,8 @@ impl Search<'_> {
                 let Some(point) = point else { continue };
                 if walk.take(self.condition(passage), passage, trials.outcome(row), trials.state(row), point) {
                     trials.set_state(row, &walk.state);
+                } else if let Some(written) = walk.changed() {
+                    trials.hold(row, written);
                 }
             }
         }
@@ -310,6 +336,8 @@ struct Walk {
     bracket: Option<(Bracket, BodyState)>,
     met: u32,
     located: Option<Located>,
+    /// What sampled torques hold of it.
+    controls: Option<Controls>,
 }
 
 impl Walk {
@@ -334,7 +362,15 @@ impl Walk {
             bracket: None,
             met: 0,
             located: None,
+            controls: None,
         }
+    }
+
+    /// What sampled torques hold from here on, where that changes here.
+    fn changed(&mut self) -> Option<Vec<Written>> {
+        let (time, state) = (self.time, self.state);
+        let controls = self.controls.as_mut().filter(|controls| time >= controls.next_change())?;
+        Some(controls.change(time, &|frame, _| frame.body_state(state)))
     }
 
     /// The step to try next, s; nothing once the time is known.
@@ -343,7 +379,10 @@ impl Walk {
             return None;
         }
         let end = match &mut self.bracket {
-            None => passage.span.end,
+            None => {
+                let change = self.controls.as_ref().map_or(f64::INFINITY, Controls::next_change);
+                passage.span.end.min(change)
+            }
             Some((bracket, state)) => match bracket.next(tolerance) {
                 Some(next) => next,
                 None => {

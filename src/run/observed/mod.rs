@@ -14,7 +14,7 @@ use crate::engine::Observer;
 use crate::error::Result;
 use crate::plan::Plan;
 use crate::record::{EventRecord, OutputState, Sink};
-use crate::run::group_run::blocks_of;
+use crate::run::group_run::{GroupRun, blocks_of};
 use crate::scene::{Observed, Quantity};
 
 pub(super) use comparison::Comparison;
@@ -81,6 +81,14 @@ impl<'p> Observation<'p> {
         let values = self.evaluator.values(first_body, 0.0, states);
         if let Some(events) = &mut self.events {
             events.begin(first_body..first_body + states.len(), states, &values, centre);
+        }
+    }
+
+    /// Takes what sampled torques hold of the bodies, before they are brought to the next output: searches for events begin there.
+    pub fn take_controls(&mut self, group_runs: &[GroupRun<'_>]) {
+        let Some(events) = &mut self.events else { return };
+        if group_runs.iter().any(|group_run| group_run.controls().is_some()) {
+            events.take_controls(group_runs.iter().map(|group_run| group_run.controls().cloned()).collect());
         }
     }
 

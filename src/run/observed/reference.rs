@@ -112,6 +112,9 @@ pub(in crate::run) fn recomputed(
         }
         let span = time - std::mem::replace(&mut last, time);
         let mut states = vec![OutputState::moving(BodyState::UNKNOWN, None); sample.len()];
+        if has_events {
+            watch.take_controls(runs.iter().map(|run| run.controls().cloned()).collect());
+        }
         for (run, group) in runs.iter_mut().zip(&groups) {
             run.advance(time, span, true, observer)?;
             for (row, state) in run.output_states(&|_| None)?.into_iter().enumerate() {

@@ -8,7 +8,7 @@ use polhode::study::Study;
 
 use super::{agreed, common, steps, workspace};
 
-const EXAMPLES: [&str; 20] = [
+const EXAMPLES: [&str; 21] = [
     "aero_table",
     "asteroids",
     "bdot",
@@ -18,6 +18,7 @@ const EXAMPLES: [&str; 20] = [
     "curveball",
     "debris",
     "despin",
+    "detumble_and_point",
     "flip_times",
     "hyperion",
     "intermediate_axis",
@@ -57,6 +58,8 @@ fn what_is_not_compared_is_listed() {
     assert!(text.contains("centres of mass: not compared"), "{text}");
     let text = agreed(&Engine::cpu(), &example("relaxing", 3), &steps(2), "relaxing").to_string();
     assert!(text.contains("not compared: statistics"), "{text}");
+    let text = agreed(&Engine::cpu(), &example("detumble_and_point", 3), &steps(2), "sampled").to_string();
+    assert!(text.contains("not compared: samples of torques"), "{text}");
 }
 
 #[test]

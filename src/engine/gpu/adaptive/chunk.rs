@@ -1,6 +1,6 @@
 //! Columns of some bodies in adaptive steps, and how far they have come.
 
-use super::super::buffers::{Place, Upload, buffer};
+use super::super::buffers::{Place, Upload, buffer, write_parameters};
 use super::super::device::{Device, Refusal};
 use super::super::reading::{Reader, keep_rows, read_columns};
 use super::control::{ADVANCE_GROUPS, Bodies, COMPACT_GROUPS, Control, GROUP_ENTRIES, TALLY_BYTES};
@@ -8,6 +8,7 @@ use super::{Layouts, Pipelines};
 use crate::bodies::columns::{STRIDE_UNIT, state_columns};
 use crate::engine::adaptive_session::{StepCounts, two_words_of};
 use crate::engine::batch::Batch;
+use crate::engine::controlled::Written;
 use crate::error::Result;
 use crate::kernel::method::rk8_adaptive::{Controller, LEAST_STEP};
 use crate::math::clock::Clock;
@@ -248,6 +249,11 @@ impl Chunk {
         (self.first, self.bodies) = (first, rows.len());
         (self.untried, self.listed) = (rows.len() as u32, 0);
         Ok(())
+    }
+
+    /// Writes columns of parameters of those bodies that it has.
+    pub fn write_parameters<T: Scalar>(&self, device: &Device, written: &Written) -> Result<()> {
+        write_parameters::<T>(device, &self.parameters, &self.place(), written)
     }
 
     /// Puts its bodies where these controllers, of all bodies, say.

@@ -1,0 +1,727 @@
+//! Bodies under sampled torques: sessions that stop at each change, have the host form what holds next, and go on.
+//!
+//! What a law forms is formed here in `f64`, in lanes, whatever engine steps the bodies, and goes into the torque's columns of parameters
+//! ([`Session::write_parameters`]). On a GPU the states come to the host at each change and the columns go back.
+
+use std::collections::VecDeque;
+use std::ops::Range;
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::adaptive_session::{AdaptiveSession, StepCounts};
+use super::batch::AnyBatch;
+use super::reduction::{BlockRows, Marked, Reduce};
+use super::watch::{Job, Watch, watched};
+use super::{Observer, Progress, Session};
+use crate::bodies::columns::StateWords;
+use crate::bodies::{BodyFrame, BodyState};
+use crate::error::{Error, Result};
+use crate::expression::{Input, InputKind, Program};
+use crate::kernel::method::rk8_adaptive::Controller;
+use crate::kernel::observe::{Partial, Statistic};
+use crate::math::equal_steps::steps_over;
+use crate::torque::control::{Control, Schedule};
+use crate::torque::{Expressed, Kind, Torque, host_numbers, numbers_of_body, tensor_of, user_number};
+
+/// Rows that one task forms.
+const PIECE: usize = 512;
+/// Fewer rows than this are formed by the calling thread.
+const FEW: usize = 128;
+
+/// What sampled torques hold of some bodies, one a row.
+#[derive(Clone)]
+pub struct Controls {
+    laws: Vec<Law>,
+    schedule: Schedule,
+    rows: Rows,
+    /// The time of the last change, s.
+    time: f64,
+}
+
+/// What is known of the rows from the start.
+#[derive(Clone)]
+struct Rows {
+    torques: Vec<Torque>,
+    varies: bool,
+    frames: Vec<BodyFrame>,
+    bodies: Vec<u32>,
+}
+
+/// One torque of a batch.
+#[derive(Clone)]
+struct Law {
+    torque: Torque,
+    expressed: Arc<Expressed>,
+    /// The instance's first column.
+    first_column: usize,
+    /// The host's numbers that its columns are formed from and that do not change, with the column of each.
+    fixed: Vec<(usize, Vec<f64>)>,
+    /// The numbers of the parameters, shape `[numbers][rows]`.
+    numbers: Vec<Vec<f64>>,
+    /// Values that were sampled and are not yet in effect, the oldest first, shape `[values][rows]`.
+    pending: VecDeque<Vec<Vec<f64>>>,
+    /// The last sample and the last effect.
+    sampled: Option<u64>,
+    effected: Option<u64>,
+}
+
+/// Columns of parameters that have changed, of some rows.
+pub struct Written {
+    /// The first of the columns.
+    pub first_column: usize,
+    /// The first of the rows.
+    pub first_row: usize,
+    /// Numbers, shape `[columns][rows]`.
+    pub columns: Vec<Vec<f64>>,
+}
+
+impl Law {
+    fn control(&self) -> &Control {
+        self.torque.control().expect("a law is of a sampled torque")
+    }
+}
+
+impl Controls {
+    /// Of the bodies of a batch under these torques at the start, whose first values it forms and writes into the batch's columns; `None` where
+    /// none of them is sampled. `body` says which body is in a row.
+    pub(crate) fn start(
+        torques: &[Torque],
+        batch: &mut AnyBatch,
+        frames: &[BodyFrame],
+        body: impl Fn(usize) -> usize,
+    ) -> Option<Self> {
+        let schedule = Schedule::of(torques)?;
+        let bodies: Vec<u32> = (0..batch.body_count()).map(|row| body(row) as u32).collect();
+        let rows = Rows {
+            varies: torques.iter().any(Torque::changes_inertia),
+            torques: torques.to_vec(),
+            frames: frames.to_vec(),
+            bodies,
+        };
+        let formulas = torques.iter().filter(|torque| torque.kind() == Kind::Custom).enumerate();
+        let laws = formulas.filter(|(_, torque)| torque.is_sampled()).map(|(index, torque)| {
+            let table = batch.torques();
+            let expressed = Arc::clone(&table.expressions()[index]);
+            let instance = table.list().iter().find(|own| own.kind == Kind::Custom && own.index == index);
+            Law::new(torque, expressed, instance.map_or(0, |instance| instance.first), &rows)
+        });
+        let laws: Vec<Law> = laws.collect();
+        let mut controls = Self { laws, schedule, rows, time: 0.0 };
+        let words = batch.states();
+        let written = controls.change(0.0, &|frame, row| frame.state_of(&words, row));
+        written.iter().for_each(|written| batch.write_parameters(written));
+        Some(controls)
+    }
+
+    /// The first change behind the last one.
+    pub(crate) fn next_change(&self) -> f64 {
+        self.schedule.next_after(self.time)
+    }
+
+    /// When it changes.
+    pub(crate) fn schedule(&self) -> &Schedule {
+        &self.schedule
+    }
+
+    /// Samples what is sampled at `time`, s, and puts into effect what takes effect then; gives the columns that have changed. `state` gives
+    /// the state of a row's body by its frame at the time.
+    pub(crate) fn change(
+        &mut self,
+        time: f64,
+        state: &(dyn Fn(&BodyFrame, usize) -> BodyState + Sync),
+    ) -> Vec<Written> {
+        self.time = time;
+        let rows = &self.rows;
+        let mut all = Vec::new();
+        for law in &mut self.laws {
+            let sampling = law.control().sampling();
+            let new = |now: Option<u64>, last: Option<u64>| now.filter(|now| last.is_none_or(|last| *now > last));
+            let (sample, effect) =
+                (new(sampling.sample_at(time), law.sampled), new(sampling.effect_at(time), law.effected));
+            (law.sampled, law.effected) = (sample.or(law.sampled), effect.or(law.effected));
+            if sample.is_none() && effect.is_none() {
+                continue;
+            }
+            let due = Due { sample: sample.is_some(), effect: effect.is_some(), delayed: sampling.delay > 0.0, time };
+            let count = rows.bodies.len();
+            let pieces = (0..count).step_by(PIECE).map(|start| start..count.min(start + PIECE));
+            let form = |range: Range<usize>| law.formed(due, rows, range, state);
+            let formed: Vec<Formed> = match count {
+                ..=FEW => pieces.map(form).collect(),
+                _ => pieces.collect::<Vec<_>>().into_par_iter().map(form).collect(),
+            };
+            if due.effect {
+                law.pending.pop_front();
+            }
+            if due.sample && due.delayed {
+                let values = law.control().samples.program.output_count();
+                law.pending.push_back(vec![vec![0.0; count]; values]);
+            }
+            for Formed { range, numbers, pending, columns } in formed {
+                for (own, numbers) in law.numbers.iter_mut().zip(numbers) {
+                    own[range.clone()].copy_from_slice(&numbers);
+                }
+                if let (Some(pending), Some(last)) = (pending, law.pending.back_mut()) {
+                    for (own, values) in last.iter_mut().zip(pending) {
+                        own[range.clone()].copy_from_slice(&values);
+                    }
+                }
+                all.push(Written { first_column: law.first_column, first_row: range.start, columns });
+            }
+        }
+        all
+    }
+
+    /// Leaves some rows, ascending, which are counted from 0 then.
+    pub(crate) fn keep(&mut self, kept: &[usize]) {
+        let of = |column: &mut Vec<f64>| *column = kept.iter().map(|&row| column[row]).collect();
+        for law in &mut self.laws {
+            law.numbers.iter_mut().for_each(of);
+            law.fixed.iter_mut().for_each(|(_, column)| of(column));
+            law.pending.iter_mut().flatten().for_each(of);
+        }
+        self.rows.frames = kept.iter().map(|&row| self.rows.frames[row]).collect();
+        self.rows.bodies = kept.iter().map(|&row| self.rows.bodies[row]).collect();
+    }
+
+    /// What they hold of one row alone.
+    pub(crate) fn of_row(&self, row: usize) -> Self {
+        let of = |column: &Vec<f64>| vec![column[row]];
+        let law = |law: &Law| Law {
+            fixed: law.fixed.iter().map(|(number, column)| (*number, of(column))).collect(),
+            numbers: law.numbers.iter().map(of).collect(),
+            pending: law.pending.iter().map(|values| values.iter().map(of).collect()).collect(),
+            ..law.without_rows()
+        };
+        let rows = Rows {
+            torques: self.rows.torques.clone(),
+            varies: self.rows.varies,
+            frames: vec![self.rows.frames[row]],
+            bodies: vec![self.rows.bodies[row]],
+        };
+        Self { laws: self.laws.iter().map(law).collect(), schedule: self.schedule.clone(), rows, time: self.time }
+    }
+
+    /// The row of a body.
+    pub(crate) fn row_of(&self, body: usize) -> Option<usize> {
+        match self.rows.bodies.binary_search(&(body as u32)) {
+            Ok(row) => Some(row),
+            // They may stand in another order.
+            Err(_) => self.rows.bodies.iter().position(|&own| own as usize == body),
+        }
+    }
+
+    /// Takes what is held elsewhere of the same bodies under the same torques, whose columns may lie otherwise there.
+    pub(crate) fn adopt(&mut self, other: Self) {
+        self.time = other.time;
+        for (law, other) in self.laws.iter_mut().zip(other.laws) {
+            (law.numbers, law.pending) = (other.numbers, other.pending);
+            (law.sampled, law.effected) = (other.sampled, other.effected);
+        }
+    }
+
+    /// The columns of all laws as they are now, for a session that has those of another time.
+    pub(crate) fn columns(&self) -> Vec<Written> {
+        let count = self.rows.bodies.len();
+        let of_law = |law: &Law| Written {
+            first_column: law.first_column,
+            first_row: 0,
+            columns: law.columns(&law.numbers, 0..count),
+        };
+        self.laws.iter().map(of_law).collect()
+    }
+
+    /// Hands the numbers of the own state of each torque at `time`, s, not before the last change, to `take`: the torque's place among the
+    /// sampled ones, the number's among those of its own state, the body, and the number.
+    pub(crate) fn own_state(&self, time: f64, take: &mut dyn FnMut((usize, usize), usize, f64)) {
+        for (place, law) in self.laws.iter().enumerate() {
+            let mut numbers = law.numbers.clone();
+            advance_states(law.control(), &mut numbers, time);
+            let own = law.control().states.iter().flat_map(|(_, own)| own.clone());
+            for (index, number) in own.enumerate() {
+                let rows = numbers[number].iter().zip(&self.rows.bodies);
+                rows.for_each(|(&value, &body)| take((place, index), body as usize, value));
+            }
+        }
+    }
+}
+
+impl Law {
+    fn new(torque: &Torque, expressed: Arc<Expressed>, first_column: usize, rows: &Rows) -> Self {
+        let fixed: Vec<usize> =
+            expressed.host_numbers_read().into_iter().filter(|&number| user_number(number).is_none()).collect();
+        let column = |number: usize| rows.frames.iter().map(|frame| host_numbers(frame)[number]).collect();
+        let fixed = fixed.into_iter().map(|number| (number, column(number))).collect();
+        let of_bodies: Vec<Vec<f64>> =
+            rows.bodies.par_iter().map(|&body| numbers_of_body(torque.values(), body as usize)).collect();
+        let count = of_bodies.first().map_or(0, Vec::len);
+        let numbers = (0..count).map(|number| of_bodies.iter().map(|of_body| of_body[number]).collect()).collect();
+        let torque = torque.clone();
+        let pending = VecDeque::new();
+        Self { torque, expressed, first_column, fixed, numbers, pending, sampled: None, effected: None }
+    }
+
+    fn without_rows(&self) -> Self {
+        Self {
+            torque: self.torque.clone(),
+            expressed: Arc::clone(&self.expressed),
+            fixed: Vec::new(),
+            numbers: Vec::new(),
+            pending: VecDeque::new(),
+            ..*self
+        }
+    }
+
+    /// The columns of some rows, whose numbers are given.
+    fn columns(&self, numbers: &[Vec<f64>], rows: Range<usize>) -> Vec<Vec<f64>> {
+        let count = rows.len();
+        let host = |number: usize| -> &[f64] {
+            match user_number(number) {
+                Some(number) => &numbers[number],
+                None => {
+                    let fixed = self.fixed.iter().find(|(own, _)| *own == number);
+                    fixed.map_or(&[], |(_, column)| &column[rows.clone()])
+                }
+            }
+        };
+        self.expressed.rows(host, count)
+    }
+
+    /// What comes of a change in some rows.
+    fn formed(
+        &self,
+        due: Due,
+        rows: &Rows,
+        range: Range<usize>,
+        state: &(dyn Fn(&BodyFrame, usize) -> BodyState + Sync),
+    ) -> Formed {
+        let control = self.control();
+        let mut numbers: Vec<Vec<f64>> = self.numbers.iter().map(|column| column[range.clone()].to_vec()).collect();
+        advance_states(control, &mut numbers, due.time);
+        let states = StatesOf::new(rows, range.clone(), due.time, state, self);
+        let take = |numbers: &mut Vec<Vec<f64>>, targets: &mut dyn Iterator<Item = usize>, found: Vec<Vec<f64>>| {
+            targets.zip(found).for_each(|(target, column)| numbers[target] = column);
+        };
+        if due.effect {
+            let oldest = self.pending.front().into_iter().flatten();
+            let found = oldest.map(|column| column[range.clone()].to_vec()).collect();
+            take(&mut numbers, &mut control.samples.targets(), found);
+        }
+        let mut pending = None;
+        if due.sample {
+            let found = states.results(&control.samples.program, &numbers);
+            let mut as_sampled = numbers.clone();
+            take(&mut as_sampled, &mut control.samples.targets(), found.clone());
+            let next = states.results(&control.next.program, &as_sampled);
+            if due.delayed {
+                pending = Some(found);
+            } else {
+                numbers = as_sampled;
+            }
+            take(&mut numbers, &mut control.next.targets(), next);
+        }
+        // At the start rates are those of values that are zero.
+        if due.effect || !due.delayed || due.time <= 0.0 {
+            let found = states.results(&control.rates.program, &numbers);
+            take(&mut numbers, &mut control.rates.targets(), found);
+        }
+        let columns = self.columns(&numbers, range.clone());
+        Formed { range, numbers, pending, columns }
+    }
+}
+
+/// Brings what has a rate to `time`, s.
+fn advance_states(control: &Control, numbers: &mut [Vec<f64>], time: f64) {
+    for (state, rate) in &control.slopes {
+        for (state, rate) in state.clone().zip(rate.clone()) {
+            for row in 0..numbers[state].len() {
+                let elapsed = time - numbers[control.since][row];
+                numbers[state][row] = elapsed.mul_add(numbers[rate][row], numbers[state][row]);
+            }
+        }
+    }
+    numbers[control.since].fill(time);
+}
+
+/// What is to be done at a change.
+#[derive(Clone, Copy)]
+struct Due {
+    sample: bool,
+    effect: bool,
+    delayed: bool,
+    time: f64,
+}
+
+/// What came of a change in some rows.
+struct Formed {
+    range: Range<usize>,
+    numbers: Vec<Vec<f64>>,
+    pending: Option<Vec<Vec<f64>>>,
+    columns: Vec<Vec<f64>>,
+}
+
+/// What formulas read of the states of some rows, by column.
+struct StatesOf {
+    columns: Vec<(Input, Vec<f64>)>,
+    count: usize,
+}
+
+impl StatesOf {
+    fn new(
+        rows: &Rows,
+        range: Range<usize>,
+        time: f64,
+        state: &(dyn Fn(&BodyFrame, usize) -> BodyState + Sync),
+        law: &Law,
+    ) -> Self {
+        let control = law.control();
+        let programs = [&control.samples.program, &control.next.program, &control.rates.program];
+        let mut read: Vec<Input> = programs.iter().flat_map(|program| program.inputs().iter().copied()).collect();
+        read.retain(|input| input.kind != InputKind::Parameter);
+        read.sort_unstable();
+        read.dedup();
+        let mut columns: Vec<(Input, Vec<f64>)> =
+            read.into_iter().map(|input| (input, Vec::with_capacity(range.len()))).collect();
+        let needs_tensor =
+            columns.iter().any(|(input, _)| matches!(input.kind, InputKind::Inertia | InputKind::AngularMomentum));
+        let rows_read = if columns.is_empty() { range.end..range.end } else { range.clone() };
+        for row in rows_read {
+            let mut frame = rows.frames[row];
+            if rows.varies {
+                frame = frame.at(&rows.torques, rows.bodies[row] as usize, time);
+            }
+            let state = state(&frame, row);
+            let tensor = if needs_tensor { tensor_of(&frame) } else { Default::default() };
+            let momentum = if needs_tensor { tensor * state.angular_velocity_body } else { glam::DVec3::ZERO };
+            for (input, column) in &mut columns {
+                let index = usize::from(input.index);
+                column.push(match input.kind {
+                    InputKind::Orientation => state.orientation.to_array()[index],
+                    InputKind::AngularVelocity => state.angular_velocity_body.to_array()[index],
+                    InputKind::AngularMomentum => momentum.to_array()[index],
+                    InputKind::Inertia => tensor.to_array()[index],
+                    InputKind::Time => time,
+                    // A scene has put functions of time in the place of positions.
+                    _ => f64::NAN,
+                });
+            }
+        }
+        Self { columns, count: range.len() }
+    }
+
+    fn results(&self, program: &Program, numbers: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        if program.output_count() == 0 {
+            return Vec::new();
+        }
+        let column = |input: &Input| -> &[f64] {
+            match input.kind {
+                InputKind::Parameter => &numbers[usize::from(input.index)],
+                _ => self.columns.iter().find(|(own, _)| own == input).map_or(&[], |(_, column)| column),
+            }
+        };
+        program.evaluate_columns(&program.inputs().iter().map(column).collect::<Vec<_>>(), self.count)
+    }
+}
+
+/// Equal steps under sampled torques: a call takes steps of `longest_step` at most, which end at each change.
+pub(crate) struct ControlledSession {
+    inner: Box<dyn Session>,
+    controls: Controls,
+    longest_step: f64,
+    /// The time that the state stands at, s, and what its sum has lost.
+    time: f64,
+    residue: f64,
+    /// What went wrong where nobody could be told.
+    error: Option<Error>,
+}
+
+/// Steps of the bodies' own under sampled torques, which end at each change.
+pub(crate) struct ControlledAdaptiveSession {
+    inner: Box<dyn AdaptiveSession>,
+    controls: Controls,
+    time: f64,
+    error: Option<Error>,
+}
+
+impl Controls {
+    /// A session of bodies that these are of.
+    pub(crate) fn around(controls: Option<Self>, inner: Box<dyn Session>, longest_step: f64) -> Box<dyn Session> {
+        match controls {
+            Some(controls) => {
+                Box::new(ControlledSession { inner, controls, longest_step, time: 0.0, residue: 0.0, error: None })
+            }
+            None => inner,
+        }
+    }
+
+    /// The same of adaptive steps.
+    pub(crate) fn around_adaptive(controls: Option<Self>, inner: Box<dyn AdaptiveSession>) -> Box<dyn AdaptiveSession> {
+        match controls {
+            Some(controls) => Box::new(ControlledAdaptiveSession { inner, controls, time: 0.0, error: None }),
+            None => inner,
+        }
+    }
+
+    /// What changes at `time` in a session whose state is in `words` and whose columns `write` writes.
+    fn apply(&mut self, time: f64, words: &StateWords, mut write: impl FnMut(&Written) -> Result<()>) -> Result<()> {
+        self.change(time, &|frame, row| frame.state_of(words, row)).iter().try_for_each(&mut write)
+    }
+}
+
+impl ControlledSession {
+    /// The time after some steps: the sum of all of them (Kahan), as over 1e7 outputs a plain one would miss samples.
+    fn end_of(&mut self, dt: f64, steps: u64) -> f64 {
+        let span = dt * steps as f64 + self.residue;
+        let end = self.time + span;
+        self.residue = span - (end - self.time);
+        end
+    }
+
+    /// Brings the bodies to `end`, s; `steps` takes equal steps of the inner session and says whether to go on.
+    fn advance_through(
+        &mut self,
+        end: f64,
+        mut steps: impl FnMut(&mut dyn Session, f64, u64) -> Result<bool>,
+    ) -> Result<()> {
+        while self.time < end {
+            let next = self.controls.schedule.part(self.time, end);
+            let part = steps_over(next - self.time, self.longest_step);
+            if !steps(&mut *self.inner, part.dt, part.steps)? {
+                return Ok(());
+            }
+            self.time = next;
+            if self.controls.schedule.changes_at(next) {
+                let bodies = self.inner.body_count();
+                let words = self.inner.read(0..bodies)?;
+                let inner = &mut self.inner;
+                self.controls.apply(next, &words, |written| inner.write_parameters(written))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn sound(&mut self) -> Result<()> {
+        self.error.take().map_or(Ok(()), Err)
+    }
+}
+
+impl Session for ControlledSession {
+    fn body_count(&self) -> usize {
+        self.inner.body_count()
+    }
+
+    fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
+        self.sound()?;
+        let (bodies, span) = (self.inner.body_count() as u64, dt * steps as f64);
+        let of_body = self.controls.schedule.steps(self.time, self.time + span, self.longest_step);
+        let total = of_body.saturating_mul(bodies);
+        if self.inner.has_jobs() {
+            // One thread watches over all parts.
+            let job = self.job(dt, steps)?;
+            let work = |watch: &Watch| job.into_iter().for_each(|job| job(watch));
+            watched(work, total, observer).map_err(|done| Error::Interrupted { steps: done / bodies.max(1) })?;
+            return self.sound();
+        }
+        let end = self.end_of(dt, steps);
+        let mut before = 0_u64;
+        self.advance_through(end, |inner, dt, steps| {
+            inner.advance(dt, steps, &mut |progress| {
+                observer(Progress { done: before.saturating_add(progress.done), total })
+            })?;
+            before = before.saturating_add(steps.saturating_mul(bodies));
+            Ok(true)
+        })
+    }
+
+    fn job(&mut self, dt: f64, steps: u64) -> Result<Option<Job<'_>>> {
+        self.sound()?;
+        if !self.inner.has_jobs() {
+            return Ok(None);
+        }
+        let end = self.end_of(dt, steps);
+        Ok(Some(Box::new(move |watch: &Watch| {
+            let done = self.advance_through(end, |inner, dt, steps| {
+                if let Some(job) = inner.job(dt, steps)? {
+                    job(watch);
+                }
+                Ok(watch.goes_on())
+            });
+            self.error = done.err();
+        })))
+    }
+
+    fn has_jobs(&self) -> bool {
+        self.inner.has_jobs()
+    }
+
+    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
+        self.sound()?;
+        self.inner.read(bodies)
+    }
+
+    fn write_parameters(&mut self, written: &Written) -> Result<()> {
+        self.inner.write_parameters(written)
+    }
+
+    fn controls(&self) -> Option<&Controls> {
+        Some(&self.controls)
+    }
+
+    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
+        self.controls.keep(bodies);
+        self.inner.keep(bodies)
+    }
+
+    fn read_centres(&mut self, bodies: Range<usize>) -> Result<Vec<(glam::DVec3, glam::DVec3)>> {
+        self.inner.read_centres(bodies)
+    }
+}
+
+impl ControlledAdaptiveSession {
+    /// Brings the bodies to `end`, s; `steps` brings those of the inner session to a time and says whether to go on.
+    fn advance_through(
+        &mut self,
+        end: f64,
+        mut steps: impl FnMut(&mut dyn AdaptiveSession, f64) -> Result<bool>,
+    ) -> Result<()> {
+        while self.time < end {
+            let next = self.controls.schedule.part(self.time, end);
+            if !steps(&mut *self.inner, next)? {
+                return Ok(());
+            }
+            self.time = next;
+            if self.controls.schedule.changes_at(next) {
+                let bodies = self.inner.body_count();
+                let words = self.inner.read(0..bodies)?;
+                let inner = &mut self.inner;
+                self.controls.apply(next, &words, |written| inner.write_parameters(written))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn sound(&mut self) -> Result<()> {
+        self.error.take().map_or(Ok(()), Err)
+    }
+}
+
+impl AdaptiveSession for ControlledAdaptiveSession {
+    fn body_count(&self) -> usize {
+        self.inner.body_count()
+    }
+
+    fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {
+        self.sound()?;
+        super::check_time(time)?;
+        let (start, total) = (self.time, self.inner.body_count() as u64);
+        if self.inner.has_jobs() {
+            let job = self.job_to(time)?;
+            let work = |watch: &Watch| job.into_iter().for_each(|job| job(watch));
+            watched(work, total, observer).map_err(|_| Error::Interrupted { steps: 0 })?;
+            return self.sound();
+        }
+        self.advance_through(time, |inner, next| {
+            // Bodies arrive at every change; told is how much of the way lies behind them.
+            let part = (next - start) / (time - start);
+            inner.advance_to(next, &mut |_| observer(Progress { done: (total as f64 * part) as u64, total }))?;
+            Ok(true)
+        })
+    }
+
+    fn job_to(&mut self, time: f64) -> Result<Option<Job<'_>>> {
+        self.sound()?;
+        super::check_time(time)?;
+        if !self.inner.has_jobs() {
+            return Ok(None);
+        }
+        Ok(Some(Box::new(move |watch: &Watch| {
+            let done = self.advance_through(time, |inner, next| {
+                // Bodies arrive at every change, and are counted once.
+                let beside = watch.beside();
+                if let Some(job) = inner.job_to(next)? {
+                    job(&beside);
+                }
+                Ok(watch.goes_on())
+            });
+            watch.add(self.inner.body_count() as u64);
+            self.error = done.err();
+        })))
+    }
+
+    fn has_jobs(&self) -> bool {
+        self.inner.has_jobs()
+    }
+
+    fn attempt(&mut self, end: f64, controllers: &mut [Controller<f64>]) -> Result<()> {
+        self.inner.attempt(end, controllers)
+    }
+
+    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
+        self.sound()?;
+        self.inner.read(bodies)
+    }
+
+    fn write_parameters(&mut self, written: &Written) -> Result<()> {
+        self.inner.write_parameters(written)
+    }
+
+    fn controls(&self) -> Option<&Controls> {
+        Some(&self.controls)
+    }
+
+    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
+        self.controls.keep(bodies);
+        self.inner.keep(bodies)
+    }
+
+    fn counts(&mut self) -> Result<Vec<StepCounts>> {
+        self.sound()?;
+        self.inner.counts()
+    }
+
+    fn side_by_side(&self) -> usize {
+        self.inner.side_by_side()
+    }
+
+    fn imbalance(&mut self) -> Result<f64> {
+        self.inner.imbalance()
+    }
+}
+
+macro_rules! reduces_within {
+    ($session:ident) => {
+        impl Reduce for $session {
+            fn watch(
+                &mut self,
+                statistics: &[Statistic],
+                frames: &[BodyFrame],
+                blocks: &BlockRows,
+                fastest: f64,
+            ) -> Result<()> {
+                self.inner.watch(statistics, frames, blocks, fastest)
+            }
+
+            fn reduce(&mut self) -> Result<Vec<Vec<Partial<f64>>>> {
+                self.sound()?;
+                self.inner.reduce()
+            }
+
+            fn marked(&mut self) -> Result<Marked> {
+                self.inner.marked()
+            }
+
+            fn prefetch(&mut self, bodies: Range<usize>) -> Result<()> {
+                self.inner.prefetch(bodies)
+            }
+
+            fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
+                self.sound()?;
+                self.inner.read_rows(rows)
+            }
+        }
+    };
+}
+
+reduces_within!(ControlledSession);
+reduces_within!(ControlledAdaptiveSession);
