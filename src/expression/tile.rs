@@ -175,6 +175,7 @@ fn signed<R: Real>(is_negative: bool, x: R) -> R {
 
 /// Turns a vector.
 #[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "results go to other numbers than those that are read")]
 fn rotate<R: Real, const GROUPS: usize>(numbers: &mut [Each<R, GROUPS>], instruction: &Instruction, is_inverse: bool) {
     let [x, y, z, w, a, b, c] = instruction.operands.map(usize::from);
     let [to_a, to_b, to_c] = instruction.results.map(usize::from);
