@@ -10,7 +10,8 @@
 //! * [`Symbol`] is a number that records what is done with it, so that vectors, quaternions and torques, which are generic
 //!   over [`crate::math::real::Real`], record themselves.
 //! * [`graph`] holds scalar operations; equal ones are one node, constants are folded (`simplify.rs`).
-//! * [`Program`] is the lowered form, carried out over tiles (`tile.rs`).
+//! * [`Program`] is the lowered form, carried out over tiles (`tile.rs`); operations that belong together are one instruction
+//!   (`selection.rs`, `rotations.rs`).
 //! * Jets (`jet`) give its Taylor series, coefficient by coefficient.
 //! * [`wgsl`] writes the same operations in the same order for the GPU.
 //! * [`Expression`] is a formula with its results, from text ([`Expression::parse`]) or from a closure
