@@ -1,7 +1,7 @@
 //! A formula lowered to instructions of a register machine.
 //!
 //! Instructions read inputs and constants where they are and write to slots, which are used again as soon as nothing asks
-//! for what is in them. Operations that belong together are joined to one instruction ([`super::selection`]), which changes no bit
+//! for what is in them. Operations that belong together are joined to one instruction (`selection.rs`), which changes no bit
 //! of the results.
 
 use super::graph::{Graph, Input, Node, Operation};

@@ -47,6 +47,14 @@ pub enum Treatment {
 }
 
 impl Treatment {
+    /// The integrator of a body that is stepped.
+    pub(crate) fn method(&self) -> Option<Method> {
+        match *self {
+            Treatment::Stepped { method, .. } | Treatment::Adaptive { method, .. } => Some(method),
+            Treatment::RegularPrecession | Treatment::ClosedForm { .. } => None,
+        }
+    }
+
     /// The arithmetic of a body that is stepped.
     pub(crate) fn precision_of_steps(&self) -> Option<Precision> {
         match *self {

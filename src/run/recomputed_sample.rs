@@ -15,7 +15,9 @@ use crate::kernel::method::Method;
 use crate::math::Precision;
 use crate::math::Quantiles;
 use crate::plan::errors::Errors;
-use crate::plan::recomputation::{EQUAL_FOR_ADAPTIVE, MOST_REFINEMENT, REFERENCE_ANGLE, finer, is_finer, shorter_by};
+use crate::plan::recomputation::{
+    EQUAL_FOR_ADAPTIVE, MOST_REFINEMENT, REFERENCE_ANGLE, finer, is_finer, recomputing_method, shorter_by,
+};
 use crate::plan::sampling::sample;
 use crate::plan::subset::{Watcher, propagate_subset};
 use crate::plan::{Group, Interval, Plan, TorqueSet, Treatment, steps_over};
@@ -49,7 +51,7 @@ pub(super) struct Reference {
 }
 
 /// The bodies of a sample recomputed on the CPU in `f64`: torque-free ones by the closed form, the others by `rk8` in the
-/// steps of [`alike`], or, where the run's steps are adaptive, in adaptive steps too. Those that an event has stopped, in `stops` with the time
+/// steps of [`alike`], or, where the run's steps are adaptive, in adaptive steps of [`recomputing_method`]. Those that an event has stopped, in `stops` with the time
 /// at which it has (s), are followed until then.
 pub(super) fn recomputed(
     plan: &Plan<'_>,
@@ -98,7 +100,8 @@ fn adaptively(
 ) -> Result<Vec<Reference>> {
     let scene = plan.scene();
     let fine = finer(method, steps);
-    let treatment = Treatment::Adaptive { method: Method::Rk8, precision: Precision::F64, steps: fine };
+    let finer_method = recomputing_method(torques, Some(method));
+    let treatment = Treatment::Adaptive { method: finer_method, precision: Precision::F64, steps: fine };
     let (stopped, members): (Vec<u32>, Vec<u32>) = members.into_iter().partition(|body| stops.contains_key(body));
     let mut found = propagate_subset(
         scene,

@@ -7,8 +7,8 @@ use crate::engine::Observer;
 use crate::engine::cpu::Cpu;
 use crate::error::Result;
 use crate::kernel::free_motion::SetUp;
-use crate::kernel::method::Method;
 use crate::math::{Precision, Width};
+use crate::plan::recomputation::recomputing_method;
 use crate::plan::statistical::SampleValues;
 use crate::plan::{Group, Plan, Treatment};
 use crate::record::{EventErrors, EventRecord, OutputState, WallTime};
@@ -50,7 +50,7 @@ pub(in crate::run) fn compare_events(records: &mut [EventRecord], sample: &[u32]
 }
 
 /// The events of some bodies, as a run of them alone would find them, and their quantities at `outputs`: in closed form or by adaptive steps of
-/// `rk8` in `f64` at a tolerance of 1e-13. Nothing where random torques act.
+/// [`recomputing_method`] in `f64` at a tolerance of 1e-13. Nothing where random torques act.
 pub(in crate::run) fn recomputed(
     plan: &Plan<'_>,
     sample: &[u32],
@@ -68,8 +68,8 @@ pub(in crate::run) fn recomputed(
             Treatment::RegularPrecession => group.treatment,
             Treatment::ClosedForm { .. } => closed_form(),
             _ if group.class.torques.is_empty() => closed_form(),
-            _ => Treatment::Adaptive {
-                method: Method::Rk8,
+            treatment => Treatment::Adaptive {
+                method: recomputing_method(&group.class.torques.of(scene.torques()), treatment.method()),
                 precision: Precision::F64,
                 steps: AdaptiveSteps { tolerance: TOLERANCE, least_step: None },
             },
