@@ -1,7 +1,9 @@
 //! Bodies under sampled torques: sessions that stop at each change, have the host form what holds next, and go on.
 //!
 //! What a law forms is formed here in `f64`, in lanes, whatever engine steps the bodies, and goes into the torque's columns of parameters
-//! ([`Session::write_parameters`]). On a GPU the states come to the host at each change and the columns go back.
+//! ([`super::Session::write_parameters`]). On a GPU the states come to the host at each change and the columns go back.
+
+mod sessions;
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -9,18 +11,11 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::adaptive_session::{AdaptiveSession, StepCounts};
 use super::batch::AnyBatch;
-use super::reduction::{BlockRows, Marked, Reduce};
-use super::watch::{Job, Watch, watched};
-use super::{Observer, Progress, Session};
 use crate::bodies::columns::StateWords;
 use crate::bodies::{BodyFrame, BodyState};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::expression::{Input, InputKind, Program};
-use crate::kernel::method::rk8_adaptive::Controller;
-use crate::kernel::observe::{Partial, Statistic};
-use crate::math::equal_steps::steps_over;
 use crate::torque::control::{Control, Schedule};
 use crate::torque::{Expressed, Kind, Torque, host_numbers, numbers_of_body, tensor_of, user_number};
 
@@ -158,19 +153,31 @@ impl Controls {
                 let values = law.control().samples.program.output_count();
                 law.pending.push_back(vec![vec![0.0; count]; values]);
             }
-            for Formed { range, numbers, pending, columns } in formed {
-                for (own, numbers) in law.numbers.iter_mut().zip(numbers) {
-                    own[range.clone()].copy_from_slice(&numbers);
+            let mut columns: Vec<Vec<f64>> = Vec::new();
+            for formed in formed {
+                let put = |all: &mut [Vec<f64>], some: &[Vec<f64>]| {
+                    let pairs = all.iter_mut().zip(some);
+                    pairs.for_each(|(own, numbers)| own[formed.range.clone()].copy_from_slice(numbers));
+                };
+                put(&mut law.numbers, &formed.numbers);
+                if let (Some(pending), Some(last)) = (&formed.pending, law.pending.back_mut()) {
+                    put(last, pending);
                 }
-                if let (Some(pending), Some(last)) = (pending, law.pending.back_mut()) {
-                    for (own, values) in last.iter_mut().zip(pending) {
-                        own[range.clone()].copy_from_slice(&values);
-                    }
-                }
-                all.push(Written { first_column: law.first_column, first_row: range.start, columns });
+                columns.resize_with(formed.columns.len(), || vec![0.0; count]);
+                put(&mut columns, &formed.columns);
             }
+            all.push(Written { first_column: law.first_column, first_row: 0, columns });
         }
         all
+    }
+
+    /// What changes as bodies come to `time`, s; `states` gives their states where anything does.
+    fn come_to(&mut self, time: f64, states: impl FnOnce() -> Result<StateWords>) -> Result<Vec<Written>> {
+        if !self.schedule.changes_at(time) {
+            return Ok(Vec::new());
+        }
+        let words = states()?;
+        Ok(self.change(time, &|frame, row| frame.state_of(&words, row)))
     }
 
     /// Leaves some rows, ascending, which are counted from 0 then.
@@ -423,305 +430,3 @@ impl StatesOf {
         program.evaluate_columns(&program.inputs().iter().map(column).collect::<Vec<_>>(), self.count)
     }
 }
-
-/// Equal steps under sampled torques: a call takes steps of `longest_step` at most, which end at each change.
-pub(crate) struct ControlledSession {
-    inner: Box<dyn Session>,
-    controls: Controls,
-    longest_step: f64,
-    /// The time that the state stands at, s, and what its sum has lost.
-    time: f64,
-    residue: f64,
-    /// What went wrong where nobody could be told.
-    error: Option<Error>,
-}
-
-/// Steps of the bodies' own under sampled torques, which end at each change.
-pub(crate) struct ControlledAdaptiveSession {
-    inner: Box<dyn AdaptiveSession>,
-    controls: Controls,
-    time: f64,
-    error: Option<Error>,
-}
-
-impl Controls {
-    /// A session of bodies that these are of.
-    pub(crate) fn around(controls: Option<Self>, inner: Box<dyn Session>, longest_step: f64) -> Box<dyn Session> {
-        match controls {
-            Some(controls) => {
-                Box::new(ControlledSession { inner, controls, longest_step, time: 0.0, residue: 0.0, error: None })
-            }
-            None => inner,
-        }
-    }
-
-    /// The same of adaptive steps.
-    pub(crate) fn around_adaptive(controls: Option<Self>, inner: Box<dyn AdaptiveSession>) -> Box<dyn AdaptiveSession> {
-        match controls {
-            Some(controls) => Box::new(ControlledAdaptiveSession { inner, controls, time: 0.0, error: None }),
-            None => inner,
-        }
-    }
-
-    /// What changes at `time` in a session whose state is in `words` and whose columns `write` writes.
-    fn apply(&mut self, time: f64, words: &StateWords, mut write: impl FnMut(&Written) -> Result<()>) -> Result<()> {
-        self.change(time, &|frame, row| frame.state_of(words, row)).iter().try_for_each(&mut write)
-    }
-}
-
-impl ControlledSession {
-    /// The time after some steps: the sum of all of them (Kahan), as over 1e7 outputs a plain one would miss samples.
-    fn end_of(&mut self, dt: f64, steps: u64) -> f64 {
-        let span = dt * steps as f64 + self.residue;
-        let end = self.time + span;
-        self.residue = span - (end - self.time);
-        end
-    }
-
-    /// Brings the bodies to `end`, s; `steps` takes equal steps of the inner session and says whether to go on.
-    fn advance_through(
-        &mut self,
-        end: f64,
-        mut steps: impl FnMut(&mut dyn Session, f64, u64) -> Result<bool>,
-    ) -> Result<()> {
-        while self.time < end {
-            let next = self.controls.schedule.part(self.time, end);
-            let part = steps_over(next - self.time, self.longest_step);
-            if !steps(&mut *self.inner, part.dt, part.steps)? {
-                return Ok(());
-            }
-            self.time = next;
-            if self.controls.schedule.changes_at(next) {
-                let bodies = self.inner.body_count();
-                let words = self.inner.read(0..bodies)?;
-                let inner = &mut self.inner;
-                self.controls.apply(next, &words, |written| inner.write_parameters(written))?;
-            }
-        }
-        Ok(())
-    }
-
-    fn sound(&mut self) -> Result<()> {
-        self.error.take().map_or(Ok(()), Err)
-    }
-}
-
-impl Session for ControlledSession {
-    fn body_count(&self) -> usize {
-        self.inner.body_count()
-    }
-
-    fn advance(&mut self, dt: f64, steps: u64, observer: &mut Observer<'_>) -> Result<()> {
-        self.sound()?;
-        let (bodies, span) = (self.inner.body_count() as u64, dt * steps as f64);
-        let of_body = self.controls.schedule.steps(self.time, self.time + span, self.longest_step);
-        let total = of_body.saturating_mul(bodies);
-        if self.inner.has_jobs() {
-            // One thread watches over all parts.
-            let job = self.job(dt, steps)?;
-            let work = |watch: &Watch| job.into_iter().for_each(|job| job(watch));
-            watched(work, total, observer).map_err(|done| Error::Interrupted { steps: done / bodies.max(1) })?;
-            return self.sound();
-        }
-        let end = self.end_of(dt, steps);
-        let mut before = 0_u64;
-        self.advance_through(end, |inner, dt, steps| {
-            inner.advance(dt, steps, &mut |progress| {
-                observer(Progress { done: before.saturating_add(progress.done), total })
-            })?;
-            before = before.saturating_add(steps.saturating_mul(bodies));
-            Ok(true)
-        })
-    }
-
-    fn job(&mut self, dt: f64, steps: u64) -> Result<Option<Job<'_>>> {
-        self.sound()?;
-        if !self.inner.has_jobs() {
-            return Ok(None);
-        }
-        let end = self.end_of(dt, steps);
-        Ok(Some(Box::new(move |watch: &Watch| {
-            let done = self.advance_through(end, |inner, dt, steps| {
-                if let Some(job) = inner.job(dt, steps)? {
-                    job(watch);
-                }
-                Ok(watch.goes_on())
-            });
-            self.error = done.err();
-        })))
-    }
-
-    fn has_jobs(&self) -> bool {
-        self.inner.has_jobs()
-    }
-
-    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
-        self.sound()?;
-        self.inner.read(bodies)
-    }
-
-    fn write_parameters(&mut self, written: &Written) -> Result<()> {
-        self.inner.write_parameters(written)
-    }
-
-    fn controls(&self) -> Option<&Controls> {
-        Some(&self.controls)
-    }
-
-    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
-        self.controls.keep(bodies);
-        self.inner.keep(bodies)
-    }
-
-    fn read_centres(&mut self, bodies: Range<usize>) -> Result<Vec<(glam::DVec3, glam::DVec3)>> {
-        self.inner.read_centres(bodies)
-    }
-}
-
-impl ControlledAdaptiveSession {
-    /// Brings the bodies to `end`, s; `steps` brings those of the inner session to a time and says whether to go on.
-    fn advance_through(
-        &mut self,
-        end: f64,
-        mut steps: impl FnMut(&mut dyn AdaptiveSession, f64) -> Result<bool>,
-    ) -> Result<()> {
-        while self.time < end {
-            let next = self.controls.schedule.part(self.time, end);
-            if !steps(&mut *self.inner, next)? {
-                return Ok(());
-            }
-            self.time = next;
-            if self.controls.schedule.changes_at(next) {
-                let bodies = self.inner.body_count();
-                let words = self.inner.read(0..bodies)?;
-                let inner = &mut self.inner;
-                self.controls.apply(next, &words, |written| inner.write_parameters(written))?;
-            }
-        }
-        Ok(())
-    }
-
-    fn sound(&mut self) -> Result<()> {
-        self.error.take().map_or(Ok(()), Err)
-    }
-}
-
-impl AdaptiveSession for ControlledAdaptiveSession {
-    fn body_count(&self) -> usize {
-        self.inner.body_count()
-    }
-
-    fn advance_to(&mut self, time: f64, observer: &mut Observer<'_>) -> Result<()> {
-        self.sound()?;
-        super::check_time(time)?;
-        let (start, total) = (self.time, self.inner.body_count() as u64);
-        if self.inner.has_jobs() {
-            let job = self.job_to(time)?;
-            let work = |watch: &Watch| job.into_iter().for_each(|job| job(watch));
-            watched(work, total, observer).map_err(|_| Error::Interrupted { steps: 0 })?;
-            return self.sound();
-        }
-        self.advance_through(time, |inner, next| {
-            // Bodies arrive at every change; told is how much of the way lies behind them.
-            let part = (next - start) / (time - start);
-            inner.advance_to(next, &mut |_| observer(Progress { done: (total as f64 * part) as u64, total }))?;
-            Ok(true)
-        })
-    }
-
-    fn job_to(&mut self, time: f64) -> Result<Option<Job<'_>>> {
-        self.sound()?;
-        super::check_time(time)?;
-        if !self.inner.has_jobs() {
-            return Ok(None);
-        }
-        Ok(Some(Box::new(move |watch: &Watch| {
-            let done = self.advance_through(time, |inner, next| {
-                // Bodies arrive at every change, and are counted once.
-                let beside = watch.beside();
-                if let Some(job) = inner.job_to(next)? {
-                    job(&beside);
-                }
-                Ok(watch.goes_on())
-            });
-            watch.add(self.inner.body_count() as u64);
-            self.error = done.err();
-        })))
-    }
-
-    fn has_jobs(&self) -> bool {
-        self.inner.has_jobs()
-    }
-
-    fn attempt(&mut self, end: f64, controllers: &mut [Controller<f64>]) -> Result<()> {
-        self.inner.attempt(end, controllers)
-    }
-
-    fn read(&mut self, bodies: Range<usize>) -> Result<StateWords> {
-        self.sound()?;
-        self.inner.read(bodies)
-    }
-
-    fn write_parameters(&mut self, written: &Written) -> Result<()> {
-        self.inner.write_parameters(written)
-    }
-
-    fn controls(&self) -> Option<&Controls> {
-        Some(&self.controls)
-    }
-
-    fn keep(&mut self, bodies: &[usize]) -> Result<()> {
-        self.controls.keep(bodies);
-        self.inner.keep(bodies)
-    }
-
-    fn counts(&mut self) -> Result<Vec<StepCounts>> {
-        self.sound()?;
-        self.inner.counts()
-    }
-
-    fn side_by_side(&self) -> usize {
-        self.inner.side_by_side()
-    }
-
-    fn imbalance(&mut self) -> Result<f64> {
-        self.inner.imbalance()
-    }
-}
-
-macro_rules! reduces_within {
-    ($session:ident) => {
-        impl Reduce for $session {
-            fn watch(
-                &mut self,
-                statistics: &[Statistic],
-                frames: &[BodyFrame],
-                blocks: &BlockRows,
-                fastest: f64,
-            ) -> Result<()> {
-                self.inner.watch(statistics, frames, blocks, fastest)
-            }
-
-            fn reduce(&mut self) -> Result<Vec<Vec<Partial<f64>>>> {
-                self.sound()?;
-                self.inner.reduce()
-            }
-
-            fn marked(&mut self) -> Result<Marked> {
-                self.inner.marked()
-            }
-
-            fn prefetch(&mut self, bodies: Range<usize>) -> Result<()> {
-                self.inner.prefetch(bodies)
-            }
-
-            fn read_rows(&mut self, rows: &[usize]) -> Result<StateWords> {
-                self.sound()?;
-                self.inner.read_rows(rows)
-            }
-        }
-    };
-}
-
-reduces_within!(ControlledSession);
-reduces_within!(ControlledAdaptiveSession);

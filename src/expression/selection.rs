@@ -207,3 +207,83 @@ fn pair_of(operation: Operation) -> Option<(Pair, usize)> {
         _ => None,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Program;
+    use super::super::fault::Fault;
+    use super::super::graph::{Input, InputKind};
+    use super::*;
+    use crate::math::real::Real;
+
+    const NUMBERS: [f64; 6] = [0.7, -1.3, 2.9, 0.31, -5.3, 1.7];
+
+    fn signed<R: Real>(is_negative: bool, x: R) -> R {
+        if is_negative { -x } else { x }
+    }
+
+    /// What every instruction of several operations forms, of six numbers.
+    fn joined<R: Real>([a, b, c, d, e, f]: [R; 6]) -> Vec<(Kind, R)> {
+        let mut all = vec![
+            (Kind::NegMul, -(a * b)),
+            (Kind::MulMul, a * b * c),
+            (Kind::MulThenAdd, a * b + c),
+            (Kind::MulThenAdd, c + a * b),
+            (Kind::MulThenSub, a * b - c),
+            (Kind::SubMul, c - a * b),
+            (Kind::AddProducts, a * b + c * d),
+            (Kind::SubProducts, a * b - c * d),
+        ];
+        for signs in 0..8 {
+            let [p, q, s] = [1, 2, 4].map(|bit| signs & bit != 0);
+            if !s {
+                all.push((Kind::MulAdd([p, q]), signed(p, a).mul_add(b, signed(q, c))));
+                all.push((Kind::Products2([p, q]), signed(p, a).mul_add(b, signed(q, c * d))));
+            }
+            let inner = signed(q, c).mul_add(d, signed(s, e * f));
+            all.push((Kind::Products3([p, q, s]), signed(p, a).mul_add(b, inner)));
+            all.push((Kind::MulAdd2([p, q, s]), signed(p, a).mul_add(b, signed(q, c).mul_add(d, signed(s, e)))));
+        }
+        all
+    }
+
+    #[test]
+    fn joined_operations_are_one_instruction_and_give_what_they_give_apart() {
+        let mut kinds = Vec::new();
+        let (graph, nodes) = Graph::record::<Fault>(|recorder| {
+            let number = |index: u16| recorder.input(Input::new(InputKind::Parameter, index));
+            let (of_kinds, symbols) = joined([0, 1, 2, 3, 4, 5].map(number)).into_iter().unzip();
+            kinds = of_kinds;
+            Ok(symbols)
+        })
+        .unwrap();
+        let columns = NUMBERS.map(|number| [number; 5]);
+        for ((&node, &kind), (_, expected)) in nodes.iter().zip(&kinds).zip(joined(NUMBERS)) {
+            let program = Program::new(&graph, &[node]);
+            let found: Vec<Kind> = program.instructions.iter().map(|instruction| instruction.kind).collect();
+            assert_eq!(found, [kind]);
+            let number = |input: &Input| usize::from(input.index);
+            let numbers: Vec<f64> = program.inputs().iter().map(|input| NUMBERS[number(input)]).collect();
+            assert_eq!(program.evaluate_one(&numbers), [expected], "{kind:?}");
+            // Lanes round a sum of products once.
+            let of_lanes: Vec<&[f64]> = program.inputs().iter().map(|input| &columns[number(input)][..]).collect();
+            for found in &program.evaluate_columns(&of_lanes, 5)[0] {
+                assert!((found - expected).abs() < 1e-14, "{kind:?}: {found} instead of {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_read_elsewhere_is_formed_once_and_apart() {
+        let counted = |form: &dyn Fn([crate::expression::Symbol; 3]) -> Vec<crate::expression::Symbol>| {
+            let (graph, nodes) = Graph::record::<Fault>(|recorder| {
+                Ok(form([0, 1, 2].map(|index| recorder.input(Input::new(InputKind::Parameter, index)))))
+            })
+            .unwrap();
+            Program::new(&graph, &nodes).len()
+        };
+        assert_eq!(counted(&|[a, b, c]| vec![a * b + c]), 1);
+        assert_eq!(counted(&|[a, b, c]| vec![a * b + c, a * b]), 2);
+        assert_eq!(counted(&|[a, b, c]| vec![a * b + c, a * b - c]), 3);
+    }
+}

@@ -32,6 +32,7 @@ mod observed;
 mod outcome;
 mod output_loop;
 mod output_statistics;
+mod own_state;
 mod reading;
 mod recomputed_centres;
 mod recomputed_sample;
@@ -52,7 +53,8 @@ pub use files::{OutputSize, run_part_to_folder, run_to_folder, write_plan};
 pub use merge::{MergedReport, merge};
 #[cfg(feature = "study")]
 pub use outcome::MergedAccuracy;
-pub use output_loop::{Output, OwnState, Run};
+pub use output_loop::{Output, Run};
+pub use own_state::OwnState;
 pub use replay::{How, Replay, StateError, alone, replay, replay_until};
 
 impl Engine {

@@ -13,6 +13,7 @@ use super::failures::Failures;
 use super::group_run::{GroupRun, blocks_of};
 use super::observed::{Comparison, Observation, compare_events, recomputed_observation};
 use super::output_statistics::{self, FromStates};
+use super::own_state::{OwnState, of_moving, own_state};
 use super::recomputed_centres::recomputed_centres;
 use super::recomputed_sample::{recomputed, sample_of_part};
 use super::states::{centres_of, initial_states, lost_centres, read_states};
@@ -29,7 +30,6 @@ use crate::record::{
 };
 use crate::scene::Stepping;
 use crate::torque::Torque;
-use crate::torque::control;
 
 /// Bodies that are read and handed on at once: on the host little enough for its cache, and from a device so many that a transfer takes
 /// longer than its start.
@@ -109,18 +109,6 @@ pub struct Output {
     pub histograms: Vec<HistogramCounts>,
     /// Numbers of the own state of sampled torques.
     pub own_state: Vec<OwnState>,
-}
-
-/// A number of the own state of a sampled torque ([`crate::torque::SampledLaw`]) at an output time.
-#[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct OwnState {
-    /// The torque's place in the scene.
-    pub torque: usize,
-    /// The state's name, and for a component of a vector `_x`, `_y` or `_z` behind it.
-    pub name: String,
-    /// Of all bodies, shape `[body_count]`; NaN of those that an event has stopped.
-    pub values: Vec<f64>,
 }
 
 impl std::fmt::Debug for Run<'_> {
@@ -219,25 +207,6 @@ impl<'p> Run<'p> {
             self.total = self.total.saturating_sub(of_body.saturating_mul(left_out as u64));
         }
         Ok(())
-    }
-
-    /// The own state of sampled torques at the output time that the bodies stand at, s.
-    fn own_state(&self, time: f64) -> Vec<OwnState> {
-        let scene = self.plan.scene();
-        let nothing = vec![f64::NAN; scene.ensemble().len()];
-        let own = control::own_state(scene.torques());
-        let mut all: Vec<OwnState> =
-            own.map(|(torque, name)| OwnState { torque, name, values: nothing.clone() }).collect();
-        // The first number of each of the torques that are sampled.
-        let sampled = (0..scene.torques().len()).filter(|&torque| scene.torques()[torque].is_sampled());
-        let first = |torque: usize| all.iter().position(|own| own.torque == torque).unwrap_or(0);
-        let firsts: Vec<usize> = sampled.map(first).collect();
-        for controls in self.group_runs.iter().filter_map(GroupRun::controls) {
-            controls.own_state(time, &mut |(law, number), body, value| {
-                all[firsts[law] + number].values[body] = value;
-            });
-        }
-        all
     }
 
     /// How many outputs are done.
@@ -343,7 +312,7 @@ impl<'p> Run<'p> {
         let from_states = if self.reduces { &[][..] } else { &self.statistics };
         let mut from_states = FromStates::new(from_states, blocks_of(scene).collect());
         let stops = scene.stops();
-        let own_state = if asked { self.own_state(time) } else { Vec::new() };
+        let own_state = if asked { own_state(self.plan, &self.group_runs, time) } else { Vec::new() };
         for start in (0..body_count).step_by(block) {
             let range = start..(start + block).min(body_count);
             let clock = Instant::now();
@@ -548,14 +517,6 @@ fn located(error: Error, plan: &Plan<'_>, done: usize) -> Error {
     }
 }
 
-/// A column of some bodies without those that have failed or were stopped.
-fn of_moving(values: &[f64], states: &[OutputState]) -> Vec<f64> {
-    let of = |(value, state): (&f64, &OutputState)| {
-        if state.rotation.is_sound() && state.stopped_at.is_none() { *value } else { f64::NAN }
-    };
-    values.iter().zip(states).map(of).collect()
-}
-
 /// Takes what comes at one output time.
 struct Taken {
     keeps_states: bool,
@@ -598,7 +559,7 @@ impl Iterator for Run<'_> {
         let mut taken = Taken { keeps_states, states, statistics: None, histograms: Vec::new() };
         let done = self.output_into(&mut taken, &mut |_| ControlFlow::Continue(()));
         let Taken { states, statistics, histograms, .. } = taken;
-        let own_state = self.own_state(time);
+        let own_state = own_state(self.plan, &self.group_runs, time);
         Some(done.map(|()| Output { time, states, statistics, histograms, own_state }))
     }
 

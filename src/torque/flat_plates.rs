@@ -4,13 +4,12 @@
 
 use std::sync::LazyLock;
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 
+use super::composed::ComposedModel;
 use super::{
-    Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Preset, Torque, ValidationContext, Validity,
-    Value, Values,
+    Declaration, Frame, Parameter, ParameterDeclaration, Preset, Torque, ValidationContext, Validity, Value, Values,
 };
-use crate::bodies::BodyFrame;
 use crate::error::{Error, Result};
 use crate::expression::{Expression, Fault, Shape, Symbol, Symbols};
 use crate::math::real::Real;
@@ -151,18 +150,12 @@ fn of_formula(formula: Expression, values: Vec<Value>) -> Torque {
     torque.unwrap_or_else(|fault| panic!("the formula of flat plates: {fault}"))
 }
 
-impl Model for FlatPlates {
+impl ComposedModel for FlatPlates {
     fn declaration(&self) -> &Declaration {
         &DECLARATION
     }
 
-    fn kind(&self, _: Values<'_>) -> Kind {
-        Kind::Custom
-    }
-
-    fn columns(&self, _: Values<'_>, _: usize, _: &BodyFrame, _: DQuat, _: &mut [f64]) {}
-
-    fn made_for(&self, values: &[Value], context: &ValidationContext) -> Option<Result<Torque>> {
+    fn made_for(&self, values: &[Value], context: &ValidationContext) -> Result<Torque> {
         let facets: Vec<Facet> = values[FACETS].as_list().unwrap_or(&[]).iter().map(|row| Facet::of(row)).collect();
         let refused = |error| match error {
             Error::Item { index, field, value, expected, .. } => {
@@ -171,7 +164,7 @@ impl Model for FlatPlates {
             Error::Setting { field, value, expected } => context.refusal(None, field, value, expected),
             other => other,
         };
-        Some(formula(&facets).map_err(refused).map(|formula| of_formula(formula, values.to_vec())))
+        formula(&facets).map_err(refused).map(|formula| of_formula(formula, values.to_vec()))
     }
 }
 

@@ -2,16 +2,13 @@
 
 use std::sync::LazyLock;
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 
+use super::composed::ComposedModel;
 use super::control::{self, SOUND, SampledLaw, Sampling, limited};
 use super::orbit::{self, elements};
 use super::orbiting_dipole::{field_parameters, field_values};
-use super::{
-    Declaration, Kind, Model, Orbit, Parameter, ParameterDeclaration, Torque, ValidationContext, Validity, Value,
-    Values,
-};
-use crate::bodies::BodyFrame;
+use super::{Declaration, Orbit, Parameter, ParameterDeclaration, Torque, ValidationContext, Validity, Value, Values};
 use crate::error::Result;
 
 /// τ = m × Rᵀ B, with m = −k ΔB/Δt of the field that was seen at a sample and at the one before it in body axes, cut to ±`moment_limit` axis by
@@ -124,23 +121,17 @@ fn rates(values: Values<'_>) -> [(&'static str, Parameter<f64>); 3] {
     [("anomaly_rate", column(0)), ("pericentre_rate", column(1)), ("node_rate", column(2))]
 }
 
-impl Model for Magnetorquers {
+impl ComposedModel for Magnetorquers {
     fn declaration(&self) -> &Declaration {
         &DECLARATION
     }
-
-    fn kind(&self, _: Values<'_>) -> Kind {
-        Kind::Custom
-    }
-
-    fn columns(&self, _: Values<'_>, _: usize, _: &BodyFrame, _: DQuat, _: &mut [f64]) {}
 
     /// Of the torque that is made for values: what it has behind these follows from them.
     fn validate(&self, values: Values<'_>, context: &ValidationContext) -> Result<()> {
         orbit::validate(values, context)
     }
 
-    fn made_for(&self, values: &[Value], _: &ValidationContext) -> Option<Result<Torque>> {
-        Some(Ok(of_values(values)))
+    fn made_for(&self, values: &[Value], _: &ValidationContext) -> Result<Torque> {
+        Ok(of_values(values))
     }
 }

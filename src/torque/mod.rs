@@ -67,6 +67,7 @@
 
 pub use crate::error::Text;
 
+mod composed;
 pub mod constant_body;
 pub mod constant_world;
 pub mod control;

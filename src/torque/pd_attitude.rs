@@ -4,11 +4,9 @@ use std::sync::LazyLock;
 
 use glam::DQuat;
 
+use super::composed::ComposedModel;
 use super::control::{self, SOUND, SampledLaw, Sampling, limited};
-use super::{
-    Declaration, Kind, Model, Parameter, ParameterDeclaration, Torque, ValidationContext, Validity, Value, Values,
-};
-use crate::bodies::BodyFrame;
+use super::{Declaration, Parameter, ParameterDeclaration, Torque, ValidationContext, Validity, Value};
 use crate::error::Result;
 
 /// τ = −k θ − d ω of a sample, θ = 2 sgn(s) v with (v, s) = conj(q_target) q, cut to ±`torque_limit` axis by axis and held (B. Wie, P. M. Barba,
@@ -72,18 +70,12 @@ fn of_values(values: &[Value]) -> Torque {
     law.torque_of(&DECLARATION, "held").expect(SOUND)
 }
 
-impl Model for PdAttitude {
+impl ComposedModel for PdAttitude {
     fn declaration(&self) -> &Declaration {
         &DECLARATION
     }
 
-    fn kind(&self, _: Values<'_>) -> Kind {
-        Kind::Custom
-    }
-
-    fn columns(&self, _: Values<'_>, _: usize, _: &BodyFrame, _: DQuat, _: &mut [f64]) {}
-
-    fn made_for(&self, values: &[Value], _: &ValidationContext) -> Option<Result<Torque>> {
-        Some(Ok(of_values(values)))
+    fn made_for(&self, values: &[Value], _: &ValidationContext) -> Result<Torque> {
+        Ok(of_values(values))
     }
 }

@@ -2,15 +2,12 @@
 
 use std::sync::LazyLock;
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 
+use super::composed::ComposedModel;
 use super::control::{self, SOUND, SampledLaw, Sampling, limited};
 use super::pd_attitude::torque_limit;
-use super::{
-    Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Torque, ValidationContext, Validity, Value,
-    Values,
-};
-use crate::bodies::BodyFrame;
+use super::{Declaration, Frame, Parameter, ParameterDeclaration, Torque, ValidationContext, Validity, Value};
 use crate::error::Result;
 
 /// τ = k a × Rᵀ d̂ − d ω of a sample, cut to ±`torque_limit` axis by axis and held (P. C. Hughes, *Spacecraft Attitude Dynamics*, 1986, section
@@ -64,18 +61,12 @@ fn of_values(values: &[Value]) -> Torque {
     law.torque_of(&DECLARATION, "held").expect(SOUND)
 }
 
-impl Model for PdDirection {
+impl ComposedModel for PdDirection {
     fn declaration(&self) -> &Declaration {
         &DECLARATION
     }
 
-    fn kind(&self, _: Values<'_>) -> Kind {
-        Kind::Custom
-    }
-
-    fn columns(&self, _: Values<'_>, _: usize, _: &BodyFrame, _: DQuat, _: &mut [f64]) {}
-
-    fn made_for(&self, values: &[Value], _: &ValidationContext) -> Option<Result<Torque>> {
-        Some(Ok(of_values(values)))
+    fn made_for(&self, values: &[Value], _: &ValidationContext) -> Result<Torque> {
+        Ok(of_values(values))
     }
 }

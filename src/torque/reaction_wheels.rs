@@ -4,13 +4,10 @@ use std::sync::LazyLock;
 
 use glam::{DQuat, DVec3};
 
+use super::composed::ComposedModel;
 use super::control::{self, SOUND, SampledLaw, Sampling, limited};
 use super::pd_attitude::{ASKED, law_parameters, torque_limit};
-use super::{
-    Declaration, Frame, Kind, Model, Parameter, ParameterDeclaration, Preset, Torque, ValidationContext, Validity,
-    Value, Values,
-};
-use crate::bodies::BodyFrame;
+use super::{Declaration, Frame, Parameter, ParameterDeclaration, Preset, Torque, ValidationContext, Validity, Value};
 use crate::error::Result;
 
 /// τ = −dh/dt − ω × h, where dh/dt = −u is held: u is the torque that [`pd-attitude`](super::pd_attitude) asks for at a sample, cut to
@@ -96,18 +93,12 @@ fn of_values(values: &[Value]) -> Torque {
     law.torque_of(&DECLARATION, "-d_h - cross(angular_velocity, h)").expect(SOUND)
 }
 
-impl Model for ReactionWheels {
+impl ComposedModel for ReactionWheels {
     fn declaration(&self) -> &Declaration {
         &DECLARATION
     }
 
-    fn kind(&self, _: Values<'_>) -> Kind {
-        Kind::Custom
-    }
-
-    fn columns(&self, _: Values<'_>, _: usize, _: &BodyFrame, _: DQuat, _: &mut [f64]) {}
-
-    fn made_for(&self, values: &[Value], _: &ValidationContext) -> Option<Result<Torque>> {
-        Some(Ok(of_values(values)))
+    fn made_for(&self, values: &[Value], _: &ValidationContext) -> Result<Torque> {
+        Ok(of_values(values))
     }
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 use polhode::record::StateTable;
 use polhode::study::Study;
 
-use crate::shards::{done, tables};
+use crate::shards::{done, leave_the_bytes_of, tables};
 use crate::workspace::{States, Workspace, report};
 
 /// Wheels by a law of one's own and coils of the library, with an event and statistics.
@@ -160,20 +160,7 @@ fn parts_and_pieces_leave_the_bytes_of_one_run() {
         done(&workspace, 2, &["run", "study.toml", "--out", "whole", "--quiet", "--engine", "cpu"]);
         let (whole, of_whole) = (tables(&workspace, "whole"), report(&workspace, "whole"));
         assert!(whole.contains_key("snapshots.csv") && whole.contains_key("events.csv"), "{:?}", whole.keys());
-        let pieces = ["run", "study.toml", "--out", "pieces", "--checkpoint", "0.2", "--quiet", "--engine", "cpu"];
-        done(&workspace, 1, &pieces);
-        workspace.done(&["plan", "study.toml", "--out", "plan.json", "--quiet", "--engine", "cpu"]);
-        for shard in ["1/3", "2/3", "3/3"] {
-            let run = ["run", "study.toml", "--plan", "plan.json", "--shard", shard, "--out", "parts", "--quiet"];
-            done(&workspace, 2, &[&run[..], &["--engine", "cpu"]].concat());
-        }
-        done(&workspace, 2, &["merge", "parts", "--out", "merged", "--quiet"]);
-        for folder in ["pieces", "merged"] {
-            let found = tables(&workspace, folder);
-            assert_eq!(found.keys().collect::<Vec<_>>(), whole.keys().collect::<Vec<_>>(), "{folder}");
-            for (name, bytes) in &whole {
-                assert!(found[name] == *bytes, "{steps}, {folder}: {name} differs");
-            }
+        for folder in leave_the_bytes_of(&whole, &workspace, "0.2") {
             assert_eq!(report(&workspace, folder)["body_steps"], of_whole["body_steps"], "{steps}, {folder}");
         }
     }

@@ -200,6 +200,28 @@ pub fn tables(workspace: &Workspace, folder: &str) -> BTreeMap<String, Vec<u8>> 
     names.map(|name| (name.clone(), fs::read(workspace.path(folder).join(name)).expect("a file"))).collect()
 }
 
+/// Runs a study again in pieces, one after each share of the run, and in three parts by a plan, which are merged: both leave the tables of
+/// `whole` to the byte. Gives both folders.
+pub fn leave_the_bytes_of(whole: &BTreeMap<String, Vec<u8>>, workspace: &Workspace, share: &str) -> [&'static str; 2] {
+    let pieces = ["run", "study.toml", "--out", "pieces", "--checkpoint", share, "--quiet", "--engine", "cpu"];
+    done(workspace, 1, &pieces);
+    workspace.done(&["plan", "study.toml", "--out", "plan.json", "--quiet", "--engine", "cpu"]);
+    for shard in ["1/3", "2/3", "3/3"] {
+        let run = ["run", "study.toml", "--plan", "plan.json", "--shard", shard, "--out", "parts", "--quiet"];
+        done(workspace, 2, &[&run[..], &["--engine", "cpu"]].concat());
+    }
+    done(workspace, 2, &["merge", "parts", "--out", "merged", "--quiet"]);
+    let folders = ["pieces", "merged"];
+    for folder in folders {
+        let found = tables(workspace, folder);
+        assert_eq!(found.keys().collect::<Vec<_>>(), whole.keys().collect::<Vec<_>>(), "{folder}");
+        for (name, bytes) in whole {
+            assert!(found[name] == *bytes, "{folder}: {name} differs");
+        }
+    }
+    folders
+}
+
 /// One run against parts; gives the workspace with the run in `whole`.
 fn compare(study: &str, engine: &str, cuts: &[(usize, usize)], names: &[&str]) -> Workspace {
     let workspace = Workspace::new(study);

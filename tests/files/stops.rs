@@ -10,7 +10,7 @@ use polhode::record::StateTable;
 use polhode::study::Study;
 use polhode::{Engine, Plan};
 
-use crate::shards::{OBSERVED, done, observed_names, tables};
+use crate::shards::{OBSERVED, done, leave_the_bytes_of, observed_names, tables};
 use crate::workspace::{States, Workspace, report};
 
 /// Spheres of 2 kg m² whose spin decays as e^(−t/10 s).
@@ -149,23 +149,7 @@ fn parts_and_pieces_of_a_study_with_stops_leave_the_bytes_of_one_run() {
     assert_eq!(whole.keys().cloned().collect::<Vec<_>>(), observed_names(format));
     let of_whole = report(&workspace, "whole");
     assert!(of_whole["stopped"]["bodies"].as_u64() > Some(50), "{}", of_whole["stopped"]);
-    done(
-        &workspace,
-        1,
-        &["run", "study.toml", "--out", "pieces", "--checkpoint", "0.05", "--quiet", "--engine", "cpu"],
-    );
-    workspace.done(&["plan", "study.toml", "--out", "plan.json", "--quiet", "--engine", "cpu"]);
-    for shard in ["1/3", "2/3", "3/3"] {
-        let run = ["run", "study.toml", "--plan", "plan.json", "--shard", shard, "--out", "parts", "--quiet"];
-        done(&workspace, 2, &[&run[..], &["--engine", "cpu"]].concat());
-    }
-    done(&workspace, 2, &["merge", "parts", "--out", "merged", "--quiet"]);
-    for folder in ["pieces", "merged"] {
-        let found = tables(&workspace, folder);
-        assert_eq!(found.keys().collect::<Vec<_>>(), whole.keys().collect::<Vec<_>>(), "{folder}");
-        for (name, bytes) in &whole {
-            assert!(found[name] == *bytes, "{format}, {folder}: {name} differs");
-        }
+    for folder in leave_the_bytes_of(&whole, &workspace, "0.05") {
         let merged = report(&workspace, folder);
         for key in ["events", "stopped", "failed_bodies", "body_steps"] {
             assert_eq!(merged[key], of_whole[key], "{folder}: {key}");

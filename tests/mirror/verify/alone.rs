@@ -134,21 +134,7 @@ macro_rules! alone {
     };
 }
 
-alone! {
-    rk4: Rk4,
-    rk8: Rk8,
-    cf4: Cf4,
-    splitting2: Splitting2,
-    splitting4: Splitting4,
-    splitting6: Splitting6,
-    implicit_midpoint: ImplicitMidpoint,
-    dlm: Dlm,
-    ;
-    explicit_euler: ExplicitEuler,
-    gyro_newton: GyroNewton,
-    clamped_euler: ClampedEuler,
-    spiral: Spiral,
-}
+every_method!(alone);
 
 #[test]
 #[ignore = "every combination, some minutes: cargo test --test mirror verify::alone::every_combination -- --ignored --nocapture"]

@@ -198,21 +198,7 @@ macro_rules! grid {
     };
 }
 
-grid! {
-    rk4: Rk4,
-    rk8: Rk8,
-    cf4: Cf4,
-    splitting2: Splitting2,
-    splitting4: Splitting4,
-    splitting6: Splitting6,
-    implicit_midpoint: ImplicitMidpoint,
-    dlm: Dlm,
-    ;
-    explicit_euler: ExplicitEuler,
-    gyro_newton: GyroNewton,
-    clamped_euler: ClampedEuler,
-    spiral: Spiral,
-}
+every_method!(grid);
 
 /// Draws of a body for each cell of the table.
 const DRAWS: usize = 100;

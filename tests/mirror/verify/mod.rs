@@ -2,6 +2,27 @@
 
 use crate::common;
 use crate::workspace;
+/// Hands the names of tests and the methods, first those that have lanes, to a macro.
+macro_rules! every_method {
+    ($with:ident) => {
+        $with! {
+            rk4: Rk4,
+            rk8: Rk8,
+            cf4: Cf4,
+            splitting2: Splitting2,
+            splitting4: Splitting4,
+            splitting6: Splitting6,
+            implicit_midpoint: ImplicitMidpoint,
+            dlm: Dlm,
+            ;
+            explicit_euler: ExplicitEuler,
+            gyro_newton: GyroNewton,
+            clamped_euler: ClampedEuler,
+            spiral: Spiral,
+        }
+    };
+}
+
 mod alone;
 mod attempts;
 mod faults;
