@@ -26,7 +26,8 @@ pub(super) fn own_state(plan: &Plan<'_>, group_runs: &[GroupRun<'_>], time: f64)
     for (group, group_run) in plan.groups().iter().zip(group_runs) {
         let Some(controls) = group_run.controls() else { continue };
         // A group has the laws of the torques that act on it.
-        let acting = group.class.torques.indices().into_iter().filter(|&torque| torques[torque].is_sampled());
+        let acts = |&torque: &usize| group.class.torques.contains(torque) && torques[torque].is_sampled();
+        let acting = (0..torques.len()).filter(acts);
         let first = |torque: usize| all.iter().position(|own| own.torque == torque).unwrap_or(0);
         let firsts: Vec<usize> = acting.map(first).collect();
         controls.own_state(time, &mut |(law, number), body, value| {
